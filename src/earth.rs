@@ -1,0 +1,84 @@
+//! The Earth: its rate, and what of it a horizontal axis can feel.
+
+use crate::units::sin_cos_deg;
+
+/// Rate of the Earth relative to the stars, degrees per hour.
+///
+/// 7.292115e-5 rad/s (WGS 84, NIMA TR8350.2, table 3.1) is 15.041067 °/h.
+pub const EARTH_RATE_DEG_H: f64 = 15.041067;
+
+/// Closer to a pole than this no azimuth is given: the horizontal Earth rate is below 0.26 °/h.
+pub const POLE_LIMIT_DEG: f64 = 1.0;
+
+/// The Earth's rate at a latitude, split in its horizontal and its vertical part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EarthRate {
+    /// Towards north, °/h; positive in both hemispheres.
+    pub north_deg_h: f64,
+    /// Upwards, °/h; negative in the southern hemisphere.
+    pub up_deg_h: f64,
+}
+
+/// Why a latitude cannot be worked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
+pub enum LatitudeError {
+    /// Not a number, or outside −90° … 90°.
+    NotALatitude,
+    /// Within [`POLE_LIMIT_DEG`] of a pole: there is no horizontal Earth rate to find north by.
+    NearPole,
+}
+
+impl core::fmt::Display for LatitudeError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::NotALatitude => write!(f, "a latitude lies between -90 and 90 degrees"),
+            Self::NearPole => write!(
+                f,
+                "within {POLE_LIMIT_DEG} degree of a pole the Earth's rate has no horizontal part to find north by"
+            ),
+        }
+    }
+}
+
+/// Earth rate at `latitude_deg` (north positive, −89° … 89°): Ω cos φ north, Ω sin φ up.
+pub fn earth_rate(latitude_deg: f64) -> Result<EarthRate, LatitudeError> {
+    if !(-90.0..=90.0).contains(&latitude_deg) {
+        return Err(LatitudeError::NotALatitude);
+    }
+    if latitude_deg.abs() > 90.0 - POLE_LIMIT_DEG {
+        return Err(LatitudeError::NearPole);
+    }
+    let (sin, cos) = sin_cos_deg(latitude_deg);
+    Ok(EarthRate { north_deg_h: EARTH_RATE_DEG_H * cos, up_deg_h: EARTH_RATE_DEG_H * sin })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_hemispheres_point_the_horizontal_rate_north() {
+        // By hand: cos 60° = 1/2, sin 60° = 0.8660254.
+        let north = earth_rate(60.0).unwrap();
+        assert!((north.north_deg_h - 7.5205335).abs() < 1e-9);
+        assert!((north.up_deg_h - 13.025946).abs() < 1e-6);
+        let south = earth_rate(-60.0).unwrap();
+        assert_eq!(south.north_deg_h, north.north_deg_h);
+        assert_eq!(south.up_deg_h, -north.up_deg_h);
+    }
+
+    #[test]
+    fn the_rate_is_the_wgs_84_one() {
+        let from_rad_s = 7.292115e-5 * crate::units::DEG_PER_RAD * 3600.0;
+        assert!((EARTH_RATE_DEG_H - from_rad_s).abs() < 1e-6);
+    }
+
+    #[test]
+    fn poles_and_nonsense_are_refused() {
+        assert!(earth_rate(88.9).is_ok());
+        assert_eq!(earth_rate(89.1), Err(LatitudeError::NearPole));
+        assert_eq!(earth_rate(-90.0), Err(LatitudeError::NearPole));
+        assert_eq!(earth_rate(91.0), Err(LatitudeError::NotALatitude));
+        assert_eq!(earth_rate(f64::NAN), Err(LatitudeError::NotALatitude));
+    }
+}

@@ -1,0 +1,166 @@
+//! What the pipeline tells the outside: seconds, states, verdicts of the gates, fixes and faults.
+
+use serde::{Deserialize, Serialize};
+
+use crate::health::{Counters, Fault, Flags};
+
+/// An event and when it happened.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// Seconds since the first tick, by the instrument's clock.
+    pub t_s: f64,
+    pub event: Event,
+}
+
+/// The states of the instrument, in the order of a fix.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, defmt::Format)]
+pub enum State {
+    /// Waiting for the command to start.
+    Idle,
+    /// Waiting until pitch and roll are inside the level limit.
+    Levelling,
+    /// The disturbance gate: is the base still enough to begin?
+    Watching,
+    /// The motor turns the gyro to a position.
+    Indexing,
+    /// The jitter gate: has the gyro come to rest after the move?
+    Settling,
+    /// One-second rates enter the solution.
+    Collecting,
+    /// The azimuth is out.
+    Finished,
+    /// A fault ended the fix.
+    Failed,
+}
+
+impl State {
+    /// Lower-case name, stable: files and tools depend on it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Idle => "idle",
+            Self::Levelling => "levelling",
+            Self::Watching => "watching",
+            Self::Indexing => "indexing",
+            Self::Settling => "settling",
+            Self::Collecting => "collecting",
+            Self::Finished => "finished",
+            Self::Failed => "failed",
+        }
+    }
+}
+
+/// One second of measuring, whatever the state.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Second {
+    /// Mean index angle over the second, degrees counter-clockwise from above, in [0°, 360°); `None`: no valid reading.
+    pub index_deg: Option<f64>,
+    /// Gyro angle over the second as the gyro gave it, arcsec (so also its uncompensated mean rate in °/h).
+    pub fog_arcsec: f64,
+    /// Mean rate over the second after the error model, °/h.
+    pub rate_deg_h: f64,
+    /// Gyro temperature, °C, if the gyro sends one.
+    pub temp_c: Option<f64>,
+    /// Level accelerometers, mean over the second in g, forward and left; `None`: no valid reading.
+    pub level_g: Option<[f64; 2]>,
+    /// Frames of this second that never came or were not valid: the mean rate of the others stands in for them.
+    pub lost_frames: u16,
+    /// The sequence's position number, from 0, while settling or collecting there.
+    pub position: Option<u8>,
+    /// Whether the second entered the solution.
+    pub collected: bool,
+}
+
+/// A finished stay at one position.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Dwell {
+    /// Number of the position in the sequence, from 0.
+    pub position: u8,
+    /// Mean measured index angle, degrees.
+    pub index_deg: f64,
+    /// Measuring time that entered the solution, seconds.
+    pub seconds: f64,
+    /// Mean rate, °/h.
+    pub rate_deg_h: f64,
+    /// Standard deviation of that mean, from the scatter of its seconds, °/h.
+    pub sigma_deg_h: f64,
+}
+
+/// An azimuth with all that says how far to trust it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Fix {
+    /// Azimuth of the index-zero mark, degrees clockwise from true north, in [0°, 360°).
+    pub azimuth_deg: f64,
+    /// Its standard deviation, degrees.
+    pub sigma_deg: f64,
+    /// (ω0 + ω180 − ω90 − ω270)/4 and, for any other set of angles, the cos 2θ coefficient of the rates, °/h;
+    /// `None` where the angles cannot show it. Noise, when all is well.
+    pub closure_deg_h: Option<f64>,
+    /// Gyro bias that the fix found, °/h, beyond the error model's.
+    pub bias_deg_h: f64,
+    /// Horizontal rate that the fix found, °/h; should be Ω cos φ.
+    pub amplitude_deg_h: f64,
+    /// Linear bias drift that the fix found, °/h per hour; 0 where the order cannot tell it and none was declared.
+    pub drift_deg_h_per_h: f64,
+    /// Mean pitch and roll during the fix, degrees; `None` without level accelerometers.
+    pub tilt_deg: Option<[f64; 2]>,
+    /// Measuring time that entered, seconds.
+    pub seconds: f64,
+    /// Everything that limits the trust in it.
+    pub flags: Flags,
+}
+
+/// All that the pipeline can say.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Event {
+    /// The sequencer entered a state.
+    State(State),
+    /// Level state while levelling: pitch and roll in degrees, and whether both are inside the limit.
+    Level { pitch_deg: f64, roll_deg: f64, level: bool },
+    /// Disturbance gate: the rate exceeded what a still gyro can read for the set number of seconds. w0 in °/h.
+    Disturbed { excess_deg_h: f64 },
+    /// Disturbance gate: passed.
+    Undisturbed { excess_deg_h: f64 },
+    /// The motor starts towards a position.
+    Moving { position: u8, target_deg: f64 },
+    /// The encoder confirms the position.
+    Arrived { position: u8, index_deg: f64 },
+    /// Jitter gate: successive rates differed too much for the set number of seconds. wp in °/h.
+    Jitter { position: u8, change_deg_h: f64 },
+    /// Jitter gate: passed, collecting begins.
+    Settled { position: u8 },
+    /// A second of measuring.
+    Second(Second),
+    /// A finished stay at a position.
+    Dwell(Dwell),
+    /// The coarse azimuth that the east-west refinement steers by, degrees.
+    Coarse { azimuth_deg: f64, sigma_deg: f64 },
+    /// The azimuth.
+    Fix(Fix),
+    /// A fault ended the fix; `state` is where it happened.
+    Fault { fault: Fault, state: State },
+    /// Counters of everything discarded or repaired.
+    Health(Counters),
+}
+
+impl Event {
+    /// Lower-case name, stable: files and tools depend on it.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::State(state) => state.name(),
+            Self::Level { level: true, .. } => "level",
+            Self::Level { level: false, .. } => "not-level",
+            Self::Disturbed { .. } => "disturbed",
+            Self::Undisturbed { .. } => "undisturbed",
+            Self::Moving { .. } => "moving",
+            Self::Arrived { .. } => "arrived",
+            Self::Jitter { .. } => "jitter",
+            Self::Settled { .. } => "settled",
+            Self::Second(_) => "second",
+            Self::Dwell(_) => "dwell",
+            Self::Coarse { .. } => "coarse",
+            Self::Fix(_) => "fix",
+            Self::Fault { fault, .. } => fault.name(),
+            Self::Health(_) => "health",
+        }
+    }
+}

@@ -1,0 +1,29 @@
+//! A gyro north finder: a single-axis fibre-optic gyro on a vertical spindle, turned through a few index positions,
+//! finds true north from the Earth's rotation.
+//!
+//! Conventions, everywhere: azimuth ψ of the index-zero mark, clockwise from true north; index angle θ of the gyro's
+//! sensitive axis about the spindle, counter-clockwise from above, 0 at the mark; instrument axes x forward along the
+//! mark, y left, z up; a level and still accelerometer triad reads (0, 0, +1) g; rates in °/h, increments in arcsec.
+
+#![no_std]
+#![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::panic,
+        clippy::indexing_slicing,
+        clippy::unreachable,
+        clippy::todo
+    )
+)]
+
+pub mod earth;
+pub mod event;
+pub mod health;
+pub mod model;
+pub mod pipeline;
+pub mod sequence;
+pub mod settings;
+pub mod units;

@@ -1,0 +1,3 @@
+//! The state machine of a fix.
+
+pub mod order;

@@ -1,0 +1,97 @@
+//! Orders of positions: which index angles, one after the other.
+
+use heapless::Vec;
+use serde::{Deserialize, Serialize};
+
+use crate::settings::Invalid;
+
+/// Most positions that an order can have.
+pub const MAX_POSITIONS: usize = 16;
+
+/// An order of index positions. Angles in degrees, counter-clockwise from above, from the mark.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Order {
+    /// 0, 90, 180, 270.
+    Plain,
+    /// 90, 180, 270, 360: as the published system turns.
+    Source,
+    /// 0, 90, 180, 270, 270, 180, 90, 0: a linear bias drift cancels.
+    Mirrored,
+    /// 0, 90, 180, 270 briefly, then east, west, west, east by the coarse azimuth: the axis where it is most sensitive.
+    EastWest,
+    /// Any angles; at least three that are different.
+    Custom(Vec<f64, MAX_POSITIONS>),
+}
+
+/// Where the next dwell is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Position {
+    /// At this index angle, degrees.
+    At {
+        index_deg: f64,
+        coarse: bool,
+    },
+    /// Where the sensitive axis points east (or west), once the coarse azimuth is known.
+    East,
+    West,
+}
+
+const PLAIN: [f64; 4] = [0.0, 90.0, 180.0, 270.0];
+const SOURCE: [f64; 4] = [90.0, 180.0, 270.0, 360.0];
+const MIRRORED: [f64; 8] = [0.0, 90.0, 180.0, 270.0, 270.0, 180.0, 90.0, 0.0];
+const EAST_WEST: [Position; 4] = [Position::East, Position::West, Position::West, Position::East];
+
+impl Order {
+    /// Number of dwells.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::EastWest => PLAIN.len() + EAST_WEST.len(),
+            _ => self.angles_deg().len(),
+        }
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The `number`-th dwell from 0; `None` past the last.
+    pub fn position(&self, number: usize) -> Option<Position> {
+        let coarse = matches!(self, Self::EastWest);
+        self.angles_deg().get(number).map(|&index_deg| Position::At { index_deg, coarse }).or_else(|| {
+            let refined = number.checked_sub(PLAIN.len()).filter(|_| coarse)?;
+            EAST_WEST.get(refined).copied()
+        })
+    }
+
+    fn angles_deg(&self) -> &[f64] {
+        match self {
+            Self::Plain | Self::EastWest => &PLAIN,
+            Self::Source => &SOURCE,
+            Self::Mirrored => &MIRRORED,
+            Self::Custom(angles) => angles,
+        }
+    }
+
+    /// At least three directions at least 1° apart, all finite and within ± two turns.
+    pub fn validate(&self) -> Result<(), Invalid> {
+        let angles = self.angles_deg();
+        for &value in angles {
+            if !(-720.0..=720.0).contains(&value) {
+                return Err(Invalid { field: "sequence.order.custom", value, allowed: "-720 to 720" });
+            }
+        }
+        let directions = angles.iter().enumerate().filter(|&(i, &angle)| {
+            angles.iter().take(i).all(|&earlier| crate::units::wrap_180_deg(angle - earlier).abs() >= 1.0)
+        });
+        let count = directions.count();
+        if count < 3 {
+            return Err(Invalid {
+                field: "sequence.order.custom",
+                value: count as f64,
+                allowed: "at least 3 different directions",
+            });
+        }
+        Ok(())
+    }
+}
