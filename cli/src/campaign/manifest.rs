@@ -1,0 +1,234 @@
+//! `campaign.toml`: what was recorded, where, and what is known of it.
+
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use toml::Spanned;
+
+use super::MANIFEST;
+use crate::file_error::{FileError, Problem};
+use crate::toml_file::TomlFile;
+
+/// The format number of the files that this program reads and writes.
+pub(super) const FORMAT: i64 = 1;
+
+/// A campaign: runs of one instrument.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Campaign {
+    /// Where the runs' files are.
+    #[serde(skip)]
+    pub folder: PathBuf,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub title: Option<String>,
+    /// Latitude of every run that does not give its own, degrees, north positive, −90 … 90.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub latitude_deg: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub instrument: Option<Instrument>,
+    #[serde(rename = "run")]
+    pub runs: Vec<Run>,
+}
+
+/// What is known of the gyro.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Instrument {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// Angle random walk, °/√h, 0 … 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub arw_deg_per_sqrt_h: Option<f64>,
+}
+
+/// One recording.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Run {
+    /// The CSV file, relative to the campaign's folder.
+    pub file: String,
+    pub role: Role,
+    /// Surveyed azimuth of the index-zero mark, degrees clockwise from true north.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reference_azimuth_deg: Option<f64>,
+    /// One sigma of the survey, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reference_sigma_deg: Option<f64>,
+    /// Latitude of this run, degrees; overrides the campaign's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub latitude_deg: Option<f64>,
+    /// When it began, RFC 3339.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub started: Option<String>,
+}
+
+/// What a run may be used for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Role {
+    /// May be learned from.
+    Fit,
+    /// Is only judged.
+    #[default]
+    Check,
+}
+
+impl Campaign {
+    /// Reads a campaign by its folder or by its `campaign.toml`. The runs' files are not opened yet.
+    ///
+    /// Errors: no such file, not TOML, another format, unknown or missing keys, values out of range, a run without a
+    /// latitude, a file listed twice.
+    pub fn read(path: &Path) -> Result<Self, FileError> {
+        let (folder, manifest) = if path.is_dir() {
+            (path.to_owned(), path.join(MANIFEST))
+        } else {
+            (path.parent().map_or_else(PathBuf::new, Path::to_owned), path.to_owned())
+        };
+        let file = TomlFile::read(&manifest)?;
+        let raw: Raw = file.parse_format(FORMAT)?;
+        raw.check(&file, folder)
+    }
+
+    /// A bare run as a campaign of its own: no reference, one latitude.
+    pub fn of_bare_run(file: &Path, latitude_deg: f64) -> Self {
+        let run = Run { file: file.to_string_lossy().into_owned(), ..Run::default() };
+        Self {
+            folder: PathBuf::new(),
+            title: None,
+            latitude_deg: Some(latitude_deg),
+            instrument: None,
+            runs: vec![run],
+        }
+    }
+
+    /// The path of a run's file.
+    pub fn path_of(&self, run: &Run) -> PathBuf {
+        self.folder.join(&run.file)
+    }
+
+    /// The latitude that holds for a run, degrees.
+    pub fn latitude_of(&self, run: &Run) -> Option<f64> {
+        run.latitude_deg.or(self.latitude_deg)
+    }
+}
+
+impl Default for Run {
+    fn default() -> Self {
+        Self {
+            file: String::new(),
+            role: Role::Check,
+            reference_azimuth_deg: None,
+            reference_sigma_deg: None,
+            latitude_deg: None,
+            started: None,
+        }
+    }
+}
+
+/// The file as it stands, every value with its place.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Raw {
+    title: Option<String>,
+    latitude_deg: Option<Spanned<f64>>,
+    instrument: Option<RawInstrument>,
+    #[serde(default)]
+    run: Vec<Spanned<RawRun>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawInstrument {
+    name: Option<String>,
+    arw_deg_per_sqrt_h: Option<Spanned<f64>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawRun {
+    file: Spanned<String>,
+    #[serde(default)]
+    role: Role,
+    reference_azimuth_deg: Option<Spanned<f64>>,
+    reference_sigma_deg: Option<Spanned<f64>>,
+    latitude_deg: Option<Spanned<f64>>,
+    started: Option<Spanned<String>>,
+}
+
+impl Raw {
+    fn check(self, file: &TomlFile, folder: PathBuf) -> Result<Campaign, FileError> {
+        if self.run.is_empty() {
+            return Err(file.whole(Problem::Syntax("no [[run]] is listed; a campaign has at least one".into())));
+        }
+        let latitude_deg = check(file, "latitude_deg", self.latitude_deg, -90.0, 90.0)?;
+        let instrument = self.instrument.map(|raw| raw.check(file)).transpose()?;
+        let mut seen = HashSet::new();
+        let mut runs = Vec::with_capacity(self.run.len());
+        for raw in self.run {
+            let span = raw.span();
+            let run = raw.into_inner().check(file, &mut seen)?;
+            if latitude_deg.is_none() && run.latitude_deg.is_none() {
+                let problem = "this run has no latitude_deg, and the campaign gives none for all";
+                return Err(file.at(span, Problem::Syntax(problem.into())));
+            }
+            runs.push(run);
+        }
+        Ok(Campaign { folder, title: self.title, latitude_deg, instrument, runs })
+    }
+}
+
+impl RawInstrument {
+    fn check(self, file: &TomlFile) -> Result<Instrument, FileError> {
+        let arw_deg_per_sqrt_h = check(file, "arw_deg_per_sqrt_h", self.arw_deg_per_sqrt_h, 0.0, 1.0)?;
+        Ok(Instrument { name: self.name, arw_deg_per_sqrt_h })
+    }
+}
+
+impl RawRun {
+    fn check(self, file: &TomlFile, seen: &mut HashSet<String>) -> Result<Run, FileError> {
+        let name_span = self.file.span();
+        let name = self.file.into_inner();
+        if name.is_empty() || Path::new(&name).is_absolute() {
+            let problem = Problem::not_allowed(format!("file = {name}"), "a path relative to the campaign's folder");
+            return Err(file.at(name_span, problem));
+        }
+        if !seen.insert(name.clone()) {
+            return Err(file.at(name_span, Problem::not_allowed(format!("file = {name}"), "a file listed only once")));
+        }
+        let started = self.started.map(|started| check_time(file, started)).transpose()?;
+        Ok(Run {
+            file: name,
+            role: self.role,
+            reference_azimuth_deg: check(file, "reference_azimuth_deg", self.reference_azimuth_deg, -360.0, 360.0)?,
+            reference_sigma_deg: check(file, "reference_sigma_deg", self.reference_sigma_deg, 0.0, 360.0)?,
+            latitude_deg: check(file, "latitude_deg", self.latitude_deg, -90.0, 90.0)?,
+            started,
+        })
+    }
+}
+
+/// A number inside its range, or an error with its place. Not-a-number is outside of every range.
+fn check(
+    file: &TomlFile,
+    name: &str,
+    value: Option<Spanned<f64>>,
+    low: f64,
+    high: f64,
+) -> Result<Option<f64>, FileError> {
+    let Some(value) = value else { return Ok(None) };
+    if (low..=high).contains(value.get_ref()) {
+        return Ok(Some(value.into_inner()));
+    }
+    let problem = Problem::not_allowed(format!("{name} = {}", value.get_ref()), format!("{low} to {high}"));
+    Err(file.at(value.span(), problem))
+}
+
+fn check_time(file: &TomlFile, value: Spanned<String>) -> Result<String, FileError> {
+    let parsed: Result<toml::value::Datetime, _> = value.get_ref().parse();
+    match parsed {
+        Ok(toml::value::Datetime { date: Some(_), time: Some(_), offset: Some(_) }) => Ok(value.into_inner()),
+        _ => {
+            let allowed = "an RFC 3339 time such as 2026-05-04T09:00:00Z";
+            let problem = Problem::not_allowed(format!("started = {}", value.get_ref()), allowed);
+            Err(file.at(value.span(), problem))
+        }
+    }
+}

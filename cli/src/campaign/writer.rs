@@ -1,0 +1,132 @@
+//! Writing campaigns: runs row by row, and `campaign.toml` last, so that a folder with one is complete.
+
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::manifest::FORMAT;
+use super::{Campaign, MANIFEST, Row, Run};
+use crate::file_error::{FileError, Problem};
+
+/// Which optional columns a run's file has.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Layout {
+    pub temperature: bool,
+    pub level: bool,
+    pub lost_frames: bool,
+    /// Names of the extra channels.
+    pub extra: Vec<String>,
+}
+
+/// Writes one run.
+pub struct RunWriter {
+    path: PathBuf,
+    layout: Layout,
+    csv: csv::Writer<BufWriter<File>>,
+}
+
+impl RunWriter {
+    /// Creates the file, which must not exist, and writes its header.
+    pub fn create(path: &Path, layout: Layout) -> Result<Self, FileError> {
+        let file = File::create_new(path).map_err(|error| FileError::whole(path, error))?;
+        let mut writer = Self { path: path.to_owned(), csv: csv::Writer::from_writer(BufWriter::new(file)), layout };
+        let header = writer.layout.header();
+        writer.record(&header)?;
+        Ok(writer)
+    }
+
+    /// Writes a row, every digit of every number. The row's interval is not written: it follows from the times.
+    pub fn write(&mut self, row: &Row) -> Result<(), FileError> {
+        let missing = |name: &str| FileError::whole(&self.path, Problem::MissingValue(name.into()));
+        let mut fields = vec![row.t_s.to_string(), row.index_deg.to_string(), row.fog_arcsec.to_string()];
+        if self.layout.temperature {
+            fields.push(row.temp_c.ok_or_else(|| missing("temp_c"))?.to_string());
+        }
+        if self.layout.level {
+            let [forward, left] = row.level_g.ok_or_else(|| missing("ax_g"))?;
+            fields.extend([forward.to_string(), left.to_string()]);
+        }
+        if self.layout.lost_frames {
+            fields.push(row.lost_frames.to_string());
+        }
+        if let Some(name) = self.layout.extra.get(row.extra.len()) {
+            return Err(missing(name));
+        }
+        fields.extend(row.extra.iter().take(self.layout.extra.len()).map(f64::to_string));
+        self.record(&fields)
+    }
+
+    /// Brings everything to the disk.
+    pub fn finish(mut self) -> Result<(), FileError> {
+        self.csv.flush().map_err(|error| FileError::whole(&self.path, error))
+    }
+
+    fn record(&mut self, fields: &[String]) -> Result<(), FileError> {
+        self.csv.write_record(fields).map_err(|error| FileError::whole(&self.path, std::io::Error::from(error)))
+    }
+}
+
+impl Layout {
+    fn header(&self) -> Vec<String> {
+        let mut names = vec!["t_s", "index_deg", "fog_arcsec"];
+        names.extend(self.temperature.then_some("temp_c"));
+        names.extend(self.level.then_some(["ax_g", "ay_g"]).into_iter().flatten());
+        names.extend(self.lost_frames.then_some("lost_frames"));
+        names.extend(self.extra.iter().map(String::as_str));
+        names.into_iter().map(str::to_owned).collect()
+    }
+}
+
+/// Writes a campaign into a folder of its own.
+pub struct CampaignWriter {
+    campaign: Campaign,
+}
+
+/// `campaign.toml` in the order of its documentation.
+#[derive(Serialize)]
+struct Manifest<'a> {
+    format: i64,
+    #[serde(flatten)]
+    campaign: &'a Campaign,
+}
+
+impl CampaignWriter {
+    /// Creates the folder, or takes an existing empty one. The campaign's runs are added later.
+    pub fn create(campaign: Campaign) -> Result<Self, FileError> {
+        let folder = &campaign.folder;
+        Self::check_free(folder)?;
+        fs::create_dir_all(folder.join("runs")).map_err(|error| FileError::whole(folder, error))?;
+        Ok(Self { campaign })
+    }
+
+    /// Refuses a folder that has something in it: recordings are never overwritten.
+    pub fn check_free(folder: &Path) -> Result<(), FileError> {
+        match fs::read_dir(folder).map(|mut entries| entries.next().is_some()) {
+            Ok(true) => Err(FileError::whole(folder, Problem::FolderNotEmpty)),
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(FileError::whole(folder, error)),
+            _ => Ok(()),
+        }
+    }
+
+    /// Starts the file of a run; call [`Self::add`] with the same name when it is complete.
+    pub fn run(&self, file: &str, layout: Layout) -> Result<RunWriter, FileError> {
+        RunWriter::create(&self.campaign.folder.join(file), layout)
+    }
+
+    /// Lists a run whose file is complete.
+    pub fn add(&mut self, run: Run) {
+        self.campaign.runs.push(run);
+    }
+
+    /// Writes `campaign.toml`.
+    pub fn finish(self) -> Result<(), FileError> {
+        let path = self.campaign.folder.join(MANIFEST);
+        let manifest = Manifest { format: FORMAT, campaign: &self.campaign };
+        let text =
+            toml::to_string(&manifest).map_err(|error| FileError::whole(&path, Problem::Syntax(error.to_string())))?;
+        let write = || File::create_new(&path)?.write_all(text.as_bytes());
+        write().map_err(|error| FileError::whole(&path, error))
+    }
+}

@@ -1,0 +1,91 @@
+//! One kind of error for everything that is read from or written to a file: which file, where in it, what is wrong.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// Something wrong with a file, with its place as far as it is known.
+#[derive(Debug, thiserror::Error)]
+#[error("{}{place}: {problem}", file.display())]
+pub struct FileError {
+    pub file: PathBuf,
+    pub place: Place,
+    pub problem: Problem,
+}
+
+/// A place in a text file. Lines and columns count from 1.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Place {
+    Whole,
+    Line(u64),
+    /// A character in a line.
+    Character {
+        line: u64,
+        column: u64,
+    },
+    /// A field of a table with separated columns.
+    Field {
+        line: u64,
+        column: usize,
+        name: String,
+    },
+}
+
+/// What is wrong.
+#[derive(Debug, thiserror::Error)]
+pub enum Problem {
+    #[error("{0}")]
+    Io(#[from] std::io::Error),
+    #[error("{0}")]
+    Syntax(String),
+    #[error("the file is empty; a header row is needed")]
+    Empty,
+    #[error("no data rows follow the header")]
+    NoRows,
+    #[error("column `{name}` is missing; the header has: {found}")]
+    MissingColumn { name: &'static str, found: String },
+    #[error("column name {name:?} appears twice; the first is column {first}")]
+    DuplicateColumn { name: String, first: usize },
+    #[error("a column has no name")]
+    UnnamedColumn,
+    #[error("{found} fields; the header has {expected}")]
+    Ragged { found: usize, expected: usize },
+    #[error("{value:?} is not allowed; allowed is {allowed}")]
+    NotAllowed { value: String, allowed: String },
+    #[error("time {t_s} is not later than the previous row's {previous_s}; `t_s` must increase from row to row")]
+    TimeNotIncreasing { t_s: f64, previous_s: f64 },
+    #[error("a single row at t_s = 0 has no interval; give its end, or a second row")]
+    NoInterval,
+    #[error("this row lacks a value for column `{0}`")]
+    MissingValue(String),
+    #[error("the folder is not empty; recordings are never overwritten: name a new folder or empty this one")]
+    FolderNotEmpty,
+}
+
+impl FileError {
+    pub fn new(file: &Path, place: Place, problem: impl Into<Problem>) -> Self {
+        Self { file: file.to_owned(), place, problem: problem.into() }
+    }
+
+    /// An error of the file as a whole: it cannot be opened, created or written.
+    pub fn whole(file: &Path, problem: impl Into<Problem>) -> Self {
+        Self::new(file, Place::Whole, problem)
+    }
+}
+
+impl Problem {
+    /// A value outside of what is allowed.
+    pub fn not_allowed(value: impl fmt::Display, allowed: impl Into<String>) -> Self {
+        Self::NotAllowed { value: value.to_string(), allowed: allowed.into() }
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Whole => Ok(()),
+            Self::Line(line) => write!(f, ", line {line}"),
+            Self::Character { line, column } => write!(f, ", line {line}, column {column}"),
+            Self::Field { line, column, name } => write!(f, ", line {line}, column {column} ({name})"),
+        }
+    }
+}
