@@ -21,9 +21,13 @@
 
 pub mod earth;
 pub mod event;
+pub mod frame;
+pub mod gates;
 pub mod health;
+pub mod level;
 pub mod model;
 pub mod pipeline;
+pub mod sample;
 pub mod sequence;
 pub mod settings;
 pub mod units;

@@ -1,0 +1,165 @@
+//! AS5048A, the 14-bit absolute angle encoder, on SPI (mode 1, at most 10 MHz, 16-bit frames).
+//!
+//! Every frame carries an even parity bit, and the answer to a frame comes with the next one. So a reading asks for the
+//! angle, and asks for the diagnostics while it takes the angle; the diagnostics come with the next reading's first
+//! frame.
+//!
+//! Source: ams, "AS5048A/AS5048B", data sheet v1-11.
+
+use embedded_hal::spi::SpiDevice;
+
+const CLEAR_ERROR: u16 = 0x0001;
+const DIAGNOSTICS: u16 = 0x3FFD;
+const ANGLE: u16 = 0x3FFF;
+
+const PARITY: u16 = 0x8000;
+const READ: u16 = 0x4000;
+/// In an answer: the part saw a bad frame; stays until it is cleared.
+const ERROR_FLAG: u16 = 0x4000;
+const DATA: u16 = 0x3FFF;
+
+/// Offset compensation finished: the angle is meant.
+const COMPENSATED: u16 = 0x0100;
+/// The angle computation overflowed: the angle is invalid.
+const OVERFLOW: u16 = 0x0200;
+
+const DEG_PER_CODE: f64 = 360.0 / 16_384.0;
+
+/// The encoder.
+#[derive(Debug)]
+pub struct As5048a<SPI> {
+    spi: SPI,
+    /// Whether the next answer is the diagnostics register, asked for by the reading before.
+    diagnostics_asked: bool,
+}
+
+/// What went wrong with the encoder. `E` is the bus's error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Error<E> {
+    Bus(E),
+    /// The answer's parity is odd.
+    Parity {
+        frame: u16,
+    },
+    /// The part says that it received a bad frame. The flag has been cleared.
+    Flagged,
+    /// The part says that its angle means nothing: starting, magnet too near or missing.
+    Invalid {
+        diagnostics: u16,
+    },
+}
+
+impl<SPI: SpiDevice> As5048a<SPI> {
+    pub fn new(spi: SPI) -> Self {
+        Self { spi, diagnostics_asked: false }
+    }
+
+    /// The angle now, degrees in [0°, 360°), rising counter-clockwise from above.
+    ///
+    /// After an error the next reading starts afresh.
+    pub fn angle_deg(&mut self) -> Result<f64, Error<SPI::Error>> {
+        let diagnostics = self.ask(ANGLE).and_then(|answer| {
+            if core::mem::take(&mut self.diagnostics_asked) { self.checked(answer).map(Some) } else { Ok(None) }
+        })?;
+        let answer = self.ask(DIAGNOSTICS)?;
+        let code = self.checked(answer)?;
+        self.diagnostics_asked = true;
+        match diagnostics {
+            Some(bits) if bits & (COMPENSATED | OVERFLOW) != COMPENSATED => Err(Error::Invalid { diagnostics: bits }),
+            _ => Ok(f64::from(code) * DEG_PER_CODE),
+        }
+    }
+
+    /// The data of a good answer.
+    fn checked(&mut self, answer: u16) -> Result<u16, Error<SPI::Error>> {
+        if !answer.count_ones().is_multiple_of(2) {
+            return Err(Error::Parity { frame: answer });
+        }
+        if answer & ERROR_FLAG != 0 {
+            self.ask(CLEAR_ERROR)?;
+            return Err(Error::Flagged);
+        }
+        Ok(answer & DATA)
+    }
+
+    /// Asks for a register; gives the answer to the frame before.
+    fn ask(&mut self, register: u16) -> Result<u16, Error<SPI::Error>> {
+        let mut frame = even_parity(READ | register).to_be_bytes();
+        self.spi.transfer_in_place(&mut frame).map_err(Error::Bus)?;
+        Ok(u16::from_be_bytes(frame))
+    }
+}
+
+fn even_parity(frame: u16) -> u16 {
+    if frame.count_ones().is_multiple_of(2) { frame } else { frame | PARITY }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::mock::{Exchange, MockSpi};
+    use super::*;
+    use std::vec;
+
+    fn frame(mosi: u16, miso: u16) -> Exchange {
+        Exchange::new(mosi.to_be_bytes(), miso.to_be_bytes())
+    }
+
+    #[test]
+    fn angle_by_hand_calculation() {
+        // Asking for the angle: 0x3FFF with the read bit is 0x7FFF, 15 ones, so the parity bit makes 0xFFFF. Asking
+        // for the diagnostics: 0x7FFD has 14 ones. 90 degrees is 4096 = 0x1000, one 1, so 0x9000 with parity.
+        let mut spi = MockSpi::new(vec![frame(0xFFFF, 0x0000), frame(0x7FFD, 0x9000)]);
+        assert_eq!(As5048a::new(&mut spi).angle_deg(), Ok(90.0));
+        spi.done();
+    }
+
+    #[test]
+    fn the_highest_code_is_just_below_a_turn() {
+        let mut spi = MockSpi::new(vec![frame(0xFFFF, 0x0000), frame(0x7FFD, 0x3FFF)]);
+        assert_eq!(As5048a::new(&mut spi).angle_deg(), Ok(360.0 - 360.0 / 16_384.0));
+    }
+
+    #[test]
+    fn diagnostics_come_with_the_next_reading() {
+        // Compensated, gain 0x80: 0x0180 has two ones. Without the compensation bit: 0x0080, one 1, so 0x8080.
+        let mut spi = MockSpi::new(vec![
+            frame(0xFFFF, 0x0000),
+            frame(0x7FFD, 0x0000),
+            frame(0xFFFF, 0x0180),
+            frame(0x7FFD, 0x0003),
+            frame(0xFFFF, 0x8080),
+            frame(0x7FFD, 0x0003),
+        ]);
+        let mut encoder = As5048a::new(&mut spi);
+        assert_eq!(encoder.angle_deg(), Ok(0.0));
+        assert_eq!(encoder.angle_deg(), Ok(3.0 * 360.0 / 16_384.0));
+        assert_eq!(encoder.angle_deg(), Err(Error::Invalid { diagnostics: 0x0080 }));
+    }
+
+    #[test]
+    fn odd_parity_is_an_error_and_the_next_reading_starts_afresh() {
+        let mut spi = MockSpi::new(vec![
+            frame(0xFFFF, 0x0000),
+            frame(0x7FFD, 0x1000),
+            frame(0xFFFF, 0x0180),
+            frame(0x7FFD, 0x9000),
+        ]);
+        let mut encoder = As5048a::new(&mut spi);
+        assert_eq!(encoder.angle_deg(), Err(Error::Parity { frame: 0x1000 }));
+        assert_eq!(encoder.angle_deg(), Ok(90.0));
+    }
+
+    #[test]
+    fn the_error_flag_is_cleared() {
+        // Flag and parity: 0xC000. Clearing reads register 1: 0x4001, two ones.
+        let mut spi = MockSpi::new(vec![frame(0xFFFF, 0x0000), frame(0x7FFD, 0xC000), frame(0x4001, 0x0180)]);
+        assert_eq!(As5048a::new(&mut spi).angle_deg(), Err(Error::Flagged));
+        spi.done();
+    }
+
+    #[test]
+    fn a_bus_stuck_high_is_an_error() {
+        let stuck = vec![frame(0xFFFF, 0xFFFF), frame(0x7FFD, 0xFFFF), frame(0x4001, 0xFFFF)];
+        assert_eq!(As5048a::new(&mut MockSpi::new(stuck)).angle_deg(), Err(Error::Flagged));
+    }
+}

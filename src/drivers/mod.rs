@@ -1,0 +1,8 @@
+//! Drivers of the instrument's parts, over embedded-hal 1.0: the same code on the board, in QEMU and in process.
+
+pub mod adxl355;
+pub mod as5048a;
+#[cfg(test)]
+mod mock;
+pub mod sensors;
+pub mod step_motor;

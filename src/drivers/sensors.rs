@@ -1,0 +1,108 @@
+//! Which sensor is read at which tick: one schedule for the board, QEMU and the in-process run.
+
+use embedded_hal::spi::SpiDevice;
+
+use super::adxl355::Adxl355;
+use super::as5048a::As5048a;
+
+/// Both sensors are read at every fourth tick (100 Hz), two ticks apart, so that no tick carries both.
+const PERIOD_TICKS: u64 = 4;
+const ACCELEROMETER_PHASE: u64 = 0;
+const ENCODER_PHASE: u64 = 2;
+
+/// The accelerometer and the encoder. `A` and `E` are their SPI devices.
+#[derive(Debug)]
+pub struct Sensors<A, E> {
+    accelerometer: Adxl355<A>,
+    encoder: As5048a<E>,
+    accelerometer_configured: bool,
+}
+
+/// What one tick's readings gave. The outer `None`: not due at this tick; the inner: due and failed.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Due {
+    /// Specific force, g, x forward, y left, z up.
+    pub acceleration_g: Option<Option<[f64; 3]>>,
+    /// Index angle, degrees counter-clockwise from above, in [0°, 360°).
+    pub index_deg: Option<Option<f64>>,
+}
+
+impl<A: SpiDevice, E: SpiDevice> Sensors<A, E> {
+    /// Touches no bus: a part that is still starting gets its time.
+    pub fn new(accelerometer: A, encoder: E) -> Self {
+        Self {
+            accelerometer: Adxl355::new(accelerometer),
+            encoder: As5048a::new(encoder),
+            accelerometer_configured: false,
+        }
+    }
+
+    /// Reads what is due at the tick of this number.
+    pub fn read(&mut self, tick: u64) -> Due {
+        match tick % PERIOD_TICKS {
+            ACCELEROMETER_PHASE => Due { acceleration_g: self.acceleration(), ..Due::default() },
+            ENCODER_PHASE => Due { index_deg: Some(self.encoder.angle_deg().ok()), ..Due::default() },
+            _ => Due::default(),
+        }
+    }
+
+    /// An accelerometer that fails is configured anew at its next turn: it may have lost its supply. The turn that
+    /// configures it has no reading to give.
+    fn acceleration(&mut self) -> Option<Option<[f64; 3]>> {
+        let reading = if self.accelerometer_configured {
+            self.accelerometer.acceleration_g().map(Some)
+        } else {
+            self.accelerometer.configure().map(|()| None)
+        };
+        self.accelerometer_configured = reading.is_ok();
+        reading.ok().map_or(Some(None), |reading| reading.map(Some))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::mock::{Exchange, MockSpi};
+    use super::*;
+    use std::{vec, vec::Vec};
+
+    fn encoder() -> MockSpi {
+        MockSpi::new(vec![Exchange::new([0xFF, 0xFF], [0, 0]), Exchange::new([0x7F, 0xFD], [0x90, 0x00])])
+    }
+
+    fn accelerometer() -> MockSpi {
+        let mut exchanges = MockSpi::adxl355_configuration();
+        exchanges.push(Exchange::new(
+            [0x09, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0],
+            [0, 0x01, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0x3E, 0x80, 0],
+        ));
+        MockSpi::new(exchanges)
+    }
+
+    #[test]
+    fn each_sensor_has_its_ticks() {
+        let mut sensors = Sensors::new(accelerometer(), encoder());
+        let due: Vec<Due> = (0..5).map(|tick| sensors.read(tick)).collect();
+        let nothing = Due::default();
+        let angle = Due { index_deg: Some(Some(90.0)), ..nothing };
+        let acceleration = Due { acceleration_g: Some(Some([0.0, 0.0, 1.0])), ..nothing };
+        assert_eq!(due, [nothing, nothing, angle, nothing, acceleration]);
+    }
+
+    #[test]
+    fn a_failed_sensor_is_told_from_one_that_is_not_due() {
+        let wrong_part = vec![Exchange::new([0x01, 0, 0, 0], [0, 0, 0, 0])];
+        let odd_parity = vec![Exchange::new([0xFF, 0xFF], [0, 0]), Exchange::new([0x7F, 0xFD], [0x10, 0x00])];
+        let mut sensors = Sensors::new(MockSpi::new(wrong_part), MockSpi::new(odd_parity));
+        assert_eq!(sensors.read(0).acceleration_g, Some(None));
+        assert_eq!(sensors.read(2).index_deg, Some(None));
+    }
+
+    #[test]
+    fn a_failed_accelerometer_is_configured_anew() {
+        let mut exchanges = vec![Exchange::new([0x01, 0, 0, 0], [0, 0, 0, 0])];
+        exchanges.extend(MockSpi::adxl355_configuration());
+        let mut sensors = Sensors::new(MockSpi::new(exchanges), MockSpi::new(vec![]));
+        assert_eq!(sensors.read(0).acceleration_g, Some(None));
+        assert_eq!(sensors.read(4).acceleration_g, None);
+    }
+}

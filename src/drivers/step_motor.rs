@@ -1,0 +1,162 @@
+//! The motor that turns the gyro: step, direction and enable pins, and a ramp that ends exactly on the target.
+//!
+//! Time comes in slots of 1/3200 s; a slot makes at most one step. The ramp is trapezoidal: it gains the permitted
+//! acceleration until the permitted speed, and brakes along v = √(2 · a · way). micromath's square root is good enough
+//! there: never below the true one and at most 6.1 % above, which makes the braking uneven, between half of the
+//! permitted acceleration and all of it; the number of steps is exact whatever the ramp.
+
+use core::convert::Infallible;
+
+use embedded_hal::digital::OutputPin;
+use micromath::F32Ext;
+
+use crate::pipeline::MotorCommand;
+use crate::settings::IndexSettings;
+
+/// Slots in a second.
+pub const SLOTS_HZ: u16 = 3200;
+/// Slots in a tick of 2.5 ms.
+pub const SLOTS_PER_TICK: u8 = 8;
+/// Microsteps in a degree of the gyro's angle.
+pub const MICROSTEPS_PER_DEG: u16 = 100;
+
+/// The mean braking along the ramp, as a part of the permitted acceleration: micromath's square root multiplies it by
+/// up to 1.5 in places.
+const BRAKING: f32 = 2.0 / 3.0;
+
+/// The step/direction motor. Pins: a rising edge of `S` is a step, `D` high turns counter-clockwise from above, `E` high
+/// switches the windings on. They are of the kind that cannot fail; an expander on a bus would be too slow.
+#[derive(Debug)]
+pub struct StepMotor<S, D, E> {
+    step: S,
+    direction: D,
+    enable: E,
+    ramp: Ramp,
+    /// Steps to go, counter-clockwise positive.
+    to_go: i32,
+    /// Whether the direction pin says counter-clockwise.
+    counter_clockwise: bool,
+    /// Steps per slot, never negative, below 1.
+    speed: f32,
+    /// How much of the next step has passed.
+    phase: f32,
+}
+
+/// Speed in steps per slot, acceleration in steps per slot².
+#[derive(Clone, Copy, Debug)]
+struct Ramp {
+    acceleration: f32,
+    top_speed: f32,
+}
+
+impl Ramp {
+    fn new(settings: &IndexSettings) -> Self {
+        let (steps_deg, slots_s) = (f32::from(MICROSTEPS_PER_DEG), f32::from(SLOTS_HZ));
+        Self {
+            acceleration: settings.acceleration_deg_s2 as f32 * steps_deg / (slots_s * slots_s),
+            top_speed: settings.speed_deg_s as f32 * steps_deg / slots_s,
+        }
+    }
+
+    /// The speed from which braking ends after this many steps.
+    fn speed_before(self, steps: i32) -> f32 {
+        (2.0 * BRAKING * self.acceleration * steps.max(0) as f32).sqrt()
+    }
+
+    /// The steps that braking from this speed takes, rounded up.
+    fn steps_to_stop(self, speed: f32) -> i32 {
+        (speed * speed / (2.0 * BRAKING * self.acceleration)) as i32 + 1
+    }
+}
+
+impl<S, D, E> StepMotor<S, D, E>
+where
+    S: OutputPin<Error = Infallible>,
+    D: OutputPin<Error = Infallible>,
+    E: OutputPin<Error = Infallible>,
+{
+    /// A motor at rest, its windings off until the first turn.
+    pub fn new(step: S, direction: D, enable: E, settings: &IndexSettings) -> Self {
+        Self {
+            step,
+            direction,
+            enable,
+            ramp: Ramp::new(settings),
+            to_go: 0,
+            counter_clockwise: false,
+            speed: 0.0,
+            phase: 0.0,
+        }
+    }
+
+    pub fn command(&mut self, command: MotorCommand) {
+        match command {
+            MotorCommand::Turn { microsteps } => self.turn(microsteps),
+            MotorCommand::Stop => self.stop(),
+        }
+    }
+
+    /// Turns by this many microsteps from where the motor is, counter-clockwise positive; replaces what was left of the
+    /// turn before. A motor that runs the other way, or too fast, brakes and comes back.
+    pub fn turn(&mut self, microsteps: i32) {
+        self.to_go = microsteps;
+        let Ok(()) = self.enable.set_high();
+    }
+
+    /// Brakes as fast as the ramp allows and stays there.
+    pub fn stop(&mut self) {
+        if self.speed > 0.0 {
+            let ahead = self.ahead().clamp(0, self.ramp.steps_to_stop(self.speed));
+            self.to_go = if self.counter_clockwise { ahead } else { -ahead };
+        } else {
+            self.to_go = 0;
+        }
+    }
+
+    /// Whether slots are needed.
+    pub fn is_turning(&self) -> bool {
+        self.to_go != 0 || self.speed > 0.0
+    }
+
+    /// One slot, 1/3200 s: perhaps a step.
+    pub fn slot(&mut self) {
+        if !self.is_turning() {
+            return;
+        }
+        if self.speed == 0.0 {
+            self.face(self.to_go > 0);
+        }
+        let permitted = self.ramp.speed_before(self.ahead()).min(self.ramp.top_speed);
+        self.speed = if permitted >= self.speed {
+            permitted.min(self.speed + self.ramp.acceleration)
+        } else {
+            permitted.max(self.speed - self.ramp.acceleration)
+        };
+        self.phase += self.speed;
+        if self.phase >= 1.0 {
+            self.phase -= 1.0;
+            self.make_step();
+        }
+    }
+
+    /// Steps to go in the direction of the motion; negative: the target lies behind.
+    fn ahead(&self) -> i32 {
+        if self.counter_clockwise { self.to_go } else { self.to_go.saturating_neg() }
+    }
+
+    fn face(&mut self, counter_clockwise: bool) {
+        self.counter_clockwise = counter_clockwise;
+        let Ok(()) = if counter_clockwise { self.direction.set_high() } else { self.direction.set_low() };
+    }
+
+    fn make_step(&mut self) {
+        let Ok(()) = self.step.set_high();
+        self.to_go = self.to_go.saturating_add(if self.counter_clockwise { -1 } else { 1 });
+        // On the target, and slow enough to stop within a step.
+        if self.to_go == 0 && self.speed * self.speed <= 2.0 * self.ramp.acceleration {
+            self.speed = 0.0;
+            self.phase = 0.0;
+        }
+        let Ok(()) = self.step.set_low();
+    }
+}

@@ -1,0 +1,231 @@
+//! Gyro bytes to checked frames.
+//!
+//! A frame is accepted only if its check sum is right. After any corruption the search starts again one byte further
+//! on, inside the bytes already received, so that no good frame that follows is ever lost to a false header.
+//!
+//! Two formats:
+//!
+//! | | compact (little-endian, 14 bytes) | KVH format A (big-endian, 36 bytes) |
+//! |---|---|---|
+//! | header | `A5 5A` | `FE 81 FF 55` |
+//! | sequence | byte 2, 0-255 | byte 29, 0-127 |
+//! | status | byte 3: bit 0 valid, 1 saturated, 2 temperature valid | byte 28: bit 0 x gyro valid |
+//! | increment | bytes 4-7, i32, 1e-6 arcsec | bytes 4-7, f32, radians (x axis, delta angle) |
+//! | temperature | bytes 8-9, i16, 0.01 °C | bytes 30-31, i16, °C |
+//! | CRC-32 | bytes 10-13 over 0-9 | bytes 32-35 over 0-31 |
+//!
+//! CRC-32 in both: polynomial 04C11DB7, initial FFFFFFFF, not reflected, no final xor (in the catalogue of
+//! parametrised CRC algorithms: CRC-32/MPEG-2). KVH format A: KVH 1750 IMU technical manual, 56-0315.
+
+use crc::{CRC_32_MPEG_2, Crc, Table};
+use heapless::Vec;
+
+use crate::settings::GyroFormat;
+use crate::units::ARCSEC_PER_RAD;
+
+const CRC: Crc<u32, Table<16>> = Crc::<u32, Table<16>>::new(&CRC_32_MPEG_2);
+const LONGEST: usize = 36;
+
+/// What one frame of the gyro says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Frame {
+    /// Counts the gyro's frames modulo [`GyroFormat::sequence_modulus`].
+    pub sequence: u8,
+    /// Angle over the sample interval, arcsec, right-handed about the sensitive axis.
+    pub increment_arcsec: f64,
+    /// Gyro temperature, °C.
+    pub temp_c: Option<f64>,
+    /// The gyro vouches for the increment, and it is a finite number.
+    pub valid: bool,
+    /// The rate was beyond the gyro's range.
+    pub saturated: bool,
+}
+
+impl GyroFormat {
+    /// Bytes in a frame.
+    pub const fn length(self) -> usize {
+        match self {
+            Self::Compact => 14,
+            Self::KvhA => LONGEST,
+        }
+    }
+
+    /// Sequence numbers run from 0 to this minus one.
+    pub const fn sequence_modulus(self) -> u16 {
+        match self {
+            Self::Compact => 256,
+            Self::KvhA => 128,
+        }
+    }
+
+    const fn header(self) -> &'static [u8] {
+        match self {
+            Self::Compact => &[0xA5, 0x5A],
+            Self::KvhA => &[0xFE, 0x81, 0xFF, 0x55],
+        }
+    }
+
+    /// The frame in `bytes`, which have the format's length and header; `None` if the check sum is wrong.
+    fn decode(self, bytes: &[u8]) -> Option<Frame> {
+        match self {
+            Self::Compact => {
+                let (content, [c0, c1, c2, c3]) = bytes.split_last_chunk::<4>()?;
+                if CRC.checksum(content) != u32::from_le_bytes([*c0, *c1, *c2, *c3]) {
+                    return None;
+                }
+                let &[_, _, sequence, status, i0, i1, i2, i3, t0, t1] = content else { return None };
+                Some(Frame {
+                    sequence,
+                    increment_arcsec: f64::from(i32::from_le_bytes([i0, i1, i2, i3])) * 1e-6,
+                    temp_c: (status & 4 != 0).then(|| f64::from(i16::from_le_bytes([t0, t1])) * 0.01),
+                    valid: status & 1 != 0,
+                    saturated: status & 2 != 0,
+                })
+            }
+            Self::KvhA => {
+                let (content, check) = bytes.split_last_chunk::<4>()?;
+                if CRC.checksum(content) != u32::from_be_bytes(*check) {
+                    return None;
+                }
+                let increment_rad = f32::from_be_bytes(*content.get(4..)?.first_chunk::<4>()?);
+                let &[status, sequence, t0, t1] = content.last_chunk::<4>()?;
+                Some(Frame {
+                    sequence: sequence & 0x7F,
+                    increment_arcsec: f64::from(increment_rad) * ARCSEC_PER_RAD,
+                    temp_c: Some(f64::from(i16::from_be_bytes([t0, t1]))),
+                    valid: status & 1 != 0 && increment_rad.is_finite(),
+                    saturated: false,
+                })
+            }
+        }
+    }
+}
+
+/// Finds frames in a stream of bytes.
+#[derive(Clone, Debug)]
+pub struct FrameReader {
+    format: GyroFormat,
+    pending: Vec<u8, LONGEST>,
+    bad_crc: u32,
+    bytes_skipped: u32,
+}
+
+impl FrameReader {
+    pub fn new(format: GyroFormat) -> Self {
+        Self { format, pending: Vec::new(), bad_crc: 0, bytes_skipped: 0 }
+    }
+
+    /// Takes the next byte; gives the frame that it completes.
+    pub fn push(&mut self, byte: u8) -> Option<Frame> {
+        // `pending` is always a proper beginning of a frame here, so there is room.
+        let _ = self.pending.push(byte);
+        loop {
+            let header = self.format.header();
+            let seen = self.pending.len().min(header.len());
+            if self.pending.get(..seen) != header.get(..seen) {
+                self.skip_one();
+            } else if self.pending.len() < self.format.length() {
+                return None;
+            } else if let Some(frame) = self.format.decode(&self.pending) {
+                self.pending.clear();
+                return Some(frame);
+            } else {
+                self.bad_crc = self.bad_crc.saturating_add(1);
+                self.skip_one();
+            }
+        }
+    }
+
+    /// Frames with a wrong check sum so far, false headers included.
+    pub fn bad_crc(&self) -> u32 {
+        self.bad_crc
+    }
+
+    /// Bytes that belong to no good frame so far.
+    pub fn bytes_skipped(&self) -> u32 {
+        self.bytes_skipped
+    }
+
+    fn skip_one(&mut self) {
+        if !self.pending.is_empty() {
+            self.pending.remove(0);
+            self.bytes_skipped = self.bytes_skipped.saturating_add(1);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    // Test vectors of public drivers of the KVH 1750 family; their check sums were recomputed.
+    const GOOD: [[u8; 36]; 2] = [
+        [
+            0xFE, 0x81, 0xFF, 0x55, 0x37, 0xA9, 0x6A, 0x6E, 0x38, 0x58, 0x6C, 0x1F, 0xB7, 0x5B, 0xF8, 0x62, 0xBF, 0x80,
+            0x3E, 0x78, 0xBB, 0x65, 0x0D, 0x28, 0x3B, 0x0A, 0x37, 0xAC, 0x77, 0x3D, 0x00, 0x28, 0x4B, 0xFA, 0x34, 0xD8,
+        ],
+        [
+            0xFE, 0x81, 0xFF, 0x55, 0xB3, 0xD0, 0xBB, 0xE7, 0x32, 0x19, 0x3E, 0xF4, 0x30, 0xAC, 0x19, 0xA5, 0xBA, 0x8F,
+            0x78, 0xD6, 0x3A, 0x29, 0x05, 0x94, 0x3F, 0x7E, 0xCB, 0xD4, 0x77, 0x68, 0x00, 0x1D, 0xAD, 0xC5, 0xF6, 0x51,
+        ],
+    ];
+    const BAD: [u8; 36] = [
+        0xFE, 0x81, 0xFF, 0x55, 0xB4, 0x6B, 0x86, 0xC6, 0xB4, 0x4F, 0x5B, 0x83, 0xB4, 0x10, 0x6D, 0x09, 0xBB, 0x71, 0x3C,
+        0xB7, 0xBB, 0xAB, 0xD9, 0x14, 0x3F, 0x7E, 0x31, 0x9A, 0x77, 0x69, 0x00, 0x1D, 0x95, 0xBB, 0xDB, 0x4F,
+    ];
+
+    fn read(format: GyroFormat, bytes: &[u8]) -> (std::vec::Vec<Frame>, FrameReader) {
+        let mut reader = FrameReader::new(format);
+        (bytes.iter().filter_map(|&byte| reader.push(byte)).collect(), reader)
+    }
+
+    extern crate std;
+
+    #[test]
+    fn kvh_vectors() {
+        let (frames, reader) = read(GyroFormat::KvhA, GOOD.as_flattened());
+        assert_eq!(frames.len(), 2);
+        // 0x37A96A6E as a float is 2.0196e-5 rad, that is 4.1657 arcsec; sequence 0x3D, temperature 0x28 = 40 °C.
+        assert!((frames[0].increment_arcsec - 4.1657).abs() < 1e-3, "{}", frames[0].increment_arcsec);
+        assert_eq!((frames[0].sequence, frames[0].temp_c, frames[0].valid), (0x3D, Some(40.0), true));
+        assert_eq!((frames[1].sequence, frames[1].temp_c), (0x68, Some(29.0)));
+        assert_eq!((reader.bad_crc(), reader.bytes_skipped()), (0, 0));
+    }
+
+    #[test]
+    fn a_bad_check_sum_is_counted_and_the_next_frame_is_taken() {
+        let stream: std::vec::Vec<u8> = [BAD, GOOD[0]].concat();
+        let (frames, reader) = read(GyroFormat::KvhA, &stream);
+        assert_eq!(frames.len(), 1);
+        assert_eq!((reader.bad_crc(), reader.bytes_skipped()), (1, 36));
+    }
+
+    #[test]
+    fn compact_frame_by_hand() {
+        // Sequence 7, valid with temperature, 37603 micro-arcsec (Earth rate over 2.5 ms), 21.50 °C; the check
+        // sum was computed apart from this program, bit by bit.
+        let content = [0xA5, 0x5A, 7, 0b101, 0xE3, 0x92, 0, 0, 0x66, 0x08];
+        let check = 0x51C5_B8E0_u32.to_le_bytes();
+        let stream: std::vec::Vec<u8> = content.iter().chain(&check).copied().collect();
+        let (frames, _) = read(GyroFormat::Compact, &stream);
+        assert_eq!(
+            frames,
+            [Frame {
+                sequence: 7,
+                increment_arcsec: 37603.0 * 1e-6,
+                temp_c: Some(2150.0 * 0.01),
+                valid: true,
+                saturated: false
+            }]
+        );
+    }
+
+    #[test]
+    fn a_false_header_hides_no_good_frame() {
+        let mut stream = std::vec![0xFE, 0x81, 0xFF, 0x55, 1, 2, 3, 0xFE, 0x81];
+        stream.extend_from_slice(&GOOD[1]);
+        let (frames, reader) = read(GyroFormat::KvhA, &stream);
+        assert_eq!((frames.len(), frames[0].sequence), (1, 0x68));
+        assert_eq!((reader.bad_crc(), reader.bytes_skipped()), (1, 9));
+    }
+}

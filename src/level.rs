@@ -1,0 +1,141 @@
+//! Level accelerometers to pitch, roll and level state.
+//!
+//! Instrument frame: x forward along the mark, y left, z up. At rest the triad reads specific force, (0, 0, +1) g when
+//! level; nose up by p gives ax = sin p; left side up by r gives ay = sin r · cos p.
+
+use crate::units::DEG_PER_RAD;
+
+/// Attitude of the instrument against the horizon.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tilt {
+    /// Nose up positive, degrees.
+    pub pitch_deg: f64,
+    /// Left side up positive, degrees.
+    pub roll_deg: f64,
+}
+
+/// A second's mean of the accelerometers, by unit of the local gravity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Specific {
+    /// Forward: the upward component of the x axis.
+    pub forward: f64,
+    /// Left: the upward component of the y axis.
+    pub left: f64,
+}
+
+impl Specific {
+    /// Of the two level components alone, in g; outside ± 0.5 there is no small tilt to speak of: `None`.
+    pub fn new(forward_g: f64, left_g: f64) -> Option<Self> {
+        let in_range = |g: f64| (-0.5..=0.5).contains(&g);
+        (in_range(forward_g) && in_range(left_g)).then_some(Self { forward: forward_g, left: left_g })
+    }
+
+    /// Pitch = asin ax, roll = asin(ay / cos pitch).
+    pub fn tilt(&self) -> Tilt {
+        let cos_pitch = libm::sqrt(1.0 - self.forward * self.forward);
+        Tilt {
+            pitch_deg: libm::asin(self.forward) * DEG_PER_RAD,
+            roll_deg: libm::asin(self.left / cos_pitch) * DEG_PER_RAD,
+        }
+    }
+}
+
+impl Tilt {
+    /// Both within ± `limit_deg`.
+    pub fn is_level(&self, limit_deg: f64) -> bool {
+        self.pitch_deg.abs() <= limit_deg && self.roll_deg.abs() <= limit_deg
+    }
+}
+
+/// Averages the triad over a second and watches that it lives.
+#[derive(Clone, Debug, Default)]
+pub struct LevelSensor {
+    sum_g: [f64; 3],
+    count: u16,
+    first_g: Option<[f64; 3]>,
+    changed: bool,
+}
+
+/// What a second of the triad was worth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LevelSecond {
+    Good(Specific),
+    /// No reading came, or the norm is not one g, or not one reading of at least twenty differed from the others.
+    Failed,
+}
+
+impl LevelSensor {
+    /// A reading: x, y, z in g.
+    pub fn push(&mut self, acceleration_g: [f64; 3]) {
+        for (sum, reading) in self.sum_g.iter_mut().zip(acceleration_g) {
+            *sum += reading;
+        }
+        self.count = self.count.saturating_add(1);
+        let first = *self.first_g.get_or_insert(acceleration_g);
+        self.changed |= first != acceleration_g;
+    }
+
+    /// Ends the second.
+    pub fn finish(&mut self) -> LevelSecond {
+        let Self { sum_g, count, changed, .. } = core::mem::take(self);
+        if count == 0 || (!changed && count >= 20) {
+            return LevelSecond::Failed;
+        }
+        let [x, y, z] = sum_g.map(|sum| sum / f64::from(count));
+        let norm = libm::sqrt(x * x + y * y + z * z);
+        if !(0.9..=1.1).contains(&norm) || z < 0.5 {
+            return LevelSecond::Failed;
+        }
+        Specific::new(x / norm, y / norm).map_or(LevelSecond::Failed, LevelSecond::Good)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The two means of a second in which every reading was `g`, give or take a nothing.
+    fn second(g: [f64; 3]) -> LevelSecond {
+        let mut sensor = LevelSensor::default();
+        for i in 0..100 {
+            sensor.push([g[0], g[1], g[2] + 1e-12 * f64::from(i)]);
+        }
+        sensor.finish()
+    }
+
+    fn tilt(g: [f64; 3]) -> Tilt {
+        match second(g) {
+            LevelSecond::Good(specific) => specific.tilt(),
+            LevelSecond::Failed => panic!("{g:?}"),
+        }
+    }
+
+    #[test]
+    fn nose_up_and_left_side_up_are_positive() {
+        // sin 1° = 0.0174524, cos 1° = 0.9998477.
+        let nose_up = tilt([0.0174524, 0.0, 0.9998477]);
+        assert!((nose_up.pitch_deg - 1.0).abs() < 1e-5 && nose_up.roll_deg.abs() < 1e-9);
+        let left_up = tilt([0.0, 0.0174524, 0.9998477]);
+        assert!((left_up.roll_deg - 1.0).abs() < 1e-5 && left_up.pitch_deg.abs() < 1e-9);
+        // Pitch 30°, roll 20°: ax = 0.5, ay = sin 20° · cos 30° = 0.2961981, az = cos 20° · cos 30° = 0.8137977.
+        let both = tilt([0.5, 0.2961981, 0.8137977]);
+        assert!((both.pitch_deg - 30.0).abs() < 1e-4 && (both.roll_deg - 20.0).abs() < 1e-4, "{both:?}");
+    }
+
+    #[test]
+    fn the_limit_is_for_each_axis() {
+        let tilt = Tilt { pitch_deg: 0.4, roll_deg: -0.6 };
+        assert!(tilt.is_level(0.6) && !tilt.is_level(0.5));
+    }
+
+    #[test]
+    fn a_dead_sensor_is_not_level() {
+        assert_eq!(LevelSensor::default().finish(), LevelSecond::Failed);
+        assert_eq!(second([0.0, 0.0, 0.0]), LevelSecond::Failed);
+        assert_eq!(second([0.0, 0.0, -1.0]), LevelSecond::Failed);
+        assert_eq!(second([f64::NAN, 0.0, 1.0]), LevelSecond::Failed);
+        let mut stuck = LevelSensor::default();
+        (0..100).for_each(|_| stuck.push([0.0, 0.0, 1.0]));
+        assert_eq!(stuck.finish(), LevelSecond::Failed);
+    }
+}

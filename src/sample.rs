@@ -1,0 +1,297 @@
+//! Frames to one-second rates.
+//!
+//! A second is exactly 400 slots of 2.5 ms, told apart by the gyro's sequence numbers. A slot whose frame never came,
+//! or came marked invalid, is *missing*. With at most `repairable_frames` missing, the mean of the others stands in for
+//! them and the second is used, counted as repaired. With more it is left out, counted, and the dwell lasts a second
+//! longer. No second is silently the mean of fewer samples.
+
+use crate::frame::Frame;
+use crate::health::Counters;
+use crate::model::{Conditions, Correction, ErrorModel};
+use crate::settings::GyroSettings;
+
+/// Samples in a second.
+pub const SAMPLES_PER_SECOND: u16 = 400;
+/// Seconds between samples.
+pub const SAMPLE_S: f64 = 0.0025;
+/// A frame that is this many ticks behind its due tick counts as lost: below half of the shortest sequence.
+const GIVE_UP_TICKS: i64 = 60;
+/// A frame that is more than this many ticks behind is counted as late.
+const LATE_TICKS: i64 = 4;
+
+/// One finished second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RateSecond {
+    /// Angle as the gyro gave it, arcsec.
+    pub fog_arcsec: f64,
+    /// Mean rate after the error model, °/h.
+    pub rate_deg_h: f64,
+    pub conditions: Conditions,
+    /// Slots without a valid frame.
+    pub missing: u16,
+    /// Slots whose frame was marked invalid, and those marked saturated or beyond the range; both are also missing.
+    pub invalid: u16,
+    pub saturated: u16,
+    /// Few enough are missing.
+    pub usable: bool,
+}
+
+/// Takes frames and ticks, gives seconds.
+#[derive(Clone, Debug)]
+pub struct Sampler {
+    gyro: GyroSettings,
+    model: ErrorModel,
+    correction: Correction,
+    temperature: TemperatureRate,
+    expected: Option<u8>,
+    /// Ticks since the first frame, minus slots accounted for.
+    behind: i64,
+    second: Partial,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Partial {
+    slots: u16,
+    good: u16,
+    invalid: u16,
+    saturated: u16,
+    raw_arcsec: f64,
+    true_arcsec: f64,
+    temp_sum_c: f64,
+    temps: u16,
+}
+
+impl Sampler {
+    pub fn new(gyro: GyroSettings, model: ErrorModel) -> Self {
+        let correction = model.correction(&Conditions::default());
+        Self {
+            gyro,
+            model,
+            correction,
+            temperature: TemperatureRate::default(),
+            expected: None,
+            behind: 0,
+            second: Partial::default(),
+        }
+    }
+
+    /// Takes a frame; gives the second that it completes.
+    pub fn frame(&mut self, frame: &Frame, counters: &mut Counters) -> Option<RateSecond> {
+        let modulus = self.gyro.format.sequence_modulus();
+        let expected = *self.expected.get_or_insert(frame.sequence);
+        let ahead = (u16::from(frame.sequence) + modulus - u16::from(expected) % modulus) % modulus;
+        if ahead >= modulus / 2 {
+            counters.frames_duplicate = counters.frames_duplicate.saturating_add(1);
+            return None;
+        }
+        // Fewer slots are skipped than a second has, so at most one second ends here.
+        let mut finished = None;
+        for _ in 0..ahead {
+            finished = self.lose_slot(counters).or(finished);
+        }
+        counters.frames_good = counters.frames_good.saturating_add(1);
+        if self.behind > LATE_TICKS {
+            counters.frames_late = counters.frames_late.saturating_add(1);
+        }
+        let second = &mut self.second;
+        if let Some(temp_c) = frame.temp_c {
+            second.temp_sum_c += temp_c;
+            second.temps += 1;
+        }
+        let saturated = frame.saturated || frame.increment_arcsec.abs() >= self.gyro.range_deg_h * SAMPLE_S;
+        if saturated || !frame.valid {
+            counters.frames_invalid = counters.frames_invalid.saturating_add(1);
+            second.invalid += u16::from(!frame.valid);
+            second.saturated += u16::from(saturated);
+        } else {
+            second.good += 1;
+            second.raw_arcsec += frame.increment_arcsec;
+            second.true_arcsec += self.correction.apply(frame.increment_arcsec, SAMPLE_S);
+        }
+        self.next_slot().or(finished)
+    }
+
+    /// A tick of the instrument's clock: a frame has become due. Gives the second that a given-up frame completes.
+    pub fn tick(&mut self, counters: &mut Counters) -> Option<RateSecond> {
+        self.expected?;
+        self.behind = self.behind.saturating_add(1);
+        if self.behind > GIVE_UP_TICKS { self.lose_slot(counters) } else { None }
+    }
+
+    /// Slots by which the frames are behind the instrument's clock. Constant when both clocks agree.
+    pub fn behind(&self) -> i64 {
+        self.behind
+    }
+
+    fn lose_slot(&mut self, counters: &mut Counters) -> Option<RateSecond> {
+        counters.frames_lost = counters.frames_lost.saturating_add(1);
+        self.next_slot()
+    }
+
+    fn next_slot(&mut self) -> Option<RateSecond> {
+        let modulus = self.gyro.format.sequence_modulus();
+        self.expected = self.expected.map(|sequence| ((u16::from(sequence) + 1) % modulus) as u8);
+        self.behind = self.behind.saturating_sub(1);
+        self.second.slots += 1;
+        if self.second.slots < SAMPLES_PER_SECOND {
+            return None;
+        }
+        let second = core::mem::take(&mut self.second);
+        let missing = SAMPLES_PER_SECOND - second.good;
+        // All 400 there: the plain sum, untouched by a division.
+        let stretch = match (missing, second.good) {
+            (0, _) => 1.0,
+            (_, 0) => 0.0,
+            (_, good) => f64::from(SAMPLES_PER_SECOND) / f64::from(good),
+        };
+        let temp_c = (second.temps > 0).then(|| second.temp_sum_c / f64::from(second.temps));
+        let conditions = Conditions { temp_c, temp_rate_k_s: self.temperature.push(temp_c) };
+        self.correction = self.model.correction(&conditions);
+        Some(RateSecond {
+            fog_arcsec: second.raw_arcsec * stretch,
+            rate_deg_h: second.true_arcsec * stretch,
+            conditions,
+            missing,
+            invalid: second.invalid,
+            saturated: second.saturated,
+            usable: missing <= self.gyro.repairable_frames,
+        })
+    }
+}
+
+/// Rate of change of the temperature: least-squares slope over the last half minute, so that a sensor that resolves
+/// 0.01 K still gives 1e-4 K/s.
+#[derive(Clone, Debug, Default)]
+pub struct TemperatureRate {
+    /// The last seconds' temperatures, oldest first.
+    last_c: heapless::Deque<f64, 30>,
+}
+
+impl TemperatureRate {
+    /// Takes a second's mean temperature; gives K/s once ten seconds are there. A second without one starts it again.
+    pub fn push(&mut self, temp_c: Option<f64>) -> Option<f64> {
+        let Some(temp_c) = temp_c else {
+            self.last_c.clear();
+            return None;
+        };
+        if self.last_c.is_full() {
+            self.last_c.pop_front();
+        }
+        let _ = self.last_c.push_back(temp_c);
+        let count = self.last_c.len();
+        if count < 10 {
+            return None;
+        }
+        let middle = (count as f64 - 1.0) / 2.0;
+        let (mut with_time, mut time_squared) = (0.0, 0.0);
+        for (i, &temp_c) in self.last_c.iter().enumerate() {
+            let t = i as f64 - middle;
+            with_time += t * temp_c;
+            time_squared += t * t;
+        }
+        Some(with_time / time_squared)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(number: u32) -> Frame {
+        Frame {
+            sequence: (number % 256) as u8,
+            increment_arcsec: 0.03,
+            temp_c: Some(20.0),
+            valid: true,
+            saturated: false,
+        }
+    }
+
+    /// Feeds frames `numbers`, one a tick; the seconds and the counters.
+    fn run(frames: impl Iterator<Item = Frame>) -> (heapless::Vec<RateSecond, 8>, Counters) {
+        let mut sampler = Sampler::new(GyroSettings::default(), ErrorModel::default());
+        let (mut seconds, mut counters) = (heapless::Vec::new(), Counters::default());
+        for frame in frames {
+            let by_tick = sampler.tick(&mut counters);
+            let by_frame = sampler.frame(&frame, &mut counters);
+            for second in by_tick.into_iter().chain(by_frame) {
+                seconds.push(second).unwrap();
+            }
+        }
+        (seconds, counters)
+    }
+
+    #[test]
+    fn four_hundred_increments_make_a_second() {
+        let (seconds, counters) = run((0..1200).map(frame));
+        assert_eq!(seconds.len(), 3);
+        // 400 · 0.03 arcsec in a second is 12 arcsec, and arcsec per second is °/h.
+        assert!(seconds.iter().all(|s| (s.rate_deg_h - 12.0).abs() < 1e-9 && s.missing == 0 && s.usable));
+        assert_eq!(counters, Counters { frames_good: 1200, ..Default::default() });
+    }
+
+    #[test]
+    fn a_few_lost_frames_are_repaired_and_counted() {
+        let (seconds, counters) = run((0..800).filter(|n| !(100..105).contains(n)).map(frame));
+        assert_eq!(seconds.len(), 2);
+        assert_eq!((seconds[0].missing, seconds[0].usable, counters.frames_lost), (5, true, 5));
+        assert!((seconds[0].rate_deg_h - 12.0).abs() < 1e-9);
+        assert_eq!(seconds[1].missing, 0);
+    }
+
+    #[test]
+    fn a_loss_across_the_boundary_is_shared_out() {
+        let (seconds, _) = run((0..800).filter(|n| !(398..403).contains(n)).map(frame));
+        assert_eq!((seconds[0].missing, seconds[1].missing), (2, 3));
+    }
+
+    #[test]
+    fn many_lost_frames_make_a_second_unusable() {
+        let (seconds, _) = run((0..800).filter(|n| !(100..109).contains(n)).map(frame));
+        assert_eq!((seconds[0].missing, seconds[0].usable, seconds[1].usable), (9, false, true));
+    }
+
+    #[test]
+    fn duplicates_and_stragglers_are_not_counted_twice() {
+        let numbers = (0..400).flat_map(|n| if n == 50 { [50, 50, 48] } else { [n, n, n] }.into_iter().take(if n == 50 { 3 } else { 1 }));
+        let (seconds, counters) = run(numbers.map(frame));
+        assert_eq!((seconds.len(), counters.frames_duplicate, counters.frames_lost), (1, 2, 0));
+        assert!((seconds[0].rate_deg_h - 12.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn invalid_and_saturated_frames_are_missing() {
+        let frames = (0..400).map(|n| match n {
+            10 => Frame { valid: false, ..frame(n) },
+            20 => Frame { saturated: true, ..frame(n) },
+            30 => Frame { increment_arcsec: 1250.0, ..frame(n) }, // 500 000 °/h, the range
+            _ => frame(n),
+        });
+        let (seconds, counters) = run(frames);
+        assert_eq!((seconds[0].missing, seconds[0].invalid, seconds[0].saturated), (3, 1, 2));
+        assert_eq!(counters.frames_invalid, 3);
+    }
+
+    #[test]
+    fn silence_ends_seconds_as_unusable() {
+        let mut sampler = Sampler::new(GyroSettings::default(), ErrorModel::default());
+        let mut counters = Counters::default();
+        sampler.frame(&frame(0), &mut counters);
+        let second = (0..1000).find_map(|_| sampler.tick(&mut counters)).unwrap();
+        assert_eq!((second.missing, second.usable, second.rate_deg_h), (399, false, 400.0 * 0.03));
+        // The frames that come after it continue the count: 600 ticks are due, 60 of them not yet given up.
+        let lost_before = counters.frames_lost;
+        sampler.frame(&frame(lost_before + 1), &mut counters);
+        assert_eq!(counters.frames_lost, lost_before);
+    }
+
+    #[test]
+    fn temperature_rate_of_a_ramp() {
+        let mut rate = TemperatureRate::default();
+        let slopes = (0..40).map(|second| rate.push(Some(20.0 + 0.02 * f64::from(second))));
+        let last = slopes.last().unwrap().unwrap();
+        assert!((last - 0.02).abs() < 1e-12);
+        assert_eq!(rate.push(None), None);
+        assert_eq!(rate.push(Some(1.0)), None);
+    }
+}
