@@ -1,1 +1,29 @@
-pub mod placeholder {}
+//! The north finder's instrument and the world around it, simulated at the level of its buses.
+//!
+//! Time goes in slots of 312.5 µs, eight to a tick of 2.5 ms; nothing reads a clock. One tick is: eight times motor pins and
+//! [`World::advance_slot`], then [`World::sample`], then the bytes that have arrived are read from [`World::gyro`].
+//!
+//! The plant works from three-dimensional geometry only and shares no formula, constant, encoder or decoder with the
+//! firmware: a mistake in one is not hidden by the same mistake in the other.
+
+mod accelerometer;
+mod base;
+mod device;
+mod encoder;
+pub mod flash;
+pub mod frames;
+mod geometry;
+mod gyro;
+mod gyro_output;
+mod line;
+mod motor;
+mod noise;
+mod plant;
+pub mod scenario;
+mod thermal;
+mod window;
+mod world;
+
+pub use device::{AccelerometerSpi, EncoderSpi, Flash, GyroLine, Pin};
+pub use scenario::{Scenario, ScenarioError};
+pub use world::{Truth, World};

@@ -1,0 +1,107 @@
+//! The world as its users see it: time, truth, and handles to the devices.
+
+use crate::device::{AccelerometerSpi, EncoderSpi, Flash, GyroLine, Pin, PinFunction};
+use crate::flash::FlashMemory;
+use crate::plant::Plant;
+use crate::scenario::Scenario;
+use std::cell::RefCell;
+use std::rc::Rc;
+
+/// What is really so, as of the last sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Truth {
+    /// Time since power-up, s.
+    pub t_s: f64,
+    /// Azimuth of the mark's horizontal projection, degrees clockwise from true north, 0 ..= 360.
+    pub azimuth_deg: f64,
+    /// Index angle of the gyro's sensitive axis, degrees counter-clockwise from the mark; counts turns.
+    pub index_deg: f64,
+    /// Pitch of the base, degrees, nose up positive.
+    pub pitch_deg: f64,
+    /// Roll of the base, degrees, left side up positive.
+    pub roll_deg: f64,
+    /// Bias of the gyro from all causes but the noise from sample to sample, °/h.
+    pub bias_deg_h: f64,
+    /// Temperature of the gyro, °C.
+    pub temp_c: f64,
+    /// Supply voltage, V.
+    pub supply_v: f64,
+    /// Vibration, g rms.
+    pub vibration_g: f64,
+    /// Step pulses that the drive did not follow.
+    pub lost_steps: u64,
+}
+
+/// A handle to the simulated world. Clones and devices refer to the same world.
+#[derive(Debug, Clone)]
+pub struct World {
+    plant: Rc<RefCell<Plant>>,
+}
+
+impl World {
+    /// The world of a scenario at power-up. The same scenario and seed give the same bytes, always.
+    pub fn new(scenario: &Scenario, seed: u64) -> Self {
+        Self { plant: Rc::new(RefCell::new(Plant::new(scenario, seed))) }
+    }
+
+    /// Lets 312.5 µs pass: an eighth of a tick.
+    pub fn advance_slot(&self) {
+        self.plant.borrow_mut().advance_slot();
+    }
+
+    /// Ends a tick: the gyro closes its increment and puts its frame on the line.
+    pub fn sample(&self) {
+        self.plant.borrow_mut().sample();
+    }
+
+    /// What is really so.
+    pub fn truth(&self) -> Truth {
+        self.plant.borrow().truth()
+    }
+
+    /// The accelerometer on its bus.
+    pub fn accelerometer(&self) -> AccelerometerSpi {
+        AccelerometerSpi::new(Rc::clone(&self.plant))
+    }
+
+    /// The encoder on its bus.
+    pub fn encoder(&self) -> EncoderSpi {
+        EncoderSpi::new(Rc::clone(&self.plant))
+    }
+
+    /// The motor driver's step input: a rising edge is one microstep.
+    pub fn step_pin(&self) -> Pin {
+        Pin::new(Rc::clone(&self.plant), PinFunction::Step)
+    }
+
+    /// The motor driver's direction input: high is counter-clockwise seen from above.
+    pub fn dir_pin(&self) -> Pin {
+        Pin::new(Rc::clone(&self.plant), PinFunction::Direction)
+    }
+
+    /// The motor driver's enable input: high switches the coils on; while it is low, steps are ignored.
+    pub fn enable_pin(&self) -> Pin {
+        Pin::new(Rc::clone(&self.plant), PinFunction::Enable)
+    }
+
+    /// The receiving end of the gyro's serial line.
+    pub fn gyro(&self) -> GyroLine {
+        GyroLine::new(Rc::clone(&self.plant))
+    }
+
+    /// The flash memory.
+    pub fn flash(&self) -> Flash {
+        Flash::new(Rc::clone(&self.plant))
+    }
+
+    /// A copy of the flash memory's content, to be kept for another world.
+    pub fn flash_contents(&self) -> Vec<u8> {
+        self.plant.borrow().flash.contents().to_vec()
+    }
+
+    /// The same world with this content in its flash memory.
+    pub fn with_flash(self, image: &[u8]) -> Self {
+        self.plant.borrow_mut().flash = FlashMemory::with_contents(image);
+        self
+    }
+}
