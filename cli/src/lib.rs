@@ -2,5 +2,7 @@
 //! verbs of the command `north`.
 
 pub mod campaign;
+pub mod engine;
 pub mod file_error;
+pub mod settings_file;
 pub mod toml_file;

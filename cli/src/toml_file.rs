@@ -4,10 +4,10 @@ use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use serde::Deserialize;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 use toml::Spanned;
-use toml::de::{DeTable, Deserializer};
+use toml::de::{DeTable, DeValue, Deserializer};
 
 use crate::file_error::{FileError, Place, Problem};
 
@@ -24,6 +24,11 @@ impl TomlFile {
         Ok(Self { path: path.to_owned(), text })
     }
 
+    /// Text that did not come from a file of its own; `path` is its name in errors.
+    pub fn of_text(path: &Path, text: String) -> Self {
+        Self { path: path.to_owned(), text }
+    }
+
     /// The whole file as a `T`; its top-level `format` must be `format` and is not handed to `T`.
     pub fn parse_format<T: DeserializeOwned>(&self, format: i64) -> Result<T, FileError> {
         let mut table = DeTable::parse(&self.text).map_err(|error| self.syntax(&error))?;
@@ -36,19 +41,21 @@ impl TomlFile {
         self.deserialize(table)
     }
 
-    /// The value of one top-level table as a `T`, the rest unread; `None`: the file has no such table.
-    pub fn parse_table<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>, FileError> {
-        let mut table = DeTable::parse(&self.text).map_err(|error| self.syntax(&error))?;
-        let found = table.get_mut().remove(name);
-        found
-            .map(|value| T::deserialize(toml::de::ValueDeserializer::from(value)))
-            .transpose()
-            .map_err(|error| self.syntax(&error))
+    /// The top-level table `name` (or, without a name, the whole file) laid over `base`: what it does not say stays as
+    /// it is there. A file without that table changes nothing.
+    pub fn parse_over<T: Serialize + DeserializeOwned>(&self, base: &T, name: Option<&str>) -> Result<T, FileError> {
+        let base = toml::to_string(base).map_err(|error| self.whole(Problem::Syntax(error.to_string())))?;
+        let mut merged = DeTable::parse(&base).map_err(|error| self.syntax(&error))?;
+        lay_over(merged.get_mut(), self.table(name)?);
+        self.deserialize(merged)
     }
 
-    /// The whole file as a `T`.
-    pub fn parse<T: DeserializeOwned>(&self) -> Result<T, FileError> {
-        self.deserialize(DeTable::parse(&self.text).map_err(|error| self.syntax(&error))?)
+    /// An error at the value of `field` (dotted, below the table `name`), or of the whole file if it does not say it.
+    pub fn at_field(&self, name: Option<&str>, field: &str, problem: Problem) -> FileError {
+        match self.table(name).ok().and_then(|table| find(&table, field)) {
+            Some(span) => self.at(span, problem),
+            None => self.whole(problem),
+        }
     }
 
     /// An error at a range of bytes of the text.
@@ -59,6 +66,17 @@ impl TomlFile {
     /// An error of the file as a whole.
     pub fn whole(&self, problem: Problem) -> FileError {
         FileError::whole(&self.path, problem)
+    }
+
+    fn table(&self, name: Option<&str>) -> Result<DeTable<'_>, FileError> {
+        let mut table = DeTable::parse(&self.text).map_err(|error| self.syntax(&error))?.into_inner();
+        let Some(name) = name else { return Ok(table) };
+        let Some(value) = table.remove(name) else { return Ok(DeTable::new()) };
+        let span = value.span();
+        match value.into_inner() {
+            DeValue::Table(table) => Ok(table),
+            _ => Err(self.at(span, Problem::Syntax(format!("`{name}` must be a table")))),
+        }
     }
 
     fn deserialize<T: DeserializeOwned>(&self, table: Spanned<DeTable<'_>>) -> Result<T, FileError> {
@@ -77,6 +95,32 @@ impl TomlFile {
             line: before.matches('\n').count() as u64 + 1,
             column: before[line_start..].chars().count() as u64 + 1,
         }
+    }
+}
+
+/// Replaces in `base` what `over` says; tables are merged, everything else is replaced.
+fn lay_over<'a>(base: &mut DeTable<'a>, over: DeTable<'a>) {
+    for (key, value) in over {
+        if let Some(DeValue::Table(below)) = base.get_mut(key.get_ref().as_ref()).map(Spanned::get_mut)
+            && matches!(value.get_ref(), DeValue::Table(_))
+        {
+            if let DeValue::Table(table) = value.into_inner() {
+                lay_over(below, table);
+            }
+            continue;
+        }
+        base.remove(key.get_ref().as_ref());
+        base.insert(key, value);
+    }
+}
+
+/// Where the value of a dotted field stands.
+fn find(table: &DeTable<'_>, field: &str) -> Option<Range<usize>> {
+    let (first, rest) = field.split_once('.').map_or((field, None), |(first, rest)| (first, Some(rest)));
+    let value = table.get(first)?;
+    match (rest, value.get_ref()) {
+        (Some(rest), DeValue::Table(below)) => find(below, rest),
+        _ => Some(value.span()),
     }
 }
 

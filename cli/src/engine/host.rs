@@ -1,0 +1,1 @@
+//! The fix in this process.

@@ -1,0 +1,72 @@
+//! What runs a fix: the simulated instrument with the firmware's pipeline around it, in process ([`host`]) or as the
+//! real image in QEMU ([`qemu`]). Both do the same things in the same order and give the same reports, bit for bit.
+
+pub mod host;
+
+use hal_sim::{Scenario, Truth};
+use north_finder::event::{Event, Fix, Report, State};
+use north_finder::health::Fault;
+use north_finder::settings::Settings;
+
+/// What to run.
+#[derive(Clone, Debug)]
+pub struct Setup {
+    pub scenario: Scenario,
+    /// The same scenario and seed give the same run, always.
+    pub seed: u64,
+    /// What is stored in the instrument's flash before power-up; `None`: nothing.
+    pub settings: Option<Settings>,
+}
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outcome {
+    pub end: End,
+    /// What is really so at that moment.
+    pub truth: Truth,
+}
+
+/// The ways in which a run ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum End {
+    Fix(Fix),
+    Fault {
+        fault: Fault,
+        state: State,
+    },
+    /// The scenario's `duration_limit_s` passed without a fix or a fault.
+    TimeLimit,
+    /// The caller asked to stop.
+    Interrupted,
+}
+
+/// Sees every report as it comes.
+pub type Observer<'a> = dyn FnMut(&Report) + 'a;
+
+/// Why a run could not be done at all.
+#[derive(Debug, thiserror::Error)]
+pub enum EngineError {
+    #[error("the settings cannot be stored in the simulated flash: {0}")]
+    Flash(String),
+    #[error("{0}")]
+    Qemu(String),
+}
+
+/// Watches the reports for the end of a fix: the fix or the fault comes first, the final state after it.
+#[derive(Debug, Default)]
+pub struct EndWatch {
+    verdict: Option<End>,
+}
+
+impl EndWatch {
+    /// Takes a report; gives the end when this was the last one of the fix.
+    pub fn see(&mut self, report: &Report) -> Option<End> {
+        match report.event {
+            Event::Fix(fix) => self.verdict = Some(End::Fix(fix)),
+            Event::Fault { fault, state } => self.verdict = Some(End::Fault { fault, state }),
+            Event::State(State::Finished | State::Failed) => return self.verdict,
+            _ => {}
+        }
+        None
+    }
+}

@@ -1,0 +1,67 @@
+//! The firmware's settings and its error model, from files.
+//!
+//! A file says only what differs: the rest keeps the value that it had.
+
+use std::path::Path;
+
+use hal_sim::Scenario;
+use hal_sim::scenario::GyroFormat as SimulatedFormat;
+use north_finder::model::ErrorModel;
+use north_finder::settings::{GyroFormat, Invalid, Settings};
+
+use crate::file_error::{FileError, Problem};
+use crate::toml_file::TomlFile;
+
+/// Name of the table of a scenario that holds settings of the firmware.
+const TABLE: &str = "instrument";
+/// The format number of model files.
+const MODEL_FORMAT: i64 = 1;
+
+/// Reads an error model: `format = 1` and the fields of [`ErrorModel`].
+///
+/// Errors: no such file, another format, unknown fields, values that make no sense.
+pub fn read_model(path: &Path) -> Result<ErrorModel, FileError> {
+    let file = TomlFile::read(path)?;
+    let model: ErrorModel = file.parse_format(MODEL_FORMAT)?;
+    model.validate().map_err(|invalid| invalid_at(&file, None, &invalid))?;
+    Ok(model)
+}
+
+/// Reads settings; what the file does not say stays as in `base`.
+///
+/// Errors: no such file, unknown fields, wrong types, values that are not allowed, alone or together.
+pub fn read_settings(path: &Path, base: &Settings) -> Result<Settings, FileError> {
+    checked(&TomlFile::read(path)?, None, base)
+}
+
+/// The settings for a scenario: the defaults at its latitude and with its gyro's frame format, and over them its table
+/// `[instrument]`.
+///
+/// `file` is the scenario's own file, if it came from one: errors then name the line.
+pub fn scenario_settings(scenario: &Scenario, file: Option<&Path>) -> Result<Settings, FileError> {
+    let mut base = Settings { latitude_deg: scenario.site.latitude_deg, ..Settings::default() };
+    base.gyro.format = match scenario.gyro.format {
+        SimulatedFormat::Compact => GyroFormat::Compact,
+        SimulatedFormat::KvhA => GyroFormat::KvhA,
+    };
+    match file {
+        Some(path) => checked(&TomlFile::read(path)?, Some(TABLE), &base),
+        None => {
+            let name = format!("scenario {}", scenario.name);
+            let text = toml::to_string(&scenario.instrument)
+                .map_err(|error| FileError::whole(Path::new(&name), Problem::Syntax(error.to_string())))?;
+            checked(&TomlFile::of_text(Path::new(&name), text), None, &base)
+        }
+    }
+}
+
+fn checked(file: &TomlFile, table: Option<&str>, base: &Settings) -> Result<Settings, FileError> {
+    let settings = file.parse_over(base, table)?;
+    settings.validate().map_err(|invalid| invalid_at(file, table, &invalid))?;
+    Ok(settings)
+}
+
+fn invalid_at(file: &TomlFile, table: Option<&str>, invalid: &Invalid) -> FileError {
+    let problem = Problem::not_allowed(format!("{} = {}", invalid.field, invalid.value), invalid.allowed);
+    file.at_field(table, invalid.field, problem)
+}
