@@ -149,7 +149,7 @@ impl Adxl355 {
         self.last_sample = Some(due);
         self.ready = power & 0b100 == 0;
         for axis in 0..3 {
-            let counts = (self.reading_g(axis, felt) * self.counts_per_g()).round().clamp(-524_288.0, 524_287.0);
+            let counts = (self.noisy_g(axis, felt) * self.counts_per_g()).round().clamp(-524_288.0, 524_287.0);
             // 20 bits, left-justified in three bytes.
             let [_, high, middle, low] = ((counts as i32) << 4).to_be_bytes();
             let at = usize::from(register::XDATA3) + 3 * axis;
@@ -163,19 +163,24 @@ impl Adxl355 {
         }
     }
 
-    fn reading_g(&mut self, axis: usize, felt: &Felt) -> f64 {
-        let errors = &self.errors;
-        let [x_from_y, x_from_z, y_from_z] = errors.cross_axis_ppm;
-        let cross = match axis {
-            0 => x_from_y * felt.force_g.y + x_from_z * felt.force_g.z,
-            1 => y_from_z * felt.force_g.z - x_from_y * felt.force_g.x,
-            _ => -x_from_z * felt.force_g.x - y_from_z * felt.force_g.y,
-        };
-        let bias_mg = errors.bias_mg[axis] + errors.bias_mg_per_k[axis] * (felt.temp_c - REFERENCE_C);
-        let ideal_g = felt.force_g[axis] * (1.0 + 1e-6 * errors.scale_ppm[axis]) + 1e-6 * cross + 1e-3 * bias_mg;
+    fn noisy_g(&mut self, axis: usize, felt: &Felt) -> f64 {
         // The corner of the low-pass filter is a quarter of the data rate.
-        let noise_g = 1e-6 * errors.noise_ug_per_sqrt_hz * (self.rate_hz() / 4.0).sqrt();
-        ideal_g + noise_g.hypot(felt.vibration_g) * self.stream.normal()
+        let noise_g = 1e-6 * self.errors.noise_ug_per_sqrt_hz * (self.rate_hz() / 4.0).sqrt();
+        self.errors.reading_g(axis, &felt.force_g, felt.temp_c) + noise_g.hypot(felt.vibration_g) * self.stream.normal()
+    }
+}
+
+impl Accelerometer {
+    /// What axis 0, 1 or 2 reads without noise, g.
+    pub(crate) fn reading_g(&self, axis: usize, force_g: &Vector3<f64>, temp_c: f64) -> f64 {
+        let [x_from_y, x_from_z, y_from_z] = self.cross_axis_ppm;
+        let cross = match axis {
+            0 => x_from_y * force_g.y + x_from_z * force_g.z,
+            1 => y_from_z * force_g.z - x_from_y * force_g.x,
+            _ => -x_from_z * force_g.x - y_from_z * force_g.y,
+        };
+        let bias_mg = self.bias_mg[axis] + self.bias_mg_per_k[axis] * (temp_c - REFERENCE_C);
+        force_g[axis] * (1.0 + 1e-6 * self.scale_ppm[axis]) + 1e-6 * cross + 1e-3 * bias_mg
     }
 }
 

@@ -146,15 +146,18 @@ impl As5048a {
         if self.fault(t_s) != Some(SensorFaultKind::Stuck) {
             let errors = &self.errors;
             let slip_deg = if t_s >= errors.slip_at_s { errors.slip_deg } else { 0.0 };
-            let once_per_turn = (index_deg - errors.eccentricity_at_deg).to_radians().cos();
-            let seen_deg = index_deg
-                + errors.zero_deg
-                + slip_deg
-                + errors.eccentricity_deg * once_per_turn
-                + errors.noise_deg * self.stream.normal();
+            let seen_deg = errors.reading_deg(index_deg) + slip_deg + errors.noise_deg * self.stream.normal();
             self.last_angle = (seen_deg / 360.0 * COUNTS).round().rem_euclid(COUNTS) as u16;
         }
         self.last_angle.wrapping_sub(self.zero) & DATA_MASK
+    }
+}
+
+impl Encoder {
+    /// What an encoder without noise and steps reads, degrees.
+    pub(crate) fn reading_deg(&self, index_deg: f64) -> f64 {
+        let once_per_turn = (index_deg - self.eccentricity_at_deg).to_radians().cos();
+        index_deg + self.zero_deg + self.eccentricity_deg * once_per_turn
     }
 }
 

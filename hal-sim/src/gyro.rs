@@ -56,11 +56,11 @@ impl GyroErrors {
     pub fn new(gyro: &Gyro, site: &Site, seed: u64) -> Self {
         let declination = site.magnetic_declination_deg.to_radians();
         let inclination = site.magnetic_inclination_deg.to_radians();
-        let mut slow = Stream::new(seed, Source::GyroSlow);
         let telegraph = (gyro.intermittent_deg_h != 0.0).then(|| {
-            let stream = Stream::new(u64::from(slow.bits()), Source::GyroSlow);
+            let stream = Stream::new(seed, Source::Intermittent);
             Telegraph::new(gyro.intermittent_off_s, gyro.intermittent_on_s, stream)
         });
+        let slow = Stream::new(seed, Source::GyroSlow);
         Self {
             gyro: gyro.clone(),
             field: Vector3::new(declination.sin(), declination.cos(), -inclination.tan()),

@@ -15,6 +15,9 @@ const REST_DEG_S: f64 = 1e-5;
 /// Smoothing of the commanded speed, that the damping refers to, s.
 const COMMAND_SPEED_TAU_S: f64 = 0.005;
 
+/// The driver goes over to its holding current when no step has come for this time, s.
+const HOLD_AFTER_S: f64 = 0.05;
+
 /// The drive's state.
 #[derive(Debug, Clone)]
 pub struct Drive {
@@ -32,6 +35,8 @@ pub struct Drive {
     load_deg: f64,
     asleep: bool,
     moved: bool,
+    last_step_s: f64,
+    kick_due: bool,
     pulses: u64,
     lost: u64,
 }
@@ -55,6 +60,8 @@ impl Drive {
             load_deg: motor.start_deg,
             asleep: true,
             moved: false,
+            last_step_s: 0.0,
+            kick_due: false,
             pulses: 0,
             lost: 0,
         }
@@ -89,6 +96,8 @@ impl Drive {
         self.command_deg += if self.counter_clockwise { self.motor.microstep_deg } else { -self.motor.microstep_deg };
         self.asleep = false;
         self.moved = true;
+        self.last_step_s = t_s;
+        self.kick_due = self.motor.kick_deg_s > 0.0;
     }
 
     /// Moves on by `dt_s` to `t_s`.
@@ -96,6 +105,10 @@ impl Drive {
         let hunts = self.moved && self.enabled && self.motor.hunting_deg > 0.0;
         if self.asleep && !hunts {
             return;
+        }
+        if self.kick_due && t_s - self.last_step_s >= HOLD_AFTER_S {
+            self.kick_due = false;
+            self.speed_deg_s += if self.counter_clockwise { self.motor.kick_deg_s } else { -self.motor.kick_deg_s };
         }
         let hunting_deg = if hunts { self.motor.hunting_deg * (TAU * self.motor.hunting_hz * t_s).sin() } else { 0.0 };
         let commanded_deg_s = (self.command_deg - self.command_seen_deg) / dt_s;
@@ -125,7 +138,8 @@ impl Drive {
     }
 
     fn fall_asleep(&mut self, lag_deg: f64, pull: f64) {
-        let still = self.speed_deg_s.abs() < REST_DEG_S && self.command_speed_deg_s.abs() < REST_DEG_S;
+        let still =
+            !self.kick_due && self.speed_deg_s.abs() < REST_DEG_S && self.command_speed_deg_s.abs() < REST_DEG_S;
         if !still {
             return;
         }

@@ -22,6 +22,8 @@ pub enum Source {
     Encoder = 5,
     /// Serial line.
     Line = 6,
+    /// Intermittent effects of the gyro.
+    Intermittent = 7,
 }
 
 /// One stream of random numbers.

@@ -4,14 +4,15 @@ use crate::accelerometer::{Adxl355, Felt};
 use crate::base::BaseMotion;
 use crate::encoder::As5048a;
 use crate::flash::FlashMemory;
-use crate::geometry::{self, ARCSEC_PER_RAD, BaseAngles, Mounting};
+use crate::geometry::{self, ARCSEC_PER_RAD, BaseAngles};
 use crate::gyro::{GyroErrors, Surroundings};
 use crate::gyro_output::GyroOutput;
 use crate::line::Line;
 use crate::motor::Drive;
-use crate::scenario::{Scenario, Supply};
+use crate::pose::PoseTracker;
+use crate::scenario::Scenario;
 use crate::world::Truth;
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 
 /// Length of a slot, s: an eighth of a tick.
 const SLOT_S: f64 = 0.0025 / 8.0;
@@ -22,11 +23,9 @@ pub struct Plant {
     scenario: Scenario,
     slots: u64,
     sampled_slots: u64,
-    mounting: Mounting,
-    earth_rad_s: Vector3<f64>,
     base: BaseMotion,
     pub drive: Drive,
-    pose: Pose,
+    tracker: PoseTracker,
     errors: GyroErrors,
     output: GyroOutput,
     line: Line,
@@ -35,43 +34,19 @@ pub struct Plant {
     pub flash: FlashMemory,
 }
 
-/// Where the gyro was at the end of the last sample interval.
-#[derive(Debug, Clone)]
-struct Pose {
-    angles: BaseAngles,
-    attitude: UnitQuaternion<f64>,
-    index_deg: f64,
-    case: UnitQuaternion<f64>,
-    axis: Vector3<f64>,
-}
-
-impl Pose {
-    fn new(angles: BaseAngles, index_deg: f64, mounting: &Mounting) -> Self {
-        let attitude = angles.attitude();
-        let case = mounting.case(&attitude, index_deg.to_radians());
-        Self { angles, attitude, index_deg, case, axis: mounting.axis(&case) }
-    }
-}
-
 impl Plant {
     pub fn new(scenario: &Scenario, seed: u64) -> Self {
         let gyro = &scenario.gyro;
-        let mounting = Mounting::new(
-            gyro.spindle_tilt_arcsec.map(|arcsec| arcsec / ARCSEC_PER_RAD),
-            gyro.axis_elevation_arcsec / ARCSEC_PER_RAD,
-        );
         let base = BaseMotion::new(&scenario.base, scenario.site.azimuth_deg, seed);
         let drive = Drive::new(&scenario.motor);
-        let pose = Pose::new(base.angles(), drive.index_deg(), &mounting);
+        let tracker = PoseTracker::new(scenario.site.latitude_deg, gyro, base.angles(), drive.index_deg());
         Self {
             scenario: scenario.clone(),
             slots: 0,
             sampled_slots: 0,
-            earth_rad_s: geometry::earth_rate_rad_s(scenario.site.latitude_deg),
-            mounting,
             base,
             drive,
-            pose,
+            tracker,
             errors: GyroErrors::new(gyro, &scenario.site, seed),
             output: GyroOutput::new(gyro),
             line: Line::new(&scenario.link, seed),
@@ -100,16 +75,17 @@ impl Plant {
         self.sampled_slots = self.slots;
         let t_s = self.t_s();
         self.base.advance_to(t_s);
-        let (turned_rad, index_change_rad) = self.move_to(self.base_angles(), dt_s);
+        let turn = self.tracker.move_to(self.base_angles(), self.drive.index_deg(), dt_s);
+        let pose = self.tracker.pose();
         let increment_arcsec = self.errors.measure(&Surroundings {
             t_s,
             dt_s,
-            turned_arcsec: turned_rad * ARCSEC_PER_RAD,
-            index_rad: self.pose.index_deg.to_radians(),
-            index_change_rad,
-            axis: self.pose.axis,
+            turned_arcsec: turn.turned_arcsec,
+            index_rad: pose.index_deg.to_radians(),
+            index_change_rad: turn.index_change_rad,
+            axis: pose.axis,
             vibration_g: self.scenario.base.vibration_g,
-            supply_v: supply_v(&self.scenario.supply, t_s),
+            supply_v: self.scenario.supply.volts_at(t_s),
         });
         let format = self.scenario.gyro.format;
         let line = &mut self.line;
@@ -130,33 +106,19 @@ impl Plant {
         }
     }
 
-    /// Inertial angle about the sensitive axis and change of index between the last pose and the present one, rad.
-    fn move_to(&mut self, angles: BaseAngles, dt_s: f64) -> (f64, f64) {
-        let index_deg = self.drive.index_deg();
-        if angles == self.pose.angles && index_deg == self.pose.index_deg {
-            return (self.earth_rad_s.dot(&self.pose.axis) * dt_s, 0.0);
-        }
-        let next = Pose::new(angles, index_deg, &self.mounting);
-        let mean_axis = (self.pose.axis + next.axis) / 2.0;
-        let turned_rad =
-            self.mounting.turned_rad(&self.pose.case, &next.case) + self.earth_rad_s.dot(&mean_axis) * dt_s;
-        let index_change_rad = (index_deg - self.pose.index_deg).to_radians();
-        self.pose = next;
-        (turned_rad, index_change_rad)
-    }
-
     pub fn truth(&self) -> Truth {
-        let mark = self.pose.attitude * Vector3::x();
+        let pose = self.tracker.pose();
+        let mark = pose.attitude * Vector3::x();
         let t_s = self.t_s();
         Truth {
             t_s,
             azimuth_deg: mark.x.atan2(mark.y).to_degrees().rem_euclid(360.0),
             index_deg: self.drive.index_deg(),
-            pitch_deg: self.pose.angles.pitch_rad.to_degrees(),
-            roll_deg: self.pose.angles.roll_rad.to_degrees(),
+            pitch_deg: pose.angles.pitch_rad.to_degrees(),
+            roll_deg: pose.angles.roll_rad.to_degrees(),
             bias_deg_h: self.errors.bias_deg_h(),
             temp_c: self.errors.temp_c(),
-            supply_v: supply_v(&self.scenario.supply, t_s),
+            supply_v: self.scenario.supply.volts_at(t_s),
             vibration_g: self.scenario.base.vibration_g,
             lost_steps: self.drive.lost_steps(),
         }
@@ -165,7 +127,7 @@ impl Plant {
     pub fn exchange_accelerometer(&mut self, mosi: &[u8]) -> Vec<u8> {
         let felt = Felt {
             t_s: self.t_s(),
-            force_g: geometry::specific_force_g(&self.pose.attitude),
+            force_g: geometry::specific_force_g(&self.tracker.pose().attitude),
             vibration_g: self.scenario.base.vibration_g,
             temp_c: self.errors.temp_c(),
         };
@@ -184,9 +146,4 @@ impl Plant {
     pub fn has_received(&self) -> bool {
         self.line.is_ready(self.t_s())
     }
-}
-
-fn supply_v(supply: &Supply, t_s: f64) -> f64 {
-    let step_v = if t_s >= supply.step_at_s { supply.step_v } else { 0.0 };
-    supply.volts + supply.volts_h * t_s / 3600.0 + step_v
 }

@@ -82,6 +82,9 @@ part! {
         damping: f64 = 0.08, 0.0..=2.0;
         /// Dry friction, as the acceleration that it takes away, °/s².
         friction_deg_s2: f64 = 0.0, 0.0..=100000.0;
+        /// Kick that the rotor gets, in its direction of travel, when the driver goes over to holding current 50 ms after
+        /// the last step, °/s.
+        kick_deg_s: f64 = 0.0, 0.0..=1000.0;
         /// Play between drive and gyro, degrees: the gyro follows when the play is used up.
         backlash_deg: f64 = 0.0, 0.0..=10.0;
         /// One of this many microsteps is lost; 0: none.

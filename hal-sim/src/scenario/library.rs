@@ -10,7 +10,47 @@ macro_rules! built_in {
     };
 }
 
-built_in!["calm-bench",];
+built_in![
+    "calm-bench",
+    "windy-tripod",
+    "knocks-during-dwell",
+    "disturbed-start",
+    "always-disturbed",
+    "jittery-drive",
+    "endless-jitter",
+    "creep",
+    "warm-up",
+    "lossy-link",
+    "noisy-link",
+    "stalled-motor",
+    "wrong-angle",
+    "slipping-encoder",
+    "hard-stop",
+    "backlash",
+    "magnet-in-base",
+    "unshielded-coil",
+    "dead-zone",
+    "southern-site",
+    "near-pole",
+    "not-level",
+    "levelled-late",
+    "slow-start",
+    "gyro-silent",
+    "gyro-invalid",
+    "gyro-saturated",
+    "gyro-stuck",
+    "gyro-clock",
+    "stuck-encoder",
+    "stuck-accelerometer",
+    "broken-bus",
+    "drift",
+    "after-move",
+    "air-conditioning",
+    "tired-battery",
+    "intermittent",
+    "kvh-gyro",
+    "vehicle",
+];
 
 /// Descriptions, in the order of [`FILES`].
 static DESCRIPTIONS: LazyLock<Vec<String>> = LazyLock::new(|| {

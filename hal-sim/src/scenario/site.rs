@@ -168,3 +168,11 @@ part! {
         step_at_s: f64 = 0.0, 0.0..=1e6;
     }
 }
+
+impl Supply {
+    /// Voltage at a time, V.
+    pub fn volts_at(&self, t_s: f64) -> f64 {
+        let step_v = if t_s >= self.step_at_s { self.step_v } else { 0.0 };
+        self.volts + self.volts_h * t_s / 3600.0 + step_v
+    }
+}
