@@ -179,8 +179,6 @@ mod tests {
         (bytes.iter().filter_map(|&byte| reader.push(byte)).collect(), reader)
     }
 
-    extern crate std;
-
     #[test]
     fn kvh_vectors() {
         let (frames, reader) = read(GyroFormat::KvhA, GOOD.as_flattened());

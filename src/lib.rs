@@ -19,12 +19,18 @@
     )
 )]
 
+#[cfg(test)]
+extern crate std;
+
+pub mod azimuth;
+pub mod drivers;
 pub mod earth;
 pub mod event;
 pub mod frame;
 pub mod gates;
 pub mod health;
 pub mod level;
+pub mod link;
 pub mod model;
 pub mod pipeline;
 pub mod sample;

@@ -64,6 +64,8 @@ pub struct GyroSettings {
 pub struct LevelSettings {
     /// Pitch and roll must both be inside ± this, degrees.
     pub limit_deg: f64,
+    /// One sigma of the accelerometers' level error, degrees; enters the azimuth's sigma by tan φ.
+    pub sigma_deg: f64,
     /// For this many seconds in a row.
     pub seconds: u16,
     /// Longest wait, seconds.
@@ -142,7 +144,7 @@ impl Default for GyroSettings {
 
 impl Default for LevelSettings {
     fn default() -> Self {
-        Self { limit_deg: 0.5, seconds: 2, timeout_s: 120.0 }
+        Self { limit_deg: 0.5, sigma_deg: 0.01, seconds: 2, timeout_s: 120.0 }
     }
 }
 
@@ -191,6 +193,7 @@ impl Settings {
         within("gyro.range_deg_h", gyro.range_deg_h, 100.0, 1e7, "100 to 10000000")?;
         within("gyro.repairable_frames", gyro.repairable_frames.into(), 0.0, 40.0, "0 to 40")?;
         within("level.limit_deg", self.level.limit_deg, 0.001, 10.0, "0.001 to 10")?;
+        within("level.sigma_deg", self.level.sigma_deg, 0.0, 10.0, "0 to 10")?;
         within("level.seconds", self.level.seconds.into(), 1.0, 60.0, "1 to 60")?;
         within("level.timeout_s", self.level.timeout_s, 1.0, 36_000.0, "1 to 36000")?;
         within("disturbance.seconds", self.disturbance.seconds.into(), 1.0, 600.0, "1 to 600")?;

@@ -1,0 +1,389 @@
+//! Rates at index angles to azimuth, sigma and closure.
+//!
+//! A gyro whose sensitive axis is at index θ on an instrument with azimuth ψ, pitch p and roll r reads
+//!
+//! ω = h·(C cos ψ + S sin ψ) + Ω sin φ · (upward component of the axis) + bias + drift · t,
+//!
+//! with h = Ω cos φ, C = cos θ cos p − sin θ sin r sin p and S = sin θ cos r: linear in h cos ψ, h sin ψ, bias and drift.
+//! (Level, this is ω = h cos(ψ − θ) + bias.) The solution is weighted least squares with the amplitude free; for four
+//! positions of equal length it is ψ = atan2(ω90 − ω270, ω0 − ω180).
+//!
+//! Sigma comes from the scatter of the data, never below what the declared noise allows, and grows where the stays do
+//! not fit together; the declared bias instability, encoder and level errors are added.
+
+pub mod base_motion;
+pub mod dwell;
+mod statistics;
+
+use nalgebra::{Matrix4, Vector4};
+
+use crate::earth::EarthRate;
+use crate::health::{Flag, Flags};
+use crate::level::{Specific, Tilt};
+use crate::settings::Settings;
+use crate::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_360_deg};
+use base_motion::{BaseMotion, Method};
+use dwell::DwellSummary;
+use statistics::excess_sigmas;
+
+/// A chi-square this many standard deviations above its mean is a misfit.
+const MISFIT_SIGMAS: f64 = 3.0;
+/// From this many on, sigma grows with the misfit. Lower than the flag's, so that a sigma is rather too large.
+const INFLATION_SIGMAS: f64 = 2.0;
+/// A drift further from nothing than this many of its declared sigmas is estimated freely.
+const DRIFT_SIGMAS: f64 = 3.0;
+/// Relative amplitude error that is not held against a fix: scale factor and latitude of an honest instrument.
+const AMPLITUDE_TOLERANCE: f64 = 0.01;
+/// Scatter above this multiple of the declared noise is flagged.
+const NOISY_RATIO: f64 = 3.0;
+/// A drift that is declared as none is still allowed this much, °/h per hour, to keep the equations regular.
+const LEAST_DRIFT: f64 = 1e-6;
+
+/// The azimuth of a set of stays.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Solution {
+    /// Azimuth of the index-zero mark, degrees clockwise from true north, in [0°, 360°).
+    pub azimuth_deg: f64,
+    /// Its standard deviation, degrees.
+    pub sigma_deg: f64,
+    /// (ω0 + ω180 − ω90 − ω270)/4, generally the cos 2θ coefficient, °/h; `None` where the angles cannot show it.
+    pub closure_deg_h: Option<f64>,
+    /// Bias beyond the error model, °/h, at the first stay's beginning.
+    pub bias_deg_h: f64,
+    /// Horizontal rate, °/h.
+    pub amplitude_deg_h: f64,
+    /// Linear drift, °/h per hour.
+    pub drift_deg_h_per_h: f64,
+    /// Mean tilt, if it was measured.
+    pub tilt: Option<Tilt>,
+    /// Measuring time, seconds.
+    pub seconds: f64,
+    pub flags: Flags,
+}
+
+/// Why there is no azimuth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unsolvable {
+    /// Fewer than three different directions.
+    TooFewDirections,
+    /// The horizontal rate is not significant against its own uncertainty.
+    NoSignal,
+}
+
+impl core::fmt::Display for Unsolvable {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::TooFewDirections => "the gyro was at rest in fewer than three different directions",
+            Self::NoSignal => "the horizontal rate does not stand out of its noise",
+        })
+    }
+}
+
+/// One weighted observation: variance is s²/weight with s² the variance of a one-second rate.
+struct Observation {
+    weight: f64,
+    /// Factors of h cos ψ, h sin ψ, bias, drift (per hour).
+    row: Vector4<f64>,
+    /// Cosine of twice the index angle, for the closure.
+    cos_2theta: f64,
+    rate_deg_h: f64,
+}
+
+/// The stays of a fix with what belongs to all of them.
+struct Problem<'a> {
+    dwells: &'a [DwellSummary],
+    earth: EarthRate,
+    motion: BaseMotion,
+    start_s: f64,
+}
+
+impl Problem<'_> {
+    /// Mean and slope of every stay, the Earth's vertical rate and the base's turning taken out.
+    fn observations(&self) -> impl Iterator<Item = Observation> + '_ {
+        self.dwells.iter().flat_map(|dwell| {
+            let level = specific(dwell).unwrap_or(Specific { forward: 0.0, left: 0.0 });
+            let up = dwell.cos * level.forward + dwell.sin * level.left;
+            let (c, s) = horizontal(dwell, &level);
+            let rate_deg_h = dwell.rate.mean - self.earth.up_deg_h * up - self.base_rate_deg_h(dwell);
+            let hours = (dwell.t_s - self.start_s) / 3600.0;
+            [
+                Observation {
+                    weight: dwell.seconds,
+                    row: Vector4::new(c, s, 1.0, hours),
+                    cos_2theta: dwell.cos * dwell.cos - dwell.sin * dwell.sin,
+                    rate_deg_h,
+                },
+                Observation {
+                    weight: dwell.time_spread / (3600.0 * 3600.0),
+                    row: Vector4::new(0.0, 0.0, 0.0, 1.0),
+                    cos_2theta: 0.0,
+                    rate_deg_h: dwell.rate.slope_per_s * 3600.0,
+                },
+            ]
+        })
+    }
+
+    /// What the base's turning adds to the gyro's rate at a stay, °/h: cos θ · dr/dt − sin θ · dp/dt.
+    fn base_rate_deg_h(&self, dwell: &DwellSummary) -> f64 {
+        let [pitch_deg_h, roll_deg_h] = match &self.motion {
+            BaseMotion::Unknown | BaseMotion::Still => return 0.0,
+            BaseMotion::Moving(Method::Slopes { .. }) => base_motion::slopes_deg_h(dwell),
+            BaseMotion::Moving(Method::Path(path)) => {
+                let rates = path.rates(dwell);
+                path.coefficients().map(|coefficients| rates.dot(&coefficients))
+            }
+        };
+        dwell.cos * roll_deg_h - dwell.sin * pitch_deg_h
+    }
+}
+
+/// A least-squares estimate of h cos ψ, h sin ψ, bias and drift.
+struct Estimate {
+    parameters: Vector4<f64>,
+    /// Inverse of the normal matrix; times the variance of a one-second rate, the covariance.
+    inverse: Matrix4<f64>,
+    /// Weighted sum of squares that is left.
+    left: f64,
+    /// Observations of some weight.
+    count: usize,
+}
+
+impl Estimate {
+    /// With `drift_weight` = s²/σ² of the declared drift about zero; 0 estimates the drift freely.
+    fn new(problem: &Problem<'_>, drift_weight: f64) -> Option<Self> {
+        let mut normal = Matrix4::zeros();
+        let mut right = Vector4::zeros();
+        for Observation { weight, row, rate_deg_h, .. } in problem.observations() {
+            normal += weight * row * row.transpose();
+            right += weight * rate_deg_h * row;
+        }
+        normal.m44 += drift_weight;
+        let inverse = regular_inverse(&normal)?;
+        let parameters = inverse * right;
+        let (mut left, mut count) = (drift_weight * parameters.w * parameters.w, 0);
+        for Observation { weight, row, rate_deg_h, .. } in problem.observations() {
+            let residual = rate_deg_h - row.dot(&parameters);
+            left += weight * residual * residual;
+            count += usize::from(weight > 0.0);
+        }
+        Some(Self { parameters, inverse, left, count })
+    }
+
+    /// Direction derivative of the azimuth: dψ/d(h cos ψ, h sin ψ, …), rad per °/h.
+    fn gradient(&self) -> Vector4<f64> {
+        let &[x, y, _, _] = self.parameters.as_ref();
+        let squared = x * x + y * y;
+        Vector4::new(-y / squared, x / squared, 0.0, 0.0)
+    }
+}
+
+/// Inverse by Cholesky of the matrix scaled to a unit diagonal; `None` where a direction is not determined.
+fn regular_inverse(normal: &Matrix4<f64>) -> Option<Matrix4<f64>> {
+    let scale = normal.diagonal().map(|entry| 1.0 / libm::sqrt(entry));
+    if !scale.iter().all(|entry| entry.is_finite()) {
+        return None;
+    }
+    let scale = Matrix4::from_diagonal(&scale);
+    let factor = (scale * normal * scale).cholesky()?;
+    // The pivots of a unit-diagonal matrix are the shares of each unknown that the others do not explain.
+    if factor.l_dirty().diagonal().iter().any(|pivot| pivot * pivot < 1e-6) {
+        return None;
+    }
+    Some(scale * factor.inverse() * scale)
+}
+
+/// Solves for the azimuth. `dwells` in the order of time; `settings` give latitude, declared noise and drift, encoder
+/// and level sigma.
+pub fn solve(dwells: &[DwellSummary], earth: EarthRate, settings: &Settings) -> Result<Solution, Unsolvable> {
+    let start_s = dwells.first().ok_or(Unsolvable::TooFewDirections)?.start_s;
+    let problem = Problem { dwells, earth, motion: base_motion::detect(dwells), start_s };
+    let mut flags = Flags::default();
+
+    let declared = 60.0 * settings.gyro.arw_deg_per_sqrt_h;
+    let observed = variance(&problem).ok_or(Unsolvable::TooFewDirections)?;
+    let variance = observed.max(declared * declared).max(f64::MIN_POSITIVE);
+    if observed > NOISY_RATIO * NOISY_RATIO * declared * declared && declared > 0.0 {
+        flags.insert(Flag::Noisy);
+    }
+
+    let drift_sigma = settings.gyro.drift_deg_h_per_h.max(LEAST_DRIFT);
+    let (estimate, drift_free) = estimate(&problem, variance, drift_sigma)?;
+    if drift_free {
+        flags.insert(Flag::Drift);
+    }
+
+    let determined = if drift_free { 4 } else { 3 };
+    let inflation = match estimate.count.checked_sub(determined) {
+        None | Some(0) => {
+            flags.insert(Flag::NoRedundancy);
+            1.0
+        }
+        Some(freedom) => {
+            let excess = excess_sigmas(estimate.left / variance, freedom as f64);
+            if excess > MISFIT_SIGMAS {
+                flags.insert(Flag::Misfit);
+            }
+            if excess > INFLATION_SIGMAS { estimate.left / variance / freedom as f64 } else { 1.0 }
+        }
+    };
+
+    let &[cos_part, sin_part, bias_deg_h, drift_deg_h_per_h] = estimate.parameters.as_ref();
+    let amplitude_deg_h = libm::hypot(cos_part, sin_part);
+    let covariance = estimate.inverse * (variance * inflation) + correlated_covariance(&problem, &estimate, settings);
+    let along = Vector4::new(cos_part, sin_part, 0.0, 0.0) / amplitude_deg_h;
+    let amplitude_sigma = libm::sqrt(along.dot(&(covariance * along)));
+    if !(amplitude_deg_h > 5.0 * amplitude_sigma) {
+        return Err(Unsolvable::NoSignal);
+    }
+    if (amplitude_deg_h - earth.north_deg_h).abs() > 4.0 * amplitude_sigma + AMPLITUDE_TOLERANCE * earth.north_deg_h {
+        flags.insert(Flag::Amplitude);
+    }
+    if matches!(problem.motion, BaseMotion::Moving(_)) {
+        flags.insert(Flag::BaseMotion);
+    }
+    if dwells.iter().any(|dwell| dwell.knocked > 0) {
+        flags.insert(Flag::Knocked);
+    }
+    let tilt = mean_tilt(dwells);
+    if tilt.is_none() {
+        flags.insert(Flag::TiltUnknown);
+    }
+
+    let gradient = estimate.gradient();
+    let of_rates_deg = libm::sqrt(gradient.dot(&(covariance * gradient))) * DEG_PER_RAD;
+    // The azimuth error is the weighted mean of the index errors; over the positions of a fix the root sum of squares of
+    // the weights lies between 1/2 and 1/√2. A level error τ about the north line turns the azimuth by τ tan φ.
+    let of_index_deg = settings.index.sigma_deg * core::f64::consts::FRAC_1_SQRT_2;
+    let of_level_deg = settings.level.sigma_deg * earth.up_deg_h / earth.north_deg_h;
+    Ok(Solution {
+        azimuth_deg: wrap_360_deg(libm::atan2(sin_part, cos_part) * DEG_PER_RAD),
+        sigma_deg: libm::sqrt(
+            of_rates_deg * of_rates_deg + of_index_deg * of_index_deg + of_level_deg * of_level_deg,
+        ),
+        closure_deg_h: closure(&problem),
+        bias_deg_h,
+        amplitude_deg_h,
+        drift_deg_h_per_h,
+        tilt,
+        seconds: dwells.iter().map(|dwell| dwell.seconds).sum(),
+        flags,
+    })
+}
+
+/// With the drift held to its declaration if the data allow it, else free; whether it is free.
+fn estimate(problem: &Problem<'_>, variance: f64, drift_sigma: f64) -> Result<(Estimate, bool), Unsolvable> {
+    let declared = Estimate::new(problem, variance / (drift_sigma * drift_sigma)).ok_or(Unsolvable::TooFewDirections)?;
+    if let Some(free) = Estimate::new(problem, 0.0) {
+        let spread = drift_sigma * drift_sigma + variance * free.inverse.m44;
+        if free.parameters.w * free.parameters.w > DRIFT_SIGMAS * DRIFT_SIGMAS * spread {
+            return Ok((free, true));
+        }
+    }
+    Ok((declared, false))
+}
+
+/// Variance of a one-second rate, (°/h)²: from the scatter inside the stays, or where there are too few rows in each
+/// (a continuous rotation) from the differences of successive residuals.
+fn variance(problem: &Problem<'_>) -> Option<f64> {
+    let freedom: f64 = problem.dwells.iter().map(|dwell| f64::from(dwell.freedom)).sum();
+    if freedom >= 4.0 {
+        return Some(problem.dwells.iter().map(|dwell| dwell.rate.scatter).sum::<f64>() / freedom);
+    }
+    let parameters = Estimate::new(problem, LEAST_DRIFT).map(|estimate| estimate.parameters)?;
+    let residuals = problem.observations().filter(|observation| observation.row.z != 0.0 && observation.weight > 0.0).map(
+        |Observation { weight, row, rate_deg_h, .. }| (rate_deg_h - row.dot(&parameters), 1.0 / weight),
+    );
+    let (mut last, mut sum, mut pairs) = (None, 0.0, 0.0);
+    for (residual, share) in residuals {
+        if let Some((before, share_before)) = last.replace((residual, share)) {
+            let difference: f64 = residual - before;
+            sum += difference * difference / (share + share_before);
+            pairs += 1.0;
+        }
+    }
+    (pairs > 0.0).then(|| sum / pairs)
+}
+
+/// Covariance of the parameters from errors that do not average out inside a stay: the declared bias instability, and
+/// the noise of the base motion that was taken out.
+fn correlated_covariance(problem: &Problem<'_>, estimate: &Estimate, settings: &Settings) -> Matrix4<f64> {
+    let instability = settings.gyro.bias_instability_deg_h;
+    let mut shared = Matrix4::zeros();
+    let mut by_coefficient = [nalgebra::SMatrix::<f64, 4, 5>::zeros(); 2];
+    for (dwell, observation) in problem.dwells.iter().zip(problem.observations().step_by(2)) {
+        let lever = observation.weight * observation.row;
+        let mut of_stay = instability * instability;
+        match &problem.motion {
+            BaseMotion::Unknown | BaseMotion::Still => {}
+            BaseMotion::Moving(Method::Slopes { variance: [pitch, roll] }) if dwell.time_spread > 0.0 => {
+                of_stay += (dwell.sin * dwell.sin * pitch + dwell.cos * dwell.cos * roll) / dwell.time_spread;
+            }
+            BaseMotion::Moving(Method::Slopes { .. }) => {}
+            BaseMotion::Moving(Method::Path(path)) => {
+                let rates = path.rates(dwell);
+                let [pitch, roll] = &mut by_coefficient;
+                *pitch -= dwell.sin * lever * rates.transpose();
+                *roll += dwell.cos * lever * rates.transpose();
+            }
+        }
+        shared += of_stay * lever * lever.transpose();
+    }
+    if let BaseMotion::Moving(Method::Path(path)) = &problem.motion {
+        for (by_coefficient, covariance) in by_coefficient.iter().zip(path.covariance()) {
+            shared += by_coefficient * covariance * by_coefficient.transpose();
+        }
+    }
+    estimate.inverse * shared * estimate.inverse
+}
+
+/// The cos 2θ coefficient beside amplitude and bias, without a drift (which it shows).
+fn closure(problem: &Problem<'_>) -> Option<f64> {
+    let mut normal = Matrix4::zeros();
+    let mut right = Vector4::zeros();
+    for Observation { weight, row, cos_2theta, rate_deg_h } in problem.observations().step_by(2) {
+        let row = Vector4::new(row.x, row.y, row.z, cos_2theta);
+        normal += weight * row * row.transpose();
+        right += weight * rate_deg_h * row;
+    }
+    Some((regular_inverse(&normal)? * right).w)
+}
+
+/// Upward components of the instrument's axes during a stay.
+fn specific(dwell: &DwellSummary) -> Option<Specific> {
+    dwell.level.map(|[forward, left]| Specific { forward: forward.mean, left: left.mean })
+}
+
+fn mean_tilt(dwells: &[DwellSummary]) -> Option<Tilt> {
+    let (mut forward, mut left, mut seconds) = (0.0, 0.0, 0.0);
+    for dwell in dwells {
+        let level = specific(dwell)?;
+        forward += level.forward * dwell.seconds;
+        left += level.left * dwell.seconds;
+        seconds += dwell.seconds;
+    }
+    Specific::new(forward / seconds, left / seconds).map(|level| level.tilt())
+}
+
+/// North components of the sensitive axis for azimuth 0° (C) and 90° (S) of the mark.
+fn horizontal(dwell: &DwellSummary, level: &Specific) -> (f64, f64) {
+    let cos_pitch = libm::sqrt(1.0 - level.forward * level.forward);
+    let sin_roll = level.left / cos_pitch;
+    let cos_roll = libm::sqrt(1.0 - sin_roll * sin_roll);
+    (dwell.cos * cos_pitch - dwell.sin * sin_roll * level.forward, dwell.sin * cos_roll)
+}
+
+/// Index angle, degrees in [0°, 360°), at which the sensitive axis of an instrument with `azimuth_deg` points east.
+pub fn east_index_deg(azimuth_deg: f64) -> f64 {
+    wrap_360_deg(azimuth_deg - 90.0)
+}
+
+/// The same for west.
+pub fn west_index_deg(azimuth_deg: f64) -> f64 {
+    wrap_360_deg(azimuth_deg + 90.0)
+}
+
+/// Standard deviation in degrees that white noise alone allows: 60√2 · N / (h √T), the bound for any equally spaced
+/// positions or a continuous rotation. `arw` in °/√h, `north_deg_h` = Ω cos φ, `seconds` the whole measuring time.
+pub fn white_noise_bound_deg(arw_deg_per_sqrt_h: f64, north_deg_h: f64, seconds: f64) -> f64 {
+    60.0 * core::f64::consts::SQRT_2 * arw_deg_per_sqrt_h / (north_deg_h * libm::sqrt(seconds)) / RAD_PER_DEG
+}
