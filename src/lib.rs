@@ -37,3 +37,4 @@ pub mod sample;
 pub mod sequence;
 pub mod settings;
 pub mod units;
+pub mod watch;

@@ -111,6 +111,7 @@ fn signed_20_bit([high, middle, low]: [u8; 3]) -> i32 {
 mod tests {
     use super::super::mock::{Exchange, MockSpi};
     use super::*;
+    extern crate std;
     use std::vec;
 
     #[test]

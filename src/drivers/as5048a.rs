@@ -98,6 +98,7 @@ fn even_parity(frame: u16) -> u16 {
 mod tests {
     use super::super::mock::{Exchange, MockSpi};
     use super::*;
+    extern crate std;
     use std::vec;
 
     fn frame(mosi: u16, miso: u16) -> Exchange {

@@ -63,6 +63,7 @@ impl<A: SpiDevice, E: SpiDevice> Sensors<A, E> {
 mod tests {
     use super::super::mock::{Exchange, MockSpi};
     use super::*;
+    extern crate std;
     use std::{vec, vec::Vec};
 
     fn encoder() -> MockSpi {

@@ -8,7 +8,7 @@
 use core::convert::Infallible;
 
 use embedded_hal::digital::OutputPin;
-use micromath::F32Ext;
+use micromath::F32;
 
 use crate::pipeline::MotorCommand;
 use crate::settings::IndexSettings;
@@ -60,7 +60,8 @@ impl Ramp {
 
     /// The speed from which braking ends after this many steps.
     fn speed_before(self, steps: i32) -> f32 {
-        (2.0 * BRAKING * self.acceleration * steps.max(0) as f32).sqrt()
+        // micromath's root of 0 is not 0.
+        if steps > 0 { F32(2.0 * BRAKING * self.acceleration * steps as f32).sqrt().0 } else { 0.0 }
     }
 
     /// The steps that braking from this speed takes, rounded up.
@@ -105,12 +106,8 @@ where
 
     /// Brakes as fast as the ramp allows and stays there.
     pub fn stop(&mut self) {
-        if self.speed > 0.0 {
-            let ahead = self.ahead().clamp(0, self.ramp.steps_to_stop(self.speed));
-            self.to_go = if self.counter_clockwise { ahead } else { -ahead };
-        } else {
-            self.to_go = 0;
-        }
+        let way = if self.speed > 0.0 { self.ramp.steps_to_stop(self.speed) } else { 0 };
+        self.to_go = if self.counter_clockwise { way } else { -way };
     }
 
     /// Whether slots are needed.
@@ -145,6 +142,7 @@ where
     }
 
     fn face(&mut self, counter_clockwise: bool) {
+        self.phase = 0.0;
         self.counter_clockwise = counter_clockwise;
         let Ok(()) = if counter_clockwise { self.direction.set_high() } else { self.direction.set_low() };
     }
@@ -155,8 +153,163 @@ where
         // On the target, and slow enough to stop within a step.
         if self.to_go == 0 && self.speed * self.speed <= 2.0 * self.ramp.acceleration {
             self.speed = 0.0;
-            self.phase = 0.0;
         }
         let Ok(()) = self.step.set_low();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use super::*;
+    use core::cell::Cell;
+    use embedded_hal::digital::ErrorType;
+
+    /// What the pins did.
+    #[derive(Default)]
+    struct Plant {
+        position: Cell<i32>,
+        counter_clockwise: Cell<bool>,
+        enabled: Cell<bool>,
+        steps: Cell<u32>,
+    }
+
+    #[derive(Clone, Copy)]
+    enum Pin<'a> {
+        Step(&'a Plant),
+        Direction(&'a Plant),
+        Enable(&'a Plant),
+    }
+
+    impl ErrorType for Pin<'_> {
+        type Error = Infallible;
+    }
+
+    impl OutputPin for Pin<'_> {
+        fn set_low(&mut self) -> Result<(), Infallible> {
+            match self {
+                Self::Step(_) => {}
+                Self::Direction(plant) => plant.counter_clockwise.set(false),
+                Self::Enable(plant) => plant.enabled.set(false),
+            }
+            Ok(())
+        }
+
+        fn set_high(&mut self) -> Result<(), Infallible> {
+            match self {
+                Self::Step(plant) => {
+                    assert!(plant.enabled.get());
+                    plant.position.update(|at| if plant.counter_clockwise.get() { at + 1 } else { at - 1 });
+                    plant.steps.update(|steps| steps + 1);
+                }
+                Self::Direction(plant) => plant.counter_clockwise.set(true),
+                Self::Enable(plant) => plant.enabled.set(true),
+            }
+            Ok(())
+        }
+    }
+
+    type Motor<'a> = StepMotor<Pin<'a>, Pin<'a>, Pin<'a>>;
+
+    fn motor(plant: &Plant) -> Motor<'_> {
+        // 30 °/s and 60 °/s²: 0.9375 steps/slot and 6000 steps/s² = 5.86e-4 steps/slot².
+        let settings = IndexSettings { speed_deg_s: 30.0, acceleration_deg_s2: 60.0, ..IndexSettings::default() };
+        StepMotor::new(Pin::Step(plant), Pin::Direction(plant), Pin::Enable(plant), &settings)
+    }
+
+    /// Runs until the motor rests; gives the number of slots. Checks in every slot what always holds.
+    fn run(motor: &mut Motor, plant: &Plant) -> u32 {
+        let mut slots = 0;
+        while motor.is_turning() {
+            let (speed, steps) = (motor.speed, plant.steps.get());
+            motor.slot();
+            assert!(plant.steps.get() <= steps + 1, "more than one step in a slot");
+            assert!(motor.speed <= 0.9375);
+            let stopped = motor.speed == 0.0 && speed * speed <= 2.0 * 5.9e-4;
+            assert!(stopped || (motor.speed - speed).abs() <= 5.9e-4, "{speed} to {}", motor.speed);
+            slots += 1;
+            assert!(slots < 1_000_000, "never stops");
+        }
+        slots
+    }
+
+    #[test]
+    fn turns_exactly_and_back() {
+        let plant = Plant::default();
+        let mut motor = motor(&plant);
+        for microsteps in [9000, 1, -1, 2, -9002, 36_000, -7, 100] {
+            let target = plant.position.get() + microsteps;
+            motor.turn(microsteps);
+            assert!(motor.is_turning());
+            run(&mut motor, &plant);
+            assert_eq!(plant.position.get(), target);
+        }
+    }
+
+    #[test]
+    fn counter_clockwise_is_positive_and_high() {
+        let plant = Plant::default();
+        let mut motor = motor(&plant);
+        motor.turn(5);
+        run(&mut motor, &plant);
+        assert_eq!((plant.position.get(), plant.counter_clockwise.get()), (5, true));
+    }
+
+    #[test]
+    fn a_quarter_turn_takes_its_time() {
+        let plant = Plant::default();
+        let mut motor = motor(&plant);
+        motor.turn(9000);
+        let seconds = f64::from(run(&mut motor, &plant)) / f64::from(SLOTS_HZ);
+        // By hand: 0.5 s up to 30 °/s over 7.5°; down in 0.5 to 1 s over 7.5 to 15°; the rest of 90° at 30 °/s.
+        assert!((3.45..3.8).contains(&seconds), "{seconds}");
+    }
+
+    #[test]
+    fn stops_within_the_braking_way_and_stays() {
+        let plant = Plant::default();
+        let mut motor = motor(&plant);
+        motor.turn(36_000);
+        for _ in 0..6400 {
+            motor.slot();
+        }
+        let at = plant.position.get();
+        motor.stop();
+        let slots = run(&mut motor, &plant);
+        // From 30 °/s at 40 °/s²: 11.25°, 0.75 s.
+        assert!((plant.position.get() - at - 1125).abs() <= 5, "{}", plant.position.get() - at);
+        assert!(slots < 3200);
+        motor.slot();
+        assert!(!motor.is_turning());
+    }
+
+    #[test]
+    fn a_turn_commanded_while_turning_ends_where_it_says() {
+        for microsteps in [-500, 50, 20_000] {
+            let plant = Plant::default();
+            let mut motor = motor(&plant);
+            motor.turn(9000);
+            for _ in 0..3000 {
+                motor.slot();
+            }
+            let target = plant.position.get() + microsteps;
+            motor.turn(microsteps);
+            run(&mut motor, &plant);
+            assert_eq!(plant.position.get(), target);
+        }
+    }
+
+    #[test]
+    fn extreme_turns_do_not_overflow() {
+        let plant = Plant::default();
+        let mut motor = motor(&plant);
+        for microsteps in [i32::MIN, i32::MAX] {
+            motor.turn(microsteps);
+            for _ in 0..10_000 {
+                motor.slot();
+            }
+            motor.stop();
+            run(&mut motor, &plant);
+        }
     }
 }

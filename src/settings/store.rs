@@ -1,13 +1,354 @@
-//! Settings in flash.
+//! Settings in flash, in two slots: a power cut while one is written leaves the other.
+//!
+//! Each half of the flash is a slot. A record in a slot, little-endian:
+//!
+//! | offset | bytes | content |
+//! |---|---|---|
+//! | 0 | 4 | magic, `NFST` |
+//! | 4 | 2 | version of the format |
+//! | 6 | 2 | length n of the settings |
+//! | 8 | 4 | sequence number, one more with every record |
+//! | 12 | n | the settings, in postcard's encoding |
+//! | 12 + n | 4 | CRC-32/ISO-HDLC of all before |
+//!
+//! The valid record with the later sequence number counts. [`save`] erases and writes the other slot.
+
+use crc::{CRC_32_ISO_HDLC, Crc, Table};
+use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 
 use super::Settings;
 
+const MAGIC: [u8; 4] = *b"NFST";
+/// Changes whenever the meaning of a record does: another version's record is as good as a corrupt one.
+const VERSION: u16 = 1;
+const HEADER: usize = 12;
+const CRC_LENGTH: usize = 4;
+/// Longest record; a multiple of every flash's word.
+const MAX_RECORD: usize = 1024;
+
+const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
+
 /// What the flash holds.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant)] // Without a heap there is no other place for settings.
 pub enum Loaded {
     /// Nothing was ever stored.
     Missing,
-    /// Something was stored, and its check fails.
+    /// Something was stored, and its check fails; or it is of another version.
     Corrupt,
     Valid(Settings),
+}
+
+/// Why settings could not be saved. `E` is the flash's error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SaveError<E> {
+    Flash(E),
+    /// The settings are longer than a record can be.
+    TooLong,
+    /// The flash does not hold what was written.
+    NotVerified,
+}
+
+/// What is in one slot.
+enum Slot {
+    Erased,
+    Corrupt,
+    Valid { sequence: u32, settings: Settings },
+}
+
+/// The settings that were saved last.
+pub fn load<F: ReadNorFlash>(flash: &mut F) -> Result<Loaded, F::Error> {
+    Ok(match (read_slot(flash, 0)?, read_slot(flash, 1)?) {
+        (Slot::Valid { sequence: first, settings }, Slot::Valid { sequence: second, .. }) if later(first, second) => {
+            Loaded::Valid(settings)
+        }
+        (_, Slot::Valid { settings, .. }) | (Slot::Valid { settings, .. }, _) => Loaded::Valid(settings),
+        (Slot::Erased, Slot::Erased) => Loaded::Missing,
+        _ => Loaded::Corrupt,
+    })
+}
+
+/// Saves settings over the older record. Until that is complete, [`load`] finds what it found before.
+pub fn save<F: NorFlash>(flash: &mut F, settings: &Settings) -> Result<(), SaveError<F::Error>> {
+    let first = sequence(flash, 0).map_err(SaveError::Flash)?;
+    let second = sequence(flash, 1).map_err(SaveError::Flash)?;
+    let (slot, sequence) = match (first, second) {
+        (Some(first), Some(second)) if later(first, second) => (1, first.wrapping_add(1)),
+        (Some(first), None) => (1, first.wrapping_add(1)),
+        (_, Some(second)) => (0, second.wrapping_add(1)),
+        (None, None) => (0, 0),
+    };
+
+    let mut record = [0xFF; MAX_RECORD];
+    let length = encode(settings, sequence, &mut record).ok_or(SaveError::TooLong)?;
+    let record = record.get(..length.next_multiple_of(F::WRITE_SIZE)).ok_or(SaveError::TooLong)?;
+    let start = slot_start(flash, slot);
+    flash.erase(start, slot_start(flash, slot + 1)).map_err(SaveError::Flash)?;
+    flash.write(start, record).map_err(SaveError::Flash)?;
+
+    match read_slot(flash, slot).map_err(SaveError::Flash)? {
+        Slot::Valid { settings: read, .. } if read == *settings => Ok(()),
+        _ => Err(SaveError::NotVerified),
+    }
+}
+
+/// Whether `first` comes after `second`, over the wrap of the numbers.
+fn later(first: u32, second: u32) -> bool {
+    first.wrapping_sub(second).cast_signed() > 0
+}
+
+fn slot_start(flash: &impl ReadNorFlash, slot: usize) -> u32 {
+    (flash.capacity() / 2 * slot) as u32
+}
+
+fn sequence<F: ReadNorFlash>(flash: &mut F, slot: usize) -> Result<Option<u32>, F::Error> {
+    Ok(match read_slot(flash, slot)? {
+        Slot::Valid { sequence, .. } => Some(sequence),
+        Slot::Erased | Slot::Corrupt => None,
+    })
+}
+
+fn read_slot<F: ReadNorFlash>(flash: &mut F, slot: usize) -> Result<Slot, F::Error> {
+    let mut record = [0; MAX_RECORD];
+    flash.read(slot_start(flash, slot), &mut record)?;
+    Ok(if record.iter().all(|&byte| byte == 0xFF) {
+        Slot::Erased
+    } else {
+        decode(&record).map_or(Slot::Corrupt, |(sequence, settings)| Slot::Valid { sequence, settings })
+    })
+}
+
+/// Writes a record and gives its length; `None` where the settings are too long.
+fn encode(settings: &Settings, sequence: u32, record: &mut [u8; MAX_RECORD]) -> Option<usize> {
+    let (header, rest) = record.split_first_chunk_mut::<HEADER>()?;
+    let length = postcard::to_slice(settings, rest).ok()?.len();
+    let [magic @ .., _, _, _, _, _, _, _, _] = header;
+    *magic = MAGIC;
+    let [_, _, _, _, v0, v1, l0, l1, number @ ..] = header;
+    [*v0, *v1] = VERSION.to_le_bytes();
+    [*l0, *l1] = u16::try_from(length).ok()?.to_le_bytes();
+    *number = sequence.to_le_bytes();
+    let (checked, rest) = record.split_at_mut_checked(HEADER + length)?;
+    *rest.first_chunk_mut::<CRC_LENGTH>()? = CRC.checksum(checked).to_le_bytes();
+    Some(HEADER + length + CRC_LENGTH)
+}
+
+/// Sequence number and settings of a record; `None` where any of its checks fails.
+fn decode(record: &[u8; MAX_RECORD]) -> Option<(u32, Settings)> {
+    let [m0, m1, m2, m3, v0, v1, l0, l1, number @ ..] = record.first_chunk::<HEADER>()?;
+    if [*m0, *m1, *m2, *m3] != MAGIC || u16::from_le_bytes([*v0, *v1]) != VERSION {
+        return None;
+    }
+    let end = HEADER + usize::from(u16::from_le_bytes([*l0, *l1]));
+    let (checked, rest) = record.split_at_checked(end)?;
+    if CRC.checksum(checked) != u32::from_le_bytes(*rest.first_chunk()?) {
+        return None;
+    }
+    match postcard::take_from_bytes(checked.get(HEADER..)?) {
+        Ok((settings, [])) => Some((u32::from_le_bytes(*number), settings)),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use std::vec::Vec;
+
+    use embedded_storage::nor_flash::{
+        ErrorType, NorFlashError, NorFlashErrorKind, check_erase, check_read, check_write,
+    };
+
+    use super::*;
+
+    /// Two sectors of 2048 bytes in words of `WORD` bytes that are written once after an erase; power can fail after
+    /// any number of bytes, in the middle of a word or of an erase.
+    #[derive(Clone)]
+    struct Flash<const WORD: usize> {
+        bytes: Vec<u8>,
+        written: Vec<bool>,
+        power_left: usize,
+    }
+
+    #[derive(Debug, PartialEq, Eq)]
+    enum Failure {
+        Arguments(NorFlashErrorKind),
+        WrittenTwice,
+        PowerLost,
+    }
+
+    impl NorFlashError for Failure {
+        fn kind(&self) -> NorFlashErrorKind {
+            NorFlashErrorKind::Other
+        }
+    }
+
+    impl<const WORD: usize> Flash<WORD> {
+        fn erased() -> Self {
+            Self { bytes: std::vec![0xFF; 4096], written: std::vec![false; 4096], power_left: usize::MAX }
+        }
+
+        fn spend(&mut self) -> Result<(), Failure> {
+            self.power_left = self.power_left.checked_sub(1).ok_or(Failure::PowerLost)?;
+            Ok(())
+        }
+    }
+
+    impl<const WORD: usize> ErrorType for Flash<WORD> {
+        type Error = Failure;
+    }
+
+    impl<const WORD: usize> ReadNorFlash for Flash<WORD> {
+        const READ_SIZE: usize = 1;
+
+        fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Failure> {
+            check_read(self, offset, bytes.len()).map_err(Failure::Arguments)?;
+            bytes.copy_from_slice(&self.bytes[offset as usize..][..bytes.len()]);
+            Ok(())
+        }
+
+        fn capacity(&self) -> usize {
+            self.bytes.len()
+        }
+    }
+
+    impl<const WORD: usize> NorFlash for Flash<WORD> {
+        const WRITE_SIZE: usize = WORD;
+        const ERASE_SIZE: usize = 2048;
+
+        fn erase(&mut self, from: u32, to: u32) -> Result<(), Failure> {
+            check_erase(self, from, to).map_err(Failure::Arguments)?;
+            for at in from as usize..to as usize {
+                if at % 256 == 0 {
+                    self.spend()?;
+                }
+                self.bytes[at] = 0xFF;
+                self.written[at] = false;
+            }
+            Ok(())
+        }
+
+        fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Failure> {
+            check_write(self, offset, bytes.len()).map_err(Failure::Arguments)?;
+            for (at, &byte) in (offset as usize..).zip(bytes) {
+                if core::mem::replace(&mut self.written[at], true) {
+                    return Err(Failure::WrittenTwice);
+                }
+                self.spend()?;
+                self.bytes[at] &= byte;
+            }
+            Ok(())
+        }
+    }
+
+    fn settings(latitude_deg: f64) -> Settings {
+        Settings { latitude_deg, ..Settings::default() }
+    }
+
+    #[test]
+    fn erased_flash_is_missing() {
+        assert_eq!(load(&mut Flash::<4>::erased()), Ok(Loaded::Missing));
+    }
+
+    #[test]
+    fn the_last_saved_is_loaded() {
+        let mut flash = Flash::<4>::erased();
+        for latitude_deg in [10.0, 20.0, 30.0, 40.0, 50.0] {
+            save(&mut flash, &settings(latitude_deg)).unwrap();
+            assert_eq!(load(&mut flash), Ok(Loaded::Valid(settings(latitude_deg))));
+        }
+    }
+
+    #[test]
+    fn the_record_is_as_documented() {
+        let mut flash = Flash::<4>::erased();
+        save(&mut flash, &settings(45.0)).unwrap();
+        save(&mut flash, &settings(45.5)).unwrap();
+        let record = &flash.bytes[2048..];
+        let length = usize::from(u16::from_le_bytes([record[6], record[7]]));
+        assert_eq!(record[..6], *b"NFST\x01\x00");
+        assert_eq!(record[8..12], [1, 0, 0, 0]);
+        assert_eq!(record[12..20], 45.5_f64.to_le_bytes());
+        let crc = CRC.checksum(&record[..12 + length]).to_le_bytes();
+        assert_eq!(record[12 + length..][..4], crc);
+        assert!(record[12 + length + 4..].iter().all(|&byte| byte == 0xFF));
+    }
+
+    #[test]
+    fn nothing_but_damaged_records_is_corrupt() {
+        let mut flash = Flash::<4>::erased();
+        save(&mut flash, &settings(45.0)).unwrap();
+        flash.bytes[20] ^= 1;
+        assert_eq!(load(&mut flash), Ok(Loaded::Corrupt));
+        save(&mut flash, &settings(46.0)).unwrap();
+        assert_eq!(load(&mut flash), Ok(Loaded::Valid(settings(46.0))));
+    }
+
+    #[test]
+    fn another_version_is_corrupt() {
+        let mut flash = Flash::<4>::erased();
+        save(&mut flash, &settings(45.0)).unwrap();
+        let length = HEADER + usize::from(u16::from_le_bytes([flash.bytes[6], flash.bytes[7]]));
+        flash.bytes[4] = 2;
+        let crc = CRC.checksum(&flash.bytes[..length]).to_le_bytes();
+        flash.bytes[length..][..4].copy_from_slice(&crc);
+        assert_eq!(load(&mut flash), Ok(Loaded::Corrupt));
+    }
+
+    #[test]
+    fn every_single_flipped_bit_is_seen() {
+        let mut flash = Flash::<4>::erased();
+        save(&mut flash, &settings(45.0)).unwrap();
+        let length = HEADER + usize::from(u16::from_le_bytes([flash.bytes[6], flash.bytes[7]])) + CRC_LENGTH;
+        for bit in 0..8 * length {
+            let mut damaged = flash.clone();
+            damaged.bytes[bit / 8] ^= 1 << (bit % 8);
+            assert_eq!(load(&mut damaged), Ok(Loaded::Corrupt), "bit {bit}");
+        }
+    }
+
+    #[test]
+    fn sequence_numbers_may_wrap() {
+        assert!(later(0, u32::MAX));
+        assert!(!later(u32::MAX, 0));
+        assert!(later(5, 4));
+    }
+
+    fn power_cut_at_every_byte<const WORD: usize>(saved_before: usize) {
+        let mut before = Flash::<WORD>::erased();
+        for number in 0..saved_before {
+            save(&mut before, &settings(number as f64)).unwrap();
+        }
+        let former = load(&mut before).unwrap();
+        for bytes in 0.. {
+            let mut flash = before.clone();
+            flash.power_left = bytes;
+            let saved = save(&mut flash, &settings(80.0));
+            flash.power_left = usize::MAX;
+            let found = load(&mut flash).unwrap();
+            if saved.is_ok() {
+                assert_eq!(found, Loaded::Valid(settings(80.0)));
+                assert!(bytes > 100);
+                break;
+            }
+            assert_eq!(saved, Err(SaveError::Flash(Failure::PowerLost)));
+            // Padding after the CRC is no part of the record: without it the new settings are there already.
+            let complete = found == Loaded::Valid(settings(80.0));
+            let broken_first = saved_before == 0 && matches!(found, Loaded::Missing | Loaded::Corrupt);
+            assert!(found == former || complete || broken_first, "after {bytes} bytes: {found:?}");
+            // And whatever was left behind, the next save works.
+            save(&mut flash, &settings(81.0)).unwrap();
+            assert_eq!(load(&mut flash), Ok(Loaded::Valid(settings(81.0))));
+        }
+    }
+
+    #[test]
+    fn a_power_cut_at_any_byte_leaves_the_former_settings() {
+        for saved_before in 0..4 {
+            power_cut_at_every_byte::<1>(saved_before);
+            power_cut_at_every_byte::<4>(saved_before);
+            power_cut_at_every_byte::<16>(saved_before);
+        }
+    }
 }

@@ -1,0 +1,292 @@
+//! The serial protocol between the instrument and a host: reports out, requests in.
+//!
+//! For those who implement the other side. The line is 8 data bits, no parity, 1 stop bit. In both directions the
+//! bytes are a sequence of frames, each
+//!
+//! ```text
+//! COBS( version, message, CRC-32 of version and message ) 00
+//! ```
+//!
+//! - COBS (Cheshire and Baker 1999) replaces the zero bytes, so that 00 occurs nowhere but at the end of a frame.
+//! - `version` is one byte, [`VERSION`]. A change of the messages changes it.
+//! - `message` is a [`Report`] (instrument to host) or a [`Request`] (host to instrument) in postcard's encoding:
+//!   fields in the order of their declaration and nothing between them; `f64` as 8 bytes, little-endian; `u8` and
+//!   `bool` as a byte; other integers as LEB128 variable-length integers; `Option` as 00, or 01 and the value; the
+//!   variant of an enum as its number from 0, a variable-length integer, and then its fields; a list as its length and
+//!   its items.
+//! - CRC-32 is the one of Ethernet and zlib (CRC-32/ISO-HDLC), 4 bytes, little-endian.
+//!
+//! Example: the report "at 2 s the state is idle" has the content `01`, `00 00 00 00 00 00 00 40`, `00`, `00`, `EC E3 93 DA`.
+//!
+//! Whoever receives drops what does not decode and counts it; after any disturbance the next 00 is the next chance. A
+//! sender may send a 00 before a frame, to end whatever noise came before: an empty frame is not counted.
+
+use core::marker::PhantomData;
+
+use crc::{CRC_32_ISO_HDLC, Crc, Table};
+use heapless::Vec;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+use crate::event::Report;
+use crate::pipeline::Command;
+use crate::settings::Settings;
+
+/// The first byte of every frame's content.
+pub const VERSION: u8 = 1;
+
+/// Longest frame that holds a [`Report`], with its closing 00.
+pub const MAX_REPORT: usize = 160;
+/// Longest frame that holds a [`Request`], with its closing 00.
+pub const MAX_REQUEST: usize = 1280;
+
+const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
+const CRC_LENGTH: usize = 4;
+
+/// What a host can ask of the instrument.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[allow(clippy::large_enum_variant)] // Without a heap there is no other place for settings.
+pub enum Request {
+    /// To the state machine of the fix.
+    Command(Command),
+    /// Keep these settings in flash, and work by them from now on. Not while a fix is under way.
+    StoreSettings(Settings),
+}
+
+/// A frame of N bytes cannot hold the message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TooLong;
+
+/// A report as a frame.
+pub fn encode_report(report: &Report) -> Result<Vec<u8, MAX_REPORT>, TooLong> {
+    encode(report)
+}
+
+/// A request as a frame.
+pub fn encode_request(request: &Request) -> Result<Vec<u8, MAX_REQUEST>, TooLong> {
+    encode(request)
+}
+
+fn encode<const N: usize>(message: &impl Serialize) -> Result<Vec<u8, N>, TooLong> {
+    let mut content = [0; N];
+    let (version, rest) = content.split_first_mut().ok_or(TooLong)?;
+    *version = VERSION;
+    let length = 1 + postcard::to_slice(message, rest).map_err(|_| TooLong)?.len();
+    let (checked, rest) = content.split_at_mut_checked(length).ok_or(TooLong)?;
+    let crc = CRC.checksum(checked).to_le_bytes();
+    rest.get_mut(..CRC_LENGTH).ok_or(TooLong)?.copy_from_slice(&crc);
+
+    let content = content.get(..length + CRC_LENGTH).ok_or(TooLong)?;
+    let mut frame = Vec::new();
+    frame.resize(N, 0).map_err(|_| TooLong)?;
+    let length = cobs::try_encode(content, &mut frame).map_err(|_| TooLong)?;
+    frame.truncate(length);
+    frame.push(0).map_err(|_| TooLong)?;
+    Ok(frame)
+}
+
+/// Turns received bytes into messages, whatever the bytes are. `N` is the longest frame.
+#[derive(Clone, Debug)]
+pub struct Decoder<M, const N: usize> {
+    frame: Vec<u8, N>,
+    overflowed: bool,
+    bad_frames: u32,
+    message: PhantomData<M>,
+}
+
+/// A host's decoder.
+pub type ReportDecoder = Decoder<Report, MAX_REPORT>;
+/// The instrument's decoder.
+pub type RequestDecoder = Decoder<Request, MAX_REQUEST>;
+
+impl<M, const N: usize> Default for Decoder<M, N> {
+    fn default() -> Self {
+        Self { frame: Vec::new(), overflowed: false, bad_frames: 0, message: PhantomData }
+    }
+}
+
+impl<M: DeserializeOwned, const N: usize> Decoder<M, N> {
+    /// Takes one byte; gives the message that it completes.
+    pub fn feed(&mut self, byte: u8) -> Option<M> {
+        if byte != 0 {
+            self.overflowed |= self.frame.push(byte).is_err();
+            return None;
+        }
+        let empty = self.frame.is_empty();
+        let message = if self.overflowed { None } else { decode(&mut self.frame) };
+        if message.is_none() && !empty {
+            self.bad_frames = self.bad_frames.saturating_add(1);
+        }
+        self.frame.clear();
+        self.overflowed = false;
+        message
+    }
+
+    /// Frames that were dropped since the start: too long, not COBS, wrong CRC, another version, or not a message.
+    pub fn bad_frames(&self) -> u32 {
+        self.bad_frames
+    }
+}
+
+/// The message in a frame without its closing 00; the frame is decoded in place.
+fn decode<M: DeserializeOwned>(frame: &mut [u8]) -> Option<M> {
+    let length = cobs::decode_in_place(frame).ok()?;
+    let (checked, crc) = frame.get(..length)?.split_last_chunk::<CRC_LENGTH>()?;
+    if CRC.checksum(checked) != u32::from_le_bytes(*crc) {
+        return None;
+    }
+    let (&version, message) = checked.split_first()?;
+    match postcard::take_from_bytes(message) {
+        Ok((message, [])) if version == VERSION => Some(message),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use std::vec::Vec as StdVec;
+
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::event::{Event, Fix, Second, State};
+    use crate::health::{Counters, Flag, Flags};
+    use crate::model::{ErrorModel, MAX_TERMS, Term};
+    use crate::sequence::order::{MAX_POSITIONS, Order};
+
+    fn idle() -> Report {
+        Report { t_s: 2.0, event: Event::State(State::Idle) }
+    }
+
+    fn feed<M: DeserializeOwned, const N: usize>(decoder: &mut Decoder<M, N>, bytes: &[u8]) -> StdVec<M> {
+        bytes.iter().filter_map(|&byte| decoder.feed(byte)).collect()
+    }
+
+    #[test]
+    fn the_example_of_the_documentation_byte_by_byte() {
+        // Content 01 | 2.0 as f64 | 00 | 00, its CRC-32 from zlib's crc32(), and COBS by hand: every 00 becomes the
+        // distance to the next one.
+        let expected = [0x02, 1, 1, 1, 1, 1, 1, 1, 2, 0x40, 1, 5, 0xEC, 0xE3, 0x93, 0xDA, 0];
+        let frame = encode_report(&idle()).unwrap();
+        assert_eq!(frame[..], expected[..]);
+        assert_eq!(feed(&mut ReportDecoder::default(), &frame), [idle()]);
+    }
+
+    #[test]
+    fn the_longest_report_fits() {
+        let counters = Counters {
+            frames_good: u32::MAX,
+            frames_bad_crc: u32::MAX,
+            frames_lost: u32::MAX,
+            frames_duplicate: u32::MAX,
+            frames_late: u32::MAX,
+            frames_invalid: u32::MAX,
+            bytes_skipped: u32::MAX,
+            bytes_refused: u32::MAX,
+            seconds_repaired: u32::MAX,
+            seconds_left_out: u32::MAX,
+            seconds_knocked: u32::MAX,
+            accelerometer_errors: u32::MAX,
+            encoder_errors: u32::MAX,
+            readings_refused: u32::MAX,
+            reports_refused: u32::MAX,
+            commands_bad: u32::MAX,
+        };
+        let second = Second {
+            index_deg: Some(1.1),
+            fog_arcsec: 1.1,
+            rate_deg_h: 1.1,
+            temp_c: Some(1.1),
+            level_g: Some([1.1, 1.1]),
+            lost_frames: u16::MAX,
+            position: Some(255),
+            collected: true,
+        };
+        let mut flags = Flags::default();
+        flags.insert(Flag::NoRedundancy);
+        let fix = Fix {
+            azimuth_deg: 1.1,
+            sigma_deg: 1.1,
+            closure_deg_h: Some(1.1),
+            bias_deg_h: 1.1,
+            amplitude_deg_h: 1.1,
+            drift_deg_h_per_h: 1.1,
+            tilt_deg: Some([1.1, 1.1]),
+            seconds: 1.1,
+            flags,
+        };
+        for event in [Event::Health(counters), Event::Second(second), Event::Fix(fix)] {
+            let report = Report { t_s: 1.1, event };
+            let frame = encode_report(&report).unwrap();
+            assert_eq!(feed(&mut ReportDecoder::default(), &frame), [report]);
+        }
+    }
+
+    #[test]
+    fn the_longest_settings_fit() {
+        let mut settings = Settings::default();
+        let mut angles = Vec::new();
+        angles.resize(MAX_POSITIONS, 1.1).unwrap();
+        settings.sequence.order = Order::Custom(angles);
+        let mut model = ErrorModel::default();
+        let term = Term::Temperature { reference_c: 1.1, linear_deg_h_per_k: 1.1, quadratic_deg_h_per_k2: 1.1 };
+        model.terms.resize(MAX_TERMS, term).unwrap();
+        settings.model = Some(model);
+        let request = Request::StoreSettings(settings);
+        let frame = encode_request(&request).unwrap();
+        assert_eq!(feed(&mut RequestDecoder::default(), &frame), [request]);
+    }
+
+    #[test]
+    fn another_version_is_refused() {
+        let mut frame = encode_report(&idle()).unwrap();
+        let length = cobs::decode_in_place(&mut frame[..16]).unwrap();
+        frame[0] = 2;
+        let crc = CRC.checksum(&frame[..length - 4]).to_le_bytes();
+        frame[length - 4..length].copy_from_slice(&crc);
+        let mut again = [0; 32];
+        let length = cobs::encode(&frame[..length], &mut again);
+        let mut decoder = ReportDecoder::default();
+        assert_eq!(feed(&mut decoder, &again[..=length]), []);
+        assert_eq!(decoder.bad_frames(), 1);
+    }
+
+    #[test]
+    fn empty_frames_are_not_counted() {
+        let mut decoder = ReportDecoder::default();
+        assert_eq!(feed(&mut decoder, &[0, 0, 0]), []);
+        assert_eq!(decoder.bad_frames(), 0);
+    }
+
+    #[test]
+    fn a_frame_without_end_is_one_bad_frame() {
+        let mut decoder = ReportDecoder::default();
+        assert_eq!(feed(&mut decoder, &[7; 10_000]), []);
+        let mut rest = StdVec::from([0]);
+        rest.extend(encode_report(&idle()).unwrap());
+        assert_eq!(feed(&mut decoder, &rest), [idle()]);
+        assert_eq!(decoder.bad_frames(), 1);
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes_are_survived_and_the_next_frame_is_read(noise: StdVec<u8>) {
+            let mut decoder = ReportDecoder::default();
+            feed(&mut decoder, &noise);
+            feed(&mut decoder, &[0]);
+            let frame = encode_report(&idle()).unwrap();
+            prop_assert_eq!(feed(&mut decoder, &frame), [idle()]);
+        }
+
+        #[test]
+        fn a_changed_byte_is_never_accepted(at in 0_usize..16, change in 1_u8..=255) {
+            let mut frame = encode_report(&idle()).unwrap();
+            frame[at] ^= change;
+            let mut decoder = ReportDecoder::default();
+            prop_assert_eq!(feed(&mut decoder, &frame), []);
+            prop_assert!(decoder.bad_frames() >= 1);
+        }
+    }
+}
