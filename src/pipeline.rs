@@ -1,11 +1,25 @@
-//! The one way from bytes and time to an azimuth.
+//! The one way from bytes and time to an azimuth: firmware, simulation and replay of raw input all enter here.
 
-use crate::event::Report;
-use crate::health::Fault;
+use heapless::{Deque, Vec};
+use serde::{Deserialize, Serialize};
+
+use crate::event::{Event, Report, Second};
+use crate::frame::FrameReader;
+use crate::health::{Counters, Fault};
+use crate::level::{LevelSecond, LevelSensor, Specific};
+use crate::sample::{RateSecond, SAMPLE_S, SAMPLES_PER_SECOND, Sampler};
+use crate::sequence::{IndexSecond, SecondInput, Sequencer};
 use crate::settings::{Settings, store::Loaded};
+use crate::units::{DEG_PER_RAD, sin_cos_deg, wrap_360_deg};
+use crate::watch::GyroWatch;
+
+/// Seconds between two reports of the counters, if they changed.
+const HEALTH_SECONDS: u32 = 10;
+/// Encoder readings in a row that may fail: 0.25 s of them.
+const ENCODER_PATIENCE: u16 = 25;
 
 /// What the sensors gave at one tick (every 2.5 ms).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Readings {
     /// Number of the tick, from 0; its time is `tick · 2.5 ms`.
     pub tick: u64,
@@ -20,7 +34,7 @@ pub struct Readings {
 }
 
 /// What the motor shall do.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum MotorCommand {
     /// Turn by this many microsteps, counter-clockwise positive.
     Turn { microsteps: i32 },
@@ -28,12 +42,222 @@ pub enum MotorCommand {
     Stop,
 }
 
-/// What an operator can ask for.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[allow(clippy::large_enum_variant)]
+/// What an operator can ask of the sequence.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Command {
     /// Begin a fix (again).
     Start,
     /// End the fix; the motor stops.
     Abort,
 }
+
+/// Takes reports out of the pipeline.
+pub type Sink<'a> = &'a mut dyn FnMut(Report);
+
+/// Composes the modules in the order in which a sample meets them.
+pub struct Pipeline {
+    reader: FrameReader,
+    sampler: Sampler,
+    level: LevelSensor,
+    index: IndexMean,
+    watch: GyroWatch,
+    /// Or the reason why no fix can be started.
+    sequencer: Result<Sequencer, Fault>,
+    counters: Counters,
+    reported: Counters,
+    seconds: u32,
+    /// Seconds that ended since the last tick.
+    finished: Deque<RateSecond, 4>,
+    command: Option<Command>,
+    tick: u64,
+    encoder_failures: u16,
+}
+
+impl Pipeline {
+    /// With what the flash held. Without valid settings the pipeline still samples and reports, but starts no fix.
+    pub fn new(loaded: Loaded) -> Self {
+        let (settings, sequencer) = match loaded {
+            Loaded::Valid(settings) => (settings.clone(), Sequencer::new(settings)),
+            Loaded::Missing => (Settings::default(), Err(Fault::SettingsMissing)),
+            Loaded::Corrupt => (Settings::default(), Err(Fault::SettingsCorrupt)),
+        };
+        Self {
+            reader: FrameReader::new(settings.gyro.format),
+            sampler: Sampler::new(settings.gyro, settings.model.unwrap_or_default()),
+            level: LevelSensor::default(),
+            index: IndexMean::default(),
+            watch: GyroWatch::default(),
+            sequencer,
+            counters: Counters::default(),
+            reported: Counters::default(),
+            seconds: 0,
+            finished: Deque::new(),
+            command: None,
+            tick: 0,
+            encoder_failures: 0,
+        }
+    }
+
+    /// Bytes from the gyro, in the order of their coming.
+    pub fn gyro_bytes(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            if let Some(frame) = self.reader.push(byte) {
+                self.watch.heard(self.tick);
+                let second = self.sampler.frame(&frame, &mut self.counters);
+                self.keep(second);
+            }
+        }
+    }
+
+    /// A command; it is carried out at the next tick.
+    pub fn command(&mut self, command: Command) {
+        self.command = Some(command);
+    }
+
+    /// A command that could not be understood.
+    pub fn bad_command(&mut self) {
+        self.counters.commands_bad = self.counters.commands_bad.saturating_add(1);
+    }
+
+    /// A tick of 2.5 ms with what the sensors gave.
+    pub fn tick(&mut self, readings: &Readings, report: Sink) -> Option<MotorCommand> {
+        self.tick = readings.tick;
+        let t_s = readings.tick as f64 * SAMPLE_S;
+        let mut sink = |event| report(Report { t_s, event });
+
+        let mut motor = self.obey(t_s, &mut sink);
+        self.read(readings);
+        let given_up = self.sampler.tick(&mut self.counters);
+        self.keep(given_up);
+
+        let watched = self.watch.tick(readings.tick);
+        let encoder = (self.encoder_failures >= ENCODER_PATIENCE).then_some(Fault::EncoderFailed);
+        if let Ok(sequencer) = &mut self.sequencer {
+            let moved = sequencer.tick(t_s, readings.index_deg.flatten(), readings.turning, &mut sink);
+            motor = moved.or(motor);
+            if let Some(fault) = watched.or(encoder) {
+                motor = sequencer.fail(fault, t_s, &mut sink).or(motor);
+            }
+        }
+        while let Some(rate) = self.finished.pop_front() {
+            motor = self.second(&rate, t_s, &mut sink).or(motor);
+        }
+        motor
+    }
+
+    fn keep(&mut self, second: Option<RateSecond>) {
+        if let Some(second) = second {
+            // Four seconds between two ticks cannot be: a second has 400 frames and the queue is emptied at every tick.
+            let _ = self.finished.push_back(second);
+        }
+    }
+
+    fn obey(&mut self, t_s: f64, sink: &mut dyn FnMut(Event)) -> Option<MotorCommand> {
+        let command = self.command.take()?;
+        match (&mut self.sequencer, command) {
+            (Ok(sequencer), Command::Start) => {
+                self.watch = GyroWatch::new(self.tick);
+                self.encoder_failures = 0;
+                sequencer.start(t_s, sink)
+            }
+            (Ok(sequencer), Command::Abort) => sequencer.fail(Fault::Aborted, t_s, sink),
+            (Err(fault), Command::Start) => {
+                sink(Event::Fault { fault: *fault, state: crate::event::State::Idle });
+                sink(Event::State(crate::event::State::Failed));
+                None
+            }
+            (Err(_), Command::Abort) => None,
+        }
+    }
+
+    fn read(&mut self, readings: &Readings) {
+        let counters = &mut self.counters;
+        counters.bytes_refused = readings.bytes_refused;
+        counters.bytes_skipped = self.reader.bytes_skipped();
+        counters.frames_bad_crc = self.reader.bad_crc();
+        match readings.acceleration_g {
+            Some(Some(acceleration_g)) => self.level.push(acceleration_g),
+            Some(None) => counters.accelerometer_errors = counters.accelerometer_errors.saturating_add(1),
+            None => {}
+        }
+        match readings.index_deg {
+            Some(Some(index_deg)) => {
+                self.index.push(index_deg);
+                self.encoder_failures = 0;
+            }
+            Some(None) => {
+                counters.encoder_errors = counters.encoder_errors.saturating_add(1);
+                self.encoder_failures = self.encoder_failures.saturating_add(1);
+            }
+            None => {}
+        }
+    }
+
+    fn second(&mut self, rate: &RateSecond, t_s: f64, sink: &mut dyn FnMut(Event)) -> Option<MotorCommand> {
+        let counters = &mut self.counters;
+        if !rate.usable {
+            counters.seconds_left_out = counters.seconds_left_out.saturating_add(1);
+        } else if rate.missing > 0 {
+            counters.seconds_repaired = counters.seconds_repaired.saturating_add(1);
+        }
+        let input = SecondInput { t_s, rate: *rate, index: self.index.finish(), level: self.level.finish() };
+        let fault = self.watch.second(rate, self.sampler.behind());
+        let (mut motor, mut collected, mut position) = (None, false, None);
+        // The second is reported before what it led to: a recording that ends with the azimuth holds all of its seconds.
+        let mut consequences: Vec<Event, 8> = Vec::new();
+        let mut hold = |event| {
+            let _ = consequences.push(event);
+        };
+        if let Ok(sequencer) = &mut self.sequencer {
+            position = sequencer.position();
+            (motor, collected) = sequencer.second(&input, counters, &mut hold);
+            if let Some(fault) = fault {
+                motor = sequencer.fail(fault, t_s, &mut hold).or(motor);
+            }
+        }
+        sink(Event::Second(Second {
+            index_deg: input.index.map(|IndexSecond { cos, sin }| wrap_360_deg(libm::atan2(sin, cos) * DEG_PER_RAD)),
+            fog_arcsec: rate.fog_arcsec,
+            rate_deg_h: rate.rate_deg_h,
+            temp_c: rate.conditions.temp_c,
+            level_g: match input.level {
+                LevelSecond::Good(Specific { forward, left }) => Some([forward, left]),
+                LevelSecond::Failed => None,
+            },
+            lost_frames: rate.missing,
+            position,
+            collected,
+        }));
+        consequences.into_iter().for_each(&mut *sink);
+        self.seconds = self.seconds.wrapping_add(1);
+        if self.seconds.is_multiple_of(HEALTH_SECONDS) && self.reported != self.counters {
+            self.reported = self.counters;
+            sink(Event::Health(self.counters));
+        }
+        motor
+    }
+}
+
+/// Mean direction of the index over a second.
+#[derive(Clone, Debug, Default)]
+struct IndexMean {
+    cos: f64,
+    sin: f64,
+    count: u16,
+}
+
+impl IndexMean {
+    fn push(&mut self, index_deg: f64) {
+        let (sin, cos) = sin_cos_deg(index_deg);
+        self.cos += cos;
+        self.sin += sin;
+        self.count = self.count.saturating_add(1);
+    }
+
+    fn finish(&mut self) -> Option<IndexSecond> {
+        let Self { cos, sin, count } = core::mem::take(self);
+        (count > 0).then(|| IndexSecond { cos: cos / f64::from(count), sin: sin / f64::from(count) })
+    }
+}
+
+const _: () = assert!(SAMPLES_PER_SECOND as f64 * SAMPLE_S == 1.0);

@@ -7,8 +7,10 @@ pub mod store;
 
 use serde::{Deserialize, Serialize};
 
+use crate::azimuth::dwell::MAX_ROWS;
 use crate::earth::{EARTH_RATE_DEG_H, LatitudeError, earth_rate};
 use crate::model::ErrorModel;
+use crate::sequence::MAX_DWELLS;
 use crate::sequence::order::Order;
 
 /// Everything that can be set.
@@ -209,6 +211,14 @@ impl Settings {
         within("sequence.coarse_dwell_s", self.sequence.coarse_dwell_s.into(), 2.0, 3600.0, "2 to 3600")?;
         within("time_limit_s", self.time_limit_s, 10.0, 86_400.0, "10 to 86400")?;
         self.sequence.order.validate()?;
+        let stays = self.sequence.order.len() * usize::from(self.sequence.dwell_s).div_ceil(MAX_ROWS);
+        within(
+            "sequence.dwell_s",
+            self.sequence.dwell_s.into(),
+            2.0,
+            if stays <= MAX_DWELLS { 3600.0 } else { 0.0 },
+            "2 to 128 x 64 / number of positions",
+        )?;
 
         // A still gyro must pass the gates: its bias and five sigma of its one-second noise lie below the thresholds.
         let noise_deg_h = 60.0 * gyro.arw_deg_per_sqrt_h;

@@ -1,0 +1,215 @@
+//! One move of the index, watched through the encoder.
+
+use crate::health::Fault;
+use crate::pipeline::MotorCommand;
+use crate::sample::SAMPLE_S;
+use crate::settings::IndexSettings;
+use crate::units::{wrap_180_deg, wrap_360_deg};
+
+/// Microsteps of the motor in one degree of the index.
+pub const MICROSTEPS_PER_DEG: f64 = 100.0;
+/// The motor starts one tick after the command, and the tick after that shows it turning.
+const START_TICKS: u32 = 4;
+/// Wait between the last step and the reading of the angle: 0.2 s.
+const REST_TICKS: u32 = 80;
+/// A turning motor must move the encoder within each window of this length: 0.5 s.
+const STALL_WINDOW_TICKS: u32 = 200;
+/// … by this share of what it should.
+const STALL_SHARE: f64 = 0.3;
+
+/// The index angle without jumps at full turns, so that a cable is not wound up.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct IndexAngle {
+    unwrapped_deg: Option<f64>,
+}
+
+impl IndexAngle {
+    /// Takes an encoder reading in [0°, 360°). The first one counts from −5° on: the gyro was parked near zero.
+    pub fn push(&mut self, index_deg: f64) {
+        self.unwrapped_deg = Some(match self.unwrapped_deg {
+            Some(last_deg) => last_deg + wrap_180_deg(index_deg - last_deg),
+            None => wrap_360_deg(index_deg + 5.0) - 5.0,
+        });
+    }
+
+    /// Degrees, counter-clockwise; `None` before the first reading.
+    pub fn deg(&self) -> Option<f64> {
+        self.unwrapped_deg
+    }
+}
+
+/// A move under way.
+#[derive(Clone, Debug)]
+pub struct Turn {
+    settings: IndexSettings,
+    target_deg: f64,
+    retries_left: u8,
+    /// Where this attempt began, and how far it shall go, degrees.
+    start_deg: f64,
+    way_deg: f64,
+    ticks: u32,
+    resting: u32,
+    window_start_deg: f64,
+    window_ticks: u32,
+    rest_sum_deg: f64,
+    rest_readings: u32,
+}
+
+/// What a tick of a move brought.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Progress {
+    Turning,
+    /// Not there yet: another attempt.
+    Again(MotorCommand),
+    /// The encoder confirms the angle, degrees.
+    Arrived { index_deg: f64 },
+    Failed(Fault),
+}
+
+fn command(way_deg: f64) -> MotorCommand {
+    MotorCommand::Turn { microsteps: libm::round(way_deg * MICROSTEPS_PER_DEG) as i32 }
+}
+
+impl Turn {
+    /// From `from_deg` to `target_deg`, both unwrapped.
+    pub fn new(settings: IndexSettings, from_deg: f64, target_deg: f64) -> (Self, MotorCommand) {
+        let way_deg = target_deg - from_deg;
+        let turn = Self {
+            settings,
+            target_deg,
+            retries_left: settings.retries,
+            start_deg: from_deg,
+            way_deg,
+            ticks: 0,
+            resting: 0,
+            window_start_deg: from_deg,
+            window_ticks: 0,
+            rest_sum_deg: 0.0,
+            rest_readings: 0,
+        };
+        (turn, command(way_deg))
+    }
+
+    /// A tick: the unwrapped index angle, whether the encoder was read at this tick, and whether the motor is turning.
+    pub fn tick(&mut self, index_deg: f64, fresh: bool, turning: bool) -> Progress {
+        self.ticks = self.ticks.saturating_add(1);
+        if turning {
+            self.resting = 0;
+            return self.watch_stall(index_deg);
+        }
+        if self.ticks <= START_TICKS {
+            return Progress::Turning;
+        }
+        self.resting += 1;
+        if self.resting > REST_TICKS / 2 && fresh {
+            self.rest_sum_deg += index_deg;
+            self.rest_readings += 1;
+        }
+        if self.resting < REST_TICKS || self.rest_readings == 0 {
+            return Progress::Turning;
+        }
+        self.verify(self.rest_sum_deg / f64::from(self.rest_readings))
+    }
+
+    fn watch_stall(&mut self, index_deg: f64) -> Progress {
+        self.window_ticks += 1;
+        if self.window_ticks < STALL_WINDOW_TICKS {
+            return Progress::Turning;
+        }
+        let window_s = f64::from(STALL_WINDOW_TICKS) * SAMPLE_S;
+        // The slowest window of an honest move is one of acceleration or of braking at its end.
+        let cruise_deg = self.settings.speed_deg_s * window_s;
+        let ramp_deg = 0.5 * self.settings.acceleration_deg_s2 * window_s * window_s;
+        let moved_deg = (index_deg - self.window_start_deg).abs();
+        self.window_start_deg = index_deg;
+        self.window_ticks = 0;
+        if moved_deg < STALL_SHARE * cruise_deg.min(ramp_deg).min(self.way_deg.abs()) {
+            Progress::Failed(Fault::MotorStall)
+        } else {
+            Progress::Turning
+        }
+    }
+
+    fn verify(&mut self, index_deg: f64) -> Progress {
+        let left_deg = self.target_deg - index_deg;
+        if left_deg.abs() <= self.settings.tolerance_deg {
+            return Progress::Arrived { index_deg };
+        }
+        let moved_deg = (index_deg - self.start_deg) * self.way_deg.signum();
+        if moved_deg < STALL_SHARE * self.way_deg.abs() && self.way_deg.abs() > 2.0 {
+            return Progress::Failed(Fault::MotorStall);
+        }
+        let Some(retries_left) = self.retries_left.checked_sub(1) else {
+            return Progress::Failed(Fault::WrongAngle);
+        };
+        let (next, command) = Self::new(self.settings, index_deg, self.target_deg);
+        *self = Self { retries_left, ..next };
+        Progress::Again(command)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A motor that reaches `share` of each commanded way at 30 °/s; the last progress and the attempts.
+    fn run(from_deg: f64, target_deg: f64, share: f64, settings: IndexSettings) -> (Progress, u32) {
+        let (mut turn, mut command) = Turn::new(settings, from_deg, target_deg);
+        let (mut index_deg, mut attempts) = (from_deg, 1);
+        loop {
+            let MotorCommand::Turn { microsteps } = command else { panic!() };
+            let end_deg = index_deg + share * f64::from(microsteps) / MICROSTEPS_PER_DEG;
+            let ticks = (f64::from(microsteps.abs()) / MICROSTEPS_PER_DEG / 30.0 / SAMPLE_S) as u32;
+            let step_deg = (end_deg - index_deg) / f64::from(ticks.max(1));
+            let mut tick = 0;
+            command = loop {
+                tick += 1;
+                let turning = tick > 2 && tick <= 2 + ticks;
+                if turning {
+                    index_deg += step_deg;
+                }
+                match turn.tick(index_deg, true, turning) {
+                    Progress::Turning => {}
+                    Progress::Again(command) => break command,
+                    end => return (end, attempts),
+                }
+            };
+            attempts += 1;
+        }
+    }
+
+    #[test]
+    fn an_honest_move_arrives() {
+        let (end, attempts) = run(0.0, 90.0, 1.0, IndexSettings::default());
+        assert!(matches!(end, Progress::Arrived { index_deg } if (index_deg - 90.0).abs() < 0.01), "{end:?}");
+        assert_eq!(attempts, 1);
+    }
+
+    #[test]
+    fn a_short_move_is_corrected() {
+        let (end, attempts) = run(0.0, -90.0, 0.95, IndexSettings::default());
+        assert!(matches!(end, Progress::Arrived { index_deg } if (index_deg + 90.0).abs() < 0.5), "{end:?}");
+        assert_eq!(attempts, 2);
+    }
+
+    #[test]
+    fn an_angle_that_stays_wrong_is_a_fault() {
+        let settings = IndexSettings { tolerance_deg: 0.01, ..Default::default() };
+        assert_eq!(run(0.0, 90.0, 0.5, settings).0, Progress::Failed(Fault::WrongAngle));
+    }
+
+    #[test]
+    fn a_motor_that_does_not_move_is_a_stall() {
+        assert_eq!(run(0.0, 90.0, 0.0, IndexSettings::default()).0, Progress::Failed(Fault::MotorStall));
+        assert_eq!(run(0.0, 5.0, 0.0, IndexSettings::default()).0, Progress::Failed(Fault::MotorStall));
+    }
+
+    #[test]
+    fn the_angle_does_not_jump_at_a_full_turn() {
+        let mut angle = IndexAngle::default();
+        for (reading, unwrapped) in [(359.9, -0.1), (0.2, 0.2), (90.0, 90.0), (200.0, 200.0), (350.0, 350.0), (10.0, 370.0)] {
+            angle.push(reading);
+            assert!((angle.deg().unwrap() - unwrapped).abs() < 1e-9);
+        }
+    }
+}
