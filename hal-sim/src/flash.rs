@@ -119,12 +119,13 @@ impl FlashMemory {
         let start = range(offset, bytes.len(), WORD)?;
         for (number, &byte) in bytes.iter().enumerate() {
             let at = start + number;
-            if at.is_multiple_of(WORD) && std::mem::replace(&mut self.written[at / WORD], true) {
+            if at.is_multiple_of(WORD) && self.written[at / WORD] {
                 return Err(FlashError::WrittenTwice { offset: at as u32 });
             }
             if self.spend(1) == 0 {
                 return Err(FlashError::PowerLost);
             }
+            self.written[at / WORD] = true;
             // Programming only takes ones away.
             self.bytes[at] &= byte;
         }
