@@ -33,6 +33,7 @@ pub mod level;
 pub mod link;
 pub mod model;
 pub mod pipeline;
+pub mod replay;
 pub mod sample;
 pub mod sequence;
 pub mod settings;

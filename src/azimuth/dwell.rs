@@ -32,8 +32,8 @@ pub struct Line {
     pub scatter: f64,
 }
 
-/// What a stay says.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What a stay says, or one interval of a continuous rotation.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DwellSummary {
     /// Measuring time that counts, seconds.
     pub seconds: f64,
@@ -54,6 +54,8 @@ pub struct DwellSummary {
     pub freedom: u16,
     /// Rows left out because the rate jumped.
     pub knocked: u16,
+    /// The index moved: not a stay, but an interval of a continuous rotation.
+    pub moving: bool,
 }
 
 /// Collects the rows of a stay.
@@ -156,6 +158,7 @@ impl DwellRows {
             }),
             freedom: count.saturating_sub(2),
             knocked: self.rows.len() as u16 - count,
+            moving: false,
         })
     }
 }
@@ -176,6 +179,24 @@ fn median_deviation(rows: &[Row], centre: f64) -> f64 {
 }
 
 impl DwellSummary {
+    /// One interval in which the index moved.
+    pub fn moving(row: &Row) -> Self {
+        let half_s = 0.5 * row.seconds;
+        let still = |mean| Line { mean, slope_per_s: 0.0, scatter: 0.0 };
+        Self {
+            seconds: row.seconds,
+            t_s: row.t_s,
+            start_s: row.t_s - half_s,
+            end_s: row.t_s + half_s,
+            cos: row.cos,
+            sin: row.sin,
+            rate: still(row.rate_deg_h),
+            level: row.level.map(|level| [still(level.forward), still(level.left)]),
+            moving: true,
+            ..Self::default()
+        }
+    }
+
     /// Standard deviation of the mean rate, °/h, from the scatter of the rows.
     pub fn sigma_deg_h(&self) -> f64 {
         if self.freedom == 0 {

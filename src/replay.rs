@@ -1,0 +1,303 @@
+//! Recordings to azimuths: rows of any interval, any number and order of positions, or a continuous rotation.
+//!
+//! A recording has no gates and no commanded positions, so the stays are found in the index angle itself. Rows are
+//! gathered into seconds; a second in which the index moved belongs to no stay; a stay's beginning is left out as far as
+//! the jitter gate would have waited. If the index moved most of the time, the recording is a continuous rotation, and
+//! every second counts at its own angle. The error model and the solution are those of the live instrument.
+
+use crate::azimuth::dwell::{DwellRows, DwellSummary, Row as DwellRow};
+use crate::azimuth::{self, Unsolvable};
+use crate::earth::{EarthRate, earth_rate};
+use crate::event::{Dwell, Event, Fix, Report};
+use crate::gates::{DisturbanceGate, Verdict};
+use crate::health::{Fault, Flag, Flags};
+use crate::level::Specific;
+use crate::model::{Conditions, Correction, ErrorModel};
+use crate::pipeline::Sink;
+use crate::sample::TemperatureRate;
+use crate::settings::Settings;
+use crate::units::{RAD_PER_DEG, sin_cos_deg, wrap_180_deg};
+
+/// The index is at rest while it stays within this, degrees.
+const REST_DEG: f64 = 0.5;
+/// Rows are gathered until they cover this, seconds. (A little less than one, for time stamps that are rounded.)
+const GATHER_S: f64 = 0.9995;
+/// Share of the time at rest below which a recording is a continuous rotation.
+const ROTATION_SHARE: f64 = 0.25;
+/// Temperature change that an error model must cover, K.
+const TEMPERATURE_CHANGE_K: f64 = 0.5;
+
+/// One row of a recording.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// End of the interval, seconds.
+    pub t_s: f64,
+    /// Its length, seconds, above 0.
+    pub interval_s: f64,
+    /// Mean index angle over the interval, degrees counter-clockwise from above; may pass 360 or be negative.
+    pub index_deg: f64,
+    /// Gyro angle over the interval, arcsec.
+    pub fog_arcsec: f64,
+    /// Gyro temperature, °C.
+    pub temp_c: Option<f64>,
+    /// Level accelerometers, forward and left, g.
+    pub level_g: Option<[f64; 2]>,
+    /// Frames of the interval that were lost; more than the settings call repairable and the row is left out.
+    pub lost_frames: u16,
+}
+
+/// Why a recording gives no azimuth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refusal {
+    /// Settings that allow no fix: invalid ones, or a latitude next to a pole.
+    Settings(Fault),
+    /// More stays or seconds than there are slots for.
+    Full,
+    Unsolvable(Unsolvable),
+}
+
+impl core::fmt::Display for Refusal {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Settings(fault) => f.write_str(fault.explain()),
+            Self::Full => f.write_str("the recording has more stays than there is room for"),
+            Self::Unsolvable(reason) => reason.fmt(f),
+        }
+    }
+}
+
+/// Replays one recording.
+pub struct Replay<'a> {
+    settings: Settings,
+    earth: EarthRate,
+    model: ErrorModel,
+    slots: &'a mut [DwellSummary],
+    used: usize,
+    gathering: Gathering,
+    last_deg: Option<f64>,
+    temperature: TemperatureRate,
+    correction: Correction,
+    disturbance: DisturbanceGate,
+    rows: DwellRows,
+    stay_deg: Option<f64>,
+    stays: u8,
+    rest_s: f64,
+    moving_s: f64,
+    temperature_c: Option<(f64, f64)>,
+    flags: Flags,
+}
+
+/// Rows being gathered into a second.
+#[derive(Clone, Copy, Debug, Default)]
+struct Gathering {
+    rows: u32,
+    seconds: f64,
+    end_s: f64,
+    cos: f64,
+    sin: f64,
+    raw_arcsec: f64,
+    level: [f64; 2],
+    level_seconds: f64,
+    temp_c: f64,
+    temp_seconds: f64,
+    first_deg: f64,
+    turned_deg: f64,
+}
+
+impl<'a> Replay<'a> {
+    /// One slot is used for each stay, or for each second (or longer row) of a continuous rotation; one for each row is
+    /// always enough.
+    pub fn new(settings: &Settings, slots: &'a mut [DwellSummary]) -> Result<Self, Refusal> {
+        settings.validate().map_err(|_| Refusal::Settings(Fault::SettingsInvalid))?;
+        let earth = earth_rate(settings.latitude_deg).map_err(|_| Refusal::Settings(Fault::NearPole))?;
+        let model = settings.model.clone().unwrap_or_default();
+        let mut flags = Flags::default();
+        if settings.model.is_none() {
+            flags.insert(Flag::Uncalibrated);
+        }
+        Ok(Self {
+            earth,
+            slots,
+            used: 0,
+            gathering: Gathering::default(),
+            last_deg: None,
+            temperature: TemperatureRate::default(),
+            correction: model.correction(&Conditions::default()),
+            disturbance: DisturbanceGate::new(settings.disturbance, earth.north_deg_h),
+            rows: DwellRows::default(),
+            stay_deg: None,
+            stays: 0,
+            rest_s: 0.0,
+            moving_s: 0.0,
+            temperature_c: None,
+            flags,
+            model,
+            settings: settings.clone(),
+        })
+    }
+
+    /// Takes the next row.
+    pub fn push(&mut self, row: &Row, report: Sink) -> Result<(), Refusal> {
+        let way_deg = self.last_deg.replace(row.index_deg).map_or(0.0, |last_deg| wrap_180_deg(row.index_deg - last_deg));
+        if row.lost_frames > 0 {
+            self.flags.insert(Flag::FramesLost);
+        }
+        if row.lost_frames > self.settings.gyro.repairable_frames {
+            return Ok(());
+        }
+        // A row within which the index moved is not gathered with others.
+        let moved = way_deg.abs() > REST_DEG;
+        if moved {
+            self.end_second(report)?;
+        }
+        self.gathering.push(row, way_deg);
+        if moved || self.gathering.seconds >= GATHER_S {
+            self.end_second(report)?;
+        }
+        Ok(())
+    }
+
+    /// The azimuth of the whole recording.
+    pub fn finish(mut self, report: Sink) -> Result<Fix, Refusal> {
+        self.end_second(report)?;
+        self.end_stay(report)?;
+        let rotation = self.rest_s < ROTATION_SHARE * (self.rest_s + self.moving_s);
+        let mut chosen: usize = 0;
+        for i in 0..self.used {
+            let Some(&summary) = self.slots.get(i) else { break };
+            if rotation || !summary.moving {
+                if let Some(place) = self.slots.get_mut(chosen) {
+                    *place = summary;
+                }
+                chosen += 1;
+            }
+        }
+        let summaries = self.slots.get(..chosen).unwrap_or_default();
+        let solution = azimuth::solve(summaries, self.earth, &self.settings).map_err(Refusal::Unsolvable)?;
+        let fix = Fix::new(&solution, self.flags);
+        report(Report { t_s: self.gathering.end_s, event: Event::Fix(fix) });
+        Ok(fix)
+    }
+
+    fn end_second(&mut self, report: Sink) -> Result<(), Refusal> {
+        let second = core::mem::replace(&mut self.gathering, Gathering { end_s: self.gathering.end_s, ..Default::default() });
+        if second.seconds <= 0.0 {
+            return Ok(());
+        }
+        self.update_correction(&second);
+        let row = DwellRow {
+            t_s: second.end_s - 0.5 * second.seconds,
+            seconds: second.seconds,
+            cos: second.cos / second.seconds,
+            sin: second.sin / second.seconds,
+            rate_deg_h: self.correction.apply(second.raw_arcsec, second.seconds) / second.seconds,
+            level: second.level(),
+        };
+        if second.turned_deg.abs() > REST_DEG {
+            self.end_stay(report)?;
+            self.moving_s += second.seconds;
+            return self.store(DwellSummary::moving(&row));
+        }
+        self.rest_s += second.seconds;
+        if let (excess_deg_h, Verdict::Refused) = self.disturbance.push(row.rate_deg_h) {
+            self.flags.insert(Flag::Disturbed);
+            report(Report { t_s: second.end_s, event: Event::Disturbed { excess_deg_h } });
+        }
+        if self.stay_deg.is_some_and(|stay_deg| wrap_180_deg(second.first_deg - stay_deg).abs() > REST_DEG) {
+            self.end_stay(report)?;
+        }
+        self.stay_deg.get_or_insert(second.first_deg);
+        if let Err(row) = self.rows.push(row) {
+            self.end_stay(report)?;
+            self.stay_deg = Some(second.first_deg);
+            let _ = self.rows.push(row);
+        }
+        Ok(())
+    }
+
+    fn update_correction(&mut self, second: &Gathering) {
+        let temp_c = (second.temp_seconds > 0.0).then(|| second.temp_c / second.temp_seconds);
+        let temp_rate_k_s = self.temperature.push(temp_c).map(|per_second| per_second / second.seconds);
+        self.correction = self.model.correction(&Conditions { temp_c, temp_rate_k_s });
+        if let Some(temp_c) = temp_c {
+            let (low_c, high_c) = self.temperature_c.unwrap_or((temp_c, temp_c));
+            let (low_c, high_c) = (low_c.min(temp_c), high_c.max(temp_c));
+            self.temperature_c = Some((low_c, high_c));
+            if high_c - low_c > TEMPERATURE_CHANGE_K && !self.model.covers_temperature() {
+                self.flags.insert(Flag::Temperature);
+            }
+        }
+    }
+
+    fn end_stay(&mut self, report: Sink) -> Result<(), Refusal> {
+        self.stay_deg = None;
+        let jitter = self.settings.jitter;
+        let after_move = self.stays > 0 && self.rows.len() > jitter.seconds.into();
+        if after_move && self.rows.skip_jitter(jitter.threshold_deg_h, jitter.seconds.into()) != Some(0) {
+            self.flags.insert(Flag::Jitter);
+        }
+        let noise_deg_h = 60.0 * self.settings.gyro.arw_deg_per_sqrt_h;
+        let summary = self.rows.summary(noise_deg_h);
+        self.rows.clear();
+        let Some(summary) = summary else { return Ok(()) };
+        report(Report {
+            t_s: summary.end_s,
+            event: Event::Dwell(Dwell {
+                position: self.stays,
+                index_deg: summary.index_deg(),
+                seconds: summary.seconds,
+                rate_deg_h: summary.rate.mean,
+                sigma_deg_h: summary.sigma_deg_h(),
+            }),
+        });
+        self.stays = self.stays.saturating_add(1);
+        self.store(summary)
+    }
+
+    fn store(&mut self, summary: DwellSummary) -> Result<(), Refusal> {
+        *self.slots.get_mut(self.used).ok_or(Refusal::Full)? = summary;
+        self.used += 1;
+        Ok(())
+    }
+}
+
+impl Gathering {
+    fn push(&mut self, row: &Row, way_deg: f64) {
+        let (sin, cos) = sin_cos_deg(row.index_deg);
+        // The mean of a cosine over an arc is shorter than the cosine of its middle.
+        let half_rad = 0.5 * way_deg * RAD_PER_DEG;
+        let shorter = if half_rad.abs() > 1e-9 { libm::sin(half_rad) / half_rad } else { 1.0 };
+        let weight = row.interval_s;
+        if self.rows == 0 {
+            self.first_deg = row.index_deg;
+        }
+        // Way within a second, or to a row that stands alone because of it.
+        if self.rows > 0 || way_deg.abs() > REST_DEG {
+            self.turned_deg += way_deg;
+        }
+        self.rows += 1;
+        self.seconds += weight;
+        self.end_s = row.t_s;
+        self.cos += weight * cos * shorter;
+        self.sin += weight * sin * shorter;
+        self.raw_arcsec += row.fog_arcsec;
+        if let Some([forward, left]) = row.level_g {
+            let [sum_forward, sum_left] = &mut self.level;
+            *sum_forward += weight * forward;
+            *sum_left += weight * left;
+            self.level_seconds += weight;
+        }
+        if let Some(temp_c) = row.temp_c {
+            self.temp_c += weight * temp_c;
+            self.temp_seconds += weight;
+        }
+    }
+
+    fn level(&self) -> Option<Specific> {
+        let [forward, left] = self.level;
+        if self.level_seconds <= 0.0 {
+            return None;
+        }
+        Specific::new(forward / self.level_seconds, left / self.level_seconds)
+    }
+}
