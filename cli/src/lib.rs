@@ -2,7 +2,14 @@
 //! verbs of the command `north`.
 
 pub mod campaign;
+pub mod commands;
 pub mod engine;
+pub mod failure;
 pub mod file_error;
+pub mod interrupt;
+pub mod json;
+pub mod output;
+pub mod present;
+pub mod recorder;
 pub mod settings_file;
 pub mod toml_file;

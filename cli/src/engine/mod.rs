@@ -3,10 +3,13 @@
 
 pub mod host;
 
-use hal_sim::{Scenario, Truth};
+use std::sync::atomic::AtomicBool;
+
+use hal_sim::{Scenario, Truth, World};
 use north_finder::event::{Event, Fix, Report, State};
 use north_finder::health::Fault;
-use north_finder::settings::Settings;
+use north_finder::sample::SAMPLE_S;
+use north_finder::settings::{Settings, store};
 
 /// What to run.
 #[derive(Clone, Debug)]
@@ -40,6 +43,33 @@ pub enum End {
     Interrupted,
 }
 
+/// What runs the fix.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Engine {
+    /// The pipeline in this process.
+    Host,
+    /// The firmware image in QEMU.
+    Qemu,
+}
+
+impl Engine {
+    /// Name, stable: files depend on it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Host => "host",
+            Self::Qemu => "qemu",
+        }
+    }
+
+    /// For people.
+    pub fn description(self) -> &'static str {
+        match self {
+            Self::Host => "in this process",
+            Self::Qemu => "firmware image in QEMU",
+        }
+    }
+}
+
 /// Sees every report as it comes.
 pub type Observer<'a> = dyn FnMut(&Report) + 'a;
 
@@ -50,6 +80,33 @@ pub enum EngineError {
     Flash(String),
     #[error("{0}")]
     Qemu(String),
+}
+
+/// Runs a fix on the chosen engine.
+pub fn run(
+    engine: Engine,
+    setup: &Setup,
+    stop: &AtomicBool,
+    observe: &mut Observer<'_>,
+) -> Result<Outcome, EngineError> {
+    match engine {
+        Engine::Host => host::run(setup, stop, observe),
+        Engine::Qemu => Err(EngineError::Qemu("not built in".into())),
+    }
+}
+
+/// The world at power-up, the settings in its flash.
+pub fn world(setup: &Setup) -> Result<World, EngineError> {
+    let world = World::new(&setup.scenario, setup.seed);
+    if let Some(settings) = &setup.settings {
+        store::save(&mut world.flash(), settings).map_err(|error| EngineError::Flash(format!("{error:?}")))?;
+    }
+    Ok(world)
+}
+
+/// The tick at which a fix that has not ended is given up.
+pub fn limit_ticks(setup: &Setup) -> u64 {
+    (setup.scenario.duration_limit_s / SAMPLE_S) as u64
 }
 
 /// Watches the reports for the end of a fix: the fix or the fault comes first, the final state after it.

@@ -1,0 +1,151 @@
+//! `north find`: one fix of the simulated instrument, live.
+
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+use clap::Args;
+use north_finder::event::{Dwell, Event};
+use north_finder::health::Counters;
+
+use super::instrument::InstrumentOptions;
+use super::scenarios;
+use crate::campaign::{CampaignWriter, Run};
+use crate::engine::{self, End, Engine, Outcome, Setup};
+use crate::failure::Failure;
+use crate::interrupt;
+use crate::json::{EventRecord, Found, Run as RunRecord};
+use crate::output::JsonOption;
+use crate::present::{Reference, View, write_fault, write_fix};
+use crate::recorder::{Recorder, new_campaign};
+
+/// Name of the one run in a recording of `north find`.
+const RUN: &str = "runs/001.csv";
+
+/// Find north once: the real firmware image in QEMU against the simulated instrument, live
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  north find --scenario windy-tripod --seed 7
+  north find --host --azimuth 123.4 --order east-west --json -
+  north find --scenario creep --record /tmp/creep && north solve /tmp/creep")]
+pub struct Find {
+    #[command(flatten)]
+    instrument: InstrumentOptions,
+    /// Run the state machine in this process instead of the firmware image in QEMU
+    #[arg(long)]
+    host: bool,
+    /// Write a campaign with this run into a new or empty folder
+    #[arg(long, value_name = "DIR")]
+    record: Option<PathBuf>,
+    #[command(flatten)]
+    json: JsonOption,
+}
+
+/// What the reports of a fix leave behind.
+#[derive(Default)]
+struct Log {
+    recorder: Recorder,
+    events: Vec<EventRecord>,
+    dwells: Vec<Dwell>,
+    health: Option<Counters>,
+}
+
+impl Find {
+    pub fn run(self) -> Result<(), Failure> {
+        if self.instrument.scenario == "list" {
+            return Ok(scenarios::list(&mut io::stdout())?);
+        }
+        let (scenario, settings) = self.instrument.resolve()?;
+        if let Some(folder) = &self.record {
+            CampaignWriter::check_free(folder)?;
+        }
+        let engine = if self.host { Engine::Host } else { Engine::Qemu };
+        let mut out = self.json.human();
+        writeln!(
+            out,
+            "{}, seed {}, latitude {}°, {}",
+            scenario.name,
+            self.instrument.seed,
+            scenario.site.latitude_deg,
+            engine.description()
+        )?;
+        let mut view = View::new(out, &settings);
+        let setup = Setup { scenario, seed: self.instrument.seed, settings: Some(settings) };
+        let mut log = Log::default();
+        let outcome = engine::run(engine, &setup, interrupt::flag(), &mut |report| {
+            log.recorder.see(report);
+            log.events.extend(EventRecord::of(report));
+            match report.event {
+                Event::Dwell(dwell) => log.dwells.push(dwell),
+                Event::Health(counters) => log.health = Some(counters),
+                _ => {}
+            }
+            view.report(report);
+        });
+        // Whatever happened, the bars go first.
+        let mut out = view.finish()?;
+        let outcome = outcome?;
+        if outcome.end == End::Interrupted {
+            return Err(Failure::Interrupted);
+        }
+        if let Some(folder) = &self.record {
+            record(folder, &setup, &outcome, &log.recorder)?;
+        }
+        self.json.write(&log.into_json(&outcome, engine, self.record.is_some()))?;
+        conclude(&mut out, &outcome, setup.scenario.duration_limit_s)
+    }
+}
+
+/// Prints the result; without an azimuth it is an error.
+fn conclude(out: &mut dyn Write, outcome: &Outcome, limit_s: f64) -> Result<(), Failure> {
+    match outcome.end {
+        End::Fix(fix) => {
+            let truth = Reference { name: "true", azimuth_deg: outcome.truth.azimuth_deg };
+            Ok(write_fix(out, &fix, Some(truth))?)
+        }
+        End::Fault { fault, state } => {
+            write_fault(out, fault, state)?;
+            Err(Failure::Refused(format!("{}: {}", fault.name(), fault.explain())))
+        }
+        End::TimeLimit => Err(Failure::Refused(time_limit(limit_s))),
+        End::Interrupted => Err(Failure::Interrupted),
+    }
+}
+
+fn time_limit(limit_s: f64) -> String {
+    format!("no azimuth within the scenario's duration_limit_s = {limit_s}")
+}
+
+/// Writes the recording, with the simulator's azimuth as the reference.
+fn record(folder: &std::path::Path, setup: &Setup, outcome: &Outcome, recorder: &Recorder) -> Result<(), Failure> {
+    if recorder.rows().is_empty() {
+        return Err(Failure::Refused("nothing to record: the gyro gave no second of data".into()));
+    }
+    let title = format!("{}, seed {}", setup.scenario.name, setup.seed);
+    let mut campaign = new_campaign(folder, title, setup)?;
+    let run = Run { file: RUN.into(), reference_azimuth_deg: Some(outcome.truth.azimuth_deg), ..Run::default() };
+    recorder.write(&mut campaign, run)?;
+    Ok(campaign.finish()?)
+}
+
+impl Log {
+    fn into_json(self, outcome: &Outcome, engine: Engine, recorded: bool) -> Found {
+        let file = if recorded { RUN.to_owned() } else { String::new() };
+        let mut run = match outcome.end {
+            End::Fix(fix) => RunRecord::of_fix(file, &fix, &self.dwells),
+            End::Fault { fault, .. } => {
+                RunRecord::without_azimuth(file, &self.dwells, Some(fault.name()), Some(fault.explain().into()))
+            }
+            End::TimeLimit | End::Interrupted => {
+                RunRecord::without_azimuth(file, &self.dwells, None, Some("the scenario's time limit passed".into()))
+            }
+        };
+        run.compare(outcome.truth.azimuth_deg);
+        Found {
+            runs: vec![run],
+            true_azimuth_deg: outcome.truth.azimuth_deg,
+            engine: engine.name(),
+            events: self.events,
+            health: self.health,
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! The options that choose and change the simulated instrument: shared by `find` and `simulate`.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use hal_sim::Scenario;
+use north_finder::sequence::order::Order;
+use north_finder::settings::Settings;
+
+use super::number;
+use crate::failure::Failure;
+use crate::settings_file::{read_model, read_settings, scenario_settings};
+
+/// Which simulated instrument, where, and how it is set.
+#[derive(Args, Clone, Debug)]
+pub struct InstrumentOptions {
+    /// A built-in scenario ("list" shows them) or a scenario file ending in .toml
+    #[arg(long, value_name = "NAME", default_value = "calm-bench")]
+    pub scenario: String,
+    /// Seed of everything random; the same scenario and seed give the same run
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Latitude of the instrument and in its settings, degrees, north positive, -90 to 90
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = number::<-90, 90>)]
+    pub latitude: Option<f64>,
+    /// Turn the instrument: azimuth of its mark, degrees clockwise from true north, -360 to 360
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = number::<-360, 360>)]
+    pub azimuth: Option<f64>,
+    /// Order of the index positions
+    #[arg(long, value_enum)]
+    pub order: Option<OrderName>,
+    /// Measuring time at each position, seconds, 2 to 3600
+    #[arg(long, value_name = "S", value_parser = clap::value_parser!(u16).range(2..=3600))]
+    pub dwell: Option<u16>,
+    /// Settings of the firmware, laid over the scenario's
+    #[arg(long, value_name = "FILE")]
+    pub settings: Option<PathBuf>,
+    /// Error model of the gyro, from a calibration
+    #[arg(long, value_name = "M.toml")]
+    pub model: Option<PathBuf>,
+}
+
+/// The built-in orders of positions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum OrderName {
+    /// 0, 90, 180, 270 degrees
+    Plain,
+    /// 90, 180, 270, 360 degrees
+    Source,
+    /// 0, 90, 180, 270, 270, 180, 90, 0 degrees: a linear drift cancels
+    Mirrored,
+    /// four short positions, then where the axis points east, west, west, east
+    EastWest,
+}
+
+impl From<OrderName> for Order {
+    fn from(name: OrderName) -> Self {
+        match name {
+            OrderName::Plain => Self::Plain,
+            OrderName::Source => Self::Source,
+            OrderName::Mirrored => Self::Mirrored,
+            OrderName::EastWest => Self::EastWest,
+        }
+    }
+}
+
+impl InstrumentOptions {
+    /// The scenario with what the options change in it, and the settings for it.
+    pub fn resolve(&self) -> Result<(Scenario, Settings), Failure> {
+        let file = self.scenario.ends_with(".toml").then(|| Path::new(&self.scenario));
+        let mut scenario = match file {
+            Some(path) => Scenario::load(path)?,
+            None => Scenario::named(&self.scenario)?,
+        };
+        let mut settings = scenario_settings(&scenario, file)?;
+        if let Some(path) = &self.settings {
+            settings = read_settings(path, &settings)?;
+        }
+        if let Some(latitude_deg) = self.latitude {
+            scenario.site.latitude_deg = latitude_deg;
+            settings.latitude_deg = latitude_deg;
+        }
+        if let Some(azimuth_deg) = self.azimuth {
+            scenario.site.azimuth_deg = azimuth_deg;
+        }
+        if let Some(order) = self.order {
+            settings.sequence.order = order.into();
+        }
+        if let Some(dwell_s) = self.dwell {
+            settings.sequence.dwell_s = dwell_s;
+        }
+        if let Some(path) = &self.model {
+            settings.model = Some(read_model(path)?);
+        }
+        Ok((scenario, settings))
+    }
+}

@@ -1,0 +1,61 @@
+//! The verbs of the command line, one a file.
+
+mod completions;
+mod find;
+mod instrument;
+mod man;
+mod progress;
+mod scenarios;
+mod simulate;
+mod solve;
+
+use clap::{Parser, Subcommand};
+
+use crate::failure::Failure;
+
+/// Finds true north with an indexed single-axis gyro: simulated, recorded, measured.
+///
+/// Exit codes: 0 success; 1 the instrument or the data say no, with the reason; 2 usage; 130 interrupted.
+#[derive(Debug, Parser)]
+#[command(
+    name = "north",
+    version,
+    max_term_width = 120,
+    after_help = "Example:\n  north find --scenario calm-bench --seed 1"
+)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Find(find::Find),
+    Solve(solve::Solve),
+    Simulate(simulate::Simulate),
+    Scenarios(scenarios::Scenarios),
+    Completions(completions::Completions),
+    Man(man::Man),
+}
+
+impl Cli {
+    /// Does what was asked.
+    pub fn run(self) -> Result<(), Failure> {
+        match self.command {
+            Command::Find(find) => find.run(),
+            Command::Solve(solve) => solve.run(),
+            Command::Simulate(simulate) => simulate.run(),
+            Command::Scenarios(scenarios) => scenarios.run(),
+            Command::Completions(completions) => completions.run(),
+            Command::Man(man) => man.run(),
+        }
+    }
+}
+
+/// A number from `LOW` to `HIGH`; anything else, not-a-number too, is a usage error that says what is allowed.
+fn number<const LOW: i32, const HIGH: i32>(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (f64::from(LOW)..=f64::from(HIGH)).contains(&value) => Ok(value),
+        _ => Err(format!("allowed is a number from {LOW} to {HIGH}")),
+    }
+}

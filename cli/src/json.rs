@@ -1,0 +1,148 @@
+//! The machine-readable results. Field names are stable: other programs depend on them.
+
+use north_finder::event::{Dwell, Event, Fix, Report};
+use north_finder::health::{Counters, Flags};
+use north_finder::units::wrap_180_deg;
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+/// Result of `north solve`.
+#[derive(Debug, Serialize)]
+pub struct Solved {
+    pub runs: Vec<Run>,
+}
+
+/// Result of `north find`: the same with its one run, and what only the simulator knows.
+#[derive(Debug, Serialize)]
+pub struct Found {
+    pub runs: Vec<Run>,
+    pub true_azimuth_deg: f64,
+    /// "qemu" or "host".
+    pub engine: &'static str,
+    pub events: Vec<EventRecord>,
+    /// Everything discarded or repaired, by cause, as last reported.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub health: Option<Counters>,
+}
+
+/// One run: an azimuth, or the reason why there is none.
+#[derive(Debug, Default, Serialize)]
+pub struct Run {
+    /// The recording; empty when there is none.
+    pub file: String,
+    pub azimuth_deg: Option<f64>,
+    pub sigma_deg: Option<f64>,
+    pub closure_deg_h: Option<f64>,
+    pub dwells: Vec<DwellRecord>,
+    pub flags: Vec<&'static str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bias_deg_h: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub amplitude_deg_h: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub drift_deg_h_per_h: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seconds: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reference_azimuth_deg: Option<f64>,
+    /// Azimuth minus reference, in (−180°, 180°].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error_deg: Option<f64>,
+    /// Name of the fault that ended the fix.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fault: Option<&'static str>,
+    /// Why there is no azimuth, for a person.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
+}
+
+/// A stay at one position.
+#[derive(Debug, Serialize)]
+pub struct DwellRecord {
+    pub index_deg: f64,
+    pub seconds: f64,
+    pub rate_deg_h: f64,
+    pub sigma_deg_h: f64,
+}
+
+/// An event and when it happened.
+#[derive(Debug, Serialize)]
+pub struct EventRecord {
+    pub t_s: f64,
+    pub event: &'static str,
+    #[serde(flatten)]
+    pub details: Map<String, Value>,
+}
+
+impl Run {
+    /// What a fix says.
+    pub fn of_fix(file: String, fix: &Fix, dwells: &[Dwell]) -> Self {
+        Self {
+            azimuth_deg: Some(fix.azimuth_deg),
+            sigma_deg: Some(fix.sigma_deg),
+            closure_deg_h: fix.closure_deg_h,
+            flags: flag_names(fix.flags),
+            bias_deg_h: Some(fix.bias_deg_h),
+            amplitude_deg_h: Some(fix.amplitude_deg_h),
+            drift_deg_h_per_h: Some(fix.drift_deg_h_per_h),
+            seconds: Some(fix.seconds),
+            ..Self::without_azimuth(file, dwells, None, None)
+        }
+    }
+
+    /// A run that gave no azimuth: the stays it got through, and why.
+    pub fn without_azimuth(
+        file: String,
+        dwells: &[Dwell],
+        fault: Option<&'static str>,
+        reason: Option<String>,
+    ) -> Self {
+        Self { file, dwells: dwells.iter().map(DwellRecord::from).collect(), fault, reason, ..Self::default() }
+    }
+
+    /// Adds what is known to be true, and the error against it.
+    pub fn compare(&mut self, reference_azimuth_deg: f64) {
+        self.reference_azimuth_deg = Some(reference_azimuth_deg);
+        self.error_deg = self.azimuth_deg.map(|azimuth_deg| wrap_180_deg(azimuth_deg - reference_azimuth_deg));
+    }
+}
+
+impl From<&Dwell> for DwellRecord {
+    fn from(dwell: &Dwell) -> Self {
+        Self {
+            index_deg: dwell.index_deg,
+            seconds: dwell.seconds,
+            rate_deg_h: dwell.rate_deg_h,
+            sigma_deg_h: dwell.sigma_deg_h,
+        }
+    }
+}
+
+impl EventRecord {
+    /// The record of a report; `None` for the seconds and the counters, which are not events of the fix.
+    pub fn of(report: &Report) -> Option<Self> {
+        let details = match report.event {
+            Event::Second(_) | Event::Health(_) => return None,
+            // The azimuth stands with its run; the names of states and faults are the event's own.
+            Event::Fix(_) | Event::State(_) => Map::new(),
+            Event::Fault { state, .. } => Map::from_iter([("state".to_owned(), Value::from(state.name()))]),
+            other => fields(&other),
+        };
+        Some(Self { t_s: report.t_s, event: report.event.name(), details })
+    }
+}
+
+/// The fields of an event, by name.
+fn fields(event: &Event) -> Map<String, Value> {
+    match serde_json::to_value(event) {
+        Ok(Value::Object(variant)) => match variant.into_iter().next() {
+            Some((_, Value::Object(fields))) => fields,
+            _ => Map::new(),
+        },
+        _ => Map::new(),
+    }
+}
+
+fn flag_names(flags: Flags) -> Vec<&'static str> {
+    flags.iter().map(|flag| flag.name()).collect()
+}

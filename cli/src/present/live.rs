@@ -1,0 +1,164 @@
+//! A fix as it goes: bars on a terminal, and in any case one line per change of state.
+
+use std::fmt;
+use std::io::{self, Write};
+
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use north_finder::event::{Event, Report, Second, State};
+use north_finder::sequence::order::{Order, Position};
+use north_finder::settings::Settings;
+
+/// Shows the reports of one fix.
+pub struct View {
+    out: Box<dyn Write>,
+    bars: Bars,
+    /// How long each position is to be measured.
+    dwells_s: Vec<u16>,
+    /// Positions that are done.
+    done: u8,
+    /// Whether the last line on the level said that it was.
+    was_level: Option<bool>,
+    failed: Option<io::Error>,
+}
+
+/// The moving part; draws on stderr, and nothing unless that is a terminal.
+struct Bars {
+    all: MultiProgress,
+    position: ProgressBar,
+    status: ProgressBar,
+}
+
+impl View {
+    /// Lines go to `out`; `settings` tell which positions to expect.
+    pub fn new(out: Box<dyn Write>, settings: &Settings) -> Self {
+        Self { out, bars: Bars::new(), dwells_s: dwells_s(settings), done: 0, was_level: None, failed: None }
+    }
+
+    /// Shows a report. What cannot be written is kept for [`Self::finish`].
+    pub fn report(&mut self, report: &Report) {
+        self.bars.report(report, &self.dwells_s);
+        if let Some(text) = self.line(&report.event) {
+            self.write(format_args!("{:8.1} s  {text}", report.t_s));
+        }
+    }
+
+    /// Removes the bars; gives back the output for the result.
+    pub fn finish(self) -> io::Result<Box<dyn Write>> {
+        self.bars.clear();
+        match self.failed {
+            None => Ok(self.out),
+            Some(error) => Err(error),
+        }
+    }
+
+    fn write(&mut self, line: fmt::Arguments<'_>) {
+        let out = &mut self.out;
+        if let Err(error) = self.bars.all.suspend(|| writeln!(out, "{line}")) {
+            self.failed.get_or_insert(error);
+        }
+    }
+
+    /// What a report is worth saying in a line.
+    fn line(&mut self, event: &Event) -> Option<String> {
+        let count = self.dwells_s.len();
+        let at = |position: u8| format!("position {} of {count}", u32::from(position) + 1);
+        Some(match *event {
+            Event::State(state @ (State::Levelling | State::Watching)) => state.name().to_owned(),
+            Event::State(State::Collecting) => format!("{}: collecting", at(self.done)),
+            Event::State(_) | Event::Second(_) | Event::Fix(_) | Event::Fault { .. } | Event::Health(_) => return None,
+            Event::Level { pitch_deg, roll_deg, level } => {
+                if self.was_level.replace(level) == Some(level) {
+                    return None;
+                }
+                let verdict = if level { "level" } else { "not level" };
+                format!("{verdict}: pitch {pitch_deg:+.3}°, roll {roll_deg:+.3}°")
+            }
+            Event::Disturbed { excess_deg_h } => {
+                format!("disturbed: the rate exceeds what a still gyro reads by {excess_deg_h:.2} °/h; waiting")
+            }
+            Event::Undisturbed { excess_deg_h } => format!("undisturbed: excess {excess_deg_h:+.2} °/h"),
+            Event::Moving { position, target_deg } => format!("{}: turning to {target_deg:.2}°", at(position)),
+            Event::Arrived { position, index_deg } => format!("{}: at {index_deg:.3}°", at(position)),
+            Event::Jitter { position, change_deg_h } => {
+                format!("{}: jitter, the rate changes by {change_deg_h:.2} °/h in a second; waiting", at(position))
+            }
+            Event::Settled { position } => format!("{}: settled", at(position)),
+            Event::Dwell(dwell) => {
+                self.done = dwell.position.saturating_add(1);
+                format!(
+                    "{}: {:.0} s at {:.3}°, rate {:.4} ± {:.4} °/h",
+                    at(dwell.position),
+                    dwell.seconds,
+                    dwell.index_deg,
+                    dwell.rate_deg_h,
+                    dwell.sigma_deg_h
+                )
+            }
+            Event::Coarse { azimuth_deg, sigma_deg } => {
+                format!(
+                    "coarse azimuth {azimuth_deg:.3}° ± {sigma_deg:.3}°: now to where the axis points east and west"
+                )
+            }
+        })
+    }
+}
+
+impl Bars {
+    fn new() -> Self {
+        let all = MultiProgress::with_draw_target(ProgressDrawTarget::stderr());
+        let position = all.add(ProgressBar::new(1).with_style(style("{prefix} [{bar:40}] {pos}/{len} s")));
+        let status = all.add(ProgressBar::new_spinner().with_style(style("{msg}")));
+        Self { all, position, status }
+    }
+
+    fn report(&self, report: &Report, dwells_s: &[u16]) {
+        match report.event {
+            Event::State(state) => self.status.set_message(format!("{:.1} s  {}", report.t_s, state.name())),
+            Event::Second(second) => {
+                if let (Some(position), true) = (second.position, second.collected) {
+                    self.collected(position, dwells_s);
+                }
+                self.status.set_message(status(report.t_s, &second));
+            }
+            _ => {}
+        }
+    }
+
+    /// A second more at this position.
+    fn collected(&self, position: u8, dwells_s: &[u16]) {
+        let prefix = format!("position {}/{}", u32::from(position) + 1, dwells_s.len());
+        if self.position.prefix() != prefix {
+            self.position.set_prefix(prefix);
+            self.position.set_position(0);
+            self.position.set_length(dwells_s.get(usize::from(position)).copied().unwrap_or_default().into());
+        }
+        self.position.inc(1);
+    }
+
+    fn clear(&self) {
+        self.position.finish_and_clear();
+        self.status.finish_and_clear();
+    }
+}
+
+fn status(t_s: f64, second: &Second) -> String {
+    let index = second.index_deg.map_or("no index".to_owned(), |index_deg| format!("index {index_deg:.2}°"));
+    format!("{t_s:.1} s  rate {:+.3} °/h, {index}", second.rate_deg_h)
+}
+
+/// Styles are constants of this file; a wrong one would show as the default.
+fn style(template: &str) -> ProgressStyle {
+    ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("█▉▊▋▌▍▎▏ ")
+}
+
+/// Measuring time at each position.
+fn dwells_s(settings: &Settings) -> Vec<u16> {
+    let order: &Order = &settings.sequence.order;
+    (0..order.len())
+        .map_while(|number| order.position(number))
+        .map(|position| match position {
+            Position::At { coarse: true, .. } => settings.sequence.coarse_dwell_s,
+            Position::At { .. } | Position::East | Position::West => settings.sequence.dwell_s,
+        })
+        .collect()
+}

@@ -1,0 +1,54 @@
+//! The result of a fix as a block of text.
+
+use std::io::{self, Write};
+
+use north_finder::event::{Fix, State};
+use north_finder::health::Fault;
+use north_finder::units::wrap_180_deg;
+
+use super::explain;
+
+/// An azimuth to compare with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reference {
+    /// "true" or "reference".
+    pub name: &'static str,
+    /// Degrees clockwise from true north.
+    pub azimuth_deg: f64,
+}
+
+/// Azimuth, sigma, closure, what the fix found besides, flags with explanations, and the error.
+pub fn write_fix(out: &mut dyn Write, fix: &Fix, reference: Option<Reference>) -> io::Result<()> {
+    writeln!(out, "azimuth    {:.4}° ± {:.4}°", fix.azimuth_deg, fix.sigma_deg)?;
+    if let Some(Reference { name, azimuth_deg }) = reference {
+        let error_deg = wrap_180_deg(fix.azimuth_deg - azimuth_deg);
+        let sigmas = error_deg.abs() / fix.sigma_deg;
+        writeln!(out, "{name:<10} {azimuth_deg:.4}°")?;
+        writeln!(out, "error      {error_deg:+.4}° ({sigmas:.1} sigma)")?;
+    }
+    match fix.closure_deg_h {
+        Some(closure) => writeln!(out, "closure    {closure:+.5} °/h")?,
+        None => writeln!(out, "closure    not to be seen at these angles")?,
+    }
+    writeln!(
+        out,
+        "found      horizontal rate {:.4} °/h, bias {:+.4} °/h, drift {:+.3} °/h per hour",
+        fix.amplitude_deg_h, fix.bias_deg_h, fix.drift_deg_h_per_h
+    )?;
+    if let Some([pitch_deg, roll_deg]) = fix.tilt_deg {
+        writeln!(out, "tilt       pitch {pitch_deg:+.4}°, roll {roll_deg:+.4}°")?;
+    }
+    writeln!(out, "measured   {:.0} s", fix.seconds)?;
+    if fix.flags.is_empty() {
+        writeln!(out, "flags      none")?;
+    }
+    for flag in fix.flags.iter() {
+        writeln!(out, "flag       {}: {}", flag.name(), explain(flag))?;
+    }
+    Ok(())
+}
+
+/// The fault that ended a fix.
+pub fn write_fault(out: &mut dyn Write, fault: Fault, state: State) -> io::Result<()> {
+    writeln!(out, "no azimuth {} while {}: {}", fault.name(), state.name(), fault.explain())
+}
