@@ -138,7 +138,8 @@ impl<'a> Replay<'a> {
 
     /// Takes the next row.
     pub fn push(&mut self, row: &Row, report: Sink) -> Result<(), Refusal> {
-        let way_deg = self.last_deg.replace(row.index_deg).map_or(0.0, |last_deg| wrap_180_deg(row.index_deg - last_deg));
+        let way_deg =
+            self.last_deg.replace(row.index_deg).map_or(0.0, |last_deg| wrap_180_deg(row.index_deg - last_deg));
         if row.lost_frames > 0 {
             self.flags.insert(Flag::FramesLost);
         }
@@ -180,7 +181,8 @@ impl<'a> Replay<'a> {
     }
 
     fn end_second(&mut self, report: Sink) -> Result<(), Refusal> {
-        let second = core::mem::replace(&mut self.gathering, Gathering { end_s: self.gathering.end_s, ..Default::default() });
+        let next = Gathering { end_s: self.gathering.end_s, ..Default::default() };
+        let second = core::mem::replace(&mut self.gathering, next);
         if second.seconds <= 0.0 {
             return Ok(());
         }
@@ -299,5 +301,120 @@ impl Gathering {
             return None;
         }
         Specific::new(forward / self.level_seconds, left / self.level_seconds)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::vec::Vec;
+
+    /// Rate of a level gyro of an instrument that points north at 60° north: 7.5205335 °/h · cos θ, and a bias of 1 °/h.
+    fn rate_deg_h(index_deg: f64) -> f64 {
+        7.5205335 * index_deg.to_radians().cos() + 1.0
+    }
+
+    fn row(t_s: f64, interval_s: f64, index_deg: f64) -> Row {
+        Row {
+            t_s,
+            interval_s,
+            index_deg,
+            fog_arcsec: rate_deg_h(index_deg) * interval_s,
+            temp_c: None,
+            level_g: Some([0.0; 2]),
+            lost_frames: 0,
+        }
+    }
+
+    fn replay(rows: &[Row]) -> (Result<Fix, Refusal>, Vec<Dwell>) {
+        let settings = Settings { latitude_deg: 60.0, ..Default::default() };
+        let mut slots = std::vec![DwellSummary::default(); rows.len()];
+        let mut replay = Replay::new(&settings, &mut slots).unwrap();
+        let mut dwells = Vec::new();
+        let mut report = |report: Report| {
+            if let Event::Dwell(dwell) = report.event {
+                dwells.push(dwell);
+            }
+        };
+        for row in rows {
+            replay.push(row, &mut report).unwrap();
+        }
+        let fix = replay.finish(&mut report);
+        (fix, dwells)
+    }
+
+    /// Four stays of 20 s with moves of 3 s between them, in rows of `interval_s`.
+    fn four_positions(interval_s: f64) -> Vec<Row> {
+        let rows = (92.0 / interval_s).round() as u32;
+        (1..=rows)
+            .map(|i| {
+                let t_s = f64::from(i) * interval_s;
+                let (stay, into_s) = ((t_s / 23.0).floor(), t_s % 23.0);
+                row(t_s, interval_s, 90.0 * stay + 30.0 * (into_s - 20.0).clamp(0.0, 3.0))
+            })
+            .collect()
+    }
+
+    fn assert_azimuth(fix: Result<Fix, Refusal>, azimuth_deg: f64) {
+        let fix = fix.unwrap();
+        assert!(wrap_180_deg(fix.azimuth_deg - azimuth_deg).abs() < 1e-6, "{}", fix.azimuth_deg);
+        assert!((fix.bias_deg_h - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn stays_are_found_in_raw_rows_and_in_seconds() {
+        for interval_s in [0.0025, 0.2, 1.0] {
+            let (fix, dwells) = replay(&four_positions(interval_s));
+            assert_azimuth(fix, 0.0);
+            assert_eq!(dwells.len(), 4, "{interval_s}");
+            assert!(dwells.iter().all(|dwell| (17.9..=21.1).contains(&dwell.seconds)), "{dwells:?}");
+        }
+    }
+
+    #[test]
+    fn positions_without_turning_rows() {
+        let rows: Vec<Row> = (0..400).map(|i| row(f64::from(i + 1) * 0.2, 0.2, 90.0 * f64::from(i / 100))).collect();
+        let (fix, dwells) = replay(&rows);
+        assert_azimuth(fix, 0.0);
+        assert_eq!(dwells.len(), 4);
+    }
+
+    #[test]
+    fn a_continuous_rotation_uses_every_row() {
+        for (interval_s, speed_deg_s) in [(1.0, 6.0), (0.2, -20.0), (0.0025, 3.0), (1.0, 0.2)] {
+            let rows: Vec<Row> = (1..=(240.0 / interval_s) as u32)
+                .map(|i| {
+                    let t_s = f64::from(i) * interval_s;
+                    let (start, end) = ((t_s - interval_s) * speed_deg_s, t_s * speed_deg_s);
+                    // The angle over the interval is the integral of the rate: h (sin θ2 − sin θ1) / θ̇ + 1 · interval.
+                    let turned = end.to_radians().sin() - start.to_radians().sin();
+                    let fog_arcsec = 7.5205335 * turned / speed_deg_s.to_radians() + interval_s;
+                    Row { fog_arcsec, ..row(t_s, interval_s, 0.5 * (start + end)) }
+                })
+                .collect();
+            let (fix, _) = replay(&rows);
+            let seconds = fix.unwrap().seconds;
+            // The settings declare no angle error, so a slow rotation may be taken for many short stays.
+            assert!(seconds > 235.0, "{speed_deg_s} °/s: {seconds}");
+            assert!(wrap_180_deg(fix.unwrap().azimuth_deg).abs() < 1e-3, "{}", fix.unwrap().azimuth_deg);
+        }
+    }
+
+    #[test]
+    fn two_directions_are_refused() {
+        let rows: Vec<Row> = (0..40).map(|i| row(f64::from(i + 1), 1.0, 180.0 * f64::from(i / 20))).collect();
+        assert_eq!(replay(&rows).0, Err(Refusal::Unsolvable(Unsolvable::TooFewDirections)));
+        assert_eq!(replay(&[]).0, Err(Refusal::Unsolvable(Unsolvable::TooFewDirections)));
+    }
+
+    #[test]
+    fn a_pole_and_a_lack_of_slots_are_refused() {
+        let settings = Settings { latitude_deg: 89.5, ..Default::default() };
+        assert!(matches!(Replay::new(&settings, &mut []), Err(Refusal::Settings(Fault::NearPole))));
+        let settings = Settings { latitude_deg: 60.0, ..Default::default() };
+        let replay = Replay::new(&settings, &mut []).unwrap();
+        let mut replay = replay;
+        replay.push(&row(1.0, 1.0, 0.0), &mut |_| {}).unwrap();
+        assert_eq!(replay.finish(&mut |_| {}), Err(Refusal::Full));
     }
 }

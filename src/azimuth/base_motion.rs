@@ -193,13 +193,8 @@ fn observations(
             t * t * t * t + 2.0 * t * t * h2 + h2 * h2 / 5.0,
         ]);
         // Least-squares slope of (t + u)^k over u in ± half: 3/(2h³) ∫ u (t + u)^k du.
-        let slope = SVector::from([
-            0.0,
-            1.0,
-            2.0 * t,
-            3.0 * t * t + 0.6 * h2,
-            4.0 * t * t * t + 2.4 * t * h2,
-        ]) / TIME_UNIT_S;
+        let slope =
+            SVector::from([0.0, 1.0, 2.0 * t, 3.0 * t * t + 0.6 * h2, 4.0 * t * t * t + 2.4 * t * h2]) / TIME_UNIT_S;
         [
             (dwell.seconds, mean, tilt.map(|line| line.mean)),
             (dwell.time_spread, slope, tilt.map(|line| line.slope_per_s)),

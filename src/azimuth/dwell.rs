@@ -154,7 +154,10 @@ impl DwellRows {
             sin: sin / seconds,
             rate: line(|row| row.rate_deg_h),
             level: (levels == count).then(|| {
-                [line(|row| row.level.map_or(0.0, |level| level.forward)), line(|row| row.level.map_or(0.0, |level| level.left))]
+                [
+                    line(|row| row.level.map_or(0.0, |level| level.forward)),
+                    line(|row| row.level.map_or(0.0, |level| level.left)),
+                ]
             }),
             freedom: count.saturating_sub(2),
             knocked: self.rows.len() as u16 - count,

@@ -14,6 +14,8 @@
 pub mod base_motion;
 pub mod dwell;
 mod statistics;
+#[cfg(test)]
+mod tests;
 
 use nalgebra::{Matrix4, Vector4};
 
@@ -257,9 +259,7 @@ pub fn solve(dwells: &[DwellSummary], earth: EarthRate, settings: &Settings) -> 
     let of_level_deg = settings.level.sigma_deg * earth.up_deg_h / earth.north_deg_h;
     Ok(Solution {
         azimuth_deg: wrap_360_deg(libm::atan2(sin_part, cos_part) * DEG_PER_RAD),
-        sigma_deg: libm::sqrt(
-            of_rates_deg * of_rates_deg + of_index_deg * of_index_deg + of_level_deg * of_level_deg,
-        ),
+        sigma_deg: libm::sqrt(of_rates_deg * of_rates_deg + of_index_deg * of_index_deg + of_level_deg * of_level_deg),
         closure_deg_h: closure(&problem),
         bias_deg_h,
         amplitude_deg_h,
@@ -272,7 +272,8 @@ pub fn solve(dwells: &[DwellSummary], earth: EarthRate, settings: &Settings) -> 
 
 /// With the drift held to its declaration if the data allow it, else free; whether it is free.
 fn estimate(problem: &Problem<'_>, variance: f64, drift_sigma: f64) -> Result<(Estimate, bool), Unsolvable> {
-    let declared = Estimate::new(problem, variance / (drift_sigma * drift_sigma)).ok_or(Unsolvable::TooFewDirections)?;
+    let declared =
+        Estimate::new(problem, variance / (drift_sigma * drift_sigma)).ok_or(Unsolvable::TooFewDirections)?;
     if let Some(free) = Estimate::new(problem, 0.0) {
         let spread = drift_sigma * drift_sigma + variance * free.inverse.m44;
         if free.parameters.w * free.parameters.w > DRIFT_SIGMAS * DRIFT_SIGMAS * spread {
@@ -290,9 +291,10 @@ fn variance(problem: &Problem<'_>) -> Option<f64> {
         return Some(problem.dwells.iter().map(|dwell| dwell.rate.scatter).sum::<f64>() / freedom);
     }
     let parameters = Estimate::new(problem, LEAST_DRIFT).map(|estimate| estimate.parameters)?;
-    let residuals = problem.observations().filter(|observation| observation.row.z != 0.0 && observation.weight > 0.0).map(
-        |Observation { weight, row, rate_deg_h, .. }| (rate_deg_h - row.dot(&parameters), 1.0 / weight),
-    );
+    let residuals = problem
+        .observations()
+        .filter(|observation| observation.row.z != 0.0 && observation.weight > 0.0)
+        .map(|Observation { weight, row, rate_deg_h, .. }| (rate_deg_h - row.dot(&parameters), 1.0 / weight));
     let (mut last, mut sum, mut pairs) = (None, 0.0, 0.0);
     for (residual, share) in residuals {
         if let Some((before, share_before)) = last.replace((residual, share)) {

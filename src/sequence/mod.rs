@@ -165,7 +165,10 @@ impl Sequencer {
             Progress::Failed(fault) => self.fail(fault, t_s, sink),
             Progress::Arrived { index_deg } => {
                 self.turn = None;
-                sink(Event::Arrived { position: self.position as u8, index_deg: crate::units::wrap_360_deg(index_deg) });
+                sink(Event::Arrived {
+                    position: self.position as u8,
+                    index_deg: crate::units::wrap_360_deg(index_deg),
+                });
                 self.jitter = JitterGate::new(self.settings.jitter);
                 self.enter(State::Settling, t_s, sink);
                 None
@@ -314,12 +317,7 @@ impl Sequencer {
         None
     }
 
-    fn collecting(
-        &mut self,
-        input: &SecondInput,
-        counters: &mut Counters,
-        sink: Sink,
-    ) -> (Option<MotorCommand>, bool) {
+    fn collecting(&mut self, input: &SecondInput, counters: &mut Counters, sink: Sink) -> (Option<MotorCommand>, bool) {
         let RateSecond { rate_deg_h, usable, missing, .. } = input.rate;
         if missing > 0 {
             self.flags.insert(Flag::FramesLost);
@@ -362,13 +360,7 @@ impl Sequencer {
     }
 
     /// A second in which the rate jumped is left out; as many in a row as make jitter send the state back to settling.
-    fn knocked(
-        &mut self,
-        rate_deg_h: f64,
-        t_s: f64,
-        counters: &mut Counters,
-        sink: Sink,
-    ) -> Option<MotorCommand> {
+    fn knocked(&mut self, rate_deg_h: f64, t_s: f64, counters: &mut Counters, sink: Sink) -> Option<MotorCommand> {
         counters.seconds_knocked = counters.seconds_knocked.saturating_add(1);
         self.flags.insert(Flag::Knocked);
         self.knock_run += 1;

@@ -62,7 +62,9 @@ pub enum Progress {
     /// Not there yet: another attempt.
     Again(MotorCommand),
     /// The encoder confirms the angle, degrees.
-    Arrived { index_deg: f64 },
+    Arrived {
+        index_deg: f64,
+    },
     Failed(Fault),
 }
 
@@ -207,7 +209,9 @@ mod tests {
     #[test]
     fn the_angle_does_not_jump_at_a_full_turn() {
         let mut angle = IndexAngle::default();
-        for (reading, unwrapped) in [(359.9, -0.1), (0.2, 0.2), (90.0, 90.0), (200.0, 200.0), (350.0, 350.0), (10.0, 370.0)] {
+        for (reading, unwrapped) in
+            [(359.9, -0.1), (0.2, 0.2), (90.0, 90.0), (200.0, 200.0), (350.0, 350.0), (10.0, 370.0)]
+        {
             angle.push(reading);
             assert!((angle.deg().unwrap() - unwrapped).abs() < 1e-9);
         }

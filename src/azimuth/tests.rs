@@ -1,0 +1,208 @@
+//! Signs and special cases, by hand calculation.
+
+use std::vec::Vec;
+
+use super::dwell::{DwellSummary, Line};
+use super::*;
+use crate::earth::earth_rate;
+use crate::units::wrap_180_deg;
+
+/// A stay of 60 s at an index angle, beginning at `start_s`, with a fixed small scatter: 58 degrees of freedom at a
+/// one-second noise of 0.09 °/h, the declared noise of the default settings.
+fn dwell(start_s: f64, index_deg: f64, rate_deg_h: f64) -> DwellSummary {
+    let (sin, cos) = crate::units::sin_cos_deg(index_deg);
+    DwellSummary {
+        seconds: 60.0,
+        t_s: start_s + 30.0,
+        start_s,
+        end_s: start_s + 60.0,
+        time_spread: 17_995.0,
+        cos,
+        sin,
+        rate: Line { mean: rate_deg_h, slope_per_s: 0.0, scatter: 58.0 * 0.0081 },
+        level: Some([Line::default(); 2]),
+        freedom: 58,
+        knocked: 0,
+        moving: false,
+    }
+}
+
+fn stays(rates: &[(f64, f64)]) -> Vec<DwellSummary> {
+    (0..).zip(rates).map(|(i, &(index_deg, rate))| dwell(65.0 * f64::from(i), index_deg, rate)).collect()
+}
+
+fn settings(latitude_deg: f64) -> Settings {
+    Settings { latitude_deg, ..Default::default() }
+}
+
+fn solve_at(latitude_deg: f64, dwells: &[DwellSummary]) -> Solution {
+    solve(dwells, earth_rate(latitude_deg).unwrap(), &settings(latitude_deg)).unwrap()
+}
+
+fn assert_azimuth(solution: &Solution, azimuth_deg: f64, tolerance_deg: f64) {
+    let error = wrap_180_deg(solution.azimuth_deg - azimuth_deg);
+    assert!(error.abs() <= tolerance_deg, "{} instead of {azimuth_deg}", solution.azimuth_deg);
+}
+
+/// Level, at 60° (h = 7.5205335 °/h), azimuth 30°, bias 0.5 °/h: the axis points to azimuths 30°, −60°, −150°, 120° and
+/// reads h·0.8660254, h·0.5, −h·0.8660254, −h·0.5 (plus bias).
+const NORTH_EAST: [(f64, f64); 4] = [(0.0, 7.012973), (90.0, 4.260267), (180.0, -6.012973), (270.0, -3.260267)];
+
+#[test]
+fn the_axis_turns_counter_clockwise_and_azimuth_counts_clockwise() {
+    let solution = solve_at(60.0, &stays(&NORTH_EAST));
+    assert_azimuth(&solution, 30.0, 1e-5);
+    assert!((solution.bias_deg_h - 0.5).abs() < 1e-6);
+    assert!((solution.amplitude_deg_h - 7.520534).abs() < 1e-5);
+    assert!(solution.closure_deg_h.unwrap().abs() < 1e-6);
+    assert_eq!(solution.flags, Flags::default());
+}
+
+#[test]
+fn the_southern_hemisphere_finds_the_same_north() {
+    assert_azimuth(&solve_at(-60.0, &stays(&NORTH_EAST)), 30.0, 1e-5);
+}
+
+#[test]
+fn the_four_position_arctangent_is_the_special_case() {
+    // Any four rates of equal weight, also ones that do not close: atan2(ω90 − ω270, ω0 − ω180), closure
+    // (ω0 + ω180 − ω90 − ω270)/4 = (7.1 − 6.0 − 4.2 + 3.3)/4 = 0.05. The declared drift is none.
+    let rates = [(0.0, 7.1), (90.0, 4.2), (180.0, -6.0), (270.0, -3.3)];
+    let mut settings = settings(60.0);
+    settings.gyro.drift_deg_h_per_h = 0.0;
+    settings.gyro.arw_deg_per_sqrt_h = 0.05;
+    let solution = solve(&stays(&rates), earth_rate(60.0).unwrap(), &settings).unwrap();
+    assert_azimuth(&solution, (4.2_f64 + 3.3).atan2(7.1 + 6.0).to_degrees(), 1e-9);
+    assert!((solution.closure_deg_h.unwrap() - 0.05).abs() < 1e-12);
+    assert!((solution.bias_deg_h - 0.5).abs() < 1e-9);
+}
+
+#[test]
+fn nose_up_is_taken_out_with_its_sign() {
+    // 60° north, azimuth 0, pitch 1° up. Forward axis: north component h cos 1°, up component Ω sin φ sin 1° =
+    // 13.025946 · 0.0174524 = 0.2273341 °/h. The left axis stays level and points west: 0.
+    let forward = 7.5205335 * 0.9998477 + 0.2273341;
+    let mut tilted = stays(&[(0.0, forward), (90.0, 0.0), (180.0, -forward), (270.0, 0.0)]);
+    for dwell in &mut tilted {
+        dwell.level = Some([Line { mean: 0.0174524, ..Line::default() }, Line::default()]);
+    }
+    let solution = solve_at(60.0, &tilted);
+    assert_azimuth(&solution, 0.0, 1e-5);
+    assert!((solution.amplitude_deg_h - 7.520534).abs() < 1e-5, "{}", solution.amplitude_deg_h);
+    assert!((solution.tilt.unwrap().pitch_deg - 1.0).abs() < 1e-5);
+}
+
+#[test]
+fn left_side_up_is_taken_out_with_its_sign() {
+    // The same with the left side up by 1°, azimuth 0: the left axis (index 90°) points west and rises by 1°, so it
+    // reads +0.2273341; untreated that would turn the azimuth by tan φ · 1° = 1.73°.
+    let mut tilted = stays(&[(0.0, 7.5205335), (90.0, 0.2273341), (180.0, -7.5205335), (270.0, -0.2273341)]);
+    let untreated = solve_at(60.0, &tilted);
+    assert_azimuth(&untreated, 1.7315, 1e-3);
+    for dwell in &mut tilted {
+        dwell.level = Some([Line::default(), Line { mean: 0.0174524, ..Line::default() }]);
+    }
+    assert_azimuth(&solve_at(60.0, &tilted), 0.0, 1e-5);
+}
+
+#[test]
+fn the_mirrored_order_is_blind_to_a_linear_drift_and_finds_it() {
+    // Azimuth 30° as above, 0-90-180-270-270-180-90-0, with 3.6 °/h per hour: 0.001 °/h per second.
+    let order = [0, 1, 2, 3, 3, 2, 1, 0];
+    let mut dwells = stays(&order.map(|i: usize| NORTH_EAST[i]));
+    for dwell in &mut dwells {
+        dwell.rate.mean += 0.001 * dwell.t_s;
+        dwell.rate.slope_per_s += 0.001;
+    }
+    let solution = solve_at(60.0, &dwells);
+    assert_azimuth(&solution, 30.0, 1e-5);
+    assert!((solution.drift_deg_h_per_h - 3.6).abs() < 1e-6);
+    assert!(solution.flags.contains(Flag::Drift));
+}
+
+#[test]
+fn a_strong_drift_in_the_plain_order_is_estimated_and_flagged() {
+    let mut dwells = stays(&NORTH_EAST);
+    for dwell in &mut dwells {
+        dwell.rate.mean += 0.01 * dwell.t_s;
+        dwell.rate.slope_per_s += 0.01;
+    }
+    let solution = solve_at(60.0, &dwells);
+    assert_azimuth(&solution, 30.0, 1e-5);
+    assert!(solution.flags.contains(Flag::Drift));
+    // Free, the drift costs precision: the same noise without it gives a smaller sigma.
+    assert!(solution.sigma_deg > solve_at(60.0, &stays(&NORTH_EAST)).sigma_deg);
+}
+
+#[test]
+fn a_base_that_turns_is_taken_out_with_its_sign() {
+    // The base pitches nose up by 0.2 arcsec/s. At index 90° the axis points left; nose up is a negative rotation about
+    // it, so the gyro reads −0.2 °/h more there and +0.2 at 270°. The accelerometers see the pitch grow with time.
+    let mut dwells = stays(&NORTH_EAST);
+    for dwell in &mut dwells {
+        let pitch = |t_s: f64| 0.2 * t_s / crate::units::ARCSEC_PER_RAD;
+        // Besides, the pitched axis feels the Earth's vertical rate, Ω sin 60° = 13.025946 °/h.
+        dwell.rate.mean += -0.2 * dwell.sin + 13.025946 * pitch(dwell.t_s) * dwell.cos;
+        let scatter = 58.0 * (3.0 / crate::units::ARCSEC_PER_RAD) * (3.0 / crate::units::ARCSEC_PER_RAD);
+        dwell.level = Some([
+            Line { mean: pitch(dwell.t_s), slope_per_s: pitch(1.0), scatter },
+            Line { scatter, ..Line::default() },
+        ]);
+    }
+    let solution = solve_at(60.0, &dwells);
+    assert!(solution.flags.contains(Flag::BaseMotion));
+    assert_azimuth(&solution, 30.0, 1e-4);
+}
+
+#[test]
+fn sigma_is_the_white_noise_bound_when_nothing_else_is_declared() {
+    let mut settings = settings(60.0);
+    settings.gyro.bias_instability_deg_h = 0.0;
+    settings.gyro.drift_deg_h_per_h = 0.0;
+    settings.index.sigma_deg = 0.0;
+    settings.level.sigma_deg = 0.0;
+    let solution = solve(&stays(&NORTH_EAST), earth_rate(60.0).unwrap(), &settings).unwrap();
+    // 60 √2 · 0.0015 / (7.5205335 · √240) = 1.0925e-3 rad = 0.062596°.
+    assert!((solution.sigma_deg - 0.062596).abs() < 2e-5, "{}", solution.sigma_deg);
+    assert!((white_noise_bound_deg(0.0015, 7.5205335, 240.0) - 0.062596).abs() < 1e-5);
+}
+
+#[test]
+fn what_does_not_fit_is_flagged_and_widens_sigma() {
+    let good = solve_at(60.0, &stays(&NORTH_EAST));
+    let mut rates = NORTH_EAST;
+    rates[2].1 += 0.2;
+    let bad = solve_at(60.0, &stays(&rates));
+    assert!(bad.flags.contains(Flag::Misfit) || bad.flags.contains(Flag::Drift), "{:?}", bad.flags);
+    assert!(bad.sigma_deg > 1.5 * good.sigma_deg);
+}
+
+#[test]
+fn a_wrong_latitude_shows_in_the_amplitude() {
+    // The rates of 60° taken for those of 50°: Ω cos 50° = 9.67 °/h against 7.52.
+    assert!(solve_at(50.0, &stays(&NORTH_EAST)).flags.contains(Flag::Amplitude));
+}
+
+#[test]
+fn too_little_is_refused() {
+    let earth = earth_rate(60.0).unwrap();
+    let refusal = |rates: &[(f64, f64)]| solve(&stays(rates), earth, &settings(60.0)).unwrap_err();
+    assert_eq!(refusal(&[]), Unsolvable::TooFewDirections);
+    assert_eq!(refusal(&NORTH_EAST[..2]), Unsolvable::TooFewDirections);
+    assert_eq!(refusal(&[(0.0, 1.0), (180.0, -1.0), (0.0, 1.0), (180.0, -1.0)]), Unsolvable::TooFewDirections);
+    assert_eq!(refusal(&[(0.0, 0.5), (90.0, 0.5), (180.0, 0.5), (270.0, 0.5)]), Unsolvable::NoSignal);
+}
+
+#[test]
+fn three_positions_have_an_azimuth_but_no_redundancy() {
+    // 0°, 120°, 240° at azimuth 0: h·1, h·cos 120° = −h/2 twice.
+    let solution = solve_at(60.0, &stays(&[(0.0, 7.5205335), (120.0, -3.7602668), (240.0, -3.7602668)]));
+    assert_azimuth(&solution, 0.0, 1e-5);
+    assert_eq!(solution.closure_deg_h, None);
+}
+
+#[test]
+fn east_and_west_are_where_the_axis_points_there() {
+    // α = ψ − θ: with ψ = 30° the axis points to 90° at θ = −60° = 300°, to 270° at θ = 120°.
+    assert_eq!((east_index_deg(30.0), west_index_deg(30.0)), (300.0, 120.0));
+}
