@@ -152,12 +152,18 @@ mod tests {
 
     #[test]
     fn five_quiet_changes_pass_the_jitter_gate() {
-        assert_eq!(jitter(&[10.0, 11.0, 10.0, 12.0, 10.0, 11.0]), [Watching, Watching, Watching, Watching, Watching, Passed]);
+        assert_eq!(
+            jitter(&[10.0, 11.0, 10.0, 12.0, 10.0, 11.0]),
+            [Watching, Watching, Watching, Watching, Watching, Passed]
+        );
     }
 
     #[test]
     fn five_large_changes_are_jitter() {
-        assert_eq!(jitter(&[0.0, 5.0, 0.0, 5.0, 0.0, 5.0]), [Watching, Watching, Watching, Watching, Watching, Refused]);
+        assert_eq!(
+            jitter(&[0.0, 5.0, 0.0, 5.0, 0.0, 5.0]),
+            [Watching, Watching, Watching, Watching, Watching, Refused]
+        );
     }
 
     #[test]

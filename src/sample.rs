@@ -253,7 +253,8 @@ mod tests {
 
     #[test]
     fn duplicates_and_stragglers_are_not_counted_twice() {
-        let numbers = (0..400).flat_map(|n| if n == 50 { [50, 50, 48] } else { [n, n, n] }.into_iter().take(if n == 50 { 3 } else { 1 }));
+        let numbers = (0..400)
+            .flat_map(|n| if n == 50 { [50, 50, 48] } else { [n, n, n] }.into_iter().take(if n == 50 { 3 } else { 1 }));
         let (seconds, counters) = run(numbers.map(frame));
         assert_eq!((seconds.len(), counters.frames_duplicate, counters.frames_lost), (1, 2, 0));
         assert!((seconds[0].rate_deg_h - 12.0).abs() < 1e-9);
