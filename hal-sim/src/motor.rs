@@ -12,8 +12,6 @@ use std::f64::consts::TAU;
 /// Below this lag and speed (degrees, °/s) the rotor is taken to be at rest.
 const REST_DEG: f64 = 1e-7;
 const REST_DEG_S: f64 = 1e-5;
-/// Smoothing of the commanded speed, that the damping refers to, s.
-const COMMAND_SPEED_TAU_S: f64 = 0.005;
 
 /// The driver goes over to its holding current when no step has come for this time, s.
 const HOLD_AFTER_S: f64 = 0.05;
@@ -28,8 +26,6 @@ pub struct Drive {
     counter_clockwise: bool,
     enabled: bool,
     command_deg: f64,
-    command_seen_deg: f64,
-    command_speed_deg_s: f64,
     rotor_deg: f64,
     speed_deg_s: f64,
     load_deg: f64,
@@ -53,8 +49,6 @@ impl Drive {
             counter_clockwise: true,
             enabled: false,
             command_deg: motor.start_deg,
-            command_seen_deg: motor.start_deg,
-            command_speed_deg_s: 0.0,
             rotor_deg: motor.start_deg,
             speed_deg_s: 0.0,
             load_deg: motor.start_deg,
@@ -111,14 +105,10 @@ impl Drive {
             self.speed_deg_s += if self.counter_clockwise { self.motor.kick_deg_s } else { -self.motor.kick_deg_s };
         }
         let hunting_deg = if hunts { self.motor.hunting_deg * (TAU * self.motor.hunting_hz * t_s).sin() } else { 0.0 };
-        let commanded_deg_s = (self.command_deg - self.command_seen_deg) / dt_s;
-        self.command_seen_deg = self.command_deg;
-        self.command_speed_deg_s += (commanded_deg_s - self.command_speed_deg_s) * dt_s / (COMMAND_SPEED_TAU_S + dt_s);
-
         let lag_deg = self.command_deg + hunting_deg - self.rotor_deg;
         let pull = self.motor.max_acceleration_deg_s2 * (self.wave_number * lag_deg).sin();
         let damping = 2.0 * self.motor.damping * self.omega;
-        let free = (self.speed_deg_s + (pull + damping * self.command_speed_deg_s) * dt_s) / (1.0 + damping * dt_s);
+        let free = (self.speed_deg_s + pull * dt_s) / (1.0 + damping * dt_s);
         // Dry friction takes speed away but never turns it round.
         self.speed_deg_s = free.signum() * (free.abs() - self.motor.friction_deg_s2 * dt_s).max(0.0);
         self.rotor_deg += self.speed_deg_s * dt_s;
@@ -138,16 +128,14 @@ impl Drive {
     }
 
     fn fall_asleep(&mut self, lag_deg: f64, pull: f64) {
-        let still =
-            !self.kick_due && self.speed_deg_s.abs() < REST_DEG_S && self.command_speed_deg_s.abs() < REST_DEG_S;
-        if !still {
-            return;
-        }
         let held_by_friction = self.speed_deg_s == 0.0 && pull.abs() <= self.motor.friction_deg_s2;
-        if lag_deg.abs() < REST_DEG || held_by_friction {
+        // A rotor that slipped rests whole electrical periods away from its command.
+        let period_deg = TAU / self.wave_number;
+        let from_rest_deg = lag_deg - period_deg * (lag_deg / period_deg).round();
+        let at_rest = from_rest_deg.abs() < REST_DEG && self.speed_deg_s.abs() < REST_DEG_S;
+        if (held_by_friction || at_rest) && !self.kick_due {
             self.asleep = true;
             self.speed_deg_s = 0.0;
-            self.command_speed_deg_s = 0.0;
         }
     }
 

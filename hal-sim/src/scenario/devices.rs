@@ -78,7 +78,7 @@ part! {
         max_acceleration_deg_s2: f64 = 3000.0, 1.0..=1e6;
         /// Frequency at which the rotor rings about its commanded angle, Hz.
         ringing_hz: f64 = 27.0, 0.5..=200.0;
-        /// Damping ratio of that ringing.
+        /// Damping ratio of that ringing; the damping is viscous, so that it also brakes a moving rotor.
         damping: f64 = 0.08, 0.0..=2.0;
         /// Dry friction, as the acceleration that it takes away, °/s².
         friction_deg_s2: f64 = 0.0, 0.0..=100000.0;

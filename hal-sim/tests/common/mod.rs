@@ -70,26 +70,38 @@ pub fn rate_deg_h(world: &World, seconds: f64) -> f64 {
     increments.iter().sum::<f64>() / seconds
 }
 
-/// Turns the drive with one step for every slot, `microsteps` counter-clockwise if positive, and waits for it to settle.
-pub fn drive_to(world: &World, microsteps: i32, settle_s: f64) {
+/// Turns the drive by `microsteps`, counter-clockwise if positive, one step in `slots_per_step` slots without any ramp, and
+/// lets it settle. The bytes that the gyro sends meanwhile are thrown away.
+pub fn drive(world: &World, microsteps: i32, slots_per_step: u32, settle_s: f64) {
     world.enable_pin().set_high().expect("pins do not fail");
     world.dir_pin().set_state((microsteps > 0).into()).expect("pins do not fail");
     let mut step = world.step_pin();
-    for number in 0..microsteps.unsigned_abs() {
+    let mut slots = 0;
+    for _ in 0..microsteps.unsigned_abs() {
         step.set_high().expect("pins do not fail");
         step.set_low().expect("pins do not fail");
-        // A gentle speed of 4 °/s: one step for eight slots.
-        for _ in 0..8 {
+        for _ in 0..slots_per_step {
             world.advance_slot();
-        }
-        world.sample();
-        if number % 16 == 0 {
-            arrived(world);
+            slots += 1;
+            if slots % 8 == 0 {
+                world.sample();
+                arrived(world);
+            }
         }
     }
+    while slots % 8 != 0 {
+        world.advance_slot();
+        slots += 1;
+    }
+    world.sample();
     for _ in 0..(settle_s * f64::from(TICKS_PER_S)) as u32 {
         tick(world);
     }
+}
+
+/// Turns the drive at a gentle 4 °/s.
+pub fn drive_to(world: &World, microsteps: i32, settle_s: f64) {
+    drive(world, microsteps, 8, settle_s);
 }
 
 /// Switches the accelerometer to measuring and reads x, y, z in g.
