@@ -12,4 +12,5 @@ pub mod output;
 pub mod present;
 pub mod recorder;
 pub mod settings_file;
+pub mod solve;
 pub mod toml_file;

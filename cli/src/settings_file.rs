@@ -55,6 +55,16 @@ pub fn scenario_settings(scenario: &Scenario, file: Option<&Path>) -> Result<Set
     }
 }
 
+/// Declares the gyro's angle random walk (°/√h), and raises the gates' thresholds as far as such a gyro at rest needs.
+pub fn declare_noise(settings: &mut Settings, arw_deg_per_sqrt_h: f64) {
+    let noise_deg_h = 60.0 * arw_deg_per_sqrt_h;
+    settings.gyro.arw_deg_per_sqrt_h = arw_deg_per_sqrt_h;
+    let disturbance = &mut settings.disturbance.threshold_deg_h;
+    *disturbance = disturbance.max(settings.gyro.bias_limit_deg_h + 6.0 * noise_deg_h);
+    let jitter = &mut settings.jitter.threshold_deg_h;
+    *jitter = jitter.max(6.0 * std::f64::consts::SQRT_2 * noise_deg_h);
+}
+
 fn checked(file: &TomlFile, table: Option<&str>, base: &Settings) -> Result<Settings, FileError> {
     let settings = file.parse_over(base, table)?;
     settings.validate().map_err(|invalid| invalid_at(file, table, &invalid))?;

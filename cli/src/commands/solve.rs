@@ -1,15 +1,170 @@
 //! `north solve`: azimuths of recorded runs.
 
-use clap::Args;
+use std::io::{self, Write};
+use std::path::PathBuf;
 
+use clap::Args;
+use north_finder::settings::Settings;
+use north_finder::units::wrap_180_deg;
+use rayon::prelude::*;
+
+use super::{number, progress};
+use crate::campaign::{Campaign, Run};
 use crate::failure::Failure;
+use crate::interrupt;
+use crate::json::{Run as RunRecord, Solved};
+use crate::output::JsonOption;
+use crate::settings_file::{declare_noise, read_model, read_settings};
+use crate::solve::{Solution, SolveError, solve_file};
 
 /// Solve the runs of a campaign, or one bare run, for their azimuths
 #[derive(Args, Debug)]
-pub struct Solve {}
+#[command(after_help = "Examples:
+  north solve acceptance-unit-7
+  north solve run.csv --latitude 34.75 --model unit-7.toml --json -")]
+pub struct Solve {
+    /// A campaign (its folder or its campaign.toml), or a run as a CSV file
+    #[arg(value_name = "CAMPAIGN-OR-CSV")]
+    path: PathBuf,
+    /// Error model of the gyro, from a calibration
+    #[arg(long, value_name = "M.toml")]
+    model: Option<PathBuf>,
+    /// Latitude, degrees, north positive, -90 to 90: needed for a bare run; a campaign's own is not used then
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = number::<-90, 90>)]
+    latitude: Option<f64>,
+    /// Settings (declared noise, thresholds), laid over the defaults
+    #[arg(long, value_name = "FILE")]
+    settings: Option<PathBuf>,
+    #[command(flatten)]
+    json: JsonOption,
+}
+
+/// A run and what became of it.
+struct Solvable<'a> {
+    run: &'a Run,
+    solved: Result<Solution, SolveError>,
+}
 
 impl Solve {
     pub fn run(self) -> Result<(), Failure> {
-        Ok(())
+        let campaign = self.campaign()?;
+        let base = self.settings(&campaign)?;
+        let bar = progress::bar(campaign.runs.len() as u64, "runs");
+        let runs: Vec<_> = campaign
+            .runs
+            .par_iter()
+            .take_any_while(|_| !interrupt::requested())
+            .map(|run| {
+                let latitude_deg = self.latitude.or(campaign.latitude_of(run)).unwrap_or(base.latitude_deg);
+                let settings = Settings { latitude_deg, ..base.clone() };
+                let solved = solve_file(&campaign.path_of(run), &settings);
+                bar.inc(1);
+                Solvable { run, solved }
+            })
+            .collect();
+        bar.finish_and_clear();
+        if interrupt::requested() {
+            return Err(Failure::Interrupted);
+        }
+        write_table(&mut self.json.human(), &runs)?;
+        self.json.write(&Solved { runs: runs.iter().map(Solvable::record).collect() })?;
+        refuse(&runs)
+    }
+
+    fn campaign(&self) -> Result<Campaign, Failure> {
+        let is_campaign = self.path.is_dir() || self.path.extension().is_some_and(|extension| extension == "toml");
+        match self.latitude {
+            _ if is_campaign => Ok(Campaign::read(&self.path)?),
+            Some(latitude_deg) => Ok(Campaign::of_bare_run(&self.path, latitude_deg)),
+            None => Err(Failure::Usage(format!(
+                "{} is not a campaign: the latitude of a bare run must be given with --latitude",
+                self.path.display()
+            ))),
+        }
+    }
+
+    /// The settings that all runs share: all but the latitude.
+    fn settings(&self, campaign: &Campaign) -> Result<Settings, Failure> {
+        let mut settings = Settings::default();
+        if let Some(arw) = campaign.instrument.as_ref().and_then(|instrument| instrument.arw_deg_per_sqrt_h) {
+            declare_noise(&mut settings, arw);
+        }
+        if let Some(path) = &self.settings {
+            settings = read_settings(path, &settings)?;
+        }
+        if let Some(path) = &self.model {
+            settings.model = Some(read_model(path)?);
+        }
+        Ok(settings)
+    }
+}
+
+impl Solvable<'_> {
+    fn record(&self) -> RunRecord {
+        let file = self.run.file.clone();
+        let mut record = match &self.solved {
+            Ok(Solution { fix, dwells }) => RunRecord::of_fix(file, fix, dwells),
+            Err(error) => RunRecord::without_azimuth(file, &[], None, Some(error.to_string())),
+        };
+        if let Some(reference_azimuth_deg) = self.run.reference_azimuth_deg {
+            record.compare(reference_azimuth_deg);
+        }
+        record
+    }
+
+    /// Azimuth minus reference and the same in sigmas, where there is a reference.
+    fn error(&self) -> Option<(f64, f64)> {
+        let fix = self.solved.as_ref().ok()?.fix;
+        let error_deg = wrap_180_deg(fix.azimuth_deg - self.run.reference_azimuth_deg?);
+        Some((error_deg, error_deg.abs() / fix.sigma_deg))
+    }
+}
+
+fn write_table(out: &mut dyn Write, runs: &[Solvable<'_>]) -> io::Result<()> {
+    let width = runs.iter().map(|each| each.run.file.chars().count()).max().unwrap_or_default().max(4);
+    let with_reference = runs.iter().any(|each| each.run.reference_azimuth_deg.is_some());
+    let error_head = if with_reference { "     error (sigma)" } else { "" };
+    writeln!(out, "{:<width$}    azimuth      sigma    closure{error_head}  flags", "run")?;
+    writeln!(out, "{:<width$}        deg        deg      deg/h{}", "", if with_reference { "       deg" } else { "" })?;
+    for each in runs {
+        write!(out, "{:<width$}", each.run.file)?;
+        match &each.solved {
+            Ok(solution) => write_row(out, each, solution, with_reference)?,
+            Err(SolveError::File(_)) => writeln!(out, "  refused: the file is wrong, see below")?,
+            Err(SolveError::Refused { refusal, .. }) => writeln!(out, "  refused: {refusal}")?,
+        }
+    }
+    let errors: Vec<f64> = runs.iter().filter_map(|each| each.error().map(|(error_deg, _)| error_deg)).collect();
+    if errors.len() > 1 {
+        let rms = (errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64).sqrt();
+        writeln!(out, "{} runs with a reference: error {rms:.4} deg rms", errors.len())?;
+    }
+    Ok(())
+}
+
+fn write_row(out: &mut dyn Write, each: &Solvable<'_>, solution: &Solution, with_reference: bool) -> io::Result<()> {
+    let fix = &solution.fix;
+    let closure = fix.closure_deg_h.map_or("-".into(), |closure| format!("{closure:+.5}"));
+    write!(out, "  {:9.4}  {:9.4}  {closure:>9}", fix.azimuth_deg, fix.sigma_deg)?;
+    if with_reference {
+        let error = each.error().map_or("-".into(), |(error_deg, sigmas)| format!("{error_deg:+.4} ({sigmas:5.1})"));
+        write!(out, "  {error:>16}")?;
+    }
+    let flags: Vec<_> = fix.flags.iter().map(|flag| flag.name()).collect();
+    writeln!(out, "  {}", if flags.is_empty() { "-".into() } else { flags.join(" ") })
+}
+
+/// An error if any run was refused; every reason goes to stderr.
+fn refuse(runs: &[Solvable<'_>]) -> Result<(), Failure> {
+    let reasons: Vec<_> = runs.iter().filter_map(|each| each.solved.as_ref().err().map(ToString::to_string)).collect();
+    match reasons.as_slice() {
+        [] => Ok(()),
+        [reason] if runs.len() == 1 => Err(Failure::Refused(reason.clone())),
+        reasons => Err(Failure::Refused(format!(
+            "{}\nnorth: {} of {} runs refused",
+            reasons.join("\nnorth: "),
+            reasons.len(),
+            runs.len()
+        ))),
     }
 }
