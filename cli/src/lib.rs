@@ -1,6 +1,7 @@
 //! The north finder on the host: campaigns, settings, the simulated instrument around the firmware's pipeline, and the
 //! verbs of the command `north`.
 
+pub mod accuracy;
 pub mod campaign;
 pub mod commands;
 pub mod engine;

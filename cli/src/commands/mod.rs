@@ -1,5 +1,6 @@
 //! The verbs of the command line, one a file.
 
+mod bench;
 mod completions;
 mod find;
 mod instrument;
@@ -33,6 +34,7 @@ enum Command {
     Find(find::Find),
     Solve(solve::Solve),
     Simulate(simulate::Simulate),
+    Bench(bench::Bench),
     Scenarios(scenarios::Scenarios),
     Completions(completions::Completions),
     Man(man::Man),
@@ -45,6 +47,7 @@ impl Cli {
             Command::Find(find) => find.run(),
             Command::Solve(solve) => solve.run(),
             Command::Simulate(simulate) => simulate.run(),
+            Command::Bench(bench) => bench.run(),
             Command::Scenarios(scenarios) => scenarios.run(),
             Command::Completions(completions) => completions.run(),
             Command::Man(man) => man.run(),

@@ -2,6 +2,7 @@
 //! real image in QEMU ([`qemu`]). Both do the same things in the same order and give the same reports, bit for bit.
 
 pub mod host;
+pub mod qemu;
 
 use std::sync::atomic::AtomicBool;
 
@@ -78,8 +79,8 @@ pub type Observer<'a> = dyn FnMut(&Report) + 'a;
 pub enum EngineError {
     #[error("the settings cannot be stored in the simulated flash: {0}")]
     Flash(String),
-    #[error("{0}")]
-    Qemu(String),
+    #[error(transparent)]
+    Qemu(#[from] qemu::QemuError),
 }
 
 /// Runs a fix on the chosen engine.
@@ -91,7 +92,10 @@ pub fn run(
 ) -> Result<Outcome, EngineError> {
     match engine {
         Engine::Host => host::run(setup, stop, observe),
-        Engine::Qemu => Err(EngineError::Qemu("not built in".into())),
+        Engine::Qemu => {
+            let image = qemu::image::build().map_err(qemu::QemuError::from)?;
+            Ok(qemu::run(&image, setup, stop, observe)?.0)
+        }
     }
 }
 

@@ -1,0 +1,28 @@
+//! `north bench`: the project's own measurements; the README's tables come from here.
+
+mod accuracy;
+
+use clap::{Args, Subcommand};
+
+use crate::failure::Failure;
+
+/// Measure the project itself: accuracy and cost
+#[derive(Args, Debug)]
+#[command(after_help = "Example:\n  north bench accuracy --trials 4000")]
+pub struct Bench {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, Subcommand)]
+enum What {
+    Accuracy(accuracy::Accuracy),
+}
+
+impl Bench {
+    pub fn run(self) -> Result<(), Failure> {
+        match self.what {
+            What::Accuracy(accuracy) => accuracy.run(),
+        }
+    }
+}
