@@ -1,4 +1,4 @@
-//! The accelerometer triad at register level: Analog Devices ADXL355 data sheet, rev. D.
+//! The accelerometer triad at register level: Analog Devices ADXL354/ADXL355 data sheet.
 //!
 //! Not modelled: FIFO, activity detection, interrupts, high-pass filter, self-test (their registers can be written and read).
 

@@ -5,7 +5,7 @@
 
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 
-/// Earth's rotation against the stars, rad/s (WGS 84, NIMA TR8350.2, 2000, table 3.3).
+/// Earth's rotation against the stars, rad/s (WGS 84: NIMA TR8350.2, third edition).
 const EARTH_RATE_RAD_S: f64 = 7.292_115e-5;
 
 /// Arcseconds in a radian.

@@ -1,9 +1,21 @@
 //! What the gyro makes of the angle that it turned: its error model.
 //!
-//! Sources: angle random walk, bias instability, rate random walk, drift, quantisation: IEEE Std 952-1997; bias that
-//! follows the rate of temperature: D. M. Shupe, Applied Optics 19 (1980) 654; bias in a magnetic field by the Faraday
-//! effect in a twisted coil: K. Hotate and K. Tabe, Applied Optics 25 (1986) 1086; loss of rate near zero from coherent
-//! cross-coupling: H. C. Lefèvre, The Fiber-Optic Gyroscope, 2nd ed. 2014, chapter 5.
+//! | effect | law | source |
+//! |---|---|---|
+//! | angle random walk N | white noise, 60·N·√dt arcsec in an interval of dt seconds | IEEE Std 952-1997, annex C |
+//! | bias instability, rate random walk, drift, quantisation | [`SlowBias`], linear in time, a counter with a residue | the same |
+//! | scale factor and its temperature | rate · (1 + s + s′·(T − T₀)) | the same |
+//! | bias and temperature | c₁·(T − T₀) + c₂·(T − T₀)² | the same |
+//! | rate of temperature | c · dT/dt: a change that reaches one half of the coil before the other | D. M. Shupe, Applied Optics 19 (1980) 654 |
+//! | hysteresis of temperature | ± h, by the direction from which the temperature came | play operator (Krasnosel'skii and Pokrovskii) |
+//! | Earth's magnetic field | field along the axis and across it: Faraday effect in a twisted fibre | K. Hotate and K. Tabe, Applied Optics 25 (1986) 1086 |
+//! | field in the instrument's body | harmonics of the index angle | a magnet, the heat of the drive |
+//! | dead zone, cubic | odd functions of the rate, from coherent cross-coupling and loop gain | H. C. Lefèvre, The Fiber-Optic Gyroscope, 2nd ed., 2014 |
+//! | after a move | exponential decay, proportional to the angle moved | heat and stress that the move brings |
+//! | vibration | proportional to the mean square of the acceleration | IEEE Std 952-1997 (vibration rectification) |
+//! | gravity, supply voltage | linear | IEEE Std 952-1997 |
+//! | interference | a sinusoidal rate, integrated over the interval | IEEE Std 952-1997, annex C (sinusoidal noise) |
+//! | intermittent | random telegraph | a bad contact |
 
 use crate::noise::{SlowBias, Source, Stream, Telegraph};
 use crate::scenario::{Gyro, Harmonic, Site};

@@ -29,3 +29,8 @@ mod world;
 pub use device::{AccelerometerSpi, EncoderSpi, Flash, GyroLine, Pin};
 pub use scenario::{Scenario, ScenarioError};
 pub use world::{Truth, World};
+
+/// The example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+pub struct ReadmeExample;

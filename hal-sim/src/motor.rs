@@ -1,7 +1,7 @@
 //! The index drive: step pulses in, angle of the gyro out.
 //!
 //! The field of a stepper pulls the rotor towards the commanded angle with a torque that is a sine of the lag (T. Kenjo,
-//! Stepping Motors and Their Microprocessor Controls, 1984, chapter 4). So the rotor is a lightly damped second-order
+//! Stepping Motors and Their Microprocessor Controls, 1984). So the rotor is a lightly damped second-order
 //! system for small lags, has a greatest acceleration, rings when the command stops, and slips by whole electrical periods
 //! (loses steps) when it is asked for more. The electrical period follows from stiffness and torque: 2π·a_max/ω².
 

@@ -31,7 +31,7 @@ pub enum Source {
 pub struct Stream(ChaCha8Rng);
 
 impl Stream {
-    /// The stream of `source` for a seed. The same pair gives the same numbers on every machine.
+    /// The stream of `source` for a seed. The same pair always gives the same numbers.
     pub fn new(seed: u64, source: Source) -> Self {
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
         generator.set_stream(source as u64);
@@ -59,7 +59,7 @@ impl Stream {
     }
 }
 
-/// First-order Gauss-Markov process with exact discretisation (Gelb, Applied Optimal Estimation, 1974, section 3.6).
+/// First-order Gauss-Markov process with exact discretisation (A. Gelb, Applied Optimal Estimation, 1974).
 #[derive(Debug, Clone)]
 pub struct GaussMarkov {
     sigma: f64,
@@ -94,7 +94,7 @@ const SLOW_STEP_MOST_S: f64 = 0.25;
 /// Bias instability and rate random walk of a gyro, °/h.
 ///
 /// Flicker noise is a sum of Gauss-Markov processes with time constants a factor r = 4 apart. Their two-sided densities
-/// 2s²τ/(1 + (2πfτ)²) add up to s²/(2 ln r · f) between the corner frequencies. IEEE Std 952-1997 (annex C.1.3) writes
+/// 2s²τ/(1 + (2πfτ)²) add up to s²/(2 ln r · f) between the corner frequencies. IEEE Std 952-1997 (annex C) writes
 /// bias instability as B²/(2πf), with an Allan deviation of √(2 ln 2/π)·B = 0.664 B: so s = B·√(ln r/π). It is level
 /// within 5 % from about 1 s to 1000 s.
 ///

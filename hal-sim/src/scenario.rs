@@ -9,6 +9,7 @@ mod devices;
 mod error;
 mod gyro;
 mod library;
+mod sense;
 mod site;
 
 pub use devices::{Accelerometer, Encoder, Link, LinkFault, LinkFaultKind, Motor, SensorFault, SensorFaultKind};
@@ -90,10 +91,11 @@ impl Scenario {
         }
     }
 
-    /// Every value that is out of its range, for scenarios that a program changed after reading.
+    /// Every value that is out of its range or contradicts another, also for scenarios that a program changed after reading.
     pub fn violations(&self) -> Vec<check::Violation> {
         let mut findings = Findings::default();
         self.check(&mut findings);
+        sense::check(self, &mut findings);
         findings.violations
     }
 }

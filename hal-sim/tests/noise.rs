@@ -103,7 +103,7 @@ fn rate_random_walk_spreads_with_the_root_of_time() {
         let ratio = found / variance;
         assert!((ratio - 1.0).abs() < 4.0 * (2.0_f64 / 200.0).sqrt(), "{second} s: {ratio}");
     }
-    // Allan variance K² τ / 3 (IEEE Std 952, annex C.1.4).
+    // Allan variance K² τ / 3 (IEEE Std 952, annex C).
     let (found, scatter) = allan_deviation(&runs, 100);
     let ratio = found / (0.5 * (100.0_f64 / 3600.0 / 3.0).sqrt());
     assert!((ratio - 1.0).abs() < 4.0 * scatter, "{ratio} ± {scatter}");

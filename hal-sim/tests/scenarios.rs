@@ -53,6 +53,18 @@ fn errors_name_file_line_field_value_and_what_is_allowed() {
         ),
         ("[site]\nlatitude_deg = nan\n", "x.toml:2: site.latitude_deg = NaN is out of range; allowed: -90.0 to 90.0"),
         (
+            "[[gyro.faults]]\nfrom_s = 5.0\nto_s = 4.0\n",
+            "x.toml:3: gyro.faults[0].to_s = 4.0 is out of range; allowed: later than from_s = 5.0",
+        ),
+        (
+            "[motor]\nstall_from_s = 5.0\nstall_to_s = 5.0\n",
+            "x.toml:3: motor.stall_to_s = 5.0 is out of range; allowed: later than stall_from_s = 5.0",
+        ),
+        (
+            "[[base.relevel]]\nat_s = 5.0\nduration_s = 2.0\n[[base.relevel]]\nat_s = 6.0\n",
+            "x.toml:5: base.relevel[1].at_s = 6.0 is out of range; allowed: from 7.0, when the one before has ended",
+        ),
+        (
             "[[base.knocks]]\nat_s = 1.0\n[[base.knocks]]\nat_s = -1\n",
             "x.toml:4: base.knocks[1].at_s = -1.0 is out of range; allowed: 0.0 to 1000000.0",
         ),

@@ -6,8 +6,8 @@ use common::{drive_to, increments, quiet, rate_deg_h, read_encoder_deg, read_g, 
 use hal_sim::World;
 use hal_sim::scenario::{Knock, Scenario, Sway};
 
-/// Earth rate, °/h: one turn in a sidereal day of 86164.0905 s.
-const EARTH_DEG_H: f64 = 360.0 / 86_164.090_5 * 3600.0;
+/// Earth rate, °/h: one turn against the stars in 86164.0989 s.
+const EARTH_DEG_H: f64 = 360.0 / 86_164.098_9 * 3600.0;
 /// One second of the noiseless gyro is quantised to 1e-6 arcsec in each of 400 frames, the residue kept.
 const QUANTUM_DEG_H: f64 = 3e-6;
 

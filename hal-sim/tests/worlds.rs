@@ -140,7 +140,9 @@ fn lossy_and_noisy_lines_differ() {
 
 #[test]
 fn drives_fail_as_they_should() {
-    for (name, expected_deg) in [("stalled-motor", 0.0), ("wrong-angle", 85.5), ("calm-bench", 90.0)] {
+    for (name, expected_deg) in
+        [("stalled-motor", 0.0), ("wrong-angle", 60.0), ("lost-steps", 85.5), ("calm-bench", 90.0)]
+    {
         let world = named(name);
         drive_to(&world, 9000, 1.0);
         assert!((world.truth().index_deg - expected_deg).abs() < 1e-3, "{name}");

@@ -1,6 +1,6 @@
 //! One declaration per setting: its type, its default and what it may be.
 //!
-//! [`part!`] turns a list of fields into a serde structure that refuses unknown fields, has its defaults, and can report
+//! The macro `part!` turns a list of fields into a serde structure that refuses unknown fields, has its defaults, and can report
 //! every value outside its allowed range together with the path of the field.
 
 use std::fmt::Debug;

@@ -24,6 +24,7 @@ built_in![
     "noisy-link",
     "stalled-motor",
     "wrong-angle",
+    "lost-steps",
     "slipping-encoder",
     "hard-stop",
     "backlash",
