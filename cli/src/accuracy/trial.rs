@@ -47,11 +47,12 @@ pub fn run(spread: &Spread, seed: u64, number: u64) -> Result<Trial, Refusal> {
     let mut generator = SecondsGenerator::new(&world, random.random());
 
     let first_s = if case.order == Order::EastWest { COARSE_DWELL_S } else { case.dwell_s };
-    let mut rows = dwells(&mut generator, case.order.angles_deg(), first_s);
+    let mut last_deg = None;
+    let mut rows = dwells(&mut generator, &mut last_deg, case.order.angles_deg(), first_s);
     let mut fix = solve(&settings, &rows)?;
     if case.order == Order::EastWest {
         let (east, west) = (east_index_deg(fix.azimuth_deg), west_index_deg(fix.azimuth_deg));
-        rows.extend(dwells(&mut generator, &[east, west, west, east], case.dwell_s));
+        rows.extend(dwells(&mut generator, &mut last_deg, &[east, west, west, east], case.dwell_s));
         fix = solve(&settings, &rows)?;
     }
     let error_deg = (fix.azimuth_deg - azimuth_deg + 180.0).rem_euclid(360.0) - 180.0;
@@ -91,14 +92,20 @@ fn settings(case: &Case) -> Settings {
     settings
 }
 
-/// Rows of a dwell at each angle, a move before each that is at another angle than the last.
-fn dwells(generator: &mut SecondsGenerator, angles_deg: &[f64], seconds: f64) -> Vec<SimulatedRow> {
-    let mut last_deg = None;
+/// Rows of a dwell at each angle, a move before each that is at another angle than the last. The last second of a move
+/// has a row, as in a recording; the replay leaves it out, because the index moved in it.
+fn dwells(
+    generator: &mut SecondsGenerator,
+    last_deg: &mut Option<f64>,
+    angles_deg: &[f64],
+    seconds: f64,
+) -> Vec<SimulatedRow> {
     let dwells: Vec<_> = angles_deg
         .iter()
-        .map(|&index_deg| {
-            let gap_s = if last_deg.replace(index_deg) == Some(index_deg) { 0.0 } else { MOVE_S };
-            Dwell { index_deg, gap_s, seconds }
+        .map(|&index_deg| match last_deg.replace(index_deg) {
+            None => Dwell { index_deg, gap_s: 0.0, seconds },
+            Some(last_deg) if last_deg == index_deg => Dwell { index_deg, gap_s: 0.0, seconds },
+            Some(_) => Dwell { index_deg, gap_s: MOVE_S - 1.0, seconds: seconds + 1.0 },
         })
         .collect();
     generator.rows(&dwells).collect()
