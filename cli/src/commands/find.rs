@@ -33,6 +33,9 @@ pub struct Find {
     /// Run the state machine in this process instead of the firmware image in QEMU
     #[arg(long)]
     host: bool,
+    /// The firmware image to run; without it the image is built, which needs cargo and the sources
+    #[arg(long, value_name = "FILE", conflicts_with = "host")]
+    image: Option<PathBuf>,
     /// Write a campaign with this run into a new or empty folder
     #[arg(long, value_name = "DIR")]
     record: Option<PathBuf>,
@@ -71,7 +74,7 @@ impl Find {
         let mut view = View::new(out, &settings);
         let setup = Setup { scenario, seed: self.instrument.seed, settings: Some(settings) };
         let mut log = Log::default();
-        let outcome = engine::run(engine, &setup, interrupt::flag(), &mut |report| {
+        let outcome = engine::run(engine, self.image.as_deref(), &setup, interrupt::flag(), &mut |report| {
             log.recorder.see(report);
             log.events.extend(EventRecord::of(report));
             match report.event {

@@ -4,6 +4,7 @@
 pub mod host;
 pub mod qemu;
 
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use hal_sim::{Scenario, Truth, World};
@@ -83,9 +84,10 @@ pub enum EngineError {
     Qemu(#[from] qemu::QemuError),
 }
 
-/// Runs a fix on the chosen engine.
+/// Runs a fix on the chosen engine. `image` is the firmware for QEMU; without one it is built.
 pub fn run(
     engine: Engine,
+    image: Option<&Path>,
     setup: &Setup,
     stop: &AtomicBool,
     observe: &mut Observer<'_>,
@@ -93,7 +95,10 @@ pub fn run(
     match engine {
         Engine::Host => host::run(setup, stop, observe),
         Engine::Qemu => {
-            let image = qemu::image::build().map_err(qemu::QemuError::from)?;
+            let image = match image {
+                Some(image) => image.to_owned(),
+                None => qemu::image::build().map_err(qemu::QemuError::from)?,
+            };
             Ok(qemu::run(&image, setup, stop, observe)?.0)
         }
     }
