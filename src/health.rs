@@ -22,6 +22,7 @@ pub enum Fault {
     GyroInvalid = 31,
     GyroSaturated = 32,
     GyroClock = 33,
+    GyroStuck = 35,
     LinkPoor = 34,
     OutOfTime = 40,
     Aborted = 41,
@@ -48,6 +49,7 @@ impl Fault {
             Self::GyroInvalid => "gyro-invalid",
             Self::GyroSaturated => "gyro-saturated",
             Self::GyroClock => "gyro-clock",
+            Self::GyroStuck => "gyro-stuck",
             Self::LinkPoor => "gyro-link-poor",
             Self::OutOfTime => "out-of-time",
             Self::Aborted => "aborted",
@@ -74,6 +76,7 @@ impl Fault {
             Self::GyroInvalid => "the gyro declares its data invalid",
             Self::GyroSaturated => "the gyro's rate is beyond its range",
             Self::GyroClock => "the gyro does not send 400 frames a second by the instrument's clock",
+            Self::GyroStuck => "the gyro repeats the same increment",
             Self::LinkPoor => "too many seconds in a row lost too many frames",
             Self::OutOfTime => "the fix took longer than its time limit",
             Self::Aborted => "stopped by command",
@@ -112,10 +115,12 @@ pub enum Flag {
     Temperature = 11,
     /// The angles leave no redundancy: nothing would show an error.
     NoRedundancy = 12,
+    /// The rate wanders inside the stays instead of scattering: something that is not white noise.
+    Wandering = 13,
 }
 
 impl Flag {
-    const ALL: [Flag; 13] = [
+    const ALL: [Flag; 14] = [
         Self::Uncalibrated,
         Self::Disturbed,
         Self::Jitter,
@@ -129,6 +134,7 @@ impl Flag {
         Self::Noisy,
         Self::Temperature,
         Self::NoRedundancy,
+        Self::Wandering,
     ];
 
     /// Lower-case name, stable.
@@ -147,6 +153,7 @@ impl Flag {
             Self::Noisy => "noisy",
             Self::Temperature => "temperature",
             Self::NoRedundancy => "no-redundancy",
+            Self::Wandering => "wandering",
         }
     }
 }

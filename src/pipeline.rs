@@ -156,7 +156,7 @@ impl Pipeline {
         let command = self.command.take()?;
         match (&mut self.sequencer, command) {
             (Ok(sequencer), Command::Start) => {
-                self.watch = GyroWatch::new(self.tick);
+                self.watch.restart(self.tick);
                 self.encoder_failures = 0;
                 sequencer.start(t_s, sink)
             }

@@ -32,6 +32,8 @@ pub struct RateSecond {
     /// Slots whose frame was marked invalid, and those marked saturated or beyond the range; both are also missing.
     pub invalid: u16,
     pub saturated: u16,
+    /// Every increment was the same: no living gyro does that for long.
+    pub constant: bool,
     /// Few enough are missing.
     pub usable: bool,
 }
@@ -59,6 +61,8 @@ struct Partial {
     true_arcsec: f64,
     temp_sum_c: f64,
     temps: u16,
+    first_arcsec: Option<f64>,
+    changed: bool,
 }
 
 impl Sampler {
@@ -105,6 +109,7 @@ impl Sampler {
             second.saturated += u16::from(saturated);
         } else {
             second.good += 1;
+            second.changed |= *second.first_arcsec.get_or_insert(frame.increment_arcsec) != frame.increment_arcsec;
             second.raw_arcsec += frame.increment_arcsec;
             second.true_arcsec += self.correction.apply(frame.increment_arcsec, SAMPLE_S);
         }
@@ -154,6 +159,7 @@ impl Sampler {
             missing,
             invalid: second.invalid,
             saturated: second.saturated,
+            constant: second.good > 1 && !second.changed,
             usable: missing <= self.gyro.repairable_frames,
         })
     }

@@ -5,8 +5,13 @@ use crate::sample::{RateSecond, SAMPLES_PER_SECOND};
 
 /// No good frame for this long is silence: 0.5 s.
 const SILENT_TICKS: u64 = 200;
+/// A gyro that was just switched on may take this long to its first frame: 30 s.
+const WAKING_TICKS: u64 = 12_000;
 /// Seconds in a row in which most frames are marked invalid or saturated.
 const STATUS_SECONDS: u16 = 2;
+/// Seconds in a row without any change of the increment. (A coarse gyro that points east may well count nothing for a
+/// second or two.)
+const CONSTANT_SECONDS: u16 = 5;
 /// Seconds in a row that had to be left out.
 const POOR_SECONDS: u16 = 10;
 /// Frames that the gyro's clock may gain or lose on the instrument's between two settings of the mark: 0.5 % of 10 s. A
@@ -18,7 +23,10 @@ const MARK_SECONDS: u16 = 10;
 /// Counts of bad seconds in a row.
 #[derive(Clone, Debug, Default)]
 pub struct GyroWatch {
-    last_good_tick: u64,
+    /// Silence counts from here.
+    since_tick: u64,
+    awake: bool,
+    constant: u16,
     invalid: u16,
     saturated: u16,
     poor: u16,
@@ -27,19 +35,21 @@ pub struct GyroWatch {
 }
 
 impl GyroWatch {
-    /// Begins at a tick.
-    pub fn new(tick: u64) -> Self {
-        Self { last_good_tick: tick, ..Self::default() }
+    /// Begins to count anew at a tick.
+    pub fn restart(&mut self, tick: u64) {
+        *self = Self { since_tick: tick, awake: self.awake, ..Self::default() };
     }
 
     /// A frame with a right check sum came.
     pub fn heard(&mut self, tick: u64) {
-        self.last_good_tick = tick;
+        self.since_tick = tick;
+        self.awake = true;
     }
 
     /// At every tick: is there silence?
     pub fn tick(&self, tick: u64) -> Option<Fault> {
-        (tick.saturating_sub(self.last_good_tick) > SILENT_TICKS).then_some(Fault::GyroSilent)
+        let patience = if self.awake { SILENT_TICKS } else { WAKING_TICKS };
+        (tick.saturating_sub(self.since_tick) > patience).then_some(Fault::GyroSilent)
     }
 
     /// At the end of a second; `behind` is the sampler's measure of the gyro's clock against the instrument's.
@@ -51,6 +61,7 @@ impl GyroWatch {
         };
         let saturated = run(&mut self.saturated, second.saturated > half, STATUS_SECONDS, Fault::GyroSaturated);
         let invalid = run(&mut self.invalid, second.invalid > half, STATUS_SECONDS, Fault::GyroInvalid);
+        let constant = run(&mut self.constant, second.constant, CONSTANT_SECONDS, Fault::GyroStuck);
         let (mark, age) = *self.mark.get_or_insert((behind, 0));
         let slips = (behind - mark).abs() > SLIP_FRAMES;
         if !slips {
@@ -58,7 +69,7 @@ impl GyroWatch {
         }
         let clock = run(&mut self.slipped, slips, SLIP_SECONDS, Fault::GyroClock);
         let poor = run(&mut self.poor, !second.usable, POOR_SECONDS, Fault::LinkPoor);
-        saturated.or(invalid).or(clock).or(poor)
+        saturated.or(invalid).or(clock).or(constant).or(poor)
     }
 }
 
@@ -74,21 +85,37 @@ mod tests {
         missing: 0,
         invalid: 0,
         saturated: 0,
+        constant: false,
         usable: true,
     };
 
     fn faults(seconds: impl Iterator<Item = (RateSecond, i64)>) -> Option<(usize, Fault)> {
-        let mut watch = GyroWatch::new(0);
+        let mut watch = GyroWatch::default();
         seconds.enumerate().find_map(|(i, (second, behind))| Some((i, watch.second(&second, behind)?)))
     }
 
     #[test]
     fn silence_after_half_a_second() {
-        let mut watch = GyroWatch::new(1000);
+        let mut watch = GyroWatch::default();
+        watch.heard(1000);
         assert_eq!(watch.tick(1200), None);
         assert_eq!(watch.tick(1201), Some(Fault::GyroSilent));
         watch.heard(1201);
         assert_eq!(watch.tick(1300), None);
+        watch.restart(2000);
+        assert_eq!((watch.tick(2200), watch.tick(2201)), (None, Some(Fault::GyroSilent)));
+    }
+
+    #[test]
+    fn a_gyro_may_take_half_a_minute_to_wake() {
+        let watch = GyroWatch::default();
+        assert_eq!((watch.tick(12_000), watch.tick(12_001)), (None, Some(Fault::GyroSilent)));
+    }
+
+    #[test]
+    fn five_constant_seconds() {
+        let stuck = RateSecond { constant: true, ..GOOD };
+        assert_eq!(faults([(stuck, 0); 6].into_iter()), Some((4, Fault::GyroStuck)));
     }
 
     #[test]

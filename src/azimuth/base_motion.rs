@@ -80,6 +80,7 @@ fn tilt_arcsec(dwell: &DwellSummary) -> Option<[Line; 2]> {
         mean: line.mean * ARCSEC_PER_RAD,
         slope_per_s: line.slope_per_s * ARCSEC_PER_RAD,
         scatter: line.scatter * ARCSEC_PER_RAD * ARCSEC_PER_RAD,
+        neighbours: line.neighbours * ARCSEC_PER_RAD * ARCSEC_PER_RAD,
     }))
 }
 

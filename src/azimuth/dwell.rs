@@ -30,6 +30,9 @@ pub struct Line {
     pub slope_per_s: f64,
     /// Weighted sum of squares about the line.
     pub scatter: f64,
+    /// Half the weighted sum of squared differences of neighbours: in white noise as large as `scatter`, in noise that
+    /// wanders smaller (von Neumann, Ann. Math. Stat. 12, 1941, p. 367).
+    pub neighbours: f64,
 }
 
 /// What a stay says, or one interval of a continuous rotation.
@@ -136,13 +139,16 @@ impl DwellRows {
             let mean = weighted().map(|(weight, _, value)| weight * value).sum::<f64>() / seconds;
             let with_time: f64 = weighted().map(|(weight, t, value)| weight * t * (value - mean)).sum();
             let slope_per_s = if count >= 3 && time_spread > 0.0 { with_time / time_spread } else { 0.0 };
-            let scatter = weighted()
-                .map(|(weight, t, value)| {
-                    let residual = value - mean - slope_per_s * t;
-                    weight * residual * residual
-                })
-                .sum();
-            Line { mean, slope_per_s, scatter }
+            let (mut scatter, mut neighbours, mut last) = (0.0, 0.0, None);
+            for (weight, t, value) in weighted() {
+                let residual = value - mean - slope_per_s * t;
+                scatter += weight * residual * residual;
+                if let Some((last_weight, last_residual)) = last.replace((weight, residual)) {
+                    let difference: f64 = residual - last_residual;
+                    neighbours += difference * difference * weight * last_weight / (weight + last_weight);
+                }
+            }
+            Line { mean, slope_per_s, scatter, neighbours }
         };
         Some(DwellSummary {
             seconds,
@@ -185,7 +191,7 @@ impl DwellSummary {
     /// One interval in which the index moved.
     pub fn moving(row: &Row) -> Self {
         let half_s = 0.5 * row.seconds;
-        let still = |mean| Line { mean, slope_per_s: 0.0, scatter: 0.0 };
+        let still = |mean| Line { mean, ..Line::default() };
         Self {
             seconds: row.seconds,
             t_s: row.t_s,
@@ -233,11 +239,12 @@ mod tests {
     #[test]
     fn mean_slope_and_scatter_by_hand() {
         // 1, 2, 3, 6 at 0.5, 1.5, 2.5, 3.5: mean 3, slope (−1.5·−2 − 0.5·−1 + 0.5·0 + 1.5·3)/5 = 1.6; residuals
-        // 0.4, −0.2, −0.8, 0.6 with sum of squares 1.2.
+        // 0.4, −0.2, −0.8, 0.6 with sum of squares 1.2; differences −0.6, −0.6, 1.4, half their squares 1.34.
         let summary = rows(&[1.0, 2.0, 3.0, 6.0]).summary(1.0).unwrap();
         assert!((summary.rate.mean - 3.0).abs() < 1e-12);
         assert!((summary.rate.slope_per_s - 1.6).abs() < 1e-12);
         assert!((summary.rate.scatter - 1.2).abs() < 1e-12);
+        assert!((summary.rate.neighbours - 1.34).abs() < 1e-12);
         assert_eq!((summary.freedom, summary.knocked, summary.seconds), (2, 0, 4.0));
         assert!((summary.sigma_deg_h() - libm::sqrt(1.2 / 2.0 / 4.0)).abs() < 1e-12);
         assert_eq!(summary.index_deg(), 90.0);

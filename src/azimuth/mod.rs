@@ -23,7 +23,7 @@ use crate::earth::EarthRate;
 use crate::health::{Flag, Flags};
 use crate::level::{Specific, Tilt};
 use crate::settings::Settings;
-use crate::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_360_deg};
+use crate::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_180_deg, wrap_360_deg};
 use base_motion::{BaseMotion, Method};
 use dwell::DwellSummary;
 use statistics::excess_sigmas;
@@ -32,8 +32,12 @@ use statistics::excess_sigmas;
 const MISFIT_SIGMAS: f64 = 3.0;
 /// From this many on, sigma grows with the misfit. Lower than the flag's, so that a sigma is rather too large.
 const INFLATION_SIGMAS: f64 = 2.0;
-/// A drift further from nothing than this many of its declared sigmas is estimated freely.
+/// A drift further from nothing than this many sigmas (declared and estimated together) is estimated freely.
 const DRIFT_SIGMAS: f64 = 3.0;
+/// From this many on, sigma grows by what the drift could do.
+const DRIFT_DOUBT_SIGMAS: f64 = 2.0;
+/// A wandering this many standard deviations beyond chance is flagged and widens sigma.
+const WANDERING_SIGMAS: f64 = 4.0;
 /// Relative amplitude error that is not held against a fix: scale factor and latitude of an honest instrument.
 const AMPLITUDE_TOLERANCE: f64 = 0.01;
 /// Scatter above this multiple of the declared noise is flagged.
@@ -171,6 +175,10 @@ impl Estimate {
         Some(Self { parameters, inverse, left, count })
     }
 
+    fn azimuth_deg(&self) -> f64 {
+        wrap_360_deg(libm::atan2(self.parameters.y, self.parameters.x) * DEG_PER_RAD)
+    }
+
     /// Direction derivative of the azimuth: dψ/d(h cos ψ, h sin ψ, …), rad per °/h.
     fn gradient(&self) -> Vector4<f64> {
         let &[x, y, _, _] = self.parameters.as_ref();
@@ -209,12 +217,17 @@ pub fn solve(dwells: &[DwellSummary], earth: EarthRate, settings: &Settings) -> 
     }
 
     let drift_sigma = settings.gyro.drift_deg_h_per_h.max(LEAST_DRIFT);
-    let (estimate, drift_free) = estimate(&problem, variance, drift_sigma)?;
-    if drift_free {
+    let drift = settle_drift(&problem, variance, drift_sigma)?;
+    let estimate = drift.estimate;
+    if drift.free {
         flags.insert(Flag::Drift);
     }
+    let wandering = wandering(dwells);
+    if wandering > 1.0 {
+        flags.insert(Flag::Wandering);
+    }
 
-    let determined = if drift_free { 4 } else { 3 };
+    let determined = if drift.free { 4 } else { 3 };
     let inflation = match estimate.count.checked_sub(determined) {
         None | Some(0) => {
             flags.insert(Flag::NoRedundancy);
@@ -231,7 +244,8 @@ pub fn solve(dwells: &[DwellSummary], earth: EarthRate, settings: &Settings) -> 
 
     let &[cos_part, sin_part, bias_deg_h, drift_deg_h_per_h] = estimate.parameters.as_ref();
     let amplitude_deg_h = libm::hypot(cos_part, sin_part);
-    let covariance = estimate.inverse * (variance * inflation) + correlated_covariance(&problem, &estimate, settings);
+    let covariance =
+        estimate.inverse * (variance * inflation.max(wandering)) + correlated_covariance(&problem, &estimate, settings);
     let along = Vector4::new(cos_part, sin_part, 0.0, 0.0) / amplitude_deg_h;
     let amplitude_sigma = libm::sqrt(along.dot(&(covariance * along)));
     if !(amplitude_deg_h > 5.0 * amplitude_sigma) {
@@ -258,8 +272,10 @@ pub fn solve(dwells: &[DwellSummary], earth: EarthRate, settings: &Settings) -> 
     let of_index_deg = settings.index.sigma_deg * core::f64::consts::FRAC_1_SQRT_2;
     let of_level_deg = settings.level.sigma_deg * earth.up_deg_h / earth.north_deg_h;
     Ok(Solution {
-        azimuth_deg: wrap_360_deg(libm::atan2(sin_part, cos_part) * DEG_PER_RAD),
-        sigma_deg: libm::sqrt(of_rates_deg * of_rates_deg + of_index_deg * of_index_deg + of_level_deg * of_level_deg),
+        azimuth_deg: estimate.azimuth_deg(),
+        sigma_deg: libm::sqrt(
+            [of_rates_deg, of_index_deg, of_level_deg, drift.doubt_deg].iter().map(|part| part * part).sum(),
+        ),
         closure_deg_h: closure(&problem),
         bias_deg_h,
         amplitude_deg_h,
@@ -270,17 +286,50 @@ pub fn solve(dwells: &[DwellSummary], earth: EarthRate, settings: &Settings) -> 
     })
 }
 
-/// With the drift held to its declaration if the data allow it, else free; whether it is free.
-fn estimate(problem: &Problem<'_>, variance: f64, drift_sigma: f64) -> Result<(Estimate, bool), Unsolvable> {
+/// How the drift was dealt with.
+struct Drift {
+    estimate: Estimate,
+    /// It was estimated freely; else it was held to its declaration.
+    free: bool,
+    /// What an undecided drift could do to the azimuth, degrees.
+    doubt_deg: f64,
+}
+
+/// With the drift held to its declaration if the data allow it, else free; undecided in between.
+fn settle_drift(problem: &Problem<'_>, variance: f64, drift_sigma: f64) -> Result<Drift, Unsolvable> {
     let declared =
         Estimate::new(problem, variance / (drift_sigma * drift_sigma)).ok_or(Unsolvable::TooFewDirections)?;
-    if let Some(free) = Estimate::new(problem, 0.0) {
-        let spread = drift_sigma * drift_sigma + variance * free.inverse.m44;
-        if free.parameters.w * free.parameters.w > DRIFT_SIGMAS * DRIFT_SIGMAS * spread {
-            return Ok((free, true));
-        }
+    let Some(free) = Estimate::new(problem, 0.0) else {
+        return Ok(Drift { estimate: declared, free: false, doubt_deg: 0.0 });
+    };
+    let spread = drift_sigma * drift_sigma + variance * free.inverse.m44;
+    let sigmas = libm::sqrt(free.parameters.w * free.parameters.w / spread);
+    if sigmas > DRIFT_SIGMAS {
+        return Ok(Drift { estimate: free, free: true, doubt_deg: 0.0 });
     }
-    Ok((declared, false))
+    let doubt_deg =
+        if sigmas > DRIFT_DOUBT_SIGMAS { wrap_180_deg(free.azimuth_deg() - declared.azimuth_deg()).abs() } else { 0.0 };
+    Ok(Drift { estimate: declared, free: false, doubt_deg })
+}
+
+/// By how much the variance of a mean exceeds that of white noise because neighbouring seconds are alike: (1 + ρ)/(1 − ρ)
+/// with ρ their correlation; 1 where that is not significant (in white noise ρ has a variance of one over the rows).
+fn wandering(dwells: &[DwellSummary]) -> f64 {
+    let (mut scatter, mut neighbours, mut freedom) = (0.0, 0.0, 0.0);
+    for dwell in dwells {
+        scatter += dwell.rate.scatter;
+        neighbours += dwell.rate.neighbours;
+        freedom += f64::from(dwell.freedom);
+    }
+    if scatter <= 0.0 {
+        return 1.0;
+    }
+    let correlation = 1.0 - neighbours / scatter;
+    if correlation * libm::sqrt(freedom) < WANDERING_SIGMAS {
+        return 1.0;
+    }
+    let correlation = correlation.min(0.98);
+    (1.0 + correlation) / (1.0 - correlation)
 }
 
 /// Variance of a one-second rate, (°/h)²: from the scatter inside the stays, or where there are too few rows in each

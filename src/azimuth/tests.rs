@@ -19,7 +19,7 @@ fn dwell(start_s: f64, index_deg: f64, rate_deg_h: f64) -> DwellSummary {
         time_spread: 17_995.0,
         cos,
         sin,
-        rate: Line { mean: rate_deg_h, slope_per_s: 0.0, scatter: 58.0 * 0.0081 },
+        rate: Line { mean: rate_deg_h, slope_per_s: 0.0, scatter: 58.0 * 0.0081, neighbours: 58.0 * 0.0081 },
         level: Some([Line::default(); 2]),
         freedom: 58,
         knocked: 0,
@@ -145,8 +145,8 @@ fn a_base_that_turns_is_taken_out_with_its_sign() {
         dwell.rate.mean += -0.2 * dwell.sin + 13.025946 * pitch(dwell.t_s) * dwell.cos;
         let scatter = 58.0 * (3.0 / crate::units::ARCSEC_PER_RAD) * (3.0 / crate::units::ARCSEC_PER_RAD);
         dwell.level = Some([
-            Line { mean: pitch(dwell.t_s), slope_per_s: pitch(1.0), scatter },
-            Line { scatter, ..Line::default() },
+            Line { mean: pitch(dwell.t_s), slope_per_s: pitch(1.0), scatter, neighbours: scatter },
+            Line { scatter, neighbours: scatter, ..Line::default() },
         ]);
     }
     let solution = solve_at(60.0, &dwells);
@@ -175,6 +175,38 @@ fn what_does_not_fit_is_flagged_and_widens_sigma() {
     let bad = solve_at(60.0, &stays(&rates));
     assert!(bad.flags.contains(Flag::Misfit) || bad.flags.contains(Flag::Drift), "{:?}", bad.flags);
     assert!(bad.sigma_deg > 1.5 * good.sigma_deg);
+}
+
+#[test]
+fn noise_that_wanders_inside_the_stays_is_flagged_and_widens_sigma() {
+    // Neighbours that differ by half of what white noise would show: correlation 1/2, variance of a mean times three.
+    let mut dwells = stays(&NORTH_EAST);
+    let good = solve_at(60.0, &dwells);
+    for dwell in &mut dwells {
+        dwell.rate.neighbours *= 0.5;
+    }
+    let wandering = solve_at(60.0, &dwells);
+    assert!(wandering.flags.contains(Flag::Wandering));
+    assert!(wandering.sigma_deg > 1.5 * good.sigma_deg && wandering.azimuth_deg == good.azimuth_deg);
+}
+
+#[test]
+fn a_drift_that_is_just_not_significant_widens_sigma() {
+    // The declared drift is 0.1 °/h per hour, and the plain order tells it with a sigma of 0.09/√(61 s · stays …):
+    // a drift of 2.5 of these sigmas is not taken out, but what it could do to the azimuth is added.
+    let with_drift = |per_s: f64| {
+        let mut dwells = stays(&NORTH_EAST);
+        for dwell in &mut dwells {
+            dwell.rate.mean += per_s * dwell.t_s;
+            dwell.rate.slope_per_s += per_s;
+        }
+        solve_at(60.0, &dwells)
+    };
+    let still = with_drift(0.0);
+    let widened = (1..100).map(|i| with_drift(1e-6 * f64::from(i * i))).find(|s| s.sigma_deg > 1.3 * still.sigma_deg);
+    let widened = widened.unwrap();
+    assert!(!widened.flags.contains(Flag::Drift));
+    assert!(wrap_180_deg(widened.azimuth_deg - 30.0).abs() < 4.0 * widened.sigma_deg);
 }
 
 #[test]

@@ -20,5 +20,6 @@ pub fn explain(flag: Flag) -> &'static str {
         Flag::Noisy => "the scatter is well above the declared noise",
         Flag::Temperature => "the temperature changed while measuring, and no error model covers that",
         Flag::NoRedundancy => "the positions leave no redundancy: nothing would show an error",
+        Flag::Wandering => "the rate wanders inside the stays instead of scattering",
     }
 }
