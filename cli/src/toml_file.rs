@@ -41,6 +41,11 @@ impl TomlFile {
         self.deserialize(table)
     }
 
+    /// The whole file as a `T`.
+    pub fn parse<T: DeserializeOwned>(&self) -> Result<T, FileError> {
+        self.deserialize(DeTable::parse(&self.text).map_err(|error| self.syntax(&error))?)
+    }
+
     /// The top-level table `name` (or, without a name, the whole file) laid over `base`: what it does not say stays as
     /// it is there. A file without that table changes nothing.
     pub fn parse_over<T: Serialize + DeserializeOwned>(&self, base: &T, name: Option<&str>) -> Result<T, FileError> {

@@ -36,7 +36,9 @@ const CYCLE_NS: u32 = 40;
 /// Why the image could not be run in QEMU.
 #[derive(Debug, thiserror::Error)]
 pub enum QemuError {
-    #[error("qemu-system-arm cannot be started: {0}; install it (Debian, Ubuntu: apt-get install qemu-system-arm; macOS: brew install qemu)")]
+    #[error(
+        "qemu-system-arm cannot be started: {0}; install it (Debian, Ubuntu: apt-get install qemu-system-arm; macOS: brew install qemu)"
+    )]
     NotStarted(io::Error),
     #[error("the firmware panicked: {0}")]
     Panicked(String),
@@ -108,6 +110,7 @@ pub fn run(
                 observe(report);
                 end = end.or(watch.see(report));
             })?,
+            Ask::Log { .. } => {}
             Ask::End { stack_bytes } => {
                 instrument.cost.stack_bytes = stack_bytes;
                 break;
@@ -206,7 +209,7 @@ impl Instrument {
             }
             Ask::WriteFlash { offset, bytes } => flash_reply(self.flash.write(offset, bytes)),
             Ask::EraseFlash { from, to } => flash_reply(self.flash.erase(from, to)),
-            Ask::Tick { .. } | Ask::Uart { .. } | Ask::Panic { .. } | Ask::End { .. } => Vec::new(),
+            Ask::Tick { .. } | Ask::Uart { .. } | Ask::Log { .. } | Ask::Panic { .. } | Ask::End { .. } => Vec::new(),
         }
     }
 }

@@ -1,6 +1,7 @@
 //! `north bench`: the project's own measurements; the README's tables come from here.
 
 mod accuracy;
+mod cost;
 
 use clap::{Args, Subcommand};
 
@@ -17,12 +18,14 @@ pub struct Bench {
 #[derive(Debug, Subcommand)]
 enum What {
     Accuracy(accuracy::Accuracy),
+    Cost(cost::CostCommand),
 }
 
 impl Bench {
     pub fn run(self) -> Result<(), Failure> {
         match self.what {
             What::Accuracy(accuracy) => accuracy.run(),
+            What::Cost(cost) => cost.run(),
         }
     }
 }

@@ -63,7 +63,10 @@ pub fn size(image: &Path) -> Result<Size, ImageError> {
     let bytes = std::fs::read(image).map_err(|error| not_readable(error.to_string()))?;
     let file = object::File::parse(bytes.as_slice()).map_err(|error| not_readable(error.to_string()))?;
     let size = |names: &[&str]| {
-        file.sections().filter(|section| section.name().is_ok_and(|name| names.contains(&name))).map(|section| section.size()).sum()
+        file.sections()
+            .filter(|section| section.name().is_ok_and(|name| names.contains(&name)))
+            .map(|section| section.size())
+            .sum()
     };
     Ok(Size { flash: size(&[".vector_table", ".text", ".rodata", ".data"]), ram: size(&[".data", ".bss", ".uninit"]) })
 }

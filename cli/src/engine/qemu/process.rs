@@ -35,10 +35,9 @@ impl Qemu {
         let shift = INSTRUCTION_NS.trailing_zeros();
         let mut command = Command::new("qemu-system-arm");
         command
-            .args(["-machine", "mps2-an386", "-nodefaults", "-display", "none"])
+            .args(["-machine", "mps2-an386", "-nodefaults", "-nic", "none", "-display", "none"])
             .args(["-icount", &format!("shift={shift},sleep=off")])
-            .args(["-chardev", "null,id=log"])
-            .args(["-semihosting-config", "enable=on,target=native,chardev=log,arg=firmware"])
+            .args(["-semihosting-config", "enable=on,target=native,arg=firmware"])
             .args(more)
             .arg("-kernel")
             .arg(image)
@@ -48,7 +47,8 @@ impl Qemu {
             // A terminal's interrupt is for this process, which then ends QEMU in good order.
             .process_group(0);
         let mut child = command.spawn().map_err(QemuError::NotStarted)?;
-        let (Some(to), Some(from), Some(errors)) = (child.stdin.take(), child.stdout.take(), child.stderr.take()) else {
+        let (Some(to), Some(from), Some(errors)) = (child.stdin.take(), child.stdout.take(), child.stderr.take())
+        else {
             return Err(QemuError::Died(": it has no pipes".into()));
         };
         let child = Arc::new(Mutex::new(child));

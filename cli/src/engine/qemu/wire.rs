@@ -8,6 +8,7 @@ pub enum Ask<'a> {
     Tick { busy_cycles: u32, edges: &'a [u8] },
     Spi { device: u8, mosi: &'a [u8] },
     Uart { bytes: &'a [u8] },
+    Log { frame: &'a [u8] },
     ReadFlash { offset: u32, length: u16 },
     WriteFlash { offset: u32, bytes: &'a [u8] },
     EraseFlash { from: u32, to: u32 },
@@ -33,6 +34,7 @@ impl<'a> Ask<'a> {
                 Self::Spi { device, mosi }
             }
             b'U' => Self::Uart { bytes: payload },
+            b'L' => Self::Log { frame: payload },
             b'R' => {
                 let (offset, length) = split_u32(payload)?;
                 Self::ReadFlash { offset, length: u16::from_le_bytes(length.try_into().ok()?) }

@@ -1,0 +1,193 @@
+//! `north bench cost`: what the firmware image takes of the microcontroller, against a checked-in file.
+
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use hal_sim::Scenario;
+use serde::{Deserialize, Serialize};
+
+use crate::engine::qemu::{self, Cost, QemuError, image};
+use crate::engine::{End, EngineError, Setup};
+use crate::failure::Failure;
+use crate::file_error::{FileError, Problem};
+use crate::interrupt;
+use crate::output::JsonOption;
+use crate::settings_file::scenario_settings;
+use crate::toml_file::TomlFile;
+
+/// The fix that is measured.
+const SCENARIO: &str = "calm-bench";
+const SEED: u64 = 1;
+/// Growth that a new baseline allows, percent.
+const MARGIN_PERCENT: f64 = 5.0;
+
+/// Instructions per 2.5 ms tick, image size, stack and speed of the firmware image in QEMU
+///
+/// One whole fix is run. With --check the numbers must not exceed those of a baseline file by more than its margins; the
+/// speed, which depends on the machine, is not checked.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  north bench cost
+  north bench cost --check cli/bench-baseline.toml
+  north bench cost --check cli/bench-baseline.toml --update")]
+pub struct CostCommand {
+    /// Compare with this baseline; exit code 1 when a number grew beyond its margin
+    #[arg(long, value_name = "FILE")]
+    check: Option<PathBuf>,
+    /// Write the measured numbers into the baseline instead of comparing; its margins stay
+    #[arg(long, requires = "check")]
+    update: bool,
+    /// The firmware image to measure; without it the image is built
+    #[arg(long, value_name = "FILE")]
+    image: Option<PathBuf>,
+    #[command(flatten)]
+    json: JsonOption,
+}
+
+/// What was measured.
+#[derive(Clone, Copy, Debug, Serialize)]
+struct Measured {
+    mean_instructions: f64,
+    most_instructions: f64,
+    flash_bytes: f64,
+    ram_bytes: f64,
+    stack_bytes: f64,
+    /// World time over host time.
+    speed: f64,
+}
+
+/// What is allowed: the checked-in file.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Baseline {
+    mean_instructions: Allowed,
+    most_instructions: Allowed,
+    flash_bytes: Allowed,
+    ram_bytes: Allowed,
+    stack_bytes: Allowed,
+}
+
+/// A number, and by how much it may grow.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Allowed {
+    value: f64,
+    margin_percent: f64,
+}
+
+/// One line of the report.
+struct Line {
+    what: &'static str,
+    value: f64,
+    allowed: Option<Allowed>,
+}
+
+impl CostCommand {
+    pub fn run(self) -> Result<(), Failure> {
+        let baseline = match &self.check {
+            Some(path) if !self.update || path.exists() => Some(TomlFile::read(path)?.parse::<Baseline>()?),
+            _ => None,
+        };
+        let image = match self.image {
+            Some(image) => image,
+            None => image::build().map_err(QemuError::from).map_err(EngineError::from)?,
+        };
+        let measured = measure(&image)?;
+        let lines = lines(&measured, if self.update { None } else { baseline.as_ref() });
+        write_lines(&mut self.json.human(), &lines, measured.speed)?;
+        self.json.write(&measured)?;
+        match &self.check {
+            Some(path) if self.update => Ok(update(path, &measured, baseline.as_ref())?),
+            _ => check(&lines),
+        }
+    }
+}
+
+fn measure(image: &Path) -> Result<Measured, Failure> {
+    let scenario = Scenario::named(SCENARIO)?;
+    let settings = Some(scenario_settings(&scenario, None)?);
+    let setup = Setup { scenario, seed: SEED, settings };
+    let size = image::size(image).map_err(QemuError::from).map_err(EngineError::from)?;
+    let (outcome, cost) = qemu::run(image, &setup, interrupt::flag(), &mut |_| ())?;
+    match outcome.end {
+        End::Fix(_) => Ok(Measured::new(&cost, size)),
+        End::Interrupted => Err(Failure::Interrupted),
+        End::Fault { fault, .. } => Err(Failure::Refused(format!("{SCENARIO}: {}", fault.explain()))),
+        End::TimeLimit => Err(Failure::Refused(format!("{SCENARIO}: no azimuth in time"))),
+    }
+}
+
+impl Measured {
+    fn new(cost: &Cost, size: image::Size) -> Self {
+        Self {
+            mean_instructions: cost.mean_instructions,
+            most_instructions: cost.most_instructions as f64,
+            flash_bytes: size.flash as f64,
+            ram_bytes: size.ram as f64,
+            stack_bytes: f64::from(cost.stack_bytes),
+            speed: cost.speed(),
+        }
+    }
+}
+
+fn lines(measured: &Measured, baseline: Option<&Baseline>) -> [Line; 5] {
+    let line = |what, value, allowed: fn(&Baseline) -> Allowed| Line { what, value, allowed: baseline.map(allowed) };
+    [
+        line("instructions per 2.5 ms tick, mean", measured.mean_instructions, |baseline| baseline.mean_instructions),
+        line("instructions per 2.5 ms tick, most", measured.most_instructions, |baseline| baseline.most_instructions),
+        line("flash, bytes", measured.flash_bytes, |baseline| baseline.flash_bytes),
+        line("static RAM, bytes", measured.ram_bytes, |baseline| baseline.ram_bytes),
+        line("stack, most in use, bytes", measured.stack_bytes, |baseline| baseline.stack_bytes),
+    ]
+}
+
+impl Line {
+    fn limit(&self) -> Option<f64> {
+        self.allowed.map(|allowed| allowed.value * (1.0 + allowed.margin_percent / 100.0))
+    }
+
+    fn too_much(&self) -> bool {
+        self.limit().is_some_and(|limit| self.value > limit)
+    }
+}
+
+fn write_lines(out: &mut dyn Write, lines: &[Line], speed: f64) -> io::Result<()> {
+    writeln!(out, "| QEMU mps2-an386, one fix of {SCENARIO} | measured | allowed |\n|---|---|---|")?;
+    for line in lines {
+        let limit = line.limit().map_or("".into(), |limit| format!("{limit:.0}"));
+        writeln!(out, "| {} | {:.0} | {limit} |", line.what, line.value)?;
+    }
+    writeln!(out, "| speed over real time, on this machine | {speed:.0} | |")
+}
+
+fn check(lines: &[Line]) -> Result<(), Failure> {
+    let grown: Vec<_> = lines
+        .iter()
+        .filter(|line| line.too_much())
+        .map(|line| {
+            format!("{} grew to {:.0}; allowed is {:.0}", line.what, line.value, line.limit().unwrap_or_default())
+        })
+        .collect();
+    if grown.is_empty() { Ok(()) } else { Err(Failure::Refused(grown.join("\nnorth: "))) }
+}
+
+fn update(path: &Path, measured: &Measured, old: Option<&Baseline>) -> Result<(), FileError> {
+    let allowed = |value: f64, margin: fn(&Baseline) -> Allowed| Allowed {
+        value: value.round(),
+        margin_percent: old.map_or(MARGIN_PERCENT, |old| margin(old).margin_percent),
+    };
+    let baseline = Baseline {
+        mean_instructions: allowed(measured.mean_instructions, |old| old.mean_instructions),
+        most_instructions: allowed(measured.most_instructions, |old| old.most_instructions),
+        flash_bytes: allowed(measured.flash_bytes, |old| old.flash_bytes),
+        ram_bytes: allowed(measured.ram_bytes, |old| old.ram_bytes),
+        stack_bytes: allowed(measured.stack_bytes, |old| old.stack_bytes),
+    };
+    let table =
+        toml::to_string(&baseline).map_err(|error| FileError::whole(path, Problem::Syntax(error.to_string())))?;
+    let text =
+        format!("# Cost of the firmware image in QEMU. Written by: north bench cost --check FILE --update\n\n{table}");
+    fs::write(path, text).map_err(|error| FileError::whole(path, error))
+}
