@@ -23,7 +23,11 @@ const MODEL_FORMAT: i64 = 1;
 pub fn read_model(path: &Path) -> Result<ErrorModel, FileError> {
     let file = TomlFile::read(path)?;
     let model: ErrorModel = file.parse_format(MODEL_FORMAT)?;
-    model.validate().map_err(|invalid| invalid_at(&file, None, &invalid))?;
+    model.validate().map_err(|invalid| {
+        // In settings the model is a table of its own; here it is the file.
+        let field = invalid.field.strip_prefix("model.").unwrap_or(invalid.field);
+        invalid_at(&file, None, field, &invalid)
+    })?;
     Ok(model)
 }
 
@@ -67,11 +71,11 @@ pub fn declare_noise(settings: &mut Settings, arw_deg_per_sqrt_h: f64) {
 
 fn checked(file: &TomlFile, table: Option<&str>, base: &Settings) -> Result<Settings, FileError> {
     let settings = file.parse_over(base, table)?;
-    settings.validate().map_err(|invalid| invalid_at(file, table, &invalid))?;
+    settings.validate().map_err(|invalid| invalid_at(file, table, invalid.field, &invalid))?;
     Ok(settings)
 }
 
-fn invalid_at(file: &TomlFile, table: Option<&str>, invalid: &Invalid) -> FileError {
-    let problem = Problem::not_allowed(format!("{} = {}", invalid.field, invalid.value), invalid.allowed);
-    file.at_field(table, invalid.field, problem)
+fn invalid_at(file: &TomlFile, table: Option<&str>, field: &str, invalid: &Invalid) -> FileError {
+    let problem = Problem::not_allowed(format!("{field} = {}", invalid.value), invalid.allowed);
+    file.at_field(table, field, problem)
 }

@@ -103,6 +103,14 @@ pub fn run(
                 } else if instrument.cost.ticks >= limit_ticks {
                     end = end.or(Some(End::TimeLimit));
                 }
+                if !edges.is_empty() {
+                    eprintln!(
+                        "{} {} {:?}",
+                        instrument.cost.ticks,
+                        busy_cycles,
+                        edges.iter().map(|e| format!("{}.{}{}", e >> 5, e >> 1 & 15, e & 1)).collect::<Vec<_>>()
+                    );
+                }
                 let reply = if end.is_some() { wire::power_off() } else { instrument.tick(edges) };
                 qemu.reply(&reply)?;
             }

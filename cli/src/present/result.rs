@@ -50,5 +50,5 @@ pub fn write_fix(out: &mut dyn Write, fix: &Fix, reference: Option<Reference>) -
 
 /// The fault that ended a fix.
 pub fn write_fault(out: &mut dyn Write, fault: Fault, state: State) -> io::Result<()> {
-    writeln!(out, "no azimuth {} while {}: {}", fault.name(), state.name(), fault.explain())
+    writeln!(out, "no azimuth: {} while {}: {}", fault.name(), state.name(), fault.explain())
 }
