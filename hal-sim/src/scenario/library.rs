@@ -49,6 +49,7 @@ built_in![
     "air-conditioning",
     "tired-battery",
     "intermittent",
+    "uncalibrated",
     "kvh-gyro",
     "vehicle",
 ];
