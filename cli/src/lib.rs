@@ -4,6 +4,7 @@
 pub mod accuracy;
 pub mod campaign;
 pub mod commands;
+pub mod diagnose;
 pub mod engine;
 pub mod failure;
 pub mod file_error;

@@ -1,0 +1,213 @@
+//! What closing the loop found: the documented JSON, and the series that a report draws.
+
+use std::collections::BTreeMap;
+
+use north_finder::model::ErrorModel;
+use serde::Serialize;
+
+use crate::campaign::Role;
+
+/// The whole diagnosis of a campaign. Serialised, it is the documented result of `north diagnose --json`; the series
+/// for a report are left out of that.
+#[derive(Clone, Debug, Serialize)]
+pub struct Diagnosis {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub title: Option<String>,
+    /// The outcome in a sentence, for a person.
+    pub verdict: String,
+    pub runs: Vec<RunDiagnosis>,
+    /// The effects that the model took up, the strongest first.
+    pub effects: Vec<Effect>,
+    /// Candidates that were left, with the reason; the most telling first.
+    pub rejected: Vec<Rejected>,
+    /// Every candidate that was tried, with its statistics.
+    pub candidates: Vec<Candidate>,
+    /// Root mean square of the one-second residuals, °/h: check runs if there are any, else all runs.
+    pub residual_rms_before_deg_h: f64,
+    pub residual_rms_after_deg_h: f64,
+    /// Azimuth error over the runs that are judged.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub azimuth_rms_before_deg: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub azimuth_rms_after_deg: Option<f64>,
+    /// 95 % intervals of both, by bootstrap over the runs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub azimuth_rms_before_interval_deg: Option<[f64; 2]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub azimuth_rms_after_interval_deg: Option<[f64; 2]>,
+    /// "check-runs" or "cross-validation"; absent where no reference is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub judged_on: Option<&'static str>,
+    /// Structure remains that no candidate explains.
+    pub unexplained: bool,
+    /// What remains, in words; empty when nothing does.
+    pub unexplained_evidence: Vec<String>,
+    pub next_experiment: Option<Experiment>,
+    /// Tests of the residual for being noise.
+    pub noise: NoiseTests,
+    /// Doubts about the campaign, with the run and the row.
+    pub warnings: Vec<Warning>,
+    /// The error model with the effects in it: what `--model-out` writes.
+    pub model: ErrorModel,
+    /// Effects that no model term can carry, because a fix cannot know them beforehand.
+    pub not_in_model: Vec<String>,
+    /// One series a run, in the order of `runs`; for drawing.
+    #[serde(skip)]
+    pub series: Vec<RunSeries>,
+    /// Spectra of the residual of all runs together; for drawing.
+    #[serde(skip)]
+    pub spectra: Spectra,
+}
+
+/// One run before and after.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct RunDiagnosis {
+    pub file: String,
+    pub role: Role,
+    pub azimuth_before_deg: Option<f64>,
+    pub sigma_before_deg: Option<f64>,
+    pub azimuth_after_deg: Option<f64>,
+    /// With the uncertainty of the learned parameters.
+    pub sigma_after_deg: Option<f64>,
+    /// Azimuth minus reference, in (−180°, 180°]; only for runs that are judged.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error_before_deg: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error_after_deg: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reference_azimuth_deg: Option<f64>,
+    pub closure_before_deg_h: Option<f64>,
+    pub closure_after_deg_h: Option<f64>,
+    pub flags_before: Vec<&'static str>,
+    pub flags_after: Vec<&'static str>,
+    /// Why there is no azimuth, or why the reference was not used.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
+}
+
+/// An effect that the model took up.
+#[derive(Clone, Debug, Serialize)]
+pub struct Effect {
+    /// Stable, documented, lower-case words with hyphens.
+    pub name: String,
+    /// "bias" (adds to the rate), "scale" (multiplies it), "index" (turns the index angle), "azimuth" (turns the
+    /// answer), "base-motion".
+    pub kind: &'static str,
+    /// The column of the recording that carries it.
+    pub channel: Option<String>,
+    pub parameters: BTreeMap<String, f64>,
+    pub sigma: BTreeMap<String, f64>,
+    /// Paid for by how many candidates were searched.
+    pub p_value: f64,
+    /// Names of the candidates that explain this campaign as well.
+    pub ambiguous_with: Vec<String>,
+    pub evidence: String,
+    /// Whether a board measures what the effect depends on.
+    pub board: bool,
+}
+
+/// A candidate that was left.
+#[derive(Clone, Debug, Serialize)]
+pub struct Rejected {
+    pub name: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub channel: Option<String>,
+    pub why: String,
+}
+
+/// One candidate with its statistics.
+#[derive(Clone, Debug, Serialize)]
+pub struct Candidate {
+    pub name: String,
+    pub kind: &'static str,
+    pub channel: Option<String>,
+    /// Parameters that were fitted, time constants among them.
+    pub freedom: usize,
+    /// Fall of the weighted sum of squares when the candidate is the first to be taken, in noise variances.
+    pub improvement: f64,
+    /// p-value of that by itself, and paid for by the search.
+    pub p_value: f64,
+    pub p_value_searched: f64,
+    pub taken: bool,
+    pub why: String,
+}
+
+/// What would tell ambiguous effects apart.
+#[derive(Clone, Debug, Serialize)]
+pub struct Experiment {
+    pub description: String,
+    /// Index angles in the order of their visits, degrees.
+    pub order_deg: Vec<f64>,
+    /// Azimuths of the mark, degrees; one run (or more) at each.
+    pub headings_deg: Vec<f64>,
+    /// Time at each position, seconds.
+    pub dwell_s: f64,
+    /// The effects that it separates.
+    pub separates: Vec<String>,
+    /// Share of each effect that the others cannot imitate, 0 to 1, in this campaign and in the proposed one.
+    pub separation_now: f64,
+    pub separation_then: f64,
+}
+
+/// Whether the residual is noise.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct NoiseTests {
+    /// Noise of a one-second rate from its fast changes, °/h.
+    pub noise_deg_h: f64,
+    /// The same as declared by the campaign, if it does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub declared_noise_deg_h: Option<f64>,
+    pub before: Vec<Test>,
+    pub after: Vec<Test>,
+}
+
+/// One test of the residual.
+#[derive(Clone, Debug, Serialize)]
+pub struct Test {
+    pub name: &'static str,
+    /// What the statistic is, in words.
+    pub about: &'static str,
+    pub statistic: f64,
+    pub p_value: f64,
+    pub passed: bool,
+}
+
+/// A doubt about the campaign.
+#[derive(Clone, Debug, Serialize)]
+pub struct Warning {
+    /// The run's file; absent when it concerns the whole campaign.
+    pub run: Option<String>,
+    /// Line of that file, from 1, the header being 1.
+    pub line: Option<u64>,
+    pub message: String,
+}
+
+/// Series of one run by the second (or by the row where rows are longer), all of the same length.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct RunSeries {
+    pub file: String,
+    /// Middle of the interval, seconds.
+    pub t_s: Vec<f64>,
+    /// Index angle, degrees.
+    pub index_deg: Vec<f64>,
+    /// Rate less the Earth's, the run's own azimuth and bias and, after, the effects; °/h.
+    pub residual_before_deg_h: Vec<f64>,
+    pub residual_after_deg_h: Vec<f64>,
+    /// Every channel of the recording by its column's name.
+    pub channels: BTreeMap<String, Vec<f64>>,
+}
+
+/// Spectra of the residual.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Spectra {
+    /// Frequencies, Hz, and power of the residual there as a multiple of what white noise has on average.
+    pub frequency_hz: Vec<f64>,
+    pub power_before: Vec<f64>,
+    pub power_after: Vec<f64>,
+    /// Averaging times, seconds, and Allan deviations, °/h.
+    pub tau_s: Vec<f64>,
+    pub allan_before_deg_h: Vec<f64>,
+    pub allan_after_deg_h: Vec<f64>,
+    /// What the declared (or else measured) white noise alone would give, °/h.
+    pub allan_white_deg_h: Vec<f64>,
+}
