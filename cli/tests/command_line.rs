@@ -123,7 +123,7 @@ fn find_shows_the_fix_in_plain_lines() {
         "true       123.4000°\n",
         " sigma)\n",
         "closure    ",
-        "flag       uncalibrated: no error model from a calibration is stored\n",
+        "flags      none\n",
     ] {
         assert!(shown.contains(expected), "{expected:?} is not in:\n{shown}");
     }
@@ -259,6 +259,22 @@ fn a_simulated_run_is_the_fix_of_its_seed_and_heading() {
     north_in(folder.path(), &find).good();
     let read = |file: &str| fs::read_to_string(folder.path().join(file)).unwrap();
     assert_eq!(read("campaign/runs/002.csv"), read("fix/runs/001.csv"));
+}
+
+#[test]
+fn raw_rows_are_solved_like_seconds() {
+    let folder = folder();
+    for (campaign, raw) in [("raw", &["--raw"][..]), ("seconds", &[])] {
+        let simulate = ["simulate", "--scenario", "lossy-link", "--runs", "1", "--order", "plain", "--out", campaign];
+        north_in(folder.path(), &[&simulate[..], raw].concat()).good();
+    }
+    let solve = |campaign: &str| north_in(folder.path(), &["solve", campaign, "--json", "-"]).json();
+    let (raw, seconds) = (solve("raw"), solve("seconds"));
+    let value = |solved: &Value, field: &str| solved["runs"][0][field].as_f64().unwrap();
+    let apart = value(&raw, "azimuth_deg") - value(&seconds, "azimuth_deg");
+    assert!(apart.abs() < 0.5 * value(&seconds, "sigma_deg"), "{apart}");
+    let lines = fs::read_to_string(folder.path().join("raw/runs/001.csv")).unwrap().lines().count();
+    assert!(lines > 50_000, "{lines}");
 }
 
 #[test]

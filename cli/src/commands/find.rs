@@ -16,7 +16,7 @@ use crate::interrupt;
 use crate::json::{EventRecord, Found, Run as RunRecord};
 use crate::output::JsonOption;
 use crate::present::{Reference, View, write_fault, write_fix};
-use crate::recorder::{Recorder, new_campaign};
+use crate::recorder::{Recorder, new_campaign, write_run};
 
 /// Name of the one run in a recording of `north find`.
 const RUN: &str = "runs/001.csv";
@@ -90,10 +90,16 @@ impl Find {
         if outcome.end == End::Interrupted {
             return Err(Failure::Interrupted);
         }
+        let mut recorded = false;
         if let Some(folder) = &self.record {
-            record(folder, &setup, &outcome, &log.recorder)?;
+            if log.recorder.rows().is_empty() {
+                writeln!(out, "nothing recorded: the gyro gave no second of data")?;
+            } else {
+                record(folder, &setup, &outcome, &log.recorder)?;
+                recorded = true;
+            }
         }
-        self.json.write(&log.into_json(&outcome, engine, self.record.is_some()))?;
+        self.json.write(&log.into_json(&outcome, engine, recorded))?;
         conclude(&mut out, &outcome, setup.scenario.duration_limit_s)
     }
 }
@@ -120,13 +126,11 @@ fn time_limit(limit_s: f64) -> String {
 
 /// Writes the recording, with the simulator's azimuth as the reference.
 fn record(folder: &std::path::Path, setup: &Setup, outcome: &Outcome, recorder: &Recorder) -> Result<(), Failure> {
-    if recorder.rows().is_empty() {
-        return Err(Failure::Refused("nothing to record: the gyro gave no second of data".into()));
-    }
     let title = format!("{}, seed {}", setup.scenario.name, setup.seed);
     let mut campaign = new_campaign(folder, title, setup)?;
     let run = Run { file: RUN.into(), reference_azimuth_deg: Some(outcome.truth.azimuth_deg), ..Run::default() };
-    recorder.write(&mut campaign, run)?;
+    write_run(&campaign, RUN, recorder.rows())?;
+    campaign.add(run);
     Ok(campaign.finish()?)
 }
 

@@ -1,19 +1,21 @@
 //! `north simulate`: a campaign from the simulator.
 
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::PathBuf;
 
 use clap::Args;
 use hal_sim::Scenario;
+use north_finder::pipeline::Readings;
+use north_finder::settings::GyroFormat;
 use rayon::prelude::*;
 
 use super::instrument::InstrumentOptions;
-use super::progress;
-use crate::campaign::{CampaignWriter, Role, Run};
-use crate::engine::{End, Outcome, Setup, host};
+use super::{progress, scenarios};
+use crate::campaign::{CampaignWriter, Role, Row, Run};
+use crate::engine::{End, EngineError, Outcome, Setup, host};
 use crate::failure::Failure;
 use crate::interrupt;
-use crate::recorder::{Recorder, new_campaign};
+use crate::recorder::{RawRecorder, Recorder, new_campaign, write_run};
 
 /// Write a campaign from the simulator
 ///
@@ -31,55 +33,63 @@ pub struct Simulate {
     /// Number of runs, 1 to 100000
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     runs: u32,
+    /// Rows at 400 Hz, one for each frame of the gyro, instead of 1 s
+    #[arg(long)]
+    raw: bool,
 }
 
-/// One simulated fix and its recording.
+/// One simulated fix.
 struct Simulated {
+    file: String,
     outcome: Outcome,
-    recorder: Recorder,
+    /// Whether there was anything to write.
+    recorded: bool,
 }
 
 impl Simulate {
     pub fn run(self) -> Result<(), Failure> {
+        if self.instrument.scenario == "list" {
+            return Ok(scenarios::list(&mut io::stdout())?);
+        }
         let (scenario, settings) = self.instrument.resolve()?;
-        CampaignWriter::check_free(&self.out)?;
         let title = format!("{}, seed {}", scenario.name, self.instrument.seed);
         let setup = Setup { scenario, seed: self.instrument.seed, settings: Some(settings) };
+        let mut campaign = new_campaign(&self.out, title, &setup)?;
 
         let bar = progress::bar(self.runs.into(), "runs");
         let simulated = (0..self.runs)
             .into_par_iter()
             .map(|number| {
-                let simulated = simulate(&self.setup_of(&setup, number));
+                let simulated = self.simulate(&setup, number, &campaign);
                 bar.inc(1);
                 simulated
             })
             .collect::<Result<Vec<_>, Failure>>();
         bar.finish_and_clear();
 
-        let mut campaign = new_campaign(&self.out, title, &setup)?;
-        let mut out = std::io::stdout();
-        let mut without_azimuth = 0;
-        for (number, Simulated { outcome, recorder }) in (1..).zip(simulated?) {
-            let file = format!("runs/{number:03}.csv");
-            if let Some(why) = why_not(&outcome) {
-                without_azimuth += 1;
-                writeln!(out, "{file}: the fix ended without an azimuth: {why}")?;
-            }
-            if recorder.rows().is_empty() {
-                writeln!(out, "{file}: not written, the gyro gave no second of data")?;
-                continue;
-            }
-            let role = if number % 2 == 1 && self.runs > 1 { Role::Fit } else { Role::Check };
+        let simulated = simulated?;
+        for (number, Simulated { file, outcome, .. }) in simulated.iter().enumerate().filter(|(_, each)| each.recorded)
+        {
+            let role = if number % 2 == 0 && self.runs > 1 { Role::Fit } else { Role::Check };
             let reference_azimuth_deg = Some(outcome.truth.azimuth_deg);
-            recorder.write(&mut campaign, Run { file, role, reference_azimuth_deg, ..Run::default() })?;
+            campaign.add(Run { file: file.clone(), role, reference_azimuth_deg, ..Run::default() });
         }
         campaign.finish()?;
-        writeln!(out, "{}: {} runs", self.out.display(), self.runs)?;
-        match without_azimuth {
-            0 => Ok(()),
-            count => Err(Failure::Refused(format!("{count} of {} fixes ended without an azimuth", self.runs))),
+        self.conclude(&simulated)
+    }
+
+    /// Runs a fix and writes its file; rows are kept in memory for one run at a time and core.
+    fn simulate(&self, setup: &Setup, number: u32, campaign: &CampaignWriter) -> Result<Simulated, Failure> {
+        let setup = self.setup_of(setup, number);
+        let (outcome, rows) = if self.raw { record_raw(&setup) } else { record_seconds(&setup) }?;
+        if outcome.end == End::Interrupted {
+            return Err(Failure::Interrupted);
         }
+        let file = format!("runs/{:03}.csv", number + 1);
+        if !rows.is_empty() {
+            write_run(campaign, &file, &rows)?;
+        }
+        Ok(Simulated { file, outcome, recorded: !rows.is_empty() })
     }
 
     /// The world of one run: its own seed and, unless the azimuth is given, its own heading.
@@ -91,15 +101,38 @@ impl Simulate {
         }
         Setup { scenario, seed: setup.seed.wrapping_add(number.into()), settings: setup.settings.clone() }
     }
+
+    /// Says what was written; fixes without an azimuth are told, and are an error.
+    fn conclude(&self, simulated: &[Simulated]) -> Result<(), Failure> {
+        let mut out = io::stdout();
+        let mut without_azimuth = 0;
+        for Simulated { file, outcome, recorded } in simulated {
+            if let Some(why) = why_not(outcome) {
+                without_azimuth += 1;
+                let recorded = if *recorded { "" } else { " (not written: the gyro gave no data)" };
+                writeln!(out, "{file}: the fix ended without an azimuth: {why}{recorded}")?;
+            }
+        }
+        writeln!(out, "{}: {} runs", self.out.display(), simulated.iter().filter(|each| each.recorded).count())?;
+        match without_azimuth {
+            0 => Ok(()),
+            count => Err(Failure::Refused(format!("{count} of {} fixes ended without an azimuth", self.runs))),
+        }
+    }
 }
 
-fn simulate(setup: &Setup) -> Result<Simulated, Failure> {
+fn record_seconds(setup: &Setup) -> Result<(Outcome, Vec<Row>), EngineError> {
     let mut recorder = Recorder::default();
     let outcome = host::run(setup, interrupt::flag(), &mut |report| recorder.see(report))?;
-    match outcome.end {
-        End::Interrupted => Err(Failure::Interrupted),
-        _ => Ok(Simulated { outcome, recorder }),
-    }
+    Ok((outcome, recorder.into_rows()))
+}
+
+fn record_raw(setup: &Setup) -> Result<(Outcome, Vec<Row>), EngineError> {
+    let format = setup.settings.as_ref().map_or(GyroFormat::Compact, |settings| settings.gyro.format);
+    let mut recorder = RawRecorder::new(format);
+    let mut tap = |readings: &Readings, gyro_bytes: &[u8]| recorder.see(readings, gyro_bytes);
+    let outcome = host::run_tapped(setup, interrupt::flag(), &mut |_| (), &mut tap)?;
+    Ok((outcome, recorder.into_rows()))
 }
 
 fn why_not(outcome: &Outcome) -> Option<&'static str> {

@@ -1,10 +1,14 @@
-//! Seconds of a fix as a run of a campaign: what `north solve` reads again.
+//! A fix as a run of a campaign: what `north solve` reads again.
+
+mod raw;
+
+pub use raw::RawRecorder;
 
 use std::path::Path;
 
 use north_finder::event::{Event, Report, Second};
 
-use crate::campaign::{Campaign, CampaignWriter, Instrument, Layout, Row, Run};
+use crate::campaign::{Campaign, CampaignWriter, Instrument, Layout, Row};
 use crate::engine::Setup;
 use crate::file_error::FileError;
 
@@ -29,6 +33,11 @@ impl Recorder {
     /// The rows, one second each but where a reading of the index was missing.
     pub fn rows(&self) -> &[Row] {
         &self.rows
+    }
+
+    /// The rows, the recorder done.
+    pub fn into_rows(self) -> Vec<Row> {
+        self.rows
     }
 
     /// The gyro's seconds follow each other without a gap, each exactly 400 samples long; the reports of them come at
@@ -63,23 +72,21 @@ impl Recorder {
             self.held = Some(row);
         }
     }
+}
 
-    /// Writes the run into a campaign, and lists it there.
-    ///
-    /// A column that not every row can fill is not written: the format has no empty fields.
-    pub fn write(&self, campaign: &mut CampaignWriter, run: Run) -> Result<(), FileError> {
-        let layout = Layout {
-            temperature: self.rows.iter().all(|row| row.temp_c.is_some()),
-            level: self.rows.iter().all(|row| row.level_g.is_some()),
-            lost_frames: true,
-            extra: Vec::new(),
-        };
-        let mut writer = campaign.run(&run.file, layout)?;
-        self.rows.iter().try_for_each(|row| writer.write(row))?;
-        writer.finish()?;
-        campaign.add(run);
-        Ok(())
-    }
+/// Writes rows as a run's file.
+///
+/// A column that not every row can fill is not written: the format has no empty fields.
+pub fn write_run(campaign: &CampaignWriter, file: &str, rows: &[Row]) -> Result<(), FileError> {
+    let layout = Layout {
+        temperature: rows.iter().all(|row| row.temp_c.is_some()),
+        level: rows.iter().all(|row| row.level_g.is_some()),
+        lost_frames: true,
+        extra: Vec::new(),
+    };
+    let mut writer = campaign.run(file, layout)?;
+    rows.iter().try_for_each(|row| writer.write(row))?;
+    writer.finish()
 }
 
 /// A new campaign of simulated runs, in a folder that must be free.
