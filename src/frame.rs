@@ -17,9 +17,12 @@
 //! CRC-32 in both: polynomial 04C11DB7, initial FFFFFFFF, not reflected, no final xor (in the catalogue of
 //! parametrised CRC algorithms: CRC-32/MPEG-2). KVH format A: KVH 1750 IMU technical manual, 56-0315.
 
+pub mod kvh;
+
 use crc::{CRC_32_MPEG_2, Crc, Table};
 use heapless::Vec;
 
+use self::kvh::KvhFrame;
 use crate::settings::GyroFormat;
 use crate::units::ARCSEC_PER_RAD;
 
@@ -69,10 +72,7 @@ impl GyroFormat {
     fn decode(self, bytes: &[u8]) -> Option<Frame> {
         match self {
             Self::Compact => {
-                let (content, [c0, c1, c2, c3]) = bytes.split_last_chunk::<4>()?;
-                if CRC.checksum(content) != u32::from_le_bytes([*c0, *c1, *c2, *c3]) {
-                    return None;
-                }
+                let content = checked(bytes, u32::from_le_bytes)?;
                 let &[_, _, sequence, status, i0, i1, i2, i3, t0, t1] = content else { return None };
                 Some(Frame {
                     sequence,
@@ -83,22 +83,24 @@ impl GyroFormat {
                 })
             }
             Self::KvhA => {
-                let (content, check) = bytes.split_last_chunk::<4>()?;
-                if CRC.checksum(content) != u32::from_be_bytes(*check) {
-                    return None;
-                }
-                let increment_rad = f32::from_be_bytes(*content.get(4..)?.first_chunk::<4>()?);
-                let &[status, sequence, t0, t1] = content.last_chunk::<4>()?;
+                let frame = KvhFrame::decode(bytes)?;
+                let [x, _, _] = frame.gyro;
                 Some(Frame {
-                    sequence: sequence & 0x7F,
-                    increment_arcsec: f64::from(increment_rad) * ARCSEC_PER_RAD,
-                    temp_c: Some(f64::from(i16::from_be_bytes([t0, t1]))),
-                    valid: status & 1 != 0 && increment_rad.is_finite(),
+                    sequence: frame.sequence,
+                    increment_arcsec: f64::from(x) * ARCSEC_PER_RAD,
+                    temp_c: Some(f64::from(frame.temp_c)),
+                    valid: frame.gyro_valid(0),
                     saturated: false,
                 })
             }
         }
     }
+}
+
+/// The content of a frame whose check sum, its last four bytes as `number` reads them, is right.
+fn checked(bytes: &[u8], number: fn([u8; 4]) -> u32) -> Option<&[u8]> {
+    let (content, check) = bytes.split_last_chunk::<4>()?;
+    (CRC.checksum(content) == number(*check)).then_some(content)
 }
 
 /// Finds frames in a stream of bytes.
@@ -117,6 +119,12 @@ impl FrameReader {
 
     /// Takes the next byte; gives the frame that it completes.
     pub fn push(&mut self, byte: u8) -> Option<Frame> {
+        let format = self.format;
+        self.push_with(byte, |bytes| format.decode(bytes))
+    }
+
+    /// The same with another reading of the format's bytes.
+    fn push_with<T>(&mut self, byte: u8, decode: impl Fn(&[u8]) -> Option<T>) -> Option<T> {
         // `pending` is always a proper beginning of a frame here, so there is room.
         let _ = self.pending.push(byte);
         loop {
@@ -126,7 +134,7 @@ impl FrameReader {
                 self.skip_one();
             } else if self.pending.len() < self.format.length() {
                 return None;
-            } else if let Some(frame) = self.format.decode(&self.pending) {
+            } else if let Some(frame) = decode(&self.pending) {
                 self.pending.clear();
                 return Some(frame);
             } else {
