@@ -49,7 +49,7 @@ const CRC_LENGTH: usize = 4;
 pub enum Request {
     /// To the state machine of the fix.
     Command(Command),
-    /// Keep these settings in flash, and work by them from now on. Not while a fix is under way.
+    /// Keep these settings in flash and start anew with them, whatever is under way.
     StoreSettings(Settings),
 }
 
@@ -85,12 +85,15 @@ fn encode<const N: usize>(message: &impl Serialize) -> Result<Vec<u8, N>, TooLon
     Ok(frame)
 }
 
+/// A frame was dropped: too long, not COBS, wrong CRC, another version, or not a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BadFrame;
+
 /// Turns received bytes into messages, whatever the bytes are. `N` is the longest frame.
 #[derive(Clone, Debug)]
 pub struct Decoder<M, const N: usize> {
     frame: Vec<u8, N>,
     overflowed: bool,
-    bad_frames: u32,
     message: PhantomData<M>,
 }
 
@@ -99,32 +102,32 @@ pub type ReportDecoder = Decoder<Report, MAX_REPORT>;
 /// The instrument's decoder.
 pub type RequestDecoder = Decoder<Request, MAX_REQUEST>;
 
+impl<M, const N: usize> Decoder<M, N> {
+    pub const fn new() -> Self {
+        Self { frame: Vec::new(), overflowed: false, message: PhantomData }
+    }
+}
+
 impl<M, const N: usize> Default for Decoder<M, N> {
     fn default() -> Self {
-        Self { frame: Vec::new(), overflowed: false, bad_frames: 0, message: PhantomData }
+        Self::new()
     }
 }
 
 impl<M: DeserializeOwned, const N: usize> Decoder<M, N> {
-    /// Takes one byte; gives the message that it completes.
-    pub fn feed(&mut self, byte: u8) -> Option<M> {
+    /// Takes one byte; at the end of a frame gives its message, or says that the frame was bad.
+    pub fn feed(&mut self, byte: u8) -> Option<Result<M, BadFrame>> {
         if byte != 0 {
             self.overflowed |= self.frame.push(byte).is_err();
             return None;
         }
-        let empty = self.frame.is_empty();
-        let message = if self.overflowed { None } else { decode(&mut self.frame) };
-        if message.is_none() && !empty {
-            self.bad_frames = self.bad_frames.saturating_add(1);
+        if self.frame.is_empty() {
+            return None;
         }
+        let message = decode(&mut self.frame).filter(|_| !self.overflowed);
         self.frame.clear();
         self.overflowed = false;
-        message
-    }
-
-    /// Frames that were dropped since the start: too long, not COBS, wrong CRC, another version, or not a message.
-    pub fn bad_frames(&self) -> u32 {
-        self.bad_frames
+        Some(message.ok_or(BadFrame))
     }
 }
 
@@ -160,7 +163,9 @@ mod tests {
         Report { t_s: 2.0, event: Event::State(State::Idle) }
     }
 
-    fn feed<M: DeserializeOwned, const N: usize>(decoder: &mut Decoder<M, N>, bytes: &[u8]) -> StdVec<M> {
+    type Decoded<M> = StdVec<Result<M, BadFrame>>;
+
+    fn feed<M: DeserializeOwned, const N: usize>(decoder: &mut Decoder<M, N>, bytes: &[u8]) -> Decoded<M> {
         bytes.iter().filter_map(|&byte| decoder.feed(byte)).collect()
     }
 
@@ -171,7 +176,7 @@ mod tests {
         let expected = [0x02, 1, 1, 1, 1, 1, 1, 1, 2, 0x40, 1, 5, 0xEC, 0xE3, 0x93, 0xDA, 0];
         let frame = encode_report(&idle()).unwrap();
         assert_eq!(frame[..], expected[..]);
-        assert_eq!(feed(&mut ReportDecoder::default(), &frame), [idle()]);
+        assert_eq!(feed(&mut ReportDecoder::new(), &frame), [Ok(idle())]);
     }
 
     #[test]
@@ -220,7 +225,7 @@ mod tests {
         for event in [Event::Health(counters), Event::Second(second), Event::Fix(fix)] {
             let report = Report { t_s: 1.1, event };
             let frame = encode_report(&report).unwrap();
-            assert_eq!(feed(&mut ReportDecoder::default(), &frame), [report]);
+            assert_eq!(feed(&mut ReportDecoder::new(), &frame), [Ok(report)]);
         }
     }
 
@@ -236,7 +241,7 @@ mod tests {
         settings.model = Some(model);
         let request = Request::StoreSettings(settings);
         let frame = encode_request(&request).unwrap();
-        assert_eq!(feed(&mut RequestDecoder::default(), &frame), [request]);
+        assert_eq!(feed(&mut RequestDecoder::new(), &frame), [Ok(request)]);
     }
 
     #[test]
@@ -248,45 +253,39 @@ mod tests {
         frame[length - 4..length].copy_from_slice(&crc);
         let mut again = [0; 32];
         let length = cobs::encode(&frame[..length], &mut again);
-        let mut decoder = ReportDecoder::default();
-        assert_eq!(feed(&mut decoder, &again[..=length]), []);
-        assert_eq!(decoder.bad_frames(), 1);
+        assert_eq!(feed(&mut ReportDecoder::new(), &again[..=length]), [Err(BadFrame)]);
     }
 
     #[test]
-    fn empty_frames_are_not_counted() {
-        let mut decoder = ReportDecoder::default();
-        assert_eq!(feed(&mut decoder, &[0, 0, 0]), []);
-        assert_eq!(decoder.bad_frames(), 0);
+    fn empty_frames_are_nothing() {
+        assert_eq!(feed(&mut ReportDecoder::new(), &[0, 0, 0]), []);
     }
 
     #[test]
     fn a_frame_without_end_is_one_bad_frame() {
-        let mut decoder = ReportDecoder::default();
+        let mut decoder = ReportDecoder::new();
         assert_eq!(feed(&mut decoder, &[7; 10_000]), []);
         let mut rest = StdVec::from([0]);
         rest.extend(encode_report(&idle()).unwrap());
-        assert_eq!(feed(&mut decoder, &rest), [idle()]);
-        assert_eq!(decoder.bad_frames(), 1);
+        assert_eq!(feed(&mut decoder, &rest), [Err(BadFrame), Ok(idle())]);
     }
 
     proptest! {
         #[test]
         fn any_bytes_are_survived_and_the_next_frame_is_read(noise: StdVec<u8>) {
-            let mut decoder = ReportDecoder::default();
+            let mut decoder = ReportDecoder::new();
             feed(&mut decoder, &noise);
             feed(&mut decoder, &[0]);
             let frame = encode_report(&idle()).unwrap();
-            prop_assert_eq!(feed(&mut decoder, &frame), [idle()]);
+            prop_assert_eq!(feed(&mut decoder, &frame), [Ok(idle())]);
         }
 
         #[test]
         fn a_changed_byte_is_never_accepted(at in 0_usize..16, change in 1_u8..=255) {
             let mut frame = encode_report(&idle()).unwrap();
             frame[at] ^= change;
-            let mut decoder = ReportDecoder::default();
-            prop_assert_eq!(feed(&mut decoder, &frame), []);
-            prop_assert!(decoder.bad_frames() >= 1);
+            let decoded = feed(&mut ReportDecoder::new(), &frame);
+            prop_assert!(!decoded.is_empty() && decoded.iter().all(Result::is_err));
         }
     }
 }

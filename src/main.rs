@@ -1,1 +1,240 @@
-fn main() {}
+//! The firmware: a gyro sample every 2.5 ms, an azimuth at the end.
+//!
+//! | task | priority | runs when | does |
+//! |---|---|---|---|
+//! | `gyro_rx` | 4 | the gyro's line has a byte | reads it, queues it |
+//! | `request_rx` | 4 | the host's line has a byte | reads it, queues it |
+//! | `sample` | 3 | 2.5 ms have passed | tells the gyro to sample, reads the sensors that are due, commands the motor |
+//! | `step` | 3 | a slot of the turning motor begins | perhaps a step |
+//! | `solve` | 2 | `sample` has readings | bytes and readings into the pipeline; events and a motor command out |
+//! | `report` | 1 | `solve` has events | sends them to the host |
+//! | `idle` | – | otherwise | sleeps |
+
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+#[cfg(target_os = "none")]
+mod board;
+
+#[cfg(not(target_os = "none"))]
+fn main() {
+    eprintln!("This is the firmware: it runs on a board. To run it in QEMU: make find. To flash it: make flash.");
+    std::process::exit(2);
+}
+
+#[cfg(target_os = "none")]
+#[rtic::app(device = crate::board::pac, dispatchers = [UART4, UART5])]
+mod app {
+    use heapless::spsc::{Consumer, Producer, Queue};
+    use rtic_sync::channel::{Receiver, Sender};
+    use rtic_sync::make_channel;
+
+    use crate::board::{self, Board};
+    use north_finder::drivers::sensors::{Due, Sensors};
+    use north_finder::drivers::step_motor::StepMotor;
+    use north_finder::event::{Event, Report};
+    use north_finder::link::{self, Request, RequestDecoder};
+    use north_finder::pipeline::{MotorCommand, Pipeline, Readings};
+    use north_finder::settings::store::{self, Loaded};
+    use north_finder::settings::{IndexSettings, Settings};
+
+    /// Room for as many ticks as `solve` may lag behind: 160 ms, and the gyro's bytes of that time.
+    const READINGS: usize = 64;
+    const GYRO_BYTES: usize = 4096;
+    const REQUEST_BYTES: usize = 2048;
+    const REPORTS: usize = 32;
+    const MOTOR_COMMANDS: usize = 4;
+
+    #[shared]
+    struct Shared {
+        #[lock_free]
+        motor: StepMotor<board::Step, board::Direction, board::Enable>,
+        #[lock_free]
+        slots: board::Slots,
+        bytes_refused: u32,
+    }
+
+    #[local]
+    struct Local {
+        // gyro_rx
+        gyro_port: board::GyroPort,
+        gyro_in: Producer<'static, u8>,
+        // request_rx
+        request_port: board::RequestPort,
+        request_in: Producer<'static, u8>,
+        // sample
+        ticker: board::Ticker,
+        sensors: Sensors<board::Accelerometer, board::Encoder>,
+        readings_in: Sender<'static, Readings, READINGS>,
+        motor_out: Consumer<'static, MotorCommand>,
+        // solve
+        pipeline: Pipeline,
+        gyro_out: Consumer<'static, u8>,
+        request_out: Consumer<'static, u8>,
+        motor_in: Producer<'static, MotorCommand>,
+        reports_in: Sender<'static, Report, REPORTS>,
+        flash: board::Flash,
+        // report
+        report_port: board::ReportPort,
+    }
+
+    #[init(local = [
+        gyro: Queue<u8, GYRO_BYTES> = Queue::new(),
+        requests: Queue<u8, REQUEST_BYTES> = Queue::new(),
+        motor_commands: Queue<MotorCommand, MOTOR_COMMANDS> = Queue::new(),
+    ])]
+    fn init(cx: init::Context) -> (Shared, Local) {
+        let mut board: Board = board::init(cx.device);
+        let loaded = load_settings(&mut board.flash);
+        let index = match &loaded {
+            Loaded::Valid(settings) => settings.index,
+            Loaded::Missing | Loaded::Corrupt => IndexSettings::default(),
+        };
+
+        let (gyro_in, gyro_out) = cx.local.gyro.split();
+        let (request_in, request_out) = cx.local.requests.split();
+        let (motor_in, motor_out) = cx.local.motor_commands.split();
+        let (readings_in, readings_out) = make_channel!(Readings, READINGS);
+        let (reports_in, reports_out) = make_channel!(Report, REPORTS);
+        // Spawning for the first time cannot fail.
+        let _ = solve::spawn(readings_out);
+        let _ = report::spawn(reports_out);
+
+        let shared = Shared {
+            motor: StepMotor::new(board.step, board.direction, board.enable, &index),
+            slots: board.slots,
+            bytes_refused: 0,
+        };
+        let local = Local {
+            gyro_port: board.gyro,
+            gyro_in,
+            request_port: board.requests,
+            request_in,
+            ticker: board.ticker,
+            sensors: Sensors::new(board.accelerometer, board.encoder),
+            readings_in,
+            motor_out,
+            pipeline: Pipeline::new(loaded),
+            gyro_out,
+            request_out,
+            motor_in,
+            reports_in,
+            flash: board.flash,
+            report_port: board.reports,
+        };
+        (shared, local)
+    }
+
+    /// Settings from flash; a flash that cannot be read is as good as corrupt.
+    fn load_settings(flash: &mut board::Flash) -> Loaded {
+        let loaded = store::load(flash).unwrap_or(Loaded::Corrupt);
+        match &loaded {
+            Loaded::Valid(settings) => defmt::info!("boot: settings for latitude {} deg", settings.latitude_deg),
+            Loaded::Missing => defmt::warn!("boot: no settings"),
+            Loaded::Corrupt => defmt::error!("boot: settings are corrupt"),
+        }
+        loaded
+    }
+
+    /// Whether the settings make sense and are in flash.
+    fn store(flash: &mut board::Flash, settings: &Settings) -> bool {
+        settings.validate().is_ok() && store::save(flash, settings).is_ok()
+    }
+
+    #[task(binds = USART1, priority = 4, local = [gyro_port, gyro_in], shared = [bytes_refused])]
+    fn gyro_rx(mut cx: gyro_rx::Context) {
+        match cx.local.gyro_port.read() {
+            Some(Ok(byte)) if cx.local.gyro_in.enqueue(byte).is_ok() => {}
+            None => {}
+            _ => cx.shared.bytes_refused.lock(|count| *count = count.saturating_add(1)),
+        }
+    }
+
+    /// A byte that is lost here shows as a bad frame.
+    #[task(binds = USART2, priority = 4, local = [request_port, request_in])]
+    fn request_rx(cx: request_rx::Context) {
+        if let Some(Ok(byte)) = cx.local.request_port.read() {
+            let _ = cx.local.request_in.enqueue(byte);
+        }
+    }
+
+    #[task(
+        binds = TIM2, priority = 3,
+        local = [ticker, sensors, readings_in, motor_out, tick: u64 = 0],
+        shared = [motor, slots, bytes_refused],
+    )]
+    fn sample(mut cx: sample::Context) {
+        let local = cx.local;
+        if !local.ticker.sync() {
+            return;
+        }
+        let Due { acceleration_g, index_deg } = local.sensors.read(*local.tick);
+        while let Some(command) = local.motor_out.dequeue() {
+            cx.shared.motor.command(command);
+        }
+        let turning = cx.shared.motor.is_turning();
+        if turning {
+            cx.shared.slots.start();
+        }
+        let bytes_refused = cx.shared.bytes_refused.lock(|count| *count);
+        let readings = Readings { tick: *local.tick, acceleration_g, index_deg, turning, bytes_refused };
+        let _ = local.readings_in.try_send(readings);
+        *local.tick += 1;
+    }
+
+    #[task(binds = TIM3, priority = 3, shared = [motor, slots])]
+    fn step(cx: step::Context) {
+        cx.shared.slots.acknowledge();
+        cx.shared.motor.slot();
+        if !cx.shared.motor.is_turning() {
+            cx.shared.slots.stop();
+        }
+    }
+
+    #[task(priority = 2, local = [
+        pipeline, gyro_out, request_out, motor_in, reports_in, flash, decoder: RequestDecoder = RequestDecoder::new(),
+    ])]
+    async fn solve(cx: solve::Context, mut readings_out: Receiver<'static, Readings, READINGS>) {
+        let local = cx.local;
+        while let Ok(readings) = readings_out.recv().await {
+            while let Some(byte) = local.request_out.dequeue() {
+                match local.decoder.feed(byte) {
+                    Some(Ok(Request::Command(command))) => local.pipeline.command(command),
+                    Some(Ok(Request::StoreSettings(settings))) if store(local.flash, &settings) => board::restart(),
+                    Some(_) => local.pipeline.bad_command(),
+                    None => {}
+                }
+            }
+            while let Some(byte) = local.gyro_out.dequeue() {
+                local.pipeline.gyro_bytes(&[byte]);
+            }
+            let mut report = |report| {
+                let _ = local.reports_in.try_send(report);
+            };
+            if let Some(command) = local.pipeline.tick(&readings, &mut report) {
+                let _ = local.motor_in.enqueue(command);
+            }
+        }
+    }
+
+    #[task(priority = 1, local = [report_port])]
+    async fn report(cx: report::Context, mut reports_out: Receiver<'static, Report, REPORTS>) {
+        while let Ok(report) = reports_out.recv().await {
+            match report.event {
+                Event::State(state) => defmt::info!("{} s: {}", report.t_s, state),
+                Event::Fix(fix) => defmt::info!("azimuth {} deg, sigma {} deg", fix.azimuth_deg, fix.sigma_deg),
+                Event::Fault { fault, state } => defmt::error!("{} while {}", fault, state),
+                _ => {}
+            }
+            if let Ok(frame) = link::encode_report(&report) {
+                cx.local.report_port.write(&frame);
+            }
+        }
+    }
+
+    #[idle]
+    fn idle(_: idle::Context) -> ! {
+        loop {
+            board::sleep();
+        }
+    }
+}

@@ -1,0 +1,33 @@
+//! The boards: the only place that knows registers and pins. Every board offers the same names.
+//!
+//! | name | what |
+//! |---|---|
+//! | `init` | clocks, pins and peripherals; gives a `Board` |
+//! | `Ticker` | the 2.5 ms timer (TIM2) that also tells the gyro to sample |
+//! | `Slots` | the 3200 Hz timer (TIM3) of the motor |
+//! | `GyroPort`, `RequestPort` | receivers that interrupt at every byte (USART1, USART2) |
+//! | `ReportPort` | the sender of the link to the host |
+//! | `Accelerometer`, `Encoder` | SPI devices |
+//! | `Step`, `Direction`, `Enable` | output pins of the motor |
+//! | `Flash` | NOR flash for the settings |
+//! | `sleep` | waits for the next interrupt |
+//! | `restart` | starts anew, as after power-up |
+//! | `pac` | the device for RTIC: interrupts by the STM32's names |
+
+#[cfg(all(feature = "f405", feature = "mps2"))]
+compile_error!("choose one board: for QEMU build with --no-default-features --features mps2");
+#[cfg(not(any(feature = "f405", feature = "mps2")))]
+compile_error!("choose a board: --features f405 or --features mps2");
+
+#[cfg(feature = "f405")]
+mod f405;
+#[cfg(feature = "f405")]
+pub use f405::*;
+
+#[cfg(all(feature = "mps2", not(feature = "f405")))]
+mod mps2;
+#[cfg(all(feature = "mps2", not(feature = "f405")))]
+pub use mps2::*;
+
+/// The hardware lost a byte before it was read.
+pub struct Overrun;
