@@ -120,6 +120,22 @@ impl SecondsGenerator {
         dwells.iter().flat_map(move |dwell| self.dwell(*dwell))
     }
 
+    /// The rows of an even turn to another index angle; a part of an interval at the end is left out. Their index angles
+    /// are means over the interval.
+    pub fn turn(&mut self, to_deg: f64, seconds: f64) -> Vec<Row> {
+        let from_deg = self.tracker.pose().index_deg;
+        let rows = (seconds / self.interval_s + 1e-9) as u64;
+        let step_deg = (to_deg - from_deg) / rows.max(1) as f64;
+        (1..=rows)
+            .map(|row| {
+                let end_deg = if row == rows { to_deg } else { from_deg + step_deg * row as f64 };
+                let mut row = self.row(end_deg);
+                row.index_deg -= 0.5 * step_deg;
+                row
+            })
+            .collect()
+    }
+
     /// True azimuth of the mark now, degrees in 0 ..= 360.
     pub fn azimuth_deg(&self) -> f64 {
         let mark = self.tracker.pose().attitude * nalgebra::Vector3::x();

@@ -103,9 +103,18 @@ impl Part {
         }
     }
 
-    /// Whether it is a shape that no list of candidates has.
-    pub fn is_foreign(&self) -> bool {
-        matches!(self, Self::Hysteresis { .. } | Self::Surface { .. } | Self::ComesAndGoes { .. })
+    /// Numbers of the channels that it depends on.
+    pub fn channels(&self) -> Vec<usize> {
+        match *self {
+            Self::Power { channel, .. }
+            | Self::Bend { channel, .. }
+            | Self::Rate { channel }
+            | Self::LowPassed { channel, .. }
+            | Self::Delayed { channel, .. }
+            | Self::Hysteresis { channel, .. } => vec![channel],
+            Self::Surface { channels, .. } => channels.to_vec(),
+            _ => Vec::new(),
+        }
     }
 
     /// Puts the part into the world of the full plant, for the effects that need its geometry.

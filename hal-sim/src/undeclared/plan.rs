@@ -1,0 +1,216 @@
+//! What a campaign is made of, before any effect: place, instrument, runs, channels.
+
+use super::draw::Draw;
+use super::part::Arrival;
+use super::signal::{Channel, Course};
+
+/// Fastest turning of the index, °/s.
+const TURN_DEG_S: f64 = 25.0;
+
+/// A campaign without its recordings.
+#[derive(Debug, Clone)]
+pub(super) struct Plan {
+    pub(super) latitude_deg: f64,
+    pub(super) arw_deg_per_sqrt_h: f64,
+    pub(super) instability_deg_h: f64,
+    pub(super) scale_ppm: f64,
+    pub(super) declination_deg: f64,
+    pub(super) has_temperature: bool,
+    pub(super) has_level: bool,
+    pub(super) channels: Vec<Channel>,
+    pub(super) runs: Vec<RunPlan>,
+}
+
+/// One run without its recording.
+#[derive(Debug, Clone)]
+pub(super) struct RunPlan {
+    pub(super) seed: u64,
+    pub(super) azimuth_deg: f64,
+    pub(super) may_learn: bool,
+    /// The surveyor's error; `None`: not surveyed.
+    pub(super) survey_error_deg: Option<f64>,
+    pub(super) survey_sigma_deg: f64,
+    pub(super) bias_deg_h: f64,
+    pub(super) tilt_deg: [f64; 2],
+    /// Index angles and times at them, s.
+    pub(super) stays: Vec<(f64, usize)>,
+    /// What the channels do, in the order of [`Plan::channels`].
+    pub(super) courses: Vec<Course>,
+}
+
+/// What a family needs of a campaign in order to be possible at all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct Needs {
+    pub(super) channels: usize,
+    pub(super) level: bool,
+    /// Seen only against surveyed headings.
+    pub(super) survey: bool,
+}
+
+impl Plan {
+    pub(super) fn new(draw: &mut Draw, needs: Needs) -> Self {
+        let has_temperature = draw.chance(0.85);
+        let has_level = needs.level || draw.chance(0.75);
+        let mut channels = Vec::new();
+        if has_temperature {
+            channels.push(Channel::temperature(draw));
+        }
+        let extra = draw.whole(0, 4).max(needs.channels.saturating_sub(channels.len()));
+        for _ in 0..extra {
+            let channel = Channel::any(draw, &channels);
+            channels.push(channel);
+        }
+        let mut plan = Self {
+            latitude_deg: draw.sign() * draw.uniform(10.0, 65.0),
+            arw_deg_per_sqrt_h: draw.log_uniform(0.0005, 0.004),
+            instability_deg_h: 0.0,
+            scale_ppm: 300.0 * draw.normal(),
+            declination_deg: draw.uniform(-20.0, 20.0),
+            has_temperature,
+            has_level,
+            channels,
+            runs: Vec::new(),
+        };
+        plan.add_runs(draw, needs);
+        // Flicker that a fix does not notice: a quarter of the noise of a stay at most.
+        plan.instability_deg_h = draw.uniform(0.0, 0.25) * plan.stay_noise_deg_h();
+        plan
+    }
+
+    /// Standard deviation of the mean rate over a stay from white noise, °/h.
+    pub(super) fn stay_noise_deg_h(&self) -> f64 {
+        let seconds = self.runs.iter().flat_map(|run| run.stays.iter().map(|&(_, seconds)| seconds as f64));
+        let count = self.runs.iter().map(|run| run.stays.len()).sum::<usize>() as f64;
+        60.0 * self.arw_deg_per_sqrt_h / (seconds.sum::<f64>() / count).sqrt()
+    }
+
+    /// About the standard deviation of one azimuth from white noise, degrees: √2 σ / (h √n) for n stays.
+    pub(super) fn azimuth_noise_deg(&self, earth_rate_deg_h: f64) -> f64 {
+        let north_deg_h = earth_rate_deg_h * self.latitude_deg.to_radians().cos();
+        let stays = self.runs.iter().map(|run| run.stays.len()).sum::<usize>() as f64 / self.runs.len() as f64;
+        (2.0_f64.sqrt() * self.stay_noise_deg_h() / (north_deg_h * stays.sqrt())).to_degrees()
+    }
+
+    fn add_runs(&mut self, draw: &mut Draw, needs: Needs) {
+        let count = draw.pick(&[8, 12, 12, 16, 24, 36]);
+        let order = order(draw);
+        let one_order = draw.chance(0.7);
+        let dwell_s = draw.whole(15, 45);
+        let surveyed = draw.chance(if needs.survey { 0.9 } else { 0.7 });
+        let survey_sigma_deg = draw.log_uniform(0.001, 0.01);
+        let headings = headings(draw, count);
+        let bias_deg_h = draw.uniform(-0.5, 0.5);
+        let spread_deg_h = draw.log_uniform(0.002, 0.05);
+        let level_deg = if self.has_level { 0.1 } else { 0.001 };
+        let mut roles: Vec<bool> = (0..count).map(|run| run % 5 < 3).collect();
+        draw.shuffle(&mut roles);
+        for (azimuth_deg, may_learn) in headings.into_iter().zip(roles) {
+            let angles = if one_order { order.clone() } else { self::order(draw) };
+            let stays: Vec<_> = angles.into_iter().map(|index_deg| (index_deg, dwell_s)).collect();
+            let survey_error_deg = (surveyed && draw.chance(0.95)).then(|| survey_sigma_deg * draw.normal());
+            let mut run = RunPlan {
+                seed: draw.seed(),
+                azimuth_deg,
+                may_learn,
+                survey_error_deg,
+                survey_sigma_deg,
+                bias_deg_h: bias_deg_h + spread_deg_h * draw.normal(),
+                tilt_deg: [level_deg * draw.normal(), level_deg * draw.normal()],
+                stays,
+                courses: Vec::new(),
+            };
+            let seconds = run.seconds();
+            run.courses = self.channels.iter().map(|channel| channel.course(draw, seconds)).collect();
+            self.runs.push(run);
+        }
+    }
+
+    /// The true courses of the channels in a run, in standard deviations from their mean over the campaign.
+    pub(super) fn standard_courses(&self) -> Vec<Vec<Course>> {
+        let mut standard: Vec<Vec<Course>> = self.runs.iter().map(|run| run.courses.clone()).collect();
+        for channel in 0..self.channels.len() {
+            let values: Vec<f64> =
+                self.runs.iter().flat_map(|run| run.courses[channel].truth.iter().copied()).collect();
+            let mean = values.iter().sum::<f64>() / values.len() as f64;
+            let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len() as f64;
+            for courses in &mut standard {
+                for value in &mut courses[channel].truth {
+                    *value = (*value - mean) / variance.sqrt().max(f64::MIN_POSITIVE);
+                }
+            }
+        }
+        standard
+    }
+}
+
+impl RunPlan {
+    /// Whole seconds of turning from one stay to the next.
+    pub(super) fn turn_seconds(travel_deg: f64) -> usize {
+        if travel_deg == 0.0 { 0 } else { ((travel_deg.abs() / TURN_DEG_S).ceil() as usize).max(2) }
+    }
+
+    /// Length, s.
+    pub(super) fn seconds(&self) -> usize {
+        let mut at_deg = 0.0;
+        self.stays
+            .iter()
+            .map(|&(index_deg, seconds)| {
+                let turn = Self::turn_seconds(index_deg - at_deg);
+                at_deg = index_deg;
+                turn + seconds
+            })
+            .sum()
+    }
+
+    /// The ends of its moves.
+    pub(super) fn arrivals(&self) -> Vec<Arrival> {
+        let (mut t_s, mut at_deg) = (0, 0.0);
+        let mut arrivals = Vec::new();
+        for &(index_deg, seconds) in &self.stays {
+            let travel_deg = index_deg - at_deg;
+            if travel_deg != 0.0 {
+                t_s += Self::turn_seconds(travel_deg);
+                arrivals.push(Arrival { t_s: t_s as f64, travel_deg, index_deg });
+            }
+            t_s += seconds;
+            at_deg = index_deg;
+        }
+        arrivals
+    }
+}
+
+/// Index angles in the order of their visits, degrees.
+fn order(draw: &mut Draw) -> Vec<f64> {
+    const PLAIN: [f64; 4] = [0.0, 90.0, 180.0, 270.0];
+    match draw.whole(0, 9) {
+        0..=2 => vec![0.0, 90.0, 180.0, 270.0, 270.0, 180.0, 90.0, 0.0],
+        3 | 4 => PLAIN.to_vec(),
+        5 => vec![90.0, 180.0, 270.0, 360.0],
+        6 => (0..8).map(|stay| 45.0 * f64::from(stay)).collect(),
+        7 => {
+            let mut twice = [PLAIN, PLAIN].concat();
+            draw.shuffle(&mut twice);
+            twice
+        }
+        8 => (0..6).map(|stay| -60.0 * f64::from(stay)).collect(),
+        _ => (0..6).map(|_| draw.uniform(-180.0, 180.0).round()).collect(),
+    }
+}
+
+/// Azimuths of the mark, degrees.
+fn headings(draw: &mut Draw, count: usize) -> Vec<f64> {
+    let first = draw.uniform(0.0, 360.0);
+    let even: Vec<f64> = (0..count).map(|run| (first + 360.0 * run as f64 / count as f64).rem_euclid(360.0)).collect();
+    match draw.whole(0, 9) {
+        0..=4 => (0..count).map(|_| draw.uniform(0.0, 360.0)).collect(),
+        5..=8 => {
+            let mut shuffled = even;
+            draw.shuffle(&mut shuffled);
+            shuffled
+        }
+        _ => {
+            let few = [first, draw.uniform(0.0, 360.0), draw.uniform(0.0, 360.0)];
+            (0..count).map(|_| draw.pick(&few)).collect()
+        }
+    }
+}
