@@ -86,10 +86,11 @@ impl Find {
         });
         // Whatever happened, the bars go first.
         let mut out = view.finish()?;
-        let outcome = outcome?;
-        if outcome.end == End::Interrupted {
+        // An interrupt may also have ended what the engine needs: the build of the image, say.
+        if interrupt::requested() {
             return Err(Failure::Interrupted);
         }
+        let outcome = outcome?;
         let mut recorded = false;
         if let Some(folder) = &self.record {
             if log.recorder.rows().is_empty() {

@@ -103,3 +103,41 @@ pub fn new_campaign(folder: &Path, title: String, setup: &Setup) -> Result<Campa
         runs: Vec::new(),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn report(t_s: f64, index_deg: Option<f64>, fog_arcsec: f64) -> Report {
+        let second = Second {
+            index_deg,
+            fog_arcsec,
+            rate_deg_h: fog_arcsec,
+            temp_c: None,
+            level_g: None,
+            lost_frames: 1,
+            position: None,
+            collected: false,
+        };
+        Report { t_s, event: Event::Second(second) }
+    }
+
+    fn rows(reports: &[Report]) -> Vec<(f64, f64, f64, u16)> {
+        let mut recorder = Recorder::default();
+        reports.iter().for_each(|report| recorder.see(report));
+        recorder.rows().iter().map(|row| (row.t_s, row.interval_s, row.fog_arcsec, row.lost_frames)).collect()
+    }
+
+    #[test]
+    fn times_are_whole_seconds_from_the_first_one_on() {
+        // A gyro that took 0.3 s to start, and reports that come a tick late or early.
+        let reports = [report(1.3, Some(0.0), 9.0), report(2.3025, Some(0.0), 8.0), report(3.2975, Some(0.0), 7.0)];
+        assert_eq!(rows(&reports), [(1.0, 1.0, 9.0, 1), (2.0, 1.0, 8.0, 1), (3.0, 1.0, 7.0, 1)]);
+    }
+
+    #[test]
+    fn a_second_without_an_index_becomes_part_of_the_next() {
+        let reports = [report(1.0, Some(0.0), 9.0), report(2.0, None, 8.0), report(3.0, Some(0.0), 7.0)];
+        assert_eq!(rows(&reports), [(1.0, 1.0, 9.0, 1), (3.0, 2.0, 15.0, 2)]);
+    }
+}
