@@ -1,0 +1,87 @@
+//! The firmware image in QEMU against the run in this process: the same reports, bit for bit.
+//!
+//! Needs `qemu-system-arm` and the target `thumbv7em-none-eabihf`, as `make setup` brings them.
+
+mod common;
+
+use std::path::Path;
+use std::sync::OnceLock;
+use std::sync::atomic::AtomicBool;
+
+use common::{run, setup};
+use north::engine::{End, Setup, qemu};
+use north_finder::event::Report;
+use north_finder::health::{Fault, Flag};
+
+/// The image, built once.
+fn image() -> &'static Path {
+    static IMAGE: OnceLock<std::path::PathBuf> = OnceLock::new();
+    IMAGE.get_or_init(|| qemu::image::build().unwrap())
+}
+
+fn run_in_qemu(setup: &Setup) -> (End, Vec<Report>) {
+    let mut reports = Vec::new();
+    let (outcome, _) =
+        qemu::run(image(), setup, &AtomicBool::new(false), &mut |report| reports.push(*report)).unwrap();
+    (outcome.end, reports)
+}
+
+/// Runs both ways, compares every report, gives the end.
+fn same_both_ways(name: &str, seed: u64) -> End {
+    let setup = setup(name, seed);
+    let (end, reports) = run_in_qemu(&setup);
+    let (outcome, expected) = run(&setup);
+    for (report, expected) in reports.iter().zip(&expected) {
+        // Printed with all their digits, equal numbers are equal bits (and not-a-number equals itself).
+        assert_eq!(format!("{report:?}"), format!("{expected:?}"), "{name}");
+    }
+    assert_eq!(reports.len(), expected.len(), "{name}");
+    assert_eq!(format!("{end:?}"), format!("{:?}", outcome.end), "{name}");
+    end
+}
+
+#[test]
+fn calm() {
+    let End::Fix(fix) = same_both_ways("calm-bench", 1) else { panic!() };
+    assert!(fix.sigma_deg > 0.0 && fix.closure_deg_h.is_some());
+}
+
+#[test]
+fn disturbed() {
+    let End::Fix(fix) = same_both_ways("disturbed-start", 2) else { panic!() };
+    assert!(fix.flags.contains(Flag::Disturbed));
+}
+
+#[test]
+fn jitter() {
+    let End::Fix(fix) = same_both_ways("jittery-drive", 3) else { panic!() };
+    assert!(fix.flags.contains(Flag::Jitter));
+}
+
+#[test]
+fn lossy_link() {
+    let End::Fix(fix) = same_both_ways("lossy-link", 4) else { panic!() };
+    assert!(fix.flags.contains(Flag::FramesLost));
+}
+
+#[test]
+fn motor_stall() {
+    assert!(matches!(same_both_ways("stalled-motor", 5), End::Fault { fault: Fault::MotorStall, .. }));
+}
+
+#[test]
+fn another_gyro() {
+    assert!(matches!(same_both_ways("kvh-gyro", 6), End::Fix(_)));
+}
+
+#[test]
+fn settings_missing() {
+    let missing = Setup { settings: None, ..setup("calm-bench", 7) };
+    assert!(matches!(run_in_qemu(&missing).0, End::Fault { fault: Fault::SettingsMissing, .. }));
+}
+
+#[test]
+fn two_runs_are_identical() {
+    let setup = setup("stalled-motor", 8);
+    assert_eq!(format!("{:?}", run_in_qemu(&setup)), format!("{:?}", run_in_qemu(&setup)));
+}
