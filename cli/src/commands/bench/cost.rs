@@ -191,3 +191,34 @@ fn update(path: &Path, measured: &Measured, old: Option<&Baseline>) -> Result<()
         format!("# Cost of the firmware image in QEMU. Written by: north bench cost --check FILE --update\n\n{table}");
     fs::write(path, text).map_err(|error| FileError::whole(path, error))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn growth_beyond_the_margin_is_refused_by_name() {
+        let measured = Measured {
+            mean_instructions: 1040.0,
+            most_instructions: 2000.0,
+            flash_bytes: 1051.0,
+            ram_bytes: 10.0,
+            stack_bytes: 1100.0,
+            speed: 1.0,
+        };
+        let allowed = Allowed { value: 1000.0, margin_percent: 5.0 };
+        let baseline = Baseline {
+            mean_instructions: allowed,
+            most_instructions: Allowed { margin_percent: 100.0, ..allowed },
+            flash_bytes: allowed,
+            ram_bytes: allowed,
+            stack_bytes: allowed,
+        };
+        let failure = check(&lines(&measured, Some(&baseline))).unwrap_err();
+        assert_eq!(
+            failure.to_string(),
+            "flash, bytes grew to 1051; allowed is 1050\nnorth: stack, most in use, bytes grew to 1100; allowed is 1050"
+        );
+        assert!(check(&lines(&measured, None)).is_ok());
+    }
+}
