@@ -164,9 +164,7 @@ mod app {
     )]
     fn sample(mut cx: sample::Context) {
         let local = cx.local;
-        if !local.ticker.sync() {
-            return;
-        }
+        local.ticker.sync();
         let Due { acceleration_g, index_deg } = local.sensors.read(*local.tick);
         while let Some(command) = local.motor_out.dequeue() {
             cx.shared.motor.command(command);

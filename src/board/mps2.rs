@@ -1,45 +1,44 @@
 //! QEMU's mps2-an386: a Cortex-M4F whose sensors, motor and flash are simulated by the host.
 //!
-//! In lock-step, which is how tests and `north find` run, world time passes only in [`Ticker::sync`]: the host lets
-//! the world go on by a tick and hands over what has arrived. If the tick before is not finished when the timer fires,
-//! the world waits, so that results do not depend on how fast instructions are. With the argument `real-time` the
-//! gyro's bytes and the link go over the emulated UARTs and nothing waits.
+//! In lock-step, which is how tests and `north find` run, time passes only when nothing is left to do: instead of
+//! sleeping, the idle task lets the timer run out that would be next, and in [`Ticker::sync`] the host lets the world
+//! go on by a tick and hands over what has arrived. So results do not depend on how fast instructions are.
+//!
+//! With the argument `real-time` the timers run by themselves, and the gyro's bytes and the link go over the emulated
+//! UARTs.
 
+mod end;
 mod exchange;
+mod flash;
 mod log;
 pub mod pac;
 
 use core::cell::RefCell;
 use core::convert::Infallible;
-use core::fmt::Write;
 
 use cortex_m::interrupt::Mutex;
-use cortex_m::peripheral::NVIC;
-use cortex_m_rt::{ExceptionFrame, exception};
-use cortex_m_semihosting::debug;
+use cortex_m::peripheral::{NVIC, SCB};
 use embedded_hal::digital::{self, OutputPin};
 use embedded_hal::spi::{self, Operation, SpiDevice};
-use embedded_storage::nor_flash::{self, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
-use heapless::{Deque, String, Vec};
+use heapless::{Deque, Vec};
 
 use super::Overrun;
 use exchange::{Exchange, has_argument};
+pub use flash::Flash;
 
-/// Cycles of the 25 MHz clock in a tick of 2.5 ms.
+/// Cycles of the 25 MHz clock in a tick of 2.5 ms, and in a slot, rounded down: slots start anew at every tick.
 const TICK_CYCLES: u32 = 62_500;
+const SLOT_CYCLES: u32 = TICK_CYCLES / SLOTS_PER_TICK as u32;
 const SLOTS_PER_TICK: u8 = 8;
 
 /// What the parts of the board share.
 struct State {
     exchange: Exchange,
     real_time: bool,
-    /// The processor has slept since the last tick: everything that the tick caused is done.
-    rested: bool,
-    /// Ticks at which the world had to wait, since it went on last.
-    held_ticks: u32,
-    /// Cycles slept since the world went on last.
-    slept_cycles: u32,
-    /// Slots that have begun in this tick.
+    /// The free-running timer when the tick began.
+    tick_began: u32,
+    /// Whether the motor needs its slots, and how many have begun in this tick.
+    slots_run: bool,
     slots_begun: u8,
     edges: Vec<u8, 64>,
     gyro: Deque<u8, 1024>,
@@ -49,9 +48,8 @@ struct State {
 static STATE: Mutex<RefCell<State>> = Mutex::new(RefCell::new(State {
     exchange: Exchange::closed(),
     real_time: false,
-    rested: false,
-    held_ticks: 0,
-    slept_cycles: 0,
+    tick_began: 0,
+    slots_run: false,
     slots_begun: 0,
     edges: Vec::new(),
     gyro: Deque::new(),
@@ -89,9 +87,11 @@ pub fn init(_device: pac::Peripherals) -> Board {
         if state.real_time {
             pac::UART0.start();
             pac::UART1.start();
+            pac::TIMER0.start(TICK_CYCLES, TICK_CYCLES);
+        } else {
+            pac::TIMER0.run_freely();
         }
     });
-    pac::TIMER0.start(TICK_CYCLES);
     Board {
         ticker: Ticker,
         slots: Slots,
@@ -109,43 +109,37 @@ pub fn init(_device: pac::Peripherals) -> Board {
 
 /// Waits for the next interrupt.
 pub fn sleep() {
-    // An interrupt that comes while they are masked ends the sleep, and is served after it has been timed.
-    cortex_m::interrupt::disable();
-    let before = pac::TIMER0.remaining();
-    with(|state| state.rested = true);
-    cortex_m::asm::wfi();
-    let after = pac::TIMER0.remaining();
-    with(|state| state.slept_cycles += before - after);
-    // SAFETY: they were on before; RTIC calls this from its idle task only.
-    unsafe { cortex_m::interrupt::enable() };
+    match with(|state| state.next_timer()) {
+        Some(interrupt) => NVIC::pend(interrupt),
+        None => cortex_m::asm::wfi(),
+    }
 }
 
 /// Starts anew, as after power-up.
 pub fn restart() -> ! {
-    cortex_m::peripheral::SCB::sys_reset()
+    SCB::sys_reset()
 }
 
 pub struct Ticker;
 
 impl Ticker {
-    /// Takes the timer's interrupt and lets the gyro sample. False: not yet, this tick does not count.
-    pub fn sync(&mut self) -> bool {
-        pac::TIMER0.start(TICK_CYCLES);
-        with(|state| {
-            if !state.real_time && !core::mem::take(&mut state.rested) {
-                state.held_ticks += 1;
-                return false;
-            }
-            state.tick();
-            true
-        })
+    /// Takes the timer's interrupt and lets the gyro sample.
+    pub fn sync(&mut self) {
+        pac::TIMER0.acknowledge();
+        with(State::tick);
     }
 }
 
 impl State {
+    /// In lock-step: the timer that is the next to run out.
+    fn next_timer(&self) -> Option<pac::Interrupt> {
+        let slot = self.slots_run && self.slots_begun < SLOTS_PER_TICK;
+        (!self.real_time).then_some(if slot { pac::Interrupt::TIM3 } else { pac::Interrupt::TIM2 })
+    }
+
     /// Lets the world go on by a tick.
     fn tick(&mut self) {
-        let busy_cycles = (TICK_CYCLES * (1 + self.held_ticks)).saturating_sub(self.slept_cycles);
+        let busy_cycles = self.tick_began.wrapping_sub(pac::TIMER0.remaining());
         let reply = self.exchange.ask(b'T', &[&busy_cycles.to_le_bytes(), &self.edges]);
         let (status, gyro, requests) = match *reply {
             [status, low, high, ref bytes @ ..] => {
@@ -155,7 +149,7 @@ impl State {
             _ => panic!("the host's answer to a tick is too short"),
         };
         if status != 0 {
-            self.power_off();
+            end::power_off(self);
         }
         // As on a line that nobody reads: what there is no room for is lost.
         gyro.iter().for_each(|&byte| self.gyro.push_back(byte).unwrap_or(()));
@@ -164,13 +158,7 @@ impl State {
         pend_while_waiting(&self.requests, pac::Interrupt::USART2);
         self.edges.clear();
         self.slots_begun = 0;
-        self.held_ticks = 0;
-        self.slept_cycles = 0;
-    }
-
-    fn power_off(&mut self) -> ! {
-        self.exchange.tell(b'Z', &[&most_stack_bytes().to_le_bytes()]);
-        exchange::exit(debug::EXIT_SUCCESS)
+        self.tick_began = pac::TIMER0.remaining();
     }
 }
 
@@ -185,28 +173,30 @@ fn pend_while_waiting<const N: usize>(bytes: &Deque<u8, N>, interrupt: pac::Inte
 pub struct Slots;
 
 impl Slots {
-    /// Starts the slots of this tick.
+    /// Called in every tick in which the motor turns.
     pub fn start(&mut self) {
-        self.wait_for(0);
+        with(|state| {
+            state.slots_run = true;
+            if state.real_time {
+                pac::TIMER1.start(SLOT_CYCLES / 2, SLOT_CYCLES);
+            }
+        });
     }
 
     pub fn stop(&mut self) {
+        with(|state| state.slots_run = false);
         pac::TIMER1.stop();
     }
 
     /// Takes the timer's interrupt.
     pub fn acknowledge(&mut self) {
-        let begun = with(|state| {
+        pac::TIMER1.acknowledge();
+        with(|state| {
             state.slots_begun += 1;
-            state.slots_begun
+            if state.slots_begun == SLOTS_PER_TICK {
+                pac::TIMER1.stop();
+            }
         });
-        if begun < SLOTS_PER_TICK { self.wait_for(begun) } else { self.stop() }
-    }
-
-    fn wait_for(&mut self, slot: u8) {
-        let half_slots_left = 2 * (SLOTS_PER_TICK - slot) - 1;
-        let left = TICK_CYCLES * u32::from(half_slots_left) / u32::from(2 * SLOTS_PER_TICK);
-        pac::TIMER1.start(pac::TIMER0.remaining().saturating_sub(left).max(1));
     }
 }
 
@@ -325,102 +315,4 @@ impl<const DEVICE: u8> SpiDevice for Spi<DEVICE> {
         });
         Ok(())
     }
-}
-
-/// The flash memory: two sectors of 4096 bytes, words of four.
-pub struct Flash;
-
-/// The simulated flash refused; its error number.
-#[derive(Clone, Copy, Debug, defmt::Format)]
-pub struct FlashError(u8);
-
-impl NorFlashError for FlashError {
-    fn kind(&self) -> NorFlashErrorKind {
-        NorFlashErrorKind::Other
-    }
-}
-
-impl nor_flash::ErrorType for Flash {
-    type Error = FlashError;
-}
-
-impl ReadNorFlash for Flash {
-    const READ_SIZE: usize = 1;
-
-    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
-        let length = (bytes.len() as u16).to_le_bytes();
-        with(|state| bytes.copy_from_slice(state.exchange.ask(b'R', &[&offset.to_le_bytes(), &length])));
-        Ok(())
-    }
-
-    fn capacity(&self) -> usize {
-        2 * Self::ERASE_SIZE
-    }
-}
-
-impl NorFlash for Flash {
-    const WRITE_SIZE: usize = 4;
-    const ERASE_SIZE: usize = 4096;
-
-    fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
-        with(|state| flash_result(state.exchange.ask(b'E', &[&from.to_le_bytes(), &to.to_le_bytes()])))
-    }
-
-    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
-        with(|state| flash_result(state.exchange.ask(b'W', &[&offset.to_le_bytes(), bytes])))
-    }
-}
-
-fn flash_result(reply: &[u8]) -> Result<(), FlashError> {
-    match *reply {
-        [0] => Ok(()),
-        [error] => Err(FlashError(error)),
-        _ => panic!("the host's answer to a flash operation is not a byte"),
-    }
-}
-
-/// How much of the stack was ever used, by the paint that is gone from it.
-fn most_stack_bytes() -> u32 {
-    unsafe extern "C" {
-        static _stack_start: u32;
-        static _stack_end: u32;
-    }
-    let (top, mut at) = (&raw const _stack_start, &raw const _stack_end);
-    // SAFETY: from `at` to `top` is the stack, which starts at the top and was painted before main.
-    unsafe {
-        while at < top && at.read_volatile() == cortex_m_rt::STACK_PAINT_VALUE {
-            at = at.add(1);
-        }
-        top.byte_offset_from(at) as u32
-    }
-}
-
-/// Tells the host why, and ends QEMU: a test never hangs.
-fn die(why: core::fmt::Arguments) -> ! {
-    cortex_m::interrupt::disable();
-    let mut text = String::<512>::new();
-    // What does not fit is left out.
-    let _ = text.write_fmt(why);
-    cortex_m::interrupt::free(|cs| {
-        // If the panic came from inside an exchange, there is no other way than the exit code.
-        if let Ok(mut state) = STATE.borrow(cs).try_borrow_mut() {
-            state.exchange.tell(b'P', &[text.as_bytes()]);
-        }
-    });
-    exchange::exit(debug::EXIT_FAILURE)
-}
-
-#[panic_handler]
-fn panic(info: &core::panic::PanicInfo) -> ! {
-    die(format_args!("{info}"))
-}
-
-#[exception]
-unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    die(format_args!("hard fault at {:#010x}", frame.pc()))
-}
-
-#[exception]
-unsafe fn DefaultHandler(number: i16) -> ! {
-    die(format_args!("interrupt {number} has no task"))
 }

@@ -85,9 +85,6 @@ impl Register {
 }
 
 /// A timer that counts down at 25 MHz.
-///
-/// It is used for one interrupt at a time, since QEMU 7.2 under `-icount sleep=off` skips every other interrupt of a
-/// periodic timer while the processor sleeps: it lets time go on to the next one before it raises the first.
 #[derive(Clone, Copy)]
 pub struct Timer(usize);
 
@@ -95,23 +92,33 @@ pub const TIMER0: Timer = Timer(0x4000_0000);
 pub const TIMER1: Timer = Timer(0x4000_1000);
 
 impl Timer {
+    const ENABLE: u32 = 0b0001;
     const ENABLE_AND_INTERRUPT: u32 = 0b1001;
 
-    /// Interrupts once, after this many cycles.
-    pub fn start(self, cycles: u32) {
+    /// Interrupts after `first` cycles and then every `period` cycles.
+    pub fn start(self, first: u32, period: u32) {
         self.stop();
-        Register(self.0 + 0x8).write(0);
-        Register(self.0 + 0x4).write(cycles);
+        Register(self.0 + 0x8).write(period - 1);
+        Register(self.0 + 0x4).write(first);
         Register(self.0).write(Self::ENABLE_AND_INTERRUPT);
     }
 
-    /// Takes back the interrupt.
+    /// Counts without interrupts; see [`Self::remaining`].
+    pub fn run_freely(self) {
+        Register(self.0 + 0x8).write(u32::MAX);
+        Register(self.0).write(Self::ENABLE);
+    }
+
     pub fn stop(self) {
         Register(self.0).write(0);
+        self.acknowledge();
+    }
+
+    pub fn acknowledge(self) {
         Register(self.0 + 0xC).write(1);
     }
 
-    /// Cycles until the interrupt.
+    /// Cycles until it begins anew.
     pub fn remaining(self) -> u32 {
         Register(self.0 + 0x4).read()
     }

@@ -33,7 +33,7 @@ pub fn build() -> Result<PathBuf, ImageError> {
     let mut command = Command::new(cargo);
     command
         .current_dir(&root)
-        .args(["build", "--release", "--no-default-features", "--features", "mps2", "--bin", "firmware"])
+        .args(["build", "--profile", "firmware", "--no-default-features", "--features", "mps2", "--bin", "firmware"])
         .args(["--target", TARGET, "--target-dir"])
         .arg(&target)
         .stdin(Stdio::null());
@@ -45,7 +45,7 @@ pub fn build() -> Result<PathBuf, ImageError> {
     if !output.status.success() {
         return Err(ImageError::NotBuilt(String::from_utf8_lossy(&output.stderr).into_owned()));
     }
-    Ok(target.join(TARGET).join("release").join("firmware"))
+    Ok(target.join(TARGET).join("firmware").join("firmware"))
 }
 
 /// What the image takes of the microcontroller, bytes.
