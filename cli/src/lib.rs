@@ -16,3 +16,4 @@ pub mod recorder;
 pub mod settings_file;
 pub mod solve;
 pub mod toml_file;
+pub mod undeclared;

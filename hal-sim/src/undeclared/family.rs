@@ -176,7 +176,7 @@ impl Family {
             Self::ChannelCurve => curve(draw, channel),
             Self::ChannelRate => one(Part::Rate { channel }),
             Self::ChannelLag => one(Part::LowPassed { channel, tau_s: draw.log_uniform(15.0, 200.0) }),
-            Self::ChannelDelay => one(Part::Delayed { channel, delay_s: draw.uniform(8.0, 60.0) }),
+            Self::ChannelDelay => one(Part::Delayed { channel, delay_s: draw.uniform(5.0, 30.0) }),
             Self::Drift => one(Part::Drift),
             Self::SinceSwitchOn => one(Part::Exponential { tau_s: draw.log_uniform(25.0, 0.6 * run_s) }),
             Self::AfterMove => {

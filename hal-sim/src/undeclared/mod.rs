@@ -92,9 +92,15 @@ impl Campaign {
         }
     }
 
-    /// The same campaign, the same noise, with these parts in place of the hidden effect.
-    pub fn with_parts(&self, parts: &[(f64, Part)]) -> Vec<Run> {
-        record::runs(&self.plan, parts)
+    /// A run of the same campaign, with the same noise, with these parts in place of the hidden effect; `None` if there is
+    /// no such run.
+    pub fn run_with(&self, number: usize, parts: &[(f64, Part)]) -> Option<Run> {
+        (number < self.runs.len()).then(|| record::run(&self.plan, number, parts))
+    }
+
+    /// About the standard deviation of one azimuth from the gyro's white noise, degrees.
+    pub fn azimuth_noise_deg(&self) -> f64 {
+        self.plan.azimuth_noise_deg(EARTH_DEG_H)
     }
 
     /// Names of the channels that the effect depends on.

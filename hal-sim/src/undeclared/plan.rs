@@ -19,6 +19,8 @@ pub(super) struct Plan {
     pub(super) has_level: bool,
     pub(super) channels: Vec<Channel>,
     pub(super) runs: Vec<RunPlan>,
+    /// For each run, what the channels truly do, in standard deviations from their mean over the campaign.
+    pub(super) standard: Vec<Vec<Course>>,
 }
 
 /// One run without its recording.
@@ -70,8 +72,10 @@ impl Plan {
             has_level,
             channels,
             runs: Vec::new(),
+            standard: Vec::new(),
         };
         plan.add_runs(draw, needs);
+        plan.standard = plan.standard_courses();
         // Flicker that a fix does not notice: a quarter of the noise of a stay at most.
         plan.instability_deg_h = draw.uniform(0.0, 0.25) * plan.stay_noise_deg_h();
         plan
@@ -125,8 +129,7 @@ impl Plan {
         }
     }
 
-    /// The true courses of the channels in a run, in standard deviations from their mean over the campaign.
-    pub(super) fn standard_courses(&self) -> Vec<Vec<Course>> {
+    fn standard_courses(&self) -> Vec<Vec<Course>> {
         let mut standard: Vec<Vec<Course>> = self.runs.iter().map(|run| run.courses.clone()).collect();
         for channel in 0..self.channels.len() {
             let values: Vec<f64> =

@@ -1,8 +1,8 @@
 //! Recordings of a plan: rows by the full plant's geometry and noise, and what the effect adds.
 
+use super::Run;
 use super::part::{Moment, Part, RunView};
 use super::plan::{Plan, RunPlan};
-use super::Run;
 use crate::scenario::{Accelerometer, Base, Encoder, Gyro, Site};
 use crate::seconds::{Dwell, Row as Second, SecondsGenerator, SiteAndGyro};
 
@@ -23,39 +23,36 @@ pub struct Row {
 
 /// Records every run with these parts.
 pub(super) fn runs(plan: &Plan, parts: &[(f64, Part)]) -> Vec<Run> {
-    let standard = plan.standard_courses();
-    plan.runs
-        .iter()
-        .zip(&standard)
-        .enumerate()
-        .map(|(number, (run, channels))| {
-            let arrivals = run.arrivals();
-            let view = RunView { run: number, arrivals: &arrivals, channels };
-            let seconds = seconds(plan, run, &view, parts);
-            let rows = (1..)
-                .zip(seconds)
-                .map(|(second, row): (usize, Second)| Row {
-                    t_s: second as f64,
-                    index_deg: row.index_deg,
-                    fog_arcsec: row.fog_arcsec + added(parts, &view, &row),
-                    level_g: [row.ax_g, row.ay_g],
-                    // The mean over the second.
-                    channels: run
-                        .courses
-                        .iter()
-                        .map(|course| 0.5 * (course.reading[second - 1] + course.reading[second]))
-                        .collect(),
-                })
-                .collect();
-            Run {
-                rows,
-                azimuth_deg: run.azimuth_deg,
-                reference_deg: run.survey_error_deg.map(|error_deg| (run.azimuth_deg + error_deg).rem_euclid(360.0)),
-                reference_sigma_deg: run.survey_sigma_deg,
-                may_learn: run.may_learn,
-            }
+    (0..plan.runs.len()).map(|number| run(plan, number, parts)).collect()
+}
+
+/// Records one run with these parts.
+pub(super) fn run(plan: &Plan, number: usize, parts: &[(f64, Part)]) -> Run {
+    let run = &plan.runs[number];
+    let arrivals = run.arrivals();
+    let view = RunView { run: number, arrivals: &arrivals, channels: &plan.standard[number] };
+    let rows = (1..)
+        .zip(seconds(plan, run, &view, parts))
+        .map(|(second, row): (usize, Second)| Row {
+            t_s: second as f64,
+            index_deg: row.index_deg,
+            fog_arcsec: row.fog_arcsec + added(parts, &view, &row),
+            level_g: [row.ax_g, row.ay_g],
+            // The mean over the second.
+            channels: run
+                .courses
+                .iter()
+                .map(|course| 0.5 * (course.reading[second - 1] + course.reading[second]))
+                .collect(),
         })
-        .collect()
+        .collect();
+    Run {
+        rows,
+        azimuth_deg: run.azimuth_deg,
+        reference_deg: run.survey_error_deg.map(|error_deg| (run.azimuth_deg + error_deg).rem_euclid(360.0)),
+        reference_sigma_deg: run.survey_sigma_deg,
+        may_learn: run.may_learn,
+    }
 }
 
 /// Root mean square of what the parts do to the mean rates of the stays of a run, about the run's mean, °/h.

@@ -38,9 +38,30 @@ pub(super) struct Course {
 }
 
 const WORDS: [&str; 24] = [
-    "supply_v", "laser_ma", "mag_x_ut", "mag_y_ut", "fan_rpm", "case_c", "board_c", "pump_ma", "vib_mg", "humidity_pct",
-    "pressure_hpa", "coil_c", "pd_mv", "heater_w", "adc3", "adc7", "ch_12", "p4", "strain_a", "bus_v", "wind_m_s", "sun_w",
-    "load_n", "x",
+    "supply_v",
+    "laser_ma",
+    "mag_x_ut",
+    "mag_y_ut",
+    "fan_rpm",
+    "case_c",
+    "board_c",
+    "pump_ma",
+    "vib_mg",
+    "humidity_pct",
+    "pressure_hpa",
+    "coil_c",
+    "pd_mv",
+    "heater_w",
+    "adc3",
+    "adc7",
+    "ch_12",
+    "p4",
+    "strain_a",
+    "bus_v",
+    "wind_m_s",
+    "sun_w",
+    "load_n",
+    "x",
 ];
 
 impl Channel {

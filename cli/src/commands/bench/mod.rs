@@ -2,6 +2,8 @@
 
 mod accuracy;
 mod cost;
+mod diagnose;
+mod diagnose_speed;
 
 use clap::{Args, Subcommand};
 
@@ -19,6 +21,7 @@ pub struct Bench {
 enum What {
     Accuracy(accuracy::Accuracy),
     Cost(cost::CostCommand),
+    Diagnose(diagnose::DiagnoseBench),
 }
 
 impl Bench {
@@ -26,6 +29,7 @@ impl Bench {
         match self.what {
             What::Accuracy(accuracy) => accuracy.run(),
             What::Cost(cost) => cost.run(),
+            What::Diagnose(diagnose) => diagnose.run(),
         }
     }
 }

@@ -1,0 +1,192 @@
+//! `north bench diagnose`: the diagnosis against effects that nothing declares.
+
+use std::io::{self, Write};
+
+use clap::Args;
+use hal_sim::undeclared::{Campaign as Generated, Family};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::diagnose_speed;
+use crate::commands::progress;
+use crate::diagnose::{Options, diagnose};
+use crate::failure::Failure;
+use crate::interrupt;
+use crate::output::JsonOption;
+use crate::settings_file::declare_noise;
+use crate::undeclared::{Folder, Summary, Verdict, consult, judge, summarize, write};
+
+/// Campaigns with a hidden effect, diagnosed and compared with an oracle who knows it
+///
+/// Every campaign is drawn anew: place, noise, orders, headings, channels that cause something and channels that do not.
+/// The tables are Markdown.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  north bench diagnose --campaigns 20
+  north bench diagnose --family channel-rate --campaigns 40 --verbose
+  north bench diagnose --speed")]
+pub struct DiagnoseBench {
+    /// Campaigns of each family, 1 to 100000
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    campaigns: u64,
+    /// Seed of everything random
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Only this family
+    #[arg(long, value_name = "NAME", value_parser = family)]
+    family: Option<Family>,
+    /// Only the campaign with this number, from 0; it is written into --out, if that is given
+    #[arg(long, value_name = "N", requires = "family")]
+    only: Option<u64>,
+    /// A new or empty folder for the campaign of --only
+    #[arg(long, value_name = "DIR", requires = "only")]
+    out: Option<std::path::PathBuf>,
+    /// Print what was hidden and what was found for each campaign
+    #[arg(long)]
+    verbose: bool,
+    /// Measure time and memory instead
+    #[arg(long, conflicts_with_all = ["campaigns", "family"])]
+    speed: bool,
+    #[command(flatten)]
+    json: JsonOption,
+}
+
+/// Machine-readable result.
+#[derive(Serialize)]
+struct Report {
+    seed: u64,
+    families: Vec<FamilyReport>,
+    verdicts: Vec<Verdict>,
+}
+
+#[derive(Serialize)]
+struct FamilyReport {
+    family: &'static str,
+    #[serde(flatten)]
+    summary: Summary,
+}
+
+impl DiagnoseBench {
+    pub fn run(self) -> Result<(), Failure> {
+        if self.speed {
+            return diagnose_speed::run(&self.json);
+        }
+        let families = self.family.map_or(Family::ALL.to_vec(), |family| vec![family]);
+        let numbers = match self.only {
+            Some(number) => number..number + 1,
+            None => 0..self.campaigns,
+        };
+        let jobs: Vec<(Family, u64)> =
+            families.iter().flat_map(|&family| numbers.clone().map(move |number| (family, number))).collect();
+        let bar = progress::bar(jobs.len() as u64, "campaigns");
+        let verdicts = jobs
+            .par_iter()
+            .take_any_while(|_| !interrupt::requested())
+            .map(|&(family, number)| {
+                let verdict = self.one(family, number);
+                bar.inc(1);
+                verdict
+            })
+            .collect::<Result<Vec<_>, Failure>>()?;
+        bar.finish_and_clear();
+        if interrupt::requested() {
+            return Err(Failure::Interrupted);
+        }
+        let mut out = self.json.human();
+        if self.verbose {
+            verdicts.iter().try_for_each(|verdict| write_verdict(&mut out, verdict))?;
+        }
+        let summaries: Vec<FamilyReport> = families
+            .iter()
+            .filter_map(|family| {
+                let of_family: Vec<&Verdict> =
+                    verdicts.iter().filter(|verdict| verdict.family == family.name()).collect();
+                Some(FamilyReport { family: family.name(), summary: summarize(&of_family)? })
+            })
+            .collect();
+        write_tables(&mut out, &summaries)?;
+        self.json.write(&Report { seed: self.seed, families: summaries, verdicts })
+    }
+
+    /// Draws, diagnoses and judges one campaign.
+    fn one(&self, family: Family, number: u64) -> Result<Verdict, Failure> {
+        let place = Family::ALL.iter().position(|each| *each == family).unwrap_or_default() as u64;
+        let generated = Generated::draw(family, self.seed, (place << 32) + number);
+        let temporary = Folder::new(&format!("{}-{number}", family.name()));
+        let folder = self.out.as_deref().unwrap_or(temporary.path());
+        let campaign = write(&generated, folder)?;
+        let mut options = Options::default();
+        declare_noise(&mut options.settings, generated.arw_deg_per_sqrt_h);
+        let diagnosis = diagnose(&campaign, &options).map_err(|refusal| refusal.to_string());
+        let oracle = consult(&generated, &options.settings);
+        Ok(judge(&generated, number, &diagnosis, &oracle))
+    }
+}
+
+fn family(name: &str) -> Result<Family, String> {
+    Family::named(name).ok_or_else(|| format!("families are: {}", Family::ALL.map(Family::name).join(", ")))
+}
+
+fn write_verdict(out: &mut dyn Write, verdict: &Verdict) -> io::Result<()> {
+    let rms = |of: fn(&crate::undeclared::Errors) -> f64| {
+        let sum: f64 = verdict.errors.iter().map(|errors| of(errors).powi(2)).sum();
+        (sum / verdict.errors.len().max(1) as f64).sqrt()
+    };
+    writeln!(out, "{} {}: {}", verdict.family, verdict.number, verdict.hidden)?;
+    if let Some(why) = &verdict.refusal {
+        return writeln!(out, "    refused: {why}");
+    }
+    writeln!(
+        out,
+        "    {:?}, evidence {:.0}, found: {}{}",
+        verdict.attribution,
+        verdict.evidence,
+        if verdict.found.is_empty() { "nothing".into() } else { verdict.found.join(", ") },
+        if verdict.unexplained { "; something unexplained" } else { "" },
+    )?;
+    writeln!(
+        out,
+        "    rms in noise: before {:.2}, after {:.2}, oracle {:.2}, without the effect {:.2}",
+        rms(|errors| errors.before),
+        rms(|errors| errors.after),
+        rms(|errors| errors.oracle),
+        rms(|errors| errors.without),
+    )
+}
+
+fn write_tables(out: &mut dyn Write, families: &[FamilyReport]) -> io::Result<()> {
+    writeln!(
+        out,
+        "| family | campaigns | rms before, ° | after, ° | oracle, ° | after / oracle | right, % | ambiguous, % \
+         | named falsely, % | unexplained, % | made worse, % |\n|---|---|---|---|---|---|---|---|---|---|---|"
+    )?;
+    for FamilyReport { family, summary } in families {
+        let family = Family::named(family).unwrap_or(Family::Nothing);
+        let named = summary.visible > 0 && !family.is_foreign() && family != Family::Nothing;
+        let right = if named {
+            format!("{:.0} ± {:.0}", 100.0 * summary.right, 100.0 * summary.right_confidence_95)
+        } else {
+            "–".into()
+        };
+        let ambiguous = if named { format!("{:.0}", 100.0 * summary.ambiguous) } else { "–".into() };
+        writeln!(
+            out,
+            "| {} | {} | {:.4} | {:.4} | {:.4} | {:.2} ({:.2} … {:.2}) | {right} | {ambiguous} | {:.0} | {:.0} | {:.0} |",
+            family.describe(),
+            summary.campaigns,
+            summary.before_deg,
+            summary.after_deg,
+            summary.oracle_deg,
+            summary.ratio.value,
+            summary.ratio.low,
+            summary.ratio.high,
+            100.0 * summary.false_discovery,
+            100.0 * summary.unexplained,
+            100.0 * summary.made_worse,
+        )?;
+        if summary.refused > 0 {
+            writeln!(out, "<!-- {}: {} campaigns refused -->", family.name(), summary.refused)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,146 @@
+//! Time and memory of a diagnosis.
+
+use std::fs;
+use std::io::Write;
+use std::time::Instant;
+
+use hal_sim::scenario::Gyro;
+use hal_sim::seconds::{Dwell, SecondsGenerator, SiteAndGyro};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::campaign::{Campaign, CampaignWriter, Instrument, Layout, Role, Row, Run};
+use crate::diagnose::{Options, diagnose};
+use crate::failure::Failure;
+use crate::output::JsonOption;
+use crate::undeclared::Folder;
+
+/// One size of campaign.
+struct Size {
+    title: &'static str,
+    runs: usize,
+    /// Length of a run, s.
+    seconds: f64,
+    interval_s: f64,
+}
+
+/// The rows that the tables promise, and twice as many of the long ones to see whether the cost is linear.
+const SIZES: [Size; 4] = [
+    Size { title: "seconds", runs: 36, seconds: 256.0, interval_s: 1.0 },
+    Size { title: "seconds, runs twice as long", runs: 36, seconds: 512.0, interval_s: 1.0 },
+    Size { title: "400 Hz, a quarter of the runs", runs: 9, seconds: 240.0, interval_s: 0.0025 },
+    Size { title: "400 Hz", runs: 36, seconds: 240.0, interval_s: 0.0025 },
+];
+
+#[derive(Serialize)]
+struct Measured {
+    title: &'static str,
+    runs: usize,
+    rows: usize,
+    seconds: f64,
+    microseconds_per_row: f64,
+    /// Most memory that the process ever had, MB; grows from line to line.
+    peak_mb: Option<f64>,
+}
+
+/// Measures every size and prints the table.
+pub(super) fn run(json: &JsonOption) -> Result<(), Failure> {
+    let mut out = json.human();
+    writeln!(out, "| campaign | runs | rows | time, s | µs / row | peak memory, MB |\n|---|---|---|---|---|---|")?;
+    let mut all = Vec::new();
+    for size in &SIZES {
+        let folder = Folder::new(&format!("speed-{}", all.len()));
+        let (campaign, rows) = record(size, &folder)?;
+        let start = Instant::now();
+        diagnose(&campaign, &Options::default()).map_err(|refusal| Failure::Refused(refusal.to_string()))?;
+        let seconds = start.elapsed().as_secs_f64();
+        let measured = Measured {
+            title: size.title,
+            runs: size.runs,
+            rows,
+            seconds,
+            microseconds_per_row: 1e6 * seconds / rows as f64,
+            peak_mb: peak_mb(),
+        };
+        let peak = measured.peak_mb.map_or("–".into(), |peak| format!("{peak:.0}"));
+        writeln!(
+            out,
+            "| {} | {} | {rows} | {seconds:.2} | {:.2} | {peak} |",
+            size.title, size.runs, measured.microseconds_per_row
+        )?;
+        all.push(measured);
+    }
+    json.write(&all)
+}
+
+/// Writes the campaign: a warming gyro with a bias that follows the rate of its temperature.
+fn record(size: &Size, folder: &Folder) -> Result<(Campaign, usize), Failure> {
+    let mut writer = CampaignWriter::create(Campaign {
+        folder: folder.path().to_owned(),
+        title: Some(size.title.into()),
+        latitude_deg: Some(34.75),
+        instrument: Some(Instrument { name: None, arw_deg_per_sqrt_h: Some(0.0015) }),
+        runs: Vec::new(),
+    })?;
+    let name = |run: usize| format!("runs/{:03}.csv", run + 1);
+    let rows = (0..size.runs)
+        .into_par_iter()
+        .map(|run| record_run(size, run, &writer, &name(run)))
+        .collect::<Result<Vec<_>, Failure>>()?;
+    for run in 0..size.runs {
+        let role = if run % 2 == 0 { Role::Fit } else { Role::Check };
+        writer.add(Run {
+            file: name(run),
+            role,
+            reference_azimuth_deg: Some(azimuth_deg(size, run)),
+            ..Run::default()
+        });
+    }
+    writer.finish()?;
+    Ok((Campaign::read(folder.path())?, rows.into_iter().sum()))
+}
+
+fn azimuth_deg(size: &Size, run: usize) -> f64 {
+    360.0 * run as f64 / size.runs as f64
+}
+
+fn record_run(size: &Size, run: usize, campaign: &CampaignWriter, file: &str) -> Result<usize, Failure> {
+    let mut world = SiteAndGyro::default();
+    world.site.azimuth_deg = azimuth_deg(size, run);
+    world.gyro = Gyro {
+        shupe_deg_h_per_k_s: 9.0,
+        start_offset_k: -3.0 - 0.2 * run as f64,
+        thermal_tau_s: 400.0,
+        ..Gyro::default()
+    };
+    let mut generator = SecondsGenerator::new(&world, run as u64).with_interval_s(size.interval_s);
+    let layout = Layout { temperature: true, level: true, ..Layout::default() };
+    let mut writer = campaign.run(file, layout)?;
+    let stay_s = size.seconds / 8.0 - 4.0;
+    let mut number = 0;
+    for index_deg in [0.0, 90.0, 180.0, 270.0, 270.0, 180.0, 90.0, 0.0] {
+        let turn = generator.turn(index_deg, 4.0);
+        let stay: Vec<_> = generator.rows(&[Dwell { index_deg, gap_s: 0.0, seconds: stay_s }]).collect();
+        for row in turn.into_iter().chain(stay) {
+            number += 1;
+            writer.write(&Row {
+                t_s: number as f64 * size.interval_s,
+                interval_s: size.interval_s,
+                index_deg: row.index_deg,
+                fog_arcsec: row.fog_arcsec,
+                temp_c: Some(row.temp_c),
+                level_g: Some([row.ax_g, row.ay_g]),
+                ..Row::default()
+            })?;
+        }
+    }
+    writer.finish()?;
+    Ok(number)
+}
+
+/// Peak memory of this process, MB; `None` where the system does not tell.
+fn peak_mb() -> Option<f64> {
+    let status = fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.split_whitespace().next()?.parse::<f64>().ok().map(|kilobytes| kilobytes / 1024.0)
+}

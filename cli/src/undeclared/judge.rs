@@ -1,0 +1,190 @@
+//! What a diagnosis made of a campaign, against what was hidden in it.
+
+use hal_sim::undeclared::{Campaign, Family, Part};
+use serde::Serialize;
+
+use super::oracle::Oracle;
+use crate::diagnose::{Diagnosis, Effect};
+
+/// Evidence below which nobody can be asked to see an effect, not even who knows its shape: it must stand out of a
+/// search over some hundred candidates with constants of their own.
+const EVIDENCE: f64 = 60.0;
+
+/// How the diagnosis did on the hidden effect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Attribution {
+    /// Named, and nothing else said to explain the campaign as well.
+    Right,
+    /// Among those that are said to explain the campaign equally well.
+    Ambiguous,
+    /// Something else was named.
+    Wrong,
+    /// Nothing was named.
+    Silent,
+}
+
+/// A campaign after its diagnosis.
+#[derive(Clone, Debug, Serialize)]
+pub struct Verdict {
+    pub family: &'static str,
+    pub number: u64,
+    /// What was hidden, with its constants.
+    pub hidden: String,
+    /// What was named.
+    pub found: Vec<String>,
+    pub attribution: Attribution,
+    /// Whether an oracle sees the effect plainly in the runs that may be learned from.
+    pub visible: bool,
+    pub evidence: f64,
+    /// Named although it is not there, beside the right one or alone.
+    pub false_effects: usize,
+    pub unexplained: bool,
+    /// Azimuth errors of the check runs in standard deviations that white noise alone would give.
+    pub errors: Vec<Errors>,
+    /// That standard deviation, degrees.
+    pub noise_deg: f64,
+    /// Check runs without an azimuth before, or after, or from the oracle.
+    pub without_azimuth: usize,
+    /// Why there was no diagnosis.
+    pub refusal: Option<String>,
+}
+
+/// Azimuth errors of one run in standard deviations of its noise.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Errors {
+    pub before: f64,
+    pub after: f64,
+    /// The oracle, who fits the size of what it knows.
+    pub oracle: f64,
+    /// The campaign in which the effect never was.
+    pub without: f64,
+}
+
+/// Judges. The effect of a foreign family can only be left unexplained.
+pub fn judge(campaign: &Campaign, number: u64, diagnosis: &Result<Diagnosis, String>, oracle: &Oracle) -> Verdict {
+    let noise_deg = campaign.azimuth_noise_deg();
+    let mut verdict = Verdict {
+        family: campaign.effect.family.name(),
+        number,
+        hidden: describe(campaign),
+        found: Vec::new(),
+        attribution: Attribution::Silent,
+        visible: oracle.evidence >= EVIDENCE,
+        evidence: oracle.evidence,
+        false_effects: 0,
+        unexplained: false,
+        errors: Vec::new(),
+        noise_deg,
+        without_azimuth: 0,
+        refusal: None,
+    };
+    let diagnosis = match diagnosis {
+        Ok(diagnosis) => diagnosis,
+        Err(why) => {
+            verdict.refusal = Some(why.clone());
+            return verdict;
+        }
+    };
+    verdict.found = diagnosis.effects.iter().map(label).collect();
+    verdict.unexplained = diagnosis.unexplained;
+    let (own, other): (Vec<_>, Vec<_>) = diagnosis.effects.iter().partition(|effect| is_hidden(campaign, effect));
+    let maybe = other.iter().filter(|effect| effect.ambiguous_with.iter().any(|name| is_meant(campaign, name))).count();
+    verdict.false_effects = other.len() - maybe;
+    verdict.attribution = match (own.as_slice(), maybe) {
+        ([], 0) if other.is_empty() => Attribution::Silent,
+        ([], 0) => Attribution::Wrong,
+        ([effect, ..], _) if effect.ambiguous_with.is_empty() => Attribution::Right,
+        _ => Attribution::Ambiguous,
+    };
+    for (place, run) in campaign.runs.iter().enumerate().filter(|(_, run)| !run.may_learn) {
+        let error = |azimuth_deg: Option<f64>| {
+            azimuth_deg.map(|deg| ((deg - run.azimuth_deg + 180.0).rem_euclid(360.0) - 180.0) / noise_deg)
+        };
+        let diagnosed = diagnosis.runs.get(place);
+        let errors = (
+            error(diagnosed.and_then(|run| run.azimuth_before_deg)),
+            error(diagnosed.and_then(|run| run.azimuth_after_deg)),
+            error(oracle.fitted_deg.get(place).copied().flatten()),
+            error(oracle.without_deg.get(place).copied().flatten()),
+        );
+        match errors {
+            (Some(before), Some(after), Some(oracle), Some(without)) => {
+                verdict.errors.push(Errors { before, after, oracle, without });
+            }
+            _ => verdict.without_azimuth += 1,
+        }
+    }
+    verdict
+}
+
+/// Name and channel.
+fn label(effect: &Effect) -> String {
+    let channel = effect.channel.as_ref().map_or(String::new(), |channel| format!("({channel})"));
+    let also = if effect.ambiguous_with.is_empty() {
+        String::new()
+    } else {
+        format!(" or {}", effect.ambiguous_with.join(" or "))
+    };
+    format!("{}{channel}{also}", effect.name)
+}
+
+/// The hidden effect in words; of an effect with parts of each run's own, the first run's.
+fn describe(campaign: &Campaign) -> String {
+    let parts = &campaign.effect.parts;
+    let first = parts.first().and_then(|(_, part)| part.of_run());
+    let shown = parts.iter().filter(|(_, part)| part.of_run() == first).filter(|(_, part)| !is_long(part));
+    let parts: Vec<_> = shown.map(|(size, part)| format!("{size:.3} × {part:?}")).collect();
+    let channels = campaign.guilty_channels().join(", ");
+    if channels.is_empty() { parts.join(" + ") } else { format!("{} of {channels}", parts.join(" + ")) }
+}
+
+fn is_long(part: &Part) -> bool {
+    matches!(part, Part::ComesAndGoes { .. })
+}
+
+/// Whether this is the hidden effect.
+fn is_hidden(campaign: &Campaign, effect: &Effect) -> bool {
+    let channel = effect.channel.as_deref();
+    names(campaign).contains(&effect.name.as_str()) && is_guilty(campaign, channel)
+}
+
+/// Whether a name in a list of ambiguous ones means the hidden effect: "name", or "name (channel)".
+fn is_meant(campaign: &Campaign, text: &str) -> bool {
+    let (name, channel) = match text.split_once('(') {
+        Some((name, channel)) => (name.trim(), Some(channel.trim_end_matches(')').trim())),
+        None => (text.trim(), None),
+    };
+    names(campaign).contains(&name) && (channel.is_none() || is_guilty(campaign, channel))
+}
+
+fn is_guilty(campaign: &Campaign, channel: Option<&str>) -> bool {
+    let guilty = campaign.guilty_channels();
+    match channel {
+        // The gyro's temperature is understood where an effect is named after it; level by base motion.
+        None => guilty.is_empty() || guilty == ["temp_c"],
+        Some(name) => guilty.is_empty() || guilty.contains(&name),
+    }
+}
+
+/// Names that the diagnosis has for the hidden effect.
+fn names(campaign: &Campaign) -> &'static [&'static str] {
+    match campaign.effect.family {
+        Family::ChannelValue => &["temperature", "channel"],
+        Family::ChannelCurve => &["temperature", "channel"],
+        Family::ChannelRate => &["temperature-rate", "channel-rate"],
+        Family::ChannelLag | Family::ChannelDelay => &["temperature-lag", "channel-lag"],
+        Family::Drift => &["drift"],
+        Family::SinceSwitchOn => &["warm-up"],
+        Family::AfterMove => &["settling"],
+        Family::BodyHarmonic => &["body-harmonic"],
+        Family::EarthField => &["earth-field"],
+        Family::NonLinearity => &["rate-nonlinearity", "dead-zone"],
+        Family::BaseMotion => &["base-motion"],
+        Family::LevelBias => &["level-bias", "tilt"],
+        Family::IndexAngle => &["index-error"],
+        Family::Line => &["line"],
+        Family::StepWithin | Family::StepBetween => &["step"],
+        Family::Nothing | Family::Hysteresis | Family::TwoChannels | Family::ComesAndGoes => &[],
+    }
+}
