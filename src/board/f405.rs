@@ -1,0 +1,309 @@
+//! STM32F405RG at 168 MHz from an 8 MHz crystal.
+//!
+//! | pin | goes to |
+//! |---|---|
+//! | PA0 (TIM2 channel 1) | gyro, sample pulse: it samples at the rising edge, every 2.5 ms |
+//! | PA10 (USART1 RX) | gyro, data: 921600 baud |
+//! | PA2, PA3 (USART2 TX, RX) | host: 115200 baud |
+//! | PA4, PA5, PA6, PA7 (SPI1) | accelerometer ADXL355: select, clock, data out, data in |
+//! | PB12, PB13, PB14, PB15 (SPI2) | encoder AS5048A: select, clock, data out, data in |
+//! | PC6, PC7, PC8 | motor driver: step, direction, not-enable |
+//!
+//! The settings are in the last two flash sectors. While one is erased, for a second or two, the processor stands still:
+//! it runs from the same flash.
+
+use core::convert::Infallible;
+
+use defmt_rtt as _;
+use embedded_hal::digital::{ErrorType, OutputPin};
+use embedded_hal::spi::{MODE_0, MODE_1};
+use embedded_hal_bus::spi::{ExclusiveDevice, NoDelay};
+use embedded_storage::nor_flash::{self, NorFlash, ReadNorFlash};
+use panic_probe as _;
+use stm32f4xx_hal::flash::{Error as FlashError, FlashExt};
+use stm32f4xx_hal::gpio::{self, Output, PinState, Speed};
+use stm32f4xx_hal::nb;
+pub use stm32f4xx_hal::pac;
+use stm32f4xx_hal::prelude::*;
+use stm32f4xx_hal::rcc::{self, Enable as _, Reset as _};
+use stm32f4xx_hal::serial::{Rx, Serial, Tx, config::Config as Line};
+use stm32f4xx_hal::spi::Spi;
+use stm32f4xx_hal::time::Hertz;
+
+use super::Overrun;
+
+const CRYSTAL: Hertz = Hertz::MHz(8);
+const SYSTEM_CLOCK: Hertz = Hertz::MHz(168);
+const CYCLES_PER_US: u32 = 168;
+/// Within the limits of both parts, and a whole part of both buses' clocks.
+const SPI_CLOCK: Hertz = Hertz::kHz(5_250);
+const GYRO_BAUD: u32 = 921_600;
+const HOST_BAUD: u32 = 115_200;
+const TICK_HZ: u32 = 400;
+const SLOTS_HZ: u32 = 3200;
+
+/// The encoder wants 0.35 µs before, after and between selections, the accelerometer less.
+const SELECT_CYCLES: u32 = CYCLES_PER_US / 2;
+/// The slowest of the usual stepper drivers (DRV8825) wants 1.9 µs high and low, and 0.65 µs of direction before that.
+const STEP_CYCLES: u32 = 2 * CYCLES_PER_US;
+
+pub struct Board {
+    pub ticker: Ticker,
+    pub slots: Slots,
+    pub gyro: GyroPort,
+    pub requests: RequestPort,
+    pub reports: ReportPort,
+    pub accelerometer: Accelerometer,
+    pub encoder: Encoder,
+    pub step: Step,
+    pub direction: Direction,
+    pub enable: Enable,
+    pub flash: Flash,
+}
+
+type Select<PIN> = Held<PIN, SELECT_CYCLES>;
+pub type Accelerometer = ExclusiveDevice<Spi<pac::SPI1>, Select<gpio::PA4<Output>>, NoDelay>;
+pub type Encoder = ExclusiveDevice<Spi<pac::SPI2>, Select<gpio::PB12<Output>>, NoDelay>;
+pub type Step = Held<gpio::PC6<Output>, STEP_CYCLES>;
+pub type Direction = gpio::PC7<Output>;
+pub type Enable = ActiveLow<gpio::PC8<Output>>;
+
+pub fn init(device: pac::Peripherals) -> Board {
+    let mut rcc = device.RCC.freeze(rcc::Config::hse(CRYSTAL).sysclk(SYSTEM_CLOCK));
+    let a = device.GPIOA.split(&mut rcc);
+    let b = device.GPIOB.split(&mut rcc);
+    let c = device.GPIOC.split(&mut rcc);
+
+    a.pa0.into_alternate::<1>();
+    let tick_cycles = rcc.clocks.timclk1().raw() / TICK_HZ;
+    let slot_cycles = rcc.clocks.timclk1().raw() / SLOTS_HZ;
+    pac::TIM2::enable(&mut rcc);
+    pac::TIM2::reset(&mut rcc);
+    pac::TIM3::enable(&mut rcc);
+    pac::TIM3::reset(&mut rcc);
+
+    let line = |baud: u32| Line::default().baudrate(baud.bps());
+    let gyro = Serial::rx(device.USART1, a.pa10, line(GYRO_BAUD), &mut rcc);
+    let host = Serial::new(device.USART2, (a.pa2, a.pa3), line(HOST_BAUD), &mut rcc);
+    let (Ok(mut gyro), Ok(host)) = (gyro, host) else { panic!("a baud rate is out of the clock's reach") };
+    let (reports, mut requests) = host.split();
+    gyro.listen();
+    requests.listen();
+
+    let bus = (
+        Some(a.pa5.into_alternate::<5>().speed(Speed::High)),
+        Some(a.pa6.into_alternate::<5>()),
+        Some(a.pa7.into_alternate::<5>().speed(Speed::High)),
+    );
+    let accelerometer = Spi::new(device.SPI1, bus, MODE_0, SPI_CLOCK, &mut rcc);
+    let bus = (
+        Some(b.pb13.into_alternate::<5>().speed(Speed::High)),
+        Some(b.pb14.into_alternate::<5>()),
+        Some(b.pb15.into_alternate::<5>().speed(Speed::High)),
+    );
+    let encoder = Spi::new(device.SPI2, bus, MODE_1, SPI_CLOCK, &mut rcc);
+    let Ok(accelerometer) =
+        ExclusiveDevice::new_no_delay(accelerometer, Held(a.pa4.into_push_pull_output_in_state(PinState::High)));
+    let Ok(encoder) =
+        ExclusiveDevice::new_no_delay(encoder, Held(b.pb12.into_push_pull_output_in_state(PinState::High)));
+
+    Board {
+        ticker: Ticker::start(device.TIM2, tick_cycles),
+        slots: Slots::new(device.TIM3, slot_cycles),
+        gyro: GyroPort(gyro),
+        requests: RequestPort(requests),
+        reports: ReportPort(reports),
+        accelerometer,
+        encoder,
+        step: Held(c.pc6.into_push_pull_output()),
+        direction: c.pc7.into_push_pull_output(),
+        enable: ActiveLow(c.pc8.into_push_pull_output_in_state(PinState::High)),
+        flash: Flash(device.FLASH),
+    }
+}
+
+/// Waits for the next interrupt.
+pub fn sleep() {
+    cortex_m::asm::wfi();
+}
+
+/// Starts anew, as after power-up.
+pub fn restart() -> ! {
+    cortex_m::peripheral::SCB::sys_reset()
+}
+
+/// The 2.5 ms timer. Its channel 1 is the gyro's sample pulse, so that no interrupt's delay is in the sampling.
+pub struct Ticker(pac::TIM2);
+
+impl Ticker {
+    fn start(timer: pac::TIM2, cycles: u32) -> Self {
+        timer.arr().write(|w| w.arr().set(cycles - 1));
+        timer.ccr1().write(|w| w.ccr().set(cycles / 10));
+        timer.ccmr1_output().write(|w| w.oc1m().pwm_mode1());
+        timer.ccer().write(|w| w.cc1e().set_bit());
+        timer.dier().write(|w| w.uie().set_bit());
+        timer.cr1().write(|w| w.cen().set_bit());
+        Self(timer)
+    }
+
+    /// Takes the timer's interrupt; the gyro has been told to sample by the same timer.
+    pub fn sync(&mut self) {
+        self.0.sr().write(|w| w.uif().clear_bit());
+    }
+}
+
+/// The motor's slots: eight to a tick, the first one half a slot after it.
+pub struct Slots(pac::TIM3);
+
+impl Slots {
+    fn new(timer: pac::TIM3, cycles: u32) -> Self {
+        timer.arr().write(|w| w.arr().set((cycles - 1) as u16));
+        timer.dier().write(|w| w.uie().set_bit());
+        Self(timer)
+    }
+
+    /// Called in every tick in which the motor turns; a timer that runs goes on.
+    pub fn start(&mut self) {
+        if self.0.cr1().read().cen().bit_is_clear() {
+            let half = self.0.arr().read().arr().bits() / 2;
+            self.0.cnt().write(|w| w.cnt().set(half));
+            self.0.cr1().write(|w| w.cen().set_bit());
+        }
+    }
+
+    pub fn stop(&mut self) {
+        self.0.cr1().write(|w| w.cen().clear_bit());
+        self.acknowledge();
+    }
+
+    /// Takes the timer's interrupt.
+    pub fn acknowledge(&mut self) {
+        self.0.sr().write(|w| w.uif().clear_bit());
+    }
+}
+
+/// The gyro's line.
+pub struct GyroPort(Rx<pac::USART1>);
+
+impl GyroPort {
+    /// The byte that interrupted, if one did.
+    pub fn read(&mut self) -> Option<Result<u8, Overrun>> {
+        received(self.0.read())
+    }
+}
+
+/// The host's line, towards the instrument.
+pub struct RequestPort(Rx<pac::USART2>);
+
+impl RequestPort {
+    /// The byte that interrupted, if one did.
+    pub fn read(&mut self) -> Option<Result<u8, Overrun>> {
+        received(self.0.read())
+    }
+}
+
+fn received<E>(byte: nb::Result<u8, E>) -> Option<Result<u8, Overrun>> {
+    match byte {
+        Ok(byte) => Some(Ok(byte)),
+        Err(nb::Error::WouldBlock) => None,
+        Err(nb::Error::Other(_)) => Some(Err(Overrun)),
+    }
+}
+
+/// The host's line, away from the instrument.
+pub struct ReportPort(Tx<pac::USART2>);
+
+impl ReportPort {
+    /// Sends all, and waits as long as that takes.
+    pub fn write(&mut self, bytes: &[u8]) {
+        // The transmitter has no errors.
+        let _ = self.0.bwrite_all(bytes);
+    }
+}
+
+/// An output that holds every level for at least so many processor cycles.
+pub struct Held<PIN, const CYCLES: u32>(PIN);
+
+impl<PIN: OutputPin<Error = Infallible>, const CYCLES: u32> ErrorType for Held<PIN, CYCLES> {
+    type Error = Infallible;
+}
+
+impl<PIN: OutputPin<Error = Infallible>, const CYCLES: u32> OutputPin for Held<PIN, CYCLES> {
+    fn set_low(&mut self) -> Result<(), Infallible> {
+        self.0.set_low()?;
+        cortex_m::asm::delay(CYCLES);
+        Ok(())
+    }
+
+    fn set_high(&mut self) -> Result<(), Infallible> {
+        self.0.set_high()?;
+        cortex_m::asm::delay(CYCLES);
+        Ok(())
+    }
+}
+
+/// An output that is high where low is meant.
+pub struct ActiveLow<PIN>(PIN);
+
+impl<PIN: OutputPin<Error = Infallible>> ErrorType for ActiveLow<PIN> {
+    type Error = Infallible;
+}
+
+impl<PIN: OutputPin<Error = Infallible>> OutputPin for ActiveLow<PIN> {
+    fn set_low(&mut self) -> Result<(), Infallible> {
+        self.0.set_high()
+    }
+
+    fn set_high(&mut self) -> Result<(), Infallible> {
+        self.0.set_low()
+    }
+}
+
+/// The last two sectors of the flash, 128 KiB each.
+pub struct Flash(pac::FLASH);
+
+impl Flash {
+    const SECTOR: usize = 128 * 1024;
+    const START: u32 = (1024 * 1024 - 2 * Self::SECTOR) as u32;
+
+    /// The processor's cache of flash data does not see erasing and writing.
+    fn forget_cached(&mut self) {
+        self.0.acr().modify(|_, w| w.dcen().clear_bit());
+        self.0.acr().modify(|_, w| w.dcrst().set_bit());
+        self.0.acr().modify(|_, w| w.dcrst().clear_bit());
+        self.0.acr().modify(|_, w| w.dcen().set_bit());
+    }
+}
+
+impl nor_flash::ErrorType for Flash {
+    type Error = FlashError;
+}
+
+impl ReadNorFlash for Flash {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
+        ReadNorFlash::read(&mut self.0.unlocked(), Self::START + offset, bytes)
+    }
+
+    fn capacity(&self) -> usize {
+        2 * Self::SECTOR
+    }
+}
+
+impl NorFlash for Flash {
+    const WRITE_SIZE: usize = 1;
+    const ERASE_SIZE: usize = Self::SECTOR;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
+        let result = NorFlash::erase(&mut self.0.unlocked(), Self::START + from, Self::START + to);
+        self.forget_cached();
+        result
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
+        let result = NorFlash::write(&mut self.0.unlocked(), Self::START + offset, bytes);
+        self.forget_cached();
+        result
+    }
+}
