@@ -17,6 +17,12 @@ use crate::output::JsonOption;
 use crate::settings_file::scenario_settings;
 use crate::toml_file::TomlFile;
 
+/// First lines of a baseline file.
+const HEADER: &str = "\
+# What the firmware image costs in QEMU (mps2-an386, one fix of calm-bench), and by how much each number may grow.
+# Written by: north bench cost --check cli/bench-baseline.toml --update
+
+";
 /// The fix that is measured.
 const SCENARIO: &str = "calm-bench";
 const SEED: u64 = 1;
