@@ -158,7 +158,7 @@ impl Raw {
         if self.run.is_empty() {
             return Err(file.whole(Problem::Syntax("no [[run]] is listed; a campaign has at least one".into())));
         }
-        let latitude_deg = check(file, "latitude_deg", self.latitude_deg, -90.0, 90.0)?;
+        let latitude_deg = check_range(file, "latitude_deg", self.latitude_deg, -90.0, 90.0)?;
         let instrument = self.instrument.map(|raw| raw.check(file)).transpose()?;
         let mut seen = HashSet::new();
         let mut runs = Vec::with_capacity(self.run.len());
@@ -177,7 +177,7 @@ impl Raw {
 
 impl RawInstrument {
     fn check(self, file: &TomlFile) -> Result<Instrument, FileError> {
-        let arw_deg_per_sqrt_h = check(file, "arw_deg_per_sqrt_h", self.arw_deg_per_sqrt_h, 0.0, 1.0)?;
+        let arw_deg_per_sqrt_h = check_range(file, "arw_deg_per_sqrt_h", self.arw_deg_per_sqrt_h, 0.0, 1.0)?;
         Ok(Instrument { name: self.name, arw_deg_per_sqrt_h })
     }
 }
@@ -197,16 +197,22 @@ impl RawRun {
         Ok(Run {
             file: name,
             role: self.role,
-            reference_azimuth_deg: check(file, "reference_azimuth_deg", self.reference_azimuth_deg, -360.0, 360.0)?,
-            reference_sigma_deg: check(file, "reference_sigma_deg", self.reference_sigma_deg, 0.0, 360.0)?,
-            latitude_deg: check(file, "latitude_deg", self.latitude_deg, -90.0, 90.0)?,
+            reference_azimuth_deg: check_range(
+                file,
+                "reference_azimuth_deg",
+                self.reference_azimuth_deg,
+                -360.0,
+                360.0,
+            )?,
+            reference_sigma_deg: check_range(file, "reference_sigma_deg", self.reference_sigma_deg, 0.0, 360.0)?,
+            latitude_deg: check_range(file, "latitude_deg", self.latitude_deg, -90.0, 90.0)?,
             started,
         })
     }
 }
 
 /// A number inside its range, or an error with its place. Not-a-number is outside of every range.
-fn check(
+pub(crate) fn check_range(
     file: &TomlFile,
     name: &str,
     value: Option<Spanned<f64>>,
@@ -221,7 +227,7 @@ fn check(
     Err(file.at(value.span(), problem))
 }
 
-fn check_time(file: &TomlFile, value: Spanned<String>) -> Result<String, FileError> {
+pub(crate) fn check_time(file: &TomlFile, value: Spanned<String>) -> Result<String, FileError> {
     let parsed: Result<toml::value::Datetime, _> = value.get_ref().parse();
     match parsed {
         Ok(toml::value::Datetime { date: Some(_), time: Some(_), offset: Some(_) }) => Ok(value.into_inner()),

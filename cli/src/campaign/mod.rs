@@ -5,6 +5,7 @@ mod run_csv;
 mod writer;
 
 pub use manifest::{Campaign, Instrument, Role, Run};
+pub(crate) use manifest::{check_range, check_time};
 pub use run_csv::{Row, RunReader};
 pub use writer::{CampaignWriter, Layout, RunWriter};
 

@@ -1,0 +1,77 @@
+//! `north import`: foreign recordings to campaigns.
+
+use std::fs;
+use std::io::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::progress;
+use crate::failure::Failure;
+use crate::file_error::FileError;
+use crate::import::{self, Format, Map, Summary};
+use crate::interrupt;
+use crate::output::JsonOption;
+
+/// Turn a foreign recording into a campaign
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  north import --map psins-lasergyro.toml lasergyro.imu --out parked-vehicle
+  north import --map kvh-1775.toml --format kvh night.bin --out night
+
+Mappings: docs/import.md")]
+pub struct Import {
+    /// The recording
+    #[arg(value_name = "FILE")]
+    recording: PathBuf,
+    /// What its columns are, and which runs to cut from it
+    #[arg(long, value_name = "MAP.toml")]
+    map: PathBuf,
+    /// Folder of the new campaign; it must not have anything in it
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// How the recording is written
+    #[arg(long, value_enum, default_value_t)]
+    format: Format,
+    #[command(flatten)]
+    json: JsonOption,
+}
+
+impl Import {
+    pub fn run(self) -> Result<(), Failure> {
+        let map = Map::read(&self.map)?;
+        let bytes = fs::metadata(&self.recording).map_err(|error| FileError::whole(&self.recording, error))?.len();
+        let bar = progress::bar(bytes, "bytes");
+        let summary = import::import(&map, &self.recording, self.format, &self.out, &mut |read| {
+            bar.set_position(read);
+            !interrupt::requested()
+        });
+        bar.finish_and_clear();
+        let summary = summary?;
+        self.print(&summary, &mut self.json.human())?;
+        for doubt in &summary.doubts {
+            eprintln!("north: warning: {doubt}");
+        }
+        self.json.write(&summary)
+    }
+
+    fn print(&self, summary: &Summary, out: &mut dyn Write) -> std::io::Result<()> {
+        for run in &summary.runs {
+            writeln!(out, "{}: {} rows, {:.3} s from {:.3} s on", run.file, run.rows, run.seconds, run.start_s)?;
+        }
+        let losses = &summary.losses;
+        write!(out, "{}: {} runs", self.out.display(), summary.runs.len())?;
+        write!(
+            out,
+            " from {} samples, {} lost, {} not valid",
+            summary.samples, losses.lost_samples, losses.invalid_samples
+        )?;
+        if self.format == Format::Kvh {
+            write!(out, ", {} bad check sums, {} bytes skipped", losses.bad_frames, losses.skipped_bytes)?;
+        }
+        if let Some(rate_hz) = summary.measured_rate_hz {
+            write!(out, "; {rate_hz:.3} Hz")?;
+        }
+        writeln!(out)
+    }
+}

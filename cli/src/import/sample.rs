@@ -1,0 +1,197 @@
+//! Records in the project's units and axes, each with its place in time.
+
+use toml::Spanned;
+
+use super::map::{Column, Index, Map};
+use super::record::{Losses, Records, field_of};
+use crate::file_error::{FileError, Problem};
+
+/// One sample.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Sample {
+    /// End of the sample's interval, seconds from the recording's start.
+    pub end_s: f64,
+    /// Its length, seconds.
+    pub interval_s: f64,
+    /// Samples that are missing or not valid between the one before and this one.
+    pub lost: u32,
+    /// Angle increment, arcsec: of a triad (forward, left, up), of a single gyro (its own, 0, 0).
+    pub gyro_arcsec: [f64; 3],
+    /// Specific force, g: forward, left, and up if that is measured.
+    pub acceleration_g: Option<[f64; 3]>,
+    /// Measured index angle, degrees; 0 if the index is virtual.
+    pub index_deg: f64,
+    pub temp_c: Option<f64>,
+    /// In the mapping's order.
+    pub channels: Vec<f64>,
+}
+
+/// A field of a record, and what its value is to be multiplied by.
+#[derive(Clone, Copy, Debug)]
+struct Scaled {
+    field: usize,
+    scale: f64,
+}
+
+/// Reads samples from records.
+pub struct Sampler<'a> {
+    records: Box<dyn Records>,
+    map: &'a Map,
+    gyro: Vec<Scaled>,
+    acceleration: Vec<Scaled>,
+    index: Option<usize>,
+    temperature: Option<usize>,
+    channels: Vec<usize>,
+    time: Option<usize>,
+    used: Vec<usize>,
+    sample: Sample,
+    /// Time stamp that counts as 0, and that of the sample before; only with a time column.
+    stamps_s: Option<(f64, f64)>,
+    /// Samples that should have come so far, whether they did or not.
+    due: u64,
+    invalid: u64,
+    lost: u64,
+}
+
+impl<'a> Sampler<'a> {
+    /// Finds the mapping's columns in the recording.
+    ///
+    /// Errors: a column that is not there; a time column in a format that has none.
+    pub fn new(records: Box<dyn Records>, map: &'a Map) -> Result<Self, FileError> {
+        let field = |column: &Spanned<Column>| field_of(column, records.as_ref(), &map.file);
+        let scaled = |columns: &[Spanned<Column>], scale: &[f64]| -> Result<Vec<Scaled>, FileError> {
+            columns.iter().zip(scale).map(|(column, &scale)| Ok(Scaled { field: field(column)?, scale })).collect()
+        };
+        let acceleration = map.accelerometer.as_ref();
+        let mut sampler = Self {
+            gyro: scaled(&map.gyro.columns, &map.gyro.scale)?,
+            acceleration: acceleration.map_or(Ok(Vec::new()), |it| scaled(&it.columns, &it.scale))?,
+            index: match &map.index {
+                Index::Measured { column, .. } => Some(field(column)?),
+                Index::Virtual { .. } => None,
+            },
+            temperature: map.temperature.as_ref().map(|it| field(&it.column)).transpose()?,
+            channels: map.channels.iter().map(|channel| field(&channel.column)).collect::<Result<_, _>>()?,
+            time: map.time.column.as_ref().map(field).transpose()?,
+            used: Vec::new(),
+            sample: Sample::default(),
+            stamps_s: None,
+            due: 0,
+            invalid: 0,
+            lost: 0,
+            records,
+            map,
+        };
+        let scaled = sampler.gyro.iter().chain(&sampler.acceleration).map(|it| it.field);
+        let others = [sampler.index, sampler.temperature, sampler.time].into_iter().flatten();
+        sampler.used = scaled.chain(others).chain(sampler.channels.iter().copied()).collect();
+        Ok(sampler)
+    }
+
+    /// The next valid sample, or `None` at the recording's end.
+    pub fn next_sample(&mut self) -> Result<Option<&Sample>, FileError> {
+        let mut lost = 0;
+        while let Some(missing) = self.records.advance()? {
+            lost += missing;
+            let Some(by_stamps) = self.place_in_time(missing)? else { continue };
+            lost += by_stamps;
+            self.lost += u64::from(by_stamps);
+            if self.used.iter().all(|&field| self.records.is_valid(field)) {
+                self.sample.lost = lost;
+                self.measure()?;
+                return Ok(Some(&self.sample));
+            }
+            self.invalid += 1;
+            lost += 1;
+        }
+        Ok(None)
+    }
+
+    /// End of the last sample, seconds from the recording's start.
+    pub fn end_s(&self) -> f64 {
+        self.sample.end_s
+    }
+
+    /// Samples that should have come so far, whether they did or not.
+    pub fn due(&self) -> u64 {
+        self.due
+    }
+
+    /// How far the file has been read, bytes.
+    pub fn bytes_read(&self) -> u64 {
+        self.records.bytes_read()
+    }
+
+    pub fn losses(&self) -> Losses {
+        let losses = self.records.losses();
+        Losses {
+            lost_samples: losses.lost_samples + self.lost,
+            invalid_samples: losses.invalid_samples + self.invalid,
+            ..losses
+        }
+    }
+
+    /// Works out when the sample was taken and how many are missing before it by the time stamps; `None` for a first
+    /// sample whose interval nothing tells.
+    fn place_in_time(&mut self, missing: u32) -> Result<Option<u32>, FileError> {
+        let Some(field) = self.time else {
+            let interval_s = self.map.time.interval_s.unwrap_or_default();
+            self.due += u64::from(missing) + 1;
+            self.sample.end_s = self.due as f64 * interval_s;
+            self.sample.interval_s = interval_s;
+            return Ok(Some(0));
+        };
+        let stamp_s = self.records.number(field)? * self.map.time.unit.seconds();
+        let (origin_s, previous_s) = match (self.stamps_s, self.map.time.interval_s) {
+            (Some(stamps_s), _) => stamps_s,
+            (None, Some(interval_s)) => (stamp_s - interval_s, stamp_s - interval_s),
+            (None, None) => {
+                self.stamps_s = Some((stamp_s, stamp_s));
+                return Ok(None);
+            }
+        };
+        let step_s = stamp_s - previous_s;
+        if step_s <= 0.0 {
+            let allowed = format!("later than the sample before, {previous_s} s");
+            return Err(self.records.field_error(field, Problem::not_allowed(format!("{stamp_s} s"), allowed)));
+        }
+        let steps = self.map.time.interval_s.map_or(1.0, |interval_s| (step_s / interval_s).round().max(1.0));
+        self.stamps_s = Some((origin_s, stamp_s));
+        self.due += steps as u64;
+        self.sample.end_s = stamp_s - origin_s;
+        self.sample.interval_s = step_s / steps;
+        Ok(Some((steps as u32).saturating_sub(1)))
+    }
+
+    fn measure(&mut self) -> Result<(), FileError> {
+        let Self { records, map, sample, .. } = self;
+        let mut values = [0.0; 3];
+        let mut read = |scaled: &[Scaled], factor: f64| -> Result<[f64; 3], FileError> {
+            for (value, column) in values.iter_mut().zip(scaled) {
+                *value = records.number(column.field)? * column.scale * factor;
+            }
+            Ok(values)
+        };
+        let gyro = read(&self.gyro, map.gyro.unit.arcsec(sample.interval_s))?;
+        sample.gyro_arcsec = match &map.gyro.axes {
+            Some(axes) => axes.body(&gyro),
+            None => [gyro[0], 0.0, 0.0],
+        };
+        if let Some(accelerometer) = &map.accelerometer {
+            let foreign = read(&self.acceleration, accelerometer.unit.g(sample.interval_s))?;
+            sample.acceleration_g = Some(accelerometer.axes.body(&foreign));
+        }
+        if let (Some(field), Index::Measured { scale, offset_deg, .. }) = (self.index, &map.index) {
+            sample.index_deg = records.number(field)? * scale + offset_deg;
+        }
+        if let (Some(field), Some(temperature)) = (self.temperature, &map.temperature) {
+            let value = records.number(field)? * temperature.scale + temperature.offset;
+            sample.temp_c = Some(temperature.unit.celsius(value));
+        }
+        sample.channels.clear();
+        for (&field, channel) in self.channels.iter().zip(&map.channels) {
+            sample.channels.push(records.number(field)? * channel.scale + channel.offset);
+        }
+        Ok(())
+    }
+}
