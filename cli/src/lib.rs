@@ -8,6 +8,7 @@ pub mod diagnose;
 pub mod engine;
 pub mod failure;
 pub mod file_error;
+pub mod import;
 pub mod interrupt;
 pub mod json;
 pub mod output;
