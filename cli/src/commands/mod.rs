@@ -3,6 +3,7 @@
 mod bench;
 mod completions;
 mod find;
+mod import;
 mod instrument;
 mod man;
 mod progress;
@@ -34,6 +35,7 @@ enum Command {
     Find(find::Find),
     Solve(solve::Solve),
     Simulate(simulate::Simulate),
+    Import(import::Import),
     Bench(bench::Bench),
     Scenarios(scenarios::Scenarios),
     Completions(completions::Completions),
@@ -47,6 +49,7 @@ impl Cli {
             Command::Find(find) => find.run(),
             Command::Solve(solve) => solve.run(),
             Command::Simulate(simulate) => simulate.run(),
+            Command::Import(import) => import.run(),
             Command::Bench(bench) => bench.run(),
             Command::Scenarios(scenarios) => scenarios.run(),
             Command::Completions(completions) => completions.run(),
