@@ -193,8 +193,7 @@ fn update(path: &Path, measured: &Measured, old: Option<&Baseline>) -> Result<()
     };
     let table =
         toml::to_string(&baseline).map_err(|error| FileError::whole(path, Problem::Syntax(error.to_string())))?;
-    let text =
-        format!("# Cost of the firmware image in QEMU. Written by: north bench cost --check FILE --update\n\n{table}");
+    let text = format!("{HEADER}{table}");
     fs::write(path, text).map_err(|error| FileError::whole(path, error))
 }
 
