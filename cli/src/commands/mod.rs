@@ -1,6 +1,7 @@
 //! The verbs of the command line, one a file.
 
 mod bench;
+mod close_loop;
 mod completions;
 mod find;
 mod import;
@@ -37,6 +38,7 @@ enum Command {
     Simulate(simulate::Simulate),
     Import(import::Import),
     Bench(bench::Bench),
+    CloseLoop(close_loop::CloseLoop),
     Scenarios(scenarios::Scenarios),
     Completions(completions::Completions),
     Man(man::Man),
@@ -51,6 +53,7 @@ impl Cli {
             Command::Simulate(simulate) => simulate.run(),
             Command::Import(import) => import.run(),
             Command::Bench(bench) => bench.run(),
+            Command::CloseLoop(close_loop) => close_loop.run(),
             Command::Scenarios(scenarios) => scenarios.run(),
             Command::Completions(completions) => completions.run(),
             Command::Man(man) => man.run(),

@@ -170,21 +170,46 @@ fn is_guilty(campaign: &Campaign, channel: Option<&str>) -> bool {
 /// Names that the diagnosis has for the hidden effect.
 fn names(campaign: &Campaign) -> &'static [&'static str] {
     match campaign.effect.family {
-        Family::ChannelValue => &["temperature", "channel"],
-        Family::ChannelCurve => &["temperature", "channel"],
-        Family::ChannelRate => &["temperature-rate", "channel-rate"],
-        Family::ChannelLag | Family::ChannelDelay => &["temperature-lag", "channel-lag"],
-        Family::Drift => &["drift"],
+        Family::ChannelValue | Family::ChannelCurve => &[
+            "temperature",
+            "temperature-quadratic",
+            "temperature-cubic",
+            "channel",
+            "channel-quadratic",
+            "channel-cubic",
+        ],
+        Family::ChannelRate => {
+            &["temperature-rate", "temperature-rate-low-pass", "channel-rate", "channel-rate-low-pass"]
+        }
+        Family::ChannelLag | Family::ChannelDelay => {
+            &["temperature-lag", "temperature-low-pass", "channel-lag", "channel-low-pass"]
+        }
+        Family::Drift => &["drift", "drift-quadratic"],
         Family::SinceSwitchOn => &["warm-up"],
-        Family::AfterMove => &["settling"],
-        Family::BodyHarmonic => &["body-harmonic"],
+        Family::AfterMove => &[
+            "settling",
+            "settling-by-direction",
+            "settling-by-travel",
+            "settling-by-position",
+            "settling-every-stay",
+        ],
+        Family::BodyHarmonic => harmonic_names(campaign),
         Family::EarthField => &["earth-field"],
-        Family::NonLinearity => &["rate-nonlinearity", "dead-zone"],
+        Family::NonLinearity => &["rate-cubic", "dead-zone"],
         Family::BaseMotion => &["base-motion"],
-        Family::LevelBias => &["level-bias", "tilt"],
-        Family::IndexAngle => &["index-error"],
+        Family::LevelBias => &["level-bias"],
+        Family::IndexAngle => &["index-offset", "index-eccentricity"],
         Family::Line => &["line"],
-        Family::StepWithin | Family::StepBetween => &["step"],
+        Family::StepWithin => &["step"],
+        Family::StepBetween => &["step-between-runs"],
         Family::Nothing | Family::Hysteresis | Family::TwoChannels | Family::ComesAndGoes => &[],
+    }
+}
+
+fn harmonic_names(campaign: &Campaign) -> &'static [&'static str] {
+    match campaign.effect.parts.first() {
+        Some((_, Part::Harmonic { order: 1, .. })) => &["body-harmonic-1"],
+        Some((_, Part::Harmonic { order: 2, .. })) => &["body-harmonic-2"],
+        _ => &["body-harmonic-3"],
     }
 }

@@ -7,12 +7,14 @@
 
 mod draw;
 mod family;
+mod instrument;
 mod part;
 mod plan;
 mod record;
 mod signal;
 
 pub use family::Family;
+pub use instrument::{Hidden, Instrument};
 pub use part::{MoveLaw, Part};
 pub use record::Row;
 

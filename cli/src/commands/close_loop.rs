@@ -1,0 +1,267 @@
+//! `north close-loop`: the loop with the firmware itself, from an effect that nobody declares to azimuths without it.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use hal_sim::undeclared::{Hidden, Instrument};
+use indicatif::ProgressBar;
+use north_finder::model::ErrorModel;
+use north_finder::settings::Settings;
+use north_finder::units::wrap_180_deg;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::instrument::OrderName;
+use super::{number, progress};
+use crate::campaign::{Campaign, CampaignWriter, Role, Run};
+use crate::diagnose::{Options, diagnose};
+use crate::engine::{self, End, Engine, EngineError, Outcome, Setup, qemu};
+use crate::failure::Failure;
+use crate::interrupt;
+use crate::output::JsonOption;
+use crate::recorder::{Recorder, new_campaign, write_run};
+use crate::undeclared::Folder;
+
+/// Close the loop with the firmware itself: an undeclared effect, recorded runs, diagnosis, the model in the settings
+///
+/// An instrument is drawn with an effect in it that nothing declares. The firmware image in QEMU records runs of it;
+/// they are diagnosed; the model that comes out goes into the image's settings in flash; and new runs, which took no part,
+/// give their azimuths without and with it, as the firmware reports them.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  north close-loop --seed 4
+  north close-loop --effect magnet --host --out /tmp/magnet")]
+pub struct CloseLoop {
+    /// The effect, or "random"
+    #[arg(long, value_name = "NAME", default_value = "random", value_parser = hidden)]
+    effect: HiddenOption,
+    /// Seed of everything random: the instrument, its effect, headings, noise
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Runs to learn from, 4 to 100
+    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u64).range(4..=100))]
+    runs: u64,
+    /// New runs, each without and with the model, 2 to 100
+    #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u64).range(2..=100))]
+    new_runs: u64,
+    /// Order of the index positions
+    #[arg(long, value_enum, default_value_t = OrderName::Plain)]
+    order: OrderName,
+    /// Latitude, degrees, north positive, -90 to 90
+    #[arg(long, value_name = "DEG", default_value_t = 34.75, allow_negative_numbers = true, value_parser = number::<-90, 90>)]
+    latitude: f64,
+    /// Run the state machine in this process instead of the firmware image in QEMU
+    #[arg(long)]
+    host: bool,
+    /// The firmware image to run; without it the image is built
+    #[arg(long, value_name = "FILE", conflicts_with = "host")]
+    image: Option<PathBuf>,
+    /// Keep the recorded campaign in this new or empty folder
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    json: JsonOption,
+}
+
+/// `None`: random.
+type HiddenOption = Option<Hidden>;
+
+/// Machine-readable result.
+#[derive(Serialize)]
+struct Report {
+    engine: &'static str,
+    hidden: &'static str,
+    truth: String,
+    /// What the diagnosis named.
+    effects: Vec<String>,
+    verdict: String,
+    model: ErrorModel,
+    runs: Vec<NewRun>,
+    rms_before_deg: f64,
+    rms_after_deg: f64,
+}
+
+/// A run that took no part in learning, twice.
+#[derive(Serialize)]
+struct NewRun {
+    true_azimuth_deg: f64,
+    before: Fixed,
+    after: Fixed,
+}
+
+/// What the firmware reports.
+#[derive(Clone, Copy, Serialize)]
+struct Fixed {
+    azimuth_deg: f64,
+    sigma_deg: f64,
+    error_deg: f64,
+}
+
+/// Where the firmware runs.
+struct Bench<'a> {
+    engine: Engine,
+    image: Option<PathBuf>,
+    instrument: &'a Instrument,
+}
+
+impl CloseLoop {
+    pub fn run(self) -> Result<(), Failure> {
+        let instrument = Instrument::draw(self.effect, self.latitude, self.seed);
+        let engine = if self.host { Engine::Host } else { Engine::Qemu };
+        let bench = Bench { engine, image: self.image(engine)?, instrument: &instrument };
+        let mut settings =
+            Settings { latitude_deg: self.latitude, model: Some(ErrorModel::default()), ..Settings::default() };
+        settings.sequence.order = self.order.into();
+        let mut out = self.json.human();
+        writeln!(out, "hidden     {}: {}", instrument.hidden.name(), instrument.truth)?;
+        writeln!(out, "engine     {}", engine.description())?;
+
+        let bar = progress::bar(self.runs + 2 * self.new_runs, "runs");
+        let folder = Folder::new("close-loop");
+        let folder = self.out.as_deref().unwrap_or(folder.path());
+        let campaign = self.record(&bench, &settings, folder, &bar)?;
+        let options = Options { settings: settings.clone() };
+        let diagnosis = diagnose(&campaign, &options).map_err(|refusal| Failure::Refused(refusal.to_string()))?;
+        let taught = Settings { model: Some(diagnosis.model.clone()), ..settings.clone() };
+
+        let before = self.new_fixes(&bench, &settings, &bar)?;
+        let after = self.new_fixes(&bench, &taught, &bar)?;
+        bar.finish_and_clear();
+        let runs: Vec<NewRun> = before
+            .into_iter()
+            .zip(after)
+            .map(|((true_azimuth_deg, before), (_, after))| NewRun { true_azimuth_deg, before, after })
+            .collect();
+        let rms = |fixed: fn(&NewRun) -> Fixed| {
+            (runs.iter().map(|run| fixed(run).error_deg.powi(2)).sum::<f64>() / runs.len() as f64).sqrt()
+        };
+        let effects = diagnosis
+            .effects
+            .iter()
+            .map(|effect| {
+                let sizes: Vec<_> = effect.parameters.iter().map(|(name, value)| format!("{name} {value:+.4}")).collect();
+                format!("{}: {}", effect.name, sizes.join(", "))
+            })
+            .collect();
+        let report = Report {
+            engine: engine.name(),
+            hidden: instrument.hidden.name(),
+            truth: instrument.truth.clone(),
+            effects,
+            verdict: diagnosis.verdict,
+            model: diagnosis.model,
+            rms_before_deg: rms(|run| run.before),
+            rms_after_deg: rms(|run| run.after),
+            runs,
+        };
+        report.print(&mut out)?;
+        self.json.write(&report)
+    }
+
+    /// The image that all runs share, built once.
+    fn image(&self, engine: Engine) -> Result<Option<PathBuf>, Failure> {
+        Ok(match (engine, &self.image) {
+            (Engine::Host, _) => None,
+            (Engine::Qemu, Some(image)) => Some(image.clone()),
+            (Engine::Qemu, None) => Some(qemu::image::build().map_err(qemu::QemuError::from).map_err(EngineError::from)?),
+        })
+    }
+
+    /// The runs to learn from, as a campaign with the simulator's azimuths as survey.
+    fn record(&self, bench: &Bench<'_>, settings: &Settings, folder: &Path, bar: &ProgressBar) -> Result<Campaign, Failure> {
+        CampaignWriter::check_free(folder)?;
+        let recorded = (0..self.runs)
+            .into_par_iter()
+            .map(|number| {
+                let mut recorder = Recorder::default();
+                let outcome = bench.run(number, settings, &mut |report| recorder.see(report))?;
+                bar.inc(1);
+                Ok((outcome, recorder))
+            })
+            .collect::<Result<Vec<_>, Failure>>()?;
+        let mut writer = new_campaign(folder, "close-loop".into(), &bench.setup(0, settings))?;
+        for (number, (outcome, recorder)) in recorded.into_iter().enumerate() {
+            let run = Run {
+                file: format!("runs/{:03}.csv", number + 1),
+                role: Role::Fit,
+                reference_azimuth_deg: Some(outcome.truth.azimuth_deg),
+                reference_sigma_deg: Some(SURVEY_SIGMA_DEG),
+                ..Run::default()
+            };
+            write_run(&writer, &run.file, recorder.rows())?;
+            writer.add(run);
+        }
+        writer.finish()?;
+        Ok(Campaign::read(folder)?)
+    }
+
+    /// New runs with these settings: true azimuths and what the firmware reports.
+    fn new_fixes(&self, bench: &Bench<'_>, settings: &Settings, bar: &ProgressBar) -> Result<Vec<(f64, Fixed)>, Failure> {
+        (self.runs..self.runs + self.new_runs)
+            .into_par_iter()
+            .map(|number| {
+                let outcome = bench.run(number, settings, &mut |_| ())?;
+                bar.inc(1);
+                let true_deg = outcome.truth.azimuth_deg;
+                match outcome.end {
+                    End::Fix(fix) => Ok((
+                        true_deg,
+                        Fixed {
+                            azimuth_deg: fix.azimuth_deg,
+                            sigma_deg: fix.sigma_deg,
+                            error_deg: wrap_180_deg(fix.azimuth_deg - true_deg),
+                        },
+                    )),
+                    End::Fault { fault, .. } => {
+                        Err(Failure::Refused(format!("run {number}: {}: {}", fault.name(), fault.explain())))
+                    }
+                    End::TimeLimit | End::Interrupted => Err(Failure::Interrupted),
+                }
+            })
+            .collect()
+    }
+}
+
+/// The simulator's azimuth is exact; a surveyor would give about this, degrees.
+const SURVEY_SIGMA_DEG: f64 = 0.001;
+
+impl Bench<'_> {
+    fn setup(&self, number: u64, settings: &Settings) -> Setup {
+        let (scenario, seed) = self.instrument.scenario(number);
+        Setup { scenario, seed, settings: Some(settings.clone()) }
+    }
+
+    fn run(&self, number: u64, settings: &Settings, observe: &mut engine::Observer<'_>) -> Result<Outcome, Failure> {
+        let setup = self.setup(number, settings);
+        let outcome = engine::run(self.engine, self.image.as_deref(), &setup, interrupt::flag(), observe)?;
+        if outcome.end == End::Interrupted { Err(Failure::Interrupted) } else { Ok(outcome) }
+    }
+}
+
+impl Report {
+    fn print(&self, out: &mut dyn Write) -> Result<(), Failure> {
+        let named = if self.effects.is_empty() { "nothing".to_owned() } else { self.effects.join("; ") };
+        writeln!(out, "found      {named}")?;
+        writeln!(out, "verdict    {}\n", self.verdict)?;
+        writeln!(out, "| new run | true azimuth, ° | before, ° | error, ° | after, ° | error, ° | sigma after, ° |")?;
+        writeln!(out, "|---|---|---|---|---|---|---|")?;
+        for (number, NewRun { true_azimuth_deg, before, after }) in (1..).zip(&self.runs) {
+            writeln!(
+                out,
+                "| {number} | {true_azimuth_deg:.4} | {:.4} | {:+.4} | {:.4} | {:+.4} | {:.4} |",
+                before.azimuth_deg, before.error_deg, after.azimuth_deg, after.error_deg, after.sigma_deg
+            )?;
+        }
+        writeln!(out, "| rms | | | {:.4} | | {:.4} | |", self.rms_before_deg, self.rms_after_deg)?;
+        Ok(())
+    }
+}
+
+fn hidden(name: &str) -> Result<HiddenOption, String> {
+    match (name, Hidden::named(name)) {
+        ("random", _) => Ok(None),
+        (_, Some(hidden)) => Ok(Some(hidden)),
+        _ => Err(format!("effects are: random, {}", Hidden::ALL.map(Hidden::name).join(", "))),
+    }
+}
