@@ -149,13 +149,10 @@ fn is_hidden(campaign: &Campaign, effect: &Effect) -> bool {
     names(campaign).contains(&effect.name.as_str()) && is_guilty(campaign, channel)
 }
 
-/// Whether a name in a list of ambiguous ones means the hidden effect: "name", or "name (channel)".
+/// Whether a name in a list of ambiguous ones, "name" or "name:channel", means the hidden effect.
 fn is_meant(campaign: &Campaign, text: &str) -> bool {
-    let (name, channel) = match text.split_once('(') {
-        Some((name, channel)) => (name.trim(), Some(channel.trim_end_matches(')').trim())),
-        None => (text.trim(), None),
-    };
-    names(campaign).contains(&name) && (channel.is_none() || is_guilty(campaign, channel))
+    let (name, channel) = text.split_once(':').map_or((text, None), |(name, channel)| (name, Some(channel)));
+    names(campaign).contains(&name) && is_guilty(campaign, channel)
 }
 
 fn is_guilty(campaign: &Campaign, channel: Option<&str>) -> bool {

@@ -106,7 +106,7 @@ impl Plan {
         let bias_deg_h = draw.uniform(-0.5, 0.5);
         let spread_deg_h = draw.log_uniform(0.002, 0.05);
         let level_deg = if self.has_level { 0.1 } else { 0.001 };
-        let mut roles: Vec<bool> = (0..count).map(|run| run % 5 < 3).collect();
+        let mut roles: Vec<bool> = (0..count).map(|run| matches!(run % 5, 0 | 2 | 3)).collect();
         draw.shuffle(&mut roles);
         for (azimuth_deg, may_learn) in headings.into_iter().zip(roles) {
             let angles = if one_order { order.clone() } else { self::order(draw) };
