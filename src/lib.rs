@@ -23,6 +23,7 @@
 extern crate std;
 
 pub mod azimuth;
+pub mod calibration;
 pub mod drivers;
 pub mod earth;
 pub mod event;

@@ -1,0 +1,96 @@
+//! Maximum likelihood for the ellipsoid: Gauss-Newton on the norms of corrected readings.
+
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+
+/// Steps after which the solution has converged or never will.
+const ITERATIONS: usize = 50;
+
+/// The mean of an attitude, scaled to about the unit sphere.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Point {
+    pub at: Vector3<f64>,
+    /// Variances of x, y, z.
+    pub variance: Vector3<f64>,
+}
+
+/// Parameters: u = M · (p − centre) has the norm 1.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct State {
+    pub centre: Vector3<f64>,
+    /// Upper triangular.
+    pub matrix: Matrix3<f64>,
+}
+
+/// A converged solution.
+pub(super) struct Refined {
+    pub state: State,
+    /// Of the centre and of m11, m12, m13, m22, m23, m33.
+    pub covariance: SMatrix<f64, 9, 9>,
+    /// Sum of squared residuals over their variances.
+    pub chi_square: f64,
+}
+
+/// How a point's norm differs from 1, and what that depends on.
+pub(super) struct Residual {
+    pub value: f64,
+    /// Variance that the noise of the readings gives it. To first order the deviation along the radius is all that the
+    /// unknown direction of gravity leaves, so that nothing is lost by looking at the norm only.
+    pub variance: f64,
+    /// Unit vector of the corrected point.
+    pub unit: Vector3<f64>,
+    /// By the centre and by m11, m12, m13, m22, m23, m33.
+    pub jacobian: SVector<f64, 9>,
+}
+
+impl State {
+    /// `None` for a point in the centre.
+    pub fn residual(&self, point: &Point) -> Option<Residual> {
+        let from_centre = point.at - self.centre;
+        let corrected = self.matrix * from_centre;
+        let norm = corrected.norm();
+        let unit = corrected / norm;
+        let by_reading = self.matrix.transpose() * unit;
+        let &[x, y, z] = from_centre.as_ref();
+        let &[ux, uy, uz] = unit.as_ref();
+        let &[bx, by, bz] = by_reading.as_ref();
+        let jacobian = SVector::from([-bx, -by, -bz, ux * x, ux * y, ux * z, uy * y, uy * z, uz * z]);
+        let variance = by_reading.component_mul(&by_reading).dot(&point.variance);
+        (norm > 0.0 && norm.is_finite()).then_some(Residual { value: norm - 1.0, variance, unit, jacobian })
+    }
+
+    fn moved(&self, by: &SVector<f64, 9>) -> Self {
+        let &[x, y, z, m11, m12, m13, m22, m23, m33] = by.as_ref();
+        Self {
+            centre: self.centre + Vector3::new(x, y, z),
+            matrix: self.matrix + Matrix3::new(m11, m12, m13, 0.0, m22, m23, 0.0, 0.0, m33),
+        }
+    }
+
+    /// Refines the parameters. `excess` is a variance of the norm beyond the noise of the readings.
+    ///
+    /// `None` where the points do not determine them or the steps do not end.
+    pub fn refine<P: Iterator<Item = Point>>(mut self, points: impl Fn() -> P, excess: f64) -> Option<Refined> {
+        for _ in 0..ITERATIONS {
+            let mut normal = SMatrix::<f64, 9, 9>::zeros();
+            let mut right = SVector::<f64, 9>::zeros();
+            let mut chi_square = 0.0;
+            for point in points() {
+                let residual = self.residual(&point)?;
+                let weight = 1.0 / (residual.variance + excess);
+                normal += weight * residual.jacobian * residual.jacobian.transpose();
+                right -= weight * residual.value * residual.jacobian;
+                chi_square += weight * residual.value * residual.value;
+            }
+            let factor = normal.cholesky()?;
+            let step = factor.solve(&right);
+            if !step.iter().all(|part| part.is_finite()) || step.amax() > 1.0 {
+                return None;
+            }
+            if step.amax() < 1e-12 || step.dot(&(normal * step)) < 1e-12 {
+                return Some(Refined { state: self, covariance: factor.inverse(), chi_square });
+            }
+            self = self.moved(&step);
+        }
+        None
+    }
+}

@@ -1,0 +1,264 @@
+//! A stay at one position of the table, boiled down to what the solution needs of it.
+
+use core::ops::Range;
+
+use crate::calibration::statistics::{SIGMA_PER_MEDIAN_DEVIATION, median};
+
+/// Fewest quiet rows that a mean and its scatter are taken of.
+pub const LEAST_ROWS: usize = 16;
+/// A row further than this from the stay's level, in standard deviations, was not quiet.
+const LIMIT_SIGMAS: f64 = 6.0;
+/// Parts of a stay whose means are compared, to see whether the rate wandered.
+const PARTS: usize = 8;
+/// Degrees of freedom of that comparison.
+pub const WANDER_FREEDOM: u32 = PARTS as u32 - 1;
+/// Noise that every gyro is granted, °/h: far below any that there is.
+const LEAST_NOISE_DEG_H: f64 = 1e-4;
+
+/// Mean rates of a stay.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stay {
+    /// Mean output of the gyros x, y, z, °/h.
+    pub rate_deg_h: [f64; 3],
+    /// Variance of these means, (°/h)², if successive rows are independent.
+    pub variance: [f64; 3],
+    /// Scatter of the means of eighths of the stay over what independent rows would give: a chi-square with
+    /// [`WANDER_FREEDOM`] degrees of freedom where the rate did not wander.
+    pub wander: [f64; 3],
+    /// Rows that entered, and rows that were left out because the table moved or the triad was knocked.
+    pub rows: usize,
+    pub left_out: usize,
+}
+
+/// Why a stay says nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StayError {
+    /// Fewer than [`LEAST_ROWS`].
+    TooShort { rows: usize },
+    /// Not half of the rows belong to one level of rate.
+    Moving { quiet: usize, rows: usize },
+    /// Not a number, or infinite.
+    NotFinite { row: usize },
+}
+
+impl core::fmt::Display for StayError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::TooShort { rows } => write!(f, "{rows} means of about a second; at least {LEAST_ROWS} are needed"),
+            Self::Moving { quiet, rows } => {
+                write!(f, "the triad was at rest for only {quiet} of {rows} seconds; at least half are needed")
+            }
+            Self::NotFinite { row } => write!(f, "the mean number {row} is not a finite number"),
+        }
+    }
+}
+
+/// One gyro's level and how far a quiet row may be from it, °/h.
+#[derive(Clone, Copy, Default)]
+struct Band {
+    level: f64,
+    half_width: f64,
+}
+
+impl Stay {
+    /// Of mean rates over intervals of equal length, about a second, in the order of time: x, y, z in °/h. `scratch` has
+    /// room for as many numbers as there are rows.
+    ///
+    /// The noise is taken from the changes between successive rows. A change of more than six standard deviations parts
+    /// the stay; the longest part gives the level, and rows further than six standard deviations from it, with their
+    /// neighbours, are left out.
+    pub fn of(rates: &[[f64; 3]], scratch: &mut [f64]) -> Result<Self, StayError> {
+        if rates.len() < LEAST_ROWS {
+            return Err(StayError::TooShort { rows: rates.len() });
+        }
+        if let Some(row) = rates.iter().position(|rate| !rate.iter().all(|part| part.is_finite())) {
+            return Err(StayError::NotFinite { row });
+        }
+        let jumps = AXES.map(|axis| jump(rates, axis, scratch));
+        let longest = rates.get(longest_part(rates, jumps)).unwrap_or(rates);
+        let bands = AXES.map(|axis| Band {
+            level: median_of(longest.iter().map(axis), scratch),
+            half_width: jump(rates, axis, scratch) / core::f64::consts::SQRT_2,
+        });
+        let rows = quiet_rows(rates, &bands).count();
+        if rows < LEAST_ROWS || 2 * rows < rates.len() {
+            return Err(StayError::Moving { quiet: rows, rows: rates.len() });
+        }
+        let statistics = AXES.map(|axis| Statistics::of(rows, || quiet_rows(rates, &bands).map(axis)));
+        Ok(Self {
+            rate_deg_h: statistics.map(|axis| axis.mean),
+            variance: statistics.map(|axis| axis.variance),
+            wander: statistics.map(|axis| axis.wander),
+            rows,
+            left_out: rates.len() - rows,
+        })
+    }
+}
+
+type Axis = fn(&[f64; 3]) -> f64;
+const AXES: [Axis; 3] = [|[x, _, _]| *x, |[_, y, _]| *y, |[_, _, z]| *z];
+
+/// Change between successive rows that noise does not make, °/h.
+fn jump(rates: &[[f64; 3]], axis: Axis, scratch: &mut [f64]) -> f64 {
+    let changes = || {
+        rates.windows(2).map(move |pair| match pair {
+            [a, b] => (axis(b) - axis(a)).abs(),
+            _ => 0.0,
+        })
+    };
+    let (mut least, mut nonzero) = (f64::INFINITY, 0_usize);
+    for change in changes().filter(|change| *change > 0.0) {
+        least = least.min(change);
+        nonzero += 1;
+    }
+    // Readings in coarse steps: most changes may be zero, and one step is still noise.
+    let step = if 50 * nonzero > rates.len() { 0.5 * core::f64::consts::SQRT_2 * least } else { 0.0 };
+    let sigma = SIGMA_PER_MEDIAN_DEVIATION * median_of(changes(), scratch);
+    LIMIT_SIGMAS * sigma.max(step).max(LEAST_NOISE_DEG_H)
+}
+
+fn median_of(values: impl Iterator<Item = f64>, scratch: &mut [f64]) -> f64 {
+    let mut count = 0;
+    for (place, value) in scratch.iter_mut().zip(values) {
+        *place = value;
+        count += 1;
+    }
+    scratch.get_mut(..count).and_then(median).unwrap_or(0.0)
+}
+
+/// The longest run of rows without a jump in between.
+fn longest_part(rates: &[[f64; 3]], jumps: [f64; 3]) -> Range<usize> {
+    let (mut longest, mut start) = (0..0, 0);
+    for (i, pair) in rates.windows(2).enumerate() {
+        let jumped = match pair {
+            [a, b] => AXES.iter().zip(jumps).any(|(axis, jump)| (axis(b) - axis(a)).abs() > jump),
+            _ => false,
+        };
+        if jumped {
+            start = i + 1;
+        }
+        if i + 2 - start > longest.len() {
+            longest = start..i + 2;
+        }
+    }
+    longest
+}
+
+/// Rows that lie in the bands, and whose neighbours do.
+fn quiet_rows<'a>(rates: &'a [[f64; 3]], bands: &'a [Band; 3]) -> impl Iterator<Item = &'a [f64; 3]> + Clone {
+    let inside = move |rate: Option<&[f64; 3]>| {
+        rate.is_none_or(|rate| {
+            AXES.iter().zip(bands).all(|(axis, band)| (axis(rate) - band.level).abs() <= band.half_width)
+        })
+    };
+    let before = move |i: usize| inside(i.checked_sub(1).and_then(|before| rates.get(before)));
+    rates
+        .iter()
+        .enumerate()
+        .filter(move |(i, rate)| inside(Some(rate)) && before(*i) && inside(rates.get(i + 1)))
+        .map(|(_, rate)| rate)
+}
+
+#[derive(Clone, Copy)]
+struct Statistics {
+    mean: f64,
+    variance: f64,
+    wander: f64,
+}
+
+impl Statistics {
+    /// Of `count` values, at least [`LEAST_ROWS`].
+    fn of<V: Iterator<Item = f64>>(count: usize, values: impl Fn() -> V) -> Self {
+        let number = count as f64;
+        let mean = values().sum::<f64>() / number;
+        let of_row = values().map(|value| (value - mean) * (value - mean)).sum::<f64>() / (number - 1.0);
+        let each = count / PARTS;
+        let scatter = (0..PARTS)
+            .map(|part| {
+                let rows = if part + 1 == PARTS { count - each * part } else { each };
+                let away = values().skip(each * part).take(rows).sum::<f64>() / rows as f64 - mean;
+                rows as f64 * away * away
+            })
+            .sum::<f64>();
+        Self { mean, variance: of_row / number, wander: if of_row > 0.0 { scatter / of_row } else { 0.0 } }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::vec::Vec;
+
+    /// A level with a rough ±0.1 on it, whose mean over four rows is zero and which does not wander.
+    fn rough(level: f64) -> Vec<[f64; 3]> {
+        [0.1, -0.1, -0.1, 0.1].iter().cycle().take(64).map(|away| [level + away, -level - away, away + 0.0]).collect()
+    }
+
+    fn stay(rates: &[[f64; 3]]) -> Result<Stay, StayError> {
+        let mut scratch: Vec<f64> = rates.iter().map(|_| 0.0).collect();
+        Stay::of(rates, &mut scratch)
+    }
+
+    #[test]
+    fn mean_and_variance_by_hand() {
+        let stay = stay(&rough(5.0)).unwrap();
+        assert_eq!((stay.rows, stay.left_out), (64, 0));
+        let [x, y, z] = stay.rate_deg_h;
+        assert!((x - 5.0).abs() < 1e-12 && (y + 5.0).abs() < 1e-12 && z.abs() < 1e-12);
+        // 64 squares of 0.1 over 63 degrees of freedom, over 64 rows.
+        assert!((stay.variance[0] - 0.01 / 63.0).abs() < 1e-12);
+        assert!(stay.wander.iter().all(|wander| *wander < 1e-9));
+    }
+
+    #[test]
+    fn a_knock_is_left_out_with_its_neighbours() {
+        let mut rates = rough(5.0);
+        rates[20][1] = 40.0;
+        let stay = stay(&rates).unwrap();
+        assert_eq!((stay.rows, stay.left_out), (61, 3));
+        assert!((stay.rate_deg_h[1] + 5.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn the_table_turning_in_and_away_is_left_out() {
+        let mut rates: Vec<_> = [[20_000.0, 0.0, 0.0]; 5].to_vec();
+        rates.extend(rough(5.0));
+        rates.extend([[-3000.0, 500.0, 0.0]; 3]);
+        rates.extend(rough(-7.0).into_iter().take(20));
+        let stay = stay(&rates).unwrap();
+        assert!((stay.rate_deg_h[0] - 5.0).abs() < 0.01, "{stay:?}");
+        assert_eq!(stay.rows, 62);
+    }
+
+    #[test]
+    fn a_wandering_rate_shows() {
+        let rates: Vec<_> =
+            rough(5.0).iter().zip(0..).map(|(rate, i)| rate.map(|x| x + 0.005 * f64::from(i))).collect();
+        assert!(stay(&rates).unwrap().wander.iter().all(|wander| *wander > 20.0));
+    }
+
+    #[test]
+    fn coarse_steps_are_not_knocks() {
+        // One row in ten reads a step of 0.1 more.
+        let rates: Vec<_> = (0..100).map(|i| [if i % 10 == 3 { 0.1 } else { 0.0 }; 3]).collect();
+        assert_eq!(stay(&rates).unwrap().left_out, 0);
+    }
+
+    #[test]
+    fn constant_rows_with_a_knock() {
+        let mut rates = [[1.0, 2.0, 3.0]; 100].to_vec();
+        rates[50] = [9.0, 2.0, 3.0];
+        let stay = stay(&rates).unwrap();
+        assert_eq!((stay.left_out, stay.rate_deg_h), (3, [1.0, 2.0, 3.0]));
+    }
+
+    #[test]
+    fn what_says_nothing_is_refused() {
+        assert_eq!(stay(&rough(1.0)[..15]), Err(StayError::TooShort { rows: 15 }));
+        let mut rates = rough(1.0);
+        rates[3][2] = f64::NAN;
+        assert_eq!(stay(&rates), Err(StayError::NotFinite { row: 3 }));
+        let sweep: Vec<_> = (0..100).map(|i| [f64::from(i * i), 0.0, 0.0]).collect();
+        assert!(matches!(stay(&sweep), Err(StayError::Moving { .. })));
+    }
+}
