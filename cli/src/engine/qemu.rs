@@ -5,7 +5,11 @@
 //! run depends on nothing but image, scenario and seed.
 
 pub mod image;
+mod instrument;
+mod lines;
 mod process;
+#[cfg(test)]
+mod tests;
 mod wire;
 
 use std::io;
@@ -13,19 +17,15 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use embedded_hal::digital::OutputPin;
-use embedded_io::Read as _;
-use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
-use hal_sim::flash::FlashError;
-use hal_sim::{AccelerometerSpi, EncoderSpi, Flash, GyroLine, Pin, World};
-use north_finder::drivers::step_motor::SLOTS_PER_TICK;
 use north_finder::link::{self, ReportDecoder, Request};
 use north_finder::pipeline::Command;
 use north_finder::sample::SAMPLE_S;
 
 use super::{End, EndWatch, EngineError, Observer, Outcome, Setup};
+use instrument::Instrument;
+use lines::{Lines, Uarts};
 use process::Qemu;
-use wire::{Ask, Edge};
+use wire::Ask;
 
 /// QEMU's clock goes on by this much with every instruction: 125 million a second, about what the STM32F405 does at
 /// 168 MHz with flash wait states and the occasional two-cycle instruction.
@@ -50,6 +50,10 @@ pub enum QemuError {
     Message { opcode: u8, length: usize },
     #[error("the firmware sent a report that cannot be decoded")]
     Report,
+    #[error("a request is too long for the link")]
+    Request,
+    #[error("QEMU's emulated UARTs cannot be reached: {0}")]
+    Uart(io::Error),
     #[error(transparent)]
     Image(#[from] image::ImageError),
 }
@@ -72,10 +76,30 @@ pub struct Cost {
 }
 
 impl Cost {
+    /// Takes what the last tick cost; the first message of all tells of the start-up.
+    fn count(&mut self, busy_cycles: u32) {
+        let instructions = u64::from(busy_cycles) * u64::from(CYCLE_NS / INSTRUCTION_NS);
+        if self.ticks > 0 {
+            self.mean_instructions += (instructions as f64 - self.mean_instructions) / self.ticks as f64;
+            if instructions > self.most_instructions {
+                (self.most_instructions, self.most_at_tick) = (instructions, self.ticks - 1);
+            }
+        }
+    }
+
     /// World time over host time.
     pub fn speed(&self) -> f64 {
         self.ticks as f64 * SAMPLE_S / self.wall.as_secs_f64()
     }
+}
+
+/// How the microcontroller's time goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Pace {
+    /// Only when nothing is left to do.
+    LockStep,
+    /// As the host's; bytes of gyro and link go over the emulated UARTs.
+    RealTime,
 }
 
 /// Powers the instrument up in QEMU, starts a fix and goes on until it ends.
@@ -87,141 +111,104 @@ pub fn run(
     stop: &AtomicBool,
     observe: &mut Observer<'_>,
 ) -> Result<(Outcome, Cost), EngineError> {
+    run_at(Pace::LockStep, image, setup, &mut start_command, stop, observe)
+}
+
+/// The same in real time: the timers run by themselves, gyro and host talk over QEMU's emulated UARTs. A smoke test of
+/// interrupts and UARTs: its reports depend on when the host had time.
+pub fn run_in_real_time(
+    image: &Path,
+    setup: &Setup,
+    stop: &AtomicBool,
+    observe: &mut Observer<'_>,
+) -> Result<(Outcome, Cost), EngineError> {
+    run_at(Pace::RealTime, image, setup, &mut start_command, stop, observe)
+}
+
+/// What the host sends at the tick of this number.
+type Host<'a> = dyn FnMut(u64) -> Option<Request> + 'a;
+
+/// A host that wants a fix as soon as there is power.
+fn start_command(tick: u64) -> Option<Request> {
+    (tick == 0).then_some(Request::Command(Command::Start))
+}
+
+fn run_at(
+    pace: Pace,
+    image: &Path,
+    setup: &Setup,
+    host: &mut Host<'_>,
+    stop: &AtomicBool,
+    observe: &mut Observer<'_>,
+) -> Result<(Outcome, Cost), EngineError> {
     let started = Instant::now();
     let world = super::world(setup)?;
-    let mut qemu = Qemu::start(image, &[])?;
-    let mut instrument = Instrument::new(&world)?;
+    let (mut qemu, mut lines) = start(pace, image)?;
+    let mut instrument = Instrument::new(&world);
+    let mut reports = ReportDecoder::new();
     let limit_ticks = super::limit_ticks(setup);
+    let mut cost = Cost::default();
     let mut watch = EndWatch::default();
     let mut end = None;
+    let mut hear = |bytes: &[u8], end: &mut Option<End>| {
+        for report in bytes.iter().filter_map(|&byte| reports.feed(byte)) {
+            let report = report.map_err(|_| QemuError::Report)?;
+            observe(&report);
+            *end = end.or(watch.see(&report));
+        }
+        Ok::<(), QemuError>(())
+    };
     loop {
         match qemu.receive()? {
             Ask::Tick { busy_cycles, edges } => {
-                instrument.count(busy_cycles);
+                cost.count(busy_cycles);
+                hear(&lines.receive()?, &mut end)?;
                 if stop.load(Ordering::Relaxed) {
                     end = end.or(Some(End::Interrupted));
-                } else if instrument.cost.ticks >= limit_ticks {
+                } else if cost.ticks >= limit_ticks {
                     end = end.or(Some(End::TimeLimit));
                 }
-                if !edges.is_empty() {
-                    eprintln!(
-                        "{} {} {:?}",
-                        instrument.cost.ticks,
-                        busy_cycles,
-                        edges.iter().map(|e| format!("{}.{}{}", e >> 5, e >> 1 & 15, e & 1)).collect::<Vec<_>>()
-                    );
-                }
-                let reply = if end.is_some() { wire::power_off() } else { instrument.tick(edges) };
+                let reply = if end.is_some() {
+                    wire::power_off()
+                } else {
+                    let gyro = instrument.tick(edges);
+                    let requests = host(cost.ticks).map_or(Ok(Vec::new()), |request| encode(&request))?;
+                    cost.ticks += 1;
+                    lines.send(&gyro, &requests)?
+                };
                 qemu.reply(&reply)?;
             }
-            Ask::Uart { bytes } => instrument.hear(bytes, &mut |report| {
-                observe(report);
-                end = end.or(watch.see(report));
-            })?,
+            Ask::Uart { bytes } => hear(bytes, &mut end)?,
             Ask::Log { .. } => {}
-            Ask::End { stack_bytes } => {
-                instrument.cost.stack_bytes = stack_bytes;
-                break;
-            }
             Ask::Panic { text } => return Err(QemuError::Panicked(text.to_owned()).into()),
+            Ask::End { stack_bytes } => {
+                let cost = Cost { stack_bytes, wall: started.elapsed(), ..cost };
+                return Ok((Outcome { end: end.unwrap_or(End::Interrupted), truth: world.truth() }, cost));
+            }
             device => {
                 let reply = instrument.device(device);
                 qemu.reply(&reply)?;
             }
         }
     }
-    let cost = Cost { wall: started.elapsed(), ..instrument.cost };
-    Ok((Outcome { end: end.unwrap_or(End::Interrupted), truth: world.truth() }, cost))
 }
 
-/// What is around the microcontroller.
-struct Instrument {
-    world: World,
-    gyro: GyroLine,
-    accelerometer: AccelerometerSpi,
-    encoder: EncoderSpi,
-    pins: [Pin; 3],
-    flash: Flash,
-    /// What the host has yet to send.
-    requests: Vec<u8>,
-    reports: ReportDecoder,
-    cost: Cost,
+fn start(pace: Pace, image: &Path) -> Result<(Qemu, Lines), QemuError> {
+    Ok(match pace {
+        Pace::LockStep => {
+            let shift = INSTRUCTION_NS.trailing_zeros();
+            let clock = ["-icount".into(), format!("shift={shift},sleep=off")];
+            (Qemu::start(image, &clock, &[])?, Lines::Exchange)
+        }
+        Pace::RealTime => {
+            let uarts = Uarts::listen().map_err(QemuError::Uart)?;
+            let options = uarts.options().map_err(QemuError::Uart)?;
+            let qemu = Qemu::start(image, &options, &["real-time"])?;
+            (qemu, uarts.accept().map_err(QemuError::Uart)?)
+        }
+    })
 }
 
-impl Instrument {
-    fn new(world: &World) -> Result<Self, QemuError> {
-        let start = link::encode_request(&Request::Command(Command::Start)).map_err(|_| QemuError::Report)?;
-        Ok(Self {
-            gyro: world.gyro(),
-            accelerometer: world.accelerometer(),
-            encoder: world.encoder(),
-            pins: [world.step_pin(), world.dir_pin(), world.enable_pin()],
-            flash: world.flash(),
-            world: world.clone(),
-            requests: start.to_vec(),
-            reports: ReportDecoder::new(),
-            cost: Cost::default(),
-        })
-    }
-
-    /// Takes what the last tick cost; the first message of all tells of the start-up.
-    fn count(&mut self, busy_cycles: u32) {
-        let instructions = u64::from(busy_cycles) * u64::from(CYCLE_NS / INSTRUCTION_NS);
-        let cost = &mut self.cost;
-        if cost.ticks > 0 {
-            cost.mean_instructions += (instructions as f64 - cost.mean_instructions) / cost.ticks as f64;
-            if instructions > cost.most_instructions {
-                (cost.most_instructions, cost.most_at_tick) = (instructions, cost.ticks - 1);
-            }
-        }
-    }
-
-    /// Lets the world go on by a tick, the motor's pins as the firmware set them.
-    fn tick(&mut self, edges: &[u8]) -> Vec<u8> {
-        for slot in 0..SLOTS_PER_TICK {
-            for edge in edges.iter().copied().map(Edge::from).filter(|edge| edge.slot == slot) {
-                if let Some(pin) = self.pins.get_mut(edge.pin) {
-                    let Ok(()) = pin.set_state(edge.level.into());
-                }
-            }
-            self.world.advance_slot();
-        }
-        self.world.sample();
-        self.cost.ticks += 1;
-        let mut gyro = Vec::new();
-        let mut bytes = [0; 256];
-        while let Ok(count @ 1..) = self.gyro.read(&mut bytes) {
-            gyro.extend(bytes.iter().take(count));
-        }
-        wire::tick_reply(&gyro, &std::mem::take(&mut self.requests))
-    }
-
-    /// Decodes what the firmware sent over its report port.
-    fn hear(&mut self, bytes: &[u8], observe: &mut Observer<'_>) -> Result<(), QemuError> {
-        for report in bytes.iter().filter_map(|&byte| self.reports.feed(byte)) {
-            observe(&report.map_err(|_| QemuError::Report)?);
-        }
-        Ok(())
-    }
-
-    /// Answers for one of the devices.
-    fn device(&mut self, ask: Ask<'_>) -> Vec<u8> {
-        match ask {
-            Ask::Spi { device: 0, mosi } => self.accelerometer.exchange(mosi),
-            Ask::Spi { mosi, .. } => self.encoder.exchange(mosi),
-            Ask::ReadFlash { offset, length } => {
-                let mut bytes = vec![0xFF; length.into()];
-                // Beyond the end it reads as erased.
-                let _ = self.flash.read(offset, &mut bytes);
-                bytes
-            }
-            Ask::WriteFlash { offset, bytes } => flash_reply(self.flash.write(offset, bytes)),
-            Ask::EraseFlash { from, to } => flash_reply(self.flash.erase(from, to)),
-            Ask::Tick { .. } | Ask::Uart { .. } | Ask::Log { .. } | Ask::Panic { .. } | Ask::End { .. } => Vec::new(),
-        }
-    }
-}
-
-fn flash_reply(result: Result<(), FlashError>) -> Vec<u8> {
-    vec![result.map_or_else(FlashError::code, |()| 0)]
+fn encode(request: &Request) -> Result<Vec<u8>, QemuError> {
+    link::encode_request(request).map(|frame| frame.to_vec()).map_err(|_| QemuError::Request)
 }

@@ -6,7 +6,8 @@ use cortex_m_rt::{ExceptionFrame, exception};
 use cortex_m_semihosting::debug;
 use heapless::String;
 
-use super::{STATE, State, exchange};
+use super::State;
+use super::exchange::{self, Exchange};
 
 /// The power goes off: the last words to the host.
 pub fn power_off(state: &mut State) -> ! {
@@ -36,12 +37,10 @@ fn die(why: core::fmt::Arguments) -> ! {
     let mut text = String::<512>::new();
     // What does not fit is left out.
     let _ = text.write_fmt(why);
-    cortex_m::interrupt::free(|cs| {
-        // If the panic came from inside an exchange, there is no other way than the exit code.
-        if let Ok(mut state) = STATE.borrow(cs).try_borrow_mut() {
-            state.exchange.tell(b'P', &[text.as_bytes()]);
-        }
-    });
+    // A new one: the board's own may be in use where the panic came from.
+    let mut exchange = Exchange::closed();
+    exchange.open();
+    exchange.tell(b'P', &[text.as_bytes()]);
     exchange::exit(debug::EXIT_FAILURE)
 }
 

@@ -1,0 +1,111 @@
+//! The board in QEMU: what a fix does not show. Needs QEMU and the thumb target, as `make setup` brings them.
+
+use std::sync::OnceLock;
+
+use hal_sim::Scenario;
+use north_finder::event::{Event, Report, State};
+use north_finder::settings::Settings;
+
+use super::*;
+use crate::settings_file::scenario_settings;
+
+/// The image, built once.
+fn image() -> &'static Path {
+    static IMAGE: OnceLock<std::path::PathBuf> = OnceLock::new();
+    IMAGE.get_or_init(|| image::build().unwrap())
+}
+
+fn setup(seconds: f64) -> Setup {
+    let mut scenario = Scenario::named("calm-bench").unwrap();
+    scenario.duration_limit_s = seconds;
+    let settings = Some(scenario_settings(&scenario, None).unwrap());
+    Setup { scenario, seed: 1, settings }
+}
+
+fn never() -> AtomicBool {
+    AtomicBool::new(false)
+}
+
+#[test]
+fn uarts_and_timers_in_real_time() {
+    let (mut seconds, mut lost, mut refused) = (0, 0, 0);
+    let (outcome, cost) = run_in_real_time(image(), &setup(4.5), &never(), &mut |report| match report.event {
+        Event::Second(second) => {
+            seconds += 1;
+            lost += second.lost_frames;
+        }
+        Event::Health(counters) => refused += counters.bytes_refused,
+        _ => {}
+    })
+    .unwrap();
+    assert_eq!(outcome.end, End::TimeLimit);
+    assert_eq!((seconds, lost, refused), (4, 0, 0));
+    assert!(cost.speed() < 1.1, "faster than real time: {}", cost.speed());
+}
+
+#[test]
+fn an_interrupted_run_leaves_no_process() {
+    let stop = never();
+    let mut reports = 0;
+    let (outcome, cost) = run(image(), &setup(1000.0), &stop, &mut |_| {
+        reports += 1;
+        stop.store(reports >= 10, Ordering::Relaxed);
+    })
+    .unwrap();
+    assert_eq!(outcome.end, End::Interrupted);
+    assert!(cost.ticks < 20 * 400);
+    // QEMU's exit was waited for: see `Qemu::drop`.
+}
+
+#[test]
+fn settings_arrive_over_the_link_and_outlive_the_restart() {
+    let settings = Settings { latitude_deg: 51.5, ..setup(1.0).settings.unwrap() };
+    let empty = Setup { settings: None, ..setup(10.0) };
+    let mut host = |tick| match tick {
+        400 => Some(Request::StoreSettings(settings.clone())),
+        1200 => Some(Request::Command(Command::Start)),
+        _ => None,
+    };
+    let mut states = Vec::new();
+    let observe = &mut |report: &Report| {
+        if let Event::State(state) = report.event {
+            states.push(state);
+        }
+    };
+    let (outcome, _) = run_at(Pace::LockStep, image(), &empty, &mut host, &never(), observe).unwrap();
+    assert_eq!(outcome.end, End::TimeLimit);
+    assert!(states.contains(&State::Watching), "{states:?}");
+}
+
+#[test]
+fn a_missing_qemu_image_is_an_error() {
+    let nothing = Path::new("no/such/image");
+    let error = run(nothing, &setup(1.0), &never(), &mut |_| {}).unwrap_err();
+    assert!(error.to_string().contains("no/such/image"), "{error}");
+}
+
+#[test]
+fn an_answer_that_is_none_makes_the_firmware_panic_and_say_so() {
+    let (mut qemu, _) = start(Pace::LockStep, image()).unwrap();
+    let error = loop {
+        match qemu.receive() {
+            Ok(Ask::ReadFlash { length, .. }) => {
+                let erased = vec![0xFF; length.into()];
+                qemu.reply(&erased).unwrap();
+            }
+            Ok(Ask::Panic { text }) => break text.to_owned(),
+            Ok(Ask::Tick { .. }) => qemu.reply(&[0]).unwrap(),
+            Ok(_) => {}
+            Err(error) => panic!("{error}"),
+        }
+    };
+    assert!(error.contains("too short"), "{error}");
+    assert!(matches!(qemu.receive(), Err(QemuError::Died(_))));
+}
+
+#[test]
+fn the_image_has_a_size() {
+    let size = image::size(image()).unwrap();
+    assert!((10_000..768 * 1024).contains(&size.flash), "{size:?}");
+    assert!((1000..128 * 1024).contains(&size.ram), "{size:?}");
+}
