@@ -1,37 +1,50 @@
-# make find   the firmware in QEMU finds north in a simulated instrument; ARGS="--scenario creep --seed 7"
-# make test   everything that must hold before a change goes in
-# make flash  onto an STM32F405 by a debug probe (needs probe-rs)
-# make bench  accuracy and cost; the tables of the documents come from here
+# The two commands that matter: `make find` finds north in QEMU, `make test` checks everything.
 
 TARGET := thumbv7em-none-eabihf
-CARGO ?= cargo
-# North builds the image for QEMU by itself, with these.
-MPS2 := --no-default-features --features mps2
+BUILD := $(or $(CARGO_TARGET_DIR),target)
+QEMU_BOARD := --target $(TARGET) --no-default-features --features mps2 --target-dir $(BUILD)/qemu
+F405_BOARD := --target $(TARGET) --target-dir $(BUILD)/f405
 
-.PHONY: find test setup bench flash images lint
+.PHONY: find test lint fmt firmware bench flash setup help
 
+## find: build the firmware, run it in QEMU with the simulated instrument, show the fix (ARGS="--scenario windy-tripod")
 find: setup
-	@$(CARGO) run --quiet --release -p north -- find $(ARGS)
+	@cargo run --release -p north -- find $(ARGS)
 
-test: setup lint images
-	$(CARGO) test --workspace
+## test: format, lints, both firmware images, all tests
+test: setup lint firmware
+	cargo test --workspace --quiet
 
+## lint: format check and clippy, warnings are errors, for the host and both boards
+lint: setup
+	cargo fmt --all --check
+	cargo clippy --quiet --workspace --all-targets -- -D warnings
+	cargo clippy --quiet $(QEMU_BOARD) -- -D warnings
+	cargo clippy --quiet $(F405_BOARD) -- -D warnings
+
+## fmt: format everything
+fmt:
+	cargo fmt --all
+
+## firmware: the images of both boards
+firmware: setup
+	cargo build --quiet --profile firmware $(QEMU_BOARD) --bin firmware
+	cargo build --quiet --profile firmware $(F405_BOARD) --bin firmware
+
+## bench: accuracy and cost, as the README's tables (takes minutes)
+bench: setup
+	cargo run --release -p north -- bench accuracy
+	cargo run --release -p north -- bench cost
+
+## flash: build for the STM32F405, flash it and show its log (needs probe-rs and a probe)
+flash: setup
+	@command -v probe-rs >/dev/null || { echo "probe-rs is missing: cargo install probe-rs-tools --locked"; exit 1; }
+	cargo run --profile firmware $(F405_BOARD) --bin firmware
+
+## setup: bring the Rust target and QEMU where they are missing
 setup:
 	@scripts/setup.sh
 
-lint: setup
-	$(CARGO) fmt --all --check
-	$(CARGO) clippy --workspace --all-targets -- -D warnings
-	$(CARGO) clippy --target $(TARGET) --bin firmware -- -D warnings
-	$(CARGO) clippy --target $(TARGET) --bin firmware $(MPS2) -- -D warnings
-
-images: setup
-	$(CARGO) build --profile firmware --target $(TARGET) --bin firmware
-
-bench: setup
-	$(CARGO) run --release -p north -- bench accuracy
-	$(CARGO) run --release -p north -- bench cost
-
-flash: setup
-	@command -v probe-rs >/dev/null || { echo "probe-rs is not there: see https://probe.rs" >&2; exit 1; }
-	$(CARGO) run --profile firmware --target $(TARGET) --bin firmware
+## help: this list
+help:
+	@sed -n 's/^## /  /p' Makefile

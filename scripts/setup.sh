@@ -1,35 +1,33 @@
 #!/bin/sh
-# Brings what the build and the tests need: the target of the firmware and QEMU. Silent and quick when all is there.
+# Brings what is missing: the Rust target of the boards, and QEMU. Quick and silent when all is there.
 set -eu
 
 target=thumbv7em-none-eabihf
 
-if ! command -v cargo >/dev/null 2>&1; then
-    echo "cargo is not there: install Rust with rustup, https://rustup.rs" >&2
+command -v cargo >/dev/null || {
+    echo "setup: Rust is missing; install it from https://rustup.rs and try again" >&2
     exit 1
-fi
-if [ ! -d "$(rustc --print sysroot)/lib/rustlib/$target" ]; then
-    if ! command -v rustup >/dev/null 2>&1; then
-        echo "the Rust target $target is not there, and no rustup to add it: install it with your toolchain" >&2
+}
+
+if [ ! -d "$(rustc --print sysroot)/lib/rustlib/$target/lib" ]; then
+    if command -v rustup >/dev/null; then
+        echo "setup: adding the Rust target $target" >&2
+        rustup target add "$target" >&2
+    else
+        echo "setup: the Rust target $target is missing, and there is no rustup to add it: install it by the system's means" >&2
         exit 1
     fi
-    rustup target add "$target"
 fi
 
-command -v qemu-system-arm >/dev/null 2>&1 && exit 0
-if ! command -v apt-get >/dev/null 2>&1; then
-    echo "qemu-system-arm is not there: install QEMU for ARM (Fedora: qemu-system-arm, Arch: qemu-system-arm, macOS: brew install qemu)" >&2
-    exit 1
+if ! command -v qemu-system-arm >/dev/null; then
+    as_root=
+    [ "$(id -u)" = 0 ] || as_root=sudo
+    if command -v apt-get >/dev/null && { [ -z "$as_root" ] || command -v sudo >/dev/null; }; then
+        echo "setup: installing qemu-system-arm" >&2
+        $as_root apt-get update -qq >&2
+        $as_root env DEBIAN_FRONTEND=noninteractive apt-get install -qq -y --no-install-recommends qemu-system-arm >&2
+    else
+        echo "setup: qemu-system-arm is missing; install it (macOS: brew install qemu; Fedora: dnf install qemu-system-arm; Arch: pacman -S qemu-system-arm)" >&2
+        exit 1
+    fi
 fi
-root=
-if [ "$(id -u)" -ne 0 ]; then
-    command -v sudo >/dev/null 2>&1 || { echo "qemu-system-arm is not there: as root, apt-get install qemu-system-arm" >&2; exit 1; }
-    root=sudo
-fi
-echo "installing qemu-system-arm" >&2
-export DEBIAN_FRONTEND=noninteractive
-# The package lists may be old or absent; only then are they fetched.
-$root apt-get install -y -qq --no-install-recommends qemu-system-arm >/dev/null 2>&1 || {
-    $root apt-get update -qq
-    $root apt-get install -y -qq --no-install-recommends qemu-system-arm >/dev/null
-}
