@@ -25,6 +25,7 @@ const SIGNIFICANT: f64 = 20.0;
 const IMPROBABLE_SIGMAS: f64 = 4.0;
 
 /// What the base did.
+#[allow(clippy::large_enum_variant)] // without a heap there is no smaller place
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BaseMotion {
     /// Too little is measured to say.
@@ -35,6 +36,7 @@ pub enum BaseMotion {
 }
 
 /// How the motion is taken out.
+#[allow(clippy::large_enum_variant)] // as above
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Method {
     Path(Path),
