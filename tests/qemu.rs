@@ -21,8 +21,7 @@ fn image() -> &'static Path {
 
 fn run_in_qemu(setup: &Setup) -> (End, Vec<Report>) {
     let mut reports = Vec::new();
-    let (outcome, _) =
-        qemu::run(image(), setup, &AtomicBool::new(false), &mut |report| reports.push(*report)).unwrap();
+    let (outcome, _) = qemu::run(image(), setup, &AtomicBool::new(false), &mut |report| reports.push(*report)).unwrap();
     (outcome.end, reports)
 }
 
