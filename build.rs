@@ -1,4 +1,4 @@
-//! Tells the linker what the boards need: scripts, and where the flash is.
+//! Tells the linker what the boards need: scripts, and where their memories are.
 
 use std::env;
 
@@ -16,8 +16,12 @@ fn main() {
         // The F405's device.x comes with its register crate.
         println!("cargo:rustc-link-search={root}/src/board/mps2");
     }
-    let flash_origin = if qemu { "0x00000000" } else { "0x08000000" };
-    for argument in [&format!("--defsym=_flash_origin={flash_origin}"), "--nmagic", "-Tlink.x", "-Tdefmt.x"] {
+    // Flash, RAM, stack.
+    let origins = if qemu { [0x0000_0000, 0x2001_0000, 0x2000_0000] } else { [0x0800_0000, 0x2000_0000, 0x1000_0000] };
+    for (memory, origin) in ["flash", "ram", "stack"].iter().zip(origins) {
+        println!("cargo:rustc-link-arg-bins=--defsym=_{memory}_origin={origin:#010x}");
+    }
+    for argument in ["--nmagic", "-Tlink.x", "-Tdefmt.x"] {
         println!("cargo:rustc-link-arg-bins={argument}");
     }
 }
