@@ -7,6 +7,7 @@ use crate::event::{Event, Report, Second};
 use crate::frame::FrameReader;
 use crate::health::{Counters, Fault};
 use crate::level::{LevelSecond, LevelSensor, Specific};
+use crate::model::{Conditions, Evaluator};
 use crate::sample::{RateSecond, SAMPLE_S, SAMPLES_PER_SECOND, Sampler};
 use crate::sequence::{IndexSecond, SecondInput, Sequencer};
 use crate::settings::{Settings, store::Loaded};
@@ -58,6 +59,7 @@ pub type Sink<'a> = &'a mut dyn FnMut(Report);
 pub struct Pipeline {
     reader: FrameReader,
     sampler: Sampler,
+    evaluator: Evaluator,
     level: LevelSensor,
     index: IndexMean,
     watch: GyroWatch,
@@ -83,7 +85,8 @@ impl Pipeline {
         };
         Self {
             reader: FrameReader::new(settings.gyro.format),
-            sampler: Sampler::new(settings.gyro, settings.model.unwrap_or_default()),
+            sampler: Sampler::new(settings.gyro),
+            evaluator: Evaluator::new(settings.model.unwrap_or_default()),
             level: LevelSensor::default(),
             index: IndexMean::default(),
             watch: GyroWatch::default(),
@@ -193,14 +196,36 @@ impl Pipeline {
         }
     }
 
+    /// The second with the error model applied to its rate and to the index angle.
+    fn compensated(&mut self, rate: &RateSecond, t_s: f64) -> SecondInput {
+        let index = self.index.finish();
+        let level = self.level.finish();
+        let conditions = Conditions {
+            t_s: t_s - 0.5,
+            raw_rate_deg_h: rate.fog_arcsec,
+            index: index.map(|IndexSecond { cos, sin }| [cos, sin]),
+            level: match level {
+                LevelSecond::Good(specific) => Some(specific),
+                LevelSecond::Failed => None,
+            },
+            ..rate.conditions
+        };
+        let rate_deg_h = self.evaluator.second(&conditions).apply(rate.fog_arcsec, 1.0);
+        let index = conditions.index.map(|measured| {
+            let [cos, sin] = self.evaluator.model().true_index(measured);
+            IndexSecond { cos, sin }
+        });
+        SecondInput { t_s, rate: RateSecond { rate_deg_h, conditions, ..*rate }, index, level }
+    }
+
     fn second(&mut self, rate: &RateSecond, t_s: f64, sink: &mut dyn FnMut(Event)) -> Option<MotorCommand> {
+        let input = self.compensated(rate, t_s);
         let counters = &mut self.counters;
         if !rate.usable {
             counters.seconds_left_out = counters.seconds_left_out.saturating_add(1);
         } else if rate.missing > 0 {
             counters.seconds_repaired = counters.seconds_repaired.saturating_add(1);
         }
-        let input = SecondInput { t_s, rate: *rate, index: self.index.finish(), level: self.level.finish() };
         let fault = self.watch.second(rate, self.sampler.behind());
         let (mut motor, mut collected, mut position) = (None, false, None);
         // The second is reported before what it led to: a recording that ends with the azimuth holds all of its seconds.
@@ -218,7 +243,7 @@ impl Pipeline {
         sink(Event::Second(Second {
             index_deg: input.index.map(|IndexSecond { cos, sin }| wrap_360_deg(libm::atan2(sin, cos) * DEG_PER_RAD)),
             fog_arcsec: rate.fog_arcsec,
-            rate_deg_h: rate.rate_deg_h,
+            rate_deg_h: input.rate.rate_deg_h,
             temp_c: rate.conditions.temp_c,
             level_g: match input.level {
                 LevelSecond::Good(Specific { forward, left }) => Some([forward, left]),

@@ -12,9 +12,8 @@ use crate::event::{Dwell, Event, Fix, Report};
 use crate::gates::{DisturbanceGate, Verdict};
 use crate::health::{Fault, Flag, Flags};
 use crate::level::Specific;
-use crate::model::{Conditions, Correction, ErrorModel};
+use crate::model::{Conditions, Correction, Evaluator, MAX_CHANNELS};
 use crate::pipeline::Sink;
-use crate::sample::TemperatureRate;
 use crate::settings::Settings;
 use crate::units::{RAD_PER_DEG, sin_cos_deg, wrap_180_deg};
 
@@ -26,6 +25,8 @@ const GATHER_S: f64 = 0.9995;
 const ROTATION_SHARE: f64 = 0.25;
 /// Temperature change that an error model must cover, K.
 const TEMPERATURE_CHANGE_K: f64 = 0.5;
+/// Most seconds that wait for the first rate of change; a rate is known after ten.
+const HELD: usize = 16;
 
 /// One row of a recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,13 +71,13 @@ impl core::fmt::Display for Refusal {
 pub struct Replay<'a> {
     settings: Settings,
     earth: EarthRate,
-    model: ErrorModel,
+    evaluator: Evaluator,
+    /// Seconds that wait for the first rate of change.
+    held: heapless::Vec<(Gathering, Correction), HELD>,
     slots: &'a mut [DwellSummary],
     used: usize,
     gathering: Gathering,
     last_deg: Option<f64>,
-    temperature: TemperatureRate,
-    correction: Correction,
     disturbance: DisturbanceGate,
     rows: DwellRows,
     stay_deg: Option<f64>,
@@ -100,6 +101,7 @@ struct Gathering {
     level_seconds: f64,
     temp_c: f64,
     temp_seconds: f64,
+    channels: [f64; MAX_CHANNELS],
     first_deg: f64,
     turned_deg: f64,
 }
@@ -121,8 +123,6 @@ impl<'a> Replay<'a> {
             used: 0,
             gathering: Gathering::default(),
             last_deg: None,
-            temperature: TemperatureRate::default(),
-            correction: model.correction(&Conditions::default()),
             disturbance: DisturbanceGate::new(settings.disturbance, earth.north_deg_h),
             rows: DwellRows::default(),
             stay_deg: None,
@@ -131,13 +131,25 @@ impl<'a> Replay<'a> {
             moving_s: 0.0,
             temperature_c: None,
             flags,
-            model,
+            evaluator: Evaluator::new(model),
+            held: heapless::Vec::new(),
             settings: settings.clone(),
         })
     }
 
-    /// Takes the next row.
+    /// Takes the next row of a recording without further channels.
     pub fn push(&mut self, row: &Row, report: Sink) -> Result<(), Refusal> {
+        self.push_with_channels(row, [f64::NAN; MAX_CHANNELS], report)
+    }
+
+    /// Takes the next row and further channels, in the order of [`crate::model::ErrorModel::channels`]; not-a-number where
+    /// one is absent.
+    pub fn push_with_channels(
+        &mut self,
+        row: &Row,
+        channels: [f64; MAX_CHANNELS],
+        report: Sink,
+    ) -> Result<(), Refusal> {
         let way_deg =
             self.last_deg.replace(row.index_deg).map_or(0.0, |last_deg| wrap_180_deg(row.index_deg - last_deg));
         if row.lost_frames > 0 {
@@ -151,7 +163,7 @@ impl<'a> Replay<'a> {
         if moved {
             self.end_second(report)?;
         }
-        self.gathering.push(row, way_deg);
+        self.gathering.push(row, channels, way_deg);
         if moved || self.gathering.seconds >= GATHER_S {
             self.end_second(report)?;
         }
@@ -161,6 +173,7 @@ impl<'a> Replay<'a> {
     /// The azimuth of the whole recording.
     pub fn finish(mut self, report: Sink) -> Result<Fix, Refusal> {
         self.end_second(report)?;
+        self.release(report)?;
         self.end_stay(report)?;
         let rotation = self.rest_s < ROTATION_SHARE * (self.rest_s + self.moving_s);
         let mut chosen: usize = 0;
@@ -186,13 +199,32 @@ impl<'a> Replay<'a> {
         if second.seconds <= 0.0 {
             return Ok(());
         }
-        self.update_correction(&second);
+        let correction = self.evaluate(&second);
+        if correction.waiting && self.held.push((second, correction)).is_ok() {
+            return Ok(());
+        }
+        self.release(report)?;
+        self.take(&second, &correction, report)
+    }
+
+    /// Takes the seconds that waited, corrected by the rates of change as they are now.
+    fn release(&mut self, report: Sink) -> Result<(), Refusal> {
+        let rates_deg_h = self.evaluator.rates_deg_h();
+        for (second, mut correction) in core::mem::take(&mut self.held) {
+            correction.bias_deg_h += rates_deg_h;
+            self.take(&second, &correction, report)?;
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, second: &Gathering, correction: &Correction, report: Sink) -> Result<(), Refusal> {
+        let [cos, sin] = self.evaluator.model().true_index(second.index());
         let row = DwellRow {
             t_s: second.end_s - 0.5 * second.seconds,
             seconds: second.seconds,
-            cos: second.cos / second.seconds,
-            sin: second.sin / second.seconds,
-            rate_deg_h: self.correction.apply(second.raw_arcsec, second.seconds) / second.seconds,
+            cos,
+            sin,
+            rate_deg_h: correction.apply(second.raw_arcsec, second.seconds) / second.seconds,
             level: second.level(),
         };
         if second.turned_deg.abs() > REST_DEG {
@@ -217,29 +249,37 @@ impl<'a> Replay<'a> {
         Ok(())
     }
 
-    fn update_correction(&mut self, second: &Gathering) {
-        let temp_c = (second.temp_seconds > 0.0).then(|| second.temp_c / second.temp_seconds);
-        let temp_rate_k_s = self.temperature.push(temp_c).map(|per_second| per_second / second.seconds);
-        self.correction = self.model.correction(&Conditions { temp_c, temp_rate_k_s });
+    fn evaluate(&mut self, second: &Gathering) -> Correction {
+        let conditions = second.conditions();
+        let temp_c = conditions.temp_c;
         if let Some(temp_c) = temp_c {
             let (low_c, high_c) = self.temperature_c.unwrap_or((temp_c, temp_c));
             let (low_c, high_c) = (low_c.min(temp_c), high_c.max(temp_c));
             self.temperature_c = Some((low_c, high_c));
-            if high_c - low_c > TEMPERATURE_CHANGE_K && !self.model.covers_temperature() {
+            if high_c - low_c > TEMPERATURE_CHANGE_K && !self.evaluator.model().covers_temperature() {
                 self.flags.insert(Flag::Temperature);
             }
         }
+        self.evaluator.second(&conditions)
     }
 
     fn end_stay(&mut self, report: Sink) -> Result<(), Refusal> {
         self.stay_deg = None;
         let jitter = self.settings.jitter;
+        let base_motion = self.evaluator.model().base_motion();
         let after_move = self.stays > 0 && self.rows.len() > jitter.seconds.into();
-        if after_move && self.rows.skip_jitter(jitter.threshold_deg_h, jitter.seconds.into()) != Some(0) {
+        // On a base that rocks the rate is never quiet, and need not be.
+        if base_motion.is_none()
+            && after_move
+            && self.rows.skip_jitter(jitter.threshold_deg_h, jitter.seconds.into()) != Some(0)
+        {
             self.flags.insert(Flag::Jitter);
         }
         let noise_deg_h = 60.0 * self.settings.gyro.arw_deg_per_sqrt_h;
-        let summary = self.rows.summary(noise_deg_h);
+        let summary = match base_motion {
+            Some(velocity) => self.rows.summary_on_moving_base(velocity),
+            None => self.rows.summary(noise_deg_h),
+        };
         self.rows.clear();
         let Some(summary) = summary else { return Ok(()) };
         report(Report {
@@ -264,7 +304,7 @@ impl<'a> Replay<'a> {
 }
 
 impl Gathering {
-    fn push(&mut self, row: &Row, way_deg: f64) {
+    fn push(&mut self, row: &Row, channels: [f64; MAX_CHANNELS], way_deg: f64) {
         let (sin, cos) = sin_cos_deg(row.index_deg);
         // The mean of a cosine over an arc is shorter than the cosine of its middle.
         let half_rad = 0.5 * way_deg * RAD_PER_DEG;
@@ -292,6 +332,26 @@ impl Gathering {
         if let Some(temp_c) = row.temp_c {
             self.temp_c += weight * temp_c;
             self.temp_seconds += weight;
+        }
+        for (sum, value) in self.channels.iter_mut().zip(channels) {
+            *sum += weight * value;
+        }
+    }
+
+    /// Mean cosine and sine of the index angle.
+    fn index(&self) -> [f64; 2] {
+        [self.cos / self.seconds, self.sin / self.seconds]
+    }
+
+    fn conditions(&self) -> Conditions {
+        Conditions {
+            t_s: self.end_s - 0.5 * self.seconds,
+            seconds: self.seconds,
+            raw_rate_deg_h: self.raw_arcsec / self.seconds,
+            index: Some(self.index()),
+            temp_c: (self.temp_seconds > 0.0).then(|| self.temp_c / self.temp_seconds),
+            level: self.level(),
+            channels: self.channels.map(|sum| sum / self.seconds),
         }
     }
 

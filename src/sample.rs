@@ -7,7 +7,7 @@
 
 use crate::frame::Frame;
 use crate::health::Counters;
-use crate::model::{Conditions, Correction, ErrorModel};
+use crate::model::Conditions;
 use crate::settings::GyroSettings;
 
 /// Samples in a second.
@@ -24,8 +24,9 @@ const LATE_TICKS: i64 = 4;
 pub struct RateSecond {
     /// Angle as the gyro gave it, arcsec.
     pub fog_arcsec: f64,
-    /// Mean rate after the error model, °/h.
+    /// Mean rate, °/h: as the gyro gave it until the pipeline has applied the error model.
     pub rate_deg_h: f64,
+    /// What is known of the second here: the temperature. The pipeline adds the rest.
     pub conditions: Conditions,
     /// Slots without a valid frame.
     pub missing: u16,
@@ -42,9 +43,6 @@ pub struct RateSecond {
 #[derive(Clone, Debug)]
 pub struct Sampler {
     gyro: GyroSettings,
-    model: ErrorModel,
-    correction: Correction,
-    temperature: TemperatureRate,
     expected: Option<u8>,
     /// Ticks since the first frame, minus slots accounted for.
     behind: i64,
@@ -58,7 +56,6 @@ struct Partial {
     invalid: u16,
     saturated: u16,
     raw_arcsec: f64,
-    true_arcsec: f64,
     temp_sum_c: f64,
     temps: u16,
     first_arcsec: Option<f64>,
@@ -66,17 +63,8 @@ struct Partial {
 }
 
 impl Sampler {
-    pub fn new(gyro: GyroSettings, model: ErrorModel) -> Self {
-        let correction = model.correction(&Conditions::default());
-        Self {
-            gyro,
-            model,
-            correction,
-            temperature: TemperatureRate::default(),
-            expected: None,
-            behind: 0,
-            second: Partial::default(),
-        }
+    pub fn new(gyro: GyroSettings) -> Self {
+        Self { gyro, expected: None, behind: 0, second: Partial::default() }
     }
 
     /// Takes a frame; gives the second that it completes.
@@ -111,7 +99,6 @@ impl Sampler {
             second.good += 1;
             second.changed |= *second.first_arcsec.get_or_insert(frame.increment_arcsec) != frame.increment_arcsec;
             second.raw_arcsec += frame.increment_arcsec;
-            second.true_arcsec += self.correction.apply(frame.increment_arcsec, SAMPLE_S);
         }
         self.next_slot().or(finished)
     }
@@ -150,52 +137,16 @@ impl Sampler {
             (_, good) => f64::from(SAMPLES_PER_SECOND) / f64::from(good),
         };
         let temp_c = (second.temps > 0).then(|| second.temp_sum_c / f64::from(second.temps));
-        let conditions = Conditions { temp_c, temp_rate_k_s: self.temperature.push(temp_c) };
-        self.correction = self.model.correction(&conditions);
         Some(RateSecond {
             fog_arcsec: second.raw_arcsec * stretch,
-            rate_deg_h: second.true_arcsec * stretch,
-            conditions,
+            rate_deg_h: second.raw_arcsec * stretch,
+            conditions: Conditions { temp_c, ..Conditions::default() },
             missing,
             invalid: second.invalid,
             saturated: second.saturated,
             constant: second.good > 1 && !second.changed,
             usable: missing <= self.gyro.repairable_frames,
         })
-    }
-}
-
-/// Rate of change of the temperature: least-squares slope over the last half minute, so that a sensor that resolves
-/// 0.01 K still gives 1e-4 K/s.
-#[derive(Clone, Debug, Default)]
-pub struct TemperatureRate {
-    /// The last seconds' temperatures, oldest first.
-    last_c: heapless::Deque<f64, 30>,
-}
-
-impl TemperatureRate {
-    /// Takes a second's mean temperature; gives K/s once ten seconds are there. A second without one starts it again.
-    pub fn push(&mut self, temp_c: Option<f64>) -> Option<f64> {
-        let Some(temp_c) = temp_c else {
-            self.last_c.clear();
-            return None;
-        };
-        if self.last_c.is_full() {
-            self.last_c.pop_front();
-        }
-        let _ = self.last_c.push_back(temp_c);
-        let count = self.last_c.len();
-        if count < 10 {
-            return None;
-        }
-        let middle = (count as f64 - 1.0) / 2.0;
-        let (mut with_time, mut time_squared) = (0.0, 0.0);
-        for (i, &temp_c) in self.last_c.iter().enumerate() {
-            let t = i as f64 - middle;
-            with_time += t * temp_c;
-            time_squared += t * t;
-        }
-        Some(with_time / time_squared)
     }
 }
 
@@ -215,7 +166,7 @@ mod tests {
 
     /// Feeds frames `numbers`, one a tick; the seconds and the counters.
     fn run(frames: impl Iterator<Item = Frame>) -> (heapless::Vec<RateSecond, 8>, Counters) {
-        let mut sampler = Sampler::new(GyroSettings::default(), ErrorModel::default());
+        let mut sampler = Sampler::new(GyroSettings::default());
         let (mut seconds, mut counters) = (heapless::Vec::new(), Counters::default());
         for frame in frames {
             let by_tick = sampler.tick(&mut counters);
@@ -281,7 +232,7 @@ mod tests {
 
     #[test]
     fn silence_ends_seconds_as_unusable() {
-        let mut sampler = Sampler::new(GyroSettings::default(), ErrorModel::default());
+        let mut sampler = Sampler::new(GyroSettings::default());
         let mut counters = Counters::default();
         sampler.frame(&frame(0), &mut counters);
         let second = (0..1000).find_map(|_| sampler.tick(&mut counters)).unwrap();
@@ -290,15 +241,5 @@ mod tests {
         let lost_before = counters.frames_lost;
         sampler.frame(&frame(lost_before + 1), &mut counters);
         assert_eq!(counters.frames_lost, lost_before);
-    }
-
-    #[test]
-    fn temperature_rate_of_a_ramp() {
-        let mut rate = TemperatureRate::default();
-        let slopes = (0..40).map(|second| rate.push(Some(20.0 + 0.02 * f64::from(second))));
-        let last = slopes.last().unwrap().unwrap();
-        assert!((last - 0.02).abs() < 1e-12);
-        assert_eq!(rate.push(None), None);
-        assert_eq!(rate.push(Some(1.0)), None);
     }
 }

@@ -31,6 +31,14 @@ pub fn read_model(path: &Path) -> Result<ErrorModel, FileError> {
     Ok(model)
 }
 
+/// Writes an error model, as [`read_model`] reads it. A file that is there is replaced.
+///
+/// Errors: the file cannot be written.
+pub fn write_model(path: &Path, model: &ErrorModel) -> Result<(), FileError> {
+    let text = toml::to_string(model).map_err(|error| FileError::whole(path, Problem::Syntax(error.to_string())))?;
+    std::fs::write(path, format!("format = {MODEL_FORMAT}\n{text}")).map_err(|error| FileError::whole(path, error))
+}
+
 /// Reads settings; what the file does not say stays as in `base`.
 ///
 /// Errors: no such file, unknown fields, wrong types, values that are not allowed, alone or together.

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use north_finder::azimuth::dwell::DwellSummary;
 use north_finder::event::{Dwell, Event, Fix};
+use north_finder::model::{ChannelName, MAX_CHANNELS, channel};
 use north_finder::replay::{Refusal, Replay, Row as ReplayRow};
 use north_finder::settings::Settings;
 
@@ -27,6 +28,8 @@ pub enum SolveError {
     File(#[from] FileError),
     #[error("{file}: {refusal}")]
     Refused { file: String, refusal: Refusal },
+    #[error("{file}: the error model follows channel `{channel}`, and the recording has no such column")]
+    NoChannel { file: String, channel: String },
 }
 
 /// Solves a run that is read row by row; its length is limited by the disk only.
@@ -36,8 +39,10 @@ pub fn solve_file(path: &Path, settings: &Settings) -> Result<Solution, SolveErr
     let refused = |refusal| SolveError::Refused { file: path.display().to_string(), refusal };
     let mut slots = FIRST_SLOTS;
     loop {
-        let rows = RunReader::open(path)?.map(|row| row.map_err(SolveError::from));
-        match solve(rows, settings, slots, refused) {
+        let reader = RunReader::open(path)?;
+        let columns = model_columns(path, &reader, settings)?;
+        let rows = reader.map(|row| row.map_err(SolveError::from));
+        match solve(rows, &columns, settings, slots, refused) {
             // A continuous rotation over hours: once more from the start, with more room.
             Err(SolveError::Refused { refusal: Refusal::Full, .. }) => slots *= 8,
             solved => return solved,
@@ -47,6 +52,7 @@ pub fn solve_file(path: &Path, settings: &Settings) -> Result<Solution, SolveErr
 
 fn solve(
     rows: impl Iterator<Item = Result<Row, SolveError>>,
+    columns: &[usize],
     settings: &Settings,
     slots: usize,
     refused: impl Fn(Refusal) -> SolveError,
@@ -60,10 +66,38 @@ fn solve(
         }
     };
     for row in rows {
-        replay.push(&replay_row(&row?), &mut note).map_err(&refused)?;
+        let row = row?;
+        let mut channels = [f64::NAN; MAX_CHANNELS];
+        for (value, &column) in channels.iter_mut().zip(columns) {
+            *value = row.extra.get(column).copied().unwrap_or(f64::NAN);
+        }
+        replay.push_with_channels(&replay_row(&row), channels, &mut note).map_err(&refused)?;
     }
     let fix = replay.finish(&mut note).map_err(&refused)?;
     Ok(Solution { fix, dwells })
+}
+
+/// Which of the reader's extra channels the model follows, in the model's order.
+///
+/// Errors: the recording lacks one, or the temperature or the level that a term needs.
+fn model_columns(path: &Path, reader: &RunReader, settings: &Settings) -> Result<Vec<usize>, SolveError> {
+    let Some(model) = &settings.model else { return Ok(Vec::new()) };
+    let missing = |channel: &str| SolveError::NoChannel { file: path.display().to_string(), channel: channel.into() };
+    for term in &model.terms {
+        for need in term.needs() {
+            let there = match *need {
+                channel::TEMPERATURE => reader.has_temperature(),
+                _ => reader.has_level(),
+            };
+            if !there {
+                return Err(missing(need));
+            }
+        }
+    }
+    let column = |name: &ChannelName| {
+        reader.channels().iter().position(|each| each == name.as_str()).ok_or_else(|| missing(name.as_str()))
+    };
+    model.channels().iter().map(column).collect()
 }
 
 fn replay_row(row: &Row) -> ReplayRow {

@@ -59,6 +59,8 @@ pub struct DwellSummary {
     pub knocked: u16,
     /// The index moved: not a stay, but an interval of a continuous rotation.
     pub moving: bool,
+    /// The base's motion is already taken out of the rate.
+    pub base_taken_out: bool,
 }
 
 /// Collects the rows of a stay.
@@ -168,7 +170,15 @@ impl DwellRows {
             freedom: count.saturating_sub(2),
             knocked: self.rows.len() as u16 - count,
             moving: false,
+            base_taken_out: false,
         })
+    }
+}
+
+impl DwellRows {
+    /// Boils the rows of a stay on a base that rocks down to a rate without its motion; see [`super::moving_base`].
+    pub fn summary_on_moving_base(&self, velocity: bool) -> Option<DwellSummary> {
+        super::moving_base::summary(&self.rows, velocity)
     }
 }
 

@@ -13,6 +13,7 @@
 
 pub mod base_motion;
 pub mod dwell;
+pub mod moving_base;
 mod statistics;
 #[cfg(test)]
 mod tests;
@@ -206,7 +207,7 @@ fn regular_inverse(normal: &Matrix4<f64>) -> Option<Matrix4<f64>> {
 /// and level sigma.
 pub fn solve(dwells: &[DwellSummary], earth: EarthRate, settings: &Settings) -> Result<Solution, Unsolvable> {
     let start_s = dwells.first().ok_or(Unsolvable::TooFewDirections)?.start_s;
-    let problem = Problem { dwells, earth, motion: base_motion::detect(dwells), start_s };
+    let problem = Problem { dwells, earth, motion: base_motion(dwells), start_s };
     let mut flags = Flags::default();
 
     let declared = 60.0 * settings.gyro.arw_deg_per_sqrt_h;
@@ -248,13 +249,14 @@ pub fn solve(dwells: &[DwellSummary], earth: EarthRate, settings: &Settings) -> 
         estimate.inverse * (variance * inflation.max(wandering)) + correlated_covariance(&problem, &estimate, settings);
     let along = Vector4::new(cos_part, sin_part, 0.0, 0.0) / amplitude_deg_h;
     let amplitude_sigma = libm::sqrt(along.dot(&(covariance * along)));
-    if !(amplitude_deg_h > 5.0 * amplitude_sigma) {
+    let significant = amplitude_deg_h > 5.0 * amplitude_sigma;
+    if !significant {
         return Err(Unsolvable::NoSignal);
     }
     if (amplitude_deg_h - earth.north_deg_h).abs() > 4.0 * amplitude_sigma + AMPLITUDE_TOLERANCE * earth.north_deg_h {
         flags.insert(Flag::Amplitude);
     }
-    if matches!(problem.motion, BaseMotion::Moving(_)) {
+    if matches!(problem.motion, BaseMotion::Moving(_)) || dwells.iter().any(|dwell| dwell.base_taken_out) {
         flags.insert(Flag::BaseMotion);
     }
     if dwells.iter().any(|dwell| dwell.knocked > 0) {
@@ -271,8 +273,11 @@ pub fn solve(dwells: &[DwellSummary], earth: EarthRate, settings: &Settings) -> 
     // the weights lies between 1/2 and 1/√2. A level error τ about the north line turns the azimuth by τ tan φ.
     let of_index_deg = settings.index.sigma_deg * core::f64::consts::FRAC_1_SQRT_2;
     let of_level_deg = settings.level.sigma_deg * earth.up_deg_h / earth.north_deg_h;
+    let apparent_deg = estimate.azimuth_deg();
+    let azimuth_deg =
+        settings.model.as_ref().map_or(apparent_deg, |model| model.true_azimuth_deg(apparent_deg, &earth));
     Ok(Solution {
-        azimuth_deg: estimate.azimuth_deg(),
+        azimuth_deg,
         sigma_deg: libm::sqrt(
             [of_rates_deg, of_index_deg, of_level_deg, drift.doubt_deg].iter().map(|part| part * part).sum(),
         ),
@@ -396,7 +401,16 @@ fn closure(problem: &Problem<'_>) -> Option<f64> {
         normal += weight * row * row.transpose();
         right += weight * rate_deg_h * row;
     }
+    // At 45°, 135°, … the second harmonic that this one looks for is nothing.
+    if normal.m44 < 1e-3 * normal.m33 {
+        return None;
+    }
     Some((regular_inverse(&normal)? * right).w)
+}
+
+/// What is left to be taken out of the base's motion.
+fn base_motion(dwells: &[DwellSummary]) -> BaseMotion {
+    if dwells.iter().any(|dwell| dwell.base_taken_out) { BaseMotion::Still } else { base_motion::detect(dwells) }
 }
 
 /// Upward components of the instrument's axes during a stay.

@@ -24,6 +24,7 @@ fn dwell(start_s: f64, index_deg: f64, rate_deg_h: f64) -> DwellSummary {
         freedom: 58,
         knocked: 0,
         moving: false,
+        base_taken_out: false,
     }
 }
 
@@ -229,6 +230,14 @@ fn too_little_is_refused() {
 fn three_positions_have_an_azimuth_but_no_redundancy() {
     // 0°, 120°, 240° at azimuth 0: h·1, h·cos 120° = −h/2 twice.
     let solution = solve_at(60.0, &stays(&[(0.0, 7.5205335), (120.0, -3.7602668), (240.0, -3.7602668)]));
+    assert_azimuth(&solution, 0.0, 1e-5);
+    assert_eq!(solution.closure_deg_h, None);
+}
+
+#[test]
+fn positions_between_the_quarters_have_no_closure() {
+    // h cos 45° = 5.3178202 at azimuth 0.
+    let solution = solve_at(60.0, &stays(&[(45.0, 5.3178202), (135.0, -5.3178202), (225.0, -5.3178202), (315.0, 5.3178202)]));
     assert_azimuth(&solution, 0.0, 1e-5);
     assert_eq!(solution.closure_deg_h, None);
 }

@@ -403,7 +403,12 @@ impl Sequencer {
     /// Boils the collected rows down to a stay.
     fn summarise(&mut self, counters: &mut Counters, sink: Sink) {
         let noise_deg_h = 60.0 * self.settings.gyro.arw_deg_per_sqrt_h;
-        if let Some(summary) = self.rows.summary(noise_deg_h) {
+        let base_motion = self.settings.model.as_ref().and_then(|model| model.base_motion());
+        let summary = match base_motion {
+            Some(velocity) => self.rows.summary_on_moving_base(velocity),
+            None => self.rows.summary(noise_deg_h),
+        };
+        if let Some(summary) = summary {
             counters.seconds_knocked = counters.seconds_knocked.saturating_add(summary.knocked.into());
             sink(Event::Dwell(Dwell {
                 position: self.position as u8,

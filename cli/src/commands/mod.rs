@@ -3,6 +3,7 @@
 mod bench;
 mod close_loop;
 mod completions;
+mod diagnose;
 mod find;
 mod import;
 mod instrument;
@@ -35,6 +36,7 @@ pub struct Cli {
 enum Command {
     Find(find::Find),
     Solve(solve::Solve),
+    Diagnose(diagnose::Diagnose),
     Simulate(simulate::Simulate),
     Import(import::Import),
     Bench(bench::Bench),
@@ -50,6 +52,7 @@ impl Cli {
         match self.command {
             Command::Find(find) => find.run(),
             Command::Solve(solve) => solve.run(),
+            Command::Diagnose(diagnose) => diagnose.run(),
             Command::Simulate(simulate) => simulate.run(),
             Command::Import(import) => import.run(),
             Command::Bench(bench) => bench.run(),

@@ -130,6 +130,9 @@ fn write_table(out: &mut dyn Write, runs: &[Solvable<'_>]) -> io::Result<()> {
         write!(out, "{:<width$}", each.run.file)?;
         match &each.solved {
             Ok(solution) => write_row(out, each, solution, with_reference)?,
+            Err(SolveError::NoChannel { channel, .. }) => {
+                writeln!(out, "  refused: the model follows channel `{channel}`, which is not recorded")?;
+            }
             Err(SolveError::File(_)) => writeln!(out, "  refused: the file is wrong, see below")?,
             Err(SolveError::Refused { refusal, .. }) => writeln!(out, "  refused: {refusal}")?,
         }

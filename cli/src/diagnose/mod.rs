@@ -1,15 +1,32 @@
 //! Closing the loop with measured data: residual → effect → model → errors before and after, on runs that took no part.
 
+mod assemble;
+mod candidate;
+mod checks;
+mod data;
+mod experiment;
+mod judge;
+mod learn;
+mod noise;
+mod problem;
 mod result;
+mod statistics;
+mod text;
 
 pub use result::{
     Candidate, Diagnosis, Effect, Experiment, NoiseTests, Rejected, RunDiagnosis, RunSeries, Spectra, Test, Warning,
 };
+pub use text::write;
 
+use north_finder::model::{ErrorModel, Term};
 use north_finder::settings::Settings;
 
-use crate::campaign::Campaign;
+use crate::campaign::{Campaign, Role};
 use crate::file_error::FileError;
+use candidate::Shape;
+use data::RunData;
+use learn::{Learned, Problem};
+use problem::Block;
 
 /// What may be chosen.
 #[derive(Clone, Debug, Default)]
@@ -31,8 +48,108 @@ pub enum Refusal {
     Run { run: String, line: Option<u64>, problem: String },
 }
 
+/// What was learned from some runs, in one or two stages.
+#[derive(Clone, Debug, Default)]
+struct Lesson {
+    /// Effects by the second.
+    by_second: Learned,
+    /// Where the base moves: whether by velocity, and what the stays then show.
+    by_stay: Option<(bool, Learned)>,
+    /// Files whose reference does not fit, with its error in degrees.
+    bad_references: Vec<(String, f64)>,
+    /// Lines of cells that were left out because they jump.
+    knocked: Vec<(String, u64)>,
+}
+
+impl Lesson {
+    /// What the model is made of.
+    fn learned(&self) -> &Learned {
+        self.by_stay.as_ref().map_or(&self.by_second, |(_, learned)| learned)
+    }
+
+    /// The model below the learned effects.
+    fn base(&self, base: &ErrorModel) -> ErrorModel {
+        let mut model = base.clone();
+        if let Some((velocity, _)) = self.by_stay {
+            let _ = model.terms.push(Term::BaseMotion { velocity });
+        }
+        model
+    }
+}
+
 /// Diagnoses a campaign.
 pub fn diagnose(campaign: &Campaign, options: &Options) -> Result<Diagnosis, Refusal> {
-    let _ = (campaign, options);
-    Err(Refusal::Campaign("not a campaign that can be learned from".into()))
+    let (runs, mut warnings) = data::read(campaign, options)?;
+    checks::refuse(&runs)?;
+    let constant = checks::constant_channels(&runs);
+    checks::warn(&runs, &constant, &mut warnings);
+    let base = options.settings.model.clone().unwrap_or_default();
+    let fit: Vec<&RunData> = runs.iter().filter(|run| run.role == Role::Fit).collect();
+    let lesson = study(&fit, &base, &constant);
+    assemble::diagnosis(campaign, &runs, &constant, &base, &lesson, warnings)
+}
+
+/// Learns from runs, whatever their role: the caller chooses them.
+fn study(runs: &[&RunData], base: &ErrorModel, constant: &[String]) -> Lesson {
+    let mut lesson = Lesson::default();
+    let candidates = candidate::all(runs, constant);
+    let mut distrusted: Vec<String> = Vec::new();
+    for _ in 0..3 {
+        let blocks = blocks_of(runs, &distrusted);
+        let problem = Problem::new(&blocks);
+        // Beforehand a wrong reference may hide behind what the effects do; afterwards it stands alone.
+        let none = vec![0.0; problem.rows()];
+        if distrust(&problem, &none, &mut distrusted, &mut lesson) {
+            continue;
+        }
+        lesson.by_second = learn::learn(&blocks, &candidates);
+        lesson.knocked = blocks
+            .iter()
+            .flat_map(|block| block.knocked.iter().map(|line| (block.run.file.clone(), *line)))
+            .collect();
+        let effects = problem.effects(&lesson.by_second.taken);
+        let moving = lesson.by_second.taken.iter().any(|each| each.candidate.shape == Shape::BaseMotion);
+        if moving || !distrust(&problem, &effects, &mut distrusted, &mut lesson) {
+            break;
+        }
+    }
+    if lesson.by_second.taken.iter().any(|each| each.candidate.shape == Shape::BaseMotion) {
+        lesson.by_stay = Some(study_stays(runs, base, constant, &distrusted));
+    }
+    lesson
+}
+
+/// Looks for a reference that does not fit the others; whether one was found.
+fn distrust(problem: &Problem, effects: &[f64], distrusted: &mut Vec<String>, lesson: &mut Lesson) -> bool {
+    match checks::outlying_reference(problem, effects) {
+        Some((place, error_deg)) => {
+            let file = problem.blocks[place].run.file.clone();
+            lesson.bad_references.push((file.clone(), error_deg));
+            distrusted.push(file);
+            true
+        }
+        None => false,
+    }
+}
+
+fn blocks_of<'a>(runs: &[&'a RunData], distrusted: &[String]) -> Vec<Block<'a>> {
+    runs.iter().filter_map(|run| Block::new(run, !distrusted.contains(&run.file))).collect()
+}
+
+/// On a moving base: the stays with the motion taken out, and what they show.
+fn study_stays(runs: &[&RunData], base: &ErrorModel, constant: &[String], distrusted: &[String]) -> (bool, Learned) {
+    let velocity = judge::noise_is_in_velocity(runs, base);
+    let mut model = base.clone();
+    let _ = model.terms.push(Term::BaseMotion { velocity });
+    let stays: Vec<RunData> = runs.iter().filter_map(|run| judge::stays_of(run, &model)).collect();
+    let stays: Vec<&RunData> = stays.iter().collect();
+    // What changes inside a stay, and what a stay's own tilt does, cannot be seen any more.
+    let candidates: Vec<_> = candidate::all(&stays, constant)
+        .into_iter()
+        .filter(|each| {
+            let tilt = matches!(each.channel.as_deref(), Some("ax_g" | "ay_g"));
+            !tilt && each.grid.is_empty() && each.shape != Shape::BaseMotion
+        })
+        .collect();
+    (velocity, learn::learn(&blocks_of(&stays, distrusted), &candidates))
 }

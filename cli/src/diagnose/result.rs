@@ -49,8 +49,6 @@ pub struct Diagnosis {
     pub warnings: Vec<Warning>,
     /// The error model with the effects in it: what `--model-out` writes.
     pub model: ErrorModel,
-    /// Effects that no model term can carry, because a fix cannot know them beforehand.
-    pub not_in_model: Vec<String>,
     /// One series a run, in the order of `runs`; for drawing.
     #[serde(skip)]
     pub series: Vec<RunSeries>,

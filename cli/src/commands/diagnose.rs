@@ -1,0 +1,62 @@
+//! `north diagnose`: closes the loop with measured data.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use north_finder::settings::Settings;
+
+use crate::campaign::Campaign;
+use crate::diagnose::{Options, diagnose, write};
+use crate::failure::Failure;
+use crate::output::JsonOption;
+use crate::settings_file::{declare_noise, read_model, read_settings, write_model};
+
+/// Find the effect that the model lacks, add it, and report the error before and after
+///
+/// Runs with the role "fit" may be learned from; runs with the role "check" are only judged. Without check runs that
+/// have a reference, the fit runs are judged by cross-validation.
+#[derive(Args, Debug)]
+#[command(after_help = "Example:\n  north diagnose acceptance-unit-7 --model-out unit-7.toml --report unit-7.html")]
+pub struct Diagnose {
+    /// A campaign: its folder or its campaign.toml
+    #[arg(value_name = "CAMPAIGN")]
+    campaign: PathBuf,
+    /// The error model that the instrument runs now; what is found is added to it
+    #[arg(long, value_name = "M.toml")]
+    model: Option<PathBuf>,
+    /// Settings (declared noise, thresholds), laid over the defaults
+    #[arg(long, value_name = "FILE")]
+    settings: Option<PathBuf>,
+    /// Write the error model with the effects in it, for `north solve --model` and for a board
+    #[arg(long, value_name = "M.toml")]
+    model_out: Option<PathBuf>,
+    #[command(flatten)]
+    json: JsonOption,
+}
+
+impl Diagnose {
+    pub fn run(self) -> Result<(), Failure> {
+        let campaign = Campaign::read(&self.campaign)?;
+        let options = Options { settings: self.settings(&campaign)? };
+        let diagnosis = diagnose(&campaign, &options).map_err(|refusal| Failure::Refused(refusal.to_string()))?;
+        write(&mut self.json.human(), &diagnosis)?;
+        if let Some(path) = &self.model_out {
+            write_model(path, &diagnosis.model)?;
+        }
+        self.json.write(&diagnosis)
+    }
+
+    fn settings(&self, campaign: &Campaign) -> Result<Settings, Failure> {
+        let mut settings = Settings::default();
+        if let Some(arw) = campaign.instrument.as_ref().and_then(|instrument| instrument.arw_deg_per_sqrt_h) {
+            declare_noise(&mut settings, arw);
+        }
+        if let Some(path) = &self.settings {
+            settings = read_settings(path, &settings)?;
+        }
+        if let Some(path) = &self.model {
+            settings.model = Some(read_model(path)?);
+        }
+        Ok(settings)
+    }
+}

@@ -1,0 +1,365 @@
+//! Candidate effects, built from what a campaign has: its channels whatever their names, its times, angles and rates.
+
+use std::collections::BTreeMap;
+
+use north_finder::model::{ChannelName, Conditions, ErrorModel, Evaluator, MAX_CHANNELS, Term};
+use north_finder::units::ARCSEC_PER_RAD;
+
+use super::data::RunData;
+
+/// What a candidate is, apart from its coefficients and its one non-linear constant.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Shape {
+    /// Powers 1 … n of a channel.
+    Powers(ChannelName, f64, usize),
+    Lag(ChannelName, f64),
+    LowPass(ChannelName, f64),
+    Rate(ChannelName),
+    RateLowPass(ChannelName),
+    Scale(ChannelName, f64),
+    ScaleFactor,
+    Drift(usize),
+    WarmUp,
+    Settling(SettlingBy, bool),
+    Harmonic(u8),
+    Nonlinearity(usize),
+    DeadZone,
+    Line,
+    Step,
+    EarthField,
+    IndexOffset,
+    IndexHarmonic,
+    BaseMotion,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SettlingBy {
+    Nothing,
+    Direction,
+    Travel,
+    Position,
+}
+
+/// A candidate effect.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    pub name: String,
+    pub kind: &'static str,
+    pub channel: Option<String>,
+    pub shape: Shape,
+    /// Values of the non-linear constant to begin with; empty where there is none.
+    pub grid: Vec<f64>,
+}
+
+/// Columns of a run: one a coefficient, one value a cell, °/h.
+pub type Columns = Vec<Vec<f64>>;
+
+impl Candidate {
+    fn new(name: impl Into<String>, kind: &'static str, channel: Option<&str>, shape: Shape, grid: Vec<f64>) -> Self {
+        Self { name: name.into(), kind, channel: channel.map(str::to_owned), shape, grid }
+    }
+
+    /// Its name, with the channel where that does not say it.
+    pub fn full_name(&self) -> String {
+        match &self.channel {
+            Some(channel) if channel != "temp_c" => format!("{}:{channel}", self.name),
+            _ => self.name.clone(),
+        }
+    }
+
+    /// Number of coefficients.
+    pub fn coefficients(&self) -> usize {
+        match self.shape {
+            Shape::Powers(_, _, n) | Shape::Drift(n) => n,
+            Shape::Harmonic(_) | Shape::Line | Shape::IndexHarmonic => 2,
+            Shape::Settling(SettlingBy::Position, _) => 2,
+            Shape::BaseMotion => 3,
+            _ => 1,
+        }
+    }
+
+    /// Fitted constants in all.
+    pub fn freedom(&self) -> usize {
+        self.coefficients() + usize::from(!self.grid.is_empty())
+    }
+
+    /// The model term with these coefficients and constant; `None` where the scale factor takes it.
+    pub fn term(&self, constant: f64, c: &[f64]) -> Option<Term> {
+        let at = |i: usize| c.get(i).copied().unwrap_or(0.0);
+        let channel = |channel, lag_s, low_pass_s, reference| Term::Channel {
+            channel,
+            lag_s,
+            low_pass_s,
+            reference,
+            linear_deg_h: at(0),
+            quadratic_deg_h: at(1),
+            cubic_deg_h: at(2),
+        };
+        Some(match self.shape {
+            Shape::Powers(name, reference, n) if name.as_str() == "temp_c" && n <= 2 => {
+                Term::Temperature { reference_c: reference, linear_deg_h_per_k: at(0), quadratic_deg_h_per_k2: at(1) }
+            }
+            Shape::Powers(name, reference, _) => channel(name, 0.0, 0.0, reference),
+            Shape::Lag(name, reference) => channel(name, constant, 0.0, reference),
+            Shape::LowPass(name, reference) => channel(name, 0.0, constant, reference),
+            Shape::Rate(name) if name.as_str() == "temp_c" => Term::TemperatureRate { deg_h_per_k_per_s: at(0) },
+            Shape::Rate(channel) => Term::ChannelRate { channel, low_pass_s: 0.0, deg_h_per_unit_per_s: at(0) },
+            Shape::RateLowPass(channel) => {
+                Term::ChannelRate { channel, low_pass_s: constant, deg_h_per_unit_per_s: at(0) }
+            }
+            Shape::Scale(name, reference) if name.as_str() == "temp_c" => {
+                Term::ScaleTemperature { reference_c: reference, per_k: at(0) }
+            }
+            Shape::Scale(channel, reference) => Term::ScaleChannel { channel, reference, per_unit: at(0) },
+            Shape::ScaleFactor => return None,
+            Shape::Drift(_) => Term::Drift { deg_h_per_h: at(0), deg_h_per_h2: at(1) },
+            Shape::WarmUp => Term::WarmUp { deg_h: at(0), tau_s: constant },
+            Shape::Settling(by, first_stay) => {
+                let only = |wanted| if by == wanted { at(0) } else { 0.0 };
+                Term::Settling {
+                    tau_s: constant,
+                    first_stay,
+                    deg_h: only(SettlingBy::Nothing),
+                    by_direction_deg_h: only(SettlingBy::Direction),
+                    deg_h_per_deg_travel: only(SettlingBy::Travel),
+                    cos_deg_h: only(SettlingBy::Position),
+                    sin_deg_h: if by == SettlingBy::Position { at(1) } else { 0.0 },
+                }
+            }
+            Shape::Harmonic(order) => Term::BodyHarmonic { order, cos_deg_h: at(0), sin_deg_h: at(1) },
+            Shape::Nonlinearity(2) => Term::RateNonlinearity { quadratic_per_deg_h: at(0), cubic_per_deg_h2: 0.0 },
+            Shape::Nonlinearity(_) => Term::RateNonlinearity { quadratic_per_deg_h: 0.0, cubic_per_deg_h2: at(0) },
+            Shape::DeadZone => Term::DeadZone { depth_deg_h: at(0), width_deg_h: constant },
+            Shape::Line => Term::Line { period_s: constant, cos_deg_h: at(0), sin_deg_h: at(1) },
+            Shape::Step => Term::Step { t_s: constant, deg_h: at(0) },
+            Shape::EarthField => Term::EarthField { east_deg_h: at(0), north_deg_h: 0.0 },
+            Shape::IndexOffset => Term::IndexError { offset_deg: at(0), cos_deg: 0.0, sin_deg: 0.0 },
+            Shape::IndexHarmonic => Term::IndexError { offset_deg: 0.0, cos_deg: at(0), sin_deg: at(1) },
+            Shape::BaseMotion => Term::BaseMotion { velocity: constant > 0.5 },
+        })
+    }
+
+    /// Names of the coefficients, and of the constant, as documented.
+    pub fn parameter_names(&self) -> (Vec<&'static str>, Option<&'static str>) {
+        let powers = |n: usize, names: [&'static str; 3]| names[..n.min(3)].to_vec();
+        match self.shape {
+            Shape::Powers(name, _, n) if name.as_str() == "temp_c" => {
+                (powers(n, ["deg_h_per_k", "deg_h_per_k2", "deg_h_per_k3"]), None)
+            }
+            Shape::Powers(_, _, n) => (powers(n, ["deg_h_per_unit", "deg_h_per_unit2", "deg_h_per_unit3"]), None),
+            Shape::Lag(..) => (vec!["deg_h_per_unit"], Some("lag_s")),
+            Shape::LowPass(..) => (vec!["deg_h_per_unit"], Some("tau_s")),
+            Shape::Rate(name) if name.as_str() == "temp_c" => (vec!["deg_h_per_k_per_s"], None),
+            Shape::Rate(_) => (vec!["deg_h_per_unit_per_s"], None),
+            Shape::RateLowPass(name) if name.as_str() == "temp_c" => (vec!["deg_h_per_k_per_s"], Some("tau_s")),
+            Shape::RateLowPass(_) => (vec!["deg_h_per_unit_per_s"], Some("tau_s")),
+            Shape::Scale(name, _) if name.as_str() == "temp_c" => (vec!["per_k"], None),
+            Shape::Scale(..) => (vec!["per_unit"], None),
+            Shape::ScaleFactor => (vec!["scale_error"], None),
+            Shape::Drift(n) => (powers(n, ["deg_h_per_h", "deg_h_per_h2", ""]), None),
+            Shape::WarmUp => (vec!["deg_h"], Some("tau_s")),
+            Shape::Settling(SettlingBy::Position, _) => (vec!["cos_deg_h", "sin_deg_h"], Some("tau_s")),
+            Shape::Settling(SettlingBy::Travel, _) => (vec!["deg_h_per_deg_travel"], Some("tau_s")),
+            Shape::Settling(..) => (vec!["deg_h"], Some("tau_s")),
+            Shape::Harmonic(_) => (vec!["cos_deg_h", "sin_deg_h"], None),
+            Shape::Nonlinearity(2) => (vec!["per_deg_h"], None),
+            Shape::Nonlinearity(_) => (vec!["per_deg_h2"], None),
+            Shape::DeadZone => (vec!["depth_deg_h"], Some("width_deg_h")),
+            Shape::Line => (vec!["cos_deg_h", "sin_deg_h"], Some("period_s")),
+            Shape::Step => (vec!["deg_h"], Some("t_s")),
+            Shape::EarthField => (vec!["east_deg_h"], None),
+            Shape::IndexOffset => (vec!["offset_deg"], None),
+            Shape::IndexHarmonic => (vec!["cos_deg", "sin_deg"], None),
+            Shape::BaseMotion => (vec!["gain_early", "gain", "gain_late"], None),
+        }
+    }
+
+    /// Parameters by name.
+    pub fn named(&self, constant: f64, coefficients: &[f64]) -> BTreeMap<String, f64> {
+        let (names, constant_name) = self.parameter_names();
+        let mut map: BTreeMap<_, _> = names.into_iter().map(str::to_owned).zip(coefficients.iter().copied()).collect();
+        map.extend(constant_name.map(|name| (name.to_owned(), constant)));
+        map
+    }
+
+    /// Whether the other is this one with more freedom, or less: the same cause, told in other words.
+    pub fn is_kin(&self, other: &Self) -> bool {
+        if self.channel != other.channel {
+            return false;
+        }
+        let value = |shape: &Shape| matches!(shape, Shape::Powers(..) | Shape::Lag(..) | Shape::LowPass(..));
+        let rate = |shape: &Shape| matches!(shape, Shape::Rate(_) | Shape::RateLowPass(_));
+        match (&self.shape, &other.shape) {
+            (Shape::Drift(_), Shape::Drift(_)) => true,
+            (Shape::Settling(a, _), Shape::Settling(b, _)) => a == b,
+            (a, b) => (value(a) && value(b)) || (rate(a) && rate(b)) || a == b,
+        }
+    }
+
+    /// The columns of a run: what unit coefficients add to the rate. `rate_deg_h` is the smooth rate that each cell has by
+    /// the fit so far, `azimuth_deg` the run's azimuth.
+    pub fn columns(&self, run: &RunData, constant: f64, rate_deg_h: &[f64], azimuth_deg: f64) -> Columns {
+        let psi = azimuth_deg.to_radians();
+        let h = run.earth.north_deg_h;
+        let cells = &run.cells;
+        let sin_alpha = |cos: f64, sin: f64| psi.sin() * cos - psi.cos() * sin;
+        let cos_alpha = |cos: f64, sin: f64| psi.cos() * cos + psi.sin() * sin;
+        // A reading too large by δ: ω = h cos(ψ − θ + δ), dω/dδ = −h sin(ψ − θ).
+        let per_degree = 1f64.to_radians() * h;
+        match self.shape {
+            Shape::EarthField => vec![cells.iter().map(|cell| sin_alpha(cell.cos, cell.sin)).collect()],
+            Shape::ScaleFactor => vec![cells.iter().map(|cell| h * cos_alpha(cell.cos, cell.sin)).collect()],
+            Shape::IndexOffset => {
+                vec![cells.iter().map(|cell| -per_degree * sin_alpha(cell.cos, cell.sin)).collect()]
+            }
+            Shape::IndexHarmonic => {
+                let by = |factor: fn(&super::data::Cell) -> f64| {
+                    cells.iter().map(|cell| -per_degree * sin_alpha(cell.cos, cell.sin) * factor(cell)).collect()
+                };
+                vec![by(|cell| cell.cos), by(|cell| cell.sin)]
+            }
+            Shape::BaseMotion => base_motion(run),
+            _ => (0..self.coefficients()).map(|i| self.evaluated(run, constant, i, rate_deg_h)).collect(),
+        }
+    }
+
+    /// A column by the firmware's own evaluation of the term with one coefficient of 1.
+    fn evaluated(&self, run: &RunData, constant: f64, i: usize, rate_deg_h: &[f64]) -> Vec<f64> {
+        let mut unit = vec![0.0; self.coefficients()];
+        unit[i] = 1.0;
+        let Some(term) = self.term(constant, &unit) else { return vec![0.0; run.cells.len()] };
+        let mut model = ErrorModel::default();
+        let _ = model.terms.push(term);
+        let extra = term.channel().filter(|name| !name.is_on_board());
+        let values = extra.and_then(|name| run.names.iter().position(|each| each == name.as_str()));
+        let mut evaluator = Evaluator::new(model);
+        let mut column = Vec::with_capacity(run.cells.len());
+        let mut waiting = 0;
+        for (k, (cell, &rate)) in run.cells.iter().zip(rate_deg_h).enumerate() {
+            let mut channels = [f64::NAN; MAX_CHANNELS];
+            if let Some(values) = values {
+                channels[0] = run.channels[values][k];
+            }
+            let conditions = Conditions {
+                t_s: cell.t_s,
+                seconds: cell.seconds,
+                raw_rate_deg_h: rate,
+                index: Some([cell.cos, cell.sin]),
+                temp_c: cell.temp_c,
+                level: cell.level,
+                channels,
+            };
+            let correction = evaluator.second(&conditions);
+            if correction.waiting && waiting < 16 {
+                waiting += 1;
+            } else if waiting > 0 {
+                let first = column.len() - waiting;
+                let rates = evaluator.rates_deg_h();
+                column[first..].iter_mut().for_each(|value| *value += rates);
+                waiting = 0;
+            }
+            column.push(correction.bias_deg_h + (correction.scale - 1.0) * rate);
+        }
+        column
+    }
+}
+
+/// Turning of the base about the sensitive axis by the accelerometers: the change to the second before, to the next, and
+/// over both, °/h.
+fn base_motion(run: &RunData) -> Columns {
+    let cells = &run.cells;
+    let tilt = |cell: &super::data::Cell| cell.level.map(|level| [level.forward, level.left]);
+    let rate = |i: usize, from: Option<usize>, to: usize| {
+        let (a, b) = (cells.get(from?)?, cells.get(to)?);
+        let here = &cells[i];
+        if a.stay != b.stay || a.moving || b.moving {
+            return None;
+        }
+        let ([p0, r0], [p1, r1]) = (tilt(a)?, tilt(b)?);
+        let elapsed = b.t_s - a.t_s;
+        Some((here.cos * (r1 - r0) - here.sin * (p1 - p0)) * ARCSEC_PER_RAD / elapsed)
+    };
+    let column = |back: usize, ahead: usize| {
+        (0..cells.len()).map(|i| rate(i, i.checked_sub(back), i + ahead).unwrap_or(0.0)).collect()
+    };
+    vec![column(1, 0), column(1, 1), column(0, 1)]
+}
+
+/// Logarithmic grid.
+fn geometric(from: f64, to: f64, steps: usize) -> Vec<f64> {
+    (0..steps).map(|i| from * (to / from).powf(i as f64 / (steps.max(2) - 1) as f64)).collect()
+}
+
+/// Every candidate that the runs allow.
+pub fn all(runs: &[&RunData], constant_channels: &[String]) -> Vec<Candidate> {
+    let mut list = Vec::new();
+    let Some(first) = runs.first() else { return list };
+    let longest_s = runs.iter().filter_map(|run| run.cells.last()).map(|cell| cell.t_s).fold(0.0, f64::max);
+    let step_s = runs.iter().filter_map(|run| run.cells.first()).map(|cell| cell.seconds).fold(1.0, f64::max);
+    for name in first.channel_names().iter().filter(|name| !constant_channels.contains(name)) {
+        of_channel(&mut list, name, runs, longest_s);
+    }
+    let taus = geometric(4.0 * step_s, 4.0 * longest_s, 9);
+    list.push(Candidate::new("drift", "bias", None, Shape::Drift(1), vec![]));
+    list.push(Candidate::new("drift-quadratic", "bias", None, Shape::Drift(2), vec![]));
+    list.push(Candidate::new("warm-up", "bias", None, Shape::WarmUp, taus.clone()));
+    let settling = geometric(2.0 * step_s, longest_s / 3.0, 8);
+    for (name, by) in [
+        ("settling", SettlingBy::Nothing),
+        ("settling-by-direction", SettlingBy::Direction),
+        ("settling-by-travel", SettlingBy::Travel),
+        ("settling-by-position", SettlingBy::Position),
+    ] {
+        list.push(Candidate::new(name, "bias", None, Shape::Settling(by, false), settling.clone()));
+    }
+    let every = Shape::Settling(SettlingBy::Nothing, true);
+    list.push(Candidate::new("settling-every-stay", "bias", None, every, settling));
+    for order in 1..=6 {
+        list.push(Candidate::new(format!("body-harmonic-{order}"), "bias", None, Shape::Harmonic(order), vec![]));
+    }
+    list.push(Candidate::new("rate-quadratic", "scale", None, Shape::Nonlinearity(2), vec![]));
+    list.push(Candidate::new("rate-cubic", "scale", None, Shape::Nonlinearity(3), vec![]));
+    list.push(Candidate::new("dead-zone", "scale", None, Shape::DeadZone, geometric(0.5, 10.0, 7)));
+    list.push(Candidate::new("scale-factor", "scale", None, Shape::ScaleFactor, vec![]));
+    list.push(Candidate::new("earth-field", "azimuth", None, Shape::EarthField, vec![]));
+    list.push(Candidate::new("index-offset", "index", None, Shape::IndexOffset, vec![]));
+    list.push(Candidate::new("index-eccentricity", "index", None, Shape::IndexHarmonic, vec![]));
+    // Frequencies from two periods in the longest run to half the rate of the cells, half a resolution apart.
+    let lines = (longest_s / step_s) as usize;
+    let stride = (lines / 256).max(1);
+    let periods = (4..lines).step_by(stride).map(|n| 2.0 * longest_s / n as f64).collect();
+    list.push(Candidate::new("line", "bias", None, Shape::Line, periods));
+    let steps = (1..32).map(|n| longest_s * f64::from(n) / 32.0).collect();
+    list.push(Candidate::new("step", "bias", None, Shape::Step, steps));
+    if runs.iter().all(|run| run.channel("ax_g").is_some()) {
+        list.push(Candidate::new("base-motion", "base-motion", None, Shape::BaseMotion, vec![]));
+    }
+    list
+}
+
+fn of_channel(list: &mut Vec<Candidate>, name: &str, runs: &[&RunData], longest_s: f64) {
+    let Some(channel) = ChannelName::new(name) else { return };
+    let values: Vec<f64> = runs.iter().filter_map(|run| run.channel(name)).flatten().collect();
+    if values.is_empty() || runs.iter().any(|run| run.channel(name).is_none()) {
+        return;
+    }
+    // A reference that reads well.
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    let temperature = name == "temp_c";
+    let prefix = if temperature { "temperature" } else { "channel" };
+    let scale = if temperature { "scale-temperature" } else { "scale-channel" };
+    let mut add = |suffix: &str, shape, grid| {
+        list.push(Candidate::new(format!("{prefix}{suffix}"), "bias", Some(name), shape, grid));
+    };
+    add("", Shape::Powers(channel, mean, 1), vec![]);
+    if name == "ax_g" || name == "ay_g" {
+        return;
+    }
+    add("-quadratic", Shape::Powers(channel, mean, 2), vec![]);
+    add("-cubic", Shape::Powers(channel, mean, 3), vec![]);
+    add("-rate", Shape::Rate(channel), vec![]);
+    add("-lag", Shape::Lag(channel, mean), geometric(3.0, 30.0, 5));
+    add("-low-pass", Shape::LowPass(channel, mean), geometric(5.0, longest_s, 7));
+    add("-rate-low-pass", Shape::RateLowPass(channel), geometric(10.0, longest_s, 6));
+    list.push(Candidate::new(scale, "scale", Some(name), Shape::Scale(channel, mean), vec![]));
+}

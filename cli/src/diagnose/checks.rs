@@ -1,0 +1,160 @@
+//! Doubts about a campaign, before anything is learned from it.
+
+use north_finder::units::{RAD_PER_DEG, wrap_180_deg};
+
+use super::data::RunData;
+use super::learn::Problem;
+use super::statistics::{f_tail, median};
+use super::{Refusal, Warning};
+use crate::campaign::Role;
+
+/// Relative amplitude error beyond which latitude and recording do not belong together.
+const AMPLITUDE_LIMIT: f64 = 0.03;
+/// A reference is an outlier when chance would give one as far out in fewer campaigns than this share.
+const OUTLIER: f64 = 1e-3;
+/// And by at least this much, degrees.
+const OUTLIER_DEG: f64 = 0.2;
+
+fn warning(message: String) -> Warning {
+    Warning { run: None, line: None, message }
+}
+
+/// Refuses what makes no sense at all.
+pub fn refuse(runs: &[RunData]) -> Result<(), Refusal> {
+    let turned: Vec<(f64, f64)> = runs
+        .iter()
+        .filter_map(|run| Some((run.before?.azimuth_deg, run.reference_deg?)))
+        .collect();
+    let typical = |sign: f64, offset: f64| {
+        median(turned.iter().map(|(found, truth)| wrap_180_deg(found - sign * truth - offset).abs()).collect())
+    };
+    if turned.len() >= 3 && typical(1.0, 0.0) > 20.0 {
+        if typical(1.0, 180.0) < 5.0 {
+            return Err(Refusal::Campaign(
+                "every azimuth is off by about 180 degrees: the gyro's sign is reversed (fog_arcsec counts right-handed \
+                 rotation about the axis as positive)"
+                    .into(),
+            ));
+        }
+        if typical(-1.0, 0.0) < 5.0 || typical(-1.0, 180.0) < 5.0 {
+            return Err(Refusal::Campaign(
+                "the azimuths mirror the references: index_deg must count counter-clockwise as seen from above, or the \
+                 references clockwise from north"
+                    .into(),
+            ));
+        }
+    }
+    let ratios: Vec<f64> =
+        runs.iter().filter_map(|run| Some(run.before?.amplitude_deg_h / run.earth.north_deg_h)).collect();
+    if ratios.len() >= 2 {
+        let middle = median(ratios.clone());
+        let spread = median(ratios.iter().map(|ratio| (ratio - middle).abs()).collect());
+        if (middle - 1.0).abs() > AMPLITUDE_LIMIT.max(6.0 * spread) {
+            let north = runs[0].earth.north_deg_h;
+            let cosine = middle * north / 15.041067;
+            let latitude = (cosine.clamp(-1.0, 1.0).acos() / RAD_PER_DEG * 100.0).round() / 100.0;
+            return Err(Refusal::Campaign(format!(
+                "the horizontal rate is {:.3} deg/h where the latitude of {} deg says {north:.3}: the latitude is wrong \
+                 (the rate belongs to {latitude} deg north or south) or the scale factor by {:+.1} %; correct that first",
+                middle * north,
+                runs[0].settings.latitude_deg,
+                100.0 * (middle - 1.0)
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Warnings about the campaign as a whole.
+pub fn warn(runs: &[RunData], constant: &[String], warnings: &mut Vec<Warning>) {
+    let fit: Vec<&RunData> = runs.iter().filter(|run| run.role == Role::Fit).collect();
+    if fit.is_empty() {
+        warnings.push(warning("no run has the role \"fit\": nothing may be learned, the runs are only judged".into()));
+    } else if fit.len() < 4 {
+        let count = fit.len();
+        warnings.push(warning(format!(
+            "only {count} run{} may be learned from: effects that change from run to run cannot be told from chance",
+            if count == 1 { "" } else { "s" }
+        )));
+    }
+    let headings: Vec<f64> = fit.iter().filter_map(|run| run.reference_deg).collect();
+    if let Some(first) = headings.first()
+        && headings.len() > 1
+        && headings.iter().all(|heading| wrap_180_deg(heading - first).abs() < 20.0)
+    {
+        warnings.push(warning(format!(
+            "all surveyed headings lie near {first:.1} deg: effects fixed to the body, to the Earth and to the index cannot \
+             be told apart"
+        )));
+    }
+    for name in constant {
+        warnings.push(warning(format!("column `{name}` never changes: it is left out")));
+    }
+    for run in runs {
+        if let Some(refusal) = &run.refusal {
+            warnings.push(Warning {
+                run: Some(run.file.clone()),
+                line: None,
+                message: format!("no azimuth before: {refusal}"),
+            });
+        }
+    }
+}
+
+/// Channels that never change in any run.
+pub fn constant_channels(runs: &[RunData]) -> Vec<String> {
+    let Some(first) = runs.first() else { return Vec::new() };
+    let still = |name: &String| {
+        let mut seen: Option<f64> = None;
+        runs.iter()
+            .filter_map(|run| run.channel(name))
+            .flatten()
+            .all(|value| (*seen.get_or_insert(value) - value).abs() <= 1e-12 * value.abs())
+    };
+    first.channel_names().into_iter().filter(|name| still(name)).collect()
+}
+
+/// The reference that does not fit the others, if there is one: its place among the blocks and its error. The errors of
+/// the others may depend on the heading as a first harmonic does.
+pub fn outlying_reference(problem: &Problem, effects: &[f64]) -> Option<(usize, f64)> {
+    let errors: Vec<(usize, f64, f64)> = problem
+        .azimuth_errors(effects)
+        .into_iter()
+        .enumerate()
+        .filter_map(|(i, each)| {
+            each.map(|(error, _)| (i, error, problem.blocks[i].run.reference_deg.unwrap_or(0.0).to_radians()))
+        })
+        .collect();
+    let number = errors.len();
+    if number < 5 {
+        return None;
+    }
+    let harmonic = number >= 8;
+    let parameters = if harmonic { 3 } else { 1 };
+    let squares = |without: Option<usize>| {
+        let kept: Vec<_> = errors.iter().filter(|(i, ..)| Some(*i) != without).collect();
+        let y: Vec<f64> = kept.iter().map(|each| each.1).collect();
+        let mut columns = vec![vec![1.0; kept.len()]];
+        if harmonic {
+            columns.push(kept.iter().map(|each| each.2.cos()).collect());
+            columns.push(kept.iter().map(|each| each.2.sin()).collect());
+        }
+        let mut left = y;
+        for each in super::statistics::orthonormalise(&[], columns) {
+            let along = super::statistics::dot(&left, &each);
+            super::statistics::subtract(&mut left, along, &each);
+        }
+        super::statistics::dot(&left, &left)
+    };
+    let all = squares(None);
+    let (index, error, best) = errors
+        .iter()
+        .map(|&(i, error, _)| (i, error, squares(Some(i))))
+        .min_by(|a, b| a.2.total_cmp(&b.2))?;
+    let freedom = (number - 1 - parameters) as f64;
+    // Survey and index alone scatter the others by a hundredth of a degree.
+    let scatter = (best / freedom).max(1e-4);
+    let p_value = f_tail((all - best) / scatter, 1.0, freedom) * number as f64;
+    let typical = median(errors.iter().map(|each| each.1).collect());
+    (p_value < OUTLIER && (error - typical).abs() > OUTLIER_DEG).then_some((index, error))
+}

@@ -1,0 +1,118 @@
+//! Before and after: azimuths by the firmware's replay with the model, on runs that took no part in learning.
+
+use north_finder::event::Fix;
+use north_finder::model::ErrorModel;
+use north_finder::units::wrap_180_deg;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::data::RunData;
+use super::learn::Learned;
+use super::statistics::rms;
+
+/// Bootstrap samples of the runs.
+const SAMPLES: usize = 2000;
+
+/// Azimuth of a run with what was learned: the fix, and its sigma with the parameters' uncertainty.
+pub fn azimuth_after(run: &RunData, base: &ErrorModel, learned: &Learned) -> Option<(Fix, f64)> {
+    let (fix, _) = run.solve(&learned.model(base))?;
+    let sigma_deg = fix.sigma_deg.hypot(parameter_sigma_deg(run, base, learned, &fix));
+    Some((fix, sigma_deg))
+}
+
+/// What the parameters' uncertainty does to the azimuth, degrees: by a step of one sigma along each principal direction
+/// of their covariance (its Cholesky factor's columns).
+pub fn parameter_sigma_deg(run: &RunData, base: &ErrorModel, learned: &Learned, fix: &Fix) -> f64 {
+    let nominal: Vec<f64> = learned.taken.iter().flat_map(|each| each.coefficients.clone()).collect();
+    let factor = cholesky(&learned.covariance);
+    let mut variance = 0.0;
+    for column in 0..nominal.len() {
+        let moved: Vec<f64> = nominal.iter().enumerate().map(|(i, value)| value + factor[i][column]).collect();
+        if let Some((moved, _)) = run.solve(&learned.model_with(base, &moved)) {
+            variance += wrap_180_deg(moved.azimuth_deg - fix.azimuth_deg).powi(2);
+        }
+    }
+    variance.sqrt()
+}
+
+/// Lower factor of a covariance; directions without variance are zero.
+fn cholesky(matrix: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let n = matrix.len();
+    let mut factor = vec![vec![0.0; n]; n];
+    for i in 0..n {
+        for j in 0..=i {
+            let sum: f64 = (0..j).map(|k| factor[i][k] * factor[j][k]).sum();
+            let left = matrix[i][j] - sum;
+            factor[i][j] = if i == j {
+                left.max(0.0).sqrt()
+            } else if factor[j][j] > 0.0 {
+                left / factor[j][j]
+            } else {
+                0.0
+            };
+        }
+    }
+    factor
+}
+
+/// Root mean square of errors with its 95 % interval, by drawing the runs with replacement.
+pub fn rms_with_interval(errors: &[f64]) -> Option<(f64, [f64; 2])> {
+    if errors.is_empty() {
+        return None;
+    }
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    let mut drawn: Vec<f64> = (0..SAMPLES)
+        .map(|_| rms(&errors.iter().map(|_| errors[random.random_range(0..errors.len())]).collect::<Vec<_>>()))
+        .collect();
+    drawn.sort_unstable_by(f64::total_cmp);
+    Some((rms(errors), [drawn[SAMPLES / 40], drawn[SAMPLES - 1 - SAMPLES / 40]]))
+}
+
+/// The stays of a run, the base's motion taken out, as cells of their own: what further effects are learned from.
+pub fn stays_of(run: &RunData, model: &ErrorModel) -> Option<RunData> {
+    let (fix, dwells) = run.solve(model)?;
+    let mut stays = run.clone();
+    stays.cells.clear();
+    stays.channels.iter_mut().for_each(Vec::clear);
+    let mut variance = 0.0;
+    for (number, (end_s, dwell)) in dwells.iter().enumerate() {
+        let inside: Vec<usize> = (0..run.cells.len())
+            .filter(|&i| run.cells[i].t_s < *end_s && run.cells[i].t_s > end_s - dwell.seconds - 1e-6)
+            .collect();
+        let mean = |value: &dyn Fn(usize) -> f64| inside.iter().map(|&i| value(i)).sum::<f64>() / inside.len() as f64;
+        let first = run.cells.get(*inside.first()?)?;
+        let level = first.level.map(|_| north_finder::level::Specific {
+            forward: mean(&|i| run.cells[i].level.map_or(0.0, |level| level.forward)),
+            left: mean(&|i| run.cells[i].level.map_or(0.0, |level| level.left)),
+        });
+        variance += dwell.sigma_deg_h.powi(2) * dwell.seconds / dwells.len() as f64;
+        stays.cells.push(super::data::Cell {
+            t_s: mean(&|i| run.cells[i].t_s),
+            seconds: dwell.seconds,
+            raw_deg_h: dwell.rate_deg_h,
+            cos: mean(&|i| run.cells[i].cos),
+            sin: mean(&|i| run.cells[i].sin),
+            temp_c: first.temp_c.map(|_| mean(&|i| run.cells[i].temp_c.unwrap_or(0.0))),
+            level,
+            moving: false,
+            stay: number,
+            line: first.line,
+        });
+        for (channel, values) in stays.channels.iter_mut().zip(&run.channels) {
+            channel.push(mean(&|i| values[i]));
+        }
+    }
+    stays.noise_deg_h = Some(variance.sqrt());
+    stays.before = Some(fix);
+    Some(stays)
+}
+
+/// Whether the accelerometers' noise is white in the velocity: the way that promises the smaller sigmas.
+pub fn noise_is_in_velocity(runs: &[&RunData], base: &ErrorModel) -> bool {
+    let promised = |velocity: bool| {
+        let mut model = base.clone();
+        let _ = model.terms.push(north_finder::model::Term::BaseMotion { velocity });
+        runs.iter().filter_map(|run| run.solve(&model)).map(|(fix, _)| fix.sigma_deg.powi(2)).sum::<f64>()
+    };
+    promised(true) < promised(false)
+}

@@ -1,0 +1,161 @@
+//! Azimuth errors: of each run, and against the heading.
+
+use std::path::Path;
+
+use north_finder::units::{wrap_180_deg, wrap_360_deg};
+
+use super::axis::Axis;
+use super::figure::{Canvas, Legend, figure};
+use super::html::{escape, number, table, with_sigma};
+use super::plot::{Plot, Side};
+use crate::campaign::Role;
+use crate::diagnose::{Diagnosis, RunDiagnosis};
+
+/// From this ratio on, the errors after are drawn a second time at a scale of their own.
+const ENLARGE: f64 = 4.0;
+/// Headings that spread less than this say nothing about the heading.
+const HEADINGS_DEG: f64 = 20.0;
+
+/// An error of a run with its sigma.
+struct Error {
+    run: usize,
+    heading_deg: f64,
+    value_deg: [f64; 2],
+    sigma_deg: [f64; 2],
+}
+
+pub fn section(diagnosis: &Diagnosis) -> String {
+    let errors = errors(diagnosis);
+    let mut html = String::from("<h2>Azimuth of each run</h2>\n");
+    if errors.is_empty() {
+        html.push_str("<p>No run that is judged has a surveyed azimuth: how far the azimuths are off is not known.</p>\n");
+    } else {
+        html.push_str(&by_run(&errors, diagnosis));
+        html.push_str(&by_heading(&errors));
+    }
+    html.push_str(&runs_table(diagnosis));
+    html
+}
+
+fn errors(diagnosis: &Diagnosis) -> Vec<Error> {
+    let error = |(run, it): (usize, &RunDiagnosis)| {
+        Some(Error {
+            run,
+            heading_deg: wrap_360_deg(it.reference_azimuth_deg.or(it.azimuth_after_deg)?),
+            value_deg: [it.error_before_deg?, it.error_after_deg?],
+            sigma_deg: [it.sigma_before_deg.unwrap_or_default(), it.sigma_after_deg.unwrap_or_default()],
+        })
+    };
+    diagnosis.runs.iter().enumerate().filter_map(error).collect()
+}
+
+fn by_run(errors: &[Error], diagnosis: &Diagnosis) -> String {
+    let largest = |side: usize| {
+        errors.iter().map(|error| error.value_deg[side].abs() + error.sigma_deg[side]).fold(0.0, f64::max)
+    };
+    let enlarged = largest(0) > ENLARGE * largest(1);
+    let names: Vec<String> = errors.iter().map(|error| short_name(&diagnosis.runs[error.run].file)).collect();
+    let draw = |canvas: Canvas| {
+        let mut plots = vec![runs_plot(canvas, errors, &names, &Side::BOTH)];
+        if enlarged {
+            let mut plot = runs_plot(canvas, errors, &names, &[Side::After]);
+            plot.corner("after, enlarged");
+            plots.push(plot);
+        }
+        plots
+    };
+    let inside = |side: usize| {
+        errors.iter().filter(|error| error.value_deg[side].abs() <= 2.0 * error.sigma_deg[side]).count()
+    };
+    let caption = format!(
+        "Azimuth minus reference; the bars are ± 1 sigma as the instrument reports it. Within 2 sigma of the reference: {} of \
+         {count} before, {} of {count} after (95 % are to be expected of honest sigmas).",
+        inside(0),
+        inside(1),
+        count = errors.len()
+    );
+    figure(Legend::Dots, "Azimuth error of each run before and after", &caption, draw)
+}
+
+fn runs_plot(canvas: Canvas, errors: &[Error], names: &[String], sides: &[Side]) -> Plot {
+    let ends = errors.iter().flat_map(|error| {
+        sides.iter().flat_map(|&side| {
+            let (value, sigma) = (error.value_deg[side as usize], error.sigma_deg[side as usize]);
+            [value - sigma, value + sigma]
+        })
+    });
+    let y = Axis::linear("azimuth error, °", ends.chain([0.0]));
+    let x = Axis::exact("run", -0.6, errors.len() as f64 - 0.4);
+    let mut plot = Plot::new(canvas.width, if canvas.narrow { 250.0 } else { 270.0 }, x, y);
+    let room = plot.frame_width() / (errors.len() as f64 + 0.2);
+    let every = (34.0 / room).ceil().max(1.0) as usize;
+    plot.x_ticks(names.iter().enumerate().step_by(every).map(|(i, name)| (i as f64, name.clone())).collect());
+    plot.level("zero", 0.0);
+    let shift = if sides.len() > 1 { (5.0 / room).min(0.25) } else { 0.0 };
+    for &side in sides {
+        let s = side as usize;
+        let x = |i: usize| i as f64 + if side == Side::Before { -shift } else { shift };
+        let bars = errors.iter().enumerate();
+        let bars = bars.map(|(i, it)| (x(i), it.value_deg[s] - it.sigma_deg[s], it.value_deg[s] + it.sigma_deg[s]));
+        plot.bars(&format!("bar {}", side.name()), bars);
+        plot.dots(side, errors.iter().enumerate().map(|(i, it)| (x(i), it.value_deg[s])));
+    }
+    plot
+}
+
+fn by_heading(errors: &[Error]) -> String {
+    let first = errors.first().map_or(0.0, |error| error.heading_deg);
+    let spread = errors.iter().map(|error| wrap_180_deg(error.heading_deg - first).abs()).fold(0.0, f64::max);
+    if errors.len() < 4 || spread < HEADINGS_DEG {
+        return String::new();
+    }
+    let draw = |canvas: Canvas| {
+        let y = Axis::linear("azimuth error, °", errors.iter().flat_map(|error| error.value_deg).chain([0.0]));
+        let mut plot = Plot::new(canvas.width, 240.0, Axis::exact("azimuth of the mark, °", 0.0, 360.0), y);
+        let step = if canvas.narrow { 90 } else { 45 };
+        plot.x_ticks((0..=360).step_by(step).map(|angle| (angle.into(), angle.to_string())).collect());
+        plot.level("zero", 0.0);
+        for side in Side::BOTH {
+            plot.dots(side, errors.iter().map(|error| (error.heading_deg, error.value_deg[side as usize])));
+        }
+        vec![plot]
+    };
+    let caption = "The same errors against the heading: a field fixed to the body, to the Earth, or a rate that is not linear \
+                   shows here and nowhere else.";
+    figure(Legend::Dots, "Azimuth error against heading before and after", caption, draw)
+}
+
+fn runs_table(diagnosis: &Diagnosis) -> String {
+    let head = [
+        ("run", false),
+        ("role", false),
+        ("before, °", true),
+        ("after, °", true),
+        ("reference, °", true),
+        ("flags after, notes", false),
+    ];
+    let azimuth = |value: Option<f64>, sigma| value.map_or("–".to_owned(), |value| with_sigma(value, sigma));
+    let row = |run: &RunDiagnosis| {
+        let notes = run.flags_after.iter().map(|flag| flag.replace('_', " ")).chain(run.notes.iter().cloned());
+        vec![
+            escape(&run.file),
+            if run.role == Role::Fit { "fit" } else { "check" }.to_owned(),
+            azimuth(run.azimuth_before_deg, run.sigma_before_deg),
+            azimuth(run.azimuth_after_deg, run.sigma_after_deg),
+            run.reference_azimuth_deg.map_or("–".to_owned(), |reference| number(reference, 6)),
+            escape(&notes.collect::<Vec<_>>().join("; ")),
+        ]
+    };
+    let rows: Vec<_> = diagnosis.runs.iter().map(row).collect();
+    format!("<details><summary>All {} runs in numbers</summary>\n{}</details>\n", rows.len(), table(&head, &rows))
+}
+
+/// What a run is called below a plot: its file's name without folder, extension and leading zeros.
+fn short_name(file: &str) -> String {
+    let stem = Path::new(file).file_stem().map_or_else(|| file.into(), |stem| stem.to_string_lossy());
+    match stem.trim_start_matches('0') {
+        "" => "0".into(),
+        name if name.chars().count() > 8 => name.chars().take(7).chain(['…']).collect(),
+        name => name.into(),
+    }
+}

@@ -1,0 +1,59 @@
+//! A figure of the page: legend, the drawing for wide and for narrow screens, caption.
+
+use super::plot::Plot;
+
+/// Widths of the drawings, pixels: what a desk and what a telephone shows at full size.
+const WIDE: f64 = 818.0;
+const NARROW: f64 = 344.0;
+
+/// What a drawing may depend on.
+#[derive(Clone, Copy, Debug)]
+pub struct Canvas {
+    pub width: f64,
+    pub narrow: bool,
+}
+
+/// What the marks of a figure mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Legend {
+    /// Dots with sigma bars.
+    Dots,
+    Lines,
+    /// Lines, and a dashed one for what the text says.
+    LinesAnd(&'static str),
+    None,
+}
+
+impl Legend {
+    fn html(self) -> String {
+        let dot = |side: &str| {
+            format!(
+                "<span><svg viewBox=\"0 0 26 12\" aria-hidden=\"true\"><path class=\"bar {side}\" d=\"M13 0V12\"/>\
+                 <circle class=\"dot {side}\" cx=\"13\" cy=\"6\" r=\"3.6\"/></svg>{side}</span>"
+            )
+        };
+        let line = |class: &str, text: &str| {
+            format!(
+                "<span><svg viewBox=\"0 0 26 12\" aria-hidden=\"true\"><path class=\"{class}\" d=\"M0 6H26\"/></svg>{text}\
+                 </span>"
+            )
+        };
+        let lines = || line("line before", "before") + &line("line after", "after");
+        let inner = match self {
+            Self::Dots => dot("before") + &dot("after"),
+            Self::Lines => lines(),
+            Self::LinesAnd(text) => lines() + &line("reference", text),
+            Self::None => return String::new(),
+        };
+        format!("<div class=\"legend\">{inner}</div>\n")
+    }
+}
+
+/// A figure of one drawing or several below each other.
+pub fn figure(legend: Legend, about: &str, caption: &str, draw: impl Fn(Canvas) -> Vec<Plot>) -> String {
+    let drawings = [(WIDE, "wide"), (NARROW, "narrow")].map(|(width, class)| {
+        let plots = draw(Canvas { width, narrow: class == "narrow" });
+        plots.into_iter().map(|plot| plot.finish(class, about)).collect::<String>()
+    });
+    format!("<figure>\n{}{}<figcaption>{caption}</figcaption>\n</figure>\n", legend.html(), drawings.concat())
+}

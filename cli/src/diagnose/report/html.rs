@@ -1,0 +1,114 @@
+//! Text for the page: escaping, numbers, names of units.
+
+use std::fmt::Write;
+
+/// Text as it may stand in HTML, in attributes too.
+pub fn escape(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for letter in text.chars() {
+        match letter {
+            '&' => escaped.push_str("&amp;"),
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            '"' => escaped.push_str("&quot;"),
+            '\'' => escaped.push_str("&#39;"),
+            letter => escaped.push(letter),
+        }
+    }
+    escaped
+}
+
+/// A number for a person: so many significant digits, a true minus sign, powers of ten where they are shorter.
+pub fn number(value: f64, significant: usize) -> String {
+    if !value.is_finite() {
+        return "–".into();
+    }
+    if value == 0.0 {
+        return "0".into();
+    }
+    let power = value.abs().log10().floor() as i32;
+    if !(-4..6).contains(&power) {
+        let text = format!("{value:.*e}", significant.saturating_sub(1));
+        let (mantissa, exponent) = text.split_once('e').unwrap_or((&text, "0"));
+        return format!("{}·10{}", minus(mantissa), raised(exponent));
+    }
+    let decimals = (significant as i32 - 1 - power).max(0) as usize;
+    minus(&format!("{value:.decimals$}"))
+}
+
+/// A value and its sigma: the sigma with two digits, the value with as many decimals.
+pub fn with_sigma(value: f64, sigma: Option<f64>) -> String {
+    let Some(sigma) = sigma.filter(|sigma| sigma.is_finite() && *sigma > 0.0) else { return number(value, 4) };
+    let power = sigma.log10().floor() as i32;
+    if !(-6..4).contains(&power) {
+        return format!("{} ± {}", number(value, 4), number(sigma, 2));
+    }
+    let decimals = (1 - power).max(0) as usize;
+    format!("{} ± {sigma:.decimals$}", minus(&format!("{value:.decimals$}")))
+}
+
+/// A probability; small ones as a bound would only hide how small they are.
+pub fn probability(p: f64) -> String {
+    if p >= 0.001 { format!("{p:.3}") } else { number(p, 1) }
+}
+
+/// A list in words, with code formatting.
+pub fn code_list(names: &[String]) -> String {
+    names.iter().map(|name| format!("<code>{}</code>", escape(name))).collect::<Vec<_>>().join(", ")
+}
+
+/// An HTML table; `stack` names the columns again where a narrow screen stacks them.
+pub fn table(head: &[(&str, bool)], rows: &[Vec<String>]) -> String {
+    let mut html = String::from("<table class=\"stack\"><thead><tr>");
+    for (name, numeric) in head {
+        let _ = write!(html, "<th{}>{name}</th>", if *numeric { " class=\"n\"" } else { "" });
+    }
+    html.push_str("</tr></thead><tbody>\n");
+    for row in rows {
+        html.push_str("<tr>");
+        for (cell, (name, numeric)) in row.iter().zip(head) {
+            let class = if *numeric { " class=\"n\"" } else { "" };
+            let _ = write!(html, "<td{class} data-name=\"{name}\">{cell}</td>");
+        }
+        html.push_str("</tr>\n");
+    }
+    html.push_str("</tbody></table>\n");
+    html
+}
+
+fn minus(text: &str) -> String {
+    text.replace('-', "−")
+}
+
+fn raised(exponent: &str) -> String {
+    let raise = |digit: char| match digit {
+        '-' => '⁻',
+        '1' => '¹',
+        '2' => '²',
+        '3' => '³',
+        digit => char::from_u32('⁰' as u32 + digit.to_digit(10).unwrap_or(0)).unwrap_or(digit),
+    };
+    exponent.chars().map(raise).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_for_a_person() {
+        assert_eq!(number(-0.012345, 3), "−0.0123");
+        assert_eq!(number(1234.5, 2), "1234");
+        assert_eq!(number(1.5e-9, 2), "1.5·10⁻⁹");
+        assert_eq!(number(0.0, 3), "0");
+        assert_eq!(number(f64::NAN, 3), "–");
+        assert_eq!(with_sigma(9.1234, Some(0.213)), "9.12 ± 0.21");
+        assert_eq!(with_sigma(-912.34, Some(21.3)), "−912 ± 21");
+        assert_eq!(with_sigma(9.1234, None), "9.123");
+    }
+
+    #[test]
+    fn nothing_escapes() {
+        assert_eq!(escape("<b a=\"x\">&'"), "&lt;b a=&quot;x&quot;&gt;&amp;&#39;");
+    }
+}

@@ -1,0 +1,40 @@
+//! The report: one self-contained HTML page about a diagnosis. No scripts, nothing fetched, light and dark, any width.
+
+mod abscissa;
+mod axis;
+mod errors;
+mod figure;
+mod findings;
+mod html;
+mod plot;
+mod residuals;
+mod summary;
+
+use super::Diagnosis;
+use self::html::escape;
+
+const STYLE: &str = include_str!("style.css");
+
+/// The whole page. Every figure is drawn twice, for wide and for narrow screens; the style sheet shows one of them.
+pub fn html(diagnosis: &Diagnosis) -> String {
+    let title = diagnosis.title.as_deref().unwrap_or("Campaign");
+    let sections = [
+        summary::section(diagnosis),
+        errors::section(diagnosis),
+        findings::effects(diagnosis),
+        residuals::section(diagnosis),
+        findings::candidates(diagnosis),
+        findings::noise(diagnosis),
+        findings::experiment(diagnosis),
+        findings::open(diagnosis),
+        findings::model(diagnosis),
+    ];
+    format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n<title>{title}: diagnosis</title>\n\
+         <style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n{}</main>\n</body>\n</html>\n",
+        sections.concat(),
+        title = escape(title),
+    )
+}

@@ -1,0 +1,60 @@
+//! The head of the page: the verdict in a sentence, and the few numbers that carry it.
+
+use std::fmt::Write;
+
+use super::html::{code_list, escape, number};
+use crate::diagnose::Diagnosis;
+
+pub fn section(diagnosis: &Diagnosis) -> String {
+    let title = diagnosis.title.as_deref().unwrap_or("Campaign");
+    let mut html =
+        format!("<h1>{}</h1>\n<p class=\"verdict\">{}</p>\n", escape(title), escape(&diagnosis.verdict));
+    html.push_str("<div class=\"tiles\">\n");
+    if let (Some(before), Some(after)) = (diagnosis.azimuth_rms_before_deg, diagnosis.azimuth_rms_after_deg) {
+        let intervals = [diagnosis.azimuth_rms_before_interval_deg, diagnosis.azimuth_rms_after_interval_deg];
+        tile(&mut html, "Azimuth error, rms", &change(before, after, "°"), &azimuth_note(diagnosis, intervals));
+    }
+    let (before, after) = (diagnosis.residual_rms_before_deg_h, diagnosis.residual_rms_after_deg_h);
+    let noise = format!("of one second; noise alone: {} °/h", number(diagnosis.noise.noise_deg_h, 3));
+    tile(&mut html, "Residual of the rate, rms", &change(before, after, " °/h"), &noise);
+    let names: Vec<String> = diagnosis.effects.iter().map(|effect| effect.name.clone()).collect();
+    let found = match names.len() {
+        0 => "no effect".to_owned(),
+        1 => "1 effect".to_owned(),
+        count => format!("{count} effects"),
+    };
+    let named = if names.is_empty() { "nothing stands out of the noise".to_owned() } else { code_list(&names) };
+    tile(&mut html, "Learned", &found, &named);
+    let open = if diagnosis.unexplained { "structure remains" } else { "nothing that shows" };
+    let open_note =
+        if diagnosis.unexplained { "that no candidate explains" } else { "the residual passes for noise" };
+    tile(&mut html, "Still open", open, open_note);
+    html.push_str("</div>\n");
+    html
+}
+
+fn tile(html: &mut String, name: &str, value: &str, note: &str) {
+    let _ = writeln!(html, "<div class=\"tile\"><span>{name}</span><b>{value}</b><small>{note}</small></div>");
+}
+
+fn change(before: f64, after: f64, unit: &str) -> String {
+    format!("{}{unit} → {}{unit}", number(before, 3), number(after, 3))
+}
+
+fn azimuth_note(diagnosis: &Diagnosis, intervals: [Option<[f64; 2]>; 2]) -> String {
+    let judged = diagnosis.runs.iter().filter(|run| run.error_after_deg.is_some()).count();
+    let how = match diagnosis.judged_on {
+        Some("cross-validation") => "cross-validated over the runs that were learned from".to_owned(),
+        _ => format!("on {judged} runs that took no part in learning"),
+    };
+    match intervals {
+        [Some([b0, b1]), Some([a0, a1])] => format!(
+            "{how}; 95 % intervals {}–{}° and {}–{}°",
+            number(b0, 2),
+            number(b1, 2),
+            number(a0, 2),
+            number(a1, 2)
+        ),
+        _ => how,
+    }
+}

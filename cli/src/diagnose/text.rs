@@ -1,0 +1,112 @@
+//! The diagnosis on a terminal.
+
+use std::io::{self, Write};
+
+use super::{Diagnosis, RunDiagnosis};
+
+/// Most candidates that are listed as left.
+const LISTED: usize = 8;
+
+/// Writes the diagnosis for a person.
+pub fn write(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
+    writeln!(out, "{}", diagnosis.verdict)?;
+    for warning in &diagnosis.warnings {
+        let run = warning.run.as_deref().map_or(String::new(), |run| format!("{run}: "));
+        let line = warning.line.map_or(String::new(), |line| format!("line {line}: "));
+        writeln!(out, "warning: {run}{line}{}", warning.message)?;
+    }
+    write_runs(out, diagnosis)?;
+    write_effects(out, diagnosis)?;
+    writeln!(
+        out,
+        "\nresidual of a second: {:.4} deg/h rms before, {:.4} after; noise {:.4}",
+        diagnosis.residual_rms_before_deg_h, diagnosis.residual_rms_after_deg_h, diagnosis.noise.noise_deg_h
+    )?;
+    for (when, tests) in [("before", &diagnosis.noise.before), ("after", &diagnosis.noise.after)] {
+        let words: Vec<String> = tests
+            .iter()
+            .map(|test| format!("{} {} (p = {:.2e})", test.name, if test.passed { "passed" } else { "failed" }, test.p_value))
+            .collect();
+        writeln!(out, "  {when:6}: {}", words.join(", "))?;
+    }
+    for evidence in &diagnosis.unexplained_evidence {
+        writeln!(out, "unexplained: {evidence}")?;
+    }
+    let left: Vec<_> = diagnosis.rejected.iter().take(LISTED).collect();
+    if !left.is_empty() {
+        writeln!(out, "\nleft (of {} candidates):", diagnosis.candidates.len())?;
+        for each in left {
+            let channel = each.channel.as_deref().map_or(String::new(), |channel| format!(" ({channel})"));
+            writeln!(out, "  {}{channel}: {}", each.name, each.why)?;
+        }
+    }
+    if let Some(experiment) = &diagnosis.next_experiment {
+        writeln!(out, "\nnext experiment: {}", experiment.description)?;
+    }
+    Ok(())
+}
+
+fn write_runs(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
+    let width = diagnosis.runs.iter().map(|run| run.file.chars().count()).max().unwrap_or_default().max(4);
+    writeln!(out, "\n{:<width$}  role   before (sigma), deg        after (sigma), deg      error before  after", "run")?;
+    for run in &diagnosis.runs {
+        write_run(out, run, width)?;
+    }
+    let rms = |value: Option<f64>, interval: Option<[f64; 2]>| match (value, interval) {
+        (Some(value), Some([low, high])) => format!("{value:.4} ({low:.4} to {high:.4})"),
+        _ => "-".into(),
+    };
+    if let Some(judged_on) = diagnosis.judged_on {
+        writeln!(
+            out,
+            "azimuth error, deg rms (95 % interval), judged on {}: {} before, {} after",
+            judged_on.replace('-', " "),
+            rms(diagnosis.azimuth_rms_before_deg, diagnosis.azimuth_rms_before_interval_deg),
+            rms(diagnosis.azimuth_rms_after_deg, diagnosis.azimuth_rms_after_interval_deg)
+        )?;
+    }
+    Ok(())
+}
+
+fn write_run(out: &mut dyn Write, run: &RunDiagnosis, width: usize) -> io::Result<()> {
+    let azimuth = |azimuth: Option<f64>, sigma: Option<f64>| match (azimuth, sigma) {
+        (Some(azimuth), Some(sigma)) => format!("{azimuth:9.4} ({sigma:8.4})"),
+        _ => "-".into(),
+    };
+    let error = |error: Option<f64>| error.map_or("-".into(), |error| format!("{error:+.4}"));
+    let role = format!("{:?}", run.role).to_lowercase();
+    writeln!(
+        out,
+        "{:<width$}  {role:<5}  {:>22}  {:>22}  {:>10}  {:>10}",
+        run.file,
+        azimuth(run.azimuth_before_deg, run.sigma_before_deg),
+        azimuth(run.azimuth_after_deg, run.sigma_after_deg),
+        error(run.error_before_deg),
+        error(run.error_after_deg)
+    )?;
+    run.notes.iter().try_for_each(|note| writeln!(out, "{:width$}  {note}", ""))
+}
+
+fn write_effects(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
+    if diagnosis.effects.is_empty() {
+        return writeln!(out, "\nno effect was found");
+    }
+    writeln!(out, "\neffects:")?;
+    for effect in &diagnosis.effects {
+        let channel = effect.channel.as_deref().map_or(String::new(), |channel| format!(" ({channel})"));
+        let parameters: Vec<String> = effect
+            .parameters
+            .iter()
+            .map(|(name, value)| format!("{name} = {value:.6} ± {:.6}", effect.sigma.get(name).copied().unwrap_or(0.0)))
+            .collect();
+        writeln!(out, "  {}{channel}: {}; p = {:.1e}", effect.name, parameters.join(", "), effect.p_value)?;
+        writeln!(out, "    {}", effect.evidence)?;
+        if !effect.ambiguous_with.is_empty() {
+            writeln!(out, "    this campaign cannot tell it from: {}", effect.ambiguous_with.join(", "))?;
+        }
+        if !effect.board {
+            writeln!(out, "    no board measures that channel: the model is for recordings only")?;
+        }
+    }
+    Ok(())
+}

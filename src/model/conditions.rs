@@ -1,0 +1,171 @@
+//! What the terms depend on, second by second.
+
+use heapless::Deque;
+
+use super::channel::{ChannelName, FORWARD, LEFT, MAX_CHANNELS, TEMPERATURE};
+use crate::level::Specific;
+use crate::units::{DEG_PER_RAD, wrap_180_deg};
+
+/// The index is at rest while it stays within this, degrees.
+const REST_DEG: f64 = 0.5;
+/// Samples that a channel's past is kept for.
+const PAST: usize = 32;
+/// Samples that a rate of change is taken over, and the fewest that give one.
+const RATE_SAMPLES: usize = 30;
+const LEAST_RATE_SAMPLES: usize = 10;
+
+/// What a second (or a longer row) was like.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Conditions {
+    /// Middle of the second since switch-on, and its length, seconds.
+    pub t_s: f64,
+    pub seconds: f64,
+    /// Mean rate as the gyro gave it, °/h.
+    pub raw_rate_deg_h: f64,
+    /// Mean cosine and sine of the index angle.
+    pub index: Option<[f64; 2]>,
+    /// Gyro temperature, °C.
+    pub temp_c: Option<f64>,
+    /// Level accelerometers.
+    pub level: Option<Specific>,
+    /// Channels beyond these, in the order of [`super::ErrorModel::channels`]; not-a-number where absent.
+    pub channels: [f64; MAX_CHANNELS],
+}
+
+impl Default for Conditions {
+    fn default() -> Self {
+        Self {
+            t_s: 0.0,
+            seconds: 1.0,
+            raw_rate_deg_h: 0.0,
+            index: None,
+            temp_c: None,
+            level: None,
+            channels: [f64::NAN; MAX_CHANNELS],
+        }
+    }
+}
+
+impl Conditions {
+    /// The value of a channel; `extra` are the names of [`Self::channels`].
+    pub fn value(&self, name: &ChannelName, extra: &[ChannelName]) -> Option<f64> {
+        let value = match name.as_str() {
+            TEMPERATURE => self.temp_c,
+            FORWARD => self.level.map(|level| level.forward),
+            LEFT => self.level.map(|level| level.left),
+            _ => extra.iter().zip(self.channels).find_map(|(each, value)| (each == name).then_some(value)),
+        };
+        value.filter(|value| value.is_finite())
+    }
+}
+
+/// A channel's past: rate of change, earlier values, low-pass.
+#[derive(Clone, Debug, Default)]
+pub struct History {
+    /// Time and value, oldest first.
+    past: Deque<(f64, f64), PAST>,
+    low: Option<f64>,
+}
+
+impl History {
+    /// Takes a value at `t_s`, the middle of a second. The low-pass of time constant `low_pass_s` (0: none) starts at the
+    /// first value. A missing value starts everything again.
+    pub fn push(&mut self, t_s: f64, value: Option<f64>, low_pass_s: f64) {
+        let Some(value) = value else {
+            *self = Self::default();
+            return;
+        };
+        let passed = match (self.low, self.past.back()) {
+            (Some(low), Some(&(last_s, _))) if low_pass_s > 0.0 => {
+                low + (value - low) * (1.0 - libm::exp(-(t_s - last_s).max(0.0) / low_pass_s))
+            }
+            _ => value,
+        };
+        self.low = Some(passed);
+        if self.past.is_full() {
+            self.past.pop_front();
+        }
+        let _ = self.past.push_back((t_s, passed));
+    }
+
+    /// The latest value, low-passed.
+    pub fn latest(&self) -> Option<f64> {
+        self.low
+    }
+
+    /// The value of `lag_s` ago, between samples by a straight line; the oldest if nothing is that old.
+    pub fn lagged(&self, lag_s: f64) -> Option<f64> {
+        let &(now_s, latest) = self.past.back()?;
+        let wanted_s = now_s - lag_s;
+        let mut after = (now_s, latest);
+        for &(t_s, value) in self.past.iter().rev() {
+            if t_s <= wanted_s {
+                let share = if after.0 > t_s { (wanted_s - t_s) / (after.0 - t_s) } else { 0.0 };
+                return Some(value + share * (after.1 - value));
+            }
+            after = (t_s, value);
+        }
+        Some(after.1)
+    }
+
+    /// Rate of change per second: least-squares slope over the last half minute, so that a sensor that resolves 0.01 K
+    /// still gives 1e-4 K/s. `None` before ten values are there.
+    pub fn rate(&self) -> Option<f64> {
+        let count = self.past.len().min(RATE_SAMPLES);
+        if count < LEAST_RATE_SAMPLES {
+            return None;
+        }
+        let last = || self.past.iter().skip(self.past.len() - count);
+        let number = count as f64;
+        let mean_s = last().map(|(t_s, _)| t_s).sum::<f64>() / number;
+        let (mut with_time, mut time_squared) = (0.0, 0.0);
+        for (t_s, value) in last() {
+            with_time += (t_s - mean_s) * value;
+            time_squared += (t_s - mean_s) * (t_s - mean_s);
+        }
+        (time_squared > 0.0).then(|| with_time / time_squared)
+    }
+}
+
+/// The index' last move.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Travel {
+    last_deg: Option<f64>,
+    moving: bool,
+    /// Way of the move that is going on or was the last, degrees, counter-clockwise positive.
+    travel_deg: f64,
+    /// When it ended (or, before any move, when the first second began).
+    rest_since_s: f64,
+    moved: bool,
+}
+
+impl Travel {
+    pub fn push(&mut self, conditions: &Conditions) {
+        let Some([cos, sin]) = conditions.index else { return };
+        let index_deg = libm::atan2(sin, cos) * DEG_PER_RAD;
+        let start_s = conditions.t_s - 0.5 * conditions.seconds;
+        let Some(last_deg) = self.last_deg.replace(index_deg) else {
+            self.rest_since_s = start_s;
+            return;
+        };
+        let way_deg = wrap_180_deg(index_deg - last_deg);
+        let moving = way_deg.abs() > REST_DEG;
+        if moving {
+            self.travel_deg = if self.moving { self.travel_deg + way_deg } else { way_deg };
+            self.moved = true;
+            // Where rows leave the move out, rest begins with this very row.
+            self.rest_since_s = start_s;
+        }
+        self.moving = moving;
+    }
+
+    /// Time since the last move at the middle of the second, and its way; `None` before any move.
+    pub fn since(&self, t_s: f64) -> Option<(f64, f64)> {
+        self.moved.then_some((t_s - self.rest_since_s, self.travel_deg))
+    }
+
+    /// Time since rest began, be it by a move or by switching on.
+    pub fn rest_s(&self, t_s: f64) -> f64 {
+        t_s - self.rest_since_s
+    }
+}

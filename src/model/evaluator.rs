@@ -1,0 +1,186 @@
+//! The model at work: it remembers what lags, low-passes, rates of change and the time since a move need.
+
+use heapless::Vec;
+
+use super::channel::{ChannelName, TEMPERATURE};
+use super::conditions::{Conditions, History, Travel};
+use super::{Correction, ErrorModel, MAX_TERMS, Term};
+use crate::earth::EarthRate;
+use crate::units::{DEG_PER_RAD, wrap_360_deg};
+
+/// Evaluates a model second by second, in the order of time.
+#[derive(Clone, Debug)]
+pub struct Evaluator {
+    model: ErrorModel,
+    /// One past a term; only terms that follow a channel use theirs.
+    pasts: [History; MAX_TERMS],
+    channels: Vec<ChannelName, { super::MAX_CHANNELS }>,
+    travel: Travel,
+}
+
+impl Evaluator {
+    pub fn new(model: ErrorModel) -> Self {
+        let channels = model.channels();
+        Self { model, pasts: core::array::from_fn(|_| History::default()), channels, travel: Travel::default() }
+    }
+
+    pub fn model(&self) -> &ErrorModel {
+        &self.model
+    }
+
+    /// Takes the next second; gives what turns its raw rate into a true one.
+    pub fn second(&mut self, conditions: &Conditions) -> Correction {
+        self.travel.push(conditions);
+        for (term, past) in self.model.terms.iter().zip(&mut self.pasts) {
+            let (name, low_pass_s) = match *term {
+                Term::TemperatureRate { .. } => (ChannelName::new(TEMPERATURE), 0.0),
+                Term::Channel { channel, low_pass_s, .. } | Term::ChannelRate { channel, low_pass_s, .. } => {
+                    (Some(channel), low_pass_s)
+                }
+                _ => continue,
+            };
+            let value = name.and_then(|name| conditions.value(&name, &self.channels));
+            past.push(conditions.t_s, value, low_pass_s);
+        }
+        let mut correction =
+            Correction { bias_deg_h: self.model.bias_deg_h, scale: 1.0 + self.model.scale_error, waiting: false };
+        for (term, past) in self.model.terms.iter().zip(&self.pasts) {
+            self.add(term, past, conditions, &mut correction);
+        }
+        correction
+    }
+
+    /// What the rates of change add to the bias now, °/h. A recording's first seconds, when no rate is known yet, are
+    /// corrected by the first one.
+    pub fn rates_deg_h(&self) -> f64 {
+        self.model.terms.iter().zip(&self.pasts).filter_map(|(term, past)| rate_deg_h(term, past)).sum()
+    }
+
+    fn add(&self, term: &Term, past: &History, conditions: &Conditions, correction: &mut Correction) {
+        let above = |reference_c| conditions.temp_c.map_or(0.0, |temp_c| temp_c - reference_c);
+        let hours = conditions.t_s / 3600.0;
+        let [cos, sin] = conditions.index.unwrap_or_default();
+        correction.bias_deg_h += match *term {
+            Term::Temperature { reference_c, linear_deg_h_per_k, quadratic_deg_h_per_k2 } => {
+                let above_k = above(reference_c);
+                (linear_deg_h_per_k + quadratic_deg_h_per_k2 * above_k) * above_k
+            }
+            Term::TemperatureRate { .. } | Term::ChannelRate { .. } => {
+                let rate_deg_h = rate_deg_h(term, past);
+                correction.waiting |= rate_deg_h.is_none();
+                rate_deg_h.unwrap_or(0.0)
+            }
+            Term::ScaleTemperature { reference_c, per_k } => {
+                correction.scale += per_k * above(reference_c);
+                0.0
+            }
+            Term::Channel { lag_s, reference, linear_deg_h, quadratic_deg_h, cubic_deg_h, .. } => {
+                let value = if lag_s > 0.0 { past.lagged(lag_s) } else { past.latest() };
+                let u = value.map_or(0.0, |value| value - reference);
+                ((cubic_deg_h * u + quadratic_deg_h) * u + linear_deg_h) * u
+            }
+            Term::ScaleChannel { channel, reference, per_unit } => {
+                let value = conditions.value(&channel, &self.channels);
+                correction.scale += per_unit * value.map_or(0.0, |value| value - reference);
+                0.0
+            }
+            Term::Drift { deg_h_per_h, deg_h_per_h2 } => (deg_h_per_h + deg_h_per_h2 * hours) * hours,
+            Term::WarmUp { deg_h, tau_s } => deg_h * libm::exp(-conditions.t_s.max(0.0) / tau_s),
+            Term::Settling { .. } => self.settling_deg_h(term, conditions),
+            Term::BodyHarmonic { order, cos_deg_h, sin_deg_h } => {
+                let angle = f64::from(order) * libm::atan2(sin, cos);
+                cos_deg_h * libm::cos(angle) + sin_deg_h * libm::sin(angle)
+            }
+            Term::RateNonlinearity { quadratic_per_deg_h, cubic_per_deg_h2 } => {
+                let rate = conditions.raw_rate_deg_h;
+                (quadratic_per_deg_h + cubic_per_deg_h2 * rate) * rate * rate
+            }
+            Term::DeadZone { depth_deg_h, width_deg_h } => {
+                let x = conditions.raw_rate_deg_h / width_deg_h;
+                -depth_deg_h * x * libm::exp(0.5 * (1.0 - x * x))
+            }
+            Term::Line { period_s, cos_deg_h, sin_deg_h } => {
+                let phase = core::f64::consts::TAU * conditions.t_s / period_s;
+                cos_deg_h * libm::cos(phase) + sin_deg_h * libm::sin(phase)
+            }
+            Term::Step { t_s, deg_h } => {
+                // The share of the second that lies after the step.
+                let after = (conditions.t_s - t_s) / conditions.seconds.max(f64::MIN_POSITIVE) + 0.5;
+                deg_h * after.clamp(0.0, 1.0)
+            }
+            Term::EarthField { .. } | Term::IndexError { .. } | Term::BaseMotion { .. } => 0.0,
+        };
+    }
+
+    fn settling_deg_h(&self, term: &Term, conditions: &Conditions) -> f64 {
+        let &Term::Settling {
+            tau_s,
+            first_stay,
+            deg_h,
+            by_direction_deg_h,
+            deg_h_per_deg_travel,
+            cos_deg_h,
+            sin_deg_h,
+        } = term
+        else {
+            return 0.0;
+        };
+        let moved = self.travel.since(conditions.t_s);
+        let (since_s, travel_deg) = match moved {
+            Some(moved) => moved,
+            None if first_stay => (self.travel.rest_s(conditions.t_s), 0.0),
+            None => return 0.0,
+        };
+        let [cos, sin] = conditions.index.unwrap_or_default();
+        let direction = if travel_deg == 0.0 { 0.0 } else { libm::copysign(1.0, travel_deg) };
+        let size = deg_h
+            + by_direction_deg_h * direction
+            + deg_h_per_deg_travel * travel_deg.abs()
+            + cos_deg_h * cos
+            + sin_deg_h * sin;
+        size * libm::exp(-since_s.max(0.0) / tau_s)
+    }
+}
+
+/// A rate's contribution; `None` for other terms, and before a rate is known.
+fn rate_deg_h(term: &Term, past: &History) -> Option<f64> {
+    match *term {
+        Term::TemperatureRate { deg_h_per_k_per_s: factor }
+        | Term::ChannelRate { deg_h_per_unit_per_s: factor, .. } => past.rate().map(|rate| factor * rate),
+        _ => None,
+    }
+}
+
+impl ErrorModel {
+    /// True cosine and sine of the index angle from the measured ones.
+    pub fn true_index(&self, [cos, sin]: [f64; 2]) -> [f64; 2] {
+        let mut error_deg = 0.0;
+        for term in &self.terms {
+            if let Term::IndexError { offset_deg, cos_deg, sin_deg } = *term {
+                error_deg += offset_deg + cos_deg * cos + sin_deg * sin;
+            }
+        }
+        if error_deg == 0.0 {
+            return [cos, sin];
+        }
+        // θ true = θ measured − error.
+        let (s, c) = crate::units::sin_cos_deg(error_deg);
+        [cos * c + sin * s, sin * c - cos * s]
+    }
+
+    /// True azimuth from the one that the rates gave. A field of east e and north n adds e sin α + n cos α to h cos α:
+    /// the sum is a cosine about the azimuth less atan(e / (h + n)).
+    pub fn true_azimuth_deg(&self, azimuth_deg: f64, earth: &EarthRate) -> f64 {
+        let (mut east, mut north) = (0.0, 0.0);
+        for term in &self.terms {
+            if let Term::EarthField { east_deg_h, north_deg_h } = *term {
+                east += east_deg_h;
+                north += north_deg_h;
+            }
+        }
+        if east == 0.0 {
+            return azimuth_deg;
+        }
+        wrap_360_deg(azimuth_deg + libm::atan2(east, earth.north_deg_h + north) * DEG_PER_RAD)
+    }
+}

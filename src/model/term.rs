@@ -1,0 +1,192 @@
+//! The effects that a model can hold.
+
+use serde::{Deserialize, Serialize};
+
+use super::channel::{ChannelName, FORWARD, LEFT, TEMPERATURE};
+use crate::settings::Invalid;
+
+/// An effect. Unless it says otherwise it adds to the raw rate. Time constants are above 0.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Term {
+    /// linear · (T − reference) + quadratic · (T − reference)², °/h.
+    Temperature { reference_c: f64, linear_deg_h_per_k: f64, quadratic_deg_h_per_k2: f64 },
+    /// Proportional to dT/dt, °/h per K/s (Shupe, Applied Optics 19, 1980, p. 654).
+    TemperatureRate { deg_h_per_k_per_s: f64 },
+    /// Scale factor error proportional to T − reference, 1/K.
+    ScaleTemperature { reference_c: f64, per_k: f64 },
+    /// A cubic in u = (value − reference) of a channel, °/h per unit, unit² and unit³. The value is that of `lag_s`
+    /// seconds ago (0 … 30), or, with `low_pass_s` above 0, what a first-order low-pass of that time constant makes of it.
+    Channel {
+        channel: ChannelName,
+        lag_s: f64,
+        low_pass_s: f64,
+        reference: f64,
+        linear_deg_h: f64,
+        quadratic_deg_h: f64,
+        cubic_deg_h: f64,
+    },
+    /// Proportional to the channel's rate of change (of the low-passed channel with `low_pass_s` above 0), °/h per unit/s.
+    ChannelRate { channel: ChannelName, low_pass_s: f64, deg_h_per_unit_per_s: f64 },
+    /// Scale factor error proportional to value − reference, 1/unit.
+    ScaleChannel { channel: ChannelName, reference: f64, per_unit: f64 },
+    /// linear · t + quadratic · t², t in hours since switch-on.
+    Drift { deg_h_per_h: f64, deg_h_per_h2: f64 },
+    /// amplitude · exp(−t/τ), t since switch-on.
+    WarmUp { deg_h: f64, tau_s: f64 },
+    /// exp(−t/τ) times a sum, t since the index came to rest: constant, by the sign of the last move, per degree of its
+    /// travel (unsigned), and by cosine and sine of the index angle. `first_stay`: switch-on counts as a move too.
+    Settling {
+        tau_s: f64,
+        first_stay: bool,
+        deg_h: f64,
+        by_direction_deg_h: f64,
+        deg_h_per_deg_travel: f64,
+        cos_deg_h: f64,
+        sin_deg_h: f64,
+    },
+    /// cos_deg_h · cos(order · θ) + sin_deg_h · sin(order · θ): fixed to the instrument's body.
+    BodyHarmonic { order: u8, cos_deg_h: f64, sin_deg_h: f64 },
+    /// quadratic · ω² + cubic · ω³, ω the raw rate in °/h.
+    RateNonlinearity { quadratic_per_deg_h: f64, cubic_per_deg_h2: f64 },
+    /// depth · (ω/width) · exp((1 − (ω/width)²)/2): lost near zero rate, at most `depth`, there where ω = ± width.
+    DeadZone { depth_deg_h: f64, width_deg_h: f64 },
+    /// cos_deg_h · cos(2πt/period) + sin_deg_h · sin(2πt/period), t since switch-on.
+    Line { period_s: f64, cos_deg_h: f64, sin_deg_h: f64 },
+    /// Added from `t_s` since switch-on.
+    Step { t_s: f64, deg_h: f64 },
+    /// Fixed to the Earth: east_deg_h · sin α + north_deg_h · cos α, α the axis' azimuth. Turns the answer.
+    EarthField { east_deg_h: f64, north_deg_h: f64 },
+    /// The index angle reads too large by offset + cos_deg · cos θ + sin_deg · sin θ, degrees.
+    IndexError { offset_deg: f64, cos_deg: f64, sin_deg: f64 },
+    /// The base turns: what the accelerometers feel of it is taken out row by row. `velocity`: their noise is white in the
+    /// velocity (counts of velocity increments, shocks), not in the acceleration.
+    BaseMotion { velocity: bool },
+}
+
+impl Term {
+    /// Lower-case name, as in a model file.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Temperature { .. } => "temperature",
+            Self::TemperatureRate { .. } => "temperature-rate",
+            Self::ScaleTemperature { .. } => "scale-temperature",
+            Self::Channel { .. } => "channel",
+            Self::ChannelRate { .. } => "channel-rate",
+            Self::ScaleChannel { .. } => "scale-channel",
+            Self::Drift { .. } => "drift",
+            Self::WarmUp { .. } => "warm-up",
+            Self::Settling { .. } => "settling",
+            Self::BodyHarmonic { .. } => "body-harmonic",
+            Self::RateNonlinearity { .. } => "rate-nonlinearity",
+            Self::DeadZone { .. } => "dead-zone",
+            Self::Line { .. } => "line",
+            Self::Step { .. } => "step",
+            Self::EarthField { .. } => "earth-field",
+            Self::IndexError { .. } => "index-error",
+            Self::BaseMotion { .. } => "base-motion",
+        }
+    }
+
+    /// The channel that it follows beyond the gyro's own temperature.
+    pub fn channel(&self) -> Option<ChannelName> {
+        match *self {
+            Self::Channel { channel, .. } | Self::ChannelRate { channel, .. } | Self::ScaleChannel { channel, .. } => {
+                Some(channel)
+            }
+            _ => None,
+        }
+    }
+
+    /// The board's own channels that it cannot do without.
+    pub fn needs(&self) -> &'static [&'static str] {
+        match self {
+            Self::Temperature { .. } | Self::TemperatureRate { .. } | Self::ScaleTemperature { .. } => &[TEMPERATURE],
+            Self::BaseMotion { .. } => &[FORWARD],
+            Self::Channel { channel, .. } | Self::ChannelRate { channel, .. } | Self::ScaleChannel { channel, .. } => {
+                match channel.as_str() {
+                    TEMPERATURE => &[TEMPERATURE],
+                    FORWARD | LEFT => &[FORWARD],
+                    _ => &[],
+                }
+            }
+            _ => &[],
+        }
+    }
+
+    /// Whether it is a rate of change, which a few seconds must pass for.
+    pub fn is_rate(&self) -> bool {
+        matches!(self, Self::TemperatureRate { .. } | Self::ChannelRate { .. })
+    }
+
+    /// Every number finite, time constants and widths positive, lags and orders in their range.
+    pub fn validate(&self) -> Result<(), Invalid> {
+        let finite = |field, values: &[f64]| match values.iter().find(|value| !value.is_finite()) {
+            Some(&value) => Err(Invalid { field, value, allowed: "a finite number" }),
+            None => Ok(()),
+        };
+        let positive = |field, value: f64| match value.is_finite() && value > 0.0 {
+            true => Ok(()),
+            false => Err(Invalid { field, value, allowed: "a finite number above 0" }),
+        };
+        let within = |field, value: f64, low: f64, high: f64, allowed| match (low..=high).contains(&value) {
+            true => Ok(()),
+            false => Err(Invalid { field, value, allowed }),
+        };
+        let filter = |value| within("model.terms.low_pass_s", value, 0.0, 1e6, "0 (none) to 1000000");
+        match *self {
+            Self::Temperature { reference_c, linear_deg_h_per_k, quadratic_deg_h_per_k2 } => {
+                finite("model.terms.temperature", &[reference_c, linear_deg_h_per_k, quadratic_deg_h_per_k2])
+            }
+            Self::TemperatureRate { deg_h_per_k_per_s } => finite("model.terms.temperature-rate", &[deg_h_per_k_per_s]),
+            Self::ScaleTemperature { reference_c, per_k } => {
+                finite("model.terms.scale-temperature", &[reference_c, per_k])
+            }
+            Self::Channel { lag_s, low_pass_s, reference, linear_deg_h, quadratic_deg_h, cubic_deg_h, .. } => {
+                within("model.terms.channel.lag_s", lag_s, 0.0, 30.0, "0 to 30")?;
+                filter(low_pass_s)?;
+                finite("model.terms.channel", &[reference, linear_deg_h, quadratic_deg_h, cubic_deg_h])
+            }
+            Self::ChannelRate { low_pass_s, deg_h_per_unit_per_s, .. } => {
+                filter(low_pass_s)?;
+                finite("model.terms.channel-rate", &[deg_h_per_unit_per_s])
+            }
+            Self::ScaleChannel { reference, per_unit, .. } => {
+                finite("model.terms.scale-channel", &[reference, per_unit])
+            }
+            Self::Drift { deg_h_per_h, deg_h_per_h2 } => finite("model.terms.drift", &[deg_h_per_h, deg_h_per_h2]),
+            Self::WarmUp { deg_h, tau_s } => {
+                positive("model.terms.warm-up.tau_s", tau_s)?;
+                finite("model.terms.warm-up", &[deg_h])
+            }
+            Self::Settling { tau_s, deg_h, by_direction_deg_h, deg_h_per_deg_travel, cos_deg_h, sin_deg_h, .. } => {
+                positive("model.terms.settling.tau_s", tau_s)?;
+                let values = [deg_h, by_direction_deg_h, deg_h_per_deg_travel, cos_deg_h, sin_deg_h];
+                finite("model.terms.settling", &values)
+            }
+            Self::BodyHarmonic { order, cos_deg_h, sin_deg_h } => {
+                within("model.terms.body-harmonic.order", order.into(), 1.0, 36.0, "1 to 36")?;
+                finite("model.terms.body-harmonic", &[cos_deg_h, sin_deg_h])
+            }
+            Self::RateNonlinearity { quadratic_per_deg_h, cubic_per_deg_h2 } => {
+                finite("model.terms.rate-nonlinearity", &[quadratic_per_deg_h, cubic_per_deg_h2])
+            }
+            Self::DeadZone { depth_deg_h, width_deg_h } => {
+                positive("model.terms.dead-zone.width_deg_h", width_deg_h)?;
+                finite("model.terms.dead-zone", &[depth_deg_h])
+            }
+            Self::Line { period_s, cos_deg_h, sin_deg_h } => {
+                positive("model.terms.line.period_s", period_s)?;
+                finite("model.terms.line", &[cos_deg_h, sin_deg_h])
+            }
+            Self::Step { t_s, deg_h } => finite("model.terms.step", &[t_s, deg_h]),
+            Self::EarthField { east_deg_h, north_deg_h } => {
+                finite("model.terms.earth-field", &[east_deg_h, north_deg_h])
+            }
+            Self::IndexError { offset_deg, cos_deg, sin_deg } => {
+                finite("model.terms.index-error", &[offset_deg, cos_deg, sin_deg])
+            }
+            Self::BaseMotion { .. } => Ok(()),
+        }
+    }
+}
