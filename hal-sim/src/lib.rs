@@ -23,6 +23,7 @@ mod pose;
 pub mod scenario;
 pub mod seconds;
 mod thermal;
+pub mod triad;
 pub mod undeclared;
 mod window;
 mod world;
