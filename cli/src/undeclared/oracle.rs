@@ -17,8 +17,6 @@ use super::linear::Normal;
 
 /// Earth's rotation, °/h, stated here anew: 7.292115e-5 rad/s.
 const EARTH_DEG_H: f64 = 15.041_067_2;
-/// Noise of an accelerometer's one-second mean, g: that of the simulator's part.
-const LEVEL_NOISE_G: f64 = 22.5e-6 * std::f64::consts::FRAC_1_SQRT_2;
 /// An index that moves by more than this between rows is turning, degrees.
 const TURNING_DEG: f64 = 0.5;
 /// Spread that a run's drift is allowed to have, °/h per hour: as the settings declare it.
@@ -36,6 +34,9 @@ pub struct Oracle {
     pub evidence: f64,
 }
 
+/// What the oracle thinks possible before it has seen anything: effects of this many times the noise of a row, rms.
+const POSSIBLE: f64 = 5.0;
+
 /// Columns of a run's own unknowns.
 const LOCAL: usize = 6;
 
@@ -52,6 +53,16 @@ pub fn consult(campaign: &Campaign, settings: &Settings) -> Oracle {
     let truth: Vec<f64> = shared.iter().map(|(size, _)| *size).collect();
     let own_evidence = views.iter().filter(|view| view.run.may_learn).map(View::own_evidence).sum::<f64>();
     let evidence = together.form(&truth) + own_evidence;
+    for part in 0..shared.len() {
+        let squares: Vec<f64> = views
+            .iter()
+            .flat_map(|view| view.rows.iter().map(|row| (row.courses[part][0] / view.noise_deg_h).powi(2)))
+            .collect();
+        let mut row = vec![0.0; shared.len()];
+        row[part] = 1.0;
+        let unit = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
+        together.observe(&row, 0.0, unit / POSSIBLE.powi(2));
+    }
     let found = together.solve();
     Oracle {
         fitted_deg: views.iter().map(|view| replay(&view.cleaned(&found), campaign, &settings).ok()).collect(),
@@ -74,6 +85,8 @@ struct View<'a> {
     azimuth_rad: f64,
     north_deg_h: f64,
     noise_deg_h: f64,
+    /// Noise of an accelerometer's one-second mean, g.
+    level_noise_g: f64,
 }
 
 /// A resting row.
@@ -107,6 +120,8 @@ impl<'a> View<'a> {
             azimuth_rad: run.reference_deg.unwrap_or(run.azimuth_deg).to_radians(),
             north_deg_h: EARTH_DEG_H * campaign.latitude_deg.to_radians().cos(),
             noise_deg_h: 60.0 * campaign.arw_deg_per_sqrt_h,
+            // White noise of one-sided density d, averaged over a second, has a standard deviation of d/√2.
+            level_noise_g: 1e-6 * campaign.level_noise * std::f64::consts::FRAC_1_SQRT_2,
         };
         let at_deg = |row: usize| run.rows[row].index_deg;
         let resting = |row: &usize| *row == 0 || (at_deg(*row) - at_deg(*row - 1)).abs() < TURNING_DEG;
@@ -176,7 +191,7 @@ impl<'a> View<'a> {
                     *place = course[1 + axis];
                 }
                 row[parts + 4 + axis] = 1.0;
-                normal.observe(&row, level_g, LEVEL_NOISE_G.powi(-2));
+                normal.observe(&row, level_g, self.level_noise_g.powi(-2));
             }
         }
         row.fill(0.0);

@@ -148,7 +148,12 @@ impl Family {
             self,
             Self::BodyHarmonic | Self::EarthField | Self::NonLinearity | Self::LevelBias | Self::IndexAngle
         );
-        Needs { channels, level: matches!(self, Self::BaseMotion | Self::LevelBias), survey }
+        Needs {
+            channels,
+            level: matches!(self, Self::BaseMotion | Self::LevelBias),
+            survey,
+            smooth: self == Self::ChannelRate,
+        }
     }
 
     pub(super) fn measure(self) -> Measure {

@@ -56,6 +56,8 @@ pub struct Campaign {
     pub has_temperature: bool,
     /// Whether there are level accelerometers.
     pub has_level: bool,
+    /// Their noise density, µg/√Hz.
+    pub level_noise: f64,
     /// Names of all channels, the temperature first.
     pub channels: Vec<String>,
     /// The recordings.
@@ -87,6 +89,7 @@ impl Campaign {
             arw_deg_per_sqrt_h: plan.arw_deg_per_sqrt_h,
             has_temperature: plan.has_temperature,
             has_level: plan.has_level,
+            level_noise: plan.level_noise,
             channels: plan.channels.iter().map(|channel| channel.name.clone()).collect(),
             runs,
             effect: Effect { family, parts },

@@ -17,6 +17,8 @@ pub(super) struct Plan {
     pub(super) declination_deg: f64,
     pub(super) has_temperature: bool,
     pub(super) has_level: bool,
+    /// Noise density of the level sensors, µg/√Hz.
+    pub(super) level_noise: f64,
     pub(super) channels: Vec<Channel>,
     pub(super) runs: Vec<RunPlan>,
     /// For each run, what the channels truly do, in standard deviations from their mean over the campaign.
@@ -47,6 +49,8 @@ pub(super) struct Needs {
     pub(super) level: bool,
     /// Seen only against surveyed headings.
     pub(super) survey: bool,
+    /// Channels that have a rate of change at all times.
+    pub(super) smooth: bool,
 }
 
 impl Plan {
@@ -62,6 +66,9 @@ impl Plan {
             let channel = Channel::any(draw, &channels);
             channels.push(channel);
         }
+        if needs.smooth {
+            channels.iter_mut().for_each(Channel::without_jumps);
+        }
         let mut plan = Self {
             latitude_deg: draw.sign() * draw.uniform(10.0, 65.0),
             arw_deg_per_sqrt_h: draw.log_uniform(0.0005, 0.004),
@@ -70,6 +77,7 @@ impl Plan {
             declination_deg: draw.uniform(-20.0, 20.0),
             has_temperature,
             has_level,
+            level_noise: if needs.level { draw.log_uniform(0.3, 3.0) } else { 22.5 },
             channels,
             runs: Vec::new(),
             standard: Vec::new(),

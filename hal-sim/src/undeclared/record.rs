@@ -147,7 +147,11 @@ fn world(plan: &Plan, run: &RunPlan) -> SiteAndGyro {
             quantum_arcsec: 1e-6,
             ..Gyro::default()
         },
-        accelerometer: Accelerometer { bias_mg: [0.0; 3], ..Accelerometer::default() },
+        accelerometer: Accelerometer {
+            bias_mg: [0.0; 3],
+            noise_ug_per_sqrt_hz: plan.level_noise,
+            ..Accelerometer::default()
+        },
         encoder: Encoder { noise_deg: 0.01, eccentricity_deg: 0.0, ..Encoder::default() },
         ..SiteAndGyro::default()
     }

@@ -72,7 +72,7 @@ impl Channel {
         channel.span = draw.log_uniform(0.8, 8.0);
         channel.jumps = 0.0;
         channel.wander_s = draw.log_uniform(60.0, 400.0);
-        channel.noise = draw.log_uniform(0.0002, 0.002) / channel.span;
+        channel.noise = draw.log_uniform(0.0002, 0.001) / channel.span;
         channel
     }
 
@@ -107,12 +107,19 @@ impl Channel {
             wander_s: draw.log_uniform(15.0, 200.0),
             jumps: some(draw, 0.2),
             jumps_s: draw.log_uniform(30.0, 150.0),
-            noise: draw.log_uniform(0.0005, 0.02),
+            noise: draw.log_uniform(0.0001, 0.002),
         };
         if channel.settling + channel.wave + channel.wander + channel.jumps == 0.0 {
             channel.wander = 1.0;
         }
         channel
+    }
+
+    /// Without jumps: a rate of change makes sense.
+    pub(super) fn without_jumps(&mut self) {
+        self.jumps = 0.0;
+        self.wander = self.wander.max(0.3);
+        self.wander_s = self.wander_s.max(30.0);
     }
 
     /// The channel over a run of `seconds`.

@@ -180,7 +180,7 @@ fn write_tables(out: &mut dyn Write, families: &[FamilyReport]) -> io::Result<()
             summary.ratio.value,
             summary.ratio.low,
             summary.ratio.high,
-            100.0 * summary.false_discovery,
+            100.0 * if family.is_foreign() { summary.misnamed } else { summary.false_discovery },
             100.0 * summary.unexplained,
             100.0 * summary.made_worse,
         )?;
