@@ -50,6 +50,7 @@ pub enum SaveError<E> {
 }
 
 /// What is in one slot.
+#[allow(clippy::large_enum_variant)] // without a heap there is no smaller place
 enum Slot {
     Erased,
     Corrupt,
