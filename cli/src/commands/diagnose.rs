@@ -1,13 +1,15 @@
 //! `north diagnose`: closes the loop with measured data.
 
+use std::fs;
 use std::path::PathBuf;
 
 use clap::Args;
 use north_finder::settings::Settings;
 
 use crate::campaign::Campaign;
-use crate::diagnose::{Options, diagnose, write};
+use crate::diagnose::{Options, diagnose, report, write};
 use crate::failure::Failure;
+use crate::file_error::FileError;
 use crate::output::JsonOption;
 use crate::settings_file::{declare_noise, read_model, read_settings, write_model};
 
@@ -30,6 +32,9 @@ pub struct Diagnose {
     /// Write the error model with the effects in it, for `north solve --model` and for a board
     #[arg(long, value_name = "M.toml")]
     model_out: Option<PathBuf>,
+    /// Write a report to look at: one HTML file that fetches nothing
+    #[arg(long, value_name = "R.html")]
+    report: Option<PathBuf>,
     #[command(flatten)]
     json: JsonOption,
 }
@@ -42,6 +47,9 @@ impl Diagnose {
         write(&mut self.json.human(), &diagnosis)?;
         if let Some(path) = &self.model_out {
             write_model(path, &diagnosis.model)?;
+        }
+        if let Some(path) = &self.report {
+            fs::write(path, report::html(&diagnosis)).map_err(|error| FileError::whole(path, error))?;
         }
         self.json.write(&diagnosis)
     }

@@ -9,6 +9,7 @@ mod judge;
 mod learn;
 mod noise;
 mod problem;
+pub mod report;
 mod result;
 mod statistics;
 mod text;
@@ -114,7 +115,8 @@ fn study(runs: &[&RunData], base: &ErrorModel, constant: &[String]) -> Lesson {
         }
     }
     if lesson.by_second.taken.iter().any(|each| each.candidate.shape == Shape::BaseMotion) {
-        lesson.by_stay = Some(study_stays(runs, base, constant, &distrusted));
+        lesson.by_stay = judge::way_of_base_motion(runs, base)
+            .map(|velocity| (velocity, study_stays(runs, base, constant, &distrusted, velocity)));
     }
     lesson
 }
@@ -137,8 +139,13 @@ fn blocks_of<'a>(runs: &[&'a RunData], distrusted: &[String]) -> Vec<Block<'a>> 
 }
 
 /// On a moving base: the stays with the motion taken out, and what they show.
-fn study_stays(runs: &[&RunData], base: &ErrorModel, constant: &[String], distrusted: &[String]) -> (bool, Learned) {
-    let velocity = judge::noise_is_in_velocity(runs, base);
+fn study_stays(
+    runs: &[&RunData],
+    base: &ErrorModel,
+    constant: &[String],
+    distrusted: &[String],
+    velocity: bool,
+) -> Learned {
     let mut model = base.clone();
     let _ = model.terms.push(Term::BaseMotion { velocity });
     let stays: Vec<RunData> = runs.iter().filter_map(|run| judge::stays_of(run, &model)).collect();
@@ -151,5 +158,5 @@ fn study_stays(runs: &[&RunData], base: &ErrorModel, constant: &[String], distru
             !tilt && each.grid.is_empty() && each.shape != Shape::BaseMotion
         })
         .collect();
-    (velocity, learn::learn(&blocks_of(&stays, distrusted), &candidates))
+    learn::learn(&blocks_of(&stays, distrusted), &candidates)
 }

@@ -6,7 +6,7 @@ use north_finder::units::{wrap_180_deg, wrap_360_deg};
 
 use super::axis::Axis;
 use super::figure::{Canvas, Legend, figure};
-use super::html::{escape, number, table, with_sigma};
+use super::html::{escape, short, table, with_sigma};
 use super::plot::{Plot, Side};
 use crate::campaign::Role;
 use crate::diagnose::{Diagnosis, RunDiagnosis};
@@ -111,7 +111,7 @@ fn by_heading(errors: &[Error]) -> String {
     }
     let draw = |canvas: Canvas| {
         let y = Axis::linear("azimuth error, °", errors.iter().flat_map(|error| error.value_deg).chain([0.0]));
-        let mut plot = Plot::new(canvas.width, 240.0, Axis::exact("azimuth of the mark, °", 0.0, 360.0), y);
+        let mut plot = Plot::new(canvas.width, 240.0, Axis::exact("azimuth of the mark, °", -8.0, 368.0), y);
         let step = if canvas.narrow { 90 } else { 45 };
         plot.x_ticks((0..=360).step_by(step).map(|angle| (angle.into(), angle.to_string())).collect());
         plot.level("zero", 0.0);
@@ -142,7 +142,7 @@ fn runs_table(diagnosis: &Diagnosis) -> String {
             if run.role == Role::Fit { "fit" } else { "check" }.to_owned(),
             azimuth(run.azimuth_before_deg, run.sigma_before_deg),
             azimuth(run.azimuth_after_deg, run.sigma_after_deg),
-            run.reference_azimuth_deg.map_or("–".to_owned(), |reference| number(reference, 6)),
+            run.reference_azimuth_deg.map_or("–".to_owned(), short),
             escape(&notes.collect::<Vec<_>>().join("; ")),
         ]
     };

@@ -18,9 +18,8 @@ pub struct Canvas {
 pub enum Legend {
     /// Dots with sigma bars.
     Dots,
-    Lines,
     /// Lines, and a dashed one for what the text says.
-    LinesAnd(&'static str),
+    Lines(&'static str),
     None,
 }
 
@@ -38,11 +37,9 @@ impl Legend {
                  </span>"
             )
         };
-        let lines = || line("line before", "before") + &line("line after", "after");
         let inner = match self {
             Self::Dots => dot("before") + &dot("after"),
-            Self::Lines => lines(),
-            Self::LinesAnd(text) => lines() + &line("reference", text),
+            Self::Lines(text) => line("line before", "before") + &line("line after", "after") + &line("reference", text),
             Self::None => return String::new(),
         };
         format!("<div class=\"legend\">{inner}</div>\n")

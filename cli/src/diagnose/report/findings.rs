@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::axis::Axis;
 use super::figure::{Canvas, Legend, figure};
-use super::html::{code_list, escape, number, probability, table, with_sigma};
+use super::html::{code_list, escape, number, probability, short, table, with_sigma};
 use super::plot::Plot;
 use crate::diagnose::{Diagnosis, Effect, Experiment, Test};
 
@@ -145,7 +145,7 @@ pub fn noise(diagnosis: &Diagnosis) -> String {
         None => "–".to_owned(),
         Some(test) => {
             let (class, word) = if test.passed { ("good", "✓ noise") } else { ("bad", "✗ structure") };
-            format!("<span class=\"{class}\">{word}</span> <span class=\"soft\">p = {}</span>", probability(test.p_value))
+            format!("<span class=\"{class}\">{word}</span> <span class=\"p\">p = {}</span>", probability(test.p_value))
         }
     };
     let names = noise.before.iter().chain(noise.after.iter().filter(|test| noise.before.iter().all(|it| it.name != test.name)));
@@ -170,11 +170,11 @@ pub fn experiment(diagnosis: &Diagnosis) -> String {
     if experiment.order_deg.len() > 1 && experiment.dwell_s > 0.0 {
         html.push_str(&order(experiment));
     }
-    let headings: Vec<String> = experiment.headings_deg.iter().map(|heading| format!("{}°", number(*heading, 3))).collect();
+    let headings: Vec<String> = experiment.headings_deg.iter().map(|heading| format!("{}°", short(*heading))).collect();
     let rows = vec![
         vec!["tells apart".to_owned(), code_list(&experiment.separates)],
         vec!["azimuths of the mark".to_owned(), headings.join(", ")],
-        vec!["time at each position".to_owned(), format!("{} s", number(experiment.dwell_s, 3))],
+        vec!["time at each position".to_owned(), format!("{} s", short(experiment.dwell_s))],
         vec![
             "share that the others cannot imitate".to_owned(),
             format!("{} % now, {} % then", percent(experiment.separation_now), percent(experiment.separation_then)),
@@ -195,6 +195,12 @@ fn order(experiment: &Experiment) -> String {
         let end_s = experiment.order_deg.len() as f64 * experiment.dwell_s;
         let x = Axis::exact("time at the positions, s", 0.0, end_s);
         let mut plot = Plot::new(canvas.width, 190.0, x, Axis::linear("index angle, °", angles.clone()));
+        let mut ticks: Vec<f64> = angles.clone().collect();
+        ticks.sort_unstable_by(f64::total_cmp);
+        ticks.dedup();
+        if ticks.len() <= 5 {
+            plot.y_ticks(ticks.into_iter().map(|angle| (angle, short(angle))).collect());
+        }
         let steps = angles.enumerate().flat_map(|(i, angle)| {
             [(i as f64 * experiment.dwell_s, angle), ((i + 1) as f64 * experiment.dwell_s, angle)]
         });

@@ -36,6 +36,13 @@ pub fn number(value: f64, significant: usize) -> String {
     minus(&format!("{value:.decimals$}"))
 }
 
+/// A number that was set, not measured: as few digits as it needs, four decimals at most.
+pub fn short(value: f64) -> String {
+    let text = format!("{value:.4}");
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    if text == "-0" { "0".into() } else { minus(text) }
+}
+
 /// A value and its sigma: the sigma with two digits, the value with as many decimals.
 pub fn with_sigma(value: f64, sigma: Option<f64>) -> String {
     let Some(sigma) = sigma.filter(|sigma| sigma.is_finite() && *sigma > 0.0) else { return number(value, 4) };
@@ -102,6 +109,7 @@ mod tests {
         assert_eq!(number(1.5e-9, 2), "1.5·10⁻⁹");
         assert_eq!(number(0.0, 3), "0");
         assert_eq!(number(f64::NAN, 3), "–");
+        assert_eq!([0.0, 90.0, -12.5, 90.60001].map(short), ["0", "90", "−12.5", "90.6"]);
         assert_eq!(with_sigma(9.1234, Some(0.213)), "9.12 ± 0.21");
         assert_eq!(with_sigma(-912.34, Some(21.3)), "−912 ± 21");
         assert_eq!(with_sigma(9.1234, None), "9.123");

@@ -29,6 +29,10 @@ const RIGHT: f64 = 14.0;
 const BOTTOM: f64 = 44.0;
 /// Width of a digit of the ticks, pixels.
 const DIGIT: f64 = 7.2;
+/// Room for so many at least, so that plots below each other have one left edge.
+const LEAST_DIGITS: usize = 4;
+/// Baseline of what stands above the frame.
+const HEAD: f64 = TOP - 9.0;
 /// From one tick to the next, pixels, at least about this.
 const TICK_X: f64 = 78.0;
 const TICK_Y: f64 = 38.0;
@@ -51,7 +55,7 @@ impl Plot {
     pub fn new(width: f64, height: f64, x: Axis, y: Axis) -> Self {
         let y_ticks = y.ticks(((height - TOP - BOTTOM) / TICK_Y) as usize);
         let x_ticks = x.ticks((width / TICK_X) as usize);
-        let longest = y_ticks.iter().map(|(_, text)| text.chars().count()).max().unwrap_or(1);
+        let longest = y_ticks.iter().map(|(_, text)| text.chars().count()).max().unwrap_or(1).max(LEAST_DIGITS);
         let left = 14.0 + DIGIT * longest as f64;
         Self { x, y, width, height, left, y_ticks, x_ticks, marks: String::new(), over: String::new() }
     }
@@ -59,6 +63,11 @@ impl Plot {
     /// Other ticks at the x axis than its own.
     pub fn x_ticks(&mut self, ticks: Vec<(f64, String)>) {
         self.x_ticks = ticks;
+    }
+
+    /// Other ticks at the y axis than its own.
+    pub fn y_ticks(&mut self, ticks: Vec<(f64, String)>) {
+        self.y_ticks = ticks;
     }
 
     /// Width of the frame, pixels.
@@ -137,7 +146,7 @@ impl Plot {
             self.over,
             "<text class=\"axis\" x=\"{:.0}\" y=\"{:.0}\" text-anchor=\"end\">{}</text>",
             self.left + self.frame_width() - 2.0,
-            TOP - 10.0,
+            HEAD,
             escape(text)
         );
     }
@@ -175,7 +184,7 @@ impl Plot {
             svg,
             "<rect class=\"frame\" x=\"{left:.1}\" y=\"{TOP:.1}\" width=\"{inner:.1}\" height=\"{tall:.1}\"/>\
              <svg x=\"{left:.1}\" y=\"{TOP:.1}\" width=\"{inner:.1}\" height=\"{tall:.1}\">{}</svg>{}\
-             <text class=\"axis\" x=\"0\" y=\"12\">{}</text>\
+             <text class=\"axis\" x=\"0\" y=\"{HEAD}\">{}</text>\
              <text class=\"axis\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text></svg>\n",
             self.marks,
             self.over,

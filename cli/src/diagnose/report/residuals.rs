@@ -194,7 +194,7 @@ fn periodogram(diagnosis: &Diagnosis) -> String {
     };
     let caption = "Periodogram of the residual of all runs. White noise lies about the dashed line; what stands above it is \
                    structure.";
-    figure(Legend::LinesAnd("white noise"), "Periodogram of the residual before and after", caption, draw)
+    figure(Legend::Lines("white noise"), "Periodogram of the residual before and after", caption, draw)
 }
 
 fn allan(diagnosis: &Diagnosis) -> String {
@@ -223,7 +223,7 @@ fn allan(diagnosis: &Diagnosis) -> String {
         "Allan deviation of the residual. The dashed line is what the {source} white noise alone would give; a curve that \
          leaves it upwards holds something that does not average out."
     );
-    figure(Legend::LinesAnd("white noise alone"), "Allan deviation of the residual before and after", &caption, draw)
+    figure(Legend::Lines("white noise alone"), "Allan deviation of the residual before and after", &caption, draw)
 }
 
 fn rms(values: impl Iterator<Item = f64>) -> f64 {

@@ -38,7 +38,7 @@ fn tile(html: &mut String, name: &str, value: &str, note: &str) {
 }
 
 fn change(before: f64, after: f64, unit: &str) -> String {
-    format!("{}{unit} → {}{unit}", number(before, 3), number(after, 3))
+    format!("{} → {}{unit}", number(before, 3), number(after, 3))
 }
 
 fn azimuth_note(diagnosis: &Diagnosis, intervals: [Option<[f64; 2]>; 2]) -> String {

@@ -1,0 +1,217 @@
+//! The HTML report: complete, self-contained, and safe whatever names a campaign brings.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use north::campaign::Role;
+use north::diagnose::{
+    Candidate, Diagnosis, Effect, Experiment, NoiseTests, Rejected, RunDiagnosis, RunSeries, Spectra, Test, Warning,
+    report,
+};
+use north_finder::model::ErrorModel;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+const RUNS: usize = 12;
+const SECONDS: usize = 256;
+
+/// A run with a temperature that rises and settles; its rate adds 9 °/h per K/s, and after learning only noise is left.
+fn series(run: usize, rng: &mut ChaCha8Rng) -> RunSeries {
+    let t_s: Vec<f64> = (0..SECONDS).map(|i| i as f64 + 0.5).collect();
+    let size_k = 1.0 + 0.3 * run as f64;
+    let temp_c: Vec<f64> = t_s.iter().map(|t| 25.0 - size_k * (-t / 90.0).exp()).collect();
+    let noise: Vec<f64> = t_s.iter().map(|_| 0.15 * (0..12).map(|_| rng.random::<f64>() - 0.5).sum::<f64>()).collect();
+    let effect = t_s.iter().map(|t| 9.1 * size_k / 90.0 * (-t / 90.0).exp());
+    RunSeries {
+        file: format!("runs/{:03}.csv", run + 1),
+        index_deg: t_s.iter().map(|t| 90.0 * (t / 64.0).floor()).collect(),
+        residual_before_deg_h: noise.iter().zip(effect).map(|(noise, effect)| noise + effect - 0.08).collect(),
+        residual_after_deg_h: noise,
+        channels: BTreeMap::from([("temp_c".to_owned(), temp_c)]),
+        t_s,
+    }
+}
+
+fn diagnosis() -> Diagnosis {
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let mut error = |size: f64| size * (0..12).map(|_| rng.random::<f64>() - 0.5).sum::<f64>();
+    let runs = (0..RUNS)
+        .map(|run| RunDiagnosis {
+            file: format!("runs/{:03}.csv", run + 1),
+            role: if run % 2 == 0 { Role::Fit } else { Role::Check },
+            azimuth_before_deg: Some(30.0 * run as f64 + 1.4),
+            azimuth_after_deg: Some(30.0 * run as f64),
+            sigma_before_deg: Some(0.12),
+            sigma_after_deg: Some(0.11),
+            error_before_deg: Some(1.4 + error(0.6)),
+            error_after_deg: Some(error(0.11)),
+            reference_azimuth_deg: Some(30.0 * run as f64),
+            ..RunDiagnosis::default()
+        })
+        .collect();
+    let frequency_hz: Vec<f64> = (1..128).map(|i| f64::from(i) / 256.0).collect();
+    let tau_s: Vec<f64> = (0..7).map(|i| 2f64.powi(i)).collect();
+    let white: Vec<f64> = tau_s.iter().map(|tau| 0.15 / tau.sqrt()).collect();
+    let test = |name, passed| Test {
+        name,
+        about: "Is the residual of one second independent of the one before?",
+        statistic: 3.0,
+        p_value: if passed { 0.43 } else { 1e-12 },
+        passed,
+    };
+    let candidate = |name: &str, taken: bool, p: f64, why: &str| Candidate {
+        name: name.into(),
+        kind: "bias",
+        channel: Some("temp_c".into()),
+        freedom: 1,
+        improvement: 812.0,
+        p_value: p / 40.0,
+        p_value_searched: p,
+        taken,
+        why: why.into(),
+    };
+    Diagnosis {
+        title: Some("acceptance, unit 7".into()),
+        verdict: "The rate of change of temp_c adds 9.1 ± 0.2 °/h per K/s; with it in the model the azimuth error falls \
+                  from 1.52° to 0.11° rms on runs that took no part."
+            .into(),
+        runs,
+        effects: vec![Effect {
+            name: "temperature-rate".into(),
+            kind: "bias",
+            channel: Some("temp_c".into()),
+            parameters: BTreeMap::from([("deg_h_per_k_per_s".to_owned(), 9.1234)]),
+            sigma: BTreeMap::from([("deg_h_per_k_per_s".to_owned(), 0.213)]),
+            p_value: 1e-12,
+            ambiguous_with: vec!["warm-up".into()],
+            evidence: "explains 94 % of the residual beyond noise, in every run with one sign".into(),
+            board: true,
+        }],
+        rejected: vec![Rejected { name: "drift".into(), channel: None, why: "nothing left once it is taken".into() }],
+        candidates: vec![
+            candidate("temperature-rate", true, 1e-12, "the best, and it holds on runs that were left out"),
+            candidate("warm-up", false, 3e-10, "explains less, and nothing once temperature-rate is taken"),
+            candidate("temperature", false, 0.73, "no more than chance"),
+        ],
+        residual_rms_before_deg_h: 0.212,
+        residual_rms_after_deg_h: 0.1501,
+        azimuth_rms_before_deg: Some(1.52),
+        azimuth_rms_after_deg: Some(0.112),
+        azimuth_rms_before_interval_deg: Some([1.2, 1.81]),
+        azimuth_rms_after_interval_deg: Some([0.08, 0.14]),
+        judged_on: Some("check-runs"),
+        unexplained: false,
+        unexplained_evidence: Vec::new(),
+        next_experiment: Some(Experiment {
+            description: "Six runs in the mirrored order, started cold and warm by turns, tell the two apart.".into(),
+            order_deg: vec![0.0, 90.0, 180.0, 270.0, 270.0, 180.0, 90.0, 0.0],
+            headings_deg: vec![0.0, 90.0],
+            dwell_s: 32.0,
+            separates: vec!["temperature-rate".into(), "warm-up".into()],
+            separation_now: 0.08,
+            separation_then: 0.71,
+        }),
+        noise: NoiseTests {
+            noise_deg_h: 0.15,
+            declared_noise_deg_h: Some(0.15),
+            before: vec![test("whiteness", false), test("closure", true)],
+            after: vec![test("whiteness", true), test("closure", true)],
+        },
+        warnings: vec![Warning {
+            run: Some("runs/005.csv".into()),
+            line: Some(118),
+            message: "a second stands 9 sigma out; it was left out".into(),
+        }],
+        model: ErrorModel::default(),
+        series: {
+            let mut rng = ChaCha8Rng::seed_from_u64(11);
+            (0..RUNS).map(|run| series(run, &mut rng)).collect()
+        },
+        spectra: Spectra {
+            power_before: frequency_hz.iter().map(|f| 1.0 + 0.004 / (f * f)).collect(),
+            power_after: frequency_hz.iter().map(|f| 1.0 + 0.3 * (400.0 * f).sin()).collect(),
+            frequency_hz,
+            allan_before_deg_h: white.iter().zip(&tau_s).map(|(white, tau)| white.hypot(0.01 * tau.sqrt())).collect(),
+            allan_after_deg_h: white.clone(),
+            allan_white_deg_h: white,
+            tau_s,
+        },
+    }
+}
+
+/// Opening tags without their closing ones, in order.
+fn unclosed(html: &str) -> Vec<String> {
+    const VOID: [&str; 2] = ["meta", "!doctype"];
+    let mut open: Vec<String> = Vec::new();
+    for tag in html.split('<').skip(1) {
+        let inside = tag.split('>').next().unwrap_or_default();
+        let name = inside.split([' ', '\n']).next().unwrap_or_default();
+        if let Some(closed) = name.strip_prefix('/') {
+            assert_eq!(open.pop().as_deref(), Some(closed), "near {inside}");
+        } else if !inside.ends_with('/') && !VOID.contains(&name) {
+            open.push(name.to_owned());
+        }
+    }
+    open
+}
+
+#[test]
+fn the_page_is_whole_and_fetches_nothing() {
+    let html = report::html(&diagnosis());
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("report.html");
+    std::fs::write(path, &html).unwrap();
+    assert_eq!(unclosed(&html), Vec::<String>::new());
+    for foreign in ["<script", "http:", "https:", "url(", "@import", "src=", "href="] {
+        assert!(!html.contains(foreign), "{foreign}");
+    }
+    for part in ["acceptance, unit 7", "9.12 ± 0.21", "°/h per K/s", "1.52 → 0.112°", "✓ taken", "mirrored order"] {
+        assert!(html.contains(part), "{part}");
+    }
+    assert!(!html.contains("NaN") && !html.contains("inf\""), "a number that is none was drawn");
+    assert!(html.len() < 1_000_000, "{} bytes", html.len());
+}
+
+#[test]
+fn names_from_a_campaign_cannot_break_the_page() {
+    let mut diagnosis = diagnosis();
+    let evil = "<script>alert(\"1\")</script>&".to_owned();
+    diagnosis.title = Some(evil.clone());
+    diagnosis.verdict = evil.clone();
+    diagnosis.effects[0].channel = Some(evil.clone());
+    diagnosis.effects[0].evidence = evil.clone();
+    diagnosis.candidates[0].channel = Some(evil.clone());
+    for run in &mut diagnosis.series {
+        let values = run.channels.remove("temp_c").unwrap();
+        run.channels.insert(evil.clone(), values);
+    }
+    diagnosis.runs[0].file = evil.clone();
+    diagnosis.warnings[0].message = evil;
+    let html = report::html(&diagnosis);
+    assert!(!html.contains("<script"));
+    assert_eq!(unclosed(&html), Vec::<String>::new());
+}
+
+#[test]
+fn little_is_drawn_of_little() {
+    let full = diagnosis();
+    let bare = Diagnosis {
+        title: None,
+        effects: Vec::new(),
+        rejected: Vec::new(),
+        candidates: Vec::new(),
+        azimuth_rms_before_deg: None,
+        azimuth_rms_after_deg: None,
+        next_experiment: None,
+        noise: NoiseTests::default(),
+        warnings: Vec::new(),
+        series: vec![RunSeries::default()],
+        spectra: Spectra::default(),
+        runs: vec![RunDiagnosis { file: "runs/001.csv".into(), ..RunDiagnosis::default() }],
+        unexplained: true,
+        unexplained_evidence: vec!["the periodogram stands at 0.01 Hz".into()],
+        ..full
+    };
+    let html = report::html(&bare);
+    assert_eq!(unclosed(&html), Vec::<String>::new());
+    assert!(html.contains("No effect stands out") && html.contains("0.01 Hz") && !html.contains("NaN"));
+}
