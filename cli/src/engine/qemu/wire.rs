@@ -94,10 +94,10 @@ mod tests {
 
     #[test]
     fn a_tick_with_an_edge() {
-        let ask = Ask::decode(&[b'T', 0x10, 0x27, 0, 0, 0b101_0000_1]).unwrap();
-        assert_eq!(ask, Ask::Tick { busy_cycles: 10_000, edges: &[0b101_0000_1] });
-        assert_eq!(Edge::from(0b101_0000_1), Edge { slot: 5, pin: 0, level: true });
-        assert_eq!(Edge::from(0b000_0010_0), Edge { slot: 0, pin: 2, level: false });
+        let ask = Ask::decode(&[b'T', 0x10, 0x27, 0, 0, 0b1010_0001]).unwrap();
+        assert_eq!(ask, Ask::Tick { busy_cycles: 10_000, edges: &[0b1010_0001] });
+        assert_eq!(Edge::from(0b1010_0001), Edge { slot: 5, pin: 0, level: true });
+        assert_eq!(Edge::from(0b0000_0100), Edge { slot: 0, pin: 2, level: false });
     }
 
     #[test]
