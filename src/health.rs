@@ -220,3 +220,14 @@ pub struct Counters {
     /// Commands that could not be understood.
     pub commands_bad: u32,
 }
+
+/// What the queues between the board's tasks had no room for, since the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Refused {
+    /// Bytes from the gyro.
+    pub gyro_bytes: u32,
+    /// Readings of a tick, for the solve task.
+    pub readings: u32,
+    /// Reports, for the link.
+    pub reports: u32,
+}

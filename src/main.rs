@@ -32,6 +32,7 @@ mod app {
     use north_finder::drivers::sensors::{Due, Sensors};
     use north_finder::drivers::step_motor::StepMotor;
     use north_finder::event::{Event, Report};
+    use north_finder::health::Refused;
     use north_finder::link::{self, Request, RequestDecoder};
     use north_finder::pipeline::{MotorCommand, Pipeline, Readings};
     use north_finder::settings::store::{self, Loaded};
@@ -50,7 +51,7 @@ mod app {
         motor: StepMotor<board::Step, board::Direction, board::Enable>,
         #[lock_free]
         slots: board::Slots,
-        bytes_refused: u32,
+        refused: Refused,
     }
 
     #[local]
@@ -102,7 +103,7 @@ mod app {
         let shared = Shared {
             motor: StepMotor::new(board.step, board.direction, board.enable, &index),
             slots: board.slots,
-            bytes_refused: 0,
+            refused: Refused::default(),
         };
         let local = Local {
             gyro_port: board.gyro,
@@ -135,17 +136,21 @@ mod app {
         loaded
     }
 
+    fn one_more(count: &mut u32) {
+        *count = count.saturating_add(1);
+    }
+
     /// Whether the settings make sense and are in flash.
     fn store(flash: &mut board::Flash, settings: &Settings) -> bool {
         settings.validate().is_ok() && store::save(flash, settings).is_ok()
     }
 
-    #[task(binds = USART1, priority = 4, local = [gyro_port, gyro_in], shared = [bytes_refused])]
+    #[task(binds = USART1, priority = 4, local = [gyro_port, gyro_in], shared = [refused])]
     fn gyro_rx(mut cx: gyro_rx::Context) {
         match cx.local.gyro_port.read() {
             Some(Ok(byte)) if cx.local.gyro_in.enqueue(byte).is_ok() => {}
             None => {}
-            _ => cx.shared.bytes_refused.lock(|count| *count = count.saturating_add(1)),
+            _ => cx.shared.refused.lock(|refused| one_more(&mut refused.gyro_bytes)),
         }
     }
 
@@ -160,7 +165,7 @@ mod app {
     #[task(
         binds = TIM2, priority = 3,
         local = [ticker, sensors, readings_in, motor_out, tick: u64 = 0],
-        shared = [motor, slots, bytes_refused],
+        shared = [motor, slots, refused],
     )]
     fn sample(mut cx: sample::Context) {
         let local = cx.local;
@@ -173,9 +178,11 @@ mod app {
         if turning {
             cx.shared.slots.start();
         }
-        let bytes_refused = cx.shared.bytes_refused.lock(|count| *count);
-        let readings = Readings { tick: *local.tick, acceleration_g, index_deg, turning, bytes_refused };
-        let _ = local.readings_in.try_send(readings);
+        let refused = cx.shared.refused.lock(|refused| *refused);
+        let readings = Readings { tick: *local.tick, acceleration_g, index_deg, turning, refused };
+        if local.readings_in.try_send(readings).is_err() {
+            cx.shared.refused.lock(|refused| one_more(&mut refused.readings));
+        }
         *local.tick += 1;
     }
 
@@ -188,10 +195,15 @@ mod app {
         }
     }
 
-    #[task(priority = 2, local = [
-        pipeline, gyro_out, request_out, motor_in, reports_in, flash, decoder: RequestDecoder = RequestDecoder::new(),
-    ])]
-    async fn solve(cx: solve::Context, mut readings_out: Receiver<'static, Readings, READINGS>) {
+    #[task(
+        priority = 2,
+        local = [
+            pipeline, gyro_out, request_out, motor_in, reports_in, flash,
+            decoder: RequestDecoder = RequestDecoder::new(),
+        ],
+        shared = [refused],
+    )]
+    async fn solve(mut cx: solve::Context, mut readings_out: Receiver<'static, Readings, READINGS>) {
         let local = cx.local;
         while let Ok(readings) = readings_out.recv().await {
             while let Some(byte) = local.request_out.dequeue() {
@@ -206,7 +218,9 @@ mod app {
                 local.pipeline.gyro_bytes(&[byte]);
             }
             let mut report = |report| {
-                let _ = local.reports_in.try_send(report);
+                if local.reports_in.try_send(report).is_err() {
+                    cx.shared.refused.lock(|refused| one_more(&mut refused.reports));
+                }
             };
             if let Some(command) = local.pipeline.tick(&readings, &mut report) {
                 let _ = local.motor_in.enqueue(command);

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::event::{Event, Report, Second};
 use crate::frame::FrameReader;
-use crate::health::{Counters, Fault};
+use crate::health::{Counters, Fault, Refused};
 use crate::level::{LevelSecond, LevelSensor, Specific};
 use crate::model::{Conditions, Evaluator};
 use crate::sample::{RateSecond, SAMPLE_S, SAMPLES_PER_SECOND, Sampler};
@@ -30,8 +30,8 @@ pub struct Readings {
     pub index_deg: Option<Option<f64>>,
     /// Whether the step generator is running.
     pub turning: bool,
-    /// Gyro bytes that the receive queue had no room for, since the start.
-    pub bytes_refused: u32,
+    /// What the board's queues had no room for, since the start.
+    pub refused: Refused,
 }
 
 /// What the motor shall do.
@@ -175,7 +175,9 @@ impl Pipeline {
 
     fn read(&mut self, readings: &Readings) {
         let counters = &mut self.counters;
-        counters.bytes_refused = readings.bytes_refused;
+        counters.bytes_refused = readings.refused.gyro_bytes;
+        counters.readings_refused = readings.refused.readings;
+        counters.reports_refused = readings.refused.reports;
         counters.bytes_skipped = self.reader.bytes_skipped();
         counters.frames_bad_crc = self.reader.bad_crc();
         match readings.acceleration_g {

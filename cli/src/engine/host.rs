@@ -7,6 +7,7 @@ use hal_sim::{AccelerometerSpi, EncoderSpi, GyroLine, Pin, World};
 use north_finder::drivers::sensors::{Due, Sensors};
 use north_finder::drivers::step_motor::{SLOTS_PER_TICK, StepMotor};
 use north_finder::event::Report;
+use north_finder::health::Refused;
 use north_finder::pipeline::{Command, MotorCommand, Pipeline, Readings};
 use north_finder::settings::Settings;
 use north_finder::settings::store::{self, Loaded};
@@ -96,8 +97,8 @@ impl Instrument {
         if let Some(command) = self.pending.take() {
             self.motor.command(command);
         }
-        let readings =
-            Readings { tick: self.tick, acceleration_g, index_deg, turning: self.motor.is_turning(), bytes_refused: 0 };
+        let (turning, refused) = (self.motor.is_turning(), Refused::default());
+        let readings = Readings { tick: self.tick, acceleration_g, index_deg, turning, refused };
         tap(&readings, &self.heard);
         self.pending = self.pipeline.tick(&readings, report);
         self.tick += 1;
