@@ -97,6 +97,8 @@ struct Gathering {
     cos: f64,
     sin: f64,
     raw_arcsec: f64,
+    /// Sum of the angles times their time.
+    timed_arcsec_s: f64,
     level: [f64; 2],
     level_seconds: f64,
     temp_c: f64,
@@ -225,6 +227,7 @@ impl<'a> Replay<'a> {
             cos,
             sin,
             rate_deg_h: correction.apply(second.raw_arcsec, second.seconds) / second.seconds,
+            lever_arcsec_s: second.timed_arcsec_s - (second.end_s - 0.5 * second.seconds) * second.raw_arcsec,
             level: second.level(),
         };
         if second.turned_deg.abs() > REST_DEG {
@@ -323,6 +326,7 @@ impl Gathering {
         self.cos += weight * cos * shorter;
         self.sin += weight * sin * shorter;
         self.raw_arcsec += row.fog_arcsec;
+        self.timed_arcsec_s += row.fog_arcsec * (row.t_s - 0.5 * row.interval_s);
         if let Some([forward, left]) = row.level_g {
             let [sum_forward, sum_left] = &mut self.level;
             *sum_forward += weight * forward;

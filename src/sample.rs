@@ -26,6 +26,8 @@ pub struct RateSecond {
     pub fog_arcsec: f64,
     /// Mean rate, °/h: as the gyro gave it until the pipeline has applied the error model.
     pub rate_deg_h: f64,
+    /// First moment of the angle about the middle of the second, arcsec · s.
+    pub lever_arcsec_s: f64,
     /// What is known of the second here: the temperature. The pipeline adds the rest.
     pub conditions: Conditions,
     /// Slots without a valid frame.
@@ -56,6 +58,8 @@ struct Partial {
     invalid: u16,
     saturated: u16,
     raw_arcsec: f64,
+    /// Sum of increments times their time since the second began.
+    timed_arcsec_s: f64,
     temp_sum_c: f64,
     temps: u16,
     first_arcsec: Option<f64>,
@@ -99,6 +103,7 @@ impl Sampler {
             second.good += 1;
             second.changed |= *second.first_arcsec.get_or_insert(frame.increment_arcsec) != frame.increment_arcsec;
             second.raw_arcsec += frame.increment_arcsec;
+            second.timed_arcsec_s += frame.increment_arcsec * SAMPLE_S * (f64::from(second.slots) + 0.5);
         }
         self.next_slot().or(finished)
     }
@@ -140,6 +145,7 @@ impl Sampler {
         Some(RateSecond {
             fog_arcsec: second.raw_arcsec * stretch,
             rate_deg_h: second.raw_arcsec * stretch,
+            lever_arcsec_s: (second.timed_arcsec_s - 0.5 * second.raw_arcsec) * stretch,
             conditions: Conditions { temp_c, ..Conditions::default() },
             missing,
             invalid: second.invalid,

@@ -100,7 +100,8 @@ fn model_columns(path: &Path, reader: &RunReader, settings: &Settings) -> Result
     model.channels().iter().map(column).collect()
 }
 
-fn replay_row(row: &Row) -> ReplayRow {
+/// A row as the replay takes it.
+pub fn replay_row(row: &Row) -> ReplayRow {
     ReplayRow {
         t_s: row.t_s,
         interval_s: row.interval_s,

@@ -19,6 +19,9 @@ pub struct Row {
     pub sin: f64,
     /// Mean compensated rate, °/h.
     pub rate_deg_h: f64,
+    /// First moment of the angle about the middle of the interval, ∫ (t − middle) · rate dt, arcsec · s: where in the
+    /// interval the gyro turned.
+    pub lever_arcsec_s: f64,
     /// Level accelerometers, if there are any.
     pub level: Option<Specific>,
 }
@@ -235,7 +238,7 @@ mod tests {
     use super::*;
 
     fn row(second: u16, rate_deg_h: f64) -> Row {
-        Row { t_s: f64::from(second) + 0.5, seconds: 1.0, cos: 0.0, sin: 1.0, rate_deg_h, level: None }
+        Row { t_s: f64::from(second) + 0.5, seconds: 1.0, cos: 0.0, sin: 1.0, rate_deg_h, lever_arcsec_s: 0.0, level: None }
     }
 
     fn rows(rates: &[f64]) -> DwellRows {

@@ -40,7 +40,9 @@ pub fn summary(rows: &[Row], velocity: bool) -> Option<DwellSummary> {
         let (from_s, to_s) = (row.t_s - 0.5 * row.seconds, row.t_s + 0.5 * row.seconds);
         let of_row = weights.integral(to_s) - weights.integral(from_s);
         weight += of_row;
-        weighted_arcsec += of_row * row.rate_deg_h + (weights.at(to_s) - weights.at(from_s)) * tilt_arcsec(row)?;
+        let rise = weights.at(to_s) - weights.at(from_s);
+        weighted_arcsec +=
+            of_row * row.rate_deg_h + rise * (row.lever_arcsec_s / row.seconds + tilt_arcsec(row)?);
         seconds += row.seconds;
         cos += row.seconds * row.cos;
         sin += row.seconds * row.sin;
@@ -141,7 +143,8 @@ fn angles(rows: &[Row], integrated: bool) -> impl Iterator<Item = (f64, f64)> + 
     let (mut gyro_arcsec, mut integral) = (0.0, 0.0);
     rows.iter().map(move |row| {
         let turned = row.rate_deg_h * row.seconds;
-        let difference = gyro_arcsec + 0.5 * turned - tilt_arcsec(row).unwrap_or(0.0);
+        let mean_arcsec = gyro_arcsec + 0.5 * turned - row.lever_arcsec_s / row.seconds;
+        let difference = mean_arcsec - tilt_arcsec(row).unwrap_or(0.0);
         gyro_arcsec += turned;
         integral += difference * row.seconds;
         if integrated { (row.t_s + 0.5 * row.seconds, integral) } else { (row.t_s, difference) }
@@ -164,8 +167,10 @@ mod tests {
             .map(|second| {
                 let t_s = f64::from(second) + 0.5;
                 let rate_deg_h = 3.0 - (pitch(t_s + 0.5) - pitch(t_s - 0.5));
+                // ∫ (t − middle) dp/dt dt = (p(end) + p(begin))/2 − mean.
+                let lever_arcsec_s = -(0.5 * (pitch(t_s + 0.5) + pitch(t_s - 0.5)) - mean(t_s));
                 let level = Specific::new(mean(t_s) / ARCSEC_PER_RAD, 0.0);
-                Row { t_s, seconds: 1.0, cos: 0.0, sin: 1.0, rate_deg_h, level }
+                Row { t_s, seconds: 1.0, cos: 0.0, sin: 1.0, rate_deg_h, lever_arcsec_s, level }
             })
             .collect()
     }
@@ -174,8 +179,7 @@ mod tests {
     fn rocking_and_settling_leave_the_rate() {
         for velocity in [false, true] {
             let summary = summary(&rows(), velocity).unwrap();
-            // What is left is the difference between a second's mean weight and the weight itself: (1 s/3 s)²/12 of
-            // 400 arcsec, times the weight's slope, 6/T² · 400 · 0.01 = 0.015 °/h.
+            // What is left is the curvature of the weight within a second: (1 s/40 s)²/12 of the turning.
             assert!((summary.rate.mean - 3.0).abs() < 0.02, "{}", summary.rate.mean);
             assert!(summary.base_taken_out && summary.seconds == 40.0);
         }
@@ -186,7 +190,7 @@ mod tests {
         // A still base, accelerometers with ± 10 arcsec in turn: variance 100 about the line, 12 · 100/(40 · 1600).
         let mut rows = rows();
         for (i, row) in (0..).zip(&mut rows) {
-            row.rate_deg_h = 3.0;
+            (row.rate_deg_h, row.lever_arcsec_s) = (3.0, 0.0);
             row.level = Specific::new(if i % 2 == 0 { 10.0 } else { -10.0 } / ARCSEC_PER_RAD, 0.0);
         }
         let sigma = summary(&rows, false).unwrap().sigma_deg_h();

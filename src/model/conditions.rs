@@ -11,7 +11,7 @@ const REST_DEG: f64 = 0.5;
 /// Samples that a channel's past is kept for.
 const PAST: usize = 32;
 /// Samples that a rate of change is taken over, and the fewest that give one.
-const RATE_SAMPLES: usize = 30;
+pub const RATE_SAMPLES: usize = 30;
 const LEAST_RATE_SAMPLES: usize = 10;
 
 /// What a second (or a longer row) was like.
@@ -108,11 +108,11 @@ impl History {
         Some(after.1)
     }
 
-    /// Rate of change per second: least-squares slope over the last half minute, so that a sensor that resolves 0.01 K
-    /// still gives 1e-4 K/s. `None` before ten values are there.
-    pub fn rate(&self) -> Option<f64> {
-        let count = self.past.len().min(RATE_SAMPLES);
-        if count < LEAST_RATE_SAMPLES {
+    /// Rate of change per second: least-squares slope over the last `samples` values (3 … 30). Half a minute of a sensor
+    /// that resolves 0.01 K still gives 1e-4 K/s. `None` before ten values are there, or `samples` if these are fewer.
+    pub fn rate(&self, samples: usize) -> Option<f64> {
+        let count = self.past.len().min(samples.clamp(3, RATE_SAMPLES));
+        if count < LEAST_RATE_SAMPLES.min(samples) {
             return None;
         }
         let last = || self.past.iter().skip(self.past.len() - count);

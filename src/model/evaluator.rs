@@ -3,7 +3,7 @@
 use heapless::Vec;
 
 use super::channel::{ChannelName, TEMPERATURE};
-use super::conditions::{Conditions, History, Travel};
+use super::conditions::{Conditions, History, RATE_SAMPLES, Travel};
 use super::{Correction, ErrorModel, MAX_TERMS, Term};
 use crate::earth::EarthRate;
 use crate::units::{DEG_PER_RAD, wrap_360_deg};
@@ -95,9 +95,9 @@ impl Evaluator {
                 let rate = conditions.raw_rate_deg_h;
                 (quadratic_per_deg_h + cubic_per_deg_h2 * rate) * rate * rate
             }
-            Term::DeadZone { depth_deg_h, width_deg_h } => {
+            Term::DeadZone { depth_deg_h, width_deg_h, tail } => {
                 let x = conditions.raw_rate_deg_h / width_deg_h;
-                -depth_deg_h * x * libm::exp(0.5 * (1.0 - x * x))
+                -depth_deg_h * x * if tail { 2.0 / (1.0 + x * x) } else { libm::exp(0.5 * (1.0 - x * x)) }
             }
             Term::Line { period_s, cos_deg_h, sin_deg_h } => {
                 let phase = core::f64::consts::TAU * conditions.t_s / period_s;
@@ -145,8 +145,10 @@ impl Evaluator {
 /// A rate's contribution; `None` for other terms, and before a rate is known.
 fn rate_deg_h(term: &Term, past: &History) -> Option<f64> {
     match *term {
-        Term::TemperatureRate { deg_h_per_k_per_s: factor }
-        | Term::ChannelRate { deg_h_per_unit_per_s: factor, .. } => past.rate().map(|rate| factor * rate),
+        Term::TemperatureRate { deg_h_per_k_per_s } => past.rate(RATE_SAMPLES).map(|rate| deg_h_per_k_per_s * rate),
+        Term::ChannelRate { deg_h_per_unit_per_s, seconds, .. } => {
+            past.rate(seconds.into()).map(|rate| deg_h_per_unit_per_s * rate)
+        }
         _ => None,
     }
 }

@@ -26,8 +26,9 @@ pub enum Term {
         quadratic_deg_h: f64,
         cubic_deg_h: f64,
     },
-    /// Proportional to the channel's rate of change (of the low-passed channel with `low_pass_s` above 0), °/h per unit/s.
-    ChannelRate { channel: ChannelName, low_pass_s: f64, deg_h_per_unit_per_s: f64 },
+    /// Proportional to the channel's rate of change (of the low-passed channel with `low_pass_s` above 0), a slope over the
+    /// last `seconds` (3 … 30), °/h per unit/s.
+    ChannelRate { channel: ChannelName, low_pass_s: f64, seconds: u8, deg_h_per_unit_per_s: f64 },
     /// Scale factor error proportional to value − reference, 1/unit.
     ScaleChannel { channel: ChannelName, reference: f64, per_unit: f64 },
     /// linear · t + quadratic · t², t in hours since switch-on.
@@ -49,8 +50,9 @@ pub enum Term {
     BodyHarmonic { order: u8, cos_deg_h: f64, sin_deg_h: f64 },
     /// quadratic · ω² + cubic · ω³, ω the raw rate in °/h.
     RateNonlinearity { quadratic_per_deg_h: f64, cubic_per_deg_h2: f64 },
-    /// depth · (ω/width) · exp((1 − (ω/width)²)/2): lost near zero rate, at most `depth`, there where ω = ± width.
-    DeadZone { depth_deg_h: f64, width_deg_h: f64 },
+    /// Lost near zero rate, at most `depth`, there where ω = ± width: with x = ω/width, depth · x · exp((1 − x²)/2) or,
+    /// with a longer `tail`, depth · 2x/(1 + x²).
+    DeadZone { depth_deg_h: f64, width_deg_h: f64, tail: bool },
     /// cos_deg_h · cos(2πt/period) + sin_deg_h · sin(2πt/period), t since switch-on.
     Line { period_s: f64, cos_deg_h: f64, sin_deg_h: f64 },
     /// Added from `t_s` since switch-on.
@@ -147,8 +149,9 @@ impl Term {
                 filter(low_pass_s)?;
                 finite("model.terms.channel", &[reference, linear_deg_h, quadratic_deg_h, cubic_deg_h])
             }
-            Self::ChannelRate { low_pass_s, deg_h_per_unit_per_s, .. } => {
+            Self::ChannelRate { low_pass_s, seconds, deg_h_per_unit_per_s, .. } => {
                 filter(low_pass_s)?;
+                within("model.terms.channel-rate.seconds", seconds.into(), 3.0, 30.0, "3 to 30")?;
                 finite("model.terms.channel-rate", &[deg_h_per_unit_per_s])
             }
             Self::ScaleChannel { reference, per_unit, .. } => {
@@ -171,7 +174,7 @@ impl Term {
             Self::RateNonlinearity { quadratic_per_deg_h, cubic_per_deg_h2 } => {
                 finite("model.terms.rate-nonlinearity", &[quadratic_per_deg_h, cubic_per_deg_h2])
             }
-            Self::DeadZone { depth_deg_h, width_deg_h } => {
+            Self::DeadZone { depth_deg_h, width_deg_h, .. } => {
                 positive("model.terms.dead-zone.width_deg_h", width_deg_h)?;
                 finite("model.terms.dead-zone", &[depth_deg_h])
             }

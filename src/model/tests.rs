@@ -123,7 +123,8 @@ fn index_and_rate() {
     let curved = Term::RateNonlinearity { quadratic_per_deg_h: 0.01, cubic_per_deg_h2: 0.001 };
     assert_close(rate(curved, -10.0), 1.0 - 1.0);
     // Lost at the width is the depth: x = 1 gives 1 · e⁰.
-    assert_close(rate(Term::DeadZone { depth_deg_h: 0.2, width_deg_h: 3.0 }, -3.0), 0.2);
+    assert_close(rate(Term::DeadZone { depth_deg_h: 0.2, width_deg_h: 3.0, tail: false }, -3.0), 0.2);
+    assert_close(rate(Term::DeadZone { depth_deg_h: 0.2, width_deg_h: 3.0, tail: true }, -6.0), 0.16);
 }
 
 #[test]

@@ -318,7 +318,7 @@ impl Sequencer {
     }
 
     fn collecting(&mut self, input: &SecondInput, counters: &mut Counters, sink: Sink) -> (Option<MotorCommand>, bool) {
-        let RateSecond { rate_deg_h, usable, missing, .. } = input.rate;
+        let RateSecond { rate_deg_h, lever_arcsec_s, usable, missing, .. } = input.rate;
         if missing > 0 {
             self.flags.insert(Flag::FramesLost);
         }
@@ -337,7 +337,7 @@ impl Sequencer {
             LevelSecond::Good(specific) => Some(specific),
             LevelSecond::Failed => None,
         };
-        let row = Row { t_s: input.t_s - 0.5, seconds: 1.0, cos, sin, rate_deg_h, level };
+        let row = Row { t_s: input.t_s - 0.5, seconds: 1.0, cos, sin, rate_deg_h, lever_arcsec_s, level };
         if let Err(row) = self.rows.push(row) {
             self.summarise(counters, sink);
             let _ = self.rows.push(row);

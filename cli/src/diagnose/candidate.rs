@@ -22,8 +22,10 @@ pub enum Shape {
     WarmUp,
     Settling(SettlingBy, bool),
     Harmonic(u8),
+    /// Bias of the level sensors, with the Earth's vertical rate.
+    LevelBias(f64),
     Nonlinearity(usize),
-    DeadZone,
+    DeadZone(bool),
     Line,
     Step,
     EarthField,
@@ -71,9 +73,8 @@ impl Candidate {
     pub fn coefficients(&self) -> usize {
         match self.shape {
             Shape::Powers(_, _, n) | Shape::Drift(n) => n,
-            Shape::Harmonic(_) | Shape::Line | Shape::IndexHarmonic => 2,
+            Shape::Harmonic(_) | Shape::LevelBias(_) | Shape::Line | Shape::IndexHarmonic => 2,
             Shape::Settling(SettlingBy::Position, _) => 2,
-            Shape::BaseMotion => 3,
             _ => 1,
         }
     }
@@ -102,10 +103,15 @@ impl Candidate {
             Shape::Powers(name, reference, _) => channel(name, 0.0, 0.0, reference),
             Shape::Lag(name, reference) => channel(name, constant, 0.0, reference),
             Shape::LowPass(name, reference) => channel(name, 0.0, constant, reference),
-            Shape::Rate(name) if name.as_str() == "temp_c" => Term::TemperatureRate { deg_h_per_k_per_s: at(0) },
-            Shape::Rate(channel) => Term::ChannelRate { channel, low_pass_s: 0.0, deg_h_per_unit_per_s: at(0) },
+            Shape::Rate(name) if name.as_str() == "temp_c" && constant > 29.0 => {
+                Term::TemperatureRate { deg_h_per_k_per_s: at(0) }
+            }
+            Shape::Rate(channel) => {
+                let seconds = constant.round().clamp(3.0, 30.0) as u8;
+                Term::ChannelRate { channel, low_pass_s: 0.0, seconds, deg_h_per_unit_per_s: at(0) }
+            }
             Shape::RateLowPass(channel) => {
-                Term::ChannelRate { channel, low_pass_s: constant, deg_h_per_unit_per_s: at(0) }
+                Term::ChannelRate { channel, low_pass_s: constant, seconds: 6, deg_h_per_unit_per_s: at(0) }
             }
             Shape::Scale(name, reference) if name.as_str() == "temp_c" => {
                 Term::ScaleTemperature { reference_c: reference, per_k: at(0) }
@@ -127,9 +133,12 @@ impl Candidate {
                 }
             }
             Shape::Harmonic(order) => Term::BodyHarmonic { order, cos_deg_h: at(0), sin_deg_h: at(1) },
+            Shape::LevelBias(up_deg_h) => {
+                Term::BodyHarmonic { order: 1, cos_deg_h: -up_deg_h * at(0), sin_deg_h: -up_deg_h * at(1) }
+            }
             Shape::Nonlinearity(2) => Term::RateNonlinearity { quadratic_per_deg_h: at(0), cubic_per_deg_h2: 0.0 },
             Shape::Nonlinearity(_) => Term::RateNonlinearity { quadratic_per_deg_h: 0.0, cubic_per_deg_h2: at(0) },
-            Shape::DeadZone => Term::DeadZone { depth_deg_h: at(0), width_deg_h: constant },
+            Shape::DeadZone(tail) => Term::DeadZone { depth_deg_h: at(0), width_deg_h: constant, tail },
             Shape::Line => Term::Line { period_s: constant, cos_deg_h: at(0), sin_deg_h: at(1) },
             Shape::Step => Term::Step { t_s: constant, deg_h: at(0) },
             Shape::EarthField => Term::EarthField { east_deg_h: at(0), north_deg_h: 0.0 },
@@ -149,8 +158,8 @@ impl Candidate {
             Shape::Powers(_, _, n) => (powers(n, ["deg_h_per_unit", "deg_h_per_unit2", "deg_h_per_unit3"]), None),
             Shape::Lag(..) => (vec!["deg_h_per_unit"], Some("lag_s")),
             Shape::LowPass(..) => (vec!["deg_h_per_unit"], Some("tau_s")),
-            Shape::Rate(name) if name.as_str() == "temp_c" => (vec!["deg_h_per_k_per_s"], None),
-            Shape::Rate(_) => (vec!["deg_h_per_unit_per_s"], None),
+            Shape::Rate(name) if name.as_str() == "temp_c" => (vec!["deg_h_per_k_per_s"], Some("slope_s")),
+            Shape::Rate(_) => (vec!["deg_h_per_unit_per_s"], Some("slope_s")),
             Shape::RateLowPass(name) if name.as_str() == "temp_c" => (vec!["deg_h_per_k_per_s"], Some("tau_s")),
             Shape::RateLowPass(_) => (vec!["deg_h_per_unit_per_s"], Some("tau_s")),
             Shape::Scale(name, _) if name.as_str() == "temp_c" => (vec!["per_k"], None),
@@ -162,15 +171,16 @@ impl Candidate {
             Shape::Settling(SettlingBy::Travel, _) => (vec!["deg_h_per_deg_travel"], Some("tau_s")),
             Shape::Settling(..) => (vec!["deg_h"], Some("tau_s")),
             Shape::Harmonic(_) => (vec!["cos_deg_h", "sin_deg_h"], None),
+            Shape::LevelBias(_) => (vec!["forward_g", "left_g"], None),
             Shape::Nonlinearity(2) => (vec!["per_deg_h"], None),
             Shape::Nonlinearity(_) => (vec!["per_deg_h2"], None),
-            Shape::DeadZone => (vec!["depth_deg_h"], Some("width_deg_h")),
+            Shape::DeadZone(_) => (vec!["depth_deg_h"], Some("width_deg_h")),
             Shape::Line => (vec!["cos_deg_h", "sin_deg_h"], Some("period_s")),
             Shape::Step => (vec!["deg_h"], Some("t_s")),
             Shape::EarthField => (vec!["east_deg_h"], None),
             Shape::IndexOffset => (vec!["offset_deg"], None),
             Shape::IndexHarmonic => (vec!["cos_deg", "sin_deg"], None),
-            Shape::BaseMotion => (vec!["gain_early", "gain", "gain_late"], None),
+            Shape::BaseMotion => (vec!["gain"], Some("window_s")),
         }
     }
 
@@ -190,7 +200,7 @@ impl Candidate {
         let value = |shape: &Shape| matches!(shape, Shape::Powers(..) | Shape::Lag(..) | Shape::LowPass(..));
         let rate = |shape: &Shape| matches!(shape, Shape::Rate(_) | Shape::RateLowPass(_));
         match (&self.shape, &other.shape) {
-            (Shape::Drift(_), Shape::Drift(_)) => true,
+            (Shape::Drift(_), Shape::Drift(_)) | (Shape::DeadZone(_), Shape::DeadZone(_)) => true,
             (Shape::Settling(a, _), Shape::Settling(b, _)) => a == b,
             (a, b) => (value(a) && value(b)) || (rate(a) && rate(b)) || a == b,
         }
@@ -218,7 +228,7 @@ impl Candidate {
                 };
                 vec![by(|cell| cell.cos), by(|cell| cell.sin)]
             }
-            Shape::BaseMotion => base_motion(run),
+            Shape::BaseMotion => vec![base_motion(run, constant)],
             _ => (0..self.coefficients()).map(|i| self.evaluated(run, constant, i, rate_deg_h)).collect(),
         }
     }
@@ -264,25 +274,30 @@ impl Candidate {
     }
 }
 
-/// Turning of the base about the sensitive axis by the accelerometers: the change to the second before, to the next, and
-/// over both, °/h.
-fn base_motion(run: &RunData) -> Columns {
+/// Turning of the base about the sensitive axis by the accelerometers, °/h: slopes of pitch and roll over `window_s` about
+/// each cell, inside its stay.
+fn base_motion(run: &RunData, window_s: f64) -> Vec<f64> {
     let cells = &run.cells;
-    let tilt = |cell: &super::data::Cell| cell.level.map(|level| [level.forward, level.left]);
-    let rate = |i: usize, from: Option<usize>, to: usize| {
-        let (a, b) = (cells.get(from?)?, cells.get(to)?);
+    let slope = |i: usize| {
         let here = &cells[i];
-        if a.stay != b.stay || a.moving || b.moving {
-            return None;
+        let near = |j: &usize| {
+            let cell = &cells[*j];
+            cell.stay == here.stay && !cell.moving && (cell.t_s - here.t_s).abs() <= 0.5 * window_s + 0.01
+        };
+        let first = (0..i).rev().take_while(near).last().unwrap_or(i);
+        let last = (i..cells.len()).take_while(near).last().unwrap_or(i);
+        let inside = cells.get(first..=last)?;
+        let mean_s = inside.iter().map(|cell| cell.t_s).sum::<f64>() / inside.len() as f64;
+        let (mut along, mut squares) = (0.0, 0.0);
+        for cell in inside {
+            let level = cell.level?;
+            let t_s = cell.t_s - mean_s;
+            along += t_s * (here.cos * level.left - here.sin * level.forward);
+            squares += t_s * t_s;
         }
-        let ([p0, r0], [p1, r1]) = (tilt(a)?, tilt(b)?);
-        let elapsed = b.t_s - a.t_s;
-        Some((here.cos * (r1 - r0) - here.sin * (p1 - p0)) * ARCSEC_PER_RAD / elapsed)
+        (squares > 0.0).then(|| along / squares * ARCSEC_PER_RAD)
     };
-    let column = |back: usize, ahead: usize| {
-        (0..cells.len()).map(|i| rate(i, i.checked_sub(back), i + ahead).unwrap_or(0.0)).collect()
-    };
-    vec![column(1, 0), column(1, 1), column(0, 1)]
+    (0..cells.len()).map(|i| if cells[i].moving { 0.0 } else { slope(i).unwrap_or(0.0) }).collect()
 }
 
 /// Logarithmic grid.
@@ -319,7 +334,9 @@ pub fn all(runs: &[&RunData], constant_channels: &[String]) -> Vec<Candidate> {
     }
     list.push(Candidate::new("rate-quadratic", "scale", None, Shape::Nonlinearity(2), vec![]));
     list.push(Candidate::new("rate-cubic", "scale", None, Shape::Nonlinearity(3), vec![]));
-    list.push(Candidate::new("dead-zone", "scale", None, Shape::DeadZone, geometric(0.5, 10.0, 7)));
+    for tail in [false, true] {
+        list.push(Candidate::new("dead-zone", "scale", None, Shape::DeadZone(tail), geometric(0.5, 10.0, 7)));
+    }
     list.push(Candidate::new("scale-factor", "scale", None, Shape::ScaleFactor, vec![]));
     list.push(Candidate::new("earth-field", "azimuth", None, Shape::EarthField, vec![]));
     list.push(Candidate::new("index-offset", "index", None, Shape::IndexOffset, vec![]));
@@ -332,7 +349,8 @@ pub fn all(runs: &[&RunData], constant_channels: &[String]) -> Vec<Candidate> {
     let steps = (1..32).map(|n| longest_s * f64::from(n) / 32.0).collect();
     list.push(Candidate::new("step", "bias", None, Shape::Step, steps));
     if runs.iter().all(|run| run.channel("ax_g").is_some()) {
-        list.push(Candidate::new("base-motion", "base-motion", None, Shape::BaseMotion, vec![]));
+        list.push(Candidate::new("base-motion", "base-motion", None, Shape::BaseMotion, vec![2.0, 8.0, 30.0, 80.0]));
+        list.push(Candidate::new("level-bias", "bias", None, Shape::LevelBias(first.earth.up_deg_h), vec![]));
     }
     list
 }
@@ -357,7 +375,7 @@ fn of_channel(list: &mut Vec<Candidate>, name: &str, runs: &[&RunData], longest_
     }
     add("-quadratic", Shape::Powers(channel, mean, 2), vec![]);
     add("-cubic", Shape::Powers(channel, mean, 3), vec![]);
-    add("-rate", Shape::Rate(channel), vec![]);
+    add("-rate", Shape::Rate(channel), vec![3.0, 6.0, 12.0, 30.0]);
     add("-lag", Shape::Lag(channel, mean), geometric(3.0, 30.0, 5));
     add("-low-pass", Shape::LowPass(channel, mean), geometric(5.0, longest_s, 7));
     add("-rate-low-pass", Shape::RateLowPass(channel), geometric(10.0, longest_s, 6));

@@ -19,6 +19,8 @@ use crate::campaign::{Campaign, Role, Row, Run, RunReader};
 const REST_DEG: f64 = 0.5;
 /// Rows are gathered until they cover this, seconds.
 const GATHER_S: f64 = 0.9995;
+/// Most rows of a run that are kept as they are.
+const MOST_RAW: usize = 20_000;
 
 /// A second of a run, or a longer row.
 #[derive(Clone, Debug, Default)]
@@ -51,10 +53,11 @@ pub struct RunData {
     /// Names of the extra channels and their values by the cell.
     pub names: Vec<String>,
     pub channels: Vec<Vec<f64>>,
+    /// The rows themselves, where they are shorter than the cells and not too many.
+    pub raw: Vec<ReplayRow>,
     pub before: Option<Fix>,
     /// Why there is no azimuth.
     pub refusal: Option<String>,
-    pub rows: u64,
     /// Noise of a one-second rate where it is known beforehand, °/h.
     pub noise_deg_h: Option<f64>,
     /// Most of the time the index turns.
@@ -101,6 +104,13 @@ impl RunData {
                 dwells.push((report.t_s, dwell));
             }
         };
+        if !self.raw.is_empty() && slots.is_empty() {
+            for row in &self.raw {
+                replay.push(row, &mut note).ok()?;
+            }
+            let fix = replay.finish(&mut note).ok()?;
+            return Some((fix, dwells));
+        }
         for (i, cell) in self.cells.iter().enumerate() {
             let row = ReplayRow {
                 t_s: cell.t_s + 0.5 * cell.seconds,
@@ -161,6 +171,7 @@ fn read_cells(path: &Path, run: &Run) -> Result<(RunData, Vec<Warning>), Refusal
     let mut gatherer = Gatherer::new(names.len());
     let mut warnings = Vec::new();
     let (mut rows, mut gap_warned) = (0_u64, false);
+    let mut raw = Vec::new();
     let mut usual_s: Option<f64> = None;
     for row in reader {
         let row = row?;
@@ -180,8 +191,15 @@ fn read_cells(path: &Path, run: &Run) -> Result<(RunData, Vec<Warning>), Refusal
             usual_s = Some(row.interval_s);
         }
         gatherer.push(&row, rows + 1);
+        if row.interval_s < 0.9 && raw.len() < MOST_RAW {
+            raw.push(crate::solve::replay_row(&row));
+        }
     }
     gatherer.end();
+    // Part of the rows would be another recording.
+    if raw.len() as u64 != rows {
+        raw = Vec::new();
+    }
     let Gatherer { cells, channels, .. } = gatherer;
     let moving: f64 = cells.iter().filter(|cell| cell.moving).map(|cell| cell.seconds).sum();
     let all: f64 = cells.iter().map(|cell| cell.seconds).sum();
@@ -195,9 +213,9 @@ fn read_cells(path: &Path, run: &Run) -> Result<(RunData, Vec<Warning>), Refusal
         cells,
         names,
         channels,
+        raw,
         before: None,
         refusal: None,
-        rows,
         noise_deg_h: None,
         rotation: moving > 0.75 * all,
     };

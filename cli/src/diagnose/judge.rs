@@ -107,12 +107,18 @@ pub fn stays_of(run: &RunData, model: &ErrorModel) -> Option<RunData> {
     Some(stays)
 }
 
-/// Whether the accelerometers' noise is white in the velocity: the way that promises the smaller sigmas.
-pub fn noise_is_in_velocity(runs: &[&RunData], base: &ErrorModel) -> bool {
-    let promised = |velocity: bool| {
+/// How the base's motion is taken out best, by the sigmas that it promises: row by row with the accelerometers' noise
+/// white in the velocity or in the tilt; or, `None`, as the solver does by itself.
+pub fn way_of_base_motion(runs: &[&RunData], base: &ErrorModel) -> Option<bool> {
+    let promised = |velocity: Option<bool>| {
         let mut model = base.clone();
-        let _ = model.terms.push(north_finder::model::Term::BaseMotion { velocity });
-        runs.iter().filter_map(|run| run.solve(&model)).map(|(fix, _)| fix.sigma_deg.powi(2)).sum::<f64>()
+        if let Some(velocity) = velocity {
+            let _ = model.terms.push(north_finder::model::Term::BaseMotion { velocity });
+        }
+        // A run without an azimuth is as good as one that may point anywhere.
+        let sigma = |run: &&RunData| run.solve(&model).map_or(100.0, |(fix, _)| fix.sigma_deg);
+        runs.iter().map(|run| sigma(run).powi(2)).sum::<f64>()
     };
-    promised(true) < promised(false)
+    let ways = [None, Some(false), Some(true)].map(|way| (way, promised(way)));
+    ways.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)).and_then(|best| best.0)
 }

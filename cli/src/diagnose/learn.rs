@@ -3,7 +3,7 @@
 use north_finder::model::ErrorModel;
 use rayon::prelude::*;
 
-use super::candidate::{Candidate, Columns};
+use super::candidate::{Candidate, Columns, Shape};
 use super::problem::Block;
 use super::statistics::{chi_square_tail, dot, f_tail, least_squares, orthonormalise, subtract};
 
@@ -11,6 +11,8 @@ use super::statistics::{chi_square_tail, dot, f_tail, least_squares, orthonormal
 pub const ACCEPT: f64 = 0.01;
 /// Most effects that are taken.
 const MOST_EFFECTS: usize = 6;
+/// Folds of the cross-validation inside the selection.
+const FOLDS: usize = 4;
 /// Candidates whose score (in noise variances) is within this of the chosen one's explain the campaign as well: odds of
 /// e^(9.2/2) = 100 to 1.
 pub const AS_GOOD: f64 = 9.2;
@@ -71,11 +73,13 @@ impl Learned {
         for each in &self.taken {
             let (own, others) = rest.split_at(each.coefficients.len());
             rest = others;
-            match each.candidate.term(each.constant, own) {
-                Some(term) => {
+            match (&each.candidate.shape, each.candidate.term(each.constant, own)) {
+                // The solver takes the accelerometers' measure of a slow creep out by itself.
+                (Shape::BaseMotion, _) => {}
+                (_, Some(term)) => {
                     let _ = model.terms.push(term);
                 }
-                None => model.scale_error += own.first().copied().unwrap_or(0.0),
+                (_, None) => model.scale_error += own.first().copied().unwrap_or(0.0),
             }
         }
         model
@@ -210,7 +214,8 @@ pub fn learn(blocks: &[Block<'_>], candidates: &[Candidate]) -> Learned {
         let trial = [chosen.as_slice(), &[(best.index, best.constant)]].concat();
         let p_value = p_value(&problem, candidates, &trial, best.improvement, candidate)
             * searched(candidate, candidates.len());
-        if !(p_value < ACCEPT) || chosen.len() >= MOST_EFFECTS {
+        let convinces = p_value < ACCEPT && chosen.len() < MOST_EFFECTS && foretells(&problem, candidates, &trial);
+        if !convinces {
             learned.runner_up = Some((candidate.name.clone(), p_value.min(1.0)));
             break;
         }
@@ -222,6 +227,44 @@ pub fn learn(blocks: &[Block<'_>], candidates: &[Candidate]) -> Learned {
     prune(&problem, candidates, &mut chosen);
     finish(&problem, candidates, &cache, &chosen, &mut learned);
     learned
+}
+
+/// Whether the last of the chosen effects foretells runs that its coefficients were not fitted to: cross-validation in
+/// blocks of whole runs.
+fn foretells(problem: &Problem, candidates: &[Candidate], trial: &[(usize, f64)]) -> bool {
+    let folds = FOLDS.min(problem.blocks.len());
+    if folds < 2 {
+        return true;
+    }
+    let columns: Columns =
+        trial.iter().flat_map(|&(index, constant)| problem.projected(&candidates[index], constant)).collect();
+    let last = trial.last().map_or(0, |&(index, _)| candidates[index].coefficients());
+    let without = &columns[..columns.len() - last];
+    let mut fall = 0.0;
+    for fold in 0..folds {
+        let mut inside = Vec::with_capacity(problem.y.len());
+        for (i, block) in problem.blocks.iter().enumerate() {
+            inside.extend(std::iter::repeat_n(i % folds == fold, block.y.len()));
+        }
+        let taught = |values: &[f64]| -> Vec<f64> {
+            values.iter().zip(&inside).map(|(value, inside)| if *inside { 0.0 } else { *value }).collect()
+        };
+        let missed = |columns: &[Vec<f64>]| -> Option<f64> {
+            let kept: Columns = columns.iter().map(|column| taught(column)).collect();
+            let kept: Vec<&[f64]> = kept.iter().map(Vec::as_slice).collect();
+            let (found, _) = if kept.is_empty() { (vec![], vec![]) } else { least_squares(&kept, &taught(&problem.y))? };
+            let mut left = problem.y.clone();
+            for (column, coefficient) in columns.iter().zip(&found) {
+                subtract(&mut left, *coefficient, column);
+            }
+            Some(left.iter().zip(&inside).filter(|(_, inside)| **inside).map(|(value, _)| value * value).sum())
+        };
+        match (missed(without), missed(&columns)) {
+            (Some(before), Some(after)) => fall += before - after,
+            _ => return true,
+        }
+    }
+    fall > 0.0
 }
 
 fn constants(candidate: &Candidate) -> Vec<f64> {
@@ -247,7 +290,14 @@ fn improvement(basis: &[Vec<f64>], left: &[f64], columns: Columns) -> f64 {
 }
 
 fn score(candidate: &Candidate, improvement: f64, rows: usize) -> f64 {
-    improvement - candidate.freedom() as f64 * (rows as f64).ln() - 2.0 * (candidate.grid.len().max(1) as f64).ln()
+    // Among harmonics that the angles cannot tell apart the lowest is the likeliest.
+    let order = match candidate.shape {
+        Shape::Harmonic(order) => f64::from(order - 1),
+        Shape::LevelBias(_) => 0.5,
+        _ => 0.0,
+    };
+    let search = 2.0 * (candidate.grid.len().max(1) as f64).ln();
+    improvement - candidate.freedom() as f64 * (rows as f64).ln() - search - order
 }
 
 fn merits(

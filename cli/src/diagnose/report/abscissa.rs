@@ -43,9 +43,12 @@ impl Abscissa {
     /// The axis' label, with its unit as far as a column's name tells it.
     pub fn label(&self) -> String {
         match self {
-            Self::Channel(channel) => channel.clone(),
-            Self::ChannelRate(channel) => format!("rate of change of {channel}, per second"),
-            Self::TiltRate => "tilt rate about the gyro's axis by the accelerometers, °/h".into(),
+            Self::Channel(channel) => unit_of(channel).map_or(channel.clone(), |unit| format!("{channel}, {unit}")),
+            Self::ChannelRate(channel) => match unit_of(channel) {
+                Some(unit) => format!("rate of change of {channel}, {unit}/s"),
+                None => format!("rate of change of {channel}, per second"),
+            },
+            Self::TiltRate => "tilt rate about the gyro's axis, °/h".into(),
             Self::Index => "index angle, °".into(),
             Self::SinceMove => "time since the index moved, s".into(),
             Self::Time => "time since the run's start, s".into(),
@@ -65,6 +68,24 @@ impl Abscissa {
             Self::Time => join(&run.t_s, run),
         }
     }
+}
+
+/// The unit that the end of a column's name tells.
+fn unit_of(channel: &str) -> Option<&'static str> {
+    let (_, suffix) = channel.rsplit_once('_')?;
+    Some(match suffix {
+        "c" => "°C",
+        "g" => "g",
+        "v" => "V",
+        "a" => "A",
+        "w" => "W",
+        "hz" => "Hz",
+        "nt" => "nT",
+        "ut" => "µT",
+        "hpa" => "hPa",
+        "deg" => "°",
+        _ => return None,
+    })
 }
 
 fn join(values: &[f64], run: &RunSeries) -> Points {
@@ -135,7 +156,11 @@ fn since_moves(run: &RunSeries) -> Vec<f64> {
 /// pitch is ax and roll is ay.
 fn tilt_rates(run: &RunSeries) -> Points {
     let (Some(forward), Some(left)) = (run.channels.get("ax_g"), run.channels.get("ay_g")) else { return Vec::new() };
-    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    // A second that was left out has no residual.
+    let mean = |values: &[f64]| {
+        let kept = values.iter().filter(|value| value.is_finite());
+        kept.clone().sum::<f64>() / kept.count() as f64
+    };
     let point = |stay: std::ops::Range<usize>| {
         let times = run.t_s.get(stay.clone())?;
         let pitch_rate = slope(times, forward.get(stay.clone())?)?;

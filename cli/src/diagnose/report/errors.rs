@@ -20,8 +20,19 @@ const HEADINGS_DEG: f64 = 20.0;
 struct Error {
     run: usize,
     heading_deg: f64,
-    value_deg: [f64; 2],
+    /// Before and after; a run need not have an azimuth both times.
+    value_deg: [Option<f64>; 2],
     sigma_deg: [f64; 2],
+}
+
+impl Error {
+    /// Value and sigma.
+    fn of(&self, side: Side) -> Option<(f64, f64)> {
+        match side {
+            Side::Before => Some((self.value_deg[0]?, self.sigma_deg[0])),
+            Side::After => Some((self.value_deg[1]?, self.sigma_deg[1])),
+        }
+    }
 }
 
 pub fn section(diagnosis: &Diagnosis) -> String {
@@ -39,10 +50,11 @@ pub fn section(diagnosis: &Diagnosis) -> String {
 
 fn errors(diagnosis: &Diagnosis) -> Vec<Error> {
     let error = |(run, it): (usize, &RunDiagnosis)| {
+        it.error_before_deg.or(it.error_after_deg)?;
         Some(Error {
             run,
-            heading_deg: wrap_360_deg(it.reference_azimuth_deg.or(it.azimuth_after_deg)?),
-            value_deg: [it.error_before_deg?, it.error_after_deg?],
+            heading_deg: wrap_360_deg(it.reference_azimuth_deg?),
+            value_deg: [it.error_before_deg, it.error_after_deg],
             sigma_deg: [it.sigma_before_deg.unwrap_or_default(), it.sigma_after_deg.unwrap_or_default()],
         })
     };
@@ -50,10 +62,9 @@ fn errors(diagnosis: &Diagnosis) -> Vec<Error> {
 }
 
 fn by_run(errors: &[Error], diagnosis: &Diagnosis) -> String {
-    let largest = |side: usize| {
-        errors.iter().map(|error| error.value_deg[side].abs() + error.sigma_deg[side]).fold(0.0, f64::max)
-    };
-    let enlarged = largest(0) > ENLARGE * largest(1);
+    let known = |side: Side| errors.iter().filter_map(move |error| error.of(side));
+    let largest = |side| known(side).map(|(value, sigma)| value.abs() + sigma).fold(0.0, f64::max);
+    let enlarged = largest(Side::Before) > ENLARGE * largest(Side::After) && known(Side::After).count() > 0;
     let names: Vec<String> = errors.iter().map(|error| short_name(&diagnosis.runs[error.run].file)).collect();
     let draw = |canvas: Canvas| {
         let mut plots = vec![runs_plot(canvas, errors, &names, &Side::BOTH)];
@@ -64,25 +75,28 @@ fn by_run(errors: &[Error], diagnosis: &Diagnosis) -> String {
         }
         plots
     };
-    let inside = |side: usize| {
-        errors.iter().filter(|error| error.value_deg[side].abs() <= 2.0 * error.sigma_deg[side]).count()
+    let inside = |side| {
+        let within = known(side).filter(|(value, sigma)| value.abs() <= 2.0 * sigma).count();
+        format!("{within} of {}", known(side).count())
     };
-    let caption = format!(
-        "Azimuth minus reference; the bars are ± 1 sigma as the instrument reports it. Within 2 sigma of the reference: {} of \
-         {count} before, {} of {count} after (95 % are to be expected of honest sigmas).",
-        inside(0),
-        inside(1),
-        count = errors.len()
+    let mut caption = format!(
+        "Azimuth minus reference; the bars are ± 1 sigma as the instrument reports it. Within 2 sigma of the reference: {} \
+         before, {} after (95 % are to be expected of honest sigmas).",
+        inside(Side::Before),
+        inside(Side::After)
     );
+    for side in Side::BOTH {
+        let without = errors.len() - known(side).count();
+        if without > 0 {
+            caption.push_str(&format!(" Without an azimuth {}: {without} of {} runs.", side.name(), errors.len()));
+        }
+    }
     figure(Legend::Dots, "Azimuth error of each run before and after", &caption, draw)
 }
 
 fn runs_plot(canvas: Canvas, errors: &[Error], names: &[String], sides: &[Side]) -> Plot {
     let ends = errors.iter().flat_map(|error| {
-        sides.iter().flat_map(|&side| {
-            let (value, sigma) = (error.value_deg[side as usize], error.sigma_deg[side as usize]);
-            [value - sigma, value + sigma]
-        })
+        sides.iter().filter_map(|&side| error.of(side)).flat_map(|(value, sigma)| [value - sigma, value + sigma])
     });
     let y = Axis::linear("azimuth error, °", ends.chain([0.0]));
     let x = Axis::exact("run", -0.6, errors.len() as f64 - 0.4);
@@ -93,12 +107,13 @@ fn runs_plot(canvas: Canvas, errors: &[Error], names: &[String], sides: &[Side])
     plot.level("zero", 0.0);
     let shift = if sides.len() > 1 { (5.0 / room).min(0.25) } else { 0.0 };
     for &side in sides {
-        let s = side as usize;
         let x = |i: usize| i as f64 + if side == Side::Before { -shift } else { shift };
-        let bars = errors.iter().enumerate();
-        let bars = bars.map(|(i, it)| (x(i), it.value_deg[s] - it.sigma_deg[s], it.value_deg[s] + it.sigma_deg[s]));
-        plot.bars(&format!("bar {}", side.name()), bars);
-        plot.dots(side, errors.iter().enumerate().map(|(i, it)| (x(i), it.value_deg[s])));
+        let marks = || errors.iter().enumerate().filter_map(|(i, error)| Some((x(i), error.of(side)?)));
+        plot.bars(
+            &format!("bar {}", side.name()),
+            marks().map(|(x, (value, sigma))| (x, value - sigma, value + sigma)),
+        );
+        plot.dots(side, marks().map(|(x, (value, _))| (x, value)));
     }
     plot
 }
@@ -110,13 +125,13 @@ fn by_heading(errors: &[Error]) -> String {
         return String::new();
     }
     let draw = |canvas: Canvas| {
-        let y = Axis::linear("azimuth error, °", errors.iter().flat_map(|error| error.value_deg).chain([0.0]));
+        let y = Axis::linear("azimuth error, °", errors.iter().flat_map(|error| error.value_deg).flatten().chain([0.0]));
         let mut plot = Plot::new(canvas.width, 240.0, Axis::exact("azimuth of the mark, °", -8.0, 368.0), y);
         let step = if canvas.narrow { 90 } else { 45 };
         plot.x_ticks((0..=360).step_by(step).map(|angle| (angle.into(), angle.to_string())).collect());
         plot.level("zero", 0.0);
         for side in Side::BOTH {
-            plot.dots(side, errors.iter().map(|error| (error.heading_deg, error.value_deg[side as usize])));
+            plot.dots(side, errors.iter().filter_map(|error| Some((error.heading_deg, error.of(side)?.0))));
         }
         vec![plot]
     };

@@ -9,7 +9,7 @@ use super::plot::Plot;
 use crate::diagnose::{Diagnosis, Effect, Experiment, Test};
 
 /// Candidates that are shown at once; the others unfold.
-const CANDIDATES: usize = 12;
+const CANDIDATES: usize = 8;
 
 pub fn effects(diagnosis: &Diagnosis) -> String {
     let mut html = String::from("<h2>What was learned</h2>\n");
@@ -24,7 +24,9 @@ pub fn effects(diagnosis: &Diagnosis) -> String {
 
 fn card(effect: &Effect) -> String {
     let mut html = format!("<article class=\"card\"><header><h3><code>{}</code></h3>", escape(&effect.name));
-    let _ = write!(html, "<span class=\"tag\">{}</span>", escape(effect.kind));
+    if effect.kind != effect.name {
+        let _ = write!(html, "<span class=\"tag\">{}</span>", escape(effect.kind));
+    }
     if let Some(channel) = &effect.channel {
         let _ = write!(html, "<span class=\"tag\">channel {}</span>", escape(channel));
     }
@@ -219,7 +221,13 @@ pub fn open(diagnosis: &Diagnosis) -> String {
         }
         html.push_str("</ul></div>\n");
     } else {
-        html.push_str("<p>What is left of the rate passes for noise.</p>\n");
+        let failed: Vec<String> =
+            diagnosis.noise.after.iter().filter(|test| !test.passed).map(|test| test.name.to_owned()).collect();
+        if failed.is_empty() {
+            html.push_str("<p>What is left of the rate passes for noise.</p>\n");
+        } else {
+            let _ = writeln!(html, "<p>What is left of the rate is not quite noise; it fails: {}.</p>", code_list(&failed));
+        }
     }
     if !diagnosis.warnings.is_empty() {
         html.push_str("<h3>Doubts about the campaign</h3>\n<ul>");

@@ -54,9 +54,14 @@ pub fn with_sigma(value: f64, sigma: Option<f64>) -> String {
     format!("{} ± {sigma:.decimals$}", minus(&format!("{value:.decimals$}")))
 }
 
-/// A probability; small ones as a bound would only hide how small they are.
+/// A probability, as HTML; small ones as a bound would only hide how small they are.
 pub fn probability(p: f64) -> String {
-    if p >= 0.001 { format!("{p:.3}") } else { number(p, 1) }
+    match p {
+        p if p >= 0.001 => format!("{p:.3}"),
+        // What is below has run out of the numbers of a computer.
+        p if p < 1e-300 => "&lt; 10⁻³⁰⁰".into(),
+        p => number(p, 1),
+    }
 }
 
 /// A list in words, with code formatting.

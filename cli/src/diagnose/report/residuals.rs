@@ -7,10 +7,13 @@ use super::html::{escape, number};
 use super::plot::{Plot, Side};
 use crate::diagnose::{Diagnosis, RunSeries};
 
-/// Share of the residuals that lies inside of a plot; the rest is cut off.
-const SHOWN: f64 = 0.998;
+/// A plot reaches as far as the residuals do, but not further than this many times what 95 % of them keep within: 5.9
+/// sigma of noise. What lies outside is counted in the caption.
+const REACH: f64 = 3.0;
 /// Most specks of a plot, so that the page stays small.
 const SPECKS: usize = 1500;
+/// Up to so many points are drawn as they are, without means.
+const FEW: usize = 80;
 /// Bins of the means.
 const BINS: usize = 16;
 
@@ -40,18 +43,19 @@ fn residuals(run: &RunSeries, side: Side) -> &[f64] {
 fn against_time(series: &[RunSeries]) -> String {
     let length_s = |run: &RunSeries| run.t_s.last().copied().unwrap_or_default();
     let total_s: f64 = series.iter().map(length_s).sum();
-    let limit = Side::BOTH
-        .map(|side| quantile_of_sizes(series.iter().flat_map(|run| residuals(run, side).iter().copied()), SHOWN))
-        .into_iter()
-        .fold(0.0, f64::max)
-        .max(1e-9);
+    let all: Vec<f64> = Side::BOTH
+        .iter()
+        .flat_map(|&side| series.iter().flat_map(move |run| residuals(run, side).iter().copied()))
+        .filter(|value| value.is_finite())
+        .collect();
+    let limit = reach(&all);
     let draw = |canvas: Canvas| {
         let plots = Side::BOTH.map(|side| {
-            let y = Axis::exact("residual, °/h", -1.1 * limit, 1.1 * limit);
+            let y = Axis::exact("residual, °/h", -limit, limit);
             let x = Axis::exact("time, all runs one after the other, s", 0.0, total_s.max(1.0));
             let mut plot = Plot::new(canvas.width, if canvas.narrow { 190.0 } else { 210.0 }, x, y);
             let rms = rms(series.iter().flat_map(|run| residuals(run, side).iter().copied()));
-            plot.corner(&format!("{}, rms {} °/h", side.name(), number(rms, 3)));
+            plot.corner(&format!("{}, rms of all runs {} °/h", side.name(), number(rms, 3)));
             let step_s = total_s / plot.frame_width();
             let (mut bands, mut means, mut start_s) = (Vec::new(), Vec::new(), 0.0);
             for run in series {
@@ -68,9 +72,26 @@ fn against_time(series: &[RunSeries]) -> String {
         });
         Vec::from(plots)
     };
-    let caption = "Measured rate less the Earth's, and less each run's own azimuth and bias; below, also less what was \
-                   learned. Pale: the spread; line: the mean. Dotted lines part the runs.";
-    figure(Legend::None, "Residual against time before and after", caption, draw)
+    let caption = format!(
+        "Measured rate less the Earth's, and less each run's own azimuth and bias; below, also less what was learned. Pale: \
+         the spread; line: the mean. Dotted lines part the runs.{}",
+        outside(&all, limit)
+    );
+    figure(Legend::None, "Residual against time before and after", &caption, draw)
+}
+
+/// How far a plot of these values reaches to either side.
+fn reach(values: &[f64]) -> f64 {
+    let quantile = |share| quantile_of_sizes(values.iter().copied(), share);
+    (1.08 * quantile(1.0)).min(REACH * quantile(0.95)).max(1e-9)
+}
+
+/// How many values a plot does not show, in words.
+fn outside(values: &[f64], limit: f64) -> String {
+    match values.iter().filter(|value| value.abs() > limit).count() {
+        0 => String::new(),
+        count => format!(" Outside of the frame: {count} of {} values, before and after.", values.len()),
+    }
 }
 
 /// Lowest and highest residual of every `step_s`.
@@ -113,8 +134,10 @@ fn against(abscissa: &Abscissa, name: &str, series: &[RunSeries]) -> String {
     if points.len() < 2 {
         return String::new();
     }
-    let bins = bins(&points);
-    let limit = 1.1 * quantile_of_sizes(points.iter().flat_map(|point| [point[1], point[2]]), SHOWN).max(1e-9);
+    let few = points.len() <= FEW;
+    let bins = if few { Vec::new() } else { bins(&points) };
+    let values: Vec<f64> = points.iter().flat_map(|point| [point[1], point[2]]).collect();
+    let limit = reach(&values);
     let draw = |canvas: Canvas| {
         let plots = Side::BOTH.map(|side| {
             let s = 1 + side as usize;
@@ -122,8 +145,13 @@ fn against(abscissa: &Abscissa, name: &str, series: &[RunSeries]) -> String {
             let mut plot =
                 Plot::new(canvas.width, if canvas.narrow { 200.0 } else { 220.0 }, x, Axis::exact("residual, °/h", -limit, limit));
             plot.corner(side.name());
-            plot.specks(side, points.iter().step_by(points.len().div_ceil(SPECKS)).map(|point| (point[0], point[s])));
             plot.level("zero", 0.0);
+            if few {
+                plot.dots(side, points.iter().map(|point| (point[0], point[s])));
+            } else {
+                let step = points.len().div_ceil(SPECKS);
+                plot.specks(side, points.iter().step_by(step).map(|point| (point[0], point[s])));
+            }
             plot.bars(
                 &format!("bar {}", side.name()),
                 bins.iter().map(|bin| (bin.x, bin.mean[s - 1] - bin.sigma[s - 1], bin.mean[s - 1] + bin.sigma[s - 1])),
@@ -133,12 +161,17 @@ fn against(abscissa: &Abscissa, name: &str, series: &[RunSeries]) -> String {
         });
         Vec::from(plots)
     };
-    let each = if *abscissa == Abscissa::TiltRate { "stay of the index" } else { "second" };
+    let each = if *abscissa == Abscissa::TiltRate { "stay of the index (tilt rate by the accelerometers)" } else { "second" };
+    let marks = if few {
+        format!("Dots: one a {each}.")
+    } else {
+        let groups = bins.len();
+        format!("Specks: one a {each}; dots: means of {groups} groups of equal size, with the standard error of the mean.")
+    };
     let caption = format!(
-        "The residual against what carries <code>{}</code>. Specks: one a {each}; dots: means of {} groups of equal size, \
-         with the standard error of the mean.",
+        "The residual against what carries <code>{}</code>. {marks}{}",
         escape(name),
-        bins.len()
+        outside(&values, limit)
     );
     let about = format!("Residual against {} before and after", abscissa.label());
     figure(Legend::None, &about, &caption, draw)

@@ -3,7 +3,8 @@
 use std::fmt::Write;
 
 use super::html::{code_list, escape, number};
-use crate::diagnose::Diagnosis;
+use crate::campaign::Role;
+use crate::diagnose::{Diagnosis, RunDiagnosis};
 
 pub fn section(diagnosis: &Diagnosis) -> String {
     let title = diagnosis.title.as_deref().unwrap_or("Campaign");
@@ -15,7 +16,8 @@ pub fn section(diagnosis: &Diagnosis) -> String {
         tile(&mut html, "Azimuth error, rms", &change(before, after, "°"), &azimuth_note(diagnosis, intervals));
     }
     let (before, after) = (diagnosis.residual_rms_before_deg_h, diagnosis.residual_rms_after_deg_h);
-    let noise = format!("of one second; noise alone: {} °/h", number(diagnosis.noise.noise_deg_h, 3));
+    let which = if diagnosis.runs.iter().any(|run| run.role == Role::Check) { "check runs" } else { "all runs" };
+    let noise = format!("seconds of the {which}; noise alone: {} °/h", number(diagnosis.noise.noise_deg_h, 3));
     tile(&mut html, "Residual of the rate, rms", &change(before, after, " °/h"), &noise);
     let names: Vec<String> = diagnosis.effects.iter().map(|effect| effect.name.clone()).collect();
     let found = match names.len() {
@@ -25,10 +27,13 @@ pub fn section(diagnosis: &Diagnosis) -> String {
     };
     let named = if names.is_empty() { "nothing stands out of the noise".to_owned() } else { code_list(&names) };
     tile(&mut html, "Learned", &found, &named);
-    let open = if diagnosis.unexplained { "structure remains" } else { "nothing that shows" };
-    let open_note =
-        if diagnosis.unexplained { "that no candidate explains" } else { "the residual passes for noise" };
-    tile(&mut html, "Still open", open, open_note);
+    let failed = diagnosis.noise.after.iter().filter(|test| !test.passed).count();
+    let (open, open_note) = match (diagnosis.unexplained, failed) {
+        (true, _) => ("structure remains", "that no candidate explains".to_owned()),
+        (false, 0) => ("nothing that shows", "the residual passes for noise".to_owned()),
+        (false, failed) => ("not quite noise", format!("{failed} of {} tests fail", diagnosis.noise.after.len())),
+    };
+    tile(&mut html, "Still open", open, &open_note);
     html.push_str("</div>\n");
     html
 }
@@ -42,10 +47,12 @@ fn change(before: f64, after: f64, unit: &str) -> String {
 }
 
 fn azimuth_note(diagnosis: &Diagnosis, intervals: [Option<[f64; 2]>; 2]) -> String {
-    let judged = diagnosis.runs.iter().filter(|run| run.error_after_deg.is_some()).count();
+    let count = |error: fn(&RunDiagnosis) -> Option<f64>| diagnosis.runs.iter().filter_map(error).count();
+    let (before, after) = (count(|run| run.error_before_deg), count(|run| run.error_after_deg));
+    let judged = if before == after { format!("{after} runs") } else { format!("{before} runs before and {after} after") };
     let how = match diagnosis.judged_on {
         Some("cross-validation") => "cross-validated over the runs that were learned from".to_owned(),
-        _ => format!("on {judged} runs that took no part in learning"),
+        _ => format!("on {judged}, which took no part in learning"),
     };
     match intervals {
         [Some([b0, b1]), Some([a0, a1])] => format!(
