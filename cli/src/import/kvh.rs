@@ -73,7 +73,7 @@ impl Records for KvhRecords {
                     &self.path,
                     Problem::Syntax(format!(
                         "no frame of KVH format A in {} bytes, {} check sums wrong",
-                        self.frames.bytes_skipped(),
+                        self.bytes_read,
                         self.frames.bad_crc()
                     )),
                 )),

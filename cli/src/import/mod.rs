@@ -185,8 +185,8 @@ impl<'a> Importer<'a> {
         let middle_s = sample.end_s - 0.5 * sample.interval_s;
         while let Some(window) = self.window.take_if(|window| window.end_s.is_some_and(|end_s| middle_s >= end_s)) {
             let run = self.run.take();
+            self.window = Self::next_window(&mut self.windows, self.map, &window)?;
             Self::close(&mut self.campaign, &mut self.summary, self.map, window, run)?;
-            self.window = self.windows.next_window();
         }
         let Some(window) = &self.window else { return Ok(true) };
         if middle_s >= window.start_s {
@@ -227,14 +227,30 @@ impl<'a> Importer<'a> {
                 }
                 break;
             }
+            self.window = Self::next_window(&mut self.windows, self.map, &window)?;
             Self::close(&mut self.campaign, &mut self.summary, self.map, window, run)?;
-            self.window = self.windows.next_window();
         }
         if self.summary.runs.is_empty() {
             let problem = format!("the recording of {end_s:.3} s holds no complete run of this mapping");
             return Err(FileError::whole(self.file, Problem::Syntax(problem)));
         }
         Ok(())
+    }
+
+    /// The window after this one, which must not begin before this one ends.
+    fn next_window(windows: &mut windows::Windows, map: &Map, this: &Window) -> Result<Option<Window>, FileError> {
+        let next = windows.next_window();
+        match &next {
+            Some(next) if this.end_s.is_none_or(|end_s| next.start_s < end_s - 1e-9 * end_s.abs()) => {
+                let end = this.end_s.map_or("the recording's end".into(), |end_s| format!("{end_s} s"));
+                let problem = format!(
+                    "runs must not overlap: this one begins at {} s, the one before goes from {} s to {end}",
+                    next.start_s, this.start_s
+                );
+                Err(map.file.at(next.span.clone(), Problem::Syntax(problem)))
+            }
+            _ => Ok(next),
+        }
     }
 
     /// Completes a run.

@@ -1,0 +1,282 @@
+//! Imports: the measured campaign from the recording it was made of, every unit and frame by hand, every error with its
+//! place.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use north::campaign::{Campaign, Role, Row, RunReader};
+use north::import::{Format, Map, Summary, import};
+use tempfile::TempDir;
+
+const SIMPLE: &str = r#"
+format = 1
+latitude_deg = 60
+[time]
+interval_s = 0.5
+[gyro]
+columns = ["w"]
+unit = "deg/h"
+[index]
+column = "angle"
+"#;
+
+/// Imports a recording that is given as bytes; errors without the folder's name.
+fn bring(map: &str, recording: &[u8], format: Format) -> Result<(TempDir, Summary), String> {
+    let folder = tempfile::tempdir().unwrap();
+    let [map_path, file, out] = ["map.toml", "recording", "out"].map(|name| folder.path().join(name));
+    fs::write(&map_path, map).unwrap();
+    fs::write(&file, recording).unwrap();
+    let without_folder = |text: String| text.replace(&format!("{}/", folder.path().display()), "");
+    let map = Map::read(&map_path).map_err(|error| without_folder(error.to_string()))?;
+    match import(&map, &file, format, &out, &mut |_| true) {
+        Ok(summary) => Ok((folder, summary)),
+        Err(failure) => {
+            assert!(!out.exists(), "nothing is left after an error");
+            Err(without_folder(failure.to_string()))
+        }
+    }
+}
+
+fn text(map: &str, recording: &str) -> Result<(TempDir, Summary), String> {
+    bring(map, recording.as_bytes(), Format::Text)
+}
+
+fn refusal(map: &str, recording: &str) -> String {
+    text(map, recording).map(|(_, summary)| summary).unwrap_err()
+}
+
+fn rows(folder: &Path, run: usize) -> Vec<Row> {
+    RunReader::open(&folder.join(format!("out/runs/{run:03}.csv"))).unwrap().collect::<Result<_, _>>().unwrap()
+}
+
+fn map_file(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("maps").join(name)
+}
+
+/// The measured data, if this machine has them.
+fn data() -> Option<PathBuf> {
+    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
+    let folder = std::env::var_os("NORTH_FINDER_DATA").map_or_else(beside, PathBuf::from);
+    if !folder.is_dir() {
+        eprintln!("skipped: no measured data (NORTH_FINDER_DATA)");
+        return None;
+    }
+    Some(folder)
+}
+
+#[test]
+fn the_measured_campaign_comes_out_of_the_recording_it_was_made_of() {
+    let Some(data) = data() else { return };
+    let counts = fs::read_to_string(data.join("ring-laser-triad/increments_100hz.csv")).unwrap();
+    // The published file: its own head, then the same rows with blanks.
+    let head = fs::read_to_string(data.join("ring-laser-triad/lasergyro-first-lines.imu")).unwrap();
+    let head: String = head.lines().take_while(|line| *line != "0 0 2 0 0 80").flat_map(|line| [line, "\r\n"]).collect();
+    let published = head + &counts.split_once('\n').unwrap().1.replace(',', " ");
+    let expected = Campaign::read(&data.join("parked-vehicle")).unwrap();
+    for (map, recording) in [("psins-counts-csv.toml", &counts), ("psins-lasergyro.toml", &published)] {
+        let map = fs::read_to_string(map_file(map)).unwrap();
+        let (folder, summary) = text(&map, recording).unwrap();
+        assert_eq!(summary.doubts, Vec::<String>::new());
+        let campaign = Campaign::read(&folder.path().join("out")).unwrap();
+        assert_eq!(Campaign { folder: expected.folder.clone(), ..campaign }, expected);
+        for (i, run) in expected.runs.iter().enumerate() {
+            let found = rows(folder.path(), i + 1);
+            let printed: Vec<Row> =
+                RunReader::open(&expected.path_of(run)).unwrap().collect::<Result<_, _>>().unwrap();
+            assert_eq!(found.len(), printed.len());
+            for (a, b) in found.iter().zip(&printed) {
+                assert_eq!((a.t_s, a.index_deg, a.fog_arcsec, a.level_g), (b.t_s, b.index_deg, b.fog_arcsec, b.level_g));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_single_gyro_with_everything_that_text_can_be() {
+    // Clockwise encoder of 16384 counts, 0.01 °/s for 10 ms, 300.15 K, 5 mg to the right.
+    let mut recording = String::from("time;rate;acc_n;acc_e;t_coil;encoder;u_batt;x;field\r\nms;deg/s;;;K;;V;;\r\n");
+    for i in 0..33_000 {
+        if i == 200 {
+            recording.push_str("\r\n# a comment\r\n");
+        }
+        if !(5000..5003).contains(&i) {
+            recording.push_str(&format!("{},0;0,01;2,0;\"5,0\";300,15;4096;12,5;-;{}\r\n", 7000 + 10 * i, i % 2));
+        }
+    }
+    let (folder, summary) = text(&fs::read_to_string(map_file("indexed-gyro.toml")).unwrap(), &recording).unwrap();
+    assert_eq!((summary.samples, summary.losses.lost_samples, summary.runs.len()), (33_000, 3, 2));
+    assert!((summary.measured_rate_hz.unwrap() - 100.0).abs() < 1e-6);
+    let first = rows(folder.path(), 1);
+    assert_eq!(first.len(), 30_000 - 3);
+    let row = &first[0];
+    assert_eq!((row.t_s, row.index_deg, row.level_g), (0.01, 12.5 - 90.0, Some([0.002, -0.005])));
+    assert!((row.fog_arcsec - 0.36).abs() < 1e-9 && (row.temp_c.unwrap() - 27.0).abs() < 1e-9, "{row:?}");
+    assert_eq!(first[1].extra, [12.5, 0.01]);
+    // The row after the gap spans it, with the missing increments made up for, and counted.
+    let gap = &first[5000];
+    assert_eq!(gap.lost_frames, 3);
+    assert!((gap.interval_s - 0.04).abs() < 1e-9 && (gap.fog_arcsec - 4.0 * 0.36).abs() < 1e-9, "{gap:?}");
+    let campaign = Campaign::read(&folder.path().join("out")).unwrap();
+    assert_eq!((campaign.runs[0].role, campaign.runs[0].reference_azimuth_deg), (Role::Fit, Some(181.25)));
+    assert_eq!(rows(folder.path(), 2).len(), 1000);
+}
+
+#[test]
+fn a_triad_is_read_along_the_virtual_index() {
+    // Forward 1, left 2 arcsec a sample; dwells of 1 s at 0, 90, 45 and -90 degrees; rows of 3 samples.
+    let map = r#"
+        format = 1
+        latitude_deg = 30
+        samples_per_row = 3
+        [text]
+        header_rows = 0
+        delimiter = "whitespace"
+        [time]
+        rate_hz = 4
+        [gyro]
+        columns = [3, 1, 2]
+        axes = ["left", "up", "forward"]
+        unit = "arcsec"
+        [index]
+        angles_deg = [0, 90, 45, -90]
+        dwell_s = 1
+    "#;
+    let (folder, summary) = text(map, &"\t7   1 2\n".repeat(35)).unwrap();
+    // 35 samples are two runs of 16 and three samples that are no run.
+    assert_eq!(summary.runs.len(), 2);
+    assert_eq!(fs::read_dir(folder.path().join("out/runs")).unwrap().count(), 2);
+    let found: Vec<_> = rows(folder.path(), 2).iter().map(|row| (row.t_s, row.index_deg, row.fog_arcsec)).collect();
+    let diagonal = 3.0 / 2f64.sqrt();
+    let expected = [
+        (0.75, 0.0, 3.0),
+        (1.0, 0.0, 1.0),
+        (1.75, 90.0, 6.0),
+        (2.0, 90.0, 2.0),
+        (2.75, 45.0, 3.0 * diagonal),
+        (3.0, 45.0, diagonal),
+        (3.75, -90.0, -6.0),
+        (4.0, -90.0, -2.0),
+    ];
+    assert_eq!(found.len(), expected.len());
+    for (found, expected) in found.iter().zip(&expected) {
+        assert_eq!((found.0, found.1), (expected.0, expected.1));
+        assert!((found.2 - expected.2).abs() < 1e-10, "{found:?}");
+    }
+    // 7 arcsec in a quarter of a second are 28 °/h about the vertical.
+    assert!(summary.doubts[0].contains("deg/h"), "{:?}", summary.doubts);
+}
+
+/// A log at `rate_hz`: the Earth's rate at 30° north, forward to the north, as delta angles in radians.
+fn kvh_log(samples: u32, rate_hz: f64, damage: impl Fn(u32) -> u8) -> Vec<u8> {
+    let radians = |deg_h: f64| (deg_h / rate_hz / 206_264.806_247) as f32;
+    let mut log = Vec::new();
+    for i in 0..samples {
+        let angles = [radians(15.041067 * 0.75f64.sqrt()), 0.0, -radians(7.5205335)];
+        let mut frame = hal_sim::frames::kvh_a(angles, [0.0, 0.01, -1.0], 0x77, (i % 128) as u8, 25);
+        match damage(i) {
+            0 => {}
+            1 => continue,
+            2 => frame[9] ^= 4,
+            _ => frame = hal_sim::frames::kvh_a(angles, [0.0, 0.01, -1.0], 0x75, (i % 128) as u8, 25),
+        }
+        log.extend(frame);
+    }
+    log
+}
+
+#[test]
+fn kvh_logs_count_what_they_lack() {
+    let map = fs::read_to_string(map_file("kvh-triad.toml")).unwrap().replace("latitude_deg = 34.75", "latitude_deg = 30");
+    let log = kvh_log(240_500, 1000.0, |i| match i {
+        100..=104 => 1,
+        700 | 5000 => 2,
+        9000 => 3,
+        _ => 0,
+    });
+    let (folder, summary) = bring(&map, &log, Format::Kvh).unwrap();
+    let losses = summary.losses;
+    assert_eq!((losses.lost_samples, losses.bad_frames, losses.invalid_samples, losses.skipped_bytes), (7, 2, 1, 72));
+    let rows = rows(folder.path(), 1);
+    assert_eq!(rows.iter().map(|row| u64::from(row.lost_frames)).sum::<u64>(), 8);
+    let north = 15.041067 * 0.75f64.sqrt();
+    for row in &rows {
+        let expected = north * row.index_deg.to_radians().cos();
+        assert!((row.fog_arcsec / row.interval_s - expected).abs() < 1e-4, "{row:?}");
+        assert_eq!(row.temp_c, Some(25.0));
+        assert!((row.level_g.unwrap()[1] + 0.01).abs() < 1e-6, "right is minus left");
+    }
+    assert_eq!(summary.doubts.len(), 1, "only the clock: {:?}", summary.doubts);
+}
+
+#[test]
+fn a_gyro_at_962_hz_is_found_out() {
+    let map = fs::read_to_string(map_file("kvh-triad.toml")).unwrap();
+    let seconds = 250.0;
+    let map = map.replace("# duration_s = 612.4", &format!("duration_s = {seconds}"));
+    let error = bring(&map, &kvh_log((962.0 * seconds) as u32, 962.0, |_| 0), Format::Kvh).map(|it| it.1).unwrap_err();
+    assert!(error.contains("962.000 Hz") && error.contains("declared are 1000.000 Hz"), "{error}");
+    let good = bring(&map, &kvh_log((1000.0 * seconds) as u32, 1000.0, |_| 0), Format::Kvh).unwrap().1;
+    assert_eq!(good.measured_rate_hz, Some(1000.0));
+}
+
+#[test]
+fn errors_of_the_recording_name_line_column_and_value() {
+    for (recording, error) in [
+        ("w,angle\n1,0\n2,0\nx,0\n", r#"recording, line 4, column 1 (w): "x" is not allowed; allowed is a finite decimal number"#),
+        ("w,angle\n1,0\n2,nan\n", r#"recording, line 3, column 2 (angle): "nan" is not allowed; allowed is a finite decimal number"#),
+        ("w,angle\n1,0\n\n#\n2\n", "recording, line 5: 1 fields; the first record has 2"),
+        ("w,angle\n", "recording: no data rows follow the header"),
+        ("", "recording: the file ends after 0 of its 1 header rows"),
+        ("v,angle\n1,2\n", r#"map.toml, line 7, column 12: "column \"w\"" is not allowed; allowed is a number, or one of v, angle"#),
+        ("w,w,angle\n1,2,3\n", r#"map.toml, line 7, column 12: "column \"w\"" is not allowed; allowed is a name that stands once in the header, or the column's number"#),
+    ] {
+        assert_eq!(refusal(SIMPLE, recording), error);
+    }
+    let timed = SIMPLE.replace("interval_s = 0.5", "column = \"t\"\nunit = \"ms\"");
+    assert_eq!(
+        refusal(&timed, "t,w,angle\n5,1,0\n6,1,0\n6,1,0\n"),
+        r#"recording, line 4, column 1 (t): "0.006 s" is not allowed; allowed is later than the sample before, 0.006 s"#
+    );
+    let error = bring(SIMPLE, &[0; 200_000], Format::Text).map(|it| it.1).unwrap_err();
+    assert!(error.contains("not a text recording"), "{error}");
+    let kvh = SIMPLE.replace("\"w\"", "1").replace("\"angle\"", "2");
+    assert_eq!(
+        bring(&kvh, b"no frames here", Format::Kvh).map(|it| it.1).unwrap_err(),
+        "recording: no frame of KVH format A in 14 bytes, 0 check sums wrong"
+    );
+}
+
+#[test]
+fn errors_of_the_mapping_name_their_place() {
+    for (from, to, error) in [
+        ("latitude_deg = 60", "latitude_deg = 91", r#"map.toml, line 3, column 16: "latitude_deg = 91" is not allowed"#),
+        ("unit = \"deg/h\"", "unit = \"furlong\"", "map.toml, line 8, column 8: unknown variant `furlong`, expected one of"),
+        ("interval_s = 0.5", "", "map.toml, line 4, column 1: [time] needs a column"),
+        ("interval_s = 0.5", "interval_s = 0", r#"map.toml, line 5, column 14: "interval_s = 0" is not allowed"#),
+        ("[\"w\"]", "[\"w\", 2]", r#"map.toml, line 6, column 1: "2 gyro columns" is not allowed; allowed is 1, or the 3"#),
+        ("[\"w\"]", "[1, 2, 3]", "map.toml, line 6, column 1: a triad needs axes"),
+        ("column = \"angle\"", "dwell_s = 2", "map.toml, line 9, column 1: the index of a single gyro is measured"),
+        ("[index]", "[text]\ndelimiter = \"ab\"\n[index]", r#"map.toml, line 10, column 13: "delimiter = \"ab\"""#),
+        ("[index]", "[[run]]\nrepeat = 2\n[index]", "map.toml, line 9, column 1: a run that is repeated needs every_s"),
+        ("[index]", "[[run]]\nend = 2\n[index]", "map.toml, line 10, column 1: unknown field `end`"),
+    ] {
+        assert!(SIMPLE.contains(from));
+        let found = refusal(&SIMPLE.replace(from, to), "w,angle\n1,0\n");
+        assert!(found.starts_with(error), "{found}");
+    }
+    let left_handed = SIMPLE.replace("[\"w\"]", "[1, 2, 3]\naxes = [\"forward\", \"right\", \"up\"]");
+    assert!(refusal(&left_handed, "w,angle\n1,0\n").contains("left-handed"));
+}
+
+#[test]
+fn runs_must_lie_within_the_recording_and_apart() {
+    let recording = format!("w,angle\n{}", "1,0\n".repeat(20));
+    let with_runs = |runs: &str| format!("{SIMPLE}{runs}");
+    let error = refusal(&with_runs("[[run]]\nstart_s = 2\nseconds = 9\n"), &recording);
+    assert_eq!(error, "map.toml, line 11, column 1: recording ends after 10.000 s; this run goes from 2 s to 11 s");
+    let error = refusal(&with_runs("[[run]]\nseconds = 6\n[[run]]\nstart_s = 5\nseconds = 2\n"), &recording);
+    assert!(error.contains("overlap"), "{error}");
+    let (folder, summary) = text(&with_runs("[[run]]\nstart_s = 1\nseconds = 2\nevery_s = 3\n"), &recording).unwrap();
+    assert_eq!(summary.runs.iter().map(|run| run.start_s).collect::<Vec<_>>(), [1.0, 4.0, 7.0]);
+    assert_eq!(rows(folder.path(), 3).len(), 4);
+}
