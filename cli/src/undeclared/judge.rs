@@ -90,7 +90,8 @@ pub fn judge(campaign: &Campaign, number: u64, diagnosis: &Result<Diagnosis, Str
     verdict.unexplained = diagnosis.unexplained;
     let (own, other): (Vec<_>, Vec<_>) = diagnosis.effects.iter().partition(|effect| is_hidden(campaign, effect));
     let maybe = other.iter().filter(|effect| effect.ambiguous_with.iter().any(|name| is_meant(campaign, name))).count();
-    verdict.false_effects = other.len() - maybe;
+    let harmless = other.iter().filter(|effect| is_part_of_it(campaign, &effect.name)).count();
+    verdict.false_effects = other.len().saturating_sub(maybe + harmless);
     verdict.attribution = match (own.as_slice(), maybe) {
         ([], 0) if other.is_empty() => Attribution::Silent,
         ([], 0) => Attribution::Wrong,
@@ -153,6 +154,12 @@ fn is_hidden(campaign: &Campaign, effect: &Effect) -> bool {
 fn is_meant(campaign: &Campaign, text: &str) -> bool {
     let (name, channel) = text.split_once(':').map_or((text, None), |(name, channel)| (name, Some(channel)));
     names(campaign).contains(&name) && is_guilty(campaign, channel)
+}
+
+/// Whether a name stands for a part of the hidden effect: a field along the axis and the slope of a non-linearity are
+/// scale factors.
+fn is_part_of_it(campaign: &Campaign, name: &str) -> bool {
+    matches!(campaign.effect.family, Family::EarthField | Family::NonLinearity) && name == "scale-factor"
 }
 
 fn is_guilty(campaign: &Campaign, channel: Option<&str>) -> bool {

@@ -65,16 +65,16 @@ impl Instrument {
         let sign = draw.sign();
         let mut gyro = Gyro {
             bias_deg_h: draw.uniform(-0.3, 0.3),
-            thermal_tau_s: draw.uniform(300.0, 700.0),
+            thermal_tau_s: draw.uniform(120.0, 250.0),
             ..Gyro::default()
         };
         let truth = match hidden {
             Hidden::TemperatureRate => {
-                gyro.shupe_deg_h_per_k_s = sign * draw.uniform(8.0, 20.0);
+                gyro.shupe_deg_h_per_k_s = sign * draw.uniform(8.0, 16.0);
                 format!("{:+.2} °/h for each K/s of temperature", gyro.shupe_deg_h_per_k_s)
             }
             Hidden::Temperature => {
-                gyro.bias_deg_h_per_k = sign * draw.uniform(0.05, 0.15);
+                gyro.bias_deg_h_per_k = sign * draw.uniform(0.03, 0.1);
                 format!("{:+.3} °/h for each K", gyro.bias_deg_h_per_k)
             }
             Hidden::AfterMove => {
@@ -118,7 +118,7 @@ impl Instrument {
         scenario.base.roll_deg = 0.05 * draw.normal();
         scenario.accelerometer.bias_mg = [0.0; 3];
         scenario.gyro = self.gyro.clone();
-        scenario.gyro.start_offset_k = draw.uniform(-8.0, 4.0);
+        scenario.gyro.start_offset_k = draw.sign() * draw.uniform(2.0, 10.0);
         (scenario, draw.seed())
     }
 }

@@ -69,6 +69,10 @@ pub struct Campaign {
 
 /// Strength of effects against noise: least and most, by the family's measure.
 const STRENGTH: [f64; 2] = [3.0, 15.0];
+/// Least spread of an effect's stays within a run, as a share of the effect itself.
+const LEAST_SPREAD: f64 = 0.05;
+/// Draws after which an effect that hardly shows is taken as it is.
+const MOST_DRAWS: usize = 50;
 /// Rate of the Earth, °/h, for the strength of effects that turn the azimuth.
 const EARTH_DEG_H: f64 = 15.041_067;
 
@@ -78,6 +82,12 @@ impl Campaign {
         let mut draw = Draw::new(seed, number);
         let plan = Plan::new(&mut draw, family.needs());
         let mut parts = family.parts(&plan, &mut draw);
+        for _ in 0..MOST_DRAWS {
+            if shows(&plan, family.measure(), &parts) {
+                break;
+            }
+            parts = family.parts(&plan, &mut draw);
+        }
         let strength = draw.sign() * draw.log_uniform(STRENGTH[0], STRENGTH[1]);
         let size = strength * unit(&plan, family.measure(), &parts);
         for (coefficient, _) in &mut parts {
@@ -121,6 +131,14 @@ impl Campaign {
         }
         names
     }
+}
+
+/// Whether the parts do something that differs within a run: a bend far from all values, or a channel that only differs
+/// between runs, would have to be made enormous.
+fn shows(plan: &Plan, measure: Measure, parts: &[(f64, Part)]) -> bool {
+    measure != Measure::Stays
+        || parts.is_empty()
+        || record::spread_of_stays(plan, parts) > LEAST_SPREAD * record::spread_of_rows(plan, parts)
 }
 
 /// The factor that gives the parts a strength of 1 against the noise.
