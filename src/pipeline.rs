@@ -79,6 +79,10 @@ impl Pipeline {
     /// With what the flash held. Without valid settings the pipeline still samples and reports, but starts no fix.
     pub fn new(loaded: Loaded) -> Self {
         let (settings, sequencer) = match loaded {
+            // What no board measures cannot be compensated: such a model is for recordings.
+            Loaded::Valid(settings) if settings.model.as_ref().is_some_and(|model| model.off_board().is_some()) => {
+                (settings, Err(Fault::SettingsInvalid))
+            }
             Loaded::Valid(settings) => (settings.clone(), Sequencer::new(settings)),
             Loaded::Missing => (Settings::default(), Err(Fault::SettingsMissing)),
             Loaded::Corrupt => (Settings::default(), Err(Fault::SettingsCorrupt)),

@@ -31,6 +31,21 @@ pub fn read_model(path: &Path) -> Result<ErrorModel, FileError> {
     Ok(model)
 }
 
+/// Reads an error model for a board.
+///
+/// Errors: as [`read_model`]; a term that follows a channel which no board measures, by the channel's name.
+pub fn read_board_model(path: &Path) -> Result<ErrorModel, FileError> {
+    let model = read_model(path)?;
+    match model.off_board() {
+        None => Ok(model),
+        Some(channel) => {
+            let value = format!("a term that follows channel `{}`", channel.as_str());
+            let allowed = "what a board measures: temp_c, ax_g, ay_g, its time and its index angle";
+            Err(FileError::whole(path, Problem::not_allowed(value, allowed)))
+        }
+    }
+}
+
 /// Writes an error model, as [`read_model`] reads it. A file that is there is replaced.
 ///
 /// Errors: the file cannot be written.

@@ -95,9 +95,8 @@ impl Evaluator {
                 let rate = conditions.raw_rate_deg_h;
                 (quadratic_per_deg_h + cubic_per_deg_h2 * rate) * rate * rate
             }
-            Term::DeadZone { depth_deg_h, width_deg_h, tail } => {
-                let x = conditions.raw_rate_deg_h / width_deg_h;
-                -depth_deg_h * x * if tail { 2.0 / (1.0 + x * x) } else { libm::exp(0.5 * (1.0 - x * x)) }
+            Term::DeadZone { depth_deg_h, width_deg_h, form } => {
+                -depth_deg_h * form.at(conditions.raw_rate_deg_h / width_deg_h)
             }
             Term::Line { period_s, cos_deg_h, sin_deg_h } => {
                 let phase = core::f64::consts::TAU * conditions.t_s / period_s;

@@ -11,7 +11,7 @@ mod term;
 pub use channel::{ChannelName, MAX_CHANNELS};
 pub use conditions::{Conditions, History, Travel};
 pub use evaluator::Evaluator;
-pub use term::Term;
+pub use term::{DeadZoneForm, Term};
 
 use heapless::Vec;
 use serde::{Deserialize, Serialize};

@@ -50,9 +50,8 @@ pub enum Term {
     BodyHarmonic { order: u8, cos_deg_h: f64, sin_deg_h: f64 },
     /// quadratic · ω² + cubic · ω³, ω the raw rate in °/h.
     RateNonlinearity { quadratic_per_deg_h: f64, cubic_per_deg_h2: f64 },
-    /// Lost near zero rate, at most `depth`, there where ω = ± width: with x = ω/width, depth · x · exp((1 − x²)/2) or,
-    /// with a longer `tail`, depth · 2x/(1 + x²).
-    DeadZone { depth_deg_h: f64, width_deg_h: f64, tail: bool },
+    /// Lost near zero rate, at most `depth`, there where ω = ± width.
+    DeadZone { depth_deg_h: f64, width_deg_h: f64, form: DeadZoneForm },
     /// cos_deg_h · cos(2πt/period) + sin_deg_h · sin(2πt/period), t since switch-on.
     Line { period_s: f64, cos_deg_h: f64, sin_deg_h: f64 },
     /// Added from `t_s` since switch-on.
@@ -64,6 +63,33 @@ pub enum Term {
     /// The base turns: what the accelerometers feel of it is taken out row by row. `velocity`: their noise is white in the
     /// velocity (counts of velocity increments, shocks), not in the acceleration.
     BaseMotion { velocity: bool },
+}
+
+/// How the loss about zero rate goes with x = ω/width; 1 at x = 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DeadZoneForm {
+    /// x · exp((1 − x²)/2): gone well beyond the width.
+    Short,
+    /// x · exp(1 − |x|).
+    Middle,
+    /// 2x/(1 + x²): a long tail.
+    Long,
+    /// x up to the width, beyond x − √(x² − 1): two waves that lock (Aronowitz, The laser gyro, 1971).
+    Lock,
+}
+
+impl DeadZoneForm {
+    /// The loss at `x`, odd.
+    pub fn at(self, x: f64) -> f64 {
+        match self {
+            Self::Short => x * libm::exp(0.5 * (1.0 - x * x)),
+            Self::Middle => x * libm::exp(1.0 - x.abs()),
+            Self::Long => 2.0 * x / (1.0 + x * x),
+            Self::Lock if x.abs() <= 1.0 => x,
+            Self::Lock => x - libm::copysign(libm::sqrt(x * x - 1.0), x),
+        }
+    }
 }
 
 impl Term {

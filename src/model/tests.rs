@@ -122,9 +122,18 @@ fn index_and_rate() {
     let rate = |term, raw_rate_deg_h| last_bias(term, [Conditions { raw_rate_deg_h, ..conditions(0.0, 0.0) }]);
     let curved = Term::RateNonlinearity { quadratic_per_deg_h: 0.01, cubic_per_deg_h2: 0.001 };
     assert_close(rate(curved, -10.0), 1.0 - 1.0);
-    // Lost at the width is the depth: x = 1 gives 1 · e⁰.
-    assert_close(rate(Term::DeadZone { depth_deg_h: 0.2, width_deg_h: 3.0, tail: false }, -3.0), 0.2);
-    assert_close(rate(Term::DeadZone { depth_deg_h: 0.2, width_deg_h: 3.0, tail: true }, -6.0), 0.16);
+    // Lost at the width is the depth, whatever the form; at twice the width 2 e^−1.5, 2/e, 4/5 and 2 − √3 of it.
+    let forms = [
+        (DeadZoneForm::Short, 0.4462603202968596),
+        (DeadZoneForm::Middle, 0.7357588823428847),
+        (DeadZoneForm::Long, 0.8),
+        (DeadZoneForm::Lock, 0.2679491924311228),
+    ];
+    for (form, at_two) in forms {
+        let term = Term::DeadZone { depth_deg_h: 0.2, width_deg_h: 3.0, form };
+        assert_close(rate(term, -3.0), 0.2);
+        assert_close(rate(term, 6.0), -0.2 * at_two);
+    }
 }
 
 #[test]

@@ -73,7 +73,8 @@ pub fn diagnosis(
     let residuals = Residuals::new(runs, lesson);
     let noise = residuals.tests(campaign, runs);
     let unexplained = unexplained(lesson, runs);
-    let effects = effects(lesson);
+    let mut effects = effects(lesson);
+    effects.extend(own_line(runs, &residuals, lesson));
     let spectra =
         noise::spectra(runs, &residuals.before, &residuals.after, noise.declared_noise_deg_h.unwrap_or(noise.noise_deg_h));
     let mut diagnosis = Diagnosis {
@@ -362,6 +363,37 @@ fn effect(taken: &Taken) -> Effect {
         ),
         board: board.is_none_or(|name| name.is_on_board()),
     }
+}
+
+/// A line whose phase is each run's own: nothing that a model could know beforehand. From the fit runs alone.
+fn own_line(runs: &[RunData], residuals: &Residuals, lesson: &Lesson) -> Option<Effect> {
+    if lesson.by_stay.is_some() || lesson.learned().taken.iter().any(|each| each.candidate.name == "line") {
+        return None;
+    }
+    let fit: Vec<(RunData, noise::Residual)> = runs
+        .iter()
+        .zip(&residuals.after)
+        .filter(|(run, _)| run.role == Role::Fit)
+        .map(|(run, residual)| (run.clone(), residual.clone()))
+        .collect();
+    if fit.is_empty() {
+        return None;
+    }
+    let (fit, left): (Vec<_>, Vec<_>) = fit.into_iter().unzip();
+    let (period_s, amplitude_deg_h, p_value) = noise::line(&fit, &left)?;
+    Some(Effect {
+        name: "line".into(),
+        kind: "bias",
+        channel: None,
+        parameters: [("period_s".to_owned(), period_s), ("amplitude_deg_h".to_owned(), amplitude_deg_h)].into(),
+        sigma: Default::default(),
+        p_value: p_value.min(1.0),
+        ambiguous_with: Vec::new(),
+        evidence: "a line in the periodogram with a phase of its own in every run: it averages out over a stay, and no \
+                   model can foretell it"
+            .into(),
+        board: false,
+    })
 }
 
 /// The candidates of the fit runs with what they were worth before anything was taken.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use north_finder::model::{ChannelName, Conditions, ErrorModel, Evaluator, MAX_CHANNELS, Term};
+use north_finder::model::{ChannelName, Conditions, DeadZoneForm, ErrorModel, Evaluator, MAX_CHANNELS, Term};
 use north_finder::units::ARCSEC_PER_RAD;
 
 use super::data::RunData;
@@ -25,10 +25,11 @@ pub enum Shape {
     /// Bias of the level sensors, with the Earth's vertical rate.
     LevelBias(f64),
     Nonlinearity(usize),
-    DeadZone(bool),
+    DeadZone(DeadZoneForm),
     Line,
     Step,
-    EarthField,
+    /// East alone, or east and north.
+    EarthField(bool),
     IndexOffset,
     IndexHarmonic,
     BaseMotion,
@@ -74,7 +75,7 @@ impl Candidate {
         match self.shape {
             Shape::Powers(_, _, n) | Shape::Drift(n) => n,
             Shape::Harmonic(_) | Shape::LevelBias(_) | Shape::Line | Shape::IndexHarmonic => 2,
-            Shape::Settling(SettlingBy::Position, _) => 2,
+            Shape::Settling(SettlingBy::Position, _) | Shape::EarthField(true) => 2,
             _ => 1,
         }
     }
@@ -138,10 +139,10 @@ impl Candidate {
             }
             Shape::Nonlinearity(2) => Term::RateNonlinearity { quadratic_per_deg_h: at(0), cubic_per_deg_h2: 0.0 },
             Shape::Nonlinearity(_) => Term::RateNonlinearity { quadratic_per_deg_h: 0.0, cubic_per_deg_h2: at(0) },
-            Shape::DeadZone(tail) => Term::DeadZone { depth_deg_h: at(0), width_deg_h: constant, tail },
+            Shape::DeadZone(form) => Term::DeadZone { depth_deg_h: at(0), width_deg_h: constant, form },
             Shape::Line => Term::Line { period_s: constant, cos_deg_h: at(0), sin_deg_h: at(1) },
             Shape::Step => Term::Step { t_s: constant, deg_h: at(0) },
-            Shape::EarthField => Term::EarthField { east_deg_h: at(0), north_deg_h: 0.0 },
+            Shape::EarthField(_) => Term::EarthField { east_deg_h: at(0), north_deg_h: at(1) },
             Shape::IndexOffset => Term::IndexError { offset_deg: at(0), cos_deg: 0.0, sin_deg: 0.0 },
             Shape::IndexHarmonic => Term::IndexError { offset_deg: 0.0, cos_deg: at(0), sin_deg: at(1) },
             Shape::BaseMotion => Term::BaseMotion { velocity: constant > 0.5 },
@@ -177,7 +178,7 @@ impl Candidate {
             Shape::DeadZone(_) => (vec!["depth_deg_h"], Some("width_deg_h")),
             Shape::Line => (vec!["cos_deg_h", "sin_deg_h"], Some("period_s")),
             Shape::Step => (vec!["deg_h"], Some("t_s")),
-            Shape::EarthField => (vec!["east_deg_h"], None),
+            Shape::EarthField(both) => (powers(1 + usize::from(both), ["east_deg_h", "north_deg_h", ""]), None),
             Shape::IndexOffset => (vec!["offset_deg"], None),
             Shape::IndexHarmonic => (vec!["cos_deg", "sin_deg"], None),
             Shape::BaseMotion => (vec!["gain"], Some("window_s")),
@@ -202,6 +203,7 @@ impl Candidate {
         match (&self.shape, &other.shape) {
             (Shape::Drift(_), Shape::Drift(_)) | (Shape::DeadZone(_), Shape::DeadZone(_)) => true,
             (Shape::Settling(a, _), Shape::Settling(b, _)) => a == b,
+            (Shape::EarthField(_), Shape::EarthField(_)) => true,
             (a, b) => (value(a) && value(b)) || (rate(a) && rate(b)) || a == b,
         }
     }
@@ -217,7 +219,13 @@ impl Candidate {
         // A reading too large by δ: ω = h cos(ψ − θ + δ), dω/dδ = −h sin(ψ − θ).
         let per_degree = 1f64.to_radians() * h;
         match self.shape {
-            Shape::EarthField => vec![cells.iter().map(|cell| sin_alpha(cell.cos, cell.sin)).collect()],
+            Shape::EarthField(both) => {
+                let mut columns = vec![cells.iter().map(|cell| sin_alpha(cell.cos, cell.sin)).collect()];
+                if both {
+                    columns.push(cells.iter().map(|cell| cos_alpha(cell.cos, cell.sin)).collect());
+                }
+                columns
+            }
             Shape::ScaleFactor => vec![cells.iter().map(|cell| h * cos_alpha(cell.cos, cell.sin)).collect()],
             Shape::IndexOffset => {
                 vec![cells.iter().map(|cell| -per_degree * sin_alpha(cell.cos, cell.sin)).collect()]
@@ -334,11 +342,13 @@ pub fn all(runs: &[&RunData], constant_channels: &[String]) -> Vec<Candidate> {
     }
     list.push(Candidate::new("rate-quadratic", "scale", None, Shape::Nonlinearity(2), vec![]));
     list.push(Candidate::new("rate-cubic", "scale", None, Shape::Nonlinearity(3), vec![]));
-    for tail in [false, true] {
-        list.push(Candidate::new("dead-zone", "scale", None, Shape::DeadZone(tail), geometric(0.5, 10.0, 7)));
+    for form in [DeadZoneForm::Short, DeadZoneForm::Middle, DeadZoneForm::Long, DeadZoneForm::Lock] {
+        list.push(Candidate::new("dead-zone", "scale", None, Shape::DeadZone(form), geometric(0.4, 10.0, 8)));
     }
     list.push(Candidate::new("scale-factor", "scale", None, Shape::ScaleFactor, vec![]));
-    list.push(Candidate::new("earth-field", "azimuth", None, Shape::EarthField, vec![]));
+    for both in [false, true] {
+        list.push(Candidate::new("earth-field", "azimuth", None, Shape::EarthField(both), vec![]));
+    }
     list.push(Candidate::new("index-offset", "index", None, Shape::IndexOffset, vec![]));
     list.push(Candidate::new("index-eccentricity", "index", None, Shape::IndexHarmonic, vec![]));
     // Frequencies from two periods in the longest run to half the rate of the cells, half a resolution apart.

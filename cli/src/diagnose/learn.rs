@@ -567,22 +567,3 @@ fn rivals(
     found.sort_by(|a, b| b.score.total_cmp(&a.score));
     found.into_iter().map(|merit| (candidates[merit.index].clone(), merit.constant)).collect()
 }
-
-/// Probability that an effect is the same in every run, from what its own columns still find in each run alone.
-pub fn sameness(problem: &Problem, taken: &[Taken], i: usize) -> f64 {
-    let effects = problem.effects(taken);
-    let each = &taken[i];
-    let (mut start, mut sum, mut freedom) = (0, 0.0, 0.0);
-    for block in problem.blocks {
-        let end = start + block.y.len();
-        let rest: Vec<f64> = block.y.iter().zip(&effects[start..end]).map(|(y, effect)| y - effect).collect();
-        let left = block.project(&rest);
-        let columns = each.candidate.columns(block.run, each.constant, &block.smooth_deg_h, block.azimuth_deg);
-        let columns = block.weighted(&columns).iter().map(|column| block.project(column)).collect();
-        let own = orthonormalise(&[], columns);
-        sum += own.iter().map(|column| dot(column, &left).powi(2)).sum::<f64>();
-        freedom += own.len() as f64;
-        start = end;
-    }
-    chi_square_tail(sum, freedom - each.coefficients.len() as f64)
-}

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::data::RunData;
 use super::result::{Spectra, Test};
-use super::statistics::{chi_square_tail, dot, normal_tail};
+use super::statistics::{chi_square_tail, median};
 
 /// A test fails below this.
 const LEVEL: f64 = 1e-3;
@@ -161,22 +161,23 @@ fn allan(residuals: &[Residual], count: usize) -> f64 {
     if number > 0.0 { (sum / number).sqrt() } else { 0.0 }
 }
 
-/// Correlation of the residual with a channel beside each run's mean: p-value of the pooled correlation.
-pub fn dependence(residuals: &[Residual], channel: &[Vec<f64>]) -> f64 {
-    let (mut product, mut of_residual, mut of_channel, mut count) = (0.0, 0.0, 0.0, 0.0);
-    for (residual, channel) in residuals.iter().zip(channel) {
-        let kept: Vec<(f64, f64)> =
-            residual.iter().copied().zip(channel.iter().copied()).filter(|(a, b)| a.is_finite() && b.is_finite()).collect();
-        let mean = |of: fn(&(f64, f64)) -> f64| kept.iter().map(of).sum::<f64>() / kept.len().max(1) as f64;
-        let (a, b) = (mean(|each| each.0), mean(|each| each.1));
-        let (x, y): (Vec<f64>, Vec<f64>) = kept.iter().map(|each| (each.0 - a, each.1 - b)).unzip();
-        product += dot(&x, &y);
-        of_residual += dot(&x, &x);
-        of_channel += dot(&y, &y);
-        count += kept.len() as f64;
-    }
-    if of_residual <= 0.0 || of_channel <= 0.0 {
-        return 1.0;
-    }
-    normal_tail(product / (of_residual * of_channel).sqrt() * count.sqrt())
+/// A line with a phase of its own in every run: period, amplitude and p-value. Its frequency must stand alone, four times
+/// as high as what surrounds it, and lie within the stays, at 0.02 Hz or more.
+pub fn line(runs: &[RunData], residuals: &[Residual]) -> Option<(f64, f64, f64)> {
+    let powers = periodogram(runs, residuals);
+    let (place, &(frequency, power)) = powers
+        .iter()
+        .enumerate()
+        .filter(|(_, each)| each.0 >= 0.02)
+        .max_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
+    let around = |i: &usize| i.abs_diff(place) > 3 && i.abs_diff(place) <= 15;
+    let nearby = median((0..powers.len()).filter(around).map(|i| powers[i].1).collect());
+    let twice = 2.0 * runs.len() as f64;
+    let p_value = chi_square_tail(twice * power / nearby.max(1.0), twice) * powers.len() as f64;
+    let cells = runs.iter().map(|run| run.cells.len()).sum::<usize>() as f64 / runs.len() as f64;
+    let squares: Vec<f64> = residuals.iter().flatten().filter(|value| value.is_finite()).map(|value| value * value).collect();
+    let mean_square = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
+    // A line of amplitude a in n cells has a power of n a²/4 over the mean square.
+    let amplitude = (4.0 * (power - nearby).max(0.0) * mean_square / cells).sqrt();
+    (p_value < 1e-4 && power > 4.0 * nearby).then_some((1.0 / frequency, amplitude, p_value))
 }

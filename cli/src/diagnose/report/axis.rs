@@ -50,7 +50,11 @@ impl Axis {
     /// About `count` round values with their texts.
     pub fn ticks(&self, count: usize) -> Vec<(f64, String)> {
         match self.spread {
-            Spread::Linear => self.linear_ticks(count),
+            // Round steps may be coarse: three ticks at least, so that the scale can be read.
+            Spread::Linear => (count..count + 8)
+                .map(|count| self.linear_ticks(count))
+                .find(|ticks| ticks.len() > 2)
+                .unwrap_or_else(|| self.linear_ticks(count)),
             Spread::Logarithmic => self.logarithmic_ticks(count),
         }
     }
@@ -119,6 +123,7 @@ mod tests {
     #[test]
     fn ticks_are_round() {
         assert_eq!(texts(&Axis::exact("", -0.7, 1.2), 4), ["−0.5", "0", "0.5", "1.0"]);
+        assert_eq!(texts(&Axis::exact("", -190.0, 190.0), 3), ["−100", "0", "100"]);
         assert_eq!(texts(&Axis::exact("", 0.0, 152.0), 4), ["0", "50", "100", "150"]);
         assert_eq!(texts(&Axis::logarithmic("", [0.05, 30.0]), 4), ["0.1", "1", "10"]);
         assert_eq!(texts(&Axis::logarithmic("", [1.0, 9.0]), 4), ["1", "2", "5", "10"]);

@@ -39,7 +39,9 @@ pub fn section(diagnosis: &Diagnosis) -> String {
     let errors = errors(diagnosis);
     let mut html = String::from("<h2>Azimuth of each run</h2>\n");
     if errors.is_empty() {
-        html.push_str("<p>No run that is judged has a surveyed azimuth: how far the azimuths are off is not known.</p>\n");
+        html.push_str(
+            "<p>No run that is judged has a surveyed azimuth: how far the azimuths are off is not known.</p>\n",
+        );
     } else {
         html.push_str(&by_run(&errors, diagnosis));
         html.push_str(&by_heading(&errors));
@@ -125,7 +127,8 @@ fn by_heading(errors: &[Error]) -> String {
         return String::new();
     }
     let draw = |canvas: Canvas| {
-        let y = Axis::linear("azimuth error, °", errors.iter().flat_map(|error| error.value_deg).flatten().chain([0.0]));
+        let y =
+            Axis::linear("azimuth error, °", errors.iter().flat_map(|error| error.value_deg).flatten().chain([0.0]));
         let mut plot = Plot::new(canvas.width, 240.0, Axis::exact("azimuth of the mark, °", -8.0, 368.0), y);
         let step = if canvas.narrow { 90 } else { 45 };
         plot.x_ticks((0..=360).step_by(step).map(|angle| (angle.into(), angle.to_string())).collect());

@@ -39,7 +39,9 @@ impl Legend {
         };
         let inner = match self {
             Self::Dots => dot("before") + &dot("after"),
-            Self::Lines(text) => line("line before", "before") + &line("line after", "after") + &line("reference", text),
+            Self::Lines(text) => {
+                line("line before", "before") + &line("line after", "after") + &line("reference", text)
+            }
             Self::None => return String::new(),
         };
         format!("<div class=\"legend\">{inner}</div>\n")

@@ -14,7 +14,9 @@ const CANDIDATES: usize = 8;
 pub fn effects(diagnosis: &Diagnosis) -> String {
     let mut html = String::from("<h2>What was learned</h2>\n");
     if diagnosis.effects.is_empty() {
-        html.push_str("<p>No effect stands out of the noise, given how many were tried. The model stays as it is.</p>\n");
+        html.push_str(
+            "<p>No effect stands out of the noise, given how many were tried. The model stays as it is.</p>\n",
+        );
     }
     for effect in &diagnosis.effects {
         html.push_str(&card(effect));
@@ -94,13 +96,19 @@ pub fn candidates(diagnosis: &Diagnosis) -> String {
     );
     let mut sorted: Vec<_> = diagnosis.candidates.iter().collect();
     sorted.sort_by(|a, b| {
-        b.taken.cmp(&a.taken).then(a.p_value_searched.total_cmp(&b.p_value_searched)).then(b.improvement.total_cmp(&a.improvement))
+        b.taken
+            .cmp(&a.taken)
+            .then(a.p_value_searched.total_cmp(&b.p_value_searched))
+            .then(b.improvement.total_cmp(&a.improvement))
     });
     let rows: Vec<Vec<String>> = sorted
         .iter()
         .map(|candidate| {
-            let verdict =
-                if candidate.taken { "<span class=\"good\">✓ taken</span>" } else { "<span class=\"soft\">left</span>" };
+            let verdict = if candidate.taken {
+                "<span class=\"good\">✓ taken</span>"
+            } else {
+                "<span class=\"soft\">left</span>"
+            };
             let name = match &candidate.channel {
                 Some(channel) if !candidate.name.contains(channel.as_str()) => {
                     format!("<code>{}</code> of {}", escape(&candidate.name), escape(channel))
@@ -127,7 +135,7 @@ pub fn candidates(diagnosis: &Diagnosis) -> String {
             table(&head, hidden)
         );
     }
-    html.push_str("<p class=\"soft\">Gain: fall of the sum of squares, in noise variances.</p>\n");
+    html.push_str("<p class=\"soft foot\">Gain: fall of the sum of squares, in noise variances.</p>\n");
     if !diagnosis.rejected.is_empty() {
         html.push_str("<details><summary>Left, with the reason</summary>\n<ul>");
         for rejected in &diagnosis.rejected {
@@ -150,7 +158,8 @@ pub fn noise(diagnosis: &Diagnosis) -> String {
             format!("<span class=\"{class}\">{word}</span> <span class=\"p\">p = {}</span>", probability(test.p_value))
         }
     };
-    let names = noise.before.iter().chain(noise.after.iter().filter(|test| noise.before.iter().all(|it| it.name != test.name)));
+    let names =
+        noise.before.iter().chain(noise.after.iter().filter(|test| noise.before.iter().all(|it| it.name != test.name)));
     let rows: Vec<Vec<String>> = names
         .map(|test| {
             let find = |tests: &[Test]| verdict(tests.iter().find(|it| it.name == test.name));
@@ -182,7 +191,11 @@ pub fn experiment(diagnosis: &Diagnosis) -> String {
             format!("{} % now, {} % then", percent(experiment.separation_now), percent(experiment.separation_then)),
         ],
     ];
-    html.push_str(&table(&[("what", false), ("", false)], &rows).replace(" data-name=\"what\"", "").replace(" data-name=\"\"", ""));
+    html.push_str(
+        &table(&[("what", false), ("", false)], &rows)
+            .replace(" data-name=\"what\"", "")
+            .replace(" data-name=\"\"", ""),
+    );
     html
 }
 
@@ -209,7 +222,12 @@ fn order(experiment: &Experiment) -> String {
         plot.line("line after", steps);
         vec![plot]
     };
-    figure(Legend::None, "Index angle over a run of the proposed experiment", "Order of the positions in each run.", draw)
+    figure(
+        Legend::None,
+        "Index angle over a run of the proposed experiment",
+        "Order of the positions in each run.",
+        draw,
+    )
 }
 
 pub fn open(diagnosis: &Diagnosis) -> String {
@@ -226,7 +244,8 @@ pub fn open(diagnosis: &Diagnosis) -> String {
         if failed.is_empty() {
             html.push_str("<p>What is left of the rate passes for noise.</p>\n");
         } else {
-            let _ = writeln!(html, "<p>What is left of the rate is not quite noise; it fails: {}.</p>", code_list(&failed));
+            let _ =
+                writeln!(html, "<p>What is left of the rate is not quite noise; it fails: {}.</p>", code_list(&failed));
         }
     }
     if !diagnosis.warnings.is_empty() {
@@ -246,7 +265,9 @@ pub fn open(diagnosis: &Diagnosis) -> String {
 
 pub fn model(diagnosis: &Diagnosis) -> String {
     match toml::to_string(&diagnosis.model) {
-        Ok(text) => format!("<details><summary>The model as a file</summary>\n<pre>{}</pre></details>\n", escape(&text)),
+        Ok(text) => {
+            format!("<details><summary>The model as a file</summary>\n<pre>{}</pre></details>\n", escape(&text))
+        }
         Err(_) => String::new(),
     }
 }

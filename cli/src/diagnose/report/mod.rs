@@ -10,8 +10,8 @@ mod plot;
 mod residuals;
 mod summary;
 
-use super::Diagnosis;
 use self::html::escape;
+use super::Diagnosis;
 
 const STYLE: &str = include_str!("style.css");
 

@@ -142,8 +142,12 @@ fn against(abscissa: &Abscissa, name: &str, series: &[RunSeries]) -> String {
         let plots = Side::BOTH.map(|side| {
             let s = 1 + side as usize;
             let x = Axis::linear(abscissa.label(), points.iter().map(|point| point[0]));
-            let mut plot =
-                Plot::new(canvas.width, if canvas.narrow { 200.0 } else { 220.0 }, x, Axis::exact("residual, °/h", -limit, limit));
+            let mut plot = Plot::new(
+                canvas.width,
+                if canvas.narrow { 200.0 } else { 220.0 },
+                x,
+                Axis::exact("residual, °/h", -limit, limit),
+            );
             plot.corner(side.name());
             plot.level("zero", 0.0);
             if few {
@@ -161,18 +165,18 @@ fn against(abscissa: &Abscissa, name: &str, series: &[RunSeries]) -> String {
         });
         Vec::from(plots)
     };
-    let each = if *abscissa == Abscissa::TiltRate { "stay of the index (tilt rate by the accelerometers)" } else { "second" };
+    let each =
+        if *abscissa == Abscissa::TiltRate { "stay of the index (tilt rate by the accelerometers)" } else { "second" };
     let marks = if few {
         format!("Dots: one a {each}.")
     } else {
         let groups = bins.len();
-        format!("Specks: one a {each}; dots: means of {groups} groups of equal size, with the standard error of the mean.")
+        format!(
+            "Specks: one a {each}; dots: means of {groups} groups of equal size, with the standard error of the mean."
+        )
     };
-    let caption = format!(
-        "The residual against what carries <code>{}</code>. {marks}{}",
-        escape(name),
-        outside(&values, limit)
-    );
+    let caption =
+        format!("The residual against what carries <code>{}</code>. {marks}{}", escape(name), outside(&values, limit));
     let about = format!("Residual against {} before and after", abscissa.label());
     figure(Legend::None, &about, &caption, draw)
 }

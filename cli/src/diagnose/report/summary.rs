@@ -8,8 +8,7 @@ use crate::diagnose::{Diagnosis, RunDiagnosis};
 
 pub fn section(diagnosis: &Diagnosis) -> String {
     let title = diagnosis.title.as_deref().unwrap_or("Campaign");
-    let mut html =
-        format!("<h1>{}</h1>\n<p class=\"verdict\">{}</p>\n", escape(title), escape(&diagnosis.verdict));
+    let mut html = format!("<h1>{}</h1>\n<p class=\"verdict\">{}</p>\n", escape(title), escape(&diagnosis.verdict));
     html.push_str("<div class=\"tiles\">\n");
     if let (Some(before), Some(after)) = (diagnosis.azimuth_rms_before_deg, diagnosis.azimuth_rms_after_deg) {
         let intervals = [diagnosis.azimuth_rms_before_interval_deg, diagnosis.azimuth_rms_after_interval_deg];
@@ -49,7 +48,8 @@ fn change(before: f64, after: f64, unit: &str) -> String {
 fn azimuth_note(diagnosis: &Diagnosis, intervals: [Option<[f64; 2]>; 2]) -> String {
     let count = |error: fn(&RunDiagnosis) -> Option<f64>| diagnosis.runs.iter().filter_map(error).count();
     let (before, after) = (count(|run| run.error_before_deg), count(|run| run.error_after_deg));
-    let judged = if before == after { format!("{after} runs") } else { format!("{before} runs before and {after} after") };
+    let judged =
+        if before == after { format!("{after} runs") } else { format!("{before} runs before and {after} after") };
     let how = match diagnosis.judged_on {
         Some("cross-validation") => "cross-validated over the runs that were learned from".to_owned(),
         _ => format!("on {judged}, which took no part in learning"),
