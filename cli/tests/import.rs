@@ -70,7 +70,8 @@ fn the_measured_campaign_comes_out_of_the_recording_it_was_made_of() {
     let counts = fs::read_to_string(data.join("ring-laser-triad/increments_100hz.csv")).unwrap();
     // The published file: its own head, then the same rows with blanks.
     let head = fs::read_to_string(data.join("ring-laser-triad/lasergyro-first-lines.imu")).unwrap();
-    let head: String = head.lines().take_while(|line| *line != "0 0 2 0 0 80").flat_map(|line| [line, "\r\n"]).collect();
+    let head: String =
+        head.lines().take_while(|line| *line != "0 0 2 0 0 80").flat_map(|line| [line, "\r\n"]).collect();
     let published = head + &counts.split_once('\n').unwrap().1.replace(',', " ");
     let expected = Campaign::read(&data.join("parked-vehicle")).unwrap();
     for (map, recording) in [("psins-counts-csv.toml", &counts), ("psins-lasergyro.toml", &published)] {
@@ -81,11 +82,13 @@ fn the_measured_campaign_comes_out_of_the_recording_it_was_made_of() {
         assert_eq!(Campaign { folder: expected.folder.clone(), ..campaign }, expected);
         for (i, run) in expected.runs.iter().enumerate() {
             let found = rows(folder.path(), i + 1);
-            let printed: Vec<Row> =
-                RunReader::open(&expected.path_of(run)).unwrap().collect::<Result<_, _>>().unwrap();
+            let printed: Vec<Row> = RunReader::open(&expected.path_of(run)).unwrap().collect::<Result<_, _>>().unwrap();
             assert_eq!(found.len(), printed.len());
             for (a, b) in found.iter().zip(&printed) {
-                assert_eq!((a.t_s, a.index_deg, a.fog_arcsec, a.level_g), (b.t_s, b.index_deg, b.fog_arcsec, b.level_g));
+                assert_eq!(
+                    (a.t_s, a.index_deg, a.fog_arcsec, a.level_g),
+                    (b.t_s, b.index_deg, b.fog_arcsec, b.level_g)
+                );
             }
         }
     }
@@ -186,7 +189,8 @@ fn kvh_log(samples: u32, rate_hz: f64, damage: impl Fn(u32) -> u8) -> Vec<u8> {
 
 #[test]
 fn kvh_logs_count_what_they_lack() {
-    let map = fs::read_to_string(map_file("kvh-triad.toml")).unwrap().replace("latitude_deg = 34.75", "latitude_deg = 30");
+    let map =
+        fs::read_to_string(map_file("kvh-triad.toml")).unwrap().replace("latitude_deg = 34.75", "latitude_deg = 30");
     let log = kvh_log(240_500, 1000.0, |i| match i {
         100..=104 => 1,
         700 | 5000 => 2,
@@ -222,13 +226,25 @@ fn a_gyro_at_962_hz_is_found_out() {
 #[test]
 fn errors_of_the_recording_name_line_column_and_value() {
     for (recording, error) in [
-        ("w,angle\n1,0\n2,0\nx,0\n", r#"recording, line 4, column 1 (w): "x" is not allowed; allowed is a finite decimal number"#),
-        ("w,angle\n1,0\n2,nan\n", r#"recording, line 3, column 2 (angle): "nan" is not allowed; allowed is a finite decimal number"#),
+        (
+            "w,angle\n1,0\n2,0\nx,0\n",
+            r#"recording, line 4, column 1 (w): "x" is not allowed; allowed is a finite decimal number"#,
+        ),
+        (
+            "w,angle\n1,0\n2,nan\n",
+            r#"recording, line 3, column 2 (angle): "nan" is not allowed; allowed is a finite decimal number"#,
+        ),
         ("w,angle\n1,0\n\n#\n2\n", "recording, line 5: 1 fields; the first record has 2"),
         ("w,angle\n", "recording: no data rows follow the header"),
         ("", "recording: the file ends after 0 of its 1 header rows"),
-        ("v,angle\n1,2\n", r#"map.toml, line 7, column 12: "column \"w\"" is not allowed; allowed is a number, or one of v, angle"#),
-        ("w,w,angle\n1,2,3\n", r#"map.toml, line 7, column 12: "column \"w\"" is not allowed; allowed is a name that stands once in the header, or the column's number"#),
+        (
+            "v,angle\n1,2\n",
+            r#"map.toml, line 7, column 12: "column \"w\"" is not allowed; allowed is a number, or one of v, angle"#,
+        ),
+        (
+            "w,w,angle\n1,2,3\n",
+            r#"map.toml, line 7, column 12: "column \"w\"" is not allowed; allowed is a name that stands once in the header, or the column's number"#,
+        ),
     ] {
         assert_eq!(refusal(SIMPLE, recording), error);
     }
@@ -249,11 +265,23 @@ fn errors_of_the_recording_name_line_column_and_value() {
 #[test]
 fn errors_of_the_mapping_name_their_place() {
     for (from, to, error) in [
-        ("latitude_deg = 60", "latitude_deg = 91", r#"map.toml, line 3, column 16: "latitude_deg = 91" is not allowed"#),
-        ("unit = \"deg/h\"", "unit = \"furlong\"", "map.toml, line 8, column 8: unknown variant `furlong`, expected one of"),
+        (
+            "latitude_deg = 60",
+            "latitude_deg = 91",
+            r#"map.toml, line 3, column 16: "latitude_deg = 91" is not allowed"#,
+        ),
+        (
+            "unit = \"deg/h\"",
+            "unit = \"furlong\"",
+            "map.toml, line 8, column 8: unknown variant `furlong`, expected one of",
+        ),
         ("interval_s = 0.5", "", "map.toml, line 4, column 1: [time] needs a column"),
         ("interval_s = 0.5", "interval_s = 0", r#"map.toml, line 5, column 14: "interval_s = 0" is not allowed"#),
-        ("[\"w\"]", "[\"w\", 2]", r#"map.toml, line 6, column 1: "2 gyro columns" is not allowed; allowed is 1, or the 3"#),
+        (
+            "[\"w\"]",
+            "[\"w\", 2]",
+            r#"map.toml, line 6, column 1: "2 gyro columns" is not allowed; allowed is 1, or the 3"#,
+        ),
         ("[\"w\"]", "[1, 2, 3]", "map.toml, line 6, column 1: a triad needs axes"),
         ("column = \"angle\"", "dwell_s = 2", "map.toml, line 9, column 1: the index of a single gyro is measured"),
         ("[index]", "[text]\ndelimiter = \"ab\"\n[index]", r#"map.toml, line 10, column 13: "delimiter = \"ab\"""#),

@@ -72,9 +72,10 @@ fn diagnosis() -> Diagnosis {
     };
     Diagnosis {
         title: Some("acceptance, unit 7".into()),
-        verdict: "The rate of change of temp_c adds 9.1 ± 0.2 °/h per K/s; with it in the model the azimuth error falls \
+        verdict:
+            "The rate of change of temp_c adds 9.1 ± 0.2 °/h per K/s; with it in the model the azimuth error falls \
                   from 1.52° to 0.11° rms on runs that took no part."
-            .into(),
+                .into(),
         runs,
         effects: vec![Effect {
             name: "temperature-rate".into(),
@@ -164,7 +165,8 @@ fn the_page_is_whole_and_fetches_nothing() {
     for foreign in ["<script", "http:", "https:", "url(", "@import", "src=", "href="] {
         assert!(!html.contains(foreign), "{foreign}");
     }
-    for part in ["acceptance, unit 7", "9.12 ± 0.21", "°/h per K/s", "1.52 → 0.112°", "✓ taken", "mirrored order"] {
+    for part in ["acceptance, unit 7", "9.12 ± 0.21", "°/h per K/s", "1.52 → 0.112°", "✓ taken", "mirrored order"]
+    {
         assert!(html.contains(part), "{part}");
     }
     assert!(!html.contains("NaN") && !html.contains("inf\""), "a number that is none was drawn");

@@ -180,12 +180,12 @@ impl Plot {
                 escape(text)
             );
         }
-        let _ = write!(
+        let _ = writeln!(
             svg,
             "<rect class=\"frame\" x=\"{left:.1}\" y=\"{TOP:.1}\" width=\"{inner:.1}\" height=\"{tall:.1}\"/>\
              <svg x=\"{left:.1}\" y=\"{TOP:.1}\" width=\"{inner:.1}\" height=\"{tall:.1}\">{}</svg>{}\
              <text class=\"axis\" x=\"0\" y=\"{HEAD}\">{}</text>\
-             <text class=\"axis\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text></svg>\n",
+             <text class=\"axis\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text></svg>",
             self.marks,
             self.over,
             escape(&self.y.label),
