@@ -43,7 +43,9 @@ pub struct Summary {
     pub visible: usize,
     /// Of those: said to be ambiguous, the right one among them.
     pub ambiguous: f64,
-    /// Of the visible ones that are not ambiguous: named rightly.
+    /// Visible ones that are not ambiguous.
+    pub telling: usize,
+    /// Of those: named rightly.
     pub right: f64,
     pub right_confidence_95: f64,
     /// Campaigns in which something was named that is not there.
@@ -87,6 +89,7 @@ pub fn summarize(verdicts: &[&Verdict]) -> Option<Summary> {
         gain: ratio(&diagnosed, |errors| errors.after, |errors| errors.before),
         visible: visible.len(),
         ambiguous: share(&visible, &ambiguous),
+        telling: telling.len(),
         right,
         right_confidence_95: 1.96 * (right * (1.0 - right) / telling.len().max(1) as f64).sqrt(),
         false_discovery: share(&diagnosed, &|verdict| verdict.false_effects > 0),

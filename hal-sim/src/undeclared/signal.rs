@@ -71,6 +71,9 @@ impl Channel {
         channel.centre = draw.uniform(-10.0, 40.0);
         channel.span = draw.log_uniform(0.8, 8.0);
         channel.jumps = 0.0;
+        if channel.settling + channel.wave + channel.wander == 0.0 {
+            channel.wander = 1.0;
+        }
         channel.wander_s = draw.log_uniform(60.0, 400.0);
         channel.noise = draw.log_uniform(0.0002, 0.001) / channel.span;
         channel

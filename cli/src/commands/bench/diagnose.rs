@@ -163,7 +163,7 @@ fn write_tables(out: &mut dyn Write, families: &[FamilyReport]) -> io::Result<()
     for FamilyReport { family, summary } in families {
         let family = Family::named(family).unwrap_or(Family::Nothing);
         let named = summary.visible > 0 && !family.is_foreign() && family != Family::Nothing;
-        let right = if named {
+        let right = if named && summary.telling > 0 {
             format!("{:.0} ± {:.0}", 100.0 * summary.right, 100.0 * summary.right_confidence_95)
         } else {
             "–".into()
