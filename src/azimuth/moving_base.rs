@@ -41,8 +41,7 @@ pub fn summary(rows: &[Row], velocity: bool) -> Option<DwellSummary> {
         let of_row = weights.integral(to_s) - weights.integral(from_s);
         weight += of_row;
         let rise = weights.at(to_s) - weights.at(from_s);
-        weighted_arcsec +=
-            of_row * row.rate_deg_h + rise * (row.lever_arcsec_s / row.seconds + tilt_arcsec(row)?);
+        weighted_arcsec += of_row * row.rate_deg_h + rise * (row.lever_arcsec_s / row.seconds + tilt_arcsec(row)?);
         seconds += row.seconds;
         cos += row.seconds * row.cos;
         sin += row.seconds * row.sin;

@@ -12,8 +12,8 @@ use super::noise;
 use super::problem::Block;
 use super::statistics::{chi_square_tail, median, rms};
 use super::{
-    Candidate, Diagnosis, Effect, Lesson, NoiseTests, Refusal, Rejected, RunDiagnosis, RunSeries, Warning,
-    experiment, judge, study,
+    Candidate, Diagnosis, Effect, Lesson, NoiseTests, Refusal, Rejected, RunDiagnosis, RunSeries, Warning, experiment,
+    judge, study,
 };
 use crate::campaign::{Campaign, Role};
 use crate::solve::{SolveError, solve_file};
@@ -75,8 +75,12 @@ pub fn diagnosis(
     let unexplained = unexplained(lesson, runs);
     let mut effects = effects(lesson);
     effects.extend(own_line(runs, &residuals, lesson));
-    let spectra =
-        noise::spectra(runs, &residuals.before, &residuals.after, noise.declared_noise_deg_h.unwrap_or(noise.noise_deg_h));
+    let spectra = noise::spectra(
+        runs,
+        &residuals.before,
+        &residuals.after,
+        noise.declared_noise_deg_h.unwrap_or(noise.noise_deg_h),
+    );
     let mut diagnosis = Diagnosis {
         title: campaign.title.clone(),
         verdict: String::new(),
@@ -142,9 +146,7 @@ fn after(
                 Ok(solution) => {
                     let fix = solution.fix;
                     let of_parameters = match data.solve(model) {
-                        Some((own, _)) => {
-                            judge::parameter_sigma_deg(data, &lesson.base(base), lesson.learned(), &own)
-                        }
+                        Some((own, _)) => judge::parameter_sigma_deg(data, &lesson.base(base), lesson.learned(), &own),
                         None => 0.0,
                     };
                     Ok(After {
@@ -191,9 +193,7 @@ fn cross_validated(runs: &[RunData], base: &ErrorModel, constant: &[String]) -> 
 
 fn record(run: &RunData, after: &After, judged: bool, lesson: &Lesson) -> RunDiagnosis {
     let before = run.before;
-    let error = |azimuth_deg: Option<f64>| {
-        Some(wrap_180_deg(azimuth_deg? - run.reference_deg?)).filter(|_| judged)
-    };
+    let error = |azimuth_deg: Option<f64>| Some(wrap_180_deg(azimuth_deg? - run.reference_deg?)).filter(|_| judged);
     let mut notes: Vec<String> = run.refusal.iter().map(|refusal| format!("no azimuth before: {refusal}")).collect();
     notes.extend(after.note.clone());
     if lesson.bad_references.iter().any(|(file, _)| *file == run.file) {
@@ -279,7 +279,11 @@ impl Residuals {
             .map(|(run, (before, after))| RunSeries {
                 file: run.file.clone(),
                 t_s: run.cells.iter().map(|cell| cell.t_s).collect(),
-                index_deg: run.cells.iter().map(|cell| cell.sin.atan2(cell.cos).to_degrees().rem_euclid(360.0)).collect(),
+                index_deg: run
+                    .cells
+                    .iter()
+                    .map(|cell| cell.sin.atan2(cell.cos).to_degrees().rem_euclid(360.0))
+                    .collect(),
                 residual_before_deg_h: before.clone(),
                 residual_after_deg_h: after.clone(),
                 channels: run
@@ -389,9 +393,10 @@ fn own_line(runs: &[RunData], residuals: &Residuals, lesson: &Lesson) -> Option<
         sigma: Default::default(),
         p_value: p_value.min(1.0),
         ambiguous_with: Vec::new(),
-        evidence: "a line in the periodogram with a phase of its own in every run: it averages out over a stay, and no \
+        evidence:
+            "a line in the periodogram with a phase of its own in every run: it averages out over a stay, and no \
                    model can foretell it"
-            .into(),
+                .into(),
         board: false,
     })
 }
@@ -434,7 +439,8 @@ fn why(learned: &Learned, each: &candidate::Candidate, taken: bool, p_value_sear
     if taken {
         return "taken: explains most for its price".into();
     }
-    let rival_of = learned.taken.iter().find(|taken| taken.rivals.iter().any(|(rival, _)| rival.full_name() == each.full_name()));
+    let rival_of =
+        learned.taken.iter().find(|taken| taken.rivals.iter().any(|(rival, _)| rival.full_name() == each.full_name()));
     match rival_of {
         Some(taken) => format!("this campaign cannot tell it from {}", taken.candidate.full_name()),
         None if p_value_searched < ACCEPT => "alone it explains something, beside the taken effects nothing".into(),
@@ -462,7 +468,9 @@ fn verdict(diagnosis: &Diagnosis) -> String {
     let names: Vec<String> = diagnosis
         .effects
         .iter()
-        .map(|effect| effect.channel.as_ref().map_or(effect.name.clone(), |channel| format!("{} ({channel})", effect.name)))
+        .map(|effect| {
+            effect.channel.as_ref().map_or(effect.name.clone(), |channel| format!("{} ({channel})", effect.name))
+        })
         .collect();
     let found = match names.as_slice() {
         [] if diagnosis.unexplained => "The residual is not noise, and no candidate explains it".to_owned(),
@@ -476,7 +484,8 @@ fn verdict(diagnosis: &Diagnosis) -> String {
         (_, Some(after)) => format!(": azimuth error {after:.3} deg rms"),
         _ => String::new(),
     };
-    let rest = if diagnosis.unexplained && !names.is_empty() { "; structure remains that nothing explains" } else { "" };
+    let rest =
+        if diagnosis.unexplained && !names.is_empty() { "; structure remains that nothing explains" } else { "" };
     let ambiguous = if diagnosis.effects.iter().any(|effect| !effect.ambiguous_with.is_empty()) {
         "; this campaign cannot tell every cause from others"
     } else {

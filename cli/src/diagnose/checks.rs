@@ -21,10 +21,8 @@ fn warning(message: String) -> Warning {
 
 /// Refuses what makes no sense at all.
 pub fn refuse(runs: &[RunData]) -> Result<(), Refusal> {
-    let turned: Vec<(f64, f64)> = runs
-        .iter()
-        .filter_map(|run| Some((run.before?.azimuth_deg, run.reference_deg?)))
-        .collect();
+    let turned: Vec<(f64, f64)> =
+        runs.iter().filter_map(|run| Some((run.before?.azimuth_deg, run.reference_deg?))).collect();
     let typical = |sign: f64, offset: f64| {
         median(turned.iter().map(|(found, truth)| wrap_180_deg(found - sign * truth - offset).abs()).collect())
     };
@@ -147,10 +145,8 @@ pub fn outlying_reference(problem: &Problem, effects: &[f64]) -> Option<(usize, 
         super::statistics::dot(&left, &left)
     };
     let all = squares(None);
-    let (index, error, best) = errors
-        .iter()
-        .map(|&(i, error, _)| (i, error, squares(Some(i))))
-        .min_by(|a, b| a.2.total_cmp(&b.2))?;
+    let (index, error, best) =
+        errors.iter().map(|&(i, error, _)| (i, error, squares(Some(i)))).min_by(|a, b| a.2.total_cmp(&b.2))?;
     let freedom = (number - 1 - parameters) as f64;
     // Survey and index alone scatter the others by a hundredth of a degree.
     let scatter = (best / freedom).max(1e-4);

@@ -93,7 +93,8 @@ fn design(like: &RunData, order: &[f64], dwell_s: f64, heading_deg: f64) -> RunD
             let Some(source) = like.cells.get((t_s as usize).min(usual - 1)) else { continue };
             let raw_deg_h = north * (psi.cos() * cos + psi.sin() * sin);
             t_s += 1.0;
-            let place = Cell { t_s: t_s - 0.5, seconds: 1.0, raw_deg_h, cos, sin, moving: false, stay, ..source.clone() };
+            let place =
+                Cell { t_s: t_s - 0.5, seconds: 1.0, raw_deg_h, cos, sin, moving: false, stay, ..source.clone() };
             run.cells.push(place);
             for (channel, values) in run.channels.iter_mut().zip(&like.channels) {
                 channel.push(values[(t_s as usize).min(values.len() - 1)]);

@@ -195,9 +195,7 @@ pub fn learn(blocks: &[Block<'_>], candidates: &[Candidate]) -> Learned {
     let problem = Problem::new(blocks);
     let cache: Vec<Vec<(f64, Columns)>> = candidates
         .par_iter()
-        .map(|candidate| {
-            constants(candidate).iter().map(|&each| (each, problem.projected(candidate, each))).collect()
-        })
+        .map(|candidate| constants(candidate).iter().map(|&each| (each, problem.projected(candidate, each))).collect())
         .collect();
     let mut learned = Learned::default();
     let mut chosen: Vec<(usize, f64)> = Vec::new();
@@ -212,8 +210,8 @@ pub fn learn(blocks: &[Block<'_>], candidates: &[Candidate]) -> Learned {
         let best = refined(&problem, candidates, &basis, &left, best.clone());
         let candidate = &candidates[best.index];
         let trial = [chosen.as_slice(), &[(best.index, best.constant)]].concat();
-        let p_value = p_value(&problem, candidates, &trial, best.improvement, candidate)
-            * searched(candidate, candidates.len());
+        let p_value =
+            p_value(&problem, candidates, &trial, best.improvement, candidate) * searched(candidate, candidates.len());
         let convinces = p_value < ACCEPT && chosen.len() < MOST_EFFECTS && foretells(&problem, candidates, &trial);
         if !convinces {
             learned.runner_up = Some((candidate.name.clone(), p_value.min(1.0)));
@@ -252,7 +250,8 @@ fn foretells(problem: &Problem, candidates: &[Candidate], trial: &[(usize, f64)]
         let missed = |columns: &[Vec<f64>]| -> Option<f64> {
             let kept: Columns = columns.iter().map(|column| taught(column)).collect();
             let kept: Vec<&[f64]> = kept.iter().map(Vec::as_slice).collect();
-            let (found, _) = if kept.is_empty() { (vec![], vec![]) } else { least_squares(&kept, &taught(&problem.y))? };
+            let (found, _) =
+                if kept.is_empty() { (vec![], vec![]) } else { least_squares(&kept, &taught(&problem.y))? };
             let mut left = problem.y.clone();
             for (column, coefficient) in columns.iter().zip(&found) {
                 subtract(&mut left, *coefficient, column);
@@ -329,13 +328,7 @@ fn merits(
 }
 
 /// The non-linear constant by golden section between the neighbours on the grid.
-fn refined(
-    problem: &Problem,
-    candidates: &[Candidate],
-    basis: &[Vec<f64>],
-    left: &[f64],
-    mut merit: Merit,
-) -> Merit {
+fn refined(problem: &Problem, candidates: &[Candidate], basis: &[Vec<f64>], left: &[f64], mut merit: Merit) -> Merit {
     let candidate = &candidates[merit.index];
     let of = |constant: f64| improvement(basis, left, problem.projected(candidate, constant));
     let (constant, improvement) = golden(candidate, merit.constant, of);
@@ -395,9 +388,8 @@ fn reconsider(problem: &Problem, candidates: &[Candidate], chosen: &mut [(usize,
 /// Effects that later ones made superfluous go.
 fn prune(problem: &Problem, candidates: &[Candidate], chosen: &mut Vec<(usize, f64)>) {
     loop {
-        let worst = (0..chosen.len())
-            .map(|i| (i, alone(problem, candidates, chosen, i).1))
-            .max_by(|a, b| a.1.total_cmp(&b.1));
+        let worst =
+            (0..chosen.len()).map(|i| (i, alone(problem, candidates, chosen, i).1)).max_by(|a, b| a.1.total_cmp(&b.1));
         match worst {
             Some((i, p_value)) if p_value >= ACCEPT => {
                 chosen.remove(i);

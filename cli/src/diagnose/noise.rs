@@ -165,17 +165,15 @@ fn allan(residuals: &[Residual], count: usize) -> f64 {
 /// as high as what surrounds it, and lie within the stays, at 0.02 Hz or more.
 pub fn line(runs: &[RunData], residuals: &[Residual]) -> Option<(f64, f64, f64)> {
     let powers = periodogram(runs, residuals);
-    let (place, &(frequency, power)) = powers
-        .iter()
-        .enumerate()
-        .filter(|(_, each)| each.0 >= 0.02)
-        .max_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
+    let (place, &(frequency, power)) =
+        powers.iter().enumerate().filter(|(_, each)| each.0 >= 0.02).max_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
     let around = |i: &usize| i.abs_diff(place) > 3 && i.abs_diff(place) <= 15;
     let nearby = median((0..powers.len()).filter(around).map(|i| powers[i].1).collect());
     let twice = 2.0 * runs.len() as f64;
     let p_value = chi_square_tail(twice * power / nearby.max(1.0), twice) * powers.len() as f64;
     let cells = runs.iter().map(|run| run.cells.len()).sum::<usize>() as f64 / runs.len() as f64;
-    let squares: Vec<f64> = residuals.iter().flatten().filter(|value| value.is_finite()).map(|value| value * value).collect();
+    let squares: Vec<f64> =
+        residuals.iter().flatten().filter(|value| value.is_finite()).map(|value| value * value).collect();
     let mean_square = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
     // A line of amplitude a in n cells has a power of n a²/4 over the mean square.
     let amplitude = (4.0 * (power - nearby).max(0.0) * mean_square / cells).sqrt();

@@ -12,7 +12,7 @@ const AMPLITUDE_SIGMA: f64 = 0.002;
 const REFERENCE_SIGMA_DEG: f64 = 0.005;
 const INDEX_SIGMA_DEG: f64 = 0.01;
 /// Cells further out than this many sigmas are left out, if they are few.
-const KNOCK_SIGMAS: f64 = 6.0;
+const KNOCK_SIGMAS: f64 = 8.0;
 /// Fewest cells of a run that is learned from.
 const LEAST_CELLS: usize = 4;
 
@@ -118,9 +118,7 @@ impl<'a> Block<'a> {
     pub fn weighted(&self, columns: &Columns) -> Columns {
         columns
             .iter()
-            .map(|column| {
-                column.iter().zip(&self.root_weight).map(|(value, w)| value * w).chain([0.0, 0.0]).collect()
-            })
+            .map(|column| column.iter().zip(&self.root_weight).map(|(value, w)| value * w).chain([0.0, 0.0]).collect())
             .collect()
     }
 

@@ -149,7 +149,8 @@ pub fn least_squares(columns: &[&[f64]], y: &[f64]) -> Option<(Vec<f64>, Vec<Vec
     if scale.iter().any(|value| !value.is_finite()) {
         return None;
     }
-    let gram = columns.iter().zip(&scale).map(|(a, s)| columns.iter().zip(&scale).map(|(b, t)| s * t * dot(a, b)).collect());
+    let gram =
+        columns.iter().zip(&scale).map(|(a, s)| columns.iter().zip(&scale).map(|(b, t)| s * t * dot(a, b)).collect());
     let inverse = invert(gram.collect())?;
     let right: Vec<f64> = columns.iter().zip(&scale).map(|(column, s)| s * dot(column, y)).collect();
     let coefficients = inverse.iter().zip(&scale).map(|(row, s)| s * dot(row, &right)).collect();

@@ -25,7 +25,9 @@ pub fn write(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
     for (when, tests) in [("before", &diagnosis.noise.before), ("after", &diagnosis.noise.after)] {
         let words: Vec<String> = tests
             .iter()
-            .map(|test| format!("{} {} (p = {:.2e})", test.name, if test.passed { "passed" } else { "failed" }, test.p_value))
+            .map(|test| {
+                format!("{} {} (p = {:.2e})", test.name, if test.passed { "passed" } else { "failed" }, test.p_value)
+            })
             .collect();
         writeln!(out, "  {when:6}: {}", words.join(", "))?;
     }
@@ -48,7 +50,11 @@ pub fn write(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
 
 fn write_runs(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
     let width = diagnosis.runs.iter().map(|run| run.file.chars().count()).max().unwrap_or_default().max(4);
-    writeln!(out, "\n{:<width$}  role   before (sigma), deg        after (sigma), deg      error before  after", "run")?;
+    writeln!(
+        out,
+        "\n{:<width$}  role   before (sigma), deg        after (sigma), deg      error before  after",
+        "run"
+    )?;
     for run in &diagnosis.runs {
         write_run(out, run, width)?;
     }
