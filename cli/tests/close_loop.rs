@@ -4,7 +4,20 @@ use std::process::Command;
 
 fn close_loop(effect: &str) -> serde_json::Value {
     let output = Command::new(env!("CARGO_BIN_EXE_north"))
-        .args(["close-loop", "--host", "--effect", effect, "--seed", "3", "--runs", "12", "--new-runs", "6", "--json", "-"])
+        .args([
+            "close-loop",
+            "--host",
+            "--effect",
+            effect,
+            "--seed",
+            "3",
+            "--runs",
+            "12",
+            "--new-runs",
+            "6",
+            "--json",
+            "-",
+        ])
         .output()
         .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

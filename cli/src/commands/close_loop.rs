@@ -140,7 +140,8 @@ impl CloseLoop {
             .effects
             .iter()
             .map(|effect| {
-                let sizes: Vec<_> = effect.parameters.iter().map(|(name, value)| format!("{name} {value:+.4}")).collect();
+                let sizes: Vec<_> =
+                    effect.parameters.iter().map(|(name, value)| format!("{name} {value:+.4}")).collect();
                 format!("{}: {}", effect.name, sizes.join(", "))
             })
             .collect();
@@ -164,12 +165,20 @@ impl CloseLoop {
         Ok(match (engine, &self.image) {
             (Engine::Host, _) => None,
             (Engine::Qemu, Some(image)) => Some(image.clone()),
-            (Engine::Qemu, None) => Some(qemu::image::build().map_err(qemu::QemuError::from).map_err(EngineError::from)?),
+            (Engine::Qemu, None) => {
+                Some(qemu::image::build().map_err(qemu::QemuError::from).map_err(EngineError::from)?)
+            }
         })
     }
 
     /// The runs to learn from, as a campaign with the simulator's azimuths as survey.
-    fn record(&self, bench: &Bench<'_>, settings: &Settings, folder: &Path, bar: &ProgressBar) -> Result<Campaign, Failure> {
+    fn record(
+        &self,
+        bench: &Bench<'_>,
+        settings: &Settings,
+        folder: &Path,
+        bar: &ProgressBar,
+    ) -> Result<Campaign, Failure> {
         CampaignWriter::check_free(folder)?;
         let recorded = (0..self.runs)
             .into_par_iter()
@@ -197,7 +206,12 @@ impl CloseLoop {
     }
 
     /// New runs with these settings: true azimuths and what the firmware reports.
-    fn new_fixes(&self, bench: &Bench<'_>, settings: &Settings, bar: &ProgressBar) -> Result<Vec<(f64, Fixed)>, Failure> {
+    fn new_fixes(
+        &self,
+        bench: &Bench<'_>,
+        settings: &Settings,
+        bar: &ProgressBar,
+    ) -> Result<Vec<(f64, Fixed)>, Failure> {
         (self.runs..self.runs + self.new_runs)
             .into_par_iter()
             .map(|number| {

@@ -303,10 +303,10 @@ impl Gatherer {
         cell.temp_c = cell.temp_c.map(|sum| sum / seconds);
         let [forward, left] = std::mem::take(&mut self.level).map(|sum| sum / seconds);
         cell.level = cell.level.and(Specific::new(forward, left));
-        if cell.moving || self.stay_deg.is_some_and(|stay| wrap_180_deg(self.first_deg - stay).abs() > REST_DEG) {
-            if self.stay_deg.take().is_some() {
-                self.stay += 1;
-            }
+        let left =
+            cell.moving || self.stay_deg.is_some_and(|stay| wrap_180_deg(self.first_deg - stay).abs() > REST_DEG);
+        if left && self.stay_deg.take().is_some() {
+            self.stay += 1;
         }
         if !cell.moving {
             self.stay_deg.get_or_insert(self.first_deg);

@@ -26,8 +26,8 @@ pub fn parameter_sigma_deg(run: &RunData, base: &ErrorModel, learned: &Learned, 
     let nominal: Vec<f64> = learned.taken.iter().flat_map(|each| each.coefficients.clone()).collect();
     let factor = cholesky(&learned.covariance);
     let mut variance = 0.0;
-    for column in 0..nominal.len() {
-        let moved: Vec<f64> = nominal.iter().enumerate().map(|(i, value)| value + factor[i][column]).collect();
+    for direction in 0..nominal.len() {
+        let moved: Vec<f64> = nominal.iter().zip(&factor).map(|(value, row)| value + row[direction]).collect();
         if let Some((moved, _)) = run.solve(&learned.model_with(base, &moved)) {
             variance += wrap_180_deg(moved.azimuth_deg - fix.azimuth_deg).powi(2);
         }

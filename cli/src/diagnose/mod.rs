@@ -104,10 +104,8 @@ fn study(runs: &[&RunData], base: &ErrorModel, constant: &[String]) -> Lesson {
             continue;
         }
         lesson.by_second = learn::learn(&blocks, &candidates);
-        lesson.knocked = blocks
-            .iter()
-            .flat_map(|block| block.knocked.iter().map(|line| (block.run.file.clone(), *line)))
-            .collect();
+        lesson.knocked =
+            blocks.iter().flat_map(|block| block.knocked.iter().map(|line| (block.run.file.clone(), *line))).collect();
         let effects = problem.effects(&lesson.by_second.taken);
         let moving = lesson.by_second.taken.iter().any(|each| each.candidate.shape == Shape::BaseMotion);
         if moving || !distrust(&problem, &effects, &mut distrusted, &mut lesson) {

@@ -190,13 +190,9 @@ fn names(campaign: &Campaign) -> &'static [&'static str] {
         }
         Family::Drift => &["drift", "drift-quadratic"],
         Family::SinceSwitchOn => &["warm-up"],
-        Family::AfterMove => &[
-            "settling",
-            "settling-by-direction",
-            "settling-by-travel",
-            "settling-by-position",
-            "settling-every-stay",
-        ],
+        Family::AfterMove => {
+            &["settling", "settling-by-direction", "settling-by-travel", "settling-by-position", "settling-every-stay"]
+        }
         Family::BodyHarmonic => harmonic_names(campaign),
         Family::EarthField => &["earth-field"],
         Family::NonLinearity => &["rate-cubic", "dead-zone"],

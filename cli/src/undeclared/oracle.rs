@@ -269,11 +269,9 @@ mod tests {
         }
         for (number, run) in campaign.runs.iter().enumerate().filter(|(_, run)| !run.may_learn) {
             let recorded = replay(&run.rows, &campaign, &settings).ok();
-            for (sum, azimuth_deg) in sums.iter_mut().zip([
-                oracle.fitted_deg[number],
-                oracle.without_deg[number],
-                recorded,
-            ]) {
+            for (sum, azimuth_deg) in
+                sums.iter_mut().zip([oracle.fitted_deg[number], oracle.without_deg[number], recorded])
+            {
                 let error_deg = (azimuth_deg.unwrap() - run.azimuth_deg + 180.0).rem_euclid(360.0) - 180.0;
                 *sum += (error_deg / campaign.azimuth_noise_deg()).powi(2);
             }

@@ -17,14 +17,8 @@ pub enum Hidden {
 
 impl Hidden {
     /// All of them.
-    pub const ALL: [Self; 6] = [
-        Self::TemperatureRate,
-        Self::Temperature,
-        Self::AfterMove,
-        Self::Magnet,
-        Self::EarthField,
-        Self::DeadZone,
-    ];
+    pub const ALL: [Self; 6] =
+        [Self::TemperatureRate, Self::Temperature, Self::AfterMove, Self::Magnet, Self::EarthField, Self::DeadZone];
 
     /// Name, stable: lower-case words with hyphens.
     pub fn name(self) -> &'static str {
@@ -63,11 +57,8 @@ impl Instrument {
         let drawn = draw.pick(&Hidden::ALL);
         let hidden = hidden.unwrap_or(drawn);
         let sign = draw.sign();
-        let mut gyro = Gyro {
-            bias_deg_h: draw.uniform(-0.3, 0.3),
-            thermal_tau_s: draw.uniform(120.0, 250.0),
-            ..Gyro::default()
-        };
+        let mut gyro =
+            Gyro { bias_deg_h: draw.uniform(-0.3, 0.3), thermal_tau_s: draw.uniform(120.0, 250.0), ..Gyro::default() };
         let truth = match hidden {
             Hidden::TemperatureRate => {
                 gyro.shupe_deg_h_per_k_s = sign * draw.uniform(8.0, 16.0);
@@ -98,10 +89,7 @@ impl Instrument {
             Hidden::DeadZone => {
                 gyro.dead_zone_deg_h = draw.uniform(0.15, 0.5);
                 gyro.dead_zone_width_deg_h = draw.uniform(1.0, 3.0);
-                format!(
-                    "a loss of {:.3} °/h at a rate of {:.2} °/h",
-                    gyro.dead_zone_deg_h, gyro.dead_zone_width_deg_h
-                )
+                format!("a loss of {:.3} °/h at a rate of {:.2} °/h", gyro.dead_zone_deg_h, gyro.dead_zone_width_deg_h)
             }
         };
         Self { hidden, truth, seed, latitude_deg, gyro }
