@@ -20,12 +20,7 @@ fn verdict(family: Family, number: u64) -> Verdict {
 /// Sums of squared errors of the check runs before, after and by the oracle, in noise variances; and their number.
 fn squares(verdicts: &[Verdict]) -> [f64; 4] {
     verdicts.iter().flat_map(|verdict| &verdict.errors).fold([0.0; 4], |[before, after, oracle, count], errors| {
-        [
-            before + errors.before.powi(2),
-            after + errors.after.powi(2),
-            oracle + errors.oracle.powi(2),
-            count + 1.0,
-        ]
+        [before + errors.before.powi(2), after + errors.after.powi(2), oracle + errors.oracle.powi(2), count + 1.0]
     })
 }
 

@@ -222,7 +222,16 @@ mod tests {
                     let t_s = f64::from(stay * 38 + second) + 0.5;
                     let tilt = pitch_arcsec(t_s) + zigzag(stay * 30 + second);
                     let level = Specific::new(tilt / ARCSEC_PER_RAD, zigzag(stay * 31 + second * 3) / ARCSEC_PER_RAD);
-                    rows.push(Row { t_s, seconds: 1.0, cos: 1.0, sin: 0.0, rate_deg_h: 0.0, lever_arcsec_s: 0.0, level }).unwrap();
+                    rows.push(Row {
+                        t_s,
+                        seconds: 1.0,
+                        cos: 1.0,
+                        sin: 0.0,
+                        rate_deg_h: 0.0,
+                        lever_arcsec_s: 0.0,
+                        level,
+                    })
+                    .unwrap();
                 }
                 rows.summary(1.0).unwrap()
             })

@@ -238,7 +238,15 @@ mod tests {
     use super::*;
 
     fn row(second: u16, rate_deg_h: f64) -> Row {
-        Row { t_s: f64::from(second) + 0.5, seconds: 1.0, cos: 0.0, sin: 1.0, rate_deg_h, lever_arcsec_s: 0.0, level: None }
+        Row {
+            t_s: f64::from(second) + 0.5,
+            seconds: 1.0,
+            cos: 0.0,
+            sin: 1.0,
+            rate_deg_h,
+            lever_arcsec_s: 0.0,
+            level: None,
+        }
     }
 
     fn rows(rates: &[f64]) -> DwellRows {

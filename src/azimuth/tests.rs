@@ -237,7 +237,8 @@ fn three_positions_have_an_azimuth_but_no_redundancy() {
 #[test]
 fn positions_between_the_quarters_have_no_closure() {
     // h cos 45° = 5.3178202 at azimuth 0.
-    let solution = solve_at(60.0, &stays(&[(45.0, 5.3178202), (135.0, -5.3178202), (225.0, -5.3178202), (315.0, 5.3178202)]));
+    let solution =
+        solve_at(60.0, &stays(&[(45.0, 5.3178202), (135.0, -5.3178202), (225.0, -5.3178202), (315.0, 5.3178202)]));
     assert_azimuth(&solution, 0.0, 1e-5);
     assert_eq!(solution.closure_deg_h, None);
 }

@@ -131,7 +131,7 @@ mod tests {
     #[test]
     fn times_are_whole_seconds_from_the_first_one_on() {
         // A gyro that took 0.3 s to start, and reports that come a tick late or early.
-        let reports = [report(1.3, Some(0.0), 9.0), report(2.3025, Some(0.0), 8.0), report(3.2975, Some(0.0), 7.0)];
+        let reports = [report(1.3, Some(0.0), 9.0), report(2.303, Some(0.0), 8.0), report(3.2975, Some(0.0), 7.0)];
         assert_eq!(rows(&reports), [(1.0, 1.0, 9.0, 1), (2.0, 1.0, 8.0, 1), (3.0, 1.0, 7.0, 1)]);
     }
 
