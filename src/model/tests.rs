@@ -140,7 +140,7 @@ fn index_and_rate() {
 fn index_error_and_earth_field_turn_the_answer() {
     let offset = model(&[Term::IndexError { offset_deg: 10.0, cos_deg: 0.0, sin_deg: 0.0 }]);
     // Measured 40°, too large by 10°: truly 30°.
-    let [cos, sin] = offset.true_index([0.7660444431189780, 0.6427876096865394]);
+    let [cos, sin] = offset.true_index([0.766_044_443_118_978, 0.6427876096865394]);
     assert_close(cos, 0.8660254037844387);
     assert_close(sin, 0.5);
     // h = 7.5205335 at 60°; an east field of the same size turns the apparent azimuth by −45°.
