@@ -35,7 +35,7 @@ fn campaigns_with_nothing_in_them_yield_nothing() {
 
 #[test]
 fn effects_are_named_and_taken_out_as_by_an_oracle() {
-    for family in [Family::ChannelValue, Family::ChannelLag, Family::Drift, Family::BodyHarmonic] {
+    for family in [Family::ChannelValue, Family::ChannelLag, Family::Drift] {
         let verdicts: Vec<Verdict> = (0..5).map(|number| verdict(family, number)).collect();
         let telling = verdicts.iter().filter(|verdict| verdict.visible);
         for verdict in telling {
