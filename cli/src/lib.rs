@@ -2,6 +2,7 @@
 //! verbs of the command `north`.
 
 pub mod accuracy;
+pub mod calibrate;
 pub mod campaign;
 pub mod commands;
 pub mod diagnose;

@@ -6,3 +6,4 @@
 pub mod ellipsoid;
 pub mod six_position;
 pub mod statistics;
+pub mod still;

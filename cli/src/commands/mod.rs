@@ -1,6 +1,7 @@
 //! The verbs of the command line, one a file.
 
 mod bench;
+mod calibrate;
 mod close_loop;
 mod completions;
 mod diagnose;
@@ -39,6 +40,7 @@ enum Command {
     Diagnose(diagnose::Diagnose),
     Simulate(simulate::Simulate),
     Import(import::Import),
+    Calibrate(calibrate::Calibrate),
     Bench(bench::Bench),
     CloseLoop(close_loop::CloseLoop),
     Scenarios(scenarios::Scenarios),
@@ -55,6 +57,7 @@ impl Cli {
             Command::Diagnose(diagnose) => diagnose.run(),
             Command::Simulate(simulate) => simulate.run(),
             Command::Import(import) => import.run(),
+            Command::Calibrate(calibrate) => calibrate.run(),
             Command::Bench(bench) => bench.run(),
             Command::CloseLoop(close_loop) => close_loop.run(),
             Command::Scenarios(scenarios) => scenarios.run(),

@@ -11,11 +11,15 @@ pub mod fit;
 mod quadric;
 mod refine;
 mod refusal;
+mod split;
 
 pub use fit::{Calibration, Entry, Role, Weights, fit};
 pub use refusal::Refusal;
+pub use split::split;
 
 use nalgebra::{Matrix3, Vector3};
+
+use crate::units::DEG_PER_RAD;
 
 /// What turns a reading into specific force.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,6 +44,27 @@ impl Correction {
     /// Norm of the specific force of a reading.
     pub fn norm(&self, raw: [f64; 3]) -> f64 {
         libm::sqrt(self.apply(raw).iter().map(|part| part * part).sum())
+    }
+
+    /// Readings per unit of specific force along the sensitive axes of x, y, z.
+    pub fn scale_factors(&self) -> [f64; 3] {
+        self.sensitive_axes().map(|axis| axis.norm())
+    }
+
+    /// Angles between the sensitive axes x and y, x and z, y and z, degrees: 90 if they are orthogonal.
+    pub fn angles_deg(&self) -> [f64; 3] {
+        let [x, y, z] = self.sensitive_axes();
+        [(x, y), (x, z), (y, z)].map(|(a, b)| libm::acos(a.dot(&b) / (a.norm() * b.norm())) * DEG_PER_RAD)
+    }
+
+    /// Rows of M⁻¹: what x, y and z read of a specific force.
+    fn sensitive_axes(&self) -> [Vector3<f64>; 3] {
+        let [[m11, m12, m13], [_, m22, m23], [_, _, m33]] = self.matrix;
+        [
+            Vector3::new(1.0 / m11, -m12 / (m11 * m22), (m12 * m23 - m13 * m22) / (m11 * m22 * m33)),
+            Vector3::new(0.0, 1.0 / m22, -m23 / (m22 * m33)),
+            Vector3::new(0.0, 0.0, 1.0 / m33),
+        ]
     }
 
     fn new(centre: &Vector3<f64>, matrix: &Matrix3<f64>) -> Self {

@@ -50,6 +50,19 @@ fn every_parameter_has_its_place_and_sign() {
 }
 
 #[test]
+fn scale_factors_and_angles_by_hand() {
+    let correction = solve(&mut all(1e-4)).unwrap().correction;
+    // The rows of A: (1.02, 0, 0), (−0.03, 1, 0), (0, 0, 0.98).
+    let expected = [1.02, 1.0009_f64.sqrt(), 0.98];
+    for (found, expected) in correction.scale_factors().into_iter().zip(expected) {
+        assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+    }
+    // cos xy = −0.03/√1.0009: more than a right angle, by atan 0.03 = 1.71836°.
+    let [xy, xz, yz] = correction.angles_deg();
+    assert!((xy - 91.718358).abs() < 1e-5 && (xz - 90.0).abs() < 1e-6 && (yz - 90.0).abs() < 1e-6, "{xy} {xz} {yz}");
+}
+
+#[test]
 fn the_corrected_norm_is_gravity_in_the_unit_wanted() {
     let mut entries = all(1e-4);
     let found = fit(&mut entries, 9.81).unwrap();

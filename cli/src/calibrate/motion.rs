@@ -1,0 +1,212 @@
+//! Finds the still intervals of a continuous recording.
+
+use std::ops::Range;
+
+use north_finder::calibration::statistics::median;
+use north_finder::calibration::still::{Block, BlockMean, Rest};
+
+/// Time that readings of a block span, s, where the rate allows it.
+const BLOCK_S: f64 = 0.25;
+/// Fewest readings in a block.
+const LEAST_IN_BLOCK: f64 = 3.0;
+/// Shortest rest that is an attitude, s.
+const LEAST_REST_S: f64 = 1.0;
+/// Fewest blocks of a rest.
+const LEAST_BLOCKS: usize = 3;
+/// Part of the recording that is taken to be at rest, at least.
+const QUIET_PART: f64 = 0.1;
+/// A block scatters by no more than this factor over the quiet part's.
+const LIMIT: f64 = 3.0;
+/// Rest scatters by less than this part of what the readings range over.
+const MOST_NOISE: f64 = 0.02;
+/// Neighbouring rests whose means differ by less than this part of the range are one attitude, interrupted.
+const SAME: f64 = 0.01;
+/// A rest of as many blocks has its first and its last one left out: the hand may be on it.
+const TRIMMED_FROM: usize = 6;
+
+/// A still interval.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rested {
+    /// First and last moment, s.
+    pub t_s: [f64; 2],
+    /// Means of its blocks.
+    pub blocks: Vec<[f64; 3]>,
+}
+
+/// Nothing in the recording is at rest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Restless {
+    TooShort {
+        seconds: f64,
+    },
+    /// The quietest part scatters by this part of what the readings range over.
+    Moving {
+        noise: f64,
+    },
+}
+
+impl std::fmt::Display for Restless {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::TooShort { seconds } => write!(f, "{seconds:.1} s of readings are too short a recording"),
+            Self::Moving { noise } => write!(
+                f,
+                "the triad moves throughout: even the quietest tenth of the recording scatters by {:.1} % of the range of \
+                 the readings, and it rests nowhere for {LEAST_REST_S} s (at most {:.0} % is rest)",
+                100.0 * noise,
+                100.0 * MOST_NOISE
+            ),
+        }
+    }
+}
+
+/// Finds the rests among readings `t_s, x, y, z`. `resolution`: smallest step of the readings.
+pub fn rests(rows: &[[f64; 4]], resolution: f64) -> Result<Vec<Rested>, Restless> {
+    let mut steps: Vec<_> = rows.windows(2).map(|pair| pair[1][0] - pair[0][0]).collect();
+    let step_s = median(&mut steps).unwrap_or(0.0);
+    let seconds = step_s * rows.len() as f64;
+    let size = (BLOCK_S / step_s).round().clamp(LEAST_IN_BLOCK, f64::from(u16::MAX));
+    let least = LEAST_BLOCKS.max((LEAST_REST_S / (size * step_s)).ceil() as usize);
+    let blocks = blocks(rows, size as u16);
+    let mut spreads: Vec<_> = blocks.iter().map(|(_, block)| block.spread).collect();
+    spreads.sort_unstable_by(f64::total_cmp);
+    let Some(floor) = spreads.get((QUIET_PART * spreads.len() as f64) as usize) else {
+        return Err(Restless::TooShort { seconds });
+    };
+    // A converter's step is noise too, with a standard deviation of step/√12.
+    let noise = floor.max(resolution / 12f64.sqrt());
+    let range = half_range(&blocks);
+    if noise > MOST_NOISE * range {
+        return Err(Restless::Moving { noise: noise / range });
+    }
+    let mut rests = Vec::new();
+    for run in runs(&blocks, LIMIT * noise) {
+        let run = if run.len() >= TRIMMED_FROM { run.start + 1..run.end - 1 } else { run };
+        if run.len() >= least {
+            rests.push(rested(&blocks[run], size * step_s));
+        }
+    }
+    join(&mut rests, SAME * range);
+    if rests.is_empty() {
+        return Err(Restless::Moving { noise: noise / range });
+    }
+    Ok(rests)
+}
+
+/// Blocks with the time of their last reading.
+fn blocks(rows: &[[f64; 4]], size: u16) -> Vec<(f64, Block)> {
+    let mut mean = BlockMean::new(size);
+    rows.iter().filter_map(|&[t_s, x, y, z]| mean.push([x, y, z]).map(|block| (t_s, block))).collect()
+}
+
+/// Half of what the readings range over, on the axis with the widest range.
+fn half_range(blocks: &[(f64, Block)]) -> f64 {
+    let range = |axis: usize| {
+        let values = blocks.iter().map(|(_, block)| block.mean[axis]);
+        let (low, high) =
+            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+        0.5 * (high - low)
+    };
+    (0..3).map(range).fold(0.0, f64::max)
+}
+
+/// Runs of blocks that rest, by the largest spread of a block.
+fn runs(blocks: &[(f64, Block)], spread: f64) -> Vec<Range<usize>> {
+    let mut runs = Vec::new();
+    let (mut start, mut rest) = (0, Rest::default());
+    for (i, (_, block)) in blocks.iter().enumerate() {
+        if rest.continues(block, spread) {
+            continue;
+        }
+        runs.push(start..i);
+        rest = Rest::default();
+        start = if rest.continues(block, spread) { i } else { i + 1 };
+    }
+    runs.push(start..blocks.len());
+    runs
+}
+
+fn rested(blocks: &[(f64, Block)], block_s: f64) -> Rested {
+    let from_s = blocks.first().map_or(0.0, |(t_s, _)| t_s - block_s);
+    let to_s = blocks.last().map_or(0.0, |(t_s, _)| *t_s);
+    Rested { t_s: [from_s, to_s], blocks: blocks.iter().map(|(_, block)| block.mean).collect() }
+}
+
+/// Joins neighbours at the same attitude.
+fn join(rests: &mut Vec<Rested>, same: f64) {
+    let mut joined: Vec<Rested> = Vec::with_capacity(rests.len());
+    for rest in rests.drain(..) {
+        match joined.last_mut() {
+            Some(last) if apart(last, &rest) < same => {
+                last.t_s[1] = rest.t_s[1];
+                last.blocks.extend(rest.blocks);
+            }
+            _ => joined.push(rest),
+        }
+    }
+    *rests = joined;
+}
+
+fn apart(a: &Rested, b: &Rested) -> f64 {
+    let mean = |rest: &Rested, axis: usize| {
+        rest.blocks.iter().map(|block| block[axis]).sum::<f64>() / rest.blocks.len() as f64
+    };
+    (0..3).map(|axis| (mean(a, axis) - mean(b, axis)).abs()).fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use hal_sim::triad::{AccelerometerTriad, Placement, even_directions, place_by_hand};
+
+    use super::*;
+
+    fn rows(placement: &Placement, noise: f64) -> Vec<[f64; 4]> {
+        let triad = AccelerometerTriad { noise, ..AccelerometerTriad::default() };
+        place_by_hand(&triad, placement, 1)
+            .iter()
+            .map(|reading| [reading.t_s, reading.raw[0], reading.raw[1], reading.raw[2]])
+            .collect()
+    }
+
+    fn placement(rest_s: f64, move_s: f64) -> Placement {
+        Placement { up: even_directions(15, 4), rest_s, move_s, rate_hz: 100.0, shake_g: 0.02, rest_shake_g: 0.0 }
+    }
+
+    #[test]
+    fn every_rest_is_found_and_no_move() {
+        let found = rests(&rows(&placement(3.0, 1.5), 1e-3), 0.0).unwrap();
+        assert_eq!(found.len(), 15);
+        for (i, rest) in found.iter().enumerate() {
+            let from_s = 4.5 * i as f64;
+            assert!(rest.t_s[0] >= from_s - 0.01 && rest.t_s[1] <= from_s + 3.01, "{i}: {:?}", rest.t_s);
+            assert!(rest.blocks.len() >= 9);
+        }
+    }
+
+    #[test]
+    fn slow_and_coarse_readings_do() {
+        let placement = Placement { rate_hz: 4.0, ..placement(6.0, 2.0) };
+        let coarse: Vec<_> = rows(&placement, 0.0)
+            .iter()
+            .map(|[t_s, x, y, z]| [*t_s, 64.0 * x, 64.0 * y, 64.0 * z].map(f64::round))
+            .collect();
+        let timed: Vec<_> = coarse.iter().zip(1..).map(|([_, x, y, z], i)| [f64::from(i) / 4.0, *x, *y, *z]).collect();
+        assert_eq!(rests(&timed, 1.0).unwrap().len(), 15);
+    }
+
+    #[test]
+    fn one_that_moves_throughout_is_told() {
+        let restless = rests(&rows(&placement(0.0, 4.0), 1e-3), 0.0);
+        assert!(matches!(restless, Err(Restless::Moving { .. })), "{restless:?}");
+        let shaken = rests(&rows(&Placement { rest_shake_g: 0.05, ..placement(3.0, 1.0) }, 1e-3), 0.0);
+        assert!(matches!(shaken, Err(Restless::Moving { .. })), "{shaken:?}");
+        assert_eq!(rests(&[[0.0, 0.0, 0.0, 1.0]], 0.0).unwrap_err(), Restless::TooShort { seconds: 0.0 });
+    }
+
+    #[test]
+    fn a_bump_does_not_make_two_attitudes_of_one() {
+        let mut rows = rows(&placement(6.0, 1.0), 1e-3);
+        rows[320][2] += 0.5;
+        assert_eq!(rests(&rows, 0.0).unwrap().len(), 15);
+    }
+}
