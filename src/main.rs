@@ -223,6 +223,7 @@ mod app {
                 }
             };
             if let Some(command) = local.pipeline.tick(&readings, &mut report) {
+                // `sample` empties the queue at every tick.
                 let _ = local.motor_in.enqueue(command);
             }
         }
@@ -237,6 +238,7 @@ mod app {
                 Event::Fault { fault, state } => defmt::error!("{} while {}", fault, state),
                 _ => {}
             }
+            // The longest report fits a frame: a test of the link says so.
             if let Ok(frame) = link::encode_report(&report) {
                 cx.local.report_port.write(&frame);
             }
