@@ -294,7 +294,12 @@ impl<const DEVICE: u8> SpiDevice for Spi<DEVICE> {
                 Operation::Write(bytes) => mosi.extend_from_slice(bytes),
                 Operation::TransferInPlace(bytes) => mosi.extend_from_slice(bytes),
                 Operation::Read(bytes) => mosi.resize(mosi.len() + bytes.len(), 0),
-                Operation::Transfer(..) | Operation::DelayNs(_) => unimplemented!("no driver uses it"),
+                Operation::Transfer(read, write) => {
+                    let padding = read.len().saturating_sub(write.len());
+                    mosi.extend_from_slice(write).and_then(|()| mosi.resize(mosi.len() + padding, 0))
+                }
+                // The world stands still within a transaction.
+                Operation::DelayNs(_) => Ok(()),
             }
             .expect("a transaction longer than the drivers' longest");
         }
@@ -304,11 +309,12 @@ impl<const DEVICE: u8> SpiDevice for Spi<DEVICE> {
                 let (length, target) = match operation {
                     Operation::Read(bytes) | Operation::TransferInPlace(bytes) => (bytes.len(), Some(bytes)),
                     Operation::Write(bytes) => (bytes.len(), None),
-                    Operation::Transfer(..) | Operation::DelayNs(_) => (0, None),
+                    Operation::Transfer(read, write) => (read.len().max(write.len()), Some(read)),
+                    Operation::DelayNs(_) => (0, None),
                 };
                 let (now, later) = miso.split_at(length);
                 if let Some(target) = target {
-                    target.copy_from_slice(now);
+                    target.copy_from_slice(&now[..target.len()]);
                 }
                 miso = later;
             }
