@@ -74,6 +74,8 @@ struct Group {
     number: f64,
     t_s: Option<[f64; 2]>,
     readings: Vec<[f64; 3]>,
+    /// Readings left out already.
+    knocked: u16,
 }
 
 /// Reads and solves a recording; `gravity` is the norm of specific force at rest, in the unit that is wanted.
@@ -135,7 +137,7 @@ fn by_number(path: &Path) -> Result<Vec<Group>, FileError> {
     for &[number, x, y, z] in &table.rows {
         match groups.iter_mut().rev().find(|group| group.number == number) {
             Some(group) => group.readings.push([x, y, z]),
-            None => groups.push(Group { number, t_s: None, readings: vec![[x, y, z]] }),
+            None => groups.push(Group { number, t_s: None, readings: vec![[x, y, z]], knocked: 0 }),
         }
     }
     Ok(groups)
@@ -152,6 +154,7 @@ fn by_rest(path: &Path) -> Result<Vec<Group>, EllipsoidError> {
         number: i as f64 + 1.0,
         t_s: Some(rest.t_s),
         readings: rest.blocks,
+        knocked: rest.knocked,
     };
     Ok(rests.into_iter().enumerate().map(group).collect())
 }
@@ -178,7 +181,11 @@ fn boil_down(groups: Vec<Group>, rejected: &mut Vec<Rejected>) -> Vec<(f64, Stay
     const _: () = assert!(OUTLIER_SIGMAS == 6.0);
     let resolution = resolution(groups.iter().flat_map(|group| group.readings.iter().copied()));
     let mut stays = Vec::with_capacity(groups.len());
-    for Group { number, t_s, readings } in groups {
+    for Group { number, t_s, readings, knocked } in groups {
+        if knocked > 0 {
+            let why = "the triad was knocked while at rest";
+            rejected.push(Rejected { attitude: number, t_s, readings: knocked, why });
+        }
         let mut scratch = vec![0.0; readings.len()];
         let count = u16::try_from(readings.len()).unwrap_or(u16::MAX);
         match Attitude::of(&readings, resolution, &mut scratch) {

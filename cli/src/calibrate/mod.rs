@@ -6,3 +6,4 @@ mod manifest;
 pub mod model_file;
 mod motion;
 pub mod six_position;
+pub mod trials;

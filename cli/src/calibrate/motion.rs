@@ -31,6 +31,8 @@ pub struct Rested {
     pub t_s: [f64; 2],
     /// Means of its blocks.
     pub blocks: Vec<[f64; 3]>,
+    /// Blocks in between that were not at rest: a knock.
+    pub knocked: u16,
 }
 
 /// Nothing in the recording is at rest.
@@ -86,7 +88,7 @@ pub fn rests(rows: &[[f64; 4]], resolution: f64) -> Result<Vec<Rested>, Restless
             rests.push(rested(&blocks[run], size * step_s));
         }
     }
-    join(&mut rests, SAME * range);
+    join(&mut rests, SAME * range, size * step_s);
     if rests.is_empty() {
         return Err(Restless::Moving { noise: noise / range });
     }
@@ -129,15 +131,16 @@ fn runs(blocks: &[(f64, Block)], spread: f64) -> Vec<Range<usize>> {
 fn rested(blocks: &[(f64, Block)], block_s: f64) -> Rested {
     let from_s = blocks.first().map_or(0.0, |(t_s, _)| t_s - block_s);
     let to_s = blocks.last().map_or(0.0, |(t_s, _)| *t_s);
-    Rested { t_s: [from_s, to_s], blocks: blocks.iter().map(|(_, block)| block.mean).collect() }
+    Rested { t_s: [from_s, to_s], blocks: blocks.iter().map(|(_, block)| block.mean).collect(), knocked: 0 }
 }
 
 /// Joins neighbours at the same attitude.
-fn join(rests: &mut Vec<Rested>, same: f64) {
+fn join(rests: &mut Vec<Rested>, same: f64, block_s: f64) {
     let mut joined: Vec<Rested> = Vec::with_capacity(rests.len());
     for rest in rests.drain(..) {
         match joined.last_mut() {
             Some(last) if apart(last, &rest) < same => {
+                last.knocked += ((rest.t_s[0] - last.t_s[1]) / block_s).round() as u16;
                 last.t_s[1] = rest.t_s[1];
                 last.blocks.extend(rest.blocks);
             }
@@ -207,6 +210,8 @@ mod tests {
     fn a_bump_does_not_make_two_attitudes_of_one() {
         let mut rows = rows(&placement(6.0, 1.0), 1e-3);
         rows[320][2] += 0.5;
-        assert_eq!(rests(&rows, 0.0).unwrap().len(), 15);
+        let rests = rests(&rows, 0.0).unwrap();
+        assert_eq!(rests.len(), 15);
+        assert!(rests[0].knocked >= 1 && rests[1].knocked == 0);
     }
 }

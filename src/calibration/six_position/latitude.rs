@@ -7,7 +7,7 @@ use crate::earth::{EARTH_RATE_DEG_H, POLE_LIMIT_DEG};
 use crate::units::{DEG_PER_RAD, RAD_PER_DEG};
 
 /// What matrix elements are taken to be within, one standard deviation, apart from a common scale factor.
-const ELEMENT_SIGMA: f64 = 0.01;
+const ELEMENT_SIGMA: f64 = 0.007;
 /// What the common scale factor is taken to be within, one standard deviation.
 const COMMON_SIGMA: f64 = 0.1;
 /// What biases are taken to be within, one standard deviation, °/h.

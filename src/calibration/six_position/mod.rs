@@ -80,7 +80,7 @@ pub struct Closure {
 ///
 /// `latitude` in the refusals: the sine and the cosine of the latitude share the scale factors, so that a latitude that is
 /// wrong shows as a vertical response that disagrees with the horizontal one. It is taken as wrong when four standard
-/// deviations and scale factors that differ by one per cent cannot explain it.
+/// deviations and scale factors that differ by 0.7 per cent, one sigma, cannot explain it.
 pub fn solve(positions: &[Position], knowledge: &Knowledge) -> Result<Calibration, Refusal> {
     let measured = Measured::new(positions, knowledge)?;
     measured.refuse_undetermined(None)?;

@@ -1,6 +1,7 @@
 //! `north bench`: the project's own measurements; the README's tables come from here.
 
 mod accuracy;
+mod calibration;
 mod cost;
 mod diagnose;
 mod diagnose_speed;
@@ -20,6 +21,7 @@ pub struct Bench {
 #[derive(Debug, Subcommand)]
 enum What {
     Accuracy(accuracy::Accuracy),
+    Calibration(calibration::Calibration),
     Cost(cost::CostCommand),
     Diagnose(diagnose::DiagnoseBench),
 }
@@ -28,6 +30,7 @@ impl Bench {
     pub fn run(self) -> Result<(), Failure> {
         match self.what {
             What::Accuracy(accuracy) => accuracy.run(),
+            What::Calibration(calibration) => calibration.run(),
             What::Cost(cost) => cost.run(),
             What::Diagnose(diagnose) => diagnose.run(),
         }

@@ -1,6 +1,7 @@
 //! `north calibrate`: calibrations of triads.
 
 mod ellipsoid;
+mod simulate;
 mod six_position;
 
 use std::io::{self, Write};
@@ -23,6 +24,7 @@ pub struct Calibrate {
 enum What {
     SixPosition(six_position::SixPosition),
     Ellipsoid(ellipsoid::Ellipsoid),
+    Simulate(simulate::Simulate),
 }
 
 impl Calibrate {
@@ -30,6 +32,7 @@ impl Calibrate {
         match self.what {
             What::SixPosition(six_position) => six_position.run(),
             What::Ellipsoid(ellipsoid) => ellipsoid.run(),
+            What::Simulate(simulate) => simulate.run(),
         }
     }
 }
