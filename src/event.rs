@@ -2,6 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::calibration::field::guidance::Guidance;
+use crate::calibration::field::problem::Solved;
+use crate::calibration::field::refusal::NoCalibration;
 use crate::health::{Counters, Fault, Flags};
 
 /// An event and when it happened.
@@ -12,7 +15,7 @@ pub struct Report {
     pub event: Event,
 }
 
-/// The states of the instrument, in the order of a fix.
+/// The states of the instrument: those of a fix, in its order, and the calibration's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, defmt::Format)]
 pub enum State {
     /// Waiting for the command to start.
@@ -27,10 +30,12 @@ pub enum State {
     Settling,
     /// One-second rates enter the solution.
     Collecting,
-    /// The azimuth is out.
+    /// The azimuth is out, or the calibration is stored.
     Finished,
-    /// A fault ended the fix.
+    /// A fault ended the fix, or the calibration came to nothing.
     Failed,
+    /// The accelerometers are being calibrated.
+    Calibrating,
 }
 
 impl State {
@@ -45,6 +50,7 @@ impl State {
             Self::Collecting => "collecting",
             Self::Finished => "finished",
             Self::Failed => "failed",
+            Self::Calibrating => "calibrating",
         }
     }
 }
@@ -140,6 +146,14 @@ pub enum Event {
     Fault { fault: Fault, state: State },
     /// Counters of everything discarded or repaired.
     Health(Counters),
+    /// Calibrating: what the operator shall do.
+    Guidance(Guidance),
+    /// Calibrating: what was found on board, before and after.
+    Calibration(Solved),
+    /// The calibration of the accelerometers is in flash and in effect.
+    CalibrationStored,
+    /// Calibrating came to nothing; the calibration in use stays.
+    NoCalibration(NoCalibration),
 }
 
 impl Event {
@@ -161,6 +175,10 @@ impl Event {
             Self::Fix(_) => "fix",
             Self::Fault { fault, .. } => fault.name(),
             Self::Health(_) => "health",
+            Self::Guidance(guidance) => guidance.step.name(),
+            Self::Calibration(_) => "calibration",
+            Self::CalibrationStored => "calibration-stored",
+            Self::NoCalibration(reason) => reason.why.name(),
         }
     }
 }

@@ -3,6 +3,7 @@
 //! Instrument frame: x forward along the mark, y left, z up. At rest the triad reads specific force, (0, 0, +1) g when
 //! level; nose up by p gives ax = sin p; left side up by r gives ay = sin r · cos p.
 
+use crate::calibration::ellipsoid::Correction;
 use crate::units::DEG_PER_RAD;
 
 /// Attitude of the instrument against the horizon.
@@ -47,9 +48,16 @@ impl Tilt {
     }
 }
 
-/// Averages the triad over a second and watches that it lives.
-#[derive(Clone, Debug, Default)]
+/// Averages the triad over a second, corrects it and watches that it lives.
+#[derive(Clone, Debug)]
 pub struct LevelSensor {
+    triad: Correction,
+    second: Second,
+}
+
+/// What came so far.
+#[derive(Clone, Debug, Default)]
+struct Second {
     sum_g: [f64; 3],
     count: u16,
     first_g: Option<[f64; 3]>,
@@ -65,23 +73,34 @@ pub enum LevelSecond {
 }
 
 impl LevelSensor {
-    /// A reading: x, y, z in g.
+    /// With what turns readings into specific force in g.
+    pub fn new(triad: Correction) -> Self {
+        Self { triad, second: Second::default() }
+    }
+
+    /// What turns readings into specific force.
+    pub fn triad(&self) -> &Correction {
+        &self.triad
+    }
+
+    /// A reading: x, y, z in g, as the triad gives it.
     pub fn push(&mut self, acceleration_g: [f64; 3]) {
-        for (sum, reading) in self.sum_g.iter_mut().zip(acceleration_g) {
+        let second = &mut self.second;
+        for (sum, reading) in second.sum_g.iter_mut().zip(acceleration_g) {
             *sum += reading;
         }
-        self.count = self.count.saturating_add(1);
-        let first = *self.first_g.get_or_insert(acceleration_g);
-        self.changed |= first != acceleration_g;
+        second.count = second.count.saturating_add(1);
+        let first = *second.first_g.get_or_insert(acceleration_g);
+        second.changed |= first != acceleration_g;
     }
 
     /// Ends the second.
     pub fn finish(&mut self) -> LevelSecond {
-        let Self { sum_g, count, changed, .. } = core::mem::take(self);
+        let Second { sum_g, count, changed, .. } = core::mem::take(&mut self.second);
         if count == 0 || (!changed && count >= 20) {
             return LevelSecond::Failed;
         }
-        let [x, y, z] = sum_g.map(|sum| sum / f64::from(count));
+        let [x, y, z] = self.triad.apply(sum_g.map(|sum| sum / f64::from(count)));
         let norm = libm::sqrt(x * x + y * y + z * z);
         if !(0.9..=1.1).contains(&norm) || z < 0.5 {
             return LevelSecond::Failed;
@@ -96,7 +115,7 @@ mod tests {
 
     /// The two means of a second in which every reading was `g`, give or take a nothing.
     fn second(g: [f64; 3]) -> LevelSecond {
-        let mut sensor = LevelSensor::default();
+        let mut sensor = LevelSensor::new(Correction::UNIT);
         for i in 0..100 {
             sensor.push([g[0], g[1], g[2] + 1e-12 * f64::from(i)]);
         }
@@ -123,6 +142,17 @@ mod tests {
     }
 
     #[test]
+    fn a_calibrated_triad_is_level_where_its_biases_say_otherwise() {
+        // Level, x reads its bias of +0.01 g: taken for the nose up by asin 0.01 = 0.573° without the calibration.
+        let raw = [0.01, 0.0, 1.0];
+        assert!((tilt(raw).pitch_deg - 0.573).abs() < 1e-3);
+        let mut sensor = LevelSensor::new(Correction { bias: [0.01, 0.0, 0.0], ..Correction::UNIT });
+        sensor.push(raw);
+        let LevelSecond::Good(specific) = sensor.finish() else { panic!() };
+        assert_eq!((specific.forward, specific.left), (0.0, 0.0));
+    }
+
+    #[test]
     fn the_limit_is_for_each_axis() {
         let tilt = Tilt { pitch_deg: 0.4, roll_deg: -0.6 };
         assert!(tilt.is_level(0.6) && !tilt.is_level(0.5));
@@ -130,11 +160,11 @@ mod tests {
 
     #[test]
     fn a_dead_sensor_is_not_level() {
-        assert_eq!(LevelSensor::default().finish(), LevelSecond::Failed);
+        assert_eq!(LevelSensor::new(Correction::UNIT).finish(), LevelSecond::Failed);
         assert_eq!(second([0.0, 0.0, 0.0]), LevelSecond::Failed);
         assert_eq!(second([0.0, 0.0, -1.0]), LevelSecond::Failed);
         assert_eq!(second([f64::NAN, 0.0, 1.0]), LevelSecond::Failed);
-        let mut stuck = LevelSensor::default();
+        let mut stuck = LevelSensor::new(Correction::UNIT);
         (0..100).for_each(|_| stuck.push([0.0, 0.0, 1.0]));
         assert_eq!(stuck.finish(), LevelSecond::Failed);
     }

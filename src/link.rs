@@ -16,7 +16,7 @@
 //!   its items.
 //! - CRC-32 is the one of Ethernet and zlib (CRC-32/ISO-HDLC), 4 bytes, little-endian.
 //!
-//! Example: the report "at 2 s the state is idle" has the content `01`, `00 00 00 00 00 00 00 40`, `00`, `00`, `EC E3 93 DA`.
+//! Example: the report "at 2 s the state is idle" has the content `02`, `00 00 00 00 00 00 00 40`, `00`, `00`, `ED 85 71 43`.
 //!
 //! Whoever receives drops what does not decode and counts it; after any disturbance the next 00 is the next chance. A
 //! sender may send a 00 before a frame, to end whatever noise came before: an empty frame is not counted.
@@ -33,7 +33,7 @@ use crate::pipeline::Command;
 use crate::settings::Settings;
 
 /// The first byte of every frame's content.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 
 /// Longest frame that holds a [`Report`], with its closing 00.
 pub const MAX_REPORT: usize = 160;
@@ -47,7 +47,7 @@ const CRC_LENGTH: usize = 4;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant)] // Without a heap there is no other place for settings.
 pub enum Request {
-    /// To the state machine of the fix.
+    /// To the state machines of fix and calibration.
     Command(Command),
     /// Keep these settings in flash and start anew with them, whatever is under way.
     StoreSettings(Settings),
@@ -154,10 +154,14 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::calibration::field::problem::Solved;
     use crate::event::{Event, Fix, Second, State};
     use crate::health::{Counters, Flag, Flags};
     use crate::model::{ErrorModel, MAX_TERMS, Term};
     use crate::sequence::order::{MAX_POSITIONS, Order};
+    use crate::settings::accelerometer::AccelerometerCalibration;
+
+    const TRIAD: AccelerometerCalibration = AccelerometerCalibration { bias_g: [1.1; 3], matrix: [1.1; 6] };
 
     fn idle() -> Report {
         Report { t_s: 2.0, event: Event::State(State::Idle) }
@@ -171,9 +175,9 @@ mod tests {
 
     #[test]
     fn the_example_of_the_documentation_byte_by_byte() {
-        // Content 01 | 2.0 as f64 | 00 | 00, its CRC-32 from zlib's crc32(), and COBS by hand: every 00 becomes the
+        // Content 02 | 2.0 as f64 | 00 | 00, its CRC-32 from zlib's crc32(), and COBS by hand: every 00 becomes the
         // distance to the next one.
-        let expected = [0x02, 1, 1, 1, 1, 1, 1, 1, 2, 0x40, 1, 5, 0xEC, 0xE3, 0x93, 0xDA, 0];
+        let expected = [0x02, 2, 1, 1, 1, 1, 1, 1, 2, 0x40, 1, 5, 0xED, 0x85, 0x71, 0x43, 0];
         let frame = encode_report(&idle()).unwrap();
         assert_eq!(frame[..], expected[..]);
         assert_eq!(feed(&mut ReportDecoder::new(), &frame), [Ok(idle())]);
@@ -222,7 +226,20 @@ mod tests {
             seconds: 1.1,
             flags,
         };
-        for event in [Event::Health(counters), Event::Second(second), Event::Fix(fix)] {
+        let solved = Solved {
+            attitudes: 18,
+            judged: 6,
+            left_out: 0,
+            coverage: 1.1,
+            before_g: 1.1,
+            after_g: 1.1,
+            judged_before_g: 1.1,
+            judged_after_g: 1.1,
+            evidence: 1.1,
+            calibration: TRIAD,
+        };
+        let events = [Event::Health(counters), Event::Second(second), Event::Fix(fix), Event::Calibration(solved)];
+        for event in events {
             let report = Report { t_s: 1.1, event };
             let frame = encode_report(&report).unwrap();
             assert_eq!(feed(&mut ReportDecoder::new(), &frame), [Ok(report)]);
@@ -239,6 +256,7 @@ mod tests {
         let term = Term::Temperature { reference_c: 1.1, linear_deg_h_per_k: 1.1, quadratic_deg_h_per_k2: 1.1 };
         model.terms.resize(MAX_TERMS, term).unwrap();
         settings.model = Some(model);
+        settings.accelerometer = Some(TRIAD);
         let request = Request::StoreSettings(settings);
         let frame = encode_request(&request).unwrap();
         assert_eq!(feed(&mut RequestDecoder::new(), &frame), [Ok(request)]);
@@ -248,7 +266,7 @@ mod tests {
     fn another_version_is_refused() {
         let mut frame = encode_report(&idle()).unwrap();
         let length = cobs::decode_in_place(&mut frame[..16]).unwrap();
-        frame[0] = 2;
+        frame[0] = VERSION + 1;
         let crc = CRC.checksum(&frame[..length - 4]).to_le_bytes();
         frame[length - 4..length].copy_from_slice(&crc);
         let mut again = [0; 32];

@@ -3,7 +3,9 @@
 use heapless::{Deque, Vec};
 use serde::{Deserialize, Serialize};
 
-use crate::event::{Event, Report, Second};
+use crate::calibration::ellipsoid::Correction;
+use crate::calibration::field::Session;
+use crate::event::{Event, Report, Second, State};
 use crate::frame::FrameReader;
 use crate::health::{Counters, Fault, Refused};
 use crate::level::{LevelSecond, LevelSensor, Specific};
@@ -48,8 +50,10 @@ pub enum MotorCommand {
 pub enum Command {
     /// Begin a fix (again).
     Start,
-    /// End the fix; the motor stops.
+    /// End the fix or the calibration; the motor stops.
     Abort,
+    /// Begin to calibrate the accelerometers (again).
+    CalibrateAccelerometers,
 }
 
 /// Takes reports out of the pipeline.
@@ -65,6 +69,8 @@ pub struct Pipeline {
     watch: GyroWatch,
     /// Or the reason why no fix can be started.
     sequencer: Result<Sequencer, Fault>,
+    /// The calibration of the accelerometers: its problems and results go past the pipeline's ticks.
+    pub field: Session,
     counters: Counters,
     reported: Counters,
     seconds: u32,
@@ -87,14 +93,16 @@ impl Pipeline {
             Loaded::Missing => (Settings::default(), Err(Fault::SettingsMissing)),
             Loaded::Corrupt => (Settings::default(), Err(Fault::SettingsCorrupt)),
         };
+        let triad = settings.accelerometer.map_or(Correction::UNIT, |calibration| calibration.correction());
         Self {
             reader: FrameReader::new(settings.gyro.format),
             sampler: Sampler::new(settings.gyro),
             evaluator: Evaluator::new(settings.model.unwrap_or_default()),
-            level: LevelSensor::default(),
+            level: LevelSensor::new(triad),
             index: IndexMean::default(),
             watch: GyroWatch::default(),
             sequencer,
+            field: Session::default(),
             counters: Counters::default(),
             reported: Counters::default(),
             seconds: 0,
@@ -134,6 +142,9 @@ impl Pipeline {
 
         let mut motor = self.obey(t_s, &mut sink);
         self.read(readings);
+        if let Some(calibration) = self.field.tick(readings.acceleration_g, &mut sink) {
+            self.level = LevelSensor::new(calibration.correction());
+        }
         let given_up = self.sampler.tick(&mut self.counters);
         self.keep(given_up);
 
@@ -163,14 +174,23 @@ impl Pipeline {
         let command = self.command.take()?;
         match (&mut self.sequencer, command) {
             (Ok(sequencer), Command::Start) => {
+                self.field.abort(sink);
                 self.watch.restart(self.tick);
                 self.encoder_failures = 0;
                 sequencer.start(t_s, sink)
             }
-            (Ok(sequencer), Command::Abort) => sequencer.fail(Fault::Aborted, t_s, sink),
-            (Err(fault), Command::Start) => {
-                sink(Event::Fault { fault: *fault, state: crate::event::State::Idle });
-                sink(Event::State(crate::event::State::Failed));
+            (Ok(sequencer), Command::CalibrateAccelerometers) => {
+                let stop = sequencer.fail(Fault::Aborted, t_s, sink);
+                self.field.start(*self.level.triad(), sink);
+                stop
+            }
+            (Ok(sequencer), Command::Abort) => {
+                self.field.abort(sink);
+                sequencer.fail(Fault::Aborted, t_s, sink)
+            }
+            (Err(fault), Command::Start | Command::CalibrateAccelerometers) => {
+                sink(Event::Fault { fault: *fault, state: State::Idle });
+                sink(Event::State(State::Failed));
                 None
             }
             (Err(_), Command::Abort) => None,

@@ -4,6 +4,7 @@
 //! say it, with the reason.
 
 pub mod ellipsoid;
+pub mod field;
 pub mod six_position;
 pub mod statistics;
 pub mod still;

@@ -192,7 +192,7 @@ impl Sequencer {
             State::Watching => (self.watching(input, sink), false),
             State::Settling => (self.settling(input, sink), false),
             State::Collecting => self.collecting(input, counters, sink),
-            State::Idle | State::Indexing | State::Finished | State::Failed => (None, false),
+            State::Idle | State::Indexing | State::Finished | State::Failed | State::Calibrating => (None, false),
         }
     }
 

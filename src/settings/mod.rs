@@ -3,9 +3,12 @@
 //! Settings are immutable input. Three things are never mixed up: settings that are *missing*, settings that are
 //! *corrupt* (the check sum fails) and settings that are readable but make no sense (*invalid*).
 
+pub mod accelerometer;
 pub mod store;
 
 use serde::{Deserialize, Serialize};
+
+use accelerometer::AccelerometerCalibration;
 
 use crate::azimuth::dwell::MAX_ROWS;
 use crate::earth::{EARTH_RATE_DEG_H, LatitudeError, earth_rate};
@@ -29,6 +32,8 @@ pub struct Settings {
     pub time_limit_s: f64,
     /// The calibration; without one every azimuth carries the flag `uncalibrated`.
     pub model: Option<ErrorModel>,
+    /// The calibration of the level accelerometers; without one their readings are taken as they are.
+    pub accelerometer: Option<AccelerometerCalibration>,
 }
 
 /// Which frames the gyro sends.
@@ -126,6 +131,7 @@ impl Default for Settings {
             sequence: SequenceSettings::default(),
             time_limit_s: 1800.0,
             model: None,
+            accelerometer: None,
         }
     }
 }
@@ -243,6 +249,7 @@ impl Settings {
             1e7,
             "above the Earth rate and the disturbance threshold",
         )?;
-        self.model.as_ref().map_or(Ok(()), ErrorModel::validate)
+        self.model.as_ref().map_or(Ok(()), ErrorModel::validate)?;
+        self.accelerometer.as_ref().map_or(Ok(()), AccelerometerCalibration::validate)
     }
 }

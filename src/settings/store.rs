@@ -11,7 +11,8 @@
 //! | 12 | n | the settings, in postcard's encoding |
 //! | 12 + n | 4 | CRC-32/ISO-HDLC of all before |
 //!
-//! The valid record with the later sequence number counts. [`save`] erases and writes the other slot.
+//! The valid record with the later sequence number counts. [`save`] erases and writes the other slot. Records of version 1,
+//! which end before the accelerometers' calibration, are read as well.
 
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
@@ -19,8 +20,10 @@ use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 use super::Settings;
 
 const MAGIC: [u8; 4] = *b"NFST";
-/// Changes whenever the meaning of a record does: another version's record is as good as a corrupt one.
-const VERSION: u16 = 1;
+/// Changes whenever the meaning of a record does: a record of a version that is not known is as good as a corrupt one.
+const VERSION: u16 = 2;
+/// The version without the accelerometers' calibration.
+const WITHOUT_ACCELEROMETER: u16 = 1;
 const HEADER: usize = 12;
 const CRC_LENGTH: usize = 4;
 /// Longest record; a multiple of every flash's word.
@@ -47,6 +50,14 @@ pub enum SaveError<E> {
     TooLong,
     /// The flash does not hold what was written.
     NotVerified,
+}
+
+/// Why settings could not be changed. `E` is the flash's error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum UpdateError<E> {
+    /// There are none, or they are corrupt.
+    Nothing,
+    Save(SaveError<E>),
 }
 
 /// What is in one slot.
@@ -93,6 +104,20 @@ pub fn save<F: NorFlash>(flash: &mut F, settings: &Settings) -> Result<(), SaveE
     }
 }
 
+/// Changes the settings that were saved last, and saves them.
+///
+/// Errors: [`UpdateError::Nothing`] where none can be loaded; otherwise as [`save`].
+pub fn update<F: NorFlash>(flash: &mut F, change: impl FnOnce(&mut Settings)) -> Result<(), UpdateError<F::Error>> {
+    match load(flash) {
+        Ok(Loaded::Valid(mut settings)) => {
+            change(&mut settings);
+            save(flash, &settings).map_err(UpdateError::Save)
+        }
+        Ok(Loaded::Missing | Loaded::Corrupt) => Err(UpdateError::Nothing),
+        Err(error) => Err(UpdateError::Save(SaveError::Flash(error))),
+    }
+}
+
 /// Whether `first` comes after `second`, over the wrap of the numbers.
 fn later(first: u32, second: u32) -> bool {
     first.wrapping_sub(second).cast_signed() > 0
@@ -115,7 +140,7 @@ fn read_slot<F: ReadNorFlash>(flash: &mut F, slot: usize) -> Result<Slot, F::Err
     Ok(if record.iter().all(|&byte| byte == 0xFF) {
         Slot::Erased
     } else {
-        decode(&record).map_or(Slot::Corrupt, |(sequence, settings)| Slot::Valid { sequence, settings })
+        decode(&mut record).map_or(Slot::Corrupt, |(sequence, settings)| Slot::Valid { sequence, settings })
     })
 }
 
@@ -135,18 +160,24 @@ fn encode(settings: &Settings, sequence: u32, record: &mut [u8; MAX_RECORD]) -> 
 }
 
 /// Sequence number and settings of a record; `None` where any of its checks fails.
-fn decode(record: &[u8; MAX_RECORD]) -> Option<(u32, Settings)> {
-    let [m0, m1, m2, m3, v0, v1, l0, l1, number @ ..] = record.first_chunk::<HEADER>()?;
-    if [*m0, *m1, *m2, *m3] != MAGIC || u16::from_le_bytes([*v0, *v1]) != VERSION {
+fn decode(record: &mut [u8; MAX_RECORD]) -> Option<(u32, Settings)> {
+    let &[m0, m1, m2, m3, v0, v1, l0, l1, ref number @ ..] = record.first_chunk::<HEADER>()?;
+    let (version, number) = (u16::from_le_bytes([v0, v1]), u32::from_le_bytes(*number));
+    if [m0, m1, m2, m3] != MAGIC || !matches!(version, WITHOUT_ACCELEROMETER | VERSION) {
         return None;
     }
-    let end = HEADER + usize::from(u16::from_le_bytes([*l0, *l1]));
-    let (checked, rest) = record.split_at_checked(end)?;
+    let mut end = HEADER + usize::from(u16::from_le_bytes([l0, l1]));
+    let (checked, rest) = record.split_at_mut_checked(end)?;
     if CRC.checksum(checked) != u32::from_le_bytes(*rest.first_chunk()?) {
         return None;
     }
-    match postcard::take_from_bytes(checked.get(HEADER..)?) {
-        Ok((settings, [])) => Some((u32::from_le_bytes(*number), settings)),
+    if version == WITHOUT_ACCELEROMETER {
+        // The byte after the settings becomes the option that was not there yet.
+        *rest.first_mut()? = 0;
+        end += 1;
+    }
+    match postcard::take_from_bytes(record.get(HEADER..end)?) {
+        Ok((settings, [])) => Some((number, settings)),
         _ => None,
     }
 }
@@ -162,6 +193,7 @@ mod tests {
     };
 
     use super::*;
+    use crate::settings::accelerometer::AccelerometerCalibration;
 
     /// Two sectors of 2048 bytes in words of `WORD` bytes that are written once after an erase; power can fail after
     /// any number of bytes, in the middle of a word or of an erase.
@@ -268,7 +300,7 @@ mod tests {
         save(&mut flash, &settings(45.5)).unwrap();
         let record = &flash.bytes[2048..];
         let length = usize::from(u16::from_le_bytes([record[6], record[7]]));
-        assert_eq!(record[..6], *b"NFST\x01\x00");
+        assert_eq!(record[..6], *b"NFST\x02\x00");
         assert_eq!(record[8..12], [1, 0, 0, 0]);
         assert_eq!(record[12..20], 45.5_f64.to_le_bytes());
         let crc = CRC.checksum(&record[..12 + length]).to_le_bytes();
@@ -291,10 +323,34 @@ mod tests {
         let mut flash = Flash::<4>::erased();
         save(&mut flash, &settings(45.0)).unwrap();
         let length = HEADER + usize::from(u16::from_le_bytes([flash.bytes[6], flash.bytes[7]]));
-        flash.bytes[4] = 2;
+        flash.bytes[4] = 3;
         let crc = CRC.checksum(&flash.bytes[..length]).to_le_bytes();
         flash.bytes[length..][..4].copy_from_slice(&crc);
         assert_eq!(load(&mut flash), Ok(Loaded::Corrupt));
+    }
+
+    #[test]
+    fn a_record_without_the_accelerometers_calibration_is_read() {
+        let mut flash = Flash::<4>::erased();
+        save(&mut flash, &settings(45.0)).unwrap();
+        // Version 1: one byte less.
+        let length = usize::from(u16::from_le_bytes([flash.bytes[6], flash.bytes[7]])) - 1;
+        flash.bytes[4] = 1;
+        flash.bytes[6..8].copy_from_slice(&(length as u16).to_le_bytes());
+        let crc = CRC.checksum(&flash.bytes[..HEADER + length]).to_le_bytes();
+        flash.bytes[HEADER + length..][..4].copy_from_slice(&crc);
+        assert_eq!(load(&mut flash), Ok(Loaded::Valid(settings(45.0))));
+    }
+
+    #[test]
+    fn an_update_changes_what_it_says_and_nothing_without_settings() {
+        let mut flash = Flash::<4>::erased();
+        assert_eq!(update(&mut flash, |_| ()), Err(UpdateError::Nothing));
+        save(&mut flash, &settings(45.0)).unwrap();
+        let calibration = AccelerometerCalibration { bias_g: [0.01; 3], matrix: [1.0, 0.0, 0.0, 1.0, 0.0, 1.0] };
+        update(&mut flash, |settings| settings.accelerometer = Some(calibration)).unwrap();
+        let expected = Settings { accelerometer: Some(calibration), ..settings(45.0) };
+        assert_eq!(load(&mut flash), Ok(Loaded::Valid(expected)));
     }
 
     #[test]

@@ -66,6 +66,10 @@ impl View {
             Event::State(state @ (State::Levelling | State::Watching)) => state.name().to_owned(),
             Event::State(State::Collecting) => format!("{}: collecting", at(self.done)),
             Event::State(_) | Event::Second(_) | Event::Fix(_) | Event::Fault { .. } | Event::Health(_) => return None,
+            // No fix has these.
+            Event::Guidance(_) | Event::Calibration(_) | Event::CalibrationStored | Event::NoCalibration(_) => {
+                return None;
+            }
             Event::Level { pitch_deg, roll_deg, level } => {
                 if self.was_level.replace(level) == Some(level) {
                     return None;

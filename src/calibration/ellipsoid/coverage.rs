@@ -7,6 +7,7 @@
 //! even cover; 1/4 where the worst direction has twice the standard deviation; 0 where some direction is not known at all.
 
 use nalgebra::{SMatrix, SVector};
+use serde::{Deserialize, Serialize};
 
 /// Least coverage that gives a calibration: in the worst direction eight times the standard deviation of an even cover. A
 /// hemisphere has less.
@@ -17,7 +18,7 @@ const RIDGE: f64 = 1e-9;
 
 /// A direction along axes, edges or corners of the instrument's cube: signs of x, y, z, not all zero. It is the direction
 /// that points up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Direction(pub [i8; 3]);
 
 impl Direction {

@@ -1,0 +1,142 @@
+//! Calibration of the instrument's own accelerometers in the field: an operator puts the instrument down in one attitude
+//! after the other, and is told where the next one is most needed.
+//!
+//! [`collection`] finds the rests, averages them and guides the operator; [`problem`] solves the ellipsoid when the sphere
+//! is covered, and judges it by attitudes that it did not learn from; [`Session`] is the way from the command to the stored
+//! result, or to the reason why there is none.
+//!
+//! Solving takes as long as many ticks, and storing belongs to whoever has the flash. So both are done outside: between two
+//! ticks, [`Session::problem`] and [`Session::to_store`] hand out the work, and [`Session::solved`] and [`Session::stored`]
+//! take the result, whenever it comes.
+
+pub mod collection;
+pub mod guidance;
+pub mod problem;
+pub mod refusal;
+
+use self::collection::{Collection, Progress};
+use self::guidance::Step;
+use self::problem::{Problem, Solved};
+use self::refusal::{NoCalibration, Why};
+use crate::calibration::ellipsoid::Correction;
+use crate::event::{Event, State};
+use crate::settings::accelerometer::AccelerometerCalibration;
+
+/// A calibration from the command to its end.
+#[derive(Clone, Debug, Default)]
+pub struct Session {
+    stage: Stage,
+}
+
+#[derive(Clone, Debug, Default)]
+#[allow(clippy::large_enum_variant)] // without a heap there is no smaller place
+enum Stage {
+    #[default]
+    Off,
+    Collecting(Collection),
+    /// The problem waits to be taken.
+    Posed(Problem),
+    Solving,
+    Answered(Result<Solved, NoCalibration>),
+    /// The calibration waits to be taken.
+    Offered(AccelerometerCalibration),
+    Storing(AccelerometerCalibration),
+    Stored(AccelerometerCalibration),
+    NotStored,
+}
+
+type Sink<'a> = &'a mut dyn FnMut(Event);
+
+impl Session {
+    /// Begins, whatever was before; the calibration in use is what a new one must beat.
+    pub fn start(&mut self, in_use: Correction, sink: Sink) {
+        self.abort(sink);
+        sink(Event::State(State::Calibrating));
+        let collection = Collection::new(in_use);
+        sink(Event::Guidance(collection.guidance(Step::Turn)));
+        self.stage = Stage::Collecting(collection);
+    }
+
+    /// Ends it without a result. Nothing happens when none is under way. What is being stored may still arrive in flash.
+    pub fn abort(&mut self, sink: Sink) {
+        if !matches!(self.stage, Stage::Off) {
+            self.end(Why::Aborted.into(), sink);
+        }
+    }
+
+    /// A tick, with the reading of the accelerometers in g if they were due, `Some(None)` if that failed. Gives a calibration
+    /// that is stored, at the moment from which it is in effect.
+    pub fn tick(&mut self, reading_g: Option<Option<[f64; 3]>>, sink: Sink) -> Option<AccelerometerCalibration> {
+        match &mut self.stage {
+            Stage::Collecting(collection) => {
+                let progress = collection.push(reading_g?, &mut |guidance| sink(Event::Guidance(guidance)));
+                match progress {
+                    Progress::GoOn => {}
+                    Progress::Enough => self.stage = Stage::Posed(collection.problem()),
+                    Progress::Hopeless(reason) => self.end(reason, sink),
+                }
+            }
+            Stage::Answered(Ok(solved)) => {
+                let solved = *solved;
+                sink(Event::Calibration(solved));
+                if solved.is_better() {
+                    self.stage = Stage::Offered(solved.calibration);
+                } else {
+                    self.end(Why::NotBetter.into(), sink);
+                }
+            }
+            Stage::Answered(Err(reason)) => {
+                let reason = *reason;
+                self.end(reason, sink);
+            }
+            Stage::Stored(calibration) => {
+                let calibration = *calibration;
+                self.stage = Stage::Off;
+                sink(Event::CalibrationStored);
+                sink(Event::State(State::Finished));
+                return Some(calibration);
+            }
+            Stage::NotStored => self.end(Why::NotStored.into(), sink),
+            Stage::Off | Stage::Posed(_) | Stage::Solving | Stage::Offered(_) | Stage::Storing(_) => {}
+        }
+        None
+    }
+
+    /// Attitudes to be solved for, once; the answer goes to [`Self::solved`].
+    pub fn problem(&mut self) -> Option<Problem> {
+        let Stage::Posed(problem) = &self.stage else { return None };
+        let problem = problem.clone();
+        self.stage = Stage::Solving;
+        Some(problem)
+    }
+
+    /// The answer to the problem; it is told at the next tick. One that nobody waits for any more is dropped.
+    pub fn solved(&mut self, answer: Result<Solved, NoCalibration>) {
+        if matches!(self.stage, Stage::Solving) {
+            self.stage = Stage::Answered(answer);
+        }
+    }
+
+    /// A calibration to be stored, once; whether that succeeded goes to [`Self::stored`].
+    pub fn to_store(&mut self) -> Option<AccelerometerCalibration> {
+        let Stage::Offered(calibration) = self.stage else { return None };
+        self.stage = Stage::Storing(calibration);
+        Some(calibration)
+    }
+
+    /// Whether the calibration is in flash; it is told at the next tick.
+    pub fn stored(&mut self, stored: bool) {
+        if let Stage::Storing(calibration) = self.stage {
+            self.stage = if stored { Stage::Stored(calibration) } else { Stage::NotStored };
+        }
+    }
+
+    fn end(&mut self, reason: NoCalibration, sink: Sink) {
+        self.stage = Stage::Off;
+        sink(Event::NoCalibration(reason));
+        sink(Event::State(State::Failed));
+    }
+}
+
+#[cfg(test)]
+mod tests;
