@@ -8,6 +8,7 @@
 //! | `step` | 3 | a slot of the turning motor begins | perhaps a step |
 //! | `solve` | 2 | `sample` has readings | bytes and readings into the pipeline; events and a motor command out |
 //! | `report` | 1 | `solve` has events | sends them to the host |
+//! | `calibrate` | 1 | `solve` has attitudes for it | solves the accelerometers' calibration, for as long as that takes |
 //! | `idle` | – | otherwise | sleeps |
 
 #![cfg_attr(target_os = "none", no_std, no_main)]
@@ -29,6 +30,8 @@ mod app {
     use rtic_sync::make_channel;
 
     use crate::board::{self, Board};
+    use north_finder::calibration::field::problem::{Problem, Solved};
+    use north_finder::calibration::field::refusal::NoCalibration;
     use north_finder::drivers::sensors::{Due, Sensors};
     use north_finder::drivers::step_motor::StepMotor;
     use north_finder::event::{Event, Report};
@@ -44,6 +47,10 @@ mod app {
     const REQUEST_BYTES: usize = 2048;
     const REPORTS: usize = 32;
     const MOTOR_COMMANDS: usize = 4;
+    /// One calibration at a time.
+    const PROBLEMS: usize = 1;
+
+    type Answer = Result<Solved, NoCalibration>;
 
     #[shared]
     struct Shared {
@@ -73,9 +80,13 @@ mod app {
         request_out: Consumer<'static, u8>,
         motor_in: Producer<'static, MotorCommand>,
         reports_in: Sender<'static, Report, REPORTS>,
+        problems_in: Sender<'static, Problem, PROBLEMS>,
+        answers_out: Receiver<'static, Answer, PROBLEMS>,
         flash: board::Flash,
         // report
         report_port: board::ReportPort,
+        // calibrate
+        answers_in: Sender<'static, Answer, PROBLEMS>,
     }
 
     #[init(local = [
@@ -96,9 +107,12 @@ mod app {
         let (motor_in, motor_out) = cx.local.motor_commands.split();
         let (readings_in, readings_out) = make_channel!(Readings, READINGS);
         let (reports_in, reports_out) = make_channel!(Report, REPORTS);
+        let (problems_in, problems_out) = make_channel!(Problem, PROBLEMS);
+        let (answers_in, answers_out) = make_channel!(Answer, PROBLEMS);
         // Spawning for the first time cannot fail.
         let _ = solve::spawn(readings_out);
         let _ = report::spawn(reports_out);
+        let _ = calibrate::spawn(problems_out);
 
         let shared = Shared {
             motor: StepMotor::new(board.step, board.direction, board.enable, &index),
@@ -119,8 +133,11 @@ mod app {
             request_out,
             motor_in,
             reports_in,
+            problems_in,
+            answers_out,
             flash: board.flash,
             report_port: board.reports,
+            answers_in,
         };
         (shared, local)
     }
@@ -198,7 +215,7 @@ mod app {
     #[task(
         priority = 2,
         local = [
-            pipeline, gyro_out, request_out, motor_in, reports_in, flash,
+            pipeline, gyro_out, request_out, motor_in, reports_in, problems_in, answers_out, flash,
             decoder: RequestDecoder = RequestDecoder::new(),
         ],
         shared = [refused],
@@ -214,6 +231,9 @@ mod app {
                     None => {}
                 }
             }
+            if let Ok(answer) = local.answers_out.try_recv() {
+                local.pipeline.field.solved(answer);
+            }
             while let Some(byte) = local.gyro_out.dequeue() {
                 local.pipeline.gyro_bytes(&[byte]);
             }
@@ -226,6 +246,14 @@ mod app {
                 // `sample` empties the queue at every tick.
                 let _ = local.motor_in.enqueue(command);
             }
+            if let Some(problem) = local.pipeline.field.problem() {
+                // There is never a second one.
+                let _ = local.problems_in.try_send(problem);
+            }
+            if let Some(calibration) = local.pipeline.field.to_store() {
+                let stored = store::update(local.flash, |settings| settings.accelerometer = Some(calibration));
+                local.pipeline.field.stored(stored.is_ok());
+            }
         }
     }
 
@@ -236,12 +264,21 @@ mod app {
                 Event::State(state) => defmt::info!("{} s: {}", report.t_s, state),
                 Event::Fix(fix) => defmt::info!("azimuth {} deg, sigma {} deg", fix.azimuth_deg, fix.sigma_deg),
                 Event::Fault { fault, state } => defmt::error!("{} while {}", fault, state),
+                Event::Guidance(guidance) => defmt::info!("{} s: {}", report.t_s, guidance.step),
+                Event::NoCalibration(reason) => defmt::error!("no calibration: {}", reason.why),
                 _ => {}
             }
             // The longest report fits a frame: a test of the link says so.
             if let Ok(frame) = link::encode_report(&report) {
                 cx.local.report_port.write(&frame);
             }
+        }
+    }
+
+    #[task(priority = 1, local = [answers_in])]
+    async fn calibrate(cx: calibrate::Context, mut problems_out: Receiver<'static, Problem, PROBLEMS>) {
+        while let Ok(problem) = problems_out.recv().await {
+            let _ = cx.local.answers_in.try_send(problem.solve());
         }
     }
 

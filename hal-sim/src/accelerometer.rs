@@ -179,8 +179,14 @@ impl Accelerometer {
             1 => y_from_z * force_g.z - x_from_y * force_g.x,
             _ => -x_from_z * force_g.x - y_from_z * force_g.y,
         };
+        let [y_in_x, z_in_x, z_in_y] = self.skew_ppm;
+        let skew = match axis {
+            0 => y_in_x * force_g.y + z_in_x * force_g.z,
+            1 => z_in_y * force_g.z,
+            _ => 0.0,
+        };
         let bias_mg = self.bias_mg[axis] + self.bias_mg_per_k[axis] * (temp_c - REFERENCE_C);
-        force_g[axis] * (1.0 + 1e-6 * self.scale_ppm[axis]) + 1e-6 * cross + 1e-3 * bias_mg
+        force_g[axis] * (1.0 + 1e-6 * self.scale_ppm[axis]) + 1e-6 * (cross + skew) + 1e-3 * bias_mg
     }
 }
 

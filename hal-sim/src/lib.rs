@@ -15,9 +15,11 @@ pub mod frames;
 mod geometry;
 mod gyro;
 mod gyro_output;
+mod hand;
 mod line;
 mod motor;
 mod noise;
+mod operator;
 mod plant;
 mod pose;
 pub mod scenario;
@@ -29,6 +31,7 @@ mod window;
 mod world;
 
 pub use device::{AccelerometerSpi, EncoderSpi, Flash, GyroLine, Pin};
+pub use operator::Operator;
 pub use scenario::{Scenario, ScenarioError};
 pub use world::{Truth, World};
 

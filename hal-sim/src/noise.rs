@@ -24,6 +24,8 @@ pub enum Source {
     Line = 6,
     /// Intermittent effects of the gyro.
     Intermittent = 7,
+    /// The operator's hands.
+    Operator = 8,
 }
 
 /// One stream of random numbers.

@@ -7,6 +7,7 @@ use crate::flash::FlashMemory;
 use crate::geometry::{self, ARCSEC_PER_RAD, BaseAngles};
 use crate::gyro::{GyroErrors, Surroundings};
 use crate::gyro_output::GyroOutput;
+use crate::hand::Hand;
 use crate::line::Line;
 use crate::motor::Drive;
 use crate::pose::PoseTracker;
@@ -24,6 +25,7 @@ pub struct Plant {
     slots: u64,
     sampled_slots: u64,
     base: BaseMotion,
+    pub hand: Hand,
     pub drive: Drive,
     tracker: PoseTracker,
     errors: GyroErrors,
@@ -45,6 +47,7 @@ impl Plant {
             slots: 0,
             sampled_slots: 0,
             base,
+            hand: Hand::off(),
             drive,
             tracker,
             errors: GyroErrors::new(gyro, &scenario.site, seed),
@@ -75,6 +78,8 @@ impl Plant {
         self.sampled_slots = self.slots;
         let t_s = self.t_s();
         self.base.advance_to(t_s);
+        self.hand.advance_to(t_s);
+        self.tracker.hold(self.hand.rotation());
         let turn = self.tracker.move_to(self.base_angles(), self.drive.index_deg(), dt_s);
         let pose = self.tracker.pose();
         let increment_arcsec = self.errors.measure(&Surroundings {
@@ -127,7 +132,7 @@ impl Plant {
     pub fn exchange_accelerometer(&mut self, mosi: &[u8]) -> Vec<u8> {
         let felt = Felt {
             t_s: self.t_s(),
-            force_g: geometry::specific_force_g(&self.tracker.pose().attitude),
+            force_g: geometry::specific_force_g(&self.tracker.pose().attitude) + self.hand.shake_g(),
             vibration_g: self.scenario.base.vibration_g,
             temp_c: self.errors.temp_c(),
         };

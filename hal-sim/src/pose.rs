@@ -11,6 +11,8 @@ pub struct Pose {
     pub angles: BaseAngles,
     /// Index angle, degrees counter-clockwise.
     pub index_deg: f64,
+    /// How it is held against the base.
+    hand: UnitQuaternion<f64>,
     /// Instrument coordinates to east, north, up.
     pub attitude: UnitQuaternion<f64>,
     /// Direction of the sensitive axis in east, north, up.
@@ -32,6 +34,7 @@ pub struct Turn {
 pub struct PoseTracker {
     mounting: Mounting,
     earth_rad_s: Vector3<f64>,
+    hand: UnitQuaternion<f64>,
     pose: Pose,
 }
 
@@ -42,8 +45,9 @@ impl PoseTracker {
             gyro.spindle_tilt_arcsec.map(|arcsec| arcsec / ARCSEC_PER_RAD),
             gyro.axis_elevation_arcsec / ARCSEC_PER_RAD,
         );
-        let pose = Pose::new(angles, index_deg, &mounting);
-        Self { mounting, earth_rad_s: geometry::earth_rate_rad_s(latitude_deg), pose }
+        let hand = UnitQuaternion::identity();
+        let pose = Pose::new(angles, hand, index_deg, &mounting);
+        Self { mounting, earth_rad_s: geometry::earth_rate_rad_s(latitude_deg), hand, pose }
     }
 
     /// The pose after the last move.
@@ -51,13 +55,18 @@ impl PoseTracker {
         &self.pose
     }
 
+    /// From the next move on the instrument is held so: the rotation that takes its coordinates to those of the base.
+    pub fn hold(&mut self, hand: UnitQuaternion<f64>) {
+        self.hand = hand;
+    }
+
     /// Moves to new angles within `dt_s`.
     pub fn move_to(&mut self, angles: BaseAngles, index_deg: f64, dt_s: f64) -> Turn {
-        if angles == self.pose.angles && index_deg == self.pose.index_deg {
+        if angles == self.pose.angles && self.hand == self.pose.hand && index_deg == self.pose.index_deg {
             let turned_rad = self.earth_rad_s.dot(&self.pose.axis) * dt_s;
             return Turn { turned_arcsec: turned_rad * ARCSEC_PER_RAD, index_change_rad: 0.0 };
         }
-        let next = Pose::new(angles, index_deg, &self.mounting);
+        let next = Pose::new(angles, self.hand, index_deg, &self.mounting);
         let mean_axis = (self.pose.axis + next.axis) / 2.0;
         let turned_rad =
             self.mounting.turned_rad(&self.pose.case, &next.case) + self.earth_rad_s.dot(&mean_axis) * dt_s;
@@ -68,9 +77,9 @@ impl PoseTracker {
 }
 
 impl Pose {
-    fn new(angles: BaseAngles, index_deg: f64, mounting: &Mounting) -> Self {
-        let attitude = angles.attitude();
+    fn new(angles: BaseAngles, hand: UnitQuaternion<f64>, index_deg: f64, mounting: &Mounting) -> Self {
+        let attitude = angles.attitude() * hand;
         let case = mounting.case(&attitude, index_deg.to_radians());
-        Self { angles, index_deg, attitude, axis: mounting.axis(&case), case }
+        Self { angles, index_deg, hand, attitude, axis: mounting.axis(&case), case }
     }
 }

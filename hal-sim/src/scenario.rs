@@ -9,12 +9,14 @@ mod devices;
 mod error;
 mod gyro;
 mod library;
+mod operator;
 mod sense;
 mod site;
 
 pub use devices::{Accelerometer, Encoder, Link, LinkFault, LinkFaultKind, Motor, SensorFault, SensorFaultKind};
 pub use error::ScenarioError;
 pub use gyro::{Gyro, GyroFault, GyroFaultKind, GyroFormat, Harmonic};
+pub use operator::Operator;
 pub use site::{Base, BaseAngle, Knock, Relevel, Rocking, Site, Supply, Sway, Wind};
 
 use check::{Any, Findings, Inner, Part, part};
@@ -45,6 +47,8 @@ part! {
         motor: Motor = Motor::default(), Inner;
         /// The line from the gyro.
         link: Link = Link::default(), Inner;
+        /// Who turns it when the accelerometers are calibrated.
+        operator: Operator = Operator::default(), Inner;
         /// Settings of the firmware that this scenario overrides. The simulator does not look into it.
         instrument: toml::Table = toml::Table::new(), Any;
     }

@@ -2,6 +2,7 @@
 
 use crate::device::{AccelerometerSpi, EncoderSpi, Flash, GyroLine, Pin, PinFunction};
 use crate::flash::FlashMemory;
+use crate::hand::Turn;
 use crate::plant::Plant;
 use crate::scenario::Scenario;
 use std::cell::RefCell;
@@ -57,6 +58,11 @@ impl World {
     /// What is really so.
     pub fn truth(&self) -> Truth {
         self.plant.borrow().truth()
+    }
+
+    /// Somebody lifts the instrument off its base, turns it, and holds it so.
+    pub(crate) fn turn_by_hand(&self, turn: Turn) {
+        self.plant.borrow_mut().hand.turn(turn);
     }
 
     /// The accelerometer on its bus.

@@ -40,6 +40,8 @@ part! {
         bias_mg_per_k: [f64; 3] = [0.0; 3], -10.0..=10.0;
         /// Cross-axis sensitivity: part of y in x, of z in x, of z in y (rotation of the triad gives it too), ppm.
         cross_axis_ppm: [f64; 3] = [0.0; 3], -100000.0..=100000.0;
+        /// Non-orthogonality: part of y in x, of z in x, of z in y, and not the other way round, ppm.
+        skew_ppm: [f64; 3] = [0.0; 3], -100000.0..=100000.0;
         /// Faults.
         faults: Vec<SensorFault> = Vec::new(), Each;
     }

@@ -52,6 +52,7 @@ built_in![
     "uncalibrated",
     "kvh-gyro",
     "vehicle",
+    "worn-accelerometers",
 ];
 
 /// Descriptions, in the order of [`FILES`].
