@@ -231,6 +231,7 @@ impl<'a> Replay<'a> {
             level: second.level(),
         };
         if second.turned_deg.abs() > REST_DEG {
+            self.begin_within_a_move()?;
             self.end_stay(report)?;
             self.moving_s += second.seconds;
             return self.store(DwellSummary::moving(&row));
@@ -250,6 +251,15 @@ impl<'a> Replay<'a> {
             let _ = self.rows.push(row);
         }
         Ok(())
+    }
+
+    /// Of a recording's first row nobody knows whether the index moved; where it moved in the next one, it did.
+    fn begin_within_a_move(&mut self) -> Result<(), Refusal> {
+        let Some(row) = self.rows.only().copied().filter(|_| self.stays == 0 && self.used == 0) else { return Ok(()) };
+        self.rows.clear();
+        self.rest_s -= row.seconds;
+        self.moving_s += row.seconds;
+        self.store(DwellSummary::moving(&row))
     }
 
     fn evaluate(&mut self, second: &Gathering) -> Correction {
@@ -462,6 +472,23 @@ mod tests {
             assert!(seconds > 235.0, "{speed_deg_s} °/s: {seconds}");
             assert!(wrap_180_deg(fix.unwrap().azimuth_deg).abs() < 1e-3, "{}", fix.unwrap().azimuth_deg);
         }
+    }
+
+    /// From 30° counter-clockwise at 25 °/s into the first stay, at 90°: the first row's mean rate, 7.5 °/h · 0.976 · 0.87,
+    /// is not that of its mean angle.
+    #[test]
+    fn a_recording_may_begin_within_a_move() {
+        let turning = (1..=2).map(|i| {
+            let middle_deg = 17.5 + 25.0 * f64::from(i);
+            let half_rad = 12.5_f64.to_radians();
+            let fog_arcsec = 7.5205335 * middle_deg.to_radians().cos() * half_rad.sin() / half_rad + 1.0;
+            Row { fog_arcsec, ..row(f64::from(i), 1.0, middle_deg) }
+        });
+        let stays = (0..80).map(|i| row(f64::from(i + 3), 1.0, 90.0 * f64::from(1 + i / 20)));
+        let rows: Vec<Row> = turning.chain(stays).collect();
+        let (fix, dwells) = replay(&rows);
+        assert_azimuth(fix, 0.0);
+        assert_eq!(dwells.len(), 4);
     }
 
     #[test]

@@ -86,6 +86,11 @@ impl DwellRows {
         self.rows.is_empty()
     }
 
+    /// The row, if there is just one.
+    pub fn only(&self) -> Option<&Row> {
+        self.rows.first().filter(|_| self.rows.len() == 1)
+    }
+
     pub fn clear(&mut self) {
         self.rows.clear();
     }

@@ -257,6 +257,10 @@ impl Gatherer {
         let moved = way_deg.abs() > REST_DEG;
         if moved {
             self.end();
+            // Where the second row moved, the first one did.
+            if let [first] = self.cells.as_mut_slice() {
+                first.moving = true;
+            }
         }
         if self.count == 0 {
             self.sum.line = line;
