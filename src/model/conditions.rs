@@ -13,6 +13,8 @@ const PAST: usize = 32;
 /// Samples that a rate of change is taken over, and the fewest that give one.
 pub const RATE_SAMPLES: usize = 30;
 const LEAST_RATE_SAMPLES: usize = 10;
+/// Moves that are remembered.
+const MOVES: usize = 8;
 
 /// What a second (or a longer row) was like.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -127,45 +129,63 @@ impl History {
     }
 }
 
-/// The index' last move.
-#[derive(Clone, Copy, Debug, Default)]
+/// A move of the index, or switching on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Move {
+    /// When rest began, seconds.
+    pub ended_s: f64,
+    /// Its way, degrees, counter-clockwise positive.
+    pub travel_deg: f64,
+    /// Cosine and sine of the index angle that it led to.
+    pub index: [f64; 2],
+    /// No move at all: the recording began.
+    pub switch_on: bool,
+}
+
+/// The index' last moves.
+#[derive(Clone, Debug, Default)]
 pub struct Travel {
     last_deg: Option<f64>,
     moving: bool,
-    /// Way of the move that is going on or was the last, degrees, counter-clockwise positive.
-    travel_deg: f64,
-    /// When it ended (or, before any move, when the first second began).
-    rest_since_s: f64,
-    moved: bool,
+    /// Oldest first.
+    moves: Deque<Move, MOVES>,
 }
 
 impl Travel {
     pub fn push(&mut self, conditions: &Conditions) {
-        let Some([cos, sin]) = conditions.index else { return };
+        let Some(index) = conditions.index else { return };
+        let [cos, sin] = index;
         let index_deg = libm::atan2(sin, cos) * DEG_PER_RAD;
         let start_s = conditions.t_s - 0.5 * conditions.seconds;
         let Some(last_deg) = self.last_deg.replace(index_deg) else {
-            self.rest_since_s = start_s;
+            self.begin(Move { ended_s: start_s, travel_deg: 0.0, index, switch_on: true });
             return;
         };
         let way_deg = wrap_180_deg(index_deg - last_deg);
         let moving = way_deg.abs() > REST_DEG;
-        if moving {
-            self.travel_deg = if self.moving { self.travel_deg + way_deg } else { way_deg };
-            self.moved = true;
-            // Where rows leave the move out, rest begins with this very row.
-            self.rest_since_s = start_s;
+        if moving && !self.moving {
+            self.begin(Move { ended_s: start_s, travel_deg: 0.0, index, switch_on: false });
+        }
+        if let Some(last) = self.moves.back_mut() {
+            last.index = index;
+            if moving {
+                last.travel_deg += way_deg;
+                // Where rows leave the move out, rest begins with this very row.
+                last.ended_s = start_s;
+            }
         }
         self.moving = moving;
     }
 
-    /// Time since the last move at the middle of the second, and its way; `None` before any move.
-    pub fn since(&self, t_s: f64) -> Option<(f64, f64)> {
-        self.moved.then_some((t_s - self.rest_since_s, self.travel_deg))
+    fn begin(&mut self, each: Move) {
+        if self.moves.is_full() {
+            self.moves.pop_front();
+        }
+        let _ = self.moves.push_back(each);
     }
 
-    /// Time since rest began, be it by a move or by switching on.
-    pub fn rest_s(&self, t_s: f64) -> f64 {
-        t_s - self.rest_since_s
+    /// The last moves, oldest first; until eight were made, switching on stands before them.
+    pub fn moves(&self) -> impl Iterator<Item = &Move> {
+        self.moves.iter()
     }
 }

@@ -3,8 +3,8 @@
 use heapless::Vec;
 
 use super::channel::{ChannelName, TEMPERATURE};
-use super::conditions::{Conditions, History, RATE_SAMPLES, Travel};
-use super::{Correction, ErrorModel, MAX_TERMS, Term};
+use super::conditions::{Conditions, History, Move, RATE_SAMPLES, Travel};
+use super::{Correction, ErrorModel, MAX_TERMS, Term, spline};
 use crate::earth::EarthRate;
 use crate::units::{DEG_PER_RAD, wrap_360_deg};
 
@@ -37,6 +37,7 @@ impl Evaluator {
                 Term::Channel { channel, low_pass_s, .. } | Term::ChannelRate { channel, low_pass_s, .. } => {
                     (Some(channel), low_pass_s)
                 }
+                Term::ChannelSpline { channel, .. } => (Some(channel), 0.0),
                 _ => continue,
             };
             let value = name.and_then(|name| conditions.value(&name, &self.channels));
@@ -79,6 +80,9 @@ impl Evaluator {
                 let u = value.map_or(0.0, |value| value - reference);
                 ((cubic_deg_h * u + quadratic_deg_h) * u + linear_deg_h) * u
             }
+            Term::ChannelSpline { knots, coefficients, .. } => {
+                past.latest().map_or(0.0, |value| spline::at(knots.as_slice(), coefficients.as_slice(), value))
+            }
             Term::ScaleChannel { channel, reference, per_unit } => {
                 let value = conditions.value(&channel, &self.channels);
                 correction.scale += per_unit * value.map_or(0.0, |value| value - reference);
@@ -111,6 +115,7 @@ impl Evaluator {
         };
     }
 
+    /// What is left of the moves so far.
     fn settling_deg_h(&self, term: &Term, conditions: &Conditions) -> f64 {
         let &Term::Settling {
             tau_s,
@@ -118,26 +123,25 @@ impl Evaluator {
             deg_h,
             by_direction_deg_h,
             deg_h_per_deg_travel,
+            deg_h_per_deg_signed_travel,
             cos_deg_h,
             sin_deg_h,
         } = term
         else {
             return 0.0;
         };
-        let moved = self.travel.since(conditions.t_s);
-        let (since_s, travel_deg) = match moved {
-            Some(moved) => moved,
-            None if first_stay => (self.travel.rest_s(conditions.t_s), 0.0),
-            None => return 0.0,
+        let left = |each: &Move| {
+            let direction = if each.travel_deg == 0.0 { 0.0 } else { libm::copysign(1.0, each.travel_deg) };
+            let [cos, sin] = each.index;
+            let size = deg_h
+                + by_direction_deg_h * direction
+                + deg_h_per_deg_travel * each.travel_deg.abs()
+                + deg_h_per_deg_signed_travel * each.travel_deg
+                + cos_deg_h * cos
+                + sin_deg_h * sin;
+            size * libm::exp(-(conditions.t_s - each.ended_s).max(0.0) / tau_s)
         };
-        let [cos, sin] = conditions.index.unwrap_or_default();
-        let direction = if travel_deg == 0.0 { 0.0 } else { libm::copysign(1.0, travel_deg) };
-        let size = deg_h
-            + by_direction_deg_h * direction
-            + deg_h_per_deg_travel * travel_deg.abs()
-            + cos_deg_h * cos
-            + sin_deg_h * sin;
-        size * libm::exp(-since_s.max(0.0) / tau_s)
+        self.travel.moves().filter(|each| first_stay || !each.switch_on).map(left).sum()
     }
 }
 

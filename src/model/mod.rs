@@ -6,10 +6,11 @@
 pub mod channel;
 mod conditions;
 mod evaluator;
+pub mod spline;
 mod term;
 
 pub use channel::{ChannelName, MAX_CHANNELS};
-pub use conditions::{Conditions, History, Travel};
+pub use conditions::{Conditions, History, Move, Travel};
 pub use evaluator::Evaluator;
 pub use term::{DeadZoneForm, Term};
 

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::channel::{ChannelName, FORWARD, LEFT, TEMPERATURE};
+use super::spline::{MAX_KNOTS, Numbers};
 use crate::settings::Invalid;
 
 /// An effect. Unless it says otherwise it adds to the raw rate. Time constants are above 0.
@@ -26,6 +27,9 @@ pub enum Term {
         quadratic_deg_h: f64,
         cubic_deg_h: f64,
     },
+    /// A curve in a channel's value, °/h: a natural cubic spline through three to seven rising knots, straight beyond the
+    /// outer ones; one coefficient fewer than knots, °/h per unit ([`super::spline::basis`]).
+    ChannelSpline { channel: ChannelName, knots: Numbers, coefficients: Numbers },
     /// Proportional to the channel's rate of change (of the low-passed channel with `low_pass_s` above 0), a slope over the
     /// last `seconds` (3 … 30), °/h per unit/s.
     ChannelRate { channel: ChannelName, low_pass_s: f64, seconds: u8, deg_h_per_unit_per_s: f64 },
@@ -35,14 +39,17 @@ pub enum Term {
     Drift { deg_h_per_h: f64, deg_h_per_h2: f64 },
     /// amplitude · exp(−t/τ), t since switch-on.
     WarmUp { deg_h: f64, tau_s: f64 },
-    /// exp(−t/τ) times a sum, t since the index came to rest: constant, by the sign of the last move, per degree of its
-    /// travel (unsigned), and by cosine and sine of the index angle. `first_stay`: switch-on counts as a move too.
+    /// Every move leaves something behind that dies away with exp(−t/τ), t since the index came to rest; what is left of the
+    /// last eight moves adds up. Its size is a sum: constant, by the sign of the move, per degree of its travel without and
+    /// with sign (counter-clockwise positive), and by cosine and sine of the index angle that it led to. `first_stay`:
+    /// switch-on counts as a move too.
     Settling {
         tau_s: f64,
         first_stay: bool,
         deg_h: f64,
         by_direction_deg_h: f64,
         deg_h_per_deg_travel: f64,
+        deg_h_per_deg_signed_travel: f64,
         cos_deg_h: f64,
         sin_deg_h: f64,
     },
@@ -100,6 +107,7 @@ impl Term {
             Self::TemperatureRate { .. } => "temperature-rate",
             Self::ScaleTemperature { .. } => "scale-temperature",
             Self::Channel { .. } => "channel",
+            Self::ChannelSpline { .. } => "channel-spline",
             Self::ChannelRate { .. } => "channel-rate",
             Self::ScaleChannel { .. } => "scale-channel",
             Self::Drift { .. } => "drift",
@@ -119,9 +127,10 @@ impl Term {
     /// The channel that it follows beyond the gyro's own temperature.
     pub fn channel(&self) -> Option<ChannelName> {
         match *self {
-            Self::Channel { channel, .. } | Self::ChannelRate { channel, .. } | Self::ScaleChannel { channel, .. } => {
-                Some(channel)
-            }
+            Self::Channel { channel, .. }
+            | Self::ChannelSpline { channel, .. }
+            | Self::ChannelRate { channel, .. }
+            | Self::ScaleChannel { channel, .. } => Some(channel),
             _ => None,
         }
     }
@@ -131,14 +140,11 @@ impl Term {
         match self {
             Self::Temperature { .. } | Self::TemperatureRate { .. } | Self::ScaleTemperature { .. } => &[TEMPERATURE],
             Self::BaseMotion { .. } => &[FORWARD],
-            Self::Channel { channel, .. } | Self::ChannelRate { channel, .. } | Self::ScaleChannel { channel, .. } => {
-                match channel.as_str() {
-                    TEMPERATURE => &[TEMPERATURE],
-                    FORWARD | LEFT => &[FORWARD],
-                    _ => &[],
-                }
-            }
-            _ => &[],
+            _ => match self.channel().as_ref().map(ChannelName::as_str) {
+                Some(TEMPERATURE) => &[TEMPERATURE],
+                Some(FORWARD | LEFT) => &[FORWARD],
+                _ => &[],
+            },
         }
     }
 
@@ -175,6 +181,25 @@ impl Term {
                 filter(low_pass_s)?;
                 finite("model.terms.channel", &[reference, linear_deg_h, quadratic_deg_h, cubic_deg_h])
             }
+            Self::ChannelSpline { knots, coefficients, .. } => {
+                let (knots, coefficients) = (knots.as_slice(), coefficients.as_slice());
+                let number = knots.len() as f64;
+                within("model.terms.channel-spline.knots (number)", number, 3.0, MAX_KNOTS as f64, "3 to 7")?;
+                if coefficients.len() + 1 != knots.len() {
+                    let field = "model.terms.channel-spline.coefficients (number)";
+                    return Err(Invalid { field, value: coefficients.len() as f64, allowed: "one fewer than knots" });
+                }
+                for pair in knots.windows(2) {
+                    if let &[below, above] = pair
+                        && !(above > below)
+                    {
+                        let field = "model.terms.channel-spline.knots";
+                        return Err(Invalid { field, value: above, allowed: "above the knot before it" });
+                    }
+                }
+                finite("model.terms.channel-spline", knots)?;
+                finite("model.terms.channel-spline", coefficients)
+            }
             Self::ChannelRate { low_pass_s, seconds, deg_h_per_unit_per_s, .. } => {
                 filter(low_pass_s)?;
                 within("model.terms.channel-rate.seconds", seconds.into(), 3.0, 30.0, "3 to 30")?;
@@ -188,10 +213,20 @@ impl Term {
                 positive("model.terms.warm-up.tau_s", tau_s)?;
                 finite("model.terms.warm-up", &[deg_h])
             }
-            Self::Settling { tau_s, deg_h, by_direction_deg_h, deg_h_per_deg_travel, cos_deg_h, sin_deg_h, .. } => {
+            Self::Settling {
+                tau_s,
+                first_stay: _,
+                deg_h,
+                by_direction_deg_h,
+                deg_h_per_deg_travel,
+                deg_h_per_deg_signed_travel,
+                cos_deg_h,
+                sin_deg_h,
+            } => {
                 positive("model.terms.settling.tau_s", tau_s)?;
-                let values = [deg_h, by_direction_deg_h, deg_h_per_deg_travel, cos_deg_h, sin_deg_h];
-                finite("model.terms.settling", &values)
+                let by_travel = [deg_h_per_deg_travel, deg_h_per_deg_signed_travel];
+                finite("model.terms.settling", &[deg_h, by_direction_deg_h, cos_deg_h, sin_deg_h])?;
+                finite("model.terms.settling", &by_travel)
             }
             Self::BodyHarmonic { order, cos_deg_h, sin_deg_h } => {
                 within("model.terms.body-harmonic.order", order.into(), 1.0, 36.0, "1 to 36")?;

@@ -1,5 +1,6 @@
 //! Every term by hand calculation.
 
+use super::spline::Numbers;
 use super::*;
 use crate::level::Specific;
 use crate::units::sin_cos_deg;
@@ -105,14 +106,40 @@ fn settling_after_a_move() {
         deg_h: 0.1,
         by_direction_deg_h: 0.2,
         deg_h_per_deg_travel: 0.01,
+        deg_h_per_deg_signed_travel: 0.002,
         cos_deg_h: 0.5,
         sin_deg_h: 0.3,
     };
     assert_close(last_bias(settling, [conditions(0.5, 0.0)]), 0.0);
     // From 0° to 270° is a quarter turn clockwise; rest began with the row at 1.0 s, and the middle of the row at 10.5 s is
-    // 9.5 s later: (0.1 − 0.2 + 0.9 + 0 − 0.3) · e^−0.95.
+    // 9.5 s later: (0.1 − 0.2 + 0.9 − 0.18 + 0 − 0.3) · e^−0.95.
     let run = [conditions(0.5, 0.0), conditions(1.5, 270.0), conditions(10.5, 270.0)];
-    assert_close(last_bias(settling, run), 0.5 * 0.38674102345450123);
+    assert_close(last_bias(settling, run), 0.32 * 0.38674102345450123);
+    // Back again at once: of the first move e^−1.95 is left at 20.5 s, of the second, which began to rest at 11 s, e^−0.95:
+    // 0.1 + 0.2 + 0.9 + 0.18 + 0.5.
+    let run = [conditions(0.5, 0.0), conditions(1.5, 270.0), conditions(10.5, 270.0), conditions(11.5, 0.0)];
+    let later = run.into_iter().chain([conditions(20.5, 0.0)]);
+    assert_close(last_bias(settling, later), 0.32 * 0.1422740715865136 + 1.88 * 0.38674102345450123);
+}
+
+#[test]
+fn a_curve_in_a_channel() {
+    // Of knots at 0, 1 and 3: 2 · 2 + 9 · (2³ − 1 · 3/2)/9, as in the spline's own test.
+    let term = Term::ChannelSpline {
+        channel: ChannelName::new("supply_v").unwrap(),
+        knots: Numbers::new(&[0.0, 1.0, 3.0]).unwrap(),
+        coefficients: Numbers::new(&[2.0, 9.0]).unwrap(),
+    };
+    let mut evaluator = Evaluator::new(model(&[term]));
+    let mut now = conditions(0.5, 0.0);
+    now.channels[0] = 2.0;
+    assert_close(evaluator.second(&now).bias_deg_h, 4.0 + 6.5);
+    let unsorted = Term::ChannelSpline {
+        channel: ChannelName::new("supply_v").unwrap(),
+        knots: Numbers::new(&[0.0, 3.0, 1.0]).unwrap(),
+        coefficients: Numbers::new(&[2.0, 9.0]).unwrap(),
+    };
+    assert_eq!(model(&[unsorted]).validate().unwrap_err().field, "model.terms.channel-spline.knots");
 }
 
 #[test]

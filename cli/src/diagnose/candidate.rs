@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use north_finder::model::spline::{MAX_KNOTS, Numbers};
 use north_finder::model::{ChannelName, Conditions, DeadZoneForm, ErrorModel, Evaluator, MAX_CHANNELS, Term};
 use north_finder::units::ARCSEC_PER_RAD;
 
@@ -12,6 +13,8 @@ use super::data::RunData;
 pub enum Shape {
     /// Powers 1 … n of a channel.
     Powers(ChannelName, f64, usize),
+    /// A natural cubic spline through these knots.
+    Spline(ChannelName, Numbers),
     Lag(ChannelName, f64),
     LowPass(ChannelName, f64),
     Rate(ChannelName),
@@ -40,6 +43,7 @@ pub enum SettlingBy {
     Nothing,
     Direction,
     Travel,
+    SignedTravel,
     Position,
 }
 
@@ -74,6 +78,7 @@ impl Candidate {
     pub fn coefficients(&self) -> usize {
         match self.shape {
             Shape::Powers(_, _, n) | Shape::Drift(n) => n,
+            Shape::Spline(_, knots) => knots.as_slice().len() - 1,
             Shape::Harmonic(_) | Shape::LevelBias(_) | Shape::Line | Shape::IndexHarmonic => 2,
             Shape::Settling(SettlingBy::Position, _) | Shape::EarthField(true) => 2,
             _ => 1,
@@ -102,6 +107,9 @@ impl Candidate {
                 Term::Temperature { reference_c: reference, linear_deg_h_per_k: at(0), quadratic_deg_h_per_k2: at(1) }
             }
             Shape::Powers(name, reference, _) => channel(name, 0.0, 0.0, reference),
+            Shape::Spline(channel, knots) => {
+                Term::ChannelSpline { channel, knots, coefficients: Numbers::new(c).unwrap_or_default() }
+            }
             Shape::Lag(name, reference) => channel(name, constant, 0.0, reference),
             Shape::LowPass(name, reference) => channel(name, 0.0, constant, reference),
             Shape::Rate(name) if name.as_str() == "temp_c" && constant > 29.0 => {
@@ -129,6 +137,7 @@ impl Candidate {
                     deg_h: only(SettlingBy::Nothing),
                     by_direction_deg_h: only(SettlingBy::Direction),
                     deg_h_per_deg_travel: only(SettlingBy::Travel),
+                    deg_h_per_deg_signed_travel: only(SettlingBy::SignedTravel),
                     cos_deg_h: only(SettlingBy::Position),
                     sin_deg_h: if by == SettlingBy::Position { at(1) } else { 0.0 },
                 }
@@ -157,6 +166,10 @@ impl Candidate {
                 (powers(n, ["deg_h_per_k", "deg_h_per_k2", "deg_h_per_k3"]), None)
             }
             Shape::Powers(_, _, n) => (powers(n, ["deg_h_per_unit", "deg_h_per_unit2", "deg_h_per_unit3"]), None),
+            Shape::Spline(_, knots) => {
+                let names = ["straight", "bend_1", "bend_2", "bend_3", "bend_4", "bend_5"];
+                (names[..knots.as_slice().len() - 1].to_vec(), None)
+            }
             Shape::Lag(..) => (vec!["deg_h_per_unit"], Some("lag_s")),
             Shape::LowPass(..) => (vec!["deg_h_per_unit"], Some("tau_s")),
             Shape::Rate(name) if name.as_str() == "temp_c" => (vec!["deg_h_per_k_per_s"], Some("slope_s")),
@@ -170,6 +183,7 @@ impl Candidate {
             Shape::WarmUp => (vec!["deg_h"], Some("tau_s")),
             Shape::Settling(SettlingBy::Position, _) => (vec!["cos_deg_h", "sin_deg_h"], Some("tau_s")),
             Shape::Settling(SettlingBy::Travel, _) => (vec!["deg_h_per_deg_travel"], Some("tau_s")),
+            Shape::Settling(SettlingBy::SignedTravel, _) => (vec!["deg_h_per_deg_signed_travel"], Some("tau_s")),
             Shape::Settling(..) => (vec!["deg_h"], Some("tau_s")),
             Shape::Harmonic(_) => (vec!["cos_deg_h", "sin_deg_h"], None),
             Shape::LevelBias(_) => (vec!["forward_g", "left_g"], None),
@@ -198,7 +212,9 @@ impl Candidate {
         if self.channel != other.channel {
             return false;
         }
-        let value = |shape: &Shape| matches!(shape, Shape::Powers(..) | Shape::Lag(..) | Shape::LowPass(..));
+        let value = |shape: &Shape| {
+            matches!(shape, Shape::Powers(..) | Shape::Spline(..) | Shape::Lag(..) | Shape::LowPass(..))
+        };
         let rate = |shape: &Shape| matches!(shape, Shape::Rate(_) | Shape::RateLowPass(_));
         match (&self.shape, &other.shape) {
             (Shape::Drift(_), Shape::Drift(_)) | (Shape::DeadZone(_), Shape::DeadZone(_)) => true,
@@ -331,6 +347,7 @@ pub fn all(runs: &[&RunData], constant_channels: &[String]) -> Vec<Candidate> {
         ("settling", SettlingBy::Nothing),
         ("settling-by-direction", SettlingBy::Direction),
         ("settling-by-travel", SettlingBy::Travel),
+        ("settling-by-signed-travel", SettlingBy::SignedTravel),
         ("settling-by-position", SettlingBy::Position),
     ] {
         list.push(Candidate::new(name, "bias", None, Shape::Settling(by, false), settling.clone()));
@@ -365,6 +382,21 @@ pub fn all(runs: &[&RunData], constant_channels: &[String]) -> Vec<Candidate> {
     list
 }
 
+/// Knots of splines that may follow a curve, fewer and more: at quantiles of the values, the outer ones at 5 % and 95 %
+/// (Harrell, Regression modeling strategies, 2001, section 2.4.5).
+fn splines(mut values: Vec<f64>) -> Vec<Numbers> {
+    values.sort_unstable_by(f64::total_cmp);
+    let at = |share: f64| values[(share * (values.len() - 1) as f64) as usize];
+    [4, MAX_KNOTS]
+        .into_iter()
+        .filter_map(|count| {
+            let knots: Vec<f64> = (0..count).map(|i| at(0.05 + 0.9 * i as f64 / (count - 1) as f64)).collect();
+            let rising = knots.windows(2).all(|pair| pair[1] > pair[0]);
+            Numbers::new(&knots).filter(|_| rising)
+        })
+        .collect()
+}
+
 fn of_channel(list: &mut Vec<Candidate>, name: &str, runs: &[&RunData], longest_s: f64) {
     let Some(channel) = ChannelName::new(name) else { return };
     let values: Vec<f64> = runs.iter().filter_map(|run| run.channel(name)).flatten().collect();
@@ -385,6 +417,9 @@ fn of_channel(list: &mut Vec<Candidate>, name: &str, runs: &[&RunData], longest_
     }
     add("-quadratic", Shape::Powers(channel, mean, 2), vec![]);
     add("-cubic", Shape::Powers(channel, mean, 3), vec![]);
+    for knots in splines(values) {
+        add("-spline", Shape::Spline(channel, knots), vec![]);
+    }
     add("-rate", Shape::Rate(channel), vec![3.0, 6.0, 12.0, 30.0]);
     add("-lag", Shape::Lag(channel, mean), geometric(3.0, 30.0, 5));
     add("-low-pass", Shape::LowPass(channel, mean), geometric(5.0, longest_s, 7));

@@ -178,9 +178,11 @@ fn names(campaign: &Campaign) -> &'static [&'static str] {
             "temperature",
             "temperature-quadratic",
             "temperature-cubic",
+            "temperature-spline",
             "channel",
             "channel-quadratic",
             "channel-cubic",
+            "channel-spline",
         ],
         Family::ChannelRate => {
             &["temperature-rate", "temperature-rate-low-pass", "channel-rate", "channel-rate-low-pass"]
@@ -190,9 +192,14 @@ fn names(campaign: &Campaign) -> &'static [&'static str] {
         }
         Family::Drift => &["drift", "drift-quadratic"],
         Family::SinceSwitchOn => &["warm-up"],
-        Family::AfterMove => {
-            &["settling", "settling-by-direction", "settling-by-travel", "settling-by-position", "settling-every-stay"]
-        }
+        Family::AfterMove => &[
+            "settling",
+            "settling-by-direction",
+            "settling-by-travel",
+            "settling-by-signed-travel",
+            "settling-by-position",
+            "settling-every-stay",
+        ],
         Family::BodyHarmonic => harmonic_names(campaign),
         Family::EarthField => &["earth-field"],
         Family::NonLinearity => &["rate-cubic", "dead-zone"],
