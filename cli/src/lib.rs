@@ -8,6 +8,7 @@ pub mod commands;
 pub mod diagnose;
 pub mod engine;
 pub mod failure;
+pub mod field;
 pub mod file_error;
 pub mod import;
 pub mod interrupt;

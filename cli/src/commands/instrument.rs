@@ -12,7 +12,7 @@ use crate::failure::Failure;
 use crate::settings_file::{read_model, read_settings, scenario_settings};
 
 /// Which simulated instrument, where, and how it is set.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Default)]
 pub struct InstrumentOptions {
     /// A built-in scenario ("list" shows them) or a scenario file ending in .toml
     #[arg(long, value_name = "NAME", default_value = "calm-bench")]

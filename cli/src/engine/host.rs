@@ -8,11 +8,12 @@ use north_finder::drivers::sensors::{Due, Sensors};
 use north_finder::drivers::step_motor::{SLOTS_PER_TICK, StepMotor};
 use north_finder::event::Report;
 use north_finder::health::Refused;
-use north_finder::pipeline::{Command, MotorCommand, Pipeline, Readings};
+use north_finder::link::Request;
+use north_finder::pipeline::{MotorCommand, Pipeline, Readings};
 use north_finder::settings::Settings;
 use north_finder::settings::store::{self, Loaded};
 
-use super::{End, EndWatch, EngineError, Observer, Outcome, Setup};
+use super::{EngineError, FixWanted, Observer, Outcome, Person, PowerOff, Setup};
 
 /// Sees what enters the pipeline at every tick.
 pub type Tap<'a> = dyn FnMut(&Readings, &[u8]) + 'a;
@@ -46,23 +47,35 @@ pub fn run_tapped(
     observe: &mut Observer<'_>,
     tap: &mut Tap<'_>,
 ) -> Result<Outcome, EngineError> {
-    let mut instrument = Instrument::power_up(super::world(setup)?)?;
-    instrument.pipeline.command(Command::Start);
-    let limit_ticks = super::limit_ticks(setup);
-    let mut watch = EndWatch::default();
-    let mut end = None;
-    while end.is_none() {
-        instrument.tick(tap, &mut |report| {
-            observe(&report);
-            end = end.or(watch.see(&report));
-        });
+    let world = super::world(setup)?;
+    let mut wanted = FixWanted::new(observe);
+    let off = serve(&world, super::limit_ticks(setup), &mut wanted, stop, tap)?;
+    Ok(wanted.outcome(off, &world))
+}
+
+/// Powers the instrument of a world up, and lets a person work with it for at most that many ticks.
+pub fn serve(
+    world: &World,
+    limit_ticks: u64,
+    person: &mut dyn Person,
+    stop: &AtomicBool,
+    tap: &mut Tap<'_>,
+) -> Result<PowerOff, EngineError> {
+    let mut instrument = Instrument::power_up(world.clone())?;
+    for tick in 0..limit_ticks {
+        if let Some(request) = person.request(tick) {
+            instrument.request(request)?;
+        }
+        let mut heard = false;
+        instrument.tick(tap, &mut |report| heard |= person.hear(&report));
+        if heard {
+            return Ok(PowerOff::Heard);
+        }
         if stop.load(Ordering::Relaxed) {
-            end = end.or(Some(End::Interrupted));
-        } else if instrument.tick >= limit_ticks {
-            end = end.or(Some(End::TimeLimit));
+            return Ok(PowerOff::Interrupted);
         }
     }
-    Ok(Outcome { end: end.unwrap_or(End::TimeLimit), truth: instrument.world.truth() })
+    Ok(PowerOff::TimeLimit)
 }
 
 impl Instrument {
@@ -84,6 +97,20 @@ impl Instrument {
         })
     }
 
+    /// A request over the link.
+    fn request(&mut self, request: Request) -> Result<(), EngineError> {
+        match request {
+            Request::Command(command) => self.pipeline.command(command),
+            Request::StoreSettings(settings)
+                if settings.validate().is_ok() && store::save(&mut self.world.flash(), &settings).is_ok() =>
+            {
+                *self = Self::power_up(self.world.clone())?;
+            }
+            Request::StoreSettings(_) => self.pipeline.bad_command(),
+        }
+        Ok(())
+    }
+
     /// 2.5 ms, everything in the order in which the board does it.
     fn tick(&mut self, tap: &mut Tap<'_>, report: &mut dyn FnMut(Report)) {
         for _ in 0..SLOTS_PER_TICK {
@@ -101,7 +128,20 @@ impl Instrument {
         let readings = Readings { tick: self.tick, acceleration_g, index_deg, turning, refused };
         tap(&readings, &self.heard);
         self.pending = self.pipeline.tick(&readings, report);
+        self.calibrate();
         self.tick += 1;
+    }
+
+    /// What the calibration in the field has done outside the pipeline.
+    fn calibrate(&mut self) {
+        let field = &mut self.pipeline.field;
+        if let Some(problem) = field.problem() {
+            field.solved(problem.solve());
+        }
+        if let Some(calibration) = field.to_store() {
+            let change = |settings: &mut Settings| settings.accelerometer = Some(calibration);
+            field.stored(store::update(&mut self.world.flash(), change).is_ok());
+        }
     }
 
     /// All bytes that the gyro has sent by now.

@@ -10,6 +10,8 @@ use std::sync::atomic::AtomicBool;
 use hal_sim::{Scenario, Truth, World};
 use north_finder::event::{Event, Fix, Report, State};
 use north_finder::health::Fault;
+use north_finder::link::Request;
+use north_finder::pipeline::Command;
 use north_finder::sample::SAMPLE_S;
 use north_finder::settings::{Settings, store};
 
@@ -75,6 +77,25 @@ impl Engine {
 /// Sees every report as it comes.
 pub type Observer<'a> = dyn FnMut(&Report) + 'a;
 
+/// Who is at the instrument: hears what it reports, sends it requests.
+pub trait Person {
+    /// What is sent at the tick of this number.
+    fn request(&mut self, tick: u64) -> Option<Request>;
+    /// Hears a report; `true` if that was all, and the power goes off.
+    fn hear(&mut self, report: &Report) -> bool;
+}
+
+/// Why the power went off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PowerOff {
+    /// The person had heard all.
+    Heard,
+    /// The time limit passed.
+    TimeLimit,
+    /// The caller asked to stop.
+    Interrupted,
+}
+
 /// Why a run could not be done at all.
 #[derive(Debug, thiserror::Error)]
 pub enum EngineError {
@@ -92,14 +113,29 @@ pub fn run(
     stop: &AtomicBool,
     observe: &mut Observer<'_>,
 ) -> Result<Outcome, EngineError> {
+    let world = world(setup)?;
+    let mut wanted = FixWanted::new(observe);
+    let off = serve(engine, image, &world, limit_ticks(setup), &mut wanted, stop)?;
+    Ok(wanted.outcome(off, &world))
+}
+
+/// Powers the instrument of a world up on the chosen engine, and lets a person work with it for at most that many ticks.
+pub fn serve(
+    engine: Engine,
+    image: Option<&Path>,
+    world: &World,
+    limit_ticks: u64,
+    person: &mut dyn Person,
+    stop: &AtomicBool,
+) -> Result<PowerOff, EngineError> {
     match engine {
-        Engine::Host => host::run(setup, stop, observe),
+        Engine::Host => host::serve(world, limit_ticks, person, stop, &mut |_, _| ()),
         Engine::Qemu => {
             let image = match image {
                 Some(image) => image.to_owned(),
                 None => qemu::image::build().map_err(qemu::QemuError::from)?,
             };
-            Ok(qemu::run(&image, setup, stop, observe)?.0)
+            Ok(qemu::serve(&image, world, limit_ticks, person, stop)?.0)
         }
     }
 }
@@ -118,21 +154,42 @@ pub fn limit_ticks(setup: &Setup) -> u64 {
     (setup.scenario.duration_limit_s / SAMPLE_S) as u64
 }
 
-/// Watches the reports for the end of a fix: the fix or the fault comes first, the final state after it.
-#[derive(Debug, Default)]
-pub struct EndWatch {
+/// Somebody who wants a fix as soon as there is power, and nothing more.
+pub struct FixWanted<'a, 'b> {
+    observe: &'a mut Observer<'b>,
     verdict: Option<End>,
 }
 
-impl EndWatch {
-    /// Takes a report; gives the end when this was the last one of the fix.
-    pub fn see(&mut self, report: &Report) -> Option<End> {
+impl<'a, 'b> FixWanted<'a, 'b> {
+    /// `observe` sees every report.
+    pub fn new(observe: &'a mut Observer<'b>) -> Self {
+        Self { observe, verdict: None }
+    }
+
+    /// How it ended.
+    pub fn outcome(&self, off: PowerOff, world: &World) -> Outcome {
+        let end = match (off, self.verdict) {
+            (PowerOff::Heard, Some(verdict)) => verdict,
+            (PowerOff::Heard | PowerOff::TimeLimit, _) => End::TimeLimit,
+            (PowerOff::Interrupted, _) => End::Interrupted,
+        };
+        Outcome { end, truth: world.truth() }
+    }
+}
+
+impl Person for FixWanted<'_, '_> {
+    fn request(&mut self, tick: u64) -> Option<Request> {
+        (tick == 0).then_some(Request::Command(Command::Start))
+    }
+
+    /// The fix or the fault comes first, the final state after it.
+    fn hear(&mut self, report: &Report) -> bool {
+        (self.observe)(report);
         match report.event {
             Event::Fix(fix) => self.verdict = Some(End::Fix(fix)),
             Event::Fault { fault, state } => self.verdict = Some(End::Fault { fault, state }),
-            Event::State(State::Finished | State::Failed) => return self.verdict,
             _ => {}
         }
-        None
+        matches!(report.event, Event::State(State::Finished | State::Failed)) && self.verdict.is_some()
     }
 }

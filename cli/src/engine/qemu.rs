@@ -17,11 +17,11 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use hal_sim::World;
 use north_finder::link::{self, ReportDecoder, Request};
-use north_finder::pipeline::Command;
 use north_finder::sample::SAMPLE_S;
 
-use super::{End, EndWatch, EngineError, Observer, Outcome, Setup};
+use super::{EngineError, FixWanted, Observer, Outcome, Person, PowerOff, Setup};
 use instrument::Instrument;
 use lines::{Lines, Uarts};
 use process::Qemu;
@@ -111,7 +111,7 @@ pub fn run(
     stop: &AtomicBool,
     observe: &mut Observer<'_>,
 ) -> Result<(Outcome, Cost), EngineError> {
-    run_at(Pace::LockStep, image, setup, &mut start_command, stop, observe)
+    fix_at(Pace::LockStep, image, setup, stop, observe)
 }
 
 /// The same in real time: the timers run by themselves, gyro and host talk over QEMU's emulated UARTs. A smoke test of
@@ -122,39 +122,54 @@ pub fn run_in_real_time(
     stop: &AtomicBool,
     observe: &mut Observer<'_>,
 ) -> Result<(Outcome, Cost), EngineError> {
-    run_at(Pace::RealTime, image, setup, &mut start_command, stop, observe)
+    fix_at(Pace::RealTime, image, setup, stop, observe)
 }
 
-/// What the host sends at the tick of this number.
-type Host<'a> = dyn FnMut(u64) -> Option<Request> + 'a;
-
-/// A host that wants a fix as soon as there is power.
-fn start_command(tick: u64) -> Option<Request> {
-    (tick == 0).then_some(Request::Command(Command::Start))
+/// Powers the instrument of a world up in QEMU, in lock-step, and lets a person work with it for at most that many ticks.
+///
+/// `stop` is looked at in every tick. Whatever happens, QEMU has ended when this returns.
+pub fn serve(
+    image: &Path,
+    world: &World,
+    limit_ticks: u64,
+    person: &mut dyn Person,
+    stop: &AtomicBool,
+) -> Result<(PowerOff, Cost), EngineError> {
+    serve_at(Pace::LockStep, image, world, limit_ticks, person, stop)
 }
 
-fn run_at(
+fn fix_at(
     pace: Pace,
     image: &Path,
     setup: &Setup,
-    host: &mut Host<'_>,
     stop: &AtomicBool,
     observe: &mut Observer<'_>,
 ) -> Result<(Outcome, Cost), EngineError> {
-    let started = Instant::now();
     let world = super::world(setup)?;
+    let mut wanted = FixWanted::new(observe);
+    let (off, cost) = serve_at(pace, image, &world, super::limit_ticks(setup), &mut wanted, stop)?;
+    Ok((wanted.outcome(off, &world), cost))
+}
+
+fn serve_at(
+    pace: Pace,
+    image: &Path,
+    world: &World,
+    limit_ticks: u64,
+    person: &mut dyn Person,
+    stop: &AtomicBool,
+) -> Result<(PowerOff, Cost), EngineError> {
+    let started = Instant::now();
     let (mut qemu, mut lines) = start(pace, image)?;
-    let mut instrument = Instrument::new(&world);
+    let mut instrument = Instrument::new(world);
     let mut reports = ReportDecoder::new();
-    let limit_ticks = super::limit_ticks(setup);
     let mut cost = Cost::default();
-    let mut watch = EndWatch::default();
-    let mut end = None;
-    let mut hear = |bytes: &[u8], end: &mut Option<End>| {
+    let mut off = None;
+    let mut hear = |bytes: &[u8], person: &mut dyn Person, off: &mut Option<PowerOff>| {
         for report in bytes.iter().filter_map(|&byte| reports.feed(byte)) {
-            let report = report.map_err(|_| QemuError::Report)?;
-            observe(&report);
-            *end = end.or(watch.see(&report));
+            if person.hear(&report.map_err(|_| QemuError::Report)?) {
+                off.get_or_insert(PowerOff::Heard);
+            }
         }
         Ok::<(), QemuError>(())
     };
@@ -162,28 +177,28 @@ fn run_at(
         match qemu.receive()? {
             Ask::Tick { busy_cycles, edges } => {
                 cost.count(busy_cycles);
-                hear(&lines.receive()?, &mut end)?;
+                hear(&lines.receive()?, person, &mut off)?;
                 if stop.load(Ordering::Relaxed) {
-                    end = end.or(Some(End::Interrupted));
+                    off = off.or(Some(PowerOff::Interrupted));
                 } else if cost.ticks >= limit_ticks {
-                    end = end.or(Some(End::TimeLimit));
+                    off = off.or(Some(PowerOff::TimeLimit));
                 }
-                let reply = if end.is_some() {
+                let reply = if off.is_some() {
                     wire::power_off()
                 } else {
                     let gyro = instrument.tick(edges);
-                    let requests = host(cost.ticks).map_or(Ok(Vec::new()), |request| encode(&request))?;
+                    let requests = person.request(cost.ticks).map_or(Ok(Vec::new()), |request| encode(&request))?;
                     cost.ticks += 1;
                     lines.send(&gyro, &requests)?
                 };
                 qemu.reply(&reply)?;
             }
-            Ask::Uart { bytes } => hear(bytes, &mut end)?,
+            Ask::Uart { bytes } => hear(bytes, person, &mut off)?,
             Ask::Log { .. } => {}
             Ask::Panic { text } => return Err(QemuError::Panicked(text.to_owned()).into()),
             Ask::End { stack_bytes } => {
                 let cost = Cost { stack_bytes, wall: started.elapsed(), ..cost };
-                return Ok((Outcome { end: end.unwrap_or(End::Interrupted), truth: world.truth() }, cost));
+                return Ok((off.unwrap_or(PowerOff::Interrupted), cost));
             }
             device => {
                 let reply = instrument.device(device);

@@ -1,6 +1,7 @@
 //! A fix for people: live while it runs, and its result.
 
 mod flags;
+pub mod guidance;
 mod live;
 mod result;
 

@@ -1,6 +1,7 @@
 //! `north calibrate`: calibrations of triads.
 
 mod ellipsoid;
+mod field;
 mod simulate;
 mod six_position;
 
@@ -24,6 +25,7 @@ pub struct Calibrate {
 enum What {
     SixPosition(six_position::SixPosition),
     Ellipsoid(ellipsoid::Ellipsoid),
+    Field(field::Field),
     Simulate(simulate::Simulate),
 }
 
@@ -32,6 +34,7 @@ impl Calibrate {
         match self.what {
             What::SixPosition(six_position) => six_position.run(),
             What::Ellipsoid(ellipsoid) => ellipsoid.run(),
+            What::Field(field) => field.run(),
             What::Simulate(simulate) => simulate.run(),
         }
     }

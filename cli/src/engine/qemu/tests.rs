@@ -4,9 +4,11 @@ use std::sync::OnceLock;
 
 use hal_sim::Scenario;
 use north_finder::event::{Event, Report, State};
+use north_finder::pipeline::Command;
 use north_finder::settings::Settings;
 
 use super::*;
+use crate::engine::End;
 use crate::settings_file::scenario_settings;
 
 /// The image, built once.
@@ -60,21 +62,34 @@ fn an_interrupted_run_leaves_no_process() {
 #[test]
 fn settings_arrive_over_the_link_and_outlive_the_restart() {
     let settings = Settings { latitude_deg: 51.5, ..setup(1.0).settings.unwrap() };
-    let empty = Setup { settings: None, ..setup(10.0) };
-    let mut host = |tick| match tick {
-        400 => Some(Request::StoreSettings(settings.clone())),
-        1200 => Some(Request::Command(Command::Start)),
-        _ => None,
-    };
-    let mut states = Vec::new();
-    let observe = &mut |report: &Report| {
-        if let Event::State(state) = report.event {
-            states.push(state);
+    let mut person = Loader { settings, states: Vec::new() };
+    let world = World::new(&setup(10.0).scenario, 1);
+    let (off, _) = serve(image(), &world, 4000, &mut person, &never()).unwrap();
+    assert_eq!(off, PowerOff::TimeLimit);
+    assert!(person.states.contains(&State::Watching), "{:?}", person.states);
+}
+
+/// Loads settings into an empty instrument and then starts a fix.
+struct Loader {
+    settings: Settings,
+    states: Vec<State>,
+}
+
+impl Person for Loader {
+    fn request(&mut self, tick: u64) -> Option<Request> {
+        match tick {
+            400 => Some(Request::StoreSettings(self.settings.clone())),
+            1200 => Some(Request::Command(Command::Start)),
+            _ => None,
         }
-    };
-    let (outcome, _) = run_at(Pace::LockStep, image(), &empty, &mut host, &never(), observe).unwrap();
-    assert_eq!(outcome.end, End::TimeLimit);
-    assert!(states.contains(&State::Watching), "{states:?}");
+    }
+
+    fn hear(&mut self, report: &Report) -> bool {
+        if let Event::State(state) = report.event {
+            self.states.push(state);
+        }
+        false
+    }
 }
 
 #[test]
