@@ -13,4 +13,4 @@ pub use accelerometers::AccelerometerTriad;
 pub use gyros::{GyroTriad, TriadErrors};
 pub use hand::{HandReading, Placement, even_directions, place_by_hand};
 pub use ship::{ShipStep, ShipVoyage, distance_nmi};
-pub use table::{Knock, PositionOfTable, SIX_POSITIONS, Table, TableRow, Visit};
+pub use table::{Knock, PositionOfTable, SIX_POSITIONS, Table, TableRow, Visit, Warming};

@@ -1,12 +1,13 @@
 //! The triads: which way the table turns them, and the sign of every error.
 
 use hal_sim::triad::{
-    AccelerometerTriad, GyroTriad, Knock, Placement, SIX_POSITIONS, ShipVoyage, Table, TriadErrors, Visit,
+    AccelerometerTriad, GyroTriad, Knock, Placement, SIX_POSITIONS, ShipVoyage, Table, TriadErrors, Visit, Warming,
     distance_nmi, even_directions, place_by_hand,
 };
 
 const QUIET: TriadErrors = TriadErrors {
     bias_deg_h: [0.0; 3],
+    bias_deg_h_per_k: [0.0; 3],
     scale_ppm: [0.0; 3],
     tilt_arcsec: [[0.0; 2]; 3],
     arw_deg_per_sqrt_h: 0.0,
@@ -77,16 +78,27 @@ fn moving_in_and_a_knock_show_in_the_rows() {
     let visit = Visit {
         moves_from_deg: Some([0.0, 0.0, -90.0]),
         move_s: 5.0,
-        knocks: vec![Knock { at_s: 30.2, swing_arcsec: 400.0 }],
+        knocks: vec![Knock { at_s: 30.2, swing_arcsec: 400.0, turned_arcsec: [20.0, 0.0, -50.0] }],
         ..Visit::at_rest([0.0; 3], 60.0)
     };
     let rows = table.visit(&visit);
     let turned: f64 = rows[..5].iter().map(|row| row.arcsec[2]).sum();
     assert!((turned / 3600.0 - 90.0).abs() < 0.1, "{turned}");
     assert!(rows[30].arcsec[0].abs() > 20.0 && rows[20].arcsec[0].abs() < 0.1);
-    // A twentieth of the knock stays.
+    // x points east and feels no Earth: what it adds up to is the turn that stays.
     let left: f64 = rows[25..50].iter().map(|row| row.arcsec[0]).sum();
     assert!((left - 20.0).abs() < 0.5, "{left}");
+}
+
+#[test]
+fn warmth_moves_the_bias() {
+    let mut table = Table::new(0.0, &TriadErrors { bias_deg_h_per_k: [0.01, 0.0, -0.02], ..QUIET }, 1);
+    let warming = Some(Warming { at_s: 5.0, by_k: 10.0 });
+    let rows = table.visit(&Visit { temp_c: 20.0, warming, ..Visit::at_rest([0.0; 3], 10.0) });
+    let [before, after] = [2, 7].map(|row: usize| (rows[row].temp_c, rows[row].arcsec));
+    assert_eq!((before.0, after.0), (20.0, 30.0));
+    assert!((before.1[0] + 0.05).abs() < 1e-9 && (after.1[0] - 0.05).abs() < 1e-9, "{before:?} {after:?}");
+    assert!((before.1[2] - 0.1).abs() < 1e-9 && (after.1[2] + 0.1).abs() < 1e-9, "{before:?} {after:?}");
 }
 
 #[test]

@@ -3,8 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use csv::{ByteRecord, ReaderBuilder, Trim};
+use north_finder::calibration::statistics::median;
 
 use crate::file_error::{FileError, Place, Problem};
+
+/// A step of time longer than so many median steps is a gap.
+const LONGEST_STEP: f64 = 1.5;
 
 /// A column that is looked for.
 #[derive(Clone, Copy, Debug)]
@@ -117,6 +121,22 @@ impl<const N: usize> Table<N> {
         Ok(())
     }
 
+    /// That no rows are missing: no step of a column of times is longer than [`LONGEST_STEP`] median steps.
+    pub fn check_gapless(&self, column: usize) -> Result<(), FileError> {
+        let steps = || self.rows.windows(2).map(|pair| pair[1][column] - pair[0][column]);
+        let median_s = median(&mut steps().collect::<Vec<_>>()).unwrap_or(0.0);
+        match steps().zip(&self.lines[1..]).find(|(step_s, _)| *step_s > LONGEST_STEP * median_s) {
+            Some((step_s, line)) => {
+                let problem = Problem::not_allowed(
+                    format!("a step of {step_s:.4} s"),
+                    format!("at most {LONGEST_STEP} median steps of {median_s:.4} s: rows are missing before this one"),
+                );
+                Err(self.field_error(*line, self.places[column].unwrap_or_default(), problem))
+            }
+            None => Ok(()),
+        }
+    }
+
     fn field_error(&self, line: u64, field: usize, problem: Problem) -> FileError {
         let name = self.header.get(field).cloned().unwrap_or_default();
         FileError::new(&self.path, Place::Field { line, column: field + 1, name }, problem)
@@ -188,5 +208,21 @@ mod tests {
         }
         let backwards = read("t_s,ax\n1,2\n1,3\n").unwrap_err();
         assert!(backwards.starts_with("a.csv, line 3, column 1 (t_s): time 1 is not later"), "{backwards}");
+    }
+
+    #[test]
+    fn a_gap_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.csv");
+        let gap = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            Table::<3>::read(&path, ALL, 1).unwrap().check_gapless(0).map_err(|error| error.to_string())
+        };
+        assert_eq!(gap("t_s,ax\n1,0\n2,0\n3.4,0\n4,0\n"), Ok(()));
+        assert_eq!(gap("t_s,ax\n1,0\n"), Ok(()));
+        let error = gap("t_s,ax\n1,0\n2,0\n3,0\n5,0\n").unwrap_err();
+        let expected = "a.csv, line 5, column 1 (t_s): \"a step of 2.0000 s\" is not allowed; allowed is at most 1.5 \
+                        median steps of 1.0000 s: rows are missing before this one";
+        assert!(error.ends_with(expected), "{error}");
     }
 }

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use north_finder::calibration::ellipsoid::attitude::{Attitude, OUTLIER_SIGMAS};
 use north_finder::calibration::ellipsoid::{self, Calibration, Correction, Entry, Refusal, Role, nominal, norm_rms};
+use north_finder::calibration::statistics::{SIGMA_PER_MEDIAN_DEVIATION, median};
 use serde::Serialize;
 
 use super::columns::{self, Column, Table};
@@ -175,11 +176,25 @@ fn resolution(readings: impl Iterator<Item = [f64; 3]>) -> f64 {
     if least.is_finite() { least } else { 0.0 }
 }
 
+/// Standard deviation that a reading is granted whatever the scatter of its own attitude: the middle of the robust scatters of
+/// all attitudes and axes, or the smallest step. Ten readings alone may happen to lie close together.
+pub fn granted_noise<'a>(attitudes: impl Iterator<Item = &'a [[f64; 3]]> + Clone) -> f64 {
+    let deviation = |readings: &[[f64; 3]], axis: usize| {
+        let mut values: Vec<_> = readings.iter().map(|reading| reading[axis]).collect();
+        let middle = median(&mut values)?;
+        values.iter_mut().for_each(|value| *value = (*value - middle).abs());
+        median(&mut values)
+    };
+    let deviations = attitudes.clone().flat_map(|readings| (0..3).filter_map(move |axis| deviation(readings, axis)));
+    let scatter = SIGMA_PER_MEDIAN_DEVIATION * median(&mut deviations.collect::<Vec<_>>()).unwrap_or(0.0);
+    scatter.max(resolution(attitudes.flatten().copied()))
+}
+
 /// Means of the attitudes, with their numbers; outliers dropped.
 fn boil_down(groups: Vec<Group>, rejected: &mut Vec<Rejected>) -> Vec<(f64, Stay)> {
     const OUTLIERS: &str = "readings beyond six robust standard deviations of their attitude";
     const _: () = assert!(OUTLIER_SIGMAS == 6.0);
-    let resolution = resolution(groups.iter().flat_map(|group| group.readings.iter().copied()));
+    let granted = granted_noise(groups.iter().map(|group| group.readings.as_slice()));
     let mut stays = Vec::with_capacity(groups.len());
     for Group { number, t_s, readings, knocked } in groups {
         if knocked > 0 {
@@ -188,7 +203,7 @@ fn boil_down(groups: Vec<Group>, rejected: &mut Vec<Rejected>) -> Vec<(f64, Stay
         }
         let mut scratch = vec![0.0; readings.len()];
         let count = u16::try_from(readings.len()).unwrap_or(u16::MAX);
-        match Attitude::of(&readings, resolution, &mut scratch) {
+        match Attitude::of(&readings, granted, &mut scratch) {
             Some(attitude) => {
                 if attitude.dropped > 0 {
                     rejected.push(Rejected { attitude: number, t_s, readings: attitude.dropped, why: OUTLIERS });

@@ -20,6 +20,8 @@ const TABLE_ARCSEC: f64 = 3.0;
 /// The file, checked.
 #[derive(Debug)]
 pub struct Manifest {
+    /// Of the manifest itself.
+    pub path: PathBuf,
     pub knowledge: Knowledge,
     pub positions: Vec<Listed>,
 }
@@ -65,12 +67,12 @@ impl Manifest {
         };
         let file = TomlFile::read(&manifest)?;
         let raw: Raw = file.parse_format(FORMAT)?;
-        raw.check(&file, &folder)
+        raw.check(&file, manifest, &folder)
     }
 }
 
 impl Raw {
-    fn check(self, file: &TomlFile, folder: &Path) -> Result<Manifest, FileError> {
+    fn check(self, file: &TomlFile, path: PathBuf, folder: &Path) -> Result<Manifest, FileError> {
         let within = |name: &str, value: Option<Spanned<f64>>, default: f64, low: f64, high: f64| {
             let Some(value) = value else { return Ok(default) };
             if (low..=high).contains(value.get_ref()) {
@@ -90,7 +92,7 @@ impl Raw {
         let mut seen = HashSet::new();
         let positions =
             self.position.into_iter().map(|raw| raw.check(file, folder, &mut seen)).collect::<Result<_, _>>()?;
-        Ok(Manifest { knowledge, positions })
+        Ok(Manifest { path, knowledge, positions })
     }
 }
 

@@ -17,6 +17,8 @@ const MEAN_S: f64 = 1.0;
 const LEAST_MEANS: f64 = 60.0;
 /// Part of an interval that rows must fill.
 const LEAST_FILLED: f64 = 0.9;
+/// A change of temperature between positions that biases may follow, K.
+const NOTED_K: f64 = 1.0;
 
 /// A solved set, or the reason why there is no solution.
 #[derive(Debug)]
@@ -46,8 +48,8 @@ pub enum SixPositionError {
     File(#[from] FileError),
     #[error("{file}: {reason}")]
     Stay { file: String, reason: String },
-    #[error("{}", explain(.refusal, .names))]
-    Refused { refusal: Refusal, names: Vec<String> },
+    #[error("{file}: {reason}")]
+    Refused { file: String, reason: String },
 }
 
 /// The machine-readable result; field names are stable.
@@ -71,21 +73,26 @@ pub fn calibrate(path: &Path) -> Result<Outcome, SixPositionError> {
     for listed in manifest.positions {
         let recording = Recording::read(&listed.path)?;
         let mut scratch = vec![0.0; recording.rates_deg_h.len()];
-        let stay = Stay::of(&recording.rates_deg_h, &mut scratch)
-            .map_err(|error| SixPositionError::Stay { file: listed.name.clone(), reason: error.to_string() })?;
+        let stay = Stay::of(&recording.rates_deg_h, recording.mean_s, &mut scratch).map_err(|error| {
+            SixPositionError::Stay { file: listed.path.display().to_string(), reason: error.to_string() }
+        })?;
         let position = Position { axes: listed.axes, stay };
         visits.push(Visit { name: listed.name, position, mean_s: recording.mean_s, temp_c: recording.temp_c });
     }
     let positions: Vec<_> = visits.iter().map(|visit| visit.position).collect();
     let latitude_deg = manifest.knowledge.latitude_deg;
-    match six_position::solve(&positions, &manifest.knowledge) {
-        Ok(calibration) => {
-            Ok(Outcome { latitude_deg, published: by_formulas(&positions, latitude_deg), visits, calibration })
-        }
-        Err(refusal) => {
-            Err(SixPositionError::Refused { refusal, names: visits.into_iter().map(|visit| visit.name).collect() })
-        }
-    }
+    let calibration = six_position::solve(&positions, &manifest.knowledge).map_err(|refusal| {
+        SixPositionError::Refused { file: manifest.path.display().to_string(), reason: explain(&refusal, &visits) }
+    })?;
+    Ok(Outcome { latitude_deg, published: by_formulas(&positions, latitude_deg), visits, calibration })
+}
+
+/// Lowest and highest temperature of the positions, °C, if they differ so much that biases may follow.
+pub fn noted_temperatures(visits: &[Visit]) -> Option<[f64; 2]> {
+    let temperatures = visits.iter().filter_map(|visit| visit.temp_c);
+    let low = temperatures.clone().fold(f64::INFINITY, f64::min);
+    let high = temperatures.fold(f64::NEG_INFINITY, f64::max);
+    (high - low > NOTED_K).then_some([low, high])
 }
 
 impl Outcome {
@@ -114,23 +121,24 @@ pub fn by_formulas(positions: &[Position], latitude_deg: f64) -> Option<Publishe
     published::differences(&[one?, two?, three?, four?, five?, six?], latitude_deg).ok()
 }
 
-/// The refusal, with the names of the files where it counts positions.
-fn explain(refusal: &Refusal, names: &[String]) -> String {
+/// The refusal, with the names of the files where it counts positions, and what may have made a closure large.
+fn explain(refusal: &Refusal, visits: &[Visit]) -> String {
     let files = |wanted: &dyn Fn(usize) -> bool| {
-        let listed: Vec<_> = names
-            .iter()
-            .enumerate()
-            .filter(|(number, _)| wanted(*number))
-            .map(|(number, name)| format!("{} = {name}", number + 1))
-            .collect();
+        let wanted = visits.iter().enumerate().filter(|(number, _)| wanted(*number));
+        let listed: Vec<_> = wanted.map(|(number, visit)| format!("{} = {}", number + 1, visit.name)).collect();
         if listed.is_empty() { String::new() } else { format!(" ({})", listed.join(", ")) }
     };
-    let which = match refusal {
-        Refusal::Closure { suspects, .. } => files(&|number| number < 64 && suspects >> number & 1 == 1),
-        Refusal::NoScatter { position } => files(&|number| number == *position),
-        _ => String::new(),
-    };
-    format!("{refusal}{which}")
+    match refusal {
+        Refusal::Closure { suspects, .. } => {
+            let suspects = files(&|number| number < 64 && suspects >> number & 1 == 1);
+            let warmth = noted_temperatures(visits).map_or(String::new(), |[low, high]| {
+                format!("; the temperature differs from {low:.1} to {high:.1} C between the positions")
+            });
+            format!("{refusal}{suspects}{warmth}")
+        }
+        Refusal::NoScatter { position } => format!("{refusal}{}", files(&|number| number == *position)),
+        _ => refusal.to_string(),
+    }
 }
 
 /// A recording as mean rates over intervals of equal length.
@@ -147,6 +155,7 @@ impl Recording {
         let columns = ["t_s", "gx_arcsec", "gy_arcsec", "gz_arcsec", "temp_c"].map(Column::Named);
         let table = Table::read(path, columns, 1)?;
         table.check_increasing(0)?;
+        table.check_gapless(0)?;
         let rows = with_intervals(&table.rows);
         let (from_s, to_s) = match (table.rows.first(), table.rows.last()) {
             (Some([first_s, ..]), Some([last_s, ..])) => (first_s - rows.first().map_or(0.0, |row| row.0), *last_s),

@@ -6,8 +6,10 @@ use nalgebra::{Matrix3, Vector3};
 /// What is wrong with a triad.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TriadErrors {
-    /// Bias of x, y, z, °/h.
+    /// Bias of x, y, z at 25 °C, °/h.
     pub bias_deg_h: [f64; 3],
+    /// Change of the bias with temperature, °/h per K.
+    pub bias_deg_h_per_k: [f64; 3],
     /// Scale error of x, y, z, parts per million.
     pub scale_ppm: [f64; 3],
     /// Tilts of the sensitive axes: x towards y and z, y towards x and z, z towards x and y, arcsec.
@@ -23,6 +25,7 @@ impl Default for TriadErrors {
     fn default() -> Self {
         Self {
             bias_deg_h: [0.0; 3],
+            bias_deg_h_per_k: [0.0; 3],
             scale_ppm: [0.0; 3],
             tilt_arcsec: [[0.0; 2]; 3],
             arw_deg_per_sqrt_h: 0.0015,
@@ -39,7 +42,11 @@ pub struct GyroTriad {
     axes: Matrix3<f64>,
     slow: [SlowBias; 3],
     stream: Stream,
+    temp_c: f64,
 }
+
+/// Temperature at which the biases are given, °C.
+pub(super) const REFERENCE_C: f64 = 25.0;
 
 impl GyroTriad {
     /// Switched on. The same seed gives the same noise.
@@ -56,7 +63,12 @@ impl GyroTriad {
             let seed = seed.wrapping_mul(3).wrapping_add(axis);
             SlowBias::new(errors.bias_instability_deg_h, 0.0, Stream::new(seed, Source::GyroSlow))
         });
-        Self { errors: errors.clone(), axes, slow, stream: Stream::new(seed, Source::GyroWhite) }
+        Self { errors: errors.clone(), axes, slow, stream: Stream::new(seed, Source::GyroWhite), temp_c: REFERENCE_C }
+    }
+
+    /// Sets the temperature of the gyros, °C.
+    pub(super) fn set_temperature(&mut self, temp_c: f64) {
+        self.temp_c = temp_c;
     }
 
     /// What the gyros give without bias and noise for a rotation of the case about its x, y, z.
@@ -70,8 +82,12 @@ impl GyroTriad {
         let mut increments = self.response(turned_arcsec);
         // 1 °/√h is 60 arcsec/√s.
         let noise_arcsec = 60.0 * self.errors.arw_deg_per_sqrt_h * dt_s.sqrt();
-        for ((increment, bias), slow) in increments.iter_mut().zip(self.errors.bias_deg_h).zip(&mut self.slow) {
-            *increment += (bias + slow.advance(dt_s)) * dt_s + noise_arcsec * self.stream.normal();
+        let warmer_k = self.temp_c - REFERENCE_C;
+        let TriadErrors { bias_deg_h, bias_deg_h_per_k, .. } = self.errors;
+        for (((increment, bias), per_k), slow) in
+            increments.iter_mut().zip(bias_deg_h).zip(bias_deg_h_per_k).zip(&mut self.slow)
+        {
+            *increment += (bias + per_k * warmer_k + slow.advance(dt_s)) * dt_s + noise_arcsec * self.stream.normal();
         }
         increments
     }

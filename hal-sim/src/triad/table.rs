@@ -1,6 +1,6 @@
 //! A gyro triad on a three-axis table at rest on the Earth.
 
-use super::gyros::{GyroTriad, TriadErrors};
+use super::gyros::{GyroTriad, REFERENCE_C, TriadErrors};
 use crate::geometry::{ARCSEC_PER_RAD, earth_rate_rad_s};
 use nalgebra::{UnitQuaternion, Vector3};
 use std::f64::consts::TAU;
@@ -24,13 +24,23 @@ pub const SIX_POSITIONS: [PositionOfTable; 6] = [
     PositionOfTable { angles_deg: [0.0, 0.0, 90.0], axes: "NWU" },
 ];
 
-/// A blow: the triad swings on its adapter, and stays turned a little.
+/// A blow: the triad swings on its adapter, and may stay turned.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Knock {
     /// When, seconds from the beginning of the visit.
     pub at_s: f64,
     /// Amplitude of the swing about x, y, z of the case, arcsec; it dies away within a few seconds.
     pub swing_arcsec: f64,
+    /// By how much the triad is turned about x, y, z of the case afterwards, arcsec.
+    pub turned_arcsec: [f64; 3],
+}
+
+/// A sudden change of temperature.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Warming {
+    /// When, seconds from the beginning of the visit.
+    pub at_s: f64,
+    pub by_k: f64,
 }
 
 /// A visit to a position, recorded.
@@ -46,12 +56,28 @@ pub struct Visit {
     /// Time that such a move takes, s.
     pub move_s: f64,
     pub knocks: Vec<Knock>,
+    /// Temperature of the gyros at the beginning, °C.
+    pub temp_c: f64,
+    pub warming: Option<Warming>,
 }
 
 impl Visit {
-    /// At rest throughout, rows of one second.
+    /// At rest throughout, rows of one second, 25 °C.
     pub fn at_rest(angles_deg: [f64; 3], seconds: f64) -> Self {
-        Self { angles_deg, seconds, interval_s: 1.0, moves_from_deg: None, move_s: 0.0, knocks: Vec::new() }
+        Self {
+            angles_deg,
+            seconds,
+            interval_s: 1.0,
+            moves_from_deg: None,
+            move_s: 0.0,
+            knocks: Vec::new(),
+            temp_c: REFERENCE_C,
+            warming: None,
+        }
+    }
+
+    fn temp_c_at(&self, t_s: f64) -> f64 {
+        self.temp_c + self.warming.filter(|warming| t_s > warming.at_s).map_or(0.0, |warming| warming.by_k)
     }
 }
 
@@ -62,6 +88,7 @@ pub struct TableRow {
     pub t_s: f64,
     /// Angle increments of x, y, z, arcsec.
     pub arcsec: [f64; 3],
+    pub temp_c: f64,
 }
 
 /// The table with the triad on it.
@@ -118,8 +145,10 @@ impl Table {
                 let middle = before.slerp(&after, 0.5);
                 let with_earth = turned + middle.inverse() * self.earth_rad_s * visit.interval_s;
                 before = after;
+                let temp_c = visit.temp_c_at(t_s);
+                self.triad.set_temperature(temp_c);
                 let arcsec = self.triad.measure((with_earth * ARCSEC_PER_RAD).into(), visit.interval_s);
-                TableRow { t_s, arcsec }
+                TableRow { t_s, arcsec, temp_c }
             })
             .collect()
     }
@@ -138,18 +167,18 @@ impl Table {
                 angles_deg
             }
         };
-        let swing_arcsec: f64 = visit.knocks.iter().map(|knock| swing(knock, t_s)).sum();
-        let swing = UnitQuaternion::from_scaled_axis(Vector3::repeat(swing_arcsec / ARCSEC_PER_RAD));
-        self.attitude(angles_deg) * swing
+        let away_arcsec: Vector3<f64> = visit.knocks.iter().map(|knock| away(knock, t_s)).sum();
+        self.attitude(angles_deg) * UnitQuaternion::from_scaled_axis(away_arcsec / ARCSEC_PER_RAD)
     }
 }
 
-/// 3.3 Hz, dying away with a time constant of 1.2 s; a twentieth stays.
-fn swing(knock: &Knock, t_s: f64) -> f64 {
+/// Rotation vector of a knock, arcsec: 3.3 Hz, dying away with a time constant of 1.2 s, towards what stays.
+fn away(knock: &Knock, t_s: f64) -> Vector3<f64> {
     let since_s = t_s - knock.at_s;
     if since_s <= 0.0 {
-        return 0.0;
+        return Vector3::zeros();
     }
     let left = (-since_s / 1.2).exp();
-    knock.swing_arcsec * (left * (TAU * 3.3 * since_s).sin() + 0.05 * (1.0 - left))
+    let swing_arcsec = knock.swing_arcsec * left * (TAU * 3.3 * since_s).sin();
+    Vector3::repeat(swing_arcsec) + Vector3::from(knock.turned_arcsec) * (1.0 - left)
 }

@@ -22,12 +22,13 @@ pub struct Attitude {
 }
 
 impl Attitude {
-    /// Of readings x, y, z. `resolution`: smallest step of the readings, 0 if there is none. `scratch` has room for as
-    /// many numbers as there are readings.
+    /// Of readings x, y, z. `granted`: standard deviation that a reading is granted even if the others lie closer together:
+    /// its known noise, the smallest step of the converter, or 0. `scratch` has room for as many numbers as there are
+    /// readings.
     ///
     /// `None` where fewer than [`LEAST_READINGS`] are left, or most are outliers of each other.
-    pub fn of(readings: &[[f64; 3]], resolution: f64, scratch: &mut [f64]) -> Option<Self> {
-        let bands = AXES.map(|axis| band(readings.iter().map(axis), resolution, scratch));
+    pub fn of(readings: &[[f64; 3]], granted: f64, scratch: &mut [f64]) -> Option<Self> {
+        let bands = AXES.map(|axis| band(readings.iter().map(axis), granted, scratch));
         let kept = || {
             readings.iter().filter(|reading| {
                 AXES.iter().zip(bands).all(|(axis, (middle, limit))| (axis(reading) - middle).abs() <= limit)
@@ -62,7 +63,7 @@ type Axis = fn(&[f64; 3]) -> f64;
 const AXES: [Axis; 3] = [|[x, _, _]| *x, |[_, y, _]| *y, |[_, _, z]| *z];
 
 /// Median, and how far from it a reading may be.
-fn band(values: impl Iterator<Item = f64>, resolution: f64, scratch: &mut [f64]) -> (f64, f64) {
+fn band(values: impl Iterator<Item = f64>, granted: f64, scratch: &mut [f64]) -> (f64, f64) {
     let mut count = 0;
     for (place, value) in scratch.iter_mut().zip(values.filter(|value| value.is_finite())) {
         *place = value;
@@ -72,7 +73,7 @@ fn band(values: impl Iterator<Item = f64>, resolution: f64, scratch: &mut [f64])
     let Some(middle) = median(values) else { return (0.0, -1.0) };
     values.iter_mut().for_each(|value| *value = (*value - middle).abs());
     let deviation = SIGMA_PER_MEDIAN_DEVIATION * median(values).unwrap_or(0.0);
-    (middle, OUTLIER_SIGMAS * deviation.max(resolution))
+    (middle, OUTLIER_SIGMAS * deviation.max(granted))
 }
 
 #[cfg(test)]

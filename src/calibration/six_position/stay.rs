@@ -14,6 +14,8 @@ const PARTS: usize = 8;
 pub const WANDER_FREEDOM: u32 = PARTS as u32 - 1;
 /// Noise that every gyro is granted, °/h: far below any that there is.
 const LEAST_NOISE_DEG_H: f64 = 1e-4;
+/// Turn between two rests, arcsec, up to which they are one attitude: 10″ change what a gyro feels by 7e-4 °/h at most.
+const SAME_ATTITUDE_ARCSEC: f64 = 10.0;
 
 /// Mean rates of a stay.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,6 +30,16 @@ pub struct Stay {
     /// Rows that entered, and rows that were left out because the table moved or the triad was knocked.
     pub rows: usize,
     pub left_out: usize,
+    /// Of those left out: rests at another attitude.
+    pub turned: Option<Turned>,
+}
+
+/// Rests at another attitude than the one that counts: after a knock that left the triad turned, or before the table came.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Turned {
+    pub rows: usize,
+    /// The greatest turn between them and the rest that counts, about any one axis, arcsec.
+    pub arcsec: f64,
 }
 
 /// Why a stay says nothing.
@@ -44,9 +56,11 @@ pub enum StayError {
 impl core::fmt::Display for StayError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
-            Self::TooShort { rows } => write!(f, "{rows} means of about a second; at least {LEAST_ROWS} are needed"),
+            Self::TooShort { rows } => {
+                write!(f, "{rows} intervals of rest and motion; at least {LEAST_ROWS} are needed")
+            }
             Self::Moving { quiet, rows } => {
-                write!(f, "the triad was at rest for only {quiet} of {rows} seconds; at least half are needed")
+                write!(f, "the triad was at rest for only {quiet} of {rows} intervals; at least half are needed")
             }
             Self::NotFinite { row } => write!(f, "the mean number {row} is not a finite number"),
         }
@@ -61,13 +75,14 @@ struct Band {
 }
 
 impl Stay {
-    /// Of mean rates over intervals of equal length, about a second, in the order of time: x, y, z in °/h. `scratch` has
-    /// room for as many numbers as there are rows.
+    /// Of mean rates over successive intervals of `row_s`, about a second: x, y, z in °/h. `scratch` has room for as many
+    /// numbers as there are rows.
     ///
     /// The noise is taken from the changes between successive rows. A change of more than six standard deviations parts
     /// the stay; the longest part gives the level, and rows further than six standard deviations from it, with their
-    /// neighbours, are left out.
-    pub fn of(rates: &[[f64; 3]], scratch: &mut [f64]) -> Result<Self, StayError> {
+    /// neighbours, are left out. What these add up to is the angle by which the triad turned meanwhile: rests that are
+    /// turned against the longest one are left out too.
+    pub fn of(rates: &[[f64; 3]], row_s: f64, scratch: &mut [f64]) -> Result<Self, StayError> {
         if rates.len() < LEAST_ROWS {
             return Err(StayError::TooShort { rows: rates.len() });
         }
@@ -80,17 +95,21 @@ impl Stay {
             level: median_of(longest.iter().map(axis), scratch),
             half_width: jump(rates, axis, scratch) / core::f64::consts::SQRT_2,
         });
-        let rows = quiet_rows(rates, &bands).count();
-        if rows < LEAST_ROWS || 2 * rows < rates.len() {
-            return Err(StayError::Moving { quiet: rows, rows: rates.len() });
+        let quiet = (0..rates.len()).filter(|row| is_quiet(rates, &bands, *row)).count();
+        let turned = mark(rates, &bands, row_s, scratch);
+        let marked = || rates.iter().zip(&*scratch).filter(|(_, mark)| **mark > 0.0).map(|(rate, _)| rate);
+        let rows = marked().count();
+        if rows < LEAST_ROWS || 2 * quiet < rates.len() {
+            return Err(StayError::Moving { quiet, rows: rates.len() });
         }
-        let statistics = AXES.map(|axis| Statistics::of(rows, || quiet_rows(rates, &bands).map(axis)));
+        let statistics = AXES.map(|axis| Statistics::of(rows, || marked().map(axis)));
         Ok(Self {
             rate_deg_h: statistics.map(|axis| axis.mean),
             variance: statistics.map(|axis| axis.variance),
             wander: statistics.map(|axis| axis.wander),
             rows,
             left_out: rates.len() - rows,
+            turned,
         })
     }
 }
@@ -144,19 +163,56 @@ fn longest_part(rates: &[[f64; 3]], jumps: [f64; 3]) -> Range<usize> {
     longest
 }
 
-/// Rows that lie in the bands, and whose neighbours do.
-fn quiet_rows<'a>(rates: &'a [[f64; 3]], bands: &'a [Band; 3]) -> impl Iterator<Item = &'a [f64; 3]> + Clone {
-    let inside = move |rate: Option<&[f64; 3]>| {
-        rate.is_none_or(|rate| {
-            AXES.iter().zip(bands).all(|(axis, band)| (axis(rate) - band.level).abs() <= band.half_width)
-        })
+/// Whether a row lies in the bands, and its neighbours do.
+fn is_quiet(rates: &[[f64; 3]], bands: &[Band; 3], row: usize) -> bool {
+    let inside =
+        |rate: &[f64; 3]| AXES.iter().zip(bands).all(|(axis, band)| (axis(rate) - band.level).abs() <= band.half_width);
+    rates.get(row.saturating_sub(1)..(row + 2).min(rates.len())).is_some_and(|near| near.iter().all(inside))
+}
+
+/// Marks with 1 the rows of the longest rest, and of rests at the same attitude; all others with 0.
+fn mark(rates: &[[f64; 3]], bands: &[Band; 3], row_s: f64, marks: &mut [f64]) -> Option<Turned> {
+    let longest = longest_rest(rates, bands);
+    marks.fill(0.0);
+    marks.get_mut(longest.clone()).unwrap_or_default().fill(1.0);
+    let mut turned = Turned { rows: 0, arcsec: 0.0 };
+    let mut walk = |rows: &mut dyn Iterator<Item = usize>| {
+        let (mut disturbed, mut turn_arcsec) = (0_u32, [0.0; 3]);
+        for row in rows {
+            let (Some(rate), Some(mark)) = (rates.get(row), marks.get_mut(row)) else { continue };
+            if !is_quiet(rates, bands, row) {
+                disturbed += 1;
+                for ((turn, axis), band) in turn_arcsec.iter_mut().zip(AXES).zip(bands) {
+                    *turn += (axis(rate) - band.level) * row_s;
+                }
+                continue;
+            }
+            let noise = libm::sqrt(f64::from(disturbed)) * row_s;
+            let mut turns = turn_arcsec.iter().zip(bands);
+            if turns.all(|(turn, band)| turn.abs() <= SAME_ATTITUDE_ARCSEC + band.half_width * noise) {
+                *mark = 1.0;
+            } else {
+                turned.rows += 1;
+                turned.arcsec = turn_arcsec.iter().fold(turned.arcsec, |most, turn| most.max(turn.abs()));
+            }
+        }
     };
-    let before = move |i: usize| inside(i.checked_sub(1).and_then(|before| rates.get(before)));
-    rates
-        .iter()
-        .enumerate()
-        .filter(move |(i, rate)| inside(Some(rate)) && before(*i) && inside(rates.get(i + 1)))
-        .map(|(_, rate)| rate)
+    walk(&mut (longest.end..rates.len()));
+    walk(&mut (0..longest.start).rev());
+    (turned.rows > 0).then_some(turned)
+}
+
+/// The longest run of quiet rows.
+fn longest_rest(rates: &[[f64; 3]], bands: &[Band; 3]) -> Range<usize> {
+    let (mut longest, mut start) = (0..0, 0);
+    for row in 0..rates.len() {
+        if !is_quiet(rates, bands, row) {
+            start = row + 1;
+        } else if row + 1 - start > longest.len() {
+            longest = start..row + 1;
+        }
+    }
+    longest
 }
 
 #[derive(Clone, Copy)]
@@ -196,7 +252,7 @@ mod tests {
 
     fn stay(rates: &[[f64; 3]]) -> Result<Stay, StayError> {
         let mut scratch: Vec<f64> = rates.iter().map(|_| 0.0).collect();
-        Stay::of(rates, &mut scratch)
+        Stay::of(rates, 1.0, &mut scratch)
     }
 
     #[test]
@@ -212,10 +268,11 @@ mod tests {
 
     #[test]
     fn a_knock_is_left_out_with_its_neighbours() {
+        // To and fro.
         let mut rates = rough(5.0);
-        rates[20][1] = 40.0;
+        (rates[20][1], rates[21][1]) = (40.0, -50.0);
         let stay = stay(&rates).unwrap();
-        assert_eq!((stay.rows, stay.left_out), (61, 3));
+        assert_eq!((stay.rows, stay.left_out), (60, 4));
         assert!((stay.rate_deg_h[1] + 5.0).abs() < 0.01);
     }
 
@@ -228,6 +285,24 @@ mod tests {
         let stay = stay(&rates).unwrap();
         assert!((stay.rate_deg_h[0] - 5.0).abs() < 0.01, "{stay:?}");
         assert_eq!(stay.rows, 62);
+    }
+
+    #[test]
+    fn a_rest_that_is_turned_is_left_out() {
+        // 30 °/h for a second and 25 °/h back for another leave the triad turned by 5″; 30 °/h alone by 30″.
+        let mut rates = rough(5.0);
+        rates.extend(rough(5.0).into_iter().take(32));
+        (rates[70][2], rates[71][2]) = (30.0, -25.0);
+        let back = stay(&rates).unwrap();
+        assert_eq!((back.rows, back.left_out, back.turned), (92, 4, None));
+        rates[71][2] = 0.0;
+        let turned = stay(&rates).unwrap();
+        assert_eq!((turned.rows, turned.left_out), (69, 27));
+        let Some(Turned { rows: 24, arcsec }) = turned.turned else { panic!("{turned:?}") };
+        assert!((arcsec - 30.0).abs() < 0.5, "{arcsec}");
+        // The other way round: the longer rest is the later one.
+        rates.reverse();
+        assert_eq!(stay(&rates).unwrap().turned.unwrap().rows, 24);
     }
 
     #[test]

@@ -12,7 +12,7 @@ fn knowledge() -> Knowledge {
 }
 
 fn position(axes: &str, rate_deg_h: [f64; 3]) -> Position {
-    let stay = Stay { rate_deg_h, variance: [1e-6; 3], wander: [7.0; 3], rows: 600, left_out: 0 };
+    let stay = Stay { rate_deg_h, variance: [1e-6; 3], wander: [7.0; 3], rows: 600, left_out: 0, turned: None };
     Position { axes: Axes::parse(axes).unwrap(), stay }
 }
 

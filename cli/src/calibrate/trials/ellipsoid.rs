@@ -6,6 +6,7 @@ use north_finder::calibration::ellipsoid::{self, Entry, Role};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::super::ellipsoid::granted_noise;
 use super::least::Truth;
 use super::triads;
 
@@ -55,8 +56,9 @@ pub fn run(case: &Case, seed: u64, number: u64) -> Option<Trial> {
     };
     let readings: Vec<_> =
         place_by_hand(&triad, &placement, random.random()).iter().map(|reading| reading.raw).collect();
+    let granted = granted_noise(readings.chunks(case.readings as usize));
     let entry = |readings: &[[f64; 3]]| {
-        let attitude = Attitude::of(readings, 0.0, &mut vec![0.0; readings.len()])?;
+        let attitude = Attitude::of(readings, granted, &mut vec![0.0; readings.len()])?;
         Some(Entry { attitude, role: Role::Fit })
     };
     let mut entries: Vec<_> = readings.chunks(case.readings as usize).map(entry).collect::<Option<_>>()?;

@@ -81,7 +81,7 @@ pub fn visit_six(table: &mut Table, case: &Case, random: &mut ChaCha8Rng) -> Opt
         table.set_error([(); 3].map(|()| if off > 0.0 { random.random_range(-off..off) } else { 0.0 }));
         let rows = table.visit(&Visit::at_rest(position.angles_deg, case.stay_s));
         let rates: Vec<_> = rows.iter().map(|row| row.arcsec).collect();
-        let stay = Stay::of(&rates, &mut vec![0.0; rates.len()]).ok()?;
+        let stay = Stay::of(&rates, 1.0, &mut vec![0.0; rates.len()]).ok()?;
         Some(Position { axes: Axes::parse(position.axes).ok()?, stay })
     };
     SIX_POSITIONS.into_iter().map(visit).collect()

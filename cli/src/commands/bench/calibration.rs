@@ -22,8 +22,10 @@ const MOST_OF_BOUND: f64 = 1.1;
 const CHANCE: f64 = 1.02;
 /// Tables that the effect of is shown, ± arcsec.
 const TABLES_ARCSEC: [f64; 3] = [0.0, 3.0, 60.0];
-/// Trials of voyages: each takes 108,000 steps.
-const VOYAGES: u64 = 60;
+/// Trials of voyages: each takes 108,000 steps with five calibrations.
+const VOYAGES: u64 = 200;
+/// What the source reports: greatest error before and after its calibration, nautical miles.
+const SOURCE_NMI: [f64; 2] = [4.38, 1.64];
 const VOYAGE_H: f64 = 15.0;
 
 /// Errors of the calibrations against their sigmas and bounds, by Monte Carlo on all cores
@@ -53,7 +55,8 @@ struct Report {
     six_position: Vec<Parameter>,
     six_position_refused: usize,
     tables: Vec<TableEffect>,
-    voyage: Voyage,
+    voyages: usize,
+    voyage: Vec<Voyage>,
     ellipsoid: Vec<Parameter>,
     ellipsoid_refused: usize,
     ellipsoid_norm_rms_before: f64,
@@ -67,18 +70,17 @@ struct TableEffect {
     bias_rms_deg_h: f64,
     matrix_rms_ppm: f64,
     /// The same with gyros without noise: the floor.
+    bias_floor_deg_h: f64,
     matrix_floor_ppm: f64,
 }
 
-/// Root mean squares, over voyages, of the greatest position error.
+/// The greatest position error of a voyage with one calibration, over all voyages.
 #[derive(Serialize)]
 struct Voyage {
-    voyages: usize,
-    uncalibrated_nmi: f64,
-    published_nmi: f64,
-    least_squares_nmi: f64,
-    /// With the true parameters.
-    perfect_nmi: f64,
+    calibration: &'static str,
+    rms_nmi: f64,
+    /// Half width of its 95 % interval.
+    confidence_95_nmi: f64,
 }
 
 impl Calibration {
@@ -87,7 +89,7 @@ impl Calibration {
         let bar = progress::bar(self.trials * (2 + 2 * TABLES_ARCSEC.len() as u64) + VOYAGES, "trials");
         let (six_position, six_position_refused) = self.six_position(&six_position::Case::NOMINAL, &bar)?;
         let tables = TABLES_ARCSEC.into_iter().map(|arcsec| self.table(arcsec, &bar)).collect::<Result<_, _>>()?;
-        let voyage = self.voyage(&bar)?;
+        let (voyage, voyages) = self.voyage(&bar)?;
         let attitudes = self.trials(self.trials, 2 << 32, &bar, |number| {
             ellipsoid::run(&ellipsoid::Case::NOMINAL, self.seed, number)
         })?;
@@ -102,6 +104,7 @@ impl Calibration {
             six_position,
             six_position_refused,
             tables,
+            voyages,
             voyage,
             ellipsoid: summaries(ellipsoid::NAMES, &attitudes, |trial, i| {
                 [trial.errors[i], trial.sigmas[i], trial.bounds[i]]
@@ -159,24 +162,36 @@ impl Calibration {
             table_arcsec,
             bias_rms_deg_h: mean(&noisy[..3]),
             matrix_rms_ppm: 1e6 * mean(&noisy[3..]),
+            bias_floor_deg_h: mean(&quiet[..3]),
             matrix_floor_ppm: 1e6 * mean(&quiet[3..]),
         })
     }
 
-    fn voyage(&self, bar: &ProgressBar) -> Result<Voyage, Failure> {
+    fn voyage(&self, bar: &ProgressBar) -> Result<(Vec<Voyage>, usize), Failure> {
         let latitude_deg = six_position::Case::NOMINAL.latitude_deg;
         let run = |number| voyage::run(latitude_deg, VOYAGE_H, self.seed, number);
-        let voyages = self.trials(VOYAGES, 1 << 32, bar, run)?;
-        let root_mean = |value: fn(&voyage::Trial) -> f64| {
-            (voyages.iter().map(|trial| value(trial).powi(2)).sum::<f64>() / voyages.len() as f64).sqrt()
-        };
-        Ok(Voyage {
-            voyages: voyages.len(),
-            uncalibrated_nmi: root_mean(|trial| trial.uncalibrated_nmi),
-            published_nmi: root_mean(|trial| trial.published_nmi),
-            least_squares_nmi: root_mean(|trial| trial.solved_nmi),
-            perfect_nmi: root_mean(|trial| trial.perfect_nmi),
-        })
+        let trials = self.trials(VOYAGES, 1 << 32, bar, run)?;
+        let rows: [(_, fn(&voyage::Trial) -> f64); 5] = [
+            ("none", |trial| trial.uncalibrated_nmi),
+            ("differences", |trial| trial.published_nmi),
+            ("least squares", |trial| trial.solved_nmi),
+            ("least squares, gyros without noise on the table", |trial| trial.table_nmi),
+            ("the true parameters", |trial| trial.perfect_nmi),
+        ];
+        let voyages = rows.map(|(calibration, value)| Voyage::of(calibration, trials.iter().map(value)));
+        Ok((voyages.into(), trials.len()))
+    }
+}
+
+impl Voyage {
+    /// The interval follows from the scatter of the squares: an rms r of mean square m is known to δm/2r.
+    fn of(calibration: &'static str, errors_nmi: impl ExactSizeIterator<Item = f64> + Clone) -> Self {
+        let count = errors_nmi.len() as f64;
+        let squares = errors_nmi.map(|error| error * error);
+        let mean = squares.clone().sum::<f64>() / count;
+        let variance = squares.map(|square| (square - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        let rms_nmi = mean.sqrt();
+        Self { calibration, rms_nmi, confidence_95_nmi: 1.96 * (variance / count).sqrt() / (2.0 * rms_nmi) }
     }
 }
 
@@ -245,12 +260,22 @@ fn write_report(out: &mut dyn Write, report: &Report) -> io::Result<()> {
             parameter.rms / parameter.reference_rms
         )?;
     }
-    writeln!(out, "\n| table, +- arcsec | bias rms, deg/h | matrix rms, ppm | matrix floor without gyro noise, ppm |")?;
-    writeln!(out, "|---|---|---|---|")?;
-    for TableEffect { table_arcsec, bias_rms_deg_h, matrix_rms_ppm, matrix_floor_ppm } in &report.tables {
-        writeln!(out, "| {table_arcsec} | {bias_rms_deg_h:.5} | {matrix_rms_ppm:.1} | {matrix_floor_ppm:.2} |")?;
+    writeln!(
+        out,
+        "\n| table, +- arcsec | bias rms, deg/h | matrix rms, ppm | the same without gyro noise | |\n|---|---|---|---|---|"
+    )?;
+    for table in &report.tables {
+        writeln!(
+            out,
+            "| {} | {:.5} | {:.1} | {:.6} | {:.2} |",
+            table.table_arcsec,
+            table.bias_rms_deg_h,
+            table.matrix_rms_ppm,
+            table.bias_floor_deg_h,
+            table.matrix_floor_ppm
+        )?;
     }
-    write_voyage(out, &report.voyage)?;
+    write_voyages(out, report)?;
     writeln!(
         out,
         "\nEllipsoid, 23 attitudes of 10 readings with 1 mg of noise, {} triads ({} refused)\n",
@@ -279,19 +304,14 @@ fn write_report(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     )
 }
 
-fn write_voyage(out: &mut dyn Write, voyage: &Voyage) -> io::Result<()> {
-    writeln!(
-        out,
-        "\n| {} voyages of {VOYAGE_H} h, block indexed through four positions | greatest error, rms, n mile |\n|---|---|",
-        voyage.voyages
-    )?;
-    for (what, nmi) in [
-        ("as it comes", voyage.uncalibrated_nmi),
-        ("calibrated by differences", voyage.published_nmi),
-        ("calibrated by least squares", voyage.least_squares_nmi),
-        ("with the true parameters", voyage.perfect_nmi),
-    ] {
-        writeln!(out, "| {what} | {nmi:.2} |")?;
+fn write_voyages(out: &mut dyn Write, report: &Report) -> io::Result<()> {
+    writeln!(out, "\nGreatest error of a ship's dead reckoning in {VOYAGE_H} h, {} voyages\n", report.voyages)?;
+    writeln!(out, "| calibration | rms, n mile | less by |\n|---|---|---|")?;
+    let less = |nmi: f64, of: f64| 100.0 * (1.0 - nmi / of);
+    let none = report.voyage.first().map_or(f64::NAN, |voyage| voyage.rms_nmi);
+    for Voyage { calibration, rms_nmi, confidence_95_nmi } in &report.voyage {
+        writeln!(out, "| {calibration} | {rms_nmi:.2} +- {confidence_95_nmi:.2} | {:.1} % |", less(*rms_nmi, none))?;
     }
-    Ok(())
+    let [before, after] = SOURCE_NMI;
+    writeln!(out, "| the source's, in its own simulation | {after} of {before} | {:.1} % |", less(after, before))
 }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use north_finder::calibration::ellipsoid::{Role, Weights, norm_rms};
 
-use super::write_rows;
+use super::{decimals, write_rows};
 use crate::calibrate::ellipsoid::{EllipsoidError, Outcome, calibrate};
 use crate::calibrate::model_file::{Accelerometer, CalibrationFile};
 use crate::failure::Failure;
@@ -91,16 +91,18 @@ fn write_outcome(
     }
     writeln!(out, "coverage of the sphere {:.3}", calibration.coverage)?;
     writeln!(out, "\n     bias              scale factor, readings per unit")?;
+    let places = decimals(calibration.sigma_bias);
     for (axis, name) in ["x", "y", "z"].iter().enumerate() {
-        let bias = format!("{:+.6} ± {:.6}", correction.bias[axis], calibration.sigma_bias[axis]);
-        writeln!(out, "  {name}  {bias:<30}  {:.6}", correction.scale_factors()[axis])?;
+        let bias = format!("{:+.places$} ± {:.places$}", correction.bias[axis], calibration.sigma_bias[axis]);
+        writeln!(out, "  {name}  {bias:<30}  {:.places$}", correction.scale_factors()[axis])?;
     }
     let [xy, xz, yz] = correction.angles_deg();
     writeln!(out, "angles between the axes: x-y {xy:.4}, x-z {xz:.4}, y-z {yz:.4} deg")?;
     let [greatest, middle, least] = calibration.half_axes;
-    writeln!(out, "half axes of the ellipsoid: {greatest:.4}, {middle:.4}, {least:.4} readings")?;
+    writeln!(out, "half axes of the ellipsoid: {greatest:.places$}, {middle:.places$}, {least:.places$} readings")?;
     writeln!(out, "\nmatrix: specific force per reading less bias")?;
-    write_rows(out, [&correction.matrix, &calibration.sigma_matrix], [9, 9])?;
+    let places = decimals(calibration.sigma_matrix.into_iter().flatten());
+    write_rows(out, &correction.matrix, &calibration.sigma_matrix, places)?;
     match calibration.weights {
         Weights::Noise => writeln!(out, "the noise of the readings explains what is left")?,
         Weights::Excess(rms) => writeln!(

@@ -40,16 +40,20 @@ impl Calibrate {
     }
 }
 
-/// The rows of a matrix, each with what is beside it.
-fn write_rows(out: &mut dyn Write, columns: [&[[f64; 3]; 3]; 2], decimals: [usize; 2]) -> io::Result<()> {
-    let [values, sigmas] = columns;
+/// The rows of a matrix with their standard deviations.
+fn write_rows(out: &mut dyn Write, values: &[[f64; 3]; 3], sigmas: &[[f64; 3]; 3], decimals: usize) -> io::Result<()> {
     for ((name, row), sigmas) in ["x", "y", "z"].iter().zip(values).zip(sigmas) {
         write!(out, "  {name}")?;
         for (value, sigma) in row.iter().zip(sigmas) {
-            let [decimals, of_sigma] = decimals;
-            write!(out, "  {value:+.decimals$} ± {sigma:.of_sigma$}")?;
+            write!(out, "  {value:+.decimals$} ± {sigma:.decimals$}")?;
         }
         writeln!(out)?;
     }
     Ok(())
+}
+
+/// Decimals that show two digits of the least of these standard deviations but 0; whatever the unit is.
+fn decimals(sigmas: impl IntoIterator<Item = f64>) -> usize {
+    let least = sigmas.into_iter().filter(|sigma| *sigma > 0.0).fold(f64::INFINITY, f64::min);
+    if least.is_finite() { (1.0 - least.log10().floor()).clamp(0.0, 18.0) as usize } else { 6 }
 }

@@ -5,7 +5,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
-use hal_sim::triad::{Knock, Placement, SIX_POSITIONS, Table, Visit, even_directions, place_by_hand};
+use hal_sim::triad::{Knock, Placement, SIX_POSITIONS, Table, TableRow, Visit, even_directions, place_by_hand};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -95,22 +95,21 @@ impl SixPosition {
         let mut from_deg = SIX_POSITIONS[5].angles_deg;
         for (i, position) in SIX_POSITIONS.iter().enumerate() {
             table.set_error([(); 3].map(|()| random.random_range(-TABLE_ARCSEC..TABLE_ARCSEC)));
-            let knock = Knock { at_s: 0.4 * self.seconds, swing_arcsec: 300.0 };
+            let knock = Knock { at_s: 0.4 * self.seconds, swing_arcsec: 300.0, turned_arcsec: [0.0; 3] };
             let visit = Visit {
-                angles_deg: position.angles_deg,
-                seconds: self.seconds,
                 interval_s: 1.0 / self.rate_hz,
                 moves_from_deg: Some(from_deg),
                 move_s: MOVE_S,
                 knocks: if i == 2 { vec![knock] } else { Vec::new() },
+                ..Visit::at_rest(position.angles_deg, self.seconds)
             };
             from_deg = position.angles_deg;
             let name = format!("position-{}.csv", i + 1);
             manifest += &format!("\n[[position]]\nfile = \"{name}\"\naxes = \"{}\"\n", position.axes);
             let rows = table.visit(&visit);
-            write_csv(&self.out.join(name), "t_s,gx_arcsec,gy_arcsec,gz_arcsec", rows.len(), |i| {
-                let [x, y, z] = rows[i].arcsec;
-                format!("{:.4},{x:.6},{y:.6},{z:.6}", rows[i].t_s)
+            write_csv(&self.out.join(name), "t_s,gx_arcsec,gy_arcsec,gz_arcsec,temp_c", rows.len(), |i| {
+                let TableRow { t_s, arcsec: [x, y, z], temp_c } = rows[i];
+                format!("{t_s:.4},{x:.6},{y:.6},{z:.6},{temp_c:.2}")
             })?;
         }
         let path = self.out.join("calibration.toml");

@@ -4,15 +4,13 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 
 use clap::Args;
+use north_finder::calibration::six_position::stay::Turned;
 
 use super::write_rows;
 use crate::calibrate::model_file::CalibrationFile;
-use crate::calibrate::six_position::{Outcome, SixPositionError, calibrate};
+use crate::calibrate::six_position::{Outcome, SixPositionError, calibrate, noted_temperatures};
 use crate::failure::Failure;
 use crate::output::JsonOption;
-
-/// A change of temperature between positions that biases may follow, K.
-const NOTED_K: f64 = 1.0;
 
 /// Calibrate a gyro triad from its stays in known positions on a table at rest
 ///
@@ -58,7 +56,7 @@ fn write_outcome(out: &mut dyn Write, outcome: &Outcome) -> io::Result<()> {
         writeln!(out, "  {}", outcome.published.map_or("-".into(), |by| format!("{:+.5}", by.bias_deg_h[axis])))?;
     }
     writeln!(out, "\noutput per true rate about x, y, z, least squares")?;
-    write_rows(out, [&calibration.matrix, &calibration.sigma_matrix], [6, 6])?;
+    write_rows(out, &calibration.matrix, &calibration.sigma_matrix, 6)?;
     if let Some(published) = outcome.published {
         writeln!(out, "the same by differences")?;
         for (name, [x, y, z]) in ["x", "y", "z"].iter().zip(published.matrix) {
@@ -89,10 +87,17 @@ fn write_visits(out: &mut dyn Write, outcome: &Outcome) -> io::Result<()> {
             seconds(stay.left_out)
         )?;
     }
-    let temperatures: Vec<_> = outcome.visits.iter().filter_map(|visit| visit.temp_c).collect();
-    let low = temperatures.iter().copied().fold(f64::INFINITY, f64::min);
-    let high = temperatures.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    if high - low > NOTED_K {
+    for visit in &outcome.visits {
+        if let Some(Turned { rows, arcsec }) = visit.position.stay.turned {
+            let seconds = rows as f64 * visit.mean_s;
+            writeln!(
+                out,
+                "note: {}: {seconds:.0} s at rest but turned by {arcsec:.0} arcsec are left out",
+                visit.name
+            )?;
+        }
+    }
+    if let Some([low, high]) = noted_temperatures(&outcome.visits) {
         writeln!(
             out,
             "note: the temperature differs from {low:.1} to {high:.1} C between the positions; biases may follow it"
