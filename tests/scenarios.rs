@@ -9,8 +9,8 @@ use north::engine::{End, Setup};
 use north_finder::health::Flags;
 
 /// Effects that turn with the index, or with the rate, just as the Earth's rate does: no single fix can see them; only
-/// runs at surveyed headings can.
-const INVISIBLE: [&str; 3] = ["magnet-in-base", "unshielded-coil", "dead-zone"];
+/// runs at surveyed headings can. And biases of the accelerometers: only other attitudes show those.
+const INVISIBLE: [&str; 4] = ["magnet-in-base", "unshielded-coil", "dead-zone", "worn-accelerometers"];
 
 /// A scenario with the instrument turned to a heading that goes round with the seed.
 fn turned(name: &str, seed: u64) -> Setup {
