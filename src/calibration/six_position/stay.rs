@@ -3,6 +3,7 @@
 use core::ops::Range;
 
 use crate::calibration::statistics::{SIGMA_PER_MEDIAN_DEVIATION, median};
+use crate::units::ARCSEC_PER_RAD;
 
 /// Fewest quiet rows that a mean and its scatter are taken of.
 pub const LEAST_ROWS: usize = 16;
@@ -14,8 +15,12 @@ const PARTS: usize = 8;
 pub const WANDER_FREEDOM: u32 = PARTS as u32 - 1;
 /// Noise that every gyro is granted, °/h: far below any that there is.
 const LEAST_NOISE_DEG_H: f64 = 1e-4;
-/// Turn between two rests, arcsec, up to which they are one attitude: 10″ change what a gyro feels by 7e-4 °/h at most.
-const SAME_ATTITUDE_ARCSEC: f64 = 10.0;
+/// A turn between two rests that changes no rate by more than this part of what their difference is known to does not matter.
+const HARMLESS: f64 = 0.25;
+/// A turn that would change a rate by so many times what the difference is known to would show in it.
+const WOULD_SHOW: f64 = 6.0;
+/// Rates of two rests that differ by no more than this, in standard deviations of their difference, agree.
+const AGREE: f64 = 3.0;
 
 /// Mean rates of a stay.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -80,8 +85,9 @@ impl Stay {
     ///
     /// The noise is taken from the changes between successive rows. A change of more than six standard deviations parts
     /// the stay; the longest part gives the level, and rows further than six standard deviations from it, with their
-    /// neighbours, are left out. What these add up to is the angle by which the triad turned meanwhile: rests that are
-    /// turned against the longest one are left out too.
+    /// neighbours, are left out. What these add up to is the angle by which the triad turned meanwhile. Rests that are turned
+    /// against the longest one are left out too, unless the turn is too small to matter, or so large that it would show in
+    /// the rates and does not: then the rows were wrong, and the triad did not turn.
     pub fn of(rates: &[[f64; 3]], row_s: f64, scratch: &mut [f64]) -> Result<Self, StayError> {
         if rates.len() < LEAST_ROWS {
             return Err(StayError::TooShort { rows: rates.len() });
@@ -170,49 +176,59 @@ fn is_quiet(rates: &[[f64; 3]], bands: &[Band; 3], row: usize) -> bool {
     rates.get(row.saturating_sub(1)..(row + 2).min(rates.len())).is_some_and(|near| near.iter().all(inside))
 }
 
+/// The rests: runs of quiet rows.
+fn rests<'a>(rates: &'a [[f64; 3]], bands: &'a [Band; 3]) -> impl Iterator<Item = Range<usize>> + use<'a> {
+    let mut row = 0;
+    core::iter::from_fn(move || {
+        while row < rates.len() && !is_quiet(rates, bands, row) {
+            row += 1;
+        }
+        let start = row;
+        while row < rates.len() && is_quiet(rates, bands, row) {
+            row += 1;
+        }
+        (start < row).then_some(start..row)
+    })
+}
+
 /// Marks with 1 the rows of the longest rest, and of rests at the same attitude; all others with 0.
 fn mark(rates: &[[f64; 3]], bands: &[Band; 3], row_s: f64, marks: &mut [f64]) -> Option<Turned> {
-    let longest = longest_rest(rates, bands);
     marks.fill(0.0);
-    marks.get_mut(longest.clone()).unwrap_or_default().fill(1.0);
+    let longest = rests(rates, bands).max_by_key(Range::len)?;
     let mut turned = Turned { rows: 0, arcsec: 0.0 };
-    let mut walk = |rows: &mut dyn Iterator<Item = usize>| {
-        let (mut disturbed, mut turn_arcsec) = (0_u32, [0.0; 3]);
-        for row in rows {
-            let (Some(rate), Some(mark)) = (rates.get(row), marks.get_mut(row)) else { continue };
-            if !is_quiet(rates, bands, row) {
-                disturbed += 1;
-                for ((turn, axis), band) in turn_arcsec.iter_mut().zip(AXES).zip(bands) {
-                    *turn += (axis(rate) - band.level) * row_s;
-                }
-                continue;
-            }
-            let noise = libm::sqrt(f64::from(disturbed)) * row_s;
-            let mut turns = turn_arcsec.iter().zip(bands);
-            if turns.all(|(turn, band)| turn.abs() <= SAME_ATTITUDE_ARCSEC + band.half_width * noise) {
-                *mark = 1.0;
-            } else {
-                turned.rows += 1;
-                turned.arcsec = turn_arcsec.iter().fold(turned.arcsec, |most, turn| most.max(turn.abs()));
-            }
+    for rest in rests(rates, bands) {
+        let between = longest.end.min(rest.end)..longest.start.max(rest.start);
+        let disturbed = || between.clone().filter(|row| !is_quiet(rates, bands, *row)).filter_map(|row| rates.get(row));
+        let mut turn_arcsec = [0.0; 3];
+        for ((turn, axis), band) in turn_arcsec.iter_mut().zip(AXES).zip(bands) {
+            *turn = disturbed().map(|rate| (axis(rate) - band.level) * row_s).sum();
         }
-    };
-    walk(&mut (longest.end..rates.len()));
-    walk(&mut (0..longest.start).rev());
+        let [here, there] = [&rest, &longest].map(|rows| rates.get(rows.clone()).unwrap_or_default());
+        if rest == longest || is_same_attitude(here, there, bands, turn_arcsec) {
+            marks.get_mut(rest).unwrap_or_default().fill(1.0);
+        } else {
+            turned.rows += rest.len();
+            turned.arcsec = turn_arcsec.iter().fold(turned.arcsec, |most, turn| most.max(turn.abs()));
+        }
+    }
     (turned.rows > 0).then_some(turned)
 }
 
-/// The longest run of quiet rows.
-fn longest_rest(rates: &[[f64; 3]], bands: &[Band; 3]) -> Range<usize> {
-    let (mut longest, mut start) = (0..0, 0);
-    for row in 0..rates.len() {
-        if !is_quiet(rates, bands, row) {
-            start = row + 1;
-        } else if row + 1 - start > longest.len() {
-            longest = start..row + 1;
-        }
+/// Whether two rests are one attitude as far as the rates can tell, with that turn between them. A triad that turns by δ feels
+/// rates that differ by δ × ω.
+fn is_same_attitude(here: &[[f64; 3]], there: &[[f64; 3]], bands: &[Band; 3], turn_arcsec: [f64; 3]) -> bool {
+    let [dx, dy, dz] = turn_arcsec.map(|turn| turn / ARCSEC_PER_RAD);
+    let [x, y, z] = bands.map(|band| band.level);
+    let expected = [dy * z - dz * y, dz * x - dx * z, dx * y - dy * x];
+    let number = |rates: &[[f64; 3]]| rates.len() as f64;
+    let (mut of_expected, mut of_observed) = (0.0, 0.0);
+    for ((axis, expected), band) in AXES.iter().zip(expected).zip(bands) {
+        let mean = |rates: &[[f64; 3]]| rates.iter().map(axis).sum::<f64>() / number(rates);
+        let sigma = band.half_width / LIMIT_SIGMAS * libm::sqrt(1.0 / number(here) + 1.0 / number(there));
+        of_expected = f64::max(of_expected, expected.abs() / sigma);
+        of_observed = f64::max(of_observed, (mean(here) - mean(there)).abs() / sigma);
     }
-    longest
+    of_expected <= HARMLESS || (of_expected >= WOULD_SHOW && of_observed <= AGREE)
 }
 
 #[derive(Clone, Copy)]
@@ -268,11 +284,11 @@ mod tests {
 
     #[test]
     fn a_knock_is_left_out_with_its_neighbours() {
-        // To and fro.
+        // 45″: at 5 °/h a change by 0.001 °/h.
         let mut rates = rough(5.0);
-        (rates[20][1], rates[21][1]) = (40.0, -50.0);
+        rates[20][1] = 40.0;
         let stay = stay(&rates).unwrap();
-        assert_eq!((stay.rows, stay.left_out), (60, 4));
+        assert_eq!((stay.rows, stay.left_out, stay.turned), (61, 3, None));
         assert!((stay.rate_deg_h[1] + 5.0).abs() < 0.01);
     }
 
@@ -289,20 +305,33 @@ mod tests {
 
     #[test]
     fn a_rest_that_is_turned_is_left_out() {
-        // 30 °/h for a second and 25 °/h back for another leave the triad turned by 5″; 30 °/h alone by 30″.
+        // 64 rows, then 32 after a turn about z by 9000″ = 0.0436: x and y at ±5 °/h change by 0.218 °/h, more than the scatter
+        // of 0.1 lets two means differ.
         let mut rates = rough(5.0);
-        rates.extend(rough(5.0).into_iter().take(32));
-        (rates[70][2], rates[71][2]) = (30.0, -25.0);
-        let back = stay(&rates).unwrap();
-        assert_eq!((back.rows, back.left_out, back.turned), (92, 4, None));
-        rates[71][2] = 0.0;
+        rates.extend(rough(5.0).into_iter().take(32).map(|[x, y, z]| [x - 0.218, y - 0.218, z]));
+        rates[66][2] = 9000.0;
         let turned = stay(&rates).unwrap();
-        assert_eq!((turned.rows, turned.left_out), (69, 27));
-        let Some(Turned { rows: 24, arcsec }) = turned.turned else { panic!("{turned:?}") };
-        assert!((arcsec - 30.0).abs() < 0.5, "{arcsec}");
+        assert_eq!((turned.rows, turned.left_out), (65, 31));
+        let Some(Turned { rows: 28, arcsec }) = turned.turned else { panic!("{turned:?}") };
+        assert!((arcsec - 9000.0).abs() < 0.5, "{arcsec}");
+        // To and fro.
+        rates[67][2] = -9000.0;
+        assert_eq!(stay(&rates).unwrap().turned, None);
         // The other way round: the longer rest is the later one.
+        rates[67][2] = 0.0;
         rates.reverse();
-        assert_eq!(stay(&rates).unwrap().turned.unwrap().rows, 24);
+        assert_eq!(stay(&rates).unwrap().turned.map(|turned| turned.rows), Some(28));
+    }
+
+    #[test]
+    fn a_wrong_row_is_no_turn() {
+        // 20,000″ that would show in the rates, and do not; and what no triad turns by in a second.
+        for wrong in [20_000.0, 1e7] {
+            let mut rates = rough(5.0);
+            rates[20][2] = wrong;
+            let stay = stay(&rates).unwrap();
+            assert_eq!((stay.rows, stay.left_out, stay.turned), (61, 3, None));
+        }
     }
 
     #[test]

@@ -171,7 +171,8 @@ impl Calibration {
         let latitude_deg = six_position::Case::NOMINAL.latitude_deg;
         let run = |number| voyage::run(latitude_deg, VOYAGE_H, self.seed, number);
         let trials = self.trials(VOYAGES, 1 << 32, bar, run)?;
-        let rows: [(_, fn(&voyage::Trial) -> f64); 5] = [
+        type Error = fn(&voyage::Trial) -> f64;
+        let rows: [(_, Error); 5] = [
             ("none", |trial| trial.uncalibrated_nmi),
             ("differences", |trial| trial.published_nmi),
             ("least squares", |trial| trial.solved_nmi),
