@@ -47,6 +47,27 @@ fn six_positions_are_unbiased_honest_and_better_than_the_differences() {
 }
 
 #[test]
+fn sigmas_hold_the_truth_far_south_with_a_rough_table_and_a_bias_that_wanders() {
+    let case = six_position::Case {
+        latitude_deg: -58.0,
+        stay_s: 200.0,
+        arw_deg_per_sqrt_h: 0.003,
+        bias_instability_deg_h: 0.005,
+        table_arcsec: 60.0,
+    };
+    let trials: Vec<_> = (0..TRIALS).filter_map(|number| six_position::run(&case, 14, number)).collect();
+    assert!(trials.len() as u64 >= TRIALS - 15, "{}", trials.len());
+    let parameters = summaries(six_position::NAMES, &trials, |trial, i| {
+        [trial.solved[i] - trial.truth[i], trial.sigmas[i], trial.published[i] - trial.truth[i]]
+    });
+    for parameter in &parameters {
+        assert!(parameter.mean_in_sigmas.abs() < 4.0 / (TRIALS as f64).sqrt(), "{parameter:?}");
+        assert!(parameter.coverage > 0.93 - 2.0 * 0.0056, "{parameter:?}");
+        assert!(parameter.rms < parameter.reference_rms, "{parameter:?}");
+    }
+}
+
+#[test]
 fn the_ellipsoid_is_unbiased_honest_and_at_the_bound() {
     let case = ellipsoid::Case::NOMINAL;
     let trials: Vec<_> = (0..TRIALS).filter_map(|number| ellipsoid::run(&case, 12, number)).collect();

@@ -45,7 +45,7 @@ pub struct Knowledge {
     pub latitude_deg: f64,
     /// The table's angles are good to ± this, arcsec (uniformly distributed).
     pub table_arcsec: f64,
-    /// Bias instability of the gyros, °/h: what does not average out in a stay.
+    /// Bias instability of the gyros, °/h: what does not average out, neither in a stay nor over all of them.
     pub bias_instability_deg_h: f64,
 }
 
@@ -76,7 +76,8 @@ pub struct Closure {
 ///
 /// Weights: each mean's own variance, times how much the rates of that gyro wander (if they do), plus the declared bias
 /// instability and the table's part: an angle error δ about an axis turns the Earth rate by δ × ω. Standard deviations
-/// follow from these; they are not scaled by the closure, which is a test of its own.
+/// follow from these; they are not scaled by the closure, which is a test of its own. Those of the biases have the
+/// instability once more: its slow part is common to all positions.
 ///
 /// `latitude` in the refusals: the sine and the cosine of the latitude share the scale factors, so that a latitude that is
 /// wrong shows as a vertical response that disagrees with the horizontal one. It is taken as wrong when four standard
@@ -118,6 +119,7 @@ struct Solution {
     chi_square: f64,
     squares: f64,
     closures: u32,
+    instability_deg_h: f64,
 }
 
 impl<'a> Measured<'a> {
@@ -203,6 +205,7 @@ impl<'a> Measured<'a> {
             chi_square: 0.0,
             squares: 0.0,
             closures: 0,
+            instability_deg_h: self.knowledge.bias_instability_deg_h,
         };
         for (gyro, (parameters, covariance)) in
             solution.parameters.iter_mut().zip(&mut solution.covariances).enumerate()
@@ -277,7 +280,7 @@ impl Solution {
         Calibration {
             bias_deg_h: values.map(|(bias, _)| bias),
             matrix: values.map(|(_, responses)| responses),
-            sigma_bias_deg_h: sigmas.map(|(bias, _)| bias),
+            sigma_bias_deg_h: sigmas.map(|(bias, _)| libm::hypot(bias, self.instability_deg_h)),
             sigma_matrix: sigmas.map(|(_, responses)| responses),
             closure: self.closure(),
         }
