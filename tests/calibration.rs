@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use north::calibrate::ellipsoid::{Stay, calibrate};
 use north::calibrate::trials::{Parameter, Tally, ellipsoid, six_position, voyage};
+use north_finder::calibration::ellipsoid::attitude::Attitude;
 use north_finder::calibration::ellipsoid::{Correction, Entry, Role, fit, norm_rms};
 
 const TRIALS: u64 = 1500;
@@ -126,16 +127,22 @@ fn a_real_recording_of_a_mems_triad() {
     let found = &outcome.calibration;
     let rms = |role, correction| norm_rms(outcome.means(role), correction, GRAVITY).unwrap();
     let checked = found.check_norm_rms.unwrap();
-    let one_by_one = each_judged_by_the_others(&outcome.stays);
     let rests = rests(&path, &outcome.stays);
     let of_readings =
         |correction| norm_rms(rests.iter().flat_map(|rest| middle(rest)).copied(), correction, GRAVITY).unwrap();
     let (differ, white) = halves(&rests, &found.correction);
+    let means: Vec<_> = outcome.stays.iter().map(|stay| stay.entry.attitude.mean).collect();
+    let whole: Vec<_> = outcome.stays.iter().map(|stay| stay.entry.attitude).collect();
+    let hundred = rests.iter().map(|rest| Attitude::of(middle(rest), 3.0, &mut [0.0; 100]).unwrap());
+    let one_by_one = each_judged_by_the_others(&means, &whole);
+    let by_hundred = each_judged_by_the_others(&means, &hundred.collect::<Vec<_>>());
     println!("norm at rest, rms, m/s2: {} attitudes, {} only judged", outcome.stays.len(), outcome.count(Role::Check));
     println!("                                            here  imu_tk (learned from all)");
     println!("  attitudes only judged                  {checked:.6}  {:.6}", rms(Role::Check, &IMU_TK));
     println!("  attitudes learned from                 {:.6}  {:.6}", found.norm_rms, rms(Role::Fit, &IMU_TK));
-    println!("  each judged by a fit of all others     {one_by_one:.6}");
+    println!(
+        "  each judged by a fit to all others     {one_by_one:.6}  {by_hundred:.6} (100 readings of each, as it does)"
+    );
     println!(
         "  single readings, noise and all         {:.6}  {:.6}",
         of_readings(&found.correction),
@@ -155,15 +162,15 @@ fn a_real_recording_of_a_mems_triad() {
     }
 }
 
-/// Root mean square of the norm less gravity of every attitude by a fit in which it had no part.
-fn each_judged_by_the_others(stays: &[Stay]) -> f64 {
-    let squares = (0..stays.len()).map(|judged| {
-        let role = |i| if i == judged { Role::Check } else { Role::Fit };
-        let entry = |(i, stay): (usize, &Stay)| Entry { role: role(i), ..stay.entry };
-        let mut entries: Vec<_> = stays.iter().enumerate().map(entry).collect();
-        fit(&mut entries, GRAVITY).unwrap().check_norm_rms.unwrap().powi(2)
+/// Root mean square of the norm less gravity of every attitude's mean by a fit to the others, or to what was taken of them.
+fn each_judged_by_the_others(means: &[[f64; 3]], taken: &[Attitude]) -> f64 {
+    let squares = means.iter().enumerate().map(|(judged, mean)| {
+        let others = taken.iter().enumerate().filter(|(i, _)| *i != judged);
+        let mut entries: Vec<_> = others.map(|(_, attitude)| Entry { attitude: *attitude, role: Role::Fit }).collect();
+        let correction = fit(&mut entries, GRAVITY).unwrap().correction;
+        (correction.norm(*mean) - GRAVITY).powi(2)
     });
-    (squares.sum::<f64>() / stays.len() as f64).sqrt()
+    (squares.sum::<f64>() / means.len() as f64).sqrt()
 }
 
 /// The readings of every rest, counts.

@@ -263,7 +263,8 @@ fn write_report(out: &mut dyn Write, report: &Report) -> io::Result<()> {
     }
     writeln!(
         out,
-        "\n| table, +- arcsec | bias rms, deg/h | matrix rms, ppm | the same without gyro noise | |\n|---|---|---|---|---|"
+        "\n| table, +- arcsec | bias rms, deg/h | matrix rms, ppm | bias, gyros without noise | matrix, gyros without noise |\n\
+         |---|---|---|---|---|"
     )?;
     for table in &report.tables {
         writeln!(
