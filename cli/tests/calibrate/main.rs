@@ -1,5 +1,6 @@
 //! `north calibrate` by the binary, on recordings that the simulator made.
 
+mod bench;
 mod ellipsoid;
 mod simulate;
 mod six_position;
@@ -17,8 +18,11 @@ struct Called {
 }
 
 fn calibrate(folder: &TempDir, arguments: &[&str]) -> Called {
+    north(folder, &[&["calibrate"], arguments].concat())
+}
+
+fn north(folder: &TempDir, arguments: &[&str]) -> Called {
     let output = Command::new(env!("CARGO_BIN_EXE_north"))
-        .arg("calibrate")
         .args(arguments)
         .current_dir(folder.path())
         .stdin(Stdio::null())

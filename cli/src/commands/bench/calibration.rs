@@ -22,8 +22,6 @@ const MOST_OF_BOUND: f64 = 1.1;
 const CHANCE: f64 = 1.02;
 /// Tables that the effect of is shown, ± arcsec.
 const TABLES_ARCSEC: [f64; 3] = [0.0, 3.0, 60.0];
-/// Trials of voyages: each takes 108,000 steps with five calibrations.
-const VOYAGES: u64 = 200;
 /// What the source reports: greatest error before and after its calibration, nautical miles.
 const SOURCE_NMI: [f64; 2] = [4.38, 1.64];
 const VOYAGE_H: f64 = 15.0;
@@ -40,6 +38,9 @@ pub struct Calibration {
     /// Trials for each table, 100 to 1000000
     #[arg(long, value_name = "N", default_value_t = 4000, value_parser = clap::value_parser!(u64).range(100..=1_000_000))]
     trials: u64,
+    /// Voyages of a ship, 10 to 100000; each takes 108,000 steps with five calibrations
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u64).range(10..=100_000))]
+    voyages: u64,
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -86,7 +87,7 @@ struct Voyage {
 impl Calibration {
     pub fn run(self) -> Result<(), Failure> {
         let mut out = self.json.human();
-        let bar = progress::bar(self.trials * (2 + 2 * TABLES_ARCSEC.len() as u64) + VOYAGES, "trials");
+        let bar = progress::bar(self.trials * (2 + 2 * TABLES_ARCSEC.len() as u64) + self.voyages, "trials");
         let (six_position, six_position_refused) = self.six_position(&six_position::Case::NOMINAL, &bar)?;
         let tables = TABLES_ARCSEC.into_iter().map(|arcsec| self.table(arcsec, &bar)).collect::<Result<_, _>>()?;
         let (voyage, voyages) = self.voyage(&bar)?;
@@ -170,7 +171,7 @@ impl Calibration {
     fn voyage(&self, bar: &ProgressBar) -> Result<(Vec<Voyage>, usize), Failure> {
         let latitude_deg = six_position::Case::NOMINAL.latitude_deg;
         let run = |number| voyage::run(latitude_deg, VOYAGE_H, self.seed, number);
-        let trials = self.trials(VOYAGES, 1 << 32, bar, run)?;
+        let trials = self.trials(self.voyages, 1 << 32, bar, run)?;
         type Error = fn(&voyage::Trial) -> f64;
         let rows: [(_, Error); 5] = [
             ("none", |trial| trial.uncalibrated_nmi),
