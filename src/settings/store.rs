@@ -16,6 +16,7 @@
 
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
+use serde::Deserialize;
 
 use super::Settings;
 
@@ -61,52 +62,57 @@ pub enum UpdateError<E> {
 }
 
 /// What is in one slot.
-#[allow(clippy::large_enum_variant)] // without a heap there is no smaller place
+#[derive(Clone, Copy)]
 enum Slot {
     Erased,
     Corrupt,
-    Valid { sequence: u32, settings: Settings },
+    /// A record that passes its checks, and its sequence number.
+    Valid(u32),
 }
+
+/// A slot's first bytes.
+type Record = [u8; MAX_RECORD];
 
 /// The settings that were saved last.
 pub fn load<F: ReadNorFlash>(flash: &mut F) -> Result<Loaded, F::Error> {
-    Ok(match (read_slot(flash, 0)?, read_slot(flash, 1)?) {
-        (Slot::Valid { sequence: first, settings }, Slot::Valid { sequence: second, .. }) if later(first, second) => {
-            Loaded::Valid(settings)
-        }
-        (_, Slot::Valid { settings, .. }) | (Slot::Valid { settings, .. }, _) => Loaded::Valid(settings),
-        (Slot::Erased, Slot::Erased) => Loaded::Missing,
-        _ => Loaded::Corrupt,
-    })
+    let mut record = [0; MAX_RECORD];
+    let slots = [look_into(flash, 0, &mut record)?, look_into(flash, 1, &mut record)?];
+    let Some((newest, _)) = newest(slots) else {
+        let erased = matches!(slots, [Slot::Erased, Slot::Erased]);
+        return Ok(if erased { Loaded::Missing } else { Loaded::Corrupt });
+    };
+    flash.read(slot_start(flash, newest), &mut record)?;
+    Ok(decode(&mut record).map_or(Loaded::Corrupt, Loaded::Valid))
 }
 
 /// Saves settings over the older record. Until that is complete, [`load`] finds what it found before.
 pub fn save<F: NorFlash>(flash: &mut F, settings: &Settings) -> Result<(), SaveError<F::Error>> {
-    let first = sequence(flash, 0).map_err(SaveError::Flash)?;
-    let second = sequence(flash, 1).map_err(SaveError::Flash)?;
-    let (slot, sequence) = match (first, second) {
-        (Some(first), Some(second)) if later(first, second) => (1, first.wrapping_add(1)),
-        (Some(first), None) => (1, first.wrapping_add(1)),
-        (_, Some(second)) => (0, second.wrapping_add(1)),
-        (None, None) => (0, 0),
+    let mut record = [0; MAX_RECORD];
+    let mut look = |slot| look_into(flash, slot, &mut record).map_err(SaveError::Flash);
+    let (slot, sequence) = match newest([look(0)?, look(1)?]) {
+        Some((newest, sequence)) => (1 - newest, sequence.wrapping_add(1)),
+        None => (0, 0),
     };
 
-    let mut record = [0xFF; MAX_RECORD];
+    record.fill(0xFF);
     let length = encode(settings, sequence, &mut record).ok_or(SaveError::TooLong)?;
-    let record = record.get(..length.next_multiple_of(F::WRITE_SIZE)).ok_or(SaveError::TooLong)?;
+    let written = record.get(..length.next_multiple_of(F::WRITE_SIZE)).ok_or(SaveError::TooLong)?;
     let start = slot_start(flash, slot);
     flash.erase(start, slot_start(flash, slot + 1)).map_err(SaveError::Flash)?;
-    flash.write(start, record).map_err(SaveError::Flash)?;
+    flash.write(start, written).map_err(SaveError::Flash)?;
 
-    match read_slot(flash, slot).map_err(SaveError::Flash)? {
-        Slot::Valid { settings: read, .. } if read == *settings => Ok(()),
-        _ => Err(SaveError::NotVerified),
-    }
+    let mut read = [0; MAX_RECORD];
+    let read = read.get_mut(..written.len()).ok_or(SaveError::TooLong)?;
+    flash.read(start, read).map_err(SaveError::Flash)?;
+    if read == written { Ok(()) } else { Err(SaveError::NotVerified) }
 }
 
 /// Changes the settings that were saved last, and saves them.
 ///
 /// Errors: [`UpdateError::Nothing`] where none can be loaded; otherwise as [`save`].
+///
+/// Never inlined: the settings shall take the caller's stack only while they are changed.
+#[inline(never)]
 pub fn update<F: NorFlash>(flash: &mut F, change: impl FnOnce(&mut Settings)) -> Result<(), UpdateError<F::Error>> {
     match load(flash) {
         Ok(Loaded::Valid(mut settings)) => {
@@ -127,25 +133,28 @@ fn slot_start(flash: &impl ReadNorFlash, slot: usize) -> u32 {
     (flash.capacity() / 2 * slot) as u32
 }
 
-fn sequence<F: ReadNorFlash>(flash: &mut F, slot: usize) -> Result<Option<u32>, F::Error> {
-    Ok(match read_slot(flash, slot)? {
-        Slot::Valid { sequence, .. } => Some(sequence),
-        Slot::Erased | Slot::Corrupt => None,
-    })
+/// The slot with the later record, and its sequence number.
+fn newest(slots: [Slot; 2]) -> Option<(usize, u32)> {
+    match slots {
+        [Slot::Valid(first), Slot::Valid(second)] if later(first, second) => Some((0, first)),
+        [_, Slot::Valid(second)] => Some((1, second)),
+        [Slot::Valid(first), _] => Some((0, first)),
+        _ => None,
+    }
 }
 
-fn read_slot<F: ReadNorFlash>(flash: &mut F, slot: usize) -> Result<Slot, F::Error> {
-    let mut record = [0; MAX_RECORD];
-    flash.read(slot_start(flash, slot), &mut record)?;
-    Ok(if record.iter().all(|&byte| byte == 0xFF) {
-        Slot::Erased
-    } else {
-        decode(&mut record).map_or(Slot::Corrupt, |(sequence, settings)| Slot::Valid { sequence, settings })
-    })
+/// What is in a slot; `record` is where it is read to.
+fn look_into<F: ReadNorFlash>(flash: &mut F, slot: usize, record: &mut Record) -> Result<Slot, F::Error> {
+    flash.read(slot_start(flash, slot), record)?;
+    if record.iter().all(|&byte| byte == 0xFF) {
+        return Ok(Slot::Erased);
+    }
+    let [_, _, _, _, _, _, _, _, n0, n1, n2, n3, ..] = *record;
+    Ok(if check(record).is_some() { Slot::Valid(u32::from_le_bytes([n0, n1, n2, n3])) } else { Slot::Corrupt })
 }
 
 /// Writes a record and gives its length; `None` where the settings are too long.
-fn encode(settings: &Settings, sequence: u32, record: &mut [u8; MAX_RECORD]) -> Option<usize> {
+fn encode(settings: &Settings, sequence: u32, record: &mut Record) -> Option<usize> {
     let (header, rest) = record.split_first_chunk_mut::<HEADER>()?;
     let length = postcard::to_slice(settings, rest).ok()?.len();
     let [magic @ .., _, _, _, _, _, _, _, _] = header;
@@ -159,27 +168,29 @@ fn encode(settings: &Settings, sequence: u32, record: &mut [u8; MAX_RECORD]) -> 
     Some(HEADER + length + CRC_LENGTH)
 }
 
-/// Sequence number and settings of a record; `None` where any of its checks fails.
-fn decode(record: &mut [u8; MAX_RECORD]) -> Option<(u32, Settings)> {
-    let &[m0, m1, m2, m3, v0, v1, l0, l1, ref number @ ..] = record.first_chunk::<HEADER>()?;
-    let (version, number) = (u16::from_le_bytes([v0, v1]), u32::from_le_bytes(*number));
-    if [m0, m1, m2, m3] != MAGIC || !matches!(version, WITHOUT_ACCELEROMETER | VERSION) {
-        return None;
-    }
-    let mut end = HEADER + usize::from(u16::from_le_bytes([l0, l1]));
-    let (checked, rest) = record.split_at_mut_checked(end)?;
-    if CRC.checksum(checked) != u32::from_le_bytes(*rest.first_chunk()?) {
-        return None;
-    }
+/// Version of a record and where its settings end; `None` where any of its checks fails.
+fn check(record: &Record) -> Option<(u16, usize)> {
+    let [m0, m1, m2, m3, v0, v1, l0, l1, ..] = *record;
+    let version = u16::from_le_bytes([v0, v1]);
+    let end = HEADER + usize::from(u16::from_le_bytes([l0, l1]));
+    let (checked, rest) = record.split_at_checked(end)?;
+    let sound = [m0, m1, m2, m3] == MAGIC
+        && matches!(version, WITHOUT_ACCELEROMETER | VERSION)
+        && CRC.checksum(checked) == u32::from_le_bytes(*rest.first_chunk()?);
+    sound.then_some((version, end))
+}
+
+/// Settings of a record; `None` where any of its checks fails. Leaves the record unfit for another look.
+fn decode(record: &mut Record) -> Option<Settings> {
+    let (version, mut end) = check(record)?;
     if version == WITHOUT_ACCELEROMETER {
         // The byte after the settings becomes the option that was not there yet.
-        *rest.first_mut()? = 0;
+        *record.get_mut(end)? = 0;
         end += 1;
     }
-    match postcard::take_from_bytes(record.get(HEADER..end)?) {
-        Ok((settings, [])) => Some((number, settings)),
-        _ => None,
-    }
+    let mut bytes = postcard::Deserializer::from_bytes(record.get(HEADER..end)?);
+    let settings = Settings::deserialize(&mut bytes).ok()?;
+    bytes.finalize().is_ok_and(<[u8]>::is_empty).then_some(settings)
 }
 
 #[cfg(test)]
