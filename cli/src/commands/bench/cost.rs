@@ -6,11 +6,15 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use hal_sim::Scenario;
+use north_finder::calibration::field::guidance::Step;
+use north_finder::event::{Event, Report};
+use north_finder::sample::SAMPLE_S;
 use serde::{Deserialize, Serialize};
 
 use crate::engine::qemu::{self, Cost, QemuError, image};
-use crate::engine::{End, EngineError, Setup};
+use crate::engine::{self, End, EngineError, Setup};
 use crate::failure::Failure;
+use crate::field::{self, Obedient};
 use crate::file_error::{FileError, Problem};
 use crate::interrupt;
 use crate::output::JsonOption;
@@ -19,19 +23,22 @@ use crate::toml_file::TomlFile;
 
 /// First lines of a baseline file.
 const HEADER: &str = "\
-# What the firmware image costs in QEMU (mps2-an386, one fix of calm-bench), and by how much each number may grow.
+# What the firmware image costs in QEMU (mps2-an386, one fix of calm-bench, one field calibration of worn-accelerometers),
+# and by how much each number may grow.
 # Written by: north bench cost --check cli/bench-baseline.toml --update
 
 ";
 /// The fix that is measured.
 const SCENARIO: &str = "calm-bench";
 const SEED: u64 = 1;
+/// The calibration of the accelerometers that is measured.
+const FIELD_SCENARIO: &str = "worn-accelerometers";
 /// Growth that a new baseline allows, percent.
 const MARGIN_PERCENT: f64 = 5.0;
 
 /// Instructions per 2.5 ms tick, image size, stack and speed of the firmware image in QEMU
 ///
-/// One whole fix is run. With --check the numbers must not exceed those of a baseline file by more than its margins; the
+/// One whole fix is run, and one calibration of the accelerometers in the field. With --check the numbers must not exceed those of a baseline file by more than its margins; the
 /// speed, which depends on the machine, is not checked.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
@@ -60,8 +67,20 @@ struct Measured {
     flash_bytes: f64,
     ram_bytes: f64,
     stack_bytes: f64,
+    field: FieldCost,
     /// World time over host time.
     speed: f64,
+}
+
+/// What a calibration of the accelerometers in the field costs.
+#[derive(Clone, Copy, Debug, Serialize)]
+struct FieldCost {
+    /// Of the tick that takes in an attitude and looks where the next is needed, most.
+    attitude_instructions: f64,
+    /// Of the tick that solves; it runs below everything else.
+    solution_instructions: f64,
+    /// Most stack in use from power-up to the stored result.
+    stack_bytes: f64,
 }
 
 /// What is allowed: the checked-in file.
@@ -73,6 +92,9 @@ struct Baseline {
     flash_bytes: Allowed,
     ram_bytes: Allowed,
     stack_bytes: Allowed,
+    field_attitude_instructions: Allowed,
+    field_solution_instructions: Allowed,
+    field_stack_bytes: Allowed,
 }
 
 /// A number, and by how much it may grow.
@@ -111,34 +133,71 @@ impl CostCommand {
     }
 }
 
-fn measure(image: &Path) -> Result<Measured, Failure> {
-    let scenario = Scenario::named(SCENARIO)?;
+fn setup(scenario: &str) -> Result<Setup, Failure> {
+    let scenario = Scenario::named(scenario)?;
     let settings = Some(scenario_settings(&scenario, None)?);
-    let setup = Setup { scenario, seed: SEED, settings };
+    Ok(Setup { scenario, seed: SEED, settings })
+}
+
+fn measure(image: &Path) -> Result<Measured, Failure> {
+    let setup = setup(SCENARIO)?;
     let size = image::size(image).map_err(QemuError::from).map_err(EngineError::from)?;
     let (outcome, cost) = qemu::run(image, &setup, interrupt::flag(), &mut |_| ())?;
     match outcome.end {
-        End::Fix(_) => Ok(Measured::new(&cost, size)),
+        End::Fix(_) => Ok(Measured::new(&cost, size, measure_field(image)?)),
         End::Interrupted => Err(Failure::Interrupted),
         End::Fault { fault, .. } => Err(Failure::Refused(format!("{SCENARIO}: {}", fault.explain()))),
         End::TimeLimit => Err(Failure::Refused(format!("{SCENARIO}: no azimuth in time"))),
     }
 }
 
+/// A calibration in the field up to the solution, and another one to its end.
+fn measure_field(image: &Path) -> Result<FieldCost, Failure> {
+    let setup = setup(FIELD_SCENARIO)?;
+    let mut solving = None;
+    let mut observe = |report: &Report| {
+        if let Event::Guidance(guidance) = report.event
+            && guidance.step == Step::Solving
+        {
+            solving = Some((report.t_s / SAMPLE_S).round() as u64);
+        }
+    };
+    let calibrate = |limit_ticks, observe: &mut engine::Observer<'_>| {
+        let world = engine::world(&setup)?;
+        let mut person = Obedient::new(&world, &setup, observe);
+        let (off, cost) = qemu::serve(image, &world, limit_ticks, &mut person, interrupt::flag())?;
+        Ok::<_, EngineError>((person.outcome(off).end, cost))
+    };
+    let (end, whole) = calibrate(engine::limit_ticks(&setup), &mut observe)?;
+    match (end, solving) {
+        (field::End::Interrupted, _) => Err(Failure::Interrupted),
+        (field::End::Stored, Some(tick)) => {
+            let (_, attitudes) = calibrate(tick, &mut |_| ())?;
+            Ok(FieldCost {
+                attitude_instructions: attitudes.most_instructions as f64,
+                solution_instructions: whole.most_instructions as f64,
+                stack_bytes: f64::from(whole.stack_bytes),
+            })
+        }
+        (end, _) => Err(Failure::Refused(format!("{FIELD_SCENARIO}: no calibration was stored: {end:?}"))),
+    }
+}
+
 impl Measured {
-    fn new(cost: &Cost, size: image::Size) -> Self {
+    fn new(cost: &Cost, size: image::Size, field: FieldCost) -> Self {
         Self {
             mean_instructions: cost.mean_instructions,
             most_instructions: cost.most_instructions as f64,
             flash_bytes: size.flash as f64,
             ram_bytes: size.ram as f64,
             stack_bytes: f64::from(cost.stack_bytes),
+            field,
             speed: cost.speed(),
         }
     }
 }
 
-fn lines(measured: &Measured, baseline: Option<&Baseline>) -> [Line; 5] {
+fn lines(measured: &Measured, baseline: Option<&Baseline>) -> [Line; 8] {
     let line = |what, value, allowed: fn(&Baseline) -> Allowed| Line { what, value, allowed: baseline.map(allowed) };
     [
         line("instructions per 2.5 ms tick, mean", measured.mean_instructions, |baseline| baseline.mean_instructions),
@@ -146,6 +205,17 @@ fn lines(measured: &Measured, baseline: Option<&Baseline>) -> [Line; 5] {
         line("flash, bytes", measured.flash_bytes, |baseline| baseline.flash_bytes),
         line("static RAM, bytes", measured.ram_bytes, |baseline| baseline.ram_bytes),
         line("stack, most in use, bytes", measured.stack_bytes, |baseline| baseline.stack_bytes),
+        line(
+            "field calibration: instructions of an attitude, most",
+            measured.field.attitude_instructions,
+            |baseline| baseline.field_attitude_instructions,
+        ),
+        line("field calibration: instructions of the solution", measured.field.solution_instructions, |baseline| {
+            baseline.field_solution_instructions
+        }),
+        line("field calibration: stack, most in use, bytes", measured.field.stack_bytes, |baseline| {
+            baseline.field_stack_bytes
+        }),
     ]
 }
 
@@ -190,6 +260,13 @@ fn update(path: &Path, measured: &Measured, old: Option<&Baseline>) -> Result<()
         flash_bytes: allowed(measured.flash_bytes, |old| old.flash_bytes),
         ram_bytes: allowed(measured.ram_bytes, |old| old.ram_bytes),
         stack_bytes: allowed(measured.stack_bytes, |old| old.stack_bytes),
+        field_attitude_instructions: allowed(measured.field.attitude_instructions, |old| {
+            old.field_attitude_instructions
+        }),
+        field_solution_instructions: allowed(measured.field.solution_instructions, |old| {
+            old.field_solution_instructions
+        }),
+        field_stack_bytes: allowed(measured.field.stack_bytes, |old| old.field_stack_bytes),
     };
     let table =
         toml::to_string(&baseline).map_err(|error| FileError::whole(path, Problem::Syntax(error.to_string())))?;
@@ -209,6 +286,7 @@ mod tests {
             flash_bytes: 1051.0,
             ram_bytes: 10.0,
             stack_bytes: 1100.0,
+            field: FieldCost { attitude_instructions: 1.0, solution_instructions: 1000.0, stack_bytes: 1.0 },
             speed: 1.0,
         };
         let allowed = Allowed { value: 1000.0, margin_percent: 5.0 };
@@ -218,6 +296,9 @@ mod tests {
             flash_bytes: allowed,
             ram_bytes: allowed,
             stack_bytes: allowed,
+            field_attitude_instructions: allowed,
+            field_solution_instructions: allowed,
+            field_stack_bytes: allowed,
         };
         let failure = check(&lines(&measured, Some(&baseline))).unwrap_err();
         assert_eq!(
