@@ -41,8 +41,8 @@ pub struct Ellipsoid {
 
 fn gravity(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(gravity) if gravity > 0.0 && gravity.is_finite() => Ok(gravity),
-        _ => Err("allowed is a number above 0".into()),
+        Ok(gravity) if (1e-30..=1e30).contains(&gravity) => Ok(gravity),
+        _ => Err("allowed is a number from 1e-30 to 1e30".into()),
     }
 }
 
