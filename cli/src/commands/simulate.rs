@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 use hal_sim::Scenario;
+use north_finder::calibration::ellipsoid::Correction;
 use north_finder::pipeline::Readings;
-use north_finder::settings::GyroFormat;
 use rayon::prelude::*;
 
 use super::instrument::InstrumentOptions;
@@ -128,8 +128,9 @@ fn record_seconds(setup: &Setup) -> Result<(Outcome, Vec<Row>), EngineError> {
 }
 
 fn record_raw(setup: &Setup) -> Result<(Outcome, Vec<Row>), EngineError> {
-    let format = setup.settings.as_ref().map_or(GyroFormat::Compact, |settings| settings.gyro.format);
-    let mut recorder = RawRecorder::new(format);
+    let settings = setup.settings.clone().unwrap_or_default();
+    let triad = settings.accelerometer.map_or(Correction::UNIT, |calibration| calibration.correction());
+    let mut recorder = RawRecorder::new(settings.gyro.format, triad);
     let mut tap = |readings: &Readings, gyro_bytes: &[u8]| recorder.see(readings, gyro_bytes);
     let outcome = host::run_tapped(setup, interrupt::flag(), &mut |_| (), &mut tap)?;
     Ok((outcome, recorder.into_rows()))

@@ -1,5 +1,6 @@
 //! A fix as raw rows: one for each frame of the gyro, 400 a second.
 
+use north_finder::calibration::ellipsoid::Correction;
 use north_finder::frame::{Frame, FrameReader};
 use north_finder::pipeline::Readings;
 use north_finder::settings::GyroFormat;
@@ -18,6 +19,7 @@ const PATIENCE: u64 = 100;
 #[derive(Clone, Debug)]
 pub struct RawRecorder {
     reader: FrameReader,
+    triad: Correction,
     modulus: u16,
     expected: Option<u8>,
     /// Frames so far, the lost ones as well.
@@ -33,9 +35,11 @@ pub struct RawRecorder {
 }
 
 impl RawRecorder {
-    pub fn new(format: GyroFormat) -> Self {
+    /// For a gyro's frames, and with what turns the accelerometers' readings into specific force.
+    pub fn new(format: GyroFormat, triad: Correction) -> Self {
         Self {
             reader: FrameReader::new(format),
+            triad,
             modulus: format.sequence_modulus(),
             expected: None,
             frames: 0,
@@ -51,7 +55,8 @@ impl RawRecorder {
 
     /// Takes what one tick brought.
     pub fn see(&mut self, readings: &Readings, gyro_bytes: &[u8]) {
-        if let Some(Some([forward, left, _])) = readings.acceleration_g {
+        if let Some(Some(acceleration_g)) = readings.acceleration_g {
+            let [forward, left, _] = self.triad.apply(acceleration_g);
             self.level_g = Some([forward, left]);
         }
         if let Some(Some(index_deg)) = readings.index_deg {
@@ -115,7 +120,7 @@ mod tests {
     use super::*;
 
     fn recorder(frames: &[Frame]) -> RawRecorder {
-        let mut recorder = RawRecorder::new(GyroFormat::Compact);
+        let mut recorder = RawRecorder::new(GyroFormat::Compact, Correction::UNIT);
         recorder.index_deg = Some(90.0);
         recorder.level_g = Some([0.0, 0.0]);
         frames.iter().for_each(|frame| recorder.frame(frame));
