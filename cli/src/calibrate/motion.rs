@@ -1,7 +1,5 @@
 //! Finds the still intervals of a continuous recording.
 
-use std::ops::Range;
-
 use north_finder::calibration::statistics::median;
 use north_finder::calibration::still::{Block, BlockMean, Rest};
 
@@ -15,8 +13,13 @@ const LEAST_REST_S: f64 = 1.0;
 const LEAST_BLOCKS: usize = 3;
 /// Part of the recording that is taken to be at rest, at least.
 const QUIET_PART: f64 = 0.1;
-/// A block scatters by no more than this factor over the quiet part's.
+/// A block at rest scatters by no more than this factor over the noise …
 const LIMIT: f64 = 3.0;
+/// … or this over the root of the number of its readings: half of the limit is what the means of two blocks may be apart,
+/// 4.5 standard deviations of their difference.
+const LIMIT_OF_SHORT: f64 = 12.7;
+/// Deviate of the normal distribution of which [`QUIET_PART`] is below.
+const QUIET_DEVIATE: f64 = -1.2816;
 /// Rest scatters by less than this part of what the readings range over.
 const MOST_NOISE: f64 = 0.02;
 /// Neighbouring rests whose means differ by less than this part of the range are one attitude, interrupted.
@@ -67,32 +70,44 @@ pub fn rests(rows: &[[f64; 4]], resolution: f64) -> Result<Vec<Rested>, Restless
     let mut steps: Vec<_> = rows.windows(2).map(|pair| pair[1][0] - pair[0][0]).collect();
     let step_s = median(&mut steps).unwrap_or(0.0);
     let seconds = step_s * rows.len() as f64;
-    let size = (BLOCK_S / step_s).round().clamp(LEAST_IN_BLOCK, f64::from(u16::MAX));
-    let least = LEAST_BLOCKS.max((LEAST_REST_S / (size * step_s)).ceil() as usize);
-    let blocks = blocks(rows, size as u16);
+    let size = (BLOCK_S / step_s).round().clamp(LEAST_IN_BLOCK, f64::from(u16::MAX)) as u16;
+    let block_s = f64::from(size) * step_s;
+    let least = LEAST_BLOCKS.max((LEAST_REST_S / block_s).ceil() as usize);
+    let blocks = blocks(rows, size);
     let mut spreads: Vec<_> = blocks.iter().map(|(_, block)| block.spread).collect();
     spreads.sort_unstable_by(f64::total_cmp);
     let Some(floor) = spreads.get((QUIET_PART * spreads.len() as f64) as usize) else {
         return Err(Restless::TooShort { seconds });
     };
     // A converter's step is noise too, with a standard deviation of step/√12.
-    let noise = floor.max(resolution / 12f64.sqrt());
+    let noise = (floor / quiet_ratio(size)).max(resolution / 12f64.sqrt());
     let range = half_range(&blocks);
     if noise > MOST_NOISE * range {
         return Err(Restless::Moving { noise: noise / range });
     }
+    let limit = LIMIT.max(LIMIT_OF_SHORT / f64::from(size).sqrt());
     let mut rests = Vec::new();
-    for run in runs(&blocks, LIMIT * noise) {
-        let run = if run.len() >= TRIMMED_FROM { run.start + 1..run.end - 1 } else { run };
+    for mut run in runs(rows, usize::from(size), limit * noise) {
+        if run.len() >= TRIMMED_FROM {
+            run = run[1..run.len() - 1].to_vec();
+        }
         if run.len() >= least {
-            rests.push(rested(&blocks[run], size * step_s));
+            rests.push(rested(&run, block_s));
         }
     }
-    join(&mut rests, SAME * range, size * step_s);
+    join(&mut rests, SAME * range, block_s);
     if rests.is_empty() {
         return Err(Restless::Moving { noise: noise / range });
     }
     Ok(rests)
+}
+
+/// What part of the noise the quietest [`QUIET_PART`] of blocks of so many readings scatters by: the root of a chi-square
+/// over its 3 (size − 1) degrees of freedom. Source: E. B. Wilson and M. M. Hilferty, Proceedings of the National Academy
+/// of Sciences 17, 1931, p. 684.
+fn quiet_ratio(size: u16) -> f64 {
+    let ninth = 2.0 / (9.0 * 3.0 * f64::from(size - 1));
+    (1.0 - ninth + QUIET_DEVIATE * ninth.sqrt()).powf(1.5)
 }
 
 /// Blocks with the time of their last reading.
@@ -112,19 +127,24 @@ fn half_range(blocks: &[(f64, Block)]) -> f64 {
     (0..3).map(range).fold(0.0, f64::max)
 }
 
-/// Runs of blocks that rest, by the largest spread of a block.
-fn runs(blocks: &[(f64, Block)], spread: f64) -> Vec<Range<usize>> {
+/// Runs of blocks that rest, by the largest spread of a block. Where nothing rests a block may begin at any reading, so
+/// that those of a rest begin with it, however few they are.
+fn runs(rows: &[[f64; 4]], size: usize, spread: f64) -> Vec<Vec<(f64, Block)>> {
     let mut runs = Vec::new();
-    let (mut start, mut rest) = (0, Rest::default());
-    for (i, (_, block)) in blocks.iter().enumerate() {
-        if rest.continues(block, spread) {
-            continue;
+    let (mut run, mut rest) = (Vec::new(), Rest::default());
+    let mut start = 0;
+    while let Some(block) = rows.get(start..start + size).and_then(|rows| blocks(rows, size as u16).pop()) {
+        if rest.continues(&block.1, spread) {
+            run.push(block);
+            start += size;
+        } else if run.is_empty() {
+            start += 1;
+        } else {
+            runs.push(std::mem::take(&mut run));
+            rest = Rest::default();
         }
-        runs.push(start..i);
-        rest = Rest::default();
-        start = if rest.continues(block, spread) { i } else { i + 1 };
     }
-    runs.push(start..blocks.len());
+    runs.push(run);
     runs
 }
 
@@ -140,7 +160,8 @@ fn join(rests: &mut Vec<Rested>, same: f64, block_s: f64) {
     for rest in rests.drain(..) {
         match joined.last_mut() {
             Some(last) if apart(last, &rest) < same => {
-                last.knocked += ((rest.t_s[0] - last.t_s[1]) / block_s).round() as u16;
+                // A part of a block is one, but for rounding.
+                last.knocked += ((rest.t_s[0] - last.t_s[1]) / block_s - 0.01).ceil() as u16;
                 last.t_s[1] = rest.t_s[1];
                 last.blocks.extend(rest.blocks);
             }
@@ -195,6 +216,13 @@ mod tests {
             .collect();
         let timed: Vec<_> = coarse.iter().zip(1..).map(|([_, x, y, z], i)| [f64::from(i) / 4.0, *x, *y, *z]).collect();
         assert_eq!(rests(&timed, 1.0).unwrap().len(), 15);
+    }
+
+    #[test]
+    fn ten_readings_a_second_apart_are_a_rest() {
+        let found = rests(&rows(&Placement { rate_hz: 1.0, ..placement(10.0, 0.0) }, 1e-3), 0.0).unwrap();
+        assert_eq!(found.len(), 15);
+        assert!(found.iter().all(|rest| rest.blocks.len() == 3), "{found:?}");
     }
 
     #[test]
