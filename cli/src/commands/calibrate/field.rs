@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use hal_sim::World;
 use north_finder::calibration::field::problem::Solved;
+use north_finder::event::{Event, Report};
 use serde::Serialize;
 
 use crate::commands::instrument::InstrumentOptions;
@@ -102,8 +103,8 @@ impl Field {
         let image = self.image.as_deref();
         let outcome = field::calibrate(engine, image, &world, &setup, interrupt::flag(), &mut |report| {
             events.extend(EventRecord::of(report));
-            if let (Some(text), Ok(())) = (guidance::line(&report.event), &unwritten) {
-                unwritten = writeln!(out, "{:8.1} s  {text}", report.t_s);
+            if unwritten.is_ok() {
+                unwritten = write_report(&mut out, report);
             }
         });
         if interrupt::requested() {
@@ -111,9 +112,6 @@ impl Field {
         }
         unwritten?;
         let outcome = outcome?;
-        if let Some(solved) = &outcome.solved {
-            write_solved(&mut out, solved)?;
-        }
         let fixes = match outcome.end {
             End::Stored => {
                 let find = |flash: &[u8]| self.find(engine, &setup, flash);
@@ -197,6 +195,14 @@ impl From<&Solved> for CalibrationRecord {
             matrix: correction.matrix,
         }
     }
+}
+
+/// What a report is worth saying: a line, or what was found, before and after.
+fn write_report(out: &mut dyn Write, report: &Report) -> io::Result<()> {
+    if let Event::Calibration(solved) = &report.event {
+        return write_solved(out, solved);
+    }
+    guidance::line(&report.event).map_or(Ok(()), |text| writeln!(out, "{:8.1} s  {text}", report.t_s))
 }
 
 fn write_solved(out: &mut dyn Write, solved: &Solved) -> io::Result<()> {
