@@ -1,0 +1,222 @@
+extern crate std;
+
+use std::vec::Vec;
+
+use embedded_storage::nor_flash::{ErrorType, NorFlashError, NorFlashErrorKind, check_erase, check_read, check_write};
+
+use super::*;
+use crate::settings::accelerometer::AccelerometerCalibration;
+
+/// Two sectors of 2048 bytes in words of `WORD` bytes that are written once after an erase; power can fail after
+/// any number of bytes, in the middle of a word or of an erase.
+#[derive(Clone)]
+struct Flash<const WORD: usize> {
+    bytes: Vec<u8>,
+    written: Vec<bool>,
+    power_left: usize,
+}
+
+#[derive(Debug, PartialEq, Eq)]
+enum Failure {
+    Arguments(NorFlashErrorKind),
+    WrittenTwice,
+    PowerLost,
+}
+
+impl NorFlashError for Failure {
+    fn kind(&self) -> NorFlashErrorKind {
+        NorFlashErrorKind::Other
+    }
+}
+
+impl<const WORD: usize> Flash<WORD> {
+    fn erased() -> Self {
+        Self { bytes: std::vec![0xFF; 4096], written: std::vec![false; 4096], power_left: usize::MAX }
+    }
+
+    fn spend(&mut self) -> Result<(), Failure> {
+        self.power_left = self.power_left.checked_sub(1).ok_or(Failure::PowerLost)?;
+        Ok(())
+    }
+}
+
+impl<const WORD: usize> ErrorType for Flash<WORD> {
+    type Error = Failure;
+}
+
+impl<const WORD: usize> ReadNorFlash for Flash<WORD> {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Failure> {
+        check_read(self, offset, bytes.len()).map_err(Failure::Arguments)?;
+        bytes.copy_from_slice(&self.bytes[offset as usize..][..bytes.len()]);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        self.bytes.len()
+    }
+}
+
+impl<const WORD: usize> NorFlash for Flash<WORD> {
+    const WRITE_SIZE: usize = WORD;
+    const ERASE_SIZE: usize = 2048;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), Failure> {
+        check_erase(self, from, to).map_err(Failure::Arguments)?;
+        for at in from as usize..to as usize {
+            if at % 256 == 0 {
+                self.spend()?;
+            }
+            self.bytes[at] = 0xFF;
+            self.written[at] = false;
+        }
+        Ok(())
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Failure> {
+        check_write(self, offset, bytes.len()).map_err(Failure::Arguments)?;
+        for (at, &byte) in (offset as usize..).zip(bytes) {
+            if core::mem::replace(&mut self.written[at], true) {
+                return Err(Failure::WrittenTwice);
+            }
+            self.spend()?;
+            self.bytes[at] &= byte;
+        }
+        Ok(())
+    }
+}
+
+fn settings(latitude_deg: f64) -> Settings {
+    Settings { latitude_deg, ..Settings::default() }
+}
+
+#[test]
+fn erased_flash_is_missing() {
+    assert_eq!(load(&mut Flash::<4>::erased()), Ok(Loaded::Missing));
+}
+
+#[test]
+fn the_last_saved_is_loaded() {
+    let mut flash = Flash::<4>::erased();
+    for latitude_deg in [10.0, 20.0, 30.0, 40.0, 50.0] {
+        save(&mut flash, &settings(latitude_deg)).unwrap();
+        assert_eq!(load(&mut flash), Ok(Loaded::Valid(settings(latitude_deg))));
+    }
+}
+
+#[test]
+fn the_record_is_as_documented() {
+    let mut flash = Flash::<4>::erased();
+    save(&mut flash, &settings(45.0)).unwrap();
+    save(&mut flash, &settings(45.5)).unwrap();
+    let record = &flash.bytes[2048..];
+    let length = usize::from(u16::from_le_bytes([record[6], record[7]]));
+    assert_eq!(record[..6], *b"NFST\x02\x00");
+    assert_eq!(record[8..12], [1, 0, 0, 0]);
+    assert_eq!(record[12..20], 45.5_f64.to_le_bytes());
+    let crc = CRC.checksum(&record[..12 + length]).to_le_bytes();
+    assert_eq!(record[12 + length..][..4], crc);
+    assert!(record[12 + length + 4..].iter().all(|&byte| byte == 0xFF));
+}
+
+#[test]
+fn nothing_but_damaged_records_is_corrupt() {
+    let mut flash = Flash::<4>::erased();
+    save(&mut flash, &settings(45.0)).unwrap();
+    flash.bytes[20] ^= 1;
+    assert_eq!(load(&mut flash), Ok(Loaded::Corrupt));
+    save(&mut flash, &settings(46.0)).unwrap();
+    assert_eq!(load(&mut flash), Ok(Loaded::Valid(settings(46.0))));
+}
+
+#[test]
+fn another_version_is_corrupt() {
+    let mut flash = Flash::<4>::erased();
+    save(&mut flash, &settings(45.0)).unwrap();
+    let length = HEADER + usize::from(u16::from_le_bytes([flash.bytes[6], flash.bytes[7]]));
+    flash.bytes[4] = 3;
+    let crc = CRC.checksum(&flash.bytes[..length]).to_le_bytes();
+    flash.bytes[length..][..4].copy_from_slice(&crc);
+    assert_eq!(load(&mut flash), Ok(Loaded::Corrupt));
+}
+
+#[test]
+fn a_record_without_the_accelerometers_calibration_is_read() {
+    let mut flash = Flash::<4>::erased();
+    save(&mut flash, &settings(45.0)).unwrap();
+    // Version 1: one byte less.
+    let length = usize::from(u16::from_le_bytes([flash.bytes[6], flash.bytes[7]])) - 1;
+    flash.bytes[4] = 1;
+    flash.bytes[6..8].copy_from_slice(&(length as u16).to_le_bytes());
+    let crc = CRC.checksum(&flash.bytes[..HEADER + length]).to_le_bytes();
+    flash.bytes[HEADER + length..][..4].copy_from_slice(&crc);
+    assert_eq!(load(&mut flash), Ok(Loaded::Valid(settings(45.0))));
+}
+
+#[test]
+fn an_update_changes_what_it_says_and_nothing_without_settings() {
+    let mut flash = Flash::<4>::erased();
+    assert_eq!(update(&mut flash, |_| ()), Err(UpdateError::Nothing));
+    save(&mut flash, &settings(45.0)).unwrap();
+    let calibration = AccelerometerCalibration { bias_g: [0.01; 3], matrix: [1.0, 0.0, 0.0, 1.0, 0.0, 1.0] };
+    update(&mut flash, |settings| settings.accelerometer = Some(calibration)).unwrap();
+    let expected = Settings { accelerometer: Some(calibration), ..settings(45.0) };
+    assert_eq!(load(&mut flash), Ok(Loaded::Valid(expected)));
+}
+
+#[test]
+fn every_single_flipped_bit_is_seen() {
+    let mut flash = Flash::<4>::erased();
+    save(&mut flash, &settings(45.0)).unwrap();
+    let length = HEADER + usize::from(u16::from_le_bytes([flash.bytes[6], flash.bytes[7]])) + CRC_LENGTH;
+    for bit in 0..8 * length {
+        let mut damaged = flash.clone();
+        damaged.bytes[bit / 8] ^= 1 << (bit % 8);
+        assert_eq!(load(&mut damaged), Ok(Loaded::Corrupt), "bit {bit}");
+    }
+}
+
+#[test]
+fn sequence_numbers_may_wrap() {
+    assert!(later(0, u32::MAX));
+    assert!(!later(u32::MAX, 0));
+    assert!(later(5, 4));
+}
+
+fn power_cut_at_every_byte<const WORD: usize>(saved_before: usize) {
+    let mut before = Flash::<WORD>::erased();
+    for number in 0..saved_before {
+        save(&mut before, &settings(number as f64)).unwrap();
+    }
+    let former = load(&mut before).unwrap();
+    for bytes in 0.. {
+        let mut flash = before.clone();
+        flash.power_left = bytes;
+        let saved = save(&mut flash, &settings(80.0));
+        flash.power_left = usize::MAX;
+        let found = load(&mut flash).unwrap();
+        if saved.is_ok() {
+            assert_eq!(found, Loaded::Valid(settings(80.0)));
+            assert!(bytes > 100);
+            break;
+        }
+        assert_eq!(saved, Err(SaveError::Flash(Failure::PowerLost)));
+        // Padding after the CRC is no part of the record: without it the new settings are there already.
+        let complete = found == Loaded::Valid(settings(80.0));
+        let broken_first = saved_before == 0 && matches!(found, Loaded::Missing | Loaded::Corrupt);
+        assert!(found == former || complete || broken_first, "after {bytes} bytes: {found:?}");
+        // And whatever was left behind, the next save works.
+        save(&mut flash, &settings(81.0)).unwrap();
+        assert_eq!(load(&mut flash), Ok(Loaded::Valid(settings(81.0))));
+    }
+}
+
+#[test]
+fn a_power_cut_at_any_byte_leaves_the_former_settings() {
+    for saved_before in 0..4 {
+        power_cut_at_every_byte::<1>(saved_before);
+        power_cut_at_every_byte::<4>(saved_before);
+        power_cut_at_every_byte::<16>(saved_before);
+    }
+}
