@@ -87,7 +87,7 @@ pub fn calibrate(path: &Path, gravity: f64) -> Result<Outcome, EllipsoidError> {
     let mut stays = boil_down(groups, &mut rejected);
     let mut entries: Vec<_> = stays.iter().map(|stay| stay.1.entry).collect();
     ellipsoid::split(&mut entries, gravity);
-    let calibration = ellipsoid::fit(&mut entries, gravity)
+    let calibration = fit(&mut entries, gravity)
         .map_err(|reason| EllipsoidError::Refused { file: path.display().to_string(), reason })?;
     for ((number, stay), entry) in stays.iter_mut().zip(entries) {
         stay.entry = entry;
@@ -101,6 +101,22 @@ pub fn calibrate(path: &Path, gravity: f64) -> Result<Outcome, EllipsoidError> {
     let nominal = nominal(valid.clone(), gravity);
     let norm_rms_before = norm_rms(valid, &nominal, gravity).unwrap_or_default();
     Ok(Outcome { stays, calibration, nominal, norm_rms_before, rejected })
+}
+
+/// Fits; as long as the attitudes to learn from do not cover the sphere, one less is only judged.
+fn fit(entries: &mut Vec<Entry>, gravity: f64) -> Result<Calibration, Refusal> {
+    loop {
+        let mut fitted = entries.clone();
+        let result = ellipsoid::fit(&mut fitted, gravity);
+        let spared = entries.iter_mut().rev().find(|entry| entry.role == Role::Check);
+        match (&result, spared) {
+            (Err(Refusal::Coverage { .. }), Some(spared)) => spared.role = Role::Fit,
+            _ => {
+                *entries = fitted;
+                return result;
+            }
+        }
+    }
 }
 
 impl Outcome {

@@ -97,6 +97,19 @@ fn badly_spread_attitudes_are_refused_with_what_is_missing() {
 }
 
 #[test]
+fn few_attitudes_are_learned_from_rather_than_judged() {
+    // Both ways along the axes and six of the twelve directions between: none of them can be spared.
+    let folder = tempfile::tempdir().unwrap();
+    let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let between = [[1.0, 1.0, 0.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]];
+    let up = axes.into_iter().chain(between).flat_map(|up| [up, up.map(|part: f64| -part)]).collect();
+    write_readings(&folder, &placement(up));
+    let result = calibrate(&folder, &["ellipsoid", "a.csv", "--gravity", "9.81", "--json", "-"]).json();
+    assert_eq!(result["attitudes"], 12);
+    near(&result["matrix"][2][2], 9.81 / 4080.0, 3e-6);
+}
+
+#[test]
 fn a_triad_that_moves_throughout_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     write_readings(&folder, &Placement { rest_s: 0.0, move_s: 3.0, ..placement(even_directions(30, 3)) });
