@@ -85,6 +85,15 @@ impl Candidate {
         }
     }
 
+    /// Whether its columns depend on the rate, or on the azimuth of the run.
+    pub fn follows_rate(&self) -> bool {
+        match self.shape {
+            Shape::Scale(..) | Shape::ScaleFactor | Shape::Nonlinearity(_) | Shape::DeadZone(_) => true,
+            Shape::EarthField(_) | Shape::IndexOffset | Shape::IndexHarmonic => true,
+            _ => false,
+        }
+    }
+
     /// Fitted constants in all.
     pub fn freedom(&self) -> usize {
         self.coefficients() + usize::from(!self.grid.is_empty())

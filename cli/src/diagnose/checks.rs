@@ -3,7 +3,7 @@
 use north_finder::units::{RAD_PER_DEG, wrap_180_deg};
 
 use super::data::RunData;
-use super::learn::Problem;
+use super::problem::Problem;
 use super::statistics::{f_tail, median};
 use super::{Refusal, Warning};
 use crate::campaign::Role;

@@ -2,9 +2,9 @@
 
 use north_finder::units::wrap_360_deg;
 
+use super::block::Block;
 use super::candidate::Candidate;
 use super::data::{Cell, RunData};
-use super::problem::Block;
 use super::result::Experiment;
 use super::statistics::{dot, orthonormalise};
 
@@ -107,8 +107,8 @@ fn design(like: &RunData, order: &[f64], dwell_s: f64, heading_deg: f64) -> RunD
 /// Share of the effect's columns, beside every run's own azimuth and bias, that no rival can imitate; the smallest over
 /// the rivals.
 fn separation(runs: &[&RunData], effect: (&Candidate, f64), rivals: &[(&Candidate, f64)]) -> f64 {
-    let blocks: Vec<Block> = runs.iter().filter_map(|run| Block::new(run, true)).collect();
-    let problem = super::learn::Problem::new(&blocks);
+    let blocks: Vec<Block> = runs.iter().filter_map(|run| Block::new(run, true, None)).collect();
+    let problem = super::problem::Problem::new(blocks);
     let own = problem.projected(effect.0, effect.1);
     let whole: f64 = own.iter().map(|column| dot(column, column)).sum();
     let seen: f64 = problem.weighted(effect.0, effect.1).iter().map(|column| dot(column, column)).sum();

@@ -7,7 +7,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::data::RunData;
-use super::learn::Learned;
+use super::estimate::Learned;
 use super::statistics::rms;
 
 /// Bootstrap samples of the runs.

@@ -1,18 +1,26 @@
 //! Closing the loop with measured data: residual → effect → model → errors before and after, on runs that took no part.
 
 mod assemble;
+mod block;
 mod candidate;
 mod checks;
 mod data;
+mod effects;
+mod estimate;
+mod evidence;
 mod experiment;
 mod judge;
 mod learn;
+mod line;
 mod noise;
 mod problem;
 pub mod report;
+mod residual;
 mod result;
 mod statistics;
 mod text;
+mod unexplained;
+mod verdict;
 
 pub use result::{
     Candidate, Diagnosis, Effect, Experiment, NoiseTests, Rejected, RunDiagnosis, RunSeries, Spectra, Test, Warning,
@@ -24,10 +32,11 @@ use north_finder::settings::Settings;
 
 use crate::campaign::{Campaign, Role};
 use crate::file_error::FileError;
+use block::Block;
 use candidate::Shape;
 use data::RunData;
-use learn::{Learned, Problem};
-use problem::Block;
+use estimate::Learned;
+use problem::Problem;
 
 /// What may be chosen.
 #[derive(Clone, Debug, Default)]
@@ -56,6 +65,8 @@ struct Lesson {
     by_second: Learned,
     /// Where the base moves: whether by velocity, and what the stays then show.
     by_stay: Option<(bool, Learned)>,
+    /// A line with a phase of each run's own.
+    line: Option<Effect>,
     /// Files whose reference does not fit, with its error in degrees.
     bad_references: Vec<(String, f64)>,
     /// Lines of cells that were left out because they jump.
@@ -63,9 +74,19 @@ struct Lesson {
 }
 
 impl Lesson {
+    /// Whether the seconds show that the base moves.
+    fn moves(&self) -> bool {
+        self.by_second.taken.iter().any(|each| each.candidate.shape == Shape::BaseMotion)
+    }
+
     /// What the model is made of.
     fn learned(&self) -> &Learned {
         self.by_stay.as_ref().map_or(&self.by_second, |(_, learned)| learned)
+    }
+
+    /// Period of a line with a phase of each run's own, seconds.
+    fn line_s(&self) -> Option<f64> {
+        self.line.as_ref().and_then(|line| line.parameters.get("period_s").copied())
     }
 
     /// The model below the learned effects.
@@ -96,25 +117,34 @@ fn study(runs: &[&RunData], base: &ErrorModel, constant: &[String]) -> Lesson {
     let candidates = candidate::all(runs, constant);
     let mut distrusted: Vec<String> = Vec::new();
     for _ in 0..3 {
-        let blocks = blocks_of(runs, &distrusted);
-        let problem = Problem::new(&blocks);
+        let mut problem = Problem::new(blocks_of(runs, &distrusted, None));
+        lesson.knocked = problem
+            .blocks
+            .iter()
+            .flat_map(|block| block.knocked.iter().map(|line| (block.run.file.clone(), *line)))
+            .collect();
         // Beforehand a wrong reference may hide behind what the effects do; afterwards it stands alone.
         let none = vec![0.0; problem.rows()];
         if distrust(&problem, &none, &mut distrusted, &mut lesson) {
             continue;
         }
-        lesson.by_second = learn::learn(&blocks, &candidates);
-        lesson.knocked =
-            blocks.iter().flat_map(|block| block.knocked.iter().map(|line| (block.run.file.clone(), *line))).collect();
+        lesson.by_second = learn::learn(blocks_of(runs, &distrusted, None), &candidates);
+        problem.linearise(&lesson.by_second.taken);
         let effects = problem.effects(&lesson.by_second.taken);
-        let moving = lesson.by_second.taken.iter().any(|each| each.candidate.shape == Shape::BaseMotion);
-        if moving || !distrust(&problem, &effects, &mut distrusted, &mut lesson) {
+        if lesson.moves() || !distrust(&problem, &effects, &mut distrusted, &mut lesson) {
             break;
         }
     }
-    if lesson.by_second.taken.iter().any(|each| each.candidate.shape == Shape::BaseMotion) {
+    if lesson.moves() {
         lesson.by_stay = judge::way_of_base_motion(runs, base)
             .map(|velocity| (velocity, study_stays(runs, base, constant, &distrusted, velocity)));
+    } else if let Some(line) = line::own(runs, &lesson.by_second) {
+        let period_s = line.parameters.get("period_s").copied();
+        let beside = learn::learn(blocks_of(runs, &distrusted, period_s), &candidates);
+        if line::explains(&lesson.by_second, &beside) {
+            lesson.by_second = beside;
+            lesson.line = Some(line);
+        }
     }
     lesson
 }
@@ -132,8 +162,8 @@ fn distrust(problem: &Problem, effects: &[f64], distrusted: &mut Vec<String>, le
     }
 }
 
-fn blocks_of<'a>(runs: &[&'a RunData], distrusted: &[String]) -> Vec<Block<'a>> {
-    runs.iter().filter_map(|run| Block::new(run, !distrusted.contains(&run.file))).collect()
+fn blocks_of<'a>(runs: &[&'a RunData], distrusted: &[String], line_s: Option<f64>) -> Vec<Block<'a>> {
+    runs.iter().filter_map(|run| Block::new(run, !distrusted.contains(&run.file), line_s)).collect()
 }
 
 /// On a moving base: the stays with the motion taken out, and what they show.
@@ -156,5 +186,5 @@ fn study_stays(
             !tilt && each.grid.is_empty() && each.shape != Shape::BaseMotion
         })
         .collect();
-    learn::learn(&blocks_of(&stays, distrusted), &candidates)
+    learn::learn(blocks_of(&stays, distrusted, None), &candidates)
 }

@@ -4,9 +4,11 @@ use std::f64::consts::TAU;
 
 use rayon::prelude::*;
 
+use super::block::Block;
 use super::data::RunData;
+use super::problem::Problem;
 use super::result::{Spectra, Test};
-use super::statistics::{chi_square_tail, median};
+use super::statistics::{chi_square_tail, dot, least_squares, median};
 
 /// A test fails below this.
 const LEVEL: f64 = 1e-3;
@@ -14,41 +16,64 @@ const LEVEL: f64 = 1e-3;
 const LAGS: usize = 10;
 /// Most frequencies of the periodogram.
 const FREQUENCIES: usize = 400;
+/// Classes of a channel's values.
+const CLASSES: usize = 10;
+/// A line has at least this frequency, Hz: slower ones are like much else.
+const SLOWEST_HZ: f64 = 0.012;
 
 /// The residual of a run by the cell, °/h; not-a-number where a cell does not enter.
 pub type Residual = Vec<f64>;
 
-/// Tests of all runs' residuals together.
-pub fn tests(runs: &[RunData], residuals: &[Residual], noise_deg_h: f64) -> Vec<Test> {
-    let mut tests = vec![whiteness(runs, residuals), stays(runs, residuals, noise_deg_h)];
-    tests.extend(periodogram_test(&periodogram(runs, residuals), runs.len()));
+/// Tests of what is left of all runs together, in units of white noise in the layout of the problem.
+pub fn tests(problem: &Problem, left: &[f64]) -> Vec<Test> {
+    let runs: Vec<Left> =
+        problem.blocks.iter().zip(problem.ranges()).map(|(block, range)| Left { block, z: &left[range] }).collect();
+    let mut tests = vec![whiteness(&runs), stays(&runs), closure(&runs)];
+    tests.extend(lines(&runs));
+    // Slow noise is the business of the test of the stays; a dependence must stand out of it.
+    let dispersion = problem.overdispersion(left, 0).0.max(1.0);
+    let channels = runs.first().map_or(Vec::new(), |run| run.block.run.channel_names());
+    tests.extend(channels.iter().filter_map(|channel| dependence(&runs, channel, dispersion)));
     tests
 }
 
-fn test(name: &'static str, about: &'static str, statistic: f64, p_value: f64) -> Test {
-    Test { name, about, statistic, p_value, passed: p_value >= LEVEL }
+/// What is left of a run.
+struct Left<'a, 'b> {
+    block: &'a Block<'b>,
+    z: &'a [f64],
 }
 
-/// Pairs of cells of the same stay that are `lag` apart.
-fn pairs<'a>(run: &'a RunData, residual: &'a Residual, lag: usize) -> impl Iterator<Item = (f64, f64)> + 'a {
-    (lag..residual.len())
-        .filter(move |&i| run.cells[i].stay == run.cells[i - lag].stay)
-        .map(move |i| (residual[i - lag], residual[i]))
-        .filter(|(a, b)| a.is_finite() && b.is_finite())
+impl Left<'_, '_> {
+    /// Cells that enter: number, stay and value.
+    fn cells(&self) -> impl Iterator<Item = (usize, usize, f64)> {
+        let entering = self.block.run.cells.iter().zip(&self.block.root_weight).zip(self.z).enumerate();
+        entering.filter(|(_, ((_, weight), _))| **weight > 0.0).map(|(i, ((cell, _), z))| (i, cell.stay, *z))
+    }
+
+    /// Pairs of cells of the same stay that are `lag` apart.
+    fn pairs(&self, lag: usize) -> impl Iterator<Item = (f64, f64)> {
+        let enters = |i: usize| self.block.root_weight[i] > 0.0;
+        let cells = &self.block.run.cells;
+        (lag..cells.len())
+            .filter(move |&i| cells[i].stay == cells[i - lag].stay && enters(i) && enters(i - lag))
+            .map(move |i| (self.z[i - lag], self.z[i]))
+    }
+}
+
+fn test(name: impl Into<String>, about: impl Into<String>, statistic: f64, p_value: f64) -> Test {
+    Test { name: name.into(), about: about.into(), statistic, p_value, passed: p_value >= LEVEL }
 }
 
 /// Ljung and Box (Biometrika 65, 1978, p. 297): autocorrelations up to ten lags, inside stays.
-fn whiteness(runs: &[RunData], residuals: &[Residual]) -> Test {
+fn whiteness(runs: &[Left]) -> Test {
     let mut statistic = 0.0;
     let mut lags = 0.0;
     for lag in 1..=LAGS {
         let (mut product, mut squares, mut count) = (0.0, 0.0, 0.0);
-        for (run, residual) in runs.iter().zip(residuals) {
-            for (a, b) in pairs(run, residual, lag) {
-                product += a * b;
-                squares += 0.5 * (a * a + b * b);
-                count += 1.0;
-            }
+        for (a, b) in runs.iter().flat_map(|run| run.pairs(lag)) {
+            product += a * b;
+            squares += 0.5 * (a * a + b * b);
+            count += 1.0;
         }
         if count > 20.0 && squares > 0.0 {
             statistic += count * (product / squares).powi(2);
@@ -60,25 +85,100 @@ fn whiteness(runs: &[RunData], residuals: &[Residual]) -> Test {
 }
 
 /// Means of stays against what white noise leaves them.
-fn stays(runs: &[RunData], residuals: &[Residual], noise_deg_h: f64) -> Test {
+fn stays(runs: &[Left]) -> Test {
     let (mut statistic, mut freedom) = (0.0, 0.0);
-    for (run, residual) in runs.iter().zip(residuals) {
+    for run in runs {
         let mut stays = std::collections::BTreeMap::<usize, (f64, f64)>::new();
-        for (cell, value) in run.cells.iter().zip(residual).filter(|(_, value)| value.is_finite()) {
-            let (sum, seconds) = stays.entry(cell.stay).or_default();
-            *sum += value * cell.seconds;
-            *seconds += cell.seconds;
+        for (_, stay, z) in run.cells() {
+            let (sum, count) = stays.entry(stay).or_default();
+            *sum += z;
+            *count += 1.0;
         }
-        statistic += stays.values().map(|(sum, seconds)| sum * sum / seconds).sum::<f64>();
-        freedom += (stays.len() as f64 - 3.0).max(0.0);
+        statistic += stays.values().map(|(sum, count)| sum * sum / count).sum::<f64>();
+        freedom += (stays.len() as f64 - run.block.own_unknowns()).max(0.0);
     }
-    statistic /= noise_deg_h * noise_deg_h;
     let p_value = if freedom > 0.0 { chi_square_tail(statistic, freedom) } else { 1.0 };
     test("stays", "means of the stays against their white noise: chi-square", statistic, p_value)
 }
 
+/// The closure of every run against its sigma: a part with cos 2θ, which no azimuth and no bias make.
+fn closure(runs: &[Left]) -> Test {
+    let (mut statistic, mut number) = (0.0, 0.0);
+    for run in runs {
+        let column = vec![run.block.run.cells.iter().map(|cell| cell.cos * cell.cos - cell.sin * cell.sin).collect()];
+        let weighted = run.block.weighted(&column).remove(0);
+        let closure = run.block.project(&weighted);
+        let (seen, all) = (dot(&closure, &closure), dot(&weighted, &weighted));
+        if seen > 1e-3 * all {
+            statistic += dot(&closure, run.z).powi(2) / seen;
+            number += 1.0;
+        }
+    }
+    let p_value = if number > 0.0 { chi_square_tail(statistic, number) } else { 1.0 };
+    test("closure", "closures of the runs against their sigmas: chi-square", statistic, p_value)
+}
+
+/// Whether what is left goes with a channel: its means in ten classes of the channel's values.
+fn dependence(runs: &[Left], channel: &str, dispersion: f64) -> Option<Test> {
+    let mut pairs: Vec<(f64, f64)> = Vec::new();
+    for run in runs {
+        let values = run.block.run.channel(channel)?;
+        pairs.extend(run.cells().map(|(i, _, z)| (values[i], z)));
+    }
+    pairs.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let classes = pairs.chunks(pairs.len().div_ceil(CLASSES).max(1));
+    let mean_square = |class: &[(f64, f64)]| class.iter().map(|each| each.1).sum::<f64>().powi(2) / class.len() as f64;
+    let number = classes.len() as f64;
+    let statistic = classes.map(mean_square).sum::<f64>() / dispersion;
+    let about = format!("means in ten classes of {channel}: chi-square");
+    Some(test(format!("dependence:{channel}"), about, statistic, chi_square_tail(statistic, number)))
+}
+
+/// The highest line of the periodogram: R runs' mean power, times 2R, is a chi-square of 2R; the highest of many is paid
+/// for.
+fn lines(runs: &[Left]) -> Option<Test> {
+    let data: Vec<&RunData> = runs.iter().map(|run| run.block.run).collect();
+    let of = |run: &Left| {
+        let mut residual = vec![f64::NAN; run.block.run.cells.len()];
+        run.cells().for_each(|(i, _, z)| residual[i] = z);
+        residual
+    };
+    let powers = periodogram(&data, &runs.iter().map(of).collect::<Vec<_>>());
+    let highest = powers.iter().map(|each| each.1).fold(0.0, f64::max);
+    let twice = 2.0 * runs.len() as f64;
+    let p_value = (chi_square_tail(twice * highest, twice) * powers.len() as f64).min(1.0);
+    let about = "highest power of the periodogram, white noise having 1 on average";
+    (!powers.is_empty()).then(|| test("lines", about, highest, p_value))
+}
+
+/// Azimuths against their references (degrees), error, sigma and heading of each run: as large as their sigmas say, and
+/// without a dependence on the heading.
+pub fn azimuth_tests(errors: &[(f64, f64, f64)]) -> Vec<Test> {
+    if errors.is_empty() {
+        return Vec::new();
+    }
+    let number = errors.len() as f64;
+    let statistic: f64 = errors.iter().map(|(error, sigma, _)| (error / sigma).powi(2)).sum();
+    let about = "azimuths against their references in sigmas: chi-square";
+    let mut tests = vec![test("azimuth", about, statistic, chi_square_tail(statistic, number))];
+    let factors: [fn(f64) -> f64; 5] =
+        [|_| 1.0, f64::cos, f64::sin, |heading| (2.0 * heading).cos(), |heading| (2.0 * heading).sin()];
+    let column = |factor: fn(f64) -> f64| -> Vec<f64> {
+        errors.iter().map(|(_, sigma, heading)| factor(heading.to_radians()) / sigma).collect()
+    };
+    let columns = factors.map(column);
+    let y: Vec<f64> = errors.iter().map(|(error, sigma, _)| error / sigma).collect();
+    let borrowed: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+    if let Some((found, _)) = least_squares(&borrowed, &y) {
+        let explained: f64 = columns.iter().zip(&found).map(|(column, c)| c * dot(column, &y)).sum();
+        let about = "azimuth errors against the heading, two harmonics: chi-square";
+        tests.push(test("heading", about, explained, chi_square_tail(explained, 5.0)));
+    }
+    tests
+}
+
 /// Frequencies and powers; white noise has a mean power of 1.
-fn periodogram(runs: &[RunData], residuals: &[Residual]) -> Vec<(f64, f64)> {
+fn periodogram(runs: &[&RunData], residuals: &[Residual]) -> Vec<(f64, f64)> {
     let longest_s = runs.iter().filter_map(|run| run.cells.last()).map(|cell| cell.t_s).fold(0.0, f64::max);
     let step_s = runs.iter().filter_map(|run| run.cells.first()).map(|cell| cell.seconds).fold(0.0, f64::max);
     if !(longest_s > 0.0 && step_s > 0.0) {
@@ -109,17 +209,8 @@ fn periodogram(runs: &[RunData], residuals: &[Residual]) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// The highest line: R runs' mean power, times 2R, is a chi-square of 2R; the highest of many is paid for.
-fn periodogram_test(powers: &[(f64, f64)], runs: usize) -> Option<Test> {
-    let highest = powers.iter().map(|each| each.1).fold(0.0, f64::max);
-    let twice = 2.0 * runs as f64;
-    let p_value = (chi_square_tail(twice * highest, twice) * powers.len() as f64).min(1.0);
-    let about = "highest power of the periodogram, white noise having 1 on average";
-    (!powers.is_empty()).then(|| test("lines", about, highest, p_value))
-}
-
 /// Spectra for drawing.
-pub fn spectra(runs: &[RunData], before: &[Residual], after: &[Residual], white_deg_h: f64) -> Spectra {
+pub fn spectra(runs: &[&RunData], before: &[Residual], after: &[Residual], white_deg_h: f64) -> Spectra {
     let (powers_before, powers_after) = (periodogram(runs, before), periodogram(runs, after));
     let step_s = runs.iter().filter_map(|run| run.cells.first()).map(|cell| cell.seconds).fold(0.0, f64::max);
     let longest = runs.iter().map(|run| run.cells.len()).max().unwrap_or(0);
@@ -162,11 +253,11 @@ fn allan(residuals: &[Residual], count: usize) -> f64 {
 }
 
 /// A line with a phase of its own in every run: period, amplitude and p-value. Its frequency must stand alone, four times
-/// as high as what surrounds it, and lie within the stays, at 0.02 Hz or more.
-pub fn line(runs: &[RunData], residuals: &[Residual]) -> Option<(f64, f64, f64)> {
+/// as high as what surrounds it.
+pub fn line(runs: &[&RunData], residuals: &[Residual]) -> Option<(f64, f64, f64)> {
     let powers = periodogram(runs, residuals);
     let (place, &(frequency, power)) =
-        powers.iter().enumerate().filter(|(_, each)| each.0 >= 0.02).max_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
+        powers.iter().enumerate().filter(|(_, each)| each.0 >= SLOWEST_HZ).max_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
     let around = |i: &usize| i.abs_diff(place) > 3 && i.abs_diff(place) <= 15;
     let nearby = median((0..powers.len()).filter(around).map(|i| powers[i].1).collect());
     let twice = 2.0 * runs.len() as f64;

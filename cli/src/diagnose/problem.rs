@@ -1,203 +1,147 @@
-//! The residual: every cell's rate less the Earth's, the run's own azimuth and bias; and how columns look beside these.
+//! Runs side by side: the global residual, and what candidates look like beside every run's own unknowns.
 
-use north_finder::units::{RAD_PER_DEG, wrap_180_deg};
+use super::block::Block;
+use super::candidate::{Candidate, Columns};
+use super::estimate::Taken;
+use super::statistics::{dot, orthonormalise, subtract};
 
-use super::candidate::Columns;
-use super::data::{Cell, RunData};
-use super::statistics::{dot, least_squares, median, orthonormalise, subtract};
+/// Seconds that are averaged for the test whether what is left is white.
+const BLOCK_CELLS: usize = 12;
 
-/// One sigma of the amplitude about Ω cos φ, relative, where a surveyed heading ties the rates down.
-const AMPLITUDE_SIGMA: f64 = 0.002;
-/// One sigma of a surveyed heading that says none, and of the index on top of it, degrees.
-const REFERENCE_SIGMA_DEG: f64 = 0.005;
-const INDEX_SIGMA_DEG: f64 = 0.01;
-/// Cells further out than this many sigmas are left out, if they are few.
-const KNOCK_SIGMAS: f64 = 8.0;
-/// Fewest cells of a run that is learned from.
-const LEAST_CELLS: usize = 4;
+/// A candidate, by its place among all of them, with its constant.
+pub type Chosen = (usize, f64);
 
-/// One run in the regression.
-pub struct Block<'a> {
-    pub run: &'a RunData,
-    /// Noise of a one-second rate, °/h.
-    pub noise_deg_h: f64,
-    /// Square root of the weight of each cell; 0 where it does not enter.
-    pub root_weight: Vec<f64>,
-    /// Weighted rates, and two rows of the surveyed heading.
-    pub y: Vec<f64>,
-    basis: Vec<Vec<f64>>,
-    /// The same without the surveyed heading.
-    free_basis: Vec<Vec<f64>>,
-    nuisance: Vec<Vec<f64>>,
-    /// Azimuth that the columns are built with, degrees.
-    pub azimuth_deg: f64,
-    /// Whether its reference enters.
-    pub tied: bool,
-    /// Smooth rate by the fit, °/h.
-    pub smooth_deg_h: Vec<f64>,
-    /// Lines of cells that were left out because they jump.
-    pub knocked: Vec<u64>,
+/// Runs side by side.
+pub struct Problem<'a> {
+    pub blocks: Vec<Block<'a>>,
+    y: Vec<f64>,
 }
 
-impl<'a> Block<'a> {
-    /// `None` where the run has too little in it. The reference enters if `trusted`.
-    pub fn new(run: &'a RunData, trusted: bool) -> Option<Self> {
-        let noise_deg_h = run.noise_deg_h.or_else(|| noise_deg_h(run))?;
-        let root_weight: Vec<f64> = run
-            .cells
-            .iter()
-            .map(|cell| if run.enters(cell) { cell.seconds.sqrt() / noise_deg_h } else { 0.0 })
-            .collect();
-        if root_weight.iter().filter(|weight| **weight > 0.0).count() < LEAST_CELLS {
-            return None;
-        }
-        let reference_deg = run.reference_deg.filter(|_| trusted);
-        let mut block = Self {
-            run,
-            noise_deg_h,
-            root_weight,
-            y: Vec::new(),
-            basis: Vec::new(),
-            free_basis: Vec::new(),
-            nuisance: Vec::new(),
-            azimuth_deg: 0.0,
-            tied: reference_deg.is_some(),
-            smooth_deg_h: Vec::new(),
-            knocked: Vec::new(),
-        };
-        block.solve(reference_deg)?;
-        let y = block.project(&block.y.clone());
-        let out: Vec<usize> = (0..run.cells.len()).filter(|&i| y[i].abs() > KNOCK_SIGMAS).collect();
-        if !out.is_empty() && out.len() * 50 <= run.cells.len() {
-            for &i in &out {
-                block.root_weight[i] = 0.0;
-            }
-            block.knocked = out.iter().map(|&i| run.cells[i].line).collect();
-            block.solve(reference_deg)?;
-        }
-        Some(block)
+impl<'a> Problem<'a> {
+    pub fn new(blocks: Vec<Block<'a>>) -> Self {
+        let y = blocks.iter().flat_map(|block| block.project(&block.y)).collect();
+        Self { blocks, y }
     }
 
-    fn solve(&mut self, reference_deg: Option<f64>) -> Option<()> {
-        let run = self.run;
-        let north = run.earth.north_deg_h;
-        let mut nuisance = nuisance_columns(run);
-        self.y = run.cells.iter().zip(&self.root_weight).map(|(cell, w)| w * level_rate(run, cell)).collect();
-        for column in &mut nuisance {
-            column.iter_mut().zip(&self.root_weight).for_each(|(value, weight)| *value *= weight);
-        }
-        if let Some(reference_deg) = reference_deg {
-            let sigma_deg = run.reference_sigma_deg.max(REFERENCE_SIGMA_DEG).hypot(INDEX_SIGMA_DEG);
-            let (sin, cos) = (reference_deg * RAD_PER_DEG).sin_cos();
-            let across = 1.0 / (north * sigma_deg * RAD_PER_DEG);
-            let along = 1.0 / (north * AMPLITUDE_SIGMA);
-            nuisance[0].extend([-sin * across, cos * along]);
-            nuisance[1].extend([cos * across, sin * along]);
-            nuisance[2].extend([0.0, 0.0]);
-            self.y.extend([0.0, north * along]);
-        } else {
-            nuisance.iter_mut().for_each(|column| column.extend([0.0, 0.0]));
-            self.y.extend([0.0, 0.0]);
-        }
-        let columns: Vec<&[f64]> = nuisance.iter().map(Vec::as_slice).collect();
-        let (found, _) = least_squares(&columns, &self.y)?;
-        self.azimuth_deg = reference_deg.unwrap_or_else(|| found[1].atan2(found[0]) / RAD_PER_DEG);
-        self.basis = orthonormalise(&[], nuisance.clone());
-        let mut free = nuisance.clone();
-        let cells = run.cells.len();
-        free.iter_mut().flat_map(|column| &mut column[cells..]).for_each(|value| *value = 0.0);
-        self.free_basis = orthonormalise(&[], free);
-        let plain = nuisance_columns(run);
-        self.smooth_deg_h =
-            (0..run.cells.len()).map(|i| found.iter().zip(&plain).map(|(c, column)| c * column[i]).sum()).collect();
-        self.nuisance = nuisance;
-        Some(())
+    /// The residual of all runs, their own unknowns taken out; in units of its noise.
+    pub fn y(&self) -> &[f64] {
+        &self.y
     }
 
-    /// Weighted columns with the rows of the surveyed heading (on which effects have no part).
-    pub fn weighted(&self, columns: &Columns) -> Columns {
-        columns
-            .iter()
-            .map(|column| column.iter().zip(&self.root_weight).map(|(value, w)| value * w).chain([0.0, 0.0]).collect())
-            .collect()
+    pub fn rows(&self) -> usize {
+        self.y.len()
     }
 
-    /// What the run's own azimuth and bias cannot imitate.
-    pub fn project(&self, column: &[f64]) -> Vec<f64> {
-        beside(&self.basis, column)
-    }
-
-    /// The same if no heading had been surveyed.
-    pub fn project_free(&self, column: &[f64]) -> Vec<f64> {
-        beside(&self.free_basis, column)
-    }
-
-    /// The azimuth that the rates alone give after effects (weighted, in the layout of `y`) are taken out: error against
-    /// the reference and sigma, degrees.
-    pub fn azimuth_error_deg(&self, effects: &[f64]) -> Option<(f64, f64)> {
-        let cells = self.run.cells.len();
-        let y: Vec<f64> = self.y.iter().zip(effects).map(|(y, effect)| y - effect).take(cells).collect();
-        let columns: Vec<&[f64]> = self.nuisance.iter().map(|column| &column[..cells]).collect();
-        let (found, covariance) = least_squares(&columns, &y)?;
-        let (x, y) = (found[0], found[1]);
-        let squared = x * x + y * y;
-        let gradient = [-y / squared, x / squared];
-        let mut variance = 0.0;
-        for (i, a) in gradient.iter().enumerate() {
-            for (j, b) in gradient.iter().enumerate() {
-                variance += a * b * covariance[i][j];
-            }
-        }
-        let reference_deg = self.run.reference_deg?;
-        let own_deg = variance.sqrt() / RAD_PER_DEG;
-        let sigma_deg = own_deg.hypot(self.run.reference_sigma_deg.max(REFERENCE_SIGMA_DEG)).hypot(INDEX_SIGMA_DEG);
-        Some((wrap_180_deg(y.atan2(x) / RAD_PER_DEG - reference_deg), sigma_deg))
-    }
-}
-
-/// What is left of a column beside an orthonormal basis.
-fn beside(basis: &[Vec<f64>], column: &[f64]) -> Vec<f64> {
-    let mut left = column.to_vec();
-    for each in basis {
-        let along = dot(&left, each);
-        subtract(&mut left, along, each);
-    }
-    left
-}
-
-/// Rate less the Earth's vertical part, °/h.
-fn level_rate(run: &RunData, cell: &Cell) -> f64 {
-    let up = cell.level.map_or(0.0, |level| cell.cos * level.forward + cell.sin * level.left);
-    cell.raw_deg_h - run.earth.up_deg_h * up
-}
-
-/// Factors of h cos ψ, h sin ψ and the bias.
-fn nuisance_columns(run: &RunData) -> Vec<Vec<f64>> {
-    let of = |factor: fn(&Cell) -> f64| run.cells.iter().map(factor).collect();
-    vec![of(|cell| cell.cos), of(|cell| cell.sin), of(|_| 1.0)]
-}
-
-/// Noise of a one-second rate from its fast changes: median of the differences of neighbours in a stay, °/h.
-pub fn noise_deg_h(run: &RunData) -> Option<f64> {
-    let differences: Vec<f64> = run
-        .cells
-        .windows(2)
-        .filter(|pair| pair[0].stay == pair[1].stay && run.enters(&pair[0]) && run.enters(&pair[1]))
-        .filter(|pair| !pair[1].moving || run.rotation)
-        .map(|pair| {
-            let apart = (1.0 / pair[0].seconds + 1.0 / pair[1].seconds).sqrt();
-            let turned = run.earth.north_deg_h * (pair[1].cos - pair[0].cos).hypot(pair[1].sin - pair[0].sin);
-            // In a rotation the signal itself changes from cell to cell; its share is small for cells of a second.
-            ((pair[1].raw_deg_h - pair[0].raw_deg_h).abs() - if run.rotation { turned } else { 0.0 }).abs() / apart
+    /// The rows of a block in the layout of [`Self::y`].
+    pub fn ranges(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
+        self.blocks.iter().scan(0, |start, block| {
+            let range = *start..*start + block.y.len();
+            *start = range.end;
+            Some(range)
         })
-        .collect();
-    if differences.len() < 8 {
-        return None;
     }
-    // The median of |normal| is 0.6745 sigma.
-    let spread = super::statistics::rms(&differences);
-    let noise = median(differences) / 0.6745;
-    // A coarse gyro repeats itself more often than not: then the mean square says more than the median.
-    let noise = if noise > 0.0 { noise } else { spread };
-    (noise > 0.0).then_some(noise)
+
+    /// Weighted columns of a candidate over all runs.
+    pub fn weighted(&self, candidate: &Candidate, constant: f64) -> Columns {
+        self.gather(candidate, constant, |_, column| column)
+    }
+
+    /// The same beside every run's own unknowns.
+    pub fn projected(&self, candidate: &Candidate, constant: f64) -> Columns {
+        self.gather(candidate, constant, |block, column| block.project(&column))
+    }
+
+    fn gather(&self, candidate: &Candidate, constant: f64, map: impl Fn(&Block, Vec<f64>) -> Vec<f64>) -> Columns {
+        let mut all: Columns = vec![Vec::with_capacity(self.y.len()); candidate.coefficients()];
+        for block in &self.blocks {
+            let columns = candidate.columns(block.run, constant, &block.smooth_deg_h, block.azimuth_deg);
+            for (whole, column) in all.iter_mut().zip(block.weighted(&columns)) {
+                whole.extend(map(block, column));
+            }
+        }
+        all
+    }
+
+    /// An orthonormal basis of what the chosen candidates span.
+    pub fn basis(&self, candidates: &[Candidate], chosen: &[Chosen]) -> Vec<Vec<f64>> {
+        let mut basis: Vec<Vec<f64>> = Vec::new();
+        for &(index, constant) in chosen {
+            let new = orthonormalise(&basis, self.projected(&candidates[index], constant));
+            basis.extend(new);
+        }
+        basis
+    }
+
+    /// What a basis leaves of the residual.
+    pub fn left(&self, basis: &[Vec<f64>]) -> Vec<f64> {
+        let mut left = self.y.clone();
+        for each in basis {
+            let along = dot(&left, each);
+            subtract(&mut left, along, each);
+        }
+        left
+    }
+
+    /// Sum of squares of means over blocks of seconds inside stays, over its degrees of freedom: 1 for white noise. And
+    /// these.
+    pub fn overdispersion(&self, left: &[f64], taken: usize) -> (f64, f64) {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for (block, range) in self.blocks.iter().zip(self.ranges()) {
+            let (mut total, mut number, mut stay) = (0.0, 0.0, usize::MAX);
+            let mut flush = |total: &mut f64, number: &mut f64| {
+                if *number > 0.0 {
+                    sum += *total * *total / *number;
+                    count += 1.0;
+                }
+                (*total, *number) = (0.0, 0.0);
+            };
+            for ((cell, weight), value) in block.run.cells.iter().zip(&block.root_weight).zip(&left[range]) {
+                if cell.stay != stay || number >= BLOCK_CELLS as f64 {
+                    flush(&mut total, &mut number);
+                    stay = cell.stay;
+                }
+                if *weight > 0.0 {
+                    total += value;
+                    number += 1.0;
+                }
+            }
+            flush(&mut total, &mut number);
+            count -= block.own_unknowns();
+        }
+        let freedom = count - taken as f64;
+        if freedom >= 3.0 { (sum / freedom, freedom) } else { (1.0, 0.0) }
+    }
+
+    /// Errors of the runs' own azimuths against their references when these effects are taken out: errors and sigmas.
+    pub fn azimuth_errors(&self, effects: &[f64]) -> Vec<Option<(f64, f64)>> {
+        let of = |(block, range): (&Block, std::ops::Range<usize>)| {
+            block.azimuth_error_deg(&effects[range]).filter(|_| block.tied)
+        };
+        self.blocks.iter().zip(self.ranges()).map(of).collect()
+    }
+
+    /// Weighted sum of effects in the layout of the residual.
+    pub fn effects(&self, taken: &[Taken]) -> Vec<f64> {
+        let mut sum = vec![0.0; self.y.len()];
+        for each in taken {
+            for (column, coefficient) in self.weighted(&each.candidate, each.constant).iter().zip(&each.coefficients) {
+                subtract(&mut sum, -coefficient, column);
+            }
+        }
+        sum
+    }
+
+    /// Looks at every run anew about these effects.
+    pub fn linearise(&mut self, taken: &[Taken]) {
+        for block in &mut self.blocks {
+            let mut sum = vec![0.0; block.run.cells.len()];
+            for each in taken {
+                let columns = each.candidate.columns(block.run, each.constant, &block.smooth_deg_h, block.azimuth_deg);
+                for (column, coefficient) in columns.iter().zip(&each.coefficients) {
+                    subtract(&mut sum, -coefficient, column);
+                }
+            }
+            block.linearise(&sum);
+        }
+    }
 }

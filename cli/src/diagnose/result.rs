@@ -162,9 +162,9 @@ pub struct NoiseTests {
 /// One test of the residual.
 #[derive(Clone, Debug, Serialize)]
 pub struct Test {
-    pub name: &'static str,
+    pub name: String,
     /// What the statistic is, in words.
-    pub about: &'static str,
+    pub about: String,
     pub statistic: f64,
     pub p_value: f64,
     pub passed: bool,

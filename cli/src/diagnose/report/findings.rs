@@ -164,8 +164,8 @@ pub fn noise(diagnosis: &Diagnosis) -> String {
         .map(|test| {
             let find = |tests: &[Test]| verdict(tests.iter().find(|it| it.name == test.name));
             vec![
-                format!("<code>{}</code>", escape(test.name)),
-                escape(test.about),
+                format!("<code>{}</code>", escape(&test.name)),
+                escape(&test.about),
                 find(&noise.before),
                 find(&noise.after),
             ]
@@ -240,7 +240,7 @@ pub fn open(diagnosis: &Diagnosis) -> String {
         html.push_str("</ul></div>\n");
     } else {
         let failed: Vec<String> =
-            diagnosis.noise.after.iter().filter(|test| !test.passed).map(|test| test.name.to_owned()).collect();
+            diagnosis.noise.after.iter().filter(|test| !test.passed).map(|test| test.name.clone()).collect();
         if failed.is_empty() {
             html.push_str("<p>What is left of the rate passes for noise.</p>\n");
         } else {

@@ -1,0 +1,124 @@
+//! How much a candidate explains, whether chance would do as well, and whether it foretells.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::candidate::{Candidate, Columns, Shape};
+use super::estimate::coefficients;
+use super::problem::{Chosen, Problem};
+use super::statistics::{chi_square_tail, dot, f_tail, orthonormalise};
+
+/// Fall of the weighted sum of squares by columns beside a basis.
+pub fn improvement(basis: &[Vec<f64>], left: &[f64], columns: Columns) -> f64 {
+    orthonormalise(basis, columns).iter().map(|each| dot(each, left).powi(2)).sum()
+}
+
+/// Merit of an improvement: Schwarz' criterion with the price of the search for the constant.
+pub fn score(candidate: &Candidate, improvement: f64, rows: usize) -> f64 {
+    // Among harmonics that the angles cannot tell apart the lowest is the likeliest.
+    let order = match candidate.shape {
+        Shape::Harmonic(order) => f64::from(order - 1),
+        Shape::LevelBias(_) => 0.5,
+        _ => 0.0,
+    };
+    let search = 2.0 * (candidate.grid.len().max(1) as f64).ln();
+    improvement - candidate.freedom() as f64 * (rows as f64).ln() - search - order
+}
+
+/// How many trials a candidate's p-value pays for.
+pub fn searched(candidate: &Candidate, candidates: usize) -> f64 {
+    (candidate.grid.len().max(1) * candidates) as f64
+}
+
+/// Probability that chance alone improves as much as the last of the chosen did: F where what is left is not white,
+/// chi-square where it is; by the scatter of the surveyed headings where the evidence lies in these.
+pub fn p_value(problem: &Problem, candidates: &[Candidate], trial: &[Chosen], last: usize, improvement: f64) -> f64 {
+    let candidate = &candidates[trial[last].0];
+    let basis = problem.basis(candidates, trial);
+    let left = problem.left(&basis);
+    let freedom = candidate.freedom() as f64;
+    let by_cells = dispersed_tail(improvement, freedom, problem.overdispersion(&left, basis.len()));
+    if by_references(problem, candidate, trial[last].1) < 0.5 {
+        return by_cells;
+    }
+    let Some((taken, _)) = coefficients(problem, candidates, trial) else { return 1.0 };
+    let errors: Vec<_> = problem.azimuth_errors(&problem.effects(&taken)).into_iter().flatten().collect();
+    let among = errors.len() as f64 - freedom;
+    if among < 1.0 {
+        return 1.0;
+    }
+    let chi_square: f64 = errors.iter().map(|(error, sigma)| (error / sigma).powi(2)).sum();
+    by_cells.max(dispersed_tail(improvement, freedom, (chi_square / among, among)))
+}
+
+fn dispersed_tail(improvement: f64, freedom: f64, (ratio, among): (f64, f64)) -> f64 {
+    if among < 1.0 {
+        return chi_square_tail(improvement, freedom);
+    }
+    // Two sigma of a chi-square over its degrees of freedom.
+    if ratio <= 1.0 + 2.0 * (2.0 / among).sqrt() {
+        return chi_square_tail(improvement / ratio.max(1.0), freedom);
+    }
+    f_tail(improvement / (freedom * ratio), freedom, among)
+}
+
+/// Share of a candidate's weight that only the surveyed headings give.
+pub fn by_references(problem: &Problem, candidate: &Candidate, constant: f64) -> f64 {
+    let (mut tied, mut free) = (0.0, 0.0);
+    for block in &problem.blocks {
+        let columns = candidate.columns(block.run, constant, &block.smooth_deg_h, block.azimuth_deg);
+        for column in block.weighted(&columns) {
+            let left = block.project(&column);
+            tied += dot(&left, &left);
+            let left = block.project_free(&column);
+            free += dot(&left, &left);
+        }
+    }
+    if tied > 0.0 { 1.0 - free / tied } else { 0.0 }
+}
+
+/// How much better the chosen effects foretell a run from the others than the same without the last: twice the logarithm
+/// of the ratio of the predictive densities, summed over the runs. A run that the others know nothing about, because its
+/// channels went elsewhere, says next to nothing.
+pub fn foretells(problem: &Problem, candidates: &[Candidate], trial: &[Chosen]) -> f64 {
+    let columns: Columns =
+        trial.iter().flat_map(|&(index, constant)| problem.projected(&candidates[index], constant)).collect();
+    let last = trial.last().map_or(0, |&(index, _)| candidates[index].coefficients());
+    let basis = problem.basis(candidates, trial);
+    let dispersion = problem.overdispersion(&problem.left(&basis), basis.len()).0.max(1.0);
+    let without = foretold(problem, &columns[..columns.len() - last], dispersion);
+    foretold(problem, &columns, dispersion) - without
+}
+
+/// Twice the logarithm of the predictive densities of all runs, each from the others, but for what does not depend on the
+/// columns.
+fn foretold(problem: &Problem, columns: &[Vec<f64>], dispersion: f64) -> f64 {
+    let number = columns.len();
+    if number == 0 {
+        return 0.0;
+    }
+    let scale: Vec<f64> = columns.iter().map(|column| dot(column, column).sqrt().max(f64::MIN_POSITIVE)).collect();
+    let of_run = |range: &std::ops::Range<usize>| {
+        let part = |i: usize| &columns[i][range.clone()];
+        let gram = DMatrix::from_fn(number, number, |i, j| dot(part(i), part(j)) / (scale[i] * scale[j]));
+        let right = DVector::from_fn(number, |i, _| dot(part(i), &problem.y()[range.clone()]) / scale[i]);
+        (gram, right)
+    };
+    let runs: Vec<_> = problem.ranges().map(|range| of_run(&range)).collect();
+    let mut all = (DMatrix::identity(number, number) * 1e-9, DVector::zeros(number));
+    for (gram, right) in &runs {
+        all.0 += gram;
+        all.1 += right;
+    }
+    // Of a run with columns X and residual y, the others having (XᵀX)⁻¹ = C and coefficients b: the residual y − Xb has the
+    // covariance I + X C Xᵀ, whose inverse is I − X (C⁻¹ + XᵀX)⁻¹ Xᵀ and whose determinant |I + C XᵀX|.
+    let density = |(gram, right): &(DMatrix<f64>, DVector<f64>)| -> Option<f64> {
+        let others = (&all.0 - gram).cholesky()?;
+        let whole = all.0.clone().cholesky()?;
+        let b = others.solve(&(&all.1 - right));
+        let missed = right - gram * &b;
+        let squares = b.dot(&(gram * &b)) - 2.0 * b.dot(right) - missed.dot(&whole.solve(&missed));
+        let spread = 2.0 * (whole.l().diagonal().map(f64::ln).sum() - others.l().diagonal().map(f64::ln).sum());
+        Some(-squares / dispersion - spread)
+    };
+    runs.iter().filter_map(density).sum()
+}

@@ -1,0 +1,96 @@
+//! What is left of every run, before and after.
+
+use north_finder::units::wrap_360_deg;
+use rayon::prelude::*;
+
+use super::block::Block;
+use super::data::RunData;
+use super::estimate::Taken;
+use super::noise::{self, Residual};
+use super::problem::Problem;
+use super::result::{RunSeries, Test};
+use super::statistics::{median, rms, subtract};
+use crate::campaign::Role;
+
+/// The residual of every run by the cell, its own azimuth and bias taken out; °/h.
+pub struct Residuals<'a> {
+    runs: Vec<&'a RunData>,
+    pub before: Vec<Residual>,
+    pub after: Vec<Residual>,
+    /// Noise of a second: the middle of all runs, °/h.
+    pub noise_deg_h: f64,
+    pub tests_before: Vec<Test>,
+    pub tests_after: Vec<Test>,
+}
+
+impl<'a> Residuals<'a> {
+    /// Before and after these effects, and a line of this period with a phase of each run's own.
+    pub fn new(runs: Vec<&'a RunData>, taken: &[Taken], line_s: Option<f64>) -> Self {
+        let (before, noises, tests_before) = left(&runs, &[], None);
+        let (after, _, tests_after) = left(&runs, taken, line_s);
+        let noise_deg_h = median(noises.into_iter().filter(|noise| noise.is_finite()).collect());
+        Self { runs, before, after, noise_deg_h, tests_before, tests_after }
+    }
+
+    /// Over the check runs, or all if there are none.
+    pub fn judged_rms(&self, residuals: &[Residual]) -> f64 {
+        let any_check = self.runs.iter().any(|run| run.role == Role::Check);
+        let values: Vec<f64> = self
+            .runs
+            .iter()
+            .zip(residuals)
+            .filter(|(run, _)| !any_check || run.role == Role::Check)
+            .flat_map(|(_, residual)| residual.iter().copied())
+            .filter(|value| value.is_finite())
+            .collect();
+        rms(&values)
+    }
+
+    pub fn spectra(&self, white_deg_h: f64) -> super::Spectra {
+        noise::spectra(&self.runs, &self.before, &self.after, white_deg_h)
+    }
+
+    /// For drawing.
+    pub fn series(&self) -> Vec<RunSeries> {
+        let channels = |run: &RunData| {
+            run.channel_names().into_iter().filter_map(|name| run.channel(&name).map(|values| (name, values))).collect()
+        };
+        self.runs
+            .iter()
+            .zip(self.before.iter().zip(&self.after))
+            .map(|(run, (before, after))| RunSeries {
+                file: run.file.clone(),
+                t_s: run.cells.iter().map(|cell| cell.t_s).collect(),
+                index_deg: run.cells.iter().map(|cell| wrap_360_deg(cell.sin.atan2(cell.cos).to_degrees())).collect(),
+                residual_before_deg_h: before.clone(),
+                residual_after_deg_h: after.clone(),
+                channels: channels(run),
+            })
+            .collect()
+    }
+}
+
+/// What effects leave of the runs: residuals, noise of each run, tests of all together.
+fn left(runs: &[&RunData], taken: &[Taken], line_s: Option<f64>) -> (Vec<Residual>, Vec<f64>, Vec<Test>) {
+    let blocks: Vec<Option<Block>> = runs.par_iter().map(|run| Block::new(run, false, line_s)).collect();
+    let present: Vec<bool> = blocks.iter().map(Option::is_some).collect();
+    let mut problem = Problem::new(blocks.into_iter().flatten().collect());
+    problem.linearise(taken);
+    let mut rest: Vec<f64> = problem.blocks.iter().flat_map(|block| block.y.clone()).collect();
+    subtract(&mut rest, 1.0, &problem.effects(taken));
+    let ranges: Vec<_> = problem.ranges().collect();
+    let projected: Vec<Vec<f64>> =
+        problem.blocks.iter().zip(&ranges).map(|(block, range)| block.project(&rest[range.clone()])).collect();
+    let mut found = problem.blocks.iter().zip(&projected).map(|(block, left)| {
+        let unweighted = left.iter().zip(&block.root_weight);
+        let residual: Residual =
+            unweighted.map(|(z, weight)| if *weight > 0.0 { z / weight } else { f64::NAN }).collect();
+        (residual, block.noise_deg_h)
+    });
+    let of_run = |(run, present): (&&RunData, &bool)| {
+        let nothing = || (vec![f64::NAN; run.cells.len()], f64::NAN);
+        if *present { found.next().unwrap_or_else(nothing) } else { nothing() }
+    };
+    let (residuals, noises) = runs.iter().zip(&present).map(of_run).unzip();
+    (residuals, noises, noise::tests(&problem, &projected.concat()))
+}

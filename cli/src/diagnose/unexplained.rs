@@ -1,0 +1,60 @@
+//! What no candidate explains, in words.
+
+use super::block::Block;
+use super::data::RunData;
+use super::learn::STRUCTURE;
+use super::noise::azimuth_tests;
+use super::problem::Problem;
+use super::statistics::chi_square_tail;
+use super::{Lesson, NoiseTests};
+use crate::campaign::Role;
+
+/// Everything that says that structure remains; nothing where there is none.
+pub fn evidence(lesson: &Lesson, runs: &[RunData], noise: &NoiseTests) -> Vec<String> {
+    let learned = lesson.learned();
+    let mut evidence = Vec::new();
+    let p_value = chi_square_tail(learned.left * learned.left_freedom, learned.left_freedom);
+    if learned.left_freedom > 0.0 && p_value < STRUCTURE {
+        evidence.push(format!(
+            "what is left changes {:.2} times as much over blocks of seconds as white noise would (p = {p_value:.1e})",
+            learned.left.sqrt()
+        ));
+    }
+    let dependences: Vec<_> = noise.after.iter().filter(|test| test.name.starts_with("dependence:")).collect();
+    for test in &dependences {
+        let p_value = test.p_value * dependences.len() as f64;
+        if let Some(channel) = test.name.strip_prefix("dependence:").filter(|_| p_value < STRUCTURE) {
+            evidence.push(format!("what is left still goes with {channel} (p = {p_value:.1e})"));
+        }
+    }
+    if lesson.by_stay.is_none() {
+        evidence.extend(azimuths(lesson, runs));
+    }
+    evidence
+}
+
+/// Azimuths of the fit runs against their references.
+fn azimuths(lesson: &Lesson, runs: &[RunData]) -> Vec<String> {
+    let trusted = |run: &&RunData| lesson.bad_references.iter().all(|(file, _)| *file != run.file);
+    let fit = runs.iter().filter(|run| run.role == Role::Fit).filter(trusted);
+    let mut problem = Problem::new(fit.filter_map(|run| Block::new(run, true, lesson.line_s())).collect());
+    problem.linearise(&lesson.learned().taken);
+    let errors: Vec<(f64, f64, f64)> = problem
+        .azimuth_errors(&problem.effects(&lesson.learned().taken))
+        .into_iter()
+        .zip(&problem.blocks)
+        .filter_map(|(each, block)| each.map(|(error, sigma)| (error, sigma, block.azimuth_deg)))
+        .collect();
+    azimuth_tests(&errors)
+        .into_iter()
+        .filter(|test| test.p_value < STRUCTURE)
+        .map(|test| match test.name.as_str() {
+            "azimuth" => format!(
+                "azimuths miss their references by {:.1} sigma rms (p = {:.1e})",
+                (test.statistic / errors.len() as f64).sqrt(),
+                test.p_value
+            ),
+            _ => format!("azimuth errors go with the heading (p = {:.1e})", test.p_value),
+        })
+        .collect()
+}

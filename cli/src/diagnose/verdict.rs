@@ -1,0 +1,34 @@
+//! The outcome in words.
+
+use super::Diagnosis;
+
+/// The outcome in a sentence or two.
+pub fn sentence(diagnosis: &Diagnosis) -> String {
+    let names: Vec<String> = diagnosis
+        .effects
+        .iter()
+        .map(|effect| {
+            effect.channel.as_ref().map_or(effect.name.clone(), |channel| format!("{} ({channel})", effect.name))
+        })
+        .collect();
+    let found = match names.as_slice() {
+        [] if diagnosis.unexplained => "The residual is not noise, and no candidate explains it".to_owned(),
+        [] => "Nothing was found: the residual is noise".to_owned(),
+        names => format!("The model lacked {}", names.join(" and ")),
+    };
+    let change = match (diagnosis.azimuth_rms_before_deg, diagnosis.azimuth_rms_after_deg) {
+        (Some(before), Some(after)) if !names.is_empty() => {
+            format!(": azimuth error {before:.3} deg rms before, {after:.3} deg after")
+        }
+        (_, Some(after)) => format!(": azimuth error {after:.3} deg rms"),
+        _ => String::new(),
+    };
+    let rest =
+        if diagnosis.unexplained && !names.is_empty() { "; structure remains that nothing explains" } else { "" };
+    let ambiguous = if diagnosis.effects.iter().any(|effect| !effect.ambiguous_with.is_empty()) {
+        "; this campaign cannot tell every cause from others"
+    } else {
+        ""
+    };
+    format!("{found}{change}{rest}{ambiguous}.")
+}
