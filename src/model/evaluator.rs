@@ -8,6 +8,11 @@ use super::{Correction, ErrorModel, MAX_TERMS, Term, spline};
 use crate::earth::EarthRate;
 use crate::units::{DEG_PER_RAD, wrap_360_deg};
 
+/// Most steps of Newton's method, the half width of its slopes, and their least value.
+const NEWTON_STEPS: usize = 12;
+const SLOPE_DEG_H: f64 = 1e-4;
+const LEAST_SLOPE: f64 = 0.1;
+
 /// Evaluates a model second by second, in the order of time.
 #[derive(Clone, Debug)]
 pub struct Evaluator {
@@ -48,7 +53,24 @@ impl Evaluator {
         for (term, past) in self.model.terms.iter().zip(&self.pasts) {
             self.add(term, past, conditions, &mut correction);
         }
+        correction.bias_deg_h += self.of_rate_deg_h(conditions.raw_rate_deg_h - correction.bias_deg_h);
         correction
+    }
+
+    /// What the true rate x adds to itself, given the sum of both: the root of x + N(x) = sum by Newton's method.
+    fn of_rate_deg_h(&self, sum_deg_h: f64) -> f64 {
+        let added = |rate: f64| self.model.terms.iter().map(|term| term.of_rate_deg_h(rate)).sum::<f64>();
+        let mut rate = sum_deg_h;
+        for _ in 0..NEWTON_STEPS {
+            let missed = rate + added(rate) - sum_deg_h;
+            let slope = 1.0 + (added(rate + SLOPE_DEG_H) - added(rate - SLOPE_DEG_H)) / (2.0 * SLOPE_DEG_H);
+            // A gyro that turns back where its input goes on has no single answer there; the step stays bounded.
+            rate -= missed / slope.max(LEAST_SLOPE);
+            if missed.abs() < 1e-12 {
+                break;
+            }
+        }
+        sum_deg_h - rate
     }
 
     /// What the rates of change add to the bias now, °/h. A recording's first seconds, when no rate is known yet, are
@@ -95,13 +117,6 @@ impl Evaluator {
                 let angle = f64::from(order) * libm::atan2(sin, cos);
                 cos_deg_h * libm::cos(angle) + sin_deg_h * libm::sin(angle)
             }
-            Term::RateNonlinearity { quadratic_per_deg_h, cubic_per_deg_h2 } => {
-                let rate = conditions.raw_rate_deg_h;
-                (quadratic_per_deg_h + cubic_per_deg_h2 * rate) * rate * rate
-            }
-            Term::DeadZone { depth_deg_h, width_deg_h, form } => {
-                -depth_deg_h * form.at(conditions.raw_rate_deg_h / width_deg_h)
-            }
             Term::Line { period_s, cos_deg_h, sin_deg_h } => {
                 let phase = core::f64::consts::TAU * conditions.t_s / period_s;
                 cos_deg_h * libm::cos(phase) + sin_deg_h * libm::sin(phase)
@@ -111,7 +126,11 @@ impl Evaluator {
                 let after = (conditions.t_s - t_s) / conditions.seconds.max(f64::MIN_POSITIVE) + 0.5;
                 deg_h * after.clamp(0.0, 1.0)
             }
-            Term::EarthField { .. } | Term::IndexError { .. } | Term::BaseMotion { .. } => 0.0,
+            Term::RateNonlinearity { .. }
+            | Term::DeadZone { .. }
+            | Term::EarthField { .. }
+            | Term::IndexError { .. }
+            | Term::BaseMotion { .. } => 0.0,
         };
     }
 

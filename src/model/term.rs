@@ -55,10 +55,11 @@ pub enum Term {
     },
     /// cos_deg_h · cos(order · θ) + sin_deg_h · sin(order · θ): fixed to the instrument's body.
     BodyHarmonic { order: u8, cos_deg_h: f64, sin_deg_h: f64 },
-    /// quadratic · ω² + cubic · ω³, ω the raw rate in °/h.
-    RateNonlinearity { quadratic_per_deg_h: f64, cubic_per_deg_h2: f64 },
-    /// Lost near zero rate, at most `depth`, there where ω = ± width.
-    DeadZone { depth_deg_h: f64, width_deg_h: f64, form: DeadZoneForm },
+    /// quadratic · ω² + cubic · ω³. ω, °/h, is the rate without the effects of rate and without all others, less `centre`: the
+    /// gyro's usual bias, where this is not a part of what is distorted, else 0.
+    RateNonlinearity { centre_deg_h: f64, quadratic_per_deg_h: f64, cubic_per_deg_h2: f64 },
+    /// Lost near zero rate, at most `depth`, there where ω = ± width; ω as above.
+    DeadZone { centre_deg_h: f64, depth_deg_h: f64, width_deg_h: f64, form: DeadZoneForm },
     /// cos_deg_h · cos(2πt/period) + sin_deg_h · sin(2πt/period), t since switch-on.
     Line { period_s: f64, cos_deg_h: f64, sin_deg_h: f64 },
     /// Added from `t_s` since switch-on.
@@ -148,6 +149,20 @@ impl Term {
         }
     }
 
+    /// What it adds to a true rate, °/h, because of that rate; 0 for other effects.
+    pub fn of_rate_deg_h(&self, rate_deg_h: f64) -> f64 {
+        match *self {
+            Self::RateNonlinearity { centre_deg_h, quadratic_per_deg_h, cubic_per_deg_h2 } => {
+                let rate = rate_deg_h - centre_deg_h;
+                (quadratic_per_deg_h + cubic_per_deg_h2 * rate) * rate * rate
+            }
+            Self::DeadZone { centre_deg_h, depth_deg_h, width_deg_h, form } => {
+                -depth_deg_h * form.at((rate_deg_h - centre_deg_h) / width_deg_h)
+            }
+            _ => 0.0,
+        }
+    }
+
     /// Whether it is a rate of change, which a few seconds must pass for.
     pub fn is_rate(&self) -> bool {
         matches!(self, Self::TemperatureRate { .. } | Self::ChannelRate { .. })
@@ -232,12 +247,12 @@ impl Term {
                 within("model.terms.body-harmonic.order", order.into(), 1.0, 36.0, "1 to 36")?;
                 finite("model.terms.body-harmonic", &[cos_deg_h, sin_deg_h])
             }
-            Self::RateNonlinearity { quadratic_per_deg_h, cubic_per_deg_h2 } => {
-                finite("model.terms.rate-nonlinearity", &[quadratic_per_deg_h, cubic_per_deg_h2])
+            Self::RateNonlinearity { centre_deg_h, quadratic_per_deg_h, cubic_per_deg_h2 } => {
+                finite("model.terms.rate-nonlinearity", &[centre_deg_h, quadratic_per_deg_h, cubic_per_deg_h2])
             }
-            Self::DeadZone { depth_deg_h, width_deg_h, .. } => {
+            Self::DeadZone { centre_deg_h, depth_deg_h, width_deg_h, .. } => {
                 positive("model.terms.dead-zone.width_deg_h", width_deg_h)?;
-                finite("model.terms.dead-zone", &[depth_deg_h])
+                finite("model.terms.dead-zone", &[centre_deg_h, depth_deg_h])
             }
             Self::Line { period_s, cos_deg_h, sin_deg_h } => {
                 positive("model.terms.line.period_s", period_s)?;

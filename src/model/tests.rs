@@ -147,8 +147,9 @@ fn index_and_rate() {
     let harmonic = Term::BodyHarmonic { order: 2, cos_deg_h: 0.1, sin_deg_h: 0.2 };
     assert_close(last_bias(harmonic, [conditions(0.0, 45.0)]), 0.2);
     let rate = |term, raw_rate_deg_h| last_bias(term, [Conditions { raw_rate_deg_h, ..conditions(0.0, 0.0) }]);
-    let curved = Term::RateNonlinearity { quadratic_per_deg_h: 0.01, cubic_per_deg_h2: 0.001 };
-    assert_close(rate(curved, -10.0), 1.0 - 1.0);
+    // True −9 less 1: 0.01 · 100 − 0.002 · 1000 = −1 is added, which makes −10.
+    let curved = Term::RateNonlinearity { centre_deg_h: 1.0, quadratic_per_deg_h: 0.01, cubic_per_deg_h2: 0.002 };
+    assert_close(rate(curved, -10.0), -1.0);
     // Lost at the width is the depth, whatever the form; at twice the width 2 e^−1.5, 2/e, 4/5 and 2 − √3 of it.
     let forms = [
         (DeadZoneForm::Short, 0.4462603202968596),
@@ -157,10 +158,15 @@ fn index_and_rate() {
         (DeadZoneForm::Lock, 0.2679491924311228),
     ];
     for (form, at_two) in forms {
-        let term = Term::DeadZone { depth_deg_h: 0.2, width_deg_h: 3.0, form };
-        assert_close(rate(term, -3.0), 0.2);
-        assert_close(rate(term, 6.0), -0.2 * at_two);
+        let term = Term::DeadZone { centre_deg_h: 0.5, depth_deg_h: 0.2, width_deg_h: 3.0, form };
+        // True −2.5, a loss of 0.2 towards zero: −2.3; the slope of the last form is vertical there, and its root so much less
+        // certain. True 6.5: less by the share at two.
+        assert!((rate(term, -2.3) - 0.2).abs() < 1e-8);
+        assert_close(rate(term, 6.5 - 0.2 * at_two), -0.2 * at_two);
     }
+    // A gyro that nearly stands still about zero: 0.9 of the rate is lost. True 0.1 reads 0.01.
+    let deaf = Term::DeadZone { centre_deg_h: 0.0, depth_deg_h: 1.8, width_deg_h: 2.0, form: DeadZoneForm::Lock };
+    assert_close(rate(deaf, 0.01), -0.09);
 }
 
 #[test]

@@ -35,7 +35,7 @@ pub struct Block<'a> {
     pub azimuth_deg: f64,
     /// Whether its reference enters.
     pub tied: bool,
-    /// Smooth rate by the fit, °/h.
+    /// Rate by the fit without effects, °/h.
     pub smooth_deg_h: Vec<f64>,
     /// Lines of cells that were left out because they jump.
     pub knocked: Vec<u64>,
@@ -87,8 +87,8 @@ impl<'a> Block<'a> {
         Some(block)
     }
 
-    /// Looks at the run anew, about these effects (°/h, one value a cell): what depends on its rate and on its azimuth is
-    /// then right for rates that contain them.
+    /// Looks at the run anew, about these effects (°/h, one value a cell): its rate and its azimuth are then those
+    /// without them.
     pub fn linearise(&mut self, effects_deg_h: &[f64]) {
         // It could be solved before; other effects change no column of it.
         let _ = self.solve(effects_deg_h);
@@ -126,8 +126,8 @@ impl<'a> Block<'a> {
         free.iter_mut().flat_map(|column| &mut column[cells..]).for_each(|value| *value = 0.0);
         self.free_basis = orthonormalise(&[], free);
         let plain = nuisance_columns(run, self.line_s);
-        let without = |i: usize| found.iter().zip(&plain).map(|(c, column)| c * column[i]).sum::<f64>();
-        self.smooth_deg_h = effects_deg_h.iter().enumerate().map(|(i, effect)| effect + without(i)).collect();
+        self.smooth_deg_h =
+            (0..run.cells.len()).map(|i| found.iter().zip(&plain).map(|(c, column)| c * column[i]).sum()).collect();
         self.nuisance = nuisance;
         Some(())
     }

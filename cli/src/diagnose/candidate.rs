@@ -7,6 +7,7 @@ use north_finder::model::{ChannelName, Conditions, DeadZoneForm, ErrorModel, Eva
 use north_finder::units::ARCSEC_PER_RAD;
 
 use super::data::RunData;
+use super::statistics::median;
 
 /// What a candidate is, apart from its coefficients and its one non-linear constant.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,8 +28,9 @@ pub enum Shape {
     Harmonic(u8),
     /// Bias of the level sensors, with the Earth's vertical rate.
     LevelBias(f64),
-    Nonlinearity(usize),
-    DeadZone(DeadZoneForm),
+    /// A power of the rate less the centre.
+    Nonlinearity(f64, i32),
+    DeadZone(f64, DeadZoneForm),
     Line,
     Step,
     /// East alone, or east and north.
@@ -46,6 +48,9 @@ pub enum SettlingBy {
     SignedTravel,
     Position,
 }
+
+/// Most periods of a line that are tried.
+const MOST_LINES: usize = 200;
 
 /// A candidate effect.
 #[derive(Clone, Debug)]
@@ -88,7 +93,7 @@ impl Candidate {
     /// Whether its columns depend on the rate, or on the azimuth of the run.
     pub fn follows_rate(&self) -> bool {
         match self.shape {
-            Shape::Scale(..) | Shape::ScaleFactor | Shape::Nonlinearity(_) | Shape::DeadZone(_) => true,
+            Shape::Scale(..) | Shape::ScaleFactor | Shape::Nonlinearity(..) | Shape::DeadZone(..) => true,
             Shape::EarthField(_) | Shape::IndexOffset | Shape::IndexHarmonic => true,
             _ => false,
         }
@@ -155,9 +160,13 @@ impl Candidate {
             Shape::LevelBias(up_deg_h) => {
                 Term::BodyHarmonic { order: 1, cos_deg_h: -up_deg_h * at(0), sin_deg_h: -up_deg_h * at(1) }
             }
-            Shape::Nonlinearity(2) => Term::RateNonlinearity { quadratic_per_deg_h: at(0), cubic_per_deg_h2: 0.0 },
-            Shape::Nonlinearity(_) => Term::RateNonlinearity { quadratic_per_deg_h: 0.0, cubic_per_deg_h2: at(0) },
-            Shape::DeadZone(form) => Term::DeadZone { depth_deg_h: at(0), width_deg_h: constant, form },
+            Shape::Nonlinearity(centre_deg_h, power) => {
+                let of = |wanted| if power == wanted { at(0) } else { 0.0 };
+                Term::RateNonlinearity { centre_deg_h, quadratic_per_deg_h: of(2), cubic_per_deg_h2: of(3) }
+            }
+            Shape::DeadZone(centre_deg_h, form) => {
+                Term::DeadZone { centre_deg_h, depth_deg_h: at(0), width_deg_h: constant, form }
+            }
             Shape::Line => Term::Line { period_s: constant, cos_deg_h: at(0), sin_deg_h: at(1) },
             Shape::Step => Term::Step { t_s: constant, deg_h: at(0) },
             Shape::EarthField(_) => Term::EarthField { east_deg_h: at(0), north_deg_h: at(1) },
@@ -196,9 +205,9 @@ impl Candidate {
             Shape::Settling(..) => (vec!["deg_h"], Some("tau_s")),
             Shape::Harmonic(_) => (vec!["cos_deg_h", "sin_deg_h"], None),
             Shape::LevelBias(_) => (vec!["forward_g", "left_g"], None),
-            Shape::Nonlinearity(2) => (vec!["per_deg_h"], None),
-            Shape::Nonlinearity(_) => (vec!["per_deg_h2"], None),
-            Shape::DeadZone(_) => (vec!["depth_deg_h"], Some("width_deg_h")),
+            Shape::Nonlinearity(_, 2) => (vec!["per_deg_h"], None),
+            Shape::Nonlinearity(..) => (vec!["per_deg_h2"], None),
+            Shape::DeadZone(..) => (vec!["depth_deg_h"], Some("width_deg_h")),
             Shape::Line => (vec!["cos_deg_h", "sin_deg_h"], Some("period_s")),
             Shape::Step => (vec!["deg_h"], Some("t_s")),
             Shape::EarthField(both) => (powers(1 + usize::from(both), ["east_deg_h", "north_deg_h", ""]), None),
@@ -226,15 +235,16 @@ impl Candidate {
         };
         let rate = |shape: &Shape| matches!(shape, Shape::Rate(_) | Shape::RateLowPass(_));
         match (&self.shape, &other.shape) {
-            (Shape::Drift(_), Shape::Drift(_)) | (Shape::DeadZone(_), Shape::DeadZone(_)) => true,
+            (Shape::Drift(_), Shape::Drift(_)) | (Shape::DeadZone(..), Shape::DeadZone(..)) => true,
+            (Shape::Nonlinearity(_, a), Shape::Nonlinearity(_, b)) => a == b,
             (Shape::Settling(a, _), Shape::Settling(b, _)) => a == b,
             (Shape::EarthField(_), Shape::EarthField(_)) => true,
             (a, b) => (value(a) && value(b)) || (rate(a) && rate(b)) || a == b,
         }
     }
 
-    /// The columns of a run: what unit coefficients add to the rate. `rate_deg_h` is the smooth rate that each cell has by
-    /// the fit so far, `azimuth_deg` the run's azimuth.
+    /// The columns of a run: what unit coefficients add to the rate. `rate_deg_h` is each cell's rate by the fit so
+    /// far, without effects, `azimuth_deg` the run's azimuth.
     pub fn columns(&self, run: &RunData, constant: f64, rate_deg_h: &[f64], azimuth_deg: f64) -> Columns {
         let psi = azimuth_deg.to_radians();
         let h = run.earth.north_deg_h;
@@ -260,6 +270,10 @@ impl Candidate {
                     cells.iter().map(|cell| -per_degree * sin_alpha(cell.cos, cell.sin) * factor(cell)).collect()
                 };
                 vec![by(|cell| cell.cos), by(|cell| cell.sin)]
+            }
+            Shape::Nonlinearity(..) | Shape::DeadZone(..) => {
+                let Some(term) = self.term(constant, &[1.0]) else { return Vec::new() };
+                vec![rate_deg_h.iter().map(|rate| term.of_rate_deg_h(*rate)).collect()]
             }
             Shape::BaseMotion => vec![base_motion(run, constant)],
             _ => (0..self.coefficients()).map(|i| self.evaluated(run, constant, i, rate_deg_h)).collect(),
@@ -366,10 +380,15 @@ pub fn all(runs: &[&RunData], constant_channels: &[String]) -> Vec<Candidate> {
     for order in 1..=6 {
         list.push(Candidate::new(format!("body-harmonic-{order}"), "bias", None, Shape::Harmonic(order), vec![]));
     }
-    list.push(Candidate::new("rate-quadratic", "scale", None, Shape::Nonlinearity(2), vec![]));
-    list.push(Candidate::new("rate-cubic", "scale", None, Shape::Nonlinearity(3), vec![]));
-    for form in [DeadZoneForm::Short, DeadZoneForm::Middle, DeadZoneForm::Long, DeadZoneForm::Lock] {
-        list.push(Candidate::new("dead-zone", "scale", None, Shape::DeadZone(form), geometric(0.4, 10.0, 8)));
+    // What is distorted may be the rate alone, or with the gyro's bias.
+    let usual_deg_h = median(runs.iter().filter_map(|run| Some(run.before?.bias_deg_h)).collect());
+    for centre_deg_h in [0.0, usual_deg_h] {
+        list.push(Candidate::new("rate-quadratic", "scale", None, Shape::Nonlinearity(centre_deg_h, 2), vec![]));
+        list.push(Candidate::new("rate-cubic", "scale", None, Shape::Nonlinearity(centre_deg_h, 3), vec![]));
+        for form in [DeadZoneForm::Short, DeadZoneForm::Middle, DeadZoneForm::Long, DeadZoneForm::Lock] {
+            let shape = Shape::DeadZone(centre_deg_h, form);
+            list.push(Candidate::new("dead-zone", "scale", None, shape, geometric(0.4, 10.0, 8)));
+        }
     }
     list.push(Candidate::new("scale-factor", "scale", None, Shape::ScaleFactor, vec![]));
     for both in [false, true] {
@@ -377,9 +396,10 @@ pub fn all(runs: &[&RunData], constant_channels: &[String]) -> Vec<Candidate> {
     }
     list.push(Candidate::new("index-offset", "index", None, Shape::IndexOffset, vec![]));
     list.push(Candidate::new("index-eccentricity", "index", None, Shape::IndexHarmonic, vec![]));
-    // Frequencies from two periods in the longest run to half the rate of the cells, half a resolution apart.
+    // Frequencies from two periods in the longest run to half the rate of the cells, half a resolution apart, or more
+    // where they would be too many.
     let lines = (longest_s / step_s) as usize;
-    let stride = (lines / 256).max(1);
+    let stride = lines.div_ceil(MOST_LINES).max(1);
     let periods = (4..lines).step_by(stride).map(|n| 2.0 * longest_s / n as f64).collect();
     list.push(Candidate::new("line", "bias", None, Shape::Line, periods));
     let steps = (1..32).map(|n| longest_s * f64::from(n) / 32.0).collect();

@@ -1,8 +1,12 @@
 //! Doubts about a campaign, before anything is learned from it.
 
+use north_finder::earth::EARTH_RATE_DEG_H;
+use north_finder::model::ErrorModel;
 use north_finder::units::{RAD_PER_DEG, wrap_180_deg};
 
+use super::candidate::{Candidate, Shape};
 use super::data::RunData;
+use super::estimate::Learned;
 use super::problem::Problem;
 use super::statistics::{f_tail, median};
 use super::{Refusal, Warning};
@@ -42,25 +46,41 @@ pub fn refuse(runs: &[RunData]) -> Result<(), Refusal> {
             ));
         }
     }
-    let ratios: Vec<f64> =
-        runs.iter().filter_map(|run| Some(run.before?.amplitude_deg_h / run.earth.north_deg_h)).collect();
-    if ratios.len() >= 2 {
+    Ok(())
+}
+
+/// Refuses a campaign whose horizontal rate is not that of its latitude, nor is with what was learned. A scale factor or
+/// a field along the axis would make any latitude right, and are not asked.
+pub fn refuse_latitude(runs: &[RunData], learned: &Learned, base: &ErrorModel) -> Result<(), Refusal> {
+    let of = |fixes: Vec<Option<f64>>| -> Option<(f64, f64)> {
+        let ratios: Vec<f64> =
+            fixes.iter().zip(runs).filter_map(|(fix, run)| Some((*fix)? / run.earth.north_deg_h)).collect();
         let middle = median(ratios.clone());
         let spread = median(ratios.iter().map(|ratio| (ratio - middle).abs()).collect());
-        if (middle - 1.0).abs() > AMPLITUDE_LIMIT.max(6.0 * spread) {
-            let north = runs[0].earth.north_deg_h;
-            let cosine = middle * north / 15.041067;
-            let latitude = (cosine.clamp(-1.0, 1.0).acos() / RAD_PER_DEG * 100.0).round() / 100.0;
-            return Err(Refusal::Campaign(format!(
-                "the horizontal rate is {:.3} deg/h where the latitude of {} deg says {north:.3}: the latitude is wrong \
-                 (the rate belongs to {latitude} deg north or south) or the scale factor by {:+.1} %; correct that first",
-                middle * north,
-                runs[0].settings.latitude_deg,
-                100.0 * (middle - 1.0)
-            )));
-        }
+        (ratios.len() >= 2 && (middle - 1.0).abs() > AMPLITUDE_LIMIT.max(6.0 * spread)).then_some((middle, spread))
+    };
+    let Some((middle, _)) = of(runs.iter().map(|run| Some(run.before?.amplitude_deg_h)).collect()) else {
+        return Ok(());
+    };
+    let mut shaped = learned.clone();
+    shaped.keep(|each| {
+        let is_scale = |candidate: &Candidate| matches!(candidate.shape, Shape::ScaleFactor | Shape::EarthField(_));
+        !is_scale(&each.candidate) && !each.rivals.iter().any(|(rival, _)| is_scale(rival))
+    });
+    let model = shaped.model(base);
+    if of(runs.iter().map(|run| run.solve(&model).map(|(fix, _)| fix.amplitude_deg_h)).collect()).is_none() {
+        return Ok(());
     }
-    Ok(())
+    let north = runs[0].earth.north_deg_h;
+    let cosine = middle * north / EARTH_RATE_DEG_H;
+    let latitude = (cosine.clamp(-1.0, 1.0).acos() / RAD_PER_DEG * 100.0).round() / 100.0;
+    Err(Refusal::Campaign(format!(
+        "the horizontal rate is {:.3} deg/h where the latitude of {} deg says {north:.3}: the latitude is wrong (the rate \
+         belongs to {latitude} deg north or south) or the scale factor by {:+.1} %; correct that first",
+        middle * north,
+        runs[0].settings.latitude_deg,
+        100.0 * (middle - 1.0)
+    )))
 }
 
 /// Warnings about the campaign as a whole.

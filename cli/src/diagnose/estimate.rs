@@ -53,6 +53,23 @@ pub struct Learned {
 }
 
 impl Learned {
+    /// Forgets the other effects.
+    pub fn keep(&mut self, wanted: impl Fn(&Taken) -> bool) {
+        let keep: Vec<bool> = self
+            .taken
+            .iter()
+            .flat_map(|each| each.coefficients.iter().map(|_| wanted(each)).collect::<Vec<_>>())
+            .collect();
+        let kept = |values: &mut Vec<f64>| {
+            let mut flags = keep.iter();
+            values.retain(|_| flags.next().copied().unwrap_or(false));
+        };
+        let mut flags = keep.iter();
+        self.covariance.retain(|_| flags.next().copied().unwrap_or(false));
+        self.covariance.iter_mut().for_each(kept);
+        self.taken.retain(wanted);
+    }
+
     /// The error model with the effects in it, over `base`.
     pub fn model(&self, base: &ErrorModel) -> ErrorModel {
         self.model_with(base, &self.taken.iter().flat_map(|each| each.coefficients.clone()).collect::<Vec<_>>())

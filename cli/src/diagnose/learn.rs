@@ -113,18 +113,34 @@ impl Search<'_, '_> {
             .collect()
     }
 
-    /// Earlier constants again, now that the others are there.
+    /// Constants again, now that the others are there; and forms again of what acts on the rate, which is better known now.
     fn reconsider(&mut self) {
-        if self.chosen.len() < 2 {
-            return;
-        }
         for i in 0..self.chosen.len() {
             let (index, constant) = self.chosen[i];
-            if !self.candidates[index].grid.is_empty() {
-                let (basis, left) = beside(&self.problem, self.candidates, &self.chosen, i);
-                self.chosen[i].1 = refined(&self.problem, &self.candidates[index], (&basis, &left), constant).0;
+            let own = &self.candidates[index];
+            let (basis, left) = beside(&self.problem, self.candidates, &self.chosen, i);
+            let rows = self.problem.rows();
+            let kin = |other: usize| self.candidates[other].follows_rate() && self.candidates[other].is_kin(own);
+            let others = (0..self.candidates.len()).filter(|&other| other != index && own.follows_rate() && kin(other));
+            let best = std::iter::once(index)
+                .chain(others)
+                .map(|index| {
+                    let candidate = &self.candidates[index];
+                    let about = if own.follows_rate() { self.best_on_grid(candidate, &basis, &left) } else { constant };
+                    let (constant, improvement) = refined(&self.problem, candidate, (&basis, &left), about);
+                    (score(candidate, improvement, rows), index, constant)
+                })
+                .max_by(|a, b| a.0.total_cmp(&b.0));
+            if let Some((_, index, constant)) = best {
+                self.chosen[i] = (index, constant);
             }
         }
+    }
+
+    fn best_on_grid(&self, candidate: &Candidate, basis: &[Vec<f64>], left: &[f64]) -> f64 {
+        let of = |constant: f64| improvement(basis, left, self.problem.projected(candidate, constant));
+        let grid = candidate.grid.iter().map(|&constant| (constant, of(constant)));
+        grid.max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0.0, |best| best.0)
     }
 
     /// Brings the runs' azimuths, and the rates that some effects act on, into agreement with the effects.

@@ -10,9 +10,6 @@ use super::statistics::chi_square_tail;
 
 /// Looks for a line in what the effects leave of these runs.
 pub fn own(runs: &[&RunData], learned: &Learned) -> Option<Effect> {
-    if runs.is_empty() || learned.taken.iter().any(|each| each.candidate.name == "line") {
-        return None;
-    }
     let residuals = Residuals::new(runs.to_vec(), &learned.taken, None);
     let (period_s, amplitude_deg_h, p_value) = noise::line(runs, &residuals.after)?;
     Some(Effect {

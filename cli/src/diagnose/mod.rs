@@ -108,6 +108,7 @@ pub fn diagnose(campaign: &Campaign, options: &Options) -> Result<Diagnosis, Ref
     let base = options.settings.model.clone().unwrap_or_default();
     let fit: Vec<&RunData> = runs.iter().filter(|run| run.role == Role::Fit).collect();
     let lesson = study(&fit, &base, &constant);
+    checks::refuse_latitude(&runs, lesson.learned(), &lesson.base(&base))?;
     assemble::diagnosis(campaign, &runs, &constant, &base, &lesson, warnings)
 }
 
