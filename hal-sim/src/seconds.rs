@@ -66,9 +66,9 @@ pub struct Row {
     pub fog_arcsec: f64,
     /// Gyro's temperature sensor, °C.
     pub temp_c: f64,
-    /// Forward accelerometer, g.
+    /// Forward accelerometer, mean over the interval, g.
     pub ax_g: f64,
-    /// Left accelerometer, g.
+    /// Left accelerometer, mean over the interval, g.
     pub ay_g: f64,
 }
 
@@ -169,10 +169,12 @@ impl SecondsGenerator {
     }
 
     fn row(&mut self, index_deg: f64) -> Row {
+        let before_g = geometry::specific_force_g(&self.tracker.pose().attitude);
         let increment_arcsec = self.advance(self.interval_s, index_deg);
         let readings = (READINGS_HZ * self.interval_s).max(1.0);
         let encoder_noise_deg = self.encoder.noise_deg / readings.sqrt() * self.encoder_stream.normal();
-        let force_g = geometry::specific_force_g(&self.tracker.pose().attitude);
+        // The mean over the interval of a base that turns evenly in it.
+        let force_g = 0.5 * (before_g + geometry::specific_force_g(&self.tracker.pose().attitude));
         // White noise of one-sided density d, averaged over T, has a standard deviation of d/√(2T).
         let noise_g = (1e-6 * self.accelerometer.noise_ug_per_sqrt_hz / (2.0 * self.interval_s).sqrt())
             .hypot(self.vibration_g / readings.sqrt());

@@ -185,8 +185,8 @@ impl DwellRows {
 
 impl DwellRows {
     /// Boils the rows of a stay on a base that rocks down to a rate without its motion; see [`super::moving_base`].
-    pub fn summary_on_moving_base(&self, velocity: bool) -> Option<DwellSummary> {
-        super::moving_base::summary(&self.rows, velocity)
+    pub fn summary_on_moving_base(&self, velocity: bool, noise_deg_h: f64) -> Option<DwellSummary> {
+        super::moving_base::summary(&self.rows, velocity, noise_deg_h)
     }
 }
 

@@ -3,14 +3,17 @@
 //! About the sensitive axis the base turns by a(t) = cos θ · r(t) − sin θ · p(t), which the accelerometers feel as a tilt
 //! and the gyro as the rate da/dt. The mean of ω − da/dt with the weight w(t) needs no derivative of the accelerometers:
 //! by parts, ∫ w (ω − da/dt) dt = ∫ (w ω + dw/dt a) dt where w vanishes at both ends. The weight decides whose noise is
-//! met best, as least squares would (for rows of equal length):
+//! met best. With white noise of σg² in the rate and σa² in the tilt (a second each) the variance σg² ∫ w² + σa² ∫ (dw/dt)²
+//! is least where w − τ² d²w/dt² is constant, τ = σa/σg:
 //!
-//! - w = t (T − t): a straight line through the difference of gyro angle and accelerometer tilt, for tilt noise that is
-//!   white;
+//! - w = 1 − cosh((t − T/2)/τ) / cosh(T/2τ): nearly the plain mean where the gyro is the noisier, up to a few τ from the
+//!   ends;
+//! - w = t (T − t), its limit for a long τ: a straight line through the difference of gyro angle and accelerometer tilt,
+//!   where the tilt is by far the noisier;
 //! - w = t² (T − t)²: a parabola through the integral of that difference, for noise that is white in the velocity:
 //!   accelerometers that count velocity increments, and bases that are pushed to and fro.
 //!
-//! Sigma comes from the scatter about the line or the parabola.
+//! Sigma comes from both noises and from the scatter about the line or the parabola, whichever is larger.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -19,29 +22,46 @@ use crate::units::ARCSEC_PER_RAD;
 
 /// Rows belong together when the gap between them is below this, seconds.
 const GAP_S: f64 = 0.01;
+/// Lengths of a stay beyond which a time constant is as good as infinite.
+const LONGEST_TAU: f64 = 5.0;
 /// Fewest rows that give a rate.
 const LEAST_ROWS: usize = 6;
 
 /// The rows' summary, its rate free of the base's motion; `None` where too few rows follow each other without a gap or
-/// the accelerometers are missing.
-pub fn summary(rows: &[Row], velocity: bool) -> Option<DwellSummary> {
+/// the accelerometers are missing. `velocity`: the tilt's noise is white in the velocity; else `noise_deg_h`, the declared
+/// noise of a one-second rate (0: unknown), is held against the noise of the tilt.
+pub fn summary(rows: &[Row], velocity: bool, noise_deg_h: f64) -> Option<DwellSummary> {
     let piece = longest_piece(rows);
     if piece.len() < LEAST_ROWS {
         return None;
     }
     let (first, last) = (piece.first()?, piece.last()?);
     let (start_s, end_s) = (first.t_s - 0.5 * first.seconds, last.t_s + 0.5 * last.seconds);
-    let weights = Weights { start_s, length_s: end_s - start_s, velocity };
+    let length_s = end_s - start_s;
+    let tilt_noise = tilt_noise_arcsec(piece, noise_deg_h);
+    let tau_s = (tilt_noise / noise_deg_h).max(2.0 * length_s / piece.len() as f64);
+    let shape = match velocity {
+        true => Shape::SquaredParabola,
+        false if noise_deg_h > 0.0 && tau_s < LONGEST_TAU * length_s => Shape::Catenary { tau_s },
+        false => Shape::Parabola,
+    };
+    let weights = Weights { start_s, length_s, shape };
 
     let (mut weight, mut weighted_arcsec) = (0.0, 0.0);
     let (mut seconds, mut cos, mut sin, mut forward, mut left) = (0.0, 0.0, 0.0, 0.0, 0.0);
-    for row in piece {
+    for (i, row) in piece.iter().enumerate() {
         let level = row.level?;
         let (from_s, to_s) = (row.t_s - 0.5 * row.seconds, row.t_s + 0.5 * row.seconds);
+        let (before, after) = (weights.at(from_s), weights.at(to_s));
         let of_row = weights.integral(to_s) - weights.integral(from_s);
         weight += of_row;
-        let rise = weights.at(to_s) - weights.at(from_s);
-        weighted_arcsec += of_row * row.rate_deg_h + rise * (row.lever_arcsec_s / row.seconds + tilt_arcsec(row)?);
+        let lever = row.lever_arcsec_s / row.seconds;
+        weighted_arcsec += of_row * row.rate_deg_h + (after - before) * (lever + tilt_arcsec(row)?);
+        // ∫ dw/dt a dt over the row, a a straight line: its slope times ∫ dw/dt (t − middle) dt. A weight that vanishes with
+        // its slope at the ends needs none.
+        if !velocity {
+            weighted_arcsec += tilt_slope_deg_h(piece, i)? * (0.5 * row.seconds * (after + before) - of_row);
+        }
         seconds += row.seconds;
         cos += row.seconds * row.cos;
         sin += row.seconds * row.sin;
@@ -50,7 +70,9 @@ pub fn summary(rows: &[Row], velocity: bool) -> Option<DwellSummary> {
     }
     let mean = weighted_arcsec / weight;
     let freedom = (piece.len() - 3) as u16;
-    let scatter = variance(piece, &weights)? * seconds * f64::from(freedom);
+    let of_scatter = variance(piece, &weights)?;
+    let of_noises = if velocity { 0.0 } else { weights.variance(noise_deg_h, tilt_noise) };
+    let scatter = of_scatter.max(of_noises) * seconds * f64::from(freedom);
     let still = |mean| Line { mean, ..Line::default() };
     Some(DwellSummary {
         seconds,
@@ -73,7 +95,14 @@ pub fn summary(rows: &[Row], velocity: bool) -> Option<DwellSummary> {
 struct Weights {
     start_s: f64,
     length_s: f64,
-    velocity: bool,
+    shape: Shape,
+}
+
+/// How the weight goes over a stay.
+enum Shape {
+    Catenary { tau_s: f64 },
+    Parabola,
+    SquaredParabola,
 }
 
 impl Weights {
@@ -85,21 +114,77 @@ impl Weights {
     fn at(&self, t_s: f64) -> f64 {
         let u = self.share(t_s);
         let line = u * (1.0 - u);
-        if self.velocity { line * line } else { line }
+        match self.shape {
+            Shape::Catenary { tau_s } => {
+                let x = self.length_s / tau_s;
+                1.0 - libm::cosh((u - 0.5) * x) / libm::cosh(0.5 * x)
+            }
+            Shape::Parabola => line,
+            Shape::SquaredParabola => line * line,
+        }
     }
 
     fn integral(&self, t_s: f64) -> f64 {
         let u = self.share(t_s);
         let u3 = u * u * u;
-        let of_share = if self.velocity { u3 / 3.0 - u3 * u / 2.0 + u3 * u * u / 5.0 } else { u * u / 2.0 - u3 / 3.0 };
+        let of_share = match self.shape {
+            Shape::Catenary { tau_s } => {
+                let x = self.length_s / tau_s;
+                u - libm::sinh((u - 0.5) * x) / libm::cosh(0.5 * x) / x
+            }
+            Shape::Parabola => u * u / 2.0 - u3 / 3.0,
+            Shape::SquaredParabola => u3 / 3.0 - u3 * u / 2.0 + u3 * u * u / 5.0,
+        };
         of_share * self.length_s
     }
+
+    /// Variance of the mean rate from white noise of the rate and of the tilt (of a second each), (°/h)²: by parts
+    /// σg² ∫ w² + σa² ∫ (dw/dt)², over (∫ w)². Of the catenary, whose w − τ² w″ is 1, and of the parabola.
+    fn variance(&self, rate_deg_h: f64, tilt_arcsec: f64) -> f64 {
+        let (g2, a2, length) = (rate_deg_h * rate_deg_h, tilt_arcsec * tilt_arcsec, self.length_s);
+        match self.shape {
+            Shape::Catenary { tau_s } => {
+                let x = 0.5 * length / tau_s;
+                let area = length * (1.0 - libm::tanh(x) / x);
+                let sech = 1.0 / libm::cosh(x);
+                let slopes = (libm::tanh(x) - x * sech * sech) / tau_s;
+                // ∫ w² = ∫ w + τ² ∫ w w″ = ∫ w − τ² ∫ (w′)².
+                (g2 * (area - tau_s * tau_s * slopes) + a2 * slopes) / (area * area)
+            }
+            _ => 1.2 * g2 / length + 12.0 * a2 / (length * length * length),
+        }
+    }
+}
+
+/// Noise of a second's tilt about the sensitive axis, arcsec: what the differences of neighbours of gyro angle less tilt
+/// have more than the gyro's own (2/3 of its variance in a second, the angles being means over one).
+fn tilt_noise_arcsec(rows: &[Row], noise_deg_h: f64) -> f64 {
+    let (mut last, mut sum, mut squares, mut count) = (None, 0.0, 0.0, 0.0);
+    for (_, angle) in angles(rows, false) {
+        if let Some(last) = last.replace(angle) {
+            let step = angle - last;
+            sum += step;
+            squares += step * step;
+            count += 1.0;
+        }
+    }
+    let variance = (squares - sum * sum / count) / (count - 1.0);
+    let seconds = rows.iter().map(|row| row.seconds).sum::<f64>() / rows.len() as f64;
+    // A reading of n seconds has an nth of the variance of a reading of one.
+    let tilt = 0.5 * (variance - 2.0 / 3.0 * noise_deg_h * noise_deg_h * seconds) * seconds;
+    libm::sqrt(tilt.max(0.0))
 }
 
 /// Turn of the base about the sensitive axis as the accelerometers feel it, arcsec.
 fn tilt_arcsec(row: &Row) -> Option<f64> {
     let level = row.level?;
     Some((row.cos * level.left - row.sin * level.forward) * ARCSEC_PER_RAD)
+}
+
+/// Slope of the tilt at row `i` from its neighbours, arcsec/s.
+fn tilt_slope_deg_h(rows: &[Row], i: usize) -> Option<f64> {
+    let (before, after) = (rows.get(i.saturating_sub(1))?, rows.get(i + 1).or(rows.get(i))?);
+    Some((tilt_arcsec(after)? - tilt_arcsec(before)?) / (after.t_s - before.t_s))
 }
 
 /// The longest run of rows without a gap.
@@ -111,29 +196,30 @@ fn longest_piece(rows: &[Row]) -> &[Row] {
 /// Variance of the mean rate, (°/h)²: from the scatter of the angle about a line (n rows over T: 12 s²/(n T²)) or of its
 /// integral about a parabola (720 s²/(n T⁴)), more where neighbours scatter alike.
 fn variance(rows: &[Row], weights: &Weights) -> Option<f64> {
-    let powers = |u: f64| Vector3::new(1.0, u, if weights.velocity { u * u } else { 0.0 });
+    let velocity = matches!(weights.shape, Shape::SquaredParabola);
+    let powers = |u: f64| Vector3::new(1.0, u, if velocity { u * u } else { 0.0 });
     let mut normal = Matrix3::zeros();
-    if !weights.velocity {
+    if !velocity {
         normal.m33 = 1.0;
     }
     let mut right = Vector3::zeros();
-    for (t_s, value) in angles(rows, weights.velocity) {
+    for (t_s, value) in angles(rows, velocity) {
         let row = powers(weights.share(t_s) - 0.5);
         normal += row * row.transpose();
         right += value * row;
     }
     let coefficients = normal.cholesky()?.solve(&right);
     let (mut squares, mut products, mut last) = (0.0, 0.0, None);
-    for (t_s, value) in angles(rows, weights.velocity) {
+    for (t_s, value) in angles(rows, velocity) {
         let residual = value - powers(weights.share(t_s) - 0.5).dot(&coefficients);
         squares += residual * residual;
         products += residual * last.replace(residual).unwrap_or(0.0);
     }
     let number = rows.len() as f64;
-    let scatter = squares / (number - if weights.velocity { 3.0 } else { 2.0 });
+    let scatter = squares / (number - if velocity { 3.0 } else { 2.0 });
     let alike = if squares > 0.0 { (products / squares).clamp(0.0, 0.9) } else { 0.0 };
     let length = weights.length_s;
-    let factor = if weights.velocity { 720.0 / (length * length) } else { 12.0 };
+    let factor = if velocity { 720.0 / (length * length) } else { 12.0 };
     Some(factor * scatter / (number * length * length) * (1.0 + alike) / (1.0 - alike))
 }
 
@@ -176,36 +262,62 @@ mod tests {
 
     #[test]
     fn rocking_and_settling_leave_the_rate() {
-        // The tilt comes as means over a second, so ∫ dw/dt a dt lacks the part of each second's slope: what is left is
-        // −1/12 s² ∫ w″ da/dt dt / ∫ w dt. With a = −400 sin(t/3) − 5 t over 40 s that is, for w = t (T − t), −(2/T²)/12 ·
-        // (400 sin(40/3) + 200)/(T/6) = −0.0075 °/h, and for the squared weight, integrated twice by parts, the mean
-        // of 400/27/12 · cos(t/3) with that weight, by numerical integration 0.0444 °/h.
-        for (velocity, left_deg_h) in [(false, -0.0075), (true, 0.0444)] {
-            let summary = summary(&rows(), velocity).unwrap();
-            assert!((summary.rate.mean - 3.0 - left_deg_h).abs() < 1e-3, "{}", summary.rate.mean);
+        // The tilt comes as means over a second, and where no slope is put through these, −1/12 s² ∫ w″ da/dt dt / ∫ w dt is
+        // left: with a = −400 sin(t/3) − 5 t over 40 s and the squared weight, integrated twice by parts, the mean of
+        // 400/27/12 · cos(t/3) with that weight, by numerical integration 0.0444 °/h.
+        for (velocity, left_deg_h) in [(false, 0.0), (true, 0.0444)] {
+            let summary = summary(&rows(), velocity, 0.0).unwrap();
+            assert!((summary.rate.mean - 3.0 - left_deg_h).abs() < 2e-3, "{}", summary.rate.mean);
             assert!(summary.base_taken_out && summary.seconds == 40.0);
         }
     }
 
     #[test]
     fn sigma_is_that_of_the_scatter() {
-        // A still base, accelerometers with ± 10 arcsec in turn: variance 100 about the line, 12 · 100/(40 · 1600).
+        // A still base, accelerometers with ± 10 arcsec, twice in turn as in white noise: variance 100 about the line,
+        // 12 · 100/(40 · 1600).
         let mut rows = rows();
         for (i, row) in (0..).zip(&mut rows) {
             (row.rate_deg_h, row.lever_arcsec_s) = (3.0, 0.0);
-            row.level = Specific::new(if i % 2 == 0 { 10.0 } else { -10.0 } / ARCSEC_PER_RAD, 0.0);
+            row.level = Specific::new(if i % 4 < 2 { 10.0 } else { -10.0 } / ARCSEC_PER_RAD, 0.0);
         }
-        let sigma = summary(&rows, false).unwrap().sigma_deg_h();
+        let sigma = summary(&rows, false, 0.0).unwrap().sigma_deg_h();
         assert!((sigma - libm::sqrt(12.0 * 100.0 / (40.0 * 1600.0))).abs() < 0.1 * sigma, "{sigma}");
+    }
+
+    /// By numerical integration of w = 1 − cosh((t − 10)/5)/cosh 2 over 20 s: ∫ w = 10.3597, ∫ w² = 6.24609, ∫ w′² = 0.164545.
+    #[test]
+    fn variance_of_the_catenary() {
+        let weights = Weights { start_s: 0.0, length_s: 20.0, shape: Shape::Catenary { tau_s: 5.0 } };
+        assert!((weights.integral(20.0) - weights.integral(0.0) - 10.3597).abs() < 1e-4);
+        assert!((weights.variance(1.0, 0.0) - 6.24609 / 10.3597 / 10.3597).abs() < 1e-5);
+        assert!((weights.variance(0.0, 1.0) - 0.164545 / 10.3597 / 10.3597).abs() < 1e-6);
+        // A parabola is what is left of it in the limit.
+        let flat = |shape| Weights { start_s: 0.0, length_s: 20.0, shape }.variance(1.0, 2.0);
+        assert!((flat(Shape::Catenary { tau_s: 100.0 }) / flat(Shape::Parabola) - 1.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn a_quiet_tilt_leaves_nearly_the_plain_mean() {
+        // No tilt noise at all: τ is two rows, and a rate that is 1 °/h higher in the middle half counts half.
+        let mut rows = rows();
+        for (i, row) in (0..).zip(&mut rows) {
+            row.rate_deg_h = if (10..30).contains(&i) { 4.0 } else { 3.0 };
+            (row.lever_arcsec_s, row.level) = (0.0, Specific::new(0.0, 0.0));
+        }
+        let mean = |noise_deg_h| summary(&rows, false, noise_deg_h).unwrap().rate.mean;
+        assert!((mean(10.0) - 3.5).abs() < 0.06, "{}", mean(10.0));
+        // Of unknown noise the parabola is taken: 11/16 lies in the middle half.
+        assert!((mean(0.0) - 3.6875).abs() < 1e-9);
     }
 
     #[test]
     fn a_gap_ends_a_piece_and_missing_accelerometers_give_nothing() {
         let mut gap = rows();
         gap.remove(10);
-        assert_eq!(summary(&gap, true).map(|summary| (summary.seconds, summary.knocked)), Some((29.0, 10)));
+        assert_eq!(summary(&gap, true, 0.0).map(|summary| (summary.seconds, summary.knocked)), Some((29.0, 10)));
         let mut silent = rows();
         silent[3].level = None;
-        assert!(summary(&silent, true).is_none());
+        assert!(summary(&silent, true, 0.0).is_none());
     }
 }
