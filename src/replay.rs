@@ -290,7 +290,7 @@ impl<'a> Replay<'a> {
         }
         let noise_deg_h = 60.0 * self.settings.gyro.arw_deg_per_sqrt_h;
         let summary = match base_motion {
-            Some(velocity) => self.rows.summary_on_moving_base(velocity, noise_deg_h),
+            Some(sensing) => self.rows.summary_on_moving_base(sensing, noise_deg_h),
             None => self.rows.summary(noise_deg_h),
         };
         self.rows.clear();

@@ -2,6 +2,7 @@
 
 use heapless::Vec;
 
+use super::moving_base::Sensing;
 use crate::level::Specific;
 
 /// Most rows that are boiled down at once; a longer stay gives several summaries.
@@ -185,8 +186,8 @@ impl DwellRows {
 
 impl DwellRows {
     /// Boils the rows of a stay on a base that rocks down to a rate without its motion; see [`super::moving_base`].
-    pub fn summary_on_moving_base(&self, velocity: bool, noise_deg_h: f64) -> Option<DwellSummary> {
-        super::moving_base::summary(&self.rows, velocity, noise_deg_h)
+    pub fn summary_on_moving_base(&self, sensing: Sensing, noise_deg_h: f64) -> Option<DwellSummary> {
+        super::moving_base::summary(&self.rows, sensing, noise_deg_h)
     }
 }
 

@@ -27,10 +27,21 @@ const LONGEST_TAU: f64 = 5.0;
 /// Fewest rows that give a rate.
 const LEAST_ROWS: usize = 6;
 
+/// How the accelerometers feel the base.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sensing {
+    /// Their noise is white in the velocity, not in the tilt.
+    pub velocity: bool,
+    /// Their readings come this much later than the gyro's, seconds: a filter, or (below 0) readings of the end of a row
+    /// instead of means over it.
+    pub lag_s: f64,
+}
+
 /// The rows' summary, its rate free of the base's motion; `None` where too few rows follow each other without a gap or
-/// the accelerometers are missing. `velocity`: the tilt's noise is white in the velocity; else `noise_deg_h`, the declared
-/// noise of a one-second rate (0: unknown), is held against the noise of the tilt.
-pub fn summary(rows: &[Row], velocity: bool, noise_deg_h: f64) -> Option<DwellSummary> {
+/// the accelerometers are missing. Where the tilt's noise is white in the tilt, `noise_deg_h`, the declared noise of a
+/// one-second rate (0: unknown), is held against it.
+pub fn summary(rows: &[Row], sensing: Sensing, noise_deg_h: f64) -> Option<DwellSummary> {
+    let Sensing { velocity, lag_s } = sensing;
     let piece = longest_piece(rows);
     if piece.len() < LEAST_ROWS {
         return None;
@@ -38,7 +49,8 @@ pub fn summary(rows: &[Row], velocity: bool, noise_deg_h: f64) -> Option<DwellSu
     let (first, last) = (piece.first()?, piece.last()?);
     let (start_s, end_s) = (first.t_s - 0.5 * first.seconds, last.t_s + 0.5 * last.seconds);
     let length_s = end_s - start_s;
-    let tilt_noise = tilt_noise_arcsec(piece, noise_deg_h);
+    let tilt = Tilt { rows: piece, lag_s };
+    let tilt_noise = tilt_noise_arcsec(&tilt, noise_deg_h);
     let tau_s = (tilt_noise / noise_deg_h).max(2.0 * length_s / piece.len() as f64);
     let shape = match velocity {
         true => Shape::SquaredParabola,
@@ -56,11 +68,11 @@ pub fn summary(rows: &[Row], velocity: bool, noise_deg_h: f64) -> Option<DwellSu
         let of_row = weights.integral(to_s) - weights.integral(from_s);
         weight += of_row;
         let lever = row.lever_arcsec_s / row.seconds;
-        weighted_arcsec += of_row * row.rate_deg_h + (after - before) * (lever + tilt_arcsec(row)?);
+        weighted_arcsec += of_row * row.rate_deg_h + (after - before) * (lever + tilt.at(i)?);
         // ∫ dw/dt a dt over the row, a a straight line: its slope times ∫ dw/dt (t − middle) dt. A weight that vanishes with
         // its slope at the ends needs none.
         if !velocity {
-            weighted_arcsec += tilt_slope_deg_h(piece, i)? * (0.5 * row.seconds * (after + before) - of_row);
+            weighted_arcsec += tilt.slope_arcsec_s(i)? * (0.5 * row.seconds * (after + before) - of_row);
         }
         seconds += row.seconds;
         cos += row.seconds * row.cos;
@@ -70,9 +82,8 @@ pub fn summary(rows: &[Row], velocity: bool, noise_deg_h: f64) -> Option<DwellSu
     }
     let mean = weighted_arcsec / weight;
     let freedom = (piece.len() - 3) as u16;
-    let of_scatter = variance(piece, &weights)?;
-    let of_noises = if velocity { 0.0 } else { weights.variance(noise_deg_h, tilt_noise) };
-    let scatter = of_scatter.max(of_noises) * seconds * f64::from(freedom);
+    let of_scatter = variance(&tilt, &weights)?;
+    let scatter = of_scatter.max(weights.variance(noise_deg_h, tilt_noise)) * seconds * f64::from(freedom);
     let still = |mean| Line { mean, ..Line::default() };
     Some(DwellSummary {
         seconds,
@@ -139,7 +150,7 @@ impl Weights {
     }
 
     /// Variance of the mean rate from white noise of the rate and of the tilt (of a second each), (°/h)²: by parts
-    /// σg² ∫ w² + σa² ∫ (dw/dt)², over (∫ w)². Of the catenary, whose w − τ² w″ is 1, and of the parabola.
+    /// σg² ∫ w² + σa² ∫ (dw/dt)², over (∫ w)². Of the catenary w − τ² w″ is 1.
     fn variance(&self, rate_deg_h: f64, tilt_arcsec: f64) -> f64 {
         let (g2, a2, length) = (rate_deg_h * rate_deg_h, tilt_arcsec * tilt_arcsec, self.length_s);
         match self.shape {
@@ -151,16 +162,18 @@ impl Weights {
                 // ∫ w² = ∫ w + τ² ∫ w w″ = ∫ w − τ² ∫ (w′)².
                 (g2 * (area - tau_s * tau_s * slopes) + a2 * slopes) / (area * area)
             }
-            _ => 1.2 * g2 / length + 12.0 * a2 / (length * length * length),
+            Shape::Parabola => 1.2 * g2 / length + 12.0 * a2 / (length * length * length),
+            // What the accelerometers add is in the scatter of the velocity alone.
+            Shape::SquaredParabola => g2 / length / 0.7,
         }
     }
 }
 
 /// Noise of a second's tilt about the sensitive axis, arcsec: what the differences of neighbours of gyro angle less tilt
 /// have more than the gyro's own (2/3 of its variance in a second, the angles being means over one).
-fn tilt_noise_arcsec(rows: &[Row], noise_deg_h: f64) -> f64 {
+fn tilt_noise_arcsec(tilt: &Tilt, noise_deg_h: f64) -> f64 {
     let (mut last, mut sum, mut squares, mut count) = (None, 0.0, 0.0, 0.0);
-    for (_, angle) in angles(rows, false) {
+    for (_, angle) in angles(tilt, false) {
         if let Some(last) = last.replace(angle) {
             let step = angle - last;
             sum += step;
@@ -169,22 +182,41 @@ fn tilt_noise_arcsec(rows: &[Row], noise_deg_h: f64) -> f64 {
         }
     }
     let variance = (squares - sum * sum / count) / (count - 1.0);
-    let seconds = rows.iter().map(|row| row.seconds).sum::<f64>() / rows.len() as f64;
+    let seconds = tilt.rows.iter().map(|row| row.seconds).sum::<f64>() / tilt.rows.len() as f64;
     // A reading of n seconds has an nth of the variance of a reading of one.
-    let tilt = 0.5 * (variance - 2.0 / 3.0 * noise_deg_h * noise_deg_h * seconds) * seconds;
-    libm::sqrt(tilt.max(0.0))
+    let of_tilt = 0.5 * (variance - 2.0 / 3.0 * noise_deg_h * noise_deg_h * seconds) * seconds;
+    libm::sqrt(of_tilt.max(0.0))
 }
 
-/// Turn of the base about the sensitive axis as the accelerometers feel it, arcsec.
-fn tilt_arcsec(row: &Row) -> Option<f64> {
-    let level = row.level?;
-    Some((row.cos * level.left - row.sin * level.forward) * ARCSEC_PER_RAD)
+/// Turn of the base about the sensitive axis as the accelerometers feel it.
+struct Tilt<'a> {
+    rows: &'a [Row],
+    lag_s: f64,
 }
 
-/// Slope of the tilt at row `i` from its neighbours, arcsec/s.
-fn tilt_slope_deg_h(rows: &[Row], i: usize) -> Option<f64> {
-    let (before, after) = (rows.get(i.saturating_sub(1))?, rows.get(i + 1).or(rows.get(i))?);
-    Some((tilt_arcsec(after)? - tilt_arcsec(before)?) / (after.t_s - before.t_s))
+impl Tilt<'_> {
+    /// In the middle of row `i`, arcsec: between the readings of what is later by the lag by a straight line, beyond the
+    /// last (or before the first) by its slope.
+    fn at(&self, i: usize) -> Option<f64> {
+        let row = self.rows.get(i)?;
+        let shift = self.lag_s / row.seconds;
+        let near = (i as f64 + libm::round(shift)).clamp(0.0, self.rows.len() as f64 - 1.0) as usize;
+        let later_s = row.t_s + self.lag_s - self.rows.get(near)?.t_s;
+        Some(self.reading_arcsec(near)? + later_s * self.slope_arcsec_s(near)?)
+    }
+
+    /// Slope of the readings about row `i`, arcsec/s.
+    fn slope_arcsec_s(&self, i: usize) -> Option<f64> {
+        let (before, after) = (i.saturating_sub(1), (i + 1).min(self.rows.len() - 1));
+        let apart_s = self.rows.get(after)?.t_s - self.rows.get(before)?.t_s;
+        Some((self.reading_arcsec(after)? - self.reading_arcsec(before)?) / apart_s)
+    }
+
+    fn reading_arcsec(&self, i: usize) -> Option<f64> {
+        let row = self.rows.get(i)?;
+        let level = row.level?;
+        Some((row.cos * level.left - row.sin * level.forward) * ARCSEC_PER_RAD)
+    }
 }
 
 /// The longest run of rows without a gap.
@@ -195,7 +227,7 @@ fn longest_piece(rows: &[Row]) -> &[Row] {
 
 /// Variance of the mean rate, (°/h)²: from the scatter of the angle about a line (n rows over T: 12 s²/(n T²)) or of its
 /// integral about a parabola (720 s²/(n T⁴)), more where neighbours scatter alike.
-fn variance(rows: &[Row], weights: &Weights) -> Option<f64> {
+fn variance(tilt: &Tilt, weights: &Weights) -> Option<f64> {
     let velocity = matches!(weights.shape, Shape::SquaredParabola);
     let powers = |u: f64| Vector3::new(1.0, u, if velocity { u * u } else { 0.0 });
     let mut normal = Matrix3::zeros();
@@ -203,19 +235,19 @@ fn variance(rows: &[Row], weights: &Weights) -> Option<f64> {
         normal.m33 = 1.0;
     }
     let mut right = Vector3::zeros();
-    for (t_s, value) in angles(rows, velocity) {
+    for (t_s, value) in angles(tilt, velocity) {
         let row = powers(weights.share(t_s) - 0.5);
         normal += row * row.transpose();
         right += value * row;
     }
     let coefficients = normal.cholesky()?.solve(&right);
     let (mut squares, mut products, mut last) = (0.0, 0.0, None);
-    for (t_s, value) in angles(rows, velocity) {
+    for (t_s, value) in angles(tilt, velocity) {
         let residual = value - powers(weights.share(t_s) - 0.5).dot(&coefficients);
         squares += residual * residual;
         products += residual * last.replace(residual).unwrap_or(0.0);
     }
-    let number = rows.len() as f64;
+    let number = tilt.rows.len() as f64;
     let scatter = squares / (number - if velocity { 3.0 } else { 2.0 });
     let alike = if squares > 0.0 { (products / squares).clamp(0.0, 0.9) } else { 0.0 };
     let length = weights.length_s;
@@ -224,12 +256,12 @@ fn variance(rows: &[Row], weights: &Weights) -> Option<f64> {
 }
 
 /// Gyro angle less tilt at the middle of each row, arcsec; or its integral at the end of each, arcsec·s.
-fn angles(rows: &[Row], integrated: bool) -> impl Iterator<Item = (f64, f64)> + '_ {
+fn angles<'a>(tilt: &'a Tilt, integrated: bool) -> impl Iterator<Item = (f64, f64)> + 'a {
     let (mut gyro_arcsec, mut integral) = (0.0, 0.0);
-    rows.iter().map(move |row| {
+    tilt.rows.iter().enumerate().map(move |(i, row)| {
         let turned = row.rate_deg_h * row.seconds;
         let mean_arcsec = gyro_arcsec + 0.5 * turned - row.lever_arcsec_s / row.seconds;
-        let difference = mean_arcsec - tilt_arcsec(row).unwrap_or(0.0);
+        let difference = mean_arcsec - tilt.at(i).unwrap_or(0.0);
         gyro_arcsec += turned;
         integral += difference * row.seconds;
         if integrated { (row.t_s + 0.5 * row.seconds, integral) } else { (row.t_s, difference) }
@@ -242,6 +274,8 @@ mod tests {
 
     use super::*;
     use crate::level::Specific;
+
+    const VELOCITY: Sensing = Sensing { velocity: true, lag_s: 0.0 };
 
     /// Forty seconds of a gyro that reads 3 °/h and the turning of a base that pitches by 400 arcsec · sin(t/3) and settles
     /// by 5 arcsec/s, at an index angle of 90°, where the axis points left: nose up is a negative turn about it.
@@ -266,10 +300,23 @@ mod tests {
         // left: with a = −400 sin(t/3) − 5 t over 40 s and the squared weight, integrated twice by parts, the mean of
         // 400/27/12 · cos(t/3) with that weight, by numerical integration 0.0444 °/h.
         for (velocity, left_deg_h) in [(false, 0.0), (true, 0.0444)] {
-            let summary = summary(&rows(), velocity, 0.0).unwrap();
+            let summary = summary(&rows(), Sensing { velocity, lag_s: 0.0 }, 0.0).unwrap();
             assert!((summary.rate.mean - 3.0 - left_deg_h).abs() < 2e-3, "{}", summary.rate.mean);
             assert!(summary.base_taken_out && summary.seconds == 40.0);
         }
+    }
+
+    /// Readings of the end of each second instead of means over it are half a second early.
+    #[test]
+    fn readings_that_come_at_another_time() {
+        let mut rows = rows();
+        for row in &mut rows {
+            let end_s = row.t_s + 0.5;
+            row.level = Specific::new((400.0 * libm::sin(end_s / 3.0) + 5.0 * end_s) / ARCSEC_PER_RAD, 0.0);
+        }
+        let missed = |lag_s| summary(&rows, Sensing { velocity: false, lag_s }, 0.0).unwrap().rate.mean - 3.0;
+        assert!(missed(-0.5).abs() < 0.2, "{}", missed(-0.5));
+        assert!(missed(0.0).abs() > 3.0 * missed(-0.5).abs(), "{}", missed(0.0));
     }
 
     #[test]
@@ -281,7 +328,7 @@ mod tests {
             (row.rate_deg_h, row.lever_arcsec_s) = (3.0, 0.0);
             row.level = Specific::new(if i % 4 < 2 { 10.0 } else { -10.0 } / ARCSEC_PER_RAD, 0.0);
         }
-        let sigma = summary(&rows, false, 0.0).unwrap().sigma_deg_h();
+        let sigma = summary(&rows, Sensing::default(), 0.0).unwrap().sigma_deg_h();
         assert!((sigma - libm::sqrt(12.0 * 100.0 / (40.0 * 1600.0))).abs() < 0.1 * sigma, "{sigma}");
     }
 
@@ -305,7 +352,7 @@ mod tests {
             row.rate_deg_h = if (10..30).contains(&i) { 4.0 } else { 3.0 };
             (row.lever_arcsec_s, row.level) = (0.0, Specific::new(0.0, 0.0));
         }
-        let mean = |noise_deg_h| summary(&rows, false, noise_deg_h).unwrap().rate.mean;
+        let mean = |noise_deg_h| summary(&rows, Sensing::default(), noise_deg_h).unwrap().rate.mean;
         assert!((mean(10.0) - 3.5).abs() < 0.06, "{}", mean(10.0));
         // Of unknown noise the parabola is taken: 11/16 lies in the middle half.
         assert!((mean(0.0) - 3.6875).abs() < 1e-9);
@@ -315,9 +362,9 @@ mod tests {
     fn a_gap_ends_a_piece_and_missing_accelerometers_give_nothing() {
         let mut gap = rows();
         gap.remove(10);
-        assert_eq!(summary(&gap, true, 0.0).map(|summary| (summary.seconds, summary.knocked)), Some((29.0, 10)));
+        assert_eq!(summary(&gap, VELOCITY, 0.0).map(|summary| (summary.seconds, summary.knocked)), Some((29.0, 10)));
         let mut silent = rows();
         silent[3].level = None;
-        assert!(summary(&silent, true, 0.0).is_none());
+        assert!(summary(&silent, VELOCITY, 0.0).is_none());
     }
 }

@@ -17,6 +17,7 @@ pub use term::{DeadZoneForm, Term};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
+use crate::azimuth::moving_base::Sensing;
 use crate::settings::Invalid;
 
 /// Most terms that a model can have.
@@ -76,10 +77,10 @@ impl ErrorModel {
         })
     }
 
-    /// Whether base motion is taken out row by row, and then whether by velocity.
-    pub fn base_motion(&self) -> Option<bool> {
+    /// Whether base motion is taken out row by row, and then how the accelerometers feel it.
+    pub fn base_motion(&self) -> Option<Sensing> {
         self.terms.iter().find_map(|term| match term {
-            Term::BaseMotion { velocity } => Some(*velocity),
+            &Term::BaseMotion { velocity, lag_s } => Some(Sensing { velocity, lag_s }),
             _ => None,
         })
     }

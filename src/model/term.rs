@@ -69,8 +69,9 @@ pub enum Term {
     /// The index angle reads too large by offset + cos_deg · cos θ + sin_deg · sin θ, degrees.
     IndexError { offset_deg: f64, cos_deg: f64, sin_deg: f64 },
     /// The base turns: what the accelerometers feel of it is taken out row by row. `velocity`: their noise is white in the
-    /// velocity (counts of velocity increments, shocks), not in the acceleration.
-    BaseMotion { velocity: bool },
+    /// velocity (counts of velocity increments, shocks), not in the acceleration. `lag_s`: they read this much later than
+    /// the gyro (−10 … 10).
+    BaseMotion { velocity: bool, lag_s: f64 },
 }
 
 /// How the loss about zero rate goes with x = ω/width; 1 at x = 1.
@@ -265,7 +266,7 @@ impl Term {
             Self::IndexError { offset_deg, cos_deg, sin_deg } => {
                 finite("model.terms.index-error", &[offset_deg, cos_deg, sin_deg])
             }
-            Self::BaseMotion { .. } => Ok(()),
+            Self::BaseMotion { lag_s, .. } => within("model.terms.base-motion.lag_s", lag_s, -10.0, 10.0, "-10 to 10"),
         }
     }
 }

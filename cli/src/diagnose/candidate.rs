@@ -172,7 +172,7 @@ impl Candidate {
             Shape::EarthField(_) => Term::EarthField { east_deg_h: at(0), north_deg_h: at(1) },
             Shape::IndexOffset => Term::IndexError { offset_deg: at(0), cos_deg: 0.0, sin_deg: 0.0 },
             Shape::IndexHarmonic => Term::IndexError { offset_deg: 0.0, cos_deg: at(0), sin_deg: at(1) },
-            Shape::BaseMotion => Term::BaseMotion { velocity: constant > 0.5 },
+            Shape::BaseMotion => Term::BaseMotion { velocity: false, lag_s: 0.0 },
         })
     }
 

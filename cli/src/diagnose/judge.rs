@@ -1,15 +1,21 @@
 //! Before and after: azimuths by the firmware's replay with the model, on runs that took no part in learning.
 
+use north_finder::azimuth::moving_base::Sensing;
 use north_finder::event::Fix;
-use north_finder::model::ErrorModel;
+use north_finder::model::{ErrorModel, Term};
 use north_finder::units::wrap_180_deg;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 
 use super::data::RunData;
 use super::estimate::Learned;
 use super::statistics::rms;
 
+/// Lags of the accelerometers that are tried, seconds.
+const LAGS_S: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
+/// Share of the variance that a lag must leave at most to be believed.
+const WORTH: f64 = 0.95;
 /// Bootstrap samples of the runs.
 const SAMPLES: usize = 2000;
 
@@ -108,17 +114,26 @@ pub fn stays_of(run: &RunData, model: &ErrorModel) -> Option<RunData> {
 }
 
 /// How the base's motion is taken out best, by the sigmas that it promises: row by row with the accelerometers' noise
-/// white in the velocity or in the tilt; or, `None`, as the solver does by itself.
-pub fn way_of_base_motion(runs: &[&RunData], base: &ErrorModel) -> Option<bool> {
-    let promised = |velocity: Option<bool>| {
+/// white in the velocity or in the tilt, and with the lag that lets gyro and tilt agree best; or, `None`, as the solver does
+/// by itself.
+pub fn way_of_base_motion(runs: &[&RunData], base: &ErrorModel) -> Option<Sensing> {
+    let promised = |way: Option<Sensing>| {
         let mut model = base.clone();
-        if let Some(velocity) = velocity {
-            let _ = model.terms.push(north_finder::model::Term::BaseMotion { velocity });
+        if let Some(Sensing { velocity, lag_s }) = way {
+            let _ = model.terms.push(Term::BaseMotion { velocity, lag_s });
         }
         // A run without an azimuth is as good as one that may point anywhere.
         let sigma = |run: &&RunData| run.solve(&model).map_or(100.0, |(fix, _)| fix.sigma_deg);
-        runs.iter().map(|run| sigma(run).powi(2)).sum::<f64>()
+        runs.par_iter().map(|run| sigma(run).powi(2)).sum::<f64>()
     };
-    let ways = [None, Some(false), Some(true)].map(|way| (way, promised(way)));
-    ways.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)).and_then(|best| best.0)
+    let of = |velocity: bool, lag_s: f64| (Sensing { velocity, lag_s }, promised(Some(Sensing { velocity, lag_s })));
+    let least = |ways: Vec<(Sensing, f64)>| ways.into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
+    let coarse = [false, true].into_iter().flat_map(|velocity| LAGS_S.map(|lag_s| of(velocity, lag_s))).collect();
+    let (found, _) = least(coarse)?;
+    let fine = (-4..=4).map(|i| of(found.velocity, found.lag_s + 0.1 * f64::from(i))).collect();
+    let (lagged, best) = least(fine)?;
+    // No lag unless it is worth something.
+    let (plain, without) = of(lagged.velocity, 0.0);
+    let (found, best) = if best < WORTH * without { (lagged, best) } else { (plain, without) };
+    (best < promised(None)).then_some(found)
 }

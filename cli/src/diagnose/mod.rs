@@ -27,6 +27,7 @@ pub use result::{
 };
 pub use text::write;
 
+use north_finder::azimuth::moving_base::Sensing;
 use north_finder::model::{ErrorModel, Term};
 use north_finder::settings::Settings;
 
@@ -63,8 +64,8 @@ pub enum Refusal {
 struct Lesson {
     /// Effects by the second.
     by_second: Learned,
-    /// Where the base moves: whether by velocity, and what the stays then show.
-    by_stay: Option<(bool, Learned)>,
+    /// Where the base moves: how the accelerometers feel it, and what the stays then show.
+    by_stay: Option<(Sensing, Learned)>,
     /// A line with a phase of each run's own.
     line: Option<Effect>,
     /// Files whose reference does not fit, with its error in degrees.
@@ -92,8 +93,8 @@ impl Lesson {
     /// The model below the learned effects.
     fn base(&self, base: &ErrorModel) -> ErrorModel {
         let mut model = base.clone();
-        if let Some((velocity, _)) = self.by_stay {
-            let _ = model.terms.push(Term::BaseMotion { velocity });
+        if let Some((Sensing { velocity, lag_s }, _)) = self.by_stay {
+            let _ = model.terms.push(Term::BaseMotion { velocity, lag_s });
         }
         model
     }
@@ -138,7 +139,7 @@ fn study(runs: &[&RunData], base: &ErrorModel, constant: &[String]) -> Lesson {
     }
     if lesson.moves() {
         lesson.by_stay = judge::way_of_base_motion(runs, base)
-            .map(|velocity| (velocity, study_stays(runs, base, constant, &distrusted, velocity)));
+            .map(|sensing| (sensing, study_stays(runs, base, constant, &distrusted, sensing)));
     } else if let Some(line) = line::own(runs, &lesson.by_second) {
         let period_s = line.parameters.get("period_s").copied();
         let beside = learn::learn(blocks_of(runs, &distrusted, period_s), &candidates);
@@ -173,10 +174,10 @@ fn study_stays(
     base: &ErrorModel,
     constant: &[String],
     distrusted: &[String],
-    velocity: bool,
+    Sensing { velocity, lag_s }: Sensing,
 ) -> Learned {
     let mut model = base.clone();
-    let _ = model.terms.push(Term::BaseMotion { velocity });
+    let _ = model.terms.push(Term::BaseMotion { velocity, lag_s });
     let stays: Vec<RunData> = runs.iter().filter_map(|run| judge::stays_of(run, &model)).collect();
     let stays: Vec<&RunData> = stays.iter().collect();
     // What changes inside a stay, and what a stay's own tilt does, cannot be seen any more.
