@@ -52,9 +52,9 @@ fn diagnosis() -> Diagnosis {
     let frequency_hz: Vec<f64> = (1..128).map(|i| f64::from(i) / 256.0).collect();
     let tau_s: Vec<f64> = (0..7).map(|i| 2f64.powi(i)).collect();
     let white: Vec<f64> = tau_s.iter().map(|tau| 0.15 / tau.sqrt()).collect();
-    let test = |name, passed| Test {
-        name,
-        about: "Is the residual of one second independent of the one before?",
+    let test = |name: &str, passed| Test {
+        name: name.into(),
+        about: "Is the residual of one second independent of the one before?".into(),
         statistic: 3.0,
         p_value: if passed { 0.43 } else { 1e-12 },
         passed,

@@ -92,11 +92,16 @@ impl Candidate {
 
     /// Whether its columns depend on the rate, or on the azimuth of the run.
     pub fn follows_rate(&self) -> bool {
-        match self.shape {
-            Shape::Scale(..) | Shape::ScaleFactor | Shape::Nonlinearity(..) | Shape::DeadZone(..) => true,
-            Shape::EarthField(_) | Shape::IndexOffset | Shape::IndexHarmonic => true,
-            _ => false,
-        }
+        matches!(
+            self.shape,
+            Shape::Scale(..)
+                | Shape::ScaleFactor
+                | Shape::Nonlinearity(..)
+                | Shape::DeadZone(..)
+                | Shape::EarthField(_)
+                | Shape::IndexOffset
+                | Shape::IndexHarmonic
+        )
     }
 
     /// Fitted constants in all.

@@ -7,6 +7,9 @@ use super::estimate::coefficients;
 use super::problem::{Chosen, Problem};
 use super::statistics::{chi_square_tail, dot, f_tail, orthonormalise};
 
+/// Fewest runs of which one need not be heard.
+const HEARD: usize = 6;
+
 /// Fall of the weighted sum of squares by columns beside a basis.
 pub fn improvement(basis: &[Vec<f64>], left: &[f64], columns: Columns) -> f64 {
     orthonormalise(basis, columns).iter().map(|each| dot(each, left).powi(2)).sum()
@@ -78,7 +81,8 @@ pub fn by_references(problem: &Problem, candidate: &Candidate, constant: f64) ->
 
 /// How much better the chosen effects foretell a run from the others than the same without the last: twice the logarithm
 /// of the ratio of the predictive densities, summed over the runs. A run that the others know nothing about, because its
-/// channels went elsewhere, says next to nothing.
+/// channels went elsewhere, says next to nothing. Of six runs or more the one that speaks against it most is not heard: its
+/// reference may be wrong.
 pub fn foretells(problem: &Problem, candidates: &[Candidate], trial: &[Chosen]) -> f64 {
     let columns: Columns =
         trial.iter().flat_map(|&(index, constant)| problem.projected(&candidates[index], constant)).collect();
@@ -86,15 +90,18 @@ pub fn foretells(problem: &Problem, candidates: &[Candidate], trial: &[Chosen]) 
     let basis = problem.basis(candidates, trial);
     let dispersion = problem.overdispersion(&problem.left(&basis), basis.len()).0.max(1.0);
     let without = foretold(problem, &columns[..columns.len() - last], dispersion);
-    foretold(problem, &columns, dispersion) - without
+    let with = foretold(problem, &columns, dispersion);
+    let gains: Vec<f64> = with.iter().zip(&without).map(|(with, without)| with - without).collect();
+    let worst = if gains.len() < HEARD { 0.0 } else { gains.iter().copied().fold(0.0, f64::min) };
+    gains.iter().sum::<f64>() - worst
 }
 
-/// Twice the logarithm of the predictive densities of all runs, each from the others, but for what does not depend on the
-/// columns.
-fn foretold(problem: &Problem, columns: &[Vec<f64>], dispersion: f64) -> f64 {
+/// Twice the logarithm of the predictive density of every run from the others, but for what does not depend on the
+/// columns; 0 where the others cannot say anything.
+fn foretold(problem: &Problem, columns: &[Vec<f64>], dispersion: f64) -> Vec<f64> {
     let number = columns.len();
     if number == 0 {
-        return 0.0;
+        return vec![0.0; problem.blocks.len()];
     }
     let scale: Vec<f64> = columns.iter().map(|column| dot(column, column).sqrt().max(f64::MIN_POSITIVE)).collect();
     let of_run = |range: &std::ops::Range<usize>| {
@@ -120,5 +127,5 @@ fn foretold(problem: &Problem, columns: &[Vec<f64>], dispersion: f64) -> f64 {
         let spread = 2.0 * (whole.l().diagonal().map(f64::ln).sum() - others.l().diagonal().map(f64::ln).sum());
         Some(-squares / dispersion - spread)
     };
-    runs.iter().filter_map(density).sum()
+    runs.iter().map(|run| density(run).unwrap_or(0.0)).collect()
 }

@@ -33,15 +33,34 @@ struct Search<'a, 'b> {
 
 /// Learns from runs. `candidates` are tried one after the other until none is worth its price.
 pub fn learn(blocks: Vec<Block<'_>>, candidates: &[Candidate]) -> Learned {
+    search(blocks, candidates, |_| Vec::new())
+}
+
+/// The same; but where much more than noise is left, an effect that explains less than that may be nothing but the shadow
+/// of what no candidate is: the least of them goes, until none is.
+pub fn learn_without_shadows(blocks: Vec<Block<'_>>, candidates: &[Candidate]) -> Learned {
+    search(blocks, candidates, Search::let_shadows_go)
+}
+
+fn search<'a, 'b>(
+    blocks: Vec<Block<'a>>,
+    candidates: &'b [Candidate],
+    last: impl Fn(&mut Search<'a, 'b>) -> Vec<String>,
+) -> Learned {
     let problem = Problem::new(blocks);
     let cache = candidates.par_iter().map(|candidate| columns(&problem, candidate)).collect();
     let mut search = Search { problem, candidates, cache, chosen: Vec::new() };
     let mut learned = Learned { first: search.merits(&[], search.problem.y()), ..Learned::default() };
     while search.chosen.len() < MOST_EFFECTS && search.take_another() {}
     search.prune();
-    learned.shadows = search.let_shadows_go();
+    learned.shadows = last(&mut search);
     search.finish(&mut learned);
     learned
+}
+
+/// Whether what is left is so much more than noise that an effect may be its shadow.
+pub fn is_structure(ratio: f64, freedom: f64) -> bool {
+    ratio >= SHADOW && chi_square_tail(ratio * freedom, freedom) < STRUCTURE
 }
 
 fn columns(problem: &Problem, candidate: &Candidate) -> Vec<(f64, Columns)> {
@@ -183,14 +202,13 @@ impl Search<'_, '_> {
         }
     }
 
-    /// Where much more than noise is left, an effect that explains less than that may be nothing but the shadow of what no
-    /// candidate is: the least of them goes, until none is. Their names.
+    /// Lets shadows go; their names.
     fn let_shadows_go(&mut self) -> Vec<String> {
         let mut gone = Vec::new();
         loop {
             let basis = self.problem.basis(self.candidates, &self.chosen);
             let (ratio, freedom) = self.problem.overdispersion(&self.problem.left(&basis), basis.len());
-            if ratio < SHADOW || chi_square_tail(ratio * freedom, freedom) >= STRUCTURE {
+            if !is_structure(ratio, freedom) {
                 return gone;
             }
             let least = (0..self.chosen.len()).map(|i| (i, self.alone(i).0)).min_by(|a, b| a.1.total_cmp(&b.1));

@@ -140,13 +140,18 @@ fn study(runs: &[&RunData], base: &ErrorModel, constant: &[String]) -> Lesson {
     if lesson.moves() {
         lesson.by_stay = judge::way_of_base_motion(runs, base)
             .map(|sensing| (sensing, study_stays(runs, base, constant, &distrusted, sensing)));
-    } else if let Some(line) = line::own(runs, &lesson.by_second) {
+        return lesson;
+    }
+    if let Some(line) = line::own(runs, &lesson.by_second) {
         let period_s = line.parameters.get("period_s").copied();
         let beside = learn::learn(blocks_of(runs, &distrusted, period_s), &candidates);
         if line::explains(&lesson.by_second, &beside) {
             lesson.by_second = beside;
             lesson.line = Some(line);
         }
+    }
+    if learn::is_structure(lesson.by_second.left, lesson.by_second.left_freedom) {
+        lesson.by_second = learn::learn_without_shadows(blocks_of(runs, &distrusted, lesson.line_s()), &candidates);
     }
     lesson
 }
