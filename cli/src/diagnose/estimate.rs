@@ -48,6 +48,8 @@ pub struct Learned {
     /// Variance of what is left over blocks of seconds, in units of white noise.
     pub left: f64,
     pub left_freedom: f64,
+    /// Probability that effects which are the same in every run differ as much from run to run.
+    pub sameness_p_value: f64,
     /// Effects that were let go because more is left than they explain.
     pub shadows: Vec<String>,
 }

@@ -79,6 +79,26 @@ pub fn by_references(problem: &Problem, candidate: &Candidate, constant: f64) ->
     if tied > 0.0 { 1.0 - free / tied } else { 0.0 }
 }
 
+/// Whether the chosen effects are the same in every run: by how much the sum of squares would fall if every run had
+/// coefficients of its own, over the dispersion, and the number of these.
+pub fn sameness(problem: &Problem, candidates: &[Candidate], chosen: &[Chosen]) -> (f64, f64) {
+    let Some((taken, _)) = coefficients(problem, candidates, chosen) else { return (0.0, 0.0) };
+    let basis = problem.basis(candidates, chosen);
+    let left = problem.left(&basis);
+    let dispersion = problem.overdispersion(&left, basis.len()).0.max(1.0);
+    let columns: Columns =
+        chosen.iter().flat_map(|&(index, constant)| problem.projected(&candidates[index], constant)).collect();
+    let number = taken.iter().map(|each| each.coefficients.len()).sum::<usize>() as f64;
+    let (mut fall, mut free) = (0.0, -number);
+    for range in problem.ranges() {
+        let own: Columns = columns.iter().map(|column| column[range.clone()].to_vec()).collect();
+        let span = orthonormalise(&[], own);
+        fall += span.iter().map(|each| dot(each, &left[range.clone()]).powi(2)).sum::<f64>();
+        free += span.len() as f64;
+    }
+    (fall / dispersion, free.max(0.0))
+}
+
 /// How much better the chosen effects foretell a run from the others than the same without the last: twice the logarithm
 /// of the ratio of the predictive densities, summed over the runs. A run that the others know nothing about, because its
 /// channels went elsewhere, says next to nothing. Of six runs or more the one that speaks against it most is not heard: its

@@ -5,12 +5,14 @@ use rayon::prelude::*;
 use super::block::Block;
 use super::candidate::{Candidate, Columns};
 use super::estimate::{AS_GOOD, Learned, Merit, beside, coefficients, constant_sigma, refine, refined};
-use super::evidence::{foretells, improvement, p_value, score, searched};
+use super::evidence::{foretells, improvement, p_value, sameness, score, searched};
 use super::problem::{Chosen, Problem};
 use super::statistics::chi_square_tail;
 
 /// A candidate is taken when chance alone would do as well in fewer campaigns than this share, after paying for the search.
 pub const ACCEPT: f64 = 0.01;
+/// And when it foretells the runs better than without by this much, twice the logarithm of odds of 20 to 1.
+const FORETOLD: f64 = 6.0;
 /// What is left counts as structure below this probability.
 pub const STRUCTURE: f64 = 1e-4;
 /// Most effects that are taken.
@@ -91,14 +93,14 @@ impl Search<'_, '_> {
         for merit in peers {
             let trial = [self.chosen.as_slice(), &[(merit.index, merit.constant)]].concat();
             let gain = foretells(&self.problem, self.candidates, &trial);
-            if pick.as_ref().is_none_or(|(best, ..)| gain > best + 1.0) {
+            if pick.as_ref().is_none_or(|(best, ..)| gain > best + FORETOLD) {
                 pick = Some((gain, trial, merit.improvement));
             }
         }
         let Some((gain, trial, improvement)) = pick else { return false };
         let last = trial.len() - 1;
         let p_value = p_value(&self.problem, self.candidates, &trial, last, improvement) * self.price(trial[last]);
-        if !(p_value < ACCEPT && gain > 0.0) {
+        if !(p_value < ACCEPT && gain > FORETOLD) {
             return false;
         }
         self.chosen = trial;
@@ -240,6 +242,8 @@ impl Search<'_, '_> {
         }
         learned.taken = taken;
         learned.covariance = covariance;
+        let (fall, free) = sameness(&self.problem, self.candidates, &self.chosen);
+        learned.sameness_p_value = chi_square_tail(fall, free);
     }
 
     /// Candidates that would explain as much in the place of effect `i`.

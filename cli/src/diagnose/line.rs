@@ -5,14 +5,18 @@ use super::data::RunData;
 use super::estimate::Learned;
 use super::learn::STRUCTURE;
 use super::noise;
+use super::problem::BLOCK_CELLS;
 use super::residual::Residuals;
 use super::statistics::chi_square_tail;
 
-/// Looks for a line in what the effects leave of these runs.
-pub fn own(runs: &[&RunData], learned: &Learned) -> Option<Effect> {
+/// Share of the structure that may be left beside a line.
+const REST: f64 = 0.2;
+
+/// Looks for a line in what the effects leave of these runs: it, and its period in seconds.
+pub fn own(runs: &[&RunData], learned: &Learned) -> Option<(Effect, f64)> {
     let residuals = Residuals::new(runs.to_vec(), &learned.taken, None);
     let (period_s, amplitude_deg_h, p_value) = noise::line(runs, &residuals.after)?;
-    Some(Effect {
+    let line = Effect {
         name: "line".into(),
         kind: "bias",
         channel: None,
@@ -25,12 +29,15 @@ pub fn own(runs: &[&RunData], learned: &Learned) -> Option<Effect> {
                    model can foretell it"
                 .into(),
         board: false,
-    })
+    };
+    Some((line, period_s))
 }
 
-/// Whether a line beside the effects is what was left without it: at least half of the structure, if there was any.
-pub fn explains(without: &Learned, with: &Learned) -> bool {
+/// Whether a line beside the effects is what was left without it. A slow one shows in the means over blocks of seconds, and
+/// must take nearly all of what these show; a fast one averages out in them.
+pub fn explains(line_s: f64, without: &Learned, with: &Learned) -> bool {
     let structure = |learned: &Learned| (learned.left - 1.0) * learned.left_freedom;
     let p_value = chi_square_tail(without.left * without.left_freedom, without.left_freedom);
-    p_value >= STRUCTURE || structure(with) < 0.5 * structure(without)
+    let shows = p_value < STRUCTURE;
+    (!shows && line_s < 2.0 * BLOCK_CELLS as f64) || (shows && structure(with) < REST * structure(without))
 }

@@ -142,10 +142,9 @@ fn study(runs: &[&RunData], base: &ErrorModel, constant: &[String]) -> Lesson {
             .map(|sensing| (sensing, study_stays(runs, base, constant, &distrusted, sensing)));
         return lesson;
     }
-    if let Some(line) = line::own(runs, &lesson.by_second) {
-        let period_s = line.parameters.get("period_s").copied();
-        let beside = learn::learn(blocks_of(runs, &distrusted, period_s), &candidates);
-        if line::explains(&lesson.by_second, &beside) {
+    if let Some((line, period_s)) = line::own(runs, &lesson.by_second) {
+        let beside = learn::learn(blocks_of(runs, &distrusted, Some(period_s)), &candidates);
+        if line::explains(period_s, &lesson.by_second, &beside) {
             lesson.by_second = beside;
             lesson.line = Some(line);
         }

@@ -6,7 +6,7 @@ use super::estimate::Taken;
 use super::statistics::{dot, orthonormalise, subtract};
 
 /// Seconds that are averaged for the test whether what is left is white.
-const BLOCK_CELLS: usize = 12;
+pub const BLOCK_CELLS: usize = 12;
 
 /// A candidate, by its place among all of them, with its constant.
 pub type Chosen = (usize, f64);

@@ -20,6 +20,9 @@ pub fn evidence(lesson: &Lesson, runs: &[RunData], noise: &NoiseTests) -> Vec<St
             learned.left.sqrt()
         ));
     }
+    if !learned.taken.is_empty() && learned.sameness_p_value < STRUCTURE {
+        evidence.push(format!("what was found differs from run to run (p = {:.1e})", learned.sameness_p_value));
+    }
     let dependences: Vec<_> = noise.after.iter().filter(|test| test.name.starts_with("dependence:")).collect();
     for test in &dependences {
         let p_value = test.p_value * dependences.len() as f64;
