@@ -35,7 +35,9 @@ fn campaigns_with_nothing_in_them_yield_nothing() {
 
 #[test]
 fn effects_are_named_and_taken_out_as_by_an_oracle() {
-    for family in [Family::ChannelValue, Family::ChannelLag, Family::Drift] {
+    // Nothing cannot be named; a step between runs is a bias, which every run has anyway.
+    let nameless = [Family::Nothing, Family::StepBetween];
+    for family in Family::ALL.into_iter().filter(|family| !family.is_foreign() && !nameless.contains(family)) {
         let verdicts: Vec<Verdict> = (0..5).map(|number| verdict(family, number)).collect();
         let telling = verdicts.iter().filter(|verdict| verdict.visible);
         for verdict in telling {
@@ -48,5 +50,16 @@ fn effects_are_named_and_taken_out_as_by_an_oracle() {
         let limit = 1.2 * (1.0 + 3.0 / count.sqrt());
         assert!((after / oracle).sqrt() < limit, "{}: {before} {after} {oracle} of {count}", family.name());
         assert!(after < 1.1 * before, "{}: {before} {after}", family.name());
+    }
+}
+
+#[test]
+fn foreign_effects_are_said_to_be_unexplained() {
+    for family in Family::ALL.into_iter().filter(|family| family.is_foreign()) {
+        let verdicts: Vec<Verdict> = (0..5).map(|number| verdict(family, number)).collect();
+        let flagged = verdicts.iter().filter(|verdict| verdict.unexplained).count();
+        // Where a foreign effect is so much like a known one that noise hides the rest, it cannot be told: at one in five,
+        // three or more of five are missed once in 17 times.
+        assert!(flagged >= 3, "{}: {flagged} of 5", family.name());
     }
 }

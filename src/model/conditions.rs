@@ -110,9 +110,10 @@ impl History {
         Some(after.1)
     }
 
-    /// Rate of change per second: least-squares slope over the last `samples` values (3 … 30). Half a minute of a sensor
+    /// Rate of change per second: least-squares slope over the last `samples` values (3 … 30), which is that of their middle;
+    /// or, `curved`, that of a parabola at its end, which does not come late but is noisier. Half a minute of a sensor
     /// that resolves 0.01 K still gives 1e-4 K/s. `None` before ten values are there, or `samples` if these are fewer.
-    pub fn rate(&self, samples: usize) -> Option<f64> {
+    pub fn rate(&self, samples: usize, curved: bool) -> Option<f64> {
         let count = self.past.len().min(samples.clamp(3, RATE_SAMPLES));
         if count < LEAST_RATE_SAMPLES.min(samples) {
             return None;
@@ -120,12 +121,31 @@ impl History {
         let last = || self.past.iter().skip(self.past.len() - count);
         let number = count as f64;
         let mean_s = last().map(|(t_s, _)| t_s).sum::<f64>() / number;
-        let (mut with_time, mut time_squared) = (0.0, 0.0);
+        let (mut with_time, mut time_squared, mut time_cubed) = (0.0, 0.0, 0.0);
         for (t_s, value) in last() {
-            with_time += (t_s - mean_s) * value;
-            time_squared += (t_s - mean_s) * (t_s - mean_s);
+            let t_s = t_s - mean_s;
+            with_time += t_s * value;
+            time_squared += t_s * t_s;
+            time_cubed += t_s * t_s * t_s;
         }
-        (time_squared > 0.0).then(|| with_time / time_squared)
+        if time_squared <= 0.0 {
+            return None;
+        }
+        let slope = with_time / time_squared;
+        if !curved {
+            return Some(slope);
+        }
+        // The part of t² that neither a constant nor t imitates.
+        let (skew, spread) = (time_cubed / time_squared, time_squared / number);
+        let (mut with_bend, mut bend_squared) = (0.0, 0.0);
+        for (t_s, value) in last() {
+            let t_s = t_s - mean_s;
+            let bend = t_s * t_s - skew * t_s - spread;
+            with_bend += bend * value;
+            bend_squared += bend * bend;
+        }
+        let end_s = self.past.back()?.0 - mean_s;
+        (bend_squared > 0.0).then(|| slope + with_bend / bend_squared * (2.0 * end_s - skew))
     }
 }
 

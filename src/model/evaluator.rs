@@ -167,9 +167,11 @@ impl Evaluator {
 /// A rate's contribution; `None` for other terms, and before a rate is known.
 fn rate_deg_h(term: &Term, past: &History) -> Option<f64> {
     match *term {
-        Term::TemperatureRate { deg_h_per_k_per_s } => past.rate(RATE_SAMPLES).map(|rate| deg_h_per_k_per_s * rate),
-        Term::ChannelRate { deg_h_per_unit_per_s, seconds, .. } => {
-            past.rate(seconds.into()).map(|rate| deg_h_per_unit_per_s * rate)
+        Term::TemperatureRate { deg_h_per_k_per_s } => {
+            past.rate(RATE_SAMPLES, false).map(|rate| deg_h_per_k_per_s * rate)
+        }
+        Term::ChannelRate { deg_h_per_unit_per_s, seconds, curved, .. } => {
+            past.rate(seconds.into(), curved).map(|rate| deg_h_per_unit_per_s * rate)
         }
         _ => None,
     }

@@ -31,8 +31,8 @@ pub enum Term {
     /// outer ones; one coefficient fewer than knots, °/h per unit ([`super::spline::basis`]).
     ChannelSpline { channel: ChannelName, knots: Numbers, coefficients: Numbers },
     /// Proportional to the channel's rate of change (of the low-passed channel with `low_pass_s` above 0), a slope over the
-    /// last `seconds` (3 … 30), °/h per unit/s.
-    ChannelRate { channel: ChannelName, low_pass_s: f64, seconds: u8, deg_h_per_unit_per_s: f64 },
+    /// last `seconds` (3 … 30), °/h per unit/s: of a straight line, or, `curved`, of a parabola at its end.
+    ChannelRate { channel: ChannelName, low_pass_s: f64, seconds: u8, curved: bool, deg_h_per_unit_per_s: f64 },
     /// Scale factor error proportional to value − reference, 1/unit.
     ScaleChannel { channel: ChannelName, reference: f64, per_unit: f64 },
     /// linear · t + quadratic · t², t in hours since switch-on.

@@ -123,6 +123,15 @@ fn settling_after_a_move() {
 }
 
 #[test]
+fn a_rate_at_the_end_of_a_curve() {
+    // t² at 0, 1 … 5 s: a straight line has the slope of its middle, 5; at the end it is 10.
+    let mut past = History::default();
+    (0..6).for_each(|t| past.push(f64::from(t), Some(f64::from(t * t)), 0.0));
+    assert_close(past.rate(6, false).unwrap(), 5.0);
+    assert_close(past.rate(6, true).unwrap(), 10.0);
+}
+
+#[test]
 fn a_curve_in_a_channel() {
     // Of knots at 0, 1 and 3: 2 · 2 + 9 · (2³ − 1 · 3/2)/9, as in the spline's own test.
     let term = Term::ChannelSpline {

@@ -18,7 +18,8 @@ pub enum Shape {
     Spline(ChannelName, Numbers),
     Lag(ChannelName, f64),
     LowPass(ChannelName, f64),
-    Rate(ChannelName),
+    /// By a straight line, or by a parabola at its end.
+    Rate(ChannelName, bool),
     RateLowPass(ChannelName),
     Scale(ChannelName, f64),
     ScaleFactor,
@@ -131,16 +132,20 @@ impl Candidate {
             }
             Shape::Lag(name, reference) => channel(name, constant, 0.0, reference),
             Shape::LowPass(name, reference) => channel(name, 0.0, constant, reference),
-            Shape::Rate(name) if name.as_str() == "temp_c" && constant > 29.0 => {
+            Shape::Rate(name, false) if name.as_str() == "temp_c" && constant > 29.0 => {
                 Term::TemperatureRate { deg_h_per_k_per_s: at(0) }
             }
-            Shape::Rate(channel) => {
+            Shape::Rate(channel, curved) => {
                 let seconds = constant.round().clamp(3.0, 30.0) as u8;
-                Term::ChannelRate { channel, low_pass_s: 0.0, seconds, deg_h_per_unit_per_s: at(0) }
+                Term::ChannelRate { channel, low_pass_s: 0.0, seconds, curved, deg_h_per_unit_per_s: at(0) }
             }
-            Shape::RateLowPass(channel) => {
-                Term::ChannelRate { channel, low_pass_s: constant, seconds: 6, deg_h_per_unit_per_s: at(0) }
-            }
+            Shape::RateLowPass(channel) => Term::ChannelRate {
+                channel,
+                low_pass_s: constant,
+                seconds: 6,
+                curved: false,
+                deg_h_per_unit_per_s: at(0),
+            },
             Shape::Scale(name, reference) if name.as_str() == "temp_c" => {
                 Term::ScaleTemperature { reference_c: reference, per_k: at(0) }
             }
@@ -195,8 +200,8 @@ impl Candidate {
             }
             Shape::Lag(..) => (vec!["deg_h_per_unit"], Some("lag_s")),
             Shape::LowPass(..) => (vec!["deg_h_per_unit"], Some("tau_s")),
-            Shape::Rate(name) if name.as_str() == "temp_c" => (vec!["deg_h_per_k_per_s"], Some("slope_s")),
-            Shape::Rate(_) => (vec!["deg_h_per_unit_per_s"], Some("slope_s")),
+            Shape::Rate(name, _) if name.as_str() == "temp_c" => (vec!["deg_h_per_k_per_s"], Some("slope_s")),
+            Shape::Rate(..) => (vec!["deg_h_per_unit_per_s"], Some("slope_s")),
             Shape::RateLowPass(name) if name.as_str() == "temp_c" => (vec!["deg_h_per_k_per_s"], Some("tau_s")),
             Shape::RateLowPass(_) => (vec!["deg_h_per_unit_per_s"], Some("tau_s")),
             Shape::Scale(name, _) if name.as_str() == "temp_c" => (vec!["per_k"], None),
@@ -238,7 +243,7 @@ impl Candidate {
         let value = |shape: &Shape| {
             matches!(shape, Shape::Powers(..) | Shape::Spline(..) | Shape::Lag(..) | Shape::LowPass(..))
         };
-        let rate = |shape: &Shape| matches!(shape, Shape::Rate(_) | Shape::RateLowPass(_));
+        let rate = |shape: &Shape| matches!(shape, Shape::Rate(..) | Shape::RateLowPass(_));
         match (&self.shape, &other.shape) {
             (Shape::Drift(_), Shape::Drift(_)) | (Shape::DeadZone(..), Shape::DeadZone(..)) => true,
             (Shape::Nonlinearity(_, a), Shape::Nonlinearity(_, b)) => a == b,
@@ -454,7 +459,8 @@ fn of_channel(list: &mut Vec<Candidate>, name: &str, runs: &[&RunData], longest_
     for knots in splines(values) {
         add("-spline", Shape::Spline(channel, knots), vec![]);
     }
-    add("-rate", Shape::Rate(channel), vec![3.0, 6.0, 12.0, 30.0]);
+    add("-rate", Shape::Rate(channel, false), vec![3.0, 6.0, 12.0, 30.0]);
+    add("-rate", Shape::Rate(channel, true), vec![4.0, 8.0, 15.0, 30.0]);
     add("-lag", Shape::Lag(channel, mean), geometric(3.0, 30.0, 5));
     add("-low-pass", Shape::LowPass(channel, mean), geometric(5.0, longest_s, 7));
     add("-rate-low-pass", Shape::RateLowPass(channel), geometric(10.0, longest_s, 6));

@@ -11,6 +11,8 @@ use super::statistics::chi_square_tail;
 
 /// A candidate is taken when chance alone would do as well in fewer campaigns than this share, after paying for the search.
 pub const ACCEPT: f64 = 0.01;
+/// The same beside an effect that is taken already, whose shape may not be quite right.
+const ACCEPT_BESIDE: f64 = 1e-3;
 /// And when it foretells the runs better than without by this much, twice the logarithm of odds of 20 to 1.
 const FORETOLD: f64 = 6.0;
 /// What is left counts as structure below this probability.
@@ -100,7 +102,8 @@ impl Search<'_, '_> {
         let Some((gain, trial, improvement)) = pick else { return false };
         let last = trial.len() - 1;
         let p_value = p_value(&self.problem, self.candidates, &trial, last, improvement) * self.price(trial[last]);
-        if !(p_value < ACCEPT && gain > FORETOLD) {
+        let accept = if last == 0 { ACCEPT } else { ACCEPT_BESIDE };
+        if !(p_value < accept && gain > FORETOLD) {
             return false;
         }
         self.chosen = trial;
