@@ -16,7 +16,7 @@
 //!   its items.
 //! - CRC-32 is the one of Ethernet and zlib (CRC-32/ISO-HDLC), 4 bytes, little-endian.
 //!
-//! Example: the report "at 2 s the state is idle" has the content `02`, `00 00 00 00 00 00 00 40`, `00`, `00`, `ED 85 71 43`.
+//! Example: the report "at 2 s the state is idle" has the content `03`, `00 00 00 00 00 00 00 40`, `00`, `00`, `2D 5A FF 82`.
 //!
 //! Whoever receives drops what does not decode and counts it; after any disturbance the next 00 is the next chance. A
 //! sender may send a 00 before a frame, to end whatever noise came before: an empty frame is not counted.
@@ -33,12 +33,12 @@ use crate::pipeline::Command;
 use crate::settings::Settings;
 
 /// The first byte of every frame's content.
-pub const VERSION: u8 = 2;
+pub const VERSION: u8 = 3;
 
 /// Longest frame that holds a [`Report`], with its closing 00.
 pub const MAX_REPORT: usize = 160;
 /// Longest frame that holds a [`Request`], with its closing 00.
-pub const MAX_REQUEST: usize = 1280;
+pub const MAX_REQUEST: usize = 2560;
 
 const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
 const CRC_LENGTH: usize = 4;
@@ -157,9 +157,8 @@ mod tests {
     use crate::calibration::field::problem::Solved;
     use crate::event::{Event, Fix, Second, State};
     use crate::health::{Counters, Flag, Flags};
-    use crate::model::{ErrorModel, MAX_TERMS, Term};
-    use crate::sequence::order::{MAX_POSITIONS, Order};
     use crate::settings::accelerometer::AccelerometerCalibration;
+    use crate::settings::store::longest;
 
     const TRIAD: AccelerometerCalibration = AccelerometerCalibration { bias_g: [1.1; 3], matrix: [1.1; 6] };
 
@@ -175,9 +174,9 @@ mod tests {
 
     #[test]
     fn the_example_of_the_documentation_byte_by_byte() {
-        // Content 02 | 2.0 as f64 | 00 | 00, its CRC-32 from zlib's crc32(), and COBS by hand: every 00 becomes the
+        // Content 03 | 2.0 as f64 | 00 | 00, its CRC-32 from zlib's crc32(), and COBS by hand: every 00 becomes the
         // distance to the next one.
-        let expected = [0x02, 2, 1, 1, 1, 1, 1, 1, 2, 0x40, 1, 5, 0xED, 0x85, 0x71, 0x43, 0];
+        let expected = [0x02, 3, 1, 1, 1, 1, 1, 1, 2, 0x40, 1, 5, 0x2D, 0x5A, 0xFF, 0x82, 0];
         let frame = encode_report(&idle()).unwrap();
         assert_eq!(frame[..], expected[..]);
         assert_eq!(feed(&mut ReportDecoder::new(), &frame), [Ok(idle())]);
@@ -248,16 +247,7 @@ mod tests {
 
     #[test]
     fn the_longest_settings_fit() {
-        let mut settings = Settings::default();
-        let mut angles = Vec::new();
-        angles.resize(MAX_POSITIONS, 1.1).unwrap();
-        settings.sequence.order = Order::Custom(angles);
-        let mut model = ErrorModel::default();
-        let term = Term::Temperature { reference_c: 1.1, linear_deg_h_per_k: 1.1, quadratic_deg_h_per_k2: 1.1 };
-        model.terms.resize(MAX_TERMS, term).unwrap();
-        settings.model = Some(model);
-        settings.accelerometer = Some(TRIAD);
-        let request = Request::StoreSettings(settings);
+        let request = Request::StoreSettings(longest::settings());
         let frame = encode_request(&request).unwrap();
         assert_eq!(feed(&mut RequestDecoder::new(), &frame), [Ok(request)]);
     }

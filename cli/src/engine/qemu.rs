@@ -12,6 +12,7 @@ mod process;
 mod tests;
 mod wire;
 
+use std::collections::VecDeque;
 use std::io;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -30,6 +31,8 @@ use wire::Ask;
 /// QEMU's clock goes on by this much with every instruction: 125 million a second, about what the STM32F405 does at
 /// 168 MHz with flash wait states and the occasional two-cycle instruction.
 pub const INSTRUCTION_NS: u32 = 8;
+/// What the host's line carries in a tick: 115 200 baud, ten bits a byte, 2.5 ms.
+const REQUEST_BYTES_A_TICK: usize = 28;
 /// The board's timers count with 25 MHz.
 const CYCLE_NS: u32 = 40;
 
@@ -164,6 +167,7 @@ fn serve_at(
     let mut instrument = Instrument::new(world);
     let mut reports = ReportDecoder::new();
     let mut cost = Cost::default();
+    let mut requests = VecDeque::new();
     let mut off = None;
     let mut hear = |bytes: &[u8], person: &mut dyn Person, off: &mut Option<PowerOff>| {
         for report in bytes.iter().filter_map(|&byte| reports.feed(byte)) {
@@ -187,9 +191,12 @@ fn serve_at(
                     wire::power_off()
                 } else {
                     let gyro = instrument.tick(edges);
-                    let requests = person.request(cost.ticks).map_or(Ok(Vec::new()), |request| encode(&request))?;
+                    if let Some(request) = person.request(cost.ticks) {
+                        requests.extend(encode(&request)?);
+                    }
+                    let sent: Vec<u8> = requests.drain(..requests.len().min(REQUEST_BYTES_A_TICK)).collect();
                     cost.ticks += 1;
-                    lines.send(&gyro, &requests)?
+                    lines.send(&gyro, &sent)?
                 };
                 qemu.reply(&reply)?;
             }

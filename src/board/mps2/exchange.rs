@@ -18,8 +18,8 @@
 
 use cortex_m_semihosting::{debug, nr, syscall, syscall1};
 
-/// Longest message, with its length. A flash record is the longest.
-const MAX_MESSAGE: usize = 2048;
+/// Longest message, with its length. A flash record is the longest: 2560 bytes.
+const MAX_MESSAGE: usize = 2576;
 
 pub struct Exchange {
     to_host: usize,

@@ -5,9 +5,13 @@ use std::vec::Vec;
 use embedded_storage::nor_flash::{ErrorType, NorFlashError, NorFlashErrorKind, check_erase, check_read, check_write};
 
 use super::*;
+use crate::model::{ErrorModel, Term};
 use crate::settings::accelerometer::AccelerometerCalibration;
 
-/// Two sectors of 2048 bytes in words of `WORD` bytes that are written once after an erase; power can fail after
+/// Smallest of the boards.
+const SECTOR: usize = 4096;
+
+/// Two sectors of 4096 bytes in words of `WORD` bytes that are written once after an erase; power can fail after
 /// any number of bytes, in the middle of a word or of an erase.
 #[derive(Clone)]
 struct Flash<const WORD: usize> {
@@ -31,7 +35,7 @@ impl NorFlashError for Failure {
 
 impl<const WORD: usize> Flash<WORD> {
     fn erased() -> Self {
-        Self { bytes: std::vec![0xFF; 4096], written: std::vec![false; 4096], power_left: usize::MAX }
+        Self { bytes: std::vec![0xFF; 2 * SECTOR], written: std::vec![false; 2 * SECTOR], power_left: usize::MAX }
     }
 
     fn spend(&mut self) -> Result<(), Failure> {
@@ -60,7 +64,7 @@ impl<const WORD: usize> ReadNorFlash for Flash<WORD> {
 
 impl<const WORD: usize> NorFlash for Flash<WORD> {
     const WRITE_SIZE: usize = WORD;
-    const ERASE_SIZE: usize = 2048;
+    const ERASE_SIZE: usize = SECTOR;
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), Failure> {
         check_erase(self, from, to).map_err(Failure::Arguments)?;
@@ -110,9 +114,9 @@ fn the_record_is_as_documented() {
     let mut flash = Flash::<4>::erased();
     save(&mut flash, &settings(45.0)).unwrap();
     save(&mut flash, &settings(45.5)).unwrap();
-    let record = &flash.bytes[2048..];
+    let record = &flash.bytes[SECTOR..];
     let length = usize::from(u16::from_le_bytes([record[6], record[7]]));
-    assert_eq!(record[..6], *b"NFST\x02\x00");
+    assert_eq!(record[..6], *b"NFST\x03\x00");
     assert_eq!(record[8..12], [1, 0, 0, 0]);
     assert_eq!(record[12..20], 45.5_f64.to_le_bytes());
     let crc = CRC.checksum(&record[..12 + length]).to_le_bytes();
@@ -135,7 +139,7 @@ fn another_version_is_corrupt() {
     let mut flash = Flash::<4>::erased();
     save(&mut flash, &settings(45.0)).unwrap();
     let length = HEADER + usize::from(u16::from_le_bytes([flash.bytes[6], flash.bytes[7]]));
-    flash.bytes[4] = 3;
+    flash.bytes[4] = 4;
     let crc = CRC.checksum(&flash.bytes[..length]).to_le_bytes();
     flash.bytes[length..][..4].copy_from_slice(&crc);
     assert_eq!(load(&mut flash), Ok(Loaded::Corrupt));
@@ -152,6 +156,46 @@ fn a_record_without_the_accelerometers_calibration_is_read() {
     let crc = CRC.checksum(&flash.bytes[..HEADER + length]).to_le_bytes();
     flash.bytes[HEADER + length..][..4].copy_from_slice(&crc);
     assert_eq!(load(&mut flash), Ok(Loaded::Valid(settings(45.0))));
+}
+
+#[test]
+fn an_older_record_with_effects_is_corrupt() {
+    let terms = [Term::Drift { deg_h_per_h: 0.1, deg_h_per_h2: 0.0 }];
+    for (terms, corrupt) in [(&terms[..], true), (&[], false)] {
+        let model =
+            ErrorModel { bias_deg_h: 0.5, terms: heapless::Vec::from_slice(terms).unwrap(), ..Default::default() };
+        let settings = Settings { model: Some(model), ..settings(45.0) };
+        let mut flash = Flash::<4>::erased();
+        save(&mut flash, &settings).unwrap();
+        let end = HEADER + usize::from(u16::from_le_bytes([flash.bytes[6], flash.bytes[7]]));
+        flash.bytes[4] = 2;
+        let crc = CRC.checksum(&flash.bytes[..end]).to_le_bytes();
+        flash.bytes[end..][..4].copy_from_slice(&crc);
+        let expected = if corrupt { Loaded::Corrupt } else { Loaded::Valid(settings) };
+        assert_eq!(load(&mut flash), Ok(expected));
+    }
+}
+
+#[test]
+fn the_longest_settings_fit() {
+    let mut flash = Flash::<16>::erased();
+    save(&mut flash, &longest::settings()).unwrap();
+    assert_eq!(load(&mut flash), Ok(Loaded::Valid(longest::settings())));
+}
+
+#[test]
+fn too_long_settings_are_refused_and_the_former_stay() {
+    // Not valid: one coefficient too many in each curve.
+    let mut settings = longest::settings();
+    for term in settings.model.iter_mut().flat_map(|model| &mut model.terms) {
+        if let Term::ChannelSpline { knots, coefficients, .. } = term {
+            *coefficients = *knots;
+        }
+    }
+    let mut flash = Flash::<4>::erased();
+    save(&mut flash, &longest::settings()).unwrap();
+    assert_eq!(save(&mut flash, &settings), Err(SaveError::TooLong));
+    assert_eq!(load(&mut flash), Ok(Loaded::Valid(longest::settings())));
 }
 
 #[test]

@@ -4,6 +4,8 @@ use std::sync::OnceLock;
 
 use hal_sim::Scenario;
 use north_finder::event::{Event, Report, State};
+use north_finder::model::spline::Numbers;
+use north_finder::model::{ChannelName, ErrorModel, MAX_TERMS, Term};
 use north_finder::pipeline::Command;
 use north_finder::settings::Settings;
 
@@ -61,12 +63,22 @@ fn an_interrupted_run_leaves_no_process() {
 
 #[test]
 fn settings_arrive_over_the_link_and_outlive_the_restart() {
-    let settings = Settings { latitude_deg: 51.5, ..setup(1.0).settings.unwrap() };
+    let settings = Settings { latitude_deg: 51.5, model: Some(longest_model()), ..setup(1.0).settings.unwrap() };
     let mut person = Loader { settings, states: Vec::new() };
     let world = World::new(&setup(10.0).scenario, 1);
     let (off, _) = serve(image(), &world, 4000, &mut person, &never()).unwrap();
     assert_eq!(off, PowerOff::TimeLimit);
     assert!(person.states.contains(&State::Watching), "{:?}", person.states);
+}
+
+/// As many effects as a model can have, each of the longest kind; none of them moves the rate.
+fn longest_model() -> ErrorModel {
+    let curve = Term::ChannelSpline {
+        channel: ChannelName::new("temp_c").unwrap(),
+        knots: Numbers::new(&[1.1, 2.2, 3.3, 4.4, 5.5, 6.6, 7.7]).unwrap(),
+        coefficients: Numbers::new(&[0.0; 6]).unwrap(),
+    };
+    ErrorModel { terms: [curve; MAX_TERMS].into_iter().collect(), ..ErrorModel::default() }
 }
 
 /// Loads settings into an empty instrument and then starts a fix.
