@@ -21,6 +21,9 @@ const ENOUGH_COVERAGE: f64 = 0.5;
 const READINGS: usize = 10;
 /// Samples of the accelerometers in a reading: a fifth of a second at 100 Hz.
 const SAMPLES: u16 = 20;
+/// Noise of such a reading, g: 22.5 µg/√Hz (ADXL355 data sheet, noise density at ± 2 g, typical) over the 2.5 Hz that a mean
+/// of a fifth of a second lets through.
+const READING_NOISE_G: f64 = 36e-6;
 /// Scatter of a sample about its reading that is still noise, g. Many times that of the sensor: a bench that shakes a
 /// little will do.
 const STILL_G: f64 = 0.003;
@@ -152,7 +155,7 @@ impl Collection {
 
     /// The readings are complete.
     fn take(&mut self, sink: Sink) -> Progress {
-        let attitude = Attitude::of(&self.readings, 0.0, &mut [0.0; READINGS]);
+        let attitude = Attitude::of(&self.readings, READING_NOISE_G, &mut [0.0; READINGS]);
         let is_gravity = |attitude: &Attitude| {
             let off_g = self.problem.in_use.norm(attitude.mean) - GRAVITY_G;
             off_g.abs() <= MOST_OFF_G
