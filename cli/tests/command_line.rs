@@ -334,6 +334,15 @@ fn a_calibration_takes_the_flag_away_and_a_wrong_one_is_refused() {
     let called = find(&[]);
     assert_eq!(called.code, 1);
     assert!(called.stderr.starts_with("north: M.toml, line 2, column 15: \"scale_error = NaN\""), "{}", called.stderr);
+
+    write("format = 1\nterms = [{ scale-channel = { channel = \"supply_v\", reference = 24.0, per_unit = 0.1 } }]\n");
+    let refusal = "north: M.toml: \"a term that follows channel `supply_v`\" is not allowed; \
+        allowed is what a board measures: temp_c, ax_g, ay_g, its time and its index angle\n";
+    find(&[]).refused(1, refusal);
+    write(&format!("format = 1\nterms = [{}]\n", "{ step = { t_s = 1.0, deg_h = 0.0 } },".repeat(17)));
+    let called = find(&[]);
+    assert_eq!(called.code, 1);
+    assert!(called.stderr.starts_with("north: M.toml, line 2, column 9: invalid length 17"), "{}", called.stderr);
 }
 
 #[test]

@@ -15,12 +15,13 @@ use serde::Serialize;
 use super::instrument::OrderName;
 use super::{number, progress};
 use crate::campaign::{Campaign, CampaignWriter, Role, Run};
-use crate::diagnose::{Options, diagnose};
+use crate::diagnose::{Diagnosis, Effect, Options, diagnose};
 use crate::engine::{self, End, Engine, EngineError, Outcome, Setup, qemu};
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::output::JsonOption;
 use crate::recorder::{Recorder, new_campaign, write_run};
+use crate::settings_file::{read_board_model, write_model};
 use crate::undeclared::Folder;
 
 /// Close the loop with the firmware itself: an undeclared effect, recorded runs, diagnosis, the model in the settings
@@ -57,7 +58,7 @@ pub struct CloseLoop {
     /// The firmware image to run; without it the image is built
     #[arg(long, value_name = "FILE", conflicts_with = "host")]
     image: Option<PathBuf>,
-    /// Keep the recorded campaign in this new or empty folder
+    /// Keep the recorded campaign, and the learned model as model.toml, in this new or empty folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -73,8 +74,8 @@ struct Report {
     engine: &'static str,
     hidden: &'static str,
     truth: String,
-    /// What the diagnosis named.
-    effects: Vec<String>,
+    /// What the diagnosis named, with what it cannot be told from.
+    effects: Vec<Effect>,
     verdict: String,
     model: ErrorModel,
     runs: Vec<NewRun>,
@@ -123,7 +124,7 @@ impl CloseLoop {
         let campaign = self.record(&bench, &settings, folder, &bar)?;
         let options = Options { settings: settings.clone() };
         let diagnosis = diagnose(&campaign, &options).map_err(|refusal| Failure::Refused(refusal.to_string()))?;
-        let taught = Settings { model: Some(diagnosis.model.clone()), ..settings.clone() };
+        let taught = Settings { model: Some(board_model(&diagnosis, folder)?), ..settings.clone() };
 
         let before = self.new_fixes(&bench, &settings, &bar)?;
         let after = self.new_fixes(&bench, &taught, &bar)?;
@@ -136,20 +137,11 @@ impl CloseLoop {
         let rms = |fixed: fn(&NewRun) -> Fixed| {
             (runs.iter().map(|run| fixed(run).error_deg.powi(2)).sum::<f64>() / runs.len() as f64).sqrt()
         };
-        let effects = diagnosis
-            .effects
-            .iter()
-            .map(|effect| {
-                let sizes: Vec<_> =
-                    effect.parameters.iter().map(|(name, value)| format!("{name} {value:+.4}")).collect();
-                format!("{}: {}", effect.name, sizes.join(", "))
-            })
-            .collect();
         let report = Report {
             engine: engine.name(),
             hidden: instrument.hidden.name(),
             truth: instrument.truth.clone(),
-            effects,
+            effects: diagnosis.effects,
             verdict: diagnosis.verdict,
             model: diagnosis.model,
             rms_before_deg: rms(|run| run.before),
@@ -255,8 +247,16 @@ impl Bench<'_> {
 
 impl Report {
     fn print(&self, out: &mut dyn Write) -> Result<(), Failure> {
-        let named = if self.effects.is_empty() { "nothing".to_owned() } else { self.effects.join("; ") };
-        writeln!(out, "found      {named}")?;
+        if self.effects.is_empty() {
+            writeln!(out, "found      nothing")?;
+        }
+        for effect in &self.effects {
+            let sizes: Vec<_> = effect.parameters.iter().map(|(name, value)| format!("{name} {value:+.4}")).collect();
+            writeln!(out, "found      {}: {}", effect.name, sizes.join(", "))?;
+            if !effect.ambiguous_with.is_empty() {
+                writeln!(out, "           which these runs cannot tell from {}", effect.ambiguous_with.join(", "))?;
+            }
+        }
         writeln!(out, "verdict    {}\n", self.verdict)?;
         writeln!(out, "| new run | true azimuth, ° | before, ° | error, ° | after, ° | error, ° | sigma after, ° |")?;
         writeln!(out, "|---|---|---|---|---|---|---|")?;
@@ -270,6 +270,13 @@ impl Report {
         writeln!(out, "| rms | | | {:.4} | | {:.4} | |", self.rms_before_deg, self.rms_after_deg)?;
         Ok(())
     }
+}
+
+/// The learned model by way of its file, as anyone loads it; a board must be able to evaluate it.
+fn board_model(diagnosis: &Diagnosis, folder: &Path) -> Result<ErrorModel, Failure> {
+    let path = folder.join("model.toml");
+    write_model(&path, &diagnosis.model)?;
+    Ok(read_board_model(&path)?)
 }
 
 fn hidden(name: &str) -> Result<HiddenOption, String> {

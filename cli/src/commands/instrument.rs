@@ -9,7 +9,7 @@ use north_finder::settings::Settings;
 
 use super::number;
 use crate::failure::Failure;
-use crate::settings_file::{read_model, read_settings, scenario_settings};
+use crate::settings_file::{read_board_model, read_settings, scenario_settings};
 
 /// Which simulated instrument, where, and how it is set.
 #[derive(Args, Clone, Debug, Default)]
@@ -90,7 +90,7 @@ impl InstrumentOptions {
             settings.sequence.dwell_s = dwell_s;
         }
         if let Some(path) = &self.model {
-            settings.model = Some(read_model(path)?);
+            settings.model = Some(read_board_model(path)?);
         }
         Ok((scenario, settings))
     }
