@@ -421,19 +421,17 @@ pub fn all(runs: &[&RunData], constant_channels: &[String]) -> Vec<Candidate> {
     list
 }
 
-/// Knots of splines that may follow a curve, fewer and more: at quantiles of the values, the outer ones at 5 % and 95 %
-/// (Harrell, Regression modeling strategies, 2001, section 2.4.5).
+/// Knots of splines that may follow a curve: few and many at quantiles of the values, the outer ones at 5 % and 95 %
+/// (Harrell, Regression modeling strategies, 2001, section 2.4.5), and many evenly between the same.
 fn splines(mut values: Vec<f64>) -> Vec<Numbers> {
     values.sort_unstable_by(f64::total_cmp);
     let at = |share: f64| values[(share * (values.len() - 1) as f64) as usize];
-    [4, MAX_KNOTS]
-        .into_iter()
-        .filter_map(|count| {
-            let knots: Vec<f64> = (0..count).map(|i| at(0.05 + 0.9 * i as f64 / (count - 1) as f64)).collect();
-            let rising = knots.windows(2).all(|pair| pair[1] > pair[0]);
-            Numbers::new(&knots).filter(|_| rising)
-        })
-        .collect()
+    let quantiles = |count: usize| (0..count).map(|i| at(0.05 + 0.9 * i as f64 / (count - 1) as f64)).collect();
+    let (low, high) = (at(0.05), at(0.95));
+    let even = |i: usize| low + (high - low) * i as f64 / (MAX_KNOTS - 1) as f64;
+    let knots: [Vec<f64>; 3] = [quantiles(4), quantiles(MAX_KNOTS), (0..MAX_KNOTS).map(even).collect()];
+    let rising = |knots: &&Vec<f64>| knots.windows(2).all(|pair| pair[1] > pair[0]);
+    knots.iter().filter(rising).filter_map(|knots| Numbers::new(knots)).collect()
 }
 
 fn of_channel(list: &mut Vec<Candidate>, name: &str, runs: &[&RunData], longest_s: f64) {

@@ -5,8 +5,10 @@ use nalgebra::{DMatrix, DVector};
 use super::candidate::{Candidate, Columns, Shape};
 use super::estimate::coefficients;
 use super::problem::{Chosen, Problem};
-use super::statistics::{chi_square_tail, dot, f_tail, orthonormalise};
+use super::statistics::{chi_square_tail, dot, f_tail, median, orthonormalise};
 
+/// Most that a run can say against a curve.
+const AGAINST_A_CURVE: f64 = 50.0;
 /// Fewest runs of which one need not be heard.
 const HEARD: usize = 6;
 
@@ -17,14 +19,16 @@ pub fn improvement(basis: &[Vec<f64>], left: &[f64], columns: Columns) -> f64 {
 
 /// Merit of an improvement: Schwarz' criterion with the price of the search for the constant.
 pub fn score(candidate: &Candidate, improvement: f64, rows: usize) -> f64 {
-    // Among harmonics that the angles cannot tell apart the lowest is the likeliest.
-    let order = match candidate.shape {
+    // Among harmonics that the angles cannot tell apart the lowest is the likeliest; what happens in every run at the same
+    // second is rare.
+    let rare = match candidate.shape {
         Shape::Harmonic(order) => f64::from(order - 1),
         Shape::LevelBias(_) => 0.5,
+        Shape::Step | Shape::Line => 10.0,
         _ => 0.0,
     };
     let search = 2.0 * (candidate.grid.len().max(1) as f64).ln();
-    improvement - candidate.freedom() as f64 * (rows as f64).ln() - search - order
+    improvement - candidate.freedom() as f64 * (rows as f64).ln() - search - rare
 }
 
 /// How many trials a candidate's p-value pays for.
@@ -34,13 +38,14 @@ pub fn searched(candidate: &Candidate, candidates: usize) -> f64 {
 
 /// Probability that chance alone improves as much as the last of the chosen did: F where what is left is not white,
 /// chi-square where it is; by the scatter of the surveyed headings where the evidence lies in these.
-pub fn p_value(problem: &Problem, candidates: &[Candidate], trial: &[Chosen], last: usize, improvement: f64) -> f64 {
-    let candidate = &candidates[trial[last].0];
+pub fn p_value(problem: &Problem, candidates: &[Candidate], trial: &[Chosen], improvement: f64) -> f64 {
+    let Some(&(index, constant)) = trial.last() else { return 1.0 };
+    let candidate = &candidates[index];
     let basis = problem.basis(candidates, trial);
     let left = problem.left(&basis);
     let freedom = candidate.freedom() as f64;
     let by_cells = dispersed_tail(improvement, freedom, problem.overdispersion(&left, basis.len()));
-    if by_references(problem, candidate, trial[last].1) < 0.5 {
+    if by_references(problem, candidate, constant) < 0.5 {
         return by_cells;
     }
     let Some((taken, _)) = coefficients(problem, candidates, trial) else { return 1.0 };
@@ -102,18 +107,46 @@ pub fn sameness(problem: &Problem, candidates: &[Candidate], chosen: &[Chosen]) 
 /// How much better the chosen effects foretell a run from the others than the same without the last: twice the logarithm
 /// of the ratio of the predictive densities, summed over the runs. A run that the others know nothing about, because its
 /// channels went elsewhere, says next to nothing. Of six runs or more the one that speaks against it most is not heard: its
-/// reference may be wrong.
-pub fn foretells(problem: &Problem, candidates: &[Candidate], trial: &[Chosen]) -> f64 {
+/// reference may be wrong. And against a curve in a channel no run speaks louder than by a bound: it may be the only one
+/// whose channel went through a bend.
+pub fn foretells(problem: &Problem, candidates: &[Candidate], trial: &[Chosen]) -> Foretold {
     let columns: Columns =
         trial.iter().flat_map(|&(index, constant)| problem.projected(&candidates[index], constant)).collect();
     let last = trial.last().map_or(0, |&(index, _)| candidates[index].coefficients());
     let basis = problem.basis(candidates, trial);
-    let dispersion = problem.overdispersion(&problem.left(&basis), basis.len()).0.max(1.0);
+    let of_cells = problem.overdispersion(&problem.left(&basis), basis.len()).0;
+    let dispersion = of_cells.max(reference_dispersion(problem, candidates, trial)).max(1.0);
     let without = foretold(problem, &columns[..columns.len() - last], dispersion);
     let with = foretold(problem, &columns, dispersion);
-    let gains: Vec<f64> = with.iter().zip(&without).map(|(with, without)| with - without).collect();
+    let is_curve = trial.last().is_some_and(|&(index, _)| matches!(candidates[index].shape, Shape::Spline(..)));
+    let least = if is_curve { -AGAINST_A_CURVE } else { f64::NEG_INFINITY };
+    let gains: Vec<f64> = with.iter().zip(&without).map(|(with, without)| (with - without).max(least)).collect();
     let worst = if gains.len() < HEARD { 0.0 } else { gains.iter().copied().fold(0.0, f64::min) };
-    gains.iter().sum::<f64>() - worst
+    let gain = gains.iter().sum::<f64>() - worst;
+    Foretold { gain, steady: gain - gains.iter().copied().fold(0.0, f64::max) }
+}
+
+/// Power to foretell, twice the logarithm of odds.
+#[derive(Clone, Copy, Debug)]
+pub struct Foretold {
+    pub gain: f64,
+    /// Without the run that gains most.
+    pub steady: f64,
+}
+
+impl Foretold {
+    /// Odds that it is chance, for a candidate among so many that were searched; one lucky run is not enough.
+    pub fn p_value(&self, searched: f64) -> f64 {
+        (searched * (-0.5 * self.steady).exp()).min(1.0)
+    }
+}
+
+/// By how much the runs' azimuths miss their references more than their sigmas say, a variance; from their median, which a
+/// wrong reference does not move (that of a squared normal is 0.4549).
+fn reference_dispersion(problem: &Problem, candidates: &[Candidate], trial: &[Chosen]) -> f64 {
+    let Some((taken, _)) = coefficients(problem, candidates, trial) else { return 1.0 };
+    let errors = problem.azimuth_errors(&problem.effects(&taken));
+    median(errors.into_iter().flatten().map(|(error, sigma)| (error / sigma).powi(2)).collect()) / 0.4549
 }
 
 /// Twice the logarithm of the predictive density of every run from the others, but for what does not depend on the

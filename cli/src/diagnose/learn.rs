@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::block::Block;
 use super::candidate::{Candidate, Columns};
 use super::estimate::{AS_GOOD, Learned, Merit, beside, coefficients, constant_sigma, refine, refined};
-use super::evidence::{foretells, improvement, p_value, sameness, score, searched};
+use super::evidence::{Foretold, foretells, improvement, p_value, sameness, score, searched};
 use super::problem::{Chosen, Problem};
 use super::statistics::chi_square_tail;
 
@@ -33,6 +33,13 @@ struct Search<'a, 'b> {
     /// Columns of every candidate for every constant on its grid.
     cache: Vec<Vec<(f64, Columns)>>,
     chosen: Vec<Chosen>,
+}
+
+/// What is chosen with one candidate more.
+struct Trial {
+    chosen: Vec<Chosen>,
+    improvement: f64,
+    foretold: Foretold,
 }
 
 /// Learns from runs. `candidates` are tried one after the other until none is worth its price.
@@ -89,31 +96,47 @@ impl Search<'_, '_> {
             .map(|merit| refine(&self.problem, self.candidates, (&basis, &left), merit))
             .filter(|merit| merit.score > best.score - AS_GOOD)
             .collect();
+        let words = &self.candidates[best.index];
+        let kin: Vec<Merit> = merits
+            .iter()
+            .skip(1)
+            .filter(|merit| merit.score > 0.0 && self.candidates[merit.index].is_kin(words))
+            .take(MOST_PEERS)
+            .map(|merit| refine(&self.problem, self.candidates, (&basis, &left), merit))
+            .collect();
         peers.insert(0, best);
+        let mut trials: Vec<Trial> = peers.iter().map(|merit| self.trial(merit)).collect();
         // Among those that explain as much the one that foretells best; in a tie the first.
-        let mut pick: Option<(f64, Vec<Chosen>, f64)> = None;
-        for merit in peers {
-            let trial = [self.chosen.as_slice(), &[(merit.index, merit.constant)]].concat();
-            let gain = foretells(&self.problem, self.candidates, &trial);
-            if pick.as_ref().is_none_or(|(best, ..)| gain > best + FORETOLD) {
-                pick = Some((gain, trial, merit.improvement));
-            }
-        }
-        let Some((gain, trial, improvement)) = pick else { return false };
-        let last = trial.len() - 1;
-        let p_value = p_value(&self.problem, self.candidates, &trial, last, improvement) * self.price(trial[last]);
-        let accept = if last == 0 { ACCEPT } else { ACCEPT_BESIDE };
-        if !(p_value < accept && gain > FORETOLD) {
-            return false;
-        }
-        self.chosen = trial;
+        let first = (1..trials.len())
+            .fold(0, |best, i| if trials[i].foretold.gain > trials[best].foretold.gain + FORETOLD { i } else { best });
+        trials.swap(0, first);
+        trials.truncate(1);
+        // Where it does not do, the same cause in other words may.
+        trials.extend(kin.iter().map(|merit| self.trial(merit)));
+        let accept = if self.chosen.is_empty() { ACCEPT } else { ACCEPT_BESIDE };
+        let does = |trial: &Trial| {
+            trial.foretold.gain > FORETOLD && self.chance(&trial.chosen, trial.improvement, trial.foretold) < accept
+        };
+        let Some(trial) = trials.into_iter().find(does) else { return false };
+        self.chosen = trial.chosen;
         self.reconsider();
         self.linearise();
         true
     }
 
-    fn price(&self, (index, _): Chosen) -> f64 {
-        searched(&self.candidates[index], self.candidates.len())
+    fn trial(&self, merit: &Merit) -> Trial {
+        let chosen = [self.chosen.as_slice(), &[(merit.index, merit.constant)]].concat();
+        let foretold = foretells(&self.problem, self.candidates, &chosen);
+        Trial { chosen, improvement: merit.improvement, foretold }
+    }
+
+    /// Probability that the last of the trial explains as much by chance, or else foretells as much by chance; paid for by
+    /// the search.
+    fn chance(&self, trial: &[Chosen], improvement: f64, foretold: Foretold) -> f64 {
+        let Some(&(index, _)) = trial.last() else { return 1.0 };
+        let searched = searched(&self.candidates[index], self.candidates.len());
+        let explains = p_value(&self.problem, self.candidates, trial, improvement) * searched;
+        explains.min(foretold.p_value(searched))
     }
 
     fn merits(&self, basis: &[Vec<f64>], left: &[f64]) -> Vec<Merit> {
@@ -190,8 +213,10 @@ impl Search<'_, '_> {
         let (index, constant) = self.chosen[i];
         let (basis, left) = beside(&self.problem, self.candidates, &self.chosen, i);
         let found = improvement(&basis, &left, self.problem.projected(&self.candidates[index], constant));
-        let p_value = p_value(&self.problem, self.candidates, &self.chosen, i, found);
-        (found, p_value * self.price(self.chosen[i]))
+        let mut trial = self.chosen.clone();
+        let own = trial.remove(i);
+        trial.push(own);
+        (found, self.chance(&trial, found, foretells(&self.problem, self.candidates, &trial)))
     }
 
     /// Effects that later ones made superfluous go.
