@@ -115,7 +115,10 @@ impl Search<'_, '_> {
         trials.extend(kin.iter().map(|merit| self.trial(merit)));
         let accept = if self.chosen.is_empty() { ACCEPT } else { ACCEPT_BESIDE };
         let does = |trial: &Trial| {
-            trial.foretold.gain > FORETOLD && self.chance(&trial.chosen, trial.improvement, trial.foretold) < accept
+            trial.foretold.gain > FORETOLD
+                && self.chance(&trial.chosen, trial.improvement, trial.foretold) < accept
+                // Two curves in one channel have parts in common, which no fit can tell apart.
+                && coefficients(&self.problem, self.candidates, &trial.chosen).is_some()
         };
         let Some(trial) = trials.into_iter().find(does) else { return false };
         self.chosen = trial.chosen;
