@@ -13,6 +13,7 @@
 
 pub mod base_motion;
 pub mod dwell;
+pub mod free_line;
 pub mod moving_base;
 mod statistics;
 #[cfg(test)]
@@ -23,10 +24,12 @@ use nalgebra::{Matrix4, Vector4};
 use crate::earth::EarthRate;
 use crate::health::{Flag, Flags};
 use crate::level::{Specific, Tilt};
+use crate::model::ErrorModel;
 use crate::settings::Settings;
 use crate::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_180_deg, wrap_360_deg};
 use base_motion::{BaseMotion, Method};
 use dwell::DwellSummary;
+use free_line::Fitted;
 use statistics::excess_sigmas;
 
 /// A chi-square this many standard deviations above its mean is a misfit.
@@ -102,6 +105,7 @@ struct Problem<'a> {
     earth: EarthRate,
     motion: BaseMotion,
     start_s: f64,
+    line: Option<Fitted>,
 }
 
 impl Problem<'_> {
@@ -113,18 +117,19 @@ impl Problem<'_> {
             let (c, s) = horizontal(dwell, &level);
             let rate_deg_h = dwell.rate.mean - self.earth.up_deg_h * up - self.base_rate_deg_h(dwell);
             let hours = (dwell.t_s - self.start_s) / 3600.0;
+            let [line_deg_h, line_deg_h_per_h] = self.line.map_or([0.0; 2], |line| line.of_stay(dwell));
             [
                 Observation {
                     weight: dwell.seconds,
                     row: Vector4::new(c, s, 1.0, hours),
                     cos_2theta: dwell.cos * dwell.cos - dwell.sin * dwell.sin,
-                    rate_deg_h,
+                    rate_deg_h: rate_deg_h - line_deg_h,
                 },
                 Observation {
                     weight: dwell.time_spread / (3600.0 * 3600.0),
                     row: Vector4::new(0.0, 0.0, 0.0, 1.0),
                     cos_2theta: 0.0,
-                    rate_deg_h: dwell.rate.slope_per_s * 3600.0,
+                    rate_deg_h: dwell.rate.slope_per_s * 3600.0 - line_deg_h_per_h,
                 },
             ]
         })
@@ -207,7 +212,7 @@ fn regular_inverse(normal: &Matrix4<f64>) -> Option<Matrix4<f64>> {
 /// and level sigma.
 pub fn solve(dwells: &[DwellSummary], earth: EarthRate, settings: &Settings) -> Result<Solution, Unsolvable> {
     let start_s = dwells.first().ok_or(Unsolvable::TooFewDirections)?.start_s;
-    let problem = Problem { dwells, earth, motion: base_motion(dwells), start_s };
+    let mut problem = Problem { dwells, earth, motion: base_motion(dwells), start_s, line: None };
     let mut flags = Flags::default();
 
     let declared = 60.0 * settings.gyro.arw_deg_per_sqrt_h;
@@ -218,6 +223,10 @@ pub fn solve(dwells: &[DwellSummary], earth: EarthRate, settings: &Settings) -> 
     }
 
     let drift_sigma = settings.gyro.drift_deg_h_per_h.max(LEAST_DRIFT);
+    if let Some(line) = settings.model.as_ref().and_then(ErrorModel::free_line) {
+        let drift_weight = variance / (drift_sigma * drift_sigma);
+        problem.line = Some(line.fit(&problem, variance, drift_weight).ok_or(Unsolvable::TooFewDirections)?);
+    }
     let drift = settle_drift(&problem, variance, drift_sigma)?;
     let estimate = drift.estimate;
     if drift.free {
@@ -245,8 +254,9 @@ pub fn solve(dwells: &[DwellSummary], earth: EarthRate, settings: &Settings) -> 
 
     let &[cos_part, sin_part, bias_deg_h, drift_deg_h_per_h] = estimate.parameters.as_ref();
     let amplitude_deg_h = libm::hypot(cos_part, sin_part);
+    let inverse = problem.line.map_or(estimate.inverse, |line| estimate.inverse + line.doubt);
     let covariance =
-        estimate.inverse * (variance * inflation.max(wandering)) + correlated_covariance(&problem, &estimate, settings);
+        inverse * (variance * inflation.max(wandering)) + correlated_covariance(&problem, &estimate, settings);
     let along = Vector4::new(cos_part, sin_part, 0.0, 0.0) / amplitude_deg_h;
     let amplitude_sigma = libm::sqrt(along.dot(&(covariance * along)));
     let significant = amplitude_deg_h > 5.0 * amplitude_sigma;

@@ -5,6 +5,7 @@ use std::vec::Vec;
 use super::dwell::{DwellSummary, Line};
 use super::*;
 use crate::earth::earth_rate;
+use crate::model::Term;
 use crate::units::wrap_180_deg;
 
 /// A stay of 60 s at an index angle, beginning at `start_s`, with a fixed small scatter: 58 degrees of freedom at a
@@ -247,4 +248,32 @@ fn positions_between_the_quarters_have_no_closure() {
 fn east_and_west_are_where_the_axis_points_there() {
     // α = ψ − θ: with ψ = 30° the axis points to 90° at θ = −60° = 300°, to 270° at θ = 120°.
     assert_eq!((east_index_deg(30.0), west_index_deg(30.0)), (300.0, 120.0));
+}
+
+/// A line of 0.3 °/h, its phase one radian, on the stays of an azimuth of 30°; means and slopes by summing hundredths of a
+/// second. Without it known, it turns the azimuth by 0.3/7.5 rad or so; with period and amplitude known it is estimated.
+#[test]
+fn a_line_of_unknown_phase_is_estimated() {
+    let mut dwells = stays(&NORTH_EAST);
+    for dwell in &mut dwells {
+        let (mut mean, mut with_time, mut squares) = (0.0, 0.0, 0.0);
+        for i in 0..6000 {
+            let from_middle_s = f64::from(i) / 100.0 - 29.995;
+            let value = 0.3 * libm::cos(core::f64::consts::TAU * (dwell.t_s + from_middle_s) / 190.0 - 1.0);
+            mean += value / 6000.0;
+            with_time += from_middle_s * value;
+            squares += from_middle_s * from_middle_s;
+        }
+        dwell.rate.mean += mean;
+        dwell.rate.slope_per_s += with_time / squares;
+    }
+    let without = solve_at(60.0, &dwells);
+    assert!(wrap_180_deg(without.azimuth_deg - 30.0).abs() > 0.5, "{}", without.azimuth_deg);
+    let mut model = ErrorModel::default();
+    model.terms.push(Term::FreeLine { period_s: 190.0, amplitude_deg_h: 0.3 }).unwrap();
+    let settings = Settings { model: Some(model), ..settings(60.0) };
+    let with = solve(&dwells, earth_rate(60.0).unwrap(), &settings).unwrap();
+    // The amplitude's spread draws the parts towards zero by a little.
+    assert_azimuth(&with, 30.0, with.sigma_deg);
+    assert!(with.sigma_deg < 0.5, "{}", with.sigma_deg);
 }

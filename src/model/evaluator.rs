@@ -130,6 +130,7 @@ impl Evaluator {
             | Term::DeadZone { .. }
             | Term::EarthField { .. }
             | Term::IndexError { .. }
+            | Term::FreeLine { .. }
             | Term::BaseMotion { .. } => 0.0,
         };
     }

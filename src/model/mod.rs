@@ -17,6 +17,7 @@ pub use term::{DeadZoneForm, Term};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
+use crate::azimuth::free_line::FreeLine;
 use crate::azimuth::moving_base::Sensing;
 use crate::settings::Invalid;
 
@@ -81,6 +82,14 @@ impl ErrorModel {
     pub fn base_motion(&self) -> Option<Sensing> {
         self.terms.iter().find_map(|term| match term {
             &Term::BaseMotion { velocity, lag_s } => Some(Sensing { velocity, lag_s }),
+            _ => None,
+        })
+    }
+
+    /// The line that every fix has to estimate, if there is one.
+    pub fn free_line(&self) -> Option<FreeLine> {
+        self.terms.iter().find_map(|term| match *term {
+            Term::FreeLine { period_s, amplitude_deg_h } => Some(FreeLine { period_s, amplitude_deg_h }),
             _ => None,
         })
     }

@@ -62,6 +62,8 @@ pub enum Term {
     DeadZone { centre_deg_h: f64, depth_deg_h: f64, width_deg_h: f64, form: DeadZoneForm },
     /// cos_deg_h · cos(2πt/period) + sin_deg_h · sin(2πt/period), t since switch-on.
     Line { period_s: f64, cos_deg_h: f64, sin_deg_h: f64 },
+    /// A line whose phase is another in every fix, with its typical amplitude: the solution estimates its parts.
+    FreeLine { period_s: f64, amplitude_deg_h: f64 },
     /// Added from `t_s` since switch-on.
     Step { t_s: f64, deg_h: f64 },
     /// Fixed to the Earth: east_deg_h · sin α + north_deg_h · cos α, α the axis' azimuth. Turns the answer.
@@ -119,6 +121,7 @@ impl Term {
             Self::RateNonlinearity { .. } => "rate-nonlinearity",
             Self::DeadZone { .. } => "dead-zone",
             Self::Line { .. } => "line",
+            Self::FreeLine { .. } => "free-line",
             Self::Step { .. } => "step",
             Self::EarthField { .. } => "earth-field",
             Self::IndexError { .. } => "index-error",
@@ -258,6 +261,10 @@ impl Term {
             Self::Line { period_s, cos_deg_h, sin_deg_h } => {
                 positive("model.terms.line.period_s", period_s)?;
                 finite("model.terms.line", &[cos_deg_h, sin_deg_h])
+            }
+            Self::FreeLine { period_s, amplitude_deg_h } => {
+                positive("model.terms.free-line.period_s", period_s)?;
+                positive("model.terms.free-line.amplitude_deg_h", amplitude_deg_h)
             }
             Self::Step { t_s, deg_h } => finite("model.terms.step", &[t_s, deg_h]),
             Self::EarthField { east_deg_h, north_deg_h } => {

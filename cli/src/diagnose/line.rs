@@ -25,10 +25,10 @@ pub fn own(runs: &[&RunData], learned: &Learned) -> Option<(Effect, f64)> {
         p_value: p_value.min(1.0),
         ambiguous_with: Vec::new(),
         evidence:
-            "a line in the periodogram with a phase of its own in every run: it averages out over a stay, and no \
-                   model can foretell it"
+            "a line in the periodogram with a phase of its own in every run: no model can foretell it, but a fix can \
+                   estimate its two parts"
                 .into(),
-        board: false,
+        board: true,
     };
     Some((line, period_s))
 }

@@ -96,6 +96,11 @@ impl Lesson {
         if let Some((Sensing { velocity, lag_s }, _)) = self.by_stay {
             let _ = model.terms.push(Term::BaseMotion { velocity, lag_s });
         }
+        if let Some(line) = &self.line {
+            let of = |name: &str| line.parameters.get(name).copied().unwrap_or_default();
+            let (period_s, amplitude_deg_h) = (of("period_s"), of("amplitude_deg_h"));
+            let _ = model.terms.push(Term::FreeLine { period_s, amplitude_deg_h });
+        }
         model
     }
 }
