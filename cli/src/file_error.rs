@@ -55,6 +55,8 @@ pub enum Problem {
     TimeNotIncreasing { t_s: f64, previous_s: f64 },
     #[error("a single row at t_s = 0 has no interval; give its end, or a second row")]
     NoInterval,
+    #[error("the same recording as {0}: it would count twice")]
+    CopyOf(String),
     #[error("this row lacks a value for column `{0}`")]
     MissingValue(String),
     #[error("the folder is not empty; recordings are never overwritten: name a new folder or empty this one")]

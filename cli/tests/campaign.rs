@@ -132,6 +132,24 @@ fn a_missing_run_is_named() {
 }
 
 #[test]
+fn a_recording_under_two_names_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+    write(
+        "campaign.toml",
+        "format = 1\nlatitude_deg = 1\nrun = [{ file = \"a\" }, { file = \"b\" }, { file = \"c\" }]\n",
+    );
+    write("a", "t_s,index_deg,fog_arcsec\n1,0,1\n");
+    write("b", "t_s,index_deg,fog_arcsec\n1,0,2\n");
+    write("c", "t_s,index_deg,fog_arcsec\n1,0,22\n");
+    let campaign = Campaign::read(folder.path()).unwrap();
+    campaign.check_copies().unwrap();
+    write("c", "t_s,index_deg,fog_arcsec\n1,0,1\n");
+    let error = campaign.check_copies().unwrap_err().to_string();
+    assert!(error.ends_with("/c: the same recording as a: it would count twice"), "{error}");
+}
+
+#[test]
 fn nothing_follows_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.csv");

@@ -1,5 +1,6 @@
 //! Campaigns, format 1: a folder with a `campaign.toml` and runs as CSV files.
 
+mod copies;
 mod manifest;
 mod run_csv;
 mod writer;

@@ -42,6 +42,7 @@ pub struct Diagnose {
 impl Diagnose {
     pub fn run(self) -> Result<(), Failure> {
         let campaign = Campaign::read(&self.campaign)?;
+        campaign.check_copies()?;
         let options = Options { settings: self.settings(&campaign)? };
         let diagnosis = diagnose(&campaign, &options).map_err(|refusal| Failure::Refused(refusal.to_string()))?;
         write(&mut self.json.human(), &diagnosis)?;
