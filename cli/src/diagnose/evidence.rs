@@ -24,7 +24,7 @@ pub fn score(candidate: &Candidate, improvement: f64, rows: usize) -> f64 {
     let rare = match candidate.shape {
         Shape::Harmonic(order) => f64::from(order - 1),
         Shape::LevelBias(_) => 0.5,
-        Shape::Step | Shape::Line => 10.0,
+        Shape::Step | Shape::Line => 5.0,
         _ => 0.0,
     };
     let search = 2.0 * (candidate.grid.len().max(1) as f64).ln();
