@@ -5,6 +5,7 @@ use north_finder::settings::Settings;
 use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
+use super::checks;
 use super::data::RunData;
 use super::residual::Residuals;
 use super::{
@@ -38,6 +39,7 @@ pub fn diagnosis(
     let model = learned.model(&lesson.base(base));
     model.validate().map_err(|invalid| Refusal::Campaign(format!("what was learned makes no model: {invalid}")))?;
     warn_of_lesson(lesson, &mut warnings);
+    checks::warn_of_range(runs, learned, &mut warnings);
 
     let judged_by_checks = runs.iter().any(|run| run.role == Role::Check && run.reference_deg.is_some());
     let mut afters = after(campaign, runs, &model, base, lesson)?;

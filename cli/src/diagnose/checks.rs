@@ -14,6 +14,8 @@ use crate::campaign::Role;
 
 /// Relative amplitude error beyond which latitude and recording do not belong together.
 const AMPLITUDE_LIMIT: f64 = 0.03;
+/// Share of a channel's range that a run may go beyond it.
+const BEYOND: f64 = 0.1;
 /// A reference is an outlier when chance would give one as far out in fewer campaigns than this share.
 const OUTLIER: f64 = 1e-3;
 /// And by at least this much, degrees.
@@ -115,6 +117,35 @@ pub fn warn(runs: &[RunData], constant: &[String], warnings: &mut Vec<Warning>) 
                 line: None,
                 message: format!("no azimuth before: {refusal}"),
             });
+        }
+    }
+}
+
+/// Warns of runs whose channels leave the range that an effect was learned in.
+pub fn warn_of_range(runs: &[RunData], learned: &Learned, warnings: &mut Vec<Warning>) {
+    let range = |run: &RunData, name: &str| {
+        let values = run.channel(name).unwrap_or_default();
+        values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(*value), high.max(*value)))
+    };
+    let mut names: Vec<&str> = learned.taken.iter().filter_map(|each| each.candidate.channel.as_deref()).collect();
+    names.sort_unstable();
+    names.dedup();
+    for name in names {
+        let fit = runs.iter().filter(|run| run.role == Role::Fit).map(|run| range(run, name));
+        let (low, high) = fit.fold((f64::INFINITY, f64::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)));
+        let margin = BEYOND * (high - low);
+        for run in runs.iter().filter(|run| run.role != Role::Fit) {
+            let (lowest, highest) = range(run, name);
+            if lowest < low - margin || highest > high + margin {
+                warnings.push(Warning {
+                    run: Some(run.file.clone()),
+                    line: None,
+                    message: format!(
+                        "`{name}` goes from {lowest:.6} to {highest:.6}; what it does was learned from {low:.6} to \
+                         {high:.6} only"
+                    ),
+                });
+            }
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The outcome in words.
 
-use super::Diagnosis;
+use super::{Diagnosis, RunDiagnosis};
 
 /// The outcome in a sentence or two.
 pub fn sentence(diagnosis: &Diagnosis) -> String {
@@ -18,7 +18,11 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
     };
     let change = match (diagnosis.azimuth_rms_before_deg, diagnosis.azimuth_rms_after_deg) {
         (Some(before), Some(after)) if !names.is_empty() => {
-            format!(": azimuth error {before:.3} deg rms before, {after:.3} deg after")
+            let with_error = |of: fn(&RunDiagnosis) -> bool| diagnosis.runs.iter().filter(|run| of(run)).count();
+            let (had, have) =
+                (with_error(|run| run.error_before_deg.is_some()), with_error(|run| run.error_after_deg.is_some()));
+            let some = if had < have { format!(" (of the {had} runs of {have} that had one)") } else { String::new() };
+            format!(": azimuth error {before:.3} deg rms before{some}, {after:.3} deg after")
         }
         (_, Some(after)) => format!(": azimuth error {after:.3} deg rms"),
         _ => String::new(),
