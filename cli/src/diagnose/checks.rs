@@ -27,12 +27,30 @@ fn warning(message: String) -> Warning {
 
 /// Refuses what makes no sense at all.
 pub fn refuse(runs: &[RunData]) -> Result<(), Refusal> {
+    if runs.iter().all(|run| run.before.is_none())
+        && let Some((run, refusal)) = runs.iter().find_map(|run| Some((run, run.refusal.as_ref()?)))
+        // With accelerometers a base that moves may be what hides the signal, and can be taken out.
+        && (refusal.contains("directions") || runs.iter().all(|run| run.channel("ax_g").is_none()))
+    {
+        return Err(Refusal::Run {
+            run: run.file.clone(),
+            line: None,
+            problem: format!("no run of the campaign gives an azimuth; this one does not because {refusal}"),
+        });
+    }
     let turned: Vec<(f64, f64)> =
         runs.iter().filter_map(|run| Some((run.before?.azimuth_deg, run.reference_deg?))).collect();
     let typical = |sign: f64, offset: f64| {
         median(turned.iter().map(|(found, truth)| wrap_180_deg(found - sign * truth - offset).abs()).collect())
     };
     if turned.len() >= 3 && typical(1.0, 0.0) > 20.0 {
+        let in_degrees: Vec<f64> =
+            turned.iter().map(|(found, truth)| wrap_180_deg(found - truth / RAD_PER_DEG).abs()).collect();
+        if median(in_degrees) < 5.0 {
+            return Err(Refusal::Campaign(
+                "the references fit the azimuths as radians: reference_azimuth_deg must be in degrees".into(),
+            ));
+        }
         if typical(1.0, 180.0) < 5.0 {
             return Err(Refusal::Campaign(
                 "every azimuth is off by about 180 degrees: the gyro's sign is reversed (fog_arcsec counts right-handed \

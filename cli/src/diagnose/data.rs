@@ -34,6 +34,8 @@ pub struct Cell {
     pub temp_c: Option<f64>,
     pub level: Option<Specific>,
     pub moving: bool,
+    /// Rows are missing before it.
+    pub after_gap: bool,
     /// Number of the stay, from 0.
     pub stay: usize,
     /// Line of the file that it begins with.
@@ -67,7 +69,7 @@ pub struct RunData {
 impl RunData {
     /// Cells that enter: those at rest, or in a continuous rotation all.
     pub fn enters(&self, cell: &Cell) -> bool {
-        self.rotation || !cell.moving
+        !cell.after_gap && (self.rotation || !cell.moving)
     }
 
     /// A channel's values by the cell.
@@ -178,11 +180,12 @@ fn read_cells(path: &Path, run: &Run) -> Result<(RunData, Vec<Warning>), Refusal
         rows += 1;
         let usual = *usual_s.get_or_insert(row.interval_s);
         let still = gatherer.last_deg.is_some_and(|last| wrap_180_deg(row.index_deg - last).abs() <= REST_DEG);
-        if rows > 2 && row.interval_s > 2.5 * usual && row.interval_s > 1.0 && still && !gap_warned {
+        let gap = rows > 2 && row.interval_s > 2.5 * usual && row.interval_s > 1.0 && still;
+        if gap && !gap_warned {
             gap_warned = true;
             let message = format!(
-                "a gap of {:.3} s in time within a stay (rows are {usual} s apart): the row's increment is taken to \
-                 cover it; check the recorder",
+                "a gap of {:.3} s in time within a stay (rows are {usual} s apart): nothing is learned from the row after \
+                 it; check the recorder",
                 row.interval_s
             );
             warnings.push(Warning { run: Some(run.file.clone()), line: Some(rows + 1), message });
@@ -190,7 +193,7 @@ fn read_cells(path: &Path, run: &Run) -> Result<(RunData, Vec<Warning>), Refusal
         if rows == 2 {
             usual_s = Some(row.interval_s);
         }
-        gatherer.push(&row, rows + 1);
+        gatherer.push(&row, rows + 1, gap);
         if row.interval_s < 0.9 && raw.len() < MOST_RAW {
             raw.push(crate::solve::replay_row(&row));
         }
@@ -252,9 +255,13 @@ impl Gatherer {
         }
     }
 
-    fn push(&mut self, row: &Row, line: u64) {
+    /// A row after a gap becomes a cell that does not enter.
+    fn push(&mut self, row: &Row, line: u64, gap: bool) {
         let way_deg = self.last_deg.replace(row.index_deg).map_or(0.0, |last| wrap_180_deg(row.index_deg - last));
         let moved = way_deg.abs() > REST_DEG;
+        if gap {
+            self.end();
+        }
         if moved {
             self.end();
             // Where the second row moved, the first one did.
@@ -291,6 +298,9 @@ impl Gatherer {
         self.count += 1;
         if moved || self.sum.seconds >= GATHER_S {
             self.end();
+        }
+        if gap && let Some(cell) = self.cells.last_mut() {
+            cell.after_gap = true;
         }
     }
 

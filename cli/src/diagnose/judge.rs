@@ -101,6 +101,7 @@ pub fn stays_of(run: &RunData, model: &ErrorModel) -> Option<RunData> {
             temp_c: first.temp_c.map(|_| mean(&|i| run.cells[i].temp_c.unwrap_or(0.0))),
             level,
             moving: false,
+            after_gap: false,
             stay: number,
             line: first.line,
         });

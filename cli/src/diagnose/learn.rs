@@ -17,6 +17,9 @@ const ACCEPT_BESIDE: f64 = 1e-3;
 const FORETOLD: f64 = 6.0;
 /// What is left counts as structure below this probability.
 pub const STRUCTURE: f64 = 1e-4;
+/// A candidate that explains this share of what another of the same channel does may be the cause: sensors lag, and no
+/// effect has quite the shape that it is given.
+const NEARLY: f64 = 0.99;
 /// Most effects that are taken.
 const MOST_EFFECTS: usize = 6;
 /// Most candidates among which the power to foretell decides.
@@ -284,13 +287,17 @@ impl Search<'_, '_> {
         let (basis, left) = beside(&self.problem, self.candidates, &self.chosen, i);
         let improvement = improvement(&basis, &left, self.problem.projected(own, constant));
         let own_score = score(own, improvement, self.problem.rows());
+        let nearly = |merit: &Merit| {
+            let channel = &self.candidates[merit.index].channel;
+            channel.is_some() && *channel == own.channel && merit.improvement > NEARLY * improvement
+        };
         let mut found: Vec<Merit> = self
             .merits(&basis, &left)
             .into_iter()
             .filter(|merit| !self.candidates[merit.index].is_kin(own))
-            .filter(|merit| merit.score > own_score - 4.0 * AS_GOOD)
+            .filter(|merit| merit.score > own_score - 4.0 * AS_GOOD || nearly(merit))
             .map(|merit| refine(&self.problem, self.candidates, (&basis, &left), &merit))
-            .filter(|merit| merit.score > own_score - AS_GOOD)
+            .filter(|merit| merit.score > own_score - AS_GOOD || nearly(merit))
             .collect();
         found.sort_by(|a, b| b.score.total_cmp(&a.score));
         found.into_iter().map(|merit| (self.candidates[merit.index].clone(), merit.constant)).collect()

@@ -20,6 +20,16 @@ pub fn evidence(lesson: &Lesson, runs: &[RunData], noise: &NoiseTests) -> Vec<St
             learned.left.sqrt()
         ));
     }
+    // Where nothing may be learned, all runs together are asked.
+    if learned.left_freedom == 0.0 {
+        evidence.extend(
+            noise
+                .after
+                .iter()
+                .filter(|test| matches!(test.name.as_str(), "stays" | "closure") && test.p_value < STRUCTURE)
+                .map(|test| format!("the test `{}` of all runs fails (p = {:.1e})", test.name, test.p_value)),
+        );
+    }
     if !learned.taken.is_empty() && learned.sameness_p_value < STRUCTURE {
         evidence.push(format!("what was found differs from run to run (p = {:.1e})", learned.sameness_p_value));
     }

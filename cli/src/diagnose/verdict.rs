@@ -1,6 +1,7 @@
 //! The outcome in words.
 
 use super::{Diagnosis, RunDiagnosis};
+use crate::campaign::Role;
 
 /// The outcome in a sentence or two.
 pub fn sentence(diagnosis: &Diagnosis) -> String {
@@ -13,6 +14,9 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
         .collect();
     let found = match names.as_slice() {
         [] if diagnosis.unexplained => "The residual is not noise, and no candidate explains it".to_owned(),
+        [] if diagnosis.runs.iter().all(|run| run.role != Role::Fit) => {
+            "Nothing may be learned from these runs".to_owned()
+        }
         [] => "Nothing was found: the residual is noise".to_owned(),
         names => format!("The model lacked {}", names.join(" and ")),
     };
