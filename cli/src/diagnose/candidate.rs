@@ -422,14 +422,19 @@ pub fn all(runs: &[&RunData], constant_channels: &[String]) -> Vec<Candidate> {
 }
 
 /// Knots of splines that may follow a curve: few and many at quantiles of the values, the outer ones at 5 % and 95 %
-/// (Harrell, Regression modeling strategies, 2001, section 2.4.5), and many evenly between the same.
+/// (Harrell, Regression modeling strategies, 2001, section 2.4.5); and many evenly between the same, or in a part of it for a
+/// sharp bend between straight lines.
 fn splines(mut values: Vec<f64>) -> Vec<Numbers> {
     values.sort_unstable_by(f64::total_cmp);
     let at = |share: f64| values[(share * (values.len() - 1) as f64) as usize];
     let quantiles = |count: usize| (0..count).map(|i| at(0.05 + 0.9 * i as f64 / (count - 1) as f64)).collect();
     let (low, high) = (at(0.05), at(0.95));
-    let even = |i: usize| low + (high - low) * i as f64 / (MAX_KNOTS - 1) as f64;
-    let knots: [Vec<f64>; 3] = [quantiles(4), quantiles(MAX_KNOTS), (0..MAX_KNOTS).map(even).collect()];
+    let even = |(from, to): (f64, f64)| {
+        let at = |i: usize| low + (high - low) * (from + (to - from) * i as f64 / (MAX_KNOTS - 1) as f64);
+        (0..MAX_KNOTS).map(at).collect()
+    };
+    let parts = [(0.0, 1.0), (0.0, 0.6), (0.2, 0.8), (0.4, 1.0)];
+    let knots: Vec<Vec<f64>> = [quantiles(4), quantiles(MAX_KNOTS)].into_iter().chain(parts.map(even)).collect();
     let rising = |knots: &&Vec<f64>| knots.windows(2).all(|pair| pair[1] > pair[0]);
     knots.iter().filter(rising).filter_map(|knots| Numbers::new(knots)).collect()
 }
