@@ -31,9 +31,11 @@ firmware: setup
 	cargo build --quiet --profile firmware $(QEMU_BOARD) --bin firmware
 	cargo build --quiet --profile firmware $(F405_BOARD) --bin firmware
 
-## bench: accuracy and cost, as the README's tables (takes minutes)
+## bench: accuracy, calibration, diagnosis and cost, as the README's tables (takes some ten minutes)
 bench: setup
 	cargo run --release -p north -- bench accuracy
+	cargo run --release -p north -- bench calibration
+	cargo run --release -p north -- bench diagnose --campaigns 30
 	cargo run --release -p north -- bench cost
 
 ## flash: build for the STM32F405, flash it and show its log (needs probe-rs and a probe)
