@@ -17,6 +17,15 @@ pub struct TomlFile {
     text: String,
 }
 
+/// The folder of a manifest and its path, given either.
+pub fn locate(path: &Path, manifest: &str) -> (PathBuf, PathBuf) {
+    if path.is_dir() {
+        (path.to_owned(), path.join(manifest))
+    } else {
+        (path.parent().map_or_else(PathBuf::new, Path::to_owned), path.to_owned())
+    }
+}
+
 impl TomlFile {
     /// Reads the file; it must be UTF-8.
     pub fn read(path: &Path) -> Result<Self, FileError> {

@@ -9,7 +9,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use crate::file_error::{FileError, Problem};
-use crate::toml_file::TomlFile;
+use crate::toml_file::{self, TomlFile};
 
 /// Name of the file in its folder.
 pub const MANIFEST: &str = "calibration.toml";
@@ -60,11 +60,7 @@ impl Manifest {
     /// Errors: no such file, not TOML, another format, unknown or missing keys, values that are not allowed, a file listed
     /// twice, no positions.
     pub fn read(path: &Path) -> Result<Self, FileError> {
-        let (folder, manifest) = if path.is_dir() {
-            (path.to_owned(), path.join(MANIFEST))
-        } else {
-            (path.parent().map_or_else(PathBuf::new, Path::to_owned), path.to_owned())
-        };
+        let (folder, manifest) = toml_file::locate(path, MANIFEST);
         let file = TomlFile::read(&manifest)?;
         let raw: Raw = file.parse_format(FORMAT)?;
         raw.check(&file, manifest, &folder)

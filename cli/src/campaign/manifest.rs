@@ -8,7 +8,7 @@ use toml::Spanned;
 
 use super::MANIFEST;
 use crate::file_error::{FileError, Problem};
-use crate::toml_file::TomlFile;
+use crate::toml_file::{self, TomlFile};
 
 /// The format number of the files that this program reads and writes.
 pub(super) const FORMAT: i64 = 1;
@@ -77,11 +77,7 @@ impl Campaign {
     /// Errors: no such file, not TOML, another format, unknown or missing keys, values out of range, a run without a
     /// latitude, a file listed twice.
     pub fn read(path: &Path) -> Result<Self, FileError> {
-        let (folder, manifest) = if path.is_dir() {
-            (path.to_owned(), path.join(MANIFEST))
-        } else {
-            (path.parent().map_or_else(PathBuf::new, Path::to_owned), path.to_owned())
-        };
+        let (folder, manifest) = toml_file::locate(path, MANIFEST);
         let file = TomlFile::read(&manifest)?;
         let raw: Raw = file.parse_format(FORMAT)?;
         raw.check(&file, folder)

@@ -97,7 +97,8 @@ impl<'a> Block<'a> {
     fn solve(&mut self, effects_deg_h: &[f64]) -> Option<()> {
         let (run, reference_deg) = (self.run, self.reference_deg);
         let north = run.earth.north_deg_h;
-        let mut nuisance = nuisance_columns(run, self.line_s);
+        let plain = nuisance_columns(run, self.line_s);
+        let mut nuisance = plain.clone();
         self.y = run.cells.iter().zip(&self.root_weight).map(|(cell, w)| w * level_rate(run, cell)).collect();
         for column in &mut nuisance {
             column.iter_mut().zip(&self.root_weight).for_each(|(value, weight)| *value *= weight);
@@ -125,7 +126,6 @@ impl<'a> Block<'a> {
         let cells = run.cells.len();
         free.iter_mut().flat_map(|column| &mut column[cells..]).for_each(|value| *value = 0.0);
         self.free_basis = orthonormalise(&[], free);
-        let plain = nuisance_columns(run, self.line_s);
         self.smooth_deg_h =
             (0..run.cells.len()).map(|i| found.iter().zip(&plain).map(|(c, column)| c * column[i]).sum()).collect();
         self.nuisance = nuisance;

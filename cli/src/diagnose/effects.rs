@@ -19,7 +19,7 @@ pub fn found(lesson: &Lesson) -> Vec<Effect> {
     let mut taken: Vec<&Taken> = lesson.learned().taken.iter().collect();
     taken.sort_by(|a, b| b.improvement.total_cmp(&a.improvement));
     effects.extend(taken.into_iter().map(effect));
-    effects.extend(lesson.line.clone());
+    effects.extend(lesson.line.map(|line| line.effect()));
     effects
 }
 

@@ -100,22 +100,18 @@ impl Search<'_, '_> {
             .filter(|merit| merit.score > best.score - AS_GOOD)
             .collect();
         let words = &self.candidates[best.index];
-        let kin: Vec<Merit> = merits
-            .iter()
-            .skip(1)
-            .filter(|merit| merit.score > 0.0 && self.candidates[merit.index].is_kin(words))
-            .take(MOST_PEERS)
-            .map(|merit| refine(&self.problem, self.candidates, (&basis, &left), merit))
-            .collect();
         peers.insert(0, best);
         let mut trials: Vec<Trial> = peers.iter().map(|merit| self.trial(merit)).collect();
         // Among those that explain as much the one that foretells best; in a tie the first.
         let first = (1..trials.len())
             .fold(0, |best, i| if trials[i].foretold.gain > trials[best].foretold.gain + FORETOLD { i } else { best });
-        trials.swap(0, first);
-        trials.truncate(1);
         // Where it does not do, the same cause in other words may.
-        trials.extend(kin.iter().map(|merit| self.trial(merit)));
+        let kin = merits
+            .iter()
+            .skip(1)
+            .filter(|merit| merit.score > 0.0 && self.candidates[merit.index].is_kin(words))
+            .take(MOST_PEERS)
+            .map(|merit| self.trial(&refine(&self.problem, self.candidates, (&basis, &left), merit)));
         let accept = if self.chosen.is_empty() { ACCEPT } else { ACCEPT_BESIDE };
         let does = |trial: &Trial| {
             trial.foretold.gain > FORETOLD
@@ -123,7 +119,7 @@ impl Search<'_, '_> {
                 // Two curves in one channel have parts in common, which no fit can tell apart.
                 && coefficients(&self.problem, self.candidates, &trial.chosen).is_some()
         };
-        let Some(trial) = trials.into_iter().find(does) else { return false };
+        let Some(trial) = std::iter::once(trials.swap_remove(first)).chain(kin).find(does) else { return false };
         self.chosen = trial.chosen;
         self.reconsider();
         self.linearise();

@@ -1,5 +1,7 @@
 //! A line with a phase of each run's own: nothing that a model could know beforehand.
 
+use north_finder::model::Term;
+
 use super::Effect;
 use super::data::RunData;
 use super::estimate::Learned;
@@ -12,25 +14,43 @@ use super::statistics::chi_square_tail;
 /// Share of the structure that may be left beside a line.
 const REST: f64 = 0.2;
 
-/// Looks for a line in what the effects leave of these runs: it, and its period in seconds.
-pub fn own(runs: &[&RunData], learned: &Learned) -> Option<(Effect, f64)> {
-    let residuals = Residuals::new(runs.to_vec(), &learned.taken, None);
-    let (period_s, amplitude_deg_h, p_value) = noise::line(runs, &residuals.after)?;
-    let line = Effect {
-        name: "line".into(),
-        kind: "bias",
-        channel: None,
-        parameters: [("period_s".to_owned(), period_s), ("amplitude_deg_h".to_owned(), amplitude_deg_h)].into(),
-        sigma: Default::default(),
-        p_value: p_value.min(1.0),
-        ambiguous_with: Vec::new(),
-        evidence:
-            "a line in the periodogram with a phase of its own in every run: no model can foretell it, but a fix can \
-                   estimate its two parts"
-                .into(),
-        board: true,
-    };
-    Some((line, period_s))
+/// A line with a phase of each run's own.
+#[derive(Clone, Copy, Debug)]
+pub struct OwnLine {
+    pub period_s: f64,
+    pub amplitude_deg_h: f64,
+    p_value: f64,
+}
+
+impl OwnLine {
+    /// Looks for a line in what the effects leave of these runs.
+    pub fn find(runs: &[&RunData], learned: &Learned) -> Option<Self> {
+        let residuals = Residuals::new(runs.to_vec(), &learned.taken, None);
+        let (period_s, amplitude_deg_h, p_value) = noise::line(runs, &residuals.after)?;
+        Some(Self { period_s, amplitude_deg_h, p_value })
+    }
+
+    pub fn term(&self) -> Term {
+        Term::FreeLine { period_s: self.period_s, amplitude_deg_h: self.amplitude_deg_h }
+    }
+
+    pub fn effect(&self) -> Effect {
+        let parameters = [("period_s", self.period_s), ("amplitude_deg_h", self.amplitude_deg_h)];
+        Effect {
+            name: "line".into(),
+            kind: "bias",
+            channel: None,
+            parameters: parameters.map(|(name, value)| (name.to_owned(), value)).into(),
+            sigma: Default::default(),
+            p_value: self.p_value.min(1.0),
+            ambiguous_with: Vec::new(),
+            evidence:
+                "a line in the periodogram with a phase of its own in every run: no model can foretell it, but a fix \
+                       can estimate its two parts"
+                    .into(),
+            board: true,
+        }
+    }
 }
 
 /// Whether a line beside the effects is what was left without it. A slow one shows in the means over blocks of seconds, and

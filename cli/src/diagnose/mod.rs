@@ -37,6 +37,7 @@ use block::Block;
 use candidate::Shape;
 use data::RunData;
 use estimate::Learned;
+use line::OwnLine;
 use problem::Problem;
 
 /// What may be chosen.
@@ -67,7 +68,7 @@ struct Lesson {
     /// Where the base moves: how the accelerometers feel it, and what the stays then show.
     by_stay: Option<(Sensing, Learned)>,
     /// A line with a phase of each run's own.
-    line: Option<Effect>,
+    line: Option<OwnLine>,
     /// Files whose reference does not fit, with its error in degrees.
     bad_references: Vec<(String, f64)>,
     /// Lines of cells that were left out because they jump.
@@ -87,7 +88,7 @@ impl Lesson {
 
     /// Period of a line with a phase of each run's own, seconds.
     fn line_s(&self) -> Option<f64> {
-        self.line.as_ref().and_then(|line| line.parameters.get("period_s").copied())
+        self.line.map(|line| line.period_s)
     }
 
     /// The model below the learned effects.
@@ -96,10 +97,8 @@ impl Lesson {
         if let Some((Sensing { velocity, lag_s }, _)) = self.by_stay {
             let _ = model.terms.push(Term::BaseMotion { velocity, lag_s });
         }
-        if let Some(line) = &self.line {
-            let of = |name: &str| line.parameters.get(name).copied().unwrap_or_default();
-            let (period_s, amplitude_deg_h) = (of("period_s"), of("amplitude_deg_h"));
-            let _ = model.terms.push(Term::FreeLine { period_s, amplitude_deg_h });
+        if let Some(line) = self.line {
+            let _ = model.terms.push(line.term());
         }
         model
     }
@@ -147,9 +146,9 @@ fn study(runs: &[&RunData], base: &ErrorModel, constant: &[String]) -> Lesson {
             .map(|sensing| (sensing, study_stays(runs, base, constant, &distrusted, sensing)));
         return lesson;
     }
-    if let Some((line, period_s)) = line::own(runs, &lesson.by_second) {
-        let beside = learn::learn(blocks_of(runs, &distrusted, Some(period_s)), &candidates);
-        if line::explains(period_s, &lesson.by_second, &beside) {
+    if let Some(line) = OwnLine::find(runs, &lesson.by_second) {
+        let beside = learn::learn(blocks_of(runs, &distrusted, Some(line.period_s)), &candidates);
+        if line::explains(line.period_s, &lesson.by_second, &beside) {
             lesson.by_second = beside;
             lesson.line = Some(line);
         }
