@@ -22,17 +22,17 @@
 #[cfg(test)]
 extern crate std;
 
-pub mod azimuth;
 pub mod calibration;
 pub mod drivers;
 pub mod earth;
+pub mod effects;
 pub mod event;
+pub mod fix;
 pub mod frame;
 pub mod gates;
 pub mod health;
 pub mod level;
 pub mod link;
-pub mod model;
 pub mod pipeline;
 pub mod replay;
 pub mod sample;

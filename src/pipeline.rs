@@ -5,11 +5,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration::ellipsoid::Correction;
 use crate::calibration::field::Session;
+use crate::effects::{Conditions, Evaluator};
 use crate::event::{Event, Report, Second, State};
 use crate::frame::FrameReader;
 use crate::health::{Counters, Fault, Refused};
 use crate::level::{LevelSecond, LevelSensor, Specific};
-use crate::model::{Conditions, Evaluator};
 use crate::sample::{RateSecond, SAMPLE_S, SAMPLES_PER_SECOND, Sampler};
 use crate::sequence::{IndexSecond, SecondInput, Sequencer};
 use crate::settings::{Settings, store::Loaded};

@@ -5,14 +5,14 @@
 //! the jitter gate would have waited. If the index moved most of the time, the recording is a continuous rotation, and
 //! every second counts at its own angle. The error model and the solution are those of the live instrument.
 
-use crate::azimuth::dwell::{DwellRows, DwellSummary, Row as DwellRow};
-use crate::azimuth::{self, Unsolvable};
 use crate::earth::{EarthRate, earth_rate};
+use crate::effects::{Conditions, Correction, Evaluator, MAX_CHANNELS};
 use crate::event::{Dwell, Event, Fix, Report};
+use crate::fix::dwell::{DwellRows, DwellSummary, Row as DwellRow};
+use crate::fix::{self, Unsolvable};
 use crate::gates::{DisturbanceGate, Verdict};
 use crate::health::{Fault, Flag, Flags};
 use crate::level::Specific;
-use crate::model::{Conditions, Correction, Evaluator, MAX_CHANNELS};
 use crate::pipeline::Sink;
 use crate::settings::Settings;
 use crate::units::{RAD_PER_DEG, sin_cos_deg, wrap_180_deg};
@@ -144,7 +144,7 @@ impl<'a> Replay<'a> {
         self.push_with_channels(row, [f64::NAN; MAX_CHANNELS], report)
     }
 
-    /// Takes the next row and further channels, in the order of [`crate::model::ErrorModel::channels`]; not-a-number where
+    /// Takes the next row and further channels, in the order of [`crate::effects::ErrorModel::channels`]; not-a-number where
     /// one is absent.
     pub fn push_with_channels(
         &mut self,
@@ -189,7 +189,7 @@ impl<'a> Replay<'a> {
             }
         }
         let summaries = self.slots.get(..chosen).unwrap_or_default();
-        let solution = azimuth::solve(summaries, self.earth, &self.settings).map_err(Refusal::Unsolvable)?;
+        let solution = fix::solve(summaries, self.earth, &self.settings).map_err(Refusal::Unsolvable)?;
         let fix = Fix::new(&solution, self.flags);
         report(Report { t_s: self.gathering.end_s, event: Event::Fix(fix) });
         Ok(fix)

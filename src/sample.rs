@@ -5,9 +5,9 @@
 //! them and the second is used, counted as repaired. With more it is left out, counted, and the dwell lasts a second
 //! longer. No second is silently the mean of fewer samples.
 
+use crate::effects::Conditions;
 use crate::frame::Frame;
 use crate::health::Counters;
-use crate::model::Conditions;
 use crate::settings::GyroSettings;
 
 /// Samples in a second.

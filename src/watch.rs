@@ -76,7 +76,7 @@ impl GyroWatch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::{Conditions, MAX_CHANNELS};
+    use crate::effects::{Conditions, MAX_CHANNELS};
 
     const GOOD: RateSecond = RateSecond {
         fog_arcsec: 12.0,

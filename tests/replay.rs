@@ -7,8 +7,8 @@ use std::sync::atomic::AtomicBool;
 
 use common::{fix, run, setup};
 use north::engine::host;
-use north_finder::azimuth::dwell::DwellSummary;
 use north_finder::event::{Event, Report};
+use north_finder::fix::dwell::DwellSummary;
 use north_finder::pipeline::{Command, Pipeline, Readings};
 use north_finder::replay::{Replay, Row};
 use north_finder::settings::store::Loaded;

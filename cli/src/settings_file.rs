@@ -6,7 +6,7 @@ use std::path::Path;
 
 use hal_sim::Scenario;
 use hal_sim::scenario::GyroFormat as SimulatedFormat;
-use north_finder::model::ErrorModel;
+use north_finder::effects::ErrorModel;
 use north_finder::settings::{GyroFormat, Invalid, Settings};
 
 use crate::file_error::{FileError, Problem};

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use north_finder::azimuth::dwell::DwellSummary;
+use north_finder::effects::{ChannelName, MAX_CHANNELS, channel};
 use north_finder::event::{Dwell, Event, Fix};
-use north_finder::model::{ChannelName, MAX_CHANNELS, channel};
+use north_finder::fix::dwell::DwellSummary;
 use north_finder::replay::{Refusal, Replay, Row as ReplayRow};
 use north_finder::settings::Settings;
 

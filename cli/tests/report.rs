@@ -8,7 +8,7 @@ use north::diagnose::{
     Candidate, Diagnosis, Effect, Experiment, NoiseTests, Rejected, RunDiagnosis, RunSeries, Spectra, Test, Warning,
     report,
 };
-use north_finder::model::ErrorModel;
+use north_finder::effects::ErrorModel;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

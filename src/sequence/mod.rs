@@ -8,10 +8,10 @@ pub mod turn;
 
 use heapless::Vec;
 
-use crate::azimuth::dwell::{DwellRows, DwellSummary, Row};
-use crate::azimuth::{self, Solution};
 use crate::earth::{EarthRate, earth_rate};
 use crate::event::{Dwell, Event, Fix, State};
+use crate::fix::dwell::{DwellRows, DwellSummary, Row};
+use crate::fix::{self, Solution};
 use crate::gates::{DisturbanceGate, JitterGate, Verdict};
 use crate::health::{Counters, Fault, Flag, Flags};
 use crate::level::{LevelSecond, Tilt};
@@ -21,7 +21,7 @@ use crate::settings::Settings;
 use order::Position;
 use turn::{IndexAngle, Progress, Turn};
 
-/// Most stays that a fix can have; one longer than [`azimuth::dwell::MAX_ROWS`] seconds counts several times.
+/// Most stays that a fix can have; one longer than [`fix::dwell::MAX_ROWS`] seconds counts several times.
 pub const MAX_DWELLS: usize = 64;
 /// Seconds in a row without the accelerometers, or out of level while measuring, that end a fix.
 const PATIENCE_SECONDS: u16 = 3;
@@ -288,8 +288,8 @@ impl Sequencer {
     fn target_deg(&self) -> Option<f64> {
         match self.settings.sequence.order.position(self.position)? {
             Position::At { index_deg, .. } => Some(index_deg),
-            Position::East => self.coarse_azimuth_deg.map(azimuth::east_index_deg),
-            Position::West => self.coarse_azimuth_deg.map(azimuth::west_index_deg),
+            Position::East => self.coarse_azimuth_deg.map(fix::east_index_deg),
+            Position::West => self.coarse_azimuth_deg.map(fix::west_index_deg),
         }
     }
 
@@ -424,7 +424,7 @@ impl Sequencer {
     }
 
     fn steer_east_west(&mut self, t_s: f64, sink: Sink) -> Option<MotorCommand> {
-        match azimuth::solve(&self.dwells, self.earth, &self.settings) {
+        match fix::solve(&self.dwells, self.earth, &self.settings) {
             Ok(Solution { azimuth_deg, sigma_deg, .. }) => {
                 sink(Event::Coarse { azimuth_deg, sigma_deg });
                 self.coarse_azimuth_deg = Some(azimuth_deg);
@@ -435,7 +435,7 @@ impl Sequencer {
     }
 
     fn finish(&mut self, t_s: f64, counters: &Counters, sink: Sink) -> Option<MotorCommand> {
-        match azimuth::solve(&self.dwells, self.earth, &self.settings) {
+        match fix::solve(&self.dwells, self.earth, &self.settings) {
             Ok(solution) => {
                 sink(Event::Health(*counters));
                 sink(Event::Fix(Fix::new(&solution, self.flags)));

@@ -10,9 +10,9 @@ use serde::{Deserialize, Serialize};
 
 use accelerometer::AccelerometerCalibration;
 
-use crate::azimuth::dwell::MAX_ROWS;
 use crate::earth::{EARTH_RATE_DEG_H, LatitudeError, earth_rate};
-use crate::model::ErrorModel;
+use crate::effects::ErrorModel;
+use crate::fix::dwell::MAX_ROWS;
 use crate::sequence::MAX_DWELLS;
 use crate::sequence::order::Order;
 

@@ -2,11 +2,11 @@
 
 use hal_sim::scenario::{Accelerometer, Base, Encoder, Gyro, Site};
 use hal_sim::seconds::{Dwell, Row as SimulatedRow, SecondsGenerator, SiteAndGyro};
-use north_finder::azimuth::dwell::DwellSummary;
-use north_finder::azimuth::{east_index_deg, west_index_deg};
+use north_finder::effects::ErrorModel;
 use north_finder::event::Fix;
+use north_finder::fix::dwell::DwellSummary;
+use north_finder::fix::{east_index_deg, west_index_deg};
 use north_finder::health::Flag;
-use north_finder::model::ErrorModel;
 use north_finder::replay::{Refusal, Replay, Row};
 use north_finder::settings::Settings;
 use rand::{RngExt, SeedableRng};

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use hal_sim::undeclared::{Hidden, Instrument};
 use indicatif::ProgressBar;
-use north_finder::model::ErrorModel;
+use north_finder::effects::ErrorModel;
 use north_finder::settings::Settings;
 use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;

@@ -1,6 +1,6 @@
 //! From what was learned to the diagnosis: azimuths, residuals, words.
 
-use north_finder::model::ErrorModel;
+use north_finder::effects::ErrorModel;
 use north_finder::settings::Settings;
 use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;

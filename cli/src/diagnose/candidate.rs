@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use north_finder::model::spline::{MAX_KNOTS, Numbers};
-use north_finder::model::{ChannelName, Conditions, DeadZoneForm, ErrorModel, Evaluator, MAX_CHANNELS, Term};
+use north_finder::effects::spline::{MAX_KNOTS, Numbers};
+use north_finder::effects::{ChannelName, Conditions, DeadZoneForm, ErrorModel, Evaluator, MAX_CHANNELS, Term};
 use north_finder::units::ARCSEC_PER_RAD;
 
 use super::data::RunData;

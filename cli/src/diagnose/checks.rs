@@ -1,7 +1,7 @@
 //! Doubts about a campaign, before anything is learned from it.
 
 use north_finder::earth::EARTH_RATE_DEG_H;
-use north_finder::model::ErrorModel;
+use north_finder::effects::ErrorModel;
 use north_finder::units::{RAD_PER_DEG, wrap_180_deg};
 
 use super::candidate::{Candidate, Shape};

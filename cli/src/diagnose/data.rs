@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use north_finder::azimuth::dwell::DwellSummary;
 use north_finder::earth::{EarthRate, earth_rate};
+use north_finder::effects::{ErrorModel, MAX_CHANNELS};
 use north_finder::event::{Dwell, Event, Fix, Report};
+use north_finder::fix::dwell::DwellSummary;
 use north_finder::level::Specific;
-use north_finder::model::{ErrorModel, MAX_CHANNELS};
 use north_finder::replay::{Replay, Row as ReplayRow};
 use north_finder::settings::Settings;
 use north_finder::units::{RAD_PER_DEG, sin_cos_deg, wrap_180_deg};

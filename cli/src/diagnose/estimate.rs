@@ -1,6 +1,6 @@
 //! The chosen effects together: coefficients, constants, their sigmas, and what would explain as much.
 
-use north_finder::model::ErrorModel;
+use north_finder::effects::ErrorModel;
 
 use super::candidate::{Candidate, Columns, Shape};
 use super::evidence::{by_references, improvement, score};

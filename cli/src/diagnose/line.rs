@@ -1,6 +1,6 @@
 //! A line with a phase of each run's own: nothing that a model could know beforehand.
 
-use north_finder::model::Term;
+use north_finder::effects::Term;
 
 use super::Effect;
 use super::data::RunData;

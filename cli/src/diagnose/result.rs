@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use north_finder::model::ErrorModel;
+use north_finder::effects::ErrorModel;
 use serde::Serialize;
 
 use crate::campaign::Role;

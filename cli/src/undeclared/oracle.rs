@@ -9,7 +9,7 @@
 //! Beside it stands what cannot be had: the azimuths of the rows in which the effect never was.
 
 use hal_sim::undeclared::{Campaign, Part, Row, Run};
-use north_finder::azimuth::dwell::DwellSummary;
+use north_finder::fix::dwell::DwellSummary;
 use north_finder::replay::{Refusal, Replay, Row as ReplayRow};
 use north_finder::settings::Settings;
 

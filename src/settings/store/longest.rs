@@ -2,8 +2,8 @@
 
 use heapless::Vec;
 
-use crate::model::spline::{MAX_KNOTS, Numbers};
-use crate::model::{ChannelName, ErrorModel, MAX_TERMS, Term};
+use crate::effects::spline::{MAX_KNOTS, Numbers};
+use crate::effects::{ChannelName, ErrorModel, MAX_TERMS, Term};
 use crate::sequence::order::{MAX_POSITIONS, Order};
 use crate::settings::Settings;
 use crate::settings::accelerometer::AccelerometerCalibration;

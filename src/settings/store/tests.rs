@@ -5,7 +5,7 @@ use std::vec::Vec;
 use embedded_storage::nor_flash::{ErrorType, NorFlashError, NorFlashErrorKind, check_erase, check_read, check_write};
 
 use super::*;
-use crate::model::{ErrorModel, Term};
+use crate::effects::{ErrorModel, Term};
 use crate::settings::accelerometer::AccelerometerCalibration;
 
 /// Smallest of the boards.

@@ -3,9 +3,9 @@
 use std::sync::OnceLock;
 
 use hal_sim::Scenario;
+use north_finder::effects::spline::Numbers;
+use north_finder::effects::{ChannelName, ErrorModel, MAX_TERMS, Term};
 use north_finder::event::{Event, Report, State};
-use north_finder::model::spline::Numbers;
-use north_finder::model::{ChannelName, ErrorModel, MAX_TERMS, Term};
 use north_finder::pipeline::Command;
 use north_finder::settings::Settings;
 

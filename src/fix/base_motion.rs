@@ -208,7 +208,7 @@ fn observations(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::azimuth::dwell::{DwellRows, Row};
+    use crate::fix::dwell::{DwellRows, Row};
     use crate::level::Specific;
 
     /// Eight stays of 30 s, 8 s apart, on a base that tilts by `pitch_arcsec(t)`; the sensor's noise is a fixed zigzag

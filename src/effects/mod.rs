@@ -17,8 +17,8 @@ pub use term::{DeadZoneForm, Term};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-use crate::azimuth::free_line::FreeLine;
-use crate::azimuth::moving_base::Sensing;
+use crate::fix::free_line::FreeLine;
+use crate::fix::moving_base::Sensing;
 use crate::settings::Invalid;
 
 /// Most terms that a model can have.

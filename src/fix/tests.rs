@@ -5,7 +5,7 @@ use std::vec::Vec;
 use super::dwell::{DwellSummary, Line};
 use super::*;
 use crate::earth::earth_rate;
-use crate::model::Term;
+use crate::effects::Term;
 use crate::units::wrap_180_deg;
 
 /// A stay of 60 s at an index angle, beginning at `start_s`, with a fixed small scatter: 58 degrees of freedom at a

@@ -22,9 +22,9 @@ mod tests;
 use nalgebra::{Matrix4, Vector4};
 
 use crate::earth::EarthRate;
+use crate::effects::ErrorModel;
 use crate::health::{Flag, Flags};
 use crate::level::{Specific, Tilt};
-use crate::model::ErrorModel;
 use crate::settings::Settings;
 use crate::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_180_deg, wrap_360_deg};
 use base_motion::{BaseMotion, Method};
