@@ -2,159 +2,158 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What ends a fix without an azimuth. The numbers are stable: they are on the link and in the manual.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, defmt::Format)]
-#[repr(u8)]
-pub enum Fault {
-    SettingsMissing = 1,
-    SettingsCorrupt = 2,
-    SettingsInvalid = 3,
-    NearPole = 4,
-    NotLevel = 10,
-    Disturbed = 11,
-    Jitter = 12,
-    LevelLost = 13,
-    MotorStall = 20,
-    WrongAngle = 21,
-    EncoderFailed = 22,
-    AccelerometerFailed = 23,
-    GyroSilent = 30,
-    GyroInvalid = 31,
-    GyroSaturated = 32,
-    GyroClock = 33,
-    GyroStuck = 35,
-    LinkPoor = 34,
-    OutOfTime = 40,
-    Aborted = 41,
-    Unsolvable = 42,
+/// Declares an enum of stable codes: each with its number, its lower-case name, what it means and what to do about it. The
+/// firmware, the monitor, the JSON and the documentation read the same table.
+macro_rules! codes {
+    ($(#[$outer:meta])* $kind:ident { $($variant:ident = $code:literal, $name:literal, $meaning:literal, $remedy:literal;)* }) => {
+        $(#[$outer])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, defmt::Format)]
+        #[repr(u8)]
+        pub enum $kind {
+            $(#[doc = $meaning] $variant = $code,)*
+        }
+
+        impl $kind {
+            /// All of them, by rising code.
+            pub const ALL: &'static [Self] = &[$(Self::$variant),*];
+
+            /// Number, stable: it is on the link and in the manual.
+            pub fn code(self) -> u8 {
+                self as u8
+            }
+
+            /// Lower-case name, stable: files and tools depend on it.
+            pub fn name(self) -> &'static str {
+                match self { $(Self::$variant => $name,)* }
+            }
+
+            /// What it means, for a person.
+            pub fn meaning(self) -> &'static str {
+                match self { $(Self::$variant => $meaning,)* }
+            }
+
+            /// What a person can do about it.
+            pub fn remedy(self) -> &'static str {
+                match self { $(Self::$variant => $remedy,)* }
+            }
+        }
+    };
 }
 
-impl Fault {
-    /// Lower-case name, stable.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::SettingsMissing => "settings-missing",
-            Self::SettingsCorrupt => "settings-corrupt",
-            Self::SettingsInvalid => "settings-invalid",
-            Self::NearPole => "near-pole",
-            Self::NotLevel => "not-level-in-time",
-            Self::Disturbed => "disturbed-too-long",
-            Self::Jitter => "jitter-too-long",
-            Self::LevelLost => "level-lost",
-            Self::MotorStall => "motor-stall",
-            Self::WrongAngle => "wrong-angle",
-            Self::EncoderFailed => "encoder-failed",
-            Self::AccelerometerFailed => "accelerometer-failed",
-            Self::GyroSilent => "gyro-silent",
-            Self::GyroInvalid => "gyro-invalid",
-            Self::GyroSaturated => "gyro-saturated",
-            Self::GyroClock => "gyro-clock",
-            Self::GyroStuck => "gyro-stuck",
-            Self::LinkPoor => "gyro-link-poor",
-            Self::OutOfTime => "out-of-time",
-            Self::Aborted => "aborted",
-            Self::Unsolvable => "unsolvable",
-        }
+codes! {
+    /// What ends a fix without an azimuth.
+    Fault {
+        SettingsMissing = 1, "settings-missing",
+            "no settings are stored: the latitude is not known",
+            "load the settings, with the latitude of the site";
+        SettingsCorrupt = 2, "settings-corrupt",
+            "the stored settings fail their check",
+            "load the settings again; if it happens twice, the flash is worn: replace the board";
+        SettingsInvalid = 3, "settings-invalid",
+            "the stored settings make no sense together",
+            "correct the values that are named and load the settings again";
+        NearPole = 4, "near-pole",
+            "within 1 degree of a pole there is no horizontal Earth rate to find north by",
+            "use another method at this latitude; if the instrument is elsewhere, correct the latitude";
+        NotLevel = 10, "not-level-in-time",
+            "the instrument was not levelled in time",
+            "level it until pitch and roll are inside the limit, then start again";
+        Disturbed = 11, "disturbed-too-long",
+            "the base did not come to rest before the time limit of the disturbance gate",
+            "stop engines, keep away from the tripod, shield it from wind; if the base is still, the gyro's bias is beyond its declared limit";
+        Jitter = 12, "jitter-too-long",
+            "the rate did not come to rest after a move before the time limit of the jitter gate",
+            "look for vibration; if the base is still, the jitter threshold is too small for this gyro: take it from a still recording";
+        LevelLost = 13, "level-lost",
+            "the instrument left the level limit while measuring",
+            "set the tripod on firm ground, level again and start again";
+        MotorStall = 20, "motor-stall",
+            "the encoder does not follow the motor",
+            "free the spindle and its cable, check motor supply and coupling";
+        WrongAngle = 21, "wrong-angle",
+            "the encoder shows another angle than the commanded one after all retries",
+            "check the coupling between motor, spindle and encoder, and the angle tolerance";
+        EncoderFailed = 22, "encoder-failed",
+            "the encoder gives no valid or no changing reading",
+            "check the encoder's cable, supply and magnet";
+        AccelerometerFailed = 23, "accelerometer-failed",
+            "the accelerometer gives no valid or no changing reading",
+            "check the accelerometer's cable and supply";
+        GyroSilent = 30, "gyro-silent",
+            "no frame comes from the gyro",
+            "check the gyro's supply, cable, baud rate and frame format";
+        GyroInvalid = 31, "gyro-invalid",
+            "the gyro declares its data invalid",
+            "let the gyro warm up; if it goes on, the gyro needs service";
+        GyroSaturated = 32, "gyro-saturated",
+            "the gyro's rate is beyond its range",
+            "keep the instrument still; if it is still, check the declared range and the frame format";
+        GyroClock = 33, "gyro-clock",
+            "the gyro does not send 400 frames a second by the instrument's clock",
+            "check that the gyro is triggered by the instrument, or set its output rate to 400 Hz";
+        LinkPoor = 34, "gyro-link-poor",
+            "too many seconds in a row lost too many frames",
+            "check the gyro's cable, its screen and its ground";
+        GyroStuck = 35, "gyro-stuck",
+            "the gyro repeats the same increment",
+            "switch the gyro off and on; if it goes on, the gyro needs service";
+        OutOfTime = 40, "out-of-time",
+            "the fix took longer than its time limit",
+            "remove what disturbs it, or allow more time";
+        Aborted = 41, "aborted",
+            "stopped by command",
+            "start again when ready";
+        Unsolvable = 42, "unsolvable",
+            "the collected rates do not determine an azimuth",
+            "start again; if it happens again, check that the gyro senses rotation and that the latitude is right";
     }
-
-    /// What happened, for a person.
-    pub fn explain(self) -> &'static str {
-        match self {
-            Self::SettingsMissing => "no settings are stored: the latitude is not known",
-            Self::SettingsCorrupt => "the stored settings fail their check: load them again",
-            Self::SettingsInvalid => "the stored settings make no sense together: load corrected ones",
-            Self::NearPole => "within 1 degree of a pole there is no horizontal Earth rate to find north by",
-            Self::NotLevel => "the instrument was not levelled in time",
-            Self::Disturbed => "the base did not come to rest before the time-out of the disturbance gate",
-            Self::Jitter => "the rate did not come to rest after a move before the time-out of the jitter gate",
-            Self::LevelLost => "the instrument left the level limit while measuring",
-            Self::MotorStall => "the encoder does not follow the motor",
-            Self::WrongAngle => "the encoder shows another angle than the commanded one after all retries",
-            Self::EncoderFailed => "the encoder gives no valid or no changing reading",
-            Self::AccelerometerFailed => "the accelerometer gives no valid or no changing reading",
-            Self::GyroSilent => "no frame from the gyro",
-            Self::GyroInvalid => "the gyro declares its data invalid",
-            Self::GyroSaturated => "the gyro's rate is beyond its range",
-            Self::GyroClock => "the gyro does not send 400 frames a second by the instrument's clock",
-            Self::GyroStuck => "the gyro repeats the same increment",
-            Self::LinkPoor => "too many seconds in a row lost too many frames",
-            Self::OutOfTime => "the fix took longer than its time limit",
-            Self::Aborted => "stopped by command",
-            Self::Unsolvable => "the collected rates do not determine an azimuth",
-        }
-    }
 }
 
-/// A doubt that an azimuth carries.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, defmt::Format)]
-#[repr(u8)]
-pub enum Flag {
-    /// No error model from a calibration is stored.
-    Uncalibrated = 0,
-    /// The disturbance gate had to wait.
-    Disturbed = 1,
-    /// The jitter gate had to wait.
-    Jitter = 2,
-    /// Seconds were left out of the solution because the rate jumped in them.
-    Knocked = 3,
-    /// Seconds were repaired or left out because frames were lost.
-    FramesLost = 4,
-    /// The base turned while measuring; the accelerometers' measure of it was taken out.
-    BaseMotion = 5,
-    /// The bias drifted more than declared; the drift was estimated.
-    Drift = 6,
-    /// The rates do not fit a level-plane sinusoid within their noise.
-    Misfit = 7,
-    /// The horizontal rate differs from Ω cos φ: wrong latitude, scale factor or a disturbed fix.
-    Amplitude = 8,
-    /// Tilt was not measured and is taken as zero.
-    TiltUnknown = 9,
-    /// The scatter is well above the declared noise.
-    Noisy = 10,
-    /// The temperature changed while measuring, and the error model does not cover it.
-    Temperature = 11,
-    /// The angles leave no redundancy: nothing would show an error.
-    NoRedundancy = 12,
-    /// The rate wanders inside the stays instead of scattering: something that is not white noise.
-    Wandering = 13,
-}
-
-impl Flag {
-    const ALL: [Flag; 14] = [
-        Self::Uncalibrated,
-        Self::Disturbed,
-        Self::Jitter,
-        Self::Knocked,
-        Self::FramesLost,
-        Self::BaseMotion,
-        Self::Drift,
-        Self::Misfit,
-        Self::Amplitude,
-        Self::TiltUnknown,
-        Self::Noisy,
-        Self::Temperature,
-        Self::NoRedundancy,
-        Self::Wandering,
-    ];
-
-    /// Lower-case name, stable.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Uncalibrated => "uncalibrated",
-            Self::Disturbed => "disturbed",
-            Self::Jitter => "jitter",
-            Self::Knocked => "knocked",
-            Self::FramesLost => "frames-lost",
-            Self::BaseMotion => "base-motion",
-            Self::Drift => "drift",
-            Self::Misfit => "misfit",
-            Self::Amplitude => "amplitude",
-            Self::TiltUnknown => "tilt-unknown",
-            Self::Noisy => "noisy",
-            Self::Temperature => "temperature",
-            Self::NoRedundancy => "no-redundancy",
-            Self::Wandering => "wandering",
-        }
+codes! {
+    /// A doubt that an azimuth carries. The code is also its bit in [`Flags`].
+    Flag {
+        Uncalibrated = 0, "uncalibrated",
+            "no error model from a calibration is stored",
+            "calibrate, or take the azimuth with the gyro's declared errors in mind";
+        Disturbed = 1, "disturbed",
+            "the disturbance gate had to wait for the base to come to rest",
+            "nothing, if it was a passing disturbance; else find its source";
+        Jitter = 2, "jitter",
+            "the jitter gate had to wait after a move",
+            "nothing, if it is rare; else look for a loose drive or for wind";
+        Shock = 3, "shock",
+            "seconds were left out of the solution because the rate jumped in them",
+            "keep away from the tripod while it measures";
+        FramesLost = 4, "frames-lost",
+            "seconds were repaired or left out because gyro frames were lost",
+            "check the gyro's cable";
+        BaseMotion = 5, "base-motion",
+            "the base turned while measuring; what the accelerometers saw of it was taken out",
+            "set the tripod on firm ground and let it settle before a fix that must be as good as possible";
+        Drift = 6, "drift",
+            "the bias drifted more than declared; the drift was estimated",
+            "let the gyro warm up, and use an order that cancels drift";
+        Misfit = 7, "misfit",
+            "the rates do not fit the Earth's rotation within their noise",
+            "repeat the fix; if it stays, record a campaign and diagnose it";
+        Amplitude = 8, "amplitude",
+            "the horizontal rate is not that of the Earth at this latitude",
+            "check the latitude and the gyro's scale factor";
+        TiltUnknown = 9, "tilt-unknown",
+            "the tilt was not measured and is taken as zero",
+            "level by the bubble, or add level accelerometers";
+        Noisy = 10, "noisy",
+            "the scatter is well above the declared noise",
+            "look for vibration; if the base is still, declare the gyro's noise from a still recording";
+        Temperature = 11, "temperature",
+            "the temperature changed while measuring, and the error model does not cover it",
+            "let the instrument take the temperature of the site, or calibrate it over temperature";
+        NoRedundancy = 12, "no-redundancy",
+            "the angles leave no redundancy: nothing would show an error",
+            "measure at more than three directions";
+        Autocorrelated = 13, "autocorrelated",
+            "neighbouring seconds of a dwell are alike: something other than white noise acts",
+            "repeat the fix with the instrument at its final temperature; if it stays, record a campaign and diagnose it";
     }
 }
 
@@ -180,7 +179,7 @@ impl Flags {
     }
 
     pub fn iter(self) -> impl Iterator<Item = Flag> {
-        Flag::ALL.into_iter().filter(move |&flag| self.contains(flag))
+        Flag::ALL.iter().copied().filter(move |&flag| self.contains(flag))
     }
 }
 

@@ -60,7 +60,7 @@ pub enum Refusal {
 impl core::fmt::Display for Refusal {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
-            Self::Settings(fault) => f.write_str(fault.explain()),
+            Self::Settings(fault) => f.write_str(fault.meaning()),
             Self::Full => f.write_str("the recording has more stays than there is room for"),
             Self::Unsolvable(reason) => reason.fmt(f),
         }

@@ -87,7 +87,7 @@ fn jitter_is_reported_and_waited_for() {
 fn knocks_are_left_out_and_the_dwell_lasts_longer() {
     let (outcome, reports) = run(&setup("knocks-during-dwell", 1));
     let (fix, _) = fix(&outcome);
-    assert!(fix.flags.contains(Flag::Knocked));
+    assert!(fix.flags.contains(Flag::Shock));
     assert!(
         reports.iter().any(|report| matches!(report.event, Event::Health(counters) if counters.seconds_knocked > 0))
     );

@@ -234,7 +234,7 @@ pub fn solve(dwells: &[DwellSummary], earth: EarthRate, settings: &Settings) -> 
     }
     let wandering = wandering(dwells);
     if wandering > 1.0 {
-        flags.insert(Flag::Wandering);
+        flags.insert(Flag::Autocorrelated);
     }
 
     let determined = if drift.free { 4 } else { 3 };
@@ -270,7 +270,7 @@ pub fn solve(dwells: &[DwellSummary], earth: EarthRate, settings: &Settings) -> 
         flags.insert(Flag::BaseMotion);
     }
     if dwells.iter().any(|dwell| dwell.knocked > 0) {
-        flags.insert(Flag::Knocked);
+        flags.insert(Flag::Shock);
     }
     let tilt = mean_tilt(dwells);
     if tilt.is_none() {

@@ -188,7 +188,7 @@ fn noise_that_wanders_inside_the_stays_is_flagged_and_widens_sigma() {
         dwell.rate.neighbours *= 0.5;
     }
     let wandering = solve_at(60.0, &dwells);
-    assert!(wandering.flags.contains(Flag::Wandering));
+    assert!(wandering.flags.contains(Flag::Autocorrelated));
     assert!(wandering.sigma_deg > 1.5 * good.sigma_deg && wandering.azimuth_deg == good.azimuth_deg);
 }
 

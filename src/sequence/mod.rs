@@ -362,7 +362,7 @@ impl Sequencer {
     /// A second in which the rate jumped is left out; as many in a row as make jitter send the state back to settling.
     fn knocked(&mut self, rate_deg_h: f64, t_s: f64, counters: &mut Counters, sink: Sink) -> Option<MotorCommand> {
         counters.seconds_knocked = counters.seconds_knocked.saturating_add(1);
-        self.flags.insert(Flag::Knocked);
+        self.flags.insert(Flag::Shock);
         self.knock_run += 1;
         if self.knock_run >= self.settings.jitter.seconds {
             let change_deg_h = rate_deg_h - self.last_collected_deg_h.unwrap_or(0.0);

@@ -220,7 +220,7 @@ impl CloseLoop {
                         },
                     )),
                     End::Fault { fault, .. } => {
-                        Err(Failure::Refused(format!("run {number}: {}: {}", fault.name(), fault.explain())))
+                        Err(Failure::Refused(format!("run {number}: {}: {}", fault.name(), fault.meaning())))
                     }
                     End::TimeLimit | End::Interrupted => Err(Failure::Interrupted),
                 }

@@ -114,7 +114,7 @@ fn conclude(out: &mut dyn Write, outcome: &Outcome, limit_s: f64) -> Result<(), 
         }
         End::Fault { fault, state } => {
             write_fault(out, fault, state)?;
-            Err(Failure::Refused(format!("{}: {}", fault.name(), fault.explain())))
+            Err(Failure::Refused(format!("{}: {}", fault.name(), fault.meaning())))
         }
         End::TimeLimit => Err(Failure::Refused(time_limit(limit_s))),
         End::Interrupted => Err(Failure::Interrupted),
@@ -141,7 +141,7 @@ impl Log {
         let mut run = match outcome.end {
             End::Fix(fix) => RunRecord::of_fix(file, &fix, &self.dwells),
             End::Fault { fault, .. } => {
-                RunRecord::without_azimuth(file, &self.dwells, Some(fault.name()), Some(fault.explain().into()))
+                RunRecord::without_azimuth(file, &self.dwells, Some(fault.name()), Some(fault.meaning().into()))
             }
             End::TimeLimit | End::Interrupted => {
                 RunRecord::without_azimuth(file, &self.dwells, None, Some("the scenario's time limit passed".into()))

@@ -6,8 +6,6 @@ use north_finder::event::{Fix, State};
 use north_finder::health::Fault;
 use north_finder::units::wrap_180_deg;
 
-use super::explain;
-
 /// An azimuth to compare with.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reference {
@@ -43,12 +41,19 @@ pub fn write_fix(out: &mut dyn Write, fix: &Fix, reference: Option<Reference>) -
         writeln!(out, "flags      none")?;
     }
     for flag in fix.flags.iter() {
-        writeln!(out, "flag       {}: {}", flag.name(), explain(flag))?;
+        writeln!(out, "flag       {}: {}. To do: {}.", flag.name(), flag.meaning(), flag.remedy())?;
     }
     Ok(())
 }
 
 /// The fault that ended a fix.
 pub fn write_fault(out: &mut dyn Write, fault: Fault, state: State) -> io::Result<()> {
-    writeln!(out, "no azimuth: {} while {}: {}", fault.name(), state.name(), fault.explain())
+    writeln!(
+        out,
+        "no azimuth: {} while {}: {}. To do: {}.",
+        fault.name(),
+        state.name(),
+        fault.meaning(),
+        fault.remedy()
+    )
 }

@@ -146,7 +146,7 @@ fn measure(image: &Path) -> Result<Measured, Failure> {
     match outcome.end {
         End::Fix(_) => Ok(Measured::new(&cost, size, measure_field(image)?)),
         End::Interrupted => Err(Failure::Interrupted),
-        End::Fault { fault, .. } => Err(Failure::Refused(format!("{SCENARIO}: {}", fault.explain()))),
+        End::Fault { fault, .. } => Err(Failure::Refused(format!("{SCENARIO}: {}", fault.meaning()))),
         End::TimeLimit => Err(Failure::Refused(format!("{SCENARIO}: no azimuth in time"))),
     }
 }

@@ -245,7 +245,7 @@ fn conclude(end: End, limit_s: f64) -> Result<(), Failure> {
     match end {
         End::Stored => Ok(()),
         End::Refused(reason) => Err(Failure::Refused(format!("{}: {}", reason.why.name(), reason.why.explain()))),
-        End::Fault(fault) => Err(Failure::Refused(format!("{}: {}", fault.name(), fault.explain()))),
+        End::Fault(fault) => Err(Failure::Refused(format!("{}: {}", fault.name(), fault.meaning()))),
         End::TimeLimit => {
             Err(Failure::Refused(format!("no calibration within the scenario's duration_limit_s = {limit_s}")))
         }
