@@ -33,6 +33,7 @@ pub mod gates;
 pub mod health;
 pub mod level;
 pub mod link;
+pub mod nmea;
 pub mod pipeline;
 pub mod replay;
 pub mod sample;

@@ -15,7 +15,7 @@ use crate::failure::Failure;
 use crate::interrupt;
 use crate::json::{EventRecord, Found, Run as RunRecord};
 use crate::output::JsonOption;
-use crate::present::{Reference, View, write_fault, write_fix};
+use crate::present::{Directions, Reference, View, write_fault, write_fix};
 use crate::recorder::{Recorder, new_campaign, write_run};
 
 /// Name of the one run in a recording of `north find`.
@@ -39,6 +39,8 @@ pub struct Find {
     /// Write a campaign with this run into a new or empty folder
     #[arg(long, value_name = "DIR")]
     record: Option<PathBuf>,
+    #[command(flatten)]
+    directions: Directions,
     #[command(flatten)]
     json: JsonOption,
 }
@@ -101,16 +103,16 @@ impl Find {
             }
         }
         self.json.write(&log.into_json(&outcome, engine, recorded))?;
-        conclude(&mut out, &outcome, setup.scenario.duration_limit_s)
+        conclude(&mut out, &outcome, &self.directions, setup.scenario.duration_limit_s)
     }
 }
 
 /// Prints the result; without an azimuth it is an error.
-fn conclude(out: &mut dyn Write, outcome: &Outcome, limit_s: f64) -> Result<(), Failure> {
+fn conclude(out: &mut dyn Write, outcome: &Outcome, directions: &Directions, limit_s: f64) -> Result<(), Failure> {
     match outcome.end {
         End::Fix(fix) => {
             let truth = Reference { name: "true", azimuth_deg: outcome.truth.azimuth_deg };
-            Ok(write_fix(out, &fix, Some(truth))?)
+            Ok(write_fix(out, &fix, directions, Some(truth))?)
         }
         End::Fault { fault, state } => {
             write_fault(out, fault, state)?;

@@ -1,8 +1,10 @@
 //! A fix for people: live while it runs, and its result.
 
+mod angle;
 pub mod guidance;
 mod live;
 mod result;
 
+pub use angle::{AngleUnit, Directions};
 pub use live::View;
 pub use result::{Reference, write_fault, write_fix};

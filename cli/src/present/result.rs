@@ -6,6 +6,8 @@ use north_finder::event::{Fix, State};
 use north_finder::health::Fault;
 use north_finder::units::wrap_180_deg;
 
+use super::Directions;
+
 /// An azimuth to compare with.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reference {
@@ -16,8 +18,13 @@ pub struct Reference {
 }
 
 /// Azimuth, sigma, closure, what the fix found besides, flags with explanations, and the error.
-pub fn write_fix(out: &mut dyn Write, fix: &Fix, reference: Option<Reference>) -> io::Result<()> {
-    writeln!(out, "azimuth    {:.4}° ± {:.4}°", fix.azimuth_deg, fix.sigma_deg)?;
+pub fn write_fix(
+    out: &mut dyn Write,
+    fix: &Fix,
+    directions: &Directions,
+    reference: Option<Reference>,
+) -> io::Result<()> {
+    directions.write(out, fix.azimuth_deg, fix.sigma_deg)?;
     if let Some(Reference { name, azimuth_deg }) = reference {
         let error_deg = wrap_180_deg(fix.azimuth_deg - azimuth_deg);
         let sigmas = error_deg.abs() / fix.sigma_deg;
