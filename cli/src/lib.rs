@@ -4,6 +4,7 @@
 pub mod accuracy;
 pub mod calibrate;
 pub mod campaign;
+pub mod characterise;
 pub mod commands;
 pub mod diagnose;
 pub mod engine;

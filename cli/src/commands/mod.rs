@@ -2,6 +2,7 @@
 
 mod bench;
 mod calibrate;
+mod characterise;
 mod close_loop;
 mod completions;
 mod diagnose;
@@ -41,6 +42,7 @@ enum Command {
     Simulate(simulate::Simulate),
     Import(import::Import),
     Calibrate(calibrate::Calibrate),
+    Characterise(characterise::Characterise),
     Bench(bench::Bench),
     CloseLoop(close_loop::CloseLoop),
     Scenarios(scenarios::Scenarios),
@@ -58,6 +60,7 @@ impl Cli {
             Command::Simulate(simulate) => simulate.run(),
             Command::Import(import) => import.run(),
             Command::Calibrate(calibrate) => calibrate.run(),
+            Command::Characterise(characterise) => characterise.run(),
             Command::Bench(bench) => bench.run(),
             Command::CloseLoop(close_loop) => close_loop.run(),
             Command::Scenarios(scenarios) => scenarios.run(),
@@ -72,5 +75,15 @@ pub(crate) fn number<const LOW: i32, const HIGH: i32>(text: &str) -> Result<f64,
     match text.parse::<f64>() {
         Ok(value) if (f64::from(LOW)..=f64::from(HIGH)).contains(&value) => Ok(value),
         _ => Err(format!("allowed is a number from {LOW} to {HIGH}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    #[test]
+    fn every_command_is_well_formed() {
+        super::Cli::command().debug_assert();
     }
 }

@@ -1,0 +1,109 @@
+//! A gyro's noise from a still recording, and the settings that follow from it.
+//!
+//! The overlapping Allan deviation is fitted by the five noise processes of IEEE Std 952-1997, annex C: quantisation
+//! 3 Q²/τ², angle random walk N²/τ, bias instability (2 ln 2/π) B², rate random walk K² τ/3, rate ramp R² τ²/2.
+
+mod noise;
+mod record;
+
+use north_finder::settings::Settings;
+use serde::Serialize;
+
+pub use noise::{Noise, Point};
+pub use record::{Record, read};
+
+use crate::settings_file::declare_noise;
+
+/// A threshold is this many times the largest change of the rate that the still gyro itself made.
+const MARGIN_OF_CHANGE: f64 = 1.5;
+
+/// What a still recording tells of a gyro.
+#[derive(Clone, Debug, Serialize)]
+pub struct Character {
+    /// Length of the recording and of its rows, seconds.
+    pub seconds: f64,
+    pub interval_s: f64,
+    /// Mean rate, °/h: bias and the Earth's rate along the axis.
+    pub mean_deg_h: f64,
+    /// Overlapping Allan deviation.
+    pub allan: Vec<Point>,
+    #[serde(flatten)]
+    pub noise: Noise,
+    /// Correlation of neighbouring one-second rates, and its standard deviation if they were white.
+    pub autocorrelation_1s: f64,
+    pub autocorrelation_sigma: f64,
+    /// Largest change between neighbouring one-second rates, °/h.
+    pub largest_change_deg_h: f64,
+    /// Smallest step between two increments where all of them are multiples of it, arcsec.
+    pub quantum_arcsec: Option<f64>,
+}
+
+/// The settings that a recording suggests; what they do not name stays as it is.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Suggested {
+    pub arw_deg_per_sqrt_h: f64,
+    pub bias_instability_deg_h: f64,
+    pub disturbance_threshold_deg_h: f64,
+    pub jitter_threshold_deg_h: f64,
+}
+
+impl Character {
+    pub fn of(record: &Record) -> Self {
+        let rates_deg_h = record.one_second_rates_deg_h();
+        let allan = noise::allan(&record.angle_arcsec, record.interval_s);
+        let noise = noise::fit(&allan);
+        let (autocorrelation_1s, autocorrelation_sigma) = noise::autocorrelation(&rates_deg_h);
+        Self {
+            seconds: record.seconds(),
+            interval_s: record.interval_s,
+            mean_deg_h: rates_deg_h.iter().sum::<f64>() / rates_deg_h.len() as f64,
+            noise,
+            allan,
+            autocorrelation_1s,
+            autocorrelation_sigma,
+            largest_change_deg_h: rates_deg_h.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max),
+            quantum_arcsec: record.quantum_arcsec(),
+        }
+    }
+
+    /// Noise as measured; thresholds that the still gyro does not cross: what its noise asks for, and more where it made
+    /// larger changes.
+    pub fn suggested(&self) -> Suggested {
+        let mut settings = Settings::default();
+        settings.jitter.threshold_deg_h = MARGIN_OF_CHANGE * self.largest_change_deg_h;
+        settings.disturbance.threshold_deg_h = 0.0;
+        declare_noise(&mut settings, self.one_second_arw());
+        Suggested {
+            arw_deg_per_sqrt_h: self.one_second_arw(),
+            bias_instability_deg_h: self.noise.bias_instability_deg_h,
+            disturbance_threshold_deg_h: settings.disturbance.threshold_deg_h,
+            jitter_threshold_deg_h: settings.jitter.threshold_deg_h,
+        }
+    }
+
+    /// The angle random walk that gives one-second rates the scatter that they have: more than N where the increments
+    /// are coarse or the noise is in the angle.
+    fn one_second_arw(&self) -> f64 {
+        let second = self.allan.iter().min_by(|a, b| (a.tau_s - 1.0).abs().total_cmp(&(b.tau_s - 1.0).abs()));
+        let of_second = second.map_or(0.0, |point| point.sigma_deg_h * point.tau_s.sqrt() / 60.0);
+        self.noise.angle_random_walk_deg_per_sqrt_h.max(of_second)
+    }
+}
+
+impl Suggested {
+    /// As a settings file that `--settings` and `north settings restore` read.
+    pub fn to_toml(self) -> String {
+        let Self { arw_deg_per_sqrt_h, bias_instability_deg_h, disturbance_threshold_deg_h, jitter_threshold_deg_h } =
+            self;
+        let defaults = Settings::default();
+        let gate = |threshold_deg_h: f64, seconds: u16, timeout_s: f64| {
+            format!("threshold_deg_h = {threshold_deg_h:.4}\nseconds = {seconds}\ntimeout_s = {timeout_s:?}\n")
+        };
+        format!(
+            "[gyro]\narw_deg_per_sqrt_h = {arw_deg_per_sqrt_h:.6}\nbias_instability_deg_h = {bias_instability_deg_h:.6}\n\n\
+             [disturbance]\n{}\n[jitter]\n{}",
+            gate(disturbance_threshold_deg_h, defaults.disturbance.seconds, defaults.disturbance.timeout_s),
+            gate(jitter_threshold_deg_h, defaults.jitter.seconds, defaults.jitter.timeout_s),
+        )
+    }
+}
