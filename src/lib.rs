@@ -22,6 +22,7 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod attitude;
 pub mod calibration;
 pub mod drivers;
 pub mod earth;
