@@ -21,13 +21,23 @@ pub mod kvh;
 
 use crc::{CRC_32_MPEG_2, Crc, Table};
 use heapless::Vec;
+use serde::{Deserialize, Serialize};
 
 use self::kvh::KvhFrame;
-use crate::settings::GyroFormat;
 use crate::units::ARCSEC_PER_RAD;
 
 const CRC: Crc<u32, Table<16>> = Crc::<u32, Table<16>>::new(&CRC_32_MPEG_2);
 const LONGEST: usize = 36;
+
+/// Which frames the gyro sends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, defmt::Format)]
+#[serde(rename_all = "kebab-case")]
+pub enum GyroFormat {
+    /// The project's own 14-byte single-axis frame.
+    Compact,
+    /// KVH format A, delta angle in radians; the x axis is the one that is used.
+    KvhA,
+}
 
 /// What one frame of the gyro says.
 #[derive(Clone, Copy, Debug, PartialEq)]

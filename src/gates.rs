@@ -1,6 +1,34 @@
 //! The two gates: is the base still before the first move, and has the gyro come to rest after a move?
 
-use crate::settings::GateSettings;
+use serde::{Deserialize, Serialize};
+
+use crate::limits::{Invalid, within};
+
+/// The disturbance gate and the jitter gate.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GateSettings {
+    /// °/h: for the disturbance gate the excess of |rate| over Ω cos φ, for the jitter gate the change of |rate| from
+    /// second to second.
+    pub threshold_deg_h: f64,
+    /// Seconds in a row that make a verdict.
+    pub seconds: u16,
+    /// Longest wait, seconds.
+    pub timeout_s: f64,
+}
+
+impl GateSettings {
+    /// The disturbance gate's defaults.
+    pub const DISTURBANCE: Self = Self { threshold_deg_h: 2.0, seconds: 3, timeout_s: 120.0 };
+    /// The jitter gate's defaults.
+    pub const JITTER: Self = Self { threshold_deg_h: 3.0, seconds: 5, timeout_s: 90.0 };
+
+    /// Checks seconds and time-out; what the threshold must be depends on the gyro.
+    pub fn validate(&self, seconds: &'static str, timeout: &'static str) -> Result<(), Invalid> {
+        within(seconds, self.seconds.into(), 1.0, 600.0, "1 to 600")?;
+        within(timeout, self.timeout_s, 1.0, 36_000.0, "1 to 36000")
+    }
+}
 
 /// What a gate says after a second.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -105,8 +133,8 @@ mod tests {
     use super::*;
     use Verdict::{Passed, Refused, Watching};
 
-    const DISTURBANCE: GateSettings = GateSettings { threshold_deg_h: 2.0, seconds: 3, timeout_s: 60.0 };
-    const JITTER: GateSettings = GateSettings { threshold_deg_h: 3.0, seconds: 5, timeout_s: 60.0 };
+    const DISTURBANCE: GateSettings = GateSettings::DISTURBANCE;
+    const JITTER: GateSettings = GateSettings::JITTER;
 
     fn disturbance(rates: &[f64]) -> heapless::Vec<Verdict, 16> {
         let mut gate = DisturbanceGate::new(DISTURBANCE, 12.0);

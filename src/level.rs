@@ -3,11 +3,44 @@
 //! Instrument frame: x forward along the mark, y left, z up. At rest the triad reads specific force, (0, 0, +1) g when
 //! level; nose up by p gives ax = sin p; left side up by r gives ay = sin r · cos p.
 
+use serde::{Deserialize, Serialize};
+
 use crate::calibration::ellipsoid::Correction;
+use crate::limits::{Invalid, within};
 use crate::units::DEG_PER_RAD;
 
+/// The level gate.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LevelSettings {
+    /// Pitch and roll must both be inside ± this, degrees.
+    pub limit_deg: f64,
+    /// One sigma of the accelerometers' level error, degrees; enters the azimuth's sigma by tan φ.
+    pub sigma_deg: f64,
+    /// For this many seconds in a row.
+    pub seconds: u16,
+    /// Longest wait, seconds.
+    pub timeout_s: f64,
+}
+
+impl Default for LevelSettings {
+    fn default() -> Self {
+        Self { limit_deg: 0.5, sigma_deg: 0.01, seconds: 2, timeout_s: 120.0 }
+    }
+}
+
+impl LevelSettings {
+    /// Checks every value.
+    pub fn validate(&self) -> Result<(), Invalid> {
+        within("level.limit_deg", self.limit_deg, 0.001, 10.0, "0.001 to 10")?;
+        within("level.sigma_deg", self.sigma_deg, 0.0, 10.0, "0 to 10")?;
+        within("level.seconds", self.seconds.into(), 1.0, 60.0, "1 to 60")?;
+        within("level.timeout_s", self.timeout_s, 1.0, 36_000.0, "1 to 36000")
+    }
+}
+
 /// Attitude of the instrument against the horizon.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tilt {
     /// Nose up positive, degrees.
     pub pitch_deg: f64,
@@ -16,7 +49,7 @@ pub struct Tilt {
 }
 
 /// A second's mean of the accelerometers, by unit of the local gravity.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Specific {
     /// Forward: the upward component of the x axis.
     pub forward: f64,

@@ -29,7 +29,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::event::Report;
-use crate::pipeline::Command;
+use crate::sequence::Command;
 use crate::settings::Settings;
 
 /// The first byte of every frame's content.
@@ -154,10 +154,10 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::calibration::accelerometer::AccelerometerCalibration;
     use crate::calibration::field::problem::Solved;
     use crate::event::{Event, Fix, Second, State};
     use crate::health::{Counters, Flag, Flags};
-    use crate::settings::accelerometer::AccelerometerCalibration;
     use crate::settings::store::longest;
 
     const TRIAD: AccelerometerCalibration = AccelerometerCalibration { bias_g: [1.1; 3], matrix: [1.1; 6] };

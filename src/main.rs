@@ -36,8 +36,9 @@ mod app {
     use north_finder::drivers::step_motor::StepMotor;
     use north_finder::event::{Event, Report};
     use north_finder::health::Refused;
+    use north_finder::index::MotorCommand;
     use north_finder::link::{self, Request, RequestDecoder};
-    use north_finder::pipeline::{MotorCommand, Pipeline, Readings};
+    use north_finder::pipeline::{Pipeline, Readings};
     use north_finder::settings::store::{self, Loaded};
     use north_finder::settings::{IndexSettings, Settings};
 

@@ -4,16 +4,17 @@ use heapless::{Deque, Vec};
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::ellipsoid::Correction;
-use crate::calibration::field::Session;
+use crate::calibration::field::{self, Session};
 use crate::effects::{Conditions, Evaluator};
 use crate::event::{Event, Report, Second, State};
 use crate::frame::FrameReader;
 use crate::health::{Counters, Fault, Refused};
+use crate::index::{Direction, MotorCommand};
 use crate::level::{LevelSecond, LevelSensor, Specific};
 use crate::sample::{RateSecond, SAMPLE_S, SAMPLES_PER_SECOND, Sampler};
-use crate::sequence::{IndexSecond, SecondInput, Sequencer};
+use crate::sequence::{Command, SecondInput, Sequencer};
 use crate::settings::{Settings, store::Loaded};
-use crate::units::{DEG_PER_RAD, sin_cos_deg, wrap_360_deg};
+use crate::units::sin_cos_deg;
 use crate::watch::GyroWatch;
 
 /// Seconds between two reports of the counters, if they changed.
@@ -34,26 +35,6 @@ pub struct Readings {
     pub turning: bool,
     /// What the board's queues had no room for, since the start.
     pub refused: Refused,
-}
-
-/// What the motor shall do.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum MotorCommand {
-    /// Turn by this many microsteps, counter-clockwise positive.
-    Turn { microsteps: i32 },
-    /// Stop where it is.
-    Stop,
-}
-
-/// What an operator can ask of the sequence.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Command {
-    /// Begin a fix (again).
-    Start,
-    /// End the fix or the calibration; the motor stops.
-    Abort,
-    /// Begin to calibrate the accelerometers (again).
-    CalibrateAccelerometers,
 }
 
 /// Takes reports out of the pipeline.
@@ -142,7 +123,9 @@ impl Pipeline {
 
         let mut motor = self.obey(t_s, &mut sink);
         self.read(readings);
-        if let Some(calibration) = self.field.tick(readings.acceleration_g, &mut sink) {
+        if let Some(calibration) =
+            self.field.tick(readings.acceleration_g, &mut |event| calibration_events(event, &mut sink))
+        {
             self.level = LevelSensor::new(calibration.correction());
         }
         let given_up = self.sampler.tick(&mut self.counters);
@@ -174,18 +157,18 @@ impl Pipeline {
         let command = self.command.take()?;
         match (&mut self.sequencer, command) {
             (Ok(sequencer), Command::Start) => {
-                self.field.abort(sink);
+                self.field.abort(&mut |event| calibration_events(event, sink));
                 self.watch.restart(self.tick);
                 self.encoder_failures = 0;
                 sequencer.start(t_s, sink)
             }
             (Ok(sequencer), Command::CalibrateAccelerometers) => {
                 let stop = sequencer.fail(Fault::Aborted, t_s, sink);
-                self.field.start(*self.level.triad(), sink);
+                self.field.start(*self.level.triad(), &mut |event| calibration_events(event, sink));
                 stop
             }
             (Ok(sequencer), Command::Abort) => {
-                self.field.abort(sink);
+                self.field.abort(&mut |event| calibration_events(event, sink));
                 sequencer.fail(Fault::Aborted, t_s, sink)
             }
             (Err(fault), Command::Start | Command::CalibrateAccelerometers) => {
@@ -229,7 +212,7 @@ impl Pipeline {
         let conditions = Conditions {
             t_s: t_s - 0.5,
             raw_rate_deg_h: rate.fog_arcsec,
-            index: index.map(|IndexSecond { cos, sin }| [cos, sin]),
+            index,
             level: match level {
                 LevelSecond::Good(specific) => Some(specific),
                 LevelSecond::Failed => None,
@@ -237,10 +220,7 @@ impl Pipeline {
             ..rate.conditions
         };
         let rate_deg_h = self.evaluator.second(&conditions).apply(rate.fog_arcsec, 1.0);
-        let index = conditions.index.map(|measured| {
-            let [cos, sin] = self.evaluator.model().true_index(measured);
-            IndexSecond { cos, sin }
-        });
+        let index = conditions.index.map(|measured| self.evaluator.model().true_index(measured));
         SecondInput { t_s, rate: RateSecond { rate_deg_h, conditions, ..*rate }, index, level }
     }
 
@@ -267,7 +247,7 @@ impl Pipeline {
             }
         }
         sink(Event::Second(Second {
-            index_deg: input.index.map(|IndexSecond { cos, sin }| wrap_360_deg(libm::atan2(sin, cos) * DEG_PER_RAD)),
+            index_deg: input.index.map(|index| index.deg()),
             fog_arcsec: rate.fog_arcsec,
             rate_deg_h: input.rate.rate_deg_h,
             temp_c: rate.conditions.temp_c,
@@ -289,6 +269,23 @@ impl Pipeline {
     }
 }
 
+/// What the calibration tells, as events of the instrument.
+fn calibration_events(event: field::Event, sink: &mut dyn FnMut(Event)) {
+    match event {
+        field::Event::Started => sink(Event::State(State::Calibrating)),
+        field::Event::Guidance(guidance) => sink(Event::Guidance(guidance)),
+        field::Event::Solved(solved) => sink(Event::Calibration(solved)),
+        field::Event::Stored => {
+            sink(Event::CalibrationStored);
+            sink(Event::State(State::Finished));
+        }
+        field::Event::Failed(reason) => {
+            sink(Event::NoCalibration(reason));
+            sink(Event::State(State::Failed));
+        }
+    }
+}
+
 /// Mean direction of the index over a second.
 #[derive(Clone, Debug, Default)]
 struct IndexMean {
@@ -305,9 +302,9 @@ impl IndexMean {
         self.count = self.count.saturating_add(1);
     }
 
-    fn finish(&mut self) -> Option<IndexSecond> {
+    fn finish(&mut self) -> Option<Direction> {
         let Self { cos, sin, count } = core::mem::take(self);
-        (count > 0).then(|| IndexSecond { cos: cos / f64::from(count), sin: sin / f64::from(count) })
+        (count > 0).then(|| Direction { cos: cos / f64::from(count), sin: sin / f64::from(count) })
     }
 }
 

@@ -5,13 +5,13 @@
 //! the jitter gate would have waited. If the index moved most of the time, the recording is a continuous rotation, and
 //! every second counts at its own angle. The error model and the solution are those of the live instrument.
 
-use crate::earth::{EarthRate, earth_rate};
 use crate::effects::{Conditions, Correction, Evaluator, MAX_CHANNELS};
 use crate::event::{Dwell, Event, Fix, Report};
 use crate::fix::dwell::{DwellRows, DwellSummary, Row as DwellRow};
-use crate::fix::{self, Unsolvable};
+use crate::fix::{self, Declared, Unsolvable};
 use crate::gates::{DisturbanceGate, Verdict};
 use crate::health::{Fault, Flag, Flags};
+use crate::index::Direction;
 use crate::level::Specific;
 use crate::pipeline::Sink;
 use crate::settings::Settings;
@@ -70,7 +70,7 @@ impl core::fmt::Display for Refusal {
 /// Replays one recording.
 pub struct Replay<'a> {
     settings: Settings,
-    earth: EarthRate,
+    declared: Declared,
     evaluator: Evaluator,
     /// Seconds that wait for the first rate of change.
     held: heapless::Vec<(Gathering, Correction), HELD>,
@@ -112,20 +112,19 @@ impl<'a> Replay<'a> {
     /// One slot is used for each stay, or for each second (or longer row) of a continuous rotation; one for each row is
     /// always enough.
     pub fn new(settings: &Settings, slots: &'a mut [DwellSummary]) -> Result<Self, Refusal> {
-        settings.validate().map_err(|_| Refusal::Settings(Fault::SettingsInvalid))?;
-        let earth = earth_rate(settings.latitude_deg).map_err(|_| Refusal::Settings(Fault::NearPole))?;
+        let declared = settings.declared().map_err(Refusal::Settings)?;
         let model = settings.model.clone().unwrap_or_default();
         let mut flags = Flags::default();
         if settings.model.is_none() {
             flags.insert(Flag::Uncalibrated);
         }
         Ok(Self {
-            earth,
+            declared,
             slots,
             used: 0,
             gathering: Gathering::default(),
             last_deg: None,
-            disturbance: DisturbanceGate::new(settings.disturbance, earth.north_deg_h),
+            disturbance: DisturbanceGate::new(settings.disturbance, declared.earth.north_deg_h),
             rows: DwellRows::default(),
             stay_deg: None,
             stays: 0,
@@ -189,7 +188,7 @@ impl<'a> Replay<'a> {
             }
         }
         let summaries = self.slots.get(..chosen).unwrap_or_default();
-        let solution = fix::solve(summaries, self.earth, &self.settings).map_err(Refusal::Unsolvable)?;
+        let solution = fix::solve(summaries, &self.declared, self.evaluator.model()).map_err(Refusal::Unsolvable)?;
         let fix = Fix::new(&solution, self.flags);
         report(Report { t_s: self.gathering.end_s, event: Event::Fix(fix) });
         Ok(fix)
@@ -220,7 +219,7 @@ impl<'a> Replay<'a> {
     }
 
     fn take(&mut self, second: &Gathering, correction: &Correction, report: Sink) -> Result<(), Refusal> {
-        let [cos, sin] = self.evaluator.model().true_index(second.index());
+        let Direction { cos, sin } = self.evaluator.model().true_index(second.index());
         let row = DwellRow {
             t_s: second.end_s - 0.5 * second.seconds,
             seconds: second.seconds,
@@ -352,9 +351,8 @@ impl Gathering {
         }
     }
 
-    /// Mean cosine and sine of the index angle.
-    fn index(&self) -> [f64; 2] {
-        [self.cos / self.seconds, self.sin / self.seconds]
+    fn index(&self) -> Direction {
+        Direction { cos: self.cos / self.seconds, sin: self.sin / self.seconds }
     }
 
     fn conditions(&self) -> Conditions {

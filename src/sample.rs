@@ -6,9 +6,11 @@
 //! longer. No second is silently the mean of fewer samples.
 
 use crate::effects::Conditions;
-use crate::frame::Frame;
+use serde::{Deserialize, Serialize};
+
+use crate::frame::{Frame, GyroFormat};
 use crate::health::Counters;
-use crate::settings::GyroSettings;
+use crate::limits::{Invalid, within};
 
 /// Samples in a second.
 pub const SAMPLES_PER_SECOND: u16 = 400;
@@ -18,6 +20,56 @@ pub const SAMPLE_S: f64 = 0.0025;
 const GIVE_UP_TICKS: i64 = 60;
 /// A frame that is more than this many ticks behind is counted as late.
 const LATE_TICKS: i64 = 4;
+
+/// What is declared about the gyro. The noise figures are what the azimuth's sigma never falls below.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct GyroSettings {
+    pub format: GyroFormat,
+    /// Angle random walk, °/√h.
+    pub arw_deg_per_sqrt_h: f64,
+    /// Bias instability (the floor of the Allan deviation), °/h.
+    pub bias_instability_deg_h: f64,
+    /// One sigma of the linear bias drift during a fix, °/h per hour.
+    pub drift_deg_h_per_h: f64,
+    /// Largest bias that is left after the error model, °/h.
+    pub bias_limit_deg_h: f64,
+    /// Largest rate that the gyro can read, °/h.
+    pub range_deg_h: f64,
+    /// Most missing frames that a second of 400 may have and still be repaired; more and it is left out.
+    pub repairable_frames: u16,
+}
+
+impl Default for GyroSettings {
+    fn default() -> Self {
+        Self {
+            format: GyroFormat::Compact,
+            arw_deg_per_sqrt_h: 0.0015,
+            bias_instability_deg_h: 0.002,
+            drift_deg_h_per_h: 0.1,
+            bias_limit_deg_h: 1.0,
+            range_deg_h: 500_000.0,
+            repairable_frames: 8,
+        }
+    }
+}
+
+impl GyroSettings {
+    /// Checks every value.
+    pub fn validate(&self) -> Result<(), Invalid> {
+        within("gyro.arw_deg_per_sqrt_h", self.arw_deg_per_sqrt_h, 0.0, 1.0, "0 to 1")?;
+        within("gyro.bias_instability_deg_h", self.bias_instability_deg_h, 0.0, 10.0, "0 to 10")?;
+        within("gyro.drift_deg_h_per_h", self.drift_deg_h_per_h, 0.0, 1000.0, "0 to 1000")?;
+        within("gyro.bias_limit_deg_h", self.bias_limit_deg_h, 0.0, 1000.0, "0 to 1000")?;
+        within("gyro.range_deg_h", self.range_deg_h, 100.0, 1e7, "100 to 10000000")?;
+        within("gyro.repairable_frames", self.repairable_frames.into(), 0.0, 40.0, "0 to 40")
+    }
+
+    /// Declared noise of a one-second rate, °/h.
+    pub fn noise_deg_h(&self) -> f64 {
+        60.0 * self.arw_deg_per_sqrt_h
+    }
+}
 
 /// One finished second.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -17,7 +17,7 @@ use north_finder::calibration::field::refusal::{NoCalibration, Why};
 use north_finder::event::{Event, Report};
 use north_finder::health::Fault;
 use north_finder::link::Request;
-use north_finder::pipeline::Command;
+use north_finder::sequence::Command;
 use north_finder::settings::store::{self, Loaded};
 
 const SCENARIO: &str = "worn-accelerometers";

@@ -9,8 +9,9 @@ use common::{fix, run, setup};
 use north::engine::host;
 use north_finder::event::{Event, Report};
 use north_finder::fix::dwell::DwellSummary;
-use north_finder::pipeline::{Command, Pipeline, Readings};
+use north_finder::pipeline::{Pipeline, Readings};
 use north_finder::replay::{Replay, Row};
+use north_finder::sequence::Command;
 use north_finder::settings::store::Loaded;
 use north_finder::units::wrap_180_deg;
 

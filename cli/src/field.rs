@@ -10,7 +10,7 @@ use north_finder::calibration::field::refusal::NoCalibration;
 use north_finder::event::{Event, Report, State};
 use north_finder::health::Fault;
 use north_finder::link::Request;
-use north_finder::pipeline::Command;
+use north_finder::sequence::Command;
 
 use crate::engine::{self, Engine, EngineError, Observer, Person, PowerOff, Setup};
 

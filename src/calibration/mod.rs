@@ -3,6 +3,7 @@
 //! Both are least squares over means of stays at rest; both say how sure each parameter is, and refuse sets that cannot
 //! say it, with the reason.
 
+pub mod accelerometer;
 pub mod ellipsoid;
 pub mod field;
 pub mod six_position;

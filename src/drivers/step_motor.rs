@@ -10,8 +10,7 @@ use core::convert::Infallible;
 use embedded_hal::digital::OutputPin;
 use micromath::F32;
 
-use crate::pipeline::MotorCommand;
-use crate::settings::IndexSettings;
+use crate::index::{IndexSettings, MotorCommand};
 
 /// Slots in a second.
 pub const SLOTS_HZ: u16 = 3200;

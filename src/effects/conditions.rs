@@ -3,8 +3,9 @@
 use heapless::Deque;
 
 use super::channel::{ChannelName, FORWARD, LEFT, MAX_CHANNELS, TEMPERATURE};
+use crate::index::Direction;
 use crate::level::Specific;
-use crate::units::{DEG_PER_RAD, wrap_180_deg};
+use crate::units::wrap_180_deg;
 
 /// The index is at rest while it stays within this, degrees.
 const REST_DEG: f64 = 0.5;
@@ -24,8 +25,8 @@ pub struct Conditions {
     pub seconds: f64,
     /// Mean rate as the gyro gave it, °/h.
     pub raw_rate_deg_h: f64,
-    /// Mean cosine and sine of the index angle.
-    pub index: Option<[f64; 2]>,
+    /// Mean direction of the index.
+    pub index: Option<Direction>,
     /// Gyro temperature, °C.
     pub temp_c: Option<f64>,
     /// Level accelerometers.
@@ -156,8 +157,8 @@ pub struct Move {
     pub ended_s: f64,
     /// Its way, degrees, counter-clockwise positive.
     pub travel_deg: f64,
-    /// Cosine and sine of the index angle that it led to.
-    pub index: [f64; 2],
+    /// The index that it led to.
+    pub index: Direction,
     /// No move at all: the recording began.
     pub switch_on: bool,
 }
@@ -174,8 +175,7 @@ pub struct Travel {
 impl Travel {
     pub fn push(&mut self, conditions: &Conditions) {
         let Some(index) = conditions.index else { return };
-        let [cos, sin] = index;
-        let index_deg = libm::atan2(sin, cos) * DEG_PER_RAD;
+        let index_deg = index.deg();
         let start_s = conditions.t_s - 0.5 * conditions.seconds;
         let Some(last_deg) = self.last_deg.replace(index_deg) else {
             self.begin(Move { ended_s: start_s, travel_deg: 0.0, index, switch_on: true });

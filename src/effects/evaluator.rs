@@ -6,6 +6,7 @@ use super::channel::{ChannelName, TEMPERATURE};
 use super::conditions::{Conditions, History, Move, RATE_SAMPLES, Travel};
 use super::{Correction, ErrorModel, MAX_TERMS, Term, spline};
 use crate::earth::EarthRate;
+use crate::index::Direction;
 use crate::units::{DEG_PER_RAD, wrap_360_deg};
 
 /// Most steps of Newton's method, the half width of its slopes, and their least value.
@@ -82,7 +83,7 @@ impl Evaluator {
     fn add(&self, term: &Term, past: &History, conditions: &Conditions, correction: &mut Correction) {
         let above = |reference_c| conditions.temp_c.map_or(0.0, |temp_c| temp_c - reference_c);
         let hours = conditions.t_s / 3600.0;
-        let [cos, sin] = conditions.index.unwrap_or_default();
+        let Direction { cos, sin } = conditions.index.unwrap_or_default();
         correction.bias_deg_h += match *term {
             Term::Temperature { reference_c, linear_deg_h_per_k, quadratic_deg_h_per_k2 } => {
                 let above_k = above(reference_c);
@@ -152,7 +153,7 @@ impl Evaluator {
         };
         let left = |each: &Move| {
             let direction = if each.travel_deg == 0.0 { 0.0 } else { libm::copysign(1.0, each.travel_deg) };
-            let [cos, sin] = each.index;
+            let Direction { cos, sin } = each.index;
             let size = deg_h
                 + by_direction_deg_h * direction
                 + deg_h_per_deg_travel * each.travel_deg.abs()
@@ -179,8 +180,9 @@ fn rate_deg_h(term: &Term, past: &History) -> Option<f64> {
 }
 
 impl ErrorModel {
-    /// True cosine and sine of the index angle from the measured ones.
-    pub fn true_index(&self, [cos, sin]: [f64; 2]) -> [f64; 2] {
+    /// True direction of the index from the measured one.
+    pub fn true_index(&self, measured: Direction) -> Direction {
+        let Direction { cos, sin } = measured;
         let mut error_deg = 0.0;
         for term in &self.terms {
             if let Term::IndexError { offset_deg, cos_deg, sin_deg } = *term {
@@ -188,11 +190,11 @@ impl ErrorModel {
             }
         }
         if error_deg == 0.0 {
-            return [cos, sin];
+            return measured;
         }
         // θ true = θ measured − error.
         let (s, c) = crate::units::sin_cos_deg(error_deg);
-        [cos * c + sin * s, sin * c - cos * s]
+        Direction { cos: cos * c + sin * s, sin: sin * c - cos * s }
     }
 
     /// True azimuth from the one that the rates gave. A field of east e and north n adds e sin α + n cos α to h cos α:

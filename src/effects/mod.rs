@@ -17,9 +17,7 @@ pub use term::{DeadZoneForm, Term};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-use crate::fix::free_line::FreeLine;
-use crate::fix::moving_base::Sensing;
-use crate::settings::Invalid;
+use crate::limits::Invalid;
 
 /// Most terms that a model can have.
 pub const MAX_TERMS: usize = 16;
@@ -51,6 +49,24 @@ impl Correction {
     pub fn apply(&self, increment_arcsec: f64, seconds: f64) -> f64 {
         (increment_arcsec - self.bias_deg_h * seconds) / self.scale
     }
+}
+
+/// A line with what is known of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FreeLine {
+    pub period_s: f64,
+    /// Typical amplitude, °/h.
+    pub amplitude_deg_h: f64,
+}
+
+/// How the accelerometers feel the base.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sensing {
+    /// Their noise is white in the velocity, not in the tilt.
+    pub velocity: bool,
+    /// Their readings come this much later than the gyro's, seconds: a filter, or (below 0) readings of the end of a row
+    /// instead of means over it.
+    pub lag_s: f64,
 }
 
 impl ErrorModel {

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::channel::{ChannelName, FORWARD, LEFT, TEMPERATURE};
 use super::spline::{MAX_KNOTS, Numbers};
-use crate::settings::Invalid;
+use crate::limits::Invalid;
 
 /// An effect. Unless it says otherwise it adds to the raw rate. Time constants are above 0.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -2,16 +2,15 @@
 
 use super::spline::Numbers;
 use super::*;
+use crate::index::Direction;
 use crate::level::Specific;
-use crate::units::sin_cos_deg;
 
 fn model(terms: &[Term]) -> ErrorModel {
     ErrorModel { terms: Vec::from_slice(terms).unwrap(), ..Default::default() }
 }
 
 fn conditions(t_s: f64, index_deg: f64) -> Conditions {
-    let (sin, cos) = sin_cos_deg(index_deg);
-    Conditions { t_s, index: Some([cos, sin]), temp_c: Some(20.0), ..Default::default() }
+    Conditions { t_s, index: Some(Direction::of_deg(index_deg)), temp_c: Some(20.0), ..Default::default() }
 }
 
 /// The bias that one term gives in the last of a run of conditions.
@@ -182,7 +181,7 @@ fn index_and_rate() {
 fn index_error_and_earth_field_turn_the_answer() {
     let offset = model(&[Term::IndexError { offset_deg: 10.0, cos_deg: 0.0, sin_deg: 0.0 }]);
     // Measured 40°, too large by 10°: truly 30°.
-    let [cos, sin] = offset.true_index([0.766_044_443_118_978, 0.6427876096865394]);
+    let Direction { cos, sin } = offset.true_index(Direction { cos: 0.766_044_443_118_978, sin: 0.6427876096865394 });
     assert_close(cos, 0.8660254037844387);
     assert_close(sin, 0.5);
     // h = 7.5205335 at 60°; an east field of the same size turns the apparent azimuth by −45°.

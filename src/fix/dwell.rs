@@ -2,7 +2,7 @@
 
 use heapless::Vec;
 
-use super::moving_base::Sensing;
+use crate::effects::Sensing;
 use crate::level::Specific;
 
 /// Most rows that are boiled down at once; a longer stay gives several summaries.

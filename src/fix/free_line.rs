@@ -11,14 +11,7 @@ use nalgebra::{Matrix2, Matrix4, SMatrix, Vector2};
 
 use super::dwell::DwellSummary;
 use super::{Problem, regular_inverse};
-
-/// A line with what is known of it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FreeLine {
-    pub period_s: f64,
-    /// Typical amplitude, °/h.
-    pub amplitude_deg_h: f64,
-}
+use crate::effects::FreeLine;
 
 /// A line with its parts in this fix.
 #[derive(Clone, Copy, Debug, PartialEq)]

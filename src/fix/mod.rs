@@ -12,6 +12,7 @@
 //! not fit together; the declared bias instability, encoder and level errors are added.
 
 pub mod base_motion;
+pub mod design;
 pub mod dwell;
 pub mod free_line;
 pub mod moving_base;
@@ -24,10 +25,12 @@ use nalgebra::{Matrix4, Vector4};
 use crate::earth::EarthRate;
 use crate::effects::ErrorModel;
 use crate::health::{Flag, Flags};
+use crate::index::Direction;
 use crate::level::{Specific, Tilt};
-use crate::settings::Settings;
+use crate::sample::GyroSettings;
 use crate::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_180_deg, wrap_360_deg};
 use base_motion::{BaseMotion, Method};
+pub use design::DesignRow;
 use dwell::DwellSummary;
 use free_line::Fitted;
 use statistics::excess_sigmas;
@@ -48,6 +51,19 @@ const AMPLITUDE_TOLERANCE: f64 = 0.01;
 const NOISY_RATIO: f64 = 3.0;
 /// A drift that is declared as none is still allowed this much, °/h per hour, to keep the equations regular.
 const LEAST_DRIFT: f64 = 1e-6;
+
+/// What a solution rests on beside the data: what is declared of the instrument, and the Earth's rate at its site.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Declared {
+    pub earth: EarthRate,
+    pub gyro: GyroSettings,
+    /// One sigma of the encoder's error at one position, degrees.
+    pub index_sigma_deg: f64,
+    /// One sigma of the accelerometers' level error, degrees.
+    pub level_sigma_deg: f64,
+    /// An error model from a calibration is stored.
+    pub calibrated: bool,
+}
 
 /// The azimuth of a set of stays.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -112,16 +128,15 @@ impl Problem<'_> {
     /// Mean and slope of every stay, the Earth's vertical rate and the base's turning taken out.
     fn observations(&self) -> impl Iterator<Item = Observation> + '_ {
         self.dwells.iter().flat_map(|dwell| {
-            let level = specific(dwell).unwrap_or(Specific { forward: 0.0, left: 0.0 });
-            let up = dwell.cos * level.forward + dwell.sin * level.left;
-            let (c, s) = horizontal(dwell, &level);
-            let rate_deg_h = dwell.rate.mean - self.earth.up_deg_h * up - self.base_rate_deg_h(dwell);
+            let index = Direction { cos: dwell.cos, sin: dwell.sin };
+            let design = DesignRow::new(index, specific(dwell), &self.earth);
+            let rate_deg_h = dwell.rate.mean - design.vertical_deg_h - self.base_rate_deg_h(dwell);
             let hours = (dwell.t_s - self.start_s) / 3600.0;
             let [line_deg_h, line_deg_h_per_h] = self.line.map_or([0.0; 2], |line| line.of_stay(dwell));
             [
                 Observation {
                     weight: dwell.seconds,
-                    row: Vector4::new(c, s, 1.0, hours),
+                    row: Vector4::new(design.cos, design.sin, 1.0, hours),
                     cos_2theta: dwell.cos * dwell.cos - dwell.sin * dwell.sin,
                     rate_deg_h: rate_deg_h - line_deg_h,
                 },
@@ -208,22 +223,22 @@ fn regular_inverse(normal: &Matrix4<f64>) -> Option<Matrix4<f64>> {
     Some(scale * factor.inverse() * scale)
 }
 
-/// Solves for the azimuth. `dwells` in the order of time; `settings` give latitude, declared noise and drift, encoder
-/// and level sigma.
-pub fn solve(dwells: &[DwellSummary], earth: EarthRate, settings: &Settings) -> Result<Solution, Unsolvable> {
+/// Solves for the azimuth. `dwells` in the order of time.
+pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -> Result<Solution, Unsolvable> {
+    let earth = declared.earth;
     let start_s = dwells.first().ok_or(Unsolvable::TooFewDirections)?.start_s;
     let mut problem = Problem { dwells, earth, motion: base_motion(dwells), start_s, line: None };
     let mut flags = Flags::default();
 
-    let declared = 60.0 * settings.gyro.arw_deg_per_sqrt_h;
+    let noise_deg_h = declared.gyro.noise_deg_h();
     let observed = variance(&problem).ok_or(Unsolvable::TooFewDirections)?;
-    let variance = observed.max(declared * declared).max(f64::MIN_POSITIVE);
-    if observed > NOISY_RATIO * NOISY_RATIO * declared * declared && declared > 0.0 {
+    let variance = observed.max(noise_deg_h * noise_deg_h).max(f64::MIN_POSITIVE);
+    if observed > NOISY_RATIO * NOISY_RATIO * noise_deg_h * noise_deg_h && noise_deg_h > 0.0 {
         flags.insert(Flag::Noisy);
     }
 
-    let drift_sigma = settings.gyro.drift_deg_h_per_h.max(LEAST_DRIFT);
-    if let Some(line) = settings.model.as_ref().and_then(ErrorModel::free_line) {
+    let drift_sigma = declared.gyro.drift_deg_h_per_h.max(LEAST_DRIFT);
+    if let Some(line) = model.free_line() {
         let drift_weight = variance / (drift_sigma * drift_sigma);
         problem.line = Some(line.fit(&problem, variance, drift_weight).ok_or(Unsolvable::TooFewDirections)?);
     }
@@ -256,7 +271,7 @@ pub fn solve(dwells: &[DwellSummary], earth: EarthRate, settings: &Settings) -> 
     let amplitude_deg_h = libm::hypot(cos_part, sin_part);
     let inverse = problem.line.map_or(estimate.inverse, |line| estimate.inverse + line.doubt);
     let covariance =
-        inverse * (variance * inflation.max(wandering)) + correlated_covariance(&problem, &estimate, settings);
+        inverse * (variance * inflation.max(wandering)) + correlated_covariance(&problem, &estimate, declared);
     let along = Vector4::new(cos_part, sin_part, 0.0, 0.0) / amplitude_deg_h;
     let amplitude_sigma = libm::sqrt(along.dot(&(covariance * along)));
     let significant = amplitude_deg_h > 5.0 * amplitude_sigma;
@@ -281,11 +296,10 @@ pub fn solve(dwells: &[DwellSummary], earth: EarthRate, settings: &Settings) -> 
     let of_rates_deg = libm::sqrt(gradient.dot(&(covariance * gradient))) * DEG_PER_RAD;
     // The azimuth error is the weighted mean of the index errors; over the positions of a fix the root sum of squares of
     // the weights lies between 1/2 and 1/√2. A level error τ about the north line turns the azimuth by τ tan φ.
-    let of_index_deg = settings.index.sigma_deg * core::f64::consts::FRAC_1_SQRT_2;
-    let of_level_deg = settings.level.sigma_deg * earth.up_deg_h / earth.north_deg_h;
+    let of_index_deg = declared.index_sigma_deg * core::f64::consts::FRAC_1_SQRT_2;
+    let of_level_deg = declared.level_sigma_deg * earth.up_deg_h / earth.north_deg_h;
     let apparent_deg = estimate.azimuth_deg();
-    let azimuth_deg =
-        settings.model.as_ref().map_or(apparent_deg, |model| model.true_azimuth_deg(apparent_deg, &earth));
+    let azimuth_deg = model.true_azimuth_deg(apparent_deg, &earth);
     Ok(Solution {
         azimuth_deg,
         sigma_deg: libm::sqrt(
@@ -372,8 +386,8 @@ fn variance(problem: &Problem<'_>) -> Option<f64> {
 
 /// Covariance of the parameters from errors that do not average out inside a stay: the declared bias instability, and
 /// the noise of the base motion that was taken out.
-fn correlated_covariance(problem: &Problem<'_>, estimate: &Estimate, settings: &Settings) -> Matrix4<f64> {
-    let instability = settings.gyro.bias_instability_deg_h;
+fn correlated_covariance(problem: &Problem<'_>, estimate: &Estimate, declared: &Declared) -> Matrix4<f64> {
+    let instability = declared.gyro.bias_instability_deg_h;
     let mut shared = Matrix4::zeros();
     let mut by_coefficient = [nalgebra::SMatrix::<f64, 4, 5>::zeros(); 2];
     for (dwell, observation) in problem.dwells.iter().zip(problem.observations().step_by(2)) {
@@ -437,14 +451,6 @@ fn mean_tilt(dwells: &[DwellSummary]) -> Option<Tilt> {
         seconds += dwell.seconds;
     }
     Specific::new(forward / seconds, left / seconds).map(|level| level.tilt())
-}
-
-/// North components of the sensitive axis for azimuth 0° (C) and 90° (S) of the mark.
-fn horizontal(dwell: &DwellSummary, level: &Specific) -> (f64, f64) {
-    let cos_pitch = libm::sqrt(1.0 - level.forward * level.forward);
-    let sin_roll = level.left / cos_pitch;
-    let cos_roll = libm::sqrt(1.0 - sin_roll * sin_roll);
-    (dwell.cos * cos_pitch - dwell.sin * sin_roll * level.forward, dwell.sin * cos_roll)
 }
 
 /// Index angle, degrees in [0°, 360°), at which the sensitive axis of an instrument with `azimuth_deg` points east.

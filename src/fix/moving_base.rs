@@ -18,6 +18,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::dwell::{DwellSummary, Line, Row};
+use crate::effects::Sensing;
 use crate::units::ARCSEC_PER_RAD;
 
 /// Rows belong together when the gap between them is below this, seconds.
@@ -26,16 +27,6 @@ const GAP_S: f64 = 0.01;
 const LONGEST_TAU: f64 = 5.0;
 /// Fewest rows that give a rate.
 const LEAST_ROWS: usize = 6;
-
-/// How the accelerometers feel the base.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Sensing {
-    /// Their noise is white in the velocity, not in the tilt.
-    pub velocity: bool,
-    /// Their readings come this much later than the gyro's, seconds: a filter, or (below 0) readings of the end of a row
-    /// instead of means over it.
-    pub lag_s: f64,
-}
 
 /// The rows' summary, its rate free of the base's motion; `None` where too few rows follow each other without a gap or
 /// the accelerometers are missing. Where the tilt's noise is white in the tilt, `noise_deg_h`, the declared noise of a

@@ -33,12 +33,18 @@ fn stays(rates: &[(f64, f64)]) -> Vec<DwellSummary> {
     (0..).zip(rates).map(|(i, &(index_deg, rate))| dwell(65.0 * f64::from(i), index_deg, rate)).collect()
 }
 
-fn settings(latitude_deg: f64) -> Settings {
-    Settings { latitude_deg, ..Default::default() }
+fn declared(latitude_deg: f64) -> Declared {
+    Declared {
+        earth: earth_rate(latitude_deg).unwrap(),
+        gyro: GyroSettings::default(),
+        index_sigma_deg: 0.02,
+        level_sigma_deg: 0.01,
+        calibrated: true,
+    }
 }
 
 fn solve_at(latitude_deg: f64, dwells: &[DwellSummary]) -> Solution {
-    solve(dwells, earth_rate(latitude_deg).unwrap(), &settings(latitude_deg)).unwrap()
+    solve(dwells, &declared(latitude_deg), &ErrorModel::default()).unwrap()
 }
 
 fn assert_azimuth(solution: &Solution, azimuth_deg: f64, tolerance_deg: f64) {
@@ -70,10 +76,10 @@ fn the_four_position_arctangent_is_the_special_case() {
     // Any four rates of equal weight, also ones that do not close: atan2(ω90 − ω270, ω0 − ω180), closure
     // (ω0 + ω180 − ω90 − ω270)/4 = (7.1 − 6.0 − 4.2 + 3.3)/4 = 0.05. The declared drift is none.
     let rates = [(0.0, 7.1), (90.0, 4.2), (180.0, -6.0), (270.0, -3.3)];
-    let mut settings = settings(60.0);
-    settings.gyro.drift_deg_h_per_h = 0.0;
-    settings.gyro.arw_deg_per_sqrt_h = 0.05;
-    let solution = solve(&stays(&rates), earth_rate(60.0).unwrap(), &settings).unwrap();
+    let mut declared = declared(60.0);
+    declared.gyro.drift_deg_h_per_h = 0.0;
+    declared.gyro.arw_deg_per_sqrt_h = 0.05;
+    let solution = solve(&stays(&rates), &declared, &ErrorModel::default()).unwrap();
     assert_azimuth(&solution, (4.2_f64 + 3.3).atan2(7.1 + 6.0).to_degrees(), 1e-9);
     assert!((solution.closure_deg_h.unwrap() - 0.05).abs() < 1e-12);
     assert!((solution.bias_deg_h - 0.5).abs() < 1e-9);
@@ -158,12 +164,12 @@ fn a_base_that_turns_is_taken_out_with_its_sign() {
 
 #[test]
 fn sigma_is_the_white_noise_bound_when_nothing_else_is_declared() {
-    let mut settings = settings(60.0);
-    settings.gyro.bias_instability_deg_h = 0.0;
-    settings.gyro.drift_deg_h_per_h = 0.0;
-    settings.index.sigma_deg = 0.0;
-    settings.level.sigma_deg = 0.0;
-    let solution = solve(&stays(&NORTH_EAST), earth_rate(60.0).unwrap(), &settings).unwrap();
+    let mut declared = declared(60.0);
+    declared.gyro.bias_instability_deg_h = 0.0;
+    declared.gyro.drift_deg_h_per_h = 0.0;
+    declared.index_sigma_deg = 0.0;
+    declared.level_sigma_deg = 0.0;
+    let solution = solve(&stays(&NORTH_EAST), &declared, &ErrorModel::default()).unwrap();
     // 60 √2 · 0.0015 / (7.5205335 · √240) = 1.0925e-3 rad = 0.062596°.
     assert!((solution.sigma_deg - 0.062596).abs() < 2e-5, "{}", solution.sigma_deg);
     assert!((white_noise_bound_deg(0.0015, 7.5205335, 240.0) - 0.062596).abs() < 1e-5);
@@ -219,8 +225,7 @@ fn a_wrong_latitude_shows_in_the_amplitude() {
 
 #[test]
 fn too_little_is_refused() {
-    let earth = earth_rate(60.0).unwrap();
-    let refusal = |rates: &[(f64, f64)]| solve(&stays(rates), earth, &settings(60.0)).unwrap_err();
+    let refusal = |rates: &[(f64, f64)]| solve(&stays(rates), &declared(60.0), &ErrorModel::default()).unwrap_err();
     assert_eq!(refusal(&[]), Unsolvable::TooFewDirections);
     assert_eq!(refusal(&NORTH_EAST[..2]), Unsolvable::TooFewDirections);
     assert_eq!(refusal(&[(0.0, 1.0), (180.0, -1.0), (0.0, 1.0), (180.0, -1.0)]), Unsolvable::TooFewDirections);
@@ -271,8 +276,7 @@ fn a_line_of_unknown_phase_is_estimated() {
     assert!(wrap_180_deg(without.azimuth_deg - 30.0).abs() > 0.5, "{}", without.azimuth_deg);
     let mut model = ErrorModel::default();
     model.terms.push(Term::FreeLine { period_s: 190.0, amplitude_deg_h: 0.3 }).unwrap();
-    let settings = Settings { model: Some(model), ..settings(60.0) };
-    let with = solve(&dwells, earth_rate(60.0).unwrap(), &settings).unwrap();
+    let with = solve(&dwells, &declared(60.0), &model).unwrap();
     // The amplitude's spread draws the parts towards zero by a little.
     assert_azimuth(&with, 30.0, with.sigma_deg);
     assert!(with.sigma_deg < 0.5, "{}", with.sigma_deg);

@@ -1,8 +1,8 @@
 //! Everything in a frame of KVH format A: three gyros, three accelerometers. The instrument needs only one of them;
 //! recordings of a whole triad are read with this.
 
+use super::GyroFormat;
 use super::{FrameReader, checked};
-use crate::settings::GyroFormat;
 
 /// Accelerometers begin at this bit of the status.
 const ACCELEROMETER_BITS: usize = 4;

@@ -7,19 +7,19 @@ pub mod order;
 pub mod turn;
 
 use heapless::Vec;
+use serde::{Deserialize, Serialize};
 
-use crate::earth::{EarthRate, earth_rate};
 use crate::event::{Dwell, Event, Fix, State};
 use crate::fix::dwell::{DwellRows, DwellSummary, Row};
-use crate::fix::{self, Solution};
+use crate::fix::{self, Declared, Solution};
 use crate::gates::{DisturbanceGate, JitterGate, Verdict};
 use crate::health::{Counters, Fault, Flag, Flags};
+use crate::index::{Direction, IndexAngle, MotorCommand};
 use crate::level::{LevelSecond, Tilt};
-use crate::pipeline::MotorCommand;
 use crate::sample::RateSecond;
 use crate::settings::Settings;
 use order::Position;
-use turn::{IndexAngle, Progress, Turn};
+use turn::{Progress, Turn};
 
 /// Most stays that a fix can have; one longer than [`fix::dwell::MAX_ROWS`] seconds counts several times.
 pub const MAX_DWELLS: usize = 64;
@@ -30,12 +30,15 @@ const TEMPERATURE_CHANGE_K: f64 = 0.5;
 /// While measuring, the level limit is this much wider than before: a tripod may settle a little.
 const LEVEL_HYSTERESIS: f64 = 1.5;
 
-/// Mean index angle over a second.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct IndexSecond {
-    /// Mean cosine and sine.
-    pub cos: f64,
-    pub sin: f64,
+/// What an operator can ask of the sequence.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Command {
+    /// Begin a fix (again).
+    Start,
+    /// End the fix or the calibration; the motor stops.
+    Abort,
+    /// Begin to calibrate the accelerometers (again).
+    CalibrateAccelerometers,
 }
 
 /// All that a second brings to the sequencer.
@@ -45,7 +48,7 @@ pub struct SecondInput {
     pub t_s: f64,
     pub rate: RateSecond,
     /// `None`: no valid encoder reading.
-    pub index: Option<IndexSecond>,
+    pub index: Option<Direction>,
     pub level: LevelSecond,
 }
 
@@ -55,7 +58,7 @@ pub type Sink<'a> = &'a mut dyn FnMut(Event);
 /// Runs a fix.
 pub struct Sequencer {
     settings: Settings,
-    earth: EarthRate,
+    declared: Declared,
     state: State,
     /// When the fix began, and the state.
     started_s: f64,
@@ -81,10 +84,9 @@ pub struct Sequencer {
 impl Sequencer {
     /// Ready to start; a latitude at which no fix is possible is the fault to report.
     pub fn new(settings: Settings) -> Result<Self, Fault> {
-        settings.validate().map_err(|_| Fault::SettingsInvalid)?;
-        let earth = earth_rate(settings.latitude_deg).map_err(|_| Fault::NearPole)?;
+        let declared = settings.declared()?;
         Ok(Self {
-            earth,
+            declared,
             state: State::Idle,
             started_s: 0.0,
             since_s: 0.0,
@@ -93,7 +95,7 @@ impl Sequencer {
             level_run: 0,
             level_lost: 0,
             level_failed: 0,
-            disturbance: DisturbanceGate::new(settings.disturbance, earth.north_deg_h),
+            disturbance: DisturbanceGate::new(settings.disturbance, declared.earth.north_deg_h),
             jitter: JitterGate::new(settings.jitter),
             turn: None,
             rows: DwellRows::default(),
@@ -232,7 +234,7 @@ impl Sequencer {
             sink(Event::Level { pitch_deg, roll_deg, level });
             self.level_run = if level { self.level_run.saturating_add(1) } else { 0 };
             if self.level_run >= self.settings.level.seconds {
-                self.disturbance = DisturbanceGate::new(self.settings.disturbance, self.earth.north_deg_h);
+                self.disturbance = DisturbanceGate::new(self.settings.disturbance, self.declared.earth.north_deg_h);
                 self.enter(State::Watching, input.t_s, sink);
                 return None;
             }
@@ -322,7 +324,7 @@ impl Sequencer {
         if missing > 0 {
             self.flags.insert(Flag::FramesLost);
         }
-        let Some(IndexSecond { cos, sin }) = input.index.filter(|_| usable) else { return (None, false) };
+        let Some(Direction { cos, sin }) = input.index.filter(|_| usable) else { return (None, false) };
         let threshold_deg_h = self.settings.jitter.threshold_deg_h;
         let jumped = self.last_collected_deg_h.is_some_and(|last| (rate_deg_h - last).abs() > threshold_deg_h);
         if jumped {
@@ -424,7 +426,7 @@ impl Sequencer {
     }
 
     fn steer_east_west(&mut self, t_s: f64, sink: Sink) -> Option<MotorCommand> {
-        match fix::solve(&self.dwells, self.earth, &self.settings) {
+        match fix::solve(&self.dwells, &self.declared, &self.settings.model.clone().unwrap_or_default()) {
             Ok(Solution { azimuth_deg, sigma_deg, .. }) => {
                 sink(Event::Coarse { azimuth_deg, sigma_deg });
                 self.coarse_azimuth_deg = Some(azimuth_deg);
@@ -435,7 +437,7 @@ impl Sequencer {
     }
 
     fn finish(&mut self, t_s: f64, counters: &Counters, sink: Sink) -> Option<MotorCommand> {
-        match fix::solve(&self.dwells, self.earth, &self.settings) {
+        match fix::solve(&self.dwells, &self.declared, &self.settings.model.clone().unwrap_or_default()) {
             Ok(solution) => {
                 sink(Event::Health(*counters));
                 sink(Event::Fix(Fix::new(&solution, self.flags)));

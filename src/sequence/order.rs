@@ -3,7 +3,7 @@
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-use crate::settings::Invalid;
+use crate::limits::{Invalid, within};
 
 /// Most positions that an order can have.
 pub const MAX_POSITIONS: usize = 16;
@@ -22,6 +22,32 @@ pub enum Order {
     EastWest,
     /// Any angles; at least three that are different.
     Custom(Vec<f64, MAX_POSITIONS>),
+}
+
+/// Which positions, in which order, for how long.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SequenceSettings {
+    pub order: Order,
+    /// Measuring time at each position, seconds (for the east-west order: of each of its four long dwells).
+    pub dwell_s: u16,
+    /// Measuring time at each of the four positions of the east-west order's coarse pass, seconds.
+    pub coarse_dwell_s: u16,
+}
+
+impl Default for SequenceSettings {
+    fn default() -> Self {
+        Self { order: Order::Mirrored, dwell_s: 30, coarse_dwell_s: 10 }
+    }
+}
+
+impl SequenceSettings {
+    /// Checks every value.
+    pub fn validate(&self) -> Result<(), Invalid> {
+        within("sequence.dwell_s", self.dwell_s.into(), 2.0, 3600.0, "2 to 3600")?;
+        within("sequence.coarse_dwell_s", self.coarse_dwell_s.into(), 2.0, 3600.0, "2 to 3600")?;
+        self.order.validate()
+    }
 }
 
 /// Where the next dwell is.

@@ -1,10 +1,8 @@
 //! One move of the index, watched through the encoder.
 
 use crate::health::Fault;
-use crate::pipeline::MotorCommand;
+use crate::index::{IndexSettings, MotorCommand};
 use crate::sample::SAMPLE_S;
-use crate::settings::IndexSettings;
-use crate::units::{wrap_180_deg, wrap_360_deg};
 
 /// Microsteps of the motor in one degree of the index.
 pub const MICROSTEPS_PER_DEG: f64 = 100.0;
@@ -16,27 +14,6 @@ const REST_TICKS: u32 = 80;
 const STALL_WINDOW_TICKS: u32 = 200;
 /// … by this share of what it should.
 const STALL_SHARE: f64 = 0.3;
-
-/// The index angle without jumps at full turns, so that a cable is not wound up.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct IndexAngle {
-    unwrapped_deg: Option<f64>,
-}
-
-impl IndexAngle {
-    /// Takes an encoder reading in [0°, 360°). The first one counts from −5° on: the gyro was parked near zero.
-    pub fn push(&mut self, index_deg: f64) {
-        self.unwrapped_deg = Some(match self.unwrapped_deg {
-            Some(last_deg) => last_deg + wrap_180_deg(index_deg - last_deg),
-            None => wrap_360_deg(index_deg + 5.0) - 5.0,
-        });
-    }
-
-    /// Degrees, counter-clockwise; `None` before the first reading.
-    pub fn deg(&self) -> Option<f64> {
-        self.unwrapped_deg
-    }
-}
 
 /// A move under way.
 #[derive(Clone, Debug)]
@@ -204,16 +181,5 @@ mod tests {
     fn a_motor_that_does_not_move_is_a_stall() {
         assert_eq!(run(0.0, 90.0, 0.0, IndexSettings::default()).0, Progress::Failed(Fault::MotorStall));
         assert_eq!(run(0.0, 5.0, 0.0, IndexSettings::default()).0, Progress::Failed(Fault::MotorStall));
-    }
-
-    #[test]
-    fn the_angle_does_not_jump_at_a_full_turn() {
-        let mut angle = IndexAngle::default();
-        for (reading, unwrapped) in
-            [(359.9, -0.1), (0.2, 0.2), (90.0, 90.0), (200.0, 200.0), (350.0, 350.0), (10.0, 370.0)]
-        {
-            angle.push(reading);
-            assert!((angle.deg().unwrap() - unwrapped).abs() < 1e-9);
-        }
     }
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use north_finder::effects::spline::{MAX_KNOTS, Numbers};
 use north_finder::effects::{ChannelName, Conditions, DeadZoneForm, ErrorModel, Evaluator, MAX_CHANNELS, Term};
+use north_finder::index::Direction;
 use north_finder::units::ARCSEC_PER_RAD;
 
 use super::data::RunData;
@@ -311,7 +312,7 @@ impl Candidate {
                 t_s: cell.t_s,
                 seconds: cell.seconds,
                 raw_rate_deg_h: rate,
-                index: Some([cell.cos, cell.sin]),
+                index: Some(Direction { cos: cell.cos, sin: cell.sin }),
                 temp_c: cell.temp_c,
                 level: cell.level,
                 channels,

@@ -1,8 +1,8 @@
 //! Before and after: azimuths by the firmware's replay with the model, on runs that took no part in learning.
 
+use north_finder::effects::Sensing;
 use north_finder::effects::{ErrorModel, Term};
 use north_finder::event::Fix;
-use north_finder::fix::moving_base::Sensing;
 use north_finder::units::wrap_180_deg;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -27,8 +27,8 @@ pub use result::{
 };
 pub use text::write;
 
+use north_finder::effects::Sensing;
 use north_finder::effects::{ErrorModel, Term};
-use north_finder::fix::moving_base::Sensing;
 use north_finder::settings::Settings;
 
 use crate::campaign::{Campaign, Role};

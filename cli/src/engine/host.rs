@@ -8,8 +8,9 @@ use north_finder::drivers::sensors::{Due, Sensors};
 use north_finder::drivers::step_motor::{SLOTS_PER_TICK, StepMotor};
 use north_finder::event::Report;
 use north_finder::health::Refused;
+use north_finder::index::MotorCommand;
 use north_finder::link::Request;
-use north_finder::pipeline::{MotorCommand, Pipeline, Readings};
+use north_finder::pipeline::{Pipeline, Readings};
 use north_finder::settings::Settings;
 use north_finder::settings::store::{self, Loaded};
 

@@ -11,8 +11,8 @@ use hal_sim::{Scenario, Truth, World};
 use north_finder::event::{Event, Fix, Report, State};
 use north_finder::health::Fault;
 use north_finder::link::Request;
-use north_finder::pipeline::Command;
 use north_finder::sample::SAMPLE_S;
+use north_finder::sequence::Command;
 use north_finder::settings::{Settings, store};
 
 /// What to run.

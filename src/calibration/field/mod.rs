@@ -15,12 +15,11 @@ pub mod problem;
 pub mod refusal;
 
 use self::collection::{Collection, Progress};
-use self::guidance::Step;
+use self::guidance::{Guidance, Step};
 use self::problem::{Problem, Solved};
 use self::refusal::{NoCalibration, Why};
-use crate::calibration::ellipsoid::Correction;
-use crate::event::{Event, State};
-use crate::settings::accelerometer::AccelerometerCalibration;
+use super::accelerometer::AccelerometerCalibration;
+use super::ellipsoid::Correction;
 
 /// A calibration from the command to its end.
 #[derive(Clone, Debug, Default)]
@@ -45,13 +44,26 @@ enum Stage {
     NotStored,
 }
 
+/// What a session tells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Event {
+    Started,
+    Guidance(Guidance),
+    /// What was found, before and after.
+    Solved(Solved),
+    /// The calibration is in flash and in effect; the session is over.
+    Stored,
+    /// It came to nothing; the session is over.
+    Failed(NoCalibration),
+}
+
 type Sink<'a> = &'a mut dyn FnMut(Event);
 
 impl Session {
     /// Begins, whatever was before; the calibration in use is what a new one must beat.
     pub fn start(&mut self, in_use: Correction, sink: Sink) {
         self.abort(sink);
-        sink(Event::State(State::Calibrating));
+        sink(Event::Started);
         let collection = Collection::new(in_use);
         sink(Event::Guidance(collection.guidance(Step::Turn)));
         self.stage = Stage::Collecting(collection);
@@ -78,7 +90,7 @@ impl Session {
             }
             Stage::Answered(Ok(solved)) => {
                 let solved = *solved;
-                sink(Event::Calibration(solved));
+                sink(Event::Solved(solved));
                 if solved.is_better() {
                     self.stage = Stage::Offered(solved.calibration);
                 } else {
@@ -92,8 +104,7 @@ impl Session {
             Stage::Stored(calibration) => {
                 let calibration = *calibration;
                 self.stage = Stage::Off;
-                sink(Event::CalibrationStored);
-                sink(Event::State(State::Finished));
+                sink(Event::Stored);
                 return Some(calibration);
             }
             Stage::NotStored => self.end(Why::NotStored.into(), sink),
@@ -133,8 +144,7 @@ impl Session {
 
     fn end(&mut self, reason: NoCalibration, sink: Sink) {
         self.stage = Stage::Off;
-        sink(Event::NoCalibration(reason));
-        sink(Event::State(State::Failed));
+        sink(Event::Failed(reason));
     }
 }
 

@@ -4,8 +4,8 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 use super::refusal::{NoCalibration, Why};
+use crate::calibration::accelerometer::AccelerometerCalibration;
 use crate::calibration::ellipsoid::{Calibration, Correction, Entry, Role, Weights, fit, norm_rms, split};
-use crate::settings::accelerometer::AccelerometerCalibration;
 
 /// Most attitudes; about the 23 of the source.
 pub const MOST_ATTITUDES: usize = 24;

@@ -65,25 +65,31 @@ impl Bench {
     }
 
     fn names(&self) -> StdVec<&'static str> {
-        self.events.iter().map(Event::name).collect()
+        let name = |event: &Event| match event {
+            Event::Started => "started",
+            Event::Guidance(guidance) => guidance.step.name(),
+            Event::Solved(_) => "solved",
+            Event::Stored => "stored",
+            Event::Failed(reason) => reason.why.name(),
+        };
+        self.events.iter().map(name).collect()
     }
 
     fn ended(&self) -> bool {
-        matches!(self.events.last(), Some(Event::State(State::Finished | State::Failed)))
+        matches!(self.events.last(), Some(Event::Stored | Event::Failed(_)))
     }
 
-    /// The last event but the final state.
     fn verdict(&self) -> Event {
-        self.events[self.events.len() - 2]
+        self.events[self.events.len() - 1]
     }
 
     fn why(&self) -> Why {
-        let Event::NoCalibration(reason) = self.verdict() else { panic!("{:?}", self.verdict()) };
+        let Event::Failed(reason) = self.verdict() else { panic!("{:?}", self.verdict()) };
         reason.why
     }
 
     fn solved(&self) -> Solved {
-        let solved = |event: &Event| if let Event::Calibration(solved) = event { Some(*solved) } else { None };
+        let solved = |event: &Event| if let Event::Solved(solved) = event { Some(*solved) } else { None };
         self.events.iter().find_map(solved).unwrap()
     }
 
@@ -100,7 +106,7 @@ impl Bench {
 #[test]
 fn an_attitude_is_held_and_accepted() {
     let mut bench = Bench::new(Correction::UNIT);
-    assert_eq!(bench.names(), ["calibrating", "turn"]);
+    assert_eq!(bench.names(), ["started", "turn"]);
     // The first reading does not count, ten more do: 220 samples.
     bench.hold([0.0, 0.0, 1.0], 219);
     assert_eq!(bench.steps(), [Step::Turn, Step::Hold]);
@@ -148,7 +154,7 @@ fn an_operator_who_obeys_gets_a_better_calibration() {
     let mut bench = Bench::new(Correction::UNIT);
     bench.obey();
     let solved = bench.solved();
-    assert_eq!(bench.names()[bench.events.len() - 4..], ["solving", "calibration", "calibration-stored", "finished"]);
+    assert_eq!(bench.names()[bench.events.len() - 3..], ["solving", "solved", "stored"]);
     assert!(solved.is_better() && solved.judged_before_g > 0.01 && solved.judged_after_g < 1e-4, "{solved:?}");
     assert!(solved.before_g > 0.01 && solved.after_g < 1e-4, "{solved:?}");
     assert_eq!((solved.attitudes, solved.judged, solved.left_out), (15, 5, 0));
@@ -204,8 +210,7 @@ fn attitudes_on_one_side_end_it_by_what_is_missing() {
             bench.shake(50);
         }
     }
-    let Event::NoCalibration(NoCalibration { why: Why::DirectionsMissing, missing: Some(missing) }) = bench.verdict()
-    else {
+    let Event::Failed(NoCalibration { why: Why::DirectionsMissing, missing: Some(missing) }) = bench.verdict() else {
         panic!("{:?}", bench.verdict())
     };
     assert!(missing.0[2] < 0, "{missing:?}");

@@ -2,11 +2,11 @@
 
 use heapless::Vec;
 
+use crate::calibration::accelerometer::AccelerometerCalibration;
 use crate::effects::spline::{MAX_KNOTS, Numbers};
 use crate::effects::{ChannelName, ErrorModel, MAX_TERMS, Term};
 use crate::sequence::order::{MAX_POSITIONS, Order};
 use crate::settings::Settings;
-use crate::settings::accelerometer::AccelerometerCalibration;
 
 /// Every number needs all its bytes, every list is full, every effect is of the longest kind.
 pub fn settings() -> Settings {

@@ -5,8 +5,8 @@ use std::vec::Vec;
 use embedded_storage::nor_flash::{ErrorType, NorFlashError, NorFlashErrorKind, check_erase, check_read, check_write};
 
 use super::*;
+use crate::calibration::accelerometer::AccelerometerCalibration;
 use crate::effects::{ErrorModel, Term};
-use crate::settings::accelerometer::AccelerometerCalibration;
 
 /// Smallest of the boards.
 const SECTOR: usize = 4096;

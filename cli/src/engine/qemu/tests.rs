@@ -6,7 +6,7 @@ use hal_sim::Scenario;
 use north_finder::effects::spline::Numbers;
 use north_finder::effects::{ChannelName, ErrorModel, MAX_TERMS, Term};
 use north_finder::event::{Event, Report, State};
-use north_finder::pipeline::Command;
+use north_finder::sequence::Command;
 use north_finder::settings::Settings;
 
 use super::*;

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Invalid;
-use crate::calibration::ellipsoid::Correction;
+use super::ellipsoid::Correction;
+use crate::limits::Invalid;
 
 /// What turns readings of the accelerometer triad into specific force: f = M · (reading − bias), all in g.
 ///

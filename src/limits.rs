@@ -1,0 +1,21 @@
+//! Limits of values that are set.
+
+/// A field of [`Settings`] whose value is not allowed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Invalid {
+    pub field: &'static str,
+    pub value: f64,
+    /// What is allowed, for a person.
+    pub allowed: &'static str,
+}
+
+impl core::fmt::Display for Invalid {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{} = {}: allowed is {}", self.field, self.value, self.allowed)
+    }
+}
+
+/// The value of a field must lie from `low` to `high`, both included; `allowed` says so for a person.
+pub fn within(field: &'static str, value: f64, low: f64, high: f64, allowed: &'static str) -> Result<(), Invalid> {
+    if (low..=high).contains(&value) { Ok(()) } else { Err(Invalid { field, value, allowed }) }
+}
