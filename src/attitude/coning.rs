@@ -287,6 +287,7 @@ mod tests {
             let share = (1.0 - mean(algorithm) / 5e-4).abs();
             assert!((share / lost - 1.0).abs() < 0.05, "{algorithm:?}: {share} {lost}");
         }
-        assert!((mean(Algorithm::ThreeSampleConing) / 5e-4 - 1.0).abs() < 1e-7);
+        // What is left of the optimal one is the sine of the angle itself: ½ a b (1 − a²/8), 1.25e-7 less.
+        assert!((mean(Algorithm::ThreeSampleConing) / 5e-4 - 1.0 + 1.25e-7).abs() < 2e-8);
     }
 }
