@@ -3,6 +3,9 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+/// Characters of a wrong value that are repeated in an error.
+const LONGEST_VALUE: usize = 80;
+
 /// Something wrong with a file, with its place as far as it is known.
 #[derive(Debug, thiserror::Error)]
 #[error("{}{place}: {problem}", file.display())]
@@ -75,9 +78,15 @@ impl FileError {
 }
 
 impl Problem {
-    /// A value outside of what is allowed.
+    /// A value outside of what is allowed; of one that is longer than anyone wants to read, the beginning.
     pub fn not_allowed(value: impl fmt::Display, allowed: impl Into<String>) -> Self {
-        Self::NotAllowed { value: value.to_string(), allowed: allowed.into() }
+        let mut value = value.to_string();
+        if let Some((end, _)) = value.char_indices().nth(LONGEST_VALUE) {
+            let length = value.chars().count();
+            value.truncate(end);
+            value += &format!("… ({length} characters)");
+        }
+        Self::NotAllowed { value, allowed: allowed.into() }
     }
 }
 
@@ -89,5 +98,20 @@ impl fmt::Display for Place {
             Self::Character { line, column } => write!(f, ", line {line}, column {column}"),
             Self::Field { line, column, name } => write!(f, ", line {line}, column {column} ({name})"),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_huge_cell_is_not_echoed_and_control_characters_are_escaped() {
+        let value = format!("\x1b[31m{}", "7".repeat(5_000_000));
+        let text = Problem::not_allowed(value, "a number").to_string();
+        assert_eq!(
+            text,
+            format!("\"\\u{{1b}}[31m{}… (5000005 characters)\" is not allowed; allowed is a number", "7".repeat(75))
+        );
     }
 }

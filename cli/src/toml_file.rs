@@ -38,6 +38,10 @@ impl TomlFile {
         Self { path: path.to_owned(), text }
     }
 
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// The whole file as a `T`; its top-level `format` must be `format` and is not handed to `T`.
     pub fn parse_format<T: DeserializeOwned>(&self, format: i64) -> Result<T, FileError> {
         let mut table = DeTable::parse(&self.text).map_err(|error| self.syntax(&error))?;

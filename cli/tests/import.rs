@@ -276,7 +276,7 @@ fn errors_of_the_mapping_name_their_place() {
             "map.toml, line 8, column 8: unknown variant `furlong`, expected one of",
         ),
         ("interval_s = 0.5", "", "map.toml, line 4, column 1: [time] needs a column"),
-        ("interval_s = 0.5", "interval_s = 0", r#"map.toml, line 5, column 14: "interval_s = 0" is not allowed"#),
+        ("interval_s = 0.5", "interval_s = 0", r#"map.toml, line 5, column 14: "interval_s = 0.0" is not allowed"#),
         (
             "[\"w\"]",
             "[\"w\", 2]",
@@ -297,14 +297,105 @@ fn errors_of_the_mapping_name_their_place() {
 }
 
 #[test]
-fn runs_must_lie_within_the_recording_and_apart() {
+fn runs_must_lie_within_the_recording_and_training_apart_from_check() {
     let recording = format!("w,angle\n{}", "1,0\n".repeat(20));
     let with_runs = |runs: &str| format!("{SIMPLE}{runs}");
     let error = refusal(&with_runs("[[run]]\nstart_s = 2\nseconds = 9\n"), &recording);
     assert_eq!(error, "map.toml, line 11, column 1: recording ends after 10.000 s; this run goes from 2 s to 11 s");
-    let error = refusal(&with_runs("[[run]]\nseconds = 6\n[[run]]\nstart_s = 5\nseconds = 2\n"), &recording);
-    assert!(error.contains("overlap"), "{error}");
+    let two = "[[run]]\nrole = \"fit\"\nseconds = 6\n[[run]]\nstart_s = 5\nseconds = 2\n";
+    let error = refusal(&with_runs(two), &recording);
+    assert!(error.contains("line 14, column 1: a run to learn from and a run to judge by must not overlap"), "{error}");
+    let (folder, summary) = text(&with_runs(&two.replace("role = \"fit\"\n", "")), &recording).unwrap();
+    assert_eq!((rows(folder.path(), 1).len(), rows(folder.path(), 2).len()), (12, 4));
+    assert!(summary.notes.iter().any(|note| note.contains("overlap")), "{:?}", summary.notes);
     let (folder, summary) = text(&with_runs("[[run]]\nstart_s = 1\nseconds = 2\nevery_s = 3\n"), &recording).unwrap();
     assert_eq!(summary.runs.iter().map(|run| run.start_s).collect::<Vec<_>>(), [1.0, 4.0, 7.0]);
     assert_eq!(rows(folder.path(), 3).len(), 4);
+}
+
+#[test]
+fn a_recording_ends_where_the_mapping_says() {
+    let recording = "w,angle\n1,0\n2,0\n3,0\n4,0\nSum,10\nsigned by,me\n";
+    let arcsec = |keys: &str| {
+        let (folder, _) = text(&format!("{SIMPLE}[text]\n{keys}\n"), recording).unwrap();
+        rows(folder.path(), 1).iter().map(|row| row.fog_arcsec).collect::<Vec<_>>()
+    };
+    // 1 °/h for 0.5 s is 0.5 arcsec.
+    assert_eq!(arcsec("footer_rows = 2"), [0.5, 1.0, 1.5, 2.0]);
+    assert_eq!(arcsec("stop_at = \"Sum\""), [0.5, 1.0, 1.5, 2.0]);
+    assert_eq!(arcsec("rows = 3"), [0.5, 1.0, 1.5]);
+    let error = refusal(SIMPLE, recording);
+    assert_eq!(error, r#"recording, line 6, column 1 (w): "Sum" is not allowed; allowed is a finite decimal number"#);
+    assert!(refusal(&format!("{SIMPLE}[text]\nfooter_rows = 6\n"), recording).contains("no data rows"));
+}
+
+#[test]
+fn several_columns_add_up_to_a_time() {
+    let map = SIMPLE.replace("interval_s = 0.5", "columns = [\"h\", \"m\", \"s\"]\nunits = [\"h\", \"min\", \"s\"]");
+    let recording = "h,m,s,w,angle\n9,59,59,1,0\n10,0,0.5,1,0\n10,0,2,1,0\n";
+    let (folder, _) = text(&map, recording).unwrap();
+    let rows = rows(folder.path(), 1);
+    assert_eq!(rows.iter().map(|row| row.t_s).collect::<Vec<_>>(), [1.5, 3.0]);
+    let error = refusal(&map.replace("\"min\", ", ""), recording);
+    assert!(error.starts_with("map.toml, line 5, column 11: time is one column"), "{error}");
+}
+
+#[test]
+fn files_of_positions_are_joined_into_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    for (name, rates) in [("a.csv", "w\n1\n2\n"), ("b.csv", "w\n3\n"), ("c.csv", "w\n4\n5\n6\n")] {
+        fs::write(at(name), rates).unwrap();
+    }
+    let map = "format = 1\nlatitude_deg = 60\n[time]\ninterval_s = 0.5\n[gyro]\ncolumns = [\"w\"]\nunit = \"deg/h\"\n\
+               [[run]]\nrole = \"fit\"\npositions = [{ file = \"a.csv\", index_deg = 0 }, { file = \"b.csv\", index_deg = 90 }]\n\
+               [[run]]\npositions = [{ file = \"c.csv\", index_deg = 180 }]\n";
+    fs::write(at("map.toml"), map).unwrap();
+    let read = |text: &str| {
+        fs::write(at("map.toml"), text).unwrap();
+        let map = Map::read(&at("map.toml")).map_err(|error| error.to_string())?;
+        import(&map, folder.path(), Format::Text, &at("out"), &mut |_| true).map_err(|error| error.to_string())
+    };
+    let missing = read(&map.replace("c.csv", "d.csv")).unwrap_err();
+    assert!(missing.contains("d.csv: No such file") && !at("out").exists(), "{missing}");
+    let error = read(&map.replace("[[run]]\npositions", "[[run]]\nseconds = 2\npositions")).unwrap_err();
+    assert!(error.contains("a run made of files holds them whole"), "{error}");
+    let summary = read(map).unwrap();
+    assert_eq!(summary.samples, 6);
+    let first: Vec<_> = rows(folder.path(), 1).iter().map(|row| (row.t_s, row.index_deg, row.fog_arcsec)).collect();
+    assert_eq!(first, [(0.5, 0.0, 0.5), (1.0, 0.0, 1.0), (1.5, 90.0, 1.5)]);
+    assert_eq!(rows(folder.path(), 2).len(), 3);
+}
+
+#[test]
+fn binary_files_are_refused_by_name() {
+    for (head, what) in [
+        (&b"MATLAB 5.0 MAT-file, Platform: GLNXA64\0\0"[..], "a MATLAB file"),
+        (b"\x89HDF\r\n\x1a\n", "an HDF5"),
+        (b"PK\x03\x04....", "a zip archive"),
+        (b"\x1f\x8b\x08", "a gzip archive"),
+        (b"1,2\n\0\0", "a binary file"),
+    ] {
+        let error = bring(SIMPLE, head, Format::Text).map(|(_, summary)| summary).unwrap_err();
+        assert!(error.starts_with(&format!("recording: this is {what}")), "{error}");
+        assert!(error.chars().all(|character| !character.is_control()), "{error}");
+    }
+}
+
+#[test]
+fn numbers_that_make_no_sense_are_refused() {
+    for (from, to, error) in [
+        ("interval_s = 0.5", "interval_s = 1e308", "line 5, column 14: \"interval_s = 1e308\""),
+        ("column = \"angle\"", "column = \"angle\"\nscale = nan", "\"scale = NaN, offset_deg = 0\""),
+        ("column = \"angle\"", "column = \"angle\"\noffset_deg = inf", "\"scale = 1, offset_deg = inf\""),
+        ("[index]", "[temperature]\ncolumn = 1\nscale = inf\n[index]", "\"scale = inf, offset = 0\""),
+        ("[index]", "[[channel]]\nname = \"x\"\ncolumn = 1\noffset = nan\n[index]", "\"scale = 1, offset = NaN\""),
+        ("unit = \"deg/h\"", "unit = \"deg/h\"\nscale = inf", "\"scale = inf\""),
+    ] {
+        let found = refusal(&SIMPLE.replace(from, to), "w,angle\n1,0\n");
+        assert!(found.contains(error), "{found}");
+    }
+    let stamped = SIMPLE.replace("interval_s = 0.5", "column = \"t\"\nduration_s = 20");
+    let error = refusal(&stamped, "t,w,angle\n0,1,0\n5,1,0\n10,1,0\n");
+    assert!(error.contains("the time stamps span 10.000 s, duration_s says 20 s"), "{error}");
 }

@@ -49,6 +49,9 @@ impl Import {
         bar.finish_and_clear();
         let summary = summary?;
         self.print(&summary, &mut self.json.human())?;
+        for note in &summary.notes {
+            eprintln!("north: note: {note}");
+        }
         for doubt in &summary.doubts {
             eprintln!("north: warning: {doubt}");
         }

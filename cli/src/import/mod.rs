@@ -19,6 +19,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use self::map::Index;
 pub use self::map::Map;
 pub use self::record::Losses;
 
@@ -26,7 +27,7 @@ use self::kvh::KvhRecords;
 use self::plausible::Means;
 use self::record::Records;
 use self::rows::Rows;
-use self::sample::Sampler;
+use self::sample::{Sample, Sampler};
 use self::text::TextRecords;
 use self::windows::Window;
 use crate::campaign::{Campaign, CampaignWriter, Layout};
@@ -38,6 +39,12 @@ use crate::file_error::{FileError, Problem};
 const RATE_TOLERANCE: f64 = 0.005;
 /// Samples between two looks at progress and interruption.
 const BREATH: u64 = 1 << 14;
+
+/// Said of a triad that is read as an indexed gyro.
+const VIRTUAL_INDEX: &str = "a virtual index does not cancel the biases of a triad: at 180 degrees the same gyro is read with \
+                             the opposite sign, and its bias with it; `north align` solves a triad whole";
+/// Said of runs that share samples.
+const OVERLAP: &str = "runs overlap: their errors are not independent";
 
 /// How the recording is written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -62,6 +69,8 @@ pub struct Summary {
     pub measured_rate_hz: Option<f64>,
     /// What is doubtful about the recording or the mapping.
     pub doubts: Vec<String>,
+    /// What one should know of runs that were made so.
+    pub notes: Vec<String>,
 }
 
 /// One run that was cut from the recording.
@@ -74,8 +83,9 @@ pub struct RunSummary {
     pub rows: u64,
 }
 
-/// Turns the recording `file` into a campaign in the folder `out`, which must be free. `breath` is told from time to
-/// time how many bytes have been read, and says whether to go on.
+/// Turns the recording `file` into a campaign in the folder `out`, which must be free; where each position has a file of
+/// its own, `file` is their folder. `breath` is told from time to time how many bytes have been read, and says whether to
+/// go on.
 ///
 /// Errors: whatever is wrong with either file, with its place; samples that do not come at the declared rate; a
 /// recording shorter than its runs. After an error nothing is left in `out`.
@@ -87,18 +97,18 @@ pub fn import(
     breath: &mut dyn FnMut(u64) -> bool,
 ) -> Result<Summary, Failure> {
     CampaignWriter::check_free(out)?;
-    let records: Box<dyn Records> = match (format, &map.time.column) {
-        (Format::Text, _) => Box::new(TextRecords::open(file, map)?),
-        (Format::Kvh, None) => Box::new(KvhRecords::open(file)?),
-        (Format::Kvh, Some(column)) => {
-            let problem = "the frames of this format carry no time: give their rate_hz instead of a column";
-            return Err(map.file.at(column.span(), Problem::Syntax(problem.into())).into());
-        }
-    };
-    let sampler = Sampler::new(records, map)?;
     let existed = out.exists();
-    let importer = Importer::new(map, file, out, format, sampler)?;
-    importer.run(breath).inspect_err(|_| {
+    // Opened before anything is made, so that a wrong name leaves nothing behind.
+    let whole = match map.index {
+        Index::Placed => None,
+        Index::Measured { .. } | Index::Virtual { .. } => Some(open(map, file, format)?),
+    };
+    let importer = Importer::new(map, file, out, format)?;
+    let imported = match whole {
+        Some(sampler) => importer.one_recording(sampler, breath),
+        None => importer.a_file_for_each_position(breath),
+    };
+    imported.inspect_err(|_| {
         // The folder was free, so that everything in it is ours; the error that led here is the one to report.
         let _ = fs::remove_dir_all(out.join("runs"));
         if !existed {
@@ -107,29 +117,44 @@ pub fn import(
     })
 }
 
+fn open<'a>(map: &'a Map, file: &Path, format: Format) -> Result<Sampler<'a>, FileError> {
+    let records: Box<dyn Records> = match (format, map.time.columns.first()) {
+        (Format::Text, _) => Box::new(TextRecords::open(file, map)?),
+        (Format::Kvh, None) => Box::new(KvhRecords::open(file)?),
+        (Format::Kvh, Some((column, _))) => {
+            let problem = "the frames of this format carry no time: give their rate_hz instead of a column";
+            return Err(map.file.at(column.span(), Problem::Syntax(problem.into())));
+        }
+    };
+    Sampler::new(records, map)
+}
+
 struct Importer<'a> {
     map: &'a Map,
     file: &'a Path,
     format: Format,
-    sampler: Sampler<'a>,
     windows: windows::Windows,
-    window: Option<Window>,
-    run: Option<Rows<'a>>,
+    /// Runs that are being written; they may overlap.
+    open: Vec<OpenRun<'a>>,
+    opened: usize,
     layout: Layout,
     out: &'a Path,
     campaign: CampaignWriter,
     means: Means,
     summary: Summary,
+    until_breath: u64,
+    bytes_before: u64,
+}
+
+/// A run that is being written.
+struct OpenRun<'a> {
+    name: String,
+    window: Window,
+    rows: Rows<'a>,
 }
 
 impl<'a> Importer<'a> {
-    fn new(
-        map: &'a Map,
-        file: &'a Path,
-        out: &'a Path,
-        format: Format,
-        sampler: Sampler<'a>,
-    ) -> Result<Self, FileError> {
+    fn new(map: &'a Map, file: &'a Path, out: &'a Path, format: Format) -> Result<Self, FileError> {
         let campaign = CampaignWriter::create(Campaign {
             folder: out.to_owned(),
             title: map.title.clone(),
@@ -137,99 +162,167 @@ impl<'a> Importer<'a> {
             instrument: map.instrument.clone(),
             runs: Vec::new(),
         })?;
-        let counts_losses = format == Format::Kvh || (map.time.column.is_some() && map.time.interval_s.is_some());
-        let mut windows = map.windows.clone();
+        let counts_losses = format == Format::Kvh || (!map.time.columns.is_empty() && map.time.interval_s.is_some());
+        let mut summary = Summary::default();
+        if matches!(map.index, Index::Virtual { .. }) {
+            summary.notes.push(VIRTUAL_INDEX.into());
+        }
         Ok(Self {
             map,
             file,
             format,
-            sampler,
-            window: windows.next_window(),
-            windows,
-            run: None,
+            windows: map.windows.clone(),
+            open: Vec::new(),
+            opened: 0,
             layout: Rows::layout(map, counts_losses),
             out,
             campaign,
             means: Means::default(),
-            summary: Summary::default(),
+            summary,
+            until_breath: BREATH,
+            bytes_before: 0,
         })
     }
 
-    fn run(mut self, breath: &mut dyn FnMut(u64) -> bool) -> Result<Summary, Failure> {
-        let mut until_breath = BREATH;
-        while self.next_sample()? {
-            until_breath -= 1;
-            if until_breath == 0 {
-                until_breath = BREATH;
-                if !breath(self.sampler.bytes_read()) {
-                    return Err(Failure::Interrupted);
+    /// Cuts the runs out of one recording.
+    fn one_recording(mut self, mut sampler: Sampler, breath: &mut dyn FnMut(u64) -> bool) -> Result<Summary, Failure> {
+        let mut next = self.windows.next_window();
+        // The whole recording is read if its rate is to be checked against its duration.
+        while next.is_some() || !self.open.is_empty() || self.map.time.duration_s.is_some() {
+            let Some(sample) = sampler.next_sample()? else { break };
+            let middle_s = sample.end_s - 0.5 * sample.interval_s;
+            self.close_until(middle_s)?;
+            while let Some(window) = next.take_if(|window| middle_s >= window.start_s) {
+                if window.end_s.is_some_and(|end_s| middle_s >= end_s) {
+                    return Err(self.without_sample(&window).into());
                 }
+                self.open_run(window)?;
+                next = self.windows.next_window();
             }
+            for run in &mut self.open {
+                run.rows.push(sample)?;
+            }
+            if !self.open.is_empty() {
+                self.means.push(sample);
+            }
+            self.breathe(&sampler, breath)?;
         }
-        self.end_recording()?;
-        self.check_rate()?;
-        self.summary.samples = self.sampler.due();
-        self.summary.losses = self.sampler.losses();
+        self.refuse_dead(&sampler, self.file)?;
+        self.end_recording(sampler.end_s(), next)?;
+        self.check_rate(&sampler, self.file)?;
+        self.account(&sampler);
+        self.finish()
+    }
+
+    /// Joins the files of each run's positions, without a pause between two.
+    fn a_file_for_each_position(mut self, breath: &mut dyn FnMut(u64) -> bool) -> Result<Summary, Failure> {
+        while let Some(window) = self.windows.next_window() {
+            let positions = window.positions.clone();
+            self.open_run(window)?;
+            let mut before_s = 0.0;
+            for position in &positions {
+                let path = self.file.join(&position.file);
+                let mut sampler = open(self.map, &path, self.format)?;
+                while let Some(sample) = sampler.next_sample()? {
+                    let placed =
+                        Sample { end_s: sample.end_s + before_s, index_deg: position.index_deg, ..sample.clone() };
+                    for run in &mut self.open {
+                        run.rows.push(&placed)?;
+                    }
+                    self.means.push(&placed);
+                    self.breathe(&sampler, breath)?;
+                }
+                self.refuse_dead(&sampler, &path)?;
+                self.check_rate(&sampler, &path)?;
+                for run in &mut self.open {
+                    run.rows.end_position()?;
+                }
+                before_s += sampler.end_s();
+                self.account(&sampler);
+                self.bytes_before += sampler.bytes_read();
+            }
+            self.close_until(f64::INFINITY)?;
+        }
+        self.finish()
+    }
+
+    fn breathe(&mut self, sampler: &Sampler, breath: &mut dyn FnMut(u64) -> bool) -> Result<(), Failure> {
+        self.until_breath -= 1;
+        if self.until_breath > 0 {
+            return Ok(());
+        }
+        self.until_breath = BREATH;
+        if breath(self.bytes_before + sampler.bytes_read()) { Ok(()) } else { Err(Failure::Interrupted) }
+    }
+
+    fn account(&mut self, sampler: &Sampler) {
+        self.summary.samples += sampler.due();
+        let Losses { lost_samples, invalid_samples, bad_frames, skipped_bytes } = sampler.losses();
+        let losses = &mut self.summary.losses;
+        losses.lost_samples += lost_samples;
+        losses.invalid_samples += invalid_samples;
+        losses.bad_frames += bad_frames;
+        losses.skipped_bytes += skipped_bytes;
+    }
+
+    fn finish(mut self) -> Result<Summary, Failure> {
         self.summary.doubts.extend(self.means.doubts(self.map));
         self.campaign.finish()?;
         Ok(self.summary)
     }
 
-    /// Takes one sample; `false` when no more are needed.
-    fn next_sample(&mut self) -> Result<bool, FileError> {
-        // The whole recording is read if its rate is to be checked against its duration.
-        if self.window.is_none() && self.map.time.duration_s.is_none() {
-            return Ok(false);
+    fn open_run(&mut self, window: Window) -> Result<(), FileError> {
+        // What is learned from a training run must not be judged on the same samples.
+        if let Some(other) = self.open.iter().find(|run| run.window.run.role != window.run.role) {
+            let problem = format!(
+                "a run to learn from and a run to judge by must not overlap: this one begins at {} s, within {}, which \
+                 begins at {} s",
+                window.start_s, other.name, other.window.start_s
+            );
+            return Err(self.map.file.at(window.span, Problem::Syntax(problem)));
         }
-        let Some(sample) = self.sampler.next_sample()? else { return Ok(false) };
-        let middle_s = sample.end_s - 0.5 * sample.interval_s;
-        while let Some(window) = self.window.take_if(|window| window.end_s.is_some_and(|end_s| middle_s >= end_s)) {
-            let run = self.run.take();
-            self.window = Self::next_window(&mut self.windows, self.map, &window)?;
-            Self::close(&mut self.campaign, &mut self.summary, self.map, window, run)?;
+        if !self.open.is_empty() && !self.summary.notes.iter().any(|note| note == OVERLAP) {
+            self.summary.notes.push(OVERLAP.into());
         }
-        let Some(window) = &self.window else { return Ok(true) };
-        if middle_s >= window.start_s {
-            let run = match &mut self.run {
-                Some(run) => run,
-                empty => {
-                    let name = run_name(&self.summary);
-                    empty.insert(Rows::new(self.map, window, self.campaign.run(&name, self.layout.clone())?))
-                }
-            };
-            run.push(sample)?;
-            self.means.push(sample);
+        self.opened += 1;
+        let name = format!("runs/{:03}.csv", self.opened);
+        let rows = Rows::new(self.map, &window, self.campaign.run(&name, self.layout.clone())?);
+        self.open.push(OpenRun { name, window, rows });
+        Ok(())
+    }
+
+    /// Completes the runs that end by then.
+    fn close_until(&mut self, middle_s: f64) -> Result<(), FileError> {
+        let ends = |run: &mut OpenRun| match run.window.end_s {
+            Some(end_s) => middle_s >= end_s,
+            None => middle_s == f64::INFINITY,
+        };
+        for run in self.open.extract_if(.., ends) {
+            let (rows, seconds) = run.rows.finish()?;
+            self.summary.runs.push(RunSummary { file: run.name.clone(), start_s: run.window.start_s, seconds, rows });
+            self.campaign.add(crate::campaign::Run { file: run.name, ..run.window.run });
         }
-        Ok(true)
+        Ok(())
     }
 
     /// The recording has ended, perhaps within a run.
-    fn end_recording(&mut self) -> Result<(), FileError> {
-        let end_s = self.sampler.end_s();
-        while let Some(window) = self.window.take() {
-            let run = self.run.take();
-            // Time stamps are rounded: half a thousandth of the run is no loss.
-            let complete = window.end_s.is_none_or(|needed_s| end_s >= needed_s - 0.5e-3 * (needed_s - window.start_s));
-            if !complete || run.is_none() {
-                if !window.optional {
-                    let needed = window.end_s.map_or_else(String::new, |needed_s| format!(" to {needed_s} s"));
-                    let problem = format!(
-                        "{} ends after {end_s:.3} s; this run goes from {} s{needed}",
-                        self.file.display(),
-                        window.start_s
-                    );
-                    return Err(self.map.file.at(window.span, Problem::Syntax(problem)));
-                }
-                if let Some(run) = run {
-                    run.finish()?;
-                    let path = self.out.join(run_name(&self.summary));
-                    fs::remove_file(&path).map_err(|error| FileError::whole(&path, error))?;
-                }
-                break;
+    fn end_recording(&mut self, end_s: f64, next: Option<Window>) -> Result<(), FileError> {
+        // Time stamps are rounded: half a thousandth of the run is no loss.
+        let short = |window: &Window| {
+            window.end_s.is_some_and(|needed_s| end_s < needed_s - 0.5e-3 * (needed_s - window.start_s))
+        };
+        for run in self.open.extract_if(.., |run| short(&run.window)) {
+            if !run.window.optional {
+                return Err(too_short(self.map, self.file, &run.window, end_s));
             }
-            self.window = Self::next_window(&mut self.windows, self.map, &window)?;
-            Self::close(&mut self.campaign, &mut self.summary, self.map, window, run)?;
+            run.rows.finish()?;
+            let path = self.out.join(run.name);
+            fs::remove_file(&path).map_err(|error| FileError::whole(&path, error))?;
         }
+        if let Some(window) = next.filter(|window| !window.optional) {
+            return Err(too_short(self.map, self.file, &window, end_s));
+        }
+        self.close_until(f64::INFINITY)?;
         if self.summary.runs.is_empty() {
             let problem = format!("the recording of {end_s:.3} s holds no complete run of this mapping");
             return Err(FileError::whole(self.file, Problem::Syntax(problem)));
@@ -237,46 +330,38 @@ impl<'a> Importer<'a> {
         Ok(())
     }
 
-    /// The window after this one, which must not begin before this one ends.
-    fn next_window(windows: &mut windows::Windows, map: &Map, this: &Window) -> Result<Option<Window>, FileError> {
-        let next = windows.next_window();
-        match &next {
-            Some(next) if this.end_s.is_none_or(|end_s| next.start_s < end_s - 1e-9 * end_s.abs()) => {
-                let end = this.end_s.map_or("the recording's end".into(), |end_s| format!("{end_s} s"));
-                let problem = format!(
-                    "runs must not overlap: this one begins at {} s, the one before goes from {} s to {end}",
-                    next.start_s, this.start_s
-                );
-                Err(map.file.at(next.span.clone(), Problem::Syntax(problem)))
-            }
-            _ => Ok(next),
+    fn without_sample(&self, window: &Window) -> FileError {
+        let problem = format!("the recording has no sample in this run, which begins at {} s", window.start_s);
+        self.map.file.at(window.span.clone(), Problem::Syntax(problem))
+    }
+
+    /// A recording of which the sensor vouches for no sample.
+    fn refuse_dead(&self, sampler: &Sampler, file: &Path) -> Result<(), FileError> {
+        let (due, invalid) = (sampler.due(), sampler.losses().invalid_samples);
+        if invalid == 0 || invalid < due {
+            return Ok(());
         }
+        let problem = format!("each of its {invalid} samples is marked as not valid by the sensor itself");
+        Err(FileError::whole(file, Problem::Syntax(problem)))
     }
 
-    /// Completes a run.
-    fn close(
-        campaign: &mut CampaignWriter,
-        summary: &mut Summary,
-        map: &Map,
-        window: Window,
-        run: Option<Rows<'a>>,
-    ) -> Result<(), FileError> {
-        let Some(run) = run else {
-            let problem = format!("the recording has no sample in this run, which begins at {} s", window.start_s);
-            return Err(map.file.at(window.span, Problem::Syntax(problem)));
-        };
-        let (rows, seconds) = run.finish()?;
-        let file = run_name(summary);
-        summary.runs.push(RunSummary { file: file.clone(), start_s: window.start_s, seconds, rows });
-        campaign.add(crate::campaign::Run { file, ..window.run });
-        Ok(())
-    }
-
-    /// Holds the samples' number against a clock that is not the gyro's: the recording's duration, or its time stamps.
-    fn check_rate(&mut self) -> Result<(), Failure> {
+    /// Holds the samples' number against a clock that is not the gyro's: the recording's duration, or its time stamps;
+    /// and these against each other.
+    fn check_rate(&mut self, sampler: &Sampler, file: &Path) -> Result<(), Failure> {
         let time = &self.map.time;
+        let differ = |a: f64, b: f64| (a / b - 1.0).abs() > RATE_TOLERANCE;
+        let stamped_s = (!time.columns.is_empty()).then(|| sampler.end_s());
+        if let (Some(stamped_s), Some(duration_s)) = (stamped_s, time.duration_s)
+            && differ(stamped_s, duration_s)
+        {
+            return Err(Failure::Refused(format!(
+                "{}: the time stamps span {stamped_s:.3} s, duration_s says {duration_s} s; allowed is a difference of {} %",
+                file.display(),
+                100.0 * RATE_TOLERANCE
+            )));
+        }
         self.summary.declared_rate_hz = time.interval_s.map(f64::recip);
-        let elapsed_s = time.duration_s.or(time.column.as_ref().map(|_| self.sampler.end_s()));
+        let elapsed_s = time.duration_s.or(stamped_s);
         let (Some(declared_hz), Some(elapsed_s)) = (self.summary.declared_rate_hz, elapsed_s) else {
             if elapsed_s.is_none() && self.format == Format::Kvh {
                 self.summary.doubts.push(
@@ -287,23 +372,25 @@ impl<'a> Importer<'a> {
             }
             return Ok(());
         };
-        let measured_hz = self.sampler.due() as f64 / elapsed_s;
+        let measured_hz = sampler.due() as f64 / elapsed_s;
         self.summary.measured_rate_hz = Some(measured_hz);
-        if (measured_hz / declared_hz - 1.0).abs() <= RATE_TOLERANCE {
+        if !differ(measured_hz, declared_hz) {
             return Ok(());
         }
         Err(Failure::Refused(format!(
             "{}: samples came at {measured_hz:.3} Hz ({} in {elapsed_s:.3} s), declared are {declared_hz:.3} Hz; allowed \
              is a difference of {} %. Gyros with a clock of their own do this with every status bit good: declare the \
              rate that was measured, or correct the duration",
-            self.file.display(),
-            self.sampler.due(),
+            file.display(),
+            sampler.due(),
             100.0 * RATE_TOLERANCE
         )))
     }
 }
 
-/// The file of the run that comes next.
-fn run_name(summary: &Summary) -> String {
-    format!("runs/{:03}.csv", summary.runs.len() + 1)
+fn too_short(map: &Map, file: &Path, window: &Window, end_s: f64) -> FileError {
+    let needed = window.end_s.map_or_else(String::new, |needed_s| format!(" to {needed_s} s"));
+    let problem =
+        format!("{} ends after {end_s:.3} s; this run goes from {} s{needed}", file.display(), window.start_s);
+    map.file.at(window.span.clone(), Problem::Syntax(problem))
 }

@@ -60,7 +60,7 @@ impl<'a> Rows<'a> {
     pub fn push(&mut self, sample: &Sample) -> Result<(), FileError> {
         let into_s = sample.end_s - 0.5 * sample.interval_s - self.start_s;
         let (place, arcsec) = match &self.map.index {
-            Index::Measured { .. } => (0, sample.gyro_arcsec[0]),
+            Index::Measured { .. } | Index::Placed => (0, sample.gyro_arcsec[0]),
             Index::Virtual { angles_deg, dwell_s } => {
                 let place = ((into_s / dwell_s).max(0.0) as usize).min(angles_deg.len() - 1);
                 let (sin, cos) = sin_cos(angles_deg[place]);
@@ -81,18 +81,21 @@ impl<'a> Rows<'a> {
 
     /// Brings everything to the disk: how many rows there are, and when the last one ends.
     pub fn finish(mut self) -> Result<(u64, f64), FileError> {
-        if self.gathered.good > 0 {
-            self.end_row()?;
-        }
+        self.end_position()?;
         self.writer.finish()?;
         Ok((self.rows, self.end_s))
+    }
+
+    /// Ends the row that is being gathered: what comes next was recorded at another angle.
+    pub fn end_position(&mut self) -> Result<(), FileError> {
+        if self.gathered.good > 0 { self.end_row() } else { Ok(()) }
     }
 
     fn end_row(&mut self) -> Result<(), FileError> {
         let gathered = std::mem::take(&mut self.gathered);
         let good = f64::from(gathered.good);
         let index_deg = match &self.map.index {
-            Index::Measured { .. } => gathered.first_deg + gathered.way_deg / good,
+            Index::Measured { .. } | Index::Placed => gathered.first_deg + gathered.way_deg / good,
             Index::Virtual { angles_deg, .. } => angles_deg.get(gathered.place).copied().unwrap_or_default(),
         };
         let t_s = to_digits(gathered.end_s);

@@ -42,7 +42,8 @@ pub struct Sampler<'a> {
     index: Option<usize>,
     temperature: Option<usize>,
     channels: Vec<usize>,
-    time: Option<usize>,
+    /// Fields that add up to the time stamp, and their units in seconds.
+    time: Vec<(usize, f64)>,
     used: Vec<usize>,
     sample: Sample,
     /// Time stamp that counts as 0, and that of the sample before; only with a time column.
@@ -68,11 +69,16 @@ impl<'a> Sampler<'a> {
             acceleration: acceleration.map_or(Ok(Vec::new()), |it| scaled(&it.columns, &it.scale))?,
             index: match &map.index {
                 Index::Measured { column, .. } => Some(field(column)?),
-                Index::Virtual { .. } => None,
+                Index::Virtual { .. } | Index::Placed => None,
             },
             temperature: map.temperature.as_ref().map(|it| field(&it.column)).transpose()?,
             channels: map.channels.iter().map(|channel| field(&channel.column)).collect::<Result<_, _>>()?,
-            time: map.time.column.as_ref().map(field).transpose()?,
+            time: map
+                .time
+                .columns
+                .iter()
+                .map(|(column, unit_s)| Ok((field(column)?, *unit_s)))
+                .collect::<Result<_, _>>()?,
             used: Vec::new(),
             sample: Sample::default(),
             stamps_s: None,
@@ -83,7 +89,10 @@ impl<'a> Sampler<'a> {
             map,
         };
         let scaled = sampler.gyro.iter().chain(&sampler.acceleration).map(|it| it.field);
-        let others = [sampler.index, sampler.temperature, sampler.time].into_iter().flatten();
+        let others = [sampler.index, sampler.temperature]
+            .into_iter()
+            .flatten()
+            .chain(sampler.time.iter().map(|(field, _)| *field));
         sampler.used = scaled.chain(others).chain(sampler.channels.iter().copied()).collect();
         Ok(sampler)
     }
@@ -134,14 +143,17 @@ impl<'a> Sampler<'a> {
     /// Works out when the sample was taken and how many are missing before it by the time stamps; `None` for a first
     /// sample whose interval nothing tells.
     fn place_in_time(&mut self, missing: u32) -> Result<Option<u32>, FileError> {
-        let Some(field) = self.time else {
+        let Some(&(field, _)) = self.time.last() else {
             let interval_s = self.map.time.interval_s.unwrap_or_default();
             self.due += u64::from(missing) + 1;
             self.sample.end_s = self.due as f64 * interval_s;
             self.sample.interval_s = interval_s;
             return Ok(Some(0));
         };
-        let stamp_s = self.records.number(field)? * self.map.time.unit.seconds();
+        let mut stamp_s = 0.0;
+        for &(field, unit_s) in &self.time {
+            stamp_s += self.records.number(field)? * unit_s;
+        }
         let (origin_s, previous_s) = match (self.stamps_s, self.map.time.interval_s) {
             (Some(stamps_s), _) => stamps_s,
             (None, Some(interval_s)) => (stamp_s - interval_s, stamp_s - interval_s),

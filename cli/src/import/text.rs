@@ -1,5 +1,6 @@
 //! Recordings as text: one sample a line.
 
+use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::ops::Range;
@@ -20,6 +21,13 @@ pub struct TextRecords {
     delimiter: Delimiter,
     comment: Vec<u8>,
     decimal_comma: bool,
+    /// Lines at the end that are no data: so many are held back.
+    footer_rows: usize,
+    ahead: VecDeque<(u64, Vec<u8>)>,
+    /// The data end at a line that begins so; empty: at the file's end.
+    stop_at: Vec<u8>,
+    rows_left: u64,
+    lines_read: u64,
     line: Vec<u8>,
     line_number: u64,
     bytes_read: u64,
@@ -42,13 +50,20 @@ impl TextRecords {
     /// Errors: no such file; a delimiter or a row of names that cannot be; a file that ends before its first record.
     pub fn open(path: &Path, map: &Map) -> Result<Self, FileError> {
         let file = File::open(path).map_err(|error| FileError::whole(path, error))?;
-        let Text { comment, header_rows, decimal_comma, .. } = map.text.clone();
+        let Text { comment, header_rows, decimal_comma, footer_rows, stop_at, rows, .. } = map.text.clone();
+        let mut reader = BufReader::with_capacity(1 << 16, file);
+        refuse_binary(path, &mut reader)?;
         let mut records = Self {
             path: path.to_owned(),
-            reader: BufReader::with_capacity(1 << 16, file),
+            reader,
             delimiter: delimiter(map)?,
             comment: comment.into_bytes(),
             decimal_comma,
+            footer_rows,
+            ahead: VecDeque::new(),
+            stop_at: stop_at.into_bytes(),
+            rows_left: rows.map_or(u64::MAX, |rows| rows.into_inner().get()),
+            lines_read: 0,
             line: Vec::new(),
             line_number: 0,
             bytes_read: 0,
@@ -69,18 +84,43 @@ impl TextRecords {
                 records.names = (0..records.fields.len()).map(|field| records.text(field)).collect();
             }
         }
-        if !records.next_line()? {
+        if !records.next_data_line()? {
             return Err(FileError::whole(path, Problem::NoRows));
         }
         records.width = records.fields.len();
         Ok(records)
     }
 
-    /// Reads up to the next line that is neither empty nor a comment, and finds its fields.
+    /// The next line of data; `false` at their end, wherever the mapping says that it is.
+    fn next_data_line(&mut self) -> Result<bool, FileError> {
+        if self.rows_left == 0 {
+            return Ok(false);
+        }
+        self.rows_left -= 1;
+        let found = self.next_line()?;
+        Ok(found && (self.stop_at.is_empty() || !self.line.trim_ascii().starts_with(&self.stop_at)))
+    }
+
+    /// Goes to the next line that is neither empty nor a comment nor one of the footer's, and finds its fields.
     fn next_line(&mut self) -> Result<bool, FileError> {
+        while self.ahead.len() <= self.footer_rows {
+            if !self.read_line()? {
+                return Ok(false);
+            }
+            let line = std::mem::take(&mut self.line);
+            self.ahead.push_back((self.lines_read, line));
+        }
+        let Some((line_number, line)) = self.ahead.pop_front() else { return Ok(false) };
+        (self.line_number, self.line) = (line_number, line);
+        self.split();
+        Ok(true)
+    }
+
+    /// Reads up to the next line that is neither empty nor a comment.
+    fn read_line(&mut self) -> Result<bool, FileError> {
         loop {
             self.line.clear();
-            let io = |error| FileError::new(&self.path, Place::Line(self.line_number + 1), Problem::Io(error));
+            let io = |error| FileError::new(&self.path, Place::Line(self.lines_read + 1), Problem::Io(error));
             // A file without newlines must not be read whole.
             loop {
                 let chunk = self.reader.fill_buf().map_err(io)?;
@@ -94,21 +134,20 @@ impl TextRecords {
                 if self.line.len() > LONGEST_LINE {
                     let problem =
                         "a line of more than 64 KiB: this is not a text recording (binary logs: --format kvh)";
-                    let place = Place::Line(self.line_number + 1);
+                    let place = Place::Line(self.lines_read + 1);
                     return Err(FileError::new(&self.path, place, Problem::Syntax(problem.into())));
                 }
             }
             if self.line.is_empty() {
                 return Ok(false);
             }
-            self.line_number += 1;
+            self.lines_read += 1;
             self.bytes_read += self.line.len() as u64;
-            if self.line_number == 1 && self.line.starts_with(b"\xEF\xBB\xBF") {
+            if self.lines_read == 1 && self.line.starts_with(b"\xEF\xBB\xBF") {
                 self.line.drain(..3);
             }
             let text = self.line.trim_ascii();
             if !text.is_empty() && (self.comment.is_empty() || !text.starts_with(&self.comment)) {
-                self.split();
                 return Ok(true);
             }
         }
@@ -162,7 +201,7 @@ impl Records for TextRecords {
         if std::mem::take(&mut self.first) {
             return Ok(Some(0));
         }
-        if !self.next_line()? {
+        if !self.next_data_line()? {
             return Ok(None);
         }
         if self.fields.len() != self.width {
@@ -204,6 +243,22 @@ impl Records for TextRecords {
     fn losses(&self) -> Losses {
         Losses::default()
     }
+}
+
+/// A binary file is refused by name before any of it is taken for text.
+fn refuse_binary(path: &Path, reader: &mut BufReader<File>) -> Result<(), FileError> {
+    let head = reader.fill_buf().map_err(|error| FileError::whole(path, error))?;
+    let what = match head {
+        head if head.starts_with(b"MATLAB 5.0 MAT-file") => {
+            "a MATLAB file: write its columns as text there, writematrix(data, \"recording.csv\")"
+        }
+        [0x89, b'H', b'D', b'F', ..] => "an HDF5 (or MATLAB 7.3) file: export its columns as text",
+        [b'P', b'K', 3, 4, ..] => "a zip archive or a spreadsheet: export the sheet as CSV",
+        [0x1F, 0x8B, ..] => "a gzip archive: unpack it first",
+        head if head.contains(&0) => "a binary file, not a text recording (binary logs: --format kvh)",
+        _ => return Ok(()),
+    };
+    Err(FileError::whole(path, Problem::Syntax(format!("this is {what}"))))
 }
 
 fn delimiter(map: &Map) -> Result<Delimiter, FileError> {

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::map::Index;
+use super::map::{Index, Position};
 use crate::campaign::Run;
 
 /// One stretch, or several that follow each other at equal steps.
@@ -17,6 +17,8 @@ pub struct Series {
     pub every_s: f64,
     /// As many as the recording holds, if it is not said.
     pub repeat: Option<u32>,
+    /// The files that make it up, where each position has its own.
+    pub positions: Vec<Position>,
     /// What is known of each.
     pub run: Run,
 }
@@ -30,6 +32,7 @@ pub struct Window {
     pub end_s: Option<f64>,
     /// It may be left out if the recording ends within it.
     pub optional: bool,
+    pub positions: Vec<Position>,
     pub run: Run,
 }
 
@@ -45,7 +48,15 @@ impl Series {
     pub fn whole(index: &Index) -> Self {
         let seconds = index.schedule_s();
         let repeat = if seconds.is_some() { None } else { Some(1) };
-        Self { span: 0..0, start_s: 0.0, seconds, every_s: seconds.unwrap_or_default(), repeat, run: Run::default() }
+        Self {
+            span: 0..0,
+            start_s: 0.0,
+            seconds,
+            every_s: seconds.unwrap_or_default(),
+            repeat,
+            positions: Vec::new(),
+            run: Run::default(),
+        }
     }
 
     fn window(&self, number: u32) -> Option<Window> {
@@ -58,6 +69,7 @@ impl Series {
             start_s,
             end_s: self.seconds.map(|seconds| start_s + seconds),
             optional: self.repeat.is_none(),
+            positions: self.positions.clone(),
             run: self.run.clone(),
         })
     }
@@ -93,6 +105,7 @@ mod tests {
             seconds: Some(10.0),
             every_s: 20.0,
             repeat,
+            positions: Vec::new(),
             run: Run { role, ..Run::default() },
         };
         let mut windows = Windows::new(vec![series(10.0, None, Role::Check), series(0.0, Some(2), Role::Fit)]);

@@ -3,13 +3,16 @@
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::{Accelerometer, Channel, Column, Gyro, Index, Map, Temperature, Text, Time, one};
+use super::{Accelerometer, Channel, Column, Gyro, Index, Map, Position, Temperature, Text, Time, one};
 use crate::campaign::{Instrument, Role, Run, check_range, check_time};
 use crate::file_error::{FileError, Problem};
 use crate::import::axes::{Axes, Direction};
 use crate::import::unit::{AccelerationUnit, AngleUnit, GyroUnit, TimeUnit};
 use crate::import::windows::{Series, Windows};
 use crate::toml_file::TomlFile;
+
+/// No time in seconds and no rate in Hz is larger: 1e9 s are 32 years.
+const LARGEST: f64 = 1e9;
 
 /// The whole file, every value that can be wrong with its place.
 #[derive(Deserialize)]
@@ -26,7 +29,7 @@ pub(super) struct Raw {
     gyro: Spanned<RawTriad<GyroUnit>>,
     accelerometer: Option<Spanned<RawTriad<AccelerationUnit>>>,
     temperature: Option<Temperature>,
-    index: Spanned<RawIndex>,
+    index: Option<Spanned<RawIndex>>,
     #[serde(default)]
     channel: Vec<Channel>,
     #[serde(default)]
@@ -44,8 +47,10 @@ struct RawInstrument {
 #[serde(deny_unknown_fields)]
 struct RawTime {
     column: Option<Spanned<Column>>,
+    unit: Option<TimeUnit>,
+    columns: Option<Spanned<Vec<Spanned<Column>>>>,
     #[serde(default)]
-    unit: TimeUnit,
+    units: Vec<TimeUnit>,
     interval_s: Option<Spanned<f64>>,
     rate_hz: Option<Spanned<f64>>,
     duration_s: Option<Spanned<f64>>,
@@ -96,6 +101,8 @@ struct RawRun {
     reference_sigma_deg: Option<Spanned<f64>>,
     latitude_deg: Option<Spanned<f64>>,
     started: Option<Spanned<String>>,
+    #[serde(default)]
+    positions: Vec<Position>,
 }
 
 fn one_sample() -> Spanned<u32> {
@@ -114,10 +121,14 @@ impl Raw {
         let time = check_clock(self.time, &file)?;
         let gyro = check_gyro(self.gyro, &file)?;
         let accelerometer = self.accelerometer.map(|raw| check_accelerometer(raw, &file)).transpose()?;
-        let index = check_index(self.index, gyro.axes.is_some(), &file)?;
+        let index = match self.index {
+            Some(index) => check_index(index, gyro.axes.is_some(), &file)?,
+            None => check_placed(&self.run, gyro.axes.is_some(), &file)?,
+        };
         let series = self.run.into_iter().map(|run| check_run(run, &index, &file)).collect::<Result<Vec<_>, _>>()?;
         let windows = Windows::new(if series.is_empty() { vec![Series::whole(&index)] } else { series });
         check_names(&self.channel, &file)?;
+        check_offsets(self.temperature.as_ref(), &self.channel, &file)?;
         Ok(Map {
             title: self.title,
             latitude_deg,
@@ -153,12 +164,21 @@ fn check_clock(raw: Spanned<RawTime>, file: &TomlFile) -> Result<Time, FileError
         }
         (interval_s, rate_hz) => interval_s.or(rate_hz.map(f64::recip)),
     };
-    if interval_s.is_none() && raw.column.is_none() {
+    let mut columns: Vec<_> =
+        raw.column.map(|column| (column, raw.unit.unwrap_or_default().seconds())).into_iter().collect();
+    if let Some(several) = raw.columns {
+        if !columns.is_empty() || raw.unit.is_some() || several.get_ref().len() != raw.units.len() {
+            let problem = "time is one column with its unit, or columns = [...] with as many units = [...]";
+            return Err(file.at(several.span(), Problem::Syntax(problem.into())));
+        }
+        columns = several.into_inner().into_iter().zip(raw.units.iter().map(|unit| unit.seconds())).collect();
+    }
+    if interval_s.is_none() && columns.is_empty() {
         let problem = "[time] needs a column, or the samples' interval_s, or their rate_hz";
         return Err(file.at(span, Problem::Syntax(problem.into())));
     }
     let duration_s = positive(file, "duration_s", raw.duration_s)?;
-    Ok(Time { column: raw.column, unit: raw.unit, interval_s, duration_s })
+    Ok(Time { columns, interval_s, duration_s })
 }
 
 fn check_gyro(raw: Spanned<RawTriad<GyroUnit>>, file: &TomlFile) -> Result<Gyro, FileError> {
@@ -231,6 +251,10 @@ fn check_scale(scale: Option<Spanned<Scale>>, count: usize, file: &TomlFile) -> 
 fn check_index(raw: Spanned<RawIndex>, triad: bool, file: &TomlFile) -> Result<Index, FileError> {
     let span = raw.span();
     let raw = raw.into_inner();
+    if !(raw.scale.is_finite() && raw.scale != 0.0 && raw.offset_deg.is_finite()) {
+        let value = format!("scale = {}, offset_deg = {}", raw.scale, raw.offset_deg);
+        return Err(file.at(span, Problem::not_allowed(value, "any scale but 0, finite; any finite offset")));
+    }
     match (raw.column, raw.angles_deg, raw.dwell_s) {
         (Some(column), None, None) if !triad => {
             let scale = raw.unit.deg() * raw.scale;
@@ -255,6 +279,39 @@ fn check_index(raw: Spanned<RawIndex>, triad: bool, file: &TomlFile) -> Result<I
             Err(file.at(span, Problem::Syntax(needed.into())))
         }
     }
+}
+
+/// Without an index every run says at which angle each of its files was recorded.
+fn check_placed(runs: &[Spanned<RawRun>], triad: bool, file: &TomlFile) -> Result<Index, FileError> {
+    let refuse = |problem: &str, run: Option<&Spanned<RawRun>>| {
+        let problem = Problem::Syntax(problem.into());
+        match run {
+            Some(run) => Err(file.at(run.span(), problem)),
+            None => Err(FileError::whole(file.path(), problem)),
+        }
+    };
+    if runs.is_empty() || triad {
+        let problem = "[index] is missing: a column of a single gyro, or angles_deg and dwell_s of a triad; or, with a file \
+                       for each position of a single gyro, positions = [{ file = ..., index_deg = ... }] in each [[run]]";
+        return refuse(problem, None);
+    }
+    for run in runs {
+        let raw = run.get_ref();
+        if raw.positions.is_empty() {
+            return refuse(
+                "without [index] each run needs positions = [{ file = ..., index_deg = ... }, ...]",
+                Some(run),
+            );
+        }
+        if raw.start_s != 0.0 || raw.seconds.is_some() || raw.every_s.is_some() || raw.repeat.is_some() {
+            return refuse("a run made of files holds them whole: no start_s, seconds, every_s or repeat", Some(run));
+        }
+        if let Some(position) = raw.positions.iter().find(|position| !position.index_deg.is_finite()) {
+            let value = format!("index_deg = {}", position.index_deg);
+            return Err(file.at(run.span(), Problem::not_allowed(value, "a finite angle")));
+        }
+    }
+    Ok(Index::Placed)
 }
 
 fn check_run(raw: Spanned<RawRun>, index: &Index, file: &TomlFile) -> Result<Series, FileError> {
@@ -283,10 +340,8 @@ fn check_run(raw: Spanned<RawRun>, index: &Index, file: &TomlFile) -> Result<Ser
     if repeat != Some(1) && seconds.is_none() {
         return refuse("a run that is repeated needs `seconds`: its length");
     }
-    if let (Some(every_s), Some(seconds)) = (every_s, seconds)
-        && every_s < seconds * (1.0 - 1e-9)
-    {
-        return refuse(&format!("a run of {seconds} s cannot begin every {every_s} s: runs must not overlap"));
+    if !raw.positions.is_empty() && !matches!(index, Index::Placed) {
+        return refuse("`positions` is for runs made of a file for each position, without [index]");
     }
     let run = Run {
         file: String::new(),
@@ -296,7 +351,8 @@ fn check_run(raw: Spanned<RawRun>, index: &Index, file: &TomlFile) -> Result<Ser
         latitude_deg: check_range(file, "latitude_deg", raw.latitude_deg, -90.0, 90.0)?,
         started: raw.started.map(|started| check_time(file, started)).transpose()?,
     };
-    Ok(Series { span, start_s: raw.start_s, seconds, every_s: every_s.unwrap_or_default(), repeat, run })
+    let positions = raw.positions;
+    Ok(Series { span, start_s: raw.start_s, seconds, every_s: every_s.unwrap_or_default(), repeat, positions, run })
 }
 
 /// Names of channels must not be those of the columns that every run has.
@@ -313,11 +369,25 @@ fn check_names(channels: &[Channel], file: &TomlFile) -> Result<(), FileError> {
     Ok(())
 }
 
+/// What is added to and multiplied with a reading is finite.
+fn check_offsets(temperature: Option<&Temperature>, channels: &[Channel], file: &TomlFile) -> Result<(), FileError> {
+    let of_temperature = temperature.map(|it| (it.column.span(), it.scale, it.offset));
+    let of_channels = channels.iter().map(|it| (it.column.span(), it.scale, it.offset));
+    for (span, scale, offset) in of_temperature.into_iter().chain(of_channels) {
+        if !(scale.is_finite() && scale != 0.0 && offset.is_finite()) {
+            let value = format!("scale = {scale}, offset = {offset}");
+            return Err(file.at(span, Problem::not_allowed(value, "any scale but 0, finite; any finite offset")));
+        }
+    }
+    Ok(())
+}
+
 /// A number above 0.
 fn positive(file: &TomlFile, name: &str, value: Option<Spanned<f64>>) -> Result<Option<f64>, FileError> {
     match value {
-        Some(value) if !(value.get_ref().is_finite() && *value.get_ref() > 0.0) => {
-            let problem = Problem::not_allowed(format!("{name} = {}", value.get_ref()), "a number above 0");
+        Some(value) if !(*value.get_ref() > 0.0 && *value.get_ref() <= LARGEST) => {
+            let problem =
+                Problem::not_allowed(format!("{name} = {:?}", value.get_ref()), "a number above 0, at most 1e9");
             Err(file.at(value.span(), problem))
         }
         value => Ok(value.map(Spanned::into_inner)),

@@ -2,14 +2,15 @@
 
 mod check;
 
-use std::path::Path;
+use std::num::NonZeroU64;
+use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 use toml::Spanned;
 
 use self::check::Raw;
 use super::axes::Axes;
-use super::unit::{AccelerationUnit, GyroUnit, TemperatureUnit, TimeUnit};
+use super::unit::{AccelerationUnit, GyroUnit, TemperatureUnit};
 use super::windows::Windows;
 use crate::campaign::Instrument;
 use crate::file_error::FileError;
@@ -59,14 +60,20 @@ pub struct Text {
     pub names_row: Option<Spanned<usize>>,
     /// Numbers are written 3,14.
     pub decimal_comma: bool,
+    /// Lines at the end of the file that are no data: sums, signatures.
+    pub footer_rows: usize,
+    /// The data end before the first line that begins with this; empty: they do not.
+    pub stop_at: String,
+    /// Most rows of data that are read.
+    pub rows: Option<Spanned<NonZeroU64>>,
 }
 
 /// When samples were taken.
 #[derive(Clone, Debug, Default)]
 pub struct Time {
-    /// Time stamp: the end of the sample's interval.
-    pub column: Option<Spanned<Column>>,
-    pub unit: TimeUnit,
+    /// Time stamp, the end of the sample's interval: one column, or several that are added (hours, minutes, seconds), each
+    /// with its unit in seconds.
+    pub columns: Vec<(Spanned<Column>, f64)>,
     /// Declared interval between samples, seconds.
     pub interval_s: Option<f64>,
     /// How long the whole recording took by a clock that is not the gyro's, seconds.
@@ -111,6 +118,16 @@ pub enum Index {
     Measured { column: Spanned<Column>, scale: f64, offset_deg: f64 },
     /// Chosen: of a triad, read as a single gyro that stays at these angles one after the other, `dwell_s` each.
     Virtual { angles_deg: Vec<f64>, dwell_s: f64 },
+    /// Declared: a single gyro, a file for each position, at the angle that the run says.
+    Placed,
+}
+
+/// The file of one position, relative to the recording's folder, and the index angle at which it was recorded.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Position {
+    pub file: PathBuf,
+    pub index_deg: f64,
 }
 
 /// Any other column, kept under a name.
@@ -132,7 +149,16 @@ fn one() -> f64 {
 impl Default for Text {
     fn default() -> Self {
         let delimiter = Spanned::new(0..0, ",".to_owned());
-        Self { delimiter, comment: "#".into(), header_rows: 1, names_row: None, decimal_comma: false }
+        Self {
+            delimiter,
+            comment: "#".into(),
+            header_rows: 1,
+            names_row: None,
+            decimal_comma: false,
+            footer_rows: 0,
+            stop_at: String::new(),
+            rows: None,
+        }
     }
 }
 
@@ -152,7 +178,7 @@ impl Index {
     /// Length of a run of a virtual index, seconds.
     pub fn schedule_s(&self) -> Option<f64> {
         match self {
-            Self::Measured { .. } => None,
+            Self::Measured { .. } | Self::Placed => None,
             Self::Virtual { angles_deg, dwell_s } => Some(angles_deg.len() as f64 * dwell_s),
         }
     }
