@@ -10,7 +10,7 @@ use crate::event::{Event, Report, Second, State};
 use crate::frame::FrameReader;
 use crate::health::{Counters, Fault, Refused};
 use crate::index::{Direction, MotorCommand};
-use crate::level::{LevelSecond, LevelSensor, Specific};
+use crate::level::{LevelMoments, LevelSecond, LevelSensor, Specific};
 use crate::sample::{RateSecond, SAMPLE_S, SAMPLES_PER_SECOND, Sampler};
 use crate::sequence::{Command, SecondInput, Sequencer};
 use crate::settings::{Settings, store::Loaded};
@@ -214,7 +214,7 @@ impl Pipeline {
             raw_rate_deg_h: rate.fog_arcsec,
             index,
             level: match level {
-                LevelSecond::Good(specific) => Some(specific),
+                LevelSecond::Good(level) => Some(level.mean),
                 LevelSecond::Failed => None,
             },
             ..rate.conditions
@@ -252,7 +252,7 @@ impl Pipeline {
             rate_deg_h: input.rate.rate_deg_h,
             temp_c: rate.conditions.temp_c,
             level_g: match input.level {
-                LevelSecond::Good(Specific { forward, left }) => Some([forward, left]),
+                LevelSecond::Good(LevelMoments { mean: Specific { forward, left }, .. }) => Some([forward, left]),
                 LevelSecond::Failed => None,
             },
             lost_frames: rate.missing,

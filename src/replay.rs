@@ -12,7 +12,7 @@ use crate::fix::{self, Declared, Unsolvable};
 use crate::gates::{DisturbanceGate, Verdict};
 use crate::health::{Fault, Flag, Flags};
 use crate::index::Direction;
-use crate::level::Specific;
+use crate::level::{LevelMoments, Specific};
 use crate::pipeline::Sink;
 use crate::settings::Settings;
 use crate::units::{RAD_PER_DEG, sin_cos_deg, wrap_180_deg};
@@ -100,6 +100,8 @@ struct Gathering {
     /// Sum of the angles times their time.
     timed_arcsec_s: f64,
     level: [f64; 2],
+    /// Sum of the readings times their time and weight.
+    timed_level: [f64; 2],
     level_seconds: f64,
     temp_c: f64,
     temp_seconds: f64,
@@ -226,7 +228,7 @@ impl<'a> Replay<'a> {
             cos,
             sin,
             rate_deg_h: correction.apply(second.raw_arcsec, second.seconds) / second.seconds,
-            lever_arcsec_s: second.timed_arcsec_s - (second.end_s - 0.5 * second.seconds) * second.raw_arcsec,
+            moment_arcsec_s: second.timed_arcsec_s - (second.end_s - 0.5 * second.seconds) * second.raw_arcsec,
             level: second.level(),
         };
         if second.turned_deg.abs() > REST_DEG {
@@ -337,9 +339,11 @@ impl Gathering {
         self.raw_arcsec += row.fog_arcsec;
         self.timed_arcsec_s += row.fog_arcsec * (row.t_s - 0.5 * row.interval_s);
         if let Some([forward, left]) = row.level_g {
-            let [sum_forward, sum_left] = &mut self.level;
-            *sum_forward += weight * forward;
-            *sum_left += weight * left;
+            let middle_s = row.t_s - 0.5 * weight;
+            for ((sum, timed), reading) in self.level.iter_mut().zip(&mut self.timed_level).zip([forward, left]) {
+                *sum += weight * reading;
+                *timed += weight * middle_s * reading;
+            }
             self.level_seconds += weight;
         }
         if let Some(temp_c) = row.temp_c {
@@ -362,17 +366,26 @@ impl Gathering {
             raw_rate_deg_h: self.raw_arcsec / self.seconds,
             index: Some(self.index()),
             temp_c: (self.temp_seconds > 0.0).then(|| self.temp_c / self.temp_seconds),
-            level: self.level(),
+            level: self.level().map(|level| level.mean),
             channels: self.channels.map(|sum| sum / self.seconds),
         }
     }
 
-    fn level(&self) -> Option<Specific> {
+    /// Mean and first moment of the level accelerometers, the latter as finely as the rows are: like the gyro's, so that what
+    /// both miss of a base's turning is the same.
+    fn level(&self) -> Option<LevelMoments> {
         let [forward, left] = self.level;
         if self.level_seconds <= 0.0 {
             return None;
         }
-        Specific::new(forward / self.level_seconds, left / self.level_seconds)
+        let mean = Specific::new(forward / self.level_seconds, left / self.level_seconds)?;
+        let middle_s = self.end_s - 0.5 * self.seconds;
+        let [forward, left] = self.timed_level;
+        let first = Specific {
+            forward: forward - middle_s * self.level_seconds * mean.forward,
+            left: left - middle_s * self.level_seconds * mean.left,
+        };
+        Some(LevelMoments { mean, first })
     }
 }
 

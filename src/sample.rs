@@ -79,7 +79,7 @@ pub struct RateSecond {
     /// Mean rate, °/h: as the gyro gave it until the pipeline has applied the error model.
     pub rate_deg_h: f64,
     /// First moment of the angle about the middle of the second, arcsec · s.
-    pub lever_arcsec_s: f64,
+    pub moment_arcsec_s: f64,
     /// What is known of the second here: the temperature. The pipeline adds the rest.
     pub conditions: Conditions,
     /// Slots without a valid frame.
@@ -197,7 +197,7 @@ impl Sampler {
         Some(RateSecond {
             fog_arcsec: second.raw_arcsec * stretch,
             rate_deg_h: second.raw_arcsec * stretch,
-            lever_arcsec_s: (second.timed_arcsec_s - 0.5 * second.raw_arcsec) * stretch,
+            moment_arcsec_s: (second.timed_arcsec_s - 0.5 * second.raw_arcsec) * stretch,
             conditions: Conditions { temp_c, ..Conditions::default() },
             missing,
             invalid: second.invalid,

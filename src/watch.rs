@@ -81,7 +81,7 @@ mod tests {
     const GOOD: RateSecond = RateSecond {
         fog_arcsec: 12.0,
         rate_deg_h: 12.0,
-        lever_arcsec_s: 0.0,
+        moment_arcsec_s: 0.0,
         conditions: Conditions {
             t_s: 0.0,
             seconds: 1.0,

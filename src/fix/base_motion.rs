@@ -209,7 +209,7 @@ fn observations(
 mod tests {
     use super::*;
     use crate::fix::dwell::{DwellRows, Row};
-    use crate::level::Specific;
+    use crate::level::LevelMoments;
 
     /// Eight stays of 30 s, 8 s apart, on a base that tilts by `pitch_arcsec(t)`; the sensor's noise is a fixed zigzag
     /// with a spread of about 3 arcsec.
@@ -221,14 +221,15 @@ mod tests {
                 for second in 0..30 {
                     let t_s = f64::from(stay * 38 + second) + 0.5;
                     let tilt = pitch_arcsec(t_s) + zigzag(stay * 30 + second);
-                    let level = Specific::new(tilt / ARCSEC_PER_RAD, zigzag(stay * 31 + second * 3) / ARCSEC_PER_RAD);
+                    let level =
+                        LevelMoments::constant(tilt / ARCSEC_PER_RAD, zigzag(stay * 31 + second * 3) / ARCSEC_PER_RAD);
                     rows.push(Row {
                         t_s,
                         seconds: 1.0,
                         cos: 1.0,
                         sin: 0.0,
                         rate_deg_h: 0.0,
-                        lever_arcsec_s: 0.0,
+                        moment_arcsec_s: 0.0,
                         level,
                     })
                     .unwrap();

@@ -3,7 +3,7 @@
 use heapless::Vec;
 
 use crate::effects::Sensing;
-use crate::level::Specific;
+use crate::level::LevelMoments;
 
 /// Most rows that are boiled down at once; a longer stay gives several summaries.
 pub const MAX_ROWS: usize = 128;
@@ -22,9 +22,9 @@ pub struct Row {
     pub rate_deg_h: f64,
     /// First moment of the angle about the middle of the interval, ∫ (t − middle) · rate dt, arcsec · s: where in the
     /// interval the gyro turned.
-    pub lever_arcsec_s: f64,
+    pub moment_arcsec_s: f64,
     /// Level accelerometers, if there are any.
-    pub level: Option<Specific>,
+    pub level: Option<LevelMoments>,
 }
 
 /// Mean and linear trend of something over a stay, and the scatter about the line.
@@ -172,8 +172,8 @@ impl DwellRows {
             rate: line(|row| row.rate_deg_h),
             level: (levels == count).then(|| {
                 [
-                    line(|row| row.level.map_or(0.0, |level| level.forward)),
-                    line(|row| row.level.map_or(0.0, |level| level.left)),
+                    line(|row| row.level.map_or(0.0, |level| level.mean.forward)),
+                    line(|row| row.level.map_or(0.0, |level| level.mean.left)),
                 ]
             }),
             freedom: count.saturating_sub(2),
@@ -219,7 +219,7 @@ impl DwellSummary {
             cos: row.cos,
             sin: row.sin,
             rate: still(row.rate_deg_h),
-            level: row.level.map(|level| [still(level.forward), still(level.left)]),
+            level: row.level.map(|level| [still(level.mean.forward), still(level.mean.left)]),
             moving: true,
             ..Self::default()
         }
@@ -250,7 +250,7 @@ mod tests {
             cos: 0.0,
             sin: 1.0,
             rate_deg_h,
-            lever_arcsec_s: 0.0,
+            moment_arcsec_s: 0.0,
             level: None,
         }
     }

@@ -58,7 +58,7 @@ pub fn summary(rows: &[Row], sensing: Sensing, noise_deg_h: f64) -> Option<Dwell
         let (before, after) = (weights.at(from_s), weights.at(to_s));
         let of_row = weights.integral(to_s) - weights.integral(from_s);
         weight += of_row;
-        let lever = row.lever_arcsec_s / row.seconds;
+        let lever = row.moment_arcsec_s / row.seconds;
         weighted_arcsec += of_row * row.rate_deg_h + (after - before) * (lever + tilt.at(i)?);
         // ∫ dw/dt a dt over the row, a a straight line: its slope times ∫ dw/dt (t − middle) dt. A weight that vanishes with
         // its slope at the ends needs none.
@@ -68,8 +68,8 @@ pub fn summary(rows: &[Row], sensing: Sensing, noise_deg_h: f64) -> Option<Dwell
         seconds += row.seconds;
         cos += row.seconds * row.cos;
         sin += row.seconds * row.sin;
-        forward += row.seconds * level.forward;
-        left += row.seconds * level.left;
+        forward += row.seconds * level.mean.forward;
+        left += row.seconds * level.mean.left;
     }
     let mean = weighted_arcsec / weight;
     let freedom = (piece.len() - 3) as u16;
@@ -206,7 +206,7 @@ impl Tilt<'_> {
     fn reading_arcsec(&self, i: usize) -> Option<f64> {
         let row = self.rows.get(i)?;
         let level = row.level?;
-        Some((row.cos * level.left - row.sin * level.forward) * ARCSEC_PER_RAD)
+        Some((row.cos * level.mean.left - row.sin * level.mean.forward) * ARCSEC_PER_RAD)
     }
 }
 
@@ -251,7 +251,7 @@ fn angles<'a>(tilt: &'a Tilt, integrated: bool) -> impl Iterator<Item = (f64, f6
     let (mut gyro_arcsec, mut integral) = (0.0, 0.0);
     tilt.rows.iter().enumerate().map(move |(i, row)| {
         let turned = row.rate_deg_h * row.seconds;
-        let mean_arcsec = gyro_arcsec + 0.5 * turned - row.lever_arcsec_s / row.seconds;
+        let mean_arcsec = gyro_arcsec + 0.5 * turned - row.moment_arcsec_s / row.seconds;
         let difference = mean_arcsec - tilt.at(i).unwrap_or(0.0);
         gyro_arcsec += turned;
         integral += difference * row.seconds;
@@ -264,7 +264,7 @@ mod tests {
     use std::vec::Vec;
 
     use super::*;
-    use crate::level::Specific;
+    use crate::level::LevelMoments;
 
     const VELOCITY: Sensing = Sensing { velocity: true, lag_s: 0.0 };
 
@@ -278,9 +278,9 @@ mod tests {
                 let t_s = f64::from(second) + 0.5;
                 let rate_deg_h = 3.0 - (pitch(t_s + 0.5) - pitch(t_s - 0.5));
                 // ∫ (t − middle) dp/dt dt = (p(end) + p(begin))/2 − mean.
-                let lever_arcsec_s = -(0.5 * (pitch(t_s + 0.5) + pitch(t_s - 0.5)) - mean(t_s));
-                let level = Specific::new(mean(t_s) / ARCSEC_PER_RAD, 0.0);
-                Row { t_s, seconds: 1.0, cos: 0.0, sin: 1.0, rate_deg_h, lever_arcsec_s, level }
+                let moment_arcsec_s = -(0.5 * (pitch(t_s + 0.5) + pitch(t_s - 0.5)) - mean(t_s));
+                let level = LevelMoments::constant(mean(t_s) / ARCSEC_PER_RAD, 0.0);
+                Row { t_s, seconds: 1.0, cos: 0.0, sin: 1.0, rate_deg_h, moment_arcsec_s, level }
             })
             .collect()
     }
@@ -303,7 +303,7 @@ mod tests {
         let mut rows = rows();
         for row in &mut rows {
             let end_s = row.t_s + 0.5;
-            row.level = Specific::new((400.0 * libm::sin(end_s / 3.0) + 5.0 * end_s) / ARCSEC_PER_RAD, 0.0);
+            row.level = LevelMoments::constant((400.0 * libm::sin(end_s / 3.0) + 5.0 * end_s) / ARCSEC_PER_RAD, 0.0);
         }
         let missed = |lag_s| summary(&rows, Sensing { velocity: false, lag_s }, 0.0).unwrap().rate.mean - 3.0;
         assert!(missed(-0.5).abs() < 0.2, "{}", missed(-0.5));
@@ -316,8 +316,8 @@ mod tests {
         // 12 · 100/(40 · 1600).
         let mut rows = rows();
         for (i, row) in (0..).zip(&mut rows) {
-            (row.rate_deg_h, row.lever_arcsec_s) = (3.0, 0.0);
-            row.level = Specific::new(if i % 4 < 2 { 10.0 } else { -10.0 } / ARCSEC_PER_RAD, 0.0);
+            (row.rate_deg_h, row.moment_arcsec_s) = (3.0, 0.0);
+            row.level = LevelMoments::constant(if i % 4 < 2 { 10.0 } else { -10.0 } / ARCSEC_PER_RAD, 0.0);
         }
         let sigma = summary(&rows, Sensing::default(), 0.0).unwrap().sigma_deg_h();
         assert!((sigma - libm::sqrt(12.0 * 100.0 / (40.0 * 1600.0))).abs() < 0.1 * sigma, "{sigma}");
@@ -341,7 +341,7 @@ mod tests {
         let mut rows = rows();
         for (i, row) in (0..).zip(&mut rows) {
             row.rate_deg_h = if (10..30).contains(&i) { 4.0 } else { 3.0 };
-            (row.lever_arcsec_s, row.level) = (0.0, Specific::new(0.0, 0.0));
+            (row.moment_arcsec_s, row.level) = (0.0, LevelMoments::constant(0.0, 0.0));
         }
         let mean = |noise_deg_h| summary(&rows, Sensing::default(), noise_deg_h).unwrap().rate.mean;
         assert!((mean(10.0) - 3.5).abs() < 0.06, "{}", mean(10.0));

@@ -216,8 +216,8 @@ impl Sequencer {
         };
         let (failed, tilted) = match level {
             LevelSecond::Failed => (true, false),
-            LevelSecond::Good(specific) => {
-                (false, !specific.tilt().is_level(self.settings.level.limit_deg * LEVEL_HYSTERESIS))
+            LevelSecond::Good(level) => {
+                (false, !level.mean.tilt().is_level(self.settings.level.limit_deg * LEVEL_HYSTERESIS))
             }
         };
         if run(&mut self.level_failed, failed) {
@@ -227,8 +227,8 @@ impl Sequencer {
     }
 
     fn levelling(&mut self, input: &SecondInput, sink: Sink) -> Option<MotorCommand> {
-        if let LevelSecond::Good(specific) = input.level {
-            let tilt = specific.tilt();
+        if let LevelSecond::Good(level) = input.level {
+            let tilt = level.mean.tilt();
             let level = tilt.is_level(self.settings.level.limit_deg);
             let Tilt { pitch_deg, roll_deg } = tilt;
             sink(Event::Level { pitch_deg, roll_deg, level });
@@ -320,7 +320,7 @@ impl Sequencer {
     }
 
     fn collecting(&mut self, input: &SecondInput, counters: &mut Counters, sink: Sink) -> (Option<MotorCommand>, bool) {
-        let RateSecond { rate_deg_h, lever_arcsec_s, usable, missing, .. } = input.rate;
+        let RateSecond { rate_deg_h, moment_arcsec_s, usable, missing, .. } = input.rate;
         if missing > 0 {
             self.flags.insert(Flag::FramesLost);
         }
@@ -336,10 +336,10 @@ impl Sequencer {
             self.watch_temperature(temp_c);
         }
         let level = match input.level {
-            LevelSecond::Good(specific) => Some(specific),
+            LevelSecond::Good(level) => Some(level),
             LevelSecond::Failed => None,
         };
-        let row = Row { t_s: input.t_s - 0.5, seconds: 1.0, cos, sin, rate_deg_h, lever_arcsec_s, level };
+        let row = Row { t_s: input.t_s - 0.5, seconds: 1.0, cos, sin, rate_deg_h, moment_arcsec_s, level };
         if let Err(row) = self.rows.push(row) {
             self.summarise(counters, sink);
             let _ = self.rows.push(row);
