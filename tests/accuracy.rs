@@ -1,6 +1,6 @@
 //! Accuracy and coverage of the azimuth over random fixes. Every bound is derived beside it.
 
-use north::accuracy::{Case, Order, Spread, Statistics, Trial, run};
+use proofs::accuracy::{Case, Order, Spread, Statistics, Trial, run};
 
 const TRIALS: u64 = 4000;
 

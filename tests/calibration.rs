@@ -4,9 +4,9 @@
 use std::path::{Path, PathBuf};
 
 use north::calibrate::ellipsoid::{Stay, calibrate};
-use north::calibrate::trials::{Parameter, Tally, ellipsoid, six_position, voyage};
 use north_finder::calibration::ellipsoid::attitude::Attitude;
 use north_finder::calibration::ellipsoid::{Correction, Entry, Role, fit, norm_rms};
+use proofs::trials::{Parameter, Tally, ellipsoid, six_position, voyage};
 
 const TRIALS: u64 = 1500;
 

@@ -1,7 +1,6 @@
 //! The north finder on the host: campaigns, settings, the simulated instrument around the firmware's pipeline, and the
 //! verbs of the command `north`.
 
-pub mod accuracy;
 pub mod calibrate;
 pub mod campaign;
 pub mod characterise;
@@ -16,8 +15,8 @@ pub mod interrupt;
 pub mod json;
 pub mod output;
 pub mod present;
+pub mod progress;
 pub mod recorder;
 pub mod settings_file;
 pub mod solve;
 pub mod toml_file;
-pub mod undeclared;

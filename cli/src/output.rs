@@ -14,7 +14,7 @@ use crate::file_error::FileError;
 #[derive(Args, Clone, Debug, Default)]
 pub struct JsonOption {
     /// Write the machine-readable result to FILE; "-" is stdout, which then carries nothing else
-    #[arg(long = "json", value_name = "FILE")]
+    #[arg(long = "json", value_name = "FILE", global = true)]
     file: Option<PathBuf>,
 }
 

@@ -26,7 +26,6 @@ pub mod scenario;
 pub mod seconds;
 mod thermal;
 pub mod triad;
-pub mod undeclared;
 mod window;
 mod world;
 

@@ -4,6 +4,7 @@
 //! direction in the case, the case has an attitude, and the sensor reads the component of what there is.
 
 mod accelerometers;
+pub mod drawn;
 mod gyros;
 mod hand;
 mod ship;

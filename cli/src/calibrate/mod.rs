@@ -6,4 +6,3 @@ mod manifest;
 pub mod model_file;
 mod motion;
 pub mod six_position;
-pub mod trials;

@@ -6,12 +6,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::progress;
 use crate::failure::Failure;
 use crate::file_error::FileError;
 use crate::import::{self, Format, Map, Summary};
 use crate::interrupt;
 use crate::output::JsonOption;
+use crate::progress;
 
 /// Turn a foreign recording into a campaign
 #[derive(Args, Debug)]

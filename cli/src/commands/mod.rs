@@ -3,14 +3,12 @@
 mod bench;
 mod calibrate;
 mod characterise;
-mod close_loop;
 mod completions;
 mod diagnose;
 mod find;
 mod import;
-mod instrument;
+pub mod instrument;
 mod man;
-mod progress;
 mod scenarios;
 mod simulate;
 mod solve;
@@ -44,7 +42,7 @@ enum Command {
     Calibrate(calibrate::Calibrate),
     Characterise(characterise::Characterise),
     Bench(bench::Bench),
-    CloseLoop(close_loop::CloseLoop),
+    CloseLoop(bench::CloseLoop),
     Scenarios(scenarios::Scenarios),
     Completions(completions::Completions),
     Man(man::Man),
@@ -71,7 +69,7 @@ impl Cli {
 }
 
 /// A number from `LOW` to `HIGH`; anything else, not-a-number too, is a usage error that says what is allowed.
-pub(crate) fn number<const LOW: i32, const HIGH: i32>(text: &str) -> Result<f64, String> {
+pub fn number<const LOW: i32, const HIGH: i32>(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if (f64::from(LOW)..=f64::from(HIGH)).contains(&value) => Ok(value),
         _ => Err(format!("allowed is a number from {LOW} to {HIGH}")),

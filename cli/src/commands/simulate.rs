@@ -10,11 +10,12 @@ use north_finder::pipeline::Readings;
 use rayon::prelude::*;
 
 use super::instrument::InstrumentOptions;
-use super::{progress, scenarios};
+use super::scenarios;
 use crate::campaign::{CampaignWriter, Role, Row, Run};
 use crate::engine::{End, EngineError, Outcome, Setup, host};
 use crate::failure::Failure;
 use crate::interrupt;
+use crate::progress;
 use crate::recorder::{RawRecorder, Recorder, new_campaign, write_run};
 
 /// Write a campaign from the simulator

@@ -8,12 +8,13 @@ use north_finder::settings::Settings;
 use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
-use super::{number, progress};
+use super::number;
 use crate::campaign::{Campaign, Run};
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::json::{Run as RunRecord, Solved};
 use crate::output::JsonOption;
+use crate::progress;
 use crate::settings_file::{declare_noise, read_model, read_settings};
 use crate::solve::{Solution, SolveError, solve_file};
 

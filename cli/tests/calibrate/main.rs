@@ -1,6 +1,5 @@
 //! `north calibrate` by the binary, on recordings that the simulator made.
 
-mod bench;
 mod ellipsoid;
 mod simulate;
 mod six_position;

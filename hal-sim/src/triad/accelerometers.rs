@@ -42,6 +42,16 @@ impl AccelerometerTriad {
         Matrix3::from_rows(&directions.map(|direction| direction.normalize().transpose()))
     }
 
+    /// What undoes its linear errors: bias and M of f = M (raw − bias), M upper triangular; f is in a frame of the triad's own
+    /// turned by its misalignments, since none of its readings shows that turn.
+    pub fn correction(&self) -> ([f64; 3], [[f64; 3]; 3]) {
+        let response = Matrix3::from_diagonal(&Vector3::from(self.per_g)) * self.axes();
+        // MᵀM is the inverse of A Aᵀ for raw = bias + A f: its Cholesky factor.
+        let squared = (response * response.transpose()).try_inverse().and_then(Matrix3::cholesky);
+        let upper = squared.map_or(Matrix3::zeros(), |cholesky| cholesky.l().transpose());
+        (self.zero, upper.transpose().into())
+    }
+
     /// What is read without noise for a specific force along the axes of the case, g.
     pub fn ideal(&self, force_g: [f64; 3]) -> [f64; 3] {
         let felt = self.axes() * Vector3::from(force_g);

@@ -76,6 +76,11 @@ impl GyroTriad {
         (self.axes * Vector3::from(rotation)).into()
     }
 
+    /// Rows: gyro x, y, z; columns: its response to rotation about x, y, z.
+    pub fn matrix(&self) -> [[f64; 3]; 3] {
+        self.axes.transpose().into()
+    }
+
     /// Angle increments in arcsec over `dt_s` in which the case turned by these angles against the stars, about its x, y,
     /// z, arcsec.
     pub fn measure(&mut self, turned_arcsec: [f64; 3], dt_s: f64) -> [f64; 3] {

@@ -5,12 +5,11 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
-use hal_sim::triad::{Knock, Placement, SIX_POSITIONS, Table, TableRow, Visit, even_directions, place_by_hand};
+use hal_sim::triad::{Knock, Placement, SIX_POSITIONS, Table, TableRow, Visit, drawn, even_directions, place_by_hand};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::calibrate::model_file::{Accelerometer, CalibrationFile, GyroTriad};
-use crate::calibrate::trials::{Truth, six_position::true_matrix, triads};
 use crate::commands::number;
 use crate::failure::Failure;
 use crate::file_error::{FileError, Problem};
@@ -86,7 +85,7 @@ impl SixPosition {
     fn run(self) -> Result<(), Failure> {
         prepare(&self.out)?;
         let mut random = ChaCha8Rng::seed_from_u64(self.seed);
-        let errors = triads::gyros(&mut random);
+        let errors = drawn::gyros(&mut random);
         let mut table = Table::new(self.latitude, &errors, random.random());
         let mut manifest = format!(
             "format = 1\ntitle = \"simulated, seed {}\"\nlatitude_deg = {:?}\ntable_arcsec = {TABLE_ARCSEC:?}\n",
@@ -116,7 +115,7 @@ impl SixPosition {
         fs::write(&path, manifest).map_err(|error| FileError::whole(&path, error))?;
         let truth = GyroTriad {
             bias_deg_h: errors.bias_deg_h,
-            matrix: true_matrix(table.triad()),
+            matrix: table.triad().matrix(),
             sigma_bias_deg_h: None,
             sigma_matrix: None,
         };
@@ -129,7 +128,7 @@ impl Ellipsoid {
     fn run(self) -> Result<(), Failure> {
         prepare(&self.out)?;
         let mut random = ChaCha8Rng::seed_from_u64(self.seed);
-        let triad = triads::accelerometers(&mut random);
+        let triad = drawn::accelerometers(&mut random);
         let placement = Placement {
             up: even_directions(self.attitudes.into(), random.random()),
             rest_s: 4.0,
@@ -143,7 +142,7 @@ impl Ellipsoid {
             let [x, y, z] = readings[i].raw;
             format!("{:.4},{x:.7},{y:.7},{z:.7}", readings[i].t_s)
         })?;
-        let Truth { bias, matrix } = Truth::of(&triad);
+        let (bias, matrix) = triad.correction();
         let truth = Accelerometer { gravity: 1.0, bias, matrix, sigma_bias: None, sigma_matrix: None };
         let truth = CalibrationFile { accelerometer: Some(truth), ..CalibrationFile::default() };
         Ok(truth.write(&self.out.join("truth.toml"))?)

@@ -5,8 +5,6 @@ use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use object::{Object, ObjectSection};
-
 const TARGET: &str = "thumbv7em-none-eabihf";
 
 /// Why there is no image.
@@ -18,8 +16,6 @@ pub enum ImageError {
     NoCargo(io::Error),
     #[error("the firmware cannot be built (is the target there? rustup target add {TARGET})\n{0}")]
     NotBuilt(String),
-    #[error("{path}: {error}")]
-    NotReadable { path: PathBuf, error: String },
 }
 
 /// Builds the image from the sources that this program was built from; gives its path. Quick when nothing changed.
@@ -46,27 +42,4 @@ pub fn build() -> Result<PathBuf, ImageError> {
         return Err(ImageError::NotBuilt(String::from_utf8_lossy(&output.stderr).into_owned()));
     }
     Ok(target.join(TARGET).join("firmware").join("firmware"))
-}
-
-/// What the image takes of the microcontroller, bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Size {
-    /// Program and constants, in flash.
-    pub flash: u64,
-    /// Variables, in RAM, without the stack.
-    pub ram: u64,
-}
-
-/// Size of an image, by its sections.
-pub fn size(image: &Path) -> Result<Size, ImageError> {
-    let not_readable = |error: String| ImageError::NotReadable { path: image.to_owned(), error };
-    let bytes = std::fs::read(image).map_err(|error| not_readable(error.to_string()))?;
-    let file = object::File::parse(bytes.as_slice()).map_err(|error| not_readable(error.to_string()))?;
-    let size = |names: &[&str]| {
-        file.sections()
-            .filter(|section| section.name().is_ok_and(|name| names.contains(&name)))
-            .map(|section| section.size())
-            .sum()
-    };
-    Ok(Size { flash: size(&[".vector_table", ".text", ".rodata", ".data"]), ram: size(&[".data", ".bss", ".uninit"]) })
 }

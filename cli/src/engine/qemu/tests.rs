@@ -129,10 +129,3 @@ fn an_answer_that_is_none_makes_the_firmware_panic_and_say_so() {
     assert!(error.contains("too short"), "{error}");
     assert!(matches!(qemu.receive(), Err(QemuError::Died(_))));
 }
-
-#[test]
-fn the_image_has_a_size() {
-    let size = image::size(image()).unwrap();
-    assert!((10_000..768 * 1024).contains(&size.flash), "{size:?}");
-    assert!((1000..128 * 1024).contains(&size.ram), "{size:?}");
-}

@@ -1,0 +1,96 @@
+//! The benches by their program: tables, rows, promises, interrupts.
+
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
+
+use serde_json::Value;
+
+const BENCH: &str = env!("CARGO_BIN_EXE_proofs");
+
+/// What a bench that keeps its promises prints.
+fn bench(arguments: &[&str]) -> String {
+    let output = Command::new(BENCH).args(arguments).stdin(Stdio::null()).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// The rows of a bench.
+fn rows(arguments: &[&str]) -> Vec<Value> {
+    let result: Value = serde_json::from_str(&bench(&[arguments, &["--json", "-"]].concat())).unwrap();
+    result["rows"].as_array().unwrap().clone()
+}
+
+#[test]
+fn accuracy_gives_markdown_and_json_that_agree() {
+    let folder = tempfile::tempdir().unwrap();
+    let json = folder.path().join("a.json");
+    let shown = bench(&["accuracy", "--trials", "20", "--json", json.to_str().unwrap()]);
+    let report: Value = serde_json::from_str(&fs::read_to_string(json).unwrap()).unwrap();
+    let rows = report["rows"].as_array().unwrap();
+    assert_eq!(shown.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| order")).count(), rows.len());
+    for row in rows {
+        assert_eq!(row["trials"].as_u64().unwrap() + row["refused"].as_u64().unwrap(), 20);
+        assert!(shown.contains(&format!("| {:.3} ± ", row["ratio"].as_f64().unwrap())));
+    }
+}
+
+#[test]
+fn few_trials_of_the_calibrations_keep_the_promises() {
+    let folder = tempfile::tempdir().unwrap();
+    let json = folder.path().join("b.json");
+    let arguments = ["calibration", "--trials", "300", "--voyages", "10", "--seed", "2", "--json"];
+    let printed = bench(&[&arguments[..], &[json.to_str().unwrap()]].concat());
+    for part in ["| x0, deg/h |", "| table, +- arcsec |", "| least squares |", "| 1.64 of 4.38 | 62.6 % |", "| m33 |"] {
+        assert!(printed.contains(part), "{part}: {printed}");
+    }
+    let report: Value = serde_json::from_str(&fs::read_to_string(json).unwrap()).unwrap();
+    let of = |table: &str| -> Vec<Value> {
+        report["rows"].as_array().unwrap().iter().filter(|row| row["table"] == table).cloned().collect()
+    };
+    assert_eq!((of("six-position").len(), of("ellipsoid").len()), (12, 9));
+    // The table's ±3″ alone: 3″/√3 rms an angle, 8.4 millionths of a radian; six positions together leave less.
+    let floor_ppm = of("table-accuracy")[1]["matrix_floor_ppm"].as_f64().unwrap();
+    assert!((3.0..8.4).contains(&floor_ppm), "{floor_ppm}");
+    let voyages: Vec<_> = of("voyage").iter().map(|voyage| voyage["rms_nmi"].as_f64().unwrap()).collect();
+    assert!(voyages[2] < 0.5 * voyages[0] && voyages[4] < voyages[2], "{voyages:?}");
+}
+
+#[test]
+fn the_image_costs_no_more_than_its_baseline_allows() {
+    bench(&["cost", "--check", concat!(env!("CARGO_MANIFEST_DIR"), "/cost-baseline.toml")]);
+}
+
+/// Six errors: their rms is within 1 ± 0.65 of its expectation (chi-square of 6 degrees, one in a thousand).
+const SCATTER: f64 = 1.65;
+
+#[test]
+fn a_closed_loop_leaves_new_runs_free_of_the_effect() {
+    for effect in ["temperature-rate", "magnet"] {
+        let options = ["--host", "--effect", effect, "--seed", "3", "--runs", "12", "--new-runs", "6"];
+        let result = &rows(&[&["close-loop"], &options[..]].concat())[0];
+        let before = result["rms_before_deg"].as_f64().unwrap();
+        let after = result["rms_after_deg"].as_f64().unwrap();
+        // White noise over 120 s: 60√2 · 0.0015 / (12.36 · √120) rad = 0.054°, and the uncertainty of the model: three
+        // coefficients from twelve runs, √(1 + 3/12) = 1.12; the index adds 0.01°.
+        assert!(after < 1.12 * SCATTER * 0.055, "{effect}: {before} {after}");
+        assert!(after < before / 2.0, "{effect}: {before} {after}");
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn an_interrupt_ends_long_work_in_good_order() {
+    let mut child = Command::new(BENCH)
+        .args(["accuracy", "--trials", "1000000"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // It has begun when it has said something.
+    let mut stdout = BufReader::new(child.stdout.take().unwrap());
+    stdout.read_line(&mut String::new()).unwrap();
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!((output.status.code(), output.stderr.as_slice()), (Some(130), &b"north: interrupted\n"[..]));
+}
