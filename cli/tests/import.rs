@@ -399,3 +399,31 @@ fn numbers_that_make_no_sense_are_refused() {
     let error = refusal(&stamped, "t,w,angle\n0,1,0\n5,1,0\n10,1,0\n");
     assert!(error.contains("the time stamps span 10.000 s, duration_s says 20 s"), "{error}");
 }
+
+#[test]
+fn a_proposed_mapping_imports_what_it_was_proposed_for() {
+    // A triad at rest at 30° north, forward east: gyro (0, h, Ω sin φ) in rad/s, gravity in m/s², time in ms.
+    let (h, up) = (7.292e-5 * 30_f64.to_radians().cos(), 7.292e-5 * 0.5);
+    let rows: String =
+        (0..200).map(|i| format!("{};{};{};{};0.0;0.0;9.81\n", 10 * i, "0.0", h, up).replace('.', ",")).collect();
+    let recording = format!("time_ms;gyr_x;gyr_y;gyr_z;acc_x;acc_y;acc_z\n{rows}");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("strange.csv");
+    fs::write(&path, &recording).unwrap();
+    let map = north::import::guess(&path, None).unwrap().replace("dwell_s = 60", "dwell_s = 0.4");
+    for line in ["unit = \"rad/s\"", "unit = \"ms\"", "unit = \"m/s2\"", "latitude_deg = 30.00", "decimal_comma = true"]
+    {
+        assert!(map.contains(line), "{line}:\n{map}");
+    }
+    let (_, summary) = text(&map, &recording).unwrap();
+    assert_eq!(summary.doubts, Vec::<String>::new());
+    let error = north::import::guess(&map_file("kvh-triad.toml"), None).unwrap_err();
+    assert!(error.to_string().contains("no rows of numbers"), "{error}");
+}
+
+#[test]
+fn a_log_of_a_dead_gyro_says_so() {
+    let map = fs::read_to_string(map_file("kvh-triad.toml")).unwrap();
+    let error = bring(&map, &kvh_log(300_000, 1000.0, |_| 3), Format::Kvh).map(|it| it.1).unwrap_err();
+    assert_eq!(error, "recording: each of its 300000 samples is marked as not valid by the sensor itself");
+}

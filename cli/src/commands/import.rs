@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
@@ -18,6 +18,7 @@ use crate::progress;
 #[command(after_help = "Examples:
   north import --map psins-lasergyro.toml lasergyro.imu --out parked-vehicle
   north import --map kvh-1775.toml --format kvh night.bin --out night
+  north import --guess strange.csv > strange.toml
 
 Mappings: docs/import.md")]
 pub struct Import {
@@ -25,11 +26,17 @@ pub struct Import {
     #[arg(value_name = "FILE")]
     recording: PathBuf,
     /// What its columns are, and which runs to cut from it
-    #[arg(long, value_name = "MAP.toml")]
-    map: PathBuf,
+    #[arg(long, value_name = "MAP.toml", required_unless_present = "guess", conflicts_with = "guess")]
+    map: Option<PathBuf>,
+    /// Propose a mapping for the recording, to edit, on stdout; nothing is imported
+    #[arg(long)]
+    guess: bool,
+    /// Latitude for the proposal, degrees, north positive, -90 to 90
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, requires = "guess", value_parser = super::number::<-90, 90>)]
+    latitude: Option<f64>,
     /// Folder of the new campaign; it must not have anything in it
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    #[arg(long, value_name = "DIR", required_unless_present = "guess", conflicts_with = "guess")]
+    out: Option<PathBuf>,
     /// How the recording is written
     #[arg(long, value_enum, default_value_t)]
     format: Format,
@@ -39,16 +46,21 @@ pub struct Import {
 
 impl Import {
     pub fn run(self) -> Result<(), Failure> {
-        let map = Map::read(&self.map)?;
+        // Both are there unless a mapping is only to be proposed: the command line asks for them.
+        let (Some(map), Some(out)) = (&self.map, &self.out) else {
+            let proposal = import::guess(&self.recording, self.latitude)?;
+            return Ok(std::io::stdout().write_all(proposal.as_bytes())?);
+        };
+        let map = Map::read(map)?;
         let bytes = fs::metadata(&self.recording).map_err(|error| FileError::whole(&self.recording, error))?.len();
         let bar = progress::bar(bytes, "bytes");
-        let summary = import::import(&map, &self.recording, self.format, &self.out, &mut |read| {
+        let summary = import::import(&map, &self.recording, self.format, out, &mut |read| {
             bar.set_position(read);
             !interrupt::requested()
         });
         bar.finish_and_clear();
         let summary = summary?;
-        self.print(&summary, &mut self.json.human())?;
+        self.print(&summary, out, &mut self.json.human())?;
         for note in &summary.notes {
             eprintln!("north: note: {note}");
         }
@@ -58,12 +70,12 @@ impl Import {
         self.json.write(&summary)
     }
 
-    fn print(&self, summary: &Summary, out: &mut dyn Write) -> std::io::Result<()> {
+    fn print(&self, summary: &Summary, folder: &Path, out: &mut dyn Write) -> std::io::Result<()> {
         for run in &summary.runs {
             writeln!(out, "{}: {} rows, {:.3} s from {:.3} s on", run.file, run.rows, run.seconds, run.start_s)?;
         }
         let losses = &summary.losses;
-        write!(out, "{}: {} runs", self.out.display(), summary.runs.len())?;
+        write!(out, "{}: {} runs", folder.display(), summary.runs.len())?;
         write!(
             out,
             " from {} samples, {} lost, {} not valid",

@@ -52,7 +52,7 @@ impl TextRecords {
         let file = File::open(path).map_err(|error| FileError::whole(path, error))?;
         let Text { comment, header_rows, decimal_comma, footer_rows, stop_at, rows, .. } = map.text.clone();
         let mut reader = BufReader::with_capacity(1 << 16, file);
-        refuse_binary(path, &mut reader)?;
+        refuse_binary(path, reader.fill_buf().map_err(|error| FileError::whole(path, error))?)?;
         let mut records = Self {
             path: path.to_owned(),
             reader,
@@ -246,8 +246,7 @@ impl Records for TextRecords {
 }
 
 /// A binary file is refused by name before any of it is taken for text.
-fn refuse_binary(path: &Path, reader: &mut BufReader<File>) -> Result<(), FileError> {
-    let head = reader.fill_buf().map_err(|error| FileError::whole(path, error))?;
+pub fn refuse_binary(path: &Path, head: &[u8]) -> Result<(), FileError> {
     let what = match head {
         head if head.starts_with(b"MATLAB 5.0 MAT-file") => {
             "a MATLAB file: write its columns as text there, writematrix(data, \"recording.csv\")"

@@ -4,7 +4,7 @@ use north_finder::units::{ARCSEC_PER_RAD, DEG_PER_RAD};
 use serde::Deserialize;
 
 /// Standard gravity, m/s² (exact by definition, 3rd CGPM 1901).
-const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
+pub const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
 
 /// What a gyro column holds: an angle increment over the sample, or a rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
