@@ -280,7 +280,7 @@ impl<'a> Replay<'a> {
     fn end_stay(&mut self, report: Sink) -> Result<(), Refusal> {
         self.stay_deg = None;
         let jitter = self.settings.jitter;
-        let base_motion = self.evaluator.model().base_motion();
+        let base_motion = self.evaluator.model().base_motion;
         let after_move = self.stays > 0 && self.rows.len() > jitter.seconds.into();
         // On a base that rocks the rate is never quiet, and need not be.
         if base_motion.is_none()

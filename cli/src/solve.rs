@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use north_finder::effects::{ChannelName, MAX_CHANNELS, channel};
+use north_finder::effects::{ChannelName, MAX_CHANNELS};
 use north_finder::event::{Dwell, Event, Fix};
 use north_finder::fix::dwell::DwellSummary;
 use north_finder::replay::{Refusal, Replay, Row as ReplayRow};
@@ -83,16 +83,8 @@ fn solve(
 fn model_columns(path: &Path, reader: &RunReader, settings: &Settings) -> Result<Vec<usize>, SolveError> {
     let Some(model) = &settings.model else { return Ok(Vec::new()) };
     let missing = |channel: &str| SolveError::NoChannel { file: path.display().to_string(), channel: channel.into() };
-    for term in &model.terms {
-        for need in term.needs() {
-            let there = match *need {
-                channel::TEMPERATURE => reader.has_temperature(),
-                _ => reader.has_level(),
-            };
-            if !there {
-                return Err(missing(need));
-            }
-        }
+    if let Some(lacking) = model.lacks(reader.has_temperature(), reader.has_level()) {
+        return Err(missing(lacking));
     }
     let column = |name: &ChannelName| {
         reader.channels().iter().position(|each| each == name.as_str()).ok_or_else(|| missing(name.as_str()))

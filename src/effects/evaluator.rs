@@ -1,33 +1,69 @@
-//! The model at work: it remembers what lags, low-passes, rates of change and the time since a move need.
+//! The model at work, second by second: it remembers what low-passes, plays, lags, rates of change and moves need.
 
 use heapless::Vec;
 
-use super::channel::{ChannelName, TEMPERATURE};
-use super::conditions::{Conditions, History, Move, RATE_SAMPLES, Travel};
-use super::{Correction, ErrorModel, MAX_TERMS, Term, spline};
-use crate::earth::EarthRate;
-use crate::index::Direction;
-use crate::units::{DEG_PER_RAD, wrap_360_deg};
+use super::basis::{Missing, Now};
+use super::channel::{ChannelName, MAX_CHANNELS};
+use super::conditions::Conditions;
+use super::doubt::MAX_DIRECTIONS;
+use super::moves::Moves;
+use super::term::Memory;
+use super::window::Window;
+use super::{ErrorModel, MAX_TERMS, MAX_WINDOWS};
 
 /// Most steps of Newton's method, the half width of its slopes, and their least value.
 const NEWTON_STEPS: usize = 12;
 const SLOPE_DEG_H: f64 = 1e-4;
 const LEAST_SLOPE: f64 = 0.1;
 
+/// The model in one second: what turns a raw rate into a true one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Correction {
+    pub bias_deg_h: f64,
+    /// One plus the scale factor error.
+    pub scale: f64,
+    /// A rate of change is not known yet; what follows one is missing from the bias.
+    pub waiting: bool,
+    /// What one sigma along each direction in which the model is uncertain adds to the true rate, °/h.
+    pub doubt_deg_h: [f32; MAX_DIRECTIONS],
+}
+
+impl Correction {
+    /// True angle increment, arcsec, of a raw one over `seconds`.
+    pub fn apply(&self, increment_arcsec: f64, seconds: f64) -> f64 {
+        (increment_arcsec - self.bias_deg_h * seconds) / self.scale
+    }
+}
+
 /// Evaluates a model second by second, in the order of time.
 #[derive(Clone, Debug)]
 pub struct Evaluator {
     model: ErrorModel,
-    /// One past a term; only terms that follow a channel use theirs.
-    pasts: [History; MAX_TERMS],
-    channels: Vec<ChannelName, { super::MAX_CHANNELS }>,
-    travel: Travel,
+    channels: Vec<ChannelName, MAX_CHANNELS>,
+    windows: Vec<Window, MAX_WINDOWS>,
+    memories: [Memory; MAX_TERMS],
+    moves: Moves,
+    last_s: Option<f64>,
+    rates_deg_h: f64,
 }
 
 impl Evaluator {
     pub fn new(model: ErrorModel) -> Self {
-        let channels = model.channels();
-        Self { model, pasts: core::array::from_fn(|_| History::default()), channels, travel: Travel::default() }
+        let mut windows: Vec<Window, MAX_WINDOWS> = Vec::new();
+        for (channel, low_pass_s) in model.windows() {
+            if !windows.iter().any(|window| window.is_of(channel, low_pass_s)) {
+                let _ = windows.push(Window::new(*channel, low_pass_s));
+            }
+        }
+        Self {
+            channels: model.channels(),
+            windows,
+            memories: [[None; 2]; MAX_TERMS],
+            moves: Moves::default(),
+            last_s: None,
+            rates_deg_h: 0.0,
+            model,
+        }
     }
 
     pub fn model(&self) -> &ErrorModel {
@@ -36,31 +72,67 @@ impl Evaluator {
 
     /// Takes the next second; gives what turns its raw rate into a true one.
     pub fn second(&mut self, conditions: &Conditions) -> Correction {
-        self.travel.push(conditions);
-        for (term, past) in self.model.terms.iter().zip(&mut self.pasts) {
-            let (name, low_pass_s) = match *term {
-                Term::TemperatureRate { .. } => (ChannelName::new(TEMPERATURE), 0.0),
-                Term::Channel { channel, low_pass_s, .. } | Term::ChannelRate { channel, low_pass_s, .. } => {
-                    (Some(channel), low_pass_s)
-                }
-                Term::ChannelSpline { channel, .. } => (Some(channel), 0.0),
-                _ => continue,
-            };
-            let value = name.and_then(|name| conditions.value(&name, &self.channels));
-            past.push(conditions.t_s, value, low_pass_s);
-        }
-        let mut correction =
-            Correction { bias_deg_h: self.model.bias_deg_h, scale: 1.0 + self.model.scale_error, waiting: false };
-        for (term, past) in self.model.terms.iter().zip(&self.pasts) {
-            self.add(term, past, conditions, &mut correction);
-        }
-        correction.bias_deg_h += self.of_rate_deg_h(conditions.raw_rate_deg_h - correction.bias_deg_h);
-        correction
+        self.tapped(conditions, &mut |_, _| ())
     }
 
+    /// The same, and gives every function of the terms, by the number of its coefficient, to `tap`: what diagnosis fits
+    /// coefficients to.
+    pub fn tapped(&mut self, conditions: &Conditions, tap: &mut dyn FnMut(usize, f64)) -> Correction {
+        let step_s = self.last_s.replace(conditions.t_s).map_or(0.0, |last_s| (conditions.t_s - last_s).max(0.0));
+        self.moves.push(conditions);
+        for window in &mut self.windows {
+            let value = conditions.value(window.channel(), &self.channels);
+            window.push(step_s, value);
+        }
+        let now = Now { conditions, step_s, channels: &self.channels, windows: &self.windows, moves: &self.moves };
+        let (mut bias_deg_h, mut rates_deg_h, mut scale) = (self.model.bias_deg_h, 0.0, 1.0 + self.model.scale_error);
+        let (mut waiting, mut first) = (false, 0);
+        let (mut added, mut scaled) = ([0.0; MAX_DIRECTIONS], [0.0; MAX_DIRECTIONS]);
+        for (term, memory) in self.model.terms.iter().zip(&mut self.memories) {
+            let mut sum = 0.0;
+            let doubts = if term.scales { &mut scaled } else { &mut added };
+            let evaluated = term.functions(&now, memory, &mut |place, value| {
+                tap(first + place, value);
+                sum += value * f64::from(term.coefficients.get(place).copied().unwrap_or(0.0));
+                for (doubt, direction) in doubts.iter_mut().zip(&self.model.doubt.directions) {
+                    *doubt += value * f64::from(direction.get(first + place).copied().unwrap_or(0.0));
+                }
+            });
+            waiting |= evaluated == Err(Missing::Waiting);
+            first += term.coefficients.len();
+            match (term.scales, term.is_rate()) {
+                (true, _) => scale += sum,
+                (false, true) => rates_deg_h += sum,
+                (false, false) => bias_deg_h += sum,
+            }
+        }
+        self.rates_deg_h = rates_deg_h;
+        if !waiting {
+            bias_deg_h += rates_deg_h;
+        }
+        bias_deg_h += self.model.of_rate_deg_h(conditions.raw_rate_deg_h - bias_deg_h);
+        let true_deg_h = (conditions.raw_rate_deg_h - bias_deg_h) / scale;
+        let mut doubt_deg_h = [0.0; MAX_DIRECTIONS];
+        for ((doubt, added), scaled) in doubt_deg_h.iter_mut().zip(added).zip(scaled) {
+            *doubt = ((added + scaled * true_deg_h) / scale) as f32;
+        }
+        Correction { bias_deg_h, scale, waiting, doubt_deg_h }
+    }
+
+    /// What the rates of change add to the bias now, °/h. A recording's first seconds, when no rate is known yet, are
+    /// corrected by the first one.
+    pub fn rates_deg_h(&self) -> f64 {
+        self.rates_deg_h
+    }
+}
+
+impl ErrorModel {
     /// What the true rate x adds to itself, given the sum of both: the root of x + N(x) = sum by Newton's method.
     fn of_rate_deg_h(&self, sum_deg_h: f64) -> f64 {
-        let added = |rate: f64| self.model.terms.iter().map(|term| term.of_rate_deg_h(rate)).sum::<f64>();
+        if self.rate_terms.is_empty() {
+            return 0.0;
+        }
+        let added = |rate: f64| self.rate_terms.iter().map(|term| term.of_rate_deg_h(rate)).sum::<f64>();
         let mut rate = sum_deg_h;
         for _ in 0..NEWTON_STEPS {
             let missed = rate + added(rate) - sum_deg_h;
@@ -72,144 +144,5 @@ impl Evaluator {
             }
         }
         sum_deg_h - rate
-    }
-
-    /// What the rates of change add to the bias now, °/h. A recording's first seconds, when no rate is known yet, are
-    /// corrected by the first one.
-    pub fn rates_deg_h(&self) -> f64 {
-        self.model.terms.iter().zip(&self.pasts).filter_map(|(term, past)| rate_deg_h(term, past)).sum()
-    }
-
-    fn add(&self, term: &Term, past: &History, conditions: &Conditions, correction: &mut Correction) {
-        let above = |reference_c| conditions.temp_c.map_or(0.0, |temp_c| temp_c - reference_c);
-        let hours = conditions.t_s / 3600.0;
-        let Direction { cos, sin } = conditions.index.unwrap_or_default();
-        correction.bias_deg_h += match *term {
-            Term::Temperature { reference_c, linear_deg_h_per_k, quadratic_deg_h_per_k2 } => {
-                let above_k = above(reference_c);
-                (linear_deg_h_per_k + quadratic_deg_h_per_k2 * above_k) * above_k
-            }
-            Term::TemperatureRate { .. } | Term::ChannelRate { .. } => {
-                let rate_deg_h = rate_deg_h(term, past);
-                correction.waiting |= rate_deg_h.is_none();
-                rate_deg_h.unwrap_or(0.0)
-            }
-            Term::ScaleTemperature { reference_c, per_k } => {
-                correction.scale += per_k * above(reference_c);
-                0.0
-            }
-            Term::Channel { lag_s, reference, linear_deg_h, quadratic_deg_h, cubic_deg_h, .. } => {
-                let value = if lag_s > 0.0 { past.lagged(lag_s) } else { past.latest() };
-                let u = value.map_or(0.0, |value| value - reference);
-                ((cubic_deg_h * u + quadratic_deg_h) * u + linear_deg_h) * u
-            }
-            Term::ChannelSpline { knots, coefficients, .. } => {
-                past.latest().map_or(0.0, |value| spline::at(knots.as_slice(), coefficients.as_slice(), value))
-            }
-            Term::ScaleChannel { channel, reference, per_unit } => {
-                let value = conditions.value(&channel, &self.channels);
-                correction.scale += per_unit * value.map_or(0.0, |value| value - reference);
-                0.0
-            }
-            Term::Drift { deg_h_per_h, deg_h_per_h2 } => (deg_h_per_h + deg_h_per_h2 * hours) * hours,
-            Term::WarmUp { deg_h, tau_s } => deg_h * libm::exp(-conditions.t_s.max(0.0) / tau_s),
-            Term::Settling { .. } => self.settling_deg_h(term, conditions),
-            Term::BodyHarmonic { order, cos_deg_h, sin_deg_h } => {
-                let angle = f64::from(order) * libm::atan2(sin, cos);
-                cos_deg_h * libm::cos(angle) + sin_deg_h * libm::sin(angle)
-            }
-            Term::Line { period_s, cos_deg_h, sin_deg_h } => {
-                let phase = core::f64::consts::TAU * conditions.t_s / period_s;
-                cos_deg_h * libm::cos(phase) + sin_deg_h * libm::sin(phase)
-            }
-            Term::Step { t_s, deg_h } => {
-                // The share of the second that lies after the step.
-                let after = (conditions.t_s - t_s) / conditions.seconds.max(f64::MIN_POSITIVE) + 0.5;
-                deg_h * after.clamp(0.0, 1.0)
-            }
-            Term::RateNonlinearity { .. }
-            | Term::DeadZone { .. }
-            | Term::EarthField { .. }
-            | Term::IndexError { .. }
-            | Term::FreeLine { .. }
-            | Term::BaseMotion { .. } => 0.0,
-        };
-    }
-
-    /// What is left of the moves so far.
-    fn settling_deg_h(&self, term: &Term, conditions: &Conditions) -> f64 {
-        let &Term::Settling {
-            tau_s,
-            first_stay,
-            deg_h,
-            by_direction_deg_h,
-            deg_h_per_deg_travel,
-            deg_h_per_deg_signed_travel,
-            cos_deg_h,
-            sin_deg_h,
-        } = term
-        else {
-            return 0.0;
-        };
-        let left = |each: &Move| {
-            let direction = if each.travel_deg == 0.0 { 0.0 } else { libm::copysign(1.0, each.travel_deg) };
-            let Direction { cos, sin } = each.index;
-            let size = deg_h
-                + by_direction_deg_h * direction
-                + deg_h_per_deg_travel * each.travel_deg.abs()
-                + deg_h_per_deg_signed_travel * each.travel_deg
-                + cos_deg_h * cos
-                + sin_deg_h * sin;
-            size * libm::exp(-(conditions.t_s - each.ended_s).max(0.0) / tau_s)
-        };
-        self.travel.moves().filter(|each| first_stay || !each.switch_on).map(left).sum()
-    }
-}
-
-/// A rate's contribution; `None` for other terms, and before a rate is known.
-fn rate_deg_h(term: &Term, past: &History) -> Option<f64> {
-    match *term {
-        Term::TemperatureRate { deg_h_per_k_per_s } => {
-            past.rate(RATE_SAMPLES, false).map(|rate| deg_h_per_k_per_s * rate)
-        }
-        Term::ChannelRate { deg_h_per_unit_per_s, seconds, curved, .. } => {
-            past.rate(seconds.into(), curved).map(|rate| deg_h_per_unit_per_s * rate)
-        }
-        _ => None,
-    }
-}
-
-impl ErrorModel {
-    /// True direction of the index from the measured one.
-    pub fn true_index(&self, measured: Direction) -> Direction {
-        let Direction { cos, sin } = measured;
-        let mut error_deg = 0.0;
-        for term in &self.terms {
-            if let Term::IndexError { offset_deg, cos_deg, sin_deg } = *term {
-                error_deg += offset_deg + cos_deg * cos + sin_deg * sin;
-            }
-        }
-        if error_deg == 0.0 {
-            return measured;
-        }
-        // θ true = θ measured − error.
-        let (s, c) = crate::units::sin_cos_deg(error_deg);
-        Direction { cos: cos * c + sin * s, sin: sin * c - cos * s }
-    }
-
-    /// True azimuth from the one that the rates gave. A field of east e and north n adds e sin α + n cos α to h cos α:
-    /// the sum is a cosine about the azimuth less atan(e / (h + n)).
-    pub fn true_azimuth_deg(&self, azimuth_deg: f64, earth: &EarthRate) -> f64 {
-        let (mut east, mut north) = (0.0, 0.0);
-        for term in &self.terms {
-            if let Term::EarthField { east_deg_h, north_deg_h } = *term {
-                east += east_deg_h;
-                north += north_deg_h;
-            }
-        }
-        if east == 0.0 {
-            return azimuth_deg;
-        }
-        wrap_360_deg(azimuth_deg + libm::atan2(east, earth.north_deg_h + north) * DEG_PER_RAD)
     }
 }

@@ -1,26 +1,51 @@
 //! The error model: what a calibration knows of the gyro, taken out of every second.
 //!
-//! raw rate = (1 + scale error) · true rate + bias + Σ terms, all rates in °/h. An [`Evaluator`] runs it; what it needs
-//! of a second is [`Conditions`].
+//! raw rate = (1 + scale error) · true rate + bias + Σ terms + what the rate does to itself, all in °/h. The index angle is
+//! corrected second by second, the azimuth by the Earth's field at the end. An [`Evaluator`] runs it; what it needs of a
+//! second is [`Conditions`].
 
+pub mod base_motion;
+pub mod basis;
 pub mod channel;
 mod conditions;
+pub mod doubt;
+pub mod earth_field;
 mod evaluator;
-pub mod spline;
-mod term;
+pub mod index_error;
+mod moves;
+pub mod rate_term;
+pub mod sinusoid;
+pub mod term;
+mod window;
 
+pub use base_motion::BaseMotion;
+pub use basis::Basis;
 pub use channel::{ChannelName, MAX_CHANNELS};
-pub use conditions::{Conditions, History, Move, Travel};
-pub use evaluator::Evaluator;
-pub use term::{DeadZoneForm, Term};
+pub use conditions::Conditions;
+pub use doubt::Doubt;
+pub use earth_field::EarthField;
+pub use evaluator::{Correction, Evaluator};
+pub use index_error::IndexError;
+pub use rate_term::RateTerm;
+pub use sinusoid::Sinusoid;
+pub use term::Term;
 
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-use crate::limits::Invalid;
+use crate::earth::EarthRate;
+use crate::index::Direction;
+use crate::limits::{Invalid, finite, within};
+use doubt::MAX_COEFFICIENTS;
 
-/// Most terms that a model can have.
-pub const MAX_TERMS: usize = 16;
+/// Most additive terms, products of two bases among them, and effects of the rate.
+pub const MAX_TERMS: usize = 12;
+pub const MAX_PRODUCTS: usize = 4;
+pub const MAX_RATE_TERMS: usize = 4;
+/// Most channels whose past is kept, each with its own low-pass.
+pub const MAX_WINDOWS: usize = 4;
+/// Most knots of all curves together.
+pub const MAX_KNOTS: usize = 48;
 
 /// A calibration: immutable input.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -30,52 +55,56 @@ pub struct ErrorModel {
     pub scale_error: f64,
     /// Bias, °/h.
     pub bias_deg_h: f64,
-    /// Effects beyond bias and scale.
+    /// What adds to the rate, or to the scale factor.
     pub terms: Vec<Term, MAX_TERMS>,
+    /// What the gyro makes of the rate beyond its scale factor.
+    pub rate_terms: Vec<RateTerm, MAX_RATE_TERMS>,
+    pub index_error: Option<IndexError>,
+    pub earth_field: Option<EarthField>,
+    pub base_motion: Option<BaseMotion>,
+    pub sinusoid: Option<Sinusoid>,
+    /// How far the model itself may be wrong.
+    pub doubt: Doubt,
 }
 
-/// The model in one second: what turns a raw rate into a true one.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Correction {
-    pub bias_deg_h: f64,
-    /// One plus the scale factor error.
-    pub scale: f64,
-    /// A rate of change is not known yet and is missing from the bias.
-    pub waiting: bool,
-}
-
-impl Correction {
-    /// True angle increment, arcsec, of a raw one over `seconds`.
-    pub fn apply(&self, increment_arcsec: f64, seconds: f64) -> f64 {
-        (increment_arcsec - self.bias_deg_h * seconds) / self.scale
-    }
-}
-
-/// A line with what is known of it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FreeLine {
-    pub period_s: f64,
-    /// Typical amplitude, °/h.
-    pub amplitude_deg_h: f64,
-}
-
-/// How the accelerometers feel the base.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Sensing {
-    /// Their noise is white in the velocity, not in the tilt.
-    pub velocity: bool,
-    /// Their readings come this much later than the gyro's, seconds: a filter, or (below 0) readings of the end of a row
-    /// instead of means over it.
-    pub lag_s: f64,
-}
+/// A model has no room for one part more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TooMany;
 
 impl ErrorModel {
+    /// Takes a term up.
+    ///
+    /// Errors: there are [`MAX_TERMS`] already.
+    pub fn add(&mut self, term: Term) -> Result<(), TooMany> {
+        self.terms.push(term).map_err(|_| TooMany)
+    }
+
+    /// Takes an effect of the rate up.
+    ///
+    /// Errors: there are [`MAX_RATE_TERMS`] already.
+    pub fn add_rate_term(&mut self, term: RateTerm) -> Result<(), TooMany> {
+        self.rate_terms.push(term).map_err(|_| TooMany)
+    }
+
+    fn bases(&self) -> impl Iterator<Item = &Basis> {
+        self.terms.iter().flat_map(Term::bases)
+    }
+
+    /// All channels that the terms follow, as often as they do.
+    fn followed(&self) -> impl Iterator<Item = &ChannelName> {
+        self.terms.iter().flat_map(Term::channels)
+    }
+
+    fn windows(&self) -> impl Iterator<Item = (&ChannelName, f32)> {
+        self.bases().filter_map(Basis::window)
+    }
+
     /// Names of the channels beyond temperature and level, each once, in the order of the terms.
     pub fn channels(&self) -> Vec<ChannelName, MAX_CHANNELS> {
         let mut names = Vec::new();
-        for name in self.terms.iter().filter_map(Term::channel).filter(|name| !name.is_on_board()) {
-            if !names.contains(&name) {
-                let _ = names.push(name);
+        for name in self.followed().filter(|name| !name.is_on_board()) {
+            if !names.contains(name) {
+                let _ = names.push(*name);
             }
         }
         names
@@ -86,48 +115,63 @@ impl ErrorModel {
         self.channels().first().copied()
     }
 
+    /// The first of the board's own channels that it cannot do without and that is not there.
+    pub fn lacks(&self, has_temperature: bool, has_level: bool) -> Option<&'static str> {
+        let follows = |wanted: &str| self.followed().any(|name| name.as_str() == wanted);
+        let level = self.base_motion.is_some() || follows(channel::FORWARD) || follows(channel::LEFT);
+        if follows(channel::TEMPERATURE) && !has_temperature {
+            return Some(channel::TEMPERATURE);
+        }
+        (level && !has_level).then_some(channel::FORWARD)
+    }
+
     /// Whether the model says how the bias follows the temperature.
     pub fn covers_temperature(&self) -> bool {
-        self.terms.iter().any(|term| {
-            let of_channel = term.channel().is_some_and(|channel| channel.as_str() == channel::TEMPERATURE);
-            of_channel || matches!(term, Term::Temperature { .. } | Term::TemperatureRate { .. })
-        })
+        let follows = |term: &Term| term.channels().any(|name| name.as_str() == channel::TEMPERATURE);
+        self.terms.iter().any(|term| !term.scales && follows(term))
     }
 
-    /// Whether base motion is taken out row by row, and then how the accelerometers feel it.
-    pub fn base_motion(&self) -> Option<Sensing> {
-        self.terms.iter().find_map(|term| match term {
-            &Term::BaseMotion { velocity, lag_s } => Some(Sensing { velocity, lag_s }),
-            _ => None,
-        })
+    /// True direction of the index from the measured one.
+    pub fn true_index(&self, index: Direction) -> Direction {
+        self.index_error.map_or(index, |error| error.true_index(index))
     }
 
-    /// The line that every fix has to estimate, if there is one.
-    pub fn free_line(&self) -> Option<FreeLine> {
-        self.terms.iter().find_map(|term| match *term {
-            Term::FreeLine { period_s, amplitude_deg_h } => Some(FreeLine { period_s, amplitude_deg_h }),
-            _ => None,
-        })
+    /// True azimuth from the one that the rates gave.
+    pub fn true_azimuth_deg(&self, azimuth_deg: f64, earth: &EarthRate) -> f64 {
+        self.earth_field.map_or(azimuth_deg, |field| field.true_azimuth_deg(azimuth_deg, earth))
     }
 
-    /// All finite and in range; the scale factor within 10 % of one; not too many channels.
+    /// All finite and in range; the scale factor within 10 % of one; as much as a board can hold.
     pub fn validate(&self) -> Result<(), Invalid> {
-        if !(-0.1..=0.1).contains(&self.scale_error) {
-            return Err(Invalid { field: "model.scale_error", value: self.scale_error, allowed: "-0.1 to 0.1" });
-        }
-        if !self.bias_deg_h.is_finite() {
-            return Err(Invalid { field: "model.bias_deg_h", value: self.bias_deg_h, allowed: "a finite number" });
-        }
-        let channels = self.channels();
-        for term in &self.terms {
-            term.validate()?;
-            if term.channel().is_some_and(|name| !name.is_on_board() && !channels.contains(&name)) {
-                let value = (channels.len() + 1) as f64;
-                return Err(Invalid { field: "model.terms", value, allowed: "at most 8 channels" });
-            }
-        }
-        Ok(())
+        within("model.scale_error", self.scale_error, -0.1, 0.1, "-0.1 to 0.1")?;
+        finite("model.bias_deg_h", &[self.bias_deg_h])?;
+        self.terms.iter().try_for_each(Term::validate)?;
+        self.rate_terms.iter().try_for_each(RateTerm::validate)?;
+        self.index_error.as_ref().map_or(Ok(()), IndexError::validate)?;
+        self.earth_field.as_ref().map_or(Ok(()), EarthField::validate)?;
+        self.base_motion.as_ref().map_or(Ok(()), BaseMotion::validate)?;
+        self.sinusoid.as_ref().map_or(Ok(()), Sinusoid::validate)?;
+        let coefficients = self.terms.iter().map(|term| term.coefficients.len()).sum();
+        self.doubt.validate(coefficients)?;
+        let at_most =
+            |what, number: usize, most: usize, allowed| within(what, number as f64, 0.0, most as f64, allowed);
+        at_most("model.terms (coefficients)", coefficients, MAX_COEFFICIENTS, "at most 48 coefficients")?;
+        let products = self.terms.iter().filter(|term| term.times.is_some()).count();
+        at_most("model.terms (products)", products, MAX_PRODUCTS, "at most 4 products")?;
+        at_most("model.terms (knots)", self.bases().map(Basis::knots).sum(), MAX_KNOTS, "at most 48 knots")?;
+        let known = self.channels();
+        let extra = self.followed().filter(|name| !name.is_on_board() && !known.contains(name)).count();
+        at_most("model.terms (channels)", known.len() + extra, MAX_CHANNELS, "at most 8 channels")?;
+        let past = |(i, window)| !self.windows().take(i).any(|other| other == window);
+        let windows = self.windows().enumerate().filter(|&each| past(each)).count();
+        let allowed = "at most 4 lags and rates of different channels or low-passes";
+        at_most("model.terms (pasts)", windows, MAX_WINDOWS, allowed)
     }
+}
+
+/// A first-order low-pass: what was, what comes in, after `step_s`; a time constant of 0 passes everything.
+fn low_pass(last: f64, value: f64, step_s: f64, tau_s: f64) -> f64 {
+    if tau_s > 0.0 { last + (value - last) * (1.0 - libm::exp(-step_s / tau_s)) } else { value }
 }
 
 #[cfg(test)]

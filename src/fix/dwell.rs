@@ -2,7 +2,7 @@
 
 use heapless::Vec;
 
-use crate::effects::Sensing;
+use crate::effects::BaseMotion;
 use crate::level::LevelMoments;
 
 /// Most rows that are boiled down at once; a longer stay gives several summaries.
@@ -186,7 +186,7 @@ impl DwellRows {
 
 impl DwellRows {
     /// Boils the rows of a stay on a base that rocks down to a rate without its motion; see [`super::moving_base`].
-    pub fn summary_on_moving_base(&self, sensing: Sensing, noise_deg_h: f64) -> Option<DwellSummary> {
+    pub fn summary_on_moving_base(&self, sensing: BaseMotion, noise_deg_h: f64) -> Option<DwellSummary> {
         super::moving_base::summary(&self.rows, sensing, noise_deg_h)
     }
 }

@@ -14,8 +14,8 @@
 pub mod base_motion;
 pub mod design;
 pub mod dwell;
-pub mod free_line;
 pub mod moving_base;
+pub mod sinusoid;
 mod statistics;
 #[cfg(test)]
 mod tests;
@@ -32,7 +32,7 @@ use crate::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_180_deg, wrap_360_deg};
 use base_motion::{BaseMotion, Method};
 pub use design::DesignRow;
 use dwell::DwellSummary;
-use free_line::Fitted;
+use sinusoid::Fitted;
 use statistics::excess_sigmas;
 
 /// A chi-square this many standard deviations above its mean is a misfit.
@@ -132,7 +132,7 @@ impl Problem<'_> {
             let design = DesignRow::new(index, specific(dwell), &self.earth);
             let rate_deg_h = dwell.rate.mean - design.vertical_deg_h - self.base_rate_deg_h(dwell);
             let hours = (dwell.t_s - self.start_s) / 3600.0;
-            let [line_deg_h, line_deg_h_per_h] = self.line.map_or([0.0; 2], |line| line.of_stay(dwell));
+            let [line_deg_h, line_deg_h_per_h] = self.line.map_or([0.0; 2], |line| line.of_dwell(dwell));
             [
                 Observation {
                     weight: dwell.seconds,
@@ -238,9 +238,10 @@ pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -
     }
 
     let drift_sigma = declared.gyro.drift_deg_h_per_h.max(LEAST_DRIFT);
-    if let Some(line) = model.free_line() {
+    if let Some(sinusoid) = model.sinusoid {
         let drift_weight = variance / (drift_sigma * drift_sigma);
-        problem.line = Some(line.fit(&problem, variance, drift_weight).ok_or(Unsolvable::TooFewDirections)?);
+        let fitted = Fitted::new(sinusoid, &problem, variance, drift_weight);
+        problem.line = Some(fitted.ok_or(Unsolvable::TooFewDirections)?);
     }
     let drift = settle_drift(&problem, variance, drift_sigma)?;
     let estimate = drift.estimate;

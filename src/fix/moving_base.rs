@@ -18,7 +18,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::dwell::{DwellSummary, Line, Row};
-use crate::effects::Sensing;
+use crate::effects::BaseMotion;
 use crate::units::ARCSEC_PER_RAD;
 
 /// Rows belong together when the gap between them is below this, seconds.
@@ -31,8 +31,8 @@ const LEAST_ROWS: usize = 6;
 /// The rows' summary, its rate free of the base's motion; `None` where too few rows follow each other without a gap or
 /// the accelerometers are missing. Where the tilt's noise is white in the tilt, `noise_deg_h`, the declared noise of a
 /// one-second rate (0: unknown), is held against it.
-pub fn summary(rows: &[Row], sensing: Sensing, noise_deg_h: f64) -> Option<DwellSummary> {
-    let Sensing { velocity, lag_s } = sensing;
+pub fn summary(rows: &[Row], sensing: BaseMotion, noise_deg_h: f64) -> Option<DwellSummary> {
+    let BaseMotion { velocity, lag_s } = sensing;
     let piece = longest_piece(rows);
     if piece.len() < LEAST_ROWS {
         return None;
@@ -266,7 +266,7 @@ mod tests {
     use super::*;
     use crate::level::LevelMoments;
 
-    const VELOCITY: Sensing = Sensing { velocity: true, lag_s: 0.0 };
+    const VELOCITY: BaseMotion = BaseMotion { velocity: true, lag_s: 0.0 };
 
     /// Forty seconds of a gyro that reads 3 °/h and the turning of a base that pitches by 400 arcsec · sin(t/3) and settles
     /// by 5 arcsec/s, at an index angle of 90°, where the axis points left: nose up is a negative turn about it.
@@ -291,7 +291,7 @@ mod tests {
         // left: with a = −400 sin(t/3) − 5 t over 40 s and the squared weight, integrated twice by parts, the mean of
         // 400/27/12 · cos(t/3) with that weight, by numerical integration 0.0444 °/h.
         for (velocity, left_deg_h) in [(false, 0.0), (true, 0.0444)] {
-            let summary = summary(&rows(), Sensing { velocity, lag_s: 0.0 }, 0.0).unwrap();
+            let summary = summary(&rows(), BaseMotion { velocity, lag_s: 0.0 }, 0.0).unwrap();
             assert!((summary.rate.mean - 3.0 - left_deg_h).abs() < 2e-3, "{}", summary.rate.mean);
             assert!(summary.base_taken_out && summary.seconds == 40.0);
         }
@@ -305,7 +305,7 @@ mod tests {
             let end_s = row.t_s + 0.5;
             row.level = LevelMoments::constant((400.0 * libm::sin(end_s / 3.0) + 5.0 * end_s) / ARCSEC_PER_RAD, 0.0);
         }
-        let missed = |lag_s| summary(&rows, Sensing { velocity: false, lag_s }, 0.0).unwrap().rate.mean - 3.0;
+        let missed = |lag_s| summary(&rows, BaseMotion { velocity: false, lag_s }, 0.0).unwrap().rate.mean - 3.0;
         assert!(missed(-0.5).abs() < 0.2, "{}", missed(-0.5));
         assert!(missed(0.0).abs() > 3.0 * missed(-0.5).abs(), "{}", missed(0.0));
     }
@@ -319,7 +319,7 @@ mod tests {
             (row.rate_deg_h, row.moment_arcsec_s) = (3.0, 0.0);
             row.level = LevelMoments::constant(if i % 4 < 2 { 10.0 } else { -10.0 } / ARCSEC_PER_RAD, 0.0);
         }
-        let sigma = summary(&rows, Sensing::default(), 0.0).unwrap().sigma_deg_h();
+        let sigma = summary(&rows, BaseMotion::default(), 0.0).unwrap().sigma_deg_h();
         assert!((sigma - libm::sqrt(12.0 * 100.0 / (40.0 * 1600.0))).abs() < 0.1 * sigma, "{sigma}");
     }
 
@@ -343,7 +343,7 @@ mod tests {
             row.rate_deg_h = if (10..30).contains(&i) { 4.0 } else { 3.0 };
             (row.moment_arcsec_s, row.level) = (0.0, LevelMoments::constant(0.0, 0.0));
         }
-        let mean = |noise_deg_h| summary(&rows, Sensing::default(), noise_deg_h).unwrap().rate.mean;
+        let mean = |noise_deg_h| summary(&rows, BaseMotion::default(), noise_deg_h).unwrap().rate.mean;
         assert!((mean(10.0) - 3.5).abs() < 0.06, "{}", mean(10.0));
         // Of unknown noise the parabola is taken: 11/16 lies in the middle half.
         assert!((mean(0.0) - 3.6875).abs() < 1e-9);

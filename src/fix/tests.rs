@@ -5,7 +5,7 @@ use std::vec::Vec;
 use super::dwell::{DwellSummary, Line};
 use super::*;
 use crate::earth::earth_rate;
-use crate::effects::Term;
+use crate::effects::{ErrorModel, Sinusoid};
 use crate::units::wrap_180_deg;
 
 /// A stay of 60 s at an index angle, beginning at `start_s`, with a fixed small scatter: 58 degrees of freedom at a
@@ -274,8 +274,8 @@ fn a_line_of_unknown_phase_is_estimated() {
     }
     let without = solve_at(60.0, &dwells);
     assert!(wrap_180_deg(without.azimuth_deg - 30.0).abs() > 0.5, "{}", without.azimuth_deg);
-    let mut model = ErrorModel::default();
-    model.terms.push(Term::FreeLine { period_s: 190.0, amplitude_deg_h: 0.3 }).unwrap();
+    let sinusoid = Some(Sinusoid { period_s: 190.0, amplitude_deg_h: 0.3 });
+    let model = ErrorModel { sinusoid, ..Default::default() };
     let with = solve(&dwells, &declared(60.0), &model).unwrap();
     // The amplitude's spread draws the parts towards zero by a little.
     assert_azimuth(&with, 30.0, with.sigma_deg);

@@ -405,7 +405,7 @@ impl Sequencer {
     /// Boils the collected rows down to a stay.
     fn summarise(&mut self, counters: &mut Counters, sink: Sink) {
         let noise_deg_h = 60.0 * self.settings.gyro.arw_deg_per_sqrt_h;
-        let base_motion = self.settings.model.as_ref().and_then(|model| model.base_motion());
+        let base_motion = self.settings.model.as_ref().and_then(|model| model.base_motion);
         let summary = match base_motion {
             Some(sensing) => self.rows.summary_on_moving_base(sensing, noise_deg_h),
             None => self.rows.summary(noise_deg_h),

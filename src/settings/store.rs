@@ -13,8 +13,7 @@
 //!
 //! The valid record with the later sequence number counts. [`save`] erases and writes the other slot.
 //!
-//! Older records are read as well where they mean the same today: those of version 1 end before the accelerometers'
-//! calibration; the effects in the error model of versions 1 and 2 were others, so a record with one is corrupt.
+//! A record of another version is as good as a corrupt one.
 
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
@@ -23,12 +22,8 @@ use serde::Deserialize;
 use super::Settings;
 
 const MAGIC: [u8; 4] = *b"NFST";
-/// Changes whenever the meaning of a record does: a record of a version that is not known is as good as a corrupt one.
-const VERSION: u16 = 3;
-/// The version without the accelerometers' calibration.
-const WITHOUT_ACCELEROMETER: u16 = 1;
-/// The last version with other effects in the error model.
-const OTHER_EFFECTS: u16 = 2;
+/// Changes whenever the meaning of a record does.
+const VERSION: u16 = 4;
 const HEADER: usize = 12;
 const CRC_LENGTH: usize = 4;
 /// Longest record; a multiple of every flash's word, and within a sector. The longest settings that are valid fit: a test
@@ -89,7 +84,7 @@ pub fn load<F: ReadNorFlash>(flash: &mut F) -> Result<Loaded, F::Error> {
         return Ok(if erased { Loaded::Missing } else { Loaded::Corrupt });
     };
     flash.read(slot_start(flash, newest), &mut record)?;
-    Ok(decode(&mut record).map_or(Loaded::Corrupt, Loaded::Valid))
+    Ok(decode(&record).map_or(Loaded::Corrupt, Loaded::Valid))
 }
 
 /// Saves settings over the older record. Until that is complete, [`load`] finds what it found before.
@@ -182,31 +177,22 @@ fn encode(settings: &Settings, sequence: u32, record: &mut Record) -> Option<usi
     Some(HEADER + length + CRC_LENGTH)
 }
 
-/// Version of a record and where its settings end; `None` where any of its checks fails.
-fn check(record: &Record) -> Option<(u16, usize)> {
+/// Where a record's settings end; `None` where any of its checks fails.
+fn check(record: &Record) -> Option<usize> {
     let [m0, m1, m2, m3, v0, v1, l0, l1, ..] = *record;
-    let version = u16::from_le_bytes([v0, v1]);
     let end = HEADER + usize::from(u16::from_le_bytes([l0, l1]));
     let (checked, rest) = record.split_at_checked(end)?;
     let sound = [m0, m1, m2, m3] == MAGIC
-        && (WITHOUT_ACCELEROMETER..=VERSION).contains(&version)
+        && u16::from_le_bytes([v0, v1]) == VERSION
         && CRC.checksum(checked) == u32::from_le_bytes(*rest.first_chunk()?);
-    sound.then_some((version, end))
+    sound.then_some(end)
 }
 
-/// Settings of a record; `None` where any of its checks fails. Leaves the record unfit for another look.
-fn decode(record: &mut Record) -> Option<Settings> {
-    let (version, mut end) = check(record)?;
-    if version == WITHOUT_ACCELEROMETER {
-        // The byte after the settings becomes the option that was not there yet.
-        *record.get_mut(end)? = 0;
-        end += 1;
-    }
-    let mut bytes = postcard::Deserializer::from_bytes(record.get(HEADER..end)?);
+/// Settings of a record; `None` where any of its checks fails.
+fn decode(record: &Record) -> Option<Settings> {
+    let mut bytes = postcard::Deserializer::from_bytes(record.get(HEADER..check(record)?)?);
     let settings = Settings::deserialize(&mut bytes).ok()?;
-    let effects = settings.model.as_ref().is_some_and(|model| !model.terms.is_empty());
-    let readable = version > OTHER_EFFECTS || !effects;
-    (readable && bytes.finalize().is_ok_and(<[u8]>::is_empty)).then_some(settings)
+    bytes.finalize().is_ok_and(<[u8]>::is_empty).then_some(settings)
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use super::checks;
 use super::data::RunData;
 use super::residual::Residuals;
 use super::{
-    Diagnosis, Lesson, NoiseTests, Refusal, RunDiagnosis, Warning, effects, judge, study, unexplained, verdict,
+    Diagnosis, Lesson, NoiseTests, Refusal, RunDiagnosis, Warning, findings, judge, study, unexplained, verdict,
 };
 use crate::campaign::{Campaign, Role};
 use crate::solve::{SolveError, solve_file};
@@ -36,7 +36,8 @@ pub fn diagnosis(
     mut warnings: Vec<Warning>,
 ) -> Result<Diagnosis, Refusal> {
     let learned = lesson.learned();
-    let model = learned.model(&lesson.base(base));
+    let full = |_| Refusal::Campaign("what was learned has more terms than a model can hold".into());
+    let model = learned.model(&lesson.base(base)).map_err(full)?;
     model.validate().map_err(|invalid| Refusal::Campaign(format!("what was learned makes no model: {invalid}")))?;
     warn_of_lesson(lesson, &mut warnings);
     checks::warn_of_range(runs, learned, &mut warnings);
@@ -72,8 +73,8 @@ pub fn diagnosis(
         title: campaign.title.clone(),
         verdict: String::new(),
         runs: records,
-        rejected: effects::rejected(lesson, runs, constant),
-        candidates: effects::candidates(lesson, runs, constant),
+        rejected: findings::rejected(lesson, runs, constant),
+        candidates: findings::candidates(lesson, runs, constant),
         residual_rms_before_deg_h: residuals.judged_rms(&residuals.before),
         residual_rms_after_deg_h: residuals.judged_rms(&residuals.after),
         azimuth_rms_before_deg: before.map(|each| each.0),
@@ -83,12 +84,12 @@ pub fn diagnosis(
         judged_on: rms_after.map(|_| if judged_by_checks { "check-runs" } else { "cross-validation" }),
         unexplained: !unexplained.is_empty(),
         unexplained_evidence: unexplained,
-        next_experiment: effects::next_experiment(lesson, runs),
+        next_experiment: findings::next_experiment(lesson, runs),
         series: residuals.series(),
         spectra: residuals.spectra(noise.declared_noise_deg_h.unwrap_or(noise.noise_deg_h)),
         noise,
         warnings,
-        effects: effects::found(lesson),
+        effects: findings::found(lesson),
         model,
     };
     diagnosis.verdict = verdict::sentence(&diagnosis);

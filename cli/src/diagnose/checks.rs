@@ -4,9 +4,9 @@ use north_finder::earth::EARTH_RATE_DEG_H;
 use north_finder::effects::ErrorModel;
 use north_finder::units::{RAD_PER_DEG, wrap_180_deg};
 
-use super::candidate::{Candidate, Shape};
+use super::candidate::{Candidate, Part};
 use super::data::RunData;
-use super::estimate::Learned;
+use super::learned::Learned;
 use super::problem::Problem;
 use super::statistics::{f_tail, median};
 use super::{Refusal, Warning};
@@ -84,10 +84,10 @@ pub fn refuse_latitude(runs: &[RunData], learned: &Learned, base: &ErrorModel) -
     };
     let mut shaped = learned.clone();
     shaped.keep(|each| {
-        let is_scale = |candidate: &Candidate| matches!(candidate.shape, Shape::ScaleFactor | Shape::EarthField(_));
+        let is_scale = |candidate: &Candidate| matches!(candidate.part, Part::ScaleFactor | Part::EarthField { .. });
         !is_scale(&each.candidate) && !each.rivals.iter().any(|(rival, _)| is_scale(rival))
     });
-    let model = shaped.model(base);
+    let Ok(model) = shaped.model(base) else { return Ok(()) };
     if of(runs.iter().map(|run| run.solve(&model).map(|(fix, _)| fix.amplitude_deg_h)).collect()).is_none() {
         return Ok(());
     }

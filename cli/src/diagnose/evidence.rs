@@ -2,7 +2,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::candidate::{Candidate, Columns, Shape};
+use north_finder::effects::Basis;
+
+use super::candidate::{Candidate, Columns, Part};
 use super::estimate::coefficients;
 use super::problem::{Chosen, Problem};
 use super::statistics::{chi_square_tail, dot, f_tail, median, orthonormalise};
@@ -21,10 +23,10 @@ pub fn improvement(basis: &[Vec<f64>], left: &[f64], columns: Columns) -> f64 {
 pub fn score(candidate: &Candidate, improvement: f64, rows: usize) -> f64 {
     // Among harmonics that the angles cannot tell apart the lowest is the likeliest; what happens in every run at the same
     // second is rare.
-    let rare = match candidate.shape {
-        Shape::Harmonic(order) => f64::from(order - 1),
-        Shape::LevelBias(_) => 0.5,
-        Shape::Step | Shape::Line => 5.0,
+    let rare = match (candidate.basis(), &candidate.part) {
+        (Some(Basis::BodyHarmonic(harmonic)), _) => f64::from(harmonic.order) - 1.0,
+        (Some(Basis::Step(_) | Basis::Line(_)), _) => 5.0,
+        (_, Part::LevelBias { .. }) => 0.5,
         _ => 0.0,
     };
     let search = 2.0 * (candidate.grid.len().max(1) as f64).ln();
@@ -45,7 +47,7 @@ pub fn p_value(problem: &Problem, candidates: &[Candidate], trial: &[Chosen], im
     let left = problem.left(&basis);
     let freedom = candidate.freedom() as f64;
     let by_cells = dispersed_tail(improvement, freedom, problem.overdispersion(&left, basis.len()));
-    if by_references(problem, candidate, constant) < 0.5 {
+    if problem.by_references(candidate, constant) < 0.5 {
         return by_cells;
     }
     let Some((taken, _)) = coefficients(problem, candidates, trial) else { return 1.0 };
@@ -67,21 +69,6 @@ fn dispersed_tail(improvement: f64, freedom: f64, (ratio, among): (f64, f64)) ->
         return chi_square_tail(improvement / ratio.max(1.0), freedom);
     }
     f_tail(improvement / (freedom * ratio), freedom, among)
-}
-
-/// Share of a candidate's weight that only the surveyed headings give.
-pub fn by_references(problem: &Problem, candidate: &Candidate, constant: f64) -> f64 {
-    let (mut tied, mut free) = (0.0, 0.0);
-    for block in &problem.blocks {
-        let columns = candidate.columns(block.run, constant, &block.smooth_deg_h, block.azimuth_deg);
-        for column in block.weighted(&columns) {
-            let left = block.project(&column);
-            tied += dot(&left, &left);
-            let left = block.project_free(&column);
-            free += dot(&left, &left);
-        }
-    }
-    if tied > 0.0 { 1.0 - free / tied } else { 0.0 }
 }
 
 /// Whether the chosen effects are the same in every run: by how much the sum of squares would fall if every run had
@@ -118,7 +105,7 @@ pub fn foretells(problem: &Problem, candidates: &[Candidate], trial: &[Chosen]) 
     let dispersion = of_cells.max(reference_dispersion(problem, candidates, trial)).max(1.0);
     let without = foretold(problem, &columns[..columns.len() - last], dispersion);
     let with = foretold(problem, &columns, dispersion);
-    let is_curve = trial.last().is_some_and(|&(index, _)| matches!(candidates[index].shape, Shape::Spline(..)));
+    let is_curve = trial.last().is_some_and(|&(index, _)| candidates[index].is_spline());
     let least = if is_curve { -AGAINST_A_CURVE } else { f64::NEG_INFINITY };
     let gains: Vec<f64> = with.iter().zip(&without).map(|(with, without)| (with - without).max(least)).collect();
     let worst = if gains.len() < HEARD { 0.0 } else { gains.iter().copied().fold(0.0, f64::min) };

@@ -1,7 +1,6 @@
 //! Before and after: azimuths by the firmware's replay with the model, on runs that took no part in learning.
 
-use north_finder::effects::Sensing;
-use north_finder::effects::{ErrorModel, Term};
+use north_finder::effects::{BaseMotion, ErrorModel};
 use north_finder::event::Fix;
 use north_finder::units::wrap_180_deg;
 use rand::{RngExt, SeedableRng};
@@ -9,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::data::RunData;
-use super::estimate::Learned;
+use super::learned::Learned;
 use super::statistics::rms;
 
 /// Lags of the accelerometers that are tried, seconds.
@@ -21,7 +20,7 @@ const SAMPLES: usize = 2000;
 
 /// Azimuth of a run with what was learned: the fix, and its sigma with the parameters' uncertainty.
 pub fn azimuth_after(run: &RunData, base: &ErrorModel, learned: &Learned) -> Option<(Fix, f64)> {
-    let (fix, _) = run.solve(&learned.model(base))?;
+    let (fix, _) = run.solve(&learned.model(base).ok()?)?;
     let sigma_deg = fix.sigma_deg.hypot(parameter_sigma_deg(run, base, learned, &fix));
     Some((fix, sigma_deg))
 }
@@ -34,7 +33,9 @@ pub fn parameter_sigma_deg(run: &RunData, base: &ErrorModel, learned: &Learned, 
     let mut variance = 0.0;
     for direction in 0..nominal.len() {
         let moved: Vec<f64> = nominal.iter().zip(&factor).map(|(value, row)| value + row[direction]).collect();
-        if let Some((moved, _)) = run.solve(&learned.model_with(base, &moved)) {
+        if let Ok(model) = learned.model_with(base, &moved)
+            && let Some((moved, _)) = run.solve(&model)
+        {
             variance += wrap_180_deg(moved.azimuth_deg - fix.azimuth_deg).powi(2);
         }
     }
@@ -117,18 +118,16 @@ pub fn stays_of(run: &RunData, model: &ErrorModel) -> Option<RunData> {
 /// How the base's motion is taken out best, by the sigmas that it promises: row by row with the accelerometers' noise
 /// white in the velocity or in the tilt, and with the lag that lets gyro and tilt agree best; or, `None`, as the solver does
 /// by itself.
-pub fn way_of_base_motion(runs: &[&RunData], base: &ErrorModel) -> Option<Sensing> {
-    let promised = |way: Option<Sensing>| {
-        let mut model = base.clone();
-        if let Some(Sensing { velocity, lag_s }) = way {
-            let _ = model.terms.push(Term::BaseMotion { velocity, lag_s });
-        }
+pub fn way_of_base_motion(runs: &[&RunData], base: &ErrorModel) -> Option<BaseMotion> {
+    let promised = |base_motion: Option<BaseMotion>| {
+        let model = ErrorModel { base_motion, ..base.clone() };
         // A run without an azimuth is as good as one that may point anywhere.
         let sigma = |run: &&RunData| run.solve(&model).map_or(100.0, |(fix, _)| fix.sigma_deg);
         runs.par_iter().map(|run| sigma(run).powi(2)).sum::<f64>()
     };
-    let of = |velocity: bool, lag_s: f64| (Sensing { velocity, lag_s }, promised(Some(Sensing { velocity, lag_s })));
-    let least = |ways: Vec<(Sensing, f64)>| ways.into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
+    let of =
+        |velocity: bool, lag_s: f64| (BaseMotion { velocity, lag_s }, promised(Some(BaseMotion { velocity, lag_s })));
+    let least = |ways: Vec<(BaseMotion, f64)>| ways.into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
     let coarse = [false, true].into_iter().flat_map(|velocity| LAGS_S.map(|lag_s| of(velocity, lag_s))).collect();
     let (found, _) = least(coarse)?;
     let fine = (-4..=4).map(|i| of(found.velocity, found.lag_s + 0.1 * f64::from(i))).collect();

@@ -4,9 +4,11 @@ use rayon::prelude::*;
 
 use super::block::Block;
 use super::candidate::{Candidate, Columns};
-use super::estimate::{AS_GOOD, Learned, Merit, beside, coefficients, constant_sigma, refine, refined};
+use super::estimate::{beside, coefficients};
 use super::evidence::{Foretold, foretells, improvement, p_value, sameness, score, searched};
+use super::learned::{AS_GOOD, Learned, Merit};
 use super::problem::{Chosen, Problem};
+use super::refine::{constant_sigma, refine, refined};
 use super::statistics::chi_square_tail;
 
 /// A candidate is taken when chance alone would do as well in fewer campaigns than this share, after paying for the search.
@@ -109,7 +111,7 @@ impl Search<'_, '_> {
         let kin = merits
             .iter()
             .skip(1)
-            .filter(|merit| merit.score > 0.0 && self.candidates[merit.index].is_kin(words))
+            .filter(|merit| merit.score > 0.0 && self.candidates[merit.index].same_cause(words))
             .take(MOST_PEERS)
             .map(|merit| self.trial(&refine(&self.problem, self.candidates, (&basis, &left), merit)));
         let accept = if self.chosen.is_empty() { ACCEPT } else { ACCEPT_BESIDE };
@@ -169,7 +171,7 @@ impl Search<'_, '_> {
             let own = &self.candidates[index];
             let (basis, left) = beside(&self.problem, self.candidates, &self.chosen, i);
             let rows = self.problem.rows();
-            let kin = |other: usize| self.candidates[other].follows_rate() && self.candidates[other].is_kin(own);
+            let kin = |other: usize| self.candidates[other].follows_rate() && self.candidates[other].same_cause(own);
             let others = (0..self.candidates.len()).filter(|&other| other != index && own.follows_rate() && kin(other));
             let best = std::iter::once(index)
                 .chain(others)
@@ -290,7 +292,7 @@ impl Search<'_, '_> {
         let mut found: Vec<Merit> = self
             .merits(&basis, &left)
             .into_iter()
-            .filter(|merit| !self.candidates[merit.index].is_kin(own))
+            .filter(|merit| !self.candidates[merit.index].same_cause(own))
             .filter(|merit| merit.score > own_score - 4.0 * AS_GOOD || nearly(merit))
             .map(|merit| refine(&self.problem, self.candidates, (&basis, &left), &merit))
             .filter(|merit| merit.score > own_score - AS_GOOD || nearly(merit))

@@ -1,11 +1,11 @@
 //! A line with a phase of each run's own: nothing that a model could know beforehand.
 
-use north_finder::effects::Term;
+use north_finder::effects::Sinusoid;
 
 use super::Effect;
 use super::data::RunData;
-use super::estimate::Learned;
 use super::learn::STRUCTURE;
+use super::learned::Learned;
 use super::noise;
 use super::problem::BLOCK_CELLS;
 use super::residual::Residuals;
@@ -30,8 +30,8 @@ impl OwnLine {
         Some(Self { period_s, amplitude_deg_h, p_value })
     }
 
-    pub fn term(&self) -> Term {
-        Term::FreeLine { period_s: self.period_s, amplitude_deg_h: self.amplitude_deg_h }
+    pub fn sinusoid(&self) -> Sinusoid {
+        Sinusoid { period_s: self.period_s, amplitude_deg_h: self.amplitude_deg_h }
     }
 
     pub fn effect(&self) -> Effect {

@@ -9,11 +9,14 @@ mod effects;
 mod estimate;
 mod evidence;
 mod experiment;
+mod findings;
 mod judge;
 mod learn;
+mod learned;
 mod line;
 mod noise;
 mod problem;
+mod refine;
 pub mod report;
 mod residual;
 mod result;
@@ -27,16 +30,14 @@ pub use result::{
 };
 pub use text::write;
 
-use north_finder::effects::Sensing;
-use north_finder::effects::{ErrorModel, Term};
+use north_finder::effects::{BaseMotion, ErrorModel};
 use north_finder::settings::Settings;
 
 use crate::campaign::{Campaign, Role};
 use crate::file_error::FileError;
 use block::Block;
-use candidate::Shape;
 use data::RunData;
-use estimate::Learned;
+use learned::Learned;
 use line::OwnLine;
 use problem::Problem;
 
@@ -66,7 +67,7 @@ struct Lesson {
     /// Effects by the second.
     by_second: Learned,
     /// Where the base moves: how the accelerometers feel it, and what the stays then show.
-    by_stay: Option<(Sensing, Learned)>,
+    by_stay: Option<(BaseMotion, Learned)>,
     /// A line with a phase of each run's own.
     line: Option<OwnLine>,
     /// Files whose reference does not fit, with its error in degrees.
@@ -78,7 +79,7 @@ struct Lesson {
 impl Lesson {
     /// Whether the seconds show that the base moves.
     fn moves(&self) -> bool {
-        self.by_second.taken.iter().any(|each| each.candidate.shape == Shape::BaseMotion)
+        self.by_second.taken.iter().any(|each| each.candidate.is_base_motion())
     }
 
     /// What the model is made of.
@@ -94,11 +95,11 @@ impl Lesson {
     /// The model below the learned effects.
     fn base(&self, base: &ErrorModel) -> ErrorModel {
         let mut model = base.clone();
-        if let Some((Sensing { velocity, lag_s }, _)) = self.by_stay {
-            let _ = model.terms.push(Term::BaseMotion { velocity, lag_s });
+        if let Some((sensing, _)) = self.by_stay {
+            model.base_motion = Some(sensing);
         }
         if let Some(line) = self.line {
-            let _ = model.terms.push(line.term());
+            model.sinusoid = Some(line.sinusoid());
         }
         model
     }
@@ -120,7 +121,7 @@ pub fn diagnose(campaign: &Campaign, options: &Options) -> Result<Diagnosis, Ref
 /// Learns from runs, whatever their role: the caller chooses them.
 fn study(runs: &[&RunData], base: &ErrorModel, constant: &[String]) -> Lesson {
     let mut lesson = Lesson::default();
-    let candidates = candidate::all(runs, constant);
+    let candidates = effects::all(runs, constant);
     let mut distrusted: Vec<String> = Vec::new();
     for _ in 0..3 {
         let mut problem = Problem::new(blocks_of(runs, &distrusted, None));
@@ -182,18 +183,17 @@ fn study_stays(
     base: &ErrorModel,
     constant: &[String],
     distrusted: &[String],
-    Sensing { velocity, lag_s }: Sensing,
+    sensing: BaseMotion,
 ) -> Learned {
-    let mut model = base.clone();
-    let _ = model.terms.push(Term::BaseMotion { velocity, lag_s });
+    let model = ErrorModel { base_motion: Some(sensing), ..base.clone() };
     let stays: Vec<RunData> = runs.iter().filter_map(|run| judge::stays_of(run, &model)).collect();
     let stays: Vec<&RunData> = stays.iter().collect();
     // What changes inside a stay, and what a stay's own tilt does, cannot be seen any more.
-    let candidates: Vec<_> = candidate::all(&stays, constant)
+    let candidates: Vec<_> = effects::all(&stays, constant)
         .into_iter()
         .filter(|each| {
             let tilt = matches!(each.channel.as_deref(), Some("ax_g" | "ay_g"));
-            !tilt && each.grid.is_empty() && each.shape != Shape::BaseMotion
+            !tilt && each.grid.is_empty() && !each.is_base_motion()
         })
         .collect();
     learn::learn(blocks_of(&stays, distrusted, None), &candidates)

@@ -2,7 +2,7 @@
 
 use super::block::Block;
 use super::candidate::{Candidate, Columns};
-use super::estimate::Taken;
+use super::learned::Taken;
 use super::statistics::{dot, orthonormalise, subtract};
 
 /// Seconds that are averaged for the test whether what is left is white.
@@ -143,5 +143,20 @@ impl<'a> Problem<'a> {
             }
             block.linearise(&sum);
         }
+    }
+
+    /// Share of a candidate's weight that only the surveyed headings give.
+    pub fn by_references(&self, candidate: &Candidate, constant: f64) -> f64 {
+        let (mut tied, mut free) = (0.0, 0.0);
+        for block in &self.blocks {
+            let columns = candidate.columns(block.run, constant, &block.smooth_deg_h, block.azimuth_deg);
+            for column in block.weighted(&columns) {
+                let left = block.project(&column);
+                tied += dot(&left, &left);
+                let left = block.project_free(&column);
+                free += dot(&left, &left);
+            }
+        }
+        if tied > 0.0 { 1.0 - free / tied } else { 0.0 }
     }
 }

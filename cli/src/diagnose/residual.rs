@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::block::Block;
 use super::data::RunData;
-use super::estimate::Taken;
+use super::learned::Taken;
 use super::noise::{self, Residual};
 use super::problem::Problem;
 use super::result::{RunSeries, Test};

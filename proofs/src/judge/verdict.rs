@@ -198,7 +198,7 @@ fn names(campaign: &Campaign) -> &'static [&'static str] {
             "settling-by-travel",
             "settling-by-signed-travel",
             "settling-by-position",
-            "settling-every-stay",
+            "settling-every-dwell",
         ],
         Family::BodyHarmonic => harmonic_names(campaign),
         Family::EarthField => &["earth-field"],

@@ -3,8 +3,15 @@
 use heapless::Vec;
 
 use crate::calibration::accelerometer::AccelerometerCalibration;
-use crate::effects::spline::{MAX_KNOTS, Numbers};
-use crate::effects::{ChannelName, ErrorModel, MAX_TERMS, Term};
+use crate::effects::basis::curve::Curve;
+use crate::effects::basis::curve::function::Function;
+use crate::effects::basis::curve::signal::Signal;
+use crate::effects::doubt::{Kernel, Process};
+use crate::effects::rate_term::DeadZoneForm;
+use crate::effects::{
+    BaseMotion, Basis, ChannelName, EarthField, ErrorModel, IndexError, MAX_PRODUCTS, MAX_RATE_TERMS, MAX_TERMS,
+    RateTerm, Sinusoid, Term,
+};
 use crate::sequence::order::{MAX_POSITIONS, Order};
 use crate::settings::Settings;
 
@@ -21,17 +28,40 @@ pub fn settings() -> Settings {
     let mut angles = Vec::new();
     angles.resize(MAX_POSITIONS, 1.1).unwrap();
     settings.sequence.order = Order::Custom(angles);
-
-    let knots = [1.1, 2.2, 3.3, 4.4, 5.5, 6.6, 7.7];
-    let curve = Term::ChannelSpline {
-        channel: ChannelName::new("a_name_of_twenty_four_by").unwrap(),
-        knots: Numbers::new(&knots).unwrap(),
-        coefficients: Numbers::new(&knots[..MAX_KNOTS - 1]).unwrap(),
-    };
-    curve.validate().unwrap();
-    let mut model = ErrorModel::default();
-    model.terms.resize(MAX_TERMS, curve).unwrap();
-    settings.model = Some(model);
+    settings.model = Some(model("a_name_of_twenty_four_by"));
     settings.accelerometer = Some(AccelerometerCalibration { bias_g: [1.1; 3], matrix: [1.1; 6] });
     settings
+}
+
+/// The longest valid model: twelve tables of four knots reach the limits of knots and coefficients, four of them in products.
+/// All follow one channel.
+fn model(channel: &str) -> ErrorModel {
+    let signal = Signal::Rate { samples: 30, curved: true, low_pass_s: 1.1 };
+    let channel = ChannelName::new(channel).unwrap();
+    let of = |function| Basis::Curve(Curve { channel, signal, function });
+    let table = || of(Function::Table([1.1, 2.2, 3.3, 4.4].into_iter().collect()));
+    let mut model = ErrorModel { scale_error: 0.01, bias_deg_h: 1.1, ..Default::default() };
+    for i in 0..MAX_TERMS {
+        let straight = of(Function::Powers { reference: 1.1, degree: 1 });
+        let term = if i < MAX_PRODUCTS { Term::product(table(), straight) } else { Term::scaling(table()) };
+        model.add(term).unwrap();
+    }
+    for _ in 0..MAX_RATE_TERMS {
+        let form = DeadZoneForm::Lock;
+        model
+            .add_rate_term(RateTerm::DeadZone { centre_deg_h: 1.1, depth_deg_h: 0.0, width_deg_h: 1.1, form })
+            .unwrap();
+    }
+    model.index_error = Some(IndexError { offset_deg: 0.0, cos_deg: 0.0, sin_deg: 0.0 });
+    model.earth_field = Some(EarthField { east_deg_h: 0.0, north_deg_h: 0.0 });
+    model.base_motion = Some(BaseMotion { velocity: true, lag_s: 1.1 });
+    model.sinusoid = Some(Sinusoid { period_s: 1.1, amplitude_deg_h: 1.1 });
+    let number = model.terms.iter().map(|term| term.coefficients.len()).sum();
+    let direction: Vec<f32, _> = core::iter::repeat_n(1.1, number).collect();
+    model.doubt.directions.resize(3, direction).unwrap();
+    model.doubt.azimuth_sigma_deg = 1.1;
+    let kernel = Kernel::DampedCosine { period_s: 1.1 };
+    model.doubt.process = Some(Process { kernel, sigma_deg_h: 1.1, time_s: 1.1 });
+    model.validate().unwrap();
+    model
 }

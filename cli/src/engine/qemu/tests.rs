@@ -3,8 +3,10 @@
 use std::sync::OnceLock;
 
 use hal_sim::Scenario;
-use north_finder::effects::spline::Numbers;
-use north_finder::effects::{ChannelName, ErrorModel, MAX_TERMS, Term};
+use north_finder::effects::basis::curve::Curve;
+use north_finder::effects::basis::curve::function::Function;
+use north_finder::effects::basis::curve::signal::Signal;
+use north_finder::effects::{Basis, ChannelName, ErrorModel, MAX_TERMS, Term};
 use north_finder::event::{Event, Report, State};
 use north_finder::sequence::Command;
 use north_finder::settings::Settings;
@@ -71,14 +73,14 @@ fn settings_arrive_over_the_link_and_outlive_the_restart() {
     assert!(person.states.contains(&State::Watching), "{:?}", person.states);
 }
 
-/// As many effects as a model can have, each of the longest kind; none of them moves the rate.
+/// As many effects as a model can have, with as many knots and coefficients; none of them moves the rate.
 fn longest_model() -> ErrorModel {
-    let curve = Term::ChannelSpline {
-        channel: ChannelName::new("temp_c").unwrap(),
-        knots: Numbers::new(&[1.1, 2.2, 3.3, 4.4, 5.5, 6.6, 7.7]).unwrap(),
-        coefficients: Numbers::new(&[0.0; 6]).unwrap(),
-    };
-    ErrorModel { terms: [curve; MAX_TERMS].into_iter().collect(), ..ErrorModel::default() }
+    let function = Function::Table([1.1, 2.2, 3.3, 4.4].into_iter().collect());
+    let channel = ChannelName::new("temp_c").unwrap();
+    let curve = Term::new(Basis::Curve(Curve { channel, signal: Signal::Value, function }));
+    let mut model = ErrorModel { terms: std::iter::repeat_n(curve, MAX_TERMS).collect(), ..ErrorModel::default() };
+    model.doubt.directions = std::iter::repeat_n(std::iter::repeat_n(0.0, 48).collect(), 3).collect();
+    model
 }
 
 /// Loads settings into an empty instrument and then starts a fix.

@@ -1,12 +1,14 @@
 //! What was found and what was left, as the diagnosis reports it.
 
+use north_finder::effects::ErrorModel;
+
 use super::candidate;
 use super::data::RunData;
-use super::estimate::{Learned, Taken};
 use super::evidence::searched;
 use super::learn::ACCEPT;
+use super::learned::{Learned, Taken};
 use super::statistics::chi_square_tail;
-use super::{Candidate, Effect, Lesson, Rejected, experiment};
+use super::{Candidate, Effect, Lesson, Rejected, effects, experiment};
 use crate::campaign::Role;
 
 /// The effects that were found, the strongest first.
@@ -25,7 +27,8 @@ pub fn found(lesson: &Lesson) -> Vec<Effect> {
 
 fn effect(taken: &Taken) -> Effect {
     let candidate = &taken.candidate;
-    let board = candidate.term(taken.constant, &taken.coefficients).and_then(|term| term.channel());
+    let mut alone = ErrorModel::default();
+    let board = candidate.put(taken.constant, &taken.coefficients, &mut alone).is_ok() && alone.off_board().is_none();
     let mut ambiguous_with: Vec<String> = Vec::new();
     for (rival, _) in &taken.rivals {
         if !ambiguous_with.contains(&rival.full_name()) {
@@ -46,14 +49,14 @@ fn effect(taken: &Taken) -> Effect {
             taken.improvement,
             candidate.freedom()
         ),
-        board: board.is_none_or(|name| name.is_on_board()),
+        board,
     }
 }
 
 /// The candidates of the fit runs with what they were worth before anything was taken.
 pub fn candidates(lesson: &Lesson, runs: &[RunData], constant: &[String]) -> Vec<Candidate> {
     let fit: Vec<&RunData> = runs.iter().filter(|run| run.role == Role::Fit).collect();
-    let all = candidate::all(&fit, constant);
+    let all = effects::all(&fit, constant);
     let is_taken = |each: &candidate::Candidate| {
         let same = |taken: &Taken| taken.candidate.full_name() == each.full_name();
         lesson.learned().taken.iter().any(same) || (lesson.by_stay.is_some() && each.name == "base-motion")

@@ -1,0 +1,145 @@
+//! How far the model itself may be wrong: what widens the sigma of every azimuth that it is used for.
+
+use heapless::Vec;
+use serde::{Deserialize, Serialize};
+
+use crate::limits::{Invalid, finite, positive, within};
+
+/// Most coefficients of all terms together.
+pub const MAX_COEFFICIENTS: usize = 48;
+/// Most directions in which the coefficients are uncertain.
+pub const MAX_DIRECTIONS: usize = 3;
+
+/// What is not certain about a model.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Doubt {
+    /// Added to the sigma of every azimuth (root sum of squares), degrees: what azimuths by this model missed their references
+    /// by, beyond their sigmas, on runs that took no part in learning.
+    pub azimuth_sigma_deg: f64,
+    /// Columns of a factor L of the covariance L Lᵀ of the coefficients of all terms, in the terms' order; each as long as
+    /// there are coefficients.
+    pub directions: Vec<Vec<f32, MAX_COEFFICIENTS>, MAX_DIRECTIONS>,
+    pub process: Option<Process>,
+}
+
+/// What no channel tells: a stationary random process u(t) in the rate, of each run's own.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Process {
+    pub kernel: Kernel,
+    /// Its standard deviation, °/h.
+    pub sigma_deg_h: f64,
+    /// Its time constant, seconds.
+    pub time_s: f64,
+}
+
+/// Correlation at a distance of x time constants.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kernel {
+    /// exp(−x).
+    Exponential,
+    /// (1 + √3 x) exp(−√3 x).
+    Matern,
+    /// exp(−x²/2).
+    SquaredExponential,
+    /// exp(−x) cos(2π t/period).
+    DampedCosine { period_s: f64 },
+}
+
+impl Process {
+    /// Covariance of the process' means over two intervals, (°/h)²; start and end of each, seconds. With K″ = k it is
+    /// [K(b₂ − a₁) + K(a₂ − b₁) − K(b₁ − a₁) − K(b₂ − a₂)] over the lengths.
+    pub fn covariance(&self, [a1, a2]: [f64; 2], [b1, b2]: [f64; 2]) -> f64 {
+        let k = |distance_s: f64| self.twice_integrated(distance_s.abs());
+        let lengths = (a2 - a1) * (b2 - b1);
+        if !(lengths > 0.0) {
+            return self.sigma_deg_h * self.sigma_deg_h;
+        }
+        self.sigma_deg_h * self.sigma_deg_h * (k(b2 - a1) + k(a2 - b1) - k(b1 - a1) - k(b2 - a2)) / lengths
+    }
+
+    /// K(x) with K″ the correlation and K′(0) = 0, s².
+    fn twice_integrated(&self, x_s: f64) -> f64 {
+        let tau_s = self.time_s;
+        match self.kernel {
+            Kernel::Exponential => tau_s * tau_s * libm::exp(-x_s / tau_s) + tau_s * x_s,
+            Kernel::Matern => {
+                let a = libm::sqrt(3.0) / tau_s;
+                libm::exp(-a * x_s) * (3.0 / a + x_s) / a + 2.0 * x_s / a
+            }
+            Kernel::SquaredExponential => {
+                let x = x_s / (core::f64::consts::SQRT_2 * tau_s);
+                tau_s * tau_s * libm::exp(-x * x)
+                    + tau_s * x_s * libm::sqrt(core::f64::consts::FRAC_PI_2) * libm::erf(x)
+            }
+            Kernel::DampedCosine { period_s } => {
+                // The real part of e^(−zx)/z² + x/z with z = 1/τ − iω.
+                let (re, im) = (1.0 / tau_s, core::f64::consts::TAU / period_s);
+                let squared = re * re + im * im;
+                let (sin, cos) = libm::sincos(im * x_s);
+                let (re2, im2) = (re * re - im * im, 2.0 * re * im);
+                (cos * re2 - sin * im2) * libm::exp(-re * x_s) / (squared * squared) + x_s * re / squared
+            }
+        }
+    }
+
+    fn validate(&self) -> Result<(), Invalid> {
+        positive("model.doubt.process.sigma_deg_h", self.sigma_deg_h)?;
+        positive("model.doubt.process.time_s", self.time_s)?;
+        match self.kernel {
+            Kernel::DampedCosine { period_s } => positive("model.doubt.process.kernel.period_s", period_s),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Doubt {
+    /// `coefficients` is how many the terms have.
+    pub fn validate(&self, coefficients: usize) -> Result<(), Invalid> {
+        within("model.doubt.azimuth_sigma_deg", self.azimuth_sigma_deg, 0.0, 180.0, "0 to 180")?;
+        for direction in &self.directions {
+            if direction.len() != coefficients {
+                let (field, value) = ("model.doubt.directions (numbers of one)", direction.len() as f64);
+                return Err(Invalid { field, value, allowed: "as many as the terms have coefficients" });
+            }
+            direction.iter().try_for_each(|&number| finite("model.doubt.directions", &[number.into()]))?;
+        }
+        self.process.as_ref().map_or(Ok(()), Process::validate)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By the definition: the mean of the correlation over both intervals, on a grid of 400 by 400 midpoints, whose error is
+    /// below 1e-4 for a kink on the diagonal.
+    #[test]
+    fn covariances_of_means_by_summing() {
+        type Correlation = fn(f64) -> f64;
+        let kernels: [(Kernel, Correlation); 4] = [
+            (Kernel::Exponential, |x| libm::exp(-x)),
+            (Kernel::Matern, |x| (1.0 + libm::sqrt(3.0) * x) * libm::exp(-libm::sqrt(3.0) * x)),
+            (Kernel::SquaredExponential, |x| libm::exp(-0.5 * x * x)),
+            // Time constant 20 s, period 30 s.
+            (Kernel::DampedCosine { period_s: 30.0 }, |x| libm::exp(-x) * libm::cos(core::f64::consts::TAU * x / 1.5)),
+        ];
+        for (kernel, correlation) in kernels {
+            let process = Process { kernel, sigma_deg_h: 0.5, time_s: 20.0 };
+            for b in [[0.0, 30.0], [38.0, 60.0]] {
+                let mut sum = 0.0;
+                for i in 0..400 {
+                    for j in 0..400 {
+                        let s = 30.0 * (f64::from(i) + 0.5) / 400.0;
+                        let t = b[0] + (b[1] - b[0]) * (f64::from(j) + 0.5) / 400.0;
+                        sum += correlation((t - s).abs() / 20.0);
+                    }
+                }
+                let found = process.covariance([0.0, 30.0], b);
+                assert!((found - 0.25 * sum / 160_000.0).abs() < 1e-4, "{kernel:?} {b:?} {found}");
+            }
+        }
+    }
+}

@@ -1,0 +1,34 @@
+//! The encoder: what the index angle reads wrongly.
+
+use serde::{Deserialize, Serialize};
+
+use crate::index::Direction;
+use crate::limits::{Invalid, finite};
+use crate::units::sin_cos_deg;
+
+/// The index angle reads too large by offset + cos_deg · cos θ + sin_deg · sin θ, degrees.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct IndexError {
+    pub offset_deg: f64,
+    pub cos_deg: f64,
+    pub sin_deg: f64,
+}
+
+impl IndexError {
+    /// True direction of the index from the measured one.
+    pub fn true_index(&self, measured: Direction) -> Direction {
+        let Direction { cos, sin } = measured;
+        let error_deg = self.offset_deg + self.cos_deg * cos + self.sin_deg * sin;
+        if error_deg == 0.0 {
+            return measured;
+        }
+        // θ true = θ measured − error.
+        let (s, c) = sin_cos_deg(error_deg);
+        Direction { cos: cos * c + sin * s, sin: sin * c - cos * s }
+    }
+
+    pub fn validate(&self) -> Result<(), Invalid> {
+        finite("model.index_error", &[self.offset_deg, self.cos_deg, self.sin_deg])
+    }
+}
