@@ -26,6 +26,7 @@ pub mod scenario;
 pub mod seconds;
 mod thermal;
 pub mod triad;
+pub mod vessel;
 mod window;
 mod world;
 

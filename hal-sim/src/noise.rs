@@ -26,6 +26,22 @@ pub enum Source {
     Intermittent = 7,
     /// The operator's hands.
     Operator = 8,
+    /// Constants of a three-axis block.
+    BlockConstants = 20,
+    /// White noise of its gyros.
+    BlockGyro = 21,
+    /// Slow drift of its gyros.
+    BlockSlow = 22,
+    /// Noise of its accelerometers.
+    BlockAccelerometer = 23,
+    /// Satellite receivers.
+    Satellites = 24,
+    /// Carrier phases.
+    Phases = 25,
+    /// Log, depth gauge, acoustic fixes.
+    Water = 26,
+    /// Electrostatic gyro.
+    Electrostatic = 27,
 }
 
 /// One stream of random numbers.

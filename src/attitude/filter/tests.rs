@@ -1,0 +1,223 @@
+use nalgebra::SVector;
+
+use super::measurement::PhaseDifference;
+use super::*;
+use crate::attitude::Quaternion;
+
+/// Steps of the IMU in a second.
+const STEPS: usize = 100;
+
+fn filter() -> Filter {
+    let attitude = Quaternion::from_rotation_vector(&Vector3::new(0.1, -0.2, 1.1)).direction_cosines();
+    let navigation = Navigation::new(attitude, Vector3::new(8.0, -5.0, 0.3), 60.0 * RAD_PER_DEG, 0.3, 20.0);
+    let installation =
+        Installation { antenna_m: Vector3::new(1.0, 4.0, 10.0), baseline_m: Vector3::new(2.0, 0.0, 0.0) };
+    Filter::new(navigation, 0.4, BlockErrors::FOG, &StartSigmas::USUAL, installation, Mode::Aided).unwrap()
+}
+
+/// A second in which the block turns, is tossed and turns on the hull.
+fn second(filter: &mut Filter) {
+    let dt_s = 1.0 / STEPS as f64;
+    for step in 0..STEPS {
+        let t = step as f64 * dt_s;
+        let rate = Vector3::new(0.02 * cos(3.0 * t), 0.03, 0.05 + 0.01 * sin(5.0 * t));
+        let force = Vector3::new(0.5 * sin(4.0 * t), -0.4, 9.7 + 0.3 * cos(2.0 * t));
+        let increment = Increment { angle_rad: rate * dt_s, velocity_m_s: force * dt_s };
+        filter.advance(&BlockReading { dt_s, increment, turn_rad: 0.4 + 0.033 * (t + dt_s) }).unwrap();
+    }
+}
+
+/// What has to be added to `estimate` to get `truth`.
+fn error_between(estimate: &Filter, truth: &Filter) -> Errors {
+    let mut x = Errors::zeros();
+    let turn = truth.navigation.attitude * estimate.navigation.attitude.transpose();
+    let skew = 0.5 * (turn - turn.transpose());
+    x.fixed_rows_mut::<3>(ATTITUDE).copy_from(&Vector3::new(skew.m32, skew.m13, skew.m21));
+    let (a, b) = (&estimate.navigation, &truth.navigation);
+    x.fixed_rows_mut::<3>(VELOCITY).copy_from(&(b.velocity_m_s - a.velocity_m_s));
+    let place = a.place();
+    x[POSITION] = (b.longitude_rad - a.longitude_rad) * place.prime_vertical_m * cos(a.latitude_rad);
+    x[POSITION + 1] = (b.latitude_rad - a.latitude_rad) * place.meridian_m;
+    x[POSITION + 2] = b.height_m - a.height_m;
+    x
+}
+
+/// Every state's error is put into the nonlinear navigation and let run for a second: the error equations must tell what comes out.
+///
+/// Central differences, so that what is left of the errors' own size is of the third order in them. The equations hold the
+/// interval's mean force where the position has it weighted by the time that is left: the force here changes by a twentieth
+/// of itself, and a position that comes of tilt may be off by as much of its 5 m/rad.
+#[test]
+fn the_error_equations_are_the_derivative_of_the_navigation() {
+    let mut nominal = filter();
+    second(&mut nominal);
+    let transition = nominal.last_transition.clone().unwrap();
+    let sizes = [
+        (ATTITUDE, 3, 1e-4),
+        (VELOCITY, 3, 0.1),
+        (POSITION, 3, 100.0),
+        (MARKOV, 3, 1e-5),
+        (CURRENT, 2, 0.1),
+        (RUN_TO_RUN, 3, 1e-5),
+        (SCALE, 3, 1e-3),
+        (ORTHOGONALITY, 3, 1e-3),
+        (RHUMB, 2, 1e-5),
+        (ACCELEROMETER, 3, 0.01),
+    ];
+    for (state, size) in sizes.iter().flat_map(|(first, count, size)| (*first..first + count).map(move |s| (s, *size)))
+    {
+        let run = |size: f64| {
+            let mut truth = filter();
+            let mut x = Errors::zeros();
+            x[state] = size;
+            truth.feed_back(&x);
+            second(&mut truth);
+            error_between(&nominal, &truth)
+        };
+        let derivative = (run(size) - run(-size)) / 2.0;
+        let predicted: SVector<f64, LEAD> = if state < LEAD {
+            transition.phi.column(state) * size
+        } else {
+            transition.coupling.column(state - LEAD) * size
+        };
+        // So is a velocity that comes of the tilt that comes of a drift.
+        let integrated = if state < LEAD { 2e-3 } else { 0.05 };
+        for (first, share, least) in [(ATTITUDE, 2e-3, 2e-11), (VELOCITY, integrated, 2e-8), (POSITION, 0.05, 2e-7)] {
+            let got = derivative.fixed_rows::<3>(first).into_owned();
+            let want = predicted.fixed_rows::<3>(first).into_owned();
+            let error = (got - want).norm();
+            assert!(error < share * want.norm().max(got.norm()) + least, "state {state} on {first}: {got} {want}");
+        }
+    }
+}
+
+/// How the expected reading changes with the errors, by putting them into the filter: central differences against the row.
+#[test]
+fn rows_are_the_derivatives_of_the_expected_readings() {
+    let mut nominal = filter();
+    second(&mut nominal);
+    let difference = PhaseDifference {
+        pair: 1,
+        direction: Vector3::new(0.4, -0.7, 0.3),
+        phase_m: 0.0,
+        wavelength_m: 0.19,
+        slipped: false,
+    };
+    let (latitude_rad, longitude_rad) = (nominal.navigation.latitude_rad, nominal.navigation.longitude_rad);
+    let readings = [
+        Measurement::Position { latitude_rad, longitude_rad, height_m: 20.0, age_s: 0.4, sigma_m: 5.0 },
+        Measurement::Height { height_m: 20.0, sigma_m: 1.0 },
+        Measurement::Heading { heading_rad: 1.0, sigma_rad: 0.01 },
+        Measurement::Log { starboard_m_s: 0.0, forward_m_s: 5.0, sigma_m_s: 0.1 },
+        Measurement::Phases { differences: [Some(difference), None, None, None], sigma_m: 0.003 },
+    ];
+    for reading in &readings {
+        let rows = nominal.rows(reading);
+        for state in 0..STATES {
+            let size = if (POSITION..POSITION + 3).contains(&state) { 1.0 } else { 1e-5 };
+            let values = |size: f64| {
+                let mut moved = nominal.clone();
+                let mut x = Errors::zeros();
+                x[state] = size;
+                moved.feed_back(&x);
+                moved.rows(reading).map(|row| row.map_or(0.0, |row| row.value))
+            };
+            let (up, down) = (values(size), values(-size));
+            for (row, (up, down)) in rows.iter().flatten().zip(up.into_iter().zip(down)) {
+                // What the estimate takes over is gone from the innovation.
+                let derivative = (down - up) / (2.0 * size);
+                assert!(
+                    (derivative - row.h[state]).abs() < 1e-4,
+                    "{reading:?} state {state}: {derivative} {}",
+                    row.h[state]
+                );
+            }
+        }
+    }
+}
+
+/// The velocity of a second belongs to its middle: what the error then was follows from the error now.
+#[test]
+fn a_velocity_belongs_to_the_middle_of_its_second() {
+    let mut nominal = filter();
+    nominal.mark();
+    second(&mut nominal);
+    let reading = Measurement::Velocity { mean_m_s: Vector3::zeros(), sigma_m_s: 0.1 };
+    let rows = nominal.rows(&reading);
+    let transition = nominal.last_transition.clone().unwrap();
+    for (state, size) in [(0, 1e-4), (1, 1e-4), (2, 1e-4), (3, 0.1), (5, 0.1), (25, 1e-2), (26, 1e-2), (27, 1e-2)] {
+        let values = |size: f64| {
+            let mut truth = filter();
+            let mut x = Errors::zeros();
+            x[state] = size;
+            truth.feed_back(&x);
+            truth.mark();
+            second(&mut truth);
+            truth.rows(&reading).map(|row| row.map_or(0.0, |row| row.value))
+        };
+        // The error now, of the error a second ago.
+        let mut now = Errors::zeros();
+        now[state] = size;
+        let lead: SVector<f64, LEAD> = if state < LEAD {
+            transition.phi.column(state) * size
+        } else {
+            transition.coupling.column(state - LEAD) * size
+        };
+        now.fixed_rows_mut::<LEAD>(0).copy_from(&lead);
+        let (up, down) = (values(size), values(-size));
+        for (row, (up, down)) in rows.iter().flatten().zip(up.into_iter().zip(down)) {
+            let got = 0.5 * (down - up);
+            // A twentieth of what tilt does in half a second: the mean force stands for the changing one.
+            let least = 0.05 * 5.0 * size.min(1e-2);
+            assert!((got - row.h.dot(&now)).abs() < least, "state {state}: {got} {}", row.h.dot(&now));
+        }
+    }
+}
+
+#[test]
+fn an_outlier_is_rejected_counted_and_changes_nothing() {
+    let mut filter = filter();
+    second(&mut filter);
+    filter.close_interval();
+    let before = (filter.navigation.velocity_m_s, filter.sigma(VELOCITY));
+    let height_m = filter.navigation.height_m + 1000.0;
+    assert_eq!(filter.measure(&Measurement::Height { height_m, sigma_m: 1.0 }), Ok(Outcome::Rejected));
+    assert_eq!(before, (filter.navigation.velocity_m_s, filter.sigma(VELOCITY)));
+    let health = filter.source(Source::Height);
+    assert_eq!((health.taken, health.rejected, health.rejected_in_a_row), (0, 1, 1));
+    // The mode decides what is taken.
+    filter.set_mode(Mode::LogOnly);
+    let heading = Measurement::Heading { heading_rad: 1.0, sigma_rad: 0.01 };
+    assert_eq!(filter.measure(&heading), Ok(Outcome::Ignored));
+    assert_eq!(filter.source(Source::Heading).ignored, 1);
+}
+
+#[test]
+fn bad_input_is_refused_by_name() {
+    let mut filter = filter();
+    let good = BlockReading {
+        dt_s: 0.01,
+        increment: Increment { angle_rad: Vector3::zeros(), velocity_m_s: Vector3::new(0.0, 0.0, 0.098) },
+        turn_rad: 0.4,
+    };
+    let bad = BlockReading { turn_rad: f64::NAN, ..good };
+    assert_eq!(filter.advance(&bad), Err(Refusal::NotANumber));
+    assert_eq!(filter.advance(&BlockReading { dt_s: 0.0, ..good }), Err(Refusal::Time));
+    assert_eq!(filter.bridge(2.0, 0.1, 1.0), Err(Refusal::Gap));
+    let reading = Measurement::Height { height_m: f64::NAN, sigma_m: 1.0 };
+    assert_eq!(filter.measure(&reading), Err(Refusal::NotANumber));
+    assert_eq!(filter.measure(&Measurement::Height { height_m: 20.0, sigma_m: 0.0 }), Err(Refusal::Sigma));
+    let mut polar = filter.navigation.clone();
+    polar.latitude_rad = 89.5 * RAD_PER_DEG;
+    let installation = filter.installation;
+    let started = Filter::new(polar, 0.0, BlockErrors::FOG, &StartSigmas::USUAL, installation, Mode::Aided);
+    assert!(matches!(started, Err(Refusal::NearPole)));
+    // A gap is bridged at the price of what the ship may have done in it.
+    filter.advance(&good).unwrap();
+    filter.close_interval();
+    let before = filter.sigma(ATTITUDE + 2);
+    filter.bridge(0.5, 0.1, 1.0).unwrap();
+    let added = filter.sigma(ATTITUDE + 2).powi(2) - before * before;
+    assert!((added.sqrt() - 0.05).abs() < 1e-3, "{}", added.sqrt());
+    assert_eq!(filter.bridged_gaps(), 1);
+}
