@@ -6,6 +6,7 @@
 //! `rotation`. All of it is f64 with `libm`, so that host and target agree bit for bit.
 
 pub mod coning;
+pub mod esg;
 pub mod filter;
 pub mod quaternion;
 pub mod rotation;

@@ -6,6 +6,7 @@
 //! knows of geographic rates, of error equations, or of a filter.
 
 pub mod block;
+pub mod electrostatic;
 pub mod globe;
 pub mod satellites;
 pub mod ship;

@@ -49,7 +49,7 @@ pub enum Mode {
     Manoeuvring,
     /// Log and sea level.
     LogOnly,
-    /// Log, depth gauge and acoustic fixes.
+    /// Log, depth gauge, acoustic fixes, and the heading by an electrostatic gyro.
     Submerged,
 }
 
@@ -61,7 +61,7 @@ impl Mode {
             Self::Aided => source != Source::Acoustic,
             Self::Manoeuvring => matches!(source, Source::Velocity | Source::Position | Source::Height),
             Self::LogOnly => matches!(source, Source::Log | Source::Height),
-            Self::Submerged => matches!(source, Source::Log | Source::Height | Source::Acoustic),
+            Self::Submerged => matches!(source, Source::Log | Source::Height | Source::Acoustic | Source::Heading),
         }
     }
 }
