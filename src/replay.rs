@@ -8,7 +8,7 @@
 use crate::effects::{Conditions, Correction, Evaluator, MAX_CHANNELS};
 use crate::event::{Dwell, Event, Fix, Report};
 use crate::fix::dwell::{DwellRows, DwellSummary, Row as DwellRow};
-use crate::fix::{self, Declared, Unsolvable};
+use crate::fix::{self, Declared, Unsolvable, moving_base};
 use crate::gates::{DisturbanceGate, Verdict};
 use crate::health::{Fault, Flag, Flags};
 use crate::index::Direction;
@@ -246,11 +246,10 @@ impl<'a> Replay<'a> {
             self.end_stay(report)?;
         }
         self.stay_deg.get_or_insert(second.first_deg);
-        if let Err(row) = self.rows.push(row) {
-            self.end_stay(report)?;
-            self.stay_deg = Some(second.first_deg);
-            let _ = self.rows.push(row);
+        if self.rows.is_full() {
+            self.skip_jitter();
         }
+        self.rows.push(row, self.settings.gyro.noise_deg_h());
         Ok(())
     }
 
@@ -279,19 +278,10 @@ impl<'a> Replay<'a> {
 
     fn end_stay(&mut self, report: Sink) -> Result<(), Refusal> {
         self.stay_deg = None;
-        let jitter = self.settings.jitter;
-        let base_motion = self.evaluator.model().base_motion;
-        let after_move = self.stays > 0 && self.rows.len() > jitter.seconds.into();
-        // On a base that rocks the rate is never quiet, and need not be.
-        if base_motion.is_none()
-            && after_move
-            && self.rows.skip_jitter(jitter.threshold_deg_h, jitter.seconds.into()) != Some(0)
-        {
-            self.flags.insert(Flag::Jitter);
-        }
-        let noise_deg_h = 60.0 * self.settings.gyro.arw_deg_per_sqrt_h;
-        let summary = match base_motion {
-            Some(sensing) => self.rows.summary_on_moving_base(sensing, noise_deg_h),
+        self.skip_jitter();
+        let noise_deg_h = self.settings.gyro.noise_deg_h();
+        let summary = match self.evaluator.model().base_motion {
+            Some(sensing) => moving_base::summary(self.rows.as_slice(), sensing, noise_deg_h),
             None => self.rows.summary(noise_deg_h),
         };
         self.rows.clear();
@@ -308,6 +298,17 @@ impl<'a> Replay<'a> {
         });
         self.stays = self.stays.saturating_add(1);
         self.store(summary)
+    }
+
+    /// Leaves out the beginning of a dwell that came after a move, as far as the jitter gate would have waited. On a base
+    /// that rocks the rate is never quiet, and need not be.
+    fn skip_jitter(&mut self) {
+        let jitter = self.settings.jitter;
+        let seconds = usize::from(jitter.seconds);
+        let skips = self.stays > 0 && self.evaluator.model().base_motion.is_none() && !self.rows.is_merged();
+        if skips && self.rows.len() > seconds && self.rows.skip_jitter(jitter.threshold_deg_h, seconds) != Some(0) {
+            self.flags.insert(Flag::Jitter);
+        }
     }
 
     fn store(&mut self, summary: DwellSummary) -> Result<(), Refusal> {

@@ -81,8 +81,8 @@ fn tilt_arcsec(dwell: &DwellSummary) -> Option<[Line; 2]> {
     Some(dwell.level?.map(|line| Line {
         mean: line.mean * ARCSEC_PER_RAD,
         slope_per_s: line.slope_per_s * ARCSEC_PER_RAD,
-        scatter: line.scatter * ARCSEC_PER_RAD * ARCSEC_PER_RAD,
-        neighbours: line.neighbours * ARCSEC_PER_RAD * ARCSEC_PER_RAD,
+        residual_squares: line.residual_squares * ARCSEC_PER_RAD * ARCSEC_PER_RAD,
+        successive_squares: line.successive_squares * ARCSEC_PER_RAD * ARCSEC_PER_RAD,
     }))
 }
 
@@ -93,7 +93,7 @@ pub fn slopes_deg_h(dwell: &DwellSummary) -> [f64; 2] {
 
 /// Looks for motion in the stays of a fix.
 pub fn detect(dwells: &[DwellSummary]) -> BaseMotion {
-    let freedom: f64 = dwells.iter().map(|dwell| f64::from(dwell.freedom)).sum();
+    let freedom: f64 = dwells.iter().map(|dwell| f64::from(dwell.degrees_of_freedom)).sum();
     let (Some(start_s), true) = (dwells.first().map(|dwell| dwell.start_s), freedom >= 10.0) else {
         return BaseMotion::Unknown;
     };
@@ -101,7 +101,7 @@ pub fn detect(dwells: &[DwellSummary]) -> BaseMotion {
     for dwell in dwells {
         let Some(axes) = tilt_arcsec(dwell) else { return BaseMotion::Unknown };
         for (sum, line) in scatter.iter_mut().zip(axes) {
-            *sum += line.scatter;
+            *sum += line.residual_squares;
         }
     }
     // A reading that never changes is no measurement.
@@ -223,16 +223,10 @@ mod tests {
                     let tilt = pitch_arcsec(t_s) + zigzag(stay * 30 + second);
                     let level =
                         LevelMoments::constant(tilt / ARCSEC_PER_RAD, zigzag(stay * 31 + second * 3) / ARCSEC_PER_RAD);
-                    rows.push(Row {
-                        t_s,
-                        seconds: 1.0,
-                        cos: 1.0,
-                        sin: 0.0,
-                        rate_deg_h: 0.0,
-                        moment_arcsec_s: 0.0,
-                        level,
-                    })
-                    .unwrap();
+                    rows.push(
+                        Row { t_s, seconds: 1.0, cos: 1.0, sin: 0.0, rate_deg_h: 0.0, moment_arcsec_s: 0.0, level },
+                        1.0,
+                    );
                 }
                 rows.summary(1.0).unwrap()
             })

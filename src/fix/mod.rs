@@ -285,7 +285,7 @@ pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -
     if matches!(problem.motion, BaseMotion::Moving(_)) || dwells.iter().any(|dwell| dwell.base_taken_out) {
         flags.insert(Flag::BaseMotion);
     }
-    if dwells.iter().any(|dwell| dwell.knocked > 0) {
+    if dwells.iter().any(|dwell| dwell.outliers > 0) {
         flags.insert(Flag::Shock);
     }
     let tilt = mean_tilt(dwells);
@@ -347,9 +347,9 @@ fn settle_drift(problem: &Problem<'_>, variance: f64, drift_sigma: f64) -> Resul
 fn wandering(dwells: &[DwellSummary]) -> f64 {
     let (mut scatter, mut neighbours, mut freedom) = (0.0, 0.0, 0.0);
     for dwell in dwells {
-        scatter += dwell.rate.scatter;
-        neighbours += dwell.rate.neighbours;
-        freedom += f64::from(dwell.freedom);
+        scatter += dwell.rate.residual_squares;
+        neighbours += dwell.rate.successive_squares;
+        freedom += f64::from(dwell.degrees_of_freedom);
     }
     if scatter <= 0.0 {
         return 1.0;
@@ -365,9 +365,9 @@ fn wandering(dwells: &[DwellSummary]) -> f64 {
 /// Variance of a one-second rate, (°/h)²: from the scatter inside the stays, or where there are too few rows in each
 /// (a continuous rotation) from the differences of successive residuals.
 fn variance(problem: &Problem<'_>) -> Option<f64> {
-    let freedom: f64 = problem.dwells.iter().map(|dwell| f64::from(dwell.freedom)).sum();
+    let freedom: f64 = problem.dwells.iter().map(|dwell| f64::from(dwell.degrees_of_freedom)).sum();
     if freedom >= 4.0 {
-        return Some(problem.dwells.iter().map(|dwell| dwell.rate.scatter).sum::<f64>() / freedom);
+        return Some(problem.dwells.iter().map(|dwell| dwell.rate.residual_squares).sum::<f64>() / freedom);
     }
     let parameters = Estimate::new(problem, LEAST_DRIFT).map(|estimate| estimate.parameters)?;
     let residuals = problem

@@ -20,10 +20,16 @@ fn dwell(start_s: f64, index_deg: f64, rate_deg_h: f64) -> DwellSummary {
         time_spread: 17_995.0,
         cos,
         sin,
-        rate: Line { mean: rate_deg_h, slope_per_s: 0.0, scatter: 58.0 * 0.0081, neighbours: 58.0 * 0.0081 },
+        rate: Line {
+            mean: rate_deg_h,
+            slope_per_s: 0.0,
+            residual_squares: 58.0 * 0.0081,
+            successive_squares: 58.0 * 0.0081,
+        },
+        angle: None,
         level: Some([Line::default(); 2]),
-        freedom: 58,
-        knocked: 0,
+        degrees_of_freedom: 58,
+        outliers: 0,
         moving: false,
         base_taken_out: false,
     }
@@ -153,8 +159,13 @@ fn a_base_that_turns_is_taken_out_with_its_sign() {
         dwell.rate.mean += -0.2 * dwell.sin + 13.025946 * pitch(dwell.t_s) * dwell.cos;
         let scatter = 58.0 * (3.0 / crate::units::ARCSEC_PER_RAD) * (3.0 / crate::units::ARCSEC_PER_RAD);
         dwell.level = Some([
-            Line { mean: pitch(dwell.t_s), slope_per_s: pitch(1.0), scatter, neighbours: scatter },
-            Line { scatter, neighbours: scatter, ..Line::default() },
+            Line {
+                mean: pitch(dwell.t_s),
+                slope_per_s: pitch(1.0),
+                residual_squares: scatter,
+                successive_squares: scatter,
+            },
+            Line { residual_squares: scatter, successive_squares: scatter, ..Line::default() },
         ]);
     }
     let solution = solve_at(60.0, &dwells);
@@ -191,7 +202,7 @@ fn noise_that_wanders_inside_the_stays_is_flagged_and_widens_sigma() {
     let mut dwells = stays(&NORTH_EAST);
     let good = solve_at(60.0, &dwells);
     for dwell in &mut dwells {
-        dwell.rate.neighbours *= 0.5;
+        dwell.rate.successive_squares *= 0.5;
     }
     let wandering = solve_at(60.0, &dwells);
     assert!(wandering.flags.contains(Flag::Autocorrelated));

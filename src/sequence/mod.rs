@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::event::{Dwell, Event, Fix, State};
 use crate::fix::dwell::{DwellRows, DwellSummary, Row};
-use crate::fix::{self, Declared, Solution};
+use crate::fix::{self, Declared, Solution, moving_base};
 use crate::gates::{DisturbanceGate, JitterGate, Verdict};
 use crate::health::{Counters, Fault, Flag, Flags};
 use crate::index::{Direction, IndexAngle, MotorCommand};
@@ -21,7 +21,7 @@ use crate::settings::Settings;
 use order::Position;
 use turn::{Progress, Turn};
 
-/// Most stays that a fix can have; one longer than [`fix::dwell::MAX_ROWS`] seconds counts several times.
+/// Most dwells that a fix can have.
 pub const MAX_DWELLS: usize = 64;
 /// Seconds in a row without the accelerometers, or out of level while measuring, that end a fix.
 const PATIENCE_SECONDS: u16 = 3;
@@ -340,10 +340,7 @@ impl Sequencer {
             LevelSecond::Failed => None,
         };
         let row = Row { t_s: input.t_s - 0.5, seconds: 1.0, cos, sin, rate_deg_h, moment_arcsec_s, level };
-        if let Err(row) = self.rows.push(row) {
-            self.summarise(counters, sink);
-            let _ = self.rows.push(row);
-        }
+        self.rows.push(row, self.settings.gyro.noise_deg_h());
         self.collected += 1;
         if self.collected < self.dwell_s() {
             return (None, true);
@@ -407,11 +404,11 @@ impl Sequencer {
         let noise_deg_h = 60.0 * self.settings.gyro.arw_deg_per_sqrt_h;
         let base_motion = self.settings.model.as_ref().and_then(|model| model.base_motion);
         let summary = match base_motion {
-            Some(sensing) => self.rows.summary_on_moving_base(sensing, noise_deg_h),
+            Some(sensing) => moving_base::summary(self.rows.as_slice(), sensing, noise_deg_h),
             None => self.rows.summary(noise_deg_h),
         };
         if let Some(summary) = summary {
-            counters.seconds_knocked = counters.seconds_knocked.saturating_add(summary.knocked.into());
+            counters.seconds_knocked = counters.seconds_knocked.saturating_add(summary.outliers.into());
             sink(Event::Dwell(Dwell {
                 position: self.position as u8,
                 index_deg: summary.index_deg(),
