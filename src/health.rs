@@ -154,6 +154,12 @@ codes! {
         Autocorrelated = 13, "autocorrelated",
             "neighbouring seconds of a dwell are alike: something other than white noise acts",
             "repeat the fix with the instrument at its final temperature; if it stays, record a campaign and diagnose it";
+        Bias = 14, "bias",
+            "the gyro's bias is beyond its declared limit",
+            "let the gyro warm up and calibrate it; if it stays, the gyro needs service, or the declared limit is too small";
+        IndexSlip = 15, "index-slip",
+            "the index angle changed while the motor stood: the spindle or the encoder slipped",
+            "check spindle, coupling and encoder, and repeat the fix";
     }
 }
 

@@ -4,8 +4,8 @@
 //! azimuth itself, so no closure shows it. The accelerometers feel the same tilt. Two ways to use them:
 //!
 //! - *path*: the tilt over the whole fix as a polynomial in time, of one degree more than the data ask for (at most
-//!   the fourth); the rate at each stay is its mean derivative. Precise, for a base that creeps smoothly.
-//! - *slopes*: the tilt's slope inside each stay. For a base that jumps between stays, where a path has no meaning.
+//!   the fourth); the rate at each dwell is its mean derivative. Precise, for a base that creeps smoothly.
+//! - *slopes*: the tilt's slope inside each dwell. For a base that jumps between dwells, where a path has no meaning.
 //!
 //! Nothing is corrected unless the motion is significant, because the correction carries the accelerometers' noise.
 
@@ -16,8 +16,6 @@ use super::statistics::excess_sigmas;
 use crate::units::ARCSEC_PER_RAD;
 
 const DEGREES: usize = 5;
-/// Time unit of the polynomial, seconds: the length of a fix, to keep the normal equations well conditioned.
-const TIME_UNIT_S: f64 = 300.0;
 /// A degree is taken when it lowers the sum of squares of both axes (two degrees of freedom) by this many variances:
 /// by chance that happens once in e^(20/2) = 22 000 times.
 const SIGNIFICANT: f64 = 20.0;
@@ -49,7 +47,9 @@ pub enum Method {
 /// Polynomials of pitch and roll in time, arcsec.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Path {
-    start_s: f64,
+    /// Middle and half the length of the fix, seconds: times lie within ± 1, to keep the normal equations well conditioned.
+    middle_s: f64,
+    half_s: f64,
     coefficients: [SVector<f64, DEGREES>; 2],
     /// Covariance of the coefficients of each axis.
     covariance: [SMatrix<f64, DEGREES, DEGREES>; 2],
@@ -61,9 +61,9 @@ fn powers(t: f64) -> SVector<f64, DEGREES> {
 }
 
 impl Path {
-    /// Mean derivative of the powers over a stay, 1/s.
+    /// Mean derivative of the powers over a dwell, 1/s.
     pub fn rates(&self, dwell: &DwellSummary) -> SVector<f64, DEGREES> {
-        let at = |t_s: f64| powers((t_s - self.start_s) / TIME_UNIT_S);
+        let at = |t_s: f64| powers((t_s - self.middle_s) / self.half_s);
         (at(dwell.end_s) - at(dwell.start_s)) / (dwell.end_s - dwell.start_s)
     }
 
@@ -76,7 +76,7 @@ impl Path {
     }
 }
 
-/// Both axes of a stay in arcsec: pitch = forward, roll = left, for the small angles that the level limit allows.
+/// Both axes of a dwell in arcsec: pitch = forward, roll = left, for the small angles that the level limit allows.
 fn tilt_arcsec(dwell: &DwellSummary) -> Option<[Line; 2]> {
     Some(dwell.level?.map(|line| Line {
         mean: line.mean * ARCSEC_PER_RAD,
@@ -91,7 +91,7 @@ pub fn slopes_deg_h(dwell: &DwellSummary) -> [f64; 2] {
     tilt_arcsec(dwell).map_or([0.0; 2], |axes| axes.map(|line| line.slope_per_s))
 }
 
-/// Looks for motion in the stays of a fix.
+/// Looks for motion in the dwells of a fix.
 pub fn detect(dwells: &[DwellSummary]) -> BaseMotion {
     let freedom: f64 = dwells.iter().map(|dwell| f64::from(dwell.degrees_of_freedom)).sum();
     let (Some(start_s), true) = (dwells.first().map(|dwell| dwell.start_s), freedom >= 10.0) else {
@@ -110,24 +110,13 @@ pub fn detect(dwells: &[DwellSummary]) -> BaseMotion {
     }
     let variance = scatter.map(|sum| sum / freedom);
 
-    // Sum of squares that is left with each degree, beyond the scatter inside the stays; both axes, in variances.
-    let mut left = [0.0; DEGREES];
-    for (degree, left) in left.iter_mut().enumerate() {
-        match fit_path(dwells, start_s, degree, variance) {
-            Some((_, chi_square)) => *left = chi_square,
-            None => return BaseMotion::Unknown,
-        }
-    }
-    let degree = (1..DEGREES)
-        .rev()
-        .find(|&degree| match (left.get(degree - 1), left.get(degree)) {
-            (Some(lower), Some(higher)) => lower - higher > SIGNIFICANT,
-            _ => false,
-        })
-        .unwrap_or(0);
+    let Some(paths) = Paths::new(dwells, start_s) else { return BaseMotion::Unknown };
+    // What each degree takes off the sum of squares beyond the scatter inside the dwells; both axes, in variances.
+    let explained = |degree: usize| paths.explained(degree, variance);
+    let degree = (1..DEGREES).rev().find(|&degree| explained(degree) > SIGNIFICANT).unwrap_or(0);
+    let chi_square = paths.total(variance) - (0..=degree).map(explained).sum::<f64>();
     let with_slope = dwells.iter().filter(|dwell| dwell.time_spread > 0.0).count();
     let freedom_left = 2.0 * (dwells.len() + with_slope) as f64 - 2.0 * (degree as f64 + 1.0);
-    let chi_square = left.get(degree).copied().unwrap_or(0.0);
     if freedom_left > 0.0 && excess_sigmas(chi_square, freedom_left) > IMPROBABLE_SIGMAS {
         return BaseMotion::Moving(Method::Slopes { variance });
     }
@@ -135,57 +124,119 @@ pub fn detect(dwells: &[DwellSummary]) -> BaseMotion {
         return BaseMotion::Still;
     }
     // One degree more than the data insist on: what is just not significant would else bias the rates.
-    match fit_path(dwells, start_s, (degree + 1).min(DEGREES - 1), variance) {
-        Some((path, _)) => BaseMotion::Moving(Method::Path(path)),
-        None => BaseMotion::Unknown,
+    BaseMotion::Moving(Method::Path(paths.path((degree + 1).min(DEGREES - 1), variance)))
+}
+
+/// The normal equations of the highest degree, factored once: the factor's leading part is that of every lower degree, and
+/// the squares of the right-hand sides through it are what each degree takes off the sum of squares.
+struct Paths {
+    middle_s: f64,
+    half_s: f64,
+    /// Lower Cholesky factor L of the normal matrix.
+    factor: [[f64; DEGREES]; DEGREES],
+    /// L⁻¹ times the right-hand sides, pitch and roll.
+    reduced: [[f64; DEGREES]; 2],
+    /// Weighted sums of squares, arcsec² · s.
+    squares: [f64; 2],
+}
+
+impl Paths {
+    /// `None` where the dwells do not determine a polynomial of the highest degree.
+    fn new(dwells: &[DwellSummary], start_s: f64) -> Option<Self> {
+        let half_s = 0.5 * (dwells.last()?.end_s - start_s);
+        let middle_s = start_s + half_s;
+        let mut paths = Self {
+            middle_s,
+            half_s,
+            factor: [[0.0; DEGREES]; DEGREES],
+            reduced: [[0.0; DEGREES]; 2],
+            squares: [0.0; 2],
+        };
+        for (weight, row, values) in observations(dwells, middle_s, half_s) {
+            for (line, a) in paths.factor.iter_mut().zip(row.iter()) {
+                line.iter_mut().zip(row.iter()).for_each(|(entry, b)| *entry += weight * a * b);
+            }
+            for ((right, squares), value) in paths.reduced.iter_mut().zip(&mut paths.squares).zip(values) {
+                right.iter_mut().zip(row.iter()).for_each(|(entry, a)| *entry += weight * value * a);
+                *squares += weight * value * value;
+            }
+        }
+        paths.factorise()?;
+        Some(paths)
+    }
+
+    /// Cholesky in place, and the right-hand sides through the factor.
+    fn factorise(&mut self) -> Option<()> {
+        for i in 0..DEGREES {
+            for j in 0..=i {
+                let (of_i, of_j) = (*self.factor.get(i)?, *self.factor.get(j)?);
+                let product: f64 = of_i.iter().zip(&of_j).take(j).map(|(a, b)| a * b).sum();
+                let rest = of_i.get(j)? - product;
+                let pivot = *of_j.get(j)?;
+                let entry = match i == j {
+                    true if rest > 1e-12 * pivot.abs() => libm::sqrt(rest),
+                    true => return None,
+                    false => rest / pivot,
+                };
+                *self.factor.get_mut(i)?.get_mut(j)? = entry;
+            }
+        }
+        for right in &mut self.reduced {
+            for i in 0..DEGREES {
+                let line = self.factor.get(i)?;
+                let product: f64 = line.iter().zip(right.iter()).take(i).map(|(a, b)| a * b).sum();
+                let entry = right.get_mut(i)?;
+                *entry = (*entry - product) / line.get(i)?;
+            }
+        }
+        Some(())
+    }
+
+    /// Sums of squares of both axes about zero, in variances.
+    fn total(&self, variance: [f64; 2]) -> f64 {
+        self.squares.iter().zip(variance).map(|(squares, variance)| squares / variance).sum()
+    }
+
+    /// What a degree takes off, in variances.
+    fn explained(&self, degree: usize, variance: [f64; 2]) -> f64 {
+        let of = |reduced: &[f64; DEGREES]| reduced.get(degree).map_or(0.0, |entry| entry * entry);
+        self.reduced.iter().zip(variance).map(|(reduced, variance)| of(reduced) / variance).sum()
+    }
+
+    /// The polynomials of a degree.
+    fn path(&self, degree: usize, variance: [f64; 2]) -> Path {
+        // Columns of the transposed inverse of the leading factor.
+        let mut inverse = SMatrix::<f64, DEGREES, DEGREES>::zeros();
+        for column in 0..=degree {
+            for i in column..=degree {
+                let Some(line) = self.factor.get(i) else { continue };
+                let unit = if i == column { 1.0 } else { 0.0 };
+                let product: f64 = line.iter().enumerate().take(i).map(|(k, l)| l * inverse[(k, column)]).sum();
+                inverse[(i, column)] = (unit - product) / line.get(i).copied().unwrap_or(1.0);
+            }
+        }
+        let coefficients = self.reduced.map(|reduced| inverse.tr_mul(&SVector::from(reduced)));
+        let unscaled = inverse.tr_mul(&inverse);
+        Path {
+            middle_s: self.middle_s,
+            half_s: self.half_s,
+            coefficients,
+            covariance: variance.map(|variance| unscaled * variance),
+        }
     }
 }
 
-/// Weighted least squares of a polynomial through means and slopes of the stays, and the chi-square that it leaves.
-fn fit_path(dwells: &[DwellSummary], start_s: f64, degree: usize, variance: [f64; 2]) -> Option<(Path, f64)> {
-    let used = |mut row: SVector<f64, DEGREES>| {
-        row.iter_mut().skip(degree + 1).for_each(|entry| *entry = 0.0);
-        row
-    };
-    let mut normal = SMatrix::<f64, DEGREES, DEGREES>::zeros();
-    let mut right = [SVector::<f64, DEGREES>::zeros(); 2];
-    for (weight, row, values) in observations(dwells, start_s) {
-        let row = used(row);
-        normal += weight * row * row.transpose();
-        for (right, value) in right.iter_mut().zip(values) {
-            *right += weight * value * row;
-        }
-    }
-    for unused in degree + 1..DEGREES {
-        *normal.get_mut((unused, unused))? = 1.0;
-    }
-    let mut inverse = normal.cholesky()?.inverse();
-    for unused in degree + 1..DEGREES {
-        *inverse.get_mut((unused, unused))? = 0.0;
-    }
-    let coefficients = right.map(|right| inverse * right);
-    let mut chi_square = 0.0;
-    for (weight, row, values) in observations(dwells, start_s) {
-        let row = used(row);
-        for ((coefficients, value), variance) in coefficients.iter().zip(values).zip(variance) {
-            let residual = value - row.dot(coefficients);
-            chi_square += weight * residual * residual / variance;
-        }
-    }
-    let covariance = variance.map(|variance| inverse * variance);
-    Some((Path { start_s, coefficients, covariance }, chi_square))
-}
-
-/// Two observations a stay: its mean (weight: seconds) and its slope (weight: time spread). The mean of a curved path
-/// over a stay differs from its value at the middle by the second moment; the powers are averaged over the stay.
+/// Two observations a dwell: its mean (weight: seconds) and its slope (weight: time spread). The mean of a curved path
+/// over a dwell differs from its value at the middle by the second moment; the powers are averaged over the stay.
 fn observations(
     dwells: &[DwellSummary],
-    start_s: f64,
+    middle_s: f64,
+    half_s: f64,
 ) -> impl Iterator<Item = (f64, SVector<f64, DEGREES>, [f64; 2])> + '_ {
     dwells.iter().flat_map(move |dwell| {
         let tilt = tilt_arcsec(dwell).unwrap_or_default();
-        let half = 0.5 * (dwell.end_s - dwell.start_s) / TIME_UNIT_S;
-        let t = (dwell.t_s - start_s) / TIME_UNIT_S;
+        let half = 0.5 * (dwell.end_s - dwell.start_s) / half_s;
+        let t = (dwell.t_s - middle_s) / half_s;
         // Means of (t + u)^k over u in ± half: 1, t, t² + h²/3, t³ + t·h², t⁴ + 2t²h² + h⁴/5.
         let h2 = half * half;
         let mean = SVector::from([
@@ -196,8 +247,7 @@ fn observations(
             t * t * t * t + 2.0 * t * t * h2 + h2 * h2 / 5.0,
         ]);
         // Least-squares slope of (t + u)^k over u in ± half: 3/(2h³) ∫ u (t + u)^k du.
-        let slope =
-            SVector::from([0.0, 1.0, 2.0 * t, 3.0 * t * t + 0.6 * h2, 4.0 * t * t * t + 2.4 * t * h2]) / TIME_UNIT_S;
+        let slope = SVector::from([0.0, 1.0, 2.0 * t, 3.0 * t * t + 0.6 * h2, 4.0 * t * t * t + 2.4 * t * h2]) / half_s;
         [
             (dwell.seconds, mean, tilt.map(|line| line.mean)),
             (dwell.time_spread, slope, tilt.map(|line| line.slope_per_s)),
@@ -211,7 +261,7 @@ mod tests {
     use crate::fix::dwell::{DwellRows, Row};
     use crate::level::LevelMoments;
 
-    /// Eight stays of 30 s, 8 s apart, on a base that tilts by `pitch_arcsec(t)`; the sensor's noise is a fixed zigzag
+    /// Eight dwells of 30 s, 8 s apart, on a base that tilts by `pitch_arcsec(t)`; the sensor's noise is a fixed zigzag
     /// with a spread of about 3 arcsec.
     fn dwells(pitch_arcsec: impl Fn(f64) -> f64) -> heapless::Vec<DwellSummary, 8> {
         let zigzag = |i: u32| f64::from((i * 7919 + 13) % 101) / 101.0 * 10.0 - 5.0;
@@ -258,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn jumps_between_stays_are_no_path() {
+    fn jumps_between_dwells_are_no_path() {
         let jumpy = dwells(|t_s| if (t_s as u32 / 38) % 3 == 1 { 400.0 } else { 0.0 });
         assert!(matches!(detect(&jumpy), BaseMotion::Moving(Method::Slopes { .. })));
     }

@@ -474,6 +474,7 @@ impl DwellSummary {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fix::tests::normal;
 
     fn row(second: u16, rate_deg_h: f64) -> Row {
         Row {
@@ -493,17 +494,6 @@ mod tests {
             rows.push(row(second, rate), 0.1);
         }
         rows
-    }
-
-    /// Noise with a standard deviation of one, for tests that need no more: the sum of twelve uniform numbers less six.
-    fn noise(state: &mut u64) -> f64 {
-        (0..12)
-            .map(|_| {
-                *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                (*state >> 11) as f64 / (1_u64 << 53) as f64
-            })
-            .sum::<f64>()
-            - 6.0
     }
 
     #[test]
@@ -539,7 +529,7 @@ mod tests {
             let (mut state, mut angle, mut counted) = (7, 0.0, 0.0);
             let mut rows = DwellRows::default();
             for second in 0..100 {
-                angle += rate_deg_h + 0.09 * noise(&mut state);
+                angle += rate_deg_h + 0.09 * normal(&mut state);
                 let reading = count * libm::round(angle / count);
                 rows.push(row(second, reading - counted + if second == 50 { shock } else { 0.0 }), 0.09);
                 counted = reading;
@@ -559,7 +549,7 @@ mod tests {
             let mut dwell = DwellRows::default();
             let all: std::vec::Vec<Row> = (0..length)
                 .map(|second| {
-                    let x = noise(&mut state);
+                    let x = normal(&mut state);
                     Row {
                         moment_arcsec_s: 0.1 * x,
                         level: LevelMoments::constant(1e-4 * x, -2e-4 * x),

@@ -15,6 +15,7 @@ pub mod base_motion;
 pub mod design;
 pub mod dwell;
 pub mod moving_base;
+mod noise;
 pub mod sinusoid;
 mod statistics;
 #[cfg(test)]
@@ -28,10 +29,11 @@ use crate::health::{Flag, Flags};
 use crate::index::Direction;
 use crate::level::{Specific, Tilt};
 use crate::sample::GyroSettings;
-use crate::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_180_deg, wrap_360_deg};
+use crate::units::{DEG_PER_RAD, RAD_PER_DEG, sin_cos_deg, wrap_180_deg, wrap_360_deg};
 use base_motion::{BaseMotion, Method};
 pub use design::DesignRow;
 use dwell::DwellSummary;
+use noise::Noise;
 use sinusoid::Fitted;
 use statistics::excess_sigmas;
 
@@ -43,10 +45,11 @@ const INFLATION_SIGMAS: f64 = 2.0;
 const DRIFT_SIGMAS: f64 = 3.0;
 /// From this many on, sigma grows by what the drift could do.
 const DRIFT_DOUBT_SIGMAS: f64 = 2.0;
-/// A wandering this many standard deviations beyond chance is flagged and widens sigma.
-const WANDERING_SIGMAS: f64 = 4.0;
 /// Relative amplitude error that is not held against a fix: scale factor and latitude of an honest instrument.
 const AMPLITUDE_TOLERANCE: f64 = 0.01;
+/// Beyond this scale factor error and this error of the latitude an amplitude is not the Earth's.
+const SCALE_LIMIT: f64 = 0.1;
+const LATITUDE_LIMIT_DEG: f64 = 10.0;
 /// Scatter above this multiple of the declared noise is flagged.
 const NOISY_RATIO: f64 = 3.0;
 /// A drift that is declared as none is still allowed this much, °/h per hour, to keep the equations regular.
@@ -94,13 +97,18 @@ pub enum Unsolvable {
     TooFewDirections,
     /// The horizontal rate is not significant against its own uncertainty.
     NoSignal,
+    /// The horizontal rate is significant, and not the Earth's at this latitude or one near it.
+    NotEarthRate,
 }
 
 impl core::fmt::Display for Unsolvable {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.write_str(match self {
             Self::TooFewDirections => "the gyro was at rest in fewer than three different directions",
-            Self::NoSignal => "the horizontal rate does not stand out of its noise",
+            Self::NoSignal => "Earth rate not detected above the noise; no azimuth",
+            Self::NotEarthRate => {
+                "the horizontal rate is not the Earth's, whatever scale factor and latitude error are granted; no azimuth"
+            }
         })
     }
 }
@@ -122,6 +130,7 @@ struct Problem<'a> {
     motion: BaseMotion,
     start_s: f64,
     line: Option<Fitted>,
+    noise: Option<Noise>,
 }
 
 impl Problem<'_> {
@@ -130,18 +139,20 @@ impl Problem<'_> {
         self.dwells.iter().flat_map(|dwell| {
             let index = Direction { cos: dwell.cos, sin: dwell.sin };
             let design = DesignRow::new(index, specific(dwell), &self.earth);
-            let rate_deg_h = dwell.rate.mean - design.vertical_deg_h - self.base_rate_deg_h(dwell);
+            let (mean_deg_h, weight) = self.noise.map_or((dwell.rate.mean, dwell.seconds), |noise| noise.mean(dwell));
+            let weight_of_slope = self.noise.map_or(dwell.time_spread, |noise| noise.weight_of_slope(dwell));
+            let rate_deg_h = mean_deg_h - design.vertical_deg_h - self.base_rate_deg_h(dwell);
             let hours = (dwell.t_s - self.start_s) / 3600.0;
             let [line_deg_h, line_deg_h_per_h] = self.line.map_or([0.0; 2], |line| line.of_dwell(dwell));
             [
                 Observation {
-                    weight: dwell.seconds,
+                    weight,
                     row: Vector4::new(design.cos, design.sin, 1.0, hours),
                     cos_2theta: dwell.cos * dwell.cos - dwell.sin * dwell.sin,
                     rate_deg_h: rate_deg_h - line_deg_h,
                 },
                 Observation {
-                    weight: dwell.time_spread / (3600.0 * 3600.0),
+                    weight: weight_of_slope / (3600.0 * 3600.0),
                     row: Vector4::new(0.0, 0.0, 0.0, 1.0),
                     cos_2theta: 0.0,
                     rate_deg_h: dwell.rate.slope_per_s * 3600.0 - line_deg_h_per_h,
@@ -161,6 +172,27 @@ impl Problem<'_> {
             }
         };
         dwell.cos * roll_deg_h - dwell.sin * pitch_deg_h
+    }
+}
+
+impl Problem<'_> {
+    /// Where there are too few rows in a dwell to tell the noise (a continuous rotation): variance of a one-second rate,
+    /// (°/h)², from the differences of successive residuals.
+    fn variance_of_successive_residuals(&self) -> Option<f64> {
+        let parameters = Estimate::new(self, LEAST_DRIFT).map(|estimate| estimate.parameters)?;
+        let residuals = self
+            .observations()
+            .filter(|observation| observation.row.z != 0.0 && observation.weight > 0.0)
+            .map(|Observation { weight, row, rate_deg_h, .. }| (rate_deg_h - row.dot(&parameters), 1.0 / weight));
+        let (mut last, mut sum, mut pairs) = (None, 0.0, 0.0);
+        for (residual, share) in residuals {
+            if let Some((before, share_before)) = last.replace((residual, share)) {
+                let difference: f64 = residual - before;
+                sum += difference * difference / (share + share_before);
+                pairs += 1.0;
+            }
+        }
+        (pairs > 0.0).then(|| sum / pairs)
     }
 }
 
@@ -227,13 +259,14 @@ fn regular_inverse(normal: &Matrix4<f64>) -> Option<Matrix4<f64>> {
 pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -> Result<Solution, Unsolvable> {
     let earth = declared.earth;
     let start_s = dwells.first().ok_or(Unsolvable::TooFewDirections)?.start_s;
-    let mut problem = Problem { dwells, earth, motion: base_motion(dwells), start_s, line: None };
+    let mut problem = Problem { dwells, earth, motion: base_motion(dwells), start_s, line: None, noise: None };
     let mut flags = Flags::default();
 
     let noise_deg_h = declared.gyro.noise_deg_h();
-    let observed = variance(&problem).ok_or(Unsolvable::TooFewDirections)?;
-    let variance = observed.max(noise_deg_h * noise_deg_h).max(f64::MIN_POSITIVE);
-    if observed > NOISY_RATIO * NOISY_RATIO * noise_deg_h * noise_deg_h && noise_deg_h > 0.0 {
+    let noise = Noise::new(&problem, noise_deg_h).ok_or(Unsolvable::TooFewDirections)?;
+    let variance = noise.variance;
+    problem.noise = Some(noise);
+    if noise.white > NOISY_RATIO * NOISY_RATIO * noise_deg_h * noise_deg_h && noise_deg_h > 0.0 {
         flags.insert(Flag::Noisy);
     }
 
@@ -248,8 +281,7 @@ pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -
     if drift.free {
         flags.insert(Flag::Drift);
     }
-    let wandering = wandering(dwells);
-    if wandering > 1.0 {
+    if noise.widening > 1.0 {
         flags.insert(Flag::Autocorrelated);
     }
 
@@ -272,12 +304,19 @@ pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -
     let amplitude_deg_h = libm::hypot(cos_part, sin_part);
     let inverse = problem.line.map_or(estimate.inverse, |line| estimate.inverse + line.doubt);
     let covariance =
-        inverse * (variance * inflation.max(wandering)) + correlated_covariance(&problem, &estimate, declared);
+        inverse * (variance * inflation.max(noise.widening)) + correlated_covariance(&problem, &estimate, declared);
     let along = Vector4::new(cos_part, sin_part, 0.0, 0.0) / amplitude_deg_h;
     let amplitude_sigma = libm::sqrt(along.dot(&(covariance * along)));
     let significant = amplitude_deg_h > 5.0 * amplitude_sigma;
     if !significant {
         return Err(Unsolvable::NoSignal);
+    }
+    let [least_deg_h, most_deg_h] = plausible_amplitude_deg_h(&earth);
+    if !(least_deg_h - 4.0 * amplitude_sigma..=most_deg_h + 4.0 * amplitude_sigma).contains(&amplitude_deg_h) {
+        return Err(Unsolvable::NotEarthRate);
+    }
+    if bias_deg_h.abs() > declared.gyro.bias_limit_deg_h + 4.0 * libm::sqrt(covariance.m33) {
+        flags.insert(Flag::Bias);
     }
     if (amplitude_deg_h - earth.north_deg_h).abs() > 4.0 * amplitude_sigma + AMPLITUDE_TOLERANCE * earth.north_deg_h {
         flags.insert(Flag::Amplitude);
@@ -342,47 +381,19 @@ fn settle_drift(problem: &Problem<'_>, variance: f64, drift_sigma: f64) -> Resul
     Ok(Drift { estimate: declared, free: false, doubt_deg })
 }
 
-/// By how much the variance of a mean exceeds that of white noise because neighbouring seconds are alike: (1 + ρ)/(1 − ρ)
-/// with ρ their correlation; 1 where that is not significant (in white noise ρ has a variance of one over the rows).
-fn wandering(dwells: &[DwellSummary]) -> f64 {
-    let (mut scatter, mut neighbours, mut freedom) = (0.0, 0.0, 0.0);
-    for dwell in dwells {
-        scatter += dwell.rate.residual_squares;
-        neighbours += dwell.rate.successive_squares;
-        freedom += f64::from(dwell.degrees_of_freedom);
-    }
-    if scatter <= 0.0 {
-        return 1.0;
-    }
-    let correlation = 1.0 - neighbours / scatter;
-    if correlation * libm::sqrt(freedom) < WANDERING_SIGMAS {
-        return 1.0;
-    }
-    let correlation = correlation.min(0.98);
-    (1.0 + correlation) / (1.0 - correlation)
-}
-
-/// Variance of a one-second rate, (°/h)²: from the scatter inside the stays, or where there are too few rows in each
-/// (a continuous rotation) from the differences of successive residuals.
-fn variance(problem: &Problem<'_>) -> Option<f64> {
-    let freedom: f64 = problem.dwells.iter().map(|dwell| f64::from(dwell.degrees_of_freedom)).sum();
-    if freedom >= 4.0 {
-        return Some(problem.dwells.iter().map(|dwell| dwell.rate.residual_squares).sum::<f64>() / freedom);
-    }
-    let parameters = Estimate::new(problem, LEAST_DRIFT).map(|estimate| estimate.parameters)?;
-    let residuals = problem
-        .observations()
-        .filter(|observation| observation.row.z != 0.0 && observation.weight > 0.0)
-        .map(|Observation { weight, row, rate_deg_h, .. }| (rate_deg_h - row.dot(&parameters), 1.0 / weight));
-    let (mut last, mut sum, mut pairs) = (None, 0.0, 0.0);
-    for (residual, share) in residuals {
-        if let Some((before, share_before)) = last.replace((residual, share)) {
-            let difference: f64 = residual - before;
-            sum += difference * difference / (share + share_before);
-            pairs += 1.0;
-        }
-    }
-    (pairs > 0.0).then(|| sum / pairs)
+/// The horizontal Earth rate, least and most, that a scale factor error and an error of the latitude can make of it.
+fn plausible_amplitude_deg_h(earth: &EarthRate) -> [f64; 2] {
+    let (sin, cos) = sin_cos_deg(LATITUDE_LIMIT_DEG);
+    let up_deg_h = earth.up_deg_h.abs();
+    let farther = earth.north_deg_h * cos - up_deg_h * sin;
+    // Within the limit of the equator the latitude may be that of the equator.
+    let beyond_equator = up_deg_h * cos < earth.north_deg_h * sin;
+    let nearer = if beyond_equator {
+        libm::hypot(earth.north_deg_h, up_deg_h)
+    } else {
+        earth.north_deg_h * cos + up_deg_h * sin
+    };
+    [farther.max(0.0) * (1.0 - SCALE_LIMIT), nearer * (1.0 + SCALE_LIMIT)]
 }
 
 /// Covariance of the parameters from errors that do not average out inside a stay: the declared bias instability, and

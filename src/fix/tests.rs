@@ -8,6 +8,15 @@ use crate::earth::earth_rate;
 use crate::effects::{ErrorModel, Sinusoid};
 use crate::units::wrap_180_deg;
 
+/// Noise with a standard deviation of one, for tests that need no more: the sum of twelve uniform numbers less six.
+pub fn normal(state: &mut u64) -> f64 {
+    let mut uniform = || {
+        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (*state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    (0..12).map(|_| uniform()).sum::<f64>() - 6.0
+}
+
 /// A stay of 60 s at an index angle, beginning at `start_s`, with a fixed small scatter: 58 degrees of freedom at a
 /// one-second noise of 0.09 °/h, the declared noise of the default settings.
 fn dwell(start_s: f64, index_deg: f64, rate_deg_h: f64) -> DwellSummary {
@@ -232,6 +241,41 @@ fn a_drift_that_is_just_not_significant_widens_sigma() {
 fn a_wrong_latitude_shows_in_the_amplitude() {
     // The rates of 60° taken for those of 50°: Ω cos 50° = 9.67 °/h against 7.52.
     assert!(solve_at(50.0, &stays(&NORTH_EAST)).flags.contains(Flag::Amplitude));
+}
+
+/// An amplitude between what 0.9 and 1.1 of the Earth's rate give at latitudes 10° off is a doubt, one beyond them is no north:
+/// at 60° 15.041067 · cos 70° · 0.9 = 4.63 and 15.041067 · cos 50° · 1.1 = 10.64 °/h, against 7.52.
+#[test]
+fn an_amplitude_that_nothing_explains_is_refused() {
+    let of = |amplitude_deg_h: f64| {
+        let share = amplitude_deg_h / 7.5205335;
+        let rates = NORTH_EAST.map(|(index_deg, rate_deg_h)| (index_deg, 0.5 + share * (rate_deg_h - 0.5)));
+        solve(&stays(&rates), &declared(60.0), &ErrorModel::default())
+    };
+    for amplitude_deg_h in [5.2, 9.9] {
+        assert!(of(amplitude_deg_h).unwrap().flags.contains(Flag::Amplitude));
+    }
+    for amplitude_deg_h in [3.76, 12.0] {
+        assert_eq!(of(amplitude_deg_h), Err(Unsolvable::NotEarthRate));
+    }
+}
+
+/// The declared limit of the bias is 1 °/h.
+#[test]
+fn a_bias_beyond_its_limit_is_flagged() {
+    let flagged = |bias_deg_h: f64| {
+        let rates = NORTH_EAST.map(|(index_deg, rate_deg_h)| (index_deg, rate_deg_h + bias_deg_h - 0.5));
+        solve_at(60.0, &stays(&rates)).flags.contains(Flag::Bias)
+    };
+    assert_eq!([-1.5, -0.9, 0.9, 1.5].map(flagged), [true, false, false, true]);
+}
+
+#[test]
+fn a_dead_gyro_finds_no_north() {
+    let dead = [0.0, 90.0, 180.0, 270.0].map(|index_deg| (index_deg, 0.0));
+    let mut dwells = stays(&dead);
+    dwells.iter_mut().for_each(|dwell| dwell.rate = Line::default());
+    assert_eq!(solve(&dwells, &declared(60.0), &ErrorModel::default()), Err(Unsolvable::NoSignal));
 }
 
 #[test]
