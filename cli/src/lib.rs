@@ -13,6 +13,7 @@ pub mod file_error;
 pub mod import;
 pub mod interrupt;
 pub mod json;
+pub mod open_world;
 pub mod output;
 pub mod present;
 pub mod progress;

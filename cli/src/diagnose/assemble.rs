@@ -2,11 +2,12 @@
 
 use north_finder::effects::ErrorModel;
 use north_finder::settings::Settings;
-use north_finder::units::wrap_180_deg;
+use north_finder::units::{RAD_PER_DEG, wrap_180_deg, wrap_360_deg};
 use rayon::prelude::*;
 
 use super::checks;
 use super::data::RunData;
+use super::open::Open;
 use super::residual::Residuals;
 use super::{
     Diagnosis, Lesson, NoiseTests, Refusal, RunDiagnosis, Warning, findings, judge, study, unexplained, verdict,
@@ -35,15 +36,25 @@ pub fn diagnosis(
     lesson: &Lesson,
     mut warnings: Vec<Warning>,
 ) -> Result<Diagnosis, Refusal> {
+    let judged_by_checks = runs.iter().any(|run| run.role == Role::Check && run.reference_deg.is_some());
+    let mut model = model_of(lesson, base)?;
+    let mut afters = after(campaign, runs, &model, base, lesson)?;
+    let bad: Vec<String> = lesson.bad_references.iter().map(|(file, _)| file.clone()).collect();
+    let of_named: Vec<Option<f64>> = afters.iter().map(|after| after.azimuth_deg).collect();
+    let open = if lesson.by_stay.is_some() { None } else { Open::choose(runs, &lesson.by_second.taken, &bad) }
+        .filter(|open| open.is_better(runs, &of_named, &bad));
+    let bare =
+        Lesson { bad_references: lesson.bad_references.clone(), knocked: lesson.knocked.clone(), ..Lesson::default() };
+    let lesson = if open.as_ref().is_some_and(|open| open.replaces) {
+        model = model_of(&bare, base)?;
+        afters = after(campaign, runs, &model, base, &bare)?;
+        &bare
+    } else {
+        lesson
+    };
     let learned = lesson.learned();
-    let full = |_| Refusal::Campaign("what was learned has more terms than a model can hold".into());
-    let model = learned.model(&lesson.base(base)).map_err(full)?;
-    model.validate().map_err(|invalid| Refusal::Campaign(format!("what was learned makes no model: {invalid}")))?;
     warn_of_lesson(lesson, &mut warnings);
     checks::warn_of_range(runs, learned, &mut warnings);
-
-    let judged_by_checks = runs.iter().any(|run| run.role == Role::Check && run.reference_deg.is_some());
-    let mut afters = after(campaign, runs, &model, base, lesson)?;
     let judged: Vec<bool> = if judged_by_checks {
         runs.iter().map(|run| run.role == Role::Check && run.reference_deg.is_some()).collect()
     } else {
@@ -56,6 +67,14 @@ pub fn diagnosis(
         let bad = |run: &RunData| lesson.bad_references.iter().any(|(file, _)| *file == run.file);
         runs.iter().map(|run| run.role == Role::Fit && run.reference_deg.is_some() && !bad(run)).collect()
     };
+    if let Some(open) = &open {
+        for (after, own) in afters.iter_mut().zip(&open.azimuths) {
+            if let Some(own) = own {
+                after.azimuth_deg = Some(wrap_360_deg(own.azimuth_rad / RAD_PER_DEG));
+                after.sigma_deg = Some(own.sigma_rad / RAD_PER_DEG);
+            }
+        }
+    }
     let records: Vec<RunDiagnosis> = runs
         .iter()
         .zip(&afters)
@@ -68,7 +87,10 @@ pub fn diagnosis(
 
     let residuals = Residuals::new(runs.iter().collect(), &lesson.by_second.taken, lesson.line_s());
     let noise = noise_tests(campaign, runs, &residuals, base, lesson);
-    let unexplained = unexplained::evidence(lesson, runs, &noise);
+    let unexplained = match &open {
+        Some(open) => open.unexplained(),
+        None => unexplained::evidence(lesson, runs, &noise),
+    };
     let mut diagnosis = Diagnosis {
         title: campaign.title.clone(),
         verdict: String::new(),
@@ -92,8 +114,19 @@ pub fn diagnosis(
         effects: findings::found(lesson),
         model,
     };
+    if let Some(open) = &open {
+        diagnosis.effects.extend(open.effects());
+    }
     diagnosis.verdict = verdict::sentence(&diagnosis);
     Ok(diagnosis)
+}
+
+/// The model with what was learned.
+fn model_of(lesson: &Lesson, base: &ErrorModel) -> Result<ErrorModel, Refusal> {
+    let full = |_| Refusal::Campaign("what was learned has more terms than a model can hold".into());
+    let model = lesson.learned().model(&lesson.base(base)).map_err(full)?;
+    model.validate().map_err(|invalid| Refusal::Campaign(format!("what was learned makes no model: {invalid}")))?;
+    Ok(model)
 }
 
 /// Tests of the seconds; on a moving base of the stays, which are free of the motion.

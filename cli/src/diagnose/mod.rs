@@ -15,6 +15,7 @@ mod learn;
 mod learned;
 mod line;
 mod noise;
+mod open;
 mod problem;
 mod refine;
 pub mod report;

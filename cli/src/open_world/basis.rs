@@ -1,0 +1,567 @@
+//! Basis functions of groups, as means over a run's samples.
+
+use nalgebra::DMatrix;
+
+use super::dynamics::{low_pass, low_pass_from, play};
+use super::group::{Base, Group};
+use super::recording::{Place, Recording, Samples};
+
+/// Half widths of the play operators, in half ranges of the channel.
+pub const PLAY_WIDTHS: [f64; 6] = [0.06, 0.12, 0.2, 0.35, 0.55, 0.8];
+/// Time constants, seconds.
+pub const TIMES_S: [f64; 3] = [10.0, 40.0, 150.0];
+const MEMORY_S: [f64; 7] = [5.0, 15.0, 40.0, 100.0, 250.0, 600.0, 1500.0];
+const HEAT_S: [f64; 4] = [10.0, 40.0, 150.0, 600.0];
+const BACKLASH: [f64; 5] = [0.1, 0.2, 0.35, 0.55, 0.8];
+const COARSE_PLAY: [f64; 2] = [0.15, 0.4];
+const DECAYS_S: [f64; 4] = [4.0, 9.0, 20.0, 45.0];
+const WARM_UP_S: [f64; 4] = [15.0, 45.0, 150.0, 500.0];
+const CHANGE_S: f64 = 12.0;
+/// Half lengths of the windows in which tilt rates are slopes, seconds.
+const SLOPE_S: [usize; 3] = [5, 20, 100];
+/// Bumps in the heading, and their concentration.
+const BUMPS: usize = 8;
+const CONCENTRATION: f64 = 1.0 / 0.45;
+/// Curves go on at their ends beyond this many half ranges; what lies beyond makes the answer uncertain.
+pub const RANGE: f64 = 1.2;
+/// Directions of a base below this share of its greatest variance are left out.
+const LEAST_VARIANCE: f64 = 1e-6;
+const ARCSEC_PER_RAD: f64 = 206_264.806;
+
+/// Columns of a group: one row a sample.
+pub type Columns = DMatrix<f64>;
+
+/// Whitened radial basis functions: a Gaussian process whose correlation has a width, on a grid of centres.
+#[derive(Clone, Debug)]
+struct Curve {
+    centres: Vec<f64>,
+    width: f64,
+    whitening: DMatrix<f64>,
+}
+
+impl Curve {
+    fn new(from: f64, to: f64, number: usize, width: f64) -> Self {
+        let centres: Vec<f64> = (0..number).map(|i| from + (to - from) * i as f64 / (number - 1) as f64).collect();
+        let correlation = DMatrix::from_fn(number, number, |i, j| bump((centres[i] - centres[j]) / width))
+            + DMatrix::identity(number, number) * 1e-8;
+        let eigen = correlation.symmetric_eigen();
+        let roots = DMatrix::from_diagonal(&eigen.eigenvalues.map(|value| value.max(1e-12).powf(-0.5)));
+        let whitening = &eigen.eigenvectors * roots * eigen.eigenvectors.transpose();
+        Self { centres, width, whitening }
+    }
+
+    fn columns(&self, samples: &Samples, values: &[f64]) -> Columns {
+        let of = |centre: &f64| samples.means(values.iter().map(|value| bump((value - centre) / self.width)));
+        from_columns(samples.len(), self.centres.iter().map(of)) * &self.whitening
+    }
+}
+
+fn bump(x: f64) -> f64 {
+    (-0.5 * x * x).exp()
+}
+
+fn from_columns(rows: usize, columns: impl IntoIterator<Item = Vec<f64>>) -> Columns {
+    let all: Vec<f64> = columns.into_iter().flatten().collect();
+    let count = all.len() / rows.max(1);
+    DMatrix::from_vec(rows, count, all)
+}
+
+/// What the learned runs say of scales, and the directions that bases are reduced to.
+#[derive(Clone, Debug)]
+pub struct Scales {
+    /// Middle and half range of every channel.
+    pub channels: Vec<[f64; 2]>,
+    /// The longest run, seconds; most moves; greatest tilt along the axis, g.
+    pub longest_s: f64,
+    pub most_moves: f64,
+    pub most_tilt: f64,
+    /// Principal components of all channels within runs.
+    components: DMatrix<f64>,
+    smooth: Curve,
+    sharp: Curve,
+    narrow_play: Curve,
+    coarse_play: Curve,
+    of_time: Curve,
+    of_rate: Curve,
+    of_tilt: Curve,
+    /// Mean and directions of the bases that are reduced.
+    reduced: Vec<(Base, Vec<f64>, DMatrix<f64>)>,
+}
+
+/// One run with everything that its columns are made of.
+#[derive(Clone, Debug)]
+pub struct Sheet<'a> {
+    pub recording: &'a Recording,
+    pub samples: Samples,
+    places: Vec<Place>,
+    /// Means of cosine and sine of the index angle over the samples.
+    pub cos: Vec<f64>,
+    pub sin: Vec<f64>,
+}
+
+impl<'a> Sheet<'a> {
+    pub fn new(recording: &'a Recording, samples: Samples) -> Self {
+        let cos = samples.means(recording.design.iter().map(|row| row[0]));
+        let sin = samples.means(recording.design.iter().map(|row| row[1]));
+        Self { recording, places: recording.places(), samples, cos, sin }
+    }
+
+    /// Tilt along the axis, g: the axis' upward component.
+    fn tilt(&self) -> Vec<f64> {
+        let Some(tilt) = &self.recording.tilt_g else { return vec![0.0; self.recording.len()] };
+        tilt.iter().zip(&self.recording.design).map(|(tilt, row)| tilt[0] * row[0] + tilt[1] * row[1]).collect()
+    }
+
+    fn column(&self, of: impl Fn(usize) -> f64) -> Vec<f64> {
+        self.samples.means((0..self.recording.len()).map(of))
+    }
+}
+
+impl Scales {
+    /// From the runs that are learned from, whose channels are all there. `None` for a channel in `constant` order.
+    pub fn new(sheets: &[Sheet], bases: &[Base]) -> Self {
+        let number = sheets.first().map_or(0, |sheet| sheet.recording.channels.len());
+        let channels = (0..number).map(|channel| range(sheets, channel)).collect();
+        let most = |of: &dyn Fn(&Sheet) -> f64| sheets.iter().map(of).fold(0.0, f64::max);
+        let mut scales = Self {
+            channels,
+            longest_s: most(&|sheet| sheet.recording.t_s.last().copied().unwrap_or(1.0)),
+            most_moves: most(&|sheet| sheet.places.last().map_or(0.0, |place| place.moves)).max(1.0),
+            most_tilt: most(&|sheet| sheet.tilt().into_iter().fold(0.0, |most: f64, tilt| most.max(tilt.abs())))
+                .max(1e-9),
+            components: DMatrix::zeros(number, 0),
+            smooth: Curve::new(-1.1, 1.1, 8, 0.45),
+            sharp: Curve::new(-1.05, 1.05, 18, 0.13),
+            narrow_play: Curve::new(-1.1, 1.1, 14, 0.17),
+            coarse_play: Curve::new(-1.1, 1.1, 6, 0.4),
+            of_time: Curve::new(-0.05, 1.05, 12, 0.12),
+            of_rate: Curve::new(-1.05, 1.05, 10, 0.2),
+            of_tilt: Curve::new(-1.1, 1.1, 7, 0.4),
+            reduced: Vec::new(),
+        };
+        scales.components = scales.principal(sheets);
+        for &base in bases {
+            let raw: Vec<Columns> = sheets.iter().map(|sheet| scales.raw_base(sheet, base, 0.0)).collect();
+            if let Some((mean, directions)) = main_directions(&raw, kept(base)) {
+                scales.reduced.push((base, mean, directions));
+            }
+        }
+        scales
+    }
+
+    /// A channel in half ranges about its middle.
+    fn scaled(&self, sheet: &Sheet, channel: usize) -> Vec<f64> {
+        let [middle, half] = self.channels[channel];
+        sheet.recording.channels[channel].iter().map(|value| (value - middle) / half).collect()
+    }
+
+    fn clipped(&self, sheet: &Sheet, channel: usize) -> Vec<f64> {
+        self.scaled(sheet, channel).into_iter().map(|value| value.clamp(-RANGE, RANGE)).collect()
+    }
+
+    /// Means over the samples of how far a channel lies outside the learned range, half ranges.
+    pub fn excess(&self, sheet: &Sheet, channel: usize) -> Vec<f64> {
+        let scaled = self.scaled(sheet, channel);
+        sheet.samples.means(scaled.iter().map(|value| value - value.clamp(-1.1, 1.1)))
+    }
+
+    /// Directions of all channels within runs (what differs between runs only is a part of the bias).
+    fn principal(&self, sheets: &[Sheet]) -> DMatrix<f64> {
+        let number = self.channels.len();
+        let mut covariance = DMatrix::<f64>::zeros(number, number);
+        let mut rows = 0.0;
+        for sheet in sheets {
+            let mut columns = from_columns(
+                sheet.samples.len(),
+                (0..number).map(|channel| sheet.samples.means(self.scaled(sheet, channel))),
+            );
+            centre(&mut columns);
+            covariance += columns.transpose() * &columns;
+            rows += columns.nrows() as f64;
+        }
+        if number == 0 || rows == 0.0 {
+            return DMatrix::zeros(number, 0);
+        }
+        let eigen = (covariance / rows).symmetric_eigen();
+        let most = eigen.eigenvalues.max();
+        let kept: Vec<usize> = (0..number).filter(|&i| eigen.eigenvalues[i] > 1e-7 * most).collect();
+        DMatrix::from_fn(number, kept.len(), |i, j| {
+            eigen.eigenvectors[(i, kept[j])] / eigen.eigenvalues[kept[j]].sqrt()
+        })
+    }
+
+    /// A base reduced to its main directions.
+    fn base(&self, sheet: &Sheet, base: Base, azimuth_rad: f64) -> Columns {
+        let mut raw = self.raw_base(sheet, base, azimuth_rad);
+        match self.reduced.iter().find(|each| each.0 == base) {
+            Some((_, mean, directions)) => {
+                for (mut column, mean) in raw.column_iter_mut().zip(mean) {
+                    column.add_scalar_mut(-mean);
+                }
+                raw * directions
+            }
+            None => raw,
+        }
+    }
+
+    fn raw_base(&self, sheet: &Sheet, base: Base, azimuth_rad: f64) -> Columns {
+        let samples = &sheet.samples;
+        let rows = samples.len();
+        let interval = &sheet.recording.interval_s;
+        let moved = |i: usize| f64::from(u8::from(sheet.places[i].moves > 0.0));
+        let decay = |i: usize, time_s: f64| (-sheet.places[i].since_s / time_s).exp();
+        match base {
+            Base::Value(channel) => self.smooth.columns(samples, &self.clipped(sheet, channel)),
+            Base::Memory(channel) => {
+                let value = self.scaled(sheet, channel);
+                from_columns(rows, TIMES_S.map(|time_s| lacking(samples, &value, &low_pass(&value, interval, time_s))))
+            }
+            Base::Play(channel) => {
+                let value = self.scaled(sheet, channel);
+                beside(COARSE_PLAY.map(|width| self.coarse_play.columns(samples, &clip(play(&value, width)))))
+            }
+            Base::Harmonic(order) => {
+                let angle = |i: usize| f64::from(order) * sheet.sin[i].atan2(sheet.cos[i]);
+                match order {
+                    1 => from_columns(rows, [sheet.cos.clone(), sheet.sin.clone()]),
+                    _ => from_columns(
+                        rows,
+                        [
+                            (0..rows).map(|i| angle(i).cos()).collect(),
+                            (0..rows).map(|i| angle(i).sin()).collect::<Vec<_>>(),
+                        ],
+                    ),
+                }
+            }
+            Base::Rate => from_columns(rows, [along(sheet, azimuth_rad)]),
+            Base::Settling => from_columns(rows, DECAYS_S.map(|time_s| sheet.column(|i| decay(i, time_s) * moved(i)))),
+            Base::Travel => {
+                let of = |time_s: f64, sign: bool| {
+                    sheet.column(|i| {
+                        let travel = sheet.places[i].travel_deg / 180.0;
+                        decay(i, time_s) * if sign { travel } else { travel.abs() }
+                    })
+                };
+                from_columns(rows, [of(9.0, false), of(20.0, false), of(9.0, true), of(20.0, true)])
+            }
+            Base::Time => {
+                let t = &sheet.recording.t_s;
+                let curve: Vec<f64> = t.iter().map(|t| t / self.longest_s).collect();
+                let decays = WARM_UP_S.map(|time_s| sheet.column(|i| (-t[i].max(0.0) / time_s).exp()));
+                beside([self.of_time.columns(samples, &curve), from_columns(rows, decays)])
+            }
+            Base::Heading => {
+                let of = |bump: usize| {
+                    let centre = bump as f64 * std::f64::consts::TAU / BUMPS as f64;
+                    vec![(((azimuth_rad - centre).cos() - 1.0) * CONCENTRATION).exp(); rows]
+                };
+                from_columns(rows, (0..BUMPS).map(of))
+            }
+            Base::Tilt => {
+                let tilt: Vec<f64> = sheet.tilt().into_iter().map(|tilt| tilt / self.most_tilt).collect();
+                let curve = self.of_tilt.columns(samples, &clip(tilt.clone()));
+                beside([from_columns(rows, [samples.means(tilt)]), curve])
+            }
+            Base::Turn => {
+                let odd = sheet.column(|i| 1.0 - 2.0 * (sheet.places[i].moves.rem_euclid(2.0)));
+                let direction = sheet.column(|i| sign(sheet.places[i].travel_deg));
+                from_columns(rows, [odd, direction])
+            }
+        }
+    }
+
+    /// Columns of a group over a run's samples, at an azimuth where they depend on it. Not yet scaled.
+    pub fn columns(&self, sheet: &Sheet, group: &Group, azimuth_rad: f64) -> Columns {
+        let samples = &sheet.samples;
+        let rows = samples.len();
+        let interval = &sheet.recording.interval_s;
+        let scaled = |channel: usize| self.scaled(sheet, channel);
+        let value = |channel: usize| samples.means(self.scaled(sheet, channel));
+        let decay = |i: usize, time_s: f64| (-sheet.places[i].since_s / time_s).exp();
+        let angle = |i: usize| sheet.sin[i].atan2(sheet.cos[i]);
+        let harmonics = |orders: std::ops::RangeInclusive<u8>, angle: &dyn Fn(usize) -> f64| {
+            let of = |order: u8| {
+                let at = |i: usize| f64::from(order) * angle(i);
+                [(0..rows).map(|i| at(i).cos()).collect::<Vec<_>>(), (0..rows).map(|i| at(i).sin()).collect()]
+            };
+            from_columns(rows, orders.flat_map(of))
+        };
+        match group {
+            Group::Base(base) => self.raw_base(sheet, *base, azimuth_rad),
+            Group::Linear(channel) => from_columns(rows, [value(*channel)]),
+            Group::Quadratic(channel) => {
+                let scaled = scaled(*channel);
+                from_columns(rows, [value(*channel), samples.means(scaled.iter().map(|z| z * z))])
+            }
+            Group::Change(channel) => {
+                let scaled = scaled(*channel);
+                let mut change = lacking(samples, &scaled, &low_pass(&scaled, interval, CHANGE_S));
+                change.iter_mut().for_each(|value| *value /= CHANGE_S);
+                from_columns(rows, [change])
+            }
+            Group::SharpCurve(channel) => self.sharp.columns(samples, &self.clipped(sheet, *channel)),
+            Group::LongMemory(channel) => {
+                let scaled = scaled(*channel);
+                let lacking = MEMORY_S.map(|time_s| lacking(samples, &scaled, &low_pass(&scaled, interval, time_s)));
+                from_columns(rows, lacking)
+            }
+            Group::Backlash(channel) => {
+                let scaled = scaled(*channel);
+                from_columns(rows, BACKLASH.map(|width| lacking(samples, &scaled, &play(&scaled, width))))
+            }
+            Group::Hysteresis(channel, width) => {
+                self.narrow_play.columns(samples, &clip(play(&scaled(*channel), PLAY_WIDTHS[*width])))
+            }
+            Group::MemoryOfCurve(channel) => self.memory_of_curve(sheet, *channel),
+            Group::CurveOfMemory(channel, time) => {
+                let smoothed = low_pass(&scaled(*channel), interval, TIMES_S[*time]);
+                self.smooth.columns(samples, &clip(smoothed))
+            }
+            Group::MemoryOfChange(channel) => {
+                let scaled = scaled(*channel);
+                let slow = low_pass(&scaled, interval, CHANGE_S);
+                let change: Vec<f64> = scaled.iter().zip(&slow).map(|(z, slow)| 4.0 * (z - slow)).collect();
+                let forms: [fn(f64) -> f64; 3] = [|x| x, f64::abs, |x| x * x];
+                let of = |form: fn(f64) -> f64| {
+                    let formed: Vec<f64> = change.iter().map(|&x| form(x)).collect();
+                    HEAT_S.map(|time_s| samples.means(low_pass_from(0.0, &formed, interval, time_s)))
+                };
+                from_columns(rows, forms.into_iter().flat_map(of))
+            }
+            Group::HighHarmonics => harmonics(3..=6, &angle),
+            Group::AxisHarmonics => harmonics(2..=4, &|i| azimuth_rad - angle(i)),
+            Group::EarthField => {
+                let (sin, cos) = azimuth_rad.sin_cos();
+                from_columns(rows, [(0..rows).map(|i| sin * sheet.cos[i] - cos * sheet.sin[i]).collect::<Vec<_>>()])
+            }
+            Group::RateCurve => {
+                let rate = along(sheet, azimuth_rad);
+                let of = |centre: &f64| rate.iter().map(|x| bump((x - centre) / self.of_rate.width)).collect();
+                from_columns(rows, self.of_rate.centres.iter().map(of)) * &self.of_rate.whitening
+            }
+            Group::Drift => from_columns(rows, [sheet.column(|i| sheet.recording.t_s[i] / self.longest_s)]),
+            Group::SettlingByCount => {
+                let of = |time_s| sheet.column(|i| decay(i, time_s) * sheet.places[i].moves / self.most_moves);
+                from_columns(rows, DECAYS_S.map(of))
+            }
+            Group::SettlingEveryDwell => from_columns(rows, DECAYS_S.map(|time_s| sheet.column(|i| decay(i, time_s)))),
+            Group::SettlingByPosition => {
+                let moved = |i: usize| f64::from(u8::from(sheet.places[i].moves > 0.0));
+                let of = |time_s: f64| {
+                    [0, 1].map(|part| sheet.column(|i| decay(i, time_s) * moved(i) * sheet.recording.design[i][part]))
+                };
+                from_columns(rows, DECAYS_S.into_iter().flat_map(of))
+            }
+            Group::TiltLinear => from_columns(rows, [samples.means(sheet.tilt())]),
+            Group::TiltRate => {
+                from_columns(rows, SLOPE_S.map(|reach| samples.means(tilt_rate(sheet.recording, reach))))
+            }
+            Group::AllChannels => self.all_channels(sheet),
+            Group::AllMemory => self.all_memory(sheet),
+            Group::Product(first, second) if first == second => {
+                let base = self.base(sheet, *first, azimuth_rad);
+                let pairs = (0..base.ncols()).flat_map(|i| (0..=i).map(move |j| (i, j)));
+                let of = |(i, j): (usize, usize)| (0..rows).map(|row| base[(row, i)] * base[(row, j)]).collect();
+                from_columns(rows, pairs.map(of))
+            }
+            Group::Product(first, second) => {
+                product(&self.base(sheet, *first, azimuth_rad), &self.base(sheet, *second, azimuth_rad))
+            }
+            Group::Bilinear(first, second) => {
+                let (first, second) = (scaled(*first), scaled(*second));
+                from_columns(rows, [samples.means(first.iter().zip(&second).map(|(a, b)| a * b))])
+            }
+            Group::Bicubic(first, second) => {
+                let (first, second) = (scaled(*first), scaled(*second));
+                let forms: [fn(f64, f64) -> f64; 5] =
+                    [|a, _| a, |_, b| b, |a, b| a * b, |a, b| a * a * b, |a, b| a * b * b];
+                let of =
+                    |form: fn(f64, f64) -> f64| samples.means(first.iter().zip(&second).map(|(&a, &b)| form(a, b)));
+                from_columns(rows, forms.map(of))
+            }
+            Group::LinearTimes(channel, base) => {
+                product(&from_columns(rows, [value(*channel)]), &self.base(sheet, *base, azimuth_rad))
+            }
+            Group::Triple(first, second, base) => {
+                let (first, second) = (scaled(*first), scaled(*second));
+                let both = from_columns(rows, [samples.means(first.iter().zip(&second).map(|(a, b)| a * b))]);
+                product(&both, &self.base(sheet, *base, azimuth_rad))
+            }
+            Group::Extended { parent, weights, base } => {
+                let found =
+                    self.columns(sheet, parent, azimuth_rad) * DMatrix::from_column_slice(weights.len(), 1, weights);
+                product(&found, &self.base(sheet, *base, azimuth_rad))
+            }
+        }
+    }
+
+    /// A curve in the channel, low-passed; with what its unknown state at the beginning leaves.
+    fn memory_of_curve(&self, sheet: &Sheet, channel: usize) -> Columns {
+        let rows = sheet.samples.len();
+        let scaled = self.scaled(sheet, channel);
+        let forms: [fn(f64) -> f64; 4] = [|z| z, |z| z * z, |z| z.abs(), |z| (1.5 * z).sin()];
+        let columns = forms.into_iter().flat_map(|form| {
+            let formed: Vec<f64> = scaled.iter().map(|&z| form(z)).collect();
+            let start = formed.first().copied().unwrap_or_default();
+            HEAT_S
+                .into_iter()
+                .flat_map(move |time_s| {
+                    let after = low_pass_from(start, &formed, &sheet.recording.interval_s, time_s);
+                    let first = sheet.column(|i| start * (-sheet.recording.t_s[i].max(0.0) / time_s).exp());
+                    [sheet.samples.means(after), first]
+                })
+                .collect::<Vec<_>>()
+        });
+        from_columns(rows, columns)
+    }
+
+    fn all_channels(&self, sheet: &Sheet) -> Columns {
+        let number = self.channels.len();
+        let all = (0..number).map(|channel| sheet.samples.means(self.scaled(sheet, channel)));
+        from_columns(sheet.samples.len(), all) * &self.components
+    }
+
+    fn all_memory(&self, sheet: &Sheet) -> Columns {
+        let interval = &sheet.recording.interval_s;
+        let memories: Vec<Columns> = [8.0, 30.0, 100.0, 300.0]
+            .into_iter()
+            .map(|time_s| {
+                let lacking = (0..self.channels.len()).map(|channel| {
+                    let scaled = self.scaled(sheet, channel);
+                    lacking(&sheet.samples, &scaled, &low_pass(&scaled, interval, time_s))
+                });
+                from_columns(sheet.samples.len(), lacking) * &self.components
+            })
+            .collect();
+        beside(memories)
+    }
+}
+
+/// cos α: the share of the horizontal Earth rate along the axis.
+fn along(sheet: &Sheet, azimuth_rad: f64) -> Vec<f64> {
+    let (sin, cos) = azimuth_rad.sin_cos();
+    sheet.cos.iter().zip(&sheet.sin).map(|(c, s)| cos * c + sin * s).collect()
+}
+
+fn sign(value: f64) -> f64 {
+    if value == 0.0 { 0.0 } else { value.signum() }
+}
+
+fn clip(values: Vec<f64>) -> Vec<f64> {
+    values.into_iter().map(|value| value.clamp(-RANGE, RANGE)).collect()
+}
+
+/// Means of what the second lacks to the first.
+fn lacking(samples: &Samples, first: &[f64], second: &[f64]) -> Vec<f64> {
+    samples.means(first.iter().zip(second).map(|(first, second)| first - second))
+}
+
+fn beside(parts: impl IntoIterator<Item = Columns>) -> Columns {
+    let parts: Vec<Columns> = parts.into_iter().collect();
+    let rows = parts.first().map_or(0, DMatrix::nrows);
+    let all: Vec<f64> = parts.iter().flat_map(|part| part.as_slice().iter().copied()).collect();
+    DMatrix::from_vec(rows, all.len() / rows.max(1), all)
+}
+
+/// All products of a column of the first with one of the second.
+fn product(first: &Columns, second: &Columns) -> Columns {
+    let columns = first.column_iter().flat_map(|a| {
+        second.column_iter().map(move |b| a.iter().zip(b.iter()).map(|(a, b)| a * b).collect::<Vec<_>>())
+    });
+    from_columns(first.nrows(), columns.collect::<Vec<_>>())
+}
+
+pub fn centre(columns: &mut Columns) {
+    for mut column in columns.column_iter_mut() {
+        let mean = column.mean();
+        column.add_scalar_mut(-mean);
+    }
+}
+
+/// Most directions of a base in products; 0 where it stays as it is.
+fn kept(base: Base) -> usize {
+    match base {
+        Base::Value(_) | Base::Play(_) | Base::Time => 5,
+        Base::Memory(_) => 3,
+        Base::Tilt | Base::Travel | Base::Settling => 4,
+        Base::Harmonic(_) | Base::Rate | Base::Heading | Base::Turn => 0,
+    }
+}
+
+/// Mean of the columns and their main directions, whose variances fall off as the root of what they were.
+fn main_directions(raw: &[Columns], most: usize) -> Option<(Vec<f64>, DMatrix<f64>)> {
+    let width = raw.first()?.ncols();
+    let rows: usize = raw.iter().map(DMatrix::nrows).sum();
+    if most == 0 || rows == 0 {
+        return None;
+    }
+    let mean: Vec<f64> =
+        (0..width).map(|j| raw.iter().map(|columns| columns.column(j).sum()).sum::<f64>() / rows as f64).collect();
+    let mut covariance = DMatrix::<f64>::zeros(width, width);
+    for columns in raw {
+        let mut columns = columns.clone();
+        for (mut column, mean) in columns.column_iter_mut().zip(&mean) {
+            column.add_scalar_mut(-mean);
+        }
+        covariance += columns.transpose() * columns;
+    }
+    let eigen = (covariance / rows as f64).symmetric_eigen();
+    let mut order: Vec<usize> = (0..width).collect();
+    order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+    let greatest = eigen.eigenvalues[order[0]];
+    if greatest <= 0.0 {
+        return None;
+    }
+    order.retain(|&i| eigen.eigenvalues[i] > LEAST_VARIANCE * greatest);
+    order.truncate(most);
+    let factor = |i: usize| eigen.eigenvalues[i].powf(-0.5) * (eigen.eigenvalues[i] / greatest).powf(0.25);
+    let directions = DMatrix::from_fn(width, order.len(), |i, j| eigen.eigenvectors[(i, order[j])] * factor(order[j]));
+    Some((mean, directions))
+}
+
+/// Middle and half of the range that a channel's values lie in, 1 % left out.
+fn range(sheets: &[Sheet], channel: usize) -> [f64; 2] {
+    let mut values: Vec<f64> =
+        sheets.iter().flat_map(|sheet| sheet.recording.channels[channel].iter().copied()).collect();
+    if values.is_empty() {
+        return [0.0, 1.0];
+    }
+    values.sort_unstable_by(f64::total_cmp);
+    let at = |share: f64| values[(share * (values.len() - 1) as f64).round() as usize];
+    let (low, high) = (at(0.005), at(0.995));
+    let half = 0.5 * (high - low);
+    [0.5 * (high + low), if half > 1e-12 * high.abs().max(1.0) { half } else { f64::INFINITY }]
+}
+
+/// What the gyro feels of the base's tilt rates, °/h: cos θ · dr/dt − sin θ · dp/dt, as slopes within dwells.
+fn tilt_rate(recording: &Recording, reach: usize) -> Vec<f64> {
+    let mut rate = vec![0.0; recording.len()];
+    let Some(tilt) = &recording.tilt_g else { return rate };
+    let mut first = 0;
+    while first < recording.len() {
+        let dwell = recording.dwell[first];
+        let end = (first..recording.len()).find(|&i| recording.dwell[i] != dwell).unwrap_or(recording.len());
+        let inside: Vec<usize> = (first..end).filter(|&i| recording.enters[i]).collect();
+        first = end;
+        if inside.len() < 5 {
+            continue;
+        }
+        let reach = reach.min((inside.len() - 1) / 2).max(2);
+        for (place, &i) in inside.iter().enumerate() {
+            let window = &inside[place.saturating_sub(reach)..(place + reach + 1).min(inside.len())];
+            let slope = |axis: usize| {
+                let count = window.len() as f64;
+                let t = window.iter().map(|&j| recording.t_s[j]).sum::<f64>() / count;
+                let (mut across, mut squares) = (0.0, 0.0);
+                for &j in window {
+                    across += (recording.t_s[j] - t) * tilt[j][axis];
+                    squares += (recording.t_s[j] - t).powi(2);
+                }
+                if squares > 0.0 { across / squares } else { 0.0 }
+            };
+            let [cos, sin] = recording.design[i];
+            rate[i] = ARCSEC_PER_RAD * (cos * slope(1) - sin * slope(0));
+        }
+    }
+    rate
+}

@@ -1,0 +1,63 @@
+//! The linear Gaussian model: posterior of weights with prior variances, and its evidence.
+
+use nalgebra::{DMatrix, DVector};
+
+/// Weights of active functions, given all data.
+#[derive(Clone, Debug)]
+pub struct Posterior {
+    pub mean: DVector<f64>,
+    pub covariance: DMatrix<f64>,
+    /// Part of the log evidence that the weights make: −½ ln det(I + √S G √S) + ½ cᵀ Σ c.
+    pub gain: f64,
+}
+
+/// From the Gram matrix and right side of whitened columns, and the prior variance of every weight.
+pub fn posterior(gram: &DMatrix<f64>, right: &DVector<f64>, variances: &[f64]) -> Posterior {
+    let n = variances.len();
+    if n == 0 {
+        return Posterior { mean: DVector::zeros(0), covariance: DMatrix::zeros(0, 0), gain: 0.0 };
+    }
+    let roots: Vec<f64> = variances.iter().map(|variance| variance.sqrt()).collect();
+    let mut matrix = DMatrix::from_fn(n, n, |i, j| roots[i] * gram[(i, j)] * roots[j]);
+    for i in 0..n {
+        matrix[(i, i)] += 1.0;
+    }
+    let (half, log_determinant) = super::run::half_of(&matrix);
+    let scaled = DMatrix::from_fn(n, n, |i, j| half[(i, j)] * roots[j]);
+    let covariance = scaled.transpose() * &scaled;
+    let mean = &covariance * right;
+    let gain = 0.5 * right.dot(&mean) - 0.5 * log_determinant;
+    Posterior { mean, covariance, gain }
+}
+
+/// Greatest gain in log evidence of a group with this Gram matrix and right side over prior variances, and the variance.
+pub fn best_variance(gram: &DMatrix<f64>, right: &DVector<f64>, variances: &[f64]) -> (f64, f64) {
+    let n = gram.nrows();
+    let mut factor = vec![0.0; n * n];
+    let mut forward = vec![0.0; n];
+    let of = |variance: f64, factor: &mut [f64], forward: &mut [f64]| {
+        // Cholesky of 1/variance + G, row by row; small, and many of them.
+        let mut log_determinant = n as f64 * variance.ln();
+        let mut explained = 0.0;
+        for i in 0..n {
+            for j in 0..=i {
+                let (before, row) = factor.split_at(i * n);
+                let other = if j == i { &row[..j] } else { &before[j * n..j * n + j] };
+                let sum: f64 = row[..j].iter().zip(other).map(|(a, b)| a * b).sum();
+                let value = gram[(i, j)] + if i == j { 1.0 / variance } else { 0.0 } - sum;
+                factor[i * n + j] = if i == j { value.max(1e-300).sqrt() } else { value / factor[j * n + j] };
+            }
+            let diagonal = factor[i * n + i];
+            log_determinant += 2.0 * diagonal.ln();
+            let sum: f64 = (0..i).map(|j| factor[i * n + j] * forward[j]).sum();
+            forward[i] = (right[i] - sum) / diagonal;
+            explained += forward[i] * forward[i];
+        }
+        0.5 * (explained - log_determinant)
+    };
+    variances
+        .iter()
+        .map(|&variance| (of(variance, &mut factor, &mut forward), variance))
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .unwrap_or((0.0, 0.0))
+}

@@ -1,0 +1,32 @@
+//! An open world: effects outside every dictionary, by groups of basis functions that the evidence chooses.
+//!
+//! For every run y = A (h cos ψ, h sin ψ, bias) + Σ Φ w + u(t) + white noise. A group's weights have one prior variance;
+//! u is a process of the run's own, whose kernel comes from a mixture that the training runs share.
+
+mod basis;
+mod dynamics;
+mod evidence;
+mod group;
+mod learn;
+mod predict;
+mod process;
+mod recording;
+mod run;
+
+pub use group::Group;
+pub use predict::{Found, Learned, Model, Prediction};
+pub use process::{Kernel, Shape};
+pub use recording::{Recording, Reference};
+
+use learn::Search;
+
+/// Learns from recordings that have the same channels. `None` where no run has enough in it.
+pub fn learn(recordings: &[&Recording]) -> Option<Learned> {
+    let channels = recordings.first()?.channels.len();
+    let mut search = Search::new(recordings, channels)?;
+    let state = search.learn();
+    Some(Learned::new(&search, &state))
+}
+
+#[cfg(test)]
+mod tests;

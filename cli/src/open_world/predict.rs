@@ -1,0 +1,312 @@
+//! The azimuth of a run by what was learned: generalised least squares, averaged over what remains possible.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use rayon::prelude::*;
+
+use super::basis::Scales;
+use super::evidence::{Posterior, posterior};
+use super::group::Group;
+use super::learn::{Active, Search, State, prepare};
+use super::process::{self, Kernel};
+use super::recording::Recording;
+use super::run::{Run, half_of};
+
+/// Kernels of a run's own process that enter its average: so many, and not below this share of the likeliest.
+const MOST_KERNELS: usize = 4;
+const LEAST_SHARE: f64 = 0.05;
+/// Rounds in which azimuth and what depends on it are brought into agreement.
+const ROUNDS: usize = 4;
+const AGREED_RAD: f64 = 1e-6;
+/// Beyond the learned range an effect may change by this much of its size for each half range.
+const BEYOND: f64 = 2.0;
+
+/// Azimuth of a run, and its standard deviation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prediction {
+    pub azimuth_rad: f64,
+    pub sigma_rad: f64,
+}
+
+/// A group of a model.
+#[derive(Clone, Debug)]
+pub struct Found {
+    pub group: Group,
+    /// Its columns are multiplied by this.
+    pub factor: f64,
+    /// Root mean square of what it does within the training runs, °/h.
+    pub size_deg_h: f64,
+    /// Log odds of the model with it over the model without it.
+    pub log_odds: f64,
+}
+
+/// One of the models that are averaged.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// Its share of the average.
+    pub weight: f64,
+    pub groups: Vec<Found>,
+    /// Weights of all functions, group by group, and their covariance.
+    pub mean: DVector<f64>,
+    pub covariance: DMatrix<f64>,
+}
+
+/// Everything that was learned: enough to give the azimuth of a run.
+#[derive(Clone, Debug)]
+pub struct Learned {
+    pub scales: Scales,
+    pub kernels: Vec<Kernel>,
+    pub shares: Vec<f64>,
+    pub unit_deg_h: f64,
+    /// The likeliest first.
+    pub models: Vec<Model>,
+    /// Added to the standard deviation of every azimuth (root of the sum of squares): what the training runs' own azimuths
+    /// miss beyond theirs.
+    pub excess_rad: f64,
+    /// Log evidence of the likeliest model.
+    pub evidence: f64,
+    /// Log-likelihood that the processes of the runs' own gain over white noise.
+    pub process_gain: f64,
+    /// Azimuths of the training runs by models without them, in the runs' order.
+    pub left_out: Vec<Prediction>,
+}
+
+impl Learned {
+    pub fn new(search: &Search, state: &State) -> Self {
+        let alternatives = search.alternatives(state);
+        let mut actives: Vec<(f64, &Active)> = vec![(0.0, &state.active)];
+        actives.extend(alternatives.iter().map(|each| (each.behind.min(0.0), &each.active)));
+        let total: f64 = actives.iter().map(|each| each.0.exp()).sum();
+        let contributions: Vec<Vec<(DMatrix<f64>, DVector<f64>)>> = actives
+            .par_iter()
+            .map(|(_, active)| {
+                (0..search.runs.len()).map(|run| search.of_run(run, active, state.of_run[run])).collect()
+            })
+            .collect();
+        let model = |number: usize, without: Option<usize>| {
+            let (behind, active) = actives[number];
+            let prior = search.prior(active);
+            let mut gram = DMatrix::zeros(prior.len(), prior.len());
+            let mut right = DVector::zeros(prior.len());
+            for (run, (own, c)) in contributions[number].iter().enumerate() {
+                if Some(run) != without {
+                    gram += own;
+                    right += c;
+                }
+            }
+            let found = posterior(&gram, &right, &prior);
+            Model {
+                weight: behind.exp() / total,
+                groups: groups(search, active, &found, (&gram, &right)),
+                mean: found.mean,
+                covariance: found.covariance,
+            }
+        };
+        let mut learned = Self {
+            scales: search.scales.clone(),
+            kernels: search.kernels.clone(),
+            shares: state.shares.clone(),
+            unit_deg_h: search.unit_deg_h,
+            models: (0..actives.len()).map(|number| model(number, None)).collect(),
+            excess_rad: 0.0,
+            evidence: state.evidence,
+            process_gain: state.process_gain,
+            left_out: Vec::new(),
+        };
+        learned.left_out = (0..search.runs.len())
+            .into_par_iter()
+            .map(|run| {
+                let models: Vec<Model> = (0..actives.len()).map(|number| model(number, Some(run))).collect();
+                learned.predict(&search.runs[run], &models)
+            })
+            .collect();
+        learned.excess_rad = excess(&search.runs, &learned.left_out);
+        learned
+    }
+
+    /// Azimuths of runs; `None` where one has too little in it.
+    pub fn azimuths(&self, recordings: &[&Recording]) -> Vec<Option<Prediction>> {
+        let (prepared, _) = prepare(recordings, &self.kernels, Some(self.unit_deg_h));
+        prepared
+            .into_par_iter()
+            .map(|each| {
+                let (sheet, whitening) = each?;
+                let run = Run::new(sheet, None, whitening, self.kernels.len());
+                let found = self.predict(&run, &self.models);
+                Some(Prediction { sigma_rad: found.sigma_rad.hypot(self.excess_rad), ..found })
+            })
+            .collect()
+    }
+
+    /// What the likeliest model does in every second of a run, °/h, at the run's azimuth; nothing where there is too little in
+    /// it.
+    pub fn effects_deg_h(&self, recording: &Recording, azimuth_rad: f64) -> Vec<f64> {
+        let (prepared, _) = prepare(&[recording], &[self.kernels[0]], Some(self.unit_deg_h));
+        match (prepared.into_iter().next().flatten(), self.models.first()) {
+            (Some((sheet, whitening)), Some(model)) => {
+                let run = Run::new(sheet, None, whitening, 1);
+                let effects = self.columns(&run, model, azimuth_rad) * &model.mean;
+                run.sheet.samples.spread(effects.as_slice())
+            }
+            _ => vec![0.0; recording.len()],
+        }
+    }
+
+    fn predict(&self, run: &Run, models: &[Model]) -> Prediction {
+        let each: Vec<(f64, Prediction)> =
+            models.iter().map(|model| (model.weight, self.predict_by(run, model))).collect();
+        average(&each)
+    }
+
+    fn predict_by(&self, run: &Run, model: &Model) -> Prediction {
+        let turns = model.groups.iter().any(|each| each.group.follows_heading());
+        let mut azimuth_rad = run.plain_azimuth_rad();
+        let mut found = Prediction { azimuth_rad, sigma_rad: f64::INFINITY };
+        let beyond = self.beyond(run, model);
+        for _ in 0..if turns { ROUNDS } else { 1 } {
+            let columns = self.columns(run, model, azimuth_rad);
+            let mean = &columns * &model.mean;
+            let of_model = &columns * &model.covariance * columns.transpose() + &beyond;
+            found = self.predict_about(run, &mean, &of_model);
+            let moved = wrap(found.azimuth_rad - azimuth_rad).abs();
+            azimuth_rad = found.azimuth_rad;
+            if moved < AGREED_RAD {
+                break;
+            }
+        }
+        found
+    }
+
+    /// Given what the effects do and how uncertain that is: averaged over the kernels of the run's own process.
+    fn predict_about(&self, run: &Run, mean: &DVector<f64>, of_model: &DMatrix<f64>) -> Prediction {
+        let residual = &run.rate - mean;
+        let whitened = &run.whitening.halves * &residual;
+        let likelihood = run.log_likelihood(&residual, whitened.as_slice(), false);
+        let weights = process::posterior(&likelihood, &self.shares);
+        let mut order: Vec<usize> = (0..weights.len()).collect();
+        order.sort_by(|&a, &b| weights[b].total_cmp(&weights[a]));
+        let least = LEAST_SHARE * weights[order[0]];
+        order.truncate(MOST_KERNELS);
+        order.retain(|&kernel| weights[kernel] > least);
+        let each: Vec<(f64, Prediction)> = order
+            .into_iter()
+            .map(|kernel| {
+                let size = self.kernels[kernel].size * self.unit_deg_h;
+                let covariance = run.whitening.covariance(kernel, size) + of_model;
+                (weights[kernel], least_squares(&run.design, &residual, &covariance))
+            })
+            .collect();
+        average(&each)
+    }
+
+    fn columns(&self, run: &Run, model: &Model, azimuth_rad: f64) -> DMatrix<f64> {
+        let mut all: Vec<f64> = Vec::new();
+        for Found { group, factor, .. } in &model.groups {
+            let columns = self.scales.columns(&run.sheet, group, azimuth_rad) * *factor;
+            all.extend_from_slice(columns.as_slice());
+        }
+        let rows = run.rate.len();
+        DMatrix::from_vec(rows, all.len() / rows, all)
+    }
+
+    /// Covariance of what effects may do beyond the range that they were learned in.
+    fn beyond(&self, run: &Run, model: &Model) -> DMatrix<f64> {
+        let n = run.rate.len();
+        let mut covariance = DMatrix::zeros(n, n);
+        for Found { group, size_deg_h, .. } in &model.groups {
+            for channel in group.channels() {
+                let excess = DVector::from_vec(self.scales.excess(&run.sheet, channel));
+                if excess.amax() > 0.0 {
+                    covariance += &excess * excess.transpose() * (BEYOND * size_deg_h).powi(2);
+                }
+            }
+        }
+        covariance
+    }
+}
+
+/// The active groups with what they do and what they are worth.
+fn groups(
+    search: &Search,
+    active: &Active,
+    found: &Posterior,
+    (gram, right): (&DMatrix<f64>, &DVector<f64>),
+) -> Vec<Found> {
+    let prior = search.prior(active);
+    let mut start = 0;
+    active
+        .iter()
+        .map(|&(group, variance)| {
+            let one: Active = vec![(group, variance)];
+            let (mut squares, mut width) = (0.0, 0);
+            for run in 0..search.runs.len() {
+                let columns = search.active_columns(run, &one);
+                width = columns.ncols();
+                squares += (columns * found.mean.rows(start, width)).variance();
+            }
+            let others: Vec<usize> = (0..prior.len()).filter(|at| !(start..start + width).contains(at)).collect();
+            let without = posterior(
+                &gram.select_rows(&others).select_columns(&others),
+                &right.select_rows(&others),
+                &others.iter().map(|&at| prior[at]).collect::<Vec<_>>(),
+            );
+            start += width;
+            Found {
+                group: search.groups[group].clone(),
+                factor: search.factors[group],
+                size_deg_h: (squares / search.runs.len() as f64).sqrt(),
+                log_odds: found.gain - without.gain,
+            }
+        })
+        .collect()
+}
+
+/// Azimuth and its standard deviation by generalised least squares.
+fn least_squares(design: &DMatrix<f64>, rate: &DVector<f64>, covariance: &DMatrix<f64>) -> Prediction {
+    let (half, _) = half_of(covariance);
+    let (design, rate) = (&half * design, &half * rate);
+    let normal: Matrix3<f64> = (design.transpose() * &design).fixed_view::<3, 3>(0, 0).into_owned();
+    let right = design.transpose() * rate;
+    let Some(inverse) = normal.try_inverse() else {
+        return Prediction { azimuth_rad: 0.0, sigma_rad: std::f64::consts::PI };
+    };
+    let found = inverse * Vector3::new(right[0], right[1], right[2]);
+    let squared = found[0] * found[0] + found[1] * found[1];
+    let gradient = Vector3::new(-found[1], found[0], 0.0) / squared;
+    Prediction { azimuth_rad: found[1].atan2(found[0]), sigma_rad: gradient.dot(&(inverse * gradient)).max(0.0).sqrt() }
+}
+
+/// Mean and standard deviation of a mixture.
+fn average(each: &[(f64, Prediction)]) -> Prediction {
+    let Some(first) = each.first() else { return Prediction { azimuth_rad: 0.0, sigma_rad: std::f64::consts::PI } };
+    let total: f64 = each.iter().map(|(weight, _)| weight).sum();
+    let about = first.1.azimuth_rad;
+    let off = |prediction: &Prediction| wrap(prediction.azimuth_rad - about);
+    let mean = each.iter().map(|(weight, prediction)| weight * off(prediction)).sum::<f64>() / total;
+    let variance = each
+        .iter()
+        .map(|(weight, prediction)| weight * (prediction.sigma_rad.powi(2) + (off(prediction) - mean).powi(2)))
+        .sum::<f64>()
+        / total;
+    Prediction { azimuth_rad: about + mean, sigma_rad: variance.sqrt() }
+}
+
+/// What azimuths of training runs by models without them miss beyond their sigmas: root of mean(e² − σ²), at least 0.
+fn excess(runs: &[Run], left_out: &[Prediction]) -> f64 {
+    let beyond: Vec<f64> = runs
+        .iter()
+        .zip(left_out)
+        .filter_map(|(run, found)| {
+            let reference = run.reference?;
+            let error = wrap(found.azimuth_rad - reference.azimuth_rad);
+            Some(error.powi(2) - found.sigma_rad.powi(2) - reference.sigma_rad.powi(2))
+        })
+        .collect();
+    if beyond.is_empty() { 0.0 } else { (beyond.iter().sum::<f64>() / beyond.len() as f64).max(0.0).sqrt() }
+}
+
+/// Into (−π, π].
+pub fn wrap(angle_rad: f64) -> f64 {
+    (angle_rad + 0.5 * TAU).rem_euclid(TAU) - 0.5 * TAU
+}

@@ -1,0 +1,178 @@
+use nalgebra::{DMatrix, DVector};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::dynamics::{low_pass, play};
+use super::evidence::posterior;
+use super::learn::Search;
+use super::process::{Shape, kernels};
+use super::*;
+
+const NORTH_DEG_H: f64 = 12.0;
+const NOISE_DEG_H: f64 = 0.1;
+const DWELL_S: usize = 40;
+
+/// A normal number (sum of twelve uniform ones).
+fn normal(random: &mut ChaCha8Rng) -> f64 {
+    (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0
+}
+
+/// Runs at four positions with two channels that wander; `effect` of their values adds to the rate. With the true azimuths.
+fn runs(number: usize, seed: u64, effect: impl Fn(&[Vec<f64>]) -> Vec<f64>) -> Vec<(Recording, f64)> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut all = Vec::new();
+    for _ in 0..number {
+        let azimuth_rad = random.random::<f64>() * std::f64::consts::TAU;
+        let length = 4 * DWELL_S;
+        let channels: Vec<Vec<f64>> = (0..2)
+            .map(|_| {
+                let (amplitude, phase) = (1.0 + random.random::<f64>(), 6.3 * random.random::<f64>());
+                let cycles = 1.0 + 2.0 * random.random::<f64>();
+                let offset = random.random::<f64>() - 0.5;
+                (0..length)
+                    .map(|i| offset + amplitude * (phase + cycles * 6.3 * i as f64 / length as f64).sin())
+                    .collect()
+            })
+            .collect();
+        let effects = effect(&channels);
+        let bias = normal(&mut random);
+        let mut recording = Recording { north_deg_h: NORTH_DEG_H, channels, ..Recording::default() };
+        for (i, effect) in effects.iter().enumerate() {
+            let (sin, cos) = ((i / DWELL_S) as f64 * 0.25 * std::f64::consts::TAU).sin_cos();
+            let rate = NORTH_DEG_H * (azimuth_rad.cos() * cos + azimuth_rad.sin() * sin);
+            recording.t_s.push(i as f64 + 0.5);
+            recording.interval_s.push(1.0);
+            recording.dwell.push(i / DWELL_S);
+            recording.moving.push(false);
+            recording.enters.push(true);
+            recording.design.push([cos, sin]);
+            recording.rate_deg_h.push(rate + bias + effect + NOISE_DEG_H * normal(&mut random));
+        }
+        recording.reference = Some(Reference { azimuth_rad, sigma_rad: 1e-4 });
+        all.push((recording, azimuth_rad));
+    }
+    all
+}
+
+/// Root mean square azimuth error of the last six runs, and the sum of squares of errors over sigmas.
+fn judged(all: &[(Recording, f64)], learned: &Learned) -> (f64, f64) {
+    let check: Vec<&Recording> = all[all.len() - 6..].iter().map(|each| &each.0).collect();
+    let (mut squares, mut normalised) = (0.0, 0.0);
+    for (found, (_, truth)) in learned.azimuths(&check).into_iter().zip(&all[all.len() - 6..]) {
+        let found = found.unwrap();
+        let error = predict::wrap(found.azimuth_rad - truth);
+        squares += error * error / 6.0;
+        normalised += (error / found.sigma_rad).powi(2);
+    }
+    (squares.sqrt(), normalised)
+}
+
+fn training(all: &[(Recording, f64)]) -> Vec<&Recording> {
+    all[..all.len() - 6].iter().map(|each| &each.0).collect()
+}
+
+/// Standard deviation of an azimuth by white noise: σ √(2/T) / h for positions equally spaced.
+fn white_rad() -> f64 {
+    NOISE_DEG_H * (2.0 / (4 * DWELL_S) as f64).sqrt() / NORTH_DEG_H
+}
+
+/// Half width 1 about the input 0, 2, 3, 1, 0, −2: pushed to 1 and 2, held, held at 0's upper end 1, pushed to −1.
+#[test]
+fn play_follows_where_it_is_pushed() {
+    assert_eq!(play(&[0.0, 2.0, 3.0, 1.0, 0.0, -2.0], 1.0), [0.0, 1.0, 2.0, 2.0, 1.0, -1.0]);
+}
+
+/// A step of 1 after the first second, τ = 1/ln 2: half of what is missing every second.
+#[test]
+fn a_low_pass_halves_what_is_missing() {
+    let found = low_pass(&[0.0, 1.0, 1.0], &[1.0; 3], 1.0 / std::f64::consts::LN_2);
+    for (found, expected) in found.iter().zip([0.0, 0.5, 0.75]) {
+        assert!((found - expected).abs() < 1e-12);
+    }
+}
+
+/// Covariances of means over spans against sums of the correlation over a fine grid; the midpoint rule errs by about a
+/// twelfth of step² times the curvature, at the exponential's cusp by a sixth of step/τ of the diagonal: 2e-3 here.
+#[test]
+fn covariances_of_spans_are_double_means() {
+    let correlation: [(Shape, fn(f64, f64) -> f64); 4] = [
+        (Shape::Exponential, |d, t| (-d / t).exp()),
+        (Shape::Matern, |d, t| (1.0 + 3f64.sqrt() * d / t) * (-(3f64.sqrt()) * d / t).exp()),
+        (Shape::SquaredExponential, |d, t| (-0.5 * (d / t).powi(2)).exp()),
+        (Shape::DampedCosine, |d, t| (std::f64::consts::TAU * d / t).cos() * (-d / (6.0 * t)).exp()),
+    ];
+    let spans = [[0.0, 3.0], [3.0, 10.0], [15.0, 40.0]];
+    let fine = |[from, to]: [f64; 2]| (0..200).map(move |i| from + (to - from) * (f64::from(i) + 0.5) / 200.0);
+    for (shape, correlation) in correlation {
+        let found = shape.covariance(12.0, &spans);
+        for i in 0..3 {
+            for j in 0..3 {
+                let sum: f64 =
+                    fine(spans[i]).flat_map(|a| fine(spans[j]).map(move |b| correlation((a - b).abs(), 12.0))).sum();
+                assert!((found[(i, j)] - sum / 40_000.0).abs() < 2e-3, "{shape:?} {i} {j}");
+            }
+        }
+    }
+}
+
+/// The log evidence by sums over runs against the dense normal density of all samples, azimuth and bias integrated out:
+/// −½ (ln det V + ln det AᵀV⁻¹A + yᵀ(V⁻¹ − V⁻¹A(AᵀV⁻¹A)⁻¹AᵀV⁻¹) y) with V = white + process + ΦSΦᵀ.
+#[test]
+fn the_evidence_is_that_of_the_dense_density() {
+    let all = runs(1, 5, |channels| play(&channels[0], 0.5));
+    let mut recording = all[0].0.clone();
+    recording.reference = None;
+    let search = Search::new(&[&recording], 2).unwrap();
+    let run = &search.runs[0];
+    let kernel = kernels().iter().position(|each| each.shape == Some(Shape::Matern) && each.size > 1.0).unwrap();
+    let active: learn::Active = vec![(1, 0.02), (9, 0.3)];
+    let (gram, right, constant) = search.active_sums(&active, &[kernel]);
+    let found = constant + posterior(&gram, &right, &search.prior(&active)).gain;
+
+    let columns = search.active_columns(0, &active);
+    let prior = DMatrix::from_diagonal(&DVector::from_vec(search.prior(&active)));
+    let size = search.kernels[kernel].size * search.unit_deg_h;
+    let dense = run.whitening.covariance(kernel, size) + &columns * prior * columns.transpose();
+    let factor = dense.clone().cholesky().unwrap();
+    let log_determinant = 2.0 * factor.l().diagonal().iter().map(|value| value.ln()).sum::<f64>();
+    let normal = run.design.transpose() * factor.solve(&run.design);
+    let toward = run.design.transpose() * factor.solve(&run.rate);
+    let explained = toward.dot(&normal.clone().lu().solve(&toward).unwrap());
+    let square = run.rate.dot(&factor.solve(&run.rate)) - explained;
+    let expected = -0.5 * (log_determinant + normal.determinant().ln() + square);
+    assert!((found - expected).abs() < 1e-6 * expected.abs(), "{found} {expected}");
+}
+
+#[test]
+fn nothing_is_taken_where_nothing_is() {
+    for seed in 0..3 {
+        let all = runs(14, seed, |channels| vec![0.0; channels[0].len()]);
+        let learned = learn(&training(&all)).unwrap();
+        assert!(learned.models[0].groups.is_empty(), "seed {seed}: {:?}", learned.models[0].groups);
+    }
+}
+
+/// Six errors over their sigmas: a chi-square of 6, above 22.5 once in a thousand. The learned effect may cost as much as the
+/// noise itself and half of it again (eight runs for what is at most some ten numbers).
+fn finds(effect: impl Fn(&[Vec<f64>]) -> Vec<f64>, name: &str) {
+    let all = runs(18, 11, effect);
+    let learned = learn(&training(&all)).unwrap();
+    let names: Vec<String> = learned.models[0].groups.iter().map(|found| found.group.name()).collect();
+    let (rms_rad, normalised) = judged(&all, &learned);
+    assert!(names.iter().any(|found| found == name), "{names:?}");
+    assert!(rms_rad < 2.0 * white_rad(), "{names:?}: {rms_rad} against {}", white_rad());
+    assert!(normalised < 22.5, "{normalised}");
+}
+
+#[test]
+fn a_hysteresis_is_found_and_covered() {
+    finds(|channels| play(&channels[0], 0.6).iter().map(|value| 0.3 * value).collect(), "hysteresis");
+}
+
+#[test]
+fn a_surface_is_found_and_covered() {
+    let surface = |channels: &[Vec<f64>]| {
+        channels[0].iter().zip(&channels[1]).map(|(a, b)| 0.2 * (1.2 * a).sin() * b).collect::<Vec<_>>()
+    };
+    finds(surface, "function-of-two-channels");
+}
