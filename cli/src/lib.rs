@@ -15,6 +15,7 @@ pub mod interrupt;
 pub mod json;
 pub mod open_world;
 pub mod output;
+pub mod port;
 pub mod present;
 pub mod progress;
 pub mod recorder;

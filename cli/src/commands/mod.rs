@@ -1,6 +1,7 @@
 //! The verbs of the command line, one a file.
 
 mod bench;
+mod board;
 mod calibrate;
 mod characterise;
 mod completions;
@@ -9,6 +10,7 @@ mod find;
 mod import;
 pub mod instrument;
 mod man;
+mod monitor;
 mod scenarios;
 mod simulate;
 mod solve;
@@ -41,6 +43,8 @@ enum Command {
     Import(import::Import),
     Calibrate(calibrate::Calibrate),
     Characterise(characterise::Characterise),
+    Board(board::Board),
+    Monitor(monitor::Monitor),
     Bench(bench::Bench),
     CloseLoop(bench::CloseLoop),
     Scenarios(scenarios::Scenarios),
@@ -58,6 +62,8 @@ impl Cli {
             Command::Simulate(simulate) => simulate.run(),
             Command::Import(import) => import.run(),
             Command::Calibrate(calibrate) => calibrate.run(),
+            Command::Board(board) => board.run(),
+            Command::Monitor(monitor) => monitor.run(),
             Command::Characterise(characterise) => characterise.run(),
             Command::Bench(bench) => bench.run(),
             Command::CloseLoop(close_loop) => close_loop.run(),

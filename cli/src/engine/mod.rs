@@ -48,7 +48,7 @@ pub enum End {
 }
 
 /// What runs the fix.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Engine {
     /// The pipeline in this process.
     Host,

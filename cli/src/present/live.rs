@@ -42,6 +42,13 @@ impl View {
         }
     }
 
+    /// Shows lines that were made elsewhere.
+    pub fn write_block(&mut self, text: &[u8]) {
+        for line in String::from_utf8_lossy(text).lines() {
+            self.write(format_args!("{line}"));
+        }
+    }
+
     /// Removes the bars; gives back the output for the result.
     pub fn finish(self) -> io::Result<Box<dyn Write>> {
         self.bars.clear();

@@ -1,0 +1,142 @@
+//! `north board`: the instrument behind a pseudo-terminal, as if a board were plugged in.
+
+use std::io::{self, ErrorKind, Read, Write};
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use north_finder::event::{Event, Report, State};
+use north_finder::link::{Request, RequestDecoder, encode_report};
+use north_finder::nmea::{self, Mode};
+use north_finder::sample::SAMPLE_S;
+use north_finder::sequence::Command;
+use serialport::{SerialPort, TTYPort};
+
+use super::instrument::InstrumentOptions;
+use crate::engine::{self, Engine, Person, Setup};
+use crate::failure::Failure;
+use crate::interrupt;
+
+/// Ticks between two looks at the line and the clock: 10 ms.
+const LOOK_TICKS: u64 = 4;
+
+/// Serve the simulated instrument behind a pseudo-terminal until interrupted
+#[derive(Args, Debug)]
+#[command(after_help = "Example, in two terminals:
+  north board --scenario calm-bench
+  north monitor /dev/pts/5 --start
+
+The first line on stdout is the port's path.")]
+pub struct Board {
+    #[command(flatten)]
+    instrument: InstrumentOptions,
+    /// What runs the firmware
+    #[arg(long, value_enum, default_value = "qemu")]
+    engine: Engine,
+    /// Times real time, 0.1 to 1000
+    #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = speed)]
+    speed: f64,
+    /// The port speaks NMEA 0183: a fix starts by itself, THS and HDT come each second
+    #[arg(long)]
+    nmea: bool,
+}
+
+fn speed(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.1..=1000.0).contains(&value) => Ok(value),
+        _ => Err("allowed is a number from 0.1 to 1000".into()),
+    }
+}
+
+impl Board {
+    pub fn run(self) -> Result<(), Failure> {
+        let (scenario, settings) = self.instrument.resolve()?;
+        let setup = Setup { scenario, seed: self.instrument.seed, settings: Some(settings) };
+        let world = engine::world(&setup)?;
+        let refused = |error: serialport::Error| Failure::Refused(format!("no pseudo-terminal is to be had: {error}"));
+        let (mut line, other_end) = TTYPort::pair().map_err(refused)?;
+        line.set_timeout(Duration::ZERO).map_err(refused)?;
+        println!("{}", other_end.name().unwrap_or_default());
+        io::stdout().flush()?;
+        // Who opens the port locks it: it is left to the clients.
+        drop(other_end);
+        let mut bridge = Bridge {
+            line,
+            speech: if self.nmea { Speech::Nmea { heading_deg: None } } else { Speech::Link(RequestDecoder::new()) },
+            speed: self.speed,
+            began: Instant::now(),
+            unheard: 0,
+        };
+        engine::serve(self.engine, None, &world, u64::MAX, &mut bridge, interrupt::flag())?;
+        Err(Failure::Interrupted)
+    }
+}
+
+/// What goes over the line.
+enum Speech {
+    Link(RequestDecoder),
+    Nmea { heading_deg: Option<f64> },
+}
+
+/// Between the instrument and the line.
+struct Bridge {
+    line: TTYPort,
+    speech: Speech,
+    speed: f64,
+    began: Instant,
+    /// Bytes that nobody took from the line.
+    unheard: u64,
+}
+
+impl Person for Bridge {
+    fn request(&mut self, tick: u64) -> Option<Request> {
+        if tick.is_multiple_of(LOOK_TICKS) {
+            let due = Duration::from_secs_f64(tick as f64 * SAMPLE_S / self.speed);
+            std::thread::sleep(due.saturating_sub(self.began.elapsed()));
+        }
+        let Speech::Link(decoder) = &mut self.speech else {
+            return (tick == 0).then_some(Request::Command(Command::Start));
+        };
+        let mut byte = [0];
+        while let Ok(1) = self.line.read(&mut byte) {
+            if let Some(Ok(request)) = decoder.feed(byte[0]) {
+                return Some(request);
+            }
+        }
+        None
+    }
+
+    fn hear(&mut self, report: &Report) -> bool {
+        match &mut self.speech {
+            Speech::Link(_) => {
+                if let Ok(frame) = encode_report(report) {
+                    self.say(&frame);
+                }
+            }
+            Speech::Nmea { heading_deg } => {
+                match report.event {
+                    Event::Fix(fix) => *heading_deg = Some(fix.azimuth_deg),
+                    Event::State(State::Levelling | State::Failed) => *heading_deg = None,
+                    _ => {}
+                }
+                if let Event::Second(_) = report.event {
+                    let heading_deg = *heading_deg;
+                    let ths = nmea::ths(heading_deg.map(|heading_deg| (heading_deg, Mode::Simulator)));
+                    for sentence in [ths, heading_deg.and_then(nmea::hdt)].into_iter().flatten() {
+                        self.say(sentence.as_bytes());
+                    }
+                }
+            }
+        }
+        false
+    }
+}
+
+impl Bridge {
+    /// As on a wire: what nobody reads is lost.
+    fn say(&mut self, bytes: &[u8]) {
+        match self.line.write_all(bytes) {
+            Err(error) if error.kind() != ErrorKind::Interrupted => self.unheard += bytes.len() as u64,
+            _ => {}
+        }
+    }
+}
