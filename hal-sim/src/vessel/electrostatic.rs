@@ -62,16 +62,28 @@ impl Electrostatic {
 
     /// The rotor drifts over a step of the voyage that lasts `dt_s`.
     pub fn advance(&mut self, step: &Step, dt_s: f64) {
-        let to_stars = globe::turn(step.end.t_s) * block(&step.end);
-        let force = to_stars * step.velocity_m_s / (dt_s * 9.80665);
         let growth = self.class.drift_growth_deg_h_per_sqrt_h * (dt_s / 3600.0).sqrt();
         self.drift += Vector3::from_fn(|_, _| growth * self.noise.normal());
+        let turned = self.drift_rad_s(step, dt_s) * dt_s;
+        self.direction = (Rotation3::new(turned) * self.direction).normalize();
+    }
+
+    /// Its drift among the stars, rad/s.
+    pub fn drift_rad_s(&self, step: &Step, dt_s: f64) -> Vector3<f64> {
+        let to_stars = globe::turn(step.end.t_s) * block(&step.end);
+        let force = to_stars * step.velocity_m_s / (dt_s * 9.80665);
         let torque = to_stars * self.case
             + force * self.unbalance
             + force * (self.stiffness * force.dot(&self.direction))
             + self.drift;
-        let turned = torque * ((dt_s / 3600.0).to_radians());
-        self.direction = (Rotation3::new(turned) * self.direction).normalize();
+        torque * (1.0f64 / 3600.0).to_radians()
+    }
+
+    /// What a calibration with errors of `sigma_deg_h` finds: three torques of the case, unbalance, stiffness, °/h.
+    pub fn coefficients_deg_h(&self, sigma_deg_h: f64, seed: u64) -> [f64; 5] {
+        let mut noise = Stream::new(seed ^ 0xca11, Source::Electrostatic);
+        [self.case.x, self.case.y, self.case.z, self.unbalance, self.stiffness]
+            .map(|value| value + sigma_deg_h * noise.normal())
     }
 
     /// The rotor in block axes as it is read, and the sensor that reads it: that nearest to the rotor's axis.

@@ -1,6 +1,7 @@
 //! The benches, one a file; each is a line in [`benches!`].
 
 mod accuracy;
+mod aiding;
 mod calibration;
 mod close_loop;
 mod cost;
@@ -70,6 +71,7 @@ macro_rules! benches {
 
 benches! {
     Accuracy: accuracy::Accuracy,
+    Aiding: aiding::Aiding,
     Calibration: calibration::Calibration,
     CloseLoop: close_loop::CloseLoop,
     Cost: cost::CostBench,

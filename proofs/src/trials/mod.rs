@@ -1,5 +1,7 @@
-//! How good calibrations are, by Monte Carlo: simulated triads of an independent world, calibrated by the core.
+//! Single trials of a Monte Carlo: simulated triads of an independent world, calibrated by the core; the aided filter on a
+//! simulated ship.
 
+pub mod aided;
 mod bound;
 pub mod ellipsoid;
 pub mod navigation;

@@ -6,7 +6,7 @@
 use libm::sqrt;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
 
-use super::reference::{COEFFICIENTS, DriftCoefficients, Reference, plane_transition};
+use super::reference::{DriftCoefficients, Reference, plane_transition};
 use super::sky;
 use crate::attitude::filter::ud::Ud;
 

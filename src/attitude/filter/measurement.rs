@@ -31,6 +31,11 @@ impl Source {
     pub const ALL: [Self; 7] =
         [Self::Velocity, Self::Position, Self::Height, Self::Heading, Self::Log, Self::Acoustic, Self::Phase];
 
+    /// Longer without a reading than this is an interruption, s: acoustic fixes are rare by nature.
+    pub fn outage_s(self) -> f64 {
+        if self == Self::Acoustic { 3600.0 } else { 60.0 }
+    }
+
     /// What a person calls it.
     pub fn name(self) -> &'static str {
         match self {

@@ -182,16 +182,13 @@ pub struct SourceHealth {
     pub ignored: u32,
     /// Readings that could not be used at all.
     pub refused: u32,
-    /// Interruptions of more than a minute that ended.
+    /// Interruptions ([`Source::outage_s`]) that ended.
     pub outages: u32,
     /// Sum of the normalised squared innovations of those taken, and its degrees of freedom.
     pub normalised_squared: f64,
     pub degrees_of_freedom: u32,
     last_s: Option<f64>,
 }
-
-/// Longer without a reading than this is an interruption, s.
-const OUTAGE_S: f64 = 60.0;
 
 /// Where the interval of a velocity began.
 #[derive(Clone, Debug)]
@@ -394,7 +391,7 @@ impl Filter {
                 health.rejected_in_a_row = 0;
                 health.normalised_squared += normalised_squared;
                 health.degrees_of_freedom += degrees_of_freedom;
-                health.outages += u32::from(health.last_s.is_some_and(|last| time_s - last > OUTAGE_S));
+                health.outages += u32::from(health.last_s.is_some_and(|last| time_s - last > source.outage_s()));
                 health.last_s = Some(time_s);
             }
             Outcome::Rejected => {
