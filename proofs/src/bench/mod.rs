@@ -7,6 +7,7 @@ mod close_loop;
 mod cost;
 mod diagnose;
 mod diagnose_speed;
+mod esg;
 mod image_size;
 
 use std::io::Write;
@@ -77,6 +78,7 @@ benches! {
     Cost: cost::CostBench,
     Diagnose: diagnose::DiagnoseBench,
     DiagnoseSpeed: diagnose_speed::DiagnoseSpeed,
+    Esg: esg::EsgBench,
 }
 
 /// The machine-readable result of every bench.

@@ -4,7 +4,7 @@ use libm::{atan2, cos};
 use nalgebra::{Matrix3, RowVector3, Vector3};
 
 use super::Filter;
-use super::state::{AMBIGUITY, ATTITUDE, BASELINE, CURRENT, Errors, LEAD, LOG_SCALE, PHASES, POSITION, VELOCITY};
+use super::state::{AMBIGUITY, ATTITUDE, BASELINE, CURRENT, Errors, LOG_SCALE, PHASES, POSITION, VELOCITY};
 use crate::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_180_deg};
 
 /// A source of aiding.
@@ -175,16 +175,7 @@ impl Filter {
             let value = innovation.iter().nth(axis)?;
             let part = by_attitude.row(axis).into_owned();
             let mut row = row(*value, sigma_m_s, &[(ATTITUDE, part), (VELOCITY, unit(axis))]);
-            if let Some(last) = &self.last_transition {
-                let half = 0.5 * duration_s / last.dt_s;
-                for state in 0..LEAD {
-                    let change = last.phi[(VELOCITY + axis, state)] - if state == VELOCITY + axis { 1.0 } else { 0.0 };
-                    row.h[state] -= half * change;
-                }
-                for (other, rate) in last.coupling.row(VELOCITY + axis).iter().enumerate() {
-                    row.h[LEAD + other] -= half * rate;
-                }
-            }
+            row.h -= 0.5 * duration_s * self.velocity_rate.row(axis).transpose();
             Some(row)
         })
     }

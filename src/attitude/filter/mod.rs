@@ -16,7 +16,7 @@ mod ambiguity;
 mod tests;
 
 use libm::{atan2, cos, exp, sin, sqrt};
-use nalgebra::{Matrix3, Vector2, Vector3};
+use nalgebra::{Matrix3, SMatrix, Vector2, Vector3};
 
 use crate::attitude::Increment;
 use crate::earth::POLE_LIMIT_DEG;
@@ -28,7 +28,7 @@ use state::{
     ACCELEROMETER, AMBIGUITY, ATTITUDE, BASELINE, CURRENT, Errors, LEAD, LOG_SCALE, MARKOV, ORTHOGONALITY, OTHERS,
     PACKED, PHASES, POSITION, RHUMB, RUN_TO_RUN, SCALE, STATES, VELOCITY,
 };
-use transition::{Interval, Transition};
+use transition::Interval;
 use ud::Ud;
 
 /// Readings further from what is expected than this many standard deviations are outliers: one good one in 1.7 million.
@@ -222,7 +222,8 @@ pub struct Filter {
     time_s: f64,
     interval: Interval,
     mark: Mark,
-    last_transition: Option<Transition>,
+    /// Rate of the velocity errors by the errors, over the last interval.
+    velocity_rate: SMatrix<f64, 3, STATES>,
     lines: [ambiguity::Line; PHASES],
     sources: [SourceHealth; Source::ALL.len()],
     bridged_gaps: u32,
@@ -286,7 +287,7 @@ impl Filter {
             time_s: 0.0,
             interval: Interval::empty(),
             mark: Mark { elapsed_s: 0.0, displacement_m: Vector3::zeros(), lever_m },
-            last_transition: None,
+            velocity_rate: SMatrix::zeros(),
             lines: [ambiguity::Line::default(); PHASES],
             sources: [SourceHealth::default(); Source::ALL.len()],
             bridged_gaps: 0,
@@ -492,7 +493,7 @@ impl Filter {
         }
         self.estimates.markov_rad_s *= drift;
         self.estimates.current_m_s *= current;
-        self.last_transition = Some(transition);
+        self.velocity_rate = transition.velocity_rate();
         self.interval = Interval::empty();
     }
 

@@ -4,8 +4,9 @@ use super::measurement::PhaseDifference;
 use super::*;
 use crate::attitude::Quaternion;
 
-/// Steps of the IMU in a second.
-const STEPS: usize = 100;
+/// Steps of the block, and their length: just short of the second after which the filter closes its interval.
+const STEPS: usize = 98;
+const STEP_S: f64 = 0.01;
 
 fn filter() -> Filter {
     let attitude = Quaternion::from_rotation_vector(&Vector3::new(0.1, -0.2, 1.1)).direction_cosines();
@@ -20,7 +21,7 @@ fn filter() -> Filter {
 
 /// A second in which the block turns, is tossed and turns on the hull.
 fn second(filter: &mut Filter) {
-    let dt_s = 1.0 / STEPS as f64;
+    let dt_s = STEP_S;
     for step in 0..STEPS {
         let t = step as f64 * dt_s;
         let rate = Vector3::new(0.02, 0.03, 0.05);
@@ -55,7 +56,8 @@ fn error_between(estimate: &Filter, truth: &Filter) -> Errors {
 fn the_error_equations_are_the_derivative_of_the_navigation() {
     let mut nominal = filter();
     second(&mut nominal);
-    let transition = nominal.last_transition.clone().unwrap();
+    let transition =
+        nominal.interval.transition(&nominal.navigation, &nominal.block, nominal.force_sigma_m_s2()).unwrap();
     let sizes = [
         (ATTITUDE, 3, 1e-4),
         (VELOCITY, 3, 0.1),
@@ -146,9 +148,11 @@ fn a_velocity_belongs_to_the_middle_of_its_second() {
     let mut nominal = filter();
     nominal.mark();
     second(&mut nominal);
+    let transition =
+        nominal.interval.transition(&nominal.navigation, &nominal.block, nominal.force_sigma_m_s2()).unwrap();
+    nominal.close_interval();
     let reading = Measurement::Velocity { mean_m_s: Vector3::zeros(), sigma_m_s: 0.1 };
     let rows = nominal.rows(&reading);
-    let transition = nominal.last_transition.clone().unwrap();
     for (state, size) in [(0, 1e-4), (1, 1e-4), (2, 1e-4), (3, 0.1), (5, 0.1), (25, 1e-2), (26, 1e-2), (27, 1e-2)] {
         let values = |size: f64| {
             let mut truth = filter();

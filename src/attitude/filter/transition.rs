@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, Matrix3x2, SMatrix, SVector, Vector3};
 use super::block::BlockErrors;
 use super::navigation::{Navigation, Place};
 use super::state::{
-    ACCELEROMETER, ATTITUDE, LEAD, MARKOV, ORTHOGONALITY, OTHERS, POSITION, RHUMB, RUN_TO_RUN, SCALE, VELOCITY,
+    ACCELEROMETER, ATTITUDE, LEAD, MARKOV, ORTHOGONALITY, OTHERS, POSITION, RHUMB, RUN_TO_RUN, SCALE, STATES, VELOCITY,
 };
 
 /// What of the motion the error equations need, summed over an interval.
@@ -126,6 +126,17 @@ fn significant(force: &Vector3<f64>, sigma: f64) -> Vector3<f64> {
     let share = square * square / (square * square + limit * limit);
     let share = if share.is_nan() { 1.0 } else { share };
     Vector3::new(force.x * share, force.y * share, force.z)
+}
+
+impl Transition {
+    /// Rates of the three velocity errors by all errors, 1/s and mixed units.
+    pub fn velocity_rate(&self) -> SMatrix<f64, 3, STATES> {
+        let mut rate = SMatrix::<f64, 3, STATES>::zeros();
+        let change = self.phi - SMatrix::<f64, LEAD, LEAD>::identity();
+        rate.fixed_columns_mut::<LEAD>(0).copy_from(&(change.fixed_rows::<3>(VELOCITY) / self.dt_s));
+        rate.fixed_columns_mut::<OTHERS>(LEAD).copy_from(&(self.coupling.fixed_rows::<3>(VELOCITY) / self.dt_s));
+        rate
+    }
 }
 
 /// F of the leading states, 1/s and mixed units.

@@ -20,6 +20,8 @@ pub enum Legend {
     Dots,
     /// Lines, and a dashed one for what the text says.
     Lines(&'static str),
+    /// Lines of any classes, each with its text.
+    Named(&'static [(&'static str, &'static str)]),
     None,
 }
 
@@ -42,6 +44,7 @@ impl Legend {
             Self::Lines(text) => {
                 line("line before", "before") + &line("line after", "after") + &line("reference", text)
             }
+            Self::Named(lines) => lines.iter().map(|(class, text)| line(class, text)).collect(),
             Self::None => return String::new(),
         };
         format!("<div class=\"legend\">{inner}</div>\n")

@@ -13,6 +13,10 @@ mod summary;
 use self::html::escape;
 use super::Diagnosis;
 
+pub use self::axis::Axis;
+pub use self::figure::{Canvas, Legend, figure};
+pub use self::plot::{Plot, Side};
+
 const STYLE: &str = include_str!("style.css");
 
 /// The whole page. Every figure is drawn twice, for wide and for narrow screens; the style sheet shows one of them.
@@ -29,12 +33,16 @@ pub fn html(diagnosis: &Diagnosis) -> String {
         findings::open(diagnosis),
         findings::model(diagnosis),
     ];
+    page(&format!("{title}: diagnosis"), &sections.concat())
+}
+
+/// A self-contained page around what it holds.
+pub fn page(title: &str, body: &str) -> String {
     format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <meta name=\"color-scheme\" content=\"light dark\">\n<title>{title}: diagnosis</title>\n\
-         <style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n{}</main>\n</body>\n</html>\n",
-        sections.concat(),
-        title = escape(title),
+         <meta name=\"color-scheme\" content=\"light dark\">\n<title>{}</title>\n\
+         <style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n{body}</main>\n</body>\n</html>\n",
+        escape(title),
     )
 }
