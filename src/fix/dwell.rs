@@ -106,6 +106,8 @@ pub struct DwellSummary {
     /// Mean cosine and sine of the index angle.
     pub cos: f64,
     pub sin: f64,
+    /// By how much the index reading had jumped since the fix began while the motor stood, degrees.
+    pub slip_deg: f64,
     /// Rate, °/h; its squares in (°/h)² · s.
     pub rate: Line,
     /// Angle that the gyro turned, arcsec, from the mean angles of the rows: its slope is the mean rate for noise that is
@@ -412,6 +414,7 @@ impl Sums {
             time_spread: self.time_spread(),
             cos: self.cos / self.seconds,
             sin: self.sin / self.seconds,
+            slip_deg: 0.0,
             rate: line(&self.rate, first.rate_deg_h),
             angle: (!self.broken && self.rows >= 3)
                 .then_some(Line { slope_per_s: angle.slope_per_s + first.rate_deg_h, ..angle }),

@@ -14,8 +14,11 @@
 pub mod base_motion;
 pub mod design;
 pub mod dwell;
+pub mod index_watch;
 pub mod moving_base;
 mod noise;
+#[cfg(test)]
+mod parked_vehicle;
 pub mod sinusoid;
 mod statistics;
 #[cfg(test)]
@@ -47,6 +50,8 @@ const DRIFT_SIGMAS: f64 = 3.0;
 const DRIFT_DOUBT_SIGMAS: f64 = 2.0;
 /// Relative amplitude error that is not held against a fix: scale factor and latitude of an honest instrument.
 const AMPLITUDE_TOLERANCE: f64 = 0.01;
+/// Sums of squares that differ by this many variances tell two causes apart: three standard deviations.
+const DECIDED: f64 = 9.0;
 /// Beyond this scale factor error and this error of the latitude an amplitude is not the Earth's.
 const SCALE_LIMIT: f64 = 0.1;
 const LATITUDE_LIMIT_DEG: f64 = 10.0;
@@ -67,6 +72,9 @@ pub struct Declared {
     /// An error model from a calibration is stored.
     pub calibrated: bool,
 }
+
+/// Unknowns of a fix with a free drift.
+const PARAMETERS: usize = 4;
 
 /// The azimuth of a set of stays.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -131,13 +139,25 @@ struct Problem<'a> {
     start_s: f64,
     line: Option<Fitted>,
     noise: Option<Noise>,
+    /// Where the index reading jumped while the motor stood, the encoder slipped and the gyro stayed where it was.
+    encoder_slipped: bool,
 }
 
 impl Problem<'_> {
+    /// True direction of the index at a dwell.
+    fn index(&self, dwell: &DwellSummary) -> Direction {
+        let Direction { cos, sin } = Direction { cos: dwell.cos, sin: dwell.sin };
+        if !self.encoder_slipped {
+            return Direction { cos, sin };
+        }
+        let (sin_slip, cos_slip) = sin_cos_deg(dwell.slip_deg);
+        Direction { cos: cos * cos_slip + sin * sin_slip, sin: sin * cos_slip - cos * sin_slip }
+    }
+
     /// Mean and slope of every stay, the Earth's vertical rate and the base's turning taken out.
     fn observations(&self) -> impl Iterator<Item = Observation> + '_ {
         self.dwells.iter().flat_map(|dwell| {
-            let index = Direction { cos: dwell.cos, sin: dwell.sin };
+            let index = self.index(dwell);
             let design = DesignRow::new(index, specific(dwell), &self.earth);
             let (mean_deg_h, weight) = self.noise.map_or((dwell.rate.mean, dwell.seconds), |noise| noise.mean(dwell));
             let weight_of_slope = self.noise.map_or(dwell.time_spread, |noise| noise.weight_of_slope(dwell));
@@ -148,7 +168,7 @@ impl Problem<'_> {
                 Observation {
                     weight,
                     row: Vector4::new(design.cos, design.sin, 1.0, hours),
-                    cos_2theta: dwell.cos * dwell.cos - dwell.sin * dwell.sin,
+                    cos_2theta: index.cos * index.cos - index.sin * index.sin,
                     rate_deg_h: rate_deg_h - line_deg_h,
                 },
                 Observation {
@@ -256,10 +276,41 @@ fn regular_inverse(normal: &Matrix4<f64>) -> Option<Matrix4<f64>> {
 }
 
 /// Solves for the azimuth. `dwells` in the order of time.
+///
+/// Where the index reading jumped while the motor stood, either the spindle moved, and the readings are right, or the encoder
+/// slipped on it, and from there on they are wrong by the jump. A gyro that turns by Δθ at an azimuth ψ − θ of its axis reads
+/// h sin(ψ − θ) Δθ more: the rates themselves say which it was, where they can. Where they cannot, sigma holds both.
 pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -> Result<Solution, Unsolvable> {
+    let spindle = solve_for(dwells, declared, model, false);
+    if dwells.iter().all(|dwell| dwell.slip_deg == 0.0) {
+        return spindle.map(|(solution, _)| solution);
+    }
+    let (mut better, mut other) = match (spindle, solve_for(dwells, declared, model, true)) {
+        (Ok(spindle), Ok(encoder)) if encoder.1 < spindle.1 => (encoder, spindle),
+        (Ok(spindle), Ok(encoder)) => (spindle, encoder),
+        (Ok(only), Err(_)) | (Err(_), Ok(only)) => (only, only),
+        (Err(refusal), Err(_)) => return Err(refusal),
+    };
+    if other.1 - better.1 > DECIDED {
+        other = better;
+    }
+    let apart_deg = wrap_180_deg(other.0.azimuth_deg - better.0.azimuth_deg);
+    better.0.sigma_deg = libm::hypot(better.0.sigma_deg, apart_deg);
+    better.0.flags.insert(Flag::IndexSlip);
+    Ok(better.0)
+}
+
+/// The solution of one cause of jumps, and its sum of squares by the variance of the noise.
+fn solve_for(
+    dwells: &[DwellSummary],
+    declared: &Declared,
+    model: &ErrorModel,
+    encoder_slipped: bool,
+) -> Result<(Solution, f64), Unsolvable> {
     let earth = declared.earth;
     let start_s = dwells.first().ok_or(Unsolvable::TooFewDirections)?.start_s;
-    let mut problem = Problem { dwells, earth, motion: base_motion(dwells), start_s, line: None, noise: None };
+    let mut problem =
+        Problem { dwells, earth, motion: base_motion(dwells), start_s, line: None, noise: None, encoder_slipped };
     let mut flags = Flags::default();
 
     let noise_deg_h = declared.gyro.noise_deg_h();
@@ -340,7 +391,7 @@ pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -
     let of_level_deg = declared.level_sigma_deg * earth.up_deg_h / earth.north_deg_h;
     let apparent_deg = estimate.azimuth_deg();
     let azimuth_deg = model.true_azimuth_deg(apparent_deg, &earth);
-    Ok(Solution {
+    let solution = Solution {
         azimuth_deg,
         sigma_deg: libm::sqrt(
             [of_rates_deg, of_index_deg, of_level_deg, drift.doubt_deg].iter().map(|part| part * part).sum(),
@@ -352,7 +403,8 @@ pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -
         tilt,
         seconds: dwells.iter().map(|dwell| dwell.seconds).sum(),
         flags,
-    })
+    };
+    Ok((solution, estimate.left / variance))
 }
 
 /// How the drift was dealt with.
@@ -368,7 +420,8 @@ struct Drift {
 fn settle_drift(problem: &Problem<'_>, variance: f64, drift_sigma: f64) -> Result<Drift, Unsolvable> {
     let declared =
         Estimate::new(problem, variance / (drift_sigma * drift_sigma)).ok_or(Unsolvable::TooFewDirections)?;
-    let Some(free) = Estimate::new(problem, 0.0) else {
+    // A drift that takes the last redundancy would explain whatever is wrong.
+    let Some(free) = Estimate::new(problem, 0.0).filter(|free| free.count > PARAMETERS) else {
         return Ok(Drift { estimate: declared, free: false, doubt_deg: 0.0 });
     };
     let spread = drift_sigma * drift_sigma + variance * free.inverse.m44;

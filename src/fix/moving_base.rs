@@ -89,6 +89,7 @@ pub fn summary(rows: &[Row], sensing: BaseMotion, noise_deg_h: f64) -> Option<Dw
         time_spread: 0.0,
         cos: cos / seconds,
         sin: sin / seconds,
+        slip_deg: 0.0,
         rate: Line { mean, slope_per_s: 0.0, residual_squares, successive_squares: residual_squares },
         angle: None,
         level: Some([still(forward / seconds), still(left / seconds)]),

@@ -29,6 +29,7 @@ fn dwell(start_s: f64, index_deg: f64, rate_deg_h: f64) -> DwellSummary {
         time_spread: 17_995.0,
         cos,
         sin,
+        slip_deg: 0.0,
         rate: Line {
             mean: rate_deg_h,
             slope_per_s: 0.0,
@@ -258,6 +259,44 @@ fn an_amplitude_that_nothing_explains_is_refused() {
     for amplitude_deg_h in [3.76, 12.0] {
         assert_eq!(of(amplitude_deg_h), Err(Unsolvable::NotEarthRate));
     }
+}
+
+/// The axis of the first position points to azimuth 30°: a slip of +0.5° after it. A spindle that moved turns the gyro with
+/// it, and the readings are right; an encoder that slipped reads half a degree too much from there on. In the mirrored order
+/// of positions the rates tell: h sin(ψ − θ) · 0.5° is up to 0.066 °/h, and 60 s know a rate to 0.0116.
+#[test]
+fn a_slip_of_the_spindle_and_of_the_encoder_are_told_apart() {
+    let order = [0, 1, 2, 3, 3, 2, 1, 0].map(|i: usize| NORTH_EAST[i]);
+    let slipped = |encoder: bool| {
+        let mut dwells = stays(&order);
+        for (place, dwell) in dwells.iter_mut().enumerate().skip(5) {
+            dwell.slip_deg = 0.5;
+            let index_deg = order[place].0 + 0.5;
+            (dwell.sin, dwell.cos) = crate::units::sin_cos_deg(index_deg);
+            if !encoder {
+                dwell.rate.mean = 0.5 + 7.5205335 * libm::cos((30.0 - index_deg).to_radians());
+            }
+        }
+        solve_at(60.0, &dwells)
+    };
+    let plain = solve_at(60.0, &stays(&order));
+    for encoder in [false, true] {
+        let solution = slipped(encoder);
+        assert!(solution.flags.contains(Flag::IndexSlip));
+        assert_azimuth(&solution, 30.0, 1e-3);
+        assert!(solution.sigma_deg < 1.05 * plain.sigma_deg, "{}", solution.sigma_deg);
+    }
+}
+
+/// Slipped before the last of four positions, of which each was seen once: nothing tells, and sigma holds both.
+#[test]
+fn a_slip_that_cannot_be_told_widens_sigma() {
+    let mut dwells = stays(&NORTH_EAST);
+    (dwells[3].slip_deg, (dwells[3].sin, dwells[3].cos)) = (0.5, crate::units::sin_cos_deg(270.5));
+    let solution = solve_at(60.0, &dwells);
+    assert!(solution.flags.contains(Flag::IndexSlip));
+    let error_deg = wrap_180_deg(solution.azimuth_deg - 30.0).abs();
+    assert!(error_deg < 1.5 * solution.sigma_deg && solution.sigma_deg < 0.5, "{error_deg} {}", solution.sigma_deg);
 }
 
 /// The declared limit of the bias is 1 °/h.

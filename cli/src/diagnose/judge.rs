@@ -115,18 +115,21 @@ pub fn stays_of(run: &RunData, model: &ErrorModel) -> Option<RunData> {
     Some(stays)
 }
 
-/// How the base's motion is taken out best, by the sigmas that it promises: row by row with the accelerometers' noise
-/// white in the velocity or in the tilt, and with the lag that lets gyro and tilt agree best; or, `None`, as the solver does
-/// by itself.
+/// How the base's motion is taken out best: row by row, with the accelerometers' noise white in the velocity or in the tilt,
+/// and with the lag by which gyro and tilt agree best, both by the variances of the dwells, in the geometric mean so that no
+/// single dwell decides; or, `None`, as the solver does by itself, if the azimuths' sigmas are smaller so.
 pub fn way_of_base_motion(runs: &[&RunData], base: &ErrorModel) -> Option<BaseMotion> {
-    let promised = |base_motion: Option<BaseMotion>| {
-        let model = ErrorModel { base_motion, ..base.clone() };
+    let solved = |run: &RunData, base_motion| run.solve(&ErrorModel { base_motion, ..base.clone() });
+    let score = |way: BaseMotion| -> f64 {
+        let of_run = |run: &&RunData| {
+            let (_, dwells) = solved(run, Some(way))?;
+            let logarithms: f64 = dwells.iter().map(|(_, dwell)| 2.0 * dwell.sigma_deg_h.ln()).sum();
+            (!dwells.is_empty()).then_some(logarithms / dwells.len() as f64)
+        };
         // A run without an azimuth is as good as one that may point anywhere.
-        let sigma = |run: &&RunData| run.solve(&model).map_or(100.0, |(fix, _)| fix.sigma_deg);
-        runs.par_iter().map(|run| sigma(run).powi(2)).sum::<f64>()
+        runs.par_iter().map(|run| of_run(run).unwrap_or(10.0)).sum::<f64>() / runs.len() as f64
     };
-    let of =
-        |velocity: bool, lag_s: f64| (BaseMotion { velocity, lag_s }, promised(Some(BaseMotion { velocity, lag_s })));
+    let of = |velocity: bool, lag_s: f64| (BaseMotion { velocity, lag_s }, score(BaseMotion { velocity, lag_s }));
     let least = |ways: Vec<(BaseMotion, f64)>| ways.into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
     let coarse = [false, true].into_iter().flat_map(|velocity| LAGS_S.map(|lag_s| of(velocity, lag_s))).collect();
     let (found, _) = least(coarse)?;
@@ -134,6 +137,10 @@ pub fn way_of_base_motion(runs: &[&RunData], base: &ErrorModel) -> Option<BaseMo
     let (lagged, best) = least(fine)?;
     // No lag unless it is worth something.
     let (plain, without) = of(lagged.velocity, 0.0);
-    let (found, best) = if best < WORTH * without { (lagged, best) } else { (plain, without) };
-    (best < promised(None)).then_some(found)
+    let found = if best < without + WORTH.ln() { lagged } else { plain };
+    let promised = |way: Option<BaseMotion>| {
+        let sigma = |run: &&RunData| solved(run, way).map_or(100.0, |(fix, _)| fix.sigma_deg);
+        runs.par_iter().map(|run| sigma(run).powi(2)).sum::<f64>()
+    };
+    (promised(Some(found)) < promised(None)).then_some(found)
 }
