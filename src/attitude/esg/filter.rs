@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
 
 use super::reference::{DriftCoefficients, Reference, plane_transition};
 use super::sky;
-use crate::attitude::filter::ud::Ud;
+use crate::attitude::filter::ud::{Ud, put, unit};
 
 /// Errors of the direction: δ1 along axis 1, δη along the rise (δh2 = −δη·sin θ), rad.
 const DIRECTION: usize = 0;
@@ -107,14 +107,17 @@ impl<const N: usize, const OTHERS: usize, const PACKED: usize> EsgFilter<N, OTHE
         let drift = self.reference.drift(block, force_g);
         let phi = plane_transition(&drift, &self.reference.direction(), dt_s);
         let mut coupling = SMatrix::<f64, 2, OTHERS>::zeros();
-        coupling[(1, DRIFT - 2)] = dt_s;
-        coupling[(0, DRIFT - 1)] = dt_s;
-        for (number, part) in self.reference.drift_by_coefficient(block, force_g).iter().enumerate() {
-            let column = COEFFICIENT - 2 + number;
-            if column < OTHERS {
-                coupling[(0, column)] = -part.dot(&b) * dt_s;
-                coupling[(1, column)] = part.dot(&a) * dt_s;
+        let mut put = |row: usize, state: usize, value: f64| {
+            if let Some(place) = coupling.get_mut((row, state - 2)) {
+                *place = value;
             }
+        };
+        put(1, DRIFT, dt_s);
+        put(0, DRIFT + 1, dt_s);
+        for (number, part) in self.reference.drift_by_coefficient(block, force_g).iter().enumerate() {
+            // Seven states have no coefficients.
+            put(0, COEFFICIENT + number, -part.dot(&b) * dt_s);
+            put(1, COEFFICIENT + number, part.dot(&a) * dt_s);
         }
         self.covariance.lead::<2, OTHERS, 4>(&phi, &coupling, &Vector2::zeros());
         let growth = self.errors.drift_growth_rad_s_per_sqrt_s;
@@ -133,8 +136,7 @@ impl<const N: usize, const OTHERS: usize, const PACKED: usize> EsgFilter<N, OTHE
         let noise = self.errors.reading_rad;
         let variance = attitude_sigma_rad * attitude_sigma_rad + noise * noise;
         let rows = [(DIRECTION, a), (DIRECTION + 1, b)].map(|(state, along)| {
-            let mut h = SVector::<f64, N>::zeros();
-            h[state] = 1.0;
+            let mut h = unit::<N>(state);
             h.fixed_rows_mut::<3>(PICK_OFF).copy_from(&(block.transpose() * along));
             (h, (read - self.reference.direction()).dot(&along))
         });
@@ -166,10 +168,8 @@ impl<const N: usize, const OTHERS: usize, const PACKED: usize> EsgFilter<N, OTHE
             for state in PICK_OFF..DRIFT {
                 let wide = 1e3 * self.errors.pick_off_rad;
                 self.covariance.add_noise(state, wide * wide);
-                let mut h = SVector::<f64, N>::zeros();
-                h[state] = 1.0;
                 let prior = self.errors.pick_off_rad;
-                self.covariance.update(&mut SVector::zeros(), &h, 0.0, prior * prior);
+                self.covariance.update(&mut SVector::zeros(), &unit(state), 0.0, prior * prior);
             }
         }
         self.sensor = Some(sensor);
@@ -195,8 +195,8 @@ impl<const N: usize, const OTHERS: usize, const PACKED: usize> EsgFilter<N, OTHE
         let across = Vector3::new(-expected.y, expected.x, 0.0) / level;
         let (a, b) = self.reference.plane();
         let mut h = SVector::<f64, N>::zeros();
-        h[DIRECTION] = (to_geographic * a).dot(&across);
-        h[DIRECTION + 1] = (to_geographic * b).dot(&across);
+        put(&mut h, DIRECTION, (to_geographic * a).dot(&across));
+        put(&mut h, DIRECTION + 1, (to_geographic * b).dot(&across));
         let known = self.sensor == Some(reading.sensor);
         if known {
             h.fixed_rows_mut::<3>(PICK_OFF).copy_from(&(at.attitude.transpose() * across));

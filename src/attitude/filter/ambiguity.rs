@@ -5,6 +5,7 @@ use nalgebra::{Matrix4, Vector4};
 use super::Filter;
 use super::measurement::PhaseDifference;
 use super::state::{AMBIGUITY, Errors, PHASES};
+use super::ud::{put, unit};
 
 /// A new ambiguity is known to so many wavelengths: much more than a baseline is long.
 const UNKNOWN_WAVELENGTHS: f64 = 100.0;
@@ -59,21 +60,22 @@ impl Filter {
         if !all || self.lines.iter().all(|line| line.fixed) {
             return;
         }
-        let covariance = Matrix4::from_fn(|i, j| self.covariance.covariance(AMBIGUITY + i, AMBIGUITY + j));
+        let covariance = |i: usize, j: usize| self.covariance.covariance(AMBIGUITY + i, AMBIGUITY + j);
         let mut order = [0, 1, 2, 3];
-        order.sort_unstable_by(|a, b| covariance[(*b, *b)].total_cmp(&covariance[(*a, *a)]));
-        let at = |place: usize| order.get(place).copied().unwrap_or(0);
-        let wavelength = Vector4::from_fn(|i, _| self.lines.get(at(i)).map_or(1.0, |line| line.wavelength_m));
+        order.sort_unstable_by(|a, b| covariance(*b, *b).total_cmp(&covariance(*a, *a)));
+        let line = |place: usize| order.get(place).copied().unwrap_or(0);
+        let wavelength = |i: usize| self.lines.get(line(i)).map_or(1.0, |line| line.wavelength_m);
+        let wavelengths = Vector4::from_fn(|i, _| wavelength(i));
         let float =
-            Vector4::from_fn(|i, _| self.estimates.ambiguity_m.get(at(i)).copied().unwrap_or(0.0) / wavelength[i]);
-        let sorted = Matrix4::from_fn(|i, j| covariance[(at(i), at(j))] / (wavelength[i] * wavelength[j]));
+            Vector4::from_fn(|i, _| self.estimates.ambiguity_m.get(line(i)).copied().unwrap_or(0.0) / wavelength(i));
+        let sorted = Matrix4::from_fn(|i, j| covariance(line(i), line(j)) / (wavelength(i) * wavelength(j)));
         let Some(root) = sorted.cholesky().map(|cholesky| cholesky.l()) else { return };
-        let reach = (SEARCH_SIGMAS * root[(0, 0)]).min(SEARCH_MOST);
+        let reach = (SEARCH_SIGMAS * root.m11).min(SEARCH_MOST);
         if reach >= SEARCH_MOST {
             return;
         }
         let (mut best, mut next) = ((f64::INFINITY, Vector4::zeros()), f64::INFINITY);
-        let first = libm::ceil(float[0] - reach - 0.5);
+        let first = libm::ceil(float.x - reach - 0.5);
         for step in 0..=(2.0 * reach + 1.0) as u32 {
             let candidate = conditional_rounding(&float, &root, first + f64::from(step));
             if candidate.0 < best.0 {
@@ -87,17 +89,14 @@ impl Filter {
             return;
         }
         // The next best with another rounding of a later one must be out of reach too.
-        if !(1..4).all(|i| root[(i, i)] < 1.0 / (2.0 * SEARCH_SIGMAS)) {
+        if root.diagonal().iter().skip(1).any(|sigma| *sigma >= 1.0 / (2.0 * SEARCH_SIGMAS)) {
             return;
         }
         let mut x = Errors::zeros();
-        for i in 0..4 {
-            let place = at(i);
-            let mut h = Errors::zeros();
-            h[AMBIGUITY + place] = 1.0;
-            let sigma_m = FIXED_SHARE * wavelength[i];
-            let off_m = (best.1[i] - float[i]) * wavelength[i];
-            self.covariance.update(&mut x, &h, off_m, sigma_m * sigma_m);
+        let off_m = (best.1 - float).component_mul(&wavelengths);
+        for (i, (off_m, wavelength_m)) in off_m.iter().zip(wavelengths.iter()).enumerate() {
+            let sigma_m = FIXED_SHARE * wavelength_m;
+            self.covariance.update(&mut x, &unit(AMBIGUITY + line(i)), *off_m, sigma_m * sigma_m);
         }
         self.feed_back(&x);
         self.lines.iter_mut().for_each(|line| line.fixed = true);
@@ -111,13 +110,14 @@ impl Filter {
 
 /// Chi-square and integers when the first is given; wavelengths.
 fn conditional_rounding(float: &Vector4<f64>, root: &Matrix4<f64>, first: f64) -> (f64, Vector4<f64>) {
-    let mut integers = Vector4::zeros();
+    let mut integers = Vector4::<f64>::zeros();
     let mut normalised = Vector4::<f64>::zeros();
-    for i in 0..4 {
-        let given: f64 = (0..i).map(|j| root[(i, j)] * normalised[j]).sum();
-        let mean = float[i] + given;
-        integers[i] = if i == 0 { first } else { libm::round(mean) };
-        normalised[i] = (integers[i] - mean) / root[(i, i)];
+    for (i, (float, row)) in float.iter().zip(root.row_iter()).enumerate() {
+        // Those after this one are still 0.
+        let mean = float + row.transpose().dot(&normalised);
+        let integer = if i == 0 { first } else { libm::round(mean) };
+        put(&mut integers, i, integer);
+        put(&mut normalised, i, (integer - mean) / root.get((i, i)).copied().unwrap_or(1.0));
     }
     (normalised.norm_squared(), integers)
 }

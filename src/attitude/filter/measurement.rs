@@ -1,11 +1,17 @@
 //! What aids the filter, and how each reading depends on the errors.
 
-use libm::{atan2, cos};
+use libm::{atan2, cos, sqrt};
 use nalgebra::{Matrix3, RowVector3, Vector3};
 
 use super::Filter;
 use super::state::{AMBIGUITY, ATTITUDE, BASELINE, CURRENT, Errors, LOG_SCALE, PHASES, POSITION, VELOCITY};
+use super::ud::put;
 use crate::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_180_deg};
+
+/// What a heading error φ leaves of a baseline b beyond the first order is ½·b·φ²: its rms is √3/2 of b times the variance.
+const SECOND_ORDER: f64 = 0.866;
+/// … and it stays the same for so many readings in a row.
+const SECOND_ORDER_REPEATS: f64 = 3600.0;
 
 /// A source of aiding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -224,9 +230,9 @@ impl Filter {
             let attitude = axis.cross(&through).transpose() * gain;
             let velocity = axis.transpose() * gain;
             let mut row = row(measured - gain * speed, sigma_m_s, &[(ATTITUDE, attitude), (VELOCITY, velocity)]);
-            row.h[CURRENT] = -velocity.x;
-            row.h[CURRENT + 1] = -velocity.y;
-            row.h[LOG_SCALE] = speed;
+            put(&mut row.h, CURRENT, -velocity.x);
+            put(&mut row.h, CURRENT + 1, -velocity.y);
+            put(&mut row.h, LOG_SCALE, speed);
             row
         })
     }
@@ -246,10 +252,12 @@ impl Filter {
         let whole_m = self.estimates.ambiguity_m.get(line).copied().unwrap_or(0.0);
         let value = difference.phase_m - baseline.dot(&difference.direction) - whole_m;
         let attitude = baseline.cross(&difference.direction).transpose();
-        let mut row = row(value, sigma_m, &[(ATTITUDE, attitude)]);
-        row.h[BASELINE] = hull.column(1).dot(&difference.direction);
-        row.h[BASELINE + 1] = hull.column(2).dot(&difference.direction);
-        row.h[AMBIGUITY + line] = 1.0;
+        let heading_variance = self.covariance.variance(ATTITUDE + 2);
+        let bent_m = SECOND_ORDER * sqrt(baseline.norm_squared()) * heading_variance * sqrt(SECOND_ORDER_REPEATS);
+        let mut row = row(value, sqrt(sigma_m * sigma_m + bent_m * bent_m), &[(ATTITUDE, attitude)]);
+        put(&mut row.h, BASELINE, hull.column(1).dot(&difference.direction));
+        put(&mut row.h, BASELINE + 1, hull.column(2).dot(&difference.direction));
+        put(&mut row.h, AMBIGUITY + line, 1.0);
         row
     }
 }

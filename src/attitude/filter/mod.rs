@@ -466,8 +466,7 @@ impl Filter {
         let gravity = self.navigation.place().gravity_m_s2;
         let axes = &self.navigation.attitude;
         let variance = |tilt: usize, towards: usize, sign: f64| {
-            let mut h = Errors::zeros();
-            h[ATTITUDE + tilt] = sign * gravity;
+            let mut h: Errors = ud::unit::<STATES>(ATTITUDE + tilt) * (sign * gravity);
             h.fixed_rows_mut::<3>(ACCELEROMETER).copy_from(&-axes.row(towards).transpose());
             self.covariance.variance_of(&h)
         };

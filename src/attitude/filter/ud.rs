@@ -30,6 +30,23 @@ impl Innovation {
     }
 }
 
+/// The component `i` of a vector, 0 outside of it.
+pub fn at<const N: usize>(vector: &SVector<f64, N>, i: usize) -> f64 {
+    vector.get(i).copied().unwrap_or(0.0)
+}
+
+/// Sets the component `i` of a vector; outside of it nothing happens.
+pub fn put<const N: usize>(vector: &mut SVector<f64, N>, i: usize, value: f64) {
+    if let Some(place) = vector.get_mut(i) {
+        *place = value;
+    }
+}
+
+/// The vector that is 1 in the component `i` and 0 elsewhere.
+pub fn unit<const N: usize>(i: usize) -> SVector<f64, N> {
+    SVector::from_fn(|place, _| if place == i { 1.0 } else { 0.0 })
+}
+
 const fn start(column: usize) -> usize {
     column * (column + 1) / 2
 }
@@ -70,7 +87,7 @@ impl<const N: usize, const PACKED: usize> Ud<N, PACKED> {
     fn against(&self, h: &SVector<f64, N>) -> SVector<f64, N> {
         SVector::from_fn(|j, _| {
             let column = self.column(j).iter().take(j).zip(h.iter());
-            column.map(|(u, h)| u * h).sum::<f64>() + h[j]
+            column.map(|(u, h)| u * h).sum::<f64>() + at(h, j)
         })
     }
 
@@ -121,18 +138,17 @@ impl<const N: usize, const PACKED: usize> Ud<N, PACKED> {
                 *u += lambda * *k;
                 *k += v * old;
             }
-            gain[j] = v;
+            put(&mut gain, j, v);
         }
         x.axpy(residual / alpha, &gain, 1.0);
     }
 
     /// Adds the variance `q` to one state (Agee and Turner's rank-one update).
     pub fn add_noise(&mut self, state: usize, q: f64) {
-        let mut a = SVector::<f64, N>::zeros();
-        a[state] = 1.0;
+        let mut a = unit::<N>(state);
         let mut c = q;
         for j in (0..=state).rev() {
-            let s = a[j];
+            let s = at(&a, j);
             let Some((d, above)) = self.column_mut(j).split_last_mut() else { continue };
             let sum = *d + c * s * s;
             if !(sum > 0.0) {
@@ -195,11 +211,11 @@ impl<const N: usize, const PACKED: usize> Ud<N, PACKED> {
         for (i, row) in rows.iter_mut().enumerate() {
             for j in 0..LEAD {
                 let column = self.column(j).iter().take(j).enumerate();
-                row[j] = column.map(|(k, u)| phi[(i, k)] * u).sum::<f64>() + phi[(i, j)];
+                put(row, j, column.map(|(k, u)| phi[(i, k)] * u).sum::<f64>() + phi[(i, j)]);
             }
-            row[LEAD + i] = 1.0;
-            weights[i] = self.d(i);
-            weights[LEAD + i] = q[i];
+            put(row, LEAD + i, 1.0);
+            put(&mut weights, i, self.d(i));
+            put(&mut weights, LEAD + i, at(q, i));
         }
         for j in (0..LEAD).rev() {
             let Some((row, above)) = rows.get_mut(..=j).and_then(|rows| rows.split_last_mut()) else { continue };
