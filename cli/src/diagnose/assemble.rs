@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::checks;
 use super::data::RunData;
-use super::open::Open;
+use super::open::{OffBoard, Open};
 use super::residual::Residuals;
 use super::{
     Diagnosis, Lesson, NoiseTests, Refusal, RunDiagnosis, Warning, findings, judge, study, unexplained, verdict,
@@ -41,7 +41,7 @@ pub fn diagnosis(
     let mut afters = after(campaign, runs, &model, base, lesson)?;
     let bad: Vec<String> = lesson.bad_references.iter().map(|(file, _)| file.clone()).collect();
     let of_named: Vec<Option<f64>> = afters.iter().map(|after| after.azimuth_deg).collect();
-    let open = if lesson.by_stay.is_some() { None } else { Open::choose(runs, &lesson.by_second.taken, &bad) }
+    let mut open = if lesson.by_stay.is_some() { None } else { Open::choose(runs, &lesson.by_second.taken, &bad) }
         .filter(|open| open.is_better(runs, &of_named, &bad));
     let bare =
         Lesson { bad_references: lesson.bad_references.clone(), knocked: lesson.knocked.clone(), ..Lesson::default() };
@@ -67,12 +67,38 @@ pub fn diagnosis(
         let bad = |run: &RunData| lesson.bad_references.iter().any(|(file, _)| *file == run.file);
         runs.iter().map(|run| run.role == Role::Fit && run.reference_deg.is_some() && !bad(run)).collect()
     };
-    if let Some(open) = &open {
-        for (after, own) in afters.iter_mut().zip(&open.azimuths) {
-            if let Some(own) = own {
-                after.azimuth_deg = Some(wrap_360_deg(own.azimuth_rad / RAD_PER_DEG));
-                after.sigma_deg = Some(own.sigma_rad / RAD_PER_DEG);
+    if let Some(open) = &mut open {
+        let written = open.written(runs, &model).and_then(|written| {
+            let by_model =
+                after(campaign, runs, &written, base, lesson).map_err(|error| OffBoard(error.to_string()))?;
+            let azimuths: Vec<Option<f64>> = by_model.iter().map(|after| after.azimuth_deg).collect();
+            let apart =
+                || OffBoard("what the firmware's weights make of it differs from the engine's by too much".into());
+            if open.agrees(&azimuths) { Ok((written, by_model)) } else { Err(apart()) }
+        });
+        match written {
+            Ok((written, by_model)) => {
+                model = written;
+                afters = by_model;
+                open.deployed = true;
             }
+            Err(OffBoard(what)) => warnings.push(Warning {
+                run: None,
+                line: None,
+                message: format!(
+                    "the model that is written lacks what the open world learned ({what}): azimuths after are the \
+                     engine's own, not those of `north solve --model`"
+                ),
+            }),
+        }
+        for ((run, after), own) in runs.iter().zip(&mut afters).zip(&open.azimuths) {
+            let Some(own) = own else { continue };
+            let left_out = run.role == Role::Fit && !judged_by_checks;
+            let own_deg = wrap_360_deg(own.azimuth_rad / RAD_PER_DEG);
+            // A training run that is judged has its azimuth by a model without it.
+            let azimuth_deg = after.azimuth_deg.filter(|_| open.deployed && !left_out).unwrap_or(own_deg);
+            after.azimuth_deg = Some(azimuth_deg);
+            after.sigma_deg = Some((own.sigma_rad / RAD_PER_DEG).hypot(wrap_180_deg(azimuth_deg - own_deg)));
         }
     }
     let records: Vec<RunDiagnosis> = runs

@@ -231,7 +231,7 @@ impl Candidate {
 }
 
 /// The functions of a term by the firmware's own evaluation.
-fn evaluated(run: &RunData, term: Term, rate_deg_h: &[f64]) -> Columns {
+pub fn evaluated(run: &RunData, term: Term, rate_deg_h: &[f64]) -> Columns {
     let (scales, count) = (term.scales, term.count());
     let mut model = ErrorModel::default();
     let _ = model.add(term);

@@ -5,6 +5,7 @@ mod block;
 mod candidate;
 mod checks;
 mod data;
+mod deploy;
 mod effects;
 mod estimate;
 mod evidence;

@@ -2,20 +2,29 @@
 
 use std::collections::BTreeMap;
 
+use north_finder::effects::channel::TEMPERATURE;
+use north_finder::effects::{ErrorModel, Term, doubt};
 use north_finder::units::{RAD_PER_DEG, wrap_180_deg};
+use rayon::prelude::*;
 
 use super::Effect;
 use super::block::Block;
+use super::candidate::evaluated;
 use super::data::RunData;
+use super::deploy::{self, Ranged};
 use super::learned::Taken;
 use super::problem::Problem;
 use crate::campaign::Role;
-use crate::open_world::{self, Found, Learned, Prediction, Recording, Reference};
+use crate::open_world::{self, DAMPING, Found, Learned, Prediction, Recording, Reference, Shape};
 
 /// Share of the mean square error of what it replaces that a model must fall below.
 const BETTER: f64 = 0.95;
 /// Log-likelihood that processes of the runs' own must gain over white noise to count.
 const PROCESS: f64 = 10.0;
+/// Share of an effect that its terms in the firmware may miss.
+const MISSED: f64 = 0.15;
+/// Share of the sigmas by which azimuths by the written model may differ from the engine's, root mean square.
+const AGREES: f64 = 0.6;
 /// Log evidence that every fitted number of a named effect must be worth.
 const OF_NUMBER: f64 = 4.0;
 
@@ -28,7 +37,13 @@ pub struct Open {
     pub azimuths: Vec<Option<Prediction>>,
     /// It stands in the place of the named effects, not beside them.
     pub replaces: bool,
+    /// The model that was written holds all of it.
+    pub deployed: bool,
+    recordings: Vec<Recording>,
 }
+
+/// What was learned cannot be written as a model that the firmware evaluates: what of it, or why.
+pub struct OffBoard(pub String);
 
 impl Open {
     /// Beside the named effects or, where the evidence is for that, in their place.
@@ -58,7 +73,7 @@ impl Open {
                 azimuths[i] = Some(left_out);
             }
         }
-        Some(Self { learned, names, azimuths, replaces: false })
+        Some(Self { learned, names, azimuths, replaces: false, deployed: false, recordings })
     }
 
     /// Whether it replaces azimuths of these errors (fit runs with a reference, degrees) by better ones.
@@ -81,6 +96,103 @@ impl Open {
     /// Whether runs have processes of their own.
     fn has_process(&self) -> bool {
         self.learned.process_gain > PROCESS
+    }
+
+    /// The model with what was learned in the firmware's terms.
+    ///
+    /// Errors: a group that the firmware has no terms for; terms that do not fit in a model, or not the effect.
+    pub fn written(&self, runs: &[RunData], base: &ErrorModel) -> Result<ErrorModel, OffBoard> {
+        let ranges = self.names.iter().zip(&self.learned.scales.channels);
+        let channels: Vec<Ranged> =
+            ranges.map(|(name, &[middle, half])| Ranged { name: name.clone(), middle, half }).collect();
+        let mut terms: Vec<Term> = Vec::new();
+        for found in self.groups() {
+            let words = || OffBoard(found.group.words(&self.names));
+            terms.extend(deploy::terms(&found.group, &channels).ok_or_else(words)?);
+        }
+        let too_many = || OffBoard("more terms than a model can hold".into());
+        let mut model = base.clone();
+        let known: usize = model.terms.iter().map(Term::count).sum();
+        if terms.is_empty() {
+            self.doubt(&mut model);
+            return Ok(model);
+        }
+        let fit: Vec<usize> = (0..runs.len())
+            .filter(|&i| runs[i].role == Role::Fit && !self.recordings[i].is_empty() && self.azimuths[i].is_some())
+            .collect();
+        let azimuth_rad = |i: usize| self.azimuths[i].map_or(0.0, |own| own.azimuth_rad);
+        let functions: Vec<Vec<Vec<f64>>> = fit
+            .par_iter()
+            .map(|&i| {
+                let (sin, cos) = azimuth_rad(i).sin_cos();
+                let rate: Vec<f64> = runs[i]
+                    .cells
+                    .iter()
+                    .map(|cell| runs[i].earth.north_deg_h * (cos * cell.cos + sin * cell.sin))
+                    .collect();
+                terms.iter().flat_map(|term| evaluated(&runs[i], term.clone(), &rate)).collect()
+            })
+            .collect();
+        let recordings: Vec<(&Recording, f64)> = fit.iter().map(|&i| (&self.recordings[i], azimuth_rad(i))).collect();
+        let Some(found) = self.learned.in_functions(&recordings, &functions).filter(|found| found.missed < MISSED)
+        else {
+            return Err(OffBoard("its curves are finer than the model's tables".into()));
+        };
+        let mut first = 0;
+        for term in terms {
+            let count = term.count();
+            model.add(term.with_coefficients(&found.coefficients[first..first + count])).map_err(|_| too_many())?;
+            first += count;
+        }
+        for direction in &mut model.doubt.directions {
+            direction.resize(known + first, 0.0).map_err(|_| too_many())?;
+        }
+        for direction in &found.directions {
+            let all = std::iter::repeat_n(0.0, known).chain(direction.iter().map(|&number| number as f32));
+            let mut numbers = heapless::Vec::new();
+            all.into_iter().try_for_each(|number| numbers.push(number)).map_err(|_| too_many())?;
+            if model.doubt.directions.push(numbers).is_err() {
+                break;
+            }
+        }
+        self.doubt(&mut model);
+        model.validate().map_err(|invalid| OffBoard(invalid.to_string()))?;
+        Ok(model)
+    }
+
+    /// What widens the sigma: the misses of the training runs, and the likeliest process where there is one.
+    fn doubt(&self, model: &mut ErrorModel) {
+        model.doubt.azimuth_sigma_deg = self.learned.excess_rad / RAD_PER_DEG;
+        model.doubt.process = self.likeliest_process().and_then(|kernel| {
+            let (kernel_of_model, time_s) = match kernel.shape? {
+                Shape::Exponential => (doubt::Kernel::Exponential, kernel.time_s),
+                Shape::Matern => (doubt::Kernel::Matern, kernel.time_s),
+                Shape::SquaredExponential => (doubt::Kernel::SquaredExponential, kernel.time_s),
+                Shape::DampedCosine => {
+                    (doubt::Kernel::DampedCosine { period_s: kernel.time_s }, DAMPING * kernel.time_s)
+                }
+            };
+            Some(doubt::Process { kernel: kernel_of_model, sigma_deg_h: kernel.size * self.learned.unit_deg_h, time_s })
+        });
+    }
+
+    /// Whether azimuths by the written model are those of the engine, within a part of its sigmas.
+    pub fn agrees(&self, azimuths_deg: &[Option<f64>]) -> bool {
+        let (mut apart, mut sigma) = (0.0, 0.0);
+        for (azimuth_deg, own) in azimuths_deg.iter().zip(&self.azimuths) {
+            if let (Some(azimuth_deg), Some(own)) = (azimuth_deg, own) {
+                apart += wrap_180_deg(azimuth_deg - own.azimuth_rad / RAD_PER_DEG).powi(2);
+                sigma += (own.sigma_rad / RAD_PER_DEG).powi(2);
+            }
+        }
+        apart <= AGREES * AGREES * sigma
+    }
+
+    fn likeliest_process(&self) -> Option<open_world::Kernel> {
+        (1..self.learned.kernels.len())
+            .max_by(|&a, &b| self.learned.shares[a].total_cmp(&self.learned.shares[b]))
+            .map(|kernel| self.learned.kernels[kernel])
+            .filter(|_| self.has_process())
     }
 
     fn groups(&self) -> &[Found] {
@@ -113,7 +225,8 @@ impl Open {
                     found.group.words(&self.names),
                     found.log_odds
                 ),
-                board: false,
+                board: self.deployed
+                    && found.group.channels().iter().all(|&channel| self.names[channel] == TEMPERATURE),
                 name,
             }
         };
@@ -122,10 +235,7 @@ impl Open {
 
     /// What remains: processes of the runs' own, in words.
     pub fn unexplained(&self) -> Vec<String> {
-        let likeliest = (1..self.learned.kernels.len())
-            .max_by(|&a, &b| self.learned.shares[a].total_cmp(&self.learned.shares[b]))
-            .map(|kernel| self.learned.kernels[kernel]);
-        match likeliest.filter(|_| self.has_process()) {
+        match self.likeliest_process() {
             Some(kernel) => vec![format!(
                 "a process of every run's own that no channel tells, typically {:.4} deg/h over {:.0} s; sigma covers it",
                 kernel.size * self.learned.unit_deg_h,

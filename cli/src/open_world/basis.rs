@@ -10,12 +10,12 @@ use super::recording::{Place, Recording, Samples};
 pub const PLAY_WIDTHS: [f64; 6] = [0.06, 0.12, 0.2, 0.35, 0.55, 0.8];
 /// Time constants, seconds.
 pub const TIMES_S: [f64; 3] = [10.0, 40.0, 150.0];
-const MEMORY_S: [f64; 7] = [5.0, 15.0, 40.0, 100.0, 250.0, 600.0, 1500.0];
+pub const MEMORY_S: [f64; 7] = [5.0, 15.0, 40.0, 100.0, 250.0, 600.0, 1500.0];
 const HEAT_S: [f64; 4] = [10.0, 40.0, 150.0, 600.0];
 const BACKLASH: [f64; 5] = [0.1, 0.2, 0.35, 0.55, 0.8];
 const COARSE_PLAY: [f64; 2] = [0.15, 0.4];
-const DECAYS_S: [f64; 4] = [4.0, 9.0, 20.0, 45.0];
-const WARM_UP_S: [f64; 4] = [15.0, 45.0, 150.0, 500.0];
+pub const DECAYS_S: [f64; 4] = [4.0, 9.0, 20.0, 45.0];
+pub const WARM_UP_S: [f64; 4] = [15.0, 45.0, 150.0, 500.0];
 const CHANGE_S: f64 = 12.0;
 /// Half lengths of the windows in which tilt rates are slopes, seconds.
 const SLOPE_S: [usize; 3] = [5, 20, 100];

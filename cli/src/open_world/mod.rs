@@ -13,9 +13,10 @@ mod process;
 mod recording;
 mod run;
 
-pub use group::Group;
-pub use predict::{Found, Learned, Model, Prediction};
-pub use process::{Kernel, Shape};
+pub use basis::{DECAYS_S, MEMORY_S, PLAY_WIDTHS, TIMES_S, WARM_UP_S};
+pub use group::{Base, Group};
+pub use predict::{Found, InFunctions, Learned, Model, Prediction};
+pub use process::{DAMPING, Kernel, Shape};
 pub use recording::{Recording, Reference};
 
 use learn::Search;

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use rayon::prelude::*;
 
-use super::basis::Scales;
+use super::basis::{Scales, centre};
 use super::evidence::{Posterior, posterior};
 use super::group::Group;
 use super::learn::{Active, Search, State, prepare};
@@ -19,6 +19,8 @@ const LEAST_SHARE: f64 = 0.05;
 /// Rounds in which azimuth and what depends on it are brought into agreement.
 const ROUNDS: usize = 4;
 const AGREED_RAD: f64 = 1e-6;
+/// Added to the normalised diagonal where functions are nearly the same.
+const RIDGE: f64 = 1e-7;
 /// Beyond the learned range an effect may change by this much of its size for each half range.
 const BEYOND: f64 = 2.0;
 
@@ -50,6 +52,16 @@ pub struct Model {
     /// Weights of all functions, group by group, and their covariance.
     pub mean: DVector<f64>,
     pub covariance: DMatrix<f64>,
+}
+
+/// A model as a sum of other functions.
+#[derive(Clone, Debug)]
+pub struct InFunctions {
+    pub coefficients: Vec<f64>,
+    /// Columns of a factor of their covariance, the longest first.
+    pub directions: Vec<Vec<f64>>,
+    /// Root mean square of what they miss, as a share of what the model does.
+    pub missed: f64,
 }
 
 /// Everything that was learned: enough to give the azimuth of a run.
@@ -139,18 +151,59 @@ impl Learned {
             .collect()
     }
 
-    /// What the likeliest model does in every second of a run, °/h, at the run's azimuth; nothing where there is too little in
-    /// it.
-    pub fn effects_deg_h(&self, recording: &Recording, azimuth_rad: f64) -> Vec<f64> {
-        let (prepared, _) = prepare(&[recording], &[self.kernels[0]], Some(self.unit_deg_h));
-        match (prepared.into_iter().next().flatten(), self.models.first()) {
-            (Some((sheet, whitening)), Some(model)) => {
-                let run = Run::new(sheet, None, whitening, 1);
-                let effects = self.columns(&run, model, azimuth_rad) * &model.mean;
-                run.sheet.samples.spread(effects.as_slice())
-            }
-            _ => vec![0.0; recording.len()],
+    /// The likeliest model as a sum of other functions: given for every run, function by function, by the second. `None` where no
+    /// run has enough in it, or nothing was learned.
+    pub fn in_functions(&self, runs: &[(&Recording, f64)], functions: &[Vec<Vec<f64>>]) -> Option<InFunctions> {
+        let model = self.models.first().filter(|model| !model.groups.is_empty())?;
+        let recordings: Vec<&Recording> = runs.iter().map(|each| each.0).collect();
+        let (prepared, _) = prepare(&recordings, &self.kernels[..1], Some(self.unit_deg_h));
+        let (mut theirs, mut own): (Vec<DMatrix<f64>>, Vec<DMatrix<f64>>) = (Vec::new(), Vec::new());
+        for ((prepared, functions), (_, azimuth_rad)) in prepared.into_iter().zip(functions).zip(runs) {
+            let Some((sheet, whitening)) = prepared else { continue };
+            let run = Run::new(sheet, None, whitening, 1);
+            let all: Vec<f64> =
+                functions.iter().flat_map(|function| run.sheet.samples.means(function.iter().copied())).collect();
+            let mut columns =
+                [DMatrix::from_vec(run.rate.len(), functions.len(), all), self.columns(&run, model, *azimuth_rad)];
+            columns.iter_mut().for_each(centre);
+            let [function_columns, own_columns] = columns;
+            theirs.push(function_columns);
+            own.push(own_columns);
         }
+        let width = theirs.first()?.ncols();
+        let mut gram = DMatrix::zeros(width, width);
+        let mut with = DMatrix::zeros(width, model.mean.len());
+        for (theirs, own) in theirs.iter().zip(&own) {
+            gram += theirs.transpose() * theirs;
+            with += theirs.transpose() * own;
+        }
+        let sizes: Vec<f64> = gram.diagonal().iter().map(|square| square.sqrt().max(1e-150)).collect();
+        let scaled = DMatrix::from_fn(width, width, |i, j| {
+            gram[(i, j)] / (sizes[i] * sizes[j]) + if i == j { RIDGE } else { 0.0 }
+        });
+        let with = DMatrix::from_fn(width, model.mean.len(), |i, j| with[(i, j)] / sizes[i]);
+        // Coefficients of functions of size 1 from the weights.
+        let map = scaled.cholesky()?.solve(&with);
+        let coefficients = &map * &model.mean;
+        let eigen = (&map * &model.covariance * map.transpose()).symmetric_eigen();
+        let mut order: Vec<usize> = (0..width).collect();
+        order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+        let direction = |&i: &usize| {
+            let root = eigen.eigenvalues[i].max(0.0).sqrt();
+            (0..width).map(|j| root * eigen.eigenvectors[(j, i)] / sizes[j]).collect()
+        };
+        let coefficients: Vec<f64> = coefficients.iter().zip(&sizes).map(|(value, size)| value / size).collect();
+        let (mut missed, mut all) = (0.0, 0.0);
+        for (theirs, own) in theirs.iter().zip(&own) {
+            let effect = own * &model.mean;
+            missed += (theirs * DVector::from_column_slice(&coefficients) - &effect).norm_squared();
+            all += effect.norm_squared();
+        }
+        Some(InFunctions {
+            missed: (missed / all).sqrt(),
+            coefficients,
+            directions: order.iter().map(direction).collect(),
+        })
     }
 
     fn predict(&self, run: &Run, models: &[Model]) -> Prediction {

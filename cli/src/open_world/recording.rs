@@ -280,11 +280,6 @@ impl Samples {
         self.spans.len()
     }
 
-    /// Values of the samples by the second; 0 where it does not enter.
-    pub fn spread(&self, values: &[f64]) -> Vec<f64> {
-        self.of_second.iter().map(|sample| sample.map_or(0.0, |sample| values[sample])).collect()
-    }
-
     /// Means of a series by the second.
     pub fn means(&self, values: impl IntoIterator<Item = f64>) -> Vec<f64> {
         let mut means = vec![0.0; self.len()];
