@@ -67,6 +67,13 @@ pub fn diagnosis(
         let bad = |run: &RunData| lesson.bad_references.iter().any(|(file, _)| *file == run.file);
         runs.iter().map(|run| run.role == Role::Fit && run.reference_deg.is_some() && !bad(run)).collect()
     };
+    if open.is_none() && !learned.taken.is_empty() {
+        let missed_deg = missed_beyond_sigma_deg(runs, &afters, &bad);
+        model.doubt.azimuth_sigma_deg = missed_deg;
+        for after in &mut afters {
+            after.sigma_deg = after.sigma_deg.map(|sigma| sigma.hypot(missed_deg));
+        }
+    }
     if let Some(open) = &mut open {
         let written = open.written(runs, &model).and_then(|written| {
             let by_model =
@@ -145,6 +152,20 @@ pub fn diagnosis(
     }
     diagnosis.verdict = verdict::sentence(&diagnosis);
     Ok(diagnosis)
+}
+
+/// What the azimuths of the fit runs miss their references by beyond their sigmas: root of mean(e² − σ²), at least 0; degrees.
+fn missed_beyond_sigma_deg(runs: &[RunData], afters: &[After], bad_references: &[String]) -> f64 {
+    let beyond: Vec<f64> = runs
+        .iter()
+        .zip(afters)
+        .filter(|(run, _)| run.role == Role::Fit && !bad_references.contains(&run.file))
+        .filter_map(|(run, after)| {
+            let error_deg = wrap_180_deg(after.azimuth_deg? - run.reference_deg?);
+            Some(error_deg.powi(2) - after.sigma_deg?.powi(2) - run.reference_sigma_deg.powi(2))
+        })
+        .collect();
+    (beyond.iter().sum::<f64>() / beyond.len().max(1) as f64).max(0.0).sqrt()
 }
 
 /// The model with what was learned.

@@ -28,6 +28,9 @@ const AGREES: f64 = 0.6;
 /// Log evidence that every fitted number of a named effect must be worth.
 const OF_NUMBER: f64 = 4.0;
 
+/// Log evidence by which a model without the named effects must be better.
+const MARGIN: f64 = 6.0;
+
 /// A model of the open world over the runs of a campaign.
 pub struct Open {
     learned: Learned,
@@ -54,7 +57,7 @@ impl Open {
         }
         let alone = Self::learn(runs, &[], bad_references)?;
         let numbers: usize = taken.iter().map(|each| each.candidate.freedom()).sum();
-        let named = beside.learned.evidence - OF_NUMBER * numbers as f64;
+        let named = beside.learned.evidence - OF_NUMBER * numbers as f64 + MARGIN;
         Some(if alone.learned.evidence > named { Self { replaces: true, ..alone } } else { beside })
     }
 
@@ -76,15 +79,18 @@ impl Open {
         Some(Self { learned, names, azimuths, replaces: false, deployed: false, recordings })
     }
 
-    /// Whether it replaces azimuths of these errors (fit runs with a reference, degrees) by better ones.
-    pub fn is_better(&self, runs: &[RunData], azimuths_deg: &[Option<f64>], bad_references: &[String]) -> bool {
+    /// Whether the fit runs' azimuths, each by a model without that run, miss their references by less than what it stands
+    /// against: the azimuths by the named effects (`of_named`, degrees) where it stands beside these, else those before. Named
+    /// effects that the evidence is against may fit few references closely, and are not asked.
+    pub fn is_better(&self, runs: &[RunData], of_named: &[Option<f64>], bad_references: &[String]) -> bool {
         let (mut before, mut after, mut number) = (0.0, 0.0, 0);
-        for ((run, azimuth_deg), own) in runs.iter().zip(azimuths_deg).zip(&self.azimuths) {
+        for ((run, named_deg), own) in runs.iter().zip(of_named).zip(&self.azimuths) {
             let trusted = run.role == Role::Fit && !bad_references.contains(&run.file);
-            if let (Some(reference), Some(azimuth), Some(own)) =
-                (run.reference_deg.filter(|_| trusted), azimuth_deg, own)
+            let rival_deg = if self.replaces { run.before.map(|fix| fix.azimuth_deg) } else { *named_deg };
+            if let (Some(reference), Some(rival_deg), Some(own)) =
+                (run.reference_deg.filter(|_| trusted), rival_deg, own)
             {
-                before += wrap_180_deg(azimuth - reference).powi(2);
+                before += wrap_180_deg(rival_deg - reference).powi(2);
                 after += wrap_180_deg(own.azimuth_rad / RAD_PER_DEG - reference).powi(2);
                 number += 1;
             }
