@@ -19,7 +19,7 @@ const LEAST_PROPOSAL: f64 = 3.0;
 /// Proposals that are tried, beside each share of the own process.
 const TRIALS: usize = 4;
 /// Shares of the own process's size beside which groups are proposed: it may have swallowed an effect.
-const SHARES: [f64; 2] = [1.0, 0.25];
+const SHARES: [f64; 3] = [1.0, 0.25, 0.03];
 /// Most groups, and most swaps of one for another.
 const MOST_GROUPS: usize = 8;
 const MOST_SWAPS: usize = 10;
@@ -457,9 +457,14 @@ impl<'a> Search<'a> {
         let mut state = self.total(&Vec::new(), None);
         let mut swaps = 0;
         while state.active.len() < MOST_GROUPS {
-            let Some((trial, penalty)) = self.best_trial(&state) else { break };
+            let Some((mut trial, penalty)) = self.best_trial(&state) else { break };
             if trial.evidence - penalty - state.evidence < GAIN {
-                break;
+                // Two together may do what neither does alone: an own process gives way to the whole of an effect only.
+                let Some((both, of_second)) = self.best_trial(&trial) else { break };
+                if both.evidence - penalty - of_second - state.evidence < 2.0 * GAIN {
+                    break;
+                }
+                trial = both;
             }
             let before = state.evidence;
             let newest = trial.active.last().map(|each| each.0);
@@ -476,7 +481,7 @@ impl<'a> Search<'a> {
 
     /// The best of the proposed groups by the evidence less its penalty, which is also given.
     fn best_trial(&self, state: &State) -> Option<(State, f64)> {
-        let mut tried: Vec<usize> = Vec::new();
+        let mut tried: Vec<(usize, bool)> = Vec::new();
         let mut best: Option<(State, f64)> = None;
         let places: Vec<usize> = (0..state.active.len()).collect();
         for share in SHARES {
@@ -494,13 +499,20 @@ impl<'a> Search<'a> {
             let worth = |each: &(usize, f64, f64)| each.1 - self.penalty(each.0);
             order.sort_by(|a, b| worth(b).total_cmp(&worth(a)));
             for (group, _, variance) in order.into_iter().take(TRIALS) {
-                if tried.contains(&group) {
+                if tried.contains(&(group, share < 1.0)) {
                     continue;
                 }
-                tried.push(group);
+                tried.push((group, share < 1.0));
                 let mut active = state.active.clone();
                 active.push((group, variance));
-                let trial = self.total(&active, Some(&state.of_run));
+                let mut trial = self.total(&active, Some(&state.of_run));
+                if share < 1.0 {
+                    // Begun without any process the effect need not be taken away from one first.
+                    let fresh = self.total(&active, Some(&vec![0; self.runs.len()]));
+                    if fresh.evidence > trial.evidence {
+                        trial = fresh;
+                    }
+                }
                 let penalty = self.penalty(group);
                 if best.as_ref().is_none_or(|best| trial.evidence - penalty > best.0.evidence - best.1) {
                     best = Some((trial, penalty));
