@@ -7,4 +7,5 @@ pub mod accuracy;
 pub mod bench;
 pub mod hidden;
 pub mod judge;
+pub mod statistics;
 pub mod trials;

@@ -1,6 +1,6 @@
 //! The generator of campaigns with hidden effects: repeatable, sensible, and with the signs that its words say.
 
-use proofs::hidden::{Campaign, Family, Part, Row};
+use proofs::hidden::{Campaign, Family, Group, Part, Row};
 use std::collections::HashSet;
 
 /// Earth's rotation, °/h.
@@ -25,7 +25,7 @@ fn rests(rows: &[(Row, Row)], number: usize) -> bool {
 
 #[test]
 fn the_same_seed_gives_the_same_campaign() {
-    for family in Family::ALL {
+    for family in Family::all() {
         let first = Campaign::draw(family, 5, 2);
         let again = Campaign::draw(family, 5, 2);
         assert_eq!(first.runs, again.runs, "{}", family.name());
@@ -39,7 +39,7 @@ fn the_same_seed_gives_the_same_campaign() {
 
 #[test]
 fn campaigns_are_such_as_people_record() {
-    for family in Family::ALL {
+    for family in Family::BASIC {
         for number in 0..8 {
             let campaign = Campaign::draw(family, 3, number);
             assert!((8..=36).contains(&campaign.runs.len()));
@@ -65,7 +65,7 @@ fn hidden_effects_stand_out_of_the_noise_and_nothing_is_nothing() {
     let nothing = campaign();
     assert!(nothing.effect.parts.is_empty());
     assert_eq!(nothing.run_with(0, &[]).as_ref(), nothing.runs.first());
-    for family in Family::ALL.into_iter().filter(|family| *family != Family::Nothing) {
+    for family in Family::all().into_iter().filter(|family| *family != Family::Nothing) {
         let hidden = Campaign::draw(family, 4, 1);
         assert!(hidden.effect.parts.iter().any(|(size, _)| size.abs() > 0.0), "{}", family.name());
         assert!(hidden.effect.parts.iter().all(|(size, _)| size.is_finite()));
@@ -139,8 +139,37 @@ fn the_cubic_follows_the_rate() {
 
 #[test]
 fn names_of_families_are_their_own() {
-    for family in Family::ALL {
+    for family in Family::all() {
         assert_eq!(Family::named(family.name()), Some(family));
     }
     assert_eq!(Family::named("no such"), None);
+}
+
+#[test]
+fn at_least_forty_families_are_drawn_apart_from_the_lists() {
+    assert!(Family::all().into_iter().filter(|family| family.group() == Group::Outside).count() >= 40);
+}
+
+#[test]
+fn campaigns_of_outside_families_are_of_many_kinds() {
+    let campaigns: Vec<Campaign> = Family::all()
+        .into_iter()
+        .filter(|family| family.group() == Group::Outside)
+        .zip(0..)
+        .map(|(family, number)| Campaign::draw(family, 12, number))
+        .collect();
+    let some = |is: &dyn Fn(&Campaign) -> bool| campaigns.iter().any(is);
+    assert!(some(&|campaign| campaign.runs.len() >= 60) && some(&|campaign| campaign.runs.len() <= 6));
+    assert!(some(&|campaign| campaign.channels.len() > 6));
+    assert!(some(&|campaign| campaign.runs[0].reference_sigma_deg > 0.03));
+    // A row of a rotation is elsewhere than the one before, but not far.
+    let rotates = |campaign: &Campaign| {
+        campaign.runs[0].rows.windows(2).all(|pair| {
+            let step_deg = pair[1].index_deg - pair[0].index_deg;
+            (0.1..0.6).contains(&step_deg)
+        })
+    };
+    assert!(some(&rotates));
+    // Every run has as many rows as its plan has seconds: shapes are added to all of them.
+    assert!(campaigns.iter().all(|campaign| campaign.runs.iter().all(|run| run.rows.len() >= 60)));
 }

@@ -2,12 +2,13 @@
 
 use std::io::{self, Write};
 
-use crate::hidden::{Campaign as Generated, Family};
+use crate::hidden::{Campaign as Generated, Family, Group};
 use clap::Args;
 use serde::Serialize;
 
 use super::{Bench, trials};
 use crate::judge::{Summary, Verdict, consult, judge, summarize, write};
+use crate::statistics::median;
 use north::diagnose::{Options, diagnose};
 use north::failure::Failure;
 use north::progress;
@@ -20,6 +21,7 @@ use north::settings_file::declare_noise;
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   north bench diagnose --campaigns 20
+  north bench diagnose --group outside --campaigns 4
   north bench diagnose --family channel-rate --campaigns 40 --verbose")]
 pub struct DiagnoseBench {
     /// Campaigns of each family, 1 to 100000
@@ -28,6 +30,9 @@ pub struct DiagnoseBench {
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    /// Only the families of this group: nothing, named, outside, together
+    #[arg(long, value_name = "NAME", value_parser = group, conflicts_with = "family")]
+    group: Option<Group>,
     /// Only this family
     #[arg(long, value_name = "NAME", value_parser = family)]
     family: Option<Family>,
@@ -42,19 +47,102 @@ pub struct DiagnoseBench {
     verbose: bool,
 }
 
+/// One line of one of the tables.
+#[derive(Serialize)]
+#[serde(tag = "table", rename_all = "kebab-case")]
+pub enum Row {
+    Family(FamilyReport),
+    Group(GroupReport),
+}
+
 /// One family.
 #[derive(Serialize)]
 pub struct FamilyReport {
-    family: &'static str,
+    #[serde(skip)]
+    family: Family,
+    #[serde(rename = "family")]
+    name: &'static str,
     #[serde(flatten)]
     summary: Summary,
 }
 
-impl Bench for DiagnoseBench {
-    type Row = FamilyReport;
+/// All families of a group.
+#[derive(Serialize)]
+pub struct GroupReport {
+    group: &'static str,
+    families: usize,
+    campaigns: usize,
+    refused: usize,
+    check_runs: usize,
+    /// Median over the families of rms after over rms of the oracle.
+    after_over_oracle_median: f64,
+    /// Shares of the families, 0 to 1.
+    within_1_25: f64,
+    within_2: f64,
+    /// Shares of check runs, 0 to 1, inside 95 % intervals: of all families, and of the worst with at least twenty.
+    coverage: f64,
+    coverage_worst: f64,
+    coverage_worst_family: &'static str,
+    /// Families, as shares 0 to 1, whose coverage is below 85 %.
+    coverage_below_85: f64,
+    /// Shares of campaigns, 0 to 1.
+    false_discovery: f64,
+    unexplained: f64,
+    made_worse: f64,
+}
 
-    fn measure(&self, out: &mut dyn Write) -> Result<Vec<FamilyReport>, Failure> {
-        let families = self.family.map_or(Family::ALL.to_vec(), |family| vec![family]);
+/// Check runs below which the coverage of a family says little.
+const FEW_RUNS: usize = 20;
+
+impl FamilyReport {
+    fn coverage(&self) -> f64 {
+        self.summary.covered as f64 / self.summary.runs as f64
+    }
+}
+
+impl GroupReport {
+    fn of(group: Group, families: &[FamilyReport]) -> Option<Self> {
+        let of_group: Vec<_> = families.iter().filter(|report| report.family.group() == group).collect();
+        let sum = |of: fn(&Summary) -> usize| of_group.iter().map(|report| of(&report.summary)).sum::<usize>();
+        let campaigns = sum(|summary| summary.campaigns);
+        let check_runs = sum(|summary| summary.runs);
+        let of_campaigns = |share: fn(&Summary) -> f64| {
+            let counts = of_group.iter().map(|report| share(&report.summary) * report.summary.campaigns as f64);
+            counts.sum::<f64>() / campaigns as f64
+        };
+        let of_families = |is: &dyn Fn(&FamilyReport) -> bool| {
+            of_group.iter().filter(|report| is(report)).count() as f64 / of_group.len() as f64
+        };
+        let enough = of_group.iter().filter(|report| report.summary.runs >= FEW_RUNS);
+        let worst = enough.min_by(|a, b| a.coverage().total_cmp(&b.coverage()));
+        (!of_group.is_empty()).then(|| Self {
+            group: group.name(),
+            families: of_group.len(),
+            campaigns,
+            refused: sum(|summary| summary.refused),
+            check_runs,
+            after_over_oracle_median: median(of_group.iter().map(|report| report.summary.ratio.value).collect()),
+            within_1_25: of_families(&|report| report.summary.ratio.value <= 1.25),
+            within_2: of_families(&|report| report.summary.ratio.value <= 2.0),
+            coverage: sum(|summary| summary.covered) as f64 / check_runs as f64,
+            coverage_worst: worst.map_or(f64::NAN, |report| report.coverage()),
+            coverage_worst_family: worst.map_or("", |report| report.name),
+            coverage_below_85: of_families(&|report| report.coverage() < 0.85),
+            false_discovery: of_campaigns(|summary| summary.false_discovery),
+            unexplained: of_campaigns(|summary| summary.unexplained),
+            made_worse: of_campaigns(|summary| summary.made_worse),
+        })
+    }
+}
+
+impl Bench for DiagnoseBench {
+    type Row = Row;
+
+    fn measure(&self, out: &mut dyn Write) -> Result<Vec<Row>, Failure> {
+        let chosen = |family: &Family| {
+            self.family.is_none_or(|only| only == *family) && self.group.is_none_or(|group| group == family.group())
+        };
+        let families: Vec<Family> = Family::all().into_iter().filter(chosen).collect();
         let numbers = match self.only {
             Some(number) => number..number + 1,
             None => 0..self.campaigns,
@@ -76,18 +164,21 @@ impl Bench for DiagnoseBench {
             .filter_map(|family| {
                 let of_family: Vec<&Verdict> =
                     verdicts.iter().filter(|verdict| verdict.family == family.name()).collect();
-                Some(FamilyReport { family: family.name(), summary: summarize(&of_family)? })
+                Some(FamilyReport { family: *family, name: family.name(), summary: summarize(&of_family)? })
             })
             .collect();
-        write_tables(out, &families)?;
-        Ok(families)
+        write_families(out, &families)?;
+        let groups: Vec<GroupReport> =
+            Group::ALL.into_iter().filter_map(|group| GroupReport::of(group, &families)).collect();
+        write_groups(out, &groups)?;
+        Ok(families.into_iter().map(Row::Family).chain(groups.into_iter().map(Row::Group)).collect())
     }
 }
 
 impl DiagnoseBench {
     /// Draws, diagnoses and judges one campaign.
     fn one(&self, family: Family, number: u64) -> Result<Verdict, Failure> {
-        let place = Family::ALL.iter().position(|each| *each == family).unwrap_or_default() as u64;
+        let place = Family::all().iter().position(|each| *each == family).unwrap_or_default() as u64;
         let generated = Generated::draw(family, self.seed, (place << 32) + number);
         let temporary = tempfile::tempdir()?;
         let folder = self.out.as_deref().unwrap_or(temporary.path());
@@ -101,7 +192,9 @@ impl DiagnoseBench {
 }
 
 fn family(name: &str) -> Result<Family, String> {
-    Family::named(name).ok_or_else(|| format!("families are: {}", Family::ALL.map(Family::name).join(", ")))
+    Family::named(name).ok_or_else(|| {
+        format!("families are: {}", Family::all().into_iter().map(Family::name).collect::<Vec<_>>().join(", "))
+    })
 }
 
 fn write_verdict(out: &mut dyn Write, verdict: &Verdict) -> io::Result<()> {
@@ -131,15 +224,15 @@ fn write_verdict(out: &mut dyn Write, verdict: &Verdict) -> io::Result<()> {
     )
 }
 
-fn write_tables(out: &mut dyn Write, families: &[FamilyReport]) -> io::Result<()> {
+fn write_families(out: &mut dyn Write, families: &[FamilyReport]) -> io::Result<()> {
     writeln!(
         out,
-        "| family | campaigns | rms before, ° | after, ° | oracle, ° | after / oracle | right, % | ambiguous, % \
-         | named falsely, % | unexplained, % | made worse, % |\n|---|---|---|---|---|---|---|---|---|---|---|"
+        "| family | campaigns | rms before, ° | after, ° | oracle, ° | after / oracle | covered, % | right, % | ambiguous, % \
+         | named falsely, % | unexplained, % | made worse, % |\n|---|---|---|---|---|---|---|---|---|---|---|---|"
     )?;
-    for FamilyReport { family, summary } in families {
-        let family = Family::named(family).unwrap_or(Family::Nothing);
-        let named = summary.visible > 0 && !family.is_foreign() && family != Family::Nothing;
+    for report in families {
+        let FamilyReport { family, summary, .. } = report;
+        let named = summary.visible > 0 && family.group() == Group::Named;
         let right = if named && summary.telling > 0 {
             format!("{:.0} ± {:.0}", 100.0 * summary.right, 100.0 * summary.right_confidence_95)
         } else {
@@ -148,7 +241,7 @@ fn write_tables(out: &mut dyn Write, families: &[FamilyReport]) -> io::Result<()
         let ambiguous = if named { format!("{:.0}", 100.0 * summary.ambiguous) } else { "–".into() };
         writeln!(
             out,
-            "| {} | {} | {:.4} | {:.4} | {:.4} | {:.2} ({:.2} … {:.2}) | {right} | {ambiguous} | {:.0} | {:.0} | {:.0} |",
+            "| {} | {} | {:.4} | {:.4} | {:.4} | {:.2} ({:.2} … {:.2}) | {:.0} | {right} | {ambiguous} | {:.0} | {:.0} | {:.0} |",
             family.describe(),
             summary.campaigns,
             summary.before_deg,
@@ -157,13 +250,47 @@ fn write_tables(out: &mut dyn Write, families: &[FamilyReport]) -> io::Result<()
             summary.ratio.value,
             summary.ratio.low,
             summary.ratio.high,
-            100.0 * if family.is_foreign() { summary.misnamed } else { summary.false_discovery },
+            100.0 * report.coverage(),
+            100.0 * summary.false_discovery,
             100.0 * summary.unexplained,
             100.0 * summary.made_worse,
         )?;
         if summary.refused > 0 {
             writeln!(out, "<!-- {}: {} campaigns refused -->", family.name(), summary.refused)?;
         }
+    }
+    Ok(())
+}
+
+fn group(name: &str) -> Result<Group, String> {
+    Group::ALL.into_iter().find(|group| group.name() == name).ok_or_else(|| "there is no such group".into())
+}
+
+fn write_groups(out: &mut dyn Write, groups: &[GroupReport]) -> io::Result<()> {
+    writeln!(
+        out,
+        "\n| group | families | campaigns | after / oracle, median | ≤ 1.25, % | ≤ 2, % | covered, % | worst family, % \
+         | families below 85 %, % | named falsely, % | unexplained, % | made worse, % |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|---|"
+    )?;
+    for group in groups {
+        writeln!(
+            out,
+            "| {} | {} | {} | {:.2} | {:.0} | {:.0} | {:.1} | {:.0} {} | {:.0} | {:.1} | {:.1} | {:.1} |",
+            group.group,
+            group.families,
+            group.campaigns,
+            group.after_over_oracle_median,
+            100.0 * group.within_1_25,
+            100.0 * group.within_2,
+            100.0 * group.coverage,
+            100.0 * group.coverage_worst,
+            group.coverage_worst_family,
+            100.0 * group.coverage_below_85,
+            100.0 * group.false_discovery,
+            100.0 * group.unexplained,
+            100.0 * group.made_worse,
+        )?;
     }
     Ok(())
 }

@@ -8,7 +8,10 @@ mod cost;
 mod diagnose;
 mod diagnose_speed;
 mod esg;
+mod fixes;
+mod gates;
 mod image_size;
+mod repeat;
 
 use std::io::Write;
 use std::ops::Range;
@@ -79,6 +82,8 @@ benches! {
     Diagnose: diagnose::DiagnoseBench,
     DiagnoseSpeed: diagnose_speed::DiagnoseSpeed,
     Esg: esg::EsgBench,
+    Gates: gates::Gates,
+    Repeat: repeat::Repeat,
 }
 
 /// The machine-readable result of every bench.

@@ -2,7 +2,7 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
+use rand_distr::{Distribution, StandardNormal, StudentT};
 
 /// The random numbers of one campaign. The same seed and stream give the same numbers.
 #[derive(Debug, Clone)]
@@ -28,6 +28,11 @@ impl Draw {
     /// Gaussian, mean 0, variance 1.
     pub(super) fn normal(&mut self) -> f64 {
         StandardNormal.sample(&mut self.0)
+    }
+
+    /// Student's t with this many degrees of freedom.
+    pub(super) fn student(&mut self, degrees_of_freedom: f64) -> f64 {
+        StudentT::new(degrees_of_freedom).map_or(f64::NAN, |distribution| distribution.sample(&mut self.0))
     }
 
     /// −1 or +1.

@@ -1,11 +1,12 @@
 //! The families of effects, and how one of a family is drawn.
 
 use super::draw::Draw;
+use super::outside::Outside;
 use super::part::{MoveLaw, Part};
 use super::plan::{Needs, Plan};
 
 /// A kind of effect that a campaign can hide.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Family {
     Nothing,
     ChannelValue,
@@ -28,6 +29,38 @@ pub enum Family {
     Hysteresis,
     TwoChannels,
     ComesAndGoes,
+    /// One of those that are drawn apart.
+    Outside(&'static Outside),
+    /// Effects of this many families at once.
+    Several(usize),
+}
+
+/// Kinds of families.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Group {
+    /// Nothing is hidden.
+    Nothing,
+    /// Effects with names that everybody has in a list.
+    Named,
+    /// Effects drawn apart from any list.
+    Outside,
+    /// Two or three effects at once.
+    Together,
+}
+
+impl Group {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Nothing, Self::Named, Self::Outside, Self::Together];
+
+    /// Name, stable.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Nothing => "nothing",
+            Self::Named => "named",
+            Self::Outside => "outside",
+            Self::Together => "together",
+        }
+    }
 }
 
 /// How large an effect is made.
@@ -44,8 +77,8 @@ pub(super) enum Measure {
 }
 
 impl Family {
-    /// All of them, the foreign ones last.
-    pub const ALL: [Self; 21] = [
+    /// The single ones that have parts of their own, the foreign ones last.
+    pub const BASIC: [Self; 21] = [
         Self::Nothing,
         Self::ChannelValue,
         Self::ChannelCurve,
@@ -68,6 +101,22 @@ impl Family {
         Self::TwoChannels,
         Self::ComesAndGoes,
     ];
+
+    /// All of them.
+    pub fn all() -> Vec<Self> {
+        let outside = Outside::all().map(Self::Outside);
+        Self::BASIC.into_iter().chain(outside).chain([Self::Several(2), Self::Several(3)]).collect()
+    }
+
+    /// The families whose effects stand together in a campaign: several of those that hide something, or this one.
+    pub(super) fn members(self, draw: &mut Draw) -> Vec<Self> {
+        let Self::Several(count) = self else { return vec![self] };
+        let mut single: Vec<Self> =
+            Self::all().into_iter().filter(|family| !matches!(family, Self::Nothing | Self::Several(_))).collect();
+        draw.shuffle(&mut single);
+        single.truncate(count);
+        single
+    }
 
     /// Name, stable: lower-case words with hyphens.
     pub fn name(self) -> &'static str {
@@ -93,6 +142,19 @@ impl Family {
             Self::Hysteresis => "hysteresis",
             Self::TwoChannels => "two-channels",
             Self::ComesAndGoes => "comes-and-goes",
+            Self::Outside(outside) => outside.name,
+            Self::Several(2) => "two-effects",
+            Self::Several(_) => "three-effects",
+        }
+    }
+
+    /// Which kind of family it is.
+    pub fn group(self) -> Group {
+        match self {
+            Self::Nothing => Group::Nothing,
+            Self::Several(_) => Group::Together,
+            family if family.is_foreign() => Group::Outside,
+            _ => Group::Named,
         }
     }
 
@@ -120,21 +182,28 @@ impl Family {
             Self::Hysteresis => "hysteresis in a channel",
             Self::TwoChannels => "function of two channels",
             Self::ComesAndGoes => "comes and goes",
+            Self::Outside(outside) => outside.describe,
+            Self::Several(2) => "two effects together",
+            Self::Several(_) => "three effects together",
         }
     }
 
     /// The family of this name.
     pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|family| family.name() == name)
+        Self::all().into_iter().find(|family| family.name() == name)
     }
 
     /// Whether it is in no list of candidates.
     pub fn is_foreign(self) -> bool {
-        matches!(self, Self::Hysteresis | Self::TwoChannels | Self::ComesAndGoes)
+        matches!(self, Self::Hysteresis | Self::TwoChannels | Self::ComesAndGoes | Self::Outside(_) | Self::Several(_))
     }
 
     pub(super) fn needs(self) -> Needs {
         let channels = match self {
+            Self::Outside(outside) => return outside.needs,
+            // Whichever they are.
+            Self::Several(_) => return Needs { channels: 3, level: true, survey: true, outside: true, ..Needs::NONE },
+
             Self::ChannelValue
             | Self::ChannelCurve
             | Self::ChannelRate
@@ -153,11 +222,13 @@ impl Family {
             level: matches!(self, Self::BaseMotion | Self::LevelBias),
             survey,
             smooth: self == Self::ChannelRate,
+            ..Needs::NONE
         }
     }
 
     pub(super) fn measure(self) -> Measure {
         match self {
+            Self::Outside(outside) => outside.measure,
             Self::Line => Measure::Rows,
             Self::StepBetween => Measure::Runs,
             Self::LevelBias | Self::IndexAngle => Measure::Azimuth,
@@ -176,7 +247,8 @@ impl Family {
         };
         let run_s = plan.runs.iter().map(|run| run.seconds()).min().unwrap_or_default() as f64;
         match self {
-            Self::Nothing => Vec::new(),
+            Self::Nothing | Self::Several(_) => Vec::new(),
+            Self::Outside(outside) => one(Part::Shape(outside.shape(plan, draw))),
             Self::ChannelValue => one(Part::Power { channel, exponent: 1 }),
             Self::ChannelCurve => curve(draw, channel),
             Self::ChannelRate => one(Part::Rate { channel }),

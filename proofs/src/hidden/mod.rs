@@ -8,15 +8,18 @@
 mod draw;
 mod family;
 mod instrument;
+mod outside;
 mod part;
 mod plan;
 mod record;
+mod shape;
 mod signal;
 
-pub use family::Family;
+pub use family::{Family, Group};
 pub use instrument::{Hidden, Instrument};
 pub use part::{MoveLaw, Part};
 pub use record::Row;
+pub use shape::Shape;
 
 use draw::Draw;
 use family::Measure;
@@ -81,18 +84,11 @@ impl Campaign {
     pub fn draw(family: Family, seed: u64, number: u64) -> Self {
         let mut draw = Draw::new(seed, number);
         let plan = Plan::new(&mut draw, family.needs());
-        let mut parts = family.parts(&plan, &mut draw);
-        for _ in 0..MOST_DRAWS {
-            if shows(&plan, family.measure(), &parts) {
-                break;
-            }
-            parts = family.parts(&plan, &mut draw);
-        }
-        let strength = draw.sign() * draw.log_uniform(STRENGTH[0], STRENGTH[1]);
-        let size = strength * unit(&plan, family.measure(), &parts);
-        for (coefficient, _) in &mut parts {
-            *coefficient *= size;
-        }
+        let parts = family
+            .members(&mut draw)
+            .into_iter()
+            .flat_map(|family| sized(family, &plan, &mut draw))
+            .collect::<Vec<_>>();
         let runs = record::runs(&plan, &parts);
         Self {
             latitude_deg: plan.latitude_deg,
@@ -119,7 +115,7 @@ impl Campaign {
     }
 
     /// Names of the channels that the effect depends on.
-    pub fn guilty_channels(&self) -> Vec<&str> {
+    pub fn causal_channels(&self) -> Vec<&str> {
         let mut names: Vec<&str> = Vec::new();
         for (_, part) in &self.effect.parts {
             for channel in part.channels() {
@@ -131,6 +127,23 @@ impl Campaign {
         }
         names
     }
+}
+
+/// An effect of one family with a random size.
+fn sized(family: Family, plan: &Plan, draw: &mut Draw) -> Vec<(f64, Part)> {
+    let mut parts = family.parts(plan, draw);
+    for _ in 0..MOST_DRAWS {
+        if shows(plan, family.measure(), &parts) {
+            break;
+        }
+        parts = family.parts(plan, draw);
+    }
+    let strength = draw.sign() * draw.log_uniform(STRENGTH[0], STRENGTH[1]);
+    let size = strength * unit(plan, family.measure(), &parts);
+    for (coefficient, _) in &mut parts {
+        *coefficient *= size;
+    }
+    parts
 }
 
 /// Whether the parts do something that differs within a run: a bend far from all values, or a channel that only differs

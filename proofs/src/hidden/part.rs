@@ -3,6 +3,7 @@
 //! Rates are in °/h added to what the gyro reads, for a coefficient of 1; a channel enters as its standard deviations
 //! from its mean over the campaign, so that a coefficient is the effect of a typical excursion in °/h.
 
+use super::shape::Shape;
 use super::signal::Course;
 use hal_sim::scenario::{BaseAngle, Sway};
 use hal_sim::seconds::SiteAndGyro;
@@ -57,6 +58,8 @@ pub enum Part {
     Surface { channels: [usize; 2], waves: [f64; 3] },
     /// Foreign: on and off at random times, drawn for each run.
     ComesAndGoes { on: Vec<Vec<[f64; 2]>> },
+    /// Foreign: a course over the run.
+    Shape(Shape),
 }
 
 /// What the size of a transient after a move follows.
@@ -82,6 +85,14 @@ pub(super) struct Arrival {
 #[derive(Debug)]
 pub(super) struct RunView<'a> {
     pub(super) run: usize,
+    /// Azimuth of the mark, degrees.
+    pub(super) azimuth_deg: f64,
+    /// Horizontal Earth rate, °/h.
+    pub(super) north_deg_h: f64,
+    /// Pitch and roll, degrees.
+    pub(super) tilt_deg: [f64; 2],
+    /// Index angle in the middle of every second, degrees.
+    pub(super) index_deg: Vec<f64>,
     pub(super) arrivals: &'a [Arrival],
     /// One course for each channel, in standard deviations from its mean.
     pub(super) channels: &'a [Course],
@@ -103,6 +114,11 @@ impl Part {
         }
     }
 
+    /// Whether whoever knows the shape knows its course: not of noise.
+    pub fn is_knowable(&self) -> bool {
+        !matches!(self, Self::Shape(shape) if !shape.is_knowable)
+    }
+
     /// Numbers of the channels that it depends on.
     pub fn channels(&self) -> Vec<usize> {
         match *self {
@@ -113,6 +129,7 @@ impl Part {
             | Self::Delayed { channel, .. }
             | Self::Hysteresis { channel, .. } => vec![channel],
             Self::Surface { channels, .. } => channels.to_vec(),
+            Self::Shape(ref shape) => shape.channels.clone(),
             _ => Vec::new(),
         }
     }
@@ -201,6 +218,37 @@ impl Part {
     }
 }
 
+impl RunView<'_> {
+    /// Its length.
+    pub(super) fn seconds(&self) -> usize {
+        self.index_deg.len()
+    }
+
+    /// What a channel truly is in the middle of every second.
+    pub(super) fn channel(&self, channel: usize) -> Vec<f64> {
+        (0..self.seconds())
+            .map(|second| self.channels.get(channel).map_or(0.0, |course| course.at(second as f64 + 0.5)))
+            .collect()
+    }
+
+    /// Azimuth of the sensitive axis in a second, degrees.
+    pub(super) fn axis_deg(&self, second: usize) -> f64 {
+        self.azimuth_deg - self.index_deg[second]
+    }
+
+    /// Component of the horizontal Earth rate along the axis in every second, °/h.
+    pub(super) fn north(&self) -> Vec<f64> {
+        (0..self.seconds()).map(|second| self.north_deg_h * self.axis_deg(second).to_radians().cos()).collect()
+    }
+
+    /// How steeply a direction in the plane of the index, so many degrees from the axis, rises in a second: its sine.
+    pub(super) fn up(&self, second: usize, from_axis_deg: f64) -> f64 {
+        let (sin, cos) = (self.index_deg[second] + from_axis_deg).to_radians().sin_cos();
+        let [pitch, roll] = self.tilt_deg.map(f64::to_radians);
+        cos * pitch.sin() + sin * roll.sin() * pitch.cos()
+    }
+}
+
 impl MoveLaw {
     fn size(self, arrival: &Arrival) -> f64 {
         let quarters = arrival.travel_deg.to_radians() / FRAC_PI_2;
@@ -259,7 +307,16 @@ mod tests {
         // A channel that climbs by 0.1 a second from 2.
         let truth: Vec<f64> = (0..=100).map(|second| 2.0 + 0.1 * f64::from(second)).collect();
         let channels = [Course { reading: truth.clone(), truth }];
-        part.rate(&RunView { run: 3, arrivals: &STAYS, channels: &channels }, Moment { t_s, index_deg })
+        let view = RunView {
+            run: 3,
+            azimuth_deg: 0.0,
+            north_deg_h: 12.0,
+            tilt_deg: [0.0; 2],
+            index_deg: vec![index_deg; 100],
+            arrivals: &STAYS,
+            channels: &channels,
+        };
+        part.rate(&view, Moment { t_s, index_deg })
     }
 
     fn assert_near(found: f64, expected: f64) {

@@ -38,12 +38,14 @@ pub(super) struct RunPlan {
     pub(super) tilt_deg: [f64; 2],
     /// Index angles and times at them, s.
     pub(super) stays: Vec<(f64, usize)>,
+    /// The index goes evenly to each angle in the time that stands beside it, and does not rest.
+    pub(super) rotates: bool,
     /// What the channels do, in the order of [`Plan::channels`].
     pub(super) courses: Vec<Course>,
 }
 
 /// What a family needs of a campaign in order to be possible at all.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Needs {
     pub(super) channels: usize,
     pub(super) level: bool,
@@ -51,6 +53,28 @@ pub(super) struct Needs {
     pub(super) survey: bool,
     /// Channels that have a rate of change at all times.
     pub(super) smooth: bool,
+    /// Channels whose readings are mostly noise.
+    pub(super) noisy: bool,
+    /// Channels whose readings have coarse steps.
+    pub(super) coarse: bool,
+    /// A mount that leans by degrees.
+    pub(super) tilted: bool,
+    /// Campaigns of more kinds: few and many runs, unequal runs, rotation, a poor survey, many idle channels.
+    pub(super) outside: bool,
+}
+
+impl Needs {
+    /// Nothing.
+    pub(super) const NONE: Self = Self {
+        channels: 0,
+        level: false,
+        survey: false,
+        smooth: false,
+        noisy: false,
+        coarse: false,
+        tilted: false,
+        outside: false,
+    };
 }
 
 impl Plan {
@@ -61,13 +85,20 @@ impl Plan {
         if has_temperature {
             channels.push(Channel::temperature(draw));
         }
-        let extra = draw.whole(0, 4).max(needs.channels.saturating_sub(channels.len()));
+        let most = if needs.outside && draw.chance(0.25) { 10 } else { 4 };
+        let extra = draw.whole(0, most).max(needs.channels.saturating_sub(channels.len()));
         for _ in 0..extra {
             let channel = Channel::any(draw, &channels);
             channels.push(channel);
         }
         if needs.smooth {
             channels.iter_mut().for_each(Channel::without_jumps);
+        }
+        if needs.noisy {
+            channels.iter_mut().for_each(|channel| channel.drown(draw));
+        }
+        if needs.coarse {
+            channels.iter_mut().for_each(|channel| channel.coarsen(draw));
         }
         let mut plan = Self {
             latitude_deg: draw.sign() * draw.uniform(10.0, 65.0),
@@ -104,21 +135,38 @@ impl Plan {
     }
 
     fn add_runs(&mut self, draw: &mut Draw, needs: Needs) {
-        let count = draw.pick(&[8, 12, 12, 16, 24, 36]);
+        let count = if needs.outside {
+            draw.pick(&[6, 8, 12, 12, 16, 24, 36, 60])
+        } else {
+            draw.pick(&[8, 12, 12, 16, 24, 36])
+        };
+        let [unequal, poor_survey, rotates] = [0.25, 0.25, 0.08].map(|share| needs.outside && draw.chance(share));
         let order = order(draw);
         let one_order = draw.chance(0.7);
         let dwell_s = draw.whole(15, 45);
         let surveyed = draw.chance(if needs.survey { 0.9 } else { 0.7 });
-        let survey_sigma_deg = draw.log_uniform(0.001, 0.01);
+        let survey_sigma_deg = if poor_survey { draw.log_uniform(0.03, 0.2) } else { draw.log_uniform(0.001, 0.01) };
         let headings = headings(draw, count);
         let bias_deg_h = draw.uniform(-0.5, 0.5);
         let spread_deg_h = draw.log_uniform(0.002, 0.05);
-        let level_deg = if self.has_level { 0.1 } else { 0.001 };
+        let level_deg = match (needs.tilted, self.has_level) {
+            (true, _) => 1.0,
+            (false, true) => 0.1,
+            (false, false) => 0.001,
+        };
         let mut roles: Vec<bool> = (0..count).map(|run| matches!(run % 5, 0 | 2 | 3)).collect();
         draw.shuffle(&mut roles);
         for (azimuth_deg, may_learn) in headings.into_iter().zip(roles) {
             let angles = if one_order { order.clone() } else { self::order(draw) };
-            let stays: Vec<_> = angles.into_iter().map(|index_deg| (index_deg, dwell_s)).collect();
+            let stays: Vec<_> = if rotates {
+                // Slow enough for seconds to be short against a turn: 0.3 to 0.4 degrees a second.
+                (1..=8).map(|eighth| (45.0 * f64::from(eighth), 110 + dwell_s)).collect()
+            } else {
+                angles
+                    .into_iter()
+                    .map(|index_deg| (index_deg, if unequal { draw.whole(12, 3 * dwell_s) } else { dwell_s }))
+                    .collect()
+            };
             let survey_error_deg = (surveyed && draw.chance(0.95)).then(|| survey_sigma_deg * draw.normal());
             let mut run = RunPlan {
                 seed: draw.seed(),
@@ -129,6 +177,7 @@ impl Plan {
                 bias_deg_h: bias_deg_h + spread_deg_h * draw.normal(),
                 tilt_deg: [level_deg * draw.normal(), level_deg * draw.normal()],
                 stays,
+                rotates,
                 courses: Vec::new(),
             };
             let seconds = run.seconds();
@@ -156,8 +205,8 @@ impl Plan {
 
 impl RunPlan {
     /// Whole seconds of turning from one stay to the next.
-    pub(super) fn turn_seconds(travel_deg: f64) -> usize {
-        if travel_deg == 0.0 { 0 } else { ((travel_deg.abs() / TURN_DEG_S).ceil() as usize).max(2) }
+    pub(super) fn turn_seconds(&self, travel_deg: f64) -> usize {
+        if travel_deg == 0.0 || self.rotates { 0 } else { ((travel_deg.abs() / TURN_DEG_S).ceil() as usize).max(2) }
     }
 
     /// Length, s.
@@ -166,21 +215,40 @@ impl RunPlan {
         self.stays
             .iter()
             .map(|&(index_deg, seconds)| {
-                let turn = Self::turn_seconds(index_deg - at_deg);
+                let turn = self.turn_seconds(index_deg - at_deg);
                 at_deg = index_deg;
                 turn + seconds
             })
             .sum()
     }
 
+    /// Index angle in the middle of every second, degrees.
+    pub(super) fn index_deg(&self) -> Vec<f64> {
+        let mut at_deg = 0.0;
+        let mut all = Vec::with_capacity(self.seconds());
+        for &(index_deg, seconds) in &self.stays {
+            let travel_deg = index_deg - at_deg;
+            let turning = if self.rotates { seconds } else { self.turn_seconds(travel_deg) };
+            all.extend((0..turning).map(|second| at_deg + travel_deg * (second as f64 + 0.5) / turning as f64));
+            if !self.rotates {
+                all.extend(std::iter::repeat_n(index_deg, seconds));
+            }
+            at_deg = index_deg;
+        }
+        all
+    }
+
     /// The ends of its moves.
     pub(super) fn arrivals(&self) -> Vec<Arrival> {
+        if self.rotates {
+            return Vec::new();
+        }
         let (mut t_s, mut at_deg) = (0, 0.0);
         let mut arrivals = Vec::new();
         for &(index_deg, seconds) in &self.stays {
             let travel_deg = index_deg - at_deg;
             if travel_deg != 0.0 {
-                t_s += Self::turn_seconds(travel_deg);
+                t_s += self.turn_seconds(travel_deg);
                 arrivals.push(Arrival { t_s: t_s as f64, travel_deg, index_deg });
             }
             t_s += seconds;

@@ -1,8 +1,8 @@
 //! Recordings of a plan: rows by the full plant's geometry and noise, and what the effect adds.
 
-use super::Run;
 use super::part::{Moment, Part, RunView};
 use super::plan::{Plan, RunPlan};
+use super::{EARTH_DEG_H, Run};
 use hal_sim::scenario::{Accelerometer, Base, Encoder, Gyro, Site};
 use hal_sim::seconds::{Dwell, Row as Second, SecondsGenerator, SiteAndGyro};
 
@@ -30,13 +30,22 @@ pub(super) fn runs(plan: &Plan, parts: &[(f64, Part)]) -> Vec<Run> {
 pub(super) fn run(plan: &Plan, number: usize, parts: &[(f64, Part)]) -> Run {
     let run = &plan.runs[number];
     let arrivals = run.arrivals();
-    let view = RunView { run: number, arrivals: &arrivals, channels: &plan.standard[number] };
+    let view = RunView {
+        run: number,
+        azimuth_deg: run.azimuth_deg,
+        north_deg_h: EARTH_DEG_H * plan.latitude_deg.to_radians().cos(),
+        tilt_deg: run.tilt_deg,
+        index_deg: run.index_deg(),
+        arrivals: &arrivals,
+        channels: &plan.standard[number],
+    };
+    let shapes = shapes(parts, &view);
     let rows = (1..)
         .zip(seconds(plan, run, &view, parts))
         .map(|(second, row): (usize, Second)| Row {
             t_s: second as f64,
             index_deg: row.index_deg,
-            fog_arcsec: row.fog_arcsec + added(parts, &view, &row),
+            fog_arcsec: row.fog_arcsec + added(parts, &view, &row) + shapes[second - 1],
             level_g: [row.ax_g, row.ay_g],
             // The mean over the second.
             channels: run
@@ -53,6 +62,17 @@ pub(super) fn run(plan: &Plan, number: usize, parts: &[(f64, Part)]) -> Run {
         reference_sigma_deg: run.survey_sigma_deg,
         may_learn: run.may_learn,
     }
+}
+
+/// The sum of the parts that are courses, one value a second, arcsec.
+fn shapes(parts: &[(f64, Part)], view: &RunView<'_>) -> Vec<f64> {
+    let mut sum = vec![0.0; view.seconds()];
+    for (size, part) in parts {
+        if let Part::Shape(shape) = part {
+            sum.iter_mut().zip(shape.course(view)).for_each(|(sum, value)| *sum += size * value);
+        }
+    }
+    sum
 }
 
 /// Root mean square of what the parts do to the mean rates of the stays of a run, about the run's mean, °/h.
@@ -90,7 +110,7 @@ fn stay_means(run: &RunPlan, rates: &[f64]) -> Vec<f64> {
     run.stays
         .iter()
         .map(|&(index_deg, seconds)| {
-            start += RunPlan::turn_seconds(index_deg - at_deg);
+            start += run.turn_seconds(index_deg - at_deg);
             at_deg = index_deg;
             let stay = &rates[start..start + seconds];
             start += seconds;
@@ -114,8 +134,12 @@ fn seconds(plan: &Plan, run: &RunPlan, view: &RunView<'_>, parts: &[(f64, Part)]
     let mut at_deg = 0.0;
     let mut rows = Vec::with_capacity(run.seconds());
     for &(index_deg, seconds) in &run.stays {
-        rows.extend(generator.turn(index_deg, RunPlan::turn_seconds(index_deg - at_deg) as f64));
-        rows.extend(generator.rows(&[Dwell { index_deg, gap_s: 0.0, seconds: seconds as f64 }]));
+        if run.rotates {
+            rows.extend(generator.turn(index_deg, seconds as f64));
+        } else {
+            rows.extend(generator.turn(index_deg, run.turn_seconds(index_deg - at_deg) as f64));
+            rows.extend(generator.rows(&[Dwell { index_deg, gap_s: 0.0, seconds: seconds as f64 }]));
+        }
         at_deg = index_deg;
     }
     rows

@@ -28,6 +28,8 @@ pub struct Channel {
     jumps_s: f64,
     /// Noise of a reading.
     noise: f64,
+    /// Smallest step of a reading; 0: none.
+    step: f64,
 }
 
 /// A channel in one run, at 0, 1, 2 … seconds: what is truly so and what is recorded.
@@ -111,6 +113,7 @@ impl Channel {
             jumps: some(draw, 0.2),
             jumps_s: draw.log_uniform(30.0, 150.0),
             noise: draw.log_uniform(0.0001, 0.002),
+            step: 0.0,
         };
         if channel.settling + channel.wave + channel.wander + channel.jumps == 0.0 {
             channel.wander = 1.0;
@@ -123,6 +126,16 @@ impl Channel {
         self.jumps = 0.0;
         self.wander = self.wander.max(0.3);
         self.wander_s = self.wander_s.max(30.0);
+    }
+
+    /// Readings that are mostly noise.
+    pub(super) fn drown(&mut self, draw: &mut Draw) {
+        self.noise = draw.uniform(0.3, 1.2);
+    }
+
+    /// Readings in coarse steps.
+    pub(super) fn coarsen(&mut self, draw: &mut Draw) {
+        self.step = draw.uniform(0.5, 1.5);
     }
 
     /// The channel over a run of `seconds`.
@@ -145,7 +158,9 @@ impl Channel {
                 + self.jumps * jump;
             truth.push(self.centre + self.span * motion);
         }
-        let reading = truth.iter().map(|value| value + self.span * self.noise * draw.normal()).collect();
+        let step = self.span * self.step;
+        let counted = |value: f64| if step > 0.0 { step * (value / step).round() } else { value };
+        let reading = truth.iter().map(|value| counted(value + self.span * self.noise * draw.normal())).collect();
         Course { truth, reading }
     }
 }

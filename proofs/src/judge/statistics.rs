@@ -54,6 +54,8 @@ pub struct Summary {
     /// Something was named and nothing said to be unexplained: for a foreign effect, misnamed.
     pub misnamed: f64,
     pub made_worse: f64,
+    /// Check runs whose azimuth after ± 1.96 of its sigma holds the truth.
+    pub covered: usize,
 }
 
 /// Sums up the verdicts of a family; `None` without any diagnosis.
@@ -96,6 +98,7 @@ pub fn summarize(verdicts: &[&Verdict]) -> Option<Summary> {
         unexplained: share(&diagnosed, &|verdict| verdict.unexplained),
         misnamed: share(&diagnosed, &|verdict| verdict.false_effects > 0 && !verdict.unexplained),
         made_worse: share(&diagnosed, &|verdict| made_worse(&verdict.errors)),
+        covered: diagnosed.iter().flat_map(|verdict| &verdict.errors).filter(|errors| errors.is_covered()).count(),
     })
 }
 
@@ -117,6 +120,15 @@ fn ratio(verdicts: &[&Verdict], over: fn(&Errors) -> f64, under: fn(&Errors) -> 
     Interval { value: of(&mut sums.iter()), low: at(0.025), high: at(0.975) }
 }
 
+/// Half width of a 95 % interval in standard deviations.
+const Z_95: f64 = 1.959_964;
+
+impl Errors {
+    fn is_covered(&self) -> bool {
+        self.after.abs() <= Z_95 * self.sigma_after
+    }
+}
+
 /// Whether the squared errors grew beyond chance: paired t of their differences.
 fn made_worse(errors: &[Errors]) -> bool {
     let count = errors.len() as f64;
@@ -135,7 +147,7 @@ mod tests {
     use super::*;
 
     fn errors(before: f64, after: f64) -> Errors {
-        Errors { before, after, oracle: 1.0, without: 1.0 }
+        Errors { before, after, oracle: 1.0, without: 1.0, sigma_after: 1.0 }
     }
 
     #[test]
@@ -170,6 +182,8 @@ mod tests {
         assert_eq!(summary.gain.value, 0.5);
         assert!((summary.before_deg - 0.3).abs() < 1e-12);
         assert_eq!((summary.right, summary.visible, summary.runs), (1.0, 2, 8));
+        // 1.5 is within 1.96.
+        assert_eq!(summary.covered, 8);
         assert!(summarize(&[]).is_none());
     }
 }

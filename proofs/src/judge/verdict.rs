@@ -50,7 +50,7 @@ pub struct Verdict {
     pub refusal: Option<String>,
 }
 
-/// Azimuth errors of one run in standard deviations of its noise.
+/// Azimuth errors of one run, and a sigma, in standard deviations of its noise.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Errors {
     pub before: f64,
@@ -59,9 +59,11 @@ pub struct Errors {
     pub oracle: f64,
     /// The campaign in which the effect never was.
     pub without: f64,
+    /// The sigma that came with the azimuth after.
+    pub sigma_after: f64,
 }
 
-/// Judges. The effect of a foreign family can only be left unexplained.
+/// Judges. Of an effect that nobody has a name for only the channels that are named can be right or wrong.
 pub fn judge(campaign: &Campaign, number: u64, diagnosis: &Result<Diagnosis, String>, oracle: &Oracle) -> Verdict {
     let noise_deg = campaign.azimuth_noise_deg();
     let mut verdict = Verdict {
@@ -111,7 +113,8 @@ pub fn judge(campaign: &Campaign, number: u64, diagnosis: &Result<Diagnosis, Str
         );
         match errors {
             (Some(before), Some(after), Some(oracle), Some(without)) => {
-                verdict.errors.push(Errors { before, after, oracle, without });
+                let sigma_deg = diagnosed.and_then(|run| run.sigma_after_deg).unwrap_or(f64::NAN);
+                verdict.errors.push(Errors { before, after, oracle, without, sigma_after: sigma_deg / noise_deg });
             }
             _ => verdict.without_azimuth += 1,
         }
@@ -136,7 +139,7 @@ fn describe(campaign: &Campaign) -> String {
     let first = parts.first().and_then(|(_, part)| part.of_run());
     let shown = parts.iter().filter(|(_, part)| part.of_run() == first).filter(|(_, part)| !is_long(part));
     let parts: Vec<_> = shown.map(|(size, part)| format!("{size:.3} × {part:?}")).collect();
-    let channels = campaign.guilty_channels().join(", ");
+    let channels = campaign.causal_channels().join(", ");
     if channels.is_empty() { parts.join(" + ") } else { format!("{} of {channels}", parts.join(" + ")) }
 }
 
@@ -147,13 +150,17 @@ fn is_long(part: &Part) -> bool {
 /// Whether this is the hidden effect.
 fn is_hidden(campaign: &Campaign, effect: &Effect) -> bool {
     let channel = effect.channel.as_deref();
-    names(campaign).contains(&effect.name.as_str()) && is_guilty(campaign, channel)
+    if campaign.effect.family.is_foreign() {
+        // Nobody has a name for it: what is named must have its cause.
+        return channel.is_none_or(|channel| campaign.causal_channels().contains(&channel));
+    }
+    names(campaign).contains(&effect.name.as_str()) && is_causal(campaign, channel)
 }
 
 /// Whether a name in a list of ambiguous ones, "name" or "name:channel", means the hidden effect.
 fn is_meant(campaign: &Campaign, text: &str) -> bool {
     let (name, channel) = text.split_once(':').map_or((text, None), |(name, channel)| (name, Some(channel)));
-    names(campaign).contains(&name) && is_guilty(campaign, channel)
+    names(campaign).contains(&name) && is_causal(campaign, channel)
 }
 
 /// Whether a name stands for a part of the hidden effect: a field along the axis and the slope of a non-linearity are
@@ -162,12 +169,12 @@ fn is_part_of_it(campaign: &Campaign, name: &str) -> bool {
     matches!(campaign.effect.family, Family::EarthField | Family::NonLinearity) && name == "scale-factor"
 }
 
-fn is_guilty(campaign: &Campaign, channel: Option<&str>) -> bool {
-    let guilty = campaign.guilty_channels();
+fn is_causal(campaign: &Campaign, channel: Option<&str>) -> bool {
+    let causal = campaign.causal_channels();
     match channel {
         // The gyro's temperature is understood where an effect is named after it; level by base motion.
-        None => guilty.is_empty() || guilty == ["temp_c"],
-        Some(name) => guilty.is_empty() || guilty.contains(&name),
+        None => causal.is_empty() || causal == ["temp_c"],
+        Some(name) => causal.is_empty() || causal.contains(&name),
     }
 }
 
@@ -209,7 +216,12 @@ fn names(campaign: &Campaign) -> &'static [&'static str] {
         Family::Line => &["line"],
         Family::StepWithin => &["step"],
         Family::StepBetween => &["step-between-runs"],
-        Family::Nothing | Family::Hysteresis | Family::TwoChannels | Family::ComesAndGoes => &[],
+        Family::Nothing
+        | Family::Hysteresis
+        | Family::TwoChannels
+        | Family::ComesAndGoes
+        | Family::Outside(_)
+        | Family::Several(_) => &[],
     }
 }
 

@@ -1,0 +1,42 @@
+//! Whole fixes of the firmware's state machine in this process, for the benches that need them.
+
+use hal_sim::Scenario;
+use north::engine::{End, Setup, host};
+use north::failure::Failure;
+use north::interrupt;
+use north_finder::event::{Event, Fix};
+use north_finder::health::Fault;
+use north_finder::settings::Settings;
+
+use crate::statistics::azimuth_error_deg;
+
+/// How a fix ended.
+pub struct Ended {
+    /// From power-up to the end, s.
+    pub elapsed_s: f64,
+    pub end: Result<Found, Option<Fault>>,
+}
+
+/// An azimuth and what it was off by.
+pub struct Found {
+    pub fix: Fix,
+    pub error_deg: f64,
+}
+
+/// Runs a fix; its end is an azimuth, a fault, or nothing within the scenario's time limit.
+pub fn fix(scenario: Scenario, seed: u64, settings: Settings) -> Result<Ended, Failure> {
+    let setup = Setup { scenario, seed, settings: Some(settings) };
+    let mut elapsed_s = 0.0;
+    let outcome = host::run(&setup, interrupt::flag(), &mut |report| {
+        if matches!(report.event, Event::Fix(_) | Event::Fault { .. }) {
+            elapsed_s = report.t_s;
+        }
+    })?;
+    let end = match outcome.end {
+        End::Fix(fix) => Ok(Found { fix, error_deg: azimuth_error_deg(fix.azimuth_deg, outcome.truth.azimuth_deg) }),
+        End::Fault { fault, .. } => Err(Some(fault)),
+        End::TimeLimit => Err(None),
+        End::Interrupted => return Err(Failure::Interrupted),
+    };
+    Ok(Ended { elapsed_s, end })
+}

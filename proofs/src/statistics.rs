@@ -1,0 +1,48 @@
+//! What a few or many errors say together, and how far to trust it.
+
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+/// Azimuth minus truth, degrees, in −180 … 180.
+pub fn azimuth_error_deg(found_deg: f64, true_deg: f64) -> f64 {
+    (found_deg - true_deg + 180.0).rem_euclid(360.0) - 180.0
+}
+
+/// Root mean square; not-a-number of nothing.
+pub fn rms(values: impl IntoIterator<Item = f64>) -> f64 {
+    let (count, sum) = values.into_iter().fold((0.0, 0.0), |(count, sum), value| (count + 1.0, sum + value * value));
+    f64::sqrt(sum / count)
+}
+
+/// The middle of these; not-a-number of nothing.
+pub fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let half = values.len() / 2;
+    match (values.get(half), values.get(half.wrapping_sub(1))) {
+        (Some(upper), Some(lower)) if values.len().is_multiple_of(2) => 0.5 * (lower + upper),
+        (Some(middle), _) => *middle,
+        (None, _) => f64::NAN,
+    }
+}
+
+/// 95 % interval of the standard deviation of Gaussian errors whose rms with this many degrees of freedom is this:
+/// ν s²/σ² has the chi-square distribution.
+pub fn rms_interval(rms: f64, degrees_of_freedom: usize) -> Option<[f64; 2]> {
+    let freedom = degrees_of_freedom as f64;
+    let distribution = ChiSquared::new(freedom).ok()?;
+    Some([0.975, 0.025].map(|probability| rms * (freedom / distribution.inverse_cdf(probability)).sqrt()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn by_hand() {
+        assert_eq!(azimuth_error_deg(1.0, 359.0), 2.0);
+        assert_eq!(rms([3.0, -4.0]), 12.5f64.sqrt());
+        assert_eq!((median(vec![3.0, 1.0, 2.0]), median(vec![1.0, 4.0])), (2.0, 2.5));
+        // Chi-square of 10 degrees of freedom: 3.247 and 20.483 at 2.5 and 97.5 % (tables).
+        let [low, high] = rms_interval(1.0, 10).unwrap();
+        assert!((low - (10.0f64 / 20.483).sqrt()).abs() < 1e-4 && (high - (10.0f64 / 3.247).sqrt()).abs() < 1e-3);
+    }
+}
