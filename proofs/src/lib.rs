@@ -5,6 +5,7 @@
 
 pub mod accuracy;
 pub mod bench;
+pub mod faults;
 pub mod hidden;
 pub mod judge;
 pub mod statistics;

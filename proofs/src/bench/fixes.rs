@@ -1,6 +1,7 @@
 //! Whole fixes of the firmware's state machine in this process, for the benches that need them.
 
 use hal_sim::Scenario;
+use north::commands::instrument::OrderName;
 use north::engine::{End, Setup, host};
 use north::failure::Failure;
 use north::interrupt;
@@ -39,4 +40,14 @@ pub fn fix(scenario: Scenario, seed: u64, settings: Settings) -> Result<Ended, F
         End::Interrupted => return Err(Failure::Interrupted),
     };
     Ok(Ended { elapsed_s, end })
+}
+
+/// Name of an order, as on the command line.
+pub(crate) fn order_name(order: OrderName) -> &'static str {
+    match order {
+        OrderName::Plain => "plain",
+        OrderName::Source => "source",
+        OrderName::Mirrored => "mirrored",
+        OrderName::EastWest => "east-west",
+    }
 }

@@ -12,7 +12,7 @@ use north::settings_file::scenario_settings;
 use north_finder::settings::Settings;
 use serde::Serialize;
 
-use super::fixes::{Ended, fix};
+use super::fixes::{Ended, fix, order_name};
 use super::{Bench, trials};
 use crate::statistics::{rms, rms_interval};
 
@@ -103,16 +103,6 @@ fn gated(settings: &Settings, order: OrderName, [disturbance, jitter]: [bool; 2]
         }
     }
     settings
-}
-
-/// Name on the command line.
-pub(super) fn order_name(order: OrderName) -> &'static str {
-    match order {
-        OrderName::Plain => "plain",
-        OrderName::Source => "source",
-        OrderName::Mirrored => "mirrored",
-        OrderName::EastWest => "east-west",
-    }
 }
 
 impl Row {

@@ -9,6 +9,8 @@ mod diagnose;
 mod diagnose_speed;
 mod esg;
 mod fixes;
+mod faults;
+pub(crate) mod fixes;
 mod gates;
 mod image_size;
 mod repeat;
@@ -82,6 +84,7 @@ benches! {
     Diagnose: diagnose::DiagnoseBench,
     DiagnoseSpeed: diagnose_speed::DiagnoseSpeed,
     Esg: esg::EsgBench,
+    Faults: faults::Faults,
     Gates: gates::Gates,
     Repeat: repeat::Repeat,
 }

@@ -11,8 +11,7 @@ use north::progress;
 use north::settings_file::scenario_settings;
 use serde::Serialize;
 
-use super::fixes::{Ended, fix};
-use super::gates::order_name;
+use super::fixes::{Ended, fix, order_name};
 use super::{Bench, trials};
 use crate::statistics::{rms, rms_interval};
 

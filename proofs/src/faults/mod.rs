@@ -1,0 +1,109 @@
+//! The fault campaign: an instrument with random faults anywhere, and what becomes of its fix.
+
+mod kind;
+mod session;
+
+pub use kind::Kind;
+pub use session::{Ending, Outcome};
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use clap::ValueEnum;
+use hal_sim::Scenario;
+use north::commands::instrument::OrderName;
+use north::failure::Failure;
+use north_finder::effects::ErrorModel;
+use north_finder::sequence::Command;
+use north_finder::settings::Settings;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::bench::fixes::order_name;
+
+/// One instrument with its faults.
+#[derive(Clone, Debug)]
+pub struct Trial {
+    pub kinds: Vec<&'static Kind>,
+    pub order: &'static str,
+    pub scenario: Scenario,
+    /// What is stored before power-up; `None`: nothing.
+    pub settings: Option<Settings>,
+    /// Bits of the flash that are inverted before power-up.
+    pub flipped_bits: Vec<usize>,
+    /// What is done to it, in the order of time.
+    pub acts: Vec<(f64, Act)>,
+    seed: u64,
+}
+
+/// What is done to an instrument at work.
+#[derive(Clone, Debug)]
+pub enum Act {
+    Command(Command),
+    /// New settings over the link.
+    Store(Box<Settings>),
+    /// The same, and the power fails after so many bytes of the flash are written.
+    StoreAndFail(Box<Settings>, usize),
+    /// Power off and on.
+    PowerCut,
+}
+
+/// The longest that a fix may take, s.
+const TIME_LIMIT_S: f64 = 400.0;
+/// Time in which the faults of a window begin, s: a short fix has ended by then.
+const BUSY_S: f64 = 110.0;
+
+impl Trial {
+    /// Draws trial number `number`: a place, an order, one to three kinds of faults.
+    pub fn draw(seed: u64, number: u64) -> Result<Self, Failure> {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        random.set_stream(number);
+        let mut scenario = Scenario::named("calm-bench")?;
+        scenario.site.latitude_deg = random.random_range(-85.0..85.0);
+        scenario.site.azimuth_deg = random.random_range(0.0..360.0);
+        scenario.duration_limit_s = 2.0 * TIME_LIMIT_S;
+        let orders = OrderName::value_variants();
+        let order = orders[random.random_range(0..orders.len())];
+        let mut settings = Settings {
+            latitude_deg: scenario.site.latitude_deg,
+            time_limit_s: TIME_LIMIT_S,
+            model: Some(ErrorModel::default()),
+            ..Settings::default()
+        };
+        settings.sequence.order = order.into();
+        settings.sequence.dwell_s = random.random_range(8..=16);
+        settings.level.timeout_s = 40.0;
+        let mut trial = Self {
+            kinds: Vec::new(),
+            order: order_name(order),
+            scenario,
+            settings: Some(settings),
+            flipped_bits: Vec::new(),
+            acts: Vec::new(),
+            seed: random.random(),
+        };
+        let count = random.random_range(1..=3);
+        while trial.kinds.len() < count {
+            let kind = &kind::KINDS[random.random_range(0..kind::KINDS.len())];
+            if !trial.kinds.contains(&kind) {
+                trial.kinds.push(kind);
+                (kind.inject)(&mut random, &mut trial);
+            }
+        }
+        trial.acts.sort_by(|(first_s, _), (second_s, _)| first_s.total_cmp(second_s));
+        Ok(trial)
+    }
+
+    /// Runs it; a panic is an ending like others.
+    pub fn run(&self) -> Result<Outcome, Failure> {
+        catch_unwind(AssertUnwindSafe(|| session::run(self))).unwrap_or(Ok(Outcome::PANIC))
+    }
+
+    /// Whether METHODS' table says that no single fix sees one of its faults in this order.
+    pub fn is_blind(&self) -> bool {
+        self.kinds.iter().any(|kind| match kind.blind {
+            kind::Blind::No => false,
+            kind::Blind::Always => true,
+            kind::Blind::InPlainOrder => matches!(self.order, "plain" | "source"),
+        })
+    }
+}
