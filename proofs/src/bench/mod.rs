@@ -8,7 +8,6 @@ mod cost;
 mod diagnose;
 mod diagnose_speed;
 mod esg;
-mod fixes;
 mod faults;
 pub(crate) mod fixes;
 mod gates;
