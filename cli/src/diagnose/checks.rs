@@ -27,6 +27,16 @@ fn warning(message: String) -> Warning {
 
 /// Refuses what makes no sense at all.
 pub fn refuse(runs: &[RunData]) -> Result<(), Refusal> {
+    let repeats = |run: &&RunData| run.cells.windows(2).all(|pair| pair[0].raw_deg_h == pair[1].raw_deg_h);
+    if let Some(run) = runs.iter().find(repeats) {
+        return Err(Refusal::Run {
+            run: run.file.clone(),
+            line: None,
+            problem:
+                "the gyro repeats the same reading throughout: Earth rate not detected above the noise; no azimuth"
+                    .into(),
+        });
+    }
     if runs.iter().all(|run| run.before.is_none())
         && let Some((run, refusal)) = runs.iter().find_map(|run| Some((run, run.refusal.as_ref()?)))
         // With accelerometers a base that moves may be what hides the signal, and can be taken out.
