@@ -16,11 +16,10 @@ fn main() {
         // The F405's device.x comes with its register crate.
         println!("cargo:rustc-link-search={root}/src/board/mps2");
     }
-    // Flash, RAM, stack.
-    let origins = if qemu { [0x0000_0000, 0x2001_0000, 0x2000_0000] } else { [0x0800_0000, 0x2000_0000, 0x1000_0000] };
-    for (memory, origin) in ["flash", "ram", "stack"].iter().zip(origins) {
-        println!("cargo:rustc-link-arg-bins=--defsym=_{memory}_origin={origin:#010x}");
-    }
+    // The STM32F405 has the settings between the vectors and the program; the other board its vectors alone.
+    let [flash, program] = if qemu { [0x0000_0000, 0x400] } else { [0x0800_0000, 0x1_0000] };
+    println!("cargo:rustc-link-arg-bins=--defsym=_flash_origin={flash:#010x}");
+    println!("cargo:rustc-link-arg-bins=--defsym=_program_offset={program:#x}");
     for argument in ["--nmagic", "-Tlink.x", "-Tdefmt.x"] {
         println!("cargo:rustc-link-arg-bins={argument}");
     }

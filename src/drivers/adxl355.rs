@@ -161,5 +161,8 @@ mod tests {
     #[test]
     fn a_stuck_bus_is_not_a_reading() {
         assert_eq!(read(0xFF, [0xFF; 9]), Err(Error::NotReady { status: 0xFF }));
+        assert_eq!(read(0x00, [0; 9]), Err(Error::NotReady { status: 0x00 }));
+        let mut stuck_low = MockSpi::new(vec![Exchange::new([0x01, 0, 0, 0], [0; 4])]);
+        assert_eq!(Adxl355::new(&mut stuck_low).configure(), Err(Error::Identity { found: [0; 3] }));
     }
 }

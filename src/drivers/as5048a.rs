@@ -2,7 +2,8 @@
 //!
 //! Every frame carries an even parity bit, and the answer to a frame comes with the next one. So a reading asks for the
 //! angle, and asks for the diagnostics while it takes the angle; the diagnostics come with the next reading's first
-//! frame.
+//! frame. No angle counts without diagnostics that vouch for it: a bus that is stuck low answers with zeros, whose parity is
+//! right.
 //!
 //! Source: ams, "AS5048A/AS5048B", data sheet v1-11.
 
@@ -58,15 +59,18 @@ impl<SPI: SpiDevice> As5048a<SPI> {
     ///
     /// After an error the next reading starts afresh.
     pub fn angle_deg(&mut self) -> Result<f64, Error<SPI::Error>> {
-        let diagnostics = self.ask(ANGLE).and_then(|answer| {
-            if core::mem::take(&mut self.diagnostics_asked) { self.checked(answer).map(Some) } else { Ok(None) }
-        })?;
+        if !core::mem::take(&mut self.diagnostics_asked) {
+            self.ask(DIAGNOSTICS)?;
+        }
+        let answer = self.ask(ANGLE)?;
+        let diagnostics = self.checked(answer)?;
         let answer = self.ask(DIAGNOSTICS)?;
         let code = self.checked(answer)?;
         self.diagnostics_asked = true;
-        match diagnostics {
-            Some(bits) if bits & (COMPENSATED | OVERFLOW) != COMPENSATED => Err(Error::Invalid { diagnostics: bits }),
-            _ => Ok(f64::from(code) * DEG_PER_CODE),
+        if diagnostics & (COMPENSATED | OVERFLOW) == COMPENSATED {
+            Ok(f64::from(code) * DEG_PER_CODE)
+        } else {
+            Err(Error::Invalid { diagnostics })
         }
     }
 
@@ -105,28 +109,34 @@ mod tests {
         Exchange::new(mosi.to_be_bytes(), miso.to_be_bytes())
     }
 
+    /// The first of all readings begins by asking for the diagnostics: 0x7FFD has 14 ones. Its answer means nothing.
+    const FIRST: u16 = 0x7FFD;
+    /// Compensated, gain 0x80: 0x0180 has two ones.
+    const GOOD: u16 = 0x0180;
+
     #[test]
     fn angle_by_hand_calculation() {
-        // Asking for the angle: 0x3FFF with the read bit is 0x7FFF, 15 ones, so the parity bit makes 0xFFFF. Asking
-        // for the diagnostics: 0x7FFD has 14 ones. 90 degrees is 4096 = 0x1000, one 1, so 0x9000 with parity.
-        let mut spi = MockSpi::new(vec![frame(0xFFFF, 0x0000), frame(0x7FFD, 0x9000)]);
+        // Asking for the angle: 0x3FFF with the read bit is 0x7FFF, 15 ones, so the parity bit makes 0xFFFF. 90 degrees
+        // is 4096 = 0x1000, one 1, so 0x9000 with parity.
+        let mut spi = MockSpi::new(vec![frame(FIRST, 0x0000), frame(0xFFFF, GOOD), frame(0x7FFD, 0x9000)]);
         assert_eq!(As5048a::new(&mut spi).angle_deg(), Ok(90.0));
         spi.done();
     }
 
     #[test]
     fn the_highest_code_is_just_below_a_turn() {
-        let mut spi = MockSpi::new(vec![frame(0xFFFF, 0x0000), frame(0x7FFD, 0x3FFF)]);
+        let mut spi = MockSpi::new(vec![frame(FIRST, 0x0000), frame(0xFFFF, GOOD), frame(0x7FFD, 0x3FFF)]);
         assert_eq!(As5048a::new(&mut spi).angle_deg(), Ok(360.0 - 360.0 / 16_384.0));
     }
 
     #[test]
     fn diagnostics_come_with_the_next_reading() {
-        // Compensated, gain 0x80: 0x0180 has two ones. Without the compensation bit: 0x0080, one 1, so 0x8080.
+        // Without the compensation bit: 0x0080, one 1, so 0x8080.
         let mut spi = MockSpi::new(vec![
-            frame(0xFFFF, 0x0000),
+            frame(FIRST, 0x0000),
+            frame(0xFFFF, GOOD),
             frame(0x7FFD, 0x0000),
-            frame(0xFFFF, 0x0180),
+            frame(0xFFFF, GOOD),
             frame(0x7FFD, 0x0003),
             frame(0xFFFF, 0x8080),
             frame(0x7FFD, 0x0003),
@@ -140,9 +150,11 @@ mod tests {
     #[test]
     fn odd_parity_is_an_error_and_the_next_reading_starts_afresh() {
         let mut spi = MockSpi::new(vec![
-            frame(0xFFFF, 0x0000),
+            frame(FIRST, 0x0000),
+            frame(0xFFFF, GOOD),
             frame(0x7FFD, 0x1000),
-            frame(0xFFFF, 0x0180),
+            frame(FIRST, GOOD),
+            frame(0xFFFF, GOOD),
             frame(0x7FFD, 0x9000),
         ]);
         let mut encoder = As5048a::new(&mut spi);
@@ -153,14 +165,28 @@ mod tests {
     #[test]
     fn the_error_flag_is_cleared() {
         // Flag and parity: 0xC000. Clearing reads register 1: 0x4001, two ones.
-        let mut spi = MockSpi::new(vec![frame(0xFFFF, 0x0000), frame(0x7FFD, 0xC000), frame(0x4001, 0x0180)]);
+        let mut spi = MockSpi::new(vec![
+            frame(FIRST, 0x0000),
+            frame(0xFFFF, GOOD),
+            frame(0x7FFD, 0xC000),
+            frame(0x4001, GOOD),
+        ]);
         assert_eq!(As5048a::new(&mut spi).angle_deg(), Err(Error::Flagged));
         spi.done();
     }
 
     #[test]
     fn a_bus_stuck_high_is_an_error() {
-        let stuck = vec![frame(0xFFFF, 0xFFFF), frame(0x7FFD, 0xFFFF), frame(0x4001, 0xFFFF)];
+        let stuck = vec![frame(FIRST, 0xFFFF), frame(0xFFFF, 0xFFFF), frame(0x4001, 0xFFFF)];
         assert_eq!(As5048a::new(&mut MockSpi::new(stuck)).angle_deg(), Err(Error::Flagged));
+    }
+
+    #[test]
+    fn a_bus_stuck_low_is_an_error_at_every_reading() {
+        let mut spi =
+            MockSpi::new([FIRST, 0xFFFF, 0x7FFD, 0xFFFF, 0x7FFD].into_iter().map(|mosi| frame(mosi, 0x0000)).collect());
+        let mut encoder = As5048a::new(&mut spi);
+        assert_eq!(encoder.angle_deg(), Err(Error::Invalid { diagnostics: 0 }));
+        assert_eq!(encoder.angle_deg(), Err(Error::Invalid { diagnostics: 0 }));
     }
 }

@@ -67,7 +67,11 @@ mod tests {
     use std::{vec, vec::Vec};
 
     fn encoder() -> MockSpi {
-        MockSpi::new(vec![Exchange::new([0xFF, 0xFF], [0, 0]), Exchange::new([0x7F, 0xFD], [0x90, 0x00])])
+        MockSpi::new(vec![
+            Exchange::new([0x7F, 0xFD], [0, 0]),
+            Exchange::new([0xFF, 0xFF], [0x01, 0x80]),
+            Exchange::new([0x7F, 0xFD], [0x90, 0x00]),
+        ])
     }
 
     fn accelerometer() -> MockSpi {
@@ -92,7 +96,7 @@ mod tests {
     #[test]
     fn a_failed_sensor_is_told_from_one_that_is_not_due() {
         let wrong_part = vec![Exchange::new([0x01, 0, 0, 0], [0, 0, 0, 0])];
-        let odd_parity = vec![Exchange::new([0xFF, 0xFF], [0, 0]), Exchange::new([0x7F, 0xFD], [0x10, 0x00])];
+        let odd_parity = vec![Exchange::new([0x7F, 0xFD], [0, 0]), Exchange::new([0xFF, 0xFF], [0x10, 0x00])];
         let mut sensors = Sensors::new(MockSpi::new(wrong_part), MockSpi::new(odd_parity));
         assert_eq!(sensors.read(0).acceleration_g, Some(None));
         assert_eq!(sensors.read(2).index_deg, Some(None));
