@@ -25,6 +25,8 @@ fn main() {
 #[cfg(target_os = "none")]
 #[rtic::app(device = crate::board::pac, dispatchers = [UART4, UART5])]
 mod app {
+    use core::mem::MaybeUninit;
+
     use heapless::spsc::{Consumer, Producer, Queue};
     use rtic_sync::channel::{Receiver, Sender};
     use rtic_sync::make_channel;
@@ -76,7 +78,7 @@ mod app {
         readings_in: Sender<'static, Readings, READINGS>,
         motor_out: Consumer<'static, MotorCommand>,
         // solve
-        pipeline: Pipeline,
+        pipeline: &'static mut Pipeline,
         gyro_out: Consumer<'static, u8>,
         request_out: Consumer<'static, u8>,
         motor_in: Producer<'static, MotorCommand>,
@@ -91,19 +93,16 @@ mod app {
     }
 
     #[init(local = [
-        gyro: Queue<u8, GYRO_BYTES> = Queue::new(),
+        gyro_bytes: Queue<u8, GYRO_BYTES> = Queue::new(),
         requests: Queue<u8, REQUEST_BYTES> = Queue::new(),
         motor_commands: Queue<MotorCommand, MOTOR_COMMANDS> = Queue::new(),
+        pipeline_place: MaybeUninit<Pipeline> = MaybeUninit::uninit(),
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let mut board: Board = board::init(cx.device);
-        let loaded = load_settings(&mut board.flash);
-        let index = match &loaded {
-            Loaded::Valid(settings) => settings.index,
-            Loaded::Missing | Loaded::Corrupt => IndexSettings::default(),
-        };
+        let (pipeline, index) = power_up(cx.local.pipeline_place, &mut board.flash);
 
-        let (gyro_in, gyro_out) = cx.local.gyro.split();
+        let (gyro_in, gyro_out) = cx.local.gyro_bytes.split();
         let (request_in, request_out) = cx.local.requests.split();
         let (motor_in, motor_out) = cx.local.motor_commands.split();
         let (readings_in, readings_out) = make_channel!(Readings, READINGS);
@@ -129,7 +128,7 @@ mod app {
             sensors: Sensors::new(board.accelerometer, board.encoder),
             readings_in,
             motor_out,
-            pipeline: Pipeline::new(loaded),
+            pipeline,
             gyro_out,
             request_out,
             motor_in,
@@ -154,11 +153,48 @@ mod app {
         loaded
     }
 
+    /// Makes the pipeline where it stays.
+    ///
+    /// Never inlined: what this takes of the stack is free again for the tasks.
+    #[inline(never)]
+    fn power_up(
+        place: &'static mut MaybeUninit<Pipeline>,
+        flash: &mut board::Flash,
+    ) -> (&'static mut Pipeline, IndexSettings) {
+        let loaded = load_settings(flash);
+        let index = match &loaded {
+            Loaded::Valid(settings) => settings.index,
+            Loaded::Missing | Loaded::Corrupt => IndexSettings::default(),
+        };
+        (place.write(Pipeline::new(loaded)), index)
+    }
+
     fn one_more(count: &mut u32) {
         *count = count.saturating_add(1);
     }
 
+    /// Obeys the requests that have come.
+    ///
+    /// Never inlined: a request with its settings is on the stack only here.
+    #[inline(never)]
+    fn obey(
+        bytes: &mut Consumer<'static, u8>,
+        decoder: &mut RequestDecoder,
+        pipeline: &mut Pipeline,
+        flash: &mut board::Flash,
+    ) {
+        while let Some(byte) = bytes.dequeue() {
+            match decoder.feed(byte) {
+                Some(Ok(Request::Command(command))) => pipeline.command(command),
+                Some(Ok(Request::StoreSettings(settings))) if store(flash, &settings) => board::restart(),
+                Some(_) => pipeline.bad_command(),
+                None => {}
+            }
+        }
+    }
+
     /// Whether the settings make sense and are in flash.
+    #[inline(never)]
     fn store(flash: &mut board::Flash, settings: &Settings) -> bool {
         settings.validate().is_ok() && store::save(flash, settings).is_ok()
     }
@@ -224,14 +260,7 @@ mod app {
     async fn solve(mut cx: solve::Context, mut readings_out: Receiver<'static, Readings, READINGS>) {
         let local = cx.local;
         while let Ok(readings) = readings_out.recv().await {
-            while let Some(byte) = local.request_out.dequeue() {
-                match local.decoder.feed(byte) {
-                    Some(Ok(Request::Command(command))) => local.pipeline.command(command),
-                    Some(Ok(Request::StoreSettings(settings))) if store(local.flash, &settings) => board::restart(),
-                    Some(_) => local.pipeline.bad_command(),
-                    None => {}
-                }
-            }
+            obey(local.request_out, local.decoder, local.pipeline, local.flash);
             if let Ok(answer) = local.answers_out.try_recv() {
                 local.pipeline.field.solved(answer);
             }
@@ -276,10 +305,16 @@ mod app {
         }
     }
 
+    /// Never inlined: what solving takes of the stack is not the task's that sends reports.
+    #[inline(never)]
+    fn solved(problem: &Problem) -> Answer {
+        problem.solve()
+    }
+
     #[task(priority = 1, local = [answers_in])]
     async fn calibrate(cx: calibrate::Context, mut problems_out: Receiver<'static, Problem, PROBLEMS>) {
         while let Ok(problem) = problems_out.recv().await {
-            let _ = cx.local.answers_in.try_send(problem.solve());
+            let _ = cx.local.answers_in.try_send(solved(&problem));
         }
     }
 

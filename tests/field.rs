@@ -25,7 +25,7 @@ const SCENARIO: &str = "worn-accelerometers";
 /// The image, built once.
 fn image() -> &'static Path {
     static IMAGE: OnceLock<std::path::PathBuf> = OnceLock::new();
-    IMAGE.get_or_init(|| qemu::image::build().unwrap())
+    IMAGE.get_or_init(|| qemu::image::build(qemu::image::Board::Mps2).unwrap())
 }
 
 fn changed(change: impl FnOnce(&mut Scenario)) -> Setup {

@@ -16,7 +16,7 @@ use north_finder::health::{Fault, Flag};
 /// The image, built once.
 fn image() -> &'static Path {
     static IMAGE: OnceLock<std::path::PathBuf> = OnceLock::new();
-    IMAGE.get_or_init(|| qemu::image::build().unwrap())
+    IMAGE.get_or_init(|| qemu::image::build(qemu::image::Board::Mps2).unwrap())
 }
 
 fn run_in_qemu(setup: &Setup) -> (End, Vec<Report>) {

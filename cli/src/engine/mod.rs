@@ -133,7 +133,7 @@ pub fn serve(
         Engine::Qemu => {
             let image = match image {
                 Some(image) => image.to_owned(),
-                None => qemu::image::build().map_err(qemu::QemuError::from)?,
+                None => qemu::image::build(qemu::image::Board::Mps2).map_err(qemu::QemuError::from)?,
             };
             Ok(qemu::serve(&image, world, limit_ticks, person, stop)?.0)
         }

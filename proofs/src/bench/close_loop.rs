@@ -159,7 +159,7 @@ impl CloseLoop {
             (Engine::Host, _) => None,
             (Engine::Qemu, Some(image)) => Some(image.clone()),
             (Engine::Qemu, None) => {
-                Some(qemu::image::build().map_err(qemu::QemuError::from).map_err(EngineError::from)?)
+                Some(qemu::image::build(qemu::image::Board::Mps2).map_err(qemu::QemuError::from).map_err(EngineError::from)?)
             }
         })
     }

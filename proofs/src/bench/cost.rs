@@ -121,7 +121,7 @@ impl Bench for CostBench {
         };
         let image = match &self.image {
             Some(image) => image.clone(),
-            None => image::build().map_err(QemuError::from).map_err(EngineError::from)?,
+            None => image::build(image::Board::Mps2).map_err(QemuError::from).map_err(EngineError::from)?,
         };
         let measured = measure(&image)?;
         let lines = lines(&measured, if self.update { None } else { baseline.as_ref() });

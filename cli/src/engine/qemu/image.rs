@@ -1,4 +1,4 @@
-//! The firmware image for QEMU: built, found, measured.
+//! The firmware images: built, found, measured.
 
 use std::env;
 use std::io::{self, IsTerminal};
@@ -18,18 +18,31 @@ pub enum ImageError {
     NotBuilt(String),
 }
 
+/// The board that an image is for: its feature, and the directory below the target directory where it is built.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Board {
+    /// QEMU's board with the simulated world around it.
+    Mps2,
+    /// The real one.
+    F405,
+}
+
 /// Builds the image from the sources that this program was built from; gives its path. Quick when nothing changed.
 ///
 /// It has its own target directory, so that it can be built while cargo runs the caller.
-pub fn build() -> Result<PathBuf, ImageError> {
+pub fn build(board: Board) -> Result<PathBuf, ImageError> {
+    let (feature, directory) = match board {
+        Board::Mps2 => ("mps2", "qemu"),
+        Board::F405 => ("f405", "f405"),
+    };
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let root = root.canonicalize().map_err(|_| ImageError::NoSources(root.clone()))?;
-    let target = env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), PathBuf::from).join("qemu");
+    let target = env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), PathBuf::from).join(directory);
     let cargo = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(cargo);
     command
         .current_dir(&root)
-        .args(["build", "--profile", "firmware", "--no-default-features", "--features", "mps2", "--bin", "firmware"])
+        .args(["build", "--profile", "firmware", "--no-default-features", "--features", feature, "--bin", "firmware"])
         .args(["--target", TARGET, "--target-dir"])
         .arg(&target)
         .stdin(Stdio::null());

@@ -18,7 +18,7 @@ use crate::settings_file::scenario_settings;
 /// The image, built once.
 fn image() -> &'static Path {
     static IMAGE: OnceLock<std::path::PathBuf> = OnceLock::new();
-    IMAGE.get_or_init(|| image::build().unwrap())
+    IMAGE.get_or_init(|| image::build(image::Board::Mps2).unwrap())
 }
 
 fn setup(seconds: f64) -> Setup {
