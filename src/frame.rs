@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 use self::kvh::KvhFrame;
 use crate::units::ARCSEC_PER_RAD;
 
-const CRC: Crc<u32, Table<16>> = Crc::<u32, Table<16>>::new(&CRC_32_MPEG_2);
+const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_MPEG_2);
 const LONGEST: usize = 36;
 
 /// Which frames the gyro sends.

@@ -307,14 +307,14 @@ mod app {
 
     /// Never inlined: what solving takes of the stack is not the task's that sends reports.
     #[inline(never)]
-    fn solved(problem: &Problem) -> Answer {
+    fn solved(problem: Problem) -> Answer {
         problem.solve()
     }
 
     #[task(priority = 1, local = [answers_in])]
     async fn calibrate(cx: calibrate::Context, mut problems_out: Receiver<'static, Problem, PROBLEMS>) {
         while let Ok(problem) = problems_out.recv().await {
-            let _ = cx.local.answers_in.try_send(solved(&problem));
+            let _ = cx.local.answers_in.try_send(solved(problem));
         }
     }
 

@@ -60,8 +60,6 @@ pub struct Board {
     pub direction: Direction,
     pub enable: Enable,
     pub flash: Flash,
-    /// Whether the crystal keeps the time.
-    pub crystal: bool,
 }
 
 type Select<PIN> = Held<PIN, SELECT_CYCLES>;
@@ -73,6 +71,9 @@ pub type Enable = ActiveLow<gpio::PC8<Output>>;
 
 pub fn init(device: pac::Peripherals) -> Board {
     let (mut rcc, crystal) = clock::start(device.RCC);
+    if !crystal {
+        defmt::error!("boot: the crystal does not start; the clock is good to 1 % only");
+    }
     let a = device.GPIOA.split(&mut rcc);
     let b = device.GPIOB.split(&mut rcc);
     let c = device.GPIOC.split(&mut rcc);
@@ -122,15 +123,11 @@ pub fn init(device: pac::Peripherals) -> Board {
         direction: c.pc7.into_push_pull_output(),
         enable: ActiveLow(c.pc8.into_push_pull_output_in_state(PinState::High)),
         flash: Flash::new(device.FLASH),
-        crystal,
     }
 }
 
 /// Waits for the next interrupt.
-///
-/// Never inlined: the test that runs the image in an emulator recognises by it that the processor has nothing left to do.
-#[inline(never)]
-pub extern "C" fn sleep() {
+pub fn sleep() {
     cortex_m::asm::wfi();
 }
 

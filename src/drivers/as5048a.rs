@@ -165,12 +165,8 @@ mod tests {
     #[test]
     fn the_error_flag_is_cleared() {
         // Flag and parity: 0xC000. Clearing reads register 1: 0x4001, two ones.
-        let mut spi = MockSpi::new(vec![
-            frame(FIRST, 0x0000),
-            frame(0xFFFF, GOOD),
-            frame(0x7FFD, 0xC000),
-            frame(0x4001, GOOD),
-        ]);
+        let mut spi =
+            MockSpi::new(vec![frame(FIRST, 0x0000), frame(0xFFFF, GOOD), frame(0x7FFD, 0xC000), frame(0x4001, GOOD)]);
         assert_eq!(As5048a::new(&mut spi).angle_deg(), Err(Error::Flagged));
         spi.done();
     }

@@ -158,9 +158,11 @@ impl CloseLoop {
         Ok(match (engine, &self.image) {
             (Engine::Host, _) => None,
             (Engine::Qemu, Some(image)) => Some(image.clone()),
-            (Engine::Qemu, None) => {
-                Some(qemu::image::build(qemu::image::Board::Mps2).map_err(qemu::QemuError::from).map_err(EngineError::from)?)
-            }
+            (Engine::Qemu, None) => Some(
+                qemu::image::build(qemu::image::Board::Mps2)
+                    .map_err(qemu::QemuError::from)
+                    .map_err(EngineError::from)?,
+            ),
         })
     }
 

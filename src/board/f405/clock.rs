@@ -27,10 +27,6 @@ pub fn start(registers: pac::RCC) -> (Rcc, bool) {
         }
         (_, false) => Config::hsi(),
     };
-    if crystal {
-        // Should it stop later, the non-maskable interrupt says so.
-        registers.cr().modify(|_, w| w.csson().on());
-    }
     (registers.freeze(source), crystal && loop_locks)
 }
 
