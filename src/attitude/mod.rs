@@ -5,12 +5,14 @@
 //! samples and are turned into rotations by `coning`, summed up by `quaternion`, and read as heading, pitch and roll by
 //! `rotation`. All of it is f64 with `libm`, so that host and target agree bit for bit.
 
+pub mod alignment;
 pub mod coning;
 pub mod esg;
 pub mod filter;
 pub mod quaternion;
 pub mod rotation;
 
+pub use alignment::{AlignError, Aligned, Alignment, Method, NoiseOfRate};
 pub use coning::{Algorithm, Increment, Integrator};
 pub use quaternion::Quaternion;
 pub use rotation::Angles;

@@ -1,0 +1,148 @@
+use super::*;
+use crate::units::wrap_180_deg;
+
+/// Increments of 10 ms of a level block that stands at latitude 60° with its mark east: x feels nothing, y points north and
+/// feels Ω cos 60° = 7.5205335 °/h, z Ω sin 60° = 13.025946 °/h.
+const STILL_ARCSEC: [f64; 3] = [0.0, 0.075205335, 0.13025946];
+
+fn sample(arcsec: [f64; 3], force_m_s2: [f64; 3]) -> Increment {
+    Increment {
+        angle_rad: Vector3::from(arcsec) * (RAD_PER_DEG / 3600.0),
+        velocity_m_s: Vector3::from(force_m_s2) * 0.01,
+    }
+}
+
+/// Noise that no test of signs minds.
+fn quiet() -> NoiseOfRate {
+    NoiseOfRate::declared(1e-5)
+}
+
+fn still(seconds: u32, arcsec: [f64; 3]) -> Alignment {
+    let mut alignment = Alignment::default();
+    for _ in 0..100 * seconds {
+        assert!(alignment.push(0.01, sample(arcsec, [0.0, 0.0, 9.8])));
+    }
+    alignment
+}
+
+#[test]
+fn a_still_block_finds_its_heading_by_every_method() {
+    let alignment = still(100, STILL_ARCSEC);
+    for method in Method::ALL {
+        let latitude_deg = (method != Method::UnknownLatitude).then_some(60.0);
+        let aligned = alignment.solve(method, latitude_deg, &quiet(), 0.0).unwrap();
+        let Angles { heading_deg, pitch_deg, roll_deg } = aligned.angles;
+        assert!((heading_deg - 90.0).abs() < 1e-4, "{method:?} {heading_deg}");
+        assert!(pitch_deg.abs() < 1e-4 && roll_deg.abs() < 1e-4, "{method:?} {pitch_deg} {roll_deg}");
+        assert!((aligned.latitude_deg - 60.0).abs() < 1e-3, "{method:?} {}", aligned.latitude_deg);
+    }
+}
+
+#[test]
+fn the_southern_hemisphere_shows_in_the_vertical_rate() {
+    let [x, y, z] = STILL_ARCSEC;
+    let aligned = still(100, [x, y, -z]).solve(Method::UnknownLatitude, None, &quiet(), 0.0).unwrap();
+    assert!((aligned.latitude_deg + 60.0).abs() < 1e-3 && (aligned.angles.heading_deg - 90.0).abs() < 1e-4);
+}
+
+#[test]
+fn a_bias_of_the_east_gyro_turns_the_heading_by_its_share() {
+    // Mark east: x reads 0.1 °/h too much. East rate is −h sin of the heading error: 0.1 / 7.5205 = 0.7618°. The gyro sees
+    // its axis a little south of east or north of it: x = Ω cos φ cos ψ > 0 means ψ < 90°.
+    let alignment = still(100, [0.001, STILL_ARCSEC[1], STILL_ARCSEC[2]]);
+    let aligned = alignment.solve(Method::VelocityParabola, Some(60.0), &quiet(), 0.1).unwrap();
+    assert!((aligned.angles.heading_deg - 90.0 + 0.7618).abs() < 1e-3, "{:?}", aligned.angles);
+    assert!((aligned.sigma_heading_deg - 0.7618).abs() < 0.01, "{}", aligned.sigma_heading_deg);
+}
+
+#[test]
+fn a_swaying_base_does_not_disturb_the_parabola() {
+    // Pitch 0.2° sin(2π t/7 s), the block 1.5 m above the axis, mark east: the nose goes up, the block back to the west.
+    let (amplitude, omega, arm_m) = (0.2 * RAD_PER_DEG, 2.0 * core::f64::consts::PI / 7.0, 1.5);
+    let pitch = |t_s: f64| amplitude * libm::sin(omega * t_s);
+    let mut alignment = Alignment::default();
+    let earth = Vector3::from(STILL_ARCSEC) * (RAD_PER_DEG / 3600.0);
+    for step in 0..10_000 {
+        let (from_s, to_s) = (0.01 * f64::from(step), 0.01 * f64::from(step + 1));
+        let middle = pitch(0.5 * (from_s + to_s));
+        // Nose up is a rotation about −y. Backward acceleration of the block: arm · d²p/dt².
+        let (sin, cos) = (libm::sin(middle), libm::cos(middle));
+        let back = -arm_m * omega * omega * middle;
+        let up = 9.8;
+        let force = [up * sin - back * cos, 0.0, up * cos + back * sin];
+        let body = Vector3::new(earth.x * cos + earth.z * sin, earth.y, earth.z * cos - earth.x * sin);
+        let angle_rad = body - Vector3::y() * (pitch(to_s) - pitch(from_s));
+        alignment.push(0.01, Increment { angle_rad, ..sample([0.0; 3], force) });
+    }
+    let solve = |method| alignment.solve(method, Some(60.0), &quiet(), 0.0).unwrap();
+    let parabola = solve(Method::VelocityParabola);
+    let error_deg = wrap_180_deg(parabola.angles.heading_deg - 90.0);
+    assert!(error_deg.abs() < 0.05 && error_deg.abs() < 3.0 * parabola.sigma_heading_deg, "{error_deg} {parabola:?}");
+    // The mean of the rates has the sway's first and last tilt for a rate.
+    let coarse = solve(Method::StaticMean);
+    let error_deg = wrap_180_deg(coarse.angles.heading_deg - 90.0);
+    assert!(error_deg.abs() < 3.0 * coarse.sigma_heading_deg, "{error_deg} {coarse:?}");
+}
+
+/// Sums of uniform numbers: nearly normal, variance 1.
+struct Numbers(u64);
+
+impl Numbers {
+    fn normal(&mut self) -> f64 {
+        let mut sum = -6.0;
+        for _ in 0..12 {
+            self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            sum += (self.0 >> 11) as f64 / (1u64 << 53) as f64;
+        }
+        sum
+    }
+}
+
+#[test]
+fn sigma_covers_noise_of_the_gyros_that_nobody_declared() {
+    // 0.01 °/√h: 0.6 arcsec/√s, 0.06 in 10 ms. Over 40 windows of 60 s the sum of (error/sigma)² would be chi-square with 40
+    // degrees of freedom were sigma known; its 0.1 and 99.9 % points are 18 and 73. Noise is learned from all windows.
+    let mut numbers = Numbers(7);
+    let windows: std::vec::Vec<Alignment> = (0..40)
+        .map(|_| {
+            let mut alignment = Alignment::default();
+            for _ in 0..6000 {
+                let arcsec = STILL_ARCSEC.map(|mean| mean + 0.06 * numbers.normal());
+                let force = [0.0, 0.0, 9.8].map(|mean| mean + 0.0003 * numbers.normal());
+                alignment.push(0.01, sample(arcsec, force));
+            }
+            alignment
+        })
+        .collect();
+    let noise = windows.iter().filter_map(|w| w.noise(60.0)).reduce(|a, b| a.with(&b)).unwrap();
+    assert!((noise.deg_per_sqrt_h() / 0.01 - 1.0).abs() < 0.35, "{}", noise.deg_per_sqrt_h());
+    for method in [Method::ForceLine, Method::VelocityParabola] {
+        let squares: f64 = windows
+            .iter()
+            .map(|window| {
+                let aligned = window.solve(method, Some(60.0), &noise, 0.0).unwrap();
+                let ratio = wrap_180_deg(aligned.angles.heading_deg - 90.0) / aligned.sigma_heading_deg;
+                ratio * ratio
+            })
+            .sum();
+        assert!((18.0..73.0).contains(&squares), "{method:?} {squares}");
+    }
+}
+
+#[test]
+fn what_cannot_be_aligned_is_refused_with_its_reason() {
+    let solve = |alignment: &Alignment, latitude_deg| {
+        alignment.solve(Method::VelocityParabola, Some(latitude_deg), &quiet(), 0.0).unwrap_err()
+    };
+    assert!(matches!(solve(&still(5, STILL_ARCSEC), 60.0), AlignError::TooShort { .. }));
+    let good = still(60, STILL_ARCSEC);
+    assert_eq!(solve(&good, 89.5), AlignError::Latitude(LatitudeError::NearPole));
+    assert!(matches!(solve(&still(60, [0.0; 3]), 60.0), AlignError::NoEarthRate { .. }));
+    let mut falling = Alignment::default();
+    for _ in 0..2000 {
+        falling.push(0.01, sample(STILL_ARCSEC, [0.0, 0.0, 3.0]));
+    }
+    assert!(matches!(solve(&falling, 60.0), AlignError::NotGravity { .. }));
+    assert!(!falling.push(0.0, sample(STILL_ARCSEC, [0.0, 0.0, 9.8])));
+    assert!(!falling.push(0.01, sample([f64::NAN, 0.0, 0.0], [0.0, 0.0, 9.8])));
+}
