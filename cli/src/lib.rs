@@ -1,6 +1,7 @@
 //! The north finder on the host: campaigns, settings, the simulated instrument around the firmware's pipeline, and the
 //! verbs of the command `north`.
 
+pub mod block_csv;
 pub mod calibrate;
 pub mod campaign;
 pub mod characterise;
@@ -22,3 +23,4 @@ pub mod recorder;
 pub mod settings_file;
 pub mod solve;
 pub mod toml_file;
+pub mod track_report;

@@ -88,12 +88,20 @@ pub struct Aligned {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AlignError {
     /// Fewer seconds than this.
-    TooShort { seconds: f64, least_s: f64 },
+    TooShort {
+        seconds: f64,
+        least_s: f64,
+    },
     Latitude(LatitudeError),
     /// The specific force is not that of a block which stands on the Earth, m/s².
-    NotGravity { force_m_s2: f64 },
+    NotGravity {
+        force_m_s2: f64,
+    },
     /// The horizontal rate, °/h, is not above its noise: no north.
-    NoEarthRate { rate_deg_h: f64, sigma_deg_h: f64 },
+    NoEarthRate {
+        rate_deg_h: f64,
+        sigma_deg_h: f64,
+    },
 }
 
 impl core::fmt::Display for AlignError {
@@ -289,8 +297,7 @@ impl Alignment {
     fn fit(&self, method: Method, latitude_deg: Option<f64>) -> Result<(Fit, EarthSeen), AlignError> {
         self.check_length()?;
         let nominal = self.first_force.unwrap_or_default();
-        let (moments, integrations) =
-            if method == Method::ForceLine { (&self.force, 1) } else { (&self.velocity, 2) };
+        let (moments, integrations) = if method == Method::ForceLine { (&self.force, 1) } else { (&self.velocity, 2) };
         let too_short = AlignError::TooShort { seconds: self.seconds, least_s: f64::from(LEAST_BLOCKS) * BLOCK_S };
         let fit = moments.fit(integrations).ok_or(too_short)?;
         let known = match method {

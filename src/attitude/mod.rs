@@ -9,10 +9,12 @@ pub mod alignment;
 pub mod coning;
 pub mod esg;
 pub mod filter;
+pub mod hold;
 pub mod quaternion;
 pub mod rotation;
 
 pub use alignment::{AlignError, Aligned, Alignment, Method, NoiseOfRate};
 pub use coning::{Algorithm, Increment, Integrator};
+pub use hold::{BlockClass, Hold, HoldCounters, HoldLimits, HoldSecond, Motion};
 pub use quaternion::Quaternion;
 pub use rotation::Angles;

@@ -1,5 +1,6 @@
 //! The verbs of the command line, one a file.
 
+mod align;
 mod bench;
 mod board;
 mod calibrate;
@@ -14,6 +15,9 @@ mod monitor;
 mod scenarios;
 mod simulate;
 mod solve;
+mod track;
+
+pub use self::track::TrackRow;
 
 use clap::{Parser, Subcommand};
 
@@ -37,6 +41,8 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Find(find::Find),
+    Align(align::Align),
+    Track(track::Track),
     Solve(solve::Solve),
     Diagnose(diagnose::Diagnose),
     Simulate(simulate::Simulate),
@@ -57,6 +63,8 @@ impl Cli {
     pub fn run(self) -> Result<(), Failure> {
         match self.command {
             Command::Find(find) => find.run(),
+            Command::Align(align) => align.run(),
+            Command::Track(track) => track.run(),
             Command::Solve(solve) => solve.run(),
             Command::Diagnose(diagnose) => diagnose.run(),
             Command::Simulate(simulate) => simulate.run(),

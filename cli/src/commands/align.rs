@@ -1,0 +1,263 @@
+//! `north align`: heading and levels of a block that stands or sways.
+
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+use clap::Args;
+use north_finder::attitude::{AlignError, Aligned, Alignment, Method, NoiseOfRate};
+use serde::Serialize;
+
+use super::number;
+use crate::block_csv::{self, BlockRecording};
+use crate::failure::Failure;
+use crate::output::JsonOption;
+
+/// A step longer than so many usual ones is a gap; the windows before and after it are apart.
+const GAP_STEPS: f64 = 1.5;
+
+/// Heading and levels of a still or swaying three-axis block
+///
+/// Every method is tried on every window, and on the whole recording; the best comes first. Heading and levels are those at
+/// the window's end.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  north align parked.csv --latitude 34.246 --window 100
+  north align buoy.csv --latitude unknown --json -")]
+pub struct Align {
+    /// Recording: t_s, gx_arcsec, gy_arcsec, gz_arcsec, ax_m_s2, ay_m_s2, az_m_s2; x forward, y left, z up
+    #[arg(value_name = "FILE.csv")]
+    file: PathBuf,
+    /// Latitude, degrees, north positive, -90 to 90; "unknown" finds it
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = latitude)]
+    latitude: Latitude,
+    /// Length of the windows, seconds, 10 to 100000; without it the whole recording is the only one
+    #[arg(long, value_name = "S", value_parser = number::<10, 100_000>)]
+    window: Option<f64>,
+    /// Angle random walk of the gyros, degrees per root hour; without it it is estimated from the recording
+    #[arg(long, value_name = "DEG", value_parser = number::<0, 10>)]
+    arw: Option<f64>,
+    /// Bias of the gyros, one sigma, degrees per hour: no alignment at one heading can see it
+    #[arg(long, value_name = "DEG_H", default_value = "0", value_parser = number::<0, 1000>)]
+    bias: f64,
+    /// Heading to compare with, degrees: errors are printed
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = number::<-360, 360>)]
+    reference: Option<f64>,
+    #[command(flatten)]
+    json: JsonOption,
+}
+
+/// Known or to be found.
+#[derive(Clone, Copy, Debug)]
+struct Latitude(Option<f64>);
+
+fn latitude(text: &str) -> Result<Latitude, String> {
+    if text == "unknown" { Ok(Latitude(None)) } else { number::<-90, 90>(text).map(|deg| Latitude(Some(deg))) }
+}
+
+/// The result.
+#[derive(Serialize)]
+struct Report {
+    heading_deg: f64,
+    pitch_deg: f64,
+    roll_deg: f64,
+    sigma_heading_deg: f64,
+    method: &'static str,
+    latitude_deg: f64,
+    arw_deg_per_sqrt_h: f64,
+    rate_excess_deg_h: f64,
+    windows: Vec<Window>,
+}
+
+/// One method on one window.
+#[derive(Serialize)]
+struct Window {
+    start_s: f64,
+    seconds: f64,
+    method: &'static str,
+    heading_deg: Option<f64>,
+    sigma_heading_deg: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reason: Option<String>,
+}
+
+/// Samples of a window.
+struct Gathered {
+    start_s: f64,
+    alignment: Alignment,
+}
+
+impl Align {
+    pub fn run(self) -> Result<(), Failure> {
+        let recording = block_csv::read(&self.file)?;
+        let whole = longest(gather(&recording, f64::INFINITY));
+        let windows = self.window.map_or_else(Vec::new, |seconds| {
+            let all = gather(&recording, seconds);
+            all.into_iter().filter(|window| window.alignment.seconds() > 0.99 * seconds).collect()
+        });
+        let noise = self.noise(&whole, &windows);
+        let mut report = self.best(&whole, &noise)?;
+        let all = if windows.is_empty() { std::slice::from_ref(&whole) } else { &windows };
+        for window in all {
+            report.windows.extend(self.methods().map(|method| {
+                let Gathered { start_s, alignment } = window;
+                Window::new(*start_s, alignment.seconds(), method, self.solve(alignment, method, &noise))
+            }));
+        }
+        self.print(&mut self.json.human(), &report)?;
+        self.json.write(&report)
+    }
+
+    fn methods(&self) -> impl Iterator<Item = Method> + use<> {
+        let known = self.latitude.0.is_some();
+        Method::ALL.into_iter().filter(move |method| known || *method == Method::UnknownLatitude)
+    }
+
+    fn noise(&self, whole: &Gathered, windows: &[Gathered]) -> NoiseOfRate {
+        if let Some(arw) = self.arw {
+            return NoiseOfRate::declared(arw);
+        }
+        // Where the latitude is unknown, the terms that it decides are taken from the best guess of the whole.
+        let found = || whole.alignment.solve(Method::UnknownLatitude, None, &NoiseOfRate::declared(0.0), 0.0);
+        let latitude_deg = self.latitude.0.or_else(|| found().ok().map(|aligned| aligned.latitude_deg)).unwrap_or(45.0);
+        let all = if windows.is_empty() { std::slice::from_ref(whole) } else { windows };
+        let learned = all.iter().filter_map(|window| window.alignment.noise(latitude_deg));
+        learned.reduce(|a, b| a.with(&b)).unwrap_or_else(|| NoiseOfRate::declared(0.0))
+    }
+
+    fn solve(&self, alignment: &Alignment, method: Method, noise: &NoiseOfRate) -> Result<Aligned, AlignError> {
+        alignment.solve(method, self.latitude.0, noise, self.bias)
+    }
+
+    fn best(&self, whole: &Gathered, noise: &NoiseOfRate) -> Result<Report, Failure> {
+        let mut best: Option<(Method, Aligned)> = None;
+        let mut refusal = None;
+        for method in self.methods() {
+            match self.solve(&whole.alignment, method, noise) {
+                Ok(aligned) if best.is_none_or(|(_, b)| aligned.sigma_heading_deg < b.sigma_heading_deg) => {
+                    best = Some((method, aligned));
+                }
+                Ok(_) => (),
+                Err(error) => refusal = Some(error),
+            }
+        }
+        let Some((method, aligned)) = best else {
+            let reason = refusal.map_or_else(String::new, |error| error.to_string());
+            return Err(Failure::Refused(format!("{}: {reason}", self.file.display())));
+        };
+        Ok(Report {
+            heading_deg: aligned.angles.heading_deg,
+            pitch_deg: aligned.angles.pitch_deg,
+            roll_deg: aligned.angles.roll_deg,
+            sigma_heading_deg: aligned.sigma_heading_deg,
+            method: method.name(),
+            latitude_deg: aligned.latitude_deg,
+            arw_deg_per_sqrt_h: noise.deg_per_sqrt_h(),
+            rate_excess_deg_h: aligned.rate_excess_deg_h,
+            windows: Vec::new(),
+        })
+    }
+
+    fn print(&self, out: &mut dyn Write, report: &Report) -> io::Result<()> {
+        writeln!(
+            out,
+            "heading {:.4}° ± {:.4}°, pitch {:.4}°, roll {:.4}°, latitude {:.3}° ({})\nnoise of the gyros {:.5} °/√h, \
+             horizontal rate {:+.4} °/h against the Earth's",
+            report.heading_deg,
+            report.sigma_heading_deg,
+            report.pitch_deg,
+            report.roll_deg,
+            report.latitude_deg,
+            report.method,
+            report.arw_deg_per_sqrt_h,
+            report.rate_excess_deg_h,
+        )?;
+        writeln!(out, "\n| start, s | seconds | method | heading, ° | sigma, ° |\n|---|---|---|---|---|")?;
+        for window in &report.windows {
+            let Window { start_s, seconds, method, heading_deg, sigma_heading_deg, reason } = window;
+            match (heading_deg, sigma_heading_deg) {
+                (Some(heading), Some(sigma)) => {
+                    writeln!(out, "| {start_s:.1} | {seconds:.1} | {method} | {heading:.4} | {sigma:.4} |")?;
+                }
+                _ => writeln!(
+                    out,
+                    "| {start_s:.1} | {seconds:.1} | {method} | – | {} |",
+                    reason.as_deref().unwrap_or("")
+                )?,
+            }
+        }
+        self.print_errors(out, report)
+    }
+
+    /// Root mean square errors of the methods, and how often 1.96 sigma held the reference.
+    fn print_errors(&self, out: &mut dyn Write, report: &Report) -> io::Result<()> {
+        let Some(reference_deg) = self.reference else { return Ok(()) };
+        writeln!(
+            out,
+            "\n| method | windows | rms error, ° | rms sigma, ° | within 1.96 sigma |\n|---|---|---|---|---|"
+        )?;
+        for method in self.methods() {
+            let of_method = report.windows.iter().filter(|window| window.method == method.name());
+            let errors: Vec<(f64, f64)> = of_method
+                .filter_map(|window| {
+                    let error = north_finder::units::wrap_180_deg(window.heading_deg? - reference_deg);
+                    Some((error, window.sigma_heading_deg?))
+                })
+                .collect();
+            let rms = |of: fn(&(f64, f64)) -> f64| {
+                (errors.iter().map(|pair| of(pair).powi(2)).sum::<f64>() / errors.len() as f64).sqrt()
+            };
+            let within = errors.iter().filter(|(error, sigma)| error.abs() <= 1.96 * sigma).count();
+            writeln!(
+                out,
+                "| {} | {} | {:.4} | {:.4} | {within} |",
+                method.name(),
+                errors.len(),
+                rms(|pair| pair.0),
+                rms(|pair| pair.1)
+            )?;
+        }
+        Ok(())
+    }
+}
+
+impl Window {
+    fn new(start_s: f64, seconds: f64, method: Method, solved: Result<Aligned, AlignError>) -> Self {
+        let (aligned, reason) = match solved {
+            Ok(aligned) => (Some(aligned), None),
+            Err(error) => (None, Some(error.to_string())),
+        };
+        Self {
+            start_s,
+            seconds,
+            method: method.name(),
+            heading_deg: aligned.map(|aligned| aligned.angles.heading_deg),
+            sigma_heading_deg: aligned.map(|aligned| aligned.sigma_heading_deg),
+            reason,
+        }
+    }
+}
+
+/// Windows of `seconds` one after the other; a gap ends one.
+fn gather(recording: &BlockRecording, seconds: f64) -> Vec<Gathered> {
+    let mut windows: Vec<Gathered> = Vec::new();
+    for row in &recording.rows {
+        let gap = row.interval_s > GAP_STEPS * recording.step_s;
+        let full = |window: &Gathered| window.alignment.seconds() > seconds - 0.5 * recording.step_s;
+        if gap || windows.last().is_none_or(full) {
+            let start_s = row.t_s - if gap { 0.0 } else { row.interval_s };
+            windows.push(Gathered { start_s, alignment: Alignment::default() });
+            if gap {
+                continue;
+            }
+        }
+        if let Some(window) = windows.last_mut() {
+            window.alignment.push(row.interval_s, row.increment);
+        }
+    }
+    windows
+}
+
+fn longest(windows: Vec<Gathered>) -> Gathered {
+    let longest = windows.into_iter().max_by(|a, b| a.alignment.seconds().total_cmp(&b.alignment.seconds()));
+    longest.unwrap_or_else(|| Gathered { start_s: 0.0, alignment: Alignment::default() })
+}

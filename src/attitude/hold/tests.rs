@@ -1,0 +1,78 @@
+use super::*;
+use crate::units::wrap_180_deg;
+
+const LATITUDE_DEG: f64 = 60.0;
+
+fn hold(class: &BlockClass, heading_deg: f64) -> Hold {
+    let angles = Angles { heading_deg, ..Angles::default() };
+    Hold::new(class, HoldLimits::default(), LATITUDE_DEG, &angles, 0.04, 0.01).unwrap()
+}
+
+/// A level block, mark north, that turns by `rate_deg_s` counter-clockwise: x north feels 7.5205 °/h, z 13.0259 °/h; the z gyro
+/// reads `bias_deg_h` too much.
+fn sample(rate_deg_s: f64, bias_deg_h: f64) -> Increment {
+    let z_deg_h = 13.025946 + bias_deg_h + 3600.0 * rate_deg_s;
+    Increment {
+        angle_rad: Vector3::new(7.5205335, 0.0, z_deg_h) * (RAD_S_PER_DEG_H * 0.01),
+        velocity_m_s: Vector3::new(0.0, 0.0, 0.098),
+    }
+}
+
+fn run(hold: &mut Hold, seconds: u32, sample: Increment) -> HoldSecond {
+    (0..100 * seconds).filter_map(|_| hold.push(0.01, sample)).next_back().unwrap()
+}
+
+#[test]
+fn a_bias_is_learned_while_it_stands_and_not_turned_by() {
+    let mut hold = hold(&BlockClass::MODERN_MEMS, 0.0);
+    let last = run(&mut hold, 120, sample(0.0, 8.0));
+    assert_eq!(last.motion, Motion::Standing);
+    assert!((hold.bias_deg_h()[2] - 8.0).abs() < 0.5, "{:?}", hold.bias_deg_h());
+    assert!(wrap_180_deg(last.angles.heading_deg).abs() < 1e-3 && last.sigma_heading_deg < 0.045, "{last:?}");
+}
+
+#[test]
+fn a_turn_is_carried_with_its_sign_and_widens_sigma() {
+    // Counter-clockwise by 9 °/s for 10 s: the heading falls by 90° (the x axis leaves north, so the bit of Earth rate that the
+    // test keeps on x is 7.52 °/h · 10 s, 0.02° of level at most).
+    let mut hold = hold(&BlockClass::MODERN_MEMS, 0.0);
+    run(&mut hold, 60, sample(0.0, 0.0));
+    let last = run(&mut hold, 10, sample(9.0, 0.0));
+    assert_eq!(last.motion, Motion::Moving);
+    assert!(wrap_180_deg(last.angles.heading_deg - 270.0).abs() < 0.01, "{last:?}");
+    // Scale 500 ppm and misalignment 1 mrad, taken as correlated within a second: 9° · 1.5e-3 · √10 = 0.043°.
+    assert!((0.05..0.08).contains(&last.sigma_heading_deg), "{last:?}");
+}
+
+#[test]
+fn a_fix_of_the_source_s_block_is_lost_in_a_walk() {
+    // METHODS S4: 0.07 °/s/√Hz moves the heading by 0.07 √10 = 0.22° in 10 s; asked for again beyond 0.5°.
+    let mut hold = hold(&BlockClass::SOURCE_MEMS, 0.0);
+    run(&mut hold, 600, sample(0.0, 0.0));
+    let after = run(&mut hold, 10, sample(0.5, 0.0));
+    assert!((0.2..0.5).contains(&after.sigma_heading_deg) && !after.refix, "{after:?}");
+    let after = run(&mut hold, 60, sample(0.5, 0.0));
+    assert!(after.refix && after.sigma_heading_deg > 0.54, "{after:?}");
+}
+
+#[test]
+fn bad_samples_are_counted_and_widen_sigma() {
+    let mut hold = hold(&BlockClass::MODERN_MEMS, 0.0);
+    run(&mut hold, 10, sample(0.0, 0.0));
+    assert_eq!(hold.push(f64::NAN, sample(0.0, 0.0)), None);
+    assert_eq!(hold.push(-0.01, sample(0.0, 0.0)), None);
+    let last = run(&mut hold, 1, sample(500.0, 0.0));
+    assert!(last.sigma_heading_deg > 100.0 && last.refix, "{last:?}");
+    assert_eq!(hold.counters(), HoldCounters { invalid: 2, saturated: 100, gaps: 0 });
+    let mut hold = self::hold(&BlockClass::MODERN_MEMS, 0.0);
+    let bridged = hold.bridge(2.0, 1.0);
+    // 1 °/s for 2 s.
+    assert!((bridged.sigma_heading_deg - 2.0).abs() < 0.01 && bridged.motion == Motion::Bridged, "{bridged:?}");
+}
+
+#[test]
+fn near_a_pole_nothing_is_held() {
+    let refused =
+        Hold::new(&BlockClass::RING_LASER, HoldLimits::default(), 89.5, &Angles::default(), 0.1, 0.1).unwrap_err();
+    assert_eq!(refused, LatitudeError::NearPole);
+}
