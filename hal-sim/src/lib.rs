@@ -8,6 +8,7 @@
 
 mod accelerometer;
 mod base;
+pub mod block;
 mod device;
 mod encoder;
 pub mod flash;

@@ -42,6 +42,8 @@ pub enum Source {
     Water = 26,
     /// Electrostatic gyro.
     Electrostatic = 27,
+    /// A three-axis block that is carried by hand.
+    CarriedBlock = 28,
 }
 
 /// One stream of random numbers.

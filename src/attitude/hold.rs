@@ -172,6 +172,9 @@ pub struct Hold {
     /// Estimated, rad/s.
     bias_rad_s: Vector3<f64>,
     covariance: Covariance,
+    /// Rotation that was summed up while it moved, rad: what errors of scale and axes have acted on. They are constants, so that a
+    /// turn back takes away what the turn brought.
+    turned_rad: Vector3<f64>,
     second: Second,
     counters: HoldCounters,
 }
@@ -187,8 +190,6 @@ struct Second {
     velocity_m_s: Vector3<f64>,
     /// Largest departure of the specific force's norm from gravity, m/s².
     shaken_m_s2: f64,
-    /// Total angle turned, rad, for scale factor and misalignment.
-    turned_rad: f64,
     saturated_rad: f64,
 }
 
@@ -201,7 +202,6 @@ impl Second {
             angle_rad: Vector3::zeros(),
             velocity_m_s: Vector3::zeros(),
             shaken_m_s2: 0.0,
-            turned_rad: 0.0,
             saturated_rad: 0.0,
         }
     }
@@ -232,6 +232,7 @@ impl Hold {
             orientation,
             bias_rad_s: Vector3::zeros(),
             covariance: Covariance::from_diagonal(&diagonal),
+            turned_rad: Vector3::zeros(),
             second: Second::new(orientation),
             counters: HoldCounters::default(),
         })
@@ -272,7 +273,6 @@ impl Hold {
         second.seconds += dt_s;
         second.angle_rad += sample.angle_rad;
         second.velocity_m_s += sample.velocity_m_s;
-        second.turned_rad += sample.angle_rad.norm();
         let shaken_m_s2 = libm::fabs((sample.velocity_m_s / dt_s).norm() - GRAVITY_M_S2);
         let noise_m_s2 = MOTION_SIGMAS * self.class.vrw_m_s_sqrt_s / libm::sqrt(dt_s);
         second.shaken_m_s2 = second.shaken_m_s2.max(shaken_m_s2 - noise_m_s2);
@@ -312,9 +312,8 @@ impl Hold {
         }
         self.orientation = second.orientation;
         self.second = Second::new(self.orientation);
-        let scale =
-            second.turned_rad * (self.class.scale_ppm * 1e-6 + self.class.misalignment_arcsec * RAD_PER_DEG / 3600.0);
-        self.propagate(dt_s, scale * scale + square(second.saturated_rad));
+        self.turned_rad += c * second.angle_rad;
+        self.propagate(dt_s, square(second.saturated_rad));
         self.report(Motion::Moving)
     }
 
@@ -386,7 +385,10 @@ impl Hold {
     }
 
     fn report(&self, motion: Motion) -> HoldSecond {
-        let variance = |axis: usize| self.covariance.get((axis, axis)).copied().unwrap_or(f64::INFINITY);
+        let BlockClass { scale_ppm, misalignment_arcsec, .. } = self.class;
+        let per_rad2 = square(scale_ppm * 1e-6) + square(misalignment_arcsec * RAD_PER_DEG / 3600.0);
+        let of_turns = per_rad2 * self.turned_rad.norm_squared();
+        let variance = |axis: usize| self.covariance.get((axis, axis)).copied().unwrap_or(f64::INFINITY) + of_turns;
         let sigma_heading_deg = (libm::sqrt(variance(2)) * DEG_PER_RAD).min(180.0);
         HoldSecond {
             angles: self.orientation.angles(),

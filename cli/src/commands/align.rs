@@ -26,7 +26,7 @@ const GAP_STEPS: f64 = 1.5;
 pub struct Align {
     /// Recording: t_s, gx_arcsec, gy_arcsec, gz_arcsec, ax_m_s2, ay_m_s2, az_m_s2; x forward, y left, z up
     #[arg(value_name = "FILE.csv")]
-    file: PathBuf,
+    recording: PathBuf,
     /// Latitude, degrees, north positive, -90 to 90; "unknown" finds it
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = latitude)]
     latitude: Latitude,
@@ -88,7 +88,7 @@ struct Gathered {
 
 impl Align {
     pub fn run(self) -> Result<(), Failure> {
-        let recording = block_csv::read(&self.file)?;
+        let recording = block_csv::read(&self.recording)?;
         let whole = longest(gather(&recording, f64::INFINITY));
         let windows = self.window.map_or_else(Vec::new, |seconds| {
             let all = gather(&recording, seconds);
@@ -131,7 +131,9 @@ impl Align {
     fn best(&self, whole: &Gathered, noise: &NoiseOfRate) -> Result<Report, Failure> {
         let mut best: Option<(Method, Aligned)> = None;
         let mut refusal = None;
-        for method in self.methods() {
+        // Where the latitude is known, the check against the Earth's rate belongs to the answer.
+        let blind = |method: &Method| self.latitude.0.is_some() && *method == Method::UnknownLatitude;
+        for method in self.methods().filter(|method| !blind(method)) {
             match self.solve(&whole.alignment, method, noise) {
                 Ok(aligned) if best.is_none_or(|(_, b)| aligned.sigma_heading_deg < b.sigma_heading_deg) => {
                     best = Some((method, aligned));
@@ -142,7 +144,7 @@ impl Align {
         }
         let Some((method, aligned)) = best else {
             let reason = refusal.map_or_else(String::new, |error| error.to_string());
-            return Err(Failure::Refused(format!("{}: {reason}", self.file.display())));
+            return Err(Failure::Refused(format!("{}: {reason}", self.recording.display())));
         };
         Ok(Report {
             heading_deg: aligned.angles.heading_deg,

@@ -35,7 +35,7 @@ const LONGEST_GAP_S: f64 = 5.0;
 pub struct Track {
     /// Recording: t_s, gx_arcsec, gy_arcsec, gz_arcsec, ax_m_s2, ay_m_s2, az_m_s2; x forward, y left, z up
     #[arg(value_name = "FILE.csv")]
-    file: PathBuf,
+    recording: PathBuf,
     /// Latitude, degrees, north positive, -90 to 90
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = number::<-90, 90>)]
     latitude: f64,
@@ -114,7 +114,7 @@ struct Summary {
 
 impl Track {
     pub fn run(self) -> Result<(), Failure> {
-        let recording = block_csv::read(&self.file)?;
+        let recording = block_csv::read(&self.recording)?;
         let class = self.class.block();
         let (mut hold, start) = self.start(&recording, &class)?;
         let mut rows = Vec::new();
@@ -127,7 +127,7 @@ impl Track {
                         "no rows for {gap_s:.3} s before t_s = {}; at most {LONGEST_GAP_S} s are bridged",
                         row.t_s
                     );
-                    return Err(FileError::whole(&self.file, Problem::Syntax(problem)).into());
+                    return Err(FileError::whole(&self.recording, Problem::Syntax(problem)).into());
                 }
                 let rate_deg_s = row.increment.angle_rad.norm() / recording.step_s * DEG_PER_RAD;
                 rows.push(self.row(
@@ -165,7 +165,7 @@ impl Track {
             summary.rms_error_deg.map_or_else(String::new, |rms| format!("; rms error {rms:.4}°")),
         )?;
         if let Some(path) = &self.report {
-            let page = track_report::html(&self.file, class.name, &rows);
+            let page = track_report::html(&self.recording, class.name, &rows);
             std::fs::write(path, page).map_err(|error| FileError::whole(path, error))?;
         }
         self.json.write(&summary)
@@ -194,7 +194,7 @@ impl Track {
             }
             count += 1;
         }
-        let refused = |reason: String| Failure::Refused(format!("{}: {reason}", self.file.display()));
+        let refused = |reason: String| Failure::Refused(format!("{}: {reason}", self.recording.display()));
         let [x, y, z] = felt;
         let level_sigma_deg = class.accelerometer_m_s2 / 9.8 * DEG_PER_RAD;
         let (angles, sigma_deg, level_deg) = match self.heading {

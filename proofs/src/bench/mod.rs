@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod aiding;
+mod attitude;
 mod calibration;
 mod close_loop;
 mod cost;
@@ -11,6 +12,7 @@ mod esg;
 mod faults;
 pub(crate) mod fixes;
 mod gates;
+mod hold;
 mod image_size;
 mod repeat;
 
@@ -77,6 +79,7 @@ macro_rules! benches {
 benches! {
     Accuracy: accuracy::Accuracy,
     Aiding: aiding::Aiding,
+    Attitude: attitude::AttitudeBench,
     Calibration: calibration::Calibration,
     CloseLoop: close_loop::CloseLoop,
     Cost: cost::CostBench,
@@ -86,6 +89,7 @@ benches! {
     Faults: faults::Faults,
     Gates: gates::Gates,
     Repeat: repeat::Repeat,
+    Hold: hold::HoldBench,
 }
 
 /// The machine-readable result of every bench.
