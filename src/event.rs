@@ -1,11 +1,15 @@
-//! What the pipeline tells the outside: seconds, states, verdicts of the gates, fixes and faults.
+//! What the instrument tells the outside: seconds, states, verdicts of the gates, fixes and faults.
 
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::field::guidance::Guidance;
 use crate::calibration::field::problem::Solved;
 use crate::calibration::field::refusal::NoCalibration;
-use crate::health::{Counters, Fault, Flags};
+pub use crate::fix::Fix;
+use crate::fix::dwell::DwellSummary;
+use crate::gates::Gate;
+use crate::health::{Counters, Fault};
+use crate::level::{LevelMoments, Tilt};
 
 /// An event and when it happened.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -55,28 +59,35 @@ impl State {
     }
 }
 
-/// One second of measuring, whatever the state.
+/// One second of measuring, whatever the state: all that a fix uses of it, so that a recording of these gives the same fix.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Second {
-    /// Mean index angle over the second, degrees counter-clockwise from above, in [0°, 360°); `None`: no valid reading.
+    /// End of the second, since switch-on. The seconds follow each other without a gap, whatever the delay of the reports.
+    pub t_s: f64,
+    /// Measured index angle, mean over the second, degrees counter-clockwise from above, in [0°, 360°); `None`: no valid
+    /// reading.
     pub index_deg: Option<f64>,
     /// Gyro angle over the second as the gyro gave it, arcsec (so also its uncompensated mean rate in °/h).
     pub fog_arcsec: f64,
+    /// First moment of that angle about the middle of the second, arcsec · s.
+    pub moment_arcsec_s: f64,
     /// Mean rate over the second after the error model, °/h.
     pub rate_deg_h: f64,
     /// Gyro temperature, °C, if the gyro sends one.
     pub temp_c: Option<f64>,
-    /// Level accelerometers, mean over the second in g, forward and left; `None`: no valid reading.
-    pub level_g: Option<[f64; 2]>,
+    /// Level accelerometers, mean and first moment over the second; `None`: no valid reading.
+    pub level: Option<LevelMoments>,
     /// Frames of this second that never came or were not valid: the mean rate of the others stands in for them.
     pub lost_frames: u16,
-    /// The sequence's position number, from 0, while settling or collecting there.
-    pub position: Option<u8>,
+    /// Number of the dwell, from 0, that was under way.
+    pub dwell: Option<u8>,
     /// Whether the second entered the solution.
     pub collected: bool,
+    /// The gate that refused at the end of the second.
+    pub waited_at: Option<Gate>,
 }
 
-/// A finished stay at one position.
+/// A finished dwell at one position.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Dwell {
     /// Number of the position in the sequence, from 0.
@@ -91,37 +102,26 @@ pub struct Dwell {
     pub sigma_deg_h: f64,
 }
 
-/// An azimuth with all that says how far to trust it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Fix {
-    /// Azimuth of the index-zero mark, degrees clockwise from true north, in [0°, 360°).
-    pub azimuth_deg: f64,
-    /// Its standard deviation, degrees.
-    pub sigma_deg: f64,
-    /// (ω0 + ω180 − ω90 − ω270)/4 and, for any other set of angles, the cos 2θ coefficient of the rates, °/h;
-    /// `None` where the angles cannot show it. Noise, when all is well.
-    pub closure_deg_h: Option<f64>,
-    /// Gyro bias that the fix found, °/h, beyond the error model's.
-    pub bias_deg_h: f64,
-    /// Horizontal rate that the fix found, °/h; should be Ω cos φ.
-    pub amplitude_deg_h: f64,
-    /// Linear bias drift that the fix found, °/h per hour; 0 where the order cannot tell it and none was declared.
-    pub drift_deg_h_per_h: f64,
-    /// Mean pitch and roll during the fix, degrees; `None` without level accelerometers.
-    pub tilt_deg: Option<[f64; 2]>,
-    /// Measuring time that entered, seconds.
-    pub seconds: f64,
-    /// Everything that limits the trust in it.
-    pub flags: Flags,
+impl Dwell {
+    /// Of the position of this number, from 0.
+    pub fn new(position: u8, summary: &DwellSummary) -> Self {
+        Self {
+            position,
+            index_deg: summary.index_deg(),
+            seconds: summary.seconds,
+            rate_deg_h: summary.rate.mean,
+            sigma_deg_h: summary.sigma_deg_h(),
+        }
+    }
 }
 
-/// All that the pipeline can say.
+/// All that the instrument can say.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Event {
     /// The sequencer entered a state.
     State(State),
     /// Level state while levelling: pitch and roll in degrees, and whether both are inside the limit.
-    Level { pitch_deg: f64, roll_deg: f64, level: bool },
+    Level { tilt: Tilt, level: bool },
     /// Disturbance gate: the rate exceeded what a still gyro can read for the set number of seconds. w0 in °/h.
     Disturbed { excess_deg_h: f64 },
     /// Disturbance gate: passed.
@@ -136,7 +136,7 @@ pub enum Event {
     Settled { position: u8 },
     /// A second of measuring.
     Second(Second),
-    /// A finished stay at a position.
+    /// A finished dwell at a position.
     Dwell(Dwell),
     /// The coarse azimuth that the east-west refinement steers by, degrees.
     Coarse { azimuth_deg: f64, sigma_deg: f64 },

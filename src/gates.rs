@@ -30,6 +30,13 @@ impl GateSettings {
     }
 }
 
+/// Which gate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Gate {
+    Disturbance,
+    Jitter,
+}
+
 /// What a gate says after a second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Verdict {
@@ -94,6 +101,15 @@ impl DisturbanceGate {
         (excess_deg_h, self.runs.push(!still))
     }
 
+    /// Takes a second with or without a usable rate.
+    pub fn second(&mut self, rate_deg_h: Option<f64>) -> (f64, Verdict) {
+        if let Some(rate_deg_h) = rate_deg_h {
+            return self.push(rate_deg_h);
+        }
+        self.interrupt();
+        (0.0, Verdict::Watching)
+    }
+
     /// A second without a usable rate: neither count may run on across it.
     pub fn interrupt(&mut self) {
         self.runs = Runs::new(self.runs.settings);
@@ -120,6 +136,15 @@ impl JitterGate {
         let change_deg_h = rate_deg_h.abs() - last_deg_h.abs();
         let still = change_deg_h.abs() < self.runs.settings.threshold_deg_h;
         (change_deg_h, self.runs.push(!still))
+    }
+
+    /// Takes a second with or without a usable rate.
+    pub fn second(&mut self, rate_deg_h: Option<f64>) -> (f64, Verdict) {
+        if let Some(rate_deg_h) = rate_deg_h {
+            return self.push(rate_deg_h);
+        }
+        self.interrupt();
+        (0.0, Verdict::Watching)
     }
 
     /// A second without a usable rate: neither count may run on across it.

@@ -68,6 +68,29 @@ impl Direction {
     }
 }
 
+/// Mean index angle over a second.
+#[derive(Clone, Debug, Default)]
+pub struct IndexMean {
+    sum: Direction,
+    count: u16,
+}
+
+impl IndexMean {
+    /// A reading of the encoder, degrees.
+    pub fn push(&mut self, index_deg: f64) {
+        let Direction { cos, sin } = Direction::of_deg(index_deg);
+        self.sum.cos += cos;
+        self.sum.sin += sin;
+        self.count = self.count.saturating_add(1);
+    }
+
+    /// Ends the second: degrees in [0°, 360°), `None` without a reading.
+    pub fn finish_deg(&mut self) -> Option<f64> {
+        let Self { sum, count } = core::mem::take(self);
+        (count > 0).then(|| sum.deg())
+    }
+}
+
 /// The index angle without jumps at full turns, so that a cable is not wound up.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct IndexAngle {

@@ -49,7 +49,7 @@ pub struct Tilt {
 }
 
 /// A second's mean of the accelerometers, by unit of the local gravity.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Specific {
     /// Forward: the upward component of the x axis.
     pub forward: f64,
@@ -58,7 +58,7 @@ pub struct Specific {
 }
 
 /// The level accelerometers over an interval.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LevelMoments {
     /// Mean specific force, by unit of the local gravity.
     pub mean: Specific,

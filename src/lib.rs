@@ -31,6 +31,7 @@ pub mod event;
 pub mod fix;
 pub mod frame;
 pub mod gates;
+pub mod gather;
 pub mod health;
 pub mod index;
 pub mod level;

@@ -16,7 +16,7 @@
 //!   its items.
 //! - CRC-32 is the one of Ethernet and zlib (CRC-32/ISO-HDLC), 4 bytes, little-endian.
 //!
-//! Example: the report "at 2 s the state is idle" has the content `03`, `00 00 00 00 00 00 00 40`, `00`, `00`, `2D 5A FF 82`.
+//! Example: the report "at 2 s the state is idle" has the content `04`, `00 00 00 00 00 00 00 40`, `00`, `00`, `AE 4F C4 AB`.
 //!
 //! Whoever receives drops what does not decode and counts it; after any disturbance the next 00 is the next chance. A
 //! sender may send a 00 before a frame, to end whatever noise came before: an empty frame is not counted.
@@ -33,7 +33,7 @@ use crate::sequence::Command;
 use crate::settings::Settings;
 
 /// The first byte of every frame's content.
-pub const VERSION: u8 = 3;
+pub const VERSION: u8 = 4;
 
 /// Longest frame that holds a [`Report`], with its closing 00.
 pub const MAX_REPORT: usize = 160;
@@ -157,7 +157,9 @@ mod tests {
     use crate::calibration::accelerometer::AccelerometerCalibration;
     use crate::calibration::field::problem::Solved;
     use crate::event::{Event, Fix, Second, State};
+    use crate::gates::Gate;
     use crate::health::{Counters, Flag, Flags};
+    use crate::level::{LevelMoments, Specific, Tilt};
     use crate::settings::store::longest;
 
     const TRIAD: AccelerometerCalibration = AccelerometerCalibration { bias_g: [1.1; 3], matrix: [1.1; 6] };
@@ -174,9 +176,9 @@ mod tests {
 
     #[test]
     fn the_example_of_the_documentation_byte_by_byte() {
-        // Content 03 | 2.0 as f64 | 00 | 00, its CRC-32 from zlib's crc32(), and COBS by hand: every 00 becomes the
+        // Content 04 | 2.0 as f64 | 00 | 00, its CRC-32 from zlib's crc32(), and COBS by hand: every 00 becomes the
         // distance to the next one.
-        let expected = [0x02, 3, 1, 1, 1, 1, 1, 1, 2, 0x40, 1, 5, 0x2D, 0x5A, 0xFF, 0x82, 0];
+        let expected = [0x02, 4, 1, 1, 1, 1, 1, 1, 2, 0x40, 1, 5, 0xAE, 0x4F, 0xC4, 0xAB, 0];
         let frame = encode_report(&idle()).unwrap();
         assert_eq!(frame[..], expected[..]);
         assert_eq!(feed(&mut ReportDecoder::new(), &frame), [Ok(idle())]);
@@ -202,15 +204,19 @@ mod tests {
             reports_refused: u32::MAX,
             commands_bad: u32::MAX,
         };
+        let specific = Specific { forward: 1.1, left: 1.1 };
         let second = Second {
+            t_s: 1.1,
             index_deg: Some(1.1),
             fog_arcsec: 1.1,
+            moment_arcsec_s: 1.1,
             rate_deg_h: 1.1,
             temp_c: Some(1.1),
-            level_g: Some([1.1, 1.1]),
+            level: Some(LevelMoments { mean: specific, first: specific }),
             lost_frames: u16::MAX,
-            position: Some(255),
+            dwell: Some(255),
             collected: true,
+            waited_at: Some(Gate::Jitter),
         };
         let mut flags = Flags::default();
         flags.insert(Flag::NoRedundancy);
@@ -221,7 +227,7 @@ mod tests {
             bias_deg_h: 1.1,
             amplitude_deg_h: 1.1,
             drift_deg_h_per_h: 1.1,
-            tilt_deg: Some([1.1, 1.1]),
+            tilt: Some(Tilt { pitch_deg: 1.1, roll_deg: 1.1 }),
             seconds: 1.1,
             flags,
         };

@@ -3,18 +3,17 @@
 use heapless::{Deque, Vec};
 use serde::{Deserialize, Serialize};
 
-use crate::calibration::ellipsoid::Correction;
 use crate::calibration::field::{self, Session};
-use crate::effects::{Conditions, Evaluator};
-use crate::event::{Event, Report, Second, State};
+use crate::event::{self, Event, Report, State};
+use crate::fix::accumulator::Accumulator;
 use crate::frame::FrameReader;
+use crate::gather::Gatherer;
 use crate::health::{Counters, Fault, Refused};
-use crate::index::{Direction, MotorCommand};
-use crate::level::{LevelMoments, LevelSecond, LevelSensor, Specific};
-use crate::sample::{RateSecond, SAMPLE_S, SAMPLES_PER_SECOND, Sampler};
-use crate::sequence::{Command, SecondInput, Sequencer};
+use crate::index::MotorCommand;
+use crate::level::LevelMoments;
+use crate::sample::{RateSecond, SAMPLE_S, SAMPLES_PER_SECOND};
+use crate::sequence::{Command, Seen, Sequencer};
 use crate::settings::{Settings, store::Loaded};
-use crate::units::sin_cos_deg;
 use crate::watch::GyroWatch;
 
 /// Seconds between two reports of the counters, if they changed.
@@ -43,10 +42,7 @@ pub type Sink<'a> = &'a mut dyn FnMut(Report);
 /// Composes the modules in the order in which a sample meets them.
 pub struct Pipeline {
     reader: FrameReader,
-    sampler: Sampler,
-    evaluator: Evaluator,
-    level: LevelSensor,
-    index: IndexMean,
+    gatherer: Gatherer,
     watch: GyroWatch,
     /// Or the reason why no fix can be started.
     sequencer: Result<Sequencer, Fault>,
@@ -70,17 +66,16 @@ impl Pipeline {
             Loaded::Valid(settings) if settings.model.as_ref().is_some_and(|model| model.off_board().is_some()) => {
                 (settings, Err(Fault::SettingsInvalid))
             }
-            Loaded::Valid(settings) => (settings.clone(), Sequencer::new(settings)),
+            Loaded::Valid(settings) => {
+                let sequencer = sequencer(&settings);
+                (settings, sequencer)
+            }
             Loaded::Missing => (Settings::default(), Err(Fault::SettingsMissing)),
             Loaded::Corrupt => (Settings::default(), Err(Fault::SettingsCorrupt)),
         };
-        let triad = settings.accelerometer.map_or(Correction::UNIT, |calibration| calibration.correction());
         Self {
             reader: FrameReader::new(settings.gyro.format),
-            sampler: Sampler::new(settings.gyro),
-            evaluator: Evaluator::new(settings.model.unwrap_or_default()),
-            level: LevelSensor::new(triad),
-            index: IndexMean::default(),
+            gatherer: Gatherer::new(settings.gyro, settings.triad()),
             watch: GyroWatch::default(),
             sequencer,
             field: Session::default(),
@@ -99,7 +94,7 @@ impl Pipeline {
         for &byte in bytes {
             if let Some(frame) = self.reader.push(byte) {
                 self.watch.heard(self.tick);
-                let second = self.sampler.frame(&frame, &mut self.counters);
+                let second = self.gatherer.frame(&frame, &mut self.counters);
                 self.keep(second);
             }
         }
@@ -126,9 +121,9 @@ impl Pipeline {
         if let Some(calibration) =
             self.field.tick(readings.acceleration_g, &mut |event| calibration_events(event, &mut sink))
         {
-            self.level = LevelSensor::new(calibration.correction());
+            self.gatherer.set_triad(calibration.correction());
         }
-        let given_up = self.sampler.tick(&mut self.counters);
+        let given_up = self.gatherer.tick(&mut self.counters);
         self.keep(given_up);
 
         let watched = self.watch.tick(readings.tick);
@@ -164,7 +159,7 @@ impl Pipeline {
             }
             (Ok(sequencer), Command::CalibrateAccelerometers) => {
                 let stop = sequencer.fail(Fault::Aborted, t_s, sink);
-                self.field.start(*self.level.triad(), &mut |event| calibration_events(event, sink));
+                self.field.start(*self.gatherer.triad(), &mut |event| calibration_events(event, sink));
                 stop
             }
             (Ok(sequencer), Command::Abort) => {
@@ -188,13 +183,13 @@ impl Pipeline {
         counters.bytes_skipped = self.reader.bytes_skipped();
         counters.frames_bad_crc = self.reader.bad_crc();
         match readings.acceleration_g {
-            Some(Some(acceleration_g)) => self.level.push(acceleration_g),
+            Some(Some(acceleration_g)) => self.gatherer.acceleration(acceleration_g),
             Some(None) => counters.accelerometer_errors = counters.accelerometer_errors.saturating_add(1),
             None => {}
         }
         match readings.index_deg {
             Some(Some(index_deg)) => {
-                self.index.push(index_deg);
+                self.gatherer.index(index_deg);
                 self.encoder_failures = 0;
             }
             Some(None) => {
@@ -205,59 +200,41 @@ impl Pipeline {
         }
     }
 
-    /// The second with the error model applied to its rate and to the index angle.
-    fn compensated(&mut self, rate: &RateSecond, t_s: f64) -> SecondInput {
-        let index = self.index.finish();
-        let level = self.level.finish();
-        let conditions = Conditions {
-            t_s: t_s - 0.5,
-            raw_rate_deg_h: rate.fog_arcsec,
-            index,
-            level: match level {
-                LevelSecond::Good(level) => Some(level.mean),
-                LevelSecond::Failed => None,
-            },
-            ..rate.conditions
-        };
-        let rate_deg_h = self.evaluator.second(&conditions).apply(rate.fog_arcsec, 1.0);
-        let index = conditions.index.map(|measured| self.evaluator.model().true_index(measured));
-        SecondInput { t_s, rate: RateSecond { rate_deg_h, conditions, ..*rate }, index, level }
-    }
-
     fn second(&mut self, rate: &RateSecond, t_s: f64, sink: &mut dyn FnMut(Event)) -> Option<MotorCommand> {
-        let input = self.compensated(rate, t_s);
         let counters = &mut self.counters;
         if !rate.usable {
             counters.seconds_left_out = counters.seconds_left_out.saturating_add(1);
         } else if rate.missing > 0 {
             counters.seconds_repaired = counters.seconds_repaired.saturating_add(1);
         }
-        let fault = self.watch.second(rate, self.sampler.behind());
-        let (mut motor, mut collected, mut position) = (None, false, None);
+        let fault = self.watch.second(rate, self.gatherer.sampler().behind());
+        let (second, index_deg) = self.gatherer.finish(rate, t_s);
+        let mut seen = Seen { rate_deg_h: rate.fog_arcsec, ..Seen::default() };
+        let mut motor = None;
         // The second is reported before what it led to: a recording that ends with the azimuth holds all of its seconds.
         let mut consequences: Vec<Event, 8> = Vec::new();
         let mut hold = |event| {
             let _ = consequences.push(event);
         };
         if let Ok(sequencer) = &mut self.sequencer {
-            position = sequencer.position();
-            (motor, collected) = sequencer.second(&input, counters, &mut hold);
+            (seen, motor) = sequencer.second(&second, counters, &mut hold);
             if let Some(fault) = fault {
                 motor = sequencer.fail(fault, t_s, &mut hold).or(motor);
             }
         }
-        sink(Event::Second(Second {
-            index_deg: input.index.map(|index| index.deg()),
+        let conditions = &second.conditions;
+        sink(Event::Second(event::Second {
+            t_s: second.end_s(),
+            index_deg,
             fog_arcsec: rate.fog_arcsec,
-            rate_deg_h: input.rate.rate_deg_h,
-            temp_c: rate.conditions.temp_c,
-            level_g: match input.level {
-                LevelSecond::Good(LevelMoments { mean: Specific { forward, left }, .. }) => Some([forward, left]),
-                LevelSecond::Failed => None,
-            },
-            lost_frames: rate.missing,
-            position,
-            collected,
+            moment_arcsec_s: second.moment_arcsec_s,
+            rate_deg_h: seen.rate_deg_h,
+            temp_c: conditions.temp_c,
+            level: conditions.level.map(|mean| LevelMoments { mean, first: second.level_moment }),
+            lost_frames: second.lost_frames,
+            dwell: seen.dwell,
+            collected: seen.collected,
+            waited_at: seen.waited_at,
         }));
         consequences.into_iter().for_each(&mut *sink);
         self.seconds = self.seconds.wrapping_add(1);
@@ -267,6 +244,11 @@ impl Pipeline {
         }
         motor
     }
+}
+
+fn sequencer(settings: &Settings) -> Result<Sequencer, Fault> {
+    let model = settings.model.clone().unwrap_or_default();
+    Ok(Sequencer::new(settings.rules(), Accumulator::new(settings.declared()?, model, Vec::new())))
 }
 
 /// What the calibration tells, as events of the instrument.
@@ -283,28 +265,6 @@ fn calibration_events(event: field::Event, sink: &mut dyn FnMut(Event)) {
             sink(Event::NoCalibration(reason));
             sink(Event::State(State::Failed));
         }
-    }
-}
-
-/// Mean direction of the index over a second.
-#[derive(Clone, Debug, Default)]
-struct IndexMean {
-    cos: f64,
-    sin: f64,
-    count: u16,
-}
-
-impl IndexMean {
-    fn push(&mut self, index_deg: f64) {
-        let (sin, cos) = sin_cos_deg(index_deg);
-        self.cos += cos;
-        self.sin += sin;
-        self.count = self.count.saturating_add(1);
-    }
-
-    fn finish(&mut self) -> Option<Direction> {
-        let Self { cos, sin, count } = core::mem::take(self);
-        (count > 0).then(|| Direction { cos: cos / f64::from(count), sin: sin / f64::from(count) })
     }
 }
 

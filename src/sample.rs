@@ -100,6 +100,7 @@ pub struct Sampler {
     expected: Option<u8>,
     /// Ticks since the first frame, minus slots accounted for.
     behind: i64,
+    good: u32,
     second: Partial,
 }
 
@@ -120,7 +121,7 @@ struct Partial {
 
 impl Sampler {
     pub fn new(gyro: GyroSettings) -> Self {
-        Self { gyro, expected: None, behind: 0, second: Partial::default() }
+        Self { gyro, expected: None, behind: 0, good: 0, second: Partial::default() }
     }
 
     /// Takes a frame; gives the second that it completes.
@@ -153,6 +154,7 @@ impl Sampler {
             second.saturated += u16::from(saturated);
         } else {
             second.good += 1;
+            self.good = self.good.wrapping_add(1);
             second.changed |= *second.first_arcsec.get_or_insert(frame.increment_arcsec) != frame.increment_arcsec;
             second.raw_arcsec += frame.increment_arcsec;
             second.timed_arcsec_s += frame.increment_arcsec * SAMPLE_S * (f64::from(second.slots) + 0.5);
@@ -172,9 +174,20 @@ impl Sampler {
         self.behind
     }
 
-    fn lose_slot(&mut self, counters: &mut Counters) -> Option<RateSecond> {
+    /// A frame that is known to be lost; gives the second that it completes.
+    pub fn lose_slot(&mut self, counters: &mut Counters) -> Option<RateSecond> {
         counters.frames_lost = counters.frames_lost.saturating_add(1);
         self.next_slot()
+    }
+
+    /// Good frames so far, over all seconds.
+    pub fn good(&self) -> u32 {
+        self.good
+    }
+
+    /// Slots of the second under way that are accounted for.
+    pub fn slots(&self) -> u16 {
+        self.second.slots
     }
 
     fn next_slot(&mut self) -> Option<RateSecond> {

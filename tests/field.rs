@@ -16,6 +16,7 @@ use north_finder::calibration::field::guidance::Step;
 use north_finder::calibration::field::refusal::{NoCalibration, Why};
 use north_finder::event::{Event, Report};
 use north_finder::health::Fault;
+use north_finder::level::Tilt;
 use north_finder::link::Request;
 use north_finder::sequence::Command;
 use north_finder::settings::store::{self, Loaded};
@@ -94,7 +95,7 @@ fn after_the_power_was_off_level_and_north_are_better() {
     let before = find(&setup, &engine::world(&setup).unwrap().flash_contents());
     let after = find(&setup, &run(&setup).2.flash_contents());
     let level_error_deg = |outcome: &Outcome| {
-        let [pitch_deg, roll_deg] = fix(outcome).0.tilt_deg.unwrap();
+        let Tilt { pitch_deg, roll_deg } = fix(outcome).0.tilt.unwrap();
         (pitch_deg - outcome.truth.pitch_deg).hypot(roll_deg - outcome.truth.roll_deg)
     };
     assert!(level_error_deg(&before) > 0.2 && level_error_deg(&after) < 0.005);

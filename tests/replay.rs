@@ -1,19 +1,23 @@
 //! Replay = record = replay: what entered the pipeline, entered again, gives the same reports bit for bit; and the
-//! recording of a run's seconds gives the azimuth that the run gave.
+//! recording of a fix, of its seconds or of its frames, gives that fix.
 
 mod common;
 
+use std::cell::RefCell;
 use std::sync::atomic::AtomicBool;
 
-use common::{fix, run, setup};
-use north::engine::host;
-use north_finder::event::{Event, Report};
-use north_finder::fix::dwell::DwellSummary;
+use common::{run, setup};
+use hal_sim::Scenario;
+use north::engine::{End, host};
+use north::recorder::{RawRecorder, Recorder, new_campaign, write_run};
+use north::settings_file::read_settings;
+use north::solve::solve_file;
+use north_finder::effects::{BaseMotion, ErrorModel};
+use north_finder::event::Report;
 use north_finder::pipeline::{Pipeline, Readings};
-use north_finder::replay::{Replay, Row};
 use north_finder::sequence::Command;
+use north_finder::settings::Settings;
 use north_finder::settings::store::Loaded;
-use north_finder::units::wrap_180_deg;
 
 #[test]
 fn the_same_input_gives_the_same_reports() {
@@ -41,35 +45,40 @@ fn two_runs_of_one_seed_are_identical_and_two_seeds_are_not() {
     assert_ne!(reports(3), reports(4));
 }
 
+/// Every scenario, recorded as seconds and as frames and read from the files again: azimuth, sigma and flags with all their
+/// digits. With the base-motion model too, which uses first moments.
 #[test]
-fn recorded_seconds_give_the_azimuth_of_the_run() {
-    for name in ["calm-bench", "creep", "drift", "lossy-link"] {
-        let setup = setup(name, 5);
-        let settings = setup.settings.clone().unwrap();
-        let (outcome, reports) = run(&setup);
-        let (live, _) = fix(&outcome);
-        let mut slots = vec![DwellSummary::default(); reports.len()];
-        let mut replay = Replay::new(&settings, &mut slots).unwrap();
-        for (second, report) in (1..).zip(reports.iter().filter_map(|report| match report.event {
-            Event::Second(second) => Some(second),
-            _ => None,
-        })) {
-            let row = Row {
-                t_s: f64::from(second),
-                interval_s: 1.0,
-                index_deg: report.index_deg.unwrap(),
-                fog_arcsec: report.fog_arcsec,
-                temp_c: report.temp_c,
-                level_g: report.level_g,
-                lost_frames: report.lost_frames,
+fn a_recording_gives_the_fix_with_all_digits() {
+    let folder = std::env::temp_dir().join(format!("north-replay-{}", std::process::id()));
+    let base_motion = ErrorModel { base_motion: Some(BaseMotion::default()), ..ErrorModel::default() };
+    let scenarios = Scenario::names().map(|(name, _)| (name, None));
+    let fixes: usize = scenarios
+        .chain([("vehicle", Some(base_motion))])
+        .enumerate()
+        .map(|(number, (name, model))| {
+            let mut setup = setup(name, 3);
+            let settings = setup.settings.as_mut().unwrap();
+            settings.model = model.or(settings.model.take());
+            let mut seconds = Recorder::default();
+            let frames = RefCell::new(RawRecorder::new(settings.gyro));
+            let mut observe = |report: &Report| {
+                seconds.see(report);
+                frames.borrow_mut().report(report);
             };
-            replay.push(&row, &mut |_| {}).unwrap();
-        }
-        let replayed = replay.finish(&mut |_| {}).unwrap();
-        // The replay also uses the seconds of the gates, about 30 beside the 240: the difference of the two azimuths
-        // has at most the standard deviation √(1 − 240/270) = 1/3 of sigma, so 1.5 sigma are 4.5 of those.
-        let difference_deg = wrap_180_deg(replayed.azimuth_deg - live.azimuth_deg);
-        assert!(difference_deg.abs() < 1.5 * live.sigma_deg, "{name}: {difference_deg}° at sigma {}°", live.sigma_deg);
-        assert!(replayed.seconds >= live.seconds);
-    }
+            let mut tap = |readings: &Readings, bytes: &[u8]| frames.borrow_mut().tick(readings, bytes);
+            let outcome = host::run_tapped(&setup, &AtomicBool::new(false), &mut observe, &mut tap).unwrap();
+            let End::Fix(live) = outcome.end else { return 0 };
+            let campaign = new_campaign(&folder.join(number.to_string()), name.into(), &setup).unwrap();
+            for (file, rows) in [("runs/s.csv", seconds.into_rows()), ("runs/f.csv", frames.into_inner().into_rows())] {
+                write_run(&campaign, file, rows).unwrap();
+                let folder = folder.join(number.to_string());
+                let settings = read_settings(&folder.join("settings.toml"), &Settings::default()).unwrap();
+                let replayed = solve_file(&folder.join(file), &settings).unwrap().fix;
+                assert_eq!(format!("{replayed:?}"), format!("{live:?}"), "{name} {file}");
+            }
+            1
+        })
+        .sum();
+    assert!(fixes > 20, "{fixes}");
+    std::fs::remove_dir_all(&folder).unwrap();
 }

@@ -9,6 +9,7 @@ use hal_sim::scenario::GyroFormat as SimulatedFormat;
 use north_finder::effects::ErrorModel;
 use north_finder::settings::{GyroFormat, Invalid, Settings};
 
+use crate::campaign::Campaign;
 use crate::file_error::{FileError, Problem};
 use crate::toml_file::TomlFile;
 
@@ -52,6 +53,39 @@ pub fn read_board_model(path: &Path) -> Result<ErrorModel, FileError> {
 pub fn write_model(path: &Path, model: &ErrorModel) -> Result<(), FileError> {
     let text = toml::to_string(model).map_err(|error| FileError::whole(path, Problem::Syntax(error.to_string())))?;
     std::fs::write(path, format!("format = {MODEL_FORMAT}\n{text}")).map_err(|error| FileError::whole(path, error))
+}
+
+/// Writes settings, as [`read_settings`] reads them.
+///
+/// Errors: the file cannot be written.
+pub fn write_settings(path: &Path, settings: &Settings) -> Result<(), FileError> {
+    let text = toml::to_string(settings).map_err(|error| FileError::whole(path, Problem::Syntax(error.to_string())))?;
+    std::fs::write(path, text).map_err(|error| FileError::whole(path, error))
+}
+
+/// The settings that all runs of a campaign share (all but the latitude): the defaults with the gyro's noise declared, over
+/// them those that the instrument had, over these the file `settings`, and the error model `model`.
+pub fn campaign_settings(
+    campaign: &Campaign,
+    settings: Option<&Path>,
+    model: Option<&Path>,
+) -> Result<Settings, FileError> {
+    let mut result = Settings::default();
+    if let Some(instrument) = &campaign.instrument {
+        if let Some(arw) = instrument.arw_deg_per_sqrt_h {
+            declare_noise(&mut result, arw);
+        }
+        if let Some(file) = &instrument.settings {
+            result = read_settings(&campaign.folder.join(file), &result)?;
+        }
+    }
+    if let Some(path) = settings {
+        result = read_settings(path, &result)?;
+    }
+    if let Some(path) = model {
+        result.model = Some(read_model(path)?);
+    }
+    Ok(result)
 }
 
 /// Reads settings; what the file does not say stays as in `base`.

@@ -1,18 +1,18 @@
-//! One recorded run to its azimuth, by the firmware's own replay.
+//! One recorded run to its azimuth, by the firmware's own accumulator.
 
 use std::path::Path;
 
-use north_finder::effects::{ChannelName, MAX_CHANNELS};
-use north_finder::event::{Dwell, Event, Fix};
+use north_finder::effects::{ChannelName, Conditions, MAX_CHANNELS};
+use north_finder::event::{Dwell, Fix};
+use north_finder::fix::accumulator::{Dwells, Second};
 use north_finder::fix::dwell::DwellSummary;
-use north_finder::replay::{Refusal, Replay, Row as ReplayRow};
+use north_finder::index::Direction;
+use north_finder::level::Specific;
+use north_finder::replay::{RawRow, Recorded, Refusal, Replay, Row as ReplayRow, Told};
 use north_finder::settings::Settings;
 
-use crate::campaign::{Row, RunReader};
+use crate::campaign::{ACCELEROMETERS, INDEX, Own, Row, RunReader, TEMPERATURE};
 use crate::file_error::FileError;
-
-/// Stays, or seconds of a continuous rotation, that there is room for at first; more room is made as needed.
-const FIRST_SLOTS: usize = 4096;
 
 /// What a run says.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,49 +32,56 @@ pub enum SolveError {
     NoChannel { file: String, channel: String },
 }
 
+/// A replay's dwells where there is always room.
+#[derive(Clone, Debug, Default)]
+pub struct AllDwells(Vec<DwellSummary>);
+
+impl Dwells for AllDwells {
+    fn push(&mut self, dwell: DwellSummary) -> bool {
+        self.0.push(dwell);
+        true
+    }
+
+    fn as_slice(&self) -> &[DwellSummary] {
+        &self.0
+    }
+
+    fn retain(&mut self, keep: impl FnMut(&DwellSummary) -> bool) {
+        self.0.retain(keep);
+    }
+}
+
 /// Solves a run that is read row by row; its length is limited by the disk only.
 ///
 /// Errors: the file cannot be read or is wrong somewhere; the settings allow no fix; the rows determine no azimuth.
 pub fn solve_file(path: &Path, settings: &Settings) -> Result<Solution, SolveError> {
     let refused = |refusal| SolveError::Refused { file: path.display().to_string(), refusal };
-    let mut slots = FIRST_SLOTS;
-    loop {
-        let reader = RunReader::open(path)?;
-        let columns = model_columns(path, &reader, settings)?;
-        let rows = reader.map(|row| row.map_err(SolveError::from));
-        match solve(rows, &columns, settings, slots, refused) {
-            // A continuous rotation over hours: once more from the start, with more room.
-            Err(SolveError::Refused { refusal: Refusal::Full, .. }) => slots *= 8,
-            solved => return solved,
-        }
-    }
-}
-
-fn solve(
-    rows: impl Iterator<Item = Result<Row, SolveError>>,
-    columns: &[usize],
-    settings: &Settings,
-    slots: usize,
-    refused: impl Fn(Refusal) -> SolveError,
-) -> Result<Solution, SolveError> {
-    let mut slots = vec![DwellSummary::default(); slots];
+    let reader = RunReader::open(path)?;
+    let columns = model_columns(path, &reader, settings)?;
     let mut dwells = Vec::new();
-    let mut replay = Replay::new(settings, &mut slots).map_err(&refused)?;
-    let mut note = |report: north_finder::event::Report| {
-        if let Event::Dwell(dwell) = report.event {
+    let mut note = |told: Told| {
+        if let Told::Dwell { dwell, .. } = told {
             dwells.push(dwell);
         }
     };
-    for row in rows {
+    let mut replay = Replay::new(settings, AllDwells::default()).map_err(refused)?;
+    for row in reader {
         let row = row?;
         let mut channels = [f64::NAN; MAX_CHANNELS];
-        for (value, &column) in channels.iter_mut().zip(columns) {
+        for (value, &column) in channels.iter_mut().zip(&columns) {
             *value = row.extra.get(column).copied().unwrap_or(f64::NAN);
         }
-        replay.push_with_channels(&replay_row(&row), channels, &mut note).map_err(&refused)?;
+        replay.push(&recorded(&row, channels), &mut note);
     }
-    let fix = replay.finish(&mut note).map_err(&refused)?;
+    let fix = replay.finish(&mut note).map_err(refused)?;
     Ok(Solution { fix, dwells })
+}
+
+/// Solves rows that are there already.
+pub fn solve_rows(settings: &Settings, rows: impl IntoIterator<Item = Recorded>) -> Result<Fix, Refusal> {
+    let mut replay = Replay::new(settings, AllDwells::default())?;
+    rows.into_iter().for_each(|row| replay.push(&row, &mut |_| ()));
+    replay.finish(&mut |_| ())
 }
 
 /// Which of the reader's extra channels the model follows, in the model's order.
@@ -92,15 +99,39 @@ fn model_columns(path: &Path, reader: &RunReader, settings: &Settings) -> Result
     model.channels().iter().map(column).collect()
 }
 
-/// A row as the replay takes it.
-pub fn replay_row(row: &Row) -> ReplayRow {
-    ReplayRow {
-        t_s: row.t_s,
-        interval_s: row.interval_s,
-        index_deg: row.index_deg,
-        fog_arcsec: row.fog_arcsec,
-        temp_c: row.temp_c,
-        level_g: row.level_g,
-        lost_frames: row.lost_frames,
+/// A row as the replay takes it; the channels in the order of the model.
+pub fn recorded(row: &Row, channels: [f64; MAX_CHANNELS]) -> Recorded {
+    let level = row.level_g.and_then(|[forward, left]| Specific::new(forward, left));
+    match row.own {
+        None => Recorded::Row(ReplayRow {
+            t_s: row.t_s,
+            interval_s: row.interval_s,
+            index_deg: row.index_deg,
+            fog_arcsec: row.fog_arcsec,
+            temp_c: row.temp_c,
+            level,
+            lost_frames: row.lost_frames,
+            channels,
+        }),
+        Some(Own::Second { read, mark, moment_arcsec_s, level_moment }) => {
+            let conditions = Conditions {
+                t_s: row.t_s - 0.5,
+                raw_rate_deg_h: row.fog_arcsec,
+                index: (read & INDEX != 0).then(|| Direction::of_deg(row.index_deg)),
+                temp_c: row.temp_c.filter(|_| read & TEMPERATURE != 0),
+                level: level.filter(|_| read & ACCELEROMETERS != 0),
+                ..Conditions::default()
+            };
+            let lost_frames = row.lost_frames;
+            Recorded::Second(Second { conditions, moment_arcsec_s, level_moment, lost_frames }, mark)
+        }
+        Some(Own::Raw { read, mark, az_g }) => Recorded::Raw(RawRow {
+            t_s: row.t_s,
+            fog_arcsec: (row.lost_frames == 0).then_some(row.fog_arcsec),
+            temp_c: row.temp_c.filter(|_| read & TEMPERATURE != 0),
+            acceleration_g: row.level_g.filter(|_| read & ACCELEROMETERS != 0).map(|[x, y]| [x, y, az_g]),
+            index_deg: (read & INDEX != 0).then_some(row.index_deg),
+            mark,
+        }),
     }
 }

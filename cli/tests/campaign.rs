@@ -55,6 +55,7 @@ fn columns_come_in_any_order_and_others_are_kept_by_name() {
             temp_c: Some(20.0),
             level_g: Some([0.1, 0.2]),
             lost_frames: 0,
+            own: None,
             extra: vec![5.0, 9.0],
         }
     );
@@ -298,7 +299,7 @@ prop_compose! {
             let (index_deg, fog_arcsec, temp_c, level_g, lost_frames) = field;
             let interval_s = t_s - previous_s;
             Row {
-                t_s, interval_s, index_deg, fog_arcsec, lost_frames, extra,
+                t_s, interval_s, index_deg, fog_arcsec, lost_frames, own: None, extra,
                 temp_c: Some(temp_c), level_g: Some(level_g),
             }
         }).collect()
@@ -319,7 +320,7 @@ proptest! {
             folder: folder.clone(),
             title: Some("a \"quoted\" title".into()),
             latitude_deg: Some(latitude_deg),
-            instrument: Some(Instrument { name: Some("unit 7".into()), arw_deg_per_sqrt_h: arw }),
+            instrument: Some(Instrument { name: Some("unit 7".into()), arw_deg_per_sqrt_h: arw, settings: None }),
             runs: Vec::new(),
         };
         let run = Run {
@@ -331,7 +332,7 @@ proptest! {
         };
         let mut writer = CampaignWriter::create(campaign.clone()).unwrap();
         let extra = vec!["supply_v".to_owned(), "odd, name".to_owned()];
-        let layout = Layout { temperature: true, level: true, lost_frames: true, extra: extra.clone() };
+        let layout = Layout { temperature: true, level: true, lost_frames: true, own: None, extra: extra.clone() };
         let mut run_writer = writer.run(&run.file, layout).unwrap();
         for row in &rows {
             run_writer.write(row).unwrap();

@@ -11,6 +11,7 @@
 //! Sigma comes from the scatter of the data, never below what the declared noise allows, and grows where the stays do
 //! not fit together; the declared bias instability, encoder and level errors are added.
 
+pub mod accumulator;
 pub mod base_motion;
 pub mod design;
 pub mod dwell;
@@ -25,6 +26,7 @@ mod statistics;
 mod tests;
 
 use nalgebra::{Matrix4, Vector4};
+use serde::{Deserialize, Serialize};
 
 use crate::earth::EarthRate;
 use crate::effects::ErrorModel;
@@ -76,25 +78,27 @@ pub struct Declared {
 /// Unknowns of a fix with a free drift.
 const PARAMETERS: usize = 4;
 
-/// The azimuth of a set of stays.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Solution {
+/// An azimuth with all that says how far to trust it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Fix {
     /// Azimuth of the index-zero mark, degrees clockwise from true north, in [0°, 360°).
     pub azimuth_deg: f64,
     /// Its standard deviation, degrees.
     pub sigma_deg: f64,
-    /// (ω0 + ω180 − ω90 − ω270)/4, generally the cos 2θ coefficient, °/h; `None` where the angles cannot show it.
+    /// (ω0 + ω180 − ω90 − ω270)/4 and, for any other set of angles, the cos 2θ coefficient of the rates, °/h;
+    /// `None` where the angles cannot show it. Noise, when all is well.
     pub closure_deg_h: Option<f64>,
-    /// Bias beyond the error model, °/h, at the first stay's beginning.
+    /// Gyro bias that the fix found, °/h, beyond the error model's.
     pub bias_deg_h: f64,
-    /// Horizontal rate, °/h.
+    /// Horizontal rate that the fix found, °/h; should be Ω cos φ.
     pub amplitude_deg_h: f64,
-    /// Linear drift, °/h per hour.
+    /// Linear bias drift that the fix found, °/h per hour; 0 where the order cannot tell it and none was declared.
     pub drift_deg_h_per_h: f64,
-    /// Mean tilt, if it was measured.
+    /// Mean tilt during the fix; `None` without level accelerometers.
     pub tilt: Option<Tilt>,
-    /// Measuring time, seconds.
+    /// Measuring time that entered, seconds.
     pub seconds: f64,
+    /// Everything that limits the trust in it.
     pub flags: Flags,
 }
 
@@ -107,6 +111,8 @@ pub enum Unsolvable {
     NoSignal,
     /// The horizontal rate is significant, and not the Earth's at this latitude or one near it.
     NotEarthRate,
+    /// More dwells than there is room for.
+    TooManyDwells,
 }
 
 impl core::fmt::Display for Unsolvable {
@@ -117,6 +123,7 @@ impl core::fmt::Display for Unsolvable {
             Self::NotEarthRate => {
                 "the horizontal rate is not the Earth's, whatever scale factor and latitude error are granted; no azimuth"
             }
+            Self::TooManyDwells => "more dwells than there is room for",
         })
     }
 }
@@ -280,7 +287,7 @@ fn regular_inverse(normal: &Matrix4<f64>) -> Option<Matrix4<f64>> {
 /// Where the index reading jumped while the motor stood, either the spindle moved, and the readings are right, or the encoder
 /// slipped on it, and from there on they are wrong by the jump. A gyro that turns by Δθ at an azimuth ψ − θ of its axis reads
 /// h sin(ψ − θ) Δθ more: the rates themselves say which it was, where they can. Where they cannot, sigma holds both.
-pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -> Result<Solution, Unsolvable> {
+pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -> Result<Fix, Unsolvable> {
     let spindle = solve_for(dwells, declared, model, false);
     if dwells.iter().all(|dwell| dwell.slip_deg == 0.0) {
         return spindle.map(|(solution, _)| solution);
@@ -306,7 +313,7 @@ fn solve_for(
     declared: &Declared,
     model: &ErrorModel,
     encoder_slipped: bool,
-) -> Result<(Solution, f64), Unsolvable> {
+) -> Result<(Fix, f64), Unsolvable> {
     let earth = declared.earth;
     let start_s = dwells.first().ok_or(Unsolvable::TooFewDirections)?.start_s;
     let mut problem =
@@ -391,7 +398,7 @@ fn solve_for(
     let of_level_deg = declared.level_sigma_deg * earth.up_deg_h / earth.north_deg_h;
     let apparent_deg = estimate.azimuth_deg();
     let azimuth_deg = model.true_azimuth_deg(apparent_deg, &earth);
-    let solution = Solution {
+    let solution = Fix {
         azimuth_deg,
         sigma_deg: libm::sqrt(
             [of_rates_deg, of_index_deg, of_level_deg, drift.doubt_deg].iter().map(|part| part * part).sum(),

@@ -59,11 +59,11 @@ fn declared(latitude_deg: f64) -> Declared {
     }
 }
 
-fn solve_at(latitude_deg: f64, dwells: &[DwellSummary]) -> Solution {
+fn solve_at(latitude_deg: f64, dwells: &[DwellSummary]) -> Fix {
     solve(dwells, &declared(latitude_deg), &ErrorModel::default()).unwrap()
 }
 
-fn assert_azimuth(solution: &Solution, azimuth_deg: f64, tolerance_deg: f64) {
+fn assert_azimuth(solution: &Fix, azimuth_deg: f64, tolerance_deg: f64) {
     let error = wrap_180_deg(solution.azimuth_deg - azimuth_deg);
     assert!(error.abs() <= tolerance_deg, "{} instead of {azimuth_deg}", solution.azimuth_deg);
 }

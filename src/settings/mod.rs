@@ -16,11 +16,13 @@ pub use crate::limits::Invalid;
 pub use crate::sample::GyroSettings;
 pub use crate::sequence::order::SequenceSettings;
 
+use crate::calibration::ellipsoid::Correction;
 use crate::earth::{EARTH_RATE_DEG_H, LatitudeError, earth_rate};
 use crate::effects::ErrorModel;
 use crate::fix::Declared;
 use crate::health::Fault;
 use crate::limits::within;
+use crate::sequence::Rules;
 
 /// Everything that can be set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -73,8 +75,6 @@ impl Settings {
         self.index.validate()?;
         self.sequence.validate()?;
         within("time_limit_s", self.time_limit_s, 10.0, 86_400.0, "10 to 86400")?;
-        within("sequence.dwell_s", self.sequence.dwell_s.into(), 2.0, 3600.0, "2 to 3600")?;
-
         // A still gyro must pass the gates: its bias and five sigma of its one-second noise lie below the thresholds.
         let gyro = &self.gyro;
         let noise_deg_h = gyro.noise_deg_h();
@@ -102,6 +102,23 @@ impl Settings {
         self.model.as_ref().map_or(Ok(()), ErrorModel::validate)?;
         self.accelerometer.as_ref().map_or(Ok(()), AccelerometerCalibration::validate)
     }
+    /// What the sequence goes by.
+    pub fn rules(&self) -> Rules {
+        Rules {
+            level: self.level,
+            disturbance: self.disturbance,
+            jitter: self.jitter,
+            index: self.index,
+            sequence: self.sequence.clone(),
+            time_limit_s: self.time_limit_s,
+        }
+    }
+
+    /// What turns readings of the accelerometers into specific force.
+    pub fn triad(&self) -> Correction {
+        self.accelerometer.map_or(Correction::UNIT, |calibration| calibration.correction())
+    }
+
     /// What a solution rests on beside the data. Errors: the values make no sense, or there is a pole too near.
     pub fn declared(&self) -> Result<Declared, Fault> {
         self.validate().map_err(|_| Fault::SettingsInvalid)?;

@@ -38,6 +38,9 @@ pub struct Instrument {
     /// Angle random walk, °/√h, 0 … 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub arw_deg_per_sqrt_h: Option<f64>,
+    /// The settings that the instrument had, a file relative to the campaign's folder.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub settings: Option<String>,
 }
 
 /// One recording.
@@ -135,6 +138,7 @@ struct Raw {
 struct RawInstrument {
     name: Option<String>,
     arw_deg_per_sqrt_h: Option<Spanned<f64>>,
+    settings: Option<String>,
 }
 
 #[derive(Deserialize)]
@@ -174,7 +178,7 @@ impl Raw {
 impl RawInstrument {
     fn check(self, file: &TomlFile) -> Result<Instrument, FileError> {
         let arw_deg_per_sqrt_h = check_range(file, "arw_deg_per_sqrt_h", self.arw_deg_per_sqrt_h, 0.0, 1.0)?;
-        Ok(Instrument { name: self.name, arw_deg_per_sqrt_h })
+        Ok(Instrument { name: self.name, arw_deg_per_sqrt_h, settings: self.settings })
     }
 }
 

@@ -2,13 +2,15 @@
 
 mod copies;
 mod manifest;
+mod own;
 mod run_csv;
 mod writer;
 
 pub use manifest::{Campaign, Instrument, Role, Run};
 pub(crate) use manifest::{check_range, check_time};
+pub use own::{ACCELEROMETERS, INDEX, Own, TEMPERATURE};
 pub use run_csv::{Row, RunReader};
-pub use writer::{CampaignWriter, Layout, RunWriter};
+pub use writer::{CampaignWriter, Layout, OwnLayout, RunWriter};
 
 /// Name of the file that describes a campaign, in its folder.
 pub const MANIFEST: &str = "campaign.toml";

@@ -6,6 +6,9 @@ use std::path::{Path, PathBuf};
 
 use csv::{ByteRecord, Reader, ReaderBuilder, Terminator, Trim};
 
+use north_finder::level::Specific;
+
+use super::own::{self, MOMENTS, Own, UP};
 use crate::file_error::{FileError, Place, Problem};
 
 /// One row of a run, its interval worked out.
@@ -25,6 +28,8 @@ pub struct Row {
     pub level_g: Option<[f64; 2]>,
     /// Frames of this interval that never came or were not valid; 0 where the file does not say.
     pub lost_frames: u16,
+    /// In a recording of the instrument: what it says beyond that.
+    pub own: Option<Own>,
     /// The extra channels, in the order of [`RunReader::channels`].
     pub extra: Vec<f64>,
 }
@@ -38,7 +43,23 @@ struct Columns {
     temp_c: Option<usize>,
     level_g: Option<[usize; 2]>,
     lost_frames: Option<usize>,
+    own: Option<OwnColumns>,
     extra: Vec<usize>,
+}
+
+/// Which field is what, in a recording of the instrument.
+#[derive(Clone, Copy, Debug)]
+struct OwnColumns {
+    read: usize,
+    dwell: usize,
+    gate: usize,
+    rest: OwnRest,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum OwnRest {
+    Moments([usize; 3]),
+    Up(usize),
 }
 
 /// Reads a run row by row; an iterator that ends after the first error.
@@ -126,9 +147,11 @@ impl RunReader {
             Some([forward, left]) => Some([self.number(forward)?, self.number(left)?]),
             None => None,
         };
+        let own = self.columns.own.map(|columns| self.own(columns)).transpose()?;
         Ok(Some(Row {
             t_s,
-            interval_s,
+            interval_s: own.map_or(interval_s, |own| own.interval_s()),
+            own,
             index_deg: self.number(self.columns.index_deg)?,
             fog_arcsec: self.number(self.columns.fog_arcsec)?,
             temp_c: self.columns.temp_c.map(|column| self.number(column)).transpose()?,
@@ -136,6 +159,24 @@ impl RunReader {
             lost_frames: self.columns.lost_frames.map_or(Ok(0), |column| self.whole_number(column))?,
             extra: self.columns.extra.iter().map(|&column| self.number(column)).collect::<Result<_, _>>()?,
         }))
+    }
+
+    fn own(&self, columns: OwnColumns) -> Result<Own, FileError> {
+        let small = |column: usize, most: u16| match self.whole_number(column)? {
+            number if number <= most => Ok(number as u8),
+            number => Err(self.field_error(column, Problem::not_allowed(number.to_string(), format!("0 to {most}")))),
+        };
+        let read = small(columns.read, 7)?;
+        let mark = own::mark(small(columns.dwell, 255)?, small(columns.gate, 2)?).unwrap_or_default();
+        Ok(match columns.rest {
+            OwnRest::Moments([fog, forward, left]) => Own::Second {
+                read,
+                mark,
+                moment_arcsec_s: self.number(fog)?,
+                level_moment: Specific { forward: self.number(forward)?, left: self.number(left)? },
+            },
+            OwnRest::Up(up) => Own::Raw { read, mark, az_g: self.number(up)? },
+        })
     }
 
     /// Reads the next record and its time, which must be later than that before.
@@ -244,16 +285,42 @@ impl Columns {
             // One level accelerometer alone is an extra channel: half a tilt corrects nothing.
             level_g: find("ax_g").zip(find("ay_g")).map(|(forward, left)| [forward, left]),
             lost_frames: find("lost_frames"),
+            own: None,
             extra: Vec::new(),
         };
+        columns.own = columns.find_own(header);
         let known = [Some(columns.t_s), Some(columns.index_deg), Some(columns.fog_arcsec)]
             .into_iter()
             .chain([columns.temp_c, columns.lost_frames])
             .chain(columns.level_g.into_iter().flatten().map(Some))
             .flatten()
+            .chain(columns.own.iter().flat_map(OwnColumns::all))
             .collect::<Vec<_>>();
         columns.extra = (0..header.len()).filter(|column| !known.contains(column)).collect();
         Ok(columns)
+    }
+
+    /// The columns of a recording of the instrument, if all of them are there: one alone is an extra channel.
+    fn find_own(&self, header: &[String]) -> Option<OwnColumns> {
+        let find = |name: &str| header.iter().position(|column| column == name);
+        self.level_g.and(self.lost_frames)?;
+        let moments = || Some(OwnRest::Moments([find(MOMENTS[0])?, find(MOMENTS[1])?, find(MOMENTS[2])?]));
+        Some(OwnColumns {
+            read: find("read")?,
+            dwell: find("dwell")?,
+            gate: find("gate")?,
+            rest: moments().or_else(|| find(UP).map(OwnRest::Up))?,
+        })
+    }
+}
+
+impl OwnColumns {
+    fn all(&self) -> Vec<usize> {
+        let rest = match &self.rest {
+            OwnRest::Moments(moments) => moments.as_slice(),
+            OwnRest::Up(up) => std::slice::from_ref(up),
+        };
+        [self.read, self.dwell, self.gate].iter().chain(rest).copied().collect()
     }
 }
 

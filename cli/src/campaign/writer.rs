@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::manifest::FORMAT;
+use super::own::Own;
 use super::{Campaign, MANIFEST, Row, Run};
 use crate::file_error::{FileError, Problem};
 
@@ -16,8 +17,17 @@ pub struct Layout {
     pub temperature: bool,
     pub level: bool,
     pub lost_frames: bool,
+    /// The instrument's own columns: of seconds, or of frames.
+    pub own: Option<OwnLayout>,
     /// Names of the extra channels.
     pub extra: Vec<String>,
+}
+
+/// Which rows of the instrument's own a file has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OwnLayout {
+    Seconds,
+    Frames,
 }
 
 /// Writes one run.
@@ -51,6 +61,9 @@ impl RunWriter {
         if self.layout.lost_frames {
             fields.push(row.lost_frames.to_string());
         }
+        if self.layout.own.is_some() {
+            fields.extend(row.own.ok_or_else(|| missing("read"))?.fields());
+        }
         if let Some(name) = self.layout.extra.get(row.extra.len()) {
             return Err(missing(name));
         }
@@ -74,6 +87,7 @@ impl Layout {
         names.extend(self.temperature.then_some("temp_c"));
         names.extend(self.level.then_some(["ax_g", "ay_g"]).into_iter().flatten());
         names.extend(self.lost_frames.then_some("lost_frames"));
+        names.extend(self.own.map(|own| Own::header(own == OwnLayout::Frames)).into_iter().flatten());
         names.extend(self.extra.iter().map(String::as_str));
         names.into_iter().map(str::to_owned).collect()
     }

@@ -4,14 +4,13 @@ use std::fs;
 use std::path::PathBuf;
 
 use clap::Args;
-use north_finder::settings::Settings;
 
 use crate::campaign::Campaign;
 use crate::diagnose::{Options, diagnose, report, write};
 use crate::failure::Failure;
 use crate::file_error::FileError;
 use crate::output::JsonOption;
-use crate::settings_file::{declare_noise, read_model, read_settings, write_model};
+use crate::settings_file::{campaign_settings, write_model};
 
 /// Find the effect that the model lacks, add it, and report the error before and after
 ///
@@ -43,7 +42,8 @@ impl Diagnose {
     pub fn run(self) -> Result<(), Failure> {
         let campaign = Campaign::read(&self.campaign)?;
         campaign.check_copies()?;
-        let options = Options { settings: self.settings(&campaign)? };
+        let options =
+            Options { settings: campaign_settings(&campaign, self.settings.as_deref(), self.model.as_deref())? };
         let diagnosis = diagnose(&campaign, &options).map_err(|refusal| Failure::Refused(refusal.to_string()))?;
         write(&mut self.json.human(), &diagnosis)?;
         if let Some(path) = &self.model_out {
@@ -53,19 +53,5 @@ impl Diagnose {
             fs::write(path, report::html(&diagnosis)).map_err(|error| FileError::whole(path, error))?;
         }
         self.json.write(&diagnosis)
-    }
-
-    fn settings(&self, campaign: &Campaign) -> Result<Settings, Failure> {
-        let mut settings = Settings::default();
-        if let Some(arw) = campaign.instrument.as_ref().and_then(|instrument| instrument.arw_deg_per_sqrt_h) {
-            declare_noise(&mut settings, arw);
-        }
-        if let Some(path) = &self.settings {
-            settings = read_settings(path, &settings)?;
-        }
-        if let Some(path) = &self.model {
-            settings.model = Some(read_model(path)?);
-        }
-        Ok(settings)
     }
 }

@@ -132,7 +132,7 @@ fn record(folder: &std::path::Path, setup: &Setup, outcome: &Outcome, recorder: 
     let title = format!("{}, seed {}", setup.scenario.name, setup.seed);
     let mut campaign = new_campaign(folder, title, setup)?;
     let run = Run { file: RUN.into(), reference_azimuth_deg: Some(outcome.truth.azimuth_deg), ..Run::default() };
-    write_run(&campaign, RUN, recorder.rows())?;
+    write_run(&campaign, RUN, recorder.rows().to_vec())?;
     campaign.add(run);
     Ok(campaign.finish()?)
 }

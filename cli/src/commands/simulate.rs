@@ -1,11 +1,12 @@
 //! `north simulate`: a campaign from the simulator.
 
+use std::cell::RefCell;
 use std::io::{self, Write};
 use std::path::PathBuf;
 
 use clap::Args;
 use hal_sim::Scenario;
-use north_finder::calibration::ellipsoid::Correction;
+use north_finder::event::Report;
 use north_finder::pipeline::Readings;
 use rayon::prelude::*;
 
@@ -87,10 +88,11 @@ impl Simulate {
             return Err(Failure::Interrupted);
         }
         let file = format!("runs/{:03}.csv", number + 1);
-        if !rows.is_empty() {
-            write_run(campaign, &file, &rows)?;
+        let recorded = !rows.is_empty();
+        if recorded {
+            write_run(campaign, &file, rows)?;
         }
-        Ok(Simulated { file, outcome, recorded: !rows.is_empty() })
+        Ok(Simulated { file, outcome, recorded })
     }
 
     /// The world of one run: its own seed and, unless the azimuth is given, its own heading.
@@ -129,12 +131,12 @@ fn record_seconds(setup: &Setup) -> Result<(Outcome, Vec<Row>), EngineError> {
 }
 
 fn record_raw(setup: &Setup) -> Result<(Outcome, Vec<Row>), EngineError> {
-    let settings = setup.settings.clone().unwrap_or_default();
-    let triad = settings.accelerometer.map_or(Correction::UNIT, |calibration| calibration.correction());
-    let mut recorder = RawRecorder::new(settings.gyro.format, triad);
-    let mut tap = |readings: &Readings, gyro_bytes: &[u8]| recorder.see(readings, gyro_bytes);
-    let outcome = host::run_tapped(setup, interrupt::flag(), &mut |_| (), &mut tap)?;
-    Ok((outcome, recorder.into_rows()))
+    let gyro = setup.settings.as_ref().map(|settings| settings.gyro).unwrap_or_default();
+    let recorder = RefCell::new(RawRecorder::new(gyro));
+    let mut tap = |readings: &Readings, gyro_bytes: &[u8]| recorder.borrow_mut().tick(readings, gyro_bytes);
+    let mut observe = |report: &Report| recorder.borrow_mut().report(report);
+    let outcome = host::run_tapped(setup, interrupt::flag(), &mut observe, &mut tap)?;
+    Ok((outcome, recorder.into_inner().into_rows()))
 }
 
 fn why_not(outcome: &Outcome) -> Option<&'static str> {

@@ -15,7 +15,7 @@ use crate::interrupt;
 use crate::json::{Run as RunRecord, Solved};
 use crate::output::JsonOption;
 use crate::progress;
-use crate::settings_file::{declare_noise, read_model, read_settings};
+use crate::settings_file::campaign_settings;
 use crate::solve::{Solution, SolveError, solve_file};
 
 /// Solve the runs of a campaign, or one bare run, for their azimuths
@@ -49,7 +49,7 @@ struct Solvable<'a> {
 impl Solve {
     pub fn run(self) -> Result<(), Failure> {
         let campaign = self.campaign()?;
-        let base = self.settings(&campaign)?;
+        let base = campaign_settings(&campaign, self.settings.as_deref(), self.model.as_deref())?;
         let bar = progress::bar(campaign.runs.len() as u64, "runs");
         let runs: Vec<_> = campaign
             .runs
@@ -82,21 +82,6 @@ impl Solve {
                 self.path.display()
             ))),
         }
-    }
-
-    /// The settings that all runs share: all but the latitude.
-    fn settings(&self, campaign: &Campaign) -> Result<Settings, Failure> {
-        let mut settings = Settings::default();
-        if let Some(arw) = campaign.instrument.as_ref().and_then(|instrument| instrument.arw_deg_per_sqrt_h) {
-            declare_noise(&mut settings, arw);
-        }
-        if let Some(path) = &self.settings {
-            settings = read_settings(path, &settings)?;
-        }
-        if let Some(path) = &self.model {
-            settings.model = Some(read_model(path)?);
-        }
-        Ok(settings)
     }
 }
 

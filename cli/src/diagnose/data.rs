@@ -4,16 +4,16 @@ use std::path::Path;
 
 use north_finder::earth::{EarthRate, earth_rate};
 use north_finder::effects::{ErrorModel, MAX_CHANNELS};
-use north_finder::event::{Dwell, Event, Fix, Report};
-use north_finder::fix::dwell::DwellSummary;
+use north_finder::event::{Dwell, Fix};
 use north_finder::level::Specific;
-use north_finder::replay::{Replay, Row as ReplayRow};
+use north_finder::replay::{Recorded, Replay, Row as ReplayRow, Told};
 use north_finder::settings::Settings;
 use north_finder::units::{RAD_PER_DEG, sin_cos_deg, wrap_180_deg};
 use rayon::prelude::*;
 
 use super::{Options, Refusal, Warning};
 use crate::campaign::{Campaign, Role, Row, Run, RunReader};
+use crate::solve::{AllDwells, recorded};
 
 /// The index is at rest while it stays within this, degrees.
 const REST_DEG: f64 = 0.5;
@@ -55,8 +55,8 @@ pub struct RunData {
     /// Names of the extra channels and their values by the cell.
     pub names: Vec<String>,
     pub channels: Vec<Vec<f64>>,
-    /// The rows themselves, where they are shorter than the cells and not too many.
-    pub raw: Vec<ReplayRow>,
+    /// The rows themselves, where they are shorter than the cells and not too many, or the instrument recorded them.
+    pub raw: Vec<Recorded>,
     pub before: Option<Fix>,
     /// Why there is no azimuth.
     pub refusal: Option<String>,
@@ -98,36 +98,34 @@ impl RunData {
             .iter()
             .map(|name| self.names.iter().position(|each| each == name.as_str()))
             .collect::<Option<_>>()?;
-        let mut summaries = vec![DwellSummary::default(); self.cells.len() + 1];
-        let mut replay = Replay::new(&settings, &mut summaries).ok()?;
+        let mut replay = Replay::new(&settings, AllDwells::default()).ok()?;
         let mut dwells = Vec::new();
-        let mut note = |report: Report| {
-            if let Event::Dwell(dwell) = report.event {
-                dwells.push((report.t_s, dwell));
+        let mut note = |told: Told| {
+            if let Told::Dwell { dwell, end_s } = told {
+                dwells.push((end_s, dwell));
             }
         };
         if !self.raw.is_empty() && slots.is_empty() {
-            for row in &self.raw {
-                replay.push(row, &mut note).ok()?;
-            }
+            self.raw.iter().for_each(|row| replay.push(row, &mut note));
             let fix = replay.finish(&mut note).ok()?;
             return Some((fix, dwells));
         }
         for (i, cell) in self.cells.iter().enumerate() {
+            let mut channels = [f64::NAN; MAX_CHANNELS];
+            for (value, &slot) in channels.iter_mut().zip(&slots) {
+                *value = self.channels[slot][i];
+            }
             let row = ReplayRow {
                 t_s: cell.t_s + 0.5 * cell.seconds,
                 interval_s: cell.seconds,
                 index_deg: cell.sin.atan2(cell.cos) / RAD_PER_DEG,
                 fog_arcsec: cell.raw_deg_h * cell.seconds,
                 temp_c: cell.temp_c,
-                level_g: cell.level.map(|level| [level.forward, level.left]),
+                level: cell.level,
                 lost_frames: 0,
+                channels,
             };
-            let mut channels = [f64::NAN; MAX_CHANNELS];
-            for (value, &slot) in channels.iter_mut().zip(&slots) {
-                *value = self.channels[slot][i];
-            }
-            replay.push_with_channels(&row, channels, &mut note).ok()?;
+            replay.push(&Recorded::Row(row), &mut note);
         }
         let fix = replay.finish(&mut note).ok()?;
         Some((fix, dwells))
@@ -194,8 +192,8 @@ fn read_cells(path: &Path, run: &Run) -> Result<(RunData, Vec<Warning>), Refusal
             usual_s = Some(row.interval_s);
         }
         gatherer.push(&row, rows + 1, gap);
-        if row.interval_s < 0.9 && raw.len() < MOST_RAW {
-            raw.push(crate::solve::replay_row(&row));
+        if row.own.is_some() || row.interval_s < 0.9 && raw.len() < MOST_RAW {
+            raw.push(recorded(&row, [f64::NAN; MAX_CHANNELS]));
         }
     }
     gatherer.end();

@@ -52,6 +52,7 @@ impl<'a> Rows<'a> {
             temperature: map.temperature.is_some(),
             level: map.accelerometer.is_some(),
             lost_frames: counts_losses,
+            own: None,
             extra: map.channels.iter().map(|channel| channel.name.get_ref().clone()).collect(),
         }
     }
@@ -109,6 +110,7 @@ impl<'a> Rows<'a> {
             temp_c: self.map.temperature.as_ref().map(|_| to_digits(gathered.temp_c / good)),
             level_g: self.map.accelerometer.as_ref().map(|_| gathered.level_g.map(|sum| to_digits(sum / good))),
             lost_frames: u16::try_from(gathered.lost).unwrap_or(u16::MAX),
+            own: None,
             extra: gathered.channels.iter().map(|sum| round(sum / good, CHANNEL_DECIMALS)).collect(),
         })?;
         self.rows += 1;

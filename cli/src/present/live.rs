@@ -5,6 +5,7 @@ use std::io::{self, Write};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use north_finder::event::{Event, Report, Second, State};
+use north_finder::level::Tilt;
 use north_finder::sequence::order::{Order, Position};
 use north_finder::settings::Settings;
 
@@ -77,7 +78,7 @@ impl View {
             Event::Guidance(_) | Event::Calibration(_) | Event::CalibrationStored | Event::NoCalibration(_) => {
                 return None;
             }
-            Event::Level { pitch_deg, roll_deg, level } => {
+            Event::Level { tilt: Tilt { pitch_deg, roll_deg }, level } => {
                 if self.was_level.replace(level) == Some(level) {
                     return None;
                 }
@@ -85,15 +86,21 @@ impl View {
                 format!("{verdict}: pitch {pitch_deg:+.3}°, roll {roll_deg:+.3}°")
             }
             Event::Disturbed { excess_deg_h } => {
-                format!("disturbed: the rate exceeds what a still gyro reads by {excess_deg_h:.2} °/h; waiting")
+                format!("base moves: rate {excess_deg_h:.2} °/h above the Earth-rate limit; waiting")
             }
-            Event::Undisturbed { excess_deg_h } => format!("undisturbed: excess {excess_deg_h:+.2} °/h"),
+            Event::Undisturbed { excess_deg_h } => {
+                let side = if excess_deg_h > 0.0 { "above" } else { "below" };
+                format!("base still: rate {:.2} °/h {side} the Earth-rate limit", excess_deg_h.abs())
+            }
             Event::Moving { position, target_deg } => format!("{}: turning to {target_deg:.2}°", at(position)),
             Event::Arrived { position, index_deg } => format!("{}: at {index_deg:.3}°", at(position)),
             Event::Jitter { position, change_deg_h } => {
-                format!("{}: jitter, the rate changes by {change_deg_h:.2} °/h in a second; waiting", at(position))
+                format!(
+                    "{}: gyro not at rest: rate changed by {change_deg_h:.2} °/h within a second; waiting",
+                    at(position)
+                )
             }
-            Event::Settled { position } => format!("{}: settled", at(position)),
+            Event::Settled { position } => format!("{}: gyro at rest", at(position)),
             Event::Dwell(dwell) => {
                 self.done = dwell.position.saturating_add(1);
                 format!(
@@ -126,7 +133,7 @@ impl Bars {
         match report.event {
             Event::State(state) => self.status.set_message(format!("{:.1} s  {}", report.t_s, state.name())),
             Event::Second(second) => {
-                if let (Some(position), true) = (second.position, second.collected) {
+                if let (Some(position), true) = (second.dwell, second.collected) {
                     self.collected(position, dwells_s);
                 }
                 self.status.set_message(status(report.t_s, &second));

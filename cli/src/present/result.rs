@@ -4,6 +4,7 @@ use std::io::{self, Write};
 
 use north_finder::event::{Fix, State};
 use north_finder::health::Fault;
+use north_finder::level::Tilt;
 use north_finder::units::wrap_180_deg;
 
 use super::Directions;
@@ -40,7 +41,7 @@ pub fn write_fix(
         "found      horizontal rate {:.4} °/h, bias {:+.4} °/h, drift {:+.3} °/h per hour",
         fix.amplitude_deg_h, fix.bias_deg_h, fix.drift_deg_h_per_h
     )?;
-    if let Some([pitch_deg, roll_deg]) = fix.tilt_deg {
+    if let Some(Tilt { pitch_deg, roll_deg }) = fix.tilt {
         writeln!(out, "tilt       pitch {pitch_deg:+.4}°, roll {roll_deg:+.4}°")?;
     }
     writeln!(out, "measured   {:.0} s", fix.seconds)?;

@@ -1,4 +1,4 @@
-//! A fix as a run of a campaign: what `north solve` reads again.
+//! A fix as a run of a campaign: what `north solve` reads again, and solves to the same azimuth.
 
 mod raw;
 
@@ -6,9 +6,13 @@ pub use raw::RawRecorder;
 
 use std::path::Path;
 
-use north_finder::event::{Event, Report, Second};
+use north_finder::event::{Event, Report, Second, State};
+use north_finder::level::{LevelMoments, Specific};
+use north_finder::replay::Mark;
 
-use crate::campaign::{Campaign, CampaignWriter, Instrument, Layout, Row};
+use crate::campaign::{
+    ACCELEROMETERS, Campaign, CampaignWriter, INDEX, Instrument, Layout, Own, OwnLayout, Row, TEMPERATURE,
+};
 use crate::engine::Setup;
 use crate::file_error::FileError;
 
@@ -16,21 +20,19 @@ use crate::file_error::FileError;
 #[derive(Clone, Debug, Default)]
 pub struct Recorder {
     rows: Vec<Row>,
-    /// Time of the reports' clock at which the recording begins.
-    start_s: f64,
-    /// A second without a reading of the index, to become part of the next row.
-    held: Option<Row>,
 }
 
 impl Recorder {
-    /// Takes a report; all but seconds are ignored.
+    /// Takes a report; all but seconds and the start of a fix are ignored.
     pub fn see(&mut self, report: &Report) {
-        if let Event::Second(second) = &report.event {
-            self.second(report.t_s, second);
+        match &report.event {
+            Event::Second(second) => self.rows.push(row(second)),
+            Event::State(State::Levelling) => start_again(&mut self.rows),
+            _ => {}
         }
     }
 
-    /// The rows, one second each but where a reading of the index was missing.
+    /// The rows, one second each.
     pub fn rows(&self) -> &[Row] {
         &self.rows
     }
@@ -39,49 +41,66 @@ impl Recorder {
     pub fn into_rows(self) -> Vec<Row> {
         self.rows
     }
+}
 
-    /// The gyro's seconds follow each other without a gap, each exactly 400 samples long; the reports of them come at
-    /// whole ticks, a little early or late. So the times in the recording are whole seconds.
-    fn second(&mut self, t_s: f64, second: &Second) {
-        let previous_s = self.held.as_ref().or(self.rows.last()).map(|row| row.t_s);
-        let t_s = match previous_s {
-            None => {
-                self.start_s = t_s - 1.0;
-                1.0
-            }
-            Some(previous_s) => (t_s - self.start_s).round().max(previous_s + 1.0),
-        };
-        let mut row = Row {
-            t_s,
-            interval_s: t_s - previous_s.unwrap_or(0.0),
-            index_deg: second.index_deg.unwrap_or_default(),
-            fog_arcsec: second.fog_arcsec,
-            temp_c: second.temp_c,
-            level_g: second.level_g,
-            lost_frames: second.lost_frames,
-            extra: Vec::new(),
-        };
-        if let Some(held) = self.held.take() {
-            row.interval_s += held.interval_s;
-            row.fog_arcsec += held.fog_arcsec;
-            row.lost_frames = row.lost_frames.saturating_add(held.lost_frames);
-        }
-        if second.index_deg.is_some() {
-            self.rows.push(row);
-        } else {
-            self.held = Some(row);
+/// A recording holds one fix, the last that was started: what came before is only the error model's past.
+fn start_again(rows: &mut [Row]) {
+    for row in rows {
+        if let Some(Own::Second { mark, .. } | Own::Raw { mark, .. }) = &mut row.own {
+            *mark = Mark::default();
         }
     }
 }
 
+fn mark(second: &Second) -> Mark {
+    Mark { dwell: second.dwell, waited_at: second.waited_at }
+}
+
+fn row(second: &Second) -> Row {
+    let read = u8::from(second.temp_c.is_some()) * TEMPERATURE
+        + u8::from(second.level.is_some()) * ACCELEROMETERS
+        + u8::from(second.index_deg.is_some()) * INDEX;
+    let level_moment = second.level.map_or(Specific::default(), |level| level.first);
+    Row {
+        t_s: second.t_s,
+        interval_s: 1.0,
+        index_deg: second.index_deg.unwrap_or(f64::NAN),
+        fog_arcsec: second.fog_arcsec,
+        temp_c: second.temp_c,
+        level_g: second.level.map(|LevelMoments { mean: Specific { forward, left }, .. }| [forward, left]),
+        lost_frames: second.lost_frames,
+        own: Some(Own::Second { read, mark: mark(second), moment_arcsec_s: second.moment_arcsec_s, level_moment }),
+        extra: Vec::new(),
+    }
+}
+
+/// Where a sensor was not read, its last reading is repeated, or the first one before that: the format has no empty fields.
+fn fill<T: Copy>(rows: &mut [Row], get: impl Fn(&Row) -> Option<T>, set: impl Fn(&mut Row, T)) {
+    let Some(mut last) = rows.iter().find_map(&get) else { return };
+    for row in rows {
+        last = get(row).unwrap_or(last);
+        set(row, last);
+    }
+}
+
 /// Writes rows as a run's file.
-///
-/// A column that not every row can fill is not written: the format has no empty fields.
-pub fn write_run(campaign: &CampaignWriter, file: &str, rows: &[Row]) -> Result<(), FileError> {
+pub fn write_run(campaign: &CampaignWriter, file: &str, mut rows: Vec<Row>) -> Result<(), FileError> {
+    fill(&mut rows, |row| row.temp_c, |row, temp_c| row.temp_c = Some(temp_c));
+    fill(&mut rows, |row| Some(row.index_deg).filter(|deg| deg.is_finite()), |row, deg| row.index_deg = deg);
+    fill(&mut rows, |row| row.level_g, |row, level_g| row.level_g = Some(level_g));
+    for row in &mut rows {
+        // Sensors that never gave anything.
+        row.level_g.get_or_insert([0.0; 2]);
+        if !row.index_deg.is_finite() {
+            row.index_deg = 0.0;
+        }
+    }
+    let frames = rows.iter().any(|row| matches!(row.own, Some(Own::Raw { .. })));
     let layout = Layout {
         temperature: rows.iter().all(|row| row.temp_c.is_some()),
-        level: rows.iter().all(|row| row.level_g.is_some()),
+        level: true,
         lost_frames: true,
+        own: Some(if frames { OwnLayout::Frames } else { OwnLayout::Seconds }),
         extra: Vec::new(),
     };
     let mut writer = campaign.run(file, layout)?;
@@ -89,55 +108,38 @@ pub fn write_run(campaign: &CampaignWriter, file: &str, rows: &[Row]) -> Result<
     writer.finish()
 }
 
-/// A new campaign of simulated runs, in a folder that must be free.
+/// A new campaign of simulated runs, in a folder that must be free, with the settings of the instrument.
 pub fn new_campaign(folder: &Path, title: String, setup: &Setup) -> Result<CampaignWriter, FileError> {
-    let settings = setup.settings.as_ref();
-    let arw_deg_per_sqrt_h = settings.map(|settings| settings.gyro.arw_deg_per_sqrt_h);
-    // What the instrument was told: a replay must meet the same.
-    let latitude_deg = settings.map_or(setup.scenario.site.latitude_deg, |settings| settings.latitude_deg);
-    CampaignWriter::create(Campaign {
+    let settings = setup.settings.clone().unwrap_or_default();
+    let mut instrument = Instrument {
+        name: Some("simulated".into()),
+        arw_deg_per_sqrt_h: Some(settings.gyro.arw_deg_per_sqrt_h),
+        settings: None,
+    };
+    let latitude_deg = Some(setup.settings.as_ref().map_or(setup.scenario.site.latitude_deg, |set| set.latitude_deg));
+    let name = "settings.toml";
+    instrument.settings = Some(name.into());
+    let campaign = Campaign {
         folder: folder.to_owned(),
         title: Some(title),
-        latitude_deg: Some(latitude_deg),
-        instrument: Some(Instrument { name: Some("simulated".into()), arw_deg_per_sqrt_h }),
+        latitude_deg,
+        instrument: Some(instrument),
         runs: Vec::new(),
-    })
+    };
+    let writer = CampaignWriter::create(campaign)?;
+    crate::settings_file::write_settings(&folder.join(name), &settings)?;
+    Ok(writer)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn report(t_s: f64, index_deg: Option<f64>, fog_arcsec: f64) -> Report {
-        let second = Second {
-            index_deg,
-            fog_arcsec,
-            rate_deg_h: fog_arcsec,
-            temp_c: None,
-            level_g: None,
-            lost_frames: 1,
-            position: None,
-            collected: false,
-        };
-        Report { t_s, event: Event::Second(second) }
-    }
-
-    fn rows(reports: &[Report]) -> Vec<(f64, f64, f64, u16)> {
-        let mut recorder = Recorder::default();
-        reports.iter().for_each(|report| recorder.see(report));
-        recorder.rows().iter().map(|row| (row.t_s, row.interval_s, row.fog_arcsec, row.lost_frames)).collect()
-    }
-
     #[test]
-    fn times_are_whole_seconds_from_the_first_one_on() {
-        // A gyro that took 0.3 s to start, and reports that come a tick late or early.
-        let reports = [report(1.3, Some(0.0), 9.0), report(2.303, Some(0.0), 8.0), report(3.2975, Some(0.0), 7.0)];
-        assert_eq!(rows(&reports), [(1.0, 1.0, 9.0, 1), (2.0, 1.0, 8.0, 1), (3.0, 1.0, 7.0, 1)]);
-    }
-
-    #[test]
-    fn a_second_without_an_index_becomes_part_of_the_next() {
-        let reports = [report(1.0, Some(0.0), 9.0), report(2.0, None, 8.0), report(3.0, Some(0.0), 7.0)];
-        assert_eq!(rows(&reports), [(1.0, 1.0, 9.0, 1), (3.0, 2.0, 15.0, 2)]);
+    fn what_was_not_read_repeats_the_last_reading() {
+        let index = |index_deg: f64| Row { index_deg, ..Row::default() };
+        let mut rows = [index(f64::NAN), index(5.0), index(f64::NAN), index(7.0)];
+        fill(&mut rows, |row| Some(row.index_deg).filter(|deg| deg.is_finite()), |row, deg| row.index_deg = deg);
+        assert_eq!(rows.map(|row| row.index_deg), [5.0, 5.0, 5.0, 7.0]);
     }
 }

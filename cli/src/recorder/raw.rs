@@ -1,71 +1,92 @@
 //! A fix as raw rows: one for each frame of the gyro, 400 a second.
 
-use north_finder::calibration::ellipsoid::Correction;
-use north_finder::frame::{Frame, FrameReader};
+use std::collections::VecDeque;
+
+use north_finder::event::{Event, Report, State};
+use north_finder::frame::FrameReader;
+use north_finder::health::Counters;
 use north_finder::pipeline::Readings;
-use north_finder::settings::GyroFormat;
+use north_finder::sample::{GyroSettings, SAMPLE_S, SAMPLES_PER_SECOND, Sampler};
 
-use crate::campaign::Row;
+use crate::campaign::{ACCELEROMETERS, INDEX, Own, Row, TEMPERATURE};
 
-/// Frames in a second.
-const FRAMES_HZ: f64 = 400.0;
-/// At the start, frames are put together until encoder and accelerometer have spoken, but not more than this many.
-const PATIENCE: u64 = 100;
+/// Frames of a second.
+const FRAMES: usize = SAMPLES_PER_SECOND as usize;
 
-/// Collects what the gyro and the sensors say, tick by tick.
+/// Collects what the gyro and the sensors say, tick by tick, and at the end of a second what the instrument did with it.
 ///
-/// Encoder and accelerometer are read at 100 Hz; in between, their last readings stand in the rows. A row after lost or
-/// invalid frames covers their time as well: its own increment, stretched, stands in for them, and it says how many.
+/// Accelerometers and encoder are read less often than the gyro; every reading stands in one row of the second that it was
+/// used in, spread over it. A frame that never came or was not valid has a row, marked lost, that repeats the one before.
 #[derive(Clone, Debug)]
 pub struct RawRecorder {
     reader: FrameReader,
-    triad: Correction,
-    modulus: u16,
-    expected: Option<u8>,
-    /// Frames so far, the lost ones as well.
-    frames: u64,
-    index_deg: Option<f64>,
-    level_g: Option<[f64; 2]>,
-    temp_c: Option<f64>,
-    /// Since the last row: sum of good increments, number of good frames and of others.
-    sum_arcsec: f64,
-    good: u16,
-    missing: u16,
+    sampler: Sampler,
+    /// Seconds that the instrument has not reported yet.
+    seconds: VecDeque<Pending>,
     rows: Vec<Row>,
 }
 
+/// What came of a second.
+#[derive(Clone, Debug, Default)]
+struct Pending {
+    frames: Vec<Frame>,
+    accelerations_g: Vec<[f64; 3]>,
+    indices_deg: Vec<f64>,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Frame {
+    increment_arcsec: Option<f64>,
+    temp_c: Option<f64>,
+}
+
 impl RawRecorder {
-    /// For a gyro's frames, and with what turns the accelerometers' readings into specific force.
-    pub fn new(format: GyroFormat, triad: Correction) -> Self {
+    /// For the frames of a gyro.
+    pub fn new(gyro: GyroSettings) -> Self {
         Self {
-            reader: FrameReader::new(format),
-            triad,
-            modulus: format.sequence_modulus(),
-            expected: None,
-            frames: 0,
-            index_deg: None,
-            level_g: None,
-            temp_c: None,
-            sum_arcsec: 0.0,
-            good: 0,
-            missing: 0,
+            reader: FrameReader::new(gyro.format),
+            sampler: Sampler::new(gyro),
+            seconds: VecDeque::from([Pending::default()]),
             rows: Vec::new(),
         }
     }
 
     /// Takes what one tick brought.
-    pub fn see(&mut self, readings: &Readings, gyro_bytes: &[u8]) {
-        if let Some(Some(acceleration_g)) = readings.acceleration_g {
-            let [forward, left, _] = self.triad.apply(acceleration_g);
-            self.level_g = Some([forward, left]);
-        }
-        if let Some(Some(index_deg)) = readings.index_deg {
-            self.index_deg = Some(index_deg);
-        }
+    pub fn tick(&mut self, readings: &Readings, gyro_bytes: &[u8]) {
         for &byte in gyro_bytes {
             if let Some(frame) = self.reader.push(byte) {
-                self.frame(&frame);
+                let before = self.sampler.good();
+                let missing = self.slots(|sampler| {
+                    sampler.frame(&frame, &mut Counters::default());
+                });
+                let valid = self.sampler.good() != before;
+                let last = Frame { increment_arcsec: valid.then_some(frame.increment_arcsec), temp_c: frame.temp_c };
+                self.frames(missing, last);
             }
+        }
+        // The oldest second that is not reported yet gets the readings: it ends after them.
+        if let Some(second) = self.seconds.front_mut() {
+            second.accelerations_g.extend(readings.acceleration_g.flatten());
+            second.indices_deg.extend(readings.index_deg.flatten());
+        }
+        let given_up = self.slots(|sampler| {
+            sampler.tick(&mut Counters::default());
+        });
+        self.frames(given_up, Frame::default());
+    }
+
+    /// Takes a report of the instrument.
+    pub fn report(&mut self, report: &Report) {
+        match &report.event {
+            Event::State(State::Levelling) => super::start_again(&mut self.rows),
+            Event::Second(second) => {
+                let pending = self.seconds.pop_front().unwrap_or_default();
+                if self.seconds.is_empty() {
+                    self.seconds.push_back(Pending::default());
+                }
+                self.rows.extend(pending.rows(second));
+            }
+            _ => {}
         }
     }
 
@@ -74,75 +95,71 @@ impl RawRecorder {
         self.rows
     }
 
-    fn frame(&mut self, frame: &Frame) {
-        let expected = self.expected.unwrap_or(frame.sequence);
-        let ahead = (u16::from(frame.sequence) + self.modulus - u16::from(expected)) % self.modulus;
-        if ahead >= self.modulus / 2 {
-            // Came twice, or after its successors.
-            return;
-        }
-        self.expected = Some(((u16::from(frame.sequence) + 1) % self.modulus) as u8);
-        self.frames += u64::from(ahead) + 1;
-        self.missing = self.missing.saturating_add(ahead);
-        self.temp_c = frame.temp_c.or(self.temp_c);
-        if !frame.valid || frame.saturated {
-            self.missing = self.missing.saturating_add(1);
-            return;
-        }
-        self.sum_arcsec += frame.increment_arcsec;
-        self.good += 1;
-        if let Some(index_deg) = self.index_deg
-            && (self.level_g.is_some() || self.frames > PATIENCE)
-        {
-            self.row(index_deg);
-        }
+    /// How many frames of the gyro a step of the sampler accounts for.
+    fn slots(&mut self, step: impl FnOnce(&mut Sampler)) -> usize {
+        let before = self.sampler.slots();
+        step(&mut self.sampler);
+        usize::from((self.sampler.slots() + SAMPLES_PER_SECOND - before) % SAMPLES_PER_SECOND)
     }
 
-    fn row(&mut self, index_deg: f64) {
-        let t_s = self.frames as f64 / FRAMES_HZ;
-        let stretch = f64::from(self.good + self.missing) / f64::from(self.good);
-        self.rows.push(Row {
-            t_s,
-            interval_s: t_s - self.rows.last().map_or(0.0, |row| row.t_s),
-            index_deg,
-            fog_arcsec: self.sum_arcsec * stretch,
-            temp_c: self.temp_c,
-            level_g: self.level_g,
-            lost_frames: self.missing,
-            extra: Vec::new(),
-        });
-        (self.sum_arcsec, self.good, self.missing) = (0.0, 0, 0);
+    /// That many frames, all lost but the last.
+    fn frames(&mut self, number: usize, last: Frame) {
+        for left in (0..number).rev() {
+            if self.seconds.back().is_none_or(|second| second.frames.len() == FRAMES) {
+                self.seconds.push_back(Pending::default());
+            }
+            if let Some(second) = self.seconds.back_mut() {
+                second.frames.push(if left == 0 { last } else { Frame::default() });
+            }
+        }
     }
+}
+
+impl Pending {
+    fn rows(self, second: &north_finder::event::Second) -> Vec<Row> {
+        let mark = super::mark(second);
+        let mut rows: Vec<Row> = Vec::with_capacity(FRAMES);
+        for (number, frame) in self.frames.iter().enumerate() {
+            let acceleration_g = spread(&self.accelerations_g, number);
+            let index_deg = spread(&self.indices_deg, number);
+            let read = u8::from(frame.temp_c.is_some()) * TEMPERATURE
+                + u8::from(acceleration_g.is_some()) * ACCELEROMETERS
+                + u8::from(index_deg.is_some()) * INDEX;
+            let repeated = rows.last().map_or(0.0, |row| row.fog_arcsec);
+            let up = rows.last().and_then(|row| row.own).map_or(0.0, |own| own.az_g().unwrap_or(0.0));
+            rows.push(Row {
+                t_s: second.t_s - SAMPLE_S * (FRAMES - 1 - number) as f64,
+                interval_s: SAMPLE_S,
+                index_deg: index_deg.unwrap_or(f64::NAN),
+                fog_arcsec: frame.increment_arcsec.unwrap_or(repeated),
+                temp_c: frame.temp_c,
+                level_g: acceleration_g.map(|[x, y, _]| [x, y]),
+                lost_frames: u16::from(frame.increment_arcsec.is_none()),
+                own: Some(Own::Raw { read, mark, az_g: acceleration_g.map_or(up, |[_, _, z]| z) }),
+                extra: Vec::new(),
+            });
+        }
+        rows
+    }
+}
+
+/// The reading that stands in row `number`, the readings spread evenly over the second's rows.
+fn spread<T: Copy>(readings: &[T], number: usize) -> Option<T> {
+    let count = readings.len().min(FRAMES);
+    let place = (number * count).div_ceil(FRAMES);
+    (place < count && place * FRAMES / count.max(1) == number).then(|| readings.get(place).copied())?
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn recorder(frames: &[Frame]) -> RawRecorder {
-        let mut recorder = RawRecorder::new(GyroFormat::Compact, Correction::UNIT);
-        recorder.index_deg = Some(90.0);
-        recorder.level_g = Some([0.0, 0.0]);
-        frames.iter().for_each(|frame| recorder.frame(frame));
-        recorder
-    }
-
-    fn frame(sequence: u8, increment_arcsec: f64) -> Frame {
-        Frame { sequence, increment_arcsec, temp_c: Some(20.0), valid: true, saturated: false }
-    }
-
     #[test]
-    fn a_lost_frame_is_covered_by_the_next_and_counted() {
-        let recorder = recorder(&[frame(254, 1.0), frame(255, 2.0), frame(2, 3.0), frame(2, 9.0), frame(3, 4.0)]);
-        let rows: Vec<_> = recorder.rows.iter().map(|row| (row.t_s, row.fog_arcsec, row.lost_frames)).collect();
-        // Frames 0 and 1 are lost: the row at the fifth frame covers three.
-        assert_eq!(rows, [(0.0025, 1.0, 0), (0.005, 2.0, 0), (0.0125, 9.0, 2), (0.015, 4.0, 0)]);
-    }
-
-    #[test]
-    fn an_invalid_frame_counts_as_lost() {
-        let invalid = Frame { valid: false, ..frame(1, 100.0) };
-        let recorder = recorder(&[frame(0, 1.0), invalid, frame(2, 3.0)]);
-        assert_eq!((recorder.rows[1].fog_arcsec, recorder.rows[1].lost_frames), (6.0, 1));
+    fn every_reading_stands_in_one_row() {
+        for count in [0, 1, 3, 99, 100, 101, 115, 400] {
+            let readings: Vec<usize> = (0..count).collect();
+            let placed: Vec<usize> = (0..FRAMES).filter_map(|number| spread(&readings, number)).collect();
+            assert_eq!(placed, readings);
+        }
     }
 }

@@ -2,12 +2,12 @@
 
 use hal_sim::scenario::{Accelerometer, Base, Encoder, Gyro, Site};
 use hal_sim::seconds::{Dwell, Row as SimulatedRow, SecondsGenerator, SiteAndGyro};
+use north::solve::solve_rows;
 use north_finder::effects::ErrorModel;
 use north_finder::event::Fix;
-use north_finder::fix::dwell::DwellSummary;
 use north_finder::fix::{east_index_deg, west_index_deg};
 use north_finder::health::Flag;
-use north_finder::replay::{Refusal, Replay, Row};
+use north_finder::replay::{Recorded, Refusal, Row};
 use north_finder::settings::Settings;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -17,8 +17,6 @@ use north::settings_file::declare_noise;
 
 /// Time from the end of a dwell to the beginning of the next: a quarter turn and five seconds of settling, s.
 const MOVE_S: f64 = 9.0;
-/// Stays that a fix can have, with room to spare.
-const SLOTS: usize = 32;
 
 /// How a trial came out.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -112,20 +110,8 @@ fn dwells(
 }
 
 fn solve(settings: &Settings, rows: &[SimulatedRow]) -> Result<Fix, Refusal> {
-    let mut slots = [DwellSummary::default(); SLOTS];
-    let mut replay = Replay::new(settings, &mut slots)?;
-    let mut ignore = |_| ();
-    for row in rows {
-        let row = Row {
-            t_s: row.t_s,
-            interval_s: 1.0,
-            index_deg: row.index_deg,
-            fog_arcsec: row.fog_arcsec,
-            temp_c: None,
-            level_g: None,
-            lost_frames: 0,
-        };
-        replay.push(&row, &mut ignore)?;
-    }
-    replay.finish(&mut ignore)
+    let rows = rows.iter().map(|row| {
+        Recorded::Row(Row { t_s: row.t_s, index_deg: row.index_deg, fog_arcsec: row.fog_arcsec, ..Row::default() })
+    });
+    solve_rows(settings, rows)
 }

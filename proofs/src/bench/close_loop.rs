@@ -193,7 +193,7 @@ impl CloseLoop {
                 reference_sigma_deg: Some(SURVEY_SIGMA_DEG),
                 ..Run::default()
             };
-            write_run(&writer, &run.file, recorder.rows())?;
+            write_run(&writer, &run.file, recorder.into_rows())?;
             writer.add(run);
         }
         writer.finish()?;

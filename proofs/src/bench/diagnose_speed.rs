@@ -88,7 +88,7 @@ fn record(size: &Size, folder: &Path) -> Result<(Campaign, usize), Failure> {
         folder: folder.to_owned(),
         title: Some(size.title.into()),
         latitude_deg: Some(34.75),
-        instrument: Some(Instrument { name: None, arw_deg_per_sqrt_h: Some(0.0015) }),
+        instrument: Some(Instrument { name: None, arw_deg_per_sqrt_h: Some(0.0015), settings: None }),
         runs: Vec::new(),
     })?;
     let name = |run: usize| format!("runs/{:03}.csv", run + 1);

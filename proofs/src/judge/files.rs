@@ -21,6 +21,7 @@ pub fn write(generated: &Generated, folder: &Path) -> Result<Campaign, FileError
         instrument: Some(Instrument {
             name: Some("simulated".into()),
             arw_deg_per_sqrt_h: Some(generated.arw_deg_per_sqrt_h),
+            settings: None,
         }),
         runs: Vec::new(),
     })?;
@@ -50,6 +51,7 @@ fn write_run(
         temperature: generated.has_temperature,
         level: generated.has_level,
         lost_frames: false,
+        own: None,
         extra: generated.channels.iter().skip(first_extra).cloned().collect(),
     };
     let mut writer = campaign.run(file, layout)?;
@@ -62,6 +64,7 @@ fn write_run(
             temp_c: row.channels.first().copied().filter(|_| generated.has_temperature),
             level_g: generated.has_level.then_some(row.level_g),
             lost_frames: 0,
+            own: None,
             extra: row.channels.iter().skip(first_extra).copied().collect(),
         })?;
     }

@@ -9,8 +9,9 @@
 //! Beside it stands what cannot be had: the azimuths of the rows in which the effect never was.
 
 use crate::hidden::{Campaign, Part, Row, Run};
-use north_finder::fix::dwell::DwellSummary;
-use north_finder::replay::{Refusal, Replay, Row as ReplayRow};
+use north::solve::solve_rows;
+use north_finder::level::Specific;
+use north_finder::replay::{Recorded, Refusal, Row as ReplayRow};
 use north_finder::settings::Settings;
 
 use super::linear::Normal;
@@ -232,22 +233,16 @@ impl<'a> View<'a> {
 
 /// The firmware's azimuth of these rows, degrees.
 fn replay(rows: &[Row], campaign: &Campaign, settings: &Settings) -> Result<f64, Refusal> {
-    let mut slots = vec![DwellSummary::default(); rows.len()];
-    let mut replay = Replay::new(settings, &mut slots)?;
-    let mut ignore = |_| ();
-    for row in rows {
-        let row = ReplayRow {
+    let rows = rows.iter().map(|row| {
+        Recorded::Row(ReplayRow {
             t_s: row.t_s,
-            interval_s: 1.0,
             index_deg: row.index_deg,
             fog_arcsec: row.fog_arcsec,
-            temp_c: None,
-            level_g: campaign.has_level.then_some(row.level_g),
-            lost_frames: 0,
-        };
-        replay.push(&row, &mut ignore)?;
-    }
-    Ok(replay.finish(&mut ignore)?.azimuth_deg)
+            level: Specific::new(row.level_g[0], row.level_g[1]).filter(|_| campaign.has_level),
+            ..ReplayRow::default()
+        })
+    });
+    Ok(solve_rows(settings, rows)?.azimuth_deg)
 }
 
 #[cfg(test)]

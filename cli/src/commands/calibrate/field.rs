@@ -172,8 +172,8 @@ impl FixRecord {
             azimuth_deg: Some(fix.azimuth_deg),
             sigma_deg: Some(fix.sigma_deg),
             azimuth_error_deg: Some(north_finder::units::wrap_180_deg(fix.azimuth_deg - truth.azimuth_deg)),
-            pitch_error_deg: fix.tilt_deg.map(|[pitch_deg, _]| pitch_deg - truth.pitch_deg),
-            roll_error_deg: fix.tilt_deg.map(|[_, roll_deg]| roll_deg - truth.roll_deg),
+            pitch_error_deg: fix.tilt.map(|tilt| tilt.pitch_deg - truth.pitch_deg),
+            roll_error_deg: fix.tilt.map(|tilt| tilt.roll_deg - truth.roll_deg),
         }
     }
 }

@@ -150,7 +150,7 @@ impl Raw {
 impl RawInstrument {
     fn check(self, file: &TomlFile) -> Result<Instrument, FileError> {
         let arw_deg_per_sqrt_h = check_range(file, "arw_deg_per_sqrt_h", self.arw_deg_per_sqrt_h, 0.0, 1.0)?;
-        Ok(Instrument { name: self.name, arw_deg_per_sqrt_h })
+        Ok(Instrument { name: self.name, arw_deg_per_sqrt_h, settings: None })
     }
 }
 

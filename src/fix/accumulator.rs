@@ -1,0 +1,292 @@
+//! The one accumulator: seconds and the boundaries of dwells in, the fix out.
+//!
+//! Whoever runs a fix only says where a dwell begins and ends: [`crate::sequence`] commands a motor, [`crate::replay`] finds
+//! the dwells of a recording or reads them from it. Everything else is done here, once: the error model second by second, the
+//! statistics of a dwell, the watch of the temperature, the flags, the solution. Equal seconds and boundaries give equal
+//! azimuths, with all digits.
+
+use heapless::Vec;
+
+use super::dwell::{DwellRows, DwellSummary, Row};
+use super::{Declared, DesignRow, Fix, Unsolvable, moving_base};
+use crate::effects::{Conditions, Correction, ErrorModel, Evaluator};
+use crate::gates::Gate;
+use crate::health::{Flag, Flags};
+use crate::index::Direction;
+use crate::level::{LevelMoments, Specific};
+
+/// Temperature change during a fix that an error model must cover, K.
+const TEMPERATURE_CHANGE_K: f64 = 0.5;
+/// Most seconds that wait for the first rate of change; a rate is known after ten.
+const HELD: usize = 16;
+/// Share of the time at rest below which the index was turning all the time: every second counts at its own angle.
+const ROTATION_SHARE: f64 = 0.25;
+
+/// A second as it was measured, or a row of a recording of another length.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Second {
+    /// Time, mean rate as the gyro gave it, measured index, temperature, level, further channels.
+    pub conditions: Conditions,
+    /// First moment of the gyro's angle about the middle of the second, ∫ (t − middle) · rate dt, arcsec · s.
+    pub moment_arcsec_s: f64,
+    /// First moment of the level accelerometers about the middle of the second, s² by unit of gravity.
+    pub level_moment: Specific,
+    /// Gyro frames that never came or were not valid.
+    pub lost_frames: u16,
+}
+
+impl Second {
+    /// Its end, seconds since switch-on.
+    pub fn end_s(&self) -> f64 {
+        self.conditions.t_s + 0.5 * self.conditions.seconds
+    }
+}
+
+/// A second with the error model applied.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Corrected {
+    pub measured: Second,
+    /// The error model in this second.
+    pub correction: Correction,
+    /// Mean true rate, °/h.
+    pub rate_deg_h: f64,
+    /// True direction of the index.
+    pub index: Option<Direction>,
+}
+
+impl Corrected {
+    /// The row of the equations that this second is in the solution: `None` without an index angle.
+    pub fn design(&self, declared: &Declared) -> Option<DesignRow> {
+        Some(DesignRow::new(self.index?, self.measured.conditions.level, &declared.earth))
+    }
+
+    /// As a row of a dwell.
+    fn row(&self) -> Option<Row> {
+        let Direction { cos, sin } = self.index?;
+        let Conditions { t_s, seconds, level, .. } = self.measured.conditions;
+        let Second { moment_arcsec_s, level_moment, .. } = self.measured;
+        let level = level.map(|mean| LevelMoments { mean, first: level_moment });
+        Some(Row { t_s, seconds, cos, sin, rate_deg_h: self.rate_deg_h, moment_arcsec_s, level })
+    }
+}
+
+/// Where the dwells of a fix are kept: on a board in a fixed place, on a host where there is room.
+pub trait Dwells {
+    /// `false`: there is no room.
+    fn push(&mut self, dwell: DwellSummary) -> bool;
+    fn as_slice(&self) -> &[DwellSummary];
+    /// Keeps those for which `keep` says so.
+    fn retain(&mut self, keep: impl FnMut(&DwellSummary) -> bool);
+}
+
+impl<const N: usize> Dwells for Vec<DwellSummary, N> {
+    fn push(&mut self, dwell: DwellSummary) -> bool {
+        Vec::push(self, dwell).is_ok()
+    }
+
+    fn as_slice(&self) -> &[DwellSummary] {
+        self
+    }
+
+    fn retain(&mut self, keep: impl FnMut(&DwellSummary) -> bool) {
+        Vec::retain(self, keep);
+    }
+}
+
+#[cfg(test)]
+impl Dwells for std::vec::Vec<DwellSummary> {
+    fn push(&mut self, dwell: DwellSummary) -> bool {
+        std::vec::Vec::push(self, dwell);
+        true
+    }
+
+    fn as_slice(&self) -> &[DwellSummary] {
+        self
+    }
+
+    fn retain(&mut self, keep: impl FnMut(&DwellSummary) -> bool) {
+        std::vec::Vec::retain(self, keep);
+    }
+}
+
+/// A row whose correction waits for the first rate of change.
+#[derive(Clone, Copy, Debug)]
+struct Held {
+    row: Row,
+    scale: f64,
+    moving: bool,
+}
+
+/// Gathers a fix. In the order of time: [`Self::correct`] every second, whatever it is used for, because the error model
+/// remembers; [`Self::collect`] those of a dwell, [`Self::end_dwell`] after its last; then [`Self::solve`].
+#[derive(Clone, Debug)]
+pub struct Accumulator<D> {
+    declared: Declared,
+    evaluator: Evaluator,
+    dwells: D,
+    /// There was no room for a dwell.
+    full: bool,
+    rows: DwellRows,
+    held: Vec<Held, HELD>,
+    /// What the rates of change added to the bias when the last second was collected, °/h.
+    rates_deg_h: f64,
+    rest_s: f64,
+    moving_s: f64,
+    temperature_c: Option<(f64, f64)>,
+    flags: Flags,
+}
+
+impl<D: Dwells> Accumulator<D> {
+    /// An accumulator that keeps its dwells in `dwells`, which is empty.
+    pub fn new(declared: Declared, model: ErrorModel, dwells: D) -> Self {
+        let mut new = Self {
+            declared,
+            evaluator: Evaluator::new(model),
+            dwells,
+            full: false,
+            rows: DwellRows::default(),
+            held: Vec::new(),
+            rates_deg_h: 0.0,
+            rest_s: 0.0,
+            moving_s: 0.0,
+            temperature_c: None,
+            flags: Flags::default(),
+        };
+        new.restart();
+        new
+    }
+
+    /// Begins another fix. What the error model remembers is the instrument's and stays.
+    pub fn restart(&mut self) {
+        self.dwells.retain(|_| false);
+        self.full = false;
+        self.rows.clear();
+        self.held.clear();
+        (self.rest_s, self.moving_s) = (0.0, 0.0);
+        self.temperature_c = None;
+        self.flags = Flags::default();
+        if !self.declared.calibrated {
+            self.flags.insert(Flag::Uncalibrated);
+        }
+    }
+
+    pub fn declared(&self) -> &Declared {
+        &self.declared
+    }
+
+    pub fn model(&self) -> &ErrorModel {
+        self.evaluator.model()
+    }
+
+    /// Few enough frames are missing, and there is an index angle.
+    pub fn is_usable(&self, second: &Second) -> bool {
+        second.lost_frames <= self.declared.gyro.repairable_frames && second.conditions.index.is_some()
+    }
+
+    /// Takes the next second, used or not; gives it with the error model applied.
+    pub fn correct(&mut self, second: &Second) -> Corrected {
+        let correction = self.evaluator.second(&second.conditions);
+        Corrected {
+            measured: *second,
+            correction,
+            rate_deg_h: correction.apply(second.conditions.raw_rate_deg_h, 1.0),
+            index: second.conditions.index.map(|measured| self.evaluator.model().true_index(measured)),
+        }
+    }
+
+    /// A second of the dwell that is under way. `false`: it cannot be used and is left out.
+    pub fn collect(&mut self, second: &Corrected) -> bool {
+        self.take(second, false)
+    }
+
+    /// A second within which the index moved. It counts only if the index moved nearly all the time.
+    pub fn collect_moving(&mut self, second: &Corrected) -> bool {
+        self.take(second, true)
+    }
+
+    /// The dwell that was under way is over: what it says, `None` if nothing of it could be used.
+    pub fn end_dwell(&mut self) -> Option<DwellSummary> {
+        if self.held.iter().any(|held| !held.moving) {
+            self.release();
+        }
+        let noise_deg_h = self.declared.gyro.noise_deg_h();
+        let summary = match self.evaluator.model().base_motion {
+            Some(sensing) => moving_base::summary(self.rows.as_slice(), sensing, noise_deg_h),
+            None => self.rows.summary(noise_deg_h),
+        };
+        self.rows.clear();
+        let summary = summary?;
+        self.keep(summary);
+        Some(summary)
+    }
+
+    /// A gate had to wait.
+    pub fn waited_at(&mut self, gate: Gate) {
+        self.flags.insert(match gate {
+            Gate::Disturbance => Flag::Disturbed,
+            Gate::Jitter => Flag::Jitter,
+        });
+    }
+
+    /// The azimuth of all dwells so far.
+    pub fn solve(&mut self) -> Result<Fix, Unsolvable> {
+        self.release();
+        if self.full {
+            return Err(Unsolvable::TooManyDwells);
+        }
+        if self.rest_s >= ROTATION_SHARE * (self.rest_s + self.moving_s) {
+            self.dwells.retain(|dwell| !dwell.moving);
+        }
+        let mut fix = super::solve(self.dwells.as_slice(), &self.declared, self.evaluator.model())?;
+        fix.flags = fix.flags.union(self.flags);
+        Ok(fix)
+    }
+
+    fn take(&mut self, second: &Corrected, moving: bool) -> bool {
+        if second.measured.lost_frames > 0 {
+            self.flags.insert(Flag::FramesLost);
+        }
+        let Some(row) = second.row().filter(|_| self.is_usable(&second.measured)) else { return false };
+        *(if moving { &mut self.moving_s } else { &mut self.rest_s }) += row.seconds;
+        if let Some(temp_c) = second.measured.conditions.temp_c {
+            self.watch_temperature(temp_c);
+        }
+        self.rates_deg_h = self.evaluator.rates_deg_h();
+        let held = Held { row, scale: second.correction.scale, moving };
+        if second.correction.waiting && self.held.push(held).is_ok() {
+            return true;
+        }
+        self.release();
+        self.push(row, moving);
+        true
+    }
+
+    /// Takes the seconds that waited, corrected by the latest rates of change.
+    fn release(&mut self) {
+        for Held { mut row, scale, moving } in core::mem::take(&mut self.held) {
+            row.rate_deg_h -= self.rates_deg_h / scale;
+            self.push(row, moving);
+        }
+    }
+
+    fn push(&mut self, row: Row, moving: bool) {
+        if moving {
+            self.keep(DwellSummary::moving(&row));
+        } else {
+            self.rows.push(row, self.declared.gyro.noise_deg_h());
+        }
+    }
+
+    fn keep(&mut self, dwell: DwellSummary) {
+        self.full |= !self.dwells.push(dwell);
+    }
+
+    fn watch_temperature(&mut self, temp_c: f64) {
+        let (low_c, high_c) = self.temperature_c.unwrap_or((temp_c, temp_c));
+        let (low_c, high_c) = (low_c.min(temp_c), high_c.max(temp_c));
+        self.temperature_c = Some((low_c, high_c));
+        if high_c - low_c > TEMPERATURE_CHANGE_K && !self.evaluator.model().covers_temperature() {
+            self.flags.insert(Flag::Temperature);
+        }
+    }
+}

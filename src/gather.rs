@@ -1,0 +1,100 @@
+//! What the instrument's sensors give, gathered to seconds: live, and from a recording of the same readings.
+//!
+//! Per reading or frame only sums are made; everything else waits for the end of the second, [`Gatherer::finish`].
+
+use crate::calibration::ellipsoid::Correction;
+use crate::effects::Conditions;
+use crate::fix::accumulator::Second;
+use crate::frame::Frame;
+use crate::health::Counters;
+use crate::index::{Direction, IndexMean};
+use crate::level::{LevelSecond, LevelSensor};
+use crate::sample::{GyroSettings, RateSecond, Sampler};
+
+/// Gathers frames, readings of the accelerometers and of the encoder.
+#[derive(Clone, Debug)]
+pub struct Gatherer {
+    sampler: Sampler,
+    level: LevelSensor,
+    index: IndexMean,
+    /// Time of the next second's end, once there was a first.
+    next_end_s: Option<f64>,
+}
+
+impl Gatherer {
+    /// `triad` turns readings of the accelerometers into specific force.
+    pub fn new(gyro: GyroSettings, triad: Correction) -> Self {
+        Self {
+            sampler: Sampler::new(gyro),
+            level: LevelSensor::new(triad),
+            index: IndexMean::default(),
+            next_end_s: None,
+        }
+    }
+
+    pub fn sampler(&self) -> &Sampler {
+        &self.sampler
+    }
+
+    /// What turns readings of the accelerometers into specific force.
+    pub fn triad(&self) -> &Correction {
+        self.level.triad()
+    }
+
+    /// Takes another calibration of the accelerometers into use.
+    pub fn set_triad(&mut self, triad: Correction) {
+        self.level = LevelSensor::new(triad);
+    }
+
+    /// A frame of the gyro; gives the second that it completes.
+    pub fn frame(&mut self, frame: &Frame, counters: &mut Counters) -> Option<RateSecond> {
+        self.sampler.frame(frame, counters)
+    }
+
+    /// A tick of the instrument's clock; gives the second that a frame completes which is given up.
+    pub fn tick(&mut self, counters: &mut Counters) -> Option<RateSecond> {
+        self.sampler.tick(counters)
+    }
+
+    /// A frame that is known to be lost; gives the second that it completes.
+    pub fn lost_frame(&mut self, counters: &mut Counters) -> Option<RateSecond> {
+        self.sampler.lose_slot(counters)
+    }
+
+    /// A reading of the accelerometers, g, as they give it.
+    pub fn acceleration(&mut self, acceleration_g: [f64; 3]) {
+        self.level.push(acceleration_g);
+    }
+
+    /// A reading of the encoder, degrees.
+    pub fn index(&mut self, index_deg: f64) {
+        self.index.push(index_deg);
+    }
+
+    /// Ends the second whose gyro part is `rate`. Its end is `now_s` for the first second; the gyro's seconds follow each other
+    /// without a gap, each exactly 400 samples long, whatever the delay of the link. Beside the second its mean measured index
+    /// angle, degrees: the direction in it is made of that.
+    pub fn finish(&mut self, rate: &RateSecond, now_s: f64) -> (Second, Option<f64>) {
+        let index_deg = self.index.finish_deg();
+        let level = match self.level.finish() {
+            LevelSecond::Good(level) => Some(level),
+            LevelSecond::Failed => None,
+        };
+        let end_s = self.next_end_s.unwrap_or(now_s);
+        self.next_end_s = Some(end_s + 1.0);
+        let second = Second {
+            conditions: Conditions {
+                t_s: end_s - 0.5,
+                seconds: 1.0,
+                raw_rate_deg_h: rate.fog_arcsec,
+                index: index_deg.map(Direction::of_deg),
+                level: level.map(|level| level.mean),
+                ..rate.conditions
+            },
+            moment_arcsec_s: rate.moment_arcsec_s,
+            level_moment: level.map(|level| level.first).unwrap_or_default(),
+            lost_frames: rate.missing,
+        };
+        (second, index_deg)
+    }
+}
