@@ -90,7 +90,7 @@ impl Reference {
 /// Rates of the errors δh1 and δh2 in axes `int`, where h = (0, cos θ, sin θ), at the drift ω and its error Δω.
 ///
 /// δh1' = −(ω3 + ω2·cot θ)·δh2 + Δω2·sin θ − Δω3·cos θ, δh2' = ω3·δh1 + ω1·cot θ·δh2 − Δω1·sin θ, with δh3 = −δh2·cot θ: from
-/// h' = ω × h and |h| = 1 (METHODS S4). Not for θ = 0, where δh2 vanishes: the filter has δη, δh2 = −δη·sin θ, for it.
+/// h' = ω × h and |h| = 1. Not for θ = 0, where δh2 vanishes: the filter has δη, δh2 = −δη·sin θ, for it.
 pub fn error_rates(
     theta_rad: f64,
     drift: &Vector3<f64>,

@@ -12,7 +12,7 @@ fn integrate(h: Vector3<f64>, drift: &Vector3<f64>, dt: f64) -> Vector3<f64> {
     })
 }
 
-/// The corrected equations of METHODS S4 against two rotors integrated with drifts that differ: derivatives at time zero
+/// The corrected equations of docs/attitude-filter.md against two rotors integrated with drifts that differ: derivatives at time zero
 /// from a short time, whose own error is of the order drift × time.
 #[test]
 fn error_equations_are_those_of_a_rotor() {

@@ -32,7 +32,7 @@ pub struct BlockErrors {
 
 impl BlockErrors {
     /// The source's fibre-optic block: 0.3 %, 3 °/h run to run, 1 °/h with 600 s, 20 °/h white at 0.1 s, 10″, rhumb drift
-    /// 0.5 °/h (METHODS S4); accelerometers of 0.03 m/s² bias, whose noise the satellite velocity hides.
+    /// 0.5 °/h; accelerometers of 0.03 m/s² bias, whose noise the satellite velocity hides.
     pub const FOG: Self = Self {
         // 20 °/h · √0.1 s.
         gyro_white_rad_per_sqrt_s: 20.0 * DEG_H * 0.316_227_766_016_837_94,
@@ -46,7 +46,7 @@ impl BlockErrors {
         accelerometer_white_m_s_per_sqrt_s: 1e-4,
     };
 
-    /// The source's MEMS hardware: gyro 0.1 °/s, 0.07 °/s/√Hz; accelerometer 0.03 m/s², 0.02 m/s²/√Hz (METHODS S4).
+    /// The source's MEMS hardware: gyro 0.1 °/s, 0.07 °/s/√Hz; accelerometer 0.03 m/s², 0.02 m/s²/√Hz.
     pub const MEMS_HARDWARE: Self = Self {
         gyro_white_rad_per_sqrt_s: 0.07 * RAD_PER_DEG,
         gyro_markov_rad_s: 0.01 * RAD_PER_DEG,
