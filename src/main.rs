@@ -100,7 +100,8 @@ mod app {
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let mut board: Board = board::init(cx.device);
-        let (pipeline, index) = power_up(cx.local.pipeline_place, &mut board.flash);
+        let loaded = load_settings(&mut board.flash);
+        let (pipeline, index) = power_up(cx.local.pipeline_place, loaded);
 
         let (gyro_in, gyro_out) = cx.local.gyro_bytes.split();
         let (request_in, request_out) = cx.local.requests.split();
@@ -143,6 +144,9 @@ mod app {
     }
 
     /// Settings from flash; a flash that cannot be read is as good as corrupt.
+    ///
+    /// Never inlined: what this takes of the stack is free again for [`power_up`].
+    #[inline(never)]
     fn load_settings(flash: &mut board::Flash) -> Loaded {
         let loaded = store::load(flash).unwrap_or(Loaded::Corrupt);
         match &loaded {
@@ -159,9 +163,8 @@ mod app {
     #[inline(never)]
     fn power_up(
         place: &'static mut MaybeUninit<Pipeline>,
-        flash: &mut board::Flash,
+        loaded: Loaded,
     ) -> (&'static mut Pipeline, IndexSettings) {
-        let loaded = load_settings(flash);
         let index = match &loaded {
             Loaded::Valid(settings) => settings.index,
             Loaded::Missing | Loaded::Corrupt => IndexSettings::default(),
