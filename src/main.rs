@@ -161,10 +161,7 @@ mod app {
     ///
     /// Never inlined: what this takes of the stack is free again for the tasks.
     #[inline(never)]
-    fn power_up(
-        place: &'static mut MaybeUninit<Pipeline>,
-        loaded: Loaded,
-    ) -> (&'static mut Pipeline, IndexSettings) {
+    fn power_up(place: &'static mut MaybeUninit<Pipeline>, loaded: Loaded) -> (&'static mut Pipeline, IndexSettings) {
         let index = match &loaded {
             Loaded::Valid(settings) => settings.index,
             Loaded::Missing | Loaded::Corrupt => IndexSettings::default(),

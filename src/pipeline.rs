@@ -60,6 +60,8 @@ pub struct Pipeline {
 
 impl Pipeline {
     /// With what the flash held. Without valid settings the pipeline still samples and reports, but starts no fix.
+    // Inlined, so that it is made where it stays: copies of it would take tens of kilobytes of a board's stack.
+    #[inline(always)]
     pub fn new(loaded: Loaded) -> Self {
         let (settings, sequencer) = match loaded {
             // What no board measures cannot be compensated: such a model is for recordings.
@@ -246,6 +248,7 @@ impl Pipeline {
     }
 }
 
+#[inline(always)]
 fn sequencer(settings: &Settings) -> Result<Sequencer, Fault> {
     let model = settings.model.clone().unwrap_or_default();
     Ok(Sequencer::new(settings.rules(), Accumulator::new(settings.declared()?, model, Vec::new())))

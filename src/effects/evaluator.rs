@@ -48,6 +48,8 @@ pub struct Evaluator {
 }
 
 impl Evaluator {
+    // Inlined, so that it is made where it stays: copies of it would take tens of kilobytes of a board's stack.
+    #[inline(always)]
     pub fn new(model: ErrorModel) -> Self {
         let mut windows: Vec<Window, MAX_WINDOWS> = Vec::new();
         for (channel, low_pass_s) in model.windows() {

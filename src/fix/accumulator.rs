@@ -138,8 +138,14 @@ pub struct Accumulator<D> {
 
 impl<D: Dwells> Accumulator<D> {
     /// An accumulator that keeps its dwells in `dwells`, which is empty.
+    // Inlined, so that it is made where it stays: copies of it would take tens of kilobytes of a board's stack.
+    #[inline(always)]
     pub fn new(declared: Declared, model: ErrorModel, dwells: D) -> Self {
-        let mut new = Self {
+        let mut flags = Flags::default();
+        if !declared.calibrated {
+            flags.insert(Flag::Uncalibrated);
+        }
+        Self {
             declared,
             evaluator: Evaluator::new(model),
             dwells,
@@ -150,10 +156,8 @@ impl<D: Dwells> Accumulator<D> {
             rest_s: 0.0,
             moving_s: 0.0,
             temperature_c: None,
-            flags: Flags::default(),
-        };
-        new.restart();
-        new
+            flags,
+        }
     }
 
     /// Begins another fix. What the error model remembers is the instrument's and stays.

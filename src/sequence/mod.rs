@@ -21,8 +21,8 @@ use crate::level::{LevelSettings, Specific};
 use order::{Position, SequenceSettings};
 use turn::{Progress, Turn};
 
-/// Most dwells that a fix can have.
-pub const MAX_DWELLS: usize = 64;
+/// Most dwells that a fix can have: those of the longest order, and half as many again.
+pub const MAX_DWELLS: usize = 24;
 /// Seconds in a row without the accelerometers, or out of level while measuring, that end a fix.
 const PATIENCE_SECONDS: u16 = 3;
 /// While measuring, the level limit is this much wider than before: a tripod may settle a little.
@@ -131,6 +131,8 @@ pub struct Sequencer {
 
 impl Sequencer {
     /// Ready to start.
+    // Inlined, so that it is made where it stays: copies of it would take tens of kilobytes of a board's stack.
+    #[inline(always)]
     pub fn new(rules: Rules, accumulator: Accumulator<Vec<DwellSummary, MAX_DWELLS>>) -> Self {
         Self {
             rules,
