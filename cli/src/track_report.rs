@@ -60,10 +60,10 @@ fn plot(title: &str, curves: &[&[(f64, f64)]]) -> String {
             curve.iter().step_by(step).map(|(t_s, value)| format!("{:.1},{:.1}", x(*t_s), y(*value))).collect();
         let _ = write!(svg, "<polyline points=\"{}\"/>", points.join(" "));
     }
-    let _ = write!(
+    let _ = writeln!(
         svg,
         "<text x=\"4\" y=\"30\">{y1:.4}</text><text x=\"4\" y=\"{}\">{y0:.4}</text><text x=\"{MARGIN}\" y=\"{}\">{t0:.0} \
-         s</text><text x=\"{}\" y=\"{}\" text-anchor=\"end\">{t1:.0} s</text></svg></figure>\n",
+         s</text><text x=\"{}\" y=\"{}\" text-anchor=\"end\">{t1:.0} s</text></svg></figure>",
         HEIGHT - 32.0,
         HEIGHT - 12.0,
         WIDTH - 10.0,

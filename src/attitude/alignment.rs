@@ -177,7 +177,7 @@ impl Alignment {
     /// A sample of `dt_s`, 0 … 1 s; others are left out (`false`), as are numbers that are none.
     pub fn push(&mut self, dt_s: f64, sample: Increment) -> bool {
         let finite = sample.angle_rad.iter().chain(sample.velocity_m_s.iter()).all(|part| part.is_finite());
-        if !finite || !(dt_s > 0.0 && dt_s <= LONGEST_SAMPLE_S) {
+        if !(finite && dt_s > 0.0 && dt_s <= LONGEST_SAMPLE_S) {
             return false;
         }
         let Some(interval) = self.integrator.push(sample) else { return true };

@@ -255,7 +255,7 @@ impl Hold {
     /// A sample of `dt_s` seconds. At the end of a second: what became of it.
     pub fn push(&mut self, dt_s: f64, sample: Increment) -> Option<HoldSecond> {
         let finite = sample.angle_rad.iter().chain(sample.velocity_m_s.iter()).all(|part| part.is_finite());
-        if !finite || !(dt_s > 0.0 && dt_s <= SECOND_S) {
+        if !(finite && dt_s > 0.0 && dt_s <= SECOND_S) {
             self.counters.invalid = self.counters.invalid.saturating_add(1);
             return None;
         }

@@ -211,8 +211,10 @@ impl Paths {
             for i in column..=degree {
                 let Some(line) = self.factor.get(i) else { continue };
                 let unit = if i == column { 1.0 } else { 0.0 };
-                let product: f64 = line.iter().enumerate().take(i).map(|(k, l)| l * inverse[(k, column)]).sum();
-                inverse[(i, column)] = (unit - product) / line.get(i).copied().unwrap_or(1.0);
+                let product: f64 = line.iter().zip(inverse.column(column).iter()).take(i).map(|(a, b)| a * b).sum();
+                if let (Some(entry), Some(pivot)) = (inverse.get_mut((i, column)), line.get(i)) {
+                    *entry = (unit - product) / pivot;
+                }
             }
         }
         let coefficients = self.reduced.map(|reduced| inverse.tr_mul(&SVector::from(reduced)));

@@ -61,7 +61,7 @@ impl Board {
         drop(other_end);
         let mut bridge = Bridge {
             line,
-            speech: if self.nmea { Speech::Nmea { heading_deg: None } } else { Speech::Link(RequestDecoder::new()) },
+            speech: if self.nmea { Speech::Nmea { heading_deg: None } } else { Speech::Link(Box::default()) },
             speed: self.speed,
             began: Instant::now(),
             unheard: 0,
@@ -73,7 +73,7 @@ impl Board {
 
 /// What goes over the line.
 enum Speech {
-    Link(RequestDecoder),
+    Link(Box<RequestDecoder>),
     Nmea { heading_deg: Option<f64> },
 }
 

@@ -18,6 +18,7 @@ const HELD: usize = 16;
 
 /// What a candidate is, apart from its coefficients and its one non-linear constant.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant)] // A few hundred candidates, made once: a box each would save nothing.
 pub enum Part {
     Term(Term),
     Rate(RateTerm),

@@ -83,12 +83,15 @@ pub struct Alternative {
     pub active: Active,
 }
 
+/// A recording with its samples and what makes their noise white.
+type Prepared<'a> = (Sheet<'a>, Arc<Whitening>);
+
 /// Prepares recordings with a common treatment of their noise; `None` where a run has too little in it.
 pub fn prepare<'a>(
     recordings: &[&'a Recording],
     kernels: &[Kernel],
     unit_deg_h: Option<f64>,
-) -> (Vec<Option<(Sheet<'a>, Arc<Whitening>)>>, f64) {
+) -> (Vec<Option<Prepared<'a>>>, f64) {
     let entering: Vec<Vec<bool>> = recordings.par_iter().map(|recording| recording.without_shocks()).collect();
     let noises: Vec<Option<(f64, usize)>> =
         recordings.par_iter().zip(&entering).map(|(recording, enters)| recording.noise(enters)).collect();

@@ -95,7 +95,8 @@ fn a_low_pass_halves_what_is_missing() {
 /// twelfth of step² times the curvature, at the exponential's cusp by a sixth of step/τ of the diagonal: 2e-3 here.
 #[test]
 fn covariances_of_spans_are_double_means() {
-    let correlation: [(Shape, fn(f64, f64) -> f64); 4] = [
+    type Correlation = fn(f64, f64) -> f64;
+    let correlation: [(Shape, Correlation); 4] = [
         (Shape::Exponential, |d, t| (-d / t).exp()),
         (Shape::Matern, |d, t| (1.0 + 3f64.sqrt() * d / t) * (-(3f64.sqrt()) * d / t).exp()),
         (Shape::SquaredExponential, |d, t| (-0.5 * (d / t).powi(2)).exp()),

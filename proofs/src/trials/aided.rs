@@ -158,7 +158,7 @@ pub fn run_with(case: &Case, seed: u64, mut beside: impl FnMut(&mut Filter, &Ste
         filter.set_mode(aids.mode);
         aid(&mut filter, case, &aids, second, (&last, at), (&mut receivers, &mut water, &mut random));
         last = *at;
-        if second % case.every_s == 0 {
+        if second.is_multiple_of(case.every_s) {
             snapshots.push(snapshot(&mut filter, at, &block));
         }
     }
@@ -174,7 +174,7 @@ fn aid(
     (receivers, water, random): (&mut Receivers, &mut WaterInstruments, &mut Normal),
 ) {
     let class = &case.water;
-    let due = |every: Option<u32>| every.is_some_and(|every| second % every == 0);
+    let due = |every: Option<u32>| every.is_some_and(|every| second.is_multiple_of(every));
     if due(aids.satellites_s) {
         let mean_m_s = receivers.velocity_m_s(last, at);
         let _ = filter.measure(&Measurement::Velocity { mean_m_s, sigma_m_s: case.antennas.velocity_m_s });
