@@ -198,5 +198,11 @@ fn study_stays(
             !tilt && each.grid.is_empty() && !each.is_base_motion()
         })
         .collect();
-    learn::learn(blocks_of(&stays, distrusted, None), &candidates)
+    let learned = learn::learn(blocks_of(&stays, distrusted, None), &candidates);
+    // What takes a run's azimuth away, which the run has without it, is no effect of the gyro.
+    let loses = |run: &&RunData| {
+        let with_effects = learned.model(&model).ok().and_then(|with_effects| run.solve(&with_effects));
+        run.solve(&model).is_some() && with_effects.is_none()
+    };
+    if runs.iter().any(loses) { learn::learn(blocks_of(&stays, distrusted, None), &[]) } else { learned }
 }

@@ -56,6 +56,10 @@ impl Open {
             return Some(beside);
         }
         let alone = Self::learn(runs, &[], bad_references)?;
+        // A process of the runs' own explains nothing: it stands in no effect's place.
+        if alone.groups().is_empty() {
+            return Some(beside);
+        }
         let numbers: usize = taken.iter().map(|each| each.candidate.freedom()).sum();
         let named = beside.learned.evidence - OF_NUMBER * numbers as f64 + MARGIN;
         Some(if alone.learned.evidence > named { Self { replaces: true, ..alone } } else { beside })

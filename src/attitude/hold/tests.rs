@@ -19,7 +19,11 @@ fn sample(rate_deg_s: f64, bias_deg_h: f64) -> Increment {
 }
 
 fn run(hold: &mut Hold, seconds: u32, sample: Increment) -> HoldSecond {
-    (0..100 * seconds).filter_map(|_| hold.push(0.01, sample)).next_back().unwrap()
+    let mut last = None;
+    for _ in 0..100 * seconds {
+        last = hold.push(0.01, sample).or(last);
+    }
+    last.unwrap()
 }
 
 #[test]
