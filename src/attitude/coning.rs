@@ -206,7 +206,7 @@ mod tests {
 
     #[test]
     fn drift_on_coning_is_that_of_the_table() {
-        // METHODS S4: 1, 5, 10 Hz; two printed digits, hence 6 %.
+        // the published system: 1, 5, 10 Hz; two printed digits, hence 6 %.
         let table = [
             (Algorithm::Sum, [0.13, 16.2, 127.0]),
             (Algorithm::PreviousInterval, [1.0e-4, 0.32, 9.8]),

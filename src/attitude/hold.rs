@@ -52,7 +52,7 @@ pub struct BlockClass {
 }
 
 impl BlockClass {
-    /// The MEMS block of METHODS S4: 0.1 °/s, 0.07 °/s/√Hz (4.2 °/√h); 0.03 m/s², 0.02 m/s²/√Hz.
+    /// The MEMS block of the published system: 0.1 °/s, 0.07 °/s/√Hz (4.2 °/√h); 0.03 m/s², 0.02 m/s²/√Hz.
     pub const SOURCE_MEMS: Self = Self {
         name: "source-mems",
         arw_deg_sqrt_h: 4.2,
@@ -79,7 +79,7 @@ impl BlockClass {
         vrw_m_s_sqrt_s: 0.001,
         range_deg_s: 400.0,
     };
-    /// The fibre-optic block of METHODS S4: 3 °/h, Markov 1 °/h of 600 s, 20 °/h at 0.1 s (0.105 °/√h), 0.3 %, 10″.
+    /// The fibre-optic block of the published system: 3 °/h, Markov 1 °/h of 600 s, 20 °/h at 0.1 s (0.105 °/√h), 0.3 %, 10″.
     pub const SOURCE_FOG: Self = Self {
         name: "source-fog",
         arw_deg_sqrt_h: 0.105,

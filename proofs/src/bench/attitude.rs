@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use super::Bench;
 
-/// Half-angle of the cone, degrees, and interval, s: those of the table in METHODS S4.
+/// Half-angle of the cone, degrees, and interval, s: those of the published table.
 const HALF_ANGLE_DEG: f64 = 1.0;
 const INTERVAL_S: f64 = 0.01;
 /// Time that the drift is measured over, s.

@@ -98,7 +98,7 @@ impl Trial {
         catch_unwind(AssertUnwindSafe(|| session::run(self))).unwrap_or(Ok(Outcome::PANIC))
     }
 
-    /// Whether METHODS' table says that no single fix sees one of its faults in this order.
+    /// Whether docs/method.md says that no single fix sees one of its faults in this order.
     pub fn is_blind(&self) -> bool {
         self.kinds.iter().any(|kind| match kind.blind {
             kind::Blind::No => false,

@@ -50,7 +50,7 @@ fn a_turn_is_carried_with_its_sign_and_widens_sigma() {
 
 #[test]
 fn a_fix_of_the_source_s_block_is_lost_in_a_walk() {
-    // METHODS S4: 0.07 °/s/√Hz moves the heading by 0.07 √10 = 0.22° in 10 s; asked for again beyond 0.5°.
+    // the published system: 0.07 °/s/√Hz moves the heading by 0.07 √10 = 0.22° in 10 s; asked for again beyond 0.5°.
     let mut hold = hold(&BlockClass::SOURCE_MEMS, 0.0);
     run(&mut hold, 600, sample(0.0, 0.0));
     let after = run(&mut hold, 10, sample(0.5, 0.0));
