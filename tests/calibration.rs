@@ -98,7 +98,7 @@ fn a_calibration_shortens_the_error_of_a_voyage() {
 /// The folder with measured data, which the project does not contain.
 fn data() -> PathBuf {
     std::env::var_os("NORTH_FINDER_DATA")
-        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from)
+        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), PathBuf::from)
 }
 
 /// What imu_tk itself prints for this recording (its test_imu_calib: misalignments T and inverse scale factors K, m/s² per

@@ -1,13 +1,11 @@
 //! The accelerometers calibrated in the field: the operator of a scenario obeys the instrument, in this process and, report
 //! for report the same, as the firmware image in QEMU.
 
-mod common;
-
 use std::path::Path;
 use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 
-use common::{fix, of_scenario};
+use crate::common::{fix, of_scenario};
 use hal_sim::scenario::{SensorFault, SensorFaultKind};
 use hal_sim::{Scenario, World};
 use north::engine::{self, Engine, FixWanted, Outcome, Person, PowerOff, Setup, qemu};
@@ -191,7 +189,7 @@ fn impatient(engine: Engine) -> Vec<Report> {
 #[test]
 fn an_abort_ends_it_and_a_fix_can_begin() {
     let reports = impatient(Engine::Host);
-    let names = common::names(&reports);
+    let names = crate::common::names(&reports);
     let aborted = names.iter().position(|name| *name == "aborted").unwrap();
     assert_eq!(names[aborted + 1], "failed");
     assert_eq!(names[aborted + 2], "levelling");

@@ -2,13 +2,11 @@
 //!
 //! Needs `qemu-system-arm` and the target `thumbv7em-none-eabihf`, as `make setup` brings them.
 
-mod common;
-
 use std::path::Path;
 use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 
-use common::{run, setup};
+use crate::common::{run, setup};
 use north::engine::{End, Setup, qemu};
 use north_finder::event::Report;
 use north_finder::health::{Fault, Flag};

@@ -1,12 +1,10 @@
 //! Replay = record = replay: what entered the pipeline, entered again, gives the same reports bit for bit; and the
 //! recording of a fix, of its seconds or of its frames, gives that fix.
 
-mod common;
-
 use std::cell::RefCell;
 use std::sync::atomic::AtomicBool;
 
-use common::{run, setup};
+use crate::common::{run, setup};
 use hal_sim::Scenario;
 use north::engine::{End, host};
 use north::recorder::{RawRecorder, Recorder, new_campaign, write_run};

@@ -1,9 +1,7 @@
 //! No azimuth comes out silently wrong: in every scenario whose effect a single fix can see, an azimuth that is off by
 //! more than four of its sigmas carries a flag.
 
-mod common;
-
-use common::{fix, of_scenario, run};
+use crate::common::{fix, of_scenario, run};
 use hal_sim::Scenario;
 use north::engine::{End, Setup};
 use north_finder::health::Flags;

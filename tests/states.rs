@@ -1,8 +1,6 @@
 //! Every state of a fix and every way out of it, by name, on the simulated instrument.
 
-mod common;
-
-use common::{fix, names, of_scenario, run, setup};
+use crate::common::{fix, names, of_scenario, run, setup};
 use hal_sim::Scenario;
 use north::engine::{End, Setup};
 use north_finder::event::{Event, State};

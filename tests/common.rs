@@ -1,5 +1,4 @@
 //! What several tests need: runs of the simulated instrument.
-#![allow(dead_code)] // each test program uses its part
 
 use std::sync::atomic::AtomicBool;
 

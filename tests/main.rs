@@ -1,0 +1,14 @@
+//! What crosses the modules, as one test program.
+
+mod accuracy;
+mod calibration;
+mod common;
+mod diagnose;
+mod documents;
+mod field;
+mod frames;
+mod hidden_effects;
+mod qemu;
+mod replay;
+mod scenarios;
+mod states;
