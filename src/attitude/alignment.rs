@@ -5,25 +5,27 @@
 //!
 //! f(t) = g up + g Ω cos φ east · t + g cos φ (sin φ north − cos φ up) Ω² t²/2 − …,
 //!
-//! so that its mean is up and its slope points east: heading needs nothing else. Which of its integrals is fitted decides
-//! what disturbs. A still base has white noise in the force: a straight line through f. A swaying base has it in the velocity,
-//! since it comes back to where it was: a parabola through the integral of f. The mean of the gyros' rates, which takes the
-//! base for still altogether, is the coarse alignment.
-//!
-//! With white noise of the spectral density N² in the rate, an error of the rate about a horizontal axis has the variance
-//! (6/5) N²/T from the line and (10/7) N²/T from the parabola (1 from the mean), and from the noise S of what is fitted
-//! 12 S/g²T³ and 720 S/g²T⁵. Both are estimated: S from what a polynomial of degree six leaves, N from the orthonormal
-//! coefficients above those that carry the heading, in which noise of the rate grows as S does not. N is uncertain in one
-//! window, so its likelihood is averaged over rather than maximised, and windows of one recording share it ([`NoiseOfRate`]).
+//! so that its mean is up and its slope points east: heading needs nothing else. The mean of the gyros' rates, which takes the
+//! base for still altogether, is the coarse alignment. What disturbs a fit of that slope depends on the base. One that comes back
+//! to where it was has white noise in its velocity: a parabola through the integral of f. Accelerometers have it in the
+//! force: a line through f. Gyros have it in the rate, and f wanders. With white rate noise of the density N² alone an error of the
+//! horizontal rate has the variance N²/T of the mean rate; the line alone makes 6/5 of it, the parabola 10/7. With white force
+//! noise of density A² alone the line has 12 A²/g²T³, the parabola 10/7 of it. The least squares that know how much there is of each are
+//! [`tracker`]; how much there is, they learn from the window itself and from others of the same recording ([`noise`]): the
+//! likelihoods of 720 mixtures are computed and the results averaged over them (Hoeting and others, Bayesian model
+//! averaging, Statistical Science 14, 1999). Loud seconds count less ([`blocks`]).
 
-mod moments;
+mod blocks;
 mod noise;
+mod tracker;
 
 use nalgebra::{Matrix3, Vector3};
 
 pub use self::noise::NoiseOfRate;
 
-use self::moments::{COEFFICIENTS, Fit, Moments};
+use self::blocks::{BlockList, Blocks};
+use self::noise::{CANDIDATES, Noise, log_sum, probabilities};
+use self::tracker::{Tracked, track};
 use super::coning::{Algorithm, Increment, Integrator};
 use super::quaternion::Quaternion;
 use super::rotation::Angles;
@@ -32,10 +34,16 @@ use crate::units::{DEG_PER_RAD, RAD_PER_DEG};
 
 /// Ω, rad/s.
 const EARTH_RATE_RAD_S: f64 = EARTH_RATE_DEG_H * RAD_PER_DEG / 3600.0;
-/// Length of the means that are fitted, s.
-const BLOCK_S: f64 = 1.0;
-/// Fewest of them: two more than the polynomial has coefficients.
-const LEAST_BLOCKS: u32 = COEFFICIENTS as u32 + 2;
+/// Fewest blocks of velocity, 1 s each: three fill the filter, six judge the noise.
+const LEAST_BLOCKS: usize = 9;
+const LEAST_S: f64 = LEAST_BLOCKS as f64;
+/// Rounds that take out the terms beyond the slope. They are of the order of Ωt, 0.02 in 300 s, of what is found: three rounds
+/// bring them to 1e-5 of themselves.
+const ROUNDS: usize = 3;
+/// A horizontal rate that is so many sigmas from the Earth's is a bias of the gyros.
+const BIAS_SIGMAS: f64 = 2.0;
+/// Candidates less likely than this are left out: together below 1e-4.
+const LEAST_PROBABILITY: f64 = 1e-6;
 /// Length of a sample that is taken, s.
 const LONGEST_SAMPLE_S: f64 = 1.0;
 
@@ -48,13 +56,16 @@ pub enum Method {
     ForceLine,
     /// A parabola through the velocity in inertial axes.
     VelocityParabola,
+    /// Least squares in inertial axes with the noise that the window shows.
+    LeastSquares,
     /// The same where the latitude is not known.
     UnknownLatitude,
 }
 
 impl Method {
     /// All, from the coarsest to the finest; the last is for where there is no latitude.
-    pub const ALL: [Self; 4] = [Self::StaticMean, Self::ForceLine, Self::VelocityParabola, Self::UnknownLatitude];
+    pub const ALL: [Self; 5] =
+        [Self::StaticMean, Self::ForceLine, Self::VelocityParabola, Self::LeastSquares, Self::UnknownLatitude];
 
     /// Its name, in lower case with hyphens.
     pub fn name(self) -> &'static str {
@@ -62,6 +73,7 @@ impl Method {
             Self::StaticMean => "static-mean",
             Self::ForceLine => "inertial-force-line",
             Self::VelocityParabola => "inertial-velocity-parabola",
+            Self::LeastSquares => "inertial-least-squares",
             Self::UnknownLatitude => "inertial-unknown-latitude",
         }
     }
@@ -134,20 +146,7 @@ pub struct Alignment {
     angle_rad: Vector3<f64>,
     /// Integral of specific force along the block's own axes, m/s.
     felt_m_s: Vector3<f64>,
-    block: Block,
-    /// Specific force of the first block and of the last: what is fitted is reckoned from the first.
-    first_force: Option<Vector3<f64>>,
-    last_force: Vector3<f64>,
-    force: Moments,
-    velocity: Moments,
-}
-
-/// A mean in the making.
-#[derive(Clone, Copy, Debug, Default)]
-struct Block {
-    start_s: f64,
-    start_velocity: Vector3<f64>,
-    weighted_velocity: Vector3<f64>,
+    blocks: Blocks,
 }
 
 impl Default for Alignment {
@@ -159,11 +158,7 @@ impl Default for Alignment {
             velocity_m_s: Vector3::zeros(),
             angle_rad: Vector3::zeros(),
             felt_m_s: Vector3::zeros(),
-            block: Block::default(),
-            first_force: None,
-            last_force: Vector3::zeros(),
-            force: Moments::default(),
-            velocity: Moments::default(),
+            blocks: Blocks::default(),
         }
     }
 }
@@ -188,33 +183,18 @@ impl Alignment {
         self.angle_rad += sample.angle_rad;
         self.felt_m_s += sample.velocity_m_s;
         // A trapezium: the mean of the velocity over the sample.
-        self.block.weighted_velocity += (before + self.velocity_m_s) * (0.5 * dt_s);
-        if self.seconds - self.block.start_s >= BLOCK_S - 0.5 * dt_s {
-            self.end_block();
-        }
+        self.blocks.push(dt_s, &(0.5 * (before + self.velocity_m_s)));
         true
     }
 
-    fn end_block(&mut self) {
-        let Block { start_s, start_velocity, weighted_velocity } = self.block;
-        let length_s = self.seconds - start_s;
-        let middle_s = 0.5 * (self.seconds + start_s);
-        let force = (self.velocity_m_s - start_velocity) / length_s;
-        let nominal = *self.first_force.get_or_insert(force);
-        self.last_force = force;
-        self.force.push(middle_s, force - nominal);
-        // The mean of a line over the block is its middle; that of t² is a constant more, which the offset takes.
-        self.velocity.push(middle_s, weighted_velocity / length_s - nominal * middle_s);
-        self.block =
-            Block { start_s: self.seconds, start_velocity: self.velocity_m_s, weighted_velocity: Vector3::zeros() };
-    }
-
-    /// The likelihood of the gyros' noise in this window, to be shared with others of the same recording. `None` where there
-    /// is too little to tell.
-    pub fn noise(&self, latitude_deg: f64) -> Option<NoiseOfRate> {
-        let latitude = Some(latitude_deg);
-        let (fit, rate) = self.fit(Method::VelocityParabola, latitude).ok()?;
-        Some(NoiseOfRate::of(&fit, &rate.coefficients(2), &rate.up, rate.gravity))
+    /// What the window tells of the gyros' noise, to be shared with others of the same recording. `None` where there is too
+    /// little to tell.
+    pub fn noise(&self, latitude_deg: Option<f64>) -> Option<NoiseOfRate> {
+        let method = if latitude_deg.is_some() { Method::LeastSquares } else { Method::UnknownLatitude };
+        let window = self.window(method, latitude_deg).ok()?;
+        let mut densities = noise::tried();
+        let of = |rate: f64| log_sum(&window.likelihoods(rate));
+        Some(NoiseOfRate::Learned(core::array::from_fn(|_| densities.next().map_or(f64::NEG_INFINITY, of))))
     }
 
     /// Heading and levels at the window's end by one method. `latitude_deg` is needed by all but one, which finds it; its
@@ -226,29 +206,29 @@ impl Alignment {
         method: Method,
         latitude_deg: Option<f64>,
         noise: &NoiseOfRate,
-        bias_deg_h: f64,
+        bias_deg_h: Option<f64>,
     ) -> Result<Aligned, AlignError> {
         let length_s = self.seconds;
         let (rate, axes, variance_rad2_s2, level_rad) = if method == Method::StaticMean {
             let rate = self.static_rate(latitude_deg)?;
             // What the base turned in the meantime is taken for a rate: its tilt from the first second to the last.
             let tilt_rad = self.tilt_rad(rate.gravity);
-            let of_noise = noise.mean(|n2| n2 / length_s);
+            let of_noise = noise.mean_density() / length_s;
             (rate, Quaternion::IDENTITY, of_noise + (tilt_rad / length_s) * (tilt_rad / length_s), tilt_rad)
         } else {
-            let (fit, rate) = self.fit(method, latitude_deg)?;
-            let of_noise = noise.mean(|n2| fit.slope_variance(n2, rate.gravity));
-            let level_rad = libm::sqrt(fit.offset_variance()) / rate.gravity;
-            (rate, self.inertial, of_noise, level_rad)
+            let window = self.window(method, latitude_deg)?;
+            let (tracked, slope_variance) = window.average(method, noise);
+            let rate = self.seen(&tracked, &window.nominal, window.seen.sin, window.seen.cos)?;
+            let g2 = rate.gravity * rate.gravity;
+            (rate, self.inertial, slope_variance / g2, libm::sqrt(tracked.force_variance / g2))
         };
         let horizontal = rate.east.norm() / rate.gravity;
         let excess = if method == Method::UnknownLatitude { 0.0 } else { horizontal - rate.cos * EARTH_RATE_RAD_S };
-        let bias = bias_deg_h * RAD_PER_DEG / 3600.0;
         // Across the direction of north nothing shows; along it the Earth's rate is known. What is too much there beyond its
-        // noise is a bias, and the other axis may have one of that size.
-        let variance = variance_rad2_s2 + bias * bias;
-        let variance = variance + (excess * excess - variance).max(0.0);
-        let sigma = libm::sqrt(variance);
+        // noise is a bias, and the other axis may have one of that size, unless a bias is declared.
+        let shown = if libm::fabs(excess) > BIAS_SIGMAS * libm::sqrt(variance_rad2_s2) { excess } else { 0.0 };
+        let bias = bias_deg_h.map_or(shown, |declared| declared * RAD_PER_DEG / 3600.0);
+        let sigma = libm::sqrt(variance_rad2_s2 + bias * bias);
         let to_deg_h = DEG_PER_RAD * 3600.0;
         if horizontal <= 2.0 * sigma && method != Method::StaticMean {
             return Err(AlignError::NoEarthRate { rate_deg_h: horizontal * to_deg_h, sigma_deg_h: sigma * to_deg_h });
@@ -269,8 +249,8 @@ impl Alignment {
     }
 
     fn tilt_rad(&self, gravity: f64) -> f64 {
-        let end = self.inertial.inverse().rotate(&self.last_force);
-        self.first_force.map_or(0.0, |first| (end - first).norm() / gravity)
+        let (first, last) = self.blocks.first_and_last_force().unwrap_or_default();
+        (self.inertial.inverse().rotate(&last) - first).norm() / gravity
     }
 
     fn static_rate(&self, latitude_deg: Option<f64>) -> Result<EarthSeen, AlignError> {
@@ -285,38 +265,51 @@ impl Alignment {
     }
 
     fn check_length(&self) -> Result<(), AlignError> {
-        if self.velocity.count() < LEAST_BLOCKS {
-            let least_s = f64::from(LEAST_BLOCKS) * BLOCK_S;
-            return Err(AlignError::TooShort { seconds: self.seconds, least_s });
+        if self.blocks.count() < LEAST_BLOCKS {
+            return Err(AlignError::TooShort { seconds: self.seconds, least_s: LEAST_S });
         }
         Ok(())
     }
 
-    /// The Earth as the polynomial sees it, with the terms beyond the one that carries the heading taken out by what is known
-    /// of them.
-    fn fit(&self, method: Method, latitude_deg: Option<f64>) -> Result<(Fit, EarthSeen), AlignError> {
+    /// The window's velocities without the terms beyond the slope, by what is known of them from the slope.
+    fn window(&self, method: Method, latitude_deg: Option<f64>) -> Result<Window, AlignError> {
         self.check_length()?;
-        let nominal = self.first_force.unwrap_or_default();
-        let (moments, integrations) = if method == Method::ForceLine { (&self.force, 1) } else { (&self.velocity, 2) };
-        let too_short = AlignError::TooShort { seconds: self.seconds, least_s: f64::from(LEAST_BLOCKS) * BLOCK_S };
-        let fit = moments.fit(integrations).ok_or(too_short)?;
+        let too_short = AlignError::TooShort { seconds: self.seconds, least_s: LEAST_S };
+        let (nominal, _) = self.blocks.first_and_last_force().ok_or(too_short)?;
+        let up = nominal / check_gravity(&nominal)?;
         let known = match method {
             Method::UnknownLatitude => None,
             _ => Some(check_latitude(latitude_deg.unwrap_or(f64::NAN))?),
         };
-        let mut beyond = [Vector3::zeros(); COEFFICIENTS];
-        let mut seen = EarthSeen::of(&fit, &beyond, &nominal, integrations)?;
-        // The terms beyond are of the order of Ωt, 0.02 in 300 s: four rounds bring them to 1e-7 of what they do.
-        for _ in 0..4 {
+        let blocks = self.blocks.whitened(&up);
+        let mut window = Window {
+            velocities: blocks.iter().map(|(t_s, velocity)| velocity - nominal * t_s).collect(),
+            local_variances: blocks.local_variances(&up),
+            mean_variance: blocks.mean_variance(&up),
+            step_s: blocks.step_s(),
+            nominal,
+            seen: EarthSeen { up, gravity: nominal.norm(), east: Vector3::zeros(), sin: 0.0, cos: 1.0 },
+        };
+        for _ in 0..ROUNDS {
+            let tracked = window.track(&Noise::OF_BOTH, &Noise::OF_BOTH);
+            let mut seen = self.seen(&tracked, &nominal, window.seen.sin, window.seen.cos)?;
             (seen.sin, seen.cos) = match known {
                 Some(known) => known,
                 None => self.found_latitude(&seen)?,
             };
-            beyond = seen.coefficients(integrations);
-            let (sin, cos) = (seen.sin, seen.cos);
-            seen = EarthSeen { sin, cos, ..EarthSeen::of(&fit, &beyond, &nominal, integrations)? };
+            window.seen = seen;
+            for ((t_s, velocity), place) in blocks.iter().zip(&mut window.velocities) {
+                *place = velocity - nominal * t_s - seen.beyond(t_s);
+            }
         }
-        Ok((fit, seen))
+        Ok(window)
+    }
+
+    fn seen(&self, tracked: &Tracked, nominal: &Vector3<f64>, sin: f64, cos: f64) -> Result<EarthSeen, AlignError> {
+        let up = nominal + tracked.force;
+        let gravity = check_gravity(&up)?;
+        let up = up / gravity;
+        Ok(EarthSeen { up, gravity, east: tracked.slope - up * up.dot(&tracked.slope), sin, cos })
     }
 
     /// Sine and cosine of the latitude: its size from the horizontal rate, its sign from the gyros' rate about the vertical.
@@ -326,6 +319,63 @@ impl Alignment {
             return Err(AlignError::Latitude(LatitudeError::NearPole));
         }
         Ok((libm::copysign(libm::sqrt(1.0 - cos * cos), self.angle_rad.dot(&seen.up)), cos))
+    }
+}
+
+/// Velocities that a line of the force makes.
+#[derive(Clone, Debug)]
+struct Window {
+    /// Without the nominal force and the terms beyond the slope, m/s.
+    velocities: BlockList<Vector3<f64>>,
+    /// (m/s)².
+    local_variances: BlockList<f64>,
+    mean_variance: f64,
+    step_s: f64,
+    /// m/s².
+    nominal: Vector3<f64>,
+    seen: EarthSeen,
+}
+
+impl Window {
+    fn track(&self, believed: &Noise, actual: &Noise) -> Tracked {
+        let variances = self.local_variances.iter().map(|local| [*local, self.mean_variance]);
+        let blocks = self.velocities.iter().copied().zip(variances);
+        track(blocks, self.step_s, &self.seen.up, self.seen.gravity, believed, actual)
+    }
+
+    /// Log likelihoods of the candidates with a density of the rate's noise.
+    fn likelihoods(&self, rate: f64) -> [f64; CANDIDATES] {
+        let mut candidates = Noise::candidates(rate);
+        let of = |candidate: Noise| self.track(&candidate, &candidate).log_likelihood;
+        core::array::from_fn(|_| candidates.next().map_or(f64::NEG_INFINITY, of))
+    }
+
+    /// Mean over the candidates, and the variance of its slope along one axis: that of each and the spread between them.
+    fn average(&self, method: Method, noise: &NoiseOfRate) -> (Tracked, f64) {
+        let believed = match method {
+            Method::ForceLine => Some(Noise::OF_FORCE),
+            Method::VelocityParabola => Some(Noise::OF_VELOCITY),
+            _ => None,
+        };
+        let across = |slope: &Vector3<f64>| slope - self.seen.up * self.seen.up.dot(slope) - self.seen.east;
+        let mut mean = Tracked::default();
+        let mut square = 0.0;
+        for (rate, probability) in noise.densities().filter(|(_, probability)| *probability > LEAST_PROBABILITY) {
+            let likelihoods = self.likelihoods(rate);
+            for (candidate, own) in Noise::candidates(rate).zip(probabilities(&likelihoods)) {
+                let weight = probability * own;
+                if weight > LEAST_PROBABILITY {
+                    let tracked = self.track(&believed.unwrap_or(candidate), &candidate);
+                    mean.force += tracked.force * weight;
+                    mean.slope += tracked.slope * weight;
+                    mean.force_variance += tracked.force_variance * weight;
+                    mean.slope_variance += tracked.slope_variance * weight;
+                    square += weight * across(&tracked.slope).norm_squared();
+                }
+            }
+        }
+        let spread = 0.5 * (square - across(&mean.slope).norm_squared()).max(0.0);
+        (mean, mean.slope_variance + spread)
     }
 }
 
@@ -344,23 +394,6 @@ struct EarthSeen {
 }
 
 impl EarthSeen {
-    /// From the fit, the terms `beyond` taken out. The latitude is filled in by who knows it.
-    fn of(
-        fit: &Fit,
-        beyond: &[Vector3<f64>; COEFFICIENTS],
-        nominal: &Vector3<f64>,
-        integrations: usize,
-    ) -> Result<Self, AlignError> {
-        let (constant, slope) = fit.constant_and_slope(beyond);
-        let up = nominal + constant;
-        let gravity = check_gravity(&up)?;
-        let up = up / gravity;
-        // t²/2 of the velocity is t of the force.
-        let east = slope * if integrations == 2 { 2.0 } else { 1.0 };
-        let east = east - up * up.dot(&east);
-        Ok(Self { up, gravity, east, sin: 0.0, cos: 1.0 })
-    }
-
     /// East and north, unit vectors.
     fn east_north(&self) -> (Vector3<f64>, Vector3<f64>) {
         let length = self.east.norm();
@@ -378,29 +411,14 @@ impl EarthSeen {
         ]))
     }
 
-    /// Coefficients of t, t², … beyond the one that carries the heading, of the `integrations`-th integral less one: the
-    /// series of g [up + cos φ (east sin Ωt + (sin φ north − cos φ up)(1 − cos Ωt))].
-    fn coefficients(&self, integrations: usize) -> [Vector3<f64>; COEFFICIENTS] {
+    /// What the integral of the force has beyond the constant and the slope, m/s: that of
+    /// g cos φ [east sin Ωt + (sin φ north − cos φ up)(1 − cos Ωt)] less g cos φ east Ωt²/2.
+    fn beyond(&self, t_s: f64) -> Vector3<f64> {
         let (east, north) = self.east_north();
-        let across = (north * self.sin - self.up * self.cos) * (self.gravity * self.cos);
-        let along = east * (self.gravity * self.cos);
-        let rate = EARTH_RATE_RAD_S;
-        // Of the force: t² … t⁶.
-        let force = [
-            across * (rate * rate / 2.0),
-            along * (-rate * rate * rate / 6.0),
-            across * (-rate * rate * rate * rate / 24.0),
-            along * (rate * rate * rate * rate * rate / 120.0),
-        ];
-        let mut out = [Vector3::zeros(); COEFFICIENTS];
-        for (power, coefficient) in (2..).zip(force) {
-            // An integral of tⁿ is t^(n+1) / (n+1).
-            let (to, divisor) = if integrations == 2 { (power + 1, (power + 1) as f64) } else { (power, 1.0) };
-            if let Some(place) = out.get_mut(to) {
-                *place = coefficient / divisor;
-            }
-        }
-        out
+        let turned = EARTH_RATE_RAD_S * t_s;
+        let along = (1.0 - libm::cos(turned)) / EARTH_RATE_RAD_S - 0.5 * turned * t_s;
+        let across = t_s - libm::sin(turned) / EARTH_RATE_RAD_S;
+        (east * along + (north * self.sin - self.up * self.cos) * across) * (self.gravity * self.cos)
     }
 }
 

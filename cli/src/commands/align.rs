@@ -36,9 +36,10 @@ pub struct Align {
     /// Angle random walk of the gyros, degrees per root hour; without it it is estimated from the recording
     #[arg(long, value_name = "DEG", value_parser = number::<0, 10>)]
     arw: Option<f64>,
-    /// Bias of the gyros, one sigma, degrees per hour: no alignment at one heading can see it
-    #[arg(long, value_name = "DEG_H", default_value = "0", value_parser = number::<0, 1000>)]
-    bias: f64,
+    /// Bias of the gyros, one sigma, degrees per hour: no alignment at one heading can see it. Without it, what the horizontal
+    /// rate has beyond the Earth's and its noise is taken for one; 0 gives the repeatability
+    #[arg(long, value_name = "DEG_H", value_parser = number::<0, 1000>)]
+    bias: Option<f64>,
     /// Heading to compare with, degrees: errors are printed
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = number::<-360, 360>)]
     reference: Option<f64>,
@@ -114,14 +115,11 @@ impl Align {
 
     fn noise(&self, whole: &Gathered, windows: &[Gathered]) -> NoiseOfRate {
         if let Some(arw) = self.arw {
-            return NoiseOfRate::declared(arw);
+            return NoiseOfRate::Declared(arw);
         }
-        // Where the latitude is unknown, the terms that it decides are taken from the best guess of the whole.
-        let found = || whole.alignment.solve(Method::UnknownLatitude, None, &NoiseOfRate::declared(0.0), 0.0);
-        let latitude_deg = self.latitude.0.or_else(|| found().ok().map(|aligned| aligned.latitude_deg)).unwrap_or(45.0);
         let all = if windows.is_empty() { std::slice::from_ref(whole) } else { windows };
-        let learned = all.iter().filter_map(|window| window.alignment.noise(latitude_deg));
-        learned.reduce(|a, b| a.with(&b)).unwrap_or_else(|| NoiseOfRate::declared(0.0))
+        let learned = all.iter().filter_map(|window| window.alignment.noise(self.latitude.0));
+        learned.reduce(|a, b| a.with(&b)).unwrap_or(NoiseOfRate::Declared(0.0))
     }
 
     fn solve(&self, alignment: &Alignment, method: Method, noise: &NoiseOfRate) -> Result<Aligned, AlignError> {

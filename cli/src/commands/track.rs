@@ -204,9 +204,9 @@ impl Track {
                 (Angles { heading_deg, pitch_deg, roll_deg }, self.heading_sigma, level_sigma_deg)
             }
             None => {
-                let noise = NoiseOfRate::declared(class.arw_deg_sqrt_h);
+                let noise = NoiseOfRate::Declared(class.arw_deg_sqrt_h);
                 let aligned = alignment
-                    .solve(Method::VelocityParabola, Some(self.latitude), &noise, class.run_to_run_deg_h)
+                    .solve(Method::LeastSquares, Some(self.latitude), &noise, Some(class.run_to_run_deg_h))
                     .map_err(|error| refused(format!("{error}; give --heading, or a longer --align")))?;
                 (aligned.angles, aligned.sigma_heading_deg, aligned.sigma_level_deg.max(level_sigma_deg))
             }

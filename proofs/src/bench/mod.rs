@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod aiding;
+mod alignment;
 mod attitude;
 mod calibration;
 mod close_loop;
@@ -79,6 +80,7 @@ macro_rules! benches {
 benches! {
     Accuracy: accuracy::Accuracy,
     Aiding: aiding::Aiding,
+    Alignment: alignment::AlignmentBench,
     Attitude: attitude::AttitudeBench,
     Calibration: calibration::Calibration,
     CloseLoop: close_loop::CloseLoop,

@@ -1,79 +1,117 @@
-//! The gyros' white noise, told by how the window bends beyond the parabola.
+//! What may disturb a window, and how likely each is: white velocity, white force, white rate; all the time, or in loud seconds.
 
-use nalgebra::Vector3;
-
-use super::moments::{COEFFICIENTS, Fit};
 use crate::units::RAD_PER_DEG;
 
-/// Densities that are tried, from the least to the largest, °/√h, in equal ratios.
-const LEAST_DEG_SQRT_H: f64 = 1e-5;
-const LARGEST_DEG_SQRT_H: f64 = 1.0;
-const CANDIDATES: usize = 61;
-/// Orthonormal coefficients that carry it.
-const FIRST: usize = 3;
+/// Densities of the rate's noise that are tried, from the least up, °/√h, each twice the one before.
+const LEAST_DEG_SQRT_H: f64 = 2e-5;
+pub(super) const DENSITIES: usize = 20;
+/// Variances of the velocity that the force's noise adds in a block, in those of the block's own velocity.
+const SHARES: [f64; 5] = [0.0, 0.1, 0.3, 1.0, 3.0];
+/// … and where there is no other: third differences of block means of a sum of white noise have 8/3 of the variance that it adds
+/// in a block (means of neighbours are correlated by a quarter), not 20.
+const FORCE_ALONE: f64 = 7.5;
+/// What then stands for the velocity's own noise, in its variance.
+const NEXT_TO_NOTHING: f64 = 1e-3;
+/// Mixtures of velocity and force, each for all blocks as loud and for each with a loudness of its own …
+const MIXTURES: usize = SHARES.len() + 1;
+/// … and so many times as loud as the third differences say: thirty of them tell a variance to a quarter.
+const LOUDNESSES: [f64; 3] = [0.6, 1.0, 1.6];
 
-/// Log likelihood of the density of the rate's noise.
+/// Candidates for each density.
+pub(super) const CANDIDATES: usize = 2 * MIXTURES * LOUDNESSES.len();
+
+/// Noise of a window. The first two are in variances of a block's velocity as its third differences tell them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Noise {
+    /// Velocity of the base, white.
+    pub(super) velocity: f64,
+    /// Specific force, white: what it adds to the velocity in a block.
+    pub(super) force: f64,
+    /// Density of the rate's noise, (rad/s)²/Hz.
+    pub(super) rate: f64,
+    /// Whether every block has a loudness of its own, or all have the mean.
+    pub(super) local: bool,
+}
+
+impl Noise {
+    /// A base that comes back to where it was.
+    pub(super) const OF_VELOCITY: Self = Self { velocity: 1.0, force: 0.0, rate: 0.0, local: true };
+    /// A base that stands, with noise of the accelerometers.
+    pub(super) const OF_FORCE: Self = Self { velocity: NEXT_TO_NOTHING, force: FORCE_ALONE, ..Self::OF_VELOCITY };
+    /// Between both.
+    pub(super) const OF_BOTH: Self = Self { force: 0.3, ..Self::OF_VELOCITY };
+
+    /// The candidates with a density.
+    pub(super) fn candidates(rate: f64) -> impl Iterator<Item = Self> {
+        (0..CANDIDATES).map(move |number| {
+            let share = SHARES.get(number % MIXTURES);
+            let mixture = share.map_or(Self::OF_FORCE, |share| Self { force: *share, ..Self::OF_VELOCITY });
+            let loud = LOUDNESSES.get(number / MIXTURES % LOUDNESSES.len()).copied().unwrap_or(1.0);
+            let local = number < CANDIDATES / 2;
+            Self { velocity: mixture.velocity * loud, force: mixture.force * loud, rate, local }
+        })
+    }
+}
+
+/// What is known of the gyros' noise: it is the same in all windows of a recording, that of the base is not.
 #[derive(Clone, Debug, PartialEq)]
-pub struct NoiseOfRate {
-    log_likelihood: [f64; CANDIDATES],
+pub enum NoiseOfRate {
+    /// Exactly this, °/√h: from a data sheet.
+    Declared(f64),
+    /// Log likelihood of each density that is tried.
+    Learned([f64; DENSITIES]),
 }
 
 impl NoiseOfRate {
-    /// Exactly this density, °/√h: from a data sheet.
-    pub fn declared(deg_per_sqrt_h: f64) -> Self {
-        let nearest = |k: usize| libm::fabs(libm::log(candidate_deg_sqrt_h(k) / deg_per_sqrt_h.max(LEAST_DEG_SQRT_H)));
-        let best = (0..CANDIDATES).min_by(|a, b| nearest(*a).total_cmp(&nearest(*b))).unwrap_or(0);
-        Self { log_likelihood: core::array::from_fn(|k| if k == best { 0.0 } else { f64::NEG_INFINITY }) }
-    }
-
-    /// Of one window: coefficients of the third to the sixth order, each with three parts of which up carries no rate. Their
-    /// variance is that of what is left plus g² N² times the growth of the order.
-    pub(super) fn of(fit: &Fit, beyond: &[Vector3<f64>; COEFFICIENTS], up: &Vector3<f64>, gravity: f64) -> Self {
-        let log_likelihood = core::array::from_fn(|candidate| {
-            let n2 = density(candidate);
-            (FIRST..COEFFICIENTS)
-                .map(|k| {
-                    let bend = fit.without(k, beyond);
-                    let horizontal = bend - up * up.dot(&bend);
-                    let variance = (fit.variance + gravity * gravity * n2 * fit.growth(k)).max(f64::MIN_POSITIVE);
-                    -0.5 * horizontal.norm_squared() / variance - libm::log(variance)
-                })
-                .sum()
-        });
-        Self { log_likelihood }
-    }
-
-    /// Of two windows of one recording.
+    /// With that of another window of the recording; what is declared stays.
     pub fn with(mut self, other: &Self) -> Self {
-        for (a, b) in self.log_likelihood.iter_mut().zip(other.log_likelihood) {
-            *a += b;
+        if let (Self::Learned(mine), Self::Learned(others)) = (&mut self, other) {
+            for (a, b) in mine.iter_mut().zip(others) {
+                *a += b;
+            }
         }
         self
     }
 
-    /// The mean of a function of the density, (rad/s)²/Hz, over its likelihood; every ratio is as likely beforehand.
-    pub(super) fn mean(&self, of: impl Fn(f64) -> f64) -> f64 {
-        let most = self.log_likelihood.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let (sum, weights) = self.log_likelihood.iter().enumerate().fold((0.0, 0.0), |(sum, weights), (k, log)| {
-            let weight = libm::exp(log - most);
-            (sum + weight * of(density(k)), weights + weight)
-        });
-        sum / weights
+    /// Densities, (rad/s)²/Hz, with their probabilities; every ratio is as likely beforehand.
+    pub(super) fn densities(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+        let (declared, learned) = match self {
+            Self::Declared(deg_per_sqrt_h) => (Some((density(*deg_per_sqrt_h), 1.0)), None),
+            Self::Learned(likelihoods) => (None, Some(tried().zip(probabilities(likelihoods)))),
+        };
+        declared.into_iter().chain(learned.into_iter().flatten())
+    }
+
+    /// Mean density, (rad/s)²/Hz.
+    pub(super) fn mean_density(&self) -> f64 {
+        self.densities().map(|(rate, probability)| rate * probability).sum()
     }
 
     /// Root of the mean density, °/√h.
     pub fn deg_per_sqrt_h(&self) -> f64 {
-        libm::sqrt(self.mean(|n2| n2)) * 60.0 / RAD_PER_DEG
+        libm::sqrt(self.mean_density()) * 60.0 / RAD_PER_DEG
     }
 }
 
-fn candidate_deg_sqrt_h(k: usize) -> f64 {
-    let step = libm::log(LARGEST_DEG_SQRT_H / LEAST_DEG_SQRT_H) / (CANDIDATES - 1) as f64;
-    LEAST_DEG_SQRT_H * libm::exp(step * k as f64)
+/// Densities that are tried, (rad/s)²/Hz.
+pub(super) fn tried() -> impl Iterator<Item = f64> {
+    (0..DENSITIES).map(|k| density(LEAST_DEG_SQRT_H * libm::exp2(k as f64)))
+}
+
+/// Of log likelihoods, everything as likely beforehand.
+pub(super) fn probabilities(log_likelihoods: &[f64]) -> impl Iterator<Item = f64> + '_ {
+    let evidence = log_sum(log_likelihoods);
+    log_likelihoods.iter().map(move |log| libm::exp(log - evidence))
+}
+
+/// Log of the sum of what these are the logs of.
+pub(super) fn log_sum(logs: &[f64]) -> f64 {
+    let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    most + libm::log(logs.iter().map(|log| libm::exp(log - most)).sum())
 }
 
 /// (rad/s)²/Hz: 1 °/√h is 1/60 °/√s.
-fn density(candidate: usize) -> f64 {
-    let rad_per_sqrt_s = candidate_deg_sqrt_h(candidate) * RAD_PER_DEG / 60.0;
+fn density(deg_per_sqrt_h: f64) -> f64 {
+    let rad_per_sqrt_s = deg_per_sqrt_h * RAD_PER_DEG / 60.0;
     rad_per_sqrt_s * rad_per_sqrt_s
 }

@@ -14,7 +14,7 @@ fn sample(arcsec: [f64; 3], force_m_s2: [f64; 3]) -> Increment {
 
 /// Noise that no test of signs minds.
 fn quiet() -> NoiseOfRate {
-    NoiseOfRate::declared(1e-5)
+    NoiseOfRate::Declared(1e-5)
 }
 
 fn still(seconds: u32, arcsec: [f64; 3]) -> Alignment {
@@ -30,7 +30,7 @@ fn a_still_block_finds_its_heading_by_every_method() {
     let alignment = still(100, STILL_ARCSEC);
     for method in Method::ALL {
         let latitude_deg = (method != Method::UnknownLatitude).then_some(60.0);
-        let aligned = alignment.solve(method, latitude_deg, &quiet(), 0.0).unwrap();
+        let aligned = alignment.solve(method, latitude_deg, &quiet(), Some(0.0)).unwrap();
         let Angles { heading_deg, pitch_deg, roll_deg } = aligned.angles;
         assert!((heading_deg - 90.0).abs() < 1e-4, "{method:?} {heading_deg}");
         assert!(pitch_deg.abs() < 1e-4 && roll_deg.abs() < 1e-4, "{method:?} {pitch_deg} {roll_deg}");
@@ -41,7 +41,7 @@ fn a_still_block_finds_its_heading_by_every_method() {
 #[test]
 fn the_southern_hemisphere_shows_in_the_vertical_rate() {
     let [x, y, z] = STILL_ARCSEC;
-    let aligned = still(100, [x, y, -z]).solve(Method::UnknownLatitude, None, &quiet(), 0.0).unwrap();
+    let aligned = still(100, [x, y, -z]).solve(Method::UnknownLatitude, None, &quiet(), Some(0.0)).unwrap();
     assert!((aligned.latitude_deg + 60.0).abs() < 1e-3 && (aligned.angles.heading_deg - 90.0).abs() < 1e-4);
 }
 
@@ -50,7 +50,7 @@ fn a_bias_of_the_east_gyro_turns_the_heading_by_its_share() {
     // Mark east: x reads 0.1 °/h too much. East rate is −h sin of the heading error: 0.1 / 7.5205 = 0.7618°. The gyro sees
     // its axis a little south of east or north of it: x = Ω cos φ cos ψ > 0 means ψ < 90°.
     let alignment = still(100, [0.001, STILL_ARCSEC[1], STILL_ARCSEC[2]]);
-    let aligned = alignment.solve(Method::VelocityParabola, Some(60.0), &quiet(), 0.1).unwrap();
+    let aligned = alignment.solve(Method::VelocityParabola, Some(60.0), &quiet(), Some(0.1)).unwrap();
     assert!((aligned.angles.heading_deg - 90.0 + 0.7618).abs() < 1e-3, "{:?}", aligned.angles);
     assert!((aligned.sigma_heading_deg - 0.7618).abs() < 0.01, "{}", aligned.sigma_heading_deg);
 }
@@ -74,7 +74,7 @@ fn a_swaying_base_does_not_disturb_the_parabola() {
         let angle_rad = body - Vector3::y() * (pitch(to_s) - pitch(from_s));
         alignment.push(0.01, Increment { angle_rad, ..sample([0.0; 3], force) });
     }
-    let solve = |method| alignment.solve(method, Some(60.0), &quiet(), 0.0).unwrap();
+    let solve = |method| alignment.solve(method, Some(60.0), &quiet(), Some(0.0)).unwrap();
     let parabola = solve(Method::VelocityParabola);
     let error_deg = wrap_180_deg(parabola.angles.heading_deg - 90.0);
     assert!(error_deg.abs() < 0.05 && error_deg.abs() < 3.0 * parabola.sigma_heading_deg, "{error_deg} {parabola:?}");
@@ -114,13 +114,13 @@ fn sigma_covers_noise_of_the_gyros_that_nobody_declared() {
             alignment
         })
         .collect();
-    let noise = windows.iter().filter_map(|w| w.noise(60.0)).reduce(|a, b| a.with(&b)).unwrap();
+    let noise = windows.iter().filter_map(|w| w.noise(Some(60.0))).reduce(|a, b| a.with(&b)).unwrap();
     assert!((noise.deg_per_sqrt_h() / 0.01 - 1.0).abs() < 0.35, "{}", noise.deg_per_sqrt_h());
-    for method in [Method::ForceLine, Method::VelocityParabola] {
+    for method in [Method::ForceLine, Method::VelocityParabola, Method::LeastSquares] {
         let squares: f64 = windows
             .iter()
             .map(|window| {
-                let aligned = window.solve(method, Some(60.0), &noise, 0.0).unwrap();
+                let aligned = window.solve(method, Some(60.0), &noise, Some(0.0)).unwrap();
                 let ratio = wrap_180_deg(aligned.angles.heading_deg - 90.0) / aligned.sigma_heading_deg;
                 ratio * ratio
             })
@@ -132,7 +132,7 @@ fn sigma_covers_noise_of_the_gyros_that_nobody_declared() {
 #[test]
 fn what_cannot_be_aligned_is_refused_with_its_reason() {
     let solve = |alignment: &Alignment, latitude_deg| {
-        alignment.solve(Method::VelocityParabola, Some(latitude_deg), &quiet(), 0.0).unwrap_err()
+        alignment.solve(Method::VelocityParabola, Some(latitude_deg), &quiet(), Some(0.0)).unwrap_err()
     };
     assert!(matches!(solve(&still(5, STILL_ARCSEC), 60.0), AlignError::TooShort { .. }));
     let good = still(60, STILL_ARCSEC);

@@ -1,0 +1,269 @@
+//! `north bench alignment`: heading errors and sigmas of every method against the length of the window.
+
+use std::f64::consts::PI;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use hal_sim::vessel::block::{Block, BlockClass};
+use hal_sim::vessel::ship::{Leg, Voyage, Waves};
+use nalgebra::Vector3;
+use north::failure::Failure;
+use north::progress;
+use north_finder::attitude::{Alignment, Increment, Method, NoiseOfRate};
+use north_finder::units::wrap_180_deg;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
+
+use super::{Bench, trials};
+
+/// Lengths of the windows, s.
+const WINDOWS_S: [f64; 6] = [30.0, 60.0, 100.0, 180.0, 300.0, 304.0];
+const LATITUDE_DEG: f64 = 34.75;
+/// Between samples of the simulated block, s.
+const INTERVAL_S: f64 = 0.02;
+
+/// A ring-laser block with its noise alone: a bias is a heading error that no alignment at one heading can see.
+const RING_LASER: BlockClass = BlockClass {
+    scale_percent: 0.0,
+    run_to_run_deg_h: 0.0,
+    markov_deg_h: 0.0,
+    markov_s: 600.0,
+    white_deg_per_sqrt_h: 0.002,
+    orthogonality_arcsec: 0.0,
+    rhumb_deg_h: 0.0,
+    accelerometer_m_s2: 0.0,
+    accelerometer_white_m_s_per_sqrt_s: 1e-4,
+};
+/// The noise of the published system's fibre-optic block.
+const FIBRE_OPTIC: BlockClass = BlockClass { white_deg_per_sqrt_h: 0.105409, ..RING_LASER };
+/// Gyros better than their accelerometers.
+const QUIET_GYROS: BlockClass = BlockClass { white_deg_per_sqrt_h: 0.0003, ..RING_LASER };
+/// A rocked vehicle: degrees of roll, pitch, yaw; 3 s.
+const VEHICLE: Waves = Waves { roll_deg: 0.1, pitch_deg: 0.05, yaw_deg: 0.02, heave_m: 0.003, period_s: 3.0 };
+
+/// What is simulated: name, block, sway of the base.
+const CASES: [(&str, BlockClass, Waves); 6] = [
+    ("still, ring laser 0.002 °/√h", RING_LASER, Waves::NONE),
+    ("still, ring laser 0.0003 °/√h", QUIET_GYROS, Waves::NONE),
+    ("still, fibre-optic 0.105 °/√h", FIBRE_OPTIC, Waves::NONE),
+    ("rocked vehicle, ring laser 0.002 °/√h", RING_LASER, VEHICLE),
+    ("moored in a harbour, ring laser 0.002 °/√h", RING_LASER, Waves::CALM),
+    ("in a seaway, ring laser 0.002 °/√h", RING_LASER, Waves::SEA),
+];
+
+/// Heading errors and sigmas of every alignment method, for windows of 30 to 304 s
+///
+/// Simulated blocks on still and on swaying bases, three-dimensional, at random headings; noise of the gyros learned from
+/// all windows of a length, as `north align` does. Where the recording of the ring-laser block in a parked vehicle is at hand, its
+/// windows too, against the published heading, with a bias taken from the excess of the horizontal rate, and as repeatability.
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Examples:\n  north bench alignment\n  north bench alignment --trials 200 --json alignment.json"
+)]
+pub struct AlignmentBench {
+    /// Simulated windows of each case, 10 to 10000
+    #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u64).range(10..=10_000))]
+    trials: u64,
+    /// Seed of everything random
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Folder of the measured data, with ring-laser-triad/increments_100hz.csv; else that of NORTH_FINDER_DATA
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+}
+
+/// One method on all windows of a length.
+#[derive(Serialize)]
+pub struct Row {
+    base: String,
+    simulated: bool,
+    seconds: f64,
+    method: &'static str,
+    windows: usize,
+    refused: usize,
+    rms_error_deg: f64,
+    rms_sigma_deg: f64,
+    rms_error_over_sigma: f64,
+    within_95_percent: f64,
+}
+
+/// A window with the true heading at its end.
+struct Gathered {
+    alignment: Alignment,
+    heading_deg: f64,
+}
+
+impl Bench for AlignmentBench {
+    type Row = Row;
+
+    fn measure(&self, out: &mut dyn Write) -> Result<Vec<Row>, Failure> {
+        let bar = progress::bar(CASES.len() as u64 * self.trials, "windows");
+        let mut rows = Vec::new();
+        for (number, (name, class, waves)) in CASES.iter().enumerate() {
+            let all = trials(0..self.trials, &bar, |trial| self.trial(class, waves, ((number as u64) << 32) + trial))?;
+            let mut lengths: Vec<Vec<Gathered>> = WINDOWS_S.iter().map(|_| Vec::new()).collect();
+            for (length, window) in all.into_iter().flat_map(|windows| windows.into_iter().enumerate()) {
+                lengths[length].push(window);
+            }
+            for (seconds, windows) in WINDOWS_S.into_iter().zip(&lengths) {
+                rows.extend(judged(name, true, seconds, windows, LATITUDE_DEG, Some(0.0)));
+            }
+        }
+        bar.finish_and_clear();
+        let data = self.data.clone().or_else(|| std::env::var_os("NORTH_FINDER_DATA").map(PathBuf::from));
+        rows.extend(measured(&data.unwrap_or_else(|| PathBuf::from("../shared/data")))?);
+        write_rows(out, self.trials, &rows)?;
+        Ok(rows)
+    }
+
+    /// Of n errors over their sigmas the rms has the standard deviation 1/√(2n): 0.7 to 1.3 is promised, 2.58 of those are granted
+    /// on top. Below 100 s the noise of the gyros cannot be told from that of the accelerometers, and sigma may be wide.
+    fn judge(&self, rows: &[Row]) -> Result<(), Failure> {
+        let allowed = 0.3 + 2.58 / (2.0 * self.trials as f64).sqrt();
+        let bad: Vec<String> = rows
+            .iter()
+            .filter(|row| row.simulated && row.method != Method::StaticMean.name())
+            .filter(|row| {
+                let off = row.rms_error_over_sigma - 1.0;
+                off > allowed || (off < -allowed && row.seconds >= 100.0)
+            })
+            .map(|row| format!("{}, {} s, {}: {:.2}", row.base, row.seconds, row.method, row.rms_error_over_sigma))
+            .collect();
+        if bad.is_empty() {
+            return Ok(());
+        }
+        Err(Failure::Refused(format!("errors over sigmas are not within {allowed:.2} of 1: {}", bad.join("; "))))
+    }
+}
+
+impl AlignmentBench {
+    /// One voyage that goes nowhere; a window of each length from its start.
+    fn trial(&self, class: &BlockClass, waves: &Waves, number: u64) -> Vec<Gathered> {
+        let mut random = ChaCha8Rng::seed_from_u64(self.seed);
+        random.set_stream(number);
+        let heading_deg = random.random_range(0.0..360.0);
+        let waves = Waves { period_s: waves.period_s * random.random_range(0.7..1.4), ..*waves };
+        let longest_s = WINDOWS_S.into_iter().fold(0.0, f64::max);
+        let leg = Leg { until_s: longest_s, heading_deg, speed_m_s: 0.0, depth_m: 0.0 };
+        let moored = Voyage::moored(LATITUDE_DEG, 1.0, &[heading_deg], 3600.0);
+        let passage = Voyage { legs: vec![leg], waves, interval_s: INTERVAL_S, ..moored }.sail();
+        let mut block = Block::new(*class, self.seed.wrapping_mul(1 << 20) ^ number);
+        let mut growing = Alignment::default();
+        let mut windows = Vec::new();
+        for step in &passage.steps {
+            // The ship's block has x to starboard and y forward.
+            let ([ax, ay, az], [vx, vy, vz]) = block.read(step, INTERVAL_S);
+            let (angle_rad, velocity_m_s) = (Vector3::new(ay, -ax, az), Vector3::new(vy, -vx, vz));
+            growing.push(INTERVAL_S, Increment { angle_rad, velocity_m_s });
+            if WINDOWS_S.iter().any(|seconds| (growing.seconds() - seconds).abs() < 0.5 * INTERVAL_S) {
+                windows.push(Gathered { alignment: growing.clone(), heading_deg: step.end.heading_deg() });
+            }
+        }
+        windows
+    }
+}
+
+/// Every method on windows of one length, noise learned from all of them.
+fn judged(
+    base: &str,
+    simulated: bool,
+    seconds: f64,
+    windows: &[Gathered],
+    latitude_deg: f64,
+    bias_deg_h: Option<f64>,
+) -> Vec<Row> {
+    let learned = |latitude: Option<f64>| {
+        let of_windows = windows.iter().filter_map(|window| window.alignment.noise(latitude));
+        of_windows.reduce(|a, b| a.with(&b)).unwrap_or(NoiseOfRate::Declared(0.0))
+    };
+    let noise = learned(Some(latitude_deg));
+    let row = |method: Method| {
+        let latitude = (method != Method::UnknownLatitude).then_some(latitude_deg);
+        let solved: Vec<(f64, f64)> = windows
+            .iter()
+            .filter_map(|window| {
+                let aligned = window.alignment.solve(method, latitude, &noise, bias_deg_h).ok()?;
+                Some((wrap_180_deg(aligned.angles.heading_deg - window.heading_deg), aligned.sigma_heading_deg))
+            })
+            .collect();
+        let n = solved.len() as f64;
+        let rms = |of: fn(&(f64, f64)) -> f64| (solved.iter().map(|pair| of(pair).powi(2)).sum::<f64>() / n).sqrt();
+        Row {
+            base: base.to_owned(),
+            simulated,
+            seconds,
+            method: method.name(),
+            windows: solved.len(),
+            refused: windows.len() - solved.len(),
+            rms_error_deg: rms(|pair| pair.0),
+            rms_sigma_deg: rms(|pair| pair.1),
+            rms_error_over_sigma: rms(|pair| pair.0 / pair.1),
+            within_95_percent: 100.0
+                * solved.iter().filter(|(error, sigma)| error.abs() <= 1.96 * sigma).count() as f64
+                / n,
+        }
+    };
+    Method::ALL.into_iter().map(row).collect()
+}
+
+/// The recording of a ring-laser block in a parked vehicle (docs/import.md says where it is), cut into windows.
+fn measured(data: &Path) -> Result<Vec<Row>, Failure> {
+    const LATITUDE_DEG: f64 = 34.246048;
+    /// Published, to 0.1°.
+    const HEADING_DEG: f64 = 90.6;
+    let path = data.join("ring-laser-triad/increments_100hz.csv");
+    let Ok(text) = std::fs::read_to_string(&path) else { return Ok(Vec::new()) };
+    // Counts of 0.1 arcsec, and of 0.0125 g over 10 ms; x to the right, y forward.
+    let (rad, m_s) = (0.1 / 3600.0 * PI / 180.0, 0.0125 * 9.80665 * 0.01);
+    let refused = |line: usize| Failure::Refused(format!("{}: line {line}: not six numbers", path.display()));
+    let mut samples = Vec::new();
+    for (number, line) in text.lines().enumerate().skip(1) {
+        let fields: Vec<f64> = line.split(',').filter_map(|field| field.trim().parse().ok()).collect();
+        let [gx, gy, gz, ax, ay, az] = fields[..] else { return Err(refused(number + 1)) };
+        let (angle, velocity) = (Vector3::new(gy, -gx, gz), Vector3::new(ay, -ax, az));
+        samples.push(Increment { angle_rad: angle * rad, velocity_m_s: velocity * m_s });
+    }
+    let rows = WINDOWS_S.into_iter().flat_map(|seconds| {
+        let windows: Vec<Gathered> = samples
+            .chunks_exact((100.0 * seconds) as usize)
+            .map(|samples| {
+                let mut alignment = Alignment::default();
+                for sample in samples {
+                    alignment.push(0.01, *sample);
+                }
+                Gathered { alignment, heading_deg: HEADING_DEG }
+            })
+            .collect();
+        [("measured, bias by the excess", None), ("measured, repeatability", Some(0.0))]
+            .into_iter()
+            .flat_map(move |(name, bias)| judged(name, false, seconds, &windows, LATITUDE_DEG, bias))
+    });
+    Ok(rows.collect())
+}
+
+fn write_rows(out: &mut dyn Write, trials: u64, rows: &[Row]) -> io::Result<()> {
+    let interval = 196.0 / (2.0 * trials as f64).sqrt();
+    writeln!(
+        out,
+        "{trials} simulated windows a row at {LATITUDE_DEG}°: 95 % intervals of an rms ±{interval:.0} %.\n\n\
+         | base | window, s | method | windows (refused) | rms error, ° | rms sigma, ° | error / sigma, rms | within 1.96 sigma, % |\n\
+         |---|---|---|---|---|---|---|---|"
+    )?;
+    rows.iter().try_for_each(|row| {
+        writeln!(
+            out,
+            "| {} | {:.0} | {} | {} ({}) | {:.4} | {:.4} | {:.2} | {:.0} |",
+            row.base,
+            row.seconds,
+            row.method,
+            row.windows,
+            row.refused,
+            row.rms_error_deg,
+            row.rms_sigma_deg,
+            row.rms_error_over_sigma,
+            row.within_95_percent
+        )
+    })
+}
