@@ -51,8 +51,97 @@ struct Second {
     index_deg: f64,
 }
 
-/// A campaign of `runs` runs at headings spread over the circle, every other one to be learned from: 0-90-180-270 and back,
-/// 28 s at each position, 4 s between. `temp_c` and `supply_v` wander; `effect_deg_h` adds to the rate.
+/// What a made-up campaign is like.
+struct Plan<'a> {
+    runs: usize,
+    seed: u64,
+    order_deg: &'a [f64],
+    /// Time at each position; 4 s lie between them.
+    rest_s: u32,
+    /// Every how many-th run may not be learned from.
+    check: usize,
+    /// What the campaign says.
+    latitude_deg: f64,
+    /// Forward and left accelerometer, g.
+    level_g: Option<&'a dyn Fn(&Second) -> [f64; 2]>,
+    /// Adds to the rate.
+    effect_deg_h: &'a dyn Fn(&Second) -> f64,
+    reference_error_deg: &'a dyn Fn(usize) -> f64,
+}
+
+/// There and back.
+const MIRRORED: [f64; 8] = [0.0, 90.0, 180.0, 270.0, 270.0, 180.0, 90.0, 0.0];
+
+impl Default for Plan<'_> {
+    fn default() -> Self {
+        Self {
+            runs: 12,
+            seed: 1,
+            order_deg: &MIRRORED,
+            rest_s: 28,
+            check: 2,
+            latitude_deg: 50.0,
+            level_g: None,
+            effect_deg_h: &|_| 0.0,
+            reference_error_deg: &honest,
+        }
+    }
+}
+
+impl Plan<'_> {
+    /// Runs at headings spread over the circle; `temp_c` and `supply_v` wander.
+    fn make(&self, folder: &Folder) -> Campaign {
+        let campaign = Campaign {
+            folder: folder.0.clone(),
+            title: None,
+            latitude_deg: Some(self.latitude_deg),
+            instrument: None,
+            runs: Vec::new(),
+        };
+        let mut writer = CampaignWriter::create(campaign).unwrap();
+        let mut noise = Noise(self.seed);
+        for run in 0..self.runs {
+            let file = format!("runs/{run:03}.csv");
+            let level = self.level_g.is_some();
+            let layout = Layout { temperature: true, level, extra: vec!["supply_v".into()], ..Layout::default() };
+            let mut out = writer.run(&file, layout).unwrap();
+            let heading_deg = 360.0 * run as f64 / self.runs as f64 + 7.0;
+            let bias_deg_h = 0.3 * noise.normal();
+            for (stay, &index_deg) in self.order_deg.iter().enumerate() {
+                for row in 0..self.rest_s + 4 {
+                    let t_s = f64::from(row + 1) + f64::from(self.rest_s + 4) * stay as f64;
+                    let turned_deg = if row < 4 && stay > 0 { 7.0 * (f64::from(row) - 4.0) } else { 0.0 };
+                    let second = Second { run, t_s, index_deg: index_deg + turned_deg };
+                    let rate_deg_h = NORTH_DEG_H * sin_cos_deg(heading_deg - second.index_deg).1
+                        + bias_deg_h
+                        + NOISE_DEG_H * noise.normal()
+                        + (self.effect_deg_h)(&second);
+                    out.write(&Row {
+                        t_s,
+                        index_deg: second.index_deg,
+                        fog_arcsec: rate_deg_h,
+                        temp_c: Some(temp_c(&second)),
+                        level_g: self.level_g.map(|level_g| level_g(&second)),
+                        extra: vec![supply_v(&second)],
+                        ..Row::default()
+                    })
+                    .unwrap();
+                }
+            }
+            out.finish().unwrap();
+            writer.add(Run {
+                file,
+                role: if run % self.check == self.check - 1 { Role::Check } else { Role::Fit },
+                reference_azimuth_deg: Some((heading_deg + (self.reference_error_deg)(run)).rem_euclid(360.0)),
+                ..Run::default()
+            });
+        }
+        writer.finish().unwrap();
+        Campaign::read(&folder.0).unwrap()
+    }
+}
+
+/// A campaign of `runs` runs, every other one to be learned from: 0-90-180-270 and back, 28 s at each position.
 fn campaign(
     folder: &Folder,
     runs: usize,
@@ -60,51 +149,8 @@ fn campaign(
     effect_deg_h: impl Fn(&Second) -> f64,
     reference_error_deg: impl Fn(usize) -> f64,
 ) -> Campaign {
-    let campaign = Campaign {
-        folder: folder.0.clone(),
-        title: None,
-        latitude_deg: Some(50.0),
-        instrument: None,
-        runs: Vec::new(),
-    };
-    let mut writer = CampaignWriter::create(campaign).unwrap();
-    let mut noise = Noise(seed);
-    for run in 0..runs {
-        let file = format!("runs/{run:03}.csv");
-        let layout = Layout { temperature: true, extra: vec!["supply_v".into()], ..Layout::default() };
-        let mut out = writer.run(&file, layout).unwrap();
-        let heading_deg = 360.0 * run as f64 / runs as f64 + 7.0;
-        let bias_deg_h = 0.3 * noise.normal();
-        for (stay, index_deg) in [0.0, 90.0, 180.0, 270.0, 270.0, 180.0, 90.0, 0.0].into_iter().enumerate() {
-            for row in 0..32 {
-                let t_s = f64::from(row + 1) + 32.0 * stay as f64;
-                let turned_deg = if row < 4 && stay > 0 { 7.0 * f64::from(row - 4) } else { 0.0 };
-                let second = Second { run, t_s, index_deg: index_deg + turned_deg };
-                let rate_deg_h = NORTH_DEG_H * sin_cos_deg(heading_deg - second.index_deg).1
-                    + bias_deg_h
-                    + NOISE_DEG_H * noise.normal()
-                    + effect_deg_h(&second);
-                out.write(&Row {
-                    t_s,
-                    index_deg: second.index_deg,
-                    fog_arcsec: rate_deg_h,
-                    temp_c: Some(temp_c(&second)),
-                    extra: vec![supply_v(&second)],
-                    ..Row::default()
-                })
-                .unwrap();
-            }
-        }
-        out.finish().unwrap();
-        writer.add(Run {
-            file,
-            role: if run % 2 == 0 { Role::Fit } else { Role::Check },
-            reference_azimuth_deg: Some((heading_deg + reference_error_deg(run)).rem_euclid(360.0)),
-            ..Run::default()
-        });
-    }
-    writer.finish().unwrap();
-    Campaign::read(&folder.0).unwrap()
+    Plan { runs, seed, effect_deg_h: &effect_deg_h, reference_error_deg: &reference_error_deg, ..Plan::default() }
+        .make(folder)
 }
 
 /// 20 °C and a wave of 1 K with a period of 200 s and a phase of the run's own.
@@ -219,6 +265,147 @@ fn one_wrong_reference_is_found_named_and_kept_out() {
     let named: Vec<_> = of_whole_runs.filter_map(|warning| warning.run.as_deref()).collect();
     assert_eq!(named, ["runs/006.csv"], "{:?}", diagnosis.warnings);
     assert_eq!(names(&diagnosis), ["temperature-rate"]);
+}
+
+/// The model that was written gives the azimuths after, to the last digit.
+fn assert_solved_by_the_written_model(folder: &Folder, campaign: &Campaign, diagnosis: &Diagnosis) {
+    let path = folder.0.join("model.toml");
+    write_model(&path, &diagnosis.model).unwrap();
+    let model = read_model(&path).unwrap();
+    for (record, run) in diagnosis.runs.iter().zip(&campaign.runs) {
+        let latitude_deg = campaign.latitude_of(run).unwrap();
+        let settings = Settings { latitude_deg, model: Some(model.clone()), ..Settings::default() };
+        let solved = solve_file(&campaign.path_of(run), &settings).unwrap();
+        assert_eq!(Some(solved.fix.azimuth_deg), record.azimuth_after_deg, "{}", run.file);
+    }
+}
+
+#[test]
+fn references_that_are_all_turned_are_found() {
+    let folder = Folder::new("turned");
+    let campaign = campaign(&folder, 8, 21, |_| 0.0, |_| -90.0);
+    let diagnosis = run(&campaign);
+    assert_eq!(names(&diagnosis), ["index-offset"], "{}", diagnosis.verdict);
+    assert!((diagnosis.effects[0].parameters["offset_deg"] - 90.0).abs() < 0.2);
+    assert_eq!(diagnosis.effects[0].ambiguous_with, ["earth-field"]);
+    assert!(diagnosis.azimuth_rms_before_deg.unwrap() > 89.0 && diagnosis.azimuth_rms_after_deg.unwrap() < 0.2);
+    assert!(diagnosis.missed_references.is_empty());
+    assert_solved_by_the_written_model(&folder, &campaign, &diagnosis);
+}
+
+#[test]
+fn a_small_index_error_may_be_a_field_of_the_earth() {
+    let folder = Folder::new("index");
+    let diagnosis = run(&campaign(&folder, 12, 22, |_| 0.0, |_| 0.7));
+    let effect = &diagnosis.effects[0];
+    let said: Vec<&str> = std::iter::once(&effect.name).chain(&effect.ambiguous_with).map(String::as_str).collect();
+    assert!(said.contains(&"index-offset") && said.contains(&"earth-field"), "{said:?}");
+}
+
+#[test]
+fn a_reference_that_is_off_by_half_a_turn_is_never_silent() {
+    let folder = Folder::new("check-off");
+    let diagnosis = run(&campaign(&folder, 12, 23, |_| 0.0, |run| if run == 5 { 180.0 } else { 0.0 }));
+    assert_eq!(diagnosis.missed_references, ["runs/005.csv"]);
+    assert!(diagnosis.verdict.contains("runs/005.csv"), "{}", diagnosis.verdict);
+    // One of three that are learned from.
+    let folder = Folder::new("fit-off");
+    let diagnosis = run(&campaign(&folder, 6, 24, |_| 0.0, |run| if run == 2 { 180.0 } else { 0.0 }));
+    assert_eq!(diagnosis.missed_references, ["runs/002.csv"]);
+    assert!(diagnosis.warnings.iter().any(|warning| warning.message.contains("not used")), "{:?}", diagnosis.warnings);
+    assert!(diagnosis.effects.is_empty(), "{}", diagnosis.verdict);
+}
+
+#[test]
+fn a_linear_drift_is_not_called_quadratic() {
+    let folder = Folder::new("linear");
+    // 8 °/h per hour: 0.57 °/h in 256 s.
+    let diagnosis = run(&campaign(&folder, 24, 25, |second| 8.0 / 3600.0 * second.t_s, honest));
+    assert_eq!(names(&diagnosis), ["drift"], "{}", diagnosis.verdict);
+    assert_eq!(diagnosis.effects[0].parameters.len(), 1, "{:?}", diagnosis.effects[0].parameters);
+}
+
+#[test]
+fn a_latitude_of_the_wrong_sign_is_among_the_alternatives() {
+    let folder = Folder::new("other-side");
+    // A mount that leans by about a degree, otherwise in every run.
+    let tilt = |run: usize| [0.02 * (2.1 * run as f64).sin(), 0.02 * (1.3 * run as f64).cos()];
+    let up_deg_h = 15.041067 * sin_cos_deg(50.0).0;
+    let felt = |second: &Second| {
+        let ((sin, cos), [forward, left]) = (sin_cos_deg(second.index_deg), tilt(second.run));
+        up_deg_h * (cos * forward + sin * left)
+    };
+    let plan = Plan {
+        runs: 16,
+        seed: 26,
+        latitude_deg: -50.0,
+        level_g: Some(&|second| tilt(second.run)),
+        effect_deg_h: &felt,
+        ..Plan::default()
+    };
+    let diagnosis = run(&plan.make(&folder));
+    let effect = diagnosis.effects.iter().find(|effect| effect.name == "gravity-sensitivity");
+    let effect = effect.unwrap_or_else(|| panic!("{}", diagnosis.verdict));
+    // 2 Ω sin 50°: 23.04 °/h at 1 g.
+    assert!((effect.parameters["deg_h_per_g"] - 2.0 * up_deg_h).abs() < 1.0, "{:?}", effect.parameters);
+    assert!(effect.ambiguous_with.iter().any(|name| name == "latitude"), "{:?}", effect.ambiguous_with);
+}
+
+#[test]
+fn three_training_runs_show_that_the_base_moves() {
+    let folder = Folder::new("three-moving");
+    // The base rocks by 3″ about both axes, with 17 s and 23 s: up to 1.1 °/h on the gyro; four dwells of 75 s.
+    const ROCKS_RAD: f64 = 3.0 / 206_264.8;
+    let angle = |second: &Second, period_s: f64| std::f64::consts::TAU * second.t_s / period_s + second.run as f64;
+    let level = |second: &Second| [ROCKS_RAD * angle(second, 17.0).sin(), ROCKS_RAD * angle(second, 23.0).sin()];
+    let felt = |second: &Second| {
+        // cos θ · dr/dt − sin θ · dp/dt, a left side up being a roll, and 1 °/h one arcsec a second.
+        let rate = |period_s: f64| {
+            let tau = std::f64::consts::TAU / period_s;
+            // The mean over the second that ends at t.
+            3.0 * ((angle(second, period_s)).sin() - (angle(second, period_s) - tau).sin())
+        };
+        let (sin, cos) = sin_cos_deg(second.index_deg);
+        cos * rate(23.0) - sin * rate(17.0)
+    };
+    let plan = Plan {
+        runs: 4,
+        check: 4,
+        seed: 27,
+        order_deg: &MIRRORED[..4],
+        rest_s: 75,
+        level_g: Some(&level),
+        effect_deg_h: &felt,
+        ..Plan::default()
+    };
+    let diagnosis = run(&plan.make(&folder));
+    assert_eq!(names(&diagnosis)[0], "base-motion", "{} {:?}", diagnosis.verdict, diagnosis.rejected);
+}
+
+#[test]
+fn a_step_between_two_of_three_positions_is_not_offered() {
+    let folder = Folder::new("three-positions");
+    let plan = Plan {
+        order_deg: &[0.0, 120.0, 240.0],
+        effect_deg_h: &|second| if second.t_s > 66.0 { 0.5 } else { 0.0 },
+        ..Plan::default()
+    };
+    let diagnosis = run(&plan.make(&folder));
+    assert!(names(&diagnosis).iter().all(|name| *name != "step"), "{}", diagnosis.verdict);
+}
+
+#[test]
+fn no_verdict_contradicts_its_tests() {
+    let folder = Folder::new("wanders");
+    // A wave whose period and phase are each run's own: no candidate, but no noise.
+    let wave = |second: &Second| {
+        let period_s = 40.0 + 13.0 * (second.run * second.run % 7) as f64;
+        0.2 * phase(second, period_s).sin()
+    };
+    let diagnosis = run(&campaign(&folder, 12, 28, wave, honest));
+    let failed = diagnosis.noise.after.iter().filter(|test| test.failed()).count();
+    assert!(failed > 0);
+    assert!(!diagnosis.verdict.contains("consistent with noise"), "{}", diagnosis.verdict);
 }
 
 #[test]

@@ -51,8 +51,13 @@ pub fn read_board_model(path: &Path) -> Result<ErrorModel, FileError> {
 ///
 /// Errors: the file cannot be written.
 pub fn write_model(path: &Path, model: &ErrorModel) -> Result<(), FileError> {
-    let text = toml::to_string(model).map_err(|error| FileError::whole(path, Problem::Syntax(error.to_string())))?;
-    std::fs::write(path, format!("format = {MODEL_FORMAT}\n{text}")).map_err(|error| FileError::whole(path, error))
+    let text = model_text(model).map_err(|error| FileError::whole(path, Problem::Syntax(error.to_string())))?;
+    std::fs::write(path, text).map_err(|error| FileError::whole(path, error))
+}
+
+/// An error model as the text of a file that [`read_model`] reads.
+pub fn model_text(model: &ErrorModel) -> Result<String, toml::ser::Error> {
+    Ok(format!("format = {MODEL_FORMAT}\n{}", toml::to_string(model)?))
 }
 
 /// Writes settings, as [`read_settings`] reads them.

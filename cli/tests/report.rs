@@ -5,8 +5,8 @@ use std::path::Path;
 
 use north::campaign::Role;
 use north::diagnose::{
-    Candidate, Diagnosis, Effect, Experiment, NoiseTests, Rejected, RunDiagnosis, RunSeries, Spectra, Test, Warning,
-    report,
+    Candidate, Diagnosis, Effect, Experiment, NoiseTests, Origin, Rejected, RunDiagnosis, RunSeries, Spectra, Test,
+    Warning, report,
 };
 use north_finder::effects::ErrorModel;
 use rand::{RngExt, SeedableRng};
@@ -58,6 +58,7 @@ fn diagnosis() -> Diagnosis {
         statistic: 3.0,
         p_value: if passed { 0.43 } else { 1e-12 },
         passed,
+        not_applied: None,
     };
     let candidate = |name: &str, taken: bool, p: f64, why: &str| Candidate {
         name: name.into(),
@@ -72,6 +73,12 @@ fn diagnosis() -> Diagnosis {
     };
     Diagnosis {
         title: Some("acceptance, unit 7".into()),
+        origin: Origin {
+            version: "9.8.7",
+            made: Some("2026-05-04".into()),
+            instrument: Some("unit 7".into()),
+            latitude_deg: Some(34.75),
+        },
         verdict:
             "The rate of change of temp_c adds 9.1 ± 0.2 °/h per K/s; with it in the model the azimuth error falls \
                   from 1.52° to 0.11° rms on runs that took no part."
@@ -81,6 +88,7 @@ fn diagnosis() -> Diagnosis {
             name: "temperature-rate".into(),
             kind: "bias",
             channel: Some("temp_c".into()),
+            channels: vec!["temp_c".into()],
             parameters: BTreeMap::from([("deg_h_per_k_per_s".to_owned(), 9.1234)]),
             sigma: BTreeMap::from([("deg_h_per_k_per_s".to_owned(), 0.213)]),
             p_value: 1e-12,
@@ -103,14 +111,19 @@ fn diagnosis() -> Diagnosis {
         judged_on: Some("check-runs"),
         unexplained: false,
         unexplained_evidence: Vec::new(),
+        withdrawn: None,
+        missed_references: Vec::new(),
         next_experiment: Some(Experiment {
             description: "Six runs in the mirrored order, started cold and warm by turns, tell the two apart.".into(),
             order_deg: vec![0.0, 90.0, 180.0, 270.0, 270.0, 180.0, 90.0, 0.0],
             headings_deg: vec![0.0, 90.0],
             dwell_s: 32.0,
             separates: vec!["temperature-rate".into(), "warm-up".into()],
-            separation_now: 0.08,
-            separation_then: 0.71,
+            warm_up_s: 0.0,
+            like: "runs/001.csv".into(),
+            expected_log_odds: Some(12.0),
+            sigma_now_deg: 0.11,
+            sigma_then_deg: 0.06,
         }),
         noise: NoiseTests {
             noise_deg_h: 0.15,
@@ -162,11 +175,15 @@ fn the_page_is_whole_and_fetches_nothing() {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("report.html");
     std::fs::write(path, &html).unwrap();
     assert_eq!(unclosed(&html), Vec::<String>::new());
-    for foreign in ["<script", "http:", "https:", "url(", "@import", "src=", "href="] {
+    for foreign in ["<script", "http:", "https:", "url(", "@import", "src="] {
         assert!(!html.contains(foreign), "{foreign}");
     }
     for part in ["acceptance, unit 7", "9.12 ± 0.21", "°/h per K/s", "1.52 → 0.112°", "✓ taken", "mirrored order"]
     {
+        assert!(html.contains(part), "{part}");
+    }
+    assert_eq!(html.matches("href=").count(), html.matches("href=\"data:").count(), "a link leaves the page");
+    for part in ["north 9.8.7", "2026-05-04", "instrument unit 7", "latitude 34.75", "dwells.csv", "runs.csv"] {
         assert!(html.contains(part), "{part}");
     }
     assert!(!html.contains("NaN") && !html.contains("inf\""), "a number that is none was drawn");
@@ -216,4 +233,17 @@ fn little_is_drawn_of_little() {
     let html = report::html(&bare);
     assert_eq!(unclosed(&html), Vec::<String>::new());
     assert!(html.contains("No effect stands out") && html.contains("0.01 Hz") && !html.contains("NaN"));
+}
+
+#[test]
+fn the_model_on_the_page_is_read_as_it_stands() {
+    let mut model = ErrorModel { scale_error: 2e-4, ..ErrorModel::default() };
+    model.doubt.azimuth_sigma_deg = 0.03;
+    let html = report::html(&Diagnosis { model: model.clone(), ..diagnosis() });
+    let (_, rest) = html.split_once("<pre>").unwrap();
+    let (text, _) = rest.split_once("</pre>").unwrap();
+    let text = text.replace("&quot;", "\"").replace("&#39;", "'").replace("&lt;", "<").replace("&gt;", ">");
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("model-of-the-report.toml");
+    std::fs::write(&path, text).unwrap();
+    assert_eq!(north::settings_file::read_model(&path).unwrap(), model);
 }

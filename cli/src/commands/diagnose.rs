@@ -4,12 +4,14 @@ use std::fs;
 use std::path::PathBuf;
 
 use clap::Args;
+use time::OffsetDateTime;
 
 use crate::campaign::Campaign;
 use crate::diagnose::{Options, diagnose, report, write};
 use crate::failure::Failure;
 use crate::file_error::FileError;
 use crate::output::JsonOption;
+use crate::progress;
 use crate::settings_file::{campaign_settings, write_model};
 
 /// Find the effect that the model lacks, add it, and report the error before and after
@@ -44,12 +46,15 @@ impl Diagnose {
         campaign.check_copies()?;
         let options =
             Options { settings: campaign_settings(&campaign, self.settings.as_deref(), self.model.as_deref())? };
-        let diagnosis = diagnose(&campaign, &options).map_err(|refusal| Failure::Refused(refusal.to_string()))?;
+        let what = format!("diagnosing {} runs", campaign.runs.len());
+        let mut diagnosis = progress::work(what, move || diagnose(&campaign, &options))?
+            .map_err(|refusal| Failure::Refused(refusal.to_string()))?;
         write(&mut self.json.human(), &diagnosis)?;
         if let Some(path) = &self.model_out {
             write_model(path, &diagnosis.model)?;
         }
         if let Some(path) = &self.report {
+            diagnosis.origin.made = Some(OffsetDateTime::now_utc().date().to_string());
             fs::write(path, report::html(&diagnosis)).map_err(|error| FileError::whole(path, error))?;
         }
         self.json.write(&diagnosis)

@@ -1,6 +1,7 @@
 //! From what was learned to the diagnosis: azimuths, residuals, words.
 
 use north_finder::effects::ErrorModel;
+use north_finder::event::Fix;
 use north_finder::settings::Settings;
 use north_finder::units::{RAD_PER_DEG, wrap_180_deg, wrap_360_deg};
 use rayon::prelude::*;
@@ -9,14 +10,19 @@ use super::checks;
 use super::data::RunData;
 use super::open::{OffBoard, Open};
 use super::residual::Residuals;
+use super::statistics::median;
 use super::{
-    Diagnosis, Lesson, NoiseTests, Refusal, RunDiagnosis, Warning, findings, judge, study, unexplained, verdict,
+    Diagnosis, Lesson, NoiseTests, Origin, Refusal, RunDiagnosis, Warning, findings, guard, judge, study, turn,
+    unexplained, verdict,
 };
 use crate::campaign::{Campaign, Role};
 use crate::solve::{SolveError, solve_file};
 
 /// Most folds of the cross-validation.
 const FOLDS: usize = 6;
+/// A reference that is missed by more than this, in degrees and in sigmas, is named.
+const MISS_DEG: f64 = 1.0;
+const MISS_SIGMAS: f64 = 5.0;
 
 /// A run's azimuth with the model.
 #[derive(Clone, Default)]
@@ -28,9 +34,11 @@ struct After {
     note: Option<String>,
 }
 
+/// `as_recorded` are the runs' fixes before anything was learned or taken out of them.
 pub fn diagnosis(
     campaign: &Campaign,
     runs: &[RunData],
+    as_recorded: &[Option<Fix>],
     constant: &[String],
     base: &ErrorModel,
     lesson: &Lesson,
@@ -43,8 +51,7 @@ pub fn diagnosis(
     let of_named: Vec<Option<f64>> = afters.iter().map(|after| after.azimuth_deg).collect();
     let mut open = if lesson.by_stay.is_some() { None } else { Open::choose(runs, &lesson.by_second.taken, &bad) }
         .filter(|open| open.is_better(runs, &of_named, &bad));
-    let bare =
-        Lesson { bad_references: lesson.bad_references.clone(), knocked: lesson.knocked.clone(), ..Lesson::default() };
+    let bare = lesson.bare();
     let lesson = if open.as_ref().is_some_and(|open| open.replaces) {
         model = model_of(&bare, base)?;
         afters = after(campaign, runs, &model, base, &bare)?;
@@ -55,20 +62,10 @@ pub fn diagnosis(
     let learned = lesson.learned();
     warn_of_lesson(lesson, &mut warnings);
     checks::warn_of_range(runs, learned, &mut warnings);
-    let judged: Vec<bool> = if judged_by_checks {
-        runs.iter().map(|run| run.role == Role::Check && run.reference_deg.is_some()).collect()
-    } else {
-        let left_out = cross_validated(runs, base, constant);
-        for (after, crossed) in afters.iter_mut().zip(left_out) {
-            if let Some(crossed) = crossed {
-                *after = crossed;
-            }
-        }
-        let bad = |run: &RunData| lesson.bad_references.iter().any(|(file, _)| *file == run.file);
-        runs.iter().map(|run| run.role == Role::Fit && run.reference_deg.is_some() && !bad(run)).collect()
-    };
-    if open.is_none() && !learned.taken.is_empty() {
-        let missed_deg = missed_beyond_sigma_deg(runs, &afters, &bad);
+    let mut crossed_deg: Vec<Option<f64>> =
+        if judged_by_checks { vec![None; runs.len()] } else { cross_validated(runs, base, constant, lesson) };
+    if open.is_none() && !lesson.is_empty() {
+        let missed_deg = guard::missed_beyond_sigma_deg(runs, lesson, &guard::left_out(runs, lesson, base));
         model.doubt.azimuth_sigma_deg = missed_deg;
         for after in &mut afters {
             after.sigma_deg = after.sigma_deg.map(|sigma| sigma.hypot(missed_deg));
@@ -98,34 +95,58 @@ pub fn diagnosis(
                 ),
             }),
         }
-        for ((run, after), own) in runs.iter().zip(&mut afters).zip(&open.azimuths) {
+        for ((after, own), crossed_deg) in afters.iter_mut().zip(&open.azimuths).zip(&mut crossed_deg) {
             let Some(own) = own else { continue };
-            let left_out = run.role == Role::Fit && !judged_by_checks;
             let own_deg = wrap_360_deg(own.azimuth_rad / RAD_PER_DEG);
-            // A training run that is judged has its azimuth by a model without it.
-            let azimuth_deg = after.azimuth_deg.filter(|_| open.deployed && !left_out).unwrap_or(own_deg);
+            // The engine's azimuth of a training run is by a model without it.
+            *crossed_deg = Some(own_deg);
+            let azimuth_deg = after.azimuth_deg.filter(|_| open.deployed).unwrap_or(own_deg);
             after.azimuth_deg = Some(azimuth_deg);
             after.sigma_deg = Some((own.sigma_rad / RAD_PER_DEG).hypot(wrap_180_deg(azimuth_deg - own_deg)));
         }
     }
+    let judged = |run: &RunData| {
+        let role = if judged_by_checks { Role::Check } else { Role::Fit };
+        run.role == role && run.reference_deg.is_some() && (judged_by_checks || !bad.contains(&run.file))
+    };
     let records: Vec<RunDiagnosis> = runs
         .iter()
-        .zip(&afters)
-        .zip(&judged)
-        .map(|((run, after), &judged)| record(run, after, judged, lesson))
+        .zip(as_recorded)
+        .zip(afters.iter().zip(&crossed_deg))
+        .map(|((run, before), (after, crossed_deg))| {
+            let by_deg = if judged_by_checks { after.azimuth_deg } else { *crossed_deg };
+            record(run, *before, after, judged(run).then_some(by_deg), lesson)
+        })
         .collect();
+    let missed_references = warn_of_misses(&records, &bad, &mut warnings);
     let errors = |of: fn(&RunDiagnosis) -> Option<f64>| records.iter().filter_map(of).collect::<Vec<_>>();
     let before = judge::rms_with_interval(&errors(|run| run.error_before_deg));
     let rms_after = judge::rms_with_interval(&errors(|run| run.error_after_deg));
 
     let residuals = Residuals::new(runs.iter().collect(), &lesson.by_second.taken, lesson.line_s());
+    let sigmas: Vec<f64> = afters.iter().filter_map(|after| after.sigma_deg).collect();
+    let sigma_now_deg = median(sigmas);
+    let next_experiment = match &open {
+        Some(open) => open.next_experiment(runs, sigma_now_deg),
+        None => None,
+    }
+    .or_else(|| findings::next_experiment(lesson, runs, sigma_now_deg));
     let noise = noise_tests(campaign, runs, &residuals, base, lesson);
     let unexplained = match &open {
         Some(open) => open.unexplained(),
         None => unexplained::evidence(lesson, runs, &noise),
     };
+    if let Some(turned_deg) = lesson.turned_deg {
+        turn::put(&mut model, turned_deg);
+    }
     let mut diagnosis = Diagnosis {
         title: campaign.title.clone(),
+        origin: Origin {
+            version: env!("CARGO_PKG_VERSION"),
+            made: None,
+            instrument: campaign.instrument.as_ref().and_then(|instrument| instrument.name.clone()),
+            latitude_deg: campaign.latitude_deg,
+        },
         verdict: String::new(),
         runs: records,
         rejected: findings::rejected(lesson, runs, constant),
@@ -139,12 +160,17 @@ pub fn diagnosis(
         judged_on: rms_after.map(|_| if judged_by_checks { "check-runs" } else { "cross-validation" }),
         unexplained: !unexplained.is_empty(),
         unexplained_evidence: unexplained,
-        next_experiment: findings::next_experiment(lesson, runs),
+        withdrawn: lesson
+            .withdrawn
+            .as_ref()
+            .map(|(names, why)| format!("{} was found and is not used: {why}", names.join(" and "))),
+        missed_references,
+        next_experiment,
         series: residuals.series(),
         spectra: residuals.spectra(noise.declared_noise_deg_h.unwrap_or(noise.noise_deg_h)),
         noise,
         warnings,
-        effects: findings::found(lesson),
+        effects: findings::found(lesson, runs.first().map_or(0.0, |run| run.earth.up_deg_h)),
         model,
     };
     if let Some(open) = &open {
@@ -152,20 +178,6 @@ pub fn diagnosis(
     }
     diagnosis.verdict = verdict::sentence(&diagnosis);
     Ok(diagnosis)
-}
-
-/// What the azimuths of the fit runs miss their references by beyond their sigmas: root of mean(e² − σ²), at least 0; degrees.
-fn missed_beyond_sigma_deg(runs: &[RunData], afters: &[After], bad_references: &[String]) -> f64 {
-    let beyond: Vec<f64> = runs
-        .iter()
-        .zip(afters)
-        .filter(|(run, _)| run.role == Role::Fit && !bad_references.contains(&run.file))
-        .filter_map(|(run, after)| {
-            let error_deg = wrap_180_deg(after.azimuth_deg? - run.reference_deg?);
-            Some(error_deg.powi(2) - after.sigma_deg?.powi(2) - run.reference_sigma_deg.powi(2))
-        })
-        .collect();
-    (beyond.iter().sum::<f64>() / beyond.len().max(1) as f64).max(0.0).sqrt()
 }
 
 /// The model with what was learned.
@@ -190,7 +202,10 @@ fn noise_tests(
         let model = lesson.base(base);
         let stays: Vec<RunData> = runs.par_iter().filter_map(|run| judge::stays_of(run, &model)).collect();
         after = Residuals::new(stays.iter().collect(), &learned.taken, None).tests_after;
-        after.retain(|test| !matches!(test.name.as_str(), "whiteness" | "lines"));
+        for test in after.iter_mut().filter(|test| matches!(test.name.as_str(), "whiteness" | "lines")) {
+            test.passed = false;
+            test.not_applied = Some("the base's motion is taken out of a dwell's mean, not of its seconds");
+        }
     }
     NoiseTests {
         noise_deg_h: residuals.noise_deg_h,
@@ -233,7 +248,11 @@ fn after(
         .par_iter()
         .zip(runs)
         .map(|(run, data)| {
-            let settings = Settings { model: Some(model.clone()), ..data.settings.clone() };
+            let mut deployed = model.clone();
+            if let Some(turned_deg) = lesson.turned_deg {
+                turn::put(&mut deployed, turned_deg);
+            }
+            let settings = Settings { model: Some(deployed), ..data.settings.clone() };
             match solve_file(&campaign.path_of(run), &settings) {
                 Ok(solution) => {
                     let fix = solution.fix;
@@ -256,36 +275,67 @@ fn after(
         .collect()
 }
 
-/// Every fit run by a lesson that it took no part in.
-fn cross_validated(runs: &[RunData], base: &ErrorModel, constant: &[String]) -> Vec<Option<After>> {
+/// Azimuths of the training runs by lessons that they took no part in, degrees. Where nothing was learned from all of them, there
+/// is nothing to teach.
+fn cross_validated(runs: &[RunData], base: &ErrorModel, constant: &[String], lesson: &Lesson) -> Vec<Option<f64>> {
     let fit: Vec<usize> = (0..runs.len()).filter(|&i| runs[i].role == Role::Fit).collect();
+    if lesson.is_empty() || fit.len() < 2 {
+        return runs.iter().map(|run| Some(run.before?.azimuth_deg)).collect();
+    }
     let folds = FOLDS.min(fit.len());
-    let mut afters: Vec<Option<After>> = vec![None; runs.len()];
-    if folds < 2 {
-        return afters;
+    let inside = |place: usize, fold: usize| place % folds == fold;
+    let lessons: Vec<Lesson> = (0..folds)
+        .map(|fold| {
+            let training: Vec<&RunData> =
+                fit.iter().enumerate().filter(|(place, _)| !inside(*place, fold)).map(|(_, &i)| &runs[i]).collect();
+            study(&training, base, constant)
+        })
+        .collect();
+    let mut crossed_deg = vec![None; runs.len()];
+    for (place, &i) in fit.iter().enumerate() {
+        let lesson = &lessons[place % folds];
+        let model = lesson.learned().model(&lesson.base(base)).ok();
+        crossed_deg[i] = model.and_then(|model| Some(runs[i].solve(&model)?.0.azimuth_deg));
     }
-    for fold in 0..folds {
-        let inside = |place: usize| place % folds == fold;
-        let teachers: Vec<&RunData> =
-            fit.iter().enumerate().filter(|(place, _)| !inside(*place)).map(|(_, &i)| &runs[i]).collect();
-        let lesson = study(&teachers, base, constant);
-        for (_, &i) in fit.iter().enumerate().filter(|(place, _)| inside(*place)) {
-            let found = judge::azimuth_after(&runs[i], &lesson.base(base), lesson.learned());
-            afters[i] = found.map(|(fix, sigma_deg)| After {
-                azimuth_deg: Some(fix.azimuth_deg),
-                sigma_deg: Some(sigma_deg),
-                closure_deg_h: fix.closure_deg_h,
-                flags: fix.flags.iter().map(|flag| flag.name()).collect(),
-                note: None,
-            });
-        }
-    }
-    afters
+    crossed_deg
 }
 
-fn record(run: &RunData, after: &After, judged: bool, lesson: &Lesson) -> RunDiagnosis {
-    let before = run.before;
-    let error = |azimuth_deg: Option<f64>| Some(wrap_180_deg(azimuth_deg? - run.reference_deg?)).filter(|_| judged);
+/// Runs whose azimuth is far from the reference, whatever was found: something is wrong with one of the two. Their files; those
+/// of bad references are warned of already.
+fn warn_of_misses(records: &[RunDiagnosis], bad_references: &[String], warnings: &mut Vec<Warning>) -> Vec<String> {
+    let mut missed = Vec::new();
+    for run in records {
+        let azimuth = run.azimuth_after_deg.zip(run.sigma_after_deg);
+        let (Some((azimuth_deg, sigma_deg)), Some(reference_deg)) = (azimuth, run.reference_azimuth_deg) else {
+            continue;
+        };
+        let missed_deg = wrap_180_deg(azimuth_deg - reference_deg);
+        if missed_deg.abs() > MISS_DEG.max(MISS_SIGMAS * sigma_deg) {
+            missed.push(run.file.clone());
+            if bad_references.contains(&run.file) {
+                continue;
+            }
+            let message = format!(
+                "the azimuth misses the reference by {missed_deg:+.2} deg ({:.0} sigma): the reference, or the run, is wrong",
+                missed_deg.abs() / sigma_deg
+            );
+            warnings.push(Warning { run: Some(run.file.clone()), line: None, message });
+        }
+    }
+    missed
+}
+
+/// `judged_deg` is the azimuth that the error after is of, if there is one; `None` where the run is not judged.
+fn record(
+    run: &RunData,
+    before: Option<Fix>,
+    after: &After,
+    judged_deg: Option<Option<f64>>,
+    lesson: &Lesson,
+) -> RunDiagnosis {
+    let error = |azimuth_deg: Option<f64>| {
+        Some(wrap_180_deg(azimuth_deg.filter(|_| judged_deg.is_some())? - run.reference_deg?))
+    };
     let mut notes: Vec<String> = run.refusal.iter().map(|refusal| format!("no azimuth before: {refusal}")).collect();
     notes.extend(after.note.clone());
     if lesson.bad_references.iter().any(|(file, _)| *file == run.file) {
@@ -299,7 +349,7 @@ fn record(run: &RunData, after: &After, judged: bool, lesson: &Lesson) -> RunDia
         azimuth_after_deg: after.azimuth_deg,
         sigma_after_deg: after.sigma_deg,
         error_before_deg: error(before.map(|fix| fix.azimuth_deg)),
-        error_after_deg: error(after.azimuth_deg),
+        error_after_deg: error(judged_deg.flatten()),
         reference_azimuth_deg: run.reference_deg,
         closure_before_deg_h: before.and_then(|fix| fix.closure_deg_h),
         closure_after_deg_h: after.closure_deg_h,

@@ -2,8 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use north_finder::effects::basis::curve::Curve;
 use north_finder::effects::basis::curve::function::Function;
+use north_finder::effects::basis::curve::signal::Signal;
 use north_finder::effects::basis::harmonic::BodyHarmonic;
+use north_finder::effects::channel::{FORWARD, LEFT};
 use north_finder::effects::{
     Basis, ChannelName, Conditions, EarthField, ErrorModel, Evaluator, IndexError, MAX_CHANNELS, RateTerm, Term,
     TooMany,
@@ -33,6 +36,8 @@ pub enum Part {
     LevelBias {
         up_deg_h: f64,
     },
+    /// In proportion to the specific force along the sensitive axis, by its tilt: a gyro sensitive to gravity.
+    AxisTilt,
     BaseMotion,
 }
 
@@ -76,6 +81,18 @@ impl Candidate {
         }
     }
 
+    /// The columns that it depends on.
+    pub fn channels(&self) -> Vec<String> {
+        match &self.part {
+            Part::Term(term) => {
+                let mut names: Vec<String> = term.channels().map(|name| name.as_str().to_owned()).collect();
+                names.dedup();
+                names
+            }
+            _ => self.channel.iter().cloned().collect(),
+        }
+    }
+
     /// Its basis, where it is a term.
     pub fn basis(&self) -> Option<&Basis> {
         match &self.part {
@@ -99,7 +116,7 @@ impl Candidate {
             Part::Term(term) => term.count(),
             Part::EarthField { north } => 1 + usize::from(*north),
             Part::IndexEccentricity | Part::LevelBias { .. } => 2,
-            Part::Rate(_) | Part::ScaleFactor | Part::IndexOffset | Part::BaseMotion => 1,
+            Part::Rate(_) | Part::ScaleFactor | Part::IndexOffset | Part::AxisTilt | Part::BaseMotion => 1,
         }
     }
 
@@ -107,7 +124,7 @@ impl Candidate {
     pub fn follows_rate(&self) -> bool {
         match &self.part {
             Part::Term(term) => term.scales,
-            Part::LevelBias { .. } | Part::BaseMotion => false,
+            Part::LevelBias { .. } | Part::AxisTilt | Part::BaseMotion => false,
             _ => true,
         }
     }
@@ -144,6 +161,13 @@ impl Candidate {
                 let harmonic = Term::new(Basis::BodyHarmonic(BodyHarmonic { order: 1 }));
                 model.add(harmonic.with_coefficients(&[-up_deg_h * at(0), -up_deg_h * at(1)]))?;
             }
+            Part::AxisTilt => {
+                let axes = [FORWARD, LEFT].map(ChannelName::new).into_iter().flatten();
+                for (channel, pair) in axes.zip([[at(0), 0.0], [0.0, at(0)]]) {
+                    let harmonic = Basis::BodyHarmonic(BodyHarmonic { order: 1 });
+                    model.add(Term::product(harmonic, plain(channel)).with_coefficients(&pair))?;
+                }
+            }
             // The solver takes the accelerometers' measure of a slow creep out by itself.
             Part::BaseMotion => {}
         }
@@ -166,6 +190,7 @@ impl Candidate {
             Part::IndexOffset => (&["offset_deg"], None),
             Part::IndexEccentricity => (&["cos_deg", "sin_deg"], None),
             Part::LevelBias { .. } => (&["forward_g", "left_g"], None),
+            Part::AxisTilt => (&["deg_h_per_g"], None),
             Part::BaseMotion => (&["gain"], Some("window_s")),
         }
     }
@@ -226,9 +251,17 @@ impl Candidate {
                 vec![of(&|cell| turned(cell) * cell.cos), of(&|cell| turned(cell) * cell.sin)]
             }
             Part::LevelBias { up_deg_h } => vec![of(&|cell| -up_deg_h * cell.cos), of(&|cell| -up_deg_h * cell.sin)],
+            Part::AxisTilt => {
+                vec![of(&|cell| cell.level.map_or(0.0, |level| cell.cos * level.forward + cell.sin * level.left))]
+            }
             Part::BaseMotion => vec![base_motion::column(run, constant)],
         }
     }
+}
+
+/// A channel as it is.
+fn plain(channel: ChannelName) -> Basis {
+    Basis::Curve(Curve { channel, signal: Signal::Value, function: Function::Powers { reference: 0.0, degree: 1 } })
 }
 
 /// The functions of a term by the firmware's own evaluation.

@@ -18,6 +18,8 @@ const AMPLITUDE_LIMIT: f64 = 0.03;
 const BEYOND: f64 = 0.1;
 /// A reference is an outlier when chance would give one as far out in fewer campaigns than this share.
 const OUTLIER: f64 = 1e-3;
+/// Fewest references among which one can stand out: a mean, it, and one degree of freedom for the scatter.
+const LEAST_REFERENCES: usize = 3;
 /// And by at least this much, degrees.
 const OUTLIER_DEG: f64 = 0.2;
 
@@ -203,7 +205,7 @@ pub fn outlying_reference(problem: &Problem, effects: &[f64]) -> Option<(usize, 
         })
         .collect();
     let number = errors.len();
-    if number < 5 {
+    if number < LEAST_REFERENCES {
         return None;
     }
     let harmonic = number >= 8;

@@ -1,5 +1,7 @@
 //! How much a candidate explains, whether chance would do as well, and whether it foretells.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{DMatrix, DVector};
 
 use north_finder::effects::Basis;
@@ -11,6 +13,8 @@ use super::statistics::{chi_square_tail, dot, f_tail, median, orthonormalise};
 
 /// Most that a run can say against a curve.
 const AGAINST_A_CURVE: f64 = 50.0;
+/// Share of a column that other runs and other columns must leave for its coefficient to be told without a run.
+const TOLD: f64 = 1e-6;
 /// Fewest runs of which one need not be heard.
 const HEARD: usize = 6;
 
@@ -102,7 +106,10 @@ pub fn foretells(problem: &Problem, candidates: &[Candidate], trial: &[Chosen]) 
     let last = trial.last().map_or(0, |&(index, _)| candidates[index].coefficients());
     let basis = problem.basis(candidates, trial);
     let of_cells = problem.overdispersion(&problem.left(&basis), basis.len()).0;
-    let dispersion = of_cells.max(reference_dispersion(problem, candidates, trial)).max(1.0);
+    // On a base that moves the azimuths of the seconds are no measure: they become right by the dwell only.
+    let moves = trial.iter().any(|&(index, _)| candidates[index].is_base_motion());
+    let of_references = if moves { 1.0 } else { reference_dispersion(problem, candidates, trial) };
+    let dispersion = of_cells.max(of_references).max(1.0);
     let without = foretold(problem, &columns[..columns.len() - last], dispersion);
     let with = foretold(problem, &columns, dispersion);
     let is_curve = trial.last().is_some_and(|&(index, _)| candidates[index].is_spline());
@@ -143,19 +150,7 @@ fn foretold(problem: &Problem, columns: &[Vec<f64>], dispersion: f64) -> Vec<f64
     if number == 0 {
         return vec![0.0; problem.blocks.len()];
     }
-    let scale: Vec<f64> = columns.iter().map(|column| dot(column, column).sqrt().max(f64::MIN_POSITIVE)).collect();
-    let of_run = |range: &std::ops::Range<usize>| {
-        let part = |i: usize| &columns[i][range.clone()];
-        let gram = DMatrix::from_fn(number, number, |i, j| dot(part(i), part(j)) / (scale[i] * scale[j]));
-        let right = DVector::from_fn(number, |i, _| dot(part(i), &problem.y()[range.clone()]) / scale[i]);
-        (gram, right)
-    };
-    let runs: Vec<_> = problem.ranges().map(|range| of_run(&range)).collect();
-    let mut all = (DMatrix::identity(number, number) * 1e-9, DVector::zeros(number));
-    for (gram, right) in &runs {
-        all.0 += gram;
-        all.1 += right;
-    }
+    let Sums { runs, all, .. } = Sums::new(problem, columns);
     // Of a run with columns X and residual y, the others having (XᵀX)⁻¹ = C and coefficients b: the residual y − Xb has the
     // covariance I + X C Xᵀ, whose inverse is I − X (C⁻¹ + XᵀX)⁻¹ Xᵀ and whose determinant |I + C XᵀX|.
     let density = |(gram, right): &(DMatrix<f64>, DVector<f64>)| -> Option<f64> {
@@ -168,4 +163,47 @@ fn foretold(problem: &Problem, columns: &[Vec<f64>], dispersion: f64) -> Vec<f64
         Some(-squares / dispersion - spread)
     };
     runs.iter().map(|run| density(run).unwrap_or(0.0)).collect()
+}
+
+/// Gram matrices and right sides of columns, run by run and of all runs.
+struct Sums {
+    runs: Vec<(DMatrix<f64>, DVector<f64>)>,
+    all: (DMatrix<f64>, DVector<f64>),
+    /// What every column was divided by.
+    scale: Vec<f64>,
+}
+
+impl Sums {
+    fn new(problem: &Problem, columns: &[Vec<f64>]) -> Self {
+        let number = columns.len();
+        let scale: Vec<f64> = columns.iter().map(|column| dot(column, column).sqrt().max(f64::MIN_POSITIVE)).collect();
+        let of_run = |range: &std::ops::Range<usize>| {
+            let part = |i: usize| &columns[i][range.clone()];
+            let gram = DMatrix::from_fn(number, number, |i, j| dot(part(i), part(j)) / (scale[i] * scale[j]));
+            let right = DVector::from_fn(number, |i, _| dot(part(i), &problem.y()[range.clone()]) / scale[i]);
+            (gram, right)
+        };
+        let runs: Vec<_> = problem.ranges().map(|range| of_run(&range)).collect();
+        let mut all = (DMatrix::identity(number, number) * 1e-9, DVector::zeros(number));
+        for (gram, right) in &runs {
+            all.0 += gram;
+            all.1 += right;
+        }
+        Self { runs, all, scale }
+    }
+}
+
+/// Coefficients of the chosen effects as the runs without one give them, by the file of that one.
+pub fn left_out(problem: &Problem, candidates: &[Candidate], chosen: &[Chosen]) -> BTreeMap<String, Vec<f64>> {
+    let columns: Columns =
+        chosen.iter().flat_map(|&(index, constant)| problem.projected(&candidates[index], constant)).collect();
+    let Sums { runs, all, scale } = Sums::new(problem, &columns);
+    let without = |(gram, right): &(DMatrix<f64>, DVector<f64>)| {
+        let others = (&all.0 - gram).cholesky()?;
+        // What the other runs say nothing about cannot be told.
+        let told = others.l_dirty().diagonal().iter().all(|pivot| pivot * pivot > TOLD);
+        let found = others.solve(&(&all.1 - right));
+        told.then(|| found.iter().zip(&scale).map(|(value, scale)| value / scale).collect::<Vec<f64>>())
+    };
+    problem.blocks.iter().zip(&runs).filter_map(|(block, run)| Some((block.run.file.clone(), without(run)?))).collect()
 }

@@ -1,128 +1,216 @@
-//! The next experiment: which orders, headings and durations tell ambiguous effects apart, by the design matrix.
+//! The next experiment: the runs by which the models that are still possible would be told apart, or the azimuth known better, by
+//! what they are expected to tell.
 
 use north_finder::units::wrap_360_deg;
+use rayon::prelude::*;
 
 use super::block::Block;
 use super::candidate::Candidate;
 use super::data::{Cell, RunData};
+use super::problem::Problem;
 use super::result::Experiment;
 use super::statistics::{dot, orthonormalise};
 
 /// Seconds of a move.
 const MOVE_S: usize = 5;
+/// Expected log odds by which an answer is unique: twice what candidates may be apart and still count as confounded.
+const UNIQUE: f64 = 9.2;
+/// Expected log odds below which nothing is separated.
+const NOTHING: f64 = 1.0;
 
 /// Orders that are weighed against each other.
-const ORDERS: [(&str, &[f64]); 4] = [
+const ORDERS: [(&str, &[f64]); 5] = [
     ("the mirrored order", &[0.0, 90.0, 180.0, 270.0, 270.0, 180.0, 90.0, 0.0]),
     ("the plain order", &[0.0, 90.0, 180.0, 270.0]),
     ("eight positions out of order", &[0.0, 135.0, 270.0, 45.0, 180.0, 315.0, 90.0, 225.0]),
     ("six positions there and back", &[0.0, 60.0, 120.0, 180.0, 240.0, 300.0, 240.0, 120.0, 0.0, 180.0]),
+    ("long and short moves by turns", &[0.0, 180.0, 90.0, 270.0, 0.0, 90.0, 270.0, 180.0]),
 ];
+/// Headings at which the instrument is set down, dwells as multiples of those so far, and times of warming up first, seconds.
+const HEADINGS: [usize; 3] = [1, 4, 8];
+const STRETCHES: [f64; 2] = [1.0, 3.0];
+const WARM_UPS_S: [f64; 2] = [0.0, 1800.0];
 
-/// Proposes runs that separate `effect` (its candidate and constant) from its `rivals` best; `None` where no rival is known.
-pub fn propose(
-    like: &RunData,
-    runs: &[&RunData],
-    effect: (&Candidate, f64),
-    rivals: &[(&Candidate, f64)],
-) -> Option<Experiment> {
-    if rivals.is_empty() {
-        return None;
-    }
-    let now = separation(runs, effect, rivals);
-    let length_s = like.cells.last().map_or(240.0, |cell| cell.t_s).max(60.0);
-    let mut best: Option<(f64, &str, &[f64], usize, f64)> = None;
-    for (name, order) in ORDERS {
-        for headings in [1, 4, 8] {
-            for stretch in [1.0, 3.0] {
-                let dwell_s = (stretch * length_s / order.len() as f64 - MOVE_S as f64).max(10.0).round();
-                let designed: Vec<RunData> = (0..headings)
-                    .map(|i| design(like, order, dwell_s, 22.5 + 360.0 * i as f64 / headings as f64))
-                    .collect();
-                let found = separation(&designed.iter().collect::<Vec<_>>(), effect, rivals);
-                // Longer and more must pay for itself.
-                let price = 0.01 * (headings as f64).ln() + 0.02 * (stretch - 1.0);
-                if best.is_none_or(|(merit, ..)| found - price > merit) {
-                    best = Some((found - price, name, order, headings, dwell_s));
+/// Runs that have not been made.
+#[derive(Clone)]
+pub struct Design {
+    name: &'static str,
+    pub order_deg: &'static [f64],
+    pub headings_deg: Vec<f64>,
+    pub dwell_s: f64,
+    pub warm_up_s: f64,
+}
+
+impl Design {
+    /// All that are weighed, the shortest first; dwells as in `like`.
+    fn all(like: &RunData) -> Vec<Self> {
+        let length_s = like.cells.last().map_or(240.0, |cell| cell.t_s).max(60.0);
+        let mut all = Vec::new();
+        for (name, order_deg) in ORDERS {
+            for number in HEADINGS {
+                for stretch in STRETCHES {
+                    for warm_up_s in WARM_UPS_S {
+                        let dwell_s = (stretch * length_s / order_deg.len() as f64 - MOVE_S as f64).max(10.0).round();
+                        let heading_deg = |i: usize| wrap_360_deg(22.5 + 360.0 * i as f64 / number as f64);
+                        let headings_deg = (0..number).map(heading_deg).collect();
+                        all.push(Self { name, order_deg, headings_deg, dwell_s, warm_up_s });
+                    }
                 }
             }
         }
+        all.sort_by(|a, b| a.seconds().total_cmp(&b.seconds()));
+        all
     }
-    let (_, name, order, headings, dwell_s) = best?;
-    let headings_deg: Vec<f64> =
-        (0..headings).map(|i| wrap_360_deg(22.5 + 360.0 * i as f64 / headings as f64)).collect();
-    let designed: Vec<RunData> = headings_deg.iter().map(|&each| design(like, order, dwell_s, each)).collect();
-    let then = separation(&designed.iter().collect::<Vec<_>>(), effect, rivals);
-    let separates: Vec<String> =
-        std::iter::once(effect.0).chain(rivals.iter().map(|rival| rival.0)).map(|each| each.name.clone()).collect();
-    let surveyed = if headings > 1 { "surveyed headings" } else { "heading (surveyed)" };
+
+    /// What it takes.
+    fn seconds(&self) -> f64 {
+        let run_s = (self.dwell_s + MOVE_S as f64) * self.order_deg.len() as f64 + self.warm_up_s;
+        run_s * self.headings_deg.len() as f64
+    }
+
+    /// Its runs: seconds, with the channels as they went in the run that it is like.
+    pub fn runs(&self, like: &RunData) -> Vec<RunData> {
+        self.headings_deg.iter().map(|&heading_deg| self.run(like, heading_deg)).collect()
+    }
+
+    fn run(&self, like: &RunData, heading_deg: f64) -> RunData {
+        let mut run = like.clone();
+        run.reference_deg = Some(heading_deg);
+        run.rotation = false;
+        run.raw.clear();
+        run.cells.clear();
+        run.channels.iter_mut().for_each(Vec::clear);
+        let (sin_psi, cos_psi) = heading_deg.to_radians().sin_cos();
+        let mut t_s = self.warm_up_s;
+        let mut second = 0;
+        for (stay, angle) in self.order_deg.iter().enumerate() {
+            let (sin, cos) = angle.to_radians().sin_cos();
+            for row in 0..self.dwell_s as usize + if stay > 0 { MOVE_S } else { 0 } {
+                let moving = stay > 0 && row < MOVE_S;
+                let Some(place) = second_of(like, second) else { return run };
+                let raw_deg_h = like.earth.north_deg_h * (cos_psi * cos + sin_psi * sin);
+                t_s += 1.0;
+                second += 1;
+                let source = like.cells[place].clone();
+                run.cells.push(Cell { t_s: t_s - 0.5, seconds: 1.0, raw_deg_h, cos, sin, moving, stay, ..source });
+                for (channel, values) in run.channels.iter_mut().zip(&like.channels) {
+                    channel.push(values[place]);
+                }
+            }
+        }
+        run
+    }
+
+    fn words(&self) -> String {
+        let angles = |angles: &[f64], digits: usize| {
+            angles.iter().map(|angle| format!("{angle:.digits$}")).collect::<Vec<_>>().join(", ")
+        };
+        let warm = if self.warm_up_s > 0.0 {
+            format!(", {:.0} s after switch-on", self.warm_up_s)
+        } else {
+            ", from switch-on".into()
+        };
+        format!(
+            "{} ({}), {:.0} s at each position{warm}, with the mark turned to {} surveyed heading{}: {} deg",
+            self.name,
+            angles(self.order_deg, 0).replace(", ", "-"),
+            self.dwell_s,
+            self.headings_deg.len(),
+            if self.headings_deg.len() == 1 { "" } else { "s" },
+            angles(&self.headings_deg, 1),
+        )
+    }
+}
+
+/// The second of a run that stands for this one of a longer run: there and back again, so that nothing jumps.
+fn second_of(like: &RunData, second: usize) -> Option<usize> {
+    let length = like.cells.len();
+    let last = length.checked_sub(1)?;
+    let place = second % (2 * last).max(1);
+    Some(if place <= last { place } else { 2 * last - place })
+}
+
+/// What the models say of runs: log odds of the likeliest over each other one on average, and the azimuth's sigma then, degrees.
+pub struct Expectation {
+    pub log_odds: Vec<f64>,
+    pub sigma_deg: f64,
+}
+
+/// The shortest runs that are expected to make the answer unique; where none does, those that tell most in a given time.
+/// `None` where nothing can be told.
+///
+/// `expect` says what runs would tell; `against` are the names of the models that the first stands against; `sigma_now_deg` is what the
+/// azimuth is known to now. Without models to tell apart, the runs that bring the sigma down most for their time.
+pub fn propose(
+    like: &RunData,
+    names: &[String],
+    sigma_now_deg: f64,
+    expect: impl Fn(&[RunData]) -> Option<Expectation> + Sync,
+) -> Option<Experiment> {
+    let weighed: Vec<(Design, Expectation)> = Design::all(like)
+        .into_par_iter()
+        .filter_map(|design| Some((design.clone(), expect(&design.runs(like))?)))
+        .collect();
+    let least = |found: &Expectation| found.log_odds.iter().copied().fold(f64::INFINITY, f64::min);
+    let (design, found) = if names.len() > 1 {
+        let unique = weighed.iter().find(|(_, found)| least(found) > UNIQUE);
+        unique.or_else(|| weighed.iter().max_by(|a, b| least(&a.1).total_cmp(&least(&b.1))))
+    } else {
+        let gain = |(design, found): &(Design, Expectation)| (sigma_now_deg / found.sigma_deg).ln() / design.seconds();
+        weighed.iter().max_by(|a, b| gain(a).total_cmp(&gain(b)))
+    }?;
+    let log_odds = least(found).min(f64::MAX);
+    if names.len() > 1 && log_odds < NOTHING || names.len() < 2 && found.sigma_deg >= sigma_now_deg {
+        return None;
+    }
+    let tells = if names.len() > 1 {
+        format!(
+            "; it is expected to separate {} by log odds of {log_odds:.0}, with channels as in {}",
+            names.join(" from "),
+            like.file
+        )
+    } else {
+        String::new()
+    };
     Some(Experiment {
         description: format!(
-            "{name} ({}), {dwell_s:.0} s at each position, at {headings} {surveyed}: {}; it separates {} (share of the \
-             effect that the others cannot imitate: {:.0} % instead of {:.0} %)",
-            order.iter().map(|angle| format!("{angle:.0}")).collect::<Vec<_>>().join("-"),
-            headings_deg.iter().map(|angle| format!("{angle:.1}")).collect::<Vec<_>>().join(", "),
-            separates.join(" from "),
-            100.0 * then,
-            100.0 * now
+            "{}{tells}; sigma of a usual azimuth then {:.4} deg ({sigma_now_deg:.4} now)",
+            design.words(),
+            found.sigma_deg
         ),
-        order_deg: order.to_vec(),
-        headings_deg,
-        dwell_s,
-        separates,
-        separation_now: now,
-        separation_then: then,
+        order_deg: design.order_deg.to_vec(),
+        headings_deg: design.headings_deg.clone(),
+        dwell_s: design.dwell_s,
+        warm_up_s: design.warm_up_s,
+        like: like.file.clone(),
+        separates: if names.len() > 1 { names.to_vec() } else { Vec::new() },
+        expected_log_odds: (names.len() > 1).then_some(log_odds),
+        sigma_now_deg,
+        sigma_then_deg: found.sigma_deg,
     })
 }
 
-/// A run that has not been made: the order, seconds, the channels as they went in the run that it is like.
-fn design(like: &RunData, order: &[f64], dwell_s: f64, heading_deg: f64) -> RunData {
-    let mut run = like.clone();
-    run.reference_deg = Some(heading_deg);
-    run.noise_deg_h = Some(1.0);
-    run.rotation = false;
-    run.cells.clear();
-    run.channels.iter_mut().for_each(Vec::clear);
-    let usual = like.cells.len().max(1);
-    let (psi, north) = (heading_deg.to_radians(), like.earth.north_deg_h);
-    let mut t_s = 0.0;
-    for (stay, angle) in order.iter().enumerate() {
-        t_s += MOVE_S as f64;
-        let (sin, cos) = angle.to_radians().sin_cos();
-        for _ in 0..dwell_s as usize {
-            let Some(source) = like.cells.get((t_s as usize).min(usual - 1)) else { continue };
-            let raw_deg_h = north * (psi.cos() * cos + psi.sin() * sin);
-            t_s += 1.0;
-            let place =
-                Cell { t_s: t_s - 0.5, seconds: 1.0, raw_deg_h, cos, sin, moving: false, stay, ..source.clone() };
-            run.cells.push(place);
-            for (channel, values) in run.channels.iter_mut().zip(&like.channels) {
-                channel.push(values[(t_s as usize).min(values.len() - 1)]);
-            }
-        }
-    }
-    run
+/// An effect that was taken, with its constant and coefficients.
+pub struct Known<'a> {
+    pub candidate: &'a Candidate,
+    pub constant: f64,
+    pub coefficients: &'a [f64],
 }
 
-/// Share of the effect's columns, beside every run's own azimuth and bias, that no rival can imitate; the smallest over
-/// the rivals.
-fn separation(runs: &[&RunData], effect: (&Candidate, f64), rivals: &[(&Candidate, f64)]) -> f64 {
-    let blocks: Vec<Block> = runs.iter().filter_map(|run| Block::new(run, true, None)).collect();
-    let problem = super::problem::Problem::new(blocks);
-    let own = problem.projected(effect.0, effect.1);
-    let whole: f64 = own.iter().map(|column| dot(column, column)).sum();
-    let seen: f64 = problem.weighted(effect.0, effect.1).iter().map(|column| dot(column, column)).sum();
-    // An effect of which the azimuth and the bias take all but nothing is not seen at all.
-    if !(whole > 1e-6 * seen) {
-        return 0.0;
+/// Log odds of an effect over each of its rivals that runs would add on average, if it is the true one: half of what no
+/// coefficients of the rival can imitate, in noise variances.
+pub fn log_odds(runs: &[RunData], effect: &Known, rivals: &[(&Candidate, f64)]) -> Vec<f64> {
+    let problem = Problem::new(runs.iter().filter_map(|run| Block::new(run, true, None)).collect());
+    let mut whole = vec![0.0; problem.rows()];
+    for (column, size) in problem.projected(effect.candidate, effect.constant).iter().zip(effect.coefficients) {
+        whole.iter_mut().zip(column).for_each(|(sum, value)| *sum += size * value);
     }
     rivals
         .iter()
         .map(|(rival, constant)| {
             let basis = orthonormalise(&[], problem.projected(rival, *constant));
-            let imitated: f64 =
-                own.iter().map(|column| basis.iter().map(|each| dot(column, each).powi(2)).sum::<f64>()).sum();
-            (1.0 - imitated / whole).max(0.0)
+            let imitated: f64 = basis.iter().map(|each| dot(&whole, each).powi(2)).sum();
+            0.5 * (dot(&whole, &whole) - imitated).max(0.0)
         })
-        .fold(1.0, f64::min)
+        .collect()
 }

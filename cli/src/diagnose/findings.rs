@@ -2,9 +2,11 @@
 
 use north_finder::effects::ErrorModel;
 
-use super::candidate;
+use super::block::Block;
+use super::candidate::{self, Part};
 use super::data::RunData;
 use super::evidence::searched;
+use super::experiment::{Expectation, Known};
 use super::learn::ACCEPT;
 use super::learned::{Learned, Taken};
 use super::statistics::chi_square_tail;
@@ -12,38 +14,98 @@ use super::{Candidate, Effect, Lesson, Rejected, effects, experiment};
 use crate::campaign::Role;
 
 /// The effects that were found, the strongest first.
-pub fn found(lesson: &Lesson) -> Vec<Effect> {
+pub fn found(lesson: &Lesson, up_deg_h: f64) -> Vec<Effect> {
     let mut effects: Vec<Effect> = Vec::new();
     if lesson.by_stay.is_some() {
         let base = lesson.by_second.taken.iter().find(|each| each.candidate.name == "base-motion");
-        effects.extend(base.map(effect));
+        effects.extend(base.map(|base| effect(base, up_deg_h)));
     }
     let mut taken: Vec<&Taken> = lesson.learned().taken.iter().collect();
     taken.sort_by(|a, b| b.improvement.total_cmp(&a.improvement));
-    effects.extend(taken.into_iter().map(effect));
+    effects.extend(taken.into_iter().map(|taken| effect(taken, up_deg_h)));
     effects.extend(lesson.line.map(|line| line.effect()));
+    if let Some(turned_deg) = lesson.turned_deg {
+        add_turn(&mut effects, turned_deg);
+    }
     effects
 }
 
-fn effect(taken: &Taken) -> Effect {
+/// An index error that was taken out beforehand: with what was found on top of it, or alone.
+fn add_turn(effects: &mut Vec<Effect>, turned_deg: f64) {
+    if let Some(offset_deg) = effects.iter_mut().find_map(|effect| effect.parameters.get_mut("offset_deg")) {
+        *offset_deg += turned_deg;
+        return;
+    }
+    let evidence = format!(
+        "every training run's azimuth is off by about {turned_deg:+.2}°: the index zero, or all references, are turned"
+    );
+    let turn = Effect {
+        name: INDEX_OFFSET.into(),
+        kind: "index",
+        channel: None,
+        channels: Vec::new(),
+        parameters: [("offset_deg".to_owned(), turned_deg)].into(),
+        sigma: [("offset_deg".to_owned(), TURN_SIGMA_DEG)].into(),
+        p_value: 0.0,
+        ambiguous_with: vec![EARTH_FIELD.into()],
+        evidence,
+        board: true,
+    };
+    effects.insert(0, turn);
+}
+
+/// Both turn every azimuth by the same angle, whatever its size: only another latitude tells them apart.
+const INDEX_OFFSET: &str = "index-offset";
+const EARTH_FIELD: &str = "earth-field";
+/// How well a large turn is known: below that an index offset is found on top of it, degrees.
+const TURN_SIGMA_DEG: f64 = 0.1;
+/// Relative error up to which sensitivity to gravity is what the other sign of the latitude would do.
+const OTHER_LATITUDE: f64 = 0.2;
+
+/// Names of what would explain an effect as well: other candidates, and what no candidate is.
+fn confounded(taken: &Taken, up_deg_h: f64) -> Vec<String> {
+    let mut names: Vec<String> = taken.rivals.iter().map(|(rival, _)| rival.full_name()).collect();
+    match (taken.candidate.name.as_str(), &taken.candidate.part) {
+        (INDEX_OFFSET, _) => names.push(EARTH_FIELD.into()),
+        (EARTH_FIELD, _) => names.push(INDEX_OFFSET.into()),
+        (_, Part::AxisTilt) => {
+            let size_deg_h = taken.coefficients.first().copied().unwrap_or(0.0);
+            names.extend(is_other_latitude(size_deg_h, up_deg_h).then(|| LATITUDE.to_owned()));
+        }
+        _ => {}
+    }
+    let mut unlike: Vec<String> = Vec::new();
+    names.into_iter().for_each(|name| {
+        if !unlike.contains(&name) {
+            unlike.push(name);
+        }
+    });
+    unlike
+}
+
+/// Not an effect of the gyro: the campaign says another latitude than that of the place.
+pub const LATITUDE: &str = "latitude";
+
+/// Whether a rate in proportion to the specific force along the axis, °/h at 1 g, is what a latitude of the wrong sign leaves:
+/// the solution takes Ω sin φ times the tilt out with the wrong sign, so that twice that remains.
+pub fn is_other_latitude(size_deg_h: f64, up_deg_h: f64) -> bool {
+    (size_deg_h + 2.0 * up_deg_h).abs() < OTHER_LATITUDE * 2.0 * up_deg_h.abs()
+}
+
+fn effect(taken: &Taken, up_deg_h: f64) -> Effect {
     let candidate = &taken.candidate;
     let mut alone = ErrorModel::default();
     let board = candidate.put(taken.constant, &taken.coefficients, &mut alone).is_ok() && alone.off_board().is_none();
-    let mut ambiguous_with: Vec<String> = Vec::new();
-    for (rival, _) in &taken.rivals {
-        if !ambiguous_with.contains(&rival.full_name()) {
-            ambiguous_with.push(rival.full_name());
-        }
-    }
     let found = if taken.by_references > 0.5 { "surveyed headings" } else { "seconds of the runs" };
     Effect {
         name: candidate.name.clone(),
         kind: candidate.kind,
         channel: candidate.channel.clone(),
+        channels: candidate.channels(),
         parameters: candidate.named(taken.constant, &taken.coefficients),
         sigma: candidate.named(taken.constant_sigma, &taken.sigmas),
         p_value: taken.p_value.min(1.0),
-        ambiguous_with,
+        ambiguous_with: confounded(taken, up_deg_h),
         evidence: format!(
             "the weighted sum of squares falls by {:.0} noise variances for {} fitted numbers, mostly by the {found}",
             taken.improvement,
@@ -98,6 +160,9 @@ fn why(learned: &Learned, each: &candidate::Candidate, taken: bool, p_value_sear
         None if learned.shadows.contains(&each.full_name()) => {
             "more stays unexplained than it explains: it may be the shadow of something else".into()
         }
+        None if p_value_searched < ACCEPT && learned.taken.is_empty() => {
+            format!("it explains something (p = {p_value_searched:.1e}), but the runs do not predict each other by it")
+        }
         None if p_value_searched < ACCEPT => "alone it explains something, beside the taken effects nothing".into(),
         None => format!("chance would do as well (p = {p_value_searched:.2} after the search)"),
     }
@@ -112,10 +177,30 @@ pub fn rejected(lesson: &Lesson, runs: &[RunData], constant: &[String]) -> Vec<R
         .collect()
 }
 
-/// What would tell apart what this campaign cannot.
-pub fn next_experiment(lesson: &Lesson, runs: &[RunData]) -> Option<super::Experiment> {
+/// What would tell apart what this campaign cannot; `sigma_now_deg` is what a usual azimuth is known to.
+pub fn next_experiment(lesson: &Lesson, runs: &[RunData], sigma_now_deg: f64) -> Option<super::Experiment> {
     let fit: Vec<&RunData> = runs.iter().filter(|run| run.role == Role::Fit).collect();
     let taken = lesson.learned().taken.iter().find(|each| !each.rivals.is_empty())?;
     let rivals: Vec<(&candidate::Candidate, f64)> = taken.rivals.iter().map(|(rival, c)| (rival, *c)).collect();
-    experiment::propose(fit.first()?, &fit, (&taken.candidate, taken.constant), &rivals)
+    let mut names = vec![taken.candidate.full_name()];
+    names.extend(rivals.iter().map(|(rival, _)| rival.full_name()));
+    let known = Known { candidate: &taken.candidate, constant: taken.constant, coefficients: &taken.coefficients };
+    let like = fit.iter().max_by(|a, b| shown(a, taken).total_cmp(&shown(b, taken)))?;
+    experiment::propose(like, &names, sigma_now_deg, |proposed| {
+        // The scatter of the coefficients falls with the number of runs.
+        let share = fit.len() as f64 / (fit.len() + proposed.len()) as f64;
+        let log_odds = experiment::log_odds(proposed, &known, &rivals);
+        Some(Expectation { log_odds, sigma_deg: sigma_now_deg * (0.5 * (1.0 + share)).sqrt() })
+    })
+}
+
+/// How much of an effect a run shows, the sum of its squares.
+fn shown(run: &RunData, taken: &Taken) -> f64 {
+    let Some(block) = Block::new(run, true, None) else { return 0.0 };
+    let columns = taken.candidate.columns(run, taken.constant, &block.smooth_deg_h, block.azimuth_deg);
+    let mut whole = vec![0.0; run.cells.len()];
+    for (column, size) in columns.iter().zip(&taken.coefficients) {
+        whole.iter_mut().zip(column).for_each(|(sum, value)| *sum += size * value);
+    }
+    whole.iter().map(|value| value * value).sum()
 }

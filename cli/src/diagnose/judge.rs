@@ -3,27 +3,16 @@
 use north_finder::effects::{BaseMotion, ErrorModel};
 use north_finder::event::Fix;
 use north_finder::units::wrap_180_deg;
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::data::RunData;
 use super::learned::Learned;
-use super::statistics::rms;
+use super::statistics::{chi_square_tail, rms};
 
 /// Lags of the accelerometers that are tried, seconds.
 const LAGS_S: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
 /// Share of the variance that a lag must leave at most to be believed.
 const WORTH: f64 = 0.95;
-/// Bootstrap samples of the runs.
-const SAMPLES: usize = 2000;
-
-/// Azimuth of a run with what was learned: the fix, and its sigma with the parameters' uncertainty.
-pub fn azimuth_after(run: &RunData, base: &ErrorModel, learned: &Learned) -> Option<(Fix, f64)> {
-    let (fix, _) = run.solve(&learned.model(base).ok()?)?;
-    let sigma_deg = fix.sigma_deg.hypot(parameter_sigma_deg(run, base, learned, &fix));
-    Some((fix, sigma_deg))
-}
 
 /// What the parameters' uncertainty does to the azimuth, degrees: by a step of one sigma along each principal direction
 /// of their covariance (its Cholesky factor's columns).
@@ -62,17 +51,21 @@ fn cholesky(matrix: &[Vec<f64>]) -> Vec<Vec<f64>> {
     factor
 }
 
-/// Root mean square of errors with its 95 % interval, by drawing the runs with replacement.
+/// Root mean square of n errors with its 95 % interval: n rms²/σ² is a chi-square of n degrees of freedom.
 pub fn rms_with_interval(errors: &[f64]) -> Option<(f64, [f64; 2])> {
-    if errors.is_empty() {
-        return None;
+    let (number, found) = (errors.len() as f64, rms(errors));
+    let at = |tail: f64| found * (number / chi_square_above(tail, number)).sqrt();
+    (!errors.is_empty()).then(|| (found, [at(0.025), at(0.975)]))
+}
+
+/// The value that a chi-square exceeds with this probability, by bisection.
+fn chi_square_above(tail: f64, freedom: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 20.0 * freedom + 100.0);
+    for _ in 0..80 {
+        let middle = 0.5 * (low + high);
+        if chi_square_tail(middle, freedom) > tail { low = middle } else { high = middle }
     }
-    let mut random = ChaCha8Rng::seed_from_u64(1);
-    let mut drawn: Vec<f64> = (0..SAMPLES)
-        .map(|_| rms(&errors.iter().map(|_| errors[random.random_range(0..errors.len())]).collect::<Vec<_>>()))
-        .collect();
-    drawn.sort_unstable_by(f64::total_cmp);
-    Some((rms(errors), [drawn[SAMPLES / 40], drawn[SAMPLES - 1 - SAMPLES / 40]]))
+    0.5 * (low + high)
 }
 
 /// The stays of a run, the base's motion taken out, as cells of their own: what further effects are learned from.
@@ -143,4 +136,21 @@ pub fn way_of_base_motion(runs: &[&RunData], base: &ErrorModel) -> Option<BaseMo
         runs.par_iter().map(|run| sigma(run).powi(2)).sum::<f64>()
     };
     (promised(Some(found)) < promised(None)).then_some(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_interval_of_an_rms_by_tables() {
+        // χ² of 4 degrees of freedom: 0.4844 at 2.5 %, 11.143 at 97.5 %. Of 1: 0.000982 and 5.024.
+        let (found, [low, high]) = rms_with_interval(&[2.0; 4]).unwrap();
+        assert!((found - 2.0).abs() < 1e-12);
+        assert!((low - 2.0 * (4.0f64 / 11.143).sqrt()).abs() < 1e-3, "{low}");
+        assert!((high - 2.0 * (4.0f64 / 0.4844).sqrt()).abs() < 1e-2, "{high}");
+        let (_, [low, high]) = rms_with_interval(&[1.0]).unwrap();
+        assert!((low - 0.446).abs() < 1e-3 && (high - 31.9).abs() < 0.1, "{low} {high}");
+        assert!(rms_with_interval(&[]).is_none());
+    }
 }

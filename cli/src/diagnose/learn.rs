@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::block::Block;
 use super::candidate::{Candidate, Columns};
 use super::estimate::{beside, coefficients};
-use super::evidence::{Foretold, foretells, improvement, p_value, sameness, score, searched};
+use super::evidence::{Foretold, foretells, improvement, left_out, p_value, sameness, score, searched};
 use super::learned::{AS_GOOD, Learned, Merit};
 use super::problem::{Chosen, Problem};
 use super::refine::{constant_sigma, refine, refined};
@@ -22,6 +22,8 @@ pub const STRUCTURE: f64 = 1e-4;
 /// A candidate that explains this share of what another of the same channel does may be the cause: sensors lag, and no
 /// effect has quite the shape that it is given.
 const NEARLY: f64 = 0.99;
+/// A simpler form of the same cause is taken where chance alone loses as much in more campaigns than this share.
+const SIMPLER: f64 = 0.01;
 /// Most effects that are taken.
 const MOST_EFFECTS: usize = 6;
 /// Most candidates among which the power to foretell decides.
@@ -66,9 +68,12 @@ fn search<'a, 'b>(
     let problem = Problem::new(blocks);
     let cache = candidates.par_iter().map(|candidate| columns(&problem, candidate)).collect();
     let mut search = Search { problem, candidates, cache, chosen: Vec::new() };
-    let mut learned = Learned { first: search.merits(&[], search.problem.y()), ..Learned::default() };
+    let first = search.merits(&[], search.problem.y());
+    let first_left = search.problem.overdispersion(search.problem.y(), 0);
+    let mut learned = Learned { first, first_left, ..Learned::default() };
     while search.chosen.len() < MOST_EFFECTS && search.take_another() {}
     search.prune();
+    search.simplify();
     learned.shadows = last(&mut search);
     search.finish(&mut learned);
     learned
@@ -116,7 +121,9 @@ impl Search<'_, '_> {
             .map(|merit| self.trial(&refine(&self.problem, self.candidates, (&basis, &left), merit)));
         let accept = if self.chosen.is_empty() { ACCEPT } else { ACCEPT_BESIDE };
         let does = |trial: &Trial| {
-            trial.foretold.gain > FORETOLD
+            // The accelerometers of every run measure its own motion: no other run has to predict it.
+            let measured = trial.chosen.last().is_some_and(|&(index, _)| self.candidates[index].is_base_motion());
+            (measured || trial.foretold.gain > FORETOLD)
                 && self.chance(&trial.chosen, trial.improvement, trial.foretold) < accept
                 // Two curves in one channel have parts in common, which no fit can tell apart.
                 && coefficients(&self.problem, self.candidates, &trial.chosen).is_some()
@@ -236,6 +243,32 @@ impl Search<'_, '_> {
         }
     }
 
+    /// Effects take the simplest form of the same cause that the data do not contradict.
+    fn simplify(&mut self) {
+        for i in 0..self.chosen.len() {
+            let (index, constant) = self.chosen[i];
+            let own = &self.candidates[index];
+            let (basis, left) = beside(&self.problem, self.candidates, &self.chosen, i);
+            let full = improvement(&basis, &left, self.problem.projected(own, constant));
+            let all = self.problem.basis(self.candidates, &self.chosen);
+            let (ratio, _) = self.problem.overdispersion(&self.problem.left(&all), all.len());
+            let simpler = (0..self.candidates.len())
+                .filter(|&other| {
+                    let other = &self.candidates[other];
+                    other.freedom() < own.freedom() && other.grid.is_empty() && other.same_cause(own)
+                })
+                .filter(|&other| {
+                    let other = &self.candidates[other];
+                    let fall = full - improvement(&basis, &left, self.problem.projected(other, 0.0));
+                    chi_square_tail(fall / ratio.max(1.0), (own.freedom() - other.freedom()) as f64) > SIMPLER
+                })
+                .min_by_key(|&other| self.candidates[other].freedom());
+            if let Some(simpler) = simpler {
+                self.chosen[i] = (simpler, 0.0);
+            }
+        }
+    }
+
     /// Lets shadows go; their names.
     fn let_shadows_go(&mut self) -> Vec<String> {
         let mut gone = Vec::new();
@@ -274,6 +307,7 @@ impl Search<'_, '_> {
         }
         learned.taken = taken;
         learned.covariance = covariance;
+        learned.left_out = left_out(&self.problem, self.candidates, &self.chosen);
         let (fall, free) = sameness(&self.problem, self.candidates, &self.chosen);
         learned.sameness_p_value = chi_square_tail(fall, free);
     }

@@ -1,5 +1,7 @@
 //! What was learned: the effects that were taken, with coefficients, constants and sigmas.
 
+use std::collections::BTreeMap;
+
 use north_finder::effects::{ErrorModel, TooMany};
 
 use super::candidate::Candidate;
@@ -40,11 +42,15 @@ pub struct Learned {
     pub taken: Vec<Taken>,
     /// Covariance of all coefficients, in the order of the effects.
     pub covariance: Vec<Vec<f64>>,
+    /// Coefficients as the other runs give them, by the file of the run that is left out; none where they cannot be told.
+    pub left_out: BTreeMap<String, Vec<f64>>,
     /// Each candidate's merit before anything was taken.
     pub first: Vec<Merit>,
-    /// Variance of what is left over blocks of seconds, in units of white noise.
+    /// Variance of what is left over blocks of seconds, in units of white noise, and its degrees of freedom.
     pub left: f64,
     pub left_freedom: f64,
+    /// The same before anything was taken.
+    pub first_left: (f64, f64),
     /// Probability that effects which are the same in every run differ as much from run to run.
     pub sameness_p_value: f64,
     /// Effects that were let go because more is left than they explain.
@@ -52,6 +58,12 @@ pub struct Learned {
 }
 
 impl Learned {
+    /// Forgets all effects; what is left is again what it was before them.
+    pub fn give_back(&mut self) {
+        let (first, first_left) = (std::mem::take(&mut self.first), self.first_left);
+        *self = Self { first, first_left, left: first_left.0, left_freedom: first_left.1, ..Self::default() };
+    }
+
     /// Forgets the other effects.
     pub fn keep(&mut self, wanted: impl Fn(&Taken) -> bool) {
         let keep: Vec<bool> = self
@@ -65,7 +77,7 @@ impl Learned {
         };
         let mut flags = keep.iter();
         self.covariance.retain(|_| flags.next().copied().unwrap_or(false));
-        self.covariance.iter_mut().for_each(kept);
+        self.covariance.iter_mut().chain(self.left_out.values_mut()).for_each(kept);
         self.taken.retain(wanted);
     }
 

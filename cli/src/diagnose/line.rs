@@ -40,6 +40,7 @@ impl OwnLine {
             name: "line".into(),
             kind: "bias",
             channel: None,
+            channels: Vec::new(),
             parameters: parameters.map(|(name, value)| (name.to_owned(), value)).into(),
             sigma: Default::default(),
             p_value: self.p_value.min(1.0),

@@ -11,6 +11,7 @@ mod estimate;
 mod evidence;
 mod experiment;
 mod findings;
+mod guard;
 mod judge;
 mod learn;
 mod learned;
@@ -24,16 +25,19 @@ mod residual;
 mod result;
 mod statistics;
 mod text;
+mod turn;
 mod unexplained;
 mod verdict;
 
 pub use result::{
-    Candidate, Diagnosis, Effect, Experiment, NoiseTests, Rejected, RunDiagnosis, RunSeries, Spectra, Test, Warning,
+    Candidate, Diagnosis, Effect, Experiment, NoiseTests, Origin, Rejected, RunDiagnosis, RunSeries, Spectra, Test,
+    Warning,
 };
 pub use text::write;
 
 use north_finder::effects::{BaseMotion, ErrorModel};
 use north_finder::settings::Settings;
+use rayon::prelude::*;
 
 use crate::campaign::{Campaign, Role};
 use crate::file_error::FileError;
@@ -76,6 +80,10 @@ struct Lesson {
     bad_references: Vec<(String, f64)>,
     /// Lines of cells that were left out because they jump.
     knocked: Vec<(String, u64)>,
+    /// An index error, the same in all runs, that was taken out of them beforehand, degrees.
+    turned_deg: Option<f64>,
+    /// Names of what was found and must not be used, and why.
+    withdrawn: Option<(Vec<String>, String)>,
 }
 
 impl Lesson {
@@ -87,6 +95,41 @@ impl Lesson {
     /// What the model is made of.
     fn learned(&self) -> &Learned {
         self.by_stay.as_ref().map_or(&self.by_second, |(_, learned)| learned)
+    }
+
+    /// Nothing was learned that a model could hold.
+    fn is_empty(&self) -> bool {
+        self.by_second.taken.is_empty() && self.by_stay.is_none() && self.line.is_none()
+    }
+
+    /// The same campaign with nothing learned.
+    fn bare(&self) -> Self {
+        Self {
+            bad_references: self.bad_references.clone(),
+            knocked: self.knocked.clone(),
+            turned_deg: self.turned_deg,
+            withdrawn: self.withdrawn.clone(),
+            ..Self::default()
+        }
+    }
+
+    /// Gives back what was learned, or what was learned last: it must not be used.
+    fn withdraw(&mut self, why: String) {
+        let mut names: Vec<String> = self.learned().taken.iter().map(|each| each.candidate.full_name()).collect();
+        names.extend(self.line.map(|_| "line".to_owned()));
+        if names.is_empty() {
+            names.push("base-motion".into());
+        }
+        self.withdrawn = Some((names, why));
+        match &mut self.by_stay {
+            // What was found beside the base's motion goes first.
+            Some((_, learned)) if !learned.taken.is_empty() => learned.give_back(),
+            _ => {
+                self.by_second.give_back();
+                self.by_stay = None;
+                self.line = None;
+            }
+        }
     }
 
     /// Period of a line with a phase of each run's own, seconds.
@@ -109,15 +152,25 @@ impl Lesson {
 
 /// Diagnoses a campaign.
 pub fn diagnose(campaign: &Campaign, options: &Options) -> Result<Diagnosis, Refusal> {
-    let (runs, mut warnings) = data::read(campaign, options)?;
+    let (mut runs, mut warnings) = data::read(campaign, options)?;
     checks::refuse(&runs)?;
     let constant = checks::constant_channels(&runs);
     checks::warn(&runs, &constant, &mut warnings);
     let base = options.settings.model.clone().unwrap_or_default();
+    let as_recorded: Vec<_> = runs.iter().map(|run| run.before).collect();
+    let turned_deg = turn::common_deg(&runs);
+    if let Some(turned_deg) = turned_deg {
+        runs.par_iter_mut().for_each(|run| turn::take_out(run, turned_deg, &base));
+    }
     let fit: Vec<&RunData> = runs.iter().filter(|run| run.role == Role::Fit).collect();
-    let lesson = study(&fit, &base, &constant);
+    let mut lesson = Lesson { turned_deg, ..study(&fit, &base, &constant) };
     checks::refuse_latitude(&runs, lesson.learned(), &lesson.base(&base))?;
-    assemble::diagnosis(campaign, &runs, &constant, &base, &lesson, warnings)
+    while !lesson.is_empty()
+        && let Some(why) = guard::veto(&runs, &lesson, &base, &guard::left_out(&runs, &lesson, &base))
+    {
+        lesson.withdraw(why);
+    }
+    assemble::diagnosis(campaign, &runs, &as_recorded, &constant, &base, &lesson, warnings)
 }
 
 /// Learns from runs, whatever their role: the caller chooses them.

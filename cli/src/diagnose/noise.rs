@@ -61,7 +61,7 @@ impl Left<'_, '_> {
 }
 
 fn test(name: impl Into<String>, about: impl Into<String>, statistic: f64, p_value: f64) -> Test {
-    Test { name: name.into(), about: about.into(), statistic, p_value, passed: p_value >= LEVEL }
+    Test { name: name.into(), about: about.into(), statistic, p_value, passed: p_value >= LEVEL, not_applied: None }
 }
 
 /// Ljung and Box (Biometrika 65, 1978, p. 297): autocorrelations up to ten lags, inside stays.

@@ -7,13 +7,14 @@ use north_finder::effects::{ErrorModel, Term, doubt};
 use north_finder::units::{RAD_PER_DEG, wrap_180_deg};
 use rayon::prelude::*;
 
-use super::Effect;
 use super::block::Block;
 use super::candidate::evaluated;
 use super::data::RunData;
 use super::deploy::{self, Ranged};
+use super::experiment::{self, Expectation};
 use super::learned::Taken;
 use super::problem::Problem;
+use super::{Effect, Experiment};
 use crate::campaign::Role;
 use crate::open_world::{self, DAMPING, Found, Learned, Prediction, Recording, Reference, Shape};
 
@@ -214,6 +215,8 @@ impl Open {
         let weight = self.learned.models.first().map_or(1.0, |model| model.weight);
         let effect = |(place, found): (usize, &Found)| {
             let name = found.group.name();
+            let channels: Vec<String> =
+                found.group.channels().into_iter().map(|channel| self.names[channel].clone()).collect();
             let mut ambiguous_with: Vec<String> = Vec::new();
             for model in self.learned.models.iter().skip(1) {
                 let other = model.groups.get(place).map(|other| other.group.name());
@@ -221,8 +224,8 @@ impl Open {
             }
             Effect {
                 kind: "bias",
-                channel: match found.group.channels().as_slice() {
-                    [one] => Some(self.names[*one].clone()),
+                channel: match channels.as_slice() {
+                    [one] => Some(one.clone()),
                     _ => None,
                 },
                 parameters: BTreeMap::from([("rms_deg_h".to_owned(), found.size_deg_h)]),
@@ -235,12 +238,52 @@ impl Open {
                     found.group.words(&self.names),
                     found.log_odds
                 ),
-                board: self.deployed
-                    && found.group.channels().iter().all(|&channel| self.names[channel] == TEMPERATURE),
+                board: self.deployed && channels.iter().all(|channel| channel == TEMPERATURE),
+                channels,
                 name,
             }
         };
         self.groups().iter().enumerate().map(effect).collect()
+    }
+
+    /// Runs that would tell the models that are still possible apart or, where a process of the runs' own remains, make the azimuth
+    /// more certain; `sigma_now_deg` is what a usual azimuth is known to.
+    pub fn next_experiment(&self, runs: &[RunData], sigma_now_deg: f64) -> Option<Experiment> {
+        let mut names: Vec<String> = Vec::new();
+        for model in &self.learned.models {
+            let words: Vec<String> = model.groups.iter().map(|found| found.group.words(&self.names)).collect();
+            names.push(words.join(" and "));
+        }
+        // Models with the same words are the same to whoever reads them.
+        let other = |number: &usize| names[*number] != names[0];
+        let others: Vec<usize> = (1..names.len()).filter(other).collect();
+        if others.is_empty() && !self.has_process() {
+            return None;
+        }
+        let place = (0..runs.len()).filter(|&i| runs[i].role == Role::Fit && !self.recordings[i].is_empty());
+        let place = place.max_by(|&a, &b| {
+            self.learned.spread(&self.recordings[a]).total_cmp(&self.learned.spread(&self.recordings[b]))
+        })?;
+        let usual = &self.recordings[place];
+        let mut said = vec![names[0].clone()];
+        others.iter().for_each(|&number| {
+            if !said.contains(&names[number]) {
+                said.push(names[number].clone());
+            }
+        });
+        experiment::propose(&runs[place], &said, sigma_now_deg, |proposed| {
+            let proposed: Vec<Recording> = proposed
+                .iter()
+                .map(|run| {
+                    let rate_deg_h = run.cells.iter().map(|cell| cell.raw_deg_h).collect();
+                    let noise_deg_h = Some(self.learned.unit_deg_h * 10f64.sqrt());
+                    Recording { noise_deg_h, ..recording(run, rate_deg_h, &self.names, &[]) }
+                })
+                .collect();
+            let found = self.learned.expected(&proposed, usual)?;
+            let log_odds = others.iter().map(|&number| found.log_odds[number - 1]).collect();
+            Some(Expectation { log_odds, sigma_deg: found.sigma_rad / RAD_PER_DEG })
+        })
     }
 
     /// What remains: processes of the runs' own, in words.
@@ -310,5 +353,6 @@ fn recording(run: &RunData, rate_deg_h: Vec<f64>, names: &[String], bad_referenc
         reference: reference_deg
             .map(|deg| Reference { azimuth_rad: deg * RAD_PER_DEG, sigma_rad: run.reference_sigma_deg * RAD_PER_DEG }),
         rotation: run.rotation,
+        noise_deg_h: None,
     }
 }

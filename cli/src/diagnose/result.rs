@@ -13,6 +13,8 @@ use crate::campaign::Role;
 pub struct Diagnosis {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub title: Option<String>,
+    /// What made it, and of what.
+    pub origin: Origin,
     /// The outcome in a sentence, for a person.
     pub verdict: String,
     pub runs: Vec<RunDiagnosis>,
@@ -30,7 +32,7 @@ pub struct Diagnosis {
     pub azimuth_rms_before_deg: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub azimuth_rms_after_deg: Option<f64>,
-    /// 95 % intervals of both, by bootstrap over the runs.
+    /// 95 % intervals of both, by the chi-square of as many degrees of freedom as there are runs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub azimuth_rms_before_interval_deg: Option<[f64; 2]>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -43,6 +45,11 @@ pub struct Diagnosis {
     /// What remains, in words; empty when nothing does.
     pub unexplained_evidence: Vec<String>,
     pub next_experiment: Option<Experiment>,
+    /// Why what was found is not used, if it is not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub withdrawn: Option<String>,
+    /// Files whose azimuth after misses the reference by degrees and by many sigmas.
+    pub missed_references: Vec<String>,
     /// Tests of the residual for being noise.
     pub noise: NoiseTests,
     /// Doubts about the campaign, with the run and the row.
@@ -57,6 +64,20 @@ pub struct Diagnosis {
     pub spectra: Spectra,
 }
 
+/// What made a diagnosis, and of what.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Origin {
+    /// Of the program.
+    pub version: &'static str,
+    /// Date of the page, if it has one: the diagnosis itself depends on no clock.
+    #[serde(skip)]
+    pub made: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub instrument: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub latitude_deg: Option<f64>,
+}
+
 /// One run before and after.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct RunDiagnosis {
@@ -67,7 +88,8 @@ pub struct RunDiagnosis {
     pub azimuth_after_deg: Option<f64>,
     /// With the uncertainty of the learned parameters.
     pub sigma_after_deg: Option<f64>,
-    /// Azimuth minus reference, in (−180°, 180°]; only for runs that are judged.
+    /// Azimuth minus reference, in (−180°, 180°]; only for runs that are judged. Where these are training runs, the azimuth is
+    /// by what the other runs taught (cross-validation), not `azimuth_after_deg`, which is by the model that is written.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error_before_deg: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -91,8 +113,10 @@ pub struct Effect {
     /// "bias" (adds to the rate), "scale" (multiplies it), "index" (turns the index angle), "azimuth" (turns the
     /// answer), "base-motion".
     pub kind: &'static str,
-    /// The column of the recording that carries it.
+    /// The column of the recording that carries it, if it is one.
     pub channel: Option<String>,
+    /// All columns that it depends on.
+    pub channels: Vec<String>,
     pub parameters: BTreeMap<String, f64>,
     pub sigma: BTreeMap<String, f64>,
     /// Paid for by how many candidates were searched.
@@ -102,6 +126,17 @@ pub struct Effect {
     pub evidence: String,
     /// Whether a board measures what the effect depends on.
     pub board: bool,
+}
+
+impl Effect {
+    /// Its name, with the columns that it depends on.
+    pub fn full_name(&self) -> String {
+        if self.channels.is_empty() {
+            self.name.clone()
+        } else {
+            format!("{} ({})", self.name, self.channels.join(" and "))
+        }
+    }
 }
 
 /// A candidate that was left.
@@ -140,11 +175,18 @@ pub struct Experiment {
     pub headings_deg: Vec<f64>,
     /// Time at each position, seconds.
     pub dwell_s: f64,
-    /// The effects that it separates.
+    /// Time between switch-on and the first position, seconds.
+    pub warm_up_s: f64,
+    /// The run whose channels it repeats.
+    pub like: String,
+    /// The models that it separates; none where it is to make the azimuth more certain.
     pub separates: Vec<String>,
-    /// Share of each effect that the others cannot imitate, 0 to 1, in this campaign and in the proposed one.
-    pub separation_now: f64,
-    pub separation_then: f64,
+    /// Log odds over the nearest of the others that it adds on average, if the first of them is the true one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub expected_log_odds: Option<f64>,
+    /// Sigma of a usual run's azimuth, degrees, now and once the runs are learned from.
+    pub sigma_now_deg: f64,
+    pub sigma_then_deg: f64,
 }
 
 /// Whether the residual is noise.
@@ -168,6 +210,16 @@ pub struct Test {
     pub statistic: f64,
     pub p_value: f64,
     pub passed: bool,
+    /// Why the test says nothing here; then it is neither passed nor failed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub not_applied: Option<&'static str>,
+}
+
+impl Test {
+    /// Whether it says that the residual is not noise.
+    pub fn failed(&self) -> bool {
+        !self.passed && self.not_applied.is_none()
+    }
 }
 
 /// A doubt about the campaign.

@@ -25,8 +25,12 @@ pub fn write(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
     for (when, tests) in [("before", &diagnosis.noise.before), ("after", &diagnosis.noise.after)] {
         let words: Vec<String> = tests
             .iter()
-            .map(|test| {
-                format!("{} {} (p = {:.2e})", test.name, if test.passed { "passed" } else { "failed" }, test.p_value)
+            .map(|test| match test.not_applied {
+                Some(why) => format!("{} not applied: {why}", test.name),
+                None => {
+                    let outcome = if test.passed { "passed" } else { "failed" };
+                    format!("{} {outcome} (p = {:.2e})", test.name, test.p_value)
+                }
             })
             .collect();
         writeln!(out, "  {when:6}: {}", words.join(", "))?;
@@ -99,13 +103,12 @@ fn write_effects(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
     }
     writeln!(out, "\neffects:")?;
     for effect in &diagnosis.effects {
-        let channel = effect.channel.as_deref().map_or(String::new(), |channel| format!(" ({channel})"));
         let parameters: Vec<String> = effect
             .parameters
             .iter()
             .map(|(name, value)| format!("{name} = {value:.6} ± {:.6}", effect.sigma.get(name).copied().unwrap_or(0.0)))
             .collect();
-        writeln!(out, "  {}{channel}: {}; p = {:.1e}", effect.name, parameters.join(", "), effect.p_value)?;
+        writeln!(out, "  {}: {}; p = {:.1e}", effect.full_name(), parameters.join(", "), effect.p_value)?;
         writeln!(out, "    {}", effect.evidence)?;
         if !effect.ambiguous_with.is_empty() {
             writeln!(out, "    this campaign cannot tell it from: {}", effect.ambiguous_with.join(", "))?;

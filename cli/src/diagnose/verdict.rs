@@ -1,23 +1,20 @@
 //! The outcome in words.
 
-use super::{Diagnosis, RunDiagnosis};
+use super::{Diagnosis, Effect, RunDiagnosis};
 use crate::campaign::Role;
 
 /// The outcome in a sentence or two.
 pub fn sentence(diagnosis: &Diagnosis) -> String {
-    let names: Vec<String> = diagnosis
-        .effects
-        .iter()
-        .map(|effect| {
-            effect.channel.as_ref().map_or(effect.name.clone(), |channel| format!("{} ({channel})", effect.name))
-        })
-        .collect();
+    let names: Vec<String> = diagnosis.effects.iter().map(Effect::full_name).collect();
+    let failed: Vec<&str> =
+        diagnosis.noise.after.iter().filter(|test| test.failed()).map(|test| test.name.as_str()).collect();
     let found = match names.as_slice() {
         [] if diagnosis.unexplained => "The residual is not noise, and no candidate explains it".to_owned(),
         [] if diagnosis.runs.iter().all(|run| run.role != Role::Fit) => {
             "Nothing may be learned from these runs".to_owned()
         }
-        [] => "Nothing was found: the residual is noise".to_owned(),
+        [] if failed.is_empty() => "Nothing was found: the residual is consistent with noise by every test".to_owned(),
+        [] => format!("Nothing was found, but the residual is not noise by {}", failed.join(" and ")),
         names => format!("The model lacked {}", names.join(" and ")),
     };
     let change = match (diagnosis.azimuth_rms_before_deg, diagnosis.azimuth_rms_after_deg) {
@@ -38,5 +35,11 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
     } else {
         ""
     };
-    format!("{found}{change}{rest}{ambiguous}.")
+    let withdrawn = diagnosis.withdrawn.as_ref().map_or(String::new(), |why| format!("; {why}"));
+    let missed = match diagnosis.missed_references.as_slice() {
+        [] => String::new(),
+        [one] => format!("; {one} misses its reference by degrees"),
+        [first, others @ ..] => format!("; {first} and {} more miss their references by degrees", others.len()),
+    };
+    format!("{found}{change}{withdrawn}{rest}{ambiguous}{missed}.")
 }

@@ -6,6 +6,7 @@
 mod basis;
 mod dynamics;
 mod evidence;
+mod expected;
 mod group;
 mod learn;
 mod predict;
@@ -14,6 +15,7 @@ mod recording;
 mod run;
 
 pub use basis::{DECAYS_S, MEMORY_S, PLAY_WIDTHS, TIMES_S, WARM_UP_S};
+pub use expected::Expected;
 pub use group::{Base, Group};
 pub use predict::{Found, InFunctions, Learned, Model, Prediction};
 pub use process::{DAMPING, Kernel, Shape};

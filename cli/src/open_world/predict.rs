@@ -253,7 +253,7 @@ impl Learned {
         average(&each)
     }
 
-    fn columns(&self, run: &Run, model: &Model, azimuth_rad: f64) -> DMatrix<f64> {
+    pub fn columns(&self, run: &Run, model: &Model, azimuth_rad: f64) -> DMatrix<f64> {
         let mut all: Vec<f64> = Vec::new();
         for Found { group, factor, .. } in &model.groups {
             let columns = self.scales.columns(&run.sheet, group, azimuth_rad) * *factor;
@@ -264,7 +264,7 @@ impl Learned {
     }
 
     /// Covariance of what effects may do beyond the range that they were learned in.
-    fn beyond(&self, run: &Run, model: &Model) -> DMatrix<f64> {
+    pub fn beyond(&self, run: &Run, model: &Model) -> DMatrix<f64> {
         let n = run.rate.len();
         let mut covariance = DMatrix::zeros(n, n);
         for Found { group, size_deg_h, .. } in &model.groups {
@@ -316,7 +316,7 @@ fn groups(
 }
 
 /// Azimuth and its standard deviation by generalised least squares.
-fn least_squares(design: &DMatrix<f64>, rate: &DVector<f64>, covariance: &DMatrix<f64>) -> Prediction {
+pub fn least_squares(design: &DMatrix<f64>, rate: &DVector<f64>, covariance: &DMatrix<f64>) -> Prediction {
     let (half, _) = half_of(covariance);
     let (design, rate) = (&half * design, &half * rate);
     let normal: Matrix3<f64> = (design.transpose() * &design).fixed_view::<3, 3>(0, 0).into_owned();

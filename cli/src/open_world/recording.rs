@@ -56,6 +56,8 @@ pub struct Recording {
     pub reference: Option<Reference>,
     /// The index turns all the time.
     pub rotation: bool,
+    /// Noise of a one-second rate where it is known beforehand, °/h: of a run that has not been made.
+    pub noise_deg_h: Option<f64>,
 }
 
 /// What a second's place in the sequence of dwells is.
@@ -163,6 +165,9 @@ impl Recording {
 
     /// Noise of a one-second rate from differences within dwells, °/h; with the number of differences.
     pub fn noise(&self, enters: &[bool]) -> Option<(f64, usize)> {
+        if let Some(known) = self.noise_deg_h {
+            return Some((known, self.len()));
+        }
         let rate = self.beside_rotation();
         let places: Vec<usize> = self.neighbours(enters).collect();
         let differences: Vec<f64> = places

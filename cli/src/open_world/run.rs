@@ -164,7 +164,7 @@ impl<'a> Run<'a> {
     }
 
     /// Two rows that tie direction and amplitude of the horizontal rate to the surveyed heading, and their right side.
-    fn tie(&self) -> Option<(DMatrix<f64>, [f64; 2])> {
+    pub fn tie(&self) -> Option<(DMatrix<f64>, [f64; 2])> {
         let reference = self.reference?;
         let sigma_rad = reference.sigma_rad.max(REFERENCE_SIGMA_DEG.to_radians()).hypot(INDEX_SIGMA_DEG.to_radians());
         let (sin, cos) = reference.azimuth_rad.sin_cos();

@@ -6,11 +6,12 @@ use crate::hidden::{Campaign as Generated, Family, Group};
 use clap::Args;
 use serde::Serialize;
 
-use super::{Bench, trials};
+use super::Bench;
 use crate::judge::{Summary, Verdict, consult, judge, summarize, write};
 use crate::statistics::median;
 use north::diagnose::{Options, diagnose};
 use north::failure::Failure;
+use north::interrupt;
 use north::progress;
 use north::settings_file::declare_noise;
 
@@ -33,9 +34,9 @@ pub struct DiagnoseBench {
     /// Only the families of this group: nothing, named, outside, together
     #[arg(long, value_name = "NAME", value_parser = group, conflicts_with = "family")]
     group: Option<Group>,
-    /// Only this family
-    #[arg(long, value_name = "NAME", value_parser = family)]
-    family: Option<Family>,
+    /// Only these families, with commas between them
+    #[arg(long, value_name = "NAME", value_parser = family, value_delimiter = ',')]
+    family: Vec<Family>,
     /// Only the campaign with this number, from 0; it is written into --out, if that is given
     #[arg(long, value_name = "N", requires = "family")]
     only: Option<u64>,
@@ -140,7 +141,8 @@ impl Bench for DiagnoseBench {
 
     fn measure(&self, out: &mut dyn Write) -> Result<Vec<Row>, Failure> {
         let chosen = |family: &Family| {
-            self.family.is_none_or(|only| only == *family) && self.group.is_none_or(|group| group == family.group())
+            (self.family.is_empty() || self.family.contains(family))
+                && self.group.is_none_or(|group| group == family.group())
         };
         let families: Vec<Family> = Family::all().into_iter().filter(chosen).collect();
         let numbers = match self.only {
@@ -150,15 +152,20 @@ impl Bench for DiagnoseBench {
         let jobs: Vec<(Family, u64)> =
             families.iter().flat_map(|&family| numbers.clone().map(move |number| (family, number))).collect();
         let bar = progress::bar(jobs.len() as u64, "campaigns");
-        let verdicts = trials(0..jobs.len() as u64, &bar, |job| {
-            let (family, number) = jobs[job as usize];
-            self.one(family, number)
-        })?;
-        bar.finish_and_clear();
-        let verdicts = verdicts.into_iter().collect::<Result<Vec<_>, Failure>>()?;
-        if self.verbose {
-            verdicts.iter().try_for_each(|verdict| write_verdict(out, verdict))?;
+        // One after the other: a diagnosis uses all cores by itself.
+        let mut verdicts: Vec<Verdict> = Vec::new();
+        for (family, number) in jobs {
+            let verdict = self.one(family, number)?;
+            if interrupt::requested() {
+                return Err(Failure::Interrupted);
+            }
+            if self.verbose {
+                write_verdict(out, &verdict)?;
+            }
+            verdicts.push(verdict);
+            bar.inc(1);
         }
+        bar.finish_and_clear();
         let families: Vec<FamilyReport> = families
             .iter()
             .filter_map(|family| {

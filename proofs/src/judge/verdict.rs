@@ -124,7 +124,8 @@ pub fn judge(campaign: &Campaign, number: u64, diagnosis: &Result<Diagnosis, Str
 
 /// Name and channel.
 fn label(effect: &Effect) -> String {
-    let channel = effect.channel.as_ref().map_or(String::new(), |channel| format!("({channel})"));
+    let channel =
+        if effect.channels.is_empty() { String::new() } else { format!("({})", effect.channels.join(" and ")) };
     let also = if effect.ambiguous_with.is_empty() {
         String::new()
     } else {
@@ -149,12 +150,12 @@ fn is_long(part: &Part) -> bool {
 
 /// Whether this is the hidden effect.
 fn is_hidden(campaign: &Campaign, effect: &Effect) -> bool {
-    let channel = effect.channel.as_deref();
+    let causal = campaign.causal_channels();
     if campaign.effect.family.is_foreign() {
-        // Nobody has a name for it: what is named must have its cause.
-        return channel.is_none_or(|channel| campaign.causal_channels().contains(&channel));
+        // Nobody has a name for it: all that is named must be causes.
+        return effect.channels.iter().all(|channel| causal.contains(&channel.as_str()));
     }
-    names(campaign).contains(&effect.name.as_str()) && is_causal(campaign, channel)
+    names(campaign).contains(&effect.name.as_str()) && is_causal(campaign, effect.channel.as_deref())
 }
 
 /// Whether a name in a list of ambiguous ones, "name" or "name:channel", means the hidden effect.

@@ -1,4 +1,4 @@
-//! What is fixed to the instrument's body: harmonics of the index angle, and a bias of its level sensors.
+//! What is fixed to the instrument's body: harmonics of the index angle, a bias of its level sensors, gravity on the gyro.
 
 use north_finder::effects::basis::harmonic::BodyHarmonic;
 use north_finder::effects::{Basis, Term};
@@ -12,6 +12,7 @@ pub fn harmonics(list: &mut Vec<Candidate>) {
     }
 }
 
-pub fn level_bias(list: &mut Vec<Candidate>, up_deg_h: f64) {
+pub fn tilted(list: &mut Vec<Candidate>, up_deg_h: f64) {
+    list.push(Candidate::new("gravity-sensitivity", "bias", Part::AxisTilt, vec![]));
     list.push(Candidate::new("level-bias", "bias", Part::LevelBias { up_deg_h }, vec![]));
 }

@@ -37,10 +37,10 @@ pub fn all(runs: &[&RunData], constant_channels: &[String]) -> Vec<Candidate> {
     rate::candidates(&mut list, runs);
     earth::candidates(&mut list);
     index::candidates(&mut list);
-    time::sudden(&mut list, &scales);
+    time::sudden(&mut list, runs, &scales);
     if runs.iter().all(|run| run.channel("ax_g").is_some()) {
         base_motion::candidates(&mut list);
-        body::level_bias(&mut list, first.earth.up_deg_h);
+        body::tilted(&mut list, first.earth.up_deg_h);
     }
     list
 }

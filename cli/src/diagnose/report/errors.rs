@@ -5,6 +5,7 @@ use std::path::Path;
 use north_finder::units::{wrap_180_deg, wrap_360_deg};
 
 use super::axis::Axis;
+use super::download::{cell, csv};
 use super::figure::{Canvas, Legend, figure};
 use super::html::{escape, short, table, with_sigma};
 use super::plot::{Plot, Side};
@@ -67,11 +68,14 @@ fn by_run(errors: &[Error], diagnosis: &Diagnosis) -> String {
     let known = |side: Side| errors.iter().filter_map(move |error| error.of(side));
     let largest = |side| known(side).map(|(value, sigma)| value.abs() + sigma).fold(0.0, f64::max);
     let enlarged = largest(Side::Before) > ENLARGE * largest(Side::After) && known(Side::After).count() > 0;
-    let names: Vec<String> = errors.iter().map(|error| short_name(&diagnosis.runs[error.run].file)).collect();
+    let names: Vec<String> = diagnosis.runs.iter().map(|run| short_name(&run.file)).collect();
+    let refused: Vec<usize> = (0..diagnosis.runs.len())
+        .filter(|&i| diagnosis.runs[i].azimuth_before_deg.is_none() || diagnosis.runs[i].azimuth_after_deg.is_none())
+        .collect();
     let draw = |canvas: Canvas| {
-        let mut plots = vec![runs_plot(canvas, errors, &names, &Side::BOTH)];
+        let mut plots = vec![runs_plot(canvas, errors, &names, &refused, &Side::BOTH)];
         if enlarged {
-            let mut plot = runs_plot(canvas, errors, &names, &[Side::After]);
+            let mut plot = runs_plot(canvas, errors, &names, &refused, &[Side::After]);
             plot.corner("after, enlarged");
             plots.push(plot);
         }
@@ -87,30 +91,70 @@ fn by_run(errors: &[Error], diagnosis: &Diagnosis) -> String {
         inside(Side::Before),
         inside(Side::After)
     );
+    if !refused.is_empty() {
+        let names: Vec<String> = refused.iter().map(|&run| escape(&names[run])).collect();
+        caption.push_str(&format!(" Dotted lines: no azimuth before or after, runs {}.", names.join(", ")));
+    }
+    if errors.len() < diagnosis.runs.len() {
+        caption.push_str(" Runs without marks were learned from, or have no reference.");
+    }
     for side in Side::BOTH {
         let without = errors.len() - known(side).count();
         if without > 0 {
             caption.push_str(&format!(" Without an azimuth {}: {without} of {} runs.", side.name(), errors.len()));
         }
     }
+    caption.push_str(&numbers(diagnosis));
     figure(Legend::Dots, "Azimuth error of each run before and after", &caption, draw)
 }
 
-fn runs_plot(canvas: Canvas, errors: &[Error], names: &[String], sides: &[Side]) -> Plot {
+/// All runs as a file.
+fn numbers(diagnosis: &Diagnosis) -> String {
+    let rows = diagnosis.runs.iter().map(|run| {
+        let numbers = [
+            run.reference_azimuth_deg,
+            run.azimuth_before_deg,
+            run.sigma_before_deg,
+            run.azimuth_after_deg,
+            run.sigma_after_deg,
+            run.error_before_deg,
+            run.error_after_deg,
+        ];
+        let role = if run.role == Role::Fit { "fit" } else { "check" };
+        let numbers = numbers.map(|number| cell(number.unwrap_or(f64::NAN)));
+        [run.file.clone(), role.to_owned()].into_iter().chain(numbers).chain([run.notes.join("; ")]).collect()
+    });
+    let head = [
+        "run",
+        "role",
+        "reference_deg",
+        "before_deg",
+        "sigma_before_deg",
+        "after_deg",
+        "sigma_after_deg",
+        "error_before_deg",
+        "error_after_deg",
+        "notes",
+    ];
+    csv("runs.csv", &head, rows)
+}
+
+fn runs_plot(canvas: Canvas, errors: &[Error], names: &[String], refused: &[usize], sides: &[Side]) -> Plot {
     let ends = errors.iter().flat_map(|error| {
         sides.iter().filter_map(|&side| error.of(side)).flat_map(|(value, sigma)| [value - sigma, value + sigma])
     });
     let y = Axis::linear("azimuth error, °", ends.chain([0.0]));
-    let x = Axis::exact("run", -0.6, errors.len() as f64 - 0.4);
+    let x = Axis::exact("run", -0.6, names.len() as f64 - 0.4);
     let mut plot = Plot::new(canvas.width, if canvas.narrow { 250.0 } else { 270.0 }, x, y);
-    let room = plot.frame_width() / (errors.len() as f64 + 0.2);
+    let room = plot.frame_width() / (names.len() as f64 + 0.2);
     let every = (34.0 / room).ceil().max(1.0) as usize;
     plot.x_ticks(names.iter().enumerate().step_by(every).map(|(i, name)| (i as f64, name.clone())).collect());
     plot.level("zero", 0.0);
+    refused.iter().for_each(|&run| plot.upright("split", run as f64));
     let shift = if sides.len() > 1 { (5.0 / room).min(0.25) } else { 0.0 };
     for &side in sides {
-        let x = |i: usize| i as f64 + if side == Side::Before { -shift } else { shift };
-        let marks = || errors.iter().enumerate().filter_map(|(i, error)| Some((x(i), error.of(side)?)));
+        let x = |run: usize| run as f64 + if side == Side::Before { -shift } else { shift };
+        let marks = || errors.iter().filter_map(|error| Some((x(error.run), error.of(side)?)));
         plot.bars(
             &format!("bar {}", side.name()),
             marks().map(|(x, (value, sigma))| (x, value - sigma, value + sigma)),
@@ -165,7 +209,7 @@ fn runs_table(diagnosis: &Diagnosis) -> String {
         ]
     };
     let rows: Vec<_> = diagnosis.runs.iter().map(row).collect();
-    format!("<details><summary>All {} runs in numbers</summary>\n{}</details>\n", rows.len(), table(&head, &rows))
+    format!("<details open><summary>All {} runs in numbers</summary>\n{}</details>\n", rows.len(), table(&head, &rows))
 }
 
 /// What a run is called below a plot: its file's name without folder, extension and leading zeros.

@@ -3,10 +3,12 @@
 use std::fmt::Write;
 
 use super::axis::Axis;
+use super::download::file;
 use super::figure::{Canvas, Legend, figure};
 use super::html::{code_list, escape, number, probability, short, table, with_sigma};
 use super::plot::Plot;
 use crate::diagnose::{Diagnosis, Effect, Experiment, Test};
+use crate::settings_file::model_text;
 
 /// Candidates that are shown at once; the others unfold.
 const CANDIDATES: usize = 8;
@@ -29,7 +31,7 @@ fn card(effect: &Effect) -> String {
     if effect.kind != effect.name {
         let _ = write!(html, "<span class=\"tag\">{}</span>", escape(effect.kind));
     }
-    if let Some(channel) = &effect.channel {
+    for channel in &effect.channels {
         let _ = write!(html, "<span class=\"tag\">channel {}</span>", escape(channel));
     }
     let _ = write!(html, "<span class=\"tag\">p = {}, paid for the search</span>", probability(effect.p_value));
@@ -154,7 +156,11 @@ pub fn noise(diagnosis: &Diagnosis) -> String {
     let verdict = |test: Option<&Test>| match test {
         None => "–".to_owned(),
         Some(test) => {
-            let (class, word) = if test.passed { ("good", "✓ noise") } else { ("bad", "✗ structure") };
+            let (class, word) = match test.not_applied {
+                Some(why) => ("", why),
+                None if test.passed => ("good", "✓ noise"),
+                None => ("bad", "✗ structure"),
+            };
             format!("<span class=\"{class}\">{word}</span> <span class=\"p\">p = {}</span>", probability(test.p_value))
         }
     };
@@ -186,9 +192,15 @@ pub fn experiment(diagnosis: &Diagnosis) -> String {
         vec!["tells apart".to_owned(), code_list(&experiment.separates)],
         vec!["azimuths of the mark".to_owned(), headings.join(", ")],
         vec!["time at each position".to_owned(), format!("{} s", short(experiment.dwell_s))],
+        vec!["after switch-on".to_owned(), format!("{} s", short(experiment.warm_up_s))],
+        vec!["channels as in".to_owned(), format!("<code>{}</code>", escape(&experiment.like))],
         vec![
-            "share that the others cannot imitate".to_owned(),
-            format!("{} % now, {} % then", percent(experiment.separation_now), percent(experiment.separation_then)),
+            "expected log odds over the nearest other".to_owned(),
+            experiment.expected_log_odds.map_or("–".into(), |odds| format!("{odds:.0}")),
+        ],
+        vec![
+            "sigma of a usual azimuth".to_owned(),
+            format!("{:.4}° now, {:.4}° then", experiment.sigma_now_deg, experiment.sigma_then_deg),
         ],
     ];
     html.push_str(
@@ -197,10 +209,6 @@ pub fn experiment(diagnosis: &Diagnosis) -> String {
             .replace(" data-name=\"\"", ""),
     );
     html
-}
-
-fn percent(share: f64) -> String {
-    format!("{:.0}", 100.0 * share)
 }
 
 /// The index angle over one run of the proposed experiment.
@@ -240,7 +248,7 @@ pub fn open(diagnosis: &Diagnosis) -> String {
         html.push_str("</ul></div>\n");
     } else {
         let failed: Vec<String> =
-            diagnosis.noise.after.iter().filter(|test| !test.passed).map(|test| test.name.clone()).collect();
+            diagnosis.noise.after.iter().filter(|test| test.failed()).map(|test| test.name.clone()).collect();
         if failed.is_empty() {
             html.push_str("<p>What is left of the rate passes for noise.</p>\n");
         } else {
@@ -264,10 +272,11 @@ pub fn open(diagnosis: &Diagnosis) -> String {
 }
 
 pub fn model(diagnosis: &Diagnosis) -> String {
-    match toml::to_string(&diagnosis.model) {
-        Ok(text) => {
-            format!("<details><summary>The model as a file</summary>\n<pre>{}</pre></details>\n", escape(&text))
-        }
-        Err(_) => String::new(),
-    }
+    let Ok(text) = model_text(&diagnosis.model) else { return String::new() };
+    format!(
+        "<h2>The model as a file</h2>\n<p>For <code>north solve --model</code> and <code>north load</code>:{}</p>\n\
+         <pre>{}</pre>\n",
+        file("model.toml", "application/toml", &text),
+        escape(&text)
+    )
 }

@@ -2,6 +2,8 @@
 
 mod abscissa;
 mod axis;
+mod download;
+mod dwells;
 mod errors;
 mod figure;
 mod findings;
@@ -26,6 +28,7 @@ pub fn html(diagnosis: &Diagnosis) -> String {
         summary::section(diagnosis),
         errors::section(diagnosis),
         findings::effects(diagnosis),
+        dwells::section(diagnosis),
         residuals::section(diagnosis),
         findings::candidates(diagnosis),
         findings::noise(diagnosis),

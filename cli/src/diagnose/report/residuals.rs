@@ -2,6 +2,7 @@
 
 use super::abscissa::{Abscissa, Points};
 use super::axis::{Axis, quantile_of_sizes};
+use super::download::{cell, csv};
 use super::figure::{Canvas, Legend, figure};
 use super::html::{escape, number};
 use super::plot::{Plot, Side};
@@ -74,10 +75,22 @@ fn against_time(series: &[RunSeries]) -> String {
     };
     let caption = format!(
         "Measured rate less the Earth's, and less each run's own azimuth and bias; below, also less what was learned. Pale: \
-         the spread; line: the mean. Dotted lines part the runs.{}",
-        outside(&all, limit)
+         the spread; line: the mean. Dotted lines part the runs.{}{}",
+        outside(&all, limit),
+        seconds(series)
     );
     figure(Legend::None, "Residual against time before and after", &caption, draw)
+}
+
+/// The residuals by the second as a file.
+fn seconds(series: &[RunSeries]) -> String {
+    let rows = series.iter().flat_map(|run| {
+        (0..run.t_s.len()).map(|i| {
+            let numbers = [run.t_s[i], run.index_deg[i], run.residual_before_deg_h[i], run.residual_after_deg_h[i]];
+            std::iter::once(run.file.clone()).chain(numbers.map(cell)).collect()
+        })
+    });
+    csv("residuals.csv", &["run", "t_s", "index_deg", "before_deg_h", "after_deg_h"], rows)
 }
 
 /// How far a plot of these values reaches to either side.
@@ -175,8 +188,13 @@ fn against(abscissa: &Abscissa, name: &str, series: &[RunSeries]) -> String {
             "Specks: one a {each}; dots: means of {groups} groups of equal size, with the standard error of the mean."
         )
     };
-    let caption =
-        format!("The residual against what carries <code>{}</code>. {marks}{}", escape(name), outside(&values, limit));
+    let rows = points.iter().map(|point| point.map(cell).to_vec());
+    let caption = format!(
+        "The residual against what carries <code>{}</code>. {marks}{}{}",
+        escape(name),
+        outside(&values, limit),
+        csv(&format!("{name}.csv"), &["x", "before_deg_h", "after_deg_h"], rows)
+    );
     let about = format!("Residual against {} before and after", abscissa.label());
     figure(Legend::None, &about, &caption, draw)
 }
@@ -231,7 +249,11 @@ fn periodogram(diagnosis: &Diagnosis) -> String {
     };
     let caption = "Periodogram of the residual of all runs. White noise lies about the dashed line; what stands above it is \
                    structure.";
-    figure(Legend::Lines("white noise"), "Periodogram of the residual before and after", caption, draw)
+    let rows = (0..spectra.frequency_hz.len())
+        .map(|i| [spectra.frequency_hz[i], powers[0][i], powers[1][i]].map(cell).to_vec());
+    let data = csv("periodogram.csv", &["frequency_hz", "before", "after"], rows);
+    let caption = format!("{caption}{data}");
+    figure(Legend::Lines("white noise"), "Periodogram of the residual before and after", &caption, draw)
 }
 
 fn allan(diagnosis: &Diagnosis) -> String {
@@ -258,7 +280,15 @@ fn allan(diagnosis: &Diagnosis) -> String {
     let source = if diagnosis.noise.declared_noise_deg_h.is_some() { "declared" } else { "measured" };
     let caption = format!(
         "Allan deviation of the residual. The dashed line is what the {source} white noise alone would give; a curve that \
-         leaves it upwards holds something that does not average out."
+         leaves it upwards holds something that does not average out.{}",
+        csv(
+            "allan.csv",
+            &["tau_s", "before_deg_h", "after_deg_h", "white_deg_h"],
+            (0..spectra.tau_s.len()).map(|i| {
+                let white = spectra.allan_white_deg_h.get(i).copied().unwrap_or(f64::NAN);
+                [spectra.tau_s[i], curves[0][i], curves[1][i], white].map(cell).to_vec()
+            })
+        )
     );
     figure(Legend::Lines("white noise alone"), "Allan deviation of the residual before and after", &caption, draw)
 }

@@ -2,13 +2,18 @@
 
 use std::fmt::Write;
 
-use super::html::{code_list, escape, number};
+use super::html::{code_list, escape, number, probability};
 use crate::campaign::Role;
-use crate::diagnose::{Diagnosis, RunDiagnosis};
+use crate::diagnose::{Diagnosis, Origin, RunDiagnosis};
 
 pub fn section(diagnosis: &Diagnosis) -> String {
     let title = diagnosis.title.as_deref().unwrap_or("Campaign");
-    let mut html = format!("<h1>{}</h1>\n<p class=\"verdict\">{}</p>\n", escape(title), escape(&diagnosis.verdict));
+    let mut html = format!(
+        "<h1>{}</h1>\n<p class=\"soft\">{}</p>\n<p class=\"verdict\">{}</p>\n",
+        escape(title),
+        origin(&diagnosis.origin),
+        escape(&diagnosis.verdict)
+    );
     html.push_str("<div class=\"tiles\">\n");
     if let (Some(before), Some(after)) = (diagnosis.azimuth_rms_before_deg, diagnosis.azimuth_rms_after_deg) {
         let intervals = [diagnosis.azimuth_rms_before_interval_deg, diagnosis.azimuth_rms_after_interval_deg];
@@ -26,15 +31,55 @@ pub fn section(diagnosis: &Diagnosis) -> String {
     };
     let named = if names.is_empty() { "nothing stands out of the noise".to_owned() } else { code_list(&names) };
     tile(&mut html, "Learned", &found, &named);
-    let failed = diagnosis.noise.after.iter().filter(|test| !test.passed).count();
+    confidence(&mut html, diagnosis);
+    let failed = diagnosis.noise.after.iter().filter(|test| test.failed()).count();
     let (open, open_note) = match (diagnosis.unexplained, failed) {
         (true, _) => ("structure remains", "that no candidate explains".to_owned()),
         (false, 0) => ("nothing that shows", "the residual passes for noise".to_owned()),
         (false, failed) => ("not quite noise", format!("{failed} of {} tests fail", diagnosis.noise.after.len())),
     };
-    tile(&mut html, "Still open", open, &open_note);
+    let mut doubts = vec![open_note];
+    doubts.extend(diagnosis.withdrawn.as_deref().map(escape));
+    if !diagnosis.missed_references.is_empty() {
+        doubts.push(format!("references missed by degrees: {}", code_list(&diagnosis.missed_references)));
+    }
+    if !diagnosis.warnings.is_empty() {
+        doubts.push(format!("{} warnings below", diagnosis.warnings.len()));
+    }
+    tile(&mut html, "Still open", open, &doubts.join("; "));
     html.push_str("</div>\n");
     html
+}
+
+/// What made the page, when and of what.
+fn origin(origin: &Origin) -> String {
+    let mut parts = vec![format!("north {}", escape(origin.version))];
+    parts.extend(origin.made.as_deref().map(escape));
+    parts.extend(origin.instrument.as_deref().map(|name| format!("instrument {}", escape(name))));
+    parts.extend(origin.latitude_deg.map(|latitude| format!("latitude {}°", number(latitude, 6))));
+    parts.join(" · ")
+}
+
+/// How sure it is: the effect that is least certain, what the causes are confounded with, and whether sigmas hold.
+fn confidence(html: &mut String, diagnosis: &Diagnosis) {
+    let least = diagnosis.effects.iter().map(|effect| effect.p_value).fold(f64::NAN, f64::max);
+    let value = if least.is_finite() { format!("p = {}", probability(least)) } else { "nothing learned".to_owned() };
+    let mut notes = Vec::new();
+    if least.is_finite() {
+        notes.push("chance of the least certain effect, search counted".to_owned());
+    }
+    let mut confounded: Vec<String> = diagnosis.effects.iter().flat_map(|each| each.ambiguous_with.clone()).collect();
+    confounded.dedup();
+    if !confounded.is_empty() {
+        notes.push(format!("as likely: {}", code_list(&confounded)));
+    }
+    let judged: Vec<(f64, f64)> =
+        diagnosis.runs.iter().filter_map(|run| Some((run.error_after_deg?, run.sigma_after_deg?))).collect();
+    if !judged.is_empty() {
+        let within = judged.iter().filter(|(error, sigma)| error.abs() <= 1.96 * sigma).count();
+        notes.push(format!("{within} of {} judged runs within 1.96 sigma", judged.len()));
+    }
+    tile(html, "Confidence", &value, &notes.join("; "));
 }
 
 fn tile(html: &mut String, name: &str, value: &str, note: &str) {

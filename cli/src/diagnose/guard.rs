@@ -1,0 +1,143 @@
+//! Whether what was learned may be used: by the azimuths of training runs with what the others taught, and by the Earth's rate.
+
+use north_finder::effects::ErrorModel;
+use north_finder::event::Fix;
+use north_finder::units::wrap_180_deg;
+use rayon::prelude::*;
+
+use super::Lesson;
+use super::data::RunData;
+use super::statistics::{f_tail, median, rms};
+use crate::campaign::Role;
+
+/// A model is not used where the errors rise by more than this, and where chance alone would make them rise as much in
+/// fewer campaigns than this share. (A true effect that the azimuth does not feel leaves the errors as they are, but for the
+/// noise of its parameters.)
+const WORSE: f64 = 1.05;
+const CHANCE: f64 = 0.05;
+/// Fewest runs with a reference whose misses say something of sigma.
+const LEAST_MISSES: usize = 3;
+/// Relative amplitude error that scale factor and latitude of a sound instrument do not make.
+const AMPLITUDE_LIMIT: f64 = 0.03;
+
+/// Every training run with what the others taught: the same effects, their coefficients estimated without it. In the order of
+/// the runs; `None` for check runs and where there is no azimuth.
+pub fn left_out(runs: &[RunData], lesson: &Lesson, base: &ErrorModel) -> Vec<Option<Fix>> {
+    let (base, learned) = (lesson.base(base), lesson.learned());
+    runs.par_iter()
+        .map(|run| {
+            let coefficients = learned.left_out.get(&run.file).filter(|_| run.role == Role::Fit)?;
+            Some(run.solve(&learned.model_with(&base, coefficients).ok()?)?.0)
+        })
+        .collect()
+}
+
+/// Training runs whose reference is known and fits the others': place, run, reference.
+fn trusted<'a>(runs: &'a [RunData], lesson: &'a Lesson) -> impl Iterator<Item = (usize, &'a RunData, f64)> {
+    runs.iter().enumerate().filter_map(|(i, run)| {
+        let bad = lesson.bad_references.iter().any(|(file, _)| *file == run.file);
+        Some((i, run, run.reference_deg?)).filter(|_| run.role == Role::Fit && !bad)
+    })
+}
+
+/// Why the model that was learned must not be used, if there is a reason.
+pub fn veto(runs: &[RunData], lesson: &Lesson, base: &ErrorModel, left_out: &[Option<Fix>]) -> Option<String> {
+    let model = match lesson.learned().model(&lesson.base(base)) {
+        Ok(model) => model,
+        Err(_) => return Some("it has more terms than a model can hold".into()),
+    };
+    if let Err(invalid) = model.validate() {
+        return Some(format!("it makes no model: {invalid}"));
+    }
+    let pairs: Vec<(f64, f64)> = trusted(runs, lesson)
+        .filter_map(|(i, run, reference_deg)| {
+            let miss = |fix: Fix| wrap_180_deg(fix.azimuth_deg - reference_deg);
+            Some((miss(run.before?), miss(left_out[i]?)))
+        })
+        .collect();
+    made_worse(&pairs).or_else(|| {
+        let share = |run: &RunData, fix: Fix| fix.amplitude_deg_h / run.earth.north_deg_h;
+        let before: Vec<f64> = runs.iter().filter_map(|run| Some(share(run, run.before?))).collect();
+        let after: Vec<f64> = runs.par_iter().filter_map(|run| Some(share(run, run.solve(&model)?.0))).collect();
+        impossible_amplitude(&before, &after)
+    })
+}
+
+/// By paired errors before and after of runs that took no part: Student's t of the rises of their squares.
+pub fn made_worse(pairs: &[(f64, f64)]) -> Option<String> {
+    let (before, after): (Vec<f64>, Vec<f64>) = pairs.iter().copied().unzip();
+    (rms(&after) > WORSE * rms(&before) && chance_of_rise(pairs) < CHANCE).then(|| {
+        format!(
+            "on {} training runs that took no part in learning it, azimuth errors rise from {:.4}° to {:.4}° rms",
+            pairs.len(),
+            rms(&before),
+            rms(&after)
+        )
+    })
+}
+
+/// Probability that chance alone makes the squares of paired errors rise as much, one-sided: that of Student's t = mean/(s/√n)
+/// of the rises with n − 1 degrees of freedom, whose square is an F of 1 and n − 1.
+pub fn chance_of_rise(pairs: &[(f64, f64)]) -> f64 {
+    let number = pairs.len() as f64;
+    if number < 2.0 {
+        return 1.0;
+    }
+    let rise = |&(before, after): &(f64, f64)| after * after - before * before;
+    let mean = pairs.iter().map(rise).sum::<f64>() / number;
+    let variance = pairs.iter().map(|pair| (rise(pair) - mean).powi(2)).sum::<f64>() / (number - 1.0) / number;
+    let tail = 0.5 * f_tail(mean * mean / variance, 1.0, number - 1.0);
+    if mean > 0.0 { tail } else { 1.0 - tail }
+}
+
+/// By the horizontal rates of runs (shares of the Earth's at their latitude), which must be right where they were before.
+pub fn impossible_amplitude(before: &[f64], after: &[f64]) -> Option<String> {
+    let [before, after] = [before, after].map(|shares| median(shares.to_vec()));
+    let beyond = |ratio: f64| (ratio - 1.0).abs() > AMPLITUDE_LIMIT;
+    (after > 0.0 && beyond(after) && !beyond(before)).then(|| {
+        format!(
+            "it makes the horizontal rate impossible: {after:.3} of the Earth's at this latitude, {before:.3} without it"
+        )
+    })
+}
+
+/// What azimuths by what was learned miss beyond their sigmas, degrees: τ² = mean(e² − σ²), at least 0, over training runs with
+/// what the others taught.
+pub fn missed_beyond_sigma_deg(runs: &[RunData], lesson: &Lesson, left_out: &[Option<Fix>]) -> f64 {
+    let beyond: Vec<f64> = trusted(runs, lesson)
+        .filter_map(|(i, run, reference_deg)| {
+            let fix = left_out[i]?;
+            let expected = fix.sigma_deg.powi(2) + run.reference_sigma_deg.powi(2);
+            Some(wrap_180_deg(fix.azimuth_deg - reference_deg).powi(2) - expected)
+        })
+        .collect();
+    if beyond.len() < LEAST_MISSES {
+        return 0.0;
+    }
+    (beyond.iter().sum::<f64>() / beyond.len() as f64).max(0.0).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn amplitudes_by_hand() {
+        assert!(impossible_amplitude(&[1.001, 0.999, 1.0], &[1.05, 1.04, 0.9]).is_some());
+        assert!(impossible_amplitude(&[1.001, 0.999, 1.0], &[1.02, 1.02, 0.9]).is_none());
+        // A latitude that was wrong before is no model's fault.
+        assert!(impossible_amplitude(&[1.05; 3], &[1.05; 3]).is_none());
+    }
+
+    #[test]
+    fn students_t_by_hand() {
+        // Rises 3, 1, 2: mean 2, s = 1, t = 2 √3 = 3.464 with 2 degrees of freedom: one-sided ½ (1 − t/√(2 + t²)) = 0.0371.
+        let pairs = [(1.0, 2.0), (1.0, 2f64.sqrt()), (1.0, 3f64.sqrt())];
+        assert!((chance_of_rise(&pairs) - 0.0371).abs() < 1e-4);
+        assert!(made_worse(&pairs).is_some());
+        // The other way round they fall.
+        let fallen = pairs.map(|(before, after)| (after, before));
+        assert!((chance_of_rise(&fallen) - 0.9629).abs() < 1e-4);
+        assert!(made_worse(&fallen).is_none());
+    }
+}

@@ -1,0 +1,52 @@
+//! The numbers behind a figure, as a file to download that is a part of the page itself.
+
+use std::fmt::Write;
+
+use super::html::escape;
+
+/// A link that gives a CSV file with these columns; values that are not numbers stay empty.
+pub fn csv(name: &str, head: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
+    let mut text = head.join(",");
+    for row in rows {
+        let quoted: Vec<String> = row.iter().map(|cell| quote(cell)).collect();
+        let _ = write!(text, "\n{}", quoted.join(","));
+    }
+    file(name, "text/csv", &(text + "\n"))
+}
+
+/// A link that gives a file with this text.
+pub fn file(name: &str, kind: &str, text: &str) -> String {
+    let mut encoded = String::with_capacity(text.len());
+    for byte in text.bytes() {
+        match byte {
+            b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'_' | b'.' | b',' | b'/' | b':' => {
+                encoded.push(char::from(byte));
+            }
+            _ => {
+                let _ = write!(encoded, "%{byte:02X}");
+            }
+        }
+    }
+    format!(" <a download=\"{}\" href=\"data:{kind};charset=utf-8,{encoded}\">{}</a>", escape(name), escape(name))
+}
+
+/// A number with the digits that it needs, nothing where it is none.
+pub fn cell(value: f64) -> String {
+    if value.is_finite() { format!("{}", (value * 1e6).round() / 1e6) } else { String::new() }
+}
+
+fn quote(cell: &str) -> String {
+    if cell.contains([',', '"', '\n']) { format!("\"{}\"", cell.replace('"', "\"\"")) } else { cell.to_owned() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_in_the_page() {
+        let link = csv("a.csv", &["run", "x"], [vec!["a,b".into(), cell(f64::NAN)], vec!["c".into(), cell(-1.25)]]);
+        assert!(link.contains("download=\"a.csv\""));
+        assert!(link.contains("run,x%0A%22a,b%22,%0Ac,-1.25%0A\""), "{link}");
+    }
+}

@@ -1,0 +1,111 @@
+//! What runs that have not been made yet would tell: which of the models that are possible is the true one, and how well
+//! azimuths would be known then.
+
+use nalgebra::DMatrix;
+
+use super::learn::prepare;
+use super::predict::{Learned, Model, least_squares};
+use super::recording::Recording;
+use super::run::{Run, half_of};
+
+/// What a set of runs would tell.
+#[derive(Clone, Debug)]
+pub struct Expected {
+    /// Log odds of the likeliest model over every other one that they add on average, if it is the true one.
+    pub log_odds: Vec<f64>,
+    /// Standard deviation of the azimuth of a usual run by the likeliest model, once it has learned from them; radians.
+    pub sigma_rad: f64,
+}
+
+impl Learned {
+    /// What these runs would tell, each at its reference; `usual` is a run whose azimuth is to be known. `None` where one has too
+    /// little in it.
+    pub fn expected(&self, proposed: &[Recording], usual: &Recording) -> Option<Expected> {
+        let (first, others) = self.models.split_first()?;
+        let mut log_odds = vec![0.0; others.len()];
+        let mut information = inverse(&first.covariance);
+        for recording in proposed {
+            let run = self.run(recording)?;
+            let columns = self.columns(&run, first, run.azimuth_rad);
+            let plain = self.covariance(&run);
+            let beside = Beside::new(&run, &plain);
+            let seen = beside.of(&columns);
+            information += seen.transpose() * seen;
+            for (odds, other) in log_odds.iter_mut().zip(others) {
+                let of_other = self.columns(&run, other, run.azimuth_rad);
+                let apart = &columns * &first.mean - &of_other * &other.mean;
+                // Neither model knows its weights exactly.
+                let unsure = &plain + spread(&columns, first) + spread(&of_other, other);
+                *odds += 0.5 * Beside::new(&run, &unsure).of(&DMatrix::from_columns(&[apart])).norm_squared();
+            }
+        }
+        let run = self.run(usual)?;
+        let columns = self.columns(&run, first, run.azimuth_rad);
+        let covariance = self.covariance(&run) + &columns * inverse(&information) * columns.transpose();
+        let found = least_squares(&run.design, &run.rate, &covariance);
+        Some(Expected { log_odds, sigma_rad: found.sigma_rad.hypot(self.excess_rad) })
+    }
+
+    /// How much the likeliest model does in a run: the root of the sum of its squares, °/h.
+    pub fn spread(&self, recording: &Recording) -> f64 {
+        let of = |run: &Run, model: &Model| (self.columns(run, model, run.azimuth_rad) * &model.mean).norm();
+        self.run(recording).zip(self.models.first()).map_or(0.0, |(run, model)| of(&run, model))
+    }
+
+    fn run<'a>(&self, recording: &'a Recording) -> Option<Run<'a>> {
+        let (prepared, _) = prepare(&[recording], &self.kernels, Some(self.unit_deg_h));
+        let (sheet, whitening) = prepared.into_iter().next()??;
+        Some(Run::new(sheet, recording.reference, whitening, self.kernels.len()))
+    }
+
+    /// White noise and the processes that a run may have, by their shares.
+    fn covariance(&self, run: &Run) -> DMatrix<f64> {
+        let mut covariance = run.whitening.covariance(0, 0.0);
+        let white = covariance.clone();
+        for (kernel, share) in self.shares.iter().enumerate().filter(|(_, share)| **share > LEAST_SHARE) {
+            let size_deg_h = self.kernels[kernel].size * self.unit_deg_h;
+            covariance += (run.whitening.covariance(kernel, size_deg_h) - &white) * *share;
+        }
+        covariance
+    }
+}
+
+/// Kernels below this share do not count.
+const LEAST_SHARE: f64 = 0.02;
+
+/// Whitening, and projection beside a run's own unknowns and its surveyed heading.
+struct Beside {
+    half: DMatrix<f64>,
+    q: DMatrix<f64>,
+}
+
+impl Beside {
+    fn new(run: &Run, covariance: &DMatrix<f64>) -> Self {
+        let (half, _) = half_of(covariance);
+        let (n, tie) = (half.nrows(), run.tie());
+        let mut design = DMatrix::zeros(n + if tie.is_some() { 2 } else { 0 }, 3);
+        design.rows_mut(0, n).copy_from(&(&half * &run.design));
+        if let Some((rows, _)) = tie {
+            design.rows_mut(n, 2).copy_from(&rows);
+        }
+        Self { half, q: design.qr().q() }
+    }
+
+    fn of(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
+        let whitened = &self.half * columns;
+        let mut all = DMatrix::zeros(self.q.nrows(), columns.ncols());
+        all.rows_mut(0, whitened.nrows()).copy_from(&whitened);
+        &all - &self.q * (self.q.transpose() * &all)
+    }
+}
+
+/// Covariance of what a model says at a run, from that of its weights.
+fn spread(columns: &DMatrix<f64>, model: &Model) -> DMatrix<f64> {
+    columns * &model.covariance * columns.transpose()
+}
+
+/// Inverse of a covariance, or of an information.
+fn inverse(matrix: &DMatrix<f64>) -> DMatrix<f64> {
+    let (half, _) = half_of(matrix);
+    half.transpose() * half
+}
