@@ -11,7 +11,7 @@
 //! | Earth's magnetic field | field along the axis and across it: Faraday effect in a twisted fibre | K. Hotate and K. Tabe, Applied Optics 25 (1986) 1086 |
 //! | field in the instrument's body | harmonics of the index angle | a magnet, the heat of the drive |
 //! | dead zone, cubic | odd functions of the rate, from coherent cross-coupling and loop gain | H. C. Lefèvre, The Fiber-Optic Gyroscope, 2nd ed., 2014 |
-//! | after a move | exponential decay, proportional to the angle moved | heat and stress that the move brings |
+//! | after a move | exponential decay, proportional to the angle moved, or to a cosine of the angle where it ends | heat and stress that the move brings |
 //! | vibration | proportional to the mean square of the acceleration | IEEE Std 952-1997 (vibration rectification) |
 //! | gravity, supply voltage | linear | IEEE Std 952-1997 |
 //! | interference | a sinusoidal rate, integrated over the interval | IEEE Std 952-1997, annex C (sinusoidal noise) |
@@ -58,6 +58,7 @@ pub struct GyroErrors {
     slow: SlowBias,
     telegraph: Option<Telegraph>,
     after_move_deg_h: f64,
+    turns: bool,
     harmonics_at: Option<(f64, f64)>,
     bias_deg_h: f64,
     white: Stream,
@@ -80,6 +81,7 @@ impl GyroErrors {
             slow: SlowBias::new(gyro.bias_instability_deg_h, gyro.rrw_deg_h_per_sqrt_h, slow),
             telegraph,
             after_move_deg_h: 0.0,
+            turns: false,
             harmonics_at: None,
             bias_deg_h: gyro.bias_deg_h,
             white: Stream::new(seed, Source::GyroWhite),
@@ -149,12 +151,16 @@ impl GyroErrors {
     }
 
     fn after_move(&mut self, now: &Surroundings) -> f64 {
-        if self.gyro.after_move_deg_h == 0.0 {
+        if self.gyro.after_move_deg_h == 0.0 && self.gyro.arrival_deg_h == 0.0 {
             return 0.0;
         }
         self.after_move_deg_h *= (-now.dt_s / self.gyro.after_move_tau_s).exp();
-        if now.index_change_rad.abs() > MOVE_RAD {
+        let turned = std::mem::replace(&mut self.turns, now.index_change_rad.abs() > MOVE_RAD);
+        if self.turns {
             self.after_move_deg_h += self.gyro.after_move_deg_h * now.index_change_rad / std::f64::consts::FRAC_PI_2;
+        } else if turned {
+            let apart_rad = now.index_rad - self.gyro.arrival_phase_deg.to_radians();
+            self.after_move_deg_h += self.gyro.arrival_deg_h * apart_rad.cos();
         }
         self.after_move_deg_h
     }

@@ -12,6 +12,7 @@ use super::candidate::evaluated;
 use super::data::RunData;
 use super::deploy::{self, Ranged};
 use super::experiment::{self, Expectation};
+use super::guard;
 use super::learned::Taken;
 use super::problem::Problem;
 use super::{Effect, Experiment};
@@ -101,7 +102,14 @@ impl Open {
             }
         }
         let structure = !self.groups().is_empty() || self.has_process();
-        structure && (number == 0 || after < BETTER * before)
+        let share = |amplitude_deg_h: f64, run: &RunData| amplitude_deg_h / run.earth.north_deg_h;
+        let had: Vec<f64> = runs.iter().filter_map(|run| Some(share(run.before?.amplitude_deg_h, run))).collect();
+        let has: Vec<f64> = runs
+            .iter()
+            .zip(&self.azimuths)
+            .filter_map(|(run, own)| Some(share((*own)?.amplitude_deg_h, run)))
+            .collect();
+        structure && (number == 0 || after < BETTER * before) && guard::impossible_amplitude(&had, &has).is_none()
     }
 
     /// Whether runs have processes of their own.

@@ -24,11 +24,12 @@ const RIDGE: f64 = 1e-7;
 /// Beyond the learned range an effect may change by this much of its size for each half range.
 const BEYOND: f64 = 2.0;
 
-/// Azimuth of a run, and its standard deviation.
+/// Azimuth of a run with its standard deviation, and the horizontal rate that it has then.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prediction {
     pub azimuth_rad: f64,
     pub sigma_rad: f64,
+    pub amplitude_deg_h: f64,
 }
 
 /// A group of a model.
@@ -215,7 +216,7 @@ impl Learned {
     fn predict_by(&self, run: &Run, model: &Model) -> Prediction {
         let turns = model.groups.iter().any(|each| each.group.follows_heading());
         let mut azimuth_rad = run.plain_azimuth_rad();
-        let mut found = Prediction { azimuth_rad, sigma_rad: f64::INFINITY };
+        let mut found = Prediction { azimuth_rad, sigma_rad: f64::INFINITY, amplitude_deg_h: 0.0 };
         let beyond = self.beyond(run, model);
         for _ in 0..if turns { ROUNDS } else { 1 } {
             let columns = self.columns(run, model, azimuth_rad);
@@ -315,6 +316,9 @@ fn groups(
         .collect()
 }
 
+/// An azimuth that may be any.
+const NOWHERE: Prediction = Prediction { azimuth_rad: 0.0, sigma_rad: std::f64::consts::PI, amplitude_deg_h: 0.0 };
+
 /// Azimuth and its standard deviation by generalised least squares.
 pub fn least_squares(design: &DMatrix<f64>, rate: &DVector<f64>, covariance: &DMatrix<f64>) -> Prediction {
     let (half, _) = half_of(covariance);
@@ -322,17 +326,21 @@ pub fn least_squares(design: &DMatrix<f64>, rate: &DVector<f64>, covariance: &DM
     let normal: Matrix3<f64> = (design.transpose() * &design).fixed_view::<3, 3>(0, 0).into_owned();
     let right = design.transpose() * rate;
     let Some(inverse) = normal.try_inverse() else {
-        return Prediction { azimuth_rad: 0.0, sigma_rad: std::f64::consts::PI };
+        return NOWHERE;
     };
     let found = inverse * Vector3::new(right[0], right[1], right[2]);
     let squared = found[0] * found[0] + found[1] * found[1];
     let gradient = Vector3::new(-found[1], found[0], 0.0) / squared;
-    Prediction { azimuth_rad: found[1].atan2(found[0]), sigma_rad: gradient.dot(&(inverse * gradient)).max(0.0).sqrt() }
+    Prediction {
+        azimuth_rad: found[1].atan2(found[0]),
+        sigma_rad: gradient.dot(&(inverse * gradient)).max(0.0).sqrt(),
+        amplitude_deg_h: squared.sqrt(),
+    }
 }
 
 /// Mean and standard deviation of a mixture.
 fn average(each: &[(f64, Prediction)]) -> Prediction {
-    let Some(first) = each.first() else { return Prediction { azimuth_rad: 0.0, sigma_rad: std::f64::consts::PI } };
+    let Some(first) = each.first() else { return NOWHERE };
     let total: f64 = each.iter().map(|(weight, _)| weight).sum();
     let about = first.1.azimuth_rad;
     let off = |prediction: &Prediction| wrap(prediction.azimuth_rad - about);
@@ -342,7 +350,9 @@ fn average(each: &[(f64, Prediction)]) -> Prediction {
         .map(|(weight, prediction)| weight * (prediction.sigma_rad.powi(2) + (off(prediction) - mean).powi(2)))
         .sum::<f64>()
         / total;
-    Prediction { azimuth_rad: about + mean, sigma_rad: variance.sqrt() }
+    let amplitude_deg_h =
+        each.iter().map(|(weight, prediction)| weight * prediction.amplitude_deg_h).sum::<f64>() / total;
+    Prediction { azimuth_rad: about + mean, sigma_rad: variance.sqrt(), amplitude_deg_h }
 }
 
 /// What azimuths of training runs by models without them miss beyond their sigmas: root of mean(e² − σ²), at least 0.

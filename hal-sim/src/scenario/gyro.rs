@@ -113,6 +113,10 @@ part! {
         after_move_deg_h: f64 = 0.0, -100.0..=100.0;
         /// Time in which it decays to 1/e, s.
         after_move_tau_s: f64 = 10.0, 0.1..=3600.0;
+        /// Transient after a move by where it ends: this times cos(index angle − phase), °/h; it decays in the same time.
+        arrival_deg_h: f64 = 0.0, -100.0..=100.0;
+        /// Index angle at which that is greatest, degrees.
+        arrival_phase_deg: f64 = 0.0, -360.0..=360.0;
         /// Vibration rectification, °/h per g².
         vibration_deg_h_per_g2: f64 = 0.0, -10000.0..=10000.0;
         /// Bias per g of specific force along the sensitive axis, °/h/g.

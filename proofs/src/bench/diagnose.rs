@@ -198,7 +198,7 @@ impl DiagnoseBench {
     }
 }
 
-fn family(name: &str) -> Result<Family, String> {
+pub fn family(name: &str) -> Result<Family, String> {
     Family::named(name).ok_or_else(|| {
         format!("families are: {}", Family::all().into_iter().map(Family::name).collect::<Vec<_>>().join(", "))
     })

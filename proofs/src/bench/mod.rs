@@ -10,6 +10,7 @@ mod cost;
 mod diagnose;
 mod diagnose_speed;
 mod esg;
+mod experiment;
 mod faults;
 pub(crate) mod fixes;
 mod gates;
@@ -88,6 +89,7 @@ benches! {
     Diagnose: diagnose::DiagnoseBench,
     DiagnoseSpeed: diagnose_speed::DiagnoseSpeed,
     Esg: esg::EsgBench,
+    Experiment: experiment::ExperimentBench,
     Faults: faults::Faults,
     Gates: gates::Gates,
     Repeat: repeat::Repeat,

@@ -1,7 +1,7 @@
 //! The whole instrument, bus by bus, with a hidden effect in it: for the loop with the firmware itself.
 
 use super::draw::Draw;
-use hal_sim::scenario::{Gyro, Harmonic, Scenario};
+use hal_sim::scenario::{BaseAngle, Gyro, Harmonic, Scenario, Sway};
 
 /// Effects that a board can find out about and correct: it measures temperature, level and index angle, and knows the
 /// time.
@@ -13,12 +13,24 @@ pub enum Hidden {
     Magnet,
     EarthField,
     DeadZone,
+    Hysteresis,
+    Arrival,
+    BaseMotion,
 }
 
 impl Hidden {
     /// All of them.
-    pub const ALL: [Self; 6] =
-        [Self::TemperatureRate, Self::Temperature, Self::AfterMove, Self::Magnet, Self::EarthField, Self::DeadZone];
+    pub const ALL: [Self; 9] = [
+        Self::TemperatureRate,
+        Self::Temperature,
+        Self::AfterMove,
+        Self::Magnet,
+        Self::EarthField,
+        Self::DeadZone,
+        Self::Hysteresis,
+        Self::Arrival,
+        Self::BaseMotion,
+    ];
 
     /// Name, stable: lower-case words with hyphens.
     pub fn name(self) -> &'static str {
@@ -29,6 +41,9 @@ impl Hidden {
             Self::Magnet => "magnet",
             Self::EarthField => "earth-field",
             Self::DeadZone => "dead-zone",
+            Self::Hysteresis => "hysteresis",
+            Self::Arrival => "decay-by-position",
+            Self::BaseMotion => "base-motion",
         }
     }
 
@@ -48,6 +63,8 @@ pub struct Instrument {
     seed: u64,
     latitude_deg: f64,
     gyro: Gyro,
+    /// Amplitude of a slow sway of the base, arcsec.
+    sway_arcsec: f64,
 }
 
 impl Instrument {
@@ -59,6 +76,7 @@ impl Instrument {
         let sign = draw.sign();
         let mut gyro =
             Gyro { bias_deg_h: draw.uniform(-0.3, 0.3), thermal_tau_s: draw.uniform(120.0, 250.0), ..Gyro::default() };
+        let mut sway_arcsec = 0.0;
         let truth = match hidden {
             Hidden::TemperatureRate => {
                 gyro.shupe_deg_h_per_k_s = sign * draw.uniform(8.0, 16.0);
@@ -91,8 +109,32 @@ impl Instrument {
                 gyro.dead_zone_width_deg_h = draw.uniform(1.0, 3.0);
                 format!("a loss of {:.3} °/h at a rate of {:.2} °/h", gyro.dead_zone_deg_h, gyro.dead_zone_width_deg_h)
             }
+            Hidden::Hysteresis => {
+                gyro.hysteresis_deg_h = sign * draw.uniform(0.15, 0.4);
+                gyro.hysteresis_width_k = draw.uniform(1.0, 4.0);
+                // The air goes up and down during a run, and the gyro follows.
+                gyro.thermal_tau_s = draw.uniform(20.0, 50.0);
+                format!(
+                    "± {:.3} °/h by whether it warmed or cooled, over {:.1} K",
+                    gyro.hysteresis_deg_h.abs(),
+                    gyro.hysteresis_width_k
+                )
+            }
+            Hidden::Arrival => {
+                gyro.arrival_deg_h = sign * draw.uniform(0.4, 1.2);
+                gyro.arrival_phase_deg = draw.uniform(0.0, 360.0);
+                gyro.after_move_tau_s = draw.uniform(8.0, 20.0);
+                format!(
+                    "{:+.3} °/h · cos(θ − {:.1}°) after a move to θ, dying away in {:.1} s",
+                    gyro.arrival_deg_h, gyro.arrival_phase_deg, gyro.after_move_tau_s
+                )
+            }
+            Hidden::BaseMotion => {
+                sway_arcsec = draw.uniform(3.0, 9.0);
+                format!("a base that sways by {sway_arcsec:.1}″ about both axes, within 15 to 40 s")
+            }
         };
-        Self { hidden, truth, seed, latitude_deg, gyro }
+        Self { hidden, truth, seed, latitude_deg, gyro, sway_arcsec }
     }
 
     /// The instrument put up for run number `number`, and the seed of its noise.
@@ -107,6 +149,21 @@ impl Instrument {
         scenario.accelerometer.bias_mg = [0.0; 3];
         scenario.gyro = self.gyro.clone();
         scenario.gyro.start_offset_k = draw.sign() * draw.uniform(2.0, 10.0);
+        if self.hidden == Hidden::Hysteresis {
+            scenario.site.ambient_wave_k = draw.uniform(8.0, 16.0);
+            scenario.site.ambient_wave_period_s = draw.uniform(60.0, 180.0);
+        }
+        if self.sway_arcsec > 0.0 {
+            for angle in [BaseAngle::Pitch, BaseAngle::Roll] {
+                scenario.base.sway.push(Sway {
+                    angle,
+                    amplitude_arcsec: self.sway_arcsec,
+                    frequency_hz: 1.0 / draw.uniform(15.0, 40.0),
+                    phase_deg: draw.uniform(0.0, 360.0),
+                    ..Sway::default()
+                });
+            }
+        }
         (scenario, draw.seed())
     }
 }

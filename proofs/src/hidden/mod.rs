@@ -18,6 +18,7 @@ mod signal;
 pub use family::{Family, Group};
 pub use instrument::{Hidden, Instrument};
 pub use part::{MoveLaw, Part};
+pub use plan::Proposed;
 pub use record::Row;
 pub use shape::Shape;
 
@@ -101,6 +102,13 @@ impl Campaign {
             effect: Effect { family, parts },
             plan,
         }
+    }
+
+    /// The same instrument with the same effect in it, and runs more.
+    pub fn followed_by(&self, proposed: &Proposed, seed: u64) -> Self {
+        let mut plan = self.plan.clone();
+        plan.add_proposed(&mut Draw::new(seed, u64::MAX), proposed);
+        Self { runs: record::runs(&plan, &self.effect.parts), plan, ..self.clone() }
     }
 
     /// A run of the same campaign, with the same noise, with these parts in place of the hidden effect; `None` if there is

@@ -44,6 +44,17 @@ pub(super) struct RunPlan {
     pub(super) courses: Vec<Course>,
 }
 
+/// Runs that somebody proposes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Proposed {
+    pub order_deg: Vec<f64>,
+    pub headings_deg: Vec<f64>,
+    /// Time at each position.
+    pub dwell_s: usize,
+    /// Time at the first position before its own.
+    pub warm_up_s: usize,
+}
+
 /// What a family needs of a campaign in order to be possible at all.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Needs {
@@ -114,7 +125,7 @@ impl Plan {
             standard: Vec::new(),
         };
         plan.add_runs(draw, needs);
-        plan.standard = plan.standard_courses();
+        plan.standard = plan.standard_courses(plan.runs.len());
         // Flicker that a fix does not notice: a quarter of the noise of a stay at most.
         plan.instability_deg_h = draw.uniform(0.0, 0.25) * plan.stay_noise_deg_h();
         plan
@@ -186,11 +197,38 @@ impl Plan {
         }
     }
 
-    fn standard_courses(&self) -> Vec<Vec<Course>> {
+    /// Runs in this order, one at each heading, after some time of warming up: surveyed, and to be learned from.
+    pub(super) fn add_proposed(&mut self, draw: &mut Draw, proposed: &Proposed) {
+        let first = self.runs.len();
+        let Some(like) = self.runs.first().cloned() else { return };
+        for &azimuth_deg in &proposed.headings_deg {
+            let mut stays: Vec<(f64, usize)> =
+                proposed.order_deg.iter().map(|&index_deg| (index_deg, proposed.dwell_s)).collect();
+            if let Some(stay) = stays.first_mut() {
+                stay.1 += proposed.warm_up_s;
+            }
+            let mut run = RunPlan {
+                seed: draw.seed(),
+                azimuth_deg,
+                may_learn: true,
+                survey_error_deg: Some(like.survey_sigma_deg * draw.normal()),
+                stays,
+                rotates: false,
+                ..like.clone()
+            };
+            let seconds = run.seconds();
+            run.courses = self.channels.iter().map(|channel| channel.course(draw, seconds)).collect();
+            self.runs.push(run);
+        }
+        self.standard = self.standard_courses(first);
+    }
+
+    /// What the channels do in deviations from the first runs' mean, in units of their spread.
+    fn standard_courses(&self, first: usize) -> Vec<Vec<Course>> {
         let mut standard: Vec<Vec<Course>> = self.runs.iter().map(|run| run.courses.clone()).collect();
         for channel in 0..self.channels.len() {
             let values: Vec<f64> =
-                self.runs.iter().flat_map(|run| run.courses[channel].truth.iter().copied()).collect();
+                self.runs[..first].iter().flat_map(|run| run.courses[channel].truth.iter().copied()).collect();
             let mean = values.iter().sum::<f64>() / values.len() as f64;
             let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len() as f64;
             for courses in &mut standard {

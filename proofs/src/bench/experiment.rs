@@ -1,0 +1,151 @@
+//! `north bench experiment`: the runs that a diagnosis proposes are made, and whether the answer is unique then.
+
+use std::io::Write;
+
+use clap::Args;
+use north::campaign::Campaign;
+use north::diagnose::{Diagnosis, Experiment, Options, diagnose};
+use north::failure::Failure;
+use north::interrupt;
+use north::progress;
+use north::settings_file::declare_noise;
+use serde::Serialize;
+
+use super::Bench;
+use crate::hidden::{Campaign as Generated, Family, Group, Proposed};
+use crate::judge::write;
+
+/// The next experiment, made: campaigns that cannot tell their effect from others, and what they tell with the proposed runs
+///
+/// Campaigns are drawn as in "north bench diagnose". Where a diagnosis names confounded alternatives and proposes runs, the same
+/// instrument makes these runs, and all runs are diagnosed together.
+#[derive(Args, Debug)]
+#[command(after_help = "Example:\n  north bench experiment --campaigns 10 --verbose")]
+pub struct ExperimentBench {
+    /// Campaigns of each family, 1 to 100000
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    campaigns: u64,
+    /// Seed of everything random
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Only these families, with commas between them; else all with names
+    #[arg(long, value_name = "NAME", value_parser = super::diagnose::family, value_delimiter = ',')]
+    family: Vec<Family>,
+    /// Print what was named before and after for each campaign
+    #[arg(long)]
+    verbose: bool,
+}
+
+/// One family, or all together.
+#[derive(Serialize, Default)]
+pub struct Row {
+    family: &'static str,
+    campaigns: u64,
+    /// Diagnoses that name confounded alternatives.
+    confounded: u64,
+    /// Of those: with proposed runs.
+    proposed: u64,
+    /// Of those: the answer is unique with the runs.
+    unique: u64,
+}
+
+impl Bench for ExperimentBench {
+    type Row = Row;
+
+    fn measure(&self, out: &mut dyn Write) -> Result<Vec<Row>, Failure> {
+        let chosen = |family: &Family| {
+            if self.family.is_empty() { family.group() == Group::Named } else { self.family.contains(family) }
+        };
+        let families: Vec<Family> = Family::all().into_iter().filter(chosen).collect();
+        let bar = progress::bar(families.len() as u64 * self.campaigns, "campaigns");
+        let mut rows = Vec::new();
+        for family in families {
+            let mut row = Row { family: family.name(), ..Row::default() };
+            for number in 0..self.campaigns {
+                self.one(family, number, &mut row, out)?;
+                bar.inc(1);
+                if interrupt::requested() {
+                    return Err(Failure::Interrupted);
+                }
+            }
+            rows.push(row);
+        }
+        bar.finish_and_clear();
+        let sum = |of: fn(&Row) -> u64| rows.iter().map(of).sum::<u64>();
+        let all = Row {
+            family: "all",
+            campaigns: sum(|row| row.campaigns),
+            confounded: sum(|row| row.confounded),
+            proposed: sum(|row| row.proposed),
+            unique: sum(|row| row.unique),
+        };
+        rows.push(all);
+        writeln!(out, "| family | campaigns | confounded | with proposed runs | unique with them | share, % |")?;
+        writeln!(out, "|---|---|---|---|---|---|")?;
+        for row in rows.iter().filter(|row| row.confounded > 0 || row.family == "all") {
+            let share = if row.proposed > 0 {
+                format!("{:.0}", 100.0 * row.unique as f64 / row.proposed as f64)
+            } else {
+                "–".into()
+            };
+            let Row { family, campaigns, confounded, proposed, unique } = row;
+            writeln!(out, "| {family} | {campaigns} | {confounded} | {proposed} | {unique} | {share} |")?;
+        }
+        Ok(rows)
+    }
+}
+
+impl ExperimentBench {
+    fn one(&self, family: Family, number: u64, row: &mut Row, out: &mut dyn Write) -> Result<(), Failure> {
+        let place = Family::all().iter().position(|each| *each == family).unwrap_or_default() as u64;
+        let generated = Generated::draw(family, self.seed, (place << 32) + number);
+        row.campaigns += 1;
+        let Ok(before) = diagnosed(&generated)? else { return Ok(()) };
+        if is_unique(&before) {
+            return Ok(());
+        }
+        row.confounded += 1;
+        let Some(experiment) = before.next_experiment.as_ref().filter(|each| !each.separates.is_empty()) else {
+            if self.verbose {
+                writeln!(out, "{} {number}: {}; nothing proposed", family.name(), before.verdict)?;
+            }
+            return Ok(());
+        };
+        row.proposed += 1;
+        let after = diagnosed(&generated.followed_by(&proposed(experiment), self.seed + number))?;
+        let unique = after.as_ref().is_ok_and(is_unique);
+        row.unique += u64::from(unique);
+        if self.verbose {
+            writeln!(out, "{} {number}: {}", family.name(), before.verdict)?;
+            writeln!(out, "    proposed: {}", experiment.description)?;
+            let then = after.map_or_else(|refusal| refusal, |after| after.verdict);
+            writeln!(out, "    {}: {then}", if unique { "unique" } else { "still confounded" })?;
+        }
+        Ok(())
+    }
+}
+
+/// The runs that an experiment asks for.
+pub fn proposed(experiment: &Experiment) -> Proposed {
+    Proposed {
+        order_deg: experiment.order_deg.clone(),
+        headings_deg: experiment.headings_deg.clone(),
+        dwell_s: experiment.dwell_s as usize,
+        warm_up_s: experiment.warm_up_s as usize,
+    }
+}
+
+/// A diagnosis of what was generated, or why there is none.
+pub fn diagnosed(generated: &Generated) -> Result<Result<Diagnosis, String>, Failure> {
+    let folder = tempfile::tempdir()?;
+    let campaign: Campaign = write(generated, folder.path())?;
+    let mut options = Options::default();
+    declare_noise(&mut options.settings, generated.arw_deg_per_sqrt_h);
+    Ok(diagnose(&campaign, &options).map_err(|refusal| refusal.to_string()))
+}
+
+/// Whether something was found and nothing else explains the campaign as well.
+pub fn is_unique(diagnosis: &Diagnosis) -> bool {
+    !diagnosis.effects.is_empty() && diagnosis.effects.iter().all(|effect| effect.ambiguous_with.is_empty())
+        || diagnosis.effects.is_empty() && diagnosis.next_experiment.is_none()
+}
