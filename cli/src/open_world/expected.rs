@@ -52,19 +52,21 @@ impl Learned {
         self.run(recording).zip(self.models.first()).map_or(0.0, |(run, model)| of(&run, model))
     }
 
+    /// The run in the engine's algebra, under white noise alone.
     fn run<'a>(&self, recording: &'a Recording) -> Option<Run<'a>> {
-        let (prepared, _) = prepare(&[recording], &self.kernels, Some(self.unit_deg_h));
+        let (prepared, _) = prepare(&[recording], &self.kernels[..1], Some(self.unit_deg_h));
         let (sheet, whitening) = prepared.into_iter().next()??;
-        Some(Run::new(sheet, recording.reference, whitening, self.kernels.len()))
+        Some(Run::new(sheet, recording.reference, whitening, 1))
     }
 
     /// White noise and the processes that a run may have, by their shares.
     fn covariance(&self, run: &Run) -> DMatrix<f64> {
         let mut covariance = run.whitening.covariance(0, 0.0);
-        let white = covariance.clone();
-        for (kernel, share) in self.shares.iter().enumerate().filter(|(_, share)| **share > LEAST_SHARE) {
-            let size_deg_h = self.kernels[kernel].size * self.unit_deg_h;
-            covariance += (run.whitening.covariance(kernel, size_deg_h) - &white) * *share;
+        for (kernel, share) in self.kernels.iter().zip(&self.shares).filter(|(_, share)| **share > LEAST_SHARE) {
+            if let Some(shape) = kernel.shape {
+                let variance = share * (kernel.size * self.unit_deg_h).powi(2);
+                covariance += shape.covariance(kernel.time_s, &run.sheet.samples.spans) * variance;
+            }
         }
         covariance
     }
