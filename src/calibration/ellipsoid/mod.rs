@@ -13,7 +13,7 @@ mod refine;
 mod refusal;
 mod split;
 
-pub use fit::{Calibration, Entry, Role, Weights, fit};
+pub use fit::{Calibration, Entry, Role, Weights, fit, fit_from_sphere};
 pub use refusal::Refusal;
 pub use split::split;
 
