@@ -1,5 +1,7 @@
 //! Robust scatters, and how improbable a sum of squares is.
 
+pub use crate::median::median;
+
 /// Factor from the median absolute deviation of Gaussian numbers to their standard deviation.
 pub const SIGMA_PER_MEDIAN_DEVIATION: f64 = 1.4826;
 
