@@ -157,9 +157,9 @@ pub enum Event {
     NoCalibration(NoCalibration),
     /// The first after a start that a crash led to: what is known of it.
     Crash(Crash),
-    /// The most of the stack that was ever used, and the longest time from a tick to the end of its work, thousandths of a tick:
-    /// what the board says of itself.
-    Vitals { stack_bytes: u32, load_permille: u32 },
+    /// What the board says of itself: CRC-32 of its program, the most of the stack that was ever used, and the longest time from a
+    /// tick to the end of its work, thousandths of a tick.
+    Vitals { program: u32, stack_bytes: u32, load_permille: u32 },
 }
 
 impl Event {

@@ -54,7 +54,8 @@ mod app {
     const MOTOR_COMMANDS: usize = 4;
     /// One calibration at a time.
     const PROBLEMS: usize = 1;
-    /// Between two reports of stack and load: ten seconds.
+    /// What the board says of itself comes after the first second, and then every ten seconds.
+    const FIRST_VITALS_TICK: u64 = 399;
     const VITALS_TICKS: u64 = 4000;
 
     /// Who is alive.
@@ -95,6 +96,7 @@ mod app {
         answers_out: Receiver<'static, Answer, PROBLEMS>,
         flash: board::Flash,
         crash: Option<Crash>,
+        program: u32,
         // report
         report_port: board::ReportPort,
         // calibrate
@@ -149,6 +151,7 @@ mod app {
             answers_out,
             flash: board.flash,
             crash,
+            program: crash::program(),
             report_port: board.reports,
             answers_in,
         };
@@ -272,7 +275,7 @@ mod app {
     #[task(
         priority = 2,
         local = [
-            pipeline, gyro_out, request_out, motor_in, reports_in, problems_in, answers_out, flash, crash,
+            pipeline, gyro_out, request_out, motor_in, reports_in, problems_in, answers_out, flash, crash, program,
             decoder: RequestDecoder = RequestDecoder::new(),
         ],
         shared = [refused],
@@ -310,9 +313,9 @@ mod app {
                 local.pipeline.field.stored(stored.is_ok());
             }
             GUARD.done(readings.tick, board::passed_permille());
-            if readings.tick % VITALS_TICKS == VITALS_TICKS - 1 {
+            if readings.tick % VITALS_TICKS == FIRST_VITALS_TICK {
                 let (stack_bytes, load_permille) = (crash::most_stack_bytes(), GUARD.load_permille());
-                let event = Event::Vitals { stack_bytes, load_permille };
+                let event = Event::Vitals { program: *local.program, stack_bytes, load_permille };
                 let _ = local.reports_in.try_send(Report { t_s: readings.t_s(), event });
             }
         }

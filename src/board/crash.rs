@@ -39,7 +39,7 @@ pub fn end(crash: &Crash) -> ! {
 }
 
 /// CRC-32 of the program, by which an image is known: of all that is linked between the vectors and the variables' first values.
-fn program() -> u32 {
+pub fn program() -> u32 {
     unsafe extern "C" {
         static __stext: u8;
         static __erodata: u8;

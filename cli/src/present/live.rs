@@ -79,8 +79,10 @@ impl View {
             Event::Guidance(_) | Event::Calibration(_) | Event::CalibrationStored | Event::NoCalibration(_) => {
                 return None;
             }
-            Event::Vitals { stack_bytes, load_permille } => {
-                format!("stack {stack_bytes} bytes at most, load {load_permille} thousandths of a tick at most")
+            Event::Vitals { program, stack_bytes, load_permille } => {
+                format!(
+                    "program {program:08x}, stack at most {stack_bytes} bytes, load at most {load_permille}/1000 of a tick"
+                )
             }
             Event::Level { tilt: Tilt { pitch_deg, roll_deg }, level } => {
                 if self.was_level.replace(level) == Some(level) {
