@@ -185,11 +185,14 @@ impl DwellRows {
 
     /// Leaves out all rows but these.
     fn keep(&mut self, kept: Range<usize>) {
-        let length = kept.len();
-        if kept.end <= self.rows.len() {
-            self.rows.copy_within(kept, 0);
-            self.rows.truncate(length);
+        for (to, from) in kept.clone().enumerate() {
+            if let Some(&row) = self.rows.get(from)
+                && let Some(place) = self.rows.get_mut(to)
+            {
+                *place = row;
+            }
         }
+        self.rows.truncate(kept.len());
     }
 
     /// Leaves out the first rows, up to where the rate begins to be quiet by the measure of the jitter gate: `seconds`
