@@ -5,7 +5,6 @@ mod calibration;
 mod common;
 mod diagnose;
 mod documents;
-mod f405;
 mod field;
 mod frames;
 mod hidden_effects;

@@ -39,8 +39,6 @@ pub struct StepMotor<S, D, E> {
     speed: f32,
     /// How much of the next step has passed.
     phase: f32,
-    /// The windings go off as soon as it rests.
-    release: bool,
 }
 
 /// Speed in steps per slot, acceleration in steps per slot².
@@ -78,8 +76,7 @@ where
     E: OutputPin<Error = Infallible>,
 {
     /// A motor at rest, its windings off until the first turn.
-    pub fn new(step: S, direction: D, mut enable: E, settings: &IndexSettings) -> Self {
-        let Ok(()) = enable.set_low();
+    pub fn new(step: S, direction: D, enable: E, settings: &IndexSettings) -> Self {
         Self {
             step,
             direction,
@@ -89,7 +86,6 @@ where
             counter_clockwise: false,
             speed: 0.0,
             phase: 0.0,
-            release: false,
         }
     }
 
@@ -104,22 +100,13 @@ where
     /// turn before. A motor that runs the other way, or too fast, brakes and comes back.
     pub fn turn(&mut self, microsteps: i32) {
         self.to_go = microsteps;
-        self.release = false;
         let Ok(()) = self.enable.set_high();
     }
 
-    /// Brakes as fast as the ramp allows and stays there, without current: the windings go off at rest.
+    /// Brakes as fast as the ramp allows and stays there.
     pub fn stop(&mut self) {
         let way = if self.speed > 0.0 { self.ramp.steps_to_stop(self.speed) } else { 0 };
         self.to_go = if self.counter_clockwise { way } else { -way };
-        self.release = true;
-        self.release_at_rest();
-    }
-
-    fn release_at_rest(&mut self) {
-        if self.release && !self.is_turning() {
-            let Ok(()) = self.enable.set_low();
-        }
     }
 
     /// Whether slots are needed.
@@ -167,7 +154,6 @@ where
             self.speed = 0.0;
         }
         let Ok(()) = self.step.set_low();
-        self.release_at_rest();
     }
 }
 
@@ -292,22 +278,8 @@ mod tests {
         // From 30 °/s at 40 °/s²: 11.25°, 0.75 s.
         assert!((plant.position.get() - at - 1125).abs() <= 5, "{}", plant.position.get() - at);
         assert!(slots < 3200);
-        assert!(!plant.enabled.get(), "a motor that was stopped has no current");
         motor.slot();
         assert!(!motor.is_turning());
-    }
-
-    #[test]
-    fn current_flows_from_a_turn_to_the_next_stop() {
-        let plant = Plant::default();
-        plant.enabled.set(true);
-        let mut motor = motor(&plant);
-        assert!(!plant.enabled.get(), "there is none at the start");
-        motor.turn(10);
-        run(&mut motor, &plant);
-        assert!(plant.enabled.get(), "it holds until it is told to stop");
-        motor.stop();
-        assert!(!plant.enabled.get());
     }
 
     #[test]
