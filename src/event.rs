@@ -10,6 +10,7 @@ use crate::fix::dwell::DwellSummary;
 use crate::gates::Gate;
 use crate::health::{Counters, Fault};
 use crate::level::{LevelMoments, Tilt};
+use crate::restart::Crash;
 
 /// An event and when it happened.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -154,6 +155,11 @@ pub enum Event {
     CalibrationStored,
     /// Calibrating came to nothing; the calibration in use stays.
     NoCalibration(NoCalibration),
+    /// The first after a start that a crash led to: what is known of it.
+    Crash(Crash),
+    /// What the board says of itself: CRC-32 of its program, the most of the stack that was ever used, and the longest time from a
+    /// tick to the end of its work, thousandths of a tick.
+    Vitals { program: u32, stack_bytes: u32, load_permille: u32 },
 }
 
 impl Event {
@@ -179,6 +185,8 @@ impl Event {
             Self::Calibration(_) => "calibration",
             Self::CalibrationStored => "calibration-stored",
             Self::NoCalibration(reason) => reason.why.name(),
+            Self::Crash(crash) => crash.cause.name(),
+            Self::Vitals { .. } => "vitals",
         }
     }
 }

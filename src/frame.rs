@@ -28,6 +28,8 @@ use crate::units::ARCSEC_PER_RAD;
 
 const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_MPEG_2);
 const LONGEST: usize = 36;
+/// Counts that KVH's radians are turned into: 400 samples at the largest range, weighted for the first moment, fit an `i64`.
+const KVH_COUNTS_PER_RAD: u64 = 1 << 48;
 
 /// Which frames the gyro sends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, defmt::Format)]
@@ -44,10 +46,11 @@ pub enum GyroFormat {
 pub struct Frame {
     /// Counts the gyro's frames modulo [`GyroFormat::sequence_modulus`].
     pub sequence: u8,
-    /// Angle over the sample interval, arcsec, right-handed about the sensitive axis.
-    pub increment_arcsec: f64,
-    /// Gyro temperature, °C.
-    pub temp_c: Option<f64>,
+    /// Angle over the sample interval, right-handed about the sensitive axis, in counts of
+    /// [`GyroFormat::arcsec_per_count`]: whole numbers, whose sums are exact and quick.
+    pub increment: i64,
+    /// Gyro temperature, in counts of [`GyroFormat::c_per_count`].
+    pub temperature: Option<i16>,
     /// The gyro vouches for the increment, and it is a finite number.
     pub valid: bool,
     /// The rate was beyond the gyro's range.
@@ -71,6 +74,22 @@ impl GyroFormat {
         }
     }
 
+    /// Arcseconds of a count of [`Frame::increment`]. KVH's floating-point radians are cut to 2⁻⁴⁸ rad: below 1e-9 arcsec.
+    pub const fn arcsec_per_count(self) -> f64 {
+        match self {
+            Self::Compact => 1e-6,
+            Self::KvhA => ARCSEC_PER_RAD / KVH_COUNTS_PER_RAD as f64,
+        }
+    }
+
+    /// Degrees Celsius of a count of [`Frame::temperature`].
+    pub const fn c_per_count(self) -> f64 {
+        match self {
+            Self::Compact => 0.01,
+            Self::KvhA => 1.0,
+        }
+    }
+
     const fn header(self) -> &'static [u8] {
         match self {
             Self::Compact => &[0xA5, 0x5A],
@@ -86,8 +105,8 @@ impl GyroFormat {
                 let &[_, _, sequence, status, i0, i1, i2, i3, t0, t1] = content else { return None };
                 Some(Frame {
                     sequence,
-                    increment_arcsec: f64::from(i32::from_le_bytes([i0, i1, i2, i3])) * 1e-6,
-                    temp_c: (status & 4 != 0).then(|| f64::from(i16::from_le_bytes([t0, t1])) * 0.01),
+                    increment: i32::from_le_bytes([i0, i1, i2, i3]).into(),
+                    temperature: (status & 4 != 0).then_some(i16::from_le_bytes([t0, t1])),
                     valid: status & 1 != 0,
                     saturated: status & 2 != 0,
                 })
@@ -97,8 +116,9 @@ impl GyroFormat {
                 let [x, _, _] = frame.gyro;
                 Some(Frame {
                     sequence: frame.sequence,
-                    increment_arcsec: f64::from(x) * ARCSEC_PER_RAD,
-                    temp_c: Some(f64::from(frame.temp_c)),
+                    // A product with a power of two is exact; beyond the integers' range, and of no number, `as` saturates.
+                    increment: (x * KVH_COUNTS_PER_RAD as f32) as i64,
+                    temperature: Some(frame.temp_c),
                     valid: frame.gyro_valid(0),
                     saturated: false,
                 })
@@ -137,8 +157,11 @@ impl FrameReader {
     fn push_with<T>(&mut self, byte: u8, decode: impl Fn(&[u8]) -> Option<T>) -> Option<T> {
         // `pending` is always a proper beginning of a frame here, so there is room.
         let _ = self.pending.push(byte);
+        let header = self.format.header();
+        if (header.len() + 1..self.format.length()).contains(&self.pending.len()) {
+            return None;
+        }
         loop {
-            let header = self.format.header();
             let seen = self.pending.len().min(header.len());
             if self.pending.get(..seen) != header.get(..seen) {
                 self.skip_one();
@@ -202,9 +225,12 @@ mod tests {
         let (frames, reader) = read(GyroFormat::KvhA, GOOD.as_flattened());
         assert_eq!(frames.len(), 2);
         // 0x37A96A6E as a float is 2.0196e-5 rad, that is 4.1657 arcsec; sequence 0x3D, temperature 0x28 = 40 °C.
-        assert!((frames[0].increment_arcsec - 4.1657).abs() < 1e-3, "{}", frames[0].increment_arcsec);
-        assert_eq!((frames[0].sequence, frames[0].temp_c, frames[0].valid), (0x3D, Some(40.0), true));
-        assert_eq!((frames[1].sequence, frames[1].temp_c), (0x68, Some(29.0)));
+        let increment_arcsec = frames[0].increment as f64 * GyroFormat::KvhA.arcsec_per_count();
+        assert!((increment_arcsec - 4.1657).abs() < 1e-3, "{increment_arcsec}");
+        // Exactly: 2^(111−127) · (1 + 0x296A6E/2^23) = 0xA96A6E · 2^−39 rad, so 0xA96A6E · 2^9 counts of 2^−48 rad.
+        assert_eq!(frames[0].increment, 0xA96A6E << 9);
+        assert_eq!((frames[0].sequence, frames[0].temperature, frames[0].valid), (0x3D, Some(40), true));
+        assert_eq!((frames[1].sequence, frames[1].temperature), (0x68, Some(29)));
         assert_eq!((reader.bad_crc(), reader.bytes_skipped()), (0, 0));
     }
 
@@ -226,13 +252,7 @@ mod tests {
         let (frames, _) = read(GyroFormat::Compact, &stream);
         assert_eq!(
             frames,
-            [Frame {
-                sequence: 7,
-                increment_arcsec: 37603.0 * 1e-6,
-                temp_c: Some(2150.0 * 0.01),
-                valid: true,
-                saturated: false
-            }]
+            [Frame { sequence: 7, increment: 37603, temperature: Some(2150), valid: true, saturated: false }]
         );
     }
 

@@ -1,8 +1,9 @@
 //! What the instrument's sensors give, gathered to seconds: live, and from a recording of the same readings.
 //!
-//! Per reading or frame only sums are made; everything else waits for the end of the second, [`Gatherer::finish`].
+//! Per reading or frame only sums of whole numbers are made; everything else waits for the end of the second, [`Gatherer::finish`].
 
 use crate::calibration::ellipsoid::Correction;
+use crate::codes::{IndexCode, TriadCode};
 use crate::effects::Conditions;
 use crate::fix::accumulator::Second;
 use crate::frame::Frame;
@@ -61,14 +62,14 @@ impl Gatherer {
         self.sampler.lose_slot(counters)
     }
 
-    /// A reading of the accelerometers, g, as they give it.
-    pub fn acceleration(&mut self, acceleration_g: [f64; 3]) {
-        self.level.push(acceleration_g);
+    /// A reading of the accelerometers.
+    pub fn acceleration(&mut self, reading: TriadCode) {
+        self.level.push(reading);
     }
 
-    /// A reading of the encoder, degrees.
-    pub fn index(&mut self, index_deg: f64) {
-        self.index.push(index_deg);
+    /// A reading of the encoder.
+    pub fn index(&mut self, index: IndexCode) {
+        self.index.push(index);
     }
 
     /// Ends the second whose gyro part is `rate`. Its end is `now_s` for the first second; the gyro's seconds follow each other

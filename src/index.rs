@@ -2,7 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::units::{DEG_PER_RAD, sin_cos_deg, wrap_180_deg, wrap_360_deg};
+use crate::codes::IndexCode;
+use crate::limits::{Invalid, within};
+use crate::units::{DEG_PER_RAD, sin_cos_deg, wrap_360_deg};
 
 /// Indexing: the motor and the encoder.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -18,11 +20,31 @@ pub struct IndexSettings {
     pub speed_deg_s: f64,
     /// Acceleration, °/s².
     pub acceleration_deg_s2: f64,
+    /// The motor's current stays on at a position. Without it the spindle's own friction holds, and no heat comes from the motor.
+    pub hold_current: bool,
 }
 
 impl Default for IndexSettings {
     fn default() -> Self {
-        Self { tolerance_deg: 0.5, sigma_deg: 0.02, retries: 2, speed_deg_s: 30.0, acceleration_deg_s2: 60.0 }
+        Self {
+            tolerance_deg: 0.5,
+            sigma_deg: 0.02,
+            retries: 2,
+            speed_deg_s: 30.0,
+            acceleration_deg_s2: 60.0,
+            hold_current: false,
+        }
+    }
+}
+
+impl IndexSettings {
+    /// Checks every value.
+    pub fn validate(&self) -> Result<(), Invalid> {
+        within("index.tolerance_deg", self.tolerance_deg, 0.01, 10.0, "0.01 to 10")?;
+        within("index.sigma_deg", self.sigma_deg, 0.0, 10.0, "0 to 10")?;
+        within("index.retries", self.retries.into(), 0.0, 20.0, "0 to 20")?;
+        within("index.speed_deg_s", self.speed_deg_s, 0.1, 30.0, "0.1 to 30")?;
+        within("index.acceleration_deg_s2", self.acceleration_deg_s2, 1.0, 1000.0, "1 to 1000")
     }
 }
 
@@ -31,7 +53,7 @@ impl Default for IndexSettings {
 pub enum MotorCommand {
     /// Turn by this many microsteps, counter-clockwise positive.
     Turn { microsteps: i32 },
-    /// Stop where it is.
+    /// Stop where it is, and take the current off.
     Stop,
 }
 
@@ -56,47 +78,56 @@ impl Direction {
     }
 }
 
-/// Mean index angle over a second.
+/// Mean index angle over a second, in which the index turns by less than half a turn.
 #[derive(Clone, Debug, Default)]
 pub struct IndexMean {
-    sum: Direction,
+    first: IndexCode,
+    /// Sum of the ways from the first reading, counts.
+    ways: i64,
     count: u16,
 }
 
 impl IndexMean {
-    /// A reading of the encoder, degrees.
-    pub fn push(&mut self, index_deg: f64) {
-        let Direction { cos, sin } = Direction::of_deg(index_deg);
-        self.sum.cos += cos;
-        self.sum.sin += sin;
+    /// A reading of the encoder.
+    pub fn push(&mut self, index: IndexCode) {
+        if self.count == 0 {
+            self.first = index;
+        }
+        self.ways += index.way_from(self.first);
         self.count = self.count.saturating_add(1);
     }
 
     /// Ends the second: degrees in [0°, 360°), `None` without a reading.
     pub fn finish_deg(&mut self) -> Option<f64> {
-        let Self { sum, count } = core::mem::take(self);
-        (count > 0).then(|| sum.deg())
+        let Self { first, ways, count } = core::mem::take(self);
+        let mean_way_deg = ways as f64 / f64::from(count) * IndexCode::DEG_PER_COUNT;
+        (count > 0).then(|| wrap_360_deg(first.deg() + mean_way_deg))
     }
 }
 
 /// The index angle without jumps at full turns, so that a cable is not wound up.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct IndexAngle {
-    unwrapped_deg: Option<f64>,
+    last: IndexCode,
+    /// Counts.
+    unwrapped: Option<i64>,
 }
 
 impl IndexAngle {
-    /// Takes an encoder reading in [0°, 360°). The first one counts from −5° on: the gyro was parked near zero.
-    pub fn push(&mut self, index_deg: f64) {
-        self.unwrapped_deg = Some(match self.unwrapped_deg {
-            Some(last_deg) => last_deg + wrap_180_deg(index_deg - last_deg),
-            None => wrap_360_deg(index_deg + 5.0) - 5.0,
+    /// Takes an encoder reading. The first one counts from −5° on: the gyro was parked near zero.
+    pub fn push(&mut self, index: IndexCode) {
+        /// 5°.
+        const PARKED: u32 = u32::MAX / 72;
+        self.unwrapped = Some(match self.unwrapped {
+            Some(unwrapped) => unwrapped + index.way_from(self.last),
+            None => i64::from(index.0.wrapping_add(PARKED)) - i64::from(PARKED),
         });
+        self.last = index;
     }
 
     /// Degrees, counter-clockwise; `None` before the first reading.
     pub fn deg(&self) -> Option<f64> {
-        self.unwrapped_deg
+        self.unwrapped.map(|unwrapped| unwrapped as f64 * IndexCode::DEG_PER_COUNT)
     }
 }
 
@@ -105,13 +136,25 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_mean_is_taken_across_zero() {
+        let mut mean = IndexMean::default();
+        assert_eq!(mean.finish_deg(), None);
+        // A sixteenth of a turn below zero, at zero, and three sixteenths above: a mean of 15 degrees.
+        [0xF000_0000, 0, 0x3000_0000].iter().for_each(|&code| mean.push(IndexCode(code)));
+        assert!((mean.finish_deg().unwrap() - 15.0).abs() < 1e-9);
+        [0xF000_0000, 0xE000_0000, 0x0800_0000].iter().for_each(|&code| mean.push(IndexCode(code)));
+        // −22.5°, −45°, 11.25°.
+        assert!((mean.finish_deg().unwrap() - 341.25).abs() < 1e-9);
+    }
+
+    #[test]
     fn the_angle_does_not_jump_at_a_full_turn() {
         let mut angle = IndexAngle::default();
         for (reading, unwrapped) in
             [(359.9, -0.1), (0.2, 0.2), (90.0, 90.0), (200.0, 200.0), (350.0, 350.0), (10.0, 370.0)]
         {
-            angle.push(reading);
-            assert!((angle.deg().unwrap() - unwrapped).abs() < 1e-9);
+            angle.push(IndexCode::of_deg(reading));
+            assert!((angle.deg().unwrap() - unwrapped).abs() < 1e-7);
         }
     }
 }

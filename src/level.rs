@@ -6,6 +6,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::ellipsoid::Correction;
+use crate::codes::TriadCode;
+use crate::limits::{Invalid, within};
 use crate::units::DEG_PER_RAD;
 
 /// The level gate.
@@ -25,6 +27,16 @@ pub struct LevelSettings {
 impl Default for LevelSettings {
     fn default() -> Self {
         Self { limit_deg: 0.5, sigma_deg: 0.01, seconds: 2, timeout_s: 120.0 }
+    }
+}
+
+impl LevelSettings {
+    /// Checks every value.
+    pub fn validate(&self) -> Result<(), Invalid> {
+        within("level.limit_deg", self.limit_deg, 0.001, 10.0, "0.001 to 10")?;
+        within("level.sigma_deg", self.sigma_deg, 0.0, 10.0, "0 to 10")?;
+        within("level.seconds", self.seconds.into(), 1.0, 60.0, "1 to 60")?;
+        within("level.timeout_s", self.timeout_s, 1.0, 36_000.0, "1 to 36000")
     }
 }
 
@@ -97,11 +109,12 @@ pub struct LevelSensor {
 /// What came so far.
 #[derive(Clone, Debug, Default)]
 struct Second {
-    sum_g: [f64; 3],
-    /// Sum of the readings times their number in the second.
-    numbered_g: [f64; 3],
+    /// Sum of the readings, counts.
+    sum: [i64; 3],
+    /// Sum of the readings times their number in the second, counts.
+    numbered: [i64; 3],
     count: u16,
-    first_g: Option<[f64; 3]>,
+    first: Option<TriadCode>,
     changed: bool,
 }
 
@@ -124,27 +137,25 @@ impl LevelSensor {
         &self.triad
     }
 
-    /// A reading: x, y, z in g, as the triad gives it.
-    pub fn push(&mut self, acceleration_g: [f64; 3]) {
+    /// A reading of the triad.
+    pub fn push(&mut self, reading: TriadCode) {
         let second = &mut self.second;
-        let number = f64::from(second.count);
-        for ((sum, numbered), reading) in second.sum_g.iter_mut().zip(&mut second.numbered_g).zip(acceleration_g) {
-            *sum += reading;
-            *numbered += number * reading;
+        for ((sum, numbered), code) in second.sum.iter_mut().zip(&mut second.numbered).zip(reading.0) {
+            *sum += i64::from(code);
+            *numbered += i64::from(second.count) * i64::from(code);
         }
         second.count = second.count.saturating_add(1);
-        let first = *second.first_g.get_or_insert(acceleration_g);
-        second.changed |= first != acceleration_g;
+        second.changed |= *second.first.get_or_insert(reading) != reading;
     }
 
     /// Ends the second.
     pub fn finish(&mut self) -> LevelSecond {
-        let Second { sum_g, numbered_g, count, changed, .. } = core::mem::take(&mut self.second);
+        let Second { sum, numbered, count, changed, .. } = core::mem::take(&mut self.second);
         if count == 0 || (!changed && count >= 20) {
             return LevelSecond::Failed;
         }
-        let count = f64::from(count);
-        let mean_g = sum_g.map(|sum| sum / count);
+        let readings = f64::from(count);
+        let mean_g = sum.map(|sum| sum as f64 / (readings * TriadCode::COUNTS_PER_G));
         let [x, y, z] = self.triad.apply(mean_g);
         let norm = libm::sqrt(x * x + y * y + z * z);
         if !(0.9..=1.1).contains(&norm) || z < 0.5 {
@@ -153,8 +164,9 @@ impl LevelSensor {
         // The readings are evenly spaced: number k of n stands for the n-th of the second about (k + 1/2)/n − 1/2. The
         // correction of the triad is linear, so that the moment is corrected as a difference from the mean.
         let mut offset_g = mean_g;
-        for ((offset, numbered), sum) in offset_g.iter_mut().zip(numbered_g).zip(sum_g) {
-            *offset += (numbered - 0.5 * (count - 1.0) * sum) / (count * count);
+        for ((offset, numbered), sum) in offset_g.iter_mut().zip(numbered).zip(sum) {
+            let twice_about_middle = 2 * numbered - i64::from(count - 1) * sum;
+            *offset += twice_about_middle as f64 / (2.0 * readings * readings * TriadCode::COUNTS_PER_G);
         }
         let [first_x, first_y, _] = self.triad.apply(offset_g);
         let first = Specific { forward: (first_x - x) / norm, left: (first_y - y) / norm };
@@ -169,12 +181,11 @@ impl LevelSensor {
 mod tests {
     use super::*;
 
-    /// The two means of a second in which every reading was `g`, give or take a nothing.
+    /// The two means of a second in which every reading was `g`, give or take a count.
     fn second(g: [f64; 3]) -> LevelSecond {
         let mut sensor = LevelSensor::new(Correction::UNIT);
-        for i in 0..100 {
-            sensor.push([g[0], g[1], g[2] + 1e-12 * f64::from(i)]);
-        }
+        let TriadCode([x, y, z]) = TriadCode::of_g(g).unwrap();
+        (0..100).for_each(|i| sensor.push(TriadCode([x, y, z + i % 2])));
         sensor.finish()
     }
 
@@ -203,9 +214,10 @@ mod tests {
         let raw = [0.01, 0.0, 1.0];
         assert!((tilt(raw).pitch_deg - 0.573).abs() < 1e-3);
         let mut sensor = LevelSensor::new(Correction { bias: [0.01, 0.0, 0.0], ..Correction::UNIT });
-        sensor.push(raw);
+        sensor.push(TriadCode::of_g(raw).unwrap());
         let LevelSecond::Good(level) = sensor.finish() else { panic!() };
-        assert_eq!((level.mean.forward, level.mean.left), (0.0, 0.0));
+        // Within half a count, 0.5e-9 g.
+        assert!(level.mean.forward.abs() < 5e-10 && level.mean.left == 0.0);
     }
 
     /// The nose rises from −0.01 to +0.01 g through the second: ∫ (t − ½) · 0.02 (t − ½) dt = 0.02/12 s²; a tilt that stays
@@ -214,12 +226,13 @@ mod tests {
     fn the_first_moment_of_a_rising_nose() {
         let mut sensor = LevelSensor::new(Correction { bias: [0.01, 0.0, 0.0], ..Correction::UNIT });
         for i in 0..100 {
-            sensor.push([0.01 + 0.02 * ((f64::from(i) + 0.5) / 100.0 - 0.5), 0.005, 1.0]);
+            let forward_g = 0.01 + 0.02 * ((f64::from(i) + 0.5) / 100.0 - 0.5);
+            sensor.push(TriadCode::of_g([forward_g, 0.005, 1.0]).unwrap());
         }
         let LevelSecond::Good(level) = sensor.finish() else { panic!() };
         // Of a hundred readings instead of the integral: less by a share of 1e-4.
         assert!((level.first.forward - 0.02 / 12.0).abs() < 2e-7, "{}", level.first.forward);
-        assert!(level.first.left.abs() < 1e-12 && level.mean.forward.abs() < 1e-12);
+        assert!(level.first.left.abs() < 1e-12 && level.mean.forward.abs() < 1e-10);
     }
 
     #[test]
@@ -233,9 +246,8 @@ mod tests {
         assert_eq!(LevelSensor::new(Correction::UNIT).finish(), LevelSecond::Failed);
         assert_eq!(second([0.0, 0.0, 0.0]), LevelSecond::Failed);
         assert_eq!(second([0.0, 0.0, -1.0]), LevelSecond::Failed);
-        assert_eq!(second([f64::NAN, 0.0, 1.0]), LevelSecond::Failed);
         let mut stuck = LevelSensor::new(Correction::UNIT);
-        (0..100).for_each(|_| stuck.push([0.0, 0.0, 1.0]));
+        (0..100).for_each(|_| stuck.push(TriadCode([0, 0, 1 << 30])));
         assert_eq!(stuck.finish(), LevelSecond::Failed);
     }
 }

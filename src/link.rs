@@ -16,7 +16,7 @@
 //!   its items.
 //! - CRC-32 is the one of Ethernet and zlib (CRC-32/ISO-HDLC), 4 bytes, little-endian.
 //!
-//! Example: the report "at 2 s the state is idle" has the content `04`, `00 00 00 00 00 00 00 40`, `00`, `00`, `AE 4F C4 AB`.
+//! Example: the report "at 2 s the state is idle" has the content `05`, `00 00 00 00 00 00 00 40`, `00`, `00`, `6E 90 4A 6A`.
 //!
 //! Whoever receives drops what does not decode and counts it; after any disturbance the next 00 is the next chance. A
 //! sender may send a 00 before a frame, to end whatever noise came before: an empty frame is not counted.
@@ -29,11 +29,12 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::event::Report;
+use crate::restart::Provocation;
 use crate::sequence::Command;
 use crate::settings::Settings;
 
 /// The first byte of every frame's content.
-pub const VERSION: u8 = 4;
+pub const VERSION: u8 = 5;
 
 /// Longest frame that holds a [`Report`], with its closing 00.
 pub const MAX_REPORT: usize = 160;
@@ -51,6 +52,8 @@ pub enum Request {
     Command(Command),
     /// Keep these settings in flash and start anew with them, whatever is under way.
     StoreSettings(Settings),
+    /// Crash, to see that it is survived: the motor goes off, the instrument starts anew and tells of it.
+    Provoke(Provocation),
 }
 
 /// A frame of N bytes cannot hold the message.
@@ -160,6 +163,7 @@ mod tests {
     use crate::gates::Gate;
     use crate::health::{Counters, Flag, Flags};
     use crate::level::{LevelMoments, Specific, Tilt};
+    use crate::restart::{Cause, Crash};
     use crate::settings::store::longest;
 
     const TRIAD: AccelerometerCalibration = AccelerometerCalibration { bias_g: [1.1; 3], matrix: [1.1; 6] };
@@ -176,9 +180,9 @@ mod tests {
 
     #[test]
     fn the_example_of_the_documentation_byte_by_byte() {
-        // Content 04 | 2.0 as f64 | 00 | 00, its CRC-32 from zlib's crc32(), and COBS by hand: every 00 becomes the
+        // Content 05 | 2.0 as f64 | 00 | 00, its CRC-32 from zlib's crc32(), and COBS by hand: every 00 becomes the
         // distance to the next one.
-        let expected = [0x02, 4, 1, 1, 1, 1, 1, 1, 2, 0x40, 1, 5, 0xAE, 0x4F, 0xC4, 0xAB, 0];
+        let expected = [2, 5, 1, 1, 1, 1, 1, 1, 2, 0x40, 1, 5, 0x6E, 0x90, 0x4A, 0x6A, 0];
         let frame = encode_report(&idle()).unwrap();
         assert_eq!(frame[..], expected[..]);
         assert_eq!(feed(&mut ReportDecoder::new(), &frame), [Ok(idle())]);
@@ -243,7 +247,22 @@ mod tests {
             evidence: 1.1,
             calibration: TRIAD,
         };
-        let events = [Event::Health(counters), Event::Second(second), Event::Fix(fix), Event::Calibration(solved)];
+        let crash = Crash {
+            program_counter: u32::MAX,
+            link_register: u32::MAX,
+            stack_pointer: u32::MAX,
+            fault_status: u32::MAX,
+            program: u32::MAX,
+            line: u32::MAX,
+            ..Crash::new(Cause::Clock)
+        };
+        let events = [
+            Event::Health(counters),
+            Event::Second(second),
+            Event::Fix(fix),
+            Event::Calibration(solved),
+            Event::Crash(crash),
+        ];
         for event in events {
             let report = Report { t_s: 1.1, event };
             let frame = encode_report(&report).unwrap();

@@ -2,8 +2,8 @@
 //!
 //! | task | priority | runs when | does |
 //! |---|---|---|---|
-//! | `gyro_rx` | 4 | the gyro's line has a byte | reads it, queues it |
-//! | `request_rx` | 4 | the host's line has a byte | reads it, queues it |
+//! | `gyro_rx` | 4 | the gyro's line has bytes | reads them, queues them |
+//! | `request_rx` | 4 | the host's line has bytes | reads them, queues them |
 //! | `sample` | 3 | 2.5 ms have passed | tells the gyro to sample, reads the sensors that are due, commands the motor |
 //! | `step` | 3 | a slot of the turning motor begins | perhaps a step |
 //! | `solve` | 2 | `sample` has readings | bytes and readings into the pipeline; events and a motor command out |
@@ -31,27 +31,35 @@ mod app {
     use rtic_sync::channel::{Receiver, Sender};
     use rtic_sync::make_channel;
 
-    use crate::board::{self, Board};
+    use crate::board::{self, Board, crash};
     use north_finder::calibration::field::problem::{Problem, Solved};
     use north_finder::calibration::field::refusal::NoCalibration;
     use north_finder::drivers::sensors::{Due, Sensors};
     use north_finder::drivers::step_motor::StepMotor;
     use north_finder::event::{Event, Report};
+    use north_finder::guard::{Guard, Task, Verdict};
     use north_finder::health::Refused;
     use north_finder::index::MotorCommand;
     use north_finder::link::{self, Request, RequestDecoder};
     use north_finder::pipeline::{Pipeline, Readings};
+    use north_finder::restart::Crash;
     use north_finder::settings::store::{self, Loaded};
     use north_finder::settings::{IndexSettings, Settings};
 
-    /// Room for as many ticks as `solve` may lag behind: 160 ms, and the gyro's bytes of that time.
-    const READINGS: usize = 64;
-    const GYRO_BYTES: usize = 4096;
-    const REQUEST_BYTES: usize = 2048;
-    const REPORTS: usize = 32;
+    /// Room for as many ticks as `solve` may lag behind: 80 ms, and the bytes of gyro and host of that time.
+    const READINGS: usize = 32;
+    const GYRO_BYTES: usize = 2048;
+    const REQUEST_BYTES: usize = 1024;
+    const REPORTS: usize = 16;
     const MOTOR_COMMANDS: usize = 4;
     /// One calibration at a time.
     const PROBLEMS: usize = 1;
+    /// What the board says of itself comes after the first second, and then every ten seconds.
+    const FIRST_VITALS_TICK: u64 = 399;
+    const VITALS_TICKS: u64 = 4000;
+
+    /// Who is alive.
+    static GUARD: Guard = Guard::new();
 
     type Answer = Result<Solved, NoCalibration>;
 
@@ -74,6 +82,7 @@ mod app {
         request_in: Producer<'static, u8>,
         // sample
         ticker: board::Ticker,
+        watchdog: board::Watchdog,
         sensors: Sensors<board::Accelerometer, board::Encoder>,
         readings_in: Sender<'static, Readings, READINGS>,
         motor_out: Consumer<'static, MotorCommand>,
@@ -86,6 +95,8 @@ mod app {
         problems_in: Sender<'static, Problem, PROBLEMS>,
         answers_out: Receiver<'static, Answer, PROBLEMS>,
         flash: board::Flash,
+        crash: Option<Crash>,
+        program: u32,
         // report
         report_port: board::ReportPort,
         // calibrate
@@ -99,6 +110,7 @@ mod app {
         pipeline_place: MaybeUninit<Pipeline> = MaybeUninit::uninit(),
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
+        let crash = crash::take().or_else(|| board::reset_cause().map(Crash::new));
         let mut board: Board = board::init(cx.device);
         let loaded = load_settings(&mut board.flash);
         let (pipeline, index) = power_up(cx.local.pipeline_place, loaded);
@@ -126,6 +138,7 @@ mod app {
             request_port: board.requests,
             request_in,
             ticker: board.ticker,
+            watchdog: board::Watchdog::start(),
             sensors: Sensors::new(board.accelerometer, board.encoder),
             readings_in,
             motor_out,
@@ -137,6 +150,8 @@ mod app {
             problems_in,
             answers_out,
             flash: board.flash,
+            crash,
+            program: crash::program(),
             report_port: board.reports,
             answers_in,
         };
@@ -187,6 +202,7 @@ mod app {
             match decoder.feed(byte) {
                 Some(Ok(Request::Command(command))) => pipeline.command(command),
                 Some(Ok(Request::StoreSettings(settings))) if store(flash, &settings) => board::restart(),
+                Some(Ok(Request::Provoke(how))) => crash::provoke(how),
                 Some(_) => pipeline.bad_command(),
                 None => {}
             }
@@ -201,30 +217,32 @@ mod app {
 
     #[task(binds = USART1, priority = 4, local = [gyro_port, gyro_in], shared = [refused])]
     fn gyro_rx(mut cx: gyro_rx::Context) {
-        match cx.local.gyro_port.read() {
-            Some(Ok(byte)) if cx.local.gyro_in.enqueue(byte).is_ok() => {}
-            None => {}
-            _ => cx.shared.refused.lock(|refused| one_more(&mut refused.gyro_bytes)),
-        }
+        let queue = cx.local.gyro_in;
+        cx.local.gyro_port.drain(|byte| {
+            if !byte.is_ok_and(|byte| queue.enqueue(byte).is_ok()) {
+                cx.shared.refused.lock(|refused| one_more(&mut refused.gyro_bytes));
+            }
+        });
     }
 
     /// A byte that is lost here shows as a bad frame.
     #[task(binds = USART2, priority = 4, local = [request_port, request_in])]
     fn request_rx(cx: request_rx::Context) {
-        if let Some(Ok(byte)) = cx.local.request_port.read() {
-            let _ = cx.local.request_in.enqueue(byte);
-        }
+        let queue = cx.local.request_in;
+        cx.local.request_port.drain(|byte| {
+            let _ = byte.map(|byte| queue.enqueue(byte));
+        });
     }
 
     #[task(
         binds = TIM2, priority = 3,
-        local = [ticker, sensors, readings_in, motor_out, tick: u64 = 0],
+        local = [ticker, watchdog, sensors, readings_in, motor_out, tick: u64 = 0],
         shared = [motor, slots, refused],
     )]
     fn sample(mut cx: sample::Context) {
         let local = cx.local;
         local.ticker.sync();
-        let Due { acceleration_g, index_deg } = local.sensors.read(*local.tick);
+        let Due { acceleration, index } = local.sensors.read(*local.tick);
         while let Some(command) = local.motor_out.dequeue() {
             cx.shared.motor.command(command);
         }
@@ -233,9 +251,14 @@ mod app {
             cx.shared.slots.start();
         }
         let refused = cx.shared.refused.lock(|refused| *refused);
-        let readings = Readings { tick: *local.tick, acceleration_g, index_deg, turning, refused };
+        let readings = Readings { tick: *local.tick, acceleration, index, turning, refused };
         if local.readings_in.try_send(readings).is_err() {
             cx.shared.refused.lock(|refused| one_more(&mut refused.readings));
+        }
+        match GUARD.tick(*local.tick) {
+            Verdict::Wait => {}
+            Verdict::Feed => local.watchdog.feed(),
+            Verdict::Late(task) => crash::late(task.name()),
         }
         *local.tick += 1;
     }
@@ -252,14 +275,19 @@ mod app {
     #[task(
         priority = 2,
         local = [
-            pipeline, gyro_out, request_out, motor_in, reports_in, problems_in, answers_out, flash,
+            pipeline, gyro_out, request_out, motor_in, reports_in, problems_in, answers_out, flash, crash, program,
             decoder: RequestDecoder = RequestDecoder::new(),
         ],
         shared = [refused],
     )]
     async fn solve(mut cx: solve::Context, mut readings_out: Receiver<'static, Readings, READINGS>) {
         let local = cx.local;
+        if let Some(crash) = local.crash.take() {
+            defmt::error!("boot: after a {}", crash.cause);
+            let _ = local.reports_in.try_send(Report { t_s: 0.0, event: Event::Crash(crash) });
+        }
         while let Ok(readings) = readings_out.recv().await {
+            GUARD.check_in(Task::Solve);
             obey(local.request_out, local.decoder, local.pipeline, local.flash);
             if let Ok(answer) = local.answers_out.try_recv() {
                 local.pipeline.field.solved(answer);
@@ -283,6 +311,12 @@ mod app {
             if let Some(calibration) = local.pipeline.field.to_store() {
                 let stored = store::update(local.flash, |settings| settings.accelerometer = Some(calibration));
                 local.pipeline.field.stored(stored.is_ok());
+            }
+            GUARD.done(readings.tick, board::passed_permille());
+            if readings.tick % VITALS_TICKS == FIRST_VITALS_TICK {
+                let (stack_bytes, load_permille) = (crash::most_stack_bytes(), GUARD.load_permille());
+                let event = Event::Vitals { program: *local.program, stack_bytes, load_permille };
+                let _ = local.reports_in.try_send(Report { t_s: readings.t_s(), event });
             }
         }
     }
@@ -321,6 +355,7 @@ mod app {
     #[idle]
     fn idle(_: idle::Context) -> ! {
         loop {
+            GUARD.check_in(Task::Idle);
             board::sleep();
         }
     }

@@ -4,6 +4,7 @@ use heapless::{Deque, Vec};
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::field::{self, Session};
+use crate::codes::{IndexCode, TriadCode};
 use crate::event::{self, Event, Report, State};
 use crate::fix::accumulator::Accumulator;
 use crate::frame::FrameReader;
@@ -26,14 +27,21 @@ const ENCODER_PATIENCE: u16 = 25;
 pub struct Readings {
     /// Number of the tick, from 0; its time is `tick · 2.5 ms`.
     pub tick: u64,
-    /// Specific force, g, x forward, y left, z up, where the accelerometer was due; `Some(None)`: due and failed.
-    pub acceleration_g: Option<Option<[f64; 3]>>,
-    /// Index angle, degrees, where the encoder was due; `Some(None)`: due and failed.
-    pub index_deg: Option<Option<f64>>,
+    /// Specific force where the accelerometer was due; `Some(None)`: due and failed.
+    pub acceleration: Option<Option<TriadCode>>,
+    /// Index angle where the encoder was due; `Some(None)`: due and failed.
+    pub index: Option<Option<IndexCode>>,
     /// Whether the step generator is running.
     pub turning: bool,
     /// What the board's queues had no room for, since the start.
     pub refused: Refused,
+}
+
+impl Readings {
+    /// Time of the tick, seconds since the first.
+    pub fn t_s(&self) -> f64 {
+        self.tick as f64 * SAMPLE_S
+    }
 }
 
 /// Takes reports out of the pipeline.
@@ -115,13 +123,13 @@ impl Pipeline {
     /// A tick of 2.5 ms with what the sensors gave.
     pub fn tick(&mut self, readings: &Readings, report: Sink) -> Option<MotorCommand> {
         self.tick = readings.tick;
-        let t_s = readings.tick as f64 * SAMPLE_S;
+        let t_s = readings.t_s();
         let mut sink = |event| report(Report { t_s, event });
 
         let mut motor = self.obey(t_s, &mut sink);
         self.read(readings);
         if let Some(calibration) =
-            self.field.tick(readings.acceleration_g, &mut |event| calibration_events(event, &mut sink))
+            self.field.tick(readings.acceleration, &mut |event| calibration_events(event, &mut sink))
         {
             self.gatherer.set_triad(calibration.correction());
         }
@@ -131,7 +139,7 @@ impl Pipeline {
         let watched = self.watch.tick(readings.tick);
         let encoder = (self.encoder_failures >= ENCODER_PATIENCE).then_some(Fault::EncoderFailed);
         if let Ok(sequencer) = &mut self.sequencer {
-            let moved = sequencer.tick(t_s, readings.index_deg.flatten(), readings.turning, &mut sink);
+            let moved = sequencer.tick(t_s, readings.index.flatten(), readings.turning, &mut sink);
             motor = moved.or(motor);
             if let Some(fault) = watched.or(encoder) {
                 motor = sequencer.fail(fault, t_s, &mut sink).or(motor);
@@ -184,14 +192,14 @@ impl Pipeline {
         counters.reports_refused = readings.refused.reports;
         counters.bytes_skipped = self.reader.bytes_skipped();
         counters.frames_bad_crc = self.reader.bad_crc();
-        match readings.acceleration_g {
-            Some(Some(acceleration_g)) => self.gatherer.acceleration(acceleration_g),
+        match readings.acceleration {
+            Some(Some(reading)) => self.gatherer.acceleration(reading),
             Some(None) => counters.accelerometer_errors = counters.accelerometer_errors.saturating_add(1),
             None => {}
         }
-        match readings.index_deg {
-            Some(Some(index_deg)) => {
-                self.gatherer.index(index_deg);
+        match readings.index {
+            Some(Some(index)) => {
+                self.gatherer.index(index);
                 self.encoder_failures = 0;
             }
             Some(None) => {

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::frame::{Frame, GyroFormat};
 use crate::health::Counters;
+use crate::limits::{Invalid, within};
 
 /// Samples in a second.
 pub const SAMPLES_PER_SECOND: u16 = 400;
@@ -54,6 +55,16 @@ impl Default for GyroSettings {
 }
 
 impl GyroSettings {
+    /// Checks every value.
+    pub fn validate(&self) -> Result<(), Invalid> {
+        within("gyro.arw_deg_per_sqrt_h", self.arw_deg_per_sqrt_h, 0.0, 1.0, "0 to 1")?;
+        within("gyro.bias_instability_deg_h", self.bias_instability_deg_h, 0.0, 10.0, "0 to 10")?;
+        within("gyro.drift_deg_h_per_h", self.drift_deg_h_per_h, 0.0, 1000.0, "0 to 1000")?;
+        within("gyro.bias_limit_deg_h", self.bias_limit_deg_h, 0.0, 1000.0, "0 to 1000")?;
+        within("gyro.range_deg_h", self.range_deg_h, 100.0, 1e7, "100 to 10000000")?;
+        within("gyro.repairable_frames", self.repairable_frames.into(), 0.0, 40.0, "0 to 40")
+    }
+
     /// Declared noise of a one-second rate, °/h.
     pub fn noise_deg_h(&self) -> f64 {
         60.0 * self.arw_deg_per_sqrt_h
@@ -86,6 +97,8 @@ pub struct RateSecond {
 #[derive(Clone, Debug)]
 pub struct Sampler {
     gyro: GyroSettings,
+    /// Increments from this many counts on are beyond the gyro's range.
+    range: u64,
     expected: Option<u8>,
     /// Ticks since the first frame, minus slots accounted for.
     behind: i64,
@@ -99,18 +112,20 @@ struct Partial {
     good: u16,
     invalid: u16,
     saturated: u16,
-    raw_arcsec: f64,
-    /// Sum of increments times their time since the second began.
-    timed_arcsec_s: f64,
-    temp_sum_c: f64,
-    temps: u16,
-    first_arcsec: Option<f64>,
+    /// Sum of increments, counts.
+    angle: i64,
+    /// Sum of increments times the distance of their middle from the second's, counts · half samples.
+    moment: i64,
+    temperature_sum: i32,
+    temperatures: u16,
+    first: Option<i64>,
     changed: bool,
 }
 
 impl Sampler {
     pub fn new(gyro: GyroSettings) -> Self {
-        Self { gyro, expected: None, behind: 0, good: 0, second: Partial::default() }
+        let range = libm::ceil(gyro.range_deg_h * SAMPLE_S / gyro.format.arcsec_per_count()) as u64;
+        Self { gyro, range, expected: None, behind: 0, good: 0, second: Partial::default() }
     }
 
     /// Takes a frame; gives the second that it completes.
@@ -132,11 +147,11 @@ impl Sampler {
             counters.frames_late = counters.frames_late.saturating_add(1);
         }
         let second = &mut self.second;
-        if let Some(temp_c) = frame.temp_c {
-            second.temp_sum_c += temp_c;
-            second.temps += 1;
+        if let Some(temperature) = frame.temperature {
+            second.temperature_sum += i32::from(temperature);
+            second.temperatures += 1;
         }
-        let saturated = frame.saturated || frame.increment_arcsec.abs() >= self.gyro.range_deg_h * SAMPLE_S;
+        let saturated = frame.saturated || frame.increment.unsigned_abs() >= self.range;
         if saturated || !frame.valid {
             counters.frames_invalid = counters.frames_invalid.saturating_add(1);
             second.invalid += u16::from(!frame.valid);
@@ -144,9 +159,9 @@ impl Sampler {
         } else {
             second.good += 1;
             self.good = self.good.wrapping_add(1);
-            second.changed |= *second.first_arcsec.get_or_insert(frame.increment_arcsec) != frame.increment_arcsec;
-            second.raw_arcsec += frame.increment_arcsec;
-            second.timed_arcsec_s += frame.increment_arcsec * SAMPLE_S * (f64::from(second.slots) + 0.5);
+            second.changed |= *second.first.get_or_insert(frame.increment) != frame.increment;
+            second.angle += frame.increment;
+            second.moment += frame.increment * (2 * i64::from(second.slots) + 1 - i64::from(SAMPLES_PER_SECOND));
         }
         self.next_slot().or(finished)
     }
@@ -195,11 +210,14 @@ impl Sampler {
             (_, 0) => 0.0,
             (_, good) => f64::from(SAMPLES_PER_SECOND) / f64::from(good),
         };
-        let temp_c = (second.temps > 0).then(|| second.temp_sum_c / f64::from(second.temps));
+        let format = self.gyro.format;
+        let temp_c = (second.temperatures > 0)
+            .then(|| f64::from(second.temperature_sum) * format.c_per_count() / f64::from(second.temperatures));
+        let angle_arcsec = second.angle as f64 * format.arcsec_per_count() * stretch;
         Some(RateSecond {
-            fog_arcsec: second.raw_arcsec * stretch,
-            rate_deg_h: second.raw_arcsec * stretch,
-            moment_arcsec_s: (second.timed_arcsec_s - 0.5 * second.raw_arcsec) * stretch,
+            fog_arcsec: angle_arcsec,
+            rate_deg_h: angle_arcsec,
+            moment_arcsec_s: second.moment as f64 * (0.5 * SAMPLE_S * format.arcsec_per_count()) * stretch,
             conditions: Conditions { temp_c, ..Conditions::default() },
             missing,
             invalid: second.invalid,
@@ -217,8 +235,9 @@ mod tests {
     fn frame(number: u32) -> Frame {
         Frame {
             sequence: (number % 256) as u8,
-            increment_arcsec: 0.03,
-            temp_c: Some(20.0),
+            // 0.03 arcsec.
+            increment: 30_000,
+            temperature: Some(2000),
             valid: true,
             saturated: false,
         }
@@ -282,7 +301,7 @@ mod tests {
         let frames = (0..400).map(|n| match n {
             10 => Frame { valid: false, ..frame(n) },
             20 => Frame { saturated: true, ..frame(n) },
-            30 => Frame { increment_arcsec: 1250.0, ..frame(n) }, // 500 000 °/h, the range
+            30 => Frame { increment: 1_250_000_000, ..frame(n) }, // 1250 arcsec: 500 000 °/h, the range
             _ => frame(n),
         });
         let (seconds, counters) = run(frames);

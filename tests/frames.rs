@@ -28,7 +28,7 @@ proptest! {
         let (frames, reader) = read(GyroFormat::Compact, &stream);
         prop_assert_eq!(frames.len(), increments.len());
         for ((frame, &uas), n) in frames.iter().zip(&increments).zip(0..) {
-            prop_assert_eq!(frame.increment_arcsec, f64::from(uas) * 1e-6);
+            prop_assert_eq!(frame.increment, i64::from(uas));
             prop_assert_eq!(frame.sequence, n);
         }
         prop_assert_eq!((reader.bad_crc(), reader.bytes_skipped()), (0, 0));
@@ -39,8 +39,10 @@ proptest! {
         let (frames, _) = read(GyroFormat::KvhA, &kvh_a([x, 0.1, -0.1], [0.0; 3], 0x77, sequence, temp_c));
         prop_assert_eq!(frames.len(), 1);
         let arcsec = f64::from(x) * 180.0 * 3600.0 / std::f64::consts::PI;
-        prop_assert!((frames[0].increment_arcsec - arcsec).abs() <= arcsec.abs() * 1e-12);
-        prop_assert_eq!((frames[0].sequence, frames[0].temp_c), (sequence, Some(f64::from(temp_c))));
+        // Cut to 2⁻⁴⁸ rad, 7.3e-10 arcsec.
+        let increment_arcsec = frames[0].increment as f64 * GyroFormat::KvhA.arcsec_per_count();
+        prop_assert!((increment_arcsec - arcsec).abs() <= 7.4e-10 + arcsec.abs() * 1e-12);
+        prop_assert_eq!((frames[0].sequence, frames[0].temperature), (sequence, Some(temp_c)));
     }
 
     /// Garbage is survived, every byte of it is accounted for, and the first whole good frame after it is taken.

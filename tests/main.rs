@@ -5,6 +5,7 @@ mod calibration;
 mod common;
 mod diagnose;
 mod documents;
+mod f405;
 mod field;
 mod frames;
 mod hidden_effects;

@@ -122,7 +122,7 @@ impl EventRecord {
     /// The record of a report; `None` for the seconds and the counters, which are not events of the fix.
     pub fn of(report: &Report) -> Option<Self> {
         let details = match report.event {
-            Event::Second(_) | Event::Health(_) => return None,
+            Event::Second(_) | Event::Health(_) | Event::Vitals { .. } => return None,
             // The azimuth stands with its run; the names of states and faults are the event's own.
             Event::Fix(_) | Event::State(_) => Map::new(),
             Event::Fault { state, .. } => Map::from_iter([("state".to_owned(), Value::from(state.name()))]),

@@ -71,6 +71,11 @@ impl Drive {
         self.enabled = high;
     }
 
+    /// Whether current flows.
+    pub fn has_current(&self) -> bool {
+        self.enabled
+    }
+
     /// Level of the step pin at `t_s`: a rising edge is a microstep, if the coils are on.
     pub fn set_step(&mut self, high: bool, t_s: f64) {
         let rising = high && !self.step_high;

@@ -60,6 +60,11 @@ impl World {
         self.plant.borrow().truth()
     }
 
+    /// Whether current flows through the motor.
+    pub fn motor_has_current(&self) -> bool {
+        self.plant.borrow().drive.has_current()
+    }
+
     /// Somebody lifts the instrument off its base, turns it, and holds it so.
     pub(crate) fn turn_by_hand(&self, turn: Turn) {
         self.plant.borrow_mut().hand.turn(turn);

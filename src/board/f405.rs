@@ -22,7 +22,7 @@ use embedded_hal::digital::{ErrorType, OutputPin};
 use embedded_hal::spi::{MODE_0, MODE_1};
 use embedded_hal_bus::spi::{ExclusiveDevice, NoDelay};
 pub use flash::Flash;
-use panic_probe as _;
+use north_finder::restart::Cause;
 use stm32f4xx_hal::gpio::{self, Output, PinState, Speed};
 use stm32f4xx_hal::nb;
 pub use stm32f4xx_hal::pac;
@@ -47,6 +47,9 @@ const SLOTS_HZ: u32 = 3200;
 const SELECT_CYCLES: u32 = CYCLES_PER_US / 2;
 /// The slowest of the usual stepper drivers (DRV8825) wants 1.9 µs high and low, and 0.65 µs of direction before that.
 const STEP_CYCLES: u32 = 2 * CYCLES_PER_US;
+
+/// Within this an alive instrument feeds the watchdog four times; the low-speed oscillator's tolerance makes it 2.7 to 7.5 s.
+const WATCHDOG_S: u16 = 4;
 
 pub struct Board {
     pub ticker: Ticker,
@@ -73,6 +76,10 @@ pub fn init(device: pac::Peripherals) -> Board {
     let (mut rcc, crystal) = clock::start(device.RCC);
     if !crystal {
         defmt::error!("boot: the crystal does not start; the clock is good to 1 % only");
+    }
+    let mut flash = Flash::new(device.FLASH);
+    if flash.set_brown_out_level().is_err() {
+        defmt::error!("boot: the brown-out level cannot be set");
     }
     let a = device.GPIOA.split(&mut rcc);
     let b = device.GPIOB.split(&mut rcc);
@@ -122,11 +129,63 @@ pub fn init(device: pac::Peripherals) -> Board {
         step: Held(c.pc6.into_push_pull_output()),
         direction: c.pc7.into_push_pull_output(),
         enable: ActiveLow(c.pc8.into_push_pull_output_in_state(PinState::High)),
-        flash: Flash::new(device.FLASH),
+        flash,
     }
 }
 
-/// Waits for the next interrupt.
+/// By the port's register, whoever owns the pin: not-enable goes high.
+pub fn motor_off() {
+    // SAFETY: the register sets bits without reading them, so that nobody else's work on the port is lost.
+    unsafe { (*pac::GPIOC::ptr()).bsrr().write(|w| w.bs8().set_bit()) };
+}
+
+/// The clock security system: the crystal stopped, and the processor goes on with the internal oscillator.
+pub const NOT_MASKABLE: Cause = Cause::Clock;
+
+/// What the reset flags say, where that is a fault; they are cleared.
+pub fn reset_cause() -> Option<Cause> {
+    // SAFETY: flags of the last reset, which nothing else looks at.
+    let status = unsafe { (*pac::RCC::ptr()).csr() };
+    let flags = status.read();
+    status.modify(|_, w| w.rmvf().set_bit());
+    if flags.wdgrstf().bit_is_set() {
+        Some(Cause::Watchdog)
+    } else if flags.borrstf().bit_is_set() && flags.porrstf().bit_is_clear() {
+        Some(Cause::BrownOut)
+    } else {
+        None
+    }
+}
+
+/// The independent watchdog, on a clock of its own: once started nothing stops it.
+pub struct Watchdog(pac::IWDG);
+
+impl Watchdog {
+    pub fn start() -> Self {
+        const START: u16 = 0xCCCC;
+        const ACCESS: u16 = 0x5555;
+        // SAFETY: only this owns the watchdog, and it is made once.
+        let registers = unsafe { pac::Peripherals::steal().IWDG };
+        // SAFETY: keys of the reference manual (RM0090, 21.4.1), here and below.
+        registers.kr().write(|w| unsafe { w.bits(START) });
+        registers.kr().write(|w| unsafe { w.bits(ACCESS) });
+        // 32 kHz by 64.
+        registers.pr().write(|w| w.pr().divide_by64());
+        registers.rlr().write(|w| w.rl().set(WATCHDOG_S * 500 - 1));
+        let mut watchdog = Self(registers);
+        watchdog.feed();
+        watchdog
+    }
+
+    pub fn feed(&mut self) {
+        const RELOAD: u16 = 0xAAAA;
+        // SAFETY: as at the start.
+        self.0.kr().write(|w| unsafe { w.bits(RELOAD) });
+    }
+}
+
+/// Waits for the next interrupt. Never inlined: a debugger finds the instrument asleep here.
+#[inline(never)]
 pub fn sleep() {
     cortex_m::asm::wfi();
 }
@@ -154,6 +213,13 @@ impl Ticker {
     pub fn sync(&mut self) {
         self.0.sr().write(|w| w.uif().clear_bit());
     }
+}
+
+/// How much of the tick under way has passed, by the timer itself.
+pub fn passed_permille() -> u32 {
+    // SAFETY: reading has no effect.
+    let timer = unsafe { &*pac::TIM2::ptr() };
+    timer.cnt().read().bits() / (timer.arr().read().bits() / 1000).max(1)
 }
 
 /// The motor's slots: eight to a tick, the first one half a slot after it.
@@ -190,9 +256,9 @@ impl Slots {
 pub struct GyroPort(Rx<pac::USART1>);
 
 impl GyroPort {
-    /// The byte that interrupted, if one did.
-    pub fn read(&mut self) -> Option<Result<u8, Overrun>> {
-        received(self.0.read())
+    /// The bytes that have come.
+    pub fn drain(&mut self, take: impl FnMut(Result<u8, Overrun>)) {
+        core::iter::from_fn(|| received(self.0.read())).for_each(take);
     }
 }
 
@@ -200,9 +266,9 @@ impl GyroPort {
 pub struct RequestPort(Rx<pac::USART2>);
 
 impl RequestPort {
-    /// The byte that interrupted, if one did.
-    pub fn read(&mut self) -> Option<Result<u8, Overrun>> {
-        received(self.0.read())
+    /// The bytes that have come.
+    pub fn drain(&mut self, take: impl FnMut(Result<u8, Overrun>)) {
+        core::iter::from_fn(|| received(self.0.read())).for_each(take);
     }
 }
 

@@ -5,13 +5,17 @@
 //! | `init` | clocks, pins and peripherals; gives a `Board` |
 //! | `Ticker` | the 2.5 ms timer (TIM2) that also tells the gyro to sample |
 //! | `Slots` | the 3200 Hz timer (TIM3) of the motor |
-//! | `GyroPort`, `RequestPort` | receivers that interrupt at every byte (USART1, USART2) |
+//! | `GyroPort`, `RequestPort` | receivers that interrupt when bytes have come (USART1, USART2) |
 //! | `ReportPort` | the sender of the link to the host |
 //! | `Accelerometer`, `Encoder` | SPI devices |
 //! | `Step`, `Direction`, `Enable` | output pins of the motor |
 //! | `Flash` | NOR flash for the settings |
 //! | `sleep` | waits for the next interrupt |
+//! | `passed_permille` | how much of the tick under way has passed |
 //! | `restart` | starts anew, as after power-up |
+//! | `Watchdog` | starts the instrument anew where it is not fed |
+//! | `motor_off` | takes the current off the motor, whatever else happens |
+//! | `NOT_MASKABLE` | what the processor's non-maskable interrupt means |
 //! | `pac` | the device for RTIC: interrupts by the STM32's names |
 
 #[cfg(all(feature = "f405", feature = "mps2"))]
@@ -19,6 +23,7 @@ compile_error!("choose one board: for QEMU build with --no-default-features --fe
 #[cfg(not(any(feature = "f405", feature = "mps2")))]
 compile_error!("choose a board: --features f405 or --features mps2");
 
+pub mod crash;
 #[cfg(feature = "f405")]
 mod f405;
 #[cfg(feature = "f405")]

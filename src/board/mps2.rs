@@ -21,6 +21,7 @@ use cortex_m::peripheral::{NVIC, SCB};
 use embedded_hal::digital::{self, OutputPin};
 use embedded_hal::spi::{self, Operation, SpiDevice};
 use heapless::{Deque, Vec};
+use north_finder::restart::Cause;
 
 use super::Overrun;
 use exchange::{Exchange, has_argument};
@@ -120,6 +121,33 @@ pub fn restart() -> ! {
     SCB::sys_reset()
 }
 
+/// Nothing to be done: time stands still until the first tick after the restart, and that one takes the current off.
+pub fn motor_off() {}
+
+/// The watchdog's first time-out; the second one would reset.
+pub const NOT_MASKABLE: Cause = Cause::Watchdog;
+
+/// What the board knows of its last reset: nothing.
+pub fn reset_cause() -> Option<Cause> {
+    None
+}
+
+pub struct Watchdog;
+
+impl Watchdog {
+    const CYCLES: u32 = 50_000_000;
+
+    /// Two seconds of instructions.
+    pub fn start() -> Self {
+        pac::WATCHDOG.start(Self::CYCLES);
+        Self
+    }
+
+    pub fn feed(&mut self) {
+        pac::WATCHDOG.start(Self::CYCLES);
+    }
+}
+
 pub struct Ticker;
 
 impl Ticker {
@@ -139,14 +167,15 @@ impl State {
 
     /// Lets the world go on by a tick.
     fn tick(&mut self) {
-        let busy_cycles = self.tick_began.wrapping_sub(pac::TIMER0.remaining());
+        let all_cycles = self.tick_began.wrapping_sub(pac::TIMER0.remaining());
+        let busy_cycles = all_cycles.wrapping_sub(self.exchange.take_cycles());
         let reply = self.exchange.ask(b'T', &[&busy_cycles.to_le_bytes(), &self.edges]);
         let (status, gyro, requests) = match *reply {
             [status, low, high, ref bytes @ ..] => {
                 let (gyro, requests) = bytes.split_at(u16::from_le_bytes([low, high]).into());
                 (status, gyro, requests)
             }
-            _ => panic!("the host's answer to a tick is too short"),
+            _ => end::broken("the host's answer to a tick is too short"),
         };
         if status != 0 {
             end::power_off(self);
@@ -158,15 +187,21 @@ impl State {
         pend_while_waiting(&self.requests, pac::Interrupt::USART2);
         self.edges.clear();
         self.slots_begun = 0;
+        self.exchange.take_cycles();
         self.tick_began = pac::TIMER0.remaining();
     }
 }
 
-/// A receiver holds its interrupt up while a byte waits.
+/// A receiver's interrupt, when bytes have come.
 fn pend_while_waiting<const N: usize>(bytes: &Deque<u8, N>, interrupt: pac::Interrupt) {
     if !bytes.is_empty() {
         NVIC::pend(interrupt);
     }
+}
+
+/// How much of the tick under way has passed, by the instructions that it took.
+pub fn passed_permille() -> u32 {
+    with(|state| state.tick_began.wrapping_sub(pac::TIMER0.remaining())) / (TICK_CYCLES / 1000)
 }
 
 /// The motor's slots: eight to a tick, the first one half a slot after it.
@@ -233,17 +268,14 @@ impl<const NUMBER: u8> OutputPin for Pin<NUMBER> {
 pub struct GyroPort;
 
 impl GyroPort {
-    /// The byte that interrupted, if one did.
-    pub fn read(&mut self) -> Option<Result<u8, Overrun>> {
+    /// The bytes that have come.
+    pub fn drain(&mut self, mut take: impl FnMut(Result<u8, Overrun>)) {
         with(|state| {
-            if state.real_time {
-                return pac::UART1.read();
+            let mut next = || if state.real_time { pac::UART1.read() } else { state.gyro.pop_front() };
+            while let Some(byte) = next() {
+                take(Ok(byte));
             }
-            let byte = state.gyro.pop_front();
-            pend_while_waiting(&state.gyro, pac::Interrupt::USART1);
-            byte
-        })
-        .map(Ok)
+        });
     }
 }
 
@@ -251,17 +283,14 @@ impl GyroPort {
 pub struct RequestPort;
 
 impl RequestPort {
-    /// The byte that interrupted, if one did.
-    pub fn read(&mut self) -> Option<Result<u8, Overrun>> {
+    /// The bytes that have come.
+    pub fn drain(&mut self, mut take: impl FnMut(Result<u8, Overrun>)) {
         with(|state| {
-            if state.real_time {
-                return pac::UART0.read();
+            let mut next = || if state.real_time { pac::UART0.read() } else { state.requests.pop_front() };
+            while let Some(byte) = next() {
+                take(Ok(byte));
             }
-            let byte = state.requests.pop_front();
-            pend_while_waiting(&state.requests, pac::Interrupt::USART2);
-            byte
-        })
-        .map(Ok)
+        });
     }
 }
 

@@ -1,15 +1,9 @@
-//! Robust middles and scatters, and how improbable a sum of squares is.
+//! Robust scatters, and how improbable a sum of squares is.
+
+pub use crate::median::median;
 
 /// Factor from the median absolute deviation of Gaussian numbers to their standard deviation.
 pub const SIGMA_PER_MEDIAN_DEVIATION: f64 = 1.4826;
-
-/// The middle value, or the mean of the two middle ones; sorts `values`. `None` of nothing.
-pub fn median(values: &mut [f64]) -> Option<f64> {
-    values.sort_unstable_by(f64::total_cmp);
-    let upper = *values.get(values.len() / 2)?;
-    let lower = *values.get((values.len() - 1) / 2)?;
-    Some(0.5 * (lower + upper))
-}
 
 /// Probability that a chi-square with `freedom` degrees of freedom exceeds `chi_square`; 1 for none.
 ///
@@ -54,12 +48,5 @@ mod tests {
         assert_eq!(chi_square_p(0.0, 6), 1.0);
         assert_eq!(chi_square_p(3.0, 0), 1.0);
         assert_eq!(chi_square_p(1e9, 6), 0.0);
-    }
-
-    #[test]
-    fn medians_of_odd_and_even_counts() {
-        assert_eq!(median(&mut [3.0, 1.0, 2.0]), Some(2.0));
-        assert_eq!(median(&mut [4.0, 1.0, 2.0, 3.0]), Some(2.5));
-        assert_eq!(median(&mut []), None);
     }
 }

@@ -4,8 +4,7 @@
 
 use embedded_hal::spi::SpiDevice;
 
-/// Sensitivity in the ±2.048 g range.
-const LSB_PER_G: f64 = 256_000.0;
+use crate::codes::TriadCode;
 
 const DEVID_AD: u8 = 0x00;
 const STATUS: u8 = 0x04;
@@ -80,10 +79,11 @@ impl<SPI: SpiDevice> Adxl355<SPI> {
         Ok(())
     }
 
-    /// The newest measurement: specific force in g along the part's x, y and z, ±2.048 g.
+    /// The newest measurement: specific force along the part's x, y and z. Its 20 bits of ±2.048 g, 256 000 codes in a g, are the
+    /// upper ones of the result's 32.
     ///
     /// A measurement is read once: before the next is there, the error is [`Error::NotReady`].
-    pub fn acceleration_g(&mut self) -> Result<[f64; 3], Error<SPI::Error>> {
+    pub fn acceleration(&mut self) -> Result<TriadCode, Error<SPI::Error>> {
         // Status, FIFO entries, two of temperature, then three bytes for each axis: one burst, one instant.
         let mut burst = [0; 13];
         self.read(STATUS, &mut burst)?;
@@ -92,7 +92,7 @@ impl<SPI: SpiDevice> Adxl355<SPI> {
             return Err(Error::NotReady { status });
         }
         let [x2, x1, x0, y2, y1, y0, z2, z1, z0] = axes;
-        Ok([[x2, x1, x0], [y2, y1, y0], [z2, z1, z0]].map(|code| f64::from(signed_20_bit(code)) / LSB_PER_G))
+        Ok(TriadCode([[x2, x1, x0], [y2, y1, y0], [z2, z1, z0]].map(upper_20_bits)))
     }
 
     fn read(&mut self, register: u8, bytes: &mut [u8]) -> Result<(), Error<SPI::Error>> {
@@ -103,8 +103,8 @@ impl<SPI: SpiDevice> Adxl355<SPI> {
 }
 
 /// 20 bits, two's complement, left-aligned in three bytes.
-fn signed_20_bit([high, middle, low]: [u8; 3]) -> i32 {
-    i32::from_be_bytes([high, middle, low, 0]) >> 12
+fn upper_20_bits([high, middle, low]: [u8; 3]) -> i32 {
+    i32::from_be_bytes([high, middle, low & 0xF0, 0])
 }
 
 #[cfg(test)]
@@ -136,20 +136,20 @@ mod tests {
         assert_eq!(Adxl355::new(&mut spi).configure(), Err(expected));
     }
 
-    fn read(status: u8, axes: [u8; 9]) -> Result<[f64; 3], Error<core::convert::Infallible>> {
+    fn read(status: u8, axes: [u8; 9]) -> Result<TriadCode, Error<core::convert::Infallible>> {
         let mut mosi = [0; 14];
         mosi[0] = 0x09;
         let mut miso = vec![0, status, 0, 0, 0];
         miso.extend(axes);
         let mut spi = MockSpi::new(vec![Exchange::new(mosi, miso)]);
-        Adxl355::new(&mut spi).acceleration_g()
+        Adxl355::new(&mut spi).acceleration()
     }
 
     #[test]
-    fn codes_become_g_by_hand_calculation() {
+    fn codes_by_hand_calculation() {
         // 1 g = 256000 = 0x3E800, left-aligned 3E 80 0x; -0.5 g = -128000 = 0xE0C00; -1 LSB = 0xFFFFF.
         let axes = [0xE0, 0xC0, 0x0F, 0xFF, 0xFF, 0xF0, 0x3E, 0x80, 0x00];
-        assert_eq!(read(0x01, axes), Ok([-0.5, -1.0 / 256_000.0, 1.0]));
+        assert_eq!(read(0x01, axes).unwrap().g(), [-0.5, -1.0 / 256_000.0, 1.0]);
     }
 
     #[test]

@@ -9,6 +9,8 @@
 
 use embedded_hal::spi::SpiDevice;
 
+use crate::codes::IndexCode;
+
 const CLEAR_ERROR: u16 = 0x0001;
 const DIAGNOSTICS: u16 = 0x3FFD;
 const ANGLE: u16 = 0x3FFF;
@@ -24,7 +26,8 @@ const COMPENSATED: u16 = 0x0100;
 /// The angle computation overflowed: the angle is invalid.
 const OVERFLOW: u16 = 0x0200;
 
-const DEG_PER_CODE: f64 = 360.0 / 16_384.0;
+/// Codes of 14 bits.
+const BITS: u32 = 14;
 
 /// The encoder.
 #[derive(Debug)]
@@ -55,10 +58,10 @@ impl<SPI: SpiDevice> As5048a<SPI> {
         Self { spi, diagnostics_asked: false }
     }
 
-    /// The angle now, degrees in [0°, 360°), rising counter-clockwise from above.
+    /// The angle now, rising counter-clockwise from above.
     ///
     /// After an error the next reading starts afresh.
-    pub fn angle_deg(&mut self) -> Result<f64, Error<SPI::Error>> {
+    pub fn angle(&mut self) -> Result<IndexCode, Error<SPI::Error>> {
         if !core::mem::take(&mut self.diagnostics_asked) {
             self.ask(DIAGNOSTICS)?;
         }
@@ -68,7 +71,7 @@ impl<SPI: SpiDevice> As5048a<SPI> {
         let code = self.checked(answer)?;
         self.diagnostics_asked = true;
         if diagnostics & (COMPENSATED | OVERFLOW) == COMPENSATED {
-            Ok(f64::from(code) * DEG_PER_CODE)
+            Ok(IndexCode(u32::from(code) << (u32::BITS - BITS)))
         } else {
             Err(Error::Invalid { diagnostics })
         }
@@ -119,14 +122,14 @@ mod tests {
         // Asking for the angle: 0x3FFF with the read bit is 0x7FFF, 15 ones, so the parity bit makes 0xFFFF. 90 degrees
         // is 4096 = 0x1000, one 1, so 0x9000 with parity.
         let mut spi = MockSpi::new(vec![frame(FIRST, 0x0000), frame(0xFFFF, GOOD), frame(0x7FFD, 0x9000)]);
-        assert_eq!(As5048a::new(&mut spi).angle_deg(), Ok(90.0));
+        assert_eq!(As5048a::new(&mut spi).angle(), Ok(IndexCode(1 << 30)));
         spi.done();
     }
 
     #[test]
     fn the_highest_code_is_just_below_a_turn() {
         let mut spi = MockSpi::new(vec![frame(FIRST, 0x0000), frame(0xFFFF, GOOD), frame(0x7FFD, 0x3FFF)]);
-        assert_eq!(As5048a::new(&mut spi).angle_deg(), Ok(360.0 - 360.0 / 16_384.0));
+        assert_eq!(As5048a::new(&mut spi).angle(), Ok(IndexCode(0x3FFF << 18)));
     }
 
     #[test]
@@ -142,9 +145,9 @@ mod tests {
             frame(0x7FFD, 0x0003),
         ]);
         let mut encoder = As5048a::new(&mut spi);
-        assert_eq!(encoder.angle_deg(), Ok(0.0));
-        assert_eq!(encoder.angle_deg(), Ok(3.0 * 360.0 / 16_384.0));
-        assert_eq!(encoder.angle_deg(), Err(Error::Invalid { diagnostics: 0x0080 }));
+        assert_eq!(encoder.angle(), Ok(IndexCode(0)));
+        assert_eq!(encoder.angle(), Ok(IndexCode(3 << 18)));
+        assert_eq!(encoder.angle(), Err(Error::Invalid { diagnostics: 0x0080 }));
     }
 
     #[test]
@@ -158,8 +161,8 @@ mod tests {
             frame(0x7FFD, 0x9000),
         ]);
         let mut encoder = As5048a::new(&mut spi);
-        assert_eq!(encoder.angle_deg(), Err(Error::Parity { frame: 0x1000 }));
-        assert_eq!(encoder.angle_deg(), Ok(90.0));
+        assert_eq!(encoder.angle(), Err(Error::Parity { frame: 0x1000 }));
+        assert_eq!(encoder.angle(), Ok(IndexCode(1 << 30)));
     }
 
     #[test]
@@ -167,14 +170,14 @@ mod tests {
         // Flag and parity: 0xC000. Clearing reads register 1: 0x4001, two ones.
         let mut spi =
             MockSpi::new(vec![frame(FIRST, 0x0000), frame(0xFFFF, GOOD), frame(0x7FFD, 0xC000), frame(0x4001, GOOD)]);
-        assert_eq!(As5048a::new(&mut spi).angle_deg(), Err(Error::Flagged));
+        assert_eq!(As5048a::new(&mut spi).angle(), Err(Error::Flagged));
         spi.done();
     }
 
     #[test]
     fn a_bus_stuck_high_is_an_error() {
         let stuck = vec![frame(FIRST, 0xFFFF), frame(0xFFFF, 0xFFFF), frame(0x4001, 0xFFFF)];
-        assert_eq!(As5048a::new(&mut MockSpi::new(stuck)).angle_deg(), Err(Error::Flagged));
+        assert_eq!(As5048a::new(&mut MockSpi::new(stuck)).angle(), Err(Error::Flagged));
     }
 
     #[test]
@@ -182,7 +185,7 @@ mod tests {
         let mut spi =
             MockSpi::new([FIRST, 0xFFFF, 0x7FFD, 0xFFFF, 0x7FFD].into_iter().map(|mosi| frame(mosi, 0x0000)).collect());
         let mut encoder = As5048a::new(&mut spi);
-        assert_eq!(encoder.angle_deg(), Err(Error::Invalid { diagnostics: 0 }));
-        assert_eq!(encoder.angle_deg(), Err(Error::Invalid { diagnostics: 0 }));
+        assert_eq!(encoder.angle(), Err(Error::Invalid { diagnostics: 0 }));
+        assert_eq!(encoder.angle(), Err(Error::Invalid { diagnostics: 0 }));
     }
 }

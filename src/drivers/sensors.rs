@@ -4,6 +4,7 @@ use embedded_hal::spi::SpiDevice;
 
 use super::adxl355::Adxl355;
 use super::as5048a::As5048a;
+use crate::codes::{IndexCode, TriadCode};
 
 /// Both sensors are read at every fourth tick (100 Hz), two ticks apart, so that no tick carries both.
 const PERIOD_TICKS: u64 = 4;
@@ -21,10 +22,8 @@ pub struct Sensors<A, E> {
 /// What one tick's readings gave. The outer `None`: not due at this tick; the inner: due and failed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Due {
-    /// Specific force, g, x forward, y left, z up.
-    pub acceleration_g: Option<Option<[f64; 3]>>,
-    /// Index angle, degrees counter-clockwise from above, in [0°, 360°).
-    pub index_deg: Option<Option<f64>>,
+    pub acceleration: Option<Option<TriadCode>>,
+    pub index: Option<Option<IndexCode>>,
 }
 
 impl<A: SpiDevice, E: SpiDevice> Sensors<A, E> {
@@ -40,17 +39,17 @@ impl<A: SpiDevice, E: SpiDevice> Sensors<A, E> {
     /// Reads what is due at the tick of this number.
     pub fn read(&mut self, tick: u64) -> Due {
         match tick % PERIOD_TICKS {
-            ACCELEROMETER_PHASE => Due { acceleration_g: self.acceleration(), ..Due::default() },
-            ENCODER_PHASE => Due { index_deg: Some(self.encoder.angle_deg().ok()), ..Due::default() },
+            ACCELEROMETER_PHASE => Due { acceleration: self.acceleration(), ..Due::default() },
+            ENCODER_PHASE => Due { index: Some(self.encoder.angle().ok()), ..Due::default() },
             _ => Due::default(),
         }
     }
 
     /// An accelerometer that fails is configured anew at its next turn: it may have lost its supply. The turn that
     /// configures it has no reading to give.
-    fn acceleration(&mut self) -> Option<Option<[f64; 3]>> {
+    fn acceleration(&mut self) -> Option<Option<TriadCode>> {
         let reading = if self.accelerometer_configured {
-            self.accelerometer.acceleration_g().map(Some)
+            self.accelerometer.acceleration().map(Some)
         } else {
             self.accelerometer.configure().map(|()| None)
         };
@@ -88,8 +87,8 @@ mod tests {
         let mut sensors = Sensors::new(accelerometer(), encoder());
         let due: Vec<Due> = (0..5).map(|tick| sensors.read(tick)).collect();
         let nothing = Due::default();
-        let angle = Due { index_deg: Some(Some(90.0)), ..nothing };
-        let acceleration = Due { acceleration_g: Some(Some([0.0, 0.0, 1.0])), ..nothing };
+        let angle = Due { index: Some(Some(IndexCode(1 << 30))), ..nothing };
+        let acceleration = Due { acceleration: Some(Some(TriadCode([0, 0, 256_000 << 12]))), ..nothing };
         assert_eq!(due, [nothing, nothing, angle, nothing, acceleration]);
     }
 
@@ -98,8 +97,8 @@ mod tests {
         let wrong_part = vec![Exchange::new([0x01, 0, 0, 0], [0, 0, 0, 0])];
         let odd_parity = vec![Exchange::new([0x7F, 0xFD], [0, 0]), Exchange::new([0xFF, 0xFF], [0x10, 0x00])];
         let mut sensors = Sensors::new(MockSpi::new(wrong_part), MockSpi::new(odd_parity));
-        assert_eq!(sensors.read(0).acceleration_g, Some(None));
-        assert_eq!(sensors.read(2).index_deg, Some(None));
+        assert_eq!(sensors.read(0).acceleration, Some(None));
+        assert_eq!(sensors.read(2).index, Some(None));
     }
 
     #[test]
@@ -107,7 +106,7 @@ mod tests {
         let mut exchanges = vec![Exchange::new([0x01, 0, 0, 0], [0, 0, 0, 0])];
         exchanges.extend(MockSpi::adxl355_configuration());
         let mut sensors = Sensors::new(MockSpi::new(exchanges), MockSpi::new(vec![]));
-        assert_eq!(sensors.read(0).acceleration_g, Some(None));
-        assert_eq!(sensors.read(4).acceleration_g, None);
+        assert_eq!(sensors.read(0).acceleration, Some(None));
+        assert_eq!(sensors.read(4).acceleration, None);
     }
 }

@@ -39,6 +39,8 @@ pub struct StepMotor<S, D, E> {
     speed: f32,
     /// How much of the next step has passed.
     phase: f32,
+    /// The windings go off as soon as it rests.
+    release: bool,
 }
 
 /// Speed in steps per slot, acceleration in steps per slot².
@@ -76,7 +78,8 @@ where
     E: OutputPin<Error = Infallible>,
 {
     /// A motor at rest, its windings off until the first turn.
-    pub fn new(step: S, direction: D, enable: E, settings: &IndexSettings) -> Self {
+    pub fn new(step: S, direction: D, mut enable: E, settings: &IndexSettings) -> Self {
+        let Ok(()) = enable.set_low();
         Self {
             step,
             direction,
@@ -86,6 +89,7 @@ where
             counter_clockwise: false,
             speed: 0.0,
             phase: 0.0,
+            release: false,
         }
     }
 
@@ -100,13 +104,22 @@ where
     /// turn before. A motor that runs the other way, or too fast, brakes and comes back.
     pub fn turn(&mut self, microsteps: i32) {
         self.to_go = microsteps;
+        self.release = false;
         let Ok(()) = self.enable.set_high();
     }
 
-    /// Brakes as fast as the ramp allows and stays there.
+    /// Brakes as fast as the ramp allows and stays there, without current: the windings go off at rest.
     pub fn stop(&mut self) {
         let way = if self.speed > 0.0 { self.ramp.steps_to_stop(self.speed) } else { 0 };
         self.to_go = if self.counter_clockwise { way } else { -way };
+        self.release = true;
+        self.release_at_rest();
+    }
+
+    fn release_at_rest(&mut self) {
+        if self.release && !self.is_turning() {
+            let Ok(()) = self.enable.set_low();
+        }
     }
 
     /// Whether slots are needed.
@@ -154,6 +167,7 @@ where
             self.speed = 0.0;
         }
         let Ok(()) = self.step.set_low();
+        self.release_at_rest();
     }
 }
 
@@ -278,8 +292,22 @@ mod tests {
         // From 30 °/s at 40 °/s²: 11.25°, 0.75 s.
         assert!((plant.position.get() - at - 1125).abs() <= 5, "{}", plant.position.get() - at);
         assert!(slots < 3200);
+        assert!(!plant.enabled.get(), "a motor that was stopped has no current");
         motor.slot();
         assert!(!motor.is_turning());
+    }
+
+    #[test]
+    fn current_flows_from_a_turn_to_the_next_stop() {
+        let plant = Plant::default();
+        plant.enabled.set(true);
+        let mut motor = motor(&plant);
+        assert!(!plant.enabled.get(), "there is none at the start");
+        motor.turn(10);
+        run(&mut motor, &plant);
+        assert!(plant.enabled.get(), "it holds until it is told to stop");
+        motor.stop();
+        assert!(!plant.enabled.get());
     }
 
     #[test]

@@ -4,6 +4,8 @@
 //! kept as well, for what needs them in their order ([`super::moving_base`]): as many as there is room for, then merged
 //! with their neighbours in pairs, which is exact for means and first moments. So a dwell may last for hours.
 
+use core::ops::Range;
+
 use heapless::Vec;
 
 use crate::level::{LevelMoments, Specific};
@@ -175,7 +177,22 @@ impl DwellRows {
     }
 
     pub fn clear(&mut self) {
-        *self = Self::default();
+        // In place: another of its kind would take twelve kilobytes of a board's stack.
+        self.rows.clear();
+        self.sums = Sums::default();
+        (self.judged, self.merged_s) = (0, 0.0);
+    }
+
+    /// Leaves out all rows but these.
+    fn keep(&mut self, kept: Range<usize>) {
+        for (to, from) in kept.clone().enumerate() {
+            if let Some(&row) = self.rows.get(from)
+                && let Some(place) = self.rows.get_mut(to)
+            {
+                *place = row;
+            }
+        }
+        self.rows.truncate(kept.len());
     }
 
     /// Leaves out the first rows, up to where the rate begins to be quiet by the measure of the jitter gate: `seconds`
@@ -196,7 +213,7 @@ impl DwellRows {
             }
         }
         let first = first?;
-        self.rows = self.rows.iter().skip(first).copied().collect();
+        self.keep(first..self.rows.len());
         Some(first)
     }
 
@@ -227,10 +244,8 @@ impl DwellRows {
             }
         }
         if self.rows.len() + LEAST_FREE > MAX_ROWS {
-            self.rows = longest_piece(&self.rows).iter().copied().collect();
-            if self.rows.len() + LEAST_FREE > MAX_ROWS {
-                self.rows.truncate(MAX_ROWS - LEAST_FREE);
-            }
+            let Range { start, end } = longest_run(&self.rows);
+            self.keep(start..end.min(start + MAX_ROWS - LEAST_FREE));
         }
         self.judged = self.rows.len();
     }
@@ -256,8 +271,18 @@ impl DwellRows {
 
 /// The longest run of rows without a gap.
 pub fn longest_piece(rows: &[Row]) -> &[Row] {
-    let seconds = |piece: &&[Row]| piece.iter().map(|row| row.seconds).sum::<f64>();
-    rows.chunk_by(Row::joins).max_by(|a, b| seconds(a).total_cmp(&seconds(b))).unwrap_or_default()
+    rows.get(longest_run(rows)).unwrap_or_default()
+}
+
+/// Where it is.
+fn longest_run(rows: &[Row]) -> Range<usize> {
+    let mut start = 0;
+    let pieces = rows.chunk_by(Row::joins).map(|piece| {
+        let from = start;
+        start += piece.len();
+        (piece.iter().map(|row| row.seconds).sum::<f64>(), from..start)
+    });
+    pieces.max_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, run)| run).unwrap_or_default()
 }
 
 /// Sums over the rows of a dwell; times from the first row's middle, rates and levels from the first row's, so that no
@@ -431,11 +456,8 @@ impl Sums {
 }
 
 fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut sorted: Vec<f64, MAX_ROWS> = values.filter(|value| value.is_finite()).take(MAX_ROWS).collect();
-    sorted.sort_unstable_by(f64::total_cmp);
-    let upper = *sorted.get(sorted.len() / 2)?;
-    let lower = *sorted.get((sorted.len() - 1) / 2)?;
-    Some(0.5 * (lower + upper))
+    let mut values: Vec<f64, MAX_ROWS> = values.filter(|value| value.is_finite()).take(MAX_ROWS).collect();
+    crate::median::median(&mut values)
 }
 
 fn median_of_deviations(rows: &[Row], centre: f64) -> f64 {

@@ -198,7 +198,7 @@ impl Tilt<'_> {
     fn at(&self, i: usize) -> Option<f64> {
         let row = self.rows.get(i)?;
         let shift = self.lag_s / row.seconds;
-        let near = (i as f64 + libm::round(shift)).clamp(0.0, self.rows.len() as f64 - 1.0) as usize;
+        let near = ((i as f64 + libm::round(shift)).max(0.0) as usize).min(self.rows.len().saturating_sub(1));
         let later_s = row.t_s + self.lag_s - self.rows.get(near)?.t_s;
         Some(self.reading_arcsec(near)? + later_s * self.slope_arcsec_s(near)?)
     }

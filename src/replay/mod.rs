@@ -12,11 +12,12 @@ pub use gathering::{GatheredSecond, REST_DEG, RowGatherer};
 
 use heapless::Vec;
 
+use crate::codes::{IndexCode, TriadCode};
 use crate::effects::MAX_CHANNELS;
 use crate::event::{Dwell, Fix};
 use crate::fix::Unsolvable;
 use crate::fix::accumulator::{Accumulator, Corrected, Dwells, Second};
-use crate::frame::Frame;
+use crate::frame::{Frame, GyroFormat};
 use crate::gates::{DisturbanceGate, Gate, GateSettings, JitterGate, Verdict};
 use crate::gather::Gatherer;
 use crate::health::{Counters, Fault};
@@ -155,6 +156,11 @@ enum Opening {
     Open,
 }
 
+/// A quantity in whole numbers of its unit.
+fn counts(value: f64, unit: f64) -> f64 {
+    libm::round(value / unit)
+}
+
 /// Replays one recording.
 pub struct Replay<D> {
     accumulator: Accumulator<D>,
@@ -163,7 +169,7 @@ pub struct Replay<D> {
     readings: Gatherer,
     counters: Counters,
     sequence: u8,
-    sequence_modulus: u16,
+    format: GyroFormat,
     disturbance: DisturbanceGate,
     opening: Opening,
     /// Seconds at rest of which is not decided yet whether the dwell begins with them.
@@ -186,7 +192,7 @@ impl<D: Dwells> Replay<D> {
             readings: Gatherer::new(settings.gyro, settings.triad()),
             counters: Counters::default(),
             sequence: 0,
-            sequence_modulus: settings.gyro.format.sequence_modulus(),
+            format: settings.gyro.format,
             disturbance: DisturbanceGate::new(settings.disturbance, declared.earth.north_deg_h),
             opening: Opening::First,
             waiting: Vec::new(),
@@ -216,26 +222,27 @@ impl<D: Dwells> Replay<D> {
 
     /// A frame of the instrument and what was read with it: gathered as the instrument does.
     fn raw(&mut self, row: &RawRow, sink: Sink) {
-        if let Some(acceleration_g) = row.acceleration_g {
-            self.readings.acceleration(acceleration_g);
+        if let Some(reading) = row.acceleration_g.and_then(TriadCode::of_g) {
+            self.readings.acceleration(reading);
         }
         if let Some(index_deg) = row.index_deg {
-            self.readings.index(index_deg);
+            self.readings.index(IndexCode::of_deg(index_deg));
         }
         let rate = match (row.fog_arcsec, row.temp_c) {
             (None, None) => self.readings.lost_frame(&mut self.counters),
             (increment_arcsec, temp_c) => {
                 let frame = Frame {
                     sequence: self.sequence,
-                    increment_arcsec: increment_arcsec.unwrap_or(0.0),
-                    temp_c,
+                    increment: increment_arcsec
+                        .map_or(0, |arcsec| counts(arcsec, self.format.arcsec_per_count()) as i64),
+                    temperature: temp_c.map(|temp_c| counts(temp_c, self.format.c_per_count()) as i16),
                     valid: increment_arcsec.is_some(),
                     saturated: false,
                 };
                 self.readings.frame(&frame, &mut self.counters)
             }
         };
-        self.sequence = ((u16::from(self.sequence) + 1) % self.sequence_modulus) as u8;
+        self.sequence = ((u16::from(self.sequence) + 1) % self.format.sequence_modulus()) as u8;
         if let Some(rate) = rate {
             let (second, _) = self.readings.finish(&rate, row.t_s);
             self.marked(&second, row.mark, sink);

@@ -10,6 +10,7 @@ pub mod turn;
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
+use crate::codes::IndexCode;
 use crate::event::{Dwell, Event, State};
 use crate::fix::accumulator::{Accumulator, Corrected, Second};
 use crate::fix::dwell::DwellSummary;
@@ -157,16 +158,15 @@ impl Sequencer {
         !matches!(self.stage, Stage::Idle | Stage::Finished | Stage::Failed)
     }
 
-    /// Begins a fix, whatever was before; a motor that may be turning is stopped.
+    /// Begins a fix, whatever was before; the motor is stopped and has no current.
     pub fn start(&mut self, t_s: f64, sink: Sink) -> Option<MotorCommand> {
-        let stop = matches!(self.stage, Stage::Indexing(_)).then_some(MotorCommand::Stop);
         self.accumulator.restart();
         self.started_s = t_s;
         self.position = 0;
         (self.out_of_level, self.level_failed) = (Run::default(), Run::default());
         self.coarse_azimuth_deg = None;
         self.enter(Stage::Levelling { level: 0 }, t_s, sink);
-        stop
+        Some(MotorCommand::Stop)
     }
 
     /// Ends a fix with a fault; the motor stops. Nothing happens when none is under way.
@@ -174,19 +174,18 @@ impl Sequencer {
         if !self.is_active() {
             return None;
         }
-        let stop = matches!(self.stage, Stage::Indexing(_)).then_some(MotorCommand::Stop);
         sink(Event::Fault { fault, state: self.state() });
         self.enter(Stage::Failed, t_s, sink);
-        stop
+        Some(MotorCommand::Stop)
     }
 
-    /// A tick: the encoder's angle in degrees, if it was read at this tick, and whether the motor is turning.
-    pub fn tick(&mut self, t_s: f64, index_deg: Option<f64>, turning: bool, sink: Sink) -> Option<MotorCommand> {
-        if let Some(index_deg) = index_deg {
-            self.index.push(index_deg);
+    /// A tick: the encoder's angle, if it was read at this tick, and whether the motor is turning.
+    pub fn tick(&mut self, t_s: f64, index: Option<IndexCode>, turning: bool, sink: Sink) -> Option<MotorCommand> {
+        if let Some(index) = index {
+            self.index.push(index);
         }
         let Stage::Indexing(turn) = &mut self.stage else { return None };
-        match turn.tick(self.index.deg()?, index_deg.is_some(), turning) {
+        match turn.tick(self.index.deg()?, index.is_some(), turning) {
             Progress::Turning => None,
             Progress::Again(command) => Some(command),
             Progress::Failed(fault) => self.fail(fault, t_s, sink),
@@ -194,7 +193,7 @@ impl Sequencer {
                 let index_deg = crate::units::wrap_360_deg(index_deg);
                 sink(Event::Arrived { position: self.position, index_deg });
                 self.enter(Stage::Settling(JitterGate::new(self.rules.jitter)), t_s, sink);
-                None
+                (!self.rules.index.hold_current).then_some(MotorCommand::Stop)
             }
         }
     }
@@ -381,7 +380,7 @@ impl Sequencer {
                     sink(Event::Health(*counters));
                     sink(Event::Fix(fix));
                     self.enter(Stage::Finished, t_s, sink);
-                    None
+                    Some(MotorCommand::Stop)
                 }
                 Err(_) => self.fail(Fault::Unsolvable, t_s, sink),
             },

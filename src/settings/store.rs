@@ -23,7 +23,7 @@ use super::Settings;
 
 const MAGIC: [u8; 4] = *b"NFST";
 /// Changes whenever the meaning of a record does.
-const VERSION: u16 = 4;
+const VERSION: u16 = 5;
 const HEADER: usize = 12;
 const CRC_LENGTH: usize = 4;
 /// Longest record; a multiple of every flash's word, and within a sector. The longest settings that are valid fit: a test

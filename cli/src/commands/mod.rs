@@ -13,7 +13,6 @@ pub mod instrument;
 mod man;
 mod monitor;
 mod scenarios;
-mod settings;
 mod simulate;
 mod solve;
 mod track;
@@ -55,7 +54,6 @@ enum Command {
     Bench(bench::Bench),
     CloseLoop(bench::CloseLoop),
     Scenarios(scenarios::Scenarios),
-    Settings(settings::SettingsCommand),
     Completions(completions::Completions),
     Man(man::Man),
 }
@@ -78,7 +76,6 @@ impl Cli {
             Command::Bench(bench) => bench.run(),
             Command::CloseLoop(close_loop) => close_loop.run(),
             Command::Scenarios(scenarios) => scenarios.run(),
-            Command::Settings(settings) => settings.run(),
             Command::Completions(completions) => completions.run(),
             Command::Man(man) => man.run(),
         }

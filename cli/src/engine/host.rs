@@ -107,7 +107,8 @@ impl Instrument {
             {
                 *self = Self::power_up(self.world.clone())?;
             }
-            Request::StoreSettings(_) => self.pipeline.bad_command(),
+            // A process has nothing that survives its crash.
+            Request::StoreSettings(_) | Request::Provoke(_) => self.pipeline.bad_command(),
         }
         Ok(())
     }
@@ -121,12 +122,12 @@ impl Instrument {
         self.world.sample();
         self.hear_gyro();
         self.pipeline.gyro_bytes(&self.heard);
-        let Due { acceleration_g, index_deg } = self.sensors.read(self.tick);
+        let Due { acceleration, index } = self.sensors.read(self.tick);
         if let Some(command) = self.pending.take() {
             self.motor.command(command);
         }
         let (turning, refused) = (self.motor.is_turning(), Refused::default());
-        let readings = Readings { tick: self.tick, acceleration_g, index_deg, turning, refused };
+        let readings = Readings { tick: self.tick, acceleration, index, turning, refused };
         tap(&readings, &self.heard);
         self.pending = self.pipeline.tick(&readings, report);
         self.calibrate();

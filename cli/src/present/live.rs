@@ -74,9 +74,15 @@ impl View {
             Event::State(state @ (State::Levelling | State::Watching)) => state.name().to_owned(),
             Event::State(State::Collecting) => format!("{}: collecting", at(self.done)),
             Event::State(_) | Event::Second(_) | Event::Fix(_) | Event::Fault { .. } | Event::Health(_) => return None,
+            Event::Crash(crash) => format!("restarted after a {}: {crash:?}", crash.cause.name()),
             // No fix has these.
             Event::Guidance(_) | Event::Calibration(_) | Event::CalibrationStored | Event::NoCalibration(_) => {
                 return None;
+            }
+            Event::Vitals { program, stack_bytes, load_permille } => {
+                format!(
+                    "program {program:08x}, stack at most {stack_bytes} bytes, load at most {load_permille}/1000 of a tick"
+                )
             }
             Event::Level { tilt: Tilt { pitch_deg, roll_deg }, level } => {
                 if self.was_level.replace(level) == Some(level) {

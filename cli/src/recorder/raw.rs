@@ -2,8 +2,9 @@
 
 use std::collections::VecDeque;
 
+use north_finder::codes::{IndexCode, TriadCode};
 use north_finder::event::{Event, Report, State};
-use north_finder::frame::FrameReader;
+use north_finder::frame::{FrameReader, GyroFormat};
 use north_finder::health::Counters;
 use north_finder::pipeline::Readings;
 use north_finder::sample::{GyroSettings, SAMPLE_S, SAMPLES_PER_SECOND, Sampler};
@@ -19,6 +20,7 @@ const FRAMES: usize = SAMPLES_PER_SECOND as usize;
 /// used in, spread over it. A frame that never came or was not valid has a row, marked lost, that repeats the one before.
 #[derive(Clone, Debug)]
 pub struct RawRecorder {
+    format: GyroFormat,
     reader: FrameReader,
     sampler: Sampler,
     /// Seconds that the instrument has not reported yet.
@@ -44,6 +46,7 @@ impl RawRecorder {
     /// For the frames of a gyro.
     pub fn new(gyro: GyroSettings) -> Self {
         Self {
+            format: gyro.format,
             reader: FrameReader::new(gyro.format),
             sampler: Sampler::new(gyro),
             seconds: VecDeque::from([Pending::default()]),
@@ -60,14 +63,16 @@ impl RawRecorder {
                     sampler.frame(&frame, &mut Counters::default());
                 });
                 let valid = self.sampler.good() != before;
-                let last = Frame { increment_arcsec: valid.then_some(frame.increment_arcsec), temp_c: frame.temp_c };
+                let increment_arcsec = valid.then(|| frame.increment as f64 * self.format.arcsec_per_count());
+                let temp_c = frame.temperature.map(|count| f64::from(count) * self.format.c_per_count());
+                let last = Frame { increment_arcsec, temp_c };
                 self.frames(missing, last);
             }
         }
         // The oldest second that is not reported yet gets the readings: it ends after them.
         if let Some(second) = self.seconds.front_mut() {
-            second.accelerations_g.extend(readings.acceleration_g.flatten());
-            second.indices_deg.extend(readings.index_deg.flatten());
+            second.accelerations_g.extend(readings.acceleration.flatten().map(TriadCode::g));
+            second.indices_deg.extend(readings.index.flatten().map(IndexCode::deg));
         }
         let given_up = self.slots(|sampler| {
             sampler.tick(&mut Counters::default());

@@ -27,7 +27,12 @@ pub fn start(registers: pac::RCC) -> (Rcc, bool) {
         }
         (_, false) => Config::hsi(),
     };
-    (registers.freeze(source), crystal && loop_locks)
+    let rcc = registers.freeze(source);
+    if crystal && loop_locks {
+        // From now on a crystal that stops raises the interrupt that cannot be masked.
+        rcc.cr().modify(|_, w| w.csson().on());
+    }
+    (rcc, crystal && loop_locks)
 }
 
 /// Whether it comes in time.

@@ -6,22 +6,25 @@
 //!
 //! | opcode | request | reply |
 //! |---|---|---|
-//! | `T` tick | u32 busy time of the tick before in timer cycles; pin edges, one byte each: bits 7-5 slot, 4-1 pin, 0 level | u8 status (1: power off); u16 n; n bytes from the gyro; the rest: bytes for the request port |
+//! | `T` tick | u32 busy time of the tick before in timer cycles, without the exchange's own; pin edges, one byte each: bits 7-5 slot, 4-1 pin, 0 level | u8 status (1: power off); u16 n; n bytes from the gyro; the rest: bytes for the request port |
 //! | `S` SPI | u8 device; the bytes of all operations, 00 where only reading | as many bytes |
 //! | `U` UART | bytes sent by the report port | – |
 //! | `L` log | a frame of defmt's | – |
 //! | `R` read flash | u32 offset, u16 length | the bytes |
 //! | `W` write flash | u32 offset, the bytes | u8 0, or the error |
 //! | `E` erase flash | u32 from, u32 to | u8 0, or the error |
-//! | `P` panic | text | none: the board ends |
+//! | `P` an answer was none | text | none: the board ends |
 //! | `Z` end | u32 most bytes of stack that were used | none: the board ends |
 
+use super::pac::TIMER0;
 use cortex_m_semihosting::{debug, nr, syscall, syscall1};
 
 /// Longest message, with its length. A flash record is the longest: 2560 bytes.
 const MAX_MESSAGE: usize = 2576;
 
 pub struct Exchange {
+    /// What the exchange itself took since it was last asked for, cycles of the timer: no board with sensors of its own has that.
+    cycles: u32,
     to_host: usize,
     from_host: usize,
     message: [u8; MAX_MESSAGE],
@@ -29,7 +32,7 @@ pub struct Exchange {
 
 impl Exchange {
     pub const fn closed() -> Self {
-        Self { to_host: 0, from_host: 0, message: [0; MAX_MESSAGE] }
+        Self { cycles: 0, to_host: 0, from_host: 0, message: [0; MAX_MESSAGE] }
     }
 
     /// Opens QEMU's standard input and output.
@@ -40,7 +43,32 @@ impl Exchange {
 
     /// Sends a request in parts and gives the reply. A lost host ends the program.
     pub fn ask(&mut self, opcode: u8, parts: &[&[u8]]) -> &[u8] {
-        self.tell(opcode, parts);
+        let end = self.timed(|exchange| {
+            exchange.send(opcode, parts);
+            exchange.receive()
+        });
+        &self.message[2..end]
+    }
+
+    /// Sends a request that has no reply.
+    pub fn tell(&mut self, opcode: u8, parts: &[&[u8]]) {
+        self.timed(|exchange| exchange.send(opcode, parts));
+    }
+
+    /// What the exchange took since this was last asked, cycles of the timer.
+    pub fn take_cycles(&mut self) -> u32 {
+        core::mem::take(&mut self.cycles)
+    }
+
+    fn timed<R>(&mut self, talk: impl FnOnce(&mut Self) -> R) -> R {
+        let began = TIMER0.remaining();
+        let result = talk(self);
+        self.cycles = self.cycles.wrapping_add(began.wrapping_sub(TIMER0.remaining()));
+        result
+    }
+
+    /// Waits for a reply; gives where it ends in the message.
+    fn receive(&mut self) -> usize {
         let mut received = self.read(0);
         while received < 2 {
             received += self.read(received);
@@ -50,11 +78,10 @@ impl Exchange {
         while received < end {
             received += self.read(received);
         }
-        &self.message[2..end]
+        end
     }
 
-    /// Sends a request that has no reply.
-    pub fn tell(&mut self, opcode: u8, parts: &[&[u8]]) {
+    fn send(&mut self, opcode: u8, parts: &[&[u8]]) {
         let length = 1 + parts.iter().map(|part| part.len()).sum::<usize>();
         self.message[..2].copy_from_slice(&(length as u16).to_le_bytes());
         self.message[2] = opcode;

@@ -52,6 +52,6 @@ fn flash_result(reply: &[u8]) -> Result<(), FlashError> {
     match *reply {
         [0] => Ok(()),
         [error] => Err(FlashError(error)),
-        _ => panic!("the host's answer to a flash operation is not a byte"),
+        _ => super::end::broken("the host's answer to a flash operation is not a byte"),
     }
 }

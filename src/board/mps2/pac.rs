@@ -124,6 +124,23 @@ impl Timer {
     }
 }
 
+/// The watchdog, which counts down at 25 MHz: first its interrupt, which cannot be masked, then a reset.
+#[derive(Clone, Copy)]
+pub struct Watchdog(usize);
+
+pub const WATCHDOG: Watchdog = Watchdog(0x4000_8000);
+
+impl Watchdog {
+    /// Counts from here, anew.
+    pub fn start(self, cycles: u32) {
+        const KEY: u32 = 0x1ACC_E551;
+        const INTERRUPT_AND_RESET: u32 = 0b11;
+        Register(self.0 + 0xC00).write(KEY);
+        Register(self.0).write(cycles);
+        Register(self.0 + 0x8).write(INTERRUPT_AND_RESET);
+    }
+}
+
 /// A UART; QEMU does not care for its rate.
 #[derive(Clone, Copy)]
 pub struct Uart(usize);

@@ -1,6 +1,7 @@
 //! The readings of one attitude at rest: mean and spread, outliers dropped.
 
-use crate::calibration::statistics::{SIGMA_PER_MEDIAN_DEVIATION, median};
+use crate::calibration::statistics::SIGMA_PER_MEDIAN_DEVIATION;
+use crate::median::median;
 
 /// Fewest readings that an attitude has; the source takes ten.
 pub const LEAST_READINGS: usize = 3;

@@ -1,10 +1,9 @@
 //! From attitudes to a calibration, or to the reason why there is none.
 
-use nalgebra::{SMatrix, Vector3};
+use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::attitude::Attitude;
 use super::coverage::{Coverage, Direction, LEAST_COVERAGE};
-use super::prior::Misalignments;
 use super::quadric::{Ellipsoid, Scatter};
 use super::refine::{Point, Refined, Residual, State};
 use super::{Correction, Refusal, nominal, norm_rms};
@@ -79,16 +78,31 @@ pub struct Calibration {
 /// The start is the constrained algebraic fit; from there maximum likelihood: the deviation of every corrected norm from G,
 /// weighted with the noise of its mean. Attitudes that contradict the others become [`Role::Invalid`], at most a fifth.
 pub fn fit(entries: &mut [Entry], gravity: f64) -> Result<Calibration, Refusal> {
-    fit_with(entries, gravity, None)
+    fit_from(algebraic, entries, gravity)
 }
 
-/// The same with misalignments known from before, as sure as they are: the attitudes then tell biases and scale factors.
-pub fn fit_with(entries: &mut [Entry], gravity: f64, prior: Option<&Misalignments>) -> Result<Calibration, Refusal> {
+/// The same from a sphere about the readings, for a board: without the eigen-solver of the algebraic fit, which would take tens
+/// of kilobytes of its flash. For readings that determine an ellipsoid the result is the same: maximum likelihood has no
+/// memory of its start.
+pub fn fit_from_sphere(entries: &mut [Entry], gravity: f64) -> Result<Calibration, Refusal> {
+    fit_from(|_, _| Ok(State::UNIT_SPHERE), entries, gravity)
+}
+
+/// Where the solution starts.
+type Start = fn(&[Entry], &Scale) -> Result<State, Refusal>;
+
+fn algebraic(entries: &[Entry], scale: &Scale) -> Result<State, Refusal> {
+    let points = learned(entries).map(|attitude| scale.point(attitude).at);
+    let ellipsoid = Scatter::of(points).ellipsoid().ok_or_else(|| no_ellipsoid(entries))?;
+    State::of(&ellipsoid).ok_or(Refusal::NoEllipsoid)
+}
+
+fn fit_from(start: Start, entries: &mut [Entry], gravity: f64) -> Result<Calibration, Refusal> {
     let attitudes = learned(entries).count();
     let mut may_drop = (attitudes / 5).min(attitudes.saturating_sub(LEAST_ATTITUDES + 1));
     loop {
         let scale = Scale::of(learned(entries));
-        let solved = Solved::new(entries, &scale)?;
+        let solved = Solved::new(start, entries, &scale)?;
         if may_drop > 0
             && let Some(entry) = solved.most_invalid(entries, &scale).and_then(|worst| entries.get_mut(worst))
         {
@@ -96,7 +110,7 @@ pub fn fit_with(entries: &mut [Entry], gravity: f64, prior: Option<&Misalignment
             may_drop -= 1;
             continue;
         }
-        return solved.combined(prior)?.calibration(entries, &scale, gravity);
+        return solved.calibration(entries, &scale, gravity);
     }
 }
 
@@ -148,28 +162,25 @@ impl Scale {
 /// A solution about the unit sphere.
 struct Solved {
     refined: Refined,
-    ellipsoid: Ellipsoid,
     attitudes: usize,
     /// Variance of the norm beyond the noise of the readings.
     excess: f64,
 }
 
 impl Solved {
-    fn new(entries: &[Entry], scale: &Scale) -> Result<Self, Refusal> {
+    fn new(start: Start, entries: &[Entry], scale: &Scale) -> Result<Self, Refusal> {
         let points = || learned(entries).map(|attitude| scale.point(attitude));
         let attitudes = points().count();
         if attitudes < LEAST_ATTITUDES {
             return Err(Refusal::TooFew { attitudes });
         }
-        let around = || refuse_coverage(entries).err().unwrap_or(Refusal::NoEllipsoid);
-        let ellipsoid = Scatter::of(points().map(|point| point.at)).ellipsoid().ok_or_else(around)?;
-        let start = State::of(&ellipsoid).ok_or(Refusal::NoEllipsoid)?;
+        let around = || no_ellipsoid(entries);
         // The first pass with equal weights needs no noise; the second has it.
-        let equal = start.refine(points, 1.0).ok_or_else(around)?;
+        let equal = start(entries, scale)?.refine(points, 1.0).ok_or_else(around)?;
         let freedom = attitudes - LEAST_ATTITUDES;
         let left = equal.chi_square / f64::max(freedom as f64, 1.0);
         let (refined, excess) = weigh(equal, left, freedom, points).ok_or_else(around)?;
-        Ok(Self { refined, ellipsoid, attitudes, excess })
+        Ok(Self { refined, attitudes, excess })
     }
 
     /// The entry that contradicts the others most, if it is invalid: by what the others leave, its own part taken out
@@ -193,23 +204,14 @@ impl Solved {
         worst.1
     }
 
-    fn combined(self, prior: Option<&Misalignments>) -> Result<Self, Refusal> {
-        let Some(prior) = prior else { return Ok(self) };
-        let (state, covariance) =
-            prior.combine(&self.refined.state, &self.refined.covariance).ok_or(Refusal::NoEllipsoid)?;
-        Ok(Self { refined: Refined { state, covariance, ..self.refined }, ..self })
-    }
-
     fn calibration(self, entries: &[Entry], scale: &Scale, gravity: f64) -> Result<Calibration, Refusal> {
         let state = &self.refined.state;
-        let (half_axes, _) = self.ellipsoid.half_axes().ok_or(Refusal::NoEllipsoid)?;
-        let mut half_axes: [f64; 3] = *(half_axes / scale.factor).as_ref();
-        half_axes.sort_unstable_by(|a, b| b.total_cmp(a));
+        let half_axes = state.half_axes().map(|half_axis| half_axis / scale.factor);
         let [greatest, _, least] = half_axes;
         let units = || learned(entries).filter_map(|attitude| state.residual(&scale.point(attitude)));
         let coverage = Coverage::of(units().map(|residual| *residual.unit.as_ref()));
         refuse(&coverage)?;
-        if greatest > MOST_ELONGATED * least {
+        if !(greatest <= MOST_ELONGATED * least) {
             return Err(Refusal::Elongated { ratio: greatest / least });
         }
         let left: f64 = units().map(|residual| residual.value * residual.value).sum();
@@ -266,6 +268,10 @@ fn weigh<P: Iterator<Item = Point>>(
 }
 
 impl State {
+    /// Of points scaled to about the unit sphere.
+    const UNIT_SPHERE: Self =
+        Self { centre: Vector3::new(0.0, 0.0, 0.0), matrix: Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0) };
+
     /// M with MᵀM = Q: Cholesky.
     fn of(ellipsoid: &Ellipsoid) -> Option<Self> {
         Some(Self { centre: ellipsoid.centre, matrix: ellipsoid.shape.cholesky()?.l().transpose() })
@@ -302,11 +308,12 @@ fn refuse(coverage: &Coverage) -> Result<(), Refusal> {
     Err(Refusal::Coverage { coverage: least, missing })
 }
 
-/// By the directions of the readings themselves, where no ellipsoid can be found.
-fn refuse_coverage(entries: &[Entry]) -> Result<(), Refusal> {
+/// Why no ellipsoid can be found: by the directions of the readings themselves, they do not cover the sphere, or there is none.
+fn no_ellipsoid(entries: &[Entry]) -> Refusal {
     let nominal = nominal(learned(entries).map(|attitude| attitude.mean), 1.0);
-    refuse(&Coverage::of(learned(entries).map(|attitude| {
+    let directions = learned(entries).map(|attitude| {
         let norm = nominal.norm(attitude.mean);
         nominal.apply(attitude.mean).map(|part| part / norm)
-    })))
+    });
+    refuse(&Coverage::of(directions)).err().unwrap_or(Refusal::NoEllipsoid)
 }

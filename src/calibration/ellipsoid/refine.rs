@@ -1,9 +1,14 @@
 //! Maximum likelihood for the ellipsoid: Gauss-Newton on the norms of corrected readings.
 
+use core::f64::consts::FRAC_PI_3;
+
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 /// Steps after which the solution has converged or never will.
 const ITERATIONS: usize = 50;
+
+/// Longest step of a parameter: far from the solution the linear approximation reaches no further.
+const LONGEST_STEP: f64 = 0.3;
 
 /// The mean of an attitude, scaled to about the unit sphere.
 #[derive(Clone, Copy, Debug)]
@@ -58,14 +63,23 @@ impl State {
         (norm > 0.0 && norm.is_finite()).then_some(Residual { value: norm - 1.0, variance, unit, jacobian })
     }
 
-    /// By how much its parameters differ from another's.
-    pub(super) fn less(&self, other: &Self) -> SVector<f64, 9> {
-        let &[x, y, z] = (self.centre - other.centre).as_ref();
-        let matrix = self.matrix - other.matrix;
-        SVector::from([x, y, z, matrix.m11, matrix.m12, matrix.m13, matrix.m22, matrix.m23, matrix.m33])
+    /// Half axes of the ellipsoid, in the unit of the points, from the greatest to the least: 1/√eigenvalue of Q = MᵀM.
+    ///
+    /// Eigenvalues of a symmetric 3×3 matrix by the cosine of a third of an angle: O. K. Smith, Communications of the ACM 4, 1961,
+    /// p. 168.
+    pub fn half_axes(&self) -> [f64; 3] {
+        let shape = self.matrix.transpose() * self.matrix;
+        let mean = shape.trace() / 3.0;
+        let deviation = shape - Matrix3::identity() * mean;
+        let spread = libm::sqrt(deviation.dot(&deviation) / 6.0);
+        let cosine = deviation.determinant() / (2.0 * spread * spread * spread);
+        let third = if spread > 0.0 { libm::acos(cosine.clamp(-1.0, 1.0)) / 3.0 } else { 0.0 };
+        let least = mean + 2.0 * spread * libm::cos(third + 2.0 * FRAC_PI_3);
+        let greatest = mean + 2.0 * spread * libm::cos(third);
+        [least, 3.0 * mean - least - greatest, greatest].map(|eigenvalue| 1.0 / libm::sqrt(eigenvalue))
     }
 
-    pub(super) fn moved(&self, by: &SVector<f64, 9>) -> Self {
+    fn moved(&self, by: &SVector<f64, 9>) -> Self {
         let &[x, y, z, m11, m12, m13, m22, m23, m33] = by.as_ref();
         Self {
             centre: self.centre + Vector3::new(x, y, z),
@@ -90,13 +104,13 @@ impl State {
             }
             let factor = normal.cholesky()?;
             let step = factor.solve(&right);
-            if !step.iter().all(|part| part.is_finite()) || step.amax() > 1.0 {
+            if !step.iter().all(|part| part.is_finite()) {
                 return None;
             }
             if step.amax() < 1e-12 || step.dot(&(normal * step)) < 1e-12 {
                 return Some(Refined { state: self, covariance: factor.inverse(), chi_square });
             }
-            self = self.moved(&step);
+            self = self.moved(&(step * (LONGEST_STEP / step.amax()).min(1.0)));
         }
         None
     }

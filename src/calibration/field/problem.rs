@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::refusal::{NoCalibration, Why};
 use crate::calibration::accelerometer::AccelerometerCalibration;
-use crate::calibration::ellipsoid::{Calibration, Correction, Entry, Role, Weights, fit, norm_rms, split};
+use crate::calibration::ellipsoid::{Calibration, Correction, Entry, Role, Weights, fit_from_sphere, norm_rms, split};
 
 /// Most attitudes; about the 23 of the source.
 pub const MOST_ATTITUDES: usize = 24;
@@ -59,7 +59,7 @@ impl Problem {
     /// Fits the ellipsoid with a quarter of the attitudes held out, and judges it by those.
     pub fn solve(mut self) -> Result<Solved, NoCalibration> {
         split(&mut self.entries, GRAVITY_G);
-        let found = fit(&mut self.entries, GRAVITY_G)?;
+        let found = fit_from_sphere(&mut self.entries, GRAVITY_G)?;
         let calibration = AccelerometerCalibration::new(&found.correction);
         calibration.validate().map_err(|_| Why::Implausible)?;
         let rms = |role, correction| {

@@ -30,7 +30,8 @@ impl Bench {
     }
 
     fn reading(&mut self, reading_g: Option<[f64; 3]>) {
-        let in_effect = self.session.tick(Some(reading_g), &mut |event| self.events.push(event));
+        let in_effect =
+            self.session.tick(Some(reading_g.and_then(TriadCode::of_g)), &mut |event| self.events.push(event));
         self.in_effect = in_effect.or(self.in_effect);
         if let Some(problem) = self.session.problem() {
             self.session.solved(problem.solve());

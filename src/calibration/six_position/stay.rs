@@ -2,7 +2,8 @@
 
 use core::ops::Range;
 
-use crate::calibration::statistics::{SIGMA_PER_MEDIAN_DEVIATION, median};
+use crate::calibration::statistics::SIGMA_PER_MEDIAN_DEVIATION;
+use crate::median::median;
 use crate::units::ARCSEC_PER_RAD;
 
 /// Fewest quiet rows that a mean and its scatter are taken of.

@@ -116,7 +116,7 @@ fn the_record_is_as_documented() {
     save(&mut flash, &settings(45.5)).unwrap();
     let record = &flash.bytes[SECTOR..];
     let length = usize::from(u16::from_le_bytes([record[6], record[7]]));
-    assert_eq!(record[..6], *b"NFST\x04\x00");
+    assert_eq!(record[..6], *b"NFST\x05\x00");
     assert_eq!(record[8..12], [1, 0, 0, 0]);
     assert_eq!(record[12..20], 45.5_f64.to_le_bytes());
     let crc = CRC.checksum(&record[..12 + length]).to_le_bytes();

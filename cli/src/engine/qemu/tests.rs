@@ -8,11 +8,12 @@ use north_finder::effects::basis::curve::function::Function;
 use north_finder::effects::basis::curve::signal::Signal;
 use north_finder::effects::{Basis, ChannelName, ErrorModel, MAX_TERMS, Term};
 use north_finder::event::{Event, Report, State};
+use north_finder::restart::{Cause, Crash, Provocation};
 use north_finder::sequence::Command;
 use north_finder::settings::Settings;
 
 use super::*;
-use crate::engine::End;
+use crate::engine::{End, limit_ticks};
 use crate::settings_file::scenario_settings;
 
 /// The image, built once.
@@ -106,6 +107,83 @@ impl Person for Loader {
     }
 }
 
+/// Provokes a crash while the motor turns, and hears what the next start tells.
+struct Saboteur<'a> {
+    world: &'a World,
+    how: Provocation,
+    provoked: bool,
+    turning: bool,
+    crash: Option<Crash>,
+    current_after: bool,
+    seconds_after: usize,
+}
+
+impl Person for Saboteur<'_> {
+    fn request(&mut self, tick: u64) -> Option<Request> {
+        if self.turning && !self.provoked {
+            self.provoked = true;
+            return Some(Request::Provoke(self.how));
+        }
+        (tick == 0).then_some(Request::Command(Command::Start))
+    }
+
+    fn hear(&mut self, report: &Report) -> bool {
+        match report.event {
+            Event::Moving { .. } => self.turning = true,
+            Event::Crash(crash) => self.crash = Some(crash),
+            Event::Second(_) if self.crash.is_some() => {
+                self.seconds_after += 1;
+                self.current_after |= self.world.motor_has_current();
+            }
+            _ => {}
+        }
+        self.seconds_after >= 2
+    }
+}
+
+/// A panic, a hard fault, a stack overflow and a task that hangs: each is survived with the motor off, and told at the next
+/// start. In lock-step no tick comes while a task hangs: there it is the watchdog that ends it.
+#[test]
+fn a_crash_is_survived_and_told() {
+    let whole = std::fs::read(image()).unwrap();
+    let causes = [
+        (Provocation::Panic, Cause::Panic),
+        (Provocation::HardFault, Cause::HardFault),
+        (Provocation::StackOverflow, Cause::StackOverflow),
+        (Provocation::Hang, Cause::Watchdog),
+    ];
+    let crashes = causes.map(|(how, cause)| {
+        let setup = setup(60.0);
+        let world = crate::engine::world(&setup).unwrap();
+        let mut person = Saboteur {
+            world: &world,
+            how,
+            provoked: false,
+            turning: false,
+            crash: None,
+            current_after: false,
+            seconds_after: 0,
+        };
+        let (off, _) = serve(image(), &world, limit_ticks(&setup), &mut person, &never()).unwrap();
+        assert_eq!(off, PowerOff::Heard, "{how:?}: {:?}", person.crash);
+        assert!(person.provoked && !person.current_after, "{how:?}");
+        let crash = person.crash.unwrap();
+        assert_eq!(crash.cause, cause);
+        crash
+    });
+    let [panic, hard_fault, stack_overflow, hang] = crashes;
+    assert_eq!((panic.file.as_str(), panic.message.as_str()), ("src/board/crash.rs", "provoked"));
+    assert!(panic.line > 0);
+    // In the program, by an instruction that is none (UNDEFINSTR, ARMv7-M B3.2.15).
+    let in_program = |address: u32| (0x400..whole.len() as u32).contains(&address);
+    assert!(in_program(hard_fault.program_counter) && hard_fault.fault_status == 1 << 16, "{hard_fault:?}");
+    // Below the stack, 0x2000_0000, where there is nothing.
+    assert!(stack_overflow.stack_pointer < 0x2000_0000, "{stack_overflow:?}");
+    assert!(in_program(hang.program_counter), "{hang:?}");
+    // One program, by its check sum.
+    assert!(panic.program != 0 && crashes.iter().all(|crash| crash.program == panic.program));
+}
+
 #[test]
 fn a_missing_qemu_image_is_an_error() {
     let nothing = Path::new("no/such/image");
@@ -114,7 +192,7 @@ fn a_missing_qemu_image_is_an_error() {
 }
 
 #[test]
-fn an_answer_that_is_none_makes_the_firmware_panic_and_say_so() {
+fn an_answer_that_is_none_ends_the_board_and_it_says_so() {
     let (mut qemu, _) = start(Pace::LockStep, image()).unwrap();
     let error = loop {
         match qemu.receive() {

@@ -1,0 +1,163 @@
+//! What a crash leaves behind, in memory that a reset does not clear, for the next start to tell.
+//!
+//! A panic, a hard fault, a stack overflow and a late task all end here: the motor goes off, what is known is kept, the processor
+//! starts anew. A stack overflow is a hard fault, since nothing lies below the stack.
+
+use core::arch::naked_asm;
+use core::panic::PanicInfo;
+
+use cortex_m::peripheral::SCB;
+use cortex_m_rt::exception;
+use north_finder::restart::{self, Cause, Crash, Provocation, Text, WORDS};
+
+unsafe extern "C" {
+    static _stack_start: u32;
+    static _stack_end: u32;
+    /// Not set at power-up: whoever reads it must expect anything.
+    static mut _crash: [u32; WORDS];
+}
+
+/// The crash that ended the run before, once.
+pub fn take() -> Option<Crash> {
+    // SAFETY: every bit pattern is a number, and nothing else runs: the tasks have not begun, and a crash ends everything.
+    let words = unsafe { (&raw const _crash).read_volatile() };
+    keep([0; WORDS]);
+    Crash::of_words(&words)
+}
+
+fn keep(words: [u32; WORDS]) {
+    // SAFETY: memory that the linker sets aside for this, and nothing else runs: see above.
+    unsafe { (&raw mut _crash).write_volatile(words) };
+}
+
+/// Keeps what is known, with the motor off, and starts anew.
+pub fn end(crash: &Crash) -> ! {
+    cortex_m::interrupt::disable();
+    super::motor_off();
+    keep(Crash { program: program(), ..*crash }.to_words());
+    SCB::sys_reset()
+}
+
+/// CRC-32 of the program, by which an image is known: of all that is linked between the vectors and the variables' first values.
+pub fn program() -> u32 {
+    unsafe extern "C" {
+        static __stext: u8;
+        static __erodata: u8;
+    }
+    let (from, to) = (&raw const __stext, &raw const __erodata);
+    // SAFETY: the linker's symbols of one piece of flash, the earlier first.
+    restart::check(unsafe { core::slice::from_raw_parts(from, to.byte_offset_from(from) as usize) })
+}
+
+/// A task did not check in.
+pub fn late(task: &str) -> ! {
+    end(&Crash { message: Text::start_of(task), ..Crash::new(Cause::LateTask) })
+}
+
+#[panic_handler]
+fn panic(info: &PanicInfo) -> ! {
+    let (file, line) = info.location().map_or(("", 0), |place| (place.file(), place.line()));
+    // Messages with numbers in them are left out: to write them would take kilobytes of flash.
+    let message = info.message().as_str().unwrap_or_default();
+    end(&Crash { line, file: Text::end_of(file), message: Text::start_of(message), ..Crash::new(Cause::Panic) })
+}
+
+/// The processor's vector: goes on with an empty stack, because the one there was may be what is wrong.
+///
+/// # Safety
+///
+/// For the processor alone.
+#[unsafe(naked)]
+#[unsafe(no_mangle)]
+unsafe extern "C" fn HardFault() -> ! {
+    naked_asm!(
+        "mrs r0, MSP",
+        "ldr r1, =_stack_start",
+        "msr MSP, r1",
+        "b {hard_fault}",
+        hard_fault = sym hard_fault,
+    )
+}
+
+/// The same for what no software can hold off.
+///
+/// # Safety
+///
+/// For the processor alone.
+#[unsafe(naked)]
+#[unsafe(no_mangle)]
+unsafe extern "C" fn NonMaskableInt() -> ! {
+    naked_asm!("mrs r0, MSP", "b {not_maskable}", not_maskable = sym not_maskable)
+}
+
+extern "C" fn not_maskable(frame: *const u32) -> ! {
+    end(&seen(super::NOT_MASKABLE, frame))
+}
+
+#[exception]
+unsafe fn DefaultHandler(number: i16) -> ! {
+    let message = Text::start_of("an interrupt without a task");
+    end(&Crash { line: number as u32, message, ..Crash::new(Cause::Panic) })
+}
+
+extern "C" fn hard_fault(frame: *const u32) -> ! {
+    let overflow = frame < &raw const _stack_end;
+    end(&seen(if overflow { Cause::StackOverflow } else { Cause::HardFault }, frame))
+}
+
+/// `frame` is where the processor put its registers, if the stack had room for them: r0-r3, r12, lr, pc, xpsr.
+fn seen(cause: Cause, frame: *const u32) -> Crash {
+    const LINK_REGISTER: usize = 5;
+    const PROGRAM_COUNTER: usize = 6;
+    const WORDS_OF_FRAME: usize = 8;
+    let (bottom, top) = (&raw const _stack_end, &raw const _stack_start);
+    let on_stack = frame >= bottom && frame.wrapping_add(WORDS_OF_FRAME) <= top;
+    // SAFETY: within the stack.
+    let register = |number: usize| if on_stack { unsafe { frame.add(number).read_volatile() } } else { 0 };
+    // SAFETY: reading has no effect.
+    let fault_status = unsafe { (*SCB::PTR).cfsr.read() };
+    Crash {
+        program_counter: register(PROGRAM_COUNTER),
+        link_register: register(LINK_REGISTER),
+        stack_pointer: frame as u32,
+        fault_status,
+        ..Crash::new(cause)
+    }
+}
+
+/// Crashes on purpose.
+pub fn provoke(how: Provocation) -> ! {
+    match how {
+        Provocation::Panic => panic!("provoked"),
+        Provocation::HardFault => cortex_m::asm::udf(),
+        Provocation::StackOverflow => {
+            core::hint::black_box(fill_stack(0));
+            panic!("the stack has no end")
+        }
+        Provocation::Hang => loop {
+            core::hint::spin_loop();
+        },
+    }
+}
+
+/// Goes deeper and deeper.
+#[inline(never)]
+fn fill_stack(depth: u32) -> u32 {
+    let room = core::hint::black_box([depth; 64]);
+    if depth == u32::MAX {
+        return depth;
+    }
+    room.iter().fold(fill_stack(core::hint::black_box(depth.wrapping_add(1))), |sum, each| sum.wrapping_add(*each))
+}
+
+/// How much of the stack was ever used, bytes: by the paint that is gone from it.
+pub fn most_stack_bytes() -> u32 {
+    let (top, mut at) = (&raw const _stack_start, &raw const _stack_end);
+    // SAFETY: from `at` to `top` is the stack, which starts at the top and was painted before main.
+    unsafe {
+        while at < top && at.read_volatile() == cortex_m_rt::STACK_PAINT_VALUE {
+            at = at.add(1);
+        }
+        top.byte_offset_from(at) as u32
+    }
+}

@@ -1,0 +1,110 @@
+//! Whether every task is alive, and how late the instrument is at most: the watchdog is fed only after all have checked in.
+
+use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
+
+/// Who must check in. The task that asks, `sample`, is the watchdog's own; what runs below the idle task's priority shows there:
+/// a report or a calibration that never ends keeps the idle task out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Task {
+    Solve = 1,
+    Idle = 2,
+}
+
+/// Ticks within which every task checks in: a second. A calibration takes a tenth of that.
+const PERIOD_TICKS: u64 = 400;
+
+/// Who has checked in.
+#[derive(Debug, Default)]
+pub struct Guard {
+    seen: AtomicU8,
+    /// Number of the tick under way, but for its upper half.
+    now: AtomicU32,
+    load_permille: AtomicU32,
+}
+
+/// What a tick brings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// The period is not over.
+    Wait,
+    /// All have checked in: feed the watchdog.
+    Feed,
+    /// A task has not.
+    Late(Task),
+}
+
+impl Task {
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Solve => "solve",
+            Self::Idle => "idle, report or calibrate",
+        }
+    }
+}
+
+impl Guard {
+    pub const fn new() -> Self {
+        Self { seen: AtomicU8::new(0), now: AtomicU32::new(0), load_permille: AtomicU32::new(0) }
+    }
+
+    /// A task is alive.
+    pub fn check_in(&self, task: Task) {
+        self.seen.fetch_or(task as u8, Ordering::Relaxed);
+    }
+
+    /// At every tick, of this number.
+    pub fn tick(&self, tick: u64) -> Verdict {
+        self.now.store(tick as u32, Ordering::Relaxed);
+        if !(tick + 1).is_multiple_of(PERIOD_TICKS) {
+            return Verdict::Wait;
+        }
+        let seen = self.seen.swap(0, Ordering::Relaxed);
+        let late = [Task::Solve, Task::Idle].into_iter().find(|&task| seen & task as u8 == 0);
+        late.map_or(Verdict::Feed, Verdict::Late)
+    }
+
+    /// The work of a tick is done, with so much of the tick under way passed.
+    pub fn done(&self, tick: u64, passed_permille: u32) {
+        let behind = self.now.load(Ordering::Relaxed).wrapping_sub(tick as u32);
+        let load_permille = behind.saturating_mul(1000).saturating_add(passed_permille);
+        self.load_permille.fetch_max(load_permille, Ordering::Relaxed);
+    }
+
+    /// Longest time from a tick to the end of its work, thousandths of a tick: 1000 and more is late.
+    pub fn load_permille(&self) -> u32 {
+        self.load_permille.load(Ordering::Relaxed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_watchdog_is_fed_only_when_all_are_alive() {
+        let guard = Guard::new();
+        let second = |seconds: u64, tasks: &[Task]| {
+            tasks.iter().for_each(|&task| guard.check_in(task));
+            let ticks = 400 * seconds..400 * (seconds + 1);
+            let verdicts = ticks.map(|tick| guard.tick(tick)).filter(|&verdict| verdict != Verdict::Wait);
+            verdicts.collect::<std::vec::Vec<_>>()
+        };
+        assert_eq!(second(0, &[Task::Solve, Task::Idle]), [Verdict::Feed]);
+        assert_eq!(second(1, &[Task::Idle, Task::Idle]), [Verdict::Late(Task::Solve)]);
+        assert_eq!(second(2, &[Task::Solve]), [Verdict::Late(Task::Idle)]);
+        assert_eq!(second(3, &[Task::Idle, Task::Solve]), [Verdict::Feed]);
+    }
+
+    #[test]
+    fn work_that_ends_after_the_next_tick_is_late() {
+        let guard = Guard::new();
+        guard.tick(7);
+        guard.done(7, 300);
+        assert_eq!(guard.load_permille(), 300);
+        guard.tick(9);
+        guard.done(7, 100);
+        guard.done(9, 200);
+        assert_eq!(guard.load_permille(), 2100);
+    }
+}
