@@ -160,6 +160,8 @@ pub enum Event {
     /// What the board says of itself: CRC-32 of its program, the most of the stack that was ever used, and the longest time from a
     /// tick to the end of its work, thousandths of a tick.
     Vitals { program: u32, stack_bytes: u32, load_permille: u32 },
+    /// The index angle changed while the motor stood; it was `before_deg`, degrees in [0°, 360°), and the fix goes on.
+    IndexSlipped { position: u8, before_deg: f64 },
 }
 
 impl Event {
@@ -187,6 +189,7 @@ impl Event {
             Self::NoCalibration(reason) => reason.why.name(),
             Self::Crash(crash) => crash.cause.name(),
             Self::Vitals { .. } => "vitals",
+            Self::IndexSlipped { .. } => "index-slipped",
         }
     }
 }

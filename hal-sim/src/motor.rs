@@ -29,6 +29,7 @@ pub struct Drive {
     rotor_deg: f64,
     speed_deg_s: f64,
     load_deg: f64,
+    slipped: bool,
     asleep: bool,
     moved: bool,
     last_step_s: f64,
@@ -52,6 +53,7 @@ impl Drive {
             rotor_deg: motor.start_deg,
             speed_deg_s: 0.0,
             load_deg: motor.start_deg,
+            slipped: false,
             asleep: true,
             moved: false,
             last_step_s: 0.0,
@@ -101,6 +103,7 @@ impl Drive {
 
     /// Moves on by `dt_s` to `t_s`.
     pub fn advance(&mut self, t_s: f64, dt_s: f64) {
+        self.slipped = t_s >= self.motor.slip_at_s;
         let hunts = self.moved && self.enabled && self.motor.hunting_deg > 0.0;
         if self.asleep && !hunts {
             return;
@@ -146,7 +149,7 @@ impl Drive {
 
     /// Index angle of the gyro, degrees, counter-clockwise; counts turns.
     pub fn index_deg(&self) -> f64 {
-        self.load_deg
+        self.load_deg + if self.slipped { self.motor.slip_deg } else { 0.0 }
     }
 
     /// The motor's torque on the base, as the lag that would make it, degrees: zero at rest.

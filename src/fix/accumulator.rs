@@ -8,12 +8,14 @@
 use heapless::Vec;
 
 use super::dwell::{DwellRows, DwellSummary, Row};
+use super::index_watch::IndexWatch;
 use super::{Declared, DesignRow, Fix, Unsolvable, moving_base};
 use crate::effects::{Conditions, Correction, ErrorModel, Evaluator};
 use crate::gates::Gate;
 use crate::health::{Flag, Flags};
 use crate::index::Direction;
 use crate::level::{LevelMoments, Specific};
+use crate::units::wrap_180_deg;
 
 /// Temperature change during a fix that an error model must cover, K.
 const TEMPERATURE_CHANGE_K: f64 = 0.5;
@@ -70,6 +72,27 @@ impl Corrected {
     }
 }
 
+/// What became of a second of a dwell.
+#[allow(clippy::large_enum_variant)] // taken apart at once
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Taken {
+    /// It is in the dwell.
+    Collected,
+    /// It cannot be used.
+    LeftOut,
+    /// The index slipped within it.
+    Slipped(Slip),
+}
+
+/// The index angle changed while the motor stood.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Slip {
+    /// Index angle before it, degrees in [0°, 360°).
+    pub before_deg: f64,
+    /// What the dwell says that it ended, if one was under way.
+    pub ended: Option<DwellSummary>,
+}
+
 /// Where the dwells of a fix are kept: on a board in a fixed place, on a host where there is room.
 pub trait Dwells {
     /// `false`: there is no room.
@@ -118,7 +141,8 @@ struct Held {
 }
 
 /// Gathers a fix. In the order of time: [`Self::correct`] every second, whatever it is used for, because the error model
-/// remembers; [`Self::collect`] those of a dwell, [`Self::end_dwell`] after its last; then [`Self::solve`].
+/// remembers; [`Self::collect`] those of a dwell, [`Self::end_dwell`] after its last, [`Self::between_dwells`] the others; then
+/// [`Self::solve`].
 #[derive(Clone, Debug)]
 pub struct Accumulator<D> {
     declared: Declared,
@@ -128,6 +152,11 @@ pub struct Accumulator<D> {
     full: bool,
     rows: DwellRows,
     held: Vec<Held, HELD>,
+    watch: IndexWatch,
+    /// The index slipped since the last dwell: its angle before.
+    slipped_from: Option<Direction>,
+    /// Sum of all slips of the fix before the dwell under way, degrees.
+    slip_deg: f64,
     /// What the rates of change added to the bias when the last second was collected, °/h.
     rates_deg_h: f64,
     rest_s: f64,
@@ -152,6 +181,9 @@ impl<D: Dwells> Accumulator<D> {
             full: false,
             rows: DwellRows::default(),
             held: Vec::new(),
+            watch: IndexWatch::new(declared.index_sigma_deg),
+            slipped_from: None,
+            slip_deg: 0.0,
             rates_deg_h: 0.0,
             rest_s: 0.0,
             moving_s: 0.0,
@@ -166,6 +198,8 @@ impl<D: Dwells> Accumulator<D> {
         self.full = false;
         self.rows.clear();
         self.held.clear();
+        self.watch.restart();
+        (self.slipped_from, self.slip_deg) = (None, 0.0);
         (self.rest_s, self.moving_s) = (0.0, 0.0);
         self.temperature_c = None;
         self.flags = Flags::default();
@@ -198,14 +232,40 @@ impl<D: Dwells> Accumulator<D> {
         }
     }
 
-    /// A second of the dwell that is under way. `false`: it cannot be used and is left out.
-    pub fn collect(&mut self, second: &Corrected) -> bool {
-        self.take(second, false)
+    /// A second of the dwell that is under way.
+    pub fn collect(&mut self, second: &Corrected) -> Taken {
+        match self.slip(second) {
+            Some(slip) => Taken::Slipped(slip),
+            None if self.take(second, false) => Taken::Collected,
+            None => Taken::LeftOut,
+        }
     }
 
     /// A second within which the index moved. It counts only if the index moved nearly all the time.
-    pub fn collect_moving(&mut self, second: &Corrected) -> bool {
-        self.take(second, true)
+    pub fn collect_moving(&mut self, second: &Corrected) {
+        self.take(second, true);
+    }
+
+    /// A second of no dwell: the index may turn, and come to rest. The slip, if it slipped at rest. (Before the first dwell nobody
+    /// knows what the motor does.)
+    pub fn between_dwells(&mut self, second: &Corrected) -> Option<Slip> {
+        if self.dwells.as_slice().is_empty() && self.rows.is_empty() && self.held.is_empty() {
+            return None;
+        }
+        self.slip(second)
+    }
+
+    /// The motor is commanded: from here to its rest the index may move.
+    pub fn index_turns(&mut self) {
+        self.watch.restart();
+    }
+
+    fn slip(&mut self, second: &Corrected) -> Option<Slip> {
+        let before = self.watch.push(second.index?)?;
+        self.flags.insert(Flag::IndexSlip);
+        let ended = self.end_dwell();
+        self.slipped_from.get_or_insert(before);
+        Some(Slip { before_deg: before.deg(), ended })
     }
 
     /// The dwell that was under way is over: what it says, `None` if nothing of it could be used.
@@ -219,7 +279,11 @@ impl<D: Dwells> Accumulator<D> {
             None => self.rows.summary(noise_deg_h),
         };
         self.rows.clear();
-        let summary = summary?;
+        let mut summary = summary?;
+        if let Some(before) = self.slipped_from.take() {
+            self.slip_deg += wrap_180_deg(summary.index_deg() - before.deg());
+        }
+        summary.slip_deg = self.slip_deg;
         self.keep(summary);
         Some(summary)
     }

@@ -16,7 +16,8 @@ use crate::codes::{IndexCode, TriadCode};
 use crate::effects::MAX_CHANNELS;
 use crate::event::{Dwell, Fix};
 use crate::fix::Unsolvable;
-use crate::fix::accumulator::{Accumulator, Corrected, Dwells, Second};
+use crate::fix::accumulator::{Accumulator, Corrected, Dwells, Second, Slip, Taken};
+use crate::fix::dwell::DwellSummary;
 use crate::frame::{Frame, GyroFormat};
 use crate::gates::{DisturbanceGate, Gate, GateSettings, JitterGate, Verdict};
 use crate::gather::Gatherer;
@@ -255,10 +256,14 @@ impl<D: Dwells> Replay<D> {
         if let Some(gate) = mark.waited_at {
             self.accumulator.waited_at(gate);
         }
-        let Some(dwell) = mark.dwell else { return sink(Told::Second(corrected, Place::LeftOut)) };
-        if self.marked.replace(dwell).is_some_and(|last| last != dwell) {
+        if self.marked.is_some() && mark.dwell != self.marked {
             self.summarise(sink);
+            if mark.dwell.is_none() {
+                self.accumulator.index_turns();
+            }
         }
+        self.marked = mark.dwell;
+        let Some(dwell) = mark.dwell else { return self.leave_out(corrected, sink) };
         self.dwell = dwell.into();
         self.collect(corrected, sink);
     }
@@ -313,7 +318,7 @@ impl<D: Dwells> Replay<D> {
         let waiting = core::mem::take(&mut self.waiting);
         for (i, second) in waiting.into_iter().enumerate() {
             if i < before {
-                sink(Told::Second(second, Place::LeftOut));
+                self.leave_out(second, sink);
             } else {
                 self.collect(second, sink);
             }
@@ -330,8 +335,17 @@ impl<D: Dwells> Replay<D> {
     }
 
     fn collect(&mut self, second: Corrected, sink: Sink) {
-        let collected = self.accumulator.collect(&second);
-        sink(Told::Second(second, if collected { Place::Dwell(self.dwell) } else { Place::LeftOut }));
+        let taken = self.accumulator.collect(&second);
+        sink(Told::Second(second, if taken == Taken::Collected { Place::Dwell(self.dwell) } else { Place::LeftOut }));
+        if let Taken::Slipped(slip) = taken {
+            self.tell(slip.ended, sink);
+        }
+    }
+
+    fn leave_out(&mut self, second: Corrected, sink: Sink) {
+        let slip = self.accumulator.between_dwells(&second);
+        sink(Told::Second(second, Place::LeftOut));
+        self.tell(slip.and_then(|slip: Slip| slip.ended), sink);
     }
 
     fn moving(&mut self, second: Corrected, sink: Sink) {
@@ -347,13 +361,19 @@ impl<D: Dwells> Replay<D> {
         self.open(sink);
         self.dwell_deg = None;
         self.summarise(sink);
+        self.accumulator.index_turns();
         // On a base that rocks the rate is never quiet, and need not be.
         let settles = self.accumulator.model().base_motion.is_none() && self.dwell > 0;
         self.opening = if settles { Opening::Settling(JitterGate::new(self.jitter)) } else { Opening::Open };
     }
 
     fn summarise(&mut self, sink: Sink) {
-        if let Some(summary) = self.accumulator.end_dwell() {
+        let ended = self.accumulator.end_dwell();
+        self.tell(ended, sink);
+    }
+
+    fn tell(&mut self, ended: Option<DwellSummary>, sink: Sink) {
+        if let Some(summary) = ended {
             let dwell = Dwell::new(self.dwell.min(255) as u8, &summary);
             sink(Told::Dwell { dwell, end_s: summary.end_s });
             self.dwell = self.dwell.saturating_add(1);
@@ -367,8 +387,6 @@ const _: () = assert!(SAMPLES_PER_SECOND == 400);
 mod tests {
     use super::*;
     use std::vec::Vec;
-
-    use crate::fix::dwell::DwellSummary;
 
     /// Rate of a level gyro of an instrument that points north at 60° north: 7.5205335 °/h · cos θ, and a bias of 1 °/h.
     fn rate_deg_h(index_deg: f64) -> f64 {

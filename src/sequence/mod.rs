@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::codes::IndexCode;
 use crate::event::{Dwell, Event, State};
-use crate::fix::accumulator::{Accumulator, Corrected, Second};
+use crate::fix::accumulator::{Accumulator, Corrected, Second, Slip, Taken};
 use crate::fix::dwell::DwellSummary;
 use crate::fix::{self, Fix};
 use crate::gates::{DisturbanceGate, Gate, GateSettings, JitterGate, Verdict};
@@ -210,6 +210,11 @@ impl Sequencer {
         if let Some(fault) = late.or_else(|| self.watch_level(second.conditions.level)) {
             return (seen, self.fail(fault, t_s, sink));
         }
+        if !matches!(self.stage, Stage::Collecting { .. })
+            && let Some(slip) = self.accumulator.between_dwells(&corrected)
+        {
+            self.slipped(&slip, counters, sink);
+        }
         let rate_deg_h = self.accumulator.is_usable(second).then_some(corrected.rate_deg_h);
         let motor = match &mut self.stage {
             Stage::Levelling { .. } => self.levelling(second.conditions.level, t_s, sink),
@@ -223,14 +228,31 @@ impl Sequencer {
             }
             Stage::Collecting { seconds } => {
                 seen.dwell = Some(self.position);
-                seen.collected = self.accumulator.collect(&corrected);
-                *seconds += u16::from(seen.collected);
+                let taken = self.accumulator.collect(&corrected);
+                seen.collected = taken == Taken::Collected;
+                *seconds = seconds.saturating_add(seen.collected.into());
                 let seconds = *seconds;
+                if let Taken::Slipped(slip) = taken {
+                    self.slipped(&slip, counters, sink);
+                }
                 self.collecting(&corrected, seconds, counters, sink)
             }
             Stage::Idle | Stage::Indexing(_) | Stage::Finished | Stage::Failed => None,
         };
         (seen, motor)
+    }
+
+    /// The index slipped: the dwell under way goes on as another one, at the new angle.
+    fn slipped(&mut self, slip: &Slip, counters: &mut Counters, sink: Sink) {
+        self.dwell_ended(slip.ended.as_ref(), counters, sink);
+        sink(Event::IndexSlipped { position: self.position, before_deg: slip.before_deg });
+    }
+
+    fn dwell_ended(&self, ended: Option<&DwellSummary>, counters: &mut Counters, sink: Sink) {
+        if let Some(summary) = ended {
+            counters.seconds_knocked = counters.seconds_knocked.saturating_add(summary.outliers.into());
+            sink(Event::Dwell(Dwell::new(self.position, summary)));
+        }
     }
 
     fn enter(&mut self, stage: Stage, t_s: f64, sink: Sink) {
@@ -314,6 +336,7 @@ impl Sequencer {
             return None;
         }
         sink(Event::Moving { position: self.position, target_deg });
+        self.accumulator.index_turns();
         let (turn, command) = Turn::new(self.rules.index, angle_deg, target_deg);
         self.enter(Stage::Indexing(turn), t_s, sink);
         Some(command)
@@ -368,10 +391,8 @@ impl Sequencer {
         if seconds < self.dwell_s() {
             return None;
         }
-        if let Some(summary) = self.accumulator.end_dwell() {
-            counters.seconds_knocked = counters.seconds_knocked.saturating_add(summary.outliers.into());
-            sink(Event::Dwell(Dwell::new(self.position, &summary)));
-        }
+        let ended = self.accumulator.end_dwell();
+        self.dwell_ended(ended.as_ref(), counters, sink);
         self.position = self.position.saturating_add(1);
         let t_s = second.measured.end_s();
         match self.position() {

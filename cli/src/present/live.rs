@@ -76,9 +76,12 @@ impl View {
             Event::State(_) | Event::Second(_) | Event::Fix(_) | Event::Fault { .. } | Event::Health(_) => return None,
             Event::Crash(crash) => format!("restarted after a {}: {crash:?}", crash.cause.name()),
             // No fix has these.
-            Event::Guidance(_) | Event::Calibration(_) | Event::CalibrationStored | Event::NoCalibration(_) => {
-                return None;
-            }
+            Event::Guidance(_)
+            | Event::Calibration(_)
+            | Event::CalibrationStored
+            | Event::NoCalibration(_)
+            | Event::SettingsStored
+            | Event::SettingsRefused => return None,
             Event::Vitals { program, stack_bytes, load_permille } => {
                 format!(
                     "program {program:08x}, stack at most {stack_bytes} bytes, load at most {load_permille}/1000 of a tick"
@@ -105,6 +108,10 @@ impl View {
                     "{}: gyro not at rest: rate changed by {change_deg_h:.2} °/h within a second; waiting",
                     at(position)
                 )
+            }
+            Event::IndexSlipped { position, before_deg } => {
+                self.done = position;
+                format!("{}: index slipped from {before_deg:.3}° while the motor stood", at(position))
             }
             Event::Settled { position } => format!("{}: gyro at rest", at(position)),
             Event::Dwell(dwell) => {

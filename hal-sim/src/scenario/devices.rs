@@ -97,6 +97,10 @@ part! {
         stall_to_s: Option<f64> = None, 0.0..=1e6;
         /// A hard stop: the rotor does not pass this angle counter-clockwise, degrees.
         hard_stop_deg: Option<f64> = None, -7200.0..=7200.0;
+        /// The gyro's spindle slips in its coupling by this angle, degrees …
+        slip_deg: f64 = 0.0, -180.0..=180.0;
+        /// … at this time, s.
+        slip_at_s: f64 = 0.0, 0.0..=1e6;
         /// The holding servo hunts after the first move: amplitude at the rotor, degrees.
         hunting_deg: f64 = 0.0, 0.0..=5.0;
         /// Its frequency, Hz.

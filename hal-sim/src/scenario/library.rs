@@ -26,6 +26,7 @@ built_in![
     "wrong-angle",
     "lost-steps",
     "slipping-encoder",
+    "slipping-spindle",
     "hard-stop",
     "backlash",
     "magnet-in-base",
