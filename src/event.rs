@@ -162,6 +162,10 @@ pub enum Event {
     Vitals { program: u32, stack_bytes: u32, load_permille: u32 },
     /// The index angle changed while the motor stood; it was `before_deg`, degrees in [0°, 360°), and the fix goes on.
     IndexSlipped { position: u8, before_deg: f64 },
+    /// The settings of a request are in flash; the instrument starts anew with them.
+    SettingsStored,
+    /// The settings of a request make no sense, or the flash did not take them; those before stay.
+    SettingsRefused,
 }
 
 impl Event {
@@ -190,6 +194,8 @@ impl Event {
             Self::Crash(crash) => crash.cause.name(),
             Self::Vitals { .. } => "vitals",
             Self::IndexSlipped { .. } => "index-slipped",
+            Self::SettingsStored => "settings-stored",
+            Self::SettingsRefused => "settings-refused",
         }
     }
 }

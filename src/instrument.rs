@@ -1,20 +1,31 @@
-//! The one way from bytes and time to an azimuth: firmware, simulation and replay of raw input all enter here.
+//! The instrument: bytes, readings and time in; reports, the motor's commands and the flash out.
+//!
+//! All modules are composed here, in the order in which a sample meets them, and every engine runs it the same way: the board,
+//! the same image in QEMU, and the run in this process only wire it to their ports. Solving a calibration takes as long as many
+//! ticks, so the problem is handed out ([`Instrument::problem`]) and its answer comes back ([`Instrument::solved`]).
 
+use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 use heapless::{Deque, Vec};
 use serde::{Deserialize, Serialize};
 
+use crate::calibration::field::problem::{Problem, Solved};
+use crate::calibration::field::refusal::NoCalibration;
 use crate::calibration::field::{self, Session};
-use crate::codes::{IndexCode, TriadCode};
+use crate::drivers::sensors::Due;
 use crate::event::{self, Event, Report, State};
 use crate::fix::accumulator::Accumulator;
 use crate::frame::FrameReader;
 use crate::gather::Gatherer;
 use crate::health::{Counters, Fault, Refused};
-use crate::index::MotorCommand;
+use crate::index::{IndexSettings, MotorCommand};
 use crate::level::LevelMoments;
+use crate::link::{Request, RequestDecoder};
+use crate::reading::Reading;
+use crate::restart::Provocation;
 use crate::sample::{RateSecond, SAMPLE_S, SAMPLES_PER_SECOND};
 use crate::sequence::{Command, Seen, Sequencer};
-use crate::settings::{Settings, store::Loaded};
+use crate::settings::Settings;
+use crate::settings::store::{self, Loaded};
 use crate::watch::GyroWatch;
 
 /// Seconds between two reports of the counters, if they changed.
@@ -22,15 +33,12 @@ const HEALTH_SECONDS: u32 = 10;
 /// Encoder readings in a row that may fail: 0.25 s of them.
 const ENCODER_PATIENCE: u16 = 25;
 
-/// What the sensors gave at one tick (every 2.5 ms).
+/// What a tick (every 2.5 ms) brought, beside bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Readings {
     /// Number of the tick, from 0; its time is `tick · 2.5 ms`.
     pub tick: u64,
-    /// Specific force where the accelerometer was due; `Some(None)`: due and failed.
-    pub acceleration: Option<Option<TriadCode>>,
-    /// Index angle where the encoder was due; `Some(None)`: due and failed.
-    pub index: Option<Option<IndexCode>>,
+    pub sensors: Due,
     /// Whether the step generator is running.
     pub turning: bool,
     /// What the board's queues had no room for, since the start.
@@ -44,34 +52,44 @@ impl Readings {
     }
 }
 
-/// Takes reports out of the pipeline.
+/// Takes reports out of the instrument.
 pub type Sink<'a> = &'a mut dyn FnMut(Report);
 
-/// Composes the modules in the order in which a sample meets them.
-pub struct Pipeline {
+/// What a step asks of its surroundings.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Orders {
+    pub motor: Option<MotorCommand>,
+    /// Other settings are in flash: power up again, after the reports of this step are out.
+    pub restart: bool,
+    /// Crash, to see that it is survived.
+    pub provoke: Option<Provocation>,
+}
+
+/// Everything that has a state, but the flash.
+pub struct Instrument {
+    requests: RequestDecoder,
     reader: FrameReader,
     gatherer: Gatherer,
     watch: GyroWatch,
     /// Or the reason why no fix can be started.
     sequencer: Result<Sequencer, Fault>,
-    /// The calibration of the accelerometers: its problems and results go past the pipeline's ticks.
-    pub field: Session,
+    /// The calibration of the accelerometers.
+    field: Session,
     counters: Counters,
     reported: Counters,
     seconds: u32,
     /// Seconds that ended since the last tick.
     finished: Deque<RateSecond, 4>,
-    command: Option<Command>,
     tick: u64,
     encoder_failures: u16,
 }
 
-impl Pipeline {
-    /// With what the flash held. Without valid settings the pipeline still samples and reports, but starts no fix.
+impl Instrument {
+    /// With what the flash holds. Without valid settings the instrument still samples and reports, but starts no fix.
     // Inlined, so that it is made where it stays: copies of it would take tens of kilobytes of a board's stack.
     #[inline(always)]
-    pub fn new(loaded: Loaded) -> Self {
-        let (settings, sequencer) = match loaded {
+    pub fn power_up(flash: &mut impl ReadNorFlash) -> Self {
+        let (settings, sequencer) = match load(flash) {
             // What no board measures cannot be compensated: such a model is for recordings.
             Loaded::Valid(settings) if settings.model.as_ref().is_some_and(|model| model.off_board().is_some()) => {
                 (settings, Err(Fault::SettingsInvalid))
@@ -84,6 +102,7 @@ impl Pipeline {
             Loaded::Corrupt => (Settings::default(), Err(Fault::SettingsCorrupt)),
         };
         Self {
+            requests: RequestDecoder::new(),
             reader: FrameReader::new(settings.gyro.format),
             gatherer: Gatherer::new(settings.gyro, settings.triad()),
             watch: GyroWatch::default(),
@@ -93,62 +112,108 @@ impl Pipeline {
             reported: Counters::default(),
             seconds: 0,
             finished: Deque::new(),
-            command: None,
             tick: 0,
             encoder_failures: 0,
         }
     }
 
-    /// Bytes from the gyro, in the order of their coming.
-    pub fn gyro_bytes(&mut self, bytes: &[u8]) {
-        for &byte in bytes {
-            if let Some(frame) = self.reader.push(byte) {
-                self.watch.heard(self.tick);
-                let second = self.gatherer.frame(&frame, &mut self.counters);
-                self.keep(second);
-            }
-        }
+    /// Why no fix can be started, if none can.
+    pub fn refusal(&self) -> Option<Fault> {
+        self.sequencer.as_ref().err().copied()
     }
 
-    /// A command; it is carried out at the next tick.
-    pub fn command(&mut self, command: Command) {
-        self.command = Some(command);
+    /// What the motor goes by. (Where no fix can be started, it never turns.)
+    pub fn index_settings(&self) -> IndexSettings {
+        self.sequencer.as_ref().map_or(IndexSettings::default(), |sequencer| sequencer.rules().index)
     }
 
-    /// A command that could not be understood.
-    pub fn bad_command(&mut self) {
-        self.counters.commands_bad = self.counters.commands_bad.saturating_add(1);
-    }
-
-    /// A tick of 2.5 ms with what the sensors gave.
-    pub fn tick(&mut self, readings: &Readings, report: Sink) -> Option<MotorCommand> {
+    /// A tick of 2.5 ms: what it brought, and the bytes from the gyro and from the host that have come, in their order.
+    pub fn step(
+        &mut self,
+        readings: &Readings,
+        gyro_bytes: impl IntoIterator<Item = u8>,
+        request_bytes: impl IntoIterator<Item = u8>,
+        flash: &mut impl NorFlash,
+        report: Sink,
+    ) -> Orders {
         self.tick = readings.tick;
         let t_s = readings.t_s();
         let mut sink = |event| report(Report { t_s, event });
 
-        let mut motor = self.obey(t_s, &mut sink);
-        self.read(readings);
-        if let Some(calibration) =
-            self.field.tick(readings.acceleration, &mut |event| calibration_events(event, &mut sink))
-        {
-            self.gatherer.set_triad(calibration.correction());
+        let mut orders = Orders::default();
+        for byte in request_bytes {
+            self.request_byte(byte, flash, &mut orders, &mut sink);
         }
+        for byte in gyro_bytes {
+            self.gyro_byte(byte);
+        }
+        self.read(readings);
+        self.calibrate(readings, flash, &mut sink);
         let given_up = self.gatherer.tick(&mut self.counters);
         self.keep(given_up);
 
         let watched = self.watch.tick(readings.tick);
         let encoder = (self.encoder_failures >= ENCODER_PATIENCE).then_some(Fault::EncoderFailed);
         if let Ok(sequencer) = &mut self.sequencer {
-            let moved = sequencer.tick(t_s, readings.index.flatten(), readings.turning, &mut sink);
-            motor = moved.or(motor);
+            let moved = sequencer.tick(t_s, readings.sensors.index.value(), readings.turning, &mut sink);
+            orders.motor = moved.or(orders.motor);
             if let Some(fault) = watched.or(encoder) {
-                motor = sequencer.fail(fault, t_s, &mut sink).or(motor);
+                orders.motor = sequencer.fail(fault, t_s, &mut sink).or(orders.motor);
             }
         }
         while let Some(rate) = self.finished.pop_front() {
-            motor = self.second(&rate, t_s, &mut sink).or(motor);
+            orders.motor = self.second(&rate, t_s, &mut sink).or(orders.motor);
         }
-        motor
+        orders
+    }
+
+    /// Attitudes of the accelerometers to be solved for, once; the answer goes to [`Self::solved`].
+    pub fn problem(&mut self) -> Option<Problem> {
+        self.field.problem()
+    }
+
+    /// The answer to the problem, whenever it comes; one that nobody waits for any more is dropped.
+    pub fn solved(&mut self, answer: Result<Solved, NoCalibration>) {
+        self.field.solved(answer);
+    }
+
+    fn gyro_byte(&mut self, byte: u8) {
+        if let Some(frame) = self.reader.push(byte) {
+            self.watch.heard(self.tick);
+            let second = self.gatherer.frame(&frame, &mut self.counters);
+            self.keep(second);
+        }
+    }
+
+    /// Never inlined: a request with its settings is on the stack only here.
+    #[inline(never)]
+    fn request_byte(&mut self, byte: u8, flash: &mut impl NorFlash, orders: &mut Orders, sink: &mut dyn FnMut(Event)) {
+        match self.requests.feed(byte) {
+            None => {}
+            Some(Ok(Request::Command(command))) => orders.motor = self.obey(command, sink).or(orders.motor),
+            Some(Ok(Request::Provoke(how))) => orders.provoke = Some(how),
+            Some(Ok(Request::StoreSettings(settings))) if is_stored(flash, &settings) => {
+                orders.restart = true;
+                sink(Event::SettingsStored);
+            }
+            Some(request) => {
+                self.counters.commands_bad = self.counters.commands_bad.saturating_add(1);
+                if let Ok(Request::StoreSettings(_)) = request {
+                    sink(Event::SettingsRefused);
+                }
+            }
+        }
+    }
+
+    fn calibrate(&mut self, readings: &Readings, flash: &mut impl NorFlash, sink: &mut dyn FnMut(Event)) {
+        let reading = readings.sensors.acceleration;
+        if let Some(calibration) = self.field.tick(reading, &mut |event| calibration_events(event, sink)) {
+            self.gatherer.set_triad(calibration.correction());
+        }
+        if let Some(calibration) = self.field.to_store() {
+            let stored = store::update(flash, |settings| settings.accelerometer = Some(calibration));
+            self.field.stored(stored.is_ok());
+        }
     }
 
     fn keep(&mut self, second: Option<RateSecond>) {
@@ -158,8 +223,8 @@ impl Pipeline {
         }
     }
 
-    fn obey(&mut self, t_s: f64, sink: &mut dyn FnMut(Event)) -> Option<MotorCommand> {
-        let command = self.command.take()?;
+    fn obey(&mut self, command: Command, sink: &mut dyn FnMut(Event)) -> Option<MotorCommand> {
+        let t_s = self.tick as f64 * SAMPLE_S;
         match (&mut self.sequencer, command) {
             (Ok(sequencer), Command::Start) => {
                 self.field.abort(&mut |event| calibration_events(event, sink));
@@ -192,21 +257,21 @@ impl Pipeline {
         counters.reports_refused = readings.refused.reports;
         counters.bytes_skipped = self.reader.bytes_skipped();
         counters.frames_bad_crc = self.reader.bad_crc();
-        match readings.acceleration {
-            Some(Some(reading)) => self.gatherer.acceleration(reading),
-            Some(None) => counters.accelerometer_errors = counters.accelerometer_errors.saturating_add(1),
-            None => {}
+        match readings.sensors.acceleration {
+            Reading::Value(reading) => self.gatherer.acceleration(reading),
+            Reading::Failed => counters.accelerometer_errors = counters.accelerometer_errors.saturating_add(1),
+            Reading::NotDue => {}
         }
-        match readings.index {
-            Some(Some(index)) => {
+        match readings.sensors.index {
+            Reading::Value(index) => {
                 self.gatherer.index(index);
                 self.encoder_failures = 0;
             }
-            Some(None) => {
+            Reading::Failed => {
                 counters.encoder_errors = counters.encoder_errors.saturating_add(1);
                 self.encoder_failures = self.encoder_failures.saturating_add(1);
             }
-            None => {}
+            Reading::NotDue => {}
         }
     }
 
@@ -254,6 +319,20 @@ impl Pipeline {
         }
         motor
     }
+}
+
+/// A flash that cannot be read is as good as corrupt.
+///
+/// Never inlined: what this takes of the stack is free again when the instrument is made.
+#[inline(never)]
+fn load(flash: &mut impl ReadNorFlash) -> Loaded {
+    store::load(flash).unwrap_or(Loaded::Corrupt)
+}
+
+/// Whether the settings make sense and are in flash now.
+#[inline(never)]
+fn is_stored(flash: &mut impl NorFlash, settings: &Settings) -> bool {
+    settings.validate().is_ok() && store::save(flash, settings).is_ok()
 }
 
 #[inline(always)]

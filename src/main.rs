@@ -6,8 +6,8 @@
 //! | `request_rx` | 4 | the host's line has bytes | reads them, queues them |
 //! | `sample` | 3 | 2.5 ms have passed | tells the gyro to sample, reads the sensors that are due, commands the motor |
 //! | `step` | 3 | a slot of the turning motor begins | perhaps a step |
-//! | `solve` | 2 | `sample` has readings | bytes and readings into the pipeline; events and a motor command out |
-//! | `report` | 1 | `solve` has events | sends them to the host |
+//! | `solve` | 2 | `sample` has readings | bytes and readings into the instrument; reports, a motor command and a calibration's problem out |
+//! | `report` | 1 | `solve` has reports | sends them to the host |
 //! | `calibrate` | 1 | `solve` has attitudes for it | solves the accelerometers' calibration, for as long as that takes |
 //! | `idle` | – | otherwise | sleeps |
 
@@ -34,17 +34,15 @@ mod app {
     use crate::board::{self, Board, crash};
     use north_finder::calibration::field::problem::{Problem, Solved};
     use north_finder::calibration::field::refusal::NoCalibration;
-    use north_finder::drivers::sensors::{Due, Sensors};
+    use north_finder::drivers::sensors::Sensors;
     use north_finder::drivers::step_motor::StepMotor;
     use north_finder::event::{Event, Report};
     use north_finder::guard::{Guard, Task, Verdict};
     use north_finder::health::Refused;
     use north_finder::index::MotorCommand;
-    use north_finder::link::{self, Request, RequestDecoder};
-    use north_finder::pipeline::{Pipeline, Readings};
+    use north_finder::instrument::{Instrument, Readings};
+    use north_finder::link;
     use north_finder::restart::Crash;
-    use north_finder::settings::store::{self, Loaded};
-    use north_finder::settings::{IndexSettings, Settings};
 
     /// Room for as many ticks as `solve` may lag behind: 80 ms, and the bytes of gyro and host of that time.
     const READINGS: usize = 32;
@@ -87,7 +85,7 @@ mod app {
         readings_in: Sender<'static, Readings, READINGS>,
         motor_out: Consumer<'static, MotorCommand>,
         // solve
-        pipeline: &'static mut Pipeline,
+        instrument: &'static mut Instrument,
         gyro_out: Consumer<'static, u8>,
         request_out: Consumer<'static, u8>,
         motor_in: Producer<'static, MotorCommand>,
@@ -107,13 +105,12 @@ mod app {
         gyro_bytes: Queue<u8, GYRO_BYTES> = Queue::new(),
         requests: Queue<u8, REQUEST_BYTES> = Queue::new(),
         motor_commands: Queue<MotorCommand, MOTOR_COMMANDS> = Queue::new(),
-        pipeline_place: MaybeUninit<Pipeline> = MaybeUninit::uninit(),
+        place: MaybeUninit<Instrument> = MaybeUninit::uninit(),
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let crash = crash::take().or_else(|| board::reset_cause().map(Crash::new));
         let mut board: Board = board::init(cx.device);
-        let loaded = load_settings(&mut board.flash);
-        let (pipeline, index) = power_up(cx.local.pipeline_place, loaded);
+        let instrument = power_up(cx.local.place, &mut board.flash);
 
         let (gyro_in, gyro_out) = cx.local.gyro_bytes.split();
         let (request_in, request_out) = cx.local.requests.split();
@@ -128,7 +125,7 @@ mod app {
         let _ = calibrate::spawn(problems_out);
 
         let shared = Shared {
-            motor: StepMotor::new(board.step, board.direction, board.enable, &index),
+            motor: StepMotor::new(board.step, board.direction, board.enable, &instrument.index_settings()),
             slots: board.slots,
             refused: Refused::default(),
         };
@@ -142,7 +139,7 @@ mod app {
             sensors: Sensors::new(board.accelerometer, board.encoder),
             readings_in,
             motor_out,
-            pipeline,
+            instrument,
             gyro_out,
             request_out,
             motor_in,
@@ -158,61 +155,21 @@ mod app {
         (shared, local)
     }
 
-    /// Settings from flash; a flash that cannot be read is as good as corrupt.
-    ///
-    /// Never inlined: what this takes of the stack is free again for [`power_up`].
-    #[inline(never)]
-    fn load_settings(flash: &mut board::Flash) -> Loaded {
-        let loaded = store::load(flash).unwrap_or(Loaded::Corrupt);
-        match &loaded {
-            Loaded::Valid(settings) => defmt::info!("boot: settings for latitude {} deg", settings.latitude_deg),
-            Loaded::Missing => defmt::warn!("boot: no settings"),
-            Loaded::Corrupt => defmt::error!("boot: settings are corrupt"),
-        }
-        loaded
-    }
-
-    /// Makes the pipeline where it stays.
+    /// Makes the instrument where it stays.
     ///
     /// Never inlined: what this takes of the stack is free again for the tasks.
     #[inline(never)]
-    fn power_up(place: &'static mut MaybeUninit<Pipeline>, loaded: Loaded) -> (&'static mut Pipeline, IndexSettings) {
-        let index = match &loaded {
-            Loaded::Valid(settings) => settings.index,
-            Loaded::Missing | Loaded::Corrupt => IndexSettings::default(),
-        };
-        (place.write(Pipeline::new(loaded)), index)
+    fn power_up(place: &'static mut MaybeUninit<Instrument>, flash: &mut board::Flash) -> &'static mut Instrument {
+        let instrument = place.write(Instrument::power_up(flash));
+        match instrument.refusal() {
+            None => defmt::info!("boot: ready"),
+            Some(fault) => defmt::error!("boot: no fix can be started: {}", fault),
+        }
+        instrument
     }
 
     fn one_more(count: &mut u32) {
         *count = count.saturating_add(1);
-    }
-
-    /// Obeys the requests that have come.
-    ///
-    /// Never inlined: a request with its settings is on the stack only here.
-    #[inline(never)]
-    fn obey(
-        bytes: &mut Consumer<'static, u8>,
-        decoder: &mut RequestDecoder,
-        pipeline: &mut Pipeline,
-        flash: &mut board::Flash,
-    ) {
-        while let Some(byte) = bytes.dequeue() {
-            match decoder.feed(byte) {
-                Some(Ok(Request::Command(command))) => pipeline.command(command),
-                Some(Ok(Request::StoreSettings(settings))) if store(flash, &settings) => board::restart(),
-                Some(Ok(Request::Provoke(how))) => crash::provoke(how),
-                Some(_) => pipeline.bad_command(),
-                None => {}
-            }
-        }
-    }
-
-    /// Whether the settings make sense and are in flash.
-    #[inline(never)]
-    fn store(flash: &mut board::Flash, settings: &Settings) -> bool {
-        settings.validate().is_ok() && store::save(flash, settings).is_ok()
     }
 
     #[task(binds = USART1, priority = 4, local = [gyro_port, gyro_in], shared = [refused])]
@@ -242,7 +199,7 @@ mod app {
     fn sample(mut cx: sample::Context) {
         let local = cx.local;
         local.ticker.sync();
-        let Due { acceleration, index } = local.sensors.read(*local.tick);
+        let sensors = local.sensors.read(*local.tick);
         while let Some(command) = local.motor_out.dequeue() {
             cx.shared.motor.command(command);
         }
@@ -251,7 +208,7 @@ mod app {
             cx.shared.slots.start();
         }
         let refused = cx.shared.refused.lock(|refused| *refused);
-        let readings = Readings { tick: *local.tick, acceleration, index, turning, refused };
+        let readings = Readings { tick: *local.tick, sensors, turning, refused };
         if local.readings_in.try_send(readings).is_err() {
             cx.shared.refused.lock(|refused| one_more(&mut refused.readings));
         }
@@ -275,8 +232,7 @@ mod app {
     #[task(
         priority = 2,
         local = [
-            pipeline, gyro_out, request_out, motor_in, reports_in, problems_in, answers_out, flash, crash, program,
-            decoder: RequestDecoder = RequestDecoder::new(),
+            instrument, gyro_out, request_out, motor_in, reports_in, problems_in, answers_out, flash, crash, program,
         ],
         shared = [refused],
     )]
@@ -288,29 +244,33 @@ mod app {
         }
         while let Ok(readings) = readings_out.recv().await {
             GUARD.check_in(Task::Solve);
-            obey(local.request_out, local.decoder, local.pipeline, local.flash);
             if let Ok(answer) = local.answers_out.try_recv() {
-                local.pipeline.field.solved(answer);
+                local.instrument.solved(answer);
             }
-            while let Some(byte) = local.gyro_out.dequeue() {
-                local.pipeline.gyro_bytes(&[byte]);
-            }
+            let mut refused = false;
             let mut report = |report| {
                 if local.reports_in.try_send(report).is_err() {
                     cx.shared.refused.lock(|refused| one_more(&mut refused.reports));
+                    refused = true;
                 }
             };
-            if let Some(command) = local.pipeline.tick(&readings, &mut report) {
+            let gyro = core::iter::from_fn(|| local.gyro_out.dequeue());
+            let requests = core::iter::from_fn(|| local.request_out.dequeue());
+            let orders = local.instrument.step(&readings, gyro, requests, local.flash, &mut report);
+            if let Some(command) = orders.motor {
                 // `sample` empties the queue at every tick.
                 let _ = local.motor_in.enqueue(command);
             }
-            if let Some(problem) = local.pipeline.field.problem() {
+            // `report` starts anew when it has said so, if it can.
+            if orders.restart && refused {
+                board::restart();
+            }
+            if let Some(how) = orders.provoke {
+                crash::provoke(how);
+            }
+            if let Some(problem) = local.instrument.problem() {
                 // There is never a second one.
                 let _ = local.problems_in.try_send(problem);
-            }
-            if let Some(calibration) = local.pipeline.field.to_store() {
-                let stored = store::update(local.flash, |settings| settings.accelerometer = Some(calibration));
-                local.pipeline.field.stored(stored.is_ok());
             }
             GUARD.done(readings.tick, board::passed_permille());
             if readings.tick % VITALS_TICKS == FIRST_VITALS_TICK {
@@ -335,6 +295,9 @@ mod app {
             // The longest report fits a frame: a test of the link says so.
             if let Ok(frame) = link::encode_report(&report) {
                 cx.local.report_port.write(&frame);
+            }
+            if report.event == Event::SettingsStored {
+                board::restart();
             }
         }
     }

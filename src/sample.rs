@@ -76,11 +76,11 @@ impl GyroSettings {
 pub struct RateSecond {
     /// Angle as the gyro gave it, arcsec.
     pub fog_arcsec: f64,
-    /// Mean rate, °/h: as the gyro gave it until the pipeline has applied the error model.
+    /// Mean rate, °/h: as the gyro gave it until the accumulator has applied the error model.
     pub rate_deg_h: f64,
     /// First moment of the angle about the middle of the second, arcsec · s.
     pub moment_arcsec_s: f64,
-    /// What is known of the second here: the temperature. The pipeline adds the rest.
+    /// What is known of the second here: the temperature. The gatherer adds the rest.
     pub conditions: Conditions,
     /// Slots without a valid frame.
     pub missing: u16,

@@ -1,4 +1,4 @@
-//! Replay = record = replay: what entered the pipeline, entered again, gives the same reports bit for bit; and the
+//! Replay = record = replay: what entered the instrument, entered again, gives the same reports bit for bit; and the
 //! recording of a fix, of its seconds or of its frames, gives that fix.
 
 use std::cell::RefCell;
@@ -6,16 +6,16 @@ use std::sync::atomic::AtomicBool;
 
 use crate::common::{run, setup};
 use hal_sim::Scenario;
-use north::engine::{End, host};
+use north::engine::{End, host, world};
 use north::recorder::{RawRecorder, Recorder, new_campaign, write_run};
 use north::settings_file::read_settings;
 use north::solve::solve_file;
 use north_finder::effects::{BaseMotion, ErrorModel};
 use north_finder::event::Report;
-use north_finder::pipeline::{Pipeline, Readings};
+use north_finder::instrument::{Instrument, Readings};
+use north_finder::link::{Request, encode_request};
 use north_finder::sequence::Command;
 use north_finder::settings::Settings;
-use north_finder::settings::store::Loaded;
 
 #[test]
 fn the_same_input_gives_the_same_reports() {
@@ -25,12 +25,13 @@ fn the_same_input_gives_the_same_reports() {
         let mut tap = |readings: &Readings, bytes: &[u8]| recorded.push((*readings, bytes.to_vec()));
         host::run_tapped(&setup, &AtomicBool::new(false), &mut |report| reports.push(*report), &mut tap).unwrap();
 
-        let mut pipeline = Pipeline::new(Loaded::Valid(setup.settings.clone().unwrap()));
-        pipeline.command(Command::Start);
+        let mut flash = world(&setup).unwrap().flash();
+        let mut instrument = Instrument::power_up(&mut flash);
+        let mut request = encode_request(&Request::Command(Command::Start)).unwrap();
         let mut replayed = Vec::new();
-        for (readings, bytes) in &recorded {
-            pipeline.gyro_bytes(bytes);
-            pipeline.tick(readings, &mut |report| replayed.push(report));
+        for (readings, bytes) in recorded {
+            instrument.step(&readings, bytes, request, &mut flash, &mut |report| replayed.push(report));
+            request = Default::default();
         }
         assert_eq!(format!("{replayed:?}"), format!("{reports:?}"), "{name}");
     }

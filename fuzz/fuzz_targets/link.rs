@@ -5,7 +5,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use north_finder::link::{Decoder, MAX_REQUEST, Request, encode_request};
-use north_finder::pipeline::Command;
+use north_finder::sequence::Command;
 
 fuzz_target!(|bytes: &[u8]| {
     let mut decoder: Decoder<Request, MAX_REQUEST> = Decoder::default();

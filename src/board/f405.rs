@@ -284,10 +284,11 @@ fn received<E>(byte: nb::Result<u8, E>) -> Option<Result<u8, Overrun>> {
 pub struct ReportPort(Tx<pac::USART2>);
 
 impl ReportPort {
-    /// Sends all, and waits as long as that takes.
+    /// Sends all, and waits until the last bit is out.
     pub fn write(&mut self, bytes: &[u8]) {
         // The transmitter has no errors.
         let _ = self.0.bwrite_all(bytes);
+        let _ = self.0.bflush();
     }
 }
 

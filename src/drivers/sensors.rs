@@ -1,10 +1,12 @@
 //! Which sensor is read at which tick: one schedule for the board, QEMU and the in-process run.
 
 use embedded_hal::spi::SpiDevice;
+use serde::{Deserialize, Serialize};
 
 use super::adxl355::Adxl355;
 use super::as5048a::As5048a;
 use crate::codes::{IndexCode, TriadCode};
+use crate::reading::Reading;
 
 /// Both sensors are read at every fourth tick (100 Hz), two ticks apart, so that no tick carries both.
 const PERIOD_TICKS: u64 = 4;
@@ -19,11 +21,11 @@ pub struct Sensors<A, E> {
     accelerometer_configured: bool,
 }
 
-/// What one tick's readings gave. The outer `None`: not due at this tick; the inner: due and failed.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// What one tick's readings gave.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Due {
-    pub acceleration: Option<Option<TriadCode>>,
-    pub index: Option<Option<IndexCode>>,
+    pub acceleration: Reading<TriadCode>,
+    pub index: Reading<IndexCode>,
 }
 
 impl<A: SpiDevice, E: SpiDevice> Sensors<A, E> {
@@ -40,21 +42,21 @@ impl<A: SpiDevice, E: SpiDevice> Sensors<A, E> {
     pub fn read(&mut self, tick: u64) -> Due {
         match tick % PERIOD_TICKS {
             ACCELEROMETER_PHASE => Due { acceleration: self.acceleration(), ..Due::default() },
-            ENCODER_PHASE => Due { index: Some(self.encoder.angle().ok()), ..Due::default() },
+            ENCODER_PHASE => Due { index: self.encoder.angle().into(), ..Due::default() },
             _ => Due::default(),
         }
     }
 
     /// An accelerometer that fails is configured anew at its next turn: it may have lost its supply. The turn that
     /// configures it has no reading to give.
-    fn acceleration(&mut self) -> Option<Option<TriadCode>> {
+    fn acceleration(&mut self) -> Reading<TriadCode> {
         let reading = if self.accelerometer_configured {
-            self.accelerometer.acceleration().map(Some)
+            self.accelerometer.acceleration().into()
         } else {
-            self.accelerometer.configure().map(|()| None)
+            self.accelerometer.configure().map_or(Reading::Failed, |()| Reading::NotDue)
         };
-        self.accelerometer_configured = reading.is_ok();
-        reading.ok().map_or(Some(None), |reading| reading.map(Some))
+        self.accelerometer_configured = reading != Reading::Failed;
+        reading
     }
 }
 
@@ -87,8 +89,8 @@ mod tests {
         let mut sensors = Sensors::new(accelerometer(), encoder());
         let due: Vec<Due> = (0..5).map(|tick| sensors.read(tick)).collect();
         let nothing = Due::default();
-        let angle = Due { index: Some(Some(IndexCode(1 << 30))), ..nothing };
-        let acceleration = Due { acceleration: Some(Some(TriadCode([0, 0, 256_000 << 12]))), ..nothing };
+        let angle = Due { index: Reading::Value(IndexCode(1 << 30)), ..nothing };
+        let acceleration = Due { acceleration: Reading::Value(TriadCode([0, 0, 256_000 << 12])), ..nothing };
         assert_eq!(due, [nothing, nothing, angle, nothing, acceleration]);
     }
 
@@ -97,8 +99,8 @@ mod tests {
         let wrong_part = vec![Exchange::new([0x01, 0, 0, 0], [0, 0, 0, 0])];
         let odd_parity = vec![Exchange::new([0x7F, 0xFD], [0, 0]), Exchange::new([0xFF, 0xFF], [0x10, 0x00])];
         let mut sensors = Sensors::new(MockSpi::new(wrong_part), MockSpi::new(odd_parity));
-        assert_eq!(sensors.read(0).acceleration, Some(None));
-        assert_eq!(sensors.read(2).index, Some(None));
+        assert_eq!(sensors.read(0).acceleration, Reading::Failed);
+        assert_eq!(sensors.read(2).index, Reading::Failed);
     }
 
     #[test]
@@ -106,7 +108,7 @@ mod tests {
         let mut exchanges = vec![Exchange::new([0x01, 0, 0, 0], [0, 0, 0, 0])];
         exchanges.extend(MockSpi::adxl355_configuration());
         let mut sensors = Sensors::new(MockSpi::new(exchanges), MockSpi::new(vec![]));
-        assert_eq!(sensors.read(0).acceleration, Some(None));
-        assert_eq!(sensors.read(4).acceleration, None);
+        assert_eq!(sensors.read(0).acceleration, Reading::Failed);
+        assert_eq!(sensors.read(4).acceleration, Reading::NotDue);
     }
 }

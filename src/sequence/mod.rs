@@ -149,6 +149,10 @@ impl Sequencer {
         }
     }
 
+    pub fn rules(&self) -> &Rules {
+        &self.rules
+    }
+
     pub fn state(&self) -> State {
         self.stage.state()
     }

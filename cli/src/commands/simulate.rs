@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use clap::Args;
 use hal_sim::Scenario;
 use north_finder::event::Report;
-use north_finder::pipeline::Readings;
+use north_finder::instrument::Readings;
 use rayon::prelude::*;
 
 use super::instrument::InstrumentOptions;

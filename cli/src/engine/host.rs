@@ -1,33 +1,30 @@
-//! The fix in this process: the firmware's drivers and pipeline around the simulated instrument.
+//! The fix in this process: the firmware's drivers and its [`Instrument`] around the simulated devices.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use embedded_io::Read as _;
 use hal_sim::{AccelerometerSpi, EncoderSpi, GyroLine, Pin, World};
-use north_finder::drivers::sensors::{Due, Sensors};
+use north_finder::drivers::sensors::Sensors;
 use north_finder::drivers::step_motor::{SLOTS_PER_TICK, StepMotor};
 use north_finder::event::Report;
 use north_finder::health::Refused;
 use north_finder::index::MotorCommand;
-use north_finder::link::Request;
-use north_finder::pipeline::{Pipeline, Readings};
-use north_finder::settings::Settings;
-use north_finder::settings::store::{self, Loaded};
+use north_finder::instrument::{Instrument, Readings};
 
-use super::{EngineError, FixWanted, Observer, Outcome, Person, PowerOff, Setup};
+use super::{EngineError, FixWanted, Observer, Outcome, Person, PowerOff, RequestLine, Setup};
 
-/// Sees what enters the pipeline at every tick.
+/// Sees what enters the instrument at every tick: readings and gyro bytes.
 pub type Tap<'a> = dyn FnMut(&Readings, &[u8]) + 'a;
 
-/// The instrument: its parts, wired as on the board.
-struct Instrument {
+/// The instrument and its devices, wired as on the board.
+struct Wired {
     world: World,
     gyro: GyroLine,
     /// What the gyro sent in this tick.
     heard: Vec<u8>,
     sensors: Sensors<AccelerometerSpi, EncoderSpi>,
     motor: StepMotor<Pin, Pin, Pin>,
-    pipeline: Pipeline,
+    instrument: Instrument,
     /// Decided by the last solve, carried out at the next tick.
     pending: Option<MotorCommand>,
     tick: u64,
@@ -41,7 +38,7 @@ pub fn run(setup: &Setup, stop: &AtomicBool, observe: &mut Observer<'_>) -> Resu
     run_tapped(setup, stop, observe, &mut |_, _| ())
 }
 
-/// The same, with a look at what enters the pipeline at every tick: readings and gyro bytes.
+/// The same, with a look at what enters the instrument at every tick.
 pub fn run_tapped(
     setup: &Setup,
     stop: &AtomicBool,
@@ -62,13 +59,14 @@ pub fn serve(
     stop: &AtomicBool,
     tap: &mut Tap<'_>,
 ) -> Result<PowerOff, EngineError> {
-    let mut instrument = Instrument::power_up(world.clone())?;
+    let mut wired = Wired::power_up(world);
+    let mut requests = RequestLine::default();
     for tick in 0..limit_ticks {
         if let Some(request) = person.request(tick) {
-            instrument.request(request)?;
+            requests.send(&request)?;
         }
         let mut heard = false;
-        instrument.tick(tap, &mut |report| heard |= person.hear(&report));
+        wired.tick(&requests.tick(), tap, &mut |report| heard |= person.hear(&report));
         if heard {
             return Ok(PowerOff::Heard);
         }
@@ -79,70 +77,46 @@ pub fn serve(
     Ok(PowerOff::TimeLimit)
 }
 
-impl Instrument {
-    fn power_up(world: World) -> Result<Self, EngineError> {
-        let loaded = store::load(&mut world.flash()).map_err(|error| EngineError::Flash(format!("{error:?}")))?;
-        let index = match &loaded {
-            Loaded::Valid(settings) => settings.index,
-            Loaded::Missing | Loaded::Corrupt => Settings::default().index,
-        };
-        Ok(Self {
+impl Wired {
+    fn power_up(world: &World) -> Self {
+        let instrument = Instrument::power_up(&mut world.flash());
+        let index = instrument.index_settings();
+        Self {
             gyro: world.gyro(),
             heard: Vec::new(),
             sensors: Sensors::new(world.accelerometer(), world.encoder()),
             motor: StepMotor::new(world.step_pin(), world.dir_pin(), world.enable_pin(), &index),
-            pipeline: Pipeline::new(loaded),
+            instrument,
             pending: None,
             tick: 0,
-            world,
-        })
-    }
-
-    /// A request over the link.
-    fn request(&mut self, request: Request) -> Result<(), EngineError> {
-        match request {
-            Request::Command(command) => self.pipeline.command(command),
-            Request::StoreSettings(settings)
-                if settings.validate().is_ok() && store::save(&mut self.world.flash(), &settings).is_ok() =>
-            {
-                *self = Self::power_up(self.world.clone())?;
-            }
-            // A process has nothing that survives its crash.
-            Request::StoreSettings(_) | Request::Provoke(_) => self.pipeline.bad_command(),
+            world: world.clone(),
         }
-        Ok(())
     }
 
     /// 2.5 ms, everything in the order in which the board does it.
-    fn tick(&mut self, tap: &mut Tap<'_>, report: &mut dyn FnMut(Report)) {
+    fn tick(&mut self, requests: &[u8], tap: &mut Tap<'_>, report: &mut dyn FnMut(Report)) {
         for _ in 0..SLOTS_PER_TICK {
             self.motor.slot();
             self.world.advance_slot();
         }
         self.world.sample();
         self.hear_gyro();
-        self.pipeline.gyro_bytes(&self.heard);
-        let Due { acceleration, index } = self.sensors.read(self.tick);
+        let sensors = self.sensors.read(self.tick);
         if let Some(command) = self.pending.take() {
             self.motor.command(command);
         }
         let (turning, refused) = (self.motor.is_turning(), Refused::default());
-        let readings = Readings { tick: self.tick, acceleration, index, turning, refused };
+        let readings = Readings { tick: self.tick, sensors, turning, refused };
         tap(&readings, &self.heard);
-        self.pending = self.pipeline.tick(&readings, report);
-        self.calibrate();
-        self.tick += 1;
-    }
-
-    /// What the calibration in the field has done outside the pipeline.
-    fn calibrate(&mut self) {
-        let field = &mut self.pipeline.field;
-        if let Some(problem) = field.problem() {
-            field.solved(problem.solve());
+        let (gyro, requests) = (self.heard.iter().copied(), requests.iter().copied());
+        let orders = self.instrument.step(&readings, gyro, requests, &mut self.world.flash(), report);
+        self.pending = orders.motor;
+        if let Some(problem) = self.instrument.problem() {
+            self.instrument.solved(problem.solve());
         }
-        if let Some(calibration) = field.to_store() {
-            let change = |settings: &mut Settings| settings.accelerometer = Some(calibration);
-            field.stored(store::update(&mut self.world.flash(), change).is_ok());
+        self.tick += 1;
+        if orders.restart {
+            *self = Self::power_up(&self.world);
         }
     }
 

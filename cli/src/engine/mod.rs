@@ -1,16 +1,17 @@
-//! What runs a fix: the simulated instrument with the firmware's pipeline around it, in process ([`host`]) or as the
+//! What runs a fix: the simulated devices with the firmware around them, in process ([`host`]) or as the
 //! real image in QEMU ([`qemu`]). Both do the same things in the same order and give the same reports, bit for bit.
 
 pub mod host;
 pub mod qemu;
 
+use std::collections::VecDeque;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use hal_sim::{Scenario, Truth, World};
 use north_finder::event::{Event, Fix, Report, State};
 use north_finder::health::Fault;
-use north_finder::link::Request;
+use north_finder::link::{self, Request};
 use north_finder::sample::SAMPLE_S;
 use north_finder::sequence::Command;
 use north_finder::settings::{Settings, store};
@@ -50,7 +51,7 @@ pub enum End {
 /// What runs the fix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Engine {
-    /// The pipeline in this process.
+    /// The firmware's instrument in this process.
     Host,
     /// The firmware image in QEMU.
     Qemu,
@@ -101,8 +102,29 @@ pub enum PowerOff {
 pub enum EngineError {
     #[error("the settings cannot be stored in the simulated flash: {0}")]
     Flash(String),
+    #[error("a request is too long for the link")]
+    Request,
     #[error(transparent)]
     Qemu(#[from] qemu::QemuError),
+}
+
+/// What the host's line carries in a tick: 115 200 baud, ten bits a byte, 2.5 ms.
+const REQUEST_BYTES_A_TICK: usize = 28;
+
+/// Requests on their way to the instrument.
+#[derive(Debug, Default)]
+struct RequestLine(VecDeque<u8>);
+
+impl RequestLine {
+    fn send(&mut self, request: &Request) -> Result<(), EngineError> {
+        self.0.extend(link::encode_request(request).map_err(|_| EngineError::Request)?);
+        Ok(())
+    }
+
+    /// What arrives in the next tick.
+    fn tick(&mut self) -> Vec<u8> {
+        self.0.drain(..self.0.len().min(REQUEST_BYTES_A_TICK)).collect()
+    }
 }
 
 /// Runs a fix on the chosen engine. `image` is the firmware for QEMU; without one it is built.

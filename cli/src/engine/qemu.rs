@@ -12,7 +12,6 @@ mod process;
 mod tests;
 mod wire;
 
-use std::collections::VecDeque;
 use std::io;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -20,10 +19,10 @@ use std::time::{Duration, Instant};
 
 use hal_sim::World;
 use north_finder::event::Event;
-use north_finder::link::{self, ReportDecoder, Request};
+use north_finder::link::ReportDecoder;
 use north_finder::sample::SAMPLE_S;
 
-use super::{EngineError, FixWanted, Observer, Outcome, Person, PowerOff, Setup};
+use super::{EngineError, FixWanted, Observer, Outcome, Person, PowerOff, RequestLine, Setup};
 use instrument::Instrument;
 use lines::{Lines, Uarts};
 use process::Qemu;
@@ -32,8 +31,6 @@ use wire::Ask;
 /// QEMU's clock goes on by this much with every instruction: 125 million a second, about what the STM32F405 does at
 /// 168 MHz with flash wait states and the occasional two-cycle instruction.
 pub const INSTRUCTION_NS: u32 = 8;
-/// What the host's line carries in a tick: 115 200 baud, ten bits a byte, 2.5 ms.
-const REQUEST_BYTES_A_TICK: usize = 28;
 /// The board's timers count with 25 MHz.
 const CYCLE_NS: u32 = 40;
 
@@ -54,8 +51,6 @@ pub enum QemuError {
     Message { opcode: u8, length: usize },
     #[error("the firmware sent a report that cannot be decoded")]
     Report,
-    #[error("a request is too long for the link")]
-    Request,
     #[error("QEMU's emulated UARTs cannot be reached: {0}")]
     Uart(io::Error),
     #[error(transparent)]
@@ -168,7 +163,7 @@ fn serve_at(
     let mut instrument = Instrument::new(world);
     let mut reports = ReportDecoder::new();
     let mut cost = Cost::default();
-    let mut requests = VecDeque::new();
+    let mut requests = RequestLine::default();
     let mut off = None;
     let mut hear = |bytes: &[u8], person: &mut dyn Person, off: &mut Option<PowerOff>| {
         for report in bytes.iter().filter_map(|&byte| reports.feed(byte)) {
@@ -195,11 +190,10 @@ fn serve_at(
                 } else {
                     let gyro = instrument.tick(edges);
                     if let Some(request) = person.request(cost.ticks) {
-                        requests.extend(encode(&request)?);
+                        requests.send(&request)?;
                     }
-                    let sent: Vec<u8> = requests.drain(..requests.len().min(REQUEST_BYTES_A_TICK)).collect();
                     cost.ticks += 1;
-                    lines.send(&gyro, &sent)?
+                    lines.send(&gyro, &requests.tick())?
                 };
                 qemu.reply(&reply)?;
             }
@@ -232,8 +226,4 @@ fn start(pace: Pace, image: &Path) -> Result<(Qemu, Lines), QemuError> {
             (qemu, uarts.accept().map_err(QemuError::Uart)?)
         }
     })
-}
-
-fn encode(request: &Request) -> Result<Vec<u8>, QemuError> {
-    link::encode_request(request).map(|frame| frame.to_vec()).map_err(|_| QemuError::Request)
 }

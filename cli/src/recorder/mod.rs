@@ -7,7 +7,7 @@ pub use raw::RawRecorder;
 use std::path::Path;
 
 use north_finder::event::{Event, Report, Second, State};
-use north_finder::level::{LevelMoments, Specific};
+use north_finder::level::Specific;
 use north_finder::replay::Mark;
 
 use crate::campaign::{
@@ -67,7 +67,7 @@ fn row(second: &Second) -> Row {
         index_deg: second.index_deg.unwrap_or(f64::NAN),
         fog_arcsec: second.fog_arcsec,
         temp_c: second.temp_c,
-        level_g: second.level.map(|LevelMoments { mean: Specific { forward, left }, .. }| [forward, left]),
+        level: second.level.map(|level| level.mean),
         lost_frames: second.lost_frames,
         own: Some(Own::Second { read, mark: mark(second), moment_arcsec_s: second.moment_arcsec_s, level_moment }),
         extra: Vec::new(),
@@ -87,10 +87,10 @@ fn fill<T: Copy>(rows: &mut [Row], get: impl Fn(&Row) -> Option<T>, set: impl Fn
 pub fn write_run(campaign: &CampaignWriter, file: &str, mut rows: Vec<Row>) -> Result<(), FileError> {
     fill(&mut rows, |row| row.temp_c, |row, temp_c| row.temp_c = Some(temp_c));
     fill(&mut rows, |row| Some(row.index_deg).filter(|deg| deg.is_finite()), |row, deg| row.index_deg = deg);
-    fill(&mut rows, |row| row.level_g, |row, level_g| row.level_g = Some(level_g));
+    fill(&mut rows, |row| row.level, |row, level| row.level = Some(level));
     for row in &mut rows {
         // Sensors that never gave anything.
-        row.level_g.get_or_insert([0.0; 2]);
+        row.level.get_or_insert_default();
         if !row.index_deg.is_finite() {
             row.index_deg = 0.0;
         }

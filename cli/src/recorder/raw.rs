@@ -6,7 +6,8 @@ use north_finder::codes::{IndexCode, TriadCode};
 use north_finder::event::{Event, Report, State};
 use north_finder::frame::{FrameReader, GyroFormat};
 use north_finder::health::Counters;
-use north_finder::pipeline::Readings;
+use north_finder::instrument::Readings;
+use north_finder::level::Specific;
 use north_finder::sample::{GyroSettings, SAMPLE_S, SAMPLES_PER_SECOND, Sampler};
 
 use crate::campaign::{ACCELEROMETERS, INDEX, Own, Row, TEMPERATURE};
@@ -71,8 +72,8 @@ impl RawRecorder {
         }
         // The oldest second that is not reported yet gets the readings: it ends after them.
         if let Some(second) = self.seconds.front_mut() {
-            second.accelerations_g.extend(readings.acceleration.flatten().map(TriadCode::g));
-            second.indices_deg.extend(readings.index.flatten().map(IndexCode::deg));
+            second.accelerations_g.extend(readings.sensors.acceleration.value().map(TriadCode::g));
+            second.indices_deg.extend(readings.sensors.index.value().map(IndexCode::deg));
         }
         let given_up = self.slots(|sampler| {
             sampler.tick(&mut Counters::default());
@@ -138,7 +139,7 @@ impl Pending {
                 index_deg: index_deg.unwrap_or(f64::NAN),
                 fog_arcsec: frame.increment_arcsec.unwrap_or(repeated),
                 temp_c: frame.temp_c,
-                level_g: acceleration_g.map(|[x, y, _]| [x, y]),
+                level: acceleration_g.map(|[forward, left, _]| Specific { forward, left }),
                 lost_frames: u16::from(frame.increment_arcsec.is_none()),
                 own: Some(Own::Raw { read, mark, az_g: acceleration_g.map_or(up, |[_, _, z]| z) }),
                 extra: Vec::new(),

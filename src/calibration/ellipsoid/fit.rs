@@ -6,15 +6,10 @@ use super::attitude::Attitude;
 use super::coverage::{Coverage, Direction, LEAST_COVERAGE};
 use super::quadric::{Ellipsoid, Scatter};
 use super::refine::{Point, Refined, Residual, State};
+use super::refusal::{LEAST_ATTITUDES, MOST_ELONGATED, MOST_RESIDUAL};
 use super::{Correction, Refusal, nominal, norm_rms};
 use crate::calibration::statistics::chi_square_p;
 
-/// Fewest attitudes: as many as there are parameters.
-pub const LEAST_ATTITUDES: usize = 9;
-/// Largest ratio of half axes that the scale factors of one triad can have.
-pub(super) const MOST_ELONGATED: f64 = 2.0;
-/// Largest rms of |f|/G − 1 that is left on an ellipsoid.
-pub(super) const MOST_RESIDUAL: f64 = 0.02;
 /// Largest standard deviation of |f|/G, in the direction known worst, that is an answer.
 const MOST_SIGMA: f64 = 0.02;
 /// An attitude whose norm is further from G than this, in standard deviations of what the others leave, is invalid.

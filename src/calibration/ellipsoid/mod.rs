@@ -14,7 +14,7 @@ mod refusal;
 mod split;
 
 pub use fit::{Calibration, Entry, Role, Weights, fit, fit_from_sphere};
-pub use refusal::Refusal;
+pub use refusal::{LEAST_ATTITUDES, Refusal};
 pub use split::split;
 
 use nalgebra::{Matrix3, Vector3};

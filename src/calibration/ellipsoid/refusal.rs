@@ -1,7 +1,13 @@
 //! Why attitudes give no calibration.
 
 use super::coverage::{Direction, LEAST_COVERAGE};
-use super::fit::{LEAST_ATTITUDES, MOST_ELONGATED, MOST_RESIDUAL};
+
+/// Fewest attitudes: as many as there are parameters.
+pub const LEAST_ATTITUDES: usize = 9;
+/// Largest ratio of half axes that the scale factors of one triad can have.
+pub(super) const MOST_ELONGATED: f64 = 2.0;
+/// Largest rms of |f|/G − 1 that is left on an ellipsoid.
+pub(super) const MOST_RESIDUAL: f64 = 0.02;
 
 /// Why attitudes give no calibration.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,7 +1,7 @@
 //! Which attitudes are learned from and which are only judged.
 
+use super::LEAST_ATTITUDES;
 use super::coverage::Coverage;
-use super::fit::LEAST_ATTITUDES;
 use super::{Entry, Role, nominal};
 
 /// Of this many attitudes in a row one is only judged.

@@ -21,6 +21,7 @@ use self::refusal::{NoCalibration, Why};
 use super::accelerometer::AccelerometerCalibration;
 use super::ellipsoid::Correction;
 use crate::codes::TriadCode;
+use crate::reading::Reading;
 
 /// A calibration from the command to its end.
 #[derive(Clone, Debug, Default)]
@@ -77,13 +78,13 @@ impl Session {
         }
     }
 
-    /// A tick, with the reading of the accelerometers if they were due, `Some(None)` if that failed. Gives a calibration
-    /// that is stored, at the moment from which it is in effect.
-    pub fn tick(&mut self, reading: Option<Option<TriadCode>>, sink: Sink) -> Option<AccelerometerCalibration> {
+    /// A tick, with the reading of the accelerometers. Gives a calibration that is stored, at the moment from which it is in
+    /// effect.
+    pub fn tick(&mut self, reading: Reading<TriadCode>, sink: Sink) -> Option<AccelerometerCalibration> {
         match &mut self.stage {
             Stage::Collecting(collection) => {
                 let progress =
-                    collection.push(reading?.map(TriadCode::g), &mut |guidance| sink(Event::Guidance(guidance)));
+                    collection.push(reading.map(TriadCode::g), &mut |guidance| sink(Event::Guidance(guidance)));
                 match progress {
                     Progress::GoOn => {}
                     Progress::Enough => self.stage = Stage::Posed(collection.problem()),

@@ -29,9 +29,9 @@ impl Bench {
         Self { session, events, in_effect: None, flash_works: true, noise: 1 }
     }
 
-    fn reading(&mut self, reading_g: Option<[f64; 3]>) {
-        let in_effect =
-            self.session.tick(Some(reading_g.and_then(TriadCode::of_g)), &mut |event| self.events.push(event));
+    fn reading(&mut self, reading_g: Reading<[f64; 3]>) {
+        let reading = reading_g.value().and_then(TriadCode::of_g).map_or(Reading::Failed, Reading::Value);
+        let in_effect = self.session.tick(reading, &mut |event| self.events.push(event));
         self.in_effect = in_effect.or(self.in_effect);
         if let Some(problem) = self.session.problem() {
             self.session.solved(problem.solve());
@@ -45,14 +45,14 @@ impl Bench {
     fn hold(&mut self, up: [f64; 3], samples: usize) {
         for _ in 0..samples {
             let raw = raw(up, &mut self.noise);
-            self.reading(Some(raw));
+            self.reading(Reading::Value(raw));
         }
     }
 
     /// Shakes for some hundredths of a second.
     fn shake(&mut self, samples: usize) {
         for i in 0..samples {
-            self.reading(Some(if i % 2 == 0 { [0.9, 0.1, 0.3] } else { [0.2, -0.7, 0.5] }));
+            self.reading(Reading::Value(if i % 2 == 0 { [0.9, 0.1, 0.3] } else { [0.2, -0.7, 0.5] }));
         }
     }
 
@@ -245,7 +245,7 @@ fn an_answer_after_an_abort_is_dropped() {
     let mut session = Session::default();
     session.solved(Ok(solved));
     session.stored(true);
-    assert_eq!(session.tick(Some(None), &mut |event| panic!("{event:?}")), None);
+    assert_eq!(session.tick(Reading::Failed, &mut |event| panic!("{event:?}")), None);
     assert!(session.problem().is_none() && session.to_store().is_none());
 }
 
@@ -261,9 +261,9 @@ fn a_flash_that_fails_is_told_and_nothing_is_in_effect() {
 #[test]
 fn a_dead_accelerometer_ends_it() {
     let mut bench = Bench::new(Correction::UNIT);
-    (0..99).for_each(|_| bench.reading(None));
+    (0..99).for_each(|_| bench.reading(Reading::Failed));
     bench.hold([0.0, 0.0, 1.0], 1);
     assert!(!bench.ended());
-    (0..100).for_each(|_| bench.reading(None));
+    (0..100).for_each(|_| bench.reading(Reading::Failed));
     assert_eq!(bench.why(), Why::AccelerometerFailed);
 }

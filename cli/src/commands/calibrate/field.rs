@@ -35,7 +35,7 @@ pub struct Field {
     /// Seed of everything random; the same scenario and seed give the same run
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Run the pipeline in this process instead of the firmware image in QEMU
+    /// Run the instrument in this process instead of the firmware image in QEMU
     #[arg(long)]
     host: bool,
     /// The firmware image to run; without it the image is built, which needs cargo and the sources

@@ -8,6 +8,7 @@ use north_finder::effects::basis::curve::function::Function;
 use north_finder::effects::basis::curve::signal::Signal;
 use north_finder::effects::{Basis, ChannelName, ErrorModel, MAX_TERMS, Term};
 use north_finder::event::{Event, Report, State};
+use north_finder::link::Request;
 use north_finder::restart::{Cause, Crash, Provocation};
 use north_finder::sequence::Command;
 use north_finder::settings::Settings;
@@ -67,11 +68,11 @@ fn an_interrupted_run_leaves_no_process() {
 #[test]
 fn settings_arrive_over_the_link_and_outlive_the_restart() {
     let settings = Settings { latitude_deg: 51.5, model: Some(longest_model()), ..setup(1.0).settings.unwrap() };
-    let mut person = Loader { settings, states: Vec::new() };
+    let mut person = Loader { settings, stored: false, states: Vec::new() };
     let world = World::new(&setup(10.0).scenario, 1);
     let (off, _) = serve(image(), &world, 4000, &mut person, &never()).unwrap();
     assert_eq!(off, PowerOff::TimeLimit);
-    assert!(person.states.contains(&State::Watching), "{:?}", person.states);
+    assert!(person.stored && person.states.contains(&State::Watching), "{:?}", person.states);
 }
 
 /// As many effects as a model can have, with as many knots and coefficients; none of them moves the rate.
@@ -87,6 +88,7 @@ fn longest_model() -> ErrorModel {
 /// Loads settings into an empty instrument and then starts a fix.
 struct Loader {
     settings: Settings,
+    stored: bool,
     states: Vec<State>,
 }
 
@@ -100,8 +102,10 @@ impl Person for Loader {
     }
 
     fn hear(&mut self, report: &Report) -> bool {
-        if let Event::State(state) = report.event {
-            self.states.push(state);
+        match report.event {
+            Event::State(state) => self.states.push(state),
+            Event::SettingsStored => self.stored = true,
+            _ => {}
         }
         false
     }
