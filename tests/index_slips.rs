@@ -1,8 +1,6 @@
 //! The index slips while the motor stands: the spindle in its coupling, or the encoder on the spindle.
 
-mod common;
-
-use common::{fix, of_scenario, run};
+use crate::common::{fix, of_scenario, run};
 use hal_sim::Scenario;
 use north_finder::event::{Event, Report};
 use north_finder::health::{Flag, Flags};

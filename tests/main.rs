@@ -1,6 +1,7 @@
 //! What crosses the modules, as one test program.
 
 mod accuracy;
+mod architecture;
 mod calibration;
 mod common;
 mod diagnose;
@@ -9,6 +10,7 @@ mod f405;
 mod field;
 mod frames;
 mod hidden_effects;
+mod index_slips;
 mod qemu;
 mod replay;
 mod scenarios;

@@ -1,6 +1,7 @@
-//! The north finder on the host: campaigns, settings, the simulated instrument around the firmware's pipeline, and the
+//! The north finder on the host: campaigns, settings, the simulated devices around the firmware's instrument, and the
 //! verbs of the command `north`.
 
+pub mod argument;
 pub mod block_csv;
 pub mod calibrate;
 pub mod campaign;

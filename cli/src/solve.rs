@@ -101,7 +101,7 @@ fn model_columns(path: &Path, reader: &RunReader, settings: &Settings) -> Result
 
 /// A row as the replay takes it; the channels in the order of the model.
 pub fn recorded(row: &Row, channels: [f64; MAX_CHANNELS]) -> Recorded {
-    let level = row.level_g.and_then(|[forward, left]| Specific::new(forward, left));
+    let level = row.level.and_then(|Specific { forward, left }| Specific::new(forward, left));
     match row.own {
         None => Recorded::Row(ReplayRow {
             t_s: row.t_s,
@@ -129,7 +129,10 @@ pub fn recorded(row: &Row, channels: [f64; MAX_CHANNELS]) -> Recorded {
             t_s: row.t_s,
             fog_arcsec: (row.lost_frames == 0).then_some(row.fog_arcsec),
             temp_c: row.temp_c.filter(|_| read & TEMPERATURE != 0),
-            acceleration_g: row.level_g.filter(|_| read & ACCELEROMETERS != 0).map(|[x, y]| [x, y, az_g]),
+            acceleration_g: row
+                .level
+                .filter(|_| read & ACCELEROMETERS != 0)
+                .map(|level| [level.forward, level.left, az_g]),
             index_deg: (read & INDEX != 0).then_some(row.index_deg),
             mark,
         }),

@@ -3,11 +3,20 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use crate::commands::TrackRow;
+use north_finder::attitude::hold::HoldSecond;
 
 const WIDTH: f64 = 900.0;
 const HEIGHT: f64 = 220.0;
 const MARGIN: f64 = 60.0;
+
+/// A second of the track.
+#[derive(Clone, Copy, Debug)]
+pub struct TrackRow {
+    pub t_s: f64,
+    pub second: HoldSecond,
+    /// Heading less its reference, degrees.
+    pub error_deg: Option<f64>,
+}
 
 /// The whole page.
 pub fn html(file: &Path, class: &str, rows: &[TrackRow]) -> String {

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use north::campaign::{Campaign, CampaignWriter, Instrument, Layout, Role, Row, Run, RunReader, RunWriter};
+use north_finder::level::Specific;
 use proptest::prelude::*;
 
 fn read(text: &str) -> Result<Vec<Row>, String> {
@@ -53,7 +54,7 @@ fn columns_come_in_any_order_and_others_are_kept_by_name() {
             index_deg: -370.5,
             fog_arcsec: 1.0,
             temp_c: Some(20.0),
-            level_g: Some([0.1, 0.2]),
+            level: Some(Specific { forward: 0.1, left: 0.2 }),
             lost_frames: 0,
             own: None,
             extra: vec![5.0, 9.0],
@@ -69,7 +70,7 @@ fn one_level_accelerometer_alone_is_an_extra_channel() {
     fs::write(&path, "t_s,index_deg,fog_arcsec,ax_g\n1,0,1,0.1\n").unwrap();
     let mut reader = RunReader::open(&path).unwrap();
     assert_eq!(reader.channels(), ["ax_g"]);
-    assert_eq!(reader.next().unwrap().unwrap().level_g, None);
+    assert_eq!(reader.next().unwrap().unwrap().level, None);
 }
 
 #[test]
@@ -296,11 +297,11 @@ prop_compose! {
         steps.iter().zip(fields).zip(channels).map(|((step_s, field), extra)| {
             let previous_s = t_s;
             t_s += step_s;
-            let (index_deg, fog_arcsec, temp_c, level_g, lost_frames) = field;
+            let (index_deg, fog_arcsec, temp_c, [forward, left], lost_frames) = field;
             let interval_s = t_s - previous_s;
             Row {
                 t_s, interval_s, index_deg, fog_arcsec, lost_frames, own: None, extra,
-                temp_c: Some(temp_c), level_g: Some(level_g),
+                temp_c: Some(temp_c), level: Some(Specific { forward, left }),
             }
         }).collect()
     }

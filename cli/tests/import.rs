@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use north::campaign::{Campaign, Role, Row, RunReader};
 use north::import::{Format, Map, Summary, import};
+use north_finder::level::Specific;
 use tempfile::TempDir;
 
 const SIMPLE: &str = r#"
@@ -85,10 +86,7 @@ fn the_measured_campaign_comes_out_of_the_recording_it_was_made_of() {
             let printed: Vec<Row> = RunReader::open(&expected.path_of(run)).unwrap().collect::<Result<_, _>>().unwrap();
             assert_eq!(found.len(), printed.len());
             for (a, b) in found.iter().zip(&printed) {
-                assert_eq!(
-                    (a.t_s, a.index_deg, a.fog_arcsec, a.level_g),
-                    (b.t_s, b.index_deg, b.fog_arcsec, b.level_g)
-                );
+                assert_eq!((a.t_s, a.index_deg, a.fog_arcsec, a.level), (b.t_s, b.index_deg, b.fog_arcsec, b.level));
             }
         }
     }
@@ -112,7 +110,10 @@ fn a_single_gyro_with_everything_that_text_can_be() {
     let first = rows(folder.path(), 1);
     assert_eq!(first.len(), 30_000 - 3);
     let row = &first[0];
-    assert_eq!((row.t_s, row.index_deg, row.level_g), (0.01, 12.5 - 90.0, Some([0.002, -0.005])));
+    assert_eq!(
+        (row.t_s, row.index_deg, row.level),
+        (0.01, 12.5 - 90.0, Some(Specific { forward: 0.002, left: -0.005 }))
+    );
     assert!((row.fog_arcsec - 0.36).abs() < 1e-9 && (row.temp_c.unwrap() - 27.0).abs() < 1e-9, "{row:?}");
     assert_eq!(first[1].extra, [12.5, 0.01]);
     // The row after the gap spans it, with the missing increments made up for, and counted.
@@ -207,7 +208,7 @@ fn kvh_logs_count_what_they_lack() {
         let expected = north * row.index_deg.to_radians().cos();
         assert!((row.fog_arcsec / row.interval_s - expected).abs() < 1e-4, "{row:?}");
         assert_eq!(row.temp_c, Some(25.0));
-        assert!((row.level_g.unwrap()[1] + 0.01).abs() < 1e-6, "right is minus left");
+        assert!((row.level.unwrap().left + 0.01).abs() < 1e-6, "right is minus left");
     }
     assert_eq!(summary.doubts.len(), 1, "only the clock: {:?}", summary.doubts);
 }

@@ -27,6 +27,7 @@ pub mod scenario;
 pub mod seconds;
 mod thermal;
 pub mod triad;
+mod truth;
 pub mod vessel;
 mod window;
 mod world;
@@ -34,7 +35,8 @@ mod world;
 pub use device::{AccelerometerSpi, EncoderSpi, Flash, GyroLine, Pin};
 pub use operator::Operator;
 pub use scenario::{Scenario, ScenarioError};
-pub use world::{Truth, World};
+pub use truth::Truth;
+pub use world::World;
 
 /// The example of the README.
 #[cfg(doctest)]

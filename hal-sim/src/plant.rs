@@ -12,7 +12,7 @@ use crate::line::Line;
 use crate::motor::Drive;
 use crate::pose::PoseTracker;
 use crate::scenario::Scenario;
-use crate::world::Truth;
+use crate::truth::Truth;
 use nalgebra::Vector3;
 
 /// Length of a slot, s: an eighth of a tick.

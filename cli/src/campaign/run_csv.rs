@@ -24,8 +24,8 @@ pub struct Row {
     pub fog_arcsec: f64,
     /// Gyro temperature, °C.
     pub temp_c: Option<f64>,
-    /// Level accelerometers, forward and left, g.
-    pub level_g: Option<[f64; 2]>,
+    /// Level accelerometers, g.
+    pub level: Option<Specific>,
     /// Frames of this interval that never came or were not valid; 0 where the file does not say.
     pub lost_frames: u16,
     /// In a recording of the instrument: what it says beyond that.
@@ -143,8 +143,8 @@ impl RunReader {
             (None, Some(median_s)) => median_s,
             (None, None) => t_s,
         };
-        let level_g = match self.columns.level_g {
-            Some([forward, left]) => Some([self.number(forward)?, self.number(left)?]),
+        let level = match self.columns.level_g {
+            Some([forward, left]) => Some(Specific { forward: self.number(forward)?, left: self.number(left)? }),
             None => None,
         };
         let own = self.columns.own.map(|columns| self.own(columns)).transpose()?;
@@ -155,7 +155,7 @@ impl RunReader {
             index_deg: self.number(self.columns.index_deg)?,
             fog_arcsec: self.number(self.columns.fog_arcsec)?,
             temp_c: self.columns.temp_c.map(|column| self.number(column)).transpose()?,
-            level_g,
+            level,
             lost_frames: self.columns.lost_frames.map_or(Ok(0), |column| self.whole_number(column))?,
             extra: self.columns.extra.iter().map(|&column| self.number(column)).collect::<Result<_, _>>()?,
         }))

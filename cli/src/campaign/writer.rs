@@ -4,6 +4,7 @@ use std::fs::{self, File};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use north_finder::level::Specific;
 use serde::Serialize;
 
 use super::manifest::FORMAT;
@@ -55,7 +56,7 @@ impl RunWriter {
             fields.push(row.temp_c.ok_or_else(|| missing("temp_c"))?.to_string());
         }
         if self.layout.level {
-            let [forward, left] = row.level_g.ok_or_else(|| missing("ax_g"))?;
+            let Specific { forward, left } = row.level.ok_or_else(|| missing("ax_g"))?;
             fields.extend([forward.to_string(), left.to_string()]);
         }
         if self.layout.lost_frames {

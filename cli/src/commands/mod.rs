@@ -17,10 +17,9 @@ mod simulate;
 mod solve;
 mod track;
 
-pub use self::track::TrackRow;
-
 use clap::{Parser, Subcommand};
 
+pub use crate::argument::number;
 use crate::failure::Failure;
 
 /// Finds true north with an indexed single-axis gyro: simulated, recorded, measured.
@@ -79,14 +78,6 @@ impl Cli {
             Command::Completions(completions) => completions.run(),
             Command::Man(man) => man.run(),
         }
-    }
-}
-
-/// A number from `LOW` to `HIGH`; anything else, not-a-number too, is a usage error that says what is allowed.
-pub fn number<const LOW: i32, const HIGH: i32>(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if (f64::from(LOW)..=f64::from(HIGH)).contains(&value) => Ok(value),
-        _ => Err(format!("allowed is a number from {LOW} to {HIGH}")),
     }
 }
 

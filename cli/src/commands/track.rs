@@ -16,7 +16,7 @@ use crate::block_csv;
 use crate::failure::Failure;
 use crate::file_error::{FileError, Problem};
 use crate::output::JsonOption;
-use crate::track_report;
+use crate::track_report::{self, TrackRow};
 
 /// A step longer than so many usual ones is a gap.
 const GAP_STEPS: f64 = 1.5;
@@ -82,15 +82,6 @@ impl Class {
             Self::RingLaser => BlockClass::RING_LASER,
         }
     }
-}
-
-/// A second of the track.
-#[derive(Clone, Copy, Debug)]
-pub struct TrackRow {
-    pub t_s: f64,
-    pub second: HoldSecond,
-    /// Heading less its reference, degrees.
-    pub error_deg: Option<f64>,
 }
 
 /// What became of the recording.

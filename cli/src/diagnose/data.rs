@@ -285,7 +285,7 @@ impl Gatherer {
         if let Some(temp_c) = row.temp_c {
             *sum.temp_c.get_or_insert(0.0) += weight * temp_c;
         }
-        if let Some([forward, left]) = row.level_g {
+        if let Some(Specific { forward, left }) = row.level {
             self.level[0] += weight * forward;
             self.level[1] += weight * left;
             sum.level = Some(Specific { forward: 0.0, left: 0.0 });

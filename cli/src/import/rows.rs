@@ -1,5 +1,6 @@
 //! Samples to the rows of one run.
 
+use north_finder::level::Specific;
 use north_finder::units::{sin_cos_deg, wrap_180_deg};
 
 use super::map::{Index, Map};
@@ -36,7 +37,7 @@ struct Gathered {
     first_deg: f64,
     /// Sum of the ways from the first angle.
     way_deg: f64,
-    level_g: [f64; 2],
+    level: Specific,
     temp_c: f64,
     channels: Vec<f64>,
 }
@@ -108,7 +109,10 @@ impl<'a> Rows<'a> {
             index_deg: to_digits(index_deg),
             fog_arcsec: to_digits(arcsec),
             temp_c: self.map.temperature.as_ref().map(|_| to_digits(gathered.temp_c / good)),
-            level_g: self.map.accelerometer.as_ref().map(|_| gathered.level_g.map(|sum| to_digits(sum / good))),
+            level: self.map.accelerometer.as_ref().map(|_| Specific {
+                forward: to_digits(gathered.level.forward / good),
+                left: to_digits(gathered.level.left / good),
+            }),
             lost_frames: u16::try_from(gathered.lost).unwrap_or(u16::MAX),
             own: None,
             extra: gathered.channels.iter().map(|sum| round(sum / good, CHANNEL_DECIMALS)).collect(),
@@ -131,8 +135,8 @@ impl Gathered {
         self.arcsec += arcsec;
         self.way_deg += wrap_180_deg(sample.index_deg - self.first_deg);
         if let Some([forward, left, _]) = sample.acceleration_g {
-            self.level_g[0] += forward;
-            self.level_g[1] += left;
+            self.level.forward += forward;
+            self.level.left += left;
         }
         self.temp_c += sample.temp_c.unwrap_or_default();
         for (sum, value) in self.channels.iter_mut().zip(&sample.channels) {

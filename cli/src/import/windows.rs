@@ -1,9 +1,19 @@
 //! Which stretches of a recording become runs.
 
 use std::ops::Range;
+use std::path::PathBuf;
 
-use super::map::{Index, Position};
+use serde::Deserialize;
+
 use crate::campaign::Run;
+
+/// The file of one position, relative to the recording's folder, and the index angle at which it was recorded.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Position {
+    pub file: PathBuf,
+    pub index_deg: f64,
+}
 
 /// One stretch, or several that follow each other at equal steps.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,9 +54,8 @@ pub struct Windows {
 }
 
 impl Series {
-    /// The whole recording as one run, or as many runs of a virtual index as it holds.
-    pub fn whole(index: &Index) -> Self {
-        let seconds = index.schedule_s();
+    /// The whole recording as one run, or as many runs of a virtual index as it holds: each that many seconds long.
+    pub fn whole(seconds: Option<f64>) -> Self {
         let repeat = if seconds.is_some() { None } else { Some(1) };
         Self {
             span: 0..0,

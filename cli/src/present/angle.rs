@@ -64,10 +64,10 @@ pub struct Directions {
     unit: AngleUnit,
     /// Grid convergence at the site, degrees: the azimuth of grid north, clockwise from true north; the grid azimuth is
     /// printed too
-    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = crate::commands::number::<-180, 180>)]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = crate::argument::number::<-180, 180>)]
     convergence: Option<f64>,
     /// Horizontal angle from the index-zero mark clockwise to a target, degrees; the target's azimuth is printed too
-    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = crate::commands::number::<-360, 360>)]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = crate::argument::number::<-360, 360>)]
     target: Option<f64>,
 }
 

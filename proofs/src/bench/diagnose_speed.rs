@@ -9,6 +9,7 @@ use super::Bench;
 use clap::Args;
 use hal_sim::scenario::Gyro;
 use hal_sim::seconds::{Dwell, SecondsGenerator, SiteAndGyro};
+use north_finder::level::Specific;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -138,7 +139,7 @@ fn record_run(size: &Size, run: usize, campaign: &CampaignWriter, file: &str) ->
                 index_deg: row.index_deg,
                 fog_arcsec: row.fog_arcsec,
                 temp_c: Some(row.temp_c),
-                level_g: Some([row.ax_g, row.ay_g]),
+                level: Some(Specific { forward: row.ax_g, left: row.ay_g }),
                 ..Row::default()
             })?;
         }

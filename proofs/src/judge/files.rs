@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::hidden::{Campaign as Generated, Run as GeneratedRun};
+use north_finder::level::Specific;
 
 use north::campaign::{Campaign, CampaignWriter, Instrument, Layout, Role, Row, Run};
 use north::file_error::FileError;
@@ -62,7 +63,7 @@ fn write_run(
             index_deg: row.index_deg,
             fog_arcsec: row.fog_arcsec,
             temp_c: row.channels.first().copied().filter(|_| generated.has_temperature),
-            level_g: generated.has_level.then_some(row.level_g),
+            level: generated.has_level.then(|| Specific { forward: row.level_g[0], left: row.level_g[1] }),
             lost_frames: 0,
             own: None,
             extra: row.channels.iter().skip(first_extra).copied().collect(),

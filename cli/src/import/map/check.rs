@@ -3,12 +3,12 @@
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::{Accelerometer, Channel, Column, Gyro, Index, Map, Position, Temperature, Text, Time, one};
+use super::{Accelerometer, Channel, Column, Gyro, Index, Map, Temperature, Text, Time, one};
 use crate::campaign::{Instrument, Role, Run, check_range, check_time};
 use crate::file_error::{FileError, Problem};
 use crate::import::axes::{Axes, Direction};
 use crate::import::unit::{AccelerationUnit, AngleUnit, GyroUnit, TimeUnit};
-use crate::import::windows::{Series, Windows};
+use crate::import::windows::{Position, Series, Windows};
 use crate::toml_file::TomlFile;
 
 /// No time in seconds and no rate in Hz is larger: 1e9 s are 32 years.
@@ -126,7 +126,7 @@ impl Raw {
             None => check_placed(&self.run, gyro.axes.is_some(), &file)?,
         };
         let series = self.run.into_iter().map(|run| check_run(run, &index, &file)).collect::<Result<Vec<_>, _>>()?;
-        let windows = Windows::new(if series.is_empty() { vec![Series::whole(&index)] } else { series });
+        let windows = Windows::new(if series.is_empty() { vec![Series::whole(index.schedule_s())] } else { series });
         check_names(&self.channel, &file)?;
         check_offsets(self.temperature.as_ref(), &self.channel, &file)?;
         Ok(Map {

@@ -3,7 +3,7 @@
 mod check;
 
 use std::num::NonZeroU64;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::Deserialize;
 use toml::Spanned;
@@ -120,14 +120,6 @@ pub enum Index {
     Virtual { angles_deg: Vec<f64>, dwell_s: f64 },
     /// Declared: a single gyro, a file for each position, at the angle that the run says.
     Placed,
-}
-
-/// The file of one position, relative to the recording's folder, and the index angle at which it was recorded.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Position {
-    pub file: PathBuf,
-    pub index_deg: f64,
 }
 
 /// Any other column, kept under a name.
