@@ -14,7 +14,7 @@ use north_finder::effects::{
 use north_finder::index::Direction;
 
 use super::data::{Cell, RunData};
-use super::effects::base_motion;
+use super::base_turning;
 
 /// Seconds that wait for the first rate of change, as in the firmware's replay.
 const HELD: usize = 16;
@@ -254,7 +254,7 @@ impl Candidate {
             Part::AxisTilt => {
                 vec![of(&|cell| cell.level.map_or(0.0, |level| cell.cos * level.forward + cell.sin * level.left))]
             }
-            Part::BaseMotion => vec![base_motion::column(run, constant)],
+            Part::BaseMotion => vec![base_turning::column(run, constant)],
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Closing the loop with measured data: residual → effect → model → errors before and after, on runs that took no part.
 
 mod assemble;
+mod base_turning;
 mod block;
 mod candidate;
 mod checks;

@@ -3,13 +3,10 @@
 use nalgebra::DMatrix;
 
 use super::dynamics::{low_pass, low_pass_from, play};
-use super::group::{Base, Group};
+use super::group::{Base, Group, PLAY_WIDTHS, TIMES_S};
 use super::recording::{Place, Recording, Samples};
 
-/// Half widths of the play operators, in half ranges of the channel.
-pub const PLAY_WIDTHS: [f64; 6] = [0.06, 0.12, 0.2, 0.35, 0.55, 0.8];
 /// Time constants, seconds.
-pub const TIMES_S: [f64; 3] = [10.0, 40.0, 150.0];
 pub const MEMORY_S: [f64; 7] = [5.0, 15.0, 40.0, 100.0, 250.0, 600.0, 1500.0];
 const HEAT_S: [f64; 4] = [10.0, 40.0, 150.0, 600.0];
 const BACKLASH: [f64; 5] = [0.1, 0.2, 0.35, 0.55, 0.8];

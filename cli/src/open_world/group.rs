@@ -1,5 +1,10 @@
 //! The grammar: groups of basis functions, built from bases of channels, time, moves and headings.
 
+/// Half widths of the play operators, in half ranges of the channel.
+pub const PLAY_WIDTHS: [f64; 6] = [0.06, 0.12, 0.2, 0.35, 0.55, 0.8];
+/// Time constants of the low-passes behind curves, seconds.
+pub const TIMES_S: [f64; 3] = [10.0, 40.0, 150.0];
+
 /// What a channel, the time, the moves or the heading give by themselves, reduced to few functions: products are made of
 /// these. Channels by their place among the campaign's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -38,7 +43,7 @@ pub enum Group {
     SharpCurve(usize),
     LongMemory(usize),
     Backlash(usize),
-    /// One play operator, by the place of its width in [`super::basis::PLAY_WIDTHS`].
+    /// One play operator, by the place of its width in [`PLAY_WIDTHS`].
     Hysteresis(usize, usize),
     /// Memory of a curve in a channel: the heat of a current.
     MemoryOfCurve(usize),
@@ -134,8 +139,8 @@ impl Group {
             };
             all.extend([Linear(channel), Quadratic(channel), Change(channel), SharpCurve(channel)]);
             all.extend([LongMemory(channel), Backlash(channel), MemoryOfCurve(channel), MemoryOfChange(channel)]);
-            all.extend((0..super::basis::PLAY_WIDTHS.len()).map(|width| Hysteresis(channel, width)));
-            all.extend((0..super::basis::TIMES_S.len()).map(|time| CurveOfMemory(channel, time)));
+            all.extend((0..PLAY_WIDTHS.len()).map(|width| Hysteresis(channel, width)));
+            all.extend((0..TIMES_S.len()).map(|time| CurveOfMemory(channel, time)));
         }
         let of_channel = |channel| [Base::Value(channel), Base::Memory(channel), Base::Play(channel)];
         let of_channels: Vec<Base> = (0..channels).flat_map(of_channel).collect();

@@ -14,9 +14,9 @@ mod process;
 mod recording;
 mod run;
 
-pub use basis::{DECAYS_S, MEMORY_S, PLAY_WIDTHS, TIMES_S, WARM_UP_S};
+pub use basis::{DECAYS_S, MEMORY_S, WARM_UP_S};
 pub use expected::Expected;
-pub use group::{Base, Group};
+pub use group::{Base, Group, PLAY_WIDTHS, TIMES_S};
 pub use predict::{Found, InFunctions, Learned, Model, Prediction};
 pub use process::{DAMPING, Kernel, Shape};
 pub use recording::{Recording, Reference};

@@ -1,8 +1,6 @@
 //! Motion of the base, as the accelerometers show it.
 
-use north_finder::units::ARCSEC_PER_RAD;
-
-use super::{Candidate, RunData};
+use super::Candidate;
 use crate::diagnose::candidate::Part;
 
 /// Windows of the slopes, seconds.
@@ -10,30 +8,4 @@ const WINDOWS_S: [f64; 4] = [2.0, 8.0, 30.0, 80.0];
 
 pub fn candidates(list: &mut Vec<Candidate>) {
     list.push(Candidate::new("base-motion", "base-motion", Part::BaseMotion, WINDOWS_S.to_vec()));
-}
-
-/// Turning of the base about the sensitive axis by the accelerometers, °/h: slopes of pitch and roll over `window_s` about
-/// each cell, inside its dwell.
-pub fn column(run: &RunData, window_s: f64) -> Vec<f64> {
-    let cells = &run.cells;
-    let slope = |i: usize| {
-        let here = &cells[i];
-        let near = |j: &usize| {
-            let cell = &cells[*j];
-            cell.stay == here.stay && !cell.moving && (cell.t_s - here.t_s).abs() <= 0.5 * window_s + 0.01
-        };
-        let first = (0..i).rev().take_while(near).last().unwrap_or(i);
-        let last = (i..cells.len()).take_while(near).last().unwrap_or(i);
-        let inside = cells.get(first..=last)?;
-        let mean_s = inside.iter().map(|cell| cell.t_s).sum::<f64>() / inside.len() as f64;
-        let (mut along, mut squares) = (0.0, 0.0);
-        for cell in inside {
-            let level = cell.level?;
-            let t_s = cell.t_s - mean_s;
-            along += t_s * (here.cos * level.left - here.sin * level.forward);
-            squares += t_s * t_s;
-        }
-        (squares > 0.0).then(|| along / squares * ARCSEC_PER_RAD)
-    };
-    (0..cells.len()).map(|i| if cells[i].moving { 0.0 } else { slope(i).unwrap_or(0.0) }).collect()
 }
