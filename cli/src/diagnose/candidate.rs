@@ -13,8 +13,8 @@ use north_finder::effects::{
 };
 use north_finder::index::Direction;
 
-use super::data::{Cell, RunData};
 use super::base_turning;
+use super::data::{Cell, RunData};
 
 /// Seconds that wait for the first rate of change, as in the firmware's replay.
 const HELD: usize = 16;
