@@ -6,6 +6,7 @@ use north::campaign::{Campaign, CampaignWriter, Layout, Role, Row, Run};
 use north::diagnose::{Diagnosis, Options, diagnose};
 use north::settings_file::{read_board_model, read_model, write_model};
 use north::solve::solve_file;
+use north_finder::level::Specific;
 use north_finder::settings::Settings;
 use north_finder::units::{sin_cos_deg, wrap_180_deg};
 
@@ -121,7 +122,10 @@ impl Plan<'_> {
                         index_deg: second.index_deg,
                         fog_arcsec: rate_deg_h,
                         temp_c: Some(temp_c(&second)),
-                        level_g: self.level_g.map(|level_g| level_g(&second)),
+                        level: self
+                            .level_g
+                            .map(|level_g| level_g(&second))
+                            .map(|[forward, left]| Specific { forward, left }),
                         extra: vec![supply_v(&second)],
                         ..Row::default()
                     })

@@ -14,14 +14,16 @@ use embedded_storage::nor_flash::ReadNorFlash as _;
 use hal_sim::{Scenario, World};
 use north::engine::qemu::image;
 use north::settings_file::scenario_settings;
+use north_finder::drivers::sensors::Due;
 use north_finder::event::{Event, Report, State};
 use north_finder::health::Fault;
+use north_finder::instrument::{Instrument, Readings};
 use north_finder::link::{ReportDecoder, Request, encode_request};
-use north_finder::pipeline::{Pipeline, Readings};
+use north_finder::reading::Reading;
 use north_finder::restart::{Cause, Provocation};
 use north_finder::sequence::Command;
 use north_finder::settings::Settings;
-use north_finder::settings::store::{self, Loaded};
+use north_finder::settings::store;
 use object::{Object as _, ObjectSection as _, ObjectSymbol as _};
 
 /// The image, built once.
@@ -32,23 +34,23 @@ fn image() -> &'static Path {
 
 /// What the sensors of a chip give whose SPI buses hold nothing: at their ticks, failures.
 fn readings(tick: u64) -> Readings {
-    Readings {
-        tick,
-        acceleration: (tick % 4 == 0).then_some(None),
-        index: (tick % 4 == 2).then_some(None),
-        turning: false,
-        refused: Default::default(),
+    let mut sensors = Due::default();
+    match tick % 4 {
+        0 => sensors.acceleration = Reading::Failed,
+        2 => sensors.index = Reading::Failed,
+        _ => {}
     }
+    Readings { tick, sensors, turning: false, refused: Default::default() }
 }
 
-/// Chip and pipeline with the same gyro and the same requests.
+/// Chip and instrument with the same gyro and the same requests.
 struct Both {
     world: World,
     gyro: hal_sim::GyroLine,
     chip: Chip,
     decoder: ReportDecoder,
     reports: Vec<Report>,
-    pipeline: Pipeline,
+    instrument: Instrument,
     expected: Vec<Report>,
     tick: u64,
     /// Reports of what the board says of itself.
@@ -65,12 +67,15 @@ impl Both {
         }
         let mut record = vec![0; flash.capacity() / 2];
         flash.read(0, &mut record).unwrap();
+        let instrument = Instrument::power_up(&mut flash);
+        // The machine has no flash controller: nothing can be stored any more.
+        flash.cut_power_after(0);
         let mut both = Self {
             gyro: world.gyro(),
             chip: Chip::start(image(), &record),
             decoder: ReportDecoder::new(),
             reports: Vec::new(),
-            pipeline: Pipeline::new(stored.map_or(Loaded::Missing, Loaded::Valid)),
+            instrument,
             expected: Vec::new(),
             tick: 0,
             vitals: 0,
@@ -78,12 +83,12 @@ impl Both {
         };
         // The chip's own timer has made tick 0.
         let sent = both.chip.sent();
-        both.compare_tick(&sent, &[]);
+        both.compare_tick(&sent, &[], &[]);
         both
     }
 
-    /// What the chip sent in a tick, and what the pipeline makes of the same.
-    fn compare_tick(&mut self, sent: &[u8], from_gyro: &[u8]) {
+    /// What the chip sent in a tick, and what the instrument makes of the same.
+    fn compare_tick(&mut self, sent: &[u8], from_gyro: &[u8], request: &[u8]) {
         let reports =
             sent.iter().filter_map(|&byte| self.decoder.feed(byte)).map(|report| report.expect("a good frame"));
         for report in reports {
@@ -93,26 +98,25 @@ impl Both {
                 _ => self.reports.push(report),
             }
         }
-        self.pipeline.gyro_bytes(from_gyro);
         let expected = &mut self.expected;
-        self.pipeline.tick(&readings(self.tick), &mut |report: Report| expected.push(report));
+        let (gyro, request) = (from_gyro.iter().copied(), request.iter().copied());
+        let (readings, mut flash) = (readings(self.tick), self.world.flash());
+        self.instrument.step(&readings, gyro, request, &mut flash, &mut |report: Report| expected.push(report));
         self.tick += 1;
     }
 
-    /// Ticks, with a request in the first of them, as the pipeline is told of it.
-    fn run(&mut self, ticks: u64, request: &Request, tell: impl FnOnce(&mut Pipeline)) {
+    /// Ticks, with a request in the first of them.
+    fn run(&mut self, ticks: u64, request: &Request) {
         let request = encode_request(request).unwrap();
-        let (mut request, mut tell) = (&request[..], Some(tell));
+        let mut request = &request[..];
         for _ in 0..ticks {
             self.world.advance_slot();
             self.world.sample();
             let mut bytes = [0; 64];
             let count = self.gyro.read(&mut bytes).unwrap();
-            let sent = self.chip.tick(&bytes[..count], core::mem::take(&mut request));
-            if let Some(tell) = tell.take() {
-                tell(&mut self.pipeline);
-            }
-            self.compare_tick(&sent, &bytes[..count]);
+            let now = core::mem::take(&mut request);
+            let sent = self.chip.tick(&bytes[..count], now);
+            self.compare_tick(&sent, &bytes[..count], now);
         }
     }
 
@@ -132,7 +136,7 @@ fn without_settings_seconds_come_out_and_a_fix_is_refused() {
         return;
     }
     let mut both = Both::start(None);
-    both.run(900, &START, |pipeline| pipeline.command(Command::Start));
+    both.run(900, &START);
     let events = both.compare();
     assert_eq!(events.iter().filter(|event| matches!(event, Event::Second(_))).count(), 2);
     assert!(events.contains(&Event::Fault { fault: Fault::SettingsMissing, state: State::Idle }));
@@ -147,10 +151,10 @@ fn settings_from_flash_and_a_fix_that_fails() {
     }
     let settings = scenario_settings(&Scenario::named("calm-bench").unwrap(), None).unwrap();
     let mut both = Both::start(Some(settings.clone()));
-    both.run(1, &Request::StoreSettings(settings), Pipeline::bad_command);
-    both.run(1600, &START, |pipeline| pipeline.command(Command::Start));
+    both.run(1, &Request::StoreSettings(settings));
+    both.run(1600, &START);
     let events = both.compare();
-    assert!(events.contains(&Event::State(State::Levelling)));
+    assert!(events.contains(&Event::SettingsRefused) && events.contains(&Event::State(State::Levelling)));
     assert!(events.iter().any(|event| matches!(event, Event::Fault { .. })), "{events:?}");
 }
 
