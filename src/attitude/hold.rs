@@ -1,11 +1,14 @@
 //! Heading hold: the block carries the heading of a fix while the instrument is moved.
 //!
-//! State: small attitude error φ in geographic axes (rad, estimate = (1 + φ ×) truth) and what the gyros' biases are beyond
-//! their estimate, δb, in block axes (rad/s), with a covariance of 6 × 6 carried a second at a time: φ grows by C δb dt and by the gyros' white
-//! noise, δb is a constant of the run plus a Gauss-Markov process. While the instrument stands, its rate is the Earth's:
-//! the second's mean rate is a measurement of the bias, gravity one of the levels, and the orientation does not change but
-//! for the creep that is allowed. What a standing base turns more slowly than the bias is known is not felt: that is what the
-//! creep is for.
+//! State: small attitude error φ in geographic axes (rad, estimate = (1 + φ ×) truth), what the gyros' biases are beyond their
+//! estimate, δb, in block axes (rad/s), and the attitude error φᵣ that was there when the block came to rest, with a covariance of
+//! 9 × 9 carried a second at a time. φ grows by C δb dt and by the gyros' white noise, δb is a constant of the run plus a
+//! Gauss-Markov process, φᵣ stays but for the creep that is allowed (a clone of the state: Roumeliotis and Burdick, 2002).
+//!
+//! The increments are always summed up. While the instrument stands it sways about where it came to rest: the second's mean turn
+//! from there is a measurement of φ − φᵣ whose noise is the sway, which is estimated from the innovations. So the bias is known
+//! from the whole angle over the whole time of standing, and what the base sways to and fro is no bias. Gravity measures the levels. A
+//! second counts when the next one stands too: the first of a motion looks like standing.
 //!
 //! Sigma grows with the class of the block ([`BlockClass`]); when it passes its limit a fix is asked for.
 
@@ -19,6 +22,11 @@ use crate::units::{DEG_PER_RAD, RAD_PER_DEG};
 
 /// °/h in rad/s.
 const RAD_S_PER_DEG_H: f64 = RAD_PER_DEG / 3600.0;
+const RAD_PER_ARCSEC: f64 = RAD_PER_DEG / 3600.0;
+/// Innovations over which the sway is averaged: three a second.
+const SWAY_SECONDS: f64 = 48.0;
+/// A sway that is slower than a second repeats itself: so many times its variance counts.
+const SLOW_SWAY: f64 = 2.0;
 /// Length of the steps of the covariance, s.
 const SECOND_S: f64 = 1.0;
 /// A mean rate that is so many sigmas from standing is a motion.
@@ -114,15 +122,15 @@ impl BlockClass {
 pub struct HoldLimits {
     /// Beyond this one sigma of the heading a fix is asked for, degrees.
     pub refix_deg: f64,
-    /// What a base that stands may turn unfelt, arcsec/√s.
+    /// What a base that stands may turn for good, arcsec/√s.
     pub creep_arcsec_sqrt_s: f64,
-    /// Rates of a base that stands but sways: one sigma of a second's mean, °/h.
-    pub sway_deg_h: f64,
+    /// Sway of a base that stands, one sigma of a second's mean, arcsec: what it is taken for at first, and what is no motion.
+    pub sway_arcsec: f64,
 }
 
 impl Default for HoldLimits {
     fn default() -> Self {
-        Self { refix_deg: 0.5, creep_arcsec_sqrt_s: 0.1, sway_deg_h: 2.0 }
+        Self { refix_deg: 0.5, creep_arcsec_sqrt_s: 0.1, sway_arcsec: 2.0 }
     }
 }
 
@@ -144,6 +152,9 @@ pub struct HoldSecond {
     pub sigma_heading_deg: f64,
     pub sigma_level_deg: f64,
     pub motion: Motion,
+    /// Squares of the second's innovations over their variances, summed up, and how many: a chi-square where sigmas are right.
+    pub normalised_squared: f64,
+    pub degrees_of_freedom: u32,
     /// Sigma has passed its limit: the heading wants a new fix.
     pub refix: bool,
 }
@@ -159,7 +170,14 @@ pub struct HoldCounters {
     pub gaps: u32,
 }
 
-type Covariance = SMatrix<f64, 6, 6>;
+/// Places of the states.
+const ATTITUDE: usize = 0;
+const BIAS: usize = 3;
+const REST: usize = 6;
+const STATES: usize = 9;
+
+type Covariance = SMatrix<f64, STATES, STATES>;
+type State = SVector<f64, STATES>;
 
 /// A heading that is held.
 #[derive(Clone, Debug)]
@@ -168,43 +186,40 @@ pub struct Hold {
     limits: HoldLimits,
     /// Of the Earth in east, north, up, rad/s.
     earth_rad_s: Vector3<f64>,
+    integrator: Integrator,
     orientation: Quaternion,
     /// Estimated, rad/s.
     bias_rad_s: Vector3<f64>,
     covariance: Covariance,
-    /// Rotation that was summed up while it moved, rad: what errors of scale and axes have acted on. They are constants, so that a
+    /// Where it came to rest.
+    rest: Quaternion,
+    stands: bool,
+    /// Variance of the sway in a second's mean, rad².
+    sway_rad2: f64,
+    /// Mean turn from the rest in a second of standing that waits for the next one, rad.
+    waiting_rad: Option<Vector3<f64>>,
+    /// Rotation while it moved, rad, geographic axes: what errors of scale and axes have acted on. They are constants, so that a
     /// turn back takes away what the turn brought.
     turned_rad: Vector3<f64>,
+    /// The same since it last stood: gravity tells the levels then.
+    turned_since_rad: Vector3<f64>,
+    /// Of this second's innovations: normalised squares, number.
+    innovations: (f64, u32),
     second: Second,
     counters: HoldCounters,
 }
 
 /// A second in the making.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct Second {
-    integrator: Integrator,
-    /// Orientation carried along; taken over if the instrument moved.
-    orientation: Quaternion,
     seconds: f64,
     angle_rad: Vector3<f64>,
     velocity_m_s: Vector3<f64>,
+    /// Integral of the turn from the rest, geographic axes.
+    swayed_rad_s: Vector3<f64>,
     /// Largest departure of the specific force's norm from gravity, m/s².
     shaken_m_s2: f64,
     saturated_rad: f64,
-}
-
-impl Second {
-    fn new(orientation: Quaternion) -> Self {
-        Self {
-            integrator: Integrator::new(Algorithm::PreviousInterval),
-            orientation,
-            seconds: 0.0,
-            angle_rad: Vector3::zeros(),
-            velocity_m_s: Vector3::zeros(),
-            shaken_m_s2: 0.0,
-            saturated_rad: 0.0,
-        }
-    }
 }
 
 impl Hold {
@@ -224,18 +239,27 @@ impl Hold {
         let level = square(sigma_level_deg * RAD_PER_DEG);
         let bias = square(class.run_to_run_deg_h * RAD_S_PER_DEG_H) + square(class.markov_deg_h * RAD_S_PER_DEG_H);
         let heading = square(sigma_heading_deg * RAD_PER_DEG);
-        let diagonal = SVector::<f64, 6>::from([level, level, heading, bias, bias, bias]);
-        Ok(Self {
+        let diagonal = State::from([level, level, heading, bias, bias, bias, 0.0, 0.0, 0.0]);
+        let mut hold = Self {
             class: *class,
             limits,
             earth_rad_s: Vector3::new(0.0, north_deg_h, up_deg_h) * RAD_S_PER_DEG_H,
+            integrator: Integrator::new(Algorithm::PreviousInterval),
             orientation,
             bias_rad_s: Vector3::zeros(),
             covariance: Covariance::from_diagonal(&diagonal),
+            rest: orientation,
+            stands: false,
+            sway_rad2: square(limits.sway_arcsec * RAD_PER_ARCSEC),
+            waiting_rad: None,
             turned_rad: Vector3::zeros(),
-            second: Second::new(orientation),
+            turned_since_rad: Vector3::zeros(),
+            innovations: (0.0, 0),
+            second: Second::default(),
             counters: HoldCounters::default(),
-        })
+        };
+        hold.come_to_rest();
+        Ok(hold)
     }
 
     pub fn counters(&self) -> HoldCounters {
@@ -244,7 +268,7 @@ impl Hold {
 
     /// Block axes to geographic ones at the end of the last sample.
     pub fn orientation(&self) -> Quaternion {
-        self.second.orientation
+        self.orientation
     }
 
     /// Estimated biases of the gyros, °/h.
@@ -267,11 +291,14 @@ impl Hold {
             second.saturated_rad += range_rad;
         }
         let corrected = Increment { angle_rad: sample.angle_rad - self.bias_rad_s * dt_s, ..sample };
-        if let Some(interval) = second.integrator.push(corrected) {
-            second.orientation = second.orientation.advance(&interval.angle_rad, &(self.earth_rad_s * dt_s));
+        if let Some(interval) = self.integrator.push(corrected) {
+            self.orientation = self.orientation.advance(&interval.angle_rad, &(self.earth_rad_s * dt_s));
         }
+        // A turn of some arcseconds: twice the vector part.
+        let turned = self.orientation.after(&self.rest.inverse());
+        second.swayed_rad_s += turned.v * (2.0 * turned.w * dt_s);
         second.seconds += dt_s;
-        second.angle_rad += sample.angle_rad;
+        second.angle_rad += sample.angle_rad - self.bias_rad_s * dt_s;
         second.velocity_m_s += sample.velocity_m_s;
         let shaken_m_s2 = libm::fabs((sample.velocity_m_s / dt_s).norm() - GRAVITY_M_S2);
         let noise_m_s2 = MOTION_SIGMAS * self.class.vrw_m_s_sqrt_s / libm::sqrt(dt_s);
@@ -288,116 +315,181 @@ impl Hold {
         }
         let turned = square(rate_deg_s * gap_s * RAD_PER_DEG);
         self.propagate(gap_s, turned);
+        self.innovations = (0.0, 0);
+        self.leave();
         self.report(Motion::Bridged)
     }
 
     fn end_second(&mut self) -> HoldSecond {
-        let second = core::mem::replace(&mut self.second, Second::new(self.orientation));
+        let second = core::mem::take(&mut self.second);
+        self.innovations = (0.0, 0);
         let dt_s = second.seconds;
-        let c = self.orientation.direction_cosines();
-        // What the gyros read beyond the Earth, the base taken for standing.
-        let innovation = second.angle_rad / dt_s - self.bias_rad_s - c.transpose() * self.earth_rad_s;
-        let arw = self.class.arw_deg_sqrt_h * RAD_PER_DEG / 60.0;
-        let noise = arw * arw / dt_s + square(self.limits.sway_deg_h * RAD_S_PER_DEG_H);
+        self.propagate(dt_s, square(second.saturated_rad));
+        let swayed = second.swayed_rad_s / dt_s;
+        let noise = self.sway_rad2.max(square(self.limits.sway_arcsec * RAD_PER_ARCSEC));
         let stands = second.shaken_m_s2 < MOTION_M_S2
             && second.saturated_rad == 0.0
-            && innovation.iter().enumerate().all(|(axis, rate)| {
-                let known = self.covariance.get((3 + axis, 3 + axis)).copied().unwrap_or(0.0);
-                libm::fabs(*rate) < MOTION_SIGMAS * libm::sqrt(known + noise)
+            && swayed.iter().enumerate().all(|(axis, turn)| {
+                let row = from_rest(axis);
+                libm::fabs(*turn) < MOTION_SIGMAS * libm::sqrt(row.dot(&(self.covariance * row)) + noise)
             });
-        if stands {
-            self.stand(&innovation, noise, &(second.velocity_m_s / dt_s), dt_s);
-            self.second = Second::new(self.orientation);
-            return self.report(Motion::Standing);
+        if !stands {
+            let turned = self.orientation.direction_cosines() * second.angle_rad;
+            self.turned_rad += turned;
+            self.turned_since_rad += turned;
+            self.leave();
+            return self.report(Motion::Moving);
         }
-        self.orientation = second.orientation;
-        self.second = Second::new(self.orientation);
-        self.turned_rad += c * second.angle_rad;
-        self.propagate(dt_s, square(second.saturated_rad));
-        self.report(Motion::Moving)
+        if !self.stands {
+            self.set_down();
+        }
+        if let Some(waiting) = self.waiting_rad.replace(swayed) {
+            self.stand(&waiting, dt_s);
+        }
+        self.level(&(second.velocity_m_s / dt_s), dt_s);
+        self.report(Motion::Standing)
     }
 
-    /// The covariance over a motion of `dt_s`, with a further variance of each attitude angle, rad².
+    /// It moves: the next second may be the first of a rest.
+    fn leave(&mut self) {
+        (self.stands, self.waiting_rad) = (false, None);
+        self.come_to_rest();
+    }
+
+    /// The rest is where it is now, with the same errors.
+    fn come_to_rest(&mut self) {
+        self.rest = self.orientation;
+        let rows = self.covariance.fixed_rows::<3>(ATTITUDE).into_owned();
+        self.covariance.fixed_rows_mut::<3>(REST).copy_from(&rows);
+        let columns = self.covariance.fixed_columns::<3>(ATTITUDE).into_owned();
+        self.covariance.fixed_columns_mut::<3>(REST).copy_from(&columns);
+    }
+
+    /// What the turns of the way have done to the levels: gravity takes it out again.
+    fn set_down(&mut self) {
+        self.stands = true;
+        let turned = core::mem::take(&mut self.turned_since_rad);
+        let variance = self.of_turns(square(turned.x) + square(turned.y), turned.z * turned.z);
+        for (a, b) in [(0, 0), (0, REST), (REST, 0), (REST, REST)] {
+            for axis in 0..2 {
+                if let Some(place) = self.covariance.get_mut((a + axis, b + axis)) {
+                    *place += variance;
+                }
+            }
+        }
+    }
+
+    /// Variance of an angle that scale makes of turns about its own axis, and misalignment of those about the others, rad².
+    fn of_turns(&self, own_rad2: f64, others_rad2: f64) -> f64 {
+        square(self.class.scale_ppm * 1e-6) * own_rad2
+            + square(self.class.misalignment_arcsec * RAD_PER_ARCSEC) * others_rad2
+    }
+
+    /// The covariance over `dt_s`, with a further variance of each attitude angle, rad².
     fn propagate(&mut self, dt_s: f64, turned_rad2: f64) {
-        let arw = self.class.arw_deg_sqrt_h * RAD_PER_DEG / 60.0;
         let mut transition = Covariance::identity();
         transition
-            .fixed_view_mut::<3, 3>(0, 0)
+            .fixed_view_mut::<3, 3>(ATTITUDE, ATTITUDE)
             .copy_from(&(Matrix3::identity() - cross_matrix(&(self.earth_rad_s * dt_s))));
-        transition.fixed_view_mut::<3, 3>(0, 3).copy_from(&(self.orientation.direction_cosines() * dt_s));
-        let attitude = Matrix3::from_diagonal_element(arw * arw * dt_s + turned_rad2);
-        self.covariance = transition * self.covariance * transition.transpose() + self.bias_noise(dt_s);
-        let mut corner = self.covariance.fixed_view_mut::<3, 3>(0, 0);
-        corner += attitude;
+        transition.fixed_view_mut::<3, 3>(ATTITUDE, BIAS).copy_from(&(self.orientation.direction_cosines() * dt_s));
+        let attitude = self.white_rad2(dt_s) + turned_rad2;
+        // The Gauss-Markov process, taken for a random walk.
+        let bias = 2.0 * square(self.class.markov_deg_h * RAD_S_PER_DEG_H) * dt_s / self.class.markov_s;
+        let creep = square(self.limits.creep_arcsec_sqrt_s * RAD_PER_ARCSEC) * dt_s;
+        let added = State::from([attitude, attitude, attitude, bias, bias, bias, creep, creep, creep]);
+        self.covariance = transition * self.covariance * transition.transpose() + Covariance::from_diagonal(&added);
     }
 
-    /// Growth of the biases' variance: that of a Gauss-Markov process, taken for a random walk over the second.
-    fn bias_noise(&self, dt_s: f64) -> Covariance {
-        let walk = 2.0 * square(self.class.markov_deg_h * RAD_S_PER_DEG_H) * dt_s / self.class.markov_s;
-        Covariance::from_diagonal(&SVector::<f64, 6>::from([0.0, 0.0, 0.0, walk, walk, walk]))
+    /// What the gyros' white noise adds to an angle, rad².
+    fn white_rad2(&self, dt_s: f64) -> f64 {
+        square(self.class.arw_deg_sqrt_h * RAD_PER_DEG / 60.0) * dt_s
     }
 
-    /// A second of standing: biases from the rates, levels from gravity, the heading as it was.
-    fn stand(&mut self, innovation: &Vector3<f64>, rate_variance: f64, force_m_s2: &Vector3<f64>, dt_s: f64) {
-        let creep = square(self.limits.creep_arcsec_sqrt_s * RAD_PER_DEG / 3600.0) * dt_s;
-        let creep = Covariance::from_diagonal(&SVector::<f64, 6>::from([creep, creep, creep, 0.0, 0.0, 0.0]));
-        self.covariance += self.bias_noise(dt_s) + creep;
-        // The Earth is seen along axes that are a little off: that is no bias.
+    /// The mean turn from the rest in the second before this one, of the same length.
+    ///
+    /// It is φ − φᵣ as it was then: less by the bias over 1.5 s, and without the white noise since. With q that of a second, the noise
+    /// that now has and it has not, ∫ over this second and ∫ τ/T over that one, has the variance (1 + 1/3) q and the covariance
+    /// (1 + 1/2) q with φ.
+    fn stand(&mut self, swayed: &Vector3<f64>, dt_s: f64) {
+        let white = self.white_rad2(dt_s);
         let c = self.orientation.direction_cosines();
-        let seen = -c.transpose() * cross_matrix(&self.earth_rad_s);
-        for (axis, rate) in innovation.iter().enumerate() {
-            let mut row = SMatrix::<f64, 1, 6>::zeros();
-            row.fixed_view_mut::<1, 3>(0, 0).copy_from(&seen.row(axis));
-            if let Some(place) = row.get_mut((0, 3 + axis)) {
-                *place = 1.0;
+        for (axis, measured) in swayed.iter().enumerate() {
+            let mut row = from_rest(axis);
+            row.fixed_rows_mut::<3>(BIAS).copy_from(&(c.row(axis).transpose() * (-1.5 * dt_s)));
+            let mut cross = self.covariance * row;
+            let known = row.dot(&cross) - 3.0 * white + 4.0 / 3.0 * white;
+            if let Some(place) = cross.get_mut(ATTITUDE + axis) {
+                *place -= 1.5 * white;
             }
-            self.update(&row, *rate, rate_variance);
+            let sway = square(*measured) - known;
+            // An exponential mean.
+            self.sway_rad2 += (sway.max(0.0) - self.sway_rad2) / SWAY_SECONDS;
+            self.correct(&cross, known.max(0.0) + SLOW_SWAY * self.sway_rad2, *measured);
         }
-        // Estimated axes: support is (1 + φ ×) up, so that its east part is φ north and its north part −φ east. The bias of
-        // the accelerometers does not average out: the variance is not allowed below it.
+    }
+
+    /// Levels from gravity. Estimated axes: support is (1 + φ ×) up, so that its east part is φ north and its north part −φ east. The
+    /// bias of the accelerometers does not average out: the variance is not allowed below it.
+    fn level(&mut self, force_m_s2: &Vector3<f64>, dt_s: f64) {
         let felt = self.orientation.rotate(force_m_s2) / GRAVITY_M_S2;
         let bias = square(self.class.accelerometer_m_s2 / GRAVITY_M_S2);
         let noise = square(self.class.vrw_m_s_sqrt_s / GRAVITY_M_S2) / dt_s;
         for (axis, sign, measured) in [(1, 1.0, felt.x), (0, -1.0, felt.y)] {
             let variance = self.covariance.get((axis, axis)).copied().unwrap_or(0.0);
             if variance > bias {
-                let mut row = SMatrix::<f64, 1, 6>::zeros();
-                if let Some(place) = row.get_mut((0, axis)) {
-                    *place = sign;
-                }
-                self.update(&row, measured, bias * variance / (variance - bias) + noise);
+                let cross = self.covariance.column(axis) * sign;
+                self.correct(&cross, variance + bias * variance / (variance - bias) + noise, measured);
             }
         }
     }
 
-    /// A scalar measurement of the error state, fed back; Joseph's form keeps the covariance positive.
-    fn update(&mut self, row: &SMatrix<f64, 1, 6>, measured: f64, variance: f64) {
-        let cross = self.covariance * row.transpose();
-        let total = (row * cross).x + variance;
+    /// Takes in a scalar: its covariance with the state, its variance, its value; fed back at once.
+    fn correct(&mut self, cross: &State, total: f64, measured: f64) {
+        self.innovations.0 += square(measured) / total;
+        self.innovations.1 += 1;
         let gain = cross / total;
-        let keep = Covariance::identity() - gain * row;
-        self.covariance = keep * self.covariance * keep.transpose() + gain * gain.transpose() * variance;
+        self.covariance -= gain * cross.transpose();
         let error = gain * measured;
-        let attitude: Vector3<f64> = error.fixed_rows::<3>(0).into();
-        let bias: Vector3<f64> = error.fixed_rows::<3>(3).into();
-        self.orientation = Quaternion::from_rotation_vector(&-attitude).after(&self.orientation).normalised();
-        self.bias_rad_s += bias;
+        let three = |first: usize| -> Vector3<f64> { error.fixed_rows::<3>(first).into() };
+        let turned = |orientation: &Quaternion, by: Vector3<f64>| {
+            Quaternion::from_rotation_vector(&-by).after(orientation).normalised()
+        };
+        if let Some(waiting) = &mut self.waiting_rad {
+            // It was measured, in the middle of the second, with what is corrected now.
+            let c = self.orientation.direction_cosines();
+            *waiting -= three(ATTITUDE) - three(REST) - c * three(BIAS) * (0.5 * SECOND_S);
+        }
+        self.orientation = turned(&self.orientation, three(ATTITUDE));
+        self.rest = turned(&self.rest, three(REST));
+        self.bias_rad_s += three(BIAS);
     }
 
+    /// While it stands the rest is reported where it is better known than the moment: gyros may be noisier than the sway.
     fn report(&self, motion: Motion) -> HoldSecond {
-        let BlockClass { scale_ppm, misalignment_arcsec, .. } = self.class;
-        let per_rad2 = square(scale_ppm * 1e-6) + square(misalignment_arcsec * RAD_PER_DEG / 3600.0);
-        let of_turns = per_rad2 * self.turned_rad.norm_squared();
-        let variance = |axis: usize| self.covariance.get((axis, axis)).copied().unwrap_or(f64::INFINITY) + of_turns;
-        let sigma_heading_deg = (libm::sqrt(variance(2)) * DEG_PER_RAD).min(180.0);
+        let variance = |state: usize| self.covariance.get((state, state)).copied().unwrap_or(f64::INFINITY);
+        let rested = variance(REST + 2) + self.sway_rad2;
+        let at_rest = motion == Motion::Standing && rested < variance(ATTITUDE + 2);
+        let (first, orientation) = if at_rest { (REST, self.rest) } else { (ATTITUDE, self.orientation) };
+        let turns = |turned: &Vector3<f64>| (square(turned.x) + square(turned.y), square(turned.z));
+        let ((level, up), (since_level, since_up)) = (turns(&self.turned_rad), turns(&self.turned_since_rad));
+        let heading = if at_rest { rested } else { variance(ATTITUDE + 2) } + self.of_turns(up, level);
+        let levels = variance(first).max(variance(first + 1)) + self.of_turns(since_level, since_up);
+        let sigma_heading_deg = (libm::sqrt(heading) * DEG_PER_RAD).min(180.0);
         HoldSecond {
-            angles: self.orientation.angles(),
+            angles: orientation.angles(),
             sigma_heading_deg,
-            sigma_level_deg: libm::sqrt(variance(0).max(variance(1))) * DEG_PER_RAD,
+            sigma_level_deg: libm::sqrt(levels) * DEG_PER_RAD,
             motion,
+            normalised_squared: self.innovations.0,
+            degrees_of_freedom: self.innovations.1,
             refix: sigma_heading_deg > self.limits.refix_deg,
         }
     }
+}
+
+/// The attitude error less that of the rest about one axis.
+fn from_rest(axis: usize) -> State {
+    State::from_fn(|state, _| f64::from(u8::from(state == ATTITUDE + axis)) - f64::from(u8::from(state == REST + axis)))
 }
 
 fn square(value: f64) -> f64 {

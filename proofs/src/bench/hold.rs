@@ -15,6 +15,9 @@ use serde::Serialize;
 
 use super::{Bench, trials};
 
+/// Sway of the base before and after the walk, arcsec about each axis, and its frequencies, Hz: a tripod in the wind.
+const SWAY_ARCSEC: [f64; 3] = [20.0, 14.0, 6.0];
+const SWAY_HZ: std::ops::Range<f64> = 0.15..0.6;
 /// Sigma of the fix that is carried, degrees.
 const FIX_SIGMA_DEG: f64 = 0.04;
 const LATITUDE_DEG: f64 = 34.75;
@@ -22,7 +25,7 @@ const LATITUDE_DEG: f64 = 34.75;
 /// Heading and sigma of a fix that is carried to another place and set down, for every class of block
 ///
 /// Each trial draws its fix error, its block and its way: 120 s of standing, a walk of 10 to 120 s with a turn, 60 s of
-/// standing. Tables are Markdown.
+/// standing, on a firm base and on one that sways by 20 arcseconds. Tables are Markdown.
 #[derive(Args, Debug)]
 #[command(after_help = "Example:\n  north bench hold --trials 100")]
 pub struct HoldBench {
@@ -58,14 +61,17 @@ impl Bench for HoldBench {
     type Row = Row;
 
     fn measure(&self, out: &mut dyn Write) -> Result<Vec<Row>, Failure> {
-        let bar = progress::bar(self.trials * (BlockClass::ALL.len() as u64 + 1), "trials");
+        let bar = progress::bar(self.trials * (2 * BlockClass::ALL.len() as u64 + 6), "trials");
         let mut rows = Vec::new();
         for (number, class) in BlockClass::ALL.iter().enumerate() {
-            let first = (number as u64) << 32;
-            let trials = trials(first..first + self.trials, &bar, |trial| self.trial(class, trial))?;
-            for (moment, name) in ["before the walk", "after the walk", "set down for 60 s"].into_iter().enumerate() {
-                let outcomes: Vec<Outcome> = trials.iter().map(|trial| trial[moment]).collect();
-                rows.push(row(class.name, name.to_owned(), &outcomes));
+            for (base, sway_arcsec) in [("", [0.0; 3]), (", swaying base", SWAY_ARCSEC)] {
+                let first = (number as u64) << 32;
+                let trials = trials(first..first + self.trials, &bar, |trial| self.trial(class, trial, sway_arcsec))?;
+                for (moment, name) in ["before the walk", "after the walk", "set down for 60 s"].into_iter().enumerate()
+                {
+                    let outcomes: Vec<Outcome> = trials.iter().map(|trial| trial[moment]).collect();
+                    rows.push(row(class.name, format!("{name}{base}"), &outcomes));
+                }
             }
         }
         for class in &BlockClass::ALL[..2] {
@@ -97,7 +103,7 @@ impl Bench for HoldBench {
 }
 
 impl HoldBench {
-    fn trial(&self, class: &BlockClass, number: u64) -> [Outcome; 3] {
+    fn trial(&self, class: &BlockClass, number: u64, sway_arcsec: [f64; 3]) -> [Outcome; 3] {
         let mut random = ChaCha8Rng::seed_from_u64(self.seed);
         random.set_stream(number);
         let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
@@ -119,13 +125,22 @@ impl HoldBench {
         };
         let mut hold = Hold::new(class, HoldLimits::default(), LATITUDE_DEG, &fixed, FIX_SIGMA_DEG, level_sigma_deg)
             .expect("34.75° is far from the poles");
+        let (hz, phase) = (random.random_range(SWAY_HZ), random.random_range(0.0..std::f64::consts::TAU));
+        // It sways where it stands; a turn of arcseconds adds to the increments as it is, and about up it takes from the heading.
+        let sway = |t_s: f64| {
+            let stands = t_s <= carry.stand_s || t_s > carry.stand_s + carry.carry_s;
+            let share = if stands { (std::f64::consts::TAU * hz * t_s + phase).sin() } else { 0.0 };
+            nalgebra::Vector3::from(sway_arcsec) * (share * (1.0f64 / 3600.0).to_radians())
+        };
         let ends_s = [carry.stand_s, carry.stand_s + carry.carry_s, f64::INFINITY];
         let mut outcomes = [None; 3];
         for sample in CarriedBlock::new(carry, errors(class), self.seed.wrapping_mul(1 << 20) ^ number) {
-            let increment = Increment { angle_rad: sample.angle_rad.into(), velocity_m_s: sample.velocity_m_s.into() };
+            let swayed = sway(sample.t_s);
+            let angle_rad = nalgebra::Vector3::from(sample.angle_rad) + swayed - sway(sample.t_s - sample.dt_s);
+            let increment = Increment { angle_rad, velocity_m_s: sample.velocity_m_s.into() };
             let Some(second) = hold.push(sample.dt_s, increment) else { continue };
             let outcome = Outcome {
-                error_deg: wrap_180_deg(second.angles.heading_deg - sample.heading_deg),
+                error_deg: wrap_180_deg(second.angles.heading_deg - sample.heading_deg + swayed.z.to_degrees()),
                 sigma_deg: second.sigma_heading_deg,
                 refix: second.refix,
             };

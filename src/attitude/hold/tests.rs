@@ -36,6 +36,24 @@ fn a_bias_is_learned_while_it_stands_and_not_turned_by() {
 }
 
 #[test]
+fn a_sway_is_no_bias() {
+    // 10 arcsec at 0.23 Hz about z, for 100 s: its rate is up to 14 °/h, of which the angle over the whole time knows 2 · 10 arcsec /
+    // 100 s = 0.2 °/h at most. The block's 3 °/h are known to 0.105 °/√h · √(1/100 s) = 0.63 °/h then.
+    let mut hold = hold(&BlockClass::SOURCE_FOG, 0.0);
+    let sway = |t_s: f64| 10.0 * RAD_PER_ARCSEC * libm::sin(2.0 * core::f64::consts::PI * 0.23 * t_s);
+    let mut last = None;
+    for step in 0..10_000 {
+        let (from_s, to_s) = (0.01 * f64::from(step), 0.01 * f64::from(step + 1));
+        let still = sample(0.0, 0.0);
+        let angle_rad = still.angle_rad + Vector3::new(0.0, 0.0, sway(to_s) - sway(from_s));
+        last = hold.push(0.01, Increment { angle_rad, ..still }).or(last);
+        assert!(last.is_none_or(|second| second.motion == Motion::Standing), "{last:?}");
+    }
+    assert!(hold.bias_deg_h()[2].abs() < 0.2, "{:?}", hold.bias_deg_h());
+    assert!(wrap_180_deg(last.unwrap().angles.heading_deg).abs() < 10.0 / 3600.0, "{last:?}");
+}
+
+#[test]
 fn a_turn_is_carried_with_its_sign_and_widens_sigma() {
     // Counter-clockwise by 9 °/s for 10 s: the heading falls by 90° (the x axis leaves north, so the bit of Earth rate that the
     // test keeps on x is 7.52 °/h · 10 s, 0.02° of level at most).
@@ -44,8 +62,12 @@ fn a_turn_is_carried_with_its_sign_and_widens_sigma() {
     let last = run(&mut hold, 10, sample(9.0, 0.0));
     assert_eq!(last.motion, Motion::Moving);
     assert!(wrap_180_deg(last.angles.heading_deg - 270.0).abs() < 0.01, "{last:?}");
-    // Scale 500 ppm and misalignment 1 mrad: 90° · 1.118e-3 = 0.101°, with the fix's 0.04° and noise of 0.008° 0.109°.
-    assert!((0.104..0.114).contains(&last.sigma_heading_deg), "{last:?}");
+    // Scale 500 ppm: 90° · 5e-4 = 0.045°, with the fix's 0.04° and noise of 0.008° 0.0608°. The misalignment of 1 mrad tilts by 0.09°.
+    assert!((0.058..0.064).contains(&last.sigma_heading_deg), "{last:?}");
+    assert!((0.085..0.15).contains(&last.sigma_level_deg), "{last:?}");
+    // Set down, gravity tells the levels to 0.75 mg, 0.043°.
+    let last = run(&mut hold, 5, sample(0.0, 0.0));
+    assert!(last.motion == Motion::Standing && last.sigma_level_deg < 0.047, "{last:?}");
 }
 
 #[test]
