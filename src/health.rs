@@ -218,6 +218,12 @@ pub struct Counters {
     pub accelerometer_errors: u32,
     /// Encoder readings that failed (parity, error flag, bus).
     pub encoder_errors: u32,
+    /// Readings of the block of three gyros that failed.
+    pub block_errors: u32,
+    /// Samples of it that nobody read.
+    pub block_missed: u32,
+    /// Samples of it at the gyros' range.
+    pub block_saturated: u32,
     /// Sensor readings that the solve task had no room for.
     pub readings_refused: u32,
     /// Reports that the link had no room for.

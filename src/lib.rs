@@ -34,6 +34,7 @@ pub mod frame;
 pub mod gates;
 pub mod gather;
 pub mod guard;
+pub mod heading;
 pub mod health;
 pub mod index;
 pub mod instrument;

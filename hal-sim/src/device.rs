@@ -94,6 +94,10 @@ spi_handle! {
     AccelerometerSpi, exchange_accelerometer
 }
 spi_handle! {
+    /// The ADIS16505 behind its select line, where the scenario has a block: bytes of ones otherwise.
+    BlockSpi, exchange_block
+}
+spi_handle! {
     /// The AS5048A behind its select line. Each transaction is one 16-bit frame.
     EncoderSpi, exchange_encoder
 }

@@ -8,6 +8,8 @@ use nalgebra::{Unit, UnitQuaternion, Vector3};
 /// Earth's rotation against the stars, rad/s (WGS 84: NIMA TR8350.2, third edition).
 const EARTH_RATE_RAD_S: f64 = 7.292_115e-5;
 
+/// Gravity, m/s².
+pub const GRAVITY_M_S2: f64 = 9.80665;
 /// Arcseconds in a radian.
 pub const ARCSEC_PER_RAD: f64 = 3600.0 * 180.0 / std::f64::consts::PI;
 

@@ -7,8 +7,10 @@
 //! firmware: a mistake in one is not hidden by the same mistake in the other.
 
 mod accelerometer;
+mod adis16505;
 mod base;
 pub mod block;
+mod carry;
 mod device;
 mod encoder;
 pub mod flash;
@@ -32,7 +34,7 @@ pub mod vessel;
 mod window;
 mod world;
 
-pub use device::{AccelerometerSpi, EncoderSpi, Flash, GyroLine, Pin};
+pub use device::{AccelerometerSpi, BlockSpi, EncoderSpi, Flash, GyroLine, Pin};
 pub use operator::Operator;
 pub use scenario::{Scenario, ScenarioError};
 pub use truth::Truth;

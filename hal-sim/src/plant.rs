@@ -1,7 +1,9 @@
 //! The one plant behind all devices.
 
 use crate::accelerometer::{Adxl355, Felt};
+use crate::adis16505::Adis16505;
 use crate::base::BaseMotion;
+use crate::carry::Way;
 use crate::encoder::As5048a;
 use crate::flash::FlashMemory;
 use crate::geometry::{self, ARCSEC_PER_RAD, BaseAngles};
@@ -26,12 +28,14 @@ pub struct Plant {
     sampled_slots: u64,
     base: BaseMotion,
     pub hand: Hand,
+    way: Option<Way>,
     pub drive: Drive,
     tracker: PoseTracker,
     errors: GyroErrors,
     output: GyroOutput,
     line: Line,
     accelerometer: Adxl355,
+    block: Option<Adis16505>,
     encoder: As5048a,
     pub flash: FlashMemory,
 }
@@ -48,12 +52,14 @@ impl Plant {
             sampled_slots: 0,
             base,
             hand: Hand::off(),
+            way: None,
             drive,
             tracker,
             errors: GyroErrors::new(gyro, &scenario.site, seed),
             output: GyroOutput::new(gyro),
             line: Line::new(&scenario.link, seed),
             accelerometer: Adxl355::new(&scenario.accelerometer, seed),
+            block: scenario.block.as_ref().map(|block| Adis16505::new(block, seed)),
             encoder: As5048a::new(&scenario.encoder, seed),
             flash: FlashMemory::erased(),
         }
@@ -80,8 +86,14 @@ impl Plant {
         self.base.advance_to(t_s);
         self.hand.advance_to(t_s);
         self.tracker.hold(self.hand.rotation());
+        let before = self.tracker.pose().attitude;
         let turn = self.tracker.move_to(self.base_angles(), self.drive.index_deg(), dt_s);
         let pose = self.tracker.pose();
+        if let Some(block) = &mut self.block {
+            let acceleration = acceleration_m_s2(self.way.as_ref(), t_s - 0.5 * dt_s);
+            let earth_rad_s = geometry::earth_rate_rad_s(self.scenario.site.latitude_deg);
+            block.feel(t_s, [&before, &pose.attitude], &acceleration, &earth_rad_s, dt_s);
+        }
         let increment_arcsec = self.errors.measure(&Surroundings {
             t_s,
             dt_s,
@@ -98,16 +110,25 @@ impl Plant {
         self.output.tick(t_s, increment_arcsec, temp_c, |frame| line.send(&frame.encode(format), t_s));
     }
 
-    /// The base with the give of the tripod under the motor's torque.
+    /// See [`crate::World::carry`].
+    pub fn carry(&mut self) -> Option<f64> {
+        let carry = self.scenario.carry.as_ref()?;
+        let lifted_s = self.t_s() + carry.wait_s;
+        self.way = Some(Way::new(carry, lifted_s));
+        Some(lifted_s + carry.walk_s + carry.stand_s)
+    }
+
+    /// The base with the give of the tripod under the motor's torque, and where it was carried to.
     fn base_angles(&self) -> BaseAngles {
         let lag_deg = self.drive.torque_lag_deg();
         let [pitch, roll, azimuth] =
             self.scenario.motor.base_reaction_arcsec_per_deg.map(|arcsec| arcsec * lag_deg / ARCSEC_PER_RAD);
         let angles = self.base.angles();
+        let carried = self.way.as_ref().map_or_else(BaseAngles::default, |way| way.turned(self.t_s()));
         BaseAngles {
-            pitch_rad: angles.pitch_rad + pitch,
-            roll_rad: angles.roll_rad + roll,
-            azimuth_rad: angles.azimuth_rad + azimuth,
+            pitch_rad: angles.pitch_rad + pitch + carried.pitch_rad,
+            roll_rad: angles.roll_rad + roll + carried.roll_rad,
+            azimuth_rad: angles.azimuth_rad + azimuth + carried.azimuth_rad,
         }
     }
 
@@ -130,13 +151,23 @@ impl Plant {
     }
 
     pub fn exchange_accelerometer(&mut self, mosi: &[u8]) -> Vec<u8> {
+        let attitude = &self.tracker.pose().attitude;
+        let walk_g = attitude.inverse() * acceleration_m_s2(self.way.as_ref(), self.t_s()) / geometry::GRAVITY_M_S2;
         let felt = Felt {
             t_s: self.t_s(),
-            force_g: geometry::specific_force_g(&self.tracker.pose().attitude) + self.hand.shake_g(),
+            force_g: geometry::specific_force_g(attitude) + walk_g + self.hand.shake_g(),
             vibration_g: self.scenario.base.vibration_g,
             temp_c: self.errors.temp_c(),
         };
         self.accelerometer.exchange(mosi, &felt)
+    }
+
+    pub fn exchange_block(&mut self, mosi: &[u8]) -> Vec<u8> {
+        let (t_s, temp_c) = (self.t_s(), self.errors.temp_c());
+        match &mut self.block {
+            Some(block) => block.exchange(mosi, t_s, temp_c),
+            None => vec![0xFF; mosi.len()],
+        }
     }
 
     pub fn exchange_encoder(&mut self, mosi: &[u8]) -> Vec<u8> {
@@ -151,4 +182,9 @@ impl Plant {
     pub fn has_received(&self) -> bool {
         self.line.is_ready(self.t_s())
     }
+}
+
+/// Of the place of the instrument, east, north, up.
+fn acceleration_m_s2(way: Option<&Way>, t_s: f64) -> Vector3<f64> {
+    way.map_or_else(Vector3::zeros, |way| way.acceleration_m_s2(t_s))
 }

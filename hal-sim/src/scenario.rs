@@ -4,6 +4,7 @@
 //! different. Every number has an allowed range; what is outside is refused with the file, the line, the field, the value
 //! and the range.
 
+mod block;
 pub mod check;
 mod devices;
 mod error;
@@ -13,6 +14,7 @@ mod operator;
 mod sense;
 mod site;
 
+pub use block::{Block, Carry};
 pub use devices::{Accelerometer, Encoder, Link, LinkFault, LinkFaultKind, Motor, SensorFault, SensorFaultKind};
 pub use error::ScenarioError;
 pub use gyro::{Gyro, GyroFault, GyroFaultKind, GyroFormat, Harmonic};
@@ -41,12 +43,16 @@ part! {
         gyro: Gyro = Gyro::default(), Inner;
         /// The accelerometer.
         accelerometer: Accelerometer = Accelerometer::default(), Inner;
+        /// The block of three gyros and three accelerometers, if the instrument has one.
+        block: Option<Block> = None, Inner;
         /// The encoder.
         encoder: Encoder = Encoder::default(), Inner;
         /// The index drive.
         motor: Motor = Motor::default(), Inner;
         /// The line from the gyro.
         link: Link = Link::default(), Inner;
+        /// The instrument is carried to another place after the fix.
+        carry: Option<Carry> = None, Inner;
         /// Who turns it when the accelerometers are calibrated.
         operator: Operator = Operator::default(), Inner;
         /// Settings of the firmware that this scenario overrides. The simulator does not look into it.

@@ -1,6 +1,6 @@
 //! The world as its users see it: time, truth, and handles to the devices.
 
-use crate::device::{AccelerometerSpi, EncoderSpi, Flash, GyroLine, Pin, PinFunction};
+use crate::device::{AccelerometerSpi, BlockSpi, EncoderSpi, Flash, GyroLine, Pin, PinFunction};
 use crate::flash::FlashMemory;
 use crate::hand::Turn;
 use crate::plant::Plant;
@@ -46,9 +46,20 @@ impl World {
         self.plant.borrow_mut().hand.turn(turn);
     }
 
+    /// The instrument has its fix: after the scenario's time of waiting it is carried to another place. Gives the time, s, at
+    /// which it has stood there for as long as the scenario says; nothing where the scenario has no carry.
+    pub fn carry(&self) -> Option<f64> {
+        self.plant.borrow_mut().carry()
+    }
+
     /// The accelerometer on its bus.
     pub fn accelerometer(&self) -> AccelerometerSpi {
         AccelerometerSpi::new(Rc::clone(&self.plant))
+    }
+
+    /// The block of three gyros and three accelerometers on its bus.
+    pub fn block(&self) -> BlockSpi {
+        BlockSpi::new(Rc::clone(&self.plant))
     }
 
     /// The encoder on its bus.

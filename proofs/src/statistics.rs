@@ -1,6 +1,6 @@
 //! What a few or many errors say together, and how far to trust it.
 
-use statrs::distribution::{ChiSquared, ContinuousCDF};
+use statrs::distribution::{Beta, ChiSquared, ContinuousCDF};
 
 /// Azimuth minus truth, degrees, in −180 … 180.
 pub fn azimuth_error_deg(found_deg: f64, true_deg: f64) -> f64 {
@@ -32,6 +32,17 @@ pub fn rms_interval(rms: f64, degrees_of_freedom: usize) -> Option<[f64; 2]> {
     Some([0.975, 0.025].map(|probability| rms * (freedom / distribution.inverse_cdf(probability)).sqrt()))
 }
 
+/// 95 % interval of the probability of what happened `hits` times in `trials` (Clopper and Pearson, Biometrika 26, 1934).
+pub fn probability_interval(hits: usize, trials: usize) -> [f64; 2] {
+    let misses = trials - hits;
+    let quantile = |low: usize, high: usize, probability: f64| {
+        Beta::new(low as f64, high as f64).map_or(f64::NAN, |beta| beta.inverse_cdf(probability))
+    };
+    let lowest = if hits == 0 { 0.0 } else { quantile(hits, misses + 1, 0.025) };
+    let highest = if misses == 0 { 1.0 } else { quantile(hits + 1, misses, 0.975) };
+    [lowest, highest]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -42,6 +53,11 @@ mod tests {
         assert_eq!(rms([3.0, -4.0]), 12.5f64.sqrt());
         assert_eq!((median(vec![3.0, 1.0, 2.0]), median(vec![1.0, 4.0])), (2.0, 2.5));
         // Chi-square of 10 degrees of freedom: 3.247 and 20.483 at 2.5 and 97.5 % (tables).
+        // Of 10 in 10 the lower end is 0.025^(1/10) = 0.6915.
+        let [low, high] = probability_interval(10, 10);
+        assert!((low - 0.6915).abs() < 1e-4 && high == 1.0);
+        let [low, high] = probability_interval(0, 10);
+        assert!(low == 0.0 && (high - 0.3085).abs() < 1e-4);
         let [low, high] = rms_interval(1.0, 10).unwrap();
         assert!((low - (10.0f64 / 20.483).sqrt()).abs() < 1e-4 && (high - (10.0f64 / 3.247).sqrt()).abs() < 1e-3);
     }

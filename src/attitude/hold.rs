@@ -13,6 +13,7 @@
 //! Sigma grows with the class of the block ([`BlockClass`]); when it passes its limit a fix is asked for.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use serde::{Deserialize, Serialize};
 
 use super::coning::{Algorithm, Increment, Integrator};
 use super::quaternion::Quaternion;
@@ -135,7 +136,8 @@ impl Default for HoldLimits {
 }
 
 /// What the base did in a second.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Motion {
     /// It stood: bias and levels were measured.
     Standing,

@@ -7,6 +7,8 @@
 //! | PA2, PA3 (USART2 TX, RX) | host: 115200 baud |
 //! | PA4, PA5, PA6, PA7 (SPI1) | accelerometer ADXL355: select, clock, data out, data in |
 //! | PB12, PB13, PB14, PB15 (SPI2) | encoder AS5048A: select, clock, data out, data in |
+//! | PA15, PC10, PC11, PC12 (SPI3) | block ADIS16505, where there is one: select, clock, data out, data in |
+//! | PB6 (TIM4 channel 1) | block, sync input: it samples in step with this pulse of 100 Hz |
 //! | PC6, PC7, PC8 | motor driver: step, direction, not-enable |
 //!
 //! The settings are in the flash, sectors 1 and 2: see [`flash`]. A crystal that does not start is reported, and the
@@ -18,8 +20,9 @@ mod flash;
 use core::convert::Infallible;
 
 use defmt_rtt as _;
+use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::{ErrorType, OutputPin};
-use embedded_hal::spi::{MODE_0, MODE_1};
+use embedded_hal::spi::{MODE_0, MODE_1, MODE_3};
 use embedded_hal_bus::spi::{ExclusiveDevice, NoDelay};
 pub use flash::Flash;
 use north_finder::restart::Cause;
@@ -38,10 +41,15 @@ use super::Overrun;
 const CYCLES_PER_US: u32 = clock::SYSTEM.raw() / 1_000_000;
 /// Within the limits of both parts, and a whole part of both buses' clocks.
 const SPI_CLOCK: Hertz = Hertz::kHz(5_250);
+/// The block takes at most 1.1 MHz in a burst: 656 kHz, so that a sample takes 0.42 ms.
+const BLOCK_CLOCK: Hertz = Hertz::kHz(1_000);
 const GYRO_BAUD: u32 = 921_600;
 const HOST_BAUD: u32 = 115_200;
 const TICK_HZ: u32 = 400;
 const SLOTS_HZ: u32 = 3200;
+const BLOCK_HZ: u32 = 100;
+/// Divides the clock of the block's pulse, so that a period fits 16 bits.
+const BLOCK_DIVISOR: u32 = 20;
 
 /// The encoder wants 0.35 µs before, after and between selections, the accelerometer less.
 const SELECT_CYCLES: u32 = CYCLES_PER_US / 2;
@@ -59,6 +67,7 @@ pub struct Board {
     pub reports: ReportPort,
     pub accelerometer: Accelerometer,
     pub encoder: Encoder,
+    pub block: Block,
     pub step: Step,
     pub direction: Direction,
     pub enable: Enable,
@@ -68,6 +77,7 @@ pub struct Board {
 type Select<PIN> = Held<PIN, SELECT_CYCLES>;
 pub type Accelerometer = ExclusiveDevice<Spi<pac::SPI1>, Select<gpio::PA4<Output>>, NoDelay>;
 pub type Encoder = ExclusiveDevice<Spi<pac::SPI2>, Select<gpio::PB12<Output>>, NoDelay>;
+pub type Block = ExclusiveDevice<Spi<pac::SPI3>, Select<gpio::PA15<Output>>, Cycles>;
 pub type Step = Held<gpio::PC6<Output>, STEP_CYCLES>;
 pub type Direction = gpio::PC7<Output>;
 pub type Enable = ActiveLow<gpio::PC8<Output>>;
@@ -113,19 +123,31 @@ pub fn init(device: pac::Peripherals) -> Board {
         Some(b.pb15.into_alternate::<5>().speed(Speed::High)),
     );
     let encoder = Spi::new(device.SPI2, bus, MODE_1, SPI_CLOCK, &mut rcc);
+    let bus = (
+        Some(c.pc10.into_alternate::<6>().speed(Speed::High)),
+        Some(c.pc11.into_alternate::<6>()),
+        Some(c.pc12.into_alternate::<6>().speed(Speed::High)),
+    );
+    let block = Spi::new(device.SPI3, bus, MODE_3, BLOCK_CLOCK, &mut rcc);
+    b.pb6.into_alternate::<2>();
+    pac::TIM4::enable(&mut rcc);
+    pac::TIM4::reset(&mut rcc);
+    let Ok(block) =
+        ExclusiveDevice::new(block, Held(a.pa15.into_push_pull_output_in_state(PinState::High)), Cycles);
     let Ok(accelerometer) =
         ExclusiveDevice::new_no_delay(accelerometer, Held(a.pa4.into_push_pull_output_in_state(PinState::High)));
     let Ok(encoder) =
         ExclusiveDevice::new_no_delay(encoder, Held(b.pb12.into_push_pull_output_in_state(PinState::High)));
 
     Board {
-        ticker: Ticker::start(device.TIM2, tick_cycles),
+        ticker: Ticker::start(device.TIM2, tick_cycles, device.TIM4),
         slots: Slots::new(device.TIM3, slot_cycles),
         gyro: GyroPort(gyro),
         requests: RequestPort(requests),
         reports: ReportPort(reports),
         accelerometer,
         encoder,
+        block,
         step: Held(c.pc6.into_push_pull_output()),
         direction: c.pc7.into_push_pull_output(),
         enable: ActiveLow(c.pc8.into_push_pull_output_in_state(PinState::High)),
@@ -199,7 +221,16 @@ pub fn restart() -> ! {
 pub struct Ticker(pac::TIM2);
 
 impl Ticker {
-    fn start(timer: pac::TIM2, cycles: u32) -> Self {
+    /// The block's pulse begins with the first tick and goes on in step with the ticks: four of them are its period.
+    fn start(timer: pac::TIM2, cycles: u32, block: pac::TIM4) -> Self {
+        let block_cycles = (cycles * (TICK_HZ / BLOCK_HZ) / BLOCK_DIVISOR) as u16;
+        block.psc().write(|w| w.psc().set(BLOCK_DIVISOR as u16 - 1));
+        block.arr().write(|w| w.arr().set(block_cycles - 1));
+        block.ccr1().write(|w| w.ccr().set(block_cycles / 10));
+        block.ccmr1_output().write(|w| w.oc1m().pwm_mode1());
+        block.ccer().write(|w| w.cc1e().set_bit());
+        block.egr().write(|w| w.ug().set_bit());
+        block.cr1().write(|w| w.cen().set_bit());
         timer.arr().write(|w| w.arr().set(cycles - 1));
         timer.ccr1().write(|w| w.ccr().set(cycles / 10));
         timer.ccmr1_output().write(|w| w.oc1m().pwm_mode1());
@@ -310,6 +341,15 @@ impl<PIN: OutputPin<Error = Infallible>, const CYCLES: u32> OutputPin for Held<P
         self.0.set_high()?;
         cortex_m::asm::delay(CYCLES);
         Ok(())
+    }
+}
+
+/// Waits by counting cycles.
+pub struct Cycles;
+
+impl DelayNs for Cycles {
+    fn delay_ns(&mut self, ns: u32) {
+        cortex_m::asm::delay(ns.div_ceil(1000).saturating_mul(CYCLES_PER_US));
     }
 }
 

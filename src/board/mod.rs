@@ -7,7 +7,7 @@
 //! | `Slots` | the 3200 Hz timer (TIM3) of the motor |
 //! | `GyroPort`, `RequestPort` | receivers that interrupt when bytes have come (USART1, USART2) |
 //! | `ReportPort` | the sender of the link to the host |
-//! | `Accelerometer`, `Encoder` | SPI devices |
+//! | `Accelerometer`, `Encoder`, `Block` | SPI devices |
 //! | `Step`, `Direction`, `Enable` | output pins of the motor |
 //! | `Flash` | NOR flash for the settings |
 //! | `sleep` | waits for the next interrupt |

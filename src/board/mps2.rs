@@ -69,6 +69,7 @@ pub struct Board {
     pub reports: ReportPort,
     pub accelerometer: Accelerometer,
     pub encoder: Encoder,
+    pub block: Block,
     pub step: Step,
     pub direction: Direction,
     pub enable: Enable,
@@ -77,6 +78,7 @@ pub struct Board {
 
 pub type Accelerometer = Spi<0>;
 pub type Encoder = Spi<1>;
+pub type Block = Spi<2>;
 pub type Step = Pin<0>;
 pub type Direction = Pin<1>;
 pub type Enable = Pin<2>;
@@ -101,6 +103,7 @@ pub fn init(_device: pac::Peripherals) -> Board {
         reports: ReportPort,
         accelerometer: Spi,
         encoder: Spi,
+        block: Spi,
         step: Pin,
         direction: Pin,
         enable: Pin,
@@ -317,7 +320,7 @@ impl<const DEVICE: u8> spi::ErrorType for Spi<DEVICE> {
 
 impl<const DEVICE: u8> SpiDevice for Spi<DEVICE> {
     fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), Infallible> {
-        let mut mosi = Vec::<u8, 32>::new();
+        let mut mosi = Vec::<u8, 40>::new();
         for operation in operations.iter() {
             match operation {
                 Operation::Write(bytes) => mosi.extend_from_slice(bytes),

@@ -1,5 +1,6 @@
 //! Drivers of the instrument's parts, over embedded-hal 1.0: the same code on the board, in QEMU and in process.
 
+pub mod adis16505;
 pub mod adxl355;
 pub mod as5048a;
 #[cfg(test)]

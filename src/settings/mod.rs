@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 pub use crate::calibration::accelerometer::AccelerometerCalibration;
 pub use crate::frame::GyroFormat;
 pub use crate::gates::GateSettings;
+pub use crate::heading::settings::BlockSettings;
 pub use crate::index::IndexSettings;
 pub use crate::level::LevelSettings;
 pub use crate::limits::Invalid;
@@ -42,6 +43,8 @@ pub struct Settings {
     pub model: Option<ErrorModel>,
     /// The calibration of the level accelerometers; without one their readings are taken as they are.
     pub accelerometer: Option<AccelerometerCalibration>,
+    /// The block of three gyros that holds the heading after a fix; without one it is not read.
+    pub block: Option<BlockSettings>,
 }
 
 impl Default for Settings {
@@ -57,6 +60,7 @@ impl Default for Settings {
             time_limit_s: 1800.0,
             model: None,
             accelerometer: None,
+            block: None,
         }
     }
 }
@@ -100,7 +104,8 @@ impl Settings {
             "above the Earth rate and the disturbance threshold",
         )?;
         self.model.as_ref().map_or(Ok(()), ErrorModel::validate)?;
-        self.accelerometer.as_ref().map_or(Ok(()), AccelerometerCalibration::validate)
+        self.accelerometer.as_ref().map_or(Ok(()), AccelerometerCalibration::validate)?;
+        self.block.as_ref().map_or(Ok(()), BlockSettings::validate)
     }
     /// What the sequence goes by.
     pub fn rules(&self) -> Rules {

@@ -90,6 +90,14 @@ impl<T: Part> Allowed<T> for Inner {
     }
 }
 
+impl<T: Part> Allowed<Option<T>> for Inner {
+    fn check(&self, value: &Option<T>, findings: &mut Findings) {
+        if let Some(value) = value {
+            value.check(findings);
+        }
+    }
+}
+
 impl<T: Part> Allowed<Vec<T>> for Each {
     fn check(&self, value: &Vec<T>, findings: &mut Findings) {
         for (position, item) in value.iter().enumerate() {

@@ -54,6 +54,7 @@ built_in![
     "kvh-gyro",
     "vehicle",
     "worn-accelerometers",
+    "carried",
 ];
 
 /// Descriptions, in the order of [`FILES`].

@@ -20,6 +20,11 @@ pub fn check(scenario: &Scenario, findings: &mut Findings) {
             windows("faults", faults.iter().map(|fault| (fault.from_s, fault.to_s)), findings);
         });
     }
+    if let Some(block) = &scenario.block {
+        findings.within("block", |findings| {
+            windows("faults", block.faults.iter().map(|fault| (fault.from_s, fault.to_s)), findings);
+        });
+    }
     findings.within("motor", |findings| {
         window("stall_", scenario.motor.stall_from_s.unwrap_or(0.0), scenario.motor.stall_to_s, findings);
     });

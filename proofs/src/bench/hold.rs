@@ -3,7 +3,8 @@
 use std::io::{self, Write};
 
 use clap::Args;
-use hal_sim::block::{BlockErrors, CarriedBlock, Carry};
+use hal_sim::block::CarriedBlock;
+use hal_sim::scenario::{Block, Carry};
 use north::failure::Failure;
 use north::progress;
 use north_finder::attitude::{Angles, BlockClass, Hold, HoldLimits, Increment, Quaternion};
@@ -108,18 +109,18 @@ impl HoldBench {
         random.set_stream(number);
         let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
         let (fix_error_deg, level) = (FIX_SIGMA_DEG * normal(), [normal(), normal()]);
+        let heading_deg: f64 = random.random_range(0.0..360.0);
         let carry = Carry {
-            latitude_deg: LATITUDE_DEG,
-            heading_deg: random.random_range(0.0..360.0),
             turn_deg: random.random_range(-180.0..180.0),
-            stand_s: 120.0,
-            carry_s: random.random_range(10.0_f64..120.0).round(),
-            stand_again_s: 60.0,
+            wait_s: 120.0,
+            walk_s: random.random_range(10.0_f64..120.0).round(),
+            stand_s: 60.0,
             set_down_deg: [random.random_range(-3.0..3.0), random.random_range(-3.0..3.0)],
+            ..Carry::default()
         };
         let level_sigma_deg = (class.accelerometer_m_s2 / 9.8).to_degrees();
         let fixed = Angles {
-            heading_deg: carry.heading_deg + fix_error_deg,
+            heading_deg: heading_deg + fix_error_deg,
             pitch_deg: level_sigma_deg * level[0],
             roll_deg: level_sigma_deg * level[1],
         };
@@ -128,13 +129,14 @@ impl HoldBench {
         let (hz, phase) = (random.random_range(SWAY_HZ), random.random_range(0.0..std::f64::consts::TAU));
         // It sways where it stands; a turn of arcseconds adds to the increments as it is, and about up it takes from the heading.
         let sway = |t_s: f64| {
-            let stands = t_s <= carry.stand_s || t_s > carry.stand_s + carry.carry_s;
+            let stands = t_s <= carry.wait_s || t_s > carry.wait_s + carry.walk_s;
             let share = if stands { (std::f64::consts::TAU * hz * t_s + phase).sin() } else { 0.0 };
             nalgebra::Vector3::from(sway_arcsec) * (share * (1.0f64 / 3600.0).to_radians())
         };
-        let ends_s = [carry.stand_s, carry.stand_s + carry.carry_s, f64::INFINITY];
+        let ends_s = [carry.wait_s, carry.wait_s + carry.walk_s, f64::INFINITY];
         let mut outcomes = [None; 3];
-        for sample in CarriedBlock::new(carry, errors(class), self.seed.wrapping_mul(1 << 20) ^ number) {
+        let seed = self.seed.wrapping_mul(1 << 20) ^ number;
+        for sample in CarriedBlock::new(LATITUDE_DEG, heading_deg, &carry, &simulated(class), seed) {
             let swayed = sway(sample.t_s);
             let angle_rad = nalgebra::Vector3::from(sample.angle_rad) + swayed - sway(sample.t_s - sample.dt_s);
             let increment = Increment { angle_rad, velocity_m_s: sample.velocity_m_s.into() };
@@ -152,41 +154,36 @@ impl HoldBench {
     }
 }
 
-fn errors(class: &BlockClass) -> BlockErrors {
-    BlockErrors {
-        arw_deg_sqrt_h: class.arw_deg_sqrt_h,
+/// A block of this class.
+fn simulated(class: &BlockClass) -> Block {
+    Block {
+        arw_deg_per_sqrt_h: class.arw_deg_sqrt_h,
         run_to_run_deg_h: class.run_to_run_deg_h,
         markov_deg_h: class.markov_deg_h,
         markov_s: class.markov_s,
         scale_ppm: class.scale_ppm,
         misalignment_arcsec: class.misalignment_arcsec,
         accelerometer_m_s2: class.accelerometer_m_s2,
-        vrw_m_s_sqrt_s: class.vrw_m_s_sqrt_s,
+        vrw_m_s_per_sqrt_s: class.vrw_m_s_sqrt_s,
+        saturation_deg_s: 1.02 * class.range_deg_s,
+        ..Block::default()
     }
 }
 
 /// A block with nothing but white noise, summed up without any help.
 fn white(class: &BlockClass, seconds: f64, seed: u64) -> Outcome {
-    let quiet = BlockErrors {
+    let quiet = Block {
         run_to_run_deg_h: 0.0,
         markov_deg_h: 0.0,
         scale_ppm: 0.0,
         misalignment_arcsec: 0.0,
-        ..errors(class)
+        ..simulated(class)
     };
-    let carry = Carry {
-        latitude_deg: 0.0,
-        heading_deg: 0.0,
-        turn_deg: 0.0,
-        stand_s: seconds,
-        carry_s: 0.0,
-        stand_again_s: 0.0,
-        set_down_deg: [0.0; 2],
-    };
-    // The mark points north at the equator, along the axis of the Earth.
+    // The mark points north at the equator, along the axis of the Earth; only the time of waiting is looked at.
+    let carry = Carry { wait_s: seconds, ..Carry::default() };
     let earth = nalgebra::Vector3::new(0.0, 7.292115e-5 * 0.01, 0.0);
     let mut orientation = Quaternion::from_angles(&Angles::default());
-    for sample in CarriedBlock::new(carry, quiet, seed) {
+    for sample in CarriedBlock::new(0.0, 0.0, &carry, &quiet, seed).take_while(|sample| sample.t_s < seconds + 0.005) {
         orientation = orientation.advance(&sample.angle_rad.into(), &earth);
     }
     let sigma_deg = class.arw_deg_sqrt_h / 60.0 * seconds.sqrt();

@@ -13,6 +13,7 @@ use crate::effects::{
     RateTerm, Sinusoid, Term,
 };
 use crate::sequence::order::{MAX_POSITIONS, Order};
+use crate::heading::settings::BlockSettings;
 use crate::settings::Settings;
 
 /// Every number needs all its bytes, every list is full, every effect is of the longest kind.
@@ -30,6 +31,13 @@ pub fn settings() -> Settings {
     settings.sequence.order = Order::Custom(angles);
     settings.model = Some(model("a_name_of_twenty_four_by"));
     settings.accelerometer = Some(AccelerometerCalibration { bias_g: [1.1; 3], matrix: [1.1; 6] });
+    settings.block = Some(BlockSettings {
+        arw_deg_per_sqrt_h: Some(1.1),
+        bias_deg_h: Some(1.1),
+        scale_ppm: Some(1.1),
+        range_deg_s: Some(1.1),
+        ..BlockSettings::default()
+    });
     settings
 }
 

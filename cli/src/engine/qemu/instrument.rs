@@ -4,7 +4,7 @@ use embedded_hal::digital::OutputPin;
 use embedded_io::Read as _;
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 use hal_sim::flash::FlashError;
-use hal_sim::{AccelerometerSpi, EncoderSpi, Flash, GyroLine, Pin, World};
+use hal_sim::{AccelerometerSpi, BlockSpi, EncoderSpi, Flash, GyroLine, Pin, World};
 use north_finder::drivers::step_motor::SLOTS_PER_TICK;
 
 use super::wire::{Ask, Edge};
@@ -14,6 +14,7 @@ pub struct Instrument {
     gyro: GyroLine,
     accelerometer: AccelerometerSpi,
     encoder: EncoderSpi,
+    block: BlockSpi,
     pins: [Pin; 3],
     flash: Flash,
 }
@@ -24,6 +25,7 @@ impl Instrument {
             gyro: world.gyro(),
             accelerometer: world.accelerometer(),
             encoder: world.encoder(),
+            block: world.block(),
             pins: [world.step_pin(), world.dir_pin(), world.enable_pin()],
             flash: world.flash(),
             world: world.clone(),
@@ -53,7 +55,8 @@ impl Instrument {
     pub fn device(&mut self, ask: Ask<'_>) -> Vec<u8> {
         match ask {
             Ask::Spi { device: 0, mosi } => self.accelerometer.exchange(mosi),
-            Ask::Spi { mosi, .. } => self.encoder.exchange(mosi),
+            Ask::Spi { device: 1, mosi } => self.encoder.exchange(mosi),
+            Ask::Spi { mosi, .. } => self.block.exchange(mosi),
             Ask::ReadFlash { offset, length } => {
                 let mut bytes = vec![0xFF; length.into()];
                 // Beyond the end it reads as erased.
