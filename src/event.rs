@@ -8,6 +8,7 @@ use crate::calibration::field::refusal::NoCalibration;
 pub use crate::fix::Fix;
 use crate::fix::dwell::DwellSummary;
 use crate::gates::Gate;
+pub use crate::heading::Heading;
 use crate::health::{Counters, Fault};
 use crate::level::{LevelMoments, Tilt};
 use crate::restart::Crash;
@@ -166,6 +167,8 @@ pub enum Event {
     SettingsStored,
     /// The settings of a request make no sense, or the flash did not take them; those before stay.
     SettingsRefused,
+    /// The heading as it is held since the last fix, once a second.
+    Heading(Heading),
 }
 
 impl Event {
@@ -195,6 +198,7 @@ impl Event {
             Self::Vitals { .. } => "vitals",
             Self::IndexSlipped { .. } => "index-slipped",
             Self::SettingsStored => "settings-stored",
+            Self::Heading(_) => "heading",
             Self::SettingsRefused => "settings-refused",
         }
     }

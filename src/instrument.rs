@@ -16,6 +16,7 @@ use crate::event::{self, Event, Report, State};
 use crate::fix::accumulator::Accumulator;
 use crate::frame::FrameReader;
 use crate::gather::Gatherer;
+use crate::heading::Keeper;
 use crate::health::{Counters, Fault, Refused};
 use crate::index::{IndexSettings, MotorCommand};
 use crate::level::LevelMoments;
@@ -75,6 +76,8 @@ pub struct Instrument {
     sequencer: Result<Sequencer, Fault>,
     /// The calibration of the accelerometers.
     field: Session,
+    /// Holds the heading of a fix, where there is a block of three gyros.
+    keeper: Option<Keeper>,
     counters: Counters,
     reported: Counters,
     seconds: u32,
@@ -108,6 +111,7 @@ impl Instrument {
             watch: GyroWatch::default(),
             sequencer,
             field: Session::default(),
+            keeper: settings.block.map(|block| Keeper::new(&block, settings.latitude_deg, settings.level.sigma_deg)),
             counters: Counters::default(),
             reported: Counters::default(),
             seconds: 0,
@@ -120,6 +124,11 @@ impl Instrument {
     /// Why no fix can be started, if none can.
     pub fn refusal(&self) -> Option<Fault> {
         self.sequencer.as_ref().err().copied()
+    }
+
+    /// Whether there is a block of three gyros to be read.
+    pub fn has_block(&self) -> bool {
+        self.keeper.is_some()
     }
 
     /// What the motor goes by. (Where no fix can be started, it never turns.)
@@ -149,6 +158,11 @@ impl Instrument {
         }
         self.read(readings);
         self.calibrate(readings, flash, &mut sink);
+        if let Some(keeper) = &mut self.keeper
+            && let Some(heading) = keeper.tick(readings.sensors.block, &mut self.counters)
+        {
+            sink(Event::Heading(heading));
+        }
         let given_up = self.gatherer.tick(&mut self.counters);
         self.keep(given_up);
 
@@ -311,7 +325,12 @@ impl Instrument {
             collected: seen.collected,
             waited_at: seen.waited_at,
         }));
-        consequences.into_iter().for_each(&mut *sink);
+        for event in consequences {
+            if let (Event::Fix(fix), Some(keeper)) = (&event, &mut self.keeper) {
+                keeper.fixed(fix);
+            }
+            sink(event);
+        }
         self.seconds = self.seconds.wrapping_add(1);
         if self.seconds.is_multiple_of(HEALTH_SECONDS) && self.reported != self.counters {
             self.reported = self.counters;

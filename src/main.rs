@@ -81,7 +81,7 @@ mod app {
         // sample
         ticker: board::Ticker,
         watchdog: board::Watchdog,
-        sensors: Sensors<board::Accelerometer, board::Encoder>,
+        sensors: Sensors<board::Accelerometer, board::Encoder, board::Block>,
         readings_in: Sender<'static, Readings, READINGS>,
         motor_out: Consumer<'static, MotorCommand>,
         // solve
@@ -136,7 +136,7 @@ mod app {
             request_in,
             ticker: board.ticker,
             watchdog: board::Watchdog::start(),
-            sensors: Sensors::new(board.accelerometer, board.encoder),
+            sensors: Sensors::new(board.accelerometer, board.encoder, instrument.has_block().then_some(board.block)),
             readings_in,
             motor_out,
             instrument,

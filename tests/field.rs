@@ -54,10 +54,10 @@ fn why(setup: &Setup) -> Why {
 fn find(setup: &Setup, flash: &[u8]) -> Outcome {
     let world = World::new(&setup.scenario, setup.seed).with_flash(flash);
     let mut silent = |_: &Report| ();
-    let mut wanted = FixWanted::new(&mut silent);
+    let mut wanted = FixWanted::new(&world, &mut silent);
     let limit_ticks = engine::limit_ticks(setup);
     let off = engine::serve(Engine::Host, None, &world, limit_ticks, &mut wanted, &AtomicBool::new(false)).unwrap();
-    wanted.outcome(off, &world)
+    wanted.outcome(off)
 }
 
 fn steps(reports: &[Report]) -> Vec<Step> {

@@ -3,6 +3,7 @@
 mod accuracy;
 mod architecture;
 mod calibration;
+mod carried;
 mod common;
 mod diagnose;
 mod documents;

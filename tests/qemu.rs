@@ -6,8 +6,9 @@ use std::path::Path;
 use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 
+use crate::carried::{held, short_walk};
 use crate::common::{run, setup};
-use north::engine::{End, Setup, qemu};
+use north::engine::{End, Outcome, Setup, qemu};
 use north_finder::event::Report;
 use north_finder::health::{Fault, Flag};
 
@@ -25,16 +26,21 @@ fn run_in_qemu(setup: &Setup) -> (End, Vec<Report>) {
 
 /// Runs both ways, compares every report, gives the end.
 fn same_both_ways(name: &str, seed: u64) -> End {
-    let setup = setup(name, seed);
-    let (end, reports) = run_in_qemu(&setup);
-    let (outcome, expected) = run(&setup);
+    same(&setup(name, seed)).end
+}
+
+fn same(setup: &Setup) -> Outcome {
+    let name = &setup.scenario.name;
+    let mut reports = Vec::new();
+    let (found, _) = qemu::run(image(), setup, &AtomicBool::new(false), &mut |report| reports.push(*report)).unwrap();
+    let (outcome, expected) = run(setup);
     for (report, expected) in reports.iter().zip(&expected) {
         // Printed with all their digits, equal numbers are equal bits (and not-a-number equals itself).
         assert_eq!(format!("{report:?}"), format!("{expected:?}"), "{name}");
     }
     assert_eq!(reports.len(), expected.len(), "{name}");
-    assert_eq!(format!("{end:?}"), format!("{:?}", outcome.end), "{name}");
-    end
+    assert_eq!(format!("{found:?}"), format!("{outcome:?}"), "{name}");
+    found
 }
 
 #[test]
@@ -69,6 +75,12 @@ fn motor_stall() {
 #[test]
 fn another_gyro() {
     assert!(matches!(same_both_ways("kvh-gyro", 6), End::Fix(_)));
+}
+
+#[test]
+fn carried() {
+    let (heading, error_deg) = held(&same(&short_walk(7)));
+    assert!(error_deg.abs() < 4.0 * heading.sigma_deg, "{error_deg} {heading:?}");
 }
 
 #[test]

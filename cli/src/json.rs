@@ -1,6 +1,6 @@
 //! The machine-readable results. Field names are stable: other programs depend on them.
 
-use north_finder::event::{Dwell, Event, Fix, Report};
+use north_finder::event::{Dwell, Event, Fix, Heading, Report};
 use north_finder::health::{Counters, Flags};
 use north_finder::units::wrap_180_deg;
 use serde::Serialize;
@@ -20,9 +20,28 @@ pub struct Found {
     /// "qemu" or "host".
     pub engine: &'static str,
     pub events: Vec<EventRecord>,
+    /// The heading after the instrument was carried.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub held: Option<Held>,
     /// Everything discarded or repaired, by cause, as last reported.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub health: Option<Counters>,
+}
+
+/// A heading that was held, and what is true.
+#[derive(Debug, Serialize)]
+pub struct Held {
+    #[serde(flatten)]
+    pub heading: Heading,
+    pub true_heading_deg: f64,
+    /// Heading minus truth, in (−180°, 180°].
+    pub error_deg: f64,
+}
+
+impl Held {
+    pub fn new(heading: Heading, true_heading_deg: f64) -> Self {
+        Self { heading, true_heading_deg, error_deg: wrap_180_deg(heading.heading_deg - true_heading_deg) }
+    }
 }
 
 /// One run: an azimuth, or the reason why there is none.

@@ -84,10 +84,8 @@ impl Block {
         let stream = &mut self.stream;
         let mut draw = |sigma: f64| Vector3::from_fn(|_, _| sigma * stream.normal());
         self.wander_rad_s = self.wander_rad_s * keep + draw(renew);
-        let angle =
-            self.gyro_axes * self.turned_rad + (self.gyro_bias_rad_s + self.wander_rad_s) * dt_s + draw(white);
-        let velocity =
-            self.pushed_m_s + self.accelerometer_m_s2 * dt_s + draw(errors.vrw_m_s_per_sqrt_s * dt_s.sqrt());
+        let angle = self.gyro_axes * self.turned_rad + (self.gyro_bias_rad_s + self.wander_rad_s) * dt_s + draw(white);
+        let velocity = self.pushed_m_s + self.accelerometer_m_s2 * dt_s + draw(errors.vrw_m_s_per_sqrt_s * dt_s.sqrt());
         (self.turned_rad, self.pushed_m_s, self.felt_s) = (Vector3::zeros(), Vector3::zeros(), 0.0);
         [angle.map(|rad| rad.clamp(-most_rad, most_rad)).into(), velocity.into()]
     }

@@ -150,8 +150,7 @@ fn a_block_that_starts_or_is_cut_off_answers_nothing() {
 fn a_fast_turn_saturates() {
     // 3600° in 10 s is a mean of 360 °/s; in the middle of the smooth way 1.875 times that.
     let carry = Carry { turn_deg: 3600.0, walk_s: 10.0, wait_s: 0.0, ..Carry::default() };
-    let most = CarriedBlock::new(60.0, 0.0, &carry, &perfect(), 1).fold(0.0, |most: f64, sample| {
-        most.max(sample.angle_rad[2].abs())
-    });
+    let most = CarriedBlock::new(60.0, 0.0, &carry, &perfect(), 1)
+        .fold(0.0, |most: f64, sample| most.max(sample.angle_rad[2].abs()));
     assert!((most.to_degrees() - 4.10).abs() < 1e-9, "{most}");
 }

@@ -132,8 +132,7 @@ pub fn init(device: pac::Peripherals) -> Board {
     b.pb6.into_alternate::<2>();
     pac::TIM4::enable(&mut rcc);
     pac::TIM4::reset(&mut rcc);
-    let Ok(block) =
-        ExclusiveDevice::new(block, Held(a.pa15.into_push_pull_output_in_state(PinState::High)), Cycles);
+    let Ok(block) = ExclusiveDevice::new(block, Held(a.pa15.into_push_pull_output_in_state(PinState::High)), Cycles);
     let Ok(accelerometer) =
         ExclusiveDevice::new_no_delay(accelerometer, Held(a.pa4.into_push_pull_output_in_state(PinState::High)));
     let Ok(encoder) =

@@ -7,6 +7,7 @@
 //! Source of registers, scales and times: Analog Devices, "ADIS16505", data sheet revision B.
 
 use embedded_hal::spi::{Operation, SpiDevice};
+use serde::{Deserialize, Serialize};
 
 use crate::units::RAD_PER_DEG;
 
@@ -45,7 +46,7 @@ pub struct Adis16505<SPI> {
 }
 
 /// What the block summed up over 10 ms, and what it summed up that nobody read.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Increments {
     /// Integral of the rate against the stars about the block's x, y and z, rad, right-handed.
     pub angle_rad: [f64; 3],
@@ -117,8 +118,7 @@ impl<SPI: SpiDevice> Adis16505<SPI> {
             0x000F => 2160.0,
             found => return Err(Error::Range { found }),
         };
-        let settings =
-            [(UP_SCALE, INTERNAL_SAMPLES), (DEC_RATE, INTERNAL_SAMPLES - 1), (MSC_CTRL, INCREMENTS_IN_STEP)];
+        let settings = [(UP_SCALE, INTERNAL_SAMPLES), (DEC_RATE, INTERNAL_SAMPLES - 1), (MSC_CTRL, INCREMENTS_IN_STEP)];
         for (register, written) in settings {
             let [high, low] = written.to_be_bytes();
             self.frame([0x80 | register, low])?;
@@ -133,7 +133,8 @@ impl<SPI: SpiDevice> Adis16505<SPI> {
 
     fn sample(&mut self, rad_per_lsb: f64) -> Result<Increments, Error<SPI::Error>> {
         let mut burst = [0; BURST_BYTES];
-        let operations = &mut [Operation::DelayNs(STALL_NS), Operation::Write(&[BURST, 0]), Operation::Read(&mut burst)];
+        let operations =
+            &mut [Operation::DelayNs(STALL_NS), Operation::Write(&[BURST, 0]), Operation::Read(&mut burst)];
         self.spi.transaction(operations).map_err(Error::Bus)?;
         let [summed @ .., sum_high, sum_low] = burst;
         let sum = summed.iter().fold(0_u16, |sum, &byte| sum.wrapping_add(byte.into()));
@@ -210,13 +211,16 @@ mod tests {
     fn burst(status: u16, words: [u16; 12], number: u16) -> Exchange {
         let mut mosi = [0; 34];
         mosi[0] = 0x68;
-        let mut miso: Vec<u8> = [0, status].iter().chain(&words).chain(&[0x00FA, number]).flat_map(|w| w.to_be_bytes()).collect();
+        let mut miso: Vec<u8> =
+            [0, status].iter().chain(&words).chain(&[0x00FA, number]).flat_map(|w| w.to_be_bytes()).collect();
         let sum: u16 = miso.iter().map(|&byte| u16::from(byte)).sum();
         miso.extend(sum.to_be_bytes());
         Exchange::new(mosi, miso)
     }
 
-    fn read(bursts: impl IntoIterator<Item = Exchange>) -> Vec<Result<Option<Increments>, Error<core::convert::Infallible>>> {
+    fn read(
+        bursts: impl IntoIterator<Item = Exchange>,
+    ) -> Vec<Result<Option<Increments>, Error<core::convert::Infallible>>> {
         let exchanges: Vec<Exchange> = configuration().into_iter().chain(bursts).collect();
         let calls = exchanges.len() - 15;
         let mut part = Adis16505::new(MockSpi::new(exchanges));
@@ -238,15 +242,13 @@ mod tests {
 
     #[test]
     fn samples_that_nobody_read_are_counted_over_the_wrap() {
-        let results = read([burst(0, [0; 12], 0xFFFE), burst(0, [0; 12], 0xFFFF), burst(0, [0; 12], 2), burst(0, [0; 12], 2)]);
+        let results =
+            read([burst(0, [0; 12], 0xFFFE), burst(0, [0; 12], 0xFFFF), burst(0, [0; 12], 2), burst(0, [0; 12], 2)]);
         let missed = |result: &Result<Option<Increments>, _>| result.map(|sample| sample.map(|sample| sample.missed));
-        assert_eq!(results.iter().map(missed).collect::<Vec<_>>(), [
-            Ok(None),
-            Ok(Some(0)),
-            Ok(Some(0)),
-            Ok(Some(2)),
-            Err(Error::NotNew)
-        ]);
+        assert_eq!(
+            results.iter().map(missed).collect::<Vec<_>>(),
+            [Ok(None), Ok(Some(0)), Ok(Some(0)), Ok(Some(2)), Err(Error::NotNew)]
+        );
     }
 
     #[test]

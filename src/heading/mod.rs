@@ -9,6 +9,7 @@ use crate::drivers::adis16505::Increments;
 use crate::fix::Fix;
 use crate::health::Counters;
 use crate::level::Tilt;
+use crate::reading::Reading;
 use crate::units::DEG_PER_RAD;
 use settings::BlockSettings;
 
@@ -96,19 +97,19 @@ impl Keeper {
     pub fn fixed(&mut self, fix: &Fix) {
         let level = fix.tilt.unwrap_or(Tilt { pitch_deg: 0.0, roll_deg: 0.0 });
         let level_sigma_deg = if fix.tilt.is_some() { self.level_sigma_deg } else { UNKNOWN_LEVEL_DEG };
-        let angles =
-            Angles { heading_deg: fix.azimuth_deg, pitch_deg: level.pitch_deg, roll_deg: level.roll_deg };
+        let angles = Angles { heading_deg: fix.azimuth_deg, pitch_deg: level.pitch_deg, roll_deg: level.roll_deg };
         // Without a latitude there is no fix either.
         self.hold =
             Hold::new(&self.class, self.limits, self.latitude_deg, &angles, fix.sigma_deg, level_sigma_deg).ok();
         (self.missing, self.bridged, self.latest, self.since_report) = (0, 0, None, 0);
     }
 
-    /// The block was due, every 10 ms; `None`: it gave nothing. Once a second: the heading.
-    pub fn sample(&mut self, sample: Option<Increments>, counters: &mut Counters) -> Option<Heading> {
-        match sample {
-            Some(sample) => self.read(&sample, counters),
-            None => {
+    /// The block's reading at a tick; it is due every 10 ms. Once a second: the heading.
+    pub fn tick(&mut self, reading: Reading<Increments>, counters: &mut Counters) -> Option<Heading> {
+        match reading {
+            Reading::NotDue => return None,
+            Reading::Value(sample) => self.read(&sample, counters),
+            Reading::Failed => {
                 counters.block_errors = counters.block_errors.saturating_add(1);
                 self.missing = self.missing.saturating_add(1);
                 if self.missing.saturating_sub(self.bridged) >= SAMPLES_PER_SECOND {
@@ -132,8 +133,7 @@ impl Keeper {
             self.bridge();
         }
         (self.missing, self.bridged) = (0, 0);
-        let increment =
-            Increment { angle_rad: sample.angle_rad.into(), velocity_m_s: sample.velocity_m_s.into() };
+        let increment = Increment { angle_rad: sample.angle_rad.into(), velocity_m_s: sample.velocity_m_s.into() };
         self.rate_deg_s = increment.angle_rad.norm() * DEG_PER_RAD / SAMPLE_S;
         let Some(hold) = &mut self.hold else { return };
         let saturated = hold.counters().saturated;

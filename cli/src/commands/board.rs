@@ -115,6 +115,7 @@ impl Person for Bridge {
             Speech::Nmea { heading_deg } => {
                 match report.event {
                     Event::Fix(fix) => *heading_deg = Some(fix.azimuth_deg),
+                    Event::Heading(heading) => *heading_deg = (!heading.refix).then_some(heading.heading_deg),
                     Event::State(State::Levelling | State::Failed) => *heading_deg = None,
                     _ => {}
                 }

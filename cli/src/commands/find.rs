@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 
 use clap::Args;
-use north_finder::event::{Dwell, Event};
+use north_finder::event::{Dwell, Event, Heading};
 use north_finder::health::Counters;
 
 use super::instrument::InstrumentOptions;
@@ -13,13 +13,15 @@ use crate::campaign::{CampaignWriter, Run};
 use crate::engine::{self, End, Engine, Outcome, Setup};
 use crate::failure::Failure;
 use crate::interrupt;
-use crate::json::{EventRecord, Found, Run as RunRecord};
+use crate::json::{EventRecord, Found, Held, Run as RunRecord};
 use crate::output::JsonOption;
-use crate::present::{Directions, Reference, View, write_fault, write_fix};
-use crate::recorder::{Recorder, new_campaign, write_run};
+use crate::present::{Directions, Reference, View, write_fault, write_fix, write_held};
+use crate::recorder::{Recorder, new_campaign, write_headings, write_run};
 
 /// Name of the one run in a recording of `north find`.
 const RUN: &str = "runs/001.csv";
+/// Name of the headings that were held after it.
+const HEADINGS: &str = "headings.csv";
 
 /// Find north once: the real firmware image in QEMU against the simulated instrument, live
 #[derive(Args, Debug)]
@@ -51,6 +53,7 @@ struct Log {
     recorder: Recorder,
     events: Vec<EventRecord>,
     dwells: Vec<Dwell>,
+    headings: Vec<(f64, Heading)>,
     health: Option<Counters>,
 }
 
@@ -77,10 +80,14 @@ impl Find {
         let setup = Setup { scenario, seed: self.instrument.seed, settings: Some(settings) };
         let mut log = Log::default();
         let outcome = engine::run(engine, self.image.as_deref(), &setup, interrupt::flag(), &mut |report| {
-            log.recorder.see(report);
+            // What comes after the azimuth is not of its run.
+            if log.headings.is_empty() {
+                log.recorder.see(report);
+            }
             log.events.extend(EventRecord::of(report));
             match report.event {
                 Event::Dwell(dwell) => log.dwells.push(dwell),
+                Event::Heading(heading) => log.headings.push((report.t_s, heading)),
                 Event::Health(counters) => log.health = Some(counters),
                 _ => {}
             }
@@ -98,7 +105,7 @@ impl Find {
             if log.recorder.rows().is_empty() {
                 writeln!(out, "nothing recorded: the gyro gave no second of data")?;
             } else {
-                record(folder, &setup, &outcome, &log.recorder)?;
+                record(folder, &setup, &outcome, &log)?;
                 recorded = true;
             }
         }
@@ -112,7 +119,8 @@ fn conclude(out: &mut dyn Write, outcome: &Outcome, directions: &Directions, lim
     match outcome.end {
         End::Fix(fix) => {
             let truth = Reference { name: "true", azimuth_deg: outcome.truth.azimuth_deg };
-            Ok(write_fix(out, &fix, directions, Some(truth))?)
+            write_fix(out, &fix, directions, Some(truth))?;
+            outcome.held.iter().try_for_each(|held| Ok(write_held(out, &held.heading, held.truth.azimuth_deg)?))
         }
         End::Fault { fault, state } => {
             write_fault(out, fault, state)?;
@@ -128,11 +136,14 @@ fn time_limit(limit_s: f64) -> String {
 }
 
 /// Writes the recording, with the simulator's azimuth as the reference.
-fn record(folder: &std::path::Path, setup: &Setup, outcome: &Outcome, recorder: &Recorder) -> Result<(), Failure> {
+fn record(folder: &std::path::Path, setup: &Setup, outcome: &Outcome, log: &Log) -> Result<(), Failure> {
     let title = format!("{}, seed {}", setup.scenario.name, setup.seed);
     let mut campaign = new_campaign(folder, title, setup)?;
     let run = Run { file: RUN.into(), reference_azimuth_deg: Some(outcome.truth.azimuth_deg), ..Run::default() };
-    write_run(&campaign, RUN, recorder.rows().to_vec())?;
+    write_run(&campaign, RUN, log.recorder.rows().to_vec())?;
+    if !log.headings.is_empty() {
+        write_headings(&folder.join(HEADINGS), &log.headings)?;
+    }
     campaign.add(run);
     Ok(campaign.finish()?)
 }
@@ -155,6 +166,7 @@ impl Log {
             true_azimuth_deg: outcome.truth.azimuth_deg,
             engine: engine.name(),
             events: self.events,
+            held: outcome.held.map(|held| Held::new(held.heading, held.truth.azimuth_deg)),
             health: self.health,
         }
     }

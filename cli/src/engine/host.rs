@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use embedded_io::Read as _;
-use hal_sim::{AccelerometerSpi, EncoderSpi, GyroLine, Pin, World};
+use hal_sim::{AccelerometerSpi, BlockSpi, EncoderSpi, GyroLine, Pin, World};
 use north_finder::drivers::sensors::Sensors;
 use north_finder::drivers::step_motor::{SLOTS_PER_TICK, StepMotor};
 use north_finder::event::Report;
@@ -22,7 +22,7 @@ struct Wired {
     gyro: GyroLine,
     /// What the gyro sent in this tick.
     heard: Vec<u8>,
-    sensors: Sensors<AccelerometerSpi, EncoderSpi>,
+    sensors: Sensors<AccelerometerSpi, EncoderSpi, BlockSpi>,
     motor: StepMotor<Pin, Pin, Pin>,
     instrument: Instrument,
     /// Decided by the last solve, carried out at the next tick.
@@ -46,9 +46,9 @@ pub fn run_tapped(
     tap: &mut Tap<'_>,
 ) -> Result<Outcome, EngineError> {
     let world = super::world(setup)?;
-    let mut wanted = FixWanted::new(observe);
+    let mut wanted = FixWanted::new(&world, observe);
     let off = serve(&world, super::limit_ticks(setup), &mut wanted, stop, tap)?;
-    Ok(wanted.outcome(off, &world))
+    Ok(wanted.outcome(off))
 }
 
 /// Powers the instrument of a world up, and lets a person work with it for at most that many ticks.
@@ -84,7 +84,11 @@ impl Wired {
         Self {
             gyro: world.gyro(),
             heard: Vec::new(),
-            sensors: Sensors::new(world.accelerometer(), world.encoder()),
+            sensors: Sensors::new(
+                world.accelerometer(),
+                world.encoder(),
+                instrument.has_block().then(|| world.block()),
+            ),
             motor: StepMotor::new(world.step_pin(), world.dir_pin(), world.enable_pin(), &index),
             instrument,
             pending: None,

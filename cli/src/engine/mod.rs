@@ -9,7 +9,7 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use hal_sim::{Scenario, Truth, World};
-use north_finder::event::{Event, Fix, Report, State};
+use north_finder::event::{Event, Fix, Heading, Report, State};
 use north_finder::health::Fault;
 use north_finder::link::{self, Request};
 use north_finder::sample::SAMPLE_S;
@@ -30,6 +30,16 @@ pub struct Setup {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome {
     pub end: End,
+    /// What is really so at that moment.
+    pub truth: Truth,
+    /// The heading after the instrument was carried, where the scenario says so.
+    pub held: Option<Held>,
+}
+
+/// A heading that was held.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Held {
+    pub heading: Heading,
     /// What is really so at that moment.
     pub truth: Truth,
 }
@@ -136,9 +146,9 @@ pub fn run(
     observe: &mut Observer<'_>,
 ) -> Result<Outcome, EngineError> {
     let world = world(setup)?;
-    let mut wanted = FixWanted::new(observe);
+    let mut wanted = FixWanted::new(&world, observe);
     let off = serve(engine, image, &world, limit_ticks(setup), &mut wanted, stop)?;
-    Ok(wanted.outcome(off, &world))
+    Ok(wanted.outcome(off))
 }
 
 /// Powers the instrument of a world up on the chosen engine, and lets a person work with it for at most that many ticks.
@@ -171,31 +181,36 @@ pub fn world(setup: &Setup) -> Result<World, EngineError> {
     Ok(world)
 }
 
-/// The tick at which a fix that has not ended is given up.
+/// The tick at which a fix that has not ended is given up, with the time in which the instrument is carried after it.
 pub fn limit_ticks(setup: &Setup) -> u64 {
-    (setup.scenario.duration_limit_s / SAMPLE_S) as u64
+    let carry_s = setup.scenario.carry.as_ref().map_or(0.0, |carry| carry.wait_s + carry.walk_s + carry.stand_s);
+    ((setup.scenario.duration_limit_s + carry_s) / SAMPLE_S) as u64
 }
 
-/// Somebody who wants a fix as soon as there is power, and nothing more.
+/// Somebody who wants a fix as soon as there is power, and then carries the instrument where the scenario says so.
 pub struct FixWanted<'a, 'b> {
+    world: World,
     observe: &'a mut Observer<'b>,
-    verdict: Option<End>,
+    verdict: Option<(End, Truth)>,
+    /// When the instrument has been carried and stood, s.
+    carried_s: Option<f64>,
+    held: Option<Held>,
 }
 
 impl<'a, 'b> FixWanted<'a, 'b> {
     /// `observe` sees every report.
-    pub fn new(observe: &'a mut Observer<'b>) -> Self {
-        Self { observe, verdict: None }
+    pub fn new(world: &World, observe: &'a mut Observer<'b>) -> Self {
+        Self { world: world.clone(), observe, verdict: None, carried_s: None, held: None }
     }
 
     /// How it ended.
-    pub fn outcome(&self, off: PowerOff, world: &World) -> Outcome {
-        let end = match (off, self.verdict) {
+    pub fn outcome(&self, off: PowerOff) -> Outcome {
+        let (end, truth) = match (off, self.verdict) {
             (PowerOff::Heard, Some(verdict)) => verdict,
-            (PowerOff::Heard | PowerOff::TimeLimit, _) => End::TimeLimit,
-            (PowerOff::Interrupted, _) => End::Interrupted,
+            (PowerOff::Heard | PowerOff::TimeLimit, _) => (End::TimeLimit, self.world.truth()),
+            (PowerOff::Interrupted, _) => (End::Interrupted, self.world.truth()),
         };
-        Outcome { end, truth: world.truth() }
+        Outcome { end, truth, held: self.held }
     }
 }
 
@@ -207,11 +222,17 @@ impl Person for FixWanted<'_, '_> {
     /// The fix or the fault comes first, the final state after it.
     fn hear(&mut self, report: &Report) -> bool {
         (self.observe)(report);
+        let truth = || self.world.truth();
         match report.event {
-            Event::Fix(fix) => self.verdict = Some(End::Fix(fix)),
-            Event::Fault { fault, state } => self.verdict = Some(End::Fault { fault, state }),
+            Event::Fix(fix) => self.verdict = Some((End::Fix(fix), truth())),
+            Event::Fault { fault, state } => self.verdict = Some((End::Fault { fault, state }, truth())),
+            Event::Heading(heading) => self.held = Some(Held { heading, truth: truth() }),
+            Event::State(State::Finished) if self.verdict.is_some() => self.carried_s = self.world.carry(),
             _ => {}
         }
-        matches!(report.event, Event::State(State::Finished | State::Failed)) && self.verdict.is_some()
+        match self.carried_s {
+            Some(carried_s) => report.t_s >= carried_s,
+            None => matches!(report.event, Event::State(State::Finished | State::Failed)) && self.verdict.is_some(),
+        }
     }
 }

@@ -145,9 +145,9 @@ fn fix_at(
     observe: &mut Observer<'_>,
 ) -> Result<(Outcome, Cost), EngineError> {
     let world = super::world(setup)?;
-    let mut wanted = FixWanted::new(observe);
+    let mut wanted = FixWanted::new(&world, observe);
     let (off, cost) = serve_at(pace, image, &world, super::limit_ticks(setup), &mut wanted, stop)?;
-    Ok((wanted.outcome(off, &world), cost))
+    Ok((wanted.outcome(off), cost))
 }
 
 fn serve_at(

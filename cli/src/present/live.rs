@@ -4,10 +4,14 @@ use std::fmt;
 use std::io::{self, Write};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
-use north_finder::event::{Event, Report, Second, State};
+use north_finder::attitude::Motion;
+use north_finder::event::{Event, Heading, Report, Second, State};
 use north_finder::level::Tilt;
 use north_finder::sequence::order::{Order, Position};
 use north_finder::settings::Settings;
+
+/// Seconds between two lines on a heading that is held.
+const HELD_S: u32 = 20;
 
 /// Shows the reports of one fix.
 pub struct View {
@@ -19,6 +23,9 @@ pub struct View {
     done: u8,
     /// Whether the last line on the level said that it was.
     was_level: Option<bool>,
+    /// The last heading that was held, and seconds since the last line on it.
+    held: Option<Heading>,
+    held_s: u32,
     failed: Option<io::Error>,
 }
 
@@ -32,7 +39,16 @@ struct Bars {
 impl View {
     /// Lines go to `out`; `settings` tell which positions to expect.
     pub fn new(out: Box<dyn Write>, settings: &Settings) -> Self {
-        Self { out, bars: Bars::new(), dwells_s: dwells_s(settings), done: 0, was_level: None, failed: None }
+        Self {
+            out,
+            bars: Bars::new(),
+            dwells_s: dwells_s(settings),
+            done: 0,
+            was_level: None,
+            held: None,
+            held_s: 0,
+            failed: None,
+        }
     }
 
     /// Shows a report. What cannot be written is kept for [`Self::finish`].
@@ -87,6 +103,7 @@ impl View {
                     "program {program:08x}, stack at most {stack_bytes} bytes, load at most {load_permille}/1000 of a tick"
                 )
             }
+            Event::Heading(heading) => return self.heading(heading),
             Event::Level { tilt: Tilt { pitch_deg, roll_deg }, level } => {
                 if self.was_level.replace(level) == Some(level) {
                     return None;
@@ -131,6 +148,27 @@ impl View {
                 )
             }
         })
+    }
+}
+
+impl View {
+    /// A line when what the instrument does changes, when a new fix is asked for, and now and then.
+    fn heading(&mut self, heading: Heading) -> Option<String> {
+        let Heading { heading_deg, sigma_deg, motion, refix, .. } = heading;
+        let before = self.held.replace(heading);
+        self.held_s += 1;
+        let asked = refix && !before.is_some_and(|before| before.refix);
+        if !asked && before.is_some_and(|before| before.motion == motion) && self.held_s < HELD_S {
+            return None;
+        }
+        self.held_s = 0;
+        let does = match motion {
+            Motion::Standing => "standing; heading",
+            Motion::Moving => "carried; heading held",
+            Motion::Bridged => "samples of the block missing; heading taken on",
+        };
+        let asks = if asked { ": new fix asked for, sigma has passed its limit" } else { "" };
+        Some(format!("{does} {heading_deg:.3}° ± {sigma_deg:.3}°{asks}"))
     }
 }
 

@@ -7,4 +7,4 @@ mod result;
 
 pub use angle::{AngleUnit, Directions};
 pub use live::View;
-pub use result::{Reference, write_fault, write_fix};
+pub use result::{Reference, write_fault, write_fix, write_held};

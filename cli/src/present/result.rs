@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use north_finder::event::{Fix, State};
+use north_finder::event::{Fix, Heading, State};
 use north_finder::health::Fault;
 use north_finder::level::Tilt;
 use north_finder::units::wrap_180_deg;
@@ -50,6 +50,20 @@ pub fn write_fix(
     }
     for flag in fix.flags.iter() {
         writeln!(out, "flag       {}: {}. To do: {}.", flag.name(), flag.meaning(), flag.remedy())?;
+    }
+    Ok(())
+}
+
+/// The heading that is held after the instrument was carried, and the error.
+pub fn write_held(out: &mut dyn Write, heading: &Heading, true_deg: f64) -> io::Result<()> {
+    let Heading { heading_deg, sigma_deg, refix, .. } = *heading;
+    let error_deg = wrap_180_deg(heading_deg - true_deg);
+    let sigmas = error_deg.abs() / sigma_deg;
+    writeln!(out, "held       {heading_deg:.4}° ± {sigma_deg:.4}° where it was carried to")?;
+    writeln!(out, "true       {true_deg:.4}°")?;
+    writeln!(out, "error      {error_deg:+.4}° ({sigmas:.1} sigma)")?;
+    if refix {
+        writeln!(out, "new fix    asked for: sigma has passed its limit")?;
     }
     Ok(())
 }

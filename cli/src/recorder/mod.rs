@@ -6,7 +6,8 @@ pub use raw::RawRecorder;
 
 use std::path::Path;
 
-use north_finder::event::{Event, Report, Second, State};
+use north_finder::attitude::Motion;
+use north_finder::event::{Event, Heading, Report, Second, State};
 use north_finder::level::Specific;
 use north_finder::replay::Mark;
 
@@ -106,6 +107,21 @@ pub fn write_run(campaign: &CampaignWriter, file: &str, mut rows: Vec<Row>) -> R
     let mut writer = campaign.run(file, layout)?;
     rows.iter().try_for_each(|row| writer.write(row))?;
     writer.finish()
+}
+
+/// Writes headings that were held, with their times, s, in the columns of `north track`.
+pub fn write_headings(path: &Path, headings: &[(f64, Heading)]) -> Result<(), FileError> {
+    let mut text =
+        String::from("t_s,heading_deg,pitch_deg,roll_deg,sigma_heading_deg,sigma_level_deg,standing,refix\n");
+    for (t_s, heading) in headings {
+        let Heading { heading_deg, pitch_deg, roll_deg, sigma_deg, sigma_level_deg, motion, refix } = heading;
+        let standing = u8::from(*motion == Motion::Standing);
+        text += &format!(
+            "{t_s},{heading_deg},{pitch_deg},{roll_deg},{sigma_deg},{sigma_level_deg},{standing},{}\n",
+            u8::from(*refix)
+        );
+    }
+    std::fs::write(path, text).map_err(|error| FileError::whole(path, error))
 }
 
 /// A new campaign of simulated runs, in a folder that must be free, with the settings of the instrument.

@@ -3,6 +3,7 @@
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 
 use super::{Bench, image_size};
 use clap::Args;
@@ -103,6 +104,15 @@ pub struct Allowed {
     margin_percent: f64,
 }
 
+/// What a step after a fix costs.
+#[derive(Clone, Debug, Serialize)]
+struct Kernel {
+    name: String,
+    instructions: u64,
+    stack_bytes: u64,
+    ram_bytes: u64,
+}
+
 /// One line of the table.
 #[derive(Serialize)]
 pub struct Line {
@@ -126,6 +136,9 @@ impl Bench for CostBench {
         let measured = measure(&image)?;
         let lines = lines(&measured, if self.update { None } else { baseline.as_ref() });
         write_lines(out, &lines, measured.speed)?;
+        if self.image.is_none() {
+            write_kernels(out, &kernels()?)?;
+        }
         if let (Some(path), true) = (&self.check, self.update) {
             update(path, &measured, baseline.as_ref())?;
         }
@@ -240,6 +253,39 @@ fn write_lines(out: &mut dyn Write, lines: &[Line], speed: f64) -> io::Result<()
         writeln!(out, "| {} | {:.0} | {limit} |", line.what, line.value)?;
     }
     writeln!(out, "| speed over real time, on this machine | {speed:.0} | |")
+}
+
+/// Runs the program that measures single steps.
+fn kernels() -> Result<Vec<Kernel>, Failure> {
+    let program =
+        image::build_program(image::Board::Mps2, "kernels").map_err(QemuError::from).map_err(EngineError::from)?;
+    let said = Command::new("qemu-system-arm")
+        .args(["-machine", "mps2-an386", "-nodefaults", "-nic", "none", "-display", "none"])
+        .args(["-semihosting-config", "enable=on,target=native"])
+        .args(["-icount", &format!("shift={},sleep=off", qemu::INSTRUCTION_NS.trailing_zeros())])
+        .arg("-kernel")
+        .arg(program)
+        .stdin(Stdio::null())
+        .output()?;
+    let kernels: Option<Vec<Kernel>> = String::from_utf8_lossy(&said.stdout).lines().map(kernel).collect();
+    kernels
+        .filter(|kernels| said.status.success() && !kernels.is_empty())
+        .ok_or_else(|| Failure::Refused(format!("the program that measures single steps failed: {}", said.status)))
+}
+
+/// Name, instructions, stack, RAM; names have commas of their own.
+fn kernel(line: &str) -> Option<Kernel> {
+    let mut fields = line.rsplitn(4, ',');
+    let mut number = || fields.next()?.parse().ok();
+    let (ram_bytes, stack_bytes, instructions) = (number()?, number()?, number()?);
+    Some(Kernel { name: fields.next()?.to_owned(), instructions, stack_bytes, ram_bytes })
+}
+
+fn write_kernels(out: &mut dyn Write, kernels: &[Kernel]) -> io::Result<()> {
+    writeln!(out, "\n| a step after a fix, most | instructions | stack, bytes | RAM kept, bytes |\n|---|---|---|---|")?;
+    kernels.iter().try_for_each(|Kernel { name, instructions, stack_bytes, ram_bytes }| {
+        writeln!(out, "| {name} | {instructions} | {stack_bytes} | {ram_bytes} |")
+    })
 }
 
 fn check(lines: &[Line]) -> Result<(), Failure> {

@@ -8,6 +8,7 @@ use hal_sim::scenario::{Block, Carry};
 use north::failure::Failure;
 use north::progress;
 use north_finder::attitude::{Angles, BlockClass, Hold, HoldLimits, Increment, Quaternion};
+use north_finder::heading::settings::{BlockSettings, Class};
 use north_finder::units::wrap_180_deg;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -15,6 +16,8 @@ use rand_distr::{Distribution, StandardNormal};
 use serde::Serialize;
 
 use super::{Bench, trials};
+use crate::statistics::{probability_interval, rms};
+use crate::trials::carried::{self, DWELL_S, MOMENTS, Moment, simulated};
 
 /// Sway of the base before and after the walk, arcsec about each axis, and its frequencies, Hz: a tripod in the wind.
 const SWAY_ARCSEC: [f64; 3] = [20.0, 14.0, 6.0];
@@ -23,10 +26,16 @@ const SWAY_HZ: std::ops::Range<f64> = 0.15..0.6;
 const FIX_SIGMA_DEG: f64 = 0.04;
 const LATITUDE_DEG: f64 = 34.75;
 
+/// Classes of blocks that are carried by the whole instrument.
+const CHAIN: [Class; 3] = [Class::SourceMems, Class::ModernMems, Class::SourceFog];
+const ALONE: &str = "hold alone";
+const WHOLE: &str = "whole instrument";
+
 /// Heading and sigma of a fix that is carried to another place and set down, for every class of block
 ///
-/// Each trial draws its fix error, its block and its way: 120 s of standing, a walk of 10 to 120 s with a turn, 60 s of
-/// standing, on a firm base and on one that sways by 20 arcseconds. Tables are Markdown.
+/// Each trial draws its block and its way, a walk of 10 to 120 s with a turn. First the hold alone: it draws its fix error, stands
+/// for 120 s before the walk and for 60 s after it, on a firm base and on one that sways by 20 arcseconds. Then the whole instrument: a fix, a minute of waiting, the walk, 30 s. Tables
+/// are Markdown; intervals are of 95 %, binomial.
 #[derive(Args, Debug)]
 #[command(after_help = "Example:\n  north bench hold --trials 100")]
 pub struct HoldBench {
@@ -41,28 +50,25 @@ pub struct HoldBench {
 /// One line of a table.
 #[derive(Serialize)]
 pub struct Row {
+    /// "hold alone" or "whole instrument".
+    what: &'static str,
     class: &'static str,
+    trials: usize,
     /// "noise alone", or when in the trial.
     moment: String,
     rms_error_deg: f64,
     rms_sigma_deg: f64,
     within_95_percent: f64,
+    /// Its 95 % interval.
+    interval_percent: [f64; 2],
     refix_percent: f64,
-}
-
-/// Heading error and sigma at one moment of one trial.
-#[derive(Clone, Copy)]
-struct Outcome {
-    error_deg: f64,
-    sigma_deg: f64,
-    refix: bool,
 }
 
 impl Bench for HoldBench {
     type Row = Row;
 
     fn measure(&self, out: &mut dyn Write) -> Result<Vec<Row>, Failure> {
-        let bar = progress::bar(self.trials * (2 * BlockClass::ALL.len() as u64 + 6), "trials");
+        let bar = progress::bar(self.trials * (2 * BlockClass::ALL.len() + 6 + CHAIN.len()) as u64, "trials");
         let mut rows = Vec::new();
         for (number, class) in BlockClass::ALL.iter().enumerate() {
             for (base, sway_arcsec) in [("", [0.0; 3]), (", swaying base", SWAY_ARCSEC)] {
@@ -70,41 +76,54 @@ impl Bench for HoldBench {
                 let trials = trials(first..first + self.trials, &bar, |trial| self.trial(class, trial, sway_arcsec))?;
                 for (moment, name) in ["before the walk", "after the walk", "set down for 60 s"].into_iter().enumerate()
                 {
-                    let outcomes: Vec<Outcome> = trials.iter().map(|trial| trial[moment]).collect();
-                    rows.push(row(class.name, format!("{name}{base}"), &outcomes));
+                    let outcomes: Vec<Moment> = trials.iter().map(|trial| trial[moment]).collect();
+                    rows.push(row(ALONE, class.name, format!("{name}{base}"), &outcomes));
                 }
             }
         }
         for class in &BlockClass::ALL[..2] {
             for seconds in [0.33, 10.0, 60.0] {
                 let outcomes = trials(0..self.trials, &bar, |trial| white(class, seconds, self.seed ^ (trial << 8)))?;
-                rows.push(row(class.name, format!("white noise alone for {seconds} s"), &outcomes));
+                rows.push(row(ALONE, class.name, format!("white noise alone for {seconds} s"), &outcomes));
+            }
+        }
+        for class in CHAIN {
+            let seeds = self.seed..self.seed + self.trials;
+            let trials = trials(seeds, &bar, |seed| carried::carry(class, seed))?;
+            let fixed: Vec<[Moment; 4]> =
+                trials.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
+            for (number, name) in MOMENTS.into_iter().enumerate() {
+                let moments: Vec<Moment> = fixed.iter().map(|trial| trial[number]).collect();
+                rows.push(row(
+                    WHOLE,
+                    BlockSettings { class, ..Default::default() }.figures().name,
+                    name.to_owned(),
+                    &moments,
+                ));
             }
         }
         bar.finish_and_clear();
-        write_rows(out, self.trials, &rows)?;
+        write_rows(out, &rows)?;
         Ok(rows)
     }
 
-    /// Of 100 intervals that hold 95 %, 89 to 99 do with a probability of 0.99 (binomial); the source's block is wide enough
-    /// that none of its sigmas is small.
+    /// Of 100 intervals that hold 95 %, 89 to 99 do with a probability of 0.99 (binomial).
     fn judge(&self, rows: &[Row]) -> Result<(), Failure> {
-        let n = self.trials as f64;
-        let least = 100.0 * (0.95 - 2.58 * (0.95 * 0.05 / n).sqrt());
+        let least = |trials: usize| 100.0 * (0.95 - 2.58 * (0.95 * 0.05 / trials as f64).sqrt());
         let bad: Vec<String> = rows
             .iter()
-            .filter(|row| row.within_95_percent < least)
-            .map(|row| format!("{}, {}: {:.1} %", row.class, row.moment, row.within_95_percent))
+            .filter(|row| !(row.within_95_percent >= least(row.trials)))
+            .map(|row| format!("{}, {}, {}: {:.1} %", row.what, row.class, row.moment, row.within_95_percent))
             .collect();
         if bad.is_empty() {
             return Ok(());
         }
-        Err(Failure::Refused(format!("95 % intervals hold less than {least:.1} %: {}", bad.join("; "))))
+        Err(Failure::Refused(format!("95 % intervals hold too little: {}", bad.join("; "))))
     }
 }
 
 impl HoldBench {
-    fn trial(&self, class: &BlockClass, number: u64, sway_arcsec: [f64; 3]) -> [Outcome; 3] {
+    fn trial(&self, class: &BlockClass, number: u64, sway_arcsec: [f64; 3]) -> [Moment; 3] {
         let mut random = ChaCha8Rng::seed_from_u64(self.seed);
         random.set_stream(number);
         let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
@@ -141,7 +160,7 @@ impl HoldBench {
             let angle_rad = nalgebra::Vector3::from(sample.angle_rad) + swayed - sway(sample.t_s - sample.dt_s);
             let increment = Increment { angle_rad, velocity_m_s: sample.velocity_m_s.into() };
             let Some(second) = hold.push(sample.dt_s, increment) else { continue };
-            let outcome = Outcome {
+            let outcome = Moment {
                 error_deg: wrap_180_deg(second.angles.heading_deg - sample.heading_deg + swayed.z.to_degrees()),
                 sigma_deg: second.sigma_heading_deg,
                 refix: second.refix,
@@ -154,24 +173,8 @@ impl HoldBench {
     }
 }
 
-/// A block of this class.
-fn simulated(class: &BlockClass) -> Block {
-    Block {
-        arw_deg_per_sqrt_h: class.arw_deg_sqrt_h,
-        run_to_run_deg_h: class.run_to_run_deg_h,
-        markov_deg_h: class.markov_deg_h,
-        markov_s: class.markov_s,
-        scale_ppm: class.scale_ppm,
-        misalignment_arcsec: class.misalignment_arcsec,
-        accelerometer_m_s2: class.accelerometer_m_s2,
-        vrw_m_s_per_sqrt_s: class.vrw_m_s_sqrt_s,
-        saturation_deg_s: 1.02 * class.range_deg_s,
-        ..Block::default()
-    }
-}
-
 /// A block with nothing but white noise, summed up without any help.
-fn white(class: &BlockClass, seconds: f64, seed: u64) -> Outcome {
+fn white(class: &BlockClass, seconds: f64, seed: u64) -> Moment {
     let quiet = Block {
         run_to_run_deg_h: 0.0,
         markov_deg_h: 0.0,
@@ -188,35 +191,50 @@ fn white(class: &BlockClass, seconds: f64, seed: u64) -> Outcome {
     }
     let sigma_deg = class.arw_deg_sqrt_h / 60.0 * seconds.sqrt();
     let error_deg = wrap_180_deg(orientation.angles().heading_deg);
-    Outcome { error_deg, sigma_deg, refix: sigma_deg > HoldLimits::default().refix_deg }
+    Moment { error_deg, sigma_deg, refix: sigma_deg > HoldLimits::default().refix_deg }
 }
 
-fn row(class: &'static str, moment: String, outcomes: &[Outcome]) -> Row {
-    let n = outcomes.len() as f64;
-    let rms = |of: fn(&Outcome) -> f64| (outcomes.iter().map(|outcome| of(outcome).powi(2)).sum::<f64>() / n).sqrt();
-    let percent = |of: fn(&Outcome) -> bool| 100.0 * outcomes.iter().filter(|outcome| of(outcome)).count() as f64 / n;
+fn row(what: &'static str, class: &'static str, moment: String, outcomes: &[Moment]) -> Row {
+    let trials = outcomes.len();
+    let rms = |of: fn(&Moment) -> f64| rms(outcomes.iter().map(of));
+    let count = |of: fn(&Moment) -> bool| outcomes.iter().filter(|outcome| of(outcome)).count();
+    let percent = |count: usize| 100.0 * count as f64 / trials as f64;
+    let within = count(|outcome| outcome.error_deg.abs() <= 1.96 * outcome.sigma_deg);
     Row {
+        what,
         class,
+        trials,
         moment,
         rms_error_deg: rms(|outcome| outcome.error_deg),
         rms_sigma_deg: rms(|outcome| outcome.sigma_deg),
-        within_95_percent: percent(|outcome| outcome.error_deg.abs() <= 1.96 * outcome.sigma_deg),
-        refix_percent: percent(|outcome| outcome.refix),
+        within_95_percent: percent(within),
+        interval_percent: probability_interval(within, trials).map(|probability| 100.0 * probability),
+        refix_percent: percent(count(|outcome| outcome.refix)),
     }
 }
 
-fn write_rows(out: &mut dyn Write, trials: u64, rows: &[Row]) -> io::Result<()> {
+fn write_rows(out: &mut dyn Write, rows: &[Row]) -> io::Result<()> {
     writeln!(
         out,
-        "{trials} trials a row: a fix of {FIX_SIGMA_DEG}° at {LATITUDE_DEG}°, 120 s of standing, a walk of 10 to 120 s with a \
-         turn, set down.\n\n| class | moment | rms error, ° | rms sigma, ° | within 1.96 sigma, % | new fix wanted, % |\n\
-         |---|---|---|---|---|---|"
+        "Hold alone: a fix of {FIX_SIGMA_DEG}° at {LATITUDE_DEG}°, 120 s of standing, a walk of 10 to 120 s with a turn, set down. \
+         Whole instrument: dwells of {DWELL_S} s at four positions, 60 s of standing, the walk, 30 s of standing.\n\n\
+         | what | class | moment | trials | rms error, ° | rms sigma, ° | within 1.96 sigma, % | new fix wanted, % |\n\
+         |---|---|---|---|---|---|---|---|"
     )?;
     rows.iter().try_for_each(|row| {
         writeln!(
             out,
-            "| {} | {} | {:.4} | {:.4} | {:.1} | {:.0} |",
-            row.class, row.moment, row.rms_error_deg, row.rms_sigma_deg, row.within_95_percent, row.refix_percent
+            "| {} | {} | {} | {} | {:.4} | {:.4} | {:.1} ({:.1} to {:.1}) | {:.0} |",
+            row.what,
+            row.class,
+            row.moment,
+            row.trials,
+            row.rms_error_deg,
+            row.rms_sigma_deg,
+            row.within_95_percent,
+            row.interval_percent[0],
+            row.interval_percent[1],
+            row.refix_percent
         )
     })
 }

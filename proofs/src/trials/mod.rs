@@ -3,6 +3,7 @@
 
 pub mod aided;
 mod bound;
+pub mod carried;
 pub mod dive;
 pub mod ellipsoid;
 pub mod navigation;

@@ -12,8 +12,8 @@ use crate::effects::{
     BaseMotion, Basis, ChannelName, EarthField, ErrorModel, IndexError, MAX_PRODUCTS, MAX_RATE_TERMS, MAX_TERMS,
     RateTerm, Sinusoid, Term,
 };
-use crate::sequence::order::{MAX_POSITIONS, Order};
 use crate::heading::settings::BlockSettings;
+use crate::sequence::order::{MAX_POSITIONS, Order};
 use crate::settings::Settings;
 
 /// Every number needs all its bytes, every list is full, every effect is of the longest kind.

@@ -146,13 +146,13 @@ impl Field {
     fn find(&self, engine: Engine, setup: &Setup, flash: &[u8]) -> Result<FixRecord, Failure> {
         let world = World::new(&setup.scenario, setup.seed).with_flash(flash);
         let mut silent = |_: &_| ();
-        let mut wanted = FixWanted::new(&mut silent);
+        let mut wanted = FixWanted::new(&world, &mut silent);
         let limit_ticks = engine::limit_ticks(setup);
         let off = engine::serve(engine, self.image.as_deref(), &world, limit_ticks, &mut wanted, interrupt::flag())?;
         if interrupt::requested() {
             return Err(Failure::Interrupted);
         }
-        Ok(FixRecord::of(&wanted.outcome(off, &world)))
+        Ok(FixRecord::of(&wanted.outcome(off)))
     }
 }
 

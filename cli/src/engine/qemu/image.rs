@@ -31,6 +31,11 @@ pub enum Board {
 ///
 /// It has its own target directory, so that it can be built while cargo runs the caller.
 pub fn build(board: Board) -> Result<PathBuf, ImageError> {
+    build_program(board, "firmware")
+}
+
+/// Builds one of the programs for a board.
+pub fn build_program(board: Board, program: &str) -> Result<PathBuf, ImageError> {
     let (feature, directory) = match board {
         Board::Mps2 => ("mps2", "qemu"),
         Board::F405 => ("f405", "f405"),
@@ -42,7 +47,7 @@ pub fn build(board: Board) -> Result<PathBuf, ImageError> {
     let mut command = Command::new(cargo);
     command
         .current_dir(&root)
-        .args(["build", "--profile", "firmware", "--no-default-features", "--features", feature, "--bin", "firmware"])
+        .args(["build", "--profile", "firmware", "--no-default-features", "--features", feature, "--bin", program])
         .args(["--target", TARGET, "--target-dir"])
         .arg(&target)
         .stdin(Stdio::null());
@@ -54,5 +59,5 @@ pub fn build(board: Board) -> Result<PathBuf, ImageError> {
     if !output.status.success() {
         return Err(ImageError::NotBuilt(String::from_utf8_lossy(&output.stderr).into_owned()));
     }
-    Ok(target.join(TARGET).join("firmware").join("firmware"))
+    Ok(target.join(TARGET).join("firmware").join(program))
 }
