@@ -89,12 +89,25 @@ pub fn half_of(covariance: &DMatrix<f64>) -> (DMatrix<f64>, f64) {
         if let Some(factor) = raised.cholesky() {
             let lower = factor.l();
             let log_determinant = 2.0 * lower.diagonal().iter().map(|value| value.ln()).sum::<f64>();
-            let mut inverse = DMatrix::identity(n, n);
-            lower.solve_lower_triangular_mut(&mut inverse);
-            return (inverse, log_determinant);
+            return (lower_inverse(&lower), log_determinant);
         }
         share = if share == 0.0 { 1e-9 } else { share * 10.0 };
     }
+}
+
+/// Inverse of a lower triangle, column by column by substitution from its diagonal down: a third of the work of a full one.
+fn lower_inverse(lower: &DMatrix<f64>) -> DMatrix<f64> {
+    let n = lower.nrows();
+    let mut inverse = DMatrix::zeros(n, n);
+    for (j, column) in inverse.as_mut_slice().chunks_exact_mut(n.max(1)).enumerate() {
+        column[j] = 1.0;
+        for (k, of_lower) in lower.as_slice().chunks_exact(n.max(1)).enumerate().skip(j) {
+            let found = column[k] / of_lower[k];
+            column[k] = found;
+            column[k + 1..].iter_mut().zip(&of_lower[k + 1..]).for_each(|(rest, each)| *rest -= found * each);
+        }
+    }
+    inverse
 }
 
 /// A run.

@@ -32,11 +32,12 @@ use north::settings_file::{read_board_model, write_model};
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   north bench close-loop --seed 4
+  north bench close-loop --effect hysteresis,decay-by-position,base-motion
   north bench close-loop --effect magnet --host --out /tmp/magnet")]
 pub struct CloseLoop {
-    /// The effect, or "random"
-    #[arg(long, value_name = "NAME", default_value = "random", value_parser = hidden)]
-    effect: HiddenOption,
+    /// The effect, or "random"; several with commas between them, one instrument after the other
+    #[arg(long, value_name = "NAME", default_value = "random", value_parser = hidden, value_delimiter = ',')]
+    effect: Vec<HiddenOption>,
     /// Seed of everything random: the instrument, its effect, headings, noise
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -58,7 +59,7 @@ pub struct CloseLoop {
     /// The firmware image to run; without it the image is built
     #[arg(long, value_name = "FILE", conflicts_with = "host")]
     image: Option<PathBuf>,
-    /// Keep the recorded campaign, and the learned model as model.toml, in this new or empty folder
+    /// Keep the recorded campaign, and the learned model as model.toml, in this new or empty folder; of several in one each in it
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -108,9 +109,23 @@ impl Bench for CloseLoop {
     type Row = Report;
 
     fn measure(&self, out: &mut dyn Write) -> Result<Vec<Report>, Failure> {
-        let instrument = Instrument::draw(self.effect, self.latitude, self.seed);
         let engine = if self.host { Engine::Host } else { Engine::Qemu };
-        let rig = Rig { engine, image: self.image(engine)?, instrument: &instrument };
+        let image = self.image(engine)?;
+        self.effect.iter().map(|&effect| self.close(effect, engine, image.clone(), out)).collect()
+    }
+}
+
+impl CloseLoop {
+    /// The loop with one instrument.
+    fn close(
+        &self,
+        effect: HiddenOption,
+        engine: Engine,
+        image: Option<PathBuf>,
+        out: &mut dyn Write,
+    ) -> Result<Report, Failure> {
+        let instrument = Instrument::draw(effect, self.latitude, self.seed);
+        let rig = Rig { engine, image, instrument: &instrument };
         let mut settings =
             Settings { latitude_deg: self.latitude, model: Some(ErrorModel::default()), ..Settings::default() };
         settings.sequence.order = self.order.into();
@@ -119,7 +134,12 @@ impl Bench for CloseLoop {
 
         let bar = progress::bar(self.runs + 2 * self.new_runs, "runs");
         let temporary = tempfile::tempdir()?;
-        let folder = self.out.as_deref().unwrap_or(temporary.path());
+        let folder = match &self.out {
+            Some(folder) if self.effect.len() > 1 => folder.join(instrument.hidden.name()),
+            Some(folder) => folder.clone(),
+            None => temporary.path().to_owned(),
+        };
+        let folder = folder.as_path();
         let campaign = self.record(&rig, &settings, folder, &bar)?;
         let options = Options { settings: settings.clone() };
         let diagnosis = diagnose(&campaign, &options).map_err(|refusal| Failure::Refused(refusal.to_string()))?;
@@ -148,11 +168,9 @@ impl Bench for CloseLoop {
             runs,
         };
         report.print(out)?;
-        Ok(vec![report])
+        Ok(report)
     }
-}
 
-impl CloseLoop {
     /// The image that all runs share, built once.
     fn image(&self, engine: Engine) -> Result<Option<PathBuf>, Failure> {
         Ok(match (engine, &self.image) {

@@ -223,11 +223,13 @@ fn write_verdict(out: &mut dyn Write, verdict: &Verdict) -> io::Result<()> {
     )?;
     writeln!(
         out,
-        "    rms in noise: before {:.2}, after {:.2}, oracle {:.2}, without the effect {:.2}",
+        "    rms in noise: before {:.2}, after {:.2}, oracle {:.2}, without the effect {:.2}; covered {} of {}",
         rms(|errors| errors.before),
         rms(|errors| errors.after),
         rms(|errors| errors.oracle),
         rms(|errors| errors.without),
+        verdict.errors.iter().filter(|errors| errors.is_covered()).count(),
+        verdict.errors.len(),
     )
 }
 

@@ -124,7 +124,8 @@ fn ratio(verdicts: &[&Verdict], over: fn(&Errors) -> f64, under: fn(&Errors) -> 
 const Z_95: f64 = 1.959_964;
 
 impl Errors {
-    fn is_covered(&self) -> bool {
+    /// Whether the 95 % interval holds the truth.
+    pub fn is_covered(&self) -> bool {
         self.after.abs() <= Z_95 * self.sigma_after
     }
 }
