@@ -15,6 +15,8 @@ use super::statistics::{dot, orthonormalise};
 const MOVE_S: usize = 5;
 /// Expected log odds by which an answer is unique: twice what candidates may be apart and still count as confounded.
 const UNIQUE: f64 = 9.2;
+/// Designs that are weighed together, from the shortest on, until one makes the answer unique.
+const TOGETHER: usize = 4;
 /// Expected log odds below which nothing is separated.
 const NOTHING: f64 = 1.0;
 
@@ -147,12 +149,20 @@ pub fn propose(
     sigma_now_deg: f64,
     expect: impl Fn(&[RunData]) -> Option<Expectation> + Sync,
 ) -> Option<Experiment> {
-    let weighed: Vec<(Design, Expectation)> = Design::all(like)
-        .into_par_iter()
-        .filter_map(|design| Some((design.clone(), expect(&design.runs(like))?)))
-        .collect();
     let least = |found: &Expectation| found.log_odds.iter().copied().fold(f64::INFINITY, f64::min);
-    let (design, found) = if names.len() > 1 {
+    let tells_apart = names.len() > 1;
+    // Where nothing is to be told apart, neither headings nor warming up matter.
+    let matters = |design: &Design| tells_apart || design.headings_deg.len() == 1 && design.warm_up_s == 0.0;
+    let designs: Vec<Design> = Design::all(like).into_iter().filter(matters).collect();
+    let mut weighed: Vec<(Design, Expectation)> = Vec::new();
+    for some in designs.chunks(TOGETHER) {
+        let expected = |design: &Design| Some((design.clone(), expect(&design.runs(like))?));
+        weighed.extend(some.par_iter().filter_map(expected).collect::<Vec<_>>());
+        if tells_apart && weighed.iter().any(|(_, found)| least(found) > UNIQUE) {
+            break;
+        }
+    }
+    let (design, found) = if tells_apart {
         let unique = weighed.iter().find(|(_, found)| least(found) > UNIQUE);
         unique.or_else(|| weighed.iter().max_by(|a, b| least(&a.1).total_cmp(&least(&b.1))))
     } else {
@@ -160,10 +170,10 @@ pub fn propose(
         weighed.iter().max_by(|a, b| gain(a).total_cmp(&gain(b)))
     }?;
     let log_odds = least(found).min(f64::MAX);
-    if names.len() > 1 && log_odds < NOTHING || names.len() < 2 && found.sigma_deg >= sigma_now_deg {
+    if tells_apart && log_odds < NOTHING || !tells_apart && found.sigma_deg >= sigma_now_deg {
         return None;
     }
-    let tells = if names.len() > 1 {
+    let tells = if tells_apart {
         format!(
             "; it is expected to separate {} by log odds of {log_odds:.0}, with channels as in {}",
             names.join(" from "),
@@ -183,8 +193,8 @@ pub fn propose(
         dwell_s: design.dwell_s,
         warm_up_s: design.warm_up_s,
         like: like.file.clone(),
-        separates: if names.len() > 1 { names.to_vec() } else { Vec::new() },
-        expected_log_odds: (names.len() > 1).then_some(log_odds),
+        separates: if tells_apart { names.to_vec() } else { Vec::new() },
+        expected_log_odds: tells_apart.then_some(log_odds),
         sigma_now_deg,
         sigma_then_deg: found.sigma_deg,
     })

@@ -177,11 +177,15 @@ pub fn rejected(lesson: &Lesson, runs: &[RunData], constant: &[String]) -> Vec<R
         .collect()
 }
 
+/// Most alternatives that runs are to tell an effect from, the likeliest first.
+const MOST_RIVALS: usize = 6;
+
 /// What would tell apart what this campaign cannot; `sigma_now_deg` is what a usual azimuth is known to.
 pub fn next_experiment(lesson: &Lesson, runs: &[RunData], sigma_now_deg: f64) -> Option<super::Experiment> {
     let fit: Vec<&RunData> = runs.iter().filter(|run| run.role == Role::Fit).collect();
     let taken = lesson.learned().taken.iter().find(|each| !each.rivals.is_empty())?;
-    let rivals: Vec<(&candidate::Candidate, f64)> = taken.rivals.iter().map(|(rival, c)| (rival, *c)).collect();
+    let rivals: Vec<(&candidate::Candidate, f64)> =
+        taken.rivals.iter().take(MOST_RIVALS).map(|(rival, c)| (rival, *c)).collect();
     let mut names = vec![taken.candidate.full_name()];
     names.extend(rivals.iter().map(|(rival, _)| rival.full_name()));
     let known = Known { candidate: &taken.candidate, constant: taken.constant, coefficients: &taken.coefficients };
