@@ -304,7 +304,8 @@ impl Recording {
     fn variances(&self, noise_deg_h: f64, enters: &[bool]) -> Vec<f64> {
         let usual = noise_deg_h * noise_deg_h;
         let plain = || self.interval_s.iter().map(|interval| usual / interval).collect();
-        if self.rotation {
+        // Of a run that has not been made there are no differences.
+        if self.rotation || self.noise_deg_h.is_some() {
             return plain();
         }
         let differences: Vec<(usize, f64)> = self
@@ -316,7 +317,7 @@ impl Recording {
             .collect();
         let mean = differences.iter().map(|each| each.1).sum::<f64>() / differences.len().max(1) as f64;
         let nothing = differences.iter().filter(|each| each.1 < 1e-6 * mean).count();
-        if differences.len() < 4 * STRETCH || nothing as f64 > COARSE * differences.len() as f64 {
+        if !(mean > 0.0) || differences.len() < 4 * STRETCH || nothing as f64 > COARSE * differences.len() as f64 {
             return plain();
         }
         // Logarithms of the stretches' variances; that of n differences, correlated with their neighbours, scatters by 3/n.

@@ -77,7 +77,7 @@ impl Whitening {
 }
 
 /// Inverse of the lower Cholesky factor, and the logarithm of the determinant. A covariance that has lost its definiteness to
-/// rounding gets a little of its own diagonal.
+/// rounding gets a little of its own diagonal; one that has none left tells nothing: zero.
 pub fn half_of(covariance: &DMatrix<f64>) -> (DMatrix<f64>, f64) {
     let n = covariance.nrows();
     let mut share = 0.0;
@@ -92,8 +92,14 @@ pub fn half_of(covariance: &DMatrix<f64>) -> (DMatrix<f64>, f64) {
             return (lower_inverse(&lower), log_determinant);
         }
         share = if share == 0.0 { 1e-9 } else { share * 10.0 };
+        if share > MOST_RAISED {
+            return (DMatrix::zeros(n, n), f64::INFINITY);
+        }
     }
 }
+
+/// Share of its diagonal that a covariance gets at most.
+const MOST_RAISED: f64 = 1.0;
 
 /// Inverse of a lower triangle, column by column by substitution from its diagonal down: a third of the work of a full one.
 fn lower_inverse(lower: &DMatrix<f64>) -> DMatrix<f64> {

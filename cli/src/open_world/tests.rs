@@ -178,6 +178,17 @@ fn a_surface_is_found_and_covered() {
     finds(surface, "function-of-two-channels");
 }
 
+/// A covariance that is none must not be tried for ever; nor has a run without noise a variance of its own stretches.
+#[test]
+fn what_has_no_covariance_tells_nothing() {
+    let (half, log_determinant) = run::half_of(&DMatrix::from_element(3, 3, f64::NAN));
+    assert!(half.iter().all(|value| *value == 0.0) && log_determinant == f64::INFINITY);
+    let found = run::half_of(&DMatrix::from_row_slice(2, 2, &[4.0, 2.0, 2.0, 5.0]));
+    // L = [2 0; 1 2], its inverse [½ 0; −¼ ½], the determinant 16.
+    assert!((found.0 - DMatrix::from_row_slice(2, 2, &[0.5, 0.0, -0.25, 0.5])).norm() < 1e-15);
+    assert!((found.1 - 16f64.ln()).abs() < 1e-15);
+}
+
 /// Two channels that go together, and an effect of the first: the second explains it as well. Runs in which each goes its own way
 /// are expected to tell, and do; more runs like the first are not expected to.
 #[test]
