@@ -12,7 +12,7 @@ pub enum Task {
 }
 
 /// Ticks within which every task checks in: a second. A calibration takes a tenth of that.
-const PERIOD_TICKS: u64 = 400;
+const PERIOD_TICKS: u32 = 400;
 
 /// Who has checked in.
 #[derive(Debug, Default)]
@@ -55,8 +55,10 @@ impl Guard {
 
     /// At every tick, of this number.
     pub fn tick(&self, tick: u64) -> Verdict {
-        self.now.store(tick as u32, Ordering::Relaxed);
-        if !(tick + 1).is_multiple_of(PERIOD_TICKS) {
+        // The lower half is enough, and quicker: it begins anew after 124 days, with one period that is shorter.
+        let tick = tick as u32;
+        self.now.store(tick, Ordering::Relaxed);
+        if tick % PERIOD_TICKS != PERIOD_TICKS - 1 {
             return Verdict::Wait;
         }
         let seen = self.seen.swap(0, Ordering::Relaxed);

@@ -151,7 +151,7 @@ impl Instrument {
 
         let mut orders = Orders::default();
         for byte in request_bytes {
-            self.request_byte(byte, flash, &mut orders, &mut sink);
+            self.request_byte(byte, readings.turning, flash, &mut orders, &mut sink);
         }
         for byte in gyro_bytes {
             self.gyro_byte(byte);
@@ -199,14 +199,23 @@ impl Instrument {
         }
     }
 
+    /// Nothing is stored while the motor turns: the processor stands still while flash is erased.
+    ///
     /// Never inlined: a request with its settings is on the stack only here.
     #[inline(never)]
-    fn request_byte(&mut self, byte: u8, flash: &mut impl NorFlash, orders: &mut Orders, sink: &mut dyn FnMut(Event)) {
+    fn request_byte(
+        &mut self,
+        byte: u8,
+        turning: bool,
+        flash: &mut impl NorFlash,
+        orders: &mut Orders,
+        sink: &mut dyn FnMut(Event),
+    ) {
         match self.requests.feed(byte) {
             None => {}
             Some(Ok(Request::Command(command))) => orders.motor = self.obey(command, sink).or(orders.motor),
             Some(Ok(Request::Provoke(how))) => orders.provoke = Some(how),
-            Some(Ok(Request::StoreSettings(settings))) if is_stored(flash, &settings) => {
+            Some(Ok(Request::StoreSettings(settings))) if !turning && is_stored(flash, &settings) => {
                 orders.restart = true;
                 sink(Event::SettingsStored);
             }

@@ -50,7 +50,8 @@ const CRC_LENGTH: usize = 4;
 pub enum Request {
     /// To the state machines of fix and calibration.
     Command(Command),
-    /// Keep these settings in flash and start anew with them, whatever is under way.
+    /// Keep these settings in flash and start anew with them, whatever is under way; refused, and counted as bad, while the motor
+    /// turns.
     StoreSettings(Settings),
     /// Crash, to see that it is survived: the motor goes off, the instrument starts anew and tells of it.
     Provoke(Provocation),

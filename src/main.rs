@@ -53,8 +53,8 @@ mod app {
     /// One calibration at a time.
     const PROBLEMS: usize = 1;
     /// What the board says of itself comes after the first second, and then every ten seconds.
-    const FIRST_VITALS_TICK: u64 = 399;
-    const VITALS_TICKS: u64 = 4000;
+    const FIRST_VITALS_TICK: u32 = 399;
+    const VITALS_TICKS: u32 = 4000;
 
     /// Who is alive.
     static GUARD: Guard = Guard::new();
@@ -273,7 +273,7 @@ mod app {
                 let _ = local.problems_in.try_send(problem);
             }
             GUARD.done(readings.tick, board::passed_permille());
-            if readings.tick % VITALS_TICKS == FIRST_VITALS_TICK {
+            if readings.tick as u32 % VITALS_TICKS == FIRST_VITALS_TICK {
                 let (stack_bytes, load_permille) = (crash::most_stack_bytes(), GUARD.load_permille());
                 let event = Event::Vitals { program: *local.program, stack_bytes, load_permille };
                 let _ = local.reports_in.try_send(Report { t_s: readings.t_s(), event });

@@ -136,9 +136,9 @@ fn without_settings_seconds_come_out_and_a_fix_is_refused() {
         return;
     }
     let mut both = Both::start(None);
-    both.run(900, &START);
+    both.run(450, &START);
     let events = both.compare();
-    assert_eq!(events.iter().filter(|event| matches!(event, Event::Second(_))).count(), 2);
+    assert_eq!(events.iter().filter(|event| matches!(event, Event::Second(_))).count(), 1);
     assert!(events.contains(&Event::Fault { fault: Fault::SettingsMissing, state: State::Idle }));
 }
 
@@ -152,7 +152,7 @@ fn settings_from_flash_and_a_fix_that_fails() {
     let settings = scenario_settings(&Scenario::named("calm-bench").unwrap(), None).unwrap();
     let mut both = Both::start(Some(settings.clone()));
     both.run(1, &Request::StoreSettings(settings));
-    both.run(1600, &START);
+    both.run(450, &START);
     let events = both.compare();
     assert!(events.contains(&Event::SettingsRefused) && events.contains(&Event::State(State::Levelling)));
     assert!(events.iter().any(|event| matches!(event, Event::Fault { .. })), "{events:?}");

@@ -20,7 +20,7 @@ const SECTOR: usize = 16 * 1024;
 /// Longest wait for anything.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// A tick's work takes less; a task that takes longer hangs, and is interrupted.
-const HANGS_AFTER: Duration = Duration::from_millis(20);
+const HANGS_AFTER: Duration = Duration::from_millis(5);
 
 /// Interrupt of TIM2 (RM0090, table 61), and the registers that raise interrupts by software and take them back (ARMv7-M,
 /// B3.4.4 and B3.4.5).
@@ -212,10 +212,10 @@ impl Chip {
 
     /// Where the processor is when it is held; or, where it is not in that time, where it then is.
     fn stopped_within(&mut self, time: Duration) -> u32 {
-        self.debugger.set_read_timeout(Some(time)).unwrap();
         let mut first = [0];
         // The acknowledgement comes at once, the answer when it is held.
         self.debugger.read_exact(&mut first).unwrap();
+        self.debugger.set_read_timeout(Some(time)).unwrap();
         if self.debugger.peek(&mut first).is_err() {
             self.debugger.write_all(&[INTERRUPT]).unwrap();
         }

@@ -213,3 +213,47 @@ fn an_answer_that_is_none_ends_the_board_and_it_says_so() {
     assert!(error.contains("too short"), "{error}");
     assert!(matches!(qemu.receive(), Err(QemuError::Died(_))));
 }
+
+/// Sends settings half a second after the motor began to turn by a quarter.
+struct Impatient {
+    settings: Settings,
+    moving: bool,
+    ticks: u32,
+    refused: Option<u32>,
+}
+
+impl Person for Impatient {
+    fn request(&mut self, tick: u64) -> Option<Request> {
+        self.ticks += u32::from(self.moving);
+        if self.ticks == 200 && self.moving {
+            return Some(Request::StoreSettings(self.settings.clone()));
+        }
+        (tick == 0).then_some(Request::Command(Command::Start))
+    }
+
+    fn hear(&mut self, report: &Report) -> bool {
+        match report.event {
+            Event::Moving { .. } => self.moving = true,
+            Event::Health(counters) => self.refused = Some(counters.commands_bad),
+            _ => {}
+        }
+        matches!(report.event, Event::State(State::Finished))
+    }
+}
+
+#[test]
+fn settings_are_refused_while_the_motor_turns() {
+    let setup = setup(1000.0);
+    for qemu in [false, true] {
+        let world = crate::engine::world(&setup).unwrap();
+        let settings = setup.settings.clone().unwrap();
+        let mut person = Impatient { settings, moving: false, ticks: 0, refused: None };
+        let off = if qemu {
+            serve(image(), &world, limit_ticks(&setup), &mut person, &never()).unwrap().0
+        } else {
+            crate::engine::host::serve(&world, limit_ticks(&setup), &mut person, &never(), &mut |_, _| ()).unwrap()
+        };
+        // The fix went on to its end.
+        assert_eq!((off, person.refused), (PowerOff::Heard, Some(1)));
+    }
+}
