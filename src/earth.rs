@@ -1,4 +1,4 @@
-//! The Earth: its rate, and what of it a horizontal axis can feel.
+//! The Earth: its rate, what of it a horizontal axis can feel, and its gravity.
 
 use crate::units::sin_cos_deg;
 
@@ -9,6 +9,13 @@ pub const EARTH_RATE_DEG_H: f64 = 15.041067;
 
 /// Closer to a pole than this no azimuth is given: the horizontal Earth rate is below 0.26 °/h.
 pub const POLE_LIMIT_DEG: f64 = 1.0;
+
+/// Semi-major axis, m, and first eccentricity squared of WGS 84.
+pub const SEMI_MAJOR_M: f64 = 6_378_137.0;
+pub const ECCENTRICITY_2: f64 = 6.694_379_990_14e-3;
+/// Normal gravity at the equator, m/s², and Somigliana's constant of WGS 84.
+pub const EQUATOR_GRAVITY_M_S2: f64 = 9.780_325_335_9;
+pub const SOMIGLIANA: f64 = 1.931_852_652_41e-3;
 
 /// The Earth's rate at a latitude, split in its horizontal and its vertical part.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,9 +59,29 @@ pub fn earth_rate(latitude_deg: f64) -> Result<EarthRate, LatitudeError> {
     Ok(EarthRate { north_deg_h: EARTH_RATE_DEG_H * cos, up_deg_h: EARTH_RATE_DEG_H * sin })
 }
 
+/// Normal gravity, m/s², at a geodetic latitude (rad, north positive) and a height above the ellipsoid (m).
+///
+/// Somigliana's formula with the constants of WGS 84 (NIMA TR8350.2, section 4.2), less with height as 2h/a, to the first
+/// order. What a place really has differs by some 5·10⁻⁴ m/s², in mountains by more.
+pub fn normal_gravity_m_s2(latitude_rad: f64, height_m: f64) -> f64 {
+    let s = libm::sin(latitude_rad);
+    let root = libm::sqrt(1.0 - ECCENTRICITY_2 * s * s);
+    let surface = EQUATOR_GRAVITY_M_S2 * (1.0 + SOMIGLIANA * s * s) / root;
+    surface * (1.0 - 2.0 * height_m / SEMI_MAJOR_M)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn gravity_of_the_tables() {
+        // TR8350.2, table 3.4: 9.7803253359 at the equator, 9.8321849378 at the pole, m/s². 1000 m higher: 2/6378.137 less.
+        let at = |latitude_deg: f64, height_m| normal_gravity_m_s2(latitude_deg.to_radians(), height_m);
+        assert!((at(0.0, 0.0) - 9.780_325_335_9).abs() < 1e-10);
+        assert!((at(90.0, 0.0) - 9.832_184_937_8).abs() < 1e-9 && at(-90.0, 0.0) == at(90.0, 0.0));
+        assert!((at(45.0, 0.0) - at(45.0, 1000.0) - 3.0752e-3).abs() < 1e-6);
+    }
 
     #[test]
     fn both_hemispheres_point_the_horizontal_rate_north() {

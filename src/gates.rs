@@ -2,8 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::limits::{Invalid, within};
-
 /// The disturbance gate and the jitter gate.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -22,12 +20,6 @@ impl GateSettings {
     pub const DISTURBANCE: Self = Self { threshold_deg_h: 2.0, seconds: 3, timeout_s: 120.0 };
     /// The jitter gate's defaults.
     pub const JITTER: Self = Self { threshold_deg_h: 3.0, seconds: 5, timeout_s: 90.0 };
-
-    /// Checks seconds and time-out; what the threshold must be depends on the gyro.
-    pub fn validate(&self, seconds: &'static str, timeout: &'static str) -> Result<(), Invalid> {
-        within(seconds, self.seconds.into(), 1.0, 600.0, "1 to 600")?;
-        within(timeout, self.timeout_s, 1.0, 36_000.0, "1 to 36000")
-    }
 }
 
 /// Which gate.

@@ -3,7 +3,6 @@
 use serde::{Deserialize, Serialize};
 
 use crate::codes::IndexCode;
-use crate::limits::{Invalid, within};
 use crate::units::{DEG_PER_RAD, sin_cos_deg, wrap_360_deg};
 
 /// Indexing: the motor and the encoder.
@@ -34,17 +33,6 @@ impl Default for IndexSettings {
             acceleration_deg_s2: 60.0,
             hold_current: false,
         }
-    }
-}
-
-impl IndexSettings {
-    /// Checks every value.
-    pub fn validate(&self) -> Result<(), Invalid> {
-        within("index.tolerance_deg", self.tolerance_deg, 0.01, 10.0, "0.01 to 10")?;
-        within("index.sigma_deg", self.sigma_deg, 0.0, 10.0, "0 to 10")?;
-        within("index.retries", self.retries.into(), 0.0, 20.0, "0 to 20")?;
-        within("index.speed_deg_s", self.speed_deg_s, 0.1, 30.0, "0.1 to 30")?;
-        within("index.acceleration_deg_s2", self.acceleration_deg_s2, 1.0, 1000.0, "1 to 1000")
     }
 }
 

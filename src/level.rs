@@ -7,7 +7,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration::ellipsoid::Correction;
 use crate::codes::TriadCode;
-use crate::limits::{Invalid, within};
 use crate::units::DEG_PER_RAD;
 
 /// The level gate.
@@ -27,16 +26,6 @@ pub struct LevelSettings {
 impl Default for LevelSettings {
     fn default() -> Self {
         Self { limit_deg: 0.5, sigma_deg: 0.01, seconds: 2, timeout_s: 120.0 }
-    }
-}
-
-impl LevelSettings {
-    /// Checks every value.
-    pub fn validate(&self) -> Result<(), Invalid> {
-        within("level.limit_deg", self.limit_deg, 0.001, 10.0, "0.001 to 10")?;
-        within("level.sigma_deg", self.sigma_deg, 0.0, 10.0, "0 to 10")?;
-        within("level.seconds", self.seconds.into(), 1.0, 60.0, "1 to 60")?;
-        within("level.timeout_s", self.timeout_s, 1.0, 36_000.0, "1 to 36000")
     }
 }
 

@@ -10,7 +10,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::frame::{Frame, GyroFormat};
 use crate::health::Counters;
-use crate::limits::{Invalid, within};
 
 /// Samples in a second.
 pub const SAMPLES_PER_SECOND: u16 = 400;
@@ -55,16 +54,6 @@ impl Default for GyroSettings {
 }
 
 impl GyroSettings {
-    /// Checks every value.
-    pub fn validate(&self) -> Result<(), Invalid> {
-        within("gyro.arw_deg_per_sqrt_h", self.arw_deg_per_sqrt_h, 0.0, 1.0, "0 to 1")?;
-        within("gyro.bias_instability_deg_h", self.bias_instability_deg_h, 0.0, 10.0, "0 to 10")?;
-        within("gyro.drift_deg_h_per_h", self.drift_deg_h_per_h, 0.0, 1000.0, "0 to 1000")?;
-        within("gyro.bias_limit_deg_h", self.bias_limit_deg_h, 0.0, 1000.0, "0 to 1000")?;
-        within("gyro.range_deg_h", self.range_deg_h, 100.0, 1e7, "100 to 10000000")?;
-        within("gyro.repairable_frames", self.repairable_frames.into(), 0.0, 40.0, "0 to 40")
-    }
-
     /// Declared noise of a one-second rate, °/h.
     pub fn noise_deg_h(&self) -> f64 {
         60.0 * self.arw_deg_per_sqrt_h

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use north::campaign::{Campaign, CampaignWriter, Layout, Role, Row, Run};
 use north::diagnose::{Diagnosis, Options, diagnose};
-use north::settings_file::{read_board_model, read_model, write_model};
+use north::model_file::ModelFile;
+use north::settings_file::write_model;
 use north::solve::solve_file;
 use north_finder::level::Specific;
 use north_finder::settings::Settings;
@@ -221,7 +222,9 @@ fn temperature_rate_is_found_added_and_solved_with() {
     // What is written is what solve runs: the same azimuth to the last digit.
     let path = folder.0.join("model.toml");
     write_model(&path, &diagnosis.model).unwrap();
-    let model = read_board_model(&path).unwrap();
+    let mut on_board = Settings::default();
+    ModelFile::read(&path).unwrap().apply_to_board(&mut on_board).unwrap();
+    let model = on_board.model.unwrap();
     assert_eq!(model, diagnosis.model);
     for (record, run) in diagnosis.runs.iter().zip(&campaign.runs) {
         let settings = Settings { latitude_deg: 50.0, model: Some(model.clone()), ..Settings::default() };
@@ -243,8 +246,9 @@ fn an_unknown_channel_is_found_by_its_name_and_refused_by_a_board() {
     assert!((slope - 0.8).abs() < 5.0 * sigma, "{slope} ± {sigma}");
     let path = folder.0.join("model.toml");
     write_model(&path, &diagnosis.model).unwrap();
-    assert!(read_model(&path).is_ok());
-    let refusal = read_board_model(&path).unwrap_err().to_string();
+    let file = ModelFile::read(&path).unwrap();
+    assert_eq!(file.error_model.as_ref(), Some(&diagnosis.model));
+    let refusal = file.apply_to_board(&mut Settings::default()).unwrap_err().to_string();
     assert!(refusal.contains("supply_v"), "{refusal}");
 }
 
@@ -275,7 +279,7 @@ fn one_wrong_reference_is_found_named_and_kept_out() {
 fn assert_solved_by_the_written_model(folder: &Folder, campaign: &Campaign, diagnosis: &Diagnosis) {
     let path = folder.0.join("model.toml");
     write_model(&path, &diagnosis.model).unwrap();
-    let model = read_model(&path).unwrap();
+    let model = ModelFile::read(&path).unwrap().error_model.unwrap();
     for (record, run) in diagnosis.runs.iter().zip(&campaign.runs) {
         let latitude_deg = campaign.latitude_of(run).unwrap();
         let settings = Settings { latitude_deg, model: Some(model.clone()), ..Settings::default() };

@@ -3,6 +3,8 @@
 use std::fmt::Write;
 
 use north_finder::health::{Fault, Flag};
+use north_finder::settings::Settings;
+use north_finder::settings::fields::{FIELDS, WORDS};
 
 /// The table of docs/formats.md for one enum of codes.
 fn table(rows: impl Iterator<Item = (u8, &'static str, &'static str, &'static str)>) -> String {
@@ -11,6 +13,18 @@ fn table(rows: impl Iterator<Item = (u8, &'static str, &'static str, &'static st
         writeln!(table, "| {code} | `{name}` | {meaning} | {remedy} |").unwrap();
         table
     })
+}
+
+#[test]
+fn settings_are_documented_as_they_are() {
+    let mut table = "| setting | default | unit | allowed | meaning |\n|---|---|---|---|---|\n".to_owned();
+    let defaults = Settings::default();
+    for (field, words) in FIELDS.iter().zip(WORDS) {
+        let (name, default, allowed) = (field.name, (field.value)(&defaults), field.allowed);
+        writeln!(table, "| `{name}` | {default} | {} | {allowed} | {} |", words.unit, words.meaning).unwrap();
+    }
+    let settings = include_str!("../docs/settings.md");
+    assert!(settings.contains(&table), "docs/settings.md lacks this table:\n{table}");
 }
 
 #[test]

@@ -40,6 +40,8 @@ pub enum Problem {
     Io(#[from] std::io::Error),
     #[error("{0}")]
     Syntax(String),
+    #[error("{} values are not allowed{}", .0.len(), .0.iter().map(|each| format!("\n  {}", each.within())).collect::<String>())]
+    Several(Vec<FileError>),
     #[error("the file is empty; a header row is needed")]
     Empty,
     #[error("no data rows follow the header")]
@@ -69,6 +71,13 @@ pub enum Problem {
 impl FileError {
     pub fn new(file: &Path, place: Place, problem: impl Into<Problem>) -> Self {
         Self { file: file.to_owned(), place, problem: problem.into() }
+    }
+
+    /// Place and problem, where the file has been named.
+    fn within(&self) -> String {
+        let place = self.place.to_string();
+        let place = place.strip_prefix(", ").unwrap_or(&place);
+        if place.is_empty() { self.problem.to_string() } else { format!("{place}: {}", self.problem) }
     }
 
     /// An error of the file as a whole: it cannot be opened, created or written.

@@ -15,6 +15,7 @@ pub mod file_error;
 pub mod import;
 pub mod interrupt;
 pub mod json;
+pub mod model_file;
 pub mod open_world;
 pub mod output;
 pub mod port;

@@ -18,36 +18,7 @@ const TABLE: &str = "instrument";
 /// The format number of model files.
 const MODEL_FORMAT: i64 = 1;
 
-/// Reads an error model: `format = 1` and the fields of [`ErrorModel`].
-///
-/// Errors: no such file, another format, unknown fields, values that make no sense.
-pub fn read_model(path: &Path) -> Result<ErrorModel, FileError> {
-    let file = TomlFile::read(path)?;
-    let model: ErrorModel = file.parse_format(MODEL_FORMAT)?;
-    model.validate().map_err(|invalid| {
-        // In settings the model is a table of its own; here it is the file.
-        let field = invalid.field.strip_prefix("model.").unwrap_or(invalid.field);
-        invalid_at(&file, None, field, &invalid)
-    })?;
-    Ok(model)
-}
-
-/// Reads an error model for a board.
-///
-/// Errors: as [`read_model`]; a term that follows a channel which no board measures, by the channel's name.
-pub fn read_board_model(path: &Path) -> Result<ErrorModel, FileError> {
-    let model = read_model(path)?;
-    match model.off_board() {
-        None => Ok(model),
-        Some(channel) => {
-            let value = format!("a term that follows channel `{}`", channel.as_str());
-            let allowed = "what a board measures: temp_c, ax_g, ay_g, its time and its index angle";
-            Err(FileError::whole(path, Problem::not_allowed(value, allowed)))
-        }
-    }
-}
-
-/// Writes an error model, as [`read_model`] reads it. A file that is there is replaced.
+/// Writes an error model, as [`ModelFile::read`](crate::model_file::ModelFile::read) reads it. A file that is there is replaced.
 ///
 /// Errors: the file cannot be written.
 pub fn write_model(path: &Path, model: &ErrorModel) -> Result<(), FileError> {
@@ -68,13 +39,9 @@ pub fn write_settings(path: &Path, settings: &Settings) -> Result<(), FileError>
     std::fs::write(path, text).map_err(|error| FileError::whole(path, error))
 }
 
-/// The settings that all runs of a campaign share (all but the latitude): the defaults with the gyro's noise declared, over
-/// them those that the instrument had, over these the file `settings`, and the error model `model`.
-pub fn campaign_settings(
-    campaign: &Campaign,
-    settings: Option<&Path>,
-    model: Option<&Path>,
-) -> Result<Settings, FileError> {
+/// The settings that all runs of a campaign share (all but the latitude and a model): the defaults with the gyro's noise
+/// declared, over them those that the instrument had, over these the file `settings`.
+pub fn campaign_settings(campaign: &Campaign, settings: Option<&Path>) -> Result<Settings, FileError> {
     let mut result = Settings::default();
     if let Some(instrument) = &campaign.instrument {
         if let Some(arw) = instrument.arw_deg_per_sqrt_h {
@@ -84,13 +51,10 @@ pub fn campaign_settings(
             result = read_settings(&campaign.folder.join(file), &result)?;
         }
     }
-    if let Some(path) = settings {
-        result = read_settings(path, &result)?;
+    match settings {
+        Some(path) => read_settings(path, &result),
+        None => Ok(result),
     }
-    if let Some(path) = model {
-        result.model = Some(read_model(path)?);
-    }
-    Ok(result)
 }
 
 /// Reads settings; what the file does not say stays as in `base`.
@@ -133,11 +97,18 @@ pub fn declare_noise(settings: &mut Settings, arw_deg_per_sqrt_h: f64) {
 
 fn checked(file: &TomlFile, table: Option<&str>, base: &Settings) -> Result<Settings, FileError> {
     let settings = file.parse_over(base, table)?;
-    settings.validate().map_err(|invalid| invalid_at(file, table, invalid.field, &invalid))?;
-    Ok(settings)
+    let mut errors: Vec<_> = settings.violations().map(|invalid| invalid_at(file, table, &invalid)).collect();
+    match errors.len() {
+        0 => Ok(settings),
+        1 => Err(errors.remove(0)),
+        _ => Err(file.whole(Problem::Several(errors))),
+    }
 }
 
-fn invalid_at(file: &TomlFile, table: Option<&str>, field: &str, invalid: &Invalid) -> FileError {
-    let problem = Problem::not_allowed(format!("{field} = {}", invalid.value), invalid.allowed);
-    file.at_field(table, field, problem)
+fn invalid_at(file: &TomlFile, table: Option<&str>, invalid: &Invalid) -> FileError {
+    let mut allowed = String::new();
+    // Writing to a string does not fail.
+    let _ = invalid.write_allowed(&mut allowed);
+    let problem = Problem::not_allowed(format!("{} = {}", invalid.field, invalid.value), allowed);
+    file.at_field(table, invalid.field, problem)
 }

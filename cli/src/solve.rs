@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use north_finder::calibration::ellipsoid::Correction;
 use north_finder::effects::{ChannelName, Conditions, MAX_CHANNELS};
 use north_finder::event::{Dwell, Fix};
 use north_finder::fix::accumulator::{Dwells, Second};
@@ -65,8 +66,10 @@ pub fn solve_file(path: &Path, settings: &Settings) -> Result<Solution, SolveErr
         }
     };
     let mut replay = Replay::new(settings, AllDwells::default()).map_err(refused)?;
+    let triad = settings.triad();
     for row in reader {
-        let row = row?;
+        let mut row = row?;
+        correct_level(&mut row, &triad);
         let mut channels = [f64::NAN; MAX_CHANNELS];
         for (value, &column) in channels.iter_mut().zip(&columns) {
             *value = row.extra.get(column).copied().unwrap_or(f64::NAN);
@@ -137,4 +140,17 @@ pub fn recorded(row: &Row, channels: [f64; MAX_CHANNELS]) -> Recorded {
             mark,
         }),
     }
+}
+
+/// Corrects the level accelerometers of a plain row; an instrument's own seconds are corrected already, and its frames are by
+/// the replay. The third accelerometer, which is not recorded, reads what gravity leaves for it.
+pub fn correct_level(row: &mut Row, triad: &Correction) {
+    let plain = row.own.is_none() && *triad != Correction::UNIT;
+    let Some(Specific { forward: x, left: y }) = row.level.filter(|_| plain) else { return };
+    let [[m11, m12, m13], [m21, m22, m23], [_, _, m33]] = triad.matrix;
+    let [bx, by, _] = triad.bias;
+    let (x, y) = (x - bx, y - by);
+    // z less its bias is 1/m33 of its force, to the first order in the misalignments.
+    let z = (1.0 - x * x - y * y).max(0.0).sqrt() / m33;
+    row.level = Some(Specific { forward: m11 * x + m12 * y + m13 * z, left: m21 * x + m22 * y + m23 * z });
 }

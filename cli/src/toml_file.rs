@@ -44,6 +44,18 @@ impl TomlFile {
 
     /// The whole file as a `T`; its top-level `format` must be `format` and is not handed to `T`.
     pub fn parse_format<T: DeserializeOwned>(&self, format: i64) -> Result<T, FileError> {
+        self.deserialize(self.without(format, &[])?)
+    }
+
+    /// The top-level table `name` as a `T`, where there is one.
+    pub fn parse_table<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>, FileError> {
+        let mut table = DeTable::parse(&self.text).map_err(|error| self.syntax(&error))?;
+        let Some(value) = table.get_mut().remove(name) else { return Ok(None) };
+        T::deserialize(toml::de::ValueDeserializer::from(value)).map(Some).map_err(|error| self.syntax(&error))
+    }
+
+    /// What is in the file but its `format`, which must be `format`, and these tables.
+    pub fn without(&self, format: i64, tables: &[&str]) -> Result<Spanned<DeTable<'_>>, FileError> {
         let mut table = DeTable::parse(&self.text).map_err(|error| self.syntax(&error))?;
         let found = table.get_mut().remove("format").ok_or_else(|| self.whole(missing_format(format)))?;
         let span = found.span();
@@ -51,7 +63,8 @@ impl TomlFile {
         if number != format {
             return Err(self.at(span, Problem::not_allowed(format!("format = {number}"), format!("format = {format}"))));
         }
-        self.deserialize(table)
+        tables.iter().for_each(|name| drop(table.get_mut().remove(*name)));
+        Ok(table)
     }
 
     /// The whole file as a `T`.
@@ -97,7 +110,8 @@ impl TomlFile {
         }
     }
 
-    fn deserialize<T: DeserializeOwned>(&self, table: Spanned<DeTable<'_>>) -> Result<T, FileError> {
+    /// A table of this file as a `T`.
+    pub fn deserialize<T: DeserializeOwned>(&self, table: Spanned<DeTable<'_>>) -> Result<T, FileError> {
         T::deserialize(Deserializer::from(table)).map_err(|error| self.syntax(&error))
     }
 

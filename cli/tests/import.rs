@@ -76,8 +76,10 @@ fn the_measured_campaign_comes_out_of_the_recording_it_was_made_of() {
     let published = head + &counts.split_once('\n').unwrap().1.replace(',', " ");
     let expected = Campaign::read(&data.join("parked-vehicle")).unwrap();
     for (map, recording) in [("psins-counts-csv.toml", &counts), ("psins-lasergyro.toml", &published)] {
+        // The mapping keeps every sample, the campaign has rows of 20.
         let map = fs::read_to_string(map_file(map)).unwrap();
-        let (folder, summary) = text(&map, recording).unwrap();
+        assert!(map.contains("samples_per_row = 1 "));
+        let (folder, summary) = text(&map.replace("samples_per_row = 1 ", "samples_per_row = 20 "), recording).unwrap();
         assert_eq!(summary.doubts, Vec::<String>::new());
         let campaign = Campaign::read(&folder.path().join("out")).unwrap();
         assert_eq!(Campaign { folder: expected.folder.clone(), ..campaign }, expected);

@@ -245,5 +245,5 @@ fn the_model_on_the_page_is_read_as_it_stands() {
     let text = text.replace("&quot;", "\"").replace("&#39;", "'").replace("&lt;", "<").replace("&gt;", ">");
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("model-of-the-report.toml");
     std::fs::write(&path, text).unwrap();
-    assert_eq!(north::settings_file::read_model(&path).unwrap(), model);
+    assert_eq!(north::model_file::ModelFile::read(&path).unwrap().error_model.unwrap(), model);
 }

@@ -39,9 +39,9 @@ fn accuracy_gives_markdown_and_json_that_agree() {
 fn few_trials_of_the_calibrations_keep_the_promises() {
     let folder = tempfile::tempdir().unwrap();
     let json = folder.path().join("b.json");
-    let arguments = ["calibration", "--trials", "300", "--voyages", "10", "--seed", "2", "--json"];
+    let arguments = ["calibration", "--trials", "300", "--seed", "2", "--json"];
     let printed = bench(&[&arguments[..], &[json.to_str().unwrap()]].concat());
-    for part in ["| x0, deg/h |", "| table, +- arcsec |", "| least squares |", "| 1.64 of 4.38 | 62.6 % |", "| m33 |"] {
+    for part in ["| x0, deg/h |", "| table, +- arcsec |", "| m33 |"] {
         assert!(printed.contains(part), "{part}: {printed}");
     }
     let report: Value = serde_json::from_str(&fs::read_to_string(json).unwrap()).unwrap();
@@ -52,8 +52,21 @@ fn few_trials_of_the_calibrations_keep_the_promises() {
     // The table's ±3″ alone: 3″/√3 rms an angle, 8.4 millionths of a radian; six positions together leave less.
     let floor_ppm = of("table-accuracy")[1]["matrix_floor_ppm"].as_f64().unwrap();
     assert!((3.0..8.4).contains(&floor_ppm), "{floor_ppm}");
-    let voyages: Vec<_> = of("voyage").iter().map(|voyage| voyage["rms_nmi"].as_f64().unwrap()).collect();
-    assert!(voyages[2] < 0.5 * voyages[0] && voyages[4] < voyages[2], "{voyages:?}");
+}
+
+#[test]
+fn the_sources_experiments_are_one_command_each() {
+    let folder = tempfile::tempdir().unwrap();
+    let page = folder.path().join("voyage.html");
+    let rows = rows(&["voyage", "--voyages", "3", "--report", page.to_str().unwrap()]);
+    let greatest: Vec<_> = rows.iter().filter(|row| row["table"] == "voyage").collect();
+    // None; three methods on each of two tables; the true parameters.
+    assert_eq!((greatest.len(), greatest[1]["calibration"].as_str()), (8, Some("traditional")));
+    let drawn = std::fs::read_to_string(page).unwrap();
+    assert!(drawn.contains("<svg") && drawn.matches("<figure>").count() == 4);
+    // The bench itself judges that the field's calibration is better than that of day 0, with the old misalignments best.
+    let printed = bench(&["ageing", "--trials", "100"]);
+    assert!(printed.contains("| field, with the misalignments of day 0 | "), "{printed}");
 }
 
 #[test]

@@ -35,7 +35,7 @@ impl AccelerometerCalibration {
         let [m11, m12, m13, m22, m23, m33] = self.matrix;
         let check = |field, values: [f64; 3], low: f64, high: f64, allowed| {
             let wrong = values.into_iter().find(|value| !(low..=high).contains(value));
-            wrong.map_or(Ok(()), |value| Err(Invalid { field, value, allowed }))
+            wrong.map_or(Ok(()), |value| Err(Invalid::new(field, value, allowed)))
         };
         check("accelerometer.bias_g", self.bias_g, -0.5, 0.5, "-0.5 to 0.5")?;
         check("accelerometer.matrix", [m11, m22, m33], 0.8, 1.25, "0.8 to 1.25 on the diagonal")?;

@@ -102,7 +102,7 @@ impl Doubt {
         for direction in &self.directions {
             if direction.len() != coefficients {
                 let (field, value) = ("model.doubt.directions (numbers of one)", direction.len() as f64);
-                return Err(Invalid { field, value, allowed: "as many as the terms have coefficients" });
+                return Err(Invalid::new(field, value, "as many as the terms have coefficients"));
             }
             direction.iter().try_for_each(|&number| finite("model.doubt.directions", &[number.into()]))?;
         }

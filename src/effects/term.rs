@@ -119,7 +119,7 @@ impl Term {
         self.bases().try_for_each(Basis::validate)?;
         if self.coefficients.len() != self.count() {
             let (field, value) = ("model.terms.coefficients (number)", self.coefficients.len() as f64);
-            return Err(Invalid { field, value, allowed: "as many as the term has functions, at most 20" });
+            return Err(Invalid::new(field, value, "as many as the term has functions, at most 20"));
         }
         self.coefficients.iter().try_for_each(|&number| finite("model.terms.coefficients", &[number.into()]))
     }

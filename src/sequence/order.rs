@@ -3,7 +3,7 @@
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-use crate::limits::{Invalid, within};
+use crate::limits::Invalid;
 
 /// Most positions that an order can have.
 pub const MAX_POSITIONS: usize = 16;
@@ -38,15 +38,6 @@ pub struct SequenceSettings {
 impl Default for SequenceSettings {
     fn default() -> Self {
         Self { order: Order::Mirrored, dwell_s: 30, coarse_dwell_s: 10 }
-    }
-}
-
-impl SequenceSettings {
-    /// Checks every value.
-    pub fn validate(&self) -> Result<(), Invalid> {
-        within("sequence.dwell_s", self.dwell_s.into(), 2.0, 3600.0, "2 to 3600")?;
-        within("sequence.coarse_dwell_s", self.coarse_dwell_s.into(), 2.0, 3600.0, "2 to 3600")?;
-        self.order.validate()
     }
 }
 
@@ -104,7 +95,7 @@ impl Order {
         let angles = self.angles_deg();
         for &value in angles {
             if !(-720.0..=720.0).contains(&value) {
-                return Err(Invalid { field: "sequence.order.custom", value, allowed: "-720 to 720" });
+                return Err(Invalid::new("sequence.order.custom", value, "-720 to 720"));
             }
         }
         let directions = angles.iter().enumerate().filter(|&(i, &angle)| {
@@ -112,11 +103,7 @@ impl Order {
         });
         let count = directions.count();
         if count < 3 {
-            return Err(Invalid {
-                field: "sequence.order.custom",
-                value: count as f64,
-                allowed: "at least 3 different directions",
-            });
+            return Err(Invalid::new("sequence.order.custom", count as f64, "at least 3 different directions"));
         }
         Ok(())
     }

@@ -3,6 +3,7 @@
 //! Settings are immutable input. Three things are never mixed up: settings that are *missing*, settings that are
 //! *corrupt* (the check sum fails) and settings that are readable but make no sense (*invalid*).
 
+pub mod fields;
 pub mod store;
 
 use serde::{Deserialize, Serialize};
@@ -18,11 +19,10 @@ pub use crate::sample::GyroSettings;
 pub use crate::sequence::order::SequenceSettings;
 
 use crate::calibration::ellipsoid::Correction;
-use crate::earth::{EARTH_RATE_DEG_H, LatitudeError, earth_rate};
+use crate::earth::earth_rate;
 use crate::effects::ErrorModel;
 use crate::fix::Declared;
 use crate::health::Fault;
-use crate::limits::within;
 use crate::sequence::Rules;
 
 /// Everything that can be set.
@@ -66,47 +66,23 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Checks every value and what they must be together. A latitude next to a pole is not invalid but refused when a
-    /// fix starts, with [`crate::health::Fault::NearPole`].
-    pub fn validate(&self) -> Result<(), Invalid> {
-        if earth_rate(self.latitude_deg) == Err(LatitudeError::NotALatitude) {
-            return Err(Invalid { field: "latitude_deg", value: self.latitude_deg, allowed: "-90 to 90" });
-        }
-        self.gyro.validate()?;
-        self.level.validate()?;
-        self.disturbance.validate("disturbance.seconds", "disturbance.timeout_s")?;
-        self.jitter.validate("jitter.seconds", "jitter.timeout_s")?;
-        self.index.validate()?;
-        self.sequence.validate()?;
-        within("time_limit_s", self.time_limit_s, 10.0, 86_400.0, "10 to 86400")?;
-        // A still gyro must pass the gates: its bias and five sigma of its one-second noise lie below the thresholds.
-        let gyro = &self.gyro;
-        let noise_deg_h = gyro.noise_deg_h();
-        within(
-            "disturbance.threshold_deg_h",
-            self.disturbance.threshold_deg_h,
-            gyro.bias_limit_deg_h + 5.0 * noise_deg_h,
-            1e6,
-            "at least gyro.bias_limit_deg_h + 5 x 60 x gyro.arw_deg_per_sqrt_h",
-        )?;
-        within(
-            "jitter.threshold_deg_h",
-            self.jitter.threshold_deg_h,
-            5.0 * core::f64::consts::SQRT_2 * noise_deg_h,
-            1e6,
-            "at least 7.07 x 60 x gyro.arw_deg_per_sqrt_h",
-        )?;
-        within(
-            "gyro.range_deg_h",
-            gyro.range_deg_h,
-            EARTH_RATE_DEG_H + self.disturbance.threshold_deg_h,
-            1e7,
-            "above the Earth rate and the disturbance threshold",
-        )?;
-        self.model.as_ref().map_or(Ok(()), ErrorModel::validate)?;
-        self.accelerometer.as_ref().map_or(Ok(()), AccelerometerCalibration::validate)?;
-        self.block.as_ref().map_or(Ok(()), BlockSettings::validate)
+    /// Everything that is wrong: the numbers by [`fields`], the order, the model, the accelerometers, the block. A
+    /// latitude next to a pole is not invalid but refused when a fix starts, with [`crate::health::Fault::NearPole`].
+    pub fn violations(&self) -> impl Iterator<Item = Invalid> + '_ {
+        let parts = [
+            self.sequence.order.validate(),
+            self.model.as_ref().map_or(Ok(()), ErrorModel::validate),
+            self.accelerometer.as_ref().map_or(Ok(()), AccelerometerCalibration::validate),
+            self.block.as_ref().map_or(Ok(()), BlockSettings::validate),
+        ];
+        fields::violations(self).chain(parts.into_iter().filter_map(Result::err))
     }
+
+    /// The first of the [`Self::violations`].
+    pub fn validate(&self) -> Result<(), Invalid> {
+        self.violations().next().map_or(Ok(()), Err)
+    }
+
     /// What the sequence goes by.
     pub fn rules(&self) -> Rules {
         Rules {

@@ -1,8 +1,9 @@
 //! Calibrations on the host: recordings to what the core solves, and results to files.
 
+pub mod attitudes;
 pub mod columns;
 pub mod ellipsoid;
+pub mod known_attitudes;
 mod manifest;
-pub mod model_file;
 mod motion;
 pub mod six_position;

@@ -10,6 +10,7 @@ use crate::campaign::Campaign;
 use crate::diagnose::{Options, diagnose, report, write};
 use crate::failure::Failure;
 use crate::file_error::FileError;
+use crate::model_file::ModelFile;
 use crate::output::JsonOption;
 use crate::progress;
 use crate::settings_file::{campaign_settings, write_model};
@@ -44,8 +45,12 @@ impl Diagnose {
     pub fn run(self) -> Result<(), Failure> {
         let campaign = Campaign::read(&self.campaign)?;
         campaign.check_copies()?;
-        let options =
-            Options { settings: campaign_settings(&campaign, self.settings.as_deref(), self.model.as_deref())? };
+        let mut settings = campaign_settings(&campaign, self.settings.as_deref())?;
+        if let Some(path) = &self.model {
+            settings.latitude_deg = campaign.latitude_deg.unwrap_or(settings.latitude_deg);
+            ModelFile::read(path)?.apply(&mut settings)?;
+        }
+        let options = Options { settings };
         let what = format!("diagnosing {} runs", campaign.runs.len());
         let mut diagnosis = progress::work(what, move || diagnose(&campaign, &options))?
             .map_err(|refusal| Failure::Refused(refusal.to_string()))?;

@@ -9,7 +9,8 @@ use north_finder::settings::Settings;
 
 use super::number;
 use crate::failure::Failure;
-use crate::settings_file::{read_board_model, read_settings, scenario_settings};
+use crate::model_file::ModelFile;
+use crate::settings_file::{read_settings, scenario_settings};
 
 /// Which simulated instrument, where, and how it is set.
 #[derive(Args, Clone, Debug, Default)]
@@ -90,7 +91,7 @@ impl InstrumentOptions {
             settings.sequence.dwell_s = dwell_s;
         }
         if let Some(path) = &self.model {
-            settings.model = Some(read_board_model(path)?);
+            ModelFile::read(path)?.apply_to_board(&mut settings)?;
         }
         Ok((scenario, settings))
     }

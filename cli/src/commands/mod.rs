@@ -13,6 +13,7 @@ pub mod instrument;
 mod man;
 mod monitor;
 mod scenarios;
+mod settings;
 mod simulate;
 mod solve;
 mod track;
@@ -53,6 +54,7 @@ enum Command {
     Bench(bench::Bench),
     CloseLoop(bench::CloseLoop),
     Scenarios(scenarios::Scenarios),
+    Settings(settings::SettingsCommand),
     Completions(completions::Completions),
     Man(man::Man),
 }
@@ -75,6 +77,7 @@ impl Cli {
             Command::Bench(bench) => bench.run(),
             Command::CloseLoop(close_loop) => close_loop.run(),
             Command::Scenarios(scenarios) => scenarios.run(),
+            Command::Settings(settings) => settings.run(),
             Command::Completions(completions) => completions.run(),
             Command::Man(man) => man.run(),
         }

@@ -13,6 +13,7 @@ use crate::campaign::{Campaign, Run};
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::json::{Run as RunRecord, Solved};
+use crate::model_file::ModelFile;
 use crate::output::JsonOption;
 use crate::progress;
 use crate::settings_file::campaign_settings;
@@ -49,7 +50,8 @@ struct Solvable<'a> {
 impl Solve {
     pub fn run(self) -> Result<(), Failure> {
         let campaign = self.campaign()?;
-        let base = campaign_settings(&campaign, self.settings.as_deref(), self.model.as_deref())?;
+        let base = campaign_settings(&campaign, self.settings.as_deref())?;
+        let model = self.model.as_deref().map(ModelFile::read).transpose()?;
         let bar = progress::bar(campaign.runs.len() as u64, "runs");
         let runs: Vec<_> = campaign
             .runs
@@ -57,8 +59,10 @@ impl Solve {
             .take_any_while(|_| !interrupt::requested())
             .map(|run| {
                 let latitude_deg = self.latitude.or(campaign.latitude_of(run)).unwrap_or(base.latitude_deg);
-                let settings = Settings { latitude_deg, ..base.clone() };
-                let solved = solve_file(&campaign.path_of(run), &settings);
+                let mut settings = Settings { latitude_deg, ..base.clone() };
+                let applied = model.as_ref().map_or(Ok(()), |model| model.apply(&mut settings));
+                let solved =
+                    applied.map_err(SolveError::from).and_then(|()| solve_file(&campaign.path_of(run), &settings));
                 bar.inc(1);
                 Solvable { run, solved }
             })
@@ -67,7 +71,11 @@ impl Solve {
         if interrupt::requested() {
             return Err(Failure::Interrupted);
         }
-        write_table(&mut self.json.human(), &runs)?;
+        let out = &mut self.json.human();
+        for note in model.iter().flat_map(ModelFile::notes) {
+            writeln!(out, "note: {note}")?;
+        }
+        write_table(out, &runs)?;
         self.json.write(&Solved { runs: runs.iter().map(Solvable::record).collect() })?;
         refuse(&runs)
     }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use north_finder::calibration::ellipsoid::Correction;
 use north_finder::earth::{EarthRate, earth_rate};
 use north_finder::effects::{ErrorModel, MAX_CHANNELS};
 use north_finder::event::{Dwell, Fix};
@@ -13,7 +14,7 @@ use rayon::prelude::*;
 
 use super::{Options, Refusal, Warning};
 use crate::campaign::{Campaign, Role, Row, Run, RunReader};
-use crate::solve::{AllDwells, recorded};
+use crate::solve::{AllDwells, correct_level, recorded};
 
 /// The index is at rest while it stays within this, degrees.
 const REST_DEG: f64 = 0.5;
@@ -152,7 +153,7 @@ fn read_run(campaign: &Campaign, run: &Run, options: &Options) -> Result<(RunDat
         refuse(format!("at latitude {latitude_deg} there is no horizontal Earth rate to find north by"))
     })?;
     let settings = Settings { latitude_deg, ..options.settings.clone() };
-    let (mut data, warnings) = read_cells(&path, run)?;
+    let (mut data, warnings) = read_cells(&path, run, &settings.triad())?;
     data.settings = settings;
     data.earth = earth;
     let solved = crate::solve::solve_file(&path, &data.settings);
@@ -165,7 +166,7 @@ fn read_run(campaign: &Campaign, run: &Run, options: &Options) -> Result<(RunDat
     Ok((data, warnings))
 }
 
-fn read_cells(path: &Path, run: &Run) -> Result<(RunData, Vec<Warning>), Refusal> {
+fn read_cells(path: &Path, run: &Run, triad: &Correction) -> Result<(RunData, Vec<Warning>), Refusal> {
     let reader = RunReader::open(path)?;
     let names = reader.channels().to_vec();
     let mut gatherer = Gatherer::new(names.len());
@@ -174,7 +175,8 @@ fn read_cells(path: &Path, run: &Run) -> Result<(RunData, Vec<Warning>), Refusal
     let mut raw = Vec::new();
     let mut usual_s: Option<f64> = None;
     for row in reader {
-        let row = row?;
+        let mut row = row?;
+        correct_level(&mut row, triad);
         rows += 1;
         let usual = *usual_s.get_or_insert(row.interval_s);
         let still = gatherer.last_deg.is_some_and(|last| wrap_180_deg(row.index_deg - last).abs() <= REST_DEG);

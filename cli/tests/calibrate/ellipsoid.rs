@@ -46,6 +46,7 @@ fn an_ellipsoid_from_a_continuous_recording_of_counts() {
             "bias",
             "check_norm_rms_after",
             "coverage",
+            "gravity",
             "matrix",
             "norm_rms_after",
             "norm_rms_before",

@@ -1,6 +1,8 @@
 //! `north calibrate` by the binary, on recordings that the simulator made.
 
+mod accelerometer_six_position;
 mod ellipsoid;
+mod models;
 mod simulate;
 mod six_position;
 mod six_position_refusals;

@@ -15,18 +15,10 @@ pub fn gyros(random: &mut ChaCha8Rng) -> TriadErrors {
     }
 }
 
-/// The triad of a ship's inertial block before its calibration: biases within ±0.011 °/h, scale factors within ±90 ppm, axes
-/// within ±27″ of their places (each uniform); 0.0005 °/√h and a bias instability of 0.001 °/h. The ranges are chosen: with
-/// them a voyage without calibration goes as wrong as the source's, which does not give its own.
+/// The triad of a ship's inertial block before its calibration: errors of [`gyros`], 0.0005 °/√h and a bias instability of
+/// 0.001 °/h.
 pub fn gyros_of_a_ship(random: &mut ChaCha8Rng) -> TriadErrors {
-    TriadErrors {
-        bias_deg_h: [(); 3].map(|()| random.random_range(-0.011..0.011)),
-        scale_ppm: [(); 3].map(|()| random.random_range(-90.0..90.0)),
-        tilt_arcsec: [(); 3].map(|()| [(); 2].map(|()| random.random_range(-27.0..27.0))),
-        arw_deg_per_sqrt_h: 0.0005,
-        bias_instability_deg_h: 0.001,
-        ..TriadErrors::default()
-    }
+    TriadErrors { arw_deg_per_sqrt_h: 0.0005, bias_instability_deg_h: 0.001, ..gyros(random) }
 }
 
 /// A MEMS triad before its calibration, in g: zeros within ±30 mg, scale factors within ±2 %, axes within ±1° of their

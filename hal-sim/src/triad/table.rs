@@ -14,6 +14,9 @@ pub struct PositionOfTable {
     pub axes: &'static str,
 }
 
+/// Rows of a turn of the outer gimbal: 5° each, in which the Earth rate is taken along the middle attitude.
+const ROWS_OF_A_TURN: u32 = 72;
+
 /// The six positions of the source.
 pub const SIX_POSITIONS: [PositionOfTable; 6] = [
     PositionOfTable { angles_deg: [0.0, 0.0, 0.0], axes: "ENU" },
@@ -79,6 +82,19 @@ impl Visit {
     fn temp_c_at(&self, t_s: f64) -> f64 {
         self.temp_c + self.warming.filter(|warming| t_s > warming.at_s).map_or(0.0, |warming| warming.by_k)
     }
+}
+
+/// A turn of the outer gimbal at one rate: a step of a rate test.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spin {
+    /// Angles of the inner, the middle and the outer gimbal at its beginning, degrees.
+    pub angles_deg: [f64; 3],
+    /// Commanded rate of the outer gimbal, counter-clockwise seen from above, °/s; not 0.
+    pub rate_deg_s: f64,
+    /// By how much of itself the rate is off.
+    pub rate_error: f64,
+    /// Whole turns.
+    pub turns: u32,
 }
 
 /// A row of the recording.
@@ -151,6 +167,27 @@ impl Table {
                 TableRow { t_s, arcsec, temp_c }
             })
             .collect()
+    }
+
+    /// Turns the outer gimbal and gives the mean outputs of x, y, z meanwhile, °/h.
+    pub fn spin(&mut self, spin: &Spin) -> [f64; 3] {
+        let rows = spin.turns * ROWS_OF_A_TURN;
+        let interval_s = 360.0 / f64::from(ROWS_OF_A_TURN) / spin.rate_deg_s.abs();
+        let [inner, middle, outer] = spin.angles_deg;
+        let attitude = |table: &Self, row: f64| {
+            let turned_deg = spin.rate_deg_s * (1.0 + spin.rate_error) * row * interval_s;
+            table.attitude([inner, middle, outer + turned_deg])
+        };
+        let mut sums_arcsec = [0.0; 3];
+        for row in 0..rows {
+            let [before, half, after] = [0.0, 0.5, 1.0].map(|part| attitude(self, f64::from(row) + part));
+            let turned = (before.inverse() * after).scaled_axis();
+            let with_earth = turned + half.inverse() * self.earth_rad_s * interval_s;
+            let arcsec = self.triad.measure((with_earth * ARCSEC_PER_RAD).into(), interval_s);
+            sums_arcsec.iter_mut().zip(arcsec).for_each(|(sum, part)| *sum += part);
+        }
+        // Arcsec in a second are °/h.
+        sums_arcsec.map(|sum| sum / (f64::from(rows) * interval_s))
     }
 
     fn attitude_at(&self, visit: &Visit, t_s: f64) -> UnitQuaternion<f64> {

@@ -8,7 +8,7 @@ use indicatif::ProgressBar;
 use serde::Serialize;
 
 use super::{Bench, trials};
-use crate::trials::{Parameter, Tally, ellipsoid, six_position, voyage};
+use crate::trials::{Parameter, Tally, ellipsoid, six_position};
 use north::failure::Failure;
 use north::progress;
 
@@ -20,15 +20,11 @@ const MOST_OF_BOUND: f64 = 1.1;
 const CHANCE: f64 = 1.02;
 /// Tables that the effect of is shown, ± arcsec.
 const TABLES_ARCSEC: [f64; 3] = [0.0, 3.0, 60.0];
-/// What the source reports: greatest error before and after its calibration, nautical miles.
-const SOURCE_NMI: [f64; 2] = [4.38, 1.64];
-const VOYAGE_H: f64 = 15.0;
 
 /// Errors of the calibrations against their sigmas and bounds, by Monte Carlo on all cores
 ///
 /// Triads of an independent simulation, drawn at random, are calibrated by the core. Six positions: ten minutes in each,
-/// least squares beside the published differences; what a table good to some arcseconds does; a ship's dead reckoning over
-/// 15 hours without and with the calibration. Ellipsoid: 23 attitudes of 10 readings against the Cramér-Rao bound. Exit
+/// least squares beside the published differences; what a table good to some arcseconds does. Ellipsoid: 23 attitudes of 10 readings against the Cramér-Rao bound. Exit
 /// code 1 if an estimate is biased, a coverage is outside of 93 to 97 %, or a bound is missed. Tables are Markdown.
 #[derive(Args, Debug)]
 #[command(after_help = "Example:\n  north bench calibration --trials 4000 --json calibration.json")]
@@ -36,9 +32,6 @@ pub struct Calibration {
     /// Trials for each table, 100 to 1000000
     #[arg(long, value_name = "N", default_value_t = 4000, value_parser = clap::value_parser!(u64).range(100..=1_000_000))]
     trials: u64,
-    /// Voyages of a ship, 10 to 100000; each takes 108,000 steps with five calibrations
-    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u64).range(10..=100_000))]
-    voyages: u64,
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -50,8 +43,6 @@ struct Report {
     six_position: Vec<Parameter>,
     six_position_refused: usize,
     tables: Vec<TableEffect>,
-    voyages: usize,
-    voyage: Vec<Voyage>,
     ellipsoid: Vec<Parameter>,
     ellipsoid_refused: usize,
     ellipsoid_norm_rms_before: f64,
@@ -69,22 +60,12 @@ pub struct TableEffect {
     matrix_floor_ppm: f64,
 }
 
-/// The greatest position error of a voyage with one calibration, over all voyages.
-#[derive(Clone, Serialize)]
-pub struct Voyage {
-    calibration: &'static str,
-    rms_nmi: f64,
-    /// Half width of its 95 % interval.
-    confidence_95_nmi: f64,
-}
-
 /// One line of one of the tables.
 #[derive(Serialize)]
 #[serde(tag = "table", rename_all = "kebab-case")]
 pub enum Row {
     SixPosition(Parameter),
     TableAccuracy(TableEffect),
-    Voyage(Voyage),
     Ellipsoid(Parameter),
     EllipsoidNorm { before_rms_g: f64, check_rms_g: f64 },
 }
@@ -106,10 +87,9 @@ impl Bench for Calibration {
 
 impl Calibration {
     fn report(&self) -> Result<Report, Failure> {
-        let bar = progress::bar(self.trials * (2 + 2 * TABLES_ARCSEC.len() as u64) + self.voyages, "trials");
+        let bar = progress::bar(self.trials * (2 + 2 * TABLES_ARCSEC.len() as u64), "trials");
         let (six_position, six_position_refused) = self.six_position(&six_position::Case::NOMINAL, &bar)?;
         let tables = TABLES_ARCSEC.into_iter().map(|arcsec| self.table(arcsec, &bar)).collect::<Result<_, _>>()?;
-        let (voyage, voyages) = self.voyage(&bar)?;
         let attitudes = self.trials(self.trials, 2 << 32, &bar, |number| {
             ellipsoid::run(&ellipsoid::Case::NOMINAL, self.seed, number)
         })?;
@@ -123,8 +103,6 @@ impl Calibration {
             six_position,
             six_position_refused,
             tables,
-            voyages,
-            voyage,
             ellipsoid: summaries(ellipsoid::NAMES, &attitudes, |trial, i| {
                 [trial.errors[i], trial.sigmas[i], trial.bounds[i]]
             }),
@@ -172,34 +150,6 @@ impl Calibration {
             matrix_floor_ppm: 1e6 * mean(&quiet[3..]),
         })
     }
-
-    fn voyage(&self, bar: &ProgressBar) -> Result<(Vec<Voyage>, usize), Failure> {
-        let latitude_deg = six_position::Case::NOMINAL.latitude_deg;
-        let run = |number| voyage::run(latitude_deg, VOYAGE_H, self.seed, number);
-        let trials = self.trials(self.voyages, 1 << 32, bar, run)?;
-        type Error = fn(&voyage::Trial) -> f64;
-        let rows: [(_, Error); 5] = [
-            ("none", |trial| trial.uncalibrated_nmi),
-            ("differences", |trial| trial.published_nmi),
-            ("least squares", |trial| trial.solved_nmi),
-            ("least squares, gyros without noise on the table", |trial| trial.table_nmi),
-            ("the true parameters", |trial| trial.perfect_nmi),
-        ];
-        let voyages = rows.map(|(calibration, value)| Voyage::of(calibration, trials.iter().map(value)));
-        Ok((voyages.into(), trials.len()))
-    }
-}
-
-impl Voyage {
-    /// The interval follows from the scatter of the squares: an rms r of mean square m is known to δm/2r.
-    fn of(calibration: &'static str, errors_nmi: impl ExactSizeIterator<Item = f64> + Clone) -> Self {
-        let count = errors_nmi.len() as f64;
-        let squares = errors_nmi.map(|error| error * error);
-        let mean = squares.clone().sum::<f64>() / count;
-        let variance = squares.map(|square| (square - mean).powi(2)).sum::<f64>() / (count - 1.0);
-        let rms_nmi = mean.sqrt();
-        Self { calibration, rms_nmi, confidence_95_nmi: 1.96 * (variance / count).sqrt() / (2.0 * rms_nmi) }
-    }
 }
 
 /// Error, sigma and what the error is compared with, of each parameter over all trials.
@@ -223,9 +173,8 @@ impl Report {
         };
         let six_position = self.six_position.into_iter().map(Row::SixPosition);
         let tables = self.tables.into_iter().map(Row::TableAccuracy);
-        let voyages = self.voyage.into_iter().map(Row::Voyage);
         let ellipsoid = self.ellipsoid.into_iter().map(Row::Ellipsoid);
-        six_position.chain(tables).chain(voyages).chain(ellipsoid).chain([norm]).collect()
+        six_position.chain(tables).chain(ellipsoid).chain([norm]).collect()
     }
 }
 
@@ -235,7 +184,7 @@ impl Row {
         let (which, parameter) = match self {
             Self::SixPosition(parameter) => ("six-position", parameter),
             Self::Ellipsoid(parameter) => ("ellipsoid", parameter),
-            Self::TableAccuracy(_) | Self::Voyage(_) | Self::EllipsoidNorm { .. } => return Vec::new(),
+            Self::TableAccuracy(_) | Self::EllipsoidNorm { .. } => return Vec::new(),
         };
         let which = format!("{which} {}", parameter.name);
         let mut missed = Vec::new();
@@ -301,7 +250,6 @@ fn write_report(out: &mut dyn Write, report: &Report) -> io::Result<()> {
             table.matrix_floor_ppm
         )?;
     }
-    write_voyages(out, report)?;
     writeln!(
         out,
         "\nEllipsoid, 23 attitudes of 10 readings with 1 mg of noise, {} triads ({} refused)\n",
@@ -328,16 +276,4 @@ fn write_report(out: &mut dyn Write, report: &Report) -> io::Result<()> {
         "\nnorm less 1 g, rms: before {:.5}, after, attitudes only judged {:.5}",
         report.ellipsoid_norm_rms_before, report.ellipsoid_check_norm_rms
     )
-}
-
-fn write_voyages(out: &mut dyn Write, report: &Report) -> io::Result<()> {
-    writeln!(out, "\nGreatest error of a ship's dead reckoning in {VOYAGE_H} h, {} voyages\n", report.voyages)?;
-    writeln!(out, "| calibration | rms, n mile | less by |\n|---|---|---|")?;
-    let less = |nmi: f64, of: f64| 100.0 * (1.0 - nmi / of);
-    let none = report.voyage.first().map_or(f64::NAN, |voyage| voyage.rms_nmi);
-    for Voyage { calibration, rms_nmi, confidence_95_nmi } in &report.voyage {
-        writeln!(out, "| {calibration} | {rms_nmi:.2} +- {confidence_95_nmi:.2} | {:.1} % |", less(*rms_nmi, none))?;
-    }
-    let [before, after] = SOURCE_NMI;
-    writeln!(out, "| the source's, in its own simulation | {after} of {before} | {:.1} % |", less(after, before))
 }

@@ -20,9 +20,10 @@ use north::diagnose::{Diagnosis, Effect, Options, diagnose};
 use north::engine::{self, End, Engine, EngineError, Outcome, Setup, qemu};
 use north::failure::Failure;
 use north::interrupt;
+use north::model_file::ModelFile;
 use north::progress;
 use north::recorder::{Recorder, new_campaign, write_run};
-use north::settings_file::{read_board_model, write_model};
+use north::settings_file::write_model;
 
 /// Close the loop with the firmware itself: a hidden effect, recorded runs, diagnosis, the model in the settings
 ///
@@ -292,7 +293,9 @@ impl Report {
 fn board_model(diagnosis: &Diagnosis, folder: &Path) -> Result<ErrorModel, Failure> {
     let path = folder.join("model.toml");
     write_model(&path, &diagnosis.model)?;
-    Ok(read_board_model(&path)?)
+    let mut settings = Settings::default();
+    ModelFile::read(&path)?.apply_to_board(&mut settings)?;
+    Ok(settings.model.unwrap_or_default())
 }
 
 fn hidden(name: &str) -> Result<HiddenOption, String> {

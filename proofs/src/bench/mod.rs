@@ -1,6 +1,7 @@
 //! The benches, one a file; each is a line in [`benches!`].
 
 mod accuracy;
+mod ageing;
 mod aiding;
 mod alignment;
 mod attitude;
@@ -17,6 +18,7 @@ mod gates;
 mod hold;
 mod image_size;
 mod repeat;
+mod voyage;
 
 use std::io::Write;
 use std::ops::Range;
@@ -80,6 +82,7 @@ macro_rules! benches {
 
 benches! {
     Accuracy: accuracy::Accuracy,
+    Ageing: ageing::AgeingBench,
     Aiding: aiding::Aiding,
     Alignment: alignment::AlignmentBench,
     Attitude: attitude::AttitudeBench,
@@ -94,6 +97,7 @@ benches! {
     Gates: gates::Gates,
     Repeat: repeat::Repeat,
     Hold: hold::HoldBench,
+    Voyage: voyage::VoyageBench,
 }
 
 /// The machine-readable result of every bench.

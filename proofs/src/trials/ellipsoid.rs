@@ -1,7 +1,7 @@
 //! Trials of the ellipsoid calibration, from readings to parameters.
 
 use hal_sim::triad::{Placement, drawn, even_directions, place_by_hand};
-use north::calibrate::ellipsoid::granted_noise;
+use north::calibrate::attitudes::granted_noise;
 use north_finder::calibration::ellipsoid::attitude::Attitude;
 use north_finder::calibration::ellipsoid::{self, Entry, Role};
 use rand::{RngExt, SeedableRng};

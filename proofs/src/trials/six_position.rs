@@ -31,6 +31,52 @@ impl Case {
         bias_instability_deg_h: 0.0,
         table_arcsec: 3.0,
     };
+
+    /// Errors of the table's three angles in one position.
+    pub fn angle_errors_arcsec(&self, random: &mut ChaCha8Rng) -> [f64; 3] {
+        let off = self.table_arcsec;
+        [(); 3].map(|()| if off > 0.0 { random.random_range(-off..off) } else { 0.0 })
+    }
+}
+
+impl Parameters {
+    /// Without standard deviations.
+    pub fn exact(bias_deg_h: [f64; 3], matrix: [[f64; 3]; 3]) -> Self {
+        Self { bias_deg_h, matrix, sigma_bias_deg_h: [f64::NAN; 3], sigma_matrix: [[f64::NAN; 3]; 3] }
+    }
+
+    /// Biases, °/h, and then the matrix, rows; in the order of [`NAMES`].
+    pub fn flat(&self) -> [f64; 12] {
+        flat(self.bias_deg_h, self.matrix)
+    }
+
+    /// Their standard deviations.
+    pub fn sigmas(&self) -> [f64; 12] {
+        flat(self.sigma_bias_deg_h, self.sigma_matrix)
+    }
+}
+
+impl From<Calibration> for Parameters {
+    fn from(solved: Calibration) -> Self {
+        let Calibration { bias_deg_h, matrix, sigma_bias_deg_h, sigma_matrix, .. } = solved;
+        Self { bias_deg_h, matrix, sigma_bias_deg_h, sigma_matrix }
+    }
+}
+
+impl From<Published> for Parameters {
+    fn from(published: Published) -> Self {
+        Self::exact(published.bias_deg_h, published.matrix)
+    }
+}
+
+/// Parameters of a triad, whatever method they come from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Parameters {
+    pub bias_deg_h: [f64; 3],
+    pub matrix: [[f64; 3]; 3],
+    /// Not a number where the method gives none.
+    pub sigma_bias_deg_h: [f64; 3],
+    pub sigma_matrix: [[f64; 3]; 3],
 }
 
 /// How a trial came out.
@@ -69,8 +115,7 @@ pub fn run(case: &Case, seed: u64, number: u64) -> Option<Trial> {
 /// Visits the six positions, the table's errors drawn anew for each.
 pub fn visit_six(table: &mut Table, case: &Case, random: &mut ChaCha8Rng) -> Option<Vec<Position>> {
     let visit = |position: hal_sim::triad::PositionOfTable| {
-        let off = case.table_arcsec;
-        table.set_error([(); 3].map(|()| if off > 0.0 { random.random_range(-off..off) } else { 0.0 }));
+        table.set_error(case.angle_errors_arcsec(random));
         let rows = table.visit(&Visit::at_rest(position.angles_deg, case.stay_s));
         let rates: Vec<_> = rows.iter().map(|row| row.arcsec).collect();
         let stay = Stay::of(&rates, 1.0, &mut vec![0.0; rates.len()]).ok()?;

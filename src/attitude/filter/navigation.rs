@@ -8,17 +8,13 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::attitude::rotation::orthogonalised;
 use crate::attitude::{Algorithm, Increment, Integrator, Quaternion};
-use crate::earth::EARTH_RATE_DEG_H;
+use crate::earth::{
+    EARTH_RATE_DEG_H, ECCENTRICITY_2, EQUATOR_GRAVITY_M_S2, SEMI_MAJOR_M, SOMIGLIANA, normal_gravity_m_s2,
+};
 use crate::units::RAD_PER_DEG;
 
 /// Earth's rate, rad/s.
 const EARTH_RATE_RAD_S: f64 = EARTH_RATE_DEG_H * RAD_PER_DEG / 3600.0;
-/// Semi-major axis, m, and first eccentricity squared of WGS 84.
-const SEMI_MAJOR_M: f64 = 6_378_137.0;
-const ECCENTRICITY_2: f64 = 6.694_379_990_14e-3;
-/// Normal gravity at the equator, m/s², and Somigliana's constant of WGS 84.
-const EQUATOR_GRAVITY_M_S2: f64 = 9.780_325_335_9;
-const SOMIGLIANA: f64 = 1.931_852_652_41e-3;
 
 /// Where and how the block is.
 #[derive(Clone, Debug)]
@@ -57,13 +53,12 @@ impl Place {
         let (s, c) = (sin(latitude_rad), cos(latitude_rad));
         let flat = 1.0 - ECCENTRICITY_2 * s * s;
         let root = sqrt(flat);
-        let surface = EQUATOR_GRAVITY_M_S2 * (1.0 + SOMIGLIANA * s * s) / root;
         let meridian_m = SEMI_MAJOR_M * (1.0 - ECCENTRICITY_2) / (flat * root) + height_m;
         Self {
             meridian_m,
             prime_vertical_m: SEMI_MAJOR_M / root + height_m,
             earth_rad_s: EARTH_RATE_RAD_S * Vector3::new(0.0, c, s),
-            gravity_m_s2: surface * (1.0 - 2.0 * height_m / SEMI_MAJOR_M),
+            gravity_m_s2: normal_gravity_m_s2(latitude_rad, height_m),
             // γ grows as γe·(k + e²/2)·sin²φ, to the first order in the flattening.
             gravity_growth_1_s2: EQUATOR_GRAVITY_M_S2 * (SOMIGLIANA + 0.5 * ECCENTRICITY_2) * 2.0 * s * c / meridian_m,
             tan_latitude: tan(latitude_rad),

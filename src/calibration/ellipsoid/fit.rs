@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::attitude::Attitude;
 use super::coverage::{Coverage, Direction, LEAST_COVERAGE};
+use super::prior::Misalignments;
 use super::quadric::{Ellipsoid, Scatter};
 use super::refine::{Point, Refined, Residual, State};
 use super::refusal::{LEAST_ATTITUDES, MOST_ELONGATED, MOST_RESIDUAL};
@@ -73,14 +74,19 @@ pub struct Calibration {
 /// The start is the constrained algebraic fit; from there maximum likelihood: the deviation of every corrected norm from G,
 /// weighted with the noise of its mean. Attitudes that contradict the others become [`Role::Invalid`], at most a fifth.
 pub fn fit(entries: &mut [Entry], gravity: f64) -> Result<Calibration, Refusal> {
-    fit_from(algebraic, entries, gravity)
+    fit_with(entries, gravity, None)
+}
+
+/// The same with misalignments known from before, as sure as they are: the attitudes then tell biases and scale factors.
+pub fn fit_with(entries: &mut [Entry], gravity: f64, prior: Option<&Misalignments>) -> Result<Calibration, Refusal> {
+    fit_from(algebraic, entries, gravity, prior)
 }
 
 /// The same from a sphere about the readings, for a board: without the eigen-solver of the algebraic fit, which would take tens
 /// of kilobytes of its flash. For readings that determine an ellipsoid the result is the same: maximum likelihood has no
 /// memory of its start.
 pub fn fit_from_sphere(entries: &mut [Entry], gravity: f64) -> Result<Calibration, Refusal> {
-    fit_from(|_, _| Ok(State::UNIT_SPHERE), entries, gravity)
+    fit_from(|_, _| Ok(State::UNIT_SPHERE), entries, gravity, None)
 }
 
 /// Where the solution starts.
@@ -92,7 +98,12 @@ fn algebraic(entries: &[Entry], scale: &Scale) -> Result<State, Refusal> {
     State::of(&ellipsoid).ok_or(Refusal::NoEllipsoid)
 }
 
-fn fit_from(start: Start, entries: &mut [Entry], gravity: f64) -> Result<Calibration, Refusal> {
+fn fit_from(
+    start: Start,
+    entries: &mut [Entry],
+    gravity: f64,
+    prior: Option<&Misalignments>,
+) -> Result<Calibration, Refusal> {
     let attitudes = learned(entries).count();
     let mut may_drop = (attitudes / 5).min(attitudes.saturating_sub(LEAST_ATTITUDES + 1));
     loop {
@@ -105,7 +116,7 @@ fn fit_from(start: Start, entries: &mut [Entry], gravity: f64) -> Result<Calibra
             may_drop -= 1;
             continue;
         }
-        return solved.calibration(entries, &scale, gravity);
+        return solved.combined(prior)?.calibration(entries, &scale, gravity);
     }
 }
 
@@ -197,6 +208,13 @@ impl Solved {
             }
         }
         worst.1
+    }
+
+    fn combined(self, prior: Option<&Misalignments>) -> Result<Self, Refusal> {
+        let Some(prior) = prior else { return Ok(self) };
+        let (state, covariance) =
+            prior.combine(&self.refined.state, &self.refined.covariance).ok_or(Refusal::NoEllipsoid)?;
+        Ok(Self { refined: Refined { state, covariance, ..self.refined }, ..self })
     }
 
     fn calibration(self, entries: &[Entry], scale: &Scale, gravity: f64) -> Result<Calibration, Refusal> {

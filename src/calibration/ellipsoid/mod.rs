@@ -8,12 +8,14 @@
 pub mod attitude;
 pub mod coverage;
 pub mod fit;
+mod prior;
 mod quadric;
 mod refine;
 mod refusal;
 mod split;
 
-pub use fit::{Calibration, Entry, Role, Weights, fit, fit_from_sphere};
+pub use fit::{Calibration, Entry, Role, Weights, fit, fit_from_sphere, fit_with};
+pub use prior::Misalignments;
 pub use refusal::{LEAST_ATTITUDES, Refusal};
 pub use split::split;
 
@@ -33,6 +35,14 @@ pub struct Correction {
 impl Correction {
     /// What leaves readings as they are.
     pub const UNIT: Self = Self { bias: [0.0; 3], matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] };
+
+    /// The same in the frame of the sensors, in which M is upper triangular: what a turntable knows of how the triad stands in
+    /// its box is left out. `None` for a matrix that cannot be undone.
+    pub fn of_sensors(&self) -> Option<Self> {
+        let matrix = Matrix3::from(self.matrix).transpose();
+        let upper = (matrix.transpose() * matrix).cholesky()?.l().transpose();
+        Some(Self::new(&Vector3::from(self.bias), &upper))
+    }
 
     /// Specific force of a reading.
     pub fn apply(&self, raw: [f64; 3]) -> [f64; 3] {

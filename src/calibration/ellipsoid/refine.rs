@@ -79,7 +79,14 @@ impl State {
         [least, 3.0 * mean - least - greatest, greatest].map(|eigenvalue| 1.0 / libm::sqrt(eigenvalue))
     }
 
-    fn moved(&self, by: &SVector<f64, 9>) -> Self {
+    /// By how much its parameters differ from another's.
+    pub(super) fn less(&self, other: &Self) -> SVector<f64, 9> {
+        let &[x, y, z] = (self.centre - other.centre).as_ref();
+        let matrix = self.matrix - other.matrix;
+        SVector::from([x, y, z, matrix.m11, matrix.m12, matrix.m13, matrix.m22, matrix.m23, matrix.m33])
+    }
+
+    pub(super) fn moved(&self, by: &SVector<f64, 9>) -> Self {
         let &[x, y, z, m11, m12, m13, m22, m23, m33] = by.as_ref();
         Self {
             centre: self.centre + Vector3::new(x, y, z),

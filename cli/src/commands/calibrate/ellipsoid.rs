@@ -1,16 +1,17 @@
 //! `north calibrate ellipsoid`: biases, scale factors and non-orthogonality of an accelerometer triad.
 
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
-use north_finder::calibration::ellipsoid::{Role, Weights, norm_rms};
+use north_finder::calibration::ellipsoid::{Calibration, Misalignments, Role, Weights, norm_rms};
 
-use super::{decimals, write_rows};
+use super::gravity::Gravity;
+use super::{decimals, write_rejected, write_rows};
 use crate::calibrate::ellipsoid::{EllipsoidError, Outcome, calibrate};
-use crate::calibrate::model_file::{Accelerometer, CalibrationFile};
 use crate::failure::Failure;
 use crate::file_error::{FileError, Problem};
+use crate::model_file::{Accelerometer, ModelFile, Triads};
 use crate::output::JsonOption;
 
 /// Calibrate an accelerometer triad from readings at rest in many attitudes
@@ -21,14 +22,17 @@ use crate::output::JsonOption;
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   north calibrate ellipsoid readings.csv --model-out accelerometers.toml
-  north calibrate ellipsoid counts.csv --gravity 9.81744 --compare another.toml --json -")]
+  north calibrate ellipsoid counts.csv --latitude 45.41 --height 15 --compare another.toml --json -
+  north calibrate ellipsoid field.csv --prior turntable.toml")]
 pub struct Ellipsoid {
     /// The recording
     #[arg(value_name = "FILE")]
     path: PathBuf,
-    /// Norm of specific force at rest, in the unit that is wanted: 1 for g, 9.81 for m/s2
-    #[arg(long, value_name = "G", default_value_t = 1.0, value_parser = gravity)]
-    gravity: f64,
+    #[command(flatten)]
+    gravity: Gravity,
+    /// Misalignments of an earlier calibration, combined with the biases and scale factors of this one by their sigmas
+    #[arg(long, value_name = "M.toml")]
+    prior: Option<PathBuf>,
     /// Judge another calibration by the same attitudes
     #[arg(long, value_name = "M.toml")]
     compare: Option<PathBuf>,
@@ -39,36 +43,41 @@ pub struct Ellipsoid {
     json: JsonOption,
 }
 
-fn gravity(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(gravity) if (1e-30..=1e30).contains(&gravity) => Ok(gravity),
-        _ => Err("allowed is a number from 1e-30 to 1e30".into()),
-    }
-}
-
 impl Ellipsoid {
     pub fn run(self) -> Result<(), Failure> {
-        let other = self.other()?;
-        let outcome = calibrate(&self.path, self.gravity).map_err(|error| match error {
-            EllipsoidError::File(error) => error.into(),
-            refused => Failure::Refused(refused.to_string()),
+        let other = self.compare.as_deref().map(accelerometer).transpose()?;
+        let prior = self.prior.as_deref().map(misalignments).transpose()?;
+        let gravity = self.gravity.norm();
+        let outcome = calibrate(&self.path, gravity, prior.as_ref()).map_err(|error| match error {
+            EllipsoidError::Recording(error) => error.into(),
+            refused @ EllipsoidError::Refused { .. } => Failure::Refused(refused.to_string()),
         })?;
-        write_outcome(&mut self.json.human(), &outcome, self.gravity, other.as_ref())?;
-        self.json.write(&outcome.record())?;
+        let out = &mut self.json.human();
+        writeln!(out, "{}", self.gravity.said())?;
+        if let Some(path) = &self.prior {
+            writeln!(out, "misalignments combined with those of {}", path.display())?;
+        }
+        write_outcome(out, &outcome, gravity, other.as_ref())?;
+        self.json.write(&outcome.record(gravity))?;
         if let Some(path) = &self.model_out {
-            CalibrationFile::of_accelerometer(&outcome.calibration, self.gravity).write(path)?;
+            let Calibration { correction, sigma_bias, sigma_matrix, .. } = &outcome.calibration;
+            Triads::of_accelerometer(correction, (*sigma_bias, *sigma_matrix), gravity).write(path)?;
         }
         Ok(())
     }
+}
 
-    /// The calibration to compare with.
-    fn other(&self) -> Result<Option<Accelerometer>, FileError> {
-        let Some(path) = &self.compare else { return Ok(None) };
-        match CalibrationFile::read(path)?.accelerometer {
-            Some(other) => Ok(Some(other)),
-            None => Err(FileError::whole(path, Problem::Syntax("it has no table [accelerometer]".into()))),
-        }
-    }
+/// The accelerometers' calibration in a file.
+fn accelerometer(path: &Path) -> Result<Accelerometer, FileError> {
+    ModelFile::read(path)?.accelerometer().copied()
+}
+
+/// The misalignments in a file.
+fn misalignments(path: &Path) -> Result<Misalignments, FileError> {
+    let accelerometer = accelerometer(path)?;
+    let sigma_matrix = accelerometer.sigma_matrix.unwrap_or_default();
+    Misalignments::of(&accelerometer.correction(), &sigma_matrix)
+        .ok_or_else(|| FileError::whole(path, Problem::Syntax("the matrix of [accelerometer] is no triad's".into())))
 }
 
 fn write_outcome(
@@ -81,14 +90,7 @@ fn write_outcome(
     let correction = &calibration.correction;
     let [fitted, judged] = [Role::Fit, Role::Check].map(|role| outcome.count(role));
     writeln!(out, "{} attitudes: {fitted} learned from, {judged} only judged", fitted + judged)?;
-    for rejected in &outcome.rejected {
-        let time = rejected.t_s.map_or(String::new(), |[from_s, to_s]| format!(" ({from_s:.1} to {to_s:.1} s)"));
-        writeln!(
-            out,
-            "left out: attitude {}{time}, {} readings: {}",
-            rejected.attitude, rejected.readings, rejected.why
-        )?;
-    }
+    write_rejected(out, &outcome.rejected)?;
     writeln!(out, "coverage of the sphere {:.3}", calibration.coverage)?;
     writeln!(out, "\n     bias              scale factor, readings per unit")?;
     let places = decimals(calibration.sigma_bias);

@@ -1,7 +1,9 @@
 //! `north calibrate`: calibrations of triads.
 
+mod accelerometer_six_position;
 mod ellipsoid;
 mod field;
+mod gravity;
 mod simulate;
 mod six_position;
 
@@ -9,13 +11,15 @@ use std::io::{self, Write};
 
 use clap::{Args, Subcommand};
 
+use crate::calibrate::attitudes::Rejected;
 use crate::failure::Failure;
 
 /// Calibrate a gyro triad or an accelerometer triad
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   north calibrate six-position table-2026-05-04 --model-out triad.toml
-  north calibrate ellipsoid readings.csv --gravity 9.81 --json -")]
+  north calibrate ellipsoid readings.csv --latitude 34.75 --height 120 --json -
+  north calibrate accelerometer-six-position faces.csv --model-out accelerometers.toml")]
 pub struct Calibrate {
     #[command(subcommand)]
     what: What,
@@ -25,6 +29,7 @@ pub struct Calibrate {
 enum What {
     SixPosition(six_position::SixPosition),
     Ellipsoid(ellipsoid::Ellipsoid),
+    AccelerometerSixPosition(accelerometer_six_position::AccelerometerSixPosition),
     Field(field::Field),
     Simulate(simulate::Simulate),
 }
@@ -34,6 +39,7 @@ impl Calibrate {
         match self.what {
             What::SixPosition(six_position) => six_position.run(),
             What::Ellipsoid(ellipsoid) => ellipsoid.run(),
+            What::AccelerometerSixPosition(six_position) => six_position.run(),
             What::Field(field) => field.run(),
             What::Simulate(simulate) => simulate.run(),
         }
@@ -48,6 +54,19 @@ fn write_rows(out: &mut dyn Write, values: &[[f64; 3]; 3], sigmas: &[[f64; 3]; 3
             write!(out, "  {value:+.decimals$} ± {sigma:.decimals$}")?;
         }
         writeln!(out)?;
+    }
+    Ok(())
+}
+
+/// What was left out of a recording in attitudes at rest.
+fn write_rejected(out: &mut dyn Write, rejected: &[Rejected]) -> io::Result<()> {
+    for rejected in rejected {
+        let time = rejected.t_s.map_or(String::new(), |[from_s, to_s]| format!(" ({from_s:.1} to {to_s:.1} s)"));
+        writeln!(
+            out,
+            "left out: attitude {}{time}, {} readings: {}",
+            rejected.attitude, rejected.readings, rejected.why
+        )?;
     }
     Ok(())
 }

@@ -9,10 +9,10 @@ use hal_sim::triad::{Knock, Placement, SIX_POSITIONS, Table, TableRow, Visit, dr
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::calibrate::model_file::{Accelerometer, CalibrationFile, GyroTriad};
 use crate::commands::number;
 use crate::failure::Failure;
 use crate::file_error::{FileError, Problem};
+use crate::model_file::{Accelerometer, GyroTriad, Triads};
 
 /// Accuracy of the simulated table, ± arcsec.
 const TABLE_ARCSEC: f64 = 3.0;
@@ -119,7 +119,7 @@ impl SixPosition {
             sigma_bias_deg_h: None,
             sigma_matrix: None,
         };
-        let truth = CalibrationFile { gyro_triad: Some(truth), ..CalibrationFile::default() };
+        let truth = Triads { gyro_triad: Some(truth), ..Triads::default() };
         Ok(truth.write(&self.out.join("truth.toml"))?)
     }
 }
@@ -144,7 +144,7 @@ impl Ellipsoid {
         })?;
         let (bias, matrix) = triad.correction();
         let truth = Accelerometer { gravity: 1.0, bias, matrix, sigma_bias: None, sigma_matrix: None };
-        let truth = CalibrationFile { accelerometer: Some(truth), ..CalibrationFile::default() };
+        let truth = Triads { accelerometer: Some(truth), ..Triads::default() };
         Ok(truth.write(&self.out.join("truth.toml"))?)
     }
 }

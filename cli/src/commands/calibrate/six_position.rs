@@ -7,9 +7,9 @@ use clap::Args;
 use north_finder::calibration::six_position::stay::Turned;
 
 use super::write_rows;
-use crate::calibrate::model_file::CalibrationFile;
 use crate::calibrate::six_position::{Outcome, SixPositionError, calibrate, noted_temperatures};
 use crate::failure::Failure;
+use crate::model_file::Triads;
 use crate::output::JsonOption;
 
 /// Calibrate a gyro triad from its stays in known positions on a table at rest
@@ -40,7 +40,7 @@ impl SixPosition {
         write_outcome(&mut self.json.human(), &outcome)?;
         self.json.write(&outcome.record())?;
         if let Some(path) = &self.model_out {
-            CalibrationFile::of_gyros(&outcome.calibration).write(path)?;
+            Triads::of_gyros(&outcome.calibration).write(path)?;
         }
         Ok(())
     }

@@ -67,7 +67,7 @@ impl Function {
             if let &[below, above] = pair
                 && !(above > below && above - below < f32::INFINITY)
             {
-                return Err(Invalid { field, value: above.into(), allowed: "finite, above the knot before it" });
+                return Err(Invalid::new(field, above.into(), "finite, above the knot before it"));
             }
         }
         Ok(())

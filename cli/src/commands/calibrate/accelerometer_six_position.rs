@@ -1,0 +1,97 @@
+//! `north calibrate accelerometer-six-position`: biases and scale factors from each axis up and down.
+
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+use clap::Args;
+use north_finder::calibration::known_attitudes::Attitudes;
+
+use super::gravity::Gravity;
+use super::{decimals, write_rejected, write_rows};
+use crate::calibrate::known_attitudes::{KnownAttitudesError, Outcome, calibrate};
+use crate::commands::number;
+use crate::failure::Failure;
+use crate::model_file::Triads;
+use crate::output::JsonOption;
+
+/// Calibrate an accelerometer triad from each axis up and each axis down
+///
+/// FILE has the columns t_s, ax, ay, az (a continuous recording: the still intervals are found) or attitude, ax, ay, az
+/// (several readings an attitude), in any unit. Which axis is up is told from the readings. Each axis up and down gives its
+/// bias and scale factor; where the box is square, say how square, and the misalignments follow too.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  north calibrate accelerometer-six-position faces.csv --latitude 34.75 --model-out accelerometers.toml
+  north calibrate accelerometer-six-position faces.csv --square-arcsec 60 --json -")]
+pub struct AccelerometerSixPosition {
+    /// The recording
+    #[arg(value_name = "FILE")]
+    path: PathBuf,
+    /// The box's faces are square and its plate level to ± this, arcsec: misalignments are solved for too
+    #[arg(long, value_name = "ARCSEC", value_parser = number::<0, 36_000>)]
+    square_arcsec: Option<f64>,
+    #[command(flatten)]
+    gravity: Gravity,
+    /// Write the calibration to M.toml
+    #[arg(long, value_name = "M.toml")]
+    model_out: Option<PathBuf>,
+    #[command(flatten)]
+    json: JsonOption,
+}
+
+impl AccelerometerSixPosition {
+    pub fn run(self) -> Result<(), Failure> {
+        let attitudes = self.square_arcsec.map_or(Attitudes::Rough, |arcsec| Attitudes::Square { arcsec });
+        let gravity = self.gravity.norm();
+        let outcome = calibrate(&self.path, gravity, attitudes).map_err(|error| match error {
+            KnownAttitudesError::Recording(error) => error.into(),
+            refused @ KnownAttitudesError::Refused { .. } => Failure::Refused(refused.to_string()),
+        })?;
+        self.write_outcome(&mut self.json.human(), &outcome)?;
+        self.json.write(&outcome.record(gravity, self.square_arcsec.is_some()))?;
+        if let Some(path) = &self.model_out {
+            let sigmas = (outcome.calibration.sigma_bias, outcome.sigma_matrix);
+            Triads::of_accelerometer(&outcome.correction, sigmas, gravity).write(path)?;
+        }
+        Ok(())
+    }
+
+    fn write_outcome(&self, out: &mut dyn Write, outcome: &Outcome) -> io::Result<()> {
+        let calibration = &outcome.calibration;
+        writeln!(out, "{}", self.gravity.said())?;
+        writeln!(out, "{:>8}  {:>8}          x          y          z", "up", "readings")?;
+        let readings = decimals(calibration.sigma_bias);
+        for (dwell, face) in &outcome.laid {
+            let [x, y, z] = dwell.attitude.mean;
+            let count = dwell.attitude.readings;
+            writeln!(out, "{:>8}  {count:>8}  {x:+9.readings$}  {y:+9.readings$}  {z:+9.readings$}", face.name())?;
+        }
+        write_rejected(out, &outcome.rejected)?;
+        writeln!(out, "\n     bias                         readings per unit of specific force")?;
+        let places = decimals([0, 1, 2].map(|axis| calibration.sigma_response[axis][axis]));
+        for (axis, name) in ["x", "y", "z"].iter().enumerate() {
+            let bias = format!("{:+.readings$} ± {:.readings$}", calibration.bias[axis], calibration.sigma_bias[axis]);
+            let (scale, sigma) = (calibration.response[axis][axis], calibration.sigma_response[axis][axis]);
+            writeln!(out, "  {name}  {bias:<27}  {scale:.places$} ± {sigma:.places$}")?;
+        }
+        if self.square_arcsec.is_some() {
+            writeln!(out, "\nmatrix: specific force along the box per reading less bias")?;
+            let places = decimals(outcome.sigma_matrix.into_iter().flatten());
+            write_rows(out, &outcome.correction.matrix, &outcome.sigma_matrix, places)?;
+        } else {
+            writeln!(out, "misalignments were not looked for: --square-arcsec says how square the box is")?;
+        }
+        match (calibration.closure.rms, calibration.closure.widened) {
+            (None, _) => writeln!(out, "no closures: as many readings as parameters, nothing checks them"),
+            (Some(rms), 1.0) => {
+                writeln!(out, "{} closures: {rms:.readings$} rms, as noise has it", calibration.closure.count)
+            }
+            (Some(rms), widened) => writeln!(
+                out,
+                "{} closures: {rms:.readings$} rms, more than noise and angles explain; the sigmas are {widened:.1} times as \
+                 wide for it",
+                calibration.closure.count
+            ),
+        }
+    }
+}

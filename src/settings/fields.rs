@@ -1,0 +1,168 @@
+//! Every number that can be set: name, unit, limits, meaning. The firmware checks by this table, `north settings describe`
+//! prints it, and docs/settings.md is it.
+
+use super::Settings;
+use crate::earth::EARTH_RATE_DEG_H;
+use crate::limits::Invalid;
+
+/// A number that can be set.
+#[derive(Clone, Copy)]
+pub struct Field {
+    /// As it stands in a file of settings, dotted.
+    pub name: &'static str,
+    /// Both included.
+    pub low: f64,
+    pub high: f64,
+    /// The limits in words.
+    pub allowed: &'static str,
+    pub value: fn(&Settings) -> f64,
+}
+
+/// What a person should know of a field; no board has it.
+#[derive(Clone, Copy)]
+pub struct Words {
+    pub unit: &'static str,
+    pub meaning: &'static str,
+}
+
+macro_rules! fields {
+    ($($name:literal, $unit:literal, $low:literal to $high:literal, $value:expr, $meaning:literal;)*) => {
+        /// The numbers, in the order of the files.
+        pub const FIELDS: &[Field] = &[$(Field {
+            name: $name,
+            low: $low as f64,
+            high: $high as f64,
+            allowed: concat!($low, " to ", $high),
+            value: $value,
+        }),*];
+
+        /// The words of [`FIELDS`], in their order.
+        pub const WORDS: &[Words] = &[$(Words { unit: $unit, meaning: $meaning }),*];
+    };
+}
+
+fields! {
+    "latitude_deg", "°", -90 to 90, |s| s.latitude_deg,
+        "geodetic latitude, north positive; no fix within 1° of a pole";
+    "gyro.arw_deg_per_sqrt_h", "°/√h", 0 to 1, |s| s.gyro.arw_deg_per_sqrt_h,
+        "angle random walk of the gyro; the azimuth's sigma never falls below what it makes";
+    "gyro.bias_instability_deg_h", "°/h", 0 to 10, |s| s.gyro.bias_instability_deg_h,
+        "bias instability, the floor of the Allan deviation";
+    "gyro.drift_deg_h_per_h", "°/h per h", 0 to 1000, |s| s.gyro.drift_deg_h_per_h,
+        "one sigma of the linear drift of the bias during a fix";
+    "gyro.bias_limit_deg_h", "°/h", 0 to 1000, |s| s.gyro.bias_limit_deg_h,
+        "largest bias that is left after the error model";
+    "gyro.range_deg_h", "°/h", 100 to 10000000, |s| s.gyro.range_deg_h,
+        "largest rate that the gyro can read";
+    "gyro.repairable_frames", "frames", 0 to 40, |s| s.gyro.repairable_frames.into(),
+        "most missing frames of a second of 400 that are made up for; with more it is left out";
+    "level.limit_deg", "°", 0.001 to 10, |s| s.level.limit_deg,
+        "pitch and roll must both lie within ± this before a fix";
+    "level.sigma_deg", "°", 0 to 10, |s| s.level.sigma_deg,
+        "one sigma of the level accelerometers; enters the azimuth's sigma by tan φ";
+    "level.seconds", "s", 1 to 60, |s| s.level.seconds.into(),
+        "for so long in a row it must be level";
+    "level.timeout_s", "s", 1 to 36000, |s| s.level.timeout_s,
+        "longest wait for that";
+    "disturbance.threshold_deg_h", "°/h", 0 to 1000000, |s| s.disturbance.threshold_deg_h,
+        "excess of the rate over Ω cos φ that counts as disturbed";
+    "disturbance.seconds", "s", 1 to 600, |s| s.disturbance.seconds.into(),
+        "seconds in a row that make the verdict";
+    "disturbance.timeout_s", "s", 1 to 36000, |s| s.disturbance.timeout_s,
+        "longest wait for an undisturbed base";
+    "jitter.threshold_deg_h", "°/h", 0 to 1000000, |s| s.jitter.threshold_deg_h,
+        "change of the rate from second to second that counts as jitter";
+    "jitter.seconds", "s", 1 to 600, |s| s.jitter.seconds.into(),
+        "seconds in a row that make the verdict";
+    "jitter.timeout_s", "s", 1 to 36000, |s| s.jitter.timeout_s,
+        "longest wait for rest after a move";
+    "index.tolerance_deg", "°", 0.01 to 10, |s| s.index.tolerance_deg,
+        "the encoder must show the commanded angle within ± this";
+    "index.sigma_deg", "°", 0 to 10, |s| s.index.sigma_deg,
+        "one sigma of the encoder at one position; enters the azimuth's sigma";
+    "index.retries", "moves", 0 to 20, |s| s.index.retries.into(),
+        "corrective moves before the angle counts as wrong";
+    "index.speed_deg_s", "°/s", 0.1 to 30, |s| s.index.speed_deg_s,
+        "fastest turning of the index";
+    "index.acceleration_deg_s2", "°/s²", 1 to 1000, |s| s.index.acceleration_deg_s2,
+        "acceleration of the index";
+    "sequence.dwell_s", "s", 2 to 3600, |s| s.sequence.dwell_s.into(),
+        "measuring time at each position";
+    "sequence.coarse_dwell_s", "s", 2 to 3600, |s| s.sequence.coarse_dwell_s.into(),
+        "measuring time at each of the four positions of the east-west order's coarse pass";
+    "time_limit_s", "s", 10 to 86400, |s| s.time_limit_s,
+        "longest time from the start of a fix to its azimuth";
+}
+
+impl Field {
+    /// Whether its value is within its limits.
+    fn violation(&self, settings: &Settings) -> Option<Invalid> {
+        let value = (self.value)(settings);
+        let Self { name: field, allowed, .. } = *self;
+        (!(self.low..=self.high).contains(&value)).then_some(Invalid::new(field, value, allowed))
+    }
+}
+
+/// Everything that is wrong with the numbers, each for itself and together.
+///
+/// A still gyro must pass the gates: its bias limit and five sigma of its one-second noise lie below the thresholds. And its
+/// range lies above the Earth rate and the disturbance threshold.
+pub fn violations(settings: &Settings) -> impl Iterator<Item = Invalid> + '_ {
+    let noise_deg_h = settings.gyro.noise_deg_h();
+    let together = [
+        (
+            "disturbance.threshold_deg_h",
+            settings.disturbance.threshold_deg_h,
+            settings.gyro.bias_limit_deg_h + 5.0 * noise_deg_h,
+            "the gyro's bias limit and five sigma of its 1 s noise",
+        ),
+        (
+            "jitter.threshold_deg_h",
+            settings.jitter.threshold_deg_h,
+            5.0 * core::f64::consts::SQRT_2 * noise_deg_h,
+            "five sigma of the gyro's 1 s differences",
+        ),
+        (
+            "gyro.range_deg_h",
+            settings.gyro.range_deg_h,
+            EARTH_RATE_DEG_H + settings.disturbance.threshold_deg_h,
+            "the Earth rate and the disturbance threshold",
+        ),
+    ];
+    let together = together.into_iter().filter(|(_, value, least, _)| value < least);
+    FIELDS
+        .iter()
+        .filter_map(|field| field.violation(settings))
+        .chain(together.map(|(field, value, least, allowed)| Invalid { field, value, allowed, least: Some(least) }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_defaults_are_allowed_and_every_number_has_words() {
+        assert_eq!(violations(&Settings::default()).next(), None);
+        assert_eq!(FIELDS.len(), WORDS.len());
+        assert!(WORDS.iter().all(|words| !words.meaning.is_empty() && !words.unit.is_empty()));
+        assert!(FIELDS.iter().all(|field| field.low < field.high));
+    }
+
+    #[test]
+    fn all_violations_are_said_at_once_and_as_numbers() {
+        let mut settings = Settings { latitude_deg: f64::NAN, ..Settings::default() };
+        settings.level.seconds = 0;
+        // 1 °/h and five times 60 · 0.01 °/h: 4 °/h; the threshold is 2. Jitter: 7.07 · 0.6 = 4.24; it is 3.
+        settings.gyro.arw_deg_per_sqrt_h = 0.01;
+        let found: std::vec::Vec<_> = violations(&settings).map(|invalid| std::format!("{invalid}")).collect();
+        assert_eq!(
+            found,
+            [
+                "latitude_deg = NaN: allowed is -90 to 90",
+                "level.seconds = 0: allowed is 1 to 60",
+                "disturbance.threshold_deg_h = 2: allowed is at least 4 (the gyro's bias limit and five sigma of its 1 s noise)",
+                "jitter.threshold_deg_h = 3: allowed is at least 4.243 (five sigma of the gyro's 1 s differences)",
+            ]
+        );
+    }
+}
