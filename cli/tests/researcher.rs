@@ -46,6 +46,8 @@ fn the_snippet_prints_azimuths_and_refusals() {
         .unwrap();
     let (said, error) = (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
     assert!(output.status.success(), "{error}");
-    assert!(said.starts_with("good.csv 120 rows, 120 s: 40.00"), "{said}");
+    let azimuth = said.strip_prefix("good.csv 120 rows, 120 s: ").and_then(|rest| rest.split_once(" ± ")).unwrap().0;
+    // What the alternating noise leaves of itself: 0.0025°.
+    assert!((azimuth.parse::<f64>().unwrap() - 40.0).abs() < 5e-3, "{said}");
     assert!(said.contains("\nshort.csv refused: "), "{said}");
 }

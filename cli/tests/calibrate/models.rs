@@ -31,7 +31,7 @@ fn write_campaign(folder: &TempDir) {
 
 /// A model of every kind: by the calibrations themselves, and a gyro triad and an error model by hand.
 fn write_models(folder: &TempDir) {
-    let triad = AccelerometerTriad { zero: [0.02, -0.01, 0.0], noise: 3e-4, ..AccelerometerTriad::default() };
+    let triad = AccelerometerTriad { zero: [0.003, -0.002, 0.0], noise: 3e-4, ..AccelerometerTriad::default() };
     let faces = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let faces = faces.into_iter().flat_map(|up| [up, up.map(|part: f64| -part)]).collect();
     for (file, up) in [("a.csv", even_directions(23, 4)), ("faces.csv", faces)] {
@@ -117,9 +117,10 @@ fn a_triads_biases_are_taken_out_of_a_virtual_index() {
         let result = north(&folder, &[&["solve", "c", "--json", "-"], model].concat()).json();
         result["runs"][0]["azimuth_deg"].clone()
     };
-    // Forward reads 0.5 °/h too much at both ends of its pair: atan2(7.943890, 9.967161) = 38.5547°; nothing flags it.
-    near(&azimuth(&[]), 38.5547, 1e-3);
-    near(&azimuth(&["--model", "triad.toml"]), 40.0, 1e-3);
+    // Forward reads 0.5 °/h too much at both ends of its pair: atan2(7.943890, 9.967161) = 38.5551°; nothing flags
+    // it. What the alternating noise leaves of itself: 0.0025°.
+    near(&azimuth(&[]), 38.5551, 5e-3);
+    near(&azimuth(&["--model", "triad.toml"]), 40.0, 5e-3);
 }
 
 #[test]
