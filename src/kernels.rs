@@ -5,7 +5,7 @@
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
-#[allow(dead_code)] // the firmware uses the rest
+#[allow(dead_code, unused_imports)] // the firmware uses the rest
 #[path = "board/mps2/pac.rs"]
 mod pac;
 

@@ -5,6 +5,7 @@ use std::io::{self, Write};
 use clap::Args;
 use hal_sim::block::CarriedBlock;
 use hal_sim::scenario::{Block, Carry};
+use indicatif::ProgressBar;
 use north::failure::Failure;
 use north::progress;
 use north_finder::attitude::{Angles, BlockClass, Hold, HoldLimits, Increment, Quaternion};
@@ -42,6 +43,9 @@ pub struct HoldBench {
     /// Trials for each row, 10 to 100000
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u64).range(10..=100_000))]
     trials: u64,
+    /// Only the whole instrument
+    #[arg(long)]
+    whole: bool,
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -68,38 +72,18 @@ impl Bench for HoldBench {
     type Row = Row;
 
     fn measure(&self, out: &mut dyn Write) -> Result<Vec<Row>, Failure> {
-        let bar = progress::bar(self.trials * (2 * BlockClass::ALL.len() + 6 + CHAIN.len()) as u64, "trials");
-        let mut rows = Vec::new();
-        for (number, class) in BlockClass::ALL.iter().enumerate() {
-            for (base, sway_arcsec) in [("", [0.0; 3]), (", swaying base", SWAY_ARCSEC)] {
-                let first = (number as u64) << 32;
-                let trials = trials(first..first + self.trials, &bar, |trial| self.trial(class, trial, sway_arcsec))?;
-                for (moment, name) in ["before the walk", "after the walk", "set down for 60 s"].into_iter().enumerate()
-                {
-                    let outcomes: Vec<Moment> = trials.iter().map(|trial| trial[moment]).collect();
-                    rows.push(row(ALONE, class.name, format!("{name}{base}"), &outcomes));
-                }
-            }
-        }
-        for class in &BlockClass::ALL[..2] {
-            for seconds in [0.33, 10.0, 60.0] {
-                let outcomes = trials(0..self.trials, &bar, |trial| white(class, seconds, self.seed ^ (trial << 8)))?;
-                rows.push(row(ALONE, class.name, format!("white noise alone for {seconds} s"), &outcomes));
-            }
-        }
+        let alone = if self.whole { 0 } else { 2 * BlockClass::ALL.len() + 6 };
+        let bar = progress::bar(self.trials * (alone + CHAIN.len()) as u64, "trials");
+        let mut rows = if self.whole { Vec::new() } else { self.alone(&bar)? };
         for class in CHAIN {
             let seeds = self.seed..self.seed + self.trials;
             let trials = trials(seeds, &bar, |seed| carried::carry(class, seed))?;
             let fixed: Vec<[Moment; 4]> =
                 trials.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
-            for (number, name) in MOMENTS.into_iter().enumerate() {
+            let name = BlockSettings { class, ..Default::default() }.figures().name;
+            for (number, moment) in MOMENTS.into_iter().enumerate() {
                 let moments: Vec<Moment> = fixed.iter().map(|trial| trial[number]).collect();
-                rows.push(row(
-                    WHOLE,
-                    BlockSettings { class, ..Default::default() }.figures().name,
-                    name.to_owned(),
-                    &moments,
-                ));
+                rows.push(row(WHOLE, name, moment.to_owned(), &moments));
             }
         }
         bar.finish_and_clear();
@@ -123,6 +107,29 @@ impl Bench for HoldBench {
 }
 
 impl HoldBench {
+    /// The hold alone.
+    fn alone(&self, bar: &ProgressBar) -> Result<Vec<Row>, Failure> {
+        let mut rows = Vec::new();
+        for (number, class) in BlockClass::ALL.iter().enumerate() {
+            for (base, sway_arcsec) in [("", [0.0; 3]), (", swaying base", SWAY_ARCSEC)] {
+                let first = (number as u64) << 32;
+                let trials = trials(first..first + self.trials, bar, |trial| self.trial(class, trial, sway_arcsec))?;
+                for (moment, name) in ["before the walk", "after the walk", "set down for 60 s"].into_iter().enumerate()
+                {
+                    let outcomes: Vec<Moment> = trials.iter().map(|trial| trial[moment]).collect();
+                    rows.push(row(ALONE, class.name, format!("{name}{base}"), &outcomes));
+                }
+            }
+        }
+        for class in &BlockClass::ALL[..2] {
+            for seconds in [0.33, 10.0, 60.0] {
+                let outcomes = trials(0..self.trials, bar, |trial| white(class, seconds, self.seed ^ (trial << 8)))?;
+                rows.push(row(ALONE, class.name, format!("white noise alone for {seconds} s"), &outcomes));
+            }
+        }
+        Ok(rows)
+    }
+
     fn trial(&self, class: &BlockClass, number: u64, sway_arcsec: [f64; 3]) -> [Moment; 3] {
         let mut random = ChaCha8Rng::seed_from_u64(self.seed);
         random.set_stream(number);
