@@ -9,7 +9,7 @@ use north_finder::units::ARCSEC_PER_RAD;
 use crate::file_error::{FileError, Place, Problem};
 
 /// The columns, in the order of their axes: x forward, y left, z up.
-const COLUMNS: [&str; 7] = ["t_s", "gx_arcsec", "gy_arcsec", "gz_arcsec", "ax_m_s2", "ay_m_s2", "az_m_s2"];
+pub const COLUMNS: [&str; 7] = ["t_s", "gx_arcsec", "gy_arcsec", "gz_arcsec", "ax_m_s2", "ay_m_s2", "az_m_s2"];
 /// Of a heading to compare with, degrees; optional.
 const REFERENCE: &str = "reference_heading_deg";
 

@@ -1,6 +1,7 @@
 //! The north finder on the host: campaigns, settings, the simulated devices around the firmware's instrument, and the
 //! verbs of the command `north`.
 
+pub mod align_report;
 pub mod argument;
 pub mod block_csv;
 pub mod calibrate;

@@ -5,11 +5,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 use north_finder::attitude::{AlignError, Aligned, Alignment, Method, NoiseOfRate};
-use serde::Serialize;
 
 use super::number;
+use crate::align_report::{self, Report, Window};
 use crate::block_csv::{self, BlockRecording};
 use crate::failure::Failure;
+use crate::file_error::FileError;
 use crate::output::JsonOption;
 
 /// A step longer than so many usual ones is a gap; the windows before and after it are apart.
@@ -21,7 +22,7 @@ const GAP_STEPS: f64 = 1.5;
 /// the window's end.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
-  north align parked.csv --latitude 34.246 --window 100
+  north align parked.csv --latitude 34.246 --window 100 --report align.html
   north align buoy.csv --latitude unknown --json -")]
 pub struct Align {
     /// Recording: t_s, gx_arcsec, gy_arcsec, gz_arcsec, ax_m_s2, ay_m_s2, az_m_s2; x forward, y left, z up
@@ -43,6 +44,9 @@ pub struct Align {
     /// Heading to compare with, degrees: errors are printed
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = number::<-360, 360>)]
     reference: Option<f64>,
+    /// Write a page with the headings of all windows
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
     #[command(flatten)]
     json: JsonOption,
 }
@@ -53,32 +57,6 @@ struct Latitude(Option<f64>);
 
 fn latitude(text: &str) -> Result<Latitude, String> {
     if text == "unknown" { Ok(Latitude(None)) } else { number::<-90, 90>(text).map(|deg| Latitude(Some(deg))) }
-}
-
-/// The result.
-#[derive(Serialize)]
-struct Report {
-    heading_deg: f64,
-    pitch_deg: f64,
-    roll_deg: f64,
-    sigma_heading_deg: f64,
-    method: &'static str,
-    latitude_deg: f64,
-    arw_deg_per_sqrt_h: f64,
-    rate_excess_deg_h: f64,
-    windows: Vec<Window>,
-}
-
-/// One method on one window.
-#[derive(Serialize)]
-struct Window {
-    start_s: f64,
-    seconds: f64,
-    method: &'static str,
-    heading_deg: Option<f64>,
-    sigma_heading_deg: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    reason: Option<String>,
 }
 
 /// Samples of a window.
@@ -105,6 +83,10 @@ impl Align {
             }));
         }
         self.print(&mut self.json.human(), &report)?;
+        if let Some(path) = &self.report {
+            let page = align_report::html(&self.recording, &report, self.reference);
+            std::fs::write(path, page).map_err(|error| FileError::whole(path, error))?;
+        }
         self.json.write(&report)
     }
 

@@ -18,6 +18,7 @@ use crate::progress;
 #[command(after_help = "Examples:
   north import --map psins-lasergyro.toml lasergyro.imu --out parked-vehicle
   north import --map kvh-1775.toml --format kvh night.bin --out night
+  north import --map psins-counts-csv.toml increments_100hz.csv --block parked.csv
   north import --guess strange.csv > strange.toml
 
 Mappings: docs/import.md")]
@@ -35,8 +36,11 @@ pub struct Import {
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, requires = "guess", value_parser = super::number::<-90, 90>)]
     latitude: Option<f64>,
     /// Folder of the new campaign; it must not have anything in it
-    #[arg(long, value_name = "DIR", required_unless_present = "guess", conflicts_with = "guess")]
+    #[arg(long, value_name = "DIR", required_unless_present_any = ["guess", "block"], conflicts_with = "guess")]
     out: Option<PathBuf>,
+    /// Instead of a campaign: a new recording of a three-axis block, for `north align` and `north track`
+    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["guess", "out"])]
+    block: Option<PathBuf>,
     /// How the recording is written
     #[arg(long, value_enum, default_value_t)]
     format: Format,
@@ -46,15 +50,16 @@ pub struct Import {
 
 impl Import {
     pub fn run(self) -> Result<(), Failure> {
-        // Both are there unless a mapping is only to be proposed: the command line asks for them.
-        let (Some(map), Some(out)) = (&self.map, &self.out) else {
+        // A mapping is there unless one is to be proposed, and one of the two places: the command line asks for them.
+        let (Some(map), Some(out)) = (&self.map, self.block.as_ref().or(self.out.as_ref())) else {
             let proposal = import::guess(&self.recording, self.latitude)?;
             return Ok(std::io::stdout().write_all(proposal.as_bytes())?);
         };
         let map = Map::read(map)?;
         let bytes = fs::metadata(&self.recording).map_err(|error| FileError::whole(&self.recording, error))?.len();
         let bar = progress::bar(bytes, "bytes");
-        let summary = import::import(&map, &self.recording, self.format, out, &mut |read| {
+        let import = if self.block.is_some() { import::block } else { import::import };
+        let summary = import(&map, &self.recording, self.format, out, &mut |read| {
             bar.set_position(read);
             !interrupt::requested()
         });

@@ -57,7 +57,7 @@ pub struct Track {
     /// Heading to compare with, degrees, where the block stood all the time; a column reference_heading_deg does it for each row
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = number::<-360, 360>)]
     reference: Option<f64>,
-    /// Write a page with heading, sigma and errors
+    /// Write a page with heading, sigma, errors and innovations
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
     #[command(flatten)]
@@ -101,6 +101,34 @@ struct Summary {
     rms_error_deg: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     within_two_sigma: Option<f64>,
+    /// Mean normalised squared innovation, and how many.
+    nis: f64,
+    nis_degrees_of_freedom: u32,
+}
+
+impl Summary {
+    fn said(&self) -> String {
+        let refix = self.refix_at_s.map_or_else(String::new, |t_s| format!("; a new fix is wanted since {t_s:.0} s"));
+        let rms = self.rms_error_deg.map_or_else(String::new, |rms| format!("; rms error {rms:.4}°"));
+        let m = f64::from(self.nis_degrees_of_freedom);
+        let nis = if m > 0.0 {
+            format!("; NIS {:.3} (95 %: 1 ± {:.3})", self.nis, 1.96 * (2.0 / m).sqrt())
+        } else {
+            String::new()
+        };
+        format!(
+            "{}: {} s ({} standing, {} moving), heading {:.4}° ± {:.4}°; {} gaps, {} saturated, {} invalid samples{nis}{refix}{rms}",
+            self.class,
+            self.seconds,
+            self.standing_s,
+            self.moving_s,
+            self.heading_deg,
+            self.sigma_heading_deg,
+            self.gaps,
+            self.saturated,
+            self.invalid
+        )
+    }
 }
 
 impl Track {
@@ -140,23 +168,10 @@ impl Track {
         }
         self.write_track(&rows)?;
         let summary = summary(&class, &rows, &hold);
-        writeln!(
-            self.json.human(),
-            "{}: {} s ({} standing, {} moving), heading {:.4}° ± {:.4}°; {} gaps, {} saturated, {} invalid samples{}{}",
-            class.name,
-            summary.seconds,
-            summary.standing_s,
-            summary.moving_s,
-            summary.heading_deg,
-            summary.sigma_heading_deg,
-            summary.gaps,
-            summary.saturated,
-            summary.invalid,
-            summary.refix_at_s.map_or_else(String::new, |t_s| format!("; a new fix is wanted since {t_s:.0} s")),
-            summary.rms_error_deg.map_or_else(String::new, |rms| format!("; rms error {rms:.4}°")),
-        )?;
+        let said = summary.said();
+        writeln!(self.json.human(), "{said}")?;
         if let Some(path) = &self.report {
-            let page = track_report::html(&self.recording, class.name, &rows);
+            let page = track_report::html(&self.recording, &said, &rows);
             std::fs::write(path, page).map_err(|error| FileError::whole(path, error))?;
         }
         self.json.write(&summary)
@@ -234,7 +249,11 @@ fn summary(class: &BlockClass, rows: &[TrackRow], hold: &Hold) -> Summary {
     let some = (!errors.is_empty()).then_some(errors.len() as f64);
     let last = rows.last().map(|row| row.second);
     let counters = hold.counters();
+    let squares: f64 = rows.iter().map(|row| row.second.normalised_squared).sum();
+    let nis_degrees_of_freedom = rows.iter().map(|row| row.second.degrees_of_freedom).sum();
     Summary {
+        nis: squares / f64::from(u32::max(nis_degrees_of_freedom, 1)),
+        nis_degrees_of_freedom,
         class: class.name,
         seconds: rows.len(),
         standing_s: count(Motion::Standing),

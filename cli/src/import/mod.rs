@@ -4,6 +4,7 @@
 //! read as a single gyro on a virtual index, because what such a gyro would have read is cos θ · forward + sin θ · left.
 
 mod axes;
+mod block;
 mod guess;
 mod kvh;
 mod map;
@@ -20,6 +21,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
+pub use self::block::block;
 pub use self::guess::guess;
 use self::map::Index;
 pub use self::map::Map;

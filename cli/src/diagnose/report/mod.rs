@@ -12,11 +12,11 @@ mod plot;
 mod residuals;
 mod summary;
 
-use self::html::escape;
 use super::Diagnosis;
 
 pub use self::axis::Axis;
 pub use self::figure::{Canvas, Legend, figure};
+pub use self::html::{escape, table};
 pub use self::plot::{Plot, Side};
 
 const STYLE: &str = include_str!("style.css");

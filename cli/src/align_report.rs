@@ -1,0 +1,110 @@
+//! The page of `north align --report`: the heading of every window by every method with its sigma.
+
+use std::path::Path;
+
+use north_finder::attitude::Method;
+use north_finder::units::wrap_180_deg;
+use serde::Serialize;
+
+use crate::diagnose::report::{Axis, Legend, Plot, Side, escape, figure, page, table};
+
+const HEIGHT: f64 = 220.0;
+
+/// The result: the best method on the whole recording, and all of them on every window.
+#[derive(Serialize)]
+pub struct Report {
+    pub heading_deg: f64,
+    pub pitch_deg: f64,
+    pub roll_deg: f64,
+    pub sigma_heading_deg: f64,
+    pub method: &'static str,
+    pub latitude_deg: f64,
+    pub arw_deg_per_sqrt_h: f64,
+    pub rate_excess_deg_h: f64,
+    pub windows: Vec<Window>,
+}
+
+/// One method on one window.
+#[derive(Serialize)]
+pub struct Window {
+    pub start_s: f64,
+    pub seconds: f64,
+    pub method: &'static str,
+    pub heading_deg: Option<f64>,
+    pub sigma_heading_deg: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
+}
+
+/// The whole page; headings are drawn from the reference, or from that of the whole recording.
+pub fn html(file: &Path, report: &Report, reference_deg: Option<f64>) -> String {
+    let title = format!("Alignment of {}", file.display());
+    let zero_deg = reference_deg.unwrap_or(report.heading_deg);
+    let from = if reference_deg.is_some() { "the reference" } else { "the whole recording's" };
+    let figures: String = Method::ALL.iter().map(|method| of_method(report, method.name(), zero_deg, from)).collect();
+    let rows: Vec<Vec<String>> = report
+        .windows
+        .iter()
+        .map(|window| {
+            let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.4}"));
+            vec![
+                format!("{:.1}", window.start_s),
+                format!("{:.1}", window.seconds),
+                window.method.to_owned(),
+                number(window.heading_deg),
+                number(window.sigma_heading_deg),
+                escape(window.reason.as_deref().unwrap_or("")),
+            ]
+        })
+        .collect();
+    let head = [
+        ("start, s", true),
+        ("seconds", true),
+        ("method", false),
+        ("heading, °", true),
+        ("sigma, °", true),
+        ("refused because", false),
+    ];
+    let body = format!(
+        "<h1>{}</h1>\n<p>Heading {:.4}° ± {:.4}°, pitch {:.4}°, roll {:.4}° at the end, by {}; latitude {:.3}°, noise of the gyros \
+         {:.5} °/√h, horizontal rate {:+.4} °/h against the Earth's.</p>\n{figures}<h2>Windows</h2>\n{}",
+        escape(&title),
+        report.heading_deg,
+        report.sigma_heading_deg,
+        report.pitch_deg,
+        report.roll_deg,
+        report.method,
+        report.latitude_deg,
+        report.arw_deg_per_sqrt_h,
+        report.rate_excess_deg_h,
+        table(&head, &rows)
+    );
+    page(&title, &body)
+}
+
+/// Nothing where every window refused.
+fn of_method(report: &Report, method: &str, zero_deg: f64, from: &str) -> String {
+    let points: Vec<(f64, f64, f64)> = report
+        .windows
+        .iter()
+        .filter(|window| window.method == method)
+        .filter_map(|window| {
+            let off = wrap_180_deg(window.heading_deg? - zero_deg);
+            Some((window.start_s + 0.5 * window.seconds, off, 1.96 * window.sigma_heading_deg?))
+        })
+        .collect();
+    if points.is_empty() {
+        return String::new();
+    }
+    let caption = format!("Headings of the windows by {method} less {from}, {zero_deg:.4}°, with 1.96 sigma.");
+    figure(Legend::None, &format!("headings by {method}"), &caption, |canvas| {
+        let x = Axis::linear("middle of the window, s", points.iter().map(|point| point.0));
+        let y =
+            Axis::linear(format!("{method}, °"), points.iter().flat_map(|(_, off, bar)| [0.0, off - bar, off + bar]));
+        let mut plot = Plot::new(canvas.width, HEIGHT, x, y);
+        plot.level("reference", 0.0);
+        plot.bars("bar after", points.iter().map(|(t_s, off, bar)| (*t_s, off - bar, off + bar)));
+        plot.dots(Side::After, points.iter().map(|(t_s, off, _)| (*t_s, *off)));
+        vec![plot]
+    })
+}

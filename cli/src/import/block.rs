@@ -1,0 +1,52 @@
+//! A foreign recording of a triad to one of a three-axis block, as `north align` and `north track` read it.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+use super::{BREATH, Format, Map, Summary, open};
+use crate::block_csv::COLUMNS;
+use crate::failure::Failure;
+use crate::file_error::FileError;
+
+/// m/s² (BIPM, The International System of Units).
+const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
+
+/// Writes the recording `file` to the new file `out`, a row a sample; what is missing is a gap in time. `breath` as for
+/// [`super::import`].
+///
+/// Errors: a mapping without three gyros and three accelerometers; whatever is wrong with either file; a file that is there.
+pub fn block(
+    map: &Map,
+    file: &Path,
+    format: Format,
+    out: &Path,
+    breath: &mut dyn FnMut(u64) -> bool,
+) -> Result<Summary, Failure> {
+    let forces = map.accelerometer.as_ref().map_or(0, |accelerometer| accelerometer.columns.len());
+    if (map.gyro.columns.len(), forces) != (3, 3) {
+        let problem = format!(
+            "a block has three gyros and three accelerometers; this mapping names {} and {forces}",
+            map.gyro.columns.len()
+        );
+        return Err(Failure::Refused(problem));
+    }
+    let mut sampler = open(map, file, format)?;
+    let whole = |error: std::io::Error| FileError::whole(out, error);
+    let mut csv = BufWriter::new(File::create_new(out).map_err(whole)?);
+    writeln!(csv, "{}", COLUMNS.join(",")).map_err(whole)?;
+    let mut rows = 0u64;
+    while let Some(sample) = sampler.next_sample()? {
+        let [gx, gy, gz] = sample.gyro_arcsec;
+        let [ax, ay, az] = sample.acceleration_g.unwrap_or([f64::NAN; 3]).map(|g| g * STANDARD_GRAVITY_M_S2);
+        // No clock tells more than nanoseconds; what lies beyond comes from the arithmetic.
+        let t_s = (1e9 * sample.end_s).round() / 1e9;
+        writeln!(csv, "{t_s},{gx},{gy},{gz},{ax},{ay},{az}").map_err(whole)?;
+        rows += 1;
+        if rows.is_multiple_of(BREATH) && !breath(sampler.bytes_read()) {
+            return Err(Failure::Interrupted);
+        }
+    }
+    csv.flush().map_err(whole)?;
+    Ok(Summary { samples: sampler.due(), losses: sampler.losses(), ..Summary::default() })
+}

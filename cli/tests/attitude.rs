@@ -1,0 +1,208 @@
+//! `north align`, `north track` and `north import --block` on the command line: what is found, bridged, counted and refused.
+
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// A tenth of a second of a level block that stands at latitude 60° with its mark east: y points north and feels 7.5205335 °/h, z
+/// 13.025946 °/h; gravity 9.82 m/s² up.
+const STILL: [f64; 6] = [0.0, 0.752_053_35, 1.302_594_6, 0.0, 0.0, 9.82];
+const HEAD: &str = "t_s,gx_arcsec,gy_arcsec,gz_arcsec,ax_m_s2,ay_m_s2,az_m_s2";
+
+/// Rows of 0.1 s that end at these tenths.
+fn rows(tenths: impl IntoIterator<Item = u32>, row: [f64; 6]) -> String {
+    let mut text = String::new();
+    for tenth in tenths {
+        let [gx, gy, gz, ax, ay, az] = row;
+        writeln!(text, "{},{gx},{gy},{gz},{ax},{ay},{az}", f64::from(tenth) / 10.0).unwrap();
+    }
+    text
+}
+
+fn recording(parts: &[String]) -> (TempDir, String) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("block.csv").display().to_string();
+    fs::write(&path, format!("{HEAD}\n{}", parts.concat())).unwrap();
+    (folder, path)
+}
+
+/// Exit code, stdout, stderr.
+fn north(arguments: &[&str]) -> (i32, String, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_north")).args(arguments).stdin(Stdio::null()).output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+}
+
+fn json(arguments: &[&str]) -> Value {
+    let (code, stdout, stderr) = north(&[arguments, &["--json", "-"]].concat());
+    assert_eq!(code, 0, "{stderr}");
+    serde_json::from_str(&stdout).unwrap()
+}
+
+/// Refused with a reason that holds all of these.
+fn refused(arguments: &[&str], parts: &[&str]) {
+    let (code, stdout, stderr) = north(arguments);
+    assert!(code == 1 && parts.iter().all(|part| stderr.contains(part)), "{code} {stdout} {stderr}");
+}
+
+fn track<'a>(path: &'a str, out: &'a str) -> Vec<&'a str> {
+    vec!["track", path, "--latitude", "60", "--heading", "90", "--align", "10", "--class", "ring-laser", "--out", out]
+}
+
+/// The same with its track beside the recording.
+fn tracked(parts: &[String], more: &[&str]) -> (Value, String) {
+    let (folder, path) = recording(parts);
+    let out = folder.path().join("track.csv").display().to_string();
+    let value = json(&[&track(&path, &out)[..], more].concat());
+    (value, fs::read_to_string(out).unwrap())
+}
+
+#[test]
+fn a_still_block_is_aligned_and_its_page_written() {
+    let (folder, path) = recording(&[rows(1..=1200, STILL)]);
+    let page = folder.path().join("align.html");
+    let report = page.display().to_string();
+    let found = json(&["align", &path, "--latitude", "60", "--window", "30", "--reference", "90", "--report", &report]);
+    assert!((found["heading_deg"].as_f64().unwrap() - 90.0).abs() < 1e-3, "{found}");
+    assert!(found["sigma_heading_deg"].as_f64().unwrap() < 0.1, "{found}");
+    // Four windows of 30 s by five methods.
+    assert_eq!(found["windows"].as_array().unwrap().len(), 20);
+    let html = fs::read_to_string(page).unwrap();
+    assert!(html.contains("inertial-least-squares") && html.contains("<svg") && !html.contains("<script"), "{html}");
+    let blind = json(&["align", &path, "--latitude", "unknown"]);
+    assert!((blind["latitude_deg"].as_f64().unwrap() - 60.0).abs() < 0.01, "{blind}");
+}
+
+#[test]
+fn a_gap_separates_the_windows_of_an_alignment() {
+    let (_folder, path) = recording(&[rows(1..=300, STILL), rows(340..=640, STILL)]);
+    let found = json(&["align", &path, "--latitude", "60", "--window", "25"]);
+    let mut starts: Vec<f64> =
+        found["windows"].as_array().unwrap().iter().map(|window| window["start_s"].as_f64().unwrap()).collect();
+    starts.dedup();
+    assert_eq!(starts, [0.0, 34.0]);
+}
+
+#[test]
+fn what_cannot_be_aligned_is_refused_with_its_reason() {
+    let (_folder, path) = recording(&[rows(1..=600, STILL)]);
+    refused(&["align", &path, "--latitude", "89.5"], &["block.csv", "pole"]);
+    let (_folder, short) = recording(&[rows(1..=50, STILL)]);
+    refused(&["align", &short, "--latitude", "60"], &["too short"]);
+    let (_folder, dead) = recording(&[rows(1..=600, [0.0, 0.0, 0.0, 0.0, 0.0, 9.82])]);
+    refused(&["align", &dead, "--latitude", "60"], &["Earth rate not detected above the noise"]);
+    let (_folder, falling) = recording(&[rows(1..=600, [0.0, 0.7, 1.3, 0.0, 0.0, 1.0])]);
+    refused(&["align", &falling, "--latitude", "60"], &["m/s2"]);
+}
+
+#[test]
+fn bad_files_are_refused_with_file_line_column_and_value() {
+    for command in ["align", "track"] {
+        let (folder, path) = recording(&[rows(1..=20, STILL), "1.5,0,0,0,0,0,9.82\n".into()]);
+        let out = folder.path().join("track.csv").display().to_string();
+        let call = |path: &str, parts: &[&str]| {
+            let tail: &[&str] = if command == "track" { &["--out", &out] } else { &[] };
+            refused(&[&[command, path, "--latitude", "60"], tail].concat(), parts);
+        };
+        // The header is line 1, so the row after twenty is line 22.
+        call(&path, &["block.csv, line 22, column 1 (t_s)", "1.5"]);
+        let (_nan_folder, nan) = recording(&[rows(1..=20, STILL), "2.1,0,nan,0,0,0,9.82\n".into()]);
+        call(&nan, &["line 22, column 3 (gy_arcsec)", "nan", "a finite number"]);
+        let other = folder.path().join("columns.csv").display().to_string();
+        fs::write(&other, "t_s,gx_arcsec,gy_arcsec\n0.1,0,0\n").unwrap();
+        call(&other, &["columns.csv, line 1", "`gz_arcsec` is missing"]);
+        call("nowhere.csv", &["nowhere.csv"]);
+    }
+}
+
+#[test]
+fn a_still_block_is_held_with_its_sigma_and_its_innovations() {
+    let (value, track) = tracked(&[rows(1..=1200, STILL)], &["--reference", "90"]);
+    assert_eq!(
+        (value["gaps"].as_u64(), value["saturated"].as_u64(), value["moving_s"].as_u64()),
+        (Some(0), Some(0), Some(0))
+    );
+    assert!(value["rms_error_deg"].as_f64().unwrap() < 0.01, "{value}");
+    assert!(value["nis_degrees_of_freedom"].as_u64().unwrap() > 300, "{value}");
+    // A row a second after the first ten, a sigma in each.
+    assert_eq!(track.lines().count(), 111);
+    let header: Vec<&str> = track.lines().next().unwrap().split(',').collect();
+    assert_eq!(header[..5], ["t_s", "heading_deg", "pitch_deg", "roll_deg", "sigma_heading_deg"]);
+    for line in track.lines().skip(1) {
+        let sigma: f64 = line.split(',').nth(4).unwrap().parse().unwrap();
+        assert!(sigma > 0.0 && sigma < 0.05, "{line}");
+    }
+}
+
+#[test]
+fn gaps_are_bridged_with_a_wider_sigma_or_refused() {
+    let (value, track) = tracked(&[rows(1..=300, STILL), rows(321..=600, STILL)], &[]);
+    assert_eq!(value["gaps"].as_u64(), Some(1));
+    let sigmas: Vec<f64> = track.lines().skip(1).map(|line| line.split(',').nth(4).unwrap().parse().unwrap()).collect();
+    assert!(sigmas.last() > sigmas.first(), "{sigmas:?}");
+    let (folder, path) = recording(&[rows(1..=300, STILL), rows(401..=600, STILL)]);
+    let out = folder.path().join("track.csv").display().to_string();
+    refused(&self::track(&path, &out), &["block.csv", "no rows for 10.0", "t_s = 40.1"]);
+}
+
+#[test]
+fn a_saturated_gyro_is_counted_and_a_new_fix_wanted() {
+    // 500 °/s over a tenth of a second is 180 000″; the block's range is 400 °/s.
+    let fast = [0.0, 0.0, 180_000.0, 0.0, 0.0, 9.82];
+    let (value, _) = tracked(&[rows(1..=300, STILL), rows(301..=303, fast), rows(304..=600, STILL)], &[]);
+    assert_eq!(value["saturated"].as_u64(), Some(3));
+    assert!(
+        value["refix_at_s"].as_f64().unwrap() < 32.0 && value["sigma_heading_deg"].as_f64().unwrap() > 10.0,
+        "{value}"
+    );
+}
+
+#[test]
+fn nothing_is_held_near_a_pole() {
+    let (folder, path) = recording(&[rows(1..=300, STILL)]);
+    let out = folder.path().join("track.csv").display().to_string();
+    refused(&["track", &path, "--latitude", "-89.7", "--heading", "0", "--out", &out], &["pole"]);
+    assert!(!Path::new(&out).exists());
+}
+
+#[test]
+fn the_page_of_a_track_shows_heading_sigma_error_and_innovations() {
+    let (folder, path) = recording(&[rows(1..=1200, STILL)]);
+    let file = |name: &str| folder.path().join(name).display().to_string();
+    let (out, page) = (file("track.csv"), file("track.html"));
+    json(&[&track(&path, &out)[..], &["--reference", "90", "--report", &page]].concat());
+    let html = fs::read_to_string(page).unwrap();
+    for part in ["heading, °", "sigma, °", "error, °", "NIS", "95 % of such means"] {
+        assert!(html.contains(part), "{part}");
+    }
+    assert!(!html.contains("NaN") && !html.contains("<script"));
+}
+
+/// Counts of 0.1″ and 0.0125 g, x to the right, y forward: a block that points north at latitude 60° feels 7.5 °/h along y.
+#[test]
+fn a_foreign_triad_becomes_a_recording_of_a_block() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name).display().to_string();
+    let map = "format = 1\nlatitude_deg = 60\n[time]\ninterval_s = 0.1\n[gyro]\ncolumns = [1, 2, 3]\n\
+               axes = [\"right\", \"forward\", \"up\"]\nunit = \"arcsec\"\nscale = 0.1\n[accelerometer]\ncolumns = [4, 5, 6]\n\
+               axes = [\"right\", \"forward\", \"up\"]\nunit = \"g\"\nscale = 0.0125\n[index]\nangles_deg = [0, 90, 180, 270]\ndwell_s = 10\n";
+    fs::write(file("map.toml"), map).unwrap();
+    fs::write(file("counts.csv"), format!("a,b,c,d,e,f\n{}", "2,75,130,0,0,80\n".repeat(20))).unwrap();
+    let (map, counts, block) = (file("map.toml"), file("counts.csv"), file("block.csv"));
+    let call = ["import", "--map", &map, &counts, "--block", &block];
+    let (code, _, stderr) = north(&call);
+    assert_eq!(code, 0, "{stderr}");
+    let text = fs::read_to_string(&block).unwrap();
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!((lines[0], lines.len()), (HEAD, 21));
+    let row: Vec<f64> = lines[1].split(',').map(|field| field.parse().unwrap()).collect();
+    // Forward 7.5″, left −0.2″, up 13″; 80 counts are 1 g.
+    let expected = [0.1, 7.5, -0.2, 13.0, 0.0, 0.0, 9.80665];
+    assert!(row.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{row:?}");
+    // It is never overwritten.
+    refused(&call, &["block.csv"]);
+}
