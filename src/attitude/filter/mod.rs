@@ -38,6 +38,13 @@ const LONGEST_INTERVAL_S: f64 = 1.0;
 /// Increments further apart than this are not bridged, s.
 const LONGEST_GAP_S: f64 = 1.0;
 
+/// The heading's error changes within some two minutes, by its drift and by corrections, s.
+///
+/// In the equations every change of the heading turns the accelerometers' bias, which tells bias from tilt; a change that is
+/// none does not. A filter that takes it for one claims tilts of 0.02° that are known to 0.07° (simulated at a mooring without
+/// modulation: NEES 3.7 after 4 h; with this noise 1.1).
+const HEADING_ERROR_S: f64 = 120.0;
+
 /// What aids, and so which readings are taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
@@ -490,6 +497,11 @@ impl Filter {
                 self.covariance.add_noise(state, sigma * sigma * (1.0 - kept * kept));
             }
         }
+        // A turn that is not known turns the accelerometers' bias with it: a product of two errors, which the equations lack.
+        let turned = self.covariance.variance(ATTITUDE + 2) * 2.0 * dt_s / HEADING_ERROR_S;
+        let [x, y] = [0, 1].map(|axis| self.covariance.variance(ACCELEROMETER + axis));
+        self.covariance.add_noise(ACCELEROMETER, y * turned);
+        self.covariance.add_noise(ACCELEROMETER + 1, x * turned);
         self.estimates.markov_rad_s *= drift;
         self.estimates.current_m_s *= current;
         self.velocity_rate = transition.velocity_rate();
