@@ -42,7 +42,7 @@ const LONGEST_GAP_S: f64 = 1.0;
 ///
 /// In the equations every change of the heading turns the accelerometers' bias, which tells bias from tilt; a change that is
 /// none does not. A filter that takes it for one claims tilts of 0.02° that are known to 0.07° (simulated at a mooring without
-/// modulation: NEES 3.7 after 4 h; with this noise 1.1).
+/// modulation: NEES 3.7 after 4 h; with this noise 0.96).
 const HEADING_ERROR_S: f64 = 120.0;
 
 /// What aids, and so which readings are taken.
