@@ -26,6 +26,8 @@ const RAD_S_PER_DEG_H: f64 = RAD_PER_DEG / 3600.0;
 const RAD_PER_ARCSEC: f64 = RAD_PER_DEG / 3600.0;
 /// Innovations over which the sway is averaged: three a second.
 const SWAY_SECONDS: f64 = 48.0;
+/// No base stands stiller than this in the mean of a second, arcsec.
+const LEAST_SWAY_ARCSEC: f64 = 0.01;
 /// A sway that is slower than a second repeats itself: so many times its variance counts.
 const SLOW_SWAY: f64 = 2.0;
 /// Length of the steps of the covariance, s.
@@ -423,10 +425,9 @@ impl Hold {
             if let Some(place) = cross.get_mut(ATTITUDE + axis) {
                 *place -= 1.5 * white;
             }
-            let sway = square(*measured) - known;
-            // An exponential mean.
-            self.sway_rad2 += (sway.max(0.0) - self.sway_rad2) / SWAY_SECONDS;
-            self.correct(&cross, known.max(0.0) + SLOW_SWAY * self.sway_rad2, *measured);
+            // An exponential mean; of less than nothing where there is none.
+            self.sway_rad2 += (square(*measured) - known - self.sway_rad2) / SWAY_SECONDS;
+            self.correct(&cross, known.max(0.0) + SLOW_SWAY * self.sway_rad2(), *measured);
         }
     }
 
@@ -443,6 +444,11 @@ impl Hold {
                 self.correct(&cross, variance + bias * variance / (variance - bias) + noise, measured);
             }
         }
+    }
+
+    /// Not below what rounding needs.
+    fn sway_rad2(&self) -> f64 {
+        self.sway_rad2.max(square(LEAST_SWAY_ARCSEC * RAD_PER_ARCSEC))
     }
 
     /// Takes in a scalar: its covariance with the state, its variance, its value; fed back at once.
@@ -469,7 +475,7 @@ impl Hold {
     /// While it stands the rest is reported where it is better known than the moment: gyros may be noisier than the sway.
     fn report(&self, motion: Motion) -> HoldSecond {
         let variance = |state: usize| self.covariance.get((state, state)).copied().unwrap_or(f64::INFINITY);
-        let rested = variance(REST + 2) + self.sway_rad2;
+        let rested = variance(REST + 2) + self.sway_rad2();
         let at_rest = motion == Motion::Standing && rested < variance(ATTITUDE + 2);
         let (first, orientation) = if at_rest { (REST, self.rest) } else { (ATTITUDE, self.orientation) };
         let turns = |turned: &Vector3<f64>| (square(turned.x) + square(turned.y), square(turned.z));

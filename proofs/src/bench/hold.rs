@@ -41,7 +41,7 @@ const WHOLE: &str = "whole instrument";
 #[command(after_help = "Example:\n  north bench hold --trials 100")]
 pub struct HoldBench {
     /// Trials for each row, 10 to 100000
-    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u64).range(10..=100_000))]
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u64).range(10..=100_000))]
     trials: u64,
     /// Only the whole instrument
     #[arg(long)]
