@@ -230,7 +230,9 @@ impl Alignment {
         let bias = bias_deg_h.map_or(shown, |declared| declared * RAD_PER_DEG / 3600.0);
         let sigma = libm::sqrt(variance_rad2_s2 + bias * bias);
         let to_deg_h = DEG_PER_RAD * 3600.0;
-        if horizontal <= 2.0 * sigma && method != Method::StaticMean {
+        // The mean of a base that rocks has any rate: it is refused only where there is hardly one.
+        let least = if method == Method::StaticMean { 0.1 * rate.cos * EARTH_RATE_RAD_S } else { 2.0 * sigma };
+        if horizontal <= least {
             return Err(AlignError::NoEarthRate { rate_deg_h: horizontal * to_deg_h, sigma_deg_h: sigma * to_deg_h });
         }
         let geographic = rate.orientation();

@@ -26,6 +26,10 @@ const RAD_S_PER_DEG_H: f64 = RAD_PER_DEG / 3600.0;
 const RAD_PER_ARCSEC: f64 = RAD_PER_DEG / 3600.0;
 /// Innovations over which the sway is averaged: three a second.
 const SWAY_SECONDS: f64 = 48.0;
+/// With a heading that is known no better than this the Earth's rate is no measure of it: the equations hold for small angles. What of
+/// the Earth's rate is then along the wrong axes is noise of the attitude that keeps for a minute.
+const LOST_DEG: f64 = 10.0;
+const LOST_S: f64 = 60.0;
 /// No base stands stiller than this in the mean of a second, arcsec.
 const LEAST_SWAY_ARCSEC: f64 = 0.01;
 /// A sway that is slower than a second repeats itself: so many times its variance counts.
@@ -392,11 +396,15 @@ impl Hold {
     /// The covariance over `dt_s`, with a further variance of each attitude angle, rad².
     fn propagate(&mut self, dt_s: f64, turned_rad2: f64) {
         let mut transition = Covariance::identity();
+        let heading_rad2 = self.covariance.get((ATTITUDE + 2, ATTITUDE + 2)).copied().unwrap_or(0.0);
+        let lost = heading_rad2 > square(LOST_DEG * RAD_PER_DEG);
+        let seen = if lost { Vector3::zeros() } else { self.earth_rad_s };
+        let unseen = if lost { self.earth_rad_s.norm_squared() * dt_s * LOST_S } else { 0.0 };
         transition
             .fixed_view_mut::<3, 3>(ATTITUDE, ATTITUDE)
-            .copy_from(&(Matrix3::identity() - cross_matrix(&(self.earth_rad_s * dt_s))));
+            .copy_from(&(Matrix3::identity() - cross_matrix(&(seen * dt_s))));
         transition.fixed_view_mut::<3, 3>(ATTITUDE, BIAS).copy_from(&(self.orientation.direction_cosines() * dt_s));
-        let attitude = self.white_rad2(dt_s) + turned_rad2;
+        let attitude = self.white_rad2(dt_s) + turned_rad2 + unseen;
         // The Gauss-Markov process, taken for a random walk.
         let bias = 2.0 * square(self.class.markov_deg_h * RAD_S_PER_DEG_H) * dt_s / self.class.markov_s;
         let creep = square(self.limits.creep_arcsec_sqrt_s * RAD_PER_ARCSEC) * dt_s;
