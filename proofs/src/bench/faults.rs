@@ -23,7 +23,9 @@ const SHOWN: usize = 12;
 /// state machine runs in this process. Exit code 1 after a panic, a hang, lost settings, or an azimuth beyond 4 sigma
 /// without a flag whose faults a single fix can see.
 #[derive(Args, Debug)]
-#[command(after_help = "Examples:\n  north bench faults --json faults.json\n  north bench faults --only 512")]
+#[command(
+    after_help = "Examples:\n  north bench faults --json faults.json\n  north bench faults --only 512\n  north bench faults --kind encoder-slip"
+)]
 pub struct Faults {
     /// Trials, 1 to 10000000
     #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
@@ -34,6 +36,9 @@ pub struct Faults {
     /// Only the trial with this number, in full
     #[arg(long, value_name = "N")]
     only: Option<u64>,
+    /// Only the trials in which this kind of fault takes part
+    #[arg(long, value_name = "NAME")]
+    kind: Option<String>,
 }
 
 /// What became of a trial.
@@ -127,8 +132,17 @@ impl Bench for Faults {
     type Row = Row;
 
     fn measure(&self, out: &mut dyn Write) -> Result<Vec<Row>, Failure> {
-        let numbers = self.only.map_or(0..self.trials, |only| only..only + 1);
-        let bar = progress::bar(numbers.end - numbers.start, "trials");
+        let mut numbers: Vec<u64> = self.only.map_or(0..self.trials, |only| only..only + 1).collect();
+        if let Some(name) = &self.kind {
+            if !Kind::all().any(|kind| kind.name == name) {
+                return Err(Failure::Refused(format!("no kind of fault is called {name}")));
+            }
+            let drawn = numbers.into_iter().map(|number| Ok((number, Trial::draw(self.seed, number)?)));
+            let drawn = drawn.collect::<Result<Vec<_>, Failure>>()?.into_iter();
+            let wanted = drawn.filter(|(_, trial)| trial.kinds.iter().any(|kind| kind.name == name));
+            numbers = wanted.map(|(number, _)| number).collect();
+        }
+        let bar = progress::bar(numbers.len() as u64, "trials");
         let all = trials(numbers, &bar, |number| {
             let trial = Trial::draw(self.seed, number)?;
             let outcome = trial.run()?;

@@ -21,7 +21,6 @@ mod repeat;
 mod voyage;
 
 use std::io::Write;
-use std::ops::Range;
 
 use clap::{Args, Parser, Subcommand};
 use indicatif::ProgressBar;
@@ -113,7 +112,11 @@ fn run<B: Bench>(bench: &B, json: &JsonOption) -> Result<(), Failure> {
 }
 
 /// Runs numbered trials on all cores, in a fixed order; an interrupt ends them.
-fn trials<T: Send>(numbers: Range<u64>, bar: &ProgressBar, run: impl Fn(u64) -> T + Sync) -> Result<Vec<T>, Failure> {
+fn trials<T: Send>(
+    numbers: impl IntoParallelIterator<Item = u64>,
+    bar: &ProgressBar,
+    run: impl Fn(u64) -> T + Sync,
+) -> Result<Vec<T>, Failure> {
     let trials = numbers
         .into_par_iter()
         .take_any_while(|_| !interrupt::requested())
