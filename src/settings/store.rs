@@ -13,17 +13,22 @@
 //!
 //! The valid record with the later sequence number counts. [`save`] erases and writes the other slot.
 //!
-//! A record of another version is as good as a corrupt one.
+//! Records of the version before are read as well; those of any other are as good as corrupt.
+
+mod version_4;
 
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 use serde::Deserialize;
 
 use super::Settings;
+use version_4::Settings4;
 
 const MAGIC: [u8; 4] = *b"NFST";
 /// Changes whenever the meaning of a record does.
 const VERSION: u16 = 5;
+/// The version before, which is read.
+const OLD_VERSION: u16 = 4;
 const HEADER: usize = 12;
 const CRC_LENGTH: usize = 4;
 /// Longest record; a multiple of every flash's word, and within a sector. The longest settings that are valid fit: a test
@@ -177,21 +182,30 @@ fn encode(settings: &Settings, sequence: u32, record: &mut Record) -> Option<usi
     Some(HEADER + length + CRC_LENGTH)
 }
 
-/// Where a record's settings end; `None` where any of its checks fails.
-fn check(record: &Record) -> Option<usize> {
+/// The version of a record, and where its settings end; `None` where any of its checks fails.
+fn check(record: &Record) -> Option<(u16, usize)> {
     let [m0, m1, m2, m3, v0, v1, l0, l1, ..] = *record;
     let end = HEADER + usize::from(u16::from_le_bytes([l0, l1]));
     let (checked, rest) = record.split_at_checked(end)?;
+    let version = u16::from_le_bytes([v0, v1]);
     let sound = [m0, m1, m2, m3] == MAGIC
-        && u16::from_le_bytes([v0, v1]) == VERSION
+        && matches!(version, OLD_VERSION | VERSION)
         && CRC.checksum(checked) == u32::from_le_bytes(*rest.first_chunk()?);
-    sound.then_some(end)
+    sound.then_some((version, end))
 }
 
 /// Settings of a record; `None` where any of its checks fails.
 fn decode(record: &Record) -> Option<Settings> {
-    let mut bytes = postcard::Deserializer::from_bytes(record.get(HEADER..check(record)?)?);
-    let settings = Settings::deserialize(&mut bytes).ok()?;
+    let (version, end) = check(record)?;
+    let content = record.get(HEADER..end)?;
+    if version == OLD_VERSION { read::<Settings4>(content).map(Settings::from) } else { read(content) }
+}
+
+/// Never inlined: the two versions do not need the stack at the same time.
+#[inline(never)]
+fn read<'a, S: Deserialize<'a>>(content: &'a [u8]) -> Option<S> {
+    let mut bytes = postcard::Deserializer::from_bytes(content);
+    let settings = S::deserialize(&mut bytes).ok()?;
     bytes.finalize().is_ok_and(<[u8]>::is_empty).then_some(settings)
 }
 

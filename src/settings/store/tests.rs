@@ -145,6 +145,31 @@ fn another_version_is_corrupt() {
     assert_eq!(load(&mut flash), Ok(Loaded::Corrupt));
 }
 
+/// A record of version 4 is one of today without the byte of `index.hold_current`, which ends the index's settings, and the last
+/// one, which says that there is no block.
+#[test]
+fn the_version_before_is_read_with_its_model() {
+    let mut flash = Flash::<4>::erased();
+    let expected = Settings { block: None, ..longest::settings() };
+    save(&mut flash, &expected).unwrap();
+    let Settings { latitude_deg, gyro, level, disturbance, jitter, index, .. } = expected.clone();
+    let mut place = [0; 256];
+    let before =
+        postcard::to_slice(&(latitude_deg, gyro, level, disturbance, jitter, index), &mut place).unwrap().len();
+    let length = usize::from(u16::from_le_bytes([flash.bytes[6], flash.bytes[7]]));
+    assert_eq!(flash.bytes.remove(HEADER + before - 1), u8::from(expected.index.hold_current));
+    flash.bytes[4] = 4;
+    flash.bytes[6..8].copy_from_slice(&(length as u16 - 2).to_le_bytes());
+    let end = HEADER + length - 2;
+    assert_eq!(flash.bytes[end], 0);
+    let crc = CRC.checksum(&flash.bytes[..end]).to_le_bytes();
+    flash.bytes[end..][..4].copy_from_slice(&crc);
+    flash.bytes.push(0xFF);
+    let mut old = expected;
+    old.index.hold_current = false;
+    assert_eq!(load(&mut flash), Ok(Loaded::Valid(old)));
+}
+
 #[test]
 fn the_longest_settings_fit() {
     let mut flash = Flash::<16>::erased();
