@@ -5,6 +5,9 @@ use serde::{Deserialize, Serialize};
 use crate::codes::IndexCode;
 use crate::units::{DEG_PER_RAD, sin_cos_deg, wrap_360_deg};
 
+/// Microsteps of the motor in one degree of the index.
+pub const MICROSTEPS_PER_DEG: u16 = 100;
+
 /// Indexing: the motor and the encoder.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]

@@ -10,14 +10,12 @@ use core::convert::Infallible;
 use embedded_hal::digital::OutputPin;
 use micromath::F32;
 
-use crate::index::{IndexSettings, MotorCommand};
+use crate::index::{IndexSettings, MICROSTEPS_PER_DEG, MotorCommand};
 
 /// Slots in a second.
 pub const SLOTS_HZ: u16 = 3200;
 /// Slots in a tick of 2.5 ms.
 pub const SLOTS_PER_TICK: u8 = 8;
-/// Microsteps in a degree of the gyro's angle.
-pub const MICROSTEPS_PER_DEG: u16 = 100;
 
 /// The mean braking along the ramp, as a part of the permitted acceleration: micromath's square root multiplies it by
 /// up to 1.5 in places.

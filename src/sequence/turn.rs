@@ -1,17 +1,17 @@
 //! One move of the index, watched through the encoder.
 
 use crate::health::Fault;
-use crate::index::{IndexSettings, MotorCommand};
+use crate::index::{IndexSettings, MICROSTEPS_PER_DEG, MotorCommand};
 use crate::sample::SAMPLE_S;
 
-/// Microsteps of the motor in one degree of the index.
-pub const MICROSTEPS_PER_DEG: f64 = 100.0;
 /// The motor starts one tick after the command, and the tick after that shows it turning.
 const START_TICKS: u32 = 4;
 /// Wait between the last step and the reading of the angle: 0.2 s.
 const REST_TICKS: u32 = 80;
-/// A turning motor must move the encoder within each window of this length: 0.5 s.
-const STALL_WINDOW_TICKS: u32 = 200;
+/// A turning motor must move the encoder within each window of this length, 0.5 s or more: so long that an honest motor moves by
+/// this angle, many times what the encoder's noise and steps can be.
+const STALL_WINDOW_S: f64 = 0.5;
+const STALL_WINDOW_DEG: f64 = 1.0;
 /// … by this share of what it should.
 const STALL_SHARE: f64 = 0.3;
 
@@ -26,6 +26,7 @@ pub struct Turn {
     way_deg: f64,
     ticks: u32,
     resting: u32,
+    window_s: f64,
     window_start_deg: f64,
     window_ticks: u32,
     rest_sum_deg: f64,
@@ -46,13 +47,15 @@ pub enum Progress {
 }
 
 fn command(way_deg: f64) -> MotorCommand {
-    MotorCommand::Turn { microsteps: libm::round(way_deg * MICROSTEPS_PER_DEG) as i32 }
+    MotorCommand::Turn { microsteps: libm::round(way_deg * f64::from(MICROSTEPS_PER_DEG)) as i32 }
 }
 
 impl Turn {
     /// From `from_deg` to `target_deg`, both unwrapped.
     pub fn new(settings: IndexSettings, from_deg: f64, target_deg: f64) -> (Self, MotorCommand) {
         let way_deg = target_deg - from_deg;
+        let by_speed_s = STALL_WINDOW_DEG / settings.speed_deg_s;
+        let by_ramp_s = libm::sqrt(2.0 * STALL_WINDOW_DEG / settings.acceleration_deg_s2);
         let turn = Self {
             settings,
             target_deg,
@@ -61,6 +64,7 @@ impl Turn {
             way_deg,
             ticks: 0,
             resting: 0,
+            window_s: STALL_WINDOW_S.max(by_speed_s).max(by_ramp_s),
             window_start_deg: from_deg,
             window_ticks: 0,
             rest_sum_deg: 0.0,
@@ -92,10 +96,10 @@ impl Turn {
 
     fn watch_stall(&mut self, index_deg: f64) -> Progress {
         self.window_ticks += 1;
-        if self.window_ticks < STALL_WINDOW_TICKS {
+        let window_s = f64::from(self.window_ticks) * SAMPLE_S;
+        if window_s < self.window_s {
             return Progress::Turning;
         }
-        let window_s = f64::from(STALL_WINDOW_TICKS) * SAMPLE_S;
         // The slowest window of an honest move is one of acceleration or of braking at its end.
         let cruise_deg = self.settings.speed_deg_s * window_s;
         let ramp_deg = 0.5 * self.settings.acceleration_deg_s2 * window_s * window_s;
@@ -137,8 +141,8 @@ mod tests {
         let (mut index_deg, mut attempts) = (from_deg, 1);
         loop {
             let MotorCommand::Turn { microsteps } = command else { panic!() };
-            let end_deg = index_deg + share * f64::from(microsteps) / MICROSTEPS_PER_DEG;
-            let ticks = (f64::from(microsteps.abs()) / MICROSTEPS_PER_DEG / 30.0 / SAMPLE_S) as u32;
+            let end_deg = index_deg + share * f64::from(microsteps) / f64::from(MICROSTEPS_PER_DEG);
+            let ticks = (f64::from(microsteps.abs()) / f64::from(MICROSTEPS_PER_DEG) / 30.0 / SAMPLE_S) as u32;
             let step_deg = (end_deg - index_deg) / f64::from(ticks.max(1));
             let mut tick = 0;
             command = loop {
