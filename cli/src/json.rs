@@ -75,7 +75,7 @@ pub struct Run {
     pub reason: Option<String>,
 }
 
-/// A stay at one position.
+/// A dwell at one position.
 #[derive(Debug, Serialize)]
 pub struct DwellRecord {
     pub index_deg: f64,
@@ -109,7 +109,7 @@ impl Run {
         }
     }
 
-    /// A run that gave no azimuth: the stays it got through, and why.
+    /// A run that gave no azimuth: the dwells it got through, and why.
     pub fn without_azimuth(
         file: String,
         dwells: &[Dwell],

@@ -44,7 +44,7 @@ impl From<&Scenario> for SiteAndGyro {
     }
 }
 
-/// A stay at an index angle.
+/// A dwell at an index angle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dwell {
     /// Index angle, degrees counter-clockwise; the move to it is the difference from the one before.

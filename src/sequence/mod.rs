@@ -430,3 +430,6 @@ impl Sequencer {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

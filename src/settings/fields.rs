@@ -106,10 +106,23 @@ impl Field {
 /// Everything that is wrong with the numbers, each for itself and together.
 ///
 /// A still gyro must pass the gates: its bias limit and five sigma of its one-second noise lie below the thresholds. And its
-/// range lies above the Earth rate and the disturbance threshold.
+/// range lies above the Earth rate and the disturbance threshold. A wait has room for what it waits for.
 pub fn violations(settings: &Settings) -> impl Iterator<Item = Invalid> + '_ {
     let noise_deg_h = settings.gyro.noise_deg_h();
     let together = [
+        ("level.timeout_s", settings.level.timeout_s, settings.level.seconds.into(), "level.seconds"),
+        (
+            "disturbance.timeout_s",
+            settings.disturbance.timeout_s,
+            settings.disturbance.seconds.into(),
+            "disturbance.seconds",
+        ),
+        (
+            "jitter.timeout_s",
+            settings.jitter.timeout_s,
+            settings.jitter.seconds.saturating_add(1).into(),
+            "jitter.seconds and the first, which has no change",
+        ),
         (
             "disturbance.threshold_deg_h",
             settings.disturbance.threshold_deg_h,
