@@ -88,11 +88,11 @@ pub struct Instrument {
 }
 
 impl Instrument {
-    /// With what the flash holds. Without valid settings the instrument still samples and reports, but starts no fix.
+    /// With what the flash holds, by [`load`]. Without valid settings the instrument still samples and reports, but starts no fix.
     // Inlined, so that it is made where it stays: copies of it would take tens of kilobytes of a board's stack.
     #[inline(always)]
-    pub fn power_up(flash: &mut impl ReadNorFlash) -> Self {
-        let (settings, sequencer) = match load(flash) {
+    pub fn power_up(loaded: Loaded) -> Self {
+        let (settings, sequencer) = match loaded {
             // What no board measures cannot be compensated: such a model is for recordings.
             Loaded::Valid(settings) if settings.model.as_ref().is_some_and(|model| model.off_board().is_some()) => {
                 (settings, Err(Fault::SettingsInvalid))
@@ -349,11 +349,11 @@ impl Instrument {
     }
 }
 
-/// A flash that cannot be read is as good as corrupt.
+/// What the flash holds; a flash that cannot be read is as good as corrupt.
 ///
-/// Never inlined: what this takes of the stack is free again when the instrument is made.
+/// Never inlined, and apart from [`Instrument::power_up`]: together they would take more than a board's stack.
 #[inline(never)]
-fn load(flash: &mut impl ReadNorFlash) -> Loaded {
+pub fn load(flash: &mut impl ReadNorFlash) -> Loaded {
     store::load(flash).unwrap_or(Loaded::Corrupt)
 }
 

@@ -40,9 +40,10 @@ mod app {
     use north_finder::guard::{Guard, Task, Verdict};
     use north_finder::health::Refused;
     use north_finder::index::MotorCommand;
-    use north_finder::instrument::{Instrument, Readings};
+    use north_finder::instrument::{self, Instrument, Readings};
     use north_finder::link;
     use north_finder::restart::Crash;
+    use north_finder::settings::store::Loaded;
 
     /// Room for as many ticks as `solve` may lag behind: 80 ms, and the bytes of gyro and host of that time.
     const READINGS: usize = 32;
@@ -110,7 +111,8 @@ mod app {
     fn init(cx: init::Context) -> (Shared, Local) {
         let crash = crash::take().or_else(|| board::reset_cause().map(Crash::new));
         let mut board: Board = board::init(cx.device);
-        let instrument = power_up(cx.local.place, &mut board.flash);
+        let loaded = instrument::load(&mut board.flash);
+        let instrument = power_up(cx.local.place, loaded);
 
         let (gyro_in, gyro_out) = cx.local.gyro_bytes.split();
         let (request_in, request_out) = cx.local.requests.split();
@@ -159,8 +161,8 @@ mod app {
     ///
     /// Never inlined: what this takes of the stack is free again for the tasks.
     #[inline(never)]
-    fn power_up(place: &'static mut MaybeUninit<Instrument>, flash: &mut board::Flash) -> &'static mut Instrument {
-        let instrument = place.write(Instrument::power_up(flash));
+    fn power_up(place: &'static mut MaybeUninit<Instrument>, loaded: Loaded) -> &'static mut Instrument {
+        let instrument = place.write(Instrument::power_up(loaded));
         match instrument.refusal() {
             None => defmt::info!("boot: ready"),
             Some(fault) => defmt::error!("boot: no fix can be started: {}", fault),
