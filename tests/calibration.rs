@@ -52,7 +52,7 @@ fn six_positions_are_unbiased_honest_and_better_than_the_differences() {
 fn sigmas_hold_the_truth_far_south_with_a_rough_table_and_a_bias_that_wanders() {
     let case = six_position::Case {
         latitude_deg: -58.0,
-        stay_s: 200.0,
+        dwell_s: 200.0,
         arw_deg_per_sqrt_h: 0.003,
         bias_instability_deg_h: 0.005,
         table_arcsec: 60.0,

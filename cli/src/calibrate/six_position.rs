@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use north_finder::calibration::six_position::dwell::Dwell;
 use north_finder::calibration::six_position::published::{self, Published};
-use north_finder::calibration::six_position::stay::Stay;
 use north_finder::calibration::six_position::{self, Calibration, Position, Refusal};
 use serde::Serialize;
 
@@ -35,7 +35,7 @@ pub struct Outcome {
 pub struct Visit {
     pub name: String,
     pub position: Position,
-    /// Length of the intervals that the stay's rows count, s.
+    /// Length of the intervals that the dwell's rows count, s.
     pub mean_s: f64,
     /// Mean temperature, °C, if the file has it.
     pub temp_c: Option<f64>,
@@ -47,7 +47,7 @@ pub enum SixPositionError {
     #[error(transparent)]
     File(#[from] FileError),
     #[error("{file}: {reason}")]
-    Stay { file: String, reason: String },
+    Dwell { file: String, reason: String },
     #[error("{file}: {reason}")]
     Refused { file: String, reason: String },
 }
@@ -73,10 +73,10 @@ pub fn calibrate(path: &Path) -> Result<Outcome, SixPositionError> {
     for listed in manifest.positions {
         let recording = Recording::read(&listed.path)?;
         let mut scratch = vec![0.0; recording.rates_deg_h.len()];
-        let stay = Stay::of(&recording.rates_deg_h, recording.mean_s, &mut scratch).map_err(|error| {
-            SixPositionError::Stay { file: listed.path.display().to_string(), reason: error.to_string() }
+        let dwell = Dwell::of(&recording.rates_deg_h, recording.mean_s, &mut scratch).map_err(|error| {
+            SixPositionError::Dwell { file: listed.path.display().to_string(), reason: error.to_string() }
         })?;
-        let position = Position { axes: listed.axes, stay };
+        let position = Position { axes: listed.axes, dwell };
         visits.push(Visit { name: listed.name, position, mean_s: recording.mean_s, temp_c: recording.temp_c });
     }
     let positions: Vec<_> = visits.iter().map(|visit| visit.position).collect();
@@ -116,7 +116,7 @@ impl Outcome {
 pub fn by_formulas(positions: &[Position], latitude_deg: f64) -> Option<Published> {
     let rates = published::axes()
         .ok()?
-        .map(|axes| positions.iter().find(|position| position.axes == axes).map(|position| position.stay.rate_deg_h));
+        .map(|axes| positions.iter().find(|position| position.axes == axes).map(|position| position.dwell.rate_deg_h));
     let [one, two, three, four, five, six] = rates;
     published::differences(&[one?, two?, three?, four?, five?, six?], latitude_deg).ok()
 }

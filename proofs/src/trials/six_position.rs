@@ -3,8 +3,8 @@
 use hal_sim::triad::{SIX_POSITIONS, Table, TriadErrors, Visit, drawn};
 use north::calibrate::six_position::by_formulas;
 use north_finder::calibration::six_position::axes::Axes;
+use north_finder::calibration::six_position::dwell::Dwell;
 use north_finder::calibration::six_position::published::Published;
-use north_finder::calibration::six_position::stay::Stay;
 use north_finder::calibration::six_position::{self, Calibration, Knowledge, Position};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -14,7 +14,7 @@ use rand_chacha::ChaCha8Rng;
 pub struct Case {
     pub latitude_deg: f64,
     /// Time in each position, s, in rows of one second.
-    pub stay_s: f64,
+    pub dwell_s: f64,
     pub arw_deg_per_sqrt_h: f64,
     /// Bias instability; declared.
     pub bias_instability_deg_h: f64,
@@ -26,7 +26,7 @@ impl Case {
     /// As the source has it: ten minutes in each position, a table good to ±3″.
     pub const NOMINAL: Self = Self {
         latitude_deg: 34.75,
-        stay_s: 600.0,
+        dwell_s: 600.0,
         arw_deg_per_sqrt_h: 0.0015,
         bias_instability_deg_h: 0.0,
         table_arcsec: 3.0,
@@ -116,10 +116,10 @@ pub fn run(case: &Case, seed: u64, number: u64) -> Option<Trial> {
 pub fn visit_six(table: &mut Table, case: &Case, random: &mut ChaCha8Rng) -> Option<Vec<Position>> {
     let visit = |position: hal_sim::triad::PositionOfTable| {
         table.set_error(case.angle_errors_arcsec(random));
-        let rows = table.visit(&Visit::at_rest(position.angles_deg, case.stay_s));
+        let rows = table.visit(&Visit::at_rest(position.angles_deg, case.dwell_s));
         let rates: Vec<_> = rows.iter().map(|row| row.arcsec).collect();
-        let stay = Stay::of(&rates, 1.0, &mut vec![0.0; rates.len()]).ok()?;
-        Some(Position { axes: Axes::parse(position.axes).ok()?, stay })
+        let dwell = Dwell::of(&rates, 1.0, &mut vec![0.0; rates.len()]).ok()?;
+        Some(Position { axes: Axes::parse(position.axes).ok()?, dwell })
     };
     SIX_POSITIONS.into_iter().map(visit).collect()
 }

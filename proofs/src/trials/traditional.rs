@@ -2,7 +2,7 @@
 
 use hal_sim::triad::{SIX_POSITIONS, Spin, Table, Visit};
 use north_finder::calibration::six_position::axes::Axes;
-use north_finder::calibration::six_position::stay::Stay;
+use north_finder::calibration::six_position::dwell::Dwell;
 use north_finder::earth::earth_rate;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -63,20 +63,20 @@ pub fn calibrate(table: &mut Table, case: &Case, random: &mut ChaCha8Rng) -> Opt
 
     let [position, ..] = SIX_POSITIONS;
     table.set_error(case.angle_errors_arcsec(random));
-    let rows = table.visit(&Visit::at_rest(position.angles_deg, SIX_POSITIONS.len() as f64 * case.stay_s));
+    let rows = table.visit(&Visit::at_rest(position.angles_deg, SIX_POSITIONS.len() as f64 * case.dwell_s));
     let rates: Vec<_> = rows.iter().map(|row| row.arcsec).collect();
-    let stay = Stay::of(&rates, 1.0, &mut vec![0.0; rates.len()]).ok()?;
+    let dwell = Dwell::of(&rates, 1.0, &mut vec![0.0; rates.len()]).ok()?;
     let input_deg_h = Axes::parse(position.axes).ok()?.input_deg_h(&earth_rate(case.latitude_deg).ok()?);
     let squared: f64 = input_deg_h.iter().map(|rate| rate * rate).sum();
     let (mut bias_deg_h, mut sigma_bias_deg_h) = ([0.0; 3], [0.0; 3]);
     for axis in 0..3 {
         let felt: f64 = matrix[axis].iter().zip(input_deg_h).map(|(response, rate)| response * rate).sum();
-        bias_deg_h[axis] = stay.rate_deg_h[axis] - felt;
+        bias_deg_h[axis] = dwell.rate_deg_h[axis] - felt;
         let by_responses: f64 =
             sigma_matrix[axis].iter().zip(input_deg_h).map(|(sigma, rate)| (sigma * rate).powi(2)).sum();
         let by_angles = angle * angle * (squared - input_deg_h[axis].powi(2));
         sigma_bias_deg_h[axis] =
-            (stay.variance[axis] + by_angles + by_responses + case.bias_instability_deg_h.powi(2)).sqrt();
+            (dwell.variance[axis] + by_angles + by_responses + case.bias_instability_deg_h.powi(2)).sqrt();
     }
     Some(Parameters { bias_deg_h, matrix, sigma_bias_deg_h, sigma_matrix })
 }

@@ -5,10 +5,10 @@
 //! all measurements enter a weighted least-squares solution, and what they have left over are the closures.
 
 pub mod axes;
+pub mod dwell;
 mod latitude;
 pub mod published;
 mod refusal;
-pub mod stay;
 
 pub use refusal::{Refusal, Undetermined};
 
@@ -18,7 +18,7 @@ use super::statistics::chi_square_p;
 use crate::earth::{EARTH_RATE_DEG_H, earth_rate};
 use crate::units::ARCSEC_PER_RAD;
 use axes::Axes;
-use stay::{Stay, WANDER_FREEDOM};
+use dwell::{Dwell, WANDER_FREEDOM};
 
 /// A closure less probable than this is not noise.
 pub const LEAST_CLOSURE_P: f64 = 1e-3;
@@ -35,7 +35,7 @@ const MOST_DEVIATION: f64 = 0.2;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Position {
     pub axes: Axes,
-    pub stay: Stay,
+    pub dwell: Dwell,
 }
 
 /// What is known besides the readings.
@@ -45,7 +45,7 @@ pub struct Knowledge {
     pub latitude_deg: f64,
     /// The table's angles are good to ± this, arcsec (uniformly distributed).
     pub table_arcsec: f64,
-    /// Bias instability of the gyros, °/h: what does not average out, neither in a stay nor over all of them.
+    /// Bias instability of the gyros, °/h: what does not average out, neither in a dwell nor over all of them.
     pub bias_instability_deg_h: f64,
 }
 
@@ -128,7 +128,7 @@ impl<'a> Measured<'a> {
         let mut chi_squares = [0.0; 3];
         let mut freedom = 0;
         for position in positions {
-            for (sum, wander) in chi_squares.iter_mut().zip(position.stay.wander) {
+            for (sum, wander) in chi_squares.iter_mut().zip(position.dwell.wander) {
                 *sum += wander;
             }
             freedom += WANDER_FREEDOM;
@@ -162,8 +162,8 @@ impl<'a> Measured<'a> {
             let across = input.iter().map(|rate| rate * rate).sum::<f64>() - along * along;
             Some(Observation {
                 row: Vector4::new(1.0, x, y, z),
-                rate_deg_h: part(&position.stay.rate_deg_h, gyro),
-                variance: part(&position.stay.variance, gyro) * wander
+                rate_deg_h: part(&position.dwell.rate_deg_h, gyro),
+                variance: part(&position.dwell.variance, gyro) * wander
                     + instability * instability
                     + table_variance * across,
             })

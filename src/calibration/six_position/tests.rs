@@ -12,8 +12,8 @@ fn knowledge() -> Knowledge {
 }
 
 fn position(axes: &str, rate_deg_h: [f64; 3]) -> Position {
-    let stay = Stay { rate_deg_h, variance: [1e-6; 3], wander: [7.0; 3], rows: 600, left_out: 0, turned: None };
-    Position { axes: Axes::parse(axes).unwrap(), stay }
+    let dwell = Dwell { rate_deg_h, variance: [1e-6; 3], wander: [7.0; 3], rows: 600, left_out: 0, turned: None };
+    Position { axes: Axes::parse(axes).unwrap(), dwell }
 }
 
 /// The six positions with inputs written out by hand, through a triad whose gyros read what `output` says.
@@ -31,7 +31,7 @@ fn six(output: impl Fn([f64; 3]) -> [f64; 3]) -> Vec<Position> {
 }
 
 fn published_of(positions: &[Position]) -> published::Published {
-    let rates: Vec<_> = positions.iter().map(|position| position.stay.rate_deg_h).collect();
+    let rates: Vec<_> = positions.iter().map(|position| position.dwell.rate_deg_h).collect();
     published::differences(rates.as_slice().try_into().unwrap(), LATITUDE_DEG).unwrap()
 }
 
@@ -77,7 +77,7 @@ fn the_closure_is_the_rms_of_what_is_left() {
     // An error e of x in position 2. The two closures of a gyro are N2 + N3 − N5 − N6 and N1 − N3 − N6 + N4, each with a
     // variance of 4σ², and independent (their product is −1 + 1 = 0). So chi² = e²/4σ² and the squares e²/4 over 6.
     let mut positions = six(|input| input);
-    positions[1].stay.rate_deg_h[0] += 2e-3;
+    positions[1].dwell.rate_deg_h[0] += 2e-3;
     let closure = solve(&positions, &knowledge()).unwrap().closure;
     assert!((closure.rms_deg_h.unwrap() - (1e-6_f64 / 6.0).sqrt()).abs() < 2e-6, "{closure:?}");
     // Q(1 | 6) = e^−1/2 (1 + 1/2 + 1/8) = 0.9856.
@@ -87,14 +87,14 @@ fn the_closure_is_the_rms_of_what_is_left() {
 #[test]
 fn a_closure_that_is_not_noise_is_refused_with_the_suspects() {
     let mut positions = six(|input| input);
-    positions[2].stay.rate_deg_h[1] += 0.05;
+    positions[2].dwell.rate_deg_h[1] += 0.05;
     // Position 3 alone is in both closures with these signs.
     let Err(Refusal::Closure { p_value, suspects, .. }) = solve(&positions, &knowledge()) else { panic!() };
     assert!(p_value < 1e-9);
     assert_eq!(suspects, 1 << 2);
     // An error of position 2 leaves the same as the opposite one of position 5.
     let mut positions = six(|input| input);
-    positions[1].stay.rate_deg_h[1] += 0.05;
+    positions[1].dwell.rate_deg_h[1] += 0.05;
     let Err(Refusal::Closure { suspects, .. }) = solve(&positions, &knowledge()) else { panic!() };
     assert_eq!(suspects, 1 << 1 | 1 << 4);
 }
@@ -218,7 +218,7 @@ fn wandering_rates_widen_the_sigmas() {
     let still = solve(&six(|input| input), &knowledge()).unwrap();
     let mut positions = six(|input| input);
     for position in &mut positions {
-        position.stay.wander = [28.0, 7.0, 7.0];
+        position.dwell.wander = [28.0, 7.0, 7.0];
     }
     let wandering = solve(&positions, &knowledge()).unwrap();
     // 28 over 7 degrees of freedom: variances times four.
@@ -230,7 +230,7 @@ fn wandering_rates_widen_the_sigmas() {
 fn a_table_is_the_floor() {
     let mut positions = six(|input| input);
     for position in &mut positions {
-        position.stay.variance = [0.0; 3];
+        position.dwell.variance = [0.0; 3];
     }
     assert_eq!(solve(&positions, &knowledge()), Err(Refusal::NoScatter { position: 0 }));
     let knowledge = Knowledge { table_arcsec: 3.0, ..knowledge() };

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 
 use clap::Args;
-use north_finder::calibration::six_position::stay::Turned;
+use north_finder::calibration::six_position::dwell::Turned;
 
 use super::write_rows;
 use crate::calibrate::six_position::{Outcome, SixPositionError, calibrate, noted_temperatures};
@@ -12,7 +12,7 @@ use crate::failure::Failure;
 use crate::model_file::Triads;
 use crate::output::JsonOption;
 
-/// Calibrate a gyro triad from its stays in known positions on a table at rest
+/// Calibrate a gyro triad from its dwells in known positions on a table at rest
 ///
 /// DIR/calibration.toml lists the positions: format = 1, latitude_deg, and for each a [[position]] with file and axes (which
 /// way x, y and z point, such as "ENU"). A file has the columns t_s, gx_arcsec, gy_arcsec, gz_arcsec. Six positions determine the
@@ -76,19 +76,19 @@ fn write_visits(out: &mut dyn Write, outcome: &Outcome) -> io::Result<()> {
     let width = outcome.visits.iter().map(|visit| visit.name.chars().count()).max().unwrap_or_default().max(8);
     writeln!(out, "{:<width$}    seconds  left out          x          y          z  deg/h", "position")?;
     for visit in &outcome.visits {
-        let stay = &visit.position.stay;
+        let dwell = &visit.position.dwell;
         let seconds = |rows: usize| rows as f64 * visit.mean_s;
-        let [x, y, z] = stay.rate_deg_h;
+        let [x, y, z] = dwell.rate_deg_h;
         writeln!(
             out,
             "{:<width$}  {:9.0} {:9.0}  {x:+9.4}  {y:+9.4}  {z:+9.4}",
             visit.name,
-            seconds(stay.rows),
-            seconds(stay.left_out)
+            seconds(dwell.rows),
+            seconds(dwell.left_out)
         )?;
     }
     for visit in &outcome.visits {
-        if let Some(Turned { rows, arcsec }) = visit.position.stay.turned {
+        if let Some(Turned { rows, arcsec }) = visit.position.dwell.turned {
             let seconds = rows as f64 * visit.mean_s;
             writeln!(
                 out,

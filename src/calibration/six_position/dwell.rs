@@ -1,4 +1,4 @@
-//! A stay at one position of the table, boiled down to what the solution needs of it.
+//! A dwell at one position of the table, boiled down to what the solution needs of it.
 
 use core::ops::Range;
 
@@ -8,9 +8,9 @@ use crate::units::ARCSEC_PER_RAD;
 
 /// Fewest quiet rows that a mean and its scatter are taken of.
 pub const LEAST_ROWS: usize = 16;
-/// A row further than this from the stay's level, in standard deviations, was not quiet.
+/// A row further than this from the dwell's level, in standard deviations, was not quiet.
 const LIMIT_SIGMAS: f64 = 6.0;
-/// Parts of a stay whose means are compared, to see whether the rate wandered.
+/// Parts of a dwell whose means are compared, to see whether the rate wandered.
 const PARTS: usize = 8;
 /// Degrees of freedom of that comparison.
 pub const WANDER_FREEDOM: u32 = PARTS as u32 - 1;
@@ -23,14 +23,14 @@ const WOULD_SHOW: f64 = 6.0;
 /// Rates of two rests that differ by no more than this, in standard deviations of their difference, agree.
 const AGREE: f64 = 3.0;
 
-/// Mean rates of a stay.
+/// Mean rates of a dwell.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stay {
+pub struct Dwell {
     /// Mean output of the gyros x, y, z, °/h.
     pub rate_deg_h: [f64; 3],
     /// Variance of these means, (°/h)², if successive rows are independent.
     pub variance: [f64; 3],
-    /// Scatter of the means of eighths of the stay over what independent rows would give: a chi-square with
+    /// Scatter of the means of eighths of the dwell over what independent rows would give: a chi-square with
     /// [`WANDER_FREEDOM`] degrees of freedom where the rate did not wander.
     pub wander: [f64; 3],
     /// Rows that entered, and rows that were left out because the table moved or the triad was knocked.
@@ -48,9 +48,9 @@ pub struct Turned {
     pub arcsec: f64,
 }
 
-/// Why a stay says nothing.
+/// Why a dwell says nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum StayError {
+pub enum DwellError {
     /// Fewer than [`LEAST_ROWS`].
     TooShort { rows: usize },
     /// Not half of the rows belong to one level of rate.
@@ -59,7 +59,7 @@ pub enum StayError {
     NotFinite { row: usize },
 }
 
-impl core::fmt::Display for StayError {
+impl core::fmt::Display for DwellError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::TooShort { rows } => {
@@ -80,21 +80,21 @@ struct Band {
     half_width: f64,
 }
 
-impl Stay {
+impl Dwell {
     /// Of mean rates over successive intervals of `row_s`, about a second: x, y, z in °/h. `scratch` has room for as many
     /// numbers as there are rows.
     ///
     /// The noise is taken from the changes between successive rows. A change of more than six standard deviations parts
-    /// the stay; the longest part gives the level, and rows further than six standard deviations from it, with their
+    /// the dwell; the longest part gives the level, and rows further than six standard deviations from it, with their
     /// neighbours, are left out. What these add up to is the angle by which the triad turned meanwhile. Rests that are turned
     /// against the longest one are left out too, unless the turn is too small to matter, or so large that it would show in
     /// the rates and does not: then the rows were wrong, and the triad did not turn.
-    pub fn of(rates: &[[f64; 3]], row_s: f64, scratch: &mut [f64]) -> Result<Self, StayError> {
+    pub fn of(rates: &[[f64; 3]], row_s: f64, scratch: &mut [f64]) -> Result<Self, DwellError> {
         if rates.len() < LEAST_ROWS {
-            return Err(StayError::TooShort { rows: rates.len() });
+            return Err(DwellError::TooShort { rows: rates.len() });
         }
         if let Some(row) = rates.iter().position(|rate| !rate.iter().all(|part| part.is_finite())) {
-            return Err(StayError::NotFinite { row });
+            return Err(DwellError::NotFinite { row });
         }
         let jumps = AXES.map(|axis| jump(rates, axis, scratch));
         let longest = rates.get(longest_part(rates, jumps)).unwrap_or(rates);
@@ -107,7 +107,7 @@ impl Stay {
         let marked = || rates.iter().zip(&*scratch).filter(|(_, mark)| **mark > 0.0).map(|(rate, _)| rate);
         let rows = marked().count();
         if rows < LEAST_ROWS || 2 * quiet < rates.len() {
-            return Err(StayError::Moving { quiet, rows: rates.len() });
+            return Err(DwellError::Moving { quiet, rows: rates.len() });
         }
         let statistics = AXES.map(|axis| Statistics::of(rows, || marked().map(axis)));
         Ok(Self {
@@ -267,20 +267,20 @@ mod tests {
         [0.1, -0.1, -0.1, 0.1].iter().cycle().take(64).map(|away| [level + away, -level - away, away + 0.0]).collect()
     }
 
-    fn stay(rates: &[[f64; 3]]) -> Result<Stay, StayError> {
+    fn dwell(rates: &[[f64; 3]]) -> Result<Dwell, DwellError> {
         let mut scratch: Vec<f64> = rates.iter().map(|_| 0.0).collect();
-        Stay::of(rates, 1.0, &mut scratch)
+        Dwell::of(rates, 1.0, &mut scratch)
     }
 
     #[test]
     fn mean_and_variance_by_hand() {
-        let stay = stay(&rough(5.0)).unwrap();
-        assert_eq!((stay.rows, stay.left_out), (64, 0));
-        let [x, y, z] = stay.rate_deg_h;
+        let dwell = dwell(&rough(5.0)).unwrap();
+        assert_eq!((dwell.rows, dwell.left_out), (64, 0));
+        let [x, y, z] = dwell.rate_deg_h;
         assert!((x - 5.0).abs() < 1e-12 && (y + 5.0).abs() < 1e-12 && z.abs() < 1e-12);
         // 64 squares of 0.1 over 63 degrees of freedom, over 64 rows.
-        assert!((stay.variance[0] - 0.01 / 63.0).abs() < 1e-12);
-        assert!(stay.wander.iter().all(|wander| *wander < 1e-9));
+        assert!((dwell.variance[0] - 0.01 / 63.0).abs() < 1e-12);
+        assert!(dwell.wander.iter().all(|wander| *wander < 1e-9));
     }
 
     #[test]
@@ -288,9 +288,9 @@ mod tests {
         // 45″: at 5 °/h a change by 0.001 °/h.
         let mut rates = rough(5.0);
         rates[20][1] = 40.0;
-        let stay = stay(&rates).unwrap();
-        assert_eq!((stay.rows, stay.left_out, stay.turned), (61, 3, None));
-        assert!((stay.rate_deg_h[1] + 5.0).abs() < 0.01);
+        let dwell = dwell(&rates).unwrap();
+        assert_eq!((dwell.rows, dwell.left_out, dwell.turned), (61, 3, None));
+        assert!((dwell.rate_deg_h[1] + 5.0).abs() < 0.01);
     }
 
     #[test]
@@ -299,9 +299,9 @@ mod tests {
         rates.extend(rough(5.0));
         rates.extend([[-3000.0, 500.0, 0.0]; 3]);
         rates.extend(rough(-7.0).into_iter().take(20));
-        let stay = stay(&rates).unwrap();
-        assert!((stay.rate_deg_h[0] - 5.0).abs() < 0.01, "{stay:?}");
-        assert_eq!(stay.rows, 62);
+        let dwell = dwell(&rates).unwrap();
+        assert!((dwell.rate_deg_h[0] - 5.0).abs() < 0.01, "{dwell:?}");
+        assert_eq!(dwell.rows, 62);
     }
 
     #[test]
@@ -311,17 +311,17 @@ mod tests {
         let mut rates = rough(5.0);
         rates.extend(rough(5.0).into_iter().take(32).map(|[x, y, z]| [x - 0.218, y - 0.218, z]));
         rates[66][2] = 9000.0;
-        let turned = stay(&rates).unwrap();
+        let turned = dwell(&rates).unwrap();
         assert_eq!((turned.rows, turned.left_out), (65, 31));
         let Some(Turned { rows: 28, arcsec }) = turned.turned else { panic!("{turned:?}") };
         assert!((arcsec - 9000.0).abs() < 0.5, "{arcsec}");
         // To and fro.
         rates[67][2] = -9000.0;
-        assert_eq!(stay(&rates).unwrap().turned, None);
+        assert_eq!(dwell(&rates).unwrap().turned, None);
         // The other way round: the longer rest is the later one.
         rates[67][2] = 0.0;
         rates.reverse();
-        assert_eq!(stay(&rates).unwrap().turned.map(|turned| turned.rows), Some(28));
+        assert_eq!(dwell(&rates).unwrap().turned.map(|turned| turned.rows), Some(28));
     }
 
     #[test]
@@ -330,8 +330,8 @@ mod tests {
         for wrong in [20_000.0, 1e7] {
             let mut rates = rough(5.0);
             rates[20][2] = wrong;
-            let stay = stay(&rates).unwrap();
-            assert_eq!((stay.rows, stay.left_out, stay.turned), (61, 3, None));
+            let dwell = dwell(&rates).unwrap();
+            assert_eq!((dwell.rows, dwell.left_out, dwell.turned), (61, 3, None));
         }
     }
 
@@ -339,31 +339,31 @@ mod tests {
     fn a_wandering_rate_shows() {
         let rates: Vec<_> =
             rough(5.0).iter().zip(0..).map(|(rate, i)| rate.map(|x| x + 0.005 * f64::from(i))).collect();
-        assert!(stay(&rates).unwrap().wander.iter().all(|wander| *wander > 20.0));
+        assert!(dwell(&rates).unwrap().wander.iter().all(|wander| *wander > 20.0));
     }
 
     #[test]
     fn coarse_steps_are_not_knocks() {
         // One row in ten reads a step of 0.1 more.
         let rates: Vec<_> = (0..100).map(|i| [if i % 10 == 3 { 0.1 } else { 0.0 }; 3]).collect();
-        assert_eq!(stay(&rates).unwrap().left_out, 0);
+        assert_eq!(dwell(&rates).unwrap().left_out, 0);
     }
 
     #[test]
     fn constant_rows_with_a_knock() {
         let mut rates = [[1.0, 2.0, 3.0]; 100].to_vec();
         rates[50] = [9.0, 2.0, 3.0];
-        let stay = stay(&rates).unwrap();
-        assert_eq!((stay.left_out, stay.rate_deg_h), (3, [1.0, 2.0, 3.0]));
+        let dwell = dwell(&rates).unwrap();
+        assert_eq!((dwell.left_out, dwell.rate_deg_h), (3, [1.0, 2.0, 3.0]));
     }
 
     #[test]
     fn what_says_nothing_is_refused() {
-        assert_eq!(stay(&rough(1.0)[..15]), Err(StayError::TooShort { rows: 15 }));
+        assert_eq!(dwell(&rough(1.0)[..15]), Err(DwellError::TooShort { rows: 15 }));
         let mut rates = rough(1.0);
         rates[3][2] = f64::NAN;
-        assert_eq!(stay(&rates), Err(StayError::NotFinite { row: 3 }));
+        assert_eq!(dwell(&rates), Err(DwellError::NotFinite { row: 3 }));
         let sweep: Vec<_> = (0..100).map(|i| [f64::from(i * i), 0.0, 0.0]).collect();
-        assert!(matches!(stay(&sweep), Err(StayError::Moving { .. })));
+        assert!(matches!(dwell(&sweep), Err(DwellError::Moving { .. })));
     }
 }
