@@ -108,6 +108,8 @@ fn diagnosis() -> Diagnosis {
         azimuth_rms_after_deg: Some(0.112),
         azimuth_rms_before_interval_deg: Some([1.2, 1.81]),
         azimuth_rms_after_interval_deg: Some([0.08, 0.14]),
+        judged_runs: 6,
+        leave_one_out: None,
         judged_on: Some("check-runs"),
         unexplained: false,
         unexplained_evidence: Vec::new(),

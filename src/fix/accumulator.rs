@@ -7,9 +7,12 @@
 
 use heapless::Vec;
 
+pub use super::dwell::Outliers;
 use super::dwell::{DwellRows, DwellSummary, Row};
 use super::index_watch::IndexWatch;
 use super::{Declared, DesignRow, Fix, Unsolvable, moving_base};
+use crate::earth::EarthRate;
+use crate::effects::doubt::MAX_DIRECTIONS;
 use crate::effects::{Conditions, Correction, ErrorModel, Evaluator};
 use crate::gates::Gate;
 use crate::health::{Flag, Flags};
@@ -22,7 +25,7 @@ const TEMPERATURE_CHANGE_K: f64 = 0.5;
 /// Most seconds that wait for the first rate of change; a rate is known after ten.
 const HELD: usize = 16;
 /// Share of the time at rest below which the index was turning all the time: every second counts at its own angle.
-const ROTATION_SHARE: f64 = 0.25;
+pub const ROTATION_SHARE: f64 = 0.25;
 
 /// A second as it was measured, or a row of a recording of another length.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -58,8 +61,8 @@ pub struct Corrected {
 
 impl Corrected {
     /// The row of the equations that this second is in the solution: `None` without an index angle.
-    pub fn design(&self, declared: &Declared) -> Option<DesignRow> {
-        Some(DesignRow::new(self.index?, self.measured.conditions.level, &declared.earth))
+    pub fn design(&self, earth: &EarthRate) -> Option<DesignRow> {
+        Some(DesignRow::new(self.index?, self.measured.conditions.level, earth))
     }
 
     /// As a row of a dwell.
@@ -136,6 +139,7 @@ impl Dwells for std::vec::Vec<DwellSummary> {
 #[derive(Clone, Copy, Debug)]
 struct Held {
     row: Row,
+    doubt_deg_h: [f32; MAX_DIRECTIONS],
     scale: f64,
     moving: bool,
 }
@@ -151,6 +155,10 @@ pub struct Accumulator<D> {
     /// There was no room for a dwell.
     full: bool,
     rows: DwellRows,
+    outliers_s: Outliers,
+    /// Sums over the rows of the dwell of what the model's doubt adds, by their time, and that time.
+    doubts_arcsec: [f64; MAX_DIRECTIONS],
+    doubted_s: f64,
     held: Vec<Held, HELD>,
     watch: IndexWatch,
     /// The index slipped since the last dwell: its angle before.
@@ -180,6 +188,9 @@ impl<D: Dwells> Accumulator<D> {
             dwells,
             full: false,
             rows: DwellRows::default(),
+            outliers_s: Outliers::new(),
+            doubts_arcsec: [0.0; MAX_DIRECTIONS],
+            doubted_s: 0.0,
             held: Vec::new(),
             watch: IndexWatch::new(declared.index_sigma_deg),
             slipped_from: None,
@@ -197,6 +208,7 @@ impl<D: Dwells> Accumulator<D> {
         self.dwells.retain(|_| false);
         self.full = false;
         self.rows.clear();
+        (self.doubts_arcsec, self.doubted_s) = ([0.0; MAX_DIRECTIONS], 0.0);
         self.held.clear();
         self.watch.restart();
         (self.slipped_from, self.slip_deg) = (None, 0.0);
@@ -274,9 +286,14 @@ impl<D: Dwells> Accumulator<D> {
             self.release();
         }
         let noise_deg_h = self.declared.gyro.noise_deg_h();
+        self.outliers_s.clear();
         let summary = match self.evaluator.model().base_motion {
             Some(sensing) => moving_base::summary(self.rows.as_slice(), sensing, noise_deg_h),
-            None => self.rows.summary(noise_deg_h),
+            None => {
+                self.rows.judge(noise_deg_h);
+                self.outliers_s.clone_from(self.rows.outliers_s());
+                self.rows.summary(noise_deg_h)
+            }
         };
         self.rows.clear();
         let mut summary = summary?;
@@ -284,8 +301,16 @@ impl<D: Dwells> Accumulator<D> {
             self.slip_deg += wrap_180_deg(summary.index_deg() - before.deg());
         }
         summary.slip_deg = self.slip_deg;
+        let doubted_s = core::mem::take(&mut self.doubted_s).max(f64::MIN_POSITIVE);
+        let doubt_deg_h = core::mem::take(&mut self.doubts_arcsec).map(|sum| (sum / doubted_s) as f32);
+        summary.doubt_deg_h = doubt_deg_h;
         self.keep(summary);
         Some(summary)
+    }
+
+    /// Middles of the seconds that were left out of the last dwell as outliers, seconds.
+    pub fn outliers_s(&self) -> &Outliers {
+        &self.outliers_s
     }
 
     /// A gate had to wait.
@@ -320,27 +345,32 @@ impl<D: Dwells> Accumulator<D> {
             self.watch_temperature(temp_c);
         }
         self.rates_deg_h = self.evaluator.rates_deg_h();
-        let held = Held { row, scale: second.correction.scale, moving };
+        let doubt_deg_h = second.correction.doubt_deg_h;
+        let held = Held { row, doubt_deg_h, scale: second.correction.scale, moving };
         if second.correction.waiting && self.held.push(held).is_ok() {
             return true;
         }
         self.release();
-        self.push(row, moving);
+        self.push(row, doubt_deg_h, moving);
         true
     }
 
     /// Takes the seconds that waited, corrected by the latest rates of change.
     fn release(&mut self) {
-        for Held { mut row, scale, moving } in core::mem::take(&mut self.held) {
+        for Held { mut row, doubt_deg_h, scale, moving } in core::mem::take(&mut self.held) {
             row.rate_deg_h -= self.rates_deg_h / scale;
-            self.push(row, moving);
+            self.push(row, doubt_deg_h, moving);
         }
     }
 
-    fn push(&mut self, row: Row, moving: bool) {
+    fn push(&mut self, row: Row, doubt_deg_h: [f32; MAX_DIRECTIONS], moving: bool) {
         if moving {
-            self.keep(DwellSummary::moving(&row));
+            self.keep(DwellSummary { doubt_deg_h, ..DwellSummary::moving(&row) });
         } else {
+            for (sum, doubt) in self.doubts_arcsec.iter_mut().zip(doubt_deg_h) {
+                *sum += row.seconds * f64::from(doubt);
+            }
+            self.doubted_s += row.seconds;
             self.rows.push(row, self.declared.gyro.noise_deg_h());
         }
     }

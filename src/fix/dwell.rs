@@ -8,18 +8,24 @@ use core::ops::Range;
 
 use heapless::Vec;
 
+use crate::effects::doubt::MAX_DIRECTIONS;
 use crate::level::{LevelMoments, Specific};
 
 /// Rows that are kept.
 pub const MAX_ROWS: usize = 128;
 /// Fewest places that merging must free; else longer rows are made.
 const LEAST_FREE: usize = 16;
+/// Times of outliers that are kept; of more it is known how many there were.
+const MAX_OUTLIERS: usize = 16;
 /// Rows belong together when the gap between them is below this, seconds.
 const GAP_S: f64 = 0.01;
 /// A row is an outlier beyond this many standard deviations: in white noise one in 5·10⁸.
 const OUTLIER_SIGMAS: f64 = 6.0;
 /// Where rows are alike to this share of the declared noise, they are counts coarser than the noise.
 const COARSE: f64 = 0.25;
+
+/// Middles of rows that were left out as outliers, seconds: the first ones of a dwell.
+pub type Outliers = Vec<f64, MAX_OUTLIERS>;
 
 /// One measuring interval with the gyro at rest on its spindle, usually a second.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -125,6 +131,8 @@ pub struct DwellSummary {
     pub moving: bool,
     /// The base's motion is already taken out of the rate.
     pub base_taken_out: bool,
+    /// What one sigma along each direction in which the error model is uncertain adds to the rate, °/h.
+    pub doubt_deg_h: [f32; MAX_DIRECTIONS],
 }
 
 /// Gathers the rows of a dwell.
@@ -225,8 +233,13 @@ impl DwellRows {
         sums.summary()
     }
 
-    /// Takes the rows that wait into the sums.
-    fn judge(&mut self, noise_deg_h: f64) {
+    /// Middles of the rows that were left out so far, seconds.
+    pub fn outliers_s(&self) -> &Outliers {
+        &self.sums.outliers_s
+    }
+
+    /// Takes the rows that wait into the sums, less the outliers.
+    pub fn judge(&mut self, noise_deg_h: f64) {
         self.sums.add(self.rows.get(self.judged..).unwrap_or_default(), noise_deg_h);
         self.judged = self.rows.len();
     }
@@ -308,6 +321,7 @@ struct Sums {
     rows: u16,
     level_rows: u16,
     outliers: u16,
+    outliers_s: Outliers,
 }
 
 /// Weighted sums of a quantity x.
@@ -356,6 +370,7 @@ impl Sums {
                 self.add_row(row);
             } else {
                 self.outliers = self.outliers.saturating_add(1);
+                let _ = self.outliers_s.push(row.t_s);
                 self.broken = true;
             }
         }
@@ -439,7 +454,6 @@ impl Sums {
             time_spread: self.time_spread(),
             cos: self.cos / self.seconds,
             sin: self.sin / self.seconds,
-            slip_deg: 0.0,
             rate: line(&self.rate, first.rate_deg_h),
             angle: (!self.broken && self.rows >= 3)
                 .then_some(Line { slope_per_s: angle.slope_per_s + first.rate_deg_h, ..angle }),
@@ -449,8 +463,7 @@ impl Sums {
             }),
             degrees_of_freedom: self.rows.saturating_sub(2),
             outliers: self.outliers,
-            moving: false,
-            base_taken_out: false,
+            ..DwellSummary::default()
         })
     }
 }

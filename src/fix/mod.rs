@@ -9,11 +9,13 @@
 //! positions of equal length it is ψ = atan2(ω90 − ω270, ω0 − ω180).
 //!
 //! Sigma comes from the scatter of the data, never below what the declared noise allows, and grows where the stays do
-//! not fit together; the declared bias instability, encoder and level errors are added.
+//! not fit together; the declared bias instability, encoder and level errors are added, and what is not certain of the
+//! error model ([`doubt`]).
 
 pub mod accumulator;
 pub mod base_motion;
 pub mod design;
+mod doubt;
 pub mod dwell;
 pub mod index_watch;
 pub mod moving_base;
@@ -24,6 +26,7 @@ pub mod sinusoid;
 mod statistics;
 #[cfg(test)]
 mod tests;
+mod velocity;
 
 use nalgebra::{Matrix4, Vector4};
 use serde::{Deserialize, Serialize};
@@ -37,6 +40,7 @@ use crate::sample::GyroSettings;
 use crate::units::{DEG_PER_RAD, RAD_PER_DEG, sin_cos_deg, wrap_180_deg, wrap_360_deg};
 use base_motion::{BaseMotion, Method};
 pub use design::DesignRow;
+use doubt::Correlated;
 use dwell::DwellSummary;
 use noise::Noise;
 use sinusoid::Fitted;
@@ -146,6 +150,8 @@ struct Problem<'a> {
     start_s: f64,
     line: Option<Fitted>,
     noise: Option<Noise>,
+    /// What is not certain of the error model.
+    correlated: Option<Correlated>,
     /// Where the index reading jumped while the motor stood, the encoder slipped and the gyro stayed where it was.
     encoder_slipped: bool,
 }
@@ -186,6 +192,19 @@ impl Problem<'_> {
                 },
             ]
         })
+    }
+
+    /// The observations with errors that are independent of each other.
+    fn for_each(&self, take: &mut dyn FnMut(Observation)) {
+        match &self.correlated {
+            Some(correlated) => correlated.for_each(self.observations().step_by(2), take),
+            None => self.observations().for_each(take),
+        }
+    }
+
+    /// What an error of a dwell's rate adds to the right-hand side of the normal equations.
+    fn lever(&self, dwell: usize, observation: &Observation) -> Vector4<f64> {
+        self.correlated.as_ref().map_or(observation.weight * observation.row, |correlated| correlated.lever(dwell))
     }
 
     /// What the base's turning adds to the gyro's rate at a stay, °/h: cos θ · dr/dt − sin θ · dp/dt.
@@ -239,19 +258,19 @@ impl Estimate {
     fn new(problem: &Problem<'_>, drift_weight: f64) -> Option<Self> {
         let mut normal = Matrix4::zeros();
         let mut right = Vector4::zeros();
-        for Observation { weight, row, rate_deg_h, .. } in problem.observations() {
+        problem.for_each(&mut |Observation { weight, row, rate_deg_h, .. }| {
             normal += weight * row * row.transpose();
             right += weight * rate_deg_h * row;
-        }
+        });
         normal.m44 += drift_weight;
         let inverse = regular_inverse(&normal)?;
         let parameters = inverse * right;
         let (mut left, mut count) = (drift_weight * parameters.w * parameters.w, 0);
-        for Observation { weight, row, rate_deg_h, .. } in problem.observations() {
+        problem.for_each(&mut |Observation { weight, row, rate_deg_h, .. }| {
             let residual = rate_deg_h - row.dot(&parameters);
             left += weight * residual * residual;
             count += usize::from(weight > 0.0);
-        }
+        });
         Some(Self { parameters, inverse, left, count })
     }
 
@@ -316,8 +335,16 @@ fn solve_for(
 ) -> Result<(Fix, f64), Unsolvable> {
     let earth = declared.earth;
     let start_s = dwells.first().ok_or(Unsolvable::TooFewDirections)?.start_s;
-    let mut problem =
-        Problem { dwells, earth, motion: base_motion(dwells), start_s, line: None, noise: None, encoder_slipped };
+    let mut problem = Problem {
+        dwells,
+        earth,
+        motion: base_motion(dwells),
+        start_s,
+        line: None,
+        noise: None,
+        correlated: None,
+        encoder_slipped,
+    };
     let mut flags = Flags::default();
 
     let noise_deg_h = declared.gyro.noise_deg_h();
@@ -334,12 +361,15 @@ fn solve_for(
         let fitted = Fitted::new(sinusoid, &problem, variance, drift_weight);
         problem.line = Some(fitted.ok_or(Unsolvable::TooFewDirections)?);
     }
+    problem.correlated = Correlated::new(&model.doubt, dwells, problem.observations().step_by(2), variance);
     let drift = settle_drift(&problem, variance, drift_sigma)?;
     let estimate = drift.estimate;
     if drift.free {
         flags.insert(Flag::Drift);
     }
-    if noise.widening > 1.0 {
+    // What a process of the model makes alike is accounted for.
+    let widening = if model.doubt.process.is_some() { 1.0 } else { noise.widening };
+    if widening > 1.0 {
         flags.insert(Flag::Autocorrelated);
     }
 
@@ -362,7 +392,7 @@ fn solve_for(
     let amplitude_deg_h = libm::hypot(cos_part, sin_part);
     let inverse = problem.line.map_or(estimate.inverse, |line| estimate.inverse + line.doubt);
     let covariance =
-        inverse * (variance * inflation.max(noise.widening)) + correlated_covariance(&problem, &estimate, declared);
+        inverse * (variance * inflation.max(widening)) + correlated_covariance(&problem, &estimate, declared, model);
     let along = Vector4::new(cos_part, sin_part, 0.0, 0.0) / amplitude_deg_h;
     let amplitude_sigma = libm::sqrt(along.dot(&(covariance * along)));
     let significant = amplitude_deg_h > 5.0 * amplitude_sigma;
@@ -401,7 +431,10 @@ fn solve_for(
     let solution = Fix {
         azimuth_deg,
         sigma_deg: libm::sqrt(
-            [of_rates_deg, of_index_deg, of_level_deg, drift.doubt_deg].iter().map(|part| part * part).sum(),
+            [of_rates_deg, of_index_deg, of_level_deg, drift.doubt_deg, model.doubt.azimuth_sigma_deg]
+                .iter()
+                .map(|part| part * part)
+                .sum(),
         ),
         closure_deg_h: closure(&problem),
         bias_deg_h,
@@ -456,14 +489,22 @@ fn plausible_amplitude_deg_h(earth: &EarthRate) -> [f64; 2] {
     [farther.max(0.0) * (1.0 - SCALE_LIMIT), nearer * (1.0 + SCALE_LIMIT)]
 }
 
-/// Covariance of the parameters from errors that do not average out inside a stay: the declared bias instability, and
-/// the noise of the base motion that was taken out.
-fn correlated_covariance(problem: &Problem<'_>, estimate: &Estimate, declared: &Declared) -> Matrix4<f64> {
+/// Covariance of the parameters from errors that do not average out inside a stay: the declared bias instability, the
+/// noise of the base motion that was taken out, and the model's doubt where the weights leave it out.
+fn correlated_covariance(
+    problem: &Problem<'_>,
+    estimate: &Estimate,
+    declared: &Declared,
+    model: &ErrorModel,
+) -> Matrix4<f64> {
     let instability = declared.gyro.bias_instability_deg_h;
-    let mut shared = Matrix4::zeros();
+    let mut shared = match problem.correlated {
+        Some(_) => Matrix4::zeros(),
+        None => doubt::of_right_hand_side(&model.doubt, problem.dwells, problem.observations().step_by(2)),
+    };
     let mut by_coefficient = [nalgebra::SMatrix::<f64, 4, 5>::zeros(); 2];
-    for (dwell, observation) in problem.dwells.iter().zip(problem.observations().step_by(2)) {
-        let lever = observation.weight * observation.row;
+    for (i, (dwell, observation)) in problem.dwells.iter().zip(problem.observations().step_by(2)).enumerate() {
+        let lever = problem.lever(i, &observation);
         let mut of_stay = instability * instability;
         match &problem.motion {
             BaseMotion::Unknown | BaseMotion::Still => {}

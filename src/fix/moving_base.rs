@@ -9,9 +9,10 @@
 //! - w = 1 − cosh((t − T/2)/τ) / cosh(T/2τ): nearly the plain mean where the gyro is the noisier, up to a few τ from the
 //!   ends;
 //! - w = t (T − t), its limit for a long τ: a straight line through the difference of gyro angle and accelerometer tilt,
-//!   where the tilt is by far the noisier;
-//! - w = t² (T − t)²: a parabola through the integral of that difference, for noise that is white in the velocity:
-//!   accelerometers that count velocity increments, and bases that are pushed to and fro.
+//!   where the tilt is by far the noisier.
+//!
+//! Where the noise is in the velocity (accelerometers that count its increments, bases that are pushed to and fro) the rate
+//! is twice the curvature of the integral of gyro angle less tilt: [`super::velocity`].
 //!
 //! Over a row the weight is a parabola about its middle, so that mean and first moment of both sensors enter: the mean with
 //! ∫ w, the first moment with the slope of w; of the tilt, the mean with the slope and the first moment with the slope of
@@ -19,20 +20,22 @@
 //! row it is nothing. The first moments matter for the noise: without that of the tilt only the velocities at the ends of
 //! rows would count, of an accelerometer that is read a hundred times a second one reading in a hundred.
 //!
-//! Sigma comes from both noises and from the scatter of what the fit sees, whichever is larger: the mean angles of the rows
-//! about a straight line, or the means over the rows of the integral of the angle about a parabola. With a variance of s²
-//! for a mean over one second the slope of the line has 12 s²/T³, twice the curvature of the parabola 720 s²/T⁵.
+//! Sigma comes from both noises and from the scatter of the rows' mean angles about a straight line, whichever is larger. With
+//! a variance of s² for a mean over one second the slope of the line has 12 s²/T³.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix2, Vector2};
 
 use super::dwell::{DwellSummary, Line, Row, longest_piece};
+use super::velocity::{self, Integral};
 use crate::effects::BaseMotion;
 use crate::units::ARCSEC_PER_RAD;
 
 /// Lengths of a dwell beyond which a time constant is as good as infinite.
 const LONGEST_TAU: f64 = 5.0;
+/// Of the weight t² (T − t)² by which a parabola is curved: (∫ w)² over T ∫ w².
+const SQUARED_PARABOLA: f64 = 0.7;
 /// Fewest rows that give a rate.
-const LEAST_ROWS: usize = 6;
+const LEAST_ROWS: usize = velocity::LEAST_ROWS;
 
 /// The rows' summary, its rate free of the base's motion; `None` where too few rows follow each other without a gap or
 /// the accelerometers are missing. Where the tilt's noise is white in the tilt, `noise_deg_h`, the declared noise of a
@@ -47,38 +50,23 @@ pub fn summary(rows: &[Row], sensing: BaseMotion, noise_deg_h: f64) -> Option<Dw
     let (start_s, end_s) = (first.t_s - 0.5 * first.seconds, last.t_s + 0.5 * last.seconds);
     let length_s = end_s - start_s;
     let tilt = Tilt { rows: piece, lag_s };
-    let tilt_noise = tilt_noise_arcsec(&tilt, noise_deg_h);
-    let tau_s = (tilt_noise / noise_deg_h).max(2.0 * length_s / piece.len() as f64);
-    let shape = match velocity {
-        true => Shape::SquaredParabola,
-        false if noise_deg_h > 0.0 && tau_s < LONGEST_TAU * length_s => Shape::Cosh { tau_s },
-        false => Shape::Parabola,
+    let (mean, variance) = if velocity {
+        let white = noise_deg_h * noise_deg_h / length_s / SQUARED_PARABOLA;
+        let (mean, variance) = velocity::mean_rate(&integrals(&tilt).collect(), start_s, length_s)?;
+        (mean, variance.max(white))
+    } else {
+        weighted_mean(&tilt, start_s, length_s, noise_deg_h)?
     };
-    let weights = Weights { start_s, length_s, shape };
-
-    let (mut weight, mut weighted_arcsec) = (0.0, 0.0);
     let (mut seconds, mut cos, mut sin, mut forward, mut left) = (0.0, 0.0, 0.0, 0.0, 0.0);
-    for (i, row) in piece.iter().enumerate() {
+    for row in piece {
         let level = row.level?;
-        let (from_s, to_s) = (row.t_s - 0.5 * row.seconds, row.t_s + 0.5 * row.seconds);
-        let (before, after) = (weights.at(from_s), weights.at(to_s));
-        let of_row = weights.integral(to_s) - weights.integral(from_s);
-        weight += of_row;
-        let moment = row.moment_arcsec_s / row.seconds;
-        weighted_arcsec += of_row * row.rate_deg_h + (after - before) * (moment + tilt.at(i)?);
-        // ∫ dw/dt (t − middle) dt = d²w/dt² · seconds³/12 by parts, and the first moment of a straight line is its slope
-        // times that cube's twelfth.
-        let bend = (0.5 * row.seconds * (after + before) - of_row) / (row.seconds * row.seconds * row.seconds / 12.0);
-        weighted_arcsec += bend * tilt.moment_arcsec_s2(i)?;
         seconds += row.seconds;
         cos += row.seconds * row.cos;
         sin += row.seconds * row.sin;
         forward += row.seconds * level.mean.forward;
         left += row.seconds * level.mean.left;
     }
-    let mean = weighted_arcsec / weight;
     let degrees_of_freedom = (piece.len() - 3) as u16;
-    let variance = variance(&tilt, &weights)?.max(weights.variance(noise_deg_h, tilt_noise));
     let residual_squares = variance * seconds * f64::from(degrees_of_freedom);
     let still = |mean| Line { mean, ..Line::default() };
     Some(DwellSummary {
@@ -89,15 +77,36 @@ pub fn summary(rows: &[Row], sensing: BaseMotion, noise_deg_h: f64) -> Option<Dw
         time_spread: 0.0,
         cos: cos / seconds,
         sin: sin / seconds,
-        slip_deg: 0.0,
         rate: Line { mean, slope_per_s: 0.0, residual_squares, successive_squares: residual_squares },
-        angle: None,
         level: Some([still(forward / seconds), still(left / seconds)]),
         degrees_of_freedom,
         outliers: (rows.len() - piece.len()) as u16,
-        moving: false,
         base_taken_out: true,
+        ..DwellSummary::default()
     })
+}
+
+/// Mean rate, °/h, by the weight that meets both noises best, and its variance.
+fn weighted_mean(tilt: &Tilt, start_s: f64, length_s: f64, noise_deg_h: f64) -> Option<(f64, f64)> {
+    let tilt_noise = tilt_noise_arcsec(tilt, noise_deg_h);
+    let tau_s = (tilt_noise / noise_deg_h).max(2.0 * length_s / tilt.rows.len() as f64);
+    let cosh = noise_deg_h > 0.0 && tau_s < LONGEST_TAU * length_s;
+    let shape = if cosh { Shape::Cosh { tau_s } } else { Shape::Parabola };
+    let weights = Weights { start_s, length_s, shape };
+    let (mut weight, mut weighted_arcsec) = (0.0, 0.0);
+    for (i, row) in tilt.rows.iter().enumerate() {
+        let (from_s, to_s) = (row.t_s - 0.5 * row.seconds, row.t_s + 0.5 * row.seconds);
+        let (before, after) = (weights.at(from_s), weights.at(to_s));
+        let of_row = weights.integral(to_s) - weights.integral(from_s);
+        weight += of_row;
+        let moment = row.moment_arcsec_s / row.seconds;
+        weighted_arcsec += of_row * row.rate_deg_h + (after - before) * (moment + tilt.at(i)?);
+        // ∫ dw/dt (t − middle) dt = d²w/dt² · seconds³/12 by parts, and the first moment of a straight line is its slope
+        // times that cube's twelfth.
+        let bend = (0.5 * row.seconds * (after + before) - of_row) / (row.seconds * row.seconds * row.seconds / 12.0);
+        weighted_arcsec += bend * tilt.moment_arcsec_s2(i)?;
+    }
+    Some((weighted_arcsec / weight, variance(tilt, &weights)?.max(weights.variance(noise_deg_h, tilt_noise))))
 }
 
 /// The weight of a moment and its integral.
@@ -111,7 +120,6 @@ struct Weights {
 enum Shape {
     Cosh { tau_s: f64 },
     Parabola,
-    SquaredParabola,
 }
 
 impl Weights {
@@ -122,27 +130,23 @@ impl Weights {
 
     fn at(&self, t_s: f64) -> f64 {
         let u = self.share(t_s);
-        let line = u * (1.0 - u);
         match self.shape {
             Shape::Cosh { tau_s } => {
                 let x = self.length_s / tau_s;
                 1.0 - libm::cosh((u - 0.5) * x) / libm::cosh(0.5 * x)
             }
-            Shape::Parabola => line,
-            Shape::SquaredParabola => line * line,
+            Shape::Parabola => u * (1.0 - u),
         }
     }
 
     fn integral(&self, t_s: f64) -> f64 {
         let u = self.share(t_s);
-        let u3 = u * u * u;
         let of_share = match self.shape {
             Shape::Cosh { tau_s } => {
                 let x = self.length_s / tau_s;
                 u - libm::sinh((u - 0.5) * x) / libm::cosh(0.5 * x) / x
             }
-            Shape::Parabola => u * u / 2.0 - u3 / 3.0,
-            Shape::SquaredParabola => u3 / 3.0 - u3 * u / 2.0 + u3 * u * u / 5.0,
+            Shape::Parabola => u * u / 2.0 - u * u * u / 3.0,
         };
         of_share * self.length_s
     }
@@ -161,8 +165,6 @@ impl Weights {
                 (g2 * (area - tau_s * tau_s * slopes) + a2 * slopes) / (area * area)
             }
             Shape::Parabola => 1.2 * g2 / length + 12.0 * a2 / (length * length * length),
-            // What the accelerometers add is in the scatter of the velocity alone.
-            Shape::SquaredParabola => g2 / length / 0.7,
         }
     }
 }
@@ -171,7 +173,7 @@ impl Weights {
 /// have more than the gyro's own (2/3 of its variance in a second, the angles being means over one).
 fn tilt_noise_arcsec(tilt: &Tilt, noise_deg_h: f64) -> f64 {
     let (mut last, mut sum, mut squares, mut count) = (None, 0.0, 0.0, 0.0);
-    for angle in angles(tilt, false) {
+    for angle in angles(tilt) {
         if let Some(last) = last.replace(angle) {
             let step = angle - last;
             sum += step;
@@ -224,56 +226,55 @@ impl Tilt<'_> {
     }
 }
 
-/// Variance of the mean rate, (°/h)², from the scatter of the rows' mean angles about a line or of the means of the angle's
-/// integral about a parabola; more where successive rows scatter alike.
+/// Variance of the mean rate, (°/h)², from the scatter of the rows' mean angles about a line; more where successive rows
+/// scatter alike.
 fn variance(tilt: &Tilt, weights: &Weights) -> Option<f64> {
-    let velocity = matches!(weights.shape, Shape::SquaredParabola);
-    let powers = |t_s: f64| {
-        let u = weights.share(t_s) - 0.5;
-        Vector3::new(1.0, u, if velocity { u * u } else { 0.0 })
-    };
-    let mut normal = Matrix3::zeros();
-    if !velocity {
-        normal.m33 = 1.0;
-    }
-    let mut right = Vector3::zeros();
-    for (row, value) in tilt.rows.iter().zip(angles(tilt, velocity)) {
+    let powers = |t_s: f64| Vector2::new(1.0, weights.share(t_s) - 0.5);
+    let (mut normal, mut right) = (Matrix2::zeros(), Vector2::zeros());
+    for (row, value) in tilt.rows.iter().zip(angles(tilt)) {
         let of_row = powers(row.t_s);
         normal += row.seconds * of_row * of_row.transpose();
         right += row.seconds * value * of_row;
     }
     let coefficients = normal.cholesky()?.solve(&right);
     let (mut squares, mut products, mut last) = (0.0, 0.0, None);
-    for (row, value) in tilt.rows.iter().zip(angles(tilt, velocity)) {
+    for (row, value) in tilt.rows.iter().zip(angles(tilt)) {
         let residual = value - powers(row.t_s).dot(&coefficients);
         squares += row.seconds * residual * residual;
         products += row.seconds * residual * last.replace(residual).unwrap_or(0.0);
     }
-    let of_second = squares / (tilt.rows.len() as f64 - if velocity { 3.0 } else { 2.0 });
+    let of_second = squares / (tilt.rows.len() as f64 - 2.0);
     // From the few rows of a dwell a correlation below nothing is not believed.
     let correlation = if squares > 0.0 { (products / squares).clamp(0.0, 0.9) } else { 0.0 };
     let length = weights.length_s;
-    let factor = if velocity { 720.0 / (length * length) } else { 12.0 };
-    Some(factor * of_second / (length * length * length) * (1.0 + correlation) / (1.0 - correlation))
+    Some(12.0 * of_second / (length * length * length) * (1.0 + correlation) / (1.0 - correlation))
 }
 
-/// Gyro angle less tilt, the mean over each row, arcsec; or that of its integral since the beginning, arcsec·s. The gyro's
-/// rate is a straight line within a row.
-fn angles<'a>(tilt: &'a Tilt, integrated: bool) -> impl Iterator<Item = f64> + 'a {
-    let (mut gyro_arcsec, mut integral) = (0.0, 0.0);
+/// Gyro angle less tilt, the mean over each row, arcsec.
+fn angles<'a>(tilt: &'a Tilt) -> impl Iterator<Item = f64> + 'a {
+    let mut gyro_arcsec = 0.0;
     tilt.rows.iter().enumerate().map(move |(i, row)| {
         let turned = row.rate_deg_h * row.seconds;
-        let from_start = 0.5 * turned - row.moment_arcsec_s / row.seconds;
-        let tilted = tilt.at(i).unwrap_or(0.0);
-        let mean = gyro_arcsec + from_start - tilted;
+        let mean = gyro_arcsec + 0.5 * turned - row.moment_arcsec_s / row.seconds - tilt.at(i).unwrap_or(0.0);
+        gyro_arcsec += turned;
+        mean
+    })
+}
+
+/// The integral of gyro angle less tilt, the mean over each row. The gyro's rate is a straight line within a row.
+fn integrals<'a>(tilt: &'a Tilt) -> impl Iterator<Item = Integral> + 'a {
+    let (mut gyro_arcsec, mut integral) = (0.0, 0.0);
+    tilt.rows.iter().zip(angles(tilt)).enumerate().map(move |(i, (row, mean))| {
+        let turned = row.rate_deg_h * row.seconds;
         // Of a constant rate the angle grows as t and its integral as t²/2, with a mean of seconds²/6; of a rate that grows
         // evenly through the middle, the integral's mean is half of its end.
         let of_gyro = 0.5 * gyro_arcsec + turned / 6.0 - 0.5 * row.moment_arcsec_s / row.seconds;
-        let of_tilt = 0.5 * tilted - tilt.moment_arcsec_s2(i).unwrap_or(0.0) / (row.seconds * row.seconds);
-        let mean_of_integral = integral + row.seconds * (of_gyro - of_tilt);
+        let of_tilt =
+            0.5 * tilt.at(i).unwrap_or(0.0) - tilt.moment_arcsec_s2(i).unwrap_or(0.0) / (row.seconds * row.seconds);
+        let arcsec_s = integral + row.seconds * (of_gyro - of_tilt);
         gyro_arcsec += turned;
         integral += mean * row.seconds;
-        if integrated { mean_of_integral } else { mean }
+        Integral { t_s: row.t_s, arcsec_s, rate_deg_h: row.rate_deg_h }
     })
 }
 

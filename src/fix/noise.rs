@@ -28,6 +28,8 @@ const MOST_ALIKE: f64 = 0.98;
 const WALK_SIGMAS: f64 = 2.0;
 /// Least share of the random walk in the scatter of the angle that lets it be told from white angles.
 const LEAST_WALK: f64 = 0.5;
+/// Weight of a dwell's own variance beside that of all dwells, on a moving base.
+const OWN: f64 = 1.0 / 3.0;
 
 /// What the dwells of a fix show together.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -110,6 +112,13 @@ impl Noise {
     /// The best mean rate of a dwell, °/h, and its weight: the variance of a one-second rate over that of the mean.
     pub fn mean(&self, dwell: &DwellSummary) -> (f64, f64) {
         let plain = (dwell.rate.mean, dwell.seconds);
+        // On a moving base some dwells are disturbed and others are not. But errors that are alike over seconds tell a
+        // dwell's variance only roughly.
+        if dwell.base_taken_out && dwell.degrees_of_freedom > 0 && dwell.seconds > 0.0 {
+            let own = dwell.sigma_deg_h() * dwell.sigma_deg_h();
+            let variance = OWN * own + (1.0 - OWN) * self.variance / dwell.seconds;
+            return (dwell.rate.mean, self.variance / variance);
+        }
         let (Some(noise), Some(angle), true) = (self.angle, dwell.angle, dwell.seconds > 0.0) else { return plain };
         let (length, squared) = (dwell.seconds, dwell.seconds * dwell.seconds);
         let of_mean = noise.white / length + 2.0 * noise.of_moment / squared;

@@ -108,7 +108,7 @@ fn base_motion_is_taken_out_of_windows_of_any_length() {
         return;
     };
     std::println!("window, s   rows, s  windows  error, ° rms  sigma, ° rms  error/sigma rms");
-    let bounds = [(25, 0.92, 0.52), (38, 0.18, 0.24), (75, 0.06, 0.06), (129, 0.03, 0.03), (135, 0.03, 0.03)];
+    let bounds = [(25, 0.79, 0.30), (38, 0.187, 0.115), (75, 0.06, 0.06), (129, 0.03, 0.03), (135, 0.03, 0.03)];
     for (dwell_s, coarse_deg, fine_deg) in bounds {
         for (size, bound_deg) in [(20, coarse_deg), (1, fine_deg)] {
             let windows = windows(&samples, dwell_s, size, 0.0);

@@ -19,7 +19,7 @@ pub fn normal(state: &mut u64) -> f64 {
 
 /// A stay of 60 s at an index angle, beginning at `start_s`, with a fixed small scatter: 58 degrees of freedom at a
 /// one-second noise of 0.09 °/h, the declared noise of the default settings.
-fn dwell(start_s: f64, index_deg: f64, rate_deg_h: f64) -> DwellSummary {
+pub fn dwell(start_s: f64, index_deg: f64, rate_deg_h: f64) -> DwellSummary {
     let (sin, cos) = crate::units::sin_cos_deg(index_deg);
     DwellSummary {
         seconds: 60.0,
@@ -29,7 +29,6 @@ fn dwell(start_s: f64, index_deg: f64, rate_deg_h: f64) -> DwellSummary {
         time_spread: 17_995.0,
         cos,
         sin,
-        slip_deg: 0.0,
         rate: Line {
             mean: rate_deg_h,
             slope_per_s: 0.0,
@@ -39,9 +38,7 @@ fn dwell(start_s: f64, index_deg: f64, rate_deg_h: f64) -> DwellSummary {
         angle: None,
         level: Some([Line::default(); 2]),
         degrees_of_freedom: 58,
-        outliers: 0,
-        moving: false,
-        base_taken_out: false,
+        ..DwellSummary::default()
     }
 }
 
@@ -49,7 +46,7 @@ fn stays(rates: &[(f64, f64)]) -> Vec<DwellSummary> {
     (0..).zip(rates).map(|(i, &(index_deg, rate))| dwell(65.0 * f64::from(i), index_deg, rate)).collect()
 }
 
-fn declared(latitude_deg: f64) -> Declared {
+pub fn declared(latitude_deg: f64) -> Declared {
     Declared {
         earth: earth_rate(latitude_deg).unwrap(),
         gyro: GyroSettings::default(),

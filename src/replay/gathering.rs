@@ -1,10 +1,15 @@
-//! Rows of any interval, gathered to seconds.
+//! What a recording holds, gathered to seconds: rows of any interval, and frames of the instrument.
 
-use super::Row;
+use super::{Mark, RawRow, Recorded, Row};
+use crate::codes::{IndexCode, TriadCode};
 use crate::effects::{Conditions, MAX_CHANNELS};
 use crate::fix::accumulator::Second;
+use crate::frame::{Frame, GyroFormat};
+use crate::gather::Gatherer;
+use crate::health::Counters;
 use crate::index::Direction;
 use crate::level::Specific;
+use crate::settings::Settings;
 use crate::units::{RAD_PER_DEG, sin_cos_deg, wrap_180_deg};
 
 /// The index is at rest while it stays within this, degrees.
@@ -14,17 +19,93 @@ const GATHER_S: f64 = 0.9995;
 
 /// A second of a recording (or a longer row), before the error model.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GatheredSecond {
+pub struct RecordedSecond {
     pub second: Second,
-    /// Index angle of its first row, degrees.
-    pub first_deg: f64,
-    /// The index moved within it.
-    pub moved: bool,
+    pub belonging: Belonging,
+}
+
+/// What says to which dwell a second belongs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Belonging {
+    /// The instrument recorded it.
+    Marked(Mark),
+    /// The index angle of a foreign recording: that of the second's first row, degrees, and whether the index moved within it.
+    Angle { first_deg: f64, moved: bool },
+}
+
+/// Gathers a recording to seconds. The same recording gives the same seconds whatever the error model.
+#[derive(Clone, Debug)]
+pub struct Seconds {
+    rows: RowGatherer,
+    readings: Gatherer,
+    counters: Counters,
+    sequence: u8,
+    format: GyroFormat,
+}
+
+impl Seconds {
+    pub fn new(settings: &Settings) -> Self {
+        Self {
+            rows: RowGatherer::default(),
+            readings: Gatherer::new(settings.gyro, settings.triad()),
+            counters: Counters::default(),
+            sequence: 0,
+            format: settings.gyro.format,
+        }
+    }
+
+    /// Takes the next of a recording; gives the second that ended before it, and the one that it completes.
+    pub fn push(&mut self, recorded: &Recorded) -> [Option<RecordedSecond>; 2] {
+        match recorded {
+            Recorded::Row(row) => self.rows.push(row),
+            Recorded::Second(second, mark) => {
+                [None, Some(RecordedSecond { second: *second, belonging: Belonging::Marked(*mark) })]
+            }
+            Recorded::Raw(row) => [None, self.raw(row)],
+        }
+    }
+
+    /// Ends the second under way, if it has a row.
+    pub fn finish(&mut self) -> Option<RecordedSecond> {
+        self.rows.finish()
+    }
+
+    /// A frame of the instrument and what was read with it: gathered as the instrument does.
+    fn raw(&mut self, row: &RawRow) -> Option<RecordedSecond> {
+        if let Some(reading) = row.acceleration_g.and_then(TriadCode::of_g) {
+            self.readings.acceleration(reading);
+        }
+        if let Some(index_deg) = row.index_deg {
+            self.readings.index(IndexCode::of_deg(index_deg));
+        }
+        let rate = match (row.fog_arcsec, row.temp_c) {
+            (None, None) => self.readings.lost_frame(&mut self.counters),
+            (increment_arcsec, temp_c) => {
+                let frame = Frame {
+                    sequence: self.sequence,
+                    increment: increment_arcsec
+                        .map_or(0, |arcsec| counts(arcsec, self.format.arcsec_per_count()) as i64),
+                    temperature: temp_c.map(|temp_c| counts(temp_c, self.format.c_per_count()) as i16),
+                    valid: increment_arcsec.is_some(),
+                    saturated: false,
+                };
+                self.readings.frame(&frame, &mut self.counters)
+            }
+        };
+        self.sequence = ((u16::from(self.sequence) + 1) % self.format.sequence_modulus()) as u8;
+        let (second, _) = self.readings.finish(&rate?, row.t_s);
+        Some(RecordedSecond { second, belonging: Belonging::Marked(row.mark) })
+    }
+}
+
+/// A quantity in whole numbers of its unit.
+fn counts(value: f64, unit: f64) -> f64 {
+    libm::round(value / unit)
 }
 
 /// Gathers rows to seconds. A row within which the index moved stands alone.
 #[derive(Clone, Debug, Default)]
-pub struct RowGatherer {
+struct RowGatherer {
     last_deg: Option<f64>,
     sums: Sums,
 }
@@ -52,8 +133,8 @@ struct Sums {
 }
 
 impl RowGatherer {
-    /// Takes the next row; gives the seconds that it ends, in their order.
-    pub fn push(&mut self, row: &Row) -> [Option<GatheredSecond>; 2] {
+    /// Takes the next row; gives the second that ended before it, and the one that it completes.
+    fn push(&mut self, row: &Row) -> [Option<RecordedSecond>; 2] {
         let way_deg = self.last_deg.replace(row.index_deg).map_or(0.0, |last| wrap_180_deg(row.index_deg - last));
         let moved = way_deg.abs() > REST_DEG;
         let before = if moved { self.finish() } else { None };
@@ -62,8 +143,7 @@ impl RowGatherer {
         [before, if complete { self.finish() } else { None }]
     }
 
-    /// Ends the second under way, if it has a row.
-    pub fn finish(&mut self) -> Option<GatheredSecond> {
+    fn finish(&mut self) -> Option<RecordedSecond> {
         let sums = core::mem::take(&mut self.sums);
         (sums.seconds > 0.0).then(|| sums.second())
     }
@@ -108,7 +188,7 @@ impl Sums {
         self.lost_frames = self.lost_frames.saturating_add(row.lost_frames);
     }
 
-    fn second(&self) -> GatheredSecond {
+    fn second(&self) -> RecordedSecond {
         let t_s = self.end_s - 0.5 * self.seconds;
         let mean = |sum: f64, seconds: f64| (seconds > 0.0).then(|| sum / seconds);
         let level = mean(self.level.forward, self.level_seconds)
@@ -119,7 +199,7 @@ impl Sums {
             forward: self.timed_level.forward - t_s * self.level_seconds * mean.forward,
             left: self.timed_level.left - t_s * self.level_seconds * mean.left,
         });
-        GatheredSecond {
+        RecordedSecond {
             second: Second {
                 conditions: Conditions {
                     t_s,
@@ -134,8 +214,7 @@ impl Sums {
                 level_moment,
                 lost_frames: self.lost_frames,
             },
-            first_deg: self.first_deg,
-            moved: self.turned_deg.abs() > REST_DEG,
+            belonging: Belonging::Angle { first_deg: self.first_deg, moved: self.turned_deg.abs() > REST_DEG },
         }
     }
 }

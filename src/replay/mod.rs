@@ -8,20 +8,17 @@
 
 mod gathering;
 
-pub use gathering::{GatheredSecond, REST_DEG, RowGatherer};
+pub use gathering::{Belonging, REST_DEG, RecordedSecond, Seconds};
 
 use heapless::Vec;
 
-use crate::codes::{IndexCode, TriadCode};
 use crate::effects::MAX_CHANNELS;
 use crate::event::{Dwell, Fix};
 use crate::fix::Unsolvable;
-use crate::fix::accumulator::{Accumulator, Corrected, Dwells, Second, Slip, Taken};
+use crate::fix::accumulator::{Accumulator, Corrected, Dwells, Outliers, Second, Slip, Taken};
 use crate::fix::dwell::DwellSummary;
-use crate::frame::{Frame, GyroFormat};
 use crate::gates::{DisturbanceGate, Gate, GateSettings, JitterGate, Verdict};
-use crate::gather::Gatherer;
-use crate::health::{Counters, Fault};
+use crate::health::Fault;
 use crate::level::Specific;
 use crate::sample::SAMPLES_PER_SECOND;
 use crate::settings::Settings;
@@ -116,13 +113,15 @@ pub enum Place {
 
 /// What a replay tells: every second once, in the order of time, and the dwells after their last second.
 #[allow(clippy::large_enum_variant)] // passed on at once
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Told {
     Second(Corrected, Place),
     Dwell {
         dwell: Dwell,
         /// Its end, seconds.
         end_s: f64,
+        /// Middles of the seconds that were left out of it as outliers, seconds.
+        outliers_s: Outliers,
     },
 }
 
@@ -157,20 +156,11 @@ enum Opening {
     Open,
 }
 
-/// A quantity in whole numbers of its unit.
-fn counts(value: f64, unit: f64) -> f64 {
-    libm::round(value / unit)
-}
-
 /// Replays one recording.
 pub struct Replay<D> {
     accumulator: Accumulator<D>,
     jitter: GateSettings,
-    rows: RowGatherer,
-    readings: Gatherer,
-    counters: Counters,
-    sequence: u8,
-    format: GyroFormat,
+    seconds: Seconds,
     disturbance: DisturbanceGate,
     opening: Opening,
     /// Seconds at rest of which is not decided yet whether the dwell begins with them.
@@ -189,11 +179,7 @@ impl<D: Dwells> Replay<D> {
         Ok(Self {
             accumulator: Accumulator::new(declared, settings.model.clone().unwrap_or_default(), dwells),
             jitter: settings.jitter,
-            rows: RowGatherer::default(),
-            readings: Gatherer::new(settings.gyro, settings.triad()),
-            counters: Counters::default(),
-            sequence: 0,
-            format: settings.gyro.format,
+            seconds: Seconds::new(settings),
             disturbance: DisturbanceGate::new(settings.disturbance, declared.earth.north_deg_h),
             opening: Opening::First,
             waiting: Vec::new(),
@@ -205,49 +191,25 @@ impl<D: Dwells> Replay<D> {
 
     /// Takes the next of a recording.
     pub fn push(&mut self, recorded: &Recorded, sink: Sink) {
-        match recorded {
-            Recorded::Row(row) => self.rows.push(row).iter().flatten().for_each(|second| self.find(second, sink)),
-            Recorded::Second(second, mark) => self.marked(second, *mark, sink),
-            Recorded::Raw(row) => self.raw(row, sink),
+        self.seconds.push(recorded).iter().flatten().for_each(|second| self.take(second, sink));
+    }
+
+    /// Takes the next second of a recording that was gathered before.
+    pub fn take(&mut self, recorded: &RecordedSecond, sink: Sink) {
+        let RecordedSecond { second, belonging } = recorded;
+        match *belonging {
+            Belonging::Marked(mark) => self.marked(second, mark, sink),
+            Belonging::Angle { first_deg, moved } => self.find(second, first_deg, moved, sink),
         }
     }
 
     /// The azimuth of the whole recording.
     pub fn finish(mut self, sink: Sink) -> Result<Fix, Refusal> {
-        if let Some(second) = self.rows.finish() {
-            self.find(&second, sink);
+        if let Some(second) = self.seconds.finish() {
+            self.take(&second, sink);
         }
         self.end_dwell(sink);
         self.accumulator.solve().map_err(Refusal::Unsolvable)
-    }
-
-    /// A frame of the instrument and what was read with it: gathered as the instrument does.
-    fn raw(&mut self, row: &RawRow, sink: Sink) {
-        if let Some(reading) = row.acceleration_g.and_then(TriadCode::of_g) {
-            self.readings.acceleration(reading);
-        }
-        if let Some(index_deg) = row.index_deg {
-            self.readings.index(IndexCode::of_deg(index_deg));
-        }
-        let rate = match (row.fog_arcsec, row.temp_c) {
-            (None, None) => self.readings.lost_frame(&mut self.counters),
-            (increment_arcsec, temp_c) => {
-                let frame = Frame {
-                    sequence: self.sequence,
-                    increment: increment_arcsec
-                        .map_or(0, |arcsec| counts(arcsec, self.format.arcsec_per_count()) as i64),
-                    temperature: temp_c.map(|temp_c| counts(temp_c, self.format.c_per_count()) as i16),
-                    valid: increment_arcsec.is_some(),
-                    saturated: false,
-                };
-                self.readings.frame(&frame, &mut self.counters)
-            }
-        };
-        self.sequence = ((u16::from(self.sequence) + 1) % self.format.sequence_modulus()) as u8;
-        if let Some(rate) = rate {
-            let (second, _) = self.readings.finish(&rate, row.t_s);
-            self.marked(&second, row.mark, sink);
-        }
     }
 
     /// A second of the instrument, which says itself where it belongs.
@@ -269,9 +231,9 @@ impl<D: Dwells> Replay<D> {
     }
 
     /// A second of a foreign recording: to which dwell does it belong?
-    fn find(&mut self, gathered: &GatheredSecond, sink: Sink) {
-        let corrected = self.accumulator.correct(&gathered.second);
-        if gathered.moved {
+    fn find(&mut self, second: &Second, first_deg: f64, moved: bool, sink: Sink) {
+        let corrected = self.accumulator.correct(second);
+        if moved {
             if matches!(self.opening, Opening::First) {
                 for second in core::mem::take(&mut self.waiting) {
                     self.moving(second, sink);
@@ -281,7 +243,7 @@ impl<D: Dwells> Replay<D> {
             self.moving(corrected, sink);
             return;
         }
-        if !self.accumulator.is_usable(&gathered.second) {
+        if !self.accumulator.is_usable(second) {
             // It says what is to be said of it: frames were lost.
             self.collect(corrected, sink);
             return;
@@ -289,10 +251,10 @@ impl<D: Dwells> Replay<D> {
         if let (_, Verdict::Refused) = self.disturbance.push(corrected.rate_deg_h) {
             self.accumulator.waited_at(Gate::Disturbance);
         }
-        if self.dwell_deg.is_some_and(|dwell_deg| wrap_180_deg(gathered.first_deg - dwell_deg).abs() > REST_DEG) {
+        if self.dwell_deg.is_some_and(|dwell_deg| wrap_180_deg(first_deg - dwell_deg).abs() > REST_DEG) {
             self.end_dwell(sink);
         }
-        self.dwell_deg.get_or_insert(gathered.first_deg);
+        self.dwell_deg.get_or_insert(first_deg);
         let _ = self.waiting.push(corrected);
         match &mut self.opening {
             Opening::First if self.waiting.len() > 1 => self.open(sink),
@@ -375,7 +337,8 @@ impl<D: Dwells> Replay<D> {
     fn tell(&mut self, ended: Option<DwellSummary>, sink: Sink) {
         if let Some(summary) = ended {
             let dwell = Dwell::new(self.dwell.min(255) as u8, &summary);
-            sink(Told::Dwell { dwell, end_s: summary.end_s });
+            let outliers_s = self.accumulator.outliers_s().clone();
+            sink(Told::Dwell { dwell, end_s: summary.end_s, outliers_s });
             self.dwell = self.dwell.saturating_add(1);
         }
     }

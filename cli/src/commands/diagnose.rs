@@ -37,6 +37,9 @@ pub struct Diagnose {
     /// Write a report to look at: one HTML file that fetches nothing
     #[arg(long, value_name = "R.html")]
     report: Option<PathBuf>,
+    /// Judge every run by what was learned from all others, also in a campaign of more than eight runs
+    #[arg(long)]
+    leave_one_out: bool,
     #[command(flatten)]
     json: JsonOption,
 }
@@ -50,7 +53,7 @@ impl Diagnose {
             settings.latitude_deg = campaign.latitude_deg.unwrap_or(settings.latitude_deg);
             ModelFile::read(path)?.apply(&mut settings)?;
         }
-        let options = Options { settings };
+        let options = Options { settings, leave_one_out: self.leave_one_out };
         let what = format!("diagnosing {} runs", campaign.runs.len());
         let mut diagnosis = progress::work(what, move || diagnose(&campaign, &options))?
             .map_err(|refusal| Failure::Refused(refusal.to_string()))?;

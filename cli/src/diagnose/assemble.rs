@@ -2,7 +2,6 @@
 
 use north_finder::effects::ErrorModel;
 use north_finder::event::Fix;
-use north_finder::settings::Settings;
 use north_finder::units::{RAD_PER_DEG, wrap_180_deg, wrap_360_deg};
 use rayon::prelude::*;
 
@@ -10,16 +9,17 @@ use super::checks;
 use super::data::RunData;
 use super::open::{OffBoard, Open};
 use super::residual::Residuals;
-use super::statistics::median;
+use super::statistics::{median, rms, rms_with_interval};
 use super::{
-    Diagnosis, Lesson, NoiseTests, Origin, Refusal, RunDiagnosis, Warning, findings, guard, judge, study, turn,
-    unexplained, verdict,
+    Diagnosis, LeaveOneOut, Lesson, NoiseTests, Options, Origin, Refusal, RunDiagnosis, Warning, doubt, findings,
+    guard, judge, study, turn, unexplained, verdict,
 };
 use crate::campaign::{Campaign, Role};
-use crate::solve::{SolveError, solve_file};
 
 /// Most folds of the cross-validation.
 const FOLDS: usize = 6;
+/// Most runs of a campaign of which each is left out in turn without being asked for.
+const LEFT_OUT: usize = 8;
 /// A reference that is missed by more than this, in degrees and in sigmas, is named.
 const MISS_DEG: f64 = 1.0;
 const MISS_SIGMAS: f64 = 5.0;
@@ -42,43 +42,53 @@ pub fn diagnosis(
     constant: &[String],
     base: &ErrorModel,
     lesson: &Lesson,
+    options: &Options,
     mut warnings: Vec<Warning>,
 ) -> Result<Diagnosis, Refusal> {
     let judged_by_checks = runs.iter().any(|run| run.role == Role::Check && run.reference_deg.is_some());
-    let mut model = model_of(lesson, base)?;
-    let mut afters = after(campaign, runs, &model, base, lesson)?;
+    let mut model = model_of(lesson, base, runs)?;
+    let mut afters = after(runs, &model);
     let bad: Vec<String> = lesson.bad_references.iter().map(|(file, _)| file.clone()).collect();
     let of_named: Vec<Option<f64>> = afters.iter().map(|after| after.azimuth_deg).collect();
     let mut open = if lesson.by_stay.is_some() { None } else { Open::choose(runs, &lesson.by_second.taken, &bad) }
         .filter(|open| open.is_better(runs, &of_named, &bad));
     let bare = lesson.bare();
     let lesson = if open.as_ref().is_some_and(|open| open.replaces) {
-        model = model_of(&bare, base)?;
-        afters = after(campaign, runs, &model, base, &bare)?;
+        model = model_of(&bare, base, runs)?;
+        afters = after(runs, &model);
         &bare
     } else {
         lesson
     };
     let learned = lesson.learned();
-    warn_of_lesson(lesson, &mut warnings);
+    warn_of_runs(runs, lesson, &mut warnings);
     checks::warn_of_range(runs, learned, &mut warnings);
     let mut crossed_deg: Vec<Option<f64>> =
         if judged_by_checks { vec![None; runs.len()] } else { cross_validated(runs, base, constant, lesson) };
     if open.is_none() && !lesson.is_empty() {
         let missed_deg = guard::missed_beyond_sigma_deg(runs, lesson, &guard::left_out(runs, lesson, base));
-        model.doubt.azimuth_sigma_deg = missed_deg;
-        for after in &mut afters {
-            after.sigma_deg = after.sigma_deg.map(|sigma| sigma.hypot(missed_deg));
+        if missed_deg > 0.0 {
+            model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(missed_deg);
+            afters = after(runs, &model);
         }
     }
     if let Some(open) = &mut open {
         let written = open.written(runs, &model).and_then(|written| {
-            let by_model =
-                after(campaign, runs, &written, base, lesson).map_err(|error| OffBoard(error.to_string()))?;
+            let by_model = after(runs, &written);
             let azimuths: Vec<Option<f64>> = by_model.iter().map(|after| after.azimuth_deg).collect();
             let apart =
                 || OffBoard("what the firmware's weights make of it differs from the engine's by too much".into());
-            if open.agrees(&azimuths) { Ok((written, by_model)) } else { Err(apart()) }
+            if !open.agrees(&azimuths) {
+                return Err(apart());
+            }
+            let short_deg2 = short_of_engine_deg2(runs, &by_model, open);
+            if short_deg2 <= 0.0 {
+                return Ok((written, by_model));
+            }
+            let mut widened = written;
+            widened.doubt.azimuth_sigma_deg = widened.doubt.azimuth_sigma_deg.hypot(short_deg2.sqrt());
+            let by_model = after(runs, &widened);
+            Ok((widened, by_model))
         });
         match written {
             Ok((written, by_model)) => {
@@ -100,9 +110,10 @@ pub fn diagnosis(
             let own_deg = wrap_360_deg(own.azimuth_rad / RAD_PER_DEG);
             // The engine's azimuth of a training run is by a model without it.
             *crossed_deg = Some(own_deg);
-            let azimuth_deg = after.azimuth_deg.filter(|_| open.deployed).unwrap_or(own_deg);
-            after.azimuth_deg = Some(azimuth_deg);
-            after.sigma_deg = Some((own.sigma_rad / RAD_PER_DEG).hypot(wrap_180_deg(azimuth_deg - own_deg)));
+            if !open.deployed || after.azimuth_deg.is_none() {
+                after.azimuth_deg = Some(own_deg);
+                after.sigma_deg = Some(own.sigma_rad / RAD_PER_DEG);
+            }
         }
     }
     let judged = |run: &RunData| {
@@ -120,8 +131,12 @@ pub fn diagnosis(
         .collect();
     let missed_references = warn_of_misses(&records, &bad, &mut warnings);
     let errors = |of: fn(&RunDiagnosis) -> Option<f64>| records.iter().filter_map(of).collect::<Vec<_>>();
-    let before = judge::rms_with_interval(&errors(|run| run.error_before_deg));
-    let rms_after = judge::rms_with_interval(&errors(|run| run.error_after_deg));
+    let judged_runs = errors(|run| run.error_after_deg).len();
+    let before = rms_with_interval(&errors(|run| run.error_before_deg));
+    let rms_after = rms_with_interval(&errors(|run| run.error_after_deg));
+
+    let few = (3..=LEFT_OUT).contains(&runs.len());
+    let left_out = (few || options.leave_one_out).then(|| leave_one_out(runs, base, constant, &bad)).flatten();
 
     let residuals = Residuals::new(runs.iter().collect(), &lesson.by_second.taken, lesson.line_s());
     let sigmas: Vec<f64> = afters.iter().filter_map(|after| after.sigma_deg).collect();
@@ -157,6 +172,8 @@ pub fn diagnosis(
         azimuth_rms_after_deg: rms_after.map(|each| each.0),
         azimuth_rms_before_interval_deg: before.map(|each| each.1),
         azimuth_rms_after_interval_deg: rms_after.map(|each| each.1),
+        judged_runs,
+        leave_one_out: left_out,
         judged_on: rms_after.map(|_| if judged_by_checks { "check-runs" } else { "cross-validation" }),
         unexplained: !unexplained.is_empty(),
         unexplained_evidence: unexplained,
@@ -180,10 +197,27 @@ pub fn diagnosis(
     Ok(diagnosis)
 }
 
-/// The model with what was learned.
-fn model_of(lesson: &Lesson, base: &ErrorModel) -> Result<ErrorModel, Refusal> {
+/// By how much the variances of azimuths by the written model fall short of the engine's, the difference of the two azimuths
+/// counted in; mean over the training runs, degrees². The engine averages over models, of which one is written.
+fn short_of_engine_deg2(runs: &[RunData], by_model: &[After], open: &Open) -> f64 {
+    let short: Vec<f64> = runs
+        .iter()
+        .zip(by_model.iter().zip(&open.azimuths))
+        .filter(|(run, _)| run.role == Role::Fit)
+        .filter_map(|(_, (after, own))| {
+            let own = own.as_ref()?;
+            let apart_deg = wrap_180_deg(after.azimuth_deg? - own.azimuth_rad / RAD_PER_DEG);
+            Some((own.sigma_rad / RAD_PER_DEG).powi(2) + apart_deg.powi(2) - after.sigma_deg?.powi(2))
+        })
+        .collect();
+    short.iter().sum::<f64>() / short.len().max(1) as f64
+}
+
+/// The model with what was learned, and with its uncertainty.
+fn model_of(lesson: &Lesson, base: &ErrorModel, runs: &[RunData]) -> Result<ErrorModel, Refusal> {
     let full = |_| Refusal::Campaign("what was learned has more terms than a model can hold".into());
-    let model = lesson.learned().model(&lesson.base(base)).map_err(full)?;
+    let fit: Vec<&RunData> = runs.iter().filter(|run| run.role == Role::Fit).collect();
+    let model = doubt::model(lesson.learned(), &lesson.base(base), &fit).map_err(full)?;
     model.validate().map_err(|invalid| Refusal::Campaign(format!("what was learned makes no model: {invalid}")))?;
     Ok(model)
 }
@@ -215,7 +249,7 @@ fn noise_tests(
     }
 }
 
-fn warn_of_lesson(lesson: &Lesson, warnings: &mut Vec<Warning>) {
+fn warn_of_runs(runs: &[RunData], lesson: &Lesson, warnings: &mut Vec<Warning>) {
     for (file, error_deg) in &lesson.bad_references {
         warnings.push(Warning {
             run: Some(file.clone()),
@@ -226,53 +260,28 @@ fn warn_of_lesson(lesson: &Lesson, warnings: &mut Vec<Warning>) {
             ),
         });
     }
-    for (file, line) in &lesson.knocked {
+    for (run, &line) in runs.iter().flat_map(|run| run.outliers.iter().map(move |line| (run, line))) {
         warnings.push(Warning {
-            run: Some(file.clone()),
-            line: Some(*line),
-            message: "the rate jumps for this second: it is left out".into(),
+            run: Some(run.file.clone()),
+            line: Some(line),
+            message: "the rate jumps for this second: it is left out as an outlier".into(),
         });
     }
 }
 
-/// All runs with the model, by the same way as `north solve --model`.
-fn after(
-    campaign: &Campaign,
-    runs: &[RunData],
-    model: &ErrorModel,
-    base: &ErrorModel,
-    lesson: &Lesson,
-) -> Result<Vec<After>, Refusal> {
-    campaign
-        .runs
-        .par_iter()
-        .zip(runs)
-        .map(|(run, data)| {
-            let mut deployed = model.clone();
-            if let Some(turned_deg) = lesson.turned_deg {
-                turn::put(&mut deployed, turned_deg);
-            }
-            let settings = Settings { model: Some(deployed), ..data.settings.clone() };
-            match solve_file(&campaign.path_of(run), &settings) {
-                Ok(solution) => {
-                    let fix = solution.fix;
-                    let of_parameters = match data.solve(model) {
-                        Some((own, _)) => judge::parameter_sigma_deg(data, &lesson.base(base), lesson.learned(), &own),
-                        None => 0.0,
-                    };
-                    Ok(After {
-                        azimuth_deg: Some(fix.azimuth_deg),
-                        sigma_deg: Some(fix.sigma_deg.hypot(of_parameters)),
-                        closure_deg_h: fix.closure_deg_h,
-                        flags: fix.flags.iter().map(|flag| flag.name()).collect(),
-                        note: None,
-                    })
-                }
-                Err(SolveError::File(error)) => Err(error.into()),
-                Err(error) => Ok(After { note: Some(format!("no azimuth after: {error}")), ..After::default() }),
-            }
-        })
-        .collect()
+/// All runs with the model: the azimuths of `north solve --model`.
+fn after(runs: &[RunData], model: &ErrorModel) -> Vec<After> {
+    let of_run = |run: &RunData| match run.replay(model, &mut |_| ()) {
+        Ok(fix) => After {
+            azimuth_deg: Some(fix.azimuth_deg),
+            sigma_deg: Some(fix.sigma_deg),
+            closure_deg_h: fix.closure_deg_h,
+            flags: fix.flags.iter().map(|flag| flag.name()).collect(),
+            note: None,
+        },
+        Err(refusal) => After { note: Some(format!("no azimuth after: {refusal}")), ..After::default() },
+    };
+    runs.par_iter().map(of_run).collect()
 }
 
 /// Azimuths of the training runs by lessons that they took no part in, degrees. Where nothing was learned from all of them, there
@@ -282,22 +291,56 @@ fn cross_validated(runs: &[RunData], base: &ErrorModel, constant: &[String], les
     if lesson.is_empty() || fit.len() < 2 {
         return runs.iter().map(|run| Some(run.before?.azimuth_deg)).collect();
     }
-    let folds = FOLDS.min(fit.len());
-    let inside = |place: usize, fold: usize| place % folds == fold;
-    let lessons: Vec<Lesson> = (0..folds)
-        .map(|fold| {
-            let training: Vec<&RunData> =
-                fit.iter().enumerate().filter(|(place, _)| !inside(*place, fold)).map(|(_, &i)| &runs[i]).collect();
-            study(&training, base, constant)
-        })
-        .collect();
-    let mut crossed_deg = vec![None; runs.len()];
-    for (place, &i) in fit.iter().enumerate() {
-        let lesson = &lessons[place % folds];
-        let model = lesson.learned().model(&lesson.base(base)).ok();
-        crossed_deg[i] = model.and_then(|model| Some(runs[i].solve(&model)?.0.azimuth_deg));
+    let fixes = by_the_others(runs, &fit, FOLDS, base, constant);
+    fixes.into_iter().map(|fix| Some(fix?.azimuth_deg)).collect()
+}
+
+/// Each of these runs by what was learned from the others of them, in so many parts at most. In the order of all runs.
+fn by_the_others(
+    runs: &[RunData],
+    places: &[usize],
+    folds: usize,
+    base: &ErrorModel,
+    constant: &[String],
+) -> Vec<Option<Fix>> {
+    let folds = folds.min(places.len());
+    let mut fixes = vec![None; runs.len()];
+    for fold in 0..folds {
+        let inside = |place: usize| place % folds == fold;
+        let training: Vec<&RunData> =
+            places.iter().enumerate().filter(|(place, _)| !inside(*place)).map(|(_, &i)| &runs[i]).collect();
+        let lesson = study(&training, base, constant);
+        let Ok(model) = doubt::model(lesson.learned(), &lesson.base(base), &training) else { continue };
+        for (_, &i) in places.iter().enumerate().filter(|(place, _)| inside(*place)) {
+            fixes[i] = runs[i].replay(&model, &mut |_| ()).ok();
+        }
     }
-    crossed_deg
+    fixes
+}
+
+/// All runs with a reference, whatever their role, each by what was learned from all others. Nothing of it enters the model.
+fn leave_one_out(runs: &[RunData], base: &ErrorModel, constant: &[String], bad: &[String]) -> Option<LeaveOneOut> {
+    let places: Vec<usize> = (0..runs.len()).collect();
+    let fixes = by_the_others(runs, &places, runs.len(), base, constant);
+    let error = |run: &RunData, fix: &Option<Fix>| {
+        let reference_deg = run.reference_deg.filter(|_| !bad.contains(&run.file))?;
+        Some(wrap_180_deg(fix.as_ref()?.azimuth_deg - reference_deg))
+    };
+    let before: Vec<f64> = runs.iter().filter_map(|run| error(run, &run.before)).collect();
+    let errors_deg: Vec<Option<f64>> = runs.iter().zip(&fixes).map(|(run, fix)| error(run, fix)).collect();
+    let in_sigmas = errors_deg.iter().zip(runs.iter().zip(&fixes)).filter_map(|(error, (run, fix))| {
+        Some(error.as_ref()? / fix.as_ref()?.sigma_deg.hypot(run.reference_sigma_deg))
+    });
+    let errors: Vec<f64> = errors_deg.iter().flatten().copied().collect();
+    let (azimuth_rms_deg, azimuth_rms_interval_deg) = rms_with_interval(&errors)?;
+    Some(LeaveOneOut {
+        runs: errors.len(),
+        azimuth_rms_before_deg: rms_with_interval(&before).map(|each| each.0),
+        azimuth_rms_deg,
+        azimuth_rms_interval_deg,
+        errors_over_sigma_rms: rms(&in_sigmas.collect::<Vec<f64>>()),
+        errors_deg,
+    })
 }
 
 /// Runs whose azimuth is far from the reference, whatever was found: something is wrong with one of the two. Their files; those

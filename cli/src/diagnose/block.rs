@@ -13,8 +13,6 @@ const AMPLITUDE_SIGMA: f64 = 0.002;
 /// One sigma of a surveyed heading that says none, and of the index on top of it, degrees.
 const REFERENCE_SIGMA_DEG: f64 = 0.005;
 const INDEX_SIGMA_DEG: f64 = 0.01;
-/// Cells further out than this many sigmas are left out, if they are few.
-const KNOCK_SIGMAS: f64 = 8.0;
 /// Fewest cells of a run that is learned from.
 const LEAST_CELLS: usize = 4;
 
@@ -37,8 +35,6 @@ pub struct Block<'a> {
     pub tied: bool,
     /// Rate by the fit without effects, °/h.
     pub smooth_deg_h: Vec<f64>,
-    /// Lines of cells that were left out because they jump.
-    pub knocked: Vec<u64>,
     /// Period of a line whose phase is the run's own, seconds.
     line_s: Option<f64>,
     reference_deg: Option<f64>,
@@ -69,21 +65,11 @@ impl<'a> Block<'a> {
             azimuth_deg: 0.0,
             tied: reference_deg.is_some(),
             smooth_deg_h: Vec::new(),
-            knocked: Vec::new(),
             line_s,
             reference_deg,
         };
         let none = vec![0.0; run.cells.len()];
         block.solve(&none)?;
-        let y = block.project(&block.y.clone());
-        let out: Vec<usize> = (0..run.cells.len()).filter(|&i| y[i].abs() > KNOCK_SIGMAS).collect();
-        if !out.is_empty() && out.len() * 50 <= run.cells.len() {
-            for &i in &out {
-                block.root_weight[i] = 0.0;
-            }
-            block.knocked = out.iter().map(|&i| run.cells[i].line).collect();
-            block.solve(&none)?;
-        }
         Some(block)
     }
 
@@ -99,7 +85,12 @@ impl<'a> Block<'a> {
         let north = run.earth.north_deg_h;
         let plain = nuisance_columns(run, self.line_s);
         let mut nuisance = plain.clone();
-        self.y = run.cells.iter().zip(&self.root_weight).map(|(cell, w)| w * level_rate(run, cell)).collect();
+        self.y = run
+            .cells
+            .iter()
+            .zip(&self.root_weight)
+            .map(|(cell, w)| w * (cell.rate_deg_h - cell.design.vertical_deg_h))
+            .collect();
         for column in &mut nuisance {
             column.iter_mut().zip(&self.root_weight).for_each(|(value, weight)| *value *= weight);
         }
@@ -188,16 +179,10 @@ fn beside(basis: &[Vec<f64>], column: &[f64]) -> Vec<f64> {
     left
 }
 
-/// Rate less the Earth's vertical part, °/h.
-fn level_rate(run: &RunData, cell: &Cell) -> f64 {
-    let up = cell.level.map_or(0.0, |level| cell.cos * level.forward + cell.sin * level.left);
-    cell.raw_deg_h - run.earth.up_deg_h * up
-}
-
 /// Factors of h cos ψ, h sin ψ and the bias, and of the two parts of a line.
 fn nuisance_columns(run: &RunData, line_s: Option<f64>) -> Vec<Vec<f64>> {
     let of = |factor: &dyn Fn(&Cell) -> f64| run.cells.iter().map(factor).collect();
-    let mut columns = vec![of(&|cell| cell.cos), of(&|cell| cell.sin), of(&|_| 1.0)];
+    let mut columns = vec![of(&|cell| cell.design.cos), of(&|cell| cell.design.sin), of(&|_| 1.0)];
     if let Some(line_s) = line_s {
         columns.push(of(&|cell| (TAU * cell.t_s / line_s).cos()));
         columns.push(of(&|cell| (TAU * cell.t_s / line_s).sin()));
@@ -216,7 +201,7 @@ pub fn noise_deg_h(run: &RunData) -> Option<f64> {
             let apart = (1.0 / pair[0].seconds + 1.0 / pair[1].seconds).sqrt();
             let turned = run.earth.north_deg_h * (pair[1].cos - pair[0].cos).hypot(pair[1].sin - pair[0].sin);
             // In a rotation the signal itself changes from cell to cell; its share is small for cells of a second.
-            ((pair[1].raw_deg_h - pair[0].raw_deg_h).abs() - if run.rotation { turned } else { 0.0 }).abs() / apart
+            ((pair[1].rate_deg_h - pair[0].rate_deg_h).abs() - if run.rotation { turned } else { 0.0 }).abs() / apart
         })
         .collect();
     if differences.len() < 8 {

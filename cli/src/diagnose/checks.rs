@@ -29,8 +29,7 @@ fn warning(message: String) -> Warning {
 
 /// Refuses what makes no sense at all.
 pub fn refuse(runs: &[RunData]) -> Result<(), Refusal> {
-    let repeats = |run: &&RunData| run.cells.windows(2).all(|pair| pair[0].raw_deg_h == pair[1].raw_deg_h);
-    if let Some(run) = runs.iter().find(repeats) {
+    if let Some(run) = runs.iter().find(|run| run.repeats_itself()) {
         return Err(Refusal::Run {
             run: run.file.clone(),
             line: None,

@@ -1,43 +1,44 @@
-//! The runs of a campaign as seconds: what is learned from and judged.
+//! The runs of a campaign as the seconds that the firmware's replay makes of them: what is learned from and judged.
 
 use std::path::Path;
 
-use north_finder::calibration::ellipsoid::Correction;
 use north_finder::earth::{EarthRate, earth_rate};
 use north_finder::effects::{ErrorModel, MAX_CHANNELS};
 use north_finder::event::{Dwell, Fix};
+use north_finder::fix::DesignRow;
+use north_finder::fix::accumulator::{Corrected, ROTATION_SHARE};
 use north_finder::level::Specific;
-use north_finder::replay::{Recorded, Replay, Row as ReplayRow, Told};
+use north_finder::replay::{Place, REST_DEG, RecordedSecond, Replay, Seconds, Told};
 use north_finder::settings::Settings;
-use north_finder::units::{RAD_PER_DEG, sin_cos_deg, wrap_180_deg};
+use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
 use super::{Options, Refusal, Warning};
 use crate::campaign::{Campaign, Role, Row, Run, RunReader};
 use crate::solve::{AllDwells, correct_level, recorded};
 
-/// The index is at rest while it stays within this, degrees.
-const REST_DEG: f64 = 0.5;
-/// Rows are gathered until they cover this, seconds.
-const GATHER_S: f64 = 0.9995;
-/// Most rows of a run that are kept as they are.
-const MOST_RAW: usize = 20_000;
+/// More outliers than one second in this many are no shocks but something to be explained.
+const SECONDS_BY_SHOCK: usize = 50;
 
-/// A second of a run, or a longer row.
-#[derive(Clone, Debug, Default)]
+/// A second of a run, or a longer row, by the replay with the model that the runs were made with.
+#[derive(Clone, Debug)]
 pub struct Cell {
     /// Middle, and length.
     pub t_s: f64,
     pub seconds: f64,
-    pub raw_deg_h: f64,
+    /// Mean rate with the model applied, °/h.
+    pub rate_deg_h: f64,
+    /// Direction of the index.
     pub cos: f64,
     pub sin: f64,
+    /// Its row of the fix's equations.
+    pub design: DesignRow,
     pub temp_c: Option<f64>,
     pub level: Option<Specific>,
     pub moving: bool,
-    /// Rows are missing before it.
-    pub after_gap: bool,
-    /// Number of the stay, from 0.
+    /// It is in no dwell: nothing is learned from it.
+    pub left_out: bool,
+    /// Number of the dwell, from 0; of the next one for what is in none.
     pub stay: usize,
     /// Line of the file that it begins with.
     pub line: u64,
@@ -48,6 +49,7 @@ pub struct Cell {
 pub struct RunData {
     pub file: String,
     pub role: Role,
+    /// With the model that the run was made with.
     pub settings: Settings,
     pub earth: EarthRate,
     pub reference_deg: Option<f64>,
@@ -56,11 +58,15 @@ pub struct RunData {
     /// Names of the extra channels and their values by the cell.
     pub names: Vec<String>,
     pub channels: Vec<Vec<f64>>,
-    /// The rows themselves, where they are shorter than the cells and not too many, or the instrument recorded them.
-    pub raw: Vec<Recorded>,
+    /// An index error that was taken out of the cells and is in every replay, degrees.
+    pub turned_deg: Option<f64>,
+    /// The seconds as they were recorded, for other models.
+    recorded: Vec<RecordedSecond>,
     pub before: Option<Fix>,
     /// Why there is no azimuth.
     pub refusal: Option<String>,
+    /// Lines of seconds that the fix left out as outliers.
+    pub outliers: Vec<u64>,
     /// Noise of a one-second rate where it is known beforehand, °/h.
     pub noise_deg_h: Option<f64>,
     /// Most of the time the index turns.
@@ -70,7 +76,13 @@ pub struct RunData {
 impl RunData {
     /// Cells that enter: those at rest, or in a continuous rotation all.
     pub fn enters(&self, cell: &Cell) -> bool {
-        !cell.after_gap && (self.rotation || !cell.moving)
+        !cell.left_out && (self.rotation || !cell.moving)
+    }
+
+    /// Whether the gyro gives one reading throughout: it is dead.
+    pub fn repeats_itself(&self) -> bool {
+        let raw = |each: &RecordedSecond| each.second.conditions.raw_rate_deg_h;
+        !self.recorded.is_empty() && self.recorded.windows(2).all(|pair| raw(&pair[0]) == raw(&pair[1]))
     }
 
     /// A channel's values by the cell.
@@ -91,45 +103,123 @@ impl RunData {
         known.chain(self.names.iter().cloned()).collect()
     }
 
-    /// Azimuth by the firmware's replay of the cells with a model; the stays with the time of their end.
+    /// Which of the channels the model follows, in its order.
+    ///
+    /// Errors: the run lacks one, or the temperature or the level that a term needs.
+    fn slots(&self, model: &ErrorModel) -> Result<Vec<usize>, String> {
+        let lacks = |channel: &str| {
+            format!("the error model follows channel `{channel}`, and the recording has no such column")
+        };
+        let has = |of: fn(&RecordedSecond) -> bool| self.recorded.iter().any(of);
+        let (has_temperature, has_level) =
+            (has(|each| each.second.conditions.temp_c.is_some()), has(|each| each.second.conditions.level.is_some()));
+        if let Some(channel) = model.lacks(has_temperature, has_level) {
+            return Err(lacks(channel));
+        }
+        let slot = |name: &str| self.names.iter().position(|each| each == name).ok_or_else(|| lacks(name));
+        model.channels().iter().map(|name| slot(name.as_str())).collect()
+    }
+
+    /// Azimuth by the firmware's replay with a model: that of `north solve --model`, with all digits. What was taken out of the
+    /// cells is in the model.
+    ///
+    /// Errors: why there is none, in words.
+    pub fn replay(&self, model: &ErrorModel, told: &mut dyn FnMut(Told)) -> Result<Fix, String> {
+        let slots = self.slots(model)?;
+        let mut model = model.clone();
+        if let Some(turned_deg) = self.turned_deg {
+            model.index_error.get_or_insert_default().offset_deg += turned_deg;
+        }
+        let settings = Settings { model: Some(model), ..self.settings.clone() };
+        let mut replay = Replay::new(&settings, AllDwells::default()).map_err(|refusal| refusal.to_string())?;
+        for (i, each) in self.recorded.iter().enumerate() {
+            let mut each = *each;
+            for (value, &slot) in each.second.conditions.channels.iter_mut().zip(&slots) {
+                *value = self.channels[slot][i];
+            }
+            replay.take(&each, told);
+        }
+        replay.finish(told).map_err(|refusal| refusal.to_string())
+    }
+
+    /// The same with the dwells and the times of their ends; `None` without an azimuth.
     pub fn solve(&self, model: &ErrorModel) -> Option<(Fix, Vec<(f64, Dwell)>)> {
-        let settings = Settings { model: Some(model.clone()), ..self.settings.clone() };
-        let slots: Vec<usize> = model
-            .channels()
-            .iter()
-            .map(|name| self.names.iter().position(|each| each == name.as_str()))
-            .collect::<Option<_>>()?;
-        let mut replay = Replay::new(&settings, AllDwells::default()).ok()?;
         let mut dwells = Vec::new();
         let mut note = |told: Told| {
-            if let Told::Dwell { dwell, end_s } = told {
+            if let Told::Dwell { dwell, end_s, .. } = told {
                 dwells.push((end_s, dwell));
             }
         };
-        if !self.raw.is_empty() && slots.is_empty() {
-            self.raw.iter().for_each(|row| replay.push(row, &mut note));
-            let fix = replay.finish(&mut note).ok()?;
-            return Some((fix, dwells));
-        }
-        for (i, cell) in self.cells.iter().enumerate() {
-            let mut channels = [f64::NAN; MAX_CHANNELS];
-            for (value, &slot) in channels.iter_mut().zip(&slots) {
-                *value = self.channels[slot][i];
-            }
-            let row = ReplayRow {
-                t_s: cell.t_s + 0.5 * cell.seconds,
-                interval_s: cell.seconds,
-                index_deg: cell.sin.atan2(cell.cos) / RAD_PER_DEG,
-                fog_arcsec: cell.raw_deg_h * cell.seconds,
-                temp_c: cell.temp_c,
-                level: cell.level,
-                lost_frames: 0,
-                channels,
-            };
-            replay.push(&Recorded::Row(row), &mut note);
-        }
-        let fix = replay.finish(&mut note).ok()?;
+        let fix = self.replay(model, &mut note).ok()?;
         Some((fix, dwells))
+    }
+
+    /// The cells, dwells and outliers by the model that the run was made with, and its azimuth.
+    fn replay_as_made(&mut self, gaps: &[usize], lines: &[u64]) {
+        let model = self.settings.model.clone().unwrap_or_default();
+        let mut told = Vec::with_capacity(self.recorded.len());
+        let (mut dwell, mut outliers_s) = (0, Vec::new());
+        let fix = self.replay(&model, &mut |each| match each {
+            Told::Second(second, place) => {
+                if let Place::Dwell(number) = place {
+                    dwell = usize::from(number);
+                }
+                told.push((second, place, dwell));
+            }
+            Told::Dwell { outliers_s: of_dwell, .. } => {
+                dwell += 1;
+                outliers_s.extend(of_dwell);
+            }
+        });
+        match fix {
+            Ok(fix) => self.before = Some(fix),
+            Err(refusal) => self.refusal = Some(refusal),
+        }
+        told.sort_by(|a, b| time_s(&a.0).total_cmp(&time_s(&b.0)));
+        self.cells = told
+            .iter()
+            .zip(lines)
+            .map(|(&(second, place, dwell), &line)| cell(&second, place, dwell, line, &self.earth))
+            .collect();
+        for &gap in gaps {
+            if let Some(cell) = self.cells.get_mut(gap) {
+                cell.left_out = true;
+            }
+        }
+        let of_rest = |moving: bool| -> f64 {
+            self.cells.iter().filter(|cell| cell.moving == moving).map(|cell| cell.seconds).sum()
+        };
+        let (rest_s, moving_s) = (of_rest(false), of_rest(true));
+        self.rotation = rest_s < ROTATION_SHARE * (rest_s + moving_s);
+        if outliers_s.len() * SECONDS_BY_SHOCK <= self.cells.len() {
+            for cell in self.cells.iter_mut().filter(|cell| outliers_s.contains(&cell.t_s)) {
+                cell.left_out = true;
+                self.outliers.push(cell.line);
+            }
+        }
+    }
+}
+
+fn time_s(second: &Corrected) -> f64 {
+    second.measured.conditions.t_s
+}
+
+fn cell(second: &Corrected, place: Place, dwell: usize, line: u64, earth: &EarthRate) -> Cell {
+    let conditions = &second.measured.conditions;
+    let index = second.index.unwrap_or_default();
+    Cell {
+        t_s: conditions.t_s,
+        seconds: conditions.seconds,
+        rate_deg_h: second.rate_deg_h,
+        cos: index.cos,
+        sin: index.sin,
+        design: second.design(earth).unwrap_or_else(|| DesignRow::new(index, conditions.level, earth)),
+        temp_c: conditions.temp_c,
+        level: conditions.level,
+        moving: place == Place::Moving,
+        left_out: place == Place::LeftOut,
+        stay: dwell,
+        line,
     }
 }
 
@@ -145,191 +235,119 @@ pub fn read(campaign: &Campaign, options: &Options) -> Result<(Vec<RunData>, Vec
     Ok((runs, warnings))
 }
 
-fn read_run(campaign: &Campaign, run: &Run, options: &Options) -> Result<(RunData, Vec<Warning>), Refusal> {
-    let path = campaign.path_of(run);
+fn read_run(campaign: &Campaign, run: &Run, options: &Options) -> Result<(RunData, Option<Warning>), Refusal> {
     let latitude_deg = campaign.latitude_of(run).unwrap_or_default();
     let refuse = |problem: String| Refusal::Run { run: run.file.clone(), line: None, problem };
     let earth = earth_rate(latitude_deg).map_err(|_| {
         refuse(format!("at latitude {latitude_deg} there is no horizontal Earth rate to find north by"))
     })?;
     let settings = Settings { latitude_deg, ..options.settings.clone() };
-    let (mut data, warnings) = read_cells(&path, run, &settings.triad())?;
-    data.settings = settings;
-    data.earth = earth;
-    let solved = crate::solve::solve_file(&path, &data.settings);
-    match solved {
-        Ok(solution) => data.before = Some(solution.fix),
-        Err(crate::solve::SolveError::File(error)) => return Err(error.into()),
-        Err(crate::solve::SolveError::Refused { refusal, .. }) => data.refusal = Some(refusal.to_string()),
-        Err(error @ crate::solve::SolveError::NoChannel { .. }) => return Err(refuse(error.to_string())),
-    }
-    Ok((data, warnings))
-}
-
-fn read_cells(path: &Path, run: &Run, triad: &Correction) -> Result<(RunData, Vec<Warning>), Refusal> {
-    let reader = RunReader::open(path)?;
-    let names = reader.channels().to_vec();
-    let mut gatherer = Gatherer::new(names.len());
-    let mut warnings = Vec::new();
-    let (mut rows, mut gap_warned) = (0_u64, false);
-    let mut raw = Vec::new();
-    let mut usual_s: Option<f64> = None;
-    for row in reader {
-        let mut row = row?;
-        correct_level(&mut row, triad);
-        rows += 1;
-        let usual = *usual_s.get_or_insert(row.interval_s);
-        let still = gatherer.last_deg.is_some_and(|last| wrap_180_deg(row.index_deg - last).abs() <= REST_DEG);
-        let gap = rows > 2 && row.interval_s > 2.5 * usual && row.interval_s > 1.0 && still;
-        if gap && !gap_warned {
-            gap_warned = true;
-            let message = format!(
-                "a gap of {:.3} s in time within a stay (rows are {usual} s apart): nothing is learned from the row after \
-                 it; check the recorder",
-                row.interval_s
-            );
-            warnings.push(Warning { run: Some(run.file.clone()), line: Some(rows + 1), message });
-        }
-        if rows == 2 {
-            usual_s = Some(row.interval_s);
-        }
-        gatherer.push(&row, rows + 1, gap);
-        if row.own.is_some() || row.interval_s < 0.9 && raw.len() < MOST_RAW {
-            raw.push(recorded(&row, [f64::NAN; MAX_CHANNELS]));
-        }
-    }
-    gatherer.end();
-    // Part of the rows would be another recording.
-    if raw.len() as u64 != rows {
-        raw = Vec::new();
-    }
-    let Gatherer { cells, channels, .. } = gatherer;
-    let moving: f64 = cells.iter().filter(|cell| cell.moving).map(|cell| cell.seconds).sum();
-    let all: f64 = cells.iter().map(|cell| cell.seconds).sum();
-    let data = RunData {
+    let Gathered { seconds, names, channels, lines, gaps, .. } = Gathered::read(&campaign.path_of(run), &settings)?;
+    let mut data = RunData {
         file: run.file.clone(),
         role: run.role,
-        settings: Settings::default(),
-        earth: EarthRate { north_deg_h: 0.0, up_deg_h: 0.0 },
+        settings,
+        earth,
         reference_deg: run.reference_azimuth_deg,
         reference_sigma_deg: run.reference_sigma_deg.unwrap_or(0.0),
-        cells,
+        cells: Vec::new(),
         names,
         channels,
-        raw,
+        turned_deg: None,
+        recorded: seconds,
         before: None,
         refusal: None,
+        outliers: Vec::new(),
         noise_deg_h: None,
-        rotation: moving > 0.75 * all,
+        rotation: false,
     };
-    Ok((data, warnings))
+    data.slots(&data.settings.model.clone().unwrap_or_default()).map_err(refuse)?;
+    let places: Vec<usize> = gaps.iter().map(|gap| gap.place).collect();
+    data.replay_as_made(&places, &lines);
+    let warning = gaps.first().map(|gap| Warning {
+        run: Some(run.file.clone()),
+        line: Some(gap.line),
+        message: format!(
+            "a gap of {:.3} s in time within a dwell (rows are {} s apart): nothing is learned from the row after it; \
+             check the recorder",
+            gap.seconds, gap.usual_s
+        ),
+    });
+    Ok((data, warning))
 }
 
-/// Gathers rows into seconds as the firmware's replay does.
-struct Gatherer {
-    cells: Vec<Cell>,
+/// Rows are missing within a dwell.
+struct Gap {
+    /// Number of the second that the row after it is in, and the line of that row.
+    place: usize,
+    line: u64,
+    seconds: f64,
+    usual_s: f64,
+}
+
+/// A file's seconds by the core's gatherer, and the means of all channels over them.
+#[derive(Default)]
+struct Gathered {
+    seconds: Vec<RecordedSecond>,
+    names: Vec<String>,
     channels: Vec<Vec<f64>>,
-    sum: Cell,
-    sum_channels: Vec<f64>,
-    count: u32,
-    level: [f64; 2],
-    last_deg: Option<f64>,
-    stay_deg: Option<f64>,
-    stay: usize,
-    first_deg: f64,
+    /// Line that each second begins with.
+    lines: Vec<u64>,
+    gaps: Vec<Gap>,
+    /// Of the second under way: the sums of its channels, its time, its first line.
+    sums: Vec<f64>,
+    sum_s: f64,
+    line: Option<u64>,
 }
 
-impl Gatherer {
-    fn new(channels: usize) -> Self {
-        Self {
-            cells: Vec::new(),
-            channels: vec![Vec::new(); channels],
-            sum: Cell::default(),
-            sum_channels: vec![0.0; channels],
-            count: 0,
-            level: [0.0; 2],
-            last_deg: None,
-            stay_deg: None,
-            stay: 0,
-            first_deg: 0.0,
-        }
-    }
-
-    /// A row after a gap becomes a cell that does not enter.
-    fn push(&mut self, row: &Row, line: u64, gap: bool) {
-        let way_deg = self.last_deg.replace(row.index_deg).map_or(0.0, |last| wrap_180_deg(row.index_deg - last));
-        let moved = way_deg.abs() > REST_DEG;
-        if gap {
-            self.end();
-        }
-        if moved {
-            self.end();
-            // Where the second row moved, the first one did.
-            if let [first] = self.cells.as_mut_slice() {
-                first.moving = true;
+impl Gathered {
+    fn read(path: &Path, settings: &Settings) -> Result<Self, Refusal> {
+        let reader = RunReader::open(path)?;
+        let names = reader.channels().to_vec();
+        let number = names.len();
+        let mut gathered =
+            Self { names, channels: vec![Vec::new(); number], sums: vec![0.0; number], ..Self::default() };
+        let mut seconds = Seconds::new(settings);
+        let triad = settings.triad();
+        let (mut usual_s, mut last_deg) = (0.0, None);
+        for (row, line) in reader.zip(2..) {
+            let mut row = row?;
+            correct_level(&mut row, &triad);
+            let still = last_deg
+                .replace(row.index_deg)
+                .is_some_and(|last| wrap_180_deg(row.index_deg - last).abs() <= REST_DEG);
+            let gap = line > 3 && row.interval_s > 1.0 && row.interval_s > 2.5 * usual_s && still;
+            // The first row's interval says nothing where it begins late.
+            if line <= 3 {
+                usual_s = row.interval_s;
             }
+            let [before, complete] = seconds.push(&recorded(&row, [f64::NAN; MAX_CHANNELS]));
+            gathered.end(before);
+            if gap {
+                gathered.gaps.push(Gap { place: gathered.seconds.len(), line, seconds: row.interval_s, usual_s });
+            }
+            gathered.add(&row, line);
+            gathered.end(complete);
         }
-        if self.count == 0 {
-            self.sum.line = line;
-            self.first_deg = row.index_deg;
-        }
-        let (sin, cos) = sin_cos_deg(row.index_deg);
-        let half = 0.5 * way_deg * RAD_PER_DEG;
-        let shorter = if half.abs() > 1e-9 { half.sin() / half } else { 1.0 };
-        let weight = row.interval_s;
-        let sum = &mut self.sum;
-        sum.t_s = row.t_s;
-        sum.seconds += weight;
-        sum.raw_deg_h += row.fog_arcsec;
-        sum.cos += weight * cos * shorter;
-        sum.sin += weight * sin * shorter;
-        sum.moving |= moved;
-        if let Some(temp_c) = row.temp_c {
-            *sum.temp_c.get_or_insert(0.0) += weight * temp_c;
-        }
-        if let Some(Specific { forward, left }) = row.level {
-            self.level[0] += weight * forward;
-            self.level[1] += weight * left;
-            sum.level = Some(Specific { forward: 0.0, left: 0.0 });
-        }
-        for (sum, value) in self.sum_channels.iter_mut().zip(&row.extra) {
-            *sum += weight * value;
-        }
-        self.count += 1;
-        if moved || self.sum.seconds >= GATHER_S {
-            self.end();
-        }
-        if gap && let Some(cell) = self.cells.last_mut() {
-            cell.after_gap = true;
+        gathered.end(seconds.finish());
+        Ok(gathered)
+    }
+
+    fn add(&mut self, row: &Row, line: u64) {
+        self.line.get_or_insert(line);
+        self.sum_s += row.interval_s;
+        for (sum, value) in self.sums.iter_mut().zip(&row.extra) {
+            *sum += row.interval_s * value;
         }
     }
 
-    fn end(&mut self) {
-        if self.count == 0 {
-            return;
-        }
-        let mut cell = std::mem::take(&mut self.sum);
-        let seconds = cell.seconds;
-        cell.t_s -= 0.5 * seconds;
-        cell.raw_deg_h /= seconds;
-        cell.cos /= seconds;
-        cell.sin /= seconds;
-        cell.temp_c = cell.temp_c.map(|sum| sum / seconds);
-        let [forward, left] = std::mem::take(&mut self.level).map(|sum| sum / seconds);
-        cell.level = cell.level.and(Specific::new(forward, left));
-        let left =
-            cell.moving || self.stay_deg.is_some_and(|stay| wrap_180_deg(self.first_deg - stay).abs() > REST_DEG);
-        if left && self.stay_deg.take().is_some() {
-            self.stay += 1;
-        }
-        if !cell.moving {
-            self.stay_deg.get_or_insert(self.first_deg);
-        }
-        cell.stay = self.stay;
-        for (values, sum) in self.channels.iter_mut().zip(&mut self.sum_channels) {
+    fn end(&mut self, second: Option<RecordedSecond>) {
+        let Some(second) = second else { return };
+        self.seconds.push(second);
+        self.lines.push(self.line.take().unwrap_or_default());
+        let seconds = std::mem::take(&mut self.sum_s);
+        for (values, sum) in self.channels.iter_mut().zip(&mut self.sums) {
             values.push(std::mem::take(sum) / seconds);
         }
-        self.cells.push(cell);
-        self.count = 0;
     }
 }

@@ -1,6 +1,8 @@
 //! The next experiment: the runs by which the models that are still possible would be told apart, or the azimuth known better, by
 //! what they are expected to tell.
 
+use north_finder::fix::DesignRow;
+use north_finder::index::Direction;
 use north_finder::units::wrap_360_deg;
 use rayon::prelude::*;
 
@@ -79,7 +81,6 @@ impl Design {
         let mut run = like.clone();
         run.reference_deg = Some(heading_deg);
         run.rotation = false;
-        run.raw.clear();
         run.cells.clear();
         run.channels.iter_mut().for_each(Vec::clear);
         let (sin_psi, cos_psi) = heading_deg.to_radians().sin_cos();
@@ -90,11 +91,23 @@ impl Design {
             for row in 0..self.dwell_s as usize + if stay > 0 { MOVE_S } else { 0 } {
                 let moving = stay > 0 && row < MOVE_S;
                 let Some(place) = second_of(like, second) else { return run };
-                let raw_deg_h = like.earth.north_deg_h * (cos_psi * cos + sin_psi * sin);
+                let rate_deg_h = like.earth.north_deg_h * (cos_psi * cos + sin_psi * sin);
                 t_s += 1.0;
                 second += 1;
                 let source = like.cells[place].clone();
-                run.cells.push(Cell { t_s: t_s - 0.5, seconds: 1.0, raw_deg_h, cos, sin, moving, stay, ..source });
+                let design = DesignRow::new(Direction { cos, sin }, source.level, &like.earth);
+                run.cells.push(Cell {
+                    t_s: t_s - 0.5,
+                    seconds: 1.0,
+                    rate_deg_h,
+                    cos,
+                    sin,
+                    design,
+                    moving,
+                    left_out: false,
+                    stay,
+                    ..source
+                });
                 for (channel, values) in run.channels.iter_mut().zip(&like.channels) {
                     channel.push(values[place]);
                 }

@@ -7,6 +7,7 @@ mod candidate;
 mod checks;
 mod data;
 mod deploy;
+mod doubt;
 mod effects;
 mod estimate;
 mod evidence;
@@ -31,8 +32,8 @@ mod unexplained;
 mod verdict;
 
 pub use result::{
-    Candidate, Diagnosis, Effect, Experiment, NoiseTests, Origin, Rejected, RunDiagnosis, RunSeries, Spectra, Test,
-    Warning,
+    Candidate, Diagnosis, Effect, Experiment, LeaveOneOut, NoiseTests, Origin, Rejected, RunDiagnosis, RunSeries,
+    Spectra, Test, Warning,
 };
 pub use text::write;
 
@@ -53,6 +54,8 @@ use problem::Problem;
 pub struct Options {
     /// What is declared of the instrument, and the model that it runs now. The latitude is each run's own.
     pub settings: Settings,
+    /// Leave every run out in turn, however many there are.
+    pub leave_one_out: bool,
 }
 
 /// Why a campaign cannot be diagnosed at all.
@@ -79,8 +82,6 @@ struct Lesson {
     line: Option<OwnLine>,
     /// Files whose reference does not fit, with its error in degrees.
     bad_references: Vec<(String, f64)>,
-    /// Lines of cells that were left out because they jump.
-    knocked: Vec<(String, u64)>,
     /// An index error, the same in all runs, that was taken out of them beforehand, degrees.
     turned_deg: Option<f64>,
     /// Names of what was found and must not be used, and why.
@@ -107,7 +108,6 @@ impl Lesson {
     fn bare(&self) -> Self {
         Self {
             bad_references: self.bad_references.clone(),
-            knocked: self.knocked.clone(),
             turned_deg: self.turned_deg,
             withdrawn: self.withdrawn.clone(),
             ..Self::default()
@@ -171,7 +171,7 @@ pub fn diagnose(campaign: &Campaign, options: &Options) -> Result<Diagnosis, Ref
     {
         lesson.withdraw(why);
     }
-    assemble::diagnosis(campaign, &runs, &as_recorded, &constant, &base, &lesson, warnings)
+    assemble::diagnosis(campaign, &runs, &as_recorded, &constant, &base, &lesson, options, warnings)
 }
 
 /// Learns from runs, whatever their role: the caller chooses them.
@@ -181,11 +181,6 @@ fn study(runs: &[&RunData], base: &ErrorModel, constant: &[String]) -> Lesson {
     let mut distrusted: Vec<String> = Vec::new();
     for _ in 0..3 {
         let mut problem = Problem::new(blocks_of(runs, &distrusted, None));
-        lesson.knocked = problem
-            .blocks
-            .iter()
-            .flat_map(|block| block.knocked.iter().map(|line| (block.run.file.clone(), *line)))
-            .collect();
         // Beforehand a wrong reference may hide behind what the effects do; afterwards it stands alone.
         let none = vec![0.0; problem.rows()];
         if distrust(&problem, &none, &mut distrusted, &mut lesson) {

@@ -283,7 +283,7 @@ impl Open {
             let proposed: Vec<Recording> = proposed
                 .iter()
                 .map(|run| {
-                    let rate_deg_h = run.cells.iter().map(|cell| cell.raw_deg_h).collect();
+                    let rate_deg_h = run.cells.iter().map(|cell| cell.rate_deg_h).collect();
                     let noise_deg_h = Some(self.learned.unit_deg_h * 10f64.sqrt());
                     Recording { noise_deg_h, ..recording(run, rate_deg_h, &self.names, &[]) }
                 })
@@ -354,7 +354,7 @@ fn recording(run: &RunData, rate_deg_h: Vec<f64>, names: &[String], bad_referenc
         dwell: run.cells.iter().map(|cell| cell.stay).collect(),
         moving: run.cells.iter().map(|cell| cell.moving).collect(),
         enters: run.cells.iter().map(|cell| run.enters(cell)).collect(),
-        design: run.cells.iter().map(|cell| [cell.cos, cell.sin]).collect(),
+        design: run.cells.iter().map(|cell| [cell.design.cos, cell.design.sin]).collect(),
         rate_deg_h,
         tilt_g: run.cells.iter().map(|cell| cell.level.map(|level| [level.forward, level.left])).collect(),
         channels: names.iter().map(|name| run.channel(name).unwrap_or_default()).collect(),

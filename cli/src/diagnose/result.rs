@@ -37,6 +37,11 @@ pub struct Diagnosis {
     pub azimuth_rms_before_interval_deg: Option<[f64; 2]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub azimuth_rms_after_interval_deg: Option<[f64; 2]>,
+    /// Runs that are judged and have an azimuth after.
+    pub judged_runs: usize,
+    /// Every run judged by what was learned from all others, whatever the roles.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub leave_one_out: Option<LeaveOneOut>,
     /// "check-runs" or "cross-validation"; absent where no reference is known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub judged_on: Option<&'static str>,
@@ -76,6 +81,23 @@ pub struct Origin {
     pub instrument: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub latitude_deg: Option<f64>,
+}
+
+/// Every run with a reference by what was learned from all others: how well the diagnosis does on this campaign, on all runs
+/// that there are. The model that is written takes nothing from it.
+#[derive(Clone, Debug, Serialize)]
+pub struct LeaveOneOut {
+    /// Runs with a reference and an azimuth.
+    pub runs: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub azimuth_rms_before_deg: Option<f64>,
+    pub azimuth_rms_deg: f64,
+    /// 95 % interval for normal errors, by chi-square.
+    pub azimuth_rms_interval_deg: [f64; 2],
+    /// Errors over their sigmas (with the reference's), root mean square: 1 where sigma covers.
+    pub errors_over_sigma_rms: f64,
+    /// Errors in the order of the runs.
+    pub errors_deg: Vec<Option<f64>>,
 }
 
 /// One run before and after.

@@ -1,100 +1,31 @@
 //! Tail probabilities and small linear algebra.
 
-/// ln Γ(x), x > 0 (Lanczos, J. SIAM Numer. Anal. B 1, 1964, p. 86, with the coefficients of g = 7).
-fn ln_gamma(x: f64) -> f64 {
-    const C: [f64; 9] = [
-        0.999_999_999_999_809_9,
-        676.520_368_121_885_1,
-        -1_259.139_216_722_402_8,
-        771.323_428_777_653_1,
-        -176.615_029_162_140_6,
-        12.507_343_278_686_905,
-        -0.138_571_095_265_720_12,
-        9.984_369_578_019_572e-6,
-        1.505_632_735_149_311_6e-7,
-    ];
-    let x = x - 1.0;
-    let t = x + 7.5;
-    let series = C.iter().enumerate().skip(1).fold(C[0], |sum, (i, c)| sum + c / (x + i as f64));
-    0.5 * std::f64::consts::TAU.ln() + (x + 0.5) * t.ln() - t + series.ln()
-}
+use nalgebra::DMatrix;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+use statrs::function::beta::beta_reg;
+use statrs::function::gamma::gamma_ur;
+
+/// A pivot of normal equations with a unit diagonal below this: a column is (nearly) a combination of the others.
+const LEAST_PIVOT: f64 = 1e-9;
 
 /// Probability that a chi-square with `freedom` degrees of freedom exceeds `value`.
 pub fn chi_square_tail(value: f64, freedom: f64) -> f64 {
-    if !(value > 0.0) || freedom <= 0.0 {
-        return 1.0;
-    }
-    let (a, x) = (0.5 * freedom, 0.5 * value);
-    let factor = (a * x.ln() - x - ln_gamma(a)).exp();
-    if x < a + 1.0 {
-        let (mut term, mut sum, mut n) = (1.0 / a, 1.0 / a, a);
-        while term > 1e-16 * sum {
-            n += 1.0;
-            term *= x / n;
-            sum += term;
-        }
-        return (1.0 - factor * sum).clamp(0.0, 1.0);
-    }
-    // Continued fraction by Lentz' method.
-    let mut b = x + 1.0 - a;
-    let (mut c, mut d) = (1e300, 1.0 / b);
-    let mut fraction = d;
-    for i in 1..1000 {
-        let n = f64::from(i) * (a - f64::from(i));
-        b += 2.0;
-        d = 1.0 / (n * d + b);
-        c = b + n / c;
-        let change = c * d;
-        fraction *= change;
-        if (change - 1.0).abs() < 1e-15 {
-            break;
-        }
-    }
-    (factor * fraction).clamp(0.0, 1.0)
+    if value > 0.0 && freedom > 0.0 { gamma_ur(0.5 * freedom, 0.5 * value) } else { 1.0 }
 }
 
 /// Probability that F with `m` and `n` degrees of freedom exceeds `value`.
 pub fn f_tail(value: f64, m: f64, n: f64) -> f64 {
-    if !(value > 0.0) || m <= 0.0 || n <= 0.0 {
-        return 1.0;
-    }
-    incomplete_beta(n / (n + m * value), 0.5 * n, 0.5 * m)
+    if value > 0.0 && m > 0.0 && n > 0.0 { beta_reg(0.5 * n, 0.5 * m, n / (n + m * value)) } else { 1.0 }
 }
 
-/// The regularised incomplete beta function, by its continued fraction.
-fn incomplete_beta(x: f64, a: f64, b: f64) -> f64 {
-    if x <= 0.0 || x >= 1.0 {
-        return x.clamp(0.0, 1.0);
-    }
-    let front = (ln_gamma(a + b) - ln_gamma(a) - ln_gamma(b) + a * x.ln() + b * (1.0 - x).ln()).exp();
-    if x < (a + 1.0) / (a + b + 2.0) {
-        front * beta_fraction(x, a, b) / a
-    } else {
-        1.0 - front * beta_fraction(1.0 - x, b, a) / b
-    }
-}
-
-fn beta_fraction(x: f64, a: f64, b: f64) -> f64 {
-    let safe = |value: f64| if value.abs() < 1e-300 { 1e-300 } else { value };
-    let mut c = 1.0;
-    let mut d = 1.0 / safe(1.0 - (a + b) * x / (a + 1.0));
-    let mut fraction = d;
-    for i in 1..1000 {
-        let m = f64::from(i);
-        let even = m * (b - m) * x / ((a + 2.0 * m - 1.0) * (a + 2.0 * m));
-        d = 1.0 / safe(1.0 + even * d);
-        c = safe(1.0 + even / c);
-        fraction *= c * d;
-        let odd = -(a + m) * (a + b + m) * x / ((a + 2.0 * m) * (a + 2.0 * m + 1.0));
-        d = 1.0 / safe(1.0 + odd * d);
-        c = safe(1.0 + odd / c);
-        let change = c * d;
-        fraction *= change;
-        if (change - 1.0).abs() < 1e-15 {
-            break;
-        }
-    }
-    fraction
+/// Root mean square of errors, and its 95 % interval for normal errors: n times its square over the variance is a chi-square
+/// of n degrees of freedom. `None` of nothing.
+pub fn rms_with_interval(errors: &[f64]) -> Option<(f64, [f64; 2])> {
+    let number = errors.len() as f64;
+    let distribution = ChiSquared::new(number).ok()?;
+    let rms = rms(errors);
+    let bound = |probability: f64| rms * (number / distribution.inverse_cdf(probability)).sqrt();
+    Some((rms, [bound(0.975), bound(0.025)]))
 }
 
 /// Sum of products.
@@ -149,35 +80,17 @@ pub fn least_squares(columns: &[&[f64]], y: &[f64]) -> Option<(Vec<f64>, Vec<Vec
     if scale.iter().any(|value| !value.is_finite()) {
         return None;
     }
-    let gram =
-        columns.iter().zip(&scale).map(|(a, s)| columns.iter().zip(&scale).map(|(b, t)| s * t * dot(a, b)).collect());
-    let inverse = invert(gram.collect())?;
-    let right: Vec<f64> = columns.iter().zip(&scale).map(|(column, s)| s * dot(column, y)).collect();
-    let coefficients = inverse.iter().zip(&scale).map(|(row, s)| s * dot(row, &right)).collect();
-    let covariance =
-        inverse.iter().zip(&scale).map(|(row, s)| row.iter().zip(&scale).map(|(value, t)| s * t * value).collect());
-    Some((coefficients, covariance.collect()))
-}
-
-/// Inverse of a symmetric matrix with a unit diagonal, by Gauss and Jordan; `None` where a pivot is below 1e-9.
-fn invert(mut matrix: Vec<Vec<f64>>) -> Option<Vec<Vec<f64>>> {
-    let n = matrix.len();
-    for (i, row) in matrix.iter_mut().enumerate() {
-        row.extend((0..n).map(|j| f64::from(u8::from(i == j))));
+    let scaled = |i: usize, j: usize| scale[i] * scale[j] * dot(columns[i], columns[j]);
+    let factor = DMatrix::from_fn(columns.len(), columns.len(), scaled).cholesky()?;
+    if factor.l_dirty().diagonal().iter().any(|pivot| pivot * pivot < LEAST_PIVOT) {
+        return None;
     }
-    for i in 0..n {
-        let pivot = matrix[i][i];
-        if !(pivot > 1e-9) {
-            return None;
-        }
-        matrix[i].iter_mut().for_each(|value| *value /= pivot);
-        let row = matrix[i].clone();
-        for (_, other) in matrix.iter_mut().enumerate().filter(|(j, _)| *j != i) {
-            let factor = other[i];
-            subtract(other, factor, &row);
-        }
-    }
-    Some(matrix.into_iter().map(|row| row[n..].to_vec()).collect())
+    let inverse = factor.inverse();
+    let covariance: Vec<Vec<f64>> = (0..columns.len())
+        .map(|i| (0..columns.len()).map(|j| scale[i] * scale[j] * inverse[(i, j)]).collect())
+        .collect();
+    let right: Vec<f64> = columns.iter().map(|column| dot(column, y)).collect();
+    Some((covariance.iter().map(|row| dot(row, &right)).collect(), covariance))
 }
 
 #[cfg(test)]
@@ -195,5 +108,24 @@ mod tests {
         }
         // Far out the tail keeps its digits: normal, 10 sigma, two-sided 1.524e-23.
         assert!((chi_square_tail(100.0, 1.0) / 1.5239706e-23 - 1.0).abs() < 1e-5);
+    }
+
+    /// Four errors of 1°: chi-square of 4 degrees of freedom lies between 0.4844 and 11.143 in 95 %, so the standard deviation
+    /// between √(4/11.143) = 0.599° and √(4/0.4844) = 2.874°.
+    #[test]
+    fn the_interval_of_few_errors_is_wide() {
+        let (rms, [low, high]) = rms_with_interval(&[1.0, -1.0, 1.0, -1.0]).unwrap();
+        assert!(rms == 1.0 && (low - 0.599).abs() < 1e-3 && (high - 2.874).abs() < 1e-3, "{low} {high}");
+        assert_eq!(rms_with_interval(&[]), None);
+    }
+
+    #[test]
+    fn least_squares_by_hand() {
+        // A line through 1, 2, 4 at −1, 0, 1: mean 7/3, slope 3/2; covariances 1/3 and 1/2. A column twice is refused.
+        let (ones, t) = ([1.0; 3], [-1.0, 0.0, 1.0]);
+        let (found, covariance) = least_squares(&[&ones, &t], &[1.0, 2.0, 4.0]).unwrap();
+        assert!((found[0] - 7.0 / 3.0).abs() < 1e-12 && (found[1] - 1.5).abs() < 1e-12);
+        assert!((covariance[0][0] - 1.0 / 3.0).abs() < 1e-12 && (covariance[1][1] - 0.5).abs() < 1e-12);
+        assert!(least_squares(&[&t, &t], &[1.0, 2.0, 4.0]).is_none());
     }
 }

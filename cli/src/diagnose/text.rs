@@ -69,10 +69,27 @@ fn write_runs(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
     if let Some(judged_on) = diagnosis.judged_on {
         writeln!(
             out,
-            "azimuth error, deg rms (95 % interval), judged on {}: {} before, {} after",
+            "azimuth error, deg rms (95 % interval by chi-square), judged on {} ({} runs): {} before, {} after",
             judged_on.replace('-', " "),
+            diagnosis.judged_runs,
             rms(diagnosis.azimuth_rms_before_deg, diagnosis.azimuth_rms_before_interval_deg),
             rms(diagnosis.azimuth_rms_after_deg, diagnosis.azimuth_rms_after_interval_deg)
+        )?;
+    }
+    if diagnosis.judged_on == Some("cross-validation") {
+        writeln!(
+            out,
+            "azimuths after of judged runs are by models learned without them, not by the model that is written"
+        )?;
+    }
+    if let Some(all) = &diagnosis.leave_one_out {
+        writeln!(
+            out,
+            "each of all runs by what was learned from the others ({} runs): {} after{}; errors over sigma {:.2} rms",
+            all.runs,
+            rms(Some(all.azimuth_rms_deg), Some(all.azimuth_rms_interval_deg)),
+            all.azimuth_rms_before_deg.map_or(String::new(), |before| format!(", {before:.4} before")),
+            all.errors_over_sigma_rms
         )?;
     }
     Ok(())

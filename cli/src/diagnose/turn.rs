@@ -1,6 +1,8 @@
 //! A turn that all references share: the index zero stands elsewhere, or the references were turned.
 
 use north_finder::effects::ErrorModel;
+use north_finder::fix::DesignRow;
+use north_finder::index::Direction;
 use north_finder::units::{sin_cos_deg, wrap_180_deg};
 
 use super::data::RunData;
@@ -31,8 +33,9 @@ pub fn take_out(run: &mut RunData, turn_deg: f64, base: &ErrorModel) {
     let (s, c) = sin_cos_deg(turn_deg);
     for cell in &mut run.cells {
         (cell.cos, cell.sin) = (cell.cos * c + cell.sin * s, cell.sin * c - cell.cos * s);
+        cell.design = DesignRow::new(Direction { cos: cell.cos, sin: cell.sin }, cell.level, &run.earth);
     }
-    run.raw.clear();
+    run.turned_deg = Some(turn_deg);
     run.before = run.solve(base).map(|(fix, _)| fix);
 }
 

@@ -142,7 +142,7 @@ impl CloseLoop {
         };
         let folder = folder.as_path();
         let campaign = self.record(&rig, &settings, folder, &bar)?;
-        let options = Options { settings: settings.clone() };
+        let options = Options { settings: settings.clone(), ..Options::default() };
         let diagnosis = diagnose(&campaign, &options).map_err(|refusal| Failure::Refused(refusal.to_string()))?;
         let taught = Settings { model: Some(board_model(&diagnosis, folder)?), ..settings.clone() };
 

@@ -1,0 +1,296 @@
+//! What is not certain of the error model, in a fix: errors of the dwells' mean rates that go together.
+//!
+//! The mean rates have the covariance C = white noise + P + D Dᵀ: P that of the model's process of the run's own (mean over
+//! each dwell against mean over each other), D the columns of what one sigma along each uncertain direction of the model's
+//! coefficients adds to each dwell. The fix is generalised least squares with C: by its Cholesky factor L, rows and rates
+//! become L⁻¹ times themselves, and have independent errors of one. Slopes inside the dwells say nothing then: the process
+//! makes slopes of its own.
+//!
+//! A fix of more intervals than there is room for (a continuous rotation) is weighed as without doubt, and its covariance
+//! is that of these weights, with intervals taken together in groups.
+
+use heapless::Vec;
+use nalgebra::{Matrix4, Vector4};
+
+use super::Observation;
+use super::dwell::DwellSummary;
+use crate::effects::Doubt;
+use crate::effects::doubt::MAX_DIRECTIONS;
+
+/// Most dwells whose covariance is kept.
+const MOST: usize = 24;
+/// Entries of its factor's lower triangle.
+const ENTRIES: usize = MOST * (MOST + 1) / 2;
+
+/// The dwells' covariance, in units of the variance of a one-second rate, by its factor.
+#[derive(Clone, Debug)]
+pub struct Correlated {
+    /// Rows of L, one after the other.
+    factor: Vec<f64, ENTRIES>,
+    /// Columns of C⁻¹ times the rows of the equations: what the error of a dwell adds to the right-hand side.
+    levers: Vec<Vector4<f64>, MOST>,
+}
+
+impl Correlated {
+    /// `None` where nothing is uncertain, or where there are too many dwells. `observations`: of the dwells' means, in
+    /// their order; `variance`: of a one-second rate, (°/h)².
+    pub(super) fn new(
+        doubt: &Doubt,
+        dwells: &[DwellSummary],
+        observations: impl Iterator<Item = Observation>,
+        variance: f64,
+    ) -> Option<Self> {
+        if !is_any(doubt) || dwells.len() > MOST {
+            return None;
+        }
+        let mut correlated = Self { factor: Vec::new(), levers: Vec::new() };
+        for (i, (dwell, observation)) in dwells.iter().zip(observations).enumerate() {
+            let mut squares = 0.0;
+            for (j, other) in dwells.iter().take(i).enumerate() {
+                let product: f64 = (0..j).map(|k| correlated.at(i, k) * correlated.at(j, k)).sum();
+                let entry = (shared(doubt, dwell, other) / variance - product) / correlated.at(j, j);
+                squares += entry * entry;
+                correlated.factor.push(entry).ok()?;
+            }
+            let pivot = 1.0 / observation.weight + shared(doubt, dwell, dwell) / variance - squares;
+            if !(pivot > 0.0 && pivot.is_finite()) {
+                return None;
+            }
+            correlated.factor.push(libm::sqrt(pivot)).ok()?;
+            let whitened = correlated.whitened(i, observation.row, |k| correlated.levers.get(k).copied());
+            correlated.levers.push(whitened).ok()?;
+        }
+        for i in (0..correlated.levers.len()).rev() {
+            let later: Vector4<f64> = (i + 1..correlated.levers.len())
+                .filter_map(|j| Some(*correlated.levers.get(j)? * correlated.at(j, i)))
+                .sum();
+            let pivot = correlated.at(i, i);
+            if let Some(lever) = correlated.levers.get_mut(i) {
+                *lever = (*lever - later) / pivot;
+            }
+        }
+        Some(correlated)
+    }
+
+    /// L's entry, below the diagonal or on it.
+    fn at(&self, row: usize, column: usize) -> f64 {
+        self.factor.get(row * (row + 1) / 2 + column).copied().unwrap_or(0.0)
+    }
+
+    /// L⁻¹ times the rows, the `i`-th of it, with those before it.
+    fn whitened(&self, i: usize, row: Vector4<f64>, before: impl Fn(usize) -> Option<Vector4<f64>>) -> Vector4<f64> {
+        let known: Vector4<f64> = (0..i).filter_map(|k| Some(before(k)? * self.at(i, k))).sum();
+        (row - known) / self.at(i, i)
+    }
+
+    /// Gives `take` the observations with errors that are independent, of weight 1.
+    pub(super) fn for_each(&self, observations: impl Iterator<Item = Observation>, take: &mut dyn FnMut(Observation)) {
+        let mut before: Vec<(Vector4<f64>, f64), MOST> = Vec::new();
+        for (i, observation) in observations.enumerate() {
+            let row = self.whitened(i, observation.row, |k| before.get(k).map(|each| each.0));
+            let known: f64 = before.iter().enumerate().map(|(k, each)| self.at(i, k) * each.1).sum();
+            let rate_deg_h = (observation.rate_deg_h - known) / self.at(i, i);
+            let _ = before.push((row, rate_deg_h));
+            take(Observation { weight: 1.0, row, rate_deg_h, ..observation });
+        }
+    }
+
+    /// What an error of the `i`-th dwell's rate adds to the right-hand side of the normal equations.
+    pub fn lever(&self, i: usize) -> Vector4<f64> {
+        self.levers.get(i).copied().unwrap_or_default()
+    }
+}
+
+/// Whether rates are uncertain by the model.
+pub fn is_any(doubt: &Doubt) -> bool {
+    doubt.process.is_some() || !doubt.directions.is_empty()
+}
+
+/// Covariance of the errors of two dwells, (°/h)².
+fn shared(doubt: &Doubt, a: &DwellSummary, b: &DwellSummary) -> f64 {
+    let interval = |dwell: &DwellSummary| [dwell.start_s, dwell.end_s];
+    let of_process = doubt.process.map_or(0.0, |process| process.covariance(interval(a), interval(b)));
+    let of_directions: f64 = a.doubt_deg_h.iter().zip(b.doubt_deg_h).map(|(a, b)| f64::from(*a) * f64::from(b)).sum();
+    of_process + of_directions
+}
+
+/// Intervals that are taken together.
+#[derive(Clone, Copy, Debug)]
+struct Group {
+    interval_s: [f64; 2],
+    number: f64,
+    /// Sums of their levers and of these times themselves.
+    lever: Vector4<f64>,
+    squares: Matrix4<f64>,
+    /// Sum of the variances of the process' means over each.
+    variances: f64,
+}
+
+/// Covariance of the right-hand side by the doubt, where the fix is weighed without it. In a group the process is its mean
+/// and deviations from it, which are alike but for adding up to nothing.
+pub(super) fn of_right_hand_side(
+    doubt: &Doubt,
+    dwells: &[DwellSummary],
+    observations: impl Iterator<Item = Observation>,
+) -> Matrix4<f64> {
+    if !is_any(doubt) {
+        return Matrix4::zeros();
+    }
+    let mut of_directions = [Vector4::zeros(); MAX_DIRECTIONS];
+    let size = dwells.len().div_ceil(MOST).max(1);
+    let mut groups: Vec<Group, MOST> = Vec::new();
+    for (i, (dwell, observation)) in dwells.iter().zip(observations).enumerate() {
+        let lever = observation.weight * observation.row;
+        for (sum, doubt_deg_h) in of_directions.iter_mut().zip(dwell.doubt_deg_h) {
+            *sum += lever * f64::from(doubt_deg_h);
+        }
+        let interval_s = [dwell.start_s, dwell.end_s];
+        if i % size == 0 {
+            let (lever, squares) = (Vector4::zeros(), Matrix4::zeros());
+            let _ = groups.push(Group { interval_s, number: 0.0, lever, squares, variances: 0.0 });
+        }
+        if let Some(group) = groups.last_mut() {
+            group.interval_s[1] = dwell.end_s;
+            group.number += 1.0;
+            group.lever += lever;
+            group.squares += lever * lever.transpose();
+            group.variances += doubt.process.map_or(0.0, |process| process.covariance(interval_s, interval_s));
+        }
+    }
+    let mut covariance: Matrix4<f64> = of_directions.iter().map(|sum| sum * sum.transpose()).sum();
+    let Some(process) = doubt.process else { return covariance };
+    for (i, a) in groups.iter().enumerate() {
+        for (j, b) in groups.iter().enumerate() {
+            let shared = process.covariance(a.interval_s, b.interval_s);
+            covariance += shared * a.lever * b.lever.transpose();
+            if i == j && a.number > 1.0 {
+                let deviations = (a.variances / a.number - shared).max(0.0) * a.number / (a.number - 1.0);
+                covariance += deviations * (a.squares - a.lever * a.lever.transpose() / a.number);
+            }
+        }
+    }
+    covariance
+}
+
+#[cfg(test)]
+mod tests {
+    use std::vec::Vec;
+
+    use crate::effects::ErrorModel;
+    use crate::effects::doubt::{Kernel, Process};
+    use crate::fix::dwell::DwellSummary;
+    use crate::fix::tests::{declared, dwell, normal};
+    use crate::fix::{Fix, solve};
+    use crate::units::{DEG_PER_RAD, wrap_180_deg};
+
+    /// Ω cos 60°, °/h.
+    const NORTH_DEG_H: f64 = 7.5205335;
+
+    fn rate_deg_h(index_deg: f64) -> f64 {
+        NORTH_DEG_H * libm::cos((90.0 - index_deg).to_radians())
+    }
+
+    /// Four positions, or the same and back, at azimuth 90°.
+    fn dwells(order: &[f64]) -> Vec<DwellSummary> {
+        (0..).zip(order).map(|(i, &index_deg)| dwell(65.0 * f64::from(i), index_deg, rate_deg_h(index_deg))).collect()
+    }
+
+    const ORDER: [f64; 4] = [0.0, 90.0, 180.0, 270.0];
+
+    fn fix(dwells: &[DwellSummary], model: &ErrorModel) -> Fix {
+        solve(dwells, &declared(60.0), model).unwrap()
+    }
+
+    fn process(sigma_deg_h: f64, time_s: f64) -> ErrorModel {
+        let mut model = ErrorModel::default();
+        model.doubt.process = Some(Process { kernel: Kernel::Exponential, sigma_deg_h, time_s });
+        model
+    }
+
+    /// What the model adds to a sigma, degrees.
+    fn added_deg(with: &Fix, without: &Fix) -> f64 {
+        libm::sqrt(with.sigma_deg * with.sigma_deg - without.sigma_deg * without.sigma_deg)
+    }
+
+    #[test]
+    fn misses_beyond_sigma_are_added() {
+        let mut model = ErrorModel::default();
+        model.doubt.azimuth_sigma_deg = 0.3;
+        let dwells = dwells(&ORDER);
+        assert!((added_deg(&fix(&dwells, &model), &fix(&dwells, &ErrorModel::default())) - 0.3).abs() < 1e-9);
+    }
+
+    /// A direction that adds 0.05 °/h at 0° and takes as much away at 180°: h cos ψ is uncertain by 0.05 °/h, and at ψ = 90°
+    /// the azimuth by 0.05/7.5205 rad = 0.38092°. As a bias of 0.05 °/h everywhere it is nothing to the azimuth.
+    #[test]
+    fn an_uncertain_direction_of_the_coefficients() {
+        let mut model = ErrorModel::default();
+        model.doubt.directions.push(heapless::Vec::new()).unwrap();
+        let mut dwells = dwells(&ORDER);
+        let without = fix(&dwells, &ErrorModel::default());
+        dwells[0].doubt_deg_h[0] = 0.05;
+        dwells[2].doubt_deg_h[0] = -0.05;
+        let with = fix(&dwells, &model);
+        assert!((added_deg(&with, &without) - 0.38092).abs() < 2e-3, "{}", added_deg(&with, &without));
+        assert!(wrap_180_deg(with.azimuth_deg - 90.0).abs() < 1e-4);
+        dwells.iter_mut().for_each(|dwell| dwell.doubt_deg_h[0] = 0.05);
+        assert!((fix(&dwells, &model).sigma_deg - without.sigma_deg).abs() < 1e-3 * without.sigma_deg);
+    }
+
+    /// A process that changes within half a second is white noise: a mean over 60 s has a variance of 2σ² (x − x²) with x =
+    /// 0.5/60, 0.016528 σ². At ψ = 90° the azimuth is (ω0 − ω180)/2h: half of that variance over h². One that lasts a hundred
+    /// times as long as the fix is a bias and next to nothing.
+    #[test]
+    fn a_quick_process_is_noise_and_a_lasting_one_a_bias() {
+        let dwells = dwells(&ORDER);
+        let without = fix(&dwells, &ErrorModel::default());
+        let quick = added_deg(&fix(&dwells, &process(1.0, 0.5)), &without);
+        let expected_deg = libm::sqrt(0.016528 / 2.0) / NORTH_DEG_H * DEG_PER_RAD;
+        assert!((quick / expected_deg - 1.0).abs() < 0.02, "{quick} {expected_deg}");
+        let lasting = added_deg(&fix(&dwells, &process(0.1, 26_000.0)), &without);
+        // Over half a fix it changes by 0.1 · √(2 · 130/26000) = 0.01 °/h, a tenth of σ.
+        assert!(lasting < 0.1 * 0.1 / NORTH_DEG_H * DEG_PER_RAD, "{lasting}");
+    }
+
+    /// The same quick process over more intervals than are weighed one by one, two of them in each group.
+    #[test]
+    fn many_intervals_are_taken_in_groups() {
+        let order: Vec<f64> = (0..48).map(|i| 90.0 * f64::from(i % 4)).collect();
+        let dwells = dwells(&order);
+        let added = added_deg(&fix(&dwells, &process(1.0, 0.5)), &fix(&dwells, &ErrorModel::default()));
+        let expected_deg = libm::sqrt(0.016528 / 2.0 / 12.0) / NORTH_DEG_H * DEG_PER_RAD;
+        assert!((added / expected_deg - 1.0).abs() < 0.05, "{added} {expected_deg}");
+    }
+
+    /// A process of 0.1 °/h and 100 s in the mirrored order. Its means over 65 s are those of an autoregressive sequence of
+    /// small steps. The mean square of 300 errors in sigmas has a standard deviation of √(2/300) = 0.08: four of them, and
+    /// half as much for the gaps between the dwells. The weights make no more of the error than equal ones, but for chance.
+    #[test]
+    fn sigma_covers_a_process_of_the_run() {
+        let order = [0.0, 90.0, 180.0, 270.0, 270.0, 180.0, 90.0, 0.0];
+        let (mut state, mut ratio, mut weighed, mut plain) = (3, 0.0, 0.0, 0.0);
+        let step = libm::exp(-5.0 / 100.0);
+        for _ in 0..300 {
+            let mut u = 0.1 * normal(&mut state);
+            let mut next = || {
+                let before = u;
+                u = step * u + 0.1 * libm::sqrt(1.0 - step * step) * normal(&mut state);
+                0.5 * (before + u)
+            };
+            let mut dwells = dwells(&order);
+            for dwell in &mut dwells {
+                dwell.rate.mean += (0..12).map(|_| next()).sum::<f64>() / 12.0;
+                next();
+            }
+            let miss = |fix: &Fix| wrap_180_deg(fix.azimuth_deg - 90.0);
+            let with = fix(&dwells, &process(0.1, 100.0));
+            ratio += miss(&with) * miss(&with) / (with.sigma_deg * with.sigma_deg) / 300.0;
+            weighed += miss(&with) * miss(&with);
+            plain += miss(&fix(&dwells, &ErrorModel::default())).powi(2);
+        }
+        std::println!("{ratio:.3}, {:.4}° against {:.4}°", libm::sqrt(weighed / 300.0), libm::sqrt(plain / 300.0));
+        // The scatter of the made-up dwells is declared and not made: their share of the sigma is not in the errors.
+        assert!((0.4..1.0 + 4.0 * 0.08 + 0.15).contains(&ratio), "{ratio}");
+        assert!(weighed < 1.05 * plain, "{weighed} {plain}");
+    }
+}
