@@ -40,11 +40,11 @@ pub fn diagnosis(
     runs: &[RunData],
     as_recorded: &[Option<Fix>],
     constant: &[String],
-    base: &ErrorModel,
     lesson: &Lesson,
     options: &Options,
     mut warnings: Vec<Warning>,
 ) -> Result<Diagnosis, Refusal> {
+    let base = &options.settings.model.clone().unwrap_or_default();
     let judged_by_checks = runs.iter().any(|run| run.role == Role::Check && run.reference_deg.is_some());
     let mut model = model_of(lesson, base, runs)?;
     let mut afters = after(runs, &model);

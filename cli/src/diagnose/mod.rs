@@ -171,7 +171,7 @@ pub fn diagnose(campaign: &Campaign, options: &Options) -> Result<Diagnosis, Ref
     {
         lesson.withdraw(why);
     }
-    assemble::diagnosis(campaign, &runs, &as_recorded, &constant, &base, &lesson, options, warnings)
+    assemble::diagnosis(campaign, &runs, &as_recorded, &constant, &lesson, options, warnings)
 }
 
 /// Learns from runs, whatever their role: the caller chooses them.
