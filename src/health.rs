@@ -213,7 +213,7 @@ pub struct Counters {
     /// Seconds with too many missing frames, left out.
     pub seconds_left_out: u32,
     /// Seconds left out of a dwell because the rate jumped.
-    pub seconds_knocked: u32,
+    pub seconds_outlying: u32,
     /// Accelerometer readings that failed.
     pub accelerometer_errors: u32,
     /// Encoder readings that failed (parity, error flag, bus).

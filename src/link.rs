@@ -202,7 +202,7 @@ mod tests {
             bytes_refused: u32::MAX,
             seconds_repaired: u32::MAX,
             seconds_left_out: u32::MAX,
-            seconds_knocked: u32::MAX,
+            seconds_outlying: u32::MAX,
             accelerometer_errors: u32::MAX,
             encoder_errors: u32::MAX,
             block_errors: u32::MAX,

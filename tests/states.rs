@@ -87,7 +87,7 @@ fn knocks_are_left_out_and_the_dwell_lasts_longer() {
     let (fix, _) = fix(&outcome);
     assert!(fix.flags.contains(Flag::Shock));
     assert!(
-        reports.iter().any(|report| matches!(report.event, Event::Health(counters) if counters.seconds_knocked > 0))
+        reports.iter().any(|report| matches!(report.event, Event::Health(counters) if counters.seconds_outlying > 0))
     );
 }
 

@@ -254,7 +254,7 @@ impl Sequencer {
 
     fn dwell_ended(&self, ended: Option<&DwellSummary>, counters: &mut Counters, sink: Sink) {
         if let Some(summary) = ended {
-            counters.seconds_knocked = counters.seconds_knocked.saturating_add(summary.outliers.into());
+            counters.seconds_outlying = counters.seconds_outlying.saturating_add(summary.outliers.into());
             sink(Event::Dwell(Dwell::new(self.position, summary)));
         }
     }
