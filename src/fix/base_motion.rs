@@ -86,7 +86,7 @@ fn tilt_arcsec(dwell: &DwellSummary) -> Option<[Line; 2]> {
     }))
 }
 
-/// Tilt rate (pitch, roll) inside one stay, arcsec/s, that is °/h.
+/// Tilt rate (pitch, roll) inside one dwell, arcsec/s, that is °/h.
 pub fn slopes_deg_h(dwell: &DwellSummary) -> [f64; 2] {
     tilt_arcsec(dwell).map_or([0.0; 2], |axes| axes.map(|line| line.slope_per_s))
 }
@@ -229,7 +229,7 @@ impl Paths {
 }
 
 /// Two observations a dwell: its mean (weight: seconds) and its slope (weight: time spread). The mean of a curved path
-/// over a dwell differs from its value at the middle by the second moment; the powers are averaged over the stay.
+/// over a dwell differs from its value at the middle by the second moment; the powers are averaged over the dwell.
 fn observations(
     dwells: &[DwellSummary],
     middle_s: f64,
@@ -268,13 +268,13 @@ mod tests {
     fn dwells(pitch_arcsec: impl Fn(f64) -> f64) -> heapless::Vec<DwellSummary, 8> {
         let zigzag = |i: u32| f64::from((i * 7919 + 13) % 101) / 101.0 * 10.0 - 5.0;
         (0..8)
-            .map(|stay| {
+            .map(|dwell| {
                 let mut rows = DwellRows::default();
                 for second in 0..30 {
-                    let t_s = f64::from(stay * 38 + second) + 0.5;
-                    let tilt = pitch_arcsec(t_s) + zigzag(stay * 30 + second);
+                    let t_s = f64::from(dwell * 38 + second) + 0.5;
+                    let tilt = pitch_arcsec(t_s) + zigzag(dwell * 30 + second);
                     let level =
-                        LevelMoments::constant(tilt / ARCSEC_PER_RAD, zigzag(stay * 31 + second * 3) / ARCSEC_PER_RAD);
+                        LevelMoments::constant(tilt / ARCSEC_PER_RAD, zigzag(dwell * 31 + second * 3) / ARCSEC_PER_RAD);
                     rows.push(
                         Row { t_s, seconds: 1.0, cos: 1.0, sin: 0.0, rate_deg_h: 0.0, moment_arcsec_s: 0.0, level },
                         1.0,
@@ -304,7 +304,7 @@ mod tests {
     fn decaying_creep_is_followed() {
         let dwells = dwells(|t_s| -20.0 * libm::exp(-t_s / 80.0));
         let BaseMotion::Moving(Method::Path(path)) = detect(&dwells) else { panic!() };
-        // Over the first stay, 0 … 30 s: 20 · (1 − e^(−30/80)) / 30 = 0.2085 arcsec/s.
+        // Over the first dwell, 0 … 30 s: 20 · (1 − e^(−30/80)) / 30 = 0.2085 arcsec/s.
         let rate_deg_h = path.rates(&dwells[0]).dot(&path.coefficients()[0]);
         assert!((rate_deg_h - 0.2085).abs() < 0.05, "{rate_deg_h}");
     }

@@ -28,7 +28,7 @@ pub struct Correlated {
     /// Rows of L, one after the other.
     factor: Vec<f64, ENTRIES>,
     /// Columns of C⁻¹ times the rows of the equations: what the error of a dwell adds to the right-hand side.
-    levers: Vec<Vector4<f64>, MOST>,
+    gains: Vec<Vector4<f64>, MOST>,
 }
 
 impl Correlated {
@@ -43,7 +43,7 @@ impl Correlated {
         if !is_any(doubt) || dwells.len() > MOST {
             return None;
         }
-        let mut correlated = Self { factor: Vec::new(), levers: Vec::new() };
+        let mut correlated = Self { factor: Vec::new(), gains: Vec::new() };
         for (i, (dwell, observation)) in dwells.iter().zip(observations).enumerate() {
             let mut squares = 0.0;
             for (j, other) in dwells.iter().take(i).enumerate() {
@@ -57,16 +57,16 @@ impl Correlated {
                 return None;
             }
             correlated.factor.push(libm::sqrt(pivot)).ok()?;
-            let whitened = correlated.whitened(i, observation.row, |k| correlated.levers.get(k).copied());
-            correlated.levers.push(whitened).ok()?;
+            let whitened = correlated.whitened(i, observation.row, |k| correlated.gains.get(k).copied());
+            correlated.gains.push(whitened).ok()?;
         }
-        for i in (0..correlated.levers.len()).rev() {
-            let later: Vector4<f64> = (i + 1..correlated.levers.len())
-                .filter_map(|j| Some(*correlated.levers.get(j)? * correlated.at(j, i)))
+        for i in (0..correlated.gains.len()).rev() {
+            let later: Vector4<f64> = (i + 1..correlated.gains.len())
+                .filter_map(|j| Some(*correlated.gains.get(j)? * correlated.at(j, i)))
                 .sum();
             let pivot = correlated.at(i, i);
-            if let Some(lever) = correlated.levers.get_mut(i) {
-                *lever = (*lever - later) / pivot;
+            if let Some(gain) = correlated.gains.get_mut(i) {
+                *gain = (*gain - later) / pivot;
             }
         }
         Some(correlated)
@@ -96,8 +96,8 @@ impl Correlated {
     }
 
     /// What an error of the `i`-th dwell's rate adds to the right-hand side of the normal equations.
-    pub fn lever(&self, i: usize) -> Vector4<f64> {
-        self.levers.get(i).copied().unwrap_or_default()
+    pub fn gain(&self, i: usize) -> Vector4<f64> {
+        self.gains.get(i).copied().unwrap_or_default()
     }
 }
 
@@ -119,8 +119,8 @@ fn shared(doubt: &Doubt, a: &DwellSummary, b: &DwellSummary) -> f64 {
 struct Group {
     interval_s: [f64; 2],
     number: f64,
-    /// Sums of their levers and of these times themselves.
-    lever: Vector4<f64>,
+    /// Sums of their gains and of these times themselves.
+    gain: Vector4<f64>,
     squares: Matrix4<f64>,
     /// Sum of the variances of the process' means over each.
     variances: f64,
@@ -140,20 +140,20 @@ pub(super) fn of_right_hand_side(
     let size = dwells.len().div_ceil(MOST).max(1);
     let mut groups: Vec<Group, MOST> = Vec::new();
     for (i, (dwell, observation)) in dwells.iter().zip(observations).enumerate() {
-        let lever = observation.weight * observation.row;
+        let gain = observation.weight * observation.row;
         for (sum, doubt_deg_h) in of_directions.iter_mut().zip(dwell.doubt_deg_h) {
-            *sum += lever * f64::from(doubt_deg_h);
+            *sum += gain * f64::from(doubt_deg_h);
         }
         let interval_s = [dwell.start_s, dwell.end_s];
         if i % size == 0 {
-            let (lever, squares) = (Vector4::zeros(), Matrix4::zeros());
-            let _ = groups.push(Group { interval_s, number: 0.0, lever, squares, variances: 0.0 });
+            let (gain, squares) = (Vector4::zeros(), Matrix4::zeros());
+            let _ = groups.push(Group { interval_s, number: 0.0, gain, squares, variances: 0.0 });
         }
         if let Some(group) = groups.last_mut() {
             group.interval_s[1] = dwell.end_s;
             group.number += 1.0;
-            group.lever += lever;
-            group.squares += lever * lever.transpose();
+            group.gain += gain;
+            group.squares += gain * gain.transpose();
             group.variances += doubt.process.map_or(0.0, |process| process.covariance(interval_s, interval_s));
         }
     }
@@ -162,10 +162,10 @@ pub(super) fn of_right_hand_side(
     for (i, a) in groups.iter().enumerate() {
         for (j, b) in groups.iter().enumerate() {
             let shared = process.covariance(a.interval_s, b.interval_s);
-            covariance += shared * a.lever * b.lever.transpose();
+            covariance += shared * a.gain * b.gain.transpose();
             if i == j && a.number > 1.0 {
                 let deviations = (a.variances / a.number - shared).max(0.0) * a.number / (a.number - 1.0);
-                covariance += deviations * (a.squares - a.lever * a.lever.transpose() / a.number);
+                covariance += deviations * (a.squares - a.gain * a.gain.transpose() / a.number);
             }
         }
     }

@@ -8,7 +8,7 @@
 //! (Level, this is ω = h cos(ψ − θ) + bias.) The solution is weighted least squares with the amplitude free; for four
 //! positions of equal length it is ψ = atan2(ω90 − ω270, ω0 − ω180).
 //!
-//! Sigma comes from the scatter of the data, never below what the declared noise allows, and grows where the stays do
+//! Sigma comes from the scatter of the data, never below what the declared noise allows, and grows where the dwells do
 //! not fit together; the declared bias instability, encoder and level errors are added, and what is not certain of the
 //! error model ([`doubt`]).
 
@@ -142,7 +142,7 @@ struct Observation {
     rate_deg_h: f64,
 }
 
-/// The stays of a fix with what belongs to all of them.
+/// The dwells of a fix with what belongs to all of them.
 struct Problem<'a> {
     dwells: &'a [DwellSummary],
     earth: EarthRate,
@@ -167,7 +167,7 @@ impl Problem<'_> {
         Direction { cos: cos * cos_slip + sin * sin_slip, sin: sin * cos_slip - cos * sin_slip }
     }
 
-    /// Mean and slope of every stay, the Earth's vertical rate and the base's turning taken out.
+    /// Mean and slope of every dwell, the Earth's vertical rate and the base's turning taken out.
     fn observations(&self) -> impl Iterator<Item = Observation> + '_ {
         self.dwells.iter().flat_map(|dwell| {
             let index = self.index(dwell);
@@ -203,11 +203,11 @@ impl Problem<'_> {
     }
 
     /// What an error of a dwell's rate adds to the right-hand side of the normal equations.
-    fn lever(&self, dwell: usize, observation: &Observation) -> Vector4<f64> {
-        self.correlated.as_ref().map_or(observation.weight * observation.row, |correlated| correlated.lever(dwell))
+    fn gain(&self, dwell: usize, observation: &Observation) -> Vector4<f64> {
+        self.correlated.as_ref().map_or(observation.weight * observation.row, |correlated| correlated.gain(dwell))
     }
 
-    /// What the base's turning adds to the gyro's rate at a stay, °/h: cos θ · dr/dt − sin θ · dp/dt.
+    /// What the base's turning adds to the gyro's rate at a dwell, °/h: cos θ · dr/dt − sin θ · dp/dt.
     fn base_rate_deg_h(&self, dwell: &DwellSummary) -> f64 {
         let [pitch_deg_h, roll_deg_h] = match &self.motion {
             BaseMotion::Unknown | BaseMotion::Still => return 0.0,
@@ -489,7 +489,7 @@ fn plausible_amplitude_deg_h(earth: &EarthRate) -> [f64; 2] {
     [farther.max(0.0) * (1.0 - SCALE_LIMIT), nearer * (1.0 + SCALE_LIMIT)]
 }
 
-/// Covariance of the parameters from errors that do not average out inside a stay: the declared bias instability, the
+/// Covariance of the parameters from errors that do not average out inside a dwell: the declared bias instability, the
 /// noise of the base motion that was taken out, and the model's doubt where the weights leave it out.
 fn correlated_covariance(
     problem: &Problem<'_>,
@@ -504,22 +504,22 @@ fn correlated_covariance(
     };
     let mut by_coefficient = [nalgebra::SMatrix::<f64, 4, 5>::zeros(); 2];
     for (i, (dwell, observation)) in problem.dwells.iter().zip(problem.observations().step_by(2)).enumerate() {
-        let lever = problem.lever(i, &observation);
-        let mut of_stay = instability * instability;
+        let gain = problem.gain(i, &observation);
+        let mut of_dwell = instability * instability;
         match &problem.motion {
             BaseMotion::Unknown | BaseMotion::Still => {}
             BaseMotion::Moving(Method::Slopes { variance: [pitch, roll] }) if dwell.time_spread > 0.0 => {
-                of_stay += (dwell.sin * dwell.sin * pitch + dwell.cos * dwell.cos * roll) / dwell.time_spread;
+                of_dwell += (dwell.sin * dwell.sin * pitch + dwell.cos * dwell.cos * roll) / dwell.time_spread;
             }
             BaseMotion::Moving(Method::Slopes { .. }) => {}
             BaseMotion::Moving(Method::Path(path)) => {
                 let rates = path.rates(dwell);
                 let [pitch, roll] = &mut by_coefficient;
-                *pitch -= dwell.sin * lever * rates.transpose();
-                *roll += dwell.cos * lever * rates.transpose();
+                *pitch -= dwell.sin * gain * rates.transpose();
+                *roll += dwell.cos * gain * rates.transpose();
             }
         }
-        shared += of_stay * lever * lever.transpose();
+        shared += of_dwell * gain * gain.transpose();
     }
     if let BaseMotion::Moving(Method::Path(path)) = &problem.motion {
         for (by_coefficient, covariance) in by_coefficient.iter().zip(path.covariance()) {
@@ -550,7 +550,7 @@ fn base_motion(dwells: &[DwellSummary]) -> BaseMotion {
     if dwells.iter().any(|dwell| dwell.base_taken_out) { BaseMotion::Still } else { base_motion::detect(dwells) }
 }
 
-/// Upward components of the instrument's axes during a stay.
+/// Upward components of the instrument's axes during a dwell.
 fn specific(dwell: &DwellSummary) -> Option<Specific> {
     dwell.level.map(|[forward, left]| Specific { forward: forward.mean, left: left.mean })
 }

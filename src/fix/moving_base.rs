@@ -116,14 +116,14 @@ struct Weights {
     shape: Shape,
 }
 
-/// How the weight goes over a stay.
+/// How the weight goes over a dwell.
 enum Shape {
     Cosh { tau_s: f64 },
     Parabola,
 }
 
 impl Weights {
-    /// In [0, 1] of the stay's length.
+    /// In [0, 1] of the dwell's length.
     fn share(&self, t_s: f64) -> f64 {
         (t_s - self.start_s) / self.length_s
     }

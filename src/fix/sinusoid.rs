@@ -48,10 +48,10 @@ impl Fitted {
         }
         // By elimination of the others.
         let inverse = regular_inverse(&others)?;
-        let lever = inverse * shared;
-        let covariance = (own - shared.transpose() * lever).try_inverse()?;
-        let parts_deg_h = covariance * (own_right - lever.transpose() * right);
-        Some(Self { sinusoid, parts_deg_h, doubt: lever * covariance * lever.transpose() })
+        let gain = inverse * shared;
+        let covariance = (own - shared.transpose() * gain).try_inverse()?;
+        let parts_deg_h = covariance * (own_right - gain.transpose() * right);
+        Some(Self { sinusoid, parts_deg_h, doubt: gain * covariance * gain.transpose() })
     }
 }
 

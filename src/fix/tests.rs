@@ -17,7 +17,7 @@ pub fn normal(state: &mut u64) -> f64 {
     (0..12).map(|_| uniform()).sum::<f64>() - 6.0
 }
 
-/// A stay of 60 s at an index angle, beginning at `start_s`, with a fixed small scatter: 58 degrees of freedom at a
+/// A dwell of 60 s at an index angle, beginning at `start_s`, with a fixed small scatter: 58 degrees of freedom at a
 /// one-second noise of 0.09 °/h, the declared noise of the default settings.
 pub fn dwell(start_s: f64, index_deg: f64, rate_deg_h: f64) -> DwellSummary {
     let (sin, cos) = crate::units::sin_cos_deg(index_deg);
@@ -42,7 +42,7 @@ pub fn dwell(start_s: f64, index_deg: f64, rate_deg_h: f64) -> DwellSummary {
     }
 }
 
-fn stays(rates: &[(f64, f64)]) -> Vec<DwellSummary> {
+fn dwells_at(rates: &[(f64, f64)]) -> Vec<DwellSummary> {
     (0..).zip(rates).map(|(i, &(index_deg, rate))| dwell(65.0 * f64::from(i), index_deg, rate)).collect()
 }
 
@@ -71,7 +71,7 @@ const NORTH_EAST: [(f64, f64); 4] = [(0.0, 7.012973), (90.0, 4.260267), (180.0, 
 
 #[test]
 fn the_axis_turns_counter_clockwise_and_azimuth_counts_clockwise() {
-    let solution = solve_at(60.0, &stays(&NORTH_EAST));
+    let solution = solve_at(60.0, &dwells_at(&NORTH_EAST));
     assert_azimuth(&solution, 30.0, 1e-5);
     assert!((solution.bias_deg_h - 0.5).abs() < 1e-6);
     assert!((solution.amplitude_deg_h - 7.520534).abs() < 1e-5);
@@ -81,7 +81,7 @@ fn the_axis_turns_counter_clockwise_and_azimuth_counts_clockwise() {
 
 #[test]
 fn the_southern_hemisphere_finds_the_same_north() {
-    assert_azimuth(&solve_at(-60.0, &stays(&NORTH_EAST)), 30.0, 1e-5);
+    assert_azimuth(&solve_at(-60.0, &dwells_at(&NORTH_EAST)), 30.0, 1e-5);
 }
 
 #[test]
@@ -92,7 +92,7 @@ fn the_four_position_arctangent_is_the_special_case() {
     let mut declared = declared(60.0);
     declared.gyro.drift_deg_h_per_h = 0.0;
     declared.gyro.arw_deg_per_sqrt_h = 0.05;
-    let solution = solve(&stays(&rates), &declared, &ErrorModel::default()).unwrap();
+    let solution = solve(&dwells_at(&rates), &declared, &ErrorModel::default()).unwrap();
     assert_azimuth(&solution, (4.2_f64 + 3.3).atan2(7.1 + 6.0).to_degrees(), 1e-9);
     assert!((solution.closure_deg_h.unwrap() - 0.05).abs() < 1e-12);
     assert!((solution.bias_deg_h - 0.5).abs() < 1e-9);
@@ -103,7 +103,7 @@ fn nose_up_is_taken_out_with_its_sign() {
     // 60° north, azimuth 0, pitch 1° up. Forward axis: north component h cos 1°, up component Ω sin φ sin 1° =
     // 13.025946 · 0.0174524 = 0.2273341 °/h. The left axis stays level and points west: 0.
     let forward = 7.5205335 * 0.9998477 + 0.2273341;
-    let mut tilted = stays(&[(0.0, forward), (90.0, 0.0), (180.0, -forward), (270.0, 0.0)]);
+    let mut tilted = dwells_at(&[(0.0, forward), (90.0, 0.0), (180.0, -forward), (270.0, 0.0)]);
     for dwell in &mut tilted {
         dwell.level = Some([Line { mean: 0.0174524, ..Line::default() }, Line::default()]);
     }
@@ -117,7 +117,7 @@ fn nose_up_is_taken_out_with_its_sign() {
 fn left_side_up_is_taken_out_with_its_sign() {
     // The same with the left side up by 1°, azimuth 0: the left axis (index 90°) points west and rises by 1°, so it
     // reads +0.2273341; untreated that would turn the azimuth by tan φ · 1° = 1.73°.
-    let mut tilted = stays(&[(0.0, 7.5205335), (90.0, 0.2273341), (180.0, -7.5205335), (270.0, -0.2273341)]);
+    let mut tilted = dwells_at(&[(0.0, 7.5205335), (90.0, 0.2273341), (180.0, -7.5205335), (270.0, -0.2273341)]);
     let untreated = solve_at(60.0, &tilted);
     assert_azimuth(&untreated, 1.7315, 1e-3);
     for dwell in &mut tilted {
@@ -130,7 +130,7 @@ fn left_side_up_is_taken_out_with_its_sign() {
 fn the_mirrored_order_is_blind_to_a_linear_drift_and_finds_it() {
     // Azimuth 30° as above, 0-90-180-270-270-180-90-0, with 3.6 °/h per hour: 0.001 °/h per second.
     let order = [0, 1, 2, 3, 3, 2, 1, 0];
-    let mut dwells = stays(&order.map(|i: usize| NORTH_EAST[i]));
+    let mut dwells = dwells_at(&order.map(|i: usize| NORTH_EAST[i]));
     for dwell in &mut dwells {
         dwell.rate.mean += 0.001 * dwell.t_s;
         dwell.rate.slope_per_s += 0.001;
@@ -143,7 +143,7 @@ fn the_mirrored_order_is_blind_to_a_linear_drift_and_finds_it() {
 
 #[test]
 fn a_strong_drift_in_the_plain_order_is_estimated_and_flagged() {
-    let mut dwells = stays(&NORTH_EAST);
+    let mut dwells = dwells_at(&NORTH_EAST);
     for dwell in &mut dwells {
         dwell.rate.mean += 0.01 * dwell.t_s;
         dwell.rate.slope_per_s += 0.01;
@@ -152,14 +152,14 @@ fn a_strong_drift_in_the_plain_order_is_estimated_and_flagged() {
     assert_azimuth(&solution, 30.0, 1e-5);
     assert!(solution.flags.contains(Flag::Drift));
     // Free, the drift costs precision: the same noise without it gives a smaller sigma.
-    assert!(solution.sigma_deg > solve_at(60.0, &stays(&NORTH_EAST)).sigma_deg);
+    assert!(solution.sigma_deg > solve_at(60.0, &dwells_at(&NORTH_EAST)).sigma_deg);
 }
 
 #[test]
 fn a_base_that_turns_is_taken_out_with_its_sign() {
     // The base pitches nose up by 0.2 arcsec/s. At index 90° the axis points left; nose up is a negative rotation about
     // it, so the gyro reads −0.2 °/h more there and +0.2 at 270°. The accelerometers see the pitch grow with time.
-    let mut dwells = stays(&NORTH_EAST);
+    let mut dwells = dwells_at(&NORTH_EAST);
     for dwell in &mut dwells {
         let pitch = |t_s: f64| 0.2 * t_s / crate::units::ARCSEC_PER_RAD;
         // Besides, the pitched axis feels the Earth's vertical rate, Ω sin 60° = 13.025946 °/h.
@@ -187,7 +187,7 @@ fn sigma_is_the_white_noise_bound_when_nothing_else_is_declared() {
     declared.gyro.drift_deg_h_per_h = 0.0;
     declared.index_sigma_deg = 0.0;
     declared.level_sigma_deg = 0.0;
-    let solution = solve(&stays(&NORTH_EAST), &declared, &ErrorModel::default()).unwrap();
+    let solution = solve(&dwells_at(&NORTH_EAST), &declared, &ErrorModel::default()).unwrap();
     // 60 √2 · 0.0015 / (7.5205335 · √240) = 1.0925e-3 rad = 0.062596°.
     assert!((solution.sigma_deg - 0.062596).abs() < 2e-5, "{}", solution.sigma_deg);
     assert!((white_noise_bound_deg(0.0015, 7.5205335, 240.0) - 0.062596).abs() < 1e-5);
@@ -195,10 +195,10 @@ fn sigma_is_the_white_noise_bound_when_nothing_else_is_declared() {
 
 #[test]
 fn what_does_not_fit_is_flagged_and_widens_sigma() {
-    let good = solve_at(60.0, &stays(&NORTH_EAST));
+    let good = solve_at(60.0, &dwells_at(&NORTH_EAST));
     let mut rates = NORTH_EAST;
     rates[2].1 += 0.2;
-    let bad = solve_at(60.0, &stays(&rates));
+    let bad = solve_at(60.0, &dwells_at(&rates));
     assert!(bad.flags.contains(Flag::Misfit) || bad.flags.contains(Flag::Drift), "{:?}", bad.flags);
     assert!(bad.sigma_deg > 1.5 * good.sigma_deg);
 }
@@ -206,7 +206,7 @@ fn what_does_not_fit_is_flagged_and_widens_sigma() {
 #[test]
 fn noise_that_wanders_inside_the_stays_is_flagged_and_widens_sigma() {
     // Neighbours that differ by half of what white noise would show: correlation 1/2, variance of a mean times three.
-    let mut dwells = stays(&NORTH_EAST);
+    let mut dwells = dwells_at(&NORTH_EAST);
     let good = solve_at(60.0, &dwells);
     for dwell in &mut dwells {
         dwell.rate.successive_squares *= 0.5;
@@ -218,10 +218,10 @@ fn noise_that_wanders_inside_the_stays_is_flagged_and_widens_sigma() {
 
 #[test]
 fn a_drift_that_is_just_not_significant_widens_sigma() {
-    // The declared drift is 0.1 °/h per hour, and the plain order tells it with a sigma of 0.09/√(61 s · stays …):
+    // The declared drift is 0.1 °/h per hour, and the plain order tells it with a sigma of 0.09/√(61 s · dwells …):
     // a drift of 2.5 of these sigmas is not taken out, but what it could do to the azimuth is added.
     let with_drift = |per_s: f64| {
-        let mut dwells = stays(&NORTH_EAST);
+        let mut dwells = dwells_at(&NORTH_EAST);
         for dwell in &mut dwells {
             dwell.rate.mean += per_s * dwell.t_s;
             dwell.rate.slope_per_s += per_s;
@@ -238,7 +238,7 @@ fn a_drift_that_is_just_not_significant_widens_sigma() {
 #[test]
 fn a_wrong_latitude_shows_in_the_amplitude() {
     // The rates of 60° taken for those of 50°: Ω cos 50° = 9.67 °/h against 7.52.
-    assert!(solve_at(50.0, &stays(&NORTH_EAST)).flags.contains(Flag::Amplitude));
+    assert!(solve_at(50.0, &dwells_at(&NORTH_EAST)).flags.contains(Flag::Amplitude));
 }
 
 /// An amplitude between what 0.9 and 1.1 of the Earth's rate give at latitudes 10° off is a doubt, one beyond them is no north:
@@ -248,7 +248,7 @@ fn an_amplitude_that_nothing_explains_is_refused() {
     let of = |amplitude_deg_h: f64| {
         let share = amplitude_deg_h / 7.5205335;
         let rates = NORTH_EAST.map(|(index_deg, rate_deg_h)| (index_deg, 0.5 + share * (rate_deg_h - 0.5)));
-        solve(&stays(&rates), &declared(60.0), &ErrorModel::default())
+        solve(&dwells_at(&rates), &declared(60.0), &ErrorModel::default())
     };
     for amplitude_deg_h in [5.2, 9.9] {
         assert!(of(amplitude_deg_h).unwrap().flags.contains(Flag::Amplitude));
@@ -265,7 +265,7 @@ fn an_amplitude_that_nothing_explains_is_refused() {
 fn a_slip_of_the_spindle_and_of_the_encoder_are_told_apart() {
     let order = [0, 1, 2, 3, 3, 2, 1, 0].map(|i: usize| NORTH_EAST[i]);
     let slipped = |encoder: bool| {
-        let mut dwells = stays(&order);
+        let mut dwells = dwells_at(&order);
         for (place, dwell) in dwells.iter_mut().enumerate().skip(5) {
             dwell.slip_deg = 0.5;
             let index_deg = order[place].0 + 0.5;
@@ -276,7 +276,7 @@ fn a_slip_of_the_spindle_and_of_the_encoder_are_told_apart() {
         }
         solve_at(60.0, &dwells)
     };
-    let plain = solve_at(60.0, &stays(&order));
+    let plain = solve_at(60.0, &dwells_at(&order));
     for encoder in [false, true] {
         let solution = slipped(encoder);
         assert!(solution.flags.contains(Flag::IndexSlip));
@@ -288,7 +288,7 @@ fn a_slip_of_the_spindle_and_of_the_encoder_are_told_apart() {
 /// Slipped before the last of four positions, of which each was seen once: nothing tells, and sigma holds both.
 #[test]
 fn a_slip_that_cannot_be_told_widens_sigma() {
-    let mut dwells = stays(&NORTH_EAST);
+    let mut dwells = dwells_at(&NORTH_EAST);
     (dwells[3].slip_deg, (dwells[3].sin, dwells[3].cos)) = (0.5, crate::units::sin_cos_deg(270.5));
     let solution = solve_at(60.0, &dwells);
     assert!(solution.flags.contains(Flag::IndexSlip));
@@ -301,7 +301,7 @@ fn a_slip_that_cannot_be_told_widens_sigma() {
 fn a_bias_beyond_its_limit_is_flagged() {
     let flagged = |bias_deg_h: f64| {
         let rates = NORTH_EAST.map(|(index_deg, rate_deg_h)| (index_deg, rate_deg_h + bias_deg_h - 0.5));
-        solve_at(60.0, &stays(&rates)).flags.contains(Flag::Bias)
+        solve_at(60.0, &dwells_at(&rates)).flags.contains(Flag::Bias)
     };
     assert_eq!([-1.5, -0.9, 0.9, 1.5].map(flagged), [true, false, false, true]);
 }
@@ -309,14 +309,14 @@ fn a_bias_beyond_its_limit_is_flagged() {
 #[test]
 fn a_dead_gyro_finds_no_north() {
     let dead = [0.0, 90.0, 180.0, 270.0].map(|index_deg| (index_deg, 0.0));
-    let mut dwells = stays(&dead);
+    let mut dwells = dwells_at(&dead);
     dwells.iter_mut().for_each(|dwell| dwell.rate = Line::default());
     assert_eq!(solve(&dwells, &declared(60.0), &ErrorModel::default()), Err(Unsolvable::NoSignal));
 }
 
 #[test]
 fn too_little_is_refused() {
-    let refusal = |rates: &[(f64, f64)]| solve(&stays(rates), &declared(60.0), &ErrorModel::default()).unwrap_err();
+    let refusal = |rates: &[(f64, f64)]| solve(&dwells_at(rates), &declared(60.0), &ErrorModel::default()).unwrap_err();
     assert_eq!(refusal(&[]), Unsolvable::TooFewDirections);
     assert_eq!(refusal(&NORTH_EAST[..2]), Unsolvable::TooFewDirections);
     assert_eq!(refusal(&[(0.0, 1.0), (180.0, -1.0), (0.0, 1.0), (180.0, -1.0)]), Unsolvable::TooFewDirections);
@@ -326,7 +326,7 @@ fn too_little_is_refused() {
 #[test]
 fn three_positions_have_an_azimuth_but_no_redundancy() {
     // 0°, 120°, 240° at azimuth 0: h·1, h·cos 120° = −h/2 twice.
-    let solution = solve_at(60.0, &stays(&[(0.0, 7.5205335), (120.0, -3.7602668), (240.0, -3.7602668)]));
+    let solution = solve_at(60.0, &dwells_at(&[(0.0, 7.5205335), (120.0, -3.7602668), (240.0, -3.7602668)]));
     assert_azimuth(&solution, 0.0, 1e-5);
     assert_eq!(solution.closure_deg_h, None);
 }
@@ -335,7 +335,7 @@ fn three_positions_have_an_azimuth_but_no_redundancy() {
 fn positions_between_the_quarters_have_no_closure() {
     // h cos 45° = 5.3178202 at azimuth 0.
     let solution =
-        solve_at(60.0, &stays(&[(45.0, 5.3178202), (135.0, -5.3178202), (225.0, -5.3178202), (315.0, 5.3178202)]));
+        solve_at(60.0, &dwells_at(&[(45.0, 5.3178202), (135.0, -5.3178202), (225.0, -5.3178202), (315.0, 5.3178202)]));
     assert_azimuth(&solution, 0.0, 1e-5);
     assert_eq!(solution.closure_deg_h, None);
 }
@@ -346,11 +346,11 @@ fn east_and_west_are_where_the_axis_points_there() {
     assert_eq!((east_index_deg(30.0), west_index_deg(30.0)), (300.0, 120.0));
 }
 
-/// A line of 0.3 °/h, its phase one radian, on the stays of an azimuth of 30°; means and slopes by summing hundredths of a
+/// A line of 0.3 °/h, its phase one radian, on the dwells of an azimuth of 30°; means and slopes by summing hundredths of a
 /// second. Without it known, it turns the azimuth by 0.3/7.5 rad or so; with period and amplitude known it is estimated.
 #[test]
 fn a_line_of_unknown_phase_is_estimated() {
-    let mut dwells = stays(&NORTH_EAST);
+    let mut dwells = dwells_at(&NORTH_EAST);
     for dwell in &mut dwells {
         let (mut mean, mut with_time, mut squares) = (0.0, 0.0, 0.0);
         for i in 0..6000 {

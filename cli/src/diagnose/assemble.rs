@@ -11,8 +11,8 @@ use super::open::{OffBoard, Open};
 use super::residual::Residuals;
 use super::statistics::{median, rms, rms_with_interval};
 use super::{
-    Diagnosis, LeaveOneOut, Lesson, NoiseTests, Options, Origin, Refusal, RunDiagnosis, Warning, doubt, findings,
-    guard, judge, study, turn, unexplained, verdict,
+    Diagnosis, Fitted, LeaveOneOut, NoiseTests, Options, Origin, Refusal, RunDiagnosis, Warning, doubt, findings,
+    fit_training_runs, guard, judge, turn, unexplained, verdict,
 };
 use crate::campaign::{Campaign, Role};
 
@@ -40,33 +40,33 @@ pub fn diagnosis(
     runs: &[RunData],
     as_recorded: &[Option<Fix>],
     constant: &[String],
-    lesson: &Lesson,
+    fitted: &Fitted,
     options: &Options,
     mut warnings: Vec<Warning>,
 ) -> Result<Diagnosis, Refusal> {
     let base = &options.settings.model.clone().unwrap_or_default();
     let judged_by_checks = runs.iter().any(|run| run.role == Role::Check && run.reference_deg.is_some());
-    let mut model = model_of(lesson, base, runs)?;
+    let mut model = model_of(fitted, base, runs)?;
     let mut afters = after(runs, &model);
-    let bad: Vec<String> = lesson.bad_references.iter().map(|(file, _)| file.clone()).collect();
+    let bad: Vec<String> = fitted.bad_references.iter().map(|(file, _)| file.clone()).collect();
     let of_named: Vec<Option<f64>> = afters.iter().map(|after| after.azimuth_deg).collect();
-    let mut open = if lesson.by_stay.is_some() { None } else { Open::choose(runs, &lesson.by_second.taken, &bad) }
+    let mut open = if fitted.by_dwell.is_some() { None } else { Open::choose(runs, &fitted.by_second.taken, &bad) }
         .filter(|open| open.is_better(runs, &of_named, &bad));
-    let bare = lesson.bare();
-    let lesson = if open.as_ref().is_some_and(|open| open.replaces) {
+    let bare = fitted.bare();
+    let fitted = if open.as_ref().is_some_and(|open| open.replaces) {
         model = model_of(&bare, base, runs)?;
         afters = after(runs, &model);
         &bare
     } else {
-        lesson
+        fitted
     };
-    let learned = lesson.learned();
-    warn_of_runs(runs, lesson, &mut warnings);
+    let learned = fitted.learned();
+    warn_of_runs(runs, fitted, &mut warnings);
     checks::warn_of_range(runs, learned, &mut warnings);
     let mut crossed_deg: Vec<Option<f64>> =
-        if judged_by_checks { vec![None; runs.len()] } else { cross_validated(runs, base, constant, lesson) };
-    if open.is_none() && !lesson.is_empty() {
-        let missed_deg = guard::missed_beyond_sigma_deg(runs, lesson, &guard::left_out(runs, lesson, base));
+        if judged_by_checks { vec![None; runs.len()] } else { cross_validated(runs, base, constant, fitted) };
+    if open.is_none() && !fitted.is_empty() {
+        let missed_deg = guard::missed_beyond_sigma_deg(runs, fitted, &guard::left_out(runs, fitted, base));
         if missed_deg > 0.0 {
             model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(missed_deg);
             afters = after(runs, &model);
@@ -126,7 +126,7 @@ pub fn diagnosis(
         .zip(afters.iter().zip(&crossed_deg))
         .map(|((run, before), (after, crossed_deg))| {
             let by_deg = if judged_by_checks { after.azimuth_deg } else { *crossed_deg };
-            record(run, *before, after, judged(run).then_some(by_deg), lesson)
+            record(run, *before, after, judged(run).then_some(by_deg), fitted)
         })
         .collect();
     let missed_references = warn_of_misses(&records, &bad, &mut warnings);
@@ -138,20 +138,20 @@ pub fn diagnosis(
     let few = (3..=LEFT_OUT).contains(&runs.len());
     let left_out = (few || options.leave_one_out).then(|| leave_one_out(runs, base, constant, &bad)).flatten();
 
-    let residuals = Residuals::new(runs.iter().collect(), &lesson.by_second.taken, lesson.line_s());
+    let residuals = Residuals::new(runs.iter().collect(), &fitted.by_second.taken, fitted.sinusoid_period_s());
     let sigmas: Vec<f64> = afters.iter().filter_map(|after| after.sigma_deg).collect();
     let sigma_now_deg = median(sigmas);
     let next_experiment = match &open {
         Some(open) => open.next_experiment(runs, sigma_now_deg),
         None => None,
     }
-    .or_else(|| findings::next_experiment(lesson, runs, sigma_now_deg));
-    let noise = noise_tests(campaign, runs, &residuals, base, lesson);
+    .or_else(|| findings::next_experiment(fitted, runs, sigma_now_deg));
+    let noise = noise_tests(campaign, runs, &residuals, base, fitted);
     let unexplained = match &open {
         Some(open) => open.unexplained(),
-        None => unexplained::evidence(lesson, runs, &noise),
+        None => unexplained::evidence(fitted, runs, &noise),
     };
-    if let Some(turned_deg) = lesson.turned_deg {
+    if let Some(turned_deg) = fitted.turned_deg {
         turn::put(&mut model, turned_deg);
     }
     let mut diagnosis = Diagnosis {
@@ -164,8 +164,8 @@ pub fn diagnosis(
         },
         verdict: String::new(),
         runs: records,
-        rejected: findings::rejected(lesson, runs, constant),
-        candidates: findings::candidates(lesson, runs, constant),
+        rejected: findings::rejected(fitted, runs, constant),
+        candidates: findings::candidates(fitted, runs, constant),
         residual_rms_before_deg_h: residuals.judged_rms(&residuals.before),
         residual_rms_after_deg_h: residuals.judged_rms(&residuals.after),
         azimuth_rms_before_deg: before.map(|each| each.0),
@@ -177,7 +177,7 @@ pub fn diagnosis(
         judged_on: rms_after.map(|_| if judged_by_checks { "check-runs" } else { "cross-validation" }),
         unexplained: !unexplained.is_empty(),
         unexplained_evidence: unexplained,
-        withdrawn: lesson
+        withdrawn: fitted
             .withdrawn
             .as_ref()
             .map(|(names, why)| format!("{} was found and is not used: {why}", names.join(" and "))),
@@ -187,7 +187,7 @@ pub fn diagnosis(
         spectra: residuals.spectra(noise.declared_noise_deg_h.unwrap_or(noise.noise_deg_h)),
         noise,
         warnings,
-        effects: findings::found(lesson, runs.first().map_or(0.0, |run| run.earth.up_deg_h)),
+        effects: findings::found(fitted, runs.first().map_or(0.0, |run| run.earth.up_deg_h)),
         model,
     };
     if let Some(open) = &open {
@@ -214,29 +214,29 @@ fn short_of_engine_deg2(runs: &[RunData], by_model: &[After], open: &Open) -> f6
 }
 
 /// The model with what was learned, and with its uncertainty.
-fn model_of(lesson: &Lesson, base: &ErrorModel, runs: &[RunData]) -> Result<ErrorModel, Refusal> {
+fn model_of(fitted: &Fitted, base: &ErrorModel, runs: &[RunData]) -> Result<ErrorModel, Refusal> {
     let full = |_| Refusal::Campaign("what was learned has more terms than a model can hold".into());
     let fit: Vec<&RunData> = runs.iter().filter(|run| run.role == Role::Fit).collect();
-    let model = doubt::model(lesson.learned(), &lesson.base(base), &fit).map_err(full)?;
+    let model = doubt::model(fitted.learned(), &fitted.base(base), &fit).map_err(full)?;
     model.validate().map_err(|invalid| Refusal::Campaign(format!("what was learned makes no model: {invalid}")))?;
     Ok(model)
 }
 
-/// Tests of the seconds; on a moving base of the stays, which are free of the motion.
+/// Tests of the seconds; on a moving base of the dwells, which are free of the motion.
 fn noise_tests(
     campaign: &Campaign,
     runs: &[RunData],
     residuals: &Residuals,
     base: &ErrorModel,
-    lesson: &Lesson,
+    fitted: &Fitted,
 ) -> NoiseTests {
     let declared = campaign.instrument.as_ref().and_then(|instrument| instrument.arw_deg_per_sqrt_h);
     let mut after = residuals.tests_after.clone();
-    if let Some((_, learned)) = &lesson.by_stay {
-        let model = lesson.base(base);
-        let stays: Vec<RunData> = runs.par_iter().filter_map(|run| judge::stays_of(run, &model)).collect();
-        after = Residuals::new(stays.iter().collect(), &learned.taken, None).tests_after;
-        for test in after.iter_mut().filter(|test| matches!(test.name.as_str(), "whiteness" | "lines")) {
+    if let Some((_, learned)) = &fitted.by_dwell {
+        let model = fitted.base(base);
+        let dwells: Vec<RunData> = runs.par_iter().filter_map(|run| judge::dwells_of(run, &model)).collect();
+        after = Residuals::new(dwells.iter().collect(), &learned.taken, None).tests_after;
+        for test in after.iter_mut().filter(|test| matches!(test.name.as_str(), "whiteness" | "periodogram")) {
             test.passed = false;
             test.not_applied = Some("the base's motion is taken out of a dwell's mean, not of its seconds");
         }
@@ -249,8 +249,8 @@ fn noise_tests(
     }
 }
 
-fn warn_of_runs(runs: &[RunData], lesson: &Lesson, warnings: &mut Vec<Warning>) {
-    for (file, error_deg) in &lesson.bad_references {
+fn warn_of_runs(runs: &[RunData], fitted: &Fitted, warnings: &mut Vec<Warning>) {
+    for (file, error_deg) in &fitted.bad_references {
         warnings.push(Warning {
             run: Some(file.clone()),
             line: None,
@@ -286,9 +286,9 @@ fn after(runs: &[RunData], model: &ErrorModel) -> Vec<After> {
 
 /// Azimuths of the training runs by lessons that they took no part in, degrees. Where nothing was learned from all of them, there
 /// is nothing to teach.
-fn cross_validated(runs: &[RunData], base: &ErrorModel, constant: &[String], lesson: &Lesson) -> Vec<Option<f64>> {
+fn cross_validated(runs: &[RunData], base: &ErrorModel, constant: &[String], fitted: &Fitted) -> Vec<Option<f64>> {
     let fit: Vec<usize> = (0..runs.len()).filter(|&i| runs[i].role == Role::Fit).collect();
-    if lesson.is_empty() || fit.len() < 2 {
+    if fitted.is_empty() || fit.len() < 2 {
         return runs.iter().map(|run| Some(run.before?.azimuth_deg)).collect();
     }
     let fixes = by_the_others(runs, &fit, FOLDS, base, constant);
@@ -309,8 +309,8 @@ fn by_the_others(
         let inside = |place: usize| place % folds == fold;
         let training: Vec<&RunData> =
             places.iter().enumerate().filter(|(place, _)| !inside(*place)).map(|(_, &i)| &runs[i]).collect();
-        let lesson = study(&training, base, constant);
-        let Ok(model) = doubt::model(lesson.learned(), &lesson.base(base), &training) else { continue };
+        let fitted = fit_training_runs(&training, base, constant);
+        let Ok(model) = doubt::model(fitted.learned(), &fitted.base(base), &training) else { continue };
         for (_, &i) in places.iter().enumerate().filter(|(place, _)| inside(*place)) {
             fixes[i] = runs[i].replay(&model, &mut |_| ()).ok();
         }
@@ -374,14 +374,14 @@ fn record(
     before: Option<Fix>,
     after: &After,
     judged_deg: Option<Option<f64>>,
-    lesson: &Lesson,
+    fitted: &Fitted,
 ) -> RunDiagnosis {
     let error = |azimuth_deg: Option<f64>| {
         Some(wrap_180_deg(azimuth_deg.filter(|_| judged_deg.is_some())? - run.reference_deg?))
     };
     let mut notes: Vec<String> = run.refusal.iter().map(|refusal| format!("no azimuth before: {refusal}")).collect();
     notes.extend(after.note.clone());
-    if lesson.bad_references.iter().any(|(file, _)| *file == run.file) {
+    if fitted.bad_references.iter().any(|(file, _)| *file == run.file) {
         notes.push("its reference does not fit the others and is not used".into());
     }
     RunDiagnosis {

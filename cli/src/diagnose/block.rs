@@ -1,11 +1,11 @@
-//! The residual: every cell's rate less the Earth's, the run's own azimuth and bias; and how columns look beside these.
+//! The residual: every sample's rate less the Earth's, the run's own azimuth and bias; and how columns look beside these.
 
 use std::f64::consts::TAU;
 
 use north_finder::units::{RAD_PER_DEG, wrap_180_deg};
 
 use super::candidate::Columns;
-use super::data::{Cell, RunData};
+use super::data::{RunData, Sample};
 use super::statistics::{dot, least_squares, median, orthonormalise, subtract};
 
 /// One sigma of the amplitude about Ω cos φ, relative, where a surveyed heading ties the rates down.
@@ -13,15 +13,15 @@ const AMPLITUDE_SIGMA: f64 = 0.002;
 /// One sigma of a surveyed heading that says none, and of the index on top of it, degrees.
 const REFERENCE_SIGMA_DEG: f64 = 0.005;
 const INDEX_SIGMA_DEG: f64 = 0.01;
-/// Fewest cells of a run that is learned from.
+/// Fewest samples of a run that is learned from.
 const LEAST_CELLS: usize = 4;
 
-/// One run in the regression: its own unknowns are h cos ψ, h sin ψ, bias and, if there is one, the parts of a line.
+/// One run in the regression: its own unknowns are h cos ψ, h sin ψ, bias and, if there is one, the parts of a sinusoid.
 pub struct Block<'a> {
     pub run: &'a RunData,
     /// Noise of a one-second rate, °/h.
     pub noise_deg_h: f64,
-    /// Square root of the weight of each cell; 0 where it does not enter.
+    /// Square root of the weight of each sample; 0 where it does not enter.
     pub root_weight: Vec<f64>,
     /// Weighted rates, and two rows of the surveyed heading.
     pub y: Vec<f64>,
@@ -35,20 +35,20 @@ pub struct Block<'a> {
     pub tied: bool,
     /// Rate by the fit without effects, °/h.
     pub smooth_deg_h: Vec<f64>,
-    /// Period of a line whose phase is the run's own, seconds.
-    line_s: Option<f64>,
+    /// Period of a sinusoid whose phase is the run's own, seconds.
+    sinusoid_period_s: Option<f64>,
     reference_deg: Option<f64>,
 }
 
 impl<'a> Block<'a> {
-    /// `None` where the run has too little in it. The reference enters if `trusted`. A line of the period `line_s` has a phase
+    /// `None` where the run has too little in it. The reference enters if `trusted`. A sinusoid of the period `sinusoid_period_s` has a phase
     /// and an amplitude of the run's own.
-    pub fn new(run: &'a RunData, trusted: bool, line_s: Option<f64>) -> Option<Self> {
+    pub fn new(run: &'a RunData, trusted: bool, sinusoid_period_s: Option<f64>) -> Option<Self> {
         let noise_deg_h = run.noise_deg_h.or_else(|| noise_deg_h(run))?;
         let root_weight: Vec<f64> = run
-            .cells
+            .samples
             .iter()
-            .map(|cell| if run.enters(cell) { cell.seconds.sqrt() / noise_deg_h } else { 0.0 })
+            .map(|sample| if run.enters(sample) { sample.seconds.sqrt() / noise_deg_h } else { 0.0 })
             .collect();
         if root_weight.iter().filter(|weight| **weight > 0.0).count() < LEAST_CELLS {
             return None;
@@ -65,15 +65,15 @@ impl<'a> Block<'a> {
             azimuth_deg: 0.0,
             tied: reference_deg.is_some(),
             smooth_deg_h: Vec::new(),
-            line_s,
+            sinusoid_period_s,
             reference_deg,
         };
-        let none = vec![0.0; run.cells.len()];
+        let none = vec![0.0; run.samples.len()];
         block.solve(&none)?;
         Some(block)
     }
 
-    /// Looks at the run anew, about these effects (°/h, one value a cell): its rate and its azimuth are then those
+    /// Looks at the run anew, about these effects (°/h, one value a sample): its rate and its azimuth are then those
     /// without them.
     pub fn linearise(&mut self, effects_deg_h: &[f64]) {
         // It could be solved before; other effects change no column of it.
@@ -83,13 +83,13 @@ impl<'a> Block<'a> {
     fn solve(&mut self, effects_deg_h: &[f64]) -> Option<()> {
         let (run, reference_deg) = (self.run, self.reference_deg);
         let north = run.earth.north_deg_h;
-        let plain = nuisance_columns(run, self.line_s);
+        let plain = nuisance_columns(run, self.sinusoid_period_s);
         let mut nuisance = plain.clone();
         self.y = run
-            .cells
+            .samples
             .iter()
             .zip(&self.root_weight)
-            .map(|(cell, w)| w * (cell.rate_deg_h - cell.design.vertical_deg_h))
+            .map(|(sample, w)| w * (sample.rate_deg_h - sample.design.vertical_deg_h))
             .collect();
         for column in &mut nuisance {
             column.iter_mut().zip(&self.root_weight).for_each(|(value, weight)| *value *= weight);
@@ -114,11 +114,11 @@ impl<'a> Block<'a> {
         self.azimuth_deg = reference_deg.unwrap_or_else(|| found[1].atan2(found[0]) / RAD_PER_DEG);
         self.basis = orthonormalise(&[], nuisance.clone());
         let mut free = nuisance.clone();
-        let cells = run.cells.len();
-        free.iter_mut().flat_map(|column| &mut column[cells..]).for_each(|value| *value = 0.0);
+        let samples = run.samples.len();
+        free.iter_mut().flat_map(|column| &mut column[samples..]).for_each(|value| *value = 0.0);
         self.free_basis = orthonormalise(&[], free);
         self.smooth_deg_h =
-            (0..run.cells.len()).map(|i| found.iter().zip(&plain).map(|(c, column)| c * column[i]).sum()).collect();
+            (0..run.samples.len()).map(|i| found.iter().zip(&plain).map(|(c, column)| c * column[i]).sum()).collect();
         self.nuisance = nuisance;
         Some(())
     }
@@ -149,9 +149,9 @@ impl<'a> Block<'a> {
     /// The azimuth that the rates alone give after effects (weighted, in the layout of `y`) are taken out: error against
     /// the reference and sigma, degrees.
     pub fn azimuth_error_deg(&self, effects: &[f64]) -> Option<(f64, f64)> {
-        let cells = self.run.cells.len();
-        let y: Vec<f64> = self.y.iter().zip(effects).map(|(y, effect)| y - effect).take(cells).collect();
-        let columns: Vec<&[f64]> = self.nuisance.iter().map(|column| &column[..cells]).collect();
+        let samples = self.run.samples.len();
+        let y: Vec<f64> = self.y.iter().zip(effects).map(|(y, effect)| y - effect).take(samples).collect();
+        let columns: Vec<&[f64]> = self.nuisance.iter().map(|column| &column[..samples]).collect();
         let (found, covariance) = least_squares(&columns, &y)?;
         let (x, y) = (found[0], found[1]);
         let squared = x * x + y * y;
@@ -179,28 +179,28 @@ fn beside(basis: &[Vec<f64>], column: &[f64]) -> Vec<f64> {
     left
 }
 
-/// Factors of h cos ψ, h sin ψ and the bias, and of the two parts of a line.
-fn nuisance_columns(run: &RunData, line_s: Option<f64>) -> Vec<Vec<f64>> {
-    let of = |factor: &dyn Fn(&Cell) -> f64| run.cells.iter().map(factor).collect();
-    let mut columns = vec![of(&|cell| cell.design.cos), of(&|cell| cell.design.sin), of(&|_| 1.0)];
-    if let Some(line_s) = line_s {
-        columns.push(of(&|cell| (TAU * cell.t_s / line_s).cos()));
-        columns.push(of(&|cell| (TAU * cell.t_s / line_s).sin()));
+/// Factors of h cos ψ, h sin ψ and the bias, and of the two parts of a sinusoid.
+fn nuisance_columns(run: &RunData, sinusoid_period_s: Option<f64>) -> Vec<Vec<f64>> {
+    let of = |factor: &dyn Fn(&Sample) -> f64| run.samples.iter().map(factor).collect();
+    let mut columns = vec![of(&|sample| sample.design.cos), of(&|sample| sample.design.sin), of(&|_| 1.0)];
+    if let Some(sinusoid_period_s) = sinusoid_period_s {
+        columns.push(of(&|sample| (TAU * sample.t_s / sinusoid_period_s).cos()));
+        columns.push(of(&|sample| (TAU * sample.t_s / sinusoid_period_s).sin()));
     }
     columns
 }
 
-/// Noise of a one-second rate from its fast changes: median of the differences of neighbours in a stay, °/h.
+/// Noise of a one-second rate from its fast changes: median of the differences of neighbours in a dwell, °/h.
 pub fn noise_deg_h(run: &RunData) -> Option<f64> {
     let differences: Vec<f64> = run
-        .cells
+        .samples
         .windows(2)
-        .filter(|pair| pair[0].stay == pair[1].stay && run.enters(&pair[0]) && run.enters(&pair[1]))
+        .filter(|pair| pair[0].dwell == pair[1].dwell && run.enters(&pair[0]) && run.enters(&pair[1]))
         .filter(|pair| !pair[1].moving || run.rotation)
         .map(|pair| {
             let apart = (1.0 / pair[0].seconds + 1.0 / pair[1].seconds).sqrt();
             let turned = run.earth.north_deg_h * (pair[1].cos - pair[0].cos).hypot(pair[1].sin - pair[0].sin);
-            // In a rotation the signal itself changes from cell to cell; its share is small for cells of a second.
+            // In a rotation the signal itself changes from sample to sample; its share is small for samples of a second.
             ((pair[1].rate_deg_h - pair[0].rate_deg_h).abs() - if run.rotation { turned } else { 0.0 }).abs() / apart
         })
         .collect();

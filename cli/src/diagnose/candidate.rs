@@ -14,7 +14,7 @@ use north_finder::effects::{
 use north_finder::index::Direction;
 
 use super::base_turning;
-use super::data::{Cell, RunData};
+use super::data::{RunData, Sample};
 
 /// Seconds that wait for the first rate of change, as in the firmware's replay.
 const HELD: usize = 16;
@@ -52,7 +52,7 @@ pub struct Candidate {
     pub grid: Vec<f64>,
 }
 
-/// Columns of a run: one a coefficient, one value a cell, °/h.
+/// Columns of a run: one a coefficient, one value a sample, °/h.
 pub type Columns = Vec<Vec<f64>>;
 
 impl Candidate {
@@ -227,16 +227,16 @@ impl Candidate {
         }
     }
 
-    /// The columns of a run: what unit coefficients add to the rate. `rate_deg_h` is each cell's rate by the fit so
+    /// The columns of a run: what unit coefficients add to the rate. `rate_deg_h` is each sample's rate by the fit so
     /// far, without effects, `azimuth_deg` the run's azimuth.
     pub fn columns(&self, run: &RunData, constant: f64, rate_deg_h: &[f64], azimuth_deg: f64) -> Columns {
         let psi = azimuth_deg.to_radians();
         let h = run.earth.north_deg_h;
-        let sin_alpha = |cell: &Cell| psi.sin() * cell.cos - psi.cos() * cell.sin;
-        let cos_alpha = |cell: &Cell| psi.cos() * cell.cos + psi.sin() * cell.sin;
+        let sin_alpha = |sample: &Sample| psi.sin() * sample.cos - psi.cos() * sample.sin;
+        let cos_alpha = |sample: &Sample| psi.cos() * sample.cos + psi.sin() * sample.sin;
         // A reading too large by δ: ω = h cos(ψ − θ + δ), dω/dδ = −h sin(ψ − θ).
-        let turned = |cell: &Cell| -1f64.to_radians() * h * sin_alpha(cell);
-        let of = |value: &dyn Fn(&Cell) -> f64| run.cells.iter().map(value).collect::<Vec<f64>>();
+        let turned = |sample: &Sample| -1f64.to_radians() * h * sin_alpha(sample);
+        let of = |value: &dyn Fn(&Sample) -> f64| run.samples.iter().map(value).collect::<Vec<f64>>();
         match &self.part {
             Part::Term(term) => evaluated(run, self.placed(term, constant), rate_deg_h),
             Part::Rate(term) => {
@@ -245,14 +245,18 @@ impl Candidate {
             }
             Part::EarthField { north: false } => vec![of(&sin_alpha)],
             Part::EarthField { north: true } => vec![of(&sin_alpha), of(&cos_alpha)],
-            Part::ScaleFactor => vec![of(&|cell| h * cos_alpha(cell))],
+            Part::ScaleFactor => vec![of(&|sample| h * cos_alpha(sample))],
             Part::IndexOffset => vec![of(&turned)],
             Part::IndexEccentricity => {
-                vec![of(&|cell| turned(cell) * cell.cos), of(&|cell| turned(cell) * cell.sin)]
+                vec![of(&|sample| turned(sample) * sample.cos), of(&|sample| turned(sample) * sample.sin)]
             }
-            Part::LevelBias { up_deg_h } => vec![of(&|cell| -up_deg_h * cell.cos), of(&|cell| -up_deg_h * cell.sin)],
+            Part::LevelBias { up_deg_h } => {
+                vec![of(&|sample| -up_deg_h * sample.cos), of(&|sample| -up_deg_h * sample.sin)]
+            }
             Part::AxisTilt => {
-                vec![of(&|cell| cell.level.map_or(0.0, |level| cell.cos * level.forward + cell.sin * level.left))]
+                vec![of(&|sample| {
+                    sample.level.map_or(0.0, |level| sample.cos * level.forward + sample.sin * level.left)
+                })]
             }
             Part::BaseMotion => vec![base_turning::column(run, constant)],
         }
@@ -275,20 +279,20 @@ pub fn evaluated(run: &RunData, term: Term, rate_deg_h: &[f64]) -> Columns {
         .map(|name| run.names.iter().position(|each| each == name.as_str()).map(|slot| &run.channels[slot]))
         .collect();
     let mut evaluator = Evaluator::new(model);
-    let mut columns: Columns = vec![Vec::with_capacity(run.cells.len()); count];
+    let mut columns: Columns = vec![Vec::with_capacity(run.samples.len()); count];
     let mut held = 0;
-    for (k, (cell, &rate)) in run.cells.iter().zip(rate_deg_h).enumerate() {
+    for (k, (sample, &rate)) in run.samples.iter().zip(rate_deg_h).enumerate() {
         let mut channels = [f64::NAN; MAX_CHANNELS];
         for (value, slot) in channels.iter_mut().zip(&slots) {
             *value = slot.map_or(f64::NAN, |values| values[k]);
         }
         let conditions = Conditions {
-            t_s: cell.t_s,
-            seconds: cell.seconds,
+            t_s: sample.t_s,
+            seconds: sample.seconds,
             raw_rate_deg_h: rate,
-            index: Some(Direction { cos: cell.cos, sin: cell.sin }),
-            temp_c: cell.temp_c,
-            level: cell.level,
+            index: Some(Direction { cos: sample.cos, sin: sample.sin }),
+            temp_c: sample.temp_c,
+            level: sample.level,
             channels,
         };
         let factor = if scales { rate } else { 1.0 };

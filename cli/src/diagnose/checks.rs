@@ -96,7 +96,7 @@ pub fn refuse_latitude(runs: &[RunData], learned: &Learned, base: &ErrorModel) -
     let mut shaped = learned.clone();
     shaped.keep(|each| {
         let is_scale = |candidate: &Candidate| matches!(candidate.part, Part::ScaleFactor | Part::EarthField { .. });
-        !is_scale(&each.candidate) && !each.rivals.iter().any(|(rival, _)| is_scale(rival))
+        !is_scale(&each.candidate) && !each.alternatives.iter().any(|(alternative, _)| is_scale(alternative))
     });
     let Ok(model) = shaped.model(base) else { return Ok(()) };
     if of(runs.iter().map(|run| run.solve(&model).map(|(fix, _)| fix.amplitude_deg_h)).collect()).is_none() {

@@ -22,7 +22,7 @@ const SECONDS_BY_SHOCK: usize = 50;
 
 /// A second of a run, or a longer row, by the replay with the model that the runs were made with.
 #[derive(Clone, Debug)]
-pub struct Cell {
+pub struct Sample {
     /// Middle, and length.
     pub t_s: f64,
     pub seconds: f64,
@@ -39,7 +39,7 @@ pub struct Cell {
     /// It is in no dwell: nothing is learned from it.
     pub left_out: bool,
     /// Number of the dwell, from 0; of the next one for what is in none.
-    pub stay: usize,
+    pub dwell: usize,
     /// Line of the file that it begins with.
     pub line: u64,
 }
@@ -54,11 +54,11 @@ pub struct RunData {
     pub earth: EarthRate,
     pub reference_deg: Option<f64>,
     pub reference_sigma_deg: f64,
-    pub cells: Vec<Cell>,
-    /// Names of the extra channels and their values by the cell.
+    pub samples: Vec<Sample>,
+    /// Names of the extra channels and their values by the sample.
     pub names: Vec<String>,
     pub channels: Vec<Vec<f64>>,
-    /// An index error that was taken out of the cells and is in every replay, degrees.
+    /// An index error that was taken out of the samples and is in every replay, degrees.
     pub turned_deg: Option<f64>,
     /// The seconds as they were recorded, for other models.
     recorded: Vec<RecordedSecond>,
@@ -75,8 +75,8 @@ pub struct RunData {
 
 impl RunData {
     /// Cells that enter: those at rest, or in a continuous rotation all.
-    pub fn enters(&self, cell: &Cell) -> bool {
-        !cell.left_out && (self.rotation || !cell.moving)
+    pub fn enters(&self, sample: &Sample) -> bool {
+        !sample.left_out && (self.rotation || !sample.moving)
     }
 
     /// Whether the gyro gives one reading throughout: it is dead.
@@ -85,13 +85,13 @@ impl RunData {
         !self.recorded.is_empty() && self.recorded.windows(2).all(|pair| raw(&pair[0]) == raw(&pair[1]))
     }
 
-    /// A channel's values by the cell.
+    /// A channel's values by the sample.
     pub fn channel(&self, name: &str) -> Option<Vec<f64>> {
-        let of = |value: fn(&Cell) -> Option<f64>| self.cells.iter().map(value).collect::<Option<Vec<_>>>();
+        let of = |value: fn(&Sample) -> Option<f64>| self.samples.iter().map(value).collect::<Option<Vec<_>>>();
         match name {
-            "temp_c" => of(|cell| cell.temp_c),
-            "ax_g" => of(|cell| cell.level.map(|level| level.forward)),
-            "ay_g" => of(|cell| cell.level.map(|level| level.left)),
+            "temp_c" => of(|sample| sample.temp_c),
+            "ax_g" => of(|sample| sample.level.map(|level| level.forward)),
+            "ay_g" => of(|sample| sample.level.map(|level| level.left)),
             _ => self.names.iter().position(|each| each == name).and_then(|i| self.channels.get(i).cloned()),
         }
     }
@@ -121,7 +121,7 @@ impl RunData {
     }
 
     /// Azimuth by the firmware's replay with a model: that of `north solve --model`, with all digits. What was taken out of the
-    /// cells is in the model.
+    /// samples is in the model.
     ///
     /// Errors: why there is none, in words.
     pub fn replay(&self, model: &ErrorModel, told: &mut dyn FnMut(Told)) -> Result<Fix, String> {
@@ -154,7 +154,7 @@ impl RunData {
         Some((fix, dwells))
     }
 
-    /// The cells, dwells and outliers by the model that the run was made with, and its azimuth.
+    /// The samples, dwells and outliers by the model that the run was made with, and its azimuth.
     fn replay_as_made(&mut self, gaps: &[usize], lines: &[u64]) {
         let model = self.settings.model.clone().unwrap_or_default();
         let mut told = Vec::with_capacity(self.recorded.len());
@@ -176,25 +176,25 @@ impl RunData {
             Err(refusal) => self.refusal = Some(refusal),
         }
         told.sort_by(|a, b| time_s(&a.0).total_cmp(&time_s(&b.0)));
-        self.cells = told
+        self.samples = told
             .iter()
             .zip(lines)
-            .map(|(&(second, place, dwell), &line)| cell(&second, place, dwell, line, &self.earth))
+            .map(|(&(second, place, dwell), &line)| sample(&second, place, dwell, line, &self.earth))
             .collect();
         for &gap in gaps {
-            if let Some(cell) = self.cells.get_mut(gap) {
-                cell.left_out = true;
+            if let Some(sample) = self.samples.get_mut(gap) {
+                sample.left_out = true;
             }
         }
         let of_rest = |moving: bool| -> f64 {
-            self.cells.iter().filter(|cell| cell.moving == moving).map(|cell| cell.seconds).sum()
+            self.samples.iter().filter(|sample| sample.moving == moving).map(|sample| sample.seconds).sum()
         };
         let (rest_s, moving_s) = (of_rest(false), of_rest(true));
         self.rotation = rest_s < ROTATION_SHARE * (rest_s + moving_s);
-        if outliers_s.len() * SECONDS_BY_SHOCK <= self.cells.len() {
-            for cell in self.cells.iter_mut().filter(|cell| outliers_s.contains(&cell.t_s)) {
-                cell.left_out = true;
-                self.outliers.push(cell.line);
+        if outliers_s.len() * SECONDS_BY_SHOCK <= self.samples.len() {
+            for sample in self.samples.iter_mut().filter(|sample| outliers_s.contains(&sample.t_s)) {
+                sample.left_out = true;
+                self.outliers.push(sample.line);
             }
         }
     }
@@ -204,10 +204,10 @@ fn time_s(second: &Corrected) -> f64 {
     second.measured.conditions.t_s
 }
 
-fn cell(second: &Corrected, place: Place, dwell: usize, line: u64, earth: &EarthRate) -> Cell {
+fn sample(second: &Corrected, place: Place, dwell: usize, line: u64, earth: &EarthRate) -> Sample {
     let conditions = &second.measured.conditions;
     let index = second.index.unwrap_or_default();
-    Cell {
+    Sample {
         t_s: conditions.t_s,
         seconds: conditions.seconds,
         rate_deg_h: second.rate_deg_h,
@@ -218,7 +218,7 @@ fn cell(second: &Corrected, place: Place, dwell: usize, line: u64, earth: &Earth
         level: conditions.level,
         moving: place == Place::Moving,
         left_out: place == Place::LeftOut,
-        stay: dwell,
+        dwell,
         line,
     }
 }
@@ -250,7 +250,7 @@ fn read_run(campaign: &Campaign, run: &Run, options: &Options) -> Result<(RunDat
         earth,
         reference_deg: run.reference_azimuth_deg,
         reference_sigma_deg: run.reference_sigma_deg.unwrap_or(0.0),
-        cells: Vec::new(),
+        samples: Vec::new(),
         names,
         channels,
         turned_deg: None,

@@ -30,7 +30,7 @@ pub fn coefficients(
                 constant_sigma: 0.0,
                 improvement: 0.0,
                 p_value: 0.0,
-                rivals: Vec::new(),
+                alternatives: Vec::new(),
                 by_references: problem.by_references(&candidate, constant),
                 candidate,
             }

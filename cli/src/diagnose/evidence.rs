@@ -1,4 +1,4 @@
-//! How much a candidate explains, whether chance would do as well, and whether it foretells.
+//! How much a candidate explains, whether chance would do as well, and whether it predictive_gain.
 
 use std::collections::BTreeMap;
 
@@ -23,7 +23,7 @@ pub fn improvement(basis: &[Vec<f64>], left: &[f64], columns: Columns) -> f64 {
     orthonormalise(basis, columns).iter().map(|each| dot(each, left).powi(2)).sum()
 }
 
-/// Merit of an improvement: Schwarz' criterion with the price of the search for the constant.
+/// Scored of an improvement: Schwarz' criterion with the price of the search for the constant.
 pub fn score(candidate: &Candidate, improvement: f64, rows: usize) -> f64 {
     // Among harmonics that the angles cannot tell apart the lowest is the likeliest; what happens in every run at the same
     // second is rare.
@@ -77,7 +77,7 @@ fn dispersed_tail(improvement: f64, freedom: f64, (ratio, among): (f64, f64)) ->
 
 /// Whether the chosen effects are the same in every run: by how much the sum of squares would fall if every run had
 /// coefficients of its own, over the dispersion, and the number of these.
-pub fn sameness(problem: &Problem, candidates: &[Candidate], chosen: &[Chosen]) -> (f64, f64) {
+pub fn homogeneity(problem: &Problem, candidates: &[Candidate], chosen: &[Chosen]) -> (f64, f64) {
     let Some((taken, _)) = coefficients(problem, candidates, chosen) else { return (0.0, 0.0) };
     let basis = problem.basis(candidates, chosen);
     let left = problem.left(&basis);
@@ -100,7 +100,7 @@ pub fn sameness(problem: &Problem, candidates: &[Candidate], chosen: &[Chosen]) 
 /// channels went elsewhere, says next to nothing. Of six runs or more the one that speaks against it most is not heard: its
 /// reference may be wrong. And against a curve in a channel no run speaks louder than by a bound: it may be the only one
 /// whose channel went through a bend.
-pub fn foretells(problem: &Problem, candidates: &[Candidate], trial: &[Chosen]) -> Foretold {
+pub fn predictive_gain(problem: &Problem, candidates: &[Candidate], trial: &[Chosen]) -> Predictive {
     let columns: Columns =
         trial.iter().flat_map(|&(index, constant)| problem.projected(&candidates[index], constant)).collect();
     let last = trial.last().map_or(0, |&(index, _)| candidates[index].coefficients());
@@ -110,25 +110,25 @@ pub fn foretells(problem: &Problem, candidates: &[Candidate], trial: &[Chosen]) 
     let moves = trial.iter().any(|&(index, _)| candidates[index].is_base_motion());
     let of_references = if moves { 1.0 } else { reference_dispersion(problem, candidates, trial) };
     let dispersion = of_cells.max(of_references).max(1.0);
-    let without = foretold(problem, &columns[..columns.len() - last], dispersion);
-    let with = foretold(problem, &columns, dispersion);
+    let without = predictive(problem, &columns[..columns.len() - last], dispersion);
+    let with = predictive(problem, &columns, dispersion);
     let is_curve = trial.last().is_some_and(|&(index, _)| candidates[index].is_spline());
     let least = if is_curve { -AGAINST_A_CURVE } else { f64::NEG_INFINITY };
     let gains: Vec<f64> = with.iter().zip(&without).map(|(with, without)| (with - without).max(least)).collect();
     let worst = if gains.len() < HEARD { 0.0 } else { gains.iter().copied().fold(0.0, f64::min) };
     let gain = gains.iter().sum::<f64>() - worst;
-    Foretold { gain, steady: gain - gains.iter().copied().fold(0.0, f64::max) }
+    Predictive { gain, steady: gain - gains.iter().copied().fold(0.0, f64::max) }
 }
 
 /// Power to foretell, twice the logarithm of odds.
 #[derive(Clone, Copy, Debug)]
-pub struct Foretold {
+pub struct Predictive {
     pub gain: f64,
     /// Without the run that gains most.
     pub steady: f64,
 }
 
-impl Foretold {
+impl Predictive {
     /// Odds that it is chance, for a candidate among so many that were searched; one lucky run is not enough.
     pub fn p_value(&self, searched: f64) -> f64 {
         (searched * (-0.5 * self.steady).exp()).min(1.0)
@@ -145,7 +145,7 @@ fn reference_dispersion(problem: &Problem, candidates: &[Candidate], trial: &[Ch
 
 /// Twice the logarithm of the predictive density of every run from the others, but for what does not depend on the
 /// columns; 0 where the others cannot say anything.
-fn foretold(problem: &Problem, columns: &[Vec<f64>], dispersion: f64) -> Vec<f64> {
+fn predictive(problem: &Problem, columns: &[Vec<f64>], dispersion: f64) -> Vec<f64> {
     let number = columns.len();
     if number == 0 {
         return vec![0.0; problem.blocks.len()];

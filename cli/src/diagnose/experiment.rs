@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::block::Block;
 use super::candidate::Candidate;
-use super::data::{Cell, RunData};
+use super::data::{RunData, Sample};
 use super::problem::Problem;
 use super::result::Experiment;
 use super::statistics::{dot, orthonormalise};
@@ -48,7 +48,7 @@ pub struct Design {
 impl Design {
     /// All that are weighed, the shortest first; dwells as in `like`.
     fn all(like: &RunData) -> Vec<Self> {
-        let length_s = like.cells.last().map_or(240.0, |cell| cell.t_s).max(60.0);
+        let length_s = like.samples.last().map_or(240.0, |sample| sample.t_s).max(60.0);
         let mut all = Vec::new();
         for (name, order_deg) in ORDERS {
             for number in HEADINGS {
@@ -81,22 +81,22 @@ impl Design {
         let mut run = like.clone();
         run.reference_deg = Some(heading_deg);
         run.rotation = false;
-        run.cells.clear();
+        run.samples.clear();
         run.channels.iter_mut().for_each(Vec::clear);
         let (sin_psi, cos_psi) = heading_deg.to_radians().sin_cos();
         let mut t_s = self.warm_up_s;
         let mut second = 0;
-        for (stay, angle) in self.order_deg.iter().enumerate() {
+        for (dwell, angle) in self.order_deg.iter().enumerate() {
             let (sin, cos) = angle.to_radians().sin_cos();
-            for row in 0..self.dwell_s as usize + if stay > 0 { MOVE_S } else { 0 } {
-                let moving = stay > 0 && row < MOVE_S;
+            for row in 0..self.dwell_s as usize + if dwell > 0 { MOVE_S } else { 0 } {
+                let moving = dwell > 0 && row < MOVE_S;
                 let Some(place) = second_of(like, second) else { return run };
                 let rate_deg_h = like.earth.north_deg_h * (cos_psi * cos + sin_psi * sin);
                 t_s += 1.0;
                 second += 1;
-                let source = like.cells[place].clone();
+                let source = like.samples[place].clone();
                 let design = DesignRow::new(Direction { cos, sin }, source.level, &like.earth);
-                run.cells.push(Cell {
+                run.samples.push(Sample {
                     t_s: t_s - 0.5,
                     seconds: 1.0,
                     rate_deg_h,
@@ -105,7 +105,7 @@ impl Design {
                     design,
                     moving,
                     left_out: false,
-                    stay,
+                    dwell,
                     ..source
                 });
                 for (channel, values) in run.channels.iter_mut().zip(&like.channels) {
@@ -139,7 +139,7 @@ impl Design {
 
 /// The second of a run that stands for this one of a longer run: there and back again, so that nothing jumps.
 fn second_of(like: &RunData, second: usize) -> Option<usize> {
-    let length = like.cells.len();
+    let length = like.samples.len();
     let last = length.checked_sub(1)?;
     let place = second % (2 * last).max(1);
     Some(if place <= last { place } else { 2 * last - place })
@@ -220,18 +220,18 @@ pub struct Known<'a> {
     pub coefficients: &'a [f64],
 }
 
-/// Log odds of an effect over each of its rivals that runs would add on average, if it is the true one: half of what no
-/// coefficients of the rival can imitate, in noise variances.
-pub fn log_odds(runs: &[RunData], effect: &Known, rivals: &[(&Candidate, f64)]) -> Vec<f64> {
+/// Log odds of an effect over each of its alternatives that runs would add on average, if it is the true one: half of what no
+/// coefficients of the alternative can imitate, in noise variances.
+pub fn log_odds(runs: &[RunData], effect: &Known, alternatives: &[(&Candidate, f64)]) -> Vec<f64> {
     let problem = Problem::new(runs.iter().filter_map(|run| Block::new(run, true, None)).collect());
     let mut whole = vec![0.0; problem.rows()];
     for (column, size) in problem.projected(effect.candidate, effect.constant).iter().zip(effect.coefficients) {
         whole.iter_mut().zip(column).for_each(|(sum, value)| *sum += size * value);
     }
-    rivals
+    alternatives
         .iter()
-        .map(|(rival, constant)| {
-            let basis = orthonormalise(&[], problem.projected(rival, *constant));
+        .map(|(alternative, constant)| {
+            let basis = orthonormalise(&[], problem.projected(alternative, *constant));
             let imitated: f64 = basis.iter().map(|each| dot(&whole, each).powi(2)).sum();
             0.5 * (dot(&whole, &whole) - imitated).max(0.0)
         })

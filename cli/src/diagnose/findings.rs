@@ -10,21 +10,21 @@ use super::experiment::{Expectation, Known};
 use super::learn::ACCEPT;
 use super::learned::{Learned, Taken};
 use super::statistics::chi_square_tail;
-use super::{Candidate, Effect, Lesson, Rejected, effects, experiment};
+use super::{Candidate, Effect, Fitted, Rejected, effects, experiment};
 use crate::campaign::Role;
 
 /// The effects that were found, the strongest first.
-pub fn found(lesson: &Lesson, up_deg_h: f64) -> Vec<Effect> {
+pub fn found(fitted: &Fitted, up_deg_h: f64) -> Vec<Effect> {
     let mut effects: Vec<Effect> = Vec::new();
-    if lesson.by_stay.is_some() {
-        let base = lesson.by_second.taken.iter().find(|each| each.candidate.name == "base-motion");
+    if fitted.by_dwell.is_some() {
+        let base = fitted.by_second.taken.iter().find(|each| each.candidate.name == "base-motion");
         effects.extend(base.map(|base| effect(base, up_deg_h)));
     }
-    let mut taken: Vec<&Taken> = lesson.learned().taken.iter().collect();
+    let mut taken: Vec<&Taken> = fitted.learned().taken.iter().collect();
     taken.sort_by(|a, b| b.improvement.total_cmp(&a.improvement));
     effects.extend(taken.into_iter().map(|taken| effect(taken, up_deg_h)));
-    effects.extend(lesson.line.map(|line| line.effect()));
-    if let Some(turned_deg) = lesson.turned_deg {
+    effects.extend(fitted.sinusoid.map(|sinusoid| sinusoid.effect()));
+    if let Some(turned_deg) = fitted.turned_deg {
         add_turn(&mut effects, turned_deg);
     }
     effects
@@ -64,7 +64,7 @@ const OTHER_LATITUDE: f64 = 0.2;
 
 /// Names of what would explain an effect as well: other candidates, and what no candidate is.
 fn confounded(taken: &Taken, up_deg_h: f64) -> Vec<String> {
-    let mut names: Vec<String> = taken.rivals.iter().map(|(rival, _)| rival.full_name()).collect();
+    let mut names: Vec<String> = taken.alternatives.iter().map(|(alternative, _)| alternative.full_name()).collect();
     match (taken.candidate.name.as_str(), &taken.candidate.part) {
         (INDEX_OFFSET, _) => names.push(EARTH_FIELD.into()),
         (EARTH_FIELD, _) => names.push(INDEX_OFFSET.into()),
@@ -116,20 +116,20 @@ fn effect(taken: &Taken, up_deg_h: f64) -> Effect {
 }
 
 /// The candidates of the fit runs with what they were worth before anything was taken.
-pub fn candidates(lesson: &Lesson, runs: &[RunData], constant: &[String]) -> Vec<Candidate> {
+pub fn candidates(fitted: &Fitted, runs: &[RunData], constant: &[String]) -> Vec<Candidate> {
     let fit: Vec<&RunData> = runs.iter().filter(|run| run.role == Role::Fit).collect();
     let all = effects::all(&fit, constant);
     let is_taken = |each: &candidate::Candidate| {
         let same = |taken: &Taken| taken.candidate.full_name() == each.full_name();
-        lesson.learned().taken.iter().any(same) || (lesson.by_stay.is_some() && each.name == "base-motion")
+        fitted.learned().taken.iter().any(same) || (fitted.by_dwell.is_some() && each.name == "base-motion")
     };
-    let mut list: Vec<Candidate> = lesson
+    let mut list: Vec<Candidate> = fitted
         .by_second
         .first
         .iter()
-        .filter_map(|merit| Some((merit, all.get(merit.index)?)))
-        .map(|(merit, each)| {
-            let p_value = chi_square_tail(merit.improvement, each.freedom() as f64);
+        .filter_map(|scored| Some((scored, all.get(scored.index)?)))
+        .map(|(scored, each)| {
+            let p_value = chi_square_tail(scored.improvement, each.freedom() as f64);
             let p_value_searched = (p_value * searched(each, all.len())).min(1.0);
             let taken = is_taken(each);
             Candidate {
@@ -137,11 +137,11 @@ pub fn candidates(lesson: &Lesson, runs: &[RunData], constant: &[String]) -> Vec
                 kind: each.kind,
                 channel: each.channel.clone(),
                 freedom: each.freedom(),
-                improvement: merit.improvement,
+                improvement: scored.improvement,
                 p_value,
                 p_value_searched,
                 taken,
-                why: why(lesson.learned(), each, taken, p_value_searched),
+                why: why(fitted.learned(), each, taken, p_value_searched),
             }
         })
         .collect();
@@ -151,14 +151,16 @@ pub fn candidates(lesson: &Lesson, runs: &[RunData], constant: &[String]) -> Vec
 
 fn why(learned: &Learned, each: &candidate::Candidate, taken: bool, p_value_searched: f64) -> String {
     if taken {
-        return "taken: explains most for its price".into();
+        return "taken: explains most for its penalty".into();
     }
-    let rival_of =
-        learned.taken.iter().find(|taken| taken.rivals.iter().any(|(rival, _)| rival.full_name() == each.full_name()));
-    match rival_of {
+    let alternative_of = learned
+        .taken
+        .iter()
+        .find(|taken| taken.alternatives.iter().any(|(alternative, _)| alternative.full_name() == each.full_name()));
+    match alternative_of {
         Some(taken) => format!("this campaign cannot tell it from {}", taken.candidate.full_name()),
-        None if learned.shadows.contains(&each.full_name()) => {
-            "more stays unexplained than it explains: it may be the shadow of something else".into()
+        None if learned.spurious.contains(&each.full_name()) => {
+            "more stays unexplained than it explains: it may be a spurious term in place of something else".into()
         }
         None if p_value_searched < ACCEPT && learned.taken.is_empty() => {
             format!("it explains something (p = {p_value_searched:.1e}), but the runs do not predict each other by it")
@@ -169,8 +171,8 @@ fn why(learned: &Learned, each: &candidate::Candidate, taken: bool, p_value_sear
 }
 
 /// Those that were left.
-pub fn rejected(lesson: &Lesson, runs: &[RunData], constant: &[String]) -> Vec<Rejected> {
-    candidates(lesson, runs, constant)
+pub fn rejected(fitted: &Fitted, runs: &[RunData], constant: &[String]) -> Vec<Rejected> {
+    candidates(fitted, runs, constant)
         .into_iter()
         .filter(|each| !each.taken)
         .map(|each| Rejected { name: each.name, channel: each.channel, why: each.why })
@@ -178,22 +180,22 @@ pub fn rejected(lesson: &Lesson, runs: &[RunData], constant: &[String]) -> Vec<R
 }
 
 /// Most alternatives that runs are to tell an effect from, the likeliest first.
-const MOST_RIVALS: usize = 6;
+const MOST_ALTERNATIVES: usize = 6;
 
 /// What would tell apart what this campaign cannot; `sigma_now_deg` is what a usual azimuth is known to.
-pub fn next_experiment(lesson: &Lesson, runs: &[RunData], sigma_now_deg: f64) -> Option<super::Experiment> {
+pub fn next_experiment(fitted: &Fitted, runs: &[RunData], sigma_now_deg: f64) -> Option<super::Experiment> {
     let fit: Vec<&RunData> = runs.iter().filter(|run| run.role == Role::Fit).collect();
-    let taken = lesson.learned().taken.iter().find(|each| !each.rivals.is_empty())?;
-    let rivals: Vec<(&candidate::Candidate, f64)> =
-        taken.rivals.iter().take(MOST_RIVALS).map(|(rival, c)| (rival, *c)).collect();
+    let taken = fitted.learned().taken.iter().find(|each| !each.alternatives.is_empty())?;
+    let alternatives: Vec<(&candidate::Candidate, f64)> =
+        taken.alternatives.iter().take(MOST_ALTERNATIVES).map(|(alternative, c)| (alternative, *c)).collect();
     let mut names = vec![taken.candidate.full_name()];
-    names.extend(rivals.iter().map(|(rival, _)| rival.full_name()));
+    names.extend(alternatives.iter().map(|(alternative, _)| alternative.full_name()));
     let known = Known { candidate: &taken.candidate, constant: taken.constant, coefficients: &taken.coefficients };
     let like = fit.iter().max_by(|a, b| shown(a, taken).total_cmp(&shown(b, taken)))?;
     experiment::propose(like, &names, sigma_now_deg, |proposed| {
         // The scatter of the coefficients falls with the number of runs.
         let share = fit.len() as f64 / (fit.len() + proposed.len()) as f64;
-        let log_odds = experiment::log_odds(proposed, &known, &rivals);
+        let log_odds = experiment::log_odds(proposed, &known, &alternatives);
         Some(Expectation { log_odds, sigma_deg: sigma_now_deg * (0.5 * (1.0 + share)).sqrt() })
     })
 }
@@ -202,7 +204,7 @@ pub fn next_experiment(lesson: &Lesson, runs: &[RunData], sigma_now_deg: f64) ->
 fn shown(run: &RunData, taken: &Taken) -> f64 {
     let Some(block) = Block::new(run, true, None) else { return 0.0 };
     let columns = taken.candidate.columns(run, taken.constant, &block.smooth_deg_h, block.azimuth_deg);
-    let mut whole = vec![0.0; run.cells.len()];
+    let mut whole = vec![0.0; run.samples.len()];
     for (column, size) in columns.iter().zip(&taken.coefficients) {
         whole.iter_mut().zip(column).for_each(|(sum, value)| *sum += size * value);
     }

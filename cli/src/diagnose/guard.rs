@@ -5,7 +5,7 @@ use north_finder::event::Fix;
 use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
-use super::Lesson;
+use super::Fitted;
 use super::data::RunData;
 use super::statistics::{f_tail, median, rms};
 use crate::campaign::Role;
@@ -22,8 +22,8 @@ const AMPLITUDE_LIMIT: f64 = 0.03;
 
 /// Every training run with what the others taught: the same effects, their coefficients estimated without it. In the order of
 /// the runs; `None` for check runs and where there is no azimuth.
-pub fn left_out(runs: &[RunData], lesson: &Lesson, base: &ErrorModel) -> Vec<Option<Fix>> {
-    let (base, learned) = (lesson.base(base), lesson.learned());
+pub fn left_out(runs: &[RunData], fitted: &Fitted, base: &ErrorModel) -> Vec<Option<Fix>> {
+    let (base, learned) = (fitted.base(base), fitted.learned());
     runs.par_iter()
         .map(|run| {
             let coefficients = learned.left_out.get(&run.file).filter(|_| run.role == Role::Fit)?;
@@ -33,23 +33,23 @@ pub fn left_out(runs: &[RunData], lesson: &Lesson, base: &ErrorModel) -> Vec<Opt
 }
 
 /// Training runs whose reference is known and fits the others': place, run, reference.
-fn trusted<'a>(runs: &'a [RunData], lesson: &'a Lesson) -> impl Iterator<Item = (usize, &'a RunData, f64)> {
+fn trusted<'a>(runs: &'a [RunData], fitted: &'a Fitted) -> impl Iterator<Item = (usize, &'a RunData, f64)> {
     runs.iter().enumerate().filter_map(|(i, run)| {
-        let bad = lesson.bad_references.iter().any(|(file, _)| *file == run.file);
+        let bad = fitted.bad_references.iter().any(|(file, _)| *file == run.file);
         Some((i, run, run.reference_deg?)).filter(|_| run.role == Role::Fit && !bad)
     })
 }
 
 /// Why the model that was learned must not be used, if there is a reason.
-pub fn veto(runs: &[RunData], lesson: &Lesson, base: &ErrorModel, left_out: &[Option<Fix>]) -> Option<String> {
-    let model = match lesson.learned().model(&lesson.base(base)) {
+pub fn veto(runs: &[RunData], fitted: &Fitted, base: &ErrorModel, left_out: &[Option<Fix>]) -> Option<String> {
+    let model = match fitted.learned().model(&fitted.base(base)) {
         Ok(model) => model,
         Err(_) => return Some("it has more terms than a model can hold".into()),
     };
     if let Err(invalid) = model.validate() {
         return Some(format!("it makes no model: {invalid}"));
     }
-    let pairs: Vec<(f64, f64)> = trusted(runs, lesson)
+    let pairs: Vec<(f64, f64)> = trusted(runs, fitted)
         .filter_map(|(i, run, reference_deg)| {
             let miss = |fix: Fix| wrap_180_deg(fix.azimuth_deg - reference_deg);
             Some((miss(run.before?), miss(left_out[i]?)))
@@ -103,8 +103,8 @@ pub fn impossible_amplitude(before: &[f64], after: &[f64]) -> Option<String> {
 
 /// What azimuths by what was learned miss beyond their sigmas, degrees: τ² = mean(e² − σ²), at least 0, over training runs with
 /// what the others taught.
-pub fn missed_beyond_sigma_deg(runs: &[RunData], lesson: &Lesson, left_out: &[Option<Fix>]) -> f64 {
-    let beyond: Vec<f64> = trusted(runs, lesson)
+pub fn missed_beyond_sigma_deg(runs: &[RunData], fitted: &Fitted, left_out: &[Option<Fix>]) -> f64 {
+    let beyond: Vec<f64> = trusted(runs, fitted)
         .filter_map(|(i, run, reference_deg)| {
             let fix = left_out[i]?;
             let expected = fix.sigma_deg.powi(2) + run.reference_sigma_deg.powi(2);

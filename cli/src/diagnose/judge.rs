@@ -11,49 +11,49 @@ const LAGS_S: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
 /// Share of the variance that a lag must leave at most to be believed.
 const WORTH: f64 = 0.95;
 
-/// The stays of a run, the base's motion taken out, as cells of their own: what further effects are learned from.
-pub fn stays_of(run: &RunData, model: &ErrorModel) -> Option<RunData> {
+/// The stays of a run, the base's motion taken out, as samples of their own: what further effects are learned from.
+pub fn dwells_of(run: &RunData, model: &ErrorModel) -> Option<RunData> {
     let (fix, dwells) = run.solve(model)?;
-    let mut stays = run.clone();
-    stays.cells.clear();
-    stays.channels.iter_mut().for_each(Vec::clear);
+    let mut by_dwell = run.clone();
+    by_dwell.samples.clear();
+    by_dwell.channels.iter_mut().for_each(Vec::clear);
     let mut variance = 0.0;
     for (number, (end_s, dwell)) in dwells.iter().enumerate() {
-        let until = |t_s: f64| run.cells.partition_point(|cell| cell.t_s < t_s);
+        let until = |t_s: f64| run.samples.partition_point(|sample| sample.t_s < t_s);
         let inside = until(end_s - dwell.seconds - 1e-6)..until(*end_s);
-        let number_of_cells = inside.len() as f64;
-        let mean = |value: &dyn Fn(usize) -> f64| inside.clone().map(value).sum::<f64>() / number_of_cells;
-        let first = run.cells[inside.clone()].first()?;
+        let number_of_samples = inside.len() as f64;
+        let mean = |value: &dyn Fn(usize) -> f64| inside.clone().map(value).sum::<f64>() / number_of_samples;
+        let first = run.samples[inside.clone()].first()?;
         let level = first.level.map(|_| north_finder::level::Specific {
-            forward: mean(&|i| run.cells[i].level.map_or(0.0, |level| level.forward)),
-            left: mean(&|i| run.cells[i].level.map_or(0.0, |level| level.left)),
+            forward: mean(&|i| run.samples[i].level.map_or(0.0, |level| level.forward)),
+            left: mean(&|i| run.samples[i].level.map_or(0.0, |level| level.left)),
         });
         variance += dwell.sigma_deg_h.powi(2) * dwell.seconds / dwells.len() as f64;
-        stays.cells.push(super::data::Cell {
-            t_s: mean(&|i| run.cells[i].t_s),
+        by_dwell.samples.push(super::data::Sample {
+            t_s: mean(&|i| run.samples[i].t_s),
             seconds: dwell.seconds,
             rate_deg_h: dwell.rate_deg_h,
             design: DesignRow {
-                cos: mean(&|i| run.cells[i].design.cos),
-                sin: mean(&|i| run.cells[i].design.sin),
-                vertical_deg_h: mean(&|i| run.cells[i].design.vertical_deg_h),
+                cos: mean(&|i| run.samples[i].design.cos),
+                sin: mean(&|i| run.samples[i].design.sin),
+                vertical_deg_h: mean(&|i| run.samples[i].design.vertical_deg_h),
             },
-            cos: mean(&|i| run.cells[i].cos),
-            sin: mean(&|i| run.cells[i].sin),
-            temp_c: first.temp_c.map(|_| mean(&|i| run.cells[i].temp_c.unwrap_or(0.0))),
+            cos: mean(&|i| run.samples[i].cos),
+            sin: mean(&|i| run.samples[i].sin),
+            temp_c: first.temp_c.map(|_| mean(&|i| run.samples[i].temp_c.unwrap_or(0.0))),
             level,
             moving: false,
             left_out: false,
-            stay: number,
+            dwell: number,
             line: first.line,
         });
-        for (channel, values) in stays.channels.iter_mut().zip(&run.channels) {
+        for (channel, values) in by_dwell.channels.iter_mut().zip(&run.channels) {
             channel.push(mean(&|i| values[i]));
         }
     }
-    stays.noise_deg_h = Some(variance.sqrt());
-    stays.before = Some(fix);
-    Some(stays)
+    by_dwell.noise_deg_h = Some(variance.sqrt());
+    by_dwell.before = Some(fix);
+    Some(by_dwell)
 }
 
 /// How the base's motion is taken out best: row by row, with the accelerometers' noise white in the velocity or in the tilt,

@@ -5,8 +5,8 @@ use rayon::prelude::*;
 use super::block::Block;
 use super::candidate::{Candidate, Columns};
 use super::estimate::{beside, coefficients};
-use super::evidence::{Foretold, foretells, improvement, left_out, p_value, sameness, score, searched};
-use super::learned::{AS_GOOD, Learned, Merit};
+use super::evidence::{Predictive, homogeneity, improvement, left_out, p_value, predictive_gain, score, searched};
+use super::learned::{AS_GOOD, Learned, Scored};
 use super::problem::{Chosen, Problem};
 use super::refine::{constant_sigma, refine, refined};
 use super::statistics::chi_square_tail;
@@ -15,8 +15,8 @@ use super::statistics::chi_square_tail;
 pub const ACCEPT: f64 = 0.01;
 /// The same beside an effect that is taken already, whose shape may not be quite right.
 const ACCEPT_BESIDE: f64 = 1e-3;
-/// And when it foretells the runs better than without by this much, twice the logarithm of odds of 20 to 1.
-const FORETOLD: f64 = 6.0;
+/// And when it predictive_gain the runs better than without by this much, twice the logarithm of odds of 20 to 1.
+const PREDICTIVE_GAIN: f64 = 6.0;
 /// What is left counts as structure below this probability.
 pub const STRUCTURE: f64 = 1e-4;
 /// A candidate that explains this share of what another of the same channel does may be the cause: sensors lag, and no
@@ -31,7 +31,7 @@ const MOST_PEERS: usize = 6;
 /// How often coefficients and the rates that they act on are brought into agreement.
 const ROUNDS: usize = 4;
 /// Where what is left has this many times the variance of noise, an effect must explain more than what stays unexplained.
-const SHADOW: f64 = 1.5;
+const SPURIOUS_RATIO: f64 = 1.5;
 
 /// A search among candidates.
 struct Search<'a, 'b> {
@@ -46,18 +46,18 @@ struct Search<'a, 'b> {
 struct Trial {
     chosen: Vec<Chosen>,
     improvement: f64,
-    foretold: Foretold,
+    predictive: Predictive,
 }
 
-/// Learns from runs. `candidates` are tried one after the other until none is worth its price.
+/// Learns from runs. `candidates` are tried one after the other until none is worth its penalty.
 pub fn learn(blocks: Vec<Block<'_>>, candidates: &[Candidate]) -> Learned {
     search(blocks, candidates, |_| Vec::new())
 }
 
-/// The same; but where much more than noise is left, an effect that explains less than that may be nothing but the shadow
+/// The same; but where much more than noise is left, an effect that explains less than that may be nothing but a spurious term
 /// of what no candidate is: the least of them goes, until none is.
-pub fn learn_without_shadows(blocks: Vec<Block<'_>>, candidates: &[Candidate]) -> Learned {
-    search(blocks, candidates, Search::let_shadows_go)
+pub fn learn_without_spurious_terms(blocks: Vec<Block<'_>>, candidates: &[Candidate]) -> Learned {
+    search(blocks, candidates, Search::drop_spurious_terms)
 }
 
 fn search<'a, 'b>(
@@ -68,20 +68,20 @@ fn search<'a, 'b>(
     let problem = Problem::new(blocks);
     let cache = candidates.par_iter().map(|candidate| columns(&problem, candidate)).collect();
     let mut search = Search { problem, candidates, cache, chosen: Vec::new() };
-    let first = search.merits(&[], search.problem.y());
+    let first = search.ranking(&[], search.problem.y());
     let first_left = search.problem.overdispersion(search.problem.y(), 0);
     let mut learned = Learned { first, first_left, ..Learned::default() };
     while search.chosen.len() < MOST_EFFECTS && search.take_another() {}
     search.prune();
     search.simplify();
-    learned.shadows = last(&mut search);
+    learned.spurious = last(&mut search);
     search.finish(&mut learned);
     learned
 }
 
-/// Whether what is left is so much more than noise that an effect may be its shadow.
+/// Whether what is left is so much more than noise that an effect may be a spurious term.
 pub fn is_structure(ratio: f64, freedom: f64) -> bool {
-    ratio >= SHADOW && chi_square_tail(ratio * freedom, freedom) < STRUCTURE
+    ratio >= SPURIOUS_RATIO && chi_square_tail(ratio * freedom, freedom) < STRUCTURE
 }
 
 fn columns(problem: &Problem, candidate: &Candidate) -> Vec<(f64, Columns)> {
@@ -94,63 +94,64 @@ impl Search<'_, '_> {
     fn take_another(&mut self) -> bool {
         let basis = self.problem.basis(self.candidates, &self.chosen);
         let left = self.problem.left(&basis);
-        let mut merits = self.merits(&basis, &left);
-        merits.sort_by(|a, b| b.score.total_cmp(&a.score));
-        let Some(best) = merits.first() else { return false };
+        let mut ranking = self.ranking(&basis, &left);
+        ranking.sort_by(|a, b| b.score.total_cmp(&a.score));
+        let Some(best) = ranking.first() else { return false };
         let best = refine(&self.problem, self.candidates, (&basis, &left), best);
-        let mut peers: Vec<Merit> = merits
+        let mut peers: Vec<Scored> = ranking
             .iter()
             .skip(1)
-            .take_while(|merit| merit.score > best.score - 4.0 * AS_GOOD)
+            .take_while(|scored| scored.score > best.score - 4.0 * AS_GOOD)
             .take(MOST_PEERS)
-            .map(|merit| refine(&self.problem, self.candidates, (&basis, &left), merit))
-            .filter(|merit| merit.score > best.score - AS_GOOD)
+            .map(|scored| refine(&self.problem, self.candidates, (&basis, &left), scored))
+            .filter(|scored| scored.score > best.score - AS_GOOD)
             .collect();
         let words = &self.candidates[best.index];
         peers.insert(0, best);
-        let mut trials: Vec<Trial> = peers.iter().map(|merit| self.trial(merit)).collect();
-        // Among those that explain as much the one that foretells best; in a tie the first.
-        let first = (1..trials.len())
-            .fold(0, |best, i| if trials[i].foretold.gain > trials[best].foretold.gain + FORETOLD { i } else { best });
+        let mut trials: Vec<Trial> = peers.iter().map(|scored| self.trial(scored)).collect();
+        // Among those that explain as much the one that predictive_gain best; in a tie the first.
+        let first = (1..trials.len()).fold(0, |best, i| {
+            if trials[i].predictive.gain > trials[best].predictive.gain + PREDICTIVE_GAIN { i } else { best }
+        });
         // Where it does not do, the same cause in other words may.
-        let kin = merits
+        let related = ranking
             .iter()
             .skip(1)
-            .filter(|merit| merit.score > 0.0 && self.candidates[merit.index].same_cause(words))
+            .filter(|scored| scored.score > 0.0 && self.candidates[scored.index].same_cause(words))
             .take(MOST_PEERS)
-            .map(|merit| self.trial(&refine(&self.problem, self.candidates, (&basis, &left), merit)));
+            .map(|scored| self.trial(&refine(&self.problem, self.candidates, (&basis, &left), scored)));
         let accept = if self.chosen.is_empty() { ACCEPT } else { ACCEPT_BESIDE };
         let does = |trial: &Trial| {
             // The accelerometers of every run measure its own motion: no other run has to predict it.
             let measured = trial.chosen.last().is_some_and(|&(index, _)| self.candidates[index].is_base_motion());
-            (measured || trial.foretold.gain > FORETOLD)
-                && self.chance(&trial.chosen, trial.improvement, trial.foretold) < accept
+            (measured || trial.predictive.gain > PREDICTIVE_GAIN)
+                && self.chance(&trial.chosen, trial.improvement, trial.predictive) < accept
                 // Two curves in one channel have parts in common, which no fit can tell apart.
                 && coefficients(&self.problem, self.candidates, &trial.chosen).is_some()
         };
-        let Some(trial) = std::iter::once(trials.swap_remove(first)).chain(kin).find(does) else { return false };
+        let Some(trial) = std::iter::once(trials.swap_remove(first)).chain(related).find(does) else { return false };
         self.chosen = trial.chosen;
         self.reconsider();
         self.linearise();
         true
     }
 
-    fn trial(&self, merit: &Merit) -> Trial {
-        let chosen = [self.chosen.as_slice(), &[(merit.index, merit.constant)]].concat();
-        let foretold = foretells(&self.problem, self.candidates, &chosen);
-        Trial { chosen, improvement: merit.improvement, foretold }
+    fn trial(&self, scored: &Scored) -> Trial {
+        let chosen = [self.chosen.as_slice(), &[(scored.index, scored.constant)]].concat();
+        let predictive = predictive_gain(&self.problem, self.candidates, &chosen);
+        Trial { chosen, improvement: scored.improvement, predictive }
     }
 
-    /// Probability that the last of the trial explains as much by chance, or else foretells as much by chance; paid for by
+    /// Probability that the last of the trial explains as much by chance, or else predictive_gain as much by chance; paid for by
     /// the search.
-    fn chance(&self, trial: &[Chosen], improvement: f64, foretold: Foretold) -> f64 {
+    fn chance(&self, trial: &[Chosen], improvement: f64, predictive: Predictive) -> f64 {
         let Some(&(index, _)) = trial.last() else { return 1.0 };
         let searched = searched(&self.candidates[index], self.candidates.len());
         let explains = p_value(&self.problem, self.candidates, trial, improvement) * searched;
-        explains.min(foretold.p_value(searched))
+        explains.min(predictive.p_value(searched))
     }
 
-    fn merits(&self, basis: &[Vec<f64>], left: &[f64]) -> Vec<Merit> {
+    fn ranking(&self, basis: &[Vec<f64>], left: &[f64]) -> Vec<Scored> {
         self.candidates
             .par_iter()
             .zip(&self.cache)
@@ -161,7 +162,7 @@ impl Search<'_, '_> {
                     .iter()
                     .map(|(constant, columns)| (*constant, improvement(basis, left, columns.clone())))
                     .max_by(|a, b| a.1.total_cmp(&b.1))
-                    .map(|(constant, improvement)| Merit {
+                    .map(|(constant, improvement)| Scored {
                         index,
                         constant,
                         improvement,
@@ -178,8 +179,10 @@ impl Search<'_, '_> {
             let own = &self.candidates[index];
             let (basis, left) = beside(&self.problem, self.candidates, &self.chosen, i);
             let rows = self.problem.rows();
-            let kin = |other: usize| self.candidates[other].follows_rate() && self.candidates[other].same_cause(own);
-            let others = (0..self.candidates.len()).filter(|&other| other != index && own.follows_rate() && kin(other));
+            let related =
+                |other: usize| self.candidates[other].follows_rate() && self.candidates[other].same_cause(own);
+            let others =
+                (0..self.candidates.len()).filter(|&other| other != index && own.follows_rate() && related(other));
             let best = std::iter::once(index)
                 .chain(others)
                 .map(|index| {
@@ -227,7 +230,7 @@ impl Search<'_, '_> {
         let mut trial = self.chosen.clone();
         let own = trial.remove(i);
         trial.push(own);
-        (found, self.chance(&trial, found, foretells(&self.problem, self.candidates, &trial)))
+        (found, self.chance(&trial, found, predictive_gain(&self.problem, self.candidates, &trial)))
     }
 
     /// Effects that later ones made superfluous go.
@@ -269,8 +272,8 @@ impl Search<'_, '_> {
         }
     }
 
-    /// Lets shadows go; their names.
-    fn let_shadows_go(&mut self) -> Vec<String> {
+    /// Drops spurious terms; their names.
+    fn drop_spurious_terms(&mut self) -> Vec<String> {
         let mut gone = Vec::new();
         loop {
             let basis = self.problem.basis(self.candidates, &self.chosen);
@@ -303,35 +306,35 @@ impl Search<'_, '_> {
             each.sigmas.iter_mut().for_each(|sigma| *sigma *= inflation.sqrt());
             (each.improvement, each.p_value) = self.alone(i);
             each.constant_sigma = constant_sigma(&self.problem, self.candidates, &self.chosen, i) * inflation.sqrt();
-            each.rivals = self.rivals(i);
+            each.alternatives = self.alternatives(i);
         }
         learned.taken = taken;
         learned.covariance = covariance;
         learned.left_out = left_out(&self.problem, self.candidates, &self.chosen);
-        let (fall, free) = sameness(&self.problem, self.candidates, &self.chosen);
+        let (fall, free) = homogeneity(&self.problem, self.candidates, &self.chosen);
         learned.sameness_p_value = chi_square_tail(fall, free);
     }
 
     /// Candidates that would explain as much in the place of effect `i`.
-    fn rivals(&self, i: usize) -> Vec<(Candidate, f64)> {
+    fn alternatives(&self, i: usize) -> Vec<(Candidate, f64)> {
         let (index, constant) = self.chosen[i];
         let own = &self.candidates[index];
         let (basis, left) = beside(&self.problem, self.candidates, &self.chosen, i);
         let improvement = improvement(&basis, &left, self.problem.projected(own, constant));
         let own_score = score(own, improvement, self.problem.rows());
-        let nearly = |merit: &Merit| {
-            let channel = &self.candidates[merit.index].channel;
-            channel.is_some() && *channel == own.channel && merit.improvement > NEARLY * improvement
+        let nearly = |scored: &Scored| {
+            let channel = &self.candidates[scored.index].channel;
+            channel.is_some() && *channel == own.channel && scored.improvement > NEARLY * improvement
         };
-        let mut found: Vec<Merit> = self
-            .merits(&basis, &left)
+        let mut found: Vec<Scored> = self
+            .ranking(&basis, &left)
             .into_iter()
-            .filter(|merit| !self.candidates[merit.index].same_cause(own))
-            .filter(|merit| merit.score > own_score - 4.0 * AS_GOOD || nearly(merit))
-            .map(|merit| refine(&self.problem, self.candidates, (&basis, &left), &merit))
-            .filter(|merit| merit.score > own_score - AS_GOOD || nearly(merit))
+            .filter(|scored| !self.candidates[scored.index].same_cause(own))
+            .filter(|scored| scored.score > own_score - 4.0 * AS_GOOD || nearly(scored))
+            .map(|scored| refine(&self.problem, self.candidates, (&basis, &left), &scored))
+            .filter(|scored| scored.score > own_score - AS_GOOD || nearly(scored))
             .collect();
         found.sort_by(|a, b| b.score.total_cmp(&a.score));
-        found.into_iter().map(|merit| (self.candidates[merit.index].clone(), merit.constant)).collect()
+        found.into_iter().map(|scored| (self.candidates[scored.index].clone(), scored.constant)).collect()
     }
 }

@@ -21,14 +21,14 @@ pub struct Taken {
     pub improvement: f64,
     pub p_value: f64,
     /// Candidates that explain as much in its place, with their constants.
-    pub rivals: Vec<(Candidate, f64)>,
+    pub alternatives: Vec<(Candidate, f64)>,
     /// Share of the evidence that lies in the surveyed headings.
     pub by_references: f64,
 }
 
-/// A candidate's merit at one stage.
+/// A candidate's scored at one stage.
 #[derive(Clone, Debug)]
-pub struct Merit {
+pub struct Scored {
     pub index: usize,
     pub constant: f64,
     /// Fall of the weighted sum of squares.
@@ -44,8 +44,8 @@ pub struct Learned {
     pub covariance: Vec<Vec<f64>>,
     /// Coefficients as the other runs give them, by the file of the run that is left out; none where they cannot be told.
     pub left_out: BTreeMap<String, Vec<f64>>,
-    /// Each candidate's merit before anything was taken.
-    pub first: Vec<Merit>,
+    /// Each candidate's scored before anything was taken.
+    pub first: Vec<Scored>,
     /// Variance of what is left over blocks of seconds, in units of white noise, and its degrees of freedom.
     pub left: f64,
     pub left_freedom: f64,
@@ -54,7 +54,7 @@ pub struct Learned {
     /// Probability that effects which are the same in every run differ as much from run to run.
     pub sameness_p_value: f64,
     /// Effects that were let go because more is left than they explain.
-    pub shadows: Vec<String>,
+    pub spurious: Vec<String>,
 }
 
 impl Learned {

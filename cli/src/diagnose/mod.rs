@@ -17,9 +17,9 @@ mod guard;
 mod judge;
 mod learn;
 mod learned;
-mod line;
 mod noise;
 mod open;
+mod own_sinusoid;
 mod problem;
 mod refine;
 pub mod report;
@@ -46,7 +46,7 @@ use crate::file_error::FileError;
 use block::Block;
 use data::RunData;
 use learned::Learned;
-use line::OwnLine;
+use own_sinusoid::OwnSinusoid;
 use problem::Problem;
 
 /// What may be chosen.
@@ -73,13 +73,13 @@ pub enum Refusal {
 
 /// What was learned from some runs, in one or two stages.
 #[derive(Clone, Debug, Default)]
-struct Lesson {
+struct Fitted {
     /// Effects by the second.
     by_second: Learned,
-    /// Where the base moves: how the accelerometers feel it, and what the stays then show.
-    by_stay: Option<(BaseMotion, Learned)>,
-    /// A line with a phase of each run's own.
-    line: Option<OwnLine>,
+    /// Where the base moves: how the accelerometers feel it, and what the dwells then show.
+    by_dwell: Option<(BaseMotion, Learned)>,
+    /// A sinusoidal disturbance with a phase of each run's own.
+    sinusoid: Option<OwnSinusoid>,
     /// Files whose reference does not fit, with its error in degrees.
     bad_references: Vec<(String, f64)>,
     /// An index error, the same in all runs, that was taken out of them beforehand, degrees.
@@ -88,7 +88,7 @@ struct Lesson {
     withdrawn: Option<(Vec<String>, String)>,
 }
 
-impl Lesson {
+impl Fitted {
     /// Whether the seconds show that the base moves.
     fn moves(&self) -> bool {
         self.by_second.taken.iter().any(|each| each.candidate.is_base_motion())
@@ -96,12 +96,12 @@ impl Lesson {
 
     /// What the model is made of.
     fn learned(&self) -> &Learned {
-        self.by_stay.as_ref().map_or(&self.by_second, |(_, learned)| learned)
+        self.by_dwell.as_ref().map_or(&self.by_second, |(_, learned)| learned)
     }
 
     /// Nothing was learned that a model could hold.
     fn is_empty(&self) -> bool {
-        self.by_second.taken.is_empty() && self.by_stay.is_none() && self.line.is_none()
+        self.by_second.taken.is_empty() && self.by_dwell.is_none() && self.sinusoid.is_none()
     }
 
     /// The same campaign with nothing learned.
@@ -117,35 +117,35 @@ impl Lesson {
     /// Gives back what was learned, or what was learned last: it must not be used.
     fn withdraw(&mut self, why: String) {
         let mut names: Vec<String> = self.learned().taken.iter().map(|each| each.candidate.full_name()).collect();
-        names.extend(self.line.map(|_| "line".to_owned()));
+        names.extend(self.sinusoid.map(|_| "sinusoid".to_owned()));
         if names.is_empty() {
             names.push("base-motion".into());
         }
         self.withdrawn = Some((names, why));
-        match &mut self.by_stay {
+        match &mut self.by_dwell {
             // What was found beside the base's motion goes first.
             Some((_, learned)) if !learned.taken.is_empty() => learned.give_back(),
             _ => {
                 self.by_second.give_back();
-                self.by_stay = None;
-                self.line = None;
+                self.by_dwell = None;
+                self.sinusoid = None;
             }
         }
     }
 
-    /// Period of a line with a phase of each run's own, seconds.
-    fn line_s(&self) -> Option<f64> {
-        self.line.map(|line| line.period_s)
+    /// Period of a sinusoidal disturbance with a phase of each run's own, seconds.
+    fn sinusoid_period_s(&self) -> Option<f64> {
+        self.sinusoid.map(|own| own.period_s)
     }
 
     /// The model below the learned effects.
     fn base(&self, base: &ErrorModel) -> ErrorModel {
         let mut model = base.clone();
-        if let Some((sensing, _)) = self.by_stay {
+        if let Some((sensing, _)) = self.by_dwell {
             model.base_motion = Some(sensing);
         }
-        if let Some(line) = self.line {
-            model.sinusoid = Some(line.sinusoid());
+        if let Some(own) = self.sinusoid {
+            model.sinusoid = Some(own.sinusoid());
         }
         model
     }
@@ -164,94 +164,106 @@ pub fn diagnose(campaign: &Campaign, options: &Options) -> Result<Diagnosis, Ref
         runs.par_iter_mut().for_each(|run| turn::take_out(run, turned_deg, &base));
     }
     let fit: Vec<&RunData> = runs.iter().filter(|run| run.role == Role::Fit).collect();
-    let mut lesson = Lesson { turned_deg, ..study(&fit, &base, &constant) };
-    checks::refuse_latitude(&runs, lesson.learned(), &lesson.base(&base))?;
-    while !lesson.is_empty()
-        && let Some(why) = guard::veto(&runs, &lesson, &base, &guard::left_out(&runs, &lesson, &base))
+    let mut fitted = Fitted { turned_deg, ..fit_training_runs(&fit, &base, &constant) };
+    checks::refuse_latitude(&runs, fitted.learned(), &fitted.base(&base))?;
+    while !fitted.is_empty()
+        && let Some(why) = guard::veto(&runs, &fitted, &base, &guard::left_out(&runs, &fitted, &base))
     {
-        lesson.withdraw(why);
+        fitted.withdraw(why);
     }
-    assemble::diagnosis(campaign, &runs, &as_recorded, &constant, &lesson, options, warnings)
+    assemble::diagnosis(campaign, &runs, &as_recorded, &constant, &fitted, options, warnings)
 }
 
 /// Learns from runs, whatever their role: the caller chooses them.
-fn study(runs: &[&RunData], base: &ErrorModel, constant: &[String]) -> Lesson {
-    let mut lesson = Lesson::default();
+fn fit_training_runs(runs: &[&RunData], base: &ErrorModel, constant: &[String]) -> Fitted {
+    let mut fitted = Fitted::default();
     let candidates = effects::all(runs, constant);
-    let mut distrusted: Vec<String> = Vec::new();
+    let mut rejected_references: Vec<String> = Vec::new();
     for _ in 0..3 {
-        let mut problem = Problem::new(blocks_of(runs, &distrusted, None));
+        let mut problem = Problem::new(blocks_of(runs, &rejected_references, None));
         // Beforehand a wrong reference may hide behind what the effects do; afterwards it stands alone.
         let none = vec![0.0; problem.rows()];
-        if distrust(&problem, &none, &mut distrusted, &mut lesson) {
+        if reject_references(&problem, &none, &mut rejected_references, &mut fitted) {
             continue;
         }
-        lesson.by_second = learn::learn(blocks_of(runs, &distrusted, None), &candidates);
-        problem.linearise(&lesson.by_second.taken);
-        let effects = problem.effects(&lesson.by_second.taken);
-        if lesson.moves() || !distrust(&problem, &effects, &mut distrusted, &mut lesson) {
+        fitted.by_second = learn::learn(blocks_of(runs, &rejected_references, None), &candidates);
+        problem.linearise(&fitted.by_second.taken);
+        let effects = problem.effects(&fitted.by_second.taken);
+        if fitted.moves() || !reject_references(&problem, &effects, &mut rejected_references, &mut fitted) {
             break;
         }
     }
-    if lesson.moves() {
-        lesson.by_stay = judge::way_of_base_motion(runs, base)
-            .map(|sensing| (sensing, study_stays(runs, base, constant, &distrusted, sensing)));
-        return lesson;
+    if fitted.moves() {
+        fitted.by_dwell = judge::way_of_base_motion(runs, base)
+            .map(|sensing| (sensing, fit_dwells(runs, base, constant, &rejected_references, sensing)));
+        return fitted;
     }
-    if let Some(line) = OwnLine::find(runs, &lesson.by_second) {
-        let beside = learn::learn(blocks_of(runs, &distrusted, Some(line.period_s)), &candidates);
-        if line::explains(line.period_s, &lesson.by_second, &beside) {
-            lesson.by_second = beside;
-            lesson.line = Some(line);
+    if let Some(own) = OwnSinusoid::find(runs, &fitted.by_second) {
+        let beside = learn::learn(blocks_of(runs, &rejected_references, Some(own.period_s)), &candidates);
+        if own_sinusoid::explains(own.period_s, &fitted.by_second, &beside) {
+            fitted.by_second = beside;
+            fitted.sinusoid = Some(own);
         }
     }
-    if learn::is_structure(lesson.by_second.left, lesson.by_second.left_freedom) {
-        lesson.by_second = learn::learn_without_shadows(blocks_of(runs, &distrusted, lesson.line_s()), &candidates);
+    if learn::is_structure(fitted.by_second.left, fitted.by_second.left_freedom) {
+        fitted.by_second = learn::learn_without_spurious_terms(
+            blocks_of(runs, &rejected_references, fitted.sinusoid_period_s()),
+            &candidates,
+        );
     }
-    lesson
+    fitted
 }
 
 /// Looks for a reference that does not fit the others; whether one was found.
-fn distrust(problem: &Problem, effects: &[f64], distrusted: &mut Vec<String>, lesson: &mut Lesson) -> bool {
+fn reject_references(
+    problem: &Problem,
+    effects: &[f64],
+    rejected_references: &mut Vec<String>,
+    fitted: &mut Fitted,
+) -> bool {
     match checks::outlying_reference(problem, effects) {
         Some((place, error_deg)) => {
             let file = problem.blocks[place].run.file.clone();
-            lesson.bad_references.push((file.clone(), error_deg));
-            distrusted.push(file);
+            fitted.bad_references.push((file.clone(), error_deg));
+            rejected_references.push(file);
             true
         }
         None => false,
     }
 }
 
-fn blocks_of<'a>(runs: &[&'a RunData], distrusted: &[String], line_s: Option<f64>) -> Vec<Block<'a>> {
-    runs.iter().filter_map(|run| Block::new(run, !distrusted.contains(&run.file), line_s)).collect()
+fn blocks_of<'a>(
+    runs: &[&'a RunData],
+    rejected_references: &[String],
+    sinusoid_period_s: Option<f64>,
+) -> Vec<Block<'a>> {
+    runs.iter().filter_map(|run| Block::new(run, !rejected_references.contains(&run.file), sinusoid_period_s)).collect()
 }
 
-/// On a moving base: the stays with the motion taken out, and what they show.
-fn study_stays(
+/// On a moving base: the dwells with the motion taken out, and what they show.
+fn fit_dwells(
     runs: &[&RunData],
     base: &ErrorModel,
     constant: &[String],
-    distrusted: &[String],
+    rejected_references: &[String],
     sensing: BaseMotion,
 ) -> Learned {
     let model = ErrorModel { base_motion: Some(sensing), ..base.clone() };
-    let stays: Vec<RunData> = runs.iter().filter_map(|run| judge::stays_of(run, &model)).collect();
-    let stays: Vec<&RunData> = stays.iter().collect();
-    // What changes inside a stay, and what a stay's own tilt does, cannot be seen any more.
-    let candidates: Vec<_> = effects::all(&stays, constant)
+    let dwells: Vec<RunData> = runs.iter().filter_map(|run| judge::dwells_of(run, &model)).collect();
+    let dwells: Vec<&RunData> = dwells.iter().collect();
+    // What changes inside a dwell, and what a dwell's own tilt does, cannot be seen any more.
+    let candidates: Vec<_> = effects::all(&dwells, constant)
         .into_iter()
         .filter(|each| {
             let tilt = matches!(each.channel.as_deref(), Some("ax_g" | "ay_g"));
             !tilt && each.grid.is_empty() && !each.is_base_motion()
         })
         .collect();
-    let learned = learn::learn(blocks_of(&stays, distrusted, None), &candidates);
+    let learned = learn::learn(blocks_of(&dwells, rejected_references, None), &candidates);
     // What takes a run's azimuth away, which the run has without it, is no effect of the gyro.
     let loses = |run: &&RunData| {
         let with_effects = learned.model(&model).ok().and_then(|with_effects| run.solve(&with_effects));
         run.solve(&model).is_some() && with_effects.is_none()
     };
-    if runs.iter().any(loses) { learn::learn(blocks_of(&stays, distrusted, None), &[]) } else { learned }
+    if runs.iter().any(loses) { learn::learn(blocks_of(&dwells, rejected_references, None), &[]) } else { learned }
 }

@@ -18,19 +18,19 @@ const LAGS: usize = 10;
 const FREQUENCIES: usize = 400;
 /// Classes of a channel's values.
 const CLASSES: usize = 10;
-/// A line has at least this frequency, Hz: slower ones are like much else.
+/// A sinusoid has at least this frequency, Hz: slower ones are like much else.
 const SLOWEST_HZ: f64 = 0.012;
 
-/// The residual of a run by the cell, °/h; not-a-number where a cell does not enter.
+/// The residual of a run by the sample, °/h; not-a-number where a sample does not enter.
 pub type Residual = Vec<f64>;
 
 /// Tests of what is left of all runs together, in units of white noise in the layout of the problem.
 pub fn tests(problem: &Problem, left: &[f64]) -> Vec<Test> {
     let runs: Vec<Left> =
         problem.blocks.iter().zip(problem.ranges()).map(|(block, range)| Left { block, z: &left[range] }).collect();
-    let mut tests = vec![whiteness(&runs), stays(&runs), closure(&runs)];
-    tests.extend(lines(&runs));
-    // Slow noise is the business of the test of the stays; a dependence must stand out of it.
+    let mut tests = vec![whiteness(&runs), dwells(&runs), closure(&runs)];
+    tests.extend(highest_peak(&runs));
+    // Slow noise is the business of the test of the dwells; a dependence must stand out of it.
     let dispersion = problem.overdispersion(left, 0).0.max(1.0);
     let channels = runs.first().map_or(Vec::new(), |run| run.block.run.channel_names());
     tests.extend(channels.iter().filter_map(|channel| dependence(&runs, channel, dispersion)));
@@ -45,17 +45,17 @@ struct Left<'a, 'b> {
 
 impl Left<'_, '_> {
     /// Cells that enter: number, stay and value.
-    fn cells(&self) -> impl Iterator<Item = (usize, usize, f64)> {
-        let entering = self.block.run.cells.iter().zip(&self.block.root_weight).zip(self.z).enumerate();
-        entering.filter(|(_, ((_, weight), _))| **weight > 0.0).map(|(i, ((cell, _), z))| (i, cell.stay, *z))
+    fn samples(&self) -> impl Iterator<Item = (usize, usize, f64)> {
+        let entering = self.block.run.samples.iter().zip(&self.block.root_weight).zip(self.z).enumerate();
+        entering.filter(|(_, ((_, weight), _))| **weight > 0.0).map(|(i, ((sample, _), z))| (i, sample.dwell, *z))
     }
 
-    /// Pairs of cells of the same stay that are `lag` apart.
+    /// Pairs of samples of the same stay that are `lag` apart.
     fn pairs(&self, lag: usize) -> impl Iterator<Item = (f64, f64)> {
         let enters = |i: usize| self.block.root_weight[i] > 0.0;
-        let cells = &self.block.run.cells;
-        (lag..cells.len())
-            .filter(move |&i| cells[i].stay == cells[i - lag].stay && enters(i) && enters(i - lag))
+        let samples = &self.block.run.samples;
+        (lag..samples.len())
+            .filter(move |&i| samples[i].dwell == samples[i - lag].dwell && enters(i) && enters(i - lag))
             .map(move |i| (self.z[i - lag], self.z[i]))
     }
 }
@@ -64,7 +64,7 @@ fn test(name: impl Into<String>, about: impl Into<String>, statistic: f64, p_val
     Test { name: name.into(), about: about.into(), statistic, p_value, passed: p_value >= LEVEL, not_applied: None }
 }
 
-/// Ljung and Box (Biometrika 65, 1978, p. 297): autocorrelations up to ten lags, inside stays.
+/// Ljung and Box (Biometrika 65, 1978, p. 297): autocorrelations up to ten lags, inside dwells.
 fn whiteness(runs: &[Left]) -> Test {
     let mut statistic = 0.0;
     let mut lags = 0.0;
@@ -80,32 +80,34 @@ fn whiteness(runs: &[Left]) -> Test {
             lags += 1.0;
         }
     }
-    let about = "autocorrelation of the seconds inside stays, ten lags: chi-square";
+    let about = "autocorrelation of the seconds inside dwells, ten lags: chi-square";
     test("whiteness", about, statistic, chi_square_tail(statistic, lags))
 }
 
-/// Means of stays against what white noise leaves them.
-fn stays(runs: &[Left]) -> Test {
+/// Means of dwells against what white noise leaves them.
+fn dwells(runs: &[Left]) -> Test {
     let (mut statistic, mut freedom) = (0.0, 0.0);
     for run in runs {
-        let mut stays = std::collections::BTreeMap::<usize, (f64, f64)>::new();
-        for (_, stay, z) in run.cells() {
-            let (sum, count) = stays.entry(stay).or_default();
+        let mut dwells = std::collections::BTreeMap::<usize, (f64, f64)>::new();
+        for (_, dwell, z) in run.samples() {
+            let (sum, count) = dwells.entry(dwell).or_default();
             *sum += z;
             *count += 1.0;
         }
-        statistic += stays.values().map(|(sum, count)| sum * sum / count).sum::<f64>();
-        freedom += (stays.len() as f64 - run.block.own_unknowns()).max(0.0);
+        statistic += dwells.values().map(|(sum, count)| sum * sum / count).sum::<f64>();
+        freedom += (dwells.len() as f64 - run.block.own_unknowns()).max(0.0);
     }
     let p_value = if freedom > 0.0 { chi_square_tail(statistic, freedom) } else { 1.0 };
-    test("stays", "means of the stays against their white noise: chi-square", statistic, p_value)
+    test("dwells", "means of the dwells against their white noise: chi-square", statistic, p_value)
 }
 
 /// The closure of every run against its sigma: a part with cos 2θ, which no azimuth and no bias make.
 fn closure(runs: &[Left]) -> Test {
     let (mut statistic, mut number) = (0.0, 0.0);
     for run in runs {
-        let column = vec![run.block.run.cells.iter().map(|cell| cell.cos * cell.cos - cell.sin * cell.sin).collect()];
+        let column = vec![
+            run.block.run.samples.iter().map(|sample| sample.cos * sample.cos - sample.sin * sample.sin).collect(),
+        ];
         let weighted = run.block.weighted(&column).remove(0);
         let closure = run.block.project(&weighted);
         let (seen, all) = (dot(&closure, &closure), dot(&weighted, &weighted));
@@ -123,7 +125,7 @@ fn dependence(runs: &[Left], channel: &str, dispersion: f64) -> Option<Test> {
     let mut pairs: Vec<(f64, f64)> = Vec::new();
     for run in runs {
         let values = run.block.run.channel(channel)?;
-        pairs.extend(run.cells().map(|(i, _, z)| (values[i], z)));
+        pairs.extend(run.samples().map(|(i, _, z)| (values[i], z)));
     }
     pairs.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
     let classes = pairs.chunks(pairs.len().div_ceil(CLASSES).max(1));
@@ -134,13 +136,13 @@ fn dependence(runs: &[Left], channel: &str, dispersion: f64) -> Option<Test> {
     Some(test(format!("dependence:{channel}"), about, statistic, chi_square_tail(statistic, number)))
 }
 
-/// The highest line of the periodogram: R runs' mean power, times 2R, is a chi-square of 2R; the highest of many is paid
+/// The highest peak of the periodogram: R runs' mean power, times 2R, is a chi-square of 2R; the highest of many is corrected
 /// for.
-fn lines(runs: &[Left]) -> Option<Test> {
+fn highest_peak(runs: &[Left]) -> Option<Test> {
     let data: Vec<&RunData> = runs.iter().map(|run| run.block.run).collect();
     let of = |run: &Left| {
-        let mut residual = vec![f64::NAN; run.block.run.cells.len()];
-        run.cells().for_each(|(i, _, z)| residual[i] = z);
+        let mut residual = vec![f64::NAN; run.block.run.samples.len()];
+        run.samples().for_each(|(i, _, z)| residual[i] = z);
         residual
     };
     let powers = periodogram(&data, &runs.iter().map(of).collect::<Vec<_>>());
@@ -148,7 +150,7 @@ fn lines(runs: &[Left]) -> Option<Test> {
     let twice = 2.0 * runs.len() as f64;
     let p_value = (chi_square_tail(twice * highest, twice) * powers.len() as f64).min(1.0);
     let about = "highest power of the periodogram, white noise having 1 on average";
-    (!powers.is_empty()).then(|| test("lines", about, highest, p_value))
+    (!powers.is_empty()).then(|| test("periodogram", about, highest, p_value))
 }
 
 /// Azimuths against their references (degrees), error, sigma and heading of each run: as large as their sigmas say, and
@@ -179,8 +181,8 @@ pub fn azimuth_tests(errors: &[(f64, f64, f64)]) -> Vec<Test> {
 
 /// Frequencies and powers; white noise has a mean power of 1.
 fn periodogram(runs: &[&RunData], residuals: &[Residual]) -> Vec<(f64, f64)> {
-    let longest_s = runs.iter().filter_map(|run| run.cells.last()).map(|cell| cell.t_s).fold(0.0, f64::max);
-    let step_s = runs.iter().filter_map(|run| run.cells.first()).map(|cell| cell.seconds).fold(0.0, f64::max);
+    let longest_s = runs.iter().filter_map(|run| run.samples.last()).map(|sample| sample.t_s).fold(0.0, f64::max);
+    let step_s = runs.iter().filter_map(|run| run.samples.first()).map(|sample| sample.seconds).fold(0.0, f64::max);
     if !(longest_s > 0.0 && step_s > 0.0) {
         return Vec::new();
     }
@@ -193,15 +195,15 @@ fn periodogram(runs: &[&RunData], residuals: &[Residual]) -> Vec<(f64, f64)> {
 fn power(runs: &[&RunData], residuals: &[Residual], frequency: f64) -> f64 {
     let (mut power, mut number) = (0.0, 0.0);
     for (run, residual) in runs.iter().zip(residuals) {
-        let (mut cos, mut sin, mut squares, mut cells) = (0.0, 0.0, 0.0, 0.0);
-        for (cell, value) in run.cells.iter().zip(residual).filter(|(_, value)| value.is_finite()) {
-            let (s, c) = (TAU * frequency * cell.t_s).sin_cos();
+        let (mut cos, mut sin, mut squares, mut samples) = (0.0, 0.0, 0.0, 0.0);
+        for (sample, value) in run.samples.iter().zip(residual).filter(|(_, value)| value.is_finite()) {
+            let (s, c) = (TAU * frequency * sample.t_s).sin_cos();
             cos += c * value;
             sin += s * value;
             squares += value * value;
-            cells += 1.0;
+            samples += 1.0;
         }
-        if squares > 0.0 && cells > 8.0 {
+        if squares > 0.0 && samples > 8.0 {
             power += (cos * cos + sin * sin) / squares;
             number += 1.0;
         }
@@ -212,8 +214,8 @@ fn power(runs: &[&RunData], residuals: &[Residual], frequency: f64) -> f64 {
 /// Spectra for drawing.
 pub fn spectra(runs: &[&RunData], before: &[Residual], after: &[Residual], white_deg_h: f64) -> Spectra {
     let (powers_before, powers_after) = (periodogram(runs, before), periodogram(runs, after));
-    let step_s = runs.iter().filter_map(|run| run.cells.first()).map(|cell| cell.seconds).fold(0.0, f64::max);
-    let longest = runs.iter().map(|run| run.cells.len()).max().unwrap_or(0);
+    let step_s = runs.iter().filter_map(|run| run.samples.first()).map(|sample| sample.seconds).fold(0.0, f64::max);
+    let longest = runs.iter().map(|run| run.samples.len()).max().unwrap_or(0);
     let mut counts: Vec<usize> = Vec::new();
     let mut count = 1.0f64;
     while (count as usize) * 3 <= longest {
@@ -234,7 +236,7 @@ pub fn spectra(runs: &[&RunData], before: &[Residual], after: &[Residual], white
     }
 }
 
-/// Overlapping Allan deviation over `count` cells, from run to run (cells that do not enter are bridged).
+/// Overlapping Allan deviation over `count` samples, from run to run (samples that do not enter are bridged).
 fn allan(residuals: &[Residual], count: usize) -> f64 {
     let (mut sum, mut number) = (0.0, 0.0);
     for residual in residuals {
@@ -252,26 +254,26 @@ fn allan(residuals: &[Residual], count: usize) -> f64 {
     if number > 0.0 { (sum / number).sqrt() } else { 0.0 }
 }
 
-/// A line with a phase of its own in every run: period, amplitude and p-value. Its frequency must stand alone, four times
+/// A sinusoidal disturbance with a phase of its own in every run: period, amplitude and p-value. Its frequency must stand alone, four times
 /// as high as what surrounds it.
-pub fn line(runs: &[&RunData], residuals: &[Residual]) -> Option<(f64, f64, f64)> {
+pub fn sinusoid(runs: &[&RunData], residuals: &[Residual]) -> Option<(f64, f64, f64)> {
     let powers = periodogram(runs, residuals);
     let (place, &(frequency, _)) =
         powers.iter().enumerate().filter(|(_, each)| each.0 >= SLOWEST_HZ).max_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
     let around = |i: &usize| i.abs_diff(place) > 3 && i.abs_diff(place) <= 15;
     let nearby = median((0..powers.len()).filter(around).map(|i| powers[i].1).collect());
-    // Between the frequencies of the periodogram a line looks up to four decibels lower than it is.
+    // Between the frequencies of the periodogram a sinusoid looks up to four decibels lower than it is.
     let apart = powers[0].0;
     let fine = (-10..=10).map(|i| frequency + apart * f64::from(i) / 10.0);
     let (frequency, power) =
         fine.map(|each| (each, self::power(runs, residuals, each))).max_by(|a, b| a.1.total_cmp(&b.1))?;
     let twice = 2.0 * runs.len() as f64;
     let p_value = chi_square_tail(twice * power / nearby.max(1.0), twice) * powers.len() as f64;
-    let cells = runs.iter().map(|run| run.cells.len()).sum::<usize>() as f64 / runs.len() as f64;
+    let samples = runs.iter().map(|run| run.samples.len()).sum::<usize>() as f64 / runs.len() as f64;
     let squares: Vec<f64> =
         residuals.iter().flatten().filter(|value| value.is_finite()).map(|value| value * value).collect();
     let mean_square = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
-    // A line of amplitude a in n cells has a power of n a²/4 over the mean square.
-    let amplitude = (4.0 * (power - nearby).max(0.0) * mean_square / cells).sqrt();
+    // A sinusoid of amplitude a in n samples has a power of n a²/4 over the mean square.
+    let amplitude = (4.0 * (power - nearby).max(0.0) * mean_square / samples).sqrt();
     (p_value < 1e-4 && power > 4.0 * nearby).then_some((1.0 / frequency, amplitude, p_value))
 }

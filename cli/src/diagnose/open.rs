@@ -92,11 +92,11 @@ impl Open {
         let (mut before, mut after, mut number) = (0.0, 0.0, 0);
         for ((run, named_deg), own) in runs.iter().zip(of_named).zip(&self.azimuths) {
             let trusted = run.role == Role::Fit && !bad_references.contains(&run.file);
-            let rival_deg = if self.replaces { run.before.map(|fix| fix.azimuth_deg) } else { *named_deg };
-            if let (Some(reference), Some(rival_deg), Some(own)) =
-                (run.reference_deg.filter(|_| trusted), rival_deg, own)
+            let other_deg = if self.replaces { run.before.map(|fix| fix.azimuth_deg) } else { *named_deg };
+            if let (Some(reference), Some(other_deg), Some(own)) =
+                (run.reference_deg.filter(|_| trusted), other_deg, own)
             {
-                before += wrap_180_deg(rival_deg - reference).powi(2);
+                before += wrap_180_deg(other_deg - reference).powi(2);
                 after += wrap_180_deg(own.azimuth_rad / RAD_PER_DEG - reference).powi(2);
                 number += 1;
             }
@@ -145,9 +145,9 @@ impl Open {
             .map(|&i| {
                 let (sin, cos) = azimuth_rad(i).sin_cos();
                 let rate: Vec<f64> = runs[i]
-                    .cells
+                    .samples
                     .iter()
-                    .map(|cell| runs[i].earth.north_deg_h * (cos * cell.cos + sin * cell.sin))
+                    .map(|sample| runs[i].earth.north_deg_h * (cos * sample.cos + sin * sample.sin))
                     .collect();
                 terms.iter().flat_map(|term| evaluated(&runs[i], term.clone(), &rate)).collect()
             })
@@ -283,7 +283,7 @@ impl Open {
             let proposed: Vec<Recording> = proposed
                 .iter()
                 .map(|run| {
-                    let rate_deg_h = run.cells.iter().map(|cell| cell.rate_deg_h).collect();
+                    let rate_deg_h = run.samples.iter().map(|sample| sample.rate_deg_h).collect();
                     let noise_deg_h = Some(self.learned.unit_deg_h * 10f64.sqrt());
                     Recording { noise_deg_h, ..recording(run, rate_deg_h, &self.names, &[]) }
                 })
@@ -349,14 +349,14 @@ fn recording(run: &RunData, rate_deg_h: Vec<f64>, names: &[String], bad_referenc
     let reference_deg = run.reference_deg.filter(|_| !bad_references.contains(&run.file));
     Recording {
         north_deg_h: run.earth.north_deg_h,
-        t_s: run.cells.iter().map(|cell| cell.t_s).collect(),
-        interval_s: run.cells.iter().map(|cell| cell.seconds).collect(),
-        dwell: run.cells.iter().map(|cell| cell.stay).collect(),
-        moving: run.cells.iter().map(|cell| cell.moving).collect(),
-        enters: run.cells.iter().map(|cell| run.enters(cell)).collect(),
-        design: run.cells.iter().map(|cell| [cell.design.cos, cell.design.sin]).collect(),
+        t_s: run.samples.iter().map(|sample| sample.t_s).collect(),
+        interval_s: run.samples.iter().map(|sample| sample.seconds).collect(),
+        dwell: run.samples.iter().map(|sample| sample.dwell).collect(),
+        moving: run.samples.iter().map(|sample| sample.moving).collect(),
+        enters: run.samples.iter().map(|sample| run.enters(sample)).collect(),
+        design: run.samples.iter().map(|sample| [sample.design.cos, sample.design.sin]).collect(),
         rate_deg_h,
-        tilt_g: run.cells.iter().map(|cell| cell.level.map(|level| [level.forward, level.left])).collect(),
+        tilt_g: run.samples.iter().map(|sample| sample.level.map(|level| [level.forward, level.left])).collect(),
         channels: names.iter().map(|name| run.channel(name).unwrap_or_default()).collect(),
         reference: reference_deg
             .map(|deg| Reference { azimuth_rad: deg * RAD_PER_DEG, sigma_rad: run.reference_sigma_deg * RAD_PER_DEG }),

@@ -6,7 +6,7 @@ use super::learned::Taken;
 use super::statistics::{dot, orthonormalise, subtract};
 
 /// Seconds that are averaged for the test whether what is left is white.
-pub const BLOCK_CELLS: usize = 12;
+pub const BLOCK_SAMPLES: usize = 12;
 
 /// A candidate, by its place among all of them, with its constant.
 pub type Chosen = (usize, f64);
@@ -82,12 +82,12 @@ impl<'a> Problem<'a> {
         left
     }
 
-    /// Sum of squares of means over blocks of seconds inside stays, over its degrees of freedom: 1 for white noise. And
+    /// Sum of squares of means over blocks of seconds inside dwells, over its degrees of freedom: 1 for white noise. And
     /// these.
     pub fn overdispersion(&self, left: &[f64], taken: usize) -> (f64, f64) {
         let (mut sum, mut count) = (0.0, 0.0);
         for (block, range) in self.blocks.iter().zip(self.ranges()) {
-            let (mut total, mut number, mut stay) = (0.0, 0.0, usize::MAX);
+            let (mut total, mut number, mut dwell) = (0.0, 0.0, usize::MAX);
             let mut flush = |total: &mut f64, number: &mut f64| {
                 if *number > 0.0 {
                     sum += *total * *total / *number;
@@ -95,10 +95,10 @@ impl<'a> Problem<'a> {
                 }
                 (*total, *number) = (0.0, 0.0);
             };
-            for ((cell, weight), value) in block.run.cells.iter().zip(&block.root_weight).zip(&left[range]) {
-                if cell.stay != stay || number >= BLOCK_CELLS as f64 {
+            for ((sample, weight), value) in block.run.samples.iter().zip(&block.root_weight).zip(&left[range]) {
+                if sample.dwell != dwell || number >= BLOCK_SAMPLES as f64 {
                     flush(&mut total, &mut number);
-                    stay = cell.stay;
+                    dwell = sample.dwell;
                 }
                 if *weight > 0.0 {
                     total += value;
@@ -134,7 +134,7 @@ impl<'a> Problem<'a> {
     /// Looks at every run anew about these effects.
     pub fn linearise(&mut self, taken: &[Taken]) {
         for block in &mut self.blocks {
-            let mut sum = vec![0.0; block.run.cells.len()];
+            let mut sum = vec![0.0; block.run.samples.len()];
             for each in taken {
                 let columns = each.candidate.columns(block.run, each.constant, &block.smooth_deg_h, block.azimuth_deg);
                 for (column, coefficient) in columns.iter().zip(&each.coefficients) {

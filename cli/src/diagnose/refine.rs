@@ -3,7 +3,7 @@
 use super::candidate::Candidate;
 use super::estimate::beside;
 use super::evidence::{improvement, score};
-use super::learned::Merit;
+use super::learned::Scored;
 use super::problem::{Chosen, Problem};
 
 /// Sigma of a non-linear constant from the curvature of the sum of squares at it.
@@ -55,9 +55,9 @@ pub fn refined(
     if best.1 > kept { best } else { (about, kept) }
 }
 
-/// A merit with its constant refined.
-pub fn refine(problem: &Problem, candidates: &[Candidate], beside: (&[Vec<f64>], &[f64]), merit: &Merit) -> Merit {
-    let candidate = &candidates[merit.index];
-    let (constant, improvement) = refined(problem, candidate, beside, merit.constant);
-    Merit { index: merit.index, constant, improvement, score: score(candidate, improvement, problem.rows()) }
+/// A scored with its constant refined.
+pub fn refine(problem: &Problem, candidates: &[Candidate], beside: (&[Vec<f64>], &[f64]), scored: &Scored) -> Scored {
+    let candidate = &candidates[scored.index];
+    let (constant, improvement) = refined(problem, candidate, beside, scored.constant);
+    Scored { index: scored.index, constant, improvement, score: score(candidate, improvement, problem.rows()) }
 }

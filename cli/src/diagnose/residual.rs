@@ -12,7 +12,7 @@ use super::result::{RunSeries, Test};
 use super::statistics::{median, rms, subtract};
 use crate::campaign::Role;
 
-/// The residual of every run by the cell, its own azimuth and bias taken out; °/h.
+/// The residual of every run by the sample, its own azimuth and bias taken out; °/h.
 pub struct Residuals<'a> {
     runs: Vec<&'a RunData>,
     pub before: Vec<Residual>,
@@ -25,9 +25,9 @@ pub struct Residuals<'a> {
 
 impl<'a> Residuals<'a> {
     /// Before and after these effects, and a line of this period with a phase of each run's own.
-    pub fn new(runs: Vec<&'a RunData>, taken: &[Taken], line_s: Option<f64>) -> Self {
+    pub fn new(runs: Vec<&'a RunData>, taken: &[Taken], sinusoid_period_s: Option<f64>) -> Self {
         let (before, noises, tests_before) = left(&runs, &[], None);
-        let (after, _, tests_after) = left(&runs, taken, line_s);
+        let (after, _, tests_after) = left(&runs, taken, sinusoid_period_s);
         let noise_deg_h = median(noises.into_iter().filter(|noise| noise.is_finite()).collect());
         Self { runs, before, after, noise_deg_h, tests_before, tests_after }
     }
@@ -60,8 +60,12 @@ impl<'a> Residuals<'a> {
             .zip(self.before.iter().zip(&self.after))
             .map(|(run, (before, after))| RunSeries {
                 file: run.file.clone(),
-                t_s: run.cells.iter().map(|cell| cell.t_s).collect(),
-                index_deg: run.cells.iter().map(|cell| wrap_360_deg(cell.sin.atan2(cell.cos).to_degrees())).collect(),
+                t_s: run.samples.iter().map(|sample| sample.t_s).collect(),
+                index_deg: run
+                    .samples
+                    .iter()
+                    .map(|sample| wrap_360_deg(sample.sin.atan2(sample.cos).to_degrees()))
+                    .collect(),
                 residual_before_deg_h: before.clone(),
                 residual_after_deg_h: after.clone(),
                 channels: channels(run),
@@ -71,8 +75,8 @@ impl<'a> Residuals<'a> {
 }
 
 /// What effects leave of the runs: residuals, noise of each run, tests of all together.
-fn left(runs: &[&RunData], taken: &[Taken], line_s: Option<f64>) -> (Vec<Residual>, Vec<f64>, Vec<Test>) {
-    let blocks: Vec<Option<Block>> = runs.par_iter().map(|run| Block::new(run, false, line_s)).collect();
+fn left(runs: &[&RunData], taken: &[Taken], sinusoid_period_s: Option<f64>) -> (Vec<Residual>, Vec<f64>, Vec<Test>) {
+    let blocks: Vec<Option<Block>> = runs.par_iter().map(|run| Block::new(run, false, sinusoid_period_s)).collect();
     let present: Vec<bool> = blocks.iter().map(Option::is_some).collect();
     let mut problem = Problem::new(blocks.into_iter().flatten().collect());
     problem.linearise(taken);
@@ -88,7 +92,7 @@ fn left(runs: &[&RunData], taken: &[Taken], line_s: Option<f64>) -> (Vec<Residua
         (residual, block.noise_deg_h)
     });
     let of_run = |(run, present): (&&RunData, &bool)| {
-        let nothing = || (vec![f64::NAN; run.cells.len()], f64::NAN);
+        let nothing = || (vec![f64::NAN; run.samples.len()], f64::NAN);
         if *present { found.next().unwrap_or_else(nothing) } else { nothing() }
     };
     let (residuals, noises) = runs.iter().zip(&present).map(of_run).unzip();

@@ -31,9 +31,9 @@ pub fn common_deg(runs: &[RunData]) -> Option<f64> {
 /// Takes an index that reads too large by `turn_deg` out of a run.
 pub fn take_out(run: &mut RunData, turn_deg: f64, base: &ErrorModel) {
     let (s, c) = sin_cos_deg(turn_deg);
-    for cell in &mut run.cells {
-        (cell.cos, cell.sin) = (cell.cos * c + cell.sin * s, cell.sin * c - cell.cos * s);
-        cell.design = DesignRow::new(Direction { cos: cell.cos, sin: cell.sin }, cell.level, &run.earth);
+    for sample in &mut run.samples {
+        (sample.cos, sample.sin) = (sample.cos * c + sample.sin * s, sample.sin * c - sample.cos * s);
+        sample.design = DesignRow::new(Direction { cos: sample.cos, sin: sample.sin }, sample.level, &run.earth);
     }
     run.turned_deg = Some(turn_deg);
     run.before = run.solve(base).map(|(fix, _)| fix);

@@ -6,12 +6,12 @@ use super::learn::STRUCTURE;
 use super::noise::azimuth_tests;
 use super::problem::Problem;
 use super::statistics::chi_square_tail;
-use super::{Lesson, NoiseTests};
+use super::{Fitted, NoiseTests};
 use crate::campaign::Role;
 
 /// Everything that says that structure remains; nothing where there is none.
-pub fn evidence(lesson: &Lesson, runs: &[RunData], noise: &NoiseTests) -> Vec<String> {
-    let learned = lesson.learned();
+pub fn evidence(fitted: &Fitted, runs: &[RunData], noise: &NoiseTests) -> Vec<String> {
+    let learned = fitted.learned();
     let mut evidence = Vec::new();
     let p_value = chi_square_tail(learned.left * learned.left_freedom, learned.left_freedom);
     if learned.left_freedom > 0.0 && p_value < STRUCTURE {
@@ -26,7 +26,7 @@ pub fn evidence(lesson: &Lesson, runs: &[RunData], noise: &NoiseTests) -> Vec<St
             noise
                 .after
                 .iter()
-                .filter(|test| matches!(test.name.as_str(), "stays" | "closure") && test.p_value < STRUCTURE)
+                .filter(|test| matches!(test.name.as_str(), "dwells" | "closure") && test.p_value < STRUCTURE)
                 .map(|test| format!("the test `{}` of all runs fails (p = {:.1e})", test.name, test.p_value)),
         );
     }
@@ -40,20 +40,20 @@ pub fn evidence(lesson: &Lesson, runs: &[RunData], noise: &NoiseTests) -> Vec<St
             evidence.push(format!("what is left still goes with {channel} (p = {p_value:.1e})"));
         }
     }
-    if lesson.by_stay.is_none() {
-        evidence.extend(azimuths(lesson, runs));
+    if fitted.by_dwell.is_none() {
+        evidence.extend(azimuths(fitted, runs));
     }
     evidence
 }
 
 /// Azimuths of the fit runs against their references.
-fn azimuths(lesson: &Lesson, runs: &[RunData]) -> Vec<String> {
-    let trusted = |run: &&RunData| lesson.bad_references.iter().all(|(file, _)| *file != run.file);
+fn azimuths(fitted: &Fitted, runs: &[RunData]) -> Vec<String> {
+    let trusted = |run: &&RunData| fitted.bad_references.iter().all(|(file, _)| *file != run.file);
     let fit = runs.iter().filter(|run| run.role == Role::Fit).filter(trusted);
-    let mut problem = Problem::new(fit.filter_map(|run| Block::new(run, true, lesson.line_s())).collect());
-    problem.linearise(&lesson.learned().taken);
+    let mut problem = Problem::new(fit.filter_map(|run| Block::new(run, true, fitted.sinusoid_period_s())).collect());
+    problem.linearise(&fitted.learned().taken);
     let errors: Vec<(f64, f64, f64)> = problem
-        .azimuth_errors(&problem.effects(&lesson.learned().taken))
+        .azimuth_errors(&problem.effects(&fitted.learned().taken))
         .into_iter()
         .zip(&problem.blocks)
         .filter_map(|(each, block)| each.map(|(error, sigma)| (error, sigma, block.azimuth_deg)))

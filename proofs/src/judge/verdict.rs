@@ -214,7 +214,7 @@ fn names(campaign: &Campaign) -> &'static [&'static str] {
         Family::BaseMotion => &["base-motion"],
         Family::LevelBias => &["level-bias"],
         Family::IndexAngle => &["index-offset", "index-eccentricity"],
-        Family::Line => &["line"],
+        Family::Line => &["sinusoid"],
         Family::StepWithin => &["step"],
         Family::StepBetween => &["step-between-runs"],
         Family::Nothing

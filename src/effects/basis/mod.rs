@@ -184,7 +184,7 @@ impl fmt::Display for Basis {
             Self::WarmUp(_) => f.write_str("warm-up"),
             Self::Settling(settling) => settling.fmt(f),
             Self::BodyHarmonic(BodyHarmonic { order }) => write!(f, "body-harmonic-{order}"),
-            Self::Line(_) => f.write_str("line"),
+            Self::Line(_) => f.write_str("sinusoid"),
             Self::Step(_) => f.write_str("step"),
         }
     }

@@ -25,8 +25,8 @@ pub fn all(runs: &[&RunData], constant_channels: &[String]) -> Vec<Candidate> {
     let mut list = Vec::new();
     let Some(first) = runs.first() else { return list };
     let scales = Scales {
-        longest_s: runs.iter().filter_map(|run| run.cells.last()).map(|cell| cell.t_s).fold(0.0, f64::max),
-        step_s: runs.iter().filter_map(|run| run.cells.first()).map(|cell| cell.seconds).fold(1.0, f64::max),
+        longest_s: runs.iter().filter_map(|run| run.samples.last()).map(|sample| sample.t_s).fold(0.0, f64::max),
+        step_s: runs.iter().filter_map(|run| run.samples.first()).map(|sample| sample.seconds).fold(1.0, f64::max),
     };
     for name in first.channel_names().iter().filter(|name| !constant_channels.contains(name)) {
         channel::candidates(&mut list, name, runs, &scales);

@@ -17,7 +17,7 @@ pub type Points = Vec<[f64; 3]>;
 pub enum Abscissa {
     Channel(String),
     ChannelRate(String),
-    /// Tilt rate about the gyro's axis, stay by stay.
+    /// Tilt rate about the gyro's axis, dwell by dwell.
     TiltRate,
     Index,
     SinceMove,
@@ -126,33 +126,33 @@ fn slopes(t_s: &[f64], values: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Ranges of rows in which the index stays.
-fn stays(run: &RunSeries) -> Vec<std::ops::Range<usize>> {
-    let mut stays = Vec::new();
+/// Ranges of rows in which the index dwells.
+fn dwells(run: &RunSeries) -> Vec<std::ops::Range<usize>> {
+    let mut dwells = Vec::new();
     let mut start = 0;
     for (i, pair) in run.index_deg.windows(2).enumerate() {
         if let [here, next] = pair
             && wrap_180_deg(next - here).abs() > MOVED_DEG
         {
-            stays.push(start..i + 1);
+            dwells.push(start..i + 1);
             start = i + 1;
         }
     }
-    stays.push(start..run.index_deg.len());
-    stays
+    dwells.push(start..run.index_deg.len());
+    dwells
 }
 
 fn since_moves(run: &RunSeries) -> Vec<f64> {
     let mut since = Vec::with_capacity(run.t_s.len());
-    for stay in stays(run) {
-        let times = run.t_s.get(stay).unwrap_or_default();
+    for dwell in dwells(run) {
+        let times = run.t_s.get(dwell).unwrap_or_default();
         let start = times.first().copied().unwrap_or_default();
         since.extend(times.iter().map(|t| t - start));
     }
     since
 }
 
-/// One point a stay: a base that tilts adds cos θ · dr/dt − sin θ · dp/dt to what the gyro reads; with small angles
+/// One point a dwell: a base that tilts adds cos θ · dr/dt − sin θ · dp/dt to what the gyro reads; with small angles
 /// pitch is ax and roll is ay.
 fn tilt_rates(run: &RunSeries) -> Points {
     let (Some(forward), Some(left)) = (run.channels.get("ax_g"), run.channels.get("ay_g")) else { return Vec::new() };
@@ -161,18 +161,18 @@ fn tilt_rates(run: &RunSeries) -> Points {
         let kept = values.iter().filter(|value| value.is_finite());
         kept.clone().sum::<f64>() / kept.count() as f64
     };
-    let point = |stay: std::ops::Range<usize>| {
-        let times = run.t_s.get(stay.clone())?;
-        let pitch_rate = slope(times, forward.get(stay.clone())?)?;
-        let roll_rate = slope(times, left.get(stay.clone())?)?;
-        let (sin, cos) = sin_cos_deg(*run.index_deg.get(stay.start)?);
+    let point = |dwell: std::ops::Range<usize>| {
+        let times = run.t_s.get(dwell.clone())?;
+        let pitch_rate = slope(times, forward.get(dwell.clone())?)?;
+        let roll_rate = slope(times, left.get(dwell.clone())?)?;
+        let (sin, cos) = sin_cos_deg(*run.index_deg.get(dwell.start)?);
         // rad/s to arcsec/s, which is °/h.
         let tilt_rate = (cos * roll_rate - sin * pitch_rate) * ARCSEC_PER_RAD;
-        let before = mean(run.residual_before_deg_h.get(stay.clone())?);
-        let after = mean(run.residual_after_deg_h.get(stay)?);
+        let before = mean(run.residual_before_deg_h.get(dwell.clone())?);
+        let after = mean(run.residual_after_deg_h.get(dwell)?);
         Some([tilt_rate, before, after]).filter(finite)
     };
-    stays(run).into_iter().filter_map(point).collect()
+    dwells(run).into_iter().filter_map(point).collect()
 }
 
 #[cfg(test)]

@@ -78,9 +78,9 @@ pub fn table(head: &[(&str, bool)], rows: &[Vec<String>]) -> String {
     html.push_str("</tr></thead><tbody>\n");
     for row in rows {
         html.push_str("<tr>");
-        for (cell, (name, numeric)) in row.iter().zip(head) {
+        for (sample, (name, numeric)) in row.iter().zip(head) {
             let class = if *numeric { " class=\"n\"" } else { "" };
-            let _ = write!(html, "<td{class} data-name=\"{name}\">{cell}</td>");
+            let _ = write!(html, "<td{class} data-name=\"{name}\">{sample}</td>");
         }
         html.push_str("</tr>\n");
     }

@@ -179,7 +179,7 @@ fn against(abscissa: &Abscissa, name: &str, series: &[RunSeries]) -> String {
         Vec::from(plots)
     };
     let each =
-        if *abscissa == Abscissa::TiltRate { "stay of the index (tilt rate by the accelerometers)" } else { "second" };
+        if *abscissa == Abscissa::TiltRate { "dwell of the index (tilt rate by the accelerometers)" } else { "second" };
     let marks = if few {
         format!("Dots: one a {each}.")
     } else {
