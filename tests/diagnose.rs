@@ -230,6 +230,7 @@ fn temperature_rate_is_found_added_and_solved_with() {
         let settings = Settings { latitude_deg: 50.0, model: Some(model.clone()), ..Settings::default() };
         let solved = solve_file(&campaign.path_of(run), &settings).unwrap();
         assert_eq!(Some(solved.fix.azimuth_deg), record.azimuth_after_deg);
+        assert_eq!(Some(solved.fix.sigma_deg), record.sigma_after_deg);
     }
 }
 

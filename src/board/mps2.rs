@@ -138,16 +138,17 @@ pub fn reset_cause() -> Option<Cause> {
 pub struct Watchdog;
 
 impl Watchdog {
-    const CYCLES: u32 = 50_000_000;
-
-    /// Two seconds of instructions.
+    /// Two seconds. In lock-step, where time is instructions and a processor in a loop does some ten million a second, half
+    /// a second of them: five times what the longest work takes.
     pub fn start() -> Self {
-        pac::WATCHDOG.start(Self::CYCLES);
-        Self
+        let mut watchdog = Self;
+        watchdog.feed();
+        watchdog
     }
 
     pub fn feed(&mut self) {
-        pac::WATCHDOG.start(Self::CYCLES);
+        let cycles = if with(|state| state.real_time) { 50_000_000 } else { 12_500_000 };
+        pac::WATCHDOG.start(cycles);
     }
 }
 

@@ -354,9 +354,9 @@ fn recording(run: &RunData, rate_deg_h: Vec<f64>, names: &[String], bad_referenc
         dwell: run.samples.iter().map(|sample| sample.dwell).collect(),
         moving: run.samples.iter().map(|sample| sample.moving).collect(),
         enters: run.samples.iter().map(|sample| run.enters(sample)).collect(),
-        design: run.samples.iter().map(|sample| [sample.design.cos, sample.design.sin]).collect(),
+        design: run.samples.iter().map(|sample| sample.design).collect(),
         rate_deg_h,
-        tilt_g: run.samples.iter().map(|sample| sample.level.map(|level| [level.forward, level.left])).collect(),
+        tilt_g: run.samples.iter().map(|sample| sample.level).collect(),
         channels: names.iter().map(|name| run.channel(name).unwrap_or_default()).collect(),
         reference: reference_deg
             .map(|deg| Reference { azimuth_rad: deg * RAD_PER_DEG, sigma_rad: run.reference_sigma_deg * RAD_PER_DEG }),

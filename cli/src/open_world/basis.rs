@@ -1,6 +1,8 @@
 //! Basis functions of groups, as means over a run's samples.
 
 use nalgebra::DMatrix;
+use north_finder::fix::DesignRow;
+use north_finder::level::Specific;
 
 use super::dynamics::{low_pass, low_pass_from, play};
 use super::group::{Base, Group, PLAY_WIDTHS, TIMES_S};
@@ -98,15 +100,18 @@ pub struct Sheet<'a> {
 
 impl<'a> Sheet<'a> {
     pub fn new(recording: &'a Recording, samples: Samples) -> Self {
-        let cos = samples.means(recording.design.iter().map(|row| row[0]));
-        let sin = samples.means(recording.design.iter().map(|row| row[1]));
+        let cos = samples.means(recording.design.iter().map(|row| row.cos));
+        let sin = samples.means(recording.design.iter().map(|row| row.sin));
         Self { recording, places: recording.places(), samples, cos, sin }
     }
 
     /// Tilt along the axis, g: the axis' upward component.
     fn tilt(&self) -> Vec<f64> {
         let Some(tilt) = &self.recording.tilt_g else { return vec![0.0; self.recording.len()] };
-        tilt.iter().zip(&self.recording.design).map(|(tilt, row)| tilt[0] * row[0] + tilt[1] * row[1]).collect()
+        tilt.iter()
+            .zip(&self.recording.design)
+            .map(|(tilt, row)| tilt.forward * row.cos + tilt.left * row.sin)
+            .collect()
     }
 
     fn column(&self, of: impl Fn(usize) -> f64) -> Vec<f64> {
@@ -345,7 +350,8 @@ impl Scales {
             Group::SettlingByPosition => {
                 let moved = |i: usize| f64::from(u8::from(sheet.places[i].moves > 0.0));
                 let of = |time_s: f64| {
-                    [0, 1].map(|part| sheet.column(|i| decay(i, time_s) * moved(i) * sheet.recording.design[i][part]))
+                    [|row: &DesignRow| row.cos, |row: &DesignRow| row.sin]
+                        .map(|part| sheet.column(|i| decay(i, time_s) * moved(i) * part(&sheet.recording.design[i])))
                 };
                 from_columns(rows, DECAYS_S.into_iter().flat_map(of))
             }
@@ -546,18 +552,18 @@ fn tilt_rate(recording: &Recording, reach: usize) -> Vec<f64> {
         let reach = reach.min((inside.len() - 1) / 2).max(2);
         for (place, &i) in inside.iter().enumerate() {
             let window = &inside[place.saturating_sub(reach)..(place + reach + 1).min(inside.len())];
-            let slope = |axis: usize| {
+            let slope = |axis: fn(&Specific) -> f64| {
                 let count = window.len() as f64;
                 let t = window.iter().map(|&j| recording.t_s[j]).sum::<f64>() / count;
                 let (mut across, mut squares) = (0.0, 0.0);
                 for &j in window {
-                    across += (recording.t_s[j] - t) * tilt[j][axis];
+                    across += (recording.t_s[j] - t) * axis(&tilt[j]);
                     squares += (recording.t_s[j] - t).powi(2);
                 }
                 if squares > 0.0 { across / squares } else { 0.0 }
             };
-            let [cos, sin] = recording.design[i];
-            rate[i] = ARCSEC_PER_RAD * (cos * slope(1) - sin * slope(0));
+            let DesignRow { cos, sin, .. } = recording.design[i];
+            rate[i] = ARCSEC_PER_RAD * (cos * slope(|tilt| tilt.left) - sin * slope(|tilt| tilt.forward));
         }
     }
     rate

@@ -1,5 +1,8 @@
 //! A run of seconds as the engine takes it, and the samples that its algebra works on.
 
+use north_finder::fix::DesignRow;
+use north_finder::level::Specific;
+
 /// Samples of a run: enough for what changes within a dwell, few enough for dense algebra.
 const SAMPLES: usize = 48;
 /// Fewest samples of a dwell.
@@ -46,12 +49,12 @@ pub struct Recording {
     pub moving: Vec<bool>,
     /// Whether it may enter a solution.
     pub enters: Vec<bool>,
-    /// Means of cosine and sine of the index angle: the design row is these and 1.
-    pub design: Vec<[f64; 2]>,
+    /// Rows of the equations, the vertical rate taken out of the measured rate.
+    pub design: Vec<DesignRow>,
     /// Rate without what is known already, °/h.
     pub rate_deg_h: Vec<f64>,
-    /// Forward and left accelerometer, g.
-    pub tilt_g: Option<Vec<[f64; 2]>>,
+    /// Level accelerometers, g.
+    pub tilt_g: Option<Vec<Specific>>,
     pub channels: Vec<Vec<f64>>,
     pub reference: Option<Reference>,
     /// The index turns all the time.
@@ -91,7 +94,7 @@ impl Recording {
             if moving {
                 ended_s = self.t_s[i] + 0.5 * self.interval_s[i];
             } else {
-                let [cos, sin] = self.design[i];
+                let DesignRow { cos, sin, .. } = self.design[i];
                 let at_deg = sin.atan2(cos).to_degrees();
                 if i > 0 && (was_moving || new_dwell) {
                     if !was_moving {
@@ -221,12 +224,12 @@ impl Recording {
         let mut normal = nalgebra::Matrix3::<f64>::zeros();
         let mut right = nalgebra::Vector3::<f64>::zeros();
         for i in (0..self.len()).filter(|&i| self.enters[i]) {
-            let row = nalgebra::Vector3::new(self.design[i][0], self.design[i][1], 1.0);
+            let row = nalgebra::Vector3::new(self.design[i].cos, self.design[i].sin, 1.0);
             normal += row * row.transpose();
             right += row * self.rate_deg_h[i];
         }
         let found = normal.cholesky().map_or(nalgebra::Vector3::zeros(), |factor| factor.solve(&right));
-        let of = |i: usize| self.design[i][0] * found[0] + self.design[i][1] * found[1] + found[2];
+        let of = |i: usize| self.design[i].cos * found[0] + self.design[i].sin * found[1] + found[2];
         (0..self.len()).map(|i| self.rate_deg_h[i] - of(i)).collect()
     }
 }

@@ -1,4 +1,5 @@
 use nalgebra::{DMatrix, DVector};
+use north_finder::fix::DesignRow;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -45,7 +46,7 @@ fn runs(number: usize, seed: u64, effect: impl Fn(&[Vec<f64>]) -> Vec<f64>) -> V
             recording.dwell.push(i / DWELL_S);
             recording.moving.push(false);
             recording.enters.push(true);
-            recording.design.push([cos, sin]);
+            recording.design.push(DesignRow { cos, sin, vertical_deg_h: 0.0 });
             recording.rate_deg_h.push(rate + bias + effect + NOISE_DEG_H * normal(&mut random));
         }
         recording.reference = Some(Reference { azimuth_rad, sigma_rad: 1e-4 });

@@ -168,7 +168,8 @@ fn a_crash_is_survived_and_told() {
             current_after: false,
             seconds_after: 0,
         };
-        let (off, _) = serve(image(), &world, limit_ticks(&setup), &mut person, &never()).unwrap();
+        let (off, _) = serve(image(), &world, limit_ticks(&setup), &mut person, &never())
+            .unwrap_or_else(|error| panic!("{how:?}: {error}"));
         assert_eq!(off, PowerOff::Heard, "{how:?}: {:?}", person.crash);
         assert!(person.provoked && !person.current_after, "{how:?}");
         let crash = person.crash.unwrap();
