@@ -53,6 +53,9 @@ struct Second {
     index_deg: f64,
 }
 
+/// Forward and left accelerometer, g.
+type Level<'a> = &'a dyn Fn(&Second) -> [f64; 2];
+
 /// What a made-up campaign is like.
 struct Plan<'a> {
     runs: usize,
@@ -64,8 +67,7 @@ struct Plan<'a> {
     check: usize,
     /// What the campaign says.
     latitude_deg: f64,
-    /// Forward and left accelerometer, g.
-    level_g: Option<&'a dyn Fn(&Second) -> [f64; 2]>,
+    level_g: Option<Level<'a>>,
     /// Adds to the rate.
     effect_deg_h: &'a dyn Fn(&Second) -> f64,
     reference_error_deg: &'a dyn Fn(usize) -> f64,
