@@ -31,12 +31,12 @@ firmware: setup
 	cargo build --quiet --profile firmware $(QEMU_BOARD) --bin firmware
 	cargo build --quiet --profile firmware $(F405_BOARD) --bin firmware
 
-## bench: accuracy, calibration, diagnosis and cost, as the README's tables (takes some ten minutes)
+## bench: the tables of the README and of docs (takes an hour and more)
 bench: setup
-	cargo run --release -p north -- bench accuracy
-	cargo run --release -p north -- bench calibration
-	cargo run --release -p north -- bench diagnose --campaigns 30
-	cargo run --release -p north -- bench cost
+	@for table in accuracy repeat gates "faults --trials 4000" calibration voyage ageing "diagnose --campaigns 3" experiment \
+		diagnose-speed attitude alignment hold "hold --whole" aiding esg cost; do \
+		echo "north bench $$table"; cargo run --quiet --release -p north -- bench $$table || missed="$$missed; $$table"; done; \
+		[ -z "$$missed" ] || { echo "beyond their limits, or not run$$missed"; exit 1; }
 
 ## flash: build for the STM32F405, flash it and show its log (needs probe-rs and a probe)
 flash: setup

@@ -7,15 +7,17 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use nalgebra::{Matrix3, Vector3};
 use north_finder::calibration::ellipsoid::Correction;
 use north_finder::calibration::six_position;
 use north_finder::earth::{EarthRate, earth_rate};
 use north_finder::effects::basis::harmonic::BodyHarmonic;
 use north_finder::effects::{Basis, ErrorModel, IndexError, Term};
 use north_finder::settings::{AccelerometerCalibration, Settings};
-use north_finder::units::DEG_PER_RAD;
+use north_finder::units::{ARCSEC_PER_RAD, DEG_PER_RAD};
 use serde::{Deserialize, Serialize};
 
+use crate::block_csv::BlockRecording;
 use crate::file_error::{FileError, Problem};
 use crate::toml_file::TomlFile;
 
@@ -150,6 +152,42 @@ impl ModelFile {
         self.apply(settings)
     }
 
+    /// Takes the errors of a block's two triads out of a recording of it.
+    ///
+    /// Errors: an error model of one indexed gyro, which says nothing of a block; a matrix without an inverse; readings of the
+    /// accelerometers that are not in g or m/s².
+    pub fn correct_block(&self, recording: &mut BlockRecording) -> Result<(), FileError> {
+        let refused = |problem| FileError::whole(&self.path, problem);
+        if self.error_model.is_some() {
+            let allowed = "tables [gyro_triad] and [accelerometer]: a block has no index";
+            return Err(refused(Problem::not_allowed("the error model of an indexed gyro", allowed)));
+        }
+        if let Some(triad) = &self.gyro_triad {
+            let singular = || Problem::Syntax("the matrix of [gyro_triad] has no inverse".into());
+            let inverse = matrix3(&triad.matrix).try_inverse().ok_or_else(|| refused(singular()))?;
+            for row in &mut recording.rows {
+                // 1 °/h is 1 arcsec/s.
+                let bias_rad = Vector3::from(triad.bias_deg_h) * (row.interval_s / ARCSEC_PER_RAD);
+                row.increment.angle_rad = inverse * (row.increment.angle_rad - bias_rad);
+            }
+        }
+        if let Some(triad) = &self.accelerometer {
+            let unit_m_s2 = STANDARD_GRAVITY_M_S2 / triad.unit_of_readings().map_err(refused)?;
+            // The corrected force is in the unit of the declared gravity, which need not be that of the readings.
+            let force_m_s2 =
+                [1.0, STANDARD_GRAVITY_M_S2].into_iter().find(|unit| SAME_UNIT.contains(&(triad.gravity / unit)));
+            let Some(force_m_s2) = force_m_s2.map(|unit| STANDARD_GRAVITY_M_S2 / unit) else {
+                return Err(refused(Problem::not_allowed(triad.gravity, "a gravity in g or m/s2")));
+            };
+            let (matrix, bias) = (matrix3(&triad.matrix), Vector3::from(triad.bias));
+            for row in &mut recording.rows {
+                let reading = row.increment.velocity_m_s / (row.interval_s * unit_m_s2);
+                row.increment.velocity_m_s = matrix * (reading - bias) * (force_m_s2 * row.interval_s);
+            }
+        }
+        Ok(())
+    }
+
     /// What is done with the triads in it, in sentences.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
@@ -218,6 +256,16 @@ impl Accelerometer {
         Correction { bias: self.bias, matrix: self.matrix }
     }
 
+    /// The reading of standard gravity: 1 where readings are in g, 9.8 where they are in m/s².
+    ///
+    /// Errors: they are neither.
+    fn unit_of_readings(&self) -> Result<f64, Problem> {
+        let of_gravity = self.gravity / self.matrix[0][0];
+        let unit = [1.0, STANDARD_GRAVITY_M_S2].into_iter().find(|unit| SAME_UNIT.contains(&(of_gravity / unit)));
+        let allowed = "readings in g or m/s2: those of this triad are counts, which no recording of north-finder holds";
+        unit.ok_or_else(|| Problem::not_allowed(format!("{of_gravity:.1} of gravity"), allowed))
+    }
+
     /// For readings in g, and forces in units of the local gravity: what a board has.
     ///
     /// How the triad stands in its box, which only a matrix that is not upper triangular knows, is left out.
@@ -225,14 +273,7 @@ impl Accelerometer {
         let Some(Correction { bias, matrix }) = self.correction().of_sensors() else {
             return Err(Problem::Syntax("the matrix of [accelerometer] is no triad's".into()));
         };
-        // Readings of gravity: 1 where they are in g, 9.8 where they are in m/s².
-        let of_gravity = self.gravity / matrix[0][0];
-        let unit = [1.0, STANDARD_GRAVITY_M_S2].into_iter().find(|unit| SAME_UNIT.contains(&(of_gravity / unit)));
-        let Some(unit) = unit else {
-            let allowed =
-                "readings in g or m/s2: those of this triad are counts, which no recording of north-finder holds";
-            return Err(Problem::not_allowed(format!("{of_gravity:.1} of gravity"), allowed));
-        };
+        let unit = self.unit_of_readings()?;
         let in_g = Correction {
             bias: bias.map(|bias| bias / unit),
             matrix: matrix.map(|row| row.map(|part| part * unit / self.gravity)),
@@ -298,6 +339,10 @@ impl GyroTriad {
     }
 }
 
+fn matrix3(rows: &[[f64; 3]; 3]) -> Matrix3<f64> {
+    Matrix3::from_fn(|i, j| rows[i][j])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -319,6 +364,36 @@ mod tests {
         let accelerometer = accelerometer(9.81, [0.1, -1e-7, 32_768.125], 1.0 / 3.0);
         let file = written(Triads { accelerometer: Some(accelerometer), gyro_triad: None });
         assert_eq!((file.accelerometer, file.gyro_triad, file.error_model), (Some(accelerometer), None, None));
+    }
+
+    #[test]
+    fn a_block_is_corrected_by_the_models_of_its_triads() {
+        use crate::block_csv::BlockRow;
+        use north_finder::attitude::Increment;
+
+        // A tenth of a second of true rates (100, −50, 20) °/h, that is 10, −5, 2 arcsec, and of forces (0, 0, 9.81) m/s².
+        // Gyros: biases 30, −20, 10 °/h add 3, −2, 1 arcsec; x reads 1.02 of itself and 0.01 of y: 10.2 − 0.05 + 3.
+        // Accelerometers in g: the reading is force / 1.02 / 9.80665 + bias, z: 0.980731 + 0.03.
+        let read_rad = Vector3::new(13.15, -7.0, 3.0) / ARCSEC_PER_RAD;
+        let read_m_s2 = Vector3::new(0.0, 0.0, 9.81 / 1.02 + 0.03 * STANDARD_GRAVITY_M_S2);
+        let increment = Increment { angle_rad: read_rad, velocity_m_s: read_m_s2 * 0.1 };
+        let row = BlockRow { t_s: 0.1, interval_s: 0.1, increment, reference_heading_deg: None };
+        let mut recording = BlockRecording { rows: vec![row], step_s: 0.1 };
+        let gyro_triad = GyroTriad {
+            bias_deg_h: [30.0, -20.0, 10.0],
+            matrix: [[1.02, 0.01, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            sigma_bias_deg_h: None,
+            sigma_matrix: None,
+        };
+        let mut triad = accelerometer(1.0, [0.0, 0.0, 0.03], 1.02);
+        triad.matrix[0][1] = 0.0;
+        let model = written(Triads { accelerometer: Some(triad), gyro_triad: Some(gyro_triad) });
+        model.correct_block(&mut recording).unwrap();
+        let Increment { angle_rad, velocity_m_s } = recording.rows[0].increment;
+        assert!((angle_rad * ARCSEC_PER_RAD - Vector3::new(10.0, -5.0, 2.0)).norm() < 1e-9, "{angle_rad:?}");
+        assert!((velocity_m_s - Vector3::new(0.0, 0.0, 0.981)).norm() < 1e-12, "{velocity_m_s:?}");
+        let indexed = ModelFile { error_model: Some(ErrorModel::default()), ..ModelFile::default() };
+        assert!(indexed.correct_block(&mut recording).unwrap_err().to_string().contains("no index"));
     }
 
     #[test]

@@ -11,6 +11,7 @@ use crate::align_report::{self, Report, Window};
 use crate::block_csv::{self, BlockRecording};
 use crate::failure::Failure;
 use crate::file_error::FileError;
+use crate::model_file::ModelFile;
 use crate::output::JsonOption;
 
 /// A step longer than so many usual ones is a gap; the windows before and after it are apart.
@@ -28,6 +29,9 @@ pub struct Align {
     /// Recording: t_s, gx_arcsec, gy_arcsec, gz_arcsec, ax_m_s2, ay_m_s2, az_m_s2; x forward, y left, z up
     #[arg(value_name = "FILE.csv")]
     recording: PathBuf,
+    /// Calibrations of the block's triads, as north calibrate writes them: [gyro_triad], [accelerometer]
+    #[arg(long, value_name = "M.toml")]
+    model: Option<PathBuf>,
     /// Latitude, degrees, north positive, -90 to 90; "unknown" finds it
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = latitude)]
     latitude: Latitude,
@@ -67,7 +71,10 @@ struct Gathered {
 
 impl Align {
     pub fn run(self) -> Result<(), Failure> {
-        let recording = block_csv::read(&self.recording)?;
+        let mut recording = block_csv::read(&self.recording)?;
+        if let Some(path) = &self.model {
+            ModelFile::read(path)?.correct_block(&mut recording)?;
+        }
         let whole = longest(gather(&recording, f64::INFINITY));
         let windows = self.window.map_or_else(Vec::new, |seconds| {
             let all = gather(&recording, seconds);

@@ -15,6 +15,7 @@ use super::number;
 use crate::block_csv;
 use crate::failure::Failure;
 use crate::file_error::{FileError, Problem};
+use crate::model_file::ModelFile;
 use crate::output::JsonOption;
 use crate::track_report::{self, TrackRow};
 
@@ -36,6 +37,9 @@ pub struct Track {
     /// Recording: t_s, gx_arcsec, gy_arcsec, gz_arcsec, ax_m_s2, ay_m_s2, az_m_s2; x forward, y left, z up
     #[arg(value_name = "FILE.csv")]
     recording: PathBuf,
+    /// Calibrations of the block's triads, as north calibrate writes them: [gyro_triad], [accelerometer]
+    #[arg(long, value_name = "M.toml")]
+    model: Option<PathBuf>,
     /// Latitude, degrees, north positive, -90 to 90
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = number::<-90, 90>)]
     latitude: f64,
@@ -133,7 +137,10 @@ impl Summary {
 
 impl Track {
     pub fn run(self) -> Result<(), Failure> {
-        let recording = block_csv::read(&self.recording)?;
+        let mut recording = block_csv::read(&self.recording)?;
+        if let Some(path) = &self.model {
+            ModelFile::read(path)?.correct_block(&mut recording)?;
+        }
         let class = self.class.block();
         let (mut hold, start) = self.start(&recording, &class)?;
         let mut rows = Vec::new();
