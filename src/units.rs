@@ -9,6 +9,8 @@ pub const RAD_PER_DEG: f64 = core::f64::consts::PI / 180.0;
 pub const DEG_PER_RAD: f64 = 180.0 / core::f64::consts::PI;
 /// Arcseconds in one radian.
 pub const ARCSEC_PER_RAD: f64 = 3600.0 * DEG_PER_RAD;
+/// Standard gravity, m/s² (exact by definition, 3rd CGPM 1901).
+pub const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
 
 /// An angle in degrees brought into [0°, 360°). Not-a-number stays not-a-number.
 pub fn wrap_360_deg(angle_deg: f64) -> f64 {

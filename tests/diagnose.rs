@@ -111,10 +111,10 @@ impl Plan<'_> {
             let mut out = writer.run(&file, layout).unwrap();
             let heading_deg = 360.0 * run as f64 / self.runs as f64 + 7.0;
             let bias_deg_h = 0.3 * noise.normal();
-            for (stay, &index_deg) in self.order_deg.iter().enumerate() {
+            for (dwell, &index_deg) in self.order_deg.iter().enumerate() {
                 for row in 0..self.rest_s + 4 {
-                    let t_s = f64::from(row + 1) + f64::from(self.rest_s + 4) * stay as f64;
-                    let turned_deg = if row < 4 && stay > 0 { 7.0 * (f64::from(row) - 4.0) } else { 0.0 };
+                    let t_s = f64::from(row + 1) + f64::from(self.rest_s + 4) * dwell as f64;
+                    let turned_deg = if row < 4 && dwell > 0 { 7.0 * (f64::from(row) - 4.0) } else { 0.0 };
                     let second = Second { run, t_s, index_deg: index_deg + turned_deg };
                     let rate_deg_h = NORTH_DEG_H * sin_cos_deg(heading_deg - second.index_deg).1
                         + bias_deg_h

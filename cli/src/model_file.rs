@@ -14,18 +14,16 @@ use north_finder::earth::{EarthRate, earth_rate};
 use north_finder::effects::basis::harmonic::BodyHarmonic;
 use north_finder::effects::{Basis, ErrorModel, IndexError, Term};
 use north_finder::settings::{AccelerometerCalibration, Settings};
-use north_finder::units::{ARCSEC_PER_RAD, DEG_PER_RAD};
+use north_finder::units::{ARCSEC_PER_RAD, DEG_PER_RAD, STANDARD_GRAVITY_M_S2};
 use serde::{Deserialize, Serialize};
 
-use crate::block_csv::BlockRecording;
+use crate::block_csv::{self, BlockRecording};
 use crate::file_error::{FileError, Problem};
 use crate::toml_file::TomlFile;
 
 const FORMAT: i64 = 1;
 const ACCELEROMETER: &str = "accelerometer";
 const GYRO_TRIAD: &str = "gyro_triad";
-/// Standard gravity, m/s²: what tells readings in g from readings in m/s².
-const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
 /// Factors between the readings and the unit of gravity that are still a scale factor.
 const SAME_UNIT: std::ops::RangeInclusive<f64> = 0.8..=1.25;
 
@@ -152,11 +150,22 @@ impl ModelFile {
         self.apply(settings)
     }
 
+    /// Reads a recording of a block; with a file of its calibrations their errors are taken out of it.
+    ///
+    /// Errors: as [`block_csv::read`], [`Self::read`] and [`Self::correct_block`].
+    pub fn read_block(recording: &Path, model: Option<&Path>) -> Result<BlockRecording, FileError> {
+        let mut recording = block_csv::read(recording)?;
+        if let Some(path) = model {
+            Self::read(path)?.correct_block(&mut recording)?;
+        }
+        Ok(recording)
+    }
+
     /// Takes the errors of a block's two triads out of a recording of it.
     ///
     /// Errors: an error model of one indexed gyro, which says nothing of a block; a matrix without an inverse; readings of the
     /// accelerometers that are not in g or m/s².
-    pub fn correct_block(&self, recording: &mut BlockRecording) -> Result<(), FileError> {
+    fn correct_block(&self, recording: &mut BlockRecording) -> Result<(), FileError> {
         let refused = |problem| FileError::whole(&self.path, problem);
         if self.error_model.is_some() {
             let allowed = "tables [gyro_triad] and [accelerometer]: a block has no index";

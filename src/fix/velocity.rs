@@ -91,7 +91,7 @@ struct Fit {
 }
 
 impl Equations<'_> {
-    /// Generalised least squares: rows less what the correlation foretells of them from the last one are independent.
+    /// Generalised least squares: rows less what the correlation predicts of them from the last one are independent.
     fn fit(&self, correlation: f64, known: f64) -> Option<Fit> {
         let mut normal = Matrix4::zeros();
         normal.m44 = known;

@@ -8,7 +8,7 @@ use north_finder::attitude::{AlignError, Aligned, Alignment, Method, NoiseOfRate
 
 use super::number;
 use crate::align_report::{self, Report, Window};
-use crate::block_csv::{self, BlockRecording};
+use crate::block_csv::BlockRecording;
 use crate::failure::Failure;
 use crate::file_error::FileError;
 use crate::model_file::ModelFile;
@@ -71,10 +71,7 @@ struct Gathered {
 
 impl Align {
     pub fn run(self) -> Result<(), Failure> {
-        let mut recording = block_csv::read(&self.recording)?;
-        if let Some(path) = &self.model {
-            ModelFile::read(path)?.correct_block(&mut recording)?;
-        }
+        let recording = ModelFile::read_block(&self.recording, self.model.as_deref())?;
         let whole = longest(gather(&recording, f64::INFINITY));
         let windows = self.window.map_or_else(Vec::new, |seconds| {
             let all = gather(&recording, seconds);

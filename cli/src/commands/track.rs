@@ -137,10 +137,7 @@ impl Summary {
 
 impl Track {
     pub fn run(self) -> Result<(), Failure> {
-        let mut recording = block_csv::read(&self.recording)?;
-        if let Some(path) = &self.model {
-            ModelFile::read(path)?.correct_block(&mut recording)?;
-        }
+        let recording = ModelFile::read_block(&self.recording, self.model.as_deref())?;
         let class = self.class.block();
         let (mut hold, start) = self.start(&recording, &class)?;
         let mut rows = Vec::new();

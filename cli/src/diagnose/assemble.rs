@@ -284,7 +284,7 @@ fn after(runs: &[RunData], model: &ErrorModel) -> Vec<After> {
     runs.par_iter().map(of_run).collect()
 }
 
-/// Azimuths of the training runs by lessons that they took no part in, degrees. Where nothing was learned from all of them, there
+/// Azimuths of the training runs by models that they took no part in, degrees. Where nothing was learned from all of them, there
 /// is nothing to teach.
 fn cross_validated(runs: &[RunData], base: &ErrorModel, constant: &[String], fitted: &Fitted) -> Vec<Option<f64>> {
     let fit: Vec<usize> = (0..runs.len()).filter(|&i| runs[i].role == Role::Fit).collect();

@@ -11,7 +11,7 @@ const LAGS_S: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
 /// Share of the variance that a lag must leave at most to be believed.
 const WORTH: f64 = 0.95;
 
-/// The stays of a run, the base's motion taken out, as samples of their own: what further effects are learned from.
+/// The dwells of a run, the base's motion taken out, as samples of their own: what further effects are learned from.
 pub fn dwells_of(run: &RunData, model: &ErrorModel) -> Option<RunData> {
     let (fix, dwells) = run.solve(model)?;
     let mut by_dwell = run.clone();

@@ -1,4 +1,4 @@
-//! Selection: which candidates the residual asks for, paid for by the search; their parameters with sigmas.
+//! Selection: which candidates the residual asks for, corrected for the search; their parameters with sigmas.
 
 use rayon::prelude::*;
 
@@ -142,7 +142,7 @@ impl Search<'_, '_> {
         Trial { chosen, improvement: scored.improvement, predictive }
     }
 
-    /// Probability that the last of the trial explains as much by chance, or else predictive_gain as much by chance; paid for by
+    /// Probability that the last of the trial explains as much by chance, or else predicts as much by chance; corrected for
     /// the search.
     fn chance(&self, trial: &[Chosen], improvement: f64, predictive: Predictive) -> f64 {
         let Some(&(index, _)) = trial.last() else { return 1.0 };

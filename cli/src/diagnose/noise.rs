@@ -50,7 +50,7 @@ impl Left<'_, '_> {
         entering.filter(|(_, ((_, weight), _))| **weight > 0.0).map(|(i, ((sample, _), z))| (i, sample.dwell, *z))
     }
 
-    /// Pairs of samples of the same stay that are `lag` apart.
+    /// Pairs of samples of the same dwell that are `lag` apart.
     fn pairs(&self, lag: usize) -> impl Iterator<Item = (f64, f64)> {
         let enters = |i: usize| self.block.root_weight[i] > 0.0;
         let samples = &self.block.run.samples;

@@ -4,13 +4,12 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
+use north_finder::units::STANDARD_GRAVITY_M_S2;
+
 use super::{BREATH, Format, Map, Summary, open};
 use crate::block_csv::COLUMNS;
 use crate::failure::Failure;
 use crate::file_error::FileError;
-
-/// m/s² (BIPM, The International System of Units).
-const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
 
 /// Writes the recording `file` to the new file `out`, a row a sample; what is missing is a gap in time. `breath` as for
 /// [`super::import`].

@@ -7,9 +7,9 @@ use std::io::Read;
 use std::path::Path;
 
 use north_finder::earth::EARTH_RATE_DEG_H;
+use north_finder::units::STANDARD_GRAVITY_M_S2;
 
 use super::text::refuse_binary;
-use super::unit::STANDARD_GRAVITY_M_S2;
 use crate::file_error::{FileError, Problem};
 
 /// So much of the file is looked at.

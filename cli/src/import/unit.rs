@@ -1,10 +1,7 @@
 //! Units that a mapping may name, each with the factor to the project's own.
 
-use north_finder::units::{ARCSEC_PER_RAD, DEG_PER_RAD};
+use north_finder::units::{ARCSEC_PER_RAD, DEG_PER_RAD, STANDARD_GRAVITY_M_S2};
 use serde::Deserialize;
-
-/// Standard gravity, m/s² (exact by definition, 3rd CGPM 1901).
-pub const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
 
 /// What a gyro column holds: an angle increment over the sample, or a rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]

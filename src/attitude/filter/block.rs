@@ -1,11 +1,9 @@
 //! Error classes of inertial blocks: what the filter is told of the gyros and accelerometers before it starts.
 
-use crate::units::RAD_PER_DEG;
+use crate::units::{RAD_PER_DEG, STANDARD_GRAVITY_M_S2};
 
 const DEG_H: f64 = RAD_PER_DEG / 3600.0;
 const ARCSEC: f64 = RAD_PER_DEG / 3600.0;
-/// Standard gravity, m/s² (BIPM, The International System of Units).
-const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
 
 /// Standard deviations of a block's errors, SI units, block axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
