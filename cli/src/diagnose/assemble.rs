@@ -141,11 +141,12 @@ pub fn diagnosis(
     let residuals = Residuals::new(runs.iter().collect(), &fitted.by_second.taken, fitted.sinusoid_period_s());
     let sigmas: Vec<f64> = afters.iter().filter_map(|after| after.sigma_deg).collect();
     let sigma_now_deg = median(sigmas);
-    let next_experiment = match &open {
-        Some(open) => open.next_experiment(runs, sigma_now_deg),
-        None => None,
+    let mut proposal = open.as_ref().map(|open| open.next_experiment(runs, sigma_now_deg)).unwrap_or_default();
+    if proposal.experiment.is_none() {
+        let of_named = findings::next_experiment(fitted, runs, sigma_now_deg);
+        proposal.experiment = of_named.experiment;
+        proposal.inseparable.extend(of_named.inseparable);
     }
-    .or_else(|| findings::next_experiment(fitted, runs, sigma_now_deg));
     let noise = noise_tests(campaign, runs, &residuals, base, fitted);
     let unexplained = match &open {
         Some(open) => open.unexplained(),
@@ -182,7 +183,8 @@ pub fn diagnosis(
             .as_ref()
             .map(|(names, why)| format!("{} was found and is not used: {why}", names.join(" and "))),
         missed_references,
-        next_experiment,
+        next_experiment: proposal.experiment,
+        inseparable: proposal.inseparable,
         series: residuals.series(),
         spectra: residuals.spectra(noise.declared_noise_deg_h.unwrap_or(noise.noise_deg_h)),
         noise,

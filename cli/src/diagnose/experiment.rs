@@ -6,7 +6,7 @@ use north_finder::index::Direction;
 use north_finder::units::wrap_360_deg;
 use rayon::prelude::*;
 
-use super::block::Block;
+use super::block::{Block, noise_deg_h};
 use super::candidate::Candidate;
 use super::data::{RunData, Sample};
 use super::problem::Problem;
@@ -81,6 +81,7 @@ impl Design {
         let mut run = like.clone();
         run.reference_deg = Some(heading_deg);
         run.rotation = false;
+        run.noise_deg_h = like.noise_deg_h.or_else(|| noise_deg_h(like));
         run.samples.clear();
         run.channels.iter_mut().for_each(Vec::clear);
         let (sin_psi, cos_psi) = heading_deg.to_radians().sin_cos();
@@ -151,19 +152,26 @@ pub struct Expectation {
     pub sigma_deg: f64,
 }
 
-/// The shortest runs that are expected to make the answer unique; where none does, those that tell most in a given time.
-/// `None` where nothing can be told.
+/// What runs could tell.
+#[derive(Default)]
+pub struct Proposal {
+    pub experiment: Option<Experiment>,
+    /// Names of the models that none of the weighed runs would tell from the likeliest one.
+    pub inseparable: Vec<String>,
+}
+
+/// The shortest runs that are expected to make the answer unique as far as any can; where none does, those that tell most.
 ///
-/// `expect` says what runs would tell; `against` are the names of the models that the first stands against; `sigma_now_deg` is what the
-/// azimuth is known to now. Without models to tell apart, the runs that bring the sigma down most for their time.
+/// `expect` says what runs would tell; `names` are those of the likeliest model and then of the others, in the order of the log odds;
+/// `sigma_now_deg` is what the azimuth is known to now. Without others, the runs that bring the sigma down most for their time.
 pub fn propose(
     like: &RunData,
     names: &[String],
     sigma_now_deg: f64,
     expect: impl Fn(&[RunData]) -> Option<Expectation> + Sync,
-) -> Option<Experiment> {
-    let least = |found: &Expectation| found.log_odds.iter().copied().fold(f64::INFINITY, f64::min);
-    let tells_apart = names.len() > 1;
+) -> Proposal {
+    let Some((likeliest, others)) = names.split_first() else { return Proposal::default() };
+    let tells_apart = !others.is_empty();
     // Where nothing is to be told apart, neither headings nor warming up matter.
     let matters = |design: &Design| tells_apart || design.headings_deg.len() == 1 && design.warm_up_s == 0.0;
     let designs: Vec<Design> = Design::all(like).into_iter().filter(matters).collect();
@@ -171,31 +179,37 @@ pub fn propose(
     for some in designs.chunks(TOGETHER) {
         let expected = |design: &Design| Some((design.clone(), expect(&design.runs(like))?));
         weighed.extend(some.par_iter().filter_map(expected).collect::<Vec<_>>());
-        if tells_apart && weighed.iter().any(|(_, found)| least(found) > UNIQUE) {
+        let all_told = |(_, found): &(Design, Expectation)| found.log_odds.iter().all(|odds| *odds > UNIQUE);
+        if tells_apart && weighed.iter().any(all_told) {
             break;
         }
     }
-    let (design, found) = if tells_apart {
+    let told_at_best = |other: usize| weighed.iter().map(|(_, found)| found.log_odds[other]).fold(0.0, f64::max);
+    let (told, untold): (Vec<usize>, Vec<usize>) = (0..others.len()).partition(|&other| told_at_best(other) > NOTHING);
+    let named = |numbers: &[usize]| numbers.iter().map(|&other| others[other].clone()).collect::<Vec<_>>();
+    let inseparable = named(&untold);
+    let least = |found: &Expectation| told.iter().map(|&other| found.log_odds[other]).fold(f64::INFINITY, f64::min);
+    let chosen = if !tells_apart {
+        let gain = |(design, found): &(Design, Expectation)| (sigma_now_deg / found.sigma_deg).ln() / design.seconds();
+        weighed.iter().max_by(|a, b| gain(a).total_cmp(&gain(b))).filter(|(_, found)| found.sigma_deg < sigma_now_deg)
+    } else if told.is_empty() {
+        None
+    } else {
         let unique = weighed.iter().find(|(_, found)| least(found) > UNIQUE);
         unique.or_else(|| weighed.iter().max_by(|a, b| least(&a.1).total_cmp(&least(&b.1))))
-    } else {
-        let gain = |(design, found): &(Design, Expectation)| (sigma_now_deg / found.sigma_deg).ln() / design.seconds();
-        weighed.iter().max_by(|a, b| gain(a).total_cmp(&gain(b)))
-    }?;
-    let log_odds = least(found).min(f64::MAX);
-    if tells_apart && log_odds < NOTHING || !tells_apart && found.sigma_deg >= sigma_now_deg {
-        return None;
-    }
-    let tells = if tells_apart {
+    };
+    let Some((design, found)) = chosen else { return Proposal { experiment: None, inseparable } };
+    let log_odds = tells_apart.then(|| least(found).min(f64::MAX));
+    let separates =
+        if tells_apart { std::iter::once(likeliest.clone()).chain(named(&told)).collect() } else { Vec::new() };
+    let tells = log_odds.map_or(String::new(), |log_odds| {
         format!(
             "; it is expected to separate {} by log odds of {log_odds:.0}, with channels as in {}",
-            names.join(" from "),
+            separates.join(" from "),
             like.file
         )
-    } else {
-        String::new()
-    };
-    Some(Experiment {
+    });
+    let experiment = Experiment {
         description: format!(
             "{}{tells}; sigma of a usual azimuth then {:.4} deg ({sigma_now_deg:.4} now)",
             design.words(),
@@ -206,11 +220,12 @@ pub fn propose(
         dwell_s: design.dwell_s,
         warm_up_s: design.warm_up_s,
         like: like.file.clone(),
-        separates: if tells_apart { names.to_vec() } else { Vec::new() },
-        expected_log_odds: tells_apart.then_some(log_odds),
+        separates,
+        expected_log_odds: log_odds,
         sigma_now_deg,
         sigma_then_deg: found.sigma_deg,
-    })
+    };
+    Proposal { experiment: Some(experiment), inseparable }
 }
 
 /// An effect that was taken, with its constant and coefficients.
@@ -220,10 +235,26 @@ pub struct Known<'a> {
     pub coefficients: &'a [f64],
 }
 
-/// Log odds of an effect over each of its alternatives that runs would add on average, if it is the true one: half of what no
-/// coefficients of the alternative can imitate, in noise variances.
-pub fn log_odds(runs: &[RunData], effect: &Known, alternatives: &[(&Candidate, f64)]) -> Vec<f64> {
-    let problem = Problem::new(runs.iter().filter_map(|run| Block::new(run, true, None)).collect());
+/// Log odds of an effect over each of its alternatives that runs would add to those made so far on average, if it is the true one:
+/// half of what no coefficients of the alternative can imitate, in noise variances, with the runs and without them.
+pub fn log_odds(
+    made: &[&RunData],
+    proposed: &[RunData],
+    effect: &Known,
+    alternatives: &[(&Candidate, f64)],
+) -> Vec<f64> {
+    let with = not_imitated(made.iter().copied().chain(proposed), effect, alternatives);
+    let without = not_imitated(made.iter().copied(), effect, alternatives);
+    with.into_iter().zip(without).map(|(with, without)| 0.5 * (with - without).max(0.0)).collect()
+}
+
+/// Sum of squares of an effect that each of the alternatives leaves, in noise variances.
+fn not_imitated<'a>(
+    runs: impl Iterator<Item = &'a RunData>,
+    effect: &Known,
+    alternatives: &[(&Candidate, f64)],
+) -> Vec<f64> {
+    let problem = Problem::new(runs.filter_map(|run| Block::new(run, true, None)).collect());
     let mut whole = vec![0.0; problem.rows()];
     for (column, size) in problem.projected(effect.candidate, effect.constant).iter().zip(effect.coefficients) {
         whole.iter_mut().zip(column).for_each(|(sum, value)| *sum += size * value);
@@ -233,7 +264,7 @@ pub fn log_odds(runs: &[RunData], effect: &Known, alternatives: &[(&Candidate, f
         .map(|(alternative, constant)| {
             let basis = orthonormalise(&[], problem.projected(alternative, *constant));
             let imitated: f64 = basis.iter().map(|each| dot(&whole, each).powi(2)).sum();
-            0.5 * (dot(&whole, &whole) - imitated).max(0.0)
+            (dot(&whole, &whole) - imitated).max(0.0)
         })
         .collect()
 }

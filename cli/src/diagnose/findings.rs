@@ -6,7 +6,7 @@ use super::block::Block;
 use super::candidate::{self, Part};
 use super::data::RunData;
 use super::evidence::searched;
-use super::experiment::{Expectation, Known};
+use super::experiment::{Expectation, Known, Proposal};
 use super::learn::ACCEPT;
 use super::learned::{Learned, Taken};
 use super::statistics::chi_square_tail;
@@ -65,15 +65,7 @@ const OTHER_LATITUDE: f64 = 0.2;
 /// Names of what would explain an effect as well: other candidates, and what no candidate is.
 fn confounded(taken: &Taken, up_deg_h: f64) -> Vec<String> {
     let mut names: Vec<String> = taken.alternatives.iter().map(|(alternative, _)| alternative.full_name()).collect();
-    match (taken.candidate.name.as_str(), &taken.candidate.part) {
-        (INDEX_OFFSET, _) => names.push(EARTH_FIELD.into()),
-        (EARTH_FIELD, _) => names.push(INDEX_OFFSET.into()),
-        (_, Part::AxisTilt) => {
-            let size_deg_h = taken.coefficients.first().copied().unwrap_or(0.0);
-            names.extend(is_other_latitude(size_deg_h, up_deg_h).then(|| LATITUDE.to_owned()));
-        }
-        _ => {}
-    }
+    names.extend(exactly_confounded(taken, up_deg_h));
     let mut unlike: Vec<String> = Vec::new();
     names.into_iter().for_each(|name| {
         if !unlike.contains(&name) {
@@ -81,6 +73,19 @@ fn confounded(taken: &Taken, up_deg_h: f64) -> Vec<String> {
         }
     });
     unlike
+}
+
+/// What has the same equations at this latitude, so that no run tells it from the effect.
+fn exactly_confounded(taken: &Taken, up_deg_h: f64) -> Option<String> {
+    match (taken.candidate.name.as_str(), &taken.candidate.part) {
+        (INDEX_OFFSET, _) => Some(EARTH_FIELD.into()),
+        (EARTH_FIELD, _) => Some(INDEX_OFFSET.into()),
+        (_, Part::AxisTilt) => {
+            let size_deg_h = taken.coefficients.first().copied().unwrap_or(0.0);
+            is_other_latitude(size_deg_h, up_deg_h).then(|| LATITUDE.to_owned())
+        }
+        _ => None,
+    }
 }
 
 /// Not an effect of the gyro: the campaign says another latitude than that of the place.
@@ -182,20 +187,34 @@ pub fn rejected(fitted: &Fitted, runs: &[RunData], constant: &[String]) -> Vec<R
 /// Most alternatives that runs are to tell an effect from, the likeliest first.
 const MOST_ALTERNATIVES: usize = 6;
 
-/// What would tell apart what this campaign cannot; `sigma_now_deg` is what a usual azimuth is known to.
-pub fn next_experiment(fitted: &Fitted, runs: &[RunData], sigma_now_deg: f64) -> Option<super::Experiment> {
+/// What would tell apart what this campaign cannot, for the first of the effects of which anything can be told; `sigma_now_deg` is what
+/// a usual azimuth is known to.
+pub fn next_experiment(fitted: &Fitted, runs: &[RunData], sigma_now_deg: f64) -> Proposal {
     let fit: Vec<&RunData> = runs.iter().filter(|run| run.role == Role::Fit).collect();
-    let taken = fitted.learned().taken.iter().find(|each| !each.alternatives.is_empty())?;
+    let mut inseparable = Vec::new();
+    for taken in &fitted.learned().taken {
+        let proposal = experiment_for(taken, &fit, sigma_now_deg);
+        inseparable.extend(proposal.inseparable);
+        inseparable.extend(exactly_confounded(taken, fit.first().map_or(0.0, |run| run.earth.up_deg_h)));
+        if proposal.experiment.is_some() {
+            return Proposal { experiment: proposal.experiment, inseparable };
+        }
+    }
+    Proposal { experiment: None, inseparable }
+}
+
+fn experiment_for(taken: &Taken, fit: &[&RunData], sigma_now_deg: f64) -> Proposal {
     let alternatives: Vec<(&candidate::Candidate, f64)> =
         taken.alternatives.iter().take(MOST_ALTERNATIVES).map(|(alternative, c)| (alternative, *c)).collect();
+    let like = fit.iter().max_by(|a, b| shown(a, taken).total_cmp(&shown(b, taken)));
+    let Some(like) = like.filter(|_| !alternatives.is_empty()) else { return Proposal::default() };
     let mut names = vec![taken.candidate.full_name()];
     names.extend(alternatives.iter().map(|(alternative, _)| alternative.full_name()));
     let known = Known { candidate: &taken.candidate, constant: taken.constant, coefficients: &taken.coefficients };
-    let like = fit.iter().max_by(|a, b| shown(a, taken).total_cmp(&shown(b, taken)))?;
     experiment::propose(like, &names, sigma_now_deg, |proposed| {
         // The scatter of the coefficients falls with the number of runs.
         let share = fit.len() as f64 / (fit.len() + proposed.len()) as f64;
-        let log_odds = experiment::log_odds(proposed, &known, &alternatives);
+        let log_odds = experiment::log_odds(fit, proposed, &known, &alternatives);
         Some(Expectation { log_odds, sigma_deg: sigma_now_deg * (0.5 * (1.0 + share)).sqrt() })
     })
 }

@@ -7,15 +7,15 @@ use north_finder::effects::{ErrorModel, Term, doubt};
 use north_finder::units::{RAD_PER_DEG, wrap_180_deg};
 use rayon::prelude::*;
 
+use super::Effect;
 use super::block::Block;
 use super::candidate::evaluated;
 use super::data::RunData;
 use super::deploy::{self, Ranged};
-use super::experiment::{self, Expectation};
+use super::experiment::{self, Expectation, Proposal};
 use super::guard;
 use super::learned::Taken;
 use super::problem::Problem;
-use super::{Effect, Experiment};
 use crate::campaign::Role;
 use crate::open_world::{self, DAMPING, Found, Learned, Prediction, Recording, Reference, Shape};
 
@@ -256,30 +256,25 @@ impl Open {
 
     /// Runs that would tell the models that are still possible apart or, where a process of the runs' own remains, make the azimuth
     /// more certain; `sigma_now_deg` is what a usual azimuth is known to.
-    pub fn next_experiment(&self, runs: &[RunData], sigma_now_deg: f64) -> Option<Experiment> {
-        let mut names: Vec<String> = Vec::new();
-        for model in &self.learned.models {
-            let words: Vec<String> = model.groups.iter().map(|found| found.group.words(&self.names)).collect();
-            names.push(words.join(" and "));
-        }
+    pub fn next_experiment(&self, runs: &[RunData], sigma_now_deg: f64) -> Proposal {
+        let words = |model: &open_world::Model| {
+            model.groups.iter().map(|found| found.group.words(&self.names)).collect::<Vec<_>>().join(" and ")
+        };
+        let of_models: Vec<String> = self.learned.models.iter().map(words).collect();
         // Models with the same words are the same to whoever reads them.
-        let other = |number: &usize| names[*number] != names[0];
-        let others: Vec<usize> = (1..names.len()).filter(other).collect();
-        if others.is_empty() && !self.has_process() {
-            return None;
-        }
+        let mut names: Vec<String> = Vec::new();
+        of_models.iter().for_each(|name| {
+            if !names.contains(name) {
+                names.push(name.clone());
+            }
+        });
         let place = (0..runs.len()).filter(|&i| runs[i].role == Role::Fit && !self.recordings[i].is_empty());
         let place = place.max_by(|&a, &b| {
             self.learned.spread(&self.recordings[a]).total_cmp(&self.learned.spread(&self.recordings[b]))
-        })?;
-        let usual = &self.recordings[place];
-        let mut said = vec![names[0].clone()];
-        others.iter().for_each(|&number| {
-            if !said.contains(&names[number]) {
-                said.push(names[number].clone());
-            }
         });
-        experiment::propose(&runs[place], &said, sigma_now_deg, |proposed| {
+        let Some(place) = place.filter(|_| names.len() > 1 || self.has_process()) else { return Proposal::default() };
+        let usual = &self.recordings[place];
+        experiment::propose(&runs[place], &names, sigma_now_deg, |proposed| {
             let proposed: Vec<Recording> = proposed
                 .iter()
                 .map(|run| {
@@ -289,7 +284,11 @@ impl Open {
                 })
                 .collect();
             let found = self.learned.expected(&proposed, usual)?;
-            let log_odds = others.iter().map(|&number| found.log_odds[number - 1]).collect();
+            let least_of = |name: &String| {
+                let of_name = of_models[1..].iter().zip(&found.log_odds).filter(|(of, _)| *of == name);
+                of_name.map(|(_, odds)| *odds).fold(f64::INFINITY, f64::min)
+            };
+            let log_odds = names[1..].iter().map(least_of).collect();
             Some(Expectation { log_odds, sigma_deg: found.sigma_rad / RAD_PER_DEG })
         })
     }

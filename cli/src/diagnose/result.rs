@@ -50,6 +50,8 @@ pub struct Diagnosis {
     /// What remains, in words; empty when nothing does.
     pub unexplained_evidence: Vec<String>,
     pub next_experiment: Option<Experiment>,
+    /// Alternatives to what was named that no run at this latitude would tell from it, with any order, heading or duration.
+    pub inseparable: Vec<String>,
     /// Why what was found is not used, if it is not.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub withdrawn: Option<String>,

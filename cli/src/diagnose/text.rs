@@ -49,6 +49,10 @@ pub fn write(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
     if let Some(experiment) = &diagnosis.next_experiment {
         writeln!(out, "\nnext experiment: {}", experiment.description)?;
     }
+    if !diagnosis.inseparable.is_empty() {
+        let names = diagnosis.inseparable.join(", ");
+        writeln!(out, "\nno order, heading or duration at this latitude would tell what was named from: {names}")?;
+    }
     Ok(())
 }
 

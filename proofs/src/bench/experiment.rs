@@ -9,16 +9,18 @@ use north::failure::Failure;
 use north::interrupt;
 use north::progress;
 use north::settings_file::declare_noise;
+use north_finder::settings::Settings;
 use serde::Serialize;
 
 use super::Bench;
 use crate::hidden::{Campaign as Generated, Family, Group, Proposed};
-use crate::judge::write;
+use crate::judge::{Attribution, consult, judge, write};
 
 /// The next experiment, made: campaigns that cannot tell their effect from others, and what they tell with the proposed runs
 ///
 /// Campaigns are drawn as in "north bench diagnose". Where a diagnosis names confounded alternatives and proposes runs, the same
-/// instrument makes these runs, and all runs are diagnosed together.
+/// instrument makes these runs, and all runs are diagnosed together. The answer is unique where no run at this latitude would tell
+/// more; it is right where the hidden effect is what was named, or among what no run tells from it.
 #[derive(Args, Debug)]
 #[command(after_help = "Example:\n  north bench experiment --campaigns 10 --verbose")]
 pub struct ExperimentBench {
@@ -43,10 +45,14 @@ pub struct Row {
     campaigns: u64,
     /// Diagnoses that name confounded alternatives.
     confounded: u64,
-    /// Of those: with proposed runs.
+    /// Of those: no run at this latitude would tell more.
+    inseparable: u64,
+    /// Of the confounded: with proposed runs that are to tell models apart.
     proposed: u64,
     /// Of those: the answer is unique with the runs.
     unique: u64,
+    /// Of those: and right.
+    right: u64,
 }
 
 impl Bench for ExperimentBench {
@@ -76,20 +82,28 @@ impl Bench for ExperimentBench {
             family: "all",
             campaigns: sum(|row| row.campaigns),
             confounded: sum(|row| row.confounded),
+            inseparable: sum(|row| row.inseparable),
             proposed: sum(|row| row.proposed),
             unique: sum(|row| row.unique),
+            right: sum(|row| row.right),
         };
         rows.push(all);
-        writeln!(out, "| family | campaigns | confounded | with proposed runs | unique with them | share, % |")?;
-        writeln!(out, "|---|---|---|---|---|---|")?;
+        writeln!(
+            out,
+            "| family | campaigns | confounded | no run tells more | with proposed runs | unique with them | share, % | and right |"
+        )?;
+        writeln!(out, "|---|---|---|---|---|---|---|---|")?;
         for row in rows.iter().filter(|row| row.confounded > 0 || row.family == "all") {
             let share = if row.proposed > 0 {
                 format!("{:.0}", 100.0 * row.unique as f64 / row.proposed as f64)
             } else {
                 "–".into()
             };
-            let Row { family, campaigns, confounded, proposed, unique } = row;
-            writeln!(out, "| {family} | {campaigns} | {confounded} | {proposed} | {unique} | {share} |")?;
+            let Row { family, campaigns, confounded, inseparable, proposed, unique, right } = row;
+            writeln!(
+                out,
+                "| {family} | {campaigns} | {confounded} | {inseparable} | {proposed} | {unique} | {share} | {right} |"
+            )?;
         }
         Ok(rows)
     }
@@ -101,32 +115,40 @@ impl ExperimentBench {
         let generated = Generated::draw(family, self.seed, (place << 32) + number);
         row.campaigns += 1;
         let Ok(before) = diagnosed(&generated)? else { return Ok(()) };
-        if is_unique(&before) {
+        if before.effects.iter().all(|effect| effect.ambiguous_with.is_empty()) {
             return Ok(());
         }
         row.confounded += 1;
-        let Some(experiment) = before.next_experiment.as_ref().filter(|each| !each.separates.is_empty()) else {
+        let Some(experiment) = to_tell_apart(&before) else {
+            row.inseparable += 1;
             if self.verbose {
-                writeln!(out, "{} {number}: {}; nothing proposed", family.name(), before.verdict)?;
+                writeln!(out, "{} {number}: {} No run tells more.", family.name(), before.verdict)?;
             }
             return Ok(());
         };
         row.proposed += 1;
-        let after = diagnosed(&generated.followed_by(&proposed(experiment), self.seed + number))?;
-        let unique = after.as_ref().is_ok_and(is_unique);
+        let followed = generated.followed_by(&proposed(experiment), self.seed + number);
+        let after = diagnosed(&followed)?;
+        let unique = after.as_ref().is_ok_and(|after| to_tell_apart(after).is_none() && !after.effects.is_empty());
+        let verdict = judge(&followed, number, &after, &consult(&followed, &settings(&followed)));
+        let right = matches!(verdict.attribution, Attribution::Right | Attribution::Ambiguous);
         row.unique += u64::from(unique);
+        row.right += u64::from(unique && right);
         if self.verbose {
             writeln!(out, "{} {number}: {}", family.name(), before.verdict)?;
+            writeln!(out, "    hidden: {}", verdict.hidden)?;
             writeln!(out, "    proposed: {}", experiment.description)?;
             let then = after.map_or_else(|refusal| refusal, |after| after.verdict);
-            writeln!(out, "    {}: {then}", if unique { "unique" } else { "still confounded" })?;
+            let (told, named) =
+                (if unique { "unique" } else { "still confounded" }, if right { "right" } else { "wrong" });
+            writeln!(out, "    {told}, {named}: {then}")?;
         }
         Ok(())
     }
 }
 
 /// The runs that an experiment asks for.
-pub fn proposed(experiment: &Experiment) -> Proposed {
+fn proposed(experiment: &Experiment) -> Proposed {
     Proposed {
         order_deg: experiment.order_deg.clone(),
         headings_deg: experiment.headings_deg.clone(),
@@ -135,17 +157,21 @@ pub fn proposed(experiment: &Experiment) -> Proposed {
     }
 }
 
-/// A diagnosis of what was generated, or why there is none.
-pub fn diagnosed(generated: &Generated) -> Result<Result<Diagnosis, String>, Failure> {
-    let folder = tempfile::tempdir()?;
-    let campaign: Campaign = write(generated, folder.path())?;
-    let mut options = Options::default();
-    declare_noise(&mut options.settings, generated.arw_deg_per_sqrt_h);
-    Ok(diagnose(&campaign, &options).map_err(|refusal| refusal.to_string()))
+/// The experiment that is to tell models apart, where there is one.
+fn to_tell_apart(diagnosis: &Diagnosis) -> Option<&Experiment> {
+    diagnosis.next_experiment.as_ref().filter(|each| !each.separates.is_empty())
 }
 
-/// Whether something was found and nothing else explains the campaign as well.
-pub fn is_unique(diagnosis: &Diagnosis) -> bool {
-    !diagnosis.effects.is_empty() && diagnosis.effects.iter().all(|effect| effect.ambiguous_with.is_empty())
-        || diagnosis.effects.is_empty() && diagnosis.next_experiment.is_none()
+fn settings(generated: &Generated) -> Settings {
+    let mut settings = Settings::default();
+    declare_noise(&mut settings, generated.arw_deg_per_sqrt_h);
+    settings
+}
+
+/// A diagnosis of what was generated, or why there is none.
+fn diagnosed(generated: &Generated) -> Result<Result<Diagnosis, String>, Failure> {
+    let folder = tempfile::tempdir()?;
+    let campaign: Campaign = write(generated, folder.path())?;
+    let options = Options { settings: settings(generated), ..Options::default() };
+    Ok(diagnose(&campaign, &options).map_err(|refusal| refusal.to_string()))
 }

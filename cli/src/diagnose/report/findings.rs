@@ -182,8 +182,15 @@ pub fn noise(diagnosis: &Diagnosis) -> String {
 }
 
 pub fn experiment(diagnosis: &Diagnosis) -> String {
-    let Some(experiment) = &diagnosis.next_experiment else { return String::new() };
-    let mut html = format!("<h2>The next experiment</h2>\n<p>{}</p>\n", escape(&experiment.description));
+    let inseparable = match diagnosis.inseparable.as_slice() {
+        [] => String::new(),
+        names => format!(
+            "<p>No order, heading or duration at this latitude would tell what was named from: {}.</p>\n",
+            code_list(names)
+        ),
+    };
+    let Some(experiment) = &diagnosis.next_experiment else { return inseparable };
+    let mut html = format!("<h2>The next experiment</h2>\n<p>{}</p>\n{inseparable}", escape(&experiment.description));
     if experiment.order_deg.len() > 1 && experiment.dwell_s > 0.0 {
         html.push_str(&order(experiment));
     }
