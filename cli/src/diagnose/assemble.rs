@@ -138,7 +138,18 @@ pub fn diagnosis(
     let few = (3..=LEFT_OUT).contains(&runs.len());
     let left_out = (few || options.leave_one_out).then(|| leave_one_out(runs, base, constant, &bad)).flatten();
 
-    let residuals = Residuals::new(runs.iter().collect(), &fitted.by_second.taken, fitted.sinusoid_period_s());
+    let (all, period_s) = (runs.iter().collect(), fitted.sinusoid_period_s());
+    let residuals = match &open {
+        Some(open) if open.deployed => {
+            let without: Vec<RunData> = runs.par_iter().map(|run| run.with(&model)).collect();
+            Residuals::beside(all, without.iter().collect(), &[], period_s)
+        }
+        Some(open) => {
+            let without = open.taken_out(runs);
+            Residuals::beside(all, without.iter().collect(), &fitted.by_second.taken, period_s)
+        }
+        None => Residuals::new(all, &fitted.by_second.taken, period_s),
+    };
     let sigmas: Vec<f64> = afters.iter().filter_map(|after| after.sigma_deg).collect();
     let sigma_now_deg = median(sigmas);
     let mut proposal = open.as_ref().map(|open| open.next_experiment(runs, sigma_now_deg)).unwrap_or_default();

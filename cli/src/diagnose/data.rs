@@ -154,6 +154,26 @@ impl RunData {
         Some((fix, dwells))
     }
 
+    /// The run with another model applied to its samples, as the replay applies it.
+    pub fn with(&self, model: &ErrorModel) -> Self {
+        let mut told = Vec::with_capacity(self.recorded.len());
+        // Without an azimuth the samples are corrected all the same.
+        let _ = self.replay(model, &mut |each| {
+            if let Told::Second(second, _) = each {
+                told.push(second);
+            }
+        });
+        told.sort_by(|a, b| time_s(a).total_cmp(&time_s(b)));
+        let mut run = self.clone();
+        for (place, second) in told.iter().enumerate() {
+            if let Some(of_run) = run.samples.get_mut(place) {
+                let Sample { moving, left_out, dwell, line, .. } = *of_run;
+                *of_run = Sample { moving, left_out, ..sample(second, Place::LeftOut, dwell, line, &self.earth) };
+            }
+        }
+        run
+    }
+
     /// The samples, dwells and outliers by the model that the run was made with, and its azimuth.
     fn replay_as_made(&mut self, gaps: &[usize], lines: &[u64]) {
         let model = self.settings.model.clone().unwrap_or_default();

@@ -207,6 +207,19 @@ impl Open {
         apart <= AGREES * AGREES * sigma
     }
 
+    /// The runs without what it learned, as the engine itself sees that.
+    pub fn taken_out(&self, runs: &[RunData]) -> Vec<RunData> {
+        let of_run = |(run, recording): (&RunData, &Recording)| {
+            let effect_deg_h = (!recording.is_empty()).then(|| self.learned.effect_deg_h(recording)).flatten();
+            let mut run = run.clone();
+            for (sample, effect_deg_h) in run.samples.iter_mut().zip(effect_deg_h.into_iter().flatten()) {
+                sample.rate_deg_h -= effect_deg_h;
+            }
+            run
+        };
+        runs.par_iter().zip(&self.recordings).map(of_run).collect()
+    }
+
     fn likeliest_process(&self) -> Option<open_world::Kernel> {
         (1..self.learned.kernels.len())
             .max_by(|&a, &b| self.learned.shares[a].total_cmp(&self.learned.shares[b]))

@@ -26,8 +26,19 @@ pub struct Residuals<'a> {
 impl<'a> Residuals<'a> {
     /// Before and after these effects, and a line of this period with a phase of each run's own.
     pub fn new(runs: Vec<&'a RunData>, taken: &[Taken], sinusoid_period_s: Option<f64>) -> Self {
+        let after = runs.clone();
+        Self::beside(runs, after, taken, sinusoid_period_s)
+    }
+
+    /// Before, and after these effects in the same runs from which a model was taken out.
+    pub fn beside(
+        runs: Vec<&'a RunData>,
+        without: Vec<&RunData>,
+        taken: &[Taken],
+        sinusoid_period_s: Option<f64>,
+    ) -> Self {
         let (before, noises, tests_before) = left(&runs, &[], None);
-        let (after, _, tests_after) = left(&runs, taken, sinusoid_period_s);
+        let (after, _, tests_after) = left(&without, taken, sinusoid_period_s);
         let noise_deg_h = median(noises.into_iter().filter(|noise| noise.is_finite()).collect());
         Self { runs, before, after, noise_deg_h, tests_before, tests_after }
     }

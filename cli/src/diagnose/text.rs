@@ -4,6 +4,8 @@ use std::io::{self, Write};
 
 use super::{Diagnosis, RunDiagnosis};
 
+/// Below this a p value is given as smaller.
+const SMALLEST: f64 = 1e-300;
 /// Most candidates that are listed as left.
 const LISTED: usize = 8;
 
@@ -29,7 +31,7 @@ pub fn write(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
                 Some(why) => format!("{} not applied: {why}", test.name),
                 None => {
                     let outcome = if test.passed { "passed" } else { "failed" };
-                    format!("{} {outcome} (p = {:.2e})", test.name, test.p_value)
+                    format!("{} {outcome} ({})", test.name, probability(test.p_value))
                 }
             })
             .collect();
@@ -54,6 +56,11 @@ pub fn write(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
         writeln!(out, "\nno order, heading or duration at this latitude would tell what was named from: {names}")?;
     }
     Ok(())
+}
+
+/// A p value with two digits; below what a number can hold it is small, not nothing.
+fn probability(p_value: f64) -> String {
+    if p_value < SMALLEST { format!("p < {SMALLEST:.0e}") } else { format!("p = {p_value:.1e}") }
 }
 
 fn write_runs(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
@@ -127,9 +134,12 @@ fn write_effects(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
         let parameters: Vec<String> = effect
             .parameters
             .iter()
-            .map(|(name, value)| format!("{name} = {value:.6} ± {:.6}", effect.sigma.get(name).copied().unwrap_or(0.0)))
+            .map(|(name, value)| match effect.sigma.get(name) {
+                Some(sigma) => format!("{name} = {value:.6} ± {sigma:.6}"),
+                None => format!("{name} = {value:.6}"),
+            })
             .collect();
-        writeln!(out, "  {}: {}; p = {:.1e}", effect.full_name(), parameters.join(", "), effect.p_value)?;
+        writeln!(out, "  {}: {}; {}", effect.full_name(), parameters.join(", "), probability(effect.p_value))?;
         writeln!(out, "    {}", effect.evidence)?;
         if !effect.ambiguous_with.is_empty() {
             writeln!(out, "    this campaign cannot tell it from: {}", effect.ambiguous_with.join(", "))?;

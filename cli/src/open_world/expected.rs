@@ -46,6 +46,14 @@ impl Learned {
         Some(Expected { log_odds, sigma_rad: found.sigma_rad.hypot(self.excess_rad) })
     }
 
+    /// What was learned does in a run, averaged over the models: by the second, °/h; 0 where none enters.
+    pub fn effect_deg_h(&self, recording: &Recording) -> Option<Vec<f64>> {
+        let run = self.run(recording)?;
+        let of_model = |model: &Model| self.columns(&run, model, run.azimuth_rad) * &model.mean * model.weight;
+        let of_samples = self.models.iter().map(of_model).reduce(|sum, each| sum + each)?;
+        Some(run.sheet.samples.by_second(of_samples.as_slice()))
+    }
+
     /// How much the likeliest model does in a run: the root of the sum of its squares, °/h.
     pub fn spread(&self, recording: &Recording) -> f64 {
         let of = |run: &Run, model: &Model| (self.columns(run, model, run.azimuth_rad) * &model.mean).norm();

@@ -288,6 +288,11 @@ impl Samples {
         self.spans.len()
     }
 
+    /// A value of every sample, by the second; 0 where it does not enter.
+    pub fn by_second(&self, of_samples: &[f64]) -> Vec<f64> {
+        self.of_second.iter().map(|sample| sample.map_or(0.0, |sample| of_samples[sample])).collect()
+    }
+
     /// Means of a series by the second.
     pub fn means(&self, values: impl IntoIterator<Item = f64>) -> Vec<f64> {
         let mut means = vec![0.0; self.len()];
