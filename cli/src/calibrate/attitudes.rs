@@ -64,7 +64,7 @@ struct Group {
     t_s: Option<[f64; 2]>,
     readings: Vec<[f64; 3]>,
     /// Readings left out already.
-    knocked: u16,
+    shocks: u16,
 }
 
 /// Columns `attitude, ax, ay, az`: readings that belong together have the same number.
@@ -75,7 +75,7 @@ fn by_number(path: &Path) -> Result<Vec<Group>, FileError> {
     for &[number, x, y, z] in &table.rows {
         match groups.iter_mut().rev().find(|group| group.number == number) {
             Some(group) => group.readings.push([x, y, z]),
-            None => groups.push(Group { number, t_s: None, readings: vec![[x, y, z]], knocked: 0 }),
+            None => groups.push(Group { number, t_s: None, readings: vec![[x, y, z]], shocks: 0 }),
         }
     }
     Ok(groups)
@@ -92,7 +92,7 @@ fn by_rest(path: &Path) -> Result<Vec<Group>, AttitudesError> {
         number: i as f64 + 1.0,
         t_s: Some(rest.t_s),
         readings: rest.blocks,
-        knocked: rest.knocked,
+        shocks: rest.shocks,
     };
     Ok(rests.into_iter().enumerate().map(group).collect())
 }
@@ -133,10 +133,10 @@ fn boil_down(groups: Vec<Group>, rejected: &mut Vec<Rejected>) -> Vec<Dwell> {
     const _: () = assert!(OUTLIER_SIGMAS == 6.0);
     let granted = granted_noise(groups.iter().map(|group| group.readings.as_slice()));
     let mut dwells = Vec::with_capacity(groups.len());
-    for Group { number, t_s, readings, knocked } in groups {
-        if knocked > 0 {
-            let why = "the triad was knocked while at rest";
-            rejected.push(Rejected { attitude: number, t_s, readings: knocked, why });
+    for Group { number, t_s, readings, shocks } in groups {
+        if shocks > 0 {
+            let why = "a shock moved the triad while at rest";
+            rejected.push(Rejected { attitude: number, t_s, readings: shocks, why });
         }
         let mut scratch = vec![0.0; readings.len()];
         let count = u16::try_from(readings.len()).unwrap_or(u16::MAX);

@@ -35,7 +35,7 @@ pub struct Rested {
     /// Means of its blocks.
     pub blocks: Vec<[f64; 3]>,
     /// Blocks in between that were not at rest: a knock.
-    pub knocked: u16,
+    pub shocks: u16,
 }
 
 /// Nothing in the recording is at rest.
@@ -151,7 +151,7 @@ fn runs(rows: &[[f64; 4]], size: usize, spread: f64) -> Vec<Vec<(f64, Block)>> {
 fn rested(blocks: &[(f64, Block)], block_s: f64) -> Rested {
     let from_s = blocks.first().map_or(0.0, |(t_s, _)| t_s - block_s);
     let to_s = blocks.last().map_or(0.0, |(t_s, _)| *t_s);
-    Rested { t_s: [from_s, to_s], blocks: blocks.iter().map(|(_, block)| block.mean).collect(), knocked: 0 }
+    Rested { t_s: [from_s, to_s], blocks: blocks.iter().map(|(_, block)| block.mean).collect(), shocks: 0 }
 }
 
 /// Joins neighbours at the same attitude.
@@ -161,7 +161,7 @@ fn join(rests: &mut Vec<Rested>, same: f64, block_s: f64) {
         match joined.last_mut() {
             Some(last) if apart(last, &rest) < same => {
                 // A part of a block is one, but for rounding.
-                last.knocked += ((rest.t_s[0] - last.t_s[1]) / block_s - 0.01).ceil() as u16;
+                last.shocks += ((rest.t_s[0] - last.t_s[1]) / block_s - 0.01).ceil() as u16;
                 last.t_s[1] = rest.t_s[1];
                 last.blocks.extend(rest.blocks);
             }
@@ -240,6 +240,6 @@ mod tests {
         rows[320][2] += 0.5;
         let rests = rests(&rows, 0.0).unwrap();
         assert_eq!(rests.len(), 15);
-        assert!(rests[0].knocked >= 1 && rests[1].knocked == 0);
+        assert!(rests[0].shocks >= 1 && rests[1].shocks == 0);
     }
 }

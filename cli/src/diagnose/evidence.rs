@@ -95,7 +95,7 @@ pub fn homogeneity(problem: &Problem, candidates: &[Candidate], chosen: &[Chosen
     (fall / dispersion, free.max(0.0))
 }
 
-/// How much better the chosen effects foretell a run from the others than the same without the last: twice the logarithm
+/// How much better the chosen effects predict a run from the others than the same without the last: twice the logarithm
 /// of the ratio of the predictive densities, summed over the runs. A run that the others know nothing about, because its
 /// channels went elsewhere, says next to nothing. Of six runs or more the one that speaks against it most is not heard: its
 /// reference may be wrong. And against a curve in a channel no run speaks louder than by a bound: it may be the only one
@@ -120,7 +120,7 @@ pub fn predictive_gain(problem: &Problem, candidates: &[Candidate], trial: &[Cho
     Predictive { gain, steady: gain - gains.iter().copied().fold(0.0, f64::max) }
 }
 
-/// Power to foretell, twice the logarithm of odds.
+/// Predictive power, twice the logarithm of odds.
 #[derive(Clone, Copy, Debug)]
 pub struct Predictive {
     pub gain: f64,

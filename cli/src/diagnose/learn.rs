@@ -26,7 +26,7 @@ const NEARLY: f64 = 0.99;
 const SIMPLER: f64 = 0.01;
 /// Most effects that are taken.
 const MOST_EFFECTS: usize = 6;
-/// Most candidates among which the power to foretell decides.
+/// Most candidates among which the predictive power decides.
 const MOST_PEERS: usize = 6;
 /// How often coefficients and the rates that they act on are brought into agreement.
 const ROUNDS: usize = 4;

@@ -44,7 +44,7 @@ struct Left<'a, 'b> {
 }
 
 impl Left<'_, '_> {
-    /// Cells that enter: number, stay and value.
+    /// Cells that enter: number, dwell and value.
     fn samples(&self) -> impl Iterator<Item = (usize, usize, f64)> {
         let entering = self.block.run.samples.iter().zip(&self.block.root_weight).zip(self.z).enumerate();
         entering.filter(|(_, ((_, weight), _))| **weight > 0.0).map(|(i, ((sample, _), z))| (i, sample.dwell, *z))

@@ -182,7 +182,7 @@ pub struct Candidate {
     pub freedom: usize,
     /// Fall of the weighted sum of squares when the candidate is the first to be taken, in noise variances.
     pub improvement: f64,
-    /// p-value of that by itself, and paid for by the search.
+    /// p-value of that by itself, and corrected for the search.
     pub p_value: f64,
     pub p_value_searched: f64,
     pub taken: bool,

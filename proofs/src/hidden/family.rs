@@ -66,11 +66,11 @@ impl Group {
 /// How large an effect is made.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Measure {
-    /// Spread of the stays' mean rates within a run, in the noise of a stay.
-    Stays,
+    /// Spread of the dwells' mean rates within a run, in the noise of a dwell.
+    Dwells,
     /// Spread of the rows' rates, in the noise of a row.
     Rows,
-    /// Spread of the runs' mean rates, in the noise of a stay.
+    /// Spread of the runs' mean rates, in the noise of a dwell.
     Runs,
     /// The coefficients are in standard deviations of one azimuth as they are drawn.
     Azimuth,
@@ -232,7 +232,7 @@ impl Family {
             Self::Line => Measure::Rows,
             Self::StepBetween => Measure::Runs,
             Self::LevelBias | Self::IndexAngle => Measure::Azimuth,
-            _ => Measure::Stays,
+            _ => Measure::Dwells,
         }
     }
 

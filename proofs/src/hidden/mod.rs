@@ -73,7 +73,7 @@ pub struct Campaign {
 
 /// Strength of effects against noise: least and most, by the family's measure.
 const STRENGTH: [f64; 2] = [3.0, 15.0];
-/// Least spread of an effect's stays within a run, as a share of the effect itself.
+/// Least spread of an effect's dwells within a run, as a share of the effect itself.
 const LEAST_SPREAD: f64 = 0.05;
 /// Draws after which an effect that hardly shows is taken as it is.
 const MOST_DRAWS: usize = 50;
@@ -157,9 +157,9 @@ fn sized(family: Family, plan: &Plan, draw: &mut Draw) -> Vec<(f64, Part)> {
 /// Whether the parts do something that differs within a run: a bend far from all values, or a channel that only differs
 /// between runs, would have to be made enormous.
 fn shows(plan: &Plan, measure: Measure, parts: &[(f64, Part)]) -> bool {
-    measure != Measure::Stays
+    measure != Measure::Dwells
         || parts.is_empty()
-        || record::spread_of_stays(plan, parts) > LEAST_SPREAD * record::spread_of_rows(plan, parts)
+        || record::spread_of_dwells(plan, parts) > LEAST_SPREAD * record::spread_of_rows(plan, parts)
 }
 
 /// The factor that gives the parts a strength of 1 against the noise.
@@ -167,9 +167,9 @@ fn unit(plan: &Plan, measure: Measure, parts: &[(f64, Part)]) -> f64 {
     let spread = match measure {
         Measure::Azimuth => return plan.azimuth_noise_deg(EARTH_DEG_H),
         _ if parts.is_empty() => return 0.0,
-        Measure::Stays => record::spread_of_stays(plan, parts),
+        Measure::Dwells => record::spread_of_dwells(plan, parts),
         Measure::Rows => record::spread_of_rows(plan, parts) * 8.0 / (plan.runs[0].seconds() as f64).sqrt(),
         Measure::Runs => record::spread_of_runs(plan, parts),
     };
-    if spread > 0.0 { plan.stay_noise_deg_h() / spread } else { 0.0 }
+    if spread > 0.0 { plan.dwell_noise_deg_h() / spread } else { 0.0 }
 }

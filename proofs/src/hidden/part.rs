@@ -344,7 +344,7 @@ mod tests {
         // Half a turn clockwise, ten seconds ago.
         assert_near(rate(&law(MoveLaw::Travel), 50.0, -180.0), -2.0 * decayed);
         assert_near(rate(&law(MoveLaw::Distance), 50.0, -180.0), 2.0 * decayed);
-        // The stay at 0 began at 0 s, that at −180° at 40 s.
+        // The dwell at 0 began at 0 s, that at −180° at 40 s.
         let both = (-5.0_f64).exp() - decayed;
         assert_near(rate(&law(MoveLaw::Position { from_deg: 0.0 }), 50.0, -180.0), both);
         assert_near(rate(&law(MoveLaw::Travel), 39.0, 0.0), 0.0);

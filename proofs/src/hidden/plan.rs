@@ -37,7 +37,7 @@ pub(super) struct RunPlan {
     pub(super) bias_deg_h: f64,
     pub(super) tilt_deg: [f64; 2],
     /// Index angles and times at them, s.
-    pub(super) stays: Vec<(f64, usize)>,
+    pub(super) dwells: Vec<(f64, usize)>,
     /// The index goes evenly to each angle in the time that stands beside it, and does not rest.
     pub(super) rotates: bool,
     /// What the channels do, in the order of [`Plan::channels`].
@@ -126,23 +126,23 @@ impl Plan {
         };
         plan.add_runs(draw, needs);
         plan.standard = plan.standard_courses(plan.runs.len());
-        // Flicker that a fix does not notice: a quarter of the noise of a stay at most.
-        plan.instability_deg_h = draw.uniform(0.0, 0.25) * plan.stay_noise_deg_h();
+        // Flicker that a fix does not notice: a quarter of the noise of a dwell at most.
+        plan.instability_deg_h = draw.uniform(0.0, 0.25) * plan.dwell_noise_deg_h();
         plan
     }
 
-    /// Standard deviation of the mean rate over a stay from white noise, °/h.
-    pub(super) fn stay_noise_deg_h(&self) -> f64 {
-        let seconds = self.runs.iter().flat_map(|run| run.stays.iter().map(|&(_, seconds)| seconds as f64));
-        let count = self.runs.iter().map(|run| run.stays.len()).sum::<usize>() as f64;
+    /// Standard deviation of the mean rate over a dwell from white noise, °/h.
+    pub(super) fn dwell_noise_deg_h(&self) -> f64 {
+        let seconds = self.runs.iter().flat_map(|run| run.dwells.iter().map(|&(_, seconds)| seconds as f64));
+        let count = self.runs.iter().map(|run| run.dwells.len()).sum::<usize>() as f64;
         60.0 * self.arw_deg_per_sqrt_h / (seconds.sum::<f64>() / count).sqrt()
     }
 
-    /// About the standard deviation of one azimuth from white noise, degrees: √2 σ / (h √n) for n stays.
+    /// About the standard deviation of one azimuth from white noise, degrees: √2 σ / (h √n) for n dwells.
     pub(super) fn azimuth_noise_deg(&self, earth_rate_deg_h: f64) -> f64 {
         let north_deg_h = earth_rate_deg_h * self.latitude_deg.to_radians().cos();
-        let stays = self.runs.iter().map(|run| run.stays.len()).sum::<usize>() as f64 / self.runs.len() as f64;
-        (2.0_f64.sqrt() * self.stay_noise_deg_h() / (north_deg_h * stays.sqrt())).to_degrees()
+        let dwells = self.runs.iter().map(|run| run.dwells.len()).sum::<usize>() as f64 / self.runs.len() as f64;
+        (2.0_f64.sqrt() * self.dwell_noise_deg_h() / (north_deg_h * dwells.sqrt())).to_degrees()
     }
 
     fn add_runs(&mut self, draw: &mut Draw, needs: Needs) {
@@ -169,7 +169,7 @@ impl Plan {
         draw.shuffle(&mut roles);
         for (azimuth_deg, may_learn) in headings.into_iter().zip(roles) {
             let angles = if one_order { order.clone() } else { self::order(draw) };
-            let stays: Vec<_> = if rotates {
+            let dwells: Vec<_> = if rotates {
                 // Slow enough for seconds to be short against a turn: 0.3 to 0.4 degrees a second.
                 (1..=8).map(|eighth| (45.0 * f64::from(eighth), 110 + dwell_s)).collect()
             } else {
@@ -187,7 +187,7 @@ impl Plan {
                 survey_sigma_deg,
                 bias_deg_h: bias_deg_h + spread_deg_h * draw.normal(),
                 tilt_deg: [level_deg * draw.normal(), level_deg * draw.normal()],
-                stays,
+                dwells,
                 rotates,
                 courses: Vec::new(),
             };
@@ -202,17 +202,17 @@ impl Plan {
         let first = self.runs.len();
         let Some(like) = self.runs.first().cloned() else { return };
         for &azimuth_deg in &proposed.headings_deg {
-            let mut stays: Vec<(f64, usize)> =
+            let mut dwells: Vec<(f64, usize)> =
                 proposed.order_deg.iter().map(|&index_deg| (index_deg, proposed.dwell_s)).collect();
-            if let Some(stay) = stays.first_mut() {
-                stay.1 += proposed.warm_up_s;
+            if let Some(dwell) = dwells.first_mut() {
+                dwell.1 += proposed.warm_up_s;
             }
             let mut run = RunPlan {
                 seed: draw.seed(),
                 azimuth_deg,
                 may_learn: true,
                 survey_error_deg: Some(like.survey_sigma_deg * draw.normal()),
-                stays,
+                dwells,
                 rotates: false,
                 ..like.clone()
             };
@@ -242,7 +242,7 @@ impl Plan {
 }
 
 impl RunPlan {
-    /// Whole seconds of turning from one stay to the next.
+    /// Whole seconds of turning from one dwell to the next.
     pub(super) fn turn_seconds(&self, travel_deg: f64) -> usize {
         if travel_deg == 0.0 || self.rotates { 0 } else { ((travel_deg.abs() / TURN_DEG_S).ceil() as usize).max(2) }
     }
@@ -250,7 +250,7 @@ impl RunPlan {
     /// Length, s.
     pub(super) fn seconds(&self) -> usize {
         let mut at_deg = 0.0;
-        self.stays
+        self.dwells
             .iter()
             .map(|&(index_deg, seconds)| {
                 let turn = self.turn_seconds(index_deg - at_deg);
@@ -264,7 +264,7 @@ impl RunPlan {
     pub(super) fn index_deg(&self) -> Vec<f64> {
         let mut at_deg = 0.0;
         let mut all = Vec::with_capacity(self.seconds());
-        for &(index_deg, seconds) in &self.stays {
+        for &(index_deg, seconds) in &self.dwells {
             let travel_deg = index_deg - at_deg;
             let turning = if self.rotates { seconds } else { self.turn_seconds(travel_deg) };
             all.extend((0..turning).map(|second| at_deg + travel_deg * (second as f64 + 0.5) / turning as f64));
@@ -283,7 +283,7 @@ impl RunPlan {
         }
         let (mut t_s, mut at_deg) = (0, 0.0);
         let mut arrivals = Vec::new();
-        for &(index_deg, seconds) in &self.stays {
+        for &(index_deg, seconds) in &self.dwells {
             let travel_deg = index_deg - at_deg;
             if travel_deg != 0.0 {
                 t_s += self.turn_seconds(travel_deg);
@@ -303,13 +303,13 @@ fn order(draw: &mut Draw) -> Vec<f64> {
         0..=2 => vec![0.0, 90.0, 180.0, 270.0, 270.0, 180.0, 90.0, 0.0],
         3 | 4 => PLAIN.to_vec(),
         5 => vec![90.0, 180.0, 270.0, 360.0],
-        6 => (0..8).map(|stay| 45.0 * f64::from(stay)).collect(),
+        6 => (0..8).map(|dwell| 45.0 * f64::from(dwell)).collect(),
         7 => {
             let mut twice = [PLAIN, PLAIN].concat();
             draw.shuffle(&mut twice);
             twice
         }
-        8 => (0..6).map(|stay| -60.0 * f64::from(stay)).collect(),
+        8 => (0..6).map(|dwell| -60.0 * f64::from(dwell)).collect(),
         _ => (0..6).map(|_| draw.uniform(-180.0, 180.0).round()).collect(),
     }
 }

@@ -75,12 +75,12 @@ fn shapes(parts: &[(f64, Part)], view: &RunView<'_>) -> Vec<f64> {
     sum
 }
 
-/// Root mean square of what the parts do to the mean rates of the stays of a run, about the run's mean, °/h.
-pub(super) fn spread_of_stays(plan: &Plan, parts: &[(f64, Part)]) -> f64 {
+/// Root mean square of what the parts do to the mean rates of the dwells of a run, about the run's mean, °/h.
+pub(super) fn spread_of_dwells(plan: &Plan, parts: &[(f64, Part)]) -> f64 {
     let deviations = differences(plan, parts).zip(&plan.runs).flat_map(|(rates, run)| {
-        let means = stay_means(run, &rates);
+        let means = dwell_means(run, &rates);
         let mean = means.iter().sum::<f64>() / means.len() as f64;
-        means.into_iter().map(move |of_stay| of_stay - mean)
+        means.into_iter().map(move |of_dwell| of_dwell - mean)
     });
     rms(deviations)
 }
@@ -105,16 +105,16 @@ fn differences(plan: &Plan, parts: &[(f64, Part)]) -> impl Iterator<Item = Vec<f
     })
 }
 
-fn stay_means(run: &RunPlan, rates: &[f64]) -> Vec<f64> {
+fn dwell_means(run: &RunPlan, rates: &[f64]) -> Vec<f64> {
     let (mut at_deg, mut start) = (0.0, 0);
-    run.stays
+    run.dwells
         .iter()
         .map(|&(index_deg, seconds)| {
             start += run.turn_seconds(index_deg - at_deg);
             at_deg = index_deg;
-            let stay = &rates[start..start + seconds];
+            let dwell = &rates[start..start + seconds];
             start += seconds;
-            stay.iter().sum::<f64>() / seconds as f64
+            dwell.iter().sum::<f64>() / seconds as f64
         })
         .collect()
 }
@@ -133,7 +133,7 @@ fn seconds(plan: &Plan, run: &RunPlan, view: &RunView<'_>, parts: &[(f64, Part)]
     let mut generator = SecondsGenerator::new(&world, run.seed);
     let mut at_deg = 0.0;
     let mut rows = Vec::with_capacity(run.seconds());
-    for &(index_deg, seconds) in &run.stays {
+    for &(index_deg, seconds) in &run.dwells {
         if run.rotates {
             rows.extend(generator.turn(index_deg, seconds as f64));
         } else {

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::axis::Axis;
 use super::download::file;
 use super::figure::{Canvas, Legend, figure};
-use super::html::{code_list, escape, number, probability, short, table, with_sigma};
+use super::html::{code_list, escape, number, p_value, probability, short, table, with_sigma};
 use super::plot::Plot;
 use crate::diagnose::{Diagnosis, Effect, Experiment, Test};
 use crate::settings_file::model_text;
@@ -34,7 +34,7 @@ fn card(effect: &Effect) -> String {
     for channel in &effect.channels {
         let _ = write!(html, "<span class=\"tag\">channel {}</span>", escape(channel));
     }
-    let _ = write!(html, "<span class=\"tag\">p = {}, paid for the search</span>", probability(effect.p_value));
+    let _ = write!(html, "<span class=\"tag\">{}, the search counted</span>", p_value(effect.p_value));
     let board = if effect.board { "runs on the board" } else { "no board measures this" };
     let _ = writeln!(html, "<span class=\"tag\">{board}</span></header>");
     let _ = writeln!(html, "<p>{}</p>", escape(&effect.evidence));
@@ -92,7 +92,7 @@ pub fn candidates(diagnosis: &Diagnosis) -> String {
         return String::new();
     }
     let mut html = format!(
-        "<h2>Why these, and not others</h2>\n<p>{} candidates were built from the recording. Each p-value is paid for by how \
+        "<h2>Why these, and not others</h2>\n<p>{} candidates were built from the recording. Each p-value is corrected for how \
          many were searched.</p>\n",
         diagnosis.candidates.len()
     );
@@ -161,7 +161,7 @@ pub fn noise(diagnosis: &Diagnosis) -> String {
                 None if test.passed => ("good", "✓ noise"),
                 None => ("bad", "✗ structure"),
             };
-            format!("<span class=\"{class}\">{word}</span> <span class=\"p\">p = {}</span>", probability(test.p_value))
+            format!("<span class=\"{class}\">{word}</span> <span class=\"p\">{}</span>", p_value(test.p_value))
         }
     };
     let names =

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::html::{code_list, escape, number, probability};
+use super::html::{code_list, escape, number, p_value};
 use crate::campaign::Role;
 use crate::diagnose::{Diagnosis, Origin, RunDiagnosis};
 
@@ -63,7 +63,7 @@ fn origin(origin: &Origin) -> String {
 /// How sure it is: the effect that is least certain, what the causes are confounded with, and whether sigmas hold.
 fn confidence(html: &mut String, diagnosis: &Diagnosis) {
     let least = diagnosis.effects.iter().map(|effect| effect.p_value).fold(f64::NAN, f64::max);
-    let value = if least.is_finite() { format!("p = {}", probability(least)) } else { "nothing learned".to_owned() };
+    let value = if least.is_finite() { p_value(least) } else { "nothing learned".to_owned() };
     let mut notes = Vec::new();
     if least.is_finite() {
         notes.push("chance of the least certain effect, search counted".to_owned());

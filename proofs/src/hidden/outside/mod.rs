@@ -74,7 +74,7 @@ const fn family(
     needs: Needs,
     draw: fn(&mut Sketch<'_>) -> Shape,
 ) -> Outside {
-    Outside { name, describe, needs, measure: Measure::Stays, draw }
+    Outside { name, describe, needs, measure: Measure::Dwells, draw }
 }
 
 /// Numbers from chance of each run's own.
