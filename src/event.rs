@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::bytes::Piece;
 use crate::calibration::field::guidance::Guidance;
 use crate::calibration::field::problem::Solved;
 use crate::calibration::field::refusal::NoCalibration;
@@ -9,9 +10,11 @@ pub use crate::fix::Fix;
 use crate::fix::dwell::DwellSummary;
 use crate::gates::Gate;
 pub use crate::heading::Heading;
-use crate::health::{Counters, Fault};
+use crate::health::{Counters, Fault, Refusal};
+use crate::identity::Identity;
 use crate::level::{LevelMoments, Tilt};
-use crate::restart::Crash;
+use crate::raw::Block;
+use crate::restart::{Crash, Text};
 
 /// An event and when it happened.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -165,10 +168,19 @@ pub enum Event {
     IndexSlipped { position: u8, before_deg: f64 },
     /// The settings of a request are in flash; the instrument starts anew with them.
     SettingsStored,
-    /// The settings of a request make no sense, or the flash did not take them; those before stay.
-    SettingsRefused,
+    /// A value of the settings that came is not allowed; the first eight are told.
+    Violation { field: Text, value: f64 },
     /// The heading as it is held since the last fix, once a second.
     Heading(Heading),
+    /// The answer to the request of this number, after whatever it asked for; `None`: it is done. Number 0: to a frame that could
+    /// not be read.
+    Answer { number: u8, refusal: Option<Refusal> },
+    /// Which firmware this is, on request.
+    Identity(Identity),
+    /// A piece of the settings in flash, on request.
+    Settings(Piece),
+    /// All that entered the instrument, on request.
+    Raw(Block),
 }
 
 impl Event {
@@ -199,7 +211,12 @@ impl Event {
             Self::IndexSlipped { .. } => "index-slipped",
             Self::SettingsStored => "settings-stored",
             Self::Heading(_) => "heading",
-            Self::SettingsRefused => "settings-refused",
+            Self::Violation { .. } => "violation",
+            Self::Answer { refusal: None, .. } => "done",
+            Self::Answer { refusal: Some(refusal), .. } => refusal.name(),
+            Self::Identity(_) => "identity",
+            Self::Settings(_) => "settings",
+            Self::Raw(_) => "raw",
         }
     }
 }

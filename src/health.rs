@@ -163,6 +163,45 @@ codes! {
     }
 }
 
+codes! {
+    /// Why a request is refused.
+    Refusal {
+        Damaged = 1, "damaged",
+            "a frame came damaged: its check sum is wrong",
+            "send the request again; if it happens often, check the cable and the baud rate";
+        OtherVersion = 2, "other-version",
+            "the frame is of another version of the link",
+            "use the host tools of the firmware's version, or flash the firmware of the tools' version";
+        NotUnderstood = 3, "not-understood",
+            "the frame holds no request",
+            "use the host tools of the firmware's version, or flash the firmware of the tools' version";
+        NoFix = 4, "no-fix",
+            "no fix can be started: the fault that was reported says why",
+            "what the fault says";
+        MotorTurns = 5, "motor-turns",
+            "nothing is stored while the motor turns",
+            "wait until the motor stands, or abort the fix";
+        OutOfOrder = 6, "out-of-order",
+            "a piece of the settings before this one is missing, or there is no such piece",
+            "begin again with the first piece";
+        SettingsUnreadable = 7, "settings-unreadable",
+            "these are no settings, or settings of a version that this firmware does not know",
+            "use the host tools of the firmware's version";
+        SettingsInvalid = 8, "settings-invalid",
+            "the settings make no sense: the values that were reported are not allowed",
+            "correct the values that are named and load the settings again";
+        NotStored = 9, "not-stored",
+            "the flash did not take the settings; those before stay",
+            "load the settings again; if it happens twice, the flash is worn: replace the board";
+        NoSettings = 10, "no-settings",
+            "no settings are stored",
+            "load the settings, with the latitude of the site";
+        SettingsCorrupt = 11, "settings-corrupt",
+            "the stored settings fail their check",
+            "load the settings again; if it happens twice, the flash is worn: replace the board";
+    }
+}
+
 /// A set of [`Flag`]s.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, defmt::Format)]
 pub struct Flags(u16);

@@ -17,20 +17,25 @@ use crate::fix::accumulator::Accumulator;
 use crate::frame::FrameReader;
 use crate::gather::Gatherer;
 use crate::heading::Keeper;
-use crate::health::{Counters, Fault, Refused};
+use crate::health::{Counters, Fault, Refusal, Refused};
+use crate::identity::Identity;
 use crate::index::{IndexSettings, MotorCommand};
 use crate::level::LevelMoments;
-use crate::link::{Request, RequestDecoder};
+use crate::link::{Ask, Request, RequestDecoder};
+use crate::raw::{Item, Stream};
 use crate::reading::Reading;
-use crate::restart::Provocation;
+use crate::restart::{Provocation, Text};
 use crate::sample::{RateSecond, SAMPLE_S, SAMPLES_PER_SECOND};
 use crate::sequence::{Command, Seen, Sequencer};
 use crate::settings::Settings;
+use crate::settings::pieces::Incoming;
 use crate::settings::store::{self, Loaded};
 use crate::watch::GyroWatch;
 
 /// Seconds between two reports of the counters, if they changed.
 const HEALTH_SECONDS: u32 = 10;
+/// Most violations of settings that are told.
+const VIOLATIONS: usize = 8;
 /// Encoder readings in a row that may fail: 0.25 s of them.
 const ENCODER_PATIENCE: u16 = 25;
 
@@ -66,9 +71,20 @@ pub struct Orders {
     pub provoke: Option<Provocation>,
 }
 
+/// What is told of all that enters.
+enum Streaming {
+    Off,
+    /// From the beginning of the next second.
+    Asked,
+    On(Stream),
+}
+
 /// Everything that has a state, but the flash.
 pub struct Instrument {
+    identity: Identity,
     requests: RequestDecoder,
+    incoming: Incoming,
+    streaming: Streaming,
     reader: FrameReader,
     gatherer: Gatherer,
     watch: GyroWatch,
@@ -91,7 +107,7 @@ impl Instrument {
     /// With what the flash holds, by [`load`]. Without valid settings the instrument still samples and reports, but starts no fix.
     // Inlined, so that it is made where it stays: copies of it would take tens of kilobytes of a board's stack.
     #[inline(always)]
-    pub fn power_up(loaded: Loaded) -> Self {
+    pub fn power_up(loaded: Loaded, identity: Identity) -> Self {
         let (settings, sequencer) = match loaded {
             // What no board measures cannot be compensated: such a model is for recordings.
             Loaded::Valid(settings) if settings.model.as_ref().is_some_and(|model| model.off_board().is_some()) => {
@@ -105,7 +121,10 @@ impl Instrument {
             Loaded::Corrupt => (Settings::default(), Err(Fault::SettingsCorrupt)),
         };
         Self {
+            identity,
             requests: RequestDecoder::new(),
+            incoming: Incoming::default(),
+            streaming: Streaming::Off,
             reader: FrameReader::new(settings.gyro.format),
             gatherer: Gatherer::new(settings.gyro, settings.triad()),
             watch: GyroWatch::default(),
@@ -154,9 +173,9 @@ impl Instrument {
             self.request_byte(byte, readings.turning, flash, &mut orders, &mut sink);
         }
         for byte in gyro_bytes {
-            self.gyro_byte(byte);
+            self.gyro_byte(byte, &mut sink);
         }
-        self.read(readings);
+        self.read(readings, &mut sink);
         self.calibrate(readings, flash, &mut sink);
         if let Some(keeper) = &mut self.keeper
             && let Some(heading) = keeper.tick(readings.sensors.block, &mut self.counters)
@@ -165,6 +184,7 @@ impl Instrument {
         }
         let given_up = self.gatherer.tick(&mut self.counters);
         self.keep(given_up);
+        self.stream(&Item::Tick, &mut sink);
 
         let watched = self.watch.tick(readings.tick);
         let encoder = (self.encoder_failures >= ENCODER_PATIENCE).then_some(Fault::EncoderFailed);
@@ -175,8 +195,14 @@ impl Instrument {
                 orders.motor = sequencer.fail(fault, t_s, &mut sink).or(orders.motor);
             }
         }
+        if !self.finished.is_empty() {
+            self.end_block(&mut sink);
+        }
         while let Some(rate) = self.finished.pop_front() {
             orders.motor = self.second(&rate, t_s, &mut sink).or(orders.motor);
+            if matches!(self.streaming, Streaming::Asked) && self.gatherer.sampler().slots() == 0 {
+                self.streaming = Streaming::On(Stream::default());
+            }
         }
         orders
     }
@@ -191,18 +217,32 @@ impl Instrument {
         self.field.solved(answer);
     }
 
-    fn gyro_byte(&mut self, byte: u8) {
+    /// Tells of something that entered, if that is wanted.
+    fn stream(&mut self, item: &Item, sink: &mut dyn FnMut(Event)) {
+        if let Streaming::On(stream) = &mut self.streaming
+            && let Some(block) = stream.push(item)
+        {
+            sink(Event::Raw(block));
+        }
+    }
+
+    fn end_block(&mut self, sink: &mut dyn FnMut(Event)) {
+        if let Streaming::On(stream) = &mut self.streaming
+            && let Some(block) = stream.flush()
+        {
+            sink(Event::Raw(block));
+        }
+    }
+
+    fn gyro_byte(&mut self, byte: u8, sink: &mut dyn FnMut(Event)) {
         if let Some(frame) = self.reader.push(byte) {
+            self.stream(&Item::Frame(frame), sink);
             self.watch.heard(self.tick);
             let second = self.gatherer.frame(&frame, &mut self.counters);
             self.keep(second);
         }
     }
 
-    /// Nothing is stored while the motor turns: the processor stands still while flash is erased.
-    ///
-    /// Never inlined: a request with its settings is on the stack only here.
-    #[inline(never)]
     fn request_byte(
         &mut self,
         byte: u8,
@@ -211,21 +251,65 @@ impl Instrument {
         orders: &mut Orders,
         sink: &mut dyn FnMut(Event),
     ) {
-        match self.requests.feed(byte) {
-            None => {}
-            Some(Ok(Request::Command(command))) => orders.motor = self.obey(command, sink).or(orders.motor),
-            Some(Ok(Request::Provoke(how))) => orders.provoke = Some(how),
-            Some(Ok(Request::StoreSettings(settings))) if !turning && is_stored(flash, &settings) => {
-                orders.restart = true;
-                sink(Event::SettingsStored);
+        let (number, refusal) = match self.requests.feed(byte) {
+            None => return,
+            Some(Ok(Request { number, ask })) => (number, self.asked(ask, turning, flash, orders, sink).err()),
+            Some(Err(bad)) => (0, Some(bad.into())),
+        };
+        if refusal.is_some() {
+            self.counters.commands_bad = self.counters.commands_bad.saturating_add(1);
+        }
+        sink(Event::Answer { number, refusal });
+        if orders.restart {
+            sink(Event::SettingsStored);
+        }
+    }
+
+    fn asked(
+        &mut self,
+        ask: Ask,
+        turning: bool,
+        flash: &mut impl NorFlash,
+        orders: &mut Orders,
+        sink: &mut dyn FnMut(Event),
+    ) -> Result<(), Refusal> {
+        match ask {
+            Ask::Command(command) => {
+                let motor = self.obey(command, sink)?;
+                orders.motor = motor.or(orders.motor);
             }
-            Some(request) => {
-                self.counters.commands_bad = self.counters.commands_bad.saturating_add(1);
-                if let Ok(Request::StoreSettings(_)) = request {
-                    sink(Event::SettingsRefused);
+            Ask::Identify => sink(Event::Identity(self.identity)),
+            Ask::Status => {
+                sink(Event::State(self.state()));
+                sink(Event::Health(self.counters));
+            }
+            Ask::ReadSettings { offset } => sink(Event::Settings(store::read_piece(flash, offset)?)),
+            Ask::WriteSettings(piece) => {
+                if self.incoming.take(&piece)? {
+                    // The processor stands still while flash is erased.
+                    if turning {
+                        return Err(Refusal::MotorTurns);
+                    }
+                    store(flash, &self.incoming, sink)?;
+                    orders.restart = true;
                 }
             }
+            Ask::Stream(true) if matches!(self.streaming, Streaming::Off) => self.streaming = Streaming::Asked,
+            Ask::Stream(true) => {}
+            Ask::Stream(false) => {
+                self.end_block(sink);
+                self.streaming = Streaming::Off;
+            }
+            Ask::Provoke(how) => orders.provoke = Some(how),
         }
+        Ok(())
+    }
+
+    fn state(&self) -> State {
+        if self.field.is_active() {
+            return State::Calibrating;
+        }
+        self.sequencer.as_ref().map_or(State::Failed, Sequencer::state)
     }
 
     fn calibrate(&mut self, readings: &Readings, flash: &mut impl NorFlash, sink: &mut dyn FnMut(Event)) {
@@ -246,9 +330,9 @@ impl Instrument {
         }
     }
 
-    fn obey(&mut self, command: Command, sink: &mut dyn FnMut(Event)) -> Option<MotorCommand> {
+    fn obey(&mut self, command: Command, sink: &mut dyn FnMut(Event)) -> Result<Option<MotorCommand>, Refusal> {
         let t_s = self.tick as f64 * SAMPLE_S;
-        match (&mut self.sequencer, command) {
+        Ok(match (&mut self.sequencer, command) {
             (Ok(sequencer), Command::Start) => {
                 self.field.abort(&mut |event| calibration_events(event, sink));
                 self.watch.restart(self.tick);
@@ -267,13 +351,19 @@ impl Instrument {
             (Err(fault), Command::Start | Command::CalibrateAccelerometers) => {
                 sink(Event::Fault { fault: *fault, state: State::Idle });
                 sink(Event::State(State::Failed));
-                None
+                return Err(Refusal::NoFix);
             }
             (Err(_), Command::Abort) => None,
-        }
+        })
     }
 
-    fn read(&mut self, readings: &Readings) {
+    fn read(&mut self, readings: &Readings, sink: &mut dyn FnMut(Event)) {
+        if let Reading::Value(reading) = readings.sensors.acceleration {
+            self.stream(&Item::Acceleration(reading), sink);
+        }
+        if let Reading::Value(index) = readings.sensors.index {
+            self.stream(&Item::Index(index), sink);
+        }
         let counters = &mut self.counters;
         counters.bytes_refused = readings.refused.gyro_bytes;
         counters.readings_refused = readings.refused.readings;
@@ -357,10 +447,21 @@ pub fn load(flash: &mut impl ReadNorFlash) -> Loaded {
     store::load(flash).unwrap_or(Loaded::Corrupt)
 }
 
-/// Whether the settings make sense and are in flash now.
+/// Brings settings that came to flash, if they make sense.
+///
+/// Never inlined: the settings are on the stack only here.
 #[inline(never)]
-fn is_stored(flash: &mut impl NorFlash, settings: &Settings) -> bool {
-    settings.validate().is_ok() && store::save(flash, settings).is_ok()
+fn store(flash: &mut impl NorFlash, incoming: &Incoming, sink: &mut dyn FnMut(Event)) -> Result<(), Refusal> {
+    let settings = incoming.settings()?;
+    let mut valid = true;
+    for invalid in settings.violations().take(VIOLATIONS) {
+        valid = false;
+        sink(Event::Violation { field: Text::start_of(invalid.field), value: invalid.value });
+    }
+    if !valid {
+        return Err(Refusal::SettingsInvalid);
+    }
+    store::save(flash, &settings).map_err(|_| Refusal::NotStored)
 }
 
 #[inline(always)]

@@ -23,6 +23,7 @@
 extern crate std;
 
 pub mod attitude;
+pub mod bytes;
 pub mod calibration;
 pub mod codes;
 pub mod drivers;
@@ -36,6 +37,7 @@ pub mod gather;
 pub mod guard;
 pub mod heading;
 pub mod health;
+pub mod identity;
 pub mod index;
 pub mod instrument;
 pub mod level;
@@ -43,6 +45,7 @@ pub mod limits;
 pub mod link;
 pub mod median;
 pub mod nmea;
+pub mod raw;
 pub mod reading;
 pub mod replay;
 pub mod restart;

@@ -16,7 +16,8 @@
 //!   its items.
 //! - CRC-32 is the one of Ethernet and zlib (CRC-32/ISO-HDLC), 4 bytes, little-endian.
 //!
-//! Example: the report "at 2 s the state is idle" has the content `05`, `00 00 00 00 00 00 00 40`, `00`, `00`, `6E 90 4A 6A`.
+//! Example: the report "at 2 s the state is idle" has the content `06`, `00 00 00 00 00 00 00 40`, `00`, `00`, `6F F6 A8 F3`.
+//! All messages: docs/link.md. The raw stream: [`crate::raw`].
 //!
 //! Whoever receives drops what does not decode and counts it; after any disturbance the next 00 is the next chance. A
 //! sender may send a 00 before a frame, to end whatever noise came before: an empty frame is not counted.
@@ -28,33 +29,59 @@ use heapless::Vec;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
+use crate::bytes::Piece;
 use crate::event::Report;
+use crate::health::Refusal;
 use crate::restart::Provocation;
 use crate::sequence::Command;
-use crate::settings::Settings;
 
 /// The first byte of every frame's content.
-pub const VERSION: u8 = 5;
+pub const VERSION: u8 = 6;
+
+/// Bits a second on the host's line; ten of them are a byte.
+pub const BAUD: u32 = 115_200;
 
 /// Longest frame that holds a [`Report`], with its closing 00.
 pub const MAX_REPORT: usize = 160;
 /// Longest frame that holds a [`Request`], with its closing 00.
-pub const MAX_REQUEST: usize = 2560;
+pub const MAX_REQUEST: usize = 128;
 
 const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
 const CRC_LENGTH: usize = 4;
 
-/// What a host can ask of the instrument.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[allow(clippy::large_enum_variant)] // Without a heap there is no other place for settings.
-pub enum Request {
+/// What a host asks of the instrument. The instrument answers every one with [`Event::Answer`](crate::event::Event::Answer), after
+/// the reports that it leads to at once.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Request {
+    /// The host's number of the request, 1 to 255: the answer repeats it.
+    pub number: u8,
+    pub ask: Ask,
+}
+
+/// What can be asked.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Ask {
     /// To the state machines of fix and calibration.
     Command(Command),
-    /// Keep these settings in flash and start anew with them, whatever is under way; refused, and counted as bad, while the motor
-    /// turns.
-    StoreSettings(Settings),
+    /// Which firmware is this? [`Event::Identity`](crate::event::Event::Identity).
+    Identify,
+    /// What is it doing? The state and the counters, as they are reported when they change.
+    Status,
+    /// A piece of the settings in flash, with the model: [`Event::Settings`](crate::event::Event::Settings).
+    ReadSettings { offset: u16 },
+    /// A piece of settings, in order. After the last they are checked, kept in flash, and the instrument starts anew with them,
+    /// whatever is under way. Refused while the motor turns.
+    WriteSettings(Piece),
+    /// The raw stream on, from the beginning of a second, or off: [`Event::Raw`](crate::event::Event::Raw).
+    Stream(bool),
     /// Crash, to see that it is survived: the motor goes off, the instrument starts anew and tells of it.
     Provoke(Provocation),
+}
+
+impl From<Ask> for Request {
+    fn from(ask: Ask) -> Self {
+        Self { number: 1, ask }
+    }
 }
 
 /// A frame of N bytes cannot hold the message.
@@ -89,9 +116,26 @@ fn encode<const N: usize>(message: &impl Serialize) -> Result<Vec<u8, N>, TooLon
     Ok(frame)
 }
 
-/// A frame was dropped: too long, not COBS, wrong CRC, another version, or not a message.
+/// Why a frame was dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BadFrame;
+pub enum BadFrame {
+    /// Too long, not COBS, or of a wrong CRC.
+    Damaged,
+    /// Of another version of the link.
+    OtherVersion,
+    /// Not a message.
+    NotUnderstood,
+}
+
+impl From<BadFrame> for Refusal {
+    fn from(bad: BadFrame) -> Self {
+        match bad {
+            BadFrame::Damaged => Self::Damaged,
+            BadFrame::OtherVersion => Self::OtherVersion,
+            BadFrame::NotUnderstood => Self::NotUnderstood,
+        }
+    }
+}
 
 /// Turns received bytes into messages, whatever the bytes are. `N` is the longest frame.
 #[derive(Clone, Debug)]
@@ -128,25 +172,31 @@ impl<M: DeserializeOwned, const N: usize> Decoder<M, N> {
         if self.frame.is_empty() {
             return None;
         }
-        let message = decode(&mut self.frame).filter(|_| !self.overflowed);
+        let message = if self.overflowed { Err(BadFrame::Damaged) } else { decode(&mut self.frame) };
         self.frame.clear();
         self.overflowed = false;
-        Some(message.ok_or(BadFrame))
+        Some(message)
     }
 }
 
 /// The message in a frame without its closing 00; the frame is decoded in place.
-fn decode<M: DeserializeOwned>(frame: &mut [u8]) -> Option<M> {
+fn decode<M: DeserializeOwned>(frame: &mut [u8]) -> Result<M, BadFrame> {
+    let (version, message) = checked(frame).ok_or(BadFrame::Damaged)?;
+    if version != VERSION {
+        return Err(BadFrame::OtherVersion);
+    }
+    match postcard::take_from_bytes(message) {
+        Ok((message, [])) => Ok(message),
+        _ => Err(BadFrame::NotUnderstood),
+    }
+}
+
+/// Version and message of a frame whose check sum is right.
+fn checked(frame: &mut [u8]) -> Option<(u8, &[u8])> {
     let length = cobs::decode_in_place(frame).ok()?;
     let (checked, crc) = frame.get(..length)?.split_last_chunk::<CRC_LENGTH>()?;
-    if CRC.checksum(checked) != u32::from_le_bytes(*crc) {
-        return None;
-    }
     let (&version, message) = checked.split_first()?;
-    match postcard::take_from_bytes(message) {
-        Ok((message, [])) if version == VERSION => Some(message),
-        _ => None,
-    }
+    (CRC.checksum(checked) == u32::from_le_bytes(*crc)).then_some((version, message))
 }
 
 #[cfg(test)]
@@ -158,13 +208,17 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::bytes::Bytes;
     use crate::calibration::accelerometer::AccelerometerCalibration;
     use crate::calibration::field::problem::Solved;
     use crate::event::{Event, Fix, Second, State};
     use crate::gates::Gate;
     use crate::health::{Counters, Flag, Flags};
+    use crate::identity::{Board, Identity};
     use crate::level::{LevelMoments, Specific, Tilt};
-    use crate::restart::{Cause, Crash};
+    use crate::raw::Block;
+    use crate::restart::{Cause, Crash, Text};
+    use crate::settings::pieces::Outgoing;
     use crate::settings::store::longest;
 
     const TRIAD: AccelerometerCalibration = AccelerometerCalibration { bias_g: [1.1; 3], matrix: [1.1; 6] };
@@ -181,9 +235,9 @@ mod tests {
 
     #[test]
     fn the_example_of_the_documentation_byte_by_byte() {
-        // Content 05 | 2.0 as f64 | 00 | 00, its CRC-32 from zlib's crc32(), and COBS by hand: every 00 becomes the
+        // Content 06 | 2.0 as f64 | 00 | 00, its CRC-32 from zlib's crc32(), and COBS by hand: every 00 becomes the
         // distance to the next one.
-        let expected = [2, 5, 1, 1, 1, 1, 1, 1, 2, 0x40, 1, 5, 0x6E, 0x90, 0x4A, 0x6A, 0];
+        let expected = [2, 6, 1, 1, 1, 1, 1, 1, 2, 0x40, 1, 5, 0x6F, 0xF6, 0xA8, 0xF3, 0];
         let frame = encode_report(&idle()).unwrap();
         assert_eq!(frame[..], expected[..]);
         assert_eq!(feed(&mut ReportDecoder::new(), &frame), [Ok(idle())]);
@@ -266,6 +320,10 @@ mod tests {
             Event::Fix(fix),
             Event::Calibration(solved),
             Event::Crash(crash),
+            Event::Raw(Block { number: 255, bytes: Bytes::start_of(&[255; 96]) }),
+            Event::Violation { field: Text::start_of(&"x".repeat(40)), value: 1.1 },
+            Event::Answer { number: 255, refusal: Some(Refusal::SettingsCorrupt) },
+            Event::Identity(Identity::new(Board::Stm32f405, u32::MAX)),
         ];
         for event in events {
             let report = Report { t_s: 1.1, event };
@@ -275,10 +333,17 @@ mod tests {
     }
 
     #[test]
-    fn the_longest_settings_fit() {
-        let request = Request::StoreSettings(longest::settings());
-        let frame = encode_request(&request).unwrap();
-        assert_eq!(feed(&mut RequestDecoder::new(), &frame), [Ok(request)]);
+    fn the_longest_pieces_of_settings_fit() {
+        let pieces: StdVec<Piece> = Outgoing::new(&longest::settings()).unwrap().collect();
+        for piece in pieces {
+            let piece = Piece { version: u16::MAX, length: u16::MAX, offset: u16::MAX, ..piece };
+            let request = Request { number: 255, ask: Ask::WriteSettings(piece) };
+            let frame = encode_request(&request).unwrap();
+            assert_eq!(feed(&mut RequestDecoder::new(), &frame), [Ok(request)]);
+            let report = Report { t_s: 1.1, event: Event::Settings(piece) };
+            let frame = encode_report(&report).unwrap();
+            assert_eq!(feed(&mut ReportDecoder::new(), &frame), [Ok(report)]);
+        }
     }
 
     #[test]
@@ -290,7 +355,7 @@ mod tests {
         frame[length - 4..length].copy_from_slice(&crc);
         let mut again = [0; 32];
         let length = cobs::encode(&frame[..length], &mut again);
-        assert_eq!(feed(&mut ReportDecoder::new(), &again[..=length]), [Err(BadFrame)]);
+        assert_eq!(feed(&mut ReportDecoder::new(), &again[..=length]), [Err(BadFrame::OtherVersion)]);
     }
 
     #[test]
@@ -304,7 +369,7 @@ mod tests {
         assert_eq!(feed(&mut decoder, &[7; 10_000]), []);
         let mut rest = StdVec::from([0]);
         rest.extend(encode_report(&idle()).unwrap());
-        assert_eq!(feed(&mut decoder, &rest), [Err(BadFrame), Ok(idle())]);
+        assert_eq!(feed(&mut decoder, &rest), [Err(BadFrame::Damaged), Ok(idle())]);
     }
 
     proptest! {

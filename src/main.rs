@@ -39,6 +39,7 @@ mod app {
     use north_finder::event::{Event, Report};
     use north_finder::guard::{Guard, Task, Verdict};
     use north_finder::health::Refused;
+    use north_finder::identity::Identity;
     use north_finder::index::MotorCommand;
     use north_finder::instrument::{self, Instrument, Readings};
     use north_finder::link;
@@ -112,7 +113,8 @@ mod app {
         let crash = crash::take().or_else(|| board::reset_cause().map(Crash::new));
         let mut board: Board = board::init(cx.device);
         let loaded = instrument::load(&mut board.flash);
-        let instrument = power_up(cx.local.place, loaded);
+        let program = crash::program();
+        let instrument = power_up(cx.local.place, loaded, Identity::new(board::BOARD, program));
 
         let (gyro_in, gyro_out) = cx.local.gyro_bytes.split();
         let (request_in, request_out) = cx.local.requests.split();
@@ -150,7 +152,7 @@ mod app {
             answers_out,
             flash: board.flash,
             crash,
-            program: crash::program(),
+            program,
             report_port: board.reports,
             answers_in,
         };
@@ -161,8 +163,12 @@ mod app {
     ///
     /// Never inlined: what this takes of the stack is free again for the tasks.
     #[inline(never)]
-    fn power_up(place: &'static mut MaybeUninit<Instrument>, loaded: Loaded) -> &'static mut Instrument {
-        let instrument = place.write(Instrument::power_up(loaded));
+    fn power_up(
+        place: &'static mut MaybeUninit<Instrument>,
+        loaded: Loaded,
+        identity: Identity,
+    ) -> &'static mut Instrument {
+        let instrument = place.write(Instrument::power_up(loaded, identity));
         match instrument.refusal() {
             None => defmt::info!("boot: ready"),
             Some(fault) => defmt::error!("boot: no fix can be started: {}", fault),

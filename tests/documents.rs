@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use north_finder::health::{Fault, Flag};
+use north_finder::health::{Fault, Flag, Refusal};
 use north_finder::settings::Settings;
 use north_finder::settings::fields::{FIELDS, WORDS};
 
@@ -34,4 +34,7 @@ fn flags_and_faults_are_documented_as_they_are() {
     let faults = table(Fault::ALL.iter().map(|fault| (fault.code(), fault.name(), fault.meaning(), fault.remedy())));
     assert!(formats.contains(&flags), "docs/formats.md lacks this table of flags:\n{flags}");
     assert!(formats.contains(&faults), "docs/formats.md lacks this table of faults:\n{faults}");
+    let link = include_str!("../docs/link.md");
+    let refusals = table(Refusal::ALL.iter().map(|why| (why.code(), why.name(), why.meaning(), why.remedy())));
+    assert!(link.contains(&refusals), "docs/link.md lacks this table of refusals:\n{refusals}");
 }

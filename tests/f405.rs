@@ -13,12 +13,14 @@ use embedded_io::Read as _;
 use embedded_storage::nor_flash::ReadNorFlash as _;
 use hal_sim::{Scenario, World};
 use north::engine::qemu::image;
+use north::engine::to_store;
 use north::settings_file::scenario_settings;
 use north_finder::drivers::sensors::Due;
 use north_finder::event::{Event, Report, State};
-use north_finder::health::Fault;
+use north_finder::health::{Fault, Refusal};
+use north_finder::identity::Identity;
 use north_finder::instrument::{self, Instrument, Readings};
-use north_finder::link::{ReportDecoder, Request, encode_request};
+use north_finder::link::{Ask, ReportDecoder, Request, encode_request};
 use north_finder::reading::Reading;
 use north_finder::restart::{Cause, Provocation};
 use north_finder::sequence::Command;
@@ -67,7 +69,7 @@ impl Both {
         }
         let mut record = vec![0; flash.capacity() / 2];
         flash.read(0, &mut record).unwrap();
-        let instrument = Instrument::power_up(instrument::load(&mut flash));
+        let instrument = Instrument::power_up(instrument::load(&mut flash), Identity::host());
         // The machine has no flash controller: nothing can be stored any more.
         flash.cut_power_after(0);
         let mut both = Self {
@@ -128,7 +130,7 @@ impl Both {
     }
 }
 
-const START: Request = Request::Command(Command::Start);
+const START: Request = Request { number: 1, ask: Ask::Command(Command::Start) };
 
 #[test]
 fn without_settings_seconds_come_out_and_a_fix_is_refused() {
@@ -151,10 +153,15 @@ fn settings_from_flash_and_a_fix_that_fails() {
     }
     let settings = scenario_settings(&Scenario::named("calm-bench").unwrap(), None).unwrap();
     let mut both = Both::start(Some(settings.clone()));
-    both.run(1, &Request::StoreSettings(settings));
+    for request in to_store(&settings) {
+        both.run(1, &request);
+    }
     both.run(450, &START);
     let events = both.compare();
-    assert!(events.contains(&Event::SettingsRefused) && events.contains(&Event::State(State::Levelling)));
+    assert!(
+        events.iter().any(|event| matches!(event, Event::Answer { refusal: Some(Refusal::NotStored), .. }))
+            && events.contains(&Event::State(State::Levelling))
+    );
     assert!(events.iter().any(|event| matches!(event, Event::Fault { .. })), "{events:?}");
 }
 
@@ -172,7 +179,7 @@ fn crashes_are_told_after_the_restart() {
         (Provocation::Hang, Cause::LateTask),
     ];
     for (how, cause) in causes {
-        chip.crash(&encode_request(&Request::Provoke(how)).unwrap());
+        chip.crash(&encode_request(&Ask::Provoke(how).into()).unwrap());
         let mut decoder = ReportDecoder::new();
         let told = chip.sent().iter().find_map(|&byte| decoder.feed(byte)).expect("a report").expect("a good frame");
         let Event::Crash(crash) = told.event else { panic!("{how:?}: {told:?}") };

@@ -15,7 +15,7 @@ use north_finder::calibration::field::refusal::{NoCalibration, Why};
 use north_finder::event::{Event, Report};
 use north_finder::health::Fault;
 use north_finder::level::Tilt;
-use north_finder::link::Request;
+use north_finder::link::{Ask, Request};
 use north_finder::sequence::Command;
 use north_finder::settings::store::{self, Loaded};
 
@@ -162,8 +162,8 @@ struct Impatient<'a, 'b>(Obedient<'a, 'b>);
 impl Person for Impatient<'_, '_> {
     fn request(&mut self, tick: u64) -> Option<Request> {
         match tick {
-            4000 => Some(Request::Command(Command::Abort)),
-            4400 => Some(Request::Command(Command::Start)),
+            4000 => Some(Ask::Command(Command::Abort).into()),
+            4400 => Some(Ask::Command(Command::Start).into()),
             _ => self.0.request(tick),
         }
     }

@@ -9,7 +9,7 @@ use north_finder::calibration::field::problem::Solved;
 use north_finder::calibration::field::refusal::NoCalibration;
 use north_finder::event::{Event, Report, State};
 use north_finder::health::Fault;
-use north_finder::link::Request;
+use north_finder::link::{Ask, Request};
 use north_finder::sequence::Command;
 
 use crate::engine::{self, Engine, EngineError, Observer, Person, PowerOff, Setup};
@@ -65,7 +65,7 @@ impl<'a, 'b> Obedient<'a, 'b> {
 
 impl Person for Obedient<'_, '_> {
     fn request(&mut self, tick: u64) -> Option<Request> {
-        (tick == 0).then_some(Request::Command(Command::CalibrateAccelerometers))
+        (tick == 0).then(|| Ask::Command(Command::CalibrateAccelerometers).into())
     }
 
     fn hear(&mut self, report: &Report) -> bool {

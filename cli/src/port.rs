@@ -1,25 +1,35 @@
 //! The serial port between a host and a board: reports come in, requests go out.
 
+use std::collections::VecDeque;
 use std::io::{self, ErrorKind, Read, Write};
 use std::time::{Duration, Instant};
 
-use north_finder::event::Report;
-use north_finder::link::{ReportDecoder, Request, encode_request};
+use north_finder::event::{Event, Report};
+use north_finder::health::Refusal;
+use north_finder::identity::Identity;
+use north_finder::link::{Ask, BAUD, BadFrame, ReportDecoder, Request, encode_request};
+use north_finder::sequence::Command;
+use north_finder::settings::Settings;
+use north_finder::settings::pieces::{Incoming, Outgoing};
 use serialport::SerialPort;
 
 use crate::interrupt;
 
-/// Baud rate of the board's host line; a pseudo-terminal does not mind.
-const BAUD: u32 = 115_200;
 /// How long one look for bytes waits: an interrupt is heeded as soon.
 const PATIENCE: Duration = Duration::from_millis(50);
+/// A request that is not answered within this time was lost, or its answer was; storing settings takes half of it.
+const ANSWER: Duration = Duration::from_millis(1500);
+/// How often it is sent.
+const TRIES: u32 = 3;
+/// A board reports each second.
+pub const SILENCE: Duration = Duration::from_secs(10);
 
-/// Why a port cannot be used.
+/// Why a port cannot be used, or what was asked is not done.
 #[derive(Debug, thiserror::Error)]
 pub enum PortError {
     #[error("{port}: {error}")]
     Open { port: String, error: serialport::Error },
-    #[error("no serial port was found: name it")]
+    #[error("no serial port was found: name it with --port")]
     None,
     #[error("which port? {0}")]
     Several(String),
@@ -29,8 +39,13 @@ pub enum PortError {
     Gone { port: String },
     #[error("{port}: nothing was heard for {seconds} s: is the board powered, is it the right port?")]
     Silent { port: String, seconds: u64 },
-    #[error("{port}: the request is too long for a frame")]
+    #[error("{port}: no answer{}", if *.other_version { ": what comes is of another version of the link" } else { "" })]
+    NoAnswer { port: String, other_version: bool },
+    #[error("{port}: the settings are too long")]
     TooLong { port: String },
+    #[error("{port}: refused: {}: {}{}. To do: {}", .refusal.name(), .refusal.meaning(),
+        .violations.iter().map(|line| format!("\n  {line}")).collect::<String>(), .refusal.remedy())]
+    Refused { port: String, refusal: Refusal, violations: Vec<String> },
     #[error("interrupted")]
     Interrupted,
 }
@@ -40,24 +55,72 @@ pub struct Port {
     name: String,
     line: Box<dyn SerialPort>,
     decoder: ReportDecoder,
-    received: Vec<u8>,
+    received: VecDeque<u8>,
+    bytes: u64,
     bad_frames: u64,
+    other_version: bool,
+    number: u8,
 }
 
 impl Port {
-    /// Opens the port, or, unnamed, the only one that there is.
+    /// Opens the port, or, unnamed, the only one that a board answers on.
     ///
     /// Errors: none, or several, to choose from; the port cannot be opened.
     pub fn open(name: Option<&str>) -> Result<Self, PortError> {
-        let name = name.map_or_else(the_only_one, |name| Ok(name.to_owned()))?;
-        match serialport::new(&name, BAUD).timeout(PATIENCE).open() {
-            Ok(line) => Ok(Self { name, line, decoder: ReportDecoder::new(), received: Vec::new(), bad_frames: 0 }),
-            Err(error) => Err(PortError::Open { port: name, error }),
+        match name {
+            Some(name) => Self::open_named(name),
+            None => {
+                let ports = serialport::available_ports().unwrap_or_default();
+                Self::the_only_one(ports.into_iter().map(|port| port.port_name).collect())
+            }
+        }
+    }
+
+    fn open_named(name: &str) -> Result<Self, PortError> {
+        match serialport::new(name, BAUD).timeout(PATIENCE).open() {
+            Ok(line) => Ok(Self {
+                name: name.to_owned(),
+                line,
+                decoder: ReportDecoder::new(),
+                received: VecDeque::new(),
+                bytes: 0,
+                bad_frames: 0,
+                other_version: false,
+                number: 0,
+            }),
+            Err(error) => Err(PortError::Open { port: name.to_owned(), error }),
+        }
+    }
+
+    /// The only one of several ports, or of them the only one on which a board answers.
+    fn the_only_one(names: Vec<String>) -> Result<Self, PortError> {
+        match names.as_slice() {
+            [] => return Err(PortError::None),
+            [name] => return Self::open_named(name),
+            _ => {}
+        }
+        let opened = names.iter().filter_map(|name| Self::open_named(name).ok());
+        let answering: Result<Vec<Self>, PortError> = opened
+            .filter_map(|mut port| match port.try_ask(Ask::Identify, 1, &mut |_| ()) {
+                Ok(()) => Some(Ok(port)),
+                Err(PortError::Interrupted) => Some(Err(PortError::Interrupted)),
+                Err(_) => None,
+            })
+            .collect();
+        let mut answering = answering?;
+        match (answering.pop(), answering.is_empty()) {
+            (Some(port), true) => Ok(port),
+            _ => Err(PortError::Several(names.join(", "))),
         }
     }
 
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// Bytes that have come.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
     }
 
     /// Frames that were dropped: cut off, damaged, or of another version.
@@ -71,36 +134,126 @@ impl Port {
     pub fn report(&mut self, patience: Duration) -> Result<Report, PortError> {
         let start = Instant::now();
         loop {
-            while !self.received.is_empty() {
-                match self.decoder.feed(self.received.remove(0)) {
-                    Some(Ok(report)) => return Ok(report),
-                    Some(Err(_)) => self.bad_frames += 1,
-                    None => {}
-                }
-            }
-            if interrupt::requested() {
-                return Err(PortError::Interrupted);
+            if let Some(report) = self.poll()? {
+                return Ok(report);
             }
             if start.elapsed() > patience {
                 return Err(PortError::Silent { port: self.name.clone(), seconds: patience.as_secs() });
             }
-            self.receive()?;
         }
     }
 
-    /// Sends a request.
-    pub fn send(&mut self, request: &Request) -> Result<(), PortError> {
+    /// A report, if one comes within a twentieth of a second.
+    ///
+    /// Errors: the line breaks; an interrupt.
+    pub fn poll(&mut self) -> Result<Option<Report>, PortError> {
+        if self.received.is_empty() {
+            self.receive()?;
+        }
+        while let Some(byte) = self.received.pop_front() {
+            match self.decoder.feed(byte) {
+                Some(Ok(report)) => return Ok(Some(report)),
+                Some(Err(bad)) => {
+                    self.bad_frames += 1;
+                    self.other_version |= bad == BadFrame::OtherVersion;
+                }
+                None => {}
+            }
+        }
+        if interrupt::requested() { Err(PortError::Interrupted) } else { Ok(None) }
+    }
+
+    /// Asks, and waits for the answer; `told` hears what comes meanwhile.
+    ///
+    /// Errors: a refusal; no answer; the line breaks; an interrupt.
+    pub fn ask(&mut self, ask: Ask, told: &mut dyn FnMut(&Report)) -> Result<(), PortError> {
+        self.try_ask(ask, TRIES, told)
+    }
+
+    fn try_ask(&mut self, ask: Ask, tries: u32, told: &mut dyn FnMut(&Report)) -> Result<(), PortError> {
+        self.number = self.number % u8::MAX + 1;
+        let request = Request { number: self.number, ask };
+        let mut violations = Vec::new();
+        for _ in 0..tries {
+            self.send(&request)?;
+            let start = Instant::now();
+            while start.elapsed() < ANSWER {
+                let Some(report) = self.poll()? else { continue };
+                match report.event {
+                    Event::Answer { number, refusal: None } if number == request.number => return Ok(()),
+                    Event::Answer { number, refusal: Some(refusal) } if number == request.number => {
+                        return Err(PortError::Refused { port: self.name.clone(), refusal, violations });
+                    }
+                    Event::Answer { .. } => {}
+                    Event::Violation { field, value } => violations.push(format!("{} = {value}", field.as_str())),
+                    _ => told(&report),
+                }
+            }
+        }
+        Err(PortError::NoAnswer { port: self.name.clone(), other_version: self.other_version })
+    }
+
+    /// A command to fix or calibration.
+    pub fn command(&mut self, command: Command, told: &mut dyn FnMut(&Report)) -> Result<(), PortError> {
+        self.ask(Ask::Command(command), told)
+    }
+
+    /// Which firmware is at the other end.
+    pub fn identity(&mut self) -> Result<Identity, PortError> {
+        let mut identity = None;
+        self.ask(Ask::Identify, &mut |report| {
+            if let Event::Identity(told) = report.event {
+                identity = Some(told);
+            }
+        })?;
+        identity.ok_or_else(|| PortError::NoAnswer { port: self.name.clone(), other_version: false })
+    }
+
+    /// The settings in flash; `None`: there are none.
+    pub fn settings(&mut self) -> Result<Option<Settings>, PortError> {
+        let refused = |port: &str, refusal| PortError::Refused { port: port.into(), refusal, violations: Vec::new() };
+        let (mut incoming, mut offset) = (Incoming::default(), 0);
+        loop {
+            let mut piece = None;
+            let asked = self.ask(Ask::ReadSettings { offset }, &mut |report| {
+                if let Event::Settings(told) = report.event {
+                    piece = Some(told);
+                }
+            });
+            match asked {
+                Err(PortError::Refused { refusal: Refusal::NoSettings, .. }) => return Ok(None),
+                asked => asked?,
+            }
+            let piece = piece.ok_or_else(|| PortError::NoAnswer { port: self.name.clone(), other_version: false })?;
+            if incoming.take(&piece).map_err(|refusal| refused(&self.name, refusal))? {
+                return incoming.settings().map(Some).map_err(|refusal| refused(&self.name, refusal));
+            }
+            offset = piece.offset.saturating_add(piece.bytes.as_slice().len() as u16);
+        }
+    }
+
+    /// Stores settings; the instrument starts anew with them.
+    pub fn store(&mut self, settings: &Settings) -> Result<(), PortError> {
+        let pieces = Outgoing::new(settings).ok_or_else(|| PortError::TooLong { port: self.name.clone() })?;
+        for piece in pieces {
+            self.ask(Ask::WriteSettings(piece), &mut |_| ())?;
+        }
+        Ok(())
+    }
+
+    fn send(&mut self, request: &Request) -> Result<(), PortError> {
         let frame = encode_request(request).map_err(|_| PortError::TooLong { port: self.name.clone() })?;
         let sent = self.line.write_all(&frame).and_then(|()| self.line.flush());
         sent.map_err(|error| PortError::Io { port: self.name.clone(), error })
     }
 
     fn receive(&mut self) -> Result<(), PortError> {
-        let mut bytes = [0; 1024];
+        let mut bytes = [0; 4096];
         match self.line.read(&mut bytes) {
             Ok(0) => Err(PortError::Gone { port: self.name.clone() }),
             Ok(count) => {
                 self.received.extend(&bytes[..count]);
+                self.bytes += count as u64;
                 Ok(())
             }
             Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => Ok(()),
@@ -110,14 +263,16 @@ impl Port {
     }
 }
 
-/// The name of the only serial port of this machine.
-fn the_only_one() -> Result<String, PortError> {
-    let ports = serialport::available_ports().unwrap_or_default();
-    match ports.as_slice() {
-        [] => Err(PortError::None),
-        [port] => Ok(port.port_name.clone()),
-        several => {
-            Err(PortError::Several(several.iter().map(|port| port.port_name.as_str()).collect::<Vec<_>>().join(", ")))
-        }
+/// The port that a command talks to.
+#[derive(clap::Args, Clone, Debug, Default)]
+pub struct PortOption {
+    /// The serial port of the board; the only one on which a board answers, if it is not named
+    #[arg(long, value_name = "PORT")]
+    pub port: Option<String>,
+}
+
+impl PortOption {
+    pub fn open(&self) -> Result<Port, PortError> {
+        Port::open(self.port.as_deref())
     }
 }

@@ -4,7 +4,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use north_finder::link::{Decoder, MAX_REQUEST, Request, encode_request};
+use north_finder::link::{Ask, Decoder, MAX_REQUEST, Request, encode_request};
 use north_finder::sequence::Command;
 
 fuzz_target!(|bytes: &[u8]| {
@@ -13,7 +13,7 @@ fuzz_target!(|bytes: &[u8]| {
         let _ = decoder.feed(byte);
     }
     let _ = decoder.feed(0);
-    let request = Request::Command(Command::Start);
+    let request = Request::from(Ask::Command(Command::Start));
     let frame = encode_request(&request).unwrap();
     let found: Vec<_> = frame.iter().filter_map(|&byte| decoder.feed(byte)).collect();
     assert_eq!(found, [Ok(request)]);

@@ -25,6 +25,7 @@ use embedded_hal::digital::{ErrorType, OutputPin};
 use embedded_hal::spi::{MODE_0, MODE_1, MODE_3};
 use embedded_hal_bus::spi::{ExclusiveDevice, NoDelay};
 pub use flash::Flash;
+use north_finder::identity;
 use north_finder::restart::Cause;
 use stm32f4xx_hal::gpio::{self, Output, PinState, Speed};
 use stm32f4xx_hal::nb;
@@ -37,6 +38,8 @@ use stm32f4xx_hal::time::Hertz;
 
 use super::Overrun;
 
+/// What the board is called on the link.
+pub const BOARD: identity::Board = identity::Board::Stm32f405;
 /// Of the fastest clock: what is timed by it takes no less with a slower one.
 const CYCLES_PER_US: u32 = clock::SYSTEM.raw() / 1_000_000;
 /// Within the limits of both parts, and a whole part of both buses' clocks.
@@ -44,7 +47,7 @@ const SPI_CLOCK: Hertz = Hertz::kHz(5_250);
 /// The block takes at most 1.1 MHz in a burst: 656 kHz, so that a sample takes 0.42 ms.
 const BLOCK_CLOCK: Hertz = Hertz::kHz(1_000);
 const GYRO_BAUD: u32 = 921_600;
-const HOST_BAUD: u32 = 115_200;
+const HOST_BAUD: u32 = north_finder::link::BAUD;
 const TICK_HZ: u32 = 400;
 const SLOTS_HZ: u32 = 3200;
 const BLOCK_HZ: u32 = 100;

@@ -2,6 +2,7 @@
 //!
 //! | name | what |
 //! |---|---|
+//! | `BOARD` | its name on the link |
 //! | `init` | clocks, pins and peripherals; gives a `Board` |
 //! | `Ticker` | the 2.5 ms timer (TIM2) that also tells the gyro to sample |
 //! | `Slots` | the 3200 Hz timer (TIM3) of the motor |

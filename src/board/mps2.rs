@@ -21,12 +21,15 @@ use cortex_m::peripheral::{NVIC, SCB};
 use embedded_hal::digital::{self, OutputPin};
 use embedded_hal::spi::{self, Operation, SpiDevice};
 use heapless::{Deque, Vec};
+use north_finder::identity;
 use north_finder::restart::Cause;
 
 use super::Overrun;
 use exchange::{Exchange, has_argument};
 pub use flash::Flash;
 
+/// What the board is called on the link.
+pub const BOARD: identity::Board = identity::Board::Mps2;
 /// Cycles of the 25 MHz clock in a tick of 2.5 ms, and in a slot, rounded down: slots start anew at every tick.
 const TICK_CYCLES: u32 = 62_500;
 const SLOT_CYCLES: u32 = TICK_CYCLES / SLOTS_PER_TICK as u32;

@@ -4,6 +4,7 @@
 //! *corrupt* (the check sum fails) and settings that are readable but make no sense (*invalid*).
 
 pub mod fields;
+pub mod pieces;
 pub mod store;
 
 use serde::{Deserialize, Serialize};

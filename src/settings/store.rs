@@ -22,11 +22,13 @@ use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 use serde::Deserialize;
 
 use super::Settings;
+use crate::bytes::Piece;
+use crate::health::Refusal;
 use version_4::Settings4;
 
 const MAGIC: [u8; 4] = *b"NFST";
 /// Changes whenever the meaning of a record does.
-const VERSION: u16 = 5;
+pub const VERSION: u16 = 5;
 /// The version before, which is read.
 const OLD_VERSION: u16 = 4;
 const HEADER: usize = 12;
@@ -34,6 +36,8 @@ const CRC_LENGTH: usize = 4;
 /// Longest record; a multiple of every flash's word, and within a sector. The longest settings that are valid fit: a test
 /// says so.
 const MAX_RECORD: usize = 2560;
+/// Longest settings in it.
+pub const MAX_SETTINGS: usize = MAX_RECORD - HEADER - CRC_LENGTH;
 /// What was written is read back in pieces of this many bytes.
 const PIECE: usize = 256;
 
@@ -83,13 +87,38 @@ type Record = [u8; MAX_RECORD];
 /// The settings that were saved last.
 pub fn load<F: ReadNorFlash>(flash: &mut F) -> Result<Loaded, F::Error> {
     let mut record = [0; MAX_RECORD];
-    let slots = [look_into(flash, 0, &mut record)?, look_into(flash, 1, &mut record)?];
-    let Some((newest, _)) = newest(slots) else {
+    Ok(match read_newest(flash, &mut record)? {
+        Slot::Erased => Loaded::Missing,
+        Slot::Corrupt => Loaded::Corrupt,
+        Slot::Valid(_) => decode(&record).map_or(Loaded::Corrupt, Loaded::Valid),
+    })
+}
+
+/// A piece of the settings that were saved last, as they are in flash, from `offset` on; an empty one at their end.
+///
+/// Errors: there are none, or they are corrupt; the offset is beyond them.
+#[inline(never)]
+pub fn read_piece<F: ReadNorFlash>(flash: &mut F, offset: u16) -> Result<Piece, Refusal> {
+    let mut record = [0; MAX_RECORD];
+    match read_newest(flash, &mut record) {
+        Ok(Slot::Erased) => return Err(Refusal::NoSettings),
+        Ok(Slot::Corrupt) | Err(_) => return Err(Refusal::SettingsCorrupt),
+        Ok(Slot::Valid(_)) => {}
+    }
+    let (version, end) = check(&record).ok_or(Refusal::SettingsCorrupt)?;
+    let content = record.get(HEADER..end).ok_or(Refusal::SettingsCorrupt)?;
+    Piece::of(version, content, offset.into()).ok_or(Refusal::OutOfOrder)
+}
+
+/// Reads the record that was saved last: whether there is one.
+fn read_newest<F: ReadNorFlash>(flash: &mut F, record: &mut Record) -> Result<Slot, F::Error> {
+    let slots = [look_into(flash, 0, record)?, look_into(flash, 1, record)?];
+    let Some((newest, sequence)) = newest(slots) else {
         let erased = matches!(slots, [Slot::Erased, Slot::Erased]);
-        return Ok(if erased { Loaded::Missing } else { Loaded::Corrupt });
+        return Ok(if erased { Slot::Erased } else { Slot::Corrupt });
     };
-    flash.read(slot_start(flash, newest), &mut record)?;
-    Ok(decode(&record).map_or(Loaded::Corrupt, Loaded::Valid))
+    flash.read(slot_start(flash, newest), record)?;
+    Ok(Slot::Valid(sequence))
 }
 
 /// Saves settings over the older record. Until that is complete, [`load`] finds what it found before.
@@ -197,8 +226,16 @@ fn check(record: &Record) -> Option<(u16, usize)> {
 /// Settings of a record; `None` where any of its checks fails.
 fn decode(record: &Record) -> Option<Settings> {
     let (version, end) = check(record)?;
-    let content = record.get(HEADER..end)?;
-    if version == OLD_VERSION { read::<Settings4>(content).map(Settings::from) } else { read(content) }
+    decode_version(version, record.get(HEADER..end)?)
+}
+
+/// Settings as a record of this version holds them; `None` where the version is not known, or they are none.
+pub fn decode_version(version: u16, content: &[u8]) -> Option<Settings> {
+    match version {
+        OLD_VERSION => read::<Settings4>(content).map(Settings::from),
+        VERSION => read(content),
+        _ => None,
+    }
 }
 
 /// Never inlined: the two versions do not need the stack at the same time.

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use north_finder::event::{Event, Report, State};
-use north_finder::link::{Request, RequestDecoder, encode_report};
+use north_finder::link::{Ask, Request, RequestDecoder, encode_report};
 use north_finder::nmea::{self, Mode};
 use north_finder::sample::SAMPLE_S;
 use north_finder::sequence::Command;
@@ -94,7 +94,7 @@ impl Person for Bridge {
             std::thread::sleep(due.saturating_sub(self.began.elapsed()));
         }
         let Speech::Link(decoder) = &mut self.speech else {
-            return (tick == 0).then_some(Request::Command(Command::Start));
+            return (tick == 0).then(|| Ask::Command(Command::Start).into());
         };
         let mut byte = [0];
         while let Ok(1) = self.line.read(&mut byte) {

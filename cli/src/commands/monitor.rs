@@ -5,7 +5,6 @@ use std::time::Duration;
 
 use clap::Args;
 use north_finder::event::{Event, State};
-use north_finder::link::Request;
 use north_finder::sequence::Command;
 use north_finder::settings::Settings;
 
@@ -39,7 +38,7 @@ impl Monitor {
         let mut port = Port::open(self.port.as_deref())?;
         println!("{}", port.name());
         if self.start {
-            port.send(&Request::Command(Command::Start))?;
+            port.command(Command::Start, &mut |_| ())?;
         }
         let mut view = View::new(Box::new(io::stdout()), &Settings::default());
         loop {

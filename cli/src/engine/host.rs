@@ -8,6 +8,7 @@ use north_finder::drivers::sensors::Sensors;
 use north_finder::drivers::step_motor::{SLOTS_PER_TICK, StepMotor};
 use north_finder::event::Report;
 use north_finder::health::Refused;
+use north_finder::identity::Identity;
 use north_finder::index::MotorCommand;
 use north_finder::instrument::{self, Instrument, Readings};
 
@@ -79,7 +80,7 @@ pub fn serve(
 
 impl Wired {
     fn power_up(world: &World) -> Self {
-        let instrument = Instrument::power_up(instrument::load(&mut world.flash()));
+        let instrument = Instrument::power_up(instrument::load(&mut world.flash()), Identity::host());
         let index = instrument.index_settings();
         Self {
             gyro: world.gyro(),

@@ -11,9 +11,10 @@ use std::sync::atomic::AtomicBool;
 use hal_sim::{Scenario, Truth, World};
 use north_finder::event::{Event, Fix, Heading, Report, State};
 use north_finder::health::Fault;
-use north_finder::link::{self, Request};
+use north_finder::link::{self, Ask, Request};
 use north_finder::sample::SAMPLE_S;
 use north_finder::sequence::Command;
+use north_finder::settings::pieces::Outgoing;
 use north_finder::settings::{Settings, store};
 
 /// What to run.
@@ -118,8 +119,15 @@ pub enum EngineError {
     Qemu(#[from] qemu::QemuError),
 }
 
-/// What the host's line carries in a tick: 115 200 baud, ten bits a byte, 2.5 ms.
-const REQUEST_BYTES_A_TICK: usize = 28;
+/// What the host's line carries in a tick of 2.5 ms, ten bits a byte.
+const REQUEST_BYTES_A_TICK: usize = (link::BAUD / 10 / 400) as usize;
+
+/// The requests that bring settings to an instrument; none where they are longer than any that are valid.
+pub fn to_store(settings: &Settings) -> VecDeque<Request> {
+    let numbers = (1..=u8::MAX).cycle();
+    let pieces = Outgoing::new(settings).into_iter().flatten();
+    pieces.zip(numbers).map(|(piece, number)| Request { number, ask: Ask::WriteSettings(piece) }).collect()
+}
 
 /// Requests on their way to the instrument.
 #[derive(Debug, Default)]
@@ -216,7 +224,7 @@ impl<'a, 'b> FixWanted<'a, 'b> {
 
 impl Person for FixWanted<'_, '_> {
     fn request(&mut self, tick: u64) -> Option<Request> {
-        (tick == 0).then_some(Request::Command(Command::Start))
+        (tick == 0).then(|| Ask::Command(Command::Start).into())
     }
 
     /// The fix or the fault comes first, the final state after it.

@@ -97,7 +97,14 @@ impl View {
             | Event::CalibrationStored
             | Event::NoCalibration(_)
             | Event::SettingsStored
-            | Event::SettingsRefused => return None,
+            | Event::Violation { .. }
+            | Event::Answer { refusal: None, .. }
+            | Event::Identity(_)
+            | Event::Settings(_)
+            | Event::Raw(_) => return None,
+            Event::Answer { refusal: Some(refusal), .. } => {
+                format!("refused: {}: {}. To do: {}", refusal.name(), refusal.meaning(), refusal.remedy())
+            }
             Event::Vitals { program, stack_bytes, load_permille } => {
                 format!(
                     "program {program:08x}, stack at most {stack_bytes} bytes, load at most {load_permille}/1000 of a tick"

@@ -2,12 +2,12 @@
 
 use std::collections::VecDeque;
 
-use north_finder::codes::{IndexCode, TriadCode};
 use north_finder::event::{Event, Report, State};
-use north_finder::frame::{FrameReader, GyroFormat};
+use north_finder::frame::{self, FrameReader, GyroFormat};
 use north_finder::health::Counters;
 use north_finder::instrument::Readings;
 use north_finder::level::Specific;
+use north_finder::raw::Item;
 use north_finder::sample::{GyroSettings, SAMPLE_S, SAMPLES_PER_SECOND, Sampler};
 
 use crate::campaign::{ACCELEROMETERS, INDEX, Own, Row, TEMPERATURE};
@@ -59,26 +59,43 @@ impl RawRecorder {
     pub fn tick(&mut self, readings: &Readings, gyro_bytes: &[u8]) {
         for &byte in gyro_bytes {
             if let Some(frame) = self.reader.push(byte) {
-                let before = self.sampler.good();
-                let missing = self.slots(|sampler| {
-                    sampler.frame(&frame, &mut Counters::default());
-                });
-                let valid = self.sampler.good() != before;
-                let increment_arcsec = valid.then(|| frame.increment as f64 * self.format.arcsec_per_count());
-                let temp_c = frame.temperature.map(|count| f64::from(count) * self.format.c_per_count());
-                let last = Frame { increment_arcsec, temp_c };
-                self.frames(missing, last);
+                self.item(&Item::Frame(frame));
             }
         }
+        let sensors = &readings.sensors;
+        let read = [sensors.acceleration.value().map(Item::Acceleration), sensors.index.value().map(Item::Index)];
+        read.iter().flatten().chain(&[Item::Tick]).for_each(|item| self.item(item));
+    }
+
+    /// Takes what entered the instrument, in the order in which it did; what comes first is the beginning of a second.
+    pub fn item(&mut self, item: &Item) {
         // The oldest second that is not reported yet gets the readings: it ends after them.
-        if let Some(second) = self.seconds.front_mut() {
-            second.accelerations_g.extend(readings.sensors.acceleration.value().map(TriadCode::g));
-            second.indices_deg.extend(readings.sensors.index.value().map(IndexCode::deg));
+        match *item {
+            Item::Frame(frame) => self.frame(&frame),
+            Item::Acceleration(reading) => {
+                self.seconds.front_mut().into_iter().for_each(|second| second.accelerations_g.push(reading.g()));
+            }
+            Item::Index(index) => {
+                self.seconds.front_mut().into_iter().for_each(|second| second.indices_deg.push(index.deg()));
+            }
+            Item::Tick => {
+                let given_up = self.slots(|sampler| {
+                    sampler.tick(&mut Counters::default());
+                });
+                self.frames(given_up, Frame::default());
+            }
         }
-        let given_up = self.slots(|sampler| {
-            sampler.tick(&mut Counters::default());
+    }
+
+    fn frame(&mut self, frame: &frame::Frame) {
+        let before = self.sampler.good();
+        let missing = self.slots(|sampler| {
+            sampler.frame(frame, &mut Counters::default());
         });
-        self.frames(given_up, Frame::default());
+        let valid = self.sampler.good() != before;
+        let increment_arcsec = valid.then(|| frame.increment as f64 * self.format.arcsec_per_count());
+        let temp_c = frame.temperature.map(|count| f64::from(count) * self.format.c_per_count());
+        self.frames(missing, Frame { increment_arcsec, temp_c });
     }
 
     /// Takes a report of the instrument.

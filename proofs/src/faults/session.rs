@@ -1,12 +1,14 @@
 //! An instrument with its faults from power-up to the end of its fix, through power cuts and commands.
 
+use std::collections::VecDeque;
+
 use hal_sim::World;
-use north::engine::{self, Engine, EngineError, Person, PowerOff, Setup};
+use north::engine::{self, Engine, EngineError, Person, PowerOff, Setup, to_store};
 use north::failure::Failure;
 use north::interrupt;
 use north_finder::event::{Event, Fix, Report, State};
 use north_finder::health::Fault;
-use north_finder::link::Request;
+use north_finder::link::{Ask, Request};
 use north_finder::sample::SAMPLE_S;
 use north_finder::sequence::Command;
 use north_finder::settings::Settings;
@@ -113,6 +115,8 @@ struct Operator {
     session_tick: u64,
     tick: u64,
     start_at: Option<u64>,
+    /// Settings on their way.
+    upload: VecDeque<Request>,
     restarted: bool,
     verdict: Option<Event>,
     may_be_stored: Vec<Settings>,
@@ -127,6 +131,7 @@ impl Operator {
             session_tick: 0,
             tick: 0,
             start_at: Some(0),
+            upload: VecDeque::new(),
             restarted: false,
             verdict: None,
             may_be_stored: trial.settings.iter().cloned().collect(),
@@ -140,6 +145,7 @@ impl Operator {
 
     /// Power goes off, perhaps while settings are stored, and comes back.
     fn cut_power(&mut self, world: &World) {
+        self.upload.clear();
         if let Some((_, Act::StoreAndFail(settings, bytes))) = self.next.take() {
             let mut flash = world.flash();
             flash.cut_power_after(bytes);
@@ -163,9 +169,12 @@ impl Operator {
 impl Person for Operator {
     fn request(&mut self, tick: u64) -> Option<Request> {
         self.tick = self.session_tick + tick;
+        if let Some(request) = self.upload.pop_front() {
+            return Some(request);
+        }
         if self.start_at.is_some_and(|at| self.tick >= at) {
             self.start_at = None;
-            return Some(Request::Command(Command::Start));
+            return Some(Ask::Command(Command::Start).into());
         }
         let due = |(at_s, act): &(f64, Act)| {
             !matches!(act, Act::PowerCut | Act::StoreAndFail(..)) && *at_s <= self.tick as f64 * SAMPLE_S
@@ -174,12 +183,13 @@ impl Person for Operator {
         self.next = self.acts.next();
         self.begin_again();
         match act.1 {
-            Act::Command(command) => Some(Request::Command(command)),
+            Act::Command(command) => Some(Ask::Command(command).into()),
             Act::Store(settings) => {
                 if settings.validate().is_ok() {
                     self.may_be_stored.push((*settings).clone());
                 }
-                Some(Request::StoreSettings(*settings))
+                self.upload = to_store(&settings);
+                self.upload.pop_front()
             }
             Act::StoreAndFail(..) | Act::PowerCut => None,
         }

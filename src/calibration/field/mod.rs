@@ -71,9 +71,14 @@ impl Session {
         self.stage = Stage::Collecting(collection);
     }
 
+    /// One is under way.
+    pub fn is_active(&self) -> bool {
+        !matches!(self.stage, Stage::Off)
+    }
+
     /// Ends it without a result. Nothing happens when none is under way. What is being stored may still arrive in flash.
     pub fn abort(&mut self, sink: Sink) {
-        if !matches!(self.stage, Stage::Off) {
+        if self.is_active() {
             self.end(Why::Aborted.into(), sink);
         }
     }

@@ -1,5 +1,6 @@
 //! The board in QEMU: what a fix does not show. Needs QEMU and the thumb target, as `make setup` brings them.
 
+use std::collections::VecDeque;
 use std::sync::OnceLock;
 
 use hal_sim::Scenario;
@@ -8,13 +9,13 @@ use north_finder::effects::basis::curve::function::Function;
 use north_finder::effects::basis::curve::signal::Signal;
 use north_finder::effects::{Basis, ChannelName, ErrorModel, MAX_TERMS, Term};
 use north_finder::event::{Event, Report, State};
-use north_finder::link::Request;
+use north_finder::link::{self, Request};
 use north_finder::restart::{Cause, Crash, Provocation};
 use north_finder::sequence::Command;
 use north_finder::settings::Settings;
 
 use super::*;
-use crate::engine::{End, limit_ticks};
+use crate::engine::{End, limit_ticks, to_store};
 use crate::settings_file::scenario_settings;
 
 /// The image, built once.
@@ -68,7 +69,7 @@ fn an_interrupted_run_leaves_no_process() {
 #[test]
 fn settings_arrive_over_the_link_and_outlive_the_restart() {
     let settings = Settings { latitude_deg: 51.5, model: Some(longest_model()), ..setup(1.0).settings.unwrap() };
-    let mut person = Loader { settings, stored: false, states: Vec::new() };
+    let mut person = Loader { settings, upload: VecDeque::new(), stored: false, states: Vec::new() };
     let world = World::new(&setup(10.0).scenario, 1);
     let (off, _) = serve(image(), &world, 4000, &mut person, &never()).unwrap();
     assert_eq!(off, PowerOff::TimeLimit);
@@ -88,6 +89,7 @@ fn longest_model() -> ErrorModel {
 /// Loads settings into an empty instrument and then starts a fix.
 struct Loader {
     settings: Settings,
+    upload: VecDeque<Request>,
     stored: bool,
     states: Vec<State>,
 }
@@ -95,10 +97,11 @@ struct Loader {
 impl Person for Loader {
     fn request(&mut self, tick: u64) -> Option<Request> {
         match tick {
-            400 => Some(Request::StoreSettings(self.settings.clone())),
-            1200 => Some(Request::Command(Command::Start)),
-            _ => None,
+            400 => self.upload = to_store(&self.settings),
+            1200 => return Some(link::Ask::Command(Command::Start).into()),
+            _ => {}
         }
+        self.upload.pop_front()
     }
 
     fn hear(&mut self, report: &Report) -> bool {
@@ -126,9 +129,9 @@ impl Person for Saboteur<'_> {
     fn request(&mut self, tick: u64) -> Option<Request> {
         if self.turning && !self.provoked {
             self.provoked = true;
-            return Some(Request::Provoke(self.how));
+            return Some(link::Ask::Provoke(self.how).into());
         }
-        (tick == 0).then_some(Request::Command(Command::Start))
+        (tick == 0).then(|| link::Ask::Command(Command::Start).into())
     }
 
     fn hear(&mut self, report: &Report) -> bool {
@@ -218,6 +221,7 @@ fn an_answer_that_is_none_ends_the_board_and_it_says_so() {
 /// Sends settings half a second after the motor began to turn by a quarter.
 struct Impatient {
     settings: Settings,
+    upload: VecDeque<Request>,
     moving: bool,
     ticks: u32,
     refused: Option<u32>,
@@ -227,9 +231,9 @@ impl Person for Impatient {
     fn request(&mut self, tick: u64) -> Option<Request> {
         self.ticks += u32::from(self.moving);
         if self.ticks == 200 && self.moving {
-            return Some(Request::StoreSettings(self.settings.clone()));
+            self.upload = to_store(&self.settings);
         }
-        (tick == 0).then_some(Request::Command(Command::Start))
+        if tick == 0 { Some(link::Ask::Command(Command::Start).into()) } else { self.upload.pop_front() }
     }
 
     fn hear(&mut self, report: &Report) -> bool {
@@ -248,7 +252,7 @@ fn settings_are_refused_while_the_motor_turns() {
     for qemu in [false, true] {
         let world = crate::engine::world(&setup).unwrap();
         let settings = setup.settings.clone().unwrap();
-        let mut person = Impatient { settings, moving: false, ticks: 0, refused: None };
+        let mut person = Impatient { settings, upload: VecDeque::new(), moving: false, ticks: 0, refused: None };
         let off = if qemu {
             serve(image(), &world, limit_ticks(&setup), &mut person, &never()).unwrap().0
         } else {
