@@ -106,6 +106,7 @@ fn diagnosis() -> Diagnosis {
         residual_rms_after_deg_h: 0.1501,
         azimuth_rms_before_deg: Some(1.52),
         azimuth_rms_after_deg: Some(0.112),
+        inseparable: Vec::new(),
         azimuth_rms_before_interval_deg: Some([1.2, 1.81]),
         azimuth_rms_after_interval_deg: Some([0.08, 0.14]),
         judged_runs: 6,
