@@ -167,7 +167,8 @@ mod target {
                 let _ = black_box(filter.advance(&BlockReading { dt_s: 0.01, increment, turn_rad: 0.4 }));
             });
             if number % 100 == 0 {
-                let velocity = Measurement::Velocity { mean_m_s: Vector3::new(8.0, -5.0, 0.3), sigma_m_s: 0.1 };
+                let mean_m_s = Vector3::new(8.0, -5.0, 0.3);
+                let velocity = Measurement::Velocity { mean_m_s, interval_s: 1.0, sigma_m_s: 0.1 };
                 update.measure(|| {
                     let _ = black_box(filter.measure(&velocity));
                 });

@@ -25,5 +25,7 @@ pub mod progress;
 pub mod recorder;
 pub mod settings_file;
 pub mod solve;
+pub mod table_csv;
 pub mod toml_file;
-pub mod track_report;
+pub mod track;
+pub mod voyage;

@@ -386,7 +386,7 @@ mod tests {
         let read_rad = Vector3::new(13.15, -7.0, 3.0) / ARCSEC_PER_RAD;
         let read_m_s2 = Vector3::new(0.0, 0.0, 9.81 / 1.02 + 0.03 * STANDARD_GRAVITY_M_S2);
         let increment = Increment { angle_rad: read_rad, velocity_m_s: read_m_s2 * 0.1 };
-        let row = BlockRow { t_s: 0.1, interval_s: 0.1, increment, reference_heading_deg: None };
+        let row = BlockRow { t_s: 0.1, interval_s: 0.1, increment, ..BlockRow::default() };
         let mut recording = BlockRecording { rows: vec![row], step_s: 0.1 };
         let gyro_triad = GyroTriad {
             bias_deg_h: [30.0, -20.0, 10.0],

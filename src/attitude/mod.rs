@@ -12,6 +12,7 @@ pub mod filter;
 pub mod hold;
 pub mod quaternion;
 pub mod rotation;
+pub mod ud;
 
 pub use alignment::{AlignError, Aligned, Alignment, Method, NoiseOfRate};
 pub use coning::{Algorithm, Increment, Integrator};

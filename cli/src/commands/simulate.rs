@@ -1,4 +1,4 @@
-//! `north simulate`: a campaign from the simulator.
+//! `north simulate`: a campaign from the simulator, or a voyage of a ship with what aids it.
 
 use std::cell::RefCell;
 use std::io::{self, Write};
@@ -18,14 +18,20 @@ use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress;
 use crate::recorder::{RawRecorder, Recorder, new_campaign, write_run};
+use crate::voyage::{self, VoyageName};
 
 /// Write a campaign from the simulator
 ///
 /// Every run is a fix as `north find --host` makes it, with seeds N, N + 1, … and headings spread evenly over the
 /// circle (unless --azimuth fixes them). Every other run has the role "fit", the rest "check"; the simulator's azimuth is
 /// the reference.
+///
+/// With --voyage: recordings of a ship's block and of its satellites, antennas, log, depth gauge, acoustic fixes and electrostatic gyro,
+/// for `north track`; the command that reads them is printed.
 #[derive(Args, Debug)]
-#[command(after_help = "Example:\n  north simulate --scenario warm-up --runs 12 --out warm && north solve warm")]
+#[command(
+    after_help = "Examples:\n  north simulate --scenario warm-up --runs 12 --out warm && north solve warm\n  north simulate --voyage dive --out dive"
+)]
 pub struct Simulate {
     #[command(flatten)]
     instrument: InstrumentOptions,
@@ -35,6 +41,9 @@ pub struct Simulate {
     /// Number of runs, 1 to 100000
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     runs: u32,
+    /// Instead of a campaign: a voyage of a ship
+    #[arg(long, value_enum, conflicts_with_all = ["scenario", "runs", "raw"])]
+    voyage: Option<VoyageName>,
     /// Rows at 400 Hz, one for each frame of the gyro, instead of 1 s
     #[arg(long)]
     raw: bool,
@@ -52,6 +61,10 @@ impl Simulate {
     pub fn run(self) -> Result<(), Failure> {
         if self.instrument.scenario == "list" {
             return Ok(scenarios::list(&mut io::stdout())?);
+        }
+        if let Some(voyage) = self.voyage {
+            let how = voyage::write(voyage, self.instrument.seed, &self.out)?;
+            return Ok(writeln!(io::stdout(), "{how}")?);
         }
         let (scenario, settings) = self.instrument.resolve()?;
         let title = format!("{}, seed {}", scenario.name, self.instrument.seed);

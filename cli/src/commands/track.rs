@@ -1,38 +1,41 @@
 //! `north track`: orientation along a recording.
 
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use north_finder::attitude::{
-    Alignment, Angles, BlockClass, Hold, HoldLimits, HoldSecond, Increment, Method, Motion, NoiseOfRate,
-};
-use north_finder::units::{DEG_PER_RAD, wrap_180_deg};
+use north_finder::attitude::filter::Mode;
+use north_finder::attitude::filter::block::BlockErrors;
+use north_finder::attitude::{Angles, BlockClass, Motion};
 use serde::Serialize;
 
 use super::number;
-use crate::block_csv;
+use crate::block_csv::BlockRecording;
 use crate::failure::Failure;
-use crate::file_error::{FileError, Problem};
+use crate::file_error::FileError;
 use crate::model_file::ModelFile;
 use crate::output::JsonOption;
-use crate::track_report::{self, TrackRow};
-
-/// A step longer than so many usual ones is a gap.
-const GAP_STEPS: f64 = 1.5;
-/// Longest gap that is bridged, s.
-const LONGEST_GAP_S: f64 = 5.0;
+use crate::track::aided::{self, Aided, Loss, Rejection, SourceSummary};
+use crate::track::aiding_csv::Aiding;
+use crate::track::installation::Installation;
+use crate::track::start::{self, Start};
+use crate::track::{Detail, Reference, held, report};
 
 /// Orientation along a recording of a three-axis block
 ///
-/// The heading starts from --heading, or from an alignment of the first seconds, in which the block stands. It is held from
-/// there: biases are learned while the block stands, increments are summed up while it moves, sigma grows with the class of the
-/// block. Gaps are bridged up to 5 s with a wider sigma, saturated gyros counted.
+/// The heading starts from --heading, or from an alignment of the first seconds, in which the block stands. Without aiding it is held
+/// from there: biases are learned while the block stands, increments are summed up while it moves, sigma grows with the class of the
+/// block. With aiding, in columns of the recording or in files of their own, a filter of 35 states takes every reading at its own
+/// time (47 states with an electrostatic gyro). Outliers are rejected and counted, lost sources are told. Gaps are bridged with a
+/// wider sigma, 5 s held, 1 s aided; saturated gyros are counted.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   north track walk.csv --latitude 34.75 --heading 12.34 --class modern-mems --out track.csv
-  north track parked.csv --latitude 34.246 --align 300 --class ring-laser --out track.csv --report track.html")]
+  north track parked.csv --latitude 34.246 --align 300 --class ring-laser --out track.csv --report track.html
+  north simulate --voyage dive --out dive && north track dive/block.csv --latitude 60 --heading 30 --heading-sigma 1 --align 30 \\
+    --class source-fog --aid dive/satellites.csv --aid dive/log.csv --aid dive/depth.csv --aid dive/acoustic.csv \\
+    --installation dive/installation.toml --mode aided --mode submerged@1200 --out track.csv --report track.html")]
 pub struct Track {
     /// Recording: t_s, gx_arcsec, gy_arcsec, gz_arcsec, ax_m_s2, ay_m_s2, az_m_s2; x forward, y left, z up
     #[arg(value_name = "FILE.csv")]
@@ -52,20 +55,50 @@ pub struct Track {
     /// One sigma of that heading, degrees
     #[arg(long, value_name = "DEG", default_value = "0.04", value_parser = number::<0, 180>)]
     heading_sigma: f64,
-    /// Seconds of standing at the start that are aligned, or levelled
+    /// Seconds at the start that are aligned, or levelled
     #[arg(long, value_name = "S", default_value = "100", value_parser = number::<1, 100_000>)]
     align: f64,
     /// Class of the block
     #[arg(long, value_enum, default_value_t = Class::ModernMems)]
     class: Class,
+    /// Readings that aid, with a column t_s of their own: docs/formats.md; again for each file
+    #[arg(long, value_name = "FILE.csv")]
+    aid: Vec<PathBuf>,
+    /// Where antennas are, and what an electrostatic gyro is good for: docs/formats.md
+    #[arg(long, value_name = "FILE.toml")]
+    installation: Option<PathBuf>,
+    /// Which sources are taken, from a time on, s: "aided", "submerged@3600"; again for each change; aided without it
+    #[arg(long, value_name = "MODE[@S]", value_parser = mode)]
+    mode: Vec<(f64, Mode)>,
     /// Heading to compare with, degrees, where the block stood all the time; a column reference_heading_deg does it for each row
-    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = number::<-360, 360>)]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = number::<-360, 360>, conflicts_with = "reference_track")]
     reference: Option<f64>,
+    /// Headings to compare with: a file with t_s and heading_deg, another track for example
+    #[arg(long, value_name = "FILE.csv")]
+    reference_track: Option<PathBuf>,
     /// Write a page with heading, sigma, errors and innovations
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
     #[command(flatten)]
     json: JsonOption,
+}
+
+/// Names of the modes.
+const MODES: [(&str, Mode); 5] = [
+    ("stand", Mode::Stand),
+    ("aided", Mode::Aided),
+    ("manoeuvring", Mode::Manoeuvring),
+    ("log-only", Mode::LogOnly),
+    ("submerged", Mode::Submerged),
+];
+
+fn mode(text: &str) -> Result<(f64, Mode), String> {
+    let (name, from) = text.split_once('@').unwrap_or((text, "0"));
+    let mode = MODES.iter().find(|(known, _)| *known == name).map(|(_, mode)| *mode);
+    match (mode, from.parse::<f64>()) {
+        (Some(mode), Ok(from_s)) if from_s.is_finite() => Ok((from_s, mode)),
+        _ => Err(format!("allowed is one of {}, with @ and a time in seconds", MODES.map(|(name, _)| name).join(", "))),
+    }
 }
 
 /// Names of the classes of blocks.
@@ -86,6 +119,16 @@ impl Class {
             Self::RingLaser => BlockClass::RING_LASER,
         }
     }
+
+    /// What the aided filter is told of it.
+    fn errors(self) -> BlockErrors {
+        match self {
+            Self::SourceMems => BlockErrors::MEMS_HARDWARE,
+            Self::ModernMems => BlockErrors::STIM300,
+            Self::SourceFog => BlockErrors::FOG,
+            Self::RingLaser => BlockErrors::RING_LASER,
+        }
+    }
 }
 
 /// What became of the recording.
@@ -93,14 +136,10 @@ impl Class {
 struct Summary {
     class: &'static str,
     seconds: usize,
-    standing_s: usize,
-    moving_s: usize,
     gaps: u32,
     saturated: u32,
-    invalid: u32,
     heading_deg: f64,
     sigma_heading_deg: f64,
-    refix_at_s: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     rms_error_deg: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -108,137 +147,183 @@ struct Summary {
     /// Mean normalised squared innovation, and how many.
     nis: f64,
     nis_degrees_of_freedom: u32,
+    #[serde(flatten)]
+    how: How,
+}
+
+/// What only one of the two ways knows.
+#[derive(Serialize)]
+#[serde(untagged)]
+enum How {
+    Held {
+        standing_s: usize,
+        moving_s: usize,
+        invalid: u32,
+        refix_at_s: Option<f64>,
+    },
+    Aided {
+        sources: Vec<SourceSummary>,
+        rejections: Vec<Rejection>,
+        sigma_position_m: f64,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        rms_position_error_m: Option<f64>,
+    },
 }
 
 impl Summary {
     fn said(&self) -> String {
-        let refix = self.refix_at_s.map_or_else(String::new, |t_s| format!("; a new fix is wanted since {t_s:.0} s"));
-        let rms = self.rms_error_deg.map_or_else(String::new, |rms| format!("; rms error {rms:.4}°"));
+        let rms = self.rms_error_deg.zip(self.within_two_sigma).map_or_else(String::new, |(rms, within)| {
+            format!("; rms error {rms:.4}°, within 1.96 sigma {:.1} %", 100.0 * within)
+        });
         let m = f64::from(self.nis_degrees_of_freedom);
         let nis = if m > 0.0 {
             format!("; NIS {:.3} (95 %: 1 ± {:.3})", self.nis, 1.96 * (2.0 / m).sqrt())
         } else {
             String::new()
         };
+        let how = match &self.how {
+            How::Held { standing_s, moving_s, invalid, refix_at_s } => {
+                let refix =
+                    refix_at_s.map_or_else(String::new, |t_s| format!("; a new fix is wanted since {t_s:.0} s"));
+                format!("; {standing_s} s standing, {moving_s} moving, {invalid} invalid samples{refix}")
+            }
+            How::Aided { sources, sigma_position_m, rms_position_error_m, .. } => {
+                let rms = rms_position_error_m.map_or_else(String::new, |rms| format!(", rms error {rms:.1} m"));
+                let sources: String = sources.iter().map(said_of_source).collect();
+                format!("; position ± {sigma_position_m:.1} m{rms}{sources}")
+            }
+        };
         format!(
-            "{}: {} s ({} standing, {} moving), heading {:.4}° ± {:.4}°; {} gaps, {} saturated, {} invalid samples{nis}{refix}{rms}",
-            self.class,
-            self.seconds,
-            self.standing_s,
-            self.moving_s,
-            self.heading_deg,
-            self.sigma_heading_deg,
-            self.gaps,
-            self.saturated,
-            self.invalid
+            "{}: {} s, heading {:.4}° ± {:.4}°; {} gaps, {} saturated{how}{nis}{rms}",
+            self.class, self.seconds, self.heading_deg, self.sigma_heading_deg, self.gaps, self.saturated
         )
     }
 }
 
-impl Track {
-    pub fn run(self) -> Result<(), Failure> {
-        let recording = ModelFile::read_block(&self.recording, self.model.as_deref())?;
-        let class = self.class.block();
-        let (mut hold, start) = self.start(&recording, &class)?;
-        let mut rows = Vec::new();
-        for row in recording.rows.iter().skip(start) {
-            let mut samples = (row.interval_s, row.increment);
-            let gap_s = row.interval_s - recording.step_s;
-            if row.interval_s > GAP_STEPS * recording.step_s {
-                if gap_s > LONGEST_GAP_S {
-                    let problem = format!(
-                        "no rows for {gap_s:.3} s before t_s = {}; at most {LONGEST_GAP_S} s are bridged",
-                        row.t_s
-                    );
-                    return Err(FileError::whole(&self.recording, Problem::Syntax(problem)).into());
-                }
-                let rate_deg_s = row.increment.angle_rad.norm() / recording.step_s * DEG_PER_RAD;
-                rows.push(self.row(
-                    row.t_s - recording.step_s,
-                    hold.bridge(gap_s, rate_deg_s),
-                    row.reference_heading_deg,
-                ));
-                samples = (
-                    recording.step_s,
-                    Increment {
-                        velocity_m_s: row.increment.velocity_m_s * (recording.step_s / row.interval_s),
-                        ..row.increment
-                    },
-                );
-            }
-            if let Some(second) = hold.push(samples.0, samples.1) {
-                rows.push(self.row(row.t_s, second, row.reference_heading_deg));
-            }
+fn said_of_source(source: &SourceSummary) -> String {
+    let SourceSummary {
+        source: name, taken, rejected, longest_rejected_in_a_row, ignored_by_mode, unused, nis, ..
+    } = source;
+    let mut said = format!("\n  {name}: {taken} taken, {rejected} rejected beyond 5 sigma");
+    if *longest_rejected_in_a_row > 1 {
+        said += &format!(" (up to {longest_rejected_in_a_row} in a row)");
+    }
+    for (count, why) in
+        [(*ignored_by_mode, "not used in the mode"), (*unused, "before, after or across an interruption")]
+    {
+        if count > 0 {
+            said += &format!(", {count} {why}");
         }
-        self.write_track(&rows)?;
-        let summary = summary(&class, &rows, &hold);
+    }
+    said += &format!(", NIS {nis:.3}");
+    for Loss { from_s, to_s, sigma_heading_before_deg: before, sigma_heading_after_deg: after } in &source.lost {
+        let to = to_s.map_or_else(|| "the end".into(), |to_s| format!("{to_s:.1} s"));
+        said += &format!("; lost from {from_s:.1} s to {to}, heading sigma {before:.4}° to {after:.4}°");
+    }
+    said
+}
+
+impl Track {
+    pub fn run(mut self) -> Result<(), Failure> {
+        let recording = ModelFile::read_block(&self.recording, self.model.as_deref())?;
+        let aiding = Aiding::read(&self.recording, &self.aid)?;
+        for unknown in &aiding.unknown {
+            eprintln!("north: note: columns that are no readings: {unknown}");
+        }
+        if aiding.is_empty() && (self.installation.is_some() || !self.mode.is_empty()) {
+            return Err(Failure::Usage(
+                "--installation and --mode need aiding: --aid, or columns of the recording".into(),
+            ));
+        }
+        self.mode.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let reference = match &self.reference_track {
+            Some(path) => Reference::read(path)?,
+            None => Reference::fixed(self.reference),
+        };
+        let class = self.class.block();
+        let refused = |reason: String| Failure::Refused(format!("{}: {reason}", self.recording.display()));
+        let heading = self.heading.map(|heading_deg| (heading_deg, self.heading_sigma));
+        let start = start::start(&recording, &class, self.latitude, self.align, heading).map_err(refused)?;
+        let (track, gaps, saturated, how) = if aiding.is_empty() {
+            let (track, counters) =
+                held::run(&recording, &class, self.latitude, &start, &reference).map_err(refused)?;
+            let how = how_held(&track, counters.invalid);
+            (track, counters.gaps, counters.saturated, how)
+        } else {
+            let Aided { track, sources, rejections, gaps, saturated } =
+                self.aided(&recording, &aiding, &start, &reference)?;
+            let how = how_aided(&track, sources, rejections);
+            (track, gaps, saturated, how)
+        };
+        self.write_track(&track)?;
+        let last = track.rows.last();
+        let (errors, (nis, nis_degrees_of_freedom)) = (track.errors(), track.nis());
+        let summary = Summary {
+            class: class.name,
+            seconds: track.rows.len(),
+            gaps,
+            saturated,
+            heading_deg: last.map_or(f64::NAN, |row| row.angles.heading_deg),
+            sigma_heading_deg: last.map_or(180.0, |row| row.sigma_heading_deg),
+            rms_error_deg: errors.map(|(rms, _)| rms),
+            within_two_sigma: errors.map(|(_, within)| within),
+            nis,
+            nis_degrees_of_freedom,
+            how,
+        };
         let said = summary.said();
         writeln!(self.json.human(), "{said}")?;
         if let Some(path) = &self.report {
-            let page = track_report::html(&self.recording, &said, &rows);
+            let page = report::html(&self.recording, &said, &track);
             std::fs::write(path, page).map_err(|error| FileError::whole(path, error))?;
         }
         self.json.write(&summary)
     }
 
-    fn row(&self, t_s: f64, second: HoldSecond, reference_deg: Option<f64>) -> TrackRow {
-        let reference_deg = reference_deg.or(self.reference);
-        let error_deg = reference_deg.map(|reference| wrap_180_deg(second.angles.heading_deg - reference));
-        TrackRow { t_s, second, error_deg }
-    }
-
-    /// The hold at its start, and the row after it.
-    fn start(&self, recording: &block_csv::BlockRecording, class: &BlockClass) -> Result<(Hold, usize), Failure> {
-        let mut alignment = Alignment::default();
-        let mut felt = [0.0; 3];
-        let mut count = 0;
-        for row in &recording.rows {
-            if alignment.seconds() > self.align - 0.5 * recording.step_s
-                || row.interval_s > GAP_STEPS * recording.step_s
-            {
-                break;
-            }
-            alignment.push(row.interval_s, row.increment);
-            for (sum, part) in felt.iter_mut().zip(row.increment.velocity_m_s.iter()) {
-                *sum += part;
-            }
-            count += 1;
-        }
-        let refused = |reason: String| Failure::Refused(format!("{}: {reason}", self.recording.display()));
-        let [x, y, z] = felt;
-        let level_sigma_deg = class.accelerometer_m_s2 / 9.8 * DEG_PER_RAD;
-        let (angles, sigma_deg, level_deg) = match self.heading {
-            Some(heading_deg) => {
-                let pitch_deg = x.atan2(y.hypot(z)) * DEG_PER_RAD;
-                let roll_deg = y.atan2(z) * DEG_PER_RAD;
-                (Angles { heading_deg, pitch_deg, roll_deg }, self.heading_sigma, level_sigma_deg)
-            }
-            None => {
-                let noise = NoiseOfRate::Declared(class.arw_deg_sqrt_h);
-                let aligned = alignment
-                    .solve(Method::LeastSquares, Some(self.latitude), &noise, Some(class.run_to_run_deg_h))
-                    .map_err(|error| refused(format!("{error}; give --heading, or a longer --align")))?;
-                (aligned.angles, aligned.sigma_heading_deg, aligned.sigma_level_deg.max(level_sigma_deg))
-            }
+    fn aided(
+        &self,
+        recording: &BlockRecording,
+        aiding: &Aiding,
+        start: &Start,
+        reference: &Reference,
+    ) -> Result<Aided, Failure> {
+        let installation =
+            self.installation.as_deref().map_or_else(|| Ok(Installation::default()), Installation::read)?;
+        let settings = aided::Settings {
+            class: self.class.block(),
+            errors: self.class.errors(),
+            latitude_deg: self.latitude,
+            installation,
+            modes: self.mode.clone(),
         };
-        let hold = Hold::new(class, HoldLimits::default(), self.latitude, &angles, sigma_deg, level_deg);
-        Ok((hold.map_err(|error| refused(error.to_string()))?, count))
+        aided::run(recording, aiding, start, &settings, reference)
+            .map_err(|reason| Failure::Refused(format!("{}: {reason}", self.recording.display())))
     }
 
-    fn write_track(&self, rows: &[TrackRow]) -> Result<(), Failure> {
-        let write = || -> std::io::Result<()> {
+    fn write_track(&self, track: &crate::track::Track) -> Result<(), Failure> {
+        let write = || -> io::Result<()> {
             let mut out = BufWriter::new(File::create(&self.out)?);
-            writeln!(out, "t_s,heading_deg,pitch_deg,roll_deg,sigma_heading_deg,sigma_level_deg,standing,refix")?;
-            for TrackRow { t_s, second, .. } in rows {
-                let Angles { heading_deg, pitch_deg, roll_deg } = second.angles;
-                writeln!(
-                    out,
-                    "{t_s},{heading_deg},{pitch_deg},{roll_deg},{},{},{},{}",
-                    second.sigma_heading_deg,
-                    second.sigma_level_deg,
-                    u8::from(second.motion == Motion::Standing),
-                    u8::from(second.refix)
-                )?;
+            let own = match track.rows.first().map(|row| row.detail) {
+                Some(Detail::Aided { .. }) => "lat_deg,lon_deg,height_m,ve_m_s,vn_m_s,vu_m_s,sigma_position_m",
+                _ => "standing,refix",
+            };
+            writeln!(out, "t_s,heading_deg,pitch_deg,roll_deg,sigma_heading_deg,sigma_level_deg,{own}")?;
+            for row in &track.rows {
+                let Angles { heading_deg, pitch_deg, roll_deg } = row.angles;
+                let (t_s, sigma_deg, level_deg) = (row.t_s, row.sigma_heading_deg, row.sigma_level_deg);
+                write!(out, "{t_s},{heading_deg},{pitch_deg},{roll_deg},{sigma_deg},{level_deg},")?;
+                match row.detail {
+                    Detail::Held { motion, refix } => {
+                        writeln!(out, "{},{}", u8::from(motion == Motion::Standing), u8::from(refix))?;
+                    }
+                    Detail::Aided { latitude_deg, longitude_deg, height_m, velocity_m_s, sigma_position_m, .. } => {
+                        let [east, north, up] = velocity_m_s;
+                        writeln!(
+                            out,
+                            "{latitude_deg},{longitude_deg},{height_m},{east},{north},{up},{sigma_position_m}"
+                        )?;
+                    }
+                }
             }
             out.flush()
         };
@@ -246,30 +331,37 @@ impl Track {
     }
 }
 
-fn summary(class: &BlockClass, rows: &[TrackRow], hold: &Hold) -> Summary {
-    let count = |motion| rows.iter().filter(|row| row.second.motion == motion).count();
-    let errors: Vec<(f64, f64)> =
-        rows.iter().filter_map(|row| row.error_deg.map(|error| (error, row.second.sigma_heading_deg))).collect();
-    let some = (!errors.is_empty()).then_some(errors.len() as f64);
-    let last = rows.last().map(|row| row.second);
-    let counters = hold.counters();
-    let squares: f64 = rows.iter().map(|row| row.second.normalised_squared).sum();
-    let nis_degrees_of_freedom = rows.iter().map(|row| row.second.degrees_of_freedom).sum();
-    Summary {
-        nis: squares / f64::from(u32::max(nis_degrees_of_freedom, 1)),
-        nis_degrees_of_freedom,
-        class: class.name,
-        seconds: rows.len(),
+fn how_held(track: &crate::track::Track, invalid: u32) -> How {
+    let held = || {
+        track.rows.iter().filter_map(|row| match row.detail {
+            Detail::Held { motion, refix } => Some((row.t_s, motion, refix)),
+            Detail::Aided { .. } => None,
+        })
+    };
+    let count = |wanted| held().filter(|(_, motion, _)| *motion == wanted).count();
+    How::Held {
         standing_s: count(Motion::Standing),
         moving_s: count(Motion::Moving),
-        gaps: counters.gaps,
-        saturated: counters.saturated,
-        invalid: counters.invalid,
-        heading_deg: last.map_or(f64::NAN, |second| second.angles.heading_deg),
-        sigma_heading_deg: last.map_or(180.0, |second| second.sigma_heading_deg),
-        refix_at_s: rows.iter().find(|row| row.second.refix).map(|row| row.t_s),
-        rms_error_deg: some.map(|n| (errors.iter().map(|(error, _)| error * error).sum::<f64>() / n).sqrt()),
-        within_two_sigma: some
-            .map(|n| errors.iter().filter(|(error, sigma)| error.abs() <= 1.96 * sigma).count() as f64 / n),
+        invalid,
+        refix_at_s: held().find(|(_, _, refix)| *refix).map(|(t_s, ..)| t_s),
+    }
+}
+
+fn how_aided(track: &crate::track::Track, sources: Vec<SourceSummary>, rejections: Vec<Rejection>) -> How {
+    let places: Vec<(f64, Option<f64>)> = track
+        .rows
+        .iter()
+        .filter_map(|row| match row.detail {
+            Detail::Aided { sigma_position_m, position_error_m, .. } => Some((sigma_position_m, position_error_m)),
+            Detail::Held { .. } => None,
+        })
+        .collect();
+    let errors: Vec<f64> = places.iter().filter_map(|(_, error)| *error).collect();
+    let rms = (errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64).sqrt();
+    How::Aided {
+        sources,
+        rejections,
+        sigma_position_m: places.last().map_or(f64::INFINITY, |(sigma, _)| *sigma),
+        rms_position_error_m: (!errors.is_empty()).then_some(rms),
     }
 }

@@ -50,16 +50,18 @@ pub struct Modulation {
     /// 0 for none.
     pub amplitude_deg: f64,
     pub period_s: f64,
+    /// Of the middle: 90° is a block whose x axis points forward, y to port.
+    pub mean_deg: f64,
 }
 
 impl Modulation {
     /// Ten minutes, as in the source.
     pub fn harmonic(amplitude_deg: f64) -> Self {
-        Self { amplitude_deg, period_s: 600.0 }
+        Self { amplitude_deg, period_s: 600.0, mean_deg: 0.0 }
     }
 
     fn turn_rad(&self, t_s: f64) -> f64 {
-        self.amplitude_deg.to_radians() * (TAU * t_s / self.period_s).sin()
+        (self.mean_deg + self.amplitude_deg * (TAU * t_s / self.period_s).sin()).to_radians()
     }
 }
 

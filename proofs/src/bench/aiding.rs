@@ -364,7 +364,7 @@ fn write_observable(out: &mut dyn Write, cases: &[(&str, Vec<f64>)]) -> io::Resu
         write!(out, " {name} |")?;
     }
     writeln!(out, "\n|---|---|{}", "---|".repeat(cases.len()))?;
-    for group in &state::GROUPS {
+    for group in state::GROUPS.iter().filter(|group| group.first < state::AIDED) {
         write!(out, "| {} | {} |", group.name, group.unit)?;
         for (_, sigmas) in cases {
             let values = sigmas.iter().skip(group.first).take(group.count);

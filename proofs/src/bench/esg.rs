@@ -21,7 +21,7 @@ use serde::Serialize;
 
 use super::{Bench, trials};
 use crate::trials::aided::{Aids, Case, Class, antennas};
-use crate::trials::dive::{Dive, Shot, calibrate, declared, run};
+use crate::trials::dive::{Dive, Shot, calibrate, declared, run, run_joined};
 
 /// A gyro as it may be had today and as the source's time had it: drift that nothing explains 0.002 °/h, torques of 0.5 °/h
 /// that are calibrated, sensors with 20″, readings with 5″.
@@ -80,7 +80,7 @@ impl Bench for EsgBench {
     type Row = Row;
 
     fn measure(&self, out: &mut dyn Write) -> Result<Vec<Row>, Failure> {
-        let dives = 2 * CLASSES.len() + LATITUDES_DEG.len() * 2 * FIXES_S.len() + GYROS.len() + 1;
+        let dives = 4 * CLASSES.len() + LATITUDES_DEG.len() * 2 * FIXES_S.len() + GYROS.len() + 1;
         let bar = progress::bar(dives as u64 * self.trials, "dives");
         geometry(out)?;
         self.stand(out, &bar)?;
@@ -94,15 +94,16 @@ impl Bench for EsgBench {
             orientation: Orientation::Polar,
             fix_every_s: Some(3600),
             gyro: GYRO,
-            twelve: false,
+            filter: Beside::Full,
         };
         bar.suspend(|| {
             head(out, "Readiness: heading by the gyro in the hour at the surface, and in four hours below")
         })?;
         let windows_s = [(0.0, 600.0), (600.0, 1800.0), (1800.0, 3600.0), (3600.0, 18_000.0)];
-        for (twelve, table) in [(false, "seven states, calibrated"), (true, "twelve states, not calibrated")] {
+        for filter in [Beside::Full, Beside::Seven, Beside::FullUncalibrated, Beside::Twelve] {
             for class in CLASSES {
-                self.add(out, &Setup { table, class, twelve, ..base }, &windows_s, &bar, &mut rows)?;
+                let setup = Setup { table: "readiness", class, filter, ..base };
+                self.add(out, &setup, &windows_s, &bar, &mut rows)?;
             }
         }
         bar.suspend(|| head(out, "How often a position fix is needed: the last hour of twelve below"))?;
@@ -132,7 +133,10 @@ impl Bench for EsgBench {
 
     fn judge(&self, rows: &[Row]) -> Result<(), Failure> {
         let missed = rows.iter().filter(|row| row.within_3_sigma < 0.95);
-        match missed.map(|row| format!("{} {} {}°", row.table, row.block, row.latitude_deg)).collect::<Vec<_>>() {
+        match missed
+            .map(|row| format!("{}, {}, {}, {}°", row.table, row.filter, row.block, row.latitude_deg))
+            .collect::<Vec<_>>()
+        {
             missed if missed.is_empty() => Ok(()),
             missed => Err(Failure::Refused(format!("heading errors beyond 3 sigma: {}", missed.join(", ")))),
         }
@@ -145,6 +149,7 @@ const FIXES: &str = "fixes";
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
     pub table: &'static str,
+    pub filter: &'static str,
     pub block: &'static str,
     pub orientation: &'static str,
     pub latitude_deg: f64,
@@ -258,8 +263,34 @@ struct Setup<'a> {
     orientation: Orientation,
     fix_every_s: Option<u32>,
     gyro: EsgClass,
-    /// Twelve states and no stand, or seven after one.
-    twelve: bool,
+    filter: Beside,
+}
+
+/// How the gyro's filter stands to the aided one.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Beside {
+    /// One filter of 47 states; the drift's coefficients are known from a stand, or not.
+    Full,
+    FullUncalibrated,
+    /// Seven states of its own, after a stand.
+    Seven,
+    /// Twelve states of its own, no stand.
+    Twelve,
+}
+
+impl Beside {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Full => "full, 47 states, calibrated",
+            Self::FullUncalibrated => "full, 47 states, no stand",
+            Self::Seven => "seven states beside, calibrated",
+            Self::Twelve => "twelve states beside, no stand",
+        }
+    }
+
+    fn calibrated(self) -> bool {
+        matches!(self, Self::Full | Self::Seven)
+    }
 }
 
 impl EsgBench {
@@ -281,10 +312,14 @@ impl EsgBench {
                 orientation: setup.orientation,
                 hour_angle_deg: (trial * 37 % 360) as f64,
                 surface_s: SURFACE_S,
-                calibrated_deg_h: (!setup.twelve).then_some(CALIBRATED_DEG_H),
+                calibrated_deg_h: setup.filter.calibrated().then_some(CALIBRATED_DEG_H),
             };
             let seed = (self.seed << 32) + trial;
-            if setup.twelve { run::<12, 10, 78>(&dive, seed, 600) } else { run::<7, 5, 28>(&dive, seed, 600) }
+            match setup.filter {
+                Beside::Full | Beside::FullUncalibrated => run_joined(&dive, seed, 600),
+                Beside::Seven => run::<7, 5, 28>(&dive, seed, 600),
+                Beside::Twelve => run::<12, 10, 78>(&dive, seed, 600),
+            }
         })
     }
 
@@ -330,6 +365,7 @@ fn row(setup: &Setup, shots: &[Vec<Shot>], from_s: f64, to_s: f64) -> Row {
     let rms = |f: &dyn Fn(&Shot) -> f64| (within.iter().map(|shot| f(shot).powi(2)).sum::<f64>() / n).sqrt();
     Row {
         table: setup.table,
+        filter: setup.filter.name(),
         block: setup.class.name,
         orientation: name(setup.orientation),
         latitude_deg: setup.latitude_deg,
@@ -348,7 +384,8 @@ fn write_row(out: &mut dyn Write, row: &Row) -> io::Result<()> {
     let fixes = row.fix_every_s.map_or_else(|| "none".to_owned(), |every| format!("{}", every / 60));
     writeln!(
         out,
-        "| {} | {} | {} | {fixes} | {} | {} | {:.1} | {:.3} | {:.3} | {:.1} | {:.0} |",
+        "| {} | {} | {} | {} | {fixes} | {} | {} | {:.1} | {:.3} | {:.3} | {:.1} | {:.0} |",
+        row.filter,
         row.block,
         row.orientation,
         row.latitude_deg,
@@ -366,7 +403,7 @@ fn head(out: &mut dyn Write, title: &str) -> io::Result<()> {
     writeln!(out, "\n### {title}\n")?;
     writeln!(
         out,
-        "| block | orientation | latitude, ° | fix each, min | drift, °/h | pick-off, ″ | to, h | heading rms, ° | sigma, ° | within 3 sigma, % | position rms, m |\n|---|---|---|---|---|---|---|---|---|---|---|"
+        "| filter | block | orientation | latitude, ° | fix each, min | drift, °/h | pick-off, ″ | to, h | heading rms, ° | sigma, ° | within 3 sigma, % | position rms, m |\n|---|---|---|---|---|---|---|---|---|---|---|---|"
     )
 }
 

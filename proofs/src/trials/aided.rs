@@ -177,7 +177,8 @@ fn aid(
     let due = |every: Option<u32>| every.is_some_and(|every| second.is_multiple_of(every));
     if due(aids.satellites_s) {
         let mean_m_s = receivers.velocity_m_s(last, at);
-        let _ = filter.measure(&Measurement::Velocity { mean_m_s, sigma_m_s: case.antennas.velocity_m_s });
+        let (interval_s, sigma_m_s) = (at.t_s - last.t_s, case.antennas.velocity_m_s);
+        let _ = filter.measure(&Measurement::Velocity { mean_m_s, interval_s, sigma_m_s });
         let (latitude, longitude, mut height_m) = receivers.position(at);
         if aids.outliers > 0.0 && random.0.random::<f64>() < aids.outliers {
             height_m += 300.0 * random.draw();
@@ -199,7 +200,7 @@ fn aid(
         let _ = filter.measure(&Measurement::Heading { heading_rad, sigma_rad: class.heading_deg.to_radians() });
     }
     if due(aids.log_s) {
-        let [starboard_m_s, forward_m_s] = water.log_m_s(at);
+        let [starboard_m_s, forward_m_s] = water.log_m_s(at).map(Some);
         let _ = filter.measure(&Measurement::Log { starboard_m_s, forward_m_s, sigma_m_s: class.log_m_s });
     }
     if due(aids.acoustic_s) {

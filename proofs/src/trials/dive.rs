@@ -1,4 +1,4 @@
-//! A dive with an electrostatic gyro beside the aided filter.
+//! A dive with an electrostatic gyro, in the aided filter or beside it.
 
 use hal_sim::vessel::electrostatic::{Electrostatic, EsgClass, Orientation};
 use hal_sim::vessel::globe;
@@ -67,7 +67,51 @@ fn ordered(orientation: Orientation, hour_angle_deg: f64) -> Vector3<f64> {
 /// Degrees by which the rotor may be off its ordered direction.
 const OFF_DEG: f64 = 0.5;
 
-/// Runs with `N` states and tells the heading each `every_s`.
+/// Runs with the gyro in the aided filter, 47 states, and tells the heading each `every_s`.
+pub fn run_joined(dive: &Dive, seed: u64, every_s: u32) -> Vec<Shot> {
+    let mut rotor = Electrostatic::new(dive.gyro, dive.orientation, dive.hour_angle_deg, OFF_DEG, seed);
+    let left = dive.calibrated_deg_h.unwrap_or(dive.gyro.coefficient_deg_h);
+    let gyro = declared(&dive.gyro, left, OFF_DEG);
+    let interval_s = dive.case.passage.interval_s;
+    let each = (1.0 / interval_s).round() as u64;
+    let (mut shots, mut count) = (Vec::new(), 0u64);
+    run_with(&dive.case, seed, |filter, step| {
+        if count == 0 {
+            let direction = ordered(dive.orientation, dive.hour_angle_deg);
+            filter.add_electrostatic(&direction, known(dive, &rotor, seed), gyro);
+        }
+        rotor.advance(step, interval_s);
+        count += 1;
+        let second = (count / each) as u32;
+        if !count.is_multiple_of(each) || !second.is_multiple_of(READ_S) {
+            return;
+        }
+        let (direction, sensor) = rotor.read(&step.end);
+        let _ = filter.measure(&Measurement::PickOff(PickOff { direction, sensor }));
+        if second.is_multiple_of(every_s) {
+            let told = filter.heading();
+            shots.push(shot(filter, step, told.heading_deg, told.sigma_deg));
+        }
+    });
+    shots
+}
+
+fn shot(filter: &Filter, step: &Step, heading_deg: f64, sigma_deg: f64) -> Shot {
+    let navigation = filter.navigation();
+    let here = globe::position(
+        navigation.latitude_rad.to_degrees(),
+        navigation.longitude_rad.to_degrees(),
+        navigation.height_m,
+    );
+    Shot {
+        t_s: step.end.t_s,
+        error_deg: (step.end.heading_deg() - heading_deg + 540.0).rem_euclid(360.0) - 180.0,
+        sigma_deg,
+        position_error_m: (step.end.position_m - here).norm(),
+    }
+}
+
+/// Runs with a filter of `N` states beside the aided one and tells the heading each `every_s`.
 pub fn run<const N: usize, const OTHERS: usize, const PACKED: usize>(
     dive: &Dive,
     seed: u64,
@@ -130,17 +174,7 @@ fn heading<const N: usize, const OTHERS: usize, const PACKED: usize>(
     };
     let told = esg.heading(reading, &at)?;
     let heading_rad = own_deg.to_radians() + told.correction_rad;
-    let here = globe::position(
-        navigation.latitude_rad.to_degrees(),
-        navigation.longitude_rad.to_degrees(),
-        navigation.height_m,
-    );
-    let shot = Shot {
-        t_s: step.end.t_s,
-        error_deg: (step.end.heading_deg() - heading_rad.to_degrees() + 540.0).rem_euclid(360.0) - 180.0,
-        sigma_deg: told.sigma_rad.to_degrees(),
-        position_error_m: (step.end.position_m - here).norm(),
-    };
+    let shot = shot(filter, step, heading_rad.to_degrees(), told.sigma_rad.to_degrees());
     if below {
         let sigma_rad = told.sigma_rad * (CORRELATED_S / f64::from(READ_S)).sqrt();
         let _ = filter.measure(&Measurement::Heading { heading_rad, sigma_rad });

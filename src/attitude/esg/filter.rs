@@ -4,11 +4,11 @@
 //! (Wiener processes). Twelve with the five coefficients of the drift, after a calibration on a stand.
 
 use libm::sqrt;
-use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
-use super::reference::{DriftCoefficients, Reference, plane_transition};
+use super::reference::{DriftCoefficients, Reference};
 use super::sky;
-use crate::attitude::filter::ud::{Ud, put, unit};
+use crate::attitude::ud::{Ud, put, unit};
 
 /// Errors of the direction: δ1 along axis 1, δη along the rise (δh2 = −δη·sin θ), rad.
 const DIRECTION: usize = 0;
@@ -104,8 +104,6 @@ impl<const N: usize, const OTHERS: usize, const PACKED: usize> EsgFilter<N, OTHE
     /// `dt_s` on; `block` takes block axes to inertial ones, `force_g` is the specific force in block axes, g.
     pub fn advance(&mut self, dt_s: f64, block: &Matrix3<f64>, force_g: &Vector3<f64>) {
         let (a, b) = self.reference.plane();
-        let drift = self.reference.drift(block, force_g);
-        let phi = plane_transition(&drift, &self.reference.direction(), dt_s);
         let mut coupling = SMatrix::<f64, 2, OTHERS>::zeros();
         let mut put = |row: usize, state: usize, value: f64| {
             if let Some(place) = coupling.get_mut((row, state - 2)) {
@@ -119,7 +117,7 @@ impl<const N: usize, const OTHERS: usize, const PACKED: usize> EsgFilter<N, OTHE
             put(0, COEFFICIENT + number, -part.dot(&b) * dt_s);
             put(1, COEFFICIENT + number, part.dot(&a) * dt_s);
         }
-        self.covariance.lead::<2, OTHERS, 4>(&phi, &coupling, &Vector2::zeros());
+        self.covariance.lead::<2, OTHERS, 4>(&Matrix2::identity(), &coupling, &Vector2::zeros());
         let growth = self.errors.drift_growth_rad_s_per_sqrt_s;
         for state in DRIFT..COEFFICIENT {
             self.covariance.add_noise(state, growth * growth * dt_s);
@@ -164,12 +162,8 @@ impl<const N: usize, const OTHERS: usize, const PACKED: usize> EsgFilter<N, OTHE
         if self.sensor.is_some_and(|last| last != sensor) {
             self.jumps += 1;
             self.pick_off = Vector3::zeros();
-            // Much more than is possible, so that nothing of the old one is left; then one that says how large it can be.
             for state in PICK_OFF..DRIFT {
-                let wide = 1e3 * self.errors.pick_off_rad;
-                self.covariance.add_noise(state, wide * wide);
-                let prior = self.errors.pick_off_rad;
-                self.covariance.update(&mut SVector::zeros(), &unit(state), 0.0, prior * prior);
+                self.covariance.renew(state, self.errors.pick_off_rad);
             }
         }
         self.sensor = Some(sensor);

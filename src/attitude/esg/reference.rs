@@ -1,6 +1,6 @@
 //! The virtual gyro: a momentum direction that drifts as the model says, and the equations of its errors.
 
-use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
+use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::attitude::Quaternion;
 
@@ -74,10 +74,12 @@ impl Reference {
         ]
     }
 
-    /// `dt_s` on.
+    /// `dt_s` on; the axes of the errors are carried along, so that an error keeps its components in them but for the drift's own
+    /// error: δ1' = Δω*, δη' = Δω1.
     pub fn advance(&mut self, dt_s: f64, block: &Matrix3<f64>, force_g: &Vector3<f64>) {
-        let turned = self.drift(block, force_g) * dt_s;
-        self.direction = Quaternion::from_rotation_vector(&turned).rotate(&self.direction).normalize();
+        let turned = Quaternion::from_rotation_vector(&(self.drift(block, force_g) * dt_s));
+        self.direction = turned.rotate(&self.direction).normalize();
+        self.first = turned.rotate(&self.first);
     }
 
     /// Corrects the direction by errors in its plane.
@@ -90,7 +92,8 @@ impl Reference {
 /// Rates of the errors δh1 and δh2 in axes `int`, where h = (0, cos θ, sin θ), at the drift ω and its error Δω.
 ///
 /// δh1' = −(ω3 + ω2·cot θ)·δh2 + Δω2·sin θ − Δω3·cos θ, δh2' = ω3·δh1 + ω1·cot θ·δh2 − Δω1·sin θ, with δh3 = −δh2·cot θ: from
-/// h' = ω × h and |h| = 1. Not for θ = 0, where δh2 vanishes: the filter has δη, δh2 = −δη·sin θ, for it.
+/// h' = ω × h and |h| = 1. Not for θ = 0, where δh2 vanishes: the filters have δη, δh2 = −δη·sin θ, for it,
+/// in axes that the virtual gyro carries along ([`Reference::advance`]).
 pub fn error_rates(
     theta_rad: f64,
     drift: &Vector3<f64>,
@@ -102,10 +105,4 @@ pub fn error_rates(
         -(drift.z + drift.y * c / s) * error.y + drift_error.y * s - drift_error.z * c,
         drift.z * error.x + drift.x * c / s * error.y - drift_error.x * s,
     )
-}
-
-/// The same in the plane of the errors, without a singular place: δ1' = (ω·h)·δη + Δω*, δη' = −(ω·h)·δ1 + Δω1, over `dt_s`.
-pub fn plane_transition(drift: &Vector3<f64>, direction: &Vector3<f64>, dt_s: f64) -> Matrix2<f64> {
-    let turned = drift.dot(direction) * dt_s;
-    Matrix2::new(1.0, turned, -turned, 1.0)
 }

@@ -5,7 +5,7 @@ use nalgebra::{Matrix4, Vector4};
 use super::Filter;
 use super::measurement::PhaseDifference;
 use super::state::{AMBIGUITY, Errors, PHASES};
-use super::ud::{put, unit};
+use crate::attitude::ud::{put, unit};
 
 /// A new ambiguity is known to so many wavelengths: much more than a baseline is long.
 const UNKNOWN_WAVELENGTHS: f64 = 100.0;

@@ -65,6 +65,19 @@ impl BlockErrors {
         ..Self::MEMS_HARDWARE
     };
 
+    /// A ring-laser block of navigation grade, as the hold's class: 0.002 °/√h, 0.01 °/h, 10 ppm, 5″; accelerometers 50 µg.
+    pub const RING_LASER: Self = Self {
+        gyro_white_rad_per_sqrt_s: 0.002 * RAD_PER_DEG / 60.0,
+        gyro_markov_rad_s: 0.003 * DEG_H,
+        gyro_markov_s: 600.0,
+        gyro_run_to_run_rad_s: 0.01 * DEG_H,
+        gyro_scale: 10e-6,
+        orthogonality_rad: 5.0 * ARCSEC,
+        rhumb_rad_s: 0.0,
+        accelerometer_bias_m_s2: 0.0005,
+        accelerometer_white_m_s_per_sqrt_s: 1e-4,
+    };
+
     /// A modern part, Sensonor STIM300 (data sheet TS1524): 0.15 °/√h, bias instability 0.5 °/h, 5 °/h over temperature,
     /// 500 ppm, 1 mrad; accelerometers 0.75 mg from switch-on, 0.06 m/s/√h.
     pub const STIM300: Self = Self {

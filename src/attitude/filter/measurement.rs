@@ -5,13 +5,16 @@ use nalgebra::{Matrix3, RowVector3, Vector3};
 
 use super::Filter;
 use super::state::{AMBIGUITY, ATTITUDE, BASELINE, CURRENT, Errors, LOG_SCALE, PHASES, POSITION, VELOCITY};
-use super::ud::put;
+use crate::attitude::esg::filter::PickOff;
+use crate::attitude::ud::put;
 use crate::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_180_deg};
 
 /// What a heading error φ leaves of a baseline b beyond the first order is ½·b·φ²: its rms is √3/2 of b times the variance.
-const SECOND_ORDER: f64 = 0.866;
+pub(super) const SECOND_ORDER: f64 = 0.866;
 /// … and it stays the same for so many readings in a row.
 const SECOND_ORDER_REPEATS: f64 = 3600.0;
+/// The interval of a velocity is the time since the last mark, to this share of it.
+const SAME_INTERVAL: f64 = 0.1;
 
 /// A source of aiding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,12 +33,22 @@ pub enum Source {
     Acoustic,
     /// Phase differences over the antenna baseline.
     Phase,
+    /// Direction of an electrostatic gyro's rotor.
+    Electrostatic,
 }
 
 impl Source {
     /// All of them.
-    pub const ALL: [Self; 7] =
-        [Self::Velocity, Self::Position, Self::Height, Self::Heading, Self::Log, Self::Acoustic, Self::Phase];
+    pub const ALL: [Self; 8] = [
+        Self::Velocity,
+        Self::Position,
+        Self::Height,
+        Self::Heading,
+        Self::Log,
+        Self::Acoustic,
+        Self::Phase,
+        Self::Electrostatic,
+    ];
 
     /// Longer without a reading than this is an interruption, s: acoustic fixes are rare by nature.
     pub fn outage_s(self) -> f64 {
@@ -52,6 +65,7 @@ impl Source {
             Self::Log => "log",
             Self::Acoustic => "acoustic fix",
             Self::Phase => "phase",
+            Self::Electrostatic => "electrostatic gyro",
         }
     }
 }
@@ -74,20 +88,23 @@ pub struct PhaseDifference {
 /// A reading with its standard deviation.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Measurement {
-    /// Displacement of the antenna east, north, up since the last such reading, or since [`Filter::mark`], over that time: it belongs to the middle.
-    Velocity { mean_m_s: Vector3<f64>, sigma_m_s: f64 },
+    /// Displacement of the antenna east, north, up over the last `interval_s`, divided by that time: it belongs to the middle. It is of
+    /// use where the interval began with the last such reading, or with [`Filter::mark`].
+    Velocity { mean_m_s: Vector3<f64>, interval_s: f64, sigma_m_s: f64 },
     /// Position of the antenna as it was `age_s` ago.
     Position { latitude_rad: f64, longitude_rad: f64, height_m: f64, age_s: f64, sigma_m: f64 },
     /// Height of the block above the ellipsoid: sea level with heave as its noise, or the depth gauge's.
     Height { height_m: f64, sigma_m: f64 },
     /// Heading of the hull, clockwise from north.
     Heading { heading_rad: f64, sigma_rad: f64 },
-    /// Speed through the water along the hull's X and Y.
-    Log { starboard_m_s: f64, forward_m_s: f64, sigma_m_s: f64 },
+    /// Speed through the water along the hull's X and Y, as far as the log reads it.
+    Log { starboard_m_s: Option<f64>, forward_m_s: Option<f64>, sigma_m_s: f64 },
     /// Position of the block as it was `age_s` ago.
     Acoustic { latitude_rad: f64, longitude_rad: f64, age_s: f64, sigma_m: f64 },
     /// Phase differences of one time.
     Phases { differences: [Option<PhaseDifference>; PHASES], sigma_m: f64 },
+    /// Where the rotor of the electrostatic gyro points, as its pick-offs read it.
+    PickOff(PickOff),
 }
 
 impl Measurement {
@@ -101,6 +118,7 @@ impl Measurement {
             Self::Log { .. } => Source::Log,
             Self::Acoustic { .. } => Source::Acoustic,
             Self::Phases { .. } => Source::Phase,
+            Self::PickOff(_) => Source::Electrostatic,
         }
     }
 }
@@ -135,7 +153,9 @@ impl Filter {
     /// How the reading depends on the errors now, and how far it is from what is expected.
     pub(super) fn rows(&self, measurement: &Measurement) -> Rows {
         match *measurement {
-            Measurement::Velocity { mean_m_s, sigma_m_s } => self.velocity_rows(&mean_m_s, sigma_m_s),
+            Measurement::Velocity { mean_m_s, interval_s, sigma_m_s } => {
+                self.velocity_rows(&mean_m_s, interval_s, sigma_m_s)
+            }
             Measurement::Position { latitude_rad, longitude_rad, height_m, age_s, sigma_m } => {
                 let lever = self.hull() * self.installation.antenna_m;
                 let place = (latitude_rad, longitude_rad, height_m);
@@ -156,7 +176,7 @@ impl Filter {
             }
             Measurement::Log { starboard_m_s, forward_m_s, sigma_m_s } => {
                 let [starboard, forward] = self.log_rows([starboard_m_s, forward_m_s], sigma_m_s);
-                [Some(starboard), Some(forward), None, None]
+                [starboard, forward, None, None]
             }
             Measurement::Phases { ref differences, sigma_m } => {
                 let mut rows = [const { None }; 4];
@@ -165,13 +185,14 @@ impl Filter {
                 }
                 rows
             }
+            Measurement::PickOff(ref reading) => self.pick_off_rows(reading),
         }
     }
 
     /// The velocity belongs to the middle of its interval: the error then was the error now less half an interval of its rate.
-    fn velocity_rows(&self, mean_m_s: &Vector3<f64>, sigma_m_s: f64) -> Rows {
+    fn velocity_rows(&self, mean_m_s: &Vector3<f64>, interval_s: f64, sigma_m_s: f64) -> Rows {
         let duration_s = self.mark.elapsed_s;
-        if !(duration_s > 0.0) {
+        if !(duration_s > 0.0 && libm::fabs(duration_s - interval_s) < SAME_INTERVAL * duration_s) {
             return [const { None }; 4];
         }
         let lever = self.hull() * self.installation.antenna_m - self.mark.lever_m;
@@ -218,7 +239,7 @@ impl Filter {
         row(value, sigma_rad, &[(ATTITUDE, attitude)])
     }
 
-    fn log_rows(&self, measured_m_s: [f64; 2], sigma_m_s: f64) -> [Row; 2] {
+    fn log_rows(&self, measured_m_s: [Option<f64>; 2], sigma_m_s: f64) -> [Option<Row>; 2] {
         let hull = self.hull();
         let current = &self.estimates.current_m_s;
         let through = self.navigation.velocity_m_s - Vector3::new(current.x, current.y, 0.0);
@@ -226,6 +247,7 @@ impl Filter {
         let mut axes = 0..2;
         measured_m_s.map(|measured| {
             let axis = hull.column(axes.next().unwrap_or(0)).into_owned();
+            let measured = measured?;
             let speed = axis.dot(&through);
             let attitude = axis.cross(&through).transpose() * gain;
             let velocity = axis.transpose() * gain;
@@ -233,7 +255,7 @@ impl Filter {
             put(&mut row.h, CURRENT, -velocity.x);
             put(&mut row.h, CURRENT + 1, -velocity.y);
             put(&mut row.h, LOG_SCALE, speed);
-            row
+            Some(row)
         })
     }
 

@@ -1,17 +1,19 @@
-//! Aided navigation: an error-state filter of 35 states with full feedback, its covariance kept as U·D·Uᵀ.
+//! Aided navigation: an error-state filter of 35 states, 47 with an electrostatic gyro, with full feedback; its covariance is kept as
+//! U·D·Uᵀ.
 //!
 //! Increments of the block go in at their own rate; readings of whatever aids are taken in at their own times, each judged by
 //! its innovation. The errors that the filter finds are fed back at once, so that its error estimate is always zero between
-//! readings. States: [`state`]; equations: [`transition`]; readings: [`measurement`]; covariance: [`ud`].
+//! readings. States: [`state`]; equations: [`transition`]; readings: [`measurement`]; the electrostatic
+//! gyro: `electrostatic`; covariance: [`ud`].
 
 pub mod block;
 pub mod measurement;
 pub mod navigation;
 pub mod state;
 pub mod transition;
-pub mod ud;
 
 mod ambiguity;
+mod electrostatic;
 #[cfg(test)]
 mod tests;
 
@@ -19,20 +21,21 @@ use libm::{atan2, cos, exp, sin, sqrt};
 use nalgebra::{Matrix3, SMatrix, Vector2, Vector3};
 
 use crate::attitude::Increment;
+use crate::attitude::ud::{self, Ud};
 use crate::earth::POLE_LIMIT_DEG;
 use crate::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_360_deg};
 use block::BlockErrors;
+use electrostatic::Electrostatic;
 use measurement::{Measurement, Source};
 use navigation::Navigation;
 use state::{
-    ACCELEROMETER, AMBIGUITY, ATTITUDE, BASELINE, CURRENT, Errors, LEAD, LOG_SCALE, MARKOV, ORTHOGONALITY, OTHERS,
-    PACKED, PHASES, POSITION, RHUMB, RUN_TO_RUN, SCALE, STATES, VELOCITY,
+    ACCELEROMETER, AIDED, AMBIGUITY, ATTITUDE, BASELINE, CURRENT, Errors, LEAD, LOG_SCALE, MARKOV, ORTHOGONALITY,
+    OTHERS, PACKED, PHASES, POSITION, RHUMB, RUN_TO_RUN, SCALE, STATES, VELOCITY,
 };
 use transition::Interval;
-use ud::Ud;
 
 /// Readings further from what is expected than this many standard deviations are outliers: one good one in 1.7 million.
-const GATE_SIGMAS: f64 = 5.0;
+pub const GATE_SIGMAS: f64 = 5.0;
 /// Longest interval over which the covariance is moved at once, s.
 const LONGEST_INTERVAL_S: f64 = 1.0;
 /// Increments further apart than this are not bridged, s.
@@ -64,11 +67,16 @@ impl Mode {
     /// Whether readings of a source are taken.
     pub fn takes(self, source: Source) -> bool {
         match self {
-            Self::Stand => matches!(source, Source::Velocity | Source::Position | Source::Heading),
+            Self::Stand => {
+                matches!(source, Source::Velocity | Source::Position | Source::Heading | Source::Electrostatic)
+            }
             Self::Aided => source != Source::Acoustic,
             Self::Manoeuvring => matches!(source, Source::Velocity | Source::Position | Source::Height),
             Self::LogOnly => matches!(source, Source::Log | Source::Height),
-            Self::Submerged => matches!(source, Source::Log | Source::Height | Source::Acoustic | Source::Heading),
+            Self::Submerged => matches!(
+                source,
+                Source::Log | Source::Height | Source::Acoustic | Source::Heading | Source::Electrostatic
+            ),
         }
     }
 }
@@ -170,10 +178,13 @@ impl core::fmt::Display for Refusal {
 pub enum Outcome {
     /// Taken, with the sum of its normalised squared innovations and their number.
     Taken { normalised_squared: f64, degrees_of_freedom: u32 },
-    /// Further from what is expected than the gate.
-    Rejected,
+    /// Further from what is expected than the gate: so many standard deviations.
+    Rejected { sigmas: f64 },
     /// The mode does not use its source.
     Ignored,
+    /// It says nothing of the errors: a velocity whose interval did not begin at the last mark, an electrostatic gyro's direction without
+    /// that gyro, phases of no satellites.
+    Silent,
 }
 
 /// Counters of one source.
@@ -232,6 +243,7 @@ pub struct Filter {
     /// Rate of the velocity errors by the errors, over the last interval.
     velocity_rate: SMatrix<f64, 3, STATES>,
     lines: [ambiguity::Line; PHASES],
+    electrostatic: Option<Electrostatic>,
     sources: [SourceHealth; Source::ALL.len()],
     bridged_gaps: u32,
     last_reading: Option<BlockReading>,
@@ -270,6 +282,8 @@ impl Filter {
         put(BASELINE, 2, start.baseline_m);
         let hull = navigation.attitude * about_deck_normal(turn_rad).transpose();
         let lever_m = hull * installation.antenna_m;
+        let mut covariance = Ud::diagonal(&sigmas);
+        covariance.use_first(AIDED);
         Ok(Self {
             mode,
             block,
@@ -289,13 +303,14 @@ impl Filter {
                 baseline_m: Vector2::zeros(),
                 ambiguity_m: [0.0; PHASES],
             },
-            covariance: Ud::diagonal(&sigmas),
+            covariance,
             turn_rad,
             time_s: 0.0,
             interval: Interval::empty(),
             mark: Mark { elapsed_s: 0.0, displacement_m: Vector3::zeros(), lever_m },
             velocity_rate: SMatrix::zeros(),
             lines: [ambiguity::Line::default(); PHASES],
+            electrostatic: None,
             sources: [SourceHealth::default(); Source::ALL.len()],
             bridged_gaps: 0,
             last_reading: None,
@@ -351,15 +366,23 @@ impl Filter {
             velocity_m_s: last.increment.velocity_m_s * stretch,
         };
         self.advance(&BlockReading { dt_s: gap_s, increment, turn_rad: last.turn_rad })?;
-        self.close_interval();
-        let (angle, speed) = (motion_rad_s * gap_s, motion_m_s2 * gap_s);
+        self.doubt(motion_rad_s * gap_s, motion_m_s2 * gap_s);
         for axis in 0..3 {
-            self.covariance.add_noise(ATTITUDE + axis, angle * angle);
-            self.covariance.add_noise(VELOCITY + axis, speed * speed);
-            self.covariance.add_noise(POSITION + axis, 0.25 * speed * speed * gap_s * gap_s);
+            let moved = 0.5 * motion_m_s2 * gap_s * gap_s;
+            self.covariance.add_noise(POSITION + axis, moved * moved);
         }
         self.bridged_gaps += 1;
         Ok(())
+    }
+
+    /// Increments that were just taken are not to be trusted, saturated ones for example: standard deviations of the angle and of the
+    /// velocity that they may be wrong by, about and along each axis.
+    pub fn doubt(&mut self, angle_rad: f64, velocity_m_s: f64) {
+        self.close_interval();
+        for axis in 0..3 {
+            self.covariance.add_noise(ATTITUDE + axis, angle_rad * angle_rad);
+            self.covariance.add_noise(VELOCITY + axis, velocity_m_s * velocity_m_s);
+        }
     }
 
     /// The next velocity reading covers the time from here on.
@@ -376,12 +399,17 @@ impl Filter {
             return Ok(Outcome::Ignored);
         }
         self.close_interval();
-        if let Measurement::Phases { differences, .. } = measurement {
-            self.follow(differences);
+        match measurement {
+            Measurement::Phases { differences, .. } => self.follow(differences),
+            Measurement::PickOff(reading) => self.follow_sensor(reading.sensor),
+            _ => {}
         }
         let rows = self.rows(measurement);
         if source == Source::Velocity {
             self.mark();
+        }
+        if rows.iter().all(Option::is_none) {
+            return Ok(Outcome::Silent);
         }
         if rows.iter().flatten().any(|row| !(row.value.is_finite() && row.h.iter().all(|h| h.is_finite()))) {
             self.health_mut(source, |health| health.refused += 1);
@@ -402,11 +430,11 @@ impl Filter {
                 health.outages += u32::from(health.last_s.is_some_and(|last| time_s - last > source.outage_s()));
                 health.last_s = Some(time_s);
             }
-            Outcome::Rejected => {
+            Outcome::Rejected { .. } => {
                 health.rejected += 1;
                 health.rejected_in_a_row += 1;
             }
-            Outcome::Ignored => {}
+            Outcome::Ignored | Outcome::Silent => {}
         });
         if source == Source::Phase {
             self.resolve();
@@ -418,12 +446,12 @@ impl Filter {
     fn take(&mut self, rows: &measurement::Rows, each: bool) -> Outcome {
         let limit = GATE_SIGMAS * GATE_SIGMAS;
         let mut x = Errors::zeros();
-        let good = |filter: &Self, row: &measurement::Row| {
-            filter.covariance.innovation(&Errors::zeros(), &row.h, row.value, row.variance).normalised_squared()
-                <= limit
-        };
-        if !each && !rows.iter().flatten().all(|row| good(self, row)) {
-            return Outcome::Rejected;
+        let worst = rows.iter().flatten().fold(0.0, |worst: f64, row| {
+            worst.max(self.covariance.innovation(&x, &row.h, row.value, row.variance).normalised_squared())
+        });
+        let rejected = Outcome::Rejected { sigmas: sqrt(worst) };
+        if !each && worst > limit {
+            return rejected;
         }
         let (mut normalised_squared, mut degrees_of_freedom) = (0.0, 0);
         for row in rows.iter().flatten() {
@@ -436,7 +464,7 @@ impl Filter {
             degrees_of_freedom += 1;
         }
         if degrees_of_freedom == 0 {
-            return Outcome::Rejected;
+            return rejected;
         }
         self.feed_back(&x);
         Outcome::Taken { normalised_squared, degrees_of_freedom }
@@ -465,6 +493,9 @@ impl Filter {
         estimates.baseline_m += two(BASELINE);
         for (line, ambiguity) in estimates.ambiguity_m.iter_mut().enumerate() {
             *ambiguity += x[AMBIGUITY + line];
+        }
+        if let Some(gyro) = &mut self.electrostatic {
+            gyro.feed_back(x);
         }
     }
 
@@ -502,6 +533,7 @@ impl Filter {
         let [x, y] = [0, 1].map(|axis| self.covariance.variance(ACCELEROMETER + axis));
         self.covariance.add_noise(ACCELEROMETER, y * turned);
         self.covariance.add_noise(ACCELEROMETER + 1, x * turned);
+        self.advance_electrostatic(dt_s);
         self.estimates.markov_rad_s *= drift;
         self.estimates.current_m_s *= current;
         self.velocity_rate = transition.velocity_rate();

@@ -5,8 +5,10 @@
 
 use nalgebra::SVector;
 
-/// Number of error states.
-pub const STATES: usize = 35;
+/// Number of error states with an electrostatic gyro.
+pub const STATES: usize = 47;
+/// … and without one.
+pub const AIDED: usize = ESG_DIRECTION;
 /// Entries of the triangular factor of their covariance.
 pub const PACKED: usize = STATES * (STATES + 1) / 2;
 /// The leading states, that move by the equations of navigation: attitude, velocity, position.
@@ -41,7 +43,15 @@ pub const BASELINE: usize = 29;
 /// Ambiguities of the phase differences, m.
 pub const AMBIGUITY: usize = 31;
 /// Phase differences at a time.
-pub const PHASES: usize = STATES - AMBIGUITY;
+pub const PHASES: usize = ESG_DIRECTION - AMBIGUITY;
+/// Direction of the virtual electrostatic gyro's momentum: along axis 1 and along the rise, rad.
+pub const ESG_DIRECTION: usize = 35;
+/// Error of its pick-offs, block axes, rad.
+pub const ESG_PICK_OFF: usize = 37;
+/// Its drifts beyond the model: x6 = Δω1, x7 = Δω*, rad/s.
+pub const ESG_DRIFT: usize = 40;
+/// Its drift coefficients: three torques fixed to the block, unbalance for 1 g, stiffness for 1 g², rad/s.
+pub const ESG_COEFFICIENT: usize = 42;
 
 /// A vector of all error states.
 pub type Errors = SVector<f64, STATES>;
@@ -64,7 +74,7 @@ pub struct Group {
 const DEG: f64 = crate::units::DEG_PER_RAD;
 
 /// All groups in the order of the states.
-pub const GROUPS: [Group; 13] = [
+pub const GROUPS: [Group; 17] = [
     Group { name: "attitude about east, north, up", unit: "°", first: ATTITUDE, count: 3, scale: DEG },
     Group { name: "velocity east, north, up", unit: "m/s", first: VELOCITY, count: 3, scale: 1.0 },
     Group { name: "position east, north, up", unit: "m", first: POSITION, count: 3, scale: 1.0 },
@@ -78,4 +88,8 @@ pub const GROUPS: [Group; 13] = [
     Group { name: "log scale", unit: "%", first: LOG_SCALE, count: 1, scale: 100.0 },
     Group { name: "baseline Y, Z", unit: "m", first: BASELINE, count: 2, scale: 1.0 },
     Group { name: "ambiguities", unit: "m", first: AMBIGUITY, count: PHASES, scale: 1.0 },
+    Group { name: "ESG direction", unit: "″", first: ESG_DIRECTION, count: 2, scale: DEG * 3600.0 },
+    Group { name: "ESG pick-offs x, y, z", unit: "″", first: ESG_PICK_OFF, count: 3, scale: DEG * 3600.0 },
+    Group { name: "ESG drift", unit: "°/h", first: ESG_DRIFT, count: 2, scale: DEG * 3600.0 },
+    Group { name: "ESG drift coefficients", unit: "°/h", first: ESG_COEFFICIENT, count: 5, scale: DEG * 3600.0 },
 ];

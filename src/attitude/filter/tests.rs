@@ -1,8 +1,12 @@
 use nalgebra::SVector;
 
 use super::measurement::PhaseDifference;
+use super::state::{ESG_DIRECTION, ESG_DRIFT, ESG_PICK_OFF};
 use super::*;
 use crate::attitude::Quaternion;
+use crate::attitude::esg::filter::{EsgErrors, PickOff};
+use crate::attitude::esg::reference::DriftCoefficients;
+use crate::attitude::esg::sky::inertial_to_geographic;
 
 /// Steps of the block, and their length: just short of the second after which the filter closes its interval.
 const STEPS: usize = 98;
@@ -114,7 +118,7 @@ fn rows_are_the_derivatives_of_the_expected_readings() {
         Measurement::Position { latitude_rad, longitude_rad, height_m: 20.0, age_s: 0.4, sigma_m: 5.0 },
         Measurement::Height { height_m: 20.0, sigma_m: 1.0 },
         Measurement::Heading { heading_rad: 1.0, sigma_rad: 0.01 },
-        Measurement::Log { starboard_m_s: 0.0, forward_m_s: 5.0, sigma_m_s: 0.1 },
+        Measurement::Log { starboard_m_s: Some(0.0), forward_m_s: Some(5.0), sigma_m_s: 0.1 },
         Measurement::Phases { differences: [Some(difference), None, None, None], sigma_m: 0.003 },
     ];
     for reading in &readings {
@@ -142,6 +146,73 @@ fn rows_are_the_derivatives_of_the_expected_readings() {
     }
 }
 
+/// The rows of the electrostatic gyro by putting errors into the filter; sizes that move a direction by some arcseconds each.
+#[test]
+fn the_rows_of_the_rotor_are_the_derivatives_of_the_expected_reading() {
+    let mut nominal = filter();
+    let direction = Vector3::new(0.3, -0.5, 0.8).normalize();
+    let errors = EsgErrors {
+        direction_rad: 1e-4,
+        pick_off_rad: 1e-4,
+        reading_rad: 2e-5,
+        drift_rad_s: 1e-8,
+        drift_growth_rad_s_per_sqrt_s: 0.0,
+        coefficient_rad_s: 1e-6,
+    };
+    let coefficients = DriftCoefficients { block: [2e-6, -1e-6, 1e-6], unbalance: 1e-6, stiffness: 2e-6 };
+    nominal.add_electrostatic(&direction, coefficients, errors);
+    let seen = |filter: &Filter| {
+        let navigation = &filter.navigation;
+        let sky = inertial_to_geographic(navigation.latitude_rad, navigation.longitude_rad, filter.time_s);
+        navigation.attitude.transpose() * sky * filter.virtual_gyro().unwrap().direction()
+    };
+    let reading =
+        Measurement::PickOff(PickOff { direction: seen(&nominal) + Vector3::new(1e-5, 2e-5, -1e-5), sensor: 4 });
+    let rows = nominal.rows(&reading);
+    for state in (0..LEAD).chain(ESG_DIRECTION..ESG_DRIFT) {
+        let size = if (POSITION..LEAD).contains(&state) { 100.0 } else { 1e-5 };
+        let values = |size: f64| {
+            let mut moved = nominal.clone();
+            let mut x = Errors::zeros();
+            x[state] = size;
+            moved.feed_back(&x);
+            moved.rows(&reading).map(|row| row.map_or(0.0, |row| row.value))
+        };
+        let (up, down) = (values(size), values(-size));
+        for (row, (up, down)) in rows.iter().flatten().zip(up.into_iter().zip(down)) {
+            let (got, want) = (0.5 * (down - up), row.h[state] * size);
+            assert!((got - want).abs() < 1e-9 + 1e-3 * want.abs(), "state {state}: {got} {want}");
+        }
+    }
+    // A drift error of the virtual gyro, by the covariance's own arithmetic and by letting two gyros run for 98 × 10 ms: x6 and x7 of
+    // 1e-6 rad/s each move the direction by 1e-6 rad.
+    for (state, along) in [(ESG_DRIFT, ESG_DIRECTION + 1), (ESG_DRIFT + 1, ESG_DIRECTION)] {
+        let mut truth = nominal.clone();
+        let mut x = Errors::zeros();
+        x[state] = 1e-6;
+        truth.feed_back(&x);
+        let mut estimate = nominal.clone();
+        for filter in [&mut truth, &mut estimate] {
+            second(filter);
+            filter.close_interval();
+        }
+        let moved = truth.virtual_gyro().unwrap().direction() - estimate.virtual_gyro().unwrap().direction();
+        let (a, b) = estimate.virtual_gyro().unwrap().plane();
+        let axis = if along == ESG_DIRECTION { a } else { b };
+        assert!((moved - axis * 0.98e-6).norm() < 1e-9, "{moved} along {axis}");
+        let slope = estimate.covariance(along, state) / estimate.covariance(state, state);
+        assert!((slope - 0.98).abs() < 1e-6, "{slope}");
+    }
+    // Readings of another sensor begin anew; those without a gyro say nothing.
+    let heading_rad = nominal.heading().heading_deg * RAD_PER_DEG;
+    nominal.measure(&Measurement::Heading { heading_rad, sigma_rad: 1e-6 }).unwrap();
+    nominal.measure(&reading).unwrap();
+    assert!(nominal.sigma(ESG_PICK_OFF + 1) < 0.99e-4);
+    nominal.follow_sensor(2);
+    assert!((nominal.sigma(ESG_PICK_OFF + 1) - 1e-4).abs() < 1e-8);
+    assert_eq!(filter().measure(&reading), Ok(Outcome::Silent));
+}
+
 /// The velocity of a second belongs to its middle: what the error then was follows from the error now.
 #[test]
 fn a_velocity_belongs_to_the_middle_of_its_second() {
@@ -151,7 +222,7 @@ fn a_velocity_belongs_to_the_middle_of_its_second() {
     let transition =
         nominal.interval.transition(&nominal.navigation, &nominal.block, nominal.force_sigma_m_s2()).unwrap();
     nominal.close_interval();
-    let reading = Measurement::Velocity { mean_m_s: Vector3::zeros(), sigma_m_s: 0.1 };
+    let reading = Measurement::Velocity { mean_m_s: Vector3::zeros(), interval_s: 1.0, sigma_m_s: 0.1 };
     let rows = nominal.rows(&reading);
     for (state, size) in [(0, 1e-4), (1, 1e-4), (2, 1e-4), (3, 0.1), (5, 0.1), (25, 1e-2), (26, 1e-2), (27, 1e-2)] {
         let values = |size: f64| {
@@ -182,6 +253,19 @@ fn a_velocity_belongs_to_the_middle_of_its_second() {
     }
 }
 
+/// After an interruption the first velocity belongs to a second that began at no mark: it opens the next one.
+#[test]
+fn a_velocity_after_an_interruption_is_not_taken_for_a_mean_over_it() {
+    let mut filter = filter();
+    filter.mark();
+    second(&mut filter);
+    second(&mut filter);
+    let reading = Measurement::Velocity { mean_m_s: Vector3::zeros(), interval_s: 0.98, sigma_m_s: 1.0 };
+    assert_eq!(filter.measure(&reading), Ok(Outcome::Silent));
+    second(&mut filter);
+    assert_ne!(filter.measure(&reading), Ok(Outcome::Silent));
+}
+
 #[test]
 fn an_outlier_is_rejected_counted_and_changes_nothing() {
     let mut filter = filter();
@@ -189,7 +273,9 @@ fn an_outlier_is_rejected_counted_and_changes_nothing() {
     filter.close_interval();
     let before = (filter.navigation.velocity_m_s, filter.sigma(VELOCITY));
     let height_m = filter.navigation.height_m + 1000.0;
-    assert_eq!(filter.measure(&Measurement::Height { height_m, sigma_m: 1.0 }), Ok(Outcome::Rejected));
+    // 1000 m, of a sigma of 5 m for the position and of 1 m for the reading: 196 sigmas.
+    let outcome = filter.measure(&Measurement::Height { height_m, sigma_m: 1.0 });
+    assert!(matches!(outcome, Ok(Outcome::Rejected { sigmas }) if (sigmas - 196.0).abs() < 1.0), "{outcome:?}");
     assert_eq!(before, (filter.navigation.velocity_m_s, filter.sigma(VELOCITY)));
     let health = filter.source(Source::Height);
     assert_eq!((health.taken, health.rejected, health.rejected_in_a_row), (0, 1, 1));

@@ -12,6 +12,7 @@ use nalgebra::{SMatrix, SVector};
 #[derive(Clone, Debug)]
 pub struct Ud<const N: usize, const PACKED: usize> {
     packed: [f64; PACKED],
+    used: usize,
 }
 
 /// What a scalar measurement says before it is taken in.
@@ -57,11 +58,16 @@ impl<const N: usize, const PACKED: usize> Ud<N, PACKED> {
     /// Independent states with the given standard deviations.
     pub fn diagonal(sigmas: &SVector<f64, N>) -> Self {
         let () = Self::SIZE_FITS;
-        let mut ud = Self { packed: [0.0; PACKED] };
+        let mut ud = Self { packed: [0.0; PACKED], used: N };
         for (state, sigma) in sigmas.iter().enumerate() {
             ud.set_variance_factor(state, sigma * sigma);
         }
         ud
+    }
+
+    /// Only the first `used` states are reckoned with; the others have no variance.
+    pub fn use_first(&mut self, used: usize) {
+        self.used = used.min(N);
     }
 
     /// Rows 0 … j of column j; the last is D(j).
@@ -86,6 +92,9 @@ impl<const N: usize, const PACKED: usize> Ud<N, PACKED> {
     /// Uᵀ·h.
     fn against(&self, h: &SVector<f64, N>) -> SVector<f64, N> {
         SVector::from_fn(|j, _| {
+            if j >= self.used {
+                return 0.0;
+            }
             let column = self.column(j).iter().take(j).zip(h.iter());
             column.map(|(u, h)| u * h).sum::<f64>() + at(h, j)
         })
@@ -93,12 +102,12 @@ impl<const N: usize, const PACKED: usize> Ud<N, PACKED> {
 
     /// Variance of h·x.
     pub fn variance_of(&self, h: &SVector<f64, N>) -> f64 {
-        self.against(h).iter().enumerate().map(|(j, f)| f * f * self.d(j)).sum()
+        self.against(h).iter().take(self.used).enumerate().map(|(j, f)| f * f * self.d(j)).sum()
     }
 
     /// Variance of one state.
     pub fn variance(&self, state: usize) -> f64 {
-        (state..N).fold(0.0, |sum, j| {
+        (state..self.used).fold(0.0, |sum, j| {
             let u = if j == state { 1.0 } else { self.column(j).get(state).copied().unwrap_or(0.0) };
             sum + u * u * self.d(j)
         })
@@ -111,7 +120,7 @@ impl<const N: usize, const PACKED: usize> Ud<N, PACKED> {
             core::cmp::Ordering::Less => self.column(j).get(state).copied().unwrap_or(0.0),
             core::cmp::Ordering::Greater => 0.0,
         };
-        (a.max(b)..N).map(|j| factor(a, j) * factor(b, j) * self.d(j)).sum()
+        (a.max(b)..self.used).map(|j| factor(a, j) * factor(b, j) * self.d(j)).sum()
     }
 
     /// What the measurement `value` of h·x with variance `r` would bring, at the estimate `x`; nothing changes.
@@ -125,7 +134,7 @@ impl<const N: usize, const PACKED: usize> Ud<N, PACKED> {
         let residual = value - h.dot(x);
         let mut alpha = r;
         let mut gain = SVector::<f64, N>::zeros();
-        for (j, f) in f.iter().enumerate() {
+        for (j, f) in f.iter().enumerate().take(self.used) {
             let column = self.column_mut(j);
             let Some((d, above)) = column.split_last_mut() else { continue };
             let v = *d * f;
@@ -170,11 +179,29 @@ impl<const N: usize, const PACKED: usize> Ud<N, PACKED> {
             *d *= kept * kept;
             above.iter_mut().for_each(|u| *u /= kept);
         }
-        for j in state + 1..N {
+        for j in state + 1..self.used {
             if let Some(u) = self.column_mut(j).get_mut(state) {
                 *u *= kept;
             }
         }
+    }
+
+    /// The state `i` becomes itself plus `share` of the state `j` after it: U stays triangular.
+    pub fn shear(&mut self, i: usize, j: usize, share: f64) {
+        for column in j..self.used {
+            let own = if column == j { 1.0 } else { self.column(column).get(j).copied().unwrap_or(0.0) };
+            if let Some(u) = self.column_mut(column).get_mut(i).filter(|_| i < j) {
+                *u += share * own;
+            }
+        }
+    }
+
+    /// What is known of a state, and of its relation to others, is forgotten; it is now known to `sigma`.
+    pub fn renew(&mut self, state: usize, sigma: f64) {
+        // Much more than is possible, so that nothing is left; then a measurement that says how large it can be.
+        let wide = 1e3 * sigma;
+        self.add_noise(state, wide * wide);
+        self.update(&mut SVector::zeros(), &unit(state), 0.0, sigma * sigma);
     }
 
     /// The first `LEAD` states go to `phi`·lead + `coupling`·others + noise with the variances `q`; the others stay.
@@ -186,7 +213,7 @@ impl<const N: usize, const PACKED: usize> Ud<N, PACKED> {
         coupling: &SMatrix<f64, LEAD, OTHERS>,
         q: &SVector<f64, LEAD>,
     ) {
-        for j in LEAD..N {
+        for j in LEAD..self.used {
             let column = self.column_mut(j);
             let mut lead = SVector::<f64, LEAD>::zeros();
             lead.iter_mut().zip(column.iter()).for_each(|(lead, u)| *lead = *u);
@@ -263,6 +290,10 @@ mod tests {
             plain = decay * plain * decay;
             ud.add_noise(2, 0.02);
             plain[(2, 2)] += 0.02;
+            ud.shear(1, 3, 0.2);
+            let mut shear = SMatrix::<f64, 4, 4>::identity();
+            shear[(1, 3)] = 0.2;
+            plain = shear * plain * shear.transpose();
             let h = SVector::from([1.0, 0.0, f64::from(step) * 0.1, -0.4]);
             let (value, r) = (0.3, 0.7);
             let innovation = ud.innovation(&x, &h, value, r);

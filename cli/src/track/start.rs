@@ -1,0 +1,111 @@
+//! Where a track starts: heading and levels at the end of the first seconds of a recording.
+
+use libm::{atan2, hypot};
+use nalgebra::Vector3;
+use north_finder::attitude::{Alignment, Angles, BlockClass, Method, NoiseOfRate, Quaternion};
+use north_finder::earth::earth_rate;
+use north_finder::units::{DEG_PER_RAD, RAD_PER_DEG};
+
+use super::GAP_STEPS;
+use crate::block_csv::{BlockRecording, BlockRow};
+
+/// Orientation at the start, with its sigmas, and the number of rows that it was made of.
+#[derive(Clone, Copy, Debug)]
+pub struct Start {
+    pub angles: Angles,
+    pub sigma_heading_deg: f64,
+    pub sigma_level_deg: f64,
+    pub rows: usize,
+}
+
+/// Aligns the first `align_s`, or levels them where the heading at the recording's beginning is given with its sigma.
+///
+/// Errors: in words; a latitude near a pole, no Earth rate above the noise.
+pub fn start(
+    recording: &BlockRecording,
+    class: &BlockClass,
+    latitude_deg: f64,
+    align_s: f64,
+    heading: Option<(f64, f64)>,
+) -> Result<Start, String> {
+    let mut seconds = 0.0;
+    let gap = |row: &BlockRow| row.interval_s > GAP_STEPS * recording.step_s;
+    let first = recording.rows.iter().take_while(|row| {
+        let before = seconds;
+        seconds += row.interval_s;
+        before <= align_s - 0.5 * recording.step_s && !gap(row)
+    });
+    let rows: Vec<&BlockRow> = first.collect();
+    let level_deg = class.accelerometer_m_s2 / 9.8 * DEG_PER_RAD;
+    if let Some((heading_deg, sigma_heading_deg)) = heading {
+        let angles = levelled(&rows, latitude_deg, heading_deg)?;
+        return Ok(Start { angles, sigma_heading_deg, sigma_level_deg: level_deg, rows: rows.len() });
+    }
+    let mut alignment = Alignment::default();
+    for row in &rows {
+        alignment.push(row.interval_s, row.increment);
+    }
+    let noise = NoiseOfRate::Declared(class.arw_deg_sqrt_h);
+    let aligned = alignment
+        .solve(Method::LeastSquares, Some(latitude_deg), &noise, Some(class.run_to_run_deg_h))
+        .map_err(|error| format!("{error}; give --heading, or a longer --align"))?;
+    Ok(Start {
+        angles: aligned.angles,
+        sigma_heading_deg: aligned.sigma_heading_deg,
+        sigma_level_deg: aligned.sigma_level_deg.max(level_deg),
+        rows: rows.len(),
+    })
+}
+
+/// The gyros carry the heading from the first row to the last; the mean support against gravity on that way is up.
+fn levelled(rows: &[&BlockRow], latitude_deg: f64, heading_deg: f64) -> Result<Angles, String> {
+    let rate = earth_rate(latitude_deg).map_err(|error| error.to_string())?;
+    let earth_rad_s = Vector3::new(0.0, rate.north_deg_h, rate.up_deg_h) * (RAD_PER_DEG / 3600.0);
+    let [x, y, z] = rows.first().map_or([0.0, 0.0, 1.0], |row| row.increment.velocity_m_s.into());
+    let (pitch_deg, roll_deg) = (atan2(x, hypot(y, z)) * DEG_PER_RAD, atan2(y, z) * DEG_PER_RAD);
+    let mut orientation = Quaternion::from_angles(&Angles { heading_deg, pitch_deg, roll_deg });
+    let mut support = Vector3::zeros();
+    for row in rows {
+        let before = orientation;
+        orientation = orientation.advance(&row.increment.angle_rad, &(earth_rad_s * row.interval_s));
+        support += 0.5 * (before.rotate(&row.increment.velocity_m_s) + orientation.rotate(&row.increment.velocity_m_s));
+    }
+    let Some(up) = support.try_normalize(1e-6) else {
+        return Err("the accelerometers feel no gravity in the first seconds".into());
+    };
+    let axis = up.cross(&Vector3::z());
+    let turn = axis.try_normalize(1e-12).map_or_else(Vector3::zeros, |unit| unit * atan2(axis.norm(), up.z));
+    Ok(Quaternion::from_rotation_vector(&turn).after(&orientation).angles())
+}
+
+#[cfg(test)]
+mod tests {
+    use north_finder::attitude::Increment;
+
+    use super::*;
+
+    /// A block that rolls by ±5° with a period of 8 s, its heading steady at 30° but for the Earth: its mean support is up, wherever in the
+    /// roll the window ends.
+    #[test]
+    fn a_rolling_block_is_levelled_where_it_is() {
+        let roll = |t_s: f64| 5.0 * RAD_PER_DEG * (std::f64::consts::TAU * t_s / 8.0).sin();
+        let row = |step: u32| {
+            let (from_s, to_s) = (0.1 * f64::from(step), 0.1 * f64::from(step + 1));
+            let middle = 0.5 * (roll(from_s) + roll(to_s));
+            // Roll about x, left side up: gravity's support (0, sin roll, cos roll).
+            let velocity_m_s = Vector3::new(0.0, middle.sin(), middle.cos()) * 0.98;
+            let angle_rad = Vector3::new(roll(to_s) - roll(from_s), 0.0, 0.0);
+            BlockRow {
+                t_s: to_s,
+                interval_s: 0.1,
+                increment: Increment { angle_rad, velocity_m_s },
+                ..BlockRow::default()
+            }
+        };
+        let rows: Vec<BlockRow> = (0..420).map(row).collect();
+        let found = levelled(&rows.iter().collect::<Vec<_>>(), 60.0, 30.0).unwrap();
+        // 42 s end at a quarter of the period: 5°. The rows know nothing of the Earth's rate, 15 °/h · 42 s = 0.175° of it.
+        assert!((found.roll_deg - 5.0).abs() < 0.2 && found.pitch_deg.abs() < 0.2, "{found:?}");
+        assert!((found.heading_deg - 30.0).abs() < 0.3, "{found:?}");
+    }
+}
