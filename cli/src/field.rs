@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use hal_sim::{Operator, World};
-use north_finder::calibration::field::guidance::Step;
+use north_finder::calibration::field::guidance::{Guidance, Step};
 use north_finder::calibration::field::problem::Solved;
 use north_finder::calibration::field::refusal::NoCalibration;
 use north_finder::event::{Event, Report, State};
@@ -71,10 +71,7 @@ impl Person for Obedient<'_, '_> {
     fn hear(&mut self, report: &Report) -> bool {
         (self.observe)(report);
         match report.event {
-            Event::Guidance(guidance) => match guidance.step {
-                Step::Turn | Step::Known | Step::NotGravity => self.operator.turn(&self.world, guidance.next.unit()),
-                Step::Hold | Step::Accepted | Step::Moved | Step::Solving => {}
-            },
+            Event::Guidance(guidance) => follow(&mut self.operator, &self.world, &guidance),
             Event::Calibration(solved) => self.solved = Some(solved),
             Event::CalibrationStored => self.end = Some(End::Stored),
             Event::NoCalibration(reason) => self.end = Some(End::Refused(reason)),
@@ -82,6 +79,14 @@ impl Person for Obedient<'_, '_> {
             _ => {}
         }
         matches!(report.event, Event::State(State::Finished | State::Failed))
+    }
+}
+
+/// The operator does what the instrument asks for.
+pub fn follow(operator: &mut Operator, world: &World, guidance: &Guidance) {
+    match guidance.step {
+        Step::Turn | Step::Known | Step::NotGravity => operator.turn(world, guidance.next.unit()),
+        Step::Hold | Step::Accepted | Step::Moved | Step::Solving => {}
     }
 }
 

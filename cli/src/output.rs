@@ -39,6 +39,14 @@ impl JsonOption {
     }
 }
 
+/// Creates a file that is not there yet.
+pub fn create(path: &Path) -> io::Result<File> {
+    File::create_new(path).map_err(|error| match error.kind() {
+        io::ErrorKind::AlreadyExists => io::Error::new(error.kind(), "the file exists, and nothing is overwritten"),
+        _ => error,
+    })
+}
+
 fn write_json(writer: &mut impl Write, value: &impl Serialize) -> io::Result<()> {
     serde_json::to_writer(&mut *writer, value).map_err(io::Error::from)?;
     writeln!(writer)?;

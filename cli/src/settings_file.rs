@@ -31,11 +31,16 @@ pub fn model_text(model: &ErrorModel) -> Result<String, toml::ser::Error> {
     Ok(format!("format = {MODEL_FORMAT}\n{}", toml::to_string(model)?))
 }
 
+/// Settings as the text of a file that [`read_settings`] reads.
+pub fn settings_text(settings: &Settings) -> Result<String, toml::ser::Error> {
+    toml::to_string(settings)
+}
+
 /// Writes settings, as [`read_settings`] reads them.
 ///
 /// Errors: the file cannot be written.
 pub fn write_settings(path: &Path, settings: &Settings) -> Result<(), FileError> {
-    let text = toml::to_string(settings).map_err(|error| FileError::whole(path, Problem::Syntax(error.to_string())))?;
+    let text = settings_text(settings).map_err(|error| FileError::whole(path, Problem::Syntax(error.to_string())))?;
     std::fs::write(path, text).map_err(|error| FileError::whole(path, error))
 }
 
@@ -62,6 +67,11 @@ pub fn campaign_settings(campaign: &Campaign, settings: Option<&Path>) -> Result
 /// Errors: no such file, unknown fields, wrong types, values that are not allowed, alone or together.
 pub fn read_settings(path: &Path, base: &Settings) -> Result<Settings, FileError> {
     checked(&TomlFile::read(path)?, None, base)
+}
+
+/// The same of a text that did not come from a file; `name` is what errors call it.
+pub fn laid_over(name: &str, text: String, base: &Settings) -> Result<Settings, FileError> {
+    checked(&TomlFile::of_text(Path::new(name), text), None, base)
 }
 
 /// The settings for a scenario: the defaults at its latitude and with its gyro's frame format, and over them its table

@@ -87,6 +87,11 @@ pub fn solve_rows(settings: &Settings, rows: impl IntoIterator<Item = Recorded>)
     replay.finish(&mut |_| ())
 }
 
+/// Solves the seconds of a fix that is still under way.
+pub fn solve_seconds(settings: &Settings, rows: &[Row]) -> Result<Fix, Refusal> {
+    solve_rows(settings, rows.iter().map(|row| recorded(row, [f64::NAN; MAX_CHANNELS])))
+}
+
 /// Which of the reader's extra channels the model follows, in the model's order.
 ///
 /// Errors: the recording lacks one, or the temperature or the level that a term needs.

@@ -42,6 +42,11 @@ impl TomlFile {
         &self.path
     }
 
+    /// Whether it says something of `name` at its top level.
+    pub fn has(&self, name: &str) -> Result<bool, FileError> {
+        Ok(DeTable::parse(&self.text).map_err(|error| self.syntax(&error))?.get_ref().contains_key(name))
+    }
+
     /// The whole file as a `T`; its top-level `format` must be `format` and is not handed to `T`.
     pub fn parse_format<T: DeserializeOwned>(&self, format: i64) -> Result<T, FileError> {
         self.deserialize(self.without(format, &[])?)

@@ -4,6 +4,7 @@ use std::io::{self, ErrorKind, Read, Write};
 use std::time::{Duration, Instant};
 
 use clap::Args;
+use hal_sim::{Operator, World};
 use north_finder::event::{Event, Report, State};
 use north_finder::link::{Ask, Request, RequestDecoder, encode_report};
 use north_finder::nmea::{self, Mode};
@@ -14,6 +15,7 @@ use serialport::{SerialPort, TTYPort};
 use super::instrument::InstrumentOptions;
 use crate::engine::{self, Engine, Person, Setup};
 use crate::failure::Failure;
+use crate::field::follow;
 use crate::interrupt;
 
 /// Ticks between two looks at the line and the clock: 10 ms.
@@ -25,7 +27,8 @@ const LOOK_TICKS: u64 = 4;
   north board --scenario calm-bench
   north monitor /dev/pts/5 --start
 
-The first line on stdout is the port's path.")]
+The first line on stdout is the port's path. A calibration of the accelerometers is done by the scenario's operator, who
+turns the instrument as it is told.")]
 pub struct Board {
     #[command(flatten)]
     instrument: InstrumentOptions,
@@ -60,6 +63,8 @@ impl Board {
         // Who opens the port locks it: it is left to the clients.
         drop(other_end);
         let mut bridge = Bridge {
+            operator: Operator::new(&setup.scenario, setup.seed),
+            world: world.clone(),
             line,
             speech: if self.nmea { Speech::Nmea { heading_deg: None } } else { Speech::Link(Box::default()) },
             speed: self.speed,
@@ -79,6 +84,8 @@ enum Speech {
 
 /// Between the instrument and the line.
 struct Bridge {
+    operator: Operator,
+    world: World,
     line: TTYPort,
     speech: Speech,
     speed: f64,
@@ -106,6 +113,9 @@ impl Person for Bridge {
     }
 
     fn hear(&mut self, report: &Report) -> bool {
+        if let Event::Guidance(guidance) = report.event {
+            follow(&mut self.operator, &self.world, &guidance);
+        }
         match &mut self.speech {
             Speech::Link(_) => {
                 if let Ok(frame) = encode_report(report) {

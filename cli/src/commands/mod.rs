@@ -7,11 +7,14 @@ mod calibrate;
 mod characterise;
 mod completions;
 mod diagnose;
+mod doctor;
 mod find;
 mod import;
 pub mod instrument;
+mod load;
 mod man;
 mod monitor;
+mod record;
 mod scenarios;
 mod settings;
 mod simulate;
@@ -51,6 +54,9 @@ enum Command {
     Characterise(characterise::Characterise),
     Board(board::Board),
     Monitor(monitor::Monitor),
+    Record(record::Record),
+    Load(load::Load),
+    Doctor(doctor::Doctor),
     Bench(bench::Bench),
     CloseLoop(bench::CloseLoop),
     Scenarios(scenarios::Scenarios),
@@ -73,6 +79,9 @@ impl Cli {
             Command::Calibrate(calibrate) => calibrate.run(),
             Command::Board(board) => board.run(),
             Command::Monitor(monitor) => monitor.run(),
+            Command::Record(record) => record.run(),
+            Command::Load(load) => load.run(),
+            Command::Doctor(doctor) => doctor.run(),
             Command::Characterise(characterise) => characterise.run(),
             Command::Bench(bench) => bench.run(),
             Command::CloseLoop(close_loop) => close_loop.run(),

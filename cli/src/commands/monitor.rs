@@ -1,26 +1,26 @@
 //! `north monitor`: what a board does, as it does it.
 
-use std::io::{self, Write};
-use std::time::Duration;
+use std::io::{self, IsTerminal, Write};
 
 use clap::Args;
 use north_finder::event::{Event, State};
+use north_finder::link::Ask;
 use north_finder::sequence::Command;
 use north_finder::settings::Settings;
 
+use crate::dashboard;
 use crate::failure::Failure;
-use crate::port::{Port, PortError};
+use crate::port::{Port, PortError, SILENCE};
 use crate::present::{Directions, View, write_fault, write_fix};
 
-/// A board reports each second.
-const PATIENCE: Duration = Duration::from_secs(10);
-
 /// Show what a board does: states, positions, gates, faults, the azimuth with its sigma
+///
+/// On a terminal a live view: keys s start, a abort, q quit. Elsewhere, or with --plain, lines.
 #[derive(Args, Debug)]
 #[command(after_help = "Example:
   north monitor /dev/ttyUSB0 --start")]
 pub struct Monitor {
-    /// The serial port; the only one that there is, if it is not named
+    /// The serial port; the only one on which a board answers, if it is not named
     #[arg(value_name = "PORT")]
     port: Option<String>,
     /// Start a fix first
@@ -29,6 +29,9 @@ pub struct Monitor {
     /// End with the first azimuth or fault
     #[arg(long)]
     once: bool,
+    /// Lines instead of a live view
+    #[arg(long)]
+    plain: bool,
     #[command(flatten)]
     directions: Directions,
 }
@@ -36,13 +39,22 @@ pub struct Monitor {
 impl Monitor {
     pub fn run(self) -> Result<(), Failure> {
         let mut port = Port::open(self.port.as_deref())?;
-        println!("{}", port.name());
-        if self.start {
-            port.command(Command::Start, &mut |_| ())?;
+        let settings = port.settings()?;
+        if !self.plain && io::stdout().is_terminal() {
+            return dashboard::run(&mut port, settings, self.start, self.once, &self.directions);
         }
-        let mut view = View::new(Box::new(io::stdout()), &Settings::default());
+        self.lines(&mut port, &settings.unwrap_or_default())
+    }
+
+    fn lines(&self, port: &mut Port, settings: &Settings) -> Result<(), Failure> {
+        println!("{}", port.name());
+        let mut early = Vec::new();
+        let first = if self.start { Ask::Command(Command::Start) } else { Ask::Status };
+        let started = port.ask(first, &mut |report| early.push(*report));
+        let mut view = View::new(Box::new(io::stdout()), settings);
+        let mut early = early.into_iter();
         loop {
-            let report = match port.report(PATIENCE) {
+            let report = match early.next().map_or_else(|| port.report(SILENCE), Ok) {
                 Ok(report) => report,
                 Err(error) => {
                     let mut out = view.finish()?;
@@ -60,6 +72,10 @@ impl Monitor {
                 _ => {}
             }
             view.write_block(&text);
+            if early.len() == 0 && started.is_err() {
+                view.finish()?;
+                return Ok(started?);
+            }
             if self.once && matches!(report.event, Event::State(State::Finished | State::Failed)) {
                 view.finish()?;
                 return match report.event {

@@ -17,6 +17,12 @@ const HELD_S: u32 = 20;
 pub struct View {
     out: Box<dyn Write>,
     bars: Bars,
+    lines: Lines,
+    failed: Option<io::Error>,
+}
+
+/// What the reports of a fix are worth saying, a line each.
+pub struct Lines {
     /// How long each position is to be measured.
     dwells_s: Vec<u16>,
     /// Positions that are done.
@@ -26,7 +32,6 @@ pub struct View {
     /// The last heading that was held, and seconds since the last line on it.
     held: Option<Heading>,
     held_s: u32,
-    failed: Option<io::Error>,
 }
 
 /// The moving part; draws on stderr, and nothing unless that is a terminal.
@@ -39,23 +44,14 @@ struct Bars {
 impl View {
     /// Lines go to `out`; `settings` tell which positions to expect.
     pub fn new(out: Box<dyn Write>, settings: &Settings) -> Self {
-        Self {
-            out,
-            bars: Bars::new(),
-            dwells_s: dwells_s(settings),
-            done: 0,
-            was_level: None,
-            held: None,
-            held_s: 0,
-            failed: None,
-        }
+        Self { out, bars: Bars::new(), lines: Lines::new(settings), failed: None }
     }
 
     /// Shows a report. What cannot be written is kept for [`Self::finish`].
     pub fn report(&mut self, report: &Report) {
-        self.bars.report(report, &self.dwells_s);
-        if let Some(text) = self.line(&report.event) {
-            self.write(format_args!("{:8.1} s  {text}", report.t_s));
+        self.bars.report(report, &self.lines.dwells_s);
+        if let Some(text) = self.lines.line(report) {
+            self.write(format_args!("{text}"));
         }
     }
 
@@ -81,9 +77,26 @@ impl View {
             self.failed.get_or_insert(error);
         }
     }
+}
 
-    /// What a report is worth saying in a line.
-    fn line(&mut self, event: &Event) -> Option<String> {
+impl Lines {
+    /// `settings` tell which positions to expect.
+    pub fn new(settings: &Settings) -> Self {
+        Self { dwells_s: dwells_s(settings), done: 0, was_level: None, held: None, held_s: 0 }
+    }
+
+    /// How long each position is to be measured, s.
+    pub fn dwells_s(&self) -> &[u16] {
+        &self.dwells_s
+    }
+
+    /// What a report is worth saying in a line, with its time.
+    pub fn line(&mut self, report: &Report) -> Option<String> {
+        let text = self.text(&report.event)?;
+        Some(format!("{:8.1} s  {text}", report.t_s))
+    }
+
+    fn text(&mut self, event: &Event) -> Option<String> {
         let count = self.dwells_s.len();
         let at = |position: u8| format!("position {} of {count}", u32::from(position) + 1);
         Some(match *event {
@@ -156,9 +169,7 @@ impl View {
             }
         })
     }
-}
 
-impl View {
     /// A line when what the instrument does changes, when a new fix is asked for, and now and then.
     fn heading(&mut self, heading: Heading) -> Option<String> {
         let Heading { heading_deg, sigma_deg, motion, refix, .. } = heading;

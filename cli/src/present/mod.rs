@@ -6,5 +6,5 @@ mod live;
 mod result;
 
 pub use angle::{AngleUnit, Directions};
-pub use live::View;
+pub use live::{Lines, View};
 pub use result::{Reference, write_fault, write_fix, write_held};

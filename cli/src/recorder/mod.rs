@@ -10,6 +10,7 @@ use north_finder::attitude::Motion;
 use north_finder::event::{Event, Heading, Report, Second, State};
 use north_finder::level::Specific;
 use north_finder::replay::Mark;
+use north_finder::settings::Settings;
 
 use crate::campaign::{
     ACCELEROMETERS, Campaign, CampaignWriter, INDEX, Instrument, Layout, Own, OwnLayout, Row, TEMPERATURE,
@@ -126,24 +127,35 @@ pub fn write_headings(path: &Path, headings: &[(f64, Heading)]) -> Result<(), Fi
 
 /// A new campaign of simulated runs, in a folder that must be free, with the settings of the instrument.
 pub fn new_campaign(folder: &Path, title: String, setup: &Setup) -> Result<CampaignWriter, FileError> {
-    let settings = setup.settings.clone().unwrap_or_default();
-    let mut instrument = Instrument {
-        name: Some("simulated".into()),
+    let default = Settings { latitude_deg: setup.scenario.site.latitude_deg, ..Settings::default() };
+    campaign(folder, Some(title), "simulated".into(), setup.settings.as_ref().unwrap_or(&default))
+}
+
+/// A new campaign of a board, the same.
+pub fn board_campaign(folder: &Path, name: String, settings: &Settings) -> Result<CampaignWriter, FileError> {
+    campaign(folder, None, name, settings)
+}
+
+fn campaign(
+    folder: &Path,
+    title: Option<String>,
+    name: String,
+    settings: &Settings,
+) -> Result<CampaignWriter, FileError> {
+    let file = "settings.toml";
+    let instrument = Instrument {
+        name: Some(name),
         arw_deg_per_sqrt_h: Some(settings.gyro.arw_deg_per_sqrt_h),
-        settings: None,
+        settings: Some(file.into()),
     };
-    let latitude_deg = Some(setup.settings.as_ref().map_or(setup.scenario.site.latitude_deg, |set| set.latitude_deg));
-    let name = "settings.toml";
-    instrument.settings = Some(name.into());
-    let campaign = Campaign {
+    let writer = CampaignWriter::create(Campaign {
         folder: folder.to_owned(),
-        title: Some(title),
-        latitude_deg,
+        title,
+        latitude_deg: Some(settings.latitude_deg),
         instrument: Some(instrument),
         runs: Vec::new(),
-    };
-    let writer = CampaignWriter::create(campaign)?;
-    crate::settings_file::write_settings(&folder.join(name), &settings)?;
+    })?;
+    crate::settings_file::write_settings(&folder.join(file), settings)?;
     Ok(writer)
 }
 

@@ -6,7 +6,8 @@ use std::path::PathBuf;
 use clap::Args;
 use hal_sim::World;
 use north_finder::calibration::field::problem::Solved;
-use north_finder::event::{Event, Report};
+use north_finder::event::{Event, Report, State};
+use north_finder::sequence::Command;
 use serde::Serialize;
 
 use crate::commands::instrument::InstrumentOptions;
@@ -16,6 +17,7 @@ use crate::field::{self, End};
 use crate::interrupt;
 use crate::json::EventRecord;
 use crate::output::JsonOption;
+use crate::port::{Port, PortError, SILENCE};
 use crate::present::guidance;
 
 /// Calibrate the instrument's own accelerometers by hand, guided by the firmware
@@ -27,7 +29,8 @@ use crate::present::guidance;
 #[command(after_help = "Examples:
   north calibrate field
   north calibrate field worn-accelerometers --host --seed 7 --json -
-  north calibrate field my-scenario.toml")]
+  north calibrate field my-scenario.toml
+  north calibrate field --port /dev/ttyUSB0")]
 pub struct Field {
     /// A built-in scenario ("north scenarios" lists them) or a scenario file ending in .toml
     #[arg(value_name = "SCENARIO", default_value = "worn-accelerometers")]
@@ -41,6 +44,10 @@ pub struct Field {
     /// The firmware image to run; without it the image is built, which needs cargo and the sources
     #[arg(long, value_name = "FILE", conflicts_with = "host")]
     image: Option<PathBuf>,
+    /// Calibrate the board at this serial port, turned by you, instead of the simulated instrument; the only one on which a board
+    /// answers, if it is not named
+    #[arg(long, value_name = "PORT", num_args = 0..=1, conflicts_with_all = ["host", "image", "seed", "scenario"])]
+    port: Option<Option<String>>,
     #[command(flatten)]
     json: JsonOption,
 }
@@ -48,8 +55,9 @@ pub struct Field {
 /// The machine-readable result.
 #[derive(Debug, Serialize)]
 struct Record {
+    /// Of a board its port.
     scenario: String,
-    /// "qemu" or "host".
+    /// "qemu", "host" or "board".
     engine: &'static str,
     events: Vec<EventRecord>,
     /// What was found on board, also if it was not stored.
@@ -89,6 +97,9 @@ struct FixRecord {
 
 impl Field {
     pub fn run(self) -> Result<(), Failure> {
+        if let Some(port) = &self.port {
+            return self.board(&mut Port::open(port.as_deref())?);
+        }
         let engine = if self.host { Engine::Host } else { Engine::Qemu };
         let options = InstrumentOptions { scenario: self.scenario.clone(), ..InstrumentOptions::default() };
         let (scenario, settings) = options.resolve()?;
@@ -142,6 +153,42 @@ impl Field {
         conclude(outcome.end, setup.scenario.duration_limit_s)
     }
 
+    /// The board says what to do, until it has stored a calibration or says why not.
+    fn board(&self, port: &mut Port) -> Result<(), Failure> {
+        let mut out = self.json.human();
+        let name = port.name().to_owned();
+        let (mut reports, mut record) = (Vec::new(), Record::of_board(name));
+        port.command(Command::CalibrateAccelerometers, &mut |report| reports.push(*report))?;
+        let mut reports = reports.into_iter();
+        let mut refused = None;
+        loop {
+            let report = match reports.next().map_or_else(|| port.report(SILENCE), Ok) {
+                Err(PortError::Interrupted) => {
+                    abort(port);
+                    return Err(Failure::Interrupted);
+                }
+                report => report?,
+            };
+            write_report(&mut out, &report)?;
+            record.events.extend(EventRecord::of(&report));
+            match report.event {
+                Event::Calibration(solved) => record.calibration = Some((&solved).into()),
+                Event::CalibrationStored => record.stored = true,
+                Event::NoCalibration(reason) => {
+                    record.refused = Some(reason.why.name());
+                    refused = Some(reason.why.explain());
+                }
+                Event::State(State::Finished | State::Failed) if record.stored || refused.is_some() => break,
+                _ => {}
+            }
+        }
+        self.json.write(&record)?;
+        match (record.refused, refused) {
+            (Some(name), Some(why)) => Err(Failure::Refused(format!("{name}: {why}"))),
+            _ => Ok(()),
+        }
+    }
+
     /// Power off, another moment in the same place, power on with this content of the flash: north.
     fn find(&self, engine: Engine, setup: &Setup, flash: &[u8]) -> Result<FixRecord, Failure> {
         let world = World::new(&setup.scenario, setup.seed).with_flash(flash);
@@ -153,6 +200,26 @@ impl Field {
             return Err(Failure::Interrupted);
         }
         Ok(FixRecord::of(&wanted.outcome(off)))
+    }
+}
+
+/// Ends the calibration on the board; whoever is interrupted does not wait for the answer.
+fn abort(port: &mut Port) {
+    let _ = port.command(Command::Abort, &mut |_| ());
+}
+
+impl Record {
+    fn of_board(port: String) -> Self {
+        Self {
+            scenario: port,
+            engine: "board",
+            events: Vec::new(),
+            calibration: None,
+            stored: false,
+            refused: None,
+            before: None,
+            after: None,
+        }
     }
 }
 

@@ -1,8 +1,8 @@
-//! `north settings`: what can be set.
+//! `north settings describe`: what can be set.
 
 use std::io::Write;
 
-use clap::{Args, Subcommand};
+use clap::Args;
 use north_finder::settings::Settings;
 use north_finder::settings::fields::{FIELDS, WORDS};
 use serde::Serialize;
@@ -10,30 +10,17 @@ use serde::Serialize;
 use crate::failure::Failure;
 use crate::output::JsonOption;
 
-/// Settings of the instrument
-#[derive(Args, Debug)]
-#[command(after_help = "Example:\n  north settings describe")]
-pub struct SettingsCommand {
-    #[command(subcommand)]
-    what: What,
-}
-
-#[derive(Debug, Subcommand)]
-enum What {
-    Describe(Describe),
-}
-
 /// Every number that can be set: meaning, unit, limits, default
 #[derive(Args, Debug)]
 #[command(after_help = "Example:\n  north settings describe --json -")]
-struct Describe {
+pub struct Describe {
     #[command(flatten)]
     json: JsonOption,
 }
 
 /// A number that can be set.
 #[derive(Serialize)]
-struct Described {
+pub struct Described {
     name: &'static str,
     unit: &'static str,
     low: f64,
@@ -42,9 +29,9 @@ struct Described {
     meaning: &'static str,
 }
 
-impl SettingsCommand {
+impl Describe {
     pub fn run(self) -> Result<(), Failure> {
-        let What::Describe(Describe { json }) = self.what;
+        let json = self.json;
         let defaults = Settings::default();
         let rows = FIELDS.iter().zip(WORDS).map(|(field, words)| Described {
             name: field.name,

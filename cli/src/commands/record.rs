@@ -1,0 +1,208 @@
+//! `north record`: what a board measures, as a campaign.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+use north_finder::event::{Dwell, Event, Fix, Report, State};
+use north_finder::health::Fault;
+use north_finder::link::{Ask, BAUD};
+use north_finder::sequence::Command;
+
+use crate::campaign::{CampaignWriter, Row, Run};
+use crate::failure::Failure;
+use crate::interrupt;
+use crate::json::{Run as RunRecord, Solved};
+use crate::output::JsonOption;
+use crate::port::{Port, PortError, SILENCE};
+use crate::present::{Directions, View, write_fix};
+use crate::recorder::{RawRecorder, Recorder, board_campaign, write_run};
+
+/// Name of the one run in a recording.
+const RUN: &str = "runs/001.csv";
+/// Most seconds of a recording: its rows are kept in memory until it ends, 160 bytes each and 400 a second.
+const MOST_SECONDS: u32 = 14_400;
+
+/// Record what a board measures as a campaign: every frame of the gyro, 400 a second, and every reading
+///
+/// `north solve`, `diagnose` and `characterise` read it. With --fix the recording gives the board's own azimuth, sigma and flags, with all their
+/// digits. Ends after --seconds, with the end of the fix, or with an interrupt.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  north record /dev/ttyUSB0 --out still --seconds 3600 && north characterise still/runs/001.csv
+  north record --fix --out fix && north solve fix")]
+pub struct Record {
+    /// The serial port; the only one on which a board answers, if it is not named
+    #[arg(value_name = "PORT")]
+    port: Option<String>,
+    /// A new or empty folder
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Start a fix, and end with it
+    #[arg(long)]
+    fix: bool,
+    /// End after so many seconds, 14400 at most
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST_SECONDS as i64), default_value_t = MOST_SECONDS)]
+    seconds: u32,
+    /// Rows of one second instead of single frames
+    #[arg(long)]
+    means: bool,
+    #[command(flatten)]
+    json: JsonOption,
+}
+
+/// What is recorded.
+enum Rows {
+    Raw(Box<RawRecorder>),
+    Means(Recorder),
+}
+
+/// What comes over the line while it is recorded.
+#[derive(Default)]
+struct Line {
+    means: bool,
+    /// Seconds recorded.
+    seconds: u32,
+    /// Number of the next block of the stream.
+    next_block: Option<u8>,
+    lost_blocks: u32,
+    bytes_before: Option<u64>,
+    /// Most bytes between two seconds' reports.
+    most_bytes: u64,
+    dwells: Vec<Dwell>,
+    fix: Option<Fix>,
+    fault: Option<Fault>,
+    ended: bool,
+}
+
+impl Record {
+    pub fn run(self) -> Result<(), Failure> {
+        CampaignWriter::check_free(&self.out)?;
+        let mut port = Port::open(self.port.as_deref())?;
+        let identity = port.identity()?;
+        let settings = port.settings()?.unwrap_or_default();
+        let name = format!("{} {:08x}", identity.board.name(), identity.program);
+        let mut campaign = board_campaign(&self.out, name, &settings)?;
+        let mut rows = match self.means {
+            true => Rows::Means(Recorder::default()),
+            false => Rows::Raw(Box::new(RawRecorder::new(settings.gyro))),
+        };
+        let mut view = View::new(self.json.human(), &settings);
+        let mut line = Line { means: self.means, ..Line::default() };
+        let ended = self.listen(&mut port, &mut |report, bytes| {
+            line.hear(report, bytes);
+            rows.hear(report);
+            view.report(report);
+            line.seconds >= self.seconds || self.fix && line.ended
+        });
+        let mut out = view.finish()?;
+        match ended {
+            // Whoever set no end ends it so.
+            Err(PortError::Interrupted) if !self.fix && line.seconds > 0 => {}
+            ended => ended?,
+        }
+        let rows = rows.into_rows();
+        if rows.is_empty() {
+            return Err(Failure::Refused(format!("{}: no whole second came: nothing is recorded", port.name())));
+        }
+        let count = rows.len();
+        write_run(&campaign, RUN, rows)?;
+        campaign.add(Run { file: RUN.into(), ..Run::default() });
+        campaign.finish()?;
+        let capacity = BAUD / 10;
+        writeln!(
+            out,
+            "{}: {count} rows; at most {} bytes a second of {capacity}",
+            self.out.display(),
+            line.most_bytes
+        )?;
+        if line.lost_blocks > 0 || port.bad_frames() > 0 {
+            let (lost, bad) = (line.lost_blocks, port.bad_frames());
+            let message =
+                format!("{lost} blocks of the stream were lost and {bad} frames damaged: the recording has gaps");
+            return Err(Failure::Refused(message));
+        }
+        let dwells = &line.dwells;
+        let run = match (&line.fix, line.fault) {
+            (Some(fix), _) => {
+                write_fix(&mut out, fix, &Directions::default(), None)?;
+                RunRecord::of_fix(RUN.into(), fix, dwells)
+            }
+            (None, fault) => RunRecord::without_azimuth(
+                RUN.into(),
+                dwells,
+                fault.map(Fault::name),
+                Some(fault.map_or("no fix was made", Fault::meaning).into()),
+            ),
+        };
+        self.json.write(&Solved { runs: vec![run] })?;
+        match line.fault.filter(|_| self.fix && line.fix.is_none()) {
+            Some(fault) => Err(Failure::Refused(format!("{}: {}", fault.name(), fault.meaning()))),
+            None => Ok(()),
+        }
+    }
+
+    /// Asks for the stream and the fix; hears every report with the bytes so far until `hear` says that it is enough.
+    fn listen(&self, port: &mut Port, hear: &mut dyn FnMut(&Report, u64) -> bool) -> Result<(), PortError> {
+        let mut early = Vec::new();
+        if !self.means {
+            port.ask(Ask::Stream(true), &mut |report| early.push(*report))?;
+        }
+        if self.fix {
+            port.command(Command::Start, &mut |report| early.push(*report))?;
+        }
+        let mut enough = false;
+        for report in &early {
+            enough |= hear(report, port.bytes());
+        }
+        while !enough {
+            let report = port.report(SILENCE)?;
+            enough = hear(&report, port.bytes());
+        }
+        if !self.means && !interrupt::requested() {
+            port.ask(Ask::Stream(false), &mut |_| ())?;
+        }
+        Ok(())
+    }
+}
+
+impl Line {
+    fn hear(&mut self, report: &Report, bytes: u64) {
+        match report.event {
+            Event::Second(_) => {
+                // Those before the stream began have no frames.
+                self.seconds += u32::from(self.means || self.next_block.is_some());
+                if let Some(before) = self.bytes_before.replace(bytes) {
+                    self.most_bytes = self.most_bytes.max(bytes - before);
+                }
+            }
+            Event::Raw(block) => {
+                let expected = self.next_block.replace(block.number.wrapping_add(1)).unwrap_or(block.number);
+                self.lost_blocks += u32::from(block.number.wrapping_sub(expected));
+            }
+            Event::State(State::Levelling) => (self.dwells, self.fix, self.fault) = (Vec::new(), None, None),
+            Event::Dwell(dwell) => self.dwells.push(dwell),
+            Event::Fix(fix) => self.fix = Some(fix),
+            Event::Fault { fault, .. } => self.fault = Some(fault),
+            Event::State(State::Finished | State::Failed) => self.ended = true,
+            _ => {}
+        }
+    }
+}
+
+impl Rows {
+    fn hear(&mut self, report: &Report) {
+        match (self, &report.event) {
+            (Self::Raw(raw), Event::Raw(block)) => block.items().for_each(|item| raw.item(&item)),
+            (Self::Raw(raw), _) => raw.report(report),
+            (Self::Means(means), _) => means.see(report),
+        }
+    }
+
+    fn into_rows(self) -> Vec<Row> {
+        match self {
+            Self::Raw(raw) => raw.into_rows(),
+            Self::Means(means) => means.into_rows(),
+        }
+    }
+}

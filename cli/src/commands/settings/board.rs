@@ -1,0 +1,147 @@
+//! Settings of a board: read, changed, kept in a file and brought back.
+
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use north_finder::settings::Settings;
+
+use crate::failure::Failure;
+use crate::file_error::FileError;
+use crate::output;
+use crate::port::{Port, PortOption};
+use crate::settings_file::{laid_over, read_settings, settings_text};
+
+/// Print settings of a board
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  north settings get latitude_deg
+  north settings get gyro model --port /dev/ttyUSB0")]
+pub struct Get {
+    /// Names of values or groups, as `north settings describe` has them; all without one
+    #[arg(value_name = "NAME")]
+    names: Vec<String>,
+    #[command(flatten)]
+    port: PortOption,
+}
+
+/// Change settings of a board, which starts anew with them
+#[derive(Args, Debug)]
+#[command(after_help = "Example:\n  north settings set latitude_deg=47.37 sequence.order=mirrored")]
+pub struct Set {
+    /// Values by name
+    #[arg(value_name = "NAME=VALUE", required = true)]
+    values: Vec<String>,
+    #[command(flatten)]
+    port: PortOption,
+}
+
+/// Print all settings of a board, its error model among them, as a file that `restore` reads
+#[derive(Args, Debug)]
+#[command(after_help = "Example:\n  north settings dump --out unit-7.toml")]
+pub struct Dump {
+    /// Write to this new file instead of stdout
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    port: PortOption,
+}
+
+/// Bring the settings of a file to a board, which starts anew with them; what the file does not say gets its default
+#[derive(Args, Debug)]
+#[command(after_help = "Example:\n  north settings restore unit-7.toml")]
+pub struct Restore {
+    /// As `dump` writes it
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    #[command(flatten)]
+    port: PortOption,
+}
+
+impl Get {
+    pub fn run(self) -> Result<(), Failure> {
+        let settings = stored(&mut self.port.open()?)?;
+        let text = settings_text(&settings).map_err(|error| Failure::Refused(error.to_string()))?;
+        let mut out = io::stdout();
+        if self.names.is_empty() {
+            return Ok(write!(out, "{text}")?);
+        }
+        let all = toml::Value::try_from(&settings).map_err(|error| Failure::Refused(error.to_string()))?;
+        for name in &self.names {
+            let found = name.split('.').try_fold(&all, |value, part| value.get(part));
+            match found {
+                Some(value) if value.is_table() => writeln!(out, "[{name}]\n{}", value_text(value))?,
+                Some(value) => writeln!(out, "{name} = {value}")?,
+                None => {
+                    let known: Vec<&str> =
+                        all.as_table().into_iter().flatten().map(|(name, _)| name.as_str()).collect();
+                    let message = format!("{name} is not set on this board; what is: {}", known.join(", "));
+                    return Err(Failure::Usage(message));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn value_text(table: &toml::Value) -> String {
+    toml::to_string(table).unwrap_or_default()
+}
+
+impl Set {
+    pub fn run(self) -> Result<(), Failure> {
+        let text = self.values.iter().map(|value| line(value)).collect::<Result<String, Failure>>()?;
+        let mut port = self.port.open()?;
+        let before = port.settings()?;
+        if before.is_none() && !self.values.iter().any(|value| value.starts_with("latitude_deg=")) {
+            return Err(Failure::Refused(
+                "the board has no settings yet: latitude_deg=… must be among the values".into(),
+            ));
+        }
+        let settings = laid_over("command line", text, &before.unwrap_or_default())?;
+        store(&mut port, &settings)
+    }
+}
+
+/// `NAME=VALUE` as a line of TOML; a word needs no quotes.
+fn line(value: &str) -> Result<String, Failure> {
+    let (name, value) = value.split_once('=').ok_or_else(|| Failure::Usage(format!("{value:?} is not NAME=VALUE")))?;
+    let plain = value.chars().all(|c| c.is_ascii_alphabetic() || c == '-')
+        && !matches!(value, "true" | "false" | "nan" | "inf");
+    Ok(if plain { format!("{name} = {value:?}\n") } else { format!("{name} = {value}\n") })
+}
+
+impl Dump {
+    pub fn run(self) -> Result<(), Failure> {
+        let settings = stored(&mut self.port.open()?)?;
+        let text = settings_text(&settings).map_err(|error| Failure::Refused(error.to_string()))?;
+        match &self.out {
+            None => Ok(write!(io::stdout(), "{text}")?),
+            Some(path) => write_new(path, &text),
+        }
+    }
+}
+
+fn write_new(path: &Path, text: &str) -> Result<(), Failure> {
+    let written = output::create(path).and_then(|mut file| file.write_all(text.as_bytes()));
+    Ok(written.map_err(|error| FileError::whole(path, error))?)
+}
+
+impl Restore {
+    pub fn run(self) -> Result<(), Failure> {
+        let settings = read_settings(&self.file, &Settings::default())?;
+        store(&mut self.port.open()?, &settings)
+    }
+}
+
+/// The settings of a board that has some.
+fn stored(port: &mut Port) -> Result<Settings, Failure> {
+    port.settings()?.ok_or_else(|| Failure::Refused(format!("{}: no settings are stored", port.name())))
+}
+
+/// Stores settings, and says so.
+pub fn store(port: &mut Port, settings: &Settings) -> Result<(), Failure> {
+    port.store(settings)?;
+    writeln!(io::stdout(), "{}: stored; the board starts anew with these settings", port.name())?;
+    Ok(())
+}

@@ -1,0 +1,152 @@
+//! The tools that talk to a board, over a pseudo-terminal to an instrument in a process.
+
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+use serde_json::Value;
+
+/// A board that is switched off when the test ends, however it ends.
+struct Board {
+    process: Child,
+    port: String,
+}
+
+impl Board {
+    fn on(arguments: &[&str]) -> Self {
+        let mut process = north(&["board", "--engine", "host", "--speed", "100"])
+            .args(arguments)
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut port = String::new();
+        BufReader::new(process.stdout.take().unwrap()).read_line(&mut port).unwrap();
+        Self { process, port: port.trim().to_owned() }
+    }
+
+    /// What a command says that talks to it: exit code, stdout, stderr.
+    fn run(&self, arguments: &[&str]) -> (i32, String, String) {
+        let arguments: Vec<&str> =
+            arguments.iter().map(|&argument| if argument == "PORT" { &self.port } else { argument }).collect();
+        let output = north(&arguments).output().unwrap();
+        let [said, error] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
+        (output.status.code().unwrap(), said, error)
+    }
+
+    fn good(&self, arguments: &[&str]) -> String {
+        let (code, said, error) = self.run(arguments);
+        assert_eq!(code, 0, "{arguments:?}: {said}{error}");
+        said
+    }
+}
+
+impl Drop for Board {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+fn north(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_north"));
+    command.args(arguments).stdin(Stdio::null());
+    command
+}
+
+fn path(folder: &tempfile::TempDir, name: &str) -> String {
+    folder.path().join(name).to_str().unwrap().to_owned()
+}
+
+#[test]
+fn settings_go_down_and_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let board = Board::on(&[]);
+    assert_eq!(board.good(&["settings", "get", "latitude_deg", "--port", "PORT"]), "latitude_deg = 34.75\n");
+    let before = path(&folder, "before.toml");
+    board.good(&["settings", "dump", "--out", &before, "--port", "PORT"]);
+
+    // All that is wrong, at once, as numbers; nothing is changed.
+    let wrong = ["latitude_deg=91", "level.seconds=0", "gyro.arw_deg_per_sqrt_h=0.01"];
+    let (code, _, error) = board.run(&[&["settings", "set"], &wrong[..], &["--port", "PORT"]].concat());
+    for part in ["latitude_deg = 91", "level.seconds = 0", "disturbance.threshold_deg_h", "at least 4 ", "4.243"] {
+        assert!(code == 1 && error.contains(part), "{part}: {error}");
+    }
+    board.good(&["settings", "set", "latitude_deg=47.37", "sequence.order=plain", "--port", "PORT"]);
+    let group = board.good(&["settings", "get", "latitude_deg", "sequence", "--port", "PORT"]);
+    assert!(group.starts_with("latitude_deg = 47.37\n[sequence]\n") && group.contains("order = \"plain\""), "{group}");
+
+    let model = path(&folder, "m.toml");
+    fs::write(&model, "format = 1\nscale_error = 0.001\nbias_deg_h = 0.25\n").unwrap();
+    board.good(&["load", &model, "--port", "PORT"]);
+    assert!(board.good(&["settings", "get", "model.bias_deg_h", "--port", "PORT"]).contains("= 0.25"));
+    let dwell = path(&folder, "dwell.toml");
+    fs::write(&dwell, "[sequence]\ndwell_s = 45\n").unwrap();
+    board.good(&["load", &dwell, "--port", "PORT"]);
+    assert!(board.good(&["settings", "get", "--port", "PORT"]).contains("dwell_s = 45"));
+
+    board.good(&["settings", "restore", &before, "--port", "PORT"]);
+    assert_eq!(board.good(&["settings", "dump", "--port", "PORT"]), fs::read_to_string(&before).unwrap());
+    // A file that is there stays as it is.
+    let (code, _, error) = board.run(&["settings", "dump", "--out", &before, "--port", "PORT"]);
+    assert!(code == 1 && error.contains("nothing is overwritten"), "{error}");
+}
+
+/// The recording of a fix, frame by frame over the port, gives the fix that the instrument made, with all digits.
+#[test]
+fn a_recorded_fix_is_the_fix() {
+    let folder = tempfile::tempdir().unwrap();
+    let board = Board::on(&["--scenario", "windy-tripod"]);
+    for rows in [&[][..], &["--means"]] {
+        let out = path(&folder, if rows.is_empty() { "raw" } else { "means" });
+        let made = board.good(&[&["record", "PORT", "--fix", "--json", "-", "--out", &out], rows].concat());
+        let solved = north(&["solve", &out, "--json", "-"]).output().unwrap();
+        let [made, solved]: [Value; 2] =
+            [made.as_bytes(), &solved.stdout].map(|text| serde_json::from_slice(text).unwrap());
+        for name in ["azimuth_deg", "sigma_deg", "closure_deg_h", "flags"] {
+            assert!(
+                !made["runs"][0][name].is_null() && made["runs"][0][name] == solved["runs"][0][name],
+                "{name}: {made} {solved}"
+            );
+        }
+    }
+    let out = path(&folder, "short");
+    let said = board.good(&["record", "PORT", "--seconds", "5", "--out", &out]);
+    // 400 rows a second, and far below the line's 11520 bytes a second.
+    let most: u64 = said.split("at most ").nth(1).and_then(|rest| rest.split(' ').next()).unwrap().parse().unwrap();
+    assert!(said.contains("2000 rows") && (3000..9000).contains(&most), "{said}");
+    assert!(Path::new(&out).join("settings.toml").exists());
+}
+
+#[test]
+fn the_accelerometers_are_calibrated_over_the_port() {
+    let board = Board::on(&["--scenario", "worn-accelerometers"]);
+    let said = board.good(&["calibrate", "field", "--port", &board.port]);
+    assert!(said.contains("up\n") && said.contains("attitude 18 accepted") && said.ends_with("stored\n"), "{said}");
+    assert!(board.good(&["settings", "get", "accelerometer", "--port", "PORT"]).contains("bias_g"));
+}
+
+#[test]
+fn the_doctor_finds_what_is_wrong() {
+    let said = Board::on(&[]).good(&["doctor", "--port", "PORT"]);
+    for part in ["good  gyro frames    All ", "look  accelerometers", "good  latitude", "good  encoder", "good  level"]
+    {
+        assert!(said.contains(part), "{part}: {said}");
+    }
+    assert!(!said.contains("BAD"), "{said}");
+    let (code, said, error) =
+        Board::on(&["--scenario", "lossy-link"]).run(&["doctor", "--port", "PORT", "--json", "-"]);
+    let findings: Value = serde_json::from_str(&said).unwrap();
+    let frames = findings.as_array().unwrap().iter().find(|finding| finding["what"] == "gyro frames").unwrap();
+    assert!(code == 1 && frames["verdict"] == "bad" && error.contains("checks are bad"), "{said}{error}");
+}
+
+#[test]
+fn a_port_on_which_nobody_answers_is_said_to_be_one() {
+    let (_line, other_end) = serialport::TTYPort::pair().unwrap();
+    let name = serialport::SerialPort::name(&other_end).unwrap();
+    drop(other_end);
+    let output = north(&["settings", "get", "--port", &name]).output().unwrap();
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.code() == Some(1) && error.contains(&name) && error.contains("no answer"), "{error}");
+}
