@@ -18,7 +18,7 @@ pub const EQUATOR_GRAVITY_M_S2: f64 = 9.780_325_335_9;
 pub const SOMIGLIANA: f64 = 1.931_852_652_41e-3;
 
 /// The Earth's rate at a latitude, split in its horizontal and its vertical part.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EarthRate {
     /// Towards north, °/h; positive in both hemispheres.
     pub north_deg_h: f64,

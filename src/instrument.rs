@@ -4,16 +4,16 @@
 //! the same image in QEMU, and the run in this process only wire it to their ports. Solving a calibration takes as long as many
 //! ticks, so the problem is handed out ([`Instrument::problem`]) and its answer comes back ([`Instrument::solved`]).
 
-use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
+use embedded_storage::nor_flash::NorFlash;
 use heapless::{Deque, Vec};
 use serde::{Deserialize, Serialize};
 
+use crate::calibration::ellipsoid::Correction;
 use crate::calibration::field::problem::{Problem, Solved};
 use crate::calibration::field::refusal::NoCalibration;
 use crate::calibration::field::{self, Session};
 use crate::drivers::sensors::Due;
 use crate::event::{self, Event, Report, State};
-use crate::fix::accumulator::Accumulator;
 use crate::frame::FrameReader;
 use crate::gather::Gatherer;
 use crate::heading::Keeper;
@@ -25,11 +25,11 @@ use crate::link::{Ask, Request, RequestDecoder};
 use crate::raw::{Item, Stream};
 use crate::reading::Reading;
 use crate::restart::{Provocation, Text};
-use crate::sample::{RateSecond, SAMPLE_S, SAMPLES_PER_SECOND};
+use crate::sample::{GyroSettings, RateSecond, SAMPLE_S, SAMPLES_PER_SECOND};
 use crate::sequence::{Command, Seen, Sequencer};
 use crate::settings::Settings;
 use crate::settings::pieces::Incoming;
-use crate::settings::store::{self, Loaded};
+use crate::settings::store::{self, Found};
 use crate::watch::GyroWatch;
 
 /// Seconds between two reports of the counters, if they changed.
@@ -88,8 +88,9 @@ pub struct Instrument {
     reader: FrameReader,
     gatherer: Gatherer,
     watch: GyroWatch,
-    /// Or the reason why no fix can be started.
-    sequencer: Result<Sequencer, Fault>,
+    sequencer: Sequencer,
+    /// The reason why no fix can be started, if none can.
+    refusal: Option<Fault>,
     /// The calibration of the accelerometers.
     field: Session,
     /// Holds the heading of a fix, where there is a block of three gyros.
@@ -104,33 +105,30 @@ pub struct Instrument {
 }
 
 impl Instrument {
-    /// With what the flash holds, by [`load`]. Without valid settings the instrument still samples and reports, but starts no fix.
+    /// Powered up, with what the flash holds.
+    pub fn power_up(flash: &mut impl NorFlash, identity: Identity) -> Self {
+        let mut instrument = Self::empty(identity);
+        instrument.set_up(flash);
+        instrument
+    }
+
+    /// Before it is set up.
     // Inlined, so that it is made where it stays: copies of it would take tens of kilobytes of a board's stack.
     #[inline(always)]
-    pub fn power_up(loaded: Loaded, identity: Identity) -> Self {
-        let (settings, sequencer) = match loaded {
-            // What no board measures cannot be compensated: such a model is for recordings.
-            Loaded::Valid(settings) if settings.model.as_ref().is_some_and(|model| model.off_board().is_some()) => {
-                (settings, Err(Fault::SettingsInvalid))
-            }
-            Loaded::Valid(settings) => {
-                let sequencer = sequencer(&settings);
-                (settings, sequencer)
-            }
-            Loaded::Missing => (Settings::default(), Err(Fault::SettingsMissing)),
-            Loaded::Corrupt => (Settings::default(), Err(Fault::SettingsCorrupt)),
-        };
+    pub fn empty(identity: Identity) -> Self {
+        let gyro = GyroSettings::default();
         Self {
             identity,
             requests: RequestDecoder::new(),
             incoming: Incoming::default(),
             streaming: Streaming::Off,
-            reader: FrameReader::new(settings.gyro.format),
-            gatherer: Gatherer::new(settings.gyro, settings.triad()),
+            reader: FrameReader::new(gyro.format),
+            gatherer: Gatherer::new(gyro, Correction::UNIT),
             watch: GyroWatch::default(),
-            sequencer,
+            sequencer: Sequencer::empty(),
+            refusal: Some(Fault::SettingsMissing),
             field: Session::default(),
-            keeper: settings.block.map(|block| Keeper::new(&block, settings.latitude_deg, settings.level.sigma_deg)),
+            keeper: None,
             counters: Counters::default(),
             reported: Counters::default(),
             seconds: 0,
@@ -140,9 +138,39 @@ impl Instrument {
         }
     }
 
+    /// Takes what the flash holds. Without valid settings the instrument still samples and reports, but starts no fix.
+    ///
+    /// Never inlined: the settings shall take the caller's stack only here.
+    #[inline(never)]
+    pub fn set_up(&mut self, flash: &mut impl NorFlash) {
+        // A flash that cannot be prepared will say so when settings are stored.
+        let _ = store::prepare(flash);
+        let mut settings = Settings::default();
+        // A flash that cannot be read is as good as corrupt.
+        self.refusal = match store::load_into(flash, &mut settings).unwrap_or(Found::Corrupt) {
+            Found::Valid => self.take(&mut settings).err(),
+            Found::Missing => Some(Fault::SettingsMissing),
+            Found::Corrupt => Some(Fault::SettingsCorrupt),
+        };
+    }
+
+    /// Takes settings that were stored. Errors: why no fix can be started with them.
+    fn take(&mut self, settings: &mut Settings) -> Result<(), Fault> {
+        self.reader = FrameReader::new(settings.gyro.format);
+        self.gatherer = Gatherer::new(settings.gyro, settings.triad());
+        self.keeper = settings.block.map(|block| Keeper::new(&block, settings.latitude_deg, settings.level.sigma_deg));
+        // What no board measures cannot be compensated: such a model is for recordings.
+        if settings.model.as_ref().is_some_and(|model| model.off_board().is_some()) {
+            return Err(Fault::SettingsInvalid);
+        }
+        let declared = settings.declared()?;
+        self.sequencer.set_up(settings.rules(), declared, settings.model.get_or_insert_default());
+        Ok(())
+    }
+
     /// Why no fix can be started, if none can.
     pub fn refusal(&self) -> Option<Fault> {
-        self.sequencer.as_ref().err().copied()
+        self.refusal
     }
 
     /// Whether there is a block of three gyros to be read.
@@ -152,7 +180,7 @@ impl Instrument {
 
     /// What the motor goes by. (Where no fix can be started, it never turns.)
     pub fn index_settings(&self) -> IndexSettings {
-        self.sequencer.as_ref().map_or(IndexSettings::default(), |sequencer| sequencer.rules().index)
+        self.sequencer.rules().index
     }
 
     /// A tick of 2.5 ms: what it brought, and the bytes from the gyro and from the host that have come, in their order.
@@ -188,12 +216,10 @@ impl Instrument {
 
         let watched = self.watch.tick(readings.tick);
         let encoder = (self.encoder_failures >= ENCODER_PATIENCE).then_some(Fault::EncoderFailed);
-        if let Ok(sequencer) = &mut self.sequencer {
-            let moved = sequencer.tick(t_s, readings.sensors.index.value(), readings.turning, &mut sink);
-            orders.motor = moved.or(orders.motor);
-            if let Some(fault) = watched.or(encoder) {
-                orders.motor = sequencer.fail(fault, t_s, &mut sink).or(orders.motor);
-            }
+        let moved = self.sequencer.tick(t_s, readings.sensors.index.value(), readings.turning, &mut sink);
+        orders.motor = moved.or(orders.motor);
+        if let Some(fault) = watched.or(encoder) {
+            orders.motor = self.sequencer.fail(fault, t_s, &mut sink).or(orders.motor);
         }
         if !self.finished.is_empty() {
             self.end_block(&mut sink);
@@ -207,9 +233,10 @@ impl Instrument {
         orders
     }
 
-    /// Attitudes of the accelerometers to be solved for, once; the answer goes to [`Self::solved`].
-    pub fn problem(&mut self) -> Option<Problem> {
-        self.field.problem()
+    /// Puts attitudes of the accelerometers to be solved for into `place`, once; `false`: there are none. The answer goes to
+    /// [`Self::solved`].
+    pub fn problem(&mut self, place: &mut Problem) -> bool {
+        self.field.problem(place)
     }
 
     /// The answer to the problem, whenever it comes; one that nobody waits for any more is dropped.
@@ -243,6 +270,8 @@ impl Instrument {
         }
     }
 
+    /// Never inlined, as others below: what it takes of the stack is free again for what comes after it.
+    #[inline(never)]
     fn request_byte(
         &mut self,
         byte: u8,
@@ -309,9 +338,10 @@ impl Instrument {
         if self.field.is_active() {
             return State::Calibrating;
         }
-        self.sequencer.as_ref().map_or(State::Failed, Sequencer::state)
+        self.refusal.map_or(self.sequencer.state(), |_| State::Failed)
     }
 
+    #[inline(never)]
     fn calibrate(&mut self, readings: &Readings, flash: &mut impl NorFlash, sink: &mut dyn FnMut(Event)) {
         let reading = readings.sensors.acceleration;
         if let Some(calibration) = self.field.tick(reading, &mut |event| calibration_events(event, sink)) {
@@ -330,30 +360,31 @@ impl Instrument {
         }
     }
 
+    #[inline(never)]
     fn obey(&mut self, command: Command, sink: &mut dyn FnMut(Event)) -> Result<Option<MotorCommand>, Refusal> {
         let t_s = self.tick as f64 * SAMPLE_S;
-        Ok(match (&mut self.sequencer, command) {
-            (Ok(sequencer), Command::Start) => {
+        Ok(match (self.refusal, command) {
+            (None, Command::Start) => {
                 self.field.abort(&mut |event| calibration_events(event, sink));
                 self.watch.restart(self.tick);
                 self.encoder_failures = 0;
-                sequencer.start(t_s, sink)
+                self.sequencer.start(t_s, sink)
             }
-            (Ok(sequencer), Command::CalibrateAccelerometers) => {
-                let stop = sequencer.fail(Fault::Aborted, t_s, sink);
+            (None, Command::CalibrateAccelerometers) => {
+                let stop = self.sequencer.fail(Fault::Aborted, t_s, sink);
                 self.field.start(*self.gatherer.triad(), &mut |event| calibration_events(event, sink));
                 stop
             }
-            (Ok(sequencer), Command::Abort) => {
+            (None, Command::Abort) => {
                 self.field.abort(&mut |event| calibration_events(event, sink));
-                sequencer.fail(Fault::Aborted, t_s, sink)
+                self.sequencer.fail(Fault::Aborted, t_s, sink)
             }
-            (Err(fault), Command::Start | Command::CalibrateAccelerometers) => {
-                sink(Event::Fault { fault: *fault, state: State::Idle });
+            (Some(fault), Command::Start | Command::CalibrateAccelerometers) => {
+                sink(Event::Fault { fault, state: State::Idle });
                 sink(Event::State(State::Failed));
                 return Err(Refusal::NoFix);
             }
-            (Err(_), Command::Abort) => None,
+            (Some(_), Command::Abort) => None,
         })
     }
 
@@ -388,6 +419,7 @@ impl Instrument {
         }
     }
 
+    #[inline(never)]
     fn second(&mut self, rate: &RateSecond, t_s: f64, sink: &mut dyn FnMut(Event)) -> Option<MotorCommand> {
         let counters = &mut self.counters;
         if !rate.usable {
@@ -404,10 +436,10 @@ impl Instrument {
         let mut hold = |event| {
             let _ = consequences.push(event);
         };
-        if let Ok(sequencer) = &mut self.sequencer {
-            (seen, motor) = sequencer.second(&second, counters, &mut hold);
+        if self.refusal.is_none() {
+            (seen, motor) = self.sequencer.second(&second, counters, &mut hold);
             if let Some(fault) = fault {
-                motor = sequencer.fail(fault, t_s, &mut hold).or(motor);
+                motor = self.sequencer.fail(fault, t_s, &mut hold).or(motor);
             }
         }
         let conditions = &second.conditions;
@@ -439,35 +471,25 @@ impl Instrument {
     }
 }
 
-/// What the flash holds; a flash that cannot be read is as good as corrupt.
-///
-/// Never inlined, and apart from [`Instrument::power_up`]: together they would take more than a board's stack.
-#[inline(never)]
-pub fn load(flash: &mut impl ReadNorFlash) -> Loaded {
-    store::load(flash).unwrap_or(Loaded::Corrupt)
+/// Brings settings that came to flash, if they make sense.
+fn store(flash: &mut impl NorFlash, incoming: &Incoming, sink: &mut dyn FnMut(Event)) -> Result<(), Refusal> {
+    check(incoming, sink)?;
+    incoming.save(flash).map_err(|_| Refusal::NotStored)
 }
 
-/// Brings settings that came to flash, if they make sense.
+/// Whether settings that came make sense.
 ///
 /// Never inlined: the settings are on the stack only here.
 #[inline(never)]
-fn store(flash: &mut impl NorFlash, incoming: &Incoming, sink: &mut dyn FnMut(Event)) -> Result<(), Refusal> {
-    let settings = incoming.settings()?;
-    let mut valid = true;
+fn check(incoming: &Incoming, sink: &mut dyn FnMut(Event)) -> Result<(), Refusal> {
+    let mut settings = Settings::default();
+    incoming.read(&mut settings)?;
+    let mut result = Ok(());
     for invalid in settings.violations().take(VIOLATIONS) {
-        valid = false;
+        result = Err(Refusal::SettingsInvalid);
         sink(Event::Violation { field: Text::start_of(invalid.field), value: invalid.value });
     }
-    if !valid {
-        return Err(Refusal::SettingsInvalid);
-    }
-    store::save(flash, &settings).map_err(|_| Refusal::NotStored)
-}
-
-#[inline(always)]
-fn sequencer(settings: &Settings) -> Result<Sequencer, Fault> {
-    let model = settings.model.clone().unwrap_or_default();
-    Ok(Sequencer::new(settings.rules(), Accumulator::new(settings.declared()?, model, Vec::new())))
+    result
 }
 
 /// What the calibration tells, as events of the instrument.

@@ -41,10 +41,9 @@ mod app {
     use north_finder::health::Refused;
     use north_finder::identity::Identity;
     use north_finder::index::MotorCommand;
-    use north_finder::instrument::{self, Instrument, Readings};
+    use north_finder::instrument::{Instrument, Readings};
     use north_finder::link;
     use north_finder::restart::Crash;
-    use north_finder::settings::store::Loaded;
 
     /// Room for as many ticks as `solve` may lag behind: 80 ms, and the bytes of gyro and host of that time.
     const READINGS: usize = 32;
@@ -92,15 +91,16 @@ mod app {
         request_out: Consumer<'static, u8>,
         motor_in: Producer<'static, MotorCommand>,
         reports_in: Sender<'static, Report, REPORTS>,
-        problems_in: Sender<'static, Problem, PROBLEMS>,
-        answers_out: Receiver<'static, Answer, PROBLEMS>,
+        problem: Option<&'static mut Problem>,
+        problems_in: Sender<'static, &'static mut Problem, PROBLEMS>,
+        answers_out: Receiver<'static, (Answer, &'static mut Problem), PROBLEMS>,
         flash: board::Flash,
         crash: Option<Crash>,
         program: u32,
         // report
         report_port: board::ReportPort,
         // calibrate
-        answers_in: Sender<'static, Answer, PROBLEMS>,
+        answers_in: Sender<'static, (Answer, &'static mut Problem), PROBLEMS>,
     }
 
     #[init(local = [
@@ -108,21 +108,22 @@ mod app {
         requests: Queue<u8, REQUEST_BYTES> = Queue::new(),
         motor_commands: Queue<MotorCommand, MOTOR_COMMANDS> = Queue::new(),
         place: MaybeUninit<Instrument> = MaybeUninit::uninit(),
+        attitudes: MaybeUninit<Problem> = MaybeUninit::uninit(),
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let crash = crash::take().or_else(|| board::reset_cause().map(Crash::new));
         let mut board: Board = board::init(cx.device);
-        let loaded = instrument::load(&mut board.flash);
         let program = crash::program();
-        let instrument = power_up(cx.local.place, loaded, Identity::new(board::BOARD, program));
+        let identity = Identity::new(board::BOARD, program);
+        let instrument = power_up(cx.local.place, &mut board.flash, identity);
 
         let (gyro_in, gyro_out) = cx.local.gyro_bytes.split();
         let (request_in, request_out) = cx.local.requests.split();
         let (motor_in, motor_out) = cx.local.motor_commands.split();
         let (readings_in, readings_out) = make_channel!(Readings, READINGS);
         let (reports_in, reports_out) = make_channel!(Report, REPORTS);
-        let (problems_in, problems_out) = make_channel!(Problem, PROBLEMS);
-        let (answers_in, answers_out) = make_channel!(Answer, PROBLEMS);
+        let (problems_in, problems_out) = make_channel!(&'static mut Problem, PROBLEMS);
+        let (answers_in, answers_out) = make_channel!((Answer, &'static mut Problem), PROBLEMS);
         // Spawning for the first time cannot fail.
         let _ = solve::spawn(readings_out);
         let _ = report::spawn(reports_out);
@@ -148,6 +149,7 @@ mod app {
             request_out,
             motor_in,
             reports_in,
+            problem: Some(cx.local.attitudes.write(Problem::default())),
             problems_in,
             answers_out,
             flash: board.flash,
@@ -165,10 +167,11 @@ mod app {
     #[inline(never)]
     fn power_up(
         place: &'static mut MaybeUninit<Instrument>,
-        loaded: Loaded,
+        flash: &mut board::Flash,
         identity: Identity,
     ) -> &'static mut Instrument {
-        let instrument = place.write(Instrument::power_up(loaded, identity));
+        let instrument = place.write(Instrument::empty(identity));
+        instrument.set_up(flash);
         match instrument.refusal() {
             None => defmt::info!("boot: ready"),
             Some(fault) => defmt::error!("boot: no fix can be started: {}", fault),
@@ -240,7 +243,8 @@ mod app {
     #[task(
         priority = 2,
         local = [
-            instrument, gyro_out, request_out, motor_in, reports_in, problems_in, answers_out, flash, crash, program,
+            instrument, gyro_out, request_out, motor_in, reports_in, problem, problems_in, answers_out, flash, crash,
+            program,
         ],
         shared = [refused],
     )]
@@ -252,8 +256,9 @@ mod app {
         }
         while let Ok(readings) = readings_out.recv().await {
             GUARD.check_in(Task::Solve);
-            if let Ok(answer) = local.answers_out.try_recv() {
+            if let Ok((answer, place)) = local.answers_out.try_recv() {
                 local.instrument.solved(answer);
+                *local.problem = Some(place);
             }
             let mut refused = false;
             let mut report = |report| {
@@ -276,8 +281,8 @@ mod app {
             if let Some(how) = orders.provoke {
                 crash::provoke(how);
             }
-            if let Some(problem) = local.instrument.problem() {
-                // There is never a second one.
+            // While one is being solved there is no second one.
+            if let Some(problem) = local.problem.take_if(|place| local.instrument.problem(place)) {
                 let _ = local.problems_in.try_send(problem);
             }
             GUARD.done(readings.tick, board::passed_permille());
@@ -312,14 +317,14 @@ mod app {
 
     /// Never inlined: what solving takes of the stack is not the task's that sends reports.
     #[inline(never)]
-    fn solved(problem: Problem) -> Answer {
+    fn solved(problem: &mut Problem) -> Answer {
         problem.solve()
     }
 
     #[task(priority = 1, local = [answers_in])]
-    async fn calibrate(cx: calibrate::Context, mut problems_out: Receiver<'static, Problem, PROBLEMS>) {
+    async fn calibrate(cx: calibrate::Context, mut problems_out: Receiver<'static, &'static mut Problem, PROBLEMS>) {
         while let Ok(problem) = problems_out.recv().await {
-            let _ = cx.local.answers_in.try_send(solved(problem));
+            let _ = cx.local.answers_in.try_send((solved(problem), problem));
         }
     }
 

@@ -19,7 +19,7 @@ use north_finder::drivers::sensors::Due;
 use north_finder::event::{Event, Report, State};
 use north_finder::health::{Fault, Refusal};
 use north_finder::identity::Identity;
-use north_finder::instrument::{self, Instrument, Readings};
+use north_finder::instrument::{Instrument, Readings};
 use north_finder::link::{Ask, ReportDecoder, Request, encode_request};
 use north_finder::reading::Reading;
 use north_finder::restart::{Cause, Provocation};
@@ -69,7 +69,7 @@ impl Both {
         }
         let mut record = vec![0; flash.capacity() / 2];
         flash.read(0, &mut record).unwrap();
-        let instrument = Instrument::power_up(instrument::load(&mut flash), Identity::host());
+        let instrument = Instrument::power_up(&mut flash, Identity::host());
         // The machine has no flash controller: nothing can be stored any more.
         flash.cut_power_after(0);
         let mut both = Self {

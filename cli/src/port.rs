@@ -226,7 +226,9 @@ impl Port {
             }
             let piece = piece.ok_or_else(|| PortError::NoAnswer { port: self.name.clone(), other_version: false })?;
             if incoming.take(&piece).map_err(|refusal| refused(&self.name, refusal))? {
-                return incoming.settings().map(Some).map_err(|refusal| refused(&self.name, refusal));
+                let mut settings = Settings::default();
+                incoming.read(&mut settings).map_err(|refusal| refused(&self.name, refusal))?;
+                return Ok(Some(settings));
             }
             offset = piece.offset.saturating_add(piece.bytes.as_slice().len() as u16);
         }

@@ -48,23 +48,36 @@ pub struct Evaluator {
 }
 
 impl Evaluator {
-    // Inlined, so that it is made where it stays: copies of it would take tens of kilobytes of a board's stack.
+    pub fn new(mut model: ErrorModel) -> Self {
+        let mut evaluator = Self::empty();
+        evaluator.set_up(&mut model);
+        evaluator
+    }
+
+    /// Of no model yet.
+    // Inlined, so that it is made where it stays: copies of it would take kilobytes of a board's stack.
     #[inline(always)]
-    pub fn new(model: ErrorModel) -> Self {
-        let mut windows: Vec<Window, MAX_WINDOWS> = Vec::new();
-        for (channel, low_pass_s) in model.windows() {
-            if !windows.iter().any(|window| window.is_of(channel, low_pass_s)) {
-                let _ = windows.push(Window::new(*channel, low_pass_s));
-            }
-        }
+    pub fn empty() -> Self {
         Self {
-            channels: model.channels(),
-            windows,
+            model: ErrorModel::default(),
+            channels: Vec::new(),
+            windows: Vec::new(),
             memories: [[None; 2]; MAX_TERMS],
             moves: Moves::default(),
             last_s: None,
             rates_deg_h: 0.0,
-            model,
+        }
+    }
+
+    /// Takes a model, and leaves its own in its place. Nothing was evaluated yet.
+    pub fn set_up(&mut self, model: &mut ErrorModel) {
+        core::mem::swap(&mut self.model, model);
+        self.channels = self.model.channels();
+        self.windows.clear();
+        for (channel, low_pass_s) in self.model.windows() {
+            if !self.windows.iter().any(|window| window.is_of(channel, low_pass_s)) {
+                let _ = self.windows.push(Window::new(*channel, low_pass_s));
+            }
         }
     }
 

@@ -175,16 +175,19 @@ pub struct Accumulator<D> {
 
 impl<D: Dwells> Accumulator<D> {
     /// An accumulator that keeps its dwells in `dwells`, which is empty.
+    pub fn new(declared: Declared, mut model: ErrorModel, dwells: D) -> Self {
+        let mut accumulator = Self::empty(dwells);
+        accumulator.set_up(declared, &mut model);
+        accumulator
+    }
+
+    /// The same, before anything is declared.
     // Inlined, so that it is made where it stays: copies of it would take tens of kilobytes of a board's stack.
     #[inline(always)]
-    pub fn new(declared: Declared, model: ErrorModel, dwells: D) -> Self {
-        let mut flags = Flags::default();
-        if !declared.calibrated {
-            flags.insert(Flag::Uncalibrated);
-        }
+    pub fn empty(dwells: D) -> Self {
         Self {
-            declared,
-            evaluator: Evaluator::new(model),
+            declared: Declared::default(),
+            evaluator: Evaluator::empty(),
             dwells,
             full: false,
             rows: DwellRows::default(),
@@ -192,15 +195,23 @@ impl<D: Dwells> Accumulator<D> {
             doubts_arcsec: [0.0; MAX_DIRECTIONS],
             doubted_s: 0.0,
             held: Vec::new(),
-            watch: IndexWatch::new(declared.index_sigma_deg),
+            watch: IndexWatch::new(0.0),
             slipped_from: None,
             slip_deg: 0.0,
             rates_deg_h: 0.0,
             rest_s: 0.0,
             moving_s: 0.0,
             temperature_c: None,
-            flags,
+            flags: Flags::default(),
         }
+    }
+
+    /// Takes what is declared, and the model, which it leaves its own for. Nothing was gathered yet.
+    pub fn set_up(&mut self, declared: Declared, model: &mut ErrorModel) {
+        self.declared = declared;
+        self.evaluator.set_up(model);
+        self.watch = IndexWatch::new(declared.index_sigma_deg);
+        self.restart();
     }
 
     /// Begins another fix. What the error model remembers is the instrument's and stays.
@@ -357,10 +368,13 @@ impl<D: Dwells> Accumulator<D> {
 
     /// Takes the seconds that waited, corrected by the latest rates of change.
     fn release(&mut self) {
-        for Held { mut row, doubt_deg_h, scale, moving } in core::mem::take(&mut self.held) {
+        // One by one: all of them would take kilobytes of a board's stack.
+        for i in 0..self.held.len() {
+            let Some(&Held { mut row, doubt_deg_h, scale, moving }) = self.held.get(i) else { break };
             row.rate_deg_h -= self.rates_deg_h / scale;
             self.push(row, doubt_deg_h, moving);
         }
+        self.held.clear();
     }
 
     fn push(&mut self, row: Row, doubt_deg_h: [f32; MAX_DIRECTIONS], moving: bool) {

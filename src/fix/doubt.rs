@@ -23,7 +23,7 @@ const MOST: usize = 24;
 const ENTRIES: usize = MOST * (MOST + 1) / 2;
 
 /// The dwells' covariance, in units of the variance of a one-second rate, by its factor.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Correlated {
     /// Rows of L, one after the other.
     factor: Vec<f64, ENTRIES>,
@@ -32,18 +32,20 @@ pub struct Correlated {
 }
 
 impl Correlated {
-    /// `None` where nothing is uncertain, or where there are too many dwells. `observations`: of the dwells' means, in
-    /// their order; `variance`: of a one-second rate, (°/h)².
-    pub(super) fn new(
+    /// Fills it, which is empty. `None` where nothing is uncertain, or where there are too many dwells. `observations`: of the
+    /// dwells' means, in their order; `variance`: of a one-second rate, (°/h)².
+    #[inline(never)]
+    pub(super) fn fill(
+        &mut self,
         doubt: &Doubt,
         dwells: &[DwellSummary],
         observations: impl Iterator<Item = Observation>,
         variance: f64,
-    ) -> Option<Self> {
+    ) -> Option<&Self> {
         if !is_any(doubt) || dwells.len() > MOST {
             return None;
         }
-        let mut correlated = Self { factor: Vec::new(), gains: Vec::new() };
+        let correlated = self;
         for (i, (dwell, observation)) in dwells.iter().zip(observations).enumerate() {
             let mut squares = 0.0;
             for (j, other) in dwells.iter().take(i).enumerate() {
@@ -128,14 +130,12 @@ struct Group {
 
 /// Covariance of the right-hand side by the doubt, where the fix is weighed without it. In a group the process is its mean
 /// and deviations from it, which are alike but for adding up to nothing.
+#[inline(never)]
 pub(super) fn of_right_hand_side(
     doubt: &Doubt,
     dwells: &[DwellSummary],
     observations: impl Iterator<Item = Observation>,
 ) -> Matrix4<f64> {
-    if !is_any(doubt) {
-        return Matrix4::zeros();
-    }
     let mut of_directions = [Vector4::zeros(); MAX_DIRECTIONS];
     let size = dwells.len().div_ceil(MOST).max(1);
     let mut groups: Vec<Group, MOST> = Vec::new();

@@ -227,6 +227,7 @@ impl DwellRows {
 
     /// Boils the rows down. `noise_deg_h`, the declared noise of a one-second rate, is the least scale by which outliers are
     /// judged. `None` without rows.
+    #[inline(never)]
     pub fn summary(&self, noise_deg_h: f64) -> Option<DwellSummary> {
         let mut sums = self.sums.clone();
         sums.add(self.rows.get(self.judged..)?, noise_deg_h);
@@ -239,6 +240,7 @@ impl DwellRows {
     }
 
     /// Takes the rows that wait into the sums, less the outliers.
+    #[inline(never)]
     pub fn judge(&mut self, noise_deg_h: f64) {
         self.sums.add(self.rows.get(self.judged..).unwrap_or_default(), noise_deg_h);
         self.judged = self.rows.len();
@@ -468,6 +470,7 @@ impl Sums {
     }
 }
 
+#[inline(never)]
 fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     let mut values: Vec<f64, MAX_ROWS> = values.filter(|value| value.is_finite()).take(MAX_ROWS).collect();
     crate::median::median(&mut values)

@@ -67,7 +67,7 @@ const NOISY_RATIO: f64 = 3.0;
 const LEAST_DRIFT: f64 = 1e-6;
 
 /// What a solution rests on beside the data: what is declared of the instrument, and the Earth's rate at its site.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Declared {
     pub earth: EarthRate,
     pub gyro: GyroSettings,
@@ -151,7 +151,7 @@ struct Problem<'a> {
     line: Option<Fitted>,
     noise: Option<Noise>,
     /// What is not certain of the error model.
-    correlated: Option<Correlated>,
+    correlated: Option<&'a Correlated>,
     /// Where the index reading jumped while the motor stood, the encoder slipped and the gyro stayed where it was.
     encoder_slipped: bool,
 }
@@ -196,7 +196,7 @@ impl Problem<'_> {
 
     /// The observations with errors that are independent of each other.
     fn for_each(&self, take: &mut dyn FnMut(Observation)) {
-        match &self.correlated {
+        match self.correlated {
             Some(correlated) => correlated.for_each(self.observations().step_by(2), take),
             None => self.observations().for_each(take),
         }
@@ -204,7 +204,7 @@ impl Problem<'_> {
 
     /// What an error of a dwell's rate adds to the right-hand side of the normal equations.
     fn gain(&self, dwell: usize, observation: &Observation) -> Vector4<f64> {
-        self.correlated.as_ref().map_or(observation.weight * observation.row, |correlated| correlated.gain(dwell))
+        self.correlated.map_or(observation.weight * observation.row, |correlated| correlated.gain(dwell))
     }
 
     /// What the base's turning adds to the gyro's rate at a dwell, °/h: cos θ · dr/dt − sin θ · dp/dt.
@@ -361,7 +361,8 @@ fn solve_for(
         let fitted = Fitted::new(sinusoid, &problem, variance, drift_weight);
         problem.line = Some(fitted.ok_or(Unsolvable::TooFewDirections)?);
     }
-    problem.correlated = Correlated::new(&model.doubt, dwells, problem.observations().step_by(2), variance);
+    let mut correlated = Correlated::default();
+    problem.correlated = correlated.fill(&model.doubt, dwells, problem.observations().step_by(2), variance);
     let drift = settle_drift(&problem, variance, drift_sigma)?;
     let estimate = drift.estimate;
     if drift.free {
@@ -457,6 +458,7 @@ struct Drift {
 }
 
 /// With the drift held to its declaration if the data allow it, else free; undecided in between.
+#[inline(never)]
 fn settle_drift(problem: &Problem<'_>, variance: f64, drift_sigma: f64) -> Result<Drift, Unsolvable> {
     let declared =
         Estimate::new(problem, variance / (drift_sigma * drift_sigma)).ok_or(Unsolvable::TooFewDirections)?;
@@ -491,6 +493,7 @@ fn plausible_amplitude_deg_h(earth: &EarthRate) -> [f64; 2] {
 
 /// Covariance of the parameters from errors that do not average out inside a dwell: the declared bias instability, the
 /// noise of the base motion that was taken out, and the model's doubt where the weights leave it out.
+#[inline(never)]
 fn correlated_covariance(
     problem: &Problem<'_>,
     estimate: &Estimate,
@@ -499,8 +502,10 @@ fn correlated_covariance(
 ) -> Matrix4<f64> {
     let instability = declared.gyro.bias_instability_deg_h;
     let mut shared = match problem.correlated {
-        Some(_) => Matrix4::zeros(),
-        None => doubt::of_right_hand_side(&model.doubt, problem.dwells, problem.observations().step_by(2)),
+        None if doubt::is_any(&model.doubt) => {
+            doubt::of_right_hand_side(&model.doubt, problem.dwells, problem.observations().step_by(2))
+        }
+        _ => Matrix4::zeros(),
     };
     let mut by_coefficient = [nalgebra::SMatrix::<f64, 4, 5>::zeros(); 2];
     for (i, (dwell, observation)) in problem.dwells.iter().zip(problem.observations().step_by(2)).enumerate() {
@@ -530,6 +535,7 @@ fn correlated_covariance(
 }
 
 /// The cos 2θ coefficient beside amplitude and bias, without a drift (which it shows).
+#[inline(never)]
 fn closure(problem: &Problem<'_>) -> Option<f64> {
     let mut normal = Matrix4::zeros();
     let mut right = Vector4::zeros();
@@ -546,6 +552,7 @@ fn closure(problem: &Problem<'_>) -> Option<f64> {
 }
 
 /// What is left to be taken out of the base's motion.
+#[inline(never)]
 fn base_motion(dwells: &[DwellSummary]) -> BaseMotion {
     if dwells.iter().any(|dwell| dwell.base_taken_out) { BaseMotion::Still } else { base_motion::detect(dwells) }
 }

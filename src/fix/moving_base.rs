@@ -40,6 +40,7 @@ const LEAST_ROWS: usize = velocity::LEAST_ROWS;
 /// The rows' summary, its rate free of the base's motion; `None` where too few rows follow each other without a gap or
 /// the accelerometers are missing. Where the tilt's noise is white in the tilt, `noise_deg_h`, the declared noise of a
 /// one-second rate (0: unknown), is held against it.
+#[inline(never)]
 pub fn summary(rows: &[Row], sensing: BaseMotion, noise_deg_h: f64) -> Option<DwellSummary> {
     let BaseMotion { velocity, lag_s } = sensing;
     let piece = longest_piece(rows);

@@ -80,6 +80,7 @@ impl Pooled {
 impl Noise {
     /// From the dwells of a problem; `declared_deg_h` is the declared noise of a one-second rate. `None` where nothing tells
     /// the noise.
+    #[inline(never)]
     pub(super) fn new(problem: &Problem<'_>, declared_deg_h: f64) -> Option<Self> {
         let declared = declared_deg_h * declared_deg_h;
         let rates = Pooled::new(problem.dwells, |dwell| Some(dwell.rate));

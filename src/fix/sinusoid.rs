@@ -31,6 +31,7 @@ impl Fitted {
 
 impl Fitted {
     /// Estimates the parts. `variance` is that of a one-second rate, (°/h)², `drift_weight` as for the other unknowns.
+    #[inline(never)]
     pub(super) fn new(sinusoid: Sinusoid, problem: &Problem<'_>, variance: f64, drift_weight: f64) -> Option<Self> {
         let mut others = Matrix4::zeros();
         let mut shared = SMatrix::<f64, 4, 2>::zeros();

@@ -11,10 +11,11 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 use crate::codes::IndexCode;
+use crate::effects::ErrorModel;
 use crate::event::{Dwell, Event, State};
 use crate::fix::accumulator::{Accumulator, Corrected, Second, Slip, Taken};
 use crate::fix::dwell::DwellSummary;
-use crate::fix::{self, Fix};
+use crate::fix::{self, Declared, Fix};
 use crate::gates::{DisturbanceGate, Gate, GateSettings, JitterGate, Verdict};
 use crate::health::{Counters, Fault};
 use crate::index::{IndexAngle, IndexSettings, MotorCommand};
@@ -50,6 +51,19 @@ pub struct Rules {
     pub sequence: SequenceSettings,
     /// Longest time from the start of a fix to its azimuth, seconds.
     pub time_limit_s: f64,
+}
+
+impl Default for Rules {
+    fn default() -> Self {
+        Self {
+            level: LevelSettings::default(),
+            disturbance: GateSettings::DISTURBANCE,
+            jitter: GateSettings::JITTER,
+            index: IndexSettings::default(),
+            sequence: SequenceSettings::default(),
+            time_limit_s: 1800.0,
+        }
+    }
 }
 
 /// What became of a second.
@@ -131,13 +145,13 @@ pub struct Sequencer {
 }
 
 impl Sequencer {
-    /// Ready to start.
+    /// Of no use before it is set up.
     // Inlined, so that it is made where it stays: copies of it would take tens of kilobytes of a board's stack.
     #[inline(always)]
-    pub fn new(rules: Rules, accumulator: Accumulator<Vec<DwellSummary, MAX_DWELLS>>) -> Self {
+    pub fn empty() -> Self {
         Self {
-            rules,
-            accumulator,
+            rules: Rules::default(),
+            accumulator: Accumulator::empty(Vec::new()),
             stage: Stage::Idle,
             started_s: 0.0,
             since_s: 0.0,
@@ -147,6 +161,12 @@ impl Sequencer {
             level_failed: Run::default(),
             coarse_azimuth_deg: None,
         }
+    }
+
+    /// Ready to start. Takes the model, and leaves its own in its place.
+    pub fn set_up(&mut self, rules: Rules, declared: Declared, model: &mut ErrorModel) {
+        self.rules = rules;
+        self.accumulator.set_up(declared, model);
     }
 
     pub fn rules(&self) -> &Rules {

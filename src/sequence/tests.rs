@@ -80,7 +80,8 @@ fn run(settings: &Settings) -> Result<Fix, Fault> {
     settings.validate().unwrap();
     let declared = settings.declared()?;
     let north_deg_h = declared.earth.north_deg_h;
-    let mut sequencer = Sequencer::new(settings.rules(), Accumulator::new(declared, ErrorModel::default(), Vec::new()));
+    let mut sequencer = Sequencer::empty();
+    sequencer.set_up(settings.rules(), declared, &mut ErrorModel::default());
     let drive = Drive::default();
     let mut motor = StepMotor::new(StepPin(&drive), DirectionPin(&drive), EnablePin, &settings.index);
     let mut verdict = None;

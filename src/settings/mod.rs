@@ -50,15 +50,16 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
+        let Rules { level, disturbance, jitter, index, sequence, time_limit_s } = Rules::default();
         Self {
             latitude_deg: 0.0,
             gyro: GyroSettings::default(),
-            level: LevelSettings::default(),
-            disturbance: GateSettings::DISTURBANCE,
-            jitter: GateSettings::JITTER,
-            index: IndexSettings::default(),
-            sequence: SequenceSettings::default(),
-            time_limit_s: 1800.0,
+            level,
+            disturbance,
+            jitter,
+            index,
+            sequence,
+            time_limit_s,
             model: None,
             accelerometer: None,
             block: None,

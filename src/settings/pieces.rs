@@ -1,9 +1,10 @@
 //! Settings on their way over the link: encoded, in pieces.
 
+use embedded_storage::nor_flash::NorFlash;
 use heapless::Vec;
 
 use super::Settings;
-use super::store::{self, MAX_SETTINGS, VERSION};
+use super::store::{self, MAX_SETTINGS, SaveError, VERSION};
 use crate::bytes::Piece;
 use crate::health::Refusal;
 
@@ -29,11 +30,16 @@ impl Incoming {
         Ok(self.content.len() >= piece.length.into())
     }
 
-    /// What has come, decoded.
+    /// What has come, decoded to where it stays; where that fails, `settings` may be anything.
     ///
     /// Errors: it is of a version that is not known, or no settings.
-    pub fn settings(&self) -> Result<Settings, Refusal> {
-        store::decode_version(self.version, &self.content).ok_or(Refusal::SettingsUnreadable)
+    pub fn read(&self, settings: &mut Settings) -> Result<(), Refusal> {
+        store::decode(self.version, &self.content, settings).ok_or(Refusal::SettingsUnreadable)
+    }
+
+    /// Keeps it in flash as it came.
+    pub fn save<F: NorFlash>(&self, flash: &mut F) -> Result<(), SaveError<F::Error>> {
+        store::save_encoded(flash, self.version, &self.content)
     }
 }
 
@@ -81,7 +87,9 @@ mod tests {
             assert_eq!(incoming.take(&piece), Ok(complete));
         }
         assert!(complete);
-        assert_eq!(incoming.settings(), Ok(settings));
+        let mut read = Settings::default();
+        assert_eq!(incoming.read(&mut read), Ok(()));
+        assert_eq!(read, settings);
     }
 
     #[test]
@@ -94,7 +102,7 @@ mod tests {
         for piece in &pieces {
             incoming.take(&Piece { version: VERSION + 1, ..*piece }).unwrap();
         }
-        assert_eq!(incoming.settings(), Err(Refusal::SettingsUnreadable));
+        assert_eq!(incoming.read(&mut Settings::default()), Err(Refusal::SettingsUnreadable));
         let endless = Piece { offset: 2500, length: u16::MAX, ..pieces[0] };
         assert_eq!(incoming.take(&endless), Err(Refusal::OutOfOrder));
     }

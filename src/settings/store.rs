@@ -1,6 +1,7 @@
-//! Settings in flash, in two slots: a power cut while one is written leaves the other.
+//! Settings in flash, appended record by record: a power cut while one is written leaves those before it.
 //!
-//! Each half of the flash is a slot. A record in a slot, little-endian:
+//! The flash has two halves. Records follow each other in one of them, each from a multiple of 16 bytes on; when there is no
+//! room for another one, the other half is erased and goes on. A record, little-endian:
 //!
 //! | offset | bytes | content |
 //! |---|---|---|
@@ -11,20 +12,19 @@
 //! | 12 | n | the settings, in postcard's encoding |
 //! | 12 + n | 4 | CRC-32/ISO-HDLC of all before |
 //!
-//! The valid record with the later sequence number counts. [`save`] erases and writes the other slot.
+//! The valid record with the latest sequence number counts. Erasing takes a board's processor half a second: [`prepare`] does it
+//! at power-up, before there is a need.
 //!
 //! Records of the version before are read as well; those of any other are as good as corrupt.
 
-mod version_4;
+mod content;
 
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
-use serde::Deserialize;
 
 use super::Settings;
 use crate::bytes::Piece;
 use crate::health::Refusal;
-use version_4::Settings4;
 
 const MAGIC: [u8; 4] = *b"NFST";
 /// Changes whenever the meaning of a record does.
@@ -33,13 +33,15 @@ pub const VERSION: u16 = 5;
 const OLD_VERSION: u16 = 4;
 const HEADER: usize = 12;
 const CRC_LENGTH: usize = 4;
-/// Longest record; a multiple of every flash's word, and within a sector. The longest settings that are valid fit: a test
+/// Longest record; a multiple of every flash's word, and within a half. The longest settings that are valid fit: a test
 /// says so.
 const MAX_RECORD: usize = 2560;
 /// Longest settings in it.
 pub const MAX_SETTINGS: usize = MAX_RECORD - HEADER - CRC_LENGTH;
-/// What was written is read back in pieces of this many bytes.
-const PIECE: usize = 256;
+/// Records begin at multiples of this, which every flash's word divides.
+const GRAIN: usize = 16;
+/// Flash is read in parts of this many bytes where it is only looked at.
+const PART: usize = 64;
 
 const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
 
@@ -52,6 +54,14 @@ pub enum Loaded {
     /// Something was stored, and its check fails; or it is of another version.
     Corrupt,
     Valid(Settings),
+}
+
+/// The same, without the settings themselves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Found {
+    Missing,
+    Corrupt,
+    Valid,
 }
 
 /// Why settings could not be saved. `E` is the flash's error.
@@ -72,26 +82,61 @@ pub enum UpdateError<E> {
     Save(SaveError<E>),
 }
 
-/// What is in one slot.
+/// Where a valid record is.
 #[derive(Clone, Copy)]
-enum Slot {
-    Erased,
-    Corrupt,
-    /// A record that passes its checks, and its sequence number.
-    Valid(u32),
+struct Place {
+    half: usize,
+    at: u32,
+    sequence: u32,
+    version: u16,
+    /// Of the settings alone.
+    length: usize,
 }
 
-/// A slot's first bytes.
+/// What is in flash: the record that counts, and where each half begins to be unused.
+struct Contents {
+    newest: Option<Place>,
+    unused: [u32; 2],
+}
+
+impl Contents {
+    fn is_erased(&self, flash: &impl ReadNorFlash) -> bool {
+        self.unused == [0, 1].map(|half| half_start(flash, half))
+    }
+}
+
 type Record = [u8; MAX_RECORD];
 
 /// The settings that were saved last.
 pub fn load<F: ReadNorFlash>(flash: &mut F) -> Result<Loaded, F::Error> {
-    let mut record = [0; MAX_RECORD];
-    Ok(match read_newest(flash, &mut record)? {
-        Slot::Erased => Loaded::Missing,
-        Slot::Corrupt => Loaded::Corrupt,
-        Slot::Valid(_) => decode(&record).map_or(Loaded::Corrupt, Loaded::Valid),
+    let mut settings = Settings::default();
+    Ok(match load_into(flash, &mut settings)? {
+        Found::Missing => Loaded::Missing,
+        Found::Corrupt => Loaded::Corrupt,
+        Found::Valid => Loaded::Valid(settings),
     })
+}
+
+/// The settings that were saved last, read to where they stay: on a board copies of them are dear. Where nothing valid is found,
+/// `settings` may be anything.
+///
+/// Never inlined: the record shall take the caller's stack only while it is read.
+#[inline(never)]
+pub fn load_into<F: ReadNorFlash>(flash: &mut F, settings: &mut Settings) -> Result<Found, F::Error> {
+    let contents = look_into(flash)?;
+    let Some(Place { at, version, length, .. }) = contents.newest else {
+        return Ok(if contents.is_erased(flash) { Found::Missing } else { Found::Corrupt });
+    };
+    let mut record = [0; MAX_RECORD];
+    let Some(content) = record.get_mut(..length) else { return Ok(Found::Corrupt) };
+    flash.read(at + HEADER as u32, content)?;
+    Ok(decode(version, content, settings).map_or(Found::Corrupt, |()| Found::Valid))
+}
+
+/// Settings as a record of this version holds them, read to where they stay. `None` where the version is not known, or they are
+/// none; `settings` may be anything then.
+pub fn decode(version: u16, content: &[u8], settings: &mut Settings) -> Option<()> {
+    matches!(version, OLD_VERSION | VERSION).then(|| content::read(content, version, settings))?
 }
 
 /// A piece of the settings that were saved last, as they are in flash, from `offset` on; an empty one at their end.
@@ -99,53 +144,75 @@ pub fn load<F: ReadNorFlash>(flash: &mut F) -> Result<Loaded, F::Error> {
 /// Errors: there are none, or they are corrupt; the offset is beyond them.
 #[inline(never)]
 pub fn read_piece<F: ReadNorFlash>(flash: &mut F, offset: u16) -> Result<Piece, Refusal> {
+    let contents = look_into(flash).map_err(|_| Refusal::SettingsCorrupt)?;
+    let Some(Place { at, version, length, .. }) = contents.newest else {
+        return Err(if contents.is_erased(flash) { Refusal::NoSettings } else { Refusal::SettingsCorrupt });
+    };
     let mut record = [0; MAX_RECORD];
-    match read_newest(flash, &mut record) {
-        Ok(Slot::Erased) => return Err(Refusal::NoSettings),
-        Ok(Slot::Corrupt) | Err(_) => return Err(Refusal::SettingsCorrupt),
-        Ok(Slot::Valid(_)) => {}
-    }
-    let (version, end) = check(&record).ok_or(Refusal::SettingsCorrupt)?;
-    let content = record.get(HEADER..end).ok_or(Refusal::SettingsCorrupt)?;
+    let content = record.get_mut(..length).ok_or(Refusal::SettingsCorrupt)?;
+    flash.read(at + HEADER as u32, content).map_err(|_| Refusal::SettingsCorrupt)?;
     Piece::of(version, content, offset.into()).ok_or(Refusal::OutOfOrder)
 }
 
-/// Reads the record that was saved last: whether there is one.
-fn read_newest<F: ReadNorFlash>(flash: &mut F, record: &mut Record) -> Result<Slot, F::Error> {
-    let slots = [look_into(flash, 0, record)?, look_into(flash, 1, record)?];
-    let Some((newest, sequence)) = newest(slots) else {
-        let erased = matches!(slots, [Slot::Erased, Slot::Erased]);
-        return Ok(if erased { Slot::Erased } else { Slot::Corrupt });
-    };
-    flash.read(slot_start(flash, newest), record)?;
-    Ok(Slot::Valid(sequence))
+/// Saves settings after the record before, or in the other half where there is no room. Until that is complete, [`load`] finds
+/// what it found before.
+pub fn save<F: NorFlash>(flash: &mut F, settings: &Settings) -> Result<(), SaveError<F::Error>> {
+    save_with(flash, VERSION, |place| Some(postcard::to_slice(settings, place).ok()?.len()))
 }
 
-/// Saves settings over the older record. Until that is complete, [`load`] finds what it found before.
-pub fn save<F: NorFlash>(flash: &mut F, settings: &Settings) -> Result<(), SaveError<F::Error>> {
-    let mut record = [0; MAX_RECORD];
-    let mut look = |slot| look_into(flash, slot, &mut record).map_err(SaveError::Flash);
-    let (slot, sequence) = match newest([look(0)?, look(1)?]) {
-        Some((newest, sequence)) => (1 - newest, sequence.wrapping_add(1)),
-        None => (0, 0),
-    };
+/// The same of settings that are encoded already, as records of a version that is known hold them.
+#[inline(never)]
+pub fn save_encoded<F: NorFlash>(flash: &mut F, version: u16, content: &[u8]) -> Result<(), SaveError<F::Error>> {
+    save_with(flash, version, |place| {
+        place.get_mut(..content.len())?.copy_from_slice(content);
+        Some(content.len())
+    })
+}
 
-    record.fill(0xFF);
-    let length = encode(settings, sequence, &mut record).ok_or(SaveError::TooLong)?;
-    let written = record.get(..length.next_multiple_of(F::WRITE_SIZE)).ok_or(SaveError::TooLong)?;
-    let start = slot_start(flash, slot);
-    flash.erase(start, slot_start(flash, slot + 1)).map_err(SaveError::Flash)?;
-    flash.write(start, written).map_err(SaveError::Flash)?;
+/// `encode` puts the settings into its argument, and gives their length.
+fn save_with<F: NorFlash>(
+    flash: &mut F,
+    version: u16,
+    encode: impl FnOnce(&mut [u8]) -> Option<usize>,
+) -> Result<(), SaveError<F::Error>> {
+    let Contents { newest, unused: [first, second] } = look_into(flash).map_err(SaveError::Flash)?;
+    let (half, sequence) = newest.map_or((0, 0), |newest| (newest.half, newest.sequence.wrapping_add(1)));
+    let mut record = [0xFF; MAX_RECORD];
+    let length = complete(version, sequence, &mut record, encode).ok_or(SaveError::TooLong)?;
+    let written = record.get(..length.next_multiple_of(GRAIN)).ok_or(SaveError::TooLong)?;
 
-    let mut at = start;
-    for piece in written.chunks(PIECE) {
-        let mut read = [0; PIECE];
-        let read = read.get_mut(..piece.len()).ok_or(SaveError::NotVerified)?;
+    let mut at = if half == 0 { first } else { second };
+    if at + written.len() as u32 > half_start(flash, half + 1) {
+        let other = 1 - half;
+        at = half_start(flash, other);
+        if [first, second].get(other) != Some(&at) {
+            flash.erase(at, half_start(flash, other + 1)).map_err(SaveError::Flash)?;
+        }
+    }
+    flash.write(at, written).map_err(SaveError::Flash)?;
+
+    for part in written.chunks(PART) {
+        let mut read = [0; PART];
+        let read = read.get_mut(..part.len()).ok_or(SaveError::NotVerified)?;
         flash.read(at, read).map_err(SaveError::Flash)?;
-        if read != piece {
+        if read != part {
             return Err(SaveError::NotVerified);
         }
-        at += piece.len() as u32;
+        at += part.len() as u32;
+    }
+    Ok(())
+}
+
+/// Erases the other half where the half in use has no room for the longest record: then nothing needs to be erased while the
+/// instrument works.
+pub fn prepare<F: NorFlash>(flash: &mut F) -> Result<(), F::Error> {
+    let Contents { newest, unused } = look_into(flash)?;
+    let Some(Place { half, .. }) = newest else { return Ok(()) };
+    let (other, end) = (1 - half, half_start(flash, half + 1));
+    let start = half_start(flash, other);
+    let full = unused.get(half).is_none_or(|unused| unused + MAX_RECORD as u32 > end);
+    if full && unused.get(other) != Some(&start) {
+        flash.erase(start, half_start(flash, other + 1))?;
     }
     Ok(())
 }
@@ -157,12 +224,13 @@ pub fn save<F: NorFlash>(flash: &mut F, settings: &Settings) -> Result<(), SaveE
 /// Never inlined: the settings shall take the caller's stack only while they are changed.
 #[inline(never)]
 pub fn update<F: NorFlash>(flash: &mut F, change: impl FnOnce(&mut Settings)) -> Result<(), UpdateError<F::Error>> {
-    match load(flash) {
-        Ok(Loaded::Valid(mut settings)) => {
+    let mut settings = Settings::default();
+    match load_into(flash, &mut settings) {
+        Ok(Found::Valid) => {
             change(&mut settings);
             save(flash, &settings).map_err(UpdateError::Save)
         }
-        Ok(Loaded::Missing | Loaded::Corrupt) => Err(UpdateError::Nothing),
+        Ok(Found::Missing | Found::Corrupt) => Err(UpdateError::Nothing),
         Err(error) => Err(UpdateError::Save(SaveError::Flash(error))),
     }
 }
@@ -172,78 +240,85 @@ fn later(first: u32, second: u32) -> bool {
     first.wrapping_sub(second).cast_signed() > 0
 }
 
-fn slot_start(flash: &impl ReadNorFlash, slot: usize) -> u32 {
-    (flash.capacity() / 2 * slot) as u32
+fn half_start(flash: &impl ReadNorFlash, half: usize) -> u32 {
+    (flash.capacity() / 2 * half) as u32
 }
 
-/// The slot with the later record, and its sequence number.
-fn newest(slots: [Slot; 2]) -> Option<(usize, u32)> {
-    match slots {
-        [Slot::Valid(first), Slot::Valid(second)] if later(first, second) => Some((0, first)),
-        [_, Slot::Valid(second)] => Some((1, second)),
-        [Slot::Valid(first), _] => Some((0, first)),
-        _ => None,
+/// Looks for records at every place where one can begin: what is damaged hides none that comes after it.
+fn look_into<F: ReadNorFlash>(flash: &mut F) -> Result<Contents, F::Error> {
+    let mut contents = Contents { newest: None, unused: [0, 1].map(|half| half_start(flash, half)) };
+    for (half, unused) in contents.unused.iter_mut().enumerate() {
+        let (mut at, end) = (half_start(flash, half), half_start(flash, half + 1));
+        while at < end {
+            let mut start = [0; GRAIN];
+            flash.read(at, &mut start)?;
+            let mut next = at + GRAIN as u32;
+            if start.iter().any(|&byte| byte != 0xFF) {
+                // What was begun may have been written to its end.
+                let claimed = claimed(&start).filter(|&(_, _, length)| length <= (end - at) as usize);
+                let used = claimed.map_or(GRAIN, |(_, _, length)| length.next_multiple_of(GRAIN)) as u32;
+                *unused = (at + used).max(*unused);
+                if let Some((version, sequence, length)) = claimed
+                    && is_whole(flash, at, length)?
+                {
+                    let length = length - HEADER - CRC_LENGTH;
+                    if contents.newest.is_none_or(|newest| later(sequence, newest.sequence)) {
+                        contents.newest = Some(Place { half, at, sequence, version, length });
+                    }
+                    next = at + used;
+                }
+            }
+            at = next;
+        }
     }
+    Ok(contents)
 }
 
-/// What is in a slot; `record` is where it is read to.
-fn look_into<F: ReadNorFlash>(flash: &mut F, slot: usize, record: &mut Record) -> Result<Slot, F::Error> {
-    flash.read(slot_start(flash, slot), record)?;
-    if record.iter().all(|&byte| byte == 0xFF) {
-        return Ok(Slot::Erased);
+/// What a record's start says: version, sequence number, and length of all of it.
+fn claimed(start: &[u8; GRAIN]) -> Option<(u16, u32, usize)> {
+    let [m0, m1, m2, m3, v0, v1, l0, l1, n0, n1, n2, n3, ..] = *start;
+    let version = u16::from_le_bytes([v0, v1]);
+    let length = HEADER + usize::from(u16::from_le_bytes([l0, l1])) + CRC_LENGTH;
+    let sound = [m0, m1, m2, m3] == MAGIC && matches!(version, OLD_VERSION | VERSION) && length <= MAX_RECORD;
+    sound.then_some((version, u32::from_le_bytes([n0, n1, n2, n3]), length))
+}
+
+/// Whether the check sum of a record is right.
+fn is_whole<F: ReadNorFlash>(flash: &mut F, at: u32, length: usize) -> Result<bool, F::Error> {
+    let mut digest = CRC.digest();
+    let (mut at, end) = (at, at + (length - CRC_LENGTH) as u32);
+    while at < end {
+        let mut part = [0; PART];
+        let part = part.get_mut(..((end - at) as usize).min(PART)).unwrap_or_default();
+        flash.read(at, part)?;
+        digest.update(part);
+        at += part.len().max(1) as u32;
     }
-    let [_, _, _, _, _, _, _, _, n0, n1, n2, n3, ..] = *record;
-    Ok(if check(record).is_some() { Slot::Valid(u32::from_le_bytes([n0, n1, n2, n3])) } else { Slot::Corrupt })
+    let mut check = [0; CRC_LENGTH];
+    flash.read(end, &mut check)?;
+    Ok(digest.finalize() == u32::from_le_bytes(check))
 }
 
-/// Writes a record and gives its length; `None` where the settings are too long.
-fn encode(settings: &Settings, sequence: u32, record: &mut Record) -> Option<usize> {
+/// Completes a record whose settings `encode` puts there, and gives its length; `None` where they are too long.
+fn complete(
+    version: u16,
+    sequence: u32,
+    record: &mut Record,
+    encode: impl FnOnce(&mut [u8]) -> Option<usize>,
+) -> Option<usize> {
     let (header, rest) = record.split_first_chunk_mut::<HEADER>()?;
-    let length = postcard::to_slice(settings, rest).ok()?.len();
+    let length = encode(rest)?;
     let [magic @ .., _, _, _, _, _, _, _, _] = header;
     *magic = MAGIC;
     let [_, _, _, _, v0, v1, l0, l1, number @ ..] = header;
-    [*v0, *v1] = VERSION.to_le_bytes();
+    [*v0, *v1] = version.to_le_bytes();
     [*l0, *l1] = u16::try_from(length).ok()?.to_le_bytes();
     *number = sequence.to_le_bytes();
     let (checked, rest) = record.split_at_mut_checked(HEADER + length)?;
     *rest.first_chunk_mut::<CRC_LENGTH>()? = CRC.checksum(checked).to_le_bytes();
+    // An encoder may have left more than it gave.
+    rest.get_mut(CRC_LENGTH..)?.fill(0xFF);
     Some(HEADER + length + CRC_LENGTH)
-}
-
-/// The version of a record, and where its settings end; `None` where any of its checks fails.
-fn check(record: &Record) -> Option<(u16, usize)> {
-    let [m0, m1, m2, m3, v0, v1, l0, l1, ..] = *record;
-    let end = HEADER + usize::from(u16::from_le_bytes([l0, l1]));
-    let (checked, rest) = record.split_at_checked(end)?;
-    let version = u16::from_le_bytes([v0, v1]);
-    let sound = [m0, m1, m2, m3] == MAGIC
-        && matches!(version, OLD_VERSION | VERSION)
-        && CRC.checksum(checked) == u32::from_le_bytes(*rest.first_chunk()?);
-    sound.then_some((version, end))
-}
-
-/// Settings of a record; `None` where any of its checks fails.
-fn decode(record: &Record) -> Option<Settings> {
-    let (version, end) = check(record)?;
-    decode_version(version, record.get(HEADER..end)?)
-}
-
-/// Settings as a record of this version holds them; `None` where the version is not known, or they are none.
-pub fn decode_version(version: u16, content: &[u8]) -> Option<Settings> {
-    match version {
-        OLD_VERSION => read::<Settings4>(content).map(Settings::from),
-        VERSION => read(content),
-        _ => None,
-    }
-}
-
-/// Never inlined: the two versions do not need the stack at the same time.
-#[inline(never)]
-fn read<'a, S: Deserialize<'a>>(content: &'a [u8]) -> Option<S> {
-    let mut bytes = postcard::Deserializer::from_bytes(content);
-    let settings = S::deserialize(&mut bytes).ok()?;
-    bytes.finalize().is_ok_and(<[u8]>::is_empty).then_some(settings)
 }
 
 #[cfg(test)]

@@ -4,13 +4,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use embedded_io::Read as _;
 use hal_sim::{AccelerometerSpi, BlockSpi, EncoderSpi, GyroLine, Pin, World};
+use north_finder::calibration::field::problem::Problem;
 use north_finder::drivers::sensors::Sensors;
 use north_finder::drivers::step_motor::{SLOTS_PER_TICK, StepMotor};
 use north_finder::event::Report;
 use north_finder::health::Refused;
 use north_finder::identity::Identity;
 use north_finder::index::MotorCommand;
-use north_finder::instrument::{self, Instrument, Readings};
+use north_finder::instrument::{Instrument, Readings};
 
 use super::{EngineError, FixWanted, Observer, Outcome, Person, PowerOff, RequestLine, Setup};
 
@@ -80,7 +81,7 @@ pub fn serve(
 
 impl Wired {
     fn power_up(world: &World) -> Self {
-        let instrument = Instrument::power_up(instrument::load(&mut world.flash()), Identity::host());
+        let instrument = Instrument::power_up(&mut world.flash(), Identity::host());
         let index = instrument.index_settings();
         Self {
             gyro: world.gyro(),
@@ -116,7 +117,8 @@ impl Wired {
         let (gyro, requests) = (self.heard.iter().copied(), requests.iter().copied());
         let orders = self.instrument.step(&readings, gyro, requests, &mut self.world.flash(), report);
         self.pending = orders.motor;
-        if let Some(problem) = self.instrument.problem() {
+        let mut problem = Problem::default();
+        if self.instrument.problem(&mut problem) {
             self.instrument.solved(problem.solve());
         }
         self.tick += 1;

@@ -32,6 +32,12 @@ pub struct Correction {
     pub matrix: [[f64; 3]; 3],
 }
 
+impl Default for Correction {
+    fn default() -> Self {
+        Self::UNIT
+    }
+}
+
 impl Correction {
     /// What leaves readings as they are.
     pub const UNIT: Self = Self { bias: [0.0; 3], matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] };

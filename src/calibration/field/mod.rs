@@ -63,6 +63,9 @@ type Sink<'a> = &'a mut dyn FnMut(Event);
 
 impl Session {
     /// Begins, whatever was before; the calibration in use is what a new one must beat.
+    ///
+    /// Never inlined: the collection is on the stack only here.
+    #[inline(never)]
     pub fn start(&mut self, in_use: Correction, sink: Sink) {
         self.abort(sink);
         sink(Event::Started);
@@ -92,7 +95,7 @@ impl Session {
                     collection.push(reading.map(TriadCode::g), &mut |guidance| sink(Event::Guidance(guidance)));
                 match progress {
                     Progress::GoOn => {}
-                    Progress::Enough => self.stage = Stage::Posed(collection.problem()),
+                    Progress::Enough => self.pose(),
                     Progress::Hopeless(reason) => self.end(reason, sink),
                 }
             }
@@ -121,12 +124,20 @@ impl Session {
         None
     }
 
-    /// Attitudes to be solved for, once; the answer goes to [`Self::solved`].
-    pub fn problem(&mut self) -> Option<Problem> {
-        let Stage::Posed(problem) = &self.stage else { return None };
-        let problem = problem.clone();
+    /// Never inlined: the problem is on the stack only here.
+    #[inline(never)]
+    fn pose(&mut self) {
+        if let Stage::Collecting(collection) = &self.stage {
+            self.stage = Stage::Posed(collection.problem());
+        }
+    }
+
+    /// Puts attitudes to be solved for into `place`, once; `false`: there are none. The answer goes to [`Self::solved`].
+    pub fn problem(&mut self, place: &mut Problem) -> bool {
+        let Stage::Posed(problem) = &self.stage else { return false };
+        place.copy_from(problem);
         self.stage = Stage::Solving;
-        Some(problem)
+        true
     }
 
     /// The answer to the problem; it is told at the next tick. One that nobody waits for any more is dropped.

@@ -15,7 +15,7 @@ pub(super) const GRAVITY_G: f64 = 1.0;
 const BETTER_SIGMAS: f64 = 3.0;
 
 /// Attitudes to be solved for.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Problem {
     /// The calibration in use.
     pub in_use: Correction,
@@ -56,8 +56,15 @@ impl Solved {
 }
 
 impl Problem {
+    /// Becomes the same as another one, where it is.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.in_use = other.in_use;
+        self.entries.clear();
+        let _ = self.entries.extend_from_slice(&other.entries);
+    }
+
     /// Fits the ellipsoid with a quarter of the attitudes held out, and judges it by those.
-    pub fn solve(mut self) -> Result<Solved, NoCalibration> {
+    pub fn solve(&mut self) -> Result<Solved, NoCalibration> {
         split(&mut self.entries, GRAVITY_G);
         let found = fit_from_sphere(&mut self.entries, GRAVITY_G)?;
         let calibration = AccelerometerCalibration::new(&found.correction);

@@ -33,7 +33,8 @@ impl Bench {
         let reading = reading_g.value().and_then(TriadCode::of_g).map_or(Reading::Failed, Reading::Value);
         let in_effect = self.session.tick(reading, &mut |event| self.events.push(event));
         self.in_effect = in_effect.or(self.in_effect);
-        if let Some(problem) = self.session.problem() {
+        let mut problem = Problem::default();
+        if self.session.problem(&mut problem) {
             self.session.solved(problem.solve());
         }
         if self.session.to_store().is_some() {
@@ -246,7 +247,7 @@ fn an_answer_after_an_abort_is_dropped() {
     session.solved(Ok(solved));
     session.stored(true);
     assert_eq!(session.tick(Reading::Failed, &mut |event| panic!("{event:?}")), None);
-    assert!(session.problem().is_none() && session.to_store().is_none());
+    assert!(!session.problem(&mut Problem::default()) && session.to_store().is_none());
 }
 
 #[test]

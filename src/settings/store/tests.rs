@@ -18,6 +18,7 @@ struct Flash<const WORD: usize> {
     bytes: Vec<u8>,
     written: Vec<bool>,
     power_left: usize,
+    erases: usize,
 }
 
 #[derive(Debug, PartialEq, Eq)]
@@ -35,7 +36,12 @@ impl NorFlashError for Failure {
 
 impl<const WORD: usize> Flash<WORD> {
     fn erased() -> Self {
-        Self { bytes: std::vec![0xFF; 2 * SECTOR], written: std::vec![false; 2 * SECTOR], power_left: usize::MAX }
+        Self {
+            bytes: std::vec![0xFF; 2 * SECTOR],
+            written: std::vec![false; 2 * SECTOR],
+            power_left: usize::MAX,
+            erases: 0,
+        }
     }
 
     fn spend(&mut self) -> Result<(), Failure> {
@@ -68,6 +74,7 @@ impl<const WORD: usize> NorFlash for Flash<WORD> {
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), Failure> {
         check_erase(self, from, to).map_err(Failure::Arguments)?;
+        self.erases += 1;
         for at in from as usize..to as usize {
             if at % 256 == 0 {
                 self.spend()?;
@@ -81,10 +88,10 @@ impl<const WORD: usize> NorFlash for Flash<WORD> {
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Failure> {
         check_write(self, offset, bytes.len()).map_err(Failure::Arguments)?;
         for (at, &byte) in (offset as usize..).zip(bytes) {
+            self.spend()?;
             if core::mem::replace(&mut self.written[at], true) {
                 return Err(Failure::WrittenTwice);
             }
-            self.spend()?;
             self.bytes[at] &= byte;
         }
         Ok(())
@@ -113,8 +120,9 @@ fn the_last_saved_is_loaded() {
 fn the_record_is_as_documented() {
     let mut flash = Flash::<4>::erased();
     save(&mut flash, &settings(45.0)).unwrap();
+    let first = written(&flash);
     save(&mut flash, &settings(45.5)).unwrap();
-    let record = &flash.bytes[SECTOR..];
+    let record = &flash.bytes[first.next_multiple_of(16)..];
     let length = usize::from(u16::from_le_bytes([record[6], record[7]]));
     assert_eq!(record[..6], *b"NFST\x05\x00");
     assert_eq!(record[8..12], [1, 0, 0, 0]);
@@ -122,6 +130,30 @@ fn the_record_is_as_documented() {
     let crc = CRC.checksum(&record[..12 + length]).to_le_bytes();
     assert_eq!(record[12 + length..][..4], crc);
     assert!(record[12 + length + 4..].iter().all(|&byte| byte == 0xFF));
+}
+
+/// Bytes of a flash before nothing but erased ones.
+fn written<const WORD: usize>(flash: &Flash<WORD>) -> usize {
+    flash.bytes.iter().rposition(|&byte| byte != 0xFF).map_or(0, |last| last + 1)
+}
+
+/// 4096 bytes of records before one is erased, and that is done at power-up, if power is ever cycled.
+#[test]
+fn nothing_is_erased_while_there_is_room_and_prepared_flash_never() {
+    for prepared in [false, true] {
+        let (mut flash, mut erased_while_saving) = (Flash::<4>::erased(), 0);
+        for number in 0..100 {
+            if prepared {
+                prepare(&mut flash).unwrap();
+            }
+            let before = flash.erases;
+            save(&mut flash, &settings(f64::from(number))).unwrap();
+            erased_while_saving += flash.erases - before;
+            assert_eq!(load(&mut flash), Ok(Loaded::Valid(settings(f64::from(number)))));
+        }
+        assert!((1..=100 * 320 / SECTOR).contains(&flash.erases), "{}", flash.erases);
+        assert_eq!(erased_while_saving > 0, !prepared);
+    }
 }
 
 #[test]

@@ -1,0 +1,110 @@
+//! The settings of a record, read where they stay.
+//!
+//! They are in the order in which [`Settings`] is written, and nothing is between them. What is derived for reading them would
+//! copy them once for every level of nesting: tens of kilobytes of a board's stack.
+
+use heapless::Vec;
+use postcard::Deserializer;
+use postcard::de_flavors::Slice;
+use serde::Deserialize;
+
+use super::OLD_VERSION;
+use crate::effects::{Doubt, ErrorModel};
+use crate::settings::{IndexSettings, Settings};
+
+type Content<'a> = Deserializer<'a, Slice<'a>>;
+
+/// Reads settings of a version. `None`, and `settings` may be anything, where the content is not theirs.
+pub fn read(content: &[u8], version: u16, settings: &mut Settings) -> Option<()> {
+    let mut content = Content::from_bytes(content);
+    let from = &mut content;
+    let Settings {
+        latitude_deg,
+        gyro,
+        level,
+        disturbance,
+        jitter,
+        index,
+        sequence,
+        time_limit_s,
+        model,
+        accelerometer,
+        block,
+    } = settings;
+    set(from, latitude_deg)?;
+    set(from, gyro)?;
+    set(from, level)?;
+    set(from, disturbance)?;
+    set(from, jitter)?;
+    *index = if version == OLD_VERSION { next::<Index4>(from)?.into() } else { next(from)? };
+    set(from, sequence)?;
+    set(from, time_limit_s)?;
+    *model = None;
+    if next(from)? {
+        read_model(from, model.insert(ErrorModel::default()))?;
+    }
+    set(from, accelerometer)?;
+    *block = if version == OLD_VERSION { None } else { next(from)? };
+    content.finalize().is_ok_and(<[u8]>::is_empty).then_some(())
+}
+
+fn read_model(from: &mut Content<'_>, model: &mut ErrorModel) -> Option<()> {
+    let ErrorModel {
+        scale_error,
+        bias_deg_h,
+        terms,
+        rate_terms,
+        index_error,
+        earth_field,
+        base_motion,
+        sinusoid,
+        doubt: Doubt { azimuth_sigma_deg, directions, process },
+    } = model;
+    set(from, scale_error)?;
+    set(from, bias_deg_h)?;
+    list(from, terms)?;
+    list(from, rate_terms)?;
+    set(from, index_error)?;
+    set(from, earth_field)?;
+    set(from, base_motion)?;
+    set(from, sinusoid)?;
+    set(from, azimuth_sigma_deg)?;
+    list(from, directions)?;
+    set(from, process)
+}
+
+fn next<'a, T: Deserialize<'a>>(from: &mut Content<'a>) -> Option<T> {
+    T::deserialize(from).ok()
+}
+
+/// Never inlined: what a value takes of the stack while it is read is free again for the next one.
+#[inline(never)]
+fn set<'a, T: Deserialize<'a>>(from: &mut Content<'a>, place: &mut T) -> Option<()> {
+    *place = next(from)?;
+    Some(())
+}
+
+fn list<'a, T: Deserialize<'a>, const N: usize>(from: &mut Content<'a>, list: &mut Vec<T, N>) -> Option<()> {
+    list.clear();
+    for _ in 0..next::<usize>(from)? {
+        list.push(next(from)?).ok()?;
+    }
+    Some(())
+}
+
+/// The index's settings as records of version 4 hold them: without `hold_current`.
+#[derive(Deserialize)]
+struct Index4 {
+    tolerance_deg: f64,
+    sigma_deg: f64,
+    retries: u8,
+    speed_deg_s: f64,
+    acceleration_deg_s2: f64,
+}
+
+impl From<Index4> for IndexSettings {
+    fn from(old: Index4) -> Self {
+        let Index4 { tolerance_deg, sigma_deg, retries, speed_deg_s, acceleration_deg_s2 } = old;
+        Self { tolerance_deg, sigma_deg, retries, speed_deg_s, acceleration_deg_s2, ..Self::default() }
+    }
+}
