@@ -80,6 +80,8 @@ pub struct Second {
     pub rate_deg_h: f64,
     /// Gyro temperature, °C, if the gyro sends one.
     pub temp_c: Option<f64>,
+    /// Temperature of the inertial block in the housing, °C, where there is one and it was read.
+    pub block_temp_c: Option<f64>,
     /// Level accelerometers, mean and first moment over the second; `None`: no valid reading.
     pub level: Option<LevelMoments>,
     /// Frames of this second that never came or were not valid: the mean rate of the others stands in for them.

@@ -12,12 +12,24 @@ use crate::index::{Direction, IndexMean};
 use crate::level::{LevelSecond, LevelSensor};
 use crate::sample::{GyroSettings, RateSecond, Sampler};
 
+/// A second, and what belongs to it.
+#[derive(Clone, Copy, Debug)]
+pub struct Gathered {
+    pub second: Second,
+    /// Mean measured index angle, degrees: the direction in the second is made of it.
+    pub index_deg: Option<f64>,
+    /// Mean temperature of the inertial block, °C, if it was read.
+    pub block_temp_c: Option<f64>,
+}
+
 /// Gathers frames, readings of the accelerometers and of the encoder.
 #[derive(Clone, Debug)]
 pub struct Gatherer {
     sampler: Sampler,
     level: LevelSensor,
     index: IndexMean,
+    /// Sum and number of the inertial block's temperatures in this second, 0.1 °C.
+    block_temperature: (i32, u16),
     /// Time of the next second's end, once there was a first.
     next_end_s: Option<f64>,
 }
@@ -29,6 +41,7 @@ impl Gatherer {
             sampler: Sampler::new(gyro),
             level: LevelSensor::new(triad),
             index: IndexMean::default(),
+            block_temperature: (0, 0),
             next_end_s: None,
         }
     }
@@ -72,10 +85,17 @@ impl Gatherer {
         self.index.push(index);
     }
 
+    /// A temperature of the inertial block, 0.1 °C.
+    pub fn block_temperature(&mut self, temperature: i16) {
+        let (sum, count) = self.block_temperature;
+        self.block_temperature = (sum.saturating_add(temperature.into()), count.saturating_add(1));
+    }
+
     /// Ends the second whose gyro part is `rate`. Its end is `now_s` for the first second; the gyro's seconds follow each other
-    /// without a gap, each exactly 400 samples long, whatever the delay of the link. Beside the second its mean measured index
-    /// angle, degrees: the direction in it is made of that.
-    pub fn finish(&mut self, rate: &RateSecond, now_s: f64) -> (Second, Option<f64>) {
+    /// without a gap, each exactly 400 samples long, whatever the delay of the link.
+    pub fn finish(&mut self, rate: &RateSecond, now_s: f64) -> Gathered {
+        let (sum, count) = core::mem::take(&mut self.block_temperature);
+        let block_temp_c = (count > 0).then(|| 0.1 * f64::from(sum) / f64::from(count));
         let index_deg = self.index.finish_deg();
         let level = match self.level.finish() {
             LevelSecond::Good(level) => Some(level),
@@ -96,6 +116,6 @@ impl Gatherer {
             level_moment: level.map(|level| level.first).unwrap_or_default(),
             lost_frames: rate.missing,
         };
-        (second, index_deg)
+        Gathered { second, index_deg, block_temp_c }
     }
 }

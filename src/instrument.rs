@@ -13,9 +13,10 @@ use crate::calibration::field::problem::{Problem, Solved};
 use crate::calibration::field::refusal::NoCalibration;
 use crate::calibration::field::{self, Session};
 use crate::drivers::sensors::Due;
+use crate::effects::ErrorModel;
 use crate::event::{self, Event, Report, State};
 use crate::frame::FrameReader;
-use crate::gather::Gatherer;
+use crate::gather::{Gathered, Gatherer};
 use crate::heading::Keeper;
 use crate::health::{Counters, Fault, Refusal, Refused};
 use crate::identity::Identity;
@@ -95,6 +96,8 @@ pub struct Instrument {
     field: Session,
     /// Holds the heading of a fix, where there is a block of three gyros.
     keeper: Option<Keeper>,
+    /// Where the error model wants the block's temperature, if it does.
+    block_temperature: Option<usize>,
     counters: Counters,
     reported: Counters,
     seconds: u32,
@@ -124,6 +127,7 @@ impl Instrument {
             streaming: Streaming::Off,
             reader: FrameReader::new(gyro.format),
             gatherer: Gatherer::new(gyro, Correction::UNIT),
+            block_temperature: None,
             watch: GyroWatch::default(),
             sequencer: Sequencer::empty(),
             refusal: Some(Fault::SettingsMissing),
@@ -158,9 +162,10 @@ impl Instrument {
     fn take(&mut self, settings: &mut Settings) -> Result<(), Fault> {
         self.reader = FrameReader::new(settings.gyro.format);
         self.gatherer = Gatherer::new(settings.gyro, settings.triad());
+        self.block_temperature = settings.model.as_ref().and_then(ErrorModel::block_temperature);
         self.keeper = settings.block.map(|block| Keeper::new(&block, settings.latitude_deg, settings.level.sigma_deg));
         // What no board measures cannot be compensated: such a model is for recordings.
-        if settings.model.as_ref().is_some_and(|model| model.off_board().is_some()) {
+        if settings.model.as_ref().is_some_and(|model| model.off_board(settings.block.is_some()).is_some()) {
             return Err(Fault::SettingsInvalid);
         }
         let declared = settings.declared()?;
@@ -205,6 +210,9 @@ impl Instrument {
         }
         self.read(readings, &mut sink);
         self.calibrate(readings, flash, &mut sink);
+        if let Reading::Value(sample) = &readings.sensors.block {
+            self.gatherer.block_temperature(sample.temperature);
+        }
         if let Some(keeper) = &mut self.keeper
             && let Some(heading) = keeper.tick(readings.sensors.block, &mut self.counters)
         {
@@ -428,7 +436,12 @@ impl Instrument {
             counters.seconds_repaired = counters.seconds_repaired.saturating_add(1);
         }
         let fault = self.watch.second(rate, self.gatherer.sampler().behind());
-        let (second, index_deg) = self.gatherer.finish(rate, t_s);
+        let Gathered { mut second, index_deg, block_temp_c } = self.gatherer.finish(rate, t_s);
+        if let (Some(block_temp_c), Some(place)) = (block_temp_c, self.block_temperature)
+            && let Some(channel) = second.conditions.channels.get_mut(place)
+        {
+            *channel = block_temp_c;
+        }
         let mut seen = Seen { rate_deg_h: rate.fog_arcsec, ..Seen::default() };
         let mut motor = None;
         // The second is reported before what it led to: a recording that ends with the azimuth holds all of its seconds.
@@ -450,6 +463,7 @@ impl Instrument {
             moment_arcsec_s: second.moment_arcsec_s,
             rate_deg_h: seen.rate_deg_h,
             temp_c: conditions.temp_c,
+            block_temp_c,
             level: conditions.level.map(|mean| LevelMoments { mean, first: second.level_moment }),
             lost_frames: second.lost_frames,
             dwell: seen.dwell,

@@ -131,6 +131,7 @@ mod target {
             let sample = Reading::Value(Increments {
                 angle_rad: black_box([4e-7, 4e-7, 4e-7 + turn_rad]),
                 velocity_m_s: black_box([1e-4, 1e-4, 0.098]),
+                temperature: 250,
                 missed: 0,
             });
             let most = match number {

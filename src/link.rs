@@ -274,6 +274,7 @@ mod tests {
             moment_arcsec_s: 1.1,
             rate_deg_h: 1.1,
             temp_c: Some(1.1),
+            block_temp_c: Some(1.1),
             level: Some(LevelMoments { mean: specific, first: specific }),
             lost_frames: u16::MAX,
             dwell: Some(255),

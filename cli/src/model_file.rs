@@ -142,9 +142,10 @@ impl ModelFile {
                            solve, north diagnose)";
             return Err(FileError::whole(&self.path, Problem::not_allowed("[gyro_triad]", allowed)));
         }
-        if let Some(channel) = self.error_model.as_ref().and_then(ErrorModel::off_board) {
+        if let Some(channel) = self.error_model.as_ref().and_then(|model| model.off_board(settings.block.is_some())) {
             let value = format!("a term that follows channel `{}`", channel.as_str());
-            let allowed = "what a board measures: temp_c, ax_g, ay_g, its time and its index angle";
+            let allowed =
+                "what a board measures: temp_c, ax_g, ay_g, block_temp_c with a block, its time and its index angle";
             return Err(FileError::whole(&self.path, Problem::not_allowed(value, allowed)));
         }
         self.apply(settings)

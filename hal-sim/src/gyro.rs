@@ -6,6 +6,7 @@
 //! | bias instability, rate random walk, drift, quantisation | [`SlowBias`], linear in time, a counter with a residue | the same |
 //! | scale factor and its temperature | rate · (1 + s + s′·(T − T₀)) | the same |
 //! | bias and temperature | c₁·(T − T₀) + c₂·(T − T₀)² | the same |
+//! | stress between coil and housing | c · (T − T₀)·(T_h − T₀) | a product of two temperatures: the lowest order that neither shows alone |
 //! | rate of temperature | c · dT/dt: a change that reaches one half of the coil before the other | D. M. Shupe, Applied Optics 19 (1980) 654 |
 //! | hysteresis of temperature | ± h, by the direction from which the temperature came | play operator (Krasnosel'skii and Pokrovskii) |
 //! | Earth's magnetic field | field along the axis and across it: Faraday effect in a twisted fibre | K. Hotate and K. Tabe, Applied Optics 25 (1986) 1086 |
@@ -55,6 +56,7 @@ pub struct GyroErrors {
     gyro: Gyro,
     field: Vector3<f64>,
     thermal: Thermal,
+    housing: Thermal,
     slow: SlowBias,
     telegraph: Option<Telegraph>,
     after_move_deg_h: f64,
@@ -78,6 +80,7 @@ impl GyroErrors {
             gyro: gyro.clone(),
             field: Vector3::new(declination.sin(), declination.cos(), -inclination.tan()),
             thermal: Thermal::new(site, gyro),
+            housing: Thermal::of_housing(site, gyro),
             slow: SlowBias::new(gyro.bias_instability_deg_h, gyro.rrw_deg_h_per_sqrt_h, slow),
             telegraph,
             after_move_deg_h: 0.0,
@@ -91,6 +94,7 @@ impl GyroErrors {
     /// The angle that the gyro's electronics integrate over the interval, arcsec, before quantisation and saturation.
     pub fn measure(&mut self, now: &Surroundings) -> f64 {
         self.thermal.advance(now.t_s, now.dt_s);
+        self.housing.advance(now.t_s, now.dt_s);
         let gyro = &self.gyro;
         let scale = 1.0 + 1e-6 * (gyro.scale_ppm + gyro.scale_ppm_per_k * (self.thermal.temp_c() - gyro.reference_c));
         let rate_deg_h = now.turned_arcsec / now.dt_s;
@@ -111,6 +115,11 @@ impl GyroErrors {
         self.thermal.temp_c()
     }
 
+    /// True temperature of the housing, °C.
+    pub fn housing_c(&self) -> f64 {
+        self.housing.temp_c()
+    }
+
     /// What its temperature sensor reads, °C.
     pub fn temp_reading_c(&self) -> f64 {
         self.thermal.temp_c() + self.gyro.temperature_error_k
@@ -129,6 +138,7 @@ impl GyroErrors {
             + gyro.drift_deg_h_per_h * (now.t_s - now.dt_s / 2.0) / 3600.0
             + gyro.bias_deg_h_per_k * warm_k
             + gyro.bias_deg_h_per_k2 * warm_k * warm_k
+            + gyro.housing_deg_h_per_k2 * warm_k * (self.housing.temp_c() - gyro.reference_c)
             + gyro.shupe_deg_h_per_k_s * self.thermal.rate_k_s()
             + gyro.hysteresis_deg_h * self.thermal.hysteresis()
             + gyro.magnetic_axial_deg_h * self.field.dot(&now.axis)

@@ -163,7 +163,7 @@ impl Plant {
     }
 
     pub fn exchange_block(&mut self, mosi: &[u8]) -> Vec<u8> {
-        let (t_s, temp_c) = (self.t_s(), self.errors.temp_c());
+        let (t_s, temp_c) = (self.t_s(), self.errors.housing_c());
         match &mut self.block {
             Some(block) => block.exchange(mosi, t_s, temp_c),
             None => vec![0xFF; mosi.len()],

@@ -1,4 +1,4 @@
-//! Temperature of the gyro: one thermal mass between its own heat and the air.
+//! Temperatures of the gyro and of the housing: each one thermal mass between its own heat and the air.
 
 use crate::scenario::{Gyro, Site};
 use std::f64::consts::TAU;
@@ -34,6 +34,13 @@ impl Thermal {
             rate_k_s: 0.0,
             follower_c: temp_c,
         }
+    }
+
+    /// The housing at switch-on: as warm as the air, without heat of its own.
+    pub fn of_housing(site: &Site, gyro: &Gyro) -> Self {
+        let housing =
+            Gyro { start_offset_k: 0.0, self_heating_k: 0.0, thermal_tau_s: gyro.housing_tau_s, ..gyro.clone() };
+        Self::new(site, &housing)
     }
 
     /// Moves on by `dt_s` to `t_s`.

@@ -39,6 +39,18 @@ fn bias_and_temperature() {
 }
 
 #[test]
+fn stress_between_coil_and_housing() {
+    let mut stressed = scenario(|gyro| {
+        gyro.housing_deg_h_per_k2 = 0.02;
+        gyro.start_offset_k = 5.0;
+        gyro.thermal_tau_s = 100_000.0;
+    });
+    // The coil is 2 K above 20 °C, the housing 3 K below: 0.02 · 2 · (−3).
+    stressed.site.ambient_c = 17.0;
+    assert_bias(&stressed, -0.12);
+}
+
+#[test]
 fn scale_changes_with_temperature() {
     let mut warm = scenario(|gyro| gyro.scale_ppm_per_k = 100.0);
     warm.site.azimuth_deg = 0.0;

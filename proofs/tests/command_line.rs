@@ -79,7 +79,7 @@ const SCATTER: f64 = 1.65;
 
 #[test]
 fn a_closed_loop_leaves_new_runs_free_of_the_effect() {
-    for effect in ["temperature-rate", "magnet"] {
+    for effect in ["temperature-rate", "magnet", "surface-of-two-temperatures"] {
         let options = ["--host", "--effect", effect, "--seed", "3", "--runs", "12", "--new-runs", "6"];
         let result = &rows(&[&["close-loop"], &options[..]].concat())[0];
         let before = result["rms_before_deg"].as_f64().unwrap();

@@ -52,6 +52,8 @@ pub struct Increments {
     pub angle_rad: [f64; 3],
     /// Integral of specific force along them, m/s.
     pub velocity_m_s: [f64; 3],
+    /// Its temperature, 0.1 °C.
+    pub temperature: i16,
     /// Samples between this one and the one before that were never read.
     pub missed: u16,
 }
@@ -141,7 +143,7 @@ impl<SPI: SpiDevice> Adis16505<SPI> {
         if sum != u16::from_be_bytes([sum_high, sum_low]) {
             return Err(Error::Sum);
         }
-        let [status_high, status_low, data @ .., _, _, number_high, number_low] = summed;
+        let [status_high, status_low, data @ .., warm_high, warm_low, number_high, number_low] = summed;
         let status = u16::from_be_bytes([status_high, status_low]);
         // A bus that is stuck low has a right sum, too: its numbers do not go on, and that shows below.
         if status != 0 {
@@ -160,6 +162,7 @@ impl<SPI: SpiDevice> Adis16505<SPI> {
         Ok(Increments {
             angle_rad: [x, y, z].map(|code| code * rad_per_lsb),
             velocity_m_s: [u, v, w].map(|code| code * m_s_per_lsb),
+            temperature: i16::from_be_bytes([warm_high, warm_low]),
             missed,
         })
     }
@@ -237,6 +240,8 @@ mod tests {
         assert!((sample.angle_rad[0] - core::f64::consts::FRAC_PI_2).abs() < 1e-15);
         assert!((sample.angle_rad[1] + 720.0 / 2_147_483_648.0 * core::f64::consts::PI / 180.0).abs() < 1e-24);
         assert!((sample.velocity_m_s[2] - 0.0980665).abs() < 1e-7);
+        // 0x00FA is 250 times 0.1 °C.
+        assert_eq!(sample.temperature, 250);
         assert_eq!((sample.angle_rad[2], sample.velocity_m_s[0], sample.missed), (0.0, 0.0, 0));
     }
 

@@ -14,6 +14,8 @@ pub const TEMPERATURE: &str = "temp_c";
 /// Forward and left accelerometer.
 pub const FORWARD: &str = "ax_g";
 pub const LEFT: &str = "ay_g";
+/// Temperature of the inertial block in the housing, °C.
+pub const BLOCK_TEMPERATURE: &str = "block_temp_c";
 
 /// A column's name, 1 to 24 bytes.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -34,9 +36,14 @@ impl ChannelName {
         self.bytes.get(..self.length.into()).and_then(|bytes| core::str::from_utf8(bytes).ok()).unwrap_or_default()
     }
 
-    /// Whether a board measures it.
-    pub fn is_on_board(&self) -> bool {
+    /// Whether it is no further channel, but one that every second has.
+    pub fn is_in_every_second(&self) -> bool {
         matches!(self.as_str(), TEMPERATURE | FORWARD | LEFT)
+    }
+
+    /// Whether a board measures it; `has_block`: it carries an inertial block.
+    pub fn is_on_board(&self, has_block: bool) -> bool {
+        self.is_in_every_second() || has_block && self.as_str() == BLOCK_TEMPERATURE
     }
 }
 
@@ -80,7 +87,9 @@ mod tests {
         assert_eq!(ChannelName::new("a_name_of_twenty_four_by").unwrap().as_str().len(), MAX_NAME);
         assert_eq!(ChannelName::new("a_name_of_twenty_five_byt"), None);
         assert_eq!(ChannelName::new(""), None);
-        assert!(ChannelName::new("temp_c").unwrap().is_on_board());
-        assert!(!ChannelName::new("supply_v").unwrap().is_on_board());
+        assert!(ChannelName::new("temp_c").unwrap().is_on_board(false));
+        assert!(!ChannelName::new("supply_v").unwrap().is_on_board(true));
+        let of_block = ChannelName::new("block_temp_c").unwrap();
+        assert!(of_block.is_on_board(true) && !of_block.is_on_board(false));
     }
 }

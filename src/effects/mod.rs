@@ -102,7 +102,7 @@ impl ErrorModel {
     /// Names of the channels beyond temperature and level, each once, in the order of the terms.
     pub fn channels(&self) -> Vec<ChannelName, MAX_CHANNELS> {
         let mut names = Vec::new();
-        for name in self.followed().filter(|name| !name.is_on_board()) {
+        for name in self.followed().filter(|name| !name.is_in_every_second()) {
             if !names.contains(name) {
                 let _ = names.push(*name);
             }
@@ -110,9 +110,15 @@ impl ErrorModel {
         names
     }
 
-    /// The first channel that no board measures: a model with one is for recordings only.
-    pub fn off_board(&self) -> Option<ChannelName> {
-        self.channels().first().copied()
+    /// The first channel that a board does not measure, which carries an inertial block or none: a model with one is for recordings
+    /// only.
+    pub fn off_board(&self, has_block: bool) -> Option<ChannelName> {
+        self.channels().into_iter().find(|name| !name.is_on_board(has_block))
+    }
+
+    /// The place of the inertial block's temperature among [`Self::channels`], if it is followed.
+    pub fn block_temperature(&self) -> Option<usize> {
+        self.channels().iter().position(|name| name.as_str() == channel::BLOCK_TEMPERATURE)
     }
 
     /// The first of the board's own channels that it cannot do without and that is not there.
@@ -160,7 +166,7 @@ impl ErrorModel {
         at_most("model.terms (products)", products, MAX_PRODUCTS, "at most 4 products")?;
         at_most("model.terms (knots)", self.bases().map(Basis::knots).sum(), MAX_KNOTS, "at most 48 knots")?;
         let known = self.channels();
-        let extra = self.followed().filter(|name| !name.is_on_board() && !known.contains(name)).count();
+        let extra = self.followed().filter(|name| !name.is_in_every_second() && !known.contains(name)).count();
         at_most("model.terms (channels)", known.len() + extra, MAX_CHANNELS, "at most 8 channels")?;
         let past = |(i, window)| !self.windows().take(i).any(|other| other == window);
         let windows = self.windows().enumerate().filter(|&each| past(each)).count();

@@ -25,7 +25,7 @@ fn keeper() -> Keeper {
 fn sample(turn_deg_s: f64, missed: u16) -> Reading<Increments> {
     let rad = |arcsec_s: f64| arcsec_s * 0.01 / 206_264.806;
     let angle_rad = [rad(7.5205), 0.0, rad(13.0260 + 3600.0 * turn_deg_s)];
-    Reading::Value(Increments { angle_rad, velocity_m_s: [0.0, 0.0, 0.098], missed })
+    Reading::Value(Increments { angle_rad, velocity_m_s: [0.0, 0.0, 0.098], temperature: 250, missed })
 }
 
 #[test]

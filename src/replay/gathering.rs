@@ -93,7 +93,7 @@ impl Seconds {
             }
         };
         self.sequence = ((u16::from(self.sequence) + 1) % self.format.sequence_modulus()) as u8;
-        let (second, _) = self.readings.finish(&rate?, row.t_s);
+        let second = self.readings.finish(&rate?, row.t_s).second;
         Some(RecordedSecond { second, belonging: Belonging::Marked(row.mark) })
     }
 }

@@ -100,7 +100,8 @@ pub fn is_other_latitude(size_deg_h: f64, up_deg_h: f64) -> bool {
 fn effect(taken: &Taken, up_deg_h: f64) -> Effect {
     let candidate = &taken.candidate;
     let mut alone = ErrorModel::default();
-    let board = candidate.put(taken.constant, &taken.coefficients, &mut alone).is_ok() && alone.off_board().is_none();
+    let board =
+        candidate.put(taken.constant, &taken.coefficients, &mut alone).is_ok() && alone.off_board(true).is_none();
     let found = if taken.by_references > 0.5 { "surveyed headings" } else { "seconds of the runs" };
     Effect {
         name: candidate.name.clone(),

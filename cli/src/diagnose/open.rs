@@ -2,8 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use north_finder::effects::channel::TEMPERATURE;
-use north_finder::effects::{ErrorModel, Term, doubt};
+use north_finder::effects::{ChannelName, ErrorModel, Term, doubt};
 use north_finder::units::{RAD_PER_DEG, wrap_180_deg};
 use rayon::prelude::*;
 
@@ -259,7 +258,8 @@ impl Open {
                     found.group.words(&self.names),
                     found.log_odds
                 ),
-                board: self.deployed && channels.iter().all(|channel| channel == TEMPERATURE),
+                board: self.deployed
+                    && channels.iter().all(|name| ChannelName::new(name).is_some_and(|name| name.is_on_board(true))),
                 channels,
                 name,
             }

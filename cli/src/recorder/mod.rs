@@ -7,6 +7,7 @@ pub use raw::RawRecorder;
 use std::path::Path;
 
 use north_finder::attitude::Motion;
+use north_finder::effects::channel::BLOCK_TEMPERATURE;
 use north_finder::event::{Event, Heading, Report, Second, State};
 use north_finder::level::Specific;
 use north_finder::replay::Mark;
@@ -72,7 +73,7 @@ fn row(second: &Second) -> Row {
         level: second.level.map(|level| level.mean),
         lost_frames: second.lost_frames,
         own: Some(Own::Second { read, mark: mark(second), moment_arcsec_s: second.moment_arcsec_s, level_moment }),
-        extra: Vec::new(),
+        extra: second.block_temp_c.into_iter().collect(),
     }
 }
 
@@ -90,6 +91,8 @@ pub fn write_run(campaign: &CampaignWriter, file: &str, mut rows: Vec<Row>) -> R
     fill(&mut rows, |row| row.temp_c, |row, temp_c| row.temp_c = Some(temp_c));
     fill(&mut rows, |row| Some(row.index_deg).filter(|deg| deg.is_finite()), |row, deg| row.index_deg = deg);
     fill(&mut rows, |row| row.level, |row, level| row.level = Some(level));
+    fill(&mut rows, |row| row.extra.first().copied(), |row, block_temp_c| row.extra = vec![block_temp_c]);
+    let has_block = rows.iter().all(|row| !row.extra.is_empty());
     for row in &mut rows {
         // Sensors that never gave anything.
         row.level.get_or_insert_default();
@@ -103,7 +106,7 @@ pub fn write_run(campaign: &CampaignWriter, file: &str, mut rows: Vec<Row>) -> R
         level: true,
         lost_frames: true,
         own: Some(if frames { OwnLayout::Frames } else { OwnLayout::Seconds }),
-        extra: Vec::new(),
+        extra: if has_block { vec![BLOCK_TEMPERATURE.into()] } else { Vec::new() },
     };
     let mut writer = campaign.run(file, layout)?;
     rows.iter().try_for_each(|row| writer.write(row))?;

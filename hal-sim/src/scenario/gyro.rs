@@ -101,6 +101,10 @@ part! {
         self_heating_k: f64 = 0.0, 0.0..=60.0;
         /// Thermal time constant, s.
         thermal_tau_s: f64 = 900.0, 1.0..=100000.0;
+        /// Thermal time constant of the housing, where an inertial block sits, s.
+        housing_tau_s: f64 = 600.0, 1.0..=100000.0;
+        /// Stress between coil and housing: bias for each kelvin of the gyro times each kelvin of the housing, °/h/K².
+        housing_deg_h_per_k2: f64 = 0.0, -10.0..=10.0;
         /// Error of the temperature sensor, K.
         temperature_error_k: f64 = 0.0, -20.0..=20.0;
         /// Bias for an axis along the horizontal magnetic field of the Earth, °/h.

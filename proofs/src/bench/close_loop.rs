@@ -7,6 +7,7 @@ use crate::hidden::{Hidden, Instrument};
 use clap::Args;
 use indicatif::ProgressBar;
 use north_finder::effects::ErrorModel;
+use north_finder::heading::settings::BlockSettings;
 use north_finder::settings::Settings;
 use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
@@ -130,6 +131,7 @@ impl CloseLoop {
         let mut settings =
             Settings { latitude_deg: self.latitude, model: Some(ErrorModel::default()), ..Settings::default() };
         settings.sequence.order = self.order.into();
+        settings.block = instrument.has_block().then(BlockSettings::default);
         writeln!(out, "hidden     {}: {}", instrument.hidden.name(), instrument.truth)?;
         writeln!(out, "engine     {}", engine.description())?;
 
@@ -144,7 +146,7 @@ impl CloseLoop {
         let campaign = self.record(&rig, &settings, folder, &bar)?;
         let options = Options { settings: settings.clone(), ..Options::default() };
         let diagnosis = diagnose(&campaign, &options).map_err(|refusal| Failure::Refused(refusal.to_string()))?;
-        let taught = Settings { model: Some(board_model(&diagnosis, folder)?), ..settings.clone() };
+        let taught = taught(&settings, &diagnosis, folder)?;
 
         let before = self.new_fixes(&rig, &settings, &bar)?;
         let after = self.new_fixes(&rig, &taught, &bar)?;
@@ -289,13 +291,13 @@ impl Report {
     }
 }
 
-/// The learned model by way of its file, as anyone loads it; a board must be able to evaluate it.
-fn board_model(diagnosis: &Diagnosis, folder: &Path) -> Result<ErrorModel, Failure> {
+/// The settings with the learned model by way of its file, as anyone loads it; a board with them must be able to evaluate it.
+fn taught(settings: &Settings, diagnosis: &Diagnosis, folder: &Path) -> Result<Settings, Failure> {
     let path = folder.join("model.toml");
     write_model(&path, &diagnosis.model)?;
-    let mut settings = Settings::default();
+    let mut settings = settings.clone();
     ModelFile::read(&path)?.apply_to_board(&mut settings)?;
-    Ok(settings.model.unwrap_or_default())
+    Ok(settings)
 }
 
 fn hidden(name: &str) -> Result<HiddenOption, String> {

@@ -1,7 +1,7 @@
 //! The whole instrument, bus by bus, with a hidden effect in it: for the loop with the firmware itself.
 
 use super::draw::Draw;
-use hal_sim::scenario::{BaseAngle, Gyro, Harmonic, Scenario, Sway};
+use hal_sim::scenario::{BaseAngle, Block, Gyro, Harmonic, Scenario, Sway};
 
 /// Effects that a board can find out about and correct: it measures temperature, level and index angle, and knows the
 /// time.
@@ -16,11 +16,12 @@ pub enum Hidden {
     Hysteresis,
     Arrival,
     BaseMotion,
+    Housing,
 }
 
 impl Hidden {
     /// All of them.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::TemperatureRate,
         Self::Temperature,
         Self::AfterMove,
@@ -30,6 +31,7 @@ impl Hidden {
         Self::Hysteresis,
         Self::Arrival,
         Self::BaseMotion,
+        Self::Housing,
     ];
 
     /// Name, stable: lower-case words with hyphens.
@@ -44,6 +46,7 @@ impl Hidden {
             Self::Hysteresis => "hysteresis",
             Self::Arrival => "decay-by-position",
             Self::BaseMotion => "base-motion",
+            Self::Housing => "surface-of-two-temperatures",
         }
     }
 
@@ -129,12 +132,26 @@ impl Instrument {
                     gyro.arrival_deg_h, gyro.arrival_phase_deg, gyro.after_move_tau_s
                 )
             }
+            Hidden::Housing => {
+                gyro.housing_deg_h_per_k2 = sign * draw.uniform(0.01, 0.03);
+                gyro.thermal_tau_s = draw.uniform(20.0, 50.0);
+                gyro.housing_tau_s = draw.uniform(60.0, 150.0);
+                format!(
+                    "{:+.4} °/h for each K of the gyro times each K of the housing, from 20 °C",
+                    gyro.housing_deg_h_per_k2
+                )
+            }
             Hidden::BaseMotion => {
                 sway_arcsec = draw.uniform(3.0, 9.0);
                 format!("a base that sways by {sway_arcsec:.1}″ about both axes, within 15 to 40 s")
             }
         };
         Self { hidden, truth, seed, latitude_deg, gyro, sway_arcsec }
+    }
+
+    /// Whether it carries an inertial block, whose thermometer shows the housing.
+    pub fn has_block(&self) -> bool {
+        self.hidden == Hidden::Housing
     }
 
     /// The instrument put up for run number `number`, and the seed of its noise.
@@ -148,8 +165,9 @@ impl Instrument {
         scenario.base.roll_deg = 0.05 * draw.normal();
         scenario.accelerometer.bias_mg = [0.0; 3];
         scenario.gyro = self.gyro.clone();
+        scenario.block = self.has_block().then(Block::default);
         scenario.gyro.start_offset_k = draw.sign() * draw.uniform(2.0, 10.0);
-        if self.hidden == Hidden::Hysteresis {
+        if matches!(self.hidden, Hidden::Hysteresis | Hidden::Housing) {
             scenario.site.ambient_wave_k = draw.uniform(8.0, 16.0);
             scenario.site.ambient_wave_period_s = draw.uniform(60.0, 180.0);
         }
