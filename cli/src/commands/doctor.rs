@@ -313,6 +313,7 @@ mod tests {
             moment_arcsec_s: 0.0,
             rate_deg_h,
             temp_c: Some(20.0),
+            block_temp_c: None,
             level: None,
             lost_frames: 0,
             dwell: None,
