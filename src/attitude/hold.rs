@@ -1,18 +1,29 @@
 //! Heading hold: the block carries the heading of a fix while the instrument is moved.
 //!
 //! State: small attitude error φ in geographic axes (rad, estimate = (1 + φ ×) truth), what the gyros' biases are beyond their
-//! estimate, δb, in block axes (rad/s), and the attitude error φᵣ that was there when the block came to rest, with a covariance of
-//! 9 × 9 carried a second at a time. φ grows by C δb dt and by the gyros' white noise, δb is a constant of the run plus a
-//! Gauss-Markov process, φᵣ stays but for the creep that is allowed (a clone of the state: Roumeliotis and Burdick, 2002).
+//! estimate, δb, in block axes (rad/s), the attitude error φᵣ that was there when the block came to rest, and the biases β of the two
+//! level accelerometers (rad of tilt, block axes), with a covariance of 11 × 11 carried a second at a time. φ grows by C δb dt and by the
+//! gyros' white noise, δb is a constant of the run plus a Gauss-Markov process, φᵣ stays but for the creep that is allowed (a clone
+//! of the state: Roumeliotis and Burdick, 2002), β is constant.
 //!
 //! The increments are always summed up. While the instrument stands it sways about where it came to rest: the second's mean turn
 //! from there is a measurement of φ − φᵣ whose noise is the sway, which is estimated from the innovations. So the bias is known
 //! from the whole angle over the whole time of standing, and what the base sways to and fro is no bias. Gravity measures the levels. A
-//! second counts when the next one stands too: the first of a motion looks like standing.
+//! second counts when the next one stands too: the first of a motion looks like standing. Biases are learned before there is a
+//! heading as well, while the fix is made ([`Stood`]).
+//!
+//! Sway and shaking are noise of a second's mean with the variance s², estimated from the innovations: E e² = h·P·hᵀ + s². They
+//! repeat themselves from second to second with the autocorrelation r, and a mean over many seconds has the variance s²·(1 + r)/(1 − r)/n
+//! (a first-order process at frequency zero), so that this is what counts in the gain. An innovation is judged by its own
+//! variance, h·P·hᵀ + s².
 //!
 //! Sigma grows with the class of the block ([`BlockClass`]); when it passes its limit a fix is asked for.
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+mod stood;
+
+pub use stood::Stood;
+
+use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::coning::{Algorithm, Increment, Integrator};
@@ -32,8 +43,11 @@ const LOST_DEG: f64 = 10.0;
 const LOST_S: f64 = 60.0;
 /// No base stands stiller than this in the mean of a second, arcsec.
 const LEAST_SWAY_ARCSEC: f64 = 0.01;
-/// A sway that is slower than a second repeats itself: so many times its variance counts.
-const SLOW_SWAY: f64 = 2.0;
+/// Sway of a base before there is a heading, when nobody measures it, arcsec.
+const BEFORE_SWAY_ARCSEC: f64 = 20.0;
+/// Autocorrelation of the sway from second to second: at first, and at most.
+const FIRST_AUTOCORRELATION: f64 = 1.0 / 3.0;
+const MOST_AUTOCORRELATION: f64 = 0.9;
 /// Length of the steps of the covariance, s.
 const SECOND_S: f64 = 1.0;
 /// A mean rate that is so many sigmas from standing is a motion.
@@ -182,7 +196,8 @@ pub struct HoldCounters {
 const ATTITUDE: usize = 0;
 const BIAS: usize = 3;
 const REST: usize = 6;
-const STATES: usize = 9;
+const TILT: usize = 9;
+const STATES: usize = 11;
 
 type Covariance = SMatrix<f64, STATES, STATES>;
 type State = SVector<f64, STATES>;
@@ -198,14 +213,17 @@ pub struct Hold {
     orientation: Quaternion,
     /// Estimated, rad/s.
     bias_rad_s: Vector3<f64>,
+    /// Estimated biases of the level accelerometers, rad of tilt, block axes.
+    tilt_rad: Vector2<f64>,
     covariance: Covariance,
     /// Where it came to rest.
     rest: Quaternion,
     stands: bool,
-    /// Variance of the sway in a second's mean, rad².
-    sway_rad2: f64,
-    /// Mean turn from the rest in a second of standing that waits for the next one, rad.
-    waiting_rad: Option<Vector3<f64>>,
+    /// In a second's mean turn, and in a second's levels.
+    sway: Noise,
+    shaking: Noise,
+    /// A second of standing that waits for the next one.
+    waiting: Option<Waiting>,
     /// Rotation while it moved, rad, geographic axes: what errors of scale and axes have acted on. They are constants, so that a
     /// turn back takes away what the turn brought.
     turned_rad: Vector3<f64>,
@@ -215,6 +233,14 @@ pub struct Hold {
     innovations: (f64, u32),
     second: Second,
     counters: HoldCounters,
+}
+
+/// What a second of standing said: mean turn from the rest, and support against gravity towards east and north less the
+/// accelerometers' biases, as an angle.
+#[derive(Clone, Copy, Debug)]
+struct Waiting {
+    swayed_rad: Vector3<f64>,
+    felt_rad: Vector2<f64>,
 }
 
 /// A second in the making.
@@ -247,7 +273,8 @@ impl Hold {
         let level = square(sigma_level_deg * RAD_PER_DEG);
         let bias = square(class.run_to_run_deg_h * RAD_S_PER_DEG_H) + square(class.markov_deg_h * RAD_S_PER_DEG_H);
         let heading = square(sigma_heading_deg * RAD_PER_DEG);
-        let diagonal = State::from([level, level, heading, bias, bias, bias, 0.0, 0.0, 0.0]);
+        let tilt = square(class.accelerometer_m_s2 / GRAVITY_M_S2);
+        let diagonal = State::from([level, level, heading, bias, bias, bias, 0.0, 0.0, 0.0, tilt, tilt]);
         let mut hold = Self {
             class: *class,
             limits,
@@ -255,11 +282,13 @@ impl Hold {
             integrator: Integrator::new(Algorithm::PreviousInterval),
             orientation,
             bias_rad_s: Vector3::zeros(),
+            tilt_rad: Vector2::zeros(),
             covariance: Covariance::from_diagonal(&diagonal),
             rest: orientation,
             stands: false,
-            sway_rad2: square(limits.sway_arcsec * RAD_PER_ARCSEC),
-            waiting_rad: None,
+            sway: Noise::new(square(limits.sway_arcsec * RAD_PER_ARCSEC)),
+            shaking: Noise::new(square(class.vrw_m_s_sqrt_s / GRAVITY_M_S2)),
+            waiting: None,
             turned_rad: Vector3::zeros(),
             turned_since_rad: Vector3::zeros(),
             innovations: (0.0, 0),
@@ -334,7 +363,7 @@ impl Hold {
         let dt_s = second.seconds;
         self.propagate(dt_s, square(second.saturated_rad));
         let swayed = second.swayed_rad_s / dt_s;
-        let noise = self.sway_rad2.max(square(self.limits.sway_arcsec * RAD_PER_ARCSEC));
+        let noise = self.sway.variance().max(square(self.limits.sway_arcsec * RAD_PER_ARCSEC));
         let stands = second.shaken_m_s2 < MOTION_M_S2
             && second.saturated_rad == 0.0
             && swayed.iter().enumerate().all(|(axis, turn)| {
@@ -351,16 +380,17 @@ impl Hold {
         if !self.stands {
             self.set_down();
         }
-        if let Some(waiting) = self.waiting_rad.replace(swayed) {
+        let felt = self.orientation.rotate(&(second.velocity_m_s / dt_s - self.tilt_m_s2())) / GRAVITY_M_S2;
+        let waiting = Waiting { swayed_rad: swayed, felt_rad: Vector2::new(felt.x, felt.y) };
+        if let Some(waiting) = self.waiting.replace(waiting) {
             self.stand(&waiting, dt_s);
         }
-        self.level(&(second.velocity_m_s / dt_s), dt_s);
         self.report(Motion::Standing)
     }
 
     /// It moves: the next second may be the first of a rest.
     fn leave(&mut self) {
-        (self.stands, self.waiting_rad) = (false, None);
+        (self.stands, self.waiting) = (false, None);
         self.come_to_rest();
     }
 
@@ -408,7 +438,7 @@ impl Hold {
         // The Gauss-Markov process, taken for a random walk.
         let bias = 2.0 * square(self.class.markov_deg_h * RAD_S_PER_DEG_H) * dt_s / self.class.markov_s;
         let creep = square(self.limits.creep_arcsec_sqrt_s * RAD_PER_ARCSEC) * dt_s;
-        let added = State::from([attitude, attitude, attitude, bias, bias, bias, creep, creep, creep]);
+        let added = State::from([attitude, attitude, attitude, bias, bias, bias, creep, creep, creep, 0.0, 0.0]);
         self.covariance = transition * self.covariance * transition.transpose() + Covariance::from_diagonal(&added);
     }
 
@@ -417,73 +447,112 @@ impl Hold {
         square(self.class.arw_deg_sqrt_h * RAD_PER_DEG / 60.0) * dt_s
     }
 
-    /// The mean turn from the rest in the second before this one, of the same length.
+    /// What the second before this one, of the same length, said: mean turn from the rest, and levels.
     ///
-    /// It is φ − φᵣ as it was then: less by the bias over 1.5 s, and without the white noise since. With q that of a second, the noise
-    /// that now has and it has not, ∫ over this second and ∫ τ/T over that one, has the variance (1 + 1/3) q and the covariance
-    /// (1 + 1/2) q with φ.
-    fn stand(&mut self, swayed: &Vector3<f64>, dt_s: f64) {
+    /// The mean turn is φ − φᵣ as it was then: less by the bias over 1.5 s, and without the white noise since. With q that of a second,
+    /// the noise that now has and it has not, ∫ over this second and ∫ τ/T over that one, has the variance (1 + 1/3) q and the covariance
+    /// (1 + 1/2) q with φ. Levels are those at that second's end, q less: the support is (1 + φ ×) up, so that its east part is φ north
+    /// and its north part −φ east; the accelerometers add their biases, which do not average out.
+    fn stand(&mut self, waiting: &Waiting, dt_s: f64) {
         let white = self.white_rad2(dt_s);
         let c = self.orientation.direction_cosines();
-        for (axis, measured) in swayed.iter().enumerate() {
+        let bias_over = |axis: usize, seconds: f64| c.row(axis).transpose() * (-seconds * dt_s);
+        let mut x = State::zeros();
+        for (axis, measured) in waiting.swayed_rad.iter().enumerate() {
             let mut row = from_rest(axis);
-            row.fixed_rows_mut::<3>(BIAS).copy_from(&(c.row(axis).transpose() * (-1.5 * dt_s)));
+            row.fixed_rows_mut::<3>(BIAS).copy_from(&bias_over(axis, 1.5));
             let mut cross = self.covariance * row;
-            let known = row.dot(&cross) - 3.0 * white + 4.0 / 3.0 * white;
+            let known = (row.dot(&cross) - 3.0 * white + 4.0 / 3.0 * white).max(0.0);
             if let Some(place) = cross.get_mut(ATTITUDE + axis) {
                 *place -= 1.5 * white;
             }
-            // An exponential mean; of less than nothing where there is none.
-            self.sway_rad2 += (square(*measured) - known - self.sway_rad2) / SWAY_SECONDS;
-            self.correct(&cross, known.max(0.0) + SLOW_SWAY * self.sway_rad2(), *measured);
+            let innovation = measured - row.dot(&x);
+            self.judge(known + self.sway.variance(), innovation);
+            self.sway.learn(axis, innovation, known);
+            self.update(&mut x, &cross, known + self.sway.lasting(), innovation);
         }
-    }
-
-    /// Levels from gravity. Estimated axes: support is (1 + φ ×) up, so that its east part is φ north and its north part −φ east. The
-    /// bias of the accelerometers does not average out: the variance is not allowed below it.
-    fn level(&mut self, force_m_s2: &Vector3<f64>, dt_s: f64) {
-        let felt = self.orientation.rotate(force_m_s2) / GRAVITY_M_S2;
-        let bias = square(self.class.accelerometer_m_s2 / GRAVITY_M_S2);
-        let noise = square(self.class.vrw_m_s_sqrt_s / GRAVITY_M_S2) / dt_s;
-        for (axis, sign, measured) in [(1, 1.0, felt.x), (0, -1.0, felt.y)] {
-            let variance = self.covariance.get((axis, axis)).copied().unwrap_or(0.0);
-            if variance > bias {
-                let cross = self.covariance.column(axis) * sign;
-                self.correct(&cross, variance + bias * variance / (variance - bias) + noise, measured);
+        for (side, (tilt, sign)) in [(1, 1.0), (0, -1.0)].into_iter().enumerate() {
+            let mut row = State::from_fn(|state, _| if state == ATTITUDE + tilt { sign } else { 0.0 });
+            row.fixed_rows_mut::<3>(BIAS).copy_from(&(sign * bias_over(tilt, 1.0)));
+            row.fixed_rows_mut::<2>(TILT).copy_from(&c.fixed_view::<1, 2>(side, 0).transpose());
+            let mut cross = self.covariance * row;
+            let known = (row.dot(&cross) - white).max(0.0);
+            if let Some(place) = cross.get_mut(ATTITUDE + tilt) {
+                *place -= sign * white;
             }
+            let innovation = waiting.felt_rad.get(side).copied().unwrap_or(0.0) - row.dot(&x);
+            self.judge(known + self.shaking.variance(), innovation);
+            self.shaking.learn(side, innovation, known);
+            self.update(&mut x, &cross, known + self.shaking.lasting(), innovation);
         }
+        self.feed_back(&x);
     }
 
-    /// Not below what rounding needs.
-    fn sway_rad2(&self) -> f64 {
-        self.sway_rad2.max(square(LEAST_SWAY_ARCSEC * RAD_PER_ARCSEC))
-    }
-
-    /// Takes in a scalar: its covariance with the state, its variance, its value; fed back at once.
-    fn correct(&mut self, cross: &State, total: f64, measured: f64) {
-        self.innovations.0 += square(measured) / total;
+    /// An innovation against its variance.
+    fn judge(&mut self, variance: f64, innovation: f64) {
+        self.innovations.0 += square(innovation) / variance;
         self.innovations.1 += 1;
+    }
+
+    /// What the gyros summed up before there was a heading: their mean rate less the Earth's is the bias, and a wrong heading or level
+    /// is in it by what it turns of the Earth's rate, −Cᵀ·(Ω × φ).
+    pub fn learn(&mut self, stood: &Stood) {
+        let Some((rate_rad_s, seconds)) = stood.mean_rate() else { return };
+        let white = self.white_rad2(1.0) / seconds;
+        let swayed = 2.0 * square(BEFORE_SWAY_ARCSEC * RAD_PER_ARCSEC / seconds);
+        let growth = 2.0 * square(self.class.markov_deg_h * RAD_S_PER_DEG_H) / self.class.markov_s;
+        let noise = white + swayed + growth * seconds / 3.0;
+        let c = self.orientation.direction_cosines();
+        let by_attitude = -c.transpose() * cross_matrix(&self.earth_rad_s);
+        let off = rate_rad_s - c.transpose() * self.earth_rad_s - self.bias_rad_s;
+        let mut x = State::zeros();
+        for (axis, off) in off.iter().enumerate() {
+            let mut row = State::from_fn(|state, _| if state == BIAS + axis { 1.0 } else { 0.0 });
+            row.fixed_rows_mut::<3>(ATTITUDE).copy_from(&by_attitude.row(axis).transpose());
+            let cross = self.covariance * row;
+            let innovation = off - row.dot(&x);
+            self.update(&mut x, &cross, row.dot(&cross) + noise, innovation);
+        }
+        self.feed_back(&x);
+        self.come_to_rest();
+    }
+
+    /// Estimated biases of the accelerometers, block axes.
+    fn tilt_m_s2(&self) -> Vector3<f64> {
+        Vector3::new(self.tilt_rad.x, self.tilt_rad.y, 0.0) * GRAVITY_M_S2
+    }
+
+    /// Takes an innovation into the error estimate `x`: its covariance with the state, its variance, its value.
+    fn update(&mut self, x: &mut State, cross: &State, total: f64, innovation: f64) {
         let gain = cross / total;
         self.covariance -= gain * cross.transpose();
-        let error = gain * measured;
-        let three = |first: usize| -> Vector3<f64> { error.fixed_rows::<3>(first).into() };
+        *x += gain * innovation;
+    }
+
+    /// What was found of the errors goes into the estimates, and out of what waits.
+    fn feed_back(&mut self, x: &State) {
+        let three = |first: usize| -> Vector3<f64> { x.fixed_rows::<3>(first).into() };
+        let tilt: Vector2<f64> = x.fixed_rows::<2>(TILT).into();
         let turned = |orientation: &Quaternion, by: Vector3<f64>| {
             Quaternion::from_rotation_vector(&-by).after(orientation).normalised()
         };
-        if let Some(waiting) = &mut self.waiting_rad {
+        let c = self.orientation.direction_cosines();
+        let attitude = three(ATTITUDE);
+        if let Some(waiting) = &mut self.waiting {
             // It was measured, in the middle of the second, with what is corrected now.
-            let c = self.orientation.direction_cosines();
-            *waiting -= three(ATTITUDE) - three(REST) - c * three(BIAS) * (0.5 * SECOND_S);
+            waiting.swayed_rad -= attitude - three(REST) - c * three(BIAS) * (0.5 * SECOND_S);
+            waiting.felt_rad -= Vector2::new(attitude.y, -attitude.x) + c.fixed_view::<2, 2>(0, 0) * tilt;
         }
-        self.orientation = turned(&self.orientation, three(ATTITUDE));
+        self.orientation = turned(&self.orientation, attitude);
         self.rest = turned(&self.rest, three(REST));
         self.bias_rad_s += three(BIAS);
+        self.tilt_rad += tilt;
     }
 
     /// While it stands the rest is reported where it is better known than the moment: gyros may be noisier than the sway.
     fn report(&self, motion: Motion) -> HoldSecond {
         let variance = |state: usize| self.covariance.get((state, state)).copied().unwrap_or(f64::INFINITY);
-        let rested = variance(REST + 2) + self.sway_rad2();
+        let rested = variance(REST + 2) + self.sway.variance();
         let at_rest = motion == Motion::Standing && rested < variance(ATTITUDE + 2);
         let (first, orientation) = if at_rest { (REST, self.rest) } else { (ATTITUDE, self.orientation) };
         let turns = |turned: &Vector3<f64>| (square(turned.x) + square(turned.y), square(turned.z));
@@ -500,6 +569,40 @@ impl Hold {
             degrees_of_freedom: self.innovations.1,
             refix: sigma_heading_deg > self.limits.refix_deg,
         }
+    }
+}
+
+/// Noise of a base that stands, in the means of its seconds: its variance and its autocorrelation from second to second.
+#[derive(Clone, Copy, Debug)]
+struct Noise {
+    variance: f64,
+    /// Mean of the products of neighbours, and the last ones of each axis.
+    product: f64,
+    last: [f64; 3],
+}
+
+impl Noise {
+    fn new(variance: f64) -> Self {
+        Self { variance, product: FIRST_AUTOCORRELATION * variance, last: [0.0; 3] }
+    }
+
+    /// An innovation of one axis, of which `known` is the variance of what is not noise. Exponential means.
+    fn learn(&mut self, axis: usize, measured: f64, known: f64) {
+        self.variance += (square(measured) - known - self.variance) / SWAY_SECONDS;
+        if let Some(last) = self.last.get_mut(axis) {
+            self.product += (measured * core::mem::replace(last, measured) - self.product) / SWAY_SECONDS;
+        }
+    }
+
+    /// Of a second's mean; not below what rounding needs.
+    fn variance(&self) -> f64 {
+        self.variance.max(square(LEAST_SWAY_ARCSEC * RAD_PER_ARCSEC))
+    }
+
+    /// What counts in a mean over many seconds; a sway that is to and fro from second to second counts as white.
+    fn lasting(&self) -> f64 {
+        let r = (self.product / self.variance()).clamp(0.0, MOST_AUTOCORRELATION);
+        self.variance() * (1.0 + r) / (1.0 - r)
     }
 }
 

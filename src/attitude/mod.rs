@@ -16,6 +16,6 @@ pub mod ud;
 
 pub use alignment::{AlignError, Aligned, Alignment, Method, NoiseOfRate};
 pub use coning::{Algorithm, Increment, Integrator};
-pub use hold::{BlockClass, Hold, HoldCounters, HoldLimits, HoldSecond, Motion};
+pub use hold::{BlockClass, Hold, HoldCounters, HoldLimits, HoldSecond, Motion, Stood};
 pub use quaternion::Quaternion;
 pub use rotation::Angles;

@@ -4,7 +4,7 @@ pub mod settings;
 
 use serde::{Deserialize, Serialize};
 
-use crate::attitude::{Angles, BlockClass, Hold, HoldLimits, HoldSecond, Increment, Motion};
+use crate::attitude::{Angles, BlockClass, Hold, HoldLimits, HoldSecond, Increment, Motion, Stood};
 use crate::drivers::adis16505::Increments;
 use crate::fix::Fix;
 use crate::health::Counters;
@@ -64,6 +64,8 @@ pub struct Keeper {
     latitude_deg: f64,
     /// One sigma of the levels of a fix, degrees.
     level_sigma_deg: f64,
+    /// Since the last motion: what a fix needs to tell the gyros' biases.
+    stood: Stood,
     /// Since the last fix.
     hold: Option<Hold>,
     /// Rate of the last sample, °/s.
@@ -84,6 +86,7 @@ impl Keeper {
             limits: HoldLimits { refix_deg: block.refix_sigma_deg, ..HoldLimits::default() },
             latitude_deg,
             level_sigma_deg,
+            stood: Stood::default(),
             hold: None,
             rate_deg_s: 0.0,
             missing: 0,
@@ -101,6 +104,9 @@ impl Keeper {
         // Without a latitude there is no fix either.
         self.hold =
             Hold::new(&self.class, self.limits, self.latitude_deg, &angles, fix.sigma_deg, level_sigma_deg).ok();
+        if let Some(hold) = &mut self.hold {
+            hold.learn(&self.stood);
+        }
         (self.missing, self.bridged, self.latest, self.since_report) = (0, 0, None, 0);
     }
 
@@ -135,6 +141,7 @@ impl Keeper {
         (self.missing, self.bridged) = (0, 0);
         let increment = Increment { angle_rad: sample.angle_rad.into(), velocity_m_s: sample.velocity_m_s.into() };
         self.rate_deg_s = increment.angle_rad.norm() * DEG_PER_RAD / SAMPLE_S;
+        self.stood.push(&self.class, SAMPLE_S, &increment);
         let Some(hold) = &mut self.hold else { return };
         let saturated = hold.counters().saturated;
         self.latest = hold.push(SAMPLE_S, increment).or(self.latest);
@@ -147,6 +154,7 @@ impl Keeper {
         let gap_s = f64::from(self.missing.saturating_sub(self.bridged)) * SAMPLE_S;
         let rate_deg_s = self.rate_deg_s + 0.5 * HAND_DEG_S2 * f64::from(self.missing) * SAMPLE_S;
         self.bridged = self.missing;
+        self.stood.interrupt();
         if let Some(hold) = &mut self.hold {
             self.latest = Some(hold.bridge(gap_s, rate_deg_s.min(self.class.range_deg_s)));
         }

@@ -66,6 +66,9 @@ pub struct Row {
     /// Its 95 % interval.
     interval_percent: [f64; 2],
     refix_percent: f64,
+    /// Mean normalised squared innovation while it stood, and how many.
+    nis: Option<f64>,
+    nis_degrees_of_freedom: u32,
 }
 
 impl Bench for HoldBench {
@@ -161,20 +164,22 @@ impl HoldBench {
         };
         let ends_s = [carry.wait_s, carry.wait_s + carry.walk_s, f64::INFINITY];
         let mut outcomes = [None; 3];
+        let mut innovations = [(0.0, 0); 3];
         let seed = self.seed.wrapping_mul(1 << 20) ^ number;
         for sample in CarriedBlock::new(LATITUDE_DEG, heading_deg, &carry, &simulated(class), seed) {
             let swayed = sway(sample.t_s);
             let angle_rad = nalgebra::Vector3::from(sample.angle_rad) + swayed - sway(sample.t_s - sample.dt_s);
             let increment = Increment { angle_rad, velocity_m_s: sample.velocity_m_s.into() };
             let Some(second) = hold.push(sample.dt_s, increment) else { continue };
-            let outcome = Moment {
+            let Some(moment) = ends_s.iter().position(|end_s| sample.t_s <= end_s + 0.001) else { continue };
+            innovations[moment].0 += second.normalised_squared;
+            innovations[moment].1 += second.degrees_of_freedom;
+            outcomes[moment] = Some(Moment {
                 error_deg: wrap_180_deg(second.angles.heading_deg - sample.heading_deg + swayed.z.to_degrees()),
                 sigma_deg: second.sigma_heading_deg,
                 refix: second.refix,
-            };
-            if let Some(moment) = ends_s.iter().position(|end_s| sample.t_s <= end_s + 0.001) {
-                outcomes[moment] = Some(outcome);
-            }
+                innovations: innovations[moment],
+            });
         }
         outcomes.map(|outcome| outcome.expect("every part of the way has a second"))
     }
@@ -198,7 +203,7 @@ fn white(class: &BlockClass, seconds: f64, seed: u64) -> Moment {
     }
     let sigma_deg = class.arw_deg_sqrt_h / 60.0 * seconds.sqrt();
     let error_deg = wrap_180_deg(orientation.angles().heading_deg);
-    Moment { error_deg, sigma_deg, refix: sigma_deg > HoldLimits::default().refix_deg }
+    Moment { error_deg, sigma_deg, refix: sigma_deg > HoldLimits::default().refix_deg, innovations: (0.0, 0) }
 }
 
 fn row(what: &'static str, class: &'static str, moment: String, outcomes: &[Moment]) -> Row {
@@ -206,6 +211,8 @@ fn row(what: &'static str, class: &'static str, moment: String, outcomes: &[Mome
     let rms = |of: fn(&Moment) -> f64| rms(outcomes.iter().map(of));
     let count = |of: fn(&Moment) -> bool| outcomes.iter().filter(|outcome| of(outcome)).count();
     let percent = |count: usize| 100.0 * count as f64 / trials as f64;
+    let (squares, number) =
+        outcomes.iter().fold((0.0, 0), |sum, outcome| (sum.0 + outcome.innovations.0, sum.1 + outcome.innovations.1));
     let within = count(|outcome| outcome.error_deg.abs() <= 1.96 * outcome.sigma_deg);
     Row {
         what,
@@ -217,6 +224,8 @@ fn row(what: &'static str, class: &'static str, moment: String, outcomes: &[Mome
         within_95_percent: percent(within),
         interval_percent: probability_interval(within, trials).map(|probability| 100.0 * probability),
         refix_percent: percent(count(|outcome| outcome.refix)),
+        nis: (number > 0).then(|| squares / f64::from(number)),
+        nis_degrees_of_freedom: number,
     }
 }
 
@@ -225,13 +234,13 @@ fn write_rows(out: &mut dyn Write, rows: &[Row]) -> io::Result<()> {
         out,
         "Hold alone: a fix of {FIX_SIGMA_DEG}° at {LATITUDE_DEG}°, 120 s of standing, a walk of 10 to 120 s with a turn, set down. \
          Whole instrument: dwells of {DWELL_S} s at four positions, 60 s of standing, the walk, 30 s of standing.\n\n\
-         | what | class | moment | trials | rms error, ° | rms sigma, ° | within 1.96 sigma, % | new fix wanted, % |\n\
-         |---|---|---|---|---|---|---|---|"
+         | what | class | moment | trials | rms error, ° | rms sigma, ° | within 1.96 sigma, % | new fix wanted, % | NIS |\n\
+         |---|---|---|---|---|---|---|---|---|"
     )?;
     rows.iter().try_for_each(|row| {
         writeln!(
             out,
-            "| {} | {} | {} | {} | {:.4} | {:.4} | {:.1} ({:.1} to {:.1}) | {:.0} |",
+            "| {} | {} | {} | {} | {:.4} | {:.4} | {:.1} ({:.1} to {:.1}) | {:.0} | {} |",
             row.what,
             row.class,
             row.moment,
@@ -241,7 +250,8 @@ fn write_rows(out: &mut dyn Write, rows: &[Row]) -> io::Result<()> {
             row.within_95_percent,
             row.interval_percent[0],
             row.interval_percent[1],
-            row.refix_percent
+            row.refix_percent,
+            row.nis.map_or_else(|| "–".to_owned(), |nis| format!("{nis:.3}"))
         )
     })
 }

@@ -27,6 +27,8 @@ pub struct Moment {
     pub error_deg: f64,
     pub sigma_deg: f64,
     pub refix: bool,
+    /// Of the innovations up to then, where they are told: sum of squares over their variances, number.
+    pub innovations: (f64, u32),
 }
 
 /// A block of this class, as it is simulated.
@@ -74,7 +76,7 @@ pub fn carry(class: Class, seed: u64) -> Result<Option<[Moment; 4]>, Failure> {
             Event::Fix(fix) => {
                 fixed_s = report.t_s;
                 let error_deg = error_deg(fix.azimuth_deg);
-                moments[0] = Some(Moment { error_deg, sigma_deg: fix.sigma_deg, refix: false });
+                moments[0] = Some(Moment { error_deg, sigma_deg: fix.sigma_deg, refix: false, innovations: (0.0, 0) });
             }
             Event::Heading(heading) => {
                 let since_s = report.t_s - fixed_s;
@@ -86,7 +88,8 @@ pub fn carry(class: Class, seed: u64) -> Result<Option<[Moment; 4]>, Failure> {
                     3
                 };
                 let error_deg = error_deg(heading.heading_deg);
-                moments[moment] = Some(Moment { error_deg, sigma_deg: heading.sigma_deg, refix: heading.refix });
+                let (sigma_deg, refix) = (heading.sigma_deg, heading.refix);
+                moments[moment] = Some(Moment { error_deg, sigma_deg, refix, innovations: (0.0, 0) });
             }
             _ => {}
         }
