@@ -1,10 +1,13 @@
 //! The documents say what the code says.
 
 use std::fmt::Write;
+use std::path::Path;
 
+use north::toml_file::TomlFile;
+use north_finder::heading::settings::BlockSettings;
 use north_finder::health::{Fault, Flag, Refusal};
 use north_finder::settings::Settings;
-use north_finder::settings::fields::{FIELDS, WORDS};
+use north_finder::settings::fields::{CHOICES, FIELDS, WORDS};
 
 /// The table of docs/formats.md for one enum of codes.
 fn table(rows: impl Iterator<Item = (u8, &'static str, &'static str, &'static str)>) -> String {
@@ -20,11 +23,34 @@ fn settings_are_documented_as_they_are() {
     let mut table = "| setting | default | unit | allowed | meaning |\n|---|---|---|---|---|\n".to_owned();
     let defaults = Settings::default();
     for (field, words) in FIELDS.iter().zip(WORDS) {
-        let (name, default, allowed) = (field.name, (field.value)(&defaults), field.allowed);
+        let (name, allowed) = (field.name, field.allowed);
+        let default = (field.value)(&defaults).map_or_else(|| "–".to_owned(), |value| value.to_string());
         writeln!(table, "| `{name}` | {default} | {} | {allowed} | {} |", words.unit, words.meaning).unwrap();
+    }
+    for choice in CHOICES {
+        let [default, ..] = choice.allowed else { panic!("{} has no words", choice.name) };
+        let allowed = choice.allowed.join(", ");
+        writeln!(table, "| `{}` | {default} | | {allowed} | {} |", choice.name, choice.meaning).unwrap();
     }
     let settings = include_str!("../docs/settings.md");
     assert!(settings.contains(&table), "docs/settings.md lacks this table:\n{table}");
+}
+
+/// Every word of a choice is one that a file of settings may say, and the first is the default.
+#[test]
+fn choices_are_those_of_a_file_of_settings() {
+    let defaults = Settings { block: Some(BlockSettings::default()), ..Settings::default() };
+    for choice in CHOICES {
+        let (group, name) = choice.name.split_once('.').unwrap();
+        for (number, word) in choice.allowed.iter().filter(|word| **word != "custom").enumerate() {
+            let quoted = if ["true", "false"].contains(word) { (*word).to_owned() } else { format!("\"{word}\"") };
+            let settings: Settings = TomlFile::of_text(Path::new("choice"), format!("[{group}]\n{name} = {quoted}\n"))
+                .parse_over(&Settings::default(), None)
+                .unwrap();
+            let settings = Settings { block: settings.block.or(defaults.block), ..settings };
+            assert_eq!(settings == defaults, number == 0, "{} = {word}", choice.name);
+        }
+    }
 }
 
 #[test]

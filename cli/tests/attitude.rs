@@ -194,8 +194,9 @@ fn a_foreign_triad_becomes_a_recording_of_a_block() {
     fs::write(file("counts.csv"), format!("a,b,c,d,e,f\n{}", "2,75,130,0,0,80\n".repeat(20))).unwrap();
     let (map, counts, block) = (file("map.toml"), file("counts.csv"), file("block.csv"));
     let call = ["import", "--map", &map, &counts, "--block", &block];
-    let (code, _, stderr) = north(&call);
+    let (code, stdout, stderr) = north(&call);
     assert_eq!(code, 0, "{stderr}");
+    assert!(stdout.contains("block.csv: recording of a block from 20 samples, 0 lost, 0 not valid"), "{stdout}");
     let text = fs::read_to_string(&block).unwrap();
     let lines: Vec<&str> = text.lines().collect();
     assert_eq!((lines[0], lines.len()), (HEAD, 21));

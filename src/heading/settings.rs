@@ -3,7 +3,6 @@
 use serde::{Deserialize, Serialize};
 
 use crate::attitude::BlockClass;
-use crate::limits::{Invalid, within};
 
 /// The block of three gyros and three accelerometers, where the instrument has one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -48,20 +47,6 @@ impl Default for BlockSettings {
 }
 
 impl BlockSettings {
-    /// Checks every value.
-    pub fn validate(&self) -> Result<(), Invalid> {
-        let declared = [
-            ("block.arw_deg_per_sqrt_h", self.arw_deg_per_sqrt_h, 1e-5, 100.0, "0.00001 to 100"),
-            ("block.bias_deg_h", self.bias_deg_h, 0.0, 1e5, "0 to 100000"),
-            ("block.scale_ppm", self.scale_ppm, 0.0, 1e5, "0 to 100000"),
-            ("block.range_deg_s", self.range_deg_s, 1.0, 1e4, "1 to 10000"),
-        ];
-        for (field, value, low, high, allowed) in declared {
-            value.map_or(Ok(()), |value| within(field, value, low, high, allowed))?;
-        }
-        within("block.refix_sigma_deg", self.refix_sigma_deg, 0.001, 90.0, "0.001 to 90")
-    }
-
     /// The class with what is declared otherwise.
     pub fn figures(&self) -> BlockClass {
         let class = match self.class {
@@ -89,14 +74,5 @@ mod tests {
         let settings = BlockSettings { bias_deg_h: Some(2.0), ..BlockSettings::default() };
         let figures = settings.figures();
         assert_eq!((figures.run_to_run_deg_h, figures.arw_deg_sqrt_h), (2.0, BlockClass::MODERN_MEMS.arw_deg_sqrt_h));
-        assert_eq!(settings.validate(), Ok(()));
-    }
-
-    #[test]
-    fn values_that_make_no_sense_are_named() {
-        let settings = BlockSettings { range_deg_s: Some(f64::NAN), ..BlockSettings::default() };
-        assert_eq!(settings.validate().unwrap_err().field, "block.range_deg_s");
-        let settings = BlockSettings { refix_sigma_deg: 0.0, ..BlockSettings::default() };
-        assert_eq!(settings.validate().unwrap_err().field, "block.refix_sigma_deg");
     }
 }

@@ -1,5 +1,5 @@
-//! Every number that can be set: name, unit, limits, meaning. The firmware checks by this table, `north settings describe`
-//! prints it, and docs/settings.md is it.
+//! Everything that can be set by a number or a word: name, unit, limits, meaning. The firmware checks by this table, `north settings
+//! describe` prints it, and docs/settings.md is it.
 
 use super::Settings;
 use crate::earth::EARTH_RATE_DEG_H;
@@ -15,7 +15,8 @@ pub struct Field {
     pub high: f64,
     /// The limits in words.
     pub allowed: &'static str,
-    pub value: fn(&Settings) -> f64,
+    /// None: it is not said, and holds what its meaning says then.
+    pub value: fn(&Settings) -> Option<f64>,
 }
 
 /// What a person should know of a field; no board has it.
@@ -25,6 +26,35 @@ pub struct Words {
     pub meaning: &'static str,
 }
 
+/// Something that is set by a word.
+#[derive(Clone, Copy)]
+pub struct Choice {
+    pub name: &'static str,
+    /// The words; the first is the default.
+    pub allowed: &'static [&'static str],
+    pub meaning: &'static str,
+}
+
+/// The words that can be set, in the order of the files; angles of a custom order are a list beside it.
+pub const CHOICES: &[Choice] = &[
+    Choice { name: "gyro.format", allowed: &["compact", "kvh-a"], meaning: "how the gyro's frames are written" },
+    Choice {
+        name: "index.hold_current",
+        allowed: &["false", "true"],
+        meaning: "whether the motor keeps its current through the dwells, or only while it turns",
+    },
+    Choice {
+        name: "sequence.order",
+        allowed: &["plain", "source", "mirrored", "east-west", "custom"],
+        meaning: "positions of the index and their order; custom: with angles",
+    },
+    Choice {
+        name: "block.class",
+        allowed: &["modern-mems", "source-mems", "source-fog", "ring-laser"],
+        meaning: "what the block of three gyros is good for, where there is a group [block]; without it no block is read",
+    },
+];
+
 macro_rules! fields {
     ($($name:literal, $unit:literal, $low:literal to $high:literal, $value:expr, $meaning:literal;)*) => {
         /// The numbers, in the order of the files.
@@ -33,7 +63,10 @@ macro_rules! fields {
             low: $low as f64,
             high: $high as f64,
             allowed: concat!($low, " to ", $high),
-            value: $value,
+            value: |settings| {
+                let value: fn(&Settings) -> _ = $value;
+                value(settings).into()
+            },
         }),*];
 
         /// The words of [`FIELDS`], in their order.
@@ -54,25 +87,25 @@ fields! {
         "largest bias that is left after the error model";
     "gyro.range_deg_h", "°/h", 100 to 10000000, |s| s.gyro.range_deg_h,
         "largest rate that the gyro can read";
-    "gyro.repairable_frames", "frames", 0 to 40, |s| s.gyro.repairable_frames.into(),
+    "gyro.repairable_frames", "frames", 0 to 40, |s| f64::from(s.gyro.repairable_frames),
         "most missing frames of a second of 400 that are made up for; with more it is left out";
     "level.limit_deg", "°", 0.001 to 10, |s| s.level.limit_deg,
         "pitch and roll must both lie within ± this before a fix";
     "level.sigma_deg", "°", 0 to 10, |s| s.level.sigma_deg,
         "one sigma of the level accelerometers; enters the azimuth's sigma by tan φ";
-    "level.seconds", "s", 1 to 60, |s| s.level.seconds.into(),
+    "level.seconds", "s", 1 to 60, |s| f64::from(s.level.seconds),
         "for so long in a row it must be level";
     "level.timeout_s", "s", 1 to 36000, |s| s.level.timeout_s,
         "longest wait for that";
     "disturbance.threshold_deg_h", "°/h", 0 to 1000000, |s| s.disturbance.threshold_deg_h,
         "excess of the rate over Ω cos φ that counts as disturbed";
-    "disturbance.seconds", "s", 1 to 600, |s| s.disturbance.seconds.into(),
+    "disturbance.seconds", "s", 1 to 600, |s| f64::from(s.disturbance.seconds),
         "seconds in a row that make the verdict";
     "disturbance.timeout_s", "s", 1 to 36000, |s| s.disturbance.timeout_s,
         "longest wait for an undisturbed base";
     "jitter.threshold_deg_h", "°/h", 0 to 1000000, |s| s.jitter.threshold_deg_h,
         "change of the rate from second to second that counts as jitter";
-    "jitter.seconds", "s", 1 to 600, |s| s.jitter.seconds.into(),
+    "jitter.seconds", "s", 1 to 600, |s| f64::from(s.jitter.seconds),
         "seconds in a row that make the verdict";
     "jitter.timeout_s", "s", 1 to 36000, |s| s.jitter.timeout_s,
         "longest wait for rest after a move";
@@ -80,16 +113,26 @@ fields! {
         "the encoder must show the commanded angle within ± this";
     "index.sigma_deg", "°", 0 to 10, |s| s.index.sigma_deg,
         "one sigma of the encoder at one position; enters the azimuth's sigma";
-    "index.retries", "moves", 0 to 20, |s| s.index.retries.into(),
+    "index.retries", "moves", 0 to 20, |s| f64::from(s.index.retries),
         "corrective moves before the angle counts as wrong";
     "index.speed_deg_s", "°/s", 0.1 to 30, |s| s.index.speed_deg_s,
         "fastest turning of the index";
     "index.acceleration_deg_s2", "°/s²", 1 to 1000, |s| s.index.acceleration_deg_s2,
         "acceleration of the index";
-    "sequence.dwell_s", "s", 2 to 3600, |s| s.sequence.dwell_s.into(),
+    "sequence.dwell_s", "s", 2 to 3600, |s| f64::from(s.sequence.dwell_s),
         "measuring time at each position";
-    "sequence.coarse_dwell_s", "s", 2 to 3600, |s| s.sequence.coarse_dwell_s.into(),
+    "sequence.coarse_dwell_s", "s", 2 to 3600, |s| f64::from(s.sequence.coarse_dwell_s),
         "measuring time at each of the four positions of the east-west order's coarse pass";
+    "block.arw_deg_per_sqrt_h", "°/√h", 0.00001 to 100, |s| s.block?.arw_deg_per_sqrt_h,
+        "angle random walk of the block's gyros, where it is not its class's";
+    "block.bias_deg_h", "°/h", 0 to 100000, |s| s.block?.bias_deg_h,
+        "one sigma of their bias from run to run, where it is not the class's";
+    "block.scale_ppm", "ppm", 0 to 100000, |s| s.block?.scale_ppm,
+        "one sigma of their scale factors, where it is not the class's";
+    "block.range_deg_s", "°/s", 1 to 10000, |s| s.block?.range_deg_s,
+        "rate at which they are saturated, where it is not the class's";
+    "block.refix_sigma_deg", "°", 0.001 to 90, |s| s.block.map(|block| block.refix_sigma_deg),
+        "beyond this sigma of the heading that is held a new fix is asked for; 0.5 where the group [block] does not say it";
     "time_limit_s", "s", 10 to 86400, |s| s.time_limit_s,
         "longest time from the start of a fix to its azimuth";
 }
@@ -97,7 +140,7 @@ fields! {
 impl Field {
     /// Whether its value is within its limits.
     fn violation(&self, settings: &Settings) -> Option<Invalid> {
-        let value = (self.value)(settings);
+        let value = (self.value)(settings)?;
         let Self { name: field, allowed, .. } = *self;
         (!(self.low..=self.high).contains(&value)).then_some(Invalid::new(field, value, allowed))
     }
@@ -152,6 +195,7 @@ pub fn violations(settings: &Settings) -> impl Iterator<Item = Invalid> + '_ {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::heading::settings::BlockSettings;
 
     #[test]
     fn the_defaults_are_allowed_and_every_number_has_words() {
@@ -177,5 +221,13 @@ mod tests {
                 "jitter.threshold_deg_h = 3: allowed is at least 4.243 (five sigma of the gyro's 1 s differences)",
             ]
         );
+    }
+
+    #[test]
+    fn a_block_is_checked_where_there_is_one() {
+        let block = BlockSettings { range_deg_s: Some(f64::NAN), refix_sigma_deg: 0.0, ..BlockSettings::default() };
+        let settings = Settings { block: Some(block), ..Settings::default() };
+        let found: std::vec::Vec<_> = violations(&settings).map(|invalid| invalid.field).collect();
+        assert_eq!(found, ["block.range_deg_s", "block.refix_sigma_deg"]);
     }
 }

@@ -68,14 +68,13 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Everything that is wrong: the numbers by [`fields`], the order, the model, the accelerometers, the block. A
+    /// Everything that is wrong: the numbers by [`fields`], the order, the model, the accelerometers. A
     /// latitude next to a pole is not invalid but refused when a fix starts, with [`crate::health::Fault::NearPole`].
     pub fn violations(&self) -> impl Iterator<Item = Invalid> + '_ {
         let parts = [
             self.sequence.order.validate(),
             self.model.as_ref().map_or(Ok(()), ErrorModel::validate),
             self.accelerometer.as_ref().map_or(Ok(()), AccelerometerCalibration::validate),
-            self.block.as_ref().map_or(Ok(()), BlockSettings::validate),
         ];
         fields::violations(self).chain(parts.into_iter().filter_map(Result::err))
     }

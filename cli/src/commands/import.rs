@@ -80,11 +80,18 @@ impl Import {
             writeln!(out, "{}: {} rows, {:.3} s from {:.3} s on", run.file, run.rows, run.seconds, run.start_s)?;
         }
         let losses = &summary.losses;
-        write!(out, "{}: {} runs", folder.display(), summary.runs.len())?;
+        let what = if self.block.is_some() {
+            "recording of a block".to_owned()
+        } else {
+            format!("{} runs", summary.runs.len())
+        };
         write!(
             out,
-            " from {} samples, {} lost, {} not valid",
-            summary.samples, losses.lost_samples, losses.invalid_samples
+            "{}: {what} from {} samples, {} lost, {} not valid",
+            folder.display(),
+            summary.samples,
+            losses.lost_samples,
+            losses.invalid_samples
         )?;
         if self.format == Format::Kvh {
             write!(out, ", {} bad check sums, {} bytes skipped", losses.bad_frames, losses.skipped_bytes)?;

@@ -113,6 +113,7 @@ pub struct Row {
     pub scale_z_rms_percent: f64,
     pub scale_z_sigma_percent: f64,
     pub source_scale_z_percent: Option<f64>,
+    /// Of both axes.
     pub rhumb_sigma_deg_h: f64,
     pub position_rms_m: f64,
     pub position_sigma_m: f64,
@@ -320,7 +321,7 @@ fn write_head(out: &mut dyn Write, title: &str) -> io::Result<()> {
     writeln!(
         out,
         "| case | h | source, ° | heading rms, ° | heading sigma, ° | within 3 sigma, % | scale z rms / sigma (source), % \
-         | rhumb sigma, °/h | position rms / sigma, m | NEES | NIS | rejected | outages | fixed, % |"
+         | rhumb sigma of both axes, °/h | position rms / sigma, m | NEES | NIS | rejected | outages | fixed, % |"
     )?;
     writeln!(out, "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|")
 }

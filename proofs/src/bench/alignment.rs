@@ -17,6 +17,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
 use super::{Bench, trials};
+use crate::statistics::rms;
 
 /// Lengths of the windows, s.
 const WINDOWS_S: [f64; 6] = [30.0, 60.0, 100.0, 180.0, 300.0, 304.0];
@@ -113,8 +114,10 @@ impl Bench for AlignmentBench {
         }
         bar.finish_and_clear();
         let data = self.data.clone().or_else(|| std::env::var_os("NORTH_FINDER_DATA").map(PathBuf::from));
-        rows.extend(measured(&data.unwrap_or_else(|| PathBuf::from("../shared/data")))?);
+        let samples = recording(&data.unwrap_or_else(|| PathBuf::from("../shared/data")))?;
+        rows.extend(measured(&samples));
         write_rows(out, self.trials, &rows)?;
+        write_starts(out, &samples)?;
         Ok(rows)
     }
 
@@ -208,11 +211,14 @@ fn judged(
     Method::ALL.into_iter().map(row).collect()
 }
 
-/// The recording of a ring-laser block in a parked vehicle (docs/import.md says where it is), cut into windows.
-fn measured(data: &Path) -> Result<Vec<Row>, Failure> {
-    const LATITUDE_DEG: f64 = 34.246048;
-    /// Published, to 0.1°.
-    const HEADING_DEG: f64 = 90.6;
+/// Of the recording of a ring-laser block in a parked vehicle; its published heading, to 0.1°.
+const MEASURED_LATITUDE_DEG: f64 = 34.246048;
+const MEASURED_HEADING_DEG: f64 = 90.6;
+/// Samples of it in a second.
+const MEASURED_HZ: f64 = 100.0;
+
+/// The recording of a ring-laser block in a parked vehicle (docs/import.md says where it is); none where it is not.
+fn recording(data: &Path) -> Result<Vec<Increment>, Failure> {
     let path = data.join("ring-laser-triad/increments_100hz.csv");
     let Ok(text) = std::fs::read_to_string(&path) else { return Ok(Vec::new()) };
     // Counts of 0.1 arcsec, and of 0.0125 g over 10 ms; x to the right, y forward.
@@ -225,22 +231,56 @@ fn measured(data: &Path) -> Result<Vec<Row>, Failure> {
         let (angle, velocity) = (Vector3::new(gy, -gx, gz), Vector3::new(ay, -ax, az));
         samples.push(Increment { angle_rad: angle * rad, velocity_m_s: velocity * m_s });
     }
+    Ok(samples)
+}
+
+/// Windows one after the other.
+fn cut(samples: &[Increment], seconds: f64) -> Vec<Gathered> {
+    let gather = |samples: &[Increment]| {
+        let mut alignment = Alignment::default();
+        for sample in samples {
+            alignment.push(1.0 / MEASURED_HZ, *sample);
+        }
+        Gathered { alignment, heading_deg: MEASURED_HEADING_DEG }
+    };
+    samples.chunks_exact((MEASURED_HZ * seconds) as usize).map(gather).collect()
+}
+
+fn measured(samples: &[Increment]) -> Vec<Row> {
+    if samples.is_empty() {
+        return Vec::new();
+    }
     let rows = WINDOWS_S.into_iter().flat_map(|seconds| {
-        let windows: Vec<Gathered> = samples
-            .chunks_exact((100.0 * seconds) as usize)
-            .map(|samples| {
-                let mut alignment = Alignment::default();
-                for sample in samples {
-                    alignment.push(0.01, *sample);
-                }
-                Gathered { alignment, heading_deg: HEADING_DEG }
-            })
-            .collect();
+        let windows = cut(samples, seconds);
         [("measured, bias by the excess", None), ("measured, repeatability", Some(0.0))]
             .into_iter()
-            .flat_map(move |(name, bias)| judged(name, false, seconds, &windows, LATITUDE_DEG, bias))
+            .flat_map(move |(name, bias)| judged(name, false, seconds, &windows, MEASURED_LATITUDE_DEG, bias))
     });
-    Ok(rows.collect())
+    rows.collect()
+}
+
+/// The mean of a base that rocks depends on the second that the windows begin with.
+fn write_starts(out: &mut dyn Write, samples: &[Increment]) -> io::Result<()> {
+    const SECONDS: f64 = 100.0;
+    if samples.is_empty() {
+        return Ok(());
+    }
+    let error_deg = |window: &Gathered| {
+        let noise = NoiseOfRate::Declared(0.0);
+        let aligned =
+            window.alignment.solve(Method::StaticMean, Some(MEASURED_LATITUDE_DEG), &noise, Some(0.0)).ok()?;
+        Some(wrap_180_deg(aligned.angles.heading_deg - window.heading_deg))
+    };
+    let starts = (0..20).filter_map(|start| samples.get((5.0 * MEASURED_HZ) as usize * start..));
+    let of_starts: Vec<f64> = starts.map(|samples| rms(cut(samples, SECONDS).iter().filter_map(error_deg))).collect();
+    let (least, most) = of_starts.iter().fold((f64::INFINITY, 0.0f64), |(a, b), each| (a.min(*each), b.max(*each)));
+    writeln!(
+        out,
+        "\nMeasured, static mean of {SECONDS} s, windows one after the other: rms error {:.1}° from the first second on; begun 0, 5, … 95 s \
+         later {least:.1} to {most:.1}°, mean {:.1}°",
+        of_starts.first().copied().unwrap_or(f64::NAN),
+        of_starts.iter().sum::<f64>() / of_starts.len() as f64
+    )
 }
 
 fn write_rows(out: &mut dyn Write, trials: u64, rows: &[Row]) -> io::Result<()> {

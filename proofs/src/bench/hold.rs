@@ -6,6 +6,8 @@ use clap::Args;
 use hal_sim::block::CarriedBlock;
 use hal_sim::scenario::{Block, Carry};
 use indicatif::ProgressBar;
+use north::engine::EngineError;
+use north::engine::qemu::{QemuError, image};
 use north::failure::Failure;
 use north::progress;
 use north_finder::attitude::{Angles, BlockClass, Hold, HoldLimits, Increment, Quaternion};
@@ -38,7 +40,7 @@ const WHOLE: &str = "whole instrument";
 /// for 120 s before the walk and for 60 s after it, on a firm base and on one that sways by 20 arcseconds. Then the whole instrument: a fix, a minute of waiting, the walk, 30 s. Tables
 /// are Markdown; intervals are of 95 %, binomial.
 #[derive(Args, Debug)]
-#[command(after_help = "Example:\n  north bench hold --trials 100")]
+#[command(after_help = "Examples:\n  north bench hold --trials 100\n  north bench hold --whole --trials 100 --qemu 20")]
 pub struct HoldBench {
     /// Trials for each row, 10 to 100000
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u64).range(10..=100_000))]
@@ -46,6 +48,10 @@ pub struct HoldBench {
     /// Only the whole instrument
     #[arg(long)]
     whole: bool,
+    /// Beside the whole instrument in this process: so many of its first trials of each class as the firmware image in QEMU, 1 to 10000.
+    /// Every report must be the same, bit for bit
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    qemu: Option<u64>,
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -69,6 +75,9 @@ pub struct Row {
     /// Mean normalised squared innovation while it stood, and how many.
     nis: Option<f64>,
     nis_degrees_of_freedom: u32,
+    /// Trials that were run in QEMU too, and how many of them were the same, bit for bit.
+    in_qemu: u64,
+    same_in_qemu: u64,
 }
 
 impl Bench for HoldBench {
@@ -76,7 +85,8 @@ impl Bench for HoldBench {
 
     fn measure(&self, out: &mut dyn Write) -> Result<Vec<Row>, Failure> {
         let alone = if self.whole { 0 } else { 2 * BlockClass::ALL.len() + 6 };
-        let bar = progress::bar(self.trials * (alone + CHAIN.len()) as u64, "trials");
+        let in_qemu = self.qemu.unwrap_or(0) * CHAIN.len() as u64;
+        let bar = progress::bar(self.trials * (alone + CHAIN.len()) as u64 + in_qemu, "trials");
         let mut rows = if self.whole { Vec::new() } else { self.alone(&bar)? };
         for class in CHAIN {
             let seeds = self.seed..self.seed + self.trials;
@@ -89,6 +99,9 @@ impl Bench for HoldBench {
                 rows.push(row(WHOLE, name, moment.to_owned(), &moments));
             }
         }
+        if let Some(count) = self.qemu {
+            self.in_qemu(count, &bar, &mut rows)?;
+        }
         bar.finish_and_clear();
         write_rows(out, &rows)?;
         Ok(rows)
@@ -97,6 +110,10 @@ impl Bench for HoldBench {
     /// Of 100 intervals that hold 95 %, 89 to 99 do with a probability of 0.99 (binomial).
     fn judge(&self, rows: &[Row]) -> Result<(), Failure> {
         let least = |trials: usize| 100.0 * (0.95 - 2.58 * (0.95 * 0.05 / trials as f64).sqrt());
+        if let Some(row) = rows.iter().find(|row| row.same_in_qemu < row.in_qemu) {
+            let (same, all) = (row.same_in_qemu, row.in_qemu);
+            return Err(Failure::Refused(format!("{}: {same} of {all} trials are the same in QEMU", row.class)));
+        }
         let bad: Vec<String> = rows
             .iter()
             .filter(|row| !(row.within_95_percent >= least(row.trials)))
@@ -110,6 +127,20 @@ impl Bench for HoldBench {
 }
 
 impl HoldBench {
+    /// The first trials of each class in the image too.
+    fn in_qemu(&self, count: u64, bar: &ProgressBar, rows: &mut [Row]) -> Result<(), Failure> {
+        let image = image::build(image::Board::Mps2).map_err(QemuError::from).map_err(EngineError::from)?;
+        for class in CHAIN {
+            let name = BlockSettings { class, ..Default::default() }.figures().name;
+            let same = trials(self.seed..self.seed + count, bar, |seed| carried::same_in_qemu(&image, class, seed))?;
+            let same = same.into_iter().collect::<Result<Vec<_>, _>>()?;
+            for row in rows.iter_mut().filter(|row| row.what == WHOLE && row.class == name) {
+                (row.in_qemu, row.same_in_qemu) = (count, same.iter().filter(|same| **same).count() as u64);
+            }
+        }
+        Ok(())
+    }
+
     /// The hold alone.
     fn alone(&self, bar: &ProgressBar) -> Result<Vec<Row>, Failure> {
         let mut rows = Vec::new();
@@ -226,6 +257,8 @@ fn row(what: &'static str, class: &'static str, moment: String, outcomes: &[Mome
         refix_percent: percent(count(|outcome| outcome.refix)),
         nis: (number > 0).then(|| squares / f64::from(number)),
         nis_degrees_of_freedom: number,
+        in_qemu: 0,
+        same_in_qemu: 0,
     }
 }
 
@@ -234,13 +267,13 @@ fn write_rows(out: &mut dyn Write, rows: &[Row]) -> io::Result<()> {
         out,
         "Hold alone: a fix of {FIX_SIGMA_DEG}° at {LATITUDE_DEG}°, 120 s of standing, a walk of 10 to 120 s with a turn, set down. \
          Whole instrument: dwells of {DWELL_S} s at four positions, 60 s of standing, the walk, 30 s of standing.\n\n\
-         | what | class | moment | trials | rms error, ° | rms sigma, ° | within 1.96 sigma, % | new fix wanted, % | NIS |\n\
-         |---|---|---|---|---|---|---|---|---|"
+         | what | class | moment | trials | rms error, ° | rms sigma, ° | within 1.96 sigma, % | new fix wanted, % | NIS | same in QEMU, of |\n\
+         |---|---|---|---|---|---|---|---|---|---|"
     )?;
     rows.iter().try_for_each(|row| {
         writeln!(
             out,
-            "| {} | {} | {} | {} | {:.4} | {:.4} | {:.1} ({:.1} to {:.1}) | {:.0} | {} |",
+            "| {} | {} | {} | {} | {:.4} | {:.4} | {:.1} ({:.1} to {:.1}) | {:.0} | {} | {} |",
             row.what,
             row.class,
             row.moment,
@@ -251,7 +284,8 @@ fn write_rows(out: &mut dyn Write, rows: &[Row]) -> io::Result<()> {
             row.interval_percent[0],
             row.interval_percent[1],
             row.refix_percent,
-            row.nis.map_or_else(|| "–".to_owned(), |nis| format!("{nis:.3}"))
+            row.nis.map_or_else(|| "–".to_owned(), |nis| format!("{nis:.3}")),
+            if row.in_qemu > 0 { format!("{}, {}", row.same_in_qemu, row.in_qemu) } else { "–".to_owned() }
         )
     })
 }

@@ -80,7 +80,7 @@ pub struct Snapshot {
     pub position_sigma_m: f64,
     pub scale_z_error: f64,
     pub scale_z_sigma: f64,
-    pub rhumb_error_rad_s: f64,
+    /// Root mean square of both axes'.
     pub rhumb_sigma_rad_s: f64,
     /// Normalised squared error of attitude, velocity and position together: chi-square with nine degrees of freedom.
     pub normalised_squared_error: f64,
@@ -246,7 +246,6 @@ fn snapshot(filter: &mut Filter, at: &Instant, block: &Block) -> Snapshot {
     let normalised_squared_error =
         covariance.cholesky().map_or(f64::INFINITY, |factor| error.dot(&factor.solve(&error)));
     let wrapped = (at.heading_deg() - heading.heading_deg + 540.0).rem_euclid(360.0) - 180.0;
-    let rhumb = block.rhumb_deg_h.x * (1.0f64 / 3600.0).to_radians();
     Snapshot {
         t_s: at.t_s,
         heading_error_deg: wrapped,
@@ -255,8 +254,7 @@ fn snapshot(filter: &mut Filter, at: &Instant, block: &Block) -> Snapshot {
         position_sigma_m: filter.sigma(state::POSITION).hypot(filter.sigma(state::POSITION + 1)),
         scale_z_error: block.gains.z - 1.0 - filter.estimates().scale.z,
         scale_z_sigma: filter.sigma(state::SCALE + 2),
-        rhumb_error_rad_s: rhumb - filter.estimates().rhumb_rad_s.x,
-        rhumb_sigma_rad_s: filter.sigma(state::RHUMB),
+        rhumb_sigma_rad_s: filter.sigma(state::RHUMB).hypot(filter.sigma(state::RHUMB + 1)) / std::f64::consts::SQRT_2,
         normalised_squared_error,
         sigmas: SVector::from_fn(|state, _| filter.sigma(state)),
         fixed: filter.ambiguities_fixed(),

@@ -1,8 +1,11 @@
-//! A fix that is carried to another place by the whole instrument in this process: drivers, settings, sequence, hold.
+//! A fix that is carried to another place by the whole instrument, drivers, settings, sequence, hold: in this process, and for proof as
+//! the firmware image in QEMU.
+
+use std::path::Path;
 
 use hal_sim::Scenario;
 use hal_sim::scenario::{Block, Carry};
-use north::engine::{self, FixWanted, Setup, host};
+use north::engine::{self, FixWanted, Setup, host, qemu};
 use north::failure::Failure;
 use north::interrupt;
 use north::settings_file::scenario_settings;
@@ -47,10 +50,8 @@ pub fn simulated(class: &BlockClass) -> Block {
     }
 }
 
-/// A trial: any heading, a walk of 10 to 120 s with a turn; the block draws its errors. `None`: there was no fix.
-///
-/// Errors: an interrupt; the scenario or its settings cannot be read.
-pub fn carry(class: Class, seed: u64) -> Result<Option<[Moment; 4]>, Failure> {
+/// Any heading, a walk of 10 to 120 s with a turn; the block draws its errors.
+fn trial(class: Class, seed: u64) -> Result<(Setup, Carry), Failure> {
     let block = BlockSettings { class, ..BlockSettings::default() };
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let carry = Carry {
@@ -66,8 +67,29 @@ pub fn carry(class: Class, seed: u64) -> Result<Option<[Moment; 4]>, Failure> {
     let mut settings = scenario_settings(&scenario, None)?;
     settings.block = Some(block);
     settings.sequence.dwell_s = DWELL_S;
-    let setup = Setup { scenario, seed, settings: Some(settings) };
+    Ok((Setup { scenario, seed, settings: Some(settings) }, carry))
+}
 
+/// Runs a trial in this process and in QEMU: whether every report and the outcome are the same, bit for bit.
+///
+/// Errors: as [`carry`], and whatever keeps the image from running.
+pub fn same_in_qemu(image: &Path, class: Class, seed: u64) -> Result<bool, Failure> {
+    let (setup, _) = trial(class, seed)?;
+    // Printed with all their digits, equal numbers are equal bits (and not-a-number equals itself).
+    let (mut expected, mut found) = (Vec::new(), Vec::new());
+    let outcome = host::run(&setup, interrupt::flag(), &mut |report| expected.push(format!("{report:?}")))?;
+    let (in_qemu, _) = qemu::run(image, &setup, interrupt::flag(), &mut |report| found.push(format!("{report:?}")))?;
+    if interrupt::requested() {
+        return Err(Failure::Interrupted);
+    }
+    Ok(expected == found && format!("{outcome:?}") == format!("{in_qemu:?}"))
+}
+
+/// A trial in this process. `None`: there was no fix.
+///
+/// Errors: an interrupt; the scenario or its settings cannot be read.
+pub fn carry(class: Class, seed: u64) -> Result<Option<[Moment; 4]>, Failure> {
+    let (setup, carry) = trial(class, seed)?;
     let world = engine::world(&setup)?;
     let (mut fixed_s, mut moments) = (f64::NAN, [None; 4]);
     let mut observe = |report: &north_finder::event::Report| {
