@@ -41,7 +41,7 @@ const SWAY_SECONDS: f64 = 48.0;
 /// the Earth's rate is then along the wrong axes is noise of the attitude that keeps for a minute.
 const LOST_DEG: f64 = 10.0;
 const LOST_S: f64 = 60.0;
-/// No base stands stiller than this in the mean of a second, arcsec.
+/// No base stands stiller than this in the mean of a second, arcsec: rounding needs it.
 const LEAST_SWAY_ARCSEC: f64 = 0.01;
 /// Sway of a base before there is a heading, when nobody measures it, arcsec.
 const BEFORE_SWAY_ARCSEC: f64 = 20.0;
@@ -274,6 +274,8 @@ impl Hold {
         let bias = square(class.run_to_run_deg_h * RAD_S_PER_DEG_H) + square(class.markov_deg_h * RAD_S_PER_DEG_H);
         let heading = square(sigma_heading_deg * RAD_PER_DEG);
         let tilt = square(class.accelerometer_m_s2 / GRAVITY_M_S2);
+        // No second's mean is quieter than the accelerometers.
+        let shaking = square(class.vrw_m_s_sqrt_s / GRAVITY_M_S2);
         let diagonal = State::from([level, level, heading, bias, bias, bias, 0.0, 0.0, 0.0, tilt, tilt]);
         let mut hold = Self {
             class: *class,
@@ -286,8 +288,8 @@ impl Hold {
             covariance: Covariance::from_diagonal(&diagonal),
             rest: orientation,
             stands: false,
-            sway: Noise::new(square(limits.sway_arcsec * RAD_PER_ARCSEC)),
-            shaking: Noise::new(square(class.vrw_m_s_sqrt_s / GRAVITY_M_S2)),
+            sway: Noise::new(square(limits.sway_arcsec * RAD_PER_ARCSEC), square(LEAST_SWAY_ARCSEC * RAD_PER_ARCSEC)),
+            shaking: Noise::new(shaking, shaking),
             waiting: None,
             turned_rad: Vector3::zeros(),
             turned_since_rad: Vector3::zeros(),
@@ -576,32 +578,38 @@ impl Hold {
 #[derive(Clone, Copy, Debug)]
 struct Noise {
     variance: f64,
-    /// Mean of the products of neighbours, and the last ones of each axis.
+    least: f64,
+    /// Means of the innovations' squares and of the products of neighbours, and the last ones of each axis.
+    square: f64,
     product: f64,
     last: [f64; 3],
 }
 
 impl Noise {
-    fn new(variance: f64) -> Self {
-        Self { variance, product: FIRST_AUTOCORRELATION * variance, last: [0.0; 3] }
+    fn new(variance: f64, least: f64) -> Self {
+        Self { variance, least, square: variance, product: FIRST_AUTOCORRELATION * variance, last: [0.0; 3] }
     }
 
-    /// An innovation of one axis, of which `known` is the variance of what is not noise. Exponential means.
-    fn learn(&mut self, axis: usize, measured: f64, known: f64) {
-        self.variance += (square(measured) - known - self.variance) / SWAY_SECONDS;
+    /// An innovation of one axis, of which `known` is the variance of what is not noise. Exponential means, in which it has the weight
+    /// of what it tells: its square scatters by √2 of known + noise.
+    fn learn(&mut self, axis: usize, innovation: f64, known: f64) {
+        let share = self.variance() / (known + self.variance());
+        let weight = share * share / SWAY_SECONDS;
+        self.variance += (square(innovation) - known - self.variance) * weight;
         if let Some(last) = self.last.get_mut(axis) {
-            self.product += (measured * core::mem::replace(last, measured) - self.product) / SWAY_SECONDS;
+            self.square += (square(innovation) - self.square) / SWAY_SECONDS;
+            self.product += (innovation * core::mem::replace(last, innovation) - self.product) / SWAY_SECONDS;
         }
     }
 
-    /// Of a second's mean; not below what rounding needs.
+    /// Of a second's mean.
     fn variance(&self) -> f64 {
-        self.variance.max(square(LEAST_SWAY_ARCSEC * RAD_PER_ARCSEC))
+        self.variance.max(self.least)
     }
 
     /// What counts in a mean over many seconds; a sway that is to and fro from second to second counts as white.
     fn lasting(&self) -> f64 {
-        let r = (self.product / self.variance()).clamp(0.0, MOST_AUTOCORRELATION);
+        let r = (self.product / self.square.max(self.least)).clamp(0.0, MOST_AUTOCORRELATION);
         self.variance() * (1.0 + r) / (1.0 - r)
     }
 }

@@ -45,7 +45,7 @@ pub const CHOICES: &[Choice] = &[
     },
     Choice {
         name: "sequence.order",
-        allowed: &["plain", "source", "mirrored", "east-west", "custom"],
+        allowed: &["mirrored", "plain", "source", "east-west", "custom"],
         meaning: "positions of the index and their order; custom: with angles",
     },
     Choice {

@@ -80,7 +80,9 @@ fn biases_are_learned_while_the_fix_is_made() {
 #[test]
 fn innovations_are_as_large_as_their_variances() {
     let class = BlockClass::SOURCE_FOG;
-    let mut hold = hold(&class, 0.0);
+    // A base that does not sway: beside 6″ of noise a second nobody could learn that it does not sway by 2″.
+    let limits = HoldLimits { sway_arcsec: 0.1, ..HoldLimits::default() };
+    let mut hold = Hold::new(&class, limits, LATITUDE_DEG, &Angles::default(), 0.04, 0.01).unwrap();
     let mut state = 88_172_645_463_325_252_u64;
     let mut uniform = || {
         state ^= state << 13;
