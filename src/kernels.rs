@@ -23,6 +23,8 @@ mod target {
     use cortex_m_rt::entry;
     use cortex_m_semihosting::{debug, hprintln};
     use nalgebra::Vector3;
+    use north_finder::attitude::esg::filter::{EsgErrors, PickOff};
+    use north_finder::attitude::esg::reference::DriftCoefficients;
     use north_finder::attitude::filter::block::BlockErrors;
     use north_finder::attitude::filter::measurement::Measurement;
     use north_finder::attitude::filter::navigation::Navigation;
@@ -103,7 +105,8 @@ mod target {
     fn main() -> ! {
         TIMER0.run_freely();
         hold();
-        filter();
+        filter(None);
+        filter(Some(Vector3::z()));
         loop {
             debug::exit(debug::EXIT_SUCCESS);
         }
@@ -149,21 +152,33 @@ mod target {
         moving.tell("heading hold, the end of a second that moves", ram_bytes);
     }
 
-    /// Two seconds of the block with a velocity at the end of each.
+    /// Two seconds of the block with a velocity at the end of each, and the direction of an electrostatic gyro where there is one.
     #[inline(never)]
-    fn filter() {
+    fn filter(rotor: Option<Vector3<f64>>) {
         let attitude = Quaternion::from_rotation_vector(&Vector3::new(0.1, -0.2, 1.1)).direction_cosines();
         let navigation = Navigation::new(attitude, Vector3::new(8.0, -5.0, 0.3), 0.6, 0.3, 20.0);
         let installation = Installation { antenna_m: Vector3::new(1.0, 4.0, 10.0), baseline_m: Vector3::x() * 2.0 };
         let started = Filter::new(navigation, 0.4, BlockErrors::FOG, &StartSigmas::USUAL, installation, Mode::Aided);
         let Ok(mut filter) = started else { return };
-        let (mut step, mut second, mut update) = (Most::default(), Most::default(), Most::default());
+        if let Some(direction) = &rotor {
+            let errors = EsgErrors {
+                direction_rad: 0.01,
+                pick_off_rad: 1e-4,
+                reading_rad: 2e-5,
+                drift_rad_s: 1e-8,
+                drift_growth_rad_s_per_sqrt_s: 1e-11,
+                coefficient_rad_s: 1e-8,
+            };
+            filter.add_electrostatic(direction, DriftCoefficients::default(), errors);
+        }
+        let mut most = [Most::default(), Most::default(), Most::default(), Most::default()];
+        let [step, second, update, pick_off] = &mut most;
         for number in 1..=200 {
             let increment = black_box(Increment {
                 angle_rad: Vector3::new(2e-4, 3e-4, 5e-4),
                 velocity_m_s: Vector3::new(0.005, -0.004, 0.098),
             });
-            let most = if number % 100 == 0 { &mut second } else { &mut step };
+            let most = if number % 100 == 0 { &mut *second } else { &mut *step };
             most.measure(|| {
                 let _ = black_box(filter.advance(&BlockReading { dt_s: 0.01, increment, turn_rad: 0.4 }));
             });
@@ -173,12 +188,24 @@ mod target {
                 update.measure(|| {
                     let _ = black_box(filter.measure(&velocity));
                 });
+                if let Some(direction) = rotor {
+                    let reading = Measurement::PickOff(PickOff { direction, sensor: 4 });
+                    pick_off.measure(|| {
+                        let _ = black_box(filter.measure(&reading));
+                    });
+                }
             }
         }
         let ram_bytes = size_of::<Filter>();
-        step.tell("aided filter, 35 states, a 100 Hz step", ram_bytes);
-        second.tell("aided filter, a step that ends a second: covariance moved", ram_bytes);
-        update.tell("aided filter, a reading of velocity: three rows", ram_bytes);
+        if rotor.is_none() {
+            step.tell("aided filter of 35 states, a 100 Hz step", ram_bytes);
+            second.tell("aided filter of 35 states, a step that ends a second: covariance moved", ram_bytes);
+            update.tell("aided filter of 35 states, a reading of velocity: three rows", ram_bytes);
+        } else {
+            second.tell("the same with an electrostatic gyro, 47 states: covariance moved", ram_bytes);
+            update.tell("47 states, a reading of velocity: three rows", ram_bytes);
+            pick_off.tell("47 states, a reading of the rotor: two rows", ram_bytes);
+        }
     }
 
     #[panic_handler]

@@ -43,8 +43,10 @@ const LOST_DEG: f64 = 10.0;
 const LOST_S: f64 = 60.0;
 /// No base stands stiller than this in the mean of a second, arcsec: rounding needs it.
 const LEAST_SWAY_ARCSEC: f64 = 0.01;
-/// Sway of a base before there is a heading, when nobody measures it, arcsec.
+/// Sway and shaking of a base before they are measured, arcsec.
 const BEFORE_SWAY_ARCSEC: f64 = 20.0;
+/// A noise that is much smaller than what else is in an innovation is learned as if it were this share of it, or it would never be.
+const LEAST_SHARE: f64 = 0.5;
 /// Autocorrelation of the sway from second to second: at first, and at most.
 const FIRST_AUTOCORRELATION: f64 = 1.0 / 3.0;
 const MOST_AUTOCORRELATION: f64 = 0.9;
@@ -289,7 +291,7 @@ impl Hold {
             rest: orientation,
             stands: false,
             sway: Noise::new(square(limits.sway_arcsec * RAD_PER_ARCSEC), square(LEAST_SWAY_ARCSEC * RAD_PER_ARCSEC)),
-            shaking: Noise::new(shaking, shaking),
+            shaking: Noise::new(shaking.max(square(BEFORE_SWAY_ARCSEC * RAD_PER_ARCSEC)), shaking),
             waiting: None,
             turned_rad: Vector3::zeros(),
             turned_since_rad: Vector3::zeros(),
@@ -365,7 +367,7 @@ impl Hold {
         let dt_s = second.seconds;
         self.propagate(dt_s, square(second.saturated_rad));
         let swayed = second.swayed_rad_s / dt_s;
-        let noise = self.sway.variance().max(square(self.limits.sway_arcsec * RAD_PER_ARCSEC));
+        let noise = self.sway.variance.max(square(self.limits.sway_arcsec * RAD_PER_ARCSEC));
         let stands = second.shaken_m_s2 < MOTION_M_S2
             && second.saturated_rad == 0.0
             && swayed.iter().enumerate().all(|(axis, turn)| {
@@ -469,7 +471,7 @@ impl Hold {
                 *place -= 1.5 * white;
             }
             let innovation = measured - row.dot(&x);
-            self.judge(known + self.sway.variance(), innovation);
+            self.judge(known + self.sway.variance, innovation);
             self.sway.learn(axis, innovation, known);
             self.update(&mut x, &cross, known + self.sway.lasting(), innovation);
         }
@@ -483,7 +485,7 @@ impl Hold {
                 *place -= sign * white;
             }
             let innovation = waiting.felt_rad.get(side).copied().unwrap_or(0.0) - row.dot(&x);
-            self.judge(known + self.shaking.variance(), innovation);
+            self.judge(known + self.shaking.variance, innovation);
             self.shaking.learn(side, innovation, known);
             self.update(&mut x, &cross, known + self.shaking.lasting(), innovation);
         }
@@ -554,7 +556,7 @@ impl Hold {
     /// While it stands the rest is reported where it is better known than the moment: gyros may be noisier than the sway.
     fn report(&self, motion: Motion) -> HoldSecond {
         let variance = |state: usize| self.covariance.get((state, state)).copied().unwrap_or(f64::INFINITY);
-        let rested = variance(REST + 2) + self.sway.variance();
+        let rested = variance(REST + 2) + self.sway.variance;
         let at_rest = motion == Motion::Standing && rested < variance(ATTITUDE + 2);
         let (first, orientation) = if at_rest { (REST, self.rest) } else { (ATTITUDE, self.orientation) };
         let turns = |turned: &Vector3<f64>| (square(turned.x) + square(turned.y), square(turned.z));
@@ -593,24 +595,19 @@ impl Noise {
     /// An innovation of one axis, of which `known` is the variance of what is not noise. Exponential means, in which it has the weight
     /// of what it tells: its square scatters by √2 of known + noise.
     fn learn(&mut self, axis: usize, innovation: f64, known: f64) {
-        let share = self.variance() / (known + self.variance());
+        let share = (self.variance / (known + self.variance)).max(LEAST_SHARE);
         let weight = share * share / SWAY_SECONDS;
-        self.variance += (square(innovation) - known - self.variance) * weight;
+        self.variance = (self.variance + (square(innovation) - known - self.variance) * weight).max(self.least);
         if let Some(last) = self.last.get_mut(axis) {
             self.square += (square(innovation) - self.square) / SWAY_SECONDS;
             self.product += (innovation * core::mem::replace(last, innovation) - self.product) / SWAY_SECONDS;
         }
     }
 
-    /// Of a second's mean.
-    fn variance(&self) -> f64 {
-        self.variance.max(self.least)
-    }
-
     /// What counts in a mean over many seconds; a sway that is to and fro from second to second counts as white.
     fn lasting(&self) -> f64 {
         let r = (self.product / self.square.max(self.least)).clamp(0.0, MOST_AUTOCORRELATION);
-        self.variance() * (1.0 + r) / (1.0 - r)
+        self.variance * (1.0 + r) / (1.0 - r)
     }
 }
 

@@ -185,8 +185,8 @@ fn geometry(out: &mut dyn Write) -> io::Result<()> {
         let (least, most) = day.iter().fold((f64::INFINITY, 0.0f64), |(a, b), v| (a.min(*v), b.max(*v)));
         writeln!(
             out,
-            "| {latitude_deg} | {:.3} | {:.3} | {least:.3} | {most:.3} | {:.3} |",
-            polar.unwrap_or(f64::NAN),
+            "| {latitude_deg} | {} | {:.3} | {least:.3} | {most:.3} | {:.3} |",
+            polar.map_or_else(|| "refused".to_owned(), |polar| format!("{polar:.3}")),
             1.0 / latitude_deg.to_radians().cos(),
             1.0 / latitude_deg.to_radians().sin()
         )?;
