@@ -240,6 +240,8 @@ fn bad_input_is_refused_with_file_line_field_and_value() {
     bad("time.csv", "depth_m\n1\n", &["`t_s` is missing"]);
     bad("void.csv", "", &["empty"]);
     bad("elsewhere.csv", "t_s,lat_deg,lon_deg,height_m\n7,50,30,0\n", &["line 2", "50°", "60°"]);
+    bad("baseline.csv", "t_s,baseline_heading_deg\n7,90\n", &["line 2", "baseline_m", "--installation"]);
+    bad("rotor.csv", "t_s,esg_x,esg_y,esg_z,esg_sensor\n7,0,0,1,4\n", &["line 2", "[electrostatic_gyro]"]);
     ship.refused(&["--aid", "nowhere.csv"], &["nowhere.csv"]);
     let depth = ship.write("depth.csv", "t_s,depth_m\n7,0\n");
     let installation = ship.write("installation.toml", "antenna_m = [0, 0, 5]\nmast_m = 3\n");

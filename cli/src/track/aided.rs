@@ -117,6 +117,16 @@ struct Run<'a> {
     saturated: u32,
 }
 
+/// What the installation lacks for a reading.
+fn lacking(reading: &Reading, settings: &Settings) -> Option<&'static str> {
+    let installation = &settings.installation;
+    match reading.value {
+        Value::BaselineHeading(_) | Value::Phases(_) if installation.baseline_m == [0.0; 3] => Some("baseline_m"),
+        Value::Rotor { .. } if installation.electrostatic_gyro.is_none() => Some("[electrostatic_gyro]"),
+        _ => None,
+    }
+}
+
 /// One source along the run.
 struct Watch {
     source: Source,
@@ -153,6 +163,11 @@ impl<'a> Run<'a> {
                 aiding.place(reading),
                 settings.latitude_deg
             ));
+        }
+        if let Some((reading, lacks)) =
+            aiding.readings.iter().find_map(|reading| Some((reading, lacking(reading, settings)?)))
+        {
+            return Err(format!("{}: this reading needs {lacks} in the --installation", aiding.place(reading)));
         }
         let velocity = aiding.readings.iter().filter(near).find_map(|reading| match reading.value {
             Value::Velocity { east_north_up_m_s, .. } => Some((Vector3::from(east_north_up_m_s), reading.sigma)),

@@ -118,6 +118,9 @@ pub struct Aiding {
     pub unknown: Vec<String>,
 }
 
+/// A reading of a group's numbers.
+type OfNumbers = fn(&[f64]) -> Option<Value>;
+
 /// Places of a group in a table.
 struct Found {
     group: &'static Group,
@@ -169,7 +172,7 @@ impl Aiding {
             used.push(group.sigma);
             Ok(Some(Found { group, columns, sigma: table.find(group.sigma) }))
         };
-        let singles: [(&'static Group, fn(&[f64]) -> Option<Value>); 9] = [
+        let singles: [(&'static Group, OfNumbers); 9] = [
             (&VELOCITY, |v| Some(Value::Velocity { east_north_up_m_s: three(v)?, interval_s: 0.0 })),
             (&POSITION, |v| Some(Value::Position(three(v)?))),
             (&HEADING, |v| Some(Value::Heading(*v.first()?))),
