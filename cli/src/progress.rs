@@ -24,15 +24,23 @@ pub fn work<T: Send + 'static>(what: String, work: impl FnOnce() -> T + Send + '
     let style =
         ProgressStyle::with_template("{spinner} {msg}, {elapsed}").unwrap_or_else(|_| ProgressStyle::default_spinner());
     let bar = ProgressBar::new_spinner().with_style(style).with_message(what);
+    let done = interruptible(work, || bar.tick());
+    bar.finish_and_clear();
+    done
+}
+
+/// The same; meanwhile something is done again and again.
+pub fn interruptible<T: Send + 'static>(
+    work: impl FnOnce() -> T + Send + 'static,
+    mut meanwhile: impl FnMut(),
+) -> Result<T, Failure> {
     let worker = thread::spawn(work);
     while !worker.is_finished() {
         if interrupt::requested() {
-            bar.finish_and_clear();
             return Err(Failure::Interrupted);
         }
-        bar.tick();
+        meanwhile();
         thread::sleep(LOOK);
     }
-    bar.finish_and_clear();
     worker.join().map_err(|panic| std::panic::resume_unwind(panic))
 }

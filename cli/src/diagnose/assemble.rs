@@ -50,8 +50,9 @@ pub fn diagnosis(
     let mut afters = after(runs, &model);
     let bad: Vec<String> = fitted.bad_references.iter().map(|(file, _)| file.clone()).collect();
     let of_named: Vec<Option<f64>> = afters.iter().map(|after| after.azimuth_deg).collect();
-    let mut open = if fitted.by_dwell.is_some() { None } else { Open::choose(runs, &fitted.by_second.taken, &bad) }
-        .filter(|open| open.is_better(runs, &of_named, &bad));
+    let found = if fitted.by_dwell.is_some() { None } else { Open::choose(runs, &fitted.by_second.taken, &bad) };
+    let structure = found.as_ref().is_some_and(Open::is_structure);
+    let mut open = found.filter(|open| open.is_better(runs, &of_named, &bad));
     let bare = fitted.bare();
     let fitted = if open.as_ref().is_some_and(|open| open.replaces) {
         model = model_of(&bare, base, runs)?;
@@ -65,7 +66,7 @@ pub fn diagnosis(
     checks::warn_of_range(runs, learned, &mut warnings);
     let mut crossed_deg: Vec<Option<f64>> =
         if judged_by_checks { vec![None; runs.len()] } else { cross_validated(runs, base, constant, fitted) };
-    if open.is_none() && !fitted.is_empty() {
+    if open.is_none() && (structure || !fitted.is_empty()) {
         let missed_deg = guard::missed_beyond_sigma_deg(runs, fitted, &guard::left_out(runs, fitted, base));
         if missed_deg > 0.0 {
             model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(missed_deg);

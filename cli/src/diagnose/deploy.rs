@@ -10,7 +10,7 @@ use north_finder::effects::basis::settling::{Settling, Size};
 use north_finder::effects::basis::warm_up::WarmUp;
 use north_finder::effects::{ChannelName, Term};
 
-use crate::open_world::{Base, DECAYS_S, Group, MEMORY_S, PLAY_WIDTHS, TIMES_S, WARM_UP_S};
+use crate::open_world::{Base, DECAYS_S, Group, MEMORY_S, PLAY_WIDTHS, TIMES_S, TRAVEL_S, Tuned, WARM_UP_S};
 
 /// A channel with the range in which it was learned: middle and half.
 pub struct Ranged {
@@ -22,6 +22,9 @@ pub struct Ranged {
 /// Knots of a curve and of the two sides of a surface.
 const KNOTS: usize = 7;
 const SIDES: [usize; 2] = [4, 5];
+/// Outer knots of a table with a place of its own, and half the width of a step in it, half ranges.
+const OUTER: f64 = 1.3;
+const STEEP: f64 = 0.003;
 /// Time constant of the low-pass that a rate of change is the lack of, seconds.
 const CHANGE_S: f64 = 12.0;
 
@@ -51,10 +54,31 @@ pub fn terms(group: &Group, channels: &[Ranged]) -> Option<Vec<Term>> {
     let decays = |by: Size, first_dwell: bool| -> Option<Vec<Term>> {
         Some(DECAYS_S.iter().map(|&tau_s| Term::new(settling(tau_s, by, first_dwell))).collect())
     };
+    let places = |channel: usize, places: &[f64]| -> Option<_> {
+        let Ranged { middle, half, .. } = channels.get(channel)?;
+        Some(places.iter().map(|place| (middle + half * place) as f32).collect())
+    };
+    let step = |channel: usize, at: f64| {
+        let knots = places(channel, &[-OUTER, at - STEEP, at + STEEP, OUTER])?;
+        curve(channel, Signal::Value, Function::Table(knots))
+    };
     let value = |channel: usize| Some(Term::new(curve(channel, Signal::Value, spline(channel)?)?));
     let one = |term: Option<Term>| Some(vec![term?]);
     match *group {
         Group::Base(Base::Value(channel)) | Group::SharpCurve(channel) => one(value(channel)),
+        Group::Tuned(channel, Tuned::Threshold(at)) => one(Some(Term::new(step(channel, at)?))),
+        Group::Tuned(channel, Tuned::Bend(at)) => one(Some(Term::new(curve(
+            channel,
+            Signal::Value,
+            Function::Table(places(channel, &[-OUTER, at, OUTER])?),
+        )?))),
+        Group::Tuned(channel, Tuned::Play(width)) => {
+            Some(vec![straight(channel, Signal::Value)?, straight(channel, play(channel, width)?)?])
+        }
+        Group::Gated { channel, by, at } => {
+            let through = Term::product(step(by, at)?, curve(channel, Signal::Value, powers(channel, 1)?)?);
+            Some(vec![Term::new(step(by, at)?), through])
+        }
         Group::Linear(channel) => one(Some(Term::new(curve(channel, Signal::Value, powers(channel, 1)?)?))),
         Group::Quadratic(channel) => one(Some(Term::new(curve(channel, Signal::Value, powers(channel, 2)?)?))),
         Group::Change(channel) => one(straight(channel, Signal::Memory { tau_s: CHANGE_S as f32 })),
@@ -83,9 +107,10 @@ pub fn terms(group: &Group, channels: &[Ranged]) -> Option<Vec<Term>> {
         Group::SettlingByCount => decays(Size::Number, false),
         Group::SettlingByPosition => decays(Size::Position, false),
         Group::Base(Base::Travel) => Some(
-            [(9.0, Size::Travel), (20.0, Size::Travel), (9.0, Size::SignedTravel), (20.0, Size::SignedTravel)]
-                .map(|(tau_s, by)| Term::new(settling(tau_s, by, false)))
-                .to_vec(),
+            [Size::Travel, Size::SignedTravel]
+                .into_iter()
+                .flat_map(|by| TRAVEL_S.map(|tau_s| Term::new(settling(tau_s, by, false))))
+                .collect(),
         ),
         Group::Base(Base::Harmonic(order)) => one(Some(Term::new(Basis::BodyHarmonic(BodyHarmonic { order })))),
         Group::HighHarmonics => {

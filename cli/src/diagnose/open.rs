@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::Effect;
 use super::block::Block;
 use super::candidate::evaluated;
-use super::data::RunData;
+use super::data::{RunData, Sample};
 use super::deploy::{self, Ranged};
 use super::experiment::{self, Expectation, Proposal};
 use super::guard;
@@ -29,6 +29,8 @@ const AGREES: f64 = 0.6;
 /// Log evidence that every fitted number of a named effect must be worth.
 const OF_NUMBER: f64 = 4.0;
 
+/// Turning in a second above which the index does not rest, degrees.
+const TURNS_DEG: f64 = 0.05;
 /// Log evidence by which a model without the named effects must be better.
 const MARGIN: f64 = 6.0;
 
@@ -100,7 +102,6 @@ impl Open {
                 number += 1;
             }
         }
-        let structure = !self.groups().is_empty() || self.has_process();
         let share = |amplitude_deg_h: f64, run: &RunData| amplitude_deg_h / run.earth.north_deg_h;
         let had: Vec<f64> = runs.iter().filter_map(|run| Some(share(run.before?.amplitude_deg_h, run))).collect();
         let has: Vec<f64> = runs
@@ -108,7 +109,14 @@ impl Open {
             .zip(&self.azimuths)
             .filter_map(|(run, own)| Some(share((*own)?.amplitude_deg_h, run)))
             .collect();
-        structure && (number == 0 || after < BETTER * before) && guard::impossible_amplitude(&had, &has).is_none()
+        self.is_structure()
+            && (number == 0 || after < BETTER * before)
+            && guard::impossible_amplitude(&had, &has).is_none()
+    }
+
+    /// Whether there is anything but white noise.
+    pub fn is_structure(&self) -> bool {
+        !self.groups().is_empty() || self.has_process()
     }
 
     /// Whether runs have processes of their own.
@@ -372,7 +380,16 @@ fn recording(run: &RunData, rate_deg_h: Vec<f64>, names: &[String], bad_referenc
         channels: names.iter().map(|name| run.channel(name).unwrap_or_default()).collect(),
         reference: reference_deg
             .map(|deg| Reference { azimuth_rad: deg * RAD_PER_DEG, sigma_rad: run.reference_sigma_deg * RAD_PER_DEG }),
-        rotation: run.rotation,
+        rotation: run.rotation || turns(run),
         noise_deg_h: None,
     }
+}
+
+/// Whether the index turns in most of the seconds, if only so slowly that the replay makes a dwell of every few of them.
+fn turns(run: &RunData) -> bool {
+    let turned = |pair: &&[Sample]| {
+        let [before, after] = pair else { return false };
+        (after.sin * before.cos - after.cos * before.sin).abs() > TURNS_DEG * RAD_PER_DEG
+    };
+    2 * run.samples.windows(2).filter(turned).count() > run.samples.len()
 }

@@ -4,9 +4,9 @@ use nalgebra::DMatrix;
 use north_finder::fix::DesignRow;
 use north_finder::level::Specific;
 
-use super::dynamics::{low_pass, low_pass_from, play};
-use super::group::{Base, Group, PLAY_WIDTHS, TIMES_S};
-use super::recording::{Place, Recording, Samples};
+use super::dynamics::{delay, friction, low_pass, low_pass_from, peak, play, relay};
+use super::group::{Base, Group, PLAY_WIDTHS, TIMES_S, Tuned};
+use super::recording::{Move, Place, Recording, Samples};
 
 /// Time constants, seconds.
 pub const MEMORY_S: [f64; 7] = [5.0, 15.0, 40.0, 100.0, 250.0, 600.0, 1500.0];
@@ -14,6 +14,11 @@ const HEAT_S: [f64; 4] = [10.0, 40.0, 150.0, 600.0];
 const BACKLASH: [f64; 5] = [0.1, 0.2, 0.35, 0.55, 0.8];
 const COARSE_PLAY: [f64; 2] = [0.15, 0.4];
 pub const DECAYS_S: [f64; 4] = [4.0, 9.0, 20.0, 45.0];
+/// Of decays by travel, and of what creeps.
+pub const TRAVEL_S: [f64; 4] = [4.0, 9.0, 20.0, 60.0];
+const CREEP_S: [f64; 6] = [1.0, 3.0, 8.0, 20.0, 50.0, 120.0];
+/// Of low-passes forward and backward.
+const SMOOTHED_S: [f64; 4] = [3.0, 10.0, 30.0, 90.0];
 pub const WARM_UP_S: [f64; 4] = [15.0, 45.0, 150.0, 500.0];
 const CHANGE_S: f64 = 12.0;
 /// Half lengths of the windows in which tilt rates are slopes, seconds.
@@ -21,6 +26,9 @@ const SLOPE_S: [usize; 3] = [5, 20, 100];
 /// Bumps in the heading, and their concentration.
 const BUMPS: usize = 8;
 const CONCENTRATION: f64 = 1.0 / 0.45;
+/// The same in the axis's azimuth.
+const AXIS_BUMPS: usize = 14;
+const AXIS_CONCENTRATION: f64 = 1.0 / 0.2;
 /// Curves go on at their ends beyond this many half ranges; what lies beyond makes the answer uncertain.
 pub const RANGE: f64 = 1.2;
 /// Directions of a base below this share of its greatest variance are left out.
@@ -74,6 +82,7 @@ pub struct Scales {
     pub longest_s: f64,
     pub most_moves: f64,
     pub most_tilt: f64,
+    most_wound_deg: f64,
     /// Principal components of all channels within runs.
     components: DMatrix<f64>,
     smooth: Curve,
@@ -83,6 +92,7 @@ pub struct Scales {
     of_time: Curve,
     of_rate: Curve,
     of_tilt: Curve,
+    of_winding: Curve,
     /// Mean and directions of the bases that are reduced.
     reduced: Vec<(Base, Vec<f64>, DMatrix<f64>)>,
 }
@@ -93,6 +103,8 @@ pub struct Sheet<'a> {
     pub recording: &'a Recording,
     pub samples: Samples,
     places: Vec<Place>,
+    moves: Vec<Move>,
+    wound_deg: Vec<f64>,
     /// Means of cosine and sine of the index angle over the samples.
     pub cos: Vec<f64>,
     pub sin: Vec<f64>,
@@ -102,7 +114,8 @@ impl<'a> Sheet<'a> {
     pub fn new(recording: &'a Recording, samples: Samples) -> Self {
         let cos = samples.means(recording.design.iter().map(|row| row.cos));
         let sin = samples.means(recording.design.iter().map(|row| row.sin));
-        Self { recording, places: recording.places(), samples, cos, sin }
+        let (places, moves) = recording.places();
+        Self { recording, places, moves, wound_deg: recording.wound_deg(), samples, cos, sin }
     }
 
     /// Tilt along the axis, g: the axis' upward component.
@@ -112,6 +125,20 @@ impl<'a> Sheet<'a> {
             .zip(&self.recording.design)
             .map(|(tilt, row)| tilt.forward * row.cos + tilt.left * row.sin)
             .collect()
+    }
+
+    /// What moves of these sizes leave, dying away and adding up.
+    fn settling(&self, time_s: f64, size: impl Fn(&Move) -> f64) -> Vec<f64> {
+        let mut moves = self.moves.iter().peekable();
+        let (mut state, mut last_s) = (0.0, 0.0);
+        let mut at = |t_s: f64| {
+            while let Some(next) = moves.next_if(|next| next.ended_s <= t_s) {
+                state = state * (-(next.ended_s - last_s) / time_s).exp() + size(next);
+                last_s = next.ended_s;
+            }
+            if state == 0.0 { 0.0 } else { state * (-(t_s - last_s) / time_s).exp() }
+        };
+        self.samples.means(self.recording.t_s.iter().map(|&t_s| at(t_s)))
     }
 
     fn column(&self, of: impl Fn(usize) -> f64) -> Vec<f64> {
@@ -131,6 +158,8 @@ impl Scales {
             most_moves: most(&|sheet| sheet.places.last().map_or(0.0, |place| place.moves)).max(1.0),
             most_tilt: most(&|sheet| sheet.tilt().into_iter().fold(0.0, |most: f64, tilt| most.max(tilt.abs())))
                 .max(1e-9),
+            most_wound_deg: most(&|sheet| sheet.wound_deg.iter().fold(0.0, |most: f64, wound| most.max(wound.abs())))
+                .max(1.0),
             components: DMatrix::zeros(number, 0),
             smooth: Curve::new(-1.1, 1.1, 8, 0.45),
             sharp: Curve::new(-1.05, 1.05, 18, 0.13),
@@ -139,6 +168,7 @@ impl Scales {
             of_time: Curve::new(-0.05, 1.05, 12, 0.12),
             of_rate: Curve::new(-1.05, 1.05, 10, 0.2),
             of_tilt: Curve::new(-1.1, 1.1, 7, 0.4),
+            of_winding: Curve::new(-1.05, 1.05, 14, 0.17),
             reduced: Vec::new(),
         };
         scales.components = scales.principal(sheets);
@@ -193,7 +223,16 @@ impl Scales {
     }
 
     /// A base reduced to its main directions.
-    fn base(&self, sheet: &Sheet, base: Base, azimuth_rad: f64) -> Columns {
+    fn base(&self, sheet: &Sheet, base: Base, azimuth_rad: f64, known: &mut Vec<(Base, Columns)>) -> Columns {
+        if let Some((_, columns)) = known.iter().find(|each| each.0 == base) {
+            return columns.clone();
+        }
+        let columns = self.reduced_base(sheet, base, azimuth_rad);
+        known.push((base, columns.clone()));
+        columns
+    }
+
+    fn reduced_base(&self, sheet: &Sheet, base: Base, azimuth_rad: f64) -> Columns {
         let mut raw = self.raw_base(sheet, base, azimuth_rad);
         match self.reduced.iter().find(|each| each.0 == base) {
             Some((_, mean, directions)) => {
@@ -210,8 +249,6 @@ impl Scales {
         let samples = &sheet.samples;
         let rows = samples.len();
         let interval = &sheet.recording.interval_s;
-        let moved = |i: usize| f64::from(u8::from(sheet.places[i].moves > 0.0));
-        let decay = |i: usize, time_s: f64| (-sheet.places[i].since_s / time_s).exp();
         match base {
             Base::Value(channel) => self.smooth.columns(samples, &self.clipped(sheet, channel)),
             Base::Memory(channel) => {
@@ -236,15 +273,14 @@ impl Scales {
                 }
             }
             Base::Rate => from_columns(rows, [along(sheet, azimuth_rad)]),
-            Base::Settling => from_columns(rows, DECAYS_S.map(|time_s| sheet.column(|i| decay(i, time_s) * moved(i)))),
+            Base::Settling => from_columns(rows, DECAYS_S.map(|time_s| sheet.settling(time_s, |_| 1.0))),
             Base::Travel => {
-                let of = |time_s: f64, sign: bool| {
-                    sheet.column(|i| {
-                        let travel = sheet.places[i].travel_deg / 180.0;
-                        decay(i, time_s) * if sign { travel } else { travel.abs() }
-                    })
-                };
-                from_columns(rows, [of(9.0, false), of(20.0, false), of(9.0, true), of(20.0, true)])
+                let sizes: [fn(&Move) -> f64; 2] =
+                    [|each| each.travel_deg.abs() / 180.0, |each| each.travel_deg / 180.0];
+                from_columns(
+                    rows,
+                    sizes.into_iter().flat_map(|size| TRAVEL_S.map(|time_s| sheet.settling(time_s, size))),
+                )
             }
             Base::Time => {
                 let t = &sheet.recording.t_s;
@@ -274,12 +310,22 @@ impl Scales {
 
     /// Columns of a group over a run's samples, at an azimuth where they depend on it. Not yet scaled.
     pub fn columns(&self, sheet: &Sheet, group: &Group, azimuth_rad: f64) -> Columns {
+        self.columns_with(sheet, group, azimuth_rad, &mut Vec::new())
+    }
+
+    /// The same of one group after the other; `known` are the bases of products so far.
+    pub fn columns_with(
+        &self,
+        sheet: &Sheet,
+        group: &Group,
+        azimuth_rad: f64,
+        known: &mut Vec<(Base, Columns)>,
+    ) -> Columns {
         let samples = &sheet.samples;
         let rows = samples.len();
         let interval = &sheet.recording.interval_s;
         let scaled = |channel: usize| self.scaled(sheet, channel);
         let value = |channel: usize| samples.means(self.scaled(sheet, channel));
-        let decay = |i: usize, time_s: f64| (-sheet.places[i].since_s / time_s).exp();
         let angle = |i: usize| sheet.sin[i].atan2(sheet.cos[i]);
         let harmonics = |orders: std::ops::RangeInclusive<u8>, angle: &dyn Fn(usize) -> f64| {
             let of = |order: u8| {
@@ -343,17 +389,72 @@ impl Scales {
             }
             Group::Drift => from_columns(rows, [sheet.column(|i| sheet.recording.t_s[i] / self.longest_s)]),
             Group::SettlingByCount => {
-                let of = |time_s| sheet.column(|i| decay(i, time_s) * sheet.places[i].moves / self.most_moves);
-                from_columns(rows, DECAYS_S.map(of))
+                from_columns(rows, DECAYS_S.map(|time_s| sheet.settling(time_s, |each| each.number / self.most_moves)))
             }
-            Group::SettlingEveryDwell => from_columns(rows, DECAYS_S.map(|time_s| sheet.column(|i| decay(i, time_s)))),
-            Group::SettlingByPosition => {
-                let moved = |i: usize| f64::from(u8::from(sheet.places[i].moves > 0.0));
-                let of = |time_s: f64| {
-                    [|row: &DesignRow| row.cos, |row: &DesignRow| row.sin]
-                        .map(|part| sheet.column(|i| decay(i, time_s) * moved(i) * part(&sheet.recording.design[i])))
+            Group::SettlingEveryDwell => {
+                let start_s = sheet.recording.start_s();
+                let first = |time_s: f64| {
+                    let since_s = sheet.recording.t_s.iter().map(|t_s| t_s - start_s);
+                    samples.means(since_s.map(|since_s| (-since_s / time_s).exp()))
                 };
-                from_columns(rows, DECAYS_S.into_iter().flat_map(of))
+                let both = |time_s: f64| {
+                    let moves = sheet.settling(time_s, |_| 1.0);
+                    moves.iter().zip(first(time_s)).map(|(moves, first)| moves + first).collect::<Vec<_>>()
+                };
+                from_columns(rows, DECAYS_S.map(both))
+            }
+            Group::SettlingByPosition => {
+                let parts: [fn(&Move) -> f64; 2] = [|each| each.to.cos, |each| each.to.sin];
+                from_columns(
+                    rows,
+                    DECAYS_S.into_iter().flat_map(|time_s| parts.map(|part| sheet.settling(time_s, part))),
+                )
+            }
+            Group::SettlingByCurve => {
+                let of = |power: i32| {
+                    let size = move |each: &Move| (each.travel_deg.abs() / 180.0).powi(power);
+                    DECAYS_S.map(|time_s| sheet.settling(time_s, size))
+                };
+                from_columns(rows, (0..4).flat_map(of))
+            }
+            Group::Creep => self.creep(sheet, |place| sign(place.travel_deg)),
+            Group::Alternating => self.creep(sheet, |place| 1.0 - 2.0 * place.moves.rem_euclid(2.0)),
+            Group::Winding => {
+                let wound: Vec<f64> = sheet.wound_deg.iter().map(|wound| wound / self.most_wound_deg).collect();
+                self.of_winding.columns(samples, &wound)
+            }
+            Group::AxisCurve => {
+                let bump = |number: usize| {
+                    let centre = number as f64 * std::f64::consts::TAU / AXIS_BUMPS as f64;
+                    let of = |i: usize| (((azimuth_rad - angle(i) - centre).cos() - 1.0) * AXIS_CONCENTRATION).exp();
+                    (0..rows).map(of).collect::<Vec<_>>()
+                };
+                from_columns(rows, (0..AXIS_BUMPS).map(bump))
+            }
+            Group::IndexCurve => {
+                let (sin, cos) = azimuth_rad.sin_cos();
+                let field: Vec<f64> = (0..rows).map(|i| sin * sheet.cos[i] - cos * sheet.sin[i]).collect();
+                let field = from_columns(rows, [field]);
+                beside([field.clone(), product(&field, &harmonics(1..=4, &angle))])
+            }
+            Group::Tuned(channel, tuned) => tuned_columns(sheet, &scaled(*channel), *tuned),
+            Group::Gated { channel, by, at } => {
+                let open: Vec<f64> = scaled(*by).iter().map(|value| f64::from(u8::from(value > at))).collect();
+                let through = scaled(*channel).into_iter().zip(&open).map(|(value, open)| value * open);
+                let through = samples.means(through);
+                from_columns(rows, [through, samples.means(open)])
+            }
+            Group::Smoothed(channel) => {
+                let scaled = scaled(*channel);
+                let backward = |time_s: f64| {
+                    let mut values = low_pass(&scaled, interval, time_s);
+                    values.reverse();
+                    let intervals: Vec<f64> = interval.iter().rev().copied().collect();
+                    let mut values = low_pass(&values, &intervals, time_s);
+                    values.reverse();
+                    samples.means(values)
+                };
+                from_columns(rows, std::iter::once(value(*channel)).chain(SMOOTHED_S.map(backward)))
             }
             Group::TiltLinear => from_columns(rows, [samples.means(sheet.tilt())]),
             Group::TiltRate => {
@@ -362,13 +463,13 @@ impl Scales {
             Group::AllChannels => self.all_channels(sheet),
             Group::AllMemory => self.all_memory(sheet),
             Group::Product(first, second) if first == second => {
-                let base = self.base(sheet, *first, azimuth_rad);
+                let base = self.base(sheet, *first, azimuth_rad, known);
                 let pairs = (0..base.ncols()).flat_map(|i| (0..=i).map(move |j| (i, j)));
                 let of = |(i, j): (usize, usize)| (0..rows).map(|row| base[(row, i)] * base[(row, j)]).collect();
                 from_columns(rows, pairs.map(of))
             }
             Group::Product(first, second) => {
-                product(&self.base(sheet, *first, azimuth_rad), &self.base(sheet, *second, azimuth_rad))
+                product(&self.base(sheet, *first, azimuth_rad, known), &self.base(sheet, *second, azimuth_rad, known))
             }
             Group::Bilinear(first, second) => {
                 let (first, second) = (scaled(*first), scaled(*second));
@@ -383,19 +484,26 @@ impl Scales {
                 from_columns(rows, forms.map(of))
             }
             Group::LinearTimes(channel, base) => {
-                product(&from_columns(rows, [value(*channel)]), &self.base(sheet, *base, azimuth_rad))
+                product(&from_columns(rows, [value(*channel)]), &self.base(sheet, *base, azimuth_rad, known))
             }
             Group::Triple(first, second, base) => {
                 let (first, second) = (scaled(*first), scaled(*second));
                 let both = from_columns(rows, [samples.means(first.iter().zip(&second).map(|(a, b)| a * b))]);
-                product(&both, &self.base(sheet, *base, azimuth_rad))
+                product(&both, &self.base(sheet, *base, azimuth_rad, known))
             }
             Group::Extended { parent, weights, base } => {
-                let found =
-                    self.columns(sheet, parent, azimuth_rad) * DMatrix::from_column_slice(weights.len(), 1, weights);
-                product(&found, &self.base(sheet, *base, azimuth_rad))
+                let found = self.columns_with(sheet, parent, azimuth_rad, known)
+                    * DMatrix::from_column_slice(weights.len(), 1, weights);
+                product(&found, &self.base(sheet, *base, azimuth_rad, known))
             }
         }
+    }
+
+    /// What grows or dies away since the last move, times a sign.
+    fn creep(&self, sheet: &Sheet, sign: impl Fn(&Place) -> f64) -> Columns {
+        let of = |time_s: f64| sheet.column(|i| sign(&sheet.places[i]) * (-sheet.places[i].since_s / time_s).exp());
+        let steady = sheet.column(|i| sign(&sheet.places[i]));
+        from_columns(sheet.samples.len(), std::iter::once(steady).chain(CREEP_S.map(of)))
     }
 
     /// A curve in the channel, low-passed; with what its unknown state at the beginning leaves.
@@ -444,6 +552,32 @@ impl Scales {
 fn along(sheet: &Sheet, azimuth_rad: f64) -> Vec<f64> {
     let (sin, cos) = azimuth_rad.sin_cos();
     sheet.cos.iter().zip(&sheet.sin).map(|(c, s)| cos * c + sin * s).collect()
+}
+
+fn tuned_columns(sheet: &Sheet, values: &[f64], tuned: Tuned) -> Columns {
+    let interval = &sheet.recording.interval_s;
+    let above = |at: f64| values.iter().map(move |value| (value - at).max(0.0));
+    let series: Vec<Vec<f64>> = match tuned {
+        Tuned::Threshold(at) => vec![values.iter().map(|&value| f64::from(u8::from(value > at))).collect()],
+        Tuned::Bend(at) => vec![values.to_vec(), above(at).collect()],
+        Tuned::Rectified(at) => vec![above(at).map(|value| value * value).collect()],
+        Tuned::Relay(between) => [0.0, 1.0].map(|begins| relay(values, between, begins)).to_vec(),
+        Tuned::Play(width) => vec![values.to_vec(), play(values, width)],
+        Tuned::Heat(time_s) => {
+            let squares: Vec<f64> = values.iter().map(|value| value * value).collect();
+            [values, &squares].map(|formed| low_pass(formed, interval, time_s)).to_vec()
+        }
+        Tuned::Delay([delay_s, smear_s]) => {
+            let delayed = delay(values, interval, delay_s);
+            vec![low_pass(&low_pass(&delayed, interval, smear_s), interval, smear_s)]
+        }
+        Tuned::Peak(leak_s) => {
+            let mirrored: Vec<f64> = values.iter().map(|value| -value).collect();
+            [values, &mirrored].map(|values| peak(values, interval, leak_s)).to_vec()
+        }
+        Tuned::Slip([slip, leak_s]) => vec![friction(values, interval, slip, leak_s)],
+    };
+    from_columns(sheet.samples.len(), series.into_iter().map(|values| sheet.samples.means(values)))
 }
 
 fn sign(value: f64) -> f64 {

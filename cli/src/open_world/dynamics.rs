@@ -1,4 +1,4 @@
-//! What a channel leaves behind: play operators, low-passes.
+//! What a channel leaves behind: play operators, relays, friction, low-passes, delays, peaks.
 
 /// The play operator (Krasnosel'skii and Pokrovskii, Systems with Hysteresis, 1989): it follows the input only where this
 /// pushes it, `half_width` behind. Begins at the first value.
@@ -11,6 +11,20 @@ pub fn play(input: &[f64], half_width: f64) -> Vec<f64> {
             state
         })
         .collect()
+}
+
+/// A relay with two thresholds: 1 from the second upwards, 0 from the first downwards, in between what it was.
+pub fn relay(input: &[f64], [low, high]: [f64; 2], begins: f64) -> Vec<f64> {
+    let mut state = begins;
+    let of = |&value: &f64| {
+        if value > high {
+            state = 1.0;
+        } else if value < low {
+            state = 0.0;
+        }
+        state
+    };
+    input.iter().map(of).collect()
 }
 
 /// A first-order low-pass over intervals of these lengths; begins at `start`.
@@ -29,4 +43,45 @@ pub fn low_pass_from(start: f64, input: &[f64], interval_s: &[f64], time_s: f64)
 /// The same, beginning at the first value.
 pub fn low_pass(input: &[f64], interval_s: &[f64], time_s: f64) -> Vec<f64> {
     low_pass_from(input.first().copied().unwrap_or_default(), input, interval_s, time_s)
+}
+
+/// What was some time ago; before the beginning the first value.
+pub fn delay(input: &[f64], interval_s: &[f64], delay_s: f64) -> Vec<f64> {
+    let (mut at, mut ahead_s) = (0, 0.0);
+    (0..input.len())
+        .map(|i| {
+            ahead_s += interval_s[i];
+            while at < i && ahead_s > delay_s + interval_s[at] {
+                ahead_s -= interval_s[at];
+                at += 1;
+            }
+            input[at]
+        })
+        .collect()
+}
+
+/// The greatest value so far, which leaks towards the present one.
+pub fn peak(input: &[f64], interval_s: &[f64], leak_s: f64) -> Vec<f64> {
+    let mut state = f64::NEG_INFINITY;
+    let of = |(&value, interval): (&f64, &f64)| {
+        state = value.max(value + (state - value) * (-interval / leak_s).exp());
+        state
+    };
+    input.iter().zip(interval_s).map(of).collect()
+}
+
+/// Friction (Bouc and Wen's model of exponent 1, without its asymmetric part): the state follows the input's changes u' and slips,
+/// z' = u' − slip |u'| z − z/leak; begins at rest.
+pub fn friction(input: &[f64], interval_s: &[f64], slip: f64, leak_s: f64) -> Vec<f64> {
+    let (mut last, mut state) = (input.first().copied().unwrap_or_default(), 0.0_f64);
+    let of = |(&value, interval): (&f64, &f64)| {
+        let step: f64 = value - last;
+        last = value;
+        // Exact between two seconds for a constant rate of change.
+        let rate = slip * step.abs() + interval / leak_s;
+        let kept = (-rate).exp();
+        state = state * kept + if rate > 0.0 { step * (1.0 - kept) / rate } else { 0.0 };
+        state
+    };
+    input.iter().zip(interval_s).map(of).collect()
 }

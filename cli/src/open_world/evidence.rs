@@ -7,6 +7,8 @@ use nalgebra::{DMatrix, DVector};
 pub struct Posterior {
     pub mean: DVector<f64>,
     pub covariance: DMatrix<f64>,
+    /// Its factor: the covariance is the product of the factor's transpose with the factor.
+    pub factor: DMatrix<f64>,
     /// Part of the log evidence that the weights make: −½ ln det(I + √S G √S) + ½ cᵀ Σ c.
     pub gain: f64,
 }
@@ -15,7 +17,12 @@ pub struct Posterior {
 pub fn posterior(gram: &DMatrix<f64>, right: &DVector<f64>, variances: &[f64]) -> Posterior {
     let n = variances.len();
     if n == 0 {
-        return Posterior { mean: DVector::zeros(0), covariance: DMatrix::zeros(0, 0), gain: 0.0 };
+        return Posterior {
+            mean: DVector::zeros(0),
+            covariance: DMatrix::zeros(0, 0),
+            factor: DMatrix::zeros(0, 0),
+            gain: 0.0,
+        };
     }
     let roots: Vec<f64> = variances.iter().map(|variance| variance.sqrt()).collect();
     let mut matrix = DMatrix::from_fn(n, n, |i, j| roots[i] * gram[(i, j)] * roots[j]);
@@ -23,11 +30,11 @@ pub fn posterior(gram: &DMatrix<f64>, right: &DVector<f64>, variances: &[f64]) -
         matrix[(i, i)] += 1.0;
     }
     let (half, log_determinant) = super::run::half_of(&matrix);
-    let scaled = DMatrix::from_fn(n, n, |i, j| half[(i, j)] * roots[j]);
-    let covariance = scaled.transpose() * &scaled;
+    let factor = DMatrix::from_fn(n, n, |i, j| half[(i, j)] * roots[j]);
+    let covariance = factor.transpose() * &factor;
     let mean = &covariance * right;
     let gain = 0.5 * right.dot(&mean) - 0.5 * log_determinant;
-    Posterior { mean, covariance, gain }
+    Posterior { mean, covariance, factor, gain }
 }
 
 /// Greatest gain in log evidence of a group with this Gram matrix and right side over prior variances, and the variance.

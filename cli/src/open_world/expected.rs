@@ -3,7 +3,7 @@
 
 use nalgebra::DMatrix;
 
-use super::learn::prepare;
+use super::learn::{prepare, sizes_deg_h};
 use super::predict::{Learned, Model, least_squares};
 use super::recording::Recording;
 use super::run::{Run, half_of};
@@ -62,14 +62,14 @@ impl Learned {
 
     /// The run in the engine's algebra, under white noise alone.
     fn run<'a>(&self, recording: &'a Recording) -> Option<Run<'a>> {
-        let (prepared, _) = prepare(&[recording], &self.kernels[..1], Some(self.unit_deg_h));
+        let (prepared, _) = prepare(&[recording], &self.kernels[..1], Some(self.unit_deg_h), &[]);
         let (sheet, whitening) = prepared.into_iter().next()??;
-        Some(Run::new(sheet, recording.reference, whitening, 1))
+        Some(Run::new(sheet, recording.reference, whitening, &sizes_deg_h(&self.kernels[..1], self.unit_deg_h)))
     }
 
     /// White noise and the processes that a run may have, by their shares.
     fn covariance(&self, run: &Run) -> DMatrix<f64> {
-        let mut covariance = run.whitening.covariance(0, 0.0);
+        let mut covariance = run.whitening.white();
         for (kernel, share) in self.kernels.iter().zip(&self.shares).filter(|(_, share)| **share > LEAST_SHARE) {
             if let Some(shape) = kernel.shape {
                 let variance = share * (kernel.size * self.unit_deg_h).powi(2);

@@ -33,10 +33,130 @@ pub enum Base {
     Turn,
 }
 
+/// A function of a channel with constants that are tuned: the channel counted in half ranges, times in seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Tuned {
+    /// 1 above, 0 below.
+    Threshold(f64),
+    /// A straight line with a bend.
+    Bend(f64),
+    /// The square of what is above.
+    Rectified(f64),
+    /// On above the second, off below the first; in between as it was, at the beginning both ways.
+    Relay([f64; 2]),
+    /// A play operator of this half width beside the channel.
+    Play(f64),
+    /// The channel and its square behind a low-pass.
+    Heat(f64),
+    /// Some seconds ago, behind two low-passes of a time constant.
+    Delay([f64; 2]),
+    /// The greatest and the least so far, that leak in this time.
+    Peak(f64),
+    /// Friction: what follows the channel's changes and slips by this share of them, and leaks in this time.
+    Slip([f64; 2]),
+}
+
+/// Places in the range of a channel that are begun with, and how far apart.
+const PLACES: i32 = 12;
+const PLACE_STEP: f64 = 0.075;
+/// What else is begun with.
+const RELAY_WIDTHS: [f64; 4] = [0.1, 0.2, 0.4, 0.7];
+const PLAYS: [f64; 6] = [0.06, 0.12, 0.2, 0.3, 0.45, 0.7];
+const HEATS_S: [f64; 5] = [25.0, 50.0, 100.0, 200.0, 400.0];
+const DELAYS_S: [f64; 7] = [10.0, 20.0, 32.0, 45.0, 58.0, 72.0, 88.0];
+const SMEARS_S: [f64; 2] = [5.0, 16.0];
+const PEAKS_S: [f64; 3] = [250.0, 600.0, 1500.0];
+const SLIPS: [f64; 4] = [1.5, 3.0, 5.0, 9.0];
+const LEAKS_S: [f64; 2] = [100.0, 350.0];
+
+impl Tuned {
+    fn all() -> Vec<Self> {
+        let mut all = Vec::new();
+        for place in -PLACES..=PLACES {
+            let at = f64::from(place) * PLACE_STEP;
+            all.push(Self::Threshold(at));
+            if place % 2 == 0 && place.abs() < PLACES {
+                all.extend([Self::Bend(at), Self::Rectified(at)]);
+            }
+            if place % 3 == 0 {
+                all.extend(RELAY_WIDTHS.map(|width| Self::Relay([at - 0.5 * width, at + 0.5 * width])));
+            }
+        }
+        all.extend(PLAYS.map(Self::Play));
+        all.extend(HEATS_S.map(Self::Heat));
+        all.extend(DELAYS_S.into_iter().flat_map(|delay_s| SMEARS_S.map(|smear_s| Self::Delay([delay_s, smear_s]))));
+        all.extend(PEAKS_S.map(Self::Peak));
+        all.extend(SLIPS.into_iter().flat_map(|slip| LEAKS_S.map(|leak_s| Self::Slip([slip, leak_s]))));
+        all
+    }
+
+    /// With one constant a little more or less: places by this share of a half range, all others by five times the share of
+    /// themselves.
+    fn neighbours(self, share: f64) -> Vec<Self> {
+        let moved = |at: f64| [at - share, at + share];
+        let scaled = |value: f64| [value / (1.0 + 5.0 * share), value * (1.0 + 5.0 * share)];
+        let one_of_two = |pair: [f64; 2], change: &dyn Fn(f64) -> [f64; 2]| {
+            let [first, second] = [change(pair[0]), change(pair[1])];
+            [[first[0], pair[1]], [first[1], pair[1]], [pair[0], second[0]], [pair[0], second[1]]]
+        };
+        match self {
+            Self::Threshold(at) => moved(at).map(Self::Threshold).to_vec(),
+            Self::Bend(at) => moved(at).map(Self::Bend).to_vec(),
+            Self::Rectified(at) => moved(at).map(Self::Rectified).to_vec(),
+            Self::Relay(between) => {
+                let near = one_of_two(between, &moved).into_iter().filter(|[low, high]| low < high);
+                near.map(Self::Relay).collect()
+            }
+            Self::Play(width) => scaled(width).map(Self::Play).to_vec(),
+            Self::Heat(time_s) => scaled(time_s).map(Self::Heat).to_vec(),
+            Self::Delay(pair) => one_of_two(pair, &scaled).map(Self::Delay).to_vec(),
+            Self::Peak(leak_s) => scaled(leak_s).map(Self::Peak).to_vec(),
+            Self::Slip(pair) => one_of_two(pair, &scaled).map(Self::Slip).to_vec(),
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Threshold(_) => "threshold",
+            Self::Bend(_) => "bend",
+            Self::Rectified(_) => "rectified",
+            Self::Relay(_) => "relay",
+            Self::Play(_) => "hysteresis",
+            Self::Heat(_) => "memory-of-function",
+            Self::Delay(_) => "delay",
+            Self::Peak(_) => "greatest-so-far",
+            Self::Slip(_) => "friction",
+        }
+    }
+
+    fn words(self, channel: &str) -> String {
+        match self {
+            Self::Threshold(_) => format!("threshold in {channel}"),
+            Self::Bend(_) => format!("bend in {channel}"),
+            Self::Rectified(_) => format!("square of {channel} above a place"),
+            Self::Relay(_) => format!("relay in {channel}"),
+            Self::Play(_) => format!("hysteresis in {channel}"),
+            Self::Heat(_) => format!("memory of the square of {channel}"),
+            Self::Delay(_) => format!("{channel} some time ago"),
+            Self::Peak(_) => format!("greatest and least {channel} so far"),
+            Self::Slip(_) => format!("friction behind {channel}"),
+        }
+    }
+}
+
 /// Functions that enter or leave a model together: their weights have one prior variance.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Group {
     Base(Base),
+    Tuned(usize, Tuned),
+    /// A channel while another is above a place.
+    Gated {
+        channel: usize,
+        by: usize,
+        at: f64,
+    },
+    /// Low-passes of a channel forward and backward: a channel that is recorded with noise.
+    Smoothed(usize),
     Linear(usize),
     Quadratic(usize),
     Change(usize),
@@ -54,6 +174,17 @@ pub enum Group {
     HighHarmonics,
     EarthField,
     AxisHarmonics,
+    /// A curve in the axis's azimuth.
+    AxisCurve,
+    /// A curve in the index angle as an error of the index.
+    IndexCurve,
+    /// A curve in the index angle, turns counted: a cable that winds up.
+    Winding,
+    /// What grows or dies away after a move, by its direction; and with a sign that changes from move to move.
+    Creep,
+    Alternating,
+    /// Decays by powers of the travel.
+    SettlingByCurve,
     RateCurve,
     Drift,
     SettlingByCount,
@@ -80,6 +211,8 @@ pub enum Group {
 
 /// Channels up to which products of any two of their bases are tried; else only their values with everything global.
 const MOST_PRODUCTS: usize = 4;
+/// Channels up to which any one is tried as the gate of another.
+const MOST_GATED: usize = 5;
 const MOST_BICUBIC: usize = 6;
 const MOST_BILINEAR: usize = 12;
 
@@ -141,6 +274,14 @@ impl Group {
             all.extend([LongMemory(channel), Backlash(channel), MemoryOfCurve(channel), MemoryOfChange(channel)]);
             all.extend((0..PLAY_WIDTHS.len()).map(|width| Hysteresis(channel, width)));
             all.extend((0..TIMES_S.len()).map(|time| CurveOfMemory(channel, time)));
+            all.push(Self::Smoothed(channel));
+            all.extend(Tuned::all().into_iter().map(|tuned| Self::Tuned(channel, tuned)));
+            if channels <= MOST_GATED {
+                let gates = (-PLACES..=PLACES).step_by(2).map(|place| f64::from(place) * PLACE_STEP);
+                let of_gate =
+                    |at| (0..channels).filter(|&by| by != channel).map(move |by| Self::Gated { channel, by, at });
+                all.extend(gates.flat_map(of_gate));
+            }
         }
         let of_channel = |channel| [Base::Value(channel), Base::Memory(channel), Base::Play(channel)];
         let of_channels: Vec<Base> = (0..channels).flat_map(of_channel).collect();
@@ -157,7 +298,8 @@ impl Group {
         global.extend(tilt.then_some(Base::Tilt));
         all.extend(of_channels.iter().chain(&global).map(|&base| Self::Base(base)));
         all.extend([Self::HighHarmonics, Self::EarthField, Self::AxisHarmonics, Self::RateCurve, Self::Drift]);
-        all.extend([Self::SettlingByCount, Self::SettlingEveryDwell, Self::SettlingByPosition]);
+        all.extend([Self::SettlingByCount, Self::SettlingEveryDwell, Self::SettlingByPosition, Self::SettlingByCurve]);
+        all.extend([Self::AxisCurve, Self::IndexCurve, Self::Winding, Self::Creep, Self::Alternating]);
         if tilt {
             all.extend([Self::TiltLinear, Self::TiltRate]);
         }
@@ -178,10 +320,25 @@ impl Group {
         bases.map(|base| Self::Extended { parent: Box::new(self.clone()), weights: weights.to_vec(), base }).collect()
     }
 
+    /// The same functions with a constant a little more or less, by a share of a channel's half range.
+    pub fn neighbours(&self, share: f64) -> Vec<Self> {
+        match self {
+            Self::Tuned(channel, tuned) => {
+                tuned.neighbours(share).into_iter().map(|tuned| Self::Tuned(*channel, tuned)).collect()
+            }
+            Self::Gated { channel, by, at } => {
+                [at - share, at + share].map(|at| Self::Gated { channel: *channel, by: *by, at }).to_vec()
+            }
+            _ => Vec::new(),
+        }
+    }
+
     /// How complex: the penalty grows with it.
     pub fn level(&self) -> f64 {
         match self {
             Self::Bilinear(..) | Self::LinearTimes(..) => 1.3,
+            // A constant is searched for.
+            Self::Tuned(..) | Self::Gated { .. } => 2.0,
             Self::Bicubic(..) => 1.6,
             Self::Product(..) => 2.0,
             Self::Triple(..) | Self::Extended { .. } => 3.0,
@@ -193,7 +350,7 @@ impl Group {
     pub fn follows_heading(&self) -> bool {
         match self {
             Self::Base(base) | Self::LinearTimes(_, base) | Self::Triple(_, _, base) => base.follows_heading(),
-            Self::EarthField | Self::AxisHarmonics | Self::RateCurve => true,
+            Self::EarthField | Self::AxisHarmonics | Self::AxisCurve | Self::IndexCurve | Self::RateCurve => true,
             Self::Product(first, second) => first.follows_heading() || second.follows_heading(),
             Self::Extended { parent, base, .. } => parent.follows_heading() || base.follows_heading(),
             _ => false,
@@ -204,7 +361,10 @@ impl Group {
     pub fn channels(&self) -> Vec<usize> {
         let mut channels: Vec<usize> = match self {
             Self::Base(base) => base.channel().into_iter().collect(),
+            Self::Gated { channel, by, .. } => vec![*channel, *by],
             Self::Linear(channel)
+            | Self::Tuned(channel, _)
+            | Self::Smoothed(channel)
             | Self::Quadratic(channel)
             | Self::Change(channel)
             | Self::SharpCurve(channel)
@@ -240,6 +400,15 @@ impl Group {
             Self::Base(Base::Heading) => "function-of-heading".into(),
             Self::Base(Base::Tilt) => "gravity-sensitivity".into(),
             Self::Base(Base::Turn) => "function-of-direction".into(),
+            Self::Tuned(_, tuned) => tuned.name().into(),
+            Self::Gated { .. } => "gated-channel".into(),
+            Self::Smoothed(_) => "smoothed-channel".into(),
+            Self::AxisCurve => "function-of-axis-azimuth".into(),
+            Self::IndexCurve => "index-error".into(),
+            Self::Winding => "winding".into(),
+            Self::Creep => "creep".into(),
+            Self::Alternating => "alternating-creep".into(),
+            Self::SettlingByCurve => "settling-by-travel".into(),
             Self::Linear(_) => "channel".into(),
             Self::Change(_) => "channel-rate".into(),
             Self::MemoryOfCurve(_) => "memory-of-function".into(),
@@ -275,6 +444,15 @@ impl Group {
                 format!("smooth function of {}", names[*channel])
             }
             Self::Base(base) => base.words(names),
+            Self::Tuned(channel, tuned) => tuned.words(&names[*channel]),
+            Self::Gated { channel, by, .. } => format!("{} while {} is high", names[*channel], names[*by]),
+            Self::Smoothed(channel) => format!("{} without its noise", names[*channel]),
+            Self::AxisCurve => "smooth function of the axis azimuth".into(),
+            Self::IndexCurve => "error of the index by its angle".into(),
+            Self::Winding => "smooth function of the index angle, turns counted".into(),
+            Self::Creep => "creep after a move by its direction".into(),
+            Self::Alternating => "creep after a move, its sign changing from move to move".into(),
+            Self::SettlingByCurve => "decay by powers of the travel".into(),
             Self::Linear(channel) => format!("{} in proportion", names[*channel]),
             Self::Change(channel) => format!("rate of change of {}", names[*channel]),
             Self::LongMemory(channel) => format!("memory of {}", names[*channel]),

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::basis::{Columns, Scales, Sheet};
+use super::basis::{Scales, Sheet};
 use super::evidence::{Posterior, best_variance, posterior};
 use super::group::{Base, Group};
 use super::process::{self, Kernel};
@@ -16,8 +16,15 @@ use super::run::{Run, Whitening};
 const GAIN: f64 = 6.0;
 /// Gain below which a proposal is not tried.
 const LEAST_PROPOSAL: f64 = 3.0;
-/// Proposals that are tried, beside each share of the own process.
-const TRIALS: usize = 4;
+/// Proposals beside each share of the own process that are looked at, by the number of runs, at least and at most; and how many
+/// of all are tried in full.
+const LOOKS_OF_RUNS: usize = 240;
+const LOOKS: [usize; 2] = [6, 16];
+const TRIALS: usize = 3;
+/// Steps by which places of thresholds, bends and relays are shifted, half ranges of the channel.
+const PLACE_STEPS: [f64; 4] = [0.04, 0.02, 0.01, 0.005];
+/// Gain of a shift that counts.
+const SHIFTED: f64 = 0.3;
 /// Shares of the own process's size beside which groups are proposed: it may have swallowed an effect.
 const SHARES: [f64; 3] = [1.0, 0.25, 0.03];
 /// Most groups, and most swaps of one for another.
@@ -33,6 +40,8 @@ const COMPLEXITY: f64 = 1.5;
 const ROUNDS: usize = 3;
 /// Parts that the runs are summed in: always the same, so that sums have the same order on any number of cores.
 const PARTS: usize = 4;
+/// Log odds by which another kernel must be likelier than the one that a run has.
+const HARDLY: f64 = 0.3;
 /// Log evidence by which an alternative may be behind, and how many enter the average.
 const BEHIND: f64 = 5.0;
 const MOST_ALTERNATIVES: usize = 6;
@@ -41,14 +50,25 @@ const MOST_ALTERNATIVES: usize = 6;
 pub type Active = Vec<(usize, f64)>;
 
 /// Sums over the runs of what columns are beside the runs' own unknowns.
-struct Sums {
-    /// Gram matrix of every group by itself; products with the active columns; right sides.
-    own: Vec<DMatrix<f64>>,
-    with_active: Vec<DMatrix<f64>>,
-    right: Vec<DVector<f64>>,
+struct Sums<'a> {
+    /// Gram matrix of every group by itself.
+    own: &'a [DMatrix<f64>],
+    /// Products of all columns with the active ones; right sides.
+    with_active: DMatrix<f64>,
+    right: DVector<f64>,
     /// −½ (Σ ln det + yᵀy).
     constant: f64,
 }
+
+/// Gram matrices of all groups by themselves, summed over the runs: they change only with a run's kernel.
+#[derive(Default)]
+struct Grams {
+    of_run: Vec<usize>,
+    sums: Vec<DMatrix<f64>>,
+}
+
+/// Gram matrix, right side and constant of the active columns of a run.
+pub type OfRun = (DMatrix<f64>, DVector<f64>, f64);
 
 /// The training set in algebra, and its groups.
 pub struct Search<'a> {
@@ -57,12 +77,14 @@ pub struct Search<'a> {
     pub groups: Vec<Group>,
     /// Factor that gives every group a variance of 1 within runs.
     pub factors: Vec<f64>,
-    /// Columns of every group, scaled, by run.
-    columns: Vec<Vec<Columns>>,
+    /// Columns of all groups side by side, scaled, by run; where each group's begin, and where the last one's end.
+    columns: Vec<DMatrix<f64>>,
+    starts: Vec<usize>,
     pub kernels: Vec<Kernel>,
     pub unit_deg_h: f64,
     variances: Vec<f64>,
-    first_groups: usize,
+    /// For every share of the own process.
+    grams: [Grams; SHARES.len()],
 }
 
 /// Where the search stands.
@@ -86,11 +108,13 @@ pub struct Alternative {
 /// A recording with its samples and what makes their noise white.
 type Prepared<'a> = (Sheet<'a>, Arc<Whitening>);
 
-/// Prepares recordings with a common treatment of their noise; `None` where a run has too little in it.
+/// Prepares recordings with a common treatment of their noise; `None` where a run has too little in it. `known` are whitenings
+/// under the same kernels.
 pub fn prepare<'a>(
     recordings: &[&'a Recording],
     kernels: &[Kernel],
     unit_deg_h: Option<f64>,
+    known: &[Arc<Whitening>],
 ) -> (Vec<Option<Prepared<'a>>>, f64) {
     let entering: Vec<Vec<bool>> = recordings.par_iter().map(|recording| recording.without_shocks()).collect();
     let noises: Vec<Option<(f64, usize)>> =
@@ -105,44 +129,44 @@ pub fn prepare<'a>(
         .collect();
     // Runs with the same spans and weights share their whitening.
     let mut first_of: Vec<usize> = Vec::new();
-    let mut place = vec![0; sheets.len()];
     for (i, sheet) in sheets.iter().enumerate() {
-        let Some(sheet) = sheet else { continue };
-        let same = |&first: &usize| {
-            sheets[first].as_ref().is_some_and(|other| {
-                other.samples.spans == sheet.samples.spans && other.samples.weights == sheet.samples.weights
-            })
-        };
-        place[i] = first_of.iter().position(same).unwrap_or_else(|| {
+        let Some(Sheet { samples, .. }) = sheet else { continue };
+        let same = |first: &usize| sheets[*first].as_ref().is_some_and(|other| other.samples.is_alike(samples));
+        if !known.iter().any(|known| known.is_of(&samples.spans, &samples.weights)) && !first_of.iter().any(same) {
             first_of.push(i);
-            first_of.len() - 1
-        });
+        }
     }
-    let whitenings: Vec<Arc<Whitening>> = first_of
+    let new: Vec<Arc<Whitening>> = first_of
         .par_iter()
         .filter_map(|&first| sheets[first].as_ref())
-        .map(|sheet| Arc::new(Whitening::new(&sheet.samples.spans, &sheet.samples.weights, kernels, unit_deg_h)))
+        .map(|sheet| Arc::new(Whitening::new(&sheet.samples.spans, &sheet.samples.weights, kernels)))
         .collect();
-    let prepared = sheets
-        .into_iter()
-        .zip(place)
-        .map(|(sheet, place)| sheet.map(|sheet| (sheet, whitenings[place].clone())))
-        .collect();
-    (prepared, unit_deg_h)
+    let prepared = |sheet: Option<Sheet<'a>>| {
+        let sheet = sheet?;
+        let of_sheet = |whitening: &&Arc<Whitening>| whitening.is_of(&sheet.samples.spans, &sheet.samples.weights);
+        let whitening = known.iter().chain(&new).find(of_sheet)?.clone();
+        Some((sheet, whitening))
+    };
+    (sheets.into_iter().map(prepared).collect(), unit_deg_h)
+}
+
+/// Standard deviations of the kernels' processes, °/h.
+pub fn sizes_deg_h(kernels: &[Kernel], unit_deg_h: f64) -> Arc<Vec<f64>> {
+    Arc::new(kernels.iter().map(|kernel| kernel.size * unit_deg_h).collect())
 }
 
 impl<'a> Search<'a> {
     /// `None` where no run has enough in it.
     pub fn new(recordings: &[&'a Recording], channels: usize) -> Option<Self> {
         let kernels = process::kernels();
-        let (prepared, unit_deg_h) = prepare(recordings, &kernels, None);
-        let number = kernels.len();
+        let (prepared, unit_deg_h) = prepare(recordings, &kernels, None, &[]);
+        let sizes_deg_h = sizes_deg_h(&kernels, unit_deg_h);
         let runs: Vec<Run> = prepared
             .into_par_iter()
             .flatten()
             .map(|(sheet, whitening)| {
                 let reference = sheet.recording.reference;
-                Run::new(sheet, reference, whitening, number)
+                Run::new(sheet, reference, whitening, &sizes_deg_h)
             })
             .collect();
         if runs.is_empty() || unit_deg_h <= 0.0 {
@@ -169,7 +193,8 @@ impl<'a> Search<'a> {
         let scales = Scales::new(&sheets, &once);
         let variances = SIZES.map(|size| (size * unit_deg_h * 10f64.sqrt()).powi(2)).to_vec();
         let mut search = Self {
-            columns: vec![Vec::new(); runs.len()],
+            columns: runs.iter().map(|run| DMatrix::zeros(run.rate.len(), 0)).collect(),
+            starts: vec![0],
             runs,
             scales,
             groups: Vec::new(),
@@ -177,45 +202,53 @@ impl<'a> Search<'a> {
             kernels,
             unit_deg_h,
             variances,
-            first_groups: 0,
+            grams: Default::default(),
         };
         search.add(groups);
-        search.first_groups = search.groups.len();
         Some(search)
     }
 
     /// Adds groups that vary within runs.
     fn add(&mut self, groups: Vec<Group>) {
-        let mut built: Vec<Vec<Columns>> = self
+        let built: Vec<Vec<DMatrix<f64>>> = self
             .runs
             .par_iter()
-            .map(|run| groups.iter().map(|group| self.scales.columns(&run.sheet, group, run.azimuth_rad)).collect())
+            .map(|run| {
+                let mut bases = Vec::new();
+                let of_group = |group: &Group| self.scales.columns_with(&run.sheet, group, run.azimuth_rad, &mut bases);
+                groups.iter().map(of_group).collect()
+            })
             .collect();
+        let spread = |columns: &DMatrix<f64>| columns.column_iter().map(|column| column.variance()).sum::<f64>();
+        let mut kept: Vec<(usize, f64)> = Vec::new();
         for (place, group) in groups.into_iter().enumerate() {
-            let spread =
-                |columns: &Vec<Columns>| columns[place].column_iter().map(|column| column.variance()).sum::<f64>();
-            let variance = built.iter().map(spread).sum::<f64>() / built.len() as f64;
+            let variance = built.iter().map(|built| spread(&built[place])).sum::<f64>() / built.len() as f64;
             if variance.is_nan() || variance < 1e-14 {
                 continue;
             }
-            let factor = variance.powf(-0.5);
+            kept.push((place, variance.powf(-0.5)));
             self.groups.push(group);
-            self.factors.push(factor);
-            for (columns, built) in self.columns.iter_mut().zip(&mut built) {
-                columns.push(std::mem::replace(&mut built[place], DMatrix::zeros(0, 0)) * factor);
-            }
+            self.factors.push(variance.powf(-0.5));
+            self.starts.push(self.starts[self.starts.len() - 1] + built[0][place].ncols());
+        }
+        for (columns, built) in self.columns.iter_mut().zip(built) {
+            let scaled = kept.iter().flat_map(|&(place, factor)| built[place].iter().map(move |value| value * factor));
+            let all: Vec<f64> = columns.iter().copied().chain(scaled).collect();
+            *columns = DMatrix::from_vec(columns.nrows(), all.len() / columns.nrows(), all);
         }
     }
 
     fn width(&self, group: usize) -> usize {
-        self.columns[0][group].ncols()
+        self.starts[group + 1] - self.starts[group]
     }
 
     /// Active columns of a run side by side.
     pub fn active_columns(&self, run: usize, active: &Active) -> DMatrix<f64> {
         let rows = self.runs[run].rate.len();
-        let all: Vec<f64> =
-            active.iter().flat_map(|(group, _)| self.columns[run][*group].as_slice().iter().copied()).collect();
+        let of_group = |&(group, _): &(usize, f64)| {
+            self.columns[run].as_slice()[self.starts[group] * rows..self.starts[group + 1] * rows].iter().copied()
+        };
+        let all: Vec<f64> = active.iter().flat_map(of_group).collect();
         DMatrix::from_vec(rows, all.len() / rows, all)
     }
 
@@ -223,147 +256,125 @@ impl<'a> Search<'a> {
         active.iter().flat_map(|&(group, variance)| vec![variance; self.width(group)]).collect()
     }
 
-    /// Sums over the runs for all groups in `of` (by place), beside active ones.
-    fn sums(&self, active: &Active, of_run: &[usize], share: f64, of: std::ops::Range<usize>) -> Sums {
-        let part = |runs: std::ops::Range<usize>| {
-            let mut sums: Option<Sums> = None;
-            for run in runs {
-                let each = self.sums_of_run(run, active, of_run[run], share, of.clone());
-                match &mut sums {
-                    None => sums = Some(each),
-                    Some(sums) => sums.add(&each),
-                }
+    /// Brings the groups' own Gram matrices to these kernels.
+    fn refresh(&mut self, number: usize, of_run: &[usize]) {
+        let share = SHARES[number];
+        let mut grams = std::mem::take(&mut self.grams[number]);
+        let changed: Vec<usize> = (0..of_run.len()).filter(|&i| grams.of_run.get(i) != Some(&of_run[i])).collect();
+        // Half of them again are as much work as all of them anew.
+        if 2 * changed.len() > of_run.len() {
+            grams = Grams::default();
+        }
+        let old = grams.sums.len();
+        let mut jobs: Vec<(usize, usize, f64, std::ops::Range<usize>)> = Vec::new();
+        if old > 0 {
+            for &i in &changed {
+                jobs.push((i, grams.of_run[i], -1.0, 0..old));
+                jobs.push((i, of_run[i], 1.0, 0..old));
+            }
+        }
+        if old < self.groups.len() {
+            jobs.extend((0..of_run.len()).map(|i| (i, of_run[i], 1.0, old..self.groups.len())));
+            grams
+                .sums
+                .extend((old..self.groups.len()).map(|group| DMatrix::zeros(self.width(group), self.width(group))));
+        }
+        let zeros = || grams.sums.iter().map(|sum| DMatrix::zeros(sum.nrows(), sum.nrows())).collect::<Vec<_>>();
+        let of_part = |part: usize| {
+            let mut sums = zeros();
+            for (run, kernel, sign, range) in jobs.iter().skip(part).step_by(PARTS) {
+                let widths: Vec<usize> = range.clone().map(|group| self.width(group)).collect();
+                let columns = self.columns[*run].columns(self.starts[range.start], widths.iter().sum()).into_owned();
+                let beside = self.runs[*run].beside(*kernel, if *kernel == 0 { 1.0 } else { share });
+                beside.add_grams(&columns, &widths, *sign, &mut sums[range.clone()]);
             }
             sums
         };
-        let parts: Vec<std::ops::Range<usize>> = (0..PARTS)
-            .map(|i| i * self.runs.len() / PARTS..(i + 1) * self.runs.len() / PARTS)
-            .filter(|range| !range.is_empty())
-            .collect();
-        let found: Vec<Sums> = parts.into_par_iter().filter_map(part).collect();
-        let mut found = found.into_iter();
-        let mut sums = found.next().unwrap_or_else(|| Sums {
-            own: Vec::new(),
-            with_active: Vec::new(),
-            right: Vec::new(),
-            constant: 0.0,
-        });
-        found.for_each(|each| sums.add(&each));
-        sums
+        if !jobs.is_empty() {
+            for part in (0..PARTS.min(jobs.len())).into_par_iter().map(of_part).collect::<Vec<_>>() {
+                grams.sums.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
+            }
+        }
+        grams.of_run = of_run.to_vec();
+        self.grams[number] = grams;
     }
 
-    fn sums_of_run(
-        &self,
-        place: usize,
-        active: &Active,
-        kernel: usize,
-        share: f64,
-        of: std::ops::Range<usize>,
-    ) -> Sums {
-        let run = &self.runs[place];
-        let projection = run.projection(kernel, self.kernels[kernel].size * self.unit_deg_h, share);
-        let of_active = projection.of(&self.active_columns(place, active));
-        let mut sums = Sums {
-            own: Vec::with_capacity(of.len()),
-            with_active: Vec::with_capacity(of.len()),
-            right: Vec::with_capacity(of.len()),
-            constant: -0.5 * (projection.log_determinant + projection.rate.norm_squared()),
+    /// Sums over the runs beside active groups, under a share of the own process given by its place.
+    /// The Gram matrices are those of the last refresh.
+    fn sums(&self, active: &Active, of_run: &[usize], number: usize) -> Sums<'_> {
+        let of_part = |part: usize| {
+            let mut sum: Option<(DMatrix<f64>, f64)> = None;
+            for run in (part..self.runs.len()).step_by(PARTS) {
+                let beside = self.runs[run].beside(of_run[run], SHARES[number]);
+                let toward = beside.toward(&self.active_columns(run, active));
+                let products = self.columns[run].tr_mul(&toward);
+                sum = Some(match sum {
+                    None => (products, beside.constant),
+                    Some((all, constant)) => (all + products, constant + beside.constant),
+                });
+            }
+            sum
         };
-        for group in of {
-            let columns = projection.of(&self.columns[place][group]);
-            let transposed = columns.transpose();
-            sums.own.push(&transposed * &columns);
-            sums.with_active.push(&transposed * &of_active);
-            sums.right.push(&transposed * &projection.rate);
+        let parts: Vec<(DMatrix<f64>, f64)> = (0..PARTS).into_par_iter().filter_map(of_part).collect();
+        let mut parts = parts.into_iter();
+        let (mut products, mut constant) = parts.next().unwrap_or((DMatrix::zeros(0, 1), 0.0));
+        for (each, of_part) in parts {
+            products += each;
+            constant += of_part;
         }
-        sums
+        let last = products.ncols() - 1;
+        let right = products.column(last).into_owned();
+        Sums { own: &self.grams[number].sums, with_active: products.remove_column(last), right, constant }
     }
 
-    /// Gram matrix and right side of the active columns of one run.
-    pub fn of_run(&self, place: usize, active: &Active, kernel: usize) -> (DMatrix<f64>, DVector<f64>) {
-        let (gram, right, _) = self.active_sums_of(place, active, kernel);
-        (gram, right)
+    /// Gram matrix, right side and constant of the active columns of one run.
+    pub fn of_run(&self, place: usize, active: &Active, kernel: usize) -> OfRun {
+        let beside = self.runs[place].beside(kernel, 1.0);
+        let (gram, right) = beside.sums(&self.active_columns(place, active));
+        (gram, right, beside.constant)
     }
 
-    fn active_sums_of(&self, place: usize, active: &Active, kernel: usize) -> (DMatrix<f64>, DVector<f64>, f64) {
-        let projection = self.runs[place].projection(kernel, self.kernels[kernel].size * self.unit_deg_h, 1.0);
-        let columns = projection.of(&self.active_columns(place, active));
-        let transposed = columns.transpose();
-        let constant = -0.5 * (projection.log_determinant + projection.rate.norm_squared());
-        (&transposed * &columns, &transposed * &projection.rate, constant)
-    }
-
-    /// The same summed over the runs, with the constant part of the log evidence.
-    pub fn active_sums(&self, active: &Active, of_run: &[usize]) -> (DMatrix<f64>, DVector<f64>, f64) {
-        let each: Vec<_> = (0..self.runs.len())
-            .into_par_iter()
-            .map(|place| self.active_sums_of(place, active, of_run[place]))
-            .collect();
-        let width = each.first().map_or(0, |first| first.1.len());
-        let mut total = (DMatrix::zeros(width, width), DVector::zeros(width), 0.0);
-        for (gram, right, constant) in each {
-            total.0 += gram;
-            total.1 += right;
-            total.2 += constant;
-        }
-        total
+    /// The same of all runs.
+    fn of_runs(&self, active: &Active, of_run: &[usize]) -> Vec<OfRun> {
+        (0..self.runs.len()).into_par_iter().map(|place| self.of_run(place, active, of_run[place])).collect()
     }
 
     /// Log-likelihood of every run under every kernel when these effects (by the sample) are taken out.
     fn own_processes(&self, means: &[DVector<f64>]) -> Vec<Vec<f64>> {
-        let residuals: Vec<DVector<f64>> = self.runs.iter().zip(means).map(|(run, mean)| &run.rate - mean).collect();
-        // Runs that share their whitening are whitened together.
-        let mut together: Vec<Vec<usize>> = Vec::new();
-        for (i, run) in self.runs.iter().enumerate() {
-            match together.iter_mut().find(|each| Arc::ptr_eq(&self.runs[each[0]].whitening, &run.whitening)) {
-                Some(each) => each.push(i),
-                None => together.push(vec![i]),
-            }
-        }
-        let mut found: Vec<Vec<f64>> = vec![Vec::new(); self.runs.len()];
-        let each: Vec<(usize, Vec<f64>)> = together
-            .par_iter()
-            .flat_map(|places| {
-                let columns: Vec<DVector<f64>> = places.iter().map(|&i| residuals[i].clone()).collect();
-                let whitened = &self.runs[places[0]].whitening.halves * DMatrix::from_columns(&columns);
-                let n = whitened.nrows();
-                places
-                    .iter()
-                    .enumerate()
-                    .map(|(column, &i)| {
-                        let whitened = &whitened.as_slice()[column * n..(column + 1) * n];
-                        (i, self.runs[i].log_likelihood(&residuals[i], whitened, true))
-                    })
-                    .collect::<Vec<_>>()
-            })
-            .collect();
-        each.into_iter().for_each(|(i, values)| found[i] = values);
-        found
+        self.runs.par_iter().zip(means).map(|(run, mean)| run.log_likelihood(&(&run.rate - mean), true)).collect()
     }
 
     /// The evidence of active groups with the own processes estimated again, beginning with those of `from`.
     fn total(&self, active: &Active, from: Option<&[usize]>) -> State {
+        self.total_in(active, from, ROUNDS)
+    }
+
+    fn total_in(&self, active: &Active, from: Option<&[usize]>, rounds: usize) -> State {
         let none: Vec<DVector<f64>> = self.runs.iter().map(|run| DVector::zeros(run.rate.len())).collect();
         let prior = self.prior(active);
-        let mut of_run = from.map_or_else(|| self.settle(&none).0, <[usize]>::to_vec);
+        let mut of_run = from.map_or_else(|| self.settle(&none, None).0, <[usize]>::to_vec);
+        let mut each = self.of_runs(active, &of_run);
+        let mut found = posterior_of(&each, &prior);
         let mut best: Option<State> = None;
-        for _ in 0..ROUNDS {
-            let means = if active.is_empty() {
-                none.clone()
-            } else {
-                let (gram, right, _) = self.active_sums(active, &of_run);
-                let weights = posterior(&gram, &right, &prior).mean;
-                (0..self.runs.len()).map(|run| self.active_columns(run, active) * &weights).collect()
-            };
-            let (new, shares, process_gain) = self.settle(&means);
-            let (gram, right, constant) = self.active_sums(active, &new);
+        for _ in 0..rounds {
+            let mean = |run: usize| self.active_columns(run, active) * &found.0.mean;
+            let means =
+                if active.is_empty() { none.clone() } else { (0..self.runs.len()).into_par_iter().map(mean).collect() };
+            let (new, shares, process_gain) = self.settle(&means, Some(&of_run));
+            let changed: Vec<usize> = (0..new.len()).filter(|&run| new[run] != of_run[run]).collect();
+            let again: Vec<OfRun> = changed.par_iter().map(|&run| self.of_run(run, active, new[run])).collect();
+            changed.iter().zip(again).for_each(|(&run, of_run)| each[run] = of_run);
+            found = posterior_of(&each, &prior);
             let of_kernels: f64 = new.iter().map(|&kernel| shares[kernel].ln()).sum();
-            let evidence = constant + posterior(&gram, &right, &prior).gain + of_kernels;
+            let evidence = found.1 + found.0.gain + of_kernels;
             if best.as_ref().is_some_and(|best| evidence <= best.evidence + 0.1) {
                 break;
             }
             of_run.clone_from(&new);
             best = Some(State { active: active.clone(), of_run: new, shares, evidence, process_gain });
+            if changed.is_empty() || active.is_empty() {
+                break;
+            }
         }
         best.unwrap_or(State {
             active: active.clone(),
@@ -374,15 +385,19 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// The likeliest kernel of every run, the shares, and what they gain over white noise.
-    fn settle(&self, means: &[DVector<f64>]) -> (Vec<usize>, Vec<f64>, f64) {
+    /// The likeliest kernel of every run (the one it had, where another is hardly likelier), the shares, and what they gain over
+    /// white noise.
+    fn settle(&self, means: &[DVector<f64>], before: Option<&[usize]>) -> (Vec<usize>, Vec<f64>, f64) {
         let likelihoods = self.own_processes(means);
         let shares = process::shares(&likelihoods);
         let of_run = likelihoods
             .iter()
-            .map(|run| {
+            .enumerate()
+            .map(|(place, run)| {
                 let joint = |kernel: usize| run[kernel] + shares[kernel].ln();
-                (0..run.len()).max_by(|&a, &b| joint(a).total_cmp(&joint(b))).unwrap_or(0)
+                let best = (0..run.len()).max_by(|&a, &b| joint(a).total_cmp(&joint(b))).unwrap_or(0);
+                let had = before.map_or(best, |before| before[place]);
+                if joint(best) > joint(had) + HARDLY { best } else { had }
             })
             .collect();
         let gain = |run: &Vec<f64>| {
@@ -415,13 +430,7 @@ impl<'a> Search<'a> {
                 {
                     return None;
                 }
-                if rest.is_empty() {
-                    return Some(best_variance(&sums.own[group], &sums.right[group], &self.variances));
-                }
-                let with = sums.with_active[group].select_columns(&columns);
-                let own = &sums.own[group] - &with * &known.covariance * with.transpose();
-                let right = &sums.right[group] - with * &known.mean;
-                Some(best_variance(&own, &right, &self.variances))
+                Some(self.best_beside(sums, group, &columns, &known))
             })
             .collect()
     }
@@ -443,13 +452,11 @@ impl<'a> Search<'a> {
             .collect();
         let columns: Vec<usize> =
             rest.iter().flat_map(|&place| starts[place]..starts[place] + self.width(active[place].0)).collect();
-        let rows: Vec<(usize, usize)> = rest
-            .iter()
-            .flat_map(|&place| (0..self.width(active[place].0)).map(move |at| (active[place].0, at)))
-            .collect();
+        let rows: Vec<usize> =
+            rest.iter().flat_map(|&place| self.starts[active[place].0]..self.starts[active[place].0 + 1]).collect();
         let n = columns.len();
-        let gram = DMatrix::from_fn(n, n, |i, j| sums.with_active[rows[i].0][(rows[i].1, columns[j])]);
-        let right = DVector::from_fn(n, |i, _| sums.right[rows[i].0][rows[i].1]);
+        let gram = DMatrix::from_fn(n, n, |i, j| sums.with_active[(rows[i], columns[j])]);
+        let right = DVector::from_fn(n, |i, _| sums.right[rows[i]]);
         let prior: Vec<f64> =
             rest.iter().flat_map(|&place| vec![active[place].1; self.width(active[place].0)]).collect();
         (columns, posterior(&gram, &right, &prior))
@@ -472,6 +479,7 @@ impl<'a> Search<'a> {
             let before = state.evidence;
             let newest = trial.active.last().map(|each| each.0);
             state = self.polish(trial, &mut swaps);
+            state = self.shift(state);
             if let Some(newest) = newest.filter(|newest| state.active.iter().any(|each| each.0 == *newest)) {
                 self.extend(newest, &state);
             }
@@ -483,15 +491,16 @@ impl<'a> Search<'a> {
     }
 
     /// The best of the proposed groups by the evidence less its penalty, which is also given.
-    fn best_trial(&self, state: &State) -> Option<(State, f64)> {
-        let mut tried: Vec<(usize, bool)> = Vec::new();
-        let mut best: Option<(State, f64)> = None;
+    fn best_trial(&mut self, state: &State) -> Option<(State, f64)> {
         let places: Vec<usize> = (0..state.active.len()).collect();
-        for share in SHARES {
+        // A group with its prior variance, and whether the runs' processes are left to it.
+        let mut proposed: Vec<(usize, f64, bool)> = Vec::new();
+        for (number, share) in SHARES.into_iter().enumerate() {
             if share < 1.0 && state.of_run.iter().all(|&kernel| kernel == 0) {
                 continue;
             }
-            let sums = self.sums(&state.active, &state.of_run, share, 0..self.groups.len());
+            self.refresh(number, &state.of_run);
+            let sums = self.sums(&state.active, &state.of_run, number);
             let gains = self.gains(&sums, &state.active, &places);
             let mut order: Vec<(usize, f64, f64)> = gains
                 .iter()
@@ -501,34 +510,61 @@ impl<'a> Search<'a> {
                 .collect();
             let worth = |each: &(usize, f64, f64)| each.1 - self.penalty(each.0);
             order.sort_by(|a, b| worth(b).total_cmp(&worth(a)));
-            for (group, _, variance) in order.into_iter().take(TRIALS) {
-                if tried.contains(&(group, share < 1.0)) {
-                    continue;
-                }
-                tried.push((group, share < 1.0));
-                let mut active = state.active.clone();
-                active.push((group, variance));
-                let mut trial = self.total(&active, Some(&state.of_run));
-                if share < 1.0 {
-                    // Begun without any process the effect need not be taken away from one first.
-                    let fresh = self.total(&active, Some(&vec![0; self.runs.len()]));
-                    if fresh.evidence > trial.evidence {
-                        trial = fresh;
-                    }
-                }
-                let penalty = self.penalty(group);
-                if best.as_ref().is_none_or(|best| trial.evidence - penalty > best.0.evidence - best.1) {
-                    best = Some((trial, penalty));
+            for (group, _, variance) in
+                order.into_iter().take((LOOKS_OF_RUNS / self.runs.len()).clamp(LOOKS[0], LOOKS[1]))
+            {
+                if !proposed.iter().any(|each| each.0 == group && each.2 == (share < 1.0)) {
+                    proposed.push((group, variance, share < 1.0));
                 }
             }
         }
-        best
+        // An effect that begins without any process need not be taken away from one first.
+        let none = vec![0; self.runs.len()];
+        let look = |&(group, variance, fresh): &(usize, f64, bool), rounds: usize| {
+            let active: Active = state.active.iter().copied().chain([(group, variance)]).collect();
+            let from = if fresh { &none } else { &state.of_run };
+            (self.total_in(&active, Some(from), rounds), self.penalty(group))
+        };
+        let worth = |each: &(State, f64)| each.0.evidence - each.1;
+        let mut looked: Vec<(f64, &(usize, f64, bool))> =
+            proposed.par_iter().map(|each| (worth(&look(each, 1)), each)).collect();
+        looked.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let tried: Vec<(State, f64)> = looked.into_iter().take(TRIALS).map(|(_, each)| look(each, ROUNDS)).collect();
+        tried.into_iter().max_by(|a, b| worth(a).total_cmp(&worth(b)))
+    }
+
+    /// Thresholds, bends and relays to where the evidence is greatest.
+    fn shift(&mut self, mut state: State) -> State {
+        for step in PLACE_STEPS {
+            let near: Vec<(usize, Group)> = state
+                .active
+                .iter()
+                .enumerate()
+                .flat_map(|(place, each)| {
+                    self.groups[each.0].neighbours(step).into_iter().map(move |group| (place, group))
+                })
+                .collect();
+            let new: Vec<Group> =
+                near.iter().map(|each| each.1.clone()).filter(|each| !self.groups.contains(each)).collect();
+            self.add(new);
+            let shifted = near.into_par_iter().filter_map(|(place, group)| {
+                let mut active = state.active.clone();
+                active[place].0 = self.groups.iter().position(|each| *each == group)?;
+                Some(self.total(&active, Some(&state.of_run)))
+            });
+            let best = shifted.max_by(|a, b| a.evidence.total_cmp(&b.evidence));
+            if let Some(best) = best.filter(|best| best.evidence > state.evidence + SHIFTED) {
+                state = best;
+            }
+        }
+        state
     }
 
     /// Sizes again, swaps of a group for a better one, and groups that have become superfluous go.
-    fn polish(&self, mut state: State, swaps: &mut usize) -> State {
+    fn polish(&mut self, mut state: State, swaps: &mut usize) -> State {
         loop {
-            let sums = self.sums(&state.active, &state.of_run, 1.0, 0..self.groups.len());
+            self.refresh(0, &state.of_run);
+            let sums = self.sums(&state.active, &state.of_run, 0);
             self.reweigh(&sums, &mut state.active);
             let all: Vec<usize> = (0..state.active.len()).collect();
             let own = self.evidence(&sums, &state.active, &all);
@@ -582,14 +618,21 @@ impl<'a> Search<'a> {
     }
 
     fn gain_of(&self, sums: &Sums, active: &Active, rest: &[usize], group: usize) -> (f64, f64) {
-        if rest.is_empty() {
-            return best_variance(&sums.own[group], &sums.right[group], &self.variances);
-        }
         let (columns, known) = self.known(sums, active, rest);
-        let with = sums.with_active[group].select_columns(&columns);
-        let own = &sums.own[group] - &with * &known.covariance * with.transpose();
-        let right = &sums.right[group] - with * &known.mean;
-        best_variance(&own, &right, &self.variances)
+        self.best_beside(sums, group, &columns, &known)
+    }
+
+    /// Gain and prior variance of a group beside active ones, of which these columns among all active ones are known.
+    fn best_beside(&self, sums: &Sums, group: usize, columns: &[usize], known: &Posterior) -> (f64, f64) {
+        let (start, width) = (self.starts[group], self.width(group));
+        let right = sums.right.rows(start, width);
+        if columns.is_empty() {
+            return best_variance(&sums.own[group], &right.into_owned(), &self.variances);
+        }
+        let with = sums.with_active.rows(start, width).select_columns(columns);
+        let factored = &with * known.factor.transpose();
+        let own = &sums.own[group] - &factored * factored.transpose();
+        best_variance(&own, &(right - with * &known.mean), &self.variances)
     }
 
     /// Products of what a newly accepted group was found to be with every base.
@@ -597,8 +640,8 @@ impl<'a> Search<'a> {
         if self.groups[newest].level() > 2.0 {
             return;
         }
-        let (gram, right, _) = self.active_sums(&state.active, &state.of_run);
-        let found = posterior(&gram, &right, &self.prior(&state.active)).mean;
+        let each = self.of_runs(&state.active, &state.of_run);
+        let found = posterior_of(&each, &self.prior(&state.active)).0.mean;
         let mut start = 0;
         for &(group, _) in &state.active {
             let width = self.width(group);
@@ -613,9 +656,10 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Models whose evidence is near: every active group in turn replaced by another that does nearly as well.
-    pub fn alternatives(&self, state: &State) -> Vec<Alternative> {
-        let sums = self.sums(&state.active, &state.of_run, 1.0, 0..self.groups.len());
+    /// Models whose evidence is near: every active group in turn retuned by another that does nearly as well.
+    pub fn alternatives(&mut self, state: &State) -> Vec<Alternative> {
+        self.refresh(0, &state.of_run);
+        let sums = self.sums(&state.active, &state.of_run, 0);
         let all: Vec<usize> = (0..state.active.len()).collect();
         let own = self.evidence(&sums, &state.active, &all);
         let mut found = Vec::new();
@@ -626,7 +670,7 @@ impl<'a> Search<'a> {
             for (group, gain) in self.gains(&sums, &state.active, &rest).into_iter().enumerate() {
                 let Some((gain, variance)) = gain.filter(|_| group != state.active[place].0) else { continue };
                 let behind = bare + gain - self.penalty(group) - worth;
-                if behind > -BEHIND && group < self.first_groups {
+                if behind > -BEHIND {
                     let mut active = state.active.clone();
                     active[place] = (group, variance);
                     found.push(Alternative { behind, active });
@@ -639,11 +683,19 @@ impl<'a> Search<'a> {
     }
 }
 
-impl Sums {
-    fn add(&mut self, other: &Self) {
-        self.own.iter_mut().zip(&other.own).for_each(|(sum, each)| *sum += each);
-        self.with_active.iter_mut().zip(&other.with_active).for_each(|(sum, each)| *sum += each);
-        self.right.iter_mut().zip(&other.right).for_each(|(sum, each)| *sum += each);
-        self.constant += other.constant;
+/// Posterior by the sums of runs, and the sum of their constants.
+fn posterior_of(each: &[OfRun], prior: &[f64]) -> (Posterior, f64) {
+    let (gram, right, constant) = summed(each.iter(), prior.len());
+    (posterior(&gram, &right, prior), constant)
+}
+
+/// Sums of runs.
+pub fn summed<'a>(each: impl Iterator<Item = &'a OfRun>, width: usize) -> OfRun {
+    let mut total = (DMatrix::zeros(width, width), DVector::zeros(width), 0.0);
+    for (gram, right, constant) in each {
+        total.0 += gram;
+        total.1 += right;
+        total.2 += constant;
     }
+    total
 }

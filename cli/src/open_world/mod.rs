@@ -14,9 +14,9 @@ mod process;
 mod recording;
 mod run;
 
-pub use basis::{DECAYS_S, MEMORY_S, WARM_UP_S};
+pub use basis::{DECAYS_S, MEMORY_S, TRAVEL_S, WARM_UP_S};
 pub use expected::Expected;
-pub use group::{Base, Group, PLAY_WIDTHS, TIMES_S};
+pub use group::{Base, Group, PLAY_WIDTHS, TIMES_S, Tuned};
 pub use predict::{Found, InFunctions, Learned, Model, Prediction};
 pub use process::{DAMPING, Kernel, Shape};
 pub use recording::{Recording, Reference};
@@ -28,7 +28,8 @@ pub fn learn(recordings: &[&Recording]) -> Option<Learned> {
     let channels = recordings.first()?.channels.len();
     let mut search = Search::new(recordings, channels)?;
     let state = search.learn();
-    Some(Learned::new(&search, &state))
+    let alternatives = search.alternatives(&state);
+    Some(Learned::new(&search, &state, &alternatives))
 }
 
 #[cfg(test)]

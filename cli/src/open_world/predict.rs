@@ -1,6 +1,7 @@
 //! The azimuth of a run by what was learned: generalised least squares, averaged over what remains possible.
 
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use rayon::prelude::*;
@@ -8,10 +9,10 @@ use rayon::prelude::*;
 use super::basis::{Scales, centre};
 use super::evidence::{Posterior, posterior};
 use super::group::Group;
-use super::learn::{Active, Search, State, prepare};
+use super::learn::{Active, Alternative, OfRun, Search, State, prepare, sizes_deg_h, summed};
 use super::process::{self, Kernel};
 use super::recording::Recording;
-use super::run::{Run, half_of};
+use super::run::{Run, Whitening, half_of};
 
 /// Kernels of a run's own process that enter its average: so many, and not below this share of the likeliest.
 const MOST_KERNELS: usize = 4;
@@ -53,6 +54,8 @@ pub struct Model {
     /// Weights of all functions, group by group, and their covariance.
     pub mean: DVector<f64>,
     pub covariance: DMatrix<f64>,
+    /// Factor of it: the covariance is the product of its transpose with it.
+    pub factor: DMatrix<f64>,
 }
 
 /// A model as a sum of other functions.
@@ -83,15 +86,16 @@ pub struct Learned {
     pub process_gain: f64,
     /// Azimuths of the training runs by models without them, in the runs' order.
     pub left_out: Vec<Prediction>,
+    /// Whitenings of the training runs.
+    whitenings: Vec<Arc<Whitening>>,
 }
 
 impl Learned {
-    pub fn new(search: &Search, state: &State) -> Self {
-        let alternatives = search.alternatives(state);
+    pub fn new(search: &Search, state: &State, alternatives: &[Alternative]) -> Self {
         let mut actives: Vec<(f64, &Active)> = vec![(0.0, &state.active)];
         actives.extend(alternatives.iter().map(|each| (each.behind.min(0.0), &each.active)));
         let total: f64 = actives.iter().map(|each| each.0.exp()).sum();
-        let contributions: Vec<Vec<(DMatrix<f64>, DVector<f64>)>> = actives
+        let contributions: Vec<Vec<OfRun>> = actives
             .par_iter()
             .map(|(_, active)| {
                 (0..search.runs.len()).map(|run| search.of_run(run, active, state.of_run[run])).collect()
@@ -100,20 +104,15 @@ impl Learned {
         let model = |number: usize, without: Option<usize>| {
             let (behind, active) = actives[number];
             let prior = search.prior(active);
-            let mut gram = DMatrix::zeros(prior.len(), prior.len());
-            let mut right = DVector::zeros(prior.len());
-            for (run, (own, c)) in contributions[number].iter().enumerate() {
-                if Some(run) != without {
-                    gram += own;
-                    right += c;
-                }
-            }
+            let others = contributions[number].iter().enumerate().filter(|(run, _)| Some(*run) != without);
+            let (gram, right, _) = summed(others.map(|each| each.1), prior.len());
             let found = posterior(&gram, &right, &prior);
             Model {
                 weight: behind.exp() / total,
                 groups: groups(search, active, &found, (&gram, &right)),
                 mean: found.mean,
                 covariance: found.covariance,
+                factor: found.factor,
             }
         };
         let mut learned = Self {
@@ -126,7 +125,9 @@ impl Learned {
             evidence: state.evidence,
             process_gain: state.process_gain,
             left_out: Vec::new(),
+            whitenings: search.runs.iter().map(|run| run.whitening.clone()).collect(),
         };
+        learned.whitenings.dedup_by(|a, b| Arc::ptr_eq(a, b));
         learned.left_out = (0..search.runs.len())
             .into_par_iter()
             .map(|run| {
@@ -140,12 +141,13 @@ impl Learned {
 
     /// Azimuths of runs; `None` where one has too little in it.
     pub fn azimuths(&self, recordings: &[&Recording]) -> Vec<Option<Prediction>> {
-        let (prepared, _) = prepare(recordings, &self.kernels, Some(self.unit_deg_h));
+        let (prepared, _) = prepare(recordings, &self.kernels, Some(self.unit_deg_h), &self.whitenings);
+        let sizes_deg_h = sizes_deg_h(&self.kernels, self.unit_deg_h);
         prepared
             .into_par_iter()
             .map(|each| {
                 let (sheet, whitening) = each?;
-                let run = Run::new(sheet, None, whitening, self.kernels.len());
+                let run = Run::new(sheet, None, whitening, &sizes_deg_h);
                 let found = self.predict(&run, &self.models);
                 Some(Prediction { sigma_rad: found.sigma_rad.hypot(self.excess_rad), ..found })
             })
@@ -157,11 +159,12 @@ impl Learned {
     pub fn in_functions(&self, runs: &[(&Recording, f64)], functions: &[Vec<Vec<f64>>]) -> Option<InFunctions> {
         let model = self.models.first().filter(|model| !model.groups.is_empty())?;
         let recordings: Vec<&Recording> = runs.iter().map(|each| each.0).collect();
-        let (prepared, _) = prepare(&recordings, &self.kernels[..1], Some(self.unit_deg_h));
+        let (prepared, _) = prepare(&recordings, &self.kernels[..1], Some(self.unit_deg_h), &[]);
+        let sizes_deg_h = sizes_deg_h(&self.kernels[..1], self.unit_deg_h);
         let (mut theirs, mut own): (Vec<DMatrix<f64>>, Vec<DMatrix<f64>>) = (Vec::new(), Vec::new());
         for ((prepared, functions), (_, azimuth_rad)) in prepared.into_iter().zip(functions).zip(runs) {
             let Some((sheet, whitening)) = prepared else { continue };
-            let run = Run::new(sheet, None, whitening, 1);
+            let run = Run::new(sheet, None, whitening, &sizes_deg_h);
             let all: Vec<f64> =
                 functions.iter().flat_map(|function| run.sheet.samples.means(function.iter().copied())).collect();
             let mut columns =
@@ -221,8 +224,10 @@ impl Learned {
         for _ in 0..if turns { ROUNDS } else { 1 } {
             let columns = self.columns(run, model, azimuth_rad);
             let mean = &columns * &model.mean;
-            let of_model = &columns * &model.covariance * columns.transpose() + &beyond;
-            found = self.predict_about(run, &mean, &of_model);
+            let unsure = columns * model.factor.transpose();
+            let all: Vec<f64> = unsure.iter().chain(&beyond).copied().collect();
+            let unsure = DMatrix::from_vec(run.rate.len(), all.len() / run.rate.len(), all);
+            found = self.predict_about(run, &mean, &unsure);
             let moved = wrap(found.azimuth_rad - azimuth_rad).abs();
             azimuth_rad = found.azimuth_rad;
             if moved < AGREED_RAD {
@@ -232,11 +237,10 @@ impl Learned {
         found
     }
 
-    /// Given what the effects do and how uncertain that is: averaged over the kernels of the run's own process.
-    fn predict_about(&self, run: &Run, mean: &DVector<f64>, of_model: &DMatrix<f64>) -> Prediction {
+    /// Given what the effects do and a factor of the covariance of what is uncertain about it: averaged over the kernels of the run's own process.
+    fn predict_about(&self, run: &Run, mean: &DVector<f64>, unsure: &DMatrix<f64>) -> Prediction {
         let residual = &run.rate - mean;
-        let whitened = &run.whitening.halves * &residual;
-        let likelihood = run.log_likelihood(&residual, whitened.as_slice(), false);
+        let likelihood = run.log_likelihood(&residual, false);
         let weights = process::posterior(&likelihood, &self.shares);
         let mut order: Vec<usize> = (0..weights.len()).collect();
         order.sort_by(|&a, &b| weights[b].total_cmp(&weights[a]));
@@ -246,9 +250,10 @@ impl Learned {
         let each: Vec<(f64, Prediction)> = order
             .into_iter()
             .map(|kernel| {
-                let size = self.kernels[kernel].size * self.unit_deg_h;
-                let covariance = run.whitening.covariance(kernel, size) + of_model;
-                (weights[kernel], least_squares(&run.design, &residual, &covariance))
+                let size_deg_h = self.kernels[kernel].size * self.unit_deg_h;
+                let whitened = |columns: &DMatrix<f64>| run.whitening.whiten(kernel, size_deg_h, columns);
+                let rate = whitened(&DMatrix::from_columns(std::slice::from_ref(&residual)));
+                (weights[kernel], beside_unsure(&whitened(&run.design), &rate, &whitened(unsure)))
             })
             .collect();
         average(&each)
@@ -264,19 +269,18 @@ impl Learned {
         DMatrix::from_vec(rows, all.len() / rows, all)
     }
 
-    /// Covariance of what effects may do beyond the range that they were learned in.
-    pub fn beyond(&self, run: &Run, model: &Model) -> DMatrix<f64> {
-        let n = run.rate.len();
-        let mut covariance = DMatrix::zeros(n, n);
+    /// Columns of a factor of the covariance of what effects may do beyond the range that they were learned in.
+    fn beyond(&self, run: &Run, model: &Model) -> Vec<f64> {
+        let mut all = Vec::new();
         for Found { group, size_deg_h, .. } in &model.groups {
             for channel in group.channels() {
-                let excess = DVector::from_vec(self.scales.excess(&run.sheet, channel));
-                if excess.amax() > 0.0 {
-                    covariance += &excess * excess.transpose() * (BEYOND * size_deg_h).powi(2);
+                let excess = self.scales.excess(&run.sheet, channel);
+                if excess.iter().any(|value| *value != 0.0) {
+                    all.extend(excess.into_iter().map(|value| BEYOND * size_deg_h * value));
                 }
             }
         }
-        covariance
+        all
     }
 }
 
@@ -323,8 +327,22 @@ const NOWHERE: Prediction = Prediction { azimuth_rad: 0.0, sigma_rad: std::f64::
 pub fn least_squares(design: &DMatrix<f64>, rate: &DVector<f64>, covariance: &DMatrix<f64>) -> Prediction {
     let (half, _) = half_of(covariance);
     let (design, rate) = (&half * design, &half * rate);
-    let normal: Matrix3<f64> = (design.transpose() * &design).fixed_view::<3, 3>(0, 0).into_owned();
-    let right = design.transpose() * rate;
+    azimuth(&design.tr_mul(&design), &design.tr_mul(&rate))
+}
+
+/// The same from whitened rows with a covariance of 1 + L Lᵀ, whose inverse is 1 − L (1 + Lᵀ L)⁻¹ Lᵀ.
+fn beside_unsure(design: &DMatrix<f64>, rate: &DMatrix<f64>, unsure: &DMatrix<f64>) -> Prediction {
+    let mut inner = unsure.transpose() * unsure;
+    (0..inner.nrows()).for_each(|i| inner[(i, i)] += 1.0);
+    let (half, _) = half_of(&inner);
+    let (of_design, of_rate) = (&half * unsure.tr_mul(design), &half * unsure.tr_mul(rate));
+    let normal = design.tr_mul(design) - of_design.tr_mul(&of_design);
+    azimuth(&normal, &(design.tr_mul(rate) - of_design.tr_mul(&of_rate)).column(0).into_owned())
+}
+
+/// From the normal equations of a run's own unknowns.
+fn azimuth(normal: &DMatrix<f64>, right: &DVector<f64>) -> Prediction {
+    let normal: Matrix3<f64> = normal.fixed_view::<3, 3>(0, 0).into_owned();
     let Some(inverse) = normal.try_inverse() else {
         return NOWHERE;
     };

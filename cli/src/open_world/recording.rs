@@ -74,6 +74,21 @@ pub struct Place {
     pub moves: f64,
 }
 
+/// A move of the index.
+#[derive(Clone, Copy, Debug)]
+pub struct Move {
+    pub ended_s: f64,
+    /// Counter-clockwise positive.
+    pub travel_deg: f64,
+    /// From 1.
+    pub number: f64,
+    /// Direction that it led to.
+    pub to: DesignRow,
+}
+
+/// Turning of the index below which it rests, degrees.
+const REST_DEG: f64 = 2.0;
+
 impl Recording {
     pub fn len(&self) -> usize {
         self.t_s.len()
@@ -83,40 +98,48 @@ impl Recording {
         self.t_s.is_empty()
     }
 
-    /// Place of every second.
-    pub fn places(&self) -> Vec<Place> {
+    /// Index angle from that of the first second, turns counted, degrees: where rows are missing, the shorter way.
+    pub fn wound_deg(&self) -> Vec<f64> {
+        let mut wound_deg: Vec<f64> = Vec::with_capacity(self.len());
+        for row in &self.design {
+            let at_deg = row.sin.atan2(row.cos).to_degrees();
+            let before_deg = wound_deg.last().copied().unwrap_or(0.0);
+            wound_deg.push(before_deg + (at_deg - before_deg + 180.0).rem_euclid(360.0) - 180.0);
+        }
+        wound_deg
+    }
+
+    /// Place of every second, and the moves.
+    pub fn places(&self) -> (Vec<Place>, Vec<Move>) {
+        let wound_deg = self.wound_deg();
         let mut place = Place::default();
         let (mut ended_s, mut rest_deg, mut was_moving) = (self.start_s(), None::<f64>, false);
-        let mut places = Vec::with_capacity(self.len());
+        let (mut places, mut moves) = (Vec::with_capacity(self.len()), Vec::new());
         for i in 0..self.len() {
             let moving = self.moving[i] && !self.rotation;
-            let new_dwell = i > 0 && self.dwell[i] != self.dwell[i - 1];
             if moving {
                 ended_s = self.t_s[i] + 0.5 * self.interval_s[i];
             } else {
-                let DesignRow { cos, sin, .. } = self.design[i];
-                let at_deg = sin.atan2(cos).to_degrees();
-                if i > 0 && (was_moving || new_dwell) {
+                let travel_deg = rest_deg.map_or(0.0, |rest_deg| wound_deg[i] - rest_deg);
+                if !self.rotation && travel_deg.abs() > REST_DEG {
                     if !was_moving {
                         ended_s = self.t_s[i] - 0.5 * self.interval_s[i];
                     }
-                    if let Some(before) = rest_deg {
-                        place.travel_deg = (at_deg - before + 540.0).rem_euclid(360.0) - 180.0;
-                        place.moves += 1.0;
-                    }
+                    place.travel_deg = travel_deg;
+                    place.moves += 1.0;
+                    moves.push(Move { ended_s, travel_deg, number: place.moves, to: self.design[i] });
+                    rest_deg = None;
                 }
-                if i == 0 || was_moving || new_dwell {
-                    rest_deg = Some(at_deg);
-                }
+                rest_deg = rest_deg.or(Some(wound_deg[i]));
             }
             was_moving = moving;
             place.since_s = (self.t_s[i] - ended_s).max(0.0);
             places.push(place);
         }
-        places
+        (places, moves)
     }
 
-    fn start_s(&self) -> f64 {
+    pub fn start_s(&self) -> f64 {
         self.t_s.first().zip(self.interval_s.first()).map_or(0.0, |(t, interval)| t - 0.5 * interval)
     }
 
@@ -154,12 +177,14 @@ impl Recording {
         enters
     }
 
-    /// The seconds that enter, dwell by dwell.
+    /// The seconds that enter, dwell by dwell; a rotation is one.
     fn dwells(&self) -> Vec<Vec<usize>> {
         let mut dwells: Vec<Vec<usize>> = Vec::new();
         for i in (0..self.len()).filter(|&i| self.enters[i]) {
             match dwells.last_mut() {
-                Some(last) if last.last().is_some_and(|&j| self.dwell[j] == self.dwell[i]) => last.push(i),
+                Some(last) if self.rotation || last.last().is_some_and(|&j| self.dwell[j] == self.dwell[i]) => {
+                    last.push(i)
+                }
                 _ => dwells.push(vec![i]),
             }
         }
@@ -291,6 +316,11 @@ impl Samples {
     /// A value of every sample, by the second; 0 where it does not enter.
     pub fn by_second(&self, of_samples: &[f64]) -> Vec<f64> {
         self.of_second.iter().map(|sample| sample.map_or(0.0, |sample| of_samples[sample])).collect()
+    }
+
+    /// The same spans and weights.
+    pub fn is_alike(&self, other: &Self) -> bool {
+        self.spans == other.spans && self.weights == other.weights
     }
 
     /// Means of a series by the second.

@@ -14,65 +14,93 @@ const INDEX_SIGMA_DEG: f64 = 0.01;
 /// One sigma of the amplitude about Ω cos φ, relative, where a surveyed heading ties the rates down.
 const AMPLITUDE_SIGMA: f64 = 0.002;
 
-/// Inverse Cholesky factors of the covariances white + kernel of samples with the same spans and weights.
+/// The covariances white + kernel of samples with the same spans and weights, in a basis in which all of a shape and time are
+/// diagonal, whatever their size: W^½ K W^½ = Q Λ Qᵀ, so that white + s² K = W^-½ Q (1 + s² Λ) Qᵀ W^-½.
 #[derive(Debug)]
 pub struct Whitening {
     spans: Vec<[f64; 2]>,
     weights: Vec<f64>,
-    /// The inverse factors of all kernels, one below the other.
-    pub halves: DMatrix<f64>,
-    pub log_determinants: Vec<f64>,
-    /// Correlations by shape and time, in the order of the kernels; `None` for no process.
-    correlations: Vec<Option<Arc<DMatrix<f64>>>>,
+    bases: Vec<Basis>,
+    /// Basis of every kernel; the first is that of white noise.
+    of_kernel: Vec<usize>,
+    log_weights: f64,
+}
+
+/// Kernels of one shape and time.
+#[derive(Debug)]
+struct Basis {
+    /// Qᵀ W^½.
+    turn: DMatrix<f64>,
+    /// Λ.
+    values: Vec<f64>,
+}
+
+impl Basis {
+    /// Factors that whiten what was turned into the basis, of a process with this standard deviation.
+    fn factors(&self, size_deg_h: f64) -> impl Iterator<Item = f64> {
+        self.values.iter().map(move |value| (1.0 + size_deg_h * size_deg_h * value).powf(-0.5))
+    }
 }
 
 impl Whitening {
-    /// `unit_deg_h` is what the kernels' sizes are multiples of.
-    pub fn new(spans: &[[f64; 2]], weights: &[f64], kernels: &[Kernel], unit_deg_h: f64) -> Self {
+    pub fn new(spans: &[[f64; 2]], weights: &[f64], kernels: &[Kernel]) -> Self {
         let n = spans.len();
-        let mut correlations: Vec<Option<Arc<DMatrix<f64>>>> = Vec::new();
+        let roots = DVector::from_iterator(n, weights.iter().map(|weight| weight.sqrt()));
+        let white = Basis { turn: DMatrix::from_diagonal(&roots), values: vec![0.0; n] };
+        let (mut bases, mut of_kernel) = (vec![white], Vec::with_capacity(kernels.len()));
         for (number, kernel) in kernels.iter().enumerate() {
-            let same = number
-                .checked_sub(1)
-                .map(|before| &kernels[before])
-                .is_some_and(|before| before.shape == kernel.shape && before.time_s == kernel.time_s);
-            let of = |shape: super::process::Shape| Arc::new(shape.covariance(kernel.time_s, spans));
-            correlations.push(if same { correlations[number - 1].clone() } else { kernel.shape.map(of) });
+            let Some(shape) = kernel.shape else {
+                of_kernel.push(0);
+                continue;
+            };
+            let before = number.checked_sub(1).map(|before| &kernels[before]);
+            if !before.is_some_and(|before| before.shape == kernel.shape && before.time_s == kernel.time_s) {
+                let correlation = shape.covariance(kernel.time_s, spans);
+                let eigen = DMatrix::from_fn(n, n, |i, j| roots[i] * correlation[(i, j)] * roots[j]).symmetric_eigen();
+                let turn = DMatrix::from_fn(n, n, |i, j| eigen.eigenvectors[(j, i)] * roots[j]);
+                bases.push(Basis { turn, values: eigen.eigenvalues.iter().map(|value| value.max(0.0)).collect() });
+            }
+            of_kernel.push(bases.len() - 1);
         }
-        let mut whitening = Self {
-            spans: spans.to_vec(),
-            weights: weights.to_vec(),
-            halves: DMatrix::zeros(kernels.len() * n, n),
-            log_determinants: Vec::new(),
-            correlations,
-        };
-        for (number, kernel) in kernels.iter().enumerate() {
-            let (half, log_determinant) = half_of(&whitening.covariance(number, kernel.size * unit_deg_h));
-            whitening.halves.rows_mut(number * n, n).copy_from(&half);
-            whitening.log_determinants.push(log_determinant);
-        }
-        whitening
+        let log_weights = weights.iter().map(|weight| weight.ln()).sum();
+        Self { spans: spans.to_vec(), weights: weights.to_vec(), bases, of_kernel, log_weights }
     }
 
     pub fn is_of(&self, spans: &[[f64; 2]], weights: &[f64]) -> bool {
         self.spans == spans && self.weights == weights
     }
 
-    /// White noise and a process with this standard deviation.
-    pub fn covariance(&self, kernel: usize, size_deg_h: f64) -> DMatrix<f64> {
-        let mut covariance = match &self.correlations[kernel] {
-            Some(correlation) => correlation.as_ref() * (size_deg_h * size_deg_h),
-            None => DMatrix::zeros(self.weights.len(), self.weights.len()),
-        };
-        for (i, weight) in self.weights.iter().enumerate() {
-            covariance[(i, i)] += 1.0 / weight;
-        }
-        covariance
+    /// Covariance of white noise.
+    pub fn white(&self) -> DMatrix<f64> {
+        DMatrix::from_diagonal(&DVector::from_iterator(self.weights.len(), self.weights.iter().map(|each| 1.0 / each)))
     }
 
-    fn half(&self, kernel: usize) -> DMatrix<f64> {
-        let n = self.spans.len();
-        self.halves.rows(kernel * n, n).into_owned()
+    /// Columns whitened under a kernel whose process has this standard deviation.
+    pub fn whiten(&self, kernel: usize, size_deg_h: f64, columns: &DMatrix<f64>) -> DMatrix<f64> {
+        let basis = &self.bases[self.of_kernel[kernel]];
+        let mut turned = &basis.turn * columns;
+        scale_rows(&mut turned, basis.factors(size_deg_h));
+        turned
+    }
+
+    /// The transposed operation.
+    fn whiten_back(&self, kernel: usize, size_deg_h: f64, mut rows: DMatrix<f64>) -> DMatrix<f64> {
+        let basis = &self.bases[self.of_kernel[kernel]];
+        scale_rows(&mut rows, basis.factors(size_deg_h));
+        basis.turn.tr_mul(&rows)
+    }
+
+    /// Logarithm of the determinant of the covariance.
+    fn log_determinant(&self, kernel: usize, size_deg_h: f64) -> f64 {
+        let of_basis = |value: &f64| (size_deg_h * size_deg_h * value).ln_1p();
+        self.bases[self.of_kernel[kernel]].values.iter().map(of_basis).sum::<f64>() - self.log_weights
+    }
+}
+
+fn scale_rows(matrix: &mut DMatrix<f64>, factors: impl Iterator<Item = f64>) {
+    let factors: Vec<f64> = factors.collect();
+    for mut column in matrix.column_iter_mut() {
+        column.iter_mut().zip(&factors).for_each(|(value, factor)| *value *= factor);
     }
 }
 
@@ -129,28 +157,82 @@ pub struct Run<'a> {
     /// Azimuth that columns are built at.
     pub azimuth_rad: f64,
     pub whitening: Arc<Whitening>,
-    /// V⁻¹ A under every kernel, AᵀV⁻¹A.
-    weighted_design: Vec<DMatrix<f64>>,
+    /// Sizes of the kernels' processes, °/h.
+    sizes_deg_h: Arc<Vec<f64>>,
+    /// The design turned into every basis; AᵀV⁻¹A under every kernel.
+    turned: Vec<DMatrix<f64>>,
     normal: Vec<Matrix3<f64>>,
+    log_determinants: Vec<f64>,
 }
 
-/// What a run says of columns that stand beside its own unknowns: products of whitened projections.
+/// Sums of products of columns that stand beside a run's own unknowns: XᵀV⁻¹Y − (XᵀV⁻¹A)(AᵀV⁻¹A)⁻¹(AᵀV⁻¹Y), the surveyed
+/// heading among the rows of A and of the rate.
 #[derive(Debug)]
-pub struct Projection {
-    matrix: DMatrix<f64>,
-    pub rate: DVector<f64>,
-    pub log_determinant: f64,
+pub struct Beside<'a> {
+    run: &'a Run<'a>,
+    kernel: usize,
+    size_deg_h: f64,
+    /// Whitened design and rate; what of the rate the own unknowns explain, in the factor's coordinates.
+    design: DMatrix<f64>,
+    rate: DVector<f64>,
+    along: Vector3<f64>,
+    /// Inverse of the lower factor of AᵀV⁻¹A.
+    inverse: Matrix3<f64>,
+    /// −½ (ln det V + ln det AᵀV⁻¹A + what is left of the rate's square).
+    pub constant: f64,
 }
 
-impl Projection {
-    /// Columns whitened, without what the run's own unknowns can imitate.
-    pub fn of(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
-        &self.matrix * columns
+impl Beside<'_> {
+    fn whitened(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
+        self.run.whitening.whiten(self.kernel, self.size_deg_h, columns)
+    }
+
+    /// What of whitened columns the own unknowns can imitate.
+    fn imitated(&self, whitened: &DMatrix<f64>) -> DMatrix<f64> {
+        DMatrix::from_column_slice(3, 3, self.inverse.as_slice()) * self.design.tr_mul(whitened)
+    }
+
+    /// Gram matrix and right side.
+    pub fn sums(&self, columns: &DMatrix<f64>) -> (DMatrix<f64>, DVector<f64>) {
+        let whitened = self.whitened(columns);
+        let imitated = self.imitated(&whitened);
+        let gram = whitened.transpose() * &whitened - imitated.transpose() * &imitated;
+        (gram, whitened.tr_mul(&self.rate) - imitated.tr_mul(&self.along))
+    }
+
+    /// Gram matrices of parts of the columns, given by their widths, added to sums.
+    pub fn add_grams(&self, columns: &DMatrix<f64>, widths: &[usize], sign: f64, sums: &mut [DMatrix<f64>]) {
+        let whitened = self.whitened(columns);
+        let imitated = self.imitated(&whitened);
+        let mut start = 0;
+        for (&width, sum) in widths.iter().zip(sums) {
+            let part = whitened.columns(start, width);
+            let away = imitated.columns(start, width);
+            sum.gemm(sign, &part.transpose(), &part, 1.0);
+            sum.gemm(-sign, &away.transpose(), &away, 1.0);
+            start += width;
+        }
+    }
+
+    /// What any columns are multiplied by for their products with these ones and, last, with the rate.
+    pub fn toward(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
+        let (n, width) = (columns.nrows(), columns.ncols());
+        let whitened = self.whitened(columns);
+        let mut all = DMatrix::zeros(n, width + 1);
+        let design = &self.design * self.inverse.transpose();
+        all.columns_mut(0, width).copy_from(&(&whitened - &design * self.imitated(&whitened)));
+        all.set_column(width, &(&self.rate - &design * self.along));
+        self.run.whitening.whiten_back(self.kernel, self.size_deg_h, all)
     }
 }
 
 impl<'a> Run<'a> {
-    pub fn new(sheet: Sheet<'a>, reference: Option<Reference>, whitening: Arc<Whitening>, kernels: usize) -> Self {
+    pub fn new(
+        sheet: Sheet<'a>,
+        reference: Option<Reference>,
+        whitening: Arc<Whitening>,
+        sizes_deg_h: &Arc<Vec<f64>>,
+    ) -> Self {
         let n = sheet.samples.len();
         let design = DMatrix::from_fn(n, 3, |i, j| match j {
             0 => sheet.cos[i],
@@ -158,16 +240,30 @@ impl<'a> Run<'a> {
             _ => 1.0,
         });
         let rate = DVector::from_vec(sheet.samples.means(sheet.recording.rate_deg_h.iter().copied()));
-        let (mut weighted_design, mut normal) = (Vec::new(), Vec::new());
-        for kernel in 0..kernels {
-            let half = whitening.halves.rows(kernel * n, n);
-            let whitened = half * &design;
-            weighted_design.push(half.transpose() * &whitened);
-            normal.push((whitened.transpose() * &whitened).fixed_view::<3, 3>(0, 0).into_owned());
-        }
+        let turned: Vec<DMatrix<f64>> = whitening.bases.iter().map(|basis| &basis.turn * &design).collect();
+        let normal = sizes_deg_h.iter().zip(&whitening.of_kernel).map(|(&size_deg_h, &basis)| {
+            let mut whitened = turned[basis].clone();
+            scale_rows(&mut whitened, whitening.bases[basis].factors(size_deg_h));
+            whitened.tr_mul(&whitened).fixed_view::<3, 3>(0, 0).into_owned()
+        });
+        let normal = normal.collect();
+        let of_kernel = |(kernel, &size_deg_h): (usize, &f64)| whitening.log_determinant(kernel, size_deg_h);
+        let log_determinants = sizes_deg_h.iter().enumerate().map(of_kernel).collect();
         let north_deg_h = sheet.recording.north_deg_h;
-        let mut run =
-            Self { sheet, rate, design, north_deg_h, reference, azimuth_rad: 0.0, whitening, weighted_design, normal };
+        let sizes_deg_h = sizes_deg_h.clone();
+        let mut run = Self {
+            sheet,
+            rate,
+            design,
+            north_deg_h,
+            reference,
+            azimuth_rad: 0.0,
+            whitening,
+            sizes_deg_h,
+            turned,
+            normal,
+            log_determinants,
+        };
         run.azimuth_rad = match reference {
             Some(reference) => reference.azimuth_rad,
             None => run.plain_azimuth_rad(),
@@ -177,7 +273,8 @@ impl<'a> Run<'a> {
 
     /// Azimuth by white noise alone.
     pub fn plain_azimuth_rad(&self) -> f64 {
-        let right = self.weighted_design[0].transpose() * &self.rate;
+        let turned = &self.whitening.bases[0].turn * &self.rate;
+        let right = self.turned[0].tr_mul(&turned);
         let found = self.normal[0].try_inverse().unwrap_or_default() * Vector3::new(right[0], right[1], right[2]);
         found[1].atan2(found[0])
     }
@@ -193,63 +290,76 @@ impl<'a> Run<'a> {
         Some((rows, [0.0, self.north_deg_h * along]))
     }
 
-    /// Whitening and projection under a kernel whose process has this share of its size.
-    pub fn projection(&self, kernel: usize, size_deg_h: f64, share: f64) -> Projection {
-        let (half, mut log_determinant) = if share == 1.0 {
-            (self.whitening.half(kernel), self.whitening.log_determinants[kernel])
-        } else {
-            half_of(&self.whitening.covariance(kernel, share * size_deg_h))
-        };
-        let n = half.nrows();
-        let tie = self.tie();
-        let rows = n + if tie.is_some() { 2 } else { 0 };
-        let mut design = DMatrix::zeros(rows, 3);
-        design.rows_mut(0, n).copy_from(&(&half * &self.design));
-        let mut rate = DVector::zeros(rows);
-        rate.rows_mut(0, n).copy_from(&(&half * &self.rate));
-        if let Some((tie, right)) = tie {
-            design.rows_mut(n, 2).copy_from(&tie);
-            rate.rows_mut(n, 2).copy_from_slice(&right);
+    /// The run under a kernel whose process has this share of its size.
+    pub fn beside(&self, kernel: usize, share: f64) -> Beside<'_> {
+        let size_deg_h = share * self.sizes_deg_h[kernel];
+        let design = self.whitening.whiten(kernel, size_deg_h, &self.design);
+        let rate = self.whitening.whiten(kernel, size_deg_h, &DMatrix::from_columns(&[self.rate.clone()]));
+        let rate = rate.column(0).into_owned();
+        let mut normal: Matrix3<f64> = design.tr_mul(&design).fixed_view::<3, 3>(0, 0).into_owned();
+        let right = design.tr_mul(&rate);
+        let mut right = Vector3::new(right[0], right[1], right[2]);
+        let mut square = rate.norm_squared();
+        if let Some((rows, values)) = self.tie() {
+            tie_down(&rows, &values, &mut normal, &mut right, &mut square);
         }
-        let factors = design.qr();
-        let (q, r) = (factors.q(), factors.r());
-        log_determinant += 2.0 * r.diagonal().iter().map(|value| value.abs().max(1e-300).ln()).sum::<f64>();
-        let along = q.rows(0, n).transpose() * &half;
-        let mut matrix = -(&q * along);
-        let mut above = matrix.rows_mut(0, n);
-        above += &half;
-        let rate = &rate - &q * (q.transpose() * &rate);
-        Projection { matrix, rate, log_determinant }
+        let lower = lower_of(normal);
+        let inverse = lower.try_inverse().unwrap_or_default();
+        let along = inverse * right;
+        let determinant = 2.0 * lower.diagonal().iter().map(|value| value.ln()).sum::<f64>();
+        let of_process = self.whitening.log_determinant(kernel, size_deg_h);
+        let constant = -0.5 * (of_process + determinant + square - along.norm_squared());
+        Beside { run: self, kernel, size_deg_h, design, rate, along, inverse, constant }
     }
 
-    /// Log-likelihood under every kernel, own unknowns integrated out, from the whitened residual (all kernels, one below the
-    /// other) and the residual itself.
-    pub fn log_likelihood(&self, residual: &DVector<f64>, whitened: &[f64], tied: bool) -> Vec<f64> {
-        let n = residual.len();
+    /// Log-likelihood under every kernel of what effects leave of the rate, own unknowns integrated out.
+    pub fn log_likelihood(&self, residual: &DVector<f64>, tied: bool) -> Vec<f64> {
+        let turned: Vec<DVector<f64>> = self.whitening.bases.iter().map(|basis| &basis.turn * residual).collect();
         let tie = if tied { self.tie() } else { None };
         (0..self.normal.len())
             .map(|kernel| {
-                let mut square: f64 = whitened[kernel * n..(kernel + 1) * n].iter().map(|z| z * z).sum();
-                let right = self.weighted_design[kernel].transpose() * residual;
-                let mut right = Vector3::new(right[0], right[1], right[2]);
+                let (size_deg_h, place) = (self.sizes_deg_h[kernel], self.whitening.of_kernel[kernel]);
+                let (of_residual, design) = (&turned[place], &self.turned[place]);
+                let (mut square, mut right) = (0.0, Vector3::zeros());
+                for (i, value) in self.whitening.bases[place].values.iter().enumerate() {
+                    let share = of_residual[i] / (1.0 + size_deg_h * size_deg_h * value);
+                    square += share * of_residual[i];
+                    right += Vector3::new(design[(i, 0)], design[(i, 1)], design[(i, 2)]) * share;
+                }
                 let mut normal = self.normal[kernel];
                 if let Some((rows, values)) = &tie {
-                    for (row, value) in rows.row_iter().zip(values) {
-                        let row = Vector3::new(row[0], row[1], row[2]);
-                        normal += row * row.transpose();
-                        right += row * *value;
-                        square += value * value;
-                    }
+                    tie_down(rows, values, &mut normal, &mut right, &mut square);
                 }
-                match normal.cholesky() {
-                    Some(factor) => {
-                        let determinant = 2.0 * factor.l_dirty().diagonal().iter().map(|value| value.ln()).sum::<f64>();
-                        let explained = right.dot(&factor.solve(&right));
-                        -0.5 * (self.whitening.log_determinants[kernel] + determinant + square - explained)
-                    }
-                    None => f64::NEG_INFINITY,
-                }
+                let lower = lower_of(normal);
+                let determinant = 2.0 * lower.diagonal().iter().map(|value| value.ln()).sum::<f64>();
+                let explained = lower.solve_lower_triangular(&right).map_or(0.0, |along| along.norm_squared());
+                -0.5 * (self.log_determinants[kernel] + determinant + square - explained)
             })
             .collect()
     }
+}
+
+/// Adds the rows of a surveyed heading.
+fn tie_down(
+    rows: &DMatrix<f64>,
+    values: &[f64; 2],
+    normal: &mut Matrix3<f64>,
+    right: &mut Vector3<f64>,
+    square: &mut f64,
+) {
+    for (row, value) in rows.row_iter().zip(values) {
+        let row = Vector3::new(row[0], row[1], row[2]);
+        *normal += row * row.transpose();
+        *right += row * *value;
+        *square += value * value;
+    }
+}
+
+/// Lower Cholesky factor of what own unknowns are known to; of a run at one position only, with a little of its trace added.
+fn lower_of(mut normal: Matrix3<f64>) -> Matrix3<f64> {
+    let little = 1e-12 * normal.trace();
+    for i in 0..3 {
+        normal[(i, i)] += little;
+    }
+    normal.cholesky().map_or_else(|| Matrix3::identity() * normal.trace().max(1e-300).sqrt(), |factor| factor.l())
 }

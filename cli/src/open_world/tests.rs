@@ -128,13 +128,15 @@ fn the_evidence_is_that_of_the_dense_density() {
     let run = &search.runs[0];
     let kernel = kernels().iter().position(|each| each.shape == Some(Shape::Matern) && each.size > 1.0).unwrap();
     let active: learn::Active = vec![(1, 0.02), (9, 0.3)];
-    let (gram, right, constant) = search.active_sums(&active, &[kernel]);
+    let (gram, right, constant) = search.of_run(0, &active, kernel);
     let found = constant + posterior(&gram, &right, &search.prior(&active)).gain;
 
     let columns = search.active_columns(0, &active);
     let prior = DMatrix::from_diagonal(&DVector::from_vec(search.prior(&active)));
     let size = search.kernels[kernel].size * search.unit_deg_h;
-    let dense = run.whitening.covariance(kernel, size) + &columns * prior * columns.transpose();
+    let process =
+        search.kernels[kernel].shape.unwrap().covariance(search.kernels[kernel].time_s, &run.sheet.samples.spans);
+    let dense = run.whitening.white() + process * (size * size) + &columns * prior * columns.transpose();
     let factor = dense.clone().cholesky().unwrap();
     let log_determinant = 2.0 * factor.l().diagonal().iter().map(|value| value.ln()).sum::<f64>();
     let normal = run.design.transpose() * factor.solve(&run.design);

@@ -192,9 +192,13 @@ impl DiagnoseBench {
         let campaign = write(&generated, folder)?;
         let mut options = Options::default();
         declare_noise(&mut options.settings, generated.arw_deg_per_sqrt_h);
-        let diagnosis = diagnose(&campaign, &options).map_err(|refusal| refusal.to_string());
-        let oracle = consult(&generated, &options.settings);
-        Ok(judge(&generated, number, &diagnosis, &oracle))
+        let work = move || {
+            let diagnosis = diagnose(&campaign, &options).map_err(|refusal| refusal.to_string());
+            let oracle = consult(&generated, &options.settings);
+            judge(&generated, number, &diagnosis, &oracle)
+        };
+        // An interrupt ends it at once, not after the campaign.
+        progress::interruptible(work, || ())
     }
 }
 
