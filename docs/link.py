@@ -126,6 +126,7 @@ EVENTS = [
     ("identity", fields(board=one_of(["host", "mps2-an386", "stm32f405"]), version=text, program=unsigned)),
     ("settings", fields(version=unsigned, length=unsigned, offset=unsigned, bytes=blob)),
     ("raw", fields(number=byte, bytes=blob)),
+    ("to-go", fields(seconds=f64)),
 ]
 
 

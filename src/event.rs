@@ -183,6 +183,8 @@ pub enum Event {
     Settings(Piece),
     /// All that entered the instrument, on request.
     Raw(Block),
+    /// An adaptive fix ends in so many seconds, if its sigma is small enough then.
+    ToGo { seconds: f64 },
 }
 
 impl Event {
@@ -219,6 +221,7 @@ impl Event {
             Self::Identity(_) => "identity",
             Self::Settings(_) => "settings",
             Self::Raw(_) => "raw",
+            Self::ToGo { .. } => "to-go",
         }
     }
 }

@@ -102,6 +102,11 @@ impl DisturbanceGate {
         (0.0, Verdict::Watching)
     }
 
+    /// The last second was below the threshold.
+    pub fn is_quiet(&self) -> bool {
+        self.runs.below > 0
+    }
+
     /// A second without a usable rate: neither count may run on across it.
     pub fn interrupt(&mut self) {
         self.runs = Runs::new(self.runs.settings);
@@ -137,6 +142,11 @@ impl JitterGate {
         }
         self.interrupt();
         (0.0, Verdict::Watching)
+    }
+
+    /// The last second differed from the one before by less than the threshold.
+    pub fn is_quiet(&self) -> bool {
+        self.runs.below > 0
     }
 
     /// A second without a usable rate: neither count may run on across it.

@@ -15,6 +15,7 @@ pub mod failure;
 pub mod field;
 pub mod file_error;
 pub mod import;
+pub mod input;
 pub mod interrupt;
 pub mod json;
 pub mod model_file;

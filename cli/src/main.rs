@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use north::commands::Cli;
-use north::interrupt;
+use north::{interrupt, output};
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
@@ -15,7 +15,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             if !failure.is_silent() {
-                eprintln!("north: {failure}");
+                eprintln!("{}", output::message(&format!("north: {failure}")));
             }
             failure.exit_code()
         }

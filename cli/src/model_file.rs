@@ -4,7 +4,6 @@
 //! command that takes a model reads the whole file, uses what says something of its subject, and refuses by name what
 //! contradicts it.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix3, Vector3};
@@ -256,7 +255,8 @@ impl Triads {
     pub fn write(&self, path: &Path) -> Result<(), FileError> {
         let tables =
             toml::to_string(self).map_err(|error| FileError::whole(path, Problem::Syntax(error.to_string())))?;
-        fs::write(path, format!("format = {FORMAT}\n\n{tables}")).map_err(|error| FileError::whole(path, error))
+        crate::output::write(path, format!("format = {FORMAT}\n\n{tables}"))
+            .map_err(|error| FileError::whole(path, error))
     }
 }
 

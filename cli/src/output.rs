@@ -1,14 +1,33 @@
 //! Where a command's results go: for people to stdout, for programs to a file or, instead of the other, to stdout.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 use serde::Serialize;
 
 use crate::failure::Failure;
 use crate::file_error::FileError;
+
+/// Files that are there are replaced.
+static FORCE: AtomicBool = AtomicBool::new(false);
+
+/// The option that every command has.
+#[derive(Args, Clone, Copy, Debug, Default)]
+pub struct ForceOption {
+    /// Replace files that are there; without it nothing is overwritten
+    #[arg(long, global = true)]
+    force: bool,
+}
+
+impl ForceOption {
+    /// From now on what is asked for holds.
+    pub fn apply(self) {
+        FORCE.store(self.force, Ordering::Relaxed);
+    }
+}
 
 /// The option that every command with a result has.
 #[derive(Args, Clone, Debug, Default)]
@@ -21,7 +40,7 @@ pub struct JsonOption {
 impl JsonOption {
     /// Where text for people goes: nowhere, when stdout carries the machine-readable result.
     pub fn human(&self) -> Box<dyn Write> {
-        if self.is_stdout() { Box::new(io::sink()) } else { Box::new(io::stdout()) }
+        if self.is_stdout() { Box::new(io::sink()) } else { Box::new(people()) }
     }
 
     /// Writes the machine-readable result, if it was asked for. Every digit of every number is kept.
@@ -30,7 +49,7 @@ impl JsonOption {
         if self.is_stdout() {
             return Ok(write_json(&mut io::stdout().lock(), value)?);
         }
-        let write = || write_json(&mut BufWriter::new(File::create(path)?), value);
+        let write = || write_json(&mut BufWriter::new(create(path)?), value);
         write().map_err(|error| FileError::whole(path, error).into())
     }
 
@@ -39,16 +58,128 @@ impl JsonOption {
     }
 }
 
-/// Creates a file that is not there yet.
+/// Creates a file. One that is there is replaced only if that was asked for.
 pub fn create(path: &Path) -> io::Result<File> {
+    let device = std::fs::metadata(path).is_ok_and(|kind| !kind.is_file());
+    if device || FORCE.load(Ordering::Relaxed) {
+        return File::create(path);
+    }
     File::create_new(path).map_err(|error| match error.kind() {
-        io::ErrorKind::AlreadyExists => io::Error::new(error.kind(), "the file exists, and nothing is overwritten"),
+        io::ErrorKind::AlreadyExists => {
+            io::Error::new(error.kind(), "the file exists, and nothing is overwritten without --force")
+        }
         _ => error,
     })
+}
+
+/// Writes a file, as [`create`] makes it.
+pub fn write(path: &Path, text: impl AsRef<[u8]>) -> io::Result<()> {
+    create(path)?.write_all(text.as_ref())
+}
+
+/// stdout for people.
+pub fn people() -> People<io::Stdout> {
+    People { to: io::stdout(), columns: columns(io::stdout().is_terminal()), line: Vec::new() }
+}
+
+/// Columns of a terminal; `None` where there is none.
+fn columns(terminal: bool) -> Option<usize> {
+    let (width, _) = ratatui::crossterm::terminal::size().ok().filter(|_| terminal)?;
+    (width > 0).then_some(width.into())
+}
+
+/// Text as a person may see it: no control character reaches the terminal, and no line is broken in the middle of a word.
+#[derive(Debug)]
+pub struct People<W: Write> {
+    to: W,
+    columns: Option<usize>,
+    line: Vec<u8>,
+}
+
+impl<W: Write> Write for People<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        for &byte in bytes {
+            if byte == b'\n' {
+                let line = shown(&String::from_utf8_lossy(&self.line), self.columns);
+                self.line.clear();
+                writeln!(self.to, "{line}")?;
+            } else {
+                self.line.push(byte);
+            }
+        }
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        let line = shown(&String::from_utf8_lossy(&self.line), self.columns);
+        self.line.clear();
+        self.to.write_all(line.as_bytes())?;
+        self.to.flush()
+    }
+}
+
+impl<W: Write> Drop for People<W> {
+    fn drop(&mut self) {
+        // Whoever wants to know flushes.
+        let _ = self.flush();
+    }
+}
+
+/// A line without control characters, broken between words where it is longer than the terminal is wide. Rows of tables stay whole.
+fn shown(line: &str, columns: Option<usize>) -> String {
+    let line: String = line
+        .chars()
+        .map(|c| if c.is_control() && c != '\t' { c.escape_debug().to_string() } else { c.into() })
+        .collect();
+    match columns {
+        Some(columns) if !line.starts_with('|') => {
+            let options = textwrap::Options::new(columns).subsequent_indent("    ").break_words(false);
+            textwrap::fill(&line, options)
+        }
+        _ => line,
+    }
+}
+
+/// A message for stderr, the same.
+pub fn message(text: &str) -> String {
+    let columns = columns(io::stderr().is_terminal());
+    text.lines().map(|line| shown(line, columns)).collect::<Vec<_>>().join("\n")
 }
 
 fn write_json(writer: &mut impl Write, value: &impl Serialize) -> io::Result<()> {
     serde_json::to_writer(&mut *writer, value).map_err(io::Error::from)?;
     writeln!(writer)?;
     writer.flush()
+}
+
+#[cfg(test)]
+mod tests {
+    use north_finder::health::{Fault, Flag};
+
+    use super::*;
+
+    #[test]
+    fn no_line_is_broken_in_a_word_at_80_columns() {
+        let flags =
+            Flag::ALL.iter().map(|flag| format!("{}: {}. To do: {}.", flag.name(), flag.meaning(), flag.remedy()));
+        let faults =
+            Fault::ALL.iter().map(|fault| format!("{}: {}. To do: {}.", fault.name(), fault.meaning(), fault.remedy()));
+        for text in flags.chain(faults) {
+            let mut people = People { to: Vec::new(), columns: Some(80), line: Vec::new() };
+            writeln!(people, "{text}").unwrap();
+            let written = String::from_utf8(std::mem::take(&mut people.to)).unwrap();
+            assert!(written.lines().all(|line| line.chars().count() <= 80), "{written}");
+            assert_eq!(written.split_whitespace().collect::<Vec<_>>(), text.split_whitespace().collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn control_characters_never_reach_the_terminal() {
+        let mut people = People { to: Vec::new(), columns: None, line: Vec::new() };
+        // Escape, delete, the one-byte control sequence introducer in two pieces, a carriage return; a letter of two bytes stays.
+        people.write_all(b"a\x1b[31mb\x7f\xc2").unwrap();
+        people.write_all(b"\x9b1mc\rd \xc2\xb0\n").unwrap();
+        let written = String::from_utf8(std::mem::take(&mut people.to)).unwrap();
+        assert_eq!(written, "a\\u{1b}[31mb\\u{7f}\\u{9b}1mc\\rd °\n");
+    }
 }

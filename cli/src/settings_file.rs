@@ -23,7 +23,7 @@ const MODEL_FORMAT: i64 = 1;
 /// Errors: the file cannot be written.
 pub fn write_model(path: &Path, model: &ErrorModel) -> Result<(), FileError> {
     let text = model_text(model).map_err(|error| FileError::whole(path, Problem::Syntax(error.to_string())))?;
-    std::fs::write(path, text).map_err(|error| FileError::whole(path, error))
+    crate::output::write(path, text).map_err(|error| FileError::whole(path, error))
 }
 
 /// An error model as the text of a file that [`read_model`] reads.
@@ -41,7 +41,7 @@ pub fn settings_text(settings: &Settings) -> Result<String, toml::ser::Error> {
 /// Errors: the file cannot be written.
 pub fn write_settings(path: &Path, settings: &Settings) -> Result<(), FileError> {
     let text = settings_text(settings).map_err(|error| FileError::whole(path, Problem::Syntax(error.to_string())))?;
-    std::fs::write(path, text).map_err(|error| FileError::whole(path, error))
+    crate::output::write(path, text).map_err(|error| FileError::whole(path, error))
 }
 
 /// The settings that all runs of a campaign share (all but the latitude and a model): the defaults with the gyro's noise

@@ -1,6 +1,5 @@
 //! TOML files whose every error names file, line and column.
 
-use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -10,6 +9,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue, Deserializer};
 
 use crate::file_error::{FileError, Place, Problem};
+use crate::input;
 
 /// The text of a TOML file, kept so that errors found later still know their line.
 pub struct TomlFile {
@@ -29,7 +29,7 @@ pub fn locate(path: &Path, manifest: &str) -> (PathBuf, PathBuf) {
 impl TomlFile {
     /// Reads the file; it must be UTF-8.
     pub fn read(path: &Path) -> Result<Self, FileError> {
-        let text = fs::read_to_string(path).map_err(|error| FileError::whole(path, error))?;
+        let text = input::text(path).map_err(|error| FileError::whole(path, error))?;
         Ok(Self { path: path.to_owned(), text })
     }
 

@@ -167,7 +167,8 @@ fn json_goes_to_a_file_beside_the_text() {
 #[test]
 fn a_fault_is_exit_code_1_and_still_a_json_object() {
     let folder = folder();
-    let called = north_in(folder.path(), &["find", "--host", "--scenario", "stalled-motor", "--json", "fix.json"]);
+    let called =
+        north_in(folder.path(), &["find", "--host", "--scenario", "stalled-motor", "--json", "fix.json", "--force"]);
     let shown = called.refused(1, "north: motor-stall: the encoder does not follow the motor\n");
     assert!(shown.contains("no azimuth: motor-stall while indexing"), "{shown}");
     let found: Value = serde_json::from_str(&fs::read_to_string(folder.path().join("fix.json")).unwrap()).unwrap();

@@ -346,6 +346,11 @@ impl<D: Dwells> Accumulator<D> {
         Ok(fix)
     }
 
+    /// Azimuth of too few dwells for a solution, degrees: to turn the axis nearly east.
+    pub fn coarse_azimuth_deg(&self) -> Option<f64> {
+        super::coarse_azimuth_deg(self.dwells.as_slice(), &self.declared.earth)
+    }
+
     fn take(&mut self, second: &Corrected, moving: bool) -> bool {
         if second.measured.lost_frames > 0 {
             self.flags.insert(Flag::FramesLost);

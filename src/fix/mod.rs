@@ -573,6 +573,27 @@ fn mean_tilt(dwells: &[DwellSummary]) -> Option<Tilt> {
     Specific::new(forward / seconds, left / seconds).map(|level| level.tilt())
 }
 
+/// Azimuth by dwells in two directions, degrees in [0°, 360°), the gyro's bias taken as none: a bias b makes it wrong by up to
+/// √2 b / (Ω cos φ). `None`: the dwells lie in one line.
+///
+/// Least squares of h cos ψ and h sin ψ alone, by time: enough to turn the axis nearly east.
+pub fn coarse_azimuth_deg(dwells: &[DwellSummary], earth: &EarthRate) -> Option<f64> {
+    let [mut cc, mut cs, mut ss, mut cr, mut sr, mut s] = [0.0; 6];
+    for dwell in dwells {
+        let design = DesignRow::new(Direction { cos: dwell.cos, sin: dwell.sin }, specific(dwell), earth);
+        let rate_deg_h = dwell.rate.mean - design.vertical_deg_h;
+        cc += dwell.seconds * design.cos * design.cos;
+        cs += dwell.seconds * design.cos * design.sin;
+        ss += dwell.seconds * design.sin * design.sin;
+        cr += dwell.seconds * design.cos * rate_deg_h;
+        sr += dwell.seconds * design.sin * rate_deg_h;
+        s += dwell.seconds;
+    }
+    let determinant = cc * ss - cs * cs;
+    let regular = determinant > 1e-3 * s * s;
+    regular.then(|| wrap_360_deg(libm::atan2(cc * sr - cs * cr, ss * cr - cs * sr) * DEG_PER_RAD))
+}
+
 /// Index angle, degrees in [0°, 360°), at which the sensitive axis of an instrument with `azimuth_deg` points east.
 pub fn east_index_deg(azimuth_deg: f64) -> f64 {
     wrap_360_deg(azimuth_deg - 90.0)

@@ -4,6 +4,7 @@
 //! ticks come in, reports and motor commands go out; nothing here reads a clock or a bus. What is measured goes to the
 //! [`Accumulator`]: here is only said where a dwell begins and ends.
 
+pub mod adaptive;
 pub mod order;
 pub mod turn;
 
@@ -20,7 +21,9 @@ use crate::gates::{DisturbanceGate, Gate, GateSettings, JitterGate, Verdict};
 use crate::health::{Counters, Fault};
 use crate::index::{IndexAngle, IndexSettings, MotorCommand};
 use crate::level::{LevelSettings, Specific};
-use order::{Position, SequenceSettings};
+use crate::units::DEG_PER_RAD;
+use adaptive::{Adaptive, COARSE_SECONDS};
+use order::{Order, Position, SequenceSettings};
 use turn::{Progress, Turn};
 
 /// Most dwells that a fix can have: those of the longest order, and half as many again.
@@ -142,6 +145,7 @@ pub struct Sequencer {
     out_of_level: Run,
     level_failed: Run,
     coarse_azimuth_deg: Option<f64>,
+    adaptive: Option<Adaptive>,
 }
 
 impl Sequencer {
@@ -160,6 +164,7 @@ impl Sequencer {
             out_of_level: Run::default(),
             level_failed: Run::default(),
             coarse_azimuth_deg: None,
+            adaptive: None,
         }
     }
 
@@ -189,6 +194,11 @@ impl Sequencer {
         self.position = 0;
         (self.out_of_level, self.level_failed) = (Run::default(), Run::default());
         self.coarse_azimuth_deg = None;
+        self.adaptive = match self.rules.sequence.order {
+            // The last second must end before the limit.
+            Order::Adaptive { accuracy_deg } => Some(Adaptive::new(accuracy_deg, t_s + self.rules.time_limit_s - 1.0)),
+            _ => None,
+        };
         self.enter(Stage::Levelling { level: 0 }, t_s, sink);
         Some(MotorCommand::Stop)
     }
@@ -234,7 +244,9 @@ impl Sequencer {
         if let Some(fault) = late.or_else(|| self.watch_level(second.conditions.level)) {
             return (seen, self.fail(fault, t_s, sink));
         }
+        let early = self.adaptive.is_some() && matches!(self.stage, Stage::Watching(_) | Stage::Settling(_));
         if !matches!(self.stage, Stage::Collecting { .. })
+            && !early
             && let Some(slip) = self.accumulator.between_dwells(&corrected)
         {
             self.slipped(&slip, counters, sink);
@@ -244,11 +256,15 @@ impl Sequencer {
             Stage::Levelling { .. } => self.levelling(second.conditions.level, t_s, sink),
             Stage::Watching(gate) => {
                 let verdict = gate.second(rate_deg_h);
-                self.watching(verdict, t_s, &mut seen, sink)
+                let quiet = gate.is_quiet();
+                self.collect_early(&corrected, quiet, &mut seen, counters, sink);
+                self.watching(verdict, &corrected, &mut seen, counters, sink)
             }
             Stage::Settling(gate) => {
                 let verdict = gate.second(rate_deg_h);
-                self.settling(verdict, t_s, &mut seen, sink)
+                let quiet = gate.is_quiet();
+                self.collect_early(&corrected, quiet, &mut seen, counters, sink);
+                self.settling(verdict, &corrected, &mut seen, counters, sink)
             }
             Stage::Collecting { seconds } => {
                 seen.dwell = Some(self.position);
@@ -264,6 +280,29 @@ impl Sequencer {
             Stage::Idle | Stage::Indexing(_) | Stage::Finished | Stage::Failed => None,
         };
         (seen, motor)
+    }
+
+    /// An adaptive fix takes a quiet second before its gate has passed; one that is not quiet ends the dwell that they began.
+    fn collect_early(&mut self, second: &Corrected, quiet: bool, seen: &mut Seen, counters: &mut Counters, sink: Sink) {
+        let Some(adaptive) = &mut self.adaptive else { return };
+        if quiet && adaptive.takes_early() {
+            adaptive.early = adaptive.early.saturating_add(1);
+            seen.dwell = Some(self.position);
+            let taken = self.accumulator.collect(second);
+            seen.collected = taken == Taken::Collected;
+            if let Taken::Slipped(slip) = taken {
+                self.slipped(&slip, counters, sink);
+            }
+            return;
+        }
+        if adaptive.interrupted() {
+            let ended = self.accumulator.end_dwell();
+            self.dwell_ended(ended.as_ref(), counters, sink);
+            self.accumulator.index_turns();
+        }
+        if let Some(slip) = self.accumulator.between_dwells(second) {
+            self.slipped(&slip, counters, sink);
+        }
     }
 
     /// The index slipped: the dwell under way goes on as another one, at the new angle.
@@ -321,14 +360,19 @@ impl Sequencer {
     fn watching(
         &mut self,
         (excess_deg_h, verdict): (f64, Verdict),
-        t_s: f64,
+        second: &Corrected,
         seen: &mut Seen,
+        counters: &mut Counters,
         sink: Sink,
     ) -> Option<MotorCommand> {
+        let t_s = second.measured.end_s();
         match verdict {
             Verdict::Passed => {
                 sink(Event::Undisturbed { excess_deg_h });
-                return self.go_to_position(t_s, sink);
+                return match self.adaptive {
+                    Some(_) => self.end_adaptive_dwell(t_s, counters, sink),
+                    None => self.go_to_position(t_s, sink),
+                };
             }
             Verdict::Refused => {
                 self.wait_at(Gate::Disturbance, seen);
@@ -372,6 +416,9 @@ impl Sequencer {
 
     /// Index angle of the current position; `None` past the last, or before the coarse azimuth is known.
     fn target_deg(&self) -> Option<f64> {
+        if let Some(adaptive) = &self.adaptive {
+            return Some(adaptive.target_deg);
+        }
         match self.position()? {
             Position::At { index_deg, .. } => Some(index_deg),
             Position::East => self.coarse_azimuth_deg.map(fix::east_index_deg),
@@ -382,11 +429,16 @@ impl Sequencer {
     fn settling(
         &mut self,
         (change_deg_h, verdict): (f64, Verdict),
-        t_s: f64,
+        second: &Corrected,
         seen: &mut Seen,
+        counters: &mut Counters,
         sink: Sink,
     ) -> Option<MotorCommand> {
         let position = self.position;
+        let t_s = second.measured.end_s();
+        if position == 1 && self.adaptive.is_some_and(|adaptive| adaptive.early >= COARSE_SECONDS) {
+            return self.end_adaptive_dwell(t_s, counters, sink);
+        }
         match verdict {
             Verdict::Passed => {
                 sink(Event::Settled { position });
@@ -412,6 +464,11 @@ impl Sequencer {
         counters: &mut Counters,
         sink: Sink,
     ) -> Option<MotorCommand> {
+        if let Some(adaptive) = &self.adaptive {
+            let t_s = second.measured.end_s();
+            let over = if self.position == 1 { seconds >= COARSE_SECONDS } else { adaptive.dwell_is_over(t_s) };
+            return if over { self.end_adaptive_dwell(t_s, counters, sink) } else { None };
+        }
         if seconds < self.dwell_s() {
             return None;
         }
@@ -440,6 +497,58 @@ impl Sequencer {
                 }
             }
             Some(_) => self.go_to_position(t_s, sink),
+        }
+    }
+
+    /// The dwell of an adaptive fix is over: on to the next, or to the azimuth.
+    fn end_adaptive_dwell(&mut self, t_s: f64, counters: &mut Counters, sink: Sink) -> Option<MotorCommand> {
+        let ended = self.accumulator.end_dwell();
+        self.dwell_ended(ended.as_ref(), counters, sink);
+        self.position = self.position.saturating_add(1);
+        let (position, index) = (self.position, self.rules.index);
+        let Some(angle_deg) = self.index.deg() else { return self.fail(Fault::EncoderFailed, t_s, sink) };
+        let noise_deg_h = self.accumulator.declared().gyro.noise_deg_h();
+        let north_deg_h = self.accumulator.declared().earth.north_deg_h;
+        let so_far = if position > 2 { self.accumulator.solve().ok() } else { None };
+        let coarse_deg = so_far.map(|fix| fix.azimuth_deg).or_else(|| self.accumulator.coarse_azimuth_deg());
+        self.coarse_azimuth_deg = coarse_deg.or(self.coarse_azimuth_deg);
+        let Some(adaptive) = &mut self.adaptive else { return None };
+        if position == 1 {
+            adaptive.begin_coarse();
+            adaptive.target_deg = if angle_deg > 180.0 { angle_deg - 90.0 } else { angle_deg + 90.0 };
+            return self.go_to_position(t_s, sink);
+        }
+        let Some(azimuth_deg) = self.coarse_azimuth_deg else { return self.fail(Fault::Unsolvable, t_s, sink) };
+        let sides_deg = [fix::east_index_deg(azimuth_deg), fix::west_index_deg(azimuth_deg)];
+        let way_deg = |side_deg: &f64| (side_deg - angle_deg).abs();
+        let nearest = sides_deg.into_iter().min_by(|a, b| way_deg(a).total_cmp(&way_deg(b)));
+        let farthest = sides_deg.into_iter().max_by(|a, b| way_deg(a).total_cmp(&way_deg(b)));
+        let target_deg = if position == 2 { nearest } else { farthest };
+        adaptive.target_deg = target_deg.unwrap_or(angle_deg);
+        let goes_on = if position == 2 {
+            let way_deg = way_deg(&adaptive.target_deg);
+            adaptive.begin(position, t_s, way_deg, &index, [noise_deg_h, north_deg_h]);
+            // The bias is not known yet, and is the most of it.
+            let bias_deg_h = self.accumulator.declared().gyro.bias_limit_deg_h;
+            let sigma_deg = DEG_PER_RAD * libm::hypot(bias_deg_h, noise_deg_h) / north_deg_h;
+            sink(Event::Coarse { azimuth_deg, sigma_deg });
+            true
+        } else {
+            let (measured_s, sigma_deg) = so_far.map_or((0.0, None), |fix| (fix.seconds, Some(fix.sigma_deg)));
+            adaptive.next(position, t_s, &index) || adaptive.go_on(position, t_s, &index, measured_s, sigma_deg)
+        };
+        if goes_on {
+            sink(Event::ToGo { seconds: adaptive.to_go_s(t_s) });
+            return self.go_to_position(t_s, sink);
+        }
+        match so_far {
+            Some(fix) => {
+                sink(Event::Health(*counters));
+                sink(Event::Fix(fix));
+                self.enter(Stage::Finished, t_s, sink);
+                Some(MotorCommand::Stop)
+            }
+            None => self.fail(Fault::Unsolvable, t_s, sink),
         }
     }
 

@@ -3,7 +3,7 @@
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-use crate::limits::Invalid;
+use crate::limits::{Invalid, within};
 
 /// Most positions that an order can have.
 pub const MAX_POSITIONS: usize = 16;
@@ -22,6 +22,9 @@ pub enum Order {
     EastWest,
     /// Any angles; at least three that are different.
     Custom(Vec<f64, MAX_POSITIONS>),
+    /// Two short dwells, then where the axis points east and west until the azimuth's standard deviation is no greater than this, or
+    /// the time limit ends it: [`super::adaptive`].
+    Adaptive { accuracy_deg: f64 },
 }
 
 /// Which positions, in which order, for how long.
@@ -60,7 +63,7 @@ const MIRRORED: [f64; 8] = [0.0, 90.0, 180.0, 270.0, 270.0, 180.0, 90.0, 0.0];
 const EAST_WEST: [Position; 4] = [Position::East, Position::West, Position::West, Position::East];
 
 impl Order {
-    /// Number of dwells.
+    /// Number of dwells; 0 where nobody knows it before.
     pub fn len(&self) -> usize {
         match self {
             Self::EastWest => PLAIN.len() + EAST_WEST.len(),
@@ -87,11 +90,16 @@ impl Order {
             Self::Source => &SOURCE,
             Self::Mirrored => &MIRRORED,
             Self::Custom(angles) => angles,
+            // It finds its own.
+            Self::Adaptive { .. } => &[],
         }
     }
 
-    /// At least three directions at least 1° apart, all finite and within ± two turns.
+    /// The adaptive order's accuracy lies within 0.001° to 10°. Otherwise at least three directions at least 1° apart, all finite and within ± two turns.
     pub fn validate(&self) -> Result<(), Invalid> {
+        if let Self::Adaptive { accuracy_deg } = *self {
+            return within("sequence.order.adaptive.accuracy_deg", accuracy_deg, 0.001, 10.0, "0.001 to 10");
+        }
         let angles = self.angles_deg();
         for &value in angles {
             if !(-720.0..=720.0).contains(&value) {

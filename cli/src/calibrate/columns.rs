@@ -6,6 +6,7 @@ use csv::{ByteRecord, ReaderBuilder, Trim};
 use north_finder::calibration::statistics::median;
 
 use crate::file_error::{FileError, Place, Problem};
+use crate::input;
 
 /// A step of time longer than so many median steps is a gap.
 const LONGEST_STEP: f64 = 1.5;
@@ -75,6 +76,7 @@ impl<const N: usize> Table<N> {
         let mut reader = reader(path)?;
         let mut record = ByteRecord::new();
         while reader.read_byte_record(&mut record).map_err(|error| csv_error(path, error))? {
+            reader.get_mut().record();
             let line = record.position().map_or(0, csv::Position::line);
             if record.len() == 1 && record.get(0).is_some_and(<[u8]>::is_empty) {
                 continue;
@@ -160,8 +162,9 @@ fn find(path: &Path, header: &[String], column: Column, optional: bool) -> Resul
     }
 }
 
-fn reader(path: &Path) -> Result<csv::Reader<std::fs::File>, FileError> {
-    ReaderBuilder::new().flexible(true).trim(Trim::All).from_path(path).map_err(|error| csv_error(path, error))
+fn reader(path: &Path) -> Result<csv::Reader<input::Records<std::fs::File>>, FileError> {
+    let records = input::records(path).map_err(|error| FileError::whole(path, error))?;
+    Ok(ReaderBuilder::new().flexible(true).trim(Trim::All).from_reader(records))
 }
 
 fn csv_error(path: &Path, error: csv::Error) -> FileError {

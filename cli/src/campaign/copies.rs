@@ -1,7 +1,6 @@
 //! Recordings that are there twice under two names: what is learned from them would count twice.
 
 use std::collections::HashMap;
-use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::Path;
 
@@ -30,7 +29,7 @@ impl Campaign {
 
 /// Whether two files of the same size hold the same; reads no further than the first difference.
 fn same_bytes(one: &Path, other: &Path) -> io::Result<bool> {
-    let bytes = |path| Ok::<_, io::Error>(BufReader::new(File::open(path)?).bytes());
+    let bytes = |path| Ok::<_, io::Error>(BufReader::new(crate::input::open(path)?).bytes());
     for (one, other) in bytes(one)?.zip(bytes(other)?) {
         if one? != other? {
             return Ok(false);

@@ -10,6 +10,7 @@ use north_finder::level::Specific;
 
 use super::own::{self, MOMENTS, Own, UP};
 use crate::file_error::{FileError, Place, Problem};
+use crate::input;
 
 /// One row of a run, its interval worked out.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -78,7 +79,7 @@ pub struct RunReader {
 }
 
 /// The file and a newline after it: with it every record ends with one, which makes the line count simple and exact.
-type Source = Chain<File, &'static [u8]>;
+type Source = Chain<input::Records<File>, &'static [u8]>;
 
 const NUMBER: &str = "a finite decimal number";
 
@@ -116,7 +117,7 @@ impl RunReader {
     }
 
     fn open_without_median(path: &Path) -> Result<Self, FileError> {
-        let file = File::open(path).map_err(|error| FileError::whole(path, error))?;
+        let file = input::records(path).map_err(|error| FileError::whole(path, error))?;
         // A carriage return before the newline is trimmed like any other white space.
         let mut csv = ReaderBuilder::new()
             .has_headers(false)
@@ -185,6 +186,7 @@ impl RunReader {
             if !self.csv.read_byte_record(&mut self.record).map_err(|error| csv_error(&self.path, error))? {
                 return Ok(None);
             }
+            self.csv.get_mut().get_mut().0.record();
             let blank = self.record.len() == 1 && self.record.get(0).is_some_and(<[u8]>::is_empty);
             if !blank {
                 break;

@@ -12,6 +12,26 @@ use super::own::Own;
 use super::{Campaign, MANIFEST, Row, Run};
 use crate::file_error::{FileError, Problem};
 
+/// Folder of the runs.
+const RUNS: &str = "runs";
+/// In a folder whose recording is not finished, until it is.
+const UNFINISHED: &str = "unfinished";
+const UNFINISHED_TEXT: &str = "north is writing this recording, or was interrupted: the next one may replace it\n";
+
+/// Removes what an interrupted recording left behind: its runs and tables, and nothing else.
+fn clear(folder: &Path) -> std::io::Result<()> {
+    for place in [folder.to_owned(), folder.join(RUNS)] {
+        for entry in fs::read_dir(&place).into_iter().flatten() {
+            let path = entry?.path();
+            let own = path.extension().is_some_and(|extension| extension == "csv" || extension == "toml");
+            if own && path.is_file() {
+                fs::remove_file(path)?;
+            }
+        }
+    }
+    Ok(())
+}
+
 /// Which optional columns a run's file has.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Layout {
@@ -112,12 +132,23 @@ impl CampaignWriter {
     pub fn create(campaign: Campaign) -> Result<Self, FileError> {
         let folder = &campaign.folder;
         Self::check_free(folder)?;
-        fs::create_dir_all(folder.join("runs")).map_err(|error| FileError::whole(folder, error))?;
+        let prepare = || {
+            if folder.join(UNFINISHED).exists() {
+                clear(folder)?;
+            }
+            fs::create_dir_all(folder.join(RUNS))?;
+            fs::write(folder.join(UNFINISHED), UNFINISHED_TEXT)
+        };
+        prepare().map_err(|error| FileError::whole(folder, error))?;
         Ok(Self { campaign })
     }
 
-    /// Refuses a folder that has something in it: recordings are never overwritten.
+    /// Refuses a folder that has something in it: recordings are never overwritten. What a recording left behind that was interrupted
+    /// is no recording.
     pub fn check_free(folder: &Path) -> Result<(), FileError> {
+        if folder.join(UNFINISHED).is_file() {
+            return Ok(());
+        }
         match fs::read_dir(folder).map(|mut entries| entries.next().is_some()) {
             Ok(true) => Err(FileError::whole(folder, Problem::FolderNotEmpty)),
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(FileError::whole(folder, error)),
@@ -141,7 +172,11 @@ impl CampaignWriter {
         let manifest = Manifest { format: FORMAT, campaign: &self.campaign };
         let text =
             toml::to_string(&manifest).map_err(|error| FileError::whole(&path, Problem::Syntax(error.to_string())))?;
-        let write = || File::create_new(&path)?.write_all(text.as_bytes());
+        let folder = &self.campaign.folder;
+        let write = || {
+            File::create_new(&path)?.write_all(text.as_bytes())?;
+            fs::remove_file(folder.join(UNFINISHED))
+        };
         write().map_err(|error| FileError::whole(&path, error))
     }
 }

@@ -89,7 +89,7 @@ impl Align {
         self.print(&mut self.json.human(), &report)?;
         if let Some(path) = &self.report {
             let page = align_report::html(&self.recording, &report, self.reference);
-            std::fs::write(path, page).map_err(|error| FileError::whole(path, error))?;
+            crate::output::write(path, page).map_err(|error| FileError::whole(path, error))?;
         }
         self.json.write(&report)
     }

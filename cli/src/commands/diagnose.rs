@@ -1,6 +1,5 @@
 //! `north diagnose`: closes the loop with measured data.
 
-use std::fs;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -63,7 +62,7 @@ impl Diagnose {
         }
         if let Some(path) = &self.report {
             diagnosis.origin.made = Some(OffsetDateTime::now_utc().date().to_string());
-            fs::write(path, report::html(&diagnosis)).map_err(|error| FileError::whole(path, error))?;
+            crate::output::write(path, report::html(&diagnosis)).map_err(|error| FileError::whole(path, error))?;
         }
         self.json.write(&diagnosis)
     }

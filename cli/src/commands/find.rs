@@ -1,6 +1,6 @@
 //! `north find`: one fix of the simulated instrument, live.
 
-use std::io::{self, Write};
+use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -60,7 +60,7 @@ struct Log {
 impl Find {
     pub fn run(self) -> Result<(), Failure> {
         if self.instrument.scenario == "list" {
-            return Ok(scenarios::list(&mut io::stdout())?);
+            return Ok(scenarios::list(&mut crate::output::people())?);
         }
         let (scenario, settings) = self.instrument.resolve()?;
         if let Some(folder) = &self.record {

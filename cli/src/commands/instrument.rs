@@ -30,6 +30,9 @@ pub struct InstrumentOptions {
     /// Order of the index positions
     #[arg(long, value_enum)]
     pub order: Option<OrderName>,
+    /// One sigma of the azimuth that ends an adaptive fix, degrees, 0.001 to 10
+    #[arg(long, value_name = "DEG", conflicts_with = "order", value_parser = accuracy)]
+    pub accuracy: Option<f64>,
     /// Measuring time at each position, seconds, 2 to 3600
     #[arg(long, value_name = "S", value_parser = clap::value_parser!(u16).range(2..=3600))]
     pub dwell: Option<u16>,
@@ -52,6 +55,18 @@ pub enum OrderName {
     Mirrored,
     /// four short positions, then where the axis points east, west, west, east
     EastWest,
+    /// two short positions, then where the axis points east and west, until sigma is small enough
+    Adaptive,
+}
+
+/// What the adaptive order ends with if nothing else is said, degrees.
+const ACCURACY_DEG: f64 = 0.03;
+
+fn accuracy(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.001..=10.0).contains(&value) => Ok(value),
+        _ => Err("allowed is a number from 0.001 to 10".into()),
+    }
 }
 
 impl From<OrderName> for Order {
@@ -61,6 +76,7 @@ impl From<OrderName> for Order {
             OrderName::Source => Self::Source,
             OrderName::Mirrored => Self::Mirrored,
             OrderName::EastWest => Self::EastWest,
+            OrderName::Adaptive => Self::Adaptive { accuracy_deg: ACCURACY_DEG },
         }
     }
 }
@@ -86,6 +102,9 @@ impl InstrumentOptions {
         }
         if let Some(order) = self.order {
             settings.sequence.order = order.into();
+        }
+        if let Some(accuracy_deg) = self.accuracy {
+            settings.sequence.order = Order::Adaptive { accuracy_deg };
         }
         if let Some(dwell_s) = self.dwell {
             settings.sequence.dwell_s = dwell_s;

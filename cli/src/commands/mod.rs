@@ -25,6 +25,7 @@ use clap::{Parser, Subcommand};
 
 pub use crate::argument::number;
 use crate::failure::Failure;
+use crate::output::ForceOption;
 
 /// Finds true north with an indexed single-axis gyro: simulated, recorded, measured.
 ///
@@ -39,6 +40,8 @@ use crate::failure::Failure;
 pub struct Cli {
     #[command(subcommand)]
     command: Command,
+    #[command(flatten)]
+    force: ForceOption,
 }
 
 #[derive(Debug, Subcommand)]
@@ -68,6 +71,7 @@ enum Command {
 impl Cli {
     /// Does what was asked.
     pub fn run(self) -> Result<(), Failure> {
+        self.force.apply();
         match self.command {
             Command::Find(find) => find.run(),
             Command::Align(align) => align.run(),

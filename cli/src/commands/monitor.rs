@@ -51,7 +51,7 @@ impl Monitor {
         let mut early = Vec::new();
         let first = if self.start { Ask::Command(Command::Start) } else { Ask::Status };
         let started = port.ask(first, &mut |report| early.push(*report));
-        let mut view = View::new(Box::new(io::stdout()), settings);
+        let mut view = View::new(Box::new(crate::output::people()), settings);
         let mut early = early.into_iter();
         loop {
             let report = match early.next().map_or_else(|| port.report(SILENCE), Ok) {

@@ -14,7 +14,7 @@ pub struct Scenarios {}
 
 impl Scenarios {
     pub fn run(self) -> Result<(), Failure> {
-        Ok(list(&mut io::stdout())?)
+        Ok(list(&mut crate::output::people())?)
     }
 }
 

@@ -1,7 +1,7 @@
 //! `north simulate`: a campaign from the simulator, or a voyage of a ship with what aids it.
 
 use std::cell::RefCell;
-use std::io::{self, Write};
+use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -60,11 +60,11 @@ struct Simulated {
 impl Simulate {
     pub fn run(self) -> Result<(), Failure> {
         if self.instrument.scenario == "list" {
-            return Ok(scenarios::list(&mut io::stdout())?);
+            return Ok(scenarios::list(&mut crate::output::people())?);
         }
         if let Some(voyage) = self.voyage {
             let how = voyage::write(voyage, self.instrument.seed, &self.out)?;
-            return Ok(writeln!(io::stdout(), "{how}")?);
+            return Ok(writeln!(crate::output::people(), "{how}")?);
         }
         let (scenario, settings) = self.instrument.resolve()?;
         let title = format!("{}, seed {}", scenario.name, self.instrument.seed);
@@ -120,7 +120,7 @@ impl Simulate {
 
     /// Says what was written; fixes without an azimuth are told, and are an error.
     fn conclude(&self, simulated: &[Simulated]) -> Result<(), Failure> {
-        let mut out = io::stdout();
+        let mut out = crate::output::people();
         let mut without_azimuth = 0;
         for Simulated { file, outcome, recorded } in simulated {
             if let Some(why) = why_not(outcome) {

@@ -1,6 +1,5 @@
 //! `north track`: orientation along a recording.
 
-use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::PathBuf;
 
@@ -275,7 +274,7 @@ impl Track {
         writeln!(self.json.human(), "{said}")?;
         if let Some(path) = &self.report {
             let page = report::html(&self.recording, &said, &track);
-            std::fs::write(path, page).map_err(|error| FileError::whole(path, error))?;
+            crate::output::write(path, page).map_err(|error| FileError::whole(path, error))?;
         }
         self.json.write(&summary)
     }
@@ -302,7 +301,7 @@ impl Track {
 
     fn write_track(&self, track: &crate::track::Track) -> Result<(), Failure> {
         let write = || -> io::Result<()> {
-            let mut out = BufWriter::new(File::create(&self.out)?);
+            let mut out = BufWriter::new(crate::output::create(&self.out)?);
             let own = match track.rows.first().map(|row| row.detail) {
                 Some(Detail::Aided { .. }) => "lat_deg,lon_deg,height_m,ve_m_s,vn_m_s,vu_m_s,sigma_position_m",
                 _ => "standing,refix",

@@ -1,5 +1,7 @@
 //! A [`Dashboard`] on a terminal of 80 columns and 24 lines, or more.
 
+use std::ffi::OsStr;
+
 use north_finder::event::{Fix, State};
 use north_finder::units::RAD_PER_DEG;
 use ratatui::Frame;
@@ -17,7 +19,7 @@ const CURVE: u32 = 120;
 
 /// Draws everything.
 pub fn draw(frame: &mut Frame, board: &Dashboard, directions: &Directions) {
-    let paint = Paint { coloured: std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty()) };
+    let paint = Paint::asked_for(std::env::var_os("NO_COLOR").as_deref());
     let [head, bar, charts, bottom] =
         Layout::vertical([Constraint::Length(1), Constraint::Length(1), Constraint::Fill(3), Constraint::Length(11)])
             .areas(frame.area());
@@ -28,7 +30,8 @@ pub fn draw(frame: &mut Frame, board: &Dashboard, directions: &Directions) {
     let positions = board.lines.dwells_s().len();
     let place = match board.state {
         Some(State::Indexing | State::Settling | State::Collecting) => {
-            format!(", position {} of {positions}", u32::from(board.position) + 1)
+            let of = if positions == 0 { String::new() } else { format!(" of {positions}") };
+            format!(", position {}{of}", u32::from(board.position) + 1)
         }
         _ => String::new(),
     };
@@ -52,6 +55,11 @@ struct Paint {
 }
 
 impl Paint {
+    /// By the variable NO_COLOR: no colours where it is there and not empty.
+    fn asked_for(no_color: Option<&OsStr>) -> Self {
+        Self { coloured: no_color.is_none_or(OsStr::is_empty) }
+    }
+
     fn style(self, colour: Color) -> Style {
         if self.coloured { Style::new().fg(colour) } else { Style::new() }
     }
@@ -181,6 +189,12 @@ mod tests {
         let mut terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
         terminal.draw(|frame| draw(frame, board, &Directions::default())).unwrap();
         terminal.backend().to_string()
+    }
+
+    #[test]
+    fn no_color_is_obeyed() {
+        let colour = |variable: Option<&str>| Paint::asked_for(variable.map(OsStr::new)).style(Color::Red).fg;
+        assert_eq!([None, Some(""), Some("1")].map(colour), [Some(Color::Red), Some(Color::Red), None]);
     }
 
     #[test]

@@ -49,6 +49,8 @@ pub struct Dashboard {
     heading: Option<Heading>,
     counters: Counters,
     log: VecDeque<String>,
+    /// When an adaptive fix said how long it would go on, and how long.
+    to_go: Option<(f64, f64)>,
 }
 
 impl Dashboard {
@@ -72,6 +74,7 @@ impl Dashboard {
             heading: None,
             counters: Counters::default(),
             log: VecDeque::new(),
+            to_go: None,
         }
     }
 
@@ -86,7 +89,7 @@ impl Dashboard {
             Event::State(state) => {
                 if state == State::Levelling {
                     (self.so_far, self.fix, self.fault) = (None, None, None);
-                    (self.position, self.collected) = (0, 0);
+                    (self.position, self.collected, self.to_go) = (0, 0, None);
                     self.points.clear();
                 }
                 self.state = Some(state);
@@ -105,6 +108,7 @@ impl Dashboard {
             }
             Event::Health(counters) => self.counters = counters,
             Event::Heading(heading) => self.heading = Some(heading),
+            Event::ToGo { seconds } => self.to_go = Some((report.t_s, seconds)),
             _ => {}
         }
     }
@@ -131,6 +135,10 @@ impl Dashboard {
 
     /// What is measured of what the order wants, 0 to 1.
     fn progress(&self) -> f64 {
+        if let Some((at_s, seconds)) = self.to_go {
+            let gone_s = self.t_s - at_s;
+            return if self.fix.is_some() { 1.0 } else { (gone_s / seconds.max(1.0)).clamp(0.0, 1.0) };
+        }
         let wanted: u32 = self.lines.dwells_s().iter().map(|&seconds| u32::from(seconds)).sum();
         match self.fix {
             Some(_) => 1.0,
@@ -158,7 +166,7 @@ pub fn run(
     match (shown, dashboard.fault, dashboard.fix) {
         (Err(failure), ..) => Err(failure),
         (Ok(()), Some(fault), None) => Err(Failure::Refused(format!("{}: {}", fault.name(), fault.meaning()))),
-        (Ok(()), _, Some(fix)) => Ok(directions.write(&mut std::io::stdout(), fix.azimuth_deg, fix.sigma_deg)?),
+        (Ok(()), _, Some(fix)) => Ok(directions.write(&mut crate::output::people(), fix.azimuth_deg, fix.sigma_deg)?),
         (Ok(()), None, None) => Ok(()),
     }
 }

@@ -2,7 +2,6 @@
 //! and of the Earth's rate, interval, axes. It is a file to edit, with the reason for each guess beside it.
 
 use std::fmt::Write;
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -53,7 +52,7 @@ struct Unit {
 pub fn guess(path: &Path, latitude_deg: Option<f64>) -> Result<String, FileError> {
     let io = |error| FileError::whole(path, Problem::Io(error));
     let mut head = Vec::new();
-    File::open(path).map_err(io)?.take(LOOKED_AT).read_to_end(&mut head).map_err(io)?;
+    crate::input::open(path).map_err(io)?.take(LOOKED_AT).read_to_end(&mut head).map_err(io)?;
     refuse_binary(path, &head)?;
     let text = String::from_utf8_lossy(&head);
     let table = Table::read(&text).ok_or_else(|| {

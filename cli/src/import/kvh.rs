@@ -29,7 +29,7 @@ pub struct KvhRecords {
 impl KvhRecords {
     /// Opens the file.
     pub fn open(path: &Path) -> Result<Self, FileError> {
-        let file = File::open(path).map_err(|error| FileError::whole(path, error))?;
+        let file = crate::input::open(path).map_err(|error| FileError::whole(path, error))?;
         Ok(Self {
             path: path.to_owned(),
             reader: BufReader::with_capacity(1 << 16, file),

@@ -49,7 +49,7 @@ impl TextRecords {
     ///
     /// Errors: no such file; a delimiter or a row of names that cannot be; a file that ends before its first record.
     pub fn open(path: &Path, map: &Map) -> Result<Self, FileError> {
-        let file = File::open(path).map_err(|error| FileError::whole(path, error))?;
+        let file = crate::input::open(path).map_err(|error| FileError::whole(path, error))?;
         let Text { comment, header_rows, decimal_comma, footer_rows, stop_at, rows, .. } = map.text.clone();
         let mut reader = BufReader::with_capacity(1 << 16, file);
         refuse_binary(path, reader.fill_buf().map_err(|error| FileError::whole(path, error))?)?;

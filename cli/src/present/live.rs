@@ -98,7 +98,10 @@ impl Lines {
 
     fn text(&mut self, event: &Event) -> Option<String> {
         let count = self.dwells_s.len();
-        let at = |position: u8| format!("position {} of {count}", u32::from(position) + 1);
+        let at = |position: u8| match count {
+            0 => format!("position {}", u32::from(position) + 1),
+            _ => format!("position {} of {count}", u32::from(position) + 1),
+        };
         Some(match *event {
             Event::State(state @ (State::Levelling | State::Watching)) => state.name().to_owned(),
             Event::State(State::Collecting) => format!("{}: collecting", at(self.done)),
@@ -150,6 +153,7 @@ impl Lines {
                 self.done = position;
                 format!("{}: index slipped from {before_deg:.3}° while the motor stood", at(position))
             }
+            Event::ToGo { seconds } => format!("{seconds:.0} s to go"),
             Event::Settled { position } => format!("{}: gyro at rest", at(position)),
             Event::Dwell(dwell) => {
                 self.done = dwell.position.saturating_add(1);

@@ -49,5 +49,6 @@ pub(crate) fn order_name(order: OrderName) -> &'static str {
         OrderName::Source => "source",
         OrderName::Mirrored => "mirrored",
         OrderName::EastWest => "east-west",
+        OrderName::Adaptive => "adaptive",
     }
 }

@@ -1,6 +1,7 @@
 //! The benches, one a file; each is a line in [`benches!`].
 
 mod accuracy;
+mod adaptive;
 mod ageing;
 mod aiding;
 mod alignment;
@@ -26,7 +27,7 @@ use clap::{Args, Parser, Subcommand};
 use indicatif::ProgressBar;
 use north::failure::Failure;
 use north::interrupt;
-use north::output::JsonOption;
+use north::output::{ForceOption, JsonOption};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -58,6 +59,8 @@ pub struct Cli {
     what: What,
     #[command(flatten)]
     json: JsonOption,
+    #[command(flatten)]
+    force: ForceOption,
 }
 
 /// Lists the benches: a variant, which gives the name on the command line, and the type with its options.
@@ -71,6 +74,7 @@ macro_rules! benches {
         impl Cli {
             /// Does what was asked.
             pub fn run(self) -> Result<(), Failure> {
+                self.force.apply();
                 match self.what {
                     $(What::$Name(bench) => run(&bench, &self.json)),*
                 }
@@ -81,6 +85,7 @@ macro_rules! benches {
 
 benches! {
     Accuracy: accuracy::Accuracy,
+    Adaptive: adaptive::Adaptive,
     Ageing: ageing::AgeingBench,
     Aiding: aiding::Aiding,
     Alignment: alignment::AlignmentBench,

@@ -1,6 +1,6 @@
 //! Settings of a board: read, changed, kept in a file and brought back.
 
-use std::io::{self, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -62,7 +62,7 @@ impl Get {
     pub fn run(self) -> Result<(), Failure> {
         let settings = stored(&mut self.port.open()?)?;
         let text = settings_text(&settings).map_err(|error| Failure::Refused(error.to_string()))?;
-        let mut out = io::stdout();
+        let mut out = crate::output::people();
         if self.names.is_empty() {
             return Ok(write!(out, "{text}")?);
         }
@@ -116,7 +116,7 @@ impl Dump {
         let settings = stored(&mut self.port.open()?)?;
         let text = settings_text(&settings).map_err(|error| Failure::Refused(error.to_string()))?;
         match &self.out {
-            None => Ok(write!(io::stdout(), "{text}")?),
+            None => Ok(write!(crate::output::people(), "{text}")?),
             Some(path) => write_new(path, &text),
         }
     }
@@ -142,6 +142,6 @@ fn stored(port: &mut Port) -> Result<Settings, Failure> {
 /// Stores settings, and says so.
 pub fn store(port: &mut Port, settings: &Settings) -> Result<(), Failure> {
     port.store(settings)?;
-    writeln!(io::stdout(), "{}: stored; the board starts anew with these settings", port.name())?;
+    writeln!(crate::output::people(), "{}: stored; the board starts anew with these settings", port.name())?;
     Ok(())
 }

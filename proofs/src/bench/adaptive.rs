@@ -1,0 +1,166 @@
+//! `north bench adaptive`: what an adaptive fix makes of its time.
+
+use std::io::Write;
+
+use clap::Args;
+use hal_sim::Scenario;
+use north::failure::Failure;
+use north::progress;
+use north::settings_file::scenario_settings;
+use north_finder::earth::earth_rate;
+use north_finder::sequence::order::Order;
+use serde::Serialize;
+
+use super::fixes::fix;
+use super::{Bench, trials};
+use crate::statistics::{rms, rms_interval};
+
+/// Times that are given, s, and the least share of the limit that is promised for it.
+const TIMES: [(f64, Option<f64>); 5] =
+    [(60.0, Some(0.7)), (120.0, None), (240.0, Some(0.9)), (480.0, None), (960.0, None)];
+/// Sigmas that are asked for, degrees.
+const ACCURACIES_DEG: [f64; 4] = [0.1, 0.06, 0.04, 0.03];
+/// No fix reaches it: the time limit ends it.
+const NEVER_DEG: f64 = 0.001;
+/// Longest time for a sigma, s.
+const LONGEST_S: f64 = 1800.0;
+
+/// Adaptive fixes against 60·N/(h√T), the limit for their whole elapsed time T: all of it spent with the axis pointing east and west
+///
+/// Whole fixes of the firmware's state machine, from the command to the azimuth: levelling, gates and moves included. Headings all around the
+/// circle.
+#[derive(Args, Debug)]
+#[command(after_help = "Example:\n  north bench adaptive --fixes 400")]
+pub struct Adaptive {
+    /// Fixes for each line
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u64).range(10..=100_000))]
+    fixes: u64,
+    /// The simulated instrument and its place
+    #[arg(long, value_name = "NAME", default_value = "calm-bench")]
+    scenario: String,
+    /// Seed of the first fix
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+}
+
+/// A line of the table.
+#[derive(Serialize)]
+pub struct Row {
+    time_limit_s: f64,
+    accuracy_deg: f64,
+    fixes: usize,
+    refused: usize,
+    elapsed_mean_s: f64,
+    accuracy_rms_deg: f64,
+    accuracy_interval_deg: Option<[f64; 2]>,
+    sigma_mean_deg: f64,
+    error_over_sigma_rms: f64,
+    /// The limit for the elapsed time of every fix, rms.
+    limit_deg: f64,
+    /// The limit over the rms of the errors, and its 95 % interval.
+    share: f64,
+    share_interval: Option<[f64; 2]>,
+    promised: Option<f64>,
+}
+
+impl Bench for Adaptive {
+    type Row = Row;
+
+    fn measure(&self, out: &mut dyn Write) -> Result<Vec<Row>, Failure> {
+        let cases: Vec<(f64, f64, Option<f64>)> = TIMES
+            .iter()
+            .map(|&(time_s, promised)| (time_s, NEVER_DEG, promised))
+            .chain(ACCURACIES_DEG.map(|accuracy_deg| (LONGEST_S, accuracy_deg, None)))
+            .collect();
+        let bar = progress::bar(cases.len() as u64 * self.fixes, "fixes");
+        writeln!(out, "{}, {} fixes a line, seed {}\n", self.scenario, self.fixes, self.seed)?;
+        writeln!(
+            out,
+            "| time limit, s | sigma asked for, ° | refused | elapsed, s | error rms, ° (95 %) | sigma, ° | error / sigma | limit, ° | share of the limit (95 %) |\n|---|---|---|---|---|---|---|---|---|"
+        )?;
+        let mut rows = Vec::new();
+        for (time_limit_s, accuracy_deg, promised) in cases {
+            let row = self.row(time_limit_s, accuracy_deg, promised, &bar)?;
+            bar.suspend(|| row.write(out))?;
+            rows.push(row);
+        }
+        bar.finish_and_clear();
+        Ok(rows)
+    }
+
+    fn judge(&self, rows: &[Row]) -> Result<(), Failure> {
+        let missed = rows.iter().filter(|row| row.promised.is_some_and(|promised| row.share < promised));
+        let missed: Vec<String> =
+            missed.map(|row| format!("{:.3} of the limit at {} s", row.share, row.time_limit_s)).collect();
+        if missed.is_empty() { Ok(()) } else { Err(Failure::Refused(missed.join(", "))) }
+    }
+}
+
+impl Adaptive {
+    fn row(
+        &self,
+        time_limit_s: f64,
+        accuracy_deg: f64,
+        promised: Option<f64>,
+        bar: &indicatif::ProgressBar,
+    ) -> Result<Row, Failure> {
+        let scenario = Scenario::named(&self.scenario)?;
+        let mut settings = scenario_settings(&scenario, None)?;
+        settings.sequence.order = Order::Adaptive { accuracy_deg };
+        settings.time_limit_s = time_limit_s;
+        let noise = settings.gyro.arw_deg_per_sqrt_h;
+        let earth = earth_rate(settings.latitude_deg)
+            .map_err(|error| Failure::Refused(format!("{}: {error}", self.scenario)))?;
+        let limit_deg = |elapsed_s: f64| (60.0 * noise / (earth.north_deg_h * elapsed_s.sqrt())).to_degrees();
+        let ended = trials(0..self.fixes, bar, |number| {
+            let mut scenario = scenario.clone();
+            scenario.site.azimuth_deg = 360.0 * number as f64 / self.fixes as f64;
+            fix(scenario, self.seed + number, settings.clone())
+        })?;
+        let ended = ended.into_iter().collect::<Result<Vec<_>, Failure>>()?;
+        let found: Vec<_> =
+            ended.iter().filter_map(|ended| Some((ended.elapsed_s, ended.end.as_ref().ok()?))).collect();
+        let mean = |value: &dyn Fn(f64, &super::fixes::Found) -> f64| {
+            found.iter().map(|(elapsed_s, found)| value(*elapsed_s, found)).sum::<f64>() / found.len() as f64
+        };
+        let accuracy_rms_deg = rms(found.iter().map(|(_, found)| found.error_deg));
+        let limit_deg = rms(found.iter().map(|(elapsed_s, _)| limit_deg(*elapsed_s)));
+        let accuracy_interval_deg = rms_interval(accuracy_rms_deg, found.len());
+        Ok(Row {
+            time_limit_s,
+            accuracy_deg,
+            fixes: ended.len(),
+            refused: ended.len() - found.len(),
+            elapsed_mean_s: mean(&|elapsed_s, _| elapsed_s),
+            accuracy_rms_deg,
+            accuracy_interval_deg,
+            sigma_mean_deg: mean(&|_, found| found.fix.sigma_deg),
+            error_over_sigma_rms: rms(found.iter().map(|(_, found)| found.error_deg / found.fix.sigma_deg)),
+            limit_deg,
+            share: limit_deg / accuracy_rms_deg,
+            share_interval: accuracy_interval_deg.map(|[low, high]| [limit_deg / high, limit_deg / low]),
+            promised,
+        })
+    }
+}
+
+impl Row {
+    fn write(&self, out: &mut dyn Write) -> std::io::Result<()> {
+        let interval = |of: Option<[f64; 2]>| of.map_or("–".into(), |[low, high]| format!("{low:.3} … {high:.3}"));
+        let accuracy = if self.accuracy_deg > NEVER_DEG { self.accuracy_deg.to_string() } else { "–".into() };
+        writeln!(
+            out,
+            "| {} | {accuracy} | {} | {:.0} | {:.4} ({}) | {:.4} | {:.2} | {:.4} | {:.3} ({}) |",
+            self.time_limit_s,
+            self.refused,
+            self.elapsed_mean_s,
+            self.accuracy_rms_deg,
+            interval(self.accuracy_interval_deg),
+            self.sigma_mean_deg,
+            self.error_over_sigma_rms,
+            self.limit_deg,
+            self.share,
+            interval(self.share_interval),
+        )
+    }
+}
