@@ -1,6 +1,8 @@
 //! What crosses the modules, as one test program.
 
 mod accuracy;
+mod adaptive;
+mod any_bytes;
 mod architecture;
 mod calibration;
 mod carried;

@@ -1,19 +1,22 @@
 //! The machine-readable results. Field names are stable: other programs depend on them.
 
+use std::collections::BTreeMap;
+
 use north_finder::event::{Dwell, Event, Fix, Heading, Report};
 use north_finder::health::{Counters, Flags};
 use north_finder::units::wrap_180_deg;
+use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
 /// Result of `north solve`.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct Solved {
     pub runs: Vec<Run>,
 }
 
 /// Result of `north find`: the same with its one run, and what only the simulator knows.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct Found {
     pub runs: Vec<Run>,
     pub true_azimuth_deg: f64,
@@ -25,13 +28,29 @@ pub struct Found {
     pub held: Option<Held>,
     /// Everything discarded or repaired, by cause, as last reported.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<BTreeMap<String, u32>>")]
     pub health: Option<Counters>,
 }
 
+/// The fields of a [`Heading`], for its schema.
+#[derive(JsonSchema)]
+#[allow(dead_code)] // only its schema is made
+struct HeadingFields {
+    heading_deg: f64,
+    pitch_deg: f64,
+    roll_deg: f64,
+    sigma_deg: f64,
+    sigma_level_deg: f64,
+    /// "standing", "moving" or "bridged".
+    motion: String,
+    refix: bool,
+}
+
 /// A heading that was held, and what is true.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct Held {
     #[serde(flatten)]
+    #[schemars(with = "HeadingFields")]
     pub heading: Heading,
     pub true_heading_deg: f64,
     /// Heading minus truth, in (−180°, 180°].
@@ -45,7 +64,7 @@ impl Held {
 }
 
 /// One run: an azimuth, or the reason why there is none.
-#[derive(Debug, Default, Serialize)]
+#[derive(Debug, Default, Serialize, JsonSchema)]
 pub struct Run {
     /// The recording; empty when there is none.
     pub file: String,
@@ -76,7 +95,7 @@ pub struct Run {
 }
 
 /// A dwell at one position.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct DwellRecord {
     pub index_deg: f64,
     pub seconds: f64,
@@ -85,7 +104,7 @@ pub struct DwellRecord {
 }
 
 /// An event and when it happened.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct EventRecord {
     pub t_s: f64,
     pub event: &'static str,

@@ -4,6 +4,7 @@
 //! depends on this crate. `north bench` runs its program in a checkout.
 
 pub mod accuracy;
+pub mod any_bytes;
 pub mod bench;
 pub mod faults;
 pub mod hidden;

@@ -21,7 +21,7 @@ use crate::gates::{DisturbanceGate, Gate, GateSettings, JitterGate, Verdict};
 use crate::health::{Counters, Fault};
 use crate::index::{IndexAngle, IndexSettings, MotorCommand};
 use crate::level::{LevelSettings, Specific};
-use crate::units::DEG_PER_RAD;
+use crate::units::{DEG_PER_RAD, wrap_180_deg};
 use adaptive::{Adaptive, COARSE_SECONDS};
 use order::{Order, Position, SequenceSettings};
 use turn::{Progress, Turn};
@@ -522,8 +522,10 @@ impl Sequencer {
         let sides_deg = [fix::east_index_deg(azimuth_deg), fix::west_index_deg(azimuth_deg)];
         let way_deg = |side_deg: &f64| (side_deg - angle_deg).abs();
         let nearest = sides_deg.into_iter().min_by(|a, b| way_deg(a).total_cmp(&way_deg(b)));
-        let farthest = sides_deg.into_iter().max_by(|a, b| way_deg(a).total_cmp(&way_deg(b)));
-        let target_deg = if position == 2 { nearest } else { farthest };
+        // Whichever side of the mark the two lie on: not a full turn.
+        let apart_deg = |side_deg: &f64| wrap_180_deg(side_deg - angle_deg).abs();
+        let other = sides_deg.into_iter().max_by(|a, b| apart_deg(a).total_cmp(&apart_deg(b)));
+        let target_deg = if position == 2 { nearest } else { other };
         adaptive.target_deg = target_deg.unwrap_or(angle_deg);
         let goes_on = if position == 2 {
             let way_deg = way_deg(&adaptive.target_deg);

@@ -45,8 +45,8 @@ pub const CHOICES: &[Choice] = &[
     },
     Choice {
         name: "sequence.order",
-        allowed: &["mirrored", "plain", "source", "east-west", "custom"],
-        meaning: "positions of the index and their order; custom: with angles",
+        allowed: &["mirrored", "plain", "source", "east-west", "custom", "adaptive"],
+        meaning: "positions of the index and their order; custom: with angles; adaptive: with accuracy_deg, the sigma of the azimuth that ends the fix, 0.001 to 10",
     },
     Choice {
         name: "block.class",

@@ -8,6 +8,7 @@ use north_finder::event::{Event, Report, Second};
 use north_finder::health::Counters;
 use north_finder::link::Ask;
 use north_finder::settings::Settings;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::failure::Failure;
@@ -37,7 +38,7 @@ pub struct Doctor {
 }
 
 /// How something is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, JsonSchema, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Verdict {
     Good,
@@ -48,7 +49,7 @@ pub enum Verdict {
 }
 
 /// A sentence on one thing.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, JsonSchema, Serialize)]
 pub struct Finding {
     pub what: &'static str,
     pub verdict: Verdict,

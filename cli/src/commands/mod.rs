@@ -16,6 +16,7 @@ mod man;
 mod monitor;
 mod record;
 mod scenarios;
+mod schema;
 mod settings;
 mod simulate;
 mod solve;
@@ -64,6 +65,7 @@ enum Command {
     CloseLoop(bench::CloseLoop),
     Scenarios(scenarios::Scenarios),
     Settings(settings::SettingsCommand),
+    Schema(schema::Schema),
     Completions(completions::Completions),
     Man(man::Man),
 }
@@ -91,6 +93,7 @@ impl Cli {
             Command::CloseLoop(close_loop) => close_loop.run(),
             Command::Scenarios(scenarios) => scenarios.run(),
             Command::Settings(settings) => settings.run(),
+            Command::Schema(schema) => schema.run(),
             Command::Completions(completions) => completions.run(),
             Command::Man(man) => man.run(),
         }

@@ -22,6 +22,8 @@ const TIMES: [(f64, Option<f64>); 5] =
 const ACCURACIES_DEG: [f64; 4] = [0.1, 0.06, 0.04, 0.03];
 /// No fix reaches it: the time limit ends it.
 const NEVER_DEG: f64 = 0.001;
+/// The scenario goes on for so long after the time limit, s.
+const SPARE_S: f64 = 60.0;
 /// Longest time for a sigma, s.
 const LONGEST_S: f64 = 1800.0;
 
@@ -43,9 +45,19 @@ pub struct Adaptive {
     seed: u64,
 }
 
+/// What a line is measured with.
+struct Case {
+    noise_only: bool,
+    time_limit_s: f64,
+    accuracy_deg: f64,
+    promised: Option<f64>,
+}
+
 /// A line of the table.
 #[derive(Serialize)]
 pub struct Row {
+    /// Nothing but the gyro's white noise acts: no error of the encoder, no wandering bias, no bias of the accelerometers.
+    noise_only: bool,
     time_limit_s: f64,
     accuracy_deg: f64,
     fixes: usize,
@@ -67,20 +79,30 @@ impl Bench for Adaptive {
     type Row = Row;
 
     fn measure(&self, out: &mut dyn Write) -> Result<Vec<Row>, Failure> {
-        let cases: Vec<(f64, f64, Option<f64>)> = TIMES
-            .iter()
-            .map(|&(time_s, promised)| (time_s, NEVER_DEG, promised))
-            .chain(ACCURACIES_DEG.map(|accuracy_deg| (LONGEST_S, accuracy_deg, None)))
-            .collect();
+        let timed = |noise_only: bool| {
+            TIMES.map(|(time_limit_s, promised)| Case {
+                noise_only,
+                time_limit_s,
+                accuracy_deg: NEVER_DEG,
+                promised: promised.filter(|_| noise_only),
+            })
+        };
+        let asked = ACCURACIES_DEG.map(|accuracy_deg| Case {
+            noise_only: false,
+            time_limit_s: LONGEST_S,
+            accuracy_deg,
+            promised: None,
+        });
+        let cases: Vec<Case> = timed(true).into_iter().chain(timed(false)).chain(asked).collect();
         let bar = progress::bar(cases.len() as u64 * self.fixes, "fixes");
         writeln!(out, "{}, {} fixes a line, seed {}\n", self.scenario, self.fixes, self.seed)?;
         writeln!(
             out,
-            "| time limit, s | sigma asked for, ° | refused | elapsed, s | error rms, ° (95 %) | sigma, ° | error / sigma | limit, ° | share of the limit (95 %) |\n|---|---|---|---|---|---|---|---|---|"
+            "| errors | time limit, s | sigma asked for, ° | refused | elapsed, s | error rms, ° (95 %) | sigma, ° | error / sigma | limit, ° | share of the limit (95 %) |\n|---|---|---|---|---|---|---|---|---|---|"
         )?;
         let mut rows = Vec::new();
-        for (time_limit_s, accuracy_deg, promised) in cases {
-            let row = self.row(time_limit_s, accuracy_deg, promised, &bar)?;
+        for case in &cases {
+            let row = self.row(case, &bar)?;
             bar.suspend(|| row.write(out))?;
             rows.push(row);
         }
@@ -97,14 +119,15 @@ impl Bench for Adaptive {
 }
 
 impl Adaptive {
-    fn row(
-        &self,
-        time_limit_s: f64,
-        accuracy_deg: f64,
-        promised: Option<f64>,
-        bar: &indicatif::ProgressBar,
-    ) -> Result<Row, Failure> {
-        let scenario = Scenario::named(&self.scenario)?;
+    fn row(&self, case: &Case, bar: &indicatif::ProgressBar) -> Result<Row, Failure> {
+        let Case { noise_only, time_limit_s, accuracy_deg, promised } = *case;
+        let mut scenario = Scenario::named(&self.scenario)?;
+        scenario.duration_limit_s = time_limit_s + SPARE_S;
+        if noise_only {
+            scenario.encoder.eccentricity_deg = 0.0;
+            scenario.accelerometer.bias_mg = [0.0; 3];
+            (scenario.gyro.bias_instability_deg_h, scenario.gyro.rrw_deg_h_per_sqrt_h) = (0.0, 0.0);
+        }
         let mut settings = scenario_settings(&scenario, None)?;
         settings.sequence.order = Order::Adaptive { accuracy_deg };
         settings.time_limit_s = time_limit_s;
@@ -127,6 +150,7 @@ impl Adaptive {
         let limit_deg = rms(found.iter().map(|(elapsed_s, _)| limit_deg(*elapsed_s)));
         let accuracy_interval_deg = rms_interval(accuracy_rms_deg, found.len());
         Ok(Row {
+            noise_only,
             time_limit_s,
             accuracy_deg,
             fixes: ended.len(),
@@ -150,7 +174,8 @@ impl Row {
         let accuracy = if self.accuracy_deg > NEVER_DEG { self.accuracy_deg.to_string() } else { "–".into() };
         writeln!(
             out,
-            "| {} | {accuracy} | {} | {:.0} | {:.4} ({}) | {:.4} | {:.2} | {:.4} | {:.3} ({}) |",
+            "| {} | {} | {accuracy} | {} | {:.0} | {:.4} ({}) | {:.4} | {:.2} | {:.4} | {:.3} ({}) |",
+            if self.noise_only { "white noise" } else { "all" },
             self.time_limit_s,
             self.refused,
             self.elapsed_mean_s,

@@ -1,0 +1,6 @@
+//! cargo +nightly fuzz run run
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|bytes: &[u8]| proofs::any_bytes::feed("run", bytes));
