@@ -22,7 +22,9 @@ CAUSES = ["panic", "hard-fault", "stack-overflow", "late-task", "watchdog", "bro
 COUNTERS = ["frames_good", "frames_bad_crc", "frames_lost", "frames_duplicate", "frames_late", "frames_invalid",
             "bytes_skipped", "bytes_refused", "seconds_repaired", "seconds_left_out", "seconds_outlying",
             "accelerometer_errors", "encoder_errors", "block_errors", "block_missed", "block_saturated",
-            "readings_refused", "reports_refused", "commands_bad"]
+            "readings_refused", "reports_refused", "commands_bad", "gyro_overruns", "gyro_framing_errors",
+            "gyro_noise_errors", "host_overruns", "host_framing_errors", "host_noise_errors", "host_bytes_refused", "ticks_late",
+            "ticks_lost"]
 
 
 # Readers: each takes a position in the message and gives the value and the position behind it.

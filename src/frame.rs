@@ -147,6 +147,26 @@ impl FrameReader {
         Self { format, pending: Vec::new(), bad_crc: 0, bytes_skipped: 0 }
     }
 
+    /// Takes bytes away to the end of the next frame; gives that frame.
+    pub fn next(&mut self, bytes: &mut &[u8]) -> Option<Frame> {
+        loop {
+            // A whole frame that begins here needs not be put together.
+            if self.pending.is_empty()
+                && let Some((frame, rest)) = bytes.split_at_checked(self.format.length())
+                && frame.starts_with(self.format.header())
+                && let Some(frame) = self.format.decode(frame)
+            {
+                *bytes = rest;
+                return Some(frame);
+            }
+            let (&byte, rest) = bytes.split_first()?;
+            *bytes = rest;
+            if let Some(frame) = self.push(byte) {
+                return Some(frame);
+            }
+        }
+    }
+
     /// Takes the next byte; gives the frame that it completes.
     pub fn push(&mut self, byte: u8) -> Option<Frame> {
         let format = self.format;
@@ -215,9 +235,20 @@ mod tests {
         0x3C, 0xB7, 0xBB, 0xAB, 0xD9, 0x14, 0x3F, 0x7E, 0x31, 0x9A, 0x77, 0x69, 0x00, 0x1D, 0x95, 0xBB, 0xDB, 0x4F,
     ];
 
+    /// Byte by byte; and the same in pieces.
     fn read(format: GyroFormat, bytes: &[u8]) -> (std::vec::Vec<Frame>, FrameReader) {
         let mut reader = FrameReader::new(format);
-        (bytes.iter().filter_map(|&byte| reader.push(byte)).collect(), reader)
+        let frames: std::vec::Vec<_> = bytes.iter().filter_map(|&byte| reader.push(byte)).collect();
+        for length in [bytes.len(), 7, 40] {
+            let mut of_pieces = FrameReader::new(format);
+            let mut found = std::vec::Vec::new();
+            for mut piece in bytes.chunks(length) {
+                found.extend(core::iter::from_fn(|| of_pieces.next(&mut piece)));
+            }
+            assert_eq!(found, frames);
+            assert_eq!((of_pieces.bad_crc(), of_pieces.bytes_skipped()), (reader.bad_crc(), reader.bytes_skipped()));
+        }
+        (frames, reader)
     }
 
     #[test]

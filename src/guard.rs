@@ -66,11 +66,12 @@ impl Guard {
         late.map_or(Verdict::Feed, Verdict::Late)
     }
 
-    /// The work of a tick is done, with so much of the tick under way passed.
-    pub fn done(&self, tick: u64, passed_permille: u32) {
+    /// The work of a tick is done, with so much of the tick under way passed; whether that is another one already.
+    pub fn done(&self, tick: u64, passed_permille: u32) -> bool {
         let behind = self.now.load(Ordering::Relaxed).wrapping_sub(tick as u32);
         let load_permille = behind.saturating_mul(1000).saturating_add(passed_permille);
         self.load_permille.fetch_max(load_permille, Ordering::Relaxed);
+        behind > 0
     }
 
     /// Longest time from a tick to the end of its work, thousandths of a tick: 1000 and more is late.

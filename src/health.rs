@@ -269,15 +269,17 @@ pub struct Counters {
     pub reports_refused: u32,
     /// Commands that could not be understood.
     pub commands_bad: u32,
-}
-
-/// What the queues between the board's tasks had no room for, since the start.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Refused {
-    /// Bytes from the gyro.
-    pub gyro_bytes: u32,
-    /// Readings of a tick, for the solve task.
-    pub readings: u32,
-    /// Reports, for the link.
-    pub reports: u32,
+    /// Bytes from the gyro that came before the one before was read, with a wrong stop bit, and with noise.
+    pub gyro_overruns: u32,
+    pub gyro_framing_errors: u32,
+    pub gyro_noise_errors: u32,
+    /// The same from the host, and those that the receive queue had no room for.
+    pub host_overruns: u32,
+    pub host_framing_errors: u32,
+    pub host_noise_errors: u32,
+    pub host_bytes_refused: u32,
+    /// Ticks whose work was not done when the next one began.
+    pub ticks_late: u32,
+    /// Ticks that nobody saw: the processor stood still, or a reading was refused.
+    pub ticks_lost: u32,
 }

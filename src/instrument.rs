@@ -15,12 +15,13 @@ use crate::calibration::field::{self, Session};
 use crate::drivers::sensors::Due;
 use crate::effects::ErrorModel;
 use crate::event::{self, Event, Report, State};
-use crate::frame::FrameReader;
+use crate::frame::{Frame, FrameReader};
 use crate::gather::{Gathered, Gatherer};
 use crate::heading::Keeper;
-use crate::health::{Counters, Fault, Refusal, Refused};
+use crate::health::{Counters, Fault, Refusal};
 use crate::identity::Identity;
 use crate::index::{IndexSettings, MotorCommand};
+use crate::intake::Intake;
 use crate::level::LevelMoments;
 use crate::link::{Ask, Request, RequestDecoder};
 use crate::raw::{Item, Stream};
@@ -37,6 +38,10 @@ use crate::watch::GyroWatch;
 const HEALTH_SECONDS: u32 = 10;
 /// Most violations of settings that are told.
 const VIOLATIONS: usize = 8;
+/// Bytes are taken from the lines in parts of this many.
+const PART: usize = 64;
+/// Most lost ticks that are made up for: the watchdog would have ended a longer stand.
+const MOST_LOST: u64 = 1200;
 /// Encoder readings in a row that may fail: 0.25 s of them.
 const ENCODER_PATIENCE: u16 = 25;
 
@@ -48,8 +53,6 @@ pub struct Readings {
     pub sensors: Due,
     /// Whether the step generator is running.
     pub turning: bool,
-    /// What the board's queues had no room for, since the start.
-    pub refused: Refused,
 }
 
 impl Readings {
@@ -104,6 +107,7 @@ pub struct Instrument {
     /// Seconds that ended since the last tick.
     finished: Deque<RateSecond, 4>,
     tick: u64,
+    next_tick: u64,
     encoder_failures: u16,
 }
 
@@ -138,6 +142,7 @@ impl Instrument {
             seconds: 0,
             finished: Deque::new(),
             tick: 0,
+            next_tick: 0,
             encoder_failures: 0,
         }
     }
@@ -188,25 +193,33 @@ impl Instrument {
         self.sequencer.rules().index
     }
 
-    /// A tick of 2.5 ms: what it brought, and the bytes from the gyro and from the host that have come, in their order.
-    pub fn step(
-        &mut self,
-        readings: &Readings,
-        gyro_bytes: impl IntoIterator<Item = u8>,
-        request_bytes: impl IntoIterator<Item = u8>,
-        flash: &mut impl NorFlash,
-        report: Sink,
-    ) -> Orders {
+    /// A tick of 2.5 ms: what it brought, and what came in on the lines.
+    pub fn step(&mut self, readings: &Readings, intake: &Intake, flash: &mut impl NorFlash, report: Sink) -> Orders {
         self.tick = readings.tick;
         let t_s = readings.t_s();
         let mut sink = |event| report(Report { t_s, event });
 
         let mut orders = Orders::default();
-        for byte in request_bytes {
-            self.request_byte(byte, readings.turning, flash, &mut orders, &mut sink);
+        intake.tell(&mut self.counters);
+        self.make_up(readings.tick, &mut sink);
+        let mut place = [0; PART];
+        loop {
+            let bytes = intake.host.take(&mut place);
+            if bytes.is_empty() {
+                break;
+            }
+            for &byte in bytes {
+                self.request_byte(byte, readings.turning, flash, &mut orders, &mut sink);
+            }
         }
-        for byte in gyro_bytes {
-            self.gyro_byte(byte, &mut sink);
+        loop {
+            let mut bytes = intake.gyro.take(&mut place);
+            if bytes.is_empty() {
+                break;
+            }
+            while let Some(frame) = self.reader.next(&mut bytes) {
+                self.frame(&frame, &mut sink);
+            }
         }
         self.read(readings, &mut sink);
         self.calibrate(readings, flash, &mut sink);
@@ -269,13 +282,23 @@ impl Instrument {
         }
     }
 
-    fn gyro_byte(&mut self, byte: u8, sink: &mut dyn FnMut(Event)) {
-        if let Some(frame) = self.reader.push(byte) {
-            self.stream(&Item::Frame(frame), sink);
-            self.watch.heard(self.tick);
-            let second = self.gatherer.frame(&frame, &mut self.counters);
-            self.keep(second);
+    /// Ticks that nobody saw pass for the gyro too: its frames of that time are lost, or late.
+    fn make_up(&mut self, tick: u64, sink: &mut dyn FnMut(Event)) {
+        let lost = tick.saturating_sub(self.next_tick).min(MOST_LOST);
+        self.next_tick = tick + 1;
+        self.counters.ticks_lost = self.counters.ticks_lost.saturating_add(lost as u32);
+        for _ in 0..lost {
+            let given_up = self.gatherer.tick(&mut self.counters);
+            self.keep(given_up);
+            self.stream(&Item::Tick, sink);
         }
+    }
+
+    fn frame(&mut self, frame: &Frame, sink: &mut dyn FnMut(Event)) {
+        self.stream(&Item::Frame(*frame), sink);
+        self.watch.heard(self.tick);
+        let second = self.gatherer.frame(frame, &mut self.counters);
+        self.keep(second);
     }
 
     /// Never inlined, as others below: what it takes of the stack is free again for what comes after it.
@@ -363,7 +386,7 @@ impl Instrument {
 
     fn keep(&mut self, second: Option<RateSecond>) {
         if let Some(second) = second {
-            // Four seconds between two ticks cannot be: a second has 400 frames and the queue is emptied at every tick.
+            // Five seconds between two ticks cannot be: a second has 400 frames, and no more than three are made up for.
             let _ = self.finished.push_back(second);
         }
     }
@@ -404,9 +427,6 @@ impl Instrument {
             self.stream(&Item::Index(index), sink);
         }
         let counters = &mut self.counters;
-        counters.bytes_refused = readings.refused.gyro_bytes;
-        counters.readings_refused = readings.refused.readings;
-        counters.reports_refused = readings.refused.reports;
         counters.bytes_skipped = self.reader.bytes_skipped();
         counters.frames_bad_crc = self.reader.bad_crc();
         match readings.sensors.acceleration {
@@ -524,3 +544,6 @@ fn calibration_events(event: field::Event, sink: &mut dyn FnMut(Event)) {
 }
 
 const _: () = assert!(SAMPLES_PER_SECOND as f64 * SAMPLE_S == 1.0);
+
+#[cfg(test)]
+mod tests;

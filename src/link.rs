@@ -265,6 +265,15 @@ mod tests {
             readings_refused: u32::MAX,
             reports_refused: u32::MAX,
             commands_bad: u32::MAX,
+            gyro_overruns: u32::MAX,
+            gyro_framing_errors: u32::MAX,
+            gyro_noise_errors: u32::MAX,
+            host_overruns: u32::MAX,
+            host_framing_errors: u32::MAX,
+            host_noise_errors: u32::MAX,
+            host_bytes_refused: u32::MAX,
+            ticks_late: u32::MAX,
+            ticks_lost: u32::MAX,
         };
         let specific = Specific { forward: 1.1, left: 1.1 };
         let second = Second {

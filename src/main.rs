@@ -38,17 +38,15 @@ mod app {
     use north_finder::drivers::step_motor::StepMotor;
     use north_finder::event::{Event, Report};
     use north_finder::guard::{Guard, Task, Verdict};
-    use north_finder::health::Refused;
     use north_finder::identity::Identity;
     use north_finder::index::MotorCommand;
     use north_finder::instrument::{Instrument, Readings};
+    use north_finder::intake::{Intake, one_more};
     use north_finder::link;
     use north_finder::restart::Crash;
 
-    /// Room for as many ticks as `solve` may lag behind: 80 ms, and the bytes of gyro and host of that time.
-    const READINGS: usize = 32;
-    const GYRO_BYTES: usize = 2048;
-    const REQUEST_BYTES: usize = 1024;
+    /// Room for as many ticks as `solve` may lag behind: 40 ms.
+    const READINGS: usize = 16;
     const REPORTS: usize = 16;
     const MOTOR_COMMANDS: usize = 4;
     /// One calibration at a time.
@@ -59,6 +57,8 @@ mod app {
 
     /// Who is alive.
     static GUARD: Guard = Guard::new();
+    /// What interrupts leave for the instrument.
+    static INTAKE: Intake = Intake::new();
 
     type Answer = Result<Solved, NoCalibration>;
 
@@ -68,17 +68,14 @@ mod app {
         motor: StepMotor<board::Step, board::Direction, board::Enable>,
         #[lock_free]
         slots: board::Slots,
-        refused: Refused,
     }
 
     #[local]
     struct Local {
         // gyro_rx
         gyro_port: board::GyroPort,
-        gyro_in: Producer<'static, u8>,
         // request_rx
         request_port: board::RequestPort,
-        request_in: Producer<'static, u8>,
         // sample
         ticker: board::Ticker,
         watchdog: board::Watchdog,
@@ -87,8 +84,6 @@ mod app {
         motor_out: Consumer<'static, MotorCommand>,
         // solve
         instrument: &'static mut Instrument,
-        gyro_out: Consumer<'static, u8>,
-        request_out: Consumer<'static, u8>,
         motor_in: Producer<'static, MotorCommand>,
         reports_in: Sender<'static, Report, REPORTS>,
         problem: Option<&'static mut Problem>,
@@ -104,8 +99,6 @@ mod app {
     }
 
     #[init(local = [
-        gyro_bytes: Queue<u8, GYRO_BYTES> = Queue::new(),
-        requests: Queue<u8, REQUEST_BYTES> = Queue::new(),
         motor_commands: Queue<MotorCommand, MOTOR_COMMANDS> = Queue::new(),
         place: MaybeUninit<Instrument> = MaybeUninit::uninit(),
         attitudes: MaybeUninit<Problem> = MaybeUninit::uninit(),
@@ -117,8 +110,6 @@ mod app {
         let identity = Identity::new(board::BOARD, program);
         let instrument = power_up(cx.local.place, &mut board.flash, identity);
 
-        let (gyro_in, gyro_out) = cx.local.gyro_bytes.split();
-        let (request_in, request_out) = cx.local.requests.split();
         let (motor_in, motor_out) = cx.local.motor_commands.split();
         let (readings_in, readings_out) = make_channel!(Readings, READINGS);
         let (reports_in, reports_out) = make_channel!(Report, REPORTS);
@@ -132,21 +123,16 @@ mod app {
         let shared = Shared {
             motor: StepMotor::new(board.step, board.direction, board.enable, &instrument.index_settings()),
             slots: board.slots,
-            refused: Refused::default(),
         };
         let local = Local {
             gyro_port: board.gyro,
-            gyro_in,
             request_port: board.requests,
-            request_in,
             ticker: board.ticker,
             watchdog: board::Watchdog::start(),
             sensors: Sensors::new(board.accelerometer, board.encoder, instrument.has_block().then_some(board.block)),
             readings_in,
             motor_out,
             instrument,
-            gyro_out,
-            request_out,
             motor_in,
             reports_in,
             problem: Some(cx.local.attitudes.write(Problem::default())),
@@ -179,37 +165,25 @@ mod app {
         instrument
     }
 
-    fn one_more(count: &mut u32) {
-        *count = count.saturating_add(1);
+    #[task(binds = USART1, priority = 4, local = [gyro_port])]
+    fn gyro_rx(cx: gyro_rx::Context) {
+        cx.local.gyro_port.drain(&INTAKE.gyro);
     }
 
-    #[task(binds = USART1, priority = 4, local = [gyro_port, gyro_in], shared = [refused])]
-    fn gyro_rx(mut cx: gyro_rx::Context) {
-        let queue = cx.local.gyro_in;
-        cx.local.gyro_port.drain(|byte| {
-            if !byte.is_ok_and(|byte| queue.enqueue(byte).is_ok()) {
-                cx.shared.refused.lock(|refused| one_more(&mut refused.gyro_bytes));
-            }
-        });
-    }
-
-    /// A byte that is lost here shows as a bad frame.
-    #[task(binds = USART2, priority = 4, local = [request_port, request_in])]
+    #[task(binds = USART2, priority = 4, local = [request_port])]
     fn request_rx(cx: request_rx::Context) {
-        let queue = cx.local.request_in;
-        cx.local.request_port.drain(|byte| {
-            let _ = byte.map(|byte| queue.enqueue(byte));
-        });
+        cx.local.request_port.drain(&INTAKE.host);
     }
 
     #[task(
         binds = TIM2, priority = 3,
         local = [ticker, watchdog, sensors, readings_in, motor_out, tick: u64 = 0],
-        shared = [motor, slots, refused],
+        shared = [motor, slots],
     )]
-    fn sample(mut cx: sample::Context) {
+    fn sample(cx: sample::Context) {
         let local = cx.local;
-        local.ticker.sync();
+        // Ticks that the processor stood still through are lost, and not made of the time after them.
+        *local.tick += u64::from(local.ticker.sync());
         let sensors = local.sensors.read(*local.tick);
         while let Some(command) = local.motor_out.dequeue() {
             cx.shared.motor.command(command);
@@ -218,10 +192,9 @@ mod app {
         if turning {
             cx.shared.slots.start();
         }
-        let refused = cx.shared.refused.lock(|refused| *refused);
-        let readings = Readings { tick: *local.tick, sensors, turning, refused };
+        let readings = Readings { tick: *local.tick, sensors, turning };
         if local.readings_in.try_send(readings).is_err() {
-            cx.shared.refused.lock(|refused| one_more(&mut refused.readings));
+            one_more(&INTAKE.readings_refused);
         }
         match GUARD.tick(*local.tick) {
             Verdict::Wait => {}
@@ -243,12 +216,10 @@ mod app {
     #[task(
         priority = 2,
         local = [
-            instrument, gyro_out, request_out, motor_in, reports_in, problem, problems_in, answers_out, flash, crash,
-            program,
+            instrument, motor_in, reports_in, problem, problems_in, answers_out, flash, crash, program,
         ],
-        shared = [refused],
     )]
-    async fn solve(mut cx: solve::Context, mut readings_out: Receiver<'static, Readings, READINGS>) {
+    async fn solve(cx: solve::Context, mut readings_out: Receiver<'static, Readings, READINGS>) {
         let local = cx.local;
         if let Some(crash) = local.crash.take() {
             defmt::error!("boot: after a {}", crash.cause);
@@ -263,13 +234,11 @@ mod app {
             let mut refused = false;
             let mut report = |report| {
                 if local.reports_in.try_send(report).is_err() {
-                    cx.shared.refused.lock(|refused| one_more(&mut refused.reports));
+                    one_more(&INTAKE.reports_refused);
                     refused = true;
                 }
             };
-            let gyro = core::iter::from_fn(|| local.gyro_out.dequeue());
-            let requests = core::iter::from_fn(|| local.request_out.dequeue());
-            let orders = local.instrument.step(&readings, gyro, requests, local.flash, &mut report);
+            let orders = local.instrument.step(&readings, &INTAKE, local.flash, &mut report);
             if let Some(command) = orders.motor {
                 // `sample` empties the queue at every tick.
                 let _ = local.motor_in.enqueue(command);
@@ -285,7 +254,9 @@ mod app {
             if let Some(problem) = local.problem.take_if(|place| local.instrument.problem(place)) {
                 let _ = local.problems_in.try_send(problem);
             }
-            GUARD.done(readings.tick, board::passed_permille());
+            if GUARD.done(readings.tick, board::passed_permille()) {
+                one_more(&INTAKE.ticks_late);
+            }
             if readings.tick as u32 % VITALS_TICKS == FIRST_VITALS_TICK {
                 let (stack_bytes, load_permille) = (crash::most_stack_bytes(), GUARD.load_permille());
                 let event = Event::Vitals { program: *local.program, stack_bytes, load_permille };

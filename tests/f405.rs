@@ -20,6 +20,7 @@ use north_finder::event::{Event, Report, State};
 use north_finder::health::{Fault, Refusal};
 use north_finder::identity::Identity;
 use north_finder::instrument::{Instrument, Readings};
+use north_finder::intake::Intake;
 use north_finder::link::{Ask, ReportDecoder, Request, encode_request};
 use north_finder::reading::Reading;
 use north_finder::restart::{Cause, Provocation};
@@ -42,7 +43,7 @@ fn readings(tick: u64) -> Readings {
         2 => sensors.index = Reading::Failed,
         _ => {}
     }
-    Readings { tick, sensors, turning: false, refused: Default::default() }
+    Readings { tick, sensors, turning: false }
 }
 
 /// Chip and instrument with the same gyro and the same requests.
@@ -53,6 +54,7 @@ struct Both {
     decoder: ReportDecoder,
     reports: Vec<Report>,
     instrument: Instrument,
+    intake: Intake,
     expected: Vec<Report>,
     tick: u64,
     /// Reports of what the board says of itself.
@@ -78,6 +80,7 @@ impl Both {
             decoder: ReportDecoder::new(),
             reports: Vec::new(),
             instrument,
+            intake: Intake::new(),
             expected: Vec::new(),
             tick: 0,
             vitals: 0,
@@ -101,9 +104,10 @@ impl Both {
             }
         }
         let expected = &mut self.expected;
-        let (gyro, request) = (from_gyro.iter().copied(), request.iter().copied());
+        self.intake.gyro.put(from_gyro);
+        self.intake.host.put(request);
         let (readings, mut flash) = (readings(self.tick), self.world.flash());
-        self.instrument.step(&readings, gyro, request, &mut flash, &mut |report: Report| expected.push(report));
+        self.instrument.step(&readings, &self.intake, &mut flash, &mut |report: Report| expected.push(report));
         self.tick += 1;
     }
 

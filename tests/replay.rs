@@ -14,6 +14,7 @@ use north_finder::effects::{BaseMotion, ErrorModel};
 use north_finder::event::Report;
 use north_finder::identity::Identity;
 use north_finder::instrument::{Instrument, Readings};
+use north_finder::intake::Intake;
 use north_finder::link::{Ask, encode_request};
 use north_finder::sequence::Command;
 use north_finder::settings::Settings;
@@ -28,11 +29,13 @@ fn the_same_input_gives_the_same_reports() {
 
         let mut flash = world(&setup).unwrap().flash();
         let mut instrument = Instrument::power_up(&mut flash, Identity::host());
-        let mut request = encode_request(&Ask::Command(Command::Start).into()).unwrap();
+        let request = encode_request(&Ask::Command(Command::Start).into()).unwrap();
         let mut replayed = Vec::new();
+        let intake = Intake::new();
+        intake.host.put(&request);
         for (readings, bytes) in recorded {
-            instrument.step(&readings, bytes, request, &mut flash, &mut |report| replayed.push(report));
-            request = Default::default();
+            intake.gyro.put(&bytes);
+            instrument.step(&readings, &intake, &mut flash, &mut |report| replayed.push(report));
         }
         assert_eq!(format!("{replayed:?}"), format!("{reports:?}"), "{name}");
     }

@@ -19,6 +19,7 @@ mod flash;
 
 use core::convert::Infallible;
 
+use cortex_m::peripheral::DWT;
 use defmt_rtt as _;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::{ErrorType, OutputPin};
@@ -26,17 +27,16 @@ use embedded_hal::spi::{MODE_0, MODE_1, MODE_3};
 use embedded_hal_bus::spi::{ExclusiveDevice, NoDelay};
 pub use flash::Flash;
 use north_finder::identity;
+use north_finder::intake::{Line, LineError};
 use north_finder::restart::Cause;
 use stm32f4xx_hal::gpio::{self, Output, PinState, Speed};
 use stm32f4xx_hal::nb;
 pub use stm32f4xx_hal::pac;
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::{Enable as _, Reset as _};
-use stm32f4xx_hal::serial::{Rx, Serial, Tx, config::Config as Line};
+use stm32f4xx_hal::serial::{self, Rx, Serial, Tx, config::Config};
 use stm32f4xx_hal::spi::Spi;
 use stm32f4xx_hal::time::Hertz;
-
-use super::Overrun;
 
 /// What the board is called on the link.
 pub const BOARD: identity::Board = identity::Board::Stm32f405;
@@ -86,6 +86,10 @@ pub type Direction = gpio::PC7<Output>;
 pub type Enable = ActiveLow<gpio::PC8<Output>>;
 
 pub fn init(device: pac::Peripherals) -> Board {
+    // SAFETY: only this and RTIC look at the core's registers, and RTIC not at these.
+    let mut core = unsafe { cortex_m::Peripherals::steal() };
+    core.DCB.enable_trace();
+    core.DWT.enable_cycle_counter();
     let (mut rcc, crystal) = clock::start(device.RCC);
     if !crystal {
         defmt::error!("boot: the crystal does not start; the clock is good to 1 % only");
@@ -106,7 +110,7 @@ pub fn init(device: pac::Peripherals) -> Board {
     pac::TIM3::enable(&mut rcc);
     pac::TIM3::reset(&mut rcc);
 
-    let line = |baud: u32| Line::default().baudrate(baud.bps());
+    let line = |baud: u32| Config::default().baudrate(baud.bps());
     let gyro = Serial::rx(device.USART1, a.pa10, line(GYRO_BAUD), &mut rcc);
     let host = Serial::new(device.USART2, (a.pa2, a.pa3), line(HOST_BAUD), &mut rcc);
     let (Ok(mut gyro), Ok(host)) = (gyro, host) else { panic!("a baud rate is out of the clock's reach") };
@@ -142,7 +146,7 @@ pub fn init(device: pac::Peripherals) -> Board {
         ExclusiveDevice::new_no_delay(encoder, Held(b.pb12.into_push_pull_output_in_state(PinState::High)));
 
     Board {
-        ticker: Ticker::start(device.TIM2, tick_cycles, device.TIM4),
+        ticker: Ticker::start(device.TIM2, tick_cycles, device.TIM4, rcc.clocks.sysclk()),
         slots: Slots::new(device.TIM3, slot_cycles),
         gyro: GyroPort(gyro),
         requests: RequestPort(requests),
@@ -220,11 +224,18 @@ pub fn restart() -> ! {
 }
 
 /// The 2.5 ms timer. Its channel 1 is the gyro's sample pulse, so that no interrupt's delay is in the sampling.
-pub struct Ticker(pac::TIM2);
+pub struct Ticker {
+    timer: pac::TIM2,
+    /// The processor's cycle counter at the tick before; none where it does not count.
+    last_cycles: Option<u32>,
+    /// Cycles of the processor in a cycle of the timer, and in a tick.
+    timer_cycles: u32,
+    tick_cycles: u32,
+}
 
 impl Ticker {
     /// The block's pulse begins with the first tick and goes on in step with the ticks: four of them are its period.
-    fn start(timer: pac::TIM2, cycles: u32, block: pac::TIM4) -> Self {
+    fn start(timer: pac::TIM2, cycles: u32, block: pac::TIM4, system: Hertz) -> Self {
         let block_cycles = (cycles * (TICK_HZ / BLOCK_HZ) / BLOCK_DIVISOR) as u16;
         block.psc().write(|w| w.psc().set(BLOCK_DIVISOR as u16 - 1));
         block.arr().write(|w| w.arr().set(block_cycles - 1));
@@ -239,12 +250,29 @@ impl Ticker {
         timer.ccer().write(|w| w.cc1e().set_bit());
         timer.dier().write(|w| w.uie().set_bit());
         timer.cr1().write(|w| w.cen().set_bit());
-        Self(timer)
+        let timer_cycles = (system.raw() / TICK_HZ).div_ceil(cycles);
+        let mut ticker = Self { timer, last_cycles: None, timer_cycles, tick_cycles: cycles * timer_cycles };
+        let before = DWT::cycle_count();
+        cortex_m::asm::delay(16);
+        // An emulator may have no cycle counter.
+        ticker.last_cycles = (DWT::cycle_count() != before).then(|| ticker.cycles_at_update());
+        ticker
     }
 
-    /// Takes the timer's interrupt; the gyro has been told to sample by the same timer.
-    pub fn sync(&mut self) {
-        self.0.sr().write(|w| w.uif().clear_bit());
+    /// When the tick under way began, by the processor's cycle counter, which goes on while flash is erased.
+    fn cycles_at_update(&self) -> u32 {
+        DWT::cycle_count().wrapping_sub(self.timer.cnt().read().bits().wrapping_mul(self.timer_cycles))
+    }
+
+    /// Takes the timer's interrupt; the gyro has been told to sample by the same timer. Gives how many ticks were lost: their
+    /// interrupts came together with this one.
+    pub fn sync(&mut self) -> u32 {
+        self.timer.sr().write(|w| w.uif().clear_bit());
+        let Some(last) = self.last_cycles else { return 0 };
+        let now = self.cycles_at_update();
+        self.last_cycles = Some(now);
+        let ticks = now.wrapping_sub(last).wrapping_add(self.tick_cycles / 2) / self.tick_cycles;
+        ticks.saturating_sub(1)
     }
 }
 
@@ -289,9 +317,9 @@ impl Slots {
 pub struct GyroPort(Rx<pac::USART1>);
 
 impl GyroPort {
-    /// The bytes that have come.
-    pub fn drain(&mut self, take: impl FnMut(Result<u8, Overrun>)) {
-        core::iter::from_fn(|| received(self.0.read())).for_each(take);
+    /// Takes the bytes that have come.
+    pub fn drain<const N: usize>(&mut self, line: &Line<N>) {
+        drain(|| self.0.read(), line);
     }
 }
 
@@ -299,17 +327,21 @@ impl GyroPort {
 pub struct RequestPort(Rx<pac::USART2>);
 
 impl RequestPort {
-    /// The bytes that have come.
-    pub fn drain(&mut self, take: impl FnMut(Result<u8, Overrun>)) {
-        core::iter::from_fn(|| received(self.0.read())).for_each(take);
+    /// Takes the bytes that have come.
+    pub fn drain<const N: usize>(&mut self, line: &Line<N>) {
+        drain(|| self.0.read(), line);
     }
 }
 
-fn received<E>(byte: nb::Result<u8, E>) -> Option<Result<u8, Overrun>> {
-    match byte {
-        Ok(byte) => Some(Ok(byte)),
-        Err(nb::Error::WouldBlock) => None,
-        Err(nb::Error::Other(_)) => Some(Err(Overrun)),
+fn drain<const N: usize>(mut read: impl FnMut() -> nb::Result<u8, serial::Error>, line: &Line<N>) {
+    loop {
+        match read() {
+            Ok(byte) => line.put(&[byte]),
+            Err(nb::Error::Other(serial::Error::Overrun)) => line.lost(LineError::Overrun),
+            Err(nb::Error::Other(serial::Error::Noise)) => line.lost(LineError::Noise),
+            Err(nb::Error::Other(_)) => line.lost(LineError::Framing),
+            Err(nb::Error::WouldBlock) => break,
+        }
     }
 }
 

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `BOARD` | its name on the link |
 //! | `init` | clocks, pins and peripherals; gives a `Board` |
-//! | `Ticker` | the 2.5 ms timer (TIM2) that also tells the gyro to sample |
+//! | `Ticker` | the 2.5 ms timer (TIM2) that also tells the gyro to sample, and how many ticks were lost |
 //! | `Slots` | the 3200 Hz timer (TIM3) of the motor |
 //! | `GyroPort`, `RequestPort` | receivers that interrupt when bytes have come (USART1, USART2) |
 //! | `ReportPort` | the sender of the link to the host |
@@ -34,6 +34,3 @@ pub use f405::*;
 mod mps2;
 #[cfg(all(feature = "mps2", not(feature = "f405")))]
 pub use mps2::*;
-
-/// The hardware lost a byte before it was read.
-pub struct Overrun;

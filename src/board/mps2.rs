@@ -22,9 +22,9 @@ use embedded_hal::digital::{self, OutputPin};
 use embedded_hal::spi::{self, Operation, SpiDevice};
 use heapless::{Deque, Vec};
 use north_finder::identity;
+use north_finder::intake::Line;
 use north_finder::restart::Cause;
 
-use super::Overrun;
 use exchange::{Exchange, has_argument};
 pub use flash::Flash;
 
@@ -158,10 +158,12 @@ impl Watchdog {
 pub struct Ticker;
 
 impl Ticker {
-    /// Takes the timer's interrupt and lets the gyro sample.
-    pub fn sync(&mut self) {
+    /// Takes the timer's interrupt and lets the gyro sample. Gives how many ticks were lost: none, time stands still for what is
+    /// late.
+    pub fn sync(&mut self) -> u32 {
         pac::TIMER0.acknowledge();
         with(State::tick);
+        0
     }
 }
 
@@ -275,14 +277,9 @@ impl<const NUMBER: u8> OutputPin for Pin<NUMBER> {
 pub struct GyroPort;
 
 impl GyroPort {
-    /// The bytes that have come.
-    pub fn drain(&mut self, mut take: impl FnMut(Result<u8, Overrun>)) {
-        with(|state| {
-            let mut next = || if state.real_time { pac::UART1.read() } else { state.gyro.pop_front() };
-            while let Some(byte) = next() {
-                take(Ok(byte));
-            }
-        });
+    /// Takes the bytes that have come.
+    pub fn drain<const N: usize>(&mut self, line: &Line<N>) {
+        with(|state| drain(&mut state.gyro, state.real_time, || pac::UART1.read(), line));
     }
 }
 
@@ -290,15 +287,26 @@ impl GyroPort {
 pub struct RequestPort;
 
 impl RequestPort {
-    /// The bytes that have come.
-    pub fn drain(&mut self, mut take: impl FnMut(Result<u8, Overrun>)) {
-        with(|state| {
-            let mut next = || if state.real_time { pac::UART0.read() } else { state.requests.pop_front() };
-            while let Some(byte) = next() {
-                take(Ok(byte));
-            }
-        });
+    /// Takes the bytes that have come.
+    pub fn drain<const N: usize>(&mut self, line: &Line<N>) {
+        with(|state| drain(&mut state.requests, state.real_time, || pac::UART0.read(), line));
     }
+}
+
+/// From the receiver's register in real time, else what the exchange brought.
+fn drain<const N: usize, const M: usize>(
+    waiting: &mut Deque<u8, M>,
+    real_time: bool,
+    read: impl FnMut() -> Option<u8>,
+    line: &Line<N>,
+) {
+    if real_time {
+        core::iter::from_fn(read).for_each(|byte| line.put(&[byte]));
+    }
+    let (first, second) = waiting.as_slices();
+    line.put(first);
+    line.put(second);
+    waiting.clear();
 }
 
 /// The host's line, away from the instrument.

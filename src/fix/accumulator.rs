@@ -292,6 +292,7 @@ impl<D: Dwells> Accumulator<D> {
     }
 
     /// The dwell that was under way is over: what it says, `None` if nothing of it could be used.
+    #[inline(never)]
     pub fn end_dwell(&mut self) -> Option<DwellSummary> {
         if self.held.iter().any(|held| !held.moving) {
             self.release();

@@ -153,12 +153,15 @@ impl Paths {
             squares: [0.0; 2],
         };
         for (weight, row, values) in observations(dwells, middle_s, half_s) {
-            for (line, a) in paths.factor.iter_mut().zip(row.iter()) {
-                line.iter_mut().zip(row.iter()).for_each(|(entry, b)| *entry += weight * a * b);
+            // The lower triangle is all that is looked at.
+            for (i, (line, a)) in paths.factor.iter_mut().zip(row.iter()).enumerate() {
+                let weighted = weight * a;
+                line.iter_mut().zip(row.iter()).take(i + 1).for_each(|(entry, b)| *entry += weighted * b);
             }
             for ((right, squares), value) in paths.reduced.iter_mut().zip(&mut paths.squares).zip(values) {
-                right.iter_mut().zip(row.iter()).for_each(|(entry, a)| *entry += weight * value * a);
-                *squares += weight * value * value;
+                let weighted = weight * value;
+                right.iter_mut().zip(row.iter()).for_each(|(entry, a)| *entry += weighted * a);
+                *squares += weighted * value;
             }
         }
         paths.factorise()?;

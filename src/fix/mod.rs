@@ -142,6 +142,25 @@ struct Observation {
     rate_deg_h: f64,
 }
 
+impl Observation {
+    /// Adds to the lower triangle of the normal matrix and to the right-hand side. A slope has the drift alone: what is nothing is
+    /// not reckoned with, which takes a board half of its time.
+    fn add_to(&self, normal: &mut Matrix4<f64>, right: &mut Vector4<f64>) {
+        let row = self.row.as_slice();
+        for (i, a) in row.iter().enumerate().filter(|(_, a)| **a != 0.0) {
+            let weighted = self.weight * a;
+            for (j, b) in row.iter().enumerate().take(i + 1).filter(|(_, b)| **b != 0.0) {
+                if let Some(entry) = normal.get_mut((i, j)) {
+                    *entry += weighted * b;
+                }
+            }
+            if let Some(entry) = right.get_mut(i) {
+                *entry += weighted * self.rate_deg_h;
+            }
+        }
+    }
+}
+
 /// The dwells of a fix with what belongs to all of them.
 struct Problem<'a> {
     dwells: &'a [DwellSummary],
@@ -258,10 +277,7 @@ impl Estimate {
     fn new(problem: &Problem<'_>, drift_weight: f64) -> Option<Self> {
         let mut normal = Matrix4::zeros();
         let mut right = Vector4::zeros();
-        problem.for_each(&mut |Observation { weight, row, rate_deg_h, .. }| {
-            normal += weight * row * row.transpose();
-            right += weight * rate_deg_h * row;
-        });
+        problem.for_each(&mut |observation| observation.add_to(&mut normal, &mut right));
         normal.m44 += drift_weight;
         let inverse = regular_inverse(&normal)?;
         let parameters = inverse * right;
@@ -286,19 +302,52 @@ impl Estimate {
     }
 }
 
-/// Inverse by Cholesky of the matrix scaled to a unit diagonal; `None` where a direction is not determined.
+/// Inverse by Cholesky of a symmetric matrix, given by its lower triangle; `None` where a direction is not determined.
+///
+/// Without multiplying by nothing: on a board a product of two matrices takes as long as all of this.
+#[inline(never)]
 fn regular_inverse(normal: &Matrix4<f64>) -> Option<Matrix4<f64>> {
-    let scale = normal.diagonal().map(|entry| 1.0 / libm::sqrt(entry));
-    if !scale.iter().all(|entry| entry.is_finite()) {
-        return None;
+    // L⁻¹ row by row, where row i of L is what the rows of L⁻¹ before it leave of row i of the matrix.
+    let mut inverse_factor = Matrix4::zeros();
+    for i in 0..PARAMETERS {
+        let whole = at(normal, i, i);
+        let (mut rest, mut row) = (whole, [0.0; PARAMETERS]);
+        for k in 0..i {
+            let entry: f64 = (0..=k).map(|j| at(&inverse_factor, k, j) * at(normal, i, j)).sum();
+            rest -= entry * entry;
+            for (j, sum) in row.iter_mut().enumerate().take(k + 1) {
+                *sum -= entry * at(&inverse_factor, k, j);
+            }
+        }
+        // The share of an unknown that the others do not explain.
+        if !(rest >= 1e-6 * whole && rest > 0.0 && rest.is_finite()) {
+            return None;
+        }
+        let reciprocal = 1.0 / libm::sqrt(rest);
+        for (j, sum) in row.iter().enumerate().take(i) {
+            set(&mut inverse_factor, i, j, sum * reciprocal);
+        }
+        set(&mut inverse_factor, i, i, reciprocal);
     }
-    let scale = Matrix4::from_diagonal(&scale);
-    let factor = (scale * normal * scale).cholesky()?;
-    // The pivots of a unit-diagonal matrix are the shares of each unknown that the others do not explain.
-    if factor.l_dirty().diagonal().iter().any(|pivot| pivot * pivot < 1e-6) {
-        return None;
+    let mut inverse = Matrix4::zeros();
+    for i in 0..PARAMETERS {
+        for j in 0..=i {
+            let entry = (i..PARAMETERS).map(|k| at(&inverse_factor, k, i) * at(&inverse_factor, k, j)).sum();
+            set(&mut inverse, i, j, entry);
+            set(&mut inverse, j, i, entry);
+        }
     }
-    Some(scale * factor.inverse() * scale)
+    Some(inverse)
+}
+
+fn at(matrix: &Matrix4<f64>, row: usize, column: usize) -> f64 {
+    matrix.get((row, column)).copied().unwrap_or_default()
+}
+
+fn set(matrix: &mut Matrix4<f64>, row: usize, column: usize, value: f64) {
+    if let Some(entry) = matrix.get_mut((row, column)) {
+        *entry = value;
+    }
 }
 
 /// Solves for the azimuth. `dwells` in the order of time.
@@ -539,10 +588,9 @@ fn correlated_covariance(
 fn closure(problem: &Problem<'_>) -> Option<f64> {
     let mut normal = Matrix4::zeros();
     let mut right = Vector4::zeros();
-    for Observation { weight, row, cos_2theta, rate_deg_h } in problem.observations().step_by(2) {
-        let row = Vector4::new(row.x, row.y, row.z, cos_2theta);
-        normal += weight * row * row.transpose();
-        right += weight * rate_deg_h * row;
+    for mut observation in problem.observations().step_by(2) {
+        observation.row.w = observation.cos_2theta;
+        observation.add_to(&mut normal, &mut right);
     }
     // At 45°, 135°, … the second harmonic that this one looks for is nothing.
     if normal.m44 < 1e-3 * normal.m33 {

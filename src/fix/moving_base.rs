@@ -53,7 +53,9 @@ pub fn summary(rows: &[Row], sensing: BaseMotion, noise_deg_h: f64) -> Option<Dw
     let tilt = Tilt { rows: piece, lag_s };
     let (mean, variance) = if velocity {
         let white = noise_deg_h * noise_deg_h / length_s / SQUARED_PARABOLA;
-        let (mean, variance) = velocity::mean_rate(&integrals(&tilt).collect(), start_s, length_s)?;
+        let mut rows = velocity::Integrals::new();
+        rows.extend(integrals(&tilt));
+        let (mean, variance) = velocity::mean_rate(&rows, start_s, length_s)?;
         (mean, variance.max(white))
     } else {
         weighted_mean(&tilt, start_s, length_s, noise_deg_h)?

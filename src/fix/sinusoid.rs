@@ -41,10 +41,9 @@ impl Fitted {
         let columns = problem.dwells.iter().flat_map(|dwell| columns(&sinusoid, dwell));
         for (observation, column) in problem.observations().zip(columns) {
             let (weight, row) = (observation.weight, observation.row);
-            others += weight * row * row.transpose();
+            observation.add_to(&mut others, &mut right);
             shared += weight * row * column.transpose();
             own += weight * column * column.transpose();
-            right += weight * observation.rate_deg_h * row;
             own_right += weight * observation.rate_deg_h * column;
         }
         // By elimination of the others.

@@ -233,6 +233,7 @@ impl Sequencer {
     }
 
     /// A second has ended. Gives what became of it and the motor's command.
+    #[inline(never)]
     pub fn second(&mut self, second: &Second, counters: &mut Counters, sink: Sink) -> (Seen, Option<MotorCommand>) {
         let t_s = second.end_s();
         let corrected = self.accumulator.correct(second);
@@ -457,6 +458,7 @@ impl Sequencer {
         None
     }
 
+    #[inline(never)]
     fn collecting(
         &mut self,
         second: &Corrected,

@@ -156,6 +156,9 @@ pub fn read_piece<F: ReadNorFlash>(flash: &mut F, offset: u16) -> Result<Piece, 
 
 /// Saves settings after the record before, or in the other half where there is no room. Until that is complete, [`load`] finds
 /// what it found before.
+///
+/// Never inlined: the record shall take the caller's stack only while it is written.
+#[inline(never)]
 pub fn save<F: NorFlash>(flash: &mut F, settings: &Settings) -> Result<(), SaveError<F::Error>> {
     save_with(flash, VERSION, |place| Some(postcard::to_slice(settings, place).ok()?.len()))
 }

@@ -6,11 +6,13 @@
 //! timer's interrupt itself. Every run is the same.
 
 use std::io::{self, Read, Write};
+use std::mem::offset_of;
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use north_finder::intake::Intake;
 use object::{Object, ObjectSection, ObjectSymbol};
 
 const MACHINE: &str = "netduinoplus2";
@@ -79,14 +81,6 @@ pub struct Chip {
     addresses: Addresses,
     /// What QEMU reads the settings from, at every reset.
     _stored: tempfile::NamedTempFile,
-}
-
-/// A queue of received bytes in the image.
-#[derive(Clone, Copy)]
-struct Queue {
-    /// Where it counts the place of the next byte.
-    end: u32,
-    capacity: usize,
 }
 
 impl Drop for Chip {
@@ -225,19 +219,19 @@ impl Chip {
     }
 
     fn receive(&mut self, from_gyro: &[u8], from_host: &[u8]) {
-        let [gyro, host] = self.addresses.queues;
+        let [gyro, host] = self.addresses.received;
         self.gyro.write_all(from_gyro).unwrap();
         self.take(gyro, from_gyro.len());
         self.host.write_all(from_host).unwrap();
         self.take(host, from_host.len());
     }
 
-    /// Lets the image take so many bytes into its queue: it waits for them where it would sleep.
-    fn take(&mut self, queue: Queue, bytes: usize) {
+    /// Lets the image take so many bytes, which it counts: it waits for them where it would sleep.
+    fn take(&mut self, received: u32, bytes: usize) {
         if bytes > 0 {
-            let end = (self.word(queue.end) as usize + bytes) % queue.capacity;
-            self.set_register(1, end as u32);
-            self.set_register(2, queue.end);
+            let end = self.word(received).wrapping_add(bytes as u32);
+            self.set_register(1, end);
+            self.set_register(2, received);
             self.set_register(PC, AWAIT);
             self.go_on();
         }
@@ -327,7 +321,8 @@ struct Addresses {
     /// The handler of the timer's interrupt, and of a reset.
     tick: u32,
     reset: u32,
-    queues: [Queue; 2],
+    /// Where the bytes from gyro and host are counted.
+    received: [u32; 2],
 }
 
 impl Addresses {
@@ -340,19 +335,12 @@ impl Addresses {
         let at = sleep.address() & !1;
         let code = file.section_by_name(".text").unwrap().data_range(at, sleep.size()).unwrap().unwrap();
         let wfi = at + 2 * code.chunks(2).position(|half| half == WFI).unwrap() as u64;
-        let queue = |symbol: object::Symbol<'_, '_>| Queue {
-            // Behind the count of what is taken out (heapless 0.9, spsc).
-            end: symbol.address() as u32 + 4,
-            capacity: symbol.size() as usize - 8,
-        };
+        let intake = function(|name| name.contains("INTAKE")).address() as u32;
         Self {
             wfi: wfi as u32,
             tick: function(|name| name == "TIM2").address() as u32 & !1,
             reset: function(|name| name == "Reset").address() as u32 & !1,
-            queues: [
-                queue(function(|name| name.contains("local_init_gyro_bytes"))),
-                queue(function(|name| name.contains("local_init_requests"))),
-            ],
+            received: [offset_of!(Intake, gyro), offset_of!(Intake, host)].map(|line| intake + line as u32),
         }
     }
 }

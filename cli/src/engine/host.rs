@@ -8,10 +8,10 @@ use north_finder::calibration::field::problem::Problem;
 use north_finder::drivers::sensors::Sensors;
 use north_finder::drivers::step_motor::{SLOTS_PER_TICK, StepMotor};
 use north_finder::event::Report;
-use north_finder::health::Refused;
 use north_finder::identity::Identity;
 use north_finder::index::MotorCommand;
 use north_finder::instrument::{Instrument, Readings};
+use north_finder::intake::Intake;
 
 use super::{EngineError, FixWanted, Observer, Outcome, Person, PowerOff, RequestLine, Setup};
 
@@ -26,7 +26,8 @@ struct Wired {
     heard: Vec<u8>,
     sensors: Sensors<AccelerometerSpi, EncoderSpi, BlockSpi>,
     motor: StepMotor<Pin, Pin, Pin>,
-    instrument: Instrument,
+    instrument: Box<Instrument>,
+    intake: Box<Intake>,
     /// Decided by the last solve, carried out at the next tick.
     pending: Option<MotorCommand>,
     tick: u64,
@@ -92,7 +93,8 @@ impl Wired {
                 instrument.has_block().then(|| world.block()),
             ),
             motor: StepMotor::new(world.step_pin(), world.dir_pin(), world.enable_pin(), &index),
-            instrument,
+            instrument: Box::new(instrument),
+            intake: Box::new(Intake::new()),
             pending: None,
             tick: 0,
             world: world.clone(),
@@ -111,11 +113,11 @@ impl Wired {
         if let Some(command) = self.pending.take() {
             self.motor.command(command);
         }
-        let (turning, refused) = (self.motor.is_turning(), Refused::default());
-        let readings = Readings { tick: self.tick, sensors, turning, refused };
+        let readings = Readings { tick: self.tick, sensors, turning: self.motor.is_turning() };
         tap(&readings, &self.heard);
-        let (gyro, requests) = (self.heard.iter().copied(), requests.iter().copied());
-        let orders = self.instrument.step(&readings, gyro, requests, &mut self.world.flash(), report);
+        self.intake.gyro.put(&self.heard);
+        self.intake.host.put(requests);
+        let orders = self.instrument.step(&readings, &self.intake, &mut self.world.flash(), report);
         self.pending = orders.motor;
         let mut problem = Problem::default();
         if self.instrument.problem(&mut problem) {

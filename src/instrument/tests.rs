@@ -1,0 +1,87 @@
+extern crate std;
+
+use std::vec::Vec;
+
+use embedded_storage::nor_flash::{ErrorType, NorFlashErrorKind, ReadNorFlash};
+
+use super::*;
+use crate::drivers::sensors::Due;
+use crate::link::encode_request;
+
+/// A flash that nothing was ever written to, and cannot be.
+struct Erased;
+
+impl ErrorType for Erased {
+    type Error = NorFlashErrorKind;
+}
+
+impl ReadNorFlash for Erased {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, _offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
+        bytes.fill(0xFF);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        8192
+    }
+}
+
+impl NorFlash for Erased {
+    const WRITE_SIZE: usize = 4;
+    const ERASE_SIZE: usize = 4096;
+
+    fn erase(&mut self, _from: u32, _to: u32) -> Result<(), NorFlashErrorKind> {
+        Err(NorFlashErrorKind::Other)
+    }
+
+    fn write(&mut self, _offset: u32, _bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
+        Err(NorFlashErrorKind::Other)
+    }
+}
+
+/// A valid frame of the compact format with an increment of 0.03 arcsec; its check sum bit by bit.
+fn frame(number: u64) -> [u8; 14] {
+    let mut frame = [0xA5, 0x5A, number as u8, 1, 0x30, 0x75, 0, 0, 0, 0, 0, 0, 0, 0];
+    let mut crc = u32::MAX;
+    for byte in &frame[..10] {
+        crc ^= u32::from(*byte) << 24;
+        for _ in 0..8 {
+            crc = if crc >> 31 == 1 { crc << 1 ^ 0x04C1_1DB7 } else { crc << 1 };
+        }
+    }
+    frame[10..].copy_from_slice(&crc.to_le_bytes());
+    frame
+}
+
+/// A processor that stands still for 2.5 s, with a gyro that goes on: its frames of that time are lost, none of those that follow is
+/// late or comes twice, and the seconds end when they should.
+#[test]
+fn a_thousand_ticks_that_nobody_saw_are_a_thousand_lost_frames() {
+    let mut instrument = Instrument::power_up(&mut Erased, Identity::host());
+    let intake = Intake::new();
+    let mut reports = Vec::new();
+    for tick in (0..900).chain(1900..2401) {
+        intake.gyro.put(&frame(tick));
+        if tick == 2400 {
+            intake.host.put(&encode_request(&Ask::Status.into()).unwrap());
+        }
+        let readings = Readings { tick, sensors: Due::default(), turning: false };
+        instrument.step(&readings, &intake, &mut Erased, &mut |report| reports.push(report));
+    }
+    let seconds = reports.iter().filter_map(|report| match report.event {
+        Event::Second(second) => Some((report.t_s, second.lost_frames)),
+        _ => None,
+    });
+    // The second that began with frame 800 lacks 300, the next one all, the one after that again 300.
+    let seconds: Vec<_> = seconds.collect();
+    assert_eq!(seconds.iter().map(|(_, lost)| *lost).collect::<Vec<_>>(), [0, 0, 300, 400, 300, 0]);
+    assert_eq!(seconds.last().unwrap().0, 2399.0 * SAMPLE_S);
+    let counters = reports.iter().find_map(|report| match report.event {
+        Event::Health(counters) => Some(counters),
+        _ => None,
+    });
+    let Counters { frames_good, frames_lost, frames_duplicate, frames_late, ticks_lost, .. } = counters.unwrap();
+    assert_eq!((frames_good, frames_lost, frames_duplicate, frames_late, ticks_lost), (1400, 1000, 0, 0, 1000));
+}

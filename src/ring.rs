@@ -1,0 +1,80 @@
+//! Bytes from an interrupt to a task, without locks: one side puts, the other takes.
+
+use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
+
+/// Room for N bytes, a power of two. In C's order: a debugger finds how many bytes have come at its beginning.
+#[derive(Debug)]
+#[repr(C)]
+pub struct Ring<const N: usize> {
+    /// Bytes ever put, and ever taken, modulo 2³².
+    put: AtomicU32,
+    taken: AtomicU32,
+    bytes: [AtomicU8; N],
+}
+
+impl<const N: usize> Ring<N> {
+    #[allow(clippy::new_without_default)] // for a static
+    pub const fn new() -> Self {
+        const { assert!(N.is_power_of_two()) };
+        Self { put: AtomicU32::new(0), taken: AtomicU32::new(0), bytes: [const { AtomicU8::new(0) }; N] }
+    }
+
+    /// Puts bytes; gives how many there was no room for.
+    pub fn put(&self, bytes: &[u8]) -> u32 {
+        let mut put = self.put.load(Ordering::Relaxed);
+        let full = self.taken.load(Ordering::Acquire).wrapping_add(N as u32);
+        let mut refused = 0;
+        for &byte in bytes {
+            match self.bytes.get(put as usize % N) {
+                Some(place) if put != full => {
+                    place.store(byte, Ordering::Relaxed);
+                    put = put.wrapping_add(1);
+                }
+                _ => refused += 1,
+            }
+        }
+        self.put.store(put, Ordering::Release);
+        refused
+    }
+
+    /// Takes as many bytes as there are, and as there is room for in `place`; gives those.
+    pub fn take<'a>(&self, place: &'a mut [u8]) -> &'a [u8] {
+        let taken = self.taken.load(Ordering::Relaxed);
+        let waiting = self.put.load(Ordering::Acquire).wrapping_sub(taken) as usize;
+        let room = place.len();
+        let place = place.get_mut(..waiting.min(room)).unwrap_or_default();
+        for (byte, at) in place.iter_mut().zip(taken as usize..) {
+            if let Some(waiting) = self.bytes.get(at % N) {
+                *byte = waiting.load(Ordering::Relaxed);
+            }
+        }
+        self.taken.store(taken.wrapping_add(place.len() as u32), Ordering::Release);
+        place
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_come_out_in_their_order_and_what_has_no_room_is_told() {
+        let ring = Ring::<4>::new();
+        let mut place = [0; 3];
+        assert_eq!(ring.take(&mut place), []);
+        assert_eq!(ring.put(&[1, 2, 3, 4, 5, 6]), 2);
+        assert_eq!(ring.take(&mut place), [1, 2, 3]);
+        assert_eq!(ring.put(&[7, 8]), 0);
+        assert_eq!(ring.take(&mut place), [4, 7, 8]);
+        assert_eq!(ring.take(&mut place), []);
+    }
+
+    #[test]
+    fn the_counts_wrap() {
+        let ring = Ring::<4>::new();
+        ring.put.store(u32::MAX - 1, Ordering::Relaxed);
+        ring.taken.store(u32::MAX - 1, Ordering::Relaxed);
+        assert_eq!(ring.put(&[1, 2, 3, 4, 5]), 1);
+        assert_eq!(ring.take(&mut [0; 8]), [1, 2, 3, 4]);
+    }
+}
