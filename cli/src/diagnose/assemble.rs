@@ -52,9 +52,15 @@ pub fn diagnosis(
     let of_named: Vec<Option<f64>> = afters.iter().map(|after| after.azimuth_deg).collect();
     let found = if fitted.by_dwell.is_some() { None } else { Open::choose(runs, &fitted.by_second.taken, &bad) };
     let structure = found.as_ref().is_some_and(Open::is_structure);
+    // Where processes of the runs' own do as well, the named effects are nothing, whether or not these processes help.
+    let spurious = found.as_ref().is_some_and(|open| open.replaces && open.is_process_only());
     let mut open = found.filter(|open| open.is_better(runs, &of_named, &bad));
-    let bare = fitted.bare();
-    let fitted = if open.as_ref().is_some_and(|open| open.replaces) {
+    let mut bare = fitted.bare();
+    if spurious {
+        let names = fitted.learned().taken.iter().map(|each| each.candidate.full_name()).collect();
+        bare.withdrawn = Some((names, "processes of the runs' own, which no channel tells, explain as much".into()));
+    }
+    let fitted = if spurious || open.as_ref().is_some_and(|open| open.replaces) {
         model = model_of(&bare, base, runs)?;
         afters = after(runs, &model);
         &bare
@@ -62,12 +68,21 @@ pub fn diagnosis(
         fitted
     };
     let learned = fitted.learned();
+    let unseen_deg = guard::unseen_index_offset_deg(runs, fitted);
+    if unseen_deg > 0.0 {
+        model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(unseen_deg);
+        afters = after(runs, &model);
+    }
     warn_of_runs(runs, fitted, &mut warnings);
     checks::warn_of_range(runs, learned, &mut warnings);
     let mut crossed_deg: Vec<Option<f64>> =
         if judged_by_checks { vec![None; runs.len()] } else { cross_validated(runs, base, constant, fitted) };
     if open.is_none() && (structure || !fitted.is_empty()) {
-        let missed_deg = guard::missed_beyond_sigma_deg(runs, fitted, &guard::left_out(runs, fitted, base));
+        let left_out = match fitted.is_empty() {
+            true => runs.iter().map(|run| run.before).collect(),
+            false => guard::left_out(runs, fitted, base),
+        };
+        let missed_deg = guard::missed_beyond_sigma_deg(runs, fitted, &left_out);
         if missed_deg > 0.0 {
             model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(missed_deg);
             afters = after(runs, &model);
@@ -113,7 +128,7 @@ pub fn diagnosis(
             *crossed_deg = Some(own_deg);
             if !open.deployed || after.azimuth_deg.is_none() {
                 after.azimuth_deg = Some(own_deg);
-                after.sigma_deg = Some(own.sigma_rad / RAD_PER_DEG);
+                after.sigma_deg = Some((own.sigma_rad / RAD_PER_DEG).hypot(unseen_deg));
             }
         }
     }

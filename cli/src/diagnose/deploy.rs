@@ -125,10 +125,11 @@ pub fn terms(group: &Group, channels: &[Ranged]) -> Option<Vec<Term>> {
         Group::LinearTimes(channel, Base::Rate) => {
             one(Some(Term::scaling(curve(channel, Signal::Value, powers(channel, 1)?)?)))
         }
-        Group::LinearTimes(channel, Base::Harmonic(order)) => one(Some(Term::product(
-            curve(channel, Signal::Value, powers(channel, 1)?)?,
-            Basis::BodyHarmonic(BodyHarmonic { order }),
-        ))),
+        Group::LinearTimes(channel, Base::Harmonic(order)) => {
+            let harmonic = Basis::BodyHarmonic(BodyHarmonic { order });
+            let times = Term::product(curve(channel, Signal::Value, powers(channel, 1)?)?, harmonic.clone());
+            Some(if order == 1 { vec![Term::new(harmonic), times] } else { vec![times] })
+        }
         Group::LinearTimes(channel, Base::Settling) => DECAYS_S
             .iter()
             .map(|&tau_s| {

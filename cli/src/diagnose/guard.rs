@@ -6,6 +6,7 @@ use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
 use super::Fitted;
+use super::candidate::Part;
 use super::data::RunData;
 use super::statistics::{f_tail, median, rms};
 use crate::campaign::Role;
@@ -115,6 +116,16 @@ pub fn missed_beyond_sigma_deg(runs: &[RunData], fitted: &Fitted, left_out: &[Op
         return 0.0;
     }
     (beyond.iter().sum::<f64>() / beyond.len() as f64).max(0.0).sqrt()
+}
+
+/// One sigma of what an error of the index has in common at all angles, degrees: without surveyed headings nobody sees it; it may be
+/// as large as what changes with the angle.
+pub fn unseen_index_offset_deg(runs: &[RunData], fitted: &Fitted) -> f64 {
+    if trusted(runs, fitted).next().is_some() {
+        return 0.0;
+    }
+    let eccentricity = fitted.learned().taken.iter().filter(|each| each.candidate.part == Part::IndexEccentricity);
+    eccentricity.flat_map(|each| &each.coefficients).map(|each| each * each).sum::<f64>().sqrt()
 }
 
 #[cfg(test)]

@@ -59,10 +59,6 @@ impl Open {
             return Some(beside);
         }
         let alone = Self::learn(runs, &[], bad_references)?;
-        // A process of the runs' own explains nothing: it stands in no effect's place.
-        if alone.groups().is_empty() {
-            return Some(beside);
-        }
         let numbers: usize = taken.iter().map(|each| each.candidate.freedom()).sum();
         let named = beside.learned.evidence - OF_NUMBER * numbers as f64 + MARGIN;
         Some(if alone.learned.evidence > named { Self { replaces: true, ..alone } } else { beside })
@@ -86,9 +82,9 @@ impl Open {
         Some(Self { learned, names, azimuths, replaces: false, deployed: false, recordings })
     }
 
-    /// Whether the fit runs' azimuths, each by a model without that run, miss their references by less than what it stands
-    /// against: the azimuths by the named effects (`of_named`, degrees) where it stands beside these, else those before. Named
-    /// effects that the evidence is against may fit few references closely, and are not asked.
+    /// Whether the fit runs' azimuths, each by a model without that run, miss their references by less (mean square, weighted by what
+    /// their sigmas promise) than what it stands against: the azimuths by the named effects (`of_named`, degrees) where it stands
+    /// beside these, else those before. Named effects that the evidence is against may fit few references closely, and are not asked.
     pub fn is_better(&self, runs: &[RunData], of_named: &[Option<f64>], bad_references: &[String]) -> bool {
         let (mut before, mut after, mut number) = (0.0, 0.0, 0);
         for ((run, named_deg), own) in runs.iter().zip(of_named).zip(&self.azimuths) {
@@ -97,8 +93,10 @@ impl Open {
             if let (Some(reference), Some(other_deg), Some(own)) =
                 (run.reference_deg.filter(|_| trusted), other_deg, own)
             {
-                before += wrap_180_deg(other_deg - reference).powi(2);
-                after += wrap_180_deg(own.azimuth_rad / RAD_PER_DEG - reference).powi(2);
+                // A run that the others say little about, and whose sigma says so, counts for little.
+                let weight = own.sigma_rad.powi(-2);
+                before += weight * wrap_180_deg(other_deg - reference).powi(2);
+                after += weight * wrap_180_deg(own.azimuth_rad / RAD_PER_DEG - reference).powi(2);
                 number += 1;
             }
         }
@@ -188,7 +186,7 @@ impl Open {
 
     /// What widens the sigma: the misses of the training runs, and the likeliest process where there is one.
     fn doubt(&self, model: &mut ErrorModel) {
-        model.doubt.azimuth_sigma_deg = self.learned.excess_rad / RAD_PER_DEG;
+        model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(self.learned.excess_rad / RAD_PER_DEG);
         model.doubt.process = self.likeliest_process().and_then(|kernel| {
             let (kernel_of_model, time_s) = match kernel.shape? {
                 Shape::Exponential => (doubt::Kernel::Exponential, kernel.time_s),
@@ -232,6 +230,11 @@ impl Open {
             .max_by(|&a, &b| self.learned.shares[a].total_cmp(&self.learned.shares[b]))
             .map(|kernel| self.learned.kernels[kernel])
             .filter(|_| self.has_process())
+    }
+
+    /// It has nothing but processes of the runs' own.
+    pub fn is_process_only(&self) -> bool {
+        self.groups().is_empty()
     }
 
     fn groups(&self) -> &[Found] {

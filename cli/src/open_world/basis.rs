@@ -24,8 +24,8 @@ const CHANGE_S: f64 = 12.0;
 /// Half lengths of the windows in which tilt rates are slopes, seconds.
 const SLOPE_S: [usize; 3] = [5, 20, 100];
 /// Bumps in the heading, and their concentration.
-const BUMPS: usize = 8;
-const CONCENTRATION: f64 = 1.0 / 0.45;
+const BUMPS: usize = 12;
+const CONCENTRATION: f64 = 1.0 / 0.2;
 /// The same in the axis's azimuth.
 const AXIS_BUMPS: usize = 14;
 const AXIS_CONCENTRATION: f64 = 1.0 / 0.2;
@@ -469,7 +469,8 @@ impl Scales {
                 from_columns(rows, pairs.map(of))
             }
             Group::Product(first, second) => {
-                product(&self.base(sheet, *first, azimuth_rad, known), &self.base(sheet, *second, azimuth_rad, known))
+                let bases = [first, second].map(|base| self.base(sheet, *base, azimuth_rad, known));
+                self.about_harmonic(sheet, &[*first, *second], product(&bases[0], &bases[1]))
             }
             Group::Bilinear(first, second) => {
                 let (first, second) = (scaled(*first), scaled(*second));
@@ -484,7 +485,9 @@ impl Scales {
                 from_columns(rows, forms.map(of))
             }
             Group::LinearTimes(channel, base) => {
-                product(&from_columns(rows, [value(*channel)]), &self.base(sheet, *base, azimuth_rad, known))
+                let both =
+                    product(&from_columns(rows, [value(*channel)]), &self.base(sheet, *base, azimuth_rad, known));
+                self.about_harmonic(sheet, &[*base], both)
             }
             Group::Triple(first, second, base) => {
                 let (first, second) = (scaled(*first), scaled(*second));
@@ -497,6 +500,13 @@ impl Scales {
                 product(&found, &self.base(sheet, *base, azimuth_rad, known))
             }
         }
+    }
+
+    /// A product with the first harmonic of the index angle, with that harmonic itself: where the other factor has its zero nobody
+    /// knows, and without surveyed headings nobody sees it, for such a harmonic is another azimuth.
+    fn about_harmonic(&self, sheet: &Sheet, factors: &[Base], columns: Columns) -> Columns {
+        let harmonic = Base::Harmonic(1);
+        if factors.contains(&harmonic) { beside([self.raw_base(sheet, harmonic, 0.0), columns]) } else { columns }
     }
 
     /// What grows or dies away since the last move, times a sign.

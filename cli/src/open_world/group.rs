@@ -502,7 +502,7 @@ fn products(channels: usize, of_channels: &[Base], global: &[Base]) -> Vec<Group
             let heading = [first, second].contains(&Base::Heading);
             let harmonic = |base: Base| matches!(base, Base::Harmonic(_));
             let itself = first == second && !matches!(first, Base::Memory(_));
-            let many = channels > MOST_PRODUCTS && of_value(first) && of_value(second);
+            let many = channels > MOST_BICUBIC && of_value(first) && of_value(second);
             if !(itself || many || heading && !harmonic(first) && !harmonic(second)) {
                 all.push(Group::Product(first, second));
             }

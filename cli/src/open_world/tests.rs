@@ -3,7 +3,7 @@ use north_finder::fix::DesignRow;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::dynamics::{low_pass, play};
+use super::dynamics::{delay, friction, low_pass, peak, play, relay};
 use super::evidence::posterior;
 use super::learn::Search;
 use super::process::{Shape, kernels};
@@ -90,6 +90,51 @@ fn a_low_pass_halves_what_is_missing() {
     for (found, expected) in found.iter().zip([0.0, 0.5, 0.75]) {
         assert!((found - expected).abs() < 1e-12);
     }
+}
+
+/// On above 1, off below −1, in between what it was.
+#[test]
+fn a_relay_remembers() {
+    let input = [0.0, 2.0, 0.5, -2.0, 0.5];
+    assert_eq!(relay(&input, [-1.0, 1.0], 0.0), [0.0, 1.0, 1.0, 0.0, 0.0]);
+    assert_eq!(relay(&input, [-1.0, 1.0], 1.0), [1.0, 1.0, 1.0, 0.0, 0.0]);
+}
+
+/// Two seconds ago, before the beginning the first value. A greatest value of 2 half of which leaks in a second.
+#[test]
+fn what_was_is_kept() {
+    assert_eq!(delay(&[1.0, 2.0, 3.0, 4.0], &[1.0; 4], 2.0), [1.0, 1.0, 1.0, 2.0]);
+    let found = peak(&[0.0, 2.0, 0.0], &[1.0; 3], 1.0 / std::f64::consts::LN_2);
+    for (found, expected) in found.iter().zip([0.0, 2.0, 1.0]) {
+        assert!((found - expected).abs() < 1e-12);
+    }
+}
+
+/// z' = u' − ln 2 |u'| z without leak: a step of 1 leaves (1 − ½)/ln 2; the way back halves that and takes as much away again.
+#[test]
+fn friction_slips() {
+    let slip = std::f64::consts::LN_2;
+    let found = friction(&[0.0, 1.0, 0.0], &[1.0; 3], slip, f64::INFINITY);
+    for (found, expected) in found.iter().zip([0.0, 0.5 / slip, 0.25 / slip - 0.5 / slip]) {
+        assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+    }
+}
+
+/// From 270° back to 0° with the seconds of turning recorded: 270° clockwise, not 90° on.
+#[test]
+fn the_way_of_a_move_is_the_one_that_was_turned() {
+    let mut recording = Recording::default();
+    for (i, deg) in [270.0_f64, 180.0, 90.0, 0.0].into_iter().enumerate() {
+        let (sin, cos) = deg.to_radians().sin_cos();
+        recording.t_s.push(i as f64 + 0.5);
+        recording.interval_s.push(1.0);
+        recording.moving.push(i == 1 || i == 2);
+        recording.design.push(DesignRow { cos, sin, vertical_deg_h: 0.0 });
+    }
+    let (places, moves) = recording.places();
+    assert_eq!(moves.len(), 1);
+    assert!((moves[0].travel_deg + 270.0).abs() < 1e-9 && moves[0].ended_s == 3.0 && moves[0].number == 1.0);
+    assert!((places[3].since_s - 0.5).abs() < 1e-12);
 }
 
 /// Covariances of means over spans against sums of the correlation over a fine grid; the midpoint rule errs by about a
