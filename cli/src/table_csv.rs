@@ -7,12 +7,13 @@ use std::path::{Path, PathBuf};
 use csv::{ByteRecord, Reader, ReaderBuilder, Trim};
 
 use crate::file_error::{FileError, Place, Problem};
+use crate::input;
 
 /// A table that is being read.
 pub struct TableCsv {
     path: PathBuf,
     header: Vec<String>,
-    reader: Reader<File>,
+    reader: Reader<input::Records<File>>,
     record: ByteRecord,
 }
 
@@ -20,7 +21,8 @@ impl TableCsv {
     /// Reads the header. Errors: no such file, an empty one.
     pub fn open(path: &Path) -> Result<Self, FileError> {
         let whole = |error: csv::Error| FileError::whole(path, std::io::Error::from(error));
-        let mut reader = ReaderBuilder::new().flexible(true).trim(Trim::All).from_path(path).map_err(whole)?;
+        let records = input::records(path).map_err(|error| FileError::whole(path, error))?;
+        let mut reader = ReaderBuilder::new().flexible(true).trim(Trim::All).from_reader(records);
         let header: Vec<String> = reader.headers().map_err(whole)?.iter().map(str::to_owned).collect();
         if header.iter().all(String::is_empty) {
             return Err(FileError::whole(path, Problem::Empty));
@@ -50,6 +52,7 @@ impl TableCsv {
     pub fn next_row(&mut self) -> Result<bool, FileError> {
         let read = self.reader.read_byte_record(&mut self.record);
         let more = read.map_err(|error| FileError::whole(&self.path, std::io::Error::from(error)))?;
+        self.reader.get_mut().record();
         if more && self.record.len() != self.header.len() {
             let problem = Problem::Ragged { found: self.record.len(), expected: self.header.len() };
             return Err(FileError::new(&self.path, Place::Line(self.line()), problem));

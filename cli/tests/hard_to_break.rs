@@ -33,30 +33,27 @@ fn signal(child: &Child, name: &str) {
 fn interrupt_and_terminate_end_a_command_at_once_and_its_folder_can_be_written_again() {
     let folder = tempfile::tempdir().unwrap();
     let simulate =
-        |runs: &str| north(folder.path(), &["simulate", "--runs", runs, "--out", "campaign"]).spawn().unwrap();
+        |runs: &str, out: &str| north(folder.path(), &["simulate", "--runs", runs, "--out", out]).spawn().unwrap();
     for name in ["-INT", "-TERM"] {
-        let child = simulate("500");
-        let runs = folder.path().join("campaign/runs");
+        let campaign = folder.path().join(name);
+        let child = simulate("500", &format!("./{name}"));
         let start = Instant::now();
-        while fs::read_dir(&runs).map_or(0, Iterator::count) == 0 && start.elapsed() < Duration::from_secs(60) {
+        while fs::read_dir(campaign.join("runs")).map_or(0, Iterator::count) == 0
+            && start.elapsed() < Duration::from_secs(60)
+        {
             std::thread::sleep(Duration::from_millis(10));
         }
         signal(&child, name);
         let (output, took) = ended(child);
         // Half a second of grace, and a machine that is busy.
         assert!(output.status.code() == Some(130) && took < Duration::from_secs(5), "{name}: {output:?} {took:?}");
-        assert!(
-            folder.path().join("campaign/unfinished").exists()
-                && !folder.path().join("campaign/campaign.toml").exists()
-        );
+        assert!(campaign.join("unfinished").exists() && !campaign.join("campaign.toml").exists());
+        let (output, _) = ended(simulate("1", &format!("./{name}")));
+        assert!(output.status.success(), "{output:?}");
+        assert!(!campaign.join("unfinished").exists() && campaign.join("campaign.toml").exists());
     }
-    let (output, _) = ended(simulate("1"));
-    assert!(output.status.success(), "{output:?}");
-    assert!(
-        !folder.path().join("campaign/unfinished").exists() && folder.path().join("campaign/campaign.toml").exists()
-    );
     // A finished one stays as it is.
-    let (output, _) = ended(simulate("1"));
+    let (output, _) = ended(simulate("1", "./-INT"));
     assert!(!output.status.success() && String::from_utf8_lossy(&output.stderr).contains("never overwritten"));
 }
 
@@ -65,9 +62,11 @@ fn pipes_and_devices_are_refused_at_once() {
     let folder = tempfile::tempdir().unwrap();
     assert!(Command::new("mkfifo").arg(folder.path().join("pipe")).status().unwrap().success());
     for file in ["pipe", "/dev/zero"] {
-        for command in
-            [&["solve", file][..], &["align", file, "--latitude", "47"], &["load", file, "--port", "nowhere"]]
-        {
+        for command in [
+            &["solve", file, "--latitude", "47"][..],
+            &["align", file, "--latitude", "47"],
+            &["load", file, "--port", "nowhere"],
+        ] {
             let (output, _) = ended(north(folder.path(), command).spawn().unwrap());
             let error = String::from_utf8_lossy(&output.stderr).into_owned();
             assert!(output.status.code() == Some(1) && error.contains("no regular file"), "{command:?}: {error}");
@@ -82,7 +81,7 @@ fn a_line_without_an_end_and_control_characters_do_no_harm() {
     file.write_all(b"t_s,index_deg,fog_arcsec\n1,0,\"").unwrap();
     file.write_all(&vec![b'7'; 40 << 20]).unwrap();
     fs::write(folder.path().join("red.toml"), "format = 1\n\"\x1b[31mred\" = 1\n").unwrap();
-    let (output, _) = ended(north(folder.path(), &["solve", "endless.csv"]).spawn().unwrap());
+    let (output, _) = ended(north(folder.path(), &["solve", "endless.csv", "--latitude", "47"]).spawn().unwrap());
     let error = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.code() == Some(1) && error.contains("more than 16 MiB") && error.len() < 1000, "{error}");
     let (output, _) = ended(north(folder.path(), &["find", "--host", "--model", "red.toml"]).spawn().unwrap());
