@@ -250,7 +250,7 @@ impl Ticker {
         timer.ccer().write(|w| w.cc1e().set_bit());
         timer.dier().write(|w| w.uie().set_bit());
         timer.cr1().write(|w| w.cen().set_bit());
-        let timer_cycles = (system.raw() / TICK_HZ).div_ceil(cycles);
+        let timer_cycles = (system.raw() / TICK_HZ).checked_div(cycles).unwrap_or(1);
         let mut ticker = Self { timer, last_cycles: None, timer_cycles, tick_cycles: cycles * timer_cycles };
         let before = DWT::cycle_count();
         cortex_m::asm::delay(16);
@@ -271,8 +271,8 @@ impl Ticker {
         let Some(last) = self.last_cycles else { return 0 };
         let now = self.cycles_at_update();
         self.last_cycles = Some(now);
-        let ticks = now.wrapping_sub(last).wrapping_add(self.tick_cycles / 2) / self.tick_cycles;
-        ticks.saturating_sub(1)
+        let ticks = now.wrapping_sub(last).wrapping_add(self.tick_cycles / 2).checked_div(self.tick_cycles);
+        ticks.unwrap_or(1).saturating_sub(1)
     }
 }
 

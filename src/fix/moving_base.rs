@@ -54,7 +54,8 @@ pub fn summary(rows: &[Row], sensing: BaseMotion, noise_deg_h: f64) -> Option<Dw
     let (mean, variance) = if velocity {
         let white = noise_deg_h * noise_deg_h / length_s / SQUARED_PARABOLA;
         let mut rows = velocity::Integrals::new();
-        rows.extend(integrals(&tilt));
+        // There are no more of them than rows.
+        integrals(&tilt).for_each(|integral| rows.push(integral).unwrap_or(()));
         let (mean, variance) = velocity::mean_rate(&rows, start_s, length_s)?;
         (mean, variance.max(white))
     } else {
