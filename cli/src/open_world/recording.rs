@@ -111,16 +111,15 @@ impl Recording {
 
     /// Place of every second, and the moves.
     pub fn places(&self) -> (Vec<Place>, Vec<Move>) {
-        let wound_deg = self.wound_deg();
         let mut place = Place::default();
         let (mut ended_s, mut rest_deg, mut was_moving) = (self.start_s(), None::<f64>, false);
         let (mut places, mut moves) = (Vec::with_capacity(self.len()), Vec::new());
-        for i in 0..self.len() {
+        for (i, wound_deg) in self.wound_deg().into_iter().enumerate() {
             let moving = self.moving[i] && !self.rotation;
             if moving {
                 ended_s = self.t_s[i] + 0.5 * self.interval_s[i];
             } else {
-                let travel_deg = rest_deg.map_or(0.0, |rest_deg| wound_deg[i] - rest_deg);
+                let travel_deg = rest_deg.map_or(0.0, |rest_deg| wound_deg - rest_deg);
                 if !self.rotation && travel_deg.abs() > REST_DEG {
                     if !was_moving {
                         ended_s = self.t_s[i] - 0.5 * self.interval_s[i];
@@ -130,7 +129,7 @@ impl Recording {
                     moves.push(Move { ended_s, travel_deg, number: place.moves, to: self.design[i] });
                     rest_deg = None;
                 }
-                rest_deg = rest_deg.or(Some(wound_deg[i]));
+                rest_deg = rest_deg.or(Some(wound_deg));
             }
             was_moving = moving;
             place.since_s = (self.t_s[i] - ended_s).max(0.0);

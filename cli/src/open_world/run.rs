@@ -294,7 +294,7 @@ impl<'a> Run<'a> {
     pub fn beside(&self, kernel: usize, share: f64) -> Beside<'_> {
         let size_deg_h = share * self.sizes_deg_h[kernel];
         let design = self.whitening.whiten(kernel, size_deg_h, &self.design);
-        let rate = self.whitening.whiten(kernel, size_deg_h, &DMatrix::from_columns(&[self.rate.clone()]));
+        let rate = self.whitening.whiten(kernel, size_deg_h, &DMatrix::from_columns(std::slice::from_ref(&self.rate)));
         let rate = rate.column(0).into_owned();
         let mut normal: Matrix3<f64> = design.tr_mul(&design).fixed_view::<3, 3>(0, 0).into_owned();
         let right = design.tr_mul(&rate);
