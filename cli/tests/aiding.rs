@@ -72,6 +72,7 @@ impl Ship {
             "5",
             "--out",
             &out,
+            "--force",
         ];
         north(&[&usual[..], &["--class", "source-fog"], more].concat())
     }

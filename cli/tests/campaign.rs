@@ -265,7 +265,7 @@ fn bad_manifests_are_refused_with_their_place() {
 fn recordings_are_never_overwritten() {
     let folder = tempfile::tempdir().unwrap();
     let campaign = Campaign { folder: folder.path().to_owned(), ..Campaign::of_bare_run(Path::new("x"), 0.0) };
-    assert!(CampaignWriter::create(campaign.clone()).is_ok());
+    CampaignWriter::create(campaign.clone()).unwrap().finish().unwrap();
     let error = CampaignWriter::create(campaign).err().unwrap().to_string();
     assert!(
         error.ends_with(

@@ -79,7 +79,7 @@ fn usage_errors_give_2_and_say_what_is_allowed() {
             "invalid value '-361' for '--azimuth <DEG>': allowed is a number from -360 to 360",
         ),
         (&["find", "--dwell", "1"], "invalid value '1' for '--dwell <S>': 1 is not in 2..=3600"),
-        (&["find", "--order", "random"], "[possible values: plain, source, mirrored, east-west]"),
+        (&["find", "--order", "random"], "[possible values: plain, source, mirrored, east-west, adaptive]"),
         (&["find", "--seed", "x"], "invalid value 'x' for '--seed <N>'"),
         (&["find", "--scenario", "nowhere"], "there is no scenario \"nowhere\"; the built-in ones are: calm-bench, "),
         (&["find", "--no-such-option"], "unexpected argument '--no-such-option' found"),
@@ -330,7 +330,7 @@ fn a_calibration_takes_the_flag_away_and_a_wrong_one_is_refused() {
          signal = \"value\", function = { powers = { reference = 24.0, degree = 1 } } } } }]\n",
     );
     let refusal = "north: M.toml: \"a term that follows channel `supply_v`\" is not allowed; \
-        allowed is what a board measures: temp_c, ax_g, ay_g, its time and its index angle\n";
+        allowed is what a board measures: temp_c, ax_g, ay_g, block_temp_c with a block, its time and its index angle\n";
     find(&[]).refused(1, refusal);
     write(&format!(
         "format = 1\nterms = [{}]\n",

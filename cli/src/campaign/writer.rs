@@ -143,6 +143,16 @@ impl CampaignWriter {
         Ok(Self { campaign })
     }
 
+    /// Gives a recording up that was begun in a free folder: nothing of it is left; the folder itself goes where `existed` is false.
+    pub fn give_up(folder: &Path, existed: bool) {
+        // What led here is the error to report.
+        let _ = fs::remove_dir_all(folder.join(RUNS));
+        let _ = fs::remove_file(folder.join(UNFINISHED));
+        if !existed {
+            let _ = fs::remove_dir(folder);
+        }
+    }
+
     /// Refuses a folder that has something in it: recordings are never overwritten. What a recording left behind that was interrupted
     /// is no recording.
     pub fn check_free(folder: &Path) -> Result<(), FileError> {

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use north_finder::effects::channel::TEMPERATURE;
 use north_finder::effects::{ChannelName, ErrorModel, Term, doubt};
 use north_finder::units::{RAD_PER_DEG, wrap_180_deg};
 use rayon::prelude::*;
@@ -16,7 +17,7 @@ use super::guard;
 use super::learned::Taken;
 use super::problem::Problem;
 use crate::campaign::Role;
-use crate::open_world::{self, DAMPING, Found, Learned, Prediction, Recording, Reference, Shape};
+use crate::open_world::{self, DAMPING, Found, Group, Learned, Prediction, Recording, Reference, Shape};
 
 /// Share of the mean square error of what it replaces that a model must fall below.
 const BETTER: f64 = 0.95;
@@ -241,17 +242,30 @@ impl Open {
         self.learned.models.first().map_or(&[], |model| &model.groups)
     }
 
+    /// Names of the channels that a group depends on.
+    fn channels_of(&self, group: &Group) -> Vec<String> {
+        group.channels().into_iter().map(|channel| self.names[channel].clone()).collect()
+    }
+
+    /// A group's name, with the channels where that does not say them, as a named candidate has it.
+    fn full_name(&self, group: &Group) -> String {
+        match self.channels_of(group).join(" and ").as_str() {
+            "" | TEMPERATURE => group.name(),
+            channels => format!("{}:{channels}", group.name()),
+        }
+    }
+
     /// What it learned, in words.
     pub fn effects(&self) -> Vec<Effect> {
         let weight = self.learned.models.first().map_or(1.0, |model| model.weight);
         let effect = |(place, found): (usize, &Found)| {
             let name = found.group.name();
-            let channels: Vec<String> =
-                found.group.channels().into_iter().map(|channel| self.names[channel].clone()).collect();
+            let channels = self.channels_of(&found.group);
             let mut ambiguous_with: Vec<String> = Vec::new();
             for model in self.learned.models.iter().skip(1) {
-                let other = model.groups.get(place).map(|other| other.group.name());
-                ambiguous_with.extend(other.filter(|other| *other != name && !ambiguous_with.contains(other)));
+                let other = model.groups.get(place).map(|other| self.full_name(&other.group));
+                let is_new = |other: &String| *other != self.full_name(&found.group) && !ambiguous_with.contains(other);
+                ambiguous_with.extend(other.filter(is_new));
             }
             Effect {
                 kind: "bias",

@@ -112,13 +112,7 @@ pub fn import(
         Some(sampler) => importer.one_recording(sampler, breath),
         None => importer.a_file_for_each_position(breath),
     };
-    imported.inspect_err(|_| {
-        // The folder was free, so that everything in it is ours; the error that led here is the one to report.
-        let _ = fs::remove_dir_all(out.join("runs"));
-        if !existed {
-            let _ = fs::remove_dir(out);
-        }
-    })
+    imported.inspect_err(|_| CampaignWriter::give_up(out, existed))
 }
 
 fn open<'a>(map: &'a Map, file: &Path, format: Format) -> Result<Sampler<'a>, FileError> {
