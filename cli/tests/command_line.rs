@@ -88,7 +88,7 @@ fn usage_errors_give_2_and_say_what_is_allowed() {
         (&["solve"], "<CAMPAIGN-OR-CSV>"),
         (&["completions", "tcl"], "[possible values: bash, elvish, fish, powershell, zsh]"),
         (&["seek"], "unrecognized subcommand 'seek'"),
-        (&[], "Usage: north <COMMAND>"),
+        (&[], "Usage: north [OPTIONS] <COMMAND>"),
     ] {
         let called = north(arguments);
         assert_eq!((called.code, called.stdout.as_str()), (2, ""), "{arguments:?}");

@@ -51,6 +51,8 @@ pub fn diagnosis(
     let bad: Vec<String> = fitted.bad_references.iter().map(|(file, _)| file.clone()).collect();
     let of_named: Vec<Option<f64>> = afters.iter().map(|after| after.azimuth_deg).collect();
     let found = if fitted.by_dwell.is_some() { None } else { Open::choose(runs, &fitted.by_second.taken, &bad) };
+    // A sinusoid with a phase of every run's own is such a process, and one that has a name.
+    let found = found.filter(|open| fitted.sinusoid.is_none() || !open.replaces || !open.is_process_only());
     let structure = found.as_ref().is_some_and(Open::is_structure);
     // Where processes of the runs' own do as well, the named effects are nothing, whether or not these processes help.
     let spurious = found.as_ref().is_some_and(|open| open.replaces && open.is_process_only());

@@ -14,7 +14,7 @@ use super::data::{RunData, Sample};
 use super::deploy::{self, Ranged};
 use super::experiment::{self, Expectation, Proposal};
 use super::guard;
-use super::learned::Taken;
+use super::learned::{AS_GOOD, Taken};
 use super::problem::Problem;
 use crate::campaign::Role;
 use crate::open_world::{self, DAMPING, Found, Group, Learned, Prediction, Recording, Reference, Shape};
@@ -44,6 +44,8 @@ pub struct Open {
     pub azimuths: Vec<Option<Prediction>>,
     /// It stands in the place of the named effects, not beside them.
     pub replaces: bool,
+    /// Named effects that it replaces and that explain the campaign as well.
+    named_as_good: Vec<String>,
     /// The model that was written holds all of it.
     pub deployed: bool,
     recordings: Vec<Recording>,
@@ -62,7 +64,13 @@ impl Open {
         let alone = Self::learn(runs, &[], bad_references)?;
         let numbers: usize = taken.iter().map(|each| each.candidate.freedom()).sum();
         let named = beside.learned.evidence - OF_NUMBER * numbers as f64 + MARGIN;
-        Some(if alone.learned.evidence > named { Self { replaces: true, ..alone } } else { beside })
+        let lead = alone.learned.evidence - named;
+        if lead <= 0.0 {
+            return Some(beside);
+        }
+        let as_good = lead < 0.5 * AS_GOOD;
+        let named_as_good = taken.iter().filter(|_| as_good).map(|each| each.candidate.full_name()).collect();
+        Some(Self { replaces: true, named_as_good, ..alone })
     }
 
     /// Learns from the fit runs, whose named effects are taken out.
@@ -80,7 +88,7 @@ impl Open {
                 azimuths[i] = Some(left_out);
             }
         }
-        Some(Self { learned, names, azimuths, replaces: false, deployed: false, recordings })
+        Some(Self { learned, names, azimuths, replaces: false, named_as_good: Vec::new(), deployed: false, recordings })
     }
 
     /// Whether the fit runs' azimuths, each by a model without that run, miss their references by less (mean square, weighted by what
@@ -262,6 +270,9 @@ impl Open {
             let name = found.group.name();
             let channels = self.channels_of(&found.group);
             let mut ambiguous_with: Vec<String> = Vec::new();
+            if place == 0 {
+                ambiguous_with.extend(self.named_as_good.iter().cloned());
+            }
             for model in self.learned.models.iter().skip(1) {
                 let other = model.groups.get(place).map(|other| self.full_name(&other.group));
                 let is_new = |other: &String| *other != self.full_name(&found.group) && !ambiguous_with.contains(other);
