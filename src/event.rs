@@ -90,7 +90,7 @@ pub struct Second {
     pub dwell: Option<u8>,
     /// Whether the second entered the solution.
     pub collected: bool,
-    /// The gate that refused at the end of the second.
+    /// The gate that refused at the end of the second; or a doubt of the index, which is told once in a fix.
     pub waited_at: Option<Gate>,
 }
 

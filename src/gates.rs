@@ -22,11 +22,13 @@ impl GateSettings {
     pub const JITTER: Self = Self { threshold_deg_h: 3.0, seconds: 5, timeout_s: 90.0 };
 }
 
-/// Which gate.
+/// What a second made a fix wait for, or doubt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Gate {
     Disturbance,
     Jitter,
+    /// No wait: the index does not stand where it was left, or did not go where the motor's steps took it.
+    Index,
 }
 
 /// What a gate says after a second.

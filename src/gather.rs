@@ -15,11 +15,20 @@ use crate::sample::{GyroSettings, RateSecond, Sampler};
 /// A second, and what belongs to it.
 #[derive(Clone, Copy, Debug)]
 pub struct Gathered {
+    /// Without its index: see [`Self::directed`].
     pub second: Second,
-    /// Mean measured index angle, degrees: the direction in the second is made of it.
+    /// Mean measured index angle, degrees.
     pub index_deg: Option<f64>,
     /// Mean temperature of the inertial block, °C, if it was read.
     pub block_temp_c: Option<f64>,
+}
+
+impl Gathered {
+    /// The second with the direction of its index angle.
+    pub fn directed(&self) -> Second {
+        let index = self.index_deg.map(Direction::of_deg);
+        Second { conditions: Conditions { index, ..self.second.conditions }, ..self.second }
+    }
 }
 
 /// Gathers frames, readings of the accelerometers and of the encoder.
@@ -108,7 +117,6 @@ impl Gatherer {
                 t_s: end_s - 0.5,
                 seconds: 1.0,
                 raw_rate_deg_h: rate.fog_arcsec,
-                index: index_deg.map(Direction::of_deg),
                 level: level.map(|level| level.mean),
                 ..rate.conditions
             },

@@ -158,8 +158,8 @@ codes! {
             "the gyro's bias is beyond its declared limit",
             "let the gyro warm up and calibrate it; if it stays, the gyro needs service, or the declared limit is too small";
         IndexSlip = 15, "index-slip",
-            "the index angle changed while the motor stood: the spindle or the encoder slipped",
-            "check spindle, coupling and encoder, and repeat the fix";
+            "the index angle changed while the motor stood, or did not follow its steps: the spindle or the encoder slipped, or steps were lost",
+            "check spindle, coupling and encoder, switch off and on, and repeat the fix";
     }
 }
 

@@ -1,11 +1,17 @@
 //! The instrument: bytes, readings and time in; reports, the motor's commands and the flash out.
 //!
 //! All modules are composed here, in the order in which a sample meets them, and every engine runs it the same way: the board,
-//! the same image in QEMU, and the run in this process only wire it to their ports. Solving a calibration takes as long as many
-//! ticks, so the problem is handed out ([`Instrument::problem`]) and its answer comes back ([`Instrument::solved`]).
+//! the same image in QEMU, and the run in this process only wire it to their ports. A tick's own work is [`Instrument::step`]. What a
+//! second leads to takes many times as long, the azimuth most: it is done in slices, one a tick, by [`Instrument::slice`], which lends
+//! the sequencer to the work. Solving a calibration takes longer still, so the problem is handed out ([`Instrument::problem`]) and its
+//! answer comes back ([`Instrument::solved`]).
+
+use core::convert::Infallible;
+use core::ops::DerefMut;
+use core::pin::Pin;
 
 use embedded_storage::nor_flash::NorFlash;
-use heapless::{Deque, Vec};
+use heapless::Deque;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::ellipsoid::Correction;
@@ -20,7 +26,7 @@ use crate::gather::{Gathered, Gatherer};
 use crate::heading::Keeper;
 use crate::health::{Counters, Fault, Refusal};
 use crate::identity::Identity;
-use crate::index::{IndexSettings, MotorCommand};
+use crate::index::{IndexAngle, IndexSettings, MotorCommand};
 use crate::intake::Intake;
 use crate::level::LevelMoments;
 use crate::link::{Ask, Request, RequestDecoder};
@@ -28,6 +34,7 @@ use crate::raw::{Item, Stream};
 use crate::reading::Reading;
 use crate::restart::{Provocation, Text};
 use crate::sample::{GyroSettings, RateSecond, SAMPLE_S, SAMPLES_PER_SECOND};
+use crate::sequence::desk::Desk;
 use crate::sequence::{Command, Seen, Sequencer};
 use crate::settings::Settings;
 use crate::settings::pieces::Incoming;
@@ -83,8 +90,39 @@ enum Streaming {
     On(Stream),
 }
 
-/// Everything that has a state, but the flash.
-pub struct Instrument {
+/// A second that ended, as it is worked on.
+#[derive(Clone, Debug)]
+struct Ended {
+    t_s: f64,
+    gathered: Gathered,
+    /// What the gyro's stream showed at its end.
+    fault: Option<Fault>,
+    index: IndexAngle,
+}
+
+/// How far the work on the first second that waits is.
+#[derive(Clone, Copy, Debug)]
+enum Stage {
+    /// Not begun.
+    Waiting,
+    /// The sequencer is lent out.
+    Reckoning,
+    /// It is back.
+    Reckoned(Seen),
+    /// The second was told; what it led to is being told.
+    Telling,
+    /// It led to a fix, which is to be told.
+    Fixed(event::Fix),
+}
+
+impl Stage {
+    fn is_waiting(self) -> bool {
+        matches!(self, Self::Waiting)
+    }
+}
+
+/// Everything that has a state, but the flash. `S` is how the sequencer is held: lent out while it works on a second.
+pub struct Instrument<S> {
     identity: Identity,
     requests: RequestDecoder,
     incoming: Incoming,
@@ -92,7 +130,18 @@ pub struct Instrument {
     reader: FrameReader,
     gatherer: Gatherer,
     watch: GyroWatch,
-    sequencer: Sequencer,
+    /// `None`: it is lent out to work on the first of `ended`.
+    sequencer: Option<S>,
+    /// Its state before it was lent out, and what the motor goes by.
+    state: State,
+    index_settings: IndexSettings,
+    index: IndexAngle,
+    /// Seconds that wait to be worked on.
+    ended: Deque<Ended, 2>,
+    stage: Stage,
+    /// What was asked of the sequencer while it worked.
+    asked: Option<Command>,
+    fault: Option<Fault>,
     /// The reason why no fix can be started, if none can.
     refusal: Option<Fault>,
     /// The calibration of the accelerometers.
@@ -104,17 +153,17 @@ pub struct Instrument {
     counters: Counters,
     reported: Counters,
     seconds: u32,
-    /// Seconds that ended since the last tick.
+    /// Seconds of the gyro that ended since the last tick.
     finished: Deque<RateSecond, 4>,
     tick: u64,
     next_tick: u64,
     encoder_failures: u16,
 }
 
-impl Instrument {
-    /// Powered up, with what the flash holds.
-    pub fn power_up(flash: &mut impl NorFlash, identity: Identity) -> Self {
-        let mut instrument = Self::empty(identity);
+impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
+    /// Powered up, with what the flash holds. `sequencer`: an empty one.
+    pub fn power_up(flash: &mut impl NorFlash, identity: Identity, sequencer: S) -> Self {
+        let mut instrument = Self::empty(identity, sequencer);
         instrument.set_up(flash);
         instrument
     }
@@ -122,7 +171,7 @@ impl Instrument {
     /// Before it is set up.
     // Inlined, so that it is made where it stays: copies of it would take tens of kilobytes of a board's stack.
     #[inline(always)]
-    pub fn empty(identity: Identity) -> Self {
+    pub fn empty(identity: Identity, sequencer: S) -> Self {
         let gyro = GyroSettings::default();
         Self {
             identity,
@@ -133,7 +182,14 @@ impl Instrument {
             gatherer: Gatherer::new(gyro, Correction::UNIT),
             block_temperature: None,
             watch: GyroWatch::default(),
-            sequencer: Sequencer::empty(),
+            sequencer: Some(sequencer),
+            state: State::Idle,
+            index_settings: IndexSettings::default(),
+            index: IndexAngle::default(),
+            ended: Deque::new(),
+            stage: Stage::Waiting,
+            asked: None,
+            fault: None,
             refusal: Some(Fault::SettingsMissing),
             field: Session::default(),
             keeper: None,
@@ -156,7 +212,7 @@ impl Instrument {
         let _ = store::prepare(flash);
         let mut settings = Settings::default();
         // A flash that cannot be read is as good as corrupt.
-        self.refusal = match store::load_into(flash, &mut settings).unwrap_or(Found::Corrupt) {
+        self.refusal = match store::load_into(flash, self.incoming.scratch(), &mut settings).unwrap_or(Found::Corrupt) {
             Found::Valid => self.take(&mut settings).err(),
             Found::Missing => Some(Fault::SettingsMissing),
             Found::Corrupt => Some(Fault::SettingsCorrupt),
@@ -174,7 +230,11 @@ impl Instrument {
             return Err(Fault::SettingsInvalid);
         }
         let declared = settings.declared()?;
-        self.sequencer.set_up(settings.rules(), declared, settings.model.get_or_insert_default());
+        let rules = settings.rules();
+        self.index_settings = rules.index;
+        if let Some(sequencer) = &mut self.sequencer {
+            sequencer.set_up(rules, declared, settings.model.get_or_insert_default());
+        }
         Ok(())
     }
 
@@ -190,7 +250,7 @@ impl Instrument {
 
     /// What the motor goes by. (Where no fix can be started, it never turns.)
     pub fn index_settings(&self) -> IndexSettings {
-        self.sequencer.rules().index
+        self.index_settings
     }
 
     /// A tick of 2.5 ms: what it brought, and what came in on the lines.
@@ -235,23 +295,161 @@ impl Instrument {
         self.keep(given_up);
         self.stream(&Item::Tick, &mut sink);
 
-        let watched = self.watch.tick(readings.tick);
+        let fresh = readings.sensors.index.value();
+        if let Some(index) = fresh {
+            self.index.push(index);
+        }
+        if let Some(sequencer) = self.sequencer.as_mut().filter(|_| self.stage.is_waiting()) {
+            let moved = sequencer.tick(t_s, self.index, fresh.is_some(), readings.turning, &mut sink);
+            orders.motor = moved.or(orders.motor);
+        }
         let encoder = (self.encoder_failures >= ENCODER_PATIENCE).then_some(Fault::EncoderFailed);
-        let moved = self.sequencer.tick(t_s, readings.sensors.index.value(), readings.turning, &mut sink);
-        orders.motor = moved.or(orders.motor);
-        if let Some(fault) = watched.or(encoder) {
-            orders.motor = self.sequencer.fail(fault, t_s, &mut sink).or(orders.motor);
+        if let Some(fault) = self.watch.tick(readings.tick).or(encoder) {
+            orders.motor = self.fail(fault, t_s, &mut sink).or(orders.motor);
         }
         if !self.finished.is_empty() {
             self.end_block(&mut sink);
         }
         while let Some(rate) = self.finished.pop_front() {
-            orders.motor = self.second(&rate, t_s, &mut sink).or(orders.motor);
+            self.end_second(&rate, t_s);
             if matches!(self.streaming, Streaming::Asked) && self.gatherer.sampler().slots() == 0 {
                 self.streaming = Streaming::On(Stream::default());
             }
         }
         orders
+    }
+
+    /// A slice of the work on seconds that have ended, once after every [`Self::step`]; `work` is that of the desk. Gives the motor's
+    /// command.
+    ///
+    /// A slice tells of one event: encoding all of a second's takes too long for one tick. Everything is told as of the tick at which
+    /// the second ended: how long the work took makes no difference.
+    pub fn slice(
+        &mut self,
+        desk: &Desk<S>,
+        work: Pin<&mut (impl Future<Output = Infallible> + ?Sized)>,
+        report: Sink,
+    ) -> Option<MotorCommand> {
+        let t_s = self.ended.front()?.t_s;
+        // Ending it was this tick's work.
+        if t_s == self.tick as f64 * SAMPLE_S {
+            return None;
+        }
+        let mut sink = |event| report(Report { t_s, event });
+        match core::mem::replace(&mut self.stage, Stage::Reckoning) {
+            Stage::Waiting => {
+                let ended = self.ended.front()?;
+                let rate_deg_h = ended.gathered.second.conditions.raw_rate_deg_h;
+                match self.sequencer.take_if(|_| self.refusal.is_none()) {
+                    Some(sequencer) => {
+                        self.state = sequencer.state();
+                        desk.begin(sequencer, ended.gathered.directed(), ended.index);
+                    }
+                    // Without settings there is nothing to be done.
+                    None => self.stage = Stage::Reckoned(Seen { rate_deg_h, ..Seen::default() }),
+                }
+                None
+            }
+            Stage::Reckoning => {
+                let (sequencer, seen, motor) = desk.slice(work)?;
+                self.sequencer = Some(sequencer);
+                self.stage = Stage::Reckoned(seen);
+                motor
+            }
+            Stage::Reckoned(seen) => {
+                self.stage = Stage::Telling;
+                self.tell_second(&seen, &mut sink);
+                None
+            }
+            Stage::Telling => {
+                let Some(event) = desk.next_event() else {
+                    self.stage = Stage::Waiting;
+                    return self.finish_second(t_s, &mut sink);
+                };
+                self.stage = Stage::Telling;
+                // Before the fix, what is to be held against it.
+                if let Event::Fix(fix) = event {
+                    self.stage = Stage::Fixed(fix);
+                    sink(Event::Health(self.counters));
+                } else {
+                    sink(event);
+                }
+                None
+            }
+            Stage::Fixed(fix) => {
+                self.stage = Stage::Telling;
+                if let Some(keeper) = &mut self.keeper {
+                    keeper.fixed(&fix);
+                }
+                sink(Event::Fix(fix));
+                None
+            }
+        }
+    }
+
+    /// The second is reported before what it led to: a recording that ends with the azimuth holds all of its seconds.
+    #[inline(never)]
+    fn tell_second(&mut self, seen: &Seen, sink: &mut dyn FnMut(Event)) {
+        let Some(Ended { gathered: Gathered { second, index_deg, block_temp_c }, .. }) = self.ended.front() else {
+            return;
+        };
+        self.counters.seconds_outlying = self.counters.seconds_outlying.saturating_add(seen.outliers.into());
+        let conditions = &second.conditions;
+        sink(Event::Second(event::Second {
+            t_s: second.end_s(),
+            index_deg: *index_deg,
+            fog_arcsec: conditions.raw_rate_deg_h,
+            moment_arcsec_s: second.moment_arcsec_s,
+            rate_deg_h: seen.rate_deg_h,
+            temp_c: conditions.temp_c,
+            block_temp_c: *block_temp_c,
+            level: conditions.level.map(|mean| LevelMoments { mean, first: second.level_moment }),
+            lost_frames: second.lost_frames,
+            dwell: seen.dwell,
+            collected: seen.collected,
+            waited_at: seen.waited_at,
+        }));
+    }
+
+    /// What the gyro's stream showed at the second's end, and what was asked of the sequencer meanwhile.
+    fn finish_second(&mut self, t_s: f64, sink: &mut dyn FnMut(Event)) -> Option<MotorCommand> {
+        let fault = self.ended.pop_front()?.fault.filter(|_| self.refusal.is_none());
+        let mut motor = None;
+        for fault in fault.into_iter().chain(self.fault.take()) {
+            motor = self.fail(fault, t_s, sink).or(motor);
+        }
+        if let Some(command) = self.asked.take() {
+            motor = self.command(command, t_s, sink).or(motor);
+        }
+        self.seconds = self.seconds.wrapping_add(1);
+        if self.seconds.is_multiple_of(HEALTH_SECONDS) && self.reported != self.counters {
+            self.reported = self.counters;
+            sink(Event::Health(self.counters));
+        }
+        motor
+    }
+
+    /// Ends a fix with a fault, now or as soon as the sequencer is back.
+    fn fail(&mut self, fault: Fault, t_s: f64, sink: &mut dyn FnMut(Event)) -> Option<MotorCommand> {
+        match &mut self.sequencer {
+            Some(sequencer) if self.stage.is_waiting() => sequencer.fail(fault, t_s, sink),
+            _ => {
+                self.fault.get_or_insert(fault);
+                None
+            }
+        }
+    }
+
+    /// Asks the sequencer for something, now or as soon as it is back: the last that is asked counts.
+    fn command(&mut self, command: Command, t_s: f64, sink: &mut dyn FnMut(Event)) -> Option<MotorCommand> {
+        match (&mut self.sequencer, command) {
+            (Some(sequencer), Command::Start) if self.stage.is_waiting() => sequencer.start(t_s, sink),
+            (Some(sequencer), _) if self.stage.is_waiting() => sequencer.fail(Fault::Aborted, t_s, sink),
+            _ => {
+                self.asked = Some(command);
+                None
+            }
+        }
     }
 
     /// Puts attitudes of the accelerometers to be solved for into `place`, once; `false`: there are none. The answer goes to
@@ -369,7 +567,8 @@ impl Instrument {
         if self.field.is_active() {
             return State::Calibrating;
         }
-        self.refusal.map_or(self.sequencer.state(), |_| State::Failed)
+        let state = self.sequencer.as_ref().map_or(self.state, |sequencer| sequencer.state());
+        self.refusal.map_or(state, |_| State::Failed)
     }
 
     #[inline(never)]
@@ -379,7 +578,8 @@ impl Instrument {
             self.gatherer.set_triad(calibration.correction());
         }
         if let Some(calibration) = self.field.to_store() {
-            let stored = store::update(flash, |settings| settings.accelerometer = Some(calibration));
+            let change = |settings: &mut Settings| settings.accelerometer = Some(calibration);
+            let stored = store::update(flash, self.incoming.scratch(), change);
             self.field.stored(stored.is_ok());
         }
     }
@@ -399,16 +599,16 @@ impl Instrument {
                 self.field.abort(&mut |event| calibration_events(event, sink));
                 self.watch.restart(self.tick);
                 self.encoder_failures = 0;
-                self.sequencer.start(t_s, sink)
+                self.command(command, t_s, sink)
             }
             (None, Command::CalibrateAccelerometers) => {
-                let stop = self.sequencer.fail(Fault::Aborted, t_s, sink);
+                let stop = self.command(command, t_s, sink);
                 self.field.start(*self.gatherer.triad(), &mut |event| calibration_events(event, sink));
                 stop
             }
             (None, Command::Abort) => {
                 self.field.abort(&mut |event| calibration_events(event, sink));
-                self.sequencer.fail(Fault::Aborted, t_s, sink)
+                self.command(command, t_s, sink)
             }
             (Some(fault), Command::Start | Command::CalibrateAccelerometers) => {
                 sink(Event::Fault { fault, state: State::Idle });
@@ -448,7 +648,7 @@ impl Instrument {
     }
 
     #[inline(never)]
-    fn second(&mut self, rate: &RateSecond, t_s: f64, sink: &mut dyn FnMut(Event)) -> Option<MotorCommand> {
+    fn end_second(&mut self, rate: &RateSecond, t_s: f64) {
         let counters = &mut self.counters;
         if !rate.usable {
             counters.seconds_left_out = counters.seconds_left_out.saturating_add(1);
@@ -456,52 +656,16 @@ impl Instrument {
             counters.seconds_repaired = counters.seconds_repaired.saturating_add(1);
         }
         let fault = self.watch.second(rate, self.gatherer.sampler().behind());
-        let Gathered { mut second, index_deg, block_temp_c } = self.gatherer.finish(rate, t_s);
-        if let (Some(block_temp_c), Some(place)) = (block_temp_c, self.block_temperature)
-            && let Some(channel) = second.conditions.channels.get_mut(place)
+        let mut gathered = self.gatherer.finish(rate, t_s);
+        if let (Some(block_temp_c), Some(place)) = (gathered.block_temp_c, self.block_temperature)
+            && let Some(channel) = gathered.second.conditions.channels.get_mut(place)
         {
             *channel = block_temp_c;
         }
-        let mut seen = Seen { rate_deg_h: rate.fog_arcsec, ..Seen::default() };
-        let mut motor = None;
-        // The second is reported before what it led to: a recording that ends with the azimuth holds all of its seconds.
-        let mut consequences: Vec<Event, 8> = Vec::new();
-        let mut hold = |event| {
-            let _ = consequences.push(event);
-        };
-        if self.refusal.is_none() {
-            (seen, motor) = self.sequencer.second(&second, counters, &mut hold);
-            if let Some(fault) = fault {
-                motor = self.sequencer.fail(fault, t_s, &mut hold).or(motor);
-            }
+        // No second takes longer than the next to be worked on; if one ever did, its successor's successor would be lost, and counted.
+        if self.ended.push_back(Ended { t_s, gathered, fault, index: self.index }).is_err() {
+            counters.seconds_left_out = counters.seconds_left_out.saturating_add(1);
         }
-        let conditions = &second.conditions;
-        sink(Event::Second(event::Second {
-            t_s: second.end_s(),
-            index_deg,
-            fog_arcsec: rate.fog_arcsec,
-            moment_arcsec_s: second.moment_arcsec_s,
-            rate_deg_h: seen.rate_deg_h,
-            temp_c: conditions.temp_c,
-            block_temp_c,
-            level: conditions.level.map(|mean| LevelMoments { mean, first: second.level_moment }),
-            lost_frames: second.lost_frames,
-            dwell: seen.dwell,
-            collected: seen.collected,
-            waited_at: seen.waited_at,
-        }));
-        for event in consequences {
-            if let (Event::Fix(fix), Some(keeper)) = (&event, &mut self.keeper) {
-                keeper.fixed(fix);
-            }
-            sink(event);
-        }
-        self.seconds = self.seconds.wrapping_add(1);
-        if self.seconds.is_multiple_of(HEALTH_SECONDS) && self.reported != self.counters {
-            self.reported = self.counters;
-            sink(Event::Health(self.counters));
-        }
-        motor
     }
 }
 

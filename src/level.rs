@@ -71,12 +71,14 @@ impl Specific {
         (in_range(forward_g) && in_range(left_g)).then_some(Self { forward: forward_g, left: left_g })
     }
 
-    /// Pitch = asin ax, roll = asin(ay / cos pitch).
+    /// Pitch = asin ax, roll = asin(ay / cos pitch), by the arc tangent.
     pub fn tilt(&self) -> Tilt {
         let cos_pitch = libm::sqrt(1.0 - self.forward * self.forward);
+        let sin_roll = self.left / cos_pitch;
+        let cos_roll = libm::sqrt(1.0 - sin_roll * sin_roll);
         Tilt {
-            pitch_deg: libm::asin(self.forward) * DEG_PER_RAD,
-            roll_deg: libm::asin(self.left / cos_pitch) * DEG_PER_RAD,
+            pitch_deg: libm::atan2(self.forward, cos_pitch) * DEG_PER_RAD,
+            roll_deg: libm::atan2(sin_roll, cos_roll) * DEG_PER_RAD,
         }
     }
 }

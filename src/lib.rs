@@ -54,5 +54,6 @@ pub mod ring;
 pub mod sample;
 pub mod sequence;
 pub mod settings;
+pub mod slices;
 pub mod units;
 pub mod watch;

@@ -26,6 +26,7 @@ fn main() {
 #[rtic::app(device = crate::board::pac, dispatchers = [UART4, UART5])]
 mod app {
     use core::mem::MaybeUninit;
+    use core::pin::pin;
 
     use heapless::spsc::{Consumer, Producer, Queue};
     use rtic_sync::channel::{Receiver, Sender};
@@ -44,6 +45,8 @@ mod app {
     use north_finder::intake::{Intake, one_more};
     use north_finder::link;
     use north_finder::restart::Crash;
+    use north_finder::sequence::Sequencer;
+    use north_finder::sequence::desk::Desk;
 
     /// Room for as many ticks as `solve` may lag behind: 40 ms.
     const READINGS: usize = 16;
@@ -54,6 +57,9 @@ mod app {
     /// What the board says of itself comes after the first second, and then every ten seconds.
     const FIRST_VITALS_TICK: u32 = 399;
     const VITALS_TICKS: u32 = 4000;
+    /// Words of the stack that are looked at in each of the ticks before: all of 64 KiB.
+    const SWEEP_WORDS: usize = 64;
+    const SWEEP_TICKS: u32 = 256;
 
     /// Who is alive.
     static GUARD: Guard = Guard::new();
@@ -83,7 +89,7 @@ mod app {
         readings_in: Sender<'static, Readings, READINGS>,
         motor_out: Consumer<'static, MotorCommand>,
         // solve
-        instrument: &'static mut Instrument,
+        instrument: &'static mut Instrument<&'static mut Sequencer>,
         motor_in: Producer<'static, MotorCommand>,
         reports_in: Sender<'static, Report, REPORTS>,
         problem: Option<&'static mut Problem>,
@@ -100,7 +106,8 @@ mod app {
 
     #[init(local = [
         motor_commands: Queue<MotorCommand, MOTOR_COMMANDS> = Queue::new(),
-        place: MaybeUninit<Instrument> = MaybeUninit::uninit(),
+        place: MaybeUninit<Instrument<&'static mut Sequencer>> = MaybeUninit::uninit(),
+        sequencer: MaybeUninit<Sequencer> = MaybeUninit::uninit(),
         attitudes: MaybeUninit<Problem> = MaybeUninit::uninit(),
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
@@ -108,7 +115,8 @@ mod app {
         let mut board: Board = board::init(cx.device);
         let program = crash::program();
         let identity = Identity::new(board::BOARD, program);
-        let instrument = power_up(cx.local.place, &mut board.flash, identity);
+        let instrument = make(cx.local.place, cx.local.sequencer, identity);
+        power_up(instrument, &mut board.flash);
 
         let (motor_in, motor_out) = cx.local.motor_commands.split();
         let (readings_in, readings_out) = make_channel!(Readings, READINGS);
@@ -147,22 +155,28 @@ mod app {
         (shared, local)
     }
 
-    /// Makes the instrument where it stays.
+    /// Makes the instrument where it is kept.
+    ///
+    /// Never inlined, as the other one: what it takes of the stack is free again for what sets the instrument up.
+    #[inline(never)]
+    fn make(
+        place: &'static mut MaybeUninit<Instrument<&'static mut Sequencer>>,
+        sequencer: &'static mut MaybeUninit<Sequencer>,
+        identity: Identity,
+    ) -> &'static mut Instrument<&'static mut Sequencer> {
+        place.write(Instrument::empty(identity, sequencer.write(Sequencer::empty())))
+    }
+
+    /// Takes what the flash holds.
     ///
     /// Never inlined: what this takes of the stack is free again for the tasks.
     #[inline(never)]
-    fn power_up(
-        place: &'static mut MaybeUninit<Instrument>,
-        flash: &mut board::Flash,
-        identity: Identity,
-    ) -> &'static mut Instrument {
-        let instrument = place.write(Instrument::empty(identity));
+    fn power_up(instrument: &mut Instrument<&'static mut Sequencer>, flash: &mut board::Flash) {
         instrument.set_up(flash);
         match instrument.refusal() {
             None => defmt::info!("boot: ready"),
             Some(fault) => defmt::error!("boot: no fix can be started: {}", fault),
         }
-        instrument
     }
 
     #[task(binds = USART1, priority = 4, local = [gyro_port])]
@@ -225,6 +239,9 @@ mod app {
             defmt::error!("boot: after a {}", crash.cause);
             let _ = local.reports_in.try_send(Report { t_s: 0.0, event: Event::Crash(crash) });
         }
+        let mut sweep = crash::StackSweep::default();
+        let desk = Desk::new();
+        let mut work = pin!(desk.work());
         while let Ok(readings) = readings_out.recv().await {
             GUARD.check_in(Task::Solve);
             if let Ok((answer, place)) = local.answers_out.try_recv() {
@@ -239,7 +256,8 @@ mod app {
                 }
             };
             let orders = local.instrument.step(&readings, &INTAKE, local.flash, &mut report);
-            if let Some(command) = orders.motor {
+            let reckoned = local.instrument.slice(&desk, work.as_mut(), &mut report);
+            if let Some(command) = reckoned.or(orders.motor) {
                 // `sample` empties the queue at every tick.
                 let _ = local.motor_in.enqueue(command);
             }
@@ -257,8 +275,12 @@ mod app {
             if GUARD.done(readings.tick, board::passed_permille()) {
                 one_more(&INTAKE.ticks_late);
             }
-            if readings.tick as u32 % VITALS_TICKS == FIRST_VITALS_TICK {
-                let (stack_bytes, load_permille) = (crash::most_stack_bytes(), GUARD.load_permille());
+            let to_vitals = (VITALS_TICKS + FIRST_VITALS_TICK - readings.tick as u32 % VITALS_TICKS) % VITALS_TICKS;
+            if (1..=SWEEP_TICKS).contains(&to_vitals) {
+                sweep.go_on(SWEEP_WORDS);
+            }
+            if to_vitals == 0 {
+                let (stack_bytes, load_permille) = (sweep.finish(), GUARD.load_permille());
                 let event = Event::Vitals { program: *local.program, stack_bytes, load_permille };
                 let _ = local.reports_in.try_send(Report { t_s: readings.t_s(), event });
             }

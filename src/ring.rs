@@ -1,4 +1,6 @@
 //! Bytes from an interrupt to a task, without locks: one side puts, the other takes.
+//!
+//! Not the queue of heapless: this one is a static that both sides share by reference, and is emptied in slices.
 
 use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 

@@ -262,6 +262,7 @@ impl Hold {
     /// From a fix: orientation of the block with the sigmas of its heading and of its levels, degrees. The instrument stands.
     ///
     /// Errors: no latitude, or one near a pole.
+    #[inline(never)]
     pub fn new(
         class: &BlockClass,
         limits: HoldLimits,
@@ -429,21 +430,34 @@ impl Hold {
 
     /// The covariance over `dt_s`, with a further variance of each attitude angle, rad².
     fn propagate(&mut self, dt_s: f64, turned_rad2: f64) {
-        let mut transition = Covariance::identity();
         let heading_rad2 = self.covariance.get((ATTITUDE + 2, ATTITUDE + 2)).copied().unwrap_or(0.0);
         let lost = heading_rad2 > square(LOST_DEG * RAD_PER_DEG);
         let seen = if lost { Vector3::zeros() } else { self.earth_rad_s };
         let unseen = if lost { self.earth_rad_s.norm_squared() * dt_s * LOST_S } else { 0.0 };
-        transition
-            .fixed_view_mut::<3, 3>(ATTITUDE, ATTITUDE)
-            .copy_from(&(Matrix3::identity() - cross_matrix(&(seen * dt_s))));
-        transition.fixed_view_mut::<3, 3>(ATTITUDE, BIAS).copy_from(&(self.orientation.direction_cosines() * dt_s));
+        // The attitude's error turns with the Earth's rate and grows with the biases; nothing else moves. Row by row and column by
+        // column, where the covariance is: products of whole matrices would take a board five kilobytes of stack.
+        let by_attitude = Matrix3::identity() - cross_matrix(&(seen * dt_s));
+        let by_bias = self.orientation.direction_cosines() * dt_s;
+        for state in 0..STATES {
+            let column = by_attitude * self.covariance.fixed_view::<3, 1>(ATTITUDE, state)
+                + by_bias * self.covariance.fixed_view::<3, 1>(BIAS, state);
+            self.covariance.fixed_view_mut::<3, 1>(ATTITUDE, state).copy_from(&column);
+        }
+        for state in 0..STATES {
+            let row = self.covariance.fixed_view::<1, 3>(state, ATTITUDE) * by_attitude.transpose()
+                + self.covariance.fixed_view::<1, 3>(state, BIAS) * by_bias.transpose();
+            self.covariance.fixed_view_mut::<1, 3>(state, ATTITUDE).copy_from(&row);
+        }
         let attitude = self.white_rad2(dt_s) + turned_rad2 + unseen;
         // The Gauss-Markov process, taken for a random walk.
         let bias = 2.0 * square(self.class.markov_deg_h * RAD_S_PER_DEG_H) * dt_s / self.class.markov_s;
         let creep = square(self.limits.creep_arcsec_sqrt_s * RAD_PER_ARCSEC) * dt_s;
         let added = State::from([attitude, attitude, attitude, bias, bias, bias, creep, creep, creep, 0.0, 0.0]);
-        self.covariance = transition * self.covariance * transition.transpose() + Covariance::from_diagonal(&added);
+        for (state, added) in added.iter().enumerate() {
+            if let Some(place) = self.covariance.get_mut((state, state)) {
+                *place += added;
+            }
+        }
     }
 
     /// What the gyros' white noise adds to an angle, rad².
@@ -500,6 +514,7 @@ impl Hold {
 
     /// What the gyros summed up before there was a heading: their mean rate less the Earth's is the bias, and a wrong heading or level
     /// is in it by what it turns of the Earth's rate, −Cᵀ·(Ω × φ).
+    #[inline(never)]
     pub fn learn(&mut self, stood: &Stood) {
         let Some((rate_rad_s, seconds)) = stood.mean_rate() else { return };
         let white = self.white_rad2(1.0) / seconds;
@@ -529,7 +544,10 @@ impl Hold {
     /// Takes an innovation into the error estimate `x`: its covariance with the state, its variance, its value.
     fn update(&mut self, x: &mut State, cross: &State, total: f64, innovation: f64) {
         let gain = cross / total;
-        self.covariance -= gain * cross.transpose();
+        // Column by column, where it is.
+        for (column, cross) in self.covariance.as_mut_slice().as_chunks_mut::<STATES>().0.iter_mut().zip(cross.iter()) {
+            column.iter_mut().zip(gain.iter()).for_each(|(place, gain)| *place -= gain * cross);
+        }
         *x += gain * innovation;
     }
 

@@ -150,14 +150,30 @@ fn fill_stack(depth: u32) -> u32 {
     room.iter().fold(fill_stack(core::hint::black_box(depth.wrapping_add(1))), |sum, each| sum.wrapping_add(*each))
 }
 
-/// How much of the stack was ever used, bytes: by the paint that is gone from it.
-pub fn most_stack_bytes() -> u32 {
-    let (top, mut at) = (&raw const _stack_start, &raw const _stack_end);
-    // SAFETY: from `at` to `top` is the stack, which starts at the top and was painted before main.
-    unsafe {
-        while at < top && at.read_volatile() == cortex_m_rt::STACK_PAINT_VALUE {
-            at = at.add(1);
+/// Looks for the most of the stack that was ever used, a few words at a time, by the paint that is gone from it.
+#[derive(Default)]
+pub struct StackSweep {
+    /// As many words from the stack's end on are still painted.
+    painted: usize,
+}
+
+impl StackSweep {
+    /// Looks at so many words more.
+    pub fn go_on(&mut self, words: usize) {
+        // SAFETY: from the stack's end to its start is the stack, which was painted before main.
+        let room = unsafe { (&raw const _stack_start).offset_from(&raw const _stack_end) } as usize;
+        for _ in 0..words.min(room - self.painted) {
+            // SAFETY: as above.
+            if unsafe { (&raw const _stack_end).add(self.painted).read_volatile() } != cortex_m_rt::STACK_PAINT_VALUE {
+                break;
+            }
+            self.painted += 1;
         }
-        top.byte_offset_from(at) as u32
+    }
+
+    /// Ends the sweep: how much of the stack was ever used, bytes.
+    pub fn finish(&mut self) -> u32 {
+        let painted_bytes = 4 * core::mem::take(&mut self.painted) as u32;
+        (&raw const _stack_start as u32) - (&raw const _stack_end as u32) - painted_bytes
     }
 }

@@ -18,6 +18,7 @@ use crate::gates::Gate;
 use crate::health::{Flag, Flags};
 use crate::index::Direction;
 use crate::level::{LevelMoments, Specific};
+use crate::slices::pause;
 use crate::units::wrap_180_deg;
 
 /// Temperature change during a fix that an error model must cover, K.
@@ -256,26 +257,26 @@ impl<D: Dwells> Accumulator<D> {
     }
 
     /// A second of the dwell that is under way.
-    pub fn collect(&mut self, second: &Corrected) -> Taken {
-        match self.slip(second) {
-            Some(slip) => Taken::Slipped(slip),
-            None if self.take(second, false) => Taken::Collected,
-            None => Taken::LeftOut,
+    pub async fn collect(&mut self, second: &Corrected) -> Taken {
+        if let Some(slip) = self.slip(second).await {
+            return Taken::Slipped(slip);
         }
+        pause().await;
+        if self.take(second, false).await { Taken::Collected } else { Taken::LeftOut }
     }
 
     /// A second within which the index moved. It counts only if the index moved nearly all the time.
-    pub fn collect_moving(&mut self, second: &Corrected) {
-        self.take(second, true);
+    pub async fn collect_moving(&mut self, second: &Corrected) {
+        self.take(second, true).await;
     }
 
     /// A second of no dwell: the index may turn, and come to rest. The slip, if it slipped at rest. (Before the first dwell nobody
     /// knows what the motor does.)
-    pub fn between_dwells(&mut self, second: &Corrected) -> Option<Slip> {
+    pub async fn between_dwells(&mut self, second: &Corrected) -> Option<Slip> {
         if self.dwells.as_slice().is_empty() && self.rows.is_empty() && self.held.is_empty() {
             return None;
         }
-        self.slip(second)
+        self.slip(second).await
     }
 
     /// The motor is commanded: from here to its rest the index may move.
@@ -283,32 +284,33 @@ impl<D: Dwells> Accumulator<D> {
         self.watch.restart();
     }
 
-    fn slip(&mut self, second: &Corrected) -> Option<Slip> {
+    async fn slip(&mut self, second: &Corrected) -> Option<Slip> {
         let before = self.watch.push(second.index?)?;
         self.flags.insert(Flag::IndexSlip);
-        let ended = self.end_dwell();
+        let ended = self.end_dwell().await;
         self.slipped_from.get_or_insert(before);
         Some(Slip { before_deg: before.deg(), ended })
     }
 
     /// The dwell that was under way is over: what it says, `None` if nothing of it could be used.
-    #[inline(never)]
-    pub fn end_dwell(&mut self) -> Option<DwellSummary> {
+    pub async fn end_dwell(&mut self) -> Option<DwellSummary> {
         if self.held.iter().any(|held| !held.moving) {
-            self.release();
+            self.release().await;
         }
         let noise_deg_h = self.declared.gyro.noise_deg_h();
         self.outliers_s.clear();
         let summary = match self.evaluator.model().base_motion {
-            Some(sensing) => moving_base::summary(self.rows.as_slice(), sensing, noise_deg_h),
+            Some(sensing) => moving_base::summary(self.rows.as_slice(), sensing, noise_deg_h).await,
             None => {
-                self.rows.judge(noise_deg_h);
+                let summary = self.rows.summary(noise_deg_h).await;
                 self.outliers_s.clone_from(self.rows.outliers_s());
-                self.rows.summary(noise_deg_h)
+                summary
             }
         };
+        pause().await;
         self.rows.clear();
         let mut summary = summary?;
+        pause().await;
         if let Some(before) = self.slipped_from.take() {
             self.slip_deg += wrap_180_deg(summary.index_deg() - before.deg());
         }
@@ -317,6 +319,7 @@ impl<D: Dwells> Accumulator<D> {
         let doubt_deg_h = core::mem::take(&mut self.doubts_arcsec).map(|sum| (sum / doubted_s) as f32);
         summary.doubt_deg_h = doubt_deg_h;
         self.keep(summary);
+        pause().await;
         Some(summary)
     }
 
@@ -325,34 +328,36 @@ impl<D: Dwells> Accumulator<D> {
         &self.outliers_s
     }
 
-    /// A gate had to wait.
+    /// A gate had to wait, or the index is to be doubted.
     pub fn waited_at(&mut self, gate: Gate) {
         self.flags.insert(match gate {
             Gate::Disturbance => Flag::Disturbed,
             Gate::Jitter => Flag::Jitter,
+            Gate::Index => Flag::IndexSlip,
         });
     }
 
     /// The azimuth of all dwells so far.
-    pub fn solve(&mut self) -> Result<Fix, Unsolvable> {
-        self.release();
+    pub async fn solve(&mut self) -> Result<Fix, Unsolvable> {
+        self.release().await;
+        pause().await;
         if self.full {
             return Err(Unsolvable::TooManyDwells);
         }
         if self.rest_s >= ROTATION_SHARE * (self.rest_s + self.moving_s) {
             self.dwells.retain(|dwell| !dwell.moving);
         }
-        let mut fix = super::solve(self.dwells.as_slice(), &self.declared, self.evaluator.model())?;
+        let mut fix = super::solve(self.dwells.as_slice(), &self.declared, self.evaluator.model()).await?;
         fix.flags = fix.flags.union(self.flags);
         Ok(fix)
     }
 
     /// Azimuth of too few dwells for a solution, degrees: to turn the axis nearly east.
-    pub fn coarse_azimuth_deg(&self) -> Option<f64> {
-        super::coarse_azimuth_deg(self.dwells.as_slice(), &self.declared.earth)
+    pub async fn coarse_azimuth_deg(&self) -> Option<f64> {
+        super::coarse_azimuth_deg(self.dwells.as_slice(), &self.declared.earth).await
     }
 
-    fn take(&mut self, second: &Corrected, moving: bool) -> bool {
+    async fn take(&mut self, second: &Corrected, moving: bool) -> bool {
         if second.measured.lost_frames > 0 {
             self.flags.insert(Flag::FramesLost);
         }
@@ -367,23 +372,24 @@ impl<D: Dwells> Accumulator<D> {
         if second.correction.waiting && self.held.push(held).is_ok() {
             return true;
         }
-        self.release();
-        self.push(row, doubt_deg_h, moving);
+        self.release().await;
+        self.push(row, doubt_deg_h, moving).await;
         true
     }
 
     /// Takes the seconds that waited, corrected by the latest rates of change.
-    fn release(&mut self) {
+    async fn release(&mut self) {
         // One by one: all of them would take kilobytes of a board's stack.
         for i in 0..self.held.len() {
             let Some(&Held { mut row, doubt_deg_h, scale, moving }) = self.held.get(i) else { break };
             row.rate_deg_h -= self.rates_deg_h / scale;
-            self.push(row, doubt_deg_h, moving);
+            self.push(row, doubt_deg_h, moving).await;
+            pause().await;
         }
         self.held.clear();
     }
 
-    fn push(&mut self, row: Row, doubt_deg_h: [f32; MAX_DIRECTIONS], moving: bool) {
+    async fn push(&mut self, row: Row, doubt_deg_h: [f32; MAX_DIRECTIONS], moving: bool) {
         if moving {
             self.keep(DwellSummary { doubt_deg_h, ..DwellSummary::moving(&row) });
         } else {
@@ -391,7 +397,7 @@ impl<D: Dwells> Accumulator<D> {
                 *sum += row.seconds * f64::from(doubt);
             }
             self.doubted_s += row.seconds;
-            self.rows.push(row, self.declared.gyro.noise_deg_h());
+            self.rows.push(row, self.declared.gyro.noise_deg_h()).await;
         }
     }
 

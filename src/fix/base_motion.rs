@@ -13,6 +13,8 @@ use nalgebra::{SMatrix, SVector};
 
 use super::dwell::{DwellSummary, Line};
 use super::statistics::excess_sigmas;
+use super::{FEW, product};
+use crate::slices::pause;
 use crate::units::ARCSEC_PER_RAD;
 
 const DEGREES: usize = 5;
@@ -92,17 +94,20 @@ pub fn slopes_deg_h(dwell: &DwellSummary) -> [f64; 2] {
 }
 
 /// Looks for motion in the dwells of a fix.
-pub fn detect(dwells: &[DwellSummary]) -> BaseMotion {
+pub async fn detect(dwells: &[DwellSummary]) -> BaseMotion {
     let freedom: f64 = dwells.iter().map(|dwell| f64::from(dwell.degrees_of_freedom)).sum();
     let (Some(start_s), true) = (dwells.first().map(|dwell| dwell.start_s), freedom >= 10.0) else {
         return BaseMotion::Unknown;
     };
     let mut scatter = [0.0; 2];
-    for dwell in dwells {
-        let Some(axes) = tilt_arcsec(dwell) else { return BaseMotion::Unknown };
-        for (sum, line) in scatter.iter_mut().zip(axes) {
-            *sum += line.residual_squares;
+    for few in dwells.chunks(FEW) {
+        for dwell in few {
+            let Some(axes) = tilt_arcsec(dwell) else { return BaseMotion::Unknown };
+            for (sum, line) in scatter.iter_mut().zip(axes) {
+                *sum += line.residual_squares;
+            }
         }
+        pause().await;
     }
     // A reading that never changes is no measurement.
     if scatter.iter().any(|&sum| sum <= 0.0) {
@@ -110,12 +115,13 @@ pub fn detect(dwells: &[DwellSummary]) -> BaseMotion {
     }
     let variance = scatter.map(|sum| sum / freedom);
 
-    let Some(paths) = Paths::new(dwells, start_s) else { return BaseMotion::Unknown };
+    let Some(paths) = Paths::new(dwells, start_s).await else { return BaseMotion::Unknown };
     // What each degree takes off the sum of squares beyond the scatter inside the dwells; both axes, in variances.
     let explained = |degree: usize| paths.explained(degree, variance);
     let degree = (1..DEGREES).rev().find(|&degree| explained(degree) > SIGNIFICANT).unwrap_or(0);
     let chi_square = paths.total(variance) - (0..=degree).map(explained).sum::<f64>();
     let with_slope = dwells.iter().filter(|dwell| dwell.time_spread > 0.0).count();
+    pause().await;
     let freedom_left = 2.0 * (dwells.len() + with_slope) as f64 - 2.0 * (degree as f64 + 1.0);
     if freedom_left > 0.0 && excess_sigmas(chi_square, freedom_left) > IMPROBABLE_SIGMAS {
         return BaseMotion::Moving(Method::Slopes { variance });
@@ -124,7 +130,7 @@ pub fn detect(dwells: &[DwellSummary]) -> BaseMotion {
         return BaseMotion::Still;
     }
     // One degree more than the data insist on: what is just not significant would else bias the rates.
-    BaseMotion::Moving(Method::Path(paths.path((degree + 1).min(DEGREES - 1), variance)))
+    BaseMotion::Moving(Method::Path(paths.path((degree + 1).min(DEGREES - 1), variance).await))
 }
 
 /// The normal equations of the highest degree, factored once: the factor's leading part is that of every lower degree, and
@@ -142,7 +148,7 @@ struct Paths {
 
 impl Paths {
     /// `None` where the dwells do not determine a polynomial of the highest degree.
-    fn new(dwells: &[DwellSummary], start_s: f64) -> Option<Self> {
+    async fn new(dwells: &[DwellSummary], start_s: f64) -> Option<Self> {
         let half_s = 0.5 * (dwells.last()?.end_s - start_s);
         let middle_s = start_s + half_s;
         let mut paths = Self {
@@ -152,24 +158,29 @@ impl Paths {
             reduced: [[0.0; DEGREES]; 2],
             squares: [0.0; 2],
         };
-        for (weight, row, values) in observations(dwells, middle_s, half_s) {
-            // The lower triangle is all that is looked at.
-            for (i, (line, a)) in paths.factor.iter_mut().zip(row.iter()).enumerate() {
-                let weighted = weight * a;
-                line.iter_mut().zip(row.iter()).take(i + 1).for_each(|(entry, b)| *entry += weighted * b);
-            }
-            for ((right, squares), value) in paths.reduced.iter_mut().zip(&mut paths.squares).zip(values) {
-                let weighted = weight * value;
-                right.iter_mut().zip(row.iter()).for_each(|(entry, a)| *entry += weighted * a);
-                *squares += weighted * value;
+        for dwell in dwells {
+            let observations = observations(dwell, middle_s, half_s);
+            pause().await;
+            for (weight, row, values) in observations {
+                // The lower triangle is all that is looked at.
+                for (i, (line, a)) in paths.factor.iter_mut().zip(row.iter()).enumerate() {
+                    let weighted = weight * a;
+                    line.iter_mut().zip(row.iter()).take(i + 1).for_each(|(entry, b)| *entry += weighted * b);
+                }
+                for ((right, squares), value) in paths.reduced.iter_mut().zip(&mut paths.squares).zip(values) {
+                    let weighted = weight * value;
+                    right.iter_mut().zip(row.iter()).for_each(|(entry, a)| *entry += weighted * a);
+                    *squares += weighted * value;
+                }
+                pause().await;
             }
         }
-        paths.factorise()?;
+        paths.factorise().await?;
         Some(paths)
     }
 
     /// Cholesky in place, and the right-hand sides through the factor.
-    fn factorise(&mut self) -> Option<()> {
+    async fn factorise(&mut self) -> Option<()> {
         for i in 0..DEGREES {
             for j in 0..=i {
                 let (of_i, of_j) = (*self.factor.get(i)?, *self.factor.get(j)?);
@@ -183,6 +194,7 @@ impl Paths {
                 };
                 *self.factor.get_mut(i)?.get_mut(j)? = entry;
             }
+            pause().await;
         }
         for right in &mut self.reduced {
             for i in 0..DEGREES {
@@ -191,6 +203,7 @@ impl Paths {
                 let entry = right.get_mut(i)?;
                 *entry = (*entry - product) / line.get(i)?;
             }
+            pause().await;
         }
         Some(())
     }
@@ -207,7 +220,7 @@ impl Paths {
     }
 
     /// The polynomials of a degree.
-    fn path(&self, degree: usize, variance: [f64; 2]) -> Path {
+    async fn path(&self, degree: usize, variance: [f64; 2]) -> Path {
         // Columns of the transposed inverse of the leading factor.
         let mut inverse = SMatrix::<f64, DEGREES, DEGREES>::zeros();
         for column in 0..=degree {
@@ -219,9 +232,11 @@ impl Paths {
                     *entry = (unit - product) / pivot;
                 }
             }
+            pause().await;
         }
         let coefficients = self.reduced.map(|reduced| inverse.tr_mul(&SVector::from(reduced)));
-        let unscaled = inverse.tr_mul(&inverse);
+        pause().await;
+        let unscaled = product(&inverse.transpose(), &inverse).await;
         Path {
             middle_s: self.middle_s,
             half_s: self.half_s,
@@ -231,33 +246,19 @@ impl Paths {
     }
 }
 
-/// Two observations a dwell: its mean (weight: seconds) and its slope (weight: time spread). The mean of a curved path
+/// Two observations of a dwell: its mean (weight: seconds) and its slope (weight: time spread). The mean of a curved path
 /// over a dwell differs from its value at the middle by the second moment; the powers are averaged over the dwell.
-fn observations(
-    dwells: &[DwellSummary],
-    middle_s: f64,
-    half_s: f64,
-) -> impl Iterator<Item = (f64, SVector<f64, DEGREES>, [f64; 2])> + '_ {
-    dwells.iter().flat_map(move |dwell| {
-        let tilt = tilt_arcsec(dwell).unwrap_or_default();
-        let half = 0.5 * (dwell.end_s - dwell.start_s) / half_s;
-        let t = (dwell.t_s - middle_s) / half_s;
-        // Means of (t + u)^k over u in ± half: 1, t, t² + h²/3, t³ + t·h², t⁴ + 2t²h² + h⁴/5.
-        let h2 = half * half;
-        let mean = SVector::from([
-            1.0,
-            t,
-            t * t + h2 / 3.0,
-            t * t * t + t * h2,
-            t * t * t * t + 2.0 * t * t * h2 + h2 * h2 / 5.0,
-        ]);
-        // Least-squares slope of (t + u)^k over u in ± half: 3/(2h³) ∫ u (t + u)^k du.
-        let slope = SVector::from([0.0, 1.0, 2.0 * t, 3.0 * t * t + 0.6 * h2, 4.0 * t * t * t + 2.4 * t * h2]) / half_s;
-        [
-            (dwell.seconds, mean, tilt.map(|line| line.mean)),
-            (dwell.time_spread, slope, tilt.map(|line| line.slope_per_s)),
-        ]
-    })
+fn observations(dwell: &DwellSummary, middle_s: f64, half_s: f64) -> [(f64, SVector<f64, DEGREES>, [f64; 2]); 2] {
+    let tilt = tilt_arcsec(dwell).unwrap_or_default();
+    let half = 0.5 * (dwell.end_s - dwell.start_s) / half_s;
+    let t = (dwell.t_s - middle_s) / half_s;
+    // Means of (t + u)^k over u in ± half: 1, t, t² + h²/3, t³ + t·h², t⁴ + 2t²h² + h⁴/5.
+    let h2 = half * half;
+    let mean =
+        SVector::from([1.0, t, t * t + h2 / 3.0, t * t * t + t * h2, t * t * t * t + 2.0 * t * t * h2 + h2 * h2 / 5.0]);
+    // Least-squares slope of (t + u)^k over u in ± half: 3/(2h³) ∫ u (t + u)^k du.
+    let slope = SVector::from([0.0, 1.0, 2.0 * t, 3.0 * t * t + 0.6 * h2, 4.0 * t * t * t + 2.4 * t * h2]) / half_s;
+    [(dwell.seconds, mean, tilt.map(|line| line.mean)), (dwell.time_spread, slope, tilt.map(|line| line.slope_per_s))]
 }
 
 #[cfg(test)]
@@ -265,6 +266,7 @@ mod tests {
     use super::*;
     use crate::fix::dwell::{DwellRows, Row};
     use crate::level::LevelMoments;
+    use crate::slices::at_once;
 
     /// Eight dwells of 30 s, 8 s apart, on a base that tilts by `pitch_arcsec(t)`; the sensor's noise is a fixed zigzag
     /// with a spread of about 3 arcsec.
@@ -278,25 +280,25 @@ mod tests {
                     let tilt = pitch_arcsec(t_s) + zigzag(dwell * 30 + second);
                     let level =
                         LevelMoments::constant(tilt / ARCSEC_PER_RAD, zigzag(dwell * 31 + second * 3) / ARCSEC_PER_RAD);
-                    rows.push(
+                    at_once(rows.push(
                         Row { t_s, seconds: 1.0, cos: 1.0, sin: 0.0, rate_deg_h: 0.0, moment_arcsec_s: 0.0, level },
                         1.0,
-                    );
+                    ));
                 }
-                rows.summary(1.0).unwrap()
+                at_once(rows.summary(1.0)).unwrap()
             })
             .collect()
     }
 
     #[test]
     fn a_still_base_is_left_alone() {
-        assert_eq!(detect(&dwells(|_| 50.0)), BaseMotion::Still);
+        assert_eq!(at_once(detect(&dwells(|_| 50.0))), BaseMotion::Still);
     }
 
     #[test]
     fn steady_creep_is_a_path_with_that_rate() {
         let dwells = dwells(|t_s| 0.1 * t_s);
-        let BaseMotion::Moving(Method::Path(path)) = detect(&dwells) else { panic!() };
+        let BaseMotion::Moving(Method::Path(path)) = at_once(detect(&dwells)) else { panic!() };
         for dwell in &dwells {
             let rate_deg_h = path.rates(dwell).dot(&path.coefficients()[0]);
             assert!((rate_deg_h - 0.1).abs() < 0.01, "{rate_deg_h}");
@@ -306,7 +308,7 @@ mod tests {
     #[test]
     fn decaying_creep_is_followed() {
         let dwells = dwells(|t_s| -20.0 * libm::exp(-t_s / 80.0));
-        let BaseMotion::Moving(Method::Path(path)) = detect(&dwells) else { panic!() };
+        let BaseMotion::Moving(Method::Path(path)) = at_once(detect(&dwells)) else { panic!() };
         // Over the first dwell, 0 … 30 s: 20 · (1 − e^(−30/80)) / 30 = 0.2085 arcsec/s.
         let rate_deg_h = path.rates(&dwells[0]).dot(&path.coefficients()[0]);
         assert!((rate_deg_h - 0.2085).abs() < 0.05, "{rate_deg_h}");
@@ -315,14 +317,14 @@ mod tests {
     #[test]
     fn jumps_between_dwells_are_no_path() {
         let jumpy = dwells(|t_s| if (t_s as u32 / 38) % 3 == 1 { 400.0 } else { 0.0 });
-        assert!(matches!(detect(&jumpy), BaseMotion::Moving(Method::Slopes { .. })));
+        assert!(matches!(at_once(detect(&jumpy)), BaseMotion::Moving(Method::Slopes { .. })));
     }
 
     #[test]
     fn without_accelerometers_nothing_is_said() {
         let mut silent = dwells(|_| 0.0);
         silent[3].level = None;
-        assert_eq!(detect(&silent), BaseMotion::Unknown);
-        assert_eq!(detect(&[]), BaseMotion::Unknown);
+        assert_eq!(at_once(detect(&silent)), BaseMotion::Unknown);
+        assert_eq!(at_once(detect(&[])), BaseMotion::Unknown);
     }
 }

@@ -12,10 +12,11 @@
 use heapless::Vec;
 use nalgebra::{Matrix4, Vector4};
 
-use super::Observation;
 use super::dwell::DwellSummary;
+use super::{FEW, Observation, Problem};
 use crate::effects::Doubt;
 use crate::effects::doubt::MAX_DIRECTIONS;
+use crate::slices::pause;
 
 /// Most dwells whose covariance is kept.
 const MOST: usize = 24;
@@ -32,44 +33,47 @@ pub struct Correlated {
 }
 
 impl Correlated {
-    /// Fills it, which is empty. `None` where nothing is uncertain, or where there are too many dwells. `observations`: of the
-    /// dwells' means, in their order; `variance`: of a one-second rate, (°/h)².
-    #[inline(never)]
-    pub(super) fn fill(
-        &mut self,
-        doubt: &Doubt,
-        dwells: &[DwellSummary],
-        observations: impl Iterator<Item = Observation>,
-        variance: f64,
-    ) -> Option<&Self> {
+    /// Fills it, which is empty. `None` where nothing is uncertain, or where there are too many dwells. `variance`: of a one-second
+    /// rate, (°/h)².
+    pub(super) async fn fill(&mut self, doubt: &Doubt, problem: &Problem<'_>, variance: f64) -> Option<&Self> {
+        let dwells = problem.dwells;
         if !is_any(doubt) || dwells.len() > MOST {
             return None;
         }
         let correlated = self;
-        for (i, (dwell, observation)) in dwells.iter().zip(observations).enumerate() {
+        for (i, dwell) in dwells.iter().enumerate() {
             let mut squares = 0.0;
             for (j, other) in dwells.iter().take(i).enumerate() {
                 let product: f64 = (0..j).map(|k| correlated.at(i, k) * correlated.at(j, k)).sum();
+                pause().await;
                 let entry = (shared(doubt, dwell, other) / variance - product) / correlated.at(j, j);
                 squares += entry * entry;
                 correlated.factor.push(entry).ok()?;
+                pause().await;
             }
+            let observation = problem.mean(dwell).await;
+            pause().await;
             let pivot = 1.0 / observation.weight + shared(doubt, dwell, dwell) / variance - squares;
             if !(pivot > 0.0 && pivot.is_finite()) {
                 return None;
             }
             correlated.factor.push(libm::sqrt(pivot)).ok()?;
-            let whitened = correlated.whitened(i, observation.row, |k| correlated.gains.get(k).copied());
+            let whitened = correlated.whitened(i, observation.row, |k| correlated.gains.get(k).copied()).await;
             correlated.gains.push(whitened).ok()?;
         }
         for i in (0..correlated.gains.len()).rev() {
-            let later: Vector4<f64> = (i + 1..correlated.gains.len())
-                .filter_map(|j| Some(*correlated.gains.get(j)? * correlated.at(j, i)))
-                .sum();
+            let mut later = Vector4::zeros();
+            for j in i + 1..correlated.gains.len() {
+                later += correlated.gain(j) * correlated.at(j, i);
+                if j % FEW == 0 {
+                    pause().await;
+                }
+            }
             let pivot = correlated.at(i, i);
             if let Some(gain) = correlated.gains.get_mut(i) {
                 *gain = (*gain - later) / pivot;
             }
+            pause().await;
         }
         Some(correlated)
     }
@@ -80,20 +84,34 @@ impl Correlated {
     }
 
     /// L⁻¹ times the rows, the `i`-th of it, with those before it.
-    fn whitened(&self, i: usize, row: Vector4<f64>, before: impl Fn(usize) -> Option<Vector4<f64>>) -> Vector4<f64> {
-        let known: Vector4<f64> = (0..i).filter_map(|k| Some(before(k)? * self.at(i, k))).sum();
+    async fn whitened(
+        &self,
+        i: usize,
+        row: Vector4<f64>,
+        before: impl Fn(usize) -> Option<Vector4<f64>>,
+    ) -> Vector4<f64> {
+        let mut known = Vector4::zeros();
+        for k in 0..i {
+            known += before(k).unwrap_or_default() * self.at(i, k);
+            if k % FEW == FEW - 1 {
+                pause().await;
+            }
+        }
         (row - known) / self.at(i, i)
     }
 
     /// Gives `take` the observations with errors that are independent, of weight 1.
-    pub(super) fn for_each(&self, observations: impl Iterator<Item = Observation>, take: &mut dyn FnMut(Observation)) {
+    pub(super) async fn for_each(&self, problem: &Problem<'_>, take: &mut dyn FnMut(Observation)) {
         let mut before: Vec<(Vector4<f64>, f64), MOST> = Vec::new();
-        for (i, observation) in observations.enumerate() {
-            let row = self.whitened(i, observation.row, |k| before.get(k).map(|each| each.0));
+        for (i, dwell) in problem.dwells.iter().enumerate() {
+            let observation = problem.mean(dwell).await;
+            let row = self.whitened(i, observation.row, |k| before.get(k).map(|each| each.0)).await;
+            pause().await;
             let known: f64 = before.iter().enumerate().map(|(k, each)| self.at(i, k) * each.1).sum();
             let rate_deg_h = (observation.rate_deg_h - known) / self.at(i, i);
             let _ = before.push((row, rate_deg_h));
             take(Observation { weight: 1.0, row, rate_deg_h, ..observation });
+            pause().await;
         }
     }
 
@@ -110,63 +128,65 @@ pub fn is_any(doubt: &Doubt) -> bool {
 
 /// Covariance of the errors of two dwells, (°/h)².
 fn shared(doubt: &Doubt, a: &DwellSummary, b: &DwellSummary) -> f64 {
-    let interval = |dwell: &DwellSummary| [dwell.start_s, dwell.end_s];
-    let of_process = doubt.process.map_or(0.0, |process| process.covariance(interval(a), interval(b)));
+    let of_process = of_process(doubt, [a.start_s, a.end_s], [b.start_s, b.end_s]);
     let of_directions: f64 = a.doubt_deg_h.iter().zip(b.doubt_deg_h).map(|(a, b)| f64::from(*a) * f64::from(b)).sum();
     of_process + of_directions
 }
 
-/// Intervals that are taken together.
-#[derive(Clone, Copy, Debug)]
-struct Group {
-    interval_s: [f64; 2],
-    number: f64,
-    /// Sums of their gains and of these times themselves.
-    gain: Vector4<f64>,
-    squares: Matrix4<f64>,
-    /// Sum of the variances of the process' means over each.
-    variances: f64,
+/// Covariance of the process' means over two intervals, (°/h)².
+fn of_process(doubt: &Doubt, a_s: [f64; 2], b_s: [f64; 2]) -> f64 {
+    doubt.process.map_or(0.0, |process| process.covariance(a_s, b_s))
 }
+
+/// Intervals that are taken together: from when to when, and the sum of their gains.
+type Group = ([f64; 2], Vector4<f64>);
 
 /// Covariance of the right-hand side by the doubt, where the fix is weighed without it. In a group the process is its mean
 /// and deviations from it, which are alike but for adding up to nothing.
-#[inline(never)]
-pub(super) fn of_right_hand_side(
-    doubt: &Doubt,
-    dwells: &[DwellSummary],
-    observations: impl Iterator<Item = Observation>,
-) -> Matrix4<f64> {
+pub(super) async fn of_right_hand_side(doubt: &Doubt, problem: &Problem<'_>) -> Matrix4<f64> {
     let mut of_directions = [Vector4::zeros(); MAX_DIRECTIONS];
-    let size = dwells.len().div_ceil(MOST).max(1);
+    let size = problem.dwells.len().div_ceil(MOST).max(1);
+    let mut covariance = Matrix4::zeros();
     let mut groups: Vec<Group, MOST> = Vec::new();
-    for (i, (dwell, observation)) in dwells.iter().zip(observations).enumerate() {
-        let gain = observation.weight * observation.row;
-        for (sum, doubt_deg_h) in of_directions.iter_mut().zip(dwell.doubt_deg_h) {
-            *sum += gain * f64::from(doubt_deg_h);
-        }
-        let interval_s = [dwell.start_s, dwell.end_s];
-        if i % size == 0 {
-            let (gain, squares) = (Vector4::zeros(), Matrix4::zeros());
-            let _ = groups.push(Group { interval_s, number: 0.0, gain, squares, variances: 0.0 });
-        }
-        if let Some(group) = groups.last_mut() {
-            group.interval_s[1] = dwell.end_s;
-            group.number += 1.0;
-            group.gain += gain;
-            group.squares += gain * gain.transpose();
-            group.variances += doubt.process.map_or(0.0, |process| process.covariance(interval_s, interval_s));
-        }
-    }
-    let mut covariance: Matrix4<f64> = of_directions.iter().map(|sum| sum * sum.transpose()).sum();
-    let Some(process) = doubt.process else { return covariance };
-    for (i, a) in groups.iter().enumerate() {
-        for (j, b) in groups.iter().enumerate() {
-            let shared = process.covariance(a.interval_s, b.interval_s);
-            covariance += shared * a.gain * b.gain.transpose();
-            if i == j && a.number > 1.0 {
-                let deviations = (a.variances / a.number - shared).max(0.0) * a.number / (a.number - 1.0);
-                covariance += deviations * (a.squares - a.gain * a.gain.transpose() / a.number);
+    for few in problem.dwells.chunks(size) {
+        let start_s = few.first().map_or(0.0, |dwell| dwell.start_s);
+        let end_s = few.last().map_or(0.0, |dwell| dwell.end_s);
+        // Sums of the gains, of these times themselves, and of the variances of the process' means over each interval.
+        let (mut group, mut squares, mut variances) = (Vector4::zeros(), Matrix4::zeros(), 0.0);
+        for dwell in few {
+            let observation = problem.mean(dwell).await;
+            pause().await;
+            let gain = observation.weight * observation.row;
+            for (sum, doubt_deg_h) in of_directions.iter_mut().zip(dwell.doubt_deg_h) {
+                *sum += gain * f64::from(doubt_deg_h);
             }
+            pause().await;
+            group += gain;
+            squares += gain * gain.transpose();
+            pause().await;
+            variances += of_process(doubt, [dwell.start_s, dwell.end_s], [dwell.start_s, dwell.end_s]);
+        }
+        let number = few.len() as f64;
+        if number > 1.0 {
+            let shared = of_process(doubt, [start_s, end_s], [start_s, end_s]);
+            let deviations = (variances / number - shared).max(0.0) * number / (number - 1.0);
+            pause().await;
+            covariance += deviations * (squares - group * group.transpose() / number);
+        }
+        // There are no more of them than places.
+        let _ = groups.push(([start_s, end_s], group));
+        pause().await;
+    }
+    for sum in of_directions {
+        covariance += sum * sum.transpose();
+        pause().await;
+    }
+    for (a_s, a) in groups.iter().filter(|_| doubt.process.is_some()) {
+        for (b_s, b) in &groups {
+            let shared = of_process(doubt, *a_s, *b_s);
+            pause().await;
+            covariance += shared * a * b.transpose();
+            pause().await;
         }
     }
     covariance
@@ -181,6 +201,7 @@ mod tests {
     use crate::fix::dwell::DwellSummary;
     use crate::fix::tests::{declared, dwell, normal};
     use crate::fix::{Fix, solve};
+    use crate::slices::at_once;
     use crate::units::{DEG_PER_RAD, wrap_180_deg};
 
     /// Ω cos 60°, °/h.
@@ -198,7 +219,7 @@ mod tests {
     const ORDER: [f64; 4] = [0.0, 90.0, 180.0, 270.0];
 
     fn fix(dwells: &[DwellSummary], model: &ErrorModel) -> Fix {
-        solve(dwells, &declared(60.0), model).unwrap()
+        at_once(solve(dwells, &declared(60.0), model)).unwrap()
     }
 
     fn process(sigma_deg_h: f64, time_s: f64) -> ErrorModel {

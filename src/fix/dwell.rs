@@ -10,11 +10,14 @@ use heapless::Vec;
 
 use crate::effects::doubt::MAX_DIRECTIONS;
 use crate::level::{LevelMoments, Specific};
+use crate::slices::pause;
 
 /// Rows that are kept.
 pub const MAX_ROWS: usize = 128;
 /// Fewest places that merging must free; else longer rows are made.
 const LEAST_FREE: usize = 16;
+/// Rows whose deviations make one slice.
+const FEW_ROWS: usize = 16;
 /// Times of outliers that are kept; of more it is known how many there were.
 const MAX_OUTLIERS: usize = 16;
 /// Rows belong together when the gap between them is below this, seconds.
@@ -46,6 +49,52 @@ pub struct Row {
     pub level: Option<LevelMoments>,
 }
 
+/// A row as it is kept: what scatters by more than a float's rounding anyway takes half the room.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Kept {
+    t_s: f64,
+    rate_deg_h: f64,
+    seconds: f32,
+    cos: f32,
+    sin: f32,
+    moment_arcsec_s: f32,
+    /// Forward and left, mean and first moment; not numbers where there are no accelerometers.
+    level: [f32; 4],
+}
+
+impl From<&Row> for Kept {
+    fn from(row: &Row) -> Self {
+        let level = row.level.map_or([f32::NAN; 4], |LevelMoments { mean, first }| {
+            [mean.forward, mean.left, first.forward, first.left].map(|number| number as f32)
+        });
+        Self {
+            t_s: row.t_s,
+            rate_deg_h: row.rate_deg_h,
+            seconds: row.seconds as f32,
+            cos: row.cos as f32,
+            sin: row.sin as f32,
+            moment_arcsec_s: row.moment_arcsec_s as f32,
+            level,
+        }
+    }
+}
+
+impl From<&Kept> for Row {
+    fn from(kept: &Kept) -> Self {
+        let [forward, left, first_forward, first_left] = kept.level.map(f64::from);
+        let (mean, first) = (Specific { forward, left }, Specific { forward: first_forward, left: first_left });
+        Self {
+            t_s: kept.t_s,
+            rate_deg_h: kept.rate_deg_h,
+            seconds: kept.seconds.into(),
+            cos: kept.cos.into(),
+            sin: kept.sin.into(),
+            moment_arcsec_s: kept.moment_arcsec_s.into(),
+            level: (!forward.is_nan()).then_some(LevelMoments { mean, first }),
+        }
+    }
+}
+
 impl Row {
     fn start_s(&self) -> f64 {
         self.t_s - 0.5 * self.seconds
@@ -56,7 +105,7 @@ impl Row {
     }
 
     /// Whether `next` begins where this one ends.
-    pub fn joins(&self, next: &Self) -> bool {
+    fn joins(&self, next: &Self) -> bool {
         next.start_s() - self.end_s() < GAP_S
     }
 
@@ -138,7 +187,7 @@ pub struct DwellSummary {
 /// Gathers the rows of a dwell.
 #[derive(Clone, Debug, Default)]
 pub struct DwellRows {
-    rows: Vec<Row, MAX_ROWS>,
+    rows: Vec<Kept, MAX_ROWS>,
     /// As many of the first rows are in the sums; the others wait to be judged.
     judged: usize,
     /// Rows are merged up to this length, seconds; 0 before there was a need.
@@ -148,16 +197,16 @@ pub struct DwellRows {
 
 impl DwellRows {
     /// Takes the next row.
-    pub fn push(&mut self, row: Row, noise_deg_h: f64) {
+    pub async fn push(&mut self, row: Row, noise_deg_h: f64) {
         if self.rows.is_full() {
-            self.judge(noise_deg_h);
-            self.make_room();
+            self.judge(noise_deg_h).await;
+            self.make_room().await;
         }
-        let _ = self.rows.push(row);
+        let _ = self.rows.push((&row).into());
     }
 
     /// The rows, in the order of time, of a long dwell merged.
-    pub fn as_slice(&self) -> &[Row] {
+    pub fn as_slice(&self) -> &[Kept] {
         &self.rows
     }
 
@@ -169,23 +218,8 @@ impl DwellRows {
         self.rows.is_empty()
     }
 
-    /// The next row will make room by merging: what is to be left out at the beginning must be left out before it.
-    pub fn is_full(&self) -> bool {
-        self.rows.is_full()
-    }
-
-    /// Rows were merged: nothing can be left out at the beginning any more.
-    pub fn is_merged(&self) -> bool {
-        self.judged > 0
-    }
-
-    /// The row, if there is just one.
-    pub fn only(&self) -> Option<&Row> {
-        self.rows.first().filter(|_| self.rows.len() == 1)
-    }
-
     pub fn clear(&mut self) {
-        // In place: another of its kind would take twelve kilobytes of a board's stack.
+        // In place: another of its kind would take six kilobytes of a board's stack.
         self.rows.clear();
         self.sums = Sums::default();
         (self.judged, self.merged_s) = (0, 0.0);
@@ -227,11 +261,10 @@ impl DwellRows {
 
     /// Boils the rows down. `noise_deg_h`, the declared noise of a one-second rate, is the least scale by which outliers are
     /// judged. `None` without rows.
-    #[inline(never)]
-    pub fn summary(&self, noise_deg_h: f64) -> Option<DwellSummary> {
-        let mut sums = self.sums.clone();
-        sums.add(self.rows.get(self.judged..)?, noise_deg_h);
-        sums.summary()
+    pub async fn summary(&mut self, noise_deg_h: f64) -> Option<DwellSummary> {
+        self.judge(noise_deg_h).await;
+        pause().await;
+        self.sums.summary()
     }
 
     /// Middles of the rows that were left out so far, seconds.
@@ -240,22 +273,21 @@ impl DwellRows {
     }
 
     /// Takes the rows that wait into the sums, less the outliers.
-    #[inline(never)]
-    pub fn judge(&mut self, noise_deg_h: f64) {
-        self.sums.add(self.rows.get(self.judged..).unwrap_or_default(), noise_deg_h);
+    async fn judge(&mut self, noise_deg_h: f64) {
+        self.sums.add(self.rows.get(self.judged..).unwrap_or_default(), noise_deg_h).await;
         self.judged = self.rows.len();
     }
 
     /// Merges neighbours, to longer rows where that frees too little; if gaps are in the way of that, keeps the longest
     /// piece without one.
-    fn make_room(&mut self) {
-        let shortest_s = self.rows.iter().map(|row| row.seconds).fold(f64::INFINITY, f64::min);
+    async fn make_room(&mut self) {
+        let shortest_s = self.rows.iter().map(|row| f64::from(row.seconds)).fold(f64::INFINITY, f64::min);
         self.merged_s = self.merged_s.max(shortest_s);
-        self.merge();
+        self.merge().await;
         for _ in 0..2 {
             if self.rows.len() + LEAST_FREE > MAX_ROWS {
                 self.merged_s *= 2.0;
-                self.merge();
+                self.merge().await;
             }
         }
         if self.rows.len() + LEAST_FREE > MAX_ROWS {
@@ -265,14 +297,16 @@ impl DwellRows {
         self.judged = self.rows.len();
     }
 
-    fn merge(&mut self) {
+    async fn merge(&mut self) {
         let longest_s = 1.001 * self.merged_s;
         let mut merged: usize = 0;
         for i in 1..self.rows.len() {
             let Some(&row) = self.rows.get(i) else { break };
-            let Some(last) = self.rows.get_mut(merged) else { break };
-            if last.joins(&row) && last.seconds + row.seconds <= longest_s {
-                *last = last.merged(&row);
+            let Some(place) = self.rows.get_mut(merged) else { break };
+            let (last, next) = (Row::from(&*place), Row::from(&row));
+            if last.joins(&next) && last.seconds + next.seconds <= longest_s {
+                *place = (&last.merged(&next)).into();
+                pause().await;
                 continue;
             }
             merged += 1;
@@ -285,17 +319,17 @@ impl DwellRows {
 }
 
 /// The longest run of rows without a gap.
-pub fn longest_piece(rows: &[Row]) -> &[Row] {
+pub fn longest_piece(rows: &[Kept]) -> &[Kept] {
     rows.get(longest_run(rows)).unwrap_or_default()
 }
 
 /// Where it is.
-fn longest_run(rows: &[Row]) -> Range<usize> {
+fn longest_run(rows: &[Kept]) -> Range<usize> {
     let mut start = 0;
-    let pieces = rows.chunk_by(Row::joins).map(|piece| {
+    let pieces = rows.chunk_by(|a, b| Row::from(a).joins(&b.into())).map(|piece| {
         let from = start;
         start += piece.len();
-        (piece.iter().map(|row| row.seconds).sum::<f64>(), from..start)
+        (piece.iter().map(|row| f64::from(row.seconds)).sum::<f64>(), from..start)
     });
     pieces.max_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, run)| run).unwrap_or_default()
 }
@@ -356,20 +390,25 @@ impl Sums {
     /// noise nor the scatter of the rows before. A gyro that counts more coarsely than its noise repeats itself, and the
     /// median deviation is nothing: then the least deviation that is more than noise, its count, is the scale. A second on
     /// the next count is no outlier.
-    fn add(&mut self, rows: &[Row], noise_deg_h: f64) {
-        let Some(median) = median(rows.iter().map(|row| row.rate_deg_h)) else { return };
-        let deviation = |row: &Row| (row.rate_deg_h - median).abs() * libm::sqrt(row.seconds.min(1.0));
-        let of_rows = 1.4826 * median_of_deviations(rows, median);
+    async fn add(&mut self, rows: &[Kept], noise_deg_h: f64) {
+        let Some(middle) = median(rows, |row| row.rate_deg_h).await else { return };
+        let deviation = |row: &Kept| (row.rate_deg_h - middle).abs() * libm::sqrt(f64::from(row.seconds.min(1.0)));
+        let of_rows = 1.4826 * median(rows, |row| (row.rate_deg_h - middle).abs()).await.unwrap_or(0.0);
         let mut scale = of_rows.max(noise_deg_h).max(self.scatter_deg_h());
         if of_rows <= COARSE * noise_deg_h {
-            let count = rows.iter().map(deviation).filter(|&each| each > noise_deg_h).fold(f64::INFINITY, f64::min);
+            let mut count = f64::INFINITY;
+            for few in rows.chunks(FEW_ROWS) {
+                count = few.iter().map(deviation).filter(|&each| each > noise_deg_h).fold(count, f64::min);
+                pause().await;
+            }
             if count.is_finite() {
                 scale = scale.max(count);
             }
         }
         for row in rows {
+            pause().await;
             if deviation(row) <= OUTLIER_SIGMAS * scale {
-                self.add_row(row);
+                self.add_row(&row.into());
             } else {
                 self.outliers = self.outliers.saturating_add(1);
                 let _ = self.outliers_s.push(row.t_s);
@@ -470,14 +509,17 @@ impl Sums {
     }
 }
 
-#[inline(never)]
-fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut values: Vec<f64, MAX_ROWS> = values.filter(|value| value.is_finite()).take(MAX_ROWS).collect();
-    crate::median::median(&mut values)
-}
-
-fn median_of_deviations(rows: &[Row], centre: f64) -> f64 {
-    median(rows.iter().map(|row| (row.rate_deg_h - centre).abs())).unwrap_or(0.0)
+/// Middle of what `value` gives of the rows.
+async fn median(rows: &[Kept], value: impl Fn(&Kept) -> f64) -> Option<f64> {
+    let mut values: Vec<f64, MAX_ROWS> = Vec::new();
+    for few in rows.chunks(FEW_ROWS) {
+        for value in few.iter().map(&value).filter(|value| value.is_finite()) {
+            // A dwell has no more rows than there are places.
+            let _ = values.push(value);
+        }
+        pause().await;
+    }
+    crate::median::in_slices(&mut values).await
 }
 
 impl DwellSummary {
@@ -516,6 +558,7 @@ impl DwellSummary {
 mod tests {
     use super::*;
     use crate::fix::tests::normal;
+    use crate::slices::at_once;
 
     fn row(second: u16, rate_deg_h: f64) -> Row {
         Row {
@@ -532,7 +575,7 @@ mod tests {
     fn rows(rates: &[f64]) -> DwellRows {
         let mut rows = DwellRows::default();
         for (second, &rate) in (0..).zip(rates) {
-            rows.push(row(second, rate), 0.1);
+            at_once(rows.push(row(second, rate), 0.1));
         }
         rows
     }
@@ -542,7 +585,7 @@ mod tests {
         // 1, 2, 3, 6 at 0.5, 1.5, 2.5, 3.5: mean 3, slope (−1.5·−2 − 0.5·−1 + 0.5·0 + 1.5·3)/5 = 1.6; residuals
         // 0.4, −0.2, −0.8, 0.6 with sum of squares 1.2; differences −0.6, −0.6, 1.4, half their squares 1.34. The mean
         // angles of the seconds are 0.5, 2, 4.5, 9: their slope is (−1.5·0.5 − 0.5·2 + 0.5·4.5 + 1.5·9)/5 = 2.8.
-        let summary = rows(&[1.0, 2.0, 3.0, 6.0]).summary(1.0).unwrap();
+        let summary = at_once(rows(&[1.0, 2.0, 3.0, 6.0]).summary(1.0)).unwrap();
         assert!((summary.rate.mean - 3.0).abs() < 1e-12);
         assert!((summary.rate.slope_per_s - 1.6).abs() < 1e-12);
         assert!((summary.rate.residual_squares - 1.2).abs() < 1e-12);
@@ -555,7 +598,7 @@ mod tests {
 
     #[test]
     fn a_shock_is_left_out() {
-        let summary = rows(&[1.0, 1.1, 0.9, 50.0, 1.0, 1.1, 0.9]).summary(0.1).unwrap();
+        let summary = at_once(rows(&[1.0, 1.1, 0.9, 50.0, 1.0, 1.1, 0.9]).summary(0.1)).unwrap();
         assert_eq!((summary.outliers, summary.angle), (1, None));
         assert!((summary.rate.mean - 1.0).abs() < 1e-12);
     }
@@ -572,10 +615,11 @@ mod tests {
             for second in 0..100 {
                 angle += rate_deg_h + 0.09 * normal(&mut state);
                 let reading = count * libm::round(angle / count);
-                rows.push(row(second, reading - counted + if second == 50 { shock } else { 0.0 }), 0.09);
+                let shock = if second == 50 { shock } else { 0.0 };
+                at_once(rows.push(row(second, reading - counted + shock), 0.09));
                 counted = reading;
             }
-            let summary = rows.summary(0.09).unwrap();
+            let summary = at_once(rows.summary(0.09)).unwrap();
             assert_eq!(summary.outliers, u16::from(shock > 0.0));
             assert!((summary.rate.mean - rate_deg_h).abs() < 0.04, "{}", summary.rate.mean);
         }
@@ -598,7 +642,7 @@ mod tests {
                     }
                 })
                 .collect();
-            all.iter().for_each(|row| dwell.push(*row, 1.0));
+            all.iter().for_each(|row| at_once(dwell.push(*row, 1.0)));
             let (number, middle_s) = (f64::from(length), 0.5 * f64::from(length));
             let mean = all.iter().map(|row| row.rate_deg_h).sum::<f64>() / number;
             let with_time: f64 = all.iter().map(|row| (row.t_s - middle_s) * row.rate_deg_h).sum();
@@ -607,27 +651,34 @@ mod tests {
             let residual = |row: &Row| row.rate_deg_h - mean - slope * (row.t_s - middle_s);
             let squares: f64 = all.iter().map(|row| residual(row) * residual(row)).sum();
             let steps: f64 = all.windows(2).map(|pair| 0.5 * (residual(&pair[1]) - residual(&pair[0])).powi(2)).sum();
-            let summary = dwell.summary(1.0).unwrap();
+            let summary = at_once(dwell.summary(1.0)).unwrap();
             let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-9 * b.abs().max(1.0), "{length}: {a} {b}");
             close(summary.rate.mean, mean);
             close(1e3 * summary.rate.slope_per_s, 1e3 * slope);
             close(summary.rate.residual_squares, squares);
             close(summary.rate.successive_squares, steps);
             assert_eq!((summary.degrees_of_freedom, summary.outliers, summary.seconds), (length - 2, 0, number));
-            let moment = |rows: &[Row]| {
-                rows.iter()
-                    .map(|row| row.moment_arcsec_s + row.seconds * (row.t_s - middle_s) * row.rate_deg_h)
-                    .sum::<f64>()
+            // First moments are kept as floats: every merging rounds them and their means once, by a share of 2⁻²⁴ at most, and rows of
+            // three hours are merged eight times.
+            let kept: std::vec::Vec<Row> = dwell.as_slice().iter().map(Row::from).collect();
+            let rounding = |rows: &[Row], of: &dyn Fn(&Row) -> f64| {
+                9.0 * 2.0_f64.powi(-24) * rows.iter().map(|row| of(row).abs()).sum::<f64>()
             };
-            close(moment(dwell.as_slice()), moment(&all));
-            let left = |rows: &[Row]| {
-                rows.iter()
-                    .map(|row| row.level.unwrap())
-                    .zip(rows)
-                    .map(|(level, row)| level.first.left + row.seconds * (row.t_s - middle_s) * level.mean.left)
-                    .sum::<f64>()
+            let compare = |of: &dyn Fn(&Row) -> f64, parts: [&dyn Fn(&Row) -> f64; 2]| {
+                let sum = |rows: &[Row]| rows.iter().map(of).sum::<f64>();
+                let allowed: f64 = parts.iter().map(|part| rounding(&kept, part)).sum();
+                assert!((sum(&kept) - sum(&all)).abs() <= allowed, "{length}: {} {} {allowed}", sum(&kept), sum(&all));
             };
-            close(1e3 * left(dwell.as_slice()), 1e3 * left(&all));
+            let of_mean = |row: &Row, mean: f64| row.seconds * (row.t_s - middle_s) * mean;
+            let left = |row: &Row| row.level.unwrap();
+            compare(
+                &|row| row.moment_arcsec_s + of_mean(row, row.rate_deg_h),
+                [&|row| row.moment_arcsec_s, &|row| of_mean(row, row.rate_deg_h)],
+            );
+            compare(
+                &|row| left(row).first.left + of_mean(row, left(row).mean.left),
+                [&|row| left(row).first.left, &|row| of_mean(row, left(row).mean.left)],
+            );
             assert!(longest_piece(dwell.as_slice()).len() == dwell.len() && dwell.len() > 48);
         }
     }
@@ -635,8 +686,8 @@ mod tests {
     #[test]
     fn gaps_everywhere_are_no_limit_either() {
         let mut dwell = DwellRows::default();
-        (0..2000).for_each(|i| dwell.push(row(2 * i, f64::from(i % 3)), 1.0));
-        let summary = dwell.summary(1.0).unwrap();
+        (0..2000).for_each(|i| at_once(dwell.push(row(2 * i, f64::from(i % 3)), 1.0)));
+        let summary = at_once(dwell.summary(1.0)).unwrap();
         assert_eq!((summary.seconds, summary.angle), (2000.0, None));
         assert!((summary.rate.mean - 1.0).abs() < 1e-3);
     }
@@ -651,7 +702,7 @@ mod tests {
 
     #[test]
     fn nothing_gives_nothing() {
-        assert!(DwellRows::default().summary(1.0).is_none());
-        assert!(rows(&[f64::NAN]).summary(1.0).is_none());
+        assert!(at_once(DwellRows::default().summary(1.0)).is_none());
+        assert!(at_once(rows(&[f64::NAN]).summary(1.0)).is_none());
     }
 }

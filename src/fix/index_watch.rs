@@ -53,6 +53,11 @@ impl IndexWatch {
         None
     }
 
+    /// It stands here since it came to rest: nothing is to be waited for.
+    pub fn stand(&mut self, index: Direction) {
+        *self = Self { sum: index, seconds: STILL_SECONDS, suspect: false, ..*self };
+    }
+
     /// The motor is commanded.
     pub fn restart(&mut self) {
         *self = Self { sum: Direction::default(), seconds: 0, suspect: false, ..*self };
@@ -109,6 +114,14 @@ mod tests {
         for speed_deg_s in [0.001, 0.005, 0.01, 0.02, 0.03, 0.05, 0.2, 30.0] {
             assert_eq!(slip((0..600).map(|second| speed_deg_s * f64::from(second))), None, "{speed_deg_s}");
         }
+    }
+
+    #[test]
+    fn what_stands_at_a_known_angle_is_watched_at_once() {
+        let mut watch = IndexWatch::new(0.02);
+        watch.stand(Direction::of_deg(90.0));
+        assert_eq!(watch.push(Direction::of_deg(90.03)), None);
+        assert!(watch.push(Direction::of_deg(90.3)).is_some());
     }
 
     #[test]

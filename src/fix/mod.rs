@@ -28,7 +28,7 @@ mod statistics;
 mod tests;
 mod velocity;
 
-use nalgebra::{Matrix4, Vector4};
+use nalgebra::{Matrix4, SMatrix, Vector4};
 use serde::{Deserialize, Serialize};
 
 use crate::earth::EarthRate;
@@ -37,6 +37,7 @@ use crate::health::{Flag, Flags};
 use crate::index::Direction;
 use crate::level::{Specific, Tilt};
 use crate::sample::GyroSettings;
+use crate::slices::pause;
 use crate::units::{DEG_PER_RAD, RAD_PER_DEG, sin_cos_deg, wrap_180_deg, wrap_360_deg};
 use base_motion::{BaseMotion, Method};
 pub use design::DesignRow;
@@ -63,6 +64,8 @@ const SCALE_LIMIT: f64 = 0.1;
 const LATITUDE_LIMIT_DEG: f64 = 10.0;
 /// Scatter above this multiple of the declared noise is flagged.
 const NOISY_RATIO: f64 = 3.0;
+/// Dwells whose sums make one slice.
+const FEW: usize = 8;
 /// A drift that is declared as none is still allowed this much, °/h per hour, to keep the equations regular.
 const LEAST_DRIFT: f64 = 1e-6;
 
@@ -186,38 +189,54 @@ impl Problem<'_> {
         Direction { cos: cos * cos_slip + sin * sin_slip, sin: sin * cos_slip - cos * sin_slip }
     }
 
-    /// Mean and slope of every dwell, the Earth's vertical rate and the base's turning taken out.
-    fn observations(&self) -> impl Iterator<Item = Observation> + '_ {
-        self.dwells.iter().flat_map(|dwell| {
-            let index = self.index(dwell);
-            let design = DesignRow::new(index, specific(dwell), &self.earth);
-            let (mean_deg_h, weight) = self.noise.map_or((dwell.rate.mean, dwell.seconds), |noise| noise.mean(dwell));
-            let weight_of_slope = self.noise.map_or(dwell.time_spread, |noise| noise.weight_of_slope(dwell));
-            let rate_deg_h = mean_deg_h - design.vertical_deg_h - self.base_rate_deg_h(dwell);
-            let hours = (dwell.t_s - self.start_s) / 3600.0;
-            let [line_deg_h, line_deg_h_per_h] = self.line.map_or([0.0; 2], |line| line.of_dwell(dwell));
-            [
-                Observation {
-                    weight,
-                    row: Vector4::new(design.cos, design.sin, 1.0, hours),
-                    cos_2theta: index.cos * index.cos - index.sin * index.sin,
-                    rate_deg_h: rate_deg_h - line_deg_h,
-                },
-                Observation {
-                    weight: weight_of_slope / (3600.0 * 3600.0),
-                    row: Vector4::new(0.0, 0.0, 0.0, 1.0),
-                    cos_2theta: 0.0,
-                    rate_deg_h: dwell.rate.slope_per_s * 3600.0 - line_deg_h_per_h,
-                },
-            ]
-        })
+    /// Mean and slope of a dwell, the Earth's vertical rate and the base's turning taken out.
+    async fn observations(&self, dwell: &DwellSummary) -> [Observation; 2] {
+        let index = self.index(dwell);
+        let design = DesignRow::new(index, specific(dwell), &self.earth);
+        let (mean_deg_h, weight) = self.noise.map_or((dwell.rate.mean, dwell.seconds), |noise| noise.mean(dwell));
+        let weight_of_slope = self.noise.map_or(dwell.time_spread, |noise| noise.weight_of_slope(dwell));
+        if matches!(self.motion, BaseMotion::Moving(_)) || self.encoder_slipped {
+            pause().await;
+        }
+        let rate_deg_h = mean_deg_h - design.vertical_deg_h - self.base_rate_deg_h(dwell);
+        let hours = (dwell.t_s - self.start_s) / 3600.0;
+        let [line_deg_h, line_deg_h_per_h] = match &self.line {
+            None => [0.0; 2],
+            Some(line) => {
+                pause().await;
+                line.of_dwell(dwell)
+            }
+        };
+        [
+            Observation {
+                weight,
+                row: Vector4::new(design.cos, design.sin, 1.0, hours),
+                cos_2theta: index.cos * index.cos - index.sin * index.sin,
+                rate_deg_h: rate_deg_h - line_deg_h,
+            },
+            Observation {
+                weight: weight_of_slope / (3600.0 * 3600.0),
+                row: Vector4::new(0.0, 0.0, 0.0, 1.0),
+                cos_2theta: 0.0,
+                rate_deg_h: dwell.rate.slope_per_s * 3600.0 - line_deg_h_per_h,
+            },
+        ]
+    }
+
+    /// The mean alone.
+    async fn mean(&self, dwell: &DwellSummary) -> Observation {
+        let [mean, _] = self.observations(dwell).await;
+        mean
     }
 
     /// The observations with errors that are independent of each other.
-    fn for_each(&self, take: &mut dyn FnMut(Observation)) {
-        match self.correlated {
-            Some(correlated) => correlated.for_each(self.observations().step_by(2), take),
-            None => self.observations().for_each(take),
+    async fn for_each(&self, take: &mut dyn FnMut(Observation)) {
+        if let Some(correlated) = self.correlated {
+            return correlated.for_each(self, take).await;
+        }
+        for dwell in self.dwells {
+            self.observations(dwell).await.into_iter().for_each(&mut *take);
+            pause().await;
         }
     }
 
@@ -243,19 +262,20 @@ impl Problem<'_> {
 impl Problem<'_> {
     /// Where there are too few rows in a dwell to tell the noise (a continuous rotation): variance of a one-second rate,
     /// (°/h)², from the differences of successive residuals.
-    fn variance_of_successive_residuals(&self) -> Option<f64> {
-        let parameters = Estimate::new(self, LEAST_DRIFT).map(|estimate| estimate.parameters)?;
-        let residuals = self
-            .observations()
-            .filter(|observation| observation.row.z != 0.0 && observation.weight > 0.0)
-            .map(|Observation { weight, row, rate_deg_h, .. }| (rate_deg_h - row.dot(&parameters), 1.0 / weight));
+    async fn variance_of_successive_residuals(&self) -> Option<f64> {
+        let parameters = Estimate::new(self, LEAST_DRIFT).await?.parameters;
         let (mut last, mut sum, mut pairs) = (None, 0.0, 0.0);
-        for (residual, share) in residuals {
-            if let Some((before, share_before)) = last.replace((residual, share)) {
-                let difference: f64 = residual - before;
-                sum += difference * difference / (share + share_before);
-                pairs += 1.0;
+        for dwell in self.dwells {
+            let Observation { weight, row, rate_deg_h, .. } = self.mean(dwell).await;
+            if weight > 0.0 {
+                let (residual, share) = (rate_deg_h - row.dot(&parameters), 1.0 / weight);
+                if let Some((before, share_before)) = last.replace((residual, share)) {
+                    let difference: f64 = residual - before;
+                    sum += difference * difference / (share + share_before);
+                    pairs += 1.0;
+                }
             }
+            pause().await;
         }
         (pairs > 0.0).then(|| sum / pairs)
     }
@@ -274,19 +294,21 @@ struct Estimate {
 
 impl Estimate {
     /// With `drift_weight` = s²/σ² of the declared drift about zero; 0 estimates the drift freely.
-    fn new(problem: &Problem<'_>, drift_weight: f64) -> Option<Self> {
+    async fn new(problem: &Problem<'_>, drift_weight: f64) -> Option<Self> {
         let mut normal = Matrix4::zeros();
         let mut right = Vector4::zeros();
-        problem.for_each(&mut |observation| observation.add_to(&mut normal, &mut right));
+        problem.for_each(&mut |observation| observation.add_to(&mut normal, &mut right)).await;
         normal.m44 += drift_weight;
         let inverse = regular_inverse(&normal)?;
+        pause().await;
         let parameters = inverse * right;
         let (mut left, mut count) = (drift_weight * parameters.w * parameters.w, 0);
-        problem.for_each(&mut |Observation { weight, row, rate_deg_h, .. }| {
+        let mut judge = |Observation { weight, row, rate_deg_h, .. }: Observation| {
             let residual = rate_deg_h - row.dot(&parameters);
             left += weight * residual * residual;
             count += usize::from(weight > 0.0);
-        });
+        };
+        problem.for_each(&mut judge).await;
         Some(Self { parameters, inverse, left, count })
     }
 
@@ -355,12 +377,12 @@ fn set(matrix: &mut Matrix4<f64>, row: usize, column: usize, value: f64) {
 /// Where the index reading jumped while the motor stood, either the spindle moved, and the readings are right, or the encoder
 /// slipped on it, and from there on they are wrong by the jump. A gyro that turns by Δθ at an azimuth ψ − θ of its axis reads
 /// h sin(ψ − θ) Δθ more: the rates themselves say which it was, where they can. Where they cannot, sigma holds both.
-pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -> Result<Fix, Unsolvable> {
-    let spindle = solve_for(dwells, declared, model, false);
+pub async fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -> Result<Fix, Unsolvable> {
+    let spindle = solve_for(dwells, declared, model, false).await;
     if dwells.iter().all(|dwell| dwell.slip_deg == 0.0) {
         return spindle.map(|(solution, _)| solution);
     }
-    let (mut better, mut other) = match (spindle, solve_for(dwells, declared, model, true)) {
+    let (mut better, mut other) = match (spindle, solve_for(dwells, declared, model, true).await) {
         (Ok(spindle), Ok(encoder)) if encoder.1 < spindle.1 => (encoder, spindle),
         (Ok(spindle), Ok(encoder)) => (spindle, encoder),
         (Ok(only), Err(_)) | (Err(_), Ok(only)) => (only, only),
@@ -376,7 +398,7 @@ pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -
 }
 
 /// The solution of one cause of jumps, and its sum of squares by the variance of the noise.
-fn solve_for(
+async fn solve_for(
     dwells: &[DwellSummary],
     declared: &Declared,
     model: &ErrorModel,
@@ -387,7 +409,7 @@ fn solve_for(
     let mut problem = Problem {
         dwells,
         earth,
-        motion: base_motion(dwells),
+        motion: base_motion(dwells).await,
         start_s,
         line: None,
         noise: None,
@@ -397,7 +419,7 @@ fn solve_for(
     let mut flags = Flags::default();
 
     let noise_deg_h = declared.gyro.noise_deg_h();
-    let noise = Noise::new(&problem, noise_deg_h).ok_or(Unsolvable::TooFewDirections)?;
+    let noise = Noise::new(&problem, noise_deg_h).await.ok_or(Unsolvable::TooFewDirections)?;
     let variance = noise.variance;
     problem.noise = Some(noise);
     if noise.white > NOISY_RATIO * NOISY_RATIO * noise_deg_h * noise_deg_h && noise_deg_h > 0.0 {
@@ -407,12 +429,13 @@ fn solve_for(
     let drift_sigma = declared.gyro.drift_deg_h_per_h.max(LEAST_DRIFT);
     if let Some(sinusoid) = model.sinusoid {
         let drift_weight = variance / (drift_sigma * drift_sigma);
-        let fitted = Fitted::new(sinusoid, &problem, variance, drift_weight);
+        let fitted = Fitted::new(sinusoid, &problem, variance, drift_weight).await;
         problem.line = Some(fitted.ok_or(Unsolvable::TooFewDirections)?);
     }
     let mut correlated = Correlated::default();
-    problem.correlated = correlated.fill(&model.doubt, dwells, problem.observations().step_by(2), variance);
-    let drift = settle_drift(&problem, variance, drift_sigma)?;
+    problem.correlated = correlated.fill(&model.doubt, &problem, variance).await;
+    let drift = settle_drift(&problem, variance, drift_sigma).await?;
+    pause().await;
     let estimate = drift.estimate;
     if drift.free {
         flags.insert(Flag::Drift);
@@ -438,11 +461,13 @@ fn solve_for(
         }
     };
 
+    pause().await;
     let &[cos_part, sin_part, bias_deg_h, drift_deg_h_per_h] = estimate.parameters.as_ref();
     let amplitude_deg_h = libm::hypot(cos_part, sin_part);
     let inverse = problem.line.map_or(estimate.inverse, |line| estimate.inverse + line.doubt);
-    let covariance =
-        inverse * (variance * inflation.max(widening)) + correlated_covariance(&problem, &estimate, declared, model);
+    let covariance = inverse * (variance * inflation.max(widening))
+        + correlated_covariance(&problem, &estimate, declared, model).await;
+    pause().await;
     let along = Vector4::new(cos_part, sin_part, 0.0, 0.0) / amplitude_deg_h;
     let amplitude_sigma = libm::sqrt(along.dot(&(covariance * along)));
     let significant = amplitude_deg_h > 5.0 * amplitude_sigma;
@@ -465,7 +490,8 @@ fn solve_for(
     if dwells.iter().any(|dwell| dwell.outliers > 0) {
         flags.insert(Flag::Shock);
     }
-    let tilt = mean_tilt(dwells);
+    pause().await;
+    let tilt = mean_tilt(dwells).await;
     if tilt.is_none() {
         flags.insert(Flag::TiltUnknown);
     }
@@ -476,7 +502,11 @@ fn solve_for(
     // the weights lies between 1/2 and 1/√2. A level error τ about the north line turns the azimuth by τ tan φ.
     let of_index_deg = declared.index_sigma_deg * core::f64::consts::FRAC_1_SQRT_2;
     let of_level_deg = declared.level_sigma_deg * earth.up_deg_h / earth.north_deg_h;
+    pause().await;
+    let closure_deg_h = closure(&problem).await;
+    pause().await;
     let apparent_deg = estimate.azimuth_deg();
+    pause().await;
     let azimuth_deg = model.true_azimuth_deg(apparent_deg, &earth);
     let solution = Fix {
         azimuth_deg,
@@ -486,7 +516,7 @@ fn solve_for(
                 .map(|part| part * part)
                 .sum(),
         ),
-        closure_deg_h: closure(&problem),
+        closure_deg_h,
         bias_deg_h,
         amplitude_deg_h,
         drift_deg_h_per_h,
@@ -507,12 +537,11 @@ struct Drift {
 }
 
 /// With the drift held to its declaration if the data allow it, else free; undecided in between.
-#[inline(never)]
-fn settle_drift(problem: &Problem<'_>, variance: f64, drift_sigma: f64) -> Result<Drift, Unsolvable> {
+async fn settle_drift(problem: &Problem<'_>, variance: f64, drift_sigma: f64) -> Result<Drift, Unsolvable> {
     let declared =
-        Estimate::new(problem, variance / (drift_sigma * drift_sigma)).ok_or(Unsolvable::TooFewDirections)?;
+        Estimate::new(problem, variance / (drift_sigma * drift_sigma)).await.ok_or(Unsolvable::TooFewDirections)?;
     // A drift that takes the last redundancy would explain whatever is wrong.
-    let Some(free) = Estimate::new(problem, 0.0).filter(|free| free.count > PARAMETERS) else {
+    let Some(free) = Estimate::new(problem, 0.0).await.filter(|free| free.count > PARAMETERS) else {
         return Ok(Drift { estimate: declared, free: false, doubt_deg: 0.0 });
     };
     let spread = drift_sigma * drift_sigma + variance * free.inverse.m44;
@@ -542,8 +571,7 @@ fn plausible_amplitude_deg_h(earth: &EarthRate) -> [f64; 2] {
 
 /// Covariance of the parameters from errors that do not average out inside a dwell: the declared bias instability, the
 /// noise of the base motion that was taken out, and the model's doubt where the weights leave it out.
-#[inline(never)]
-fn correlated_covariance(
+async fn correlated_covariance(
     problem: &Problem<'_>,
     estimate: &Estimate,
     declared: &Declared,
@@ -551,13 +579,12 @@ fn correlated_covariance(
 ) -> Matrix4<f64> {
     let instability = declared.gyro.bias_instability_deg_h;
     let mut shared = match problem.correlated {
-        None if doubt::is_any(&model.doubt) => {
-            doubt::of_right_hand_side(&model.doubt, problem.dwells, problem.observations().step_by(2))
-        }
+        None if doubt::is_any(&model.doubt) => doubt::of_right_hand_side(&model.doubt, problem).await,
         _ => Matrix4::zeros(),
     };
-    let mut by_coefficient = [nalgebra::SMatrix::<f64, 4, 5>::zeros(); 2];
-    for (i, (dwell, observation)) in problem.dwells.iter().zip(problem.observations().step_by(2)).enumerate() {
+    let mut by_coefficient = [SMatrix::<f64, 4, 5>::zeros(); 2];
+    for (i, dwell) in problem.dwells.iter().enumerate() {
+        let observation = problem.mean(dwell).await;
         let gain = problem.gain(i, &observation);
         let mut of_dwell = instability * instability;
         match &problem.motion {
@@ -567,42 +594,64 @@ fn correlated_covariance(
             }
             BaseMotion::Moving(Method::Slopes { .. }) => {}
             BaseMotion::Moving(Method::Path(path)) => {
+                pause().await;
                 let rates = path.rates(dwell);
                 let [pitch, roll] = &mut by_coefficient;
                 *pitch -= dwell.sin * gain * rates.transpose();
+                pause().await;
                 *roll += dwell.cos * gain * rates.transpose();
             }
         }
         shared += of_dwell * gain * gain.transpose();
+        pause().await;
     }
     if let BaseMotion::Moving(Method::Path(path)) = &problem.motion {
         for (by_coefficient, covariance) in by_coefficient.iter().zip(path.covariance()) {
-            shared += by_coefficient * covariance * by_coefficient.transpose();
+            let half = product(by_coefficient, covariance).await;
+            shared += product(&half, &by_coefficient.transpose()).await;
         }
     }
-    estimate.inverse * shared * estimate.inverse
+    product(&product(&estimate.inverse, &shared).await, &estimate.inverse).await
+}
+
+/// The product of two matrices, a column a slice.
+async fn product<const R: usize, const K: usize, const C: usize>(
+    left: &SMatrix<f64, R, K>,
+    right: &SMatrix<f64, K, C>,
+) -> SMatrix<f64, R, C> {
+    let mut product = SMatrix::<f64, R, C>::zeros();
+    let (columns, of_right) = (product.as_mut_slice().as_chunks_mut::<R>().0, right.as_slice().as_chunks::<K>().0);
+    for (column, of_right) in columns.iter_mut().zip(of_right) {
+        for (of_left, factor) in left.as_slice().as_chunks::<R>().0.iter().zip(of_right) {
+            column.iter_mut().zip(of_left).for_each(|(sum, part)| *sum += part * factor);
+        }
+        pause().await;
+    }
+    product
 }
 
 /// The cos 2θ coefficient beside amplitude and bias, without a drift (which it shows).
-#[inline(never)]
-fn closure(problem: &Problem<'_>) -> Option<f64> {
+async fn closure(problem: &Problem<'_>) -> Option<f64> {
     let mut normal = Matrix4::zeros();
     let mut right = Vector4::zeros();
-    for mut observation in problem.observations().step_by(2) {
+    for dwell in problem.dwells {
+        let mut observation = problem.mean(dwell).await;
         observation.row.w = observation.cos_2theta;
         observation.add_to(&mut normal, &mut right);
+        pause().await;
     }
     // At 45°, 135°, … the second harmonic that this one looks for is nothing.
     if normal.m44 < 1e-3 * normal.m33 {
         return None;
     }
-    Some((regular_inverse(&normal)? * right).w)
+    let inverse = regular_inverse(&normal)?;
+    pause().await;
+    Some((inverse * right).w)
 }
 
 /// What is left to be taken out of the base's motion.
-#[inline(never)]
-fn base_motion(dwells: &[DwellSummary]) -> BaseMotion {
-    if dwells.iter().any(|dwell| dwell.base_taken_out) { BaseMotion::Still } else { base_motion::detect(dwells) }
+async fn base_motion(dwells: &[DwellSummary]) -> BaseMotion {
+    if dwells.iter().any(|dwell| dwell.base_taken_out) { BaseMotion::Still } else { base_motion::detect(dwells).await }
 }
 
 /// Upward components of the instrument's axes during a dwell.
@@ -610,22 +659,27 @@ fn specific(dwell: &DwellSummary) -> Option<Specific> {
     dwell.level.map(|[forward, left]| Specific { forward: forward.mean, left: left.mean })
 }
 
-fn mean_tilt(dwells: &[DwellSummary]) -> Option<Tilt> {
+async fn mean_tilt(dwells: &[DwellSummary]) -> Option<Tilt> {
     let (mut forward, mut left, mut seconds) = (0.0, 0.0, 0.0);
-    for dwell in dwells {
-        let level = specific(dwell)?;
-        forward += level.forward * dwell.seconds;
-        left += level.left * dwell.seconds;
-        seconds += dwell.seconds;
+    for few in dwells.chunks(FEW) {
+        for dwell in few {
+            let level = specific(dwell)?;
+            forward += level.forward * dwell.seconds;
+            left += level.left * dwell.seconds;
+            seconds += dwell.seconds;
+        }
+        pause().await;
     }
-    Specific::new(forward / seconds, left / seconds).map(|level| level.tilt())
+    let tilt = Specific::new(forward / seconds, left / seconds).map(|level| level.tilt());
+    pause().await;
+    tilt
 }
 
 /// Azimuth by dwells in two directions, degrees in [0°, 360°), the gyro's bias taken as none: a bias b makes it wrong by up to
 /// √2 b / (Ω cos φ). `None`: the dwells lie in one line.
 ///
 /// Least squares of h cos ψ and h sin ψ alone, by time: enough to turn the axis nearly east.
-pub fn coarse_azimuth_deg(dwells: &[DwellSummary], earth: &EarthRate) -> Option<f64> {
+pub async fn coarse_azimuth_deg(dwells: &[DwellSummary], earth: &EarthRate) -> Option<f64> {
     let [mut cc, mut cs, mut ss, mut cr, mut sr, mut s] = [0.0; 6];
     for dwell in dwells {
         let design = DesignRow::new(Direction { cos: dwell.cos, sin: dwell.sin }, specific(dwell), earth);
@@ -636,6 +690,7 @@ pub fn coarse_azimuth_deg(dwells: &[DwellSummary], earth: &EarthRate) -> Option<
         cr += dwell.seconds * design.cos * rate_deg_h;
         sr += dwell.seconds * design.sin * rate_deg_h;
         s += dwell.seconds;
+        pause().await;
     }
     let determinant = cc * ss - cs * cs;
     let regular = determinant > 1e-3 * s * s;

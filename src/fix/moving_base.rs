@@ -25,9 +25,10 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::dwell::{DwellSummary, Line, Row, longest_piece};
+use super::dwell::{DwellSummary, Kept, Line, Row, longest_piece};
 use super::velocity::{self, Integral};
 use crate::effects::BaseMotion;
+use crate::slices::pause;
 use crate::units::ARCSEC_PER_RAD;
 
 /// Lengths of a dwell beyond which a time constant is as good as infinite.
@@ -40,35 +41,34 @@ const LEAST_ROWS: usize = velocity::LEAST_ROWS;
 /// The rows' summary, its rate free of the base's motion; `None` where too few rows follow each other without a gap or
 /// the accelerometers are missing. Where the tilt's noise is white in the tilt, `noise_deg_h`, the declared noise of a
 /// one-second rate (0: unknown), is held against it.
-#[inline(never)]
-pub fn summary(rows: &[Row], sensing: BaseMotion, noise_deg_h: f64) -> Option<DwellSummary> {
+pub async fn summary(rows: &[Kept], sensing: BaseMotion, noise_deg_h: f64) -> Option<DwellSummary> {
     let BaseMotion { velocity, lag_s } = sensing;
     let piece = longest_piece(rows);
     if piece.len() < LEAST_ROWS {
         return None;
     }
-    let (first, last) = (piece.first()?, piece.last()?);
+    let (first, last) = (Row::from(piece.first()?), Row::from(piece.last()?));
     let (start_s, end_s) = (first.t_s - 0.5 * first.seconds, last.t_s + 0.5 * last.seconds);
     let length_s = end_s - start_s;
     let tilt = Tilt { rows: piece, lag_s };
     let (mean, variance) = if velocity {
         let white = noise_deg_h * noise_deg_h / length_s / SQUARED_PARABOLA;
         let mut rows = velocity::Integrals::new();
-        // There are no more of them than rows.
-        integrals(&tilt).for_each(|integral| rows.push(integral).unwrap_or(()));
-        let (mean, variance) = velocity::mean_rate(&rows, start_s, length_s)?;
+        integrals(&tilt, &mut rows).await;
+        let (mean, variance) = velocity::mean_rate(&rows, start_s, length_s).await?;
         (mean, variance.max(white))
     } else {
-        weighted_mean(&tilt, start_s, length_s, noise_deg_h)?
+        weighted_mean(&tilt, start_s, length_s, noise_deg_h).await?
     };
     let (mut seconds, mut cos, mut sin, mut forward, mut left) = (0.0, 0.0, 0.0, 0.0, 0.0);
-    for row in piece {
+    for row in piece.iter().map(Row::from) {
         let level = row.level?;
         seconds += row.seconds;
         cos += row.seconds * row.cos;
         sin += row.seconds * row.sin;
         forward += row.seconds * level.mean.forward;
         left += row.seconds * level.mean.left;
+        pause().await;
     }
     let degrees_of_freedom = (piece.len() - 3) as u16;
     let residual_squares = variance * seconds * f64::from(degrees_of_freedom);
@@ -91,17 +91,23 @@ pub fn summary(rows: &[Row], sensing: BaseMotion, noise_deg_h: f64) -> Option<Dw
 }
 
 /// Mean rate, °/h, by the weight that meets both noises best, and its variance.
-fn weighted_mean(tilt: &Tilt, start_s: f64, length_s: f64, noise_deg_h: f64) -> Option<(f64, f64)> {
-    let tilt_noise = tilt_noise_arcsec(tilt, noise_deg_h);
+async fn weighted_mean(tilt: &Tilt<'_>, start_s: f64, length_s: f64, noise_deg_h: f64) -> Option<(f64, f64)> {
+    let tilt_noise = tilt_noise_arcsec(tilt, noise_deg_h).await;
     let tau_s = (tilt_noise / noise_deg_h).max(2.0 * length_s / tilt.rows.len() as f64);
     let cosh = noise_deg_h > 0.0 && tau_s < LONGEST_TAU * length_s;
     let shape = if cosh { Shape::Cosh { tau_s } } else { Shape::Parabola };
     let weights = Weights { start_s, length_s, shape };
     let (mut weight, mut weighted_arcsec) = (0.0, 0.0);
-    for (i, row) in tilt.rows.iter().enumerate() {
+    for (i, row) in tilt.iter().enumerate() {
         let (from_s, to_s) = (row.t_s - 0.5 * row.seconds, row.t_s + 0.5 * row.seconds);
-        let (before, after) = (weights.at(from_s), weights.at(to_s));
-        let of_row = weights.integral(to_s) - weights.integral(from_s);
+        let before = weights.at(from_s);
+        pause().await;
+        let after = weights.at(to_s);
+        pause().await;
+        let until = weights.integral(to_s);
+        pause().await;
+        let of_row = until - weights.integral(from_s);
+        pause().await;
         weight += of_row;
         let moment = row.moment_arcsec_s / row.seconds;
         weighted_arcsec += of_row * row.rate_deg_h + (after - before) * (moment + tilt.at(i)?);
@@ -109,8 +115,11 @@ fn weighted_mean(tilt: &Tilt, start_s: f64, length_s: f64, noise_deg_h: f64) -> 
         // times that cube's twelfth.
         let bend = (0.5 * row.seconds * (after + before) - of_row) / (row.seconds * row.seconds * row.seconds / 12.0);
         weighted_arcsec += bend * tilt.moment_arcsec_s2(i)?;
+        pause().await;
     }
-    Some((weighted_arcsec / weight, variance(tilt, &weights)?.max(weights.variance(noise_deg_h, tilt_noise))))
+    let of_scatter = variance(tilt, &weights).await?;
+    pause().await;
+    Some((weighted_arcsec / weight, of_scatter.max(weights.variance(noise_deg_h, tilt_noise))))
 }
 
 /// The weight of a moment and its integral.
@@ -137,7 +146,7 @@ impl Weights {
         match self.shape {
             Shape::Cosh { tau_s } => {
                 let x = self.length_s / tau_s;
-                1.0 - libm::cosh((u - 0.5) * x) / libm::cosh(0.5 * x)
+                1.0 - over_cosh((u - 0.5) * x, 0.5 * x).0
             }
             Shape::Parabola => u * (1.0 - u),
         }
@@ -148,7 +157,7 @@ impl Weights {
         let of_share = match self.shape {
             Shape::Cosh { tau_s } => {
                 let x = self.length_s / tau_s;
-                u - libm::sinh((u - 0.5) * x) / libm::cosh(0.5 * x) / x
+                u - over_cosh((u - 0.5) * x, 0.5 * x).1 / x
             }
             Shape::Parabola => u * u / 2.0 - u * u * u / 3.0,
         };
@@ -162,9 +171,9 @@ impl Weights {
         match self.shape {
             Shape::Cosh { tau_s } => {
                 let x = 0.5 * length / tau_s;
-                let area = length * (1.0 - libm::tanh(x) / x);
-                let sech = 1.0 / libm::cosh(x);
-                let slopes = (libm::tanh(x) - x * sech * sech) / tau_s;
+                let (sech, tanh) = (over_cosh(0.0, x).0, over_cosh(x, x).1);
+                let area = length * (1.0 - tanh / x);
+                let slopes = (tanh - x * sech * sech) / tau_s;
                 // ∫ w² = ∫ w + τ² ∫ w w″ = ∫ w − τ² ∫ (w′)².
                 (g2 * (area - tau_s * tau_s * slopes) + a2 * slopes) / (area * area)
             }
@@ -173,11 +182,21 @@ impl Weights {
     }
 }
 
+/// Hyperbolic cosine and sine of `x` over the cosine of `z`, by the exponential function alone, which a board has anyway.
+fn over_cosh(x: f64, z: f64) -> (f64, f64) {
+    let (rising, falling) = (libm::exp(x - z), libm::exp(-x - z));
+    let whole = 1.0 + libm::exp(-2.0 * z);
+    ((rising + falling) / whole, (rising - falling) / whole)
+}
+
 /// Noise of a second's tilt about the sensitive axis, arcsec: what the differences of neighbours of gyro angle less tilt
 /// have more than the gyro's own (2/3 of its variance in a second, the angles being means over one).
-fn tilt_noise_arcsec(tilt: &Tilt, noise_deg_h: f64) -> f64 {
+async fn tilt_noise_arcsec(tilt: &Tilt<'_>, noise_deg_h: f64) -> f64 {
     let (mut last, mut sum, mut squares, mut count) = (None, 0.0, 0.0, 0.0);
-    for angle in angles(tilt) {
+    let mut angles = Angles::default();
+    for i in 0..tilt.rows.len() {
+        pause().await;
+        let angle = angles.next(tilt, i);
         if let Some(last) = last.replace(angle) {
             let step = angle - last;
             sum += step;
@@ -185,8 +204,9 @@ fn tilt_noise_arcsec(tilt: &Tilt, noise_deg_h: f64) -> f64 {
             count += 1.0;
         }
     }
+    pause().await;
     let variance = (squares - sum * sum / count) / (count - 1.0);
-    let seconds = tilt.rows.iter().map(|row| row.seconds).sum::<f64>() / tilt.rows.len() as f64;
+    let seconds = tilt.iter().map(|row| row.seconds).sum::<f64>() / tilt.rows.len() as f64;
     // A reading of n seconds has an nth of the variance of a reading of one.
     let of_tilt = 0.5 * (variance - 2.0 / 3.0 * noise_deg_h * noise_deg_h * seconds) * seconds;
     libm::sqrt(of_tilt.max(0.0))
@@ -194,37 +214,45 @@ fn tilt_noise_arcsec(tilt: &Tilt, noise_deg_h: f64) -> f64 {
 
 /// Turn of the base about the sensitive axis as the accelerometers feel it.
 struct Tilt<'a> {
-    rows: &'a [Row],
+    rows: &'a [Kept],
     lag_s: f64,
 }
 
 impl Tilt<'_> {
+    fn iter(&self) -> impl Iterator<Item = Row> {
+        self.rows.iter().map(Row::from)
+    }
+
+    fn row(&self, i: usize) -> Option<Row> {
+        self.rows.get(i).map(Row::from)
+    }
+
     /// In the middle of row `i`, arcsec: between the readings of what is later by the lag by a straight line, beyond the
     /// last (or before the first) by its slope.
     fn at(&self, i: usize) -> Option<f64> {
-        let row = self.rows.get(i)?;
+        let row = self.row(i)?;
         let shift = self.lag_s / row.seconds;
         let near = ((i as f64 + libm::round(shift)).max(0.0) as usize).min(self.rows.len().saturating_sub(1));
-        let later_s = row.t_s + self.lag_s - self.rows.get(near)?.t_s;
+        let later_s = row.t_s + self.lag_s - self.row(near)?.t_s;
         Some(self.reading_arcsec(near)? + later_s * self.slope_arcsec_s(near)?)
     }
 
     /// Slope of the readings about row `i`, arcsec/s.
     fn slope_arcsec_s(&self, i: usize) -> Option<f64> {
         let (before, after) = (i.saturating_sub(1), (i + 1).min(self.rows.len() - 1));
-        let apart_s = self.rows.get(after)?.t_s - self.rows.get(before)?.t_s;
+        let apart_s = self.row(after)?.t_s - self.row(before)?.t_s;
         Some((self.reading_arcsec(after)? - self.reading_arcsec(before)?) / apart_s)
     }
 
     fn reading_arcsec(&self, i: usize) -> Option<f64> {
-        let row = self.rows.get(i)?;
+        let row = self.row(i)?;
         let level = row.level?;
         Some((row.cos * level.mean.left - row.sin * level.mean.forward) * ARCSEC_PER_RAD)
     }
 
     /// First moment of the turn over row `i`, arcsec · s².
     fn moment_arcsec_s2(&self, i: usize) -> Option<f64> {
-        let row = self.rows.get(i)?;
+        let row = self.row(i)?;
         let level = row.level?;
         Some((row.cos * level.first.left - row.sin * level.first.forward) * ARCSEC_PER_RAD)
     }
@@ -232,18 +260,22 @@ impl Tilt<'_> {
 
 /// Variance of the mean rate, (°/h)², from the scatter of the rows' mean angles about a line; more where successive rows
 /// scatter alike.
-fn variance(tilt: &Tilt, weights: &Weights) -> Option<f64> {
+async fn variance(tilt: &Tilt<'_>, weights: &Weights) -> Option<f64> {
     let powers = |t_s: f64| Vector2::new(1.0, weights.share(t_s) - 0.5);
     let (mut normal, mut right) = (Matrix2::zeros(), Vector2::zeros());
-    for (row, value) in tilt.rows.iter().zip(angles(tilt)) {
-        let of_row = powers(row.t_s);
+    let mut angles = Angles::default();
+    for (i, row) in tilt.iter().enumerate() {
+        let (value, of_row) = (angles.next(tilt, i), powers(row.t_s));
+        pause().await;
         normal += row.seconds * of_row * of_row.transpose();
         right += row.seconds * value * of_row;
     }
     let coefficients = normal.cholesky()?.solve(&right);
     let (mut squares, mut products, mut last) = (0.0, 0.0, None);
-    for (row, value) in tilt.rows.iter().zip(angles(tilt)) {
-        let residual = value - powers(row.t_s).dot(&coefficients);
+    let mut angles = Angles::default();
+    for (i, row) in tilt.iter().enumerate() {
+        pause().await;
+        let residual = angles.next(tilt, i) - powers(row.t_s).dot(&coefficients);
         squares += row.seconds * residual * residual;
         products += row.seconds * residual * last.replace(residual).unwrap_or(0.0);
     }
@@ -254,32 +286,43 @@ fn variance(tilt: &Tilt, weights: &Weights) -> Option<f64> {
     Some(12.0 * of_second / (length * length * length) * (1.0 + correlation) / (1.0 - correlation))
 }
 
-/// Gyro angle less tilt, the mean over each row, arcsec.
-fn angles<'a>(tilt: &'a Tilt) -> impl Iterator<Item = f64> + 'a {
-    let mut gyro_arcsec = 0.0;
-    tilt.rows.iter().enumerate().map(move |(i, row)| {
-        let turned = row.rate_deg_h * row.seconds;
-        let mean = gyro_arcsec + 0.5 * turned - row.moment_arcsec_s / row.seconds - tilt.at(i).unwrap_or(0.0);
-        gyro_arcsec += turned;
-        mean
-    })
+/// Gyro angle less tilt, row by row.
+#[derive(Default)]
+struct Angles {
+    /// Gyro angle at the end of the last row, arcsec.
+    gyro_arcsec: f64,
 }
 
-/// The integral of gyro angle less tilt, the mean over each row. The gyro's rate is a straight line within a row.
-fn integrals<'a>(tilt: &'a Tilt) -> impl Iterator<Item = Integral> + 'a {
-    let (mut gyro_arcsec, mut integral) = (0.0, 0.0);
-    tilt.rows.iter().zip(angles(tilt)).enumerate().map(move |(i, (row, mean))| {
+impl Angles {
+    /// The mean over the next row, arcsec.
+    fn next(&mut self, tilt: &Tilt, i: usize) -> f64 {
+        let Some(row) = tilt.row(i) else { return 0.0 };
+        let turned = row.rate_deg_h * row.seconds;
+        let mean = self.gyro_arcsec + 0.5 * turned - row.moment_arcsec_s / row.seconds - tilt.at(i).unwrap_or(0.0);
+        self.gyro_arcsec += turned;
+        mean
+    }
+}
+
+/// The integral of gyro angle less tilt, the mean over each row, into `integrals`, which is empty. The gyro's rate is a straight line
+/// within a row.
+async fn integrals(tilt: &Tilt<'_>, integrals: &mut velocity::Integrals) {
+    let (mut angles, mut integral) = (Angles::default(), 0.0);
+    for (i, row) in tilt.iter().enumerate() {
         let turned = row.rate_deg_h * row.seconds;
         // Of a constant rate the angle grows as t and its integral as t²/2, with a mean of seconds²/6; of a rate that grows
         // evenly through the middle, the integral's mean is half of its end.
-        let of_gyro = 0.5 * gyro_arcsec + turned / 6.0 - 0.5 * row.moment_arcsec_s / row.seconds;
+        let of_gyro = 0.5 * angles.gyro_arcsec + turned / 6.0 - 0.5 * row.moment_arcsec_s / row.seconds;
+        let mean = angles.next(tilt, i);
+        pause().await;
         let of_tilt =
             0.5 * tilt.at(i).unwrap_or(0.0) - tilt.moment_arcsec_s2(i).unwrap_or(0.0) / (row.seconds * row.seconds);
         let arcsec_s = integral + row.seconds * (of_gyro - of_tilt);
-        gyro_arcsec += turned;
         integral += mean * row.seconds;
-        Integral { t_s: row.t_s, arcsec_s, rate_deg_h: row.rate_deg_h }
-    })
+        // There are no more of them than rows.
+        let _ = integrals.push(Integral { t_s: row.t_s, arcsec_s, rate_deg_h: row.rate_deg_h });
+        pause().await;
+    }
 }
 
 #[cfg(test)]
@@ -288,8 +331,14 @@ mod tests {
 
     use super::*;
     use crate::level::LevelMoments;
+    use crate::slices::at_once;
 
     const VELOCITY: BaseMotion = BaseMotion { velocity: true, lag_s: 0.0 };
+
+    fn summary(rows: &[Row], sensing: BaseMotion, noise_deg_h: f64) -> Option<DwellSummary> {
+        let kept: Vec<Kept> = rows.iter().map(Kept::from).collect();
+        at_once(super::summary(&kept, sensing, noise_deg_h))
+    }
 
     /// Forty seconds of a gyro that reads 3 °/h and the turning of a base that pitches by 400 arcsec · sin(t/3) and settles
     /// by 5 arcsec/s, at an index angle of 90°, where the axis points left: nose up is a negative turn about it.

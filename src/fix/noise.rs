@@ -17,8 +17,9 @@
 //! Successive rates that are alike widen the variance by (1 + ρ)/(1 − ρ), ρ their correlation, as for an autoregressive
 //! process of the first order.
 
-use super::Problem;
-use super::dwell::DwellSummary;
+use super::dwell::{DwellSummary, Line};
+use super::{FEW, Problem};
+use crate::slices::pause;
 
 /// A correlation of successive rates this many standard deviations from nothing is believed.
 const CORRELATION_SIGMAS: f64 = 4.0;
@@ -63,15 +64,18 @@ struct Pooled {
 }
 
 impl Pooled {
-    fn new(dwells: &[DwellSummary], line: impl Fn(&DwellSummary) -> Option<super::dwell::Line>) -> Option<Self> {
+    async fn new(dwells: &[DwellSummary], line: fn(&DwellSummary) -> Option<Line>) -> Option<Self> {
         let mut pooled = Self::default();
-        for dwell in dwells.iter().filter(|dwell| dwell.degrees_of_freedom > 0) {
-            let line = line(dwell)?;
-            let degrees_of_freedom = f64::from(dwell.degrees_of_freedom);
-            pooled.residual += line.residual_squares;
-            pooled.successive += line.successive_squares;
-            pooled.degrees_of_freedom += degrees_of_freedom;
-            pooled.seconds += degrees_of_freedom * dwell.seconds;
+        for few in dwells.chunks(FEW) {
+            for dwell in few.iter().filter(|dwell| dwell.degrees_of_freedom > 0) {
+                let line = line(dwell)?;
+                let degrees_of_freedom = f64::from(dwell.degrees_of_freedom);
+                pooled.residual += line.residual_squares;
+                pooled.successive += line.successive_squares;
+                pooled.degrees_of_freedom += degrees_of_freedom;
+                pooled.seconds += degrees_of_freedom * dwell.seconds;
+            }
+            pause().await;
         }
         (pooled.degrees_of_freedom > 0.0).then_some(pooled)
     }
@@ -80,12 +84,11 @@ impl Pooled {
 impl Noise {
     /// From the dwells of a problem; `declared_deg_h` is the declared noise of a one-second rate. `None` where nothing tells
     /// the noise.
-    #[inline(never)]
-    pub(super) fn new(problem: &Problem<'_>, declared_deg_h: f64) -> Option<Self> {
+    pub(super) async fn new(problem: &Problem<'_>, declared_deg_h: f64) -> Option<Self> {
         let declared = declared_deg_h * declared_deg_h;
-        let rates = Pooled::new(problem.dwells, |dwell| Some(dwell.rate));
+        let rates = Pooled::new(problem.dwells, |dwell| Some(dwell.rate)).await;
         let Some(rates) = rates.filter(|rates| rates.degrees_of_freedom >= 4.0) else {
-            let white = problem.variance_of_successive_residuals()?;
+            let white = problem.variance_of_successive_residuals().await?;
             return Some(Self {
                 variance: white.max(declared).max(f64::MIN_POSITIVE),
                 white,
@@ -98,7 +101,7 @@ impl Noise {
         // In white noise the correlation has a variance of one over the number of rows.
         let sigmas = correlation * libm::sqrt(rates.degrees_of_freedom);
         let alike = if sigmas > CORRELATION_SIGMAS { correlation.min(MOST_ALIKE) } else { 0.0 };
-        let angles = Pooled::new(problem.dwells, |dwell| dwell.angle);
+        let angles = Pooled::new(problem.dwells, |dwell| dwell.angle).await;
         let angle = angles
             .filter(|_| sigmas < -CORRELATION_SIGMAS)
             .and_then(|angles| AngleNoise::new(&angles, -correlation * observed));
@@ -164,6 +167,7 @@ mod tests {
     use crate::fix::tests::normal;
     use crate::fix::{Declared, solve};
     use crate::sample::GyroSettings;
+    use crate::slices::at_once;
     use crate::units::{sin_cos_deg, wrap_180_deg};
 
     const FIXES: u64 = 300;
@@ -209,12 +213,12 @@ mod tests {
                             moment_arcsec_s: moment,
                             level: None,
                         };
-                        rows.push(row, white_deg_h);
+                        at_once(rows.push(row, white_deg_h));
                     }
-                    rows.summary(white_deg_h).unwrap()
+                    at_once(rows.summary(white_deg_h)).unwrap()
                 })
                 .collect();
-            let fix = solve(&dwells, &declared, &ErrorModel::default()).unwrap();
+            let fix = at_once(solve(&dwells, &declared, &ErrorModel::default())).unwrap();
             let miss_deg = wrap_180_deg(fix.azimuth_deg - 30.0);
             ratio += miss_deg * miss_deg / (fix.sigma_deg * fix.sigma_deg) / FIXES as f64;
             error += miss_deg * miss_deg / FIXES as f64;

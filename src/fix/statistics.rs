@@ -4,7 +4,8 @@
 /// root approximation (Wilson and Hilferty, Proc. Natl. Acad. Sci. 17, 1931, p. 684). Negative where it falls short.
 pub fn excess_sigmas(chi_square: f64, freedom: f64) -> f64 {
     let spread = 2.0 / (9.0 * freedom);
-    (libm::cbrt(chi_square / freedom) - (1.0 - spread)) / libm::sqrt(spread)
+    let root = libm::exp(libm::log(chi_square / freedom) / 3.0);
+    (root - (1.0 - spread)) / libm::sqrt(spread)
 }
 
 #[cfg(test)]

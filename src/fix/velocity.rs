@@ -15,6 +15,7 @@ use heapless::Vec;
 use nalgebra::{Matrix4, Vector4};
 
 use super::dwell::MAX_ROWS;
+use crate::slices::pause;
 
 /// Correlations that are tried of errors one second apart, as of an autoregressive process of the first order.
 const CORRELATIONS: [f64; 4] = [0.0, 0.5, 0.8, 0.9];
@@ -42,7 +43,7 @@ pub struct Integral {
 pub type Integrals = Vec<Integral, MAX_ROWS>;
 
 /// Mean rate, °/h, and its variance, of a dwell of `length_s` seconds; `None` for fewer than [`LEAST_ROWS`] rows.
-pub fn mean_rate(rows: &Integrals, start_s: f64, length_s: f64) -> Option<(f64, f64)> {
+pub async fn mean_rate(rows: &Integrals, start_s: f64, length_s: f64) -> Option<(f64, f64)> {
     if rows.len() < LEAST_ROWS {
         return None;
     }
@@ -55,17 +56,19 @@ pub fn mean_rate(rows: &Integrals, start_s: f64, length_s: f64) -> Option<(f64, 
     // What is left sets the weight of what is known of κ: of the plain parabola, then beside κ.
     let mut known = NOT_FREE;
     for _ in 0..2 {
-        known = (equations.fit(0.0, known)?.scatter / (LEVER_S2 * LEVER_S2)).max(f64::MIN_POSITIVE);
+        known = (equations.fit(0.0, known).await?.scatter / (LEVER_S2 * LEVER_S2)).max(f64::MIN_POSITIVE);
     }
     let mut fits: Vec<Fit, { CORRELATIONS.len() }> = Vec::new();
     for correlation in CORRELATIONS {
-        let _ = fits.push(equations.fit(correlation, known)?);
+        let _ = fits.push(equations.fit(correlation, known).await?);
     }
     let best = fits.iter().map(|fit| fit.log_likelihood).fold(f64::NEG_INFINITY, f64::max);
     let weight = |fit: &Fit| libm::exp(fit.log_likelihood - best);
     let all: f64 = fits.iter().map(weight).sum();
+    pause().await;
     let averaged = |of: &dyn Fn(&Fit) -> f64| fits.iter().map(|fit| weight(fit) * of(fit)).sum::<f64>() / all;
     let mean = averaged(&|fit| fit.rate_deg_h);
+    pause().await;
     let variance = averaged(&|fit| fit.variance + (fit.rate_deg_h - mean) * (fit.rate_deg_h - mean));
     (mean.is_finite() && variance.is_finite()).then_some((mean, variance))
 }
@@ -92,11 +95,13 @@ struct Fit {
 
 impl Equations<'_> {
     /// Generalised least squares: rows less what the correlation predicts of them from the last one are independent.
-    fn fit(&self, correlation: f64, known: f64) -> Option<Fit> {
+    async fn fit(&self, correlation: f64, known: f64) -> Option<Fit> {
         let mut normal = Matrix4::zeros();
         normal.m44 = known;
         let (mut right, mut squares, mut log_variances) = (Vector4::zeros(), 0.0, 0.0);
         let mut last: Option<(Vector4<f64>, f64, f64)> = None;
+        // Rows mostly follow each other at the same interval.
+        let (mut step_s, mut alike, mut scale, mut log_variance) = (f64::NAN, 0.0, 1.0, 0.0);
         for row in self.rows {
             let u = (row.t_s - self.middle_s) / self.length_s;
             let (of_row, value) = (Vector4::new(1.0, u, u * u, row.rate_deg_h - self.rate_deg_h), row.arcsec_s);
@@ -104,24 +109,34 @@ impl Equations<'_> {
             if let Some((before, value_before, t_s)) =
                 last.replace((of_row, value, row.t_s)).filter(|_| correlation > 0.0)
             {
-                let alike = libm::pow(correlation, row.t_s - t_s);
-                let variance = 1.0 - alike * alike;
-                let scale = 1.0 / libm::sqrt(variance);
+                if step_s != row.t_s - t_s {
+                    step_s = row.t_s - t_s;
+                    alike = libm::exp(step_s * libm::log(correlation));
+                    let variance = 1.0 - alike * alike;
+                    scale = 1.0 / libm::sqrt(variance);
+                    log_variance = libm::log(variance);
+                    pause().await;
+                }
                 (new, news) = ((of_row - alike * before) * scale, (value - alike * value_before) * scale);
-                log_variances += libm::log(variance);
+                log_variances += log_variance;
             }
             normal += new * new.transpose();
             right += news * new;
             squares += news * news;
+            pause().await;
         }
         let factor = normal.cholesky()?;
+        pause().await;
         let coefficients = factor.solve(&right);
         let degrees_of_freedom = self.rows.len() as f64 - UNKNOWNS;
         let left = (squares - right.dot(&coefficients)).max(f64::MIN_POSITIVE);
         let scatter = left / degrees_of_freedom;
+        pause().await;
         let log_determinant: f64 = factor.l_dirty().diagonal().iter().map(|pivot| 2.0 * libm::log(*pivot)).sum();
         let per_curvature = 2.0 / (self.length_s * self.length_s);
-        let of_curvature = factor.inverse().m33 * scatter * degrees_of_freedom / (degrees_of_freedom - 2.0);
+        pause().await;
+        // The third column of the inverse.
+        let of_curvature = factor.solve(&Vector4::z()).z * scatter * degrees_of_freedom / (degrees_of_freedom - 2.0);
         Some(Fit {
             rate_deg_h: per_curvature * coefficients.z,
             variance: per_curvature * per_curvature * of_curvature,
@@ -135,6 +150,7 @@ impl Equations<'_> {
 mod tests {
     use super::*;
     use crate::fix::tests::normal;
+    use crate::slices::at_once;
 
     /// A dwell of 40 s at 3 °/h. The integral of the angle is 1.5 t²; of a block two metres off the axis of a rocking of
     /// 100 °/h · cos 2t, with κ = 0.2 s², it is 0.2 · 100 cos 2t more.
@@ -152,7 +168,7 @@ mod tests {
 
     #[test]
     fn the_arm_to_the_axis_of_rocking_is_found() {
-        let (rate_deg_h, variance) = mean_rate(&rows(|_| 0.0), 0.0, 40.0).unwrap();
+        let (rate_deg_h, variance) = at_once(mean_rate(&rows(|_| 0.0), 0.0, 40.0)).unwrap();
         assert!((rate_deg_h - 3.0).abs() < 1e-3 && variance < 1e-6, "{rate_deg_h} {variance}");
     }
 
@@ -162,9 +178,9 @@ mod tests {
             .iter()
             .map(|row| Integral { arcsec_s: 1.5 * row.t_s * row.t_s, rate_deg_h: 3.0, ..*row })
             .collect();
-        assert!((mean_rate(&still, 0.0, 40.0).unwrap().0 - 3.0).abs() < 1e-9);
+        assert!((at_once(mean_rate(&still, 0.0, 40.0)).unwrap().0 - 3.0).abs() < 1e-9);
         let few: Integrals = still.iter().take(7).copied().collect();
-        assert!(mean_rate(&few, 0.0, 7.0).is_none());
+        assert!(at_once(mean_rate(&few, 0.0, 7.0)).is_none());
     }
 
     /// Errors of a velocity of 5 arcsec · s that are independent, or alike from second to second by 0.8. The mean square of 400
@@ -180,7 +196,7 @@ mod tests {
                     last = alike * last + 5.0 * libm::sqrt(1.0 - alike * alike) * normal(&mut state);
                     last
                 });
-                let (rate_deg_h, variance) = mean_rate(&rows, 0.0, 40.0).unwrap();
+                let (rate_deg_h, variance) = at_once(mean_rate(&rows, 0.0, 40.0)).unwrap();
                 ratio += (rate_deg_h - 3.0) * (rate_deg_h - 3.0) / variance / 400.0;
                 sum += (rate_deg_h - 3.0) * (rate_deg_h - 3.0) / 400.0;
             }

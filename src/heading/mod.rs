@@ -97,6 +97,9 @@ impl Keeper {
     }
 
     /// A fix: its heading is kept from now on. The instrument stands.
+    ///
+    /// Never inlined: what it takes of the stack is free again for what comes after it.
+    #[inline(never)]
     pub fn fixed(&mut self, fix: &Fix) {
         let level = fix.tilt.unwrap_or(Tilt { pitch_deg: 0.0, roll_deg: 0.0 });
         let level_sigma_deg = if fix.tilt.is_some() { self.level_sigma_deg } else { UNKNOWN_LEVEL_DEG };

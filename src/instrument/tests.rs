@@ -1,5 +1,6 @@
 extern crate std;
 
+use std::pin::pin;
 use std::vec::Vec;
 
 use embedded_storage::nor_flash::{ErrorType, NorFlashErrorKind, ReadNorFlash};
@@ -59,16 +60,20 @@ fn frame(number: u64) -> [u8; 14] {
 /// late or comes twice, and the seconds end when they should.
 #[test]
 fn a_thousand_ticks_that_nobody_saw_are_a_thousand_lost_frames() {
-    let mut instrument = Instrument::power_up(&mut Erased, Identity::host());
+    let mut instrument = Instrument::power_up(&mut Erased, Identity::host(), std::boxed::Box::new(Sequencer::empty()));
+    let desk = Desk::new();
+    let mut work = pin!(desk.work());
     let intake = Intake::new();
     let mut reports = Vec::new();
-    for tick in (0..900).chain(1900..2401) {
+    for tick in (0..900).chain(1900..2411) {
         intake.gyro.put(&frame(tick));
         if tick == 2400 {
             intake.host.put(&encode_request(&Ask::Status.into()).unwrap());
         }
         let readings = Readings { tick, sensors: Due::default(), turning: false };
-        instrument.step(&readings, &intake, &mut Erased, &mut |report| reports.push(report));
+        let mut report = |report| reports.push(report);
+        instrument.step(&readings, &intake, &mut Erased, &mut report);
+        instrument.slice(&desk, work.as_mut(), &mut report);
     }
     let seconds = reports.iter().filter_map(|report| match report.event {
         Event::Second(second) => Some((report.t_s, second.lost_frames)),

@@ -93,7 +93,7 @@ impl Seconds {
             }
         };
         self.sequence = ((u16::from(self.sequence) + 1) % self.format.sequence_modulus()) as u8;
-        let second = self.readings.finish(&rate?, row.t_s).second;
+        let second = self.readings.finish(&rate?, row.t_s).directed();
         Some(RecordedSecond { second, belonging: Belonging::Marked(row.mark) })
     }
 }

@@ -5,22 +5,24 @@
 //! [`Accumulator`]: here is only said where a dwell begins and ends.
 
 pub mod adaptive;
+pub mod desk;
 pub mod order;
 pub mod turn;
 
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-use crate::codes::IndexCode;
 use crate::effects::ErrorModel;
 use crate::event::{Dwell, Event, State};
 use crate::fix::accumulator::{Accumulator, Corrected, Second, Slip, Taken};
 use crate::fix::dwell::DwellSummary;
+use crate::fix::index_watch::IndexWatch;
 use crate::fix::{self, Declared, Fix};
 use crate::gates::{DisturbanceGate, Gate, GateSettings, JitterGate, Verdict};
-use crate::health::{Counters, Fault};
-use crate::index::{IndexAngle, IndexSettings, MotorCommand};
+use crate::health::Fault;
+use crate::index::{Direction, IndexAngle, IndexSettings, MotorCommand};
 use crate::level::{LevelSettings, Specific};
+use crate::slices::pause;
 use crate::units::{DEG_PER_RAD, wrap_180_deg};
 use adaptive::{Adaptive, COARSE_SECONDS};
 use order::{Order, Position, SequenceSettings};
@@ -64,7 +66,7 @@ impl Default for Rules {
             jitter: GateSettings::JITTER,
             index: IndexSettings::default(),
             sequence: SequenceSettings::default(),
-            time_limit_s: 1800.0,
+            time_limit_s: 600.0,
         }
     }
 }
@@ -80,6 +82,8 @@ pub struct Seen {
     pub collected: bool,
     /// The gate that refused at its end.
     pub waited_at: Option<Gate>,
+    /// Seconds that the dwells which ended with it left out as outliers.
+    pub outliers: u16,
 }
 
 /// Takes events out of the sequencer.
@@ -146,6 +150,13 @@ pub struct Sequencer {
     level_failed: Run,
     coarse_azimuth_deg: Option<f64>,
     adaptive: Option<Adaptive>,
+    /// The index while the motor stands, from power-up on, whether a fix is under way or not.
+    rest: IndexWatch,
+    /// The second under way is that of an arrival, with some of the move in it.
+    arrives: bool,
+    /// It moved without the motor, or not as its steps, since power-up: the mark may be wrong from there on. This fix says so.
+    doubted: bool,
+    doubt_told: bool,
 }
 
 impl Sequencer {
@@ -165,11 +176,16 @@ impl Sequencer {
             level_failed: Run::default(),
             coarse_azimuth_deg: None,
             adaptive: None,
+            rest: IndexWatch::new(0.0),
+            arrives: false,
+            doubted: false,
+            doubt_told: false,
         }
     }
 
     /// Ready to start. Takes the model, and leaves its own in its place.
     pub fn set_up(&mut self, rules: Rules, declared: Declared, model: &mut ErrorModel) {
+        self.rest = IndexWatch::new(declared.index_sigma_deg);
         self.rules = rules;
         self.accumulator.set_up(declared, model);
     }
@@ -194,6 +210,7 @@ impl Sequencer {
         self.position = 0;
         (self.out_of_level, self.level_failed) = (Run::default(), Run::default());
         self.coarse_azimuth_deg = None;
+        self.doubt_told = false;
         self.adaptive = match self.rules.sequence.order {
             // The last second must end before the limit.
             Order::Adaptive { accuracy_deg } => Some(Adaptive::new(accuracy_deg, t_s + self.rules.time_limit_s - 1.0)),
@@ -213,17 +230,28 @@ impl Sequencer {
         Some(MotorCommand::Stop)
     }
 
-    /// A tick: the encoder's angle, if it was read at this tick, and whether the motor is turning.
-    pub fn tick(&mut self, t_s: f64, index: Option<IndexCode>, turning: bool, sink: Sink) -> Option<MotorCommand> {
-        if let Some(index) = index {
-            self.index.push(index);
-        }
+    /// A tick: the index angle, whether the encoder was read at this tick, and whether the motor is turning.
+    pub fn tick(
+        &mut self,
+        t_s: f64,
+        index: IndexAngle,
+        fresh: bool,
+        turning: bool,
+        sink: Sink,
+    ) -> Option<MotorCommand> {
+        self.index = index;
         let Stage::Indexing(turn) = &mut self.stage else { return None };
-        match turn.tick(self.index.deg()?, index.is_some(), turning) {
+        match turn.tick(index.deg()?, fresh, turning) {
             Progress::Turning => None,
-            Progress::Again(command) => Some(command),
+            Progress::Again(command) => {
+                self.doubted = true;
+                Some(command)
+            }
             Progress::Failed(fault) => self.fail(fault, t_s, sink),
-            Progress::Arrived { index_deg } => {
+            Progress::Arrived { index_deg, beyond } => {
+                self.doubted |= beyond;
+                self.rest.stand(Direction::of_deg(index_deg));
+                self.arrives = true;
                 let index_deg = crate::units::wrap_360_deg(index_deg);
                 sink(Event::Arrived { position: self.position, index_deg });
                 self.enter(Stage::Settling(JitterGate::new(self.rules.jitter)), t_s, sink);
@@ -232,89 +260,110 @@ impl Sequencer {
         }
     }
 
-    /// A second has ended. Gives what became of it and the motor's command.
-    #[inline(never)]
-    pub fn second(&mut self, second: &Second, counters: &mut Counters, sink: Sink) -> (Seen, Option<MotorCommand>) {
+    /// A second has ended, at this index angle. Gives what became of it and the motor's command.
+    pub async fn second(&mut self, second: &Second, index: IndexAngle, sink: Sink<'_>) -> (Seen, Option<MotorCommand>) {
         let t_s = second.end_s();
+        self.index = index;
         let corrected = self.accumulator.correct(second);
         let mut seen = Seen { rate_deg_h: corrected.rate_deg_h, ..Seen::default() };
+        pause().await;
+        self.watch_rest(corrected.index);
         if !self.is_active() {
             return (seen, None);
         }
         let late = (t_s - self.started_s > self.rules.time_limit_s).then_some(Fault::OutOfTime);
+        pause().await;
         if let Some(fault) = late.or_else(|| self.watch_level(second.conditions.level)) {
             return (seen, self.fail(fault, t_s, sink));
         }
+        pause().await;
         let early = self.adaptive.is_some() && matches!(self.stage, Stage::Watching(_) | Stage::Settling(_));
         if !matches!(self.stage, Stage::Collecting { .. })
             && !early
-            && let Some(slip) = self.accumulator.between_dwells(&corrected)
+            && let Some(slip) = self.accumulator.between_dwells(&corrected).await
         {
-            self.slipped(&slip, counters, sink);
+            self.slipped(&slip, &mut seen, sink);
         }
+        pause().await;
         let rate_deg_h = self.accumulator.is_usable(second).then_some(corrected.rate_deg_h);
         let motor = match &mut self.stage {
             Stage::Levelling { .. } => self.levelling(second.conditions.level, t_s, sink),
             Stage::Watching(gate) => {
                 let verdict = gate.second(rate_deg_h);
                 let quiet = gate.is_quiet();
-                self.collect_early(&corrected, quiet, &mut seen, counters, sink);
-                self.watching(verdict, &corrected, &mut seen, counters, sink)
+                self.collect_early(&corrected, quiet, &mut seen, sink).await;
+                self.watching(verdict, &corrected, &mut seen, sink).await
             }
             Stage::Settling(gate) => {
                 let verdict = gate.second(rate_deg_h);
                 let quiet = gate.is_quiet();
-                self.collect_early(&corrected, quiet, &mut seen, counters, sink);
-                self.settling(verdict, &corrected, &mut seen, counters, sink)
+                self.collect_early(&corrected, quiet, &mut seen, sink).await;
+                self.settling(verdict, &corrected, &mut seen, sink).await
             }
             Stage::Collecting { seconds } => {
                 seen.dwell = Some(self.position);
-                let taken = self.accumulator.collect(&corrected);
+                let taken = self.accumulator.collect(&corrected).await;
                 seen.collected = taken == Taken::Collected;
                 *seconds = seconds.saturating_add(seen.collected.into());
                 let seconds = *seconds;
                 if let Taken::Slipped(slip) = taken {
-                    self.slipped(&slip, counters, sink);
+                    self.slipped(&slip, &mut seen, sink);
                 }
-                self.collecting(&corrected, seconds, counters, sink)
+                pause().await;
+                self.collecting(&corrected, seconds, &mut seen, sink).await
             }
             Stage::Idle | Stage::Indexing(_) | Stage::Finished | Stage::Failed => None,
         };
+        if self.doubted && !self.doubt_told && seen.waited_at.is_none() {
+            self.doubt_told = true;
+            self.wait_at(Gate::Index, &mut seen);
+        }
         (seen, motor)
     }
 
+    /// The index must stand while the motor does. (In a fix the accumulator knows it too, and what to make of it.)
+    fn watch_rest(&mut self, index: Option<Direction>) {
+        let arrived = core::mem::take(&mut self.arrives);
+        match index {
+            _ if matches!(self.stage, Stage::Indexing(_)) => self.rest.restart(),
+            _ if arrived => {}
+            Some(index) => self.doubted |= self.rest.push(index).is_some(),
+            None => {}
+        }
+    }
+
     /// An adaptive fix takes a quiet second before its gate has passed; one that is not quiet ends the dwell that they began.
-    fn collect_early(&mut self, second: &Corrected, quiet: bool, seen: &mut Seen, counters: &mut Counters, sink: Sink) {
+    async fn collect_early(&mut self, second: &Corrected, quiet: bool, seen: &mut Seen, sink: Sink<'_>) {
         let Some(adaptive) = &mut self.adaptive else { return };
         if quiet && adaptive.takes_early() {
             adaptive.early = adaptive.early.saturating_add(1);
             seen.dwell = Some(self.position);
-            let taken = self.accumulator.collect(second);
+            let taken = self.accumulator.collect(second).await;
             seen.collected = taken == Taken::Collected;
             if let Taken::Slipped(slip) = taken {
-                self.slipped(&slip, counters, sink);
+                self.slipped(&slip, seen, sink);
             }
             return;
         }
         if adaptive.interrupted() {
-            let ended = self.accumulator.end_dwell();
-            self.dwell_ended(ended.as_ref(), counters, sink);
+            let ended = self.accumulator.end_dwell().await;
+            self.dwell_ended(ended.as_ref(), seen, sink);
             self.accumulator.index_turns();
         }
-        if let Some(slip) = self.accumulator.between_dwells(second) {
-            self.slipped(&slip, counters, sink);
+        if let Some(slip) = self.accumulator.between_dwells(second).await {
+            self.slipped(&slip, seen, sink);
         }
     }
 
     /// The index slipped: the dwell under way goes on as another one, at the new angle.
-    fn slipped(&mut self, slip: &Slip, counters: &mut Counters, sink: Sink) {
-        self.dwell_ended(slip.ended.as_ref(), counters, sink);
+    fn slipped(&mut self, slip: &Slip, seen: &mut Seen, sink: Sink) {
+        self.dwell_ended(slip.ended.as_ref(), seen, sink);
         sink(Event::IndexSlipped { position: self.position, before_deg: slip.before_deg });
     }
 
-    fn dwell_ended(&self, ended: Option<&DwellSummary>, counters: &mut Counters, sink: Sink) {
+    fn dwell_ended(&self, ended: Option<&DwellSummary>, seen: &mut Seen, sink: Sink) {
         if let Some(summary) = ended {
-            counters.seconds_outlying = counters.seconds_outlying.saturating_add(summary.outliers.into());
+            seen.outliers = seen.outliers.saturating_add(summary.outliers);
             sink(Event::Dwell(Dwell::new(self.position, summary)));
         }
     }
@@ -358,20 +407,19 @@ impl Sequencer {
         None
     }
 
-    fn watching(
+    async fn watching(
         &mut self,
         (excess_deg_h, verdict): (f64, Verdict),
         second: &Corrected,
         seen: &mut Seen,
-        counters: &mut Counters,
-        sink: Sink,
+        sink: Sink<'_>,
     ) -> Option<MotorCommand> {
         let t_s = second.measured.end_s();
         match verdict {
             Verdict::Passed => {
                 sink(Event::Undisturbed { excess_deg_h });
                 return match self.adaptive {
-                    Some(_) => self.end_adaptive_dwell(t_s, counters, sink),
+                    Some(_) => self.end_adaptive_dwell(t_s, seen, sink).await,
                     None => self.go_to_position(t_s, sink),
                 };
             }
@@ -427,18 +475,17 @@ impl Sequencer {
         }
     }
 
-    fn settling(
+    async fn settling(
         &mut self,
         (change_deg_h, verdict): (f64, Verdict),
         second: &Corrected,
         seen: &mut Seen,
-        counters: &mut Counters,
-        sink: Sink,
+        sink: Sink<'_>,
     ) -> Option<MotorCommand> {
         let position = self.position;
         let t_s = second.measured.end_s();
         if position == 1 && self.adaptive.is_some_and(|adaptive| adaptive.early >= COARSE_SECONDS) {
-            return self.end_adaptive_dwell(t_s, counters, sink);
+            return self.end_adaptive_dwell(t_s, seen, sink).await;
         }
         match verdict {
             Verdict::Passed => {
@@ -458,30 +505,28 @@ impl Sequencer {
         None
     }
 
-    #[inline(never)]
-    fn collecting(
+    async fn collecting(
         &mut self,
         second: &Corrected,
         seconds: u16,
-        counters: &mut Counters,
-        sink: Sink,
+        seen: &mut Seen,
+        sink: Sink<'_>,
     ) -> Option<MotorCommand> {
         if let Some(adaptive) = &self.adaptive {
             let t_s = second.measured.end_s();
             let over = if self.position == 1 { seconds >= COARSE_SECONDS } else { adaptive.dwell_is_over(t_s) };
-            return if over { self.end_adaptive_dwell(t_s, counters, sink) } else { None };
+            return if over { self.end_adaptive_dwell(t_s, seen, sink).await } else { None };
         }
         if seconds < self.dwell_s() {
             return None;
         }
-        let ended = self.accumulator.end_dwell();
-        self.dwell_ended(ended.as_ref(), counters, sink);
+        let ended = self.accumulator.end_dwell().await;
+        self.dwell_ended(ended.as_ref(), seen, sink);
         self.position = self.position.saturating_add(1);
         let t_s = second.measured.end_s();
         match self.position() {
-            None => match self.accumulator.solve() {
+            None => match self.accumulator.solve().await {
                 Ok(fix) => {
-                    sink(Event::Health(*counters));
                     sink(Event::Fix(fix));
                     self.enter(Stage::Finished, t_s, sink);
                     Some(MotorCommand::Stop)
@@ -489,7 +534,7 @@ impl Sequencer {
                 Err(_) => self.fail(Fault::Unsolvable, t_s, sink),
             },
             Some(Position::East | Position::West) if self.coarse_azimuth_deg.is_none() => {
-                match self.accumulator.solve() {
+                match self.accumulator.solve().await {
                     Ok(Fix { azimuth_deg, sigma_deg, .. }) => {
                         sink(Event::Coarse { azimuth_deg, sigma_deg });
                         self.coarse_azimuth_deg = Some(azimuth_deg);
@@ -503,16 +548,19 @@ impl Sequencer {
     }
 
     /// The dwell of an adaptive fix is over: on to the next, or to the azimuth.
-    fn end_adaptive_dwell(&mut self, t_s: f64, counters: &mut Counters, sink: Sink) -> Option<MotorCommand> {
-        let ended = self.accumulator.end_dwell();
-        self.dwell_ended(ended.as_ref(), counters, sink);
+    async fn end_adaptive_dwell(&mut self, t_s: f64, seen: &mut Seen, sink: Sink<'_>) -> Option<MotorCommand> {
+        let ended = self.accumulator.end_dwell().await;
+        self.dwell_ended(ended.as_ref(), seen, sink);
         self.position = self.position.saturating_add(1);
         let (position, index) = (self.position, self.rules.index);
         let Some(angle_deg) = self.index.deg() else { return self.fail(Fault::EncoderFailed, t_s, sink) };
         let noise_deg_h = self.accumulator.declared().gyro.noise_deg_h();
         let north_deg_h = self.accumulator.declared().earth.north_deg_h;
-        let so_far = if position > 2 { self.accumulator.solve().ok() } else { None };
-        let coarse_deg = so_far.map(|fix| fix.azimuth_deg).or_else(|| self.accumulator.coarse_azimuth_deg());
+        let so_far = if position > 2 { self.accumulator.solve().await.ok() } else { None };
+        let coarse_deg = match so_far {
+            Some(fix) => Some(fix.azimuth_deg),
+            None => self.accumulator.coarse_azimuth_deg().await,
+        };
         self.coarse_azimuth_deg = coarse_deg.or(self.coarse_azimuth_deg);
         let Some(adaptive) = &mut self.adaptive else { return None };
         if position == 1 {
@@ -547,7 +595,6 @@ impl Sequencer {
         }
         match so_far {
             Some(fix) => {
-                sink(Event::Health(*counters));
                 sink(Event::Fix(fix));
                 self.enter(Stage::Finished, t_s, sink);
                 Some(MotorCommand::Stop)

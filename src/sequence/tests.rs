@@ -14,6 +14,7 @@ use crate::effects::{Conditions, ErrorModel};
 use crate::index::{Direction, MICROSTEPS_PER_DEG};
 use crate::sample::{SAMPLE_S, SAMPLES_PER_SECOND};
 use crate::settings::Settings;
+use crate::slices::at_once;
 use crate::units::wrap_180_deg;
 
 const AZIMUTH_DEG: f64 = 40.0;
@@ -92,6 +93,7 @@ fn run(settings: &Settings) -> Result<Fix, Fault> {
     };
     sequencer.start(0.0, &mut sink);
     let (mut tick, mut pending, mut direction) = (0_u64, None, Direction::default());
+    let mut index = IndexAngle::default();
     while sequencer.is_active() {
         for _ in 0..SLOTS_PER_TICK {
             motor.slot();
@@ -105,8 +107,11 @@ fn run(settings: &Settings) -> Result<Fix, Fault> {
         if let Some(command) = pending.take() {
             motor.command(command);
         }
-        let seen = tick.is_multiple_of(4).then_some(read);
-        pending = sequencer.tick(t_s, seen, motor.is_turning(), &mut sink);
+        let fresh = tick.is_multiple_of(4);
+        if fresh {
+            index.push(read);
+        }
+        pending = sequencer.tick(t_s, index, fresh, motor.is_turning(), &mut sink);
         if tick.is_multiple_of(SAMPLES_PER_SECOND.into()) {
             let samples = f64::from(SAMPLES_PER_SECOND);
             let mean = Direction { cos: direction.cos / samples, sin: direction.sin / samples };
@@ -121,7 +126,7 @@ fn run(settings: &Settings) -> Result<Fix, Fault> {
                 ..Conditions::default()
             };
             let second = Second { conditions, ..Second::default() };
-            let (_, command) = sequencer.second(&second, &mut Counters::default(), &mut sink);
+            let (_, command) = at_once(sequencer.second(&second, index, &mut sink));
             pending = command.or(pending);
         }
     }

@@ -14,6 +14,8 @@ const STALL_WINDOW_S: f64 = 0.5;
 const STALL_WINDOW_DEG: f64 = 1.0;
 /// … by this share of what it should.
 const STALL_SHARE: f64 = 0.3;
+/// More sigmas of the encoder beyond the end of a move than both its ends can be wrong by.
+const BEYOND_SIGMAS: f64 = 7.0;
 
 /// A move under way.
 #[derive(Clone, Debug)]
@@ -42,6 +44,8 @@ pub enum Progress {
     /// The encoder confirms the angle, degrees.
     Arrived {
         index_deg: f64,
+        /// It went farther than its steps: no motor does that, an encoder that slipped looks so.
+        beyond: bool,
     },
     Failed(Fault),
 }
@@ -115,10 +119,14 @@ impl Turn {
 
     fn verify(&mut self, index_deg: f64) -> Progress {
         let left_deg = self.target_deg - index_deg;
-        if left_deg.abs() <= self.settings.tolerance_deg {
-            return Progress::Arrived { index_deg };
-        }
         let moved_deg = (index_deg - self.start_deg) * self.way_deg.signum();
+        if left_deg.abs() <= self.settings.tolerance_deg {
+            let beyond_deg = moved_deg - self.way_deg.abs();
+            return Progress::Arrived {
+                index_deg,
+                beyond: beyond_deg > (BEYOND_SIGMAS * self.settings.sigma_deg).max(0.1),
+            };
+        }
         if moved_deg < STALL_SHARE * self.way_deg.abs() && self.way_deg.abs() > 2.0 {
             return Progress::Failed(Fault::MotorStall);
         }
@@ -164,14 +172,26 @@ mod tests {
     #[test]
     fn an_honest_move_arrives() {
         let (end, attempts) = run(0.0, 90.0, 1.0, IndexSettings::default());
-        assert!(matches!(end, Progress::Arrived { index_deg } if (index_deg - 90.0).abs() < 0.01), "{end:?}");
+        assert!(
+            matches!(end, Progress::Arrived { index_deg, beyond: false } if (index_deg - 90.0).abs() < 0.01),
+            "{end:?}"
+        );
         assert_eq!(attempts, 1);
+    }
+
+    /// 90° · 1.003 is 0.27° too far, and 0.997 as much too short: of these only the first is no motor's.
+    #[test]
+    fn a_move_beyond_its_steps_is_told() {
+        for (share, told) in [(1.003, true), (0.997, false)] {
+            let (end, _) = run(0.0, 90.0, share, IndexSettings::default());
+            assert!(matches!(end, Progress::Arrived { beyond, .. } if beyond == told), "{end:?}");
+        }
     }
 
     #[test]
     fn a_short_move_is_corrected() {
         let (end, attempts) = run(0.0, -90.0, 0.95, IndexSettings::default());
-        assert!(matches!(end, Progress::Arrived { index_deg } if (index_deg + 90.0).abs() < 0.5), "{end:?}");
+        assert!(matches!(end, Progress::Arrived { index_deg, .. } if (index_deg + 90.0).abs() < 0.5), "{end:?}");
         assert_eq!(attempts, 2);
     }
 

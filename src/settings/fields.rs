@@ -45,8 +45,8 @@ pub const CHOICES: &[Choice] = &[
     },
     Choice {
         name: "sequence.order",
-        allowed: &["mirrored", "plain", "source", "east-west", "custom", "adaptive"],
-        meaning: "positions of the index and their order; custom: with angles; adaptive: with accuracy_deg, the sigma of the azimuth that ends the fix, 0.001 to 10",
+        allowed: &["adaptive", "mirrored", "plain", "source", "east-west", "custom"],
+        meaning: "positions of the index and their order; adaptive: with accuracy_deg, the sigma of the azimuth that ends the fix, 0.001 to 10 (default 0.04); custom: with angles",
     },
     Choice {
         name: "block.class",
@@ -120,7 +120,7 @@ fields! {
     "index.acceleration_deg_s2", "°/s²", 1 to 1000, |s| s.index.acceleration_deg_s2,
         "acceleration of the index";
     "sequence.dwell_s", "s", 2 to 3600, |s| f64::from(s.sequence.dwell_s),
-        "measuring time at each position";
+        "measuring time at each position, where the order is not adaptive";
     "sequence.coarse_dwell_s", "s", 2 to 3600, |s| f64::from(s.sequence.coarse_dwell_s),
         "measuring time at each of the four positions of the east-west order's coarse pass";
     "block.arw_deg_per_sqrt_h", "°/√h", 0.00001 to 100, |s| s.block?.arw_deg_per_sqrt_h,
@@ -134,7 +134,7 @@ fields! {
     "block.refix_sigma_deg", "°", 0.001 to 90, |s| s.block.map(|block| block.refix_sigma_deg),
         "beyond this sigma of the heading that is held a new fix is asked for; 0.5 where the group [block] does not say it";
     "time_limit_s", "s", 10 to 86400, |s| s.time_limit_s,
-        "longest time from the start of a fix to its azimuth";
+        "longest time from the start of a fix to its azimuth; an adaptive fix ends then with the sigma that it has";
 }
 
 impl Field {
@@ -149,7 +149,7 @@ impl Field {
 /// Everything that is wrong with the numbers, each for itself and together.
 ///
 /// A still gyro must pass the gates: its bias limit and five sigma of its one-second noise lie below the thresholds. And its
-/// range lies above the Earth rate and the disturbance threshold. A wait has room for what it waits for.
+/// range lies above the Earth rate and the disturbance threshold. A fix has room for its dwells, and a wait for what it waits for.
 pub fn violations(settings: &Settings) -> impl Iterator<Item = Invalid> + '_ {
     let noise_deg_h = settings.gyro.noise_deg_h();
     let together = [
@@ -184,6 +184,7 @@ pub fn violations(settings: &Settings) -> impl Iterator<Item = Invalid> + '_ {
             EARTH_RATE_DEG_H + settings.disturbance.threshold_deg_h,
             "the Earth rate and the disturbance threshold",
         ),
+        ("time_limit_s", settings.time_limit_s, settings.sequence.measuring_s(), "the measuring time of the order"),
     ];
     let together = together.into_iter().filter(|(_, value, least, _)| value < least);
     FIELDS

@@ -12,34 +12,53 @@ use crate::health::Refusal;
 #[derive(Clone, Debug, Default)]
 pub struct Incoming {
     version: u16,
-    content: Vec<u8, MAX_SETTINGS>,
+    /// Room for what comes; `length` bytes of it have come.
+    room: Vec<u8, MAX_SETTINGS>,
+    length: usize,
 }
 
 impl Incoming {
+    /// Its room, for whoever reads or writes settings, so that it takes no board's stack; what has come so far is forgotten.
+    pub fn scratch(&mut self) -> &mut [u8] {
+        self.length = 0;
+        self.room()
+    }
+
+    fn room(&mut self) -> &mut [u8] {
+        let _ = self.room.resize(MAX_SETTINGS, 0);
+        &mut self.room
+    }
+
+    fn content(&self) -> &[u8] {
+        self.room.get(..self.length).unwrap_or_default()
+    }
+
     /// Takes a piece; whether it was the last. One that came before is taken again, and the first begins anew.
     ///
     /// Errors: one before it is missing, or they belong to something that is too long.
     pub fn take(&mut self, piece: &Piece) -> Result<bool, Refusal> {
         let (offset, bytes) = (usize::from(piece.offset), piece.bytes.as_slice());
-        if offset > self.content.len() {
+        if offset > self.length {
             return Err(Refusal::OutOfOrder);
         }
-        self.content.truncate(offset);
         self.version = piece.version;
-        self.content.extend_from_slice(bytes).map_err(|_| Refusal::SettingsUnreadable)?;
-        Ok(self.content.len() >= piece.length.into())
+        let end = offset + bytes.len();
+        let room = self.room().get_mut(offset..end).ok_or(Refusal::SettingsUnreadable)?;
+        room.copy_from_slice(bytes);
+        self.length = end;
+        Ok(end >= piece.length.into())
     }
 
     /// What has come, decoded to where it stays; where that fails, `settings` may be anything.
     ///
     /// Errors: it is of a version that is not known, or no settings.
     pub fn read(&self, settings: &mut Settings) -> Result<(), Refusal> {
-        store::decode(self.version, &self.content, settings).ok_or(Refusal::SettingsUnreadable)
+        store::decode(self.version, self.content(), settings).ok_or(Refusal::SettingsUnreadable)
     }
 
     /// Keeps it in flash as it came.
     pub fn save<F: NorFlash>(&self, flash: &mut F) -> Result<(), SaveError<F::Error>> {
-        store::save_encoded(flash, self.version, &self.content)
+        store::save_encoded(flash, self.version, self.content())
     }
 }
 

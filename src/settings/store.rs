@@ -23,7 +23,7 @@ use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 
 use super::Settings;
-use crate::bytes::Piece;
+use crate::bytes::{Bytes, Piece, ROOM};
 use crate::health::Refusal;
 
 const MAGIC: [u8; 4] = *b"NFST";
@@ -33,7 +33,7 @@ pub const VERSION: u16 = 5;
 const OLD_VERSION: u16 = 4;
 const HEADER: usize = 12;
 const CRC_LENGTH: usize = 4;
-/// Longest record; a multiple of every flash's word, and within a half. The longest settings that are valid fit: a test
+/// Longest record; a multiple of [`GRAIN`], and within a half. The longest settings that are valid fit: a test
 /// says so.
 const MAX_RECORD: usize = 2560;
 /// Longest settings in it.
@@ -105,12 +105,10 @@ impl Contents {
     }
 }
 
-type Record = [u8; MAX_RECORD];
-
 /// The settings that were saved last.
 pub fn load<F: ReadNorFlash>(flash: &mut F) -> Result<Loaded, F::Error> {
     let mut settings = Settings::default();
-    Ok(match load_into(flash, &mut settings)? {
+    Ok(match load_into(flash, &mut [0; MAX_SETTINGS], &mut settings)? {
         Found::Missing => Loaded::Missing,
         Found::Corrupt => Loaded::Corrupt,
         Found::Valid => Loaded::Valid(settings),
@@ -118,17 +116,17 @@ pub fn load<F: ReadNorFlash>(flash: &mut F) -> Result<Loaded, F::Error> {
 }
 
 /// The settings that were saved last, read to where they stay: on a board copies of them are dear. Where nothing valid is found,
-/// `settings` may be anything.
-///
-/// Never inlined: the record shall take the caller's stack only while it is read.
-#[inline(never)]
-pub fn load_into<F: ReadNorFlash>(flash: &mut F, settings: &mut Settings) -> Result<Found, F::Error> {
+/// `settings` may be anything. `scratch` has room for [`MAX_SETTINGS`] bytes.
+pub fn load_into<F: ReadNorFlash>(
+    flash: &mut F,
+    scratch: &mut [u8],
+    settings: &mut Settings,
+) -> Result<Found, F::Error> {
     let contents = look_into(flash)?;
     let Some(Place { at, version, length, .. }) = contents.newest else {
         return Ok(if contents.is_erased(flash) { Found::Missing } else { Found::Corrupt });
     };
-    let mut record = [0; MAX_RECORD];
-    let Some(content) = record.get_mut(..length) else { return Ok(Found::Corrupt) };
+    let Some(content) = scratch.get_mut(..length) else { return Ok(Found::Corrupt) };
     flash.read(at + HEADER as u32, content)?;
     Ok(decode(version, content, settings).map_or(Found::Corrupt, |()| Found::Valid))
 }
@@ -148,60 +146,75 @@ pub fn read_piece<F: ReadNorFlash>(flash: &mut F, offset: u16) -> Result<Piece, 
     let Some(Place { at, version, length, .. }) = contents.newest else {
         return Err(if contents.is_erased(flash) { Refusal::NoSettings } else { Refusal::SettingsCorrupt });
     };
-    let mut record = [0; MAX_RECORD];
-    let content = record.get_mut(..length).ok_or(Refusal::SettingsCorrupt)?;
-    flash.read(at + HEADER as u32, content).map_err(|_| Refusal::SettingsCorrupt)?;
-    Piece::of(version, content, offset.into()).ok_or(Refusal::OutOfOrder)
+    let (start, length) = (usize::from(offset), u16::try_from(length).map_err(|_| Refusal::SettingsCorrupt)?);
+    let left = usize::from(length).checked_sub(start).ok_or(Refusal::OutOfOrder)?;
+    let mut bytes = [0; ROOM];
+    let bytes = bytes.get_mut(..left.min(ROOM)).ok_or(Refusal::OutOfOrder)?;
+    flash.read(at + HEADER as u32 + u32::from(offset), bytes).map_err(|_| Refusal::SettingsCorrupt)?;
+    Ok(Piece { version, length, offset, bytes: Bytes::start_of(bytes) })
 }
 
 /// Saves settings after the record before, or in the other half where there is no room. Until that is complete, [`load`] finds
 /// what it found before.
-///
-/// Never inlined: the record shall take the caller's stack only while it is written.
-#[inline(never)]
 pub fn save<F: NorFlash>(flash: &mut F, settings: &Settings) -> Result<(), SaveError<F::Error>> {
-    save_with(flash, VERSION, |place| Some(postcard::to_slice(settings, place).ok()?.len()))
+    save_in(flash, &mut [0; MAX_SETTINGS], settings)
+}
+
+fn save_in<F: NorFlash>(flash: &mut F, scratch: &mut [u8], settings: &Settings) -> Result<(), SaveError<F::Error>> {
+    let content = postcard::to_slice(settings, scratch).map_err(|_| SaveError::TooLong)?;
+    save_encoded(flash, VERSION, content)
 }
 
 /// The same of settings that are encoded already, as records of a version that is known hold them.
 #[inline(never)]
 pub fn save_encoded<F: NorFlash>(flash: &mut F, version: u16, content: &[u8]) -> Result<(), SaveError<F::Error>> {
-    save_with(flash, version, |place| {
-        place.get_mut(..content.len())?.copy_from_slice(content);
-        Some(content.len())
-    })
-}
-
-/// `encode` puts the settings into its argument, and gives their length.
-fn save_with<F: NorFlash>(
-    flash: &mut F,
-    version: u16,
-    encode: impl FnOnce(&mut [u8]) -> Option<usize>,
-) -> Result<(), SaveError<F::Error>> {
+    if content.len() > MAX_SETTINGS {
+        return Err(SaveError::TooLong);
+    }
     let Contents { newest, unused: [first, second] } = look_into(flash).map_err(SaveError::Flash)?;
     let (half, sequence) = newest.map_or((0, 0), |newest| (newest.half, newest.sequence.wrapping_add(1)));
-    let mut record = [0xFF; MAX_RECORD];
-    let length = complete(version, sequence, &mut record, encode).ok_or(SaveError::TooLong)?;
-    let written = record.get(..length.next_multiple_of(GRAIN)).ok_or(SaveError::TooLong)?;
+    let length = (HEADER + content.len() + CRC_LENGTH).next_multiple_of(GRAIN);
 
     let mut at = if half == 0 { first } else { second };
-    if at + written.len() as u32 > half_start(flash, half + 1) {
+    if at + length as u32 > half_start(flash, half + 1) {
         let other = 1 - half;
         at = half_start(flash, other);
         if [first, second].get(other) != Some(&at) {
             flash.erase(at, half_start(flash, other + 1)).map_err(SaveError::Flash)?;
         }
     }
-    flash.write(at, written).map_err(SaveError::Flash)?;
+    write(flash, at, length, record(version, sequence, content))
+}
 
-    for part in written.chunks(PART) {
-        let mut read = [0; PART];
-        let read = read.get_mut(..part.len()).ok_or(SaveError::NotVerified)?;
+/// The bytes of a record, and after its end those of an erased flash.
+fn record(version: u16, sequence: u32, content: &[u8]) -> impl Iterator<Item = u8> {
+    let header = (MAGIC.into_iter().chain(version.to_le_bytes()))
+        .chain((content.len() as u16).to_le_bytes())
+        .chain(sequence.to_le_bytes());
+    let mut digest = CRC.digest();
+    header.clone().for_each(|byte| digest.update(&[byte]));
+    digest.update(content);
+    header.chain(content.iter().copied()).chain(digest.finalize().to_le_bytes()).chain(core::iter::repeat(0xFF))
+}
+
+/// Writes the first `length` bytes, a multiple of [`GRAIN`], in parts, and reads every part again.
+fn write<F: NorFlash>(
+    flash: &mut F,
+    at: u32,
+    length: usize,
+    mut bytes: impl Iterator<Item = u8>,
+) -> Result<(), SaveError<F::Error>> {
+    let end = at + length as u32;
+    for at in (at..end).step_by(PART) {
+        let (mut part, mut read) = ([0; PART], [0; PART]);
+        let length = ((end - at) as usize).min(PART);
+        let (Some(part), Some(read)) = (part.get_mut(..length), read.get_mut(..length)) else { break };
+        part.iter_mut().zip(&mut bytes).for_each(|(place, byte)| *place = byte);
+        flash.write(at, part).map_err(SaveError::Flash)?;
         flash.read(at, read).map_err(SaveError::Flash)?;
         if read != part {
             return Err(SaveError::NotVerified);
         }
-        at += part.len() as u32;
     }
     Ok(())
 }
@@ -222,16 +235,20 @@ pub fn prepare<F: NorFlash>(flash: &mut F) -> Result<(), F::Error> {
 
 /// Changes the settings that were saved last, and saves them.
 ///
-/// Errors: [`UpdateError::Nothing`] where none can be loaded; otherwise as [`save`].
+/// `scratch` has room for [`MAX_SETTINGS`] bytes. Errors: [`UpdateError::Nothing`] where none can be loaded; otherwise as [`save`].
 ///
 /// Never inlined: the settings shall take the caller's stack only while they are changed.
 #[inline(never)]
-pub fn update<F: NorFlash>(flash: &mut F, change: impl FnOnce(&mut Settings)) -> Result<(), UpdateError<F::Error>> {
+pub fn update<F: NorFlash>(
+    flash: &mut F,
+    scratch: &mut [u8],
+    change: impl FnOnce(&mut Settings),
+) -> Result<(), UpdateError<F::Error>> {
     let mut settings = Settings::default();
-    match load_into(flash, &mut settings) {
+    match load_into(flash, scratch, &mut settings) {
         Ok(Found::Valid) => {
             change(&mut settings);
-            save(flash, &settings).map_err(UpdateError::Save)
+            save_in(flash, scratch, &settings).map_err(UpdateError::Save)
         }
         Ok(Found::Missing | Found::Corrupt) => Err(UpdateError::Nothing),
         Err(error) => Err(UpdateError::Save(SaveError::Flash(error))),
@@ -300,28 +317,6 @@ fn is_whole<F: ReadNorFlash>(flash: &mut F, at: u32, length: usize) -> Result<bo
     let mut check = [0; CRC_LENGTH];
     flash.read(end, &mut check)?;
     Ok(digest.finalize() == u32::from_le_bytes(check))
-}
-
-/// Completes a record whose settings `encode` puts there, and gives its length; `None` where they are too long.
-fn complete(
-    version: u16,
-    sequence: u32,
-    record: &mut Record,
-    encode: impl FnOnce(&mut [u8]) -> Option<usize>,
-) -> Option<usize> {
-    let (header, rest) = record.split_first_chunk_mut::<HEADER>()?;
-    let length = encode(rest)?;
-    let [magic @ .., _, _, _, _, _, _, _, _] = header;
-    *magic = MAGIC;
-    let [_, _, _, _, v0, v1, l0, l1, number @ ..] = header;
-    [*v0, *v1] = version.to_le_bytes();
-    [*l0, *l1] = u16::try_from(length).ok()?.to_le_bytes();
-    *number = sequence.to_le_bytes();
-    let (checked, rest) = record.split_at_mut_checked(HEADER + length)?;
-    *rest.first_chunk_mut::<CRC_LENGTH>()? = CRC.checksum(checked).to_le_bytes();
-    // An encoder may have left more than it gave.
-    rest.get_mut(CRC_LENGTH..)?.fill(0xFF);
-    Some(HEADER + length + CRC_LENGTH)
 }
 
 #[cfg(test)]

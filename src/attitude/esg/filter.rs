@@ -213,16 +213,6 @@ impl<const N: usize, const OTHERS: usize, const PACKED: usize> EsgFilter<N, OTHE
         &self.reference
     }
 
-    /// Standard deviation of the direction, each component along axis 1 and the rise, rad.
-    pub fn direction_sigma_rad(&self) -> [f64; 2] {
-        [DIRECTION, DIRECTION + 1].map(|state| sqrt(self.covariance.variance(state)))
-    }
-
-    /// Standard deviation of the drifts beyond the model, rad/s.
-    pub fn drift_sigma_rad_s(&self) -> [f64; 2] {
-        [DRIFT, DRIFT + 1].map(|state| sqrt(self.covariance.variance(state)))
-    }
-
     /// Readings rejected, and changes from one sensor to another.
     pub fn counters(&self) -> (u32, u32) {
         (self.rejected, self.jumps)

@@ -4,11 +4,13 @@ use cortex_m_semihosting::debug;
 
 use super::State;
 use super::exchange::{self, Exchange};
-use crate::board::crash::most_stack_bytes;
+use crate::board::crash::StackSweep;
 
 /// The power goes off: the last words to the host.
 pub fn power_off(state: &mut State) -> ! {
-    state.exchange.tell(b'Z', &[&most_stack_bytes().to_le_bytes()]);
+    let mut sweep = StackSweep::default();
+    sweep.go_on(usize::MAX);
+    state.exchange.tell(b'Z', &[&sweep.finish().to_le_bytes()]);
     exchange::exit(debug::EXIT_SUCCESS)
 }
 

@@ -15,7 +15,7 @@ pub struct Attitude {
     /// Mean of x, y, z.
     pub mean: [f64; 3],
     /// Sums of squared deviations of x, y, z from it.
-    pub squares: [f64; 3],
+    pub squares: [f32; 3],
     /// Readings that entered.
     pub readings: u16,
     /// Readings that were dropped as outliers.
@@ -43,7 +43,7 @@ impl Attitude {
         let mean = AXES.map(|axis| kept().map(axis).sum::<f64>() / number);
         let mut squares = [0.0; 3];
         for ((square, axis), mean) in squares.iter_mut().zip(AXES).zip(mean) {
-            *square = kept().map(|reading| (axis(reading) - mean) * (axis(reading) - mean)).sum();
+            *square = kept().map(|reading| (axis(reading) - mean) * (axis(reading) - mean)).sum::<f64>() as f32;
         }
         Some(Self {
             mean,
@@ -56,7 +56,7 @@ impl Attitude {
     /// Standard deviation of a reading over the three axes, in the unit of the readings.
     pub fn spread(&self) -> f64 {
         let freedom = 3.0 * (f64::from(self.readings) - 1.0).max(1.0);
-        libm::sqrt(self.squares.iter().sum::<f64>() / freedom)
+        libm::sqrt(self.squares.iter().copied().map(f64::from).sum::<f64>() / freedom)
     }
 }
 

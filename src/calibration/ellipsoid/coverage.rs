@@ -9,6 +9,8 @@
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
+use super::refine::add_square;
+
 /// Least coverage that gives a calibration: in the worst direction eight times the standard deviation of an even cover. A
 /// hemisphere has less.
 pub const LEAST_COVERAGE: f64 = 1.0 / 64.0;
@@ -65,11 +67,22 @@ impl Coverage {
         let mut count = 0.0;
         for unit in units {
             let row = functions(unit);
-            information += row * row.transpose();
+            add_square(&mut information, 1.0, &row);
             count += 1.0;
         }
+        Self::with(information, count)
+    }
+
+    /// Never inlined, so that there is one of it whatever the vectors come from.
+    #[inline(never)]
+    fn with(mut information: SMatrix<f64, 9, 9>, count: f64) -> Self {
+        information /= f64::max(count, 1.0);
         // A direction that is not known at all is known to 1/ridge: the inverse exists, and shows it.
-        let information = information / f64::max(count, 1.0) + SMatrix::identity() * RIDGE;
+        for i in 0..9 {
+            if let Some(place) = information.get_mut((i, i)) {
+                *place += RIDGE;
+            }
+        }
         Self { inverse: information.cholesky().map_or_else(SMatrix::zeros, |factor| factor.inverse()) }
     }
 

@@ -1,12 +1,12 @@
 //! From attitudes to a calibration, or to the reason why there is none.
 
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
 use super::attitude::Attitude;
 use super::coverage::{Coverage, Direction, LEAST_COVERAGE};
 use super::prior::Misalignments;
 use super::quadric::{Ellipsoid, Scatter};
-use super::refine::{Point, Refined, Residual, State};
+use super::refine::{Covariance, Point, Refined, Residual, State};
 use super::refusal::{LEAST_ATTITUDES, MOST_ELONGATED, MOST_RESIDUAL};
 use super::{Correction, Refusal, nominal, norm_rms};
 use crate::calibration::statistics::chi_square_p;
@@ -98,6 +98,7 @@ fn algebraic(entries: &[Entry], scale: &Scale) -> Result<State, Refusal> {
     State::of(&ellipsoid).ok_or(Refusal::NoEllipsoid)
 }
 
+#[inline(never)]
 fn fit_from(
     start: Start,
     entries: &mut [Entry],
@@ -145,7 +146,7 @@ impl Scale {
             let mean = Vector3::from(attitude.mean);
             low = low.inf(&mean);
             high = high.sup(&mean);
-            squares += Vector3::from(attitude.squares);
+            squares += Vector3::from(attitude.squares.map(f64::from));
             freedom += f64::from(attitude.readings.saturating_sub(1));
         }
         let factor = 2.0 / (high - low).amax();
@@ -168,12 +169,15 @@ impl Scale {
 /// A solution about the unit sphere.
 struct Solved {
     refined: Refined,
+    covariance: Covariance,
     attitudes: usize,
     /// Variance of the norm beyond the noise of the readings.
     excess: f64,
 }
 
 impl Solved {
+    /// Never inlined, as others below: matrices of the one shall not take the stack of the other.
+    #[inline(never)]
     fn new(start: Start, entries: &[Entry], scale: &Scale) -> Result<Self, Refusal> {
         let points = || learned(entries).map(|attitude| scale.point(attitude));
         let attitudes = points().count();
@@ -182,16 +186,17 @@ impl Solved {
         }
         let around = || no_ellipsoid(entries);
         // The first pass with equal weights needs no noise; the second has it.
-        let equal = start(entries, scale)?.refine(points, 1.0).ok_or_else(around)?;
+        let equal = start(entries, scale)?.refine(&points, 1.0).ok_or_else(around)?;
         let freedom = attitudes - LEAST_ATTITUDES;
         let left = equal.chi_square / f64::max(freedom as f64, 1.0);
-        let (refined, excess) = weigh(equal, left, freedom, points).ok_or_else(around)?;
-        Ok(Self { refined, attitudes, excess })
+        let (refined, covariance, excess) = weigh(equal, left, freedom, &points).ok_or_else(around)?;
+        Ok(Self { refined, covariance, attitudes, excess })
     }
 
     /// The entry that contradicts the others most, if it is invalid: by what the others leave, its own part taken out
     /// (externally studentised residuals: R. D. Cook and S. Weisberg, Residuals and Influence in Regression, 1982,
     /// section 2.2.2). Noise of the readings alone makes nothing invalid.
+    #[inline(never)]
     fn most_invalid(&self, entries: &[Entry], scale: &Scale) -> Option<usize> {
         let freedom = self.attitudes.checked_sub(LEAST_ATTITUDES + LEAST_OTHERS)? as f64 + LEAST_OTHERS as f64 - 1.0;
         let mut worst = (INVALID_SIGMAS, None);
@@ -199,7 +204,7 @@ impl Solved {
             let Residual { value, variance, jacobian, .. } =
                 self.refined.state.residual(&scale.point(&entry.attitude))?;
             let weight = 1.0 / (variance + self.excess);
-            let leverage = weight * (jacobian.transpose() * self.refined.covariance * jacobian).x;
+            let leverage = weight * (jacobian.transpose() * self.covariance * jacobian).x;
             let square = weight * value * value / (1.0 - leverage);
             let of_others = (self.refined.chi_square - square) / freedom;
             let sigmas = libm::sqrt(square / of_others.max(weight * variance).max(f64::MIN_POSITIVE));
@@ -212,11 +217,11 @@ impl Solved {
 
     fn combined(self, prior: Option<&Misalignments>) -> Result<Self, Refusal> {
         let Some(prior) = prior else { return Ok(self) };
-        let (state, covariance) =
-            prior.combine(&self.refined.state, &self.refined.covariance).ok_or(Refusal::NoEllipsoid)?;
-        Ok(Self { refined: Refined { state, covariance, ..self.refined }, ..self })
+        let (state, covariance) = prior.combine(&self.refined.state, &self.covariance).ok_or(Refusal::NoEllipsoid)?;
+        Ok(Self { refined: Refined { state, ..self.refined }, covariance, ..self })
     }
 
+    #[inline(never)]
     fn calibration(self, entries: &[Entry], scale: &Scale, gravity: f64) -> Result<Calibration, Refusal> {
         let state = &self.refined.state;
         let half_axes = state.half_axes().map(|half_axis| half_axis / scale.factor);
@@ -232,14 +237,13 @@ impl Solved {
         if rms > MOST_RESIDUAL {
             return Err(Refusal::Residual { rms });
         }
-        let covariance = self.refined.covariance;
-        let sigma = worst_sigma(state, &covariance);
+        let sigma = worst_sigma(state, &self.covariance);
         if sigma.is_nan() || sigma > MOST_SIGMA {
             return Err(Refusal::TooNoisy { sigma });
         }
         let correction =
             Correction::new(&(scale.offset + state.centre / scale.factor), &(state.matrix * (gravity * scale.factor)));
-        let &[bx, by, bz, m11, m12, m13, m22, m23, m33] = covariance.diagonal().map(libm::sqrt).as_ref();
+        let &[bx, by, bz, m11, m12, m13, m22, m23, m33] = self.covariance.diagonal().map(libm::sqrt).as_ref();
         let of_matrix = |sigma: f64| sigma * gravity * scale.factor;
         let rms_of = |role| norm_rms(with_role(entries, role).map(|attitude| attitude.mean), &correction, gravity);
         Ok(Calibration {
@@ -255,29 +259,32 @@ impl Solved {
     }
 }
 
-/// Weighs with the noise of the readings, or, if that does not explain what is left, with as much more as does.
+/// Weighs with the noise of the readings, or, if that does not explain what is left, with as much more as does. Gives the covariance and
+/// that excess beside the solution.
+#[inline(never)]
 fn weigh<P: Iterator<Item = Point>>(
     equal: Refined,
     left: f64,
     freedom: usize,
-    points: impl Fn() -> P,
-) -> Option<(Refined, f64)> {
+    points: &impl Fn() -> P,
+) -> Option<(Refined, Covariance, f64)> {
     let noise: f64 = points().map(|point| point.variance.sum()).sum();
     if noise > 0.0 {
-        let refined = equal.state.refine(&points, 0.0)?;
+        let refined = equal.state.refine(points, 0.0)?;
         if chi_square_p(refined.chi_square, u32::try_from(freedom).unwrap_or(u32::MAX)) >= LEAST_NOISE_P {
-            return Some((refined, 0.0));
+            return Some((refined, refined.state.covariance(points, 0.0)?, 0.0));
         }
     } else if left < EXACT {
-        return Some((Refined { covariance: equal.covariance * left, ..equal }, 0.0));
+        // Nothing but rounding: all alike, by what is left.
+        return Some((equal, equal.state.covariance(points, 1.0)? * left, 0.0));
     }
     let mut excess = left;
     let mut refined = equal;
     for _ in 0..8 {
-        refined = refined.state.refine(&points, excess)?;
+        refined = refined.state.refine(points, excess)?;
         excess *= refined.chi_square / f64::max(freedom as f64, 1.0);
     }
-    Some((refined, excess))
+    Some((refined, refined.state.covariance(points, excess)?, excess))
 }
 
 impl State {
@@ -292,7 +299,8 @@ impl State {
 }
 
 /// Standard deviation of |f|/G in the direction known worst.
-fn worst_sigma(state: &State, covariance: &SMatrix<f64, 9, 9>) -> f64 {
+#[inline(never)]
+fn worst_sigma(state: &State, covariance: &Covariance) -> f64 {
     let Some(inverse) = state.matrix.try_inverse() else { return f64::NAN };
     let mut worst = 0.0;
     for direction in Direction::all() {
@@ -303,6 +311,7 @@ fn worst_sigma(state: &State, covariance: &SMatrix<f64, 9, 9>) -> f64 {
     libm::sqrt(worst)
 }
 
+#[inline(never)]
 fn refuse(coverage: &Coverage) -> Result<(), Refusal> {
     let least = coverage.least();
     if least >= LEAST_COVERAGE {

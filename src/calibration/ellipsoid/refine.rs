@@ -26,11 +26,13 @@ pub(super) struct State {
     pub matrix: Matrix3<f64>,
 }
 
+/// Covariance of the centre and of m11, m12, m13, m22, m23, m33.
+pub(super) type Covariance = SMatrix<f64, 9, 9>;
+
 /// A converged solution.
+#[derive(Clone, Copy)]
 pub(super) struct Refined {
     pub state: State,
-    /// Of the centre and of m11, m12, m13, m22, m23, m33.
-    pub covariance: SMatrix<f64, 9, 9>,
     /// Sum of squared residuals over their variances.
     pub chi_square: f64,
 }
@@ -45,6 +47,14 @@ pub(super) struct Residual {
     pub unit: Vector3<f64>,
     /// By the centre and by m11, m12, m13, m22, m23, m33.
     pub jacobian: SVector<f64, 9>,
+}
+
+/// Adds the weighted square of a row, column by column, where the sum is.
+pub(super) fn add_square(sum: &mut Covariance, weight: f64, row: &SVector<f64, 9>) {
+    for (column, part) in sum.as_mut_slice().as_chunks_mut::<9>().0.iter_mut().zip(row.iter()) {
+        let weighted = weight * part;
+        column.iter_mut().zip(row.iter()).for_each(|(place, part)| *place += weighted * part);
+    }
 }
 
 impl State {
@@ -73,7 +83,9 @@ impl State {
         let deviation = shape - Matrix3::identity() * mean;
         let spread = libm::sqrt(deviation.dot(&deviation) / 6.0);
         let cosine = deviation.determinant() / (2.0 * spread * spread * spread);
-        let third = if spread > 0.0 { libm::acos(cosine.clamp(-1.0, 1.0)) / 3.0 } else { 0.0 };
+        let cosine = cosine.clamp(-1.0, 1.0);
+        let sine = libm::sqrt(1.0 - cosine * cosine);
+        let third = if spread > 0.0 { libm::atan2(sine, cosine) / 3.0 } else { 0.0 };
         let least = mean + 2.0 * spread * libm::cos(third + 2.0 * FRAC_PI_3);
         let greatest = mean + 2.0 * spread * libm::cos(third);
         [least, 3.0 * mean - least - greatest, greatest].map(|eigenvalue| 1.0 / libm::sqrt(eigenvalue))
@@ -97,28 +109,53 @@ impl State {
     /// Refines the parameters. `excess` is a variance of the norm beyond the noise of the readings.
     ///
     /// `None` where the points do not determine them or the steps do not end.
-    pub fn refine<P: Iterator<Item = Point>>(mut self, points: impl Fn() -> P, excess: f64) -> Option<Refined> {
+    ///
+    /// Never inlined, as the next one: matrices of nine by nine shall take the stack only here.
+    #[inline(never)]
+    pub fn refine<P: Iterator<Item = Point>>(mut self, points: &impl Fn() -> P, excess: f64) -> Option<Refined> {
         for _ in 0..ITERATIONS {
-            let mut normal = SMatrix::<f64, 9, 9>::zeros();
+            let mut normal = Covariance::zeros();
             let mut right = SVector::<f64, 9>::zeros();
-            let mut chi_square = 0.0;
-            for point in points() {
-                let residual = self.residual(&point)?;
-                let weight = 1.0 / (residual.variance + excess);
-                normal += weight * residual.jacobian * residual.jacobian.transpose();
-                right -= weight * residual.value * residual.jacobian;
-                chi_square += weight * residual.value * residual.value;
-            }
-            let factor = normal.cholesky()?;
-            let step = factor.solve(&right);
+            let chi_square = self.equations(points(), excess, &mut normal, &mut right)?;
+            let step = normal.cholesky()?.solve(&right);
             if !step.iter().all(|part| part.is_finite()) {
                 return None;
             }
-            if step.amax() < 1e-12 || step.dot(&(normal * step)) < 1e-12 {
-                return Some(Refined { state: self, covariance: factor.inverse(), chi_square });
+            // The normal matrix times the step is the right-hand side.
+            if step.amax() < 1e-12 || step.dot(&right) < 1e-12 {
+                return Some(Refined { state: self, chi_square });
             }
             self = self.moved(&(step * (LONGEST_STEP / step.amax()).min(1.0)));
         }
         None
+    }
+
+    /// The covariance of refined parameters. `None` where the points do not determine them.
+    #[inline(never)]
+    pub fn covariance<P: Iterator<Item = Point>>(&self, points: &impl Fn() -> P, excess: f64) -> Option<Covariance> {
+        let mut normal = Covariance::zeros();
+        self.equations(points(), excess, &mut normal, &mut SVector::zeros())?;
+        Some(normal.cholesky()?.inverse())
+    }
+
+    /// Adds the normal equations of the next step; gives the sum of squared residuals over their variances.
+    fn equations(
+        &self,
+        points: impl Iterator<Item = Point>,
+        excess: f64,
+        normal: &mut Covariance,
+        right: &mut SVector<f64, 9>,
+    ) -> Option<f64> {
+        let mut chi_square = 0.0;
+        for point in points {
+            let residual = self.residual(&point)?;
+            let weight = 1.0 / (residual.variance + excess);
+            add_square(normal, weight, &residual.jacobian);
+            for (sum, part) in right.iter_mut().zip(residual.jacobian.iter()) {
+                *sum -= weight * residual.value * part;
+            }
+            chi_square += weight * residual.value * residual.value;
+        }
+        Some(chi_square)
     }
 }

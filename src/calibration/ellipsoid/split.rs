@@ -10,6 +10,7 @@ const ONE_IN: usize = 4;
 /// Gives each entry its role. Of every four, in the order in which they were taken, that one is only judged which the
 /// others can best do without for their cover of the sphere; its readings have no part in the choice but for their
 /// direction. At least nine are left to learn from.
+#[inline(never)]
 pub fn split(entries: &mut [Entry], gravity: f64) {
     let means = entries.iter().map(|entry| entry.attitude.mean);
     let nominal = nominal(means.clone(), gravity);

@@ -68,22 +68,35 @@ pub struct Collection {
 /// Takes guidance to the operator.
 type Sink<'a> = &'a mut dyn FnMut(Guidance);
 
-impl Collection {
-    /// None yet; the calibration in use judges directions.
-    pub fn new(in_use: Correction) -> Self {
-        let none = Coverage::of(core::iter::empty());
+impl Default for Collection {
+    fn default() -> Self {
         Self {
-            problem: Problem { in_use, entries: Vec::new() },
+            problem: Problem::default(),
             samples: BlockMean::new(SAMPLES),
             rest: Rest::default(),
             readings: Vec::new(),
-            coverage: none.least(),
-            next: none.worst(),
+            coverage: 0.0,
+            next: Direction([0, 0, 1]),
             done: false,
             waited: 0,
             rested: false,
             failed: 0,
         }
+    }
+}
+
+impl Collection {
+    /// Begins anew with none; the calibration in use judges directions.
+    pub fn begin(&mut self, in_use: Correction) {
+        let none = Coverage::of(core::iter::empty());
+        self.problem.in_use = in_use;
+        self.problem.entries.clear();
+        self.samples = BlockMean::new(SAMPLES);
+        self.rest = Rest::default();
+        self.readings.clear();
+        (self.coverage, self.next) = (none.least(), none.worst());
+        (self.done, self.rested) = (false, false);
+        (self.waited, self.failed) = (0, 0);
     }
 
     /// Takes a reading of the accelerometers as they give it, g.
@@ -115,8 +128,8 @@ impl Collection {
     }
 
     /// The attitudes.
-    pub fn problem(&self) -> Problem {
-        self.problem.clone()
+    pub fn problem(&self) -> &Problem {
+        &self.problem
     }
 
     fn block(&mut self, block: &Block, sink: Sink) -> Progress {

@@ -27,16 +27,17 @@ use crate::reading::Reading;
 #[derive(Clone, Debug, Default)]
 pub struct Session {
     stage: Stage,
+    /// Beside the stage, so that it is begun anew where it is: a copy would take two kilobytes of a board's stack.
+    collection: Collection,
 }
 
 #[derive(Clone, Debug, Default)]
-#[allow(clippy::large_enum_variant)] // without a heap there is no smaller place
 enum Stage {
     #[default]
     Off,
-    Collecting(Collection),
+    Collecting,
     /// The problem waits to be taken.
-    Posed(Problem),
+    Posed,
     Solving,
     Answered(Result<Solved, NoCalibration>),
     /// The calibration waits to be taken.
@@ -63,15 +64,12 @@ type Sink<'a> = &'a mut dyn FnMut(Event);
 
 impl Session {
     /// Begins, whatever was before; the calibration in use is what a new one must beat.
-    ///
-    /// Never inlined: the collection is on the stack only here.
-    #[inline(never)]
     pub fn start(&mut self, in_use: Correction, sink: Sink) {
         self.abort(sink);
         sink(Event::Started);
-        let collection = Collection::new(in_use);
-        sink(Event::Guidance(collection.guidance(Step::Turn)));
-        self.stage = Stage::Collecting(collection);
+        self.collection.begin(in_use);
+        sink(Event::Guidance(self.collection.guidance(Step::Turn)));
+        self.stage = Stage::Collecting;
     }
 
     /// One is under way.
@@ -90,12 +88,11 @@ impl Session {
     /// effect.
     pub fn tick(&mut self, reading: Reading<TriadCode>, sink: Sink) -> Option<AccelerometerCalibration> {
         match &mut self.stage {
-            Stage::Collecting(collection) => {
-                let progress =
-                    collection.push(reading.map(TriadCode::g), &mut |guidance| sink(Event::Guidance(guidance)));
-                match progress {
+            Stage::Collecting => {
+                let told = &mut |guidance| sink(Event::Guidance(guidance));
+                match self.collection.push(reading.map(TriadCode::g), told) {
                     Progress::GoOn => {}
-                    Progress::Enough => self.pose(),
+                    Progress::Enough => self.stage = Stage::Posed,
                     Progress::Hopeless(reason) => self.end(reason, sink),
                 }
             }
@@ -119,25 +116,19 @@ impl Session {
                 return Some(calibration);
             }
             Stage::NotStored => self.end(Why::NotStored.into(), sink),
-            Stage::Off | Stage::Posed(_) | Stage::Solving | Stage::Offered(_) | Stage::Storing(_) => {}
+            Stage::Off | Stage::Posed | Stage::Solving | Stage::Offered(_) | Stage::Storing(_) => {}
         }
         None
     }
 
-    /// Never inlined: the problem is on the stack only here.
-    #[inline(never)]
-    fn pose(&mut self) {
-        if let Stage::Collecting(collection) = &self.stage {
-            self.stage = Stage::Posed(collection.problem());
-        }
-    }
-
     /// Puts attitudes to be solved for into `place`, once; `false`: there are none. The answer goes to [`Self::solved`].
     pub fn problem(&mut self, place: &mut Problem) -> bool {
-        let Stage::Posed(problem) = &self.stage else { return false };
-        place.copy_from(problem);
-        self.stage = Stage::Solving;
-        true
+        let posed = matches!(self.stage, Stage::Posed);
+        if posed {
+            place.copy_from(self.collection.problem());
+            self.stage = Stage::Solving;
+        }
+        posed
     }
 
     /// The answer to the problem; it is told at the next tick. One that nobody waits for any more is dropped.

@@ -213,8 +213,8 @@ impl Solution {
 }
 
 impl Axis<'_> {
-    fn part(&self, vector: &[f64; 3]) -> f64 {
-        vector.get(self.axis).copied().unwrap_or(f64::NAN)
+    fn part<T: Copy + Into<f64>>(&self, vector: &[T; 3]) -> f64 {
+        vector.get(self.axis).map_or(f64::NAN, |&part| part.into())
     }
 
     /// Weighted least squares: once with equal weights, for the scale factor that the weights need, then with them.

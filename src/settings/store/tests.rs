@@ -225,10 +225,10 @@ fn too_long_settings_are_refused_and_the_former_stay() {
 #[test]
 fn an_update_changes_what_it_says_and_nothing_without_settings() {
     let mut flash = Flash::<4>::erased();
-    assert_eq!(update(&mut flash, |_| ()), Err(UpdateError::Nothing));
+    assert_eq!(update(&mut flash, &mut [0; MAX_SETTINGS], |_| ()), Err(UpdateError::Nothing));
     save(&mut flash, &settings(45.0)).unwrap();
     let calibration = AccelerometerCalibration { bias_g: [0.01; 3], matrix: [1.0, 0.0, 0.0, 1.0, 0.0, 1.0] };
-    update(&mut flash, |settings| settings.accelerometer = Some(calibration)).unwrap();
+    update(&mut flash, &mut [0; MAX_SETTINGS], |settings| settings.accelerometer = Some(calibration)).unwrap();
     let expected = Settings { accelerometer: Some(calibration), ..settings(45.0) };
     assert_eq!(load(&mut flash), Ok(Loaded::Valid(expected)));
 }
