@@ -1,6 +1,6 @@
 //! `north board`: the instrument behind a pseudo-terminal, as if a board were plugged in.
 
-use std::io::{self, ErrorKind, Read, Write};
+use std::io::{self, Read, Write};
 use std::time::{Duration, Instant};
 
 use clap::Args;
@@ -20,6 +20,8 @@ use crate::interrupt;
 
 /// Ticks between two looks at the line and the clock: 10 ms.
 const LOOK_TICKS: u64 = 4;
+/// How long the instrument, whose time is not the wall's, waits for a client that has asked for something and does not read.
+const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Serve the simulated instrument behind a pseudo-terminal until interrupted
 #[derive(Args, Debug)]
@@ -69,7 +71,7 @@ impl Board {
             speech: if self.nmea { Speech::Nmea { heading_deg: None } } else { Speech::Link(Box::default()) },
             speed: self.speed,
             began: Instant::now(),
-            unheard: 0,
+            asked: false,
         };
         engine::serve(self.engine, None, &world, u64::MAX, &mut bridge, interrupt::flag())?;
         Err(Failure::Interrupted)
@@ -90,8 +92,8 @@ struct Bridge {
     speech: Speech,
     speed: f64,
     began: Instant,
-    /// Bytes that nobody took from the line.
-    unheard: u64,
+    /// Somebody has sent something since the line was last full for longer than they are waited for.
+    asked: bool,
 }
 
 impl Person for Bridge {
@@ -105,6 +107,7 @@ impl Person for Bridge {
         };
         let mut byte = [0];
         while let Ok(1) = self.line.read(&mut byte) {
+            self.asked = true;
             if let Some(Ok(request)) = decoder.feed(byte[0]) {
                 return Some(request);
             }
@@ -143,11 +146,21 @@ impl Person for Bridge {
 }
 
 impl Bridge {
-    /// As on a wire: what nobody reads is lost.
-    fn say(&mut self, bytes: &[u8]) {
-        match self.line.write_all(bytes) {
-            Err(error) if error.kind() != ErrorKind::Interrupted => self.unheard += bytes.len() as u64,
-            _ => {}
+    /// As on a wire, what nobody reads is lost. Whoever asked for something loses nothing, however many times real time the instrument runs
+    /// and however slow the machine is: the instrument waits for them.
+    fn say(&mut self, mut bytes: &[u8]) {
+        let began = Instant::now();
+        while !bytes.is_empty() {
+            match self.line.write(bytes) {
+                Ok(taken) => bytes = &bytes[taken..],
+                Err(_) if self.asked && began.elapsed() < PATIENCE && !interrupt::requested() => {
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+                Err(_) => {
+                    self.asked = false;
+                    return;
+                }
+            }
         }
     }
 }
