@@ -5,14 +5,15 @@ BUILD := $(or $(CARGO_TARGET_DIR),target)
 QEMU_BOARD := --target $(TARGET) --no-default-features --features mps2 --target-dir $(BUILD)/qemu
 F405_BOARD := --target $(TARGET) --target-dir $(BUILD)/f405
 
-.PHONY: find test lint fmt firmware bench flash setup help
+.PHONY: find test lint fmt firmware bench page flash setup help
 
 ## find: build the firmware, run it in QEMU with the simulated instrument, show the fix (ARGS="--scenario windy-tripod")
 find: setup
 	@cargo run --release -p north -- find $(ARGS)
 
-## test: format, lints, both firmware images, all tests
+## test: format, lints, both firmware images, the page, all tests
 test: setup lint firmware
+	@scripts/page.sh $(BUILD)/page || [ $$? = 3 ]
 	cargo test --workspace --quiet
 
 ## lint: format check and clippy, warnings are errors, for the host and both boards
@@ -37,6 +38,11 @@ bench: setup
 		diagnose-speed attitude alignment hold "hold --whole" aiding esg cost; do \
 		echo "north bench $$table"; cargo run --quiet --release -p north -- bench $$table || missed="$$missed; $$table"; done; \
 		[ -z "$$missed" ] || { echo "beyond their limits, or not run$$missed"; exit 1; }
+
+## page: the instrument in a browser: one folder, opened from anywhere (installs the WebAssembly target of Rust)
+page:
+	@scripts/page.sh $(BUILD)/page
+	@echo "open $(BUILD)/page/index.html"
 
 ## flash: build for the STM32F405, flash it and show its log (needs probe-rs and a probe)
 flash: setup

@@ -14,6 +14,7 @@ mod field;
 mod frames;
 mod hidden_effects;
 mod index_slips;
+mod page;
 mod qemu;
 mod replay;
 mod scenarios;

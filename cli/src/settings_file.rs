@@ -5,9 +5,10 @@
 use std::path::Path;
 
 use hal_sim::Scenario;
-use hal_sim::scenario::GyroFormat as SimulatedFormat;
 use north_finder::effects::ErrorModel;
-use north_finder::settings::{GyroFormat, Invalid, Settings};
+use north_finder::settings::{Invalid, Settings};
+pub use simulated::declare_noise;
+use simulated::default_settings;
 
 use crate::campaign::Campaign;
 use crate::file_error::{FileError, Problem};
@@ -79,11 +80,7 @@ pub fn laid_over(name: &str, text: String, base: &Settings) -> Result<Settings, 
 ///
 /// `file` is the scenario's own file, if it came from one: errors then name the line.
 pub fn scenario_settings(scenario: &Scenario, file: Option<&Path>) -> Result<Settings, FileError> {
-    let mut base = Settings { latitude_deg: scenario.site.latitude_deg, ..Settings::default() };
-    base.gyro.format = match scenario.gyro.format {
-        SimulatedFormat::Compact => GyroFormat::Compact,
-        SimulatedFormat::KvhA => GyroFormat::KvhA,
-    };
+    let base = default_settings(scenario);
     match file {
         Some(path) => checked(&TomlFile::read(path)?, Some(TABLE), &base),
         None => {
@@ -93,16 +90,6 @@ pub fn scenario_settings(scenario: &Scenario, file: Option<&Path>) -> Result<Set
             checked(&TomlFile::of_text(Path::new(&name), text), None, &base)
         }
     }
-}
-
-/// Declares the gyro's angle random walk (°/√h), and raises the gates' thresholds as far as such a gyro at rest needs.
-pub fn declare_noise(settings: &mut Settings, arw_deg_per_sqrt_h: f64) {
-    let noise_deg_h = 60.0 * arw_deg_per_sqrt_h;
-    settings.gyro.arw_deg_per_sqrt_h = arw_deg_per_sqrt_h;
-    let disturbance = &mut settings.disturbance.threshold_deg_h;
-    *disturbance = disturbance.max(settings.gyro.bias_limit_deg_h + 6.0 * noise_deg_h);
-    let jitter = &mut settings.jitter.threshold_deg_h;
-    *jitter = jitter.max(6.0 * std::f64::consts::SQRT_2 * noise_deg_h);
 }
 
 fn checked(file: &TomlFile, table: Option<&str>, base: &Settings) -> Result<Settings, FileError> {

@@ -135,11 +135,13 @@ impl TomlFile {
     }
 }
 
-/// Replaces in `base` what `over` says; tables are merged, everything else is replaced.
+/// Replaces in `base` what `over` says; tables are merged, everything else is replaced: also a choice with values, a table of one name,
+/// by another choice.
 fn lay_over<'a>(base: &mut DeTable<'a>, over: DeTable<'a>) {
     for (key, value) in over {
         if let Some(DeValue::Table(below)) = base.get_mut(key.get_ref().as_ref()).map(Spanned::get_mut)
-            && matches!(value.get_ref(), DeValue::Table(_))
+            && let DeValue::Table(above) = value.get_ref()
+            && !(below.len() == 1 && above.len() == 1 && below.keys().next() != above.keys().next())
         {
             if let DeValue::Table(table) = value.into_inner() {
                 lay_over(below, table);

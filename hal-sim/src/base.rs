@@ -19,9 +19,20 @@ pub struct BaseMotion {
     wind: Option<[WindOnAxis; 3]>,
     rocking: Option<Load>,
     moves: bool,
+    /// Turned by hand since power-up.
+    turns: Vec<Turned>,
     t_s: f64,
     angles: BaseAngles,
     stream: Stream,
+}
+
+/// Somebody turns the instrument about the vertical.
+#[derive(Debug, Clone, Copy)]
+struct Turned {
+    at_s: f64,
+    duration_s: f64,
+    /// Clockwise from above, degrees.
+    by_deg: f64,
 }
 
 impl BaseMotion {
@@ -43,6 +54,7 @@ impl BaseMotion {
             wind,
             rocking,
             moves,
+            turns: Vec::new(),
             t_s: 0.0,
             angles: BaseAngles::default(),
             stream,
@@ -74,6 +86,24 @@ impl BaseMotion {
         self.angles = self.angles_now();
     }
 
+    /// Somebody knocks against it.
+    pub fn knock(&mut self, knock: Knock) {
+        self.base.knocks.push(knock);
+        self.moves = true;
+    }
+
+    /// Somebody levels it, or tilts it; the last one begun must have ended.
+    pub fn relevel(&mut self, relevel: Relevel) {
+        self.base.relevel.push(relevel);
+        self.moves = true;
+    }
+
+    /// Somebody turns it, clockwise from above.
+    pub fn turn(&mut self, at_s: f64, duration_s: f64, by_deg: f64) {
+        self.turns.push(Turned { at_s, duration_s, by_deg });
+        self.moves = true;
+    }
+
     /// How the base stands now.
     pub fn angles(&self) -> BaseAngles {
         self.angles
@@ -103,10 +133,12 @@ impl BaseMotion {
             }
         }
         let [pitch_deg, roll_deg] = level_deg(&base.relevel, [base.pitch_deg, base.roll_deg], t_s);
+        let turned_deg: f64 =
+            self.turns.iter().map(|turned| eased(turned.at_s, turned.duration_s, t_s) * turned.by_deg).sum();
         BaseAngles {
             pitch_rad: pitch_deg.to_radians() + arcsec[0] / ARCSEC_PER_RAD,
             roll_rad: roll_deg.to_radians() + arcsec[1] / ARCSEC_PER_RAD,
-            azimuth_rad: self.azimuth_deg.to_radians() + arcsec[2] / ARCSEC_PER_RAD,
+            azimuth_rad: (self.azimuth_deg + turned_deg).to_radians() + arcsec[2] / ARCSEC_PER_RAD,
         }
     }
 }
@@ -142,11 +174,16 @@ fn knock_arcsec(knock: &Knock, axis: usize, t_s: f64) -> f64 {
         + knock.permanent_arcsec[axis] * (1.0 - left)
 }
 
+/// 0 before, 1 after, a raised cosine between.
+fn eased(at_s: f64, duration_s: f64, t_s: f64) -> f64 {
+    let done = ((t_s - at_s) / duration_s).clamp(0.0, 1.0);
+    0.5 * (1.0 - (TAU / 2.0 * done).cos())
+}
+
 /// Pitch and roll after the operator's levelling so far: a raised cosine from one state to the next.
 fn level_deg(relevel: &[Relevel], start_deg: [f64; 2], t_s: f64) -> [f64; 2] {
     relevel.iter().fold(start_deg, |[pitch_deg, roll_deg], step| {
-        let done = ((t_s - step.at_s) / step.duration_s).clamp(0.0, 1.0);
-        let weight = 0.5 * (1.0 - (TAU / 2.0 * done).cos());
+        let weight = eased(step.at_s, step.duration_s, t_s);
         [pitch_deg + weight * (step.pitch_deg - pitch_deg), roll_deg + weight * (step.roll_deg - roll_deg)]
     })
 }

@@ -91,6 +91,12 @@ impl GyroErrors {
         }
     }
 
+    /// The air becomes warmer by this, at once.
+    pub fn warm_the_air(&mut self, kelvin: f64) {
+        self.thermal.warm_the_air(kelvin);
+        self.housing.warm_the_air(kelvin);
+    }
+
     /// The angle that the gyro's electronics integrate over the interval, arcsec, before quantisation and saturation.
     pub fn measure(&mut self, now: &Surroundings) -> f64 {
         self.thermal.advance(now.t_s, now.dt_s);

@@ -43,6 +43,11 @@ impl Thermal {
         Self::new(site, &housing)
     }
 
+    /// The air becomes warmer by this, at once.
+    pub fn warm_the_air(&mut self, kelvin: f64) {
+        self.ambient_c += kelvin;
+    }
+
     /// Moves on by `dt_s` to `t_s`.
     pub fn advance(&mut self, t_s: f64, dt_s: f64) {
         let mut goal_c = self.ambient_c + self.self_heating_k + self.ambient_k_s * t_s;

@@ -4,7 +4,7 @@ use crate::device::{AccelerometerSpi, BlockSpi, EncoderSpi, Flash, GyroLine, Pin
 use crate::flash::FlashMemory;
 use crate::hand::Turn;
 use crate::plant::Plant;
-use crate::scenario::Scenario;
+use crate::scenario::{Knock, Relevel, Scenario};
 use crate::truth::Truth;
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -50,6 +50,34 @@ impl World {
     /// which it has stood there for as long as the scenario says; nothing where the scenario has no carry.
     pub fn carry(&self) -> Option<f64> {
         self.plant.borrow_mut().carry()
+    }
+
+    /// Somebody knocks against the base now: first swing of pitch, roll and azimuth, and what stays of pitch and roll, arcsec.
+    pub fn knock(&self, swing_arcsec: [f64; 3], permanent_arcsec: [f64; 2]) {
+        let mut plant = self.plant.borrow_mut();
+        let at_s = plant.t_s();
+        let [pitch_arcsec, roll_arcsec] = permanent_arcsec;
+        let permanent_arcsec = [pitch_arcsec, roll_arcsec, 0.0];
+        plant.base.knock(Knock { at_s, swing_arcsec, permanent_arcsec, ..Knock::default() });
+    }
+
+    /// Somebody levels the instrument, or tilts it, to this pitch and roll, degrees, within `duration_s`.
+    pub fn tilt(&self, duration_s: f64, pitch_deg: f64, roll_deg: f64) {
+        let mut plant = self.plant.borrow_mut();
+        let at_s = plant.t_s();
+        plant.base.relevel(Relevel { at_s, duration_s, pitch_deg, roll_deg });
+    }
+
+    /// Somebody turns the instrument clockwise by this angle, degrees, within `duration_s`.
+    pub fn turn(&self, duration_s: f64, by_deg: f64) {
+        let mut plant = self.plant.borrow_mut();
+        let at_s = plant.t_s();
+        plant.base.turn(at_s, duration_s, by_deg);
+    }
+
+    /// The air around the instrument becomes warmer by this, at once; the gyro follows with its time constant.
+    pub fn warm_the_air(&self, kelvin: f64) {
+        self.plant.borrow_mut().errors.warm_the_air(kelvin);
     }
 
     /// The accelerometer on its bus.

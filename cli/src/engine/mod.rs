@@ -11,7 +11,7 @@ use std::sync::atomic::AtomicBool;
 use hal_sim::{Scenario, Truth, World};
 use north_finder::event::{Event, Fix, Heading, Report, State};
 use north_finder::health::Fault;
-use north_finder::link::{self, Ask, Request};
+use north_finder::link::{Ask, Request, TooLong};
 use north_finder::sample::SAMPLE_S;
 use north_finder::sequence::Command;
 use north_finder::settings::pieces::Outgoing;
@@ -119,30 +119,17 @@ pub enum EngineError {
     Qemu(#[from] qemu::QemuError),
 }
 
-/// What the host's line carries in a tick of 2.5 ms, ten bits a byte.
-const REQUEST_BYTES_A_TICK: usize = (link::BAUD / 10 / 400) as usize;
+impl From<TooLong> for EngineError {
+    fn from(_: TooLong) -> Self {
+        Self::Request
+    }
+}
 
 /// The requests that bring settings to an instrument; none where they are longer than any that are valid.
 pub fn to_store(settings: &Settings) -> VecDeque<Request> {
     let numbers = (1..=u8::MAX).cycle();
     let pieces = Outgoing::new(settings).into_iter().flatten();
     pieces.zip(numbers).map(|(piece, number)| Request { number, ask: Ask::WriteSettings(piece) }).collect()
-}
-
-/// Requests on their way to the instrument.
-#[derive(Debug, Default)]
-struct RequestLine(VecDeque<u8>);
-
-impl RequestLine {
-    fn send(&mut self, request: &Request) -> Result<(), EngineError> {
-        self.0.extend(link::encode_request(request).map_err(|_| EngineError::Request)?);
-        Ok(())
-    }
-
-    /// What arrives in the next tick.
-    fn tick(&mut self) -> Vec<u8> {
-        self.0.drain(..self.0.len().min(REQUEST_BYTES_A_TICK)).collect()
-    }
 }
 
 /// Runs a fix on the chosen engine. `image` is the firmware for QEMU; without one it is built.

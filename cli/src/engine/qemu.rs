@@ -22,7 +22,9 @@ use north_finder::event::Event;
 use north_finder::link::ReportDecoder;
 use north_finder::sample::SAMPLE_S;
 
-use super::{EngineError, FixWanted, Observer, Outcome, Person, PowerOff, RequestLine, Setup};
+use simulated::RequestLine;
+
+use super::{EngineError, FixWanted, Observer, Outcome, Person, PowerOff, Setup};
 use instrument::Instrument;
 use lines::{Lines, Uarts};
 use process::Qemu;
