@@ -56,7 +56,10 @@ pub fn diagnosis(
     let structure = found.as_ref().is_some_and(Open::is_structure);
     // Where processes of the runs' own do as well, the named effects are nothing, whether or not these processes help.
     let spurious = found.as_ref().is_some_and(|open| open.replaces && open.is_process_only());
-    let mut open = found.filter(|open| open.is_better(runs, &of_named, &bad));
+    let (mut open, refused) = match found {
+        Some(open) if open.is_better(runs, &of_named, &bad) => (Some(open), None),
+        other => (None, other.filter(Open::is_structure)),
+    };
     let mut bare = fitted.bare();
     if spurious {
         let names = fitted.learned().taken.iter().map(|each| each.candidate.full_name()).collect();
@@ -85,8 +88,11 @@ pub fn diagnosis(
             false => guard::left_out(runs, fitted, base),
         };
         let missed_deg = guard::missed_beyond_sigma_deg(runs, fitted, &left_out);
-        if missed_deg > 0.0 {
-            model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(missed_deg);
+        // What is not used may be true all the same.
+        let plain: Vec<Option<f64>> = afters.iter().map(|after| after.azimuth_deg).collect();
+        let apart_deg = refused.as_ref().map_or(0.0, |open| open.apart_beyond_sigma_deg(&plain));
+        if missed_deg.max(apart_deg) > 0.0 {
+            model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(missed_deg.max(apart_deg));
             afters = after(runs, &model);
         }
     }

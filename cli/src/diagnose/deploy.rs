@@ -10,7 +10,9 @@ use north_finder::effects::basis::settling::{Settling, Size};
 use north_finder::effects::basis::warm_up::WarmUp;
 use north_finder::effects::{ChannelName, Term};
 
-use crate::open_world::{Base, DECAYS_S, Group, MEMORY_S, PLAY_WIDTHS, TIMES_S, TRAVEL_S, Tuned, WARM_UP_S};
+use crate::open_world::{
+    Base, DECAYS_S, Group, MEMORY_S, PLAY_WIDTHS, RELAXATION_S, TIMES_S, TRAVEL_S, Tuned, WARM_UP_S,
+};
 
 /// A channel with the range in which it was learned: middle and half.
 pub struct Ranged {
@@ -61,6 +63,12 @@ pub fn terms(group: &Group, channels: &[Ranged]) -> Option<Vec<Term>> {
     let step = |channel: usize, at: f64| {
         let knots = places(channel, &[-OUTER, at - STEEP, at + STEEP, OUTER])?;
         curve(channel, Signal::Value, Function::Table(knots))
+    };
+    let surface_of_tables = |first: usize, second: usize| {
+        Some(vec![Term::product(
+            curve(first, Signal::Value, table(first, SIDES[0])?)?,
+            curve(second, Signal::Value, table(second, SIDES[1])?)?,
+        )])
     };
     let value = |channel: usize| Some(Term::new(curve(channel, Signal::Value, spline(channel)?)?));
     let one = |term: Option<Term>| Some(vec![term?]);
@@ -122,6 +130,13 @@ pub fn terms(group: &Group, channels: &[Ranged]) -> Option<Vec<Term>> {
                 .chain(WARM_UP_S.iter().map(|&tau_s| Term::new(Basis::WarmUp(WarmUp { tau_s: tau_s as f32 }))))
                 .collect(),
         ),
+        Group::Relaxation => {
+            Some(RELAXATION_S.map(|tau_s| Term::new(Basis::WarmUp(WarmUp { tau_s: tau_s as f32 }))).to_vec())
+        }
+        Group::Ridge { .. } => match group.channels()[..] {
+            [first, second] => surface_of_tables(first, second),
+            _ => None,
+        },
         Group::LinearTimes(channel, Base::Rate) => {
             one(Some(Term::scaling(curve(channel, Signal::Value, powers(channel, 1)?)?)))
         }
@@ -140,10 +155,7 @@ pub fn terms(group: &Group, channels: &[Ranged]) -> Option<Vec<Term>> {
         Group::Bilinear(first, second) | Group::Bicubic(first, second) => {
             surface(curve(first, Signal::Value, powers(first, 2)?)?, curve(second, Signal::Value, powers(second, 2)?)?)
         }
-        Group::Product(Base::Value(first), Base::Value(second)) if first != second => one(Some(Term::product(
-            curve(first, Signal::Value, table(first, SIDES[0])?)?,
-            curve(second, Signal::Value, table(second, SIDES[1])?)?,
-        ))),
+        Group::Product(Base::Value(first), Base::Value(second)) if first != second => surface_of_tables(first, second),
         Group::Product(Base::Value(channel), Base::Harmonic(order)) => one(Some(Term::product(
             curve(channel, Signal::Value, table(channel, SIDES[1])?)?,
             Basis::BodyHarmonic(BodyHarmonic { order }),

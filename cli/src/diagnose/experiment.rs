@@ -31,8 +31,10 @@ const ORDERS: [(&str, &[f64]); 5] = [
     ("long and short moves by turns", &[0.0, 180.0, 90.0, 270.0, 0.0, 90.0, 270.0, 180.0]),
 ];
 /// Headings at which the instrument is set down, dwells as multiples of those so far, and times of warming up first, seconds.
-const HEADINGS: [usize; 3] = [1, 4, 8];
-const STRETCHES: [f64; 2] = [1.0, 3.0];
+const HEADINGS: [usize; 4] = [1, 4, 8, 16];
+const STRETCHES: [f64; 3] = [1.0, 3.0, 10.0];
+/// Headings with which the longest dwells are worth their time.
+const LONGEST_AT: usize = 8;
 const WARM_UPS_S: [f64; 2] = [0.0, 1800.0];
 
 /// Runs that have not been made.
@@ -52,7 +54,7 @@ impl Design {
         let mut all = Vec::new();
         for (name, order_deg) in ORDERS {
             for number in HEADINGS {
-                for stretch in STRETCHES {
+                for stretch in STRETCHES.into_iter().filter(|&stretch| stretch < STRETCHES[2] || number >= LONGEST_AT) {
                     for warm_up_s in WARM_UPS_S {
                         let dwell_s = (stretch * length_s / order_deg.len() as f64 - MOVE_S as f64).max(10.0).round();
                         let heading_deg = |i: usize| wrap_360_deg(22.5 + 360.0 * i as f64 / number as f64);
@@ -235,21 +237,9 @@ pub struct Known<'a> {
     pub coefficients: &'a [f64],
 }
 
-/// Log odds of an effect over each of its alternatives that runs would add to those made so far on average, if it is the true one:
-/// half of what no coefficients of the alternative can imitate, in noise variances, with the runs and without them.
-pub fn log_odds(
-    made: &[&RunData],
-    proposed: &[RunData],
-    effect: &Known,
-    alternatives: &[(&Candidate, f64)],
-) -> Vec<f64> {
-    let with = not_imitated(made.iter().copied().chain(proposed), effect, alternatives);
-    let without = not_imitated(made.iter().copied(), effect, alternatives);
-    with.into_iter().zip(without).map(|(with, without)| 0.5 * (with - without).max(0.0)).collect()
-}
-
-/// Sum of squares of an effect that each of the alternatives leaves, in noise variances.
-fn not_imitated<'a>(
+/// Sum of squares of an effect that no coefficients of each of the alternatives can imitate, in noise variances: half of what runs add to
+/// it are the log odds that they add on average, if it is the true one.
+pub fn not_imitated<'a>(
     runs: impl Iterator<Item = &'a RunData>,
     effect: &Known,
     alternatives: &[(&Candidate, f64)],

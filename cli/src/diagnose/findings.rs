@@ -9,7 +9,7 @@ use super::evidence::searched;
 use super::experiment::{Expectation, Known, Proposal};
 use super::learn::ACCEPT;
 use super::learned::{Learned, Taken};
-use super::statistics::chi_square_tail;
+use super::statistics::{chi_square_tail, p_value_in_words};
 use super::{Candidate, Effect, Fitted, Rejected, effects, experiment};
 use crate::campaign::Role;
 
@@ -169,7 +169,8 @@ fn why(learned: &Learned, each: &candidate::Candidate, taken: bool, p_value_sear
             "more stays unexplained than it explains: it may be a spurious term in place of something else".into()
         }
         None if p_value_searched < ACCEPT && learned.taken.is_empty() => {
-            format!("it explains something (p = {p_value_searched:.1e}), but the runs do not predict each other by it")
+            let p_value = p_value_in_words(p_value_searched);
+            format!("it explains something ({p_value}), but the runs do not predict each other by it")
         }
         None if p_value_searched < ACCEPT => "alone it explains something, beside the taken effects nothing".into(),
         None => format!("chance would do as well (p = {p_value_searched:.2} after the search)"),
@@ -212,10 +213,12 @@ fn experiment_for(taken: &Taken, fit: &[&RunData], sigma_now_deg: f64) -> Propos
     let mut names = vec![taken.candidate.full_name()];
     names.extend(alternatives.iter().map(|(alternative, _)| alternative.full_name()));
     let known = Known { candidate: &taken.candidate, constant: taken.constant, coefficients: &taken.coefficients };
+    let without = experiment::not_imitated(fit.iter().copied(), &known, &alternatives);
     experiment::propose(like, &names, sigma_now_deg, |proposed| {
         // The scatter of the coefficients falls with the number of runs.
         let share = fit.len() as f64 / (fit.len() + proposed.len()) as f64;
-        let log_odds = experiment::log_odds(fit, proposed, &known, &alternatives);
+        let with = experiment::not_imitated(fit.iter().copied().chain(proposed), &known, &alternatives);
+        let log_odds = with.iter().zip(&without).map(|(with, without)| 0.5 * (with - without).max(0.0)).collect();
         Some(Expectation { log_odds, sigma_deg: sigma_now_deg * (0.5 * (1.0 + share)).sqrt() })
     })
 }

@@ -10,6 +10,7 @@ use super::candidate::Part;
 use super::data::RunData;
 use super::statistics::{f_tail, median, rms};
 use crate::campaign::Role;
+use crate::open_world::studentised;
 
 /// A model is not used where the errors rise by more than this, and where chance alone would make them rise as much in
 /// fewer campaigns than this share. (A true effect that the azimuth does not feel leaves the errors as they are, but for the
@@ -103,7 +104,7 @@ pub fn impossible_amplitude(before: &[f64], after: &[f64]) -> Option<String> {
 }
 
 /// What azimuths by what was learned miss beyond their sigmas, degrees: τ² = mean(e² − σ²), at least 0, over training runs with
-/// what the others taught.
+/// what the others taught; Student's, for there are few of them.
 pub fn missed_beyond_sigma_deg(runs: &[RunData], fitted: &Fitted, left_out: &[Option<Fix>]) -> f64 {
     let beyond: Vec<f64> = trusted(runs, fitted)
         .filter_map(|(i, run, reference_deg)| {
@@ -115,7 +116,7 @@ pub fn missed_beyond_sigma_deg(runs: &[RunData], fitted: &Fitted, left_out: &[Op
     if beyond.len() < LEAST_MISSES {
         return 0.0;
     }
-    (beyond.iter().sum::<f64>() / beyond.len() as f64).max(0.0).sqrt()
+    studentised(beyond.len()) * (beyond.iter().sum::<f64>() / beyond.len() as f64).max(0.0).sqrt()
 }
 
 /// One sigma of what an error of the index has in common at all angles, degrees: without surveyed headings nobody sees it; it may be

@@ -21,6 +21,12 @@ use crate::open_world::{self, DAMPING, Found, Group, Learned, Prediction, Record
 
 /// Share of the mean square error of what it replaces that a model must fall below.
 const BETTER: f64 = 0.95;
+/// Where the fit runs' rates are predicted with a log density greater by this: share of the mean square error by which it may be above
+/// what it replaces.
+const PREDICTS: f64 = 20.0;
+/// The same without any reference.
+const PREDICTS_BLIND: f64 = 4.0;
+const WORSE: f64 = 1.5;
 /// Log-likelihood that processes of the runs' own must gain over white noise to count.
 const PROCESS: f64 = 10.0;
 /// Share of an effect that its terms in the firmware may miss.
@@ -30,6 +36,8 @@ const AGREES: f64 = 0.6;
 /// Log evidence that every fitted number of a named effect must be worth.
 const OF_NUMBER: f64 = 4.0;
 
+/// Sigma of an azimuth that tells nothing, degrees.
+const TELLS_NOTHING_DEG: f64 = 30.0;
 /// Turning in a second above which the index does not rest, degrees.
 const TURNS_DEG: f64 = 0.05;
 /// Log evidence by which a model without the named effects must be better.
@@ -63,8 +71,8 @@ impl Open {
         }
         let alone = Self::learn(runs, &[], bad_references)?;
         let numbers: usize = taken.iter().map(|each| each.candidate.freedom()).sum();
-        let named = beside.learned.evidence - OF_NUMBER * numbers as f64 + MARGIN;
-        let lead = alone.learned.evidence - named;
+        let named = beside.learned.worth - OF_NUMBER * numbers as f64 + MARGIN;
+        let lead = alone.learned.worth - named;
         if lead <= 0.0 {
             return Some(beside);
         }
@@ -94,8 +102,10 @@ impl Open {
     /// Whether the fit runs' azimuths, each by a model without that run, miss their references by less (mean square, weighted by what
     /// their sigmas promise) than what it stands against: the azimuths by the named effects (`of_named`, degrees) where it stands
     /// beside these, else those before. Named effects that the evidence is against may fit few references closely, and are not asked.
+    /// Where the fit runs' rates speak for it, each by what the others taught, it is enough that no azimuths get worse beyond chance: an
+    /// effect may stand in few azimuths of these runs, and in all of others.
     pub fn is_better(&self, runs: &[RunData], of_named: &[Option<f64>], bad_references: &[String]) -> bool {
-        let (mut before, mut after, mut number) = (0.0, 0.0, 0);
+        let mut pairs: Vec<(f64, f64)> = Vec::new();
         for ((run, named_deg), own) in runs.iter().zip(of_named).zip(&self.azimuths) {
             let trusted = run.role == Role::Fit && !bad_references.contains(&run.file);
             let other_deg = if self.replaces { run.before.map(|fix| fix.azimuth_deg) } else { *named_deg };
@@ -103,12 +113,20 @@ impl Open {
                 (run.reference_deg.filter(|_| trusted), other_deg, own)
             {
                 // A run that the others say little about, and whose sigma says so, counts for little.
-                let weight = own.sigma_rad.powi(-2);
-                before += weight * wrap_180_deg(other_deg - reference).powi(2);
-                after += weight * wrap_180_deg(own.azimuth_rad / RAD_PER_DEG - reference).powi(2);
-                number += 1;
+                let in_sigmas = |azimuth_deg: f64| wrap_180_deg(azimuth_deg - reference) * RAD_PER_DEG / own.sigma_rad;
+                pairs.push((in_sigmas(other_deg), in_sigmas(own.azimuth_rad / RAD_PER_DEG)));
             }
         }
+        let (before, after) =
+            pairs.iter().fold((0.0, 0.0), |sum, each| (sum.0 + each.0 * each.0, sum.1 + each.1 * each.1));
+        // Without references only the rates can be asked.
+        let blind = pairs.is_empty() && (self.is_process_only() || self.learned.predictive_gain > PREDICTS_BLIND);
+        let no_worse = blind
+            || after < BETTER * before
+            || (!pairs.is_empty()
+                && self.learned.predictive_gain > PREDICTS
+                && after < WORSE * before
+                && guard::made_worse(&pairs).is_none());
         let share = |amplitude_deg_h: f64, run: &RunData| amplitude_deg_h / run.earth.north_deg_h;
         let had: Vec<f64> = runs.iter().filter_map(|run| Some(share(run.before?.amplitude_deg_h, run))).collect();
         let has: Vec<f64> = runs
@@ -116,9 +134,7 @@ impl Open {
             .zip(&self.azimuths)
             .filter_map(|(run, own)| Some(share((*own)?.amplitude_deg_h, run)))
             .collect();
-        self.is_structure()
-            && (number == 0 || after < BETTER * before)
-            && guard::impossible_amplitude(&had, &has).is_none()
+        self.is_structure() && no_worse && guard::impossible_amplitude(&had, &has).is_none()
     }
 
     /// Whether there is anything but white noise.
@@ -198,7 +214,7 @@ impl Open {
         model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(self.learned.excess_rad / RAD_PER_DEG);
         model.doubt.process = self.likeliest_process().and_then(|kernel| {
             let (kernel_of_model, time_s) = match kernel.shape? {
-                Shape::Exponential => (doubt::Kernel::Exponential, kernel.time_s),
+                Shape::Exponential | Shape::Course => (doubt::Kernel::Exponential, kernel.time_s),
                 Shape::Matern => (doubt::Kernel::Matern, kernel.time_s),
                 Shape::SquaredExponential => (doubt::Kernel::SquaredExponential, kernel.time_s),
                 Shape::DampedCosine => {
@@ -219,6 +235,21 @@ impl Open {
             }
         }
         apart <= AGREES * AGREES * sigma
+    }
+
+    /// By how much its azimuths differ from others beyond its sigmas, degrees: the root of mean(d² − σ²), at least 0. A run whose sigma is
+    /// of 30° or more says nothing.
+    pub fn apart_beyond_sigma_deg(&self, azimuths_deg: &[Option<f64>]) -> f64 {
+        let beyond: Vec<f64> = azimuths_deg
+            .iter()
+            .zip(&self.azimuths)
+            .filter_map(|(azimuth_deg, own)| {
+                let own = own.filter(|own| own.sigma_rad < TELLS_NOTHING_DEG * RAD_PER_DEG)?;
+                let apart_deg = wrap_180_deg((*azimuth_deg)? - own.azimuth_rad / RAD_PER_DEG);
+                Some(apart_deg.powi(2) - (own.sigma_rad / RAD_PER_DEG).powi(2))
+            })
+            .collect();
+        (beyond.iter().sum::<f64>() / beyond.len().max(1) as f64).max(0.0).sqrt()
     }
 
     /// The runs without what it learned, as the engine itself sees that.
@@ -345,6 +376,12 @@ impl Open {
     /// What remains: processes of the runs' own, in words.
     pub fn unexplained(&self) -> Vec<String> {
         match self.likeliest_process() {
+            Some(kernel) if kernel.shape == Some(Shape::Course) => vec![format!(
+                "something happens in the runs by itself that no channel tells, typically {:.4} deg/h and {:.0} s apart; \
+                 azimuths are estimated beside it, and sigma covers it",
+                kernel.size * self.learned.unit_deg_h,
+                kernel.time_s
+            )],
             Some(kernel) => vec![format!(
                 "a process of every run's own that no channel tells, typically {:.4} deg/h over {:.0} s; sigma covers it",
                 kernel.size * self.learned.unit_deg_h,

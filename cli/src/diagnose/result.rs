@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 
 use north_finder::effects::ErrorModel;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::campaign::Role;
 
 /// The whole diagnosis of a campaign. Serialised, it is the documented result of `north diagnose --json`; the series
 /// for a report are left out of that.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Diagnosis {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub title: Option<String>,
@@ -62,6 +63,7 @@ pub struct Diagnosis {
     /// Doubts about the campaign, with the run and the row.
     pub warnings: Vec<Warning>,
     /// The error model with the effects in it: what `--model-out` writes.
+    #[schemars(with = "serde_json::Map<String, serde_json::Value>")]
     pub model: ErrorModel,
     /// One series a run, in the order of `runs`; for drawing.
     #[serde(skip)]
@@ -72,7 +74,7 @@ pub struct Diagnosis {
 }
 
 /// What made a diagnosis, and of what.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Origin {
     /// Of the program.
     pub version: &'static str,
@@ -87,7 +89,7 @@ pub struct Origin {
 
 /// Every run with a reference by what was learned from all others: how well the diagnosis does on this campaign, on all runs
 /// that there are. The model that is written takes nothing from it.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct LeaveOneOut {
     /// Runs with a reference and an azimuth.
     pub runs: usize,
@@ -103,7 +105,7 @@ pub struct LeaveOneOut {
 }
 
 /// One run before and after.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, JsonSchema)]
 pub struct RunDiagnosis {
     pub file: String,
     pub role: Role,
@@ -126,11 +128,12 @@ pub struct RunDiagnosis {
     pub flags_after: Vec<&'static str>,
     /// Why there is no azimuth, or why the reference was not used.
     #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[schemars(default)]
     pub notes: Vec<String>,
 }
 
 /// An effect that the model took up.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Effect {
     /// Stable, documented, lower-case words with hyphens.
     pub name: String,
@@ -164,7 +167,7 @@ impl Effect {
 }
 
 /// A candidate that was left.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Rejected {
     pub name: String,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -173,7 +176,7 @@ pub struct Rejected {
 }
 
 /// One candidate with its statistics.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Candidate {
     pub name: String,
     pub kind: &'static str,
@@ -190,7 +193,7 @@ pub struct Candidate {
 }
 
 /// What would tell ambiguous effects apart.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Experiment {
     pub description: String,
     /// Index angles in the order of their visits, degrees.
@@ -214,7 +217,7 @@ pub struct Experiment {
 }
 
 /// Whether the residual is noise.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, JsonSchema)]
 pub struct NoiseTests {
     /// Noise of a one-second rate from its fast changes, °/h.
     pub noise_deg_h: f64,
@@ -226,7 +229,7 @@ pub struct NoiseTests {
 }
 
 /// One test of the residual.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Test {
     pub name: String,
     /// What the statistic is, in words.
@@ -247,7 +250,7 @@ impl Test {
 }
 
 /// A doubt about the campaign.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Warning {
     /// The run's file; absent when it concerns the whole campaign.
     pub run: Option<String>,

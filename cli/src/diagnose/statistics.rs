@@ -8,6 +8,16 @@ use statrs::function::gamma::gamma_ur;
 /// A pivot of normal equations with a unit diagonal below this: a column is (nearly) a combination of the others.
 const LEAST_PIVOT: f64 = 1e-9;
 
+/// Whether a probability is below what the numbers of a computer hold: it is given as smaller than 1e-300, not as nothing.
+pub fn is_below_numbers(probability: f64) -> bool {
+    probability < 1e-300
+}
+
+/// A p value as a statement, with two digits.
+pub fn p_value_in_words(p_value: f64) -> String {
+    if is_below_numbers(p_value) { "p < 1e-300".into() } else { format!("p = {p_value:.1e}") }
+}
+
 /// Probability that a chi-square with `freedom` degrees of freedom exceeds `value`.
 pub fn chi_square_tail(value: f64, freedom: f64) -> f64 {
     if value > 0.0 && freedom > 0.0 { gamma_ur(0.5 * freedom, 0.5 * value) } else { 1.0 }

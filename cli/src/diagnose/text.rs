@@ -2,10 +2,9 @@
 
 use std::io::{self, Write};
 
+use super::statistics::p_value_in_words;
 use super::{Diagnosis, RunDiagnosis};
 
-/// Below this a p value is given as smaller.
-const SMALLEST: f64 = 1e-300;
 /// Most candidates that are listed as left.
 const LISTED: usize = 8;
 
@@ -31,7 +30,7 @@ pub fn write(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
                 Some(why) => format!("{} not applied: {why}", test.name),
                 None => {
                     let outcome = if test.passed { "passed" } else { "failed" };
-                    format!("{} {outcome} ({})", test.name, probability(test.p_value))
+                    format!("{} {outcome} ({})", test.name, p_value_in_words(test.p_value))
                 }
             })
             .collect();
@@ -56,11 +55,6 @@ pub fn write(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
         writeln!(out, "\nno order, heading or duration at this latitude would tell what was named from: {names}")?;
     }
     Ok(())
-}
-
-/// A p value with two digits; below what a number can hold it is small, not nothing.
-fn probability(p_value: f64) -> String {
-    if p_value < SMALLEST { format!("p < {SMALLEST:.0e}") } else { format!("p = {p_value:.1e}") }
 }
 
 fn write_runs(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
@@ -139,7 +133,7 @@ fn write_effects(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
                 None => format!("{name} = {value:.6}"),
             })
             .collect();
-        writeln!(out, "  {}: {}; {}", effect.full_name(), parameters.join(", "), probability(effect.p_value))?;
+        writeln!(out, "  {}: {}; {}", effect.full_name(), parameters.join(", "), p_value_in_words(effect.p_value))?;
         writeln!(out, "    {}", effect.evidence)?;
         if !effect.ambiguous_with.is_empty() {
             writeln!(out, "    this campaign cannot tell it from: {}", effect.ambiguous_with.join(", "))?;

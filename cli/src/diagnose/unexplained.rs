@@ -5,7 +5,7 @@ use super::data::RunData;
 use super::learn::STRUCTURE;
 use super::noise::azimuth_tests;
 use super::problem::Problem;
-use super::statistics::chi_square_tail;
+use super::statistics::{chi_square_tail, p_value_in_words};
 use super::{Fitted, NoiseTests};
 use crate::campaign::Role;
 
@@ -16,8 +16,9 @@ pub fn evidence(fitted: &Fitted, runs: &[RunData], noise: &NoiseTests) -> Vec<St
     let p_value = chi_square_tail(learned.left * learned.left_freedom, learned.left_freedom);
     if learned.left_freedom > 0.0 && p_value < STRUCTURE {
         evidence.push(format!(
-            "what is left changes {:.2} times as much over blocks of seconds as white noise would (p = {p_value:.1e})",
-            learned.left.sqrt()
+            "what is left changes {:.2} times as much over blocks of seconds as white noise would ({})",
+            learned.left.sqrt(),
+            p_value_in_words(p_value)
         ));
     }
     // Where nothing may be learned, all runs together are asked.
@@ -27,17 +28,18 @@ pub fn evidence(fitted: &Fitted, runs: &[RunData], noise: &NoiseTests) -> Vec<St
                 .after
                 .iter()
                 .filter(|test| matches!(test.name.as_str(), "dwells" | "closure") && test.p_value < STRUCTURE)
-                .map(|test| format!("the test `{}` of all runs fails (p = {:.1e})", test.name, test.p_value)),
+                .map(|test| format!("the test `{}` of all runs fails ({})", test.name, p_value_in_words(test.p_value))),
         );
     }
     if !learned.taken.is_empty() && learned.sameness_p_value < STRUCTURE {
-        evidence.push(format!("what was found differs from run to run (p = {:.1e})", learned.sameness_p_value));
+        evidence
+            .push(format!("what was found differs from run to run ({})", p_value_in_words(learned.sameness_p_value)));
     }
     let dependences: Vec<_> = noise.after.iter().filter(|test| test.name.starts_with("dependence:")).collect();
     for test in &dependences {
         let p_value = test.p_value * dependences.len() as f64;
         if let Some(channel) = test.name.strip_prefix("dependence:").filter(|_| p_value < STRUCTURE) {
-            evidence.push(format!("what is left still goes with {channel} (p = {p_value:.1e})"));
+            evidence.push(format!("what is left still goes with {channel} ({})", p_value_in_words(p_value)));
         }
     }
     if fitted.by_dwell.is_none() {
@@ -63,11 +65,11 @@ fn azimuths(fitted: &Fitted, runs: &[RunData]) -> Vec<String> {
         .filter(|test| test.p_value < STRUCTURE)
         .map(|test| match test.name.as_str() {
             "azimuth" => format!(
-                "azimuths miss their references by {:.1} sigma rms (p = {:.1e})",
+                "azimuths miss their references by {:.1} sigma rms ({})",
                 (test.statistic / errors.len() as f64).sqrt(),
-                test.p_value
+                p_value_in_words(test.p_value)
             ),
-            _ => format!("azimuth errors go with the heading (p = {:.1e})", test.p_value),
+            _ => format!("azimuth errors go with the heading ({})", p_value_in_words(test.p_value)),
         })
         .collect()
 }

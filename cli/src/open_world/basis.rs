@@ -20,7 +20,10 @@ const CREEP_S: [f64; 6] = [1.0, 3.0, 8.0, 20.0, 50.0, 120.0];
 /// Of low-passes forward and backward.
 const SMOOTHED_S: [f64; 4] = [3.0, 10.0, 30.0, 90.0];
 pub const WARM_UP_S: [f64; 4] = [15.0, 45.0, 150.0, 500.0];
+pub const RELAXATION_S: [f64; 7] = [2.0, 6.0, 18.0, 54.0, 160.0, 480.0, 1440.0];
 const CHANGE_S: f64 = 12.0;
+/// Length of a combination of channels that is its range.
+const RIDGE_RANGE: f64 = 1.25;
 /// Half lengths of the windows in which tilt rates are slopes, seconds.
 const SLOPE_S: [usize; 3] = [5, 20, 100];
 /// Bumps in the heading, and their concentration.
@@ -443,6 +446,31 @@ impl Scales {
                 let through = scaled(*channel).into_iter().zip(&open).map(|(value, open)| value * open);
                 let through = samples.means(through);
                 from_columns(rows, [through, samples.means(open)])
+            }
+            Group::Ridge { direction, sharp } => {
+                let mut along = vec![0.0; sheet.recording.len()];
+                for (channel, share) in direction.iter().enumerate().filter(|each| *each.1 != 0.0) {
+                    along.iter_mut().zip(scaled(channel)).for_each(|(sum, value)| *sum += share / RIDGE_RANGE * value);
+                }
+                let curve = if *sharp { &self.sharp } else { &self.smooth };
+                curve.columns(samples, &clip(along))
+            }
+            Group::Gear(order) => {
+                let (sin, cos) = azimuth_rad.sin_cos();
+                let of = |part: fn(f64) -> f64| {
+                    let turned = sheet.column(|i| part(order * sheet.wound_deg[i].to_radians()));
+                    let field = (0..rows).map(|i| sin * sheet.cos[i] - cos * sheet.sin[i]);
+                    field.zip(turned).map(|(field, turned)| field * turned).collect::<Vec<_>>()
+                };
+                from_columns(rows, [of(f64::cos), of(f64::sin)])
+            }
+            Group::Sector([from_deg, width_deg]) => {
+                let inside = (azimuth_rad.to_degrees() - from_deg).rem_euclid(360.0) < *width_deg;
+                self.raw_base(sheet, Base::Harmonic(1), 0.0) * f64::from(u8::from(inside))
+            }
+            Group::Relaxation => {
+                let t = &sheet.recording.t_s;
+                from_columns(rows, RELAXATION_S.map(|time_s| sheet.column(|i| (-t[i].max(0.0) / time_s).exp())))
             }
             Group::Smoothed(channel) => {
                 let scaled = scaled(*channel);

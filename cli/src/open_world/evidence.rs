@@ -29,7 +29,7 @@ pub fn posterior(gram: &DMatrix<f64>, right: &DVector<f64>, variances: &[f64]) -
     for i in 0..n {
         matrix[(i, i)] += 1.0;
     }
-    let (half, log_determinant) = super::run::half_of(&matrix);
+    let (half, log_determinant) = half_of(&matrix);
     let factor = DMatrix::from_fn(n, n, |i, j| half[(i, j)] * roots[j]);
     let covariance = factor.transpose() * &factor;
     let mean = &covariance * right;
@@ -67,4 +67,43 @@ pub fn best_variance(gram: &DMatrix<f64>, right: &DVector<f64>, variances: &[f64
         .map(|&variance| (of(variance, &mut factor, &mut forward), variance))
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .unwrap_or((0.0, 0.0))
+}
+/// Inverse of the lower Cholesky factor, and the logarithm of the determinant. A covariance that has lost its definiteness to
+/// rounding gets a little of its own diagonal; one that has none left tells nothing: zero.
+pub fn half_of(covariance: &DMatrix<f64>) -> (DMatrix<f64>, f64) {
+    let n = covariance.nrows();
+    let mut share = 0.0;
+    loop {
+        let mut raised = covariance.clone();
+        for i in 0..n {
+            raised[(i, i)] *= 1.0 + share;
+        }
+        if let Some(factor) = raised.cholesky() {
+            let lower = factor.l();
+            let log_determinant = 2.0 * lower.diagonal().iter().map(|value| value.ln()).sum::<f64>();
+            return (lower_inverse(&lower), log_determinant);
+        }
+        share = if share == 0.0 { 1e-9 } else { share * 10.0 };
+        if share > MOST_RAISED {
+            return (DMatrix::zeros(n, n), f64::INFINITY);
+        }
+    }
+}
+
+/// Share of its diagonal that a covariance gets at most.
+const MOST_RAISED: f64 = 1.0;
+
+/// Inverse of a lower triangle, column by column by substitution from its diagonal down: a third of the work of a full one.
+fn lower_inverse(lower: &DMatrix<f64>) -> DMatrix<f64> {
+    let n = lower.nrows();
+    let mut inverse = DMatrix::zeros(n, n);
+    for (j, column) in inverse.as_mut_slice().chunks_exact_mut(n.max(1)).enumerate() {
+        column[j] = 1.0;
+        for (k, of_lower) in lower.as_slice().chunks_exact(n.max(1)).enumerate().skip(j) {
+            let found = column[k] / of_lower[k];
+            column[k] = found;
+            column[k + 1..].iter_mut().zip(&of_lower[k + 1..]).for_each(|(rest, each)| *rest -= found * each);
+        }
+    }
+    inverse
 }

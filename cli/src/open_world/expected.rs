@@ -3,10 +3,11 @@
 
 use nalgebra::DMatrix;
 
+use super::evidence::half_of;
 use super::learn::{prepare, sizes_deg_h};
 use super::predict::{Learned, Model, least_squares};
 use super::recording::Recording;
-use super::run::{Run, half_of};
+use super::run::Run;
 
 /// What a set of runs would tell.
 #[derive(Clone, Debug)]

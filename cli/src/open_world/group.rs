@@ -155,6 +155,17 @@ pub enum Group {
         by: usize,
         at: f64,
     },
+    /// A smooth or sharp curve in a combination of channels, whose direction (of length 1) is tuned.
+    Ridge {
+        direction: Vec<f64>,
+        sharp: bool,
+    },
+    /// An error of the index as a harmonic of its angle, turns counted, of any order: what a gear makes.
+    Gear(f64),
+    /// The first harmonic of the index angle while the heading is in a sector: where it begins, and its width, degrees.
+    Sector([f64; 2]),
+    /// Decays since switch-on of all times: together also a power of the time.
+    Relaxation,
     /// Low-passes of a channel forward and backward: a channel that is recorded with noise.
     Smoothed(usize),
     Linear(usize),
@@ -215,6 +226,20 @@ const MOST_PRODUCTS: usize = 4;
 const MOST_GATED: usize = 5;
 const MOST_BICUBIC: usize = 6;
 const MOST_BILINEAR: usize = 12;
+/// Directions of a combination of two channels in half a turn, those of one channel among them; channels up to which any two, and any
+/// three, are combined.
+const DIRECTIONS: usize = 8;
+const MOST_RIDGES: usize = 6;
+const MOST_TRIPLE_RIDGES: usize = 5;
+/// Orders of a gear: the first, how far apart, how many.
+const GEARS: (f64, f64, usize) = (0.3, 0.13, 24);
+/// Sectors of headings: how far apart, and their widths, degrees.
+const SECTOR_STEP_DEG: f64 = 15.0;
+const SECTORS_DEG: [f64; 3] = [60.0, 90.0, 130.0];
+/// Steps of what is tuned for a share of one: of a direction, an order, an angle in degrees.
+const OF_DIRECTION: f64 = 5.0;
+const OF_GEAR: f64 = 1.5;
+const OF_SECTOR_DEG: f64 = 180.0;
 
 impl Base {
     fn follows_heading(self) -> bool {
@@ -308,6 +333,11 @@ impl Group {
             all.extend((channels <= MOST_BICUBIC).then_some(Self::AllMemory));
         }
         all.extend(products(channels, &of_channels, &global));
+        all.extend(ridges(channels));
+        all.extend((0..GEARS.2).map(|number| Self::Gear(GEARS.0 + GEARS.1 * number as f64)));
+        let sectors = (0..(360.0 / SECTOR_STEP_DEG) as usize).map(|number| SECTOR_STEP_DEG * number as f64);
+        all.extend(sectors.flat_map(|from_deg| SECTORS_DEG.map(|width_deg| Self::Sector([from_deg, width_deg]))));
+        all.push(Self::Relaxation);
         all
     }
 
@@ -329,6 +359,25 @@ impl Group {
             Self::Gated { channel, by, at } => {
                 [at - share, at + share].map(|at| Self::Gated { channel: *channel, by: *by, at }).to_vec()
             }
+            Self::Ridge { direction, sharp } => {
+                let turned = |channel: usize, by: f64| {
+                    let mut direction = direction.clone();
+                    direction[channel] += OF_DIRECTION * by;
+                    Self::Ridge { direction: unit(direction), sharp: *sharp }
+                };
+                let used: Vec<usize> = (0..direction.len()).filter(|&channel| direction[channel] != 0.0).collect();
+                let mut all: Vec<Self> =
+                    used.into_iter().flat_map(|channel| [turned(channel, -share), turned(channel, share)]).collect();
+                all.push(Self::Ridge { direction: direction.clone(), sharp: !sharp });
+                all
+            }
+            Self::Gear(order) => [order - OF_GEAR * share, order + OF_GEAR * share].map(Self::Gear).to_vec(),
+            Self::Sector([from_deg, width_deg]) => {
+                let step_deg = OF_SECTOR_DEG * share;
+                [(-step_deg, 0.0), (step_deg, 0.0), (0.0, -step_deg), (0.0, step_deg)]
+                    .map(|(of_from, of_width)| Self::Sector([from_deg + of_from, width_deg + of_width]))
+                    .to_vec()
+            }
             _ => Vec::new(),
         }
     }
@@ -338,7 +387,9 @@ impl Group {
         match self {
             Self::Bilinear(..) | Self::LinearTimes(..) => 1.3,
             // A constant is searched for.
-            Self::Tuned(..) | Self::Gated { .. } => 2.0,
+            Self::Tuned(..) | Self::Gated { .. } | Self::Gear(_) => 2.0,
+            Self::Ridge { direction, .. } => direction.iter().filter(|share| **share != 0.0).count() as f64,
+            Self::Sector(_) => 3.0,
             Self::Bicubic(..) => 1.6,
             Self::Product(..) => 2.0,
             Self::Triple(..) | Self::Extended { .. } => 3.0,
@@ -350,6 +401,7 @@ impl Group {
     pub fn follows_heading(&self) -> bool {
         match self {
             Self::Base(base) | Self::LinearTimes(_, base) | Self::Triple(_, _, base) => base.follows_heading(),
+            Self::Gear(_) | Self::Sector(_) => true,
             Self::EarthField | Self::AxisHarmonics | Self::AxisCurve | Self::IndexCurve | Self::RateCurve => true,
             Self::Product(first, second) => first.follows_heading() || second.follows_heading(),
             Self::Extended { parent, base, .. } => parent.follows_heading() || base.follows_heading(),
@@ -362,6 +414,9 @@ impl Group {
         let mut channels: Vec<usize> = match self {
             Self::Base(base) => base.channel().into_iter().collect(),
             Self::Gated { channel, by, .. } => vec![*channel, *by],
+            Self::Ridge { direction, .. } => {
+                (0..direction.len()).filter(|&channel| direction[channel] != 0.0).collect()
+            }
             Self::Linear(channel)
             | Self::Tuned(channel, _)
             | Self::Smoothed(channel)
@@ -403,6 +458,11 @@ impl Group {
             Self::Tuned(_, tuned) => tuned.name().into(),
             Self::Gated { .. } => "gated-channel".into(),
             Self::Smoothed(_) => "smoothed-channel".into(),
+            Self::Ridge { .. } if self.channels().len() == 2 => "function-of-two-channels".into(),
+            Self::Ridge { .. } => "function-of-channels".into(),
+            Self::Gear(_) => "gear-error".into(),
+            Self::Sector(_) => "harmonic-in-sector".into(),
+            Self::Relaxation => "relaxation".into(),
             Self::AxisCurve => "function-of-axis-azimuth".into(),
             Self::IndexCurve => "index-error".into(),
             Self::Winding => "winding".into(),
@@ -447,6 +507,13 @@ impl Group {
             Self::Tuned(channel, tuned) => tuned.words(&names[*channel]),
             Self::Gated { channel, by, .. } => format!("{} while {} is high", names[*channel], names[*by]),
             Self::Smoothed(channel) => format!("{} without its noise", names[*channel]),
+            Self::Ridge { .. } => {
+                let names: Vec<&str> = self.channels().into_iter().map(|channel| names[channel].as_str()).collect();
+                format!("smooth function of a combination of {}", names.join(" and "))
+            }
+            Self::Gear(_) => "error of the index by a harmonic of its angle, turns counted".into(),
+            Self::Sector(_) => "harmonic of the index angle in a sector of headings".into(),
+            Self::Relaxation => "decays since switch-on".into(),
             Self::AxisCurve => "smooth function of the axis azimuth".into(),
             Self::IndexCurve => "error of the index by its angle".into(),
             Self::Winding => "smooth function of the index angle, turns counted".into(),
@@ -486,6 +553,35 @@ impl Group {
             Self::Extended { parent, base, .. } => format!("{} times {}", parent.words(names), base.words(names)),
         }
     }
+}
+
+fn unit(direction: Vec<f64>) -> Vec<f64> {
+    let length = direction.iter().map(|share| share * share).sum::<f64>().sqrt();
+    direction.into_iter().map(|share| share / length).collect()
+}
+
+/// Curves in combinations of two and of three channels.
+fn ridges(channels: usize) -> Vec<Group> {
+    let mut all = Vec::new();
+    let mut push = |of: &[(usize, f64)]| {
+        let mut direction = vec![0.0; channels];
+        of.iter().for_each(|&(channel, share)| direction[channel] = share);
+        all.push(Group::Ridge { direction: unit(direction), sharp: false });
+    };
+    for first in 0..channels {
+        for second in first + 1..channels {
+            for number in (1..DIRECTIONS).filter(|&number| channels <= MOST_RIDGES && 2 * number != DIRECTIONS) {
+                let (sin, cos) = (std::f64::consts::PI * number as f64 / DIRECTIONS as f64).sin_cos();
+                push(&[(first, cos), (second, sin)]);
+            }
+            for third in (second + 1..channels).filter(|_| channels <= MOST_TRIPLE_RIDGES) {
+                for [b, c] in [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]] {
+                    push(&[(first, 1.0), (second, b), (third, c)]);
+                }
+            }
+        }
+    }
+    all
 }
 
 fn products(channels: usize, of_channels: &[Base], global: &[Base]) -> Vec<Group> {

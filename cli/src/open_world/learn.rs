@@ -6,6 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::basis::{Scales, Sheet};
+use super::course::{Course, Habits};
 use super::evidence::{Posterior, best_variance, posterior};
 use super::group::{Base, Group};
 use super::process::{self, Kernel};
@@ -23,6 +24,8 @@ const LOOKS: [usize; 2] = [6, 16];
 const TRIALS: usize = 3;
 /// Steps by which places of thresholds, bends and relays are shifted, half ranges of the channel.
 const PLACE_STEPS: [f64; 4] = [0.04, 0.02, 0.01, 0.005];
+/// Shifts by each of them.
+const SHIFTS: usize = 2;
 /// Gain of a shift that counts.
 const SHIFTED: f64 = 0.3;
 /// Shares of the own process's size beside which groups are proposed: it may have swallowed an effect.
@@ -36,6 +39,10 @@ const SWAP: f64 = 2.0;
 const SIZES: [f64; 11] = [0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0];
 /// Penalty for each step of a group's complexity.
 const COMPLEXITY: f64 = 1.5;
+/// Log-likelihood that processes of the runs' own must gain over white noise for runs to be looked at one by one.
+const PROCESS: f64 = 10.0;
+/// Runs that are asked for what usually happens in them.
+const RUNS_OF_HABITS: usize = 12;
 /// Rounds in which own processes and effects are brought into agreement.
 const ROUNDS: usize = 3;
 /// Parts that the runs are summed in: always the same, so that sums have the same order on any number of cores.
@@ -85,6 +92,10 @@ pub struct Search<'a> {
     variances: Vec<f64>,
     /// For every share of the own process.
     grams: [Grams; SHARES.len()],
+    /// Log evidence of every run without any group.
+    bare: Vec<f64>,
+    /// Of the courses that were found last.
+    pub habits: Habits,
 }
 
 /// Where the search stands.
@@ -203,6 +214,8 @@ impl<'a> Search<'a> {
             unit_deg_h,
             variances,
             grams: Default::default(),
+            bare: Vec::new(),
+            habits: Habits::default(),
         };
         search.add(groups);
         Some(search)
@@ -341,7 +354,55 @@ impl<'a> Search<'a> {
 
     /// Log-likelihood of every run under every kernel when these effects (by the sample) are taken out.
     fn own_processes(&self, means: &[DVector<f64>]) -> Vec<Vec<f64>> {
-        self.runs.par_iter().zip(means).map(|(run, mean)| run.log_likelihood(&(&run.rate - mean), true)).collect()
+        let of_run =
+            |(run, mean): (&Run, &DVector<f64>)| run.log_likelihood(&(&run.rate - mean), true, run.course.as_deref());
+        self.runs.par_iter().zip(means).map(of_run).collect()
+    }
+
+    /// What groups do in every run, by the sample.
+    fn means(&self, active: &Active, weights: &DVector<f64>) -> Vec<DVector<f64>> {
+        if active.is_empty() {
+            return self.runs.iter().map(|run| DVector::zeros(run.rate.len())).collect();
+        }
+        (0..self.runs.len()).into_par_iter().map(|run| self.active_columns(run, active) * weights).collect()
+    }
+
+    /// What happens in the runs by themselves beside what a state has learned: with the habits that some of the runs speak for most,
+    /// and once more with those that are found then.
+    fn find_courses(&mut self, state: &State) {
+        let each = self.of_runs(&state.active, &state.of_run);
+        let weights = posterior_of(&each, &self.prior(&state.active)).0.mean;
+        let means = self.means(&state.active, &weights);
+        let residual = |place: usize| &self.runs[place].rate - &means[place];
+        let find = |place: usize, habits: &Habits| Course::find(&self.runs[place].seen(true), &residual(place), habits);
+        let likelihood = |place: usize, habits: &Habits| {
+            let course = find(place, habits);
+            let of_kernels = self.runs[place].log_likelihood(&residual(place), true, Some(&course));
+            of_kernels.last().copied().unwrap_or(f64::NEG_INFINITY)
+        };
+        let some = self.runs.len().min(RUNS_OF_HABITS);
+        let of_habits = |habits: Habits| {
+            let each: Vec<f64> = (0..some).into_par_iter().map(|place| likelihood(place, &habits)).collect();
+            (each.into_iter().sum::<f64>(), habits)
+        };
+        let best = Habits::all().into_iter().map(of_habits).max_by(|a, b| a.0.total_cmp(&b.0));
+        let mut habits = best.map_or_else(Habits::default, |best| best.1);
+        let mut courses: Vec<Course> = Vec::new();
+        for _ in 0..2 {
+            courses = (0..self.runs.len()).into_par_iter().map(|place| find(place, &habits)).collect();
+            habits = Habits::of(courses.iter());
+        }
+        self.set_courses(courses.into_iter().map(|course| Some(Arc::new(course))).collect());
+        self.habits = habits;
+    }
+
+    fn set_courses(&mut self, courses: Vec<Option<Arc<Course>>>) {
+        self.runs.iter_mut().zip(courses).for_each(|(run, course)| run.course = course);
+        self.grams = Default::default();
+    }
+
+    fn courses(&self) -> Vec<Option<Arc<Course>>> {
+        self.runs.iter().map(|run| run.course.clone()).collect()
     }
 
     /// The evidence of active groups with the own processes estimated again, beginning with those of `from`.
@@ -350,16 +411,14 @@ impl<'a> Search<'a> {
     }
 
     fn total_in(&self, active: &Active, from: Option<&[usize]>, rounds: usize) -> State {
-        let none: Vec<DVector<f64>> = self.runs.iter().map(|run| DVector::zeros(run.rate.len())).collect();
         let prior = self.prior(active);
-        let mut of_run = from.map_or_else(|| self.settle(&none, None).0, <[usize]>::to_vec);
+        let nothing = || self.means(&Vec::new(), &DVector::zeros(0));
+        let mut of_run = from.map_or_else(|| self.settle(&nothing(), None).0, <[usize]>::to_vec);
         let mut each = self.of_runs(active, &of_run);
         let mut found = posterior_of(&each, &prior);
         let mut best: Option<State> = None;
         for _ in 0..rounds {
-            let mean = |run: usize| self.active_columns(run, active) * &found.0.mean;
-            let means =
-                if active.is_empty() { none.clone() } else { (0..self.runs.len()).into_par_iter().map(mean).collect() };
+            let means = self.means(active, &found.0.mean);
             let (new, shares, process_gain) = self.settle(&means, Some(&of_run));
             let changed: Vec<usize> = (0..new.len()).filter(|&run| new[run] != of_run[run]).collect();
             let again: Vec<OfRun> = changed.par_iter().map(|&run| self.of_run(run, active, new[run])).collect();
@@ -462,10 +521,92 @@ impl<'a> Search<'a> {
         (columns, posterior(&gram, &right, &prior))
     }
 
-    /// Learns.
+    /// Learns. Where processes of the runs' own remain, once more with what happens in each run by itself, from nothing and from
+    /// what was learned: the evidence decides.
     pub fn learn(&mut self) -> State {
-        let mut state = self.total(&Vec::new(), None);
+        let nothing = self.total(&Vec::new(), None);
+        self.bare = self.of_each(&nothing);
+        let mut best = self.grow(nothing.clone());
+        if best.process_gain < PROCESS {
+            return best;
+        }
+        let mut courses = (self.courses(), self.habits);
+        let nothing_evidence = nothing.evidence;
+        let from = if best.active.is_empty() { vec![nothing] } else { vec![nothing, best.clone()] };
+        for state in from {
+            self.find_courses(&state);
+            let begun = self.total(&state.active, None);
+            if begun.active.is_empty() && begun.evidence > nothing_evidence {
+                self.bare = self.of_each(&begun);
+            }
+            let state = self.grow(begun);
+            if self.worth(&state) > self.worth(&best) {
+                best = state;
+                courses = (self.courses(), self.habits);
+            }
+        }
+        self.set_courses(courses.0);
+        self.habits = courses.1;
+        self.size_course();
+        best
+    }
+
+    /// Shares of the kernels where no run may have a course.
+    pub fn shares_without_courses(&self, state: &State) -> Vec<f64> {
+        let each = self.of_runs(&state.active, &state.of_run);
+        let weights = posterior_of(&each, &self.prior(&state.active)).0.mean;
+        let means = self.means(&state.active, &weights);
+        let of_run = |(run, mean): (&Run, &DVector<f64>)| run.log_likelihood(&(&run.rate - mean), true, None);
+        let likelihoods: Vec<Vec<f64>> = self.runs.par_iter().zip(&means).map(of_run).collect();
+        let mut shares = process::shares(&likelihoods);
+        if let Some(last) = shares.last_mut() {
+            *last = 0.0;
+        }
+        shares
+    }
+
+    /// Log evidence of every run under its kernel, without groups.
+    fn of_each(&self, state: &State) -> Vec<f64> {
+        let of_run =
+            |(run, &kernel): (usize, &usize)| self.of_run(run, &Vec::new(), kernel).2 + state.shares[kernel].ln();
+        state.of_run.iter().enumerate().map(of_run).collect()
+    }
+
+    /// Log density that a state's groups, as learned from all other runs, give every run, more than what it has without groups.
+    pub fn predictive_gain(&self, state: &State) -> f64 {
+        let prior = self.prior(&state.active);
+        let each = self.of_runs(&state.active, &state.of_run);
+        let all = posterior_of(&each, &prior).0.gain;
+        let own = (0..each.len()).into_par_iter().map(|run| {
+            let others = each.iter().enumerate().filter(|(other, _)| *other != run);
+            let (gram, right, _) = summed(others.map(|each| each.1), prior.len());
+            let kernel = state.of_run[run];
+            all - posterior(&gram, &right, &prior).gain + each[run].2 + state.shares[kernel].ln() - self.bare[run]
+        });
+        own.collect::<Vec<f64>>().into_iter().sum()
+    }
+
+    /// Evidence less the penalties of the groups.
+    pub fn worth(&self, state: &State) -> f64 {
+        state.evidence - state.active.iter().map(|each| self.penalty(each.0)).sum::<f64>()
+    }
+
+    /// The last kernel as what courses are like: their usual size, and the time between what happens.
+    fn size_course(&mut self) {
+        let courses: Vec<Arc<Course>> = self.runs.iter().filter_map(|run| run.course.clone()).collect();
+        if let Some(kernel) = self.kernels.last_mut().filter(|_| !courses.is_empty()) {
+            kernel.size = median(courses.iter().map(|course| course.size_deg_h).collect()) / self.unit_deg_h;
+            kernel.time_s =
+                median(courses.iter().map(|course| course.length_s / (course.atoms.len() + 1) as f64).collect());
+        }
+    }
+
+    /// Takes groups until none is worth its penalty.
+    fn grow(&mut self, mut state: State) -> State {
         let mut swaps = 0;
+        if !state.active.is_empty() {
+            state = self.polish(state, &mut swaps);
+        }
         while state.active.len() < MOST_GROUPS {
             let Some((mut trial, penalty)) = self.best_trial(&state) else { break };
             if trial.evidence - penalty - state.evidence < GAIN {
@@ -535,7 +676,7 @@ impl<'a> Search<'a> {
 
     /// Thresholds, bends and relays to where the evidence is greatest.
     fn shift(&mut self, mut state: State) -> State {
-        for step in PLACE_STEPS {
+        for step in PLACE_STEPS.into_iter().flat_map(|step| [step; SHIFTS]) {
             let near: Vec<(usize, Group)> = state
                 .active
                 .iter()

@@ -5,18 +5,22 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use rayon::prelude::*;
+use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::basis::{Scales, centre};
-use super::evidence::{Posterior, posterior};
+use super::course::{Course, Habits};
+use super::evidence::{Posterior, half_of, posterior};
 use super::group::Group;
 use super::learn::{Active, Alternative, OfRun, Search, State, prepare, sizes_deg_h, summed};
 use super::process::{self, Kernel};
 use super::recording::Recording;
-use super::run::{Run, Whitening, half_of};
+use super::run::{Run, Whitening};
 
 /// Kernels of a run's own process that enter its average: so many, and not below this share of the likeliest.
 const MOST_KERNELS: usize = 4;
 const LEAST_SHARE: f64 = 0.05;
+/// Share of the kernels above which a run's course is looked for.
+const LEAST_OF_COURSE: f64 = 0.02;
 /// Rounds in which azimuth and what depends on it are brought into agreement.
 const ROUNDS: usize = 4;
 const AGREED_RAD: f64 = 1e-6;
@@ -80,12 +84,16 @@ pub struct Learned {
     /// Added to the standard deviation of every azimuth (root of the sum of squares): what the training runs' own azimuths
     /// miss beyond theirs.
     pub excess_rad: f64,
-    /// Log evidence of the likeliest model.
-    pub evidence: f64,
+    /// Log evidence of the likeliest model, less the penalties of its groups.
+    pub worth: f64,
     /// Log-likelihood that the processes of the runs' own gain over white noise.
     pub process_gain: f64,
+    /// Log density that the groups give the training runs, each as learned from the others, more than what they have without.
+    pub predictive_gain: f64,
     /// Azimuths of the training runs by models without them, in the runs' order.
     pub left_out: Vec<Prediction>,
+    /// What usually happens in runs by itself.
+    habits: Habits,
     /// Whitenings of the training runs.
     whitenings: Vec<Arc<Whitening>>,
 }
@@ -122,19 +130,30 @@ impl Learned {
             unit_deg_h: search.unit_deg_h,
             models: (0..actives.len()).map(|number| model(number, None)).collect(),
             excess_rad: 0.0,
-            evidence: state.evidence,
+            worth: search.worth(state),
             process_gain: state.process_gain,
+            predictive_gain: search.predictive_gain(state),
             left_out: Vec::new(),
+            habits: search.habits,
             whitenings: search.runs.iter().map(|run| run.whitening.clone()).collect(),
         };
         learned.whitenings.dedup_by(|a, b| Arc::ptr_eq(a, b));
-        learned.left_out = (0..search.runs.len())
-            .into_par_iter()
-            .map(|run| {
+        let left_out = |learned: &Self| -> Vec<Prediction> {
+            let of_run = |run: usize| {
                 let models: Vec<Model> = (0..actives.len()).map(|number| model(number, Some(run))).collect();
                 learned.predict(&search.runs[run], &models)
-            })
-            .collect();
+            };
+            (0..search.runs.len()).into_par_iter().map(of_run).collect()
+        };
+        learned.left_out = left_out(&learned);
+        if learned.has_courses() {
+            // A course may imitate an azimuth: it is used where the training runs' azimuths speak for it.
+            let mut without = Self { shares: search.shares_without_courses(state), ..learned.clone() };
+            without.left_out = left_out(&without);
+            if score(&search.runs, &without.left_out) > score(&search.runs, &learned.left_out) {
+                learned = without;
+            }
+        }
         learned.excess_rad = excess(&search.runs, &learned.left_out);
         learned
     }
@@ -211,12 +230,24 @@ impl Learned {
     }
 
     fn predict(&self, run: &Run, models: &[Model]) -> Prediction {
+        let course = self.course(run, models);
         let each: Vec<(f64, Prediction)> =
-            models.iter().map(|model| (model.weight, self.predict_by(run, model))).collect();
+            models.iter().map(|model| (model.weight, self.predict_by(run, model, course.as_ref()))).collect();
         average(&each)
     }
 
-    fn predict_by(&self, run: &Run, model: &Model) -> Prediction {
+    fn has_courses(&self) -> bool {
+        self.shares.last().is_some_and(|share| *share > LEAST_OF_COURSE)
+    }
+
+    /// What happens in a run by itself, where training runs have such things.
+    fn course(&self, run: &Run, models: &[Model]) -> Option<Course> {
+        let first = models.first().filter(|_| self.has_courses())?;
+        let effect = self.columns(run, first, run.plain_azimuth_rad()) * &first.mean;
+        Some(Course::find(&run.seen(false), &(&run.rate - effect), &self.habits))
+    }
+
+    fn predict_by(&self, run: &Run, model: &Model, course: Option<&Course>) -> Prediction {
         let turns = model.groups.iter().any(|each| each.group.follows_heading());
         let mut azimuth_rad = run.plain_azimuth_rad();
         let mut found = Prediction { azimuth_rad, sigma_rad: f64::INFINITY, amplitude_deg_h: 0.0 };
@@ -227,7 +258,7 @@ impl Learned {
             let unsure = columns * model.factor.transpose();
             let all: Vec<f64> = unsure.iter().chain(&beyond).copied().collect();
             let unsure = DMatrix::from_vec(run.rate.len(), all.len() / run.rate.len(), all);
-            found = self.predict_about(run, &mean, &unsure);
+            found = self.predict_about(run, &mean, &unsure, course);
             let moved = wrap(found.azimuth_rad - azimuth_rad).abs();
             azimuth_rad = found.azimuth_rad;
             if moved < AGREED_RAD {
@@ -238,9 +269,15 @@ impl Learned {
     }
 
     /// Given what the effects do and a factor of the covariance of what is uncertain about it: averaged over the kernels of the run's own process.
-    fn predict_about(&self, run: &Run, mean: &DVector<f64>, unsure: &DMatrix<f64>) -> Prediction {
+    fn predict_about(
+        &self,
+        run: &Run,
+        mean: &DVector<f64>,
+        unsure: &DMatrix<f64>,
+        course: Option<&Course>,
+    ) -> Prediction {
         let residual = &run.rate - mean;
-        let likelihood = run.log_likelihood(&residual, false);
+        let likelihood = run.log_likelihood(&residual, false, course);
         let weights = process::posterior(&likelihood, &self.shares);
         let mut order: Vec<usize> = (0..weights.len()).collect();
         order.sort_by(|&a, &b| weights[b].total_cmp(&weights[a]));
@@ -250,6 +287,9 @@ impl Learned {
         let each: Vec<(f64, Prediction)> = order
             .into_iter()
             .map(|kernel| {
+                if let Some(course) = course.filter(|_| kernel + 1 == self.kernels.len()) {
+                    return (weights[kernel], along_course(run, &residual, unsure, course));
+                }
                 let size_deg_h = self.kernels[kernel].size * self.unit_deg_h;
                 let whitened = |columns: &DMatrix<f64>| run.whitening.whiten(kernel, size_deg_h, columns);
                 let rate = whitened(&DMatrix::from_columns(std::slice::from_ref(&residual)));
@@ -340,6 +380,28 @@ fn beside_unsure(design: &DMatrix<f64>, rate: &DMatrix<f64>, unsure: &DMatrix<f6
     azimuth(&normal, &(design.tr_mul(rate) - of_design.tr_mul(&of_rate)).column(0).into_owned())
 }
 
+/// Beside what happens in the run by itself, averaged over what else every part of that may be.
+fn along_course(run: &Run, residual: &DVector<f64>, unsure: &DMatrix<f64>, course: &Course) -> Prediction {
+    let whitened = |columns: &DMatrix<f64>| run.whitening.whiten(0, 0.0, columns);
+    let (design, rate) = (whitened(&run.design), whitened(&DMatrix::from_columns(std::slice::from_ref(residual))));
+    let by = |factor: DMatrix<f64>| {
+        let all: Vec<f64> = unsure.iter().chain(factor.iter()).copied().collect();
+        let all = DMatrix::from_vec(run.rate.len(), unsure.ncols() + factor.ncols(), all);
+        beside_unsure(&design, &rate, &whitened(&all))
+    };
+    let mut found = by(course.factor());
+    let best = found;
+    for others in course.others() {
+        let mut each = vec![(1.0, best)];
+        each.extend(others.into_iter().map(|(behind, factor)| (behind.exp(), by(factor))));
+        let averaged = average(&each);
+        let wider = averaged.sigma_rad.powi(2) - best.sigma_rad.powi(2);
+        found.azimuth_rad += averaged.azimuth_rad - best.azimuth_rad;
+        found.sigma_rad = (found.sigma_rad.powi(2) + wider.max(0.0)).sqrt();
+    }
+    found
+}
+
 /// From the normal equations of a run's own unknowns.
 fn azimuth(normal: &DMatrix<f64>, right: &DVector<f64>) -> Prediction {
     let normal: Matrix3<f64> = normal.fixed_view::<3, 3>(0, 0).into_owned();
@@ -373,7 +435,8 @@ fn average(each: &[(f64, Prediction)]) -> Prediction {
     Prediction { azimuth_rad: about + mean, sigma_rad: variance.sqrt(), amplitude_deg_h }
 }
 
-/// What azimuths of training runs by models without them miss beyond their sigmas: root of mean(e² − σ²), at least 0.
+/// What azimuths of training runs by models without them miss beyond their sigmas: root of mean(e² − σ²), at least 0; Student's, for
+/// there are few of them.
 fn excess(runs: &[Run], left_out: &[Prediction]) -> f64 {
     let beyond: Vec<f64> = runs
         .iter()
@@ -384,7 +447,26 @@ fn excess(runs: &[Run], left_out: &[Prediction]) -> f64 {
             Some(error.powi(2) - found.sigma_rad.powi(2) - reference.sigma_rad.powi(2))
         })
         .collect();
-    if beyond.is_empty() { 0.0 } else { (beyond.iter().sum::<f64>() / beyond.len() as f64).max(0.0).sqrt() }
+    if beyond.is_empty() {
+        return 0.0;
+    }
+    studentised(beyond.len()) * (beyond.iter().sum::<f64>() / beyond.len() as f64).max(0.0).sqrt()
+}
+
+/// By how much a standard deviation from so many errors must be widened for ± 1.96 of it to hold 95 %: Student's t over 1.96.
+pub fn studentised(number: usize) -> f64 {
+    StudentsT::new(0.0, 1.0, number as f64).map_or(1.0, |t| t.inverse_cdf(0.975) / 1.959_964)
+}
+
+/// Log density of the training runs' surveyed headings by azimuths of models without them, their excess in the sigmas.
+fn score(runs: &[Run], left_out: &[Prediction]) -> f64 {
+    let excess_rad = excess(runs, left_out);
+    let of_run = |(run, found): (&Run, &Prediction)| {
+        let reference = run.reference?;
+        let variance = found.sigma_rad.powi(2) + reference.sigma_rad.powi(2) + excess_rad.powi(2);
+        Some(-0.5 * (wrap(found.azimuth_rad - reference.azimuth_rad).powi(2) / variance + variance.ln()))
+    };
+    runs.iter().zip(left_out).filter_map(of_run).sum()
 }
 
 /// Into (−π, π].

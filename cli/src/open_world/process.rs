@@ -23,6 +23,8 @@ pub enum Shape {
     SquaredExponential,
     /// cos(2πd/τ) exp(−d/6τ).
     DampedCosine,
+    /// What happens in the run by itself; over many runs like an exponential one.
+    Course,
 }
 
 /// A kernel: shape, size relative to the unit, time in seconds. `None` as shape: no process.
@@ -33,7 +35,7 @@ pub struct Kernel {
     pub time_s: f64,
 }
 
-/// All kernels that a run may have; the first is none. Kernels of the same shape and time stand together.
+/// All kernels that a run may have; the first is none, the last its course. Kernels of the same shape and time stand together.
 pub fn kernels() -> Vec<Kernel> {
     let mut all = vec![Kernel { shape: None, size: 0.0, time_s: 1.0 }];
     for shape in [Shape::Exponential, Shape::Matern, Shape::SquaredExponential] {
@@ -44,6 +46,7 @@ pub fn kernels() -> Vec<Kernel> {
     for time_s in PERIODS_S {
         all.extend(PERIODIC_SIZES.map(|size| Kernel { shape: Some(Shape::DampedCosine), size, time_s }));
     }
+    all.push(Kernel { shape: Some(Shape::Course), size: 0.0, time_s: 1.0 });
     all
 }
 
@@ -52,7 +55,7 @@ impl Shape {
     fn twice_integrated(self, time_s: f64, apart_s: f64) -> f64 {
         let d = apart_s.abs();
         match self {
-            Self::Exponential => time_s * d + time_s * time_s * (-d / time_s).exp(),
+            Self::Exponential | Self::Course => time_s * d + time_s * time_s * (-d / time_s).exp(),
             Self::Matern => {
                 let s = 3f64.sqrt() / time_s;
                 2.0 * d / s + (-s * d).exp() * (3.0 / (s * s) + d / s)

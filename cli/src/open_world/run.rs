@@ -1,11 +1,12 @@
 //! One run in the engine's algebra: its samples, its own unknowns (h cos ψ, h sin ψ, bias), its whitening under every kernel.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::basis::Sheet;
-use super::process::Kernel;
+use super::course::{Course, Dictionary, Seen};
+use super::process::{Kernel, Shape};
 use super::recording::Reference;
 
 /// One sigma of a surveyed heading that says none, and of the index on top of it, degrees.
@@ -24,6 +25,8 @@ pub struct Whitening {
     /// Basis of every kernel; the first is that of white noise.
     of_kernel: Vec<usize>,
     log_weights: f64,
+    /// What courses of such runs are made of.
+    dictionary: OnceLock<Dictionary>,
 }
 
 /// Kernels of one shape and time.
@@ -49,7 +52,7 @@ impl Whitening {
         let white = Basis { turn: DMatrix::from_diagonal(&roots), values: vec![0.0; n] };
         let (mut bases, mut of_kernel) = (vec![white], Vec::with_capacity(kernels.len()));
         for (number, kernel) in kernels.iter().enumerate() {
-            let Some(shape) = kernel.shape else {
+            let Some(shape) = kernel.shape.filter(|shape| *shape != Shape::Course) else {
                 of_kernel.push(0);
                 continue;
             };
@@ -63,11 +66,22 @@ impl Whitening {
             of_kernel.push(bases.len() - 1);
         }
         let log_weights = weights.iter().map(|weight| weight.ln()).sum();
-        Self { spans: spans.to_vec(), weights: weights.to_vec(), bases, of_kernel, log_weights }
+        let dictionary = OnceLock::new();
+        Self { spans: spans.to_vec(), weights: weights.to_vec(), bases, of_kernel, log_weights, dictionary }
     }
 
     pub fn is_of(&self, spans: &[[f64; 2]], weights: &[f64]) -> bool {
         self.spans == spans && self.weights == weights
+    }
+
+    /// Roots of the samples' weights.
+    pub fn roots(&self) -> DVector<f64> {
+        DVector::from_iterator(self.weights.len(), self.weights.iter().map(|weight| weight.sqrt()))
+    }
+
+    /// What courses of such a run are made of.
+    pub fn dictionary(&self, sheet: &Sheet) -> &Dictionary {
+        self.dictionary.get_or_init(|| Dictionary::new(sheet, &self.roots()))
     }
 
     /// Covariance of white noise.
@@ -104,46 +118,6 @@ fn scale_rows(matrix: &mut DMatrix<f64>, factors: impl Iterator<Item = f64>) {
     }
 }
 
-/// Inverse of the lower Cholesky factor, and the logarithm of the determinant. A covariance that has lost its definiteness to
-/// rounding gets a little of its own diagonal; one that has none left tells nothing: zero.
-pub fn half_of(covariance: &DMatrix<f64>) -> (DMatrix<f64>, f64) {
-    let n = covariance.nrows();
-    let mut share = 0.0;
-    loop {
-        let mut raised = covariance.clone();
-        for i in 0..n {
-            raised[(i, i)] *= 1.0 + share;
-        }
-        if let Some(factor) = raised.cholesky() {
-            let lower = factor.l();
-            let log_determinant = 2.0 * lower.diagonal().iter().map(|value| value.ln()).sum::<f64>();
-            return (lower_inverse(&lower), log_determinant);
-        }
-        share = if share == 0.0 { 1e-9 } else { share * 10.0 };
-        if share > MOST_RAISED {
-            return (DMatrix::zeros(n, n), f64::INFINITY);
-        }
-    }
-}
-
-/// Share of its diagonal that a covariance gets at most.
-const MOST_RAISED: f64 = 1.0;
-
-/// Inverse of a lower triangle, column by column by substitution from its diagonal down: a third of the work of a full one.
-fn lower_inverse(lower: &DMatrix<f64>) -> DMatrix<f64> {
-    let n = lower.nrows();
-    let mut inverse = DMatrix::zeros(n, n);
-    for (j, column) in inverse.as_mut_slice().chunks_exact_mut(n.max(1)).enumerate() {
-        column[j] = 1.0;
-        for (k, of_lower) in lower.as_slice().chunks_exact(n.max(1)).enumerate().skip(j) {
-            let found = column[k] / of_lower[k];
-            column[k] = found;
-            column[k + 1..].iter_mut().zip(&of_lower[k + 1..]).for_each(|(rest, each)| *rest -= found * each);
-        }
-    }
-    inverse
-}
-
 /// A run.
 #[derive(Debug)]
 pub struct Run<'a> {
@@ -157,6 +131,8 @@ pub struct Run<'a> {
     /// Azimuth that columns are built at.
     pub azimuth_rad: f64,
     pub whitening: Arc<Whitening>,
+    /// What happens in it by itself, under the kernel of that name.
+    pub course: Option<Arc<Course>>,
     /// Sizes of the kernels' processes, °/h.
     sizes_deg_h: Arc<Vec<f64>>,
     /// The design turned into every basis; AᵀV⁻¹A under every kernel.
@@ -184,7 +160,7 @@ pub struct Beside<'a> {
 
 impl Beside<'_> {
     fn whitened(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
-        self.run.whitening.whiten(self.kernel, self.size_deg_h, columns)
+        self.run.whiten(self.kernel, self.size_deg_h, columns)
     }
 
     /// What of whitened columns the own unknowns can imitate.
@@ -222,7 +198,10 @@ impl Beside<'_> {
         let design = &self.design * self.inverse.transpose();
         all.columns_mut(0, width).copy_from(&(&whitened - &design * self.imitated(&whitened)));
         all.set_column(width, &(&self.rate - &design * self.along));
-        self.run.whitening.whiten_back(self.kernel, self.size_deg_h, all)
+        match self.run.course_of(self.kernel) {
+            Some(course) => course.half.tr_mul(&all),
+            None => self.run.whitening.whiten_back(self.kernel, self.size_deg_h, all),
+        }
     }
 }
 
@@ -259,6 +238,7 @@ impl<'a> Run<'a> {
             reference,
             azimuth_rad: 0.0,
             whitening,
+            course: None,
             sizes_deg_h,
             turned,
             normal,
@@ -279,6 +259,18 @@ impl<'a> Run<'a> {
         found[1].atan2(found[0])
     }
 
+    /// What a course is sought in, by the surveyed heading as well or without it.
+    pub fn seen(&self, tied: bool) -> Seen<'_> {
+        Seen {
+            sheet: &self.sheet,
+            roots: self.whitening.roots(),
+            white: self.whitening.white(),
+            design: &self.design,
+            tie: if tied { self.tie() } else { None },
+            dictionary: self.whitening.dictionary(&self.sheet),
+        }
+    }
+
     /// Two rows that tie direction and amplitude of the horizontal rate to the surveyed heading, and their right side.
     pub fn tie(&self) -> Option<(DMatrix<f64>, [f64; 2])> {
         let reference = self.reference?;
@@ -290,11 +282,24 @@ impl<'a> Run<'a> {
         Some((rows, [0.0, self.north_deg_h * along]))
     }
 
-    /// The run under a kernel whose process has this share of its size.
+    /// The run's course, if this is its kernel.
+    fn course_of(&self, kernel: usize) -> Option<&Course> {
+        self.course.as_deref().filter(|_| kernel + 1 == self.sizes_deg_h.len())
+    }
+
+    fn whiten(&self, kernel: usize, size_deg_h: f64, columns: &DMatrix<f64>) -> DMatrix<f64> {
+        match self.course_of(kernel) {
+            Some(course) => &course.half * columns,
+            None => self.whitening.whiten(kernel, size_deg_h, columns),
+        }
+    }
+
+    /// The run under a kernel whose process has this share of its size; a course is there or is not.
     pub fn beside(&self, kernel: usize, share: f64) -> Beside<'_> {
+        let kernel = if share < 1.0 && self.course_of(kernel).is_some() { 0 } else { kernel };
         let size_deg_h = share * self.sizes_deg_h[kernel];
-        let design = self.whitening.whiten(kernel, size_deg_h, &self.design);
-        let rate = self.whitening.whiten(kernel, size_deg_h, &DMatrix::from_columns(std::slice::from_ref(&self.rate)));
+        let design = self.whiten(kernel, size_deg_h, &self.design);
+        let rate = self.whiten(kernel, size_deg_h, &DMatrix::from_columns(std::slice::from_ref(&self.rate)));
         let rate = rate.column(0).into_owned();
         let mut normal: Matrix3<f64> = design.tr_mul(&design).fixed_view::<3, 3>(0, 0).into_owned();
         let right = design.tr_mul(&rate);
@@ -307,16 +312,36 @@ impl<'a> Run<'a> {
         let inverse = lower.try_inverse().unwrap_or_default();
         let along = inverse * right;
         let determinant = 2.0 * lower.diagonal().iter().map(|value| value.ln()).sum::<f64>();
-        let of_process = self.whitening.log_determinant(kernel, size_deg_h);
-        let constant = -0.5 * (of_process + determinant + square - along.norm_squared());
+        let (of_process, log_prior) = match self.course_of(kernel) {
+            Some(course) => (course.log_determinant, course.log_prior),
+            None => (self.whitening.log_determinant(kernel, size_deg_h), 0.0),
+        };
+        let constant = log_prior - 0.5 * (of_process + determinant + square - along.norm_squared());
         Beside { run: self, kernel, size_deg_h, design, rate, along, inverse, constant }
     }
 
     /// Log-likelihood under every kernel of what effects leave of the rate, own unknowns integrated out.
-    pub fn log_likelihood(&self, residual: &DVector<f64>, tied: bool) -> Vec<f64> {
+    pub fn log_likelihood(&self, residual: &DVector<f64>, tied: bool, course: Option<&Course>) -> Vec<f64> {
         let turned: Vec<DVector<f64>> = self.whitening.bases.iter().map(|basis| &basis.turn * residual).collect();
         let tie = if tied { self.tie() } else { None };
-        (0..self.normal.len())
+        let likelihood = |mut normal: Matrix3<f64>, mut right: Vector3<f64>, mut square: f64, log_determinant: f64| {
+            if let Some((rows, values)) = &tie {
+                tie_down(rows, values, &mut normal, &mut right, &mut square);
+            }
+            let lower = lower_of(normal);
+            let determinant = 2.0 * lower.diagonal().iter().map(|value| value.ln()).sum::<f64>();
+            let explained = lower.solve_lower_triangular(&right).map_or(0.0, |along| along.norm_squared());
+            -0.5 * (log_determinant + determinant + square - explained)
+        };
+        let of_course = course.map_or(f64::NEG_INFINITY, |course| {
+            let (design, rate) = (&course.half * &self.design, &course.half * residual);
+            let normal = design.tr_mul(&design).fixed_view::<3, 3>(0, 0).into_owned();
+            let right = design.tr_mul(&rate);
+            let right = Vector3::new(right[0], right[1], right[2]);
+            course.log_prior + likelihood(normal, right, rate.norm_squared(), course.log_determinant)
+        });
+        // The last kernel is the course.
+        (0..self.normal.len() - 1)
             .map(|kernel| {
                 let (size_deg_h, place) = (self.sizes_deg_h[kernel], self.whitening.of_kernel[kernel]);
                 let (of_residual, design) = (&turned[place], &self.turned[place]);
@@ -326,15 +351,9 @@ impl<'a> Run<'a> {
                     square += share * of_residual[i];
                     right += Vector3::new(design[(i, 0)], design[(i, 1)], design[(i, 2)]) * share;
                 }
-                let mut normal = self.normal[kernel];
-                if let Some((rows, values)) = &tie {
-                    tie_down(rows, values, &mut normal, &mut right, &mut square);
-                }
-                let lower = lower_of(normal);
-                let determinant = 2.0 * lower.diagonal().iter().map(|value| value.ln()).sum::<f64>();
-                let explained = lower.solve_lower_triangular(&right).map_or(0.0, |along| along.norm_squared());
-                -0.5 * (self.log_determinants[kernel] + determinant + square - explained)
+                likelihood(self.normal[kernel], right, square, self.log_determinants[kernel])
             })
+            .chain([of_course])
             .collect()
     }
 }

@@ -218,6 +218,50 @@ fn a_hysteresis_is_found_and_covered() {
     finds(|channels| play(&channels[0], 0.6).iter().map(|value| 0.3 * value).collect(), "hysteresis");
 }
 
+/// Student's t of 3 degrees of freedom at 97.5 % is 3.1824; of many it is the normal 1.96.
+#[test]
+fn few_misses_widen_sigma_as_students_t() {
+    assert!((studentised(3) - 3.1824 / 1.96).abs() < 1e-3);
+    assert!((studentised(100_000) - 1.0).abs() < 1e-4);
+}
+
+/// A switch that is on for a third of a minute at another phase in every run, behind 12 s: it is one atom.
+#[test]
+fn a_heater_of_each_runs_own_is_taken_out() {
+    let heater = |channels: &[Vec<f64>]| {
+        let phase_s = 60.0 * (1e4 * channels[0][0]).rem_euclid(1.0);
+        let mut heat = 0.3;
+        let of = |i: usize| {
+            let on = f64::from(u8::from((i as f64 + phase_s).rem_euclid(60.0) < 20.0));
+            heat += (on - heat) / 12.0;
+            heat
+        };
+        (0..channels[0].len()).map(of).collect::<Vec<_>>()
+    };
+    let all = runs(12, 41, heater);
+    let learned = learn(&training(&all)).unwrap();
+    let (rms_rad, normalised) = judged(&all, &learned);
+    assert!(rms_rad < 2.5 * white_rad(), "{rms_rad} against {}", white_rad());
+    assert!(normalised < 22.5, "{normalised}");
+}
+
+/// A step at another second of every run, by 0.5 or more, that no channel shows: the runs know it by themselves.
+#[test]
+fn a_step_of_each_runs_own_is_taken_out() {
+    let step = |channels: &[Vec<f64>]| {
+        let random = (1e4 * channels[0][0]).rem_euclid(1.0);
+        let at = DWELL_S / 4 + (random * 3.5 * DWELL_S as f64) as usize;
+        (0..channels[0].len()).map(|i| if i >= at { 0.5 + random } else { 0.0 }).collect::<Vec<_>>()
+    };
+    let all = runs(14, 31, step);
+    let learned = learn(&training(&all)).unwrap();
+    assert!(learned.models[0].groups.is_empty(), "{:?}", learned.models[0].groups);
+    let (rms_rad, normalised) = judged(&all, &learned);
+    // A step is one more unknown; where it stands near the middle of four dwells it is nearly another azimuth.
+    assert!(rms_rad < 3.0 * white_rad(), "{rms_rad} against {}", white_rad());
+    assert!(normalised < 22.5, "{normalised}");
+}
+
 #[test]
 fn a_surface_is_found_and_covered() {
     let surface = |channels: &[Vec<f64>]| {
@@ -229,9 +273,9 @@ fn a_surface_is_found_and_covered() {
 /// A covariance that is none must not be tried for ever; nor has a run without noise a variance of its own stretches.
 #[test]
 fn what_has_no_covariance_tells_nothing() {
-    let (half, log_determinant) = run::half_of(&DMatrix::from_element(3, 3, f64::NAN));
+    let (half, log_determinant) = evidence::half_of(&DMatrix::from_element(3, 3, f64::NAN));
     assert!(half.iter().all(|value| *value == 0.0) && log_determinant == f64::INFINITY);
-    let found = run::half_of(&DMatrix::from_row_slice(2, 2, &[4.0, 2.0, 2.0, 5.0]));
+    let found = evidence::half_of(&DMatrix::from_row_slice(2, 2, &[4.0, 2.0, 2.0, 5.0]));
     // L = [2 0; 1 2], its inverse [½ 0; −¼ ½], the determinant 16.
     assert!((found.0 - DMatrix::from_row_slice(2, 2, &[0.5, 0.0, -0.25, 0.5])).norm() < 1e-15);
     assert!((found.1 - 16f64.ln()).abs() < 1e-15);

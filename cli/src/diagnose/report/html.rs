@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use crate::diagnose::statistics::is_below_numbers;
+
 /// Text as it may stand in HTML, in attributes too.
 pub fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
@@ -54,21 +56,18 @@ pub fn with_sigma(value: f64, sigma: Option<f64>) -> String {
     format!("{} ± {sigma:.decimals$}", minus(&format!("{value:.decimals$}")))
 }
 
-/// What is below has run out of the numbers of a computer.
-const SMALLEST: f64 = 1e-300;
-
 /// A probability, as HTML; small ones as a bound would only hide how small they are.
 pub fn probability(p: f64) -> String {
     match p {
         p if p >= 0.001 => format!("{p:.3}"),
-        p if p < SMALLEST => "&lt; 10⁻³⁰⁰".into(),
+        p if is_below_numbers(p) => "&lt; 10⁻³⁰⁰".into(),
         p => number(p, 1),
     }
 }
 
 /// The same as a statement: "p = 0.012", "p < 10⁻³⁰⁰".
 pub fn p_value(p: f64) -> String {
-    format!("p {}{}", if p < SMALLEST { "" } else { "= " }, probability(p))
+    format!("p {}{}", if is_below_numbers(p) { "" } else { "= " }, probability(p))
 }
 
 /// A list in words, with code formatting.
