@@ -29,8 +29,9 @@ COUNTERS = ["frames_good", "frames_bad_crc", "frames_lost", "frames_duplicate", 
 
 # Readers: each takes a position in the message and gives the value and the position behind it.
 
-def f64(data, at):
-    return struct.unpack_from("<d", data, at)[0], at + 8
+def f64(data, at):  # what is not a number is not known, and no JSON
+    number = struct.unpack_from("<d", data, at)[0]
+    return None if number != number else number, at + 8
 
 def byte(data, at):
     return data[at], at + 1
@@ -103,7 +104,7 @@ EVENTS = [
     ("settled", fields(position=byte)),
     ("second", fields(t_s=f64, index_deg=maybe(f64), fog_arcsec=f64, moment_arcsec_s=f64, rate_deg_h=f64,
                       temp_c=maybe(f64), block_temp_c=maybe(f64), level=maybe(fields(mean=specific, first=specific)), lost_frames=unsigned,
-                      dwell=maybe(byte), collected=boolean, waited_at=maybe(one_of(["disturbance", "jitter"])))),
+                      dwell=maybe(byte), collected=boolean, waited_at=maybe(one_of(["disturbance", "jitter", "index"])))),
     ("dwell", fields(position=byte, index_deg=f64, seconds=f64, rate_deg_h=f64, sigma_deg_h=f64)),
     ("coarse", fields(azimuth_deg=f64, sigma_deg=f64)),
     ("fix", fields(azimuth_deg=f64, sigma_deg=f64, closure_deg_h=maybe(f64), bias_deg_h=f64, amplitude_deg_h=f64,
@@ -186,11 +187,15 @@ def read_settings(offset):
 
 
 class Stream:
-    """Follows the raw stream: sums the increments of every second, and misses no block."""
+    """Follows the raw stream: sums the increments of every second, and misses no block.
+
+    A second ends with the tick of its 400th frame; it is reported some ticks later. (Where frames are lost, the sampler of the
+    firmware knows by their numbers where it ends.)"""
 
     def __init__(self):
         self.next, self.counts, self.frames, self.ticks, self.temperature = None, 0, 0, 0, None
         self.index = self.acceleration = None
+        self.ended = []
 
     def block(self, number, data):
         if self.next not in (None, number):
@@ -200,6 +205,9 @@ class Stream:
             kind, at = data[at], at + 1
             if kind == 0:
                 self.ticks += 1
+                if self.frames >= 400:
+                    self.ended.append({"raw_frames": self.frames, "raw_counts": self.counts, "raw_index_deg": self.index})
+                    self.counts = self.frames = 0
             elif kind == 1:
                 self.acceleration, at = several(signed, 3)(data, at)
             elif kind == 2:
@@ -214,9 +222,7 @@ class Stream:
 
     def second(self):
         """What the second held that has just been reported."""
-        held = {"raw_frames": self.frames, "raw_counts": self.counts, "raw_index_deg": self.index}
-        self.counts = self.frames = 0
-        return held
+        return self.ended.pop(0) if self.ended else {}
 
 
 def main():

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use north_finder::attitude::Method;
 use north_finder::units::wrap_180_deg;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::diagnose::report::{Axis, Legend, Plot, Side, escape, figure, page, table};
@@ -11,7 +12,7 @@ use crate::diagnose::report::{Axis, Legend, Plot, Side, escape, figure, page, ta
 const HEIGHT: f64 = 220.0;
 
 /// The result: the best method on the whole recording, and all of them on every window.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 pub struct Report {
     pub heading_deg: f64,
     pub pitch_deg: f64,
@@ -25,7 +26,7 @@ pub struct Report {
 }
 
 /// One method on one window.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 pub struct Window {
     pub start_s: f64,
     pub seconds: f64,

@@ -100,7 +100,8 @@ pub struct DwellRecord {
     pub index_deg: f64,
     pub seconds: f64,
     pub rate_deg_h: f64,
-    pub sigma_deg_h: f64,
+    /// Not known of a dwell of fewer than three seconds.
+    pub sigma_deg_h: Option<f64>,
 }
 
 /// An event and when it happened.
@@ -151,7 +152,7 @@ impl From<&Dwell> for DwellRecord {
             index_deg: dwell.index_deg,
             seconds: dwell.seconds,
             rate_deg_h: dwell.rate_deg_h,
-            sigma_deg_h: dwell.sigma_deg_h,
+            sigma_deg_h: Some(dwell.sigma_deg_h).filter(|sigma| sigma.is_finite()),
         }
     }
 }

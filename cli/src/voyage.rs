@@ -43,16 +43,9 @@ const MINUTE: usize = 600;
 const ACOUSTIC: usize = 3000;
 const LATITUDE_DEG: f64 = 60.0;
 const HEADING_DEG: f64 = 40.0;
-/// What a calibration on a stand leaves of each torque, °/h, and how far the rotor is off its order, degrees.
-const CALIBRATED_DEG_H: f64 = 0.002;
+/// How far the rotor is off its order, degrees.
 const OFF_DEG: f64 = 0.5;
-const GYRO: EsgClass = EsgClass {
-    coefficient_deg_h: 0.5,
-    drift_deg_h: 0.002,
-    drift_growth_deg_h_per_sqrt_h: 0.0005,
-    pick_off_arcsec: 20.0,
-    reading_arcsec: 5.0,
-};
+const GYRO: EsgClass = EsgClass::TYPICAL;
 
 impl VoyageName {
     /// As `--class` has it, and as it is simulated.
@@ -141,11 +134,11 @@ pub fn write(name: VoyageName, seed: u64, folder: &Path) -> Result<String, Failu
     files.insert(0, block(name, &passage, seed));
     for Readings { name, text } in &files {
         let path = folder.join(name);
-        fs::write(&path, text).map_err(|error| FileError::whole(&path, error))?;
+        crate::output::write(&path, text).map_err(|error| FileError::whole(&path, error))?;
     }
     let path = folder.join("installation.toml");
     let text = toml::to_string(&installation).map_err(|error| Failure::Refused(error.to_string()))?;
-    fs::write(&path, text).map_err(|error| FileError::whole(&path, error))?;
+    crate::output::write(&path, text).map_err(|error| FileError::whole(&path, error))?;
     Ok(command(name, folder, &files))
 }
 
@@ -178,7 +171,7 @@ fn block(name: VoyageName, passage: &Passage, seed: u64) -> Readings {
 
 fn installation(name: VoyageName, antennas: &Antennas, rotor: &Electrostatic, seed: u64) -> Installation {
     let forward_left_up = |hull: Vector3<f64>| [hull.y, -hull.x, hull.z];
-    let [x, y, z, unbalance_deg_h, stiffness_deg_h] = rotor.coefficients_deg_h(CALIBRATED_DEG_H, seed);
+    let [x, y, z, unbalance_deg_h, stiffness_deg_h] = rotor.coefficients_deg_h(EsgClass::CALIBRATED_DEG_H, seed);
     let gyro = ElectrostaticGyro {
         declination_deg: 90.0,
         hour_angle_deg: 0.0,
@@ -191,7 +184,7 @@ fn installation(name: VoyageName, antennas: &Antennas, rotor: &Electrostatic, se
         block_deg_h: [x, y, z],
         unbalance_deg_h,
         stiffness_deg_h,
-        coefficient_sigma_deg_h: CALIBRATED_DEG_H,
+        coefficient_sigma_deg_h: EsgClass::CALIBRATED_DEG_H,
     };
     Installation {
         antenna_m: forward_left_up(antennas.antenna_m),

@@ -1,10 +1,12 @@
 //! `north track` with aiding on the command line: readings taken at their own times, outliers, lost sources, bad input.
 
+mod common;
+
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Stdio};
 
+use common::north;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -87,12 +89,6 @@ impl Ship {
         let (code, stdout, stderr) = self.call(more);
         assert!(code == 1 && parts.iter().all(|part| stderr.contains(part)), "{code} {stdout} {stderr}");
     }
-}
-
-fn north(arguments: &[&str]) -> (i32, String, String) {
-    let output = Command::new(env!("CARGO_BIN_EXE_north")).args(arguments).stdin(Stdio::null()).output().unwrap();
-    let text = |bytes| String::from_utf8(bytes).unwrap();
-    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
 }
 
 fn source<'a>(summary: &'a Value, name: &str) -> &'a Value {

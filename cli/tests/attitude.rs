@@ -1,10 +1,12 @@
 //! `north align`, `north track` and `north import --block` on the command line: what is found, bridged, counted and refused.
 
+mod common;
+
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Stdio};
 
+use common::north;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -28,13 +30,6 @@ fn recording(parts: &[String]) -> (TempDir, String) {
     let path = folder.path().join("block.csv").display().to_string();
     fs::write(&path, format!("{HEAD}\n{}", parts.concat())).unwrap();
     (folder, path)
-}
-
-/// Exit code, stdout, stderr.
-fn north(arguments: &[&str]) -> (i32, String, String) {
-    let output = Command::new(env!("CARGO_BIN_EXE_north")).args(arguments).stdin(Stdio::null()).output().unwrap();
-    let text = |bytes| String::from_utf8(bytes).unwrap();
-    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
 }
 
 fn json(arguments: &[&str]) -> Value {

@@ -1,29 +1,19 @@
 //! The instrument behind a pseudo-terminal, as its users meet it.
 
+mod common;
+
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
-use std::process::{Child, Command, Stdio};
+use std::io::Read;
 use std::time::{Duration, Instant};
 
-/// A board that is switched off when the test ends, however it ends.
-struct Board {
-    process: Child,
-    port: String,
+use common::{Board, command};
+
+/// A board a thousand times as fast as a real one.
+fn board(arguments: &[&str]) -> Board {
+    Board::on(&[&["--speed", "1000"], arguments].concat())
 }
 
 impl Board {
-    fn on(arguments: &[&str]) -> Self {
-        let mut process = Command::new(env!("CARGO_BIN_EXE_north"))
-            .args(["board", "--engine", "host", "--speed", "1000"])
-            .args(arguments)
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut port = String::new();
-        BufReader::new(process.stdout.take().unwrap()).read_line(&mut port).unwrap();
-        Self { process, port: port.trim().to_owned() }
-    }
-
     /// What comes out of the port until `enough`.
     fn bytes(&self, enough: impl Fn(&[u8]) -> bool) -> Vec<u8> {
         let mut line = File::open(&self.port).unwrap();
@@ -38,18 +28,10 @@ impl Board {
     }
 }
 
-impl Drop for Board {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-    }
-}
-
 #[test]
 fn a_fix_over_the_port() {
-    let board = Board::on(&["--seed", "1"]);
-    let monitor =
-        Command::new(env!("CARGO_BIN_EXE_north")).args(["monitor", &board.port, "--start", "--once"]).output().unwrap();
+    let board = board(&["--seed", "1"]);
+    let monitor = command(&["monitor", &board.port, "--start", "--once"]).output().unwrap();
     let shown = String::from_utf8_lossy(&monitor.stdout);
     assert!(monitor.status.success(), "{shown}\n{}", String::from_utf8_lossy(&monitor.stderr));
     // The scenario's mark stands at 40°; the default order has a sigma of 0.04°, and five of them are a fault.
@@ -60,7 +42,7 @@ fn a_fix_over_the_port() {
 
 #[test]
 fn headings_as_any_plotter_reads_them() {
-    let board = Board::on(&["--nmea"]);
+    let board = board(&["--nmea"]);
     let text = board.bytes(|bytes| bytes.windows(7).any(|window| window == b"$HEHDT,") && bytes.ends_with(b"\n"));
     let text = String::from_utf8(text).unwrap();
     // The line is joined in the middle of a sentence.
@@ -72,7 +54,7 @@ fn headings_as_any_plotter_reads_them() {
 
 #[test]
 fn a_port_that_is_none_is_refused_by_name() {
-    let monitor = Command::new(env!("CARGO_BIN_EXE_north")).args(["monitor", "/dev/null/none"]).output().unwrap();
+    let monitor = command(&["monitor", "/dev/null/none"]).output().unwrap();
     let said = String::from_utf8_lossy(&monitor.stderr);
     assert_eq!((monitor.status.code(), said.starts_with("north: /dev/null/none: ")), (Some(1), true), "{said}");
 }

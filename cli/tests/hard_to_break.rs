@@ -93,7 +93,7 @@ fn a_line_without_an_end_and_control_characters_do_no_harm() {
 fn nothing_is_overwritten_without_being_asked() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("mine.json"), "mine").unwrap();
-    let find = ["find", "--host", "--dwell", "5", "--json", "mine.json"];
+    let find = ["find", "--host", "--order", "plain", "--dwell", "5", "--json", "mine.json"];
     let (output, _) = ended(north(folder.path(), &find).spawn().unwrap());
     assert!(
         output.status.code() == Some(1) && String::from_utf8_lossy(&output.stderr).contains("--force"),

@@ -1,37 +1,24 @@
 //! The tools that talk to a board, over a pseudo-terminal to an instrument in a process.
 
-use std::fs;
-use std::io::{BufRead, BufReader};
-use std::path::Path;
-use std::process::{Child, Command, Stdio};
+mod common;
 
+use std::fs;
+use std::path::Path;
+
+use common::{Board, north};
 use serde_json::Value;
 
-/// A board that is switched off when the test ends, however it ends.
-struct Board {
-    process: Child,
-    port: String,
+/// A board a hundred times as fast as a real one.
+fn board(arguments: &[&str]) -> Board {
+    Board::on(&[&["--speed", "100"], arguments].concat())
 }
 
 impl Board {
-    fn on(arguments: &[&str]) -> Self {
-        let mut process = north(&["board", "--engine", "host", "--speed", "100"])
-            .args(arguments)
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut port = String::new();
-        BufReader::new(process.stdout.take().unwrap()).read_line(&mut port).unwrap();
-        Self { process, port: port.trim().to_owned() }
-    }
-
     /// What a command says that talks to it: exit code, stdout, stderr.
     fn run(&self, arguments: &[&str]) -> (i32, String, String) {
         let arguments: Vec<&str> =
             arguments.iter().map(|&argument| if argument == "PORT" { &self.port } else { argument }).collect();
-        let output = north(&arguments).output().unwrap();
-        let [said, error] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
-        (output.status.code().unwrap(), said, error)
+        north(&arguments)
     }
 
     fn good(&self, arguments: &[&str]) -> String {
@@ -41,19 +28,6 @@ impl Board {
     }
 }
 
-impl Drop for Board {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-    }
-}
-
-fn north(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_north"));
-    command.args(arguments).stdin(Stdio::null());
-    command
-}
-
 fn path(folder: &tempfile::TempDir, name: &str) -> String {
     folder.path().join(name).to_str().unwrap().to_owned()
 }
@@ -61,7 +35,7 @@ fn path(folder: &tempfile::TempDir, name: &str) -> String {
 #[test]
 fn settings_go_down_and_up() {
     let folder = tempfile::tempdir().unwrap();
-    let board = Board::on(&[]);
+    let board = board(&[]);
     assert_eq!(board.good(&["settings", "get", "latitude_deg", "--port", "PORT"]), "latitude_deg = 34.75\n");
     let before = path(&folder, "before.toml");
     board.good(&["settings", "dump", "--out", &before, "--port", "PORT"]);
@@ -96,13 +70,12 @@ fn settings_go_down_and_up() {
 #[test]
 fn a_recorded_fix_is_the_fix() {
     let folder = tempfile::tempdir().unwrap();
-    let board = Board::on(&["--scenario", "windy-tripod"]);
+    let board = board(&["--scenario", "windy-tripod"]);
     for rows in [&[][..], &["--means"]] {
         let out = path(&folder, if rows.is_empty() { "raw" } else { "means" });
         let made = board.good(&[&["record", "PORT", "--fix", "--json", "-", "--out", &out], rows].concat());
-        let solved = north(&["solve", &out, "--json", "-"]).output().unwrap();
-        let [made, solved]: [Value; 2] =
-            [made.as_bytes(), &solved.stdout].map(|text| serde_json::from_slice(text).unwrap());
+        let (_, solved, _) = north(&["solve", &out, "--json", "-"]);
+        let [made, solved]: [Value; 2] = [made, solved].map(|text| serde_json::from_str(&text).unwrap());
         for name in ["azimuth_deg", "sigma_deg", "closure_deg_h", "flags"] {
             assert!(
                 !made["runs"][0][name].is_null() && made["runs"][0][name] == solved["runs"][0][name],
@@ -120,7 +93,7 @@ fn a_recorded_fix_is_the_fix() {
 
 #[test]
 fn the_accelerometers_are_calibrated_over_the_port() {
-    let board = Board::on(&["--scenario", "worn-accelerometers"]);
+    let board = board(&["--scenario", "worn-accelerometers"]);
     let said = board.good(&["calibrate", "field", "--port", &board.port]);
     assert!(said.contains("up\n") && said.contains("attitude 18 accepted") && said.ends_with("stored\n"), "{said}");
     assert!(board.good(&["settings", "get", "accelerometer", "--port", "PORT"]).contains("bias_g"));
@@ -128,14 +101,13 @@ fn the_accelerometers_are_calibrated_over_the_port() {
 
 #[test]
 fn the_doctor_finds_what_is_wrong() {
-    let said = Board::on(&[]).good(&["doctor", "--port", "PORT"]);
+    let said = board(&[]).good(&["doctor", "--port", "PORT"]);
     for part in ["good  gyro frames    All ", "look  accelerometers", "good  latitude", "good  encoder", "good  level"]
     {
         assert!(said.contains(part), "{part}: {said}");
     }
     assert!(!said.contains("BAD"), "{said}");
-    let (code, said, error) =
-        Board::on(&["--scenario", "lossy-link"]).run(&["doctor", "--port", "PORT", "--json", "-"]);
+    let (code, said, error) = board(&["--scenario", "lossy-link"]).run(&["doctor", "--port", "PORT", "--json", "-"]);
     let findings: Value = serde_json::from_str(&said).unwrap();
     let frames = findings.as_array().unwrap().iter().find(|finding| finding["what"] == "gyro frames").unwrap();
     assert!(code == 1 && frames["verdict"] == "bad" && error.contains("checks are bad"), "{said}{error}");
@@ -146,7 +118,6 @@ fn a_port_on_which_nobody_answers_is_said_to_be_one() {
     let (_line, other_end) = serialport::TTYPort::pair().unwrap();
     let name = serialport::SerialPort::name(&other_end).unwrap();
     drop(other_end);
-    let output = north(&["settings", "get", "--port", &name]).output().unwrap();
-    let error = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.code() == Some(1) && error.contains(&name) && error.contains("no answer"), "{error}");
+    let (code, _, error) = north(&["settings", "get", "--port", &name]);
+    assert!(code == 1 && error.contains(&name) && error.contains("no answer"), "{error}");
 }

@@ -74,6 +74,7 @@ fn gate_number(mark: &Mark) -> u8 {
         None => 0,
         Some(Gate::Disturbance) => 1,
         Some(Gate::Jitter) => 2,
+        Some(Gate::Index) => 3,
     }
 }
 
@@ -83,6 +84,7 @@ pub fn mark(dwell: u8, gate: u8) -> Option<Mark> {
         0 => None,
         1 => Some(Gate::Disturbance),
         2 => Some(Gate::Jitter),
+        3 => Some(Gate::Index),
         _ => return None,
     };
     Some(Mark { dwell: dwell.checked_sub(1), waited_at })

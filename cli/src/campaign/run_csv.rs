@@ -168,7 +168,7 @@ impl RunReader {
             number => Err(self.field_error(column, Problem::not_allowed(number.to_string(), format!("0 to {most}")))),
         };
         let read = small(columns.read, 7)?;
-        let mark = own::mark(small(columns.dwell, 255)?, small(columns.gate, 2)?).unwrap_or_default();
+        let mark = own::mark(small(columns.dwell, 255)?, small(columns.gate, 3)?).unwrap_or_default();
         Ok(match columns.rest {
             OwnRest::Moments([fog, forward, left]) => Own::Second {
                 read,

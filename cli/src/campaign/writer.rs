@@ -18,7 +18,7 @@ const RUNS: &str = "runs";
 const UNFINISHED: &str = "unfinished";
 const UNFINISHED_TEXT: &str = "north is writing this recording, or was interrupted: the next one may replace it\n";
 
-/// Removes what an interrupted recording left behind: its runs and tables, and nothing else.
+/// Removes what a recording that came to no end left behind: its runs and tables, and nothing else.
 fn clear(folder: &Path) -> std::io::Result<()> {
     for place in [folder.to_owned(), folder.join(RUNS)] {
         for entry in fs::read_dir(&place).into_iter().flatten() {
@@ -146,7 +146,8 @@ impl CampaignWriter {
     /// Gives a recording up that was begun in a free folder: nothing of it is left; the folder itself goes where `existed` is false.
     pub fn give_up(folder: &Path, existed: bool) {
         // What led here is the error to report.
-        let _ = fs::remove_dir_all(folder.join(RUNS));
+        let _ = clear(folder);
+        let _ = fs::remove_dir(folder.join(RUNS));
         let _ = fs::remove_file(folder.join(UNFINISHED));
         if !existed {
             let _ = fs::remove_dir(folder);

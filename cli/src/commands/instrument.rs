@@ -27,13 +27,13 @@ pub struct InstrumentOptions {
     /// Turn the instrument: azimuth of its mark, degrees clockwise from true north, -360 to 360
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = number::<-360, 360>)]
     pub azimuth: Option<f64>,
-    /// Order of the index positions
+    /// Order of the index positions; adaptive unless settings say otherwise
     #[arg(long, value_enum)]
     pub order: Option<OrderName>,
-    /// One sigma of the azimuth that ends an adaptive fix, degrees, 0.001 to 10
+    /// One sigma of the azimuth that ends an adaptive fix, degrees, 0.001 to 10; it may take half an hour
     #[arg(long, value_name = "DEG", conflicts_with = "order", value_parser = accuracy)]
     pub accuracy: Option<f64>,
-    /// Measuring time at each position, seconds, 2 to 3600
+    /// Measuring time at each position, seconds, 2 to 3600, of an order that is not adaptive
     #[arg(long, value_name = "S", value_parser = clap::value_parser!(u16).range(2..=3600))]
     pub dwell: Option<u16>,
     /// Settings of the firmware, laid over the scenario's
@@ -59,8 +59,11 @@ pub enum OrderName {
     Adaptive,
 }
 
-/// What the adaptive order ends with if nothing else is said, degrees.
-const ACCURACY_DEG: f64 = 0.03;
+/// Longest fix that `--accuracy` allows, s: half an hour.
+const LONGEST_S: f64 = 1800.0;
+
+/// The power stays on so long after the time limit of a fix, s.
+const SPARE_S: f64 = 60.0;
 
 fn accuracy(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
@@ -76,7 +79,7 @@ impl From<OrderName> for Order {
             OrderName::Source => Self::Source,
             OrderName::Mirrored => Self::Mirrored,
             OrderName::EastWest => Self::EastWest,
-            OrderName::Adaptive => Self::Adaptive { accuracy_deg: ACCURACY_DEG },
+            OrderName::Adaptive => Self::ADAPTIVE,
         }
     }
 }
@@ -105,10 +108,19 @@ impl InstrumentOptions {
         }
         if let Some(accuracy_deg) = self.accuracy {
             settings.sequence.order = Order::Adaptive { accuracy_deg };
+            settings.time_limit_s = settings.time_limit_s.max(LONGEST_S);
         }
         if let Some(dwell_s) = self.dwell {
+            if matches!(settings.sequence.order, Order::Adaptive { .. }) {
+                let orders =
+                    "the adaptive order has no dwells of a fixed time; name another with --order, or --accuracy alone";
+                return Err(Failure::Usage(format!("--dwell {dwell_s}: {orders}")));
+            }
             settings.sequence.dwell_s = dwell_s;
         }
+        // Waiting and turning take their time beside the dwells.
+        settings.time_limit_s = settings.time_limit_s.max(2.0 * settings.sequence.measuring_s());
+        scenario.duration_limit_s = scenario.duration_limit_s.max(settings.time_limit_s + SPARE_S);
         if let Some(path) = &self.model {
             ModelFile::read(path)?.apply_to_board(&mut settings)?;
         }

@@ -8,6 +8,7 @@ mod characterise;
 mod completions;
 mod diagnose;
 mod doctor;
+mod export;
 mod find;
 mod import;
 pub mod instrument;
@@ -54,6 +55,7 @@ enum Command {
     Diagnose(diagnose::Diagnose),
     Simulate(simulate::Simulate),
     Import(import::Import),
+    Export(export::Export),
     Calibrate(calibrate::Calibrate),
     Characterise(characterise::Characterise),
     Board(board::Board),
@@ -82,6 +84,7 @@ impl Cli {
             Command::Diagnose(diagnose) => diagnose.run(),
             Command::Simulate(simulate) => simulate.run(),
             Command::Import(import) => import.run(),
+            Command::Export(export) => export.run(),
             Command::Calibrate(calibrate) => calibrate.run(),
             Command::Board(board) => board.run(),
             Command::Monitor(monitor) => monitor.run(),

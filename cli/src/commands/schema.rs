@@ -6,6 +6,9 @@ use clap::{Args, ValueEnum};
 use schemars::schema_for;
 
 use super::doctor::Finding;
+use super::track::Summary;
+use crate::align_report::Report;
+use crate::diagnose::Diagnosis;
 use crate::failure::Failure;
 use crate::json::{Found, Solved};
 use crate::output::people;
@@ -24,6 +27,9 @@ enum Written {
     /// Also of `record`
     Solve,
     Doctor,
+    Diagnose,
+    Align,
+    Track,
 }
 
 impl Schema {
@@ -32,6 +38,9 @@ impl Schema {
             Written::Find => schema_for!(Found),
             Written::Solve => schema_for!(Solved),
             Written::Doctor => schema_for!(Vec<Finding>),
+            Written::Diagnose => schema_for!(Diagnosis),
+            Written::Align => schema_for!(Report),
+            Written::Track => schema_for!(Summary),
         };
         let text = serde_json::to_string_pretty(&schema).map_err(|error| Failure::Refused(error.to_string()))?;
         Ok(writeln!(people(), "{text}")?)

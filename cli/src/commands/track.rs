@@ -7,6 +7,7 @@ use clap::{Args, ValueEnum};
 use north_finder::attitude::filter::Mode;
 use north_finder::attitude::filter::block::BlockErrors;
 use north_finder::attitude::{Angles, BlockClass, Motion};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::number;
@@ -131,12 +132,13 @@ impl Class {
 }
 
 /// What became of the recording.
-#[derive(Serialize)]
-struct Summary {
+#[derive(Serialize, JsonSchema)]
+pub(super) struct Summary {
     class: &'static str,
     seconds: usize,
     gaps: u32,
     saturated: u32,
+    #[schemars(with = "Option<f64>")]
     heading_deg: f64,
     sigma_heading_deg: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -151,7 +153,7 @@ struct Summary {
 }
 
 /// What only one of the two ways knows.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 #[serde(untagged)]
 enum How {
     Held {

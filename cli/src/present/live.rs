@@ -157,13 +157,15 @@ impl Lines {
             Event::Settled { position } => format!("{}: gyro at rest", at(position)),
             Event::Dwell(dwell) => {
                 self.done = dwell.position.saturating_add(1);
+                // Of a dwell of fewer than three seconds nothing tells it.
+                let sigma =
+                    if dwell.sigma_deg_h.is_finite() { format!(" ± {:.4}", dwell.sigma_deg_h) } else { String::new() };
                 format!(
-                    "{}: {:.0} s at {:.3}°, rate {:.4} ± {:.4} °/h",
+                    "{}: {:.0} s at {:.3}°, rate {:.4}{sigma} °/h",
                     at(dwell.position),
                     dwell.seconds,
                     dwell.index_deg,
-                    dwell.rate_deg_h,
-                    dwell.sigma_deg_h
+                    dwell.rate_deg_h
                 )
             }
             Event::Coarse { azimuth_deg, sigma_deg } => {

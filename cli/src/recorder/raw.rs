@@ -26,6 +26,8 @@ pub struct RawRecorder {
     sampler: Sampler,
     /// Seconds that the instrument has not reported yet.
     seconds: VecDeque<Pending>,
+    /// As many of them have ended: readings go to the one after them.
+    ended: usize,
     rows: Vec<Row>,
 }
 
@@ -51,6 +53,7 @@ impl RawRecorder {
             reader: FrameReader::new(gyro.format),
             sampler: Sampler::new(gyro),
             seconds: VecDeque::from([Pending::default()]),
+            ended: 0,
             rows: Vec::new(),
         }
     }
@@ -69,22 +72,27 @@ impl RawRecorder {
 
     /// Takes what entered the instrument, in the order in which it did; what comes first is the beginning of a second.
     pub fn item(&mut self, item: &Item) {
-        // The oldest second that is not reported yet gets the readings: it ends after them.
+        // A second whose last frame has come ends with the tick, after the readings.
         match *item {
             Item::Frame(frame) => self.frame(&frame),
-            Item::Acceleration(reading) => {
-                self.seconds.front_mut().into_iter().for_each(|second| second.accelerations_g.push(reading.g()));
-            }
-            Item::Index(index) => {
-                self.seconds.front_mut().into_iter().for_each(|second| second.indices_deg.push(index.deg()));
-            }
+            Item::Acceleration(reading) => self.under_way().accelerations_g.push(reading.g()),
+            Item::Index(index) => self.under_way().indices_deg.push(index.deg()),
             Item::Tick => {
                 let given_up = self.slots(|sampler| {
                     sampler.tick(&mut Counters::default());
                 });
                 self.frames(given_up, Frame::default());
+                self.ended = self.seconds.iter().filter(|second| second.frames.len() == FRAMES).count();
             }
         }
+    }
+
+    /// The second that gets the readings.
+    fn under_way(&mut self) -> &mut Pending {
+        if self.seconds.len() <= self.ended {
+            self.seconds.resize(self.ended + 1, Pending::default());
+        }
+        &mut self.seconds[self.ended]
     }
 
     fn frame(&mut self, frame: &frame::Frame) {
@@ -104,6 +112,7 @@ impl RawRecorder {
             Event::State(State::Levelling) => super::start_again(&mut self.rows),
             Event::Second(second) => {
                 let pending = self.seconds.pop_front().unwrap_or_default();
+                self.ended = self.ended.saturating_sub(1);
                 if self.seconds.is_empty() {
                     self.seconds.push_back(Pending::default());
                 }

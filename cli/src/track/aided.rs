@@ -11,6 +11,7 @@ use north_finder::attitude::filter::{BlockReading, Filter, Mode, Outcome, StartS
 use north_finder::attitude::{Angles, BlockClass, Increment, Quaternion};
 use north_finder::earth::SEMI_MAJOR_M;
 use north_finder::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_180_deg};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::aiding_csv::{Aiding, Reading, Value};
@@ -47,7 +48,7 @@ pub struct Settings {
 }
 
 /// What became of a source.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct SourceSummary {
     pub source: &'static str,
     pub taken: u32,
@@ -63,7 +64,7 @@ pub struct SourceSummary {
 }
 
 /// A source was silent, or all it said was rejected, for longer than it may be.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Loss {
     pub from_s: f64,
     /// None: it did not come back.
@@ -74,7 +75,7 @@ pub struct Loss {
 }
 
 /// A reading that was not taken.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Rejection {
     pub t_s: f64,
     pub source: &'static str,

@@ -1,6 +1,6 @@
 //! `north calibrate simulate`: recordings to try a calibration on, with the truth beside them.
 
-use std::fs::{self, File};
+use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
@@ -112,7 +112,7 @@ impl SixPosition {
             })?;
         }
         let path = self.out.join("calibration.toml");
-        fs::write(&path, manifest).map_err(|error| FileError::whole(&path, error))?;
+        crate::output::write(&path, manifest).map_err(|error| FileError::whole(&path, error))?;
         let truth = GyroTriad {
             bias_deg_h: errors.bias_deg_h,
             matrix: table.triad().matrix(),
@@ -161,7 +161,7 @@ fn prepare(folder: &Path) -> Result<(), FileError> {
 
 fn write_csv(path: &Path, header: &str, rows: usize, row: impl Fn(usize) -> String) -> Result<(), FileError> {
     let write = || -> io::Result<()> {
-        let mut out = BufWriter::new(File::create(path)?);
+        let mut out = BufWriter::new(crate::output::create(path)?);
         writeln!(out, "{header}")?;
         for i in 0..rows {
             writeln!(out, "{}", row(i))?;
