@@ -6,6 +6,7 @@ use hal_sim::Scenario;
 use north::engine::{End, Outcome, Setup, host};
 use north::settings_file::scenario_settings;
 use north_finder::event::{Event, Fix, Report};
+use north_finder::sequence::order::Order;
 use north_finder::units::wrap_180_deg;
 
 /// A built-in scenario, its settings stored in the instrument.
@@ -13,9 +14,10 @@ pub fn setup(name: &str, seed: u64) -> Setup {
     of_scenario(Scenario::named(name).unwrap(), seed)
 }
 
-/// A scenario, its settings stored in the instrument.
+/// A scenario, its settings stored in the instrument, with the order whose dwells are known before: the mirrored one.
 pub fn of_scenario(scenario: Scenario, seed: u64) -> Setup {
-    let settings = scenario_settings(&scenario, None).unwrap();
+    let mut settings = scenario_settings(&scenario, None).unwrap();
+    settings.sequence.order = Order::Mirrored;
     Setup { scenario, seed, settings: Some(settings) }
 }
 

@@ -36,14 +36,20 @@ fn settings_are_documented_as_they_are() {
     assert!(settings.contains(&table), "docs/settings.md lacks this table:\n{table}");
 }
 
-/// Every word of a choice is one that a file of settings may say (two orders are tables), and the first is the default.
+/// Every word of a choice is one that a file of settings may say (an order that is a list or a table with it), and the first is the
+/// default.
 #[test]
 fn choices_are_those_of_a_file_of_settings() {
     let defaults = Settings { block: Some(BlockSettings::default()), ..Settings::default() };
     for choice in CHOICES {
         let (group, name) = choice.name.split_once('.').unwrap();
-        for (number, word) in choice.allowed.iter().filter(|word| !["custom", "adaptive"].contains(*word)).enumerate() {
-            let quoted = if ["true", "false"].contains(word) { (*word).to_owned() } else { format!("\"{word}\"") };
+        for (number, word) in choice.allowed.iter().enumerate() {
+            let quoted = match *word {
+                "true" | "false" => (*word).to_owned(),
+                "adaptive" => "{ adaptive = { accuracy_deg = 0.04 } }".into(),
+                "custom" => "{ custom = [0.0, 120.0, 240.0] }".into(),
+                _ => format!("\"{word}\""),
+            };
             let settings: Settings = TomlFile::of_text(Path::new("choice"), format!("[{group}]\n{name} = {quoted}\n"))
                 .parse_over(&Settings::default(), None)
                 .unwrap();

@@ -12,12 +12,12 @@ use north::settings_file::read_settings;
 use north::solve::solve_file;
 use north_finder::effects::{BaseMotion, ErrorModel};
 use north_finder::event::Report;
-use north_finder::identity::Identity;
-use north_finder::instrument::{Instrument, Readings};
+use north_finder::instrument::Readings;
 use north_finder::intake::Intake;
 use north_finder::link::{Ask, encode_request};
 use north_finder::sequence::Command;
 use north_finder::settings::Settings;
+use simulated::Stepper;
 
 #[test]
 fn the_same_input_gives_the_same_reports() {
@@ -28,7 +28,7 @@ fn the_same_input_gives_the_same_reports() {
         host::run_tapped(&setup, &AtomicBool::new(false), &mut |report| reports.push(*report), &mut tap).unwrap();
 
         let mut flash = world(&setup).unwrap().flash();
-        let mut instrument = Instrument::power_up(&mut flash, Identity::host());
+        let mut instrument = Stepper::power_up(&mut flash);
         let request = encode_request(&Ask::Command(Command::Start).into()).unwrap();
         let mut replayed = Vec::new();
         let intake = Intake::new();

@@ -200,7 +200,8 @@ fn settings_missing() {
 #[test]
 fn out_of_time() {
     let mut setup = setup("calm-bench", 1);
-    setup.settings.as_mut().unwrap().time_limit_s = 60.0;
+    // Eight dwells of 30 s fit, the moves between them do not.
+    setup.settings.as_mut().unwrap().time_limit_s = 250.0;
     ends_with(&setup, Fault::OutOfTime, State::Collecting);
 }
 

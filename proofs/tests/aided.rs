@@ -56,13 +56,7 @@ fn an_electrostatic_gyro_keeps_the_heading_below() {
     let below =
         Aids { satellites_s: None, log_s: Some(1), height_m: Some(0.3), mode: Mode::Submerged, ..Aids::SATELLITES };
     let aids = [surface, below];
-    let gyro = EsgClass {
-        coefficient_deg_h: 0.5,
-        drift_deg_h: 0.002,
-        drift_growth_deg_h_per_sqrt_h: 0.0005,
-        pick_off_arcsec: 20.0,
-        reading_arcsec: 5.0,
-    };
+    let gyro = EsgClass::TYPICAL;
     for (seed, orientation) in [(1, Orientation::Polar), (2, Orientation::Equatorial)] {
         let case = Case {
             passage: &passage,

@@ -23,17 +23,7 @@ use super::{Bench, trials};
 use crate::trials::aided::{Aids, Case, Class, antennas};
 use crate::trials::dive::{Dive, Shot, calibrate, declared, run, run_joined};
 
-/// A gyro as it may be had today and as the source's time had it: drift that nothing explains 0.002 °/h, torques of 0.5 °/h
-/// that are calibrated, sensors with 20″, readings with 5″.
-const GYRO: EsgClass = EsgClass {
-    coefficient_deg_h: 0.5,
-    drift_deg_h: 0.002,
-    drift_growth_deg_h_per_sqrt_h: 0.0005,
-    pick_off_arcsec: 20.0,
-    reading_arcsec: 5.0,
-};
-/// What a calibration on a stand leaves of each torque, °/h.
-const CALIBRATED_DEG_H: f64 = 0.002;
+const GYRO: EsgClass = EsgClass::TYPICAL;
 const SURFACE_S: f64 = 3600.0;
 
 const CLASSES: [Class; 4] = [
@@ -125,7 +115,7 @@ impl Bench for EsgBench {
         }
         bar.finish_and_clear();
         if let Some(file) = &self.report {
-            std::fs::write(file, html(&rows))
+            north::output::write(file, html(&rows))
                 .map_err(|error| Failure::Refused(format!("{}: {error}", file.display())))?;
         }
         Ok(rows)
@@ -312,7 +302,7 @@ impl EsgBench {
                 orientation: setup.orientation,
                 hour_angle_deg: (trial * 37 % 360) as f64,
                 surface_s: SURFACE_S,
-                calibrated_deg_h: setup.filter.calibrated().then_some(CALIBRATED_DEG_H),
+                calibrated_deg_h: setup.filter.calibrated().then_some(EsgClass::CALIBRATED_DEG_H),
             };
             let seed = (self.seed << 32) + trial;
             match setup.filter {

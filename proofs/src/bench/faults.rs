@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 
 use clap::Args;
+use north::engine::EngineError;
+use north::engine::qemu::{QemuError, image};
 use north::failure::Failure;
 use north::progress;
 use north_finder::health::Fault;
@@ -20,11 +22,11 @@ const SHOWN: usize = 12;
 /// One to three random faults anywhere in the instrument, in every order, at latitudes to 85 degrees
 ///
 /// Gyro and its bytes, sensors, motor, encoder, base, flash, power, settings, commands at the wrong time. The firmware's
-/// state machine runs in this process. Exit code 1 after a panic, a hang, lost settings, or an azimuth beyond 4 sigma
-/// without a flag whose faults a single fix can see.
+/// state machine runs in this process; a sample of the trials also in its image, in QEMU, where all must end as they did here. Exit code 1 after a
+/// panic, a hang, lost settings, another end in QEMU, or an azimuth beyond 4 sigma without a flag whose faults a single fix can see.
 #[derive(Args, Debug)]
 #[command(
-    after_help = "Examples:\n  north bench faults --json faults.json\n  north bench faults --only 512\n  north bench faults --kind encoder-slip"
+    after_help = "Examples:\n  north bench faults --json faults.json\n  north bench faults --only 512\n  north bench faults --kind encoder-slip\n  north bench faults --trials 40 --qemu 40"
 )]
 pub struct Faults {
     /// Trials, 1 to 10000000
@@ -39,6 +41,9 @@ pub struct Faults {
     /// Only the trials in which this kind of fault takes part
     #[arg(long, value_name = "NAME")]
     kind: Option<String>,
+    /// Run the first N of the trials in the firmware image, in QEMU, as well
+    #[arg(long, value_name = "N")]
+    qemu: Option<usize>,
 }
 
 /// What became of a trial.
@@ -77,6 +82,9 @@ pub struct Row {
     settings_lost: usize,
     /// Refusals by fault.
     refusals: BTreeMap<&'static str, usize>,
+    /// Trials that ran in QEMU too, and those of them that ended there in the same way, with all digits.
+    in_qemu: usize,
+    same_in_qemu: usize,
 }
 
 impl Verdict {
@@ -145,7 +153,7 @@ impl Bench for Faults {
         let bar = progress::bar(numbers.len() as u64, "trials");
         let all = trials(numbers, &bar, |number| {
             let trial = Trial::draw(self.seed, number)?;
-            let outcome = trial.run()?;
+            let outcome = trial.run(None)?;
             Ok((number, trial, outcome))
         })?;
         bar.finish_and_clear();
@@ -159,9 +167,27 @@ impl Bench for Faults {
                 row.add(verdict, outcome);
             }
         }
+        if let Some(count) = self.qemu {
+            let image = image::build(image::Board::Mps2).map_err(QemuError::from).map_err(EngineError::from)?;
+            let sample = all.get(..count).unwrap_or(&all);
+            let bar = progress::bar(sample.len() as u64, "trials in QEMU");
+            let there = trials(0..sample.len() as u64, &bar, |place| sample[place as usize].1.run(Some(&image)))?;
+            bar.finish_and_clear();
+            for ((number, _, here), there) in sample.iter().zip(there) {
+                let there = there?;
+                total.in_qemu += 1;
+                total.same_in_qemu += usize::from(there == *here);
+                if there != *here {
+                    writeln!(out, "trial {number}: in this process {here:?}\n  in QEMU {there:?}")?;
+                }
+            }
+        }
         rows.push(total);
         write_rows(out, &rows)?;
         write_broken(out, &all, self.only.is_some())?;
+        if let Some(all) = rows.last().filter(|all| all.in_qemu > 0) {
+            writeln!(out, "in QEMU: {} of {} ended in the same way, with all digits", all.same_in_qemu, all.in_qemu)?;
+        }
         Ok(rows)
     }
 
@@ -172,6 +198,7 @@ impl Bench for Faults {
             ("no end in time", all.hangs),
             ("panics", all.panics),
             ("settings lost", all.settings_lost),
+            ("ended otherwise in QEMU", all.in_qemu - all.same_in_qemu),
         ]
         .into_iter()
         .filter(|(_, count)| *count > 0)

@@ -135,7 +135,7 @@ impl Bench for VoyageBench {
         write_parameters(out, &parameters)?;
         write_greatest(out, &greatest, self.voyages, sailed.len())?;
         if let Some(path) = &self.report {
-            std::fs::write(path, html(&times)).map_err(|error| FileError::whole(path, error))?;
+            north::output::write(path, html(&times)).map_err(|error| FileError::whole(path, error))?;
         }
         let rows = parameters.into_iter().map(Row::Parameter).chain(greatest.into_iter().map(Row::Voyage));
         Ok(rows.chain(times.into_iter().map(Row::ErrorAgainstTime)).collect())

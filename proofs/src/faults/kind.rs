@@ -29,6 +29,8 @@ pub(super) enum Blind {
     No,
     Always,
     InPlainOrder,
+    /// Where the encoder slipped before the power came on, or within the seconds in which its first angle is learned.
+    BeforePower,
 }
 
 impl Kind {
@@ -85,7 +87,7 @@ pub(super) const KINDS: &[Kind] = &[
     kind("gyro-bias", &[Disturbed, Unsolvable], |random, trial| {
         trial.scenario.gyro.bias_deg_h = sign(random) * random.random_range(0.5..8.0);
     }),
-    kind("gyro-drift", &[Unsolvable], |random, trial| {
+    blind("gyro-drift", Blind::InPlainOrder, |random, trial| {
         trial.scenario.gyro.drift_deg_h_per_h = sign(random) * log_uniform(random, 0.5, 50.0);
     }),
     kind("gyro-scale", &[Unsolvable], |random, trial| {
@@ -132,10 +134,15 @@ pub(super) const KINDS: &[Kind] = &[
         let level = if random.random() { SensorFaultKind::BusHigh } else { SensorFaultKind::BusLow };
         encoder(random, trial, level);
     }),
-    kind("encoder-slip", &[WrongAngle, MotorStall, EncoderFailed, Unsolvable], |random, trial| {
-        trial.scenario.encoder.slip_deg = sign(random) * log_uniform(random, 0.1, 30.0);
-        trial.scenario.encoder.slip_at_s = at_s(random);
-    }),
+    Kind {
+        name: "encoder-slip",
+        refusals: &[WrongAngle, MotorStall, EncoderFailed, Unsolvable],
+        blind: Blind::BeforePower,
+        inject: |random, trial| {
+            trial.scenario.encoder.slip_deg = sign(random) * log_uniform(random, 0.1, 30.0);
+            trial.scenario.encoder.slip_at_s = at_s(random);
+        },
+    },
     kind("encoder-weak", &[EncoderFailed], |_, trial| trial.scenario.encoder.weak_magnet = true),
     kind("motor-stall", UNDRIVEN, |random, trial| {
         let (from_s, to_s) = window(random);

@@ -7,6 +7,7 @@ pub use kind::Kind;
 pub use session::{Ending, Outcome};
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
 
 use clap::ValueEnum;
 use hal_sim::Scenario;
@@ -52,6 +53,9 @@ const TIME_LIMIT_S: f64 = 400.0;
 /// Time in which the faults of a window begin, s: a short fix has ended by then.
 const BUSY_S: f64 = 110.0;
 
+/// An instrument knows where its index stands after two whole seconds, s.
+const LEARNING_S: f64 = 3.0;
+
 impl Trial {
     /// Draws trial number `number`: a place, an order, one to three kinds of faults.
     pub fn draw(seed: u64, number: u64) -> Result<Self, Failure> {
@@ -93,9 +97,19 @@ impl Trial {
         Ok(trial)
     }
 
-    /// Runs it; a panic is an ending like others.
-    pub fn run(&self) -> Result<Outcome, Failure> {
-        catch_unwind(AssertUnwindSafe(|| session::run(self))).unwrap_or(Ok(Outcome::PANIC))
+    /// Runs it, in this process or, where there is an image of the firmware, in QEMU; a panic is an ending like others.
+    pub fn run(&self, image: Option<&Path>) -> Result<Outcome, Failure> {
+        catch_unwind(AssertUnwindSafe(|| session::run(self, image))).unwrap_or(Ok(Outcome::PANIC))
+    }
+
+    /// When the instrument started anew for the last time: power came back, or settings were stored.
+    fn last_start_s(&self) -> f64 {
+        let starts = self.acts.iter().filter(|(_, act)| match act {
+            Act::PowerCut | Act::StoreAndFail(..) => true,
+            Act::Store(settings) => settings.validate().is_ok(),
+            Act::Command(_) => false,
+        });
+        starts.map(|(at_s, _)| *at_s).fold(0.0, f64::max)
     }
 
     /// Whether docs/method.md says that no single fix sees one of its faults in this order.
@@ -103,6 +117,7 @@ impl Trial {
         self.kinds.iter().any(|kind| match kind.blind {
             kind::Blind::No => false,
             kind::Blind::Always => true,
+            kind::Blind::BeforePower => self.scenario.encoder.slip_at_s < self.last_start_s() + LEARNING_S,
             kind::Blind::InPlainOrder => matches!(self.order, "plain" | "source"),
         })
     }

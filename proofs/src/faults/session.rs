@@ -1,6 +1,7 @@
 //! An instrument with its faults from power-up to the end of its fix, through power cuts and commands.
 
 use std::collections::VecDeque;
+use std::path::Path;
 
 use hal_sim::World;
 use north::engine::{self, Engine, EngineError, Person, PowerOff, Setup, to_store};
@@ -48,8 +49,9 @@ impl Outcome {
 /// Time after which a person starts the fix again when it was interrupted, s.
 const PATIENCE_S: f64 = 5.0;
 
-/// Runs the trial.
-pub(super) fn run(trial: &Trial) -> Result<Outcome, Failure> {
+/// Runs the trial, in QEMU where there is an image.
+pub(super) fn run(trial: &Trial, image: Option<&Path>) -> Result<Outcome, Failure> {
+    let engine = if image.is_some() { Engine::Qemu } else { Engine::Host };
     let setup = Setup { scenario: trial.scenario.clone(), seed: trial.seed, settings: trial.settings.clone() };
     let world = with_flipped_bits(engine::world(&setup)?, &trial.flipped_bits);
     let first_deg = world.truth().azimuth_deg;
@@ -58,7 +60,7 @@ pub(super) fn run(trial: &Trial) -> Result<Outcome, Failure> {
     loop {
         let left = limit_ticks.saturating_sub(operator.session_tick);
         let until = operator.next_cut().map_or(left, |cut| cut.saturating_sub(operator.session_tick).min(left));
-        match engine::serve(Engine::Host, None, &world, until, &mut operator, interrupt::flag())? {
+        match engine::serve(engine, image, &world, until, &mut operator, interrupt::flag())? {
             PowerOff::Interrupted => return Err(Failure::Interrupted),
             PowerOff::TimeLimit if until < left => operator.cut_power(&world),
             PowerOff::Heard | PowerOff::TimeLimit => break,

@@ -12,6 +12,7 @@ use north::settings_file::scenario_settings;
 use north_finder::attitude::BlockClass;
 use north_finder::event::Event;
 use north_finder::heading::settings::{BlockSettings, Class};
+use north_finder::sequence::order::Order;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -65,6 +66,7 @@ fn trial(class: Class, seed: u64) -> Result<(Setup, Carry), Failure> {
     scenario.block = Some(simulated(&block.figures()));
     scenario.carry = Some(carry.clone());
     let mut settings = scenario_settings(&scenario, None)?;
+    settings.sequence.order = Order::Mirrored;
     settings.block = Some(block);
     settings.sequence.dwell_s = DWELL_S;
     Ok((Setup { scenario, seed, settings: Some(settings) }, carry))
