@@ -12,7 +12,6 @@ use core::pin::Pin;
 
 use embedded_storage::nor_flash::NorFlash;
 use heapless::Deque;
-use serde::{Deserialize, Serialize};
 
 use crate::calibration::ellipsoid::Correction;
 use crate::calibration::field::problem::{Problem, Solved};
@@ -31,7 +30,6 @@ use crate::intake::Intake;
 use crate::level::LevelMoments;
 use crate::link::{Ask, Request, RequestDecoder};
 use crate::raw::{Item, Stream};
-use crate::reading::Reading;
 use crate::restart::{Provocation, Text};
 use crate::sample::{GyroSettings, RateSecond, SAMPLE_S, SAMPLES_PER_SECOND};
 use crate::sequence::desk::Desk;
@@ -53,7 +51,7 @@ const MOST_LOST: u64 = 1200;
 const ENCODER_PATIENCE: u16 = 25;
 
 /// What a tick (every 2.5 ms) brought, beside bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Readings {
     /// Number of the tick, from 0; its time is `tick · 2.5 ms`.
     pub tick: u64,
@@ -254,20 +252,25 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
     }
 
     /// A tick of 2.5 ms: what it brought, and what came in on the lines.
+    ///
+    /// Never inlined, as [`Self::slice`]: a caller's loop would prepare in every tick what only some of them need.
+    #[inline(never)]
     pub fn step(&mut self, readings: &Readings, intake: &Intake, flash: &mut impl NorFlash, report: Sink) -> Orders {
         self.tick = readings.tick;
-        let t_s = readings.t_s();
-        let mut sink = |event| report(Report { t_s, event });
+        let mut sink = |event| report(Report { t_s: readings.t_s(), event });
 
         let mut orders = Orders::default();
-        intake.tell(&mut self.counters);
-        self.make_up(readings.tick, &mut sink);
+        if readings.tick != self.next_tick {
+            self.make_up(readings.tick, &mut sink);
+        }
+        self.next_tick = readings.tick + 1;
         let mut place = [0; PART];
         loop {
             let bytes = intake.host.take(&mut place);
             if bytes.is_empty() {
                 break;
             }
+            intake.tell(&mut self.counters);
             for &byte in bytes {
                 self.request_byte(byte, readings.turning, flash, &mut orders, &mut sink);
             }
@@ -281,37 +284,31 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
                 self.frame(&frame, &mut sink);
             }
         }
-        self.read(readings, &mut sink);
-        self.calibrate(readings, flash, &mut sink);
-        if let Reading::Value(sample) = &readings.sensors.block {
-            self.gatherer.block_temperature(sample.temperature);
-        }
-        if let Some(keeper) = &mut self.keeper
-            && let Some(heading) = keeper.tick(readings.sensors.block, &mut self.counters)
-        {
-            sink(Event::Heading(heading));
+        self.counters.bytes_skipped = self.reader.bytes_skipped();
+        self.counters.frames_bad_crc = self.reader.bad_crc();
+        self.read(&readings.sensors, &mut sink);
+        if self.field.is_active() {
+            self.calibrate(flash, &mut sink);
         }
         let given_up = self.gatherer.tick(&mut self.counters);
         self.keep(given_up);
-        self.stream(&Item::Tick, &mut sink);
+        self.stream(|| Item::Tick, &mut sink);
 
-        let fresh = readings.sensors.index.value();
-        if let Some(index) = fresh {
-            self.index.push(index);
-        }
+        let fresh = matches!(readings.sensors, Due::Index(Some(_)));
         if let Some(sequencer) = self.sequencer.as_mut().filter(|_| self.stage.is_waiting()) {
-            let moved = sequencer.tick(t_s, self.index, fresh.is_some(), readings.turning, &mut sink);
+            let moved = sequencer.tick(readings.tick, self.index, fresh, readings.turning, &mut sink);
             orders.motor = moved.or(orders.motor);
         }
         let encoder = (self.encoder_failures >= ENCODER_PATIENCE).then_some(Fault::EncoderFailed);
         if let Some(fault) = self.watch.tick(readings.tick).or(encoder) {
-            orders.motor = self.fail(fault, t_s, &mut sink).or(orders.motor);
+            orders.motor = self.fail(fault, readings.t_s(), &mut sink).or(orders.motor);
         }
         if !self.finished.is_empty() {
+            intake.tell(&mut self.counters);
             self.end_block(&mut sink);
         }
         while let Some(rate) = self.finished.pop_front() {
-            self.end_second(&rate, t_s);
+            self.end_second(&rate);
             if matches!(self.streaming, Streaming::Asked) && self.gatherer.sampler().slots() == 0 {
                 self.streaming = Streaming::On(Stream::default());
             }
@@ -324,6 +321,7 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
     ///
     /// A slice tells of one event: encoding all of a second's takes too long for one tick. Everything is told as of the tick at which
     /// the second ended: how long the work took makes no difference.
+    #[inline(never)]
     pub fn slice(
         &mut self,
         desk: &Desk<S>,
@@ -464,11 +462,10 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
     }
 
     /// Tells of something that entered, if that is wanted.
-    fn stream(&mut self, item: &Item, sink: &mut dyn FnMut(Event)) {
-        if let Streaming::On(stream) = &mut self.streaming
-            && let Some(block) = stream.push(item)
-        {
-            sink(Event::Raw(block));
+    #[inline(always)]
+    fn stream(&mut self, item: impl FnOnce() -> Item, sink: &mut dyn FnMut(Event)) {
+        if let Streaming::On(stream) = &mut self.streaming {
+            push(stream, &item(), sink);
         }
     }
 
@@ -483,17 +480,16 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
     /// Ticks that nobody saw pass for the gyro too: its frames of that time are lost, or late.
     fn make_up(&mut self, tick: u64, sink: &mut dyn FnMut(Event)) {
         let lost = tick.saturating_sub(self.next_tick).min(MOST_LOST);
-        self.next_tick = tick + 1;
         self.counters.ticks_lost = self.counters.ticks_lost.saturating_add(lost as u32);
         for _ in 0..lost {
             let given_up = self.gatherer.tick(&mut self.counters);
             self.keep(given_up);
-            self.stream(&Item::Tick, sink);
+            self.stream(|| Item::Tick, sink);
         }
     }
 
     fn frame(&mut self, frame: &Frame, sink: &mut dyn FnMut(Event)) {
-        self.stream(&Item::Frame(*frame), sink);
+        self.stream(|| Item::Frame(*frame), sink);
         self.watch.heard(self.tick);
         let second = self.gatherer.frame(frame, &mut self.counters);
         self.keep(second);
@@ -572,9 +568,8 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
     }
 
     #[inline(never)]
-    fn calibrate(&mut self, readings: &Readings, flash: &mut impl NorFlash, sink: &mut dyn FnMut(Event)) {
-        let reading = readings.sensors.acceleration;
-        if let Some(calibration) = self.field.tick(reading, &mut |event| calibration_events(event, sink)) {
+    fn calibrate(&mut self, flash: &mut impl NorFlash, sink: &mut dyn FnMut(Event)) {
+        if let Some(calibration) = self.field.tick(&mut |event| calibration_events(event, sink)) {
             self.gatherer.set_triad(calibration.correction());
         }
         if let Some(calibration) = self.field.to_store() {
@@ -619,36 +614,46 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
         })
     }
 
-    fn read(&mut self, readings: &Readings, sink: &mut dyn FnMut(Event)) {
-        if let Reading::Value(reading) = readings.sensors.acceleration {
-            self.stream(&Item::Acceleration(reading), sink);
-        }
-        if let Reading::Value(index) = readings.sensors.index {
-            self.stream(&Item::Index(index), sink);
-        }
-        let counters = &mut self.counters;
-        counters.bytes_skipped = self.reader.bytes_skipped();
-        counters.frames_bad_crc = self.reader.bad_crc();
-        match readings.sensors.acceleration {
-            Reading::Value(reading) => self.gatherer.acceleration(reading),
-            Reading::Failed => counters.accelerometer_errors = counters.accelerometer_errors.saturating_add(1),
-            Reading::NotDue => {}
-        }
-        match readings.sensors.index {
-            Reading::Value(index) => {
+    fn read(&mut self, due: &Due, sink: &mut dyn FnMut(Event)) {
+        let failed = |count: &mut u32| *count = count.saturating_add(1);
+        match due {
+            Due::Nothing => {}
+            Due::Acceleration(reading) => {
+                match *reading {
+                    Some(reading) => {
+                        self.stream(|| Item::Acceleration(reading), sink);
+                        self.gatherer.acceleration(reading);
+                    }
+                    None => failed(&mut self.counters.accelerometer_errors),
+                }
+                self.field.reading(*reading, &mut |event| calibration_events(event, sink));
+            }
+            &Due::Index(Some(index)) => {
+                self.stream(|| Item::Index(index), sink);
                 self.gatherer.index(index);
+                self.index.push(index);
                 self.encoder_failures = 0;
             }
-            Reading::Failed => {
-                counters.encoder_errors = counters.encoder_errors.saturating_add(1);
+            Due::Index(None) => {
+                failed(&mut self.counters.encoder_errors);
                 self.encoder_failures = self.encoder_failures.saturating_add(1);
             }
-            Reading::NotDue => {}
+            Due::Block(sample) => {
+                if let Some(sample) = sample {
+                    self.gatherer.block_temperature(sample.temperature);
+                }
+                if let Some(keeper) = &mut self.keeper
+                    && let Some(heading) = keeper.push(sample.as_ref(), &mut self.counters)
+                {
+                    sink(Event::Heading(heading));
+                }
+            }
         }
     }
 
     #[inline(never)]
-    fn end_second(&mut self, rate: &RateSecond, t_s: f64) {
+    fn end_second(&mut self, rate: &RateSecond) {
+        let t_s = self.tick as f64 * SAMPLE_S;
         let counters = &mut self.counters;
         if !rate.usable {
             counters.seconds_left_out = counters.seconds_left_out.saturating_add(1);
@@ -666,6 +671,14 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
         if self.ended.push_back(Ended { t_s, gathered, fault, index: self.index }).is_err() {
             counters.seconds_left_out = counters.seconds_left_out.saturating_add(1);
         }
+    }
+}
+
+/// Puts something that entered into the stream; tells the block that is full with it.
+#[inline(never)]
+fn push(stream: &mut Stream, item: &Item, sink: &mut dyn FnMut(Event)) {
+    if let Some(block) = stream.push(item) {
+        sink(Event::Raw(block));
     }
 }
 

@@ -36,7 +36,6 @@ mod target {
     use north_finder::heading::settings::BlockSettings;
     use north_finder::health::{Counters, Flags};
     use north_finder::level::Tilt;
-    use north_finder::reading::Reading;
 
     use crate::pac::TIMER0;
 
@@ -131,19 +130,19 @@ mod target {
         let (mut step, mut standing, mut moving) = (Most::default(), Most::default(), Most::default());
         for number in 1..=400 {
             let turn_rad = if number > 200 { 2e-3 } else { 0.0 };
-            let sample = Reading::Value(Increments {
+            let sample = Increments {
                 angle_rad: black_box([4e-7, 4e-7, 4e-7 + turn_rad]),
                 velocity_m_s: black_box([1e-4, 1e-4, 0.098]),
                 temperature: 250,
                 missed: 0,
-            });
+            };
             let most = match number {
                 number if number % 100 != 0 => &mut step,
                 number if number <= 200 => &mut standing,
                 _ => &mut moving,
             };
             most.measure(|| {
-                black_box(keeper.tick(sample, &mut counters));
+                black_box(keeper.push(Some(&sample), &mut counters));
             });
         }
         let ram_bytes = size_of::<Keeper>();

@@ -47,7 +47,6 @@ pub mod link;
 pub mod median;
 pub mod nmea;
 pub mod raw;
-pub mod reading;
 pub mod replay;
 pub mod restart;
 pub mod ring;

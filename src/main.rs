@@ -30,7 +30,8 @@ mod app {
 
     use heapless::spsc::{Consumer, Producer, Queue};
     use rtic_sync::channel::{Receiver, Sender};
-    use rtic_sync::make_channel;
+    use rtic_sync::signal::{SignalReader, SignalWriter};
+    use rtic_sync::{make_channel, make_signal};
 
     use crate::board::{self, Board, crash};
     use north_finder::calibration::field::problem::{Problem, Solved};
@@ -86,9 +87,11 @@ mod app {
         ticker: board::Ticker,
         watchdog: board::Watchdog,
         sensors: Sensors<board::Accelerometer, board::Encoder, board::Block>,
-        readings_in: Sender<'static, Readings, READINGS>,
+        readings_in: Producer<'static, Readings>,
+        ticked: SignalWriter<'static, ()>,
         motor_out: Consumer<'static, MotorCommand>,
         // solve
+        readings_out: Consumer<'static, Readings>,
         instrument: &'static mut Instrument<&'static mut Sequencer>,
         motor_in: Producer<'static, MotorCommand>,
         reports_in: Sender<'static, Report, REPORTS>,
@@ -105,6 +108,7 @@ mod app {
     }
 
     #[init(local = [
+        readings: Queue<Readings, { READINGS + 1 }> = Queue::new(),
         motor_commands: Queue<MotorCommand, MOTOR_COMMANDS> = Queue::new(),
         place: MaybeUninit<Instrument<&'static mut Sequencer>> = MaybeUninit::uninit(),
         sequencer: MaybeUninit<Sequencer> = MaybeUninit::uninit(),
@@ -119,12 +123,13 @@ mod app {
         power_up(instrument, &mut board.flash);
 
         let (motor_in, motor_out) = cx.local.motor_commands.split();
-        let (readings_in, readings_out) = make_channel!(Readings, READINGS);
+        let (readings_in, readings_out) = cx.local.readings.split();
+        let (ticked, tick) = make_signal!(());
         let (reports_in, reports_out) = make_channel!(Report, REPORTS);
         let (problems_in, problems_out) = make_channel!(&'static mut Problem, PROBLEMS);
         let (answers_in, answers_out) = make_channel!((Answer, &'static mut Problem), PROBLEMS);
         // Spawning for the first time cannot fail.
-        let _ = solve::spawn(readings_out);
+        let _ = solve::spawn(tick);
         let _ = report::spawn(reports_out);
         let _ = calibrate::spawn(problems_out);
 
@@ -139,7 +144,9 @@ mod app {
             watchdog: board::Watchdog::start(),
             sensors: Sensors::new(board.accelerometer, board.encoder, instrument.has_block().then_some(board.block)),
             readings_in,
+            ticked,
             motor_out,
+            readings_out,
             instrument,
             motor_in,
             reports_in,
@@ -191,7 +198,7 @@ mod app {
 
     #[task(
         binds = TIM2, priority = 3,
-        local = [ticker, watchdog, sensors, readings_in, motor_out, tick: u64 = 0],
+        local = [ticker, watchdog, sensors, readings_in, ticked, motor_out, tick: u64 = 0],
         shared = [motor, slots],
     )]
     fn sample(cx: sample::Context) {
@@ -206,10 +213,10 @@ mod app {
         if turning {
             cx.shared.slots.start();
         }
-        let readings = Readings { tick: *local.tick, sensors, turning };
-        if local.readings_in.try_send(readings).is_err() {
+        if local.readings_in.enqueue(Readings { tick: *local.tick, sensors, turning }).is_err() {
             one_more(&INTAKE.readings_refused);
         }
+        local.ticked.write(());
         match GUARD.tick(*local.tick) {
             Verdict::Wait => {}
             Verdict::Feed => local.watchdog.feed(),
@@ -230,10 +237,10 @@ mod app {
     #[task(
         priority = 2,
         local = [
-            instrument, motor_in, reports_in, problem, problems_in, answers_out, flash, crash, program,
+            readings_out, instrument, motor_in, reports_in, problem, problems_in, answers_out, flash, crash, program,
         ],
     )]
-    async fn solve(cx: solve::Context, mut readings_out: Receiver<'static, Readings, READINGS>) {
+    async fn solve(cx: solve::Context, mut tick: SignalReader<'static, ()>) {
         let local = cx.local;
         if let Some(crash) = local.crash.take() {
             defmt::error!("boot: after a {}", crash.cause);
@@ -242,9 +249,16 @@ mod app {
         let mut sweep = crash::StackSweep::default();
         let desk = Desk::new();
         let mut work = pin!(desk.work());
-        while let Ok(readings) = readings_out.recv().await {
+        loop {
+            // Looked at where they are: copies of them are a good part of what a tick costs.
+            let Some(readings) = local.readings_out.peek() else {
+                tick.wait().await;
+                continue;
+            };
             GUARD.check_in(Task::Solve);
-            if let Ok((answer, place)) = local.answers_out.try_recv() {
+            if local.problem.is_none()
+                && let Ok((answer, place)) = local.answers_out.try_recv()
+            {
                 local.instrument.solved(answer);
                 *local.problem = Some(place);
             }
@@ -255,7 +269,7 @@ mod app {
                     refused = true;
                 }
             };
-            let orders = local.instrument.step(&readings, &INTAKE, local.flash, &mut report);
+            let orders = local.instrument.step(readings, &INTAKE, local.flash, &mut report);
             let reckoned = local.instrument.slice(&desk, work.as_mut(), &mut report);
             if let Some(command) = reckoned.or(orders.motor) {
                 // `sample` empties the queue at every tick.
@@ -284,6 +298,7 @@ mod app {
                 let event = Event::Vitals { program: *local.program, stack_bytes, load_permille };
                 let _ = local.reports_in.try_send(Report { t_s: readings.t_s(), event });
             }
+            let _ = local.readings_out.dequeue();
         }
     }
 

@@ -23,20 +23,16 @@ impl<const N: usize> Ring<N> {
 
     /// Puts bytes; gives how many there was no room for.
     pub fn put(&self, bytes: &[u8]) -> u32 {
-        let mut put = self.put.load(Ordering::Relaxed);
-        let full = self.taken.load(Ordering::Acquire).wrapping_add(N as u32);
-        let mut refused = 0;
-        for &byte in bytes {
-            match self.bytes.get(put as usize % N) {
-                Some(place) if put != full => {
-                    place.store(byte, Ordering::Relaxed);
-                    put = put.wrapping_add(1);
-                }
-                _ => refused += 1,
+        let put = self.put.load(Ordering::Relaxed);
+        let waiting = put.wrapping_sub(self.taken.load(Ordering::Acquire)) as usize;
+        let room = N.saturating_sub(waiting).min(bytes.len());
+        for (&byte, at) in bytes.iter().take(room).zip(put as usize..) {
+            if let Some(place) = self.bytes.get(at % N) {
+                place.store(byte, Ordering::Relaxed);
             }
         }
-        self.put.store(put, Ordering::Release);
-        refused
+        self.put.store(put.wrapping_add(room as u32), Ordering::Release);
+        (bytes.len() - room) as u32
     }
 
     /// Takes as many bytes as there are, and as there is room for in `place`; gives those.

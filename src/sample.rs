@@ -126,11 +126,16 @@ impl Sampler {
             counters.frames_duplicate = counters.frames_duplicate.saturating_add(1);
             return None;
         }
-        // Fewer slots are skipped than a second has, so at most one second ends here.
-        let mut finished = None;
-        for _ in 0..ahead {
-            finished = self.lose_slot(counters).or(finished);
+        if ahead == 0 {
+            return self.take(frame, counters);
         }
+        // Fewer slots are skipped than a second has, so at most one second ends here.
+        let before = (0..ahead).fold(None, |finished, _| self.lose_slot(counters).or(finished));
+        self.take(frame, counters).or(before)
+    }
+
+    /// Takes the frame that belongs to the slot.
+    fn take(&mut self, frame: &Frame, counters: &mut Counters) -> Option<RateSecond> {
         counters.frames_good = counters.frames_good.saturating_add(1);
         if self.behind > LATE_TICKS {
             counters.frames_late = counters.frames_late.saturating_add(1);
@@ -152,7 +157,7 @@ impl Sampler {
             second.angle += frame.increment;
             second.moment += frame.increment * (2 * i64::from(second.slots) + 1 - i64::from(SAMPLES_PER_SECOND));
         }
-        self.next_slot().or(finished)
+        self.next_slot()
     }
 
     /// A tick of the instrument's clock: a frame has become due. Gives the second that a given-up frame completes.

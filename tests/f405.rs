@@ -21,7 +21,6 @@ use north_finder::health::{Fault, Refusal};
 use north_finder::instrument::Readings;
 use north_finder::intake::Intake;
 use north_finder::link::{Ask, ReportDecoder, Request, encode_request};
-use north_finder::reading::Reading;
 use north_finder::restart::{Cause, Provocation};
 use north_finder::sequence::Command;
 use north_finder::settings::Settings;
@@ -37,12 +36,11 @@ fn image() -> &'static Path {
 
 /// What the sensors of a chip give whose SPI buses hold nothing: at their ticks, failures.
 fn readings(tick: u64) -> Readings {
-    let mut sensors = Due::default();
-    match tick % 4 {
-        0 => sensors.acceleration = Reading::Failed,
-        2 => sensors.index = Reading::Failed,
-        _ => {}
-    }
+    let sensors = match tick % 4 {
+        0 => Due::Acceleration(None),
+        2 => Due::Index(None),
+        _ => Due::Nothing,
+    };
     Readings { tick, sensors, turning: false }
 }
 

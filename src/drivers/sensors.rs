@@ -1,13 +1,10 @@
 //! Which sensor is read at which tick: one schedule for the board, QEMU and the in-process run.
 
-use embedded_hal::spi::SpiDevice;
-use serde::{Deserialize, Serialize};
-
 use super::adis16505::{Adis16505, Increments};
 use super::adxl355::Adxl355;
 use super::as5048a::As5048a;
 use crate::codes::{IndexCode, TriadCode};
-use crate::reading::Reading;
+use embedded_hal::spi::SpiDevice;
 
 /// Every sensor is read at every fourth tick (100 Hz), no two of them at one.
 const PERIOD_TICKS: u64 = 4;
@@ -24,13 +21,15 @@ pub struct Sensors<A, E, B> {
     accelerometer_configured: bool,
 }
 
-/// What one tick's readings gave.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Due {
-    pub acceleration: Reading<TriadCode>,
-    pub index: Reading<IndexCode>,
+/// What a tick's turn gave: one sensor's reading, `None` if it gave nothing valid.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Due {
+    #[default]
+    Nothing,
+    Acceleration(Option<TriadCode>),
+    Index(Option<IndexCode>),
     /// What the block summed up since its last reading.
-    pub block: Reading<Increments>,
+    Block(Option<Increments>),
 }
 
 impl<A: SpiDevice, E: SpiDevice, B: SpiDevice> Sensors<A, E, B> {
@@ -47,32 +46,32 @@ impl<A: SpiDevice, E: SpiDevice, B: SpiDevice> Sensors<A, E, B> {
     /// Reads what is due at the tick of this number.
     pub fn read(&mut self, tick: u64) -> Due {
         match tick % PERIOD_TICKS {
-            ACCELEROMETER_PHASE => Due { acceleration: self.acceleration(), ..Due::default() },
-            BLOCK_PHASE => Due { block: self.block(), ..Due::default() },
-            ENCODER_PHASE => Due { index: self.encoder.angle().into(), ..Due::default() },
-            _ => Due::default(),
+            ACCELEROMETER_PHASE => self.acceleration(),
+            BLOCK_PHASE => self.block(),
+            ENCODER_PHASE => Due::Index(self.encoder.angle().ok()),
+            _ => Due::Nothing,
         }
     }
 
     /// The turn that configures it has no reading to give.
-    fn block(&mut self) -> Reading<Increments> {
+    fn block(&mut self) -> Due {
         match self.block.as_mut().map(Adis16505::increments) {
-            Some(Ok(Some(increments))) => Reading::Value(increments),
-            Some(Err(_)) => Reading::Failed,
-            None | Some(Ok(None)) => Reading::NotDue,
+            Some(Ok(Some(increments))) => Due::Block(Some(increments)),
+            Some(Err(_)) => Due::Block(None),
+            None | Some(Ok(None)) => Due::Nothing,
         }
     }
 
     /// An accelerometer that fails is configured anew at its next turn: it may have lost its supply. The turn that
     /// configures it has no reading to give.
-    fn acceleration(&mut self) -> Reading<TriadCode> {
-        let reading = if self.accelerometer_configured {
-            self.accelerometer.acceleration().into()
+    fn acceleration(&mut self) -> Due {
+        let due = if self.accelerometer_configured {
+            Due::Acceleration(self.accelerometer.acceleration().ok())
         } else {
-            self.accelerometer.configure().map_or(Reading::Failed, |()| Reading::NotDue)
+            self.accelerometer.configure().map_or(Due::Acceleration(None), |()| Due::Nothing)
         };
-        self.accelerometer_configured = reading != Reading::Failed;
-        reading
+        self.accelerometer_configured = due != Due::Acceleration(None);
+        due
     }
 }
 
@@ -104,10 +103,9 @@ mod tests {
     fn each_sensor_has_its_ticks() {
         let mut sensors = Sensors::new(accelerometer(), encoder(), None::<MockSpi>);
         let due: Vec<Due> = (0..5).map(|tick| sensors.read(tick)).collect();
-        let nothing = Due::default();
-        let angle = Due { index: Reading::Value(IndexCode(1 << 30)), ..nothing };
-        let acceleration = Due { acceleration: Reading::Value(TriadCode([0, 0, 256_000 << 12])), ..nothing };
-        assert_eq!(due, [nothing, nothing, angle, nothing, acceleration]);
+        let angle = Due::Index(Some(IndexCode(1 << 30)));
+        let acceleration = Due::Acceleration(Some(TriadCode([0, 0, 256_000 << 12])));
+        assert_eq!(due, [Due::Nothing, Due::Nothing, angle, Due::Nothing, acceleration]);
     }
 
     #[test]
@@ -117,9 +115,8 @@ mod tests {
         let no_block = vec![Exchange::new([0x72, 0], [0, 0]), Exchange::new([0, 0], [0xFF, 0xFF])];
         let mut sensors =
             Sensors::new(MockSpi::new(wrong_part), MockSpi::new(odd_parity), Some(MockSpi::new(no_block)));
-        assert_eq!(sensors.read(0).acceleration, Reading::Failed);
-        assert_eq!(sensors.read(1).block, Reading::Failed);
-        assert_eq!(sensors.read(2).index, Reading::Failed);
+        let due: Vec<Due> = (0..3).map(|tick| sensors.read(tick)).collect();
+        assert_eq!(due, [Due::Acceleration(None), Due::Block(None), Due::Index(None)]);
     }
 
     #[test]
@@ -127,7 +124,6 @@ mod tests {
         let mut exchanges = vec![Exchange::new([0x01, 0, 0, 0], [0, 0, 0, 0])];
         exchanges.extend(MockSpi::adxl355_configuration());
         let mut sensors = Sensors::new(MockSpi::new(exchanges), MockSpi::new(vec![]), None::<MockSpi>);
-        assert_eq!(sensors.read(0).acceleration, Reading::Failed);
-        assert_eq!(sensors.read(4).acceleration, Reading::NotDue);
+        assert_eq!([sensors.read(0), sensors.read(4)], [Due::Acceleration(None), Due::Nothing]);
     }
 }

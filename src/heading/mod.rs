@@ -9,7 +9,6 @@ use crate::drivers::adis16505::Increments;
 use crate::fix::Fix;
 use crate::health::Counters;
 use crate::level::Tilt;
-use crate::reading::Reading;
 use crate::units::DEG_PER_RAD;
 use settings::BlockSettings;
 
@@ -113,12 +112,11 @@ impl Keeper {
         (self.missing, self.bridged, self.latest, self.since_report) = (0, 0, None, 0);
     }
 
-    /// The block's reading at a tick; it is due every 10 ms. Once a second: the heading.
-    pub fn tick(&mut self, reading: Reading<Increments>, counters: &mut Counters) -> Option<Heading> {
-        match reading {
-            Reading::NotDue => return None,
-            Reading::Value(sample) => self.read(&sample, counters),
-            Reading::Failed => {
+    /// The block's reading, due every 10 ms; `None`: it failed. Once a second: the heading.
+    pub fn push(&mut self, sample: Option<&Increments>, counters: &mut Counters) -> Option<Heading> {
+        match sample {
+            Some(sample) => self.read(sample, counters),
+            None => {
                 counters.block_errors = counters.block_errors.saturating_add(1);
                 self.missing = self.missing.saturating_add(1);
                 if self.missing.saturating_sub(self.bridged) >= SAMPLES_PER_SECOND {

@@ -22,6 +22,7 @@ use crate::gates::{DisturbanceGate, Gate, GateSettings, JitterGate, Verdict};
 use crate::health::Fault;
 use crate::index::{Direction, IndexAngle, IndexSettings, MotorCommand};
 use crate::level::{LevelSettings, Specific};
+use crate::sample::SAMPLE_S;
 use crate::slices::pause;
 use crate::units::{DEG_PER_RAD, wrap_180_deg};
 use adaptive::{Adaptive, COARSE_SECONDS};
@@ -230,10 +231,10 @@ impl Sequencer {
         Some(MotorCommand::Stop)
     }
 
-    /// A tick: the index angle, whether the encoder was read at this tick, and whether the motor is turning.
+    /// The tick of this number: the index angle, whether the encoder was read at this tick, and whether the motor is turning.
     pub fn tick(
         &mut self,
-        t_s: f64,
+        tick: u64,
         index: IndexAngle,
         fresh: bool,
         turning: bool,
@@ -241,6 +242,7 @@ impl Sequencer {
     ) -> Option<MotorCommand> {
         self.index = index;
         let Stage::Indexing(turn) = &mut self.stage else { return None };
+        let t_s = tick as f64 * SAMPLE_S;
         match turn.tick(index.deg()?, fresh, turning) {
             Progress::Turning => None,
             Progress::Again(command) => {

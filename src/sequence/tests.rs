@@ -111,7 +111,7 @@ fn run(settings: &Settings) -> Result<Fix, Fault> {
         if fresh {
             index.push(read);
         }
-        pending = sequencer.tick(t_s, index, fresh, motor.is_turning(), &mut sink);
+        pending = sequencer.tick(tick, index, fresh, motor.is_turning(), &mut sink);
         if tick.is_multiple_of(SAMPLES_PER_SECOND.into()) {
             let samples = f64::from(SAMPLES_PER_SECOND);
             let mean = Direction { cos: direction.cos / samples, sin: direction.sin / samples };

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use north_finder::drivers::sensors::Due;
 use north_finder::event::{Event, Report, State};
 use north_finder::frame::{self, FrameReader, GyroFormat};
 use north_finder::health::Counters;
@@ -65,9 +66,12 @@ impl RawRecorder {
                 self.item(&Item::Frame(frame));
             }
         }
-        let sensors = &readings.sensors;
-        let read = [sensors.acceleration.value().map(Item::Acceleration), sensors.index.value().map(Item::Index)];
-        read.iter().flatten().chain(&[Item::Tick]).for_each(|item| self.item(item));
+        match readings.sensors {
+            Due::Acceleration(Some(reading)) => self.item(&Item::Acceleration(reading)),
+            Due::Index(Some(index)) => self.item(&Item::Index(index)),
+            _ => {}
+        }
+        self.item(&Item::Tick);
     }
 
     /// Takes what entered the instrument, in the order in which it did; what comes first is the beginning of a second.

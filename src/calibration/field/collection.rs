@@ -12,7 +12,6 @@ use crate::calibration::ellipsoid::attitude::Attitude;
 use crate::calibration::ellipsoid::coverage::{Coverage, Direction};
 use crate::calibration::ellipsoid::{Correction, Entry, Role};
 use crate::calibration::still::{Block, BlockMean, Rest};
-use crate::reading::Reading;
 
 /// With this many, and the sphere covered, it is enough: a quarter of them is held out.
 const ENOUGH_ATTITUDES: usize = 20;
@@ -99,16 +98,13 @@ impl Collection {
         (self.waited, self.failed) = (0, 0);
     }
 
-    /// Takes a reading of the accelerometers as they give it, g.
-    pub fn push(&mut self, reading_g: Reading<[f64; 3]>, sink: Sink) -> Progress {
-        if reading_g == Reading::NotDue {
-            return Progress::GoOn;
-        }
+    /// Takes a reading of the accelerometers as they give it, g; `None`: it failed.
+    pub fn push(&mut self, reading_g: Option<[f64; 3]>, sink: Sink) -> Progress {
         self.waited = self.waited.saturating_add(1);
         if self.waited > PATIENCE {
             return Progress::Hopeless(self.impatience());
         }
-        let Reading::Value(raw_g) = reading_g else {
+        let Some(raw_g) = reading_g else {
             self.failed = self.failed.saturating_add(1);
             self.samples.clear();
             let given_up = self.failed >= FAILURES;

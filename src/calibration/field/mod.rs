@@ -21,7 +21,6 @@ use self::refusal::{NoCalibration, Why};
 use super::accelerometer::AccelerometerCalibration;
 use super::ellipsoid::Correction;
 use crate::codes::TriadCode;
-use crate::reading::Reading;
 
 /// A calibration from the command to its end.
 #[derive(Clone, Debug, Default)]
@@ -84,18 +83,22 @@ impl Session {
         }
     }
 
-    /// A tick, with the reading of the accelerometers. Gives a calibration that is stored, at the moment from which it is in
-    /// effect.
-    pub fn tick(&mut self, reading: Reading<TriadCode>, sink: Sink) -> Option<AccelerometerCalibration> {
+    /// A reading of the accelerometers; `None`: it failed.
+    pub fn reading(&mut self, reading: Option<TriadCode>, sink: Sink) {
+        if !matches!(self.stage, Stage::Collecting) {
+            return;
+        }
+        match self.collection.push(reading.map(TriadCode::g), &mut |guidance| sink(Event::Guidance(guidance))) {
+            Progress::GoOn => {}
+            Progress::Enough => self.stage = Stage::Posed,
+            Progress::Hopeless(reason) => self.end(reason, sink),
+        }
+    }
+
+    /// A tick: tells what has come of the solution and of the flash. Gives a calibration that is stored, at the moment from which it
+    /// is in effect.
+    pub fn tick(&mut self, sink: Sink) -> Option<AccelerometerCalibration> {
         match &mut self.stage {
-            Stage::Collecting => {
-                let told = &mut |guidance| sink(Event::Guidance(guidance));
-                match self.collection.push(reading.map(TriadCode::g), told) {
-                    Progress::GoOn => {}
-                    Progress::Enough => self.stage = Stage::Posed,
-                    Progress::Hopeless(reason) => self.end(reason, sink),
-                }
-            }
             Stage::Answered(Ok(solved)) => {
                 let solved = *solved;
                 sink(Event::Solved(solved));
@@ -116,7 +119,7 @@ impl Session {
                 return Some(calibration);
             }
             Stage::NotStored => self.end(Why::NotStored.into(), sink),
-            Stage::Off | Stage::Posed | Stage::Solving | Stage::Offered(_) | Stage::Storing(_) => {}
+            Stage::Off | Stage::Collecting | Stage::Posed | Stage::Solving | Stage::Offered(_) | Stage::Storing(_) => {}
         }
         None
     }

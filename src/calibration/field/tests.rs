@@ -29,9 +29,10 @@ impl Bench {
         Self { session, events, in_effect: None, flash_works: true, noise: 1 }
     }
 
-    fn reading(&mut self, reading_g: Reading<[f64; 3]>) {
-        let reading = reading_g.value().and_then(TriadCode::of_g).map_or(Reading::Failed, Reading::Value);
-        let in_effect = self.session.tick(reading, &mut |event| self.events.push(event));
+    fn reading(&mut self, reading_g: Option<[f64; 3]>) {
+        let mut sink = |event| self.events.push(event);
+        self.session.reading(reading_g.and_then(TriadCode::of_g), &mut sink);
+        let in_effect = self.session.tick(&mut sink);
         self.in_effect = in_effect.or(self.in_effect);
         let mut problem = Problem::default();
         if self.session.problem(&mut problem) {
@@ -46,14 +47,14 @@ impl Bench {
     fn hold(&mut self, up: [f64; 3], samples: usize) {
         for _ in 0..samples {
             let raw = raw(up, &mut self.noise);
-            self.reading(Reading::Value(raw));
+            self.reading(Some(raw));
         }
     }
 
     /// Shakes for some hundredths of a second.
     fn shake(&mut self, samples: usize) {
         for i in 0..samples {
-            self.reading(Reading::Value(if i % 2 == 0 { [0.9, 0.1, 0.3] } else { [0.2, -0.7, 0.5] }));
+            self.reading(Some(if i % 2 == 0 { [0.9, 0.1, 0.3] } else { [0.2, -0.7, 0.5] }));
         }
     }
 
@@ -246,7 +247,7 @@ fn an_answer_after_an_abort_is_dropped() {
     let mut session = Session::default();
     session.solved(Ok(solved));
     session.stored(true);
-    assert_eq!(session.tick(Reading::Failed, &mut |event| panic!("{event:?}")), None);
+    assert_eq!(session.tick(&mut |event| panic!("{event:?}")), None);
     assert!(!session.problem(&mut Problem::default()) && session.to_store().is_none());
 }
 
@@ -262,9 +263,9 @@ fn a_flash_that_fails_is_told_and_nothing_is_in_effect() {
 #[test]
 fn a_dead_accelerometer_ends_it() {
     let mut bench = Bench::new(Correction::UNIT);
-    (0..99).for_each(|_| bench.reading(Reading::Failed));
+    (0..99).for_each(|_| bench.reading(None));
     bench.hold([0.0, 0.0, 1.0], 1);
     assert!(!bench.ended());
-    (0..100).for_each(|_| bench.reading(Reading::Failed));
+    (0..100).for_each(|_| bench.reading(None));
     assert_eq!(bench.why(), Why::AccelerometerFailed);
 }
