@@ -46,6 +46,7 @@ pub mod limits;
 pub mod link;
 pub mod median;
 pub mod nmea;
+pub mod outer;
 pub mod raw;
 pub mod replay;
 pub mod restart;

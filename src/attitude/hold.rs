@@ -30,6 +30,7 @@ use super::coning::{Algorithm, Increment, Integrator};
 use super::quaternion::Quaternion;
 use super::rotation::{Angles, cross_matrix};
 use crate::earth::{EarthRate, LatitudeError, earth_rate};
+use crate::outer;
 use crate::units::{DEG_PER_RAD, RAD_PER_DEG};
 
 /// °/h in rad/s.
@@ -544,10 +545,7 @@ impl Hold {
     /// Takes an innovation into the error estimate `x`: its covariance with the state, its variance, its value.
     fn update(&mut self, x: &mut State, cross: &State, total: f64, innovation: f64) {
         let gain = cross / total;
-        // Column by column, where it is.
-        for (column, cross) in self.covariance.as_mut_slice().as_chunks_mut::<STATES>().0.iter_mut().zip(cross.iter()) {
-            column.iter_mut().zip(gain.iter()).for_each(|(place, gain)| *place -= gain * cross);
-        }
+        outer::add(&mut self.covariance, &-gain, cross);
         *x += gain * innovation;
     }
 

@@ -9,7 +9,7 @@
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
-use super::refine::add_square;
+use crate::outer;
 
 /// Least coverage that gives a calibration: in the worst direction eight times the standard deviation of an even cover. A
 /// hemisphere has less.
@@ -67,7 +67,7 @@ impl Coverage {
         let mut count = 0.0;
         for unit in units {
             let row = functions(unit);
-            add_square(&mut information, 1.0, &row);
+            outer::add(&mut information, &row, &row);
             count += 1.0;
         }
         Self::with(information, count)

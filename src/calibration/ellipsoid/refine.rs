@@ -4,6 +4,8 @@ use core::f64::consts::FRAC_PI_3;
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
+use crate::outer;
+
 /// Steps after which the solution has converged or never will.
 const ITERATIONS: usize = 50;
 
@@ -47,14 +49,6 @@ pub(super) struct Residual {
     pub unit: Vector3<f64>,
     /// By the centre and by m11, m12, m13, m22, m23, m33.
     pub jacobian: SVector<f64, 9>,
-}
-
-/// Adds the weighted square of a row, column by column, where the sum is.
-pub(super) fn add_square(sum: &mut Covariance, weight: f64, row: &SVector<f64, 9>) {
-    for (column, part) in sum.as_mut_slice().as_chunks_mut::<9>().0.iter_mut().zip(row.iter()) {
-        let weighted = weight * part;
-        column.iter_mut().zip(row.iter()).for_each(|(place, part)| *place += weighted * part);
-    }
 }
 
 impl State {
@@ -150,7 +144,7 @@ impl State {
         for point in points {
             let residual = self.residual(&point)?;
             let weight = 1.0 / (residual.variance + excess);
-            add_square(normal, weight, &residual.jacobian);
+            outer::add(normal, &residual.jacobian, &(residual.jacobian * weight));
             for (sum, part) in right.iter_mut().zip(residual.jacobian.iter()) {
                 *sum -= weight * residual.value * part;
             }
