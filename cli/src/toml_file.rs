@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use simulated::lay_over;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, Deserializer};
 
@@ -132,24 +133,6 @@ impl TomlFile {
             line: before.matches('\n').count() as u64 + 1,
             column: before[line_start..].chars().count() as u64 + 1,
         }
-    }
-}
-
-/// Replaces in `base` what `over` says; tables are merged, everything else is replaced: also a choice with values, a table of one name,
-/// by another choice.
-fn lay_over<'a>(base: &mut DeTable<'a>, over: DeTable<'a>) {
-    for (key, value) in over {
-        if let Some(DeValue::Table(below)) = base.get_mut(key.get_ref().as_ref()).map(Spanned::get_mut)
-            && let DeValue::Table(above) = value.get_ref()
-            && !(below.len() == 1 && above.len() == 1 && below.keys().next() != above.keys().next())
-        {
-            if let DeValue::Table(table) = value.into_inner() {
-                lay_over(below, table);
-            }
-            continue;
-        }
-        base.remove(key.get_ref().as_ref());
-        base.insert(key, value);
     }
 }
 

@@ -7,7 +7,7 @@ mod settings;
 mod stepper;
 
 pub use request_line::RequestLine;
-pub use settings::{declare_noise, default_settings, settings};
+pub use settings::{declare_noise, default_settings, lay_over, settings};
 pub use stepper::Stepper;
 
 use embedded_io::Read as _;

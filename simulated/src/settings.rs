@@ -3,8 +3,10 @@
 use hal_sim::Scenario;
 use hal_sim::scenario::GyroFormat as SimulatedFormat;
 use north_finder::settings::{GyroFormat, Settings};
+use serde::Deserialize as _;
 use serde::de::Error as _;
-use toml::{Table, Value};
+use toml::Spanned;
+use toml::de::{DeTable, DeValue, Deserializer};
 
 /// The defaults at a scenario's latitude, with its gyro's frame format.
 pub fn default_settings(scenario: &Scenario) -> Settings {
@@ -20,8 +22,12 @@ pub fn default_settings(scenario: &Scenario) -> Settings {
 ///
 /// Errors: the table holds unknown fields or wrong types.
 pub fn settings(scenario: &Scenario) -> Result<Settings, toml::de::Error> {
-    let base = Table::try_from(default_settings(scenario)).map_err(toml::de::Error::custom)?;
-    laid_over(base, &scenario.instrument).try_into()
+    let [base, over] = [toml::to_string(&default_settings(scenario)), toml::to_string(&scenario.instrument)]
+        .map(|text| text.map_err(toml::de::Error::custom));
+    let (base, over) = (base?, over?);
+    let mut merged = DeTable::parse(&base)?;
+    lay_over(merged.get_mut(), DeTable::parse(&over)?.into_inner());
+    Settings::deserialize(Deserializer::from(merged))
 }
 
 /// Declares the gyro's angle random walk (°/√h), and raises the gates' thresholds as far as such a gyro at rest needs.
@@ -34,22 +40,22 @@ pub fn declare_noise(settings: &mut Settings, arw_deg_per_sqrt_h: f64) {
     *jitter = jitter.max(6.0 * std::f64::consts::SQRT_2 * noise_deg_h);
 }
 
-/// Tables are merged, everything else is replaced: also a choice with values, a table of one name, by another choice.
-fn laid_over(mut base: Table, over: &Table) -> Table {
+/// Replaces in `base` what `over` says; tables are merged, everything else is replaced: also a choice with values, a table of one name,
+/// by another choice.
+pub fn lay_over<'a>(base: &mut DeTable<'a>, over: DeTable<'a>) {
     for (key, value) in over {
-        let merged = match (base.remove(key), value) {
-            (Some(Value::Table(below)), Value::Table(above)) if !is_other_choice(&below, above) => {
-                Value::Table(laid_over(below, above))
+        if let Some(DeValue::Table(below)) = base.get_mut(key.get_ref().as_ref()).map(Spanned::get_mut)
+            && let DeValue::Table(above) = value.get_ref()
+            && !(below.len() == 1 && above.len() == 1 && below.keys().next() != above.keys().next())
+        {
+            if let DeValue::Table(table) = value.into_inner() {
+                lay_over(below, table);
             }
-            _ => value.clone(),
-        };
-        base.insert(key.clone(), merged);
+            continue;
+        }
+        base.remove(key.get_ref().as_ref());
+        base.insert(key, value);
     }
-    base
-}
-
-fn is_other_choice(below: &Table, above: &Table) -> bool {
-    below.len() == 1 && above.len() == 1 && below.keys().next() != above.keys().next()
 }
 
 #[cfg(test)]
