@@ -6,6 +6,8 @@ use std::process::ExitCode;
 use hal_sim::ScenarioError;
 
 use crate::engine::EngineError;
+use crate::engine::qemu::QemuError;
+use crate::engine::qemu::image::ImageError;
 use crate::file_error::FileError;
 
 /// A command's end without success.
@@ -28,6 +30,12 @@ pub enum Failure {
     Output(#[from] io::Error),
     #[error("interrupted")]
     Interrupted,
+}
+
+impl From<ImageError> for Failure {
+    fn from(error: ImageError) -> Self {
+        EngineError::from(QemuError::from(error)).into()
+    }
 }
 
 impl Failure {

@@ -18,7 +18,7 @@ use north::campaign::{Campaign, CampaignWriter, Role, Run};
 use north::commands::instrument::OrderName;
 use north::commands::number;
 use north::diagnose::{Diagnosis, Effect, Options, diagnose};
-use north::engine::{self, End, Engine, EngineError, Outcome, Setup, qemu};
+use north::engine::{self, End, Engine, Outcome, Setup, qemu};
 use north::failure::Failure;
 use north::interrupt;
 use north::model_file::ModelFile;
@@ -179,11 +179,7 @@ impl CloseLoop {
         Ok(match (engine, &self.image) {
             (Engine::Host, _) => None,
             (Engine::Qemu, Some(image)) => Some(image.clone()),
-            (Engine::Qemu, None) => Some(
-                qemu::image::build(qemu::image::Board::Mps2)
-                    .map_err(qemu::QemuError::from)
-                    .map_err(EngineError::from)?,
-            ),
+            (Engine::Qemu, None) => Some(qemu::image::build(qemu::image::Board::Mps2)?),
         })
     }
 

@@ -14,7 +14,7 @@ use north_finder::sample::SAMPLE_S;
 use north_finder::sequence::order::Order;
 use serde::{Deserialize, Serialize};
 
-use north::engine::qemu::{self, Cost, QemuError, image};
+use north::engine::qemu::{self, Cost, image};
 use north::engine::{self, End, EngineError, Setup};
 use north::failure::Failure;
 use north::field::{self, Obedient};
@@ -140,7 +140,7 @@ impl Bench for CostBench {
         };
         let image = match &self.image {
             Some(image) => image.clone(),
-            None => image::build(image::Board::Mps2).map_err(QemuError::from).map_err(EngineError::from)?,
+            None => image::build(image::Board::Mps2)?,
         };
         let measured = measure(&image)?;
         let lines = lines(&measured, if self.update { None } else { baseline.as_ref() });
@@ -168,7 +168,7 @@ fn setup(scenario: &str) -> Result<Setup, Failure> {
 
 fn measure(image: &Path) -> Result<Measured, Failure> {
     let setup = setup(SCENARIO)?;
-    let flashed = image::build(image::Board::F405).map_err(QemuError::from).map_err(EngineError::from)?;
+    let flashed = image::build(image::Board::F405)?;
     let size = image_size::size(&flashed)?;
     let (outcome, cost) = qemu::run(image, &setup, interrupt::flag(), &mut |_| ())?;
     match outcome.end {
@@ -268,8 +268,7 @@ fn write_lines(out: &mut dyn Write, lines: &[Line], speed: f64) -> io::Result<()
 
 /// Runs the program that measures single steps.
 fn kernels() -> Result<Vec<Kernel>, Failure> {
-    let program =
-        image::build_program(image::Board::Mps2, "kernels").map_err(QemuError::from).map_err(EngineError::from)?;
+    let program = image::build_program(image::Board::Mps2, "kernels")?;
     let said = Command::new("qemu-system-arm")
         .args(["-machine", "mps2-an386", "-nodefaults", "-nic", "none", "-display", "none"])
         .args(["-semihosting-config", "enable=on,target=native"])

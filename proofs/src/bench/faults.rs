@@ -4,8 +4,7 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 
 use clap::Args;
-use north::engine::EngineError;
-use north::engine::qemu::{QemuError, image};
+use north::engine::qemu::image;
 use north::failure::Failure;
 use north::progress;
 use north_finder::health::Fault;
@@ -168,7 +167,7 @@ impl Bench for Faults {
             }
         }
         if let Some(count) = self.qemu {
-            let image = image::build(image::Board::Mps2).map_err(QemuError::from).map_err(EngineError::from)?;
+            let image = image::build(image::Board::Mps2)?;
             let sample = all.get(..count).unwrap_or(&all);
             let bar = progress::bar(sample.len() as u64, "trials in QEMU");
             let there = trials(0..sample.len() as u64, &bar, |place| sample[place as usize].1.run(Some(&image)))?;

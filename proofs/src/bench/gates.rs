@@ -18,7 +18,7 @@ use crate::statistics::{rms, rms_interval};
 
 /// Scenarios in which a gate has something to do, and one in which it has not.
 const SCENARIOS: [&str; 6] =
-    ["calm-bench", "disturbed-start", "jittery-drive", "knocks-during-dwell", "windy-tripod", "vehicle"];
+    ["calm-bench", "disturbed-start", "jittery-drive", "shocks-during-dwell", "windy-tripod", "vehicle"];
 /// A threshold that no second exceeds, °/h; the settings demand that it lies below the gyro's range.
 const OPEN_DEG_H: f64 = 3000.0;
 

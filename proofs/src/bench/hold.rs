@@ -6,8 +6,7 @@ use clap::Args;
 use hal_sim::block::CarriedBlock;
 use hal_sim::scenario::{Block, Carry};
 use indicatif::ProgressBar;
-use north::engine::EngineError;
-use north::engine::qemu::{QemuError, image};
+use north::engine::qemu::image;
 use north::failure::Failure;
 use north::progress;
 use north_finder::attitude::{Angles, BlockClass, Hold, HoldLimits, Increment, Quaternion};
@@ -129,7 +128,7 @@ impl Bench for HoldBench {
 impl HoldBench {
     /// The first trials of each class in the image too.
     fn in_qemu(&self, count: u64, bar: &ProgressBar, rows: &mut [Row]) -> Result<(), Failure> {
-        let image = image::build(image::Board::Mps2).map_err(QemuError::from).map_err(EngineError::from)?;
+        let image = image::build(image::Board::Mps2)?;
         for class in CHAIN {
             let name = BlockSettings { class, ..Default::default() }.figures().name;
             let same = trials(self.seed..self.seed + count, bar, |seed| carried::same_in_qemu(&image, class, seed))?;
