@@ -15,7 +15,7 @@ fn sigma_is_met_and_the_recording_gives_the_fix_with_all_digits() {
         ("calm-bench", 0.06, 10.0),
         ("calm-bench", 0.04, 200.0),
         ("windy-tripod", 0.25, 300.0),
-        ("knocks-during-dwell", 0.08, 77.0),
+        ("shocks-during-dwell", 0.08, 77.0),
     ] {
         let mut setup = setup(name, 5);
         setup.scenario.site.azimuth_deg = azimuth_deg;

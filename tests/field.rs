@@ -83,7 +83,7 @@ fn the_declared_errors_are_found_and_stored() {
     let Loaded::Valid(settings) = store::load(&mut world.flash()).unwrap() else { panic!() };
     assert_eq!(settings.accelerometer, Some(solved.calibration));
     assert_eq!(settings.model, setup.settings.unwrap().model);
-    // The knock was seen: an attitude moved before it was measured.
+    // The shock was seen: an attitude moved before it was measured.
     assert!(steps(&reports).contains(&Step::Moved));
 }
 
@@ -121,7 +121,7 @@ fn a_slow_and_sloppy_operator_still_gets_there() {
     let setup = changed(|scenario| {
         scenario.operator.aim_deg = 8.0;
         scenario.operator.turn_s = 6.0;
-        scenario.operator.knocked = vec![2, 3, 8];
+        scenario.operator.shocks = vec![2, 3, 8];
     });
     assert_eq!(run(&setup).0.end, End::Stored);
 }

@@ -66,9 +66,9 @@ fn the_page_finds_the_host_engines_north_with_all_bits() {
 }
 
 #[test]
-fn a_knock_during_a_dwell_is_flagged() {
+fn a_shock_during_a_dwell_is_flagged() {
     let Some([_, _, _, still]) = shown("seed=1&order=mirrored") else { return };
-    let [state, azimuth, _, words] = shown("seed=1&order=mirrored&knock=60:600").unwrap();
+    let [state, azimuth, _, words] = shown("seed=1&order=mirrored&shock=60:600").unwrap();
     assert_eq!((still.as_str(), state.as_str()), ("", "finished"));
     assert!(words.split(' ').any(|word| word == "shock"), "{words}");
     assert!(!azimuth.is_empty());

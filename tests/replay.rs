@@ -21,7 +21,7 @@ use simulated::Stepper;
 
 #[test]
 fn the_same_input_gives_the_same_reports() {
-    for name in ["knocks-during-dwell", "lossy-link", "stalled-motor", "creep"] {
+    for name in ["shocks-during-dwell", "lossy-link", "stalled-motor", "creep"] {
         let setup = setup(name, 7);
         let (mut recorded, mut reports): (Vec<(Readings, Vec<u8>)>, Vec<Report>) = Default::default();
         let mut tap = |readings: &Readings, bytes: &[u8]| recorded.push((*readings, bytes.to_vec()));

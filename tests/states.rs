@@ -82,8 +82,8 @@ fn jitter_is_reported_and_waited_for() {
 }
 
 #[test]
-fn knocks_are_left_out_and_the_dwell_lasts_longer() {
-    let (outcome, reports) = run(&setup("knocks-during-dwell", 1));
+fn shocks_are_left_out_and_the_dwell_lasts_longer() {
+    let (outcome, reports) = run(&setup("shocks-during-dwell", 1));
     let (fix, _) = fix(&outcome);
     assert!(fix.flags.contains(Flag::Shock));
     assert!(

@@ -1,9 +1,9 @@
-//! Motion of the base: creep, sway, wind, rocking, knocks, levelling. All of it is motion in angle; the gyro feels the
+//! Motion of the base: creep, sway, wind, rocking, shocks, levelling. All of it is motion in angle; the gyro feels the
 //! difference of attitudes and the accelerometers the attitude itself.
 
 use crate::geometry::{ARCSEC_PER_RAD, BaseAngles};
 use crate::noise::{GaussMarkov, Source, Stream};
-use crate::scenario::{self, BaseAngle, Knock, Relevel, Rocking, Sway, Wind};
+use crate::scenario::{self, BaseAngle, Relevel, Rocking, Shock, Sway, Wind};
 use std::f64::consts::TAU;
 
 /// Time over which motions that begin or end fade in or out, s.
@@ -46,7 +46,7 @@ impl BaseMotion {
             || base.creep_arcsec != [0.0; 3]
             || base.creep_arcsec_s != [0.0; 3]
             || !base.sway.is_empty()
-            || !base.knocks.is_empty()
+            || !base.shocks.is_empty()
             || !base.relevel.is_empty();
         let mut motion = Self {
             base: base.clone(),
@@ -86,9 +86,9 @@ impl BaseMotion {
         self.angles = self.angles_now();
     }
 
-    /// Somebody knocks against it.
-    pub fn knock(&mut self, knock: Knock) {
-        self.base.knocks.push(knock);
+    /// Somebody strikes it.
+    pub fn shock(&mut self, shock: Shock) {
+        self.base.shocks.push(shock);
         self.moves = true;
     }
 
@@ -116,7 +116,7 @@ impl BaseMotion {
         for (axis, sum) in arcsec.iter_mut().enumerate() {
             *sum +=
                 base.creep_arcsec[axis] * -(-t_s / base.creep_tau_s[axis]).exp_m1() + base.creep_arcsec_s[axis] * t_s;
-            *sum += base.knocks.iter().map(|knock| knock_arcsec(knock, axis, t_s)).sum::<f64>();
+            *sum += base.shocks.iter().map(|shock| shock_arcsec(shock, axis, t_s)).sum::<f64>();
         }
         for sway in &base.sway {
             arcsec[axis_of(sway.angle)] += sway_arcsec(sway, t_s);
@@ -164,14 +164,14 @@ fn sway_arcsec(sway: &Sway, t_s: f64) -> f64 {
 }
 
 /// A damped oscillation that begins at zero, and a change that stays and takes the same time to come.
-fn knock_arcsec(knock: &Knock, axis: usize, t_s: f64) -> f64 {
-    let since_s = t_s - knock.at_s;
+fn shock_arcsec(shock: &Shock, axis: usize, t_s: f64) -> f64 {
+    let since_s = t_s - shock.at_s;
     if since_s <= 0.0 {
         return 0.0;
     }
-    let left = (-since_s / knock.decay_s).exp();
-    knock.swing_arcsec[axis] * left * (TAU * knock.frequency_hz * since_s).sin()
-        + knock.permanent_arcsec[axis] * (1.0 - left)
+    let left = (-since_s / shock.decay_s).exp();
+    shock.swing_arcsec[axis] * left * (TAU * shock.frequency_hz * since_s).sin()
+        + shock.permanent_arcsec[axis] * (1.0 - left)
 }
 
 /// 0 before, 1 after, a raised cosine between.

@@ -6,12 +6,12 @@ use crate::scenario::{self, Scenario};
 use crate::world::World;
 use nalgebra::{UnitQuaternion, UnitVector3, Vector3};
 
-/// A knock comes this long after the instrument was put down, takes this long and turns it by this much.
-const KNOCK_AFTER_S: f64 = 1.5;
-const KNOCK_S: f64 = 0.3;
-const KNOCK_DEG: f64 = 12.0;
-/// Shake of a knock, g rms.
-const KNOCK_G: f64 = 0.3;
+/// A shock comes this long after the instrument was put down, takes this long and turns it by this much.
+const SHOCK_AFTER_S: f64 = 1.5;
+const SHOCK_S: f64 = 0.3;
+const SHOCK_DEG: f64 = 12.0;
+/// Shake of a shock, g rms.
+const SHOCK_G: f64 = 0.3;
 
 /// The operator.
 #[derive(Debug, Clone)]
@@ -39,10 +39,10 @@ impl Operator {
         let up = self.missed(&asked, aim_rad);
         let at_s = world.truth().t_s + self.habits.reaction_s;
         world.turn_by_hand(Turn { at_s, seconds, up, shake_g: self.habits.shake_g });
-        if self.habits.knocked.contains(&self.turns) {
-            let up = self.knocked(&up);
-            let at_s = at_s + seconds + KNOCK_AFTER_S;
-            world.turn_by_hand(Turn { at_s, seconds: KNOCK_S, up, shake_g: KNOCK_G });
+        if self.habits.shocks.contains(&self.turns) {
+            let up = self.thrown(&up);
+            let at_s = at_s + seconds + SHOCK_AFTER_S;
+            world.turn_by_hand(Turn { at_s, seconds: SHOCK_S, up, shake_g: SHOCK_G });
         }
     }
 
@@ -52,10 +52,10 @@ impl Operator {
         UnitQuaternion::from_scaled_axis(error - aim.scale(aim.dot(&error))) * aim
     }
 
-    /// Where a knock from any side leaves it.
-    fn knocked(&mut self, up: &UnitVector3<f64>) -> UnitVector3<f64> {
+    /// Where a shock from any side leaves it.
+    fn thrown(&mut self, up: &UnitVector3<f64>) -> UnitVector3<f64> {
         let side = Vector3::from_fn(|_, _| self.stream.normal());
         let axis = UnitVector3::new_normalize(up.cross(&side));
-        UnitQuaternion::from_axis_angle(&axis, KNOCK_DEG.to_radians()) * up
+        UnitQuaternion::from_axis_angle(&axis, SHOCK_DEG.to_radians()) * up
     }
 }

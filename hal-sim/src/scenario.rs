@@ -19,7 +19,7 @@ pub use devices::{Accelerometer, Encoder, Link, LinkFault, LinkFaultKind, Motor,
 pub use error::ScenarioError;
 pub use gyro::{Gyro, GyroFault, GyroFaultKind, GyroFormat, Harmonic};
 pub use operator::Operator;
-pub use site::{Base, BaseAngle, Knock, Relevel, Rocking, Site, Supply, Sway, Wind};
+pub use site::{Base, BaseAngle, Relevel, Rocking, Shock, Site, Supply, Sway, Wind};
 
 use check::{Any, Findings, Inner, Part, part};
 use std::path::Path;

@@ -14,4 +14,4 @@ pub use accelerometers::AccelerometerTriad;
 pub use gyros::{GyroTriad, TriadErrors};
 pub use hand::{HandReading, Placement, even_directions, place_by_hand};
 pub use ship::{ShipStep, ShipVoyage, distance_nmi};
-pub use table::{Knock, PositionOfTable, SIX_POSITIONS, Spin, Table, TableRow, Visit, Warming};
+pub use table::{PositionOfTable, SIX_POSITIONS, Shock, Spin, Table, TableRow, Visit, Warming};

@@ -1,7 +1,9 @@
 //! What an instrument tries to find out.
 
+use serde::Serialize;
+
 /// What is really so, as of the last sample.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Truth {
     /// Time since power-up, s.
     pub t_s: f64,

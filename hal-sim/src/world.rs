@@ -4,7 +4,7 @@ use crate::device::{AccelerometerSpi, BlockSpi, EncoderSpi, Flash, GyroLine, Pin
 use crate::flash::FlashMemory;
 use crate::hand::Turn;
 use crate::plant::Plant;
-use crate::scenario::{Knock, Relevel, Scenario};
+use crate::scenario::{Relevel, Scenario, Shock};
 use crate::truth::Truth;
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -52,13 +52,13 @@ impl World {
         self.plant.borrow_mut().carry()
     }
 
-    /// Somebody knocks against the base now: first swing of pitch, roll and azimuth, and what stays of pitch and roll, arcsec.
-    pub fn knock(&self, swing_arcsec: [f64; 3], permanent_arcsec: [f64; 2]) {
+    /// Somebody strikes the base now: first swing of pitch, roll and azimuth, and what stays of pitch and roll, arcsec.
+    pub fn shock(&self, swing_arcsec: [f64; 3], permanent_arcsec: [f64; 2]) {
         let mut plant = self.plant.borrow_mut();
         let at_s = plant.t_s();
         let [pitch_arcsec, roll_arcsec] = permanent_arcsec;
         let permanent_arcsec = [pitch_arcsec, roll_arcsec, 0.0];
-        plant.base.knock(Knock { at_s, swing_arcsec, permanent_arcsec, ..Knock::default() });
+        plant.base.shock(Shock { at_s, swing_arcsec, permanent_arcsec, ..Shock::default() });
     }
 
     /// Somebody levels the instrument, or tilts it, to this pitch and roll, degrees, within `duration_s`.

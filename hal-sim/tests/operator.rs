@@ -82,9 +82,9 @@ fn a_turn_takes_its_time_and_shakes() {
 }
 
 #[test]
-fn a_knock_comes_after_the_instrument_was_put_down() {
+fn a_shock_comes_after_the_instrument_was_put_down() {
     let mut scenario = perfect();
-    scenario.operator.knocked = vec![1];
+    scenario.operator.shocks = vec![1];
     let world = World::new(&scenario, 1);
     let mut spi = switched_on(&world);
     Operator::new(&scenario, 1).turn(&world, [0.0, 1.0, 0.0]);

@@ -65,8 +65,8 @@ fn errors_name_file_line_field_value_and_what_is_allowed() {
             "x.toml:5: base.relevel[1].at_s = 6.0 is out of range; allowed: from 7.0, when the one before has ended",
         ),
         (
-            "[[base.knocks]]\nat_s = 1.0\n[[base.knocks]]\nat_s = -1\n",
-            "x.toml:4: base.knocks[1].at_s = -1.0 is out of range; allowed: 0.0 to 1000000.0",
+            "[[base.shocks]]\nat_s = 1.0\n[[base.shocks]]\nat_s = -1\n",
+            "x.toml:4: base.shocks[1].at_s = -1.0 is out of range; allowed: 0.0 to 1000000.0",
         ),
         (
             "[accelerometer]\nbias_mg = [\n  0.0,\n  900.0,\n  0.0,\n]\n",

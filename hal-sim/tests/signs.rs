@@ -4,7 +4,7 @@ mod common;
 
 use common::{drive_to, increments, quiet, rate_deg_h, read_encoder_deg, read_g, tick};
 use hal_sim::World;
-use hal_sim::scenario::{Knock, Scenario, Sway};
+use hal_sim::scenario::{Scenario, Shock, Sway};
 
 /// Earth rate, °/h: one turn against the stars in 86164.0989 s.
 const EARTH_DEG_H: f64 = 360.0 / 86_164.098_9 * 3600.0;
@@ -190,15 +190,15 @@ fn the_true_azimuth_is_that_of_the_mark_however_the_base_stands() {
 }
 
 #[test]
-fn no_angle_is_lost_in_a_knock() {
+fn no_angle_is_lost_in_a_shock() {
     // The base ends 50 arcsec higher on its left; the axis points east along the mark.
     let mut scenario = at(0.0, 90.0, 0.0);
-    scenario.base.knocks = vec![Knock {
+    scenario.base.shocks = vec![Shock {
         at_s: 0.5,
         swing_arcsec: [300.0, 200.0, 100.0],
         permanent_arcsec: [0.0, 50.0, 0.0],
         decay_s: 0.1,
-        ..Knock::default()
+        ..Shock::default()
     }];
     let world = World::new(&scenario, 1);
     tick(&world);

@@ -1,7 +1,7 @@
 //! The triads: which way the table turns them, and the sign of every error.
 
 use hal_sim::triad::{
-    AccelerometerTriad, GyroTriad, Knock, Placement, SIX_POSITIONS, ShipVoyage, Table, TriadErrors, Visit, Warming,
+    AccelerometerTriad, GyroTriad, Placement, SIX_POSITIONS, ShipVoyage, Shock, Table, TriadErrors, Visit, Warming,
     distance_nmi, even_directions, place_by_hand,
 };
 
@@ -73,12 +73,12 @@ fn white_noise_is_that_of_the_data_sheet() {
 }
 
 #[test]
-fn moving_in_and_a_knock_show_in_the_rows() {
+fn moving_in_and_a_shock_show_in_the_rows() {
     let mut table = Table::new(34.75, &QUIET, 1);
     let visit = Visit {
         moves_from_deg: Some([0.0, 0.0, -90.0]),
         move_s: 5.0,
-        knocks: vec![Knock { at_s: 30.2, swing_arcsec: 400.0, turned_arcsec: [20.0, 0.0, -50.0] }],
+        shocks: vec![Shock { at_s: 30.2, swing_arcsec: 400.0, turned_arcsec: [20.0, 0.0, -50.0] }],
         ..Visit::at_rest([0.0; 3], 60.0)
     };
     let rows = table.visit(&visit);

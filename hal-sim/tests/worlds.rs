@@ -112,8 +112,8 @@ fn an_endless_jitter_does_not_rest() {
 }
 
 #[test]
-fn gusts_and_knocks_pass_the_jitter_gate() {
-    for name in ["windy-tripod", "knocks-during-dwell", "creep", "warm-up", "drift"] {
+fn gusts_and_shocks_pass_the_jitter_gate() {
+    for name in ["windy-tripod", "shocks-during-dwell", "creep", "warm-up", "drift"] {
         let world = named(name);
         tick(&world);
         let jitters = jitters(&seconds(&world, 240));

@@ -11,7 +11,7 @@ use simulated::{RequestLine, Wired, declare_noise, settings};
 
 use crate::told::Told;
 
-/// A knock takes the base along by this share of its swing for ever.
+/// A shock takes the base along by this share of its swing for ever.
 const LASTING: f64 = 0.05;
 /// Time that a person takes to tilt the instrument, or to turn it by a right angle, s.
 const BY_HAND_S: f64 = 3.0;
@@ -32,8 +32,8 @@ pub enum Act {
     Wait(u32),
     /// Turns the instrument clockwise, degrees.
     Turn(f64),
-    /// Knocks against the base: arcseconds of its first swing.
-    Knock(f64),
+    /// A shock of the base: arcseconds of its first swing.
+    Shock(f64),
     /// Makes the air warmer, K.
     Warm(f64),
     /// Pitch and roll, degrees.
@@ -82,12 +82,8 @@ pub struct Answer {
 /// What is really so.
 #[derive(Debug, Serialize)]
 pub struct Truth {
-    pub t_s: f64,
-    pub azimuth_deg: f64,
-    pub index_deg: f64,
-    pub pitch_deg: f64,
-    pub roll_deg: f64,
-    pub temp_c: f64,
+    #[serde(flatten)]
+    pub of_world: hal_sim::Truth,
     pub latitude_deg: f64,
     /// Ω cos φ, °/h.
     pub north_deg_h: f64,
@@ -162,11 +158,11 @@ impl Powered {
             Act::Turn(deg) => {
                 self.world.turn(BY_HAND_S * (within(deg, 360.0)?.abs() / 90.0).max(0.2), deg);
             }
-            Act::Knock(arcsec) => {
+            Act::Shock(arcsec) => {
                 let swing_arcsec = within(arcsec, 3600.0)?;
                 let lasting_arcsec = LASTING * swing_arcsec;
                 self.world
-                    .knock([swing_arcsec, -0.7 * swing_arcsec, 0.3 * swing_arcsec], [lasting_arcsec, -lasting_arcsec]);
+                    .shock([swing_arcsec, -0.7 * swing_arcsec, 0.3 * swing_arcsec], [lasting_arcsec, -lasting_arcsec]);
             }
             Act::Warm(kelvin) => self.world.warm_the_air(within(kelvin, 50.0)?),
             Act::Tilt([pitch_deg, roll_deg]) => {
@@ -191,14 +187,8 @@ impl Powered {
     }
 
     fn truth(&self) -> Truth {
-        let truth = self.world.truth();
         Truth {
-            t_s: truth.t_s,
-            azimuth_deg: truth.azimuth_deg,
-            index_deg: truth.index_deg,
-            pitch_deg: truth.pitch_deg,
-            roll_deg: truth.roll_deg,
-            temp_c: truth.temp_c,
+            of_world: self.world.truth(),
             latitude_deg: self.latitude_deg,
             north_deg_h: north_finder::earth::earth_rate(self.latitude_deg).map_or(0.0, |rate| rate.north_deg_h),
             thresholds_deg_h: self.thresholds_deg_h,
@@ -214,10 +204,10 @@ fn within(value: f64, most: f64) -> Result<f64, String> {
 mod tests {
     use super::*;
 
-    fn truth(bench: &mut Bench, act: Act) -> Truth {
+    fn truth(bench: &mut Bench, act: Act) -> hal_sim::Truth {
         let answer = bench.act(act);
         assert_eq!(answer.error, None);
-        answer.truth.unwrap()
+        answer.truth.unwrap().of_world
     }
 
     /// Ten seconds after somebody turned it by 30°, tilted it to 0.3° and −0.2°, and warmed the air by 10 K: of these a gyro of 900 s
@@ -248,7 +238,7 @@ mod tests {
         let unknown = Chosen { scenario: "moon".into(), ..Chosen::default() };
         assert!(error(&mut bench, Act::PowerUp(unknown.into())).contains("moon"));
         truth(&mut bench, Act::PowerUp(Box::default()));
-        assert_eq!(error(&mut bench, Act::Knock(1e9)), "1000000000: allowed is -3600 to 3600");
+        assert_eq!(error(&mut bench, Act::Shock(1e9)), "1000000000: allowed is -3600 to 3600");
     }
 
     /// The settings of every scenario, merged here, are those that the host command stores.

@@ -306,12 +306,12 @@ function drawRose() {
   }
 }
 
-/** What the address asks for after its #: a choice, acts at times (knock=60:600), and a fix at once (start, once), after which time
+/** What the address asks for after its #: a choice, acts at times (shock=60:600), and a fix at once (start, once), after which time
  * stands still. Whether it is the last. */
 function script(page) {
   const asked = new URLSearchParams(location.hash.slice(1));
   for (const id of ["scenario", "seed", "latitude", "class", "order", "speed"]) if (asked.has(id)) byId(id).value = asked.get(id);
-  page.acts = ["knock", "warm", "turn"].flatMap((name) =>
+  page.acts = ["shock", "warm", "turn"].flatMap((name) =>
     asked.getAll(name).map((text) => text.split(":").map(Number)).map(([at_s, size]) => ({ at_s, act: { [name]: size } })));
   page.powerUp({ ...page.chosen(), azimuth_deg: asked.has("azimuth") ? Number(asked.get("azimuth")) : null });
   if (asked.has("start")) page.act("start");

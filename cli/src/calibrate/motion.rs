@@ -34,7 +34,7 @@ pub struct Rested {
     pub t_s: [f64; 2],
     /// Means of its blocks.
     pub blocks: Vec<[f64; 3]>,
-    /// Blocks in between that were not at rest: a knock.
+    /// Blocks in between that were not at rest: a shock.
     pub shocks: u16,
 }
 

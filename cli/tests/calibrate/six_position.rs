@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-use hal_sim::triad::{Knock, SIX_POSITIONS, Table, TriadErrors, Visit};
+use hal_sim::triad::{SIX_POSITIONS, Shock, Table, TriadErrors, Visit};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -102,12 +102,12 @@ fn assert_true(result: &Value) {
 }
 
 #[test]
-fn six_positions_with_moves_and_a_knock() {
-    let knock = |i, visit| match i {
-        1 => Visit { knocks: vec![Knock { at_s: 77.3, swing_arcsec: 500.0, turned_arcsec: [0.0; 3] }], ..visit },
+fn six_positions_with_moves_and_a_shock() {
+    let shock = |i, visit| match i {
+        1 => Visit { shocks: vec![Shock { at_s: 77.3, swing_arcsec: 500.0, turned_arcsec: [0.0; 3] }], ..visit },
         _ => visit,
     };
-    let folder = Set { visit: knock, ..Set::new() }.record();
+    let folder = Set { visit: shock, ..Set::new() }.record();
     let result = calibrate(&folder, &["six-position", ".", "--json", "-", "--model-out", "m.toml"]).json();
     assert_eq!(
         keys(&result),
@@ -143,16 +143,16 @@ fn the_table_is_printed_for_people() {
 }
 
 #[test]
-fn a_knock_that_leaves_the_triad_turned_parts_the_stay() {
+fn a_shock_that_leaves_the_triad_turned_parts_the_stay() {
     // By half a degree: 0.1 °/h, a tenth of a second's noise, and 25 sigma of the mean if it were left in.
-    let knock = |i, visit| match i {
+    let shock = |i, visit| match i {
         2 => Visit {
-            knocks: vec![Knock { at_s: 110.2, swing_arcsec: 400.0, turned_arcsec: [0.0, 1800.0, 0.0] }],
+            shocks: vec![Shock { at_s: 110.2, swing_arcsec: 400.0, turned_arcsec: [0.0, 1800.0, 0.0] }],
             ..visit
         },
         _ => visit,
     };
-    let folder = Set { visit: knock, ..Set::new() }.record();
+    let folder = Set { visit: shock, ..Set::new() }.record();
     assert_true(&solve(&folder));
     let printed = calibrate(&folder, &["six-position", "."]).text();
     let note = printed.lines().find(|line| line.starts_with("note: 2.csv: ")).unwrap_or_else(|| panic!("{printed}"));

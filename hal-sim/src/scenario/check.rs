@@ -9,7 +9,7 @@ use std::ops::RangeInclusive;
 /// One value that is not allowed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Violation {
-    /// Where it stands: field names and list positions from the root, for example `base`, `knocks`, `0`, `at_s`.
+    /// Where it stands: field names and list positions from the root, for example `base`, `shocks`, `0`, `at_s`.
     pub path: Vec<String>,
     /// The value as written.
     pub value: String,
@@ -18,7 +18,7 @@ pub struct Violation {
 }
 
 impl Violation {
-    /// The field as one dotted name, for example `base.knocks[0].at_s`.
+    /// The field as one dotted name, for example `base.shocks[0].at_s`.
     pub fn field(&self) -> String {
         let mut name = String::new();
         for step in &self.path {

@@ -13,7 +13,7 @@ macro_rules! built_in {
 built_in![
     "calm-bench",
     "windy-tripod",
-    "knocks-during-dwell",
+    "shocks-during-dwell",
     "disturbed-start",
     "always-disturbed",
     "jittery-drive",

@@ -13,8 +13,8 @@ part! {
         turn_s: f64 = 2.5, 0.1..=600.0;
         /// Shake of the hands while turning, g rms on each axis.
         shake_g: f64 = 0.03, 0.0..=1.0;
-        /// Turns, counted from 1, after which the instrument is knocked over by 12° while it is measured.
-        knocked: Vec<u32> = Vec::new(), Any;
+        /// Turns, counted from 1, after which the instrument is thrown over by 12° while it is measured.
+        shocks: Vec<u32> = Vec::new(), Any;
         /// Turns, counted from 1, that are slow …
         slow: Vec<u32> = Vec::new(), Any;
         /// … and take this long, s.

@@ -98,8 +98,8 @@ part! {
 }
 
 part! {
-    /// A knock: a decaying oscillation of the base and what stays of it.
-    Knock {
+    /// A shock: a decaying oscillation of the base and what stays of it.
+    Shock {
         /// When, s.
         at_s: f64 = 0.0, 0.0..=1e6;
         /// First swing in pitch, roll and azimuth, arcsec.
@@ -148,8 +148,8 @@ part! {
         wind: Wind = Wind::default(), Inner;
         /// Load that shifts at random.
         rocking: Rocking = Rocking::default(), Inner;
-        /// Knocks.
-        knocks: Vec<Knock> = Vec::new(), Each;
+        /// Shocks.
+        shocks: Vec<Shock> = Vec::new(), Each;
         /// Levelling by the operator, in order of time.
         relevel: Vec<Relevel> = Vec::new(), Each;
     }

@@ -29,7 +29,7 @@ pub const SIX_POSITIONS: [PositionOfTable; 6] = [
 
 /// A blow: the triad swings on its adapter, and may stay turned.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Knock {
+pub struct Shock {
     /// When, seconds from the beginning of the visit.
     pub at_s: f64,
     /// Amplitude of the swing about x, y, z of the case, arcsec; it dies away within a few seconds.
@@ -58,7 +58,7 @@ pub struct Visit {
     pub moves_from_deg: Option<[f64; 3]>,
     /// Time that such a move takes, s.
     pub move_s: f64,
-    pub knocks: Vec<Knock>,
+    pub shocks: Vec<Shock>,
     /// Temperature of the gyros at the beginning, °C.
     pub temp_c: f64,
     pub warming: Option<Warming>,
@@ -73,7 +73,7 @@ impl Visit {
             interval_s: 1.0,
             moves_from_deg: None,
             move_s: 0.0,
-            knocks: Vec::new(),
+            shocks: Vec::new(),
             temp_c: REFERENCE_C,
             warming: None,
         }
@@ -204,18 +204,18 @@ impl Table {
                 angles_deg
             }
         };
-        let away_arcsec: Vector3<f64> = visit.knocks.iter().map(|knock| away(knock, t_s)).sum();
+        let away_arcsec: Vector3<f64> = visit.shocks.iter().map(|shock| away(shock, t_s)).sum();
         self.attitude(angles_deg) * UnitQuaternion::from_scaled_axis(away_arcsec / ARCSEC_PER_RAD)
     }
 }
 
-/// Rotation vector of a knock, arcsec: 3.3 Hz, dying away with a time constant of 1.2 s, towards what stays.
-fn away(knock: &Knock, t_s: f64) -> Vector3<f64> {
-    let since_s = t_s - knock.at_s;
+/// Rotation vector of a shock, arcsec: 3.3 Hz, dying away with a time constant of 1.2 s, towards what stays.
+fn away(shock: &Shock, t_s: f64) -> Vector3<f64> {
+    let since_s = t_s - shock.at_s;
     if since_s <= 0.0 {
         return Vector3::zeros();
     }
     let left = (-since_s / 1.2).exp();
-    let swing_arcsec = knock.swing_arcsec * left * (TAU * 3.3 * since_s).sin();
-    Vector3::repeat(swing_arcsec) + Vector3::from(knock.turned_arcsec) * (1.0 - left)
+    let swing_arcsec = shock.swing_arcsec * left * (TAU * 3.3 * since_s).sin();
+    Vector3::repeat(swing_arcsec) + Vector3::from(shock.turned_arcsec) * (1.0 - left)
 }

@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 
 use hal_sim::scenario::{
-    BaseAngle, GyroFault, GyroFaultKind, Harmonic, Knock, LinkFault, LinkFaultKind, Relevel, SensorFault,
-    SensorFaultKind, Sway,
+    BaseAngle, GyroFault, GyroFaultKind, Harmonic, LinkFault, LinkFaultKind, Relevel, SensorFault, SensorFaultKind,
+    Shock, Sway,
 };
 use north_finder::health::Fault::{self, *};
 use north_finder::sequence::Command;
@@ -155,13 +155,13 @@ pub(super) const KINDS: &[Kind] = &[
     kind("backlash", UNDRIVEN, |random, trial| trial.scenario.motor.backlash_deg = log_uniform(random, 0.05, 5.0)),
     kind("hunting", UNDRIVEN, |random, trial| trial.scenario.motor.hunting_deg = log_uniform(random, 0.0005, 0.5)),
     kind("kick", UNDRIVEN, |random, trial| trial.scenario.motor.kick_deg_s = log_uniform(random, 0.5, 50.0)),
-    kind("knock", MOVED, |random, trial| {
+    kind("shock", MOVED, |random, trial| {
         let size = log_uniform(random, 3.0, 3000.0);
-        trial.scenario.base.knocks.push(Knock {
+        trial.scenario.base.shocks.push(Shock {
             at_s: at_s(random),
             swing_arcsec: [(); 3].map(|()| size * random.random_range(-1.0..1.0)),
             permanent_arcsec: [size * random.random_range(-0.3..0.3), size * random.random_range(-0.3..0.3), 0.0],
-            ..Knock::default()
+            ..Shock::default()
         });
     }),
     kind("tilted", MOVED, |random, trial| {

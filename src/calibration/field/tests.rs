@@ -125,7 +125,7 @@ fn an_attitude_is_held_and_accepted() {
 }
 
 #[test]
-fn an_attitude_knocked_halfway_is_measured_again() {
+fn an_attitude_with_a_shock_halfway_is_measured_again() {
     let mut bench = Bench::new(Correction::UNIT);
     bench.hold([0.0, 1.0, 0.0], 150);
     bench.shake(50);

@@ -33,14 +33,14 @@ pub struct Dwell {
     /// Scatter of the means of eighths of the dwell over what independent rows would give: a chi-square with
     /// [`WANDER_FREEDOM`] degrees of freedom where the rate did not wander.
     pub wander: [f64; 3],
-    /// Rows that entered, and rows that were left out because the table moved or the triad was knocked.
+    /// Rows that entered, and rows that were left out because the table moved or the triad was struck.
     pub rows: usize,
     pub left_out: usize,
     /// Of those left out: rests at another attitude.
     pub turned: Option<Turned>,
 }
 
-/// Rests at another attitude than the one that counts: after a knock that left the triad turned, or before the table came.
+/// Rests at another attitude than the one that counts: after a shock that left the triad turned, or before the table came.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Turned {
     pub rows: usize,
@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn a_knock_is_left_out_with_its_neighbours() {
+    fn a_shock_is_left_out_with_its_neighbours() {
         // 45″: at 5 °/h a change by 0.001 °/h.
         let mut rates = rough(5.0);
         rates[20][1] = 40.0;
@@ -343,14 +343,14 @@ mod tests {
     }
 
     #[test]
-    fn coarse_steps_are_not_knocks() {
+    fn coarse_steps_are_not_shocks() {
         // One row in ten reads a step of 0.1 more.
         let rates: Vec<_> = (0..100).map(|i| [if i % 10 == 3 { 0.1 } else { 0.0 }; 3]).collect();
         assert_eq!(dwell(&rates).unwrap().left_out, 0);
     }
 
     #[test]
-    fn constant_rows_with_a_knock() {
+    fn constant_rows_with_a_shock() {
         let mut rates = [[1.0, 2.0, 3.0]; 100].to_vec();
         rates[50] = [9.0, 2.0, 3.0];
         let dwell = dwell(&rates).unwrap();

@@ -5,7 +5,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
-use hal_sim::triad::{Knock, Placement, SIX_POSITIONS, Table, TableRow, Visit, drawn, even_directions, place_by_hand};
+use hal_sim::triad::{Placement, SIX_POSITIONS, Shock, Table, TableRow, Visit, drawn, even_directions, place_by_hand};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -34,7 +34,7 @@ enum What {
     Ellipsoid(Ellipsoid),
 }
 
-/// A random gyro triad in the six positions: the table moves at both ends of each recording, and knocks the triad in one
+/// A random gyro triad in the six positions: the table moves at both ends of each recording, and strikes the triad in one
 #[derive(Args, Debug)]
 #[command(after_help = "Example:
   north calibrate simulate six-position --out table --seed 7 --seconds 600")]
@@ -94,12 +94,12 @@ impl SixPosition {
         let mut from_deg = SIX_POSITIONS[5].angles_deg;
         for (i, position) in SIX_POSITIONS.iter().enumerate() {
             table.set_error([(); 3].map(|()| random.random_range(-TABLE_ARCSEC..TABLE_ARCSEC)));
-            let knock = Knock { at_s: 0.4 * self.seconds, swing_arcsec: 300.0, turned_arcsec: [0.0; 3] };
+            let shock = Shock { at_s: 0.4 * self.seconds, swing_arcsec: 300.0, turned_arcsec: [0.0; 3] };
             let visit = Visit {
                 interval_s: 1.0 / self.rate_hz,
                 moves_from_deg: Some(from_deg),
                 move_s: MOVE_S,
-                knocks: if i == 2 { vec![knock] } else { Vec::new() },
+                shocks: if i == 2 { vec![shock] } else { Vec::new() },
                 ..Visit::at_rest(position.angles_deg, self.seconds)
             };
             from_deg = position.angles_deg;
