@@ -79,6 +79,16 @@ impl RunData {
         !sample.left_out && (self.rotation || !sample.moving)
     }
 
+    /// The same with the seconds that the fix left out as outliers: whoever takes it judges by itself what a shock is. The crests of a wave
+    /// and the seconds about a step stand out of their dwell too.
+    pub fn with_outliers(&self) -> Self {
+        let mut run = self.clone();
+        for sample in run.samples.iter_mut().filter(|sample| self.outliers.contains(&sample.line)) {
+            sample.left_out = false;
+        }
+        run
+    }
+
     /// Whether the gyro gives one reading throughout: it is dead.
     pub fn repeats_itself(&self) -> bool {
         let raw = |each: &RecordedSecond| each.second.conditions.raw_rate_deg_h;
@@ -212,7 +222,8 @@ impl RunData {
         let (rest_s, moving_s) = (of_rest(false), of_rest(true));
         self.rotation = rest_s < ROTATION_SHARE * (rest_s + moving_s);
         if outliers_s.len() * SECONDS_BY_SHOCK <= self.samples.len() {
-            for sample in self.samples.iter_mut().filter(|sample| outliers_s.contains(&sample.t_s)) {
+            let is_outlier = |sample: &&mut Sample| !sample.left_out && outliers_s.contains(&sample.t_s);
+            for sample in self.samples.iter_mut().filter(is_outlier) {
                 sample.left_out = true;
                 self.outliers.push(sample.line);
             }

@@ -413,6 +413,7 @@ fn shared_channels(runs: &[RunData]) -> Vec<String> {
 
 /// The runs as the engine takes them, without what the named effects do; empty where a run has too little in it.
 fn recordings(runs: &[RunData], taken: &[Taken], names: &[String], bad_references: &[String]) -> Vec<Recording> {
+    let runs: Vec<RunData> = runs.par_iter().map(RunData::with_outliers).collect();
     let blocks: Vec<Option<Block>> = runs.iter().map(|run| Block::new(run, run.role == Role::Fit, None)).collect();
     let present: Vec<bool> = blocks.iter().map(Option::is_some).collect();
     let mut problem = Problem::new(blocks.into_iter().flatten().collect());

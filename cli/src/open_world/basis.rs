@@ -531,7 +531,7 @@ impl Scales {
     }
 
     /// A product with the first harmonic of the index angle, with that harmonic itself: where the other factor has its zero nobody
-    /// knows, and without surveyed headings nobody sees it, for such a harmonic is another azimuth.
+    /// knows; without surveyed headings only amplitudes show it, for in one run such a harmonic is another azimuth.
     fn about_harmonic(&self, sheet: &Sheet, factors: &[Base], columns: Columns) -> Columns {
         let harmonic = Base::Harmonic(1);
         if factors.contains(&harmonic) { beside([self.raw_base(sheet, harmonic, 0.0), columns]) } else { columns }

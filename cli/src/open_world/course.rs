@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::basis::Sheet;
 use super::evidence::{half_of, posterior};
+use super::run::Tie;
 
 /// Samples for which a step or a bump begins with one place; parts of a run between whose borders a wave may last.
 const PLACES_OF_SAMPLE: f64 = 1.5;
@@ -513,26 +514,26 @@ pub struct Seen<'a> {
     pub white: DMatrix<f64>,
     /// Rows of the run's own unknowns, and what a surveyed heading says of them.
     pub design: &'a DMatrix<f64>,
-    pub tie: Option<(DMatrix<f64>, [f64; 2])>,
+    pub ties: Vec<Tie>,
     pub dictionary: &'a Dictionary,
 }
 
 impl Course {
     /// In what effects leave of a run's rate.
     pub fn find(run: &Seen<'_>, residual: &DVector<f64>, habits: &Habits) -> Self {
-        let Seen { sheet, tie, dictionary, .. } = run;
+        let Seen { sheet, ties, dictionary, .. } = run;
         let roots = run.roots.clone();
         let n = roots.len();
-        let rows = n + if tie.is_some() { 2 } else { 0 };
+        let rows = n + ties.len();
         let mut design = DMatrix::zeros(rows, 3);
         let mut rate = DVector::zeros(rows);
         for i in 0..n {
             (0..3).for_each(|j| design[(i, j)] = run.design[(i, j)] * roots[i]);
             rate[i] = residual[i] * roots[i];
         }
-        if let Some((ties, values)) = tie {
-            design.rows_mut(n, 2).copy_from(ties);
-            rate.rows_mut(n, 2).copy_from_slice(values);
+        for (i, tie) in ties.iter().enumerate() {
+            design.row_mut(n + i).copy_from(&tie.row.transpose());
+            rate[n + i] = tie.value;
         }
         let own = design.qr().q();
         rate -= &own * own.tr_mul(&rate);

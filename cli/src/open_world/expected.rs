@@ -43,7 +43,7 @@ impl Learned {
         let run = self.run(usual)?;
         let columns = self.columns(&run, first, run.azimuth_rad);
         let covariance = self.covariance(&run) + &columns * inverse(&information) * columns.transpose();
-        let found = least_squares(&run.design, &run.rate, &covariance);
+        let found = least_squares(&run, &covariance);
         Some(Expected { log_odds, sigma_rad: found.sigma_rad.hypot(self.excess_rad) })
     }
 
@@ -93,12 +93,10 @@ struct Beside {
 impl Beside {
     fn new(run: &Run, covariance: &DMatrix<f64>) -> Self {
         let (half, _) = half_of(covariance);
-        let (n, tie) = (half.nrows(), run.tie());
-        let mut design = DMatrix::zeros(n + if tie.is_some() { 2 } else { 0 }, 3);
+        let (n, ties) = (half.nrows(), run.ties(true));
+        let mut design = DMatrix::zeros(n + ties.len(), 3);
         design.rows_mut(0, n).copy_from(&(&half * &run.design));
-        if let Some((rows, _)) = tie {
-            design.rows_mut(n, 2).copy_from(&rows);
-        }
+        ties.iter().enumerate().for_each(|(i, tie)| design.row_mut(n + i).copy_from(&tie.row.transpose()));
         Self { half, q: design.qr().q() }
     }
 

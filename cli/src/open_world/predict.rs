@@ -14,7 +14,7 @@ use super::group::Group;
 use super::learn::{Active, Alternative, OfRun, Search, State, prepare, sizes_deg_h, summed};
 use super::process::{self, Kernel};
 use super::recording::Recording;
-use super::run::{Run, Whitening};
+use super::run::{Run, Tie, Whitening, tie_down};
 
 /// Kernels of a run's own process that enter its average: so many, and not below this share of the likeliest.
 const MOST_KERNELS: usize = 4;
@@ -24,12 +24,13 @@ const LEAST_OF_COURSE: f64 = 0.02;
 /// Rounds in which azimuth and what depends on it are brought into agreement.
 const ROUNDS: usize = 4;
 const AGREED_RAD: f64 = 1e-6;
+const ROUNDS_OF_AMPLITUDE: usize = 2;
 /// Added to the normalised diagonal where functions are nearly the same.
 const RIDGE: f64 = 1e-7;
 /// Beyond the learned range an effect may change by this much of its size for each half range.
 const BEYOND: f64 = 2.0;
 
-/// Azimuth of a run with its standard deviation, and the horizontal rate that it has then.
+/// Azimuth of a run with its standard deviation, and the horizontal rate that the run by itself has then.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prediction {
     pub azimuth_rad: f64,
@@ -243,13 +244,13 @@ impl Learned {
     /// What happens in a run by itself, where training runs have such things.
     fn course(&self, run: &Run, models: &[Model]) -> Option<Course> {
         let first = models.first().filter(|_| self.has_courses())?;
-        let effect = self.columns(run, first, run.plain_azimuth_rad()) * &first.mean;
+        let effect = self.columns(run, first, run.plain_azimuth_rad) * &first.mean;
         Some(Course::find(&run.seen(false), &(&run.rate - effect), &self.habits))
     }
 
     fn predict_by(&self, run: &Run, model: &Model, course: Option<&Course>) -> Prediction {
         let turns = model.groups.iter().any(|each| each.group.follows_heading());
-        let mut azimuth_rad = run.plain_azimuth_rad();
+        let mut azimuth_rad = run.plain_azimuth_rad;
         let mut found = Prediction { azimuth_rad, sigma_rad: f64::INFINITY, amplitude_deg_h: 0.0 };
         let beyond = self.beyond(run, model);
         for _ in 0..if turns { ROUNDS } else { 1 } {
@@ -293,7 +294,8 @@ impl Learned {
                 let size_deg_h = self.kernels[kernel].size * self.unit_deg_h;
                 let whitened = |columns: &DMatrix<f64>| run.whitening.whiten(kernel, size_deg_h, columns);
                 let rate = whitened(&DMatrix::from_columns(std::slice::from_ref(&residual)));
-                (weights[kernel], beside_unsure(&whitened(&run.design), &rate, &whitened(unsure)))
+                let found = beside_unsure(&whitened(&run.design), &rate, &whitened(unsure), run.north_deg_h);
+                (weights[kernel], found)
             })
             .collect();
         average(&each)
@@ -364,20 +366,20 @@ fn groups(
 const NOWHERE: Prediction = Prediction { azimuth_rad: 0.0, sigma_rad: std::f64::consts::PI, amplitude_deg_h: 0.0 };
 
 /// Azimuth and its standard deviation by generalised least squares.
-pub fn least_squares(design: &DMatrix<f64>, rate: &DVector<f64>, covariance: &DMatrix<f64>) -> Prediction {
+pub fn least_squares(run: &Run, covariance: &DMatrix<f64>) -> Prediction {
     let (half, _) = half_of(covariance);
-    let (design, rate) = (&half * design, &half * rate);
-    azimuth(&design.tr_mul(&design), &design.tr_mul(&rate))
+    let (design, rate) = (&half * &run.design, &half * &run.rate);
+    azimuth(&design.tr_mul(&design), &design.tr_mul(&rate), run.north_deg_h)
 }
 
 /// The same from whitened rows with a covariance of 1 + L Lᵀ, whose inverse is 1 − L (1 + Lᵀ L)⁻¹ Lᵀ.
-fn beside_unsure(design: &DMatrix<f64>, rate: &DMatrix<f64>, unsure: &DMatrix<f64>) -> Prediction {
+fn beside_unsure(design: &DMatrix<f64>, rate: &DMatrix<f64>, unsure: &DMatrix<f64>, north_deg_h: f64) -> Prediction {
     let mut inner = unsure.transpose() * unsure;
     (0..inner.nrows()).for_each(|i| inner[(i, i)] += 1.0);
     let (half, _) = half_of(&inner);
     let (of_design, of_rate) = (&half * unsure.tr_mul(design), &half * unsure.tr_mul(rate));
     let normal = design.tr_mul(design) - of_design.tr_mul(&of_design);
-    azimuth(&normal, &(design.tr_mul(rate) - of_design.tr_mul(&of_rate)).column(0).into_owned())
+    azimuth(&normal, &(design.tr_mul(rate) - of_design.tr_mul(&of_rate)).column(0).into_owned(), north_deg_h)
 }
 
 /// Beside what happens in the run by itself, averaged over what else every part of that may be.
@@ -387,7 +389,7 @@ fn along_course(run: &Run, residual: &DVector<f64>, unsure: &DMatrix<f64>, cours
     let by = |factor: DMatrix<f64>| {
         let all: Vec<f64> = unsure.iter().chain(factor.iter()).copied().collect();
         let all = DMatrix::from_vec(run.rate.len(), unsure.ncols() + factor.ncols(), all);
-        beside_unsure(&design, &rate, &whitened(&all))
+        beside_unsure(&design, &rate, &whitened(&all), run.north_deg_h)
     };
     let mut found = by(course.factor());
     let best = found;
@@ -402,19 +404,29 @@ fn along_course(run: &Run, residual: &DVector<f64>, unsure: &DMatrix<f64>, cours
     found
 }
 
-/// From the normal equations of a run's own unknowns.
-fn azimuth(normal: &DMatrix<f64>, right: &DVector<f64>) -> Prediction {
+/// From the normal equations of a run's own unknowns and, for the azimuth, the amplitude that the horizontal rate must have.
+fn azimuth(normal: &DMatrix<f64>, right: &DVector<f64>, north_deg_h: f64) -> Prediction {
     let normal: Matrix3<f64> = normal.fixed_view::<3, 3>(0, 0).into_owned();
-    let Some(inverse) = normal.try_inverse() else {
+    let right = Vector3::new(right[0], right[1], right[2]);
+    let Some(mut inverse) = normal.try_inverse() else {
         return NOWHERE;
     };
-    let found = inverse * Vector3::new(right[0], right[1], right[2]);
+    let mut found = inverse * right;
+    let amplitude_deg_h = found[0].hypot(found[1]);
+    // About the azimuth that is found, which the amplitude may change.
+    for _ in 0..ROUNDS_OF_AMPLITUDE {
+        let (mut tied, mut of_tied) = (normal, right);
+        tie_down(&[Tie::amplitude(found[1].atan2(found[0]), north_deg_h)], &mut tied, &mut of_tied, &mut 0.0);
+        let Some(of_both) = tied.try_inverse() else { break };
+        inverse = of_both;
+        found = inverse * of_tied;
+    }
     let squared = found[0] * found[0] + found[1] * found[1];
     let gradient = Vector3::new(-found[1], found[0], 0.0) / squared;
     Prediction {
         azimuth_rad: found[1].atan2(found[0]),
         sigma_rad: gradient.dot(&(inverse * gradient)).max(0.0).sqrt(),
-        amplitude_deg_h: squared.sqrt(),
+        amplitude_deg_h,
     }
 }
 

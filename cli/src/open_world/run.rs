@@ -12,7 +12,7 @@ use super::recording::Reference;
 /// One sigma of a surveyed heading that says none, and of the index on top of it, degrees.
 const REFERENCE_SIGMA_DEG: f64 = 0.005;
 const INDEX_SIGMA_DEG: f64 = 0.01;
-/// One sigma of the amplitude about Ω cos φ, relative, where a surveyed heading ties the rates down.
+/// One sigma of the amplitude about Ω cos φ, relative: of the scale factor and of the latitude.
 const AMPLITUDE_SIGMA: f64 = 0.002;
 
 /// The covariances white + kernel of samples with the same spans and weights, in a basis in which all of a shape and time are
@@ -118,6 +118,22 @@ fn scale_rows(matrix: &mut DMatrix<f64>, factors: impl Iterator<Item = f64>) {
     }
 }
 
+/// A row of the equations of a run's own unknowns that is known beside the samples, in standard deviations of what is known.
+#[derive(Clone, Copy, Debug)]
+pub struct Tie {
+    pub row: Vector3<f64>,
+    pub value: f64,
+}
+
+impl Tie {
+    /// The horizontal rate along an azimuth is Ω cos φ: right to the second order in the azimuth's error, and independent of it.
+    pub fn amplitude(azimuth_rad: f64, north_deg_h: f64) -> Self {
+        let (sin, cos) = azimuth_rad.sin_cos();
+        let along = 1.0 / (north_deg_h * AMPLITUDE_SIGMA);
+        Self { row: Vector3::new(cos * along, sin * along, 0.0), value: north_deg_h * along }
+    }
+}
+
 /// A run.
 #[derive(Debug)]
 pub struct Run<'a> {
@@ -130,6 +146,8 @@ pub struct Run<'a> {
     pub reference: Option<Reference>,
     /// Azimuth that columns are built at.
     pub azimuth_rad: f64,
+    /// Azimuth by white noise alone.
+    pub plain_azimuth_rad: f64,
     pub whitening: Arc<Whitening>,
     /// What happens in it by itself, under the kernel of that name.
     pub course: Option<Arc<Course>>,
@@ -237,6 +255,7 @@ impl<'a> Run<'a> {
             north_deg_h,
             reference,
             azimuth_rad: 0.0,
+            plain_azimuth_rad: 0.0,
             whitening,
             course: None,
             sizes_deg_h,
@@ -244,15 +263,12 @@ impl<'a> Run<'a> {
             normal,
             log_determinants,
         };
-        run.azimuth_rad = match reference {
-            Some(reference) => reference.azimuth_rad,
-            None => run.plain_azimuth_rad(),
-        };
+        run.plain_azimuth_rad = run.by_white_noise_rad();
+        run.azimuth_rad = reference.map_or(run.plain_azimuth_rad, |reference| reference.azimuth_rad);
         run
     }
 
-    /// Azimuth by white noise alone.
-    pub fn plain_azimuth_rad(&self) -> f64 {
+    fn by_white_noise_rad(&self) -> f64 {
         let turned = &self.whitening.bases[0].turn * &self.rate;
         let right = self.turned[0].tr_mul(&turned);
         let found = self.normal[0].try_inverse().unwrap_or_default() * Vector3::new(right[0], right[1], right[2]);
@@ -266,20 +282,22 @@ impl<'a> Run<'a> {
             roots: self.whitening.roots(),
             white: self.whitening.white(),
             design: &self.design,
-            tie: if tied { self.tie() } else { None },
+            ties: self.ties(tied),
             dictionary: self.whitening.dictionary(&self.sheet),
         }
     }
 
-    /// Two rows that tie direction and amplitude of the horizontal rate to the surveyed heading, and their right side.
-    pub fn tie(&self) -> Option<(DMatrix<f64>, [f64; 2])> {
-        let reference = self.reference?;
+    /// What is known of the horizontal rate: its amplitude, about the azimuth by white noise and, of a run with a surveyed heading that
+    /// may be asked, its direction.
+    pub fn ties(&self, surveyed: bool) -> Vec<Tie> {
+        let Some(reference) = self.reference.filter(|_| surveyed) else {
+            return vec![Tie::amplitude(self.plain_azimuth_rad, self.north_deg_h)];
+        };
         let sigma_rad = reference.sigma_rad.max(REFERENCE_SIGMA_DEG.to_radians()).hypot(INDEX_SIGMA_DEG.to_radians());
         let (sin, cos) = reference.azimuth_rad.sin_cos();
         let across = 1.0 / (self.north_deg_h * sigma_rad);
-        let along = 1.0 / (self.north_deg_h * AMPLITUDE_SIGMA);
-        let rows = DMatrix::from_row_slice(2, 3, &[-sin * across, cos * across, 0.0, cos * along, sin * along, 0.0]);
-        Some((rows, [0.0, self.north_deg_h * along]))
+        let direction = Tie { row: Vector3::new(-sin * across, cos * across, 0.0), value: 0.0 };
+        vec![direction, Tie::amplitude(reference.azimuth_rad, self.north_deg_h)]
     }
 
     /// The run's course, if this is its kernel.
@@ -305,9 +323,7 @@ impl<'a> Run<'a> {
         let right = design.tr_mul(&rate);
         let mut right = Vector3::new(right[0], right[1], right[2]);
         let mut square = rate.norm_squared();
-        if let Some((rows, values)) = self.tie() {
-            tie_down(&rows, &values, &mut normal, &mut right, &mut square);
-        }
+        tie_down(&self.ties(true), &mut normal, &mut right, &mut square);
         let lower = lower_of(normal);
         let inverse = lower.try_inverse().unwrap_or_default();
         let along = inverse * right;
@@ -323,11 +339,9 @@ impl<'a> Run<'a> {
     /// Log-likelihood under every kernel of what effects leave of the rate, own unknowns integrated out.
     pub fn log_likelihood(&self, residual: &DVector<f64>, tied: bool, course: Option<&Course>) -> Vec<f64> {
         let turned: Vec<DVector<f64>> = self.whitening.bases.iter().map(|basis| &basis.turn * residual).collect();
-        let tie = if tied { self.tie() } else { None };
+        let ties = self.ties(tied);
         let likelihood = |mut normal: Matrix3<f64>, mut right: Vector3<f64>, mut square: f64, log_determinant: f64| {
-            if let Some((rows, values)) = &tie {
-                tie_down(rows, values, &mut normal, &mut right, &mut square);
-            }
+            tie_down(&ties, &mut normal, &mut right, &mut square);
             let lower = lower_of(normal);
             let determinant = 2.0 * lower.diagonal().iter().map(|value| value.ln()).sum::<f64>();
             let explained = lower.solve_lower_triangular(&right).map_or(0.0, |along| along.norm_squared());
@@ -358,16 +372,9 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Adds the rows of a surveyed heading.
-fn tie_down(
-    rows: &DMatrix<f64>,
-    values: &[f64; 2],
-    normal: &mut Matrix3<f64>,
-    right: &mut Vector3<f64>,
-    square: &mut f64,
-) {
-    for (row, value) in rows.row_iter().zip(values) {
-        let row = Vector3::new(row[0], row[1], row[2]);
+/// Adds what is known of the horizontal rate.
+pub fn tie_down(ties: &[Tie], normal: &mut Matrix3<f64>, right: &mut Vector3<f64>, square: &mut f64) {
+    for Tie { row, value } in ties {
         *normal += row * row.transpose();
         *right += row * *value;
         *square += value * value;
