@@ -1,20 +1,23 @@
 #!/usr/bin/env python3
 """Talks to the instrument over its serial link; Python's standard library only. The messages: link.md.
 
-    link.py PORT [--start] [--raw] [--seconds N]
+    link.py PORT [--start | --self-test] [--raw] [--seconds N]
 
 Prints every report as a line of JSON. With --raw the stream is asked for, and what it holds is compared with the seconds.
 """
 import argparse, json, os, select, struct, sys, termios, time, tty, zlib
 
-VERSION = 6
+VERSION = 7
 STATES = ["idle", "levelling", "watching", "indexing", "settling", "collecting", "finished", "failed", "calibrating"]
 FAULTS = ["settings-missing", "settings-corrupt", "settings-invalid", "near-pole", "not-level-in-time",
           "disturbed-too-long", "jitter-too-long", "level-lost", "motor-stall", "wrong-angle", "encoder-failed",
           "accelerometer-failed", "gyro-silent", "gyro-invalid", "gyro-saturated", "gyro-clock", "gyro-link-poor",
           "gyro-stuck", "out-of-time", "aborted", "unsolvable"]
 REFUSALS = ["damaged", "other-version", "not-understood", "no-fix", "motor-turns", "out-of-order",
-            "settings-unreadable", "settings-invalid", "not-stored", "no-settings", "settings-corrupt"]
+            "settings-unreadable", "settings-invalid", "not-stored", "no-settings", "settings-corrupt", "busy"]
+ITEMS = ["settings", "memory", "reset", "clock", "gyro", "gyro-rate", "accelerometer", "encoder", "block",
+         "accelerometer-response", "index-drive"]
+VERDICTS = ["passed", "failed", "not-asked", "absent", "unmet", "interrupted"]
 STEPS = ["turn", "hold-still", "attitude-accepted", "attitude-known", "moved", "not-gravity", "solving"]
 REASONS = ["too-few-attitudes", "directions-missing", "moving-throughout", "not-an-ellipsoid", "too-noisy",
            "implausible", "not-better", "not-stored", "accelerometer-failed", "aborted"]
@@ -32,6 +35,9 @@ COUNTERS = ["frames_good", "frames_bad_crc", "frames_lost", "frames_duplicate", 
 def f64(data, at):  # what is not a number is not known, and no JSON
     number = struct.unpack_from("<d", data, at)[0]
     return None if number != number else number, at + 8
+
+def f32(data, at):
+    return struct.unpack_from("<f", data, at)[0], at + 4
 
 def byte(data, at):
     return data[at], at + 1
@@ -130,6 +136,7 @@ EVENTS = [
     ("settings", fields(version=unsigned, length=unsigned, offset=unsigned, bytes=blob)),
     ("raw", fields(number=byte, bytes=blob)),
     ("to-go", fields(seconds=f64)),
+    ("self-test", fields(item=one_of(ITEMS), verdict=one_of(VERDICTS), measured=f32, allowed=several(f32, 2))),
 ]
 
 
@@ -180,7 +187,7 @@ def request(number, ask):
     return cobs(message + struct.pack("<I", zlib.crc32(message))) + b"\0"
 
 
-START, IDENTIFY, STATUS, STREAM = b"\x00\x00", b"\x01", b"\x02", b"\x05\x01"
+START, IDENTIFY, STATUS, STREAM, SELF_TEST = b"\x00\x00", b"\x01", b"\x02", b"\x05\x01", b"\x07"
 
 def read_settings(offset):
     return b"\x03" + (bytes([offset]) if offset < 128 else bytes([offset & 127 | 128, offset >> 7]))
@@ -229,6 +236,7 @@ def main():
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     arguments.add_argument("port")
     arguments.add_argument("--start", action="store_true", help="start a fix, end with it")
+    arguments.add_argument("--self-test", action="store_true", help="ask for the self-test, end with its last item")
     arguments.add_argument("--raw", action="store_true", help="ask for the raw stream")
     arguments.add_argument("--seconds", type=int, default=0, help="end after so many seconds of measuring")
     options = arguments.parse_args()
@@ -237,7 +245,7 @@ def main():
     speed = termios.tcgetattr(port)
     speed[4] = speed[5] = termios.B115200
     termios.tcsetattr(port, termios.TCSANOW, speed)
-    asks = [IDENTIFY, STATUS, read_settings(0)] + [STREAM] * options.raw + [START] * options.start
+    asks = [IDENTIFY, STATUS, read_settings(0)] + [STREAM] * options.raw + [START] * options.start + [SELF_TEST] * options.self_test
     for number, ask in enumerate(asks, 1):
         os.write(port, request(number, ask))
     rest, stream, seconds, heard, accepted = b"", Stream(), 0, time.monotonic(), False
@@ -260,10 +268,12 @@ def main():
                 seconds += 1
                 told |= stream.second() if stream.next is not None else {}
             print(json.dumps(told), flush=True)
-            if options.start and told["event"] == "answer" and told["number"] == len(asks):
+            if (options.start or options.self_test) and told["event"] == "answer" and told["number"] == len(asks):
                 accepted = told["refusal"] is None
                 if not accepted:
                     return
+            if accepted and options.self_test and told.get("item") == ITEMS[-1]:
+                return
             if accepted and told["event"] == "state" and told["state"] in ("finished", "failed"):
                 return
 

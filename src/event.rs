@@ -10,7 +10,7 @@ pub use crate::fix::Fix;
 use crate::fix::dwell::DwellSummary;
 use crate::gates::Gate;
 pub use crate::heading::Heading;
-use crate::health::{Counters, Fault, Refusal};
+use crate::health::{Counters, Fault, Finding, Refusal};
 use crate::identity::Identity;
 use crate::level::{LevelMoments, Tilt};
 use crate::raw::Block;
@@ -185,9 +185,20 @@ pub enum Event {
     Raw(Block),
     /// An adaptive fix ends in so many seconds, if its sigma is small enough then.
     ToGo { seconds: f64 },
+    /// What the instrument's test of itself found of an item: at the start, and on request.
+    SelfTest(Finding),
 }
 
 impl Event {
+    /// It tells of the board that runs the firmware, and not of the instrument: a process of a host tells otherwise, or nothing.
+    pub fn is_of_board(&self) -> bool {
+        match self {
+            Self::Vitals { .. } => true,
+            Self::SelfTest(finding) => finding.item.is_of_board(),
+            _ => false,
+        }
+    }
+
     /// Lower-case name, stable: files and tools depend on it.
     pub fn name(&self) -> &'static str {
         match self {
@@ -222,6 +233,7 @@ impl Event {
             Self::Settings(_) => "settings",
             Self::Raw(_) => "raw",
             Self::ToGo { .. } => "to-go",
+            Self::SelfTest(_) => "self-test",
         }
     }
 }

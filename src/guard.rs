@@ -1,14 +1,15 @@
 //! Whether every task is alive, and how late the instrument is at most: the watchdog is fed only after all have checked in.
 
-use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 
-/// Who must check in. The task that asks, `sample`, is the watchdog's own; what runs below the idle task's priority shows there:
-/// a report or a calibration that never ends keeps the idle task out.
+/// Who can be late. The task that asks, `sample`, is the watchdog's own. `solve` and `idle` check in; a report or a calibration that
+/// never ends keeps the idle task out, and the report task says whether it is the one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Task {
     Solve = 1,
-    Idle = 2,
+    Report = 2,
+    Idle = 4,
 }
 
 /// Ticks within which every task checks in: a second. A calibration takes a tenth of that.
@@ -18,6 +19,8 @@ const PERIOD_TICKS: u32 = 400;
 #[derive(Debug, Default)]
 pub struct Guard {
     seen: AtomicU8,
+    /// A report is on its way out.
+    sending: AtomicBool,
     /// Number of the tick under way, but for its upper half.
     now: AtomicU32,
     load_permille: AtomicU32,
@@ -38,19 +41,30 @@ impl Task {
     pub fn name(self) -> &'static str {
         match self {
             Self::Solve => "solve",
-            Self::Idle => "idle, report or calibrate",
+            Self::Report => "report",
+            Self::Idle => "idle or calibrate",
         }
     }
 }
 
 impl Guard {
     pub const fn new() -> Self {
-        Self { seen: AtomicU8::new(0), now: AtomicU32::new(0), load_permille: AtomicU32::new(0) }
+        Self {
+            seen: AtomicU8::new(0),
+            sending: AtomicBool::new(false),
+            now: AtomicU32::new(0),
+            load_permille: AtomicU32::new(0),
+        }
     }
 
     /// A task is alive.
     pub fn check_in(&self, task: Task) {
         self.seen.fetch_or(task as u8, Ordering::Relaxed);
+    }
+
+    /// The report task begins to send, or is done.
+    pub fn sending(&self, sending: bool) {
+        self.sending.store(sending, Ordering::Relaxed);
     }
 
     /// At every tick, of this number.
@@ -63,7 +77,11 @@ impl Guard {
         }
         let seen = self.seen.swap(0, Ordering::Relaxed);
         let late = [Task::Solve, Task::Idle].into_iter().find(|&task| seen & task as u8 == 0);
-        late.map_or(Verdict::Feed, Verdict::Late)
+        match late {
+            None => Verdict::Feed,
+            Some(Task::Idle) if self.sending.load(Ordering::Relaxed) => Verdict::Late(Task::Report),
+            Some(task) => Verdict::Late(task),
+        }
     }
 
     /// The work of a tick is done, with so much of the tick under way passed; whether that is another one already.
@@ -97,6 +115,13 @@ mod tests {
         assert_eq!(second(1, &[Task::Idle, Task::Idle]), [Verdict::Late(Task::Solve)]);
         assert_eq!(second(2, &[Task::Solve]), [Verdict::Late(Task::Idle)]);
         assert_eq!(second(3, &[Task::Idle, Task::Solve]), [Verdict::Feed]);
+        // A report that takes its time, and one that never ends.
+        guard.sending(true);
+        assert_eq!(second(4, &[Task::Idle, Task::Solve]), [Verdict::Feed]);
+        assert_eq!(second(5, &[Task::Solve]), [Verdict::Late(Task::Report)]);
+        assert_eq!(second(6, &[]), [Verdict::Late(Task::Solve)]);
+        guard.sending(false);
+        assert_eq!(second(7, &[Task::Solve]), [Verdict::Late(Task::Idle)]);
     }
 
     #[test]

@@ -199,6 +199,112 @@ codes! {
         SettingsCorrupt = 11, "settings-corrupt",
             "the stored settings fail their check",
             "load the settings again; if it happens twice, the flash is worn: replace the board";
+        Busy = 12, "busy",
+            "a fix or a calibration is under way",
+            "wait for its end, or abort it";
+    }
+}
+
+codes! {
+    /// What the instrument tests of itself, in the order in which it is told.
+    Item {
+        Settings = 1, "settings",
+            "code of the fault of the settings in flash; 0: they are valid",
+            "do what the table of faults says for that code";
+        Memory = 2, "memory",
+            "words of unused memory that do not hold what is written to them",
+            "replace the board";
+        Reset = 3, "reset",
+            "code of the crash that ended the run before; 0: there was none",
+            "look at the crash that is told at the start; if it happens again, report it";
+        Clock = 4, "clock",
+            "the clock runs from the crystal (1), or from the internal oscillator (0), which is good to 1 % only",
+            "replace the crystal or the board: rates are wrong by as much as the clock";
+        Gyro = 5, "gyro",
+            "share of the gyro's frames that it vouches for; 0 where none came",
+            "check the gyro's supply, cable, baud rate and frame format, and let it warm up";
+        GyroRate = 6, "gyro-rate",
+            "frames a second that the gyro sends, by its numbers and the instrument's clock",
+            "check that the gyro is triggered by the instrument, or set its output rate to 400 Hz";
+        Accelerometer = 7, "accelerometer",
+            "share of the accelerometer's readings that are valid and differ from the one before",
+            "check the accelerometer's cable and supply";
+        Encoder = 8, "encoder",
+            "share of the encoder's readings that are valid",
+            "check the encoder's cable, supply and magnet";
+        Block = 9, "block",
+            "share of the readings of the block of three gyros that are valid",
+            "check the block's cable and supply";
+        Response = 10, "accelerometer-response",
+            "what the accelerometer's own test force moves its reading by: the first axis that is off, else z",
+            "replace the accelerometer";
+        Drive = 11, "index-drive",
+            "by how much the encoder sees a move of 5 degrees end off its target, out or back",
+            "free the spindle and its cable, check the motor's supply and the coupling between motor, spindle and encoder";
+    }
+}
+
+codes! {
+    /// What became of an item.
+    TestVerdict {
+        Passed = 1, "passed", "what was measured is allowed", "nothing";
+        Failed = 2, "failed", "what was measured is not allowed", "what the item says";
+        NotAsked = 3, "not-asked", "it is tested on request only", "ask for a self-test while the instrument stands";
+        Absent = 4, "absent", "there is no such part", "nothing";
+        Unmet = 5, "unmet", "what its test needs failed, or did not answer", "what the item that failed says";
+        Interrupted = 6, "interrupted", "a command came before it was tested", "ask again";
+    }
+}
+
+impl Item {
+    /// Unit of what is measured; empty for codes.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Settings | Self::Reset | Self::Clock => "",
+            Self::Memory => "words",
+            Self::Gyro | Self::Accelerometer | Self::Encoder | Self::Block => "%",
+            Self::GyroRate => "1/s",
+            Self::Response => "g",
+            Self::Drive => "°",
+        }
+    }
+
+    /// It is of the board that runs the firmware: a process of a host has none.
+    pub fn is_of_board(self) -> bool {
+        matches!(self, Self::Memory | Self::Reset | Self::Clock)
+    }
+}
+
+/// What the test of an item found, in the item's unit. Single precision: it is for people.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Finding {
+    pub item: Item,
+    pub verdict: TestVerdict,
+    /// 0 where nothing was measured.
+    pub measured: f32,
+    /// What is allowed, both ends included; 0 and 0 where nothing was measured.
+    pub allowed: [f32; 2],
+}
+
+impl Finding {
+    pub fn judged(item: Item, measured: f32, allowed: [f32; 2]) -> Self {
+        let [least, most] = allowed;
+        let verdict = if (least..=most).contains(&measured) { TestVerdict::Passed } else { TestVerdict::Failed };
+        Self { item, verdict, measured, allowed }
+    }
+
+    /// Of an item that was not tested, and why not.
+    pub fn untested(item: Item, verdict: TestVerdict) -> Self {
+        Self { item, verdict, measured: 0.0, allowed: [0.0; 2] }
+    }
+
+    pub fn passed(&self) -> bool {
+        self.verdict == TestVerdict::Passed
+    }
+
+    /// Whether something was measured.
+    pub fn was_tested(&self) -> bool {
+        matches!(self.verdict, TestVerdict::Passed | TestVerdict::Failed)
     }
 }
 

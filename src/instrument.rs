@@ -26,12 +26,13 @@ use crate::heading::Keeper;
 use crate::health::{Counters, Fault, Refusal};
 use crate::identity::Identity;
 use crate::index::{IndexAngle, IndexSettings, MotorCommand};
-use crate::intake::Intake;
+use crate::intake::{Heard, Intake};
 use crate::level::LevelMoments;
 use crate::link::{Ask, Request, RequestDecoder};
 use crate::raw::{Item, Stream};
 use crate::restart::{Provocation, Text};
 use crate::sample::{GyroSettings, RateSecond, SAMPLE_S, SAMPLES_PER_SECOND};
+use crate::self_test::{BoardFacts, SelfTest};
 use crate::sequence::desk::Desk;
 use crate::sequence::{Command, Seen, Sequencer};
 use crate::settings::Settings;
@@ -58,6 +59,8 @@ pub struct Readings {
     pub sensors: Due,
     /// Whether the step generator is running.
     pub turning: bool,
+    /// Bytes that had come: what came later is of a later tick.
+    pub heard: Heard,
 }
 
 impl Readings {
@@ -74,6 +77,8 @@ pub type Sink<'a> = &'a mut dyn FnMut(Report);
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Orders {
     pub motor: Option<MotorCommand>,
+    /// The accelerometer shall do its own test.
+    pub test_accelerometer: bool,
     /// Other settings are in flash: power up again, after the reports of this step are out.
     pub restart: bool,
     /// Crash, to see that it is survived.
@@ -156,6 +161,7 @@ pub struct Instrument<S> {
     tick: u64,
     next_tick: u64,
     encoder_failures: u16,
+    test: SelfTest,
 }
 
 impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
@@ -198,7 +204,13 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
             tick: 0,
             next_tick: 0,
             encoder_failures: 0,
+            test: SelfTest::at_start(),
         }
+    }
+
+    /// What the board found of itself, for the self-test.
+    pub fn board_is(&mut self, facts: BoardFacts) {
+        self.test.board_is(facts);
     }
 
     /// Takes what the flash holds. Without valid settings the instrument still samples and reports, but starts no fix.
@@ -220,6 +232,7 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
     /// Takes settings that were stored. Errors: why no fix can be started with them.
     fn take(&mut self, settings: &mut Settings) -> Result<(), Fault> {
         self.reader = FrameReader::new(settings.gyro.format);
+        self.test.set_up(settings.gyro.format);
         self.gatherer = Gatherer::new(settings.gyro, settings.triad());
         self.block_temperature = settings.model.as_ref().and_then(ErrorModel::block_temperature);
         self.keeper = settings.block.map(|block| Keeper::new(&block, settings.latitude_deg, settings.level.sigma_deg));
@@ -266,7 +279,7 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
         self.next_tick = readings.tick + 1;
         let mut place = [0; PART];
         loop {
-            let bytes = intake.host.take(&mut place);
+            let bytes = intake.host.take(readings.heard.host, &mut place);
             if bytes.is_empty() {
                 break;
             }
@@ -276,7 +289,7 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
             }
         }
         loop {
-            let mut bytes = intake.gyro.take(&mut place);
+            let mut bytes = intake.gyro.take(readings.heard.gyro, &mut place);
             if bytes.is_empty() {
                 break;
             }
@@ -298,6 +311,9 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
         if let Some(sequencer) = self.sequencer.as_mut().filter(|_| self.stage.is_waiting()) {
             let moved = sequencer.tick(readings.tick, self.index, fresh, readings.turning, &mut sink);
             orders.motor = moved.or(orders.motor);
+        }
+        if self.test.is_under_way() {
+            self.test(readings, &mut orders, &mut sink);
         }
         let encoder = (self.encoder_failures >= ENCODER_PATIENCE).then_some(Fault::EncoderFailed);
         if let Some(fault) = self.watch.tick(readings.tick).or(encoder) {
@@ -491,8 +507,29 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
     fn frame(&mut self, frame: &Frame, sink: &mut dyn FnMut(Event)) {
         self.stream(|| Item::Frame(*frame), sink);
         self.watch.heard(self.tick);
+        if self.test.is_under_way() {
+            self.test.frame(frame);
+        }
         let second = self.gatherer.frame(frame, &mut self.counters);
         self.keep(second);
+    }
+
+    /// A tick of the self-test. Its move waits while the sequencer is lent out, which watches the index.
+    #[inline(never)]
+    fn test(&mut self, readings: &Readings, orders: &mut Orders, sink: &mut dyn FnMut(Event)) {
+        if self.test.moves()
+            && let Some(sequencer) = self.sequencer.as_mut().filter(|_| self.stage.is_waiting())
+        {
+            sequencer.exercise();
+            let fresh = matches!(readings.sensors, Due::Index(Some(_)));
+            let settings = self.refusal.is_none().then_some(self.index_settings);
+            let moved = self.test.turn(self.index.deg(), fresh, readings.turning, settings);
+            orders.motor = moved.or(orders.motor);
+        }
+        orders.test_accelerometer = self.test.tick(&readings.sensors);
+        if let Some(finding) = self.test.next(self.refusal, self.keeper.is_some()) {
+            sink(Event::SelfTest(finding));
+        }
     }
 
     /// Never inlined, as others below: what it takes of the stack is free again for what comes after it.
@@ -555,16 +592,32 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
                 self.streaming = Streaming::Off;
             }
             Ask::Provoke(how) => orders.provoke = Some(how),
+            Ask::SelfTest => {
+                if !matches!(self.work(), State::Idle | State::Finished | State::Failed) {
+                    return Err(Refusal::Busy);
+                }
+                if self.test.interrupt() {
+                    orders.motor = Some(MotorCommand::Stop);
+                }
+                self.test.begin();
+            }
         }
         Ok(())
     }
 
     fn state(&self) -> State {
+        match self.refusal {
+            Some(_) if !self.field.is_active() => State::Failed,
+            _ => self.work(),
+        }
+    }
+
+    /// What is under way, whether a fix can be started or not.
+    fn work(&self) -> State {
         if self.field.is_active() {
             return State::Calibrating;
         }
-        let state = self.sequencer.as_ref().map_or(self.state, |sequencer| sequencer.state());
-        self.refusal.map_or(state, |_| State::Failed)
+        self.sequencer.as_ref().map_or(self.state, |sequencer| sequencer.state())
     }
 
     #[inline(never)]
@@ -589,7 +642,8 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
     #[inline(never)]
     fn obey(&mut self, command: Command, sink: &mut dyn FnMut(Event)) -> Result<Option<MotorCommand>, Refusal> {
         let t_s = self.tick as f64 * SAMPLE_S;
-        Ok(match (self.refusal, command) {
+        let stop = self.test.interrupt().then_some(MotorCommand::Stop);
+        let motor = match (self.refusal, command) {
             (None, Command::Start) => {
                 self.field.abort(&mut |event| calibration_events(event, sink));
                 self.watch.restart(self.tick);
@@ -611,13 +665,14 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
                 return Err(Refusal::NoFix);
             }
             (Some(_), Command::Abort) => None,
-        })
+        };
+        Ok(motor.or(stop))
     }
 
     fn read(&mut self, due: &Due, sink: &mut dyn FnMut(Event)) {
         let failed = |count: &mut u32| *count = count.saturating_add(1);
         match due {
-            Due::Nothing => {}
+            Due::Nothing | Due::Response(_) => {}
             Due::Acceleration(reading) => {
                 match *reading {
                     Some(reading) => {

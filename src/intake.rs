@@ -2,6 +2,8 @@
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
+use serde::{Deserialize, Serialize};
+
 use crate::health::Counters;
 use crate::ring::Ring;
 
@@ -44,6 +46,13 @@ pub struct Intake {
     pub ticks_late: AtomicU32,
 }
 
+/// How many bytes of each line had come at a tick, modulo 2¹⁶: a tick's work takes these and no more, however late it is done.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Heard {
+    pub gyro: u16,
+    pub host: u16,
+}
+
 /// Counts one more.
 pub fn one_more(count: &AtomicU32) {
     count.fetch_add(1, Ordering::Relaxed);
@@ -77,9 +86,9 @@ impl<const N: usize> Line<N> {
         });
     }
 
-    /// Takes what waits, as much as there is room for.
-    pub fn take<'a>(&self, place: &'a mut [u8]) -> &'a [u8] {
-        self.ring.take(place)
+    /// Takes what had come at a mark of [`Heard`], as much as there is room for.
+    pub fn take<'a>(&self, mark: u16, place: &'a mut [u8]) -> &'a [u8] {
+        self.ring.take(mark, place)
     }
 }
 
@@ -93,6 +102,11 @@ impl Intake {
             reports_refused: AtomicU32::new(0),
             ticks_late: AtomicU32::new(0),
         }
+    }
+
+    /// What has come by now.
+    pub fn heard(&self) -> Heard {
+        Heard { gyro: self.gyro.ring.mark(), host: self.host.ring.mark() }
     }
 
     /// Brings the counters up to date.

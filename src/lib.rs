@@ -52,6 +52,7 @@ pub mod replay;
 pub mod restart;
 pub mod ring;
 pub mod sample;
+pub mod self_test;
 pub mod sequence;
 pub mod settings;
 pub mod slices;

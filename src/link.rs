@@ -16,7 +16,7 @@
 //!   its items.
 //! - CRC-32 is the one of Ethernet and zlib (CRC-32/ISO-HDLC), 4 bytes, little-endian.
 //!
-//! Example: the report "at 2 s the state is idle" has the content `06`, `00 00 00 00 00 00 00 40`, `00`, `00`, `6F F6 A8 F3`.
+//! Example: the report "at 2 s the state is idle" has the content `07`, `00 00 00 00 00 00 00 40`, `00`, `00`, `AF 29 26 32`.
 //! All messages: docs/link.md. The raw stream: [`crate::raw`].
 //!
 //! Whoever receives drops what does not decode and counts it; after any disturbance the next 00 is the next chance. A
@@ -36,7 +36,7 @@ use crate::restart::Provocation;
 use crate::sequence::Command;
 
 /// The first byte of every frame's content.
-pub const VERSION: u8 = 6;
+pub const VERSION: u8 = 7;
 
 /// Bits a second on the host's line; ten of them are a byte.
 pub const BAUD: u32 = 115_200;
@@ -74,8 +74,12 @@ pub enum Ask {
     WriteSettings(Piece),
     /// The raw stream on, from the beginning of a second, or off: [`Event::Raw`](crate::event::Event::Raw).
     Stream(bool),
-    /// Crash, to see that it is survived: the motor goes off, the instrument starts anew and tells of it.
+    /// Crash, to see that it is survived: the motor goes off, the instrument starts anew and tells of it. Or lag, to see that nothing
+    /// is lost by it.
     Provoke(Provocation),
+    /// Test yourself: [`Event::SelfTest`](crate::event::Event::SelfTest) for every item, within six seconds. The accelerometer is read in another
+    /// range for half a second, and the index moves by 5° and back. Refused while a fix or a calibration is under way.
+    SelfTest,
 }
 
 impl From<Ask> for Request {
@@ -213,7 +217,7 @@ mod tests {
     use crate::calibration::field::problem::Solved;
     use crate::event::{Event, Fix, Second, State};
     use crate::gates::Gate;
-    use crate::health::{Counters, Flag, Flags};
+    use crate::health::{Counters, Finding, Flag, Flags, Item};
     use crate::identity::{Board, Identity};
     use crate::level::{LevelMoments, Specific, Tilt};
     use crate::raw::Block;
@@ -235,9 +239,9 @@ mod tests {
 
     #[test]
     fn the_example_of_the_documentation_byte_by_byte() {
-        // Content 06 | 2.0 as f64 | 00 | 00, its CRC-32 from zlib's crc32(), and COBS by hand: every 00 becomes the
+        // Content 07 | 2.0 as f64 | 00 | 00, its CRC-32 from zlib's crc32(), and COBS by hand: every 00 becomes the
         // distance to the next one.
-        let expected = [2, 6, 1, 1, 1, 1, 1, 1, 2, 0x40, 1, 5, 0x6F, 0xF6, 0xA8, 0xF3, 0];
+        let expected = [2, 7, 1, 1, 1, 1, 1, 1, 2, 0x40, 1, 5, 0xAF, 0x29, 0x26, 0x32, 0];
         let frame = encode_report(&idle()).unwrap();
         assert_eq!(frame[..], expected[..]);
         assert_eq!(feed(&mut ReportDecoder::new(), &frame), [Ok(idle())]);
@@ -334,6 +338,7 @@ mod tests {
             Event::Violation { field: Text::start_of(&"x".repeat(40)), value: 1.1 },
             Event::Answer { number: 255, refusal: Some(Refusal::SettingsCorrupt) },
             Event::Identity(Identity::new(Board::Stm32f405, u32::MAX)),
+            Event::SelfTest(Finding::judged(Item::Drive, 1.1, [1.1; 2])),
         ];
         for event in events {
             let report = Report { t_s: 1.1, event };

@@ -27,13 +27,14 @@ fn main() {
 mod app {
     use core::mem::MaybeUninit;
     use core::pin::pin;
+    use core::sync::atomic::{AtomicBool, Ordering};
 
     use heapless::spsc::{Consumer, Producer, Queue};
     use rtic_sync::channel::{Receiver, Sender};
     use rtic_sync::signal::{SignalReader, SignalWriter};
     use rtic_sync::{make_channel, make_signal};
 
-    use crate::board::{self, Board, crash};
+    use crate::board::{self, Board, crash, memory};
     use north_finder::calibration::field::problem::{Problem, Solved};
     use north_finder::calibration::field::refusal::NoCalibration;
     use north_finder::drivers::sensors::Sensors;
@@ -46,6 +47,7 @@ mod app {
     use north_finder::intake::{Intake, one_more};
     use north_finder::link;
     use north_finder::restart::Crash;
+    use north_finder::self_test::BoardFacts;
     use north_finder::sequence::Sequencer;
     use north_finder::sequence::desk::Desk;
 
@@ -66,6 +68,8 @@ mod app {
     static GUARD: Guard = Guard::new();
     /// What interrupts leave for the instrument.
     static INTAKE: Intake = Intake::new();
+    /// The accelerometer shall do its own test.
+    static TEST_ACCELEROMETER: AtomicBool = AtomicBool::new(false);
 
     type Answer = Result<Solved, NoCalibration>;
 
@@ -115,12 +119,15 @@ mod app {
         attitudes: MaybeUninit<Problem> = MaybeUninit::uninit(),
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
+        let wrong_words = memory::test();
         let crash = crash::take().or_else(|| board::reset_cause().map(Crash::new));
         let mut board: Board = board::init(cx.device);
         let program = crash::program();
         let identity = Identity::new(board::BOARD, program);
         let instrument = make(cx.local.place, cx.local.sequencer, identity);
         power_up(instrument, &mut board.flash);
+        let cause = crash.map(|crash| crash.cause);
+        instrument.board_is(BoardFacts { wrong_words, crash: cause, crystal: board.crystal });
 
         let (motor_in, motor_out) = cx.local.motor_commands.split();
         let (readings_in, readings_out) = cx.local.readings.split();
@@ -205,6 +212,10 @@ mod app {
         let local = cx.local;
         // Ticks that the processor stood still through are lost, and not made of the time after them.
         *local.tick += u64::from(local.ticker.sync());
+        let heard = INTAKE.heard();
+        if TEST_ACCELEROMETER.swap(false, Ordering::Relaxed) {
+            local.sensors.test_accelerometer();
+        }
         let sensors = local.sensors.read(*local.tick);
         while let Some(command) = local.motor_out.dequeue() {
             cx.shared.motor.command(command);
@@ -213,7 +224,7 @@ mod app {
         if turning {
             cx.shared.slots.start();
         }
-        if local.readings_in.enqueue(Readings { tick: *local.tick, sensors, turning }).is_err() {
+        if local.readings_in.enqueue(Readings { tick: *local.tick, sensors, turning, heard }).is_err() {
             one_more(&INTAKE.readings_refused);
         }
         local.ticked.write(());
@@ -279,6 +290,9 @@ mod app {
             if orders.restart && refused {
                 board::restart();
             }
+            if orders.test_accelerometer {
+                TEST_ACCELEROMETER.store(true, Ordering::Relaxed);
+            }
             if let Some(how) = orders.provoke {
                 crash::provoke(how);
             }
@@ -311,12 +325,18 @@ mod app {
                 Event::Fault { fault, state } => defmt::error!("{} while {}", fault, state),
                 Event::Guidance(guidance) => defmt::info!("{} s: {}", report.t_s, guidance.step),
                 Event::NoCalibration(reason) => defmt::error!("no calibration: {}", reason.why),
+                Event::SelfTest(found) => {
+                    defmt::info!("self-test: {} {}: {}", found.item, found.verdict, found.measured)
+                }
                 _ => {}
             }
             // The longest report fits a frame: a test of the link says so.
+            GUARD.sending(true);
             if let Ok(frame) = link::encode_report(&report) {
                 cx.local.report_port.write(&frame);
             }
+            crash::hang_if_provoked();
+            GUARD.sending(false);
             if report.event == Event::SettingsStored {
                 board::restart();
             }

@@ -46,6 +46,11 @@ impl Cause {
         Self::Clock,
     ];
 
+    /// Number, stable, from 1.
+    pub fn code(self) -> u8 {
+        self as u8 + 1
+    }
+
     /// Lower-case name, stable: files and tools depend on it.
     pub fn name(self) -> &'static str {
         match self {
@@ -60,14 +65,20 @@ impl Cause {
     }
 }
 
-/// A crash on purpose, by a request: to see on a board that it is survived and told.
+/// A crash or a delay on purpose, by a request: to see on a board that it is survived and told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Provocation {
     Panic,
     HardFault,
     StackOverflow,
-    /// A task that never ends.
+    /// A task that never ends: `solve`.
     Hang,
+    /// The same of `report`.
+    HangReport,
+    /// The work of a tick takes so many ticks, once.
+    Lag {
+        ticks: u8,
+    },
 }
 
 /// A text of fixed room, padded with zeros.

@@ -35,12 +35,18 @@ impl<const N: usize> Ring<N> {
         (bytes.len() - room) as u32
     }
 
-    /// Takes as many bytes as there are, and as there is room for in `place`; gives those.
-    pub fn take<'a>(&self, place: &'a mut [u8]) -> &'a [u8] {
+    /// How many bytes have been put, modulo 2¹⁶: a mark up to which [`Self::take`] takes.
+    pub fn mark(&self) -> u16 {
+        self.put.load(Ordering::Acquire) as u16
+    }
+
+    /// Takes the bytes that were put before a mark, as many as there is room for in `place`; gives those.
+    pub fn take<'a>(&self, mark: u16, place: &'a mut [u8]) -> &'a [u8] {
         let taken = self.taken.load(Ordering::Relaxed);
         let waiting = self.put.load(Ordering::Acquire).wrapping_sub(taken) as usize;
+        let before = usize::from(mark.wrapping_sub(taken as u16));
         let room = place.len();
-        let place = place.get_mut(..waiting.min(room)).unwrap_or_default();
+        let place = place.get_mut(..waiting.min(before).min(room)).unwrap_or_default();
         for (byte, at) in place.iter_mut().zip(taken as usize..) {
             if let Some(waiting) = self.bytes.get(at % N) {
                 *byte = waiting.load(Ordering::Relaxed);
@@ -59,12 +65,25 @@ mod tests {
     fn bytes_come_out_in_their_order_and_what_has_no_room_is_told() {
         let ring = Ring::<4>::new();
         let mut place = [0; 3];
-        assert_eq!(ring.take(&mut place), []);
+        assert_eq!(ring.take(ring.mark(), &mut place), []);
         assert_eq!(ring.put(&[1, 2, 3, 4, 5, 6]), 2);
-        assert_eq!(ring.take(&mut place), [1, 2, 3]);
+        assert_eq!(ring.take(ring.mark(), &mut place), [1, 2, 3]);
         assert_eq!(ring.put(&[7, 8]), 0);
-        assert_eq!(ring.take(&mut place), [4, 7, 8]);
-        assert_eq!(ring.take(&mut place), []);
+        assert_eq!(ring.take(ring.mark(), &mut place), [4, 7, 8]);
+        assert_eq!(ring.take(ring.mark(), &mut place), []);
+    }
+
+    #[test]
+    fn what_came_after_a_mark_waits() {
+        let ring = Ring::<8>::new();
+        ring.put(&[1, 2, 3]);
+        let mark = ring.mark();
+        ring.put(&[4, 5]);
+        let mut place = [0; 2];
+        assert_eq!(ring.take(mark, &mut place), [1, 2]);
+        assert_eq!(ring.take(mark, &mut place), [3]);
+        assert_eq!(ring.take(mark, &mut place), []);
+        assert_eq!(ring.take(ring.mark(), &mut place), [4, 5]);
     }
 
     #[test]
@@ -72,7 +91,10 @@ mod tests {
         let ring = Ring::<4>::new();
         ring.put.store(u32::MAX - 1, Ordering::Relaxed);
         ring.taken.store(u32::MAX - 1, Ordering::Relaxed);
-        assert_eq!(ring.put(&[1, 2, 3, 4, 5]), 1);
-        assert_eq!(ring.take(&mut [0; 8]), [1, 2, 3, 4]);
+        assert_eq!(ring.put(&[1, 2, 3]), 0);
+        let mark = ring.mark();
+        assert_eq!((mark, ring.put(&[4, 5])), (1, 1));
+        assert_eq!(ring.take(mark, &mut [0; 8]), [1, 2, 3]);
+        assert_eq!(ring.take(ring.mark(), &mut [0; 8]), [4]);
     }
 }

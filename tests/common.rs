@@ -34,8 +34,10 @@ pub fn fix(outcome: &Outcome) -> (Fix, f64) {
     (fix, wrap_180_deg(fix.azimuth_deg - outcome.truth.azimuth_deg))
 }
 
-/// Names of the events without the seconds, the counters and the answers to requests, one after the other.
+/// Names of the events without the seconds, the counters, the answers to requests and the self-test, one after the other.
 pub fn names(reports: &[Report]) -> Vec<&'static str> {
-    let quiet = |event: &Event| matches!(event, Event::Second(_) | Event::Health(_) | Event::Answer { .. });
+    let quiet = |event: &Event| {
+        matches!(event, Event::Second(_) | Event::Health(_) | Event::Answer { .. } | Event::SelfTest(_))
+    };
     reports.iter().filter(|report| !quiet(&report.event)).map(|report| report.event.name()).collect()
 }

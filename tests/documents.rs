@@ -5,7 +5,7 @@ use std::path::Path;
 
 use north::toml_file::TomlFile;
 use north_finder::heading::settings::BlockSettings;
-use north_finder::health::{Fault, Flag, Refusal};
+use north_finder::health::{Fault, Flag, Item, Refusal, TestVerdict};
 use north_finder::settings::Settings;
 use north_finder::settings::fields::{CHOICES, FIELDS, WORDS};
 
@@ -69,4 +69,9 @@ fn flags_and_faults_are_documented_as_they_are() {
     let link = include_str!("../docs/link.md");
     let refusals = table(Refusal::ALL.iter().map(|why| (why.code(), why.name(), why.meaning(), why.remedy())));
     assert!(link.contains(&refusals), "docs/link.md lacks this table of refusals:\n{refusals}");
+    let items = table(Item::ALL.iter().map(|item| (item.code(), item.name(), item.meaning(), item.remedy())));
+    assert!(link.contains(&items), "docs/link.md lacks this table of the self-test's items:\n{items}");
+    let verdicts = TestVerdict::ALL.iter().map(|why| (why.code(), why.name(), why.meaning(), why.remedy()));
+    let verdicts = table(verdicts);
+    assert!(link.contains(&verdicts), "docs/link.md lacks this table of verdicts:\n{verdicts}");
 }

@@ -17,9 +17,9 @@ use north::engine::to_store;
 use north::settings_file::scenario_settings;
 use north_finder::drivers::sensors::Due;
 use north_finder::event::{Event, Report, State};
-use north_finder::health::{Fault, Refusal};
+use north_finder::health::{Fault, Finding, Item, Refusal, TestVerdict};
 use north_finder::instrument::Readings;
-use north_finder::intake::Intake;
+use north_finder::intake::{Heard, Intake};
 use north_finder::link::{Ask, ReportDecoder, Request, encode_request};
 use north_finder::restart::{Cause, Provocation};
 use north_finder::sequence::Command;
@@ -35,13 +35,13 @@ fn image() -> &'static Path {
 }
 
 /// What the sensors of a chip give whose SPI buses hold nothing: at their ticks, failures.
-fn readings(tick: u64) -> Readings {
+fn readings(tick: u64, heard: Heard) -> Readings {
     let sensors = match tick % 4 {
         0 => Due::Acceleration(None),
         2 => Due::Index(None),
         _ => Due::Nothing,
     };
-    Readings { tick, sensors, turning: false }
+    Readings { tick, sensors, turning: false, heard }
 }
 
 /// Chip and instrument with the same gyro and the same requests.
@@ -57,6 +57,7 @@ struct Both {
     tick: u64,
     /// Reports of what the board says of itself.
     vitals: usize,
+    board_items: Vec<Finding>,
 }
 
 impl Both {
@@ -82,6 +83,7 @@ impl Both {
             expected: Vec::new(),
             tick: 0,
             vitals: 0,
+            board_items: Vec::new(),
             world,
         };
         // The chip's own timer has made tick 0.
@@ -98,14 +100,20 @@ impl Both {
             match report.event {
                 // What the board says of itself has no counterpart here.
                 Event::Vitals { .. } => self.vitals += 1,
+                Event::SelfTest(finding) if finding.item.is_of_board() => self.board_items.push(finding),
                 _ => self.reports.push(report),
             }
         }
         let expected = &mut self.expected;
         self.intake.gyro.put(from_gyro);
         self.intake.host.put(request);
-        let (readings, mut flash) = (readings(self.tick), self.world.flash());
-        self.instrument.step(&readings, &self.intake, &mut flash, &mut |report: Report| expected.push(report));
+        let (readings, mut flash) = (readings(self.tick, self.intake.heard()), self.world.flash());
+        let mut report = |report: Report| {
+            if !report.event.is_of_board() {
+                expected.push(report);
+            }
+        };
+        self.instrument.step(&readings, &self.intake, &mut flash, &mut report);
         self.tick += 1;
     }
 
@@ -146,6 +154,33 @@ fn without_settings_seconds_come_out_and_a_fix_is_refused() {
     assert!(events.contains(&Event::Fault { fault: Fault::SettingsMissing, state: State::Idle }));
 }
 
+/// Of the chip itself: its memory is good, it was not restarted by a crash, and the crystal, which the machine has not, is said not to run.
+/// Of the parts: the buses hold nothing, and the gyro is there.
+#[test]
+fn the_self_test_is_told_item_by_item() {
+    if !chip::is_there() {
+        return;
+    }
+    let mut both = Both::start(None);
+    both.run(1220, &Request { number: 1, ask: Ask::Status });
+    let verdicts = |findings: &[Finding]| findings.iter().map(|found| (found.item, found.verdict)).collect::<Vec<_>>();
+    let (passed, failed) = (TestVerdict::Passed, TestVerdict::Failed);
+    assert_eq!(verdicts(&both.board_items), [(Item::Memory, passed), (Item::Reset, passed), (Item::Clock, failed)]);
+    let told = |event: &Event| if let Event::SelfTest(finding) = event { Some(*finding) } else { None };
+    let told: Vec<Finding> = both.compare().iter().filter_map(told).collect();
+    let expected = [
+        (Item::Settings, failed),
+        (Item::Gyro, passed),
+        (Item::GyroRate, passed),
+        (Item::Accelerometer, failed),
+        (Item::Encoder, failed),
+        (Item::Block, TestVerdict::Absent),
+        (Item::Response, TestVerdict::NotAsked),
+        (Item::Drive, TestVerdict::NotAsked),
+    ];
+    assert_eq!(verdicts(&told), expected);
+}
+
 /// The machine has no flash controller: nothing can be stored, and the instrument says so. Then the buses that hold nothing end
 /// the fix.
 #[test]
@@ -179,18 +214,25 @@ fn crashes_are_told_after_the_restart() {
         (Provocation::HardFault, Cause::HardFault),
         (Provocation::StackOverflow, Cause::StackOverflow),
         (Provocation::Hang, Cause::LateTask),
+        (Provocation::HangReport, Cause::LateTask),
     ];
     for (how, cause) in causes {
         chip.crash(&encode_request(&Ask::Provoke(how).into()).unwrap());
         let mut decoder = ReportDecoder::new();
-        let told = chip.sent().iter().find_map(|&byte| decoder.feed(byte)).expect("a report").expect("a good frame");
-        let Event::Crash(crash) = told.event else { panic!("{how:?}: {told:?}") };
-        assert_eq!((crash.cause, told.t_s), (cause, 0.0), "{crash:?}");
+        let sent = chip.sent();
+        let told = sent.iter().filter_map(|&byte| decoder.feed(byte)).map(|report| report.expect("a good frame"));
+        // The task that sends answers before it hangs.
+        let told = told.skip_while(|report| matches!(report.event, Event::Answer { .. }));
+        let told: Vec<Report> = told.collect();
+        let [Report { t_s, event: Event::Crash(crash) }, ..] = told[..] else { panic!("{how:?}: {told:?}") };
+        assert_eq!((crash.cause, t_s), (cause, 0.0), "{crash:?}");
         match cause {
             Cause::Panic => {
                 assert_eq!((crash.file.as_str(), crash.message.as_str()), ("src/board/crash.rs", "provoked"))
             }
-            Cause::LateTask => assert_eq!(crash.message.as_str(), "solve"),
+            Cause::LateTask => {
+                assert_eq!(crash.message.as_str(), if how == Provocation::Hang { "solve" } else { "report" })
+            }
             _ => assert!(crash.stack_pointer != 0, "{crash:?}"),
         }
         assert!(crash.program != 0);

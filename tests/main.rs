@@ -18,4 +18,5 @@ mod page;
 mod qemu;
 mod replay;
 mod scenarios;
+mod self_test;
 mod states;

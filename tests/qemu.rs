@@ -8,9 +8,11 @@ use std::sync::atomic::AtomicBool;
 
 use crate::carried::{held, short_walk};
 use crate::common::{run, setup};
-use north::engine::{End, Outcome, Setup, qemu};
-use north_finder::event::Report;
-use north_finder::health::{Fault, Flag};
+use crate::self_test::Asker;
+use north::engine::{End, Outcome, Setup, host, qemu, world};
+use north_finder::event::{Event, Report};
+use north_finder::health::{Fault, Flag, Item, TestVerdict};
+use north_finder::link::Ask;
 
 /// The image, built once.
 fn image() -> &'static Path {
@@ -33,7 +35,9 @@ fn same(setup: &Setup) -> Outcome {
     let name = &setup.scenario.name;
     let mut reports = Vec::new();
     let (found, _) = qemu::run(image(), setup, &AtomicBool::new(false), &mut |report| reports.push(*report)).unwrap();
-    let (outcome, expected) = run(setup);
+    let (outcome, mut expected) = run(setup);
+    reports.retain(|report| !report.event.is_of_board());
+    expected.retain(|report| !report.event.is_of_board());
     for (report, expected) in reports.iter().zip(&expected) {
         // Printed with all their digits, equal numbers are equal bits (and not-a-number equals itself).
         assert_eq!(format!("{report:?}"), format!("{expected:?}"), "{name}");
@@ -87,6 +91,38 @@ fn carried() {
 fn settings_missing() {
     let missing = Setup { settings: None, ..setup("calm-bench", 7) };
     assert!(matches!(run_in_qemu(&missing).0, End::Fault { fault: Fault::SettingsMissing, .. }));
+}
+
+/// The self-test at the start and on request, with its move: what it finds of the board is the board's, all else is the same.
+#[test]
+fn the_self_test() {
+    let setup = setup("calm-bench", 9);
+    let requests = [(4.0, Ask::SelfTest)];
+    let (mut board, mut process) = (Asker::new(&requests), Asker::new(&requests));
+    let never = AtomicBool::new(false);
+    qemu::serve(image(), &world(&setup).unwrap(), 4800, &mut board, &never).unwrap();
+    host::serve(&world(&setup).unwrap(), 4800, &mut process, &never, &mut |_, _| ()).unwrap();
+    let items = board.reports.iter().filter_map(|report| match report.event {
+        Event::SelfTest(finding) if finding.item.is_of_board() => Some((finding.item, finding.verdict)),
+        _ => None,
+    });
+    let once = [
+        (Item::Memory, TestVerdict::Passed),
+        (Item::Reset, TestVerdict::Passed),
+        // This board has no crystal.
+        (Item::Clock, TestVerdict::Absent),
+    ];
+    assert_eq!(items.collect::<Vec<_>>(), [once, once].concat());
+    let others = |asker: &Asker| {
+        let others = asker.reports.iter().filter(|report| !report.event.is_of_board());
+        others.map(|report| format!("{report:?}")).collect::<Vec<_>>()
+    };
+    assert_eq!(others(&board), others(&process));
+    assert!(
+        board.reports.iter().any(
+            |report| matches!(report.event, Event::SelfTest(found) if found.item == Item::Drive && found.passed())
+        )
+    );
 }
 
 #[test]

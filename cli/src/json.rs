@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use north_finder::event::{Dwell, Event, Fix, Heading, Report};
-use north_finder::health::{Counters, Flags};
+use north_finder::health::{Counters, Finding, Flags};
 use north_finder::units::wrap_180_deg;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -165,10 +165,26 @@ impl EventRecord {
             // The azimuth stands with its run; the names of states and faults are the event's own.
             Event::Fix(_) | Event::State(_) => Map::new(),
             Event::Fault { state, .. } => Map::from_iter([("state".to_owned(), Value::from(state.name()))]),
+            Event::SelfTest(finding) => self_test(&finding),
             other => fields(&other),
         };
         Some(Self { t_s: report.t_s, event: report.event.name(), details })
     }
+}
+
+/// An item of a self-test by its names; `null` where nothing was measured.
+fn self_test(finding: &Finding) -> Map<String, Value> {
+    let measured = |value: f32| Value::from(finding.was_tested().then(|| f64::from(value)));
+    let [least, most] = finding.allowed;
+    let fields = [
+        ("item", Value::from(finding.item.name())),
+        ("verdict", Value::from(finding.verdict.name())),
+        ("measured", measured(finding.measured)),
+        ("least", measured(least)),
+        ("most", measured(most)),
+        ("unit", Value::from(finding.item.unit())),
+    ];
+    fields.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
 /// The fields of an event, by name.

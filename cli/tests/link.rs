@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use common::Board;
+use north_finder::health::Item;
 use serde_json::Value;
 
 /// The reports that Python reads of an instrument.
@@ -55,6 +56,24 @@ fn python_reads_a_fix_and_its_raw_stream() {
         let raw_arcsec = second["raw_counts"].as_f64().unwrap() * 1e-6;
         assert!((raw_arcsec - second["fog_arcsec"].as_f64().unwrap()).abs() < 1e-9, "{second}");
     }
+}
+
+/// Every item, in its order: all pass but for those of a board and a block, which are not there.
+#[test]
+fn python_asks_for_the_self_test() {
+    let Some(reports) = reports(&["--speed", "100"], &["--self-test"]) else { return };
+    let asked = reports.iter().rposition(|report| report["event"] == "answer").unwrap();
+    let told: Vec<(&str, &str)> = named(&reports[asked..], "self-test")
+        .iter()
+        .map(|item| (item["item"].as_str().unwrap(), item["verdict"].as_str().unwrap()))
+        .collect();
+    let expected = Item::ALL.iter().map(|item| {
+        let absent = item.is_of_board() || *item == Item::Block;
+        (item.name(), if absent { "absent" } else { "passed" })
+    });
+    assert_eq!(told, expected.collect::<Vec<_>>());
+    let rate = named(&reports[asked..], "self-test")[5];
+    assert_eq!((&rate["measured"], &rate["allowed"]), (&400.0.into(), &serde_json::json!([394.0, 406.0])));
 }
 
 #[test]

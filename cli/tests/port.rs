@@ -102,11 +102,27 @@ fn the_accelerometers_are_calibrated_over_the_port() {
 #[test]
 fn the_doctor_finds_what_is_wrong() {
     let said = board(&[]).good(&["doctor", "--port", "PORT"]);
-    for part in ["good  gyro frames    All ", "look  accelerometers", "good  latitude", "good  encoder", "good  level"]
-    {
+    let parts = [
+        "good  gyro frames    All ",
+        "look  accelerometers",
+        "good  latitude",
+        "good  encoder",
+        "good  level",
+        "good  self-test      Gyro-rate passed: 400 1/s, allowed 394 to 406",
+        "good  self-test      Accelerometer-response passed: 1.5 g, allowed 0.5 to 3",
+        "good  self-test      Index-drive passed: 0.",
+        "good  self-test      Block absent",
+    ];
+    for part in parts {
         assert!(said.contains(part), "{part}: {said}");
     }
     assert!(!said.contains("BAD"), "{said}");
+    let (code, said, _) = board(&["--scenario", "stalled-motor"]).run(&["doctor", "--port", "PORT"]);
+    let bad: Vec<&str> = said.lines().filter(|line| line.starts_with("BAD")).collect();
+    assert!(code == 1 && bad.len() == 1, "{said}");
+    assert!(bad[0].contains("Index-drive failed: 5") && bad[0].contains(". To do: free the spindle"), "{said}");
+    let said = board(&["--scenario", "stalled-motor"]).good(&["doctor", "--still", "--port", "PORT"]);
+    assert!(!said.contains("self-test"), "{said}");
     let (code, said, error) = board(&["--scenario", "lossy-link"]).run(&["doctor", "--port", "PORT", "--json", "-"]);
     let findings: Value = serde_json::from_str(&said).unwrap();
     let frames = findings.as_array().unwrap().iter().find(|finding| finding["what"] == "gyro frames").unwrap();

@@ -1,6 +1,7 @@
 //! The accelerometer triad at register level: Analog Devices ADXL354/ADXL355 data sheet.
 //!
-//! Not modelled: FIFO, activity detection, interrupts, high-pass filter, self-test (their registers can be written and read).
+//! Not modelled: FIFO, activity detection, interrupts, high-pass filter (their registers can be written and read); the test force acts
+//! at once.
 
 use crate::noise::{Source, Stream};
 use crate::scenario::{Accelerometer, SensorFaultKind};
@@ -15,6 +16,7 @@ mod register {
     pub const FILTER: u8 = 0x28;
     pub const RANGE: u8 = 0x2C;
     pub const POWER_CTL: u8 = 0x2D;
+    pub const SELF_TEST: u8 = 0x2E;
     pub const RESET: u8 = 0x2F;
 }
 
@@ -166,7 +168,12 @@ impl Adxl355 {
     fn noisy_g(&mut self, axis: usize, felt: &Felt) -> f64 {
         // The corner of the low-pass filter is a quarter of the data rate.
         let noise_g = 1e-6 * self.errors.noise_ug_per_sqrt_hz * (self.rate_hz() / 4.0).sqrt();
-        self.errors.reading_g(axis, &felt.force_g, felt.temp_c) + noise_g.hypot(felt.vibration_g) * self.stream.normal()
+        // ST1 enables the self-test, ST2 applies its electrostatic force.
+        let tested = self.get(register::SELF_TEST) & 0b11 == 0b11;
+        let response_g = if tested { self.errors.self_test_g[axis] } else { 0.0 };
+        self.errors.reading_g(axis, &felt.force_g, felt.temp_c)
+            + response_g
+            + noise_g.hypot(felt.vibration_g) * self.stream.normal()
     }
 }
 

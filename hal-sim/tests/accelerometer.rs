@@ -206,3 +206,24 @@ fn a_stuck_sensor_repeats_and_a_broken_bus_reads_its_level() {
     assert_ne!(readings[0], readings[1]);
     assert!(readings[5..].iter().all(|reading| *reading == readings[5]));
 }
+
+/// ST1 alone does nothing; with ST2 the force acts, in the range that is set: z's 2.5 g are beyond ±2.048 g and within ±8.192 g.
+#[test]
+fn the_test_force_moves_the_readings() {
+    const SELF_TEST: u8 = 0x2E;
+    let world = World::new(&quiet(), 1);
+    let axes = |range: u8, test: u8| {
+        write(&world, POWER_CTL, 1);
+        write(&world, RANGE, range);
+        write(&world, SELF_TEST, test);
+        write(&world, POWER_CTL, 0);
+        (0..8).for_each(|_| drop(tick(&world)));
+        let bytes = read(&world, XDATA3, 9);
+        [0, 3, 6].map(|at| i32::from_be_bytes([bytes[at], bytes[at + 1], bytes[at + 2], 0]) >> 12)
+    };
+    assert_eq!(axes(0x81, 0b01), [0, 0, 256_000]);
+    // 0.3 g, 0.3 g, 1 g + 1.5 g: the last is as far as the range goes.
+    assert_eq!(axes(0x81, 0b11), [76_800, 76_800, 524_287]);
+    assert_eq!(axes(0x83, 0b11), [19_200, 19_200, 160_000]);
+    assert_eq!(axes(0x83, 0b00), [0, 0, 64_000]);
+}

@@ -51,7 +51,7 @@ pub const READERS: &[Reader] = &[
     },
     Reader { name: "kvh", read: kvh, good: &[0xFE, 0x81, 0xFF, 0x55, 0x37, 0xA9] },
     Reader { name: "request", read: requests, good: &[2, 6, 1, 1, 1, 1, 1, 1, 2, 0x40, 1, 5, 0] },
-    Reader { name: "report", read: reports, good: &[2, 6, 1, 1, 1, 1, 1, 1, 2, 0x40, 1, 5, 0x6F, 0xF6, 0xA8, 0xF3, 0] },
+    Reader { name: "report", read: reports, good: &[2, 7, 1, 1, 1, 1, 1, 1, 2, 0x40, 1, 5, 0xAF, 0x29, 0x26, 0x32, 0] },
     Reader {
         name: "raw",
         read: raw,

@@ -73,12 +73,16 @@ impl Wired {
         if let Some(command) = self.pending.take() {
             self.motor.command(command);
         }
-        let readings = Readings { tick: self.tick, sensors, turning: self.motor.is_turning() };
-        tap(&readings, &self.heard);
         self.intake.gyro.put(&self.heard);
         self.intake.host.put(requests);
+        let (turning, heard) = (self.motor.is_turning(), self.intake.heard());
+        let readings = Readings { tick: self.tick, sensors, turning, heard };
+        tap(&readings, &self.heard);
         let orders = self.stepper.step(&readings, &self.intake, &mut self.world.flash(), report);
         self.pending = orders.motor;
+        if orders.test_accelerometer {
+            self.sensors.test_accelerometer();
+        }
         let (mut problem, instrument) = (Problem::default(), &mut self.stepper.instrument);
         if instrument.problem(&mut problem) {
             instrument.solved(problem.solve());

@@ -5,6 +5,7 @@
 
 use core::arch::naked_asm;
 use core::panic::PanicInfo;
+use core::sync::atomic::{AtomicBool, Ordering};
 
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::exception;
@@ -125,8 +126,18 @@ fn seen(cause: Cause, frame: *const u32) -> Crash {
     }
 }
 
-/// Crashes on purpose.
-pub fn provoke(how: Provocation) -> ! {
+/// The report task shall never end.
+static REPORT_HANGS: AtomicBool = AtomicBool::new(false);
+
+/// Where the report task sends.
+pub fn hang_if_provoked() {
+    while REPORT_HANGS.load(Ordering::Relaxed) {
+        core::hint::spin_loop();
+    }
+}
+
+/// Crashes on purpose, or takes its time.
+pub fn provoke(how: Provocation) {
     match how {
         Provocation::Panic => panic!("provoked"),
         Provocation::HardFault => cortex_m::asm::udf(),
@@ -137,6 +148,8 @@ pub fn provoke(how: Provocation) -> ! {
         Provocation::Hang => loop {
             core::hint::spin_loop();
         },
+        Provocation::HangReport => REPORT_HANGS.store(true, Ordering::Relaxed),
+        Provocation::Lag { ticks } => cortex_m::asm::delay(u32::from(ticks) * super::TICK_ROUNDS),
     }
 }
 

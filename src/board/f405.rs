@@ -11,8 +11,8 @@
 //! | PB6 (TIM4 channel 1) | block, sync input: it samples in step with this pulse of 100 Hz |
 //! | PC6, PC7, PC8 | motor driver: step, direction, not-enable |
 //!
-//! The settings are in the flash, sectors 1 and 2: see [`flash`]. A crystal that does not start is reported, and the
-//! internal oscillator is used: see [`clock`].
+//! The settings are in the flash, sectors 1 and 2: see [`flash`]. Where the crystal does not start, the internal oscillator is used (see
+//! [`clock`]), and the self-test tells it.
 
 mod clock;
 mod flash;
@@ -49,6 +49,8 @@ const BLOCK_CLOCK: Hertz = Hertz::kHz(1_000);
 const GYRO_BAUD: u32 = 921_600;
 const HOST_BAUD: u32 = north_finder::link::BAUD;
 const TICK_HZ: u32 = 400;
+/// Rounds of two instructions in a tick, with the crystal; a jump takes two cycles at least.
+pub const TICK_ROUNDS: u32 = clock::SYSTEM.raw() / TICK_HZ / 3;
 const SLOTS_HZ: u32 = 3200;
 const BLOCK_HZ: u32 = 100;
 /// Divides the clock of the block's pulse, so that a period fits 16 bits.
@@ -75,6 +77,8 @@ pub struct Board {
     pub direction: Direction,
     pub enable: Enable,
     pub flash: Flash,
+    /// Whether the clock runs from the crystal.
+    pub crystal: Option<bool>,
 }
 
 type Select<PIN> = Held<PIN, SELECT_CYCLES>;
@@ -158,6 +162,7 @@ pub fn init(device: pac::Peripherals) -> Board {
         direction: c.pc7.into_push_pull_output(),
         enable: ActiveLow(c.pc8.into_push_pull_output_in_state(PinState::High)),
         flash,
+        crystal: Some(crystal),
     }
 }
 

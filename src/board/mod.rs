@@ -12,6 +12,7 @@
 //! | `Step`, `Direction`, `Enable` | output pins of the motor |
 //! | `Flash` | NOR flash for the settings |
 //! | `sleep` | waits for the next interrupt |
+//! | `TICK_ROUNDS` | rounds of a loop of two instructions that take a tick |
 //! | `passed_permille` | how much of the tick under way has passed |
 //! | `restart` | starts anew, as after power-up |
 //! | `Watchdog` | starts the instrument anew where it is not fed |
@@ -27,6 +28,7 @@ compile_error!("choose a board: --features f405 or --features mps2");
 pub mod crash;
 #[cfg(feature = "f405")]
 mod f405;
+pub mod memory;
 #[cfg(feature = "f405")]
 pub use f405::*;
 

@@ -4,8 +4,10 @@
 //! sleeping, the idle task lets the timer run out that would be next, and in [`Ticker::sync`] the host lets the world
 //! go on by a tick and hands over what has arrived. So results do not depend on how fast instructions are.
 //!
-//! With the argument `real-time` the timers run by themselves, and the gyro's bytes and the link go over the emulated
-//! UARTs.
+//! With the argument `free-running` the timers run by themselves, by instructions counted, and a solution takes as long as it takes:
+//! `solve` can lag. All else stays as it is in lock-step, so that two runs are the same, and the same as in lock-step where nothing lags.
+//!
+//! With the argument `real-time` the timers run by the host's clock, and the gyro's bytes and the link go over the emulated UARTs.
 
 mod end;
 mod exchange;
@@ -31,14 +33,24 @@ pub use flash::Flash;
 /// What the board is called on the link.
 pub const BOARD: identity::Board = identity::Board::Mps2;
 /// Cycles of the 25 MHz clock in a tick of 2.5 ms, and in a slot, rounded down: slots start anew at every tick.
-const TICK_CYCLES: u32 = 62_500;
-const SLOT_CYCLES: u32 = TICK_CYCLES / SLOTS_PER_TICK as u32;
+const TIMER_CYCLES: u32 = 62_500;
+const SLOT_CYCLES: u32 = TIMER_CYCLES / SLOTS_PER_TICK as u32;
+/// Rounds of two instructions in a tick, where one takes the 8 ns that QEMU is told.
+pub const TICK_ROUNDS: u32 = 156_250;
 const SLOTS_PER_TICK: u8 = 8;
+
+/// How time passes.
+#[derive(Clone, Copy, PartialEq)]
+enum Pace {
+    LockStep,
+    FreeRunning,
+    RealTime,
+}
 
 /// What the parts of the board share.
 struct State {
     exchange: Exchange,
-    real_time: bool,
+    pace: Pace,
     /// The free-running timer when the tick began.
     tick_began: u32,
     /// Whether the motor needs its slots, and how many have begun in this tick.
@@ -51,7 +63,7 @@ struct State {
 
 static STATE: Mutex<RefCell<State>> = Mutex::new(RefCell::new(State {
     exchange: Exchange::closed(),
-    real_time: false,
+    pace: Pace::LockStep,
     tick_began: 0,
     slots_run: false,
     slots_begun: 0,
@@ -77,6 +89,8 @@ pub struct Board {
     pub direction: Direction,
     pub enable: Enable,
     pub flash: Flash,
+    /// There is none.
+    pub crystal: Option<bool>,
 }
 
 pub type Accelerometer = Spi<0>;
@@ -89,13 +103,17 @@ pub type Enable = Pin<2>;
 pub fn init(_device: pac::Peripherals) -> Board {
     with(|state| {
         state.exchange.open();
-        state.real_time = has_argument("real-time");
-        if state.real_time {
+        if has_argument("real-time") {
+            state.pace = Pace::RealTime;
             pac::UART0.start();
             pac::UART1.start();
-            pac::TIMER0.start(TICK_CYCLES, TICK_CYCLES);
-        } else {
+        } else if has_argument("free-running") {
+            state.pace = Pace::FreeRunning;
+        }
+        if state.pace == Pace::LockStep {
             pac::TIMER0.run_freely();
+        } else {
+            pac::TIMER0.start(TIMER_CYCLES, TIMER_CYCLES);
         }
     });
     Board {
@@ -111,14 +129,17 @@ pub fn init(_device: pac::Peripherals) -> Board {
         direction: Pin,
         enable: Pin,
         flash: Flash,
+        crystal: None,
     }
 }
 
-/// Waits for the next interrupt.
+/// Waits for the next interrupt. Free-running it stays awake: QEMU lets a processor that sleeps by instructions miss interrupts of
+/// one of two timers (seen in 7.2).
 pub fn sleep() {
-    match with(|state| state.next_timer()) {
-        Some(interrupt) => NVIC::pend(interrupt),
-        None => cortex_m::asm::wfi(),
+    match with(|state| (state.pace, state.next_timer())) {
+        (Pace::LockStep, interrupt) => NVIC::pend(interrupt),
+        (Pace::FreeRunning, _) => {}
+        (Pace::RealTime, _) => cortex_m::asm::wfi(),
     }
 }
 
@@ -150,7 +171,7 @@ impl Watchdog {
     }
 
     pub fn feed(&mut self) {
-        let cycles = if with(|state| state.real_time) { 50_000_000 } else { 12_500_000 };
+        let cycles = if with(|state| state.pace) == Pace::LockStep { 12_500_000 } else { 50_000_000 };
         pac::WATCHDOG.start(cycles);
     }
 }
@@ -169,9 +190,9 @@ impl Ticker {
 
 impl State {
     /// In lock-step: the timer that is the next to run out.
-    fn next_timer(&self) -> Option<pac::Interrupt> {
+    fn next_timer(&self) -> pac::Interrupt {
         let slot = self.slots_run && self.slots_begun < SLOTS_PER_TICK;
-        (!self.real_time).then_some(if slot { pac::Interrupt::TIM3 } else { pac::Interrupt::TIM2 })
+        if slot { pac::Interrupt::TIM3 } else { pac::Interrupt::TIM2 }
     }
 
     /// Lets the world go on by a tick.
@@ -208,9 +229,13 @@ fn pend_while_waiting<const N: usize>(bytes: &Deque<u8, N>, interrupt: pac::Inte
     }
 }
 
-/// How much of the tick under way has passed, by the instructions that it took.
+/// How much of the tick under way has passed: in lock-step by the instructions that it took, else by the timer.
 pub fn passed_permille() -> u32 {
-    with(|state| state.tick_began.wrapping_sub(pac::TIMER0.remaining())) / (TICK_CYCLES / 1000)
+    let cycles = with(|state| {
+        let from = if state.pace == Pace::LockStep { state.tick_began } else { TIMER_CYCLES };
+        from.wrapping_sub(pac::TIMER0.remaining())
+    });
+    cycles / (TIMER_CYCLES / 1000)
 }
 
 /// The motor's slots: eight to a tick, the first one half a slot after it.
@@ -221,7 +246,7 @@ impl Slots {
     pub fn start(&mut self) {
         with(|state| {
             state.slots_run = true;
-            if state.real_time {
+            if state.pace != Pace::LockStep {
                 pac::TIMER1.start(SLOT_CYCLES / 2, SLOT_CYCLES);
             }
         });
@@ -279,7 +304,7 @@ pub struct GyroPort;
 impl GyroPort {
     /// Takes the bytes that have come.
     pub fn drain<const N: usize>(&mut self, line: &Line<N>) {
-        with(|state| drain(&mut state.gyro, state.real_time, || pac::UART1.read(), line));
+        with(|state| drain(&mut state.gyro, state.pace, || pac::UART1.read(), line));
     }
 }
 
@@ -289,18 +314,18 @@ pub struct RequestPort;
 impl RequestPort {
     /// Takes the bytes that have come.
     pub fn drain<const N: usize>(&mut self, line: &Line<N>) {
-        with(|state| drain(&mut state.requests, state.real_time, || pac::UART0.read(), line));
+        with(|state| drain(&mut state.requests, state.pace, || pac::UART0.read(), line));
     }
 }
 
 /// From the receiver's register in real time, else what the exchange brought.
 fn drain<const N: usize, const M: usize>(
     waiting: &mut Deque<u8, M>,
-    real_time: bool,
+    pace: Pace,
     read: impl FnMut() -> Option<u8>,
     line: &Line<N>,
 ) {
-    if real_time {
+    if pace == Pace::RealTime {
         core::iter::from_fn(read).for_each(|byte| line.put(&[byte]));
     }
     let (first, second) = waiting.as_slices();
@@ -315,7 +340,7 @@ pub struct ReportPort;
 impl ReportPort {
     /// Sends all, and waits as long as that takes.
     pub fn write(&mut self, bytes: &[u8]) {
-        if with(|state| state.real_time) {
+        if with(|state| state.pace) == Pace::RealTime {
             bytes.iter().for_each(|&byte| pac::UART0.write(byte));
         } else {
             with(|state| state.exchange.tell(b'U', &[bytes]));

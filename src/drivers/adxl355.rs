@@ -11,6 +11,7 @@ const STATUS: u8 = 0x04;
 const FILTER: u8 = 0x28;
 const RANGE: u8 = 0x2C;
 const POWER_CTL: u8 = 0x2D;
+const SELF_TEST: u8 = 0x2E;
 
 /// DEVID_AD, DEVID_MST and PARTID.
 const IDENTITY: [u8; 3] = [0xAD, 0x1D, 0xED];
@@ -18,6 +19,8 @@ const IDENTITY: [u8; 3] = [0xAD, 0x1D, 0xED];
 const FILTER_125_HZ: u8 = 0x05;
 /// ±2.048 g; the interrupt polarity and I²C speed bits as after reset.
 const RANGE_2_G: u8 = 0x81;
+/// ±8.192 g: with the test force of 1.5 g and gravity, z is beyond ±2.048 g.
+const RANGE_8_G: u8 = 0x83;
 const STANDBY: u8 = 0x01;
 const MEASURE: u8 = 0x00;
 
@@ -25,6 +28,27 @@ const STATUS_DATA_READY: u8 = 0x01;
 const STATUS_NVM_BUSY: u8 = 0x10;
 /// Bits that always read 0: a bus that is stuck high shows here.
 const STATUS_RESERVED: u8 = 0xE0;
+
+/// What the accelerometer is configured for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// To measure.
+    Measure,
+    /// Its own test, without its force (ST1), and with it (ST1 and ST2): ±8.192 g.
+    Test,
+    Force,
+}
+
+impl Mode {
+    /// RANGE and SELF_TEST.
+    fn registers(self) -> [u8; 2] {
+        match self {
+            Self::Measure => [RANGE_2_G, 0b00],
+            Self::Test => [RANGE_8_G, 0b01],
+            Self::Force => [RANGE_8_G, 0b11],
+        }
+    }
+}
 
 /// The accelerometer.
 #[derive(Debug)]
@@ -57,16 +81,18 @@ impl<SPI: SpiDevice> Adxl355<SPI> {
         Self { spi }
     }
 
-    /// Checks that the part is there and makes it measure: ±2.048 g, 125 Hz, low pass 31.25 Hz. The first measurement
-    /// is ready some 10 ms later.
-    pub fn configure(&mut self) -> Result<(), Error<SPI::Error>> {
+    /// Checks that the part is there and makes it measure: 125 Hz, low pass 31.25 Hz, ±2.048 g or what the mode says. The first
+    /// measurement is ready some 10 ms later.
+    pub fn configure(&mut self, mode: Mode) -> Result<(), Error<SPI::Error>> {
         let mut found = [0; 3];
         self.read(DEVID_AD, &mut found)?;
         if found != IDENTITY {
             return Err(Error::Identity { found });
         }
         // Range and filter may only be changed in standby.
-        let settings = [(POWER_CTL, STANDBY), (FILTER, FILTER_125_HZ), (RANGE, RANGE_2_G), (POWER_CTL, MEASURE)];
+        let [range, test] = mode.registers();
+        let settings =
+            [(POWER_CTL, STANDBY), (FILTER, FILTER_125_HZ), (RANGE, range), (SELF_TEST, test), (POWER_CTL, MEASURE)];
         for (register, written) in settings {
             self.spi.write(&[register << 1, written]).map_err(Error::Bus)?;
             let mut read = [0];
@@ -80,7 +106,7 @@ impl<SPI: SpiDevice> Adxl355<SPI> {
     }
 
     /// The newest measurement: specific force along the part's x, y and z. Its 20 bits of ±2.048 g, 256 000 codes in a g, are the
-    /// upper ones of the result's 32.
+    /// upper ones of the result's 32. (In its own test the range is four times as wide.)
     ///
     /// A measurement is read once: before the next is there, the error is [`Error::NotReady`].
     pub fn acceleration(&mut self) -> Result<TriadCode, Error<SPI::Error>> {
@@ -117,14 +143,29 @@ mod tests {
     #[test]
     fn configures_range_filter_and_measurement() {
         let mut spi = MockSpi::new(MockSpi::adxl355_configuration());
-        assert_eq!(Adxl355::new(&mut spi).configure(), Ok(()));
+        assert_eq!(Adxl355::new(&mut spi).configure(Mode::Measure), Ok(()));
         spi.done();
+    }
+
+    /// ST1 is bit 0 and ST2 bit 1 of register 2E, sent as 5C; ±8.192 g is 3 in the lower bits of RANGE.
+    #[test]
+    fn its_own_test_is_in_the_widest_range() {
+        for (mode, test) in [(Mode::Test, 0x01), (Mode::Force, 0x03)] {
+            let mut exchanges = MockSpi::adxl355_configuration();
+            exchanges[5] = Exchange::new([0x58, 0x83], [0, 0]);
+            exchanges[6] = Exchange::new([0x59, 0], [0, 0x83]);
+            exchanges[7] = Exchange::new([0x5C, test], [0, 0]);
+            exchanges[8] = Exchange::new([0x5D, 0], [0, test]);
+            let mut spi = MockSpi::new(exchanges);
+            assert_eq!(Adxl355::new(&mut spi).configure(mode), Ok(()));
+            spi.done();
+        }
     }
 
     #[test]
     fn another_part_is_refused() {
         let mut spi = MockSpi::new(vec![Exchange::new([0x01, 0, 0, 0], [0, 0xAD, 0x1D, 0xEE])]);
-        assert_eq!(Adxl355::new(&mut spi).configure(), Err(Error::Identity { found: [0xAD, 0x1D, 0xEE] }));
+        assert_eq!(Adxl355::new(&mut spi).configure(Mode::Measure), Err(Error::Identity { found: [0xAD, 0x1D, 0xEE] }));
     }
 
     #[test]
@@ -133,7 +174,7 @@ mod tests {
         exchanges[6] = Exchange::new([0x59, 0], [0, 0x82]);
         let mut spi = MockSpi::new(exchanges);
         let expected = Error::Configuration { register: 0x2C, written: 0x81, read: 0x82 };
-        assert_eq!(Adxl355::new(&mut spi).configure(), Err(expected));
+        assert_eq!(Adxl355::new(&mut spi).configure(Mode::Measure), Err(expected));
     }
 
     fn read(status: u8, axes: [u8; 9]) -> Result<TriadCode, Error<core::convert::Infallible>> {
@@ -163,6 +204,6 @@ mod tests {
         assert_eq!(read(0xFF, [0xFF; 9]), Err(Error::NotReady { status: 0xFF }));
         assert_eq!(read(0x00, [0; 9]), Err(Error::NotReady { status: 0x00 }));
         let mut stuck_low = MockSpi::new(vec![Exchange::new([0x01, 0, 0, 0], [0; 4])]);
-        assert_eq!(Adxl355::new(&mut stuck_low).configure(), Err(Error::Identity { found: [0; 3] }));
+        assert_eq!(Adxl355::new(&mut stuck_low).configure(Mode::Measure), Err(Error::Identity { found: [0; 3] }));
     }
 }

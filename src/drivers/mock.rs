@@ -48,6 +48,8 @@ impl MockSpi {
             Exchange::new([0x51, 0], [0, 0x05]),
             Exchange::new([0x58, 0x81], [0, 0]),
             Exchange::new([0x59, 0], [0, 0x81]),
+            Exchange::new([0x5C, 0x00], [0, 0]),
+            Exchange::new([0x5D, 0], [0, 0x00]),
             Exchange::new([0x5A, 0x00], [0, 0]),
             Exchange::new([0x5B, 0], [0, 0x00]),
         ]

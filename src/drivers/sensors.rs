@@ -1,7 +1,7 @@
 //! Which sensor is read at which tick: one schedule for the board, QEMU and the in-process run.
 
 use super::adis16505::{Adis16505, Increments};
-use super::adxl355::Adxl355;
+use super::adxl355::{Adxl355, Error, Mode};
 use super::as5048a::As5048a;
 use crate::codes::{IndexCode, TriadCode};
 use embedded_hal::spi::SpiDevice;
@@ -19,6 +19,7 @@ pub struct Sensors<A, E, B> {
     encoder: As5048a<E>,
     block: Option<Adis16505<B>>,
     accelerometer_configured: bool,
+    response: Option<Response>,
 }
 
 /// What a tick's turn gave: one sensor's reading, `None` if it gave nothing valid.
@@ -27,10 +28,23 @@ pub enum Due {
     #[default]
     Nothing,
     Acceleration(Option<TriadCode>),
+    /// By how much the accelerometer's own test force moved it: a difference of two readings, 2³¹ counts are 16.384 g.
+    Response(TriadCode),
     Index(Option<IndexCode>),
     /// What the block summed up since its last reading.
     Block(Option<Increments>),
 }
+
+/// The accelerometer's own test under way: its turns since it began, and the sum of its readings under the force minus those without.
+#[derive(Debug, Default)]
+struct Response {
+    turns: u8,
+    sum: [i32; 3],
+}
+
+/// Readings that are summed, and those before them that the low pass needs to settle: 80 ms.
+const SUMMED: u8 = 16;
+const SETTLING: u8 = 8;
 
 impl<A: SpiDevice, E: SpiDevice, B: SpiDevice> Sensors<A, E, B> {
     /// Touches no bus: a part that is still starting gets its time.
@@ -40,7 +54,13 @@ impl<A: SpiDevice, E: SpiDevice, B: SpiDevice> Sensors<A, E, B> {
             encoder: As5048a::new(encoder),
             block: block.map(Adis16505::new),
             accelerometer_configured: false,
+            response: None,
         }
+    }
+
+    /// Begins the accelerometer's own test: for half a second it gives no readings, and then its [`Due::Response`].
+    pub fn test_accelerometer(&mut self) {
+        self.response = Some(Response::default());
     }
 
     /// Reads what is due at the tick of this number.
@@ -65,13 +85,43 @@ impl<A: SpiDevice, E: SpiDevice, B: SpiDevice> Sensors<A, E, B> {
     /// An accelerometer that fails is configured anew at its next turn: it may have lost its supply. The turn that
     /// configures it has no reading to give.
     fn acceleration(&mut self) -> Due {
-        let due = if self.accelerometer_configured {
+        let due = if let Some(response) = &mut self.response {
+            let due = response.turn(&mut self.accelerometer).unwrap_or(Due::Acceleration(None));
+            // What ends it has configured the part to measure, or not.
+            self.response.take_if(|_| due != Due::Nothing);
+            due
+        } else if self.accelerometer_configured {
             Due::Acceleration(self.accelerometer.acceleration().ok())
         } else {
-            self.accelerometer.configure().map_or(Due::Acceleration(None), |()| Due::Nothing)
+            self.accelerometer.configure(Mode::Measure).map_or(Due::Acceleration(None), |()| Due::Nothing)
         };
         self.accelerometer_configured = due != Due::Acceleration(None);
         due
+    }
+}
+
+impl Response {
+    fn turn<A: SpiDevice>(&mut self, part: &mut Adxl355<A>) -> Result<Due, Error<A::Error>> {
+        const FORCED: u8 = 1 + SETTLING + SUMMED;
+        const END: u8 = 2 * FORCED;
+        match self.turns {
+            0 => part.configure(Mode::Test)?,
+            FORCED => part.configure(Mode::Force)?,
+            END => {
+                part.configure(Mode::Measure)?;
+                // 16 differences of codes of 20 bits at 64 000 a g; 2³¹ shall be 16.384 g.
+                return Ok(Due::Response(TriadCode(self.sum.map(|sum| sum << 7))));
+            }
+            turns => {
+                let sign = if turns < FORCED { -1 } else { 1 };
+                let summed = turns % FORCED > SETTLING;
+                for (sum, code) in self.sum.iter_mut().zip(part.acceleration()?.0) {
+                    *sum += if summed { sign * (code >> 12) } else { 0 };
+                }
+            }
+        }
+        self.turns += 1;
+        Ok(Due::Nothing)
     }
 }
 
@@ -117,6 +167,34 @@ mod tests {
             Sensors::new(MockSpi::new(wrong_part), MockSpi::new(odd_parity), Some(MockSpi::new(no_block)));
         let due: Vec<Due> = (0..3).map(|tick| sensors.read(tick)).collect();
         assert_eq!(due, [Due::Acceleration(None), Due::Block(None), Due::Index(None)]);
+    }
+
+    /// At rest z reads 1 g, 64 000 codes; under the force 2.5 g, x 0.25 g: by hand, 0.25 · 2³¹/16.384 and 1.5 · 2³¹/16.384.
+    #[test]
+    fn the_response_is_the_difference_of_two_means() {
+        let configuration = |range: u8, test: u8| {
+            let mut exchanges = MockSpi::adxl355_configuration();
+            exchanges[5] = Exchange::new([0x58, range], [0, 0]);
+            exchanges[6] = Exchange::new([0x59, 0], [0, range]);
+            exchanges[7] = Exchange::new([0x5C, test], [0, 0]);
+            exchanges[8] = Exchange::new([0x5D, 0], [0, test]);
+            exchanges
+        };
+        // 64 000 = 0x0FA00, 160 000 = 0x27100, 16 000 = 0x03E80, each left-aligned in three bytes.
+        let reading = |x: [u8; 3], z: [u8; 3]| {
+            let miso = [&[0, 0x01, 0, 0, 0][..], &x, &[0; 3], &z].concat();
+            Exchange::new([0x09, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0], miso)
+        };
+        let mut exchanges = configuration(0x83, 0x01);
+        exchanges.extend((0..24).map(|_| reading([0; 3], [0x0F, 0xA0, 0x00])));
+        exchanges.extend(configuration(0x83, 0x03));
+        exchanges.extend((0..24).map(|_| reading([0x03, 0xE8, 0x00], [0x27, 0x10, 0x00])));
+        exchanges.extend(MockSpi::adxl355_configuration());
+        let mut sensors = Sensors::new(MockSpi::new(exchanges), MockSpi::new(vec![]), None::<MockSpi>);
+        sensors.test_accelerometer();
+        let due: Vec<Due> = (0..51).map(|turn| sensors.read(4 * turn)).collect();
+        assert!(due[..50].iter().all(|due| *due == Due::Nothing));
+        assert_eq!(due[50], Due::Response(TriadCode([32_768_000, 0, 196_608_000])));
     }
 
     #[test]

@@ -155,6 +155,8 @@ pub struct Sequencer {
     rest: IndexWatch,
     /// The second under way is that of an arrival, with some of the move in it.
     arrives: bool,
+    /// In the second under way the motor moved without a fix.
+    exercised: bool,
     /// It moved without the motor, or not as its steps, since power-up: the mark may be wrong from there on. This fix says so.
     doubted: bool,
     doubt_told: bool,
@@ -179,6 +181,7 @@ impl Sequencer {
             adaptive: None,
             rest: IndexWatch::new(0.0),
             arrives: false,
+            exercised: false,
             doubted: false,
             doubt_told: false,
         }
@@ -229,6 +232,11 @@ impl Sequencer {
         sink(Event::Fault { fault, state: self.state() });
         self.enter(Stage::Failed, t_s, sink);
         Some(MotorCommand::Stop)
+    }
+
+    /// The motor moves without a fix: what the index does in this second is no slip.
+    pub fn exercise(&mut self) {
+        self.exercised = true;
     }
 
     /// The tick of this number: the index angle, whether the encoder was read at this tick, and whether the motor is turning.
@@ -326,8 +334,9 @@ impl Sequencer {
     /// The index must stand while the motor does. (In a fix the accumulator knows it too, and what to make of it.)
     fn watch_rest(&mut self, index: Option<Direction>) {
         let arrived = core::mem::take(&mut self.arrives);
+        let exercised = core::mem::take(&mut self.exercised);
         match index {
-            _ if matches!(self.stage, Stage::Indexing(_)) => self.rest.restart(),
+            _ if exercised || matches!(self.stage, Stage::Indexing(_)) => self.rest.restart(),
             _ if arrived => {}
             Some(index) => self.doubted |= self.rest.push(index).is_some(),
             None => {}

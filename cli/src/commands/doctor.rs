@@ -5,7 +5,7 @@ use std::io::Write;
 use clap::Args;
 use north_finder::earth::earth_rate;
 use north_finder::event::{Event, Report, Second};
-use north_finder::health::Counters;
+use north_finder::health::{self, Counters, Item, Refusal, TestVerdict};
 use north_finder::link::Ask;
 use north_finder::settings::Settings;
 use schemars::JsonSchema;
@@ -14,17 +14,21 @@ use serde::Serialize;
 use crate::failure::Failure;
 use crate::output::JsonOption;
 use crate::port::{Port, PortError, PortOption, SILENCE};
+use crate::present;
 
 /// Least seconds that say something of the gyro's noise.
 const LEAST_SECONDS: usize = 5;
 /// Noise that differs from what is declared by more than this factor is worth a look.
 const NOISE_FACTOR: f64 = 2.0;
+/// Seconds after the self-test's move that are not listened to.
+const SETTLING_SECONDS: usize = 2;
 /// A load of so many thousandths of a tick is too near to one.
 const HIGH_LOAD: u32 = 900;
 
-/// Check everything of a board: link, settings, gyro, encoder, accelerometers, counters, load
+/// Check everything of a board: its self-test, link, settings, gyro, encoder, accelerometers, counters, load
 ///
-/// Listens for some seconds; the instrument should stand still, and no fix run.
+/// Asks for the self-test, which turns the index by 5° and back, and listens for some seconds; the instrument should stand still, and
+/// no fix run.
 #[derive(Args, Debug)]
 #[command(after_help = "Example:\n  north doctor --port /dev/ttyUSB0")]
 pub struct Doctor {
@@ -33,6 +37,9 @@ pub struct Doctor {
     /// Seconds to listen
     #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u32).range(5..=600))]
     seconds: u32,
+    /// Do not ask for the self-test: nothing moves
+    #[arg(long)]
+    still: bool,
     #[command(flatten)]
     json: JsonOption,
 }
@@ -101,9 +108,11 @@ impl Doctor {
                 identity.program
             ),
         )];
+        let mut unreadable = false;
         let settings = match port.settings() {
             Ok(settings) => settings,
             Err(PortError::Refused { refusal, .. }) => {
+                unreadable = true;
                 findings.push(finding(
                     "settings",
                     Verdict::Bad,
@@ -113,10 +122,11 @@ impl Doctor {
             }
             Err(error) => return Err(error.into()),
         };
-        let heard = self.listen(&mut port)?;
+        let tested = !self.still && self_test(&mut port, &mut findings)?;
+        let heard = self.listen(&mut port, if tested { SETTLING_SECONDS } else { 0 })?;
         match &settings {
             Some(settings) => of_settings(settings, &mut findings),
-            None if findings.len() == 1 => findings.push(finding(
+            None if !unreadable => findings.push(finding(
                 "settings",
                 Verdict::Bad,
                 "No settings are stored: load them, with the latitude of the site.",
@@ -143,11 +153,12 @@ impl Doctor {
         }
     }
 
-    fn listen(&self, port: &mut Port) -> Result<Heard, PortError> {
+    /// Hears what the board tells, but for the first seconds.
+    fn listen(&self, port: &mut Port, settling: usize) -> Result<Heard, PortError> {
         let mut heard = Heard::default();
         port.ask(Ask::Status, &mut |report| heard.hear(report))?;
         let silent = |heard: &Heard, error| if heard.first.is_some() { Ok(()) } else { Err(error) };
-        while heard.seconds.len() < self.seconds as usize {
+        while heard.seconds.len() < self.seconds as usize + settling {
             match port.report(SILENCE) {
                 Ok(report) => heard.hear(&report),
                 // A board without a gyro answers, and tells no second.
@@ -159,8 +170,38 @@ impl Doctor {
             }
         }
         port.ask(Ask::Status, &mut |report| heard.hear(report))?;
+        heard.seconds.drain(..settling.min(heard.seconds.len()));
         Ok(heard)
     }
+}
+
+/// Asks for the self-test and waits for its last item; gives whether it was done.
+fn self_test(port: &mut Port, findings: &mut Vec<Finding>) -> Result<bool, PortError> {
+    match port.ask(Ask::SelfTest, &mut |_| ()) {
+        Ok(()) => {}
+        Err(PortError::Refused { refusal: refusal @ Refusal::Busy, .. }) => {
+            let text = format!("{}: {}.", sentence(refusal.meaning()), refusal.remedy());
+            findings.push(finding("self-test", Verdict::Look, text));
+            return Ok(false);
+        }
+        Err(error) => return Err(error),
+    }
+    loop {
+        let Event::SelfTest(found) = port.report(SILENCE)?.event else { continue };
+        findings.push(of_item(&found));
+        if Item::ALL.last() == Some(&found.item) {
+            return Ok(true);
+        }
+    }
+}
+
+fn of_item(found: &health::Finding) -> Finding {
+    let verdict = match found.verdict {
+        TestVerdict::Passed | TestVerdict::Absent => Verdict::Good,
+        TestVerdict::Failed => Verdict::Bad,
+        TestVerdict::NotAsked | TestVerdict::Unmet | TestVerdict::Interrupted => Verdict::Look,
+    };
+    finding("self-test", verdict, format!("{}.", sentence(&present::self_test::sentence(found))))
 }
 
 /// With a capital.

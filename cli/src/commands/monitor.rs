@@ -4,6 +4,7 @@ use std::io::{self, IsTerminal, Write};
 
 use clap::Args;
 use north_finder::event::{Event, State};
+use north_finder::health::TestVerdict;
 use north_finder::link::Ask;
 use north_finder::sequence::Command;
 use north_finder::settings::Settings;
@@ -11,7 +12,7 @@ use north_finder::settings::Settings;
 use crate::dashboard;
 use crate::failure::Failure;
 use crate::port::{Port, PortError, SILENCE};
-use crate::present::{Directions, View, write_fault, write_fix};
+use crate::present::{Directions, View, self_test, write_fault, write_fix};
 
 /// Show what a board does: states, positions, gates, faults, the azimuth with its sigma
 ///
@@ -69,6 +70,10 @@ impl Monitor {
             match report.event {
                 Event::Fix(fix) => write_fix(&mut text, &fix, &self.directions, None)?,
                 Event::Fault { fault, state } => write_fault(&mut text, fault, state)?,
+                // Of what failed the view itself tells.
+                Event::SelfTest(finding) if finding.verdict != TestVerdict::Failed => {
+                    writeln!(text, "{:8.1} s  self-test: {}", report.t_s, self_test::sentence(&finding))?;
+                }
                 _ => {}
             }
             view.write_block(&text);

@@ -99,6 +99,8 @@ impl Cost {
 enum Pace {
     /// Only when nothing is left to do.
     LockStep,
+    /// With every instruction, whether the work of a tick is done or not.
+    FreeRunning,
     /// As the host's; bytes of gyro and link go over the emulated UARTs.
     RealTime,
 }
@@ -137,6 +139,18 @@ pub fn serve(
     stop: &AtomicBool,
 ) -> Result<(PowerOff, Cost), EngineError> {
     serve_at(Pace::LockStep, image, world, limit_ticks, person, stop)
+}
+
+/// The same, free-running: time passes with every instruction, so that what takes longer than a tick makes the instrument lag. Two
+/// runs are the same.
+pub fn serve_free_running(
+    image: &Path,
+    world: &World,
+    limit_ticks: u64,
+    person: &mut dyn Person,
+    stop: &AtomicBool,
+) -> Result<(PowerOff, Cost), EngineError> {
+    serve_at(Pace::FreeRunning, image, world, limit_ticks, person, stop)
 }
 
 fn fix_at(
@@ -216,10 +230,11 @@ fn serve_at(
 
 fn start(pace: Pace, image: &Path) -> Result<(Qemu, Lines), QemuError> {
     Ok(match pace {
-        Pace::LockStep => {
+        Pace::LockStep | Pace::FreeRunning => {
             let shift = INSTRUCTION_NS.trailing_zeros();
             let clock = ["-icount".into(), format!("shift={shift},sleep=off")];
-            (Qemu::start(image, &clock, &[])?, Lines::Exchange)
+            let word: &[&str] = if pace == Pace::FreeRunning { &["free-running"] } else { &[] };
+            (Qemu::start(image, &clock, word)?, Lines::Exchange)
         }
         Pace::RealTime => {
             let uarts = Uarts::listen().map_err(QemuError::Uart)?;

@@ -6,9 +6,12 @@ use std::io::{self, Write};
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use north_finder::attitude::Motion;
 use north_finder::event::{Event, Heading, Report, Second, State};
+use north_finder::health::TestVerdict;
 use north_finder::level::Tilt;
 use north_finder::sequence::order::{Order, Position};
 use north_finder::settings::Settings;
+
+use super::self_test;
 
 /// Seconds between two lines on a heading that is held.
 const HELD_S: u32 = 20;
@@ -106,6 +109,10 @@ impl Lines {
             Event::State(state @ (State::Levelling | State::Watching)) => state.name().to_owned(),
             Event::State(State::Collecting) => format!("{}: collecting", at(self.done)),
             Event::State(_) | Event::Second(_) | Event::Fix(_) | Event::Fault { .. } | Event::Health(_) => return None,
+            Event::SelfTest(finding) => match finding.verdict {
+                TestVerdict::Failed => format!("self-test: {}", self_test::sentence(&finding)),
+                _ => return None,
+            },
             Event::Crash(crash) => format!("restarted after a {}: {crash:?}", crash.cause.name()),
             // No fix has these.
             Event::Guidance(_)

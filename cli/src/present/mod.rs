@@ -4,6 +4,7 @@ mod angle;
 pub mod guidance;
 mod live;
 mod result;
+pub mod self_test;
 
 pub use angle::{AngleUnit, Directions};
 pub use live::{Lines, View};

@@ -42,6 +42,8 @@ part! {
         cross_axis_ppm: [f64; 3] = [0.0; 3], -100000.0..=100000.0;
         /// Non-orthogonality: part of y in x, of z in x, of z in y, and not the other way round, ppm.
         skew_ppm: [f64; 3] = [0.0; 3], -100000.0..=100000.0;
+        /// What the sensor's own test force adds to x, y and z, g.
+        self_test_g: [f64; 3] = [0.3, 0.3, 1.5], -8.0..=8.0;
         /// Faults.
         faults: Vec<SensorFault> = Vec::new(), Each;
     }

@@ -8,10 +8,12 @@ use north_finder::effects::basis::curve::Curve;
 use north_finder::effects::basis::curve::function::Function;
 use north_finder::effects::basis::curve::signal::Signal;
 use north_finder::effects::{Basis, ChannelName, ErrorModel, MAX_TERMS, Term};
-use north_finder::event::{Event, Report, State};
+use north_finder::event::{Event, Report, Second, State};
+use north_finder::health::Counters;
 use north_finder::link::{self, Request};
 use north_finder::restart::{Cause, Crash, Provocation};
 use north_finder::sequence::Command;
+use north_finder::sequence::order::Order;
 use north_finder::settings::Settings;
 
 use super::*;
@@ -148,6 +150,26 @@ impl Person for Saboteur<'_> {
     }
 }
 
+/// What is told of a crash that is provoked while the motor turns.
+fn crash_of(how: Provocation, pace: Pace) -> Crash {
+    let setup = setup(60.0);
+    let world = crate::engine::world(&setup).unwrap();
+    let mut person = Saboteur {
+        world: &world,
+        how,
+        provoked: false,
+        turning: false,
+        crash: None,
+        current_after: false,
+        seconds_after: 0,
+    };
+    let (off, _) = serve_at(pace, image(), &world, limit_ticks(&setup), &mut person, &never())
+        .unwrap_or_else(|error| panic!("{how:?}: {error}"));
+    assert_eq!(off, PowerOff::Heard, "{how:?}: {:?}", person.crash);
+    assert!(person.provoked && !person.current_after, "{how:?}");
+    person.crash.unwrap()
+}
+
 /// A panic, a hard fault, a stack overflow and a task that hangs: each is survived with the motor off, and told at the next
 /// start. In lock-step no tick comes while a task hangs: there it is the watchdog that ends it.
 #[test]
@@ -160,22 +182,7 @@ fn a_crash_is_survived_and_told() {
         (Provocation::Hang, Cause::Watchdog),
     ];
     let crashes = causes.map(|(how, cause)| {
-        let setup = setup(60.0);
-        let world = crate::engine::world(&setup).unwrap();
-        let mut person = Saboteur {
-            world: &world,
-            how,
-            provoked: false,
-            turning: false,
-            crash: None,
-            current_after: false,
-            seconds_after: 0,
-        };
-        let (off, _) = serve(image(), &world, limit_ticks(&setup), &mut person, &never())
-            .unwrap_or_else(|error| panic!("{how:?}: {error}"));
-        assert_eq!(off, PowerOff::Heard, "{how:?}: {:?}", person.crash);
-        assert!(person.provoked && !person.current_after, "{how:?}");
-        let crash = person.crash.unwrap();
+        let crash = crash_of(how, Pace::LockStep);
         assert_eq!(crash.cause, cause);
         crash
     });
@@ -190,6 +197,123 @@ fn a_crash_is_survived_and_told() {
     assert!(in_program(hang.program_counter), "{hang:?}");
     // One program, by its check sum.
     assert!(panic.program != 0 && crashes.iter().all(|crash| crash.program == panic.program));
+}
+
+/// Where ticks go on, the task that hangs is found and named.
+#[test]
+fn a_task_that_hangs_is_named() {
+    for (how, name) in [(Provocation::Hang, "solve"), (Provocation::HangReport, "report")] {
+        let crash = crash_of(how, Pace::FreeRunning);
+        assert_eq!((crash.cause, crash.message.as_str()), (Cause::LateTask, name));
+    }
+}
+
+/// Lets the work of a tick take many, at some ticks.
+struct Laggard {
+    fix: bool,
+    /// Of these, every so many.
+    every: u64,
+    ticks: u8,
+    /// When the counters are asked for.
+    status_tick: u64,
+    reports: Vec<Report>,
+    counters: Counters,
+}
+
+impl Person for Laggard {
+    fn request(&mut self, tick: u64) -> Option<Request> {
+        match tick {
+            0 if self.fix => Some(link::Ask::Command(Command::Start).into()),
+            _ if tick == self.status_tick => Some(link::Ask::Status.into()),
+            // In the middle of a second: no turn of the motor is decided then, which would begin later.
+            _ if tick % self.every == 200 => Some(link::Ask::Provoke(Provocation::Lag { ticks: self.ticks }).into()),
+            _ => None,
+        }
+    }
+
+    fn hear(&mut self, report: &Report) -> bool {
+        match report.event {
+            Event::Health(counters) => self.counters = counters,
+            event if event.is_of_board() => {}
+            _ => self.reports.push(*report),
+        }
+        false
+    }
+}
+
+/// What a free-running board and the instrument in this process tell, for so many seconds.
+fn lagging(fix: bool, every: u64, ticks: u8, seconds: f64) -> [Laggard; 2] {
+    let mut setup = setup(seconds);
+    let sequence = &mut setup.settings.as_mut().unwrap().sequence;
+    (sequence.order, sequence.dwell_s) = (Order::Mirrored, 6);
+    let run = |free_running: bool| {
+        let world = crate::engine::world(&setup).unwrap();
+        let limit = limit_ticks(&setup);
+        let (reports, counters) = (Vec::new(), Counters::default());
+        let mut person = Laggard { fix, every, ticks, status_tick: limit - 100, reports, counters };
+        let off = if free_running {
+            serve_free_running(image(), &world, limit, &mut person, &never()).unwrap().0
+        } else {
+            crate::engine::host::serve(&world, limit, &mut person, &never(), &mut |_, _| ()).unwrap()
+        };
+        assert_eq!(off, PowerOff::TimeLimit);
+        person
+    };
+    [run(true), run(false)]
+}
+
+/// A solution that lags by six ticks and more, every second, in a fix with turns and dwells: every event is the one of an instrument
+/// that never lags, with all digits.
+#[test]
+fn who_lags_shifts_nothing() {
+    let [late, prompt] = lagging(true, 400, 6, 31.0);
+    let Counters { ticks_late, ticks_lost, readings_refused, reports_refused, .. } = late.counters;
+    assert_eq!((ticks_lost, readings_refused, reports_refused, prompt.counters.ticks_late), (0, 0, 0, 0));
+    assert!(ticks_late >= 30 * 6, "{ticks_late}");
+    let dwells = prompt.reports.iter().filter(|report| matches!(report.event, Event::Dwell(_)));
+    assert!(dwells.count() >= 2);
+    for (late, prompt) in late.reports.iter().zip(&prompt.reports) {
+        assert_eq!(format!("{late:?}"), format!("{prompt:?}"));
+    }
+    // What the board has still to tell when its time is over.
+    assert!(late.reports.len() + 3 > prompt.reports.len(), "{} {}", late.reports.len(), prompt.reports.len());
+}
+
+fn seconds(person: &Laggard) -> Vec<Second> {
+    let second = |report: &Report| if let Event::Second(second) = report.event { Some(second) } else { None };
+    person.reports.iter().filter_map(second).collect()
+}
+
+/// Beyond the queue of 16 ticks readings are lost, and counted; the gyro's frames are not, they wait in their ring. Where more of them
+/// wait than the sampler has patience for (60 ticks), the second says so. No other second is touched.
+#[test]
+fn a_lag_beyond_the_queue_is_counted_and_stays_in_its_second() {
+    for (ticks, frames_lost) in [(30, false), (100, true)] {
+        let [late, prompt] = lagging(false, 4000, ticks, 4.0);
+        let (late_seconds, prompt_seconds) = (seconds(&late), seconds(&prompt));
+        let Counters { ticks_lost, readings_refused, .. } = late.counters;
+        assert_eq!(ticks_lost, readings_refused);
+        // What interrupts the lag makes it longer, by less than a fifth.
+        let least = u32::from(ticks) - 16;
+        assert!((least..=least + u32::from(ticks) / 5).contains(&ticks_lost), "{ticks_lost}");
+        let mut touched = 0;
+        for (late, prompt) in late_seconds.iter().zip(&prompt_seconds) {
+            assert_eq!(late.t_s, prompt.t_s);
+            if late == prompt {
+                continue;
+            }
+            touched += 1;
+            if frames_lost {
+                assert!(late.lost_frames > 8, "{late:?}");
+            } else {
+                // The gyro's part has all digits; the means of the others lack some readings of a base at rest.
+                assert_eq!((late.fog_arcsec, late.moment_arcsec_s), (prompt.fog_arcsec, prompt.moment_arcsec_s));
+                let (late, prompt) = (late.level.unwrap().mean, prompt.level.unwrap().mean);
+                assert!((late.forward - prompt.forward).abs() < 1e-4, "{late:?} {prompt:?}");
+            }
+        }
+        assert_eq!(touched, 1);
+    }
 }
 
 #[test]
