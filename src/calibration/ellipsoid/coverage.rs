@@ -6,17 +6,19 @@
 //! value less (Kiefer and Wolfowitz, Canadian Journal of Mathematics 12, 1960, p. 363). So coverage = 9 / max d: 1 for an
 //! even cover; 1/4 where the worst direction has twice the standard deviation; 0 where some direction is not known at all.
 
-use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
-
-use crate::outer;
 
 /// Least coverage that gives a calibration: in the worst direction eight times the standard deviation of an even cover. A
 /// hemisphere has less.
 pub const LEAST_COVERAGE: f64 = 1.0 / 64.0;
 
-/// Share of a direction in the functions' space that counts as unknown.
-const RIDGE: f64 = 1e-9;
+/// Information that every combination of the functions has at least: far above what rounding leaves of none, and far below what one
+/// attitude of a full set tells. Where nothing is known, coverage is 9 times as much by the square of the functions there.
+const LEAST: f32 = 1e-5;
+
+/// Functions of a direction.
+const FUNCTIONS: usize = 9;
+type Row = [f32; FUNCTIONS];
 
 /// A direction along axes, edges or corners of the instrument's cube: signs of x, y, z, not all zero. It is the direction
 /// that points up.
@@ -50,47 +52,64 @@ impl core::fmt::Display for Direction {
 }
 
 /// The nine functions of a unit vector.
-pub(super) fn functions(unit: [f64; 3]) -> SVector<f64, 9> {
-    let [x, y, z] = unit;
-    SVector::from([x, y, z, x * x, y * y, z * z, x * y, x * z, y * z])
+fn functions(unit: [f64; 3]) -> Row {
+    let [x, y, z] = unit.map(|part| part as f32);
+    [x, y, z, x * x, y * y, z * z, x * y, x * z, y * z]
 }
 
-/// How well a set of directions covers the sphere.
+/// How well a set of directions covers the sphere. In single precision: it is told to three digits, and a board looks around between
+/// two samples of the gyro.
 pub struct Coverage {
-    inverse: SMatrix<f64, 9, 9>,
+    /// Rows of the lower triangular L with L Lᵀ = Σ a aᵀ / n.
+    factor: [Row; FUNCTIONS],
 }
 
 impl Coverage {
     /// Of unit vectors.
     pub fn of(units: impl Iterator<Item = [f64; 3]>) -> Self {
-        let mut information = SMatrix::<f64, 9, 9>::zeros();
-        let mut count = 0.0;
+        let mut factor = [[0.0; FUNCTIONS]; FUNCTIONS];
+        let mut count: f32 = 0.0;
         for unit in units {
             let row = functions(unit);
-            outer::add(&mut information, &row, &row);
+            for (sums, of_row) in factor.iter_mut().zip(row) {
+                sums.iter_mut().zip(row).for_each(|(sum, of_column)| *sum += of_row * of_column);
+            }
             count += 1.0;
         }
-        Self::with(information, count)
+        Self::with(factor, count.max(1.0))
     }
 
-    /// Never inlined, so that there is one of it whatever the vectors come from.
+    /// Factors the sum of so many (Cholesky). Never inlined, so that there is one of it whatever the vectors come from.
     #[inline(never)]
-    fn with(mut information: SMatrix<f64, 9, 9>, count: f64) -> Self {
-        information /= f64::max(count, 1.0);
-        // A direction that is not known at all is known to 1/ridge: the inverse exists, and shows it.
-        for i in 0..9 {
-            if let Some(place) = information.get_mut((i, i)) {
-                *place += RIDGE;
+    fn with(mut factor: [Row; FUNCTIONS], count: f32) -> Self {
+        for i in 0..FUNCTIONS {
+            let (above, below) = factor.split_at_mut(i);
+            let Some(row) = below.first_mut() else { break };
+            row.iter_mut().for_each(|sum| *sum /= count);
+            for (j, earlier) in above.iter().enumerate() {
+                let (known, rest) = row.split_at_mut(j);
+                if let (Some(place), Some(pivot)) = (rest.first_mut(), earlier.get(j)) {
+                    *place = (*place - product(known, earlier)) / pivot;
+                }
+            }
+            let (known, rest) = row.split_at_mut(i);
+            if let Some(place) = rest.first_mut() {
+                *place = libm::sqrtf((*place + LEAST - product(known, known)).max(LEAST));
             }
         }
-        Self { inverse: information.cholesky().map_or_else(SMatrix::zeros, |factor| factor.inverse()) }
+        Self { factor }
     }
 
     /// In a direction: 1 or more where an even cover would know it no better, towards 0 where it is unknown.
     pub fn towards(&self, unit: [f64; 3]) -> f64 {
-        let row = functions(unit);
-        let variance = (row.transpose() * self.inverse * row).x;
-        if variance > 0.0 { 9.0 / variance } else { 0.0 }
+        let mut solved = functions(unit);
+        for (i, row) in self.factor.iter().enumerate() {
+            let (known, rest) = solved.split_at_mut(i);
+            if let (Some(place), Some(pivot)) = (rest.first_mut(), row.get(i)) {
+                *place = (*place - product(known, row)) / pivot;
+            }
+        }
+        f64::from(FUNCTIONS as f32 / product(&solved, &solved))
     }
 
     /// Over the sphere: 0 … 1, to three digits.
@@ -114,6 +133,11 @@ impl Coverage {
     pub fn is_missing(&self, direction: Direction) -> bool {
         self.towards(direction.unit()) < LEAST_COVERAGE
     }
+}
+
+/// Sum of the products of what both have.
+fn product(a: &[f32], b: &[f32]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 #[cfg(test)]
@@ -157,7 +181,8 @@ mod tests {
     fn axes_alone_do_not_show_non_orthogonality() {
         let axes = units(|direction| direction.0.iter().filter(|part| **part != 0).count() == 1);
         let coverage = coverage(&axes);
-        assert!(coverage.least() < 1e-6);
+        // The three products are not known at all; along a corner their squares add up to 3 · (1/3)²: 9 · 10⁻⁵ / (1/3).
+        assert!(coverage.least() < 2.7e-4);
         assert!(!coverage.is_missing(Direction([1, 0, 0])) && coverage.is_missing(Direction([1, 1, 0])));
     }
 
@@ -172,6 +197,7 @@ mod tests {
 
     #[test]
     fn nothing_covers_nothing() {
-        assert!(coverage(&[]).least() < 1e-6);
+        // Along an axis the squares of the functions add up to 1 + 1: 9 · 10⁻⁵ / 2.
+        assert!((coverage(&[]).least() - 4.5e-5).abs() < 1e-9);
     }
 }

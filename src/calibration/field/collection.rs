@@ -5,7 +5,7 @@
 use heapless::Vec;
 
 use super::guidance::{Guidance, Step};
-use super::problem::{GRAVITY_G, Problem};
+use super::problem::{GRAVITY_G, MOST_ATTITUDES, Problem};
 use super::refusal::{NoCalibration, Why};
 use crate::calibration::ellipsoid::LEAST_ATTITUDES;
 use crate::calibration::ellipsoid::attitude::Attitude;
@@ -30,7 +30,7 @@ const STILL_G: f64 = 0.003;
 /// |f| at rest is within this of one g, before any calibration.
 const MOST_OFF_G: f64 = 0.2;
 /// Cosine of the angle by which attitudes must differ: 15°.
-const APART: f64 = 0.965_925_826;
+const APART: f32 = 0.965_925_826;
 /// Samples without a new attitude after which it is given up: 2 minutes.
 const PATIENCE: u16 = 12_000;
 /// Samples in a row that may fail: 1 s.
@@ -50,6 +50,8 @@ pub enum Progress {
 #[derive(Clone, Debug)]
 pub struct Collection {
     problem: Problem,
+    /// Which way of the instrument is up in each, unit vectors.
+    directions: Vec<[f32; 3], MOST_ATTITUDES>,
     samples: BlockMean,
     rest: Rest,
     readings: Vec<[f64; 3], READINGS>,
@@ -71,6 +73,7 @@ impl Default for Collection {
     fn default() -> Self {
         Self {
             problem: Problem::default(),
+            directions: Vec::new(),
             samples: BlockMean::new(SAMPLES),
             rest: Rest::default(),
             readings: Vec::new(),
@@ -90,6 +93,7 @@ impl Collection {
         let none = Coverage::of(core::iter::empty());
         self.problem.in_use = in_use;
         self.problem.entries.clear();
+        self.directions.clear();
         self.samples = BlockMean::new(SAMPLES);
         self.rest = Rest::default();
         self.readings.clear();
@@ -178,6 +182,7 @@ impl Collection {
             return Progress::GoOn;
         };
         let _ = self.problem.entries.push(Entry { attitude, role: Role::Fit });
+        let _ = self.directions.push(self.direction(attitude.mean));
         self.waited = 0;
         self.rested = false;
         self.look_around();
@@ -195,11 +200,11 @@ impl Collection {
     /// all nine parameters together: it multiplies the determinant of their information by 1 + d / n (V. V. Fedorov, Theory of
     /// Optimal Experiments, 1972, section 2.5), d and n as in [`Coverage`].
     fn look_around(&mut self) {
-        let coverage = Coverage::of(self.problem.entries.iter().map(|entry| self.direction(entry.attitude.mean)));
+        let coverage = Coverage::of(self.directions.iter().map(|direction| direction.map(f64::from)));
         self.coverage = coverage.least();
         self.next = Direction::all()
             .map(|direction| (direction, direction.unit()))
-            .filter(|(_, unit)| !self.is_near(*unit))
+            .filter(|(_, unit)| !self.is_near(unit.map(|part| part as f32)))
             .map(|(direction, unit)| (direction, coverage.towards(unit)))
             .min_by(|(_, a), (_, b)| a.total_cmp(b))
             .map_or(coverage.worst(), |(direction, _)| direction);
@@ -217,16 +222,13 @@ impl Collection {
     }
 
     /// Whether an attitude has been measured in about this direction.
-    fn is_near(&self, [x, y, z]: [f64; 3]) -> bool {
-        self.problem.entries.iter().any(|entry| {
-            let [ex, ey, ez] = self.direction(entry.attitude.mean);
-            x * ex + y * ey + z * ez > APART
-        })
+    fn is_near(&self, [x, y, z]: [f32; 3]) -> bool {
+        self.directions.iter().any(|[ex, ey, ez]| x * ex + y * ey + z * ez > APART)
     }
 
     /// Which way of the instrument is up: a unit vector.
-    fn direction(&self, raw_g: [f64; 3]) -> [f64; 3] {
+    fn direction(&self, raw_g: [f64; 3]) -> [f32; 3] {
         let norm = self.problem.in_use.norm(raw_g);
-        self.problem.in_use.apply(raw_g).map(|part| part / norm)
+        self.problem.in_use.apply(raw_g).map(|part| (part / norm) as f32)
     }
 }

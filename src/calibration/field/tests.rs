@@ -167,9 +167,9 @@ fn an_operator_who_obeys_gets_a_better_calibration() {
         assert!((found - expected).abs() < 1e-4, "{solved:?}");
     }
     assert_eq!(bench.in_effect, Some(solved.calibration));
-    // Coverage grows from nothing; the operator saw it.
+    // Coverage grows from nothing, as it is told; the operator saw it.
     let guidance = bench.guidance();
-    assert!(guidance[0].coverage < 1e-6 && guidance.last().unwrap().coverage >= 0.5, "{guidance:?}");
+    assert!(guidance[0].coverage < 1e-4 && guidance.last().unwrap().coverage >= 0.5, "{guidance:?}");
 }
 
 #[test]
