@@ -50,7 +50,9 @@ pub fn diagnosis(
     let mut afters = after(runs, &model);
     let bad: Vec<String> = fitted.bad_references.iter().map(|(file, _)| file.clone()).collect();
     let of_named: Vec<Option<f64>> = afters.iter().map(|after| after.azimuth_deg).collect();
-    let found = if fitted.by_dwell.is_some() { None } else { Open::choose(runs, &fitted.by_second.taken, &bad) };
+    let left_out = || guard::left_out(runs, fitted, base);
+    let found =
+        if fitted.by_dwell.is_some() { None } else { Open::choose(runs, &fitted.by_second.taken, &bad, left_out) };
     // A sinusoid with a phase of every run's own is such a process, and one that has a name.
     let found = found.filter(|open| fitted.sinusoid.is_none() || !open.replaces || !open.is_process_only());
     let structure = found.as_ref().is_some_and(Open::is_structure);

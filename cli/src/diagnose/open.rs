@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use north_finder::effects::channel::TEMPERATURE;
 use north_finder::effects::{ChannelName, ErrorModel, Term, doubt};
+use north_finder::event::Fix;
 use north_finder::units::{RAD_PER_DEG, wrap_180_deg};
 use rayon::prelude::*;
 
@@ -40,8 +41,10 @@ const OF_NUMBER: f64 = 4.0;
 const TELLS_NOTHING_DEG: f64 = 30.0;
 /// Turning in a second above which the index does not rest, degrees.
 const TURNS_DEG: f64 = 0.05;
-/// Log evidence by which a model without the named effects must be better.
+/// Log evidence by which a model without the named effects must be better; and by which processes of the runs' own must be where they
+/// miss the surveyed headings by more than named effects that leave nothing but white noise.
 const MARGIN: f64 = 6.0;
+const MARGIN_OF_PROCESSES: f64 = 25.0;
 
 /// A model of the open world over the runs of a campaign.
 pub struct Open {
@@ -63,17 +66,28 @@ pub struct Open {
 pub struct OffBoard(pub String);
 
 impl Open {
-    /// Beside the named effects or, where the evidence is for that, in their place.
-    pub fn choose(runs: &[RunData], taken: &[Taken], bad_references: &[String]) -> Option<Self> {
+    /// Beside the named effects or, where the evidence is for that, in their place. `left_out` gives the fit runs' azimuths by named
+    /// effects without them.
+    pub fn choose(
+        runs: &[RunData],
+        taken: &[Taken],
+        bad_references: &[String],
+        left_out: impl FnOnce() -> Vec<Option<Fix>>,
+    ) -> Option<Self> {
         let beside = Self::learn(runs, taken, bad_references)?;
         if taken.is_empty() {
             return Some(beside);
         }
         let alone = Self::learn(runs, &[], bad_references)?;
         let numbers: usize = taken.iter().map(|each| each.candidate.freedom()).sum();
-        let named = beside.learned.worth - OF_NUMBER * numbers as f64 + MARGIN;
-        let lead = alone.learned.worth - named;
+        let ahead = alone.learned.worth - (beside.learned.worth - OF_NUMBER * numbers as f64);
+        let lead = ahead - MARGIN;
         if lead <= 0.0 {
+            return Some(beside);
+        }
+        // What all runs have in common predicts others; processes of the runs' own may hide an azimuth.
+        let hides = alone.is_process_only() && !beside.is_structure() && ahead < MARGIN_OF_PROCESSES;
+        if hides && alone.misses_more(runs, &left_out(), bad_references) {
             return Some(beside);
         }
         let as_good = lead < 0.5 * AS_GOOD;
@@ -135,6 +149,20 @@ impl Open {
             .filter_map(|(run, own)| Some(share((*own)?.amplitude_deg_h, run)))
             .collect();
         self.is_structure() && no_worse && guard::impossible_amplitude(&had, &has).is_none()
+    }
+
+    /// Whether the fit runs' azimuths, each by a model without that run, miss their references by more than others (mean square). Without
+    /// references they do not.
+    fn misses_more(&self, runs: &[RunData], others: &[Option<Fix>], bad_references: &[String]) -> bool {
+        let (mut own_deg2, mut others_deg2) = (0.0, 0.0);
+        for ((run, own), other) in runs.iter().zip(&self.azimuths).zip(others) {
+            let trusted = run.role == Role::Fit && !bad_references.contains(&run.file);
+            if let (Some(reference_deg), Some(own), Some(other)) = (run.reference_deg.filter(|_| trusted), own, other) {
+                own_deg2 += wrap_180_deg(own.azimuth_rad / RAD_PER_DEG - reference_deg).powi(2);
+                others_deg2 += wrap_180_deg(other.azimuth_deg - reference_deg).powi(2);
+            }
+        }
+        own_deg2 > others_deg2
     }
 
     /// Whether there is anything but white noise.

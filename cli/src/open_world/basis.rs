@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 use north_finder::fix::DesignRow;
 use north_finder::level::Specific;
 
-use super::dynamics::{delay, friction, low_pass, low_pass_from, peak, play, relay};
+use super::dynamics::{delay, friction, low_pass, low_pass_from, peak, play, relay, smoothed};
 use super::group::{Base, Group, PLAY_WIDTHS, TIMES_S, Tuned};
 use super::recording::{Move, Place, Recording, Samples};
 
@@ -17,7 +17,7 @@ pub const DECAYS_S: [f64; 4] = [4.0, 9.0, 20.0, 45.0];
 /// Of decays by travel, and of what creeps.
 pub const TRAVEL_S: [f64; 4] = [4.0, 9.0, 20.0, 60.0];
 const CREEP_S: [f64; 6] = [1.0, 3.0, 8.0, 20.0, 50.0, 120.0];
-/// Of low-passes forward and backward.
+/// Of what is smooth in a channel.
 const SMOOTHED_S: [f64; 4] = [3.0, 10.0, 30.0, 90.0];
 pub const WARM_UP_S: [f64; 4] = [15.0, 45.0, 150.0, 500.0];
 pub const RELAXATION_S: [f64; 7] = [2.0, 6.0, 18.0, 54.0, 160.0, 480.0, 1440.0];
@@ -81,6 +81,8 @@ fn from_columns(rows: usize, columns: impl IntoIterator<Item = Vec<f64>>) -> Col
 pub struct Scales {
     /// Middle and half range of every channel.
     pub channels: Vec<[f64; 2]>,
+    /// Surveyed headings.
+    headings_deg: Vec<f64>,
     /// The longest run, seconds; most moves; greatest tilt along the axis, g.
     pub longest_s: f64,
     pub most_moves: f64,
@@ -154,9 +156,12 @@ impl Scales {
     pub fn new(sheets: &[Sheet], bases: &[Base]) -> Self {
         let number = sheets.first().map_or(0, |sheet| sheet.recording.channels.len());
         let channels = (0..number).map(|channel| range(sheets, channel)).collect();
+        let surveyed = sheets.iter().filter_map(|sheet| sheet.recording.reference);
+        let headings_deg = surveyed.map(|reference| reference.azimuth_rad.to_degrees()).collect();
         let most = |of: &dyn Fn(&Sheet) -> f64| sheets.iter().map(of).fold(0.0, f64::max);
         let mut scales = Self {
             channels,
+            headings_deg,
             longest_s: most(&|sheet| sheet.recording.t_s.last().copied().unwrap_or(1.0)),
             most_moves: most(&|sheet| sheet.places.last().map_or(0.0, |place| place.moves)).max(1.0),
             most_tilt: most(&|sheet| sheet.tilt().into_iter().fold(0.0, |most: f64, tilt| most.max(tilt.abs())))
@@ -198,6 +203,14 @@ impl Scales {
     pub fn excess(&self, sheet: &Sheet, channel: usize) -> Vec<f64> {
         let scaled = self.scaled(sheet, channel);
         sheet.samples.means(scaled.iter().map(|value| value - value.clamp(-1.1, 1.1)))
+    }
+
+    /// Standard deviation of what a group does in a run whose heading may or may not lie in the group's sector, as a share of what its
+    /// columns make of it on average: √(p (1 − p)) / p.
+    pub fn doubt_of_sector(&self, group: &Group, azimuth_rad: f64) -> f64 {
+        let Group::Sector(sector) = group else { return 0.0 };
+        let share = share_of_sector(&self.headings_deg, *sector, azimuth_rad.to_degrees());
+        if share > 0.0 { ((1.0 - share) / share).sqrt() } else { 0.0 }
     }
 
     /// Directions of all channels within runs (what differs between runs only is a part of the bias).
@@ -465,8 +478,8 @@ impl Scales {
                 from_columns(rows, [of(f64::cos), of(f64::sin)])
             }
             Group::Sector([from_deg, width_deg]) => {
-                let inside = (azimuth_rad.to_degrees() - from_deg).rem_euclid(360.0) < *width_deg;
-                self.raw_base(sheet, Base::Harmonic(1), 0.0) * f64::from(u8::from(inside))
+                let share = share_of_sector(&self.headings_deg, [*from_deg, *width_deg], azimuth_rad.to_degrees());
+                self.raw_base(sheet, Base::Harmonic(1), 0.0) * share
             }
             Group::Relaxation => {
                 let t = &sheet.recording.t_s;
@@ -474,15 +487,8 @@ impl Scales {
             }
             Group::Smoothed(channel) => {
                 let scaled = scaled(*channel);
-                let backward = |time_s: f64| {
-                    let mut values = low_pass(&scaled, interval, time_s);
-                    values.reverse();
-                    let intervals: Vec<f64> = interval.iter().rev().copied().collect();
-                    let mut values = low_pass(&values, &intervals, time_s);
-                    values.reverse();
-                    samples.means(values)
-                };
-                from_columns(rows, std::iter::once(value(*channel)).chain(SMOOTHED_S.map(backward)))
+                let smooth = SMOOTHED_S.map(|time_s| samples.means(smoothed(&scaled, time_s)));
+                from_columns(rows, std::iter::once(value(*channel)).chain(smooth))
             }
             Group::TiltLinear => from_columns(rows, [samples.means(sheet.tilt())]),
             Group::TiltRate => {
@@ -616,6 +622,19 @@ fn tuned_columns(sheet: &Sheet, values: &[f64], tuned: Tuned) -> Columns {
         Tuned::Slip([slip, leak_s]) => vec![friction(values, interval, slip, leak_s)],
     };
     from_columns(sheet.samples.len(), series.into_iter().map(|values| sheet.samples.means(values)))
+}
+
+/// Probability that a heading lies in a sector, of which is known only which of the surveyed headings lie inside: its borders may be
+/// anywhere between two of these. All in degrees.
+pub fn share_of_sector(surveyed_deg: &[f64], [from_deg, width_deg]: [f64; 2], heading_deg: f64) -> f64 {
+    let inside = |heading_deg: f64| f64::from(u8::from((heading_deg - from_deg).rem_euclid(360.0) < width_deg));
+    let ahead = |known_deg: &f64| (known_deg - heading_deg).rem_euclid(360.0);
+    let next_deg = surveyed_deg.iter().min_by(|a, b| ahead(a).total_cmp(&ahead(b)));
+    let last_deg = surveyed_deg.iter().max_by(|a, b| ahead(a).total_cmp(&ahead(b)));
+    let (Some(next_deg), Some(last_deg)) = (next_deg, last_deg) else { return inside(heading_deg) };
+    let (to_next, since_last) = (ahead(next_deg), 360.0 - ahead(last_deg));
+    let share = since_last / (to_next + since_last);
+    share * inside(*next_deg) + (1.0 - share) * inside(*last_deg)
 }
 
 fn sign(value: f64) -> f64 {

@@ -40,7 +40,49 @@ pub fn low_pass_from(start: f64, input: &[f64], interval_s: &[f64], time_s: f64)
         .collect()
 }
 
-/// The same, beginning at the first value.
+/// What is smooth in the input (Whittaker, On a New Method of Graduation, 1923): the series whose sum of squared deviations from
+/// the input plus τ⁴ times that of its second differences is least, so that a sinusoid of ω in each step keeps 1/(1 + (ωτ)⁴). Its ends
+/// are no worse than straight lines.
+pub fn smoothed(input: &[f64], time: f64) -> Vec<f64> {
+    let n = input.len();
+    let stiffness = time.powi(4);
+    // (1 + τ⁴ DᵀD) z = input, of which the diagonal and two beside it are not zero, as L diag Lᵀ.
+    let (mut diagonal, mut near, mut far) = (vec![1.0; n], vec![0.0; n], vec![0.0; n]);
+    for i in 2..n {
+        for (place, share) in [(i - 2, 1.0), (i - 1, 4.0), (i, 1.0)] {
+            diagonal[place] += share * stiffness;
+        }
+        near[i - 1] -= 2.0 * stiffness;
+        near[i] -= 2.0 * stiffness;
+        far[i] += stiffness;
+    }
+    let mut smooth = input.to_vec();
+    for i in 0..n {
+        if i > 1 {
+            far[i] /= diagonal[i - 2];
+            near[i] -= far[i] * diagonal[i - 2] * near[i - 1];
+            diagonal[i] -= far[i] * far[i] * diagonal[i - 2];
+            smooth[i] -= far[i] * smooth[i - 2];
+        }
+        if i > 0 {
+            near[i] /= diagonal[i - 1];
+            diagonal[i] -= near[i] * near[i] * diagonal[i - 1];
+            smooth[i] -= near[i] * smooth[i - 1];
+        }
+    }
+    smooth.iter_mut().zip(&diagonal).for_each(|(value, diagonal)| *value /= diagonal);
+    for i in (0..n).rev() {
+        if i + 1 < n {
+            smooth[i] -= near[i + 1] * smooth[i + 1];
+        }
+        if i + 2 < n {
+            smooth[i] -= far[i + 2] * smooth[i + 2];
+        }
+    }
+    smooth
+}
+
+/// A first-order low-pass that begins at the first value.
 pub fn low_pass(input: &[f64], interval_s: &[f64], time_s: f64) -> Vec<f64> {
     low_pass_from(input.first().copied().unwrap_or_default(), input, interval_s, time_s)
 }

@@ -44,6 +44,8 @@ pub struct Found {
     pub group: Group,
     /// Its columns are multiplied by this.
     pub factor: f64,
+    /// How many they are.
+    pub width: usize,
     /// Root mean square of what it does within the training runs, °/h.
     pub size_deg_h: f64,
     /// Log odds of the model with it over the model without it.
@@ -256,8 +258,9 @@ impl Learned {
         for _ in 0..if turns { ROUNDS } else { 1 } {
             let columns = self.columns(run, model, azimuth_rad);
             let mean = &columns * &model.mean;
-            let unsure = columns * model.factor.transpose();
-            let all: Vec<f64> = unsure.iter().chain(&beyond).copied().collect();
+            let unsure = &columns * model.factor.transpose();
+            let beside = self.beside_sectors(model, &columns, azimuth_rad);
+            let all: Vec<f64> = unsure.iter().chain(&beside).chain(&beyond).copied().collect();
             let unsure = DMatrix::from_vec(run.rate.len(), all.len() / run.rate.len(), all);
             found = self.predict_about(run, &mean, &unsure, course);
             let moved = wrap(found.azimuth_rad - azimuth_rad).abs();
@@ -311,6 +314,20 @@ impl Learned {
         DMatrix::from_vec(rows, all.len() / rows, all)
     }
 
+    /// Columns of a factor of the covariance of what effects do in a sector of headings that the run may or may not be in.
+    fn beside_sectors(&self, model: &Model, columns: &DMatrix<f64>, azimuth_rad: f64) -> Vec<f64> {
+        let (mut all, mut start) = (Vec::new(), 0);
+        for Found { group, width, .. } in &model.groups {
+            let doubt = self.scales.doubt_of_sector(group, azimuth_rad);
+            if doubt > 0.0 {
+                let effect = columns.columns(start, *width) * model.mean.rows(start, *width) * doubt;
+                all.extend_from_slice(effect.as_slice());
+            }
+            start += width;
+        }
+        all
+    }
+
     /// Columns of a factor of the covariance of what effects may do beyond the range that they were learned in.
     fn beyond(&self, run: &Run, model: &Model) -> Vec<f64> {
         let mut all = Vec::new();
@@ -355,6 +372,7 @@ fn groups(
             Found {
                 group: search.groups[group].clone(),
                 factor: search.factors[group],
+                width,
                 size_deg_h: (squares / search.runs.len() as f64).sqrt(),
                 log_odds: found.gain - without.gain,
             }

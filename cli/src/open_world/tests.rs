@@ -3,7 +3,8 @@ use north_finder::fix::DesignRow;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::dynamics::{delay, friction, low_pass, peak, play, relay};
+use super::basis::share_of_sector;
+use super::dynamics::{delay, friction, low_pass, peak, play, relay, smoothed};
 use super::evidence::posterior;
 use super::learn::Search;
 use super::process::{Shape, kernels};
@@ -89,6 +90,32 @@ fn a_low_pass_halves_what_is_missing() {
     let found = low_pass(&[0.0, 1.0, 1.0], &[1.0; 3], 1.0 / std::f64::consts::LN_2);
     for (found, expected) in found.iter().zip([0.0, 0.5, 0.75]) {
         assert!((found - expected).abs() < 1e-12);
+    }
+}
+
+/// Of three values v = (1, −2, 1) is the one second difference: (1 + v vᵀ)⁻¹ x = x − v (vᵀ x) / (1 + 6), which of (0, 1, 0) leaves
+/// 2/7, 3/7, 2/7. A straight line has none, and stays.
+#[test]
+fn what_is_smooth_stays() {
+    for (found, expected) in smoothed(&[0.0, 1.0, 0.0], 1.0).iter().zip([2.0, 3.0, 2.0]) {
+        assert!((found - expected / 7.0).abs() < 1e-12, "{found}");
+    }
+    let line: Vec<f64> = (0..40).map(|i| 3.0 - 0.5 * f64::from(i)).collect();
+    for (found, expected) in smoothed(&line, 20.0).iter().zip(&line) {
+        assert!((found - expected).abs() < 1e-8, "{found} {expected}");
+    }
+}
+
+/// Surveyed at 10°, 50°, 130° and 300°, of which 50° alone lies between 40° and 110°: the border may be anywhere from 50° to 130°, so
+/// that 90° is inside with a probability of a half, 110° with a quarter, and on the other side 20° with a quarter.
+#[test]
+fn borders_of_a_sector_lie_between_surveyed_headings() {
+    let surveyed_deg = [130.0, 10.0, 300.0, 50.0];
+    for (heading_deg, expected) in
+        [(50.0, 1.0), (90.0, 0.5), (110.0, 0.25), (20.0, 0.25), (130.0, 0.0), (200.0, 0.0), (-20.0, 0.0)]
+    {
+        let found = share_of_sector(&surveyed_deg, [40.0, 70.0], heading_deg);
+        assert!((found - expected).abs() < 1e-12, "{heading_deg}: {found}");
     }
 }
 
