@@ -270,11 +270,11 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
     #[inline(never)]
     pub fn step(&mut self, readings: &Readings, intake: &Intake, flash: &mut impl NorFlash, report: Sink) -> Orders {
         self.tick = readings.tick;
-        let mut sink = |event| report(Report { t_s: readings.t_s(), event });
+        let sink: &mut dyn FnMut(Event) = &mut |event| report(Report { t_s: readings.t_s(), event });
 
         let mut orders = Orders::default();
         if readings.tick != self.next_tick {
-            self.make_up(readings.tick, &mut sink);
+            self.make_up(readings.tick, sink);
         }
         self.next_tick = readings.tick + 1;
         let mut place = [0; PART];
@@ -285,51 +285,62 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
             }
             intake.tell(&mut self.counters);
             for &byte in bytes {
-                self.request_byte(byte, readings.turning, flash, &mut orders, &mut sink);
+                self.request_byte(byte, readings.turning, flash, &mut orders, sink);
             }
         }
         loop {
-            let mut bytes = intake.gyro.take(readings.heard.gyro, &mut place);
+            let bytes = intake.gyro.take(readings.heard.gyro, &mut place);
             if bytes.is_empty() {
                 break;
             }
-            while let Some(frame) = self.reader.next(&mut bytes) {
-                self.frame(&frame, &mut sink);
-            }
+            self.hear_gyro(bytes, sink);
         }
-        self.counters.bytes_skipped = self.reader.bytes_skipped();
-        self.counters.frames_bad_crc = self.reader.bad_crc();
-        self.read(&readings.sensors, &mut sink);
+        self.read(&readings.sensors, sink);
         if self.field.is_active() {
-            self.calibrate(flash, &mut sink);
+            self.calibrate(flash, sink);
         }
         let given_up = self.gatherer.tick(&mut self.counters);
         self.keep(given_up);
-        self.stream(|| Item::Tick, &mut sink);
+        self.stream(|| Item::Tick, sink);
 
         let fresh = matches!(readings.sensors, Due::Index(Some(_)));
         if let Some(sequencer) = self.sequencer.as_mut().filter(|_| self.stage.is_waiting()) {
-            let moved = sequencer.tick(readings.tick, self.index, fresh, readings.turning, &mut sink);
+            let moved = sequencer.tick(readings.tick, self.index, fresh, readings.turning, sink);
             orders.motor = moved.or(orders.motor);
         }
         if self.test.is_under_way() {
-            self.test(readings, &mut orders, &mut sink);
+            self.test(readings, &mut orders, sink);
         }
         let encoder = (self.encoder_failures >= ENCODER_PATIENCE).then_some(Fault::EncoderFailed);
         if let Some(fault) = self.watch.tick(readings.tick).or(encoder) {
-            orders.motor = self.fail(fault, readings.t_s(), &mut sink).or(orders.motor);
+            orders.motor = self.fail(fault, readings.t_s(), sink).or(orders.motor);
         }
         if !self.finished.is_empty() {
             intake.tell(&mut self.counters);
-            self.end_block(&mut sink);
+            self.end_seconds(sink);
         }
+        orders
+    }
+
+    /// Bytes of the gyro. Never inlined, as others below: what it takes of the stack is free again for what comes after it.
+    #[inline(never)]
+    fn hear_gyro(&mut self, mut bytes: &[u8], sink: &mut dyn FnMut(Event)) {
+        while let Some(frame) = self.reader.next(&mut bytes) {
+            self.frame(&frame, sink);
+        }
+        self.counters.bytes_skipped = self.reader.bytes_skipped();
+        self.counters.frames_bad_crc = self.reader.bad_crc();
+    }
+
+    #[inline(never)]
+    fn end_seconds(&mut self, sink: &mut dyn FnMut(Event)) {
+        self.end_block(sink);
         while let Some(rate) = self.finished.pop_front() {
             self.end_second(&rate);
             if matches!(self.streaming, Streaming::Asked) && self.gatherer.sampler().slots() == 0 {
                 self.streaming = Streaming::On(Stream::default());
             }
         }
-        orders
     }
 
     /// A slice of the work on seconds that have ended, once after every [`Self::step`]; `work` is that of the desk. Gives the motor's
@@ -349,56 +360,57 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
         if t_s == self.tick as f64 * SAMPLE_S {
             return None;
         }
-        let mut sink = |event| report(Report { t_s, event });
         match core::mem::replace(&mut self.stage, Stage::Reckoning) {
-            Stage::Waiting => {
-                let ended = self.ended.front()?;
-                let rate_deg_h = ended.gathered.second.conditions.raw_rate_deg_h;
-                match self.sequencer.take_if(|_| self.refusal.is_none()) {
-                    Some(sequencer) => {
-                        self.state = sequencer.state();
-                        desk.begin(sequencer, ended.gathered.directed(), ended.index);
-                    }
-                    // Without settings there is nothing to be done.
-                    None => self.stage = Stage::Reckoned(Seen { rate_deg_h, ..Seen::default() }),
-                }
-                None
-            }
             Stage::Reckoning => {
                 let (sequencer, seen, motor) = desk.slice(work)?;
                 self.sequencer = Some(sequencer);
                 self.stage = Stage::Reckoned(seen);
                 motor
             }
-            Stage::Reckoned(seen) => {
-                self.stage = Stage::Telling;
-                self.tell_second(&seen, &mut sink);
-                None
-            }
-            Stage::Telling => {
-                let Some(event) = desk.next_event() else {
-                    self.stage = Stage::Waiting;
-                    return self.finish_second(t_s, &mut sink);
+            stage => self.begin_or_tell(stage, desk, t_s, report),
+        }
+    }
+
+    /// Begins with a second, or tells the next of what it led to. Never inlined: what it takes of the stack is not the reckoning's.
+    #[inline(never)]
+    fn begin_or_tell(&mut self, stage: Stage, desk: &Desk<S>, t_s: f64, report: Sink) -> Option<MotorCommand> {
+        let sink: &mut dyn FnMut(Event) = &mut |event| report(Report { t_s, event });
+        self.stage = Stage::Telling;
+        match stage {
+            Stage::Waiting | Stage::Reckoning => {
+                let ended = self.ended.front()?;
+                let rate_deg_h = ended.gathered.second.conditions.raw_rate_deg_h;
+                self.stage = match self.sequencer.take_if(|_| self.refusal.is_none()) {
+                    Some(sequencer) => {
+                        self.state = sequencer.state();
+                        desk.begin(sequencer, ended.gathered.directed(), ended.index);
+                        Stage::Reckoning
+                    }
+                    // Without settings there is nothing to be done.
+                    None => Stage::Reckoned(Seen { rate_deg_h, ..Seen::default() }),
                 };
-                self.stage = Stage::Telling;
+            }
+            Stage::Reckoned(seen) => self.tell_second(&seen, sink),
+            Stage::Telling => match desk.next_event() {
                 // Before the fix, what is to be held against it.
-                if let Event::Fix(fix) = event {
+                Some(Event::Fix(fix)) => {
                     self.stage = Stage::Fixed(fix);
                     sink(Event::Health(self.counters));
-                } else {
-                    sink(event);
                 }
-                None
-            }
+                Some(event) => sink(event),
+                None => {
+                    self.stage = Stage::Waiting;
+                    return self.finish_second(t_s, sink);
+                }
+            },
             Stage::Fixed(fix) => {
-                self.stage = Stage::Telling;
                 if let Some(keeper) = &mut self.keeper {
                     keeper.fixed(&fix);
                 }
                 sink(Event::Fix(fix));
-                None
             }
         }
+        None
     }
 
     /// The second is reported before what it led to: a recording that ends with the azimuth holds all of its seconds.
@@ -494,6 +506,7 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
     }
 
     /// Ticks that nobody saw pass for the gyro too: its frames of that time are lost, or late.
+    #[inline(never)]
     fn make_up(&mut self, tick: u64, sink: &mut dyn FnMut(Event)) {
         let lost = tick.saturating_sub(self.next_tick).min(MOST_LOST);
         self.counters.ticks_lost = self.counters.ticks_lost.saturating_add(lost as u32);
@@ -669,6 +682,7 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
         Ok(motor.or(stop))
     }
 
+    #[inline(never)]
     fn read(&mut self, due: &Due, sink: &mut dyn FnMut(Event)) {
         let failed = |count: &mut u32| *count = count.saturating_add(1);
         match due {
