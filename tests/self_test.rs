@@ -239,3 +239,15 @@ fn it_is_refused_in_a_fix_and_given_up_for_one() {
         assert!(!world.motor_has_current());
     }
 }
+
+/// Whenever it is asked for.
+#[test]
+fn the_move_is_seen_whenever_it_is_asked_for() {
+    let asked_s = |tick: u32| f64::from(tick) / 400.0;
+    for asked_s in (1..1600).step_by(7).chain((1600..20_000).step_by(997)).map(asked_s) {
+        let world = world(&setup("calm-bench", 1)).unwrap();
+        let told = run(&world, &[(asked_s, Ask::SelfTest)], asked_s + 8.0).items(asked_s);
+        let passed = |found: &Finding| found.item != Item::Drive || found.passed();
+        assert!(told.iter().all(passed), "asked at {asked_s} s: {told:?}");
+    }
+}

@@ -120,7 +120,10 @@ fn the_doctor_finds_what_is_wrong() {
     let (code, said, _) = board(&["--scenario", "stalled-motor"]).run(&["doctor", "--port", "PORT"]);
     let bad: Vec<&str> = said.lines().filter(|line| line.starts_with("BAD")).collect();
     assert!(code == 1 && bad.len() == 1, "{said}");
-    assert!(bad[0].contains("Index-drive failed: 5") && bad[0].contains(". To do: free the spindle"), "{said}");
+    // The spindle does not turn, but for play and the encoder's noise: nearly all of the five degrees are missing.
+    let missing_deg: f64 =
+        bad[0].split("Index-drive failed: ").nth(1).unwrap().split('°').next().unwrap().parse().unwrap();
+    assert!((4.8..5.2).contains(&missing_deg) && bad[0].contains(". To do: free the spindle"), "{said}");
     let said = board(&["--scenario", "stalled-motor"]).good(&["doctor", "--still", "--port", "PORT"]);
     assert!(!said.contains("self-test"), "{said}");
     let (code, said, error) = board(&["--scenario", "lossy-link"]).run(&["doctor", "--port", "PORT", "--json", "-"]);

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::basis::Sheet;
 use super::evidence::{half_of, posterior};
-use super::run::Tie;
+use super::tie::Tie;
 
 /// Samples for which a step or a bump begins with one place; parts of a run between whose borders a wave may last.
 const PLACES_OF_SAMPLE: f64 = 1.5;

@@ -14,6 +14,7 @@ mod predict;
 mod process;
 mod recording;
 mod run;
+mod tie;
 
 pub use basis::{DECAYS_S, MEMORY_S, RELAXATION_S, TRAVEL_S, WARM_UP_S};
 pub use expected::Expected;

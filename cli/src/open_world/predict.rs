@@ -14,7 +14,8 @@ use super::group::Group;
 use super::learn::{Active, Alternative, OfRun, Search, State, prepare, sizes_deg_h, summed};
 use super::process::{self, Kernel};
 use super::recording::Recording;
-use super::run::{Run, Tie, Whitening, tie_down};
+use super::run::{Run, Whitening};
+use super::tie::{Tie, tie_down};
 
 /// Kernels of a run's own process that enter its average: so many, and not below this share of the likeliest.
 const MOST_KERNELS: usize = 4;

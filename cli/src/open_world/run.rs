@@ -8,12 +8,11 @@ use super::basis::Sheet;
 use super::course::{Course, Dictionary, Seen};
 use super::process::{Kernel, Shape};
 use super::recording::Reference;
+use super::tie::{Tie, tie_down};
 
 /// One sigma of a surveyed heading that says none, and of the index on top of it, degrees.
 const REFERENCE_SIGMA_DEG: f64 = 0.005;
 const INDEX_SIGMA_DEG: f64 = 0.01;
-/// One sigma of the amplitude about Ω cos φ, relative: of the scale factor and of the latitude.
-const AMPLITUDE_SIGMA: f64 = 0.002;
 
 /// The covariances white + kernel of samples with the same spans and weights, in a basis in which all of a shape and time are
 /// diagonal, whatever their size: W^½ K W^½ = Q Λ Qᵀ, so that white + s² K = W^-½ Q (1 + s² Λ) Qᵀ W^-½.
@@ -115,22 +114,6 @@ fn scale_rows(matrix: &mut DMatrix<f64>, factors: impl Iterator<Item = f64>) {
     let factors: Vec<f64> = factors.collect();
     for mut column in matrix.column_iter_mut() {
         column.iter_mut().zip(&factors).for_each(|(value, factor)| *value *= factor);
-    }
-}
-
-/// A row of the equations of a run's own unknowns that is known beside the samples, in standard deviations of what is known.
-#[derive(Clone, Copy, Debug)]
-pub struct Tie {
-    pub row: Vector3<f64>,
-    pub value: f64,
-}
-
-impl Tie {
-    /// The horizontal rate along an azimuth is Ω cos φ: right to the second order in the azimuth's error, and independent of it.
-    pub fn amplitude(azimuth_rad: f64, north_deg_h: f64) -> Self {
-        let (sin, cos) = azimuth_rad.sin_cos();
-        let along = 1.0 / (north_deg_h * AMPLITUDE_SIGMA);
-        Self { row: Vector3::new(cos * along, sin * along, 0.0), value: north_deg_h * along }
     }
 }
 
@@ -369,15 +352,6 @@ impl<'a> Run<'a> {
             })
             .chain([of_course])
             .collect()
-    }
-}
-
-/// Adds what is known of the horizontal rate.
-pub fn tie_down(ties: &[Tie], normal: &mut Matrix3<f64>, right: &mut Vector3<f64>, square: &mut f64) {
-    for Tie { row, value } in ties {
-        *normal += row * row.transpose();
-        *right += row * *value;
-        *square += value * value;
     }
 }
 

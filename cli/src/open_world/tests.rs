@@ -346,6 +346,7 @@ fn runs_that_are_expected_to_separate_twins_have_them_apart() {
         found.group = match &found.group {
             Group::Linear(0) => Group::Linear(1),
             Group::Quadratic(0) => Group::Quadratic(1),
+            Group::Smoothed(0) => Group::Smoothed(1),
             Group::Base(Base::Value(0)) => Group::Base(Base::Value(1)),
             other => panic!("{other:?}"),
         };

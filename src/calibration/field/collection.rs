@@ -30,7 +30,7 @@ const STILL_G: f64 = 0.003;
 /// |f| at rest is within this of one g, before any calibration.
 const MOST_OFF_G: f64 = 0.2;
 /// Cosine of the angle by which attitudes must differ: 15°.
-const APART: f32 = 0.965_925_826;
+const APART: f32 = 0.965_925_8;
 /// Samples without a new attitude after which it is given up: 2 minutes.
 const PATIENCE: u16 = 12_000;
 /// Samples in a row that may fail: 1 s.
