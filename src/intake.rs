@@ -2,8 +2,6 @@
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use serde::{Deserialize, Serialize};
-
 use crate::health::Counters;
 use crate::ring::Ring;
 
@@ -47,7 +45,7 @@ pub struct Intake {
 }
 
 /// How many bytes of each line had come at a tick, modulo 2¹⁶: a tick's work takes these and no more, however late it is done.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Heard {
     pub gyro: u16,
     pub host: u16,
