@@ -9,7 +9,8 @@ use std::sync::atomic::AtomicBool;
 use crate::carried::{held, short_walk};
 use crate::common::{run, setup};
 use crate::self_test::Asker;
-use north::engine::{End, Outcome, Setup, host, qemu, world};
+use north::engine::qemu::{self, Pace};
+use north::engine::{End, Outcome, Setup, host, world};
 use north_finder::event::{Event, Report};
 use north_finder::health::{Fault, Flag, Item, TestVerdict};
 use north_finder::link::Ask;
@@ -22,7 +23,9 @@ fn image() -> &'static Path {
 
 fn run_in_qemu(setup: &Setup) -> (End, Vec<Report>) {
     let mut reports = Vec::new();
-    let (outcome, _) = qemu::run(image(), setup, &AtomicBool::new(false), &mut |report| reports.push(*report)).unwrap();
+    let (outcome, _) =
+        qemu::run(Pace::LockStep, image(), setup, &AtomicBool::new(false), &mut |report| reports.push(*report))
+            .unwrap();
     (outcome.end, reports)
 }
 
@@ -34,7 +37,9 @@ fn same_both_ways(name: &str, seed: u64) -> End {
 fn same(setup: &Setup) -> Outcome {
     let name = &setup.scenario.name;
     let mut reports = Vec::new();
-    let (found, _) = qemu::run(image(), setup, &AtomicBool::new(false), &mut |report| reports.push(*report)).unwrap();
+    let (found, _) =
+        qemu::run(Pace::LockStep, image(), setup, &AtomicBool::new(false), &mut |report| reports.push(*report))
+            .unwrap();
     let (outcome, mut expected) = run(setup);
     reports.retain(|report| !report.event.is_of_board());
     expected.retain(|report| !report.event.is_of_board());
@@ -100,7 +105,7 @@ fn the_self_test() {
     let requests = [(4.0, Ask::SelfTest)];
     let (mut board, mut process) = (Asker::new(&requests), Asker::new(&requests));
     let never = AtomicBool::new(false);
-    qemu::serve(image(), &world(&setup).unwrap(), 4800, &mut board, &never).unwrap();
+    qemu::serve(Pace::LockStep, image(), &world(&setup).unwrap(), 4800, &mut board, &never).unwrap();
     host::serve(&world(&setup).unwrap(), 4800, &mut process, &never, &mut |_, _| ()).unwrap();
     let items = board.reports.iter().filter_map(|report| match report.event {
         Event::SelfTest(finding) if finding.item.is_of_board() => Some((finding.item, finding.verdict)),

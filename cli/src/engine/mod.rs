@@ -162,7 +162,7 @@ pub fn serve(
                 Some(image) => image.to_owned(),
                 None => qemu::image::build(qemu::image::Board::Mps2).map_err(qemu::QemuError::from)?,
             };
-            Ok(qemu::serve(&image, world, limit_ticks, person, stop)?.0)
+            Ok(qemu::serve(qemu::Pace::LockStep, &image, world, limit_ticks, person, stop)?.0)
         }
     }
 }

@@ -96,12 +96,13 @@ impl Cost {
 
 /// How the microcontroller's time goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Pace {
+pub enum Pace {
     /// Only when nothing is left to do.
     LockStep,
-    /// With every instruction, whether the work of a tick is done or not.
+    /// With every instruction, so that what takes longer than a tick makes the instrument lag. Two runs are the same.
     FreeRunning,
-    /// As the host's; bytes of gyro and link go over the emulated UARTs.
+    /// As the host's; bytes of gyro and link go over the emulated UARTs. A smoke test of interrupts and UARTs: its reports depend on
+    /// when the host had time.
     RealTime,
 }
 
@@ -109,51 +110,6 @@ enum Pace {
 ///
 /// `observe` sees every report. `stop` is looked at in every tick. Whatever happens, QEMU has ended when this returns.
 pub fn run(
-    image: &Path,
-    setup: &Setup,
-    stop: &AtomicBool,
-    observe: &mut Observer<'_>,
-) -> Result<(Outcome, Cost), EngineError> {
-    fix_at(Pace::LockStep, image, setup, stop, observe)
-}
-
-/// The same in real time: the timers run by themselves, gyro and host talk over QEMU's emulated UARTs. A smoke test of
-/// interrupts and UARTs: its reports depend on when the host had time.
-pub fn run_in_real_time(
-    image: &Path,
-    setup: &Setup,
-    stop: &AtomicBool,
-    observe: &mut Observer<'_>,
-) -> Result<(Outcome, Cost), EngineError> {
-    fix_at(Pace::RealTime, image, setup, stop, observe)
-}
-
-/// Powers the instrument of a world up in QEMU, in lock-step, and lets a person work with it for at most that many ticks.
-///
-/// `stop` is looked at in every tick. Whatever happens, QEMU has ended when this returns.
-pub fn serve(
-    image: &Path,
-    world: &World,
-    limit_ticks: u64,
-    person: &mut dyn Person,
-    stop: &AtomicBool,
-) -> Result<(PowerOff, Cost), EngineError> {
-    serve_at(Pace::LockStep, image, world, limit_ticks, person, stop)
-}
-
-/// The same, free-running: time passes with every instruction, so that what takes longer than a tick makes the instrument lag. Two
-/// runs are the same.
-pub fn serve_free_running(
-    image: &Path,
-    world: &World,
-    limit_ticks: u64,
-    person: &mut dyn Person,
-    stop: &AtomicBool,
-) -> Result<(PowerOff, Cost), EngineError> {
-    serve_at(Pace::FreeRunning, image, world, limit_ticks, person, stop)
-}
-
-fn fix_at(
     pace: Pace,
     image: &Path,
     setup: &Setup,
@@ -162,11 +118,14 @@ fn fix_at(
 ) -> Result<(Outcome, Cost), EngineError> {
     let world = super::world(setup)?;
     let mut wanted = FixWanted::new(&world, observe);
-    let (off, cost) = serve_at(pace, image, &world, super::limit_ticks(setup), &mut wanted, stop)?;
+    let (off, cost) = serve(pace, image, &world, super::limit_ticks(setup), &mut wanted, stop)?;
     Ok((wanted.outcome(off), cost))
 }
 
-fn serve_at(
+/// Powers the instrument of a world up in QEMU and lets a person work with it for at most that many ticks.
+///
+/// `stop` is looked at in every tick. Whatever happens, QEMU has ended when this returns.
+pub fn serve(
     pace: Pace,
     image: &Path,
     world: &World,

@@ -14,7 +14,7 @@ use north_finder::sample::SAMPLE_S;
 use north_finder::sequence::order::Order;
 use serde::{Deserialize, Serialize};
 
-use north::engine::qemu::{self, Cost, image};
+use north::engine::qemu::{self, Cost, Pace, image};
 use north::engine::{self, End, EngineError, Setup};
 use north::failure::Failure;
 use north::field::{self, Obedient};
@@ -170,7 +170,7 @@ fn measure(image: &Path) -> Result<Measured, Failure> {
     let setup = setup(SCENARIO)?;
     let flashed = image::build(image::Board::F405)?;
     let size = image_size::size(&flashed)?;
-    let (outcome, cost) = qemu::run(image, &setup, interrupt::flag(), &mut |_| ())?;
+    let (outcome, cost) = qemu::run(Pace::LockStep, image, &setup, interrupt::flag(), &mut |_| ())?;
     match outcome.end {
         End::Fix(_) => Ok(Measured::new(&cost, size, measure_field(image)?)),
         End::Interrupted => Err(Failure::Interrupted),
@@ -193,7 +193,7 @@ fn measure_field(image: &Path) -> Result<FieldCost, Failure> {
     let calibrate = |limit_ticks, observe: &mut engine::Observer<'_>| {
         let world = engine::world(&setup)?;
         let mut person = Obedient::new(&world, &setup, observe);
-        let (off, cost) = qemu::serve(image, &world, limit_ticks, &mut person, interrupt::flag())?;
+        let (off, cost) = qemu::serve(Pace::LockStep, image, &world, limit_ticks, &mut person, interrupt::flag())?;
         Ok::<_, EngineError>((person.outcome(off).end, cost))
     };
     let (end, whole) = calibrate(engine::limit_ticks(&setup), &mut observe)?;

@@ -5,7 +5,8 @@ use std::path::Path;
 
 use hal_sim::Scenario;
 use hal_sim::scenario::{Block, Carry};
-use north::engine::{self, FixWanted, Setup, host, qemu};
+use north::engine::qemu::{self, Pace};
+use north::engine::{self, FixWanted, Setup, host};
 use north::failure::Failure;
 use north::interrupt;
 use north::settings_file::scenario_settings;
@@ -80,7 +81,8 @@ pub fn same_in_qemu(image: &Path, class: Class, seed: u64) -> Result<bool, Failu
     // Printed with all their digits, equal numbers are equal bits (and not-a-number equals itself).
     let (mut expected, mut found) = (Vec::new(), Vec::new());
     let outcome = host::run(&setup, interrupt::flag(), &mut |report| expected.push(format!("{report:?}")))?;
-    let (in_qemu, _) = qemu::run(image, &setup, interrupt::flag(), &mut |report| found.push(format!("{report:?}")))?;
+    let (in_qemu, _) =
+        qemu::run(Pace::LockStep, image, &setup, interrupt::flag(), &mut |report| found.push(format!("{report:?}")))?;
     if interrupt::requested() {
         return Err(Failure::Interrupted);
     }

@@ -40,7 +40,7 @@ fn never() -> AtomicBool {
 #[test]
 fn uarts_and_timers_in_real_time() {
     let (mut seconds, mut lost, mut refused) = (0, 0, 0);
-    let (outcome, cost) = run_in_real_time(image(), &setup(4.5), &never(), &mut |report| match report.event {
+    let (outcome, cost) = run(Pace::RealTime, image(), &setup(4.5), &never(), &mut |report| match report.event {
         Event::Second(second) => {
             seconds += 1;
             lost += second.lost_frames;
@@ -58,7 +58,7 @@ fn uarts_and_timers_in_real_time() {
 fn an_interrupted_run_leaves_no_process() {
     let stop = never();
     let mut reports = 0;
-    let (outcome, cost) = run(image(), &setup(1000.0), &stop, &mut |_| {
+    let (outcome, cost) = run(Pace::LockStep, image(), &setup(1000.0), &stop, &mut |_| {
         reports += 1;
         stop.store(reports >= 10, Ordering::Relaxed);
     })
@@ -73,7 +73,7 @@ fn settings_arrive_over_the_link_and_outlive_the_restart() {
     let settings = Settings { latitude_deg: 51.5, model: Some(longest_model()), ..setup(1.0).settings.unwrap() };
     let mut person = Loader { settings, upload: VecDeque::new(), stored: false, states: Vec::new() };
     let world = World::new(&setup(10.0).scenario, 1);
-    let (off, _) = serve(image(), &world, 4000, &mut person, &never()).unwrap();
+    let (off, _) = serve(Pace::LockStep, image(), &world, 4000, &mut person, &never()).unwrap();
     assert_eq!(off, PowerOff::TimeLimit);
     assert!(person.stored && person.states.contains(&State::Watching), "{:?}", person.states);
 }
@@ -163,7 +163,7 @@ fn crash_of(how: Provocation, pace: Pace) -> Crash {
         current_after: false,
         seconds_after: 0,
     };
-    let (off, _) = serve_at(pace, image(), &world, limit_ticks(&setup), &mut person, &never())
+    let (off, _) = serve(pace, image(), &world, limit_ticks(&setup), &mut person, &never())
         .unwrap_or_else(|error| panic!("{how:?}: {error}"));
     assert_eq!(off, PowerOff::Heard, "{how:?}: {:?}", person.crash);
     assert!(person.provoked && !person.current_after, "{how:?}");
@@ -252,7 +252,7 @@ fn lagging(fix: bool, every: u64, ticks: u8, seconds: f64) -> [Laggard; 2] {
         let (reports, counters) = (Vec::new(), Counters::default());
         let mut person = Laggard { fix, every, ticks, status_tick: limit - 100, reports, counters };
         let off = if free_running {
-            serve_free_running(image(), &world, limit, &mut person, &never()).unwrap().0
+            serve(Pace::FreeRunning, image(), &world, limit, &mut person, &never()).unwrap().0
         } else {
             crate::engine::host::serve(&world, limit, &mut person, &never(), &mut |_, _| ()).unwrap()
         };
@@ -319,7 +319,7 @@ fn a_lag_beyond_the_queue_is_counted_and_stays_in_its_second() {
 #[test]
 fn a_missing_qemu_image_is_an_error() {
     let nothing = Path::new("no/such/image");
-    let error = run(nothing, &setup(1.0), &never(), &mut |_| {}).unwrap_err();
+    let error = run(Pace::LockStep, nothing, &setup(1.0), &never(), &mut |_| {}).unwrap_err();
     assert!(error.to_string().contains("no/such/image"), "{error}");
 }
 
@@ -378,7 +378,7 @@ fn settings_are_refused_while_the_motor_turns() {
         let settings = setup.settings.clone().unwrap();
         let mut person = Impatient { settings, upload: VecDeque::new(), moving: false, ticks: 0, refused: None };
         let off = if qemu {
-            serve(image(), &world, limit_ticks(&setup), &mut person, &never()).unwrap().0
+            serve(Pace::LockStep, image(), &world, limit_ticks(&setup), &mut person, &never()).unwrap().0
         } else {
             crate::engine::host::serve(&world, limit_ticks(&setup), &mut person, &never(), &mut |_, _| ()).unwrap()
         };
