@@ -151,12 +151,7 @@ mod tests {
     #[test]
     fn its_own_test_is_in_the_widest_range() {
         for (mode, test) in [(Mode::Test, 0x01), (Mode::Force, 0x03)] {
-            let mut exchanges = MockSpi::adxl355_configuration();
-            exchanges[5] = Exchange::new([0x58, 0x83], [0, 0]);
-            exchanges[6] = Exchange::new([0x59, 0], [0, 0x83]);
-            exchanges[7] = Exchange::new([0x5C, test], [0, 0]);
-            exchanges[8] = Exchange::new([0x5D, 0], [0, test]);
-            let mut spi = MockSpi::new(exchanges);
+            let mut spi = MockSpi::new(MockSpi::adxl355_configured(0x83, test));
             assert_eq!(Adxl355::new(&mut spi).configure(mode), Ok(()));
             spi.done();
         }

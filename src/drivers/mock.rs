@@ -38,18 +38,23 @@ impl MockSpi {
         Self(exchanges.into())
     }
 
-    /// The transactions that find an ADXL355 and configure it: by hand from the data sheet, address · 2, + 1 to read.
+    /// The transactions that find an ADXL355 and configure it to measure.
     pub fn adxl355_configuration() -> Vec<Exchange> {
+        Self::adxl355_configured(0x81, 0x00)
+    }
+
+    /// The same with these contents of RANGE and SELF_TEST: by hand from the data sheet, address · 2, + 1 to read.
+    pub fn adxl355_configured(range: u8, test: u8) -> Vec<Exchange> {
         vec![
             Exchange::new([0x01, 0, 0, 0], [0, 0xAD, 0x1D, 0xED]),
             Exchange::new([0x5A, 0x01], [0, 0]),
             Exchange::new([0x5B, 0], [0, 0x01]),
             Exchange::new([0x50, 0x05], [0, 0]),
             Exchange::new([0x51, 0], [0, 0x05]),
-            Exchange::new([0x58, 0x81], [0, 0]),
-            Exchange::new([0x59, 0], [0, 0x81]),
-            Exchange::new([0x5C, 0x00], [0, 0]),
-            Exchange::new([0x5D, 0], [0, 0x00]),
+            Exchange::new([0x58, range], [0, 0]),
+            Exchange::new([0x59, 0], [0, range]),
+            Exchange::new([0x5C, test], [0, 0]),
+            Exchange::new([0x5D, 0], [0, test]),
             Exchange::new([0x5A, 0x00], [0, 0]),
             Exchange::new([0x5B, 0], [0, 0x00]),
         ]

@@ -173,22 +173,14 @@ mod tests {
     /// At rest z reads 1 g, 64 000 codes; under the force 2.5 g, x 0.25 g: by hand, 0.25 · 2³¹/16.384 and 1.5 · 2³¹/16.384.
     #[test]
     fn the_response_is_the_difference_of_two_means() {
-        let configuration = |range: u8, test: u8| {
-            let mut exchanges = MockSpi::adxl355_configuration();
-            exchanges[5] = Exchange::new([0x58, range], [0, 0]);
-            exchanges[6] = Exchange::new([0x59, 0], [0, range]);
-            exchanges[7] = Exchange::new([0x5C, test], [0, 0]);
-            exchanges[8] = Exchange::new([0x5D, 0], [0, test]);
-            exchanges
-        };
         // 64 000 = 0x0FA00, 160 000 = 0x27100, 16 000 = 0x03E80, each left-aligned in three bytes.
         let reading = |x: [u8; 3], z: [u8; 3]| {
             let miso = [&[0, 0x01, 0, 0, 0][..], &x, &[0; 3], &z].concat();
             Exchange::new([0x09, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0], miso)
         };
-        let mut exchanges = configuration(0x83, 0x01);
+        let mut exchanges = MockSpi::adxl355_configured(0x83, 0x01);
         exchanges.extend((0..24).map(|_| reading([0; 3], [0x0F, 0xA0, 0x00])));
-        exchanges.extend(configuration(0x83, 0x03));
+        exchanges.extend(MockSpi::adxl355_configured(0x83, 0x03));
         exchanges.extend((0..24).map(|_| reading([0x03, 0xE8, 0x00], [0x27, 0x10, 0x00])));
         exchanges.extend(MockSpi::adxl355_configuration());
         let mut sensors = Sensors::new(MockSpi::new(exchanges), MockSpi::new(vec![]), None::<MockSpi>);
