@@ -10,7 +10,7 @@ use super::candidate::Part;
 use super::data::RunData;
 use super::statistics::{f_tail, median, rms};
 use crate::campaign::Role;
-use crate::open_world::studentised;
+use crate::open_world::{root_of_mean, studentised};
 
 /// A model is not used where the errors rise by more than this, and where chance alone would make them rise as much in
 /// fewer campaigns than this share. (A true effect that the azimuth does not feel leaves the errors as they are, but for the
@@ -116,7 +116,7 @@ pub fn missed_beyond_sigma_deg(runs: &[RunData], fitted: &Fitted, left_out: &[Op
     if beyond.len() < LEAST_MISSES {
         return 0.0;
     }
-    studentised(beyond.len()) * (beyond.iter().sum::<f64>() / beyond.len() as f64).max(0.0).sqrt()
+    studentised(beyond.len()) * root_of_mean(&beyond)
 }
 
 /// One sigma of what an error of the index has in common at all angles, degrees: without surveyed headings nobody sees it; it may be

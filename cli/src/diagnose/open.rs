@@ -22,12 +22,12 @@ use crate::open_world::{self, DAMPING, Found, Group, Learned, Prediction, Record
 
 /// Share of the mean square error of what it replaces that a model must fall below.
 const BETTER: f64 = 0.95;
-/// Where the fit runs' rates are predicted with a log density greater by this: share of the mean square error by which it may be above
-/// what it replaces.
+/// Where the fit runs' rates are predicted with a log density greater by this, the mean square error may be that of what it replaces times …
 const PREDICTS: f64 = 20.0;
-/// The same without any reference.
-const PREDICTS_BLIND: f64 = 4.0;
+/// … this.
 const WORSE: f64 = 1.5;
+/// The gain of log density that is enough without any reference.
+const PREDICTS_BLIND: f64 = 4.0;
 /// Log-likelihood that processes of the runs' own must gain over white noise to count.
 const PROCESS: f64 = 10.0;
 /// Share of an effect that its terms in the firmware may miss.
@@ -277,7 +277,7 @@ impl Open {
                 Some(apart_deg.powi(2) - (own.sigma_rad / RAD_PER_DEG).powi(2))
             })
             .collect();
-        (beyond.iter().sum::<f64>() / beyond.len().max(1) as f64).max(0.0).sqrt()
+        open_world::root_of_mean(&beyond)
     }
 
     /// The runs without what it learned, as the engine itself sees that.

@@ -4,6 +4,7 @@ use nalgebra::DMatrix;
 use north_finder::fix::DesignRow;
 use north_finder::level::Specific;
 
+use super::columns::{from_columns, side_by_side};
 use super::dynamics::{delay, friction, low_pass, low_pass_from, peak, play, relay, smoothed};
 use super::group::{Base, Group, PLAY_WIDTHS, TIMES_S, Tuned};
 use super::recording::{Move, Place, Recording, Samples};
@@ -68,12 +69,6 @@ impl Curve {
 
 fn bump(x: f64) -> f64 {
     (-0.5 * x * x).exp()
-}
-
-fn from_columns(rows: usize, columns: impl IntoIterator<Item = Vec<f64>>) -> Columns {
-    let all: Vec<f64> = columns.into_iter().flatten().collect();
-    let count = all.len() / rows.max(1);
-    DMatrix::from_vec(rows, count, all)
 }
 
 /// What the learned runs say of scales, and the directions that bases are reduced to.
@@ -653,8 +648,7 @@ fn lacking(samples: &Samples, first: &[f64], second: &[f64]) -> Vec<f64> {
 fn beside(parts: impl IntoIterator<Item = Columns>) -> Columns {
     let parts: Vec<Columns> = parts.into_iter().collect();
     let rows = parts.first().map_or(0, DMatrix::nrows);
-    let all: Vec<f64> = parts.iter().flat_map(|part| part.as_slice().iter().copied()).collect();
-    DMatrix::from_vec(rows, all.len() / rows.max(1), all)
+    side_by_side(rows, &parts)
 }
 
 /// All products of a column of the first with one of the second.

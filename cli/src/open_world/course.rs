@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::basis::Sheet;
+use super::columns::{from_columns, side_by_side};
 use super::evidence::{half_of, posterior};
 use super::tie::Tie;
 
@@ -408,7 +409,7 @@ impl Pursuit<'_> {
     }
 
     fn joined(&self) -> DMatrix<f64> {
-        joined(self.own.nrows(), self.columns.iter())
+        side_by_side(self.own.nrows(), &self.columns)
     }
 
     fn gain(&self) -> f64 {
@@ -453,8 +454,7 @@ impl Pursuit<'_> {
             let joined = self.joined();
             let chosen = if joined.ncols() > 0 { joined.qr().q() } else { joined };
             let left = &self.rate - &chosen * chosen.tr_mul(&self.rate);
-            let all: Vec<f64> = self.own.iter().chain(chosen.iter()).copied().collect();
-            let q = DMatrix::from_vec(self.own.nrows(), self.own.ncols() + chosen.ncols(), all);
+            let q = side_by_side(self.own.nrows(), [&self.own, &chosen]);
             let best = dictionary.best(&q, &left, self.variance, &self.penalties);
             let Some(((atom, kind), _)) = best.filter(|each| each.1 > LEAST_GAIN) else { break };
             self.kinds.push(kind);
@@ -474,7 +474,8 @@ impl Pursuit<'_> {
             let all = self.gain();
             let without = |place: usize| {
                 let kept = |each: &(usize, &DMatrix<f64>)| each.0 != place;
-                let rest = joined(self.own.nrows(), self.columns.iter().enumerate().filter(kept).map(|each| each.1));
+                let rest =
+                    side_by_side(self.own.nrows(), self.columns.iter().enumerate().filter(kept).map(|each| each.1));
                 posterior(&rest.tr_mul(&rest), &rest.tr_mul(&self.rate), &vec![self.variance; rest.ncols()]).gain
             };
             let worth = |place: usize| all - without(place) - self.penalties[self.kinds[place]];
@@ -491,7 +492,7 @@ impl Pursuit<'_> {
     /// Columns of an atom over the samples times the prior standard deviation.
     fn part(&self, atom: Atom) -> DMatrix<f64> {
         let columns = atom.columns(self.sheet, self.extent);
-        DMatrix::from_vec(self.roots.len(), columns.len(), columns.concat()) * self.variance.sqrt()
+        from_columns(self.roots.len(), columns) * self.variance.sqrt()
     }
 
     /// What else an atom may be.
@@ -556,7 +557,7 @@ impl Course {
         let unseen = unseen_steps(sheet, 4.0 * mean_square * habits.0[STEP]);
         let others = (0..pursuit.atoms.len()).map(|place| pursuit.others(place)).collect();
         let parts: Vec<DMatrix<f64>> = pursuit.atoms.iter().map(|&atom| pursuit.part(atom)).collect();
-        let all = joined(n, parts.iter().chain([&unseen]));
+        let all = side_by_side(n, parts.iter().chain([&unseen]));
         let (half, log_determinant) = half_of(&(&run.white + &all * all.transpose()));
         Self {
             log_prior: -habits.0.iter().sum::<f64>()
@@ -575,7 +576,7 @@ impl Course {
 
     /// Factor of the covariance of what it does.
     pub fn factor(&self) -> DMatrix<f64> {
-        joined(self.half.nrows(), self.parts.iter().chain([&self.unseen]))
+        side_by_side(self.half.nrows(), self.parts.iter().chain([&self.unseen]))
     }
 
     /// The same with each atom in turn as what else it may be: log evidence less that of the best one.
@@ -583,7 +584,7 @@ impl Course {
         self.others.iter().enumerate().map(|(place, others)| {
             let with = |other: &DMatrix<f64>| {
                 let parts = self.parts.iter().enumerate().map(|(at, part)| if at == place { other } else { part });
-                joined(self.half.nrows(), parts.chain([&self.unseen]))
+                side_by_side(self.half.nrows(), parts.chain([&self.unseen]))
             };
             others.iter().map(|(behind, other)| (*behind, with(other))).collect()
         })
@@ -591,11 +592,6 @@ impl Course {
 }
 
 /// Columns side by side.
-fn joined<'a>(rows: usize, parts: impl Iterator<Item = &'a DMatrix<f64>>) -> DMatrix<f64> {
-    let all: Vec<f64> = parts.flat_map(|part| part.iter().copied()).collect();
-    DMatrix::from_vec(rows, all.len() / rows.max(1), all)
-}
-
 /// Steps between samples that do not follow one another. One happens there with a probability in proportion to the time between; its
 /// size then has a variance of which `variance` is what a run as a whole has.
 fn unseen_steps(sheet: &Sheet, variance: f64) -> DMatrix<f64> {
@@ -604,6 +600,5 @@ fn unseen_steps(sheet: &Sheet, variance: f64) -> DMatrix<f64> {
         let size = (variance * (pair[1][0] - pair[0][1]) / length_s).sqrt();
         (0..spans.len()).map(|i| if i > place { size } else { 0.0 }).collect::<Vec<f64>>()
     });
-    let all: Vec<f64> = steps.flatten().collect();
-    DMatrix::from_vec(spans.len(), all.len() / spans.len(), all)
+    from_columns(spans.len(), steps)
 }

@@ -2,6 +2,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
+/// Share of its diagonal that a covariance gets at most.
+const MOST_RAISED: f64 = 1.0;
+
 /// Weights of active functions, given all data.
 #[derive(Clone, Debug)]
 pub struct Posterior {
@@ -68,6 +71,7 @@ pub fn best_variance(gram: &DMatrix<f64>, right: &DVector<f64>, variances: &[f64
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .unwrap_or((0.0, 0.0))
 }
+
 /// Inverse of the lower Cholesky factor, and the logarithm of the determinant. A covariance that has lost its definiteness to
 /// rounding gets a little of its own diagonal; one that has none left tells nothing: zero.
 pub fn half_of(covariance: &DMatrix<f64>) -> (DMatrix<f64>, f64) {
@@ -89,9 +93,6 @@ pub fn half_of(covariance: &DMatrix<f64>) -> (DMatrix<f64>, f64) {
         }
     }
 }
-
-/// Share of its diagonal that a covariance gets at most.
-const MOST_RAISED: f64 = 1.0;
 
 /// Inverse of a lower triangle, column by column by substitution from its diagonal down: a third of the work of a full one.
 fn lower_inverse(lower: &DMatrix<f64>) -> DMatrix<f64> {

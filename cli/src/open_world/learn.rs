@@ -6,6 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::basis::{Scales, Sheet};
+use super::columns::of_values;
 use super::course::{Course, Habits};
 use super::evidence::{Posterior, best_variance, posterior};
 use super::group::{Base, Group};
@@ -246,8 +247,7 @@ impl<'a> Search<'a> {
         }
         for (columns, built) in self.columns.iter_mut().zip(built) {
             let scaled = kept.iter().flat_map(|&(place, factor)| built[place].iter().map(move |value| value * factor));
-            let all: Vec<f64> = columns.iter().copied().chain(scaled).collect();
-            *columns = DMatrix::from_vec(columns.nrows(), all.len() / columns.nrows(), all);
+            *columns = of_values(columns.nrows(), columns.iter().copied().chain(scaled));
         }
     }
 
@@ -261,8 +261,7 @@ impl<'a> Search<'a> {
         let of_group = |&(group, _): &(usize, f64)| {
             self.columns[run].as_slice()[self.starts[group] * rows..self.starts[group + 1] * rows].iter().copied()
         };
-        let all: Vec<f64> = active.iter().flat_map(of_group).collect();
-        DMatrix::from_vec(rows, all.len() / rows, all)
+        of_values(rows, active.iter().flat_map(of_group))
     }
 
     pub fn prior(&self, active: &Active) -> Vec<f64> {
@@ -370,9 +369,7 @@ impl<'a> Search<'a> {
     /// What happens in the runs by themselves beside what a state has learned: with the habits that some of the runs speak for most,
     /// and once more with those that are found then.
     fn find_courses(&mut self, state: &State) {
-        let each = self.of_runs(&state.active, &state.of_run);
-        let weights = posterior_of(&each, &self.prior(&state.active)).0.mean;
-        let means = self.means(&state.active, &weights);
+        let means = self.learned_means(state);
         let residual = |place: usize| &self.runs[place].rate - &means[place];
         let find = |place: usize, habits: &Habits| Course::find(&self.runs[place].seen(true), &residual(place), habits);
         let likelihood = |place: usize, habits: &Habits| {
@@ -551,11 +548,16 @@ impl<'a> Search<'a> {
         best
     }
 
-    /// Shares of the kernels where no run may have a course.
-    pub fn shares_without_courses(&self, state: &State) -> Vec<f64> {
+    /// What a state has learned does in every run.
+    fn learned_means(&self, state: &State) -> Vec<DVector<f64>> {
         let each = self.of_runs(&state.active, &state.of_run);
         let weights = posterior_of(&each, &self.prior(&state.active)).0.mean;
-        let means = self.means(&state.active, &weights);
+        self.means(&state.active, &weights)
+    }
+
+    /// Shares of the kernels where no run may have a course.
+    pub fn shares_without_courses(&self, state: &State) -> Vec<f64> {
+        let means = self.learned_means(state);
         let of_run = |(run, mean): (&Run, &DVector<f64>)| run.log_likelihood(&(&run.rate - mean), true, None);
         let likelihoods: Vec<Vec<f64>> = self.runs.par_iter().zip(&means).map(of_run).collect();
         let mut shares = process::shares(&likelihoods);

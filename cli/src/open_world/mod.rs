@@ -4,6 +4,7 @@
 //! u is a process of the run's own, whose kernel comes from a mixture that the training runs share.
 
 mod basis;
+mod columns;
 mod course;
 mod dynamics;
 mod evidence;
@@ -19,7 +20,7 @@ mod tie;
 pub use basis::{DECAYS_S, MEMORY_S, RELAXATION_S, TRAVEL_S, WARM_UP_S};
 pub use expected::Expected;
 pub use group::{Base, Group, PLAY_WIDTHS, TIMES_S, Tuned};
-pub use predict::{Found, InFunctions, Learned, Model, Prediction, studentised};
+pub use predict::{Found, InFunctions, Learned, Model, Prediction, root_of_mean, studentised};
 pub use process::{DAMPING, Kernel, Shape};
 pub use recording::{Recording, Reference};
 

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::basis::{Scales, centre};
+use super::columns::{from_columns, of_values, side_by_side};
 use super::course::{Course, Habits};
 use super::evidence::{Posterior, half_of, posterior};
 use super::group::Group;
@@ -188,10 +189,8 @@ impl Learned {
         for ((prepared, functions), (_, azimuth_rad)) in prepared.into_iter().zip(functions).zip(runs) {
             let Some((sheet, whitening)) = prepared else { continue };
             let run = Run::new(sheet, None, whitening, &sizes_deg_h);
-            let all: Vec<f64> =
-                functions.iter().flat_map(|function| run.sheet.samples.means(function.iter().copied())).collect();
-            let mut columns =
-                [DMatrix::from_vec(run.rate.len(), functions.len(), all), self.columns(&run, model, *azimuth_rad)];
+            let of_functions = functions.iter().map(|function| run.sheet.samples.means(function.iter().copied()));
+            let mut columns = [from_columns(run.rate.len(), of_functions), self.columns(&run, model, *azimuth_rad)];
             columns.iter_mut().for_each(centre);
             let [function_columns, own_columns] = columns;
             theirs.push(function_columns);
@@ -261,8 +260,7 @@ impl Learned {
             let mean = &columns * &model.mean;
             let unsure = &columns * model.factor.transpose();
             let beside = self.beside_sectors(model, &columns, azimuth_rad);
-            let all: Vec<f64> = unsure.iter().chain(&beside).chain(&beyond).copied().collect();
-            let unsure = DMatrix::from_vec(run.rate.len(), all.len() / run.rate.len(), all);
+            let unsure = of_values(run.rate.len(), unsure.iter().chain(&beside).chain(&beyond).copied());
             found = self.predict_about(run, &mean, &unsure, course);
             let moved = wrap(found.azimuth_rad - azimuth_rad).abs();
             azimuth_rad = found.azimuth_rad;
@@ -306,13 +304,10 @@ impl Learned {
     }
 
     pub fn columns(&self, run: &Run, model: &Model, azimuth_rad: f64) -> DMatrix<f64> {
-        let mut all: Vec<f64> = Vec::new();
-        for Found { group, factor, .. } in &model.groups {
-            let columns = self.scales.columns(&run.sheet, group, azimuth_rad) * *factor;
-            all.extend_from_slice(columns.as_slice());
-        }
-        let rows = run.rate.len();
-        DMatrix::from_vec(rows, all.len() / rows, all)
+        let of_group =
+            |Found { group, factor, .. }: &Found| self.scales.columns(&run.sheet, group, azimuth_rad) * *factor;
+        let parts: Vec<DMatrix<f64>> = model.groups.iter().map(of_group).collect();
+        side_by_side(run.rate.len(), &parts)
     }
 
     /// Columns of a factor of the covariance of what effects do in a sector of headings that the run may or may not be in.
@@ -406,8 +401,7 @@ fn along_course(run: &Run, residual: &DVector<f64>, unsure: &DMatrix<f64>, cours
     let whitened = |columns: &DMatrix<f64>| run.whitening.whiten(0, 0.0, columns);
     let (design, rate) = (whitened(&run.design), whitened(&DMatrix::from_columns(std::slice::from_ref(residual))));
     let by = |factor: DMatrix<f64>| {
-        let all: Vec<f64> = unsure.iter().chain(factor.iter()).copied().collect();
-        let all = DMatrix::from_vec(run.rate.len(), unsure.ncols() + factor.ncols(), all);
+        let all = side_by_side(run.rate.len(), [unsure, &factor]);
         beside_unsure(&design, &rate, &whitened(&all), run.north_deg_h)
     };
     let mut found = by(course.factor());
@@ -478,10 +472,12 @@ fn excess(runs: &[Run], left_out: &[Prediction]) -> f64 {
             Some(error.powi(2) - found.sigma_rad.powi(2) - reference.sigma_rad.powi(2))
         })
         .collect();
-    if beyond.is_empty() {
-        return 0.0;
-    }
-    studentised(beyond.len()) * (beyond.iter().sum::<f64>() / beyond.len() as f64).max(0.0).sqrt()
+    studentised(beyond.len()) * root_of_mean(&beyond)
+}
+
+/// The root of the mean of what squares of errors are more than those of their sigmas; 0 where that is less, or nothing.
+pub fn root_of_mean(beyond: &[f64]) -> f64 {
+    (beyond.iter().sum::<f64>() / beyond.len().max(1) as f64).max(0.0).sqrt()
 }
 
 /// By how much a standard deviation from so many errors must be widened for ± 1.96 of it to hold 95 %: Student's t over 1.96.
