@@ -20,7 +20,6 @@
 pub mod kvh;
 
 use crc::{CRC_32_MPEG_2, Crc, Table};
-use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 use self::kvh::KvhFrame;
@@ -28,6 +27,8 @@ use crate::units::ARCSEC_PER_RAD;
 
 const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_MPEG_2);
 const LONGEST: usize = 36;
+/// Bytes that are looked at together: the beginning of a frame, and a tick's.
+const ROOM: usize = 80;
 /// Counts that KVH's radians are turned into: 400 samples at the largest range, weighted for the first moment, fit an `i64`.
 const KVH_COUNTS_PER_RAD: u64 = 1 << 48;
 
@@ -137,63 +138,73 @@ fn checked(bytes: &[u8], number: fn([u8; 4]) -> u32) -> Option<&[u8]> {
 #[derive(Clone, Debug)]
 pub struct FrameReader {
     format: GyroFormat,
-    pending: Vec<u8, LONGEST>,
+    /// From `begin` to `end`: what was not looked at, or is the beginning of a frame.
+    bytes: [u8; ROOM],
+    begin: usize,
+    end: usize,
     bad_crc: u32,
     bytes_skipped: u32,
 }
 
 impl FrameReader {
     pub fn new(format: GyroFormat) -> Self {
-        Self { format, pending: Vec::new(), bad_crc: 0, bytes_skipped: 0 }
+        Self { format, bytes: [0; ROOM], begin: 0, end: 0, bad_crc: 0, bytes_skipped: 0 }
     }
 
-    /// Takes bytes away to the end of the next frame; gives that frame.
-    pub fn next(&mut self, bytes: &mut &[u8]) -> Option<Frame> {
-        loop {
-            // A whole frame that begins here needs not be put together.
-            if self.pending.is_empty()
-                && let Some((frame, rest)) = bytes.split_at_checked(self.format.length())
-                && frame.starts_with(self.format.header())
-                && let Some(frame) = self.format.decode(frame)
-            {
-                *bytes = rest;
-                return Some(frame);
-            }
-            let (&byte, rest) = bytes.split_first()?;
-            *bytes = rest;
-            if let Some(frame) = self.push(byte) {
-                return Some(frame);
-            }
+    /// Takes bytes from `source`, which puts them into the place that it gets and says how many; gives that number. There is room
+    /// once [`Self::next`] has no frame any more.
+    pub fn fill(&mut self, source: impl FnOnce(&mut [u8]) -> usize) -> usize {
+        if self.begin > 0 {
+            self.bytes.copy_within(self.begin..self.end, 0);
+            (self.begin, self.end) = (0, self.end - self.begin);
         }
+        let place = self.bytes.get_mut(self.end..).unwrap_or_default();
+        let room = place.len();
+        let length = source(place).min(room);
+        self.end += length;
+        length
+    }
+
+    /// The next frame in what was taken.
+    #[allow(clippy::should_implement_trait)] // there are more after the next filling
+    pub fn next(&mut self) -> Option<Frame> {
+        let format = self.format;
+        self.next_with(|bytes| format.decode(bytes))
     }
 
     /// Takes the next byte; gives the frame that it completes.
     pub fn push(&mut self, byte: u8) -> Option<Frame> {
-        let format = self.format;
-        self.push_with(byte, |bytes| format.decode(bytes))
+        self.put(byte);
+        self.next()
+    }
+
+    fn put(&mut self, byte: u8) {
+        self.fill(|place| {
+            place.first_mut().map_or(0, |first| {
+                *first = byte;
+                1
+            })
+        });
     }
 
     /// The same with another reading of the format's bytes.
-    fn push_with<T>(&mut self, byte: u8, decode: impl Fn(&[u8]) -> Option<T>) -> Option<T> {
-        // `pending` is always a proper beginning of a frame here, so there is room.
-        let _ = self.pending.push(byte);
-        let header = self.format.header();
-        if (header.len() + 1..self.format.length()).contains(&self.pending.len()) {
-            return None;
-        }
+    fn next_with<T>(&mut self, decode: impl Fn(&[u8]) -> Option<T>) -> Option<T> {
         loop {
-            let seen = self.pending.len().min(header.len());
-            if self.pending.get(..seen) != header.get(..seen) {
-                self.skip_one();
-            } else if self.pending.len() < self.format.length() {
+            let bytes = self.bytes.get(self.begin..self.end).filter(|bytes| !bytes.is_empty());
+            let Some(bytes) = bytes else {
+                (self.begin, self.end) = (0, 0);
                 return None;
-            } else if let Some(frame) = decode(&self.pending) {
-                self.pending.clear();
-                return Some(frame);
-            } else {
+            };
+            if bytes.iter().zip(self.format.header()).all(|(byte, expected)| byte == expected) {
+                let length = self.format.length();
+                if let Some(frame) = decode(bytes.get(..length)?) {
+                    self.begin += length;
+                    return Some(frame);
+                }
                 self.bad_crc = self.bad_crc.saturating_add(1);
-                self.skip_one();
             }
+            self.begin += 1;
+            self.bytes_skipped = self.bytes_skipped.saturating_add(1);
         }
     }
 
@@ -206,18 +217,13 @@ impl FrameReader {
     pub fn bytes_skipped(&self) -> u32 {
         self.bytes_skipped
     }
-
-    fn skip_one(&mut self) {
-        if !self.pending.is_empty() {
-            self.pending.remove(0);
-            self.bytes_skipped = self.bytes_skipped.saturating_add(1);
-        }
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    extern crate std;
+    use std::io::Read;
 
     // Test vectors of public drivers of the KVH 1750 family; their check sums were recomputed.
     const GOOD: [[u8; 36]; 2] = [
@@ -243,7 +249,10 @@ mod tests {
             let mut of_pieces = FrameReader::new(format);
             let mut found = std::vec::Vec::new();
             for mut piece in bytes.chunks(length) {
-                found.extend(core::iter::from_fn(|| of_pieces.next(&mut piece)));
+                while !piece.is_empty() {
+                    of_pieces.fill(|place| piece.read(place).unwrap());
+                    found.extend(core::iter::from_fn(|| of_pieces.next()));
+                }
             }
             assert_eq!(found, frames);
             assert_eq!((of_pieces.bad_crc(), of_pieces.bytes_skipped()), (reader.bad_crc(), reader.bytes_skipped()));

@@ -44,7 +44,7 @@ use crate::watch::GyroWatch;
 const HEALTH_SECONDS: u32 = 10;
 /// Most violations of settings that are told.
 const VIOLATIONS: usize = 8;
-/// Bytes are taken from the lines in parts of this many.
+/// Bytes of the host are taken in parts of this many.
 const PART: usize = 64;
 /// Most lost ticks that are made up for: the watchdog would have ended a longer stand.
 const MOST_LOST: u64 = 1200;
@@ -277,23 +277,13 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
             self.make_up(readings.tick, sink);
         }
         self.next_tick = readings.tick + 1;
-        let mut place = [0; PART];
-        loop {
-            let bytes = intake.host.take(readings.heard.host, &mut place);
-            if bytes.is_empty() {
-                break;
-            }
-            intake.tell(&mut self.counters);
-            for &byte in bytes {
-                self.request_byte(byte, readings.turning, flash, &mut orders, sink);
-            }
+        if !intake.host.is_empty(readings.heard.host) {
+            self.hear_host(readings, intake, flash, &mut orders, sink);
         }
-        loop {
-            let bytes = intake.gyro.take(readings.heard.gyro, &mut place);
-            if bytes.is_empty() {
-                break;
-            }
-            self.hear_gyro(bytes, sink);
+        while !intake.gyro.is_empty(readings.heard.gyro)
+            && self.reader.fill(|place| intake.gyro.take(readings.heard.gyro, place)) > 0
+        {
+            self.hear_gyro(sink);
         }
         self.read(&readings.sensors, sink);
         if self.field.is_active() {
@@ -322,10 +312,33 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
         orders
     }
 
-    /// Bytes of the gyro. Never inlined, as others below: what it takes of the stack is free again for what comes after it.
+    /// Bytes of the host. Never inlined, as others below: what it takes of the stack is free again for what comes after it.
     #[inline(never)]
-    fn hear_gyro(&mut self, mut bytes: &[u8], sink: &mut dyn FnMut(Event)) {
-        while let Some(frame) = self.reader.next(&mut bytes) {
+    fn hear_host(
+        &mut self,
+        readings: &Readings,
+        intake: &Intake,
+        flash: &mut impl NorFlash,
+        orders: &mut Orders,
+        sink: &mut dyn FnMut(Event),
+    ) {
+        let mut place = [0; PART];
+        loop {
+            let length = intake.host.take(readings.heard.host, &mut place);
+            if length == 0 {
+                break;
+            }
+            intake.tell(&mut self.counters);
+            for &byte in place.iter().take(length) {
+                self.request_byte(byte, readings.turning, flash, orders, sink);
+            }
+        }
+    }
+
+    /// Bytes of the gyro.
+    #[inline(never)]
+    fn hear_gyro(&mut self, sink: &mut dyn FnMut(Event)) {
+        while let Some(frame) = self.reader.next() {
             self.frame(&frame, sink);
         }
         self.counters.bytes_skipped = self.reader.bytes_skipped();

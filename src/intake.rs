@@ -5,8 +5,8 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use crate::health::Counters;
 use crate::ring::Ring;
 
-/// Bytes of 80 ms from the gyro, in its longer format, and of 40 ms from the host.
-const GYRO_BYTES: usize = 2048;
+/// Bytes of 70 ms from the gyro, in its longer format, and of 40 ms from the host: readings wait for 40 ms at most.
+const GYRO_BYTES: usize = 1024;
 const HOST_BYTES: usize = 512;
 
 /// What a receiver found wrong with a byte.
@@ -84,8 +84,13 @@ impl<const N: usize> Line<N> {
         });
     }
 
-    /// Takes what had come at a mark of [`Heard`], as much as there is room for.
-    pub fn take<'a>(&self, mark: u16, place: &'a mut [u8]) -> &'a [u8] {
+    /// Whether nothing waits of what had come at a mark of [`Heard`].
+    pub fn is_empty(&self, mark: u16) -> bool {
+        self.ring.is_empty(mark)
+    }
+
+    /// Takes what had come at a mark of [`Heard`], as much as there is room for; gives how much.
+    pub fn take(&self, mark: u16, place: &mut [u8]) -> usize {
         self.ring.take(mark, place)
     }
 }

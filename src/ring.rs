@@ -26,10 +26,12 @@ impl<const N: usize> Ring<N> {
         let put = self.put.load(Ordering::Relaxed);
         let waiting = put.wrapping_sub(self.taken.load(Ordering::Acquire)) as usize;
         let room = N.saturating_sub(waiting).min(bytes.len());
-        for (&byte, at) in bytes.iter().take(room).zip(put as usize..) {
+        let mut at = put as usize;
+        for &byte in bytes.split_at(room).0 {
             if let Some(place) = self.bytes.get(at % N) {
                 place.store(byte, Ordering::Relaxed);
             }
+            at = at.wrapping_add(1);
         }
         self.put.store(put.wrapping_add(room as u32), Ordering::Release);
         (bytes.len() - room) as u32
@@ -40,20 +42,24 @@ impl<const N: usize> Ring<N> {
         self.put.load(Ordering::Acquire) as u16
     }
 
-    /// Takes the bytes that were put before a mark, as many as there is room for in `place`; gives those.
-    pub fn take<'a>(&self, mark: u16, place: &'a mut [u8]) -> &'a [u8] {
+    /// Whether nothing waits that was put before a mark.
+    pub fn is_empty(&self, mark: u16) -> bool {
+        mark == self.taken.load(Ordering::Relaxed) as u16
+    }
+
+    /// Takes the bytes that were put before a mark, as many as there is room for in `place`; gives how many.
+    pub fn take(&self, mark: u16, place: &mut [u8]) -> usize {
         let taken = self.taken.load(Ordering::Relaxed);
         let waiting = self.put.load(Ordering::Acquire).wrapping_sub(taken) as usize;
         let before = usize::from(mark.wrapping_sub(taken as u16));
-        let room = place.len();
-        let place = place.get_mut(..waiting.min(before).min(room)).unwrap_or_default();
-        for (byte, at) in place.iter_mut().zip(taken as usize..) {
-            if let Some(waiting) = self.bytes.get(at % N) {
-                *byte = waiting.load(Ordering::Relaxed);
-            }
+        let length = waiting.min(before).min(place.len());
+        let mut at = taken as usize;
+        for byte in place.split_at_mut(length).0 {
+            *byte = self.bytes.get(at % N).map_or(0, |place| place.load(Ordering::Relaxed));
+            at = at.wrapping_add(1);
         }
-        self.taken.store(taken.wrapping_add(place.len() as u32), Ordering::Release);
-        place
+        self.taken.store(taken.wrapping_add(length as u32), Ordering::Release);
+        length
     }
 }
 
@@ -61,16 +67,22 @@ impl<const N: usize> Ring<N> {
 mod tests {
     use super::*;
 
+    /// What is taken up to a mark.
+    fn taken<'a, const N: usize>(ring: &Ring<N>, mark: u16, place: &'a mut [u8]) -> &'a [u8] {
+        let length = ring.take(mark, place);
+        &place[..length]
+    }
+
     #[test]
     fn bytes_come_out_in_their_order_and_what_has_no_room_is_told() {
         let ring = Ring::<4>::new();
         let mut place = [0; 3];
-        assert_eq!(ring.take(ring.mark(), &mut place), []);
+        assert_eq!(taken(&ring, ring.mark(), &mut place), []);
         assert_eq!(ring.put(&[1, 2, 3, 4, 5, 6]), 2);
-        assert_eq!(ring.take(ring.mark(), &mut place), [1, 2, 3]);
+        assert_eq!(taken(&ring, ring.mark(), &mut place), [1, 2, 3]);
         assert_eq!(ring.put(&[7, 8]), 0);
-        assert_eq!(ring.take(ring.mark(), &mut place), [4, 7, 8]);
-        assert_eq!(ring.take(ring.mark(), &mut place), []);
+        assert_eq!(taken(&ring, ring.mark(), &mut place), [4, 7, 8]);
+        assert_eq!(taken(&ring, ring.mark(), &mut place), []);
     }
 
     #[test]
@@ -80,10 +92,12 @@ mod tests {
         let mark = ring.mark();
         ring.put(&[4, 5]);
         let mut place = [0; 2];
-        assert_eq!(ring.take(mark, &mut place), [1, 2]);
-        assert_eq!(ring.take(mark, &mut place), [3]);
-        assert_eq!(ring.take(mark, &mut place), []);
-        assert_eq!(ring.take(ring.mark(), &mut place), [4, 5]);
+        assert_eq!(taken(&ring, mark, &mut place), [1, 2]);
+        assert!(!ring.is_empty(mark));
+        assert_eq!(taken(&ring, mark, &mut place), [3]);
+        assert!(ring.is_empty(mark) && !ring.is_empty(ring.mark()));
+        assert_eq!(taken(&ring, mark, &mut place), []);
+        assert_eq!(taken(&ring, ring.mark(), &mut place), [4, 5]);
     }
 
     #[test]
@@ -94,7 +108,7 @@ mod tests {
         assert_eq!(ring.put(&[1, 2, 3]), 0);
         let mark = ring.mark();
         assert_eq!((mark, ring.put(&[4, 5])), (1, 1));
-        assert_eq!(ring.take(mark, &mut [0; 8]), [1, 2, 3]);
-        assert_eq!(ring.take(ring.mark(), &mut [0; 8]), [4]);
+        assert_eq!(taken(&ring, mark, &mut [0; 8]), [1, 2, 3]);
+        assert_eq!(taken(&ring, ring.mark(), &mut [0; 8]), [4]);
     }
 }

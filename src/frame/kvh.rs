@@ -65,7 +65,8 @@ impl Default for KvhReader {
 impl KvhReader {
     /// Takes the next byte; gives the frame that it completes.
     pub fn push(&mut self, byte: u8) -> Option<KvhFrame> {
-        self.0.push_with(byte, KvhFrame::decode)
+        self.0.put(byte);
+        self.0.next_with(KvhFrame::decode)
     }
 
     /// Frames with a wrong check sum so far, false headers included.
