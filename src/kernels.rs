@@ -30,7 +30,7 @@ mod target {
     use north_finder::attitude::filter::navigation::Navigation;
     use north_finder::attitude::filter::{BlockReading, Filter, Installation, Mode, StartSigmas};
     use north_finder::attitude::{Increment, Quaternion};
-    use north_finder::drivers::adis16505::Increments;
+    use north_finder::drivers::adis16505::{Increments, Range};
     use north_finder::fix::Fix;
     use north_finder::heading::Keeper;
     use north_finder::heading::settings::BlockSettings;
@@ -129,10 +129,12 @@ mod target {
         let mut counters = Counters::default();
         let (mut step, mut standing, mut moving) = (Most::default(), Most::default(), Most::default());
         for number in 1..=400 {
-            let turn_rad = if number > 200 { 2e-3 } else { 0.0 };
+            // 4e-7 rad and 2e-3 rad of 2π, 1e-4 m/s and 0.098 m/s of 100 m/s, in counts of a 2³¹st of these.
+            let turn = if number > 200 { 683_565 } else { 0 };
             let sample = Increments {
-                angle_rad: black_box([4e-7, 4e-7, 4e-7 + turn_rad]),
-                velocity_m_s: black_box([1e-4, 1e-4, 0.098]),
+                angle: black_box([137, 137, 137 + turn]),
+                velocity: black_box([2147, 2147, 2_104_534]),
+                range: Range::Low,
                 temperature: 250,
                 missed: 0,
             };

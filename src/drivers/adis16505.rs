@@ -7,7 +7,6 @@
 //! Source of registers, scales and times: Analog Devices, "ADIS16505", data sheet revision B.
 
 use embedded_hal::spi::{Operation, SpiDevice};
-use serde::{Deserialize, Serialize};
 
 use crate::units::RAD_PER_DEG;
 
@@ -39,23 +38,62 @@ const FULL_SCALE: f64 = 2_147_483_648.0;
 #[derive(Debug)]
 pub struct Adis16505<SPI> {
     spi: SPI,
-    /// Of an angle increment's last bit; known once it is configured.
-    rad_per_lsb: Option<f64>,
+    /// Known once it is configured.
+    range: Option<Range>,
     /// Number of the last sample.
     last: Option<u16>,
 }
 
-/// What the block summed up over 10 ms, and what it summed up that nobody read.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// Models by the range of their gyros.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Range {
+    /// ±125 °/s.
+    Low,
+    /// ±500 °/s.
+    Middle,
+    /// ±2000 °/s.
+    High,
+}
+
+impl Range {
+    /// Of an angle increment's last bit.
+    fn rad_per_count(self) -> f64 {
+        const fn of_full_scale(deg: f64) -> f64 {
+            deg * RAD_PER_DEG / FULL_SCALE
+        }
+        match self {
+            Self::Low => const { of_full_scale(360.0) },
+            Self::Middle => const { of_full_scale(720.0) },
+            Self::High => const { of_full_scale(2160.0) },
+        }
+    }
+}
+
+/// What the block summed up over 10 ms, and what it summed up that nobody read. As it came: whole numbers take half of the room.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Increments {
-    /// Integral of the rate against the stars about the block's x, y and z, rad, right-handed.
-    pub angle_rad: [f64; 3],
-    /// Integral of specific force along them, m/s.
-    pub velocity_m_s: [f64; 3],
+    /// Integral of the rate against the stars about the block's x, y and z, right-handed, counts: see [`Self::angle_rad`].
+    pub angle: [i32; 3],
+    /// Integral of specific force along them, counts: see [`Self::velocity_m_s`].
+    pub velocity: [i32; 3],
+    pub range: Range,
     /// Its temperature, 0.1 °C.
     pub temperature: i16,
     /// Samples between this one and the one before that were never read.
     pub missed: u16,
+}
+
+impl Increments {
+    /// Integral of the rate against the stars about the block's x, y and z, rad, right-handed.
+    pub fn angle_rad(&self) -> [f64; 3] {
+        let rad_per_count = self.range.rad_per_count();
+        self.angle.map(|count| f64::from(count) * rad_per_count)
+    }
+
+    /// Integral of specific force along them, m/s.
+    pub fn velocity_m_s(&self) -> [f64; 3] {
+        self.velocity.map(|count| f64::from(count) * (VELOCITY_M_S / FULL_SCALE))
+    }
 }
 
 /// What went wrong with the block. `E` is the bus's error.
@@ -89,35 +127,34 @@ pub enum Error<E> {
 impl<SPI: SpiDevice> Adis16505<SPI> {
     /// Touches no bus: a part that is still starting gets its time.
     pub fn new(spi: SPI) -> Self {
-        Self { spi, rad_per_lsb: None, last: None }
+        Self { spi, range: None, last: None }
     }
 
     /// The newest sample. The first call, and the one after an error, configures the part and has none to give.
     ///
     /// Errors: as [`Error`]; the part is configured anew with the next call, for it may have lost its supply, but for a sample that is not new.
     pub fn increments(&mut self) -> Result<Option<Increments>, Error<SPI::Error>> {
-        let Some(rad_per_lsb) = self.rad_per_lsb else {
-            self.rad_per_lsb = Some(self.configure()?);
+        let Some(range) = self.range else {
+            self.range = Some(self.configure()?);
             return Ok(None);
         };
-        let result = self.sample(rad_per_lsb);
+        let result = self.sample(range);
         if !matches!(result, Ok(_) | Err(Error::NotNew)) {
-            (self.rad_per_lsb, self.last) = (None, None);
+            (self.range, self.last) = (None, None);
         }
         result.map(Some)
     }
 
-    /// Checks that the part is there and makes it send increments at 100 Hz. Gives the last bit of an angle increment, rad.
-    fn configure(&mut self) -> Result<f64, Error<SPI::Error>> {
+    /// Checks that the part is there and makes it send increments at 100 Hz.
+    fn configure(&mut self) -> Result<Range, Error<SPI::Error>> {
         let found = self.read(PROD_ID)?;
         if found != IDENTITY {
             return Err(Error::Identity { found });
         }
-        // Models for ±125, ±500 and ±2000 °/s.
-        let full_scale_deg = match self.read(RANG_MDL)? {
-            0x0003 => 360.0,
-            0x0007 => 720.0,
-            0x000F => 2160.0,
+        let range = match self.read(RANG_MDL)? {
+            0x0003 => Range::Low,
+            0x0007 => Range::Middle,
+            0x000F => Range::High,
             found => return Err(Error::Range { found }),
         };
         let settings = [(UP_SCALE, INTERNAL_SAMPLES), (DEC_RATE, INTERNAL_SAMPLES - 1), (MSC_CTRL, INCREMENTS_IN_STEP)];
@@ -130,10 +167,10 @@ impl<SPI: SpiDevice> Adis16505<SPI> {
                 return Err(Error::Configuration { register, written, read });
             }
         }
-        Ok(full_scale_deg * RAD_PER_DEG / FULL_SCALE)
+        Ok(range)
     }
 
-    fn sample(&mut self, rad_per_lsb: f64) -> Result<Increments, Error<SPI::Error>> {
+    fn sample(&mut self, range: Range) -> Result<Increments, Error<SPI::Error>> {
         let mut burst = [0; BURST_BYTES];
         let operations =
             &mut [Operation::DelayNs(STALL_NS), Operation::Write(&[BURST, 0]), Operation::Read(&mut burst)];
@@ -153,15 +190,15 @@ impl<SPI: SpiDevice> Adis16505<SPI> {
         let steps = self.last.map_or(1, |last| number.wrapping_sub(last));
         let missed = steps.checked_sub(1).ok_or(Error::NotNew)?;
         self.last = Some(number);
-        let mut codes = [0.0; 6];
-        for (code, &[low_1, low_0, high_1, high_0]) in codes.iter_mut().zip(data.as_chunks().0) {
-            *code = f64::from(i32::from_be_bytes([high_1, high_0, low_1, low_0]));
+        let mut counts = [0; 6];
+        for (count, &[low_1, low_0, high_1, high_0]) in counts.iter_mut().zip(data.as_chunks().0) {
+            *count = i32::from_be_bytes([high_1, high_0, low_1, low_0]);
         }
-        let [x, y, z, u, v, w] = codes;
-        let m_s_per_lsb = VELOCITY_M_S / FULL_SCALE;
+        let [x, y, z, u, v, w] = counts;
         Ok(Increments {
-            angle_rad: [x, y, z].map(|code| code * rad_per_lsb),
-            velocity_m_s: [u, v, w].map(|code| code * m_s_per_lsb),
+            angle: [x, y, z],
+            velocity: [u, v, w],
+            range,
             temperature: i16::from_be_bytes([warm_high, warm_low]),
             missed,
         })
@@ -237,12 +274,13 @@ mod tests {
         let results = read([burst(0, words, 7)]);
         assert_eq!(results[0], Ok(None));
         let sample = results[1].unwrap().unwrap();
-        assert!((sample.angle_rad[0] - core::f64::consts::FRAC_PI_2).abs() < 1e-15);
-        assert!((sample.angle_rad[1] + 720.0 / 2_147_483_648.0 * core::f64::consts::PI / 180.0).abs() < 1e-24);
-        assert!((sample.velocity_m_s[2] - 0.0980665).abs() < 1e-7);
+        let (angle_rad, velocity_m_s) = (sample.angle_rad(), sample.velocity_m_s());
+        assert!((angle_rad[0] - core::f64::consts::FRAC_PI_2).abs() < 1e-15);
+        assert!((angle_rad[1] + 720.0 / 2_147_483_648.0 * core::f64::consts::PI / 180.0).abs() < 1e-24);
+        assert!((velocity_m_s[2] - 0.0980665).abs() < 1e-7);
         // 0x00FA is 250 times 0.1 °C.
         assert_eq!(sample.temperature, 250);
-        assert_eq!((sample.angle_rad[2], sample.velocity_m_s[0], sample.missed), (0.0, 0.0, 0));
+        assert_eq!((angle_rad[2], velocity_m_s[0], sample.missed), (0.0, 0.0, 0));
     }
 
     #[test]

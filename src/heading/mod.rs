@@ -140,7 +140,7 @@ impl Keeper {
             self.bridge();
         }
         (self.missing, self.bridged) = (0, 0);
-        let increment = Increment { angle_rad: sample.angle_rad.into(), velocity_m_s: sample.velocity_m_s.into() };
+        let increment = Increment { angle_rad: sample.angle_rad().into(), velocity_m_s: sample.velocity_m_s().into() };
         self.rate_deg_s = increment.angle_rad.norm() * DEG_PER_RAD / SAMPLE_S;
         self.stood.push(&self.class, SAMPLE_S, &increment);
         let Some(hold) = &mut self.hold else { return };

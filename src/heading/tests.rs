@@ -2,6 +2,7 @@ extern crate std;
 use std::vec::Vec;
 
 use super::*;
+use crate::drivers::adis16505::Range;
 use crate::health::Flags;
 
 /// At 60°: level, mark north, sigma 0.04°.
@@ -21,11 +22,17 @@ fn keeper() -> Keeper {
     keeper
 }
 
-/// What the block reads in 10 ms: x north feels 7.5205 arcsec/s, z 13.0260; it turns counter-clockwise at `turn_deg_s`.
+/// What the block for ±125 °/s reads in 10 ms: x north feels 7.5205 arcsec/s, z 13.0260; it turns counter-clockwise at `turn_deg_s`.
 fn sample(turn_deg_s: f64, missed: u16) -> Increments {
-    let rad = |arcsec_s: f64| arcsec_s * 0.01 / 206_264.806;
-    let angle_rad = [rad(7.5205), 0.0, rad(13.0260 + 3600.0 * turn_deg_s)];
-    Increments { angle_rad, velocity_m_s: [0.0, 0.0, 0.098], temperature: 250, missed }
+    // 2³¹ counts are 360° and 100 m/s.
+    let counts = |arcsec_s: f64| (arcsec_s * 0.01 / 1_296_000.0 * 2_147_483_648.0).round() as i32;
+    Increments {
+        angle: [counts(7.5205), 0, counts(13.0260 + 3600.0 * turn_deg_s)],
+        velocity: [0, 0, 2_104_534],
+        range: Range::Low,
+        temperature: 250,
+        missed,
+    }
 }
 
 #[test]
