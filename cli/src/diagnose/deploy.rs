@@ -8,6 +8,7 @@ use north_finder::effects::basis::drift::Drift;
 use north_finder::effects::basis::harmonic::BodyHarmonic;
 use north_finder::effects::basis::settling::{Settling, Size};
 use north_finder::effects::basis::warm_up::WarmUp;
+use north_finder::effects::channel::{FORWARD, LEFT};
 use north_finder::effects::{ChannelName, Term};
 
 use crate::open_world::{
@@ -137,6 +138,14 @@ pub fn terms(group: &Group, channels: &[Ranged]) -> Option<Vec<Term>> {
             [first, second] => surface_of_tables(first, second),
             _ => None,
         },
+        Group::TiltLinear => [FORWARD, LEFT]
+            .into_iter()
+            .map(|name| {
+                let function = Function::Powers { reference: 0.0, degree: 1 };
+                let level = Curve { channel: ChannelName::new(name)?, signal: Signal::Value, function };
+                Some(Term::product(Basis::Curve(level), Basis::BodyHarmonic(BodyHarmonic { order: 1 })))
+            })
+            .collect(),
         Group::LinearTimes(channel, Base::Rate) => {
             one(Some(Term::scaling(curve(channel, Signal::Value, powers(channel, 1)?)?)))
         }
@@ -174,4 +183,18 @@ pub fn terms(group: &Group, channels: &[Ranged]) -> Option<Vec<Term>> {
 /// Two curves by themselves, and their product.
 fn surface(first: Basis, second: Basis) -> Option<Vec<Term>> {
     Some(vec![Term::new(first.clone()), Term::new(second.clone()), Term::product(first, second)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Forward and left each times cosine and sine of the index angle: four numbers.
+    #[test]
+    fn gravity_is_the_level_times_the_first_harmonic() {
+        let found = terms(&Group::TiltLinear, &[]).unwrap();
+        let names: Vec<&str> = found.iter().flat_map(Term::channels).map(ChannelName::as_str).collect();
+        assert_eq!(names, [FORWARD, LEFT]);
+        assert_eq!(found.iter().map(Term::count).sum::<usize>(), 4);
+    }
 }

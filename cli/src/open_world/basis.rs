@@ -5,9 +5,10 @@ use north_finder::fix::DesignRow;
 use north_finder::level::Specific;
 
 use super::columns::{from_columns, side_by_side};
-use super::dynamics::{delay, friction, low_pass, low_pass_from, peak, play, relay, smoothed};
-use super::group::{Base, Group, PLAY_WIDTHS, TIMES_S, Tuned};
+use super::dynamics::{low_pass, low_pass_from, play, relay, smoothed};
+use super::group::{Base, Group, PLAY_WIDTHS, TIMES_S};
 use super::recording::{Move, Place, Recording, Samples};
+use super::sheet::Sheet;
 
 /// Time constants, seconds.
 pub const MEMORY_S: [f64; 7] = [5.0, 15.0, 40.0, 100.0, 250.0, 600.0, 1500.0];
@@ -23,6 +24,9 @@ const SMOOTHED_S: [f64; 4] = [3.0, 10.0, 30.0, 90.0];
 pub const WARM_UP_S: [f64; 4] = [15.0, 45.0, 150.0, 500.0];
 pub const RELAXATION_S: [f64; 7] = [2.0, 6.0, 18.0, 54.0, 160.0, 480.0, 1440.0];
 const CHANGE_S: f64 = 12.0;
+/// Places and widths of many relays in a channel, half ranges.
+const RELAYS: [f64; 7] = [-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75];
+const RELAY_WIDTHS: [f64; 3] = [0.1, 0.4, 0.8];
 /// Length of a combination of channels that is its range.
 const RIDGE_RANGE: f64 = 1.25;
 /// Half lengths of the windows in which tilt rates are slopes, seconds.
@@ -95,55 +99,6 @@ pub struct Scales {
     of_winding: Curve,
     /// Mean and directions of the bases that are reduced.
     reduced: Vec<(Base, Vec<f64>, DMatrix<f64>)>,
-}
-
-/// One run with everything that its columns are made of.
-#[derive(Clone, Debug)]
-pub struct Sheet<'a> {
-    pub recording: &'a Recording,
-    pub samples: Samples,
-    places: Vec<Place>,
-    moves: Vec<Move>,
-    wound_deg: Vec<f64>,
-    /// Means of cosine and sine of the index angle over the samples.
-    pub cos: Vec<f64>,
-    pub sin: Vec<f64>,
-}
-
-impl<'a> Sheet<'a> {
-    pub fn new(recording: &'a Recording, samples: Samples) -> Self {
-        let cos = samples.means(recording.design.iter().map(|row| row.cos));
-        let sin = samples.means(recording.design.iter().map(|row| row.sin));
-        let (places, moves) = recording.places();
-        Self { recording, places, moves, wound_deg: recording.wound_deg(), samples, cos, sin }
-    }
-
-    /// Tilt along the axis, g: the axis' upward component.
-    fn tilt(&self) -> Vec<f64> {
-        let Some(tilt) = &self.recording.tilt_g else { return vec![0.0; self.recording.len()] };
-        tilt.iter()
-            .zip(&self.recording.design)
-            .map(|(tilt, row)| tilt.forward * row.cos + tilt.left * row.sin)
-            .collect()
-    }
-
-    /// What moves of these sizes leave, dying away and adding up.
-    fn settling(&self, time_s: f64, size: impl Fn(&Move) -> f64) -> Vec<f64> {
-        let mut moves = self.moves.iter().peekable();
-        let (mut state, mut last_s) = (0.0, 0.0);
-        let mut at = |t_s: f64| {
-            while let Some(next) = moves.next_if(|next| next.ended_s <= t_s) {
-                state = state * (-(next.ended_s - last_s) / time_s).exp() + size(next);
-                last_s = next.ended_s;
-            }
-            if state == 0.0 { 0.0 } else { state * (-(t_s - last_s) / time_s).exp() }
-        };
-        self.samples.means(self.recording.t_s.iter().map(|&t_s| at(t_s)))
-    }
-
-    fn column(&self, of: impl Fn(usize) -> f64) -> Vec<f64> {
-        self.samples.means((0..self.recording.len()).map(of))
-    }
 }
 
 impl Scales {
@@ -448,7 +403,7 @@ impl Scales {
                 let field = from_columns(rows, [field]);
                 beside([field.clone(), product(&field, &harmonics(1..=4, &angle))])
             }
-            Group::Tuned(channel, tuned) => tuned_columns(sheet, &scaled(*channel), *tuned),
+            Group::Tuned(channel, tuned) => tuned.columns(samples, &scaled(*channel), interval),
             Group::Gated { channel, by, at } => {
                 let open: Vec<f64> = scaled(*by).iter().map(|value| f64::from(u8::from(value > at))).collect();
                 let through = scaled(*channel).into_iter().zip(&open).map(|(value, open)| value * open);
@@ -485,7 +440,22 @@ impl Scales {
                 let smooth = SMOOTHED_S.map(|time_s| samples.means(smoothed(&scaled, time_s)));
                 from_columns(rows, std::iter::once(value(*channel)).chain(smooth))
             }
-            Group::TiltLinear => from_columns(rows, [samples.means(sheet.tilt())]),
+            Group::TiltLinear => from_columns(rows, [samples.means(sheet.tilt()), samples.means(sheet.tilt_across())]),
+            Group::Relays(channel) => {
+                let scaled = scaled(*channel);
+                let of = |at: f64| RELAY_WIDTHS.map(|width| relay(&scaled, [at - 0.5 * width, at + 0.5 * width], 0.0));
+                from_columns(rows, RELAYS.into_iter().flat_map(of).map(|state| samples.means(state)))
+            }
+            Group::SettlingTime { channel, time_s, slope } => {
+                let scaled = scaled(*channel);
+                let time_of = |each: &Move| {
+                    let at = sheet.recording.t_s.partition_point(|t_s| *t_s < each.ended_s).min(scaled.len() - 1);
+                    time_s * (slope * scaled[at].clamp(-RANGE, RANGE)).exp()
+                };
+                let sizes: [fn(&Move) -> f64; 3] =
+                    [|_| 1.0, |each| each.travel_deg.abs() / 180.0, |each| each.travel_deg / 180.0];
+                from_columns(rows, sizes.map(|size| sheet.settling_each(time_of, size)))
+            }
             Group::TiltRate => {
                 from_columns(rows, SLOPE_S.map(|reach| samples.means(tilt_rate(sheet.recording, reach))))
             }
@@ -591,32 +561,6 @@ impl Scales {
 fn along(sheet: &Sheet, azimuth_rad: f64) -> Vec<f64> {
     let (sin, cos) = azimuth_rad.sin_cos();
     sheet.cos.iter().zip(&sheet.sin).map(|(c, s)| cos * c + sin * s).collect()
-}
-
-fn tuned_columns(sheet: &Sheet, values: &[f64], tuned: Tuned) -> Columns {
-    let interval = &sheet.recording.interval_s;
-    let above = |at: f64| values.iter().map(move |value| (value - at).max(0.0));
-    let series: Vec<Vec<f64>> = match tuned {
-        Tuned::Threshold(at) => vec![values.iter().map(|&value| f64::from(u8::from(value > at))).collect()],
-        Tuned::Bend(at) => vec![values.to_vec(), above(at).collect()],
-        Tuned::Rectified(at) => vec![above(at).map(|value| value * value).collect()],
-        Tuned::Relay(between) => [0.0, 1.0].map(|begins| relay(values, between, begins)).to_vec(),
-        Tuned::Play(width) => vec![values.to_vec(), play(values, width)],
-        Tuned::Heat(time_s) => {
-            let squares: Vec<f64> = values.iter().map(|value| value * value).collect();
-            [values, &squares].map(|formed| low_pass(formed, interval, time_s)).to_vec()
-        }
-        Tuned::Delay([delay_s, smear_s]) => {
-            let delayed = delay(values, interval, delay_s);
-            vec![low_pass(&low_pass(&delayed, interval, smear_s), interval, smear_s)]
-        }
-        Tuned::Peak(leak_s) => {
-            let mirrored: Vec<f64> = values.iter().map(|value| -value).collect();
-            [values, &mirrored].map(|values| peak(values, interval, leak_s)).to_vec()
-        }
-        Tuned::Slip([slip, leak_s]) => vec![friction(values, interval, slip, leak_s)],
-    };
-    from_columns(sheet.samples.len(), series.into_iter().map(|values| sheet.samples.means(values)))
 }
 
 /// Probability that a heading lies in a sector, of which is known only which of the surveyed headings lie inside: its borders may be

@@ -2,9 +2,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::basis::Sheet;
 use super::columns::{from_columns, side_by_side};
 use super::evidence::{half_of, posterior};
+use super::sheet::Sheet;
 use super::tie::Tie;
 
 /// Samples for which a step or a bump begins with one place; parts of a run between whose borders a wave may last.

@@ -1,5 +1,8 @@
 //! What a channel leaves behind: play operators, relays, friction, low-passes, delays, peaks.
 
+/// Length of the beginning whose slope is the first rate of change, seconds.
+const FIRST_S: f64 = 4.0;
+
 /// The play operator (Krasnosel'skii and Pokrovskii, Systems with Hysteresis, 1989): it follows the input only where this
 /// pushes it, `half_width` behind. Begins at the first value.
 pub fn play(input: &[f64], half_width: f64) -> Vec<f64> {
@@ -85,6 +88,21 @@ pub fn smoothed(input: &[f64], time: f64) -> Vec<f64> {
 /// A first-order low-pass that begins at the first value.
 pub fn low_pass(input: &[f64], interval_s: &[f64], time_s: f64) -> Vec<f64> {
     low_pass_from(input.first().copied().unwrap_or_default(), input, interval_s, time_s)
+}
+
+/// Rate of change at the beginning, per second: the slope of the first seconds.
+pub fn first_rate(input: &[f64], interval_s: &[f64]) -> f64 {
+    let ends_s = interval_s.iter().scan(0.0, |end, interval| {
+        *end += interval;
+        Some(*end)
+    });
+    let first: Vec<(f64, f64)> = ends_s.zip(input.iter().copied()).take_while(|each| each.0 <= FIRST_S).collect();
+    let number = first.len().max(1) as f64;
+    let [t, value] =
+        [first.iter().map(|each| each.0).sum::<f64>(), first.iter().map(|each| each.1).sum()].map(|sum| sum / number);
+    let squares: f64 = first.iter().map(|each| (each.0 - t).powi(2)).sum();
+    let products: f64 = first.iter().map(|each| (each.0 - t) * (each.1 - value)).sum();
+    if squares > 0.0 { products / squares } else { 0.0 }
 }
 
 /// What was some time ago; before the beginning the first value.

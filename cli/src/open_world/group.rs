@@ -1,5 +1,7 @@
 //! The grammar: groups of basis functions, built from bases of channels, time, moves and headings.
 
+use super::tuned::{PLACE_STEP, PLACES, Tuned};
+
 /// Half widths of the play operators, in half ranges of the channel.
 pub const PLAY_WIDTHS: [f64; 6] = [0.06, 0.12, 0.2, 0.35, 0.55, 0.8];
 /// Time constants of the low-passes behind curves, seconds.
@@ -33,117 +35,6 @@ pub enum Base {
     Turn,
 }
 
-/// A function of a channel with constants that are tuned: the channel counted in half ranges, times in seconds.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Tuned {
-    /// 1 above, 0 below.
-    Threshold(f64),
-    /// A straight line with a bend.
-    Bend(f64),
-    /// The square of what is above.
-    Rectified(f64),
-    /// On above the second, off below the first; in between as it was, at the beginning both ways.
-    Relay([f64; 2]),
-    /// A play operator of this half width beside the channel.
-    Play(f64),
-    /// The channel and its square behind a low-pass.
-    Heat(f64),
-    /// Some seconds ago, behind two low-passes of a time constant.
-    Delay([f64; 2]),
-    /// The greatest and the least so far, that leak in this time.
-    Peak(f64),
-    /// Friction: what follows the channel's changes and slips by this share of them, and leaks in this time.
-    Slip([f64; 2]),
-}
-
-/// Places in the range of a channel that are begun with, and how far apart.
-const PLACES: i32 = 12;
-const PLACE_STEP: f64 = 0.075;
-/// What else is begun with.
-const RELAY_WIDTHS: [f64; 4] = [0.1, 0.2, 0.4, 0.7];
-const PLAYS: [f64; 6] = [0.06, 0.12, 0.2, 0.3, 0.45, 0.7];
-const HEATS_S: [f64; 5] = [25.0, 50.0, 100.0, 200.0, 400.0];
-const DELAYS_S: [f64; 7] = [10.0, 20.0, 32.0, 45.0, 58.0, 72.0, 88.0];
-const SMEARS_S: [f64; 2] = [5.0, 16.0];
-const PEAKS_S: [f64; 3] = [250.0, 600.0, 1500.0];
-const SLIPS: [f64; 4] = [1.5, 3.0, 5.0, 9.0];
-const LEAKS_S: [f64; 2] = [100.0, 350.0];
-
-impl Tuned {
-    fn all() -> Vec<Self> {
-        let mut all = Vec::new();
-        for place in -PLACES..=PLACES {
-            let at = f64::from(place) * PLACE_STEP;
-            all.push(Self::Threshold(at));
-            if place % 2 == 0 && place.abs() < PLACES {
-                all.extend([Self::Bend(at), Self::Rectified(at)]);
-            }
-            if place % 3 == 0 {
-                all.extend(RELAY_WIDTHS.map(|width| Self::Relay([at - 0.5 * width, at + 0.5 * width])));
-            }
-        }
-        all.extend(PLAYS.map(Self::Play));
-        all.extend(HEATS_S.map(Self::Heat));
-        all.extend(DELAYS_S.into_iter().flat_map(|delay_s| SMEARS_S.map(|smear_s| Self::Delay([delay_s, smear_s]))));
-        all.extend(PEAKS_S.map(Self::Peak));
-        all.extend(SLIPS.into_iter().flat_map(|slip| LEAKS_S.map(|leak_s| Self::Slip([slip, leak_s]))));
-        all
-    }
-
-    /// With one constant a little more or less: places by this share of a half range, all others by five times the share of
-    /// themselves.
-    fn neighbours(self, share: f64) -> Vec<Self> {
-        let moved = |at: f64| [at - share, at + share];
-        let scaled = |value: f64| [value / (1.0 + 5.0 * share), value * (1.0 + 5.0 * share)];
-        let one_of_two = |pair: [f64; 2], change: &dyn Fn(f64) -> [f64; 2]| {
-            let [first, second] = [change(pair[0]), change(pair[1])];
-            [[first[0], pair[1]], [first[1], pair[1]], [pair[0], second[0]], [pair[0], second[1]]]
-        };
-        match self {
-            Self::Threshold(at) => moved(at).map(Self::Threshold).to_vec(),
-            Self::Bend(at) => moved(at).map(Self::Bend).to_vec(),
-            Self::Rectified(at) => moved(at).map(Self::Rectified).to_vec(),
-            Self::Relay(between) => {
-                let near = one_of_two(between, &moved).into_iter().filter(|[low, high]| low < high);
-                near.map(Self::Relay).collect()
-            }
-            Self::Play(width) => scaled(width).map(Self::Play).to_vec(),
-            Self::Heat(time_s) => scaled(time_s).map(Self::Heat).to_vec(),
-            Self::Delay(pair) => one_of_two(pair, &scaled).map(Self::Delay).to_vec(),
-            Self::Peak(leak_s) => scaled(leak_s).map(Self::Peak).to_vec(),
-            Self::Slip(pair) => one_of_two(pair, &scaled).map(Self::Slip).to_vec(),
-        }
-    }
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Threshold(_) => "threshold",
-            Self::Bend(_) => "bend",
-            Self::Rectified(_) => "rectified",
-            Self::Relay(_) => "relay",
-            Self::Play(_) => "hysteresis",
-            Self::Heat(_) => "memory-of-function",
-            Self::Delay(_) => "delay",
-            Self::Peak(_) => "greatest-so-far",
-            Self::Slip(_) => "friction",
-        }
-    }
-
-    fn words(self, channel: &str) -> String {
-        match self {
-            Self::Threshold(_) => format!("threshold in {channel}"),
-            Self::Bend(_) => format!("bend in {channel}"),
-            Self::Rectified(_) => format!("square of {channel} above a place"),
-            Self::Relay(_) => format!("relay in {channel}"),
-            Self::Play(_) => format!("hysteresis in {channel}"),
-            Self::Heat(_) => format!("memory of the square of {channel}"),
-            Self::Delay(_) => format!("{channel} some time ago"),
-            Self::Peak(_) => format!("greatest and least {channel} so far"),
-            Self::Slip(_) => format!("friction behind {channel}"),
-        }
-    }
-}
-
 /// Functions that enter or leave a model together: their weights have one prior variance.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Group {
@@ -164,6 +55,15 @@ pub enum Group {
     Gear(f64),
     /// The first harmonic of the index angle while the heading is in a sector: where it begins, and its width, degrees.
     Sector([f64; 2]),
+    /// Many relays with thresholds of their own in a channel, all off at the beginning.
+    Relays(usize),
+    /// Decays after a move whose time constant is this many seconds in the middle of a channel's range, and e times as long where the
+    /// channel is greater by this share of a half range.
+    SettlingTime {
+        channel: usize,
+        time_s: f64,
+        slope: f64,
+    },
     /// Decays since switch-on of all times: together also a power of the time.
     Relaxation,
     /// Low-passes of a channel forward and backward: a channel that is recorded with noise.
@@ -232,7 +132,12 @@ const DIRECTIONS: usize = 8;
 const MOST_RIDGES: usize = 6;
 const MOST_TRIPLE_RIDGES: usize = 5;
 /// Orders of a gear: the first, how far apart, how many.
-const GEARS: (f64, f64, usize) = (0.3, 0.13, 24);
+const GEARS: (f64, f64, usize) = (0.3, 0.13, 60);
+/// Time constants of decays that follow a channel, seconds, and how steeply their logarithms do, a half range.
+const FOLLOWING_S: [f64; 3] = [6.0, 14.0, 32.0];
+const SLOPES: [f64; 4] = [-1.2, -0.5, 0.5, 1.2];
+/// Steps of such a slope for a share of one.
+const OF_SLOPE: f64 = 5.0;
 /// Sectors of headings: how far apart, and their widths, degrees.
 const SECTOR_STEP_DEG: f64 = 15.0;
 const SECTORS_DEG: [f64; 3] = [60.0, 90.0, 130.0];
@@ -299,7 +204,12 @@ impl Group {
             all.extend([LongMemory(channel), Backlash(channel), MemoryOfCurve(channel), MemoryOfChange(channel)]);
             all.extend((0..PLAY_WIDTHS.len()).map(|width| Hysteresis(channel, width)));
             all.extend((0..TIMES_S.len()).map(|time| CurveOfMemory(channel, time)));
-            all.push(Self::Smoothed(channel));
+            all.extend([Self::Smoothed(channel), Self::Relays(channel)]);
+            all.extend(
+                FOLLOWING_S
+                    .into_iter()
+                    .flat_map(|time_s| SLOPES.map(|slope| Self::SettlingTime { channel, time_s, slope })),
+            );
             all.extend(Tuned::all().into_iter().map(|tuned| Self::Tuned(channel, tuned)));
             if channels <= MOST_GATED {
                 let gates = (-PLACES..=PLACES).step_by(2).map(|place| f64::from(place) * PLACE_STEP);
@@ -371,6 +281,16 @@ impl Group {
                 all.push(Self::Ridge { direction: direction.clone(), sharp: !sharp });
                 all
             }
+            Self::SettlingTime { channel, time_s, slope } => {
+                let times = [time_s / (1.0 + OF_SLOPE * share), time_s * (1.0 + OF_SLOPE * share)];
+                let slopes = [slope - OF_SLOPE * share, slope + OF_SLOPE * share];
+                let new = |time_s: f64, slope: f64| Self::SettlingTime { channel: *channel, time_s, slope };
+                times
+                    .map(|time_s| new(time_s, *slope))
+                    .into_iter()
+                    .chain(slopes.map(|slope| new(*time_s, slope)))
+                    .collect()
+            }
             Self::Gear(order) => [order - OF_GEAR * share, order + OF_GEAR * share].map(Self::Gear).to_vec(),
             Self::Sector([from_deg, width_deg]) => {
                 let step_deg = OF_SECTOR_DEG * share;
@@ -389,11 +309,22 @@ impl Group {
             // A constant is searched for.
             Self::Tuned(..) | Self::Gated { .. } | Self::Gear(_) => 2.0,
             Self::Ridge { direction, .. } => direction.iter().filter(|share| **share != 0.0).count() as f64,
-            Self::Sector(_) => 3.0,
+            Self::Sector(_) | Self::SettlingTime { .. } => 3.0,
             Self::Bicubic(..) => 1.6,
             Self::Product(..) => 2.0,
             Self::Triple(..) | Self::Extended { .. } => 3.0,
             _ => 1.0,
+        }
+    }
+
+    /// How many constants of its functions are tuned.
+    pub fn constants(&self) -> usize {
+        match self {
+            Self::Tuned(_, tuned) => tuned.constants(),
+            Self::Gated { .. } | Self::Gear(_) => 1,
+            Self::Sector(_) | Self::SettlingTime { .. } => 2,
+            Self::Ridge { .. } => self.channels().len() - 1,
+            _ => 0,
         }
     }
 
@@ -428,6 +359,8 @@ impl Group {
             | Self::Hysteresis(channel, _)
             | Self::MemoryOfCurve(channel)
             | Self::CurveOfMemory(channel, _)
+            | Self::Relays(channel)
+            | Self::SettlingTime { channel, .. }
             | Self::MemoryOfChange(channel) => vec![*channel],
             Self::Product(first, second) => first.channel().into_iter().chain(second.channel()).collect(),
             Self::Bilinear(first, second) | Self::Bicubic(first, second) => vec![*first, *second],
@@ -460,6 +393,8 @@ impl Group {
             Self::Smoothed(_) => "smoothed-channel".into(),
             Self::Ridge { .. } if self.channels().len() == 2 => "function-of-two-channels".into(),
             Self::Ridge { .. } => "function-of-channels".into(),
+            Self::Relays(_) => "hysteresis".into(),
+            Self::SettlingTime { .. } => "settling-by-channel".into(),
             Self::Gear(_) => "gear-error".into(),
             Self::Sector(_) => "harmonic-in-sector".into(),
             Self::Relaxation => "relaxation".into(),
@@ -511,6 +446,10 @@ impl Group {
                 let names: Vec<&str> = self.channels().into_iter().map(|channel| names[channel].as_str()).collect();
                 format!("smooth function of a combination of {}", names.join(" and "))
             }
+            Self::Relays(channel) => format!("relays in {}", names[*channel]),
+            Self::SettlingTime { channel, .. } => {
+                format!("decay after a move that is slower or faster by {}", names[*channel])
+            }
             Self::Gear(_) => "error of the index by a harmonic of its angle, turns counted".into(),
             Self::Sector(_) => "harmonic of the index angle in a sector of headings".into(),
             Self::Relaxation => "decays since switch-on".into(),
@@ -535,7 +474,7 @@ impl Group {
             Self::SettlingByCount => "decay after a move that grows with the number of moves".into(),
             Self::SettlingEveryDwell => "decay at the beginning of every dwell".into(),
             Self::SettlingByPosition => "decay after a move by the index angle".into(),
-            Self::TiltLinear => "gravity along the axis".into(),
+            Self::TiltLinear => "gravity along and across the axis".into(),
             Self::TiltRate => "tilt rate".into(),
             Self::AllChannels => "combination of all channels".into(),
             Self::AllMemory => "memory of a combination of all channels".into(),

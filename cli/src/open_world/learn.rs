@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::basis::{Scales, Sheet};
+use super::basis::Scales;
 use super::columns::of_values;
 use super::course::{Course, Habits};
 use super::evidence::{Posterior, best_variance, posterior};
@@ -13,6 +13,7 @@ use super::group::{Base, Group};
 use super::process::{self, Kernel};
 use super::recording::{Recording, Samples, median, shared_noise};
 use super::run::{Run, Whitening};
+use super::sheet::Sheet;
 
 /// Least gain in log evidence, above the penalty, of a group that is taken.
 const GAIN: f64 = 6.0;

@@ -15,14 +15,17 @@ mod predict;
 mod process;
 mod recording;
 mod run;
+mod sheet;
 mod tie;
+mod tuned;
 
 pub use basis::{DECAYS_S, MEMORY_S, RELAXATION_S, TRAVEL_S, WARM_UP_S};
 pub use expected::Expected;
-pub use group::{Base, Group, PLAY_WIDTHS, TIMES_S, Tuned};
+pub use group::{Base, Group, PLAY_WIDTHS, TIMES_S};
 pub use predict::{Found, InFunctions, Learned, Model, Prediction, root_of_mean, studentised};
 pub use process::{DAMPING, Kernel, Shape};
 pub use recording::{Recording, Reference};
+pub use tuned::Tuned;
 
 use learn::Search;
 

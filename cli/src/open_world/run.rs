@@ -4,10 +4,10 @@ use std::sync::{Arc, OnceLock};
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-use super::basis::Sheet;
 use super::course::{Course, Dictionary, Seen};
 use super::process::{Kernel, Shape};
 use super::recording::Reference;
+use super::sheet::Sheet;
 use super::tie::{Tie, tie_down};
 
 /// One sigma of a surveyed heading that says none, and of the index on top of it, degrees.

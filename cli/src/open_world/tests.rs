@@ -1,10 +1,11 @@
 use nalgebra::{DMatrix, DVector};
 use north_finder::fix::DesignRow;
+use north_finder::level::Specific;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::basis::share_of_sector;
-use super::dynamics::{delay, friction, low_pass, peak, play, relay, smoothed};
+use super::dynamics::{delay, first_rate, friction, low_pass, peak, play, relay, smoothed};
 use super::evidence::posterior;
 use super::learn::Search;
 use super::process::{Shape, kernels};
@@ -117,6 +118,13 @@ fn borders_of_a_sector_lie_between_surveyed_headings() {
         let found = share_of_sector(&surveyed_deg, [40.0, 70.0], heading_deg);
         assert!((found - expected).abs() < 1e-12, "{heading_deg}: {found}");
     }
+}
+
+/// By 2 a second for the first four seconds, whatever comes then.
+#[test]
+fn the_first_rate_is_the_slope_of_the_beginning() {
+    assert!((first_rate(&[1.0, 3.0, 5.0, 7.0, 0.0, 0.0], &[1.0; 6]) - 2.0).abs() < 1e-12);
+    assert_eq!(first_rate(&[1.0], &[1.0]), 0.0);
 }
 
 /// On above 1, off below −1, in between what it was.
@@ -309,6 +317,70 @@ fn a_step_of_each_runs_own_is_taken_out() {
     let (rms_rad, normalised) = judged(&all, &learned);
     // A step is one more unknown; where it stands near the middle of four dwells it is nearly another azimuth.
     assert!(rms_rad < 3.0 * white_rad(), "{rms_rad} against {}", white_rad());
+    assert!(normalised < 22.5, "{normalised}");
+}
+
+/// Eight relays of widths from 0.2 to 1.6, all off at the beginning.
+#[test]
+fn many_relays_are_found_and_covered() {
+    let relays = |channels: &[Vec<f64>]| {
+        let mut sum = vec![0.0; channels[0].len()];
+        for number in 0..8 {
+            let (at, half) = (0.35 * f64::from(number) - 1.2, 0.1 * f64::from(1 + number));
+            for (sum, state) in sum.iter_mut().zip(relay(&channels[0], [at - half, at + half], 0.0)) {
+                *sum += 0.1 * state;
+            }
+        }
+        sum
+    };
+    finds(relays, "hysteresis");
+}
+
+/// The rate of change behind 50 s, which at the beginning is the rate that the channel has then.
+#[test]
+fn memory_of_a_rate_begins_with_the_first_rate() {
+    let memory = |channels: &[Vec<f64>]| {
+        let rates: Vec<f64> = channels[0].windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let all = [&rates[..1], &rates].concat();
+        low_pass(&all, &vec![1.0; all.len()], 50.0).iter().map(|rate| 12.0 * rate).collect::<Vec<_>>()
+    };
+    finds(memory, "memory-of-rate");
+}
+
+/// A decay after every move, slower where the first channel is greater when the move ends.
+#[test]
+fn a_decay_time_that_follows_a_channel_is_found_and_covered() {
+    let decays = |channels: &[Vec<f64>]| {
+        let of = |i: usize| {
+            let past = (1..=i / DWELL_S).map(|dwell| {
+                let time_s = 10.0 * (0.5 * channels[0][dwell * DWELL_S]).exp();
+                (-((i - dwell * DWELL_S) as f64 + 0.5) / time_s).exp()
+            });
+            past.sum::<f64>()
+        };
+        (0..channels[0].len()).map(of).collect::<Vec<_>>()
+    };
+    finds(decays, "settling-by-channel");
+}
+
+/// A gyro that feels 2 °/h for each g across its axis, on mounts that are tilted by up to 0.1 g each their own way: in one run that is
+/// another azimuth, by up to a degree.
+#[test]
+fn gravity_across_the_axis_is_found_and_covered() {
+    let mut all = runs(18, 61, |channels| vec![0.0; channels[0].len()]);
+    for (number, (recording, _)) in all.iter_mut().enumerate() {
+        let (left, forward) = (2.4 * number as f64).sin_cos();
+        let tilt = Specific { forward: 0.1 * forward, left: 0.1 * left };
+        for (rate_deg_h, row) in recording.rate_deg_h.iter_mut().zip(&recording.design) {
+            *rate_deg_h += 2.0 * (tilt.left * row.cos - tilt.forward * row.sin);
+        }
+        recording.tilt_g = Some(vec![tilt; recording.len()]);
+    }
+    let learned = learn(&training(&all)).unwrap();
+    let names: Vec<String> = learned.models[0].groups.iter().map(|found| found.group.name()).collect();
+    let (rms_rad, normalised) = judged(&all, &learned);
+    assert_eq!(names, ["gravity-sensitivity"]);
+    assert!(rms_rad < 2.0 * white_rad(), "{rms_rad} against {}", white_rad());
     assert!(normalised < 22.5, "{normalised}");
 }
 
