@@ -45,6 +45,8 @@ const TURNS_DEG: f64 = 0.05;
 /// miss the surveyed headings by more than named effects that leave nothing but white noise.
 const MARGIN: f64 = 6.0;
 const MARGIN_OF_PROCESSES: f64 = 25.0;
+/// The first where it has fewer effects, or as many with fewer numbers.
+const MARGIN_OF_SIMPLER: f64 = 2.0;
 
 /// A model of the open world over the runs of a campaign.
 pub struct Open {
@@ -81,7 +83,8 @@ impl Open {
         let alone = Self::learn(runs, &[], bad_references)?;
         let numbers: usize = taken.iter().map(|each| each.candidate.freedom()).sum();
         let ahead = alone.learned.worth - (beside.learned.worth - OF_NUMBER * numbers as f64);
-        let lead = ahead - MARGIN;
+        let [size, of_beside] = [&alone, &beside].map(Self::size);
+        let lead = ahead - margin(size, (taken.len() + of_beside.0, numbers + of_beside.1));
         if lead <= 0.0 {
             return Some(beside);
         }
@@ -305,6 +308,12 @@ impl Open {
         self.groups().is_empty()
     }
 
+    /// How many groups there are, and how many numbers were found for them: weights and constants.
+    fn size(&self) -> (usize, usize) {
+        let numbers = self.groups().iter().map(|found| found.width + found.group.constants());
+        (self.groups().len(), numbers.sum())
+    }
+
     fn groups(&self) -> &[Found] {
         self.learned.models.first().map_or(&[], |model| &model.groups)
     }
@@ -420,6 +429,12 @@ impl Open {
     }
 }
 
+/// Log evidence by which a model must be better to stand in the place of another, by the effects and the numbers of both. A model of
+/// processes only is no simpler for it.
+fn margin(size: (usize, usize), of_other: (usize, usize)) -> f64 {
+    if size.0 > 0 && size < of_other { MARGIN_OF_SIMPLER } else { MARGIN }
+}
+
 /// Channels that all runs have and that take more than one value; the level accelerometers are no channels of the gyro's
 /// environment here, but enter through the tilt.
 fn shared_channels(runs: &[RunData]) -> Vec<String> {
@@ -486,4 +501,19 @@ fn turns(run: &RunData) -> bool {
         (after.sin * before.cos - after.cos * before.sin).abs() > TURNS_DEG * RAD_PER_DEG
     };
     2 * run.samples.windows(2).filter(turned).count() > run.samples.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A bend in the place of a spline of six numbers; a gear in that of an eccentricity and another gear; two groups in that of one.
+    #[test]
+    fn what_is_simpler_needs_less_evidence() {
+        assert_eq!(margin((1, 3), (1, 6)), MARGIN_OF_SIMPLER);
+        assert_eq!(margin((1, 3), (2, 5)), MARGIN_OF_SIMPLER);
+        assert_eq!(margin((1, 3), (1, 2)), MARGIN);
+        assert_eq!(margin((2, 2), (1, 6)), MARGIN);
+        assert_eq!(margin((0, 0), (1, 6)), MARGIN);
+    }
 }
