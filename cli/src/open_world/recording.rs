@@ -112,9 +112,11 @@ impl Recording {
     /// Place of every second, and the moves.
     pub fn places(&self) -> (Vec<Place>, Vec<Move>) {
         let mut place = Place::default();
-        let (mut ended_s, mut rest_deg, mut was_moving) = (self.start_s(), None::<f64>, false);
+        let wound_deg = self.wound_deg();
+        let (mut ended_s, mut was_moving) = (self.start_s(), false);
+        let mut rest_deg = self.begins_turning(&wound_deg);
         let (mut places, mut moves) = (Vec::with_capacity(self.len()), Vec::new());
-        for (i, wound_deg) in self.wound_deg().into_iter().enumerate() {
+        for (i, wound_deg) in wound_deg.into_iter().enumerate() {
             let moving = self.moving[i] && !self.rotation;
             if moving {
                 ended_s = self.t_s[i] + 0.5 * self.interval_s[i];
@@ -136,6 +138,14 @@ impl Recording {
             places.push(place);
         }
         (places, moves)
+    }
+
+    /// Index angle that a run begins to turn from, degrees: half a second's way before the first second's middle. `None` of a run that
+    /// begins at rest.
+    fn begins_turning(&self, wound_deg: &[f64]) -> Option<f64> {
+        let turns = !self.rotation && self.moving.first().is_some_and(|moving| *moving);
+        let [first, second, ..] = wound_deg else { return None };
+        turns.then_some(1.5 * first - 0.5 * second)
     }
 
     pub fn start_s(&self) -> f64 {

@@ -155,21 +155,37 @@ fn friction_slips() {
     }
 }
 
-/// From 270° back to 0° with the seconds of turning recorded: 270° clockwise, not 90° on.
-#[test]
-fn the_way_of_a_move_is_the_one_that_was_turned() {
+/// Seconds with these index angles, turning in these of them.
+fn turning(angles_deg: &[f64], moving: std::ops::Range<usize>) -> Recording {
     let mut recording = Recording::default();
-    for (i, deg) in [270.0_f64, 180.0, 90.0, 0.0].into_iter().enumerate() {
+    for (i, deg) in angles_deg.iter().enumerate() {
         let (sin, cos) = deg.to_radians().sin_cos();
         recording.t_s.push(i as f64 + 0.5);
         recording.interval_s.push(1.0);
-        recording.moving.push(i == 1 || i == 2);
+        recording.moving.push(moving.contains(&i));
         recording.design.push(DesignRow { cos, sin, vertical_deg_h: 0.0 });
     }
-    let (places, moves) = recording.places();
+    recording
+}
+
+/// From 270° back to 0° with the seconds of turning recorded: 270° clockwise, not 90° on.
+#[test]
+fn the_way_of_a_move_is_the_one_that_was_turned() {
+    let (places, moves) = turning(&[270.0, 180.0, 90.0, 0.0], 1..3).places();
     assert_eq!(moves.len(), 1);
     assert!((moves[0].travel_deg + 270.0).abs() < 1e-9 && moves[0].ended_s == 3.0 && moves[0].number == 1.0);
     assert!((places[3].since_s - 0.5).abs() < 1e-12);
+}
+
+/// At 15° and 45° in the middle of the first two seconds it turned from 0°; it rests at 60° from the end of the second on. Seconds that
+/// are called moving at rest are no move.
+#[test]
+fn a_run_may_begin_with_a_move() {
+    let (places, moves) = turning(&[15.0, 45.0, 60.0, 60.0], 0..2).places();
+    assert_eq!(moves.len(), 1);
+    assert!((moves[0].travel_deg - 60.0).abs() < 1e-9 && moves[0].ended_s == 2.0);
+    assert!(places[3].moves == 1.0 && (places[3].since_s - 1.5).abs() < 1e-12);
+    assert!(turning(&[60.0; 4], 0..2).places().1.is_empty());
 }
 
 /// Covariances of means over spans against sums of the correlation over a fine grid; the midpoint rule errs by about a
