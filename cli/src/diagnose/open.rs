@@ -129,9 +129,15 @@ impl Open {
             if let (Some(reference), Some(other_deg), Some(own)) =
                 (run.reference_deg.filter(|_| trusted), other_deg, own)
             {
+                let (own_deg, sigma_deg) = (own.azimuth_rad / RAD_PER_DEG, own.sigma_rad / RAD_PER_DEG);
+                // A survey that is coarser than the sigma and than what the two azimuths differ by says nothing.
+                let coarse_deg = run.reference_sigma_deg;
+                if coarse_deg > sigma_deg && coarse_deg > wrap_180_deg(own_deg - other_deg).abs() {
+                    continue;
+                }
                 // A run that the others say little about, and whose sigma says so, counts for little.
-                let in_sigmas = |azimuth_deg: f64| wrap_180_deg(azimuth_deg - reference) * RAD_PER_DEG / own.sigma_rad;
-                pairs.push((in_sigmas(other_deg), in_sigmas(own.azimuth_rad / RAD_PER_DEG)));
+                let in_sigmas = |azimuth_deg: f64| wrap_180_deg(azimuth_deg - reference) / sigma_deg.hypot(coarse_deg);
+                pairs.push((in_sigmas(other_deg), in_sigmas(own_deg)));
             }
         }
         let (before, after) =
@@ -412,6 +418,19 @@ impl Open {
 
     /// What remains: processes of the runs' own, in words.
     pub fn unexplained(&self) -> Vec<String> {
+        let mut all = self.unexplained_process();
+        let periods: Vec<String> = self.learned.wave_periods_s().iter().map(|s| format!("{s:.1} s")).collect();
+        if !all.is_empty() && !periods.is_empty() {
+            all.push(format!(
+                "sinusoids that all runs share, each with a phase and a size of the run's own: {}; azimuths are estimated \
+                 beside them",
+                periods.join(", ")
+            ));
+        }
+        all
+    }
+
+    fn unexplained_process(&self) -> Vec<String> {
         match self.likeliest_process() {
             Some(kernel) if kernel.shape == Some(Shape::Course) => vec![format!(
                 "something happens in the runs by itself that no channel tells, typically {:.4} deg/h and {:.0} s apart; \

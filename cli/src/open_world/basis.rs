@@ -435,6 +435,7 @@ impl Scales {
                 let t = &sheet.recording.t_s;
                 from_columns(rows, RELAXATION_S.map(|time_s| sheet.column(|i| (-t[i].max(0.0) / time_s).exp())))
             }
+            Group::Rhythm(rhythm) => rhythm.columns(sheet, sheet.phase),
             Group::Smoothed(channel) => {
                 let scaled = scaled(*channel);
                 let smooth = SMOOTHED_S.map(|time_s| samples.means(smoothed(&scaled, time_s)));

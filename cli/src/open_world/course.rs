@@ -3,9 +3,11 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::columns::{from_columns, side_by_side};
+use super::dictionary::Dictionary;
 use super::evidence::{half_of, posterior};
 use super::sheet::Sheet;
 use super::tie::Tie;
+use super::waves::{self, SharedWave};
 
 /// Samples for which a step or a bump begins with one place; parts of a run between whose borders a wave may last.
 const PLACES_OF_SAMPLE: f64 = 1.5;
@@ -16,11 +18,11 @@ const WIDTHS: [f64; 4] = [0.02, 0.045, 0.1, 0.2];
 /// Frequencies of a wave: the least and their distance in cycles, and the greatest in cycles a sample.
 const LEAST_CYCLES: f64 = 0.5;
 const CYCLES: f64 = 0.35;
-const MOST_FREQUENCY: f64 = 0.9;
+pub const MOST_FREQUENCY: f64 = 0.9;
 /// Changes of the frequency of a wave that lasts the whole run, as shares of it.
-const CHANGES: [f64; 7] = [0.0, -0.12, 0.12, -0.25, 0.25, -0.45, 0.45];
+pub const CHANGES: [f64; 7] = [0.0, -0.12, 0.12, -0.25, 0.25, -0.45, 0.45];
 /// Greatest change of a wave's frequency.
-const MOST_CHANGE: f64 = 0.7;
+pub const MOST_CHANGE: f64 = 0.7;
 /// Cycles of what is periodic: the least, and samples in one at least; phases, and for switches shares of a period.
 const LEAST_PERIODS: f64 = 0.9;
 const SAMPLES_OF_PERIOD: f64 = 5.0;
@@ -31,8 +33,6 @@ const TIMES: [f64; 2] = [0.05, 0.4];
 const MOST_COLUMNS: f64 = 0.4;
 /// Log evidence, beyond what the choice among all atoms costs, that an atom must gain.
 const LEAST_GAIN: f64 = 2.0;
-/// Share of its square that must be left of an atom beside the others and the run's own unknowns.
-const LEAST_LEFT: f64 = 1e-3;
 /// Steps by which constants of atoms are refined, shares of the run; and most moves with each.
 const STEPS: [f64; 5] = [0.02, 0.01, 0.005, 0.0025, 0.001];
 const MOVES: usize = 8;
@@ -58,13 +58,13 @@ pub enum Atom {
 
 /// Where the samples of a run begin and end.
 #[derive(Clone, Copy, Debug)]
-struct Extent {
-    from_s: f64,
-    length_s: f64,
+pub struct Extent {
+    pub from_s: f64,
+    pub length_s: f64,
 }
 
 impl Extent {
-    fn new(sheet: &Sheet) -> Self {
+    pub fn new(sheet: &Sheet) -> Self {
         let spans = &sheet.samples.spans;
         let from_s = spans.first().map_or(0.0, |span| span[0]);
         let to_s = spans.last().map_or(1.0, |span| span[1]);
@@ -85,7 +85,7 @@ fn scaled_periods(period_s: f64, share: f64, extent: Extent) -> [f64; 2] {
 }
 
 /// Kinds of atoms: slopes, steps at once and approached, bumps, waves of the whole run and of a part, switches, sawteeth.
-const KINDS: usize = 8;
+pub const KINDS: usize = 8;
 const STEP: usize = 1;
 /// Rates of what is usual, and of what is not.
 const USUAL: f64 = 2.0;
@@ -93,42 +93,55 @@ const SELDOM: f64 = 0.003;
 /// What every kind counts for beside those that were found.
 const LITTLE: f64 = 0.3;
 
-/// How many atoms of every kind a run has on average (Poisson): what happens in the runs of a campaign is alike.
-#[derive(Clone, Copy, Debug)]
-pub struct Habits([f64; KINDS]);
+/// What happens in the runs of a campaign is alike.
+#[derive(Clone, Debug)]
+pub struct Habits {
+    /// How many atoms of every kind a run has on average (Poisson).
+    pub rates: [f64; KINDS],
+    /// Waves that every run has.
+    pub waves: Vec<SharedWave>,
+}
 
 impl Default for Habits {
     fn default() -> Self {
-        Self([1.0 / KINDS as f64; KINDS])
+        Self { rates: [1.0 / KINDS as f64; KINDS], waves: Vec::new() }
     }
 }
 
 impl Habits {
-    /// What may be usual in a campaign: anything, or some kinds nearly alone.
-    pub fn all() -> Vec<Self> {
+    /// What may be usual in a campaign: anything, or some kinds nearly alone; beside waves anything or nothing.
+    pub fn all(waves: &[SharedWave]) -> Vec<Self> {
         let nearly_alone = |kinds: &[usize]| {
             let mut rates = [SELDOM; KINDS];
             kinds.iter().for_each(|&kind| rates[kind] = USUAL / kinds.len() as f64);
-            Self(rates)
+            Self { rates, waves: Vec::new() }
         };
+        let with_waves = |habits: Self| Self { waves: waves.to_vec(), ..habits };
+        let beside_waves = [Self::default(), nearly_alone(&[])].map(with_waves);
         let [slope, step, approached, whole, part, switch, sawtooth] = [0, STEP, STEP + 1, 4, 5, 6, 7];
         let some = [&[step][..], &[slope, step], &[approached], &[whole], &[part], &[switch], &[sawtooth]];
-        std::iter::once(Self::default()).chain(some.map(nearly_alone)).collect()
+        let beside_waves = beside_waves.into_iter().filter(|_| !waves.is_empty());
+        std::iter::once(Self::default()).chain(some.map(nearly_alone)).chain(beside_waves).collect()
     }
 
-    /// From what was found in runs.
-    pub fn of<'a>(courses: impl Iterator<Item = &'a Course>) -> Self {
+    /// Log evidence that the waves' constants cost.
+    pub fn cost(&self) -> f64 {
+        waves::COST * self.waves.len() as f64
+    }
+
+    /// From what was found in runs beside waves.
+    pub fn of<'a>(courses: impl Iterator<Item = &'a Course>, waves: Vec<SharedWave>) -> Self {
         let (mut counts, mut runs) = ([LITTLE; KINDS], 1.0);
         for course in courses {
             runs += 1.0;
             course.kinds.iter().for_each(|&kind| counts[kind] += 1.0);
         }
-        Self(counts.map(|count| count / runs))
+        Self { rates: counts.map(|count| count / runs), waves }
     }
 }
 
 impl Atom {
-    fn kind(self, extent: Extent) -> usize {
+    pub fn kind(self, extent: Extent) -> usize {
         match self {
             Self::Slope => 0,
             Self::Step { time_s, .. } => STEP + usize::from(time_s > 0.0),
@@ -139,7 +152,7 @@ impl Atom {
         }
     }
 
-    fn all(extent: Extent, samples: usize) -> Vec<Self> {
+    pub fn all(extent: Extent, samples: usize) -> Vec<Self> {
         let Extent { from_s, length_s } = extent;
         let mut all = vec![Self::Slope];
         let number = (PLACES_OF_SAMPLE * samples as f64) as usize;
@@ -177,7 +190,7 @@ impl Atom {
         all
     }
 
-    fn columns(self, sheet: &Sheet, extent: Extent) -> Vec<Vec<f64>> {
+    pub fn columns(self, sheet: &Sheet, extent: Extent) -> Vec<Vec<f64>> {
         let (t_s, interval_s) = (&sheet.recording.t_s, &sheet.recording.interval_s);
         let means = |of: &dyn Fn(f64) -> f64| sheet.samples.means(t_s.iter().map(|&t_s| of(t_s)));
         match self {
@@ -282,82 +295,6 @@ impl Atom {
     }
 }
 
-/// All atoms that a run is searched for, in noise: columns times the roots of the samples' weights.
-#[derive(Debug)]
-pub struct Dictionary {
-    /// With their kinds.
-    atoms: Vec<(Atom, usize)>,
-    /// How many of each kind.
-    numbers: [f64; KINDS],
-    starts: Vec<usize>,
-    columns: DMatrix<f64>,
-    squares: Vec<f64>,
-}
-
-impl Dictionary {
-    pub fn new(sheet: &Sheet, roots: &DVector<f64>) -> Self {
-        let extent = Extent::new(sheet);
-        let atoms: Vec<(Atom, usize)> =
-            Atom::all(extent, roots.len()).into_iter().map(|atom| (atom, atom.kind(extent))).collect();
-        let mut numbers = [0.0; KINDS];
-        let (mut starts, mut columns) = (vec![0], Vec::new());
-        for (atom, kind) in &atoms {
-            numbers[*kind] += 1.0;
-            let of_atom = atom.columns(sheet, extent);
-            starts.push(starts[starts.len() - 1] + of_atom.len());
-            columns.extend(of_atom);
-        }
-        let all: Vec<f64> = columns
-            .iter()
-            .flat_map(|column| column.iter().zip(roots.iter()).map(|(value, root)| value * root))
-            .collect();
-        let columns = DMatrix::from_vec(roots.len(), starts[starts.len() - 1], all);
-        let squares = columns.column_iter().map(|column| column.norm_squared()).collect();
-        Self { atoms, numbers, starts, columns, squares }
-    }
-
-    /// Logs of one over the prior rate of one atom of every kind.
-    fn penalties(&self, habits: &Habits) -> [f64; KINDS] {
-        std::array::from_fn(|kind| (self.numbers[kind] / habits.0[kind]).ln())
-    }
-
-    /// The atom with its kind that gains most, less its penalty, beside directions (`q`, orthonormal), of which the rate has this left.
-    fn best(
-        &self,
-        q: &DMatrix<f64>,
-        left: &DVector<f64>,
-        variance: f64,
-        penalties: &[f64; KINDS],
-    ) -> Option<((Atom, usize), f64)> {
-        let n = self.columns.nrows();
-        let right = self.columns.tr_mul(&left.rows(0, n));
-        let along = self.columns.tr_mul(&q.rows(0, n));
-        let dot = |i: usize, j: usize| along.row(i).dot(&along.row(j));
-        let gain = |atom: usize| -> Option<f64> {
-            let i = self.starts[atom];
-            let first = self.squares[i] - dot(i, i);
-            if !(first > LEAST_LEFT * self.squares[i]) {
-                return None;
-            }
-            let single = || 0.5 * (right[i].powi(2) / (first + 1.0 / variance) - (variance * first).ln_1p());
-            if self.starts[atom + 1] == i + 1 {
-                return Some(single());
-            }
-            let j = i + 1;
-            let second = self.squares[j] - dot(j, j);
-            let cross = self.columns.column(i).dot(&self.columns.column(j)) - dot(i, j);
-            let (a, b) = (first + 1.0 / variance, second + 1.0 / variance);
-            let determinant = a * b - cross * cross;
-            let explained =
-                (b * right[i].powi(2) - 2.0 * cross * right[i] * right[j] + a * right[j].powi(2)) / determinant;
-            Some(0.5 * (explained - (determinant * variance * variance).ln()))
-        };
-        (0..self.atoms.len())
-            .filter_map(|atom| Some((self.atoms[atom], gain(atom)? - penalties[self.atoms[atom].1])))
-            .max_by(|a, b| a.1.total_cmp(&b.1))
-    }
-}
-
 /// What was found in a run: atoms whose sizes have one prior variance.
 #[derive(Clone, Debug)]
 pub struct Course {
@@ -365,8 +302,9 @@ pub struct Course {
     kinds: Vec<usize>,
     /// Columns of every atom over the samples times the prior standard deviation, °/h.
     parts: Vec<DMatrix<f64>>,
-    /// Steps between dwells, where nobody sees them: columns times the standard deviation that they are expected to have.
-    unseen: DMatrix<f64>,
+    /// Waves that all runs share, and steps between dwells, where nobody sees them: columns times the standard deviation that they
+    /// are expected to have.
+    expected: DMatrix<f64>,
     /// Of every atom, what else it may be: log evidence less that of the best, and its columns.
     others: Vec<Vec<(f64, DMatrix<f64>)>>,
     /// Log of the prior probability of these atoms.
@@ -536,7 +474,10 @@ impl Course {
             design.row_mut(n + i).copy_from(&tie.row.transpose());
             rate[n + i] = tie.value;
         }
-        let own = design.qr().q();
+        let waves = of_waves(sheet, &habits.waves);
+        let mut beside = DMatrix::zeros(rows, waves.ncols());
+        (0..n).for_each(|i| beside.row_mut(i).copy_from(&(waves.row(i) * roots[i])));
+        let own = side_by_side(rows, [&design, &beside]).qr().q();
         rate -= &own * own.tr_mul(&rate);
         let mean_square = rate.rows(0, n).norm_squared() / roots.norm_squared();
         let mut pursuit = Pursuit {
@@ -554,13 +495,14 @@ impl Course {
         };
         pursuit.grow(dictionary);
         pursuit.prune();
-        let unseen = unseen_steps(sheet, 4.0 * mean_square * habits.0[STEP]);
+        let unseen = unseen_steps(sheet, 4.0 * mean_square * habits.rates[STEP]);
+        let expected = side_by_side(n, [&waves, &unseen]);
         let others = (0..pursuit.atoms.len()).map(|place| pursuit.others(place)).collect();
         let parts: Vec<DMatrix<f64>> = pursuit.atoms.iter().map(|&atom| pursuit.part(atom)).collect();
-        let all = side_by_side(n, parts.iter().chain([&unseen]));
+        let all = side_by_side(n, parts.iter().chain([&expected]));
         let (half, log_determinant) = half_of(&(&run.white + &all * all.transpose()));
         Self {
-            log_prior: -habits.0.iter().sum::<f64>()
+            log_prior: -habits.rates.iter().sum::<f64>()
                 - pursuit.kinds.iter().map(|&kind| pursuit.penalties[kind]).sum::<f64>(),
             size_deg_h: mean_square.sqrt(),
             length_s: pursuit.extent.length_s,
@@ -568,7 +510,25 @@ impl Course {
             kinds: pursuit.kinds,
             parts,
             others,
-            unseen,
+            expected,
+            half,
+            log_determinant,
+        }
+    }
+
+    /// Of a run that has nothing but waves that all runs share.
+    pub fn of_waves(run: &Seen<'_>, waves: &[SharedWave]) -> Self {
+        let expected = of_waves(run.sheet, waves);
+        let (half, log_determinant) = half_of(&(&run.white + &expected * expected.transpose()));
+        Self {
+            log_prior: 0.0,
+            size_deg_h: 0.0,
+            length_s: Extent::new(run.sheet).length_s,
+            atoms: Vec::new(),
+            kinds: Vec::new(),
+            parts: Vec::new(),
+            others: Vec::new(),
+            expected,
             half,
             log_determinant,
         }
@@ -576,7 +536,7 @@ impl Course {
 
     /// Factor of the covariance of what it does.
     pub fn factor(&self) -> DMatrix<f64> {
-        side_by_side(self.half.nrows(), self.parts.iter().chain([&self.unseen]))
+        side_by_side(self.half.nrows(), self.parts.iter().chain([&self.expected]))
     }
 
     /// The same with each atom in turn as what else it may be: log evidence less that of the best one.
@@ -584,14 +544,23 @@ impl Course {
         self.others.iter().enumerate().map(|(place, others)| {
             let with = |other: &DMatrix<f64>| {
                 let parts = self.parts.iter().enumerate().map(|(at, part)| if at == place { other } else { part });
-                side_by_side(self.half.nrows(), parts.chain([&self.unseen]))
+                side_by_side(self.half.nrows(), parts.chain([&self.expected]))
             };
             others.iter().map(|(behind, other)| (*behind, with(other))).collect()
         })
     }
 }
 
-/// Columns side by side.
+/// Columns of waves times their prior standard deviations.
+fn of_waves(sheet: &Sheet, waves: &[SharedWave]) -> DMatrix<f64> {
+    let extent = Extent::new(sheet);
+    let parts: Vec<DMatrix<f64>> = waves
+        .iter()
+        .map(|wave| from_columns(sheet.samples.len(), wave.atom(extent).columns(sheet, extent)) * wave.variance.sqrt())
+        .collect();
+    side_by_side(sheet.samples.len(), &parts)
+}
+
 /// Steps between samples that do not follow one another. One happens there with a probability in proportion to the time between; its
 /// size then has a variance of which `variance` is what a run as a whole has.
 fn unseen_steps(sheet: &Sheet, variance: f64) -> DMatrix<f64> {

@@ -49,8 +49,11 @@ impl Learned {
 
     /// What was learned does in a run, averaged over the models: by the second, °/h; 0 where none enters.
     pub fn effect_deg_h(&self, recording: &Recording) -> Option<Vec<f64>> {
-        let run = self.run(recording)?;
-        let of_model = |model: &Model| self.columns(&run, model, run.azimuth_rad) * &model.mean * model.weight;
+        // The phase of a rhythm is the likeliest beside every process that the run may have.
+        let (prepared, _) = prepare(&[recording], &self.kernels, Some(self.unit_deg_h), &self.whitenings);
+        let (sheet, whitening) = prepared.into_iter().next()??;
+        let run = Run::new(sheet, recording.reference, whitening, &sizes_deg_h(&self.kernels, self.unit_deg_h));
+        let of_model = |model: &Model| self.effect(&run, model, run.azimuth_rad, None) * model.weight;
         let of_samples = self.models.iter().map(of_model).reduce(|sum, each| sum + each)?;
         Some(run.sheet.samples.by_second(of_samples.as_slice()))
     }

@@ -1,5 +1,6 @@
 //! The grammar: groups of basis functions, built from bases of channels, time, moves and headings.
 
+use super::rhythm::Rhythm;
 use super::tuned::{PLACE_STEP, PLACES, Tuned};
 
 /// Half widths of the play operators, in half ranges of the channel.
@@ -66,6 +67,8 @@ pub enum Group {
     },
     /// Decays since switch-on of all times: together also a power of the time.
     Relaxation,
+    /// What repeats itself, at a phase of each run's own.
+    Rhythm(Rhythm),
     /// Low-passes of a channel forward and backward: a channel that is recorded with noise.
     Smoothed(usize),
     Linear(usize),
@@ -309,7 +312,7 @@ impl Group {
             // A constant is searched for.
             Self::Tuned(..) | Self::Gated { .. } | Self::Gear(_) => 2.0,
             Self::Ridge { direction, .. } => direction.iter().filter(|share| **share != 0.0).count() as f64,
-            Self::Sector(_) | Self::SettlingTime { .. } => 3.0,
+            Self::Sector(_) | Self::SettlingTime { .. } | Self::Rhythm(_) => 3.0,
             Self::Bicubic(..) => 1.6,
             Self::Product(..) => 2.0,
             Self::Triple(..) | Self::Extended { .. } => 3.0,
@@ -398,6 +401,7 @@ impl Group {
             Self::Gear(_) => "gear-error".into(),
             Self::Sector(_) => "harmonic-in-sector".into(),
             Self::Relaxation => "relaxation".into(),
+            Self::Rhythm(_) => "rhythm".into(),
             Self::AxisCurve => "function-of-axis-azimuth".into(),
             Self::IndexCurve => "index-error".into(),
             Self::Winding => "winding".into(),
@@ -453,6 +457,9 @@ impl Group {
             Self::Gear(_) => "error of the index by a harmonic of its angle, turns counted".into(),
             Self::Sector(_) => "harmonic of the index angle in a sector of headings".into(),
             Self::Relaxation => "decays since switch-on".into(),
+            Self::Rhythm(rhythm) => {
+                format!("what repeats itself every {:.1} s, at a phase of each run's own", rhythm.period_s)
+            }
             Self::AxisCurve => "smooth function of the axis azimuth".into(),
             Self::IndexCurve => "error of the index by its angle".into(),
             Self::Winding => "smooth function of the index angle, turns counted".into(),

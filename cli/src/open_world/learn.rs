@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::basis::Scales;
 use super::columns::of_values;
-use super::course::{Course, Habits};
+use super::course::Habits;
 use super::evidence::{Posterior, best_variance, posterior};
 use super::group::{Base, Group};
 use super::process::{self, Kernel};
@@ -16,7 +16,7 @@ use super::run::{Run, Whitening};
 use super::sheet::Sheet;
 
 /// Least gain in log evidence, above the penalty, of a group that is taken.
-const GAIN: f64 = 6.0;
+pub const GAIN: f64 = 6.0;
 /// Gain below which a proposal is not tried.
 const LEAST_PROPOSAL: f64 = 3.0;
 /// Proposals beside each share of the own process that are looked at, by the number of runs, at least and at most; and how many
@@ -41,10 +41,6 @@ const SWAP: f64 = 2.0;
 const SIZES: [f64; 11] = [0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0];
 /// Penalty for each step of a group's complexity.
 const COMPLEXITY: f64 = 1.5;
-/// Log-likelihood that processes of the runs' own must gain over white noise for runs to be looked at one by one.
-const PROCESS: f64 = 10.0;
-/// Runs that are asked for what usually happens in them.
-const RUNS_OF_HABITS: usize = 12;
 /// Rounds in which own processes and effects are brought into agreement.
 const ROUNDS: usize = 3;
 /// Parts that the runs are summed in: always the same, so that sums have the same order on any number of cores.
@@ -71,7 +67,7 @@ struct Sums<'a> {
 
 /// Gram matrices of all groups by themselves, summed over the runs: they change only with a run's kernel.
 #[derive(Default)]
-struct Grams {
+pub struct Grams {
     of_run: Vec<usize>,
     sums: Vec<DMatrix<f64>>,
 }
@@ -86,16 +82,18 @@ pub struct Search<'a> {
     pub groups: Vec<Group>,
     /// Factor that gives every group a variance of 1 within runs.
     pub factors: Vec<f64>,
+    /// Log evidence that what every run chooses for itself costs.
+    pub costs: Vec<f64>,
     /// Columns of all groups side by side, scaled, by run; where each group's begin, and where the last one's end.
     columns: Vec<DMatrix<f64>>,
     starts: Vec<usize>,
     pub kernels: Vec<Kernel>,
     pub unit_deg_h: f64,
-    variances: Vec<f64>,
+    pub variances: Vec<f64>,
     /// For every share of the own process.
-    grams: [Grams; SHARES.len()],
+    pub grams: [Grams; SHARES.len()],
     /// Log evidence of every run without any group.
-    bare: Vec<f64>,
+    pub bare: Vec<f64>,
     /// Of the courses that were found last.
     pub habits: Habits,
 }
@@ -212,6 +210,7 @@ impl<'a> Search<'a> {
             scales,
             groups: Vec::new(),
             factors: Vec::new(),
+            costs: Vec::new(),
             kernels,
             unit_deg_h,
             variances,
@@ -224,7 +223,7 @@ impl<'a> Search<'a> {
     }
 
     /// Adds groups that vary within runs.
-    fn add(&mut self, groups: Vec<Group>) {
+    pub fn add(&mut self, groups: Vec<Group>) {
         let built: Vec<Vec<DMatrix<f64>>> = self
             .runs
             .par_iter()
@@ -244,6 +243,7 @@ impl<'a> Search<'a> {
             kept.push((place, variance.powf(-0.5)));
             self.groups.push(group);
             self.factors.push(variance.powf(-0.5));
+            self.costs.push(0.0);
             self.starts.push(self.starts[self.starts.len() - 1] + built[0][place].ncols());
         }
         for (columns, built) in self.columns.iter_mut().zip(built) {
@@ -367,44 +367,8 @@ impl<'a> Search<'a> {
         (0..self.runs.len()).into_par_iter().map(|run| self.active_columns(run, active) * weights).collect()
     }
 
-    /// What happens in the runs by themselves beside what a state has learned: with the habits that some of the runs speak for most,
-    /// and once more with those that are found then.
-    fn find_courses(&mut self, state: &State) {
-        let means = self.learned_means(state);
-        let residual = |place: usize| &self.runs[place].rate - &means[place];
-        let find = |place: usize, habits: &Habits| Course::find(&self.runs[place].seen(true), &residual(place), habits);
-        let likelihood = |place: usize, habits: &Habits| {
-            let course = find(place, habits);
-            let of_kernels = self.runs[place].log_likelihood(&residual(place), true, Some(&course));
-            of_kernels.last().copied().unwrap_or(f64::NEG_INFINITY)
-        };
-        let some = self.runs.len().min(RUNS_OF_HABITS);
-        let of_habits = |habits: Habits| {
-            let each: Vec<f64> = (0..some).into_par_iter().map(|place| likelihood(place, &habits)).collect();
-            (each.into_iter().sum::<f64>(), habits)
-        };
-        let best = Habits::all().into_iter().map(of_habits).max_by(|a, b| a.0.total_cmp(&b.0));
-        let mut habits = best.map_or_else(Habits::default, |best| best.1);
-        let mut courses: Vec<Course> = Vec::new();
-        for _ in 0..2 {
-            courses = (0..self.runs.len()).into_par_iter().map(|place| find(place, &habits)).collect();
-            habits = Habits::of(courses.iter());
-        }
-        self.set_courses(courses.into_iter().map(|course| Some(Arc::new(course))).collect());
-        self.habits = habits;
-    }
-
-    fn set_courses(&mut self, courses: Vec<Option<Arc<Course>>>) {
-        self.runs.iter_mut().zip(courses).for_each(|(run, course)| run.course = course);
-        self.grams = Default::default();
-    }
-
-    fn courses(&self) -> Vec<Option<Arc<Course>>> {
-        self.runs.iter().map(|run| run.course.clone()).collect()
-    }
-
     /// The evidence of active groups with the own processes estimated again, beginning with those of `from`.
-    fn total(&self, active: &Active, from: Option<&[usize]>) -> State {
+    pub fn total(&self, active: &Active, from: Option<&[usize]>) -> State {
         self.total_in(active, from, ROUNDS)
     }
 
@@ -457,18 +421,13 @@ impl<'a> Search<'a> {
                 if joint(best) > joint(had) + HARDLY { best } else { had }
             })
             .collect();
-        let gain = |run: &Vec<f64>| {
-            let most = run.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            let sum: f64 = run.iter().zip(&shares).map(|(value, share)| share * (value - most).exp()).sum();
-            most + sum.ln() - run[0]
-        };
-        let process_gain = likelihoods.iter().map(gain).sum();
+        let process_gain = likelihoods.iter().map(|run| process::mixture(run, &shares) - run[0]).sum();
         (of_run, shares, process_gain)
     }
 
-    /// Penalty of a group: for the number of groups and for its complexity.
+    /// Penalty of a group: for the number of groups, for its complexity, and for what every run chooses for itself.
     fn penalty(&self, group: usize) -> f64 {
-        0.5 * (self.groups.len() as f64).ln() + COMPLEXITY * (self.groups[group].level() - 1.0)
+        0.5 * (self.groups.len() as f64).ln() + COMPLEXITY * (self.groups[group].level() - 1.0) + self.costs[group]
     }
 
     /// Gain in log evidence of every group beside a part of the active ones (`rest`: their places in `active`), and the
@@ -479,7 +438,8 @@ impl<'a> Search<'a> {
         (0..self.groups.len())
             .into_par_iter()
             .map(|group| {
-                if groups.contains(&group) {
+                // The phases of a rhythm were found beside other groups.
+                if groups.contains(&group) || matches!(self.groups[group], Group::Rhythm(_)) {
                     return None;
                 }
                 if let Group::Extended { parent, .. } = &self.groups[group]
@@ -519,38 +479,8 @@ impl<'a> Search<'a> {
         (columns, posterior(&gram, &right, &prior))
     }
 
-    /// Learns. Where processes of the runs' own remain, once more with what happens in each run by itself, from nothing and from
-    /// what was learned: the evidence decides.
-    pub fn learn(&mut self) -> State {
-        let nothing = self.total(&Vec::new(), None);
-        self.bare = self.of_each(&nothing);
-        let mut best = self.grow(nothing.clone());
-        if best.process_gain < PROCESS {
-            return best;
-        }
-        let mut courses = (self.courses(), self.habits);
-        let nothing_evidence = nothing.evidence;
-        let from = if best.active.is_empty() { vec![nothing] } else { vec![nothing, best.clone()] };
-        for state in from {
-            self.find_courses(&state);
-            let begun = self.total(&state.active, None);
-            if begun.active.is_empty() && begun.evidence > nothing_evidence {
-                self.bare = self.of_each(&begun);
-            }
-            let state = self.grow(begun);
-            if self.worth(&state) > self.worth(&best) {
-                best = state;
-                courses = (self.courses(), self.habits);
-            }
-        }
-        self.set_courses(courses.0);
-        self.habits = courses.1;
-        self.size_course();
-        best
-    }
-
     /// What a state has learned does in every run.
-    fn learned_means(&self, state: &State) -> Vec<DVector<f64>> {
+    pub fn learned_means(&self, state: &State) -> Vec<DVector<f64>> {
         let each = self.of_runs(&state.active, &state.of_run);
         let weights = posterior_of(&each, &self.prior(&state.active)).0.mean;
         self.means(&state.active, &weights)
@@ -569,7 +499,7 @@ impl<'a> Search<'a> {
     }
 
     /// Log evidence of every run under its kernel, without groups.
-    fn of_each(&self, state: &State) -> Vec<f64> {
+    pub fn of_each(&self, state: &State) -> Vec<f64> {
         let of_run =
             |(run, &kernel): (usize, &usize)| self.of_run(run, &Vec::new(), kernel).2 + state.shares[kernel].ln();
         state.of_run.iter().enumerate().map(of_run).collect()
@@ -586,26 +516,17 @@ impl<'a> Search<'a> {
             let kernel = state.of_run[run];
             all - posterior(&gram, &right, &prior).gain + each[run].2 + state.shares[kernel].ln() - self.bare[run]
         });
-        own.collect::<Vec<f64>>().into_iter().sum()
+        let cost: f64 = state.active.iter().map(|each| self.costs[each.0]).sum();
+        own.collect::<Vec<f64>>().into_iter().sum::<f64>() - cost
     }
 
-    /// Evidence less the penalties of the groups.
+    /// Evidence less the penalties of the groups and of what the courses share.
     pub fn worth(&self, state: &State) -> f64 {
-        state.evidence - state.active.iter().map(|each| self.penalty(each.0)).sum::<f64>()
-    }
-
-    /// The last kernel as what courses are like: their usual size, and the time between what happens.
-    fn size_course(&mut self) {
-        let courses: Vec<Arc<Course>> = self.runs.iter().filter_map(|run| run.course.clone()).collect();
-        if let Some(kernel) = self.kernels.last_mut().filter(|_| !courses.is_empty()) {
-            kernel.size = median(courses.iter().map(|course| course.size_deg_h).collect()) / self.unit_deg_h;
-            kernel.time_s =
-                median(courses.iter().map(|course| course.length_s / (course.atoms.len() + 1) as f64).collect());
-        }
+        state.evidence - self.habits.cost() - state.active.iter().map(|each| self.penalty(each.0)).sum::<f64>()
     }
 
     /// Takes groups until none is worth its penalty.
-    fn grow(&mut self, mut state: State) -> State {
+    pub fn grow(&mut self, mut state: State) -> State {
         let mut swaps = 0;
         if !state.active.is_empty() {
             state = self.polish(state, &mut swaps);

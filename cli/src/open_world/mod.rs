@@ -4,8 +4,10 @@
 //! u is a process of the run's own, whose kernel comes from a mixture that the training runs share.
 
 mod basis;
+mod candidates;
 mod columns;
 mod course;
+mod dictionary;
 mod dynamics;
 mod evidence;
 mod expected;
@@ -14,10 +16,13 @@ mod learn;
 mod predict;
 mod process;
 mod recording;
+mod rhythm;
+mod rhythm_search;
 mod run;
 mod sheet;
 mod tie;
 mod tuned;
+mod waves;
 
 pub use basis::{DECAYS_S, MEMORY_S, RELAXATION_S, TRAVEL_S, WARM_UP_S};
 pub use expected::Expected;
@@ -33,9 +38,12 @@ use learn::Search;
 pub fn learn(recordings: &[&Recording]) -> Option<Learned> {
     let channels = recordings.first()?.channels.len();
     let mut search = Search::new(recordings, channels)?;
-    let state = search.learn();
-    let alternatives = search.alternatives(&state);
-    Some(Learned::new(&search, &state, &alternatives))
+    let learned = search.learn().into_iter().map(|candidate| {
+        search.adopt(&candidate);
+        let alternatives = search.alternatives(&candidate.state);
+        Learned::new(&search, &candidate.state, &alternatives)
+    });
+    learned.reduce(|best, other| if other.is_better_than(&best) { other } else { best })
 }
 
 #[cfg(test)]

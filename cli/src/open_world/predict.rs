@@ -15,6 +15,7 @@ use super::group::Group;
 use super::learn::{Active, Alternative, OfRun, Search, State, prepare, sizes_deg_h, summed};
 use super::process::{self, Kernel};
 use super::recording::Recording;
+use super::rhythm::{Rhythm, possible_phases};
 use super::run::{Run, Whitening};
 use super::tie::{Tie, tie_down};
 
@@ -29,6 +30,9 @@ const AGREED_RAD: f64 = 1e-6;
 const ROUNDS_OF_AMPLITUDE: usize = 2;
 /// Added to the normalised diagonal where functions are nearly the same.
 const RIDGE: f64 = 1e-7;
+/// Log density of surveyed headings that tells two models apart, and log evidence that does.
+const TELLS: f64 = 1.0;
+const MARGIN: f64 = 12.0;
 /// Beyond the learned range an effect may change by this much of its size for each half range.
 const BEYOND: f64 = 2.0;
 
@@ -67,6 +71,20 @@ pub struct Model {
     pub factor: DMatrix<f64>,
 }
 
+impl Model {
+    /// A rhythm among the groups: its first column, their number, and its constants.
+    fn rhythm(&self) -> Option<(usize, usize, Rhythm)> {
+        let mut start = 0;
+        for Found { group, width, .. } in &self.groups {
+            if let Group::Rhythm(rhythm) = group {
+                return Some((start, *width, *rhythm));
+            }
+            start += width;
+        }
+        None
+    }
+}
+
 /// A model as a sum of other functions.
 #[derive(Clone, Debug)]
 pub struct InFunctions {
@@ -97,10 +115,12 @@ pub struct Learned {
     pub predictive_gain: f64,
     /// Azimuths of the training runs by models without them, in the runs' order.
     pub left_out: Vec<Prediction>,
+    /// Log density that they give the surveyed headings; `None` where there are none.
+    score: Option<f64>,
     /// What usually happens in runs by itself.
     habits: Habits,
     /// Whitenings of the training runs.
-    whitenings: Vec<Arc<Whitening>>,
+    pub(super) whitenings: Vec<Arc<Whitening>>,
 }
 
 impl Learned {
@@ -139,7 +159,8 @@ impl Learned {
             process_gain: state.process_gain,
             predictive_gain: search.predictive_gain(state),
             left_out: Vec::new(),
-            habits: search.habits,
+            score: None,
+            habits: search.habits.clone(),
             whitenings: search.runs.iter().map(|run| run.whitening.clone()).collect(),
         };
         learned.whitenings.dedup_by(|a, b| Arc::ptr_eq(a, b));
@@ -159,8 +180,25 @@ impl Learned {
                 learned = without;
             }
         }
+        let surveyed = search.runs.iter().any(|run| run.reference.is_some());
+        learned.score = surveyed.then(|| score(&search.runs, &learned.left_out));
         learned.excess_rad = excess(&search.runs, &learned.left_out);
         learned
+    }
+
+    /// Mean periods of the waves that all runs share, where they have any, seconds.
+    pub fn wave_periods_s(&self) -> Vec<f64> {
+        let waves = self.habits.waves.iter().filter(|_| self.has_courses());
+        waves.map(|wave| 1.0 / wave.frequency_hz).collect()
+    }
+
+    /// Whether it is to be preferred to a simpler one: by the azimuths of the training runs by models without them, where these tell and
+    /// the evidence does not contradict; else by the evidence, if the azimuths do not contradict.
+    pub fn is_better_than(&self, simpler: &Self) -> bool {
+        let ahead = self.worth - simpler.worth;
+        let Some((own, simpler_score)) = self.score.zip(simpler.score) else { return ahead > 0.0 };
+        let of_azimuths = own - simpler_score;
+        (of_azimuths > TELLS && ahead > -MARGIN) || (of_azimuths > -TELLS && ahead > MARGIN)
     }
 
     /// Azimuths of runs; `None` where one has too little in it.
@@ -246,7 +284,7 @@ impl Learned {
     /// What happens in a run by itself, where training runs have such things.
     fn course(&self, run: &Run, models: &[Model]) -> Option<Course> {
         let first = models.first().filter(|_| self.has_courses())?;
-        let effect = self.columns(run, first, run.plain_azimuth_rad) * &first.mean;
+        let effect = self.effect(run, first, run.plain_azimuth_rad, None);
         Some(Course::find(&run.seen(false), &(&run.rate - effect), &self.habits))
     }
 
@@ -256,12 +294,20 @@ impl Learned {
         let mut found = Prediction { azimuth_rad, sigma_rad: f64::INFINITY, amplitude_deg_h: 0.0 };
         let beyond = self.beyond(run, model);
         for _ in 0..if turns { ROUNDS } else { 1 } {
+            let of_phase = |columns: &DMatrix<f64>| {
+                let mean = columns * &model.mean;
+                let unsure = columns * model.factor.transpose();
+                let beside = self.beside_sectors(model, columns, azimuth_rad);
+                let unsure = of_values(run.rate.len(), unsure.iter().chain(&beside).chain(&beyond).copied());
+                self.predict_about(run, &mean, &unsure, course)
+            };
             let columns = self.columns(run, model, azimuth_rad);
-            let mean = &columns * &model.mean;
-            let unsure = &columns * model.factor.transpose();
-            let beside = self.beside_sectors(model, &columns, azimuth_rad);
-            let unsure = of_values(run.rate.len(), unsure.iter().chain(&beside).chain(&beyond).copied());
-            found = self.predict_about(run, &mean, &unsure, course);
+            let each: Vec<(f64, Prediction)> = self
+                .at_phases(run, model, columns, course)
+                .iter()
+                .map(|(weight, columns)| (*weight, of_phase(columns)))
+                .collect();
+            found = average(&each);
             let moved = wrap(found.azimuth_rad - azimuth_rad).abs();
             azimuth_rad = found.azimuth_rad;
             if moved < AGREED_RAD {
@@ -301,6 +347,37 @@ impl Learned {
             })
             .collect();
         average(&each)
+    }
+
+    /// Columns of a run at every phase that a rhythm among the groups may have in it, with the phases' probabilities, the likeliest
+    /// first: by the run alone, whatever processes it may have.
+    fn at_phases(
+        &self,
+        run: &Run,
+        model: &Model,
+        columns: DMatrix<f64>,
+        course: Option<&Course>,
+    ) -> Vec<(f64, DMatrix<f64>)> {
+        let Some((start, width, rhythm)) = model.rhythm() else { return vec![(1.0, columns)] };
+        let own = columns.columns(start, width).into_owned();
+        let weights = model.mean.rows(start, width).into_owned();
+        let without = &run.rate - &columns * &model.mean + &own * &weights;
+        let log_likelihood = |phase: f64| {
+            let residual = &without - &own * rhythm.turned(&weights, phase);
+            process::mixture(&run.log_likelihood(&residual, false, course), &self.shares)
+        };
+        let at = |phase: f64| {
+            let mut columns = columns.clone();
+            columns.columns_mut(start, width).copy_from(&rhythm.turn(&own, phase));
+            columns
+        };
+        possible_phases(log_likelihood).into_iter().map(|(weight, phase)| (weight, at(phase))).collect()
+    }
+
+    /// What a model does in a run, by the sample, at the likeliest phase.
+    pub fn effect(&self, run: &Run, model: &Model, azimuth_rad: f64, course: Option<&Course>) -> DVector<f64> {
+        let at_phases = self.at_phases(run, model, self.columns(run, model, azimuth_rad), course);
+        at_phases.first().map_or_else(|| DVector::zeros(run.rate.len()), |(_, columns)| columns * &model.mean)
     }
 
     pub fn columns(&self, run: &Run, model: &Model, azimuth_rad: f64) -> DMatrix<f64> {

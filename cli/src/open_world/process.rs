@@ -111,6 +111,13 @@ pub fn shares(log_likelihood: &[Vec<f64>]) -> Vec<f64> {
     shares
 }
 
+/// Log-likelihood of one run under the mixture of kernels.
+pub fn mixture(log_likelihood: &[f64], shares: &[f64]) -> f64 {
+    let most = log_likelihood.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let sum: f64 = log_likelihood.iter().zip(shares).map(|(value, share)| share * (value - most).exp()).sum();
+    most + sum.ln()
+}
+
 /// Probability of every kernel for one run.
 pub fn posterior(log_likelihood: &[f64], shares: &[f64]) -> Vec<f64> {
     let joint: Vec<f64> = log_likelihood.iter().zip(shares).map(|(value, share)| value + share.ln()).collect();

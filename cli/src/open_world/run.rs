@@ -4,7 +4,8 @@ use std::sync::{Arc, OnceLock};
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-use super::course::{Course, Dictionary, Seen};
+use super::course::{Course, Seen};
+use super::dictionary::Dictionary;
 use super::process::{Kernel, Shape};
 use super::recording::Reference;
 use super::sheet::Sheet;
@@ -149,6 +150,7 @@ pub struct Beside<'a> {
     run: &'a Run<'a>,
     kernel: usize,
     size_deg_h: f64,
+    course: Option<&'a Course>,
     /// Whitened design and rate; what of the rate the own unknowns explain, in the factor's coordinates.
     design: DMatrix<f64>,
     rate: DVector<f64>,
@@ -161,7 +163,7 @@ pub struct Beside<'a> {
 
 impl Beside<'_> {
     fn whitened(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
-        self.run.whiten(self.kernel, self.size_deg_h, columns)
+        self.run.whiten(self.kernel, self.size_deg_h, self.course, columns)
     }
 
     /// What of whitened columns the own unknowns can imitate.
@@ -199,7 +201,7 @@ impl Beside<'_> {
         let design = &self.design * self.inverse.transpose();
         all.columns_mut(0, width).copy_from(&(&whitened - &design * self.imitated(&whitened)));
         all.set_column(width, &(&self.rate - &design * self.along));
-        match self.run.course_of(self.kernel) {
+        match self.course {
             Some(course) => course.half.tr_mul(&all),
             None => self.run.whitening.whiten_back(self.kernel, self.size_deg_h, all),
         }
@@ -288,8 +290,8 @@ impl<'a> Run<'a> {
         self.course.as_deref().filter(|_| kernel + 1 == self.sizes_deg_h.len())
     }
 
-    fn whiten(&self, kernel: usize, size_deg_h: f64, columns: &DMatrix<f64>) -> DMatrix<f64> {
-        match self.course_of(kernel) {
+    fn whiten(&self, kernel: usize, size_deg_h: f64, course: Option<&Course>, columns: &DMatrix<f64>) -> DMatrix<f64> {
+        match course {
             Some(course) => &course.half * columns,
             None => self.whitening.whiten(kernel, size_deg_h, columns),
         }
@@ -298,9 +300,17 @@ impl<'a> Run<'a> {
     /// The run under a kernel whose process has this share of its size; a course is there or is not.
     pub fn beside(&self, kernel: usize, share: f64) -> Beside<'_> {
         let kernel = if share < 1.0 && self.course_of(kernel).is_some() { 0 } else { kernel };
-        let size_deg_h = share * self.sizes_deg_h[kernel];
-        let design = self.whiten(kernel, size_deg_h, &self.design);
-        let rate = self.whiten(kernel, size_deg_h, &DMatrix::from_columns(std::slice::from_ref(&self.rate)));
+        self.beside_either(kernel, share * self.sizes_deg_h[kernel], self.course_of(kernel))
+    }
+
+    /// The run with a course that is given.
+    pub fn beside_course<'b>(&'b self, course: &'b Course) -> Beside<'b> {
+        self.beside_either(0, 0.0, Some(course))
+    }
+
+    fn beside_either<'b>(&'b self, kernel: usize, size_deg_h: f64, course: Option<&'b Course>) -> Beside<'b> {
+        let design = self.whiten(kernel, size_deg_h, course, &self.design);
+        let rate = self.whiten(kernel, size_deg_h, course, &DMatrix::from_columns(std::slice::from_ref(&self.rate)));
         let rate = rate.column(0).into_owned();
         let mut normal: Matrix3<f64> = design.tr_mul(&design).fixed_view::<3, 3>(0, 0).into_owned();
         let right = design.tr_mul(&rate);
@@ -311,12 +321,12 @@ impl<'a> Run<'a> {
         let inverse = lower.try_inverse().unwrap_or_default();
         let along = inverse * right;
         let determinant = 2.0 * lower.diagonal().iter().map(|value| value.ln()).sum::<f64>();
-        let (of_process, log_prior) = match self.course_of(kernel) {
+        let (of_process, log_prior) = match course {
             Some(course) => (course.log_determinant, course.log_prior),
             None => (self.whitening.log_determinant(kernel, size_deg_h), 0.0),
         };
         let constant = log_prior - 0.5 * (of_process + determinant + square - along.norm_squared());
-        Beside { run: self, kernel, size_deg_h, design, rate, along, inverse, constant }
+        Beside { run: self, kernel, size_deg_h, course, design, rate, along, inverse, constant }
     }
 
     /// Log-likelihood under every kernel of what effects leave of the rate, own unknowns integrated out.

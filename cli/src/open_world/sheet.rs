@@ -13,6 +13,8 @@ pub struct Sheet<'a> {
     /// Means of cosine and sine of the index angle over the samples.
     pub cos: Vec<f64>,
     pub sin: Vec<f64>,
+    /// Phase of a rhythm in the middle of the run, in periods.
+    pub phase: f64,
 }
 
 impl<'a> Sheet<'a> {
@@ -20,7 +22,7 @@ impl<'a> Sheet<'a> {
         let cos = samples.means(recording.design.iter().map(|row| row.cos));
         let sin = samples.means(recording.design.iter().map(|row| row.sin));
         let (places, moves) = recording.places();
-        Self { recording, places, moves, wound_deg: recording.wound_deg(), samples, cos, sin }
+        Self { recording, places, moves, wound_deg: recording.wound_deg(), samples, cos, sin, phase: 0.0 }
     }
 
     /// Tilt along the axis, g: the axis' upward component.

@@ -9,6 +9,7 @@ use super::dynamics::{delay, first_rate, friction, low_pass, peak, play, relay, 
 use super::evidence::posterior;
 use super::learn::Search;
 use super::process::{Shape, kernels};
+use super::rhythm::{Rhythm, possible_phases};
 use super::*;
 
 const NORTH_DEG_H: f64 = 12.0;
@@ -55,6 +56,11 @@ fn runs(number: usize, seed: u64, effect: impl Fn(&[Vec<f64>]) -> Vec<f64>) -> V
         all.push((recording, azimuth_rad));
     }
     all
+}
+
+/// A number between 0 and 1 of the run's own.
+fn of_run(channels: &[Vec<f64>]) -> f64 {
+    (1e4 * channels[0][0]).rem_euclid(1.0)
 }
 
 /// Root mean square azimuth error of the last six runs, and the sum of squares of errors over sigmas.
@@ -303,7 +309,7 @@ fn few_misses_widen_sigma_as_students_t() {
 #[test]
 fn a_heater_of_each_runs_own_is_taken_out() {
     let heater = |channels: &[Vec<f64>]| {
-        let phase_s = 60.0 * (1e4 * channels[0][0]).rem_euclid(1.0);
+        let phase_s = 60.0 * of_run(channels);
         let mut heat = 0.3;
         let of = |i: usize| {
             let on = f64::from(u8::from((i as f64 + phase_s).rem_euclid(60.0) < 20.0));
@@ -323,7 +329,7 @@ fn a_heater_of_each_runs_own_is_taken_out() {
 #[test]
 fn a_step_of_each_runs_own_is_taken_out() {
     let step = |channels: &[Vec<f64>]| {
-        let random = (1e4 * channels[0][0]).rem_euclid(1.0);
+        let random = of_run(channels);
         let at = DWELL_S / 4 + (random * 3.5 * DWELL_S as f64) as usize;
         (0..channels[0].len()).map(|i| if i >= at { 0.5 + random } else { 0.0 }).collect::<Vec<_>>()
     };
@@ -448,4 +454,77 @@ fn runs_that_are_expected_to_separate_twins_have_them_apart() {
     assert!(told.log_odds[0] > 9.2, "{:?}", told.log_odds);
     // More runs make it no less certain.
     assert!(told.sigma_rad <= learned.expected(&[], usual).unwrap().sigma_rad);
+}
+
+/// Turning the columns of phase 0, or the weights, is the same as building columns at a phase, with a beginning at nothing too. Of a mean that is
+/// approached in 10 s the first sample, of at most three seconds, has at most 1 − 10/3 (1 − e^−0.3) = 0.14; after 150 s it is there.
+#[test]
+fn a_rhythm_at_a_phase_is_one_at_none_turned() {
+    let all = runs(1, 5, |channels| vec![0.0; channels[0].len()]);
+    let search = Search::new(&[&all[0].0], 2).unwrap();
+    let sheet = &search.runs[0].sheet;
+    for begins_s in [None, Some(10.0)] {
+        let rhythm = Rhythm { period_s: 37.0, smoothness: 1, begins_s, orders: 3 };
+        let (at_none, at_phase) = (rhythm.columns(sheet, 0.0), rhythm.columns(sheet, 0.3));
+        assert_eq!(at_none.ncols(), if begins_s.is_some() { 7 } else { 6 });
+        assert!((rhythm.turn(&at_none, 0.3) - &at_phase).norm() < 1e-9);
+        let weights = DVector::from_fn(at_none.ncols(), |i, _| 1.0 + i as f64);
+        assert!((&at_none * rhythm.turned(&weights, 0.3) - at_phase * weights).norm() < 1e-9);
+        if begins_s.is_some() {
+            let mean = at_none.column(6);
+            assert!(mean[0] < 0.14 && mean[mean.len() - 1] > 0.99);
+        }
+    }
+}
+
+/// Normal about 0.3 with a deviation of 0.02: so are the phases. Where nothing tells them apart, all are equal.
+#[test]
+fn possible_phases_have_their_probabilities() {
+    let off = |phase: f64| predict::wrap(std::f64::consts::TAU * (phase - 0.3)) / std::f64::consts::TAU;
+    let found = possible_phases(|phase| -0.5 * (off(phase) / 0.02).powi(2));
+    let mean: f64 = found.iter().map(|(weight, phase)| weight * off(*phase)).sum();
+    let variance: f64 = found.iter().map(|(weight, phase)| weight * off(*phase).powi(2)).sum();
+    assert!(mean.abs() < 1e-3 && (variance.sqrt() / 0.02 - 1.0).abs() < 0.05, "{mean} {variance}");
+    assert!((found.iter().map(|each| each.0).sum::<f64>() - 1.0).abs() < 1e-12);
+    let flat = possible_phases(|_| 7.0);
+    assert!(flat.iter().all(|each| (each.0 - 1.0 / flat.len() as f64).abs() < 1e-12));
+}
+
+/// A sawtooth of 55 s and ± 0.4 °/h that begins anywhere: the runs share its period and its form, and one number more of their own.
+#[test]
+fn a_rhythm_that_runs_share_is_taken_out() {
+    let sawtooth = |channels: &[Vec<f64>]| {
+        let at = |i: usize| (i as f64 / 55.0 + of_run(channels)).rem_euclid(1.0);
+        (0..channels[0].len()).map(|i| 0.8 * at(i) - 0.4).collect::<Vec<_>>()
+    };
+    let all = runs(16, 61, sawtooth);
+    let learned = learn(&training(&all)).unwrap();
+    let found = learned.models[0].groups.iter().find_map(|found| match found.group {
+        Group::Rhythm(rhythm) => Some(rhythm),
+        _ => None,
+    });
+    assert!(found.is_some_and(|rhythm| (rhythm.period_s - 55.0).abs() < 1.0), "{found:?}");
+    let (rms_rad, normalised) = judged(&all, &learned);
+    assert!(rms_rad < 2.0 * white_rad(), "{rms_rad} against {}", white_rad());
+    assert!(normalised < 22.5, "{normalised}");
+}
+
+/// Two sinusoids of 19 and 23 s, each at a phase of the run's own: over 160 s a frequency of a dozen such runs is known to well below a hundredth.
+#[test]
+fn waves_that_runs_share_are_found() {
+    let beats = |channels: &[Vec<f64>]| {
+        let (first, second) = (6.3 * of_run(channels), 6.3 * of_run(&channels[1..]));
+        let at = |i: usize, period_s: f64| std::f64::consts::TAU * i as f64 / period_s;
+        (0..channels[0].len())
+            .map(|i| 0.5 * ((at(i, 19.0) + first).sin() + (at(i, 23.0) + second).sin()))
+            .collect::<Vec<_>>()
+    };
+    let all = runs(12, 62, beats);
+    let training: Vec<&Recording> = all.iter().map(|each| &each.0).collect();
+    let search = Search::new(&training, 2).unwrap();
+    let nothing: Vec<DVector<f64>> = search.runs.iter().map(|run| DVector::zeros(run.rate.len())).collect();
+    let mut found: Vec<f64> =
+        waves::find(&search.runs, &nothing, &search.variances).iter().map(|wave| 1.0 / wave.frequency_hz).collect();
+    found.sort_by(f64::total_cmp);
+    assert!(found.len() == 2 && (found[0] - 19.0).abs() < 0.1 && (found[1] - 23.0).abs() < 0.1, "{found:?}");
 }
