@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 use north_finder::fix::DesignRow;
 use north_finder::level::Specific;
 
-use super::columns::{from_columns, side_by_side};
+use super::columns::{Columns, from_columns, side_by_side};
 use super::dynamics::{low_pass, low_pass_from, play, relay, smoothed};
 use super::group::{Base, Group, PLAY_WIDTHS, TIMES_S};
 use super::recording::{Move, Place, Recording, Samples};
@@ -42,9 +42,6 @@ pub const RANGE: f64 = 1.2;
 /// Directions of a base below this share of its greatest variance are left out.
 const LEAST_VARIANCE: f64 = 1e-6;
 const ARCSEC_PER_RAD: f64 = 206_264.806;
-
-/// Columns of a group: one row a sample.
-pub type Columns = DMatrix<f64>;
 
 /// Whitened radial basis functions: a Gaussian process whose correlation has a width, on a grid of centres.
 #[derive(Clone, Debug)]

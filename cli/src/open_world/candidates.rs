@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::course::{Course, Habits};
+use super::course::Course;
 use super::group::Group;
+use super::habits::Habits;
 use super::learn::{Active, GAIN, Search, State};
 use super::recording::median;
 use super::rhythm_search::Finder;
@@ -129,7 +130,7 @@ impl Search<'_> {
         let mut courses: Vec<Course> = Vec::new();
         for _ in 0..2 {
             courses = (0..self.runs.len()).into_par_iter().map(|place| find(place, &habits)).collect();
-            habits = Habits::of(courses.iter(), std::mem::take(&mut habits.waves));
+            habits = Habits::of(courses.iter().map(|course| &course.kinds[..]), std::mem::take(&mut habits.waves));
         }
         self.set_courses(courses.into_iter().map(|course| Some(Arc::new(course))).collect());
         self.habits = habits;

@@ -2,6 +2,9 @@
 
 use nalgebra::DMatrix;
 
+/// Columns of a group: one row a sample.
+pub type Columns = DMatrix<f64>;
+
 /// Values column by column.
 pub fn of_values(rows: usize, values: impl IntoIterator<Item = f64>) -> DMatrix<f64> {
     let all: Vec<f64> = values.into_iter().collect();

@@ -2,7 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::course::{Atom, Extent, Habits, KINDS};
+use super::atom::{Atom, Extent, KINDS};
+use super::habits::Habits;
 use super::sheet::Sheet;
 
 /// Share of its square that must be left of an atom beside the others and the run's own unknowns.

@@ -7,9 +7,9 @@ use rayon::prelude::*;
 
 use super::basis::Scales;
 use super::columns::of_values;
-use super::course::Habits;
 use super::evidence::{Posterior, best_variance, posterior};
 use super::group::{Base, Group};
+use super::habits::Habits;
 use super::process::{self, Kernel};
 use super::recording::{Recording, Samples, median, shared_noise};
 use super::run::{Run, Whitening};

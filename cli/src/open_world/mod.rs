@@ -3,6 +3,7 @@
 //! For every run y = A (h cos ψ, h sin ψ, bias) + Σ Φ w + u(t) + white noise. A group's weights have one prior variance;
 //! u is a process of the run's own, whose kernel comes from a mixture that the training runs share.
 
+mod atom;
 mod basis;
 mod candidates;
 mod columns;
@@ -12,6 +13,7 @@ mod dynamics;
 mod evidence;
 mod expected;
 mod group;
+mod habits;
 mod learn;
 mod predict;
 mod process;

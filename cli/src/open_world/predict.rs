@@ -9,9 +9,10 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::basis::{Scales, centre};
 use super::columns::{from_columns, of_values, side_by_side};
-use super::course::{Course, Habits};
+use super::course::Course;
 use super::evidence::{Posterior, half_of, posterior};
 use super::group::Group;
+use super::habits::Habits;
 use super::learn::{Active, Alternative, OfRun, Search, State, prepare, sizes_deg_h, summed};
 use super::process::{self, Kernel};
 use super::recording::Recording;

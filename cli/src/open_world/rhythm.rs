@@ -4,8 +4,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::basis::Columns;
-use super::columns::from_columns;
+use super::columns::{Columns, from_columns};
 use super::sheet::Sheet;
 
 /// Most harmonics, and seconds of the period for each of them: faster ones are averaged out within a second.

@@ -3,8 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::basis::Columns;
-use super::columns::side_by_side;
+use super::columns::{Columns, side_by_side};
 use super::evidence::{best_variance, posterior};
 use super::rhythm::{Rhythm, orders};
 use super::run::Run;

@@ -3,9 +3,11 @@
 use nalgebra::DVector;
 use rayon::prelude::*;
 
+use super::atom::{CHANGES, Extent, MOST_CHANGE, MOST_FREQUENCY};
 use super::columns::from_columns;
-use super::course::{Atom, CHANGES, Course, Extent, MOST_CHANGE, MOST_FREQUENCY};
+use super::course::Course;
 use super::evidence::posterior;
+use super::habits::SharedWave;
 use super::run::Run;
 
 /// Frequencies in cycles over the longest run: the least (of slower ones nobody can say that runs share them), and how far apart.
@@ -16,29 +18,8 @@ const STEPS: [f64; 5] = [0.1, 0.04, 0.015, 0.006, 0.002];
 const MOVES: usize = 8;
 /// Log evidence, beyond what the choice costs, that a wave must gain.
 const LEAST_GAIN: f64 = 6.0;
-/// Log evidence that the constants of a wave cost beside other ways to explain the runs.
-pub const COST: f64 = 11.0;
 /// Most waves.
 const MOST: usize = 4;
-
-/// What runs share of a wave.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SharedWave {
-    /// Mean over a run.
-    pub frequency_hz: f64,
-    /// By how much the frequency changes over a run, as a share of it.
-    pub change: f64,
-    /// Prior variance of its cosine and of its sine, °²/h².
-    pub variance: f64,
-}
-
-impl SharedWave {
-    /// In a run.
-    pub fn atom(&self, extent: Extent) -> Atom {
-        let between_s = [extent.from_s, extent.from_s + extent.length_s];
-        Atom::Wave { between_s, frequency_hz: self.frequency_hz, change: self.change }
-    }
-}
 
 /// Looks for waves in what effects leave of runs, one beside the other, by the evidence of all runs together.
 pub fn find(runs: &[Run<'_>], effects: &[DVector<f64>], variances: &[f64]) -> Vec<SharedWave> {

@@ -80,10 +80,10 @@ pub struct GroupReport {
     /// Shares of the families, 0 to 1.
     within_1_25: f64,
     within_2: f64,
-    /// Shares of check runs, 0 to 1, inside 95 % intervals: of all families, and of the worst with at least twenty.
+    /// Shares of check runs, 0 to 1, inside 95 % intervals: of all families, and of the worst with at least twenty, if there is one.
     coverage: f64,
-    coverage_worst: f64,
-    coverage_worst_family: &'static str,
+    coverage_worst: Option<f64>,
+    coverage_worst_family: Option<&'static str>,
     /// Families, as shares 0 to 1, whose coverage is below 85 %.
     coverage_below_85: f64,
     /// Shares of campaigns, 0 to 1.
@@ -126,8 +126,8 @@ impl GroupReport {
             within_1_25: of_families(&|report| report.summary.ratio.value <= 1.25),
             within_2: of_families(&|report| report.summary.ratio.value <= 2.0),
             coverage: sum(|summary| summary.covered) as f64 / check_runs as f64,
-            coverage_worst: worst.map_or(f64::NAN, |report| report.coverage()),
-            coverage_worst_family: worst.map_or("", |report| report.name),
+            coverage_worst: worst.map(|report| report.coverage()),
+            coverage_worst_family: worst.map(|report| report.name),
             coverage_below_85: of_families(&|report| report.coverage() < 0.85),
             false_discovery: of_campaigns(|summary| summary.false_discovery),
             unexplained: of_campaigns(|summary| summary.unexplained),
@@ -287,9 +287,11 @@ fn write_groups(out: &mut dyn Write, groups: &[GroupReport]) -> io::Result<()> {
          |---|---|---|---|---|---|---|---|---|---|---|---|"
     )?;
     for group in groups {
+        let worst = group.coverage_worst.zip(group.coverage_worst_family);
+        let worst = worst.map_or("–".into(), |(share, family)| format!("{:.0} {family}", 100.0 * share));
         writeln!(
             out,
-            "| {} | {} | {} | {:.2} | {:.0} | {:.0} | {:.1} | {:.0} {} | {:.0} | {:.1} | {:.1} | {:.1} |",
+            "| {} | {} | {} | {:.2} | {:.0} | {:.0} | {:.1} | {worst} | {:.0} | {:.1} | {:.1} | {:.1} |",
             group.group,
             group.families,
             group.campaigns,
@@ -297,8 +299,6 @@ fn write_groups(out: &mut dyn Write, groups: &[GroupReport]) -> io::Result<()> {
             100.0 * group.within_1_25,
             100.0 * group.within_2,
             100.0 * group.coverage,
-            100.0 * group.coverage_worst,
-            group.coverage_worst_family,
             100.0 * group.coverage_below_85,
             100.0 * group.false_discovery,
             100.0 * group.unexplained,
