@@ -179,15 +179,10 @@ impl FrameReader {
     }
 
     fn put(&mut self, byte: u8) {
-        self.fill(|place| {
-            place.first_mut().map_or(0, |first| {
-                *first = byte;
-                1
-            })
-        });
+        self.fill(|place| place.iter_mut().take(1).map(|place| *place = byte).count());
     }
 
-    /// The same with another reading of the format's bytes.
+    /// [`Self::next`] with another reading of the format's bytes.
     fn next_with<T>(&mut self, decode: impl Fn(&[u8]) -> Option<T>) -> Option<T> {
         loop {
             let bytes = self.bytes.get(self.begin..self.end).filter(|bytes| !bytes.is_empty());

@@ -21,12 +21,12 @@ fn image() -> &'static Path {
     IMAGE.get_or_init(|| qemu::image::build(qemu::image::Board::Mps2).unwrap())
 }
 
-fn run_in_qemu(setup: &Setup) -> (End, Vec<Report>) {
+fn run_in_qemu(setup: &Setup) -> (Outcome, Vec<Report>) {
     let mut reports = Vec::new();
     let (outcome, _) =
         qemu::run(Pace::LockStep, image(), setup, &AtomicBool::new(false), &mut |report| reports.push(*report))
             .unwrap();
-    (outcome.end, reports)
+    (outcome, reports)
 }
 
 /// Runs both ways, compares every report, gives the end.
@@ -36,10 +36,7 @@ fn same_both_ways(name: &str, seed: u64) -> End {
 
 fn same(setup: &Setup) -> Outcome {
     let name = &setup.scenario.name;
-    let mut reports = Vec::new();
-    let (found, _) =
-        qemu::run(Pace::LockStep, image(), setup, &AtomicBool::new(false), &mut |report| reports.push(*report))
-            .unwrap();
+    let (found, mut reports) = run_in_qemu(setup);
     let (outcome, mut expected) = run(setup);
     reports.retain(|report| !report.event.is_of_board());
     expected.retain(|report| !report.event.is_of_board());
@@ -95,7 +92,7 @@ fn carried() {
 #[test]
 fn settings_missing() {
     let missing = Setup { settings: None, ..setup("calm-bench", 7) };
-    assert!(matches!(run_in_qemu(&missing).0, End::Fault { fault: Fault::SettingsMissing, .. }));
+    assert!(matches!(run_in_qemu(&missing).0.end, End::Fault { fault: Fault::SettingsMissing, .. }));
 }
 
 /// The self-test at the start and on request, with its move: what it finds of the board is the board's, all else is the same.

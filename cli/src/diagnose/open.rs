@@ -22,11 +22,11 @@ use crate::open_world::{self, DAMPING, Found, Group, Learned, Prediction, Record
 
 /// Share of the mean square error of what it replaces that a model must fall below.
 const BETTER: f64 = 0.95;
-/// Where the fit runs' rates are predicted with a log density greater by this, the mean square error may be that of what it replaces times …
+/// Gain of log density, in predicting the rates of the fit runs, from which on the mean square error may be greater than that of what it
+/// replaces; and by which factor.
 const PREDICTS: f64 = 20.0;
-/// … this.
 const WORSE: f64 = 1.5;
-/// The gain of log density that is enough without any reference.
+/// The gain that is enough without any reference.
 const PREDICTS_BLIND: f64 = 4.0;
 /// Log-likelihood that processes of the runs' own must gain over white noise to count.
 const PROCESS: f64 = 10.0;

@@ -55,7 +55,7 @@ impl Extent {
         Self { from_s, length_s: to_s - from_s }
     }
 
-    /// Where a period begins that has another length, so that the phase in the middle stays.
+    /// Where a period begins that has another length, so that the phase in the middle is the same.
     fn about_middle(self, begins_s: f64, period_s: f64, other_s: f64) -> f64 {
         let middle_s = self.from_s + 0.5 * self.length_s;
         middle_s + (begins_s - middle_s) * other_s / period_s

@@ -1,13 +1,16 @@
 //! What runs that have not been made yet would tell: which of the models that are possible is the true one, and how well
 //! azimuths would be known then.
 
+use std::sync::Arc;
+
 use nalgebra::DMatrix;
 
 use super::evidence::half_of;
 use super::learn::{prepare, sizes_deg_h};
 use super::predict::{Learned, Model, least_squares};
+use super::process::Kernel;
 use super::recording::Recording;
-use super::run::Run;
+use super::run::{Run, Whitening};
 
 /// What a set of runs would tell.
 #[derive(Clone, Debug)]
@@ -50,9 +53,7 @@ impl Learned {
     /// What was learned does in a run, averaged over the models: by the second, °/h; 0 where none enters.
     pub fn effect_deg_h(&self, recording: &Recording) -> Option<Vec<f64>> {
         // The phase of a rhythm is the likeliest beside every process that the run may have.
-        let (prepared, _) = prepare(&[recording], &self.kernels, Some(self.unit_deg_h), &self.whitenings);
-        let (sheet, whitening) = prepared.into_iter().next()??;
-        let run = Run::new(sheet, recording.reference, whitening, &sizes_deg_h(&self.kernels, self.unit_deg_h));
+        let run = self.run_under(recording, &self.kernels, &self.whitenings)?;
         let of_model = |model: &Model| self.effect(&run, model, run.azimuth_rad, None) * model.weight;
         let of_samples = self.models.iter().map(of_model).reduce(|sum, each| sum + each)?;
         Some(run.sheet.samples.by_second(of_samples.as_slice()))
@@ -66,9 +67,14 @@ impl Learned {
 
     /// The run in the engine's algebra, under white noise alone.
     fn run<'a>(&self, recording: &'a Recording) -> Option<Run<'a>> {
-        let (prepared, _) = prepare(&[recording], &self.kernels[..1], Some(self.unit_deg_h), &[]);
+        self.run_under(recording, &self.kernels[..1], &[])
+    }
+
+    /// The same under some kernels; `known` are whitenings that were made before.
+    fn run_under<'a>(&self, recording: &'a Recording, kernels: &[Kernel], known: &[Arc<Whitening>]) -> Option<Run<'a>> {
+        let (prepared, _) = prepare(&[recording], kernels, Some(self.unit_deg_h), known);
         let (sheet, whitening) = prepared.into_iter().next()??;
-        Some(Run::new(sheet, recording.reference, whitening, &sizes_deg_h(&self.kernels[..1], self.unit_deg_h)))
+        Some(Run::new(sheet, recording.reference, whitening, &sizes_deg_h(kernels, self.unit_deg_h)))
     }
 
     /// White noise and the processes that a run may have, by their shares.
