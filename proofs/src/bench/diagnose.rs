@@ -276,7 +276,11 @@ fn write_families(out: &mut dyn Write, families: &[FamilyReport]) -> io::Result<
 }
 
 fn group(name: &str) -> Result<Group, String> {
-    Group::ALL.into_iter().find(|group| group.name() == name).ok_or_else(|| "there is no such group".into())
+    let names = || Group::ALL.map(Group::name).join(", ");
+    Group::ALL
+        .into_iter()
+        .find(|group| group.name() == name)
+        .ok_or_else(|| format!("there is no such group: {}", names()))
 }
 
 fn write_groups(out: &mut dyn Write, groups: &[GroupReport]) -> io::Result<()> {
