@@ -407,6 +407,9 @@ impl Scales {
                 let through = samples.means(through);
                 from_columns(rows, [through, samples.means(open)])
             }
+            Group::OfTwo([first, second], of_two) => {
+                of_two.columns(samples, [&self.clipped(sheet, *first), &self.clipped(sheet, *second)])
+            }
             Group::Ridge { direction, sharp } => {
                 let mut along = vec![0.0; sheet.recording.len()];
                 for (channel, share) in direction.iter().enumerate().filter(|each| *each.1 != 0.0) {

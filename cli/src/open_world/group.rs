@@ -1,7 +1,8 @@
 //! The grammar: groups of basis functions, built from bases of channels, time, moves and headings.
 
+use super::of_two::OfTwo;
 use super::rhythm::Rhythm;
-use super::tuned::{PLACE_STEP, PLACES, Tuned};
+use super::tuned::Tuned;
 
 /// Half widths of the play operators, in half ranges of the channel.
 pub const PLAY_WIDTHS: [f64; 6] = [0.06, 0.12, 0.2, 0.35, 0.55, 0.8];
@@ -47,6 +48,7 @@ pub enum Group {
         by: usize,
         at: f64,
     },
+    OfTwo([usize; 2], OfTwo),
     /// A smooth or sharp curve in a combination of channels, whose direction (of length 1) is tuned.
     Ridge {
         direction: Vec<f64>,
@@ -123,27 +125,8 @@ pub enum Group {
     },
 }
 
-/// Channels up to which products of any two of their bases are tried; else only their values with everything global.
-const MOST_PRODUCTS: usize = 4;
-/// Channels up to which any one is tried as the gate of another.
-const MOST_GATED: usize = 5;
-const MOST_BICUBIC: usize = 6;
-const MOST_BILINEAR: usize = 12;
-/// Directions of a combination of two channels in half a turn, those of one channel among them; channels up to which any two, and any
-/// three, are combined.
-const DIRECTIONS: usize = 8;
-const MOST_RIDGES: usize = 6;
-const MOST_TRIPLE_RIDGES: usize = 5;
-/// Orders of a gear: the first, how far apart, how many.
-const GEARS: (f64, f64, usize) = (0.3, 0.13, 60);
-/// Time constants of decays that follow a channel, seconds, and how steeply their logarithms do, a half range.
-const FOLLOWING_S: [f64; 3] = [6.0, 14.0, 32.0];
-const SLOPES: [f64; 4] = [-1.2, -0.5, 0.5, 1.2];
-/// Steps of such a slope for a share of one.
+/// Steps of a slope of the logarithm of a time constant, a half range, for a share of one.
 const OF_SLOPE: f64 = 5.0;
-/// Sectors of headings: how far apart, and their widths, degrees.
-const SECTOR_STEP_DEG: f64 = 15.0;
-const SECTORS_DEG: [f64; 3] = [60.0, 90.0, 130.0];
 /// Steps of what is tuned for a share of one: of a direction, an order, an angle in degrees.
 const OF_DIRECTION: f64 = 5.0;
 const OF_GEAR: f64 = 1.5;
@@ -195,74 +178,6 @@ impl Base {
 }
 
 impl Group {
-    /// All that a campaign with so many channels can show.
-    pub fn all(channels: usize, tilt: bool) -> Vec<Self> {
-        let mut all = Vec::new();
-        for channel in 0..channels {
-            use Group::{
-                Backlash, Change, CurveOfMemory, Hysteresis, Linear, LongMemory, MemoryOfChange, MemoryOfCurve,
-                Quadratic, SharpCurve,
-            };
-            all.extend([Linear(channel), Quadratic(channel), Change(channel), SharpCurve(channel)]);
-            all.extend([LongMemory(channel), Backlash(channel), MemoryOfCurve(channel), MemoryOfChange(channel)]);
-            all.extend((0..PLAY_WIDTHS.len()).map(|width| Hysteresis(channel, width)));
-            all.extend((0..TIMES_S.len()).map(|time| CurveOfMemory(channel, time)));
-            all.extend([Self::Smoothed(channel), Self::Relays(channel)]);
-            all.extend(
-                FOLLOWING_S
-                    .into_iter()
-                    .flat_map(|time_s| SLOPES.map(|slope| Self::SettlingTime { channel, time_s, slope })),
-            );
-            all.extend(Tuned::all().into_iter().map(|tuned| Self::Tuned(channel, tuned)));
-            if channels <= MOST_GATED {
-                let gates = (-PLACES..=PLACES).step_by(2).map(|place| f64::from(place) * PLACE_STEP);
-                let of_gate =
-                    |at| (0..channels).filter(|&by| by != channel).map(move |by| Self::Gated { channel, by, at });
-                all.extend(gates.flat_map(of_gate));
-            }
-        }
-        let of_channel = |channel| [Base::Value(channel), Base::Memory(channel), Base::Play(channel)];
-        let of_channels: Vec<Base> = (0..channels).flat_map(of_channel).collect();
-        let mut global = vec![
-            Base::Harmonic(1),
-            Base::Harmonic(2),
-            Base::Rate,
-            Base::Settling,
-            Base::Travel,
-            Base::Time,
-            Base::Heading,
-            Base::Turn,
-        ];
-        global.extend(tilt.then_some(Base::Tilt));
-        all.extend(of_channels.iter().chain(&global).map(|&base| Self::Base(base)));
-        all.extend([Self::HighHarmonics, Self::EarthField, Self::AxisHarmonics, Self::RateCurve, Self::Drift]);
-        all.extend([Self::SettlingByCount, Self::SettlingEveryDwell, Self::SettlingByPosition, Self::SettlingByCurve]);
-        all.extend([Self::AxisCurve, Self::IndexCurve, Self::Winding, Self::Creep, Self::Alternating]);
-        if tilt {
-            all.extend([Self::TiltLinear, Self::TiltRate]);
-        }
-        if channels > 1 {
-            all.push(Self::AllChannels);
-            all.extend((channels <= MOST_BICUBIC).then_some(Self::AllMemory));
-        }
-        all.extend(products(channels, &of_channels, &global));
-        all.extend(ridges(channels));
-        all.extend((0..GEARS.2).map(|number| Self::Gear(GEARS.0 + GEARS.1 * number as f64)));
-        let sectors = (0..(360.0 / SECTOR_STEP_DEG) as usize).map(|number| SECTOR_STEP_DEG * number as f64);
-        all.extend(sectors.flat_map(|from_deg| SECTORS_DEG.map(|width_deg| Self::Sector([from_deg, width_deg]))));
-        all.push(Self::Relaxation);
-        all
-    }
-
-    /// The products of an accepted group with every base.
-    pub fn extensions(&self, weights: &[f64], channels: usize, tilt: bool) -> Vec<Self> {
-        let bases = (0..channels).flat_map(|channel| [Base::Value(channel), Base::Memory(channel)]);
-        let global =
-            [Base::Harmonic(1), Base::Harmonic(2), Base::Rate, Base::Settling, Base::Travel, Base::Time, Base::Turn];
-        let bases = bases.chain(global).chain(tilt.then_some(Base::Tilt));
-        bases.map(|base| Self::Extended { parent: Box::new(self.clone()), weights: weights.to_vec(), base }).collect()
-    }
-
     /// The same functions with a constant a little more or less, by a share of a channel's half range.
     pub fn neighbours(&self, share: f64) -> Vec<Self> {
         match self {
@@ -271,6 +186,9 @@ impl Group {
             }
             Self::Gated { channel, by, at } => {
                 [at - share, at + share].map(|at| Self::Gated { channel: *channel, by: *by, at }).to_vec()
+            }
+            Self::OfTwo(channels, of_two) => {
+                of_two.neighbours(share).into_iter().map(|of_two| Self::OfTwo(*channels, of_two)).collect()
             }
             Self::Ridge { direction, sharp } => {
                 let turned = |channel: usize, by: f64| {
@@ -310,7 +228,7 @@ impl Group {
         match self {
             Self::Bilinear(..) | Self::LinearTimes(..) => 1.3,
             // A constant is searched for.
-            Self::Tuned(..) | Self::Gated { .. } | Self::Gear(_) => 2.0,
+            Self::Tuned(..) | Self::Gated { .. } | Self::OfTwo(..) | Self::Gear(_) => 2.0,
             Self::Ridge { direction, .. } => direction.iter().filter(|share| **share != 0.0).count() as f64,
             Self::Sector(_) | Self::SettlingTime { .. } | Self::Rhythm(_) => 3.0,
             Self::Bicubic(..) => 1.6,
@@ -324,6 +242,7 @@ impl Group {
     pub fn constants(&self) -> usize {
         match self {
             Self::Tuned(_, tuned) => tuned.constants(),
+            Self::OfTwo(_, of_two) => of_two.constants(),
             Self::Gated { .. } | Self::Gear(_) => 1,
             Self::Sector(_) | Self::SettlingTime { .. } => 2,
             Self::Ridge { .. } => self.channels().len() - 1,
@@ -348,6 +267,7 @@ impl Group {
         let mut channels: Vec<usize> = match self {
             Self::Base(base) => base.channel().into_iter().collect(),
             Self::Gated { channel, by, .. } => vec![*channel, *by],
+            Self::OfTwo(channels, _) => channels.to_vec(),
             Self::Ridge { direction, .. } => {
                 (0..direction.len()).filter(|&channel| direction[channel] != 0.0).collect()
             }
@@ -393,6 +313,7 @@ impl Group {
             Self::Base(Base::Turn) => "function-of-direction".into(),
             Self::Tuned(_, tuned) => tuned.name().into(),
             Self::Gated { .. } => "gated-channel".into(),
+            Self::OfTwo(..) => "function-of-two-channels".into(),
             Self::Smoothed(_) => "smoothed-channel".into(),
             Self::Ridge { .. } if self.channels().len() == 2 => "function-of-two-channels".into(),
             Self::Ridge { .. } => "function-of-channels".into(),
@@ -445,6 +366,7 @@ impl Group {
             Self::Base(base) => base.words(names),
             Self::Tuned(channel, tuned) => tuned.words(&names[*channel]),
             Self::Gated { channel, by, .. } => format!("{} while {} is high", names[*channel], names[*by]),
+            Self::OfTwo(channels, of_two) => of_two.words(channels.map(|channel| names[channel].as_str())),
             Self::Smoothed(channel) => format!("{} without its noise", names[*channel]),
             Self::Ridge { .. } => {
                 let names: Vec<&str> = self.channels().into_iter().map(|channel| names[channel].as_str()).collect();
@@ -501,65 +423,8 @@ impl Group {
     }
 }
 
-fn unit(direction: Vec<f64>) -> Vec<f64> {
+/// A direction with the length 1.
+pub fn unit(direction: Vec<f64>) -> Vec<f64> {
     let length = direction.iter().map(|share| share * share).sum::<f64>().sqrt();
     direction.into_iter().map(|share| share / length).collect()
-}
-
-/// Curves in combinations of two and of three channels.
-fn ridges(channels: usize) -> Vec<Group> {
-    let mut all = Vec::new();
-    let mut push = |of: &[(usize, f64)]| {
-        let mut direction = vec![0.0; channels];
-        of.iter().for_each(|&(channel, share)| direction[channel] = share);
-        all.push(Group::Ridge { direction: unit(direction), sharp: false });
-    };
-    for first in 0..channels {
-        for second in first + 1..channels {
-            for number in (1..DIRECTIONS).filter(|&number| channels <= MOST_RIDGES && 2 * number != DIRECTIONS) {
-                let (sin, cos) = (std::f64::consts::PI * number as f64 / DIRECTIONS as f64).sin_cos();
-                push(&[(first, cos), (second, sin)]);
-            }
-            for third in (second + 1..channels).filter(|_| channels <= MOST_TRIPLE_RIDGES) {
-                for [b, c] in [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]] {
-                    push(&[(first, 1.0), (second, b), (third, c)]);
-                }
-            }
-        }
-    }
-    all
-}
-
-fn products(channels: usize, of_channels: &[Base], global: &[Base]) -> Vec<Group> {
-    let mut all = Vec::new();
-    let near: Vec<Base> = if channels <= MOST_PRODUCTS {
-        of_channels.iter().chain(global).copied().collect()
-    } else {
-        global.iter().copied().chain((0..channels).map(Base::Value)).collect()
-    };
-    for (place, &first) in near.iter().enumerate() {
-        for &second in &near[place..] {
-            let of_value = |base: Base| matches!(base, Base::Value(_));
-            // Products with the heading act as numbers of the runs, but for harmonics.
-            let heading = [first, second].contains(&Base::Heading);
-            let harmonic = |base: Base| matches!(base, Base::Harmonic(_));
-            let itself = first == second && !matches!(first, Base::Memory(_));
-            let many = channels > MOST_BICUBIC && of_value(first) && of_value(second);
-            if !(itself || many || heading && !harmonic(first) && !harmonic(second)) {
-                all.push(Group::Product(first, second));
-            }
-        }
-    }
-    let gates = [Base::Harmonic(1), Base::Rate, Base::Settling];
-    for first in 0..channels {
-        all.extend(gates.map(|base| Group::LinearTimes(first, base)));
-        for second in first + 1..channels {
-            all.extend((channels <= MOST_BILINEAR).then_some(Group::Bilinear(first, second)));
-            all.extend((channels <= MOST_BICUBIC).then_some(Group::Bicubic(first, second)));
-            if channels <= MOST_PRODUCTS {
-                all.extend(gates.map(|base| Group::Triple(first, second, base)));
-            }
-        }
-    }
-    all
 }

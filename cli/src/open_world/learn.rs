@@ -700,7 +700,7 @@ impl<'a> Search<'a> {
         best_variance(&own, &(right - with * &known.mean), &self.variances)
     }
 
-    /// Products of what a newly accepted group was found to be with every base.
+    /// Products of what a newly accepted group was found to be with every base, and what its channels do together.
     fn extend(&mut self, newest: usize, state: &State) {
         if self.groups[newest].level() > 2.0 {
             return;
@@ -713,7 +713,8 @@ impl<'a> Search<'a> {
             if group == newest {
                 let weights: Vec<f64> = found.rows(start, width).iter().map(|w| w * self.factors[group]).collect();
                 let tilt = self.runs[0].sheet.recording.tilt_g.is_some();
-                let new = self.groups[group].extensions(&weights, self.scales.channels.len(), tilt);
+                let mut new = self.groups[group].extensions(&weights, self.scales.channels.len(), tilt);
+                new.retain(|each| !self.groups.contains(each));
                 self.add(new);
                 return;
             }
