@@ -9,6 +9,7 @@ mod candidates;
 mod columns;
 mod course;
 mod dictionary;
+mod differences;
 mod dynamics;
 mod evidence;
 mod expected;
@@ -29,6 +30,7 @@ mod tuned;
 mod waves;
 
 pub use basis::{DECAYS_S, MEMORY_S, RELAXATION_S, TRAVEL_S, WARM_UP_S};
+pub use differences::quiet;
 pub use expected::Expected;
 pub use group::{Base, Group, PLAY_WIDTHS, TIMES_S};
 pub use predict::{Found, InFunctions, Learned, Model, Prediction, root_of_mean, studentised};

@@ -3,6 +3,8 @@
 use north_finder::fix::DesignRow;
 use north_finder::level::Specific;
 
+use super::differences;
+
 /// Samples of a run: enough for what changes within a dwell, few enough for dense algebra.
 const SAMPLES: usize = 48;
 /// Fewest samples of a dwell.
@@ -152,11 +154,18 @@ impl Recording {
         self.t_s.first().zip(self.interval_s.first()).map_or(0.0, |(t, interval)| t - 0.5 * interval)
     }
 
-    /// Seconds that follow one another in the same dwell and both enter.
-    fn neighbours(&self, enters: &[bool]) -> impl Iterator<Item = usize> {
-        (1..self.len()).filter(move |&i| {
-            enters[i] && enters[i - 1] && self.dwell[i] == self.dwell[i - 1] && (self.rotation || !self.moving[i])
-        })
+    /// Chains of seconds that follow one another in the same dwell and all enter.
+    fn chains(&self, enters: &[bool]) -> Vec<Vec<usize>> {
+        let mut chains: Vec<Vec<usize>> = Vec::new();
+        for i in (0..self.len()).filter(|&i| enters[i]) {
+            let follows =
+                |last: usize| last + 1 == i && self.dwell[last] == self.dwell[i] && (self.rotation || !self.moving[i]);
+            match chains.last_mut().filter(|chain| chain.last().is_some_and(|&last| follows(last))) {
+                Some(chain) => chain.push(i),
+                None => chains.push(vec![i]),
+            }
+        }
+        chains
     }
 
     /// Seconds that enter, shocks left out: those that stand out of the running median of their dwell.
@@ -206,11 +215,8 @@ impl Recording {
             return Some((known, self.len()));
         }
         let rate = self.beside_rotation();
-        let places: Vec<usize> = self.neighbours(enters).collect();
-        let differences: Vec<f64> = places
-            .iter()
-            .map(|&i| (rate[i] - rate[i - 1]) / (1.0 / self.interval_s[i] + 1.0 / self.interval_s[i - 1]).sqrt())
-            .collect();
+        let differences: Vec<f64> =
+            differences::quiet(&rate, &self.interval_s, &self.chains(enters)).into_iter().map(|each| each.1).collect();
         if differences.len() < 8 {
             return None;
         }
@@ -355,13 +361,11 @@ impl Recording {
         if self.rotation || self.noise_deg_h.is_some() {
             return plain();
         }
-        let differences: Vec<(usize, f64)> = self
-            .neighbours(enters)
-            .map(|i| {
-                let apart = 1.0 / self.interval_s[i] + 1.0 / self.interval_s[i - 1];
-                (i, (self.rate_deg_h[i] - self.rate_deg_h[i - 1]).powi(2) / apart)
-            })
-            .collect();
+        let differences: Vec<(usize, f64)> =
+            differences::quiet(&self.rate_deg_h, &self.interval_s, &self.chains(enters))
+                .into_iter()
+                .map(|(i, difference)| (i, difference * difference))
+                .collect();
         let mean = differences.iter().map(|each| each.1).sum::<f64>() / differences.len().max(1) as f64;
         let nothing = differences.iter().filter(|each| each.1 < 1e-6 * mean).count();
         if !(mean > 0.0) || differences.len() < 4 * STRETCH || nothing as f64 > COARSE * differences.len() as f64 {
