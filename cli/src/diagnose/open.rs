@@ -427,6 +427,14 @@ impl Open {
                 periods.join(", ")
             ));
         }
+        if let Some(levels) = self.learned.switching().filter(|_| !all.is_empty()) {
+            let [lower_s, upper_s] = levels.mean_s;
+            all.push(format!(
+                "rates go to and fro between two levels {:.4} deg/h apart, at times of each run's own: on average {lower_s:.0} s at the \
+                 lower and {upper_s:.0} s at the upper one; azimuths are averaged over the ways that a run may have gone",
+                levels.step_deg_h.hypot(levels.spread_deg_h)
+            ));
+        }
         all
     }
 

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use nalgebra::DVector;
 use rayon::prelude::*;
 
 use super::course::Course;
@@ -10,6 +11,7 @@ use super::habits::Habits;
 use super::learn::{Active, GAIN, Search, State};
 use super::recording::median;
 use super::rhythm_search::Finder;
+use super::switching_search;
 use super::waves;
 
 /// Log-likelihood that processes of the runs' own must gain over white noise for runs to be looked at one by one.
@@ -125,12 +127,14 @@ impl Search<'_> {
             (each.into_iter().sum::<f64>() - habits.cost(), habits)
         };
         let waves = waves::find(&self.runs, &means, &self.variances);
-        let best = Habits::all(&waves).into_iter().map(of_habits).max_by(|a, b| a.0.total_cmp(&b.0));
+        let left: Vec<DVector<f64>> = (0..self.runs.len()).map(residual).collect();
+        let switching = switching_search::find(&self.runs, &left);
+        let best = Habits::all(&waves, switching).into_iter().map(of_habits).max_by(|a, b| a.0.total_cmp(&b.0));
         let mut habits = best.map_or_else(Habits::default, |best| best.1);
         let mut courses: Vec<Course> = Vec::new();
         for _ in 0..2 {
             courses = (0..self.runs.len()).into_par_iter().map(|place| find(place, &habits)).collect();
-            habits = Habits::of(courses.iter().map(|course| &course.kinds[..]), std::mem::take(&mut habits.waves));
+            habits = habits.taught(courses.iter().map(|course| &course.kinds[..]));
         }
         self.set_courses(courses.into_iter().map(|course| Some(Arc::new(course))).collect());
         self.habits = habits;
@@ -146,8 +150,7 @@ impl Search<'_> {
         let courses: Vec<Arc<Course>> = self.runs.iter().filter_map(|run| run.course.clone()).collect();
         if let Some(kernel) = self.kernels.last_mut().filter(|_| !courses.is_empty()) {
             kernel.size = median(courses.iter().map(|course| course.size_deg_h).collect()) / self.unit_deg_h;
-            kernel.time_s =
-                median(courses.iter().map(|course| course.length_s / (course.atoms.len() + 1) as f64).collect());
+            kernel.time_s = median(courses.iter().map(|course| course.length_s / (course.events + 1) as f64).collect());
         }
     }
 }

@@ -7,8 +7,10 @@ use super::columns::{from_columns, side_by_side};
 use super::dictionary::Dictionary;
 use super::evidence::{half_of, posterior};
 use super::habits::{Habits, SharedWave};
+use super::levels::Switching;
+use super::seen::Seen;
 use super::sheet::Sheet;
-use super::tie::Tie;
+use super::switching::Way;
 
 /// Most columns of a course, as a share of the samples.
 const MOST_COLUMNS: f64 = 0.4;
@@ -23,7 +25,6 @@ const BEHIND: f64 = 4.0;
 /// What was found in a run: atoms whose sizes have one prior variance.
 #[derive(Clone, Debug)]
 pub struct Course {
-    pub atoms: Vec<Atom>,
     /// Of every atom.
     pub kinds: Vec<usize>,
     /// Columns of every atom over the samples times the prior standard deviation, °/h.
@@ -33,6 +34,11 @@ pub struct Course {
     expected: DMatrix<f64>,
     /// Of every atom, what else it may be: log evidence less that of the best, and its columns.
     others: Vec<Vec<(f64, DMatrix<f64>)>>,
+    /// What a rate between two levels does over the samples by the likeliest way, °/h, and the ways that it may have gone; of none 0.
+    pub mean: DVector<f64>,
+    pub ways: Vec<Way>,
+    /// How many things happen.
+    pub events: usize,
     /// Log of the prior probability of these atoms.
     pub log_prior: f64,
     /// Standard deviation of what it does, °/h.
@@ -170,22 +176,16 @@ impl Pursuit<'_> {
     }
 }
 
-/// What a course is sought in: a run, white.
-pub struct Seen<'a> {
-    pub sheet: &'a Sheet<'a>,
-    /// Roots of the samples' weights.
-    pub roots: DVector<f64>,
-    /// Their white noise.
-    pub white: DMatrix<f64>,
-    /// Rows of the run's own unknowns, and what a surveyed heading says of them.
-    pub design: &'a DMatrix<f64>,
-    pub ties: Vec<Tie>,
-    pub dictionary: &'a Dictionary,
-}
-
 impl Course {
     /// In what effects leave of a run's rate.
     pub fn find(run: &Seen<'_>, residual: &DVector<f64>, habits: &Habits) -> Self {
+        match &habits.switching {
+            Some(switching) => Self::of_switching(run, residual, switching),
+            None => Self::of_atoms(run, residual, habits),
+        }
+    }
+
+    fn of_atoms(run: &Seen<'_>, residual: &DVector<f64>, habits: &Habits) -> Self {
         let Seen { sheet, ties, dictionary, .. } = run;
         let roots = run.roots.clone();
         let n = roots.len();
@@ -232,7 +232,9 @@ impl Course {
                 - pursuit.kinds.iter().map(|&kind| pursuit.penalties[kind]).sum::<f64>(),
             size_deg_h: mean_square.sqrt(),
             length_s: pursuit.extent.length_s,
-            atoms: pursuit.atoms,
+            mean: DVector::zeros(n),
+            ways: Vec::new(),
+            events: pursuit.atoms.len(),
             kinds: pursuit.kinds,
             parts,
             others,
@@ -244,13 +246,29 @@ impl Course {
 
     /// Of a run that has nothing but waves that all runs share.
     pub fn of_waves(run: &Seen<'_>, waves: &[SharedWave]) -> Self {
-        let expected = of_waves(run.sheet, waves);
+        Self::of_expected(run, of_waves(run.sheet, waves))
+    }
+
+    /// Of a run whose rate goes to and fro between two levels.
+    fn of_switching(run: &Seen<'_>, residual: &DVector<f64>, switching: &Switching) -> Self {
+        let ways = switching.ways(run, residual);
+        let Some(Way { mean, factor, switches, log_prior, .. }) = ways.first().cloned() else {
+            return Self::of_waves(run, &[]);
+        };
+        let size = mean.norm_squared() + factor.norm_squared();
+        let size_deg_h = (size / mean.len() as f64).sqrt();
+        Self { mean, size_deg_h, events: switches, log_prior, ways, ..Self::of_expected(run, factor) }
+    }
+
+    fn of_expected(run: &Seen<'_>, expected: DMatrix<f64>) -> Self {
         let (half, log_determinant) = half_of(&(&run.white + &expected * expected.transpose()));
         Self {
             log_prior: 0.0,
             size_deg_h: 0.0,
             length_s: Extent::new(run.sheet).length_s,
-            atoms: Vec::new(),
+            mean: DVector::zeros(run.roots.len()),
+            ways: Vec::new(),
+            events: 0,
             kinds: Vec::new(),
             parts: Vec::new(),
             others: Vec::new(),

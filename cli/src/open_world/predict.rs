@@ -14,10 +14,12 @@ use super::evidence::{Posterior, half_of, posterior};
 use super::group::Group;
 use super::habits::Habits;
 use super::learn::{Active, Alternative, OfRun, Search, State, prepare, sizes_deg_h, summed};
+use super::levels::Switching;
 use super::process::{self, Kernel};
 use super::recording::Recording;
 use super::rhythm::{Rhythm, possible_phases};
 use super::run::{Run, Whitening};
+use super::switching::Way;
 use super::tie::{Tie, tie_down};
 
 /// Kernels of a run's own process that enter its average: so many, and not below this share of the likeliest.
@@ -191,6 +193,11 @@ impl Learned {
     pub fn wave_periods_s(&self) -> Vec<f64> {
         let waves = self.habits.waves.iter().filter(|_| self.has_courses());
         waves.map(|wave| 1.0 / wave.frequency_hz).collect()
+    }
+
+    /// The levels that rates go to and fro between, where they do.
+    pub fn switching(&self) -> Option<Switching> {
+        self.habits.switching.filter(|_| self.has_courses())
     }
 
     /// Whether it is to be preferred to a simpler one: by the azimuths of the training runs by models without them, where these tell and
@@ -478,10 +485,18 @@ fn beside_unsure(design: &DMatrix<f64>, rate: &DMatrix<f64>, unsure: &DMatrix<f6
 fn along_course(run: &Run, residual: &DVector<f64>, unsure: &DMatrix<f64>, course: &Course) -> Prediction {
     let whitened = |columns: &DMatrix<f64>| run.whitening.whiten(0, 0.0, columns);
     let (design, rate) = (whitened(&run.design), whitened(&DMatrix::from_columns(std::slice::from_ref(residual))));
-    let by = |factor: DMatrix<f64>| {
-        let all = side_by_side(run.rate.len(), [unsure, &factor]);
-        beside_unsure(&design, &rate, &whitened(&all), run.north_deg_h)
+    let beside = |rate: &DMatrix<f64>, factor: &DMatrix<f64>| {
+        let all = side_by_side(run.rate.len(), [unsure, factor]);
+        beside_unsure(&design, rate, &whitened(&all), run.north_deg_h)
     };
+    if !course.ways.is_empty() {
+        let of_way = |way: &Way| {
+            let rate = &rate - whitened(&DMatrix::from_columns(std::slice::from_ref(&way.mean)));
+            (way.log_probability.exp(), beside(&rate, &way.factor))
+        };
+        return average(&course.ways.iter().map(of_way).collect::<Vec<_>>());
+    }
+    let by = |factor: DMatrix<f64>| beside(&rate, &factor);
     let mut found = by(course.factor());
     let best = found;
     for others in course.others() {

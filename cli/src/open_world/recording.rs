@@ -328,6 +328,11 @@ impl Samples {
         self.spans.len()
     }
 
+    /// Weight of a second; `None` where it does not enter.
+    pub fn weight_of(&self, second: usize) -> Option<f64> {
+        self.of_second[second].map(|_| self.weight[second])
+    }
+
     /// A value of every sample, by the second; 0 where it does not enter.
     pub fn by_second(&self, of_samples: &[f64]) -> Vec<f64> {
         self.of_second.iter().map(|sample| sample.map_or(0.0, |sample| of_samples[sample])).collect()

@@ -4,10 +4,11 @@ use std::sync::{Arc, OnceLock};
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-use super::course::{Course, Seen};
+use super::course::Course;
 use super::dictionary::Dictionary;
 use super::process::{Kernel, Shape};
 use super::recording::Reference;
+use super::seen::Seen;
 use super::sheet::Sheet;
 use super::tie::{Tie, tie_down};
 
@@ -310,7 +311,8 @@ impl<'a> Run<'a> {
 
     fn beside_either<'b>(&'b self, kernel: usize, size_deg_h: f64, course: Option<&'b Course>) -> Beside<'b> {
         let design = self.whiten(kernel, size_deg_h, course, &self.design);
-        let rate = self.whiten(kernel, size_deg_h, course, &DMatrix::from_columns(std::slice::from_ref(&self.rate)));
+        let rate = course.map_or_else(|| self.rate.clone(), |course| &self.rate - &course.mean);
+        let rate = self.whiten(kernel, size_deg_h, course, &DMatrix::from_columns(&[rate]));
         let rate = rate.column(0).into_owned();
         let mut normal: Matrix3<f64> = design.tr_mul(&design).fixed_view::<3, 3>(0, 0).into_owned();
         let right = design.tr_mul(&rate);
@@ -341,7 +343,7 @@ impl<'a> Run<'a> {
             -0.5 * (log_determinant + determinant + square - explained)
         };
         let of_course = course.map_or(f64::NEG_INFINITY, |course| {
-            let (design, rate) = (&course.half * &self.design, &course.half * residual);
+            let (design, rate) = (&course.half * &self.design, &course.half * (residual - &course.mean));
             let normal = design.tr_mul(&design).fixed_view::<3, 3>(0, 0).into_owned();
             let right = design.tr_mul(&rate);
             let right = Vector3::new(right[0], right[1], right[2]);

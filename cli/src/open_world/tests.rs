@@ -342,6 +342,28 @@ fn a_step_of_each_runs_own_is_taken_out() {
     assert!(normalised < 22.5, "{normalised}");
 }
 
+/// Between two levels 0.6 apart, about 25 s at each, at times of each run's own: the levels' difference is learned, and azimuths are
+/// nearly those without it.
+#[test]
+fn two_levels_are_taken_out() {
+    let telegraph = |channels: &[Vec<f64>]| {
+        let mut random = ChaCha8Rng::seed_from_u64((1e9 * of_run(channels)) as u64);
+        let mut upper = random.random::<f64>() < 0.5;
+        let of = |_| {
+            upper ^= random.random::<f64>() < 1.0 / 25.0;
+            if upper { 0.6 } else { 0.0 }
+        };
+        (0..channels[0].len()).map(of).collect::<Vec<_>>()
+    };
+    let all = runs(14, 61, telegraph);
+    let learned = learn(&training(&all)).unwrap();
+    let found = learned.switching().unwrap();
+    assert!((found.step_deg_h - 0.6).abs() < 0.05, "{found:?}");
+    let (rms_rad, normalised) = judged(&all, &learned);
+    assert!(rms_rad < 3.0 * white_rad(), "{rms_rad} against {}", white_rad());
+    assert!(normalised < 22.5, "{normalised}");
+}
+
 /// Eight relays of widths from 0.2 to 1.6, all off at the beginning.
 #[test]
 fn many_relays_are_found_and_covered() {

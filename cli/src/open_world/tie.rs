@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 /// One sigma of the amplitude about Ω cos φ, relative: of the scale factor and of the latitude.
-const AMPLITUDE_SIGMA: f64 = 0.002;
+pub const AMPLITUDE_SIGMA: f64 = 0.002;
 
 /// A row of the equations of a run's own unknowns that is known beside the samples, in standard deviations of what is known.
 #[derive(Clone, Copy, Debug)]
