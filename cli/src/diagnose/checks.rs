@@ -27,6 +27,11 @@ fn warning(message: String) -> Warning {
     Warning { run: None, line: None, message }
 }
 
+/// A run's horizontal rate is another than the others' by so many sigmas: its own, or 1.48 times their median deviation, and 0.2 %.
+const AMPLITUDE_SIGMAS: f64 = 5.0;
+const SIGMA_OF_MEDIAN: f64 = 1.4826;
+const AMPLITUDE_SIGMA: f64 = 0.002;
+
 /// Refuses what makes no sense at all.
 pub fn refuse(runs: &[RunData]) -> Result<(), Refusal> {
     if let Some(run) = runs.iter().find(|run| run.repeats_itself()) {
@@ -232,5 +237,32 @@ pub fn outlying_reference(problem: &Problem, effects: &[f64]) -> Option<(usize, 
     let scatter = (best / freedom).max(1e-4);
     let p_value = f_tail((all - best) / scatter, 1.0, freedom) * number as f64;
     let typical = median(errors.iter().map(|each| each.1).collect());
-    (p_value < OUTLIER && (error - typical).abs() > OUTLIER_DEG).then_some((index, error))
+    let outlying = p_value < OUTLIER && (error - typical).abs() > OUTLIER_DEG;
+    // A wrong reference leaves the horizontal rate as it is; what acts in one run only need not.
+    let share = |run: &RunData| Some((run.before?.amplitude_deg_h / run.earth.north_deg_h, run.before?.sigma_deg));
+    let own = share(problem.blocks[index].run);
+    let others = problem.blocks.iter().enumerate().filter(|(i, _)| *i != index);
+    let others: Vec<f64> = others.filter_map(|(_, block)| Some(share(block.run)?.0)).collect();
+    let is_the_run = own.is_some_and(|(own, sigma_deg)| stands_out(own, sigma_deg * RAD_PER_DEG, &others));
+    (outlying && !is_the_run).then_some((index, error))
+}
+
+/// Whether a run's horizontal rate, known to a share of `sigma`, is another than those of others (all as shares of the Earth's).
+fn stands_out(own: f64, sigma: f64, others: &[f64]) -> bool {
+    let usual = median(others.to_vec());
+    let scatter = SIGMA_OF_MEDIAN * median(others.iter().map(|other| (other - usual).abs()).collect());
+    (own - usual).abs() > AMPLITUDE_SIGMAS * sigma.max(scatter).hypot(AMPLITUDE_SIGMA)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Others about 1 with a median deviation of 0.001: 5 · √(0.0015² + 0.002²) = 0.0125, with a sigma of its own of 0.01 it is 0.051.
+    #[test]
+    fn a_horizontal_rate_stands_out_by_hand() {
+        let others = [0.999, 1.001, 1.0, 1.0, 1.001, 0.999, 1.002];
+        assert!(stands_out(1.014, 0.001, &others) && stands_out(0.986, 0.001, &others));
+        assert!(!stands_out(1.011, 0.001, &others) && !stands_out(1.04, 0.01, &others));
+    }
 }
