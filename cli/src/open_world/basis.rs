@@ -7,7 +7,7 @@ use north_finder::level::Specific;
 use super::columns::{Columns, from_columns, side_by_side};
 use super::dynamics::{low_pass, low_pass_from, play, relay, smoothed};
 use super::group::{Base, Group, PLAY_WIDTHS, TIMES_S};
-use super::recording::{Move, Place, Recording, Samples};
+use super::recording::{Move, Place, Recording, Reference, Samples};
 use super::sheet::Sheet;
 
 /// Time constants, seconds.
@@ -37,6 +37,7 @@ const CONCENTRATION: f64 = 1.0 / 0.2;
 /// The same in the axis's azimuth.
 const AXIS_BUMPS: usize = 14;
 const AXIS_CONCENTRATION: f64 = 1.0 / 0.2;
+const BROAD_CONCENTRATION: f64 = 1.0;
 /// Curves go on at their ends beyond this many half ranges; what lies beyond makes the answer uncertain.
 pub const RANGE: f64 = 1.2;
 /// Directions of a base below this share of its greatest variance are left out.
@@ -152,12 +153,14 @@ impl Scales {
         sheet.samples.means(scaled.iter().map(|value| value - value.clamp(-1.1, 1.1)))
     }
 
-    /// Standard deviation of what a group does in a run whose heading may or may not lie in the group's sector, as a share of what its
-    /// columns make of it on average: √(p (1 − p)) / p.
-    pub fn doubt_of_sector(&self, group: &Group, azimuth_rad: f64) -> f64 {
-        let Group::Sector(sector) = group else { return 0.0 };
-        let share = share_of_sector(&self.headings_deg, *sector, azimuth_rad.to_degrees());
-        if share > 0.0 { ((1.0 - share) / share).sqrt() } else { 0.0 }
+    /// Probability that a heading lies in a sector, by the surveyed headings but the run's own.
+    pub fn share_of_sector(&self, sector: [f64; 2], azimuth_rad: f64, own: Option<Reference>) -> f64 {
+        let mut others_deg = self.headings_deg.clone();
+        let own_deg = own.map(|own| own.azimuth_rad.to_degrees());
+        if let Some(place) = others_deg.iter().position(|heading_deg| Some(*heading_deg) == own_deg) {
+            others_deg.swap_remove(place);
+        }
+        share_of_sector(&others_deg, sector, azimuth_rad.to_degrees())
     }
 
     /// Directions of all channels within runs (what differs between runs only is a part of the bias).
@@ -341,6 +344,7 @@ impl Scales {
             }
             Group::HighHarmonics => harmonics(3..=6, &angle),
             Group::AxisHarmonics => harmonics(2..=4, &|i| azimuth_rad - angle(i)),
+            Group::AxisHarmonic(order) => harmonics(*order..=*order, &|i| azimuth_rad - angle(i)),
             Group::EarthField => {
                 let (sin, cos) = azimuth_rad.sin_cos();
                 from_columns(rows, [(0..rows).map(|i| sin * sheet.cos[i] - cos * sheet.sin[i]).collect::<Vec<_>>()])
@@ -386,14 +390,8 @@ impl Scales {
                 let wound: Vec<f64> = sheet.wound_deg.iter().map(|wound| wound / self.most_wound_deg).collect();
                 self.of_winding.columns(samples, &wound)
             }
-            Group::AxisCurve => {
-                let bump = |number: usize| {
-                    let centre = number as f64 * std::f64::consts::TAU / AXIS_BUMPS as f64;
-                    let of = |i: usize| (((azimuth_rad - angle(i) - centre).cos() - 1.0) * AXIS_CONCENTRATION).exp();
-                    (0..rows).map(of).collect::<Vec<_>>()
-                };
-                from_columns(rows, (0..AXIS_BUMPS).map(bump))
-            }
+            Group::AxisCurve => axis_bumps(sheet, azimuth_rad, AXIS_CONCENTRATION),
+            Group::BroadAxisCurve => axis_bumps(sheet, azimuth_rad, BROAD_CONCENTRATION),
             Group::IndexCurve => {
                 let (sin, cos) = azimuth_rad.sin_cos();
                 let field: Vec<f64> = (0..rows).map(|i| sin * sheet.cos[i] - cos * sheet.sin[i]).collect();
@@ -442,6 +440,18 @@ impl Scales {
                 from_columns(rows, std::iter::once(value(*channel)).chain(smooth))
             }
             Group::TiltLinear => from_columns(rows, [samples.means(sheet.tilt()), samples.means(sheet.tilt_across())]),
+            Group::TiltSquare => {
+                let along: Vec<f64> = sheet.tilt().into_iter().map(|tilt| tilt / self.most_tilt).collect();
+                from_columns(rows, [samples.means(along.iter().copied()), samples.means(along.iter().map(|z| z * z))])
+            }
+            Group::TiltQuadratic => {
+                let of = |tilt: Vec<f64>| tilt.into_iter().map(|tilt| tilt / self.most_tilt).collect();
+                let [along, across]: [Vec<f64>; 2] = [of(sheet.tilt()), of(sheet.tilt_across())];
+                let times = |a: &[f64], b: &[f64]| samples.means(a.iter().zip(b).map(|(a, b)| a * b));
+                let first = [samples.means(along.iter().copied()), samples.means(across.iter().copied())];
+                let second = [times(&along, &along), times(&along, &across), times(&across, &across)];
+                from_columns(rows, first.into_iter().chain(second))
+            }
             Group::Relays(channel) => {
                 let scaled = scaled(*channel);
                 let of = |at: f64| RELAY_WIDTHS.map(|width| relay(&scaled, [at - 0.5 * width, at + 0.5 * width], 0.0));
@@ -562,6 +572,19 @@ impl Scales {
 fn along(sheet: &Sheet, azimuth_rad: f64) -> Vec<f64> {
     let (sin, cos) = azimuth_rad.sin_cos();
     sheet.cos.iter().zip(&sheet.sin).map(|(c, s)| cos * c + sin * s).collect()
+}
+
+/// Bumps all around in the axis's azimuth.
+fn axis_bumps(sheet: &Sheet, azimuth_rad: f64, concentration: f64) -> Columns {
+    let of = |i: usize, centre: f64| {
+        let axis_rad = azimuth_rad - sheet.sin[i].atan2(sheet.cos[i]);
+        (((axis_rad - centre).cos() - 1.0) * concentration).exp()
+    };
+    let bump = |number: usize| {
+        let centre = number as f64 * std::f64::consts::TAU / AXIS_BUMPS as f64;
+        (0..sheet.cos.len()).map(|i| of(i, centre)).collect::<Vec<_>>()
+    };
+    from_columns(sheet.cos.len(), (0..AXIS_BUMPS).map(bump))
 }
 
 /// Probability that a heading lies in a sector, of which is known only which of the surveyed headings lie inside: its borders may be

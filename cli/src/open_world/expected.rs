@@ -7,7 +7,8 @@ use nalgebra::DMatrix;
 
 use super::evidence::half_of;
 use super::learn::{prepare, sizes_deg_h};
-use super::predict::{Learned, Model, least_squares};
+use super::least_squares::least_squares;
+use super::predict::{Learned, Model};
 use super::process::Kernel;
 use super::recording::Recording;
 use super::run::{Run, Whitening};

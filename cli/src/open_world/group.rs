@@ -90,8 +90,11 @@ pub enum Group {
     HighHarmonics,
     EarthField,
     AxisHarmonics,
-    /// A curve in the axis's azimuth.
+    /// Harmonic of the axis's azimuth, of this order.
+    AxisHarmonic(u8),
+    /// A curve in the axis's azimuth; a broad one.
     AxisCurve,
+    BroadAxisCurve,
     /// A curve in the index angle as an error of the index.
     IndexCurve,
     /// A curve in the index angle, turns counted: a cable that winds up.
@@ -107,6 +110,9 @@ pub enum Group {
     SettlingEveryDwell,
     SettlingByPosition,
     TiltLinear,
+    /// Tilt along the axis and its square; with that across the axis, all terms of the second order.
+    TiltSquare,
+    TiltQuadratic,
     TiltRate,
     /// All channels by their principal components within runs; and their memory.
     AllChannels,
@@ -223,6 +229,11 @@ impl Group {
         }
     }
 
+    /// Of what acts in a sector of headings, the same at all headings.
+    pub fn everywhere(&self) -> Option<Self> {
+        matches!(self, Self::Sector(_)).then_some(Self::Base(Base::Harmonic(1)))
+    }
+
     /// How complex: the penalty grows with it.
     pub fn level(&self) -> f64 {
         match self {
@@ -254,8 +265,9 @@ impl Group {
     pub fn follows_heading(&self) -> bool {
         match self {
             Self::Base(base) | Self::LinearTimes(_, base) | Self::Triple(_, _, base) => base.follows_heading(),
-            Self::Gear(_) | Self::Sector(_) => true,
-            Self::EarthField | Self::AxisHarmonics | Self::AxisCurve | Self::IndexCurve | Self::RateCurve => true,
+            Self::Gear(_) | Self::Sector(_) | Self::AxisHarmonic(_) => true,
+            Self::EarthField | Self::AxisHarmonics | Self::AxisCurve | Self::BroadAxisCurve => true,
+            Self::IndexCurve | Self::RateCurve => true,
             Self::Product(first, second) => first.follows_heading() || second.follows_heading(),
             Self::Extended { parent, base, .. } => parent.follows_heading() || base.follows_heading(),
             _ => false,
@@ -323,7 +335,7 @@ impl Group {
             Self::Sector(_) => "harmonic-in-sector".into(),
             Self::Relaxation => "relaxation".into(),
             Self::Rhythm(_) => "rhythm".into(),
-            Self::AxisCurve => "function-of-axis-azimuth".into(),
+            Self::AxisCurve | Self::BroadAxisCurve => "function-of-axis-azimuth".into(),
             Self::IndexCurve => "index-error".into(),
             Self::Winding => "winding".into(),
             Self::Creep => "creep".into(),
@@ -336,13 +348,13 @@ impl Group {
             Self::MemoryOfChange(_) => "memory-of-rate".into(),
             Self::HighHarmonics => "body-harmonics".into(),
             Self::EarthField => "earth-field".into(),
-            Self::AxisHarmonics => "harmonics-of-axis-azimuth".into(),
+            Self::AxisHarmonics | Self::AxisHarmonic(_) => "harmonics-of-axis-azimuth".into(),
             Self::RateCurve => "rate-nonlinearity".into(),
             Self::Drift => "drift".into(),
             Self::SettlingByCount => "settling-by-count".into(),
             Self::SettlingEveryDwell => "settling-every-dwell".into(),
             Self::SettlingByPosition => "settling-by-position".into(),
-            Self::TiltLinear => "gravity-sensitivity".into(),
+            Self::TiltLinear | Self::TiltSquare | Self::TiltQuadratic => "gravity-sensitivity".into(),
             Self::TiltRate => "base-motion".into(),
             Self::AllChannels => "combination-of-channels".into(),
             Self::AllMemory => "memory-of-channels".into(),
@@ -382,7 +394,7 @@ impl Group {
             Self::Rhythm(rhythm) => {
                 format!("what repeats itself every {:.1} s, at a phase of each run's own", rhythm.period_s)
             }
-            Self::AxisCurve => "smooth function of the axis azimuth".into(),
+            Self::AxisCurve | Self::BroadAxisCurve => "smooth function of the axis azimuth".into(),
             Self::IndexCurve => "error of the index by its angle".into(),
             Self::Winding => "smooth function of the index angle, turns counted".into(),
             Self::Creep => "creep after a move by its direction".into(),
@@ -398,12 +410,15 @@ impl Group {
             Self::HighHarmonics => "harmonics 3 to 6 of the index angle".into(),
             Self::EarthField => "field fixed to the Earth".into(),
             Self::AxisHarmonics => "harmonics of the axis azimuth".into(),
+            Self::AxisHarmonic(order) => format!("harmonic {order} of the axis azimuth"),
             Self::RateCurve => "non-linearity in the rate".into(),
             Self::Drift => "drift in proportion to time".into(),
             Self::SettlingByCount => "decay after a move that grows with the number of moves".into(),
             Self::SettlingEveryDwell => "decay at the beginning of every dwell".into(),
             Self::SettlingByPosition => "decay after a move by the index angle".into(),
             Self::TiltLinear => "gravity along and across the axis".into(),
+            Self::TiltSquare => "gravity along the axis and its square".into(),
+            Self::TiltQuadratic => "gravity along and across the axis, and its squares".into(),
             Self::TiltRate => "tilt rate".into(),
             Self::AllChannels => "combination of all channels".into(),
             Self::AllMemory => "memory of a combination of all channels".into(),

@@ -16,6 +16,7 @@ mod expected;
 mod group;
 mod habits;
 mod learn;
+mod least_squares;
 mod levels;
 mod of_two;
 mod predict;

@@ -3,24 +3,23 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::basis::{Scales, centre};
 use super::columns::{from_columns, of_values, side_by_side};
 use super::course::Course;
-use super::evidence::{Posterior, half_of, posterior};
+use super::evidence::{Posterior, posterior};
 use super::group::Group;
 use super::habits::Habits;
 use super::learn::{Active, Alternative, OfRun, Search, State, prepare, sizes_deg_h, summed};
+use super::least_squares::{Likely, along_course, by_likelihood, under_kernel};
 use super::levels::Switching;
 use super::process::{self, Kernel};
 use super::recording::Recording;
 use super::rhythm::{Rhythm, possible_phases};
 use super::run::{Run, Whitening};
-use super::switching::Way;
-use super::tie::{Tie, tie_down};
 
 /// Kernels of a run's own process that enter its average: so many, and not below this share of the likeliest.
 const MOST_KERNELS: usize = 4;
@@ -30,12 +29,13 @@ const LEAST_OF_COURSE: f64 = 0.02;
 /// Rounds in which azimuth and what depends on it are brought into agreement.
 const ROUNDS: usize = 4;
 const AGREED_RAD: f64 = 1e-6;
-const ROUNDS_OF_AMPLITUDE: usize = 2;
 /// Added to the normalised diagonal where functions are nearly the same.
 const RIDGE: f64 = 1e-7;
 /// Log density of surveyed headings that tells two models apart, and log evidence that does.
 const TELLS: f64 = 1.0;
 const MARGIN: f64 = 12.0;
+/// Least probability of either answer to whether a heading lies in a sector.
+const LEAST_OF_SECTOR: f64 = 1e-6;
 /// Beyond the learned range an effect may change by this much of its size for each half range.
 const BEYOND: f64 = 2.0;
 
@@ -130,33 +130,44 @@ impl Learned {
     pub fn new(search: &Search, state: &State, alternatives: &[Alternative]) -> Self {
         let mut actives: Vec<(f64, &Active)> = vec![(0.0, &state.active)];
         actives.extend(alternatives.iter().map(|each| (each.behind.min(0.0), &each.active)));
-        let total: f64 = actives.iter().map(|each| each.0.exp()).sum();
         let contributions: Vec<Vec<OfRun>> = actives
             .par_iter()
             .map(|(_, active)| {
                 (0..search.runs.len()).map(|run| search.of_run(run, active, state.of_run[run])).collect()
             })
             .collect();
-        let model = |number: usize, without: Option<usize>| {
-            let (behind, active) = actives[number];
-            let prior = search.prior(active);
+        let learn = |number: usize, without: Option<usize>| {
+            let prior = search.prior(actives[number].1);
             let others = contributions[number].iter().enumerate().filter(|(run, _)| Some(*run) != without);
             let (gram, right, _) = summed(others.map(|each| each.1), prior.len());
             let found = posterior(&gram, &right, &prior);
+            (gram, right, found)
+        };
+        let gains: Vec<f64> = (0..actives.len()).map(|number| learn(number, None).2.gain).collect();
+        let model = |number: usize, without: Option<usize>| {
+            let (behind, active) = actives[number];
+            let (gram, right, found) = learn(number, without);
             Model {
-                weight: behind.exp() / total,
+                // Less what the run that is left out says of the model.
+                weight: (behind + found.gain - gains[number]).exp(),
                 groups: groups(search, active, &found, (&gram, &right)),
                 mean: found.mean,
                 covariance: found.covariance,
                 factor: found.factor,
             }
         };
+        let models = |without: Option<usize>| {
+            let mut models: Vec<Model> = (0..actives.len()).map(|number| model(number, without)).collect();
+            let total: f64 = models.iter().map(|model| model.weight).sum();
+            models.iter_mut().for_each(|model| model.weight /= total);
+            models
+        };
         let mut learned = Self {
             scales: search.scales.clone(),
             kernels: search.kernels.clone(),
             shares: state.shares.clone(),
             unit_deg_h: search.unit_deg_h,
-            models: (0..actives.len()).map(|number| model(number, None)).collect(),
+            models: models(None),
             excess_rad: 0.0,
             worth: search.worth(state),
             process_gain: state.process_gain,
@@ -168,10 +179,7 @@ impl Learned {
         };
         learned.whitenings.dedup_by(|a, b| Arc::ptr_eq(a, b));
         let left_out = |learned: &Self| -> Vec<Prediction> {
-            let of_run = |run: usize| {
-                let models: Vec<Model> = (0..actives.len()).map(|number| model(number, Some(run))).collect();
-                learned.predict(&search.runs[run], &models)
-            };
+            let of_run = |run: usize| learned.predict(&search.runs[run], &models(Some(run)));
             (0..search.runs.len()).into_par_iter().map(of_run).collect()
         };
         learned.left_out = left_out(&learned);
@@ -278,11 +286,16 @@ impl Learned {
         })
     }
 
+    /// Averaged over the models and over what remains possible in the run by each of them, as its own rows make them likely.
     fn predict(&self, run: &Run, models: &[Model]) -> Prediction {
         let course = self.course(run, models);
-        let each: Vec<(f64, Prediction)> =
-            models.iter().map(|model| (model.weight, self.predict_by(run, model, course.as_ref()))).collect();
-        average(&each)
+        let of_model = |model: &Model| {
+            let log_weight = model.weight.ln();
+            self.possible(run, model, course.as_ref())
+                .into_iter()
+                .map(move |(prior, likely)| (log_weight + prior, likely))
+        };
+        by_likelihood(&models.iter().flat_map(of_model).collect::<Vec<_>>()).prediction
     }
 
     fn has_courses(&self) -> bool {
@@ -296,43 +309,55 @@ impl Learned {
         Some(Course::find(&run.seen(false), &(&run.rate - effect), &self.habits))
     }
 
-    fn predict_by(&self, run: &Run, model: &Model, course: Option<&Course>) -> Prediction {
+    /// By a model, for every answer to which of its sectors of headings the run is in, with the logarithm of the answer's prior probability.
+    fn possible(&self, run: &Run, model: &Model, course: Option<&Course>) -> Vec<(f64, Likely)> {
+        let sectors = model.groups.iter().filter_map(|found| match found.group {
+            Group::Sector(sector) => Some(sector),
+            _ => None,
+        });
+        let sectors: Vec<[f64; 2]> = sectors.collect();
+        let answer = |number: usize| {
+            let inside: Vec<bool> = (0..sectors.len()).map(|place| number >> place & 1 == 1).collect();
+            let likely = self.predict_by(run, model, &inside, course);
+            let prior = |(sector, inside): (&[f64; 2], &bool)| {
+                let share = self.scales.share_of_sector(*sector, likely.prediction.azimuth_rad, run.reference);
+                if *inside { share } else { 1.0 - share }.max(LEAST_OF_SECTOR).ln()
+            };
+            (sectors.iter().zip(&inside).map(prior).sum(), likely)
+        };
+        (0..1 << sectors.len()).map(answer).collect()
+    }
+
+    /// By a model, given of each of its sectors of headings whether the run is inside.
+    fn predict_by(&self, run: &Run, model: &Model, inside: &[bool], course: Option<&Course>) -> Likely {
         let turns = model.groups.iter().any(|each| each.group.follows_heading());
-        let mut azimuth_rad = run.plain_azimuth_rad;
-        let mut found = Prediction { azimuth_rad, sigma_rad: f64::INFINITY, amplitude_deg_h: 0.0 };
         let beyond = self.beyond(run, model);
-        for _ in 0..if turns { ROUNDS } else { 1 } {
-            let of_phase = |columns: &DMatrix<f64>| {
+        let about = |azimuth_rad: f64| {
+            let of_phase = |(_, columns): &(f64, DMatrix<f64>)| {
                 let mean = columns * &model.mean;
                 let unsure = columns * model.factor.transpose();
-                let beside = self.beside_sectors(model, columns, azimuth_rad);
-                let unsure = of_values(run.rate.len(), unsure.iter().chain(&beside).chain(&beyond).copied());
-                self.predict_about(run, &mean, &unsure, course)
+                let unsure = of_values(run.rate.len(), unsure.iter().chain(&beyond).copied());
+                (0.0, self.predict_about(run, &mean, &unsure, course))
             };
-            let columns = self.columns(run, model, azimuth_rad);
-            let each: Vec<(f64, Prediction)> = self
-                .at_phases(run, model, columns, course)
-                .iter()
-                .map(|(weight, columns)| (*weight, of_phase(columns)))
-                .collect();
-            found = average(&each);
-            let moved = wrap(found.azimuth_rad - azimuth_rad).abs();
-            azimuth_rad = found.azimuth_rad;
+            let columns = self.columns_inside(run, model, azimuth_rad, inside);
+            let each = self.at_phases(run, model, columns, course);
+            by_likelihood(&each.iter().map(of_phase).collect::<Vec<_>>())
+        };
+        let mut found = about(run.plain_azimuth_rad);
+        let mut azimuth_rad = run.plain_azimuth_rad;
+        for _ in 1..if turns { ROUNDS } else { 1 } {
+            let moved = wrap(found.prediction.azimuth_rad - azimuth_rad).abs();
             if moved < AGREED_RAD {
                 break;
             }
+            azimuth_rad = found.prediction.azimuth_rad;
+            found = about(azimuth_rad);
         }
         found
     }
 
     /// Given what the effects do and a factor of the covariance of what is uncertain about it: averaged over the kernels of the run's own process.
-    fn predict_about(
-        &self,
-        run: &Run,
-        mean: &DVector<f64>,
-        unsure: &DMatrix<f64>,
-        course: Option<&Course>,
-    ) -> Prediction {
+    fn predict_about(&self, run: &Run, mean: &DVector<f64>, unsure: &DMatrix<f64>, course: Option<&Course>) -> Likely {
         let residual = &run.rate - mean;
         let likelihood = run.log_likelihood(&residual, false, course);
         let weights = process::posterior(&likelihood, &self.shares);
@@ -341,20 +366,15 @@ impl Learned {
         let least = LEAST_SHARE * weights[order[0]];
         order.truncate(MOST_KERNELS);
         order.retain(|&kernel| weights[kernel] > least);
-        let each: Vec<(f64, Prediction)> = order
-            .into_iter()
-            .map(|kernel| {
-                if let Some(course) = course.filter(|_| kernel + 1 == self.kernels.len()) {
-                    return (weights[kernel], along_course(run, &residual, unsure, course));
-                }
-                let size_deg_h = self.kernels[kernel].size * self.unit_deg_h;
-                let whitened = |columns: &DMatrix<f64>| run.whitening.whiten(kernel, size_deg_h, columns);
-                let rate = whitened(&DMatrix::from_columns(std::slice::from_ref(&residual)));
-                let found = beside_unsure(&whitened(&run.design), &rate, &whitened(unsure), run.north_deg_h);
-                (weights[kernel], found)
-            })
-            .collect();
-        average(&each)
+        let of_kernel = |kernel: usize| {
+            let course = course.filter(|_| kernel + 1 == self.kernels.len());
+            let likely = match course {
+                Some(course) => along_course(run, &residual, unsure, course, likelihood[kernel]),
+                None => under_kernel(run, (kernel, self.kernels[kernel].size * self.unit_deg_h), &residual, unsure),
+            };
+            (self.shares[kernel].ln(), likely)
+        };
+        by_likelihood(&order.into_iter().map(of_kernel).collect::<Vec<_>>())
     }
 
     /// Columns of a run at every phase that a rhythm among the groups may have in it, with the phases' probabilities, the likeliest
@@ -395,18 +415,19 @@ impl Learned {
         side_by_side(run.rate.len(), &parts)
     }
 
-    /// Columns of a factor of the covariance of what effects do in a sector of headings that the run may or may not be in.
-    fn beside_sectors(&self, model: &Model, columns: &DMatrix<f64>, azimuth_rad: f64) -> Vec<f64> {
-        let (mut all, mut start) = (Vec::new(), 0);
-        for Found { group, width, .. } in &model.groups {
-            let doubt = self.scales.doubt_of_sector(group, azimuth_rad);
-            if doubt > 0.0 {
-                let effect = columns.columns(start, *width) * model.mean.rows(start, *width) * doubt;
-                all.extend_from_slice(effect.as_slice());
-            }
-            start += width;
-        }
-        all
+    /// The same, given of each sector of headings whether the run is inside.
+    fn columns_inside(&self, run: &Run, model: &Model, azimuth_rad: f64, inside: &[bool]) -> DMatrix<f64> {
+        let mut inside = inside.iter();
+        let of_group = |Found { group, factor, .. }: &Found| {
+            let share = match group {
+                Group::Sector(_) => inside.next().map_or(0.0, |inside| f64::from(u8::from(*inside))),
+                _ => 1.0,
+            };
+            let everywhere = group.everywhere();
+            self.scales.columns(&run.sheet, everywhere.as_ref().unwrap_or(group), azimuth_rad) * (share * factor)
+        };
+        let parts: Vec<DMatrix<f64>> = model.groups.iter().map(of_group).collect();
+        side_by_side(run.rate.len(), &parts)
     }
 
     /// Columns of a factor of the covariance of what effects may do beyond the range that they were learned in.
@@ -459,98 +480,6 @@ fn groups(
             }
         })
         .collect()
-}
-
-/// An azimuth that may be any.
-const NOWHERE: Prediction = Prediction { azimuth_rad: 0.0, sigma_rad: std::f64::consts::PI, amplitude_deg_h: 0.0 };
-
-/// Azimuth and its standard deviation by generalised least squares.
-pub fn least_squares(run: &Run, covariance: &DMatrix<f64>) -> Prediction {
-    let (half, _) = half_of(covariance);
-    let (design, rate) = (&half * &run.design, &half * &run.rate);
-    azimuth(&design.tr_mul(&design), &design.tr_mul(&rate), run.north_deg_h)
-}
-
-/// The same from whitened rows with a covariance of 1 + L Lᵀ, whose inverse is 1 − L (1 + Lᵀ L)⁻¹ Lᵀ.
-fn beside_unsure(design: &DMatrix<f64>, rate: &DMatrix<f64>, unsure: &DMatrix<f64>, north_deg_h: f64) -> Prediction {
-    let mut inner = unsure.transpose() * unsure;
-    (0..inner.nrows()).for_each(|i| inner[(i, i)] += 1.0);
-    let (half, _) = half_of(&inner);
-    let (of_design, of_rate) = (&half * unsure.tr_mul(design), &half * unsure.tr_mul(rate));
-    let normal = design.tr_mul(design) - of_design.tr_mul(&of_design);
-    azimuth(&normal, &(design.tr_mul(rate) - of_design.tr_mul(&of_rate)).column(0).into_owned(), north_deg_h)
-}
-
-/// Beside what happens in the run by itself, averaged over what else every part of that may be.
-fn along_course(run: &Run, residual: &DVector<f64>, unsure: &DMatrix<f64>, course: &Course) -> Prediction {
-    let whitened = |columns: &DMatrix<f64>| run.whitening.whiten(0, 0.0, columns);
-    let (design, rate) = (whitened(&run.design), whitened(&DMatrix::from_columns(std::slice::from_ref(residual))));
-    let beside = |rate: &DMatrix<f64>, factor: &DMatrix<f64>| {
-        let all = side_by_side(run.rate.len(), [unsure, factor]);
-        beside_unsure(&design, rate, &whitened(&all), run.north_deg_h)
-    };
-    if !course.ways.is_empty() {
-        let of_way = |way: &Way| {
-            let rate = &rate - whitened(&DMatrix::from_columns(std::slice::from_ref(&way.mean)));
-            (way.log_probability.exp(), beside(&rate, &way.factor))
-        };
-        return average(&course.ways.iter().map(of_way).collect::<Vec<_>>());
-    }
-    let by = |factor: DMatrix<f64>| beside(&rate, &factor);
-    let mut found = by(course.factor());
-    let best = found;
-    for others in course.others() {
-        let mut each = vec![(1.0, best)];
-        each.extend(others.into_iter().map(|(behind, factor)| (behind.exp(), by(factor))));
-        let averaged = average(&each);
-        let wider = averaged.sigma_rad.powi(2) - best.sigma_rad.powi(2);
-        found.azimuth_rad += averaged.azimuth_rad - best.azimuth_rad;
-        found.sigma_rad = (found.sigma_rad.powi(2) + wider.max(0.0)).sqrt();
-    }
-    found
-}
-
-/// From the normal equations of a run's own unknowns and, for the azimuth, the amplitude that the horizontal rate must have.
-fn azimuth(normal: &DMatrix<f64>, right: &DVector<f64>, north_deg_h: f64) -> Prediction {
-    let normal: Matrix3<f64> = normal.fixed_view::<3, 3>(0, 0).into_owned();
-    let right = Vector3::new(right[0], right[1], right[2]);
-    let Some(mut inverse) = normal.try_inverse() else {
-        return NOWHERE;
-    };
-    let mut found = inverse * right;
-    let amplitude_deg_h = found[0].hypot(found[1]);
-    // About the azimuth that is found, which the amplitude may change.
-    for _ in 0..ROUNDS_OF_AMPLITUDE {
-        let (mut tied, mut of_tied) = (normal, right);
-        tie_down(&[Tie::amplitude(found[1].atan2(found[0]), north_deg_h)], &mut tied, &mut of_tied, &mut 0.0);
-        let Some(of_both) = tied.try_inverse() else { break };
-        inverse = of_both;
-        found = inverse * of_tied;
-    }
-    let squared = found[0] * found[0] + found[1] * found[1];
-    let gradient = Vector3::new(-found[1], found[0], 0.0) / squared;
-    Prediction {
-        azimuth_rad: found[1].atan2(found[0]),
-        sigma_rad: gradient.dot(&(inverse * gradient)).max(0.0).sqrt(),
-        amplitude_deg_h,
-    }
-}
-
-/// Mean and standard deviation of a mixture.
-fn average(each: &[(f64, Prediction)]) -> Prediction {
-    let Some(first) = each.first() else { return NOWHERE };
-    let total: f64 = each.iter().map(|(weight, _)| weight).sum();
-    let about = first.1.azimuth_rad;
-    let off = |prediction: &Prediction| wrap(prediction.azimuth_rad - about);
-    let mean = each.iter().map(|(weight, prediction)| weight * off(prediction)).sum::<f64>() / total;
-    let variance = each
-        .iter()
-        .map(|(weight, prediction)| weight * (prediction.sigma_rad.powi(2) + (off(prediction) - mean).powi(2)))
-        .sum::<f64>()
-        / total;
-    let amplitude_deg_h =
-        each.iter().map(|(weight, prediction)| weight * prediction.amplitude_deg_h).sum::<f64>() / total;
-    Prediction { azimuth_rad: about + mean, sigma_rad: variance.sqrt(), amplitude_deg_h }
 }
 
 /// What azimuths of training runs by models without them miss beyond their sigmas: root of mean(e² − σ²), at least 0; Student's, for

@@ -25,6 +25,8 @@ const SLOPES: [f64; 4] = [-1.2, -0.5, 0.5, 1.2];
 /// Sectors of headings: how far apart, and their widths, degrees.
 const SECTOR_STEP_DEG: f64 = 15.0;
 const SECTORS_DEG: [f64; 3] = [60.0, 90.0, 130.0];
+/// Orders of harmonics of the axis's azimuth: the first is the Earth's rate, or turns with it.
+const AXIS_ORDERS: std::ops::RangeInclusive<u8> = 2..=6;
 
 impl Group {
     /// All that a campaign with so many channels can show.
@@ -66,9 +68,11 @@ impl Group {
         all.extend(of_channels.iter().chain(&global).map(|&base| Self::Base(base)));
         all.extend([Self::HighHarmonics, Self::EarthField, Self::AxisHarmonics, Self::RateCurve, Self::Drift]);
         all.extend([Self::SettlingByCount, Self::SettlingEveryDwell, Self::SettlingByPosition, Self::SettlingByCurve]);
-        all.extend([Self::AxisCurve, Self::IndexCurve, Self::Winding, Self::Creep, Self::Alternating]);
+        all.extend(AXIS_ORDERS.map(Self::AxisHarmonic));
+        all.extend([Self::AxisCurve, Self::BroadAxisCurve, Self::IndexCurve]);
+        all.extend([Self::Winding, Self::Creep, Self::Alternating]);
         if tilt {
-            all.extend([Self::TiltLinear, Self::TiltRate]);
+            all.extend([Self::TiltLinear, Self::TiltSquare, Self::TiltQuadratic, Self::TiltRate]);
         }
         if channels > 1 {
             all.push(Self::AllChannels);

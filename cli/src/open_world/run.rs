@@ -106,7 +106,7 @@ impl Whitening {
     }
 
     /// Logarithm of the determinant of the covariance.
-    fn log_determinant(&self, kernel: usize, size_deg_h: f64) -> f64 {
+    pub fn log_determinant(&self, kernel: usize, size_deg_h: f64) -> f64 {
         let of_basis = |value: &f64| (size_deg_h * size_deg_h * value).ln_1p();
         self.bases[self.of_kernel[kernel]].values.iter().map(of_basis).sum::<f64>() - self.log_weights
     }
