@@ -123,6 +123,8 @@ fn diagnosis() -> Diagnosis {
             dwell_s: 32.0,
             separates: vec!["temperature-rate".into(), "warm-up".into()],
             warm_up_s: 0.0,
+            pitch_deg: 0.0,
+            roll_deg: 0.0,
             like: "runs/001.csv".into(),
             expected_log_odds: Some(12.0),
             sigma_now_deg: 0.11,

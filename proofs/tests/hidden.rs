@@ -1,6 +1,6 @@
 //! The generator of campaigns with hidden effects: repeatable, sensible, and with the signs that its words say.
 
-use proofs::hidden::{Campaign, Family, Group, Part, Row};
+use proofs::hidden::{Campaign, Family, Group, Part, Proposed, Row};
 use std::collections::HashSet;
 
 /// Earth's rotation, °/h.
@@ -101,6 +101,22 @@ fn sensors_read_too_large_by_what_is_hidden() {
         let expected = 0.1 * without.index_deg.to_radians().sin();
         assert!((with.index_deg - without.index_deg - expected).abs() < 1e-4);
     }
+}
+
+/// sin 3° = 0.05234 forward; to the left, with the pitch of 3°, sin 3° · cos 3° = 0.05226. The mount stands within 0.4° and the means within
+/// 0.0001 g of that.
+#[test]
+fn a_proposed_run_leans_its_mount() {
+    let order_deg = vec![0.0, 90.0, 180.0, 270.0];
+    let proposed = Proposed { order_deg, headings_deg: vec![22.5], dwell_s: 30, warm_up_s: 0, lean_deg: [3.0; 2] };
+    let followed = campaign().followed_by(&proposed, 1);
+    let mean = |rows: &[Row], axis: usize| rows.iter().map(|row| row.level_g[axis]).sum::<f64>() / rows.len() as f64;
+    let (usual, leaning) = (followed.runs.first().unwrap(), followed.runs.last().unwrap());
+    for (axis, expected_g) in [0.05234, 0.05226].into_iter().enumerate() {
+        let more_g = mean(&leaning.rows, axis) - mean(&usual.rows, axis);
+        assert!((more_g - expected_g).abs() < 1.2e-4, "axis {axis}: {more_g}");
+    }
+    assert_eq!(leaning.azimuth_deg, 22.5);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 
 use north_finder::fix::DesignRow;
 use north_finder::index::Direction;
+use north_finder::level::Specific;
 use north_finder::units::wrap_360_deg;
 use rayon::prelude::*;
 
@@ -11,7 +12,7 @@ use super::candidate::Candidate;
 use super::data::{RunData, Sample};
 use super::problem::Problem;
 use super::result::Experiment;
-use super::statistics::{dot, orthonormalise};
+use super::statistics::{dot, least_squares, orthonormalise};
 
 /// Seconds of a move.
 const MOVE_S: usize = 5;
@@ -36,6 +37,10 @@ const STRETCHES: [f64; 3] = [1.0, 3.0, 10.0];
 /// Headings with which the longest dwells are worth their time.
 const LONGEST_AT: usize = 8;
 const WARM_UPS_S: [f64; 2] = [0.0, 1800.0];
+/// Pitch and roll by which the mount leans, degrees: as it stood, or by more than the axis ever leaned in a usual run.
+const LEANS_DEG: [f64; 2] = [0.0, 3.0];
+/// What it takes to lean the mount, seconds.
+const LEANING_S: f64 = 60.0;
 
 /// Runs that have not been made.
 #[derive(Clone)]
@@ -45,21 +50,34 @@ pub struct Design {
     pub headings_deg: Vec<f64>,
     pub dwell_s: f64,
     pub warm_up_s: f64,
+    /// Pitch and roll more than in the run that it is like, degrees.
+    pub lean_deg: f64,
 }
 
 impl Design {
-    /// All that are weighed, the shortest first; dwells as in `like`.
+    /// All that are weighed, the shortest first; dwells as in `like`. Only an instrument that measures how it stands leans, and only in
+    /// runs that begin with the switch-on.
     fn all(like: &RunData) -> Vec<Self> {
         let length_s = like.samples.last().map_or(240.0, |sample| sample.t_s).max(60.0);
+        let has_level = like.samples.iter().all(|sample| sample.level.is_some());
         let mut all = Vec::new();
         for (name, order_deg) in ORDERS {
             for number in HEADINGS {
                 for stretch in STRETCHES.into_iter().filter(|&stretch| stretch < STRETCHES[2] || number >= LONGEST_AT) {
-                    for warm_up_s in WARM_UPS_S {
-                        let dwell_s = (stretch * length_s / order_deg.len() as f64 - MOVE_S as f64).max(10.0).round();
-                        let heading_deg = |i: usize| wrap_360_deg(22.5 + 360.0 * i as f64 / number as f64);
-                        let headings_deg = (0..number).map(heading_deg).collect();
-                        all.push(Self { name, order_deg, headings_deg, dwell_s, warm_up_s });
+                    let dwell_s = (stretch * length_s / order_deg.len() as f64 - MOVE_S as f64).max(10.0).round();
+                    let heading_deg = |i: usize| wrap_360_deg(22.5 + 360.0 * i as f64 / number as f64);
+                    let headings_deg: Vec<f64> = (0..number).map(heading_deg).collect();
+                    let like_this = |warm_up_s: f64, lean_deg: f64| Self {
+                        name,
+                        order_deg,
+                        headings_deg: headings_deg.clone(),
+                        dwell_s,
+                        warm_up_s,
+                        lean_deg,
+                    };
+                    all.extend(WARM_UPS_S.map(|warm_up_s| like_this(warm_up_s, LEANS_DEG[0])));
+                    if has_level {
+                        all.push(like_this(WARM_UPS_S[0], LEANS_DEG[1]));
                     }
                 }
             }
@@ -71,7 +89,8 @@ impl Design {
     /// What it takes.
     fn seconds(&self) -> f64 {
         let run_s = (self.dwell_s + MOVE_S as f64) * self.order_deg.len() as f64 + self.warm_up_s;
-        run_s * self.headings_deg.len() as f64
+        let leaning_s = if self.lean_deg > 0.0 { LEANING_S } else { 0.0 };
+        run_s * self.headings_deg.len() as f64 + leaning_s
     }
 
     /// Its runs: seconds, with the channels as they went in the run that it is like.
@@ -94,11 +113,13 @@ impl Design {
             for row in 0..self.dwell_s as usize + if dwell > 0 { MOVE_S } else { 0 } {
                 let moving = dwell > 0 && row < MOVE_S;
                 let Some(place) = second_of(like, second) else { return run };
-                let rate_deg_h = like.earth.north_deg_h * (cos_psi * cos + sin_psi * sin);
                 t_s += 1.0;
                 second += 1;
                 let source = like.samples[place].clone();
-                let design = DesignRow::new(Direction { cos, sin }, source.level, &like.earth);
+                let level = source.level.map(|level| self.leaning(level));
+                let design = DesignRow::new(Direction { cos, sin }, level, &like.earth);
+                let rate_deg_h =
+                    like.earth.north_deg_h * (cos_psi * design.cos + sin_psi * design.sin) + design.vertical_deg_h;
                 run.samples.push(Sample {
                     t_s: t_s - 0.5,
                     seconds: 1.0,
@@ -106,6 +127,7 @@ impl Design {
                     cos,
                     sin,
                     design,
+                    level,
                     moving,
                     left_out: false,
                     dwell,
@@ -119,6 +141,12 @@ impl Design {
         run
     }
 
+    /// The accelerometers' reading of a mount that leans by this much more: sin p forward, sin r · cos p left.
+    fn leaning(&self, level: Specific) -> Specific {
+        let (sin, cos) = self.lean_deg.to_radians().sin_cos();
+        Specific { forward: level.forward + sin, left: level.left + sin * cos }
+    }
+
     fn words(&self) -> String {
         let angles = |angles: &[f64], digits: usize| {
             angles.iter().map(|angle| format!("{angle:.digits$}")).collect::<Vec<_>>().join(", ")
@@ -128,8 +156,13 @@ impl Design {
         } else {
             ", from switch-on".into()
         };
+        let lean = if self.lean_deg > 0.0 {
+            format!(", the mount leaning by {0:.0} deg of pitch and {0:.0} deg of roll", self.lean_deg)
+        } else {
+            String::new()
+        };
         format!(
-            "{} ({}), {:.0} s at each position{warm}, with the mark turned to {} surveyed heading{}: {} deg",
+            "{} ({}), {:.0} s at each position{warm}{lean}, with the mark turned to {} surveyed heading{}: {} deg",
             self.name,
             angles(self.order_deg, 0).replace(", ", "-"),
             self.dwell_s,
@@ -148,10 +181,33 @@ fn second_of(like: &RunData, second: usize) -> Option<usize> {
     Some(if place <= last { place } else { 2 * last - place })
 }
 
-/// What the models say of runs: log odds of the likeliest over each other one on average, and the azimuth's sigma then, degrees.
+/// What the models say of runs.
 pub struct Expectation {
-    pub log_odds: Vec<f64>,
+    /// Log odds of each model over each other one that the runs add on average, if the first of both is the true one.
+    pub log_odds: Vec<Vec<f64>>,
+    /// The azimuth's sigma then, degrees.
     pub sigma_deg: f64,
+}
+
+impl Expectation {
+    /// Between two models, whichever is true.
+    fn between(&self, (one, other): (usize, usize)) -> f64 {
+        self.log_odds[one][other].min(self.log_odds[other][one])
+    }
+
+    /// Between those of these that are nearest to each other.
+    fn least(&self, pairs: &[(usize, usize)]) -> f64 {
+        pairs.iter().map(|&pair| self.between(pair)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Probability that the true model is the likeliest then, whichever it is; only these pairs count.
+    fn right(&self, pairs: &[(usize, usize)]) -> f64 {
+        let is_right = |one: usize| {
+            let others = pairs.iter().filter_map(|&(a, b)| (a == one).then_some(b).or((b == one).then_some(a)));
+            1.0 / (1.0 + others.map(|other| (-self.log_odds[one][other]).exp()).sum::<f64>())
+        };
+        (0..self.log_odds.len()).map(is_right).sum::<f64>() / self.log_odds.len() as f64
+    }
 }
 
 /// What runs could tell.
@@ -162,7 +218,8 @@ pub struct Proposal {
     pub inseparable: Vec<String>,
 }
 
-/// The shortest runs that are expected to make the answer unique as far as any can; where none does, those that tell most.
+/// The shortest runs that are expected to make the answer unique as far as any can, whichever of the models is true; where none does,
+/// those after which the true one is the likeliest with the greatest probability.
 ///
 /// `expect` says what runs would tell; `names` are those of the likeliest model and then of the others, in the order of the log odds;
 /// `sigma_now_deg` is what the azimuth is known to now. Without others, the runs that bring the sigma down most for their time.
@@ -174,39 +231,45 @@ pub fn propose(
 ) -> Proposal {
     let Some((likeliest, others)) = names.split_first() else { return Proposal::default() };
     let tells_apart = !others.is_empty();
-    // Where nothing is to be told apart, neither headings nor warming up matter.
-    let matters = |design: &Design| tells_apart || design.headings_deg.len() == 1 && design.warm_up_s == 0.0;
+    // Where nothing is to be told apart, neither headings nor warming up nor leaning matter.
+    let matters = |design: &Design| {
+        tells_apart || design.headings_deg.len() == 1 && design.warm_up_s == 0.0 && design.lean_deg == 0.0
+    };
     let designs: Vec<Design> = Design::all(like).into_iter().filter(matters).collect();
+    let pairs_of = |models: &[usize]| -> Vec<(usize, usize)> {
+        models.iter().enumerate().flat_map(|(i, &one)| models[..i].iter().map(move |&other| (other, one))).collect()
+    };
+    let all_pairs = pairs_of(&(0..names.len()).collect::<Vec<_>>());
     let mut weighed: Vec<(Design, Expectation)> = Vec::new();
     for some in designs.chunks(TOGETHER) {
         let expected = |design: &Design| Some((design.clone(), expect(&design.runs(like))?));
         weighed.extend(some.par_iter().filter_map(expected).collect::<Vec<_>>());
-        let all_told = |(_, found): &(Design, Expectation)| found.log_odds.iter().all(|odds| *odds > UNIQUE);
-        if tells_apart && weighed.iter().any(all_told) {
+        if tells_apart && weighed.iter().any(|(_, found)| found.least(&all_pairs) > UNIQUE) {
             break;
         }
     }
-    let told_at_best = |other: usize| weighed.iter().map(|(_, found)| found.log_odds[other]).fold(0.0, f64::max);
-    let (told, untold): (Vec<usize>, Vec<usize>) = (0..others.len()).partition(|&other| told_at_best(other) > NOTHING);
-    let named = |numbers: &[usize]| numbers.iter().map(|&other| others[other].clone()).collect::<Vec<_>>();
+    let is_told = |pair: (usize, usize)| weighed.iter().any(|(_, found)| found.between(pair) > NOTHING);
+    let (told, untold): (Vec<usize>, Vec<usize>) = (1..names.len()).partition(|&other| is_told((0, other)));
+    let named = |numbers: &[usize]| numbers.iter().map(|&other| names[other].clone()).collect::<Vec<_>>();
     let inseparable = named(&untold);
-    let least = |found: &Expectation| told.iter().map(|&other| found.log_odds[other]).fold(f64::INFINITY, f64::min);
+    let apart: Vec<usize> = std::iter::once(0).chain(told.iter().copied()).collect();
+    let pairs: Vec<(usize, usize)> = pairs_of(&apart).into_iter().filter(|&pair| is_told(pair)).collect();
     let chosen = if !tells_apart {
         let gain = |(design, found): &(Design, Expectation)| (sigma_now_deg / found.sigma_deg).ln() / design.seconds();
         weighed.iter().max_by(|a, b| gain(a).total_cmp(&gain(b))).filter(|(_, found)| found.sigma_deg < sigma_now_deg)
     } else if told.is_empty() {
         None
     } else {
-        let unique = weighed.iter().find(|(_, found)| least(found) > UNIQUE);
-        unique.or_else(|| weighed.iter().max_by(|a, b| least(&a.1).total_cmp(&least(&b.1))))
+        let unique = weighed.iter().find(|(_, found)| found.least(&pairs) > UNIQUE);
+        unique.or_else(|| weighed.iter().max_by(|a, b| a.1.right(&pairs).total_cmp(&b.1.right(&pairs))))
     };
     let Some((design, found)) = chosen else { return Proposal { experiment: None, inseparable } };
-    let log_odds = tells_apart.then(|| least(found).min(f64::MAX));
+    let log_odds = tells_apart.then(|| found.least(&pairs).min(f64::MAX));
     let separates =
         if tells_apart { std::iter::once(likeliest.clone()).chain(named(&told)).collect() } else { Vec::new() };
     let tells = log_odds.map_or(String::new(), |log_odds| {
         format!(
-            "; it is expected to separate {} by log odds of {log_odds:.0}, with channels as in {}",
+            "; it is expected to separate {} by log odds of {log_odds:.0} or more, with channels as in {}",
             separates.join(" from "),
             like.file
         )
@@ -221,6 +284,8 @@ pub fn propose(
         headings_deg: design.headings_deg.clone(),
         dwell_s: design.dwell_s,
         warm_up_s: design.warm_up_s,
+        pitch_deg: design.lean_deg,
+        roll_deg: design.lean_deg,
         like: like.file.clone(),
         separates,
         expected_log_odds: log_odds,
@@ -230,31 +295,85 @@ pub fn propose(
     Proposal { experiment: Some(experiment), inseparable }
 }
 
-/// An effect that was taken, with its constant and coefficients.
-pub struct Known<'a> {
+/// An effect that may be the true one, with its constant and coefficients.
+pub struct Possible<'a> {
     pub candidate: &'a Candidate,
     pub constant: f64,
-    pub coefficients: &'a [f64],
+    pub coefficients: Vec<f64>,
 }
 
-/// Sum of squares of an effect that no coefficients of each of the alternatives can imitate, in noise variances: half of what runs add to
-/// it are the log odds that they add on average, if it is the true one.
-pub fn not_imitated<'a>(
-    runs: impl Iterator<Item = &'a RunData>,
-    effect: &Known,
-    alternatives: &[(&Candidate, f64)],
-) -> Vec<f64> {
-    let problem = Problem::new(runs.filter_map(|run| Block::new(run, true, None)).collect());
-    let mut whole = vec![0.0; problem.rows()];
-    for (column, size) in problem.projected(effect.candidate, effect.constant).iter().zip(effect.coefficients) {
-        whole.iter_mut().zip(column).for_each(|(sum, value)| *sum += size * value);
+impl<'a> Possible<'a> {
+    /// A candidate as like this effect as it can be in these runs.
+    pub fn imitating(candidate: &'a Candidate, constant: f64, effect: &Possible, runs: &[&RunData]) -> Self {
+        let problem = problem(runs.iter().copied());
+        let columns = problem.projected(candidate, constant);
+        let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+        let found = least_squares(&columns, &effect.whole(&problem));
+        Self {
+            candidate,
+            constant,
+            coefficients: found.map_or(vec![0.0; columns.len()], |(coefficients, _)| coefficients),
+        }
     }
-    alternatives
-        .iter()
-        .map(|(alternative, constant)| {
-            let basis = orthonormalise(&[], problem.projected(alternative, *constant));
+
+    /// What it does to the rows, beside every run's own unknowns.
+    fn whole(&self, problem: &Problem) -> Vec<f64> {
+        let mut whole = vec![0.0; problem.rows()];
+        for (column, size) in problem.projected(self.candidate, self.constant).iter().zip(&self.coefficients) {
+            whole.iter_mut().zip(column).for_each(|(sum, value)| *sum += size * value);
+        }
+        whole
+    }
+}
+
+fn problem<'a>(runs: impl Iterator<Item = &'a RunData>) -> Problem<'a> {
+    Problem::new(runs.filter_map(|run| Block::new(run, true, None)).collect())
+}
+
+/// Sum of squares of each effect that no coefficients of each other one can imitate, in noise variances: half of what runs add to
+/// it are the log odds that they add on average, if it is the true one.
+pub fn not_imitated<'a>(runs: impl Iterator<Item = &'a RunData>, effects: &[Possible]) -> Vec<Vec<f64>> {
+    let problem = problem(runs);
+    let basis = |each: &Possible| orthonormalise(&[], problem.projected(each.candidate, each.constant));
+    let bases: Vec<_> = effects.iter().map(basis).collect();
+    let of_effect = |effect: &Possible| {
+        let whole = effect.whole(&problem);
+        let left = |basis: &Vec<Vec<f64>>| {
             let imitated: f64 = basis.iter().map(|each| dot(&whole, each).powi(2)).sum();
             (dot(&whole, &whole) - imitated).max(0.0)
-        })
-        .collect()
+        };
+        bases.iter().map(left).collect()
+    };
+    effects.iter().map(of_effect).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By hand: sin 3° = 0.0523360 and sin 3° · cos 3° = 0.0522642, each more than what it read.
+    #[test]
+    fn a_mount_that_leans() {
+        let (name, order_deg) = ORDERS[1];
+        let design = Design { name, order_deg, headings_deg: vec![0.0], dwell_s: 30.0, warm_up_s: 0.0, lean_deg: 3.0 };
+        let level = design.leaning(Specific { forward: 0.001, left: -0.002 });
+        assert!((level.forward - 0.0533360).abs() < 1e-7 && (level.left - 0.0502642).abs() < 1e-7, "{level:?}");
+        assert!(design.words().contains("30 s at each position, from switch-on, the mount leaning by 3 deg of pitch"));
+        assert_eq!(design.seconds(), 4.0 * 35.0 + LEANING_S);
+    }
+
+    /// Log odds of ln 3 leave a rival one chance in four. With both others at ln 2 the true model has one in 1 + 1/2 + 1/2.
+    #[test]
+    fn chances_of_being_right() {
+        let of = |odds: [[f64; 3]; 3]| Expectation { log_odds: odds.map(|row| row.to_vec()).to_vec(), sigma_deg: 0.0 };
+        let (two, three) = (2f64.ln(), 3f64.ln());
+        let found = of([[0.0, two, two], [three, 0.0, two], [two, two, 0.0]]);
+        assert_eq!((found.between((0, 1)), found.between((1, 0))), (two, two));
+        let all = [(0, 1), (0, 2), (1, 2)];
+        let expected = (0.5 + 1.0 / (1.0 + 1.0 / 3.0 + 0.5) + 0.5) / 3.0;
+        assert!((found.right(&all) - expected).abs() < 1e-12);
+        // Where only the first two can be told apart, the third is right by itself.
+        assert!((found.right(&all[..1]) - (1.0 / 1.5 + 0.75 + 1.0) / 3.0).abs() < 1e-12);
+        assert_eq!(found.least(&[]), f64::INFINITY);
+    }
 }

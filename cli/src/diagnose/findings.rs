@@ -6,7 +6,7 @@ use super::block::Block;
 use super::candidate::{self, Part};
 use super::data::RunData;
 use super::evidence::searched;
-use super::experiment::{Expectation, Known, Proposal};
+use super::experiment::{Expectation, Possible, Proposal};
 use super::learn::ACCEPT;
 use super::learned::{Learned, Taken};
 use super::statistics::{chi_square_tail, p_value_in_words};
@@ -206,19 +206,24 @@ pub fn next_experiment(fitted: &Fitted, runs: &[RunData], sigma_now_deg: f64) ->
 }
 
 fn experiment_for(taken: &Taken, fit: &[&RunData], sigma_now_deg: f64) -> Proposal {
-    let alternatives: Vec<(&candidate::Candidate, f64)> =
-        taken.alternatives.iter().take(MOST_ALTERNATIVES).map(|(alternative, c)| (alternative, *c)).collect();
+    let alternatives = taken.alternatives.iter().take(MOST_ALTERNATIVES);
     let like = fit.iter().max_by(|a, b| shown(a, taken).total_cmp(&shown(b, taken)));
-    let Some(like) = like.filter(|_| !alternatives.is_empty()) else { return Proposal::default() };
+    let Some(like) = like.filter(|_| !taken.alternatives.is_empty()) else { return Proposal::default() };
     let mut names = vec![taken.candidate.full_name()];
-    names.extend(alternatives.iter().map(|(alternative, _)| alternative.full_name()));
-    let known = Known { candidate: &taken.candidate, constant: taken.constant, coefficients: &taken.coefficients };
-    let without = experiment::not_imitated(fit.iter().copied(), &known, &alternatives);
+    names.extend(alternatives.clone().map(|(alternative, _)| alternative.full_name()));
+    let known =
+        Possible { candidate: &taken.candidate, constant: taken.constant, coefficients: taken.coefficients.clone() };
+    let imitations = alternatives.map(|(alternative, c)| Possible::imitating(alternative, *c, &known, fit));
+    let imitations: Vec<Possible> = imitations.collect();
+    let effects: Vec<Possible> = std::iter::once(known).chain(imitations).collect();
+    let without = experiment::not_imitated(fit.iter().copied(), &effects);
     experiment::propose(like, &names, sigma_now_deg, |proposed| {
         // The scatter of the coefficients falls with the number of runs.
         let share = fit.len() as f64 / (fit.len() + proposed.len()) as f64;
-        let with = experiment::not_imitated(fit.iter().copied().chain(proposed), &known, &alternatives);
-        let log_odds = with.iter().zip(&without).map(|(with, without)| 0.5 * (with - without).max(0.0)).collect();
+        let with = experiment::not_imitated(fit.iter().copied().chain(proposed), &effects);
+        let added = |(with, without): (&f64, &f64)| 0.5 * (with - without).max(0.0);
+        let log_odds = with.iter().zip(&without).map(|(with, without)| with.iter().zip(without).map(added).collect());
+        let log_odds = log_odds.collect();
         Some(Expectation { log_odds, sigma_deg: sigma_now_deg * (0.5 * (1.0 + share)).sqrt() })
     })
 }

@@ -407,11 +407,12 @@ impl Open {
                 })
                 .collect();
             let found = self.learned.expected(&proposed, usual)?;
-            let least_of = |name: &String| {
-                let of_name = of_models[1..].iter().zip(&found.log_odds).filter(|(of, _)| *of == name);
-                of_name.map(|(_, odds)| *odds).fold(f64::INFINITY, f64::min)
+            let between = |one: &String, other: &String| {
+                let is = |name: &String| (0..of_models.len()).filter(|&i| of_models[i] == *name).collect::<Vec<_>>();
+                let pairs = is(one).into_iter().flat_map(|i| is(other).into_iter().map(move |k| (i, k)));
+                pairs.map(|(i, k)| found.log_odds[i][k]).fold(f64::INFINITY, f64::min)
             };
-            let log_odds = names[1..].iter().map(least_of).collect();
+            let log_odds = names.iter().map(|one| names.iter().map(|other| between(one, other)).collect()).collect();
             Some(Expectation { log_odds, sigma_deg: found.sigma_rad / RAD_PER_DEG })
         })
     }

@@ -204,6 +204,9 @@ pub struct Experiment {
     pub dwell_s: f64,
     /// Time between switch-on and the first position, seconds.
     pub warm_up_s: f64,
+    /// By how much the mount leans more than in a usual run, degrees: nose up, left side up.
+    pub pitch_deg: f64,
+    pub roll_deg: f64,
     /// The run whose channels it repeats.
     pub like: String,
     /// The models that it separates; none where it is to make the azimuth more certain.

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use super::evidence::half_of;
 use super::learn::{prepare, sizes_deg_h};
@@ -16,8 +16,8 @@ use super::run::{Run, Whitening};
 /// What a set of runs would tell.
 #[derive(Clone, Debug)]
 pub struct Expected {
-    /// Log odds of the likeliest model over every other one that they add on average, if it is the true one.
-    pub log_odds: Vec<f64>,
+    /// Log odds of each model over each other one that they add on average, if the first of both is the true one.
+    pub log_odds: Vec<Vec<f64>>,
     /// Standard deviation of the azimuth of a usual run by the likeliest model, once it has learned from them; radians.
     pub sigma_rad: f64,
 }
@@ -26,23 +26,23 @@ impl Learned {
     /// What these runs would tell, each at its reference; `usual` is a run whose azimuth is to be known. `None` where one has too
     /// little in it.
     pub fn expected(&self, proposed: &[Recording], usual: &Recording) -> Option<Expected> {
-        let (first, others) = self.models.split_first()?;
-        let mut log_odds = vec![0.0; others.len()];
+        let first = self.models.first()?;
+        let pairs = (0..self.models.len()).flat_map(|one| (0..one).map(move |other| (one, other)));
+        let mut rivals: Vec<Rival> = pairs.map(|pair| Rival::new(&self.models, pair)).collect();
         let mut information = inverse(&first.covariance);
         for recording in proposed {
             let run = self.run(recording)?;
-            let columns = self.columns(&run, first, run.azimuth_rad);
-            let plain = self.covariance(&run);
-            let beside = Beside::new(&run, &plain);
-            let seen = beside.of(&columns);
-            information += seen.transpose() * seen;
-            for (odds, other) in log_odds.iter_mut().zip(others) {
-                let of_other = self.columns(&run, other, run.azimuth_rad);
-                let apart = &columns * &first.mean - &of_other * &other.mean;
-                // Neither model knows its weights exactly.
-                let unsure = &plain + spread(&columns, first) + spread(&of_other, other);
-                *odds += 0.5 * Beside::new(&run, &unsure).of(&DMatrix::from_columns(&[apart])).norm_squared();
-            }
+            let beside = Beside::new(&run, &self.covariance(&run));
+            let seen: Vec<DMatrix<f64>> =
+                self.models.iter().map(|model| beside.of(&self.columns(&run, model, run.azimuth_rad))).collect();
+            information += seen[0].transpose() * &seen[0];
+            rivals.iter_mut().for_each(|rival| rival.add(&self.models, &seen));
+        }
+        let mut log_odds = vec![vec![0.0; self.models.len()]; self.models.len()];
+        for rival in &rivals {
+            let (one, other) = rival.pair;
+            log_odds[one][other] = rival.log_odds();
+            log_odds[other][one] = log_odds[one][other];
         }
         let run = self.run(usual)?;
         let columns = self.columns(&run, first, run.azimuth_rad);
@@ -94,6 +94,46 @@ impl Learned {
 /// Kernels below this share do not count.
 const LEAST_SHARE: f64 = 0.02;
 
+/// What tells two models apart over some runs together. Neither knows its weights exactly, and a weight is the same in all runs: what
+/// other weights within their covariance would explain in all of them tells nothing.
+struct Rival {
+    /// Their places among all models.
+    pair: (usize, usize),
+    /// Information about the weights of both, from what was learned and from the runs.
+    information: DMatrix<f64>,
+    /// Their columns times the difference of what the models say, and the sum of its squares, in noise variances.
+    pull: DVector<f64>,
+    distance: f64,
+}
+
+impl Rival {
+    fn new(models: &[Model], pair: (usize, usize)) -> Self {
+        let (one, other) = (&models[pair.0], &models[pair.1]);
+        let (m, n) = (one.mean.len(), other.mean.len());
+        let mut information = DMatrix::zeros(m + n, m + n);
+        information.view_mut((0, 0), (m, m)).copy_from(&inverse(&one.covariance));
+        information.view_mut((m, m), (n, n)).copy_from(&inverse(&other.covariance));
+        Self { pair, information, pull: DVector::zeros(m + n), distance: 0.0 }
+    }
+
+    /// A run more: the columns of all models in it, as white noise sees them.
+    fn add(&mut self, models: &[Model], seen: &[DMatrix<f64>]) {
+        let (one, other) = (&seen[self.pair.0], &seen[self.pair.1]);
+        let apart = one * &models[self.pair.0].mean - other * &models[self.pair.1].mean;
+        let mut both = one.clone().insert_columns(one.ncols(), other.ncols(), 0.0);
+        both.columns_mut(one.ncols(), other.ncols()).copy_from(other);
+        self.information += both.transpose() * &both;
+        self.pull += both.transpose() * &apart;
+        self.distance += apart.norm_squared();
+    }
+
+    /// Log odds of one over the other that the runs add on average, if it is the true one.
+    fn log_odds(&self) -> f64 {
+        let explained = (half_of(&self.information).0 * &self.pull).norm_squared();
+        0.5 * (self.distance - explained).max(0.0)
+    }
+}
+
 /// Whitening, and projection beside a run's own unknowns and its surveyed heading.
 struct Beside {
     half: DMatrix<f64>,
@@ -118,13 +158,33 @@ impl Beside {
     }
 }
 
-/// Covariance of what a model says at a run, from that of its weights.
-fn spread(columns: &DMatrix<f64>, model: &Model) -> DMatrix<f64> {
-    columns * &model.covariance * columns.transpose()
-}
-
 /// Inverse of a covariance, or of an information.
 fn inverse(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     let (half, _) = half_of(matrix);
     half.transpose() * half
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two models with one weight each, of variance 1, that act in different seconds; the first says 2, the other nothing. By hand: one run
+    /// has a distance of 4, of which weights within their variance explain 2² / (1 + 1); of two runs it is 8, and 4² / (1 + 2).
+    #[test]
+    fn the_same_weights_in_all_runs() {
+        let model = |mean: f64| Model {
+            weight: 0.5,
+            groups: Vec::new(),
+            mean: DVector::from_element(1, mean),
+            covariance: DMatrix::identity(1, 1),
+            factor: DMatrix::identity(1, 1),
+        };
+        let models = [model(2.0), model(0.0)];
+        let seen = [DMatrix::from_column_slice(2, 1, &[1.0, 0.0]), DMatrix::from_column_slice(2, 1, &[0.0, 1.0])];
+        let mut rival = Rival::new(&models, (0, 1));
+        rival.add(&models, &seen);
+        assert!((rival.log_odds() - 1.0).abs() < 1e-12, "{}", rival.log_odds());
+        rival.add(&models, &seen);
+        assert!((rival.log_odds() - 0.5 * (8.0 - 16.0 / 3.0)).abs() < 1e-12, "{}", rival.log_odds());
+    }
 }

@@ -138,10 +138,14 @@ impl ExperimentBench {
             writeln!(out, "{} {number}: {}", family.name(), before.verdict)?;
             writeln!(out, "    hidden: {}", verdict.hidden)?;
             writeln!(out, "    proposed: {}", experiment.description)?;
+            let next = after.as_ref().ok().and_then(to_tell_apart).map(|next| next.description.clone());
             let then = after.map_or_else(|refusal| refusal, |after| after.verdict);
             let (told, named) =
                 (if unique { "unique" } else { "still confounded" }, if right { "right" } else { "wrong" });
             writeln!(out, "    {told}, {named}: {then}")?;
+            if let Some(next) = next {
+                writeln!(out, "    proposed next: {next}")?;
+            }
         }
         Ok(())
     }
@@ -154,6 +158,7 @@ fn proposed(experiment: &Experiment) -> Proposed {
         headings_deg: experiment.headings_deg.clone(),
         dwell_s: experiment.dwell_s as usize,
         warm_up_s: experiment.warm_up_s as usize,
+        lean_deg: [experiment.pitch_deg, experiment.roll_deg],
     }
 }
 

@@ -53,6 +53,8 @@ pub struct Proposed {
     pub dwell_s: usize,
     /// Time at the first position before its own.
     pub warm_up_s: usize,
+    /// By how much the mount leans more than in the first run: pitch and roll, degrees.
+    pub lean_deg: [f64; 2],
 }
 
 /// What a family needs of a campaign in order to be possible at all.
@@ -212,6 +214,7 @@ impl Plan {
                 azimuth_deg,
                 may_learn: true,
                 survey_error_deg: Some(like.survey_sigma_deg * draw.normal()),
+                tilt_deg: [0, 1].map(|axis| like.tilt_deg[axis] + proposed.lean_deg[axis]),
                 dwells,
                 rotates: false,
                 ..like.clone()

@@ -200,6 +200,10 @@ pub fn experiment(diagnosis: &Diagnosis) -> String {
         vec!["azimuths of the mark".to_owned(), headings.join(", ")],
         vec!["time at each position".to_owned(), format!("{} s", short(experiment.dwell_s))],
         vec!["after switch-on".to_owned(), format!("{} s", short(experiment.warm_up_s))],
+        vec![
+            "the mount leans by".to_owned(),
+            format!("{}° of pitch, {}° of roll", short(experiment.pitch_deg), short(experiment.roll_deg)),
+        ],
         vec!["channels as in".to_owned(), format!("<code>{}</code>", escape(&experiment.like))],
         vec![
             "expected log odds over the nearest other".to_owned(),
