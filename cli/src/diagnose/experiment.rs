@@ -14,8 +14,9 @@ use super::problem::Problem;
 use super::result::Experiment;
 use super::statistics::{dot, least_squares, orthonormalise};
 
-/// Seconds of a move.
+/// Seconds of a move, and of the shortest dwell.
 const MOVE_S: usize = 5;
+const LEAST_DWELL_S: f64 = 10.0;
 /// Expected log odds by which an answer is unique: twice what candidates may be apart and still count as confounded.
 const UNIQUE: f64 = 9.2;
 /// Designs that are weighed together, from the shortest on, until one makes the answer unique.
@@ -57,16 +58,18 @@ pub struct Design {
 }
 
 impl Design {
-    /// All that are weighed, the shortest first; dwells as in `like`. Only an instrument that measures how it stands leans, and only in
+    /// All that are weighed, the shortest first; dwells as in `like`. Where the models follow channels the runs are no longer than that one, and
+    /// begin as it did: how its channels would have gone on is not known. Only an instrument that measures how it stands leans, and only in
     /// runs that begin with the switch-on.
-    fn all(like: &RunData) -> Vec<Self> {
+    fn all(like: &RunData, follow_channels: bool) -> Vec<Self> {
         let length_s = like.samples.last().map_or(240.0, |sample| sample.t_s).max(60.0);
         let has_level = like.samples.iter().all(|sample| sample.level.is_some());
         let mut all = Vec::new();
         for (name, order_deg) in ORDERS {
             for number in HEADINGS {
                 for stretch in STRETCHES.into_iter().filter(|&stretch| stretch < STRETCHES[2] || number >= LONGEST_AT) {
-                    let dwell_s = (stretch * length_s / order_deg.len() as f64 - MOVE_S as f64).max(10.0).round();
+                    let dwell_s =
+                        (stretch * length_s / order_deg.len() as f64 - MOVE_S as f64).max(LEAST_DWELL_S).floor();
                     let heading_deg = |i: usize| wrap_360_deg(22.5 + 360.0 * i as f64 / number as f64);
                     let headings_deg: Vec<f64> = (0..number).map(heading_deg).collect();
                     let like_this = |warm_up_s: f64, lean_deg: f64| Self {
@@ -84,15 +87,20 @@ impl Design {
                 }
             }
         }
+        all.retain(|design| !follow_channels || design.warm_up_s == 0.0 && design.run_s() <= length_s);
         all.sort_by(|a, b| a.seconds().total_cmp(&b.seconds()));
         all
     }
 
+    /// Length of one of its runs.
+    fn run_s(&self) -> f64 {
+        (self.dwell_s + MOVE_S as f64) * self.order_deg.len() as f64 + self.warm_up_s
+    }
+
     /// What it takes.
     fn seconds(&self) -> f64 {
-        let run_s = (self.dwell_s + MOVE_S as f64) * self.order_deg.len() as f64 + self.warm_up_s;
         let leaning_s = if self.lean_deg > 0.0 { LEANING_S } else { 0.0 };
-        run_s * self.headings_deg.len() as f64 + leaning_s
+        self.run_s() * self.headings_deg.len() as f64 + leaning_s
     }
 
     /// Its runs: seconds, with the channels as they went in the run that it is like.
@@ -223,11 +231,12 @@ pub struct Proposal {
 /// The shortest runs that are expected to make the answer unique as far as any can, whichever of the models is true; where none does,
 /// those after which the true one is the likeliest with the greatest probability.
 ///
-/// `expect` says what runs would tell; `names` are those of the likeliest model and then of the others, in the order of the log odds;
+/// `expect` says what runs would tell; `follow_channels` is whether any of the models follows one; `names` are those of the likeliest model and then of the others, in the order of the log odds;
 /// `sigma_now_deg` is what the azimuth is known to now. Without others, the runs that bring the sigma down most for their time.
 pub fn propose(
     like: &RunData,
     names: &[String],
+    follow_channels: bool,
     sigma_now_deg: f64,
     expect: impl Fn(&[RunData]) -> Option<Expectation> + Sync,
 ) -> Proposal {
@@ -237,7 +246,7 @@ pub fn propose(
     let matters = |design: &Design| {
         tells_apart || design.headings_deg.len() == 1 && design.warm_up_s == 0.0 && design.lean_deg == 0.0
     };
-    let designs: Vec<Design> = Design::all(like).into_iter().filter(matters).collect();
+    let designs: Vec<Design> = Design::all(like, follow_channels).into_iter().filter(matters).collect();
     let pairs_of = |models: &[usize]| -> Vec<(usize, usize)> {
         models.iter().enumerate().flat_map(|(i, &one)| models[..i].iter().map(move |&other| (other, one))).collect()
     };

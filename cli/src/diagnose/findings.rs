@@ -217,7 +217,8 @@ fn experiment_for(taken: &Taken, fit: &[&RunData], sigma_now_deg: f64) -> Propos
     let imitations: Vec<Possible> = imitations.collect();
     let effects: Vec<Possible> = std::iter::once(known).chain(imitations).collect();
     let without = experiment::not_imitated(fit.iter().copied(), &effects);
-    experiment::propose(like, &names, sigma_now_deg, |proposed| {
+    let follow_channels = effects.iter().any(|effect| !effect.candidate.channels().is_empty());
+    experiment::propose(like, &names, follow_channels, sigma_now_deg, |proposed| {
         // The scatter of the coefficients falls with the number of runs.
         let share = fit.len() as f64 / (fit.len() + proposed.len()) as f64;
         let with = experiment::not_imitated(fit.iter().copied().chain(proposed), &effects);

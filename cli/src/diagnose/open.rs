@@ -397,7 +397,9 @@ impl Open {
         });
         let Some(place) = place.filter(|_| names.len() > 1 || self.has_process()) else { return Proposal::default() };
         let usual = &self.recordings[place];
-        experiment::propose(&runs[place], &names, sigma_now_deg, |proposed| {
+        let mut groups = self.learned.models.iter().flat_map(|model| &model.groups);
+        let follow_channels = groups.any(|found| !found.group.channels().is_empty());
+        experiment::propose(&runs[place], &names, follow_channels, sigma_now_deg, |proposed| {
             let proposed: Vec<Recording> = proposed
                 .iter()
                 .map(|run| {
