@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::atom::{Atom, Extent, KINDS, STEP};
 use super::columns::{from_columns, side_by_side};
 use super::dictionary::Dictionary;
-use super::evidence::{half_of, posterior};
+use super::evidence::{best_variance, half_of};
 use super::habits::{Habits, SharedWave};
 use super::levels::Switching;
 use super::seen::Seen;
@@ -21,6 +21,8 @@ const STEPS: [f64; 5] = [0.02, 0.01, 0.005, 0.0025, 0.001];
 const MOVES: usize = 8;
 /// Log evidence by which an atom with other constants may be behind and still count.
 const BEHIND: f64 = 4.0;
+/// Most of these that count, of all atoms together: each takes a solution of its own.
+const MOST_OTHERS: usize = 160;
 
 /// What was found in a run: atoms whose sizes have one prior variance.
 #[derive(Clone, Debug)]
@@ -61,8 +63,10 @@ struct Pursuit<'a> {
     penalties: [f64; KINDS],
     atoms: Vec<Atom>,
     kinds: Vec<usize>,
-    /// Columns of every atom beside the own unknowns.
+    /// Columns of every atom beside the own unknowns, their Gram matrix, and their products with the rate.
     columns: Vec<DMatrix<f64>>,
+    gram: DMatrix<f64>,
+    right: DVector<f64>,
 }
 
 impl Pursuit<'_> {
@@ -83,22 +87,62 @@ impl Pursuit<'_> {
     }
 
     fn gain(&self) -> f64 {
-        let all = self.joined();
-        posterior(&all.tr_mul(&all), &all.tr_mul(&self.rate), &vec![self.variance; all.ncols()]).gain
+        best_variance(&self.gram, &self.right, &[self.variance]).0
     }
 
-    /// Gain with another atom in a place.
-    fn gain_with(&mut self, place: usize, atom: Atom) -> f64 {
-        let new = self.beside(atom);
-        let had = std::mem::replace(&mut self.columns[place], new);
-        let gain = self.gain();
-        self.columns[place] = had;
-        gain
+    /// Gram matrix and products with other columns of the same number in a place.
+    fn sums_with(&self, place: usize, new: &DMatrix<f64>) -> (DMatrix<f64>, DVector<f64>) {
+        let (mut gram, mut right) = (self.gram.clone(), self.right.clone());
+        let starts: Vec<usize> = std::iter::once(0)
+            .chain(self.columns.iter().scan(0, |sum, each| {
+                *sum += each.ncols();
+                Some(*sum)
+            }))
+            .collect();
+        let (start, width) = (starts[place], new.ncols());
+        for (other, columns) in self.columns.iter().enumerate() {
+            let products = new.tr_mul(if other == place { new } else { columns });
+            gram.view_mut((start, starts[other]), (width, columns.ncols())).copy_from(&products);
+            gram.view_mut((starts[other], start), (columns.ncols(), width)).copy_from(&products.transpose());
+        }
+        right.rows_mut(start, width).copy_from(&new.tr_mul(&self.rate));
+        (gram, right)
+    }
+
+    /// Gain with another atom of the same kind in a place.
+    fn gain_with(&self, place: usize, atom: Atom) -> f64 {
+        let (gram, right) = self.sums_with(place, &self.beside(atom));
+        best_variance(&gram, &right, &[self.variance]).0
     }
 
     fn put(&mut self, place: usize, atom: Atom) {
-        self.columns[place] = self.beside(atom);
+        let new = self.beside(atom);
+        (self.gram, self.right) = self.sums_with(place, &new);
+        self.columns[place] = new;
         self.atoms[place] = atom;
+    }
+
+    fn push(&mut self, atom: Atom, kind: usize) {
+        self.kinds.push(kind);
+        self.columns.push(self.beside(atom));
+        self.atoms.push(atom);
+        let all = self.joined();
+        (self.gram, self.right) = (all.tr_mul(&all), all.tr_mul(&self.rate));
+    }
+
+    fn remove(&mut self, place: usize) {
+        (self.gram, self.right) = self.sums_without(place);
+        self.atoms.remove(place);
+        self.kinds.remove(place);
+        self.columns.remove(place);
+    }
+
+    /// Gram matrix and products without an atom.
+    fn sums_without(&self, place: usize) -> (DMatrix<f64>, DVector<f64>) {
+        let start = self.columns[..place].iter().map(DMatrix::ncols).sum();
+        let width = self.columns[place].ncols();
+        let gram = self.gram.clone().remove_columns(start, width).remove_rows(start, width);
+        (gram, self.right.clone().remove_rows(start, width))
     }
 
     /// Constants of one atom to where the evidence is greatest.
@@ -127,9 +171,7 @@ impl Pursuit<'_> {
             let q = side_by_side(self.own.nrows(), [&self.own, &chosen]);
             let best = dictionary.best(&q, &left, self.variance, &self.penalties);
             let Some(((atom, kind), _)) = best.filter(|each| each.1 > LEAST_GAIN) else { break };
-            self.kinds.push(kind);
-            self.columns.push(self.beside(atom));
-            self.atoms.push(atom);
+            self.push(atom, kind);
             self.refine(self.atoms.len() - 1, &STEPS[..4]);
             if self.atoms.len().is_power_of_two() {
                 (0..self.atoms.len()).for_each(|place| self.refine(place, &STEPS[1..4]));
@@ -143,19 +185,15 @@ impl Pursuit<'_> {
         loop {
             let all = self.gain();
             let without = |place: usize| {
-                let kept = |each: &(usize, &DMatrix<f64>)| each.0 != place;
-                let rest =
-                    side_by_side(self.own.nrows(), self.columns.iter().enumerate().filter(kept).map(|each| each.1));
-                posterior(&rest.tr_mul(&rest), &rest.tr_mul(&self.rate), &vec![self.variance; rest.ncols()]).gain
+                let (gram, right) = self.sums_without(place);
+                best_variance(&gram, &right, &[self.variance]).0
             };
             let worth = |place: usize| all - without(place) - self.penalties[self.kinds[place]];
             let least = (0..self.atoms.len()).map(|place| (worth(place), place));
             let Some((_, place)) = least.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|each| each.0 < LEAST_GAIN) else {
                 return;
             };
-            self.atoms.remove(place);
-            self.kinds.remove(place);
-            self.columns.remove(place);
+            self.remove(place);
         }
     }
 
@@ -165,14 +203,16 @@ impl Pursuit<'_> {
         from_columns(self.roots.len(), columns) * self.variance.sqrt()
     }
 
-    /// What else an atom may be.
-    fn others(&mut self, place: usize) -> Vec<(f64, DMatrix<f64>)> {
+    /// What else an atom may be. Where there are too many such, every second, third and so on from the likeliest on: they spread as all do.
+    fn others(&self, place: usize) -> Vec<(f64, DMatrix<f64>)> {
         let (atom, best) = (self.atoms[place], self.gain());
         let near = STEPS.iter().flat_map(|&step| atom.neighbours(step, self.extent));
         let near: Vec<Atom> = near.collect();
         let near = near.into_iter().map(|atom| (self.gain_with(place, atom) - best, atom));
-        let near: Vec<(f64, Atom)> = near.filter(|each| each.0 > -BEHIND).collect();
-        near.into_iter().map(|(behind, atom)| (behind, self.part(atom))).collect()
+        let mut near: Vec<(f64, Atom)> = near.filter(|each| each.0 > -BEHIND).collect();
+        near.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let step = (near.len() * self.atoms.len()).div_ceil(MOST_OTHERS).max(1);
+        near.into_iter().step_by(step).map(|(behind, atom)| (behind, self.part(atom))).collect()
     }
 }
 
@@ -218,6 +258,8 @@ impl Course {
             atoms: Vec::new(),
             kinds: Vec::new(),
             columns: Vec::new(),
+            gram: DMatrix::zeros(0, 0),
+            right: DVector::zeros(0),
         };
         pursuit.grow(dictionary);
         pursuit.prune();
