@@ -22,7 +22,7 @@ const MOVES: usize = 8;
 /// Log evidence by which an atom with other constants may be behind and still count.
 const BEHIND: f64 = 4.0;
 /// Most of these that count, of all atoms together: each takes a solution of its own.
-const MOST_OTHERS: usize = 160;
+const MOST_OTHERS: usize = 64;
 
 /// What was found in a run: atoms whose sizes have one prior variance.
 #[derive(Clone, Debug)]
