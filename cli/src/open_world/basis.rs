@@ -7,6 +7,7 @@ use north_finder::level::Specific;
 use super::columns::{Columns, from_columns, side_by_side};
 use super::dynamics::{low_pass, low_pass_from, play, relay, smoothed};
 use super::group::{Base, Group, PLAY_WIDTHS, TIMES_S};
+use super::heading;
 use super::recording::{Move, Place, Recording, Reference, Samples};
 use super::sheet::Sheet;
 
@@ -31,13 +32,6 @@ const RELAY_WIDTHS: [f64; 3] = [0.1, 0.4, 0.8];
 const RIDGE_RANGE: f64 = 1.25;
 /// Half lengths of the windows in which tilt rates are slopes, seconds.
 const SLOPE_S: [usize; 3] = [5, 20, 100];
-/// Bumps in the heading, and their concentration.
-const BUMPS: usize = 12;
-const CONCENTRATION: f64 = 1.0 / 0.2;
-/// The same in the axis's azimuth.
-const AXIS_BUMPS: usize = 14;
-const AXIS_CONCENTRATION: f64 = 1.0 / 0.2;
-const BROAD_CONCENTRATION: f64 = 1.0;
 /// Curves go on at their ends beyond this many half ranges; what lies beyond makes the answer uncertain.
 pub const RANGE: f64 = 1.2;
 /// Directions of a base below this share of its greatest variance are left out.
@@ -160,7 +154,7 @@ impl Scales {
         if let Some(place) = others_deg.iter().position(|heading_deg| Some(*heading_deg) == own_deg) {
             others_deg.swap_remove(place);
         }
-        share_of_sector(&others_deg, sector, azimuth_rad.to_degrees())
+        heading::share_of_sector(&others_deg, sector, azimuth_rad.to_degrees())
     }
 
     /// Directions of all channels within runs (what differs between runs only is a part of the bias).
@@ -238,7 +232,7 @@ impl Scales {
                     ),
                 }
             }
-            Base::Rate => from_columns(rows, [along(sheet, azimuth_rad)]),
+            Base::Rate => from_columns(rows, [heading::along(sheet, azimuth_rad)]),
             Base::Settling => from_columns(rows, DECAYS_S.map(|time_s| sheet.settling(time_s, |_| 1.0))),
             Base::Travel => {
                 let sizes: [fn(&Move) -> f64; 2] =
@@ -254,13 +248,7 @@ impl Scales {
                 let decays = WARM_UP_S.map(|time_s| sheet.column(|i| (-t[i].max(0.0) / time_s).exp()));
                 beside([self.of_time.columns(samples, &curve), from_columns(rows, decays)])
             }
-            Base::Heading => {
-                let of = |bump: usize| {
-                    let centre = bump as f64 * std::f64::consts::TAU / BUMPS as f64;
-                    vec![(((azimuth_rad - centre).cos() - 1.0) * CONCENTRATION).exp(); rows]
-                };
-                from_columns(rows, (0..BUMPS).map(of))
-            }
+            Base::Heading => heading::bumps(sheet, azimuth_rad),
             Base::Tilt => {
                 let tilt: Vec<f64> = sheet.tilt().into_iter().map(|tilt| tilt / self.most_tilt).collect();
                 let curve = self.of_tilt.columns(samples, &clip(tilt.clone()));
@@ -350,7 +338,7 @@ impl Scales {
                 from_columns(rows, [(0..rows).map(|i| sin * sheet.cos[i] - cos * sheet.sin[i]).collect::<Vec<_>>()])
             }
             Group::RateCurve => {
-                let rate = along(sheet, azimuth_rad);
+                let rate = heading::along(sheet, azimuth_rad);
                 let of = |centre: &f64| rate.iter().map(|x| bump((x - centre) / self.of_rate.width)).collect();
                 from_columns(rows, self.of_rate.centres.iter().map(of)) * &self.of_rate.whitening
             }
@@ -390,8 +378,8 @@ impl Scales {
                 let wound: Vec<f64> = sheet.wound_deg.iter().map(|wound| wound / self.most_wound_deg).collect();
                 self.of_winding.columns(samples, &wound)
             }
-            Group::AxisCurve => axis_bumps(sheet, azimuth_rad, AXIS_CONCENTRATION),
-            Group::BroadAxisCurve => axis_bumps(sheet, azimuth_rad, BROAD_CONCENTRATION),
+            Group::AxisCurve => heading::axis_curve(sheet, azimuth_rad),
+            Group::BroadAxisCurve => heading::broad_axis_curve(sheet, azimuth_rad),
             Group::IndexCurve => {
                 let (sin, cos) = azimuth_rad.sin_cos();
                 let field: Vec<f64> = (0..rows).map(|i| sin * sheet.cos[i] - cos * sheet.sin[i]).collect();
@@ -426,7 +414,8 @@ impl Scales {
                 from_columns(rows, [of(f64::cos), of(f64::sin)])
             }
             Group::Sector([from_deg, width_deg]) => {
-                let share = share_of_sector(&self.headings_deg, [*from_deg, *width_deg], azimuth_rad.to_degrees());
+                let share =
+                    heading::share_of_sector(&self.headings_deg, [*from_deg, *width_deg], azimuth_rad.to_degrees());
                 self.raw_base(sheet, Base::Harmonic(1), 0.0) * share
             }
             Group::Relaxation => {
@@ -566,38 +555,6 @@ impl Scales {
             .collect();
         beside(memories)
     }
-}
-
-/// cos α: the share of the horizontal Earth rate along the axis.
-fn along(sheet: &Sheet, azimuth_rad: f64) -> Vec<f64> {
-    let (sin, cos) = azimuth_rad.sin_cos();
-    sheet.cos.iter().zip(&sheet.sin).map(|(c, s)| cos * c + sin * s).collect()
-}
-
-/// Bumps all around in the axis's azimuth.
-fn axis_bumps(sheet: &Sheet, azimuth_rad: f64, concentration: f64) -> Columns {
-    let of = |i: usize, centre: f64| {
-        let axis_rad = azimuth_rad - sheet.sin[i].atan2(sheet.cos[i]);
-        (((axis_rad - centre).cos() - 1.0) * concentration).exp()
-    };
-    let bump = |number: usize| {
-        let centre = number as f64 * std::f64::consts::TAU / AXIS_BUMPS as f64;
-        (0..sheet.cos.len()).map(|i| of(i, centre)).collect::<Vec<_>>()
-    };
-    from_columns(sheet.cos.len(), (0..AXIS_BUMPS).map(bump))
-}
-
-/// Probability that a heading lies in a sector, of which is known only which of the surveyed headings lie inside: its borders may be
-/// anywhere between two of these. All in degrees.
-pub fn share_of_sector(surveyed_deg: &[f64], [from_deg, width_deg]: [f64; 2], heading_deg: f64) -> f64 {
-    let inside = |heading_deg: f64| f64::from(u8::from((heading_deg - from_deg).rem_euclid(360.0) < width_deg));
-    let ahead = |known_deg: &f64| (known_deg - heading_deg).rem_euclid(360.0);
-    let next_deg = surveyed_deg.iter().min_by(|a, b| ahead(a).total_cmp(&ahead(b)));
-    let last_deg = surveyed_deg.iter().max_by(|a, b| ahead(a).total_cmp(&ahead(b)));
-    let (Some(next_deg), Some(last_deg)) = (next_deg, last_deg) else { return inside(heading_deg) };
-    let (to_next, since_last) = (ahead(next_deg), 360.0 - ahead(last_deg));
-    let share = since_last / (to_next + since_last);
-    share * inside(*next_deg) + (1.0 - share) * inside(*last_deg)
 }
 
 fn sign(value: f64) -> f64 {

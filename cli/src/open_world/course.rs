@@ -63,10 +63,52 @@ struct Pursuit<'a> {
     penalties: [f64; KINDS],
     atoms: Vec<Atom>,
     kinds: Vec<usize>,
-    /// Columns of every atom beside the own unknowns, their Gram matrix, and their products with the rate.
+    /// Columns of every atom beside the own unknowns, and their sums.
     columns: Vec<DMatrix<f64>>,
+    sums: Sums,
+}
+
+/// Gram matrix of columns, and their products with a rate: kept from move to move.
+struct Sums {
     gram: DMatrix<f64>,
     right: DVector<f64>,
+}
+
+impl Sums {
+    fn of(all: &DMatrix<f64>, rate: &DVector<f64>) -> Self {
+        Self { gram: all.tr_mul(all), right: all.tr_mul(rate) }
+    }
+
+    /// With other columns, as many as there were, in a place.
+    fn with(&self, columns: &[DMatrix<f64>], place: usize, new: &DMatrix<f64>, rate: &DVector<f64>) -> Self {
+        let (mut gram, mut right) = (self.gram.clone(), self.right.clone());
+        let (start, width) = (first_of(columns, place), new.ncols());
+        for (other, columns_of) in columns.iter().enumerate() {
+            let products = new.tr_mul(if other == place { new } else { columns_of });
+            let (at, count) = (first_of(columns, other), products.ncols());
+            gram.view_mut((start, at), (width, count)).copy_from(&products);
+            gram.view_mut((at, start), (count, width)).copy_from(&products.transpose());
+        }
+        right.rows_mut(start, width).copy_from(&new.tr_mul(rate));
+        Self { gram, right }
+    }
+
+    /// Without those of a place.
+    fn without(&self, columns: &[DMatrix<f64>], place: usize) -> Self {
+        let (start, width) = (first_of(columns, place), columns[place].ncols());
+        let gram = self.gram.clone().remove_columns(start, width).remove_rows(start, width);
+        Self { gram, right: self.right.clone().remove_rows(start, width) }
+    }
+
+    /// Log evidence that weights with this prior variance gain.
+    fn gain(&self, variance: f64) -> f64 {
+        best_variance(&self.gram, &self.right, &[variance]).0
+    }
+}
+
+/// Where the columns of a place begin among all.
+fn first_of(columns: &[DMatrix<f64>], place: usize) -> usize {
+    columns[..place].iter().map(DMatrix::ncols).sum()
 }
 
 impl Pursuit<'_> {
@@ -87,37 +129,17 @@ impl Pursuit<'_> {
     }
 
     fn gain(&self) -> f64 {
-        best_variance(&self.gram, &self.right, &[self.variance]).0
-    }
-
-    /// Gram matrix and products with other columns of the same number in a place.
-    fn sums_with(&self, place: usize, new: &DMatrix<f64>) -> (DMatrix<f64>, DVector<f64>) {
-        let (mut gram, mut right) = (self.gram.clone(), self.right.clone());
-        let starts: Vec<usize> = std::iter::once(0)
-            .chain(self.columns.iter().scan(0, |sum, each| {
-                *sum += each.ncols();
-                Some(*sum)
-            }))
-            .collect();
-        let (start, width) = (starts[place], new.ncols());
-        for (other, columns) in self.columns.iter().enumerate() {
-            let products = new.tr_mul(if other == place { new } else { columns });
-            gram.view_mut((start, starts[other]), (width, columns.ncols())).copy_from(&products);
-            gram.view_mut((starts[other], start), (columns.ncols(), width)).copy_from(&products.transpose());
-        }
-        right.rows_mut(start, width).copy_from(&new.tr_mul(&self.rate));
-        (gram, right)
+        self.sums.gain(self.variance)
     }
 
     /// Gain with another atom of the same kind in a place.
     fn gain_with(&self, place: usize, atom: Atom) -> f64 {
-        let (gram, right) = self.sums_with(place, &self.beside(atom));
-        best_variance(&gram, &right, &[self.variance]).0
+        self.sums.with(&self.columns, place, &self.beside(atom), &self.rate).gain(self.variance)
     }
 
     fn put(&mut self, place: usize, atom: Atom) {
         let new = self.beside(atom);
-        (self.gram, self.right) = self.sums_with(place, &new);
+        self.sums = self.sums.with(&self.columns, place, &new, &self.rate);
         self.columns[place] = new;
         self.atoms[place] = atom;
     }
@@ -126,23 +148,14 @@ impl Pursuit<'_> {
         self.kinds.push(kind);
         self.columns.push(self.beside(atom));
         self.atoms.push(atom);
-        let all = self.joined();
-        (self.gram, self.right) = (all.tr_mul(&all), all.tr_mul(&self.rate));
+        self.sums = Sums::of(&self.joined(), &self.rate);
     }
 
     fn remove(&mut self, place: usize) {
-        (self.gram, self.right) = self.sums_without(place);
+        self.sums = self.sums.without(&self.columns, place);
         self.atoms.remove(place);
         self.kinds.remove(place);
         self.columns.remove(place);
-    }
-
-    /// Gram matrix and products without an atom.
-    fn sums_without(&self, place: usize) -> (DMatrix<f64>, DVector<f64>) {
-        let start = self.columns[..place].iter().map(DMatrix::ncols).sum();
-        let width = self.columns[place].ncols();
-        let gram = self.gram.clone().remove_columns(start, width).remove_rows(start, width);
-        (gram, self.right.clone().remove_rows(start, width))
     }
 
     /// Constants of one atom to where the evidence is greatest.
@@ -184,10 +197,7 @@ impl Pursuit<'_> {
     fn prune(&mut self) {
         loop {
             let all = self.gain();
-            let without = |place: usize| {
-                let (gram, right) = self.sums_without(place);
-                best_variance(&gram, &right, &[self.variance]).0
-            };
+            let without = |place: usize| self.sums.without(&self.columns, place).gain(self.variance);
             let worth = |place: usize| all - without(place) - self.penalties[self.kinds[place]];
             let least = (0..self.atoms.len()).map(|place| (worth(place), place));
             let Some((_, place)) = least.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|each| each.0 < LEAST_GAIN) else {
@@ -258,8 +268,7 @@ impl Course {
             atoms: Vec::new(),
             kinds: Vec::new(),
             columns: Vec::new(),
-            gram: DMatrix::zeros(0, 0),
-            right: DVector::zeros(0),
+            sums: Sums { gram: DMatrix::zeros(0, 0), right: DVector::zeros(0) },
         };
         pursuit.grow(dictionary);
         pursuit.prune();
@@ -356,4 +365,26 @@ fn unseen_steps(sheet: &Sheet, variance: f64) -> DMatrix<f64> {
         (0..spans.len()).map(|i| if i > place { size } else { 0.0 }).collect::<Vec<f64>>()
     });
     from_columns(spans.len(), steps)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::open_world::evidence::posterior;
+
+    /// Sums that are kept are those of all columns anew, and their gain is that of the posterior.
+    #[test]
+    fn sums_are_kept_from_move_to_move() {
+        let column = |of: f64| DMatrix::from_fn(9, 1, |i, _| (of * (1.0 + i as f64)).sin());
+        let pair = |of: f64| side_by_side(9, [&column(of), &column(1.7 * of)]);
+        let rate = DVector::from_fn(9, |i, _| (0.4 * i as f64).cos());
+        let mut columns = vec![column(0.3), pair(0.5), column(0.9)];
+        let kept = Sums::of(&side_by_side(9, &columns), &rate).with(&columns, 1, &pair(0.7), &rate);
+        columns[1] = pair(0.7);
+        let kept = kept.without(&columns, 0);
+        columns.remove(0);
+        let anew = Sums::of(&side_by_side(9, &columns), &rate);
+        assert!((&kept.gram - &anew.gram).norm() < 1e-12 && (&kept.right - &anew.right).norm() < 1e-12);
+        assert!((kept.gain(2.0) - posterior(&anew.gram, &anew.right, &[2.0; 3]).gain).abs() < 1e-12);
+    }
 }

@@ -1,11 +1,12 @@
 //! Azimuth and log-likelihood of a run's rows by generalised least squares.
 
+use std::f64::consts::TAU;
+
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::columns::side_by_side;
 use super::course::Course;
 use super::evidence::half_of;
-use super::predict::{Prediction, wrap};
 use super::run::Run;
 use super::switching::Way;
 use super::tie::{Tie, tie_down};
@@ -14,6 +15,14 @@ use super::tie::{Tie, tie_down};
 const ROUNDS_OF_AMPLITUDE: usize = 2;
 /// An azimuth that may be any.
 const NOWHERE: Prediction = Prediction { azimuth_rad: 0.0, sigma_rad: std::f64::consts::PI, amplitude_deg_h: 0.0 };
+
+/// Azimuth of a run with its standard deviation, and the horizontal rate that the run by itself has then.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prediction {
+    pub azimuth_rad: f64,
+    pub sigma_rad: f64,
+    pub amplitude_deg_h: f64,
+}
 
 /// An azimuth, and the log-likelihood of the rows that it comes from, the run's own unknowns and all that is uncertain integrated out.
 #[derive(Clone, Copy, Debug)]
@@ -119,6 +128,11 @@ fn azimuth(normal: &DMatrix<f64>, right: &DVector<f64>, square: f64, north_deg_h
         amplitude_deg_h,
     };
     Likely { log_likelihood, prediction }
+}
+
+/// Into (−π, π].
+pub fn wrap(angle_rad: f64) -> f64 {
+    (angle_rad + 0.5 * TAU).rem_euclid(TAU) - 0.5 * TAU
 }
 
 /// Mean and standard deviation of a mixture.

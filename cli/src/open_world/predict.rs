@@ -1,6 +1,5 @@
 //! The azimuth of a run by what was learned: generalised least squares, averaged over what remains possible.
 
-use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
@@ -14,7 +13,7 @@ use super::evidence::{Posterior, posterior};
 use super::group::Group;
 use super::habits::Habits;
 use super::learn::{Active, Alternative, OfRun, Search, State, prepare, sizes_deg_h, summed};
-use super::least_squares::{Likely, along_course, by_likelihood, under_kernel};
+use super::least_squares::{Likely, Prediction, along_course, by_likelihood, under_kernel, wrap};
 use super::levels::Switching;
 use super::process::{self, Kernel};
 use super::recording::Recording;
@@ -38,14 +37,6 @@ const MARGIN: f64 = 12.0;
 const LEAST_OF_SECTOR: f64 = 1e-6;
 /// Beyond the learned range an effect may change by this much of its size for each half range.
 const BEYOND: f64 = 2.0;
-
-/// Azimuth of a run with its standard deviation, and the horizontal rate that the run by itself has then.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Prediction {
-    pub azimuth_rad: f64,
-    pub sigma_rad: f64,
-    pub amplitude_deg_h: f64,
-}
 
 /// A group of a model.
 #[derive(Clone, Debug)]
@@ -516,9 +507,4 @@ fn score(runs: &[Run], left_out: &[Prediction]) -> f64 {
         Some(-0.5 * (wrap(found.azimuth_rad - reference.azimuth_rad).powi(2) / variance + variance.ln()))
     };
     runs.iter().zip(left_out).filter_map(of_run).sum()
-}
-
-/// Into (−π, π].
-pub fn wrap(angle_rad: f64) -> f64 {
-    (angle_rad + 0.5 * TAU).rem_euclid(TAU) - 0.5 * TAU
 }

@@ -4,9 +4,9 @@ use north_finder::level::Specific;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::basis::share_of_sector;
 use super::dynamics::{delay, first_rate, friction, low_pass, peak, play, relay, smoothed};
 use super::evidence::posterior;
+use super::heading::share_of_sector;
 use super::learn::Search;
 use super::process::{Shape, kernels};
 use super::rhythm::{Rhythm, possible_phases};
@@ -69,7 +69,7 @@ fn judged(all: &[(Recording, f64)], learned: &Learned) -> (f64, f64) {
     let (mut squares, mut normalised) = (0.0, 0.0);
     for (found, (_, truth)) in learned.azimuths(&check).into_iter().zip(&all[all.len() - 6..]) {
         let found = found.unwrap();
-        let error = predict::wrap(found.azimuth_rad - truth);
+        let error = least_squares::wrap(found.azimuth_rad - truth);
         squares += error * error / 6.0;
         normalised += (error / found.sigma_rad).powi(2);
     }
@@ -561,7 +561,7 @@ fn a_rhythm_at_a_phase_is_one_at_none_turned() {
 /// Normal about 0.3 with a deviation of 0.02: so are the phases. Where nothing tells them apart, all are equal.
 #[test]
 fn possible_phases_have_their_probabilities() {
-    let off = |phase: f64| predict::wrap(std::f64::consts::TAU * (phase - 0.3)) / std::f64::consts::TAU;
+    let off = |phase: f64| least_squares::wrap(std::f64::consts::TAU * (phase - 0.3)) / std::f64::consts::TAU;
     let found = possible_phases(|phase| -0.5 * (off(phase) / 0.02).powi(2));
     let mean: f64 = found.iter().map(|(weight, phase)| weight * off(*phase)).sum();
     let variance: f64 = found.iter().map(|(weight, phase)| weight * off(*phase).powi(2)).sum();
