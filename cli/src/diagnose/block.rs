@@ -7,7 +7,6 @@ use north_finder::units::{RAD_PER_DEG, wrap_180_deg};
 use super::candidate::Columns;
 use super::data::{RunData, Sample};
 use super::statistics::{dot, least_squares, median, orthonormalise, subtract};
-use crate::open_world;
 
 /// One sigma of the amplitude about Ω cos φ, relative, where a surveyed heading ties the rates down.
 const AMPLITUDE_SIGMA: f64 = 0.002;
@@ -193,7 +192,18 @@ fn nuisance_columns(run: &RunData, sinusoid_period_s: Option<f64>) -> Vec<Vec<f6
 
 /// Noise of a one-second rate from its fast changes: median of the differences of neighbours in a dwell, °/h.
 pub fn noise_deg_h(run: &RunData) -> Option<f64> {
-    let differences = if run.rotation { changes_in_rotation(run) } else { changes(run) };
+    let differences: Vec<f64> = run
+        .samples
+        .windows(2)
+        .filter(|pair| pair[0].dwell == pair[1].dwell && run.enters(&pair[0]) && run.enters(&pair[1]))
+        .filter(|pair| !pair[1].moving || run.rotation)
+        .map(|pair| {
+            let apart = (1.0 / pair[0].seconds + 1.0 / pair[1].seconds).sqrt();
+            let turned = run.earth.north_deg_h * (pair[1].cos - pair[0].cos).hypot(pair[1].sin - pair[0].sin);
+            // In a rotation the signal itself changes from sample to sample; its share is small for samples of a second.
+            ((pair[1].rate_deg_h - pair[0].rate_deg_h).abs() - if run.rotation { turned } else { 0.0 }).abs() / apart
+        })
+        .collect();
     if differences.len() < 8 {
         return None;
     }
@@ -203,32 +213,4 @@ pub fn noise_deg_h(run: &RunData) -> Option<f64> {
     // A coarse gyro repeats itself more often than not: then the mean square says more than the median.
     let noise = if noise > 0.0 { noise } else { spread };
     (noise > 0.0).then_some(noise)
-}
-
-/// Differences of neighbours within dwells in units of what white noise of 1 °/h in a second makes of them.
-fn changes(run: &RunData) -> Vec<f64> {
-    let rate: Vec<f64> = run.samples.iter().map(|sample| sample.rate_deg_h).collect();
-    let interval_s: Vec<f64> = run.samples.iter().map(|sample| sample.seconds).collect();
-    let mut chains: Vec<Vec<usize>> = Vec::new();
-    for (i, sample) in run.samples.iter().enumerate().filter(|(_, sample)| run.enters(sample)) {
-        let follows = |last: usize| last + 1 == i && run.samples[last].dwell == sample.dwell && !sample.moving;
-        match chains.last_mut().filter(|chain| chain.last().is_some_and(|&last| follows(last))) {
-            Some(chain) => chain.push(i),
-            None => chains.push(vec![i]),
-        }
-    }
-    open_world::quiet(&rate, &interval_s, &chains).into_iter().map(|(_, difference)| difference.abs()).collect()
-}
-
-/// In a rotation the signal itself changes from sample to sample; its share is small for samples of a second.
-fn changes_in_rotation(run: &RunData) -> Vec<f64> {
-    run.samples
-        .windows(2)
-        .filter(|pair| pair[0].dwell == pair[1].dwell && run.enters(&pair[0]) && run.enters(&pair[1]))
-        .map(|pair| {
-            let apart = (1.0 / pair[0].seconds + 1.0 / pair[1].seconds).sqrt();
-            let turned = run.earth.north_deg_h * (pair[1].cos - pair[0].cos).hypot(pair[1].sin - pair[0].sin);
-            ((pair[1].rate_deg_h - pair[0].rate_deg_h).abs() - turned).abs() / apart
-        })
-        .collect()
 }

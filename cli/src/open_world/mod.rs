@@ -36,7 +36,6 @@ mod tuned;
 mod waves;
 
 pub use basis::{DECAYS_S, MEMORY_S, RELAXATION_S, TRAVEL_S, WARM_UP_S};
-pub use differences::quiet;
 pub use expected::Expected;
 pub use group::{Base, Group, PLAY_WIDTHS, TIMES_S};
 pub use least_squares::Prediction;
