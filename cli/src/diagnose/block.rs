@@ -9,7 +9,7 @@ use super::data::{RunData, Sample};
 use super::statistics::{dot, least_squares, median, orthonormalise, subtract};
 
 /// One sigma of the amplitude about Ω cos φ, relative, where a surveyed heading ties the rates down.
-const AMPLITUDE_SIGMA: f64 = 0.002;
+pub const AMPLITUDE_SIGMA: f64 = 0.002;
 /// One sigma of a surveyed heading that says none, and of the index on top of it, degrees.
 const REFERENCE_SIGMA_DEG: f64 = 0.005;
 const INDEX_SIGMA_DEG: f64 = 0.01;

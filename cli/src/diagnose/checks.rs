@@ -4,6 +4,7 @@ use north_finder::earth::EARTH_RATE_DEG_H;
 use north_finder::effects::ErrorModel;
 use north_finder::units::{RAD_PER_DEG, wrap_180_deg};
 
+use super::block::AMPLITUDE_SIGMA;
 use super::candidate::{Candidate, Part};
 use super::data::RunData;
 use super::learned::Learned;
@@ -27,10 +28,9 @@ fn warning(message: String) -> Warning {
     Warning { run: None, line: None, message }
 }
 
-/// A run's horizontal rate is another than the others' by so many sigmas: its own, or 1.48 times their median deviation, and 0.2 %.
+/// A run's horizontal rate is another than the others' by so many sigmas: its own, or 1.48 times their median deviation, and that of the tie to Ω cos φ.
 const AMPLITUDE_SIGMAS: f64 = 5.0;
 const SIGMA_OF_MEDIAN: f64 = 1.4826;
-const AMPLITUDE_SIGMA: f64 = 0.002;
 
 /// Refuses what makes no sense at all.
 pub fn refuse(runs: &[RunData]) -> Result<(), Refusal> {

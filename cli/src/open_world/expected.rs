@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
+use super::columns::side_by_side;
 use super::evidence::half_of;
 use super::learn::{prepare, sizes_deg_h};
 use super::least_squares::least_squares;
@@ -27,9 +28,10 @@ impl Learned {
     /// little in it.
     pub fn expected(&self, proposed: &[Recording], usual: &Recording) -> Option<Expected> {
         let first = self.models.first()?;
+        let learned: Vec<DMatrix<f64>> = self.models.iter().map(|model| inverse(&model.covariance)).collect();
         let pairs = (0..self.models.len()).flat_map(|one| (0..one).map(move |other| (one, other)));
-        let mut rivals: Vec<Rival> = pairs.map(|pair| Rival::new(&self.models, pair)).collect();
-        let mut information = inverse(&first.covariance);
+        let mut rivals: Vec<Rival> = pairs.map(|pair| Rival::new(&learned, pair)).collect();
+        let mut information = learned[0].clone();
         for recording in proposed {
             let run = self.run(recording)?;
             let beside = Beside::new(&run, &self.covariance(&run));
@@ -107,12 +109,13 @@ struct Rival {
 }
 
 impl Rival {
-    fn new(models: &[Model], pair: (usize, usize)) -> Self {
-        let (one, other) = (&models[pair.0], &models[pair.1]);
-        let (m, n) = (one.mean.len(), other.mean.len());
+    /// `learned` is what is known of the weights of every model.
+    fn new(learned: &[DMatrix<f64>], pair: (usize, usize)) -> Self {
+        let (one, other) = (&learned[pair.0], &learned[pair.1]);
+        let (m, n) = (one.nrows(), other.nrows());
         let mut information = DMatrix::zeros(m + n, m + n);
-        information.view_mut((0, 0), (m, m)).copy_from(&inverse(&one.covariance));
-        information.view_mut((m, m), (n, n)).copy_from(&inverse(&other.covariance));
+        information.view_mut((0, 0), (m, m)).copy_from(one);
+        information.view_mut((m, m), (n, n)).copy_from(other);
         Self { pair, information, pull: DVector::zeros(m + n), distance: 0.0 }
     }
 
@@ -120,8 +123,7 @@ impl Rival {
     fn add(&mut self, models: &[Model], seen: &[DMatrix<f64>]) {
         let (one, other) = (&seen[self.pair.0], &seen[self.pair.1]);
         let apart = one * &models[self.pair.0].mean - other * &models[self.pair.1].mean;
-        let mut both = one.clone().insert_columns(one.ncols(), other.ncols(), 0.0);
-        both.columns_mut(one.ncols(), other.ncols()).copy_from(other);
+        let both = side_by_side(one.nrows(), [one, other]);
         self.information += both.transpose() * &both;
         self.pull += both.transpose() * &apart;
         self.distance += apart.norm_squared();
@@ -181,7 +183,7 @@ mod tests {
         };
         let models = [model(2.0), model(0.0)];
         let seen = [DMatrix::from_column_slice(2, 1, &[1.0, 0.0]), DMatrix::from_column_slice(2, 1, &[0.0, 1.0])];
-        let mut rival = Rival::new(&models, (0, 1));
+        let mut rival = Rival::new(&[DMatrix::identity(1, 1), DMatrix::identity(1, 1)], (0, 1));
         rival.add(&models, &seen);
         assert!((rival.log_odds() - 1.0).abs() < 1e-12, "{}", rival.log_odds());
         rival.add(&models, &seen);

@@ -63,17 +63,23 @@ pub fn under_kernel(
 /// Beside what happens in the run by itself, averaged over what else every part of that may be; over the ways between levels by their
 /// probabilities, whose likelihood (`plain`) is that without what is uncertain of the effects.
 pub fn along_course(run: &Run, residual: &DVector<f64>, unsure: &DMatrix<f64>, course: &Course, plain: f64) -> Likely {
-    let by =
-        |factor: DMatrix<f64>| under_kernel(run, (0, 0.0), residual, &side_by_side(run.rate.len(), [unsure, &factor]));
+    let whitened = |columns: &DMatrix<f64>| run.whitening.whiten(0, 0.0, columns);
+    let (design, unsure) = (whitened(&run.design), whitened(unsure));
+    let beside = |rate: &DMatrix<f64>, factor: &DMatrix<f64>| {
+        let all = side_by_side(run.rate.len(), [&unsure, &whitened(factor)]);
+        beside_unsure(&design, rate, &all, run.north_deg_h)
+    };
     if !course.ways.is_empty() {
         let of_way = |way: &Way| {
-            let all = side_by_side(run.rate.len(), [unsure, &way.factor]);
-            (way.log_probability.exp(), under_kernel(run, (0, 0.0), &(residual - &way.mean), &all).prediction)
+            let rate = whitened(&DMatrix::from_columns(&[residual - &way.mean]));
+            (way.log_probability.exp(), beside(&rate, &way.factor).prediction)
         };
         let prediction = average(&course.ways.iter().map(of_way).collect::<Vec<_>>());
         return Likely { log_likelihood: plain, prediction };
     }
-    let first = by(course.factor());
+    let rate = whitened(&DMatrix::from_columns(std::slice::from_ref(residual)));
+    let by = |factor: DMatrix<f64>| beside(&rate, &factor);
+    let first = by(course.factor()).times(-0.5 * run.whitening.log_determinant(0, 0.0));
     let best = first.prediction;
     let mut found = best;
     for others in course.others() {

@@ -49,9 +49,9 @@ mod tests {
         assert!((switching.changes(true, 1e6) - 0.75).abs() < 1e-12);
         assert!((switching.changes(false, 1e-3) - 1e-3 / 60.0).abs() < 1e-8);
         assert!((switching.changes(true, 1e-3) - 1e-3 / 20.0).abs() < 1e-8);
-        // Two steps of a second are one of two: stays and stays, goes and comes back.
-        let stays = |upper: bool, s: f64| 1.0 - switching.changes(upper, s);
-        let both = stays(false, 1.0).powi(2) + switching.changes(false, 1.0) * switching.changes(true, 1.0);
-        assert!((both - stays(false, 2.0)).abs() < 1e-12);
+        // Two steps of a second are one of two: no change twice, or there and back.
+        let remains = |upper: bool, s: f64| 1.0 - switching.changes(upper, s);
+        let both = remains(false, 1.0).powi(2) + switching.changes(false, 1.0) * switching.changes(true, 1.0);
+        assert!((both - remains(false, 2.0)).abs() < 1e-12);
     }
 }

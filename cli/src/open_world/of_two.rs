@@ -7,8 +7,9 @@ use nalgebra::DMatrix;
 use super::columns::from_columns;
 use super::recording::Samples;
 
-/// Directions across which a crease lies in half a turn, those of one channel among them; its places, half ranges.
+/// Directions of a combination of two channels in half a turn, those of one channel among them.
 const DIRECTIONS: usize = 8;
+/// Places of a crease, half ranges.
 const PLACES: [f64; 5] = [-0.6, -0.3, 0.0, 0.3, 0.6];
 /// Where a divisor would be nothing, half ranges from its middle; the least that it counts as.
 const POLES: [f64; 8] = [-2.6, -1.9, -1.5, -1.25, 1.25, 1.5, 1.9, 2.6];
@@ -28,12 +29,15 @@ pub enum OfTwo {
     Quotient(f64),
 }
 
+/// Directions from the first of two channels to the second, in which both have a share.
+pub fn directions_rad() -> impl Iterator<Item = f64> {
+    (1..DIRECTIONS).filter(|number| 2 * number != DIRECTIONS).map(|number| PI * number as f64 / DIRECTIONS as f64)
+}
+
 impl OfTwo {
     /// All creases that are begun with: the channels' order makes no difference.
     pub fn creases() -> Vec<Self> {
-        let directions = (1..DIRECTIONS).filter(|number| 2 * number != DIRECTIONS);
-        let crease = |number: usize, at: f64| Self::Crease { toward_rad: PI * number as f64 / DIRECTIONS as f64, at };
-        directions.flat_map(|number| PLACES.map(|at| crease(number, at))).collect()
+        directions_rad().flat_map(|toward_rad| PLACES.map(|at| Self::Crease { toward_rad, at })).collect()
     }
 
     /// All quotients that are begun with, of the first by the second.

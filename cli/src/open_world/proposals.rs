@@ -1,9 +1,7 @@
 //! What a campaign can show: the groups that the search begins with, and those that an accepted group leads to.
 
-use std::f64::consts::PI;
-
 use super::group::{Base, Group, PLAY_WIDTHS, TIMES_S, unit};
-use super::of_two::OfTwo;
+use super::of_two::{OfTwo, directions_rad};
 use super::tuned::{PLACE_STEP, PLACES, Tuned};
 
 /// Channels up to which products of any two of their bases are tried; else only their values with everything global.
@@ -12,9 +10,7 @@ const MOST_PRODUCTS: usize = 4;
 const MOST_TUNED: usize = 5;
 const MOST_BICUBIC: usize = 6;
 const MOST_BILINEAR: usize = 12;
-/// Directions of a combination of two channels in half a turn, those of one channel among them; channels up to which any two, and any
-/// three, are combined.
-const DIRECTIONS: usize = 8;
+/// Channels up to which any two, and any three, are combined.
 const MOST_RIDGES: usize = 6;
 const MOST_TRIPLE_RIDGES: usize = 5;
 /// Orders of a gear: the first, how far apart, how many.
@@ -136,8 +132,8 @@ fn ridge(channels: usize, of: &[(usize, f64)]) -> Group {
 
 /// Curves in combinations of two channels.
 fn ridges_of_two(channels: usize, first: usize, second: usize) -> impl Iterator<Item = Group> {
-    (1..DIRECTIONS).filter(|&number| 2 * number != DIRECTIONS).map(move |number| {
-        let (sin, cos) = (PI * number as f64 / DIRECTIONS as f64).sin_cos();
+    directions_rad().map(move |toward_rad| {
+        let (sin, cos) = toward_rad.sin_cos();
         ridge(channels, &[(first, cos), (second, sin)])
     })
 }

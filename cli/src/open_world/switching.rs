@@ -23,6 +23,7 @@ const OF_HORIZONTAL: f64 = 3.0;
 const OF_BIAS: f64 = 10.0;
 /// Variance of a share that may be any.
 const OF_SHARE: f64 = 1.0 / 12.0;
+
 /// One way that a run may have gone.
 #[derive(Clone, Debug)]
 pub struct Way {
@@ -35,9 +36,9 @@ pub struct Way {
     pub factor: DMatrix<f64>,
 }
 
-/// What one run teaches of the numbers that runs share.
+/// Expected statistics of one run, from which the numbers that runs share are estimated.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Lesson {
+pub struct Statistics {
     /// Expected seconds at each level, and switches away from it.
     pub spent_s: [f64; 2],
     pub left: [f64; 2],
@@ -188,12 +189,11 @@ impl Switching {
         let cells = cells(run, residual);
         let (followers, switches) = self.follow(run, &cells);
         let Some(most) = followers.first().map(|first| first.log_weight) else { return Vec::new() };
-        let total: f64 = followers.iter().map(|each| (each.log_weight - most).exp()).sum();
+        let all = log_sum(&followers);
         let given = followers.iter().take(MOST_GIVEN).filter(|each| each.log_weight > most - GIVEN);
         given
             .map(|each| {
                 let (mean, factor) = self.over_samples(run, &cells, each, &switches);
-                let all = most + total.ln();
                 let log_prior = each.log_prior + all - each.log_own;
                 Way {
                     log_probability: each.log_weight - all,
@@ -217,11 +217,7 @@ impl Switching {
         let seconds = run.sheet.recording.len();
         let (mut share, mut unsure): (Vec<f64>, Vec<Vec<f64>>) = (vec![0.0; seconds], Vec::new());
         let size_deg_h = self.step_deg_h.hypot(self.spread_deg_h);
-        let at = switched(way, switches);
-        let (mut upper, mut next) = (way.began_upper, at.iter().peekable());
-        for (number, cell) in cells.iter().enumerate() {
-            let switches = next.next_if(|at| **at == number).is_some();
-            upper ^= switches;
+        for (number, (cell, (upper, switches))) in cells.iter().zip(levels(way, switches, cells.len())).enumerate() {
             let within = switches && number > 0 && cells[number - 1].dwell == cell.dwell;
             let value = if within { 0.5 } else { f64::from(u8::from(upper)) };
             cell.seconds.iter().for_each(|&i| share[i] = value);
@@ -238,35 +234,50 @@ impl Switching {
         (share * self.step_deg_h, factor)
     }
 
-    /// What a run teaches of the numbers.
-    pub fn lesson(&self, run: &Seen<'_>, residual: &DVector<f64>) -> Lesson {
+    /// What a run tells of the numbers.
+    pub fn statistics(&self, run: &Seen<'_>, residual: &DVector<f64>) -> Statistics {
         let cells = cells(run, residual);
         let (followers, switches) = self.follow(run, &cells);
-        let mut lesson = Lesson::default();
-        let Some(most) = followers.first().map(|first| first.log_weight) else { return lesson };
-        let total: f64 = followers.iter().map(|each| (each.log_weight - most).exp()).sum();
+        let mut statistics = Statistics::default();
+        let all = log_sum(&followers);
         let mut square = 0.0;
         for way in &followers {
-            let weight = (way.log_weight - most).exp() / total;
+            let weight = (way.log_weight - all).exp();
             // The upper level is the one of the higher rate.
             let turned = way.mean[3] < 0.0;
-            let at = switched(way, &switches);
-            let (mut upper, mut next) = (way.began_upper, at.iter().peekable());
-            for (number, cell) in cells.iter().enumerate() {
-                if next.next_if(|at| **at == number).is_some() {
-                    lesson.left[usize::from(upper != turned)] += weight;
-                    upper = !upper;
+            for (number, (cell, (upper, switches))) in cells.iter().zip(levels(way, &switches, cells.len())).enumerate()
+            {
+                if switches {
+                    statistics.left[usize::from(upper == turned)] += weight;
                 }
                 let before_s = number.checked_sub(1).map_or(cell.middle_s, |before| cells[before].middle_s);
-                lesson.spent_s[usize::from(upper != turned)] += weight * (cell.middle_s - before_s);
+                statistics.spent_s[usize::from(upper != turned)] += weight * (cell.middle_s - before_s);
             }
             let step = if turned { -way.mean[3] } else { way.mean[3] };
-            lesson.step_deg_h += weight * step;
+            statistics.step_deg_h += weight * step;
             square += weight * (step * step + way.covariance[(3, 3)]);
         }
-        lesson.variance = square - lesson.step_deg_h.powi(2);
-        lesson
+        statistics.variance = square - statistics.step_deg_h.powi(2);
+        statistics
     }
+}
+
+/// Logarithm of the sum of the weights of all ways.
+fn log_sum(ways: &[Follower]) -> f64 {
+    let most = ways.iter().map(|way| way.log_weight).fold(f64::NEG_INFINITY, f64::max);
+    most + ways.iter().map(|way| (way.log_weight - most).exp()).sum::<f64>().ln()
+}
+
+/// Of every cell whether a way is at the upper level in it, and whether it has switched since the one before.
+fn levels(way: &Follower, switches: &[Switch], cells: usize) -> Vec<(bool, bool)> {
+    let at = switched(way, switches);
+    let (mut upper, mut next) = (way.began_upper, at.iter().peekable());
+    let of_cell = |cell: usize| {
+        let switches = next.next_if(|at| **at == cell).is_some();
+        upper ^= switches;
+        (upper, switches)
+    };
+    (0..cells).map(of_cell).collect()
 }
 
 /// Cells of a way's switches, in order.

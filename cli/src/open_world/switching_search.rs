@@ -7,7 +7,7 @@ use super::levels::Switching;
 use super::recording::median;
 use super::run::Run;
 use super::seen::Seen;
-use super::switching::Lesson;
+use super::switching::Statistics;
 
 /// Most runs that are learned from.
 const RUNS: usize = 24;
@@ -32,8 +32,8 @@ const LITTLE: f64 = 0.5;
 pub fn find(runs: &[Run<'_>], residuals: &[DVector<f64>]) -> Option<Switching> {
     let some: Vec<(Seen<'_>, &DVector<f64>)> =
         runs.iter().zip(residuals).take(RUNS).map(|(run, residual)| (run.seen(true), residual)).collect();
-    let lessons = |switching: &Switching| -> Vec<Lesson> {
-        some.par_iter().map(|(run, residual)| switching.lesson(run, residual)).collect()
+    let statistics = |switching: &Switching| -> Vec<Statistics> {
+        some.par_iter().map(|(run, residual)| switching.statistics(run, residual)).collect()
     };
     let mean_square = some.iter().map(|(run, residual)| mean_square(run, residual)).sum::<f64>() / some.len() as f64;
     let length_s = |(run, _): &(Seen<'_>, &DVector<f64>)| {
@@ -46,18 +46,18 @@ pub fn find(runs: &[Run<'_>], residuals: &[DVector<f64>]) -> Option<Switching> {
     }
     let mut own = Switching { mean_s: [length_s / FIRST_SWITCHES; 2], step_deg_h: 0.0, spread_deg_h };
     for _ in 0..ROUNDS {
-        own = of_each_run(&lessons(&own), length_s);
+        own = of_each_run(&statistics(&own), length_s);
     }
-    let taught = lessons(&own);
-    let steps = taught.iter().filter(|each| each.step_deg_h > STANDS_OUT * each.variance.sqrt());
+    let of_runs = statistics(&own);
+    let steps = of_runs.iter().filter(|each| each.step_deg_h > STANDS_OUT * each.variance.sqrt());
     let step_deg_h = median(steps.map(|each| each.step_deg_h).collect());
     if step_deg_h <= 0.0 {
         return None;
     }
     let mut shared =
-        Switching { step_deg_h, spread_deg_h: FIRST_SPREAD * step_deg_h, mean_s: mean_s(&taught, length_s) };
+        Switching { step_deg_h, spread_deg_h: FIRST_SPREAD * step_deg_h, mean_s: mean_s(&of_runs, length_s) };
     for _ in 0..SHARED_ROUNDS {
-        shared = shared_by(&lessons(&shared), &shared, length_s);
+        shared = shared_by(&statistics(&shared), &shared, length_s);
     }
     Some(shared)
 }
@@ -71,29 +71,29 @@ fn mean_square(run: &Seen<'_>, residual: &DVector<f64>) -> f64 {
 }
 
 /// Mean times at both levels.
-fn mean_s(lessons: &[Lesson], length_s: f64) -> [f64; 2] {
+fn mean_s(of_runs: &[Statistics], length_s: f64) -> [f64; 2] {
     let of_level = |level: usize| {
-        let spent_s: f64 = lessons.iter().map(|each| each.spent_s[level]).sum();
-        let left: f64 = lessons.iter().map(|each| each.left[level]).sum();
+        let spent_s: f64 = of_runs.iter().map(|each| each.spent_s[level]).sum();
+        let left: f64 = of_runs.iter().map(|each| each.left[level]).sum();
         (spent_s + LITTLE * length_s) / (left + LITTLE)
     };
     [of_level(0), of_level(1)]
 }
 
 /// Levels that are neither lower nor upper are left alike.
-fn of_each_run(lessons: &[Lesson], length_s: f64) -> Switching {
-    let spent_s: f64 = lessons.iter().flat_map(|each| each.spent_s).sum();
-    let left: f64 = lessons.iter().flat_map(|each| each.left).sum();
-    let squares = lessons.iter().map(|each| each.step_deg_h.powi(2) + each.variance);
-    let spread_deg_h = (squares.sum::<f64>() / lessons.len() as f64).sqrt();
+fn of_each_run(of_runs: &[Statistics], length_s: f64) -> Switching {
+    let spent_s: f64 = of_runs.iter().flat_map(|each| each.spent_s).sum();
+    let left: f64 = of_runs.iter().flat_map(|each| each.left).sum();
+    let squares = of_runs.iter().map(|each| each.step_deg_h.powi(2) + each.variance);
+    let spread_deg_h = (squares.sum::<f64>() / of_runs.len() as f64).sqrt();
     let mean_s = (spent_s + LITTLE * length_s) / (left + LITTLE);
     Switching { mean_s: [mean_s; 2], step_deg_h: 0.0, spread_deg_h }
 }
 
-fn shared_by(lessons: &[Lesson], before: &Switching, length_s: f64) -> Switching {
-    let telling: Vec<&Lesson> =
-        lessons.iter().filter(|each| each.variance < TELLS * before.spread_deg_h.powi(2)).collect();
-    let mean_s = mean_s(lessons, length_s);
+fn shared_by(of_runs: &[Statistics], before: &Switching, length_s: f64) -> Switching {
+    let telling: Vec<&Statistics> =
+        of_runs.iter().filter(|each| each.variance < TELLS * before.spread_deg_h.powi(2)).collect();
+    let mean_s = mean_s(of_runs, length_s);
     if telling.is_empty() {
         return Switching { mean_s, ..*before };
     }
