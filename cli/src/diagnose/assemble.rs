@@ -53,8 +53,11 @@ pub fn diagnosis(
     let left_out = || guard::left_out(runs, fitted, base);
     let found =
         if fitted.by_dwell.is_some() { None } else { Open::choose(runs, &fitted.by_second.taken, &bad, left_out) };
-    // A sinusoid with a phase of every run's own is such a process, and one that has a name.
-    let found = found.filter(|open| fitted.sinusoid.is_none() || !open.replaces || !open.is_process_only());
+    // A sinusoid with a phase of every run's own is such a process, and one that has a name; but there may be more in the runs than one.
+    let found = found.filter(|open| {
+        let is_named = fitted.sinusoid.is_some() && open.replaces && open.is_process_only();
+        !is_named || open.misses_far_less(runs, &left_out(), &bad)
+    });
     let structure = found.as_ref().is_some_and(Open::is_structure);
     // Where processes of the runs' own do as well, the named effects are nothing, whether or not these processes help.
     let spurious = found.as_ref().is_some_and(|open| open.replaces && open.is_process_only());

@@ -28,6 +28,9 @@ const PREDICTS: f64 = 20.0;
 const WORSE: f64 = 1.5;
 /// The gain that is enough without any reference.
 const PREDICTS_BLIND: f64 = 4.0;
+/// Share of the mean square error of a named sinusoid and what stands beside it that processes of the runs' own must fall below to stand in
+/// their place.
+const FAR_LESS: f64 = 0.5;
 /// Log-likelihood that processes of the runs' own must gain over white noise to count.
 const PROCESS: f64 = 10.0;
 /// Share of an effect that its terms in the firmware may miss.
@@ -163,6 +166,18 @@ impl Open {
     /// Whether the fit runs' azimuths, each by a model without that run, miss their references by more than others (mean square). Without
     /// references they do not.
     fn misses_more(&self, runs: &[RunData], others: &[Option<Fix>], bad_references: &[String]) -> bool {
+        let (own_deg2, others_deg2) = self.missed_deg2(runs, others, bad_references);
+        own_deg2 > others_deg2
+    }
+
+    /// Whether they miss them by far less than others.
+    pub fn misses_far_less(&self, runs: &[RunData], others: &[Option<Fix>], bad_references: &[String]) -> bool {
+        let (own_deg2, others_deg2) = self.missed_deg2(runs, others, bad_references);
+        own_deg2 < FAR_LESS * others_deg2
+    }
+
+    /// Sums of the squares of what the fit runs' azimuths, each by a model without that run, and others miss, degrees².
+    fn missed_deg2(&self, runs: &[RunData], others: &[Option<Fix>], bad_references: &[String]) -> (f64, f64) {
         let (mut own_deg2, mut others_deg2) = (0.0, 0.0);
         for ((run, own), other) in runs.iter().zip(&self.azimuths).zip(others) {
             let trusted = run.role == Role::Fit && !bad_references.contains(&run.file);
@@ -171,7 +186,7 @@ impl Open {
                 others_deg2 += wrap_180_deg(other.azimuth_deg - reference_deg).powi(2);
             }
         }
-        own_deg2 > others_deg2
+        (own_deg2, others_deg2)
     }
 
     /// Whether there is anything but white noise.

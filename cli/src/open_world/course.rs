@@ -1,5 +1,7 @@
 //! The course of a run by itself: steps, bumps, waves and switches that no channel tells, found in the run's own rate by matching pursuit.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, DVector};
 
 use super::atom::{Atom, Extent, KINDS, STEP};
@@ -334,14 +336,11 @@ impl Course {
         side_by_side(self.half.nrows(), self.parts.iter().chain([&self.expected]))
     }
 
-    /// The same with each atom in turn as what else it may be: log evidence less that of the best one.
-    pub fn others(&self) -> impl Iterator<Item = Vec<(f64, DMatrix<f64>)>> {
+    /// Of each atom the columns of the factor that are its own, and what else it may be: log evidence less that of the best one, and its columns.
+    pub fn others(&self) -> impl Iterator<Item = (Range<usize>, &[(f64, DMatrix<f64>)])> {
         self.others.iter().enumerate().map(|(place, others)| {
-            let with = |other: &DMatrix<f64>| {
-                let parts = self.parts.iter().enumerate().map(|(at, part)| if at == place { other } else { part });
-                side_by_side(self.half.nrows(), parts.chain([&self.expected]))
-            };
-            others.iter().map(|(behind, other)| (*behind, with(other))).collect()
+            let start = first_of(&self.parts, place);
+            (start..start + self.parts[place].ncols(), others.as_slice())
         })
     }
 }

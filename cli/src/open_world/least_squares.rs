@@ -1,6 +1,7 @@
 //! Azimuth and log-likelihood of a run's rows by generalised least squares.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
@@ -41,9 +42,9 @@ impl Likely {
 /// Azimuth and its standard deviation by generalised least squares.
 pub fn least_squares(run: &Run, covariance: &DMatrix<f64>) -> Prediction {
     let (half, _) = half_of(covariance);
-    let (design, rate) = (&half * &run.design, &half * &run.rate);
-    let right = design.tr_mul(&rate);
-    azimuth(&design.tr_mul(&design), &right, rate.norm_squared(), run.north_deg_h).prediction
+    let rows =
+        half * side_by_side(run.rate.len(), [&run.design, &DMatrix::from_columns(std::slice::from_ref(&run.rate))]);
+    azimuth_by(&rows.tr_mul(&rows), run.north_deg_h).prediction
 }
 
 /// What effects leave of a run's rate, beside a factor of the covariance of what is uncertain of them, under a kernel of the run's own
@@ -78,13 +79,19 @@ pub fn along_course(run: &Run, residual: &DVector<f64>, unsure: &DMatrix<f64>, c
         return Likely { log_likelihood: plain, prediction };
     }
     let rate = whitened(&DMatrix::from_columns(std::slice::from_ref(residual)));
-    let by = |factor: DMatrix<f64>| beside(&rate, &factor);
-    let first = by(course.factor()).times(-0.5 * run.whitening.log_determinant(0, 0.0));
+    let start = unsure.ncols();
+    let all = side_by_side(run.rate.len(), [&unsure, &whitened(&course.factor())]);
+    let own = Uncertain::new(side_by_side(run.rate.len(), [&design, &rate]), all);
+    let first = own.likely(run.north_deg_h).times(-0.5 * run.whitening.log_determinant(0, 0.0));
     let best = first.prediction;
     let mut found = best;
-    for others in course.others() {
+    for (place, others) in course.others() {
+        let place = start + place.start..start + place.end;
         let mut each = vec![(1.0, best)];
-        each.extend(others.into_iter().map(|(behind, factor)| (behind.exp(), by(factor).prediction)));
+        each.extend(others.iter().map(|(behind, other)| {
+            let products = own.products_with(place.clone(), &whitened(other));
+            (behind.exp(), azimuth_by(&products, run.north_deg_h).prediction)
+        }));
         let averaged = average(&each);
         let wider = averaged.sigma_rad.powi(2) - best.sigma_rad.powi(2);
         found.azimuth_rad += averaged.azimuth_rad - best.azimuth_rad;
@@ -93,23 +100,65 @@ pub fn along_course(run: &Run, residual: &DVector<f64>, unsure: &DMatrix<f64>, c
     Likely { prediction: found, ..first.times(course.log_prior) }
 }
 
-/// From whitened rows with a covariance of 1 + L Lᵀ, whose inverse is 1 − L (1 + Lᵀ L)⁻¹ Lᵀ and whose determinant is that of 1 + Lᵀ L.
+/// From whitened rows with a covariance of 1 + L Lᵀ.
 fn beside_unsure(design: &DMatrix<f64>, rate: &DMatrix<f64>, unsure: &DMatrix<f64>, north_deg_h: f64) -> Likely {
-    let mut inner = unsure.transpose() * unsure;
-    (0..inner.nrows()).for_each(|i| inner[(i, i)] += 1.0);
-    let (half, log_determinant) = half_of(&inner);
-    let (of_design, of_rate) = (&half * unsure.tr_mul(design), &half * unsure.tr_mul(rate));
-    let normal = design.tr_mul(design) - of_design.tr_mul(&of_design);
-    let right = (design.tr_mul(rate) - of_design.tr_mul(&of_rate)).column(0).into_owned();
-    let square = rate.norm_squared() - of_rate.norm_squared();
-    azimuth(&normal, &right, square, north_deg_h).times(-0.5 * log_determinant)
+    let rows = side_by_side(design.nrows(), [design, rate]);
+    Uncertain::new(rows, unsure.clone()).likely(north_deg_h)
+}
+
+/// Whitened rows X of a run's own unknowns with its rate last, whose covariance V = 1 + L Lᵀ has the inverse 1 − L (1 + Lᵀ L)⁻¹ Lᵀ and the
+/// determinant of 1 + Lᵀ L.
+struct Uncertain {
+    rows: DMatrix<f64>,
+    columns: DMatrix<f64>,
+    /// Inverse of the lower factor of 1 + Lᵀ L, and its product with Lᵀ X.
+    half: DMatrix<f64>,
+    along: DMatrix<f64>,
+    log_determinant: f64,
+    /// Xᵀ V⁻¹ X.
+    products: DMatrix<f64>,
+}
+
+impl Uncertain {
+    fn new(rows: DMatrix<f64>, columns: DMatrix<f64>) -> Self {
+        let mut inner = columns.transpose() * &columns;
+        (0..inner.nrows()).for_each(|i| inner[(i, i)] += 1.0);
+        let (half, log_determinant) = half_of(&inner);
+        let along = &half * columns.tr_mul(&rows);
+        let products = rows.tr_mul(&rows) - along.tr_mul(&along);
+        Self { rows, columns, half, along, log_determinant, products }
+    }
+
+    fn likely(&self, north_deg_h: f64) -> Likely {
+        azimuth_by(&self.products, north_deg_h).times(-0.5 * self.log_determinant)
+    }
+
+    /// Xᵀ V⁻¹ X with others in the place of some columns. Those go as weights go from a regression: of the inverse of 1 + Lᵀ L what they
+    /// take part in is taken away; the others come as a covariance of their own beside what is left.
+    fn products_with(&self, place: Range<usize>, new: &DMatrix<f64>) -> DMatrix<f64> {
+        let gone = self.half.columns(place.start, place.len());
+        let (half_of_gone, _) = half_of(&gone.tr_mul(&gone));
+        let of_new = &self.half * self.columns.tr_mul(new);
+        let rows_of_gone = &half_of_gone * gone.tr_mul(&self.along);
+        let new_of_gone = &half_of_gone * gone.tr_mul(&of_new);
+        let across = new.tr_mul(&self.rows) - of_new.tr_mul(&self.along) + new_of_gone.tr_mul(&rows_of_gone);
+        let mut own = new.tr_mul(new) - of_new.tr_mul(&of_new) + new_of_gone.tr_mul(&new_of_gone);
+        (0..own.nrows()).for_each(|i| own[(i, i)] += 1.0);
+        let explained = half_of(&own).0 * across;
+        &self.products + rows_of_gone.tr_mul(&rows_of_gone) - explained.tr_mul(&explained)
+    }
+}
+
+/// From the products of whitened rows of a run's own unknowns, its rate last.
+fn azimuth_by(products: &DMatrix<f64>, north_deg_h: f64) -> Likely {
+    let normal = products.fixed_view::<3, 3>(0, 0).into_owned();
+    let right = Vector3::new(products[(0, 3)], products[(1, 3)], products[(2, 3)]);
+    azimuth(normal, right, products[(3, 3)], north_deg_h)
 }
 
 /// From the normal equations of a run's own unknowns with the square of its rate and, for the azimuth, the amplitude that the horizontal
 /// rate must have.
-fn azimuth(normal: &DMatrix<f64>, right: &DVector<f64>, square: f64, north_deg_h: f64) -> Likely {
-    let normal: Matrix3<f64> = normal.fixed_view::<3, 3>(0, 0).into_owned();
-    let right = Vector3::new(right[0], right[1], right[2]);
+fn azimuth(normal: Matrix3<f64>, right: Vector3<f64>, square: f64, north_deg_h: f64) -> Likely {
     let Some(mut inverse) = normal.try_inverse() else {
         return Likely { log_likelihood: -0.5 * square, prediction: NOWHERE };
     };
@@ -201,11 +250,23 @@ mod tests {
         let rate = DMatrix::from_fn(6, 1, |i, _| 12.0 * (i as f64 - 0.7).cos() + 0.3 * (5.0 * i as f64).sin());
         let found = beside_unsure(&design, &rate, &unsure, 12.0);
         let (half, log_determinant) = half_of(&(DMatrix::identity(6, 6) + &unsure * unsure.transpose()));
-        let (design, rate) = (&half * design, &half * rate);
-        let right = design.tr_mul(&rate).column(0).into_owned();
-        let dense = azimuth(&design.tr_mul(&design), &right, rate.norm_squared(), 12.0);
+        let rows = half * side_by_side(6, [&design, &rate]);
+        let dense = azimuth_by(&rows.tr_mul(&rows), 12.0);
         assert!((found.prediction.azimuth_rad - dense.prediction.azimuth_rad).abs() < 1e-9);
         assert!((found.prediction.sigma_rad - dense.prediction.sigma_rad).abs() < 1e-9);
         assert!((found.log_likelihood - (dense.log_likelihood - 0.5 * log_determinant)).abs() < 1e-6);
+    }
+
+    /// One column of three, whose effect may be a thousand times the noise, gives its place to two that are nearly the same: as with these from the
+    /// beginning.
+    #[test]
+    fn columns_give_their_place_to_others() {
+        let column = |of: f64, size: f64| DMatrix::from_fn(9, 1, |i, _| size * (of * (1.0 + i as f64)).sin());
+        let rows = DMatrix::from_fn(9, 4, |i, j| (0.3 + i as f64 * (0.7 + j as f64)).cos());
+        let [first, second, third] = [column(0.3, 2.0), column(1.1, 1000.0), column(2.3, 0.5)];
+        let new = side_by_side(9, [&column(1.12, 1000.0), &column(1.7, 3.0)]);
+        let own = Uncertain::new(rows.clone(), side_by_side(9, [&first, &second, &third]));
+        let anew = Uncertain::new(rows, side_by_side(9, [&first, &new, &third]));
+        assert!((own.products_with(1..2, &new) - anew.products).norm() < 1e-9);
     }
 }
