@@ -149,7 +149,7 @@ pub fn diagnosis(
         let role = if judged_by_checks { Role::Check } else { Role::Fit };
         run.role == role && run.reference_deg.is_some() && (judged_by_checks || !bad.contains(&run.file))
     };
-    let records: Vec<RunDiagnosis> = runs
+    let mut records: Vec<RunDiagnosis> = runs
         .iter()
         .zip(as_recorded)
         .zip(afters.iter().zip(&crossed_deg))
@@ -188,10 +188,11 @@ pub fn diagnosis(
         proposal.inseparable.extend(of_named.inseparable);
     }
     let noise = noise_tests(campaign, runs, &residuals, base, fitted);
-    let unexplained = match &open {
+    let mut unexplained = match &open {
         Some(open) => open.unexplained(),
         None => unexplained::evidence(fitted, runs, &noise),
     };
+    unexplained.extend(note_contradictions(&mut records, &residuals));
     if let Some(turned_deg) = fitted.turned_deg {
         turn::put(&mut model, turned_deg);
     }
@@ -408,6 +409,19 @@ fn warn_of_misses(records: &[RunDiagnosis], bad_references: &[String], warnings:
         }
     }
     missed
+}
+
+/// Notes in the runs in which what was learned does not hold, and a sentence that names them.
+fn note_contradictions(records: &mut [RunDiagnosis], residuals: &Residuals) -> Option<String> {
+    let contradicted = residuals.contradicted();
+    for (place, before, after) in &contradicted {
+        records[*place].notes.push(format!(
+            "what was learned does not hold in this run: over blocks of seconds its residual changes {after:.1} times as much as white \
+             noise with it, {before:.1} times without it"
+        ));
+    }
+    let files: Vec<&str> = contradicted.iter().map(|each| records[each.0].file.as_str()).collect();
+    (!files.is_empty()).then(|| format!("what was learned does not hold in {}", files.join(", ")))
 }
 
 /// `judged_deg` is the azimuth that the error after is of, if there is one; `None` where the run is not judged.

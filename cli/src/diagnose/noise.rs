@@ -11,7 +11,7 @@ use super::result::{Spectra, Test};
 use super::statistics::{chi_square_tail, dot, least_squares, median};
 
 /// A test fails below this.
-const LEVEL: f64 = 1e-3;
+pub const LEVEL: f64 = 1e-3;
 /// Lags of the test for whiteness.
 const LAGS: usize = 10;
 /// Most frequencies of the periodogram.

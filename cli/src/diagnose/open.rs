@@ -18,7 +18,9 @@ use super::guard;
 use super::learned::{AS_GOOD, Taken};
 use super::problem::Problem;
 use crate::campaign::Role;
-use crate::open_world::{self, DAMPING, Found, Group, Learned, Prediction, Recording, Reference, Shape};
+use crate::open_world::{
+    self, DAMPING, Found, Group, Learned, MARGIN_OF_PROCESSES, PROCESS, Prediction, Recording, Reference, Shape,
+};
 
 /// Share of the mean square error of what it replaces that a model must fall below.
 const BETTER: f64 = 0.95;
@@ -31,8 +33,6 @@ const PREDICTS_BLIND: f64 = 4.0;
 /// Share of the mean square error of a named sinusoid and what stands beside it that processes of the runs' own must fall below to stand in
 /// their place.
 const FAR_LESS: f64 = 0.5;
-/// Log-likelihood that processes of the runs' own must gain over white noise to count.
-const PROCESS: f64 = 10.0;
 /// Share of an effect that its terms in the firmware may miss.
 const MISSED: f64 = 0.15;
 /// Share of the sigmas by which azimuths by the written model may differ from the engine's, root mean square.
@@ -44,10 +44,8 @@ const OF_NUMBER: f64 = 4.0;
 const TELLS_NOTHING_DEG: f64 = 30.0;
 /// Turning in a second above which the index does not rest, degrees.
 const TURNS_DEG: f64 = 0.05;
-/// Log evidence by which a model without the named effects must be better; and by which processes of the runs' own must be where they
-/// miss the surveyed headings by more than named effects that leave nothing but white noise.
+/// Log evidence by which a model without the named effects must be better.
 const MARGIN: f64 = 6.0;
-const MARGIN_OF_PROCESSES: f64 = 25.0;
 /// The first where it has fewer effects, or as many with fewer numbers.
 const MARGIN_OF_SIMPLER: f64 = 2.0;
 

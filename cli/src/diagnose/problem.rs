@@ -85,31 +85,14 @@ impl<'a> Problem<'a> {
     /// Sum of squares of means over blocks of seconds inside dwells, over its degrees of freedom: 1 for white noise. And
     /// these.
     pub fn overdispersion(&self, left: &[f64], taken: usize) -> (f64, f64) {
-        let (mut sum, mut count) = (0.0, 0.0);
-        for (block, range) in self.blocks.iter().zip(self.ranges()) {
-            let (mut total, mut number, mut dwell) = (0.0, 0.0, usize::MAX);
-            let mut flush = |total: &mut f64, number: &mut f64| {
-                if *number > 0.0 {
-                    sum += *total * *total / *number;
-                    count += 1.0;
-                }
-                (*total, *number) = (0.0, 0.0);
-            };
-            for ((sample, weight), value) in block.run.samples.iter().zip(&block.root_weight).zip(&left[range]) {
-                if sample.dwell != dwell || number >= BLOCK_SAMPLES as f64 {
-                    flush(&mut total, &mut number);
-                    dwell = sample.dwell;
-                }
-                if *weight > 0.0 {
-                    total += value;
-                    number += 1.0;
-                }
-            }
-            flush(&mut total, &mut number);
-            count -= block.own_unknowns();
-        }
-        let freedom = count - taken as f64;
+        let (sum, freedom) =
+            self.dispersions(left).into_iter().fold((0.0, -(taken as f64)), |all, run| (all.0 + run.0, all.1 + run.1));
         if freedom >= 3.0 { (sum / freedom, freedom) } else { (1.0, 0.0) }
+    }
+
+    /// Of every run: sum of squares of means over blocks of seconds inside dwells, in units of white noise, and its degrees of freedom.
+    pub fn dispersions(&self, left: &[f64]) -> Vec<(f64, f64)> {
+        self.blocks.iter().zip(self.ranges()).map(|(block, range)| dispersion(block, &left[range])).collect()
     }
 
     /// Errors of the runs' own azimuths against their references when these effects are taken out: errors and sigmas.
@@ -159,4 +142,29 @@ impl<'a> Problem<'a> {
         }
         if tied > 0.0 { 1.0 - free / tied } else { 0.0 }
     }
+}
+
+/// Sum of squares of means over blocks of seconds inside dwells, in units of white noise, and its degrees of freedom.
+fn dispersion(block: &Block, left: &[f64]) -> (f64, f64) {
+    let (mut sum, mut count) = (0.0, 0.0);
+    let (mut total, mut number, mut dwell) = (0.0, 0.0, usize::MAX);
+    let mut flush = |total: &mut f64, number: &mut f64| {
+        if *number > 0.0 {
+            sum += *total * *total / *number;
+            count += 1.0;
+        }
+        (*total, *number) = (0.0, 0.0);
+    };
+    for ((sample, weight), value) in block.run.samples.iter().zip(&block.root_weight).zip(left) {
+        if sample.dwell != dwell || number >= BLOCK_SAMPLES as f64 {
+            flush(&mut total, &mut number);
+            dwell = sample.dwell;
+        }
+        if *weight > 0.0 {
+            total += value;
+            number += 1.0;
+        }
+    }
+    flush(&mut total, &mut number);
+    (sum, count - block.own_unknowns())
 }

@@ -6,10 +6,10 @@ use rayon::prelude::*;
 use super::block::Block;
 use super::data::RunData;
 use super::learned::Taken;
-use super::noise::{self, Residual};
+use super::noise::{self, LEVEL, Residual};
 use super::problem::Problem;
 use super::result::{RunSeries, Test};
-use super::statistics::{median, rms, subtract};
+use super::statistics::{chi_square_tail, median, rms, subtract};
 use crate::campaign::Role;
 
 /// The residual of every run by the sample, its own azimuth and bias taken out; °/h.
@@ -21,6 +21,21 @@ pub struct Residuals<'a> {
     pub noise_deg_h: f64,
     pub tests_before: Vec<Test>,
     pub tests_after: Vec<Test>,
+    dispersion_before: Vec<Option<Dispersion>>,
+    dispersion_after: Vec<Option<Dispersion>>,
+}
+
+/// Sum of squares of a run's means over blocks of seconds, in units of white noise, and its degrees of freedom.
+type Dispersion = (f64, f64);
+
+/// What effects leave of the runs.
+struct Left {
+    residuals: Vec<Residual>,
+    /// Noise of a second of each run, °/h.
+    noises: Vec<f64>,
+    dispersions: Vec<Option<Dispersion>>,
+    /// Of all runs together.
+    tests: Vec<Test>,
 }
 
 impl<'a> Residuals<'a> {
@@ -37,10 +52,31 @@ impl<'a> Residuals<'a> {
         taken: &[Taken],
         sinusoid_period_s: Option<f64>,
     ) -> Self {
-        let (before, noises, tests_before) = left(&runs, &[], None);
-        let (after, _, tests_after) = left(&without, taken, sinusoid_period_s);
-        let noise_deg_h = median(noises.into_iter().filter(|noise| noise.is_finite()).collect());
-        Self { runs, before, after, noise_deg_h, tests_before, tests_after }
+        let before = left(&runs, &[], None);
+        let after = left(&without, taken, sinusoid_period_s);
+        Self {
+            runs,
+            before: before.residuals,
+            after: after.residuals,
+            noise_deg_h: median(before.noises.into_iter().filter(|noise| noise.is_finite()).collect()),
+            tests_before: before.tests,
+            tests_after: after.tests,
+            dispersion_before: before.dispersions,
+            dispersion_after: after.dispersions,
+        }
+    }
+
+    /// Runs in which what was learned does not hold, by their places: more is left with it than without it, and more than white noise,
+    /// of which there are fewer than [`LEVEL`] by chance among all runs. With how many times as much as white noise is left without it
+    /// and with it.
+    pub fn contradicted(&self) -> Vec<(usize, f64, f64)> {
+        let level = LEVEL / self.runs.len() as f64;
+        let of_run = |(place, (before, after)): (usize, (&Option<Dispersion>, &Option<Dispersion>))| {
+            let ((before, _), (after, freedom)) = ((*before)?, (*after)?);
+            let worse = freedom > 0.0 && after > before && chi_square_tail(after, freedom) < level;
+            worse.then(|| (place, (before / freedom).sqrt(), (after / freedom).sqrt()))
+        };
+        self.dispersion_before.iter().zip(&self.dispersion_after).enumerate().filter_map(of_run).collect()
     }
 
     /// Over the check runs, or all if there are none.
@@ -85,8 +121,7 @@ impl<'a> Residuals<'a> {
     }
 }
 
-/// What effects leave of the runs: residuals, noise of each run, tests of all together.
-fn left(runs: &[&RunData], taken: &[Taken], sinusoid_period_s: Option<f64>) -> (Vec<Residual>, Vec<f64>, Vec<Test>) {
+fn left(runs: &[&RunData], taken: &[Taken], sinusoid_period_s: Option<f64>) -> Left {
     let blocks: Vec<Option<Block>> = runs.par_iter().map(|run| Block::new(run, false, sinusoid_period_s)).collect();
     let present: Vec<bool> = blocks.iter().map(Option::is_some).collect();
     let mut problem = Problem::new(blocks.into_iter().flatten().collect());
@@ -107,5 +142,8 @@ fn left(runs: &[&RunData], taken: &[Taken], sinusoid_period_s: Option<f64>) -> (
         if *present { found.next().unwrap_or_else(nothing) } else { nothing() }
     };
     let (residuals, noises) = runs.iter().zip(&present).map(of_run).unzip();
-    (residuals, noises, noise::tests(&problem, &projected.concat()))
+    let projected = projected.concat();
+    let mut dispersions = problem.dispersions(&projected).into_iter();
+    let dispersions = present.iter().map(|present| present.then(|| dispersions.next()).flatten()).collect();
+    Left { residuals, noises, dispersions, tests: noise::tests(&problem, &projected) }
 }

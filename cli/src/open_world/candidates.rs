@@ -9,13 +9,12 @@ use super::course::Course;
 use super::group::Group;
 use super::habits::Habits;
 use super::learn::{Active, GAIN, Search, State};
+use super::process::PROCESS;
 use super::recording::median;
 use super::rhythm_search::Finder;
 use super::switching_search;
 use super::waves;
 
-/// Log-likelihood that processes of the runs' own must gain over white noise for runs to be looked at one by one.
-const PROCESS: f64 = 10.0;
 /// Runs that are asked for what usually happens in them.
 const RUNS_OF_HABITS: usize = 12;
 

@@ -39,8 +39,8 @@ pub use basis::{DECAYS_S, MEMORY_S, RELAXATION_S, TRAVEL_S, WARM_UP_S};
 pub use expected::Expected;
 pub use group::{Base, Group, PLAY_WIDTHS, TIMES_S};
 pub use least_squares::Prediction;
-pub use predict::{Found, InFunctions, Learned, Model, root_of_mean, studentised};
-pub use process::{DAMPING, Kernel, Shape};
+pub use predict::{Found, InFunctions, Learned, MARGIN_OF_PROCESSES, Model, root_of_mean, studentised};
+pub use process::{DAMPING, Kernel, PROCESS, Shape};
 pub use recording::{Recording, Reference};
 pub use tuned::Tuned;
 

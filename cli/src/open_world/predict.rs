@@ -15,7 +15,7 @@ use super::habits::Habits;
 use super::learn::{Active, Alternative, OfRun, Search, State, prepare, sizes_deg_h, summed};
 use super::least_squares::{Likely, Prediction, along_course, by_likelihood, under_kernel, wrap};
 use super::levels::Switching;
-use super::process::{self, Kernel};
+use super::process::{self, Kernel, PROCESS};
 use super::recording::Recording;
 use super::rhythm::{Rhythm, possible_phases};
 use super::run::{Run, Whitening};
@@ -33,6 +33,9 @@ const RIDGE: f64 = 1e-7;
 /// Log density of surveyed headings that tells two models apart, and log evidence that does.
 const TELLS: f64 = 1.0;
 const MARGIN: f64 = 12.0;
+/// Log evidence by which processes of the runs' own must be better where they miss the surveyed headings by more than a model that leaves
+/// nothing but white noise.
+pub const MARGIN_OF_PROCESSES: f64 = 25.0;
 /// Least probability of either answer to whether a heading lies in a sector.
 const LEAST_OF_SECTOR: f64 = 1e-6;
 /// Beyond the learned range an effect may change by this much of its size for each half range.
@@ -205,7 +208,10 @@ impl Learned {
         let ahead = self.worth - simpler.worth;
         let Some((own, simpler_score)) = self.score.zip(simpler.score) else { return ahead > 0.0 };
         let of_azimuths = own - simpler_score;
-        (of_azimuths > TELLS && ahead > -MARGIN) || (of_azimuths > -TELLS && ahead > MARGIN)
+        // What all runs have in common predicts others; processes of the runs' own may hide an azimuth.
+        let hides = simpler.models.iter().all(|model| model.groups.is_empty()) && self.process_gain < PROCESS;
+        let contradicts = if hides { MARGIN_OF_PROCESSES } else { MARGIN };
+        (of_azimuths > TELLS && ahead > -contradicts) || (of_azimuths > -TELLS && ahead > MARGIN)
     }
 
     /// Azimuths of runs; `None` where one has too little in it.

@@ -9,6 +9,8 @@ const PERIODS_S: [f64; 8] = [20.0, 32.0, 50.0, 80.0, 125.0, 200.0, 320.0, 500.0]
 const PERIODIC_SIZES: [f64; 3] = [1.0, 3.0, 9.0];
 /// Periods over which a damped cosine dies away.
 pub const DAMPING: f64 = 6.0;
+/// Log-likelihood that processes of the runs' own must gain over white noise to count.
+pub const PROCESS: f64 = 10.0;
 /// Rounds of the estimation of the shares.
 const ROUNDS: usize = 30;
 
