@@ -8,7 +8,7 @@
 use heapless::Vec;
 
 pub use super::dwell::Outliers;
-use super::dwell::{DwellRows, DwellSummary, Row};
+use super::dwell::{DwellRows, DwellSummary, Kept, Row};
 use super::index_watch::IndexWatch;
 use super::{Declared, DesignRow, Fix, Unsolvable, moving_base};
 use crate::earth::EarthRate;
@@ -139,7 +139,7 @@ impl Dwells for std::vec::Vec<DwellSummary> {
 /// A row whose correction waits for the first rate of change.
 #[derive(Clone, Copy, Debug)]
 struct Held {
-    row: Row,
+    row: Kept,
     doubt_deg_h: [f32; MAX_DIRECTIONS],
     scale: f64,
     moving: bool,
@@ -337,7 +337,7 @@ impl<D: Dwells> Accumulator<D> {
         });
     }
 
-    /// The azimuth of all dwells so far.
+    /// The azimuth of all dwells so far; of one that has not ended nothing enters.
     pub async fn solve(&mut self) -> Result<Fix, Unsolvable> {
         self.release().await;
         pause().await;
@@ -347,7 +347,11 @@ impl<D: Dwells> Accumulator<D> {
         if self.rest_s >= ROTATION_SHARE * (self.rest_s + self.moving_s) {
             self.dwells.retain(|dwell| !dwell.moving);
         }
-        let mut fix = super::solve(self.dwells.as_slice(), &self.declared, self.evaluator.model()).await?;
+        let room = self.rows.lend();
+        pause().await;
+        let fix = super::solve(self.dwells.as_slice(), &self.declared, self.evaluator.model(), room).await;
+        self.rows.clear();
+        let mut fix = fix?;
         fix.flags = fix.flags.union(self.flags);
         Ok(fix)
     }
@@ -368,7 +372,7 @@ impl<D: Dwells> Accumulator<D> {
         }
         self.rates_deg_h = self.evaluator.rates_deg_h();
         let doubt_deg_h = second.correction.doubt_deg_h;
-        let held = Held { row, doubt_deg_h, scale: second.correction.scale, moving };
+        let held = Held { row: (&row).into(), doubt_deg_h, scale: second.correction.scale, moving };
         if second.correction.waiting && self.held.push(held).is_ok() {
             return true;
         }
@@ -381,7 +385,8 @@ impl<D: Dwells> Accumulator<D> {
     async fn release(&mut self) {
         // One by one: all of them would take kilobytes of a board's stack.
         for i in 0..self.held.len() {
-            let Some(&Held { mut row, doubt_deg_h, scale, moving }) = self.held.get(i) else { break };
+            let Some(&Held { row, doubt_deg_h, scale, moving }) = self.held.get(i) else { break };
+            let mut row = Row::from(&row);
             row.rate_deg_h -= self.rates_deg_h / scale;
             self.push(row, doubt_deg_h, moving).await;
             pause().await;

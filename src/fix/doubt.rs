@@ -9,10 +9,10 @@
 //! A fix of more intervals than there is room for (a continuous rotation) is weighed as without doubt, and its covariance
 //! is that of these weights, with intervals taken together in groups.
 
-use heapless::Vec;
 use nalgebra::{Matrix4, Vector4};
 
 use super::dwell::DwellSummary;
+use super::room::Room;
 use super::{FEW, Observation, Problem};
 use crate::effects::Doubt;
 use crate::effects::doubt::MAX_DIRECTIONS;
@@ -22,25 +22,33 @@ use crate::slices::pause;
 const MOST: usize = 24;
 /// Entries of its factor's lower triangle.
 const ENTRIES: usize = MOST * (MOST + 1) / 2;
+/// In the room: rows of L, one after the other; columns of C⁻¹ times the rows of the equations, which is what the error of a dwell
+/// adds to the right-hand side; whitened observations, row and rate.
+const GAINS: usize = ENTRIES;
+const GAIN: usize = 4;
+const WHITENED: usize = GAINS + MOST * GAIN;
+const OBSERVATION: usize = 5;
+/// In the room, where there is no such covariance: intervals that are taken together, from when to when, and the sum of their gains.
+const GROUP: usize = 6;
+/// Numbers that a solution needs room for.
+pub const ROOM: usize = WHITENED + MOST * OBSERVATION;
+const _: () = assert!(MOST * GROUP <= ROOM);
 
 /// The dwells' covariance, in units of the variance of a one-second rate, by its factor.
-#[derive(Clone, Debug, Default)]
-pub struct Correlated {
-    /// Rows of L, one after the other.
-    factor: Vec<f64, ENTRIES>,
-    /// Columns of C⁻¹ times the rows of the equations: what the error of a dwell adds to the right-hand side.
-    gains: Vec<Vector4<f64>, MOST>,
+#[derive(Clone, Copy)]
+pub struct Correlated<'a> {
+    room: Room<'a>,
+    dwells: usize,
 }
 
-impl Correlated {
-    /// Fills it, which is empty. `None` where nothing is uncertain, or where there are too many dwells. `variance`: of a one-second
-    /// rate, (°/h)².
-    pub(super) async fn fill(&mut self, doubt: &Doubt, problem: &Problem<'_>, variance: f64) -> Option<&Self> {
+impl<'a> Correlated<'a> {
+    /// Of these dwells. `None` where nothing is uncertain, or where there are too many dwells. `variance`: of a one-second rate, (°/h)².
+    pub(super) async fn new(doubt: &Doubt, problem: &Problem<'a>, variance: f64) -> Option<Self> {
         let dwells = problem.dwells;
         if !is_any(doubt) || dwells.len() > MOST {
             return None;
         }
-        let correlated = self;
+        let correlated = Self { room: problem.room, dwells: dwells.len() };
         for (i, dwell) in dwells.iter().enumerate() {
             let mut squares = 0.0;
             for (j, other) in dwells.iter().take(i).enumerate() {
@@ -48,7 +56,7 @@ impl Correlated {
                 pause().await;
                 let entry = (shared(doubt, dwell, other) / variance - product) / correlated.at(j, j);
                 squares += entry * entry;
-                correlated.factor.push(entry).ok()?;
+                correlated.room.set(place(i, j), entry)?;
                 pause().await;
             }
             let observation = problem.mean(dwell).await;
@@ -57,42 +65,34 @@ impl Correlated {
             if !(pivot > 0.0 && pivot.is_finite()) {
                 return None;
             }
-            correlated.factor.push(libm::sqrt(pivot)).ok()?;
-            let whitened = correlated.whitened(i, observation.row, |k| correlated.gains.get(k).copied()).await;
-            correlated.gains.push(whitened).ok()?;
+            correlated.room.set(place(i, i), libm::sqrt(pivot))?;
+            let whitened = correlated.whitened(i, observation.row, |k| correlated.gain(k)).await;
+            correlated.set_gain(i, whitened)?;
         }
-        for i in (0..correlated.gains.len()).rev() {
+        for i in (0..correlated.dwells).rev() {
             let mut later = Vector4::zeros();
-            for j in i + 1..correlated.gains.len() {
+            for j in i + 1..correlated.dwells {
                 later += correlated.gain(j) * correlated.at(j, i);
                 if j % FEW == 0 {
                     pause().await;
                 }
             }
-            let pivot = correlated.at(i, i);
-            if let Some(gain) = correlated.gains.get_mut(i) {
-                *gain = (*gain - later) / pivot;
-            }
+            correlated.set_gain(i, (correlated.gain(i) - later) / correlated.at(i, i))?;
             pause().await;
         }
         Some(correlated)
     }
 
-    /// L's entry, below the diagonal or on it.
+    /// L's entry.
     fn at(&self, row: usize, column: usize) -> f64 {
-        self.factor.get(row * (row + 1) / 2 + column).copied().unwrap_or(0.0)
+        self.room.get(place(row, column))
     }
 
     /// L⁻¹ times the rows, the `i`-th of it, with those before it.
-    async fn whitened(
-        &self,
-        i: usize,
-        row: Vector4<f64>,
-        before: impl Fn(usize) -> Option<Vector4<f64>>,
-    ) -> Vector4<f64> {
+    async fn whitened(&self, i: usize, row: Vector4<f64>, before: impl Fn(usize) -> Vector4<f64>) -> Vector4<f64> {
         let mut known = Vector4::zeros();
         for k in 0..i {
-            known += before(k).unwrap_or_default() * self.at(i, k);
+            known += before(k) * self.at(i, k);
             if k % FEW == FEW - 1 {
                 pause().await;
             }
@@ -102,14 +102,18 @@ impl Correlated {
 
     /// Gives `take` the observations with errors that are independent, of weight 1.
     pub(super) async fn for_each(&self, problem: &Problem<'_>, take: &mut dyn FnMut(Observation)) {
-        let mut before: Vec<(Vector4<f64>, f64), MOST> = Vec::new();
         for (i, dwell) in problem.dwells.iter().enumerate() {
             let observation = problem.mean(dwell).await;
-            let row = self.whitened(i, observation.row, |k| before.get(k).map(|each| each.0)).await;
+            let before = |k: usize| {
+                let [x, y, z, w, rate_deg_h] = self.room.get_some(WHITENED + k * OBSERVATION);
+                (Vector4::new(x, y, z, w), rate_deg_h)
+            };
+            let row = self.whitened(i, observation.row, |k| before(k).0).await;
             pause().await;
-            let known: f64 = before.iter().enumerate().map(|(k, each)| self.at(i, k) * each.1).sum();
+            let known: f64 = (0..i).map(|k| self.at(i, k) * before(k).1).sum();
             let rate_deg_h = (observation.rate_deg_h - known) / self.at(i, i);
-            let _ = before.push((row, rate_deg_h));
+            // There are no more dwells than places.
+            let _ = self.room.set_some(WHITENED + i * OBSERVATION, [row.x, row.y, row.z, row.w, rate_deg_h]);
             take(Observation { weight: 1.0, row, rate_deg_h, ..observation });
             pause().await;
         }
@@ -117,8 +121,17 @@ impl Correlated {
 
     /// What an error of the `i`-th dwell's rate adds to the right-hand side of the normal equations.
     pub fn gain(&self, i: usize) -> Vector4<f64> {
-        self.gains.get(i).copied().unwrap_or_default()
+        self.room.get_some(GAINS + i * GAIN).into()
     }
+
+    fn set_gain(&self, i: usize, gain: Vector4<f64>) -> Option<()> {
+        self.room.set_some(GAINS + i * GAIN, gain.into())
+    }
+}
+
+/// Place of an entry of L, below the diagonal or on it.
+fn place(row: usize, column: usize) -> usize {
+    row * (row + 1) / 2 + column
 }
 
 /// Whether rates are uncertain by the model.
@@ -138,16 +151,13 @@ fn of_process(doubt: &Doubt, a_s: [f64; 2], b_s: [f64; 2]) -> f64 {
     doubt.process.map_or(0.0, |process| process.covariance(a_s, b_s))
 }
 
-/// Intervals that are taken together: from when to when, and the sum of their gains.
-type Group = ([f64; 2], Vector4<f64>);
-
 /// Covariance of the right-hand side by the doubt, where the fix is weighed without it. In a group the process is its mean
 /// and deviations from it, which are alike but for adding up to nothing.
 pub(super) async fn of_right_hand_side(doubt: &Doubt, problem: &Problem<'_>) -> Matrix4<f64> {
     let mut of_directions = [Vector4::zeros(); MAX_DIRECTIONS];
     let size = problem.dwells.len().div_ceil(MOST).max(1);
     let mut covariance = Matrix4::zeros();
-    let mut groups: Vec<Group, MOST> = Vec::new();
+    let mut groups = 0;
     for few in problem.dwells.chunks(size) {
         let start_s = few.first().map_or(0.0, |dwell| dwell.start_s);
         let end_s = few.last().map_or(0.0, |dwell| dwell.end_s);
@@ -166,24 +176,31 @@ pub(super) async fn of_right_hand_side(doubt: &Doubt, problem: &Problem<'_>) -> 
             pause().await;
             variances += of_process(doubt, [dwell.start_s, dwell.end_s], [dwell.start_s, dwell.end_s]);
         }
-        let number = few.len() as f64;
-        if number > 1.0 {
+        let intervals = few.len() as f64;
+        if intervals > 1.0 {
             let shared = of_process(doubt, [start_s, end_s], [start_s, end_s]);
-            let deviations = (variances / number - shared).max(0.0) * number / (number - 1.0);
+            let deviations = (variances / intervals - shared).max(0.0) * intervals / (intervals - 1.0);
             pause().await;
-            covariance += deviations * (squares - group * group.transpose() / number);
+            covariance += deviations * (squares - group * group.transpose() / intervals);
         }
         // There are no more of them than places.
-        let _ = groups.push(([start_s, end_s], group));
+        let [x, y, z, w] = group.into();
+        let _ = problem.room.set_some(GROUP * groups, [start_s, end_s, x, y, z, w]);
+        groups += 1;
         pause().await;
     }
     for sum in of_directions {
         covariance += sum * sum.transpose();
         pause().await;
     }
-    for (a_s, a) in groups.iter().filter(|_| doubt.process.is_some()) {
-        for (b_s, b) in &groups {
-            let shared = of_process(doubt, *a_s, *b_s);
+    let groups = if doubt.process.is_some() { groups } else { 0 };
+    let group = |number: usize| {
+        let [start_s, end_s, x, y, z, w] = problem.room.get_some(GROUP * number);
+        ([start_s, end_s], Vector4::new(x, y, z, w))
+    };
+    for (a_s, a) in (0..groups).map(group) {
+        for (b_s, b) in (0..groups).map(group) {
+            let shared = of_process(doubt, a_s, b_s);
             pause().await;
             covariance += shared * a * b.transpose();
             pause().await;
@@ -198,10 +215,9 @@ mod tests {
 
     use crate::effects::ErrorModel;
     use crate::effects::doubt::{Kernel, Process};
+    use crate::fix::Fix;
     use crate::fix::dwell::DwellSummary;
-    use crate::fix::tests::{declared, dwell, normal};
-    use crate::fix::{Fix, solve};
-    use crate::slices::at_once;
+    use crate::fix::tests::{declared, dwell, normal, solve};
     use crate::units::{DEG_PER_RAD, wrap_180_deg};
 
     /// Ω cos 60°, °/h.
@@ -219,7 +235,7 @@ mod tests {
     const ORDER: [f64; 4] = [0.0, 90.0, 180.0, 270.0];
 
     fn fix(dwells: &[DwellSummary], model: &ErrorModel) -> Fix {
-        at_once(solve(dwells, &declared(60.0), model)).unwrap()
+        solve(dwells, &declared(60.0), model).unwrap()
     }
 
     fn process(sigma_deg_h: f64, time_s: f64) -> ErrorModel {

@@ -8,12 +8,16 @@ use core::ops::Range;
 
 use heapless::Vec;
 
+use super::doubt::ROOM;
+use super::room::Room;
 use crate::effects::doubt::MAX_DIRECTIONS;
 use crate::level::{LevelMoments, Specific};
 use crate::slices::pause;
 
 /// Rows that are kept.
 pub const MAX_ROWS: usize = 128;
+/// Words of a row that is kept.
+const WORDS: usize = 6;
 /// Fewest places that merging must free; else longer rows are made.
 const LEAST_FREE: usize = 16;
 /// Rows whose deviations make one slice.
@@ -49,50 +53,67 @@ pub struct Row {
     pub level: Option<LevelMoments>,
 }
 
-/// A row as it is kept: what scatters by more than a float's rounding anyway takes half the room.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Kept {
-    t_s: f64,
-    rate_deg_h: f64,
-    seconds: f32,
-    cos: f32,
-    sin: f32,
-    moment_arcsec_s: f32,
-    /// Forward and left, mean and first moment; not numbers where there are no accelerometers.
-    level: [f32; 4],
+/// A row as it is kept: what scatters by more than a float's rounding anyway takes half the room. Time and rate are bits of doubles, the
+/// rest are those of two floats each: length and cosine, sine and moment, means and first moments of the level, which are not numbers
+/// where there are no accelerometers. Plain words, so that their room can be lent to other numbers ([`super::room`]).
+pub type Kept = [u64; WORDS];
+
+/// Two floats in a word.
+fn packed(high: f64, low: f64) -> u64 {
+    let bits = |number: f64| u64::from((number as f32).to_bits());
+    bits(high) << 32 | bits(low)
+}
+
+fn unpacked(word: u64) -> [f64; 2] {
+    [(word >> 32) as u32, word as u32].map(|bits| f32::from_bits(bits).into())
 }
 
 impl From<&Row> for Kept {
     fn from(row: &Row) -> Self {
-        let level = row.level.map_or([f32::NAN; 4], |LevelMoments { mean, first }| {
-            [mean.forward, mean.left, first.forward, first.left].map(|number| number as f32)
-        });
-        Self {
-            t_s: row.t_s,
-            rate_deg_h: row.rate_deg_h,
-            seconds: row.seconds as f32,
-            cos: row.cos as f32,
-            sin: row.sin as f32,
-            moment_arcsec_s: row.moment_arcsec_s as f32,
-            level,
-        }
+        let none = Specific { forward: f64::NAN, left: f64::NAN };
+        let LevelMoments { mean, first } = row.level.unwrap_or(LevelMoments { mean: none, first: none });
+        [
+            row.t_s.to_bits(),
+            row.rate_deg_h.to_bits(),
+            packed(row.seconds, row.cos),
+            packed(row.sin, row.moment_arcsec_s),
+            packed(mean.forward, mean.left),
+            packed(first.forward, first.left),
+        ]
     }
 }
 
 impl From<&Kept> for Row {
     fn from(kept: &Kept) -> Self {
-        let [forward, left, first_forward, first_left] = kept.level.map(f64::from);
-        let (mean, first) = (Specific { forward, left }, Specific { forward: first_forward, left: first_left });
+        let &[t_s, rate_deg_h, seconds, sin, mean, first] = kept;
+        let ([seconds, cos], [sin, moment_arcsec_s]) = (unpacked(seconds), unpacked(sin));
+        let [mean, first] = [mean, first].map(unpacked).map(|[forward, left]| Specific { forward, left });
         Self {
-            t_s: kept.t_s,
-            rate_deg_h: kept.rate_deg_h,
-            seconds: kept.seconds.into(),
-            cos: kept.cos.into(),
-            sin: kept.sin.into(),
-            moment_arcsec_s: kept.moment_arcsec_s.into(),
-            level: (!forward.is_nan()).then_some(LevelMoments { mean, first }),
+            t_s: f64::from_bits(t_s),
+            rate_deg_h: f64::from_bits(rate_deg_h),
+            seconds,
+            cos,
+            sin,
+            moment_arcsec_s,
+            level: (!mean.forward.is_nan()).then_some(LevelMoments { mean, first }),
         }
     }
+}
+
+/// Middle of a row that is kept, seconds.
+pub fn t_s(&[t_s, ..]: &Kept) -> f64 {
+    f64::from_bits(t_s)
+}
+
+/// Its mean rate, °/h.
+pub fn rate_deg_h(&[_, rate_deg_h, ..]: &Kept) -> f64 {
+    f64::from_bits(rate_deg_h)
+}
+
+/// Its length.
+fn seconds(&[_, _, word, ..]: &Kept) -> f64 {
+    let [seconds, _] = unpacked(word);
+    seconds
 }
 
 impl Row {
@@ -210,6 +231,17 @@ impl DwellRows {
         &self.rows
     }
 
+    /// Room for the numbers of a solution. Rows of a dwell that has not ended are no part of one: they are dropped.
+    ///
+    /// Never inlined: what this takes of the stack is free again for the solution.
+    #[inline(never)]
+    pub fn lend(&mut self) -> Room<'_> {
+        self.clear();
+        // Filled in place.
+        let _ = self.rows.resize(ROOM.div_ceil(WORDS), [0; WORDS]);
+        Room::new(self.rows.as_flattened_mut())
+    }
+
     pub fn len(&self) -> usize {
         self.rows.len()
     }
@@ -218,6 +250,8 @@ impl DwellRows {
         self.rows.is_empty()
     }
 
+    /// Forgets all rows. Never inlined, as [`Self::lend`].
+    #[inline(never)]
     pub fn clear(&mut self) {
         // In place: another of its kind would take six kilobytes of a board's stack.
         self.rows.clear();
@@ -242,7 +276,7 @@ impl DwellRows {
     /// are not merged. Gives how many were.
     pub fn skip_jitter(&mut self, threshold_deg_h: f64, seconds: usize) -> Option<usize> {
         let changes = self.rows.windows(2).map(|pair| match pair {
-            [a, b] => (b.rate_deg_h.abs() - a.rate_deg_h.abs()).abs() < threshold_deg_h,
+            [a, b] => (rate_deg_h(b).abs() - rate_deg_h(a).abs()).abs() < threshold_deg_h,
             _ => false,
         });
         let mut quiet = 0;
@@ -281,7 +315,7 @@ impl DwellRows {
     /// Merges neighbours, to longer rows where that frees too little; if gaps are in the way of that, keeps the longest
     /// piece without one.
     async fn make_room(&mut self) {
-        let shortest_s = self.rows.iter().map(|row| f64::from(row.seconds)).fold(f64::INFINITY, f64::min);
+        let shortest_s = self.rows.iter().map(seconds).fold(f64::INFINITY, f64::min);
         self.merged_s = self.merged_s.max(shortest_s);
         self.merge().await;
         for _ in 0..2 {
@@ -329,7 +363,7 @@ fn longest_run(rows: &[Kept]) -> Range<usize> {
     let pieces = rows.chunk_by(|a, b| Row::from(a).joins(&b.into())).map(|piece| {
         let from = start;
         start += piece.len();
-        (piece.iter().map(|row| f64::from(row.seconds)).sum::<f64>(), from..start)
+        (piece.iter().map(seconds).sum::<f64>(), from..start)
     });
     pieces.max_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, run)| run).unwrap_or_default()
 }
@@ -391,9 +425,9 @@ impl Sums {
     /// median deviation is nothing: then the least deviation that is more than noise, its count, is the scale. A second on
     /// the next count is no outlier.
     async fn add(&mut self, rows: &[Kept], noise_deg_h: f64) {
-        let Some(middle) = median(rows, |row| row.rate_deg_h).await else { return };
-        let deviation = |row: &Kept| (row.rate_deg_h - middle).abs() * libm::sqrt(f64::from(row.seconds.min(1.0)));
-        let of_rows = 1.4826 * median(rows, |row| (row.rate_deg_h - middle).abs()).await.unwrap_or(0.0);
+        let Some(middle) = median(rows, rate_deg_h).await else { return };
+        let deviation = |row: &Kept| (rate_deg_h(row) - middle).abs() * libm::sqrt(seconds(row).min(1.0));
+        let of_rows = 1.4826 * median(rows, |row| (rate_deg_h(row) - middle).abs()).await.unwrap_or(0.0);
         let mut scale = of_rows.max(noise_deg_h).max(self.scatter_deg_h());
         if of_rows <= COARSE * noise_deg_h {
             let mut count = f64::INFINITY;
@@ -411,7 +445,7 @@ impl Sums {
                 self.add_row(&row.into());
             } else {
                 self.outliers = self.outliers.saturating_add(1);
-                let _ = self.outliers_s.push(row.t_s);
+                let _ = self.outliers_s.push(t_s(row));
                 self.broken = true;
             }
         }

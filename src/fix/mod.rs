@@ -22,6 +22,7 @@ pub mod moving_base;
 mod noise;
 #[cfg(test)]
 mod parked_vehicle;
+pub mod room;
 pub mod sinusoid;
 mod statistics;
 #[cfg(test)]
@@ -42,8 +43,10 @@ use crate::units::{DEG_PER_RAD, RAD_PER_DEG, sin_cos_deg, wrap_180_deg, wrap_360
 use base_motion::{BaseMotion, Method};
 pub use design::DesignRow;
 use doubt::Correlated;
+pub use doubt::ROOM;
 use dwell::DwellSummary;
 use noise::Noise;
+use room::Room;
 use sinusoid::Fitted;
 use statistics::excess_sigmas;
 
@@ -167,13 +170,14 @@ impl Observation {
 /// The dwells of a fix with what belongs to all of them.
 struct Problem<'a> {
     dwells: &'a [DwellSummary],
+    room: Room<'a>,
     earth: EarthRate,
     motion: BaseMotion,
     start_s: f64,
     line: Option<Fitted>,
     noise: Option<Noise>,
     /// What is not certain of the error model.
-    correlated: Option<&'a Correlated>,
+    correlated: Option<Correlated<'a>>,
     /// Where the index reading jumped while the motor stood, the encoder slipped and the gyro stayed where it was.
     encoder_slipped: bool,
 }
@@ -231,7 +235,7 @@ impl Problem<'_> {
 
     /// The observations with errors that are independent of each other.
     async fn for_each(&self, take: &mut dyn FnMut(Observation)) {
-        if let Some(correlated) = self.correlated {
+        if let Some(correlated) = &self.correlated {
             return correlated.for_each(self, take).await;
         }
         for dwell in self.dwells {
@@ -377,12 +381,19 @@ fn set(matrix: &mut Matrix4<f64>, row: usize, column: usize, value: f64) {
 /// Where the index reading jumped while the motor stood, either the spindle moved, and the readings are right, or the encoder
 /// slipped on it, and from there on they are wrong by the jump. A gyro that turns by Δθ at an azimuth ψ − θ of its axis reads
 /// h sin(ψ − θ) Δθ more: the rates themselves say which it was, where they can. Where they cannot, sigma holds both.
-pub async fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -> Result<Fix, Unsolvable> {
-    let spindle = solve_for(dwells, declared, model, false).await;
+///
+/// `room`: for [`ROOM`] numbers.
+pub async fn solve(
+    dwells: &[DwellSummary],
+    declared: &Declared,
+    model: &ErrorModel,
+    room: Room<'_>,
+) -> Result<Fix, Unsolvable> {
+    let spindle = solve_for(dwells, declared, model, room, false).await;
     if dwells.iter().all(|dwell| dwell.slip_deg == 0.0) {
         return spindle.map(|(solution, _)| solution);
     }
-    let (mut better, mut other) = match (spindle, solve_for(dwells, declared, model, true).await) {
+    let (mut better, mut other) = match (spindle, solve_for(dwells, declared, model, room, true).await) {
         (Ok(spindle), Ok(encoder)) if encoder.1 < spindle.1 => (encoder, spindle),
         (Ok(spindle), Ok(encoder)) => (spindle, encoder),
         (Ok(only), Err(_)) | (Err(_), Ok(only)) => (only, only),
@@ -402,12 +413,14 @@ async fn solve_for(
     dwells: &[DwellSummary],
     declared: &Declared,
     model: &ErrorModel,
+    room: Room<'_>,
     encoder_slipped: bool,
 ) -> Result<(Fix, f64), Unsolvable> {
     let earth = declared.earth;
     let start_s = dwells.first().ok_or(Unsolvable::TooFewDirections)?.start_s;
     let mut problem = Problem {
         dwells,
+        room,
         earth,
         motion: base_motion(dwells).await,
         start_s,
@@ -432,8 +445,7 @@ async fn solve_for(
         let fitted = Fitted::new(sinusoid, &problem, variance, drift_weight).await;
         problem.line = Some(fitted.ok_or(Unsolvable::TooFewDirections)?);
     }
-    let mut correlated = Correlated::default();
-    problem.correlated = correlated.fill(&model.doubt, &problem, variance).await;
+    problem.correlated = Correlated::new(&model.doubt, &problem, variance).await;
     let drift = settle_drift(&problem, variance, drift_sigma).await?;
     pause().await;
     let estimate = drift.estimate;

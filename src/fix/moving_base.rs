@@ -23,10 +23,11 @@
 //! Sigma comes from both noises and from the scatter of the rows' mean angles about a straight line, whichever is larger. With
 //! a variance of s² for a mean over one second the slope of the line has 12 s²/T³.
 
+use heapless::Vec;
 use nalgebra::{Matrix2, Vector2};
 
-use super::dwell::{DwellSummary, Kept, Line, Row, longest_piece};
-use super::velocity::{self, Integral};
+use super::dwell::{DwellSummary, Kept, Line, MAX_ROWS, Row, longest_piece};
+use super::velocity;
 use crate::effects::BaseMotion;
 use crate::slices::pause;
 use crate::units::ARCSEC_PER_RAD;
@@ -53,9 +54,9 @@ pub async fn summary(rows: &[Kept], sensing: BaseMotion, noise_deg_h: f64) -> Op
     let tilt = Tilt { rows: piece, lag_s };
     let (mean, variance) = if velocity {
         let white = noise_deg_h * noise_deg_h / length_s / SQUARED_PARABOLA;
-        let mut rows = velocity::Integrals::new();
-        integrals(&tilt, &mut rows).await;
-        let (mean, variance) = velocity::mean_rate(&rows, start_s, length_s).await?;
+        let mut arcsec_s = Integrals::new();
+        integrals(&tilt, &mut arcsec_s).await;
+        let (mean, variance) = velocity::mean_rate(piece, &arcsec_s, start_s, length_s).await?;
         (mean, variance.max(white))
     } else {
         weighted_mean(&tilt, start_s, length_s, noise_deg_h).await?
@@ -304,9 +305,11 @@ impl Angles {
     }
 }
 
-/// The integral of gyro angle less tilt, the mean over each row, into `integrals`, which is empty. The gyro's rate is a straight line
-/// within a row.
-async fn integrals(tilt: &Tilt<'_>, integrals: &mut velocity::Integrals) {
+/// Integrals of gyro angle less tilt, the mean over each row, arcsec · s.
+type Integrals = Vec<f64, MAX_ROWS>;
+
+/// The integrals into `integrals`, which is empty. The gyro's rate is a straight line within a row.
+async fn integrals(tilt: &Tilt<'_>, integrals: &mut Integrals) {
     let (mut angles, mut integral) = (Angles::default(), 0.0);
     for (i, row) in tilt.iter().enumerate() {
         let turned = row.rate_deg_h * row.seconds;
@@ -320,7 +323,7 @@ async fn integrals(tilt: &Tilt<'_>, integrals: &mut velocity::Integrals) {
         let arcsec_s = integral + row.seconds * (of_gyro - of_tilt);
         integral += mean * row.seconds;
         // There are no more of them than rows.
-        let _ = integrals.push(Integral { t_s: row.t_s, arcsec_s, rate_deg_h: row.rate_deg_h });
+        let _ = integrals.push(arcsec_s);
         pause().await;
     }
 }

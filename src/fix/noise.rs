@@ -163,9 +163,9 @@ mod tests {
 
     use crate::earth::{EarthRate, earth_rate};
     use crate::effects::ErrorModel;
+    use crate::fix::Declared;
     use crate::fix::dwell::{DwellRows, DwellSummary, Row};
-    use crate::fix::tests::normal;
-    use crate::fix::{Declared, solve};
+    use crate::fix::tests::{normal, solve};
     use crate::sample::GyroSettings;
     use crate::slices::at_once;
     use crate::units::{sin_cos_deg, wrap_180_deg};
@@ -218,7 +218,7 @@ mod tests {
                     at_once(rows.summary(white_deg_h)).unwrap()
                 })
                 .collect();
-            let fix = at_once(solve(&dwells, &declared, &ErrorModel::default())).unwrap();
+            let fix = solve(&dwells, &declared, &ErrorModel::default()).unwrap();
             let miss_deg = wrap_180_deg(fix.azimuth_deg - 30.0);
             ratio += miss_deg * miss_deg / (fix.sigma_deg * fix.sigma_deg) / FIXES as f64;
             error += miss_deg * miss_deg / FIXES as f64;

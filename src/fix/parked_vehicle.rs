@@ -6,7 +6,8 @@ use std::path::PathBuf;
 use std::vec::Vec;
 
 use super::dwell::{DwellRows, DwellSummary, Row};
-use super::{Declared, moving_base, solve};
+use super::tests::solve;
+use super::{Declared, moving_base};
 use crate::earth::earth_rate;
 use crate::effects::{BaseMotion, ErrorModel};
 use crate::level::{LevelMoments, Specific};
@@ -90,7 +91,7 @@ fn windows(samples: &[[f64; 4]], dwell_s: usize, size: usize, lag_s: f64) -> Vec
                     at_once(moving_base::summary(rows.as_slice(), sensing, gyro.noise_deg_h())).unwrap()
                 })
                 .collect();
-            let solution = at_once(solve(&dwells, &declared, &ErrorModel::default())).unwrap();
+            let solution = solve(&dwells, &declared, &ErrorModel::default()).unwrap();
             (wrap_180_deg(solution.azimuth_deg - AZIMUTH_DEG), solution.sigma_deg)
         })
         .collect()

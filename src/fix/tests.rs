@@ -57,8 +57,13 @@ pub fn declared(latitude_deg: f64) -> Declared {
     }
 }
 
+/// The azimuth by dwells, with a room of its own.
+pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -> Result<Fix, Unsolvable> {
+    at_once(super::solve(dwells, declared, model, Room::new(&mut [0; ROOM])))
+}
+
 fn solve_at(latitude_deg: f64, dwells: &[DwellSummary]) -> Fix {
-    at_once(solve(dwells, &declared(latitude_deg), &ErrorModel::default())).unwrap()
+    solve(dwells, &declared(latitude_deg), &ErrorModel::default()).unwrap()
 }
 
 fn assert_azimuth(solution: &Fix, azimuth_deg: f64, tolerance_deg: f64) {
@@ -93,7 +98,7 @@ fn the_four_position_arctangent_is_the_special_case() {
     let mut declared = declared(60.0);
     declared.gyro.drift_deg_h_per_h = 0.0;
     declared.gyro.arw_deg_per_sqrt_h = 0.05;
-    let solution = at_once(solve(&dwells_at(&rates), &declared, &ErrorModel::default())).unwrap();
+    let solution = solve(&dwells_at(&rates), &declared, &ErrorModel::default()).unwrap();
     assert_azimuth(&solution, (4.2_f64 + 3.3).atan2(7.1 + 6.0).to_degrees(), 1e-9);
     assert!((solution.closure_deg_h.unwrap() - 0.05).abs() < 1e-12);
     assert!((solution.bias_deg_h - 0.5).abs() < 1e-9);
@@ -188,7 +193,7 @@ fn sigma_is_the_white_noise_bound_when_nothing_else_is_declared() {
     declared.gyro.drift_deg_h_per_h = 0.0;
     declared.index_sigma_deg = 0.0;
     declared.level_sigma_deg = 0.0;
-    let solution = at_once(solve(&dwells_at(&NORTH_EAST), &declared, &ErrorModel::default())).unwrap();
+    let solution = solve(&dwells_at(&NORTH_EAST), &declared, &ErrorModel::default()).unwrap();
     // 60 √2 · 0.0015 / (7.5205335 · √240) = 1.0925e-3 rad = 0.062596°.
     assert!((solution.sigma_deg - 0.062596).abs() < 2e-5, "{}", solution.sigma_deg);
     assert!((white_noise_bound_deg(0.0015, 7.5205335, 240.0) - 0.062596).abs() < 1e-5);
@@ -249,7 +254,7 @@ fn an_amplitude_that_nothing_explains_is_refused() {
     let of = |amplitude_deg_h: f64| {
         let share = amplitude_deg_h / 7.5205335;
         let rates = NORTH_EAST.map(|(index_deg, rate_deg_h)| (index_deg, 0.5 + share * (rate_deg_h - 0.5)));
-        at_once(solve(&dwells_at(&rates), &declared(60.0), &ErrorModel::default()))
+        solve(&dwells_at(&rates), &declared(60.0), &ErrorModel::default())
     };
     for amplitude_deg_h in [5.2, 9.9] {
         assert!(of(amplitude_deg_h).unwrap().flags.contains(Flag::Amplitude));
@@ -312,13 +317,12 @@ fn a_dead_gyro_finds_no_north() {
     let dead = [0.0, 90.0, 180.0, 270.0].map(|index_deg| (index_deg, 0.0));
     let mut dwells = dwells_at(&dead);
     dwells.iter_mut().for_each(|dwell| dwell.rate = Line::default());
-    assert_eq!(at_once(solve(&dwells, &declared(60.0), &ErrorModel::default())), Err(Unsolvable::NoSignal));
+    assert_eq!(solve(&dwells, &declared(60.0), &ErrorModel::default()), Err(Unsolvable::NoSignal));
 }
 
 #[test]
 fn too_little_is_refused() {
-    let refusal =
-        |rates: &[(f64, f64)]| at_once(solve(&dwells_at(rates), &declared(60.0), &ErrorModel::default())).unwrap_err();
+    let refusal = |rates: &[(f64, f64)]| solve(&dwells_at(rates), &declared(60.0), &ErrorModel::default()).unwrap_err();
     assert_eq!(refusal(&[]), Unsolvable::TooFewDirections);
     assert_eq!(refusal(&NORTH_EAST[..2]), Unsolvable::TooFewDirections);
     assert_eq!(refusal(&[(0.0, 1.0), (180.0, -1.0), (0.0, 1.0), (180.0, -1.0)]), Unsolvable::TooFewDirections);
@@ -369,7 +373,7 @@ fn a_line_of_unknown_phase_is_estimated() {
     assert!(wrap_180_deg(without.azimuth_deg - 30.0).abs() > 0.5, "{}", without.azimuth_deg);
     let sinusoid = Some(Sinusoid { period_s: 190.0, amplitude_deg_h: 0.3 });
     let model = ErrorModel { sinusoid, ..Default::default() };
-    let with = at_once(solve(&dwells, &declared(60.0), &model)).unwrap();
+    let with = solve(&dwells, &declared(60.0), &model).unwrap();
     // The amplitude's spread draws the parts towards zero by a little.
     assert_azimuth(&with, 30.0, with.sigma_deg);
     assert!(with.sigma_deg < 0.5, "{}", with.sigma_deg);

@@ -14,7 +14,7 @@
 use heapless::Vec;
 use nalgebra::{Matrix4, Vector4};
 
-use super::dwell::MAX_ROWS;
+use super::dwell::{Kept, rate_deg_h, t_s};
 use crate::slices::pause;
 
 /// Correlations that are tried of errors one second apart, as of an autoregressive process of the first order.
@@ -28,30 +28,18 @@ const NOT_FREE: f64 = 1e30;
 /// Fewest rows that give a rate with a variance.
 pub const LEAST_ROWS: usize = 8;
 
-/// The integral of gyro angle less tilt in one row.
-#[derive(Clone, Copy, Debug)]
-pub struct Integral {
-    /// Middle of the row, seconds.
-    pub t_s: f64,
-    /// Mean over the row, arcsec · s.
-    pub arcsec_s: f64,
-    /// Mean rate of the gyro, °/h.
-    pub rate_deg_h: f64,
-}
-
-/// The rows of a dwell, in the order of time.
-pub type Integrals = Vec<Integral, MAX_ROWS>;
-
-/// Mean rate, °/h, and its variance, of a dwell of `length_s` seconds; `None` for fewer than [`LEAST_ROWS`] rows.
-pub async fn mean_rate(rows: &Integrals, start_s: f64, length_s: f64) -> Option<(f64, f64)> {
+/// Mean rate, °/h, and its variance, of a dwell of `length_s` seconds; `None` for fewer than [`LEAST_ROWS`] rows. `integrals_arcsec_s`: of
+/// gyro angle less tilt, the mean over each row, arcsec · s.
+pub async fn mean_rate(rows: &[Kept], integrals_arcsec_s: &[f64], start_s: f64, length_s: f64) -> Option<(f64, f64)> {
     if rows.len() < LEAST_ROWS {
         return None;
     }
     let equations = Equations {
         rows,
+        integrals_arcsec_s,
         middle_s: start_s + 0.5 * length_s,
         length_s,
-        rate_deg_h: rows.iter().map(|row| row.rate_deg_h).sum::<f64>() / rows.len() as f64,
+        rate_deg_h: rows.iter().map(rate_deg_h).sum::<f64>() / rows.len() as f64,
     };
     // What is left sets the weight of what is known of κ: of the plain parabola, then beside κ.
     let mut known = NOT_FREE;
@@ -74,7 +62,8 @@ pub async fn mean_rate(rows: &Integrals, start_s: f64, length_s: f64) -> Option<
 }
 
 struct Equations<'a> {
-    rows: &'a [Integral],
+    rows: &'a [Kept],
+    integrals_arcsec_s: &'a [f64],
     middle_s: f64,
     length_s: f64,
     /// Mean of the gyro's rate over the rows.
@@ -102,15 +91,16 @@ impl Equations<'_> {
         let mut last: Option<(Vector4<f64>, f64, f64)> = None;
         // Rows mostly follow each other at the same interval.
         let (mut step_s, mut alike, mut scale, mut log_variance) = (f64::NAN, 0.0, 1.0, 0.0);
-        for row in self.rows {
-            let u = (row.t_s - self.middle_s) / self.length_s;
-            let (of_row, value) = (Vector4::new(1.0, u, u * u, row.rate_deg_h - self.rate_deg_h), row.arcsec_s);
+        for (row, &value) in self.rows.iter().zip(self.integrals_arcsec_s) {
+            let (row_s, rate_deg_h) = (t_s(row), rate_deg_h(row));
+            let u = (row_s - self.middle_s) / self.length_s;
+            let of_row = Vector4::new(1.0, u, u * u, rate_deg_h - self.rate_deg_h);
             let (mut new, mut news) = (of_row, value);
-            if let Some((before, value_before, t_s)) =
-                last.replace((of_row, value, row.t_s)).filter(|_| correlation > 0.0)
+            if let Some((before, value_before, before_s)) =
+                last.replace((of_row, value, row_s)).filter(|_| correlation > 0.0)
             {
-                if step_s != row.t_s - t_s {
-                    step_s = row.t_s - t_s;
+                if step_s != row_s - before_s {
+                    step_s = row_s - before_s;
                     alike = libm::exp(step_s * libm::log(correlation));
                     let variance = 1.0 - alike * alike;
                     scale = 1.0 / libm::sqrt(variance);
@@ -148,39 +138,49 @@ impl Equations<'_> {
 
 #[cfg(test)]
 mod tests {
+    use std::vec::Vec;
+
     use super::*;
+    use crate::fix::dwell::Row;
     use crate::fix::tests::normal;
     use crate::slices::at_once;
 
     /// A dwell of 40 s at 3 °/h. The integral of the angle is 1.5 t²; of a block two metres off the axis of a rocking of
     /// 100 °/h · cos 2t, with κ = 0.2 s², it is 0.2 · 100 cos 2t more.
-    fn rows(error_arcsec_s: impl FnMut(f64) -> f64) -> Integrals {
+    fn rows(error_arcsec_s: impl FnMut(f64) -> f64) -> (Vec<Kept>, Vec<f64>) {
         let mut error_arcsec_s = error_arcsec_s;
         (0..40)
             .map(|second| {
                 let t_s = f64::from(second) + 0.5;
                 let rocking = 100.0 * libm::cos(2.0 * t_s);
-                let arcsec_s = 1.5 * t_s * t_s + 0.2 * rocking + error_arcsec_s(t_s);
-                Integral { t_s, arcsec_s, rate_deg_h: 3.0 + rocking }
+                (row(t_s, 3.0 + rocking), 1.5 * t_s * t_s + 0.2 * rocking + error_arcsec_s(t_s))
             })
-            .collect()
+            .unzip()
+    }
+
+    fn row(t_s: f64, rate_deg_h: f64) -> Kept {
+        (&Row { t_s, seconds: 1.0, cos: 1.0, sin: 0.0, rate_deg_h, moment_arcsec_s: 0.0, level: None }).into()
+    }
+
+    /// Of a dwell that begins at 0 and is as long as its rows.
+    fn mean_of((rows, integrals_arcsec_s): &(Vec<Kept>, Vec<f64>)) -> Option<(f64, f64)> {
+        at_once(mean_rate(rows, integrals_arcsec_s, 0.0, rows.len() as f64))
     }
 
     #[test]
     fn the_arm_to_the_axis_of_rocking_is_found() {
-        let (rate_deg_h, variance) = at_once(mean_rate(&rows(|_| 0.0), 0.0, 40.0)).unwrap();
+        let (rate_deg_h, variance) = mean_of(&rows(|_| 0.0)).unwrap();
         assert!((rate_deg_h - 3.0).abs() < 1e-3 && variance < 1e-6, "{rate_deg_h} {variance}");
     }
 
     #[test]
     fn a_gyro_that_rests_needs_no_arm() {
-        let still: Integrals = rows(|_| 0.0)
-            .iter()
-            .map(|row| Integral { arcsec_s: 1.5 * row.t_s * row.t_s, rate_deg_h: 3.0, ..*row })
-            .collect();
-        assert!((at_once(mean_rate(&still, 0.0, 40.0)).unwrap().0 - 3.0).abs() < 1e-9);
-        let few: Integrals = still.iter().take(7).copied().collect();
-        assert!(at_once(mean_rate(&few, 0.0, 7.0)).is_none());
+        let still = |number: u16| {
+            let middles_s = (0..number).map(|second| f64::from(second) + 0.5);
+            middles_s.map(|t_s| (row(t_s, 3.0), 1.5 * t_s * t_s)).unzip()
+        };
+        assert!((mean_of(&still(40)).unwrap().0 - 3.0).abs() < 1e-9);
+        assert!(mean_of(&still(7)).is_none());
     }
 
     /// Errors of a velocity of 5 arcsec · s that are independent, or alike from second to second by 0.8. The mean square of 400
@@ -196,7 +196,7 @@ mod tests {
                     last = alike * last + 5.0 * libm::sqrt(1.0 - alike * alike) * normal(&mut state);
                     last
                 });
-                let (rate_deg_h, variance) = at_once(mean_rate(&rows, 0.0, 40.0)).unwrap();
+                let (rate_deg_h, variance) = mean_of(&rows).unwrap();
                 ratio += (rate_deg_h - 3.0) * (rate_deg_h - 3.0) / variance / 400.0;
                 sum += (rate_deg_h - 3.0) * (rate_deg_h - 3.0) / 400.0;
             }
