@@ -118,7 +118,8 @@ impl Gatherer {
                 seconds: 1.0,
                 raw_rate_deg_h: rate.fog_arcsec,
                 level: level.map(|level| level.mean),
-                ..rate.conditions
+                temp_c: rate.temp_c,
+                ..Conditions::default()
             },
             moment_arcsec_s: rate.moment_arcsec_s,
             level_moment: level.map(|level| level.first).unwrap_or_default(),

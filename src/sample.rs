@@ -5,7 +5,6 @@
 //! them and the second is used, counted as repaired. With more it is left out, counted, and the dwell lasts a second
 //! longer. No second is silently the mean of fewer samples.
 
-use crate::effects::Conditions;
 use serde::{Deserialize, Serialize};
 
 use crate::frame::{Frame, GyroFormat};
@@ -63,14 +62,12 @@ impl GyroSettings {
 /// One finished second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RateSecond {
-    /// Angle as the gyro gave it, arcsec.
+    /// Angle as the gyro gave it, arcsec: its mean rate in °/h.
     pub fog_arcsec: f64,
-    /// Mean rate, °/h: as the gyro gave it until the accumulator has applied the error model.
-    pub rate_deg_h: f64,
     /// First moment of the angle about the middle of the second, arcsec · s.
     pub moment_arcsec_s: f64,
-    /// What is known of the second here: the temperature. The gatherer adds the rest.
-    pub conditions: Conditions,
+    /// Mean temperature of the gyro, °C, if it tells one.
+    pub temp_c: Option<f64>,
     /// Slots without a valid frame.
     pub missing: u16,
     /// Slots whose frame was marked invalid, and those marked saturated or beyond the range; both are also missing.
@@ -207,12 +204,10 @@ impl Sampler {
         let format = self.gyro.format;
         let temp_c = (second.temperatures > 0)
             .then(|| f64::from(second.temperature_sum) * format.c_per_count() / f64::from(second.temperatures));
-        let angle_arcsec = second.angle as f64 * format.arcsec_per_count() * stretch;
         Some(RateSecond {
-            fog_arcsec: angle_arcsec,
-            rate_deg_h: angle_arcsec,
+            fog_arcsec: second.angle as f64 * format.arcsec_per_count() * stretch,
             moment_arcsec_s: second.moment as f64 * (0.5 * SAMPLE_S * format.arcsec_per_count()) * stretch,
-            conditions: Conditions { temp_c, ..Conditions::default() },
+            temp_c,
             missing,
             invalid: second.invalid,
             saturated: second.saturated,
@@ -256,7 +251,7 @@ mod tests {
         let (seconds, counters) = run((0..1200).map(frame));
         assert_eq!(seconds.len(), 3);
         // 400 · 0.03 arcsec in a second is 12 arcsec, and arcsec per second is °/h.
-        assert!(seconds.iter().all(|s| (s.rate_deg_h - 12.0).abs() < 1e-9 && s.missing == 0 && s.usable));
+        assert!(seconds.iter().all(|s| (s.fog_arcsec - 12.0).abs() < 1e-9 && s.missing == 0 && s.usable));
         assert_eq!(counters, Counters { frames_good: 1200, ..Default::default() });
     }
 
@@ -265,7 +260,7 @@ mod tests {
         let (seconds, counters) = run((0..800).filter(|n| !(100..105).contains(n)).map(frame));
         assert_eq!(seconds.len(), 2);
         assert_eq!((seconds[0].missing, seconds[0].usable, counters.frames_lost), (5, true, 5));
-        assert!((seconds[0].rate_deg_h - 12.0).abs() < 1e-9);
+        assert!((seconds[0].fog_arcsec - 12.0).abs() < 1e-9);
         assert_eq!(seconds[1].missing, 0);
     }
 
@@ -287,7 +282,7 @@ mod tests {
             .flat_map(|n| if n == 50 { [50, 50, 48] } else { [n, n, n] }.into_iter().take(if n == 50 { 3 } else { 1 }));
         let (seconds, counters) = run(numbers.map(frame));
         assert_eq!((seconds.len(), counters.frames_duplicate, counters.frames_lost), (1, 2, 0));
-        assert!((seconds[0].rate_deg_h - 12.0).abs() < 1e-9);
+        assert!((seconds[0].fog_arcsec - 12.0).abs() < 1e-9);
     }
 
     #[test]
@@ -309,7 +304,7 @@ mod tests {
         let mut counters = Counters::default();
         sampler.frame(&frame(0), &mut counters);
         let second = (0..1000).find_map(|_| sampler.tick(&mut counters)).unwrap();
-        assert_eq!((second.missing, second.usable, second.rate_deg_h), (399, false, 400.0 * 0.03));
+        assert_eq!((second.missing, second.usable, second.fog_arcsec), (399, false, 400.0 * 0.03));
         // The frames that come after it continue the count: 600 ticks are due, 60 of them not yet given up.
         let lost_before = counters.frames_lost;
         sampler.frame(&frame(lost_before + 1), &mut counters);

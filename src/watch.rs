@@ -76,21 +76,11 @@ impl GyroWatch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::{Conditions, MAX_CHANNELS};
 
     const GOOD: RateSecond = RateSecond {
         fog_arcsec: 12.0,
-        rate_deg_h: 12.0,
         moment_arcsec_s: 0.0,
-        conditions: Conditions {
-            t_s: 0.0,
-            seconds: 1.0,
-            raw_rate_deg_h: 12.0,
-            index: None,
-            temp_c: None,
-            level: None,
-            channels: [f64::NAN; MAX_CHANNELS],
-        },
+        temp_c: None,
         missing: 0,
         invalid: 0,
         saturated: 0,
