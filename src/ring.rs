@@ -26,15 +26,20 @@ impl<const N: usize> Ring<N> {
         let put = self.put.load(Ordering::Relaxed);
         let waiting = put.wrapping_sub(self.taken.load(Ordering::Acquire)) as usize;
         let room = N.saturating_sub(waiting).min(bytes.len());
-        let mut at = put as usize;
-        for &byte in bytes.split_at(room).0 {
-            if let Some(place) = self.bytes.get(at % N) {
-                place.store(byte, Ordering::Relaxed);
-            }
-            at = at.wrapping_add(1);
-        }
+        let (to_end, from_start) = self.places(put);
+        let (first, second) = bytes.split_at(room).0.split_at(room.min(to_end.len()));
+        let store = |(place, &byte): (&AtomicU8, &u8)| place.store(byte, Ordering::Relaxed);
+        to_end.iter().zip(first).for_each(store);
+        from_start.iter().zip(second).for_each(store);
         self.put.store(put.wrapping_add(room as u32), Ordering::Release);
         (bytes.len() - room) as u32
+    }
+
+    /// The places of bytes from this number on: to the ring's end, and from its beginning.
+    #[inline(always)]
+    fn places(&self, number: u32) -> (&[AtomicU8], &[AtomicU8]) {
+        let (from_start, to_end) = self.bytes.split_at(number as usize % N);
+        (to_end, from_start)
     }
 
     /// How many bytes have been put, modulo 2¹⁶: a mark up to which [`Self::take`] takes.
@@ -53,11 +58,11 @@ impl<const N: usize> Ring<N> {
         let waiting = self.put.load(Ordering::Acquire).wrapping_sub(taken) as usize;
         let before = usize::from(mark.wrapping_sub(taken as u16));
         let length = waiting.min(before).min(place.len());
-        let mut at = taken as usize;
-        for byte in place.split_at_mut(length).0 {
-            *byte = self.bytes.get(at % N).map_or(0, |place| place.load(Ordering::Relaxed));
-            at = at.wrapping_add(1);
-        }
+        let (to_end, from_start) = self.places(taken);
+        let (first, second) = place.split_at_mut(length).0.split_at_mut(length.min(to_end.len()));
+        let load = |(byte, place): (&mut u8, &AtomicU8)| *byte = place.load(Ordering::Relaxed);
+        first.iter_mut().zip(to_end).for_each(load);
+        second.iter_mut().zip(from_start).for_each(load);
         self.taken.store(taken.wrapping_add(length as u32), Ordering::Release);
         length
     }

@@ -22,7 +22,7 @@ use cortex_m::interrupt::Mutex;
 use cortex_m::peripheral::{NVIC, SCB};
 use embedded_hal::digital::{self, OutputPin};
 use embedded_hal::spi::{self, Operation, SpiDevice};
-use heapless::{Deque, Vec};
+use heapless::Vec;
 use north_finder::identity;
 use north_finder::intake::Line;
 use north_finder::restart::Cause;
@@ -57,8 +57,8 @@ struct State {
     slots_run: bool,
     slots_begun: u8,
     edges: Vec<u8, 64>,
-    gyro: Deque<u8, 1024>,
-    requests: Deque<u8, 1024>,
+    gyro: Vec<u8, 1024>,
+    requests: Vec<u8, 1024>,
 }
 
 static STATE: Mutex<RefCell<State>> = Mutex::new(RefCell::new(State {
@@ -68,8 +68,8 @@ static STATE: Mutex<RefCell<State>> = Mutex::new(RefCell::new(State {
     slots_run: false,
     slots_begun: 0,
     edges: Vec::new(),
-    gyro: Deque::new(),
-    requests: Deque::new(),
+    gyro: Vec::new(),
+    requests: Vec::new(),
 }));
 
 fn with<R>(f: impl FnOnce(&mut State) -> R) -> R {
@@ -210,11 +210,8 @@ impl State {
         if status != 0 {
             end::power_off(self);
         }
-        // As on a line that nobody reads: what there is no room for is lost.
-        gyro.iter().for_each(|&byte| self.gyro.push_back(byte).unwrap_or(()));
-        requests.iter().for_each(|&byte| self.requests.push_back(byte).unwrap_or(()));
-        pend_while_waiting(&self.gyro, pac::Interrupt::USART1);
-        pend_while_waiting(&self.requests, pac::Interrupt::USART2);
+        receive(&mut self.gyro, gyro, pac::Interrupt::USART1);
+        receive(&mut self.requests, requests, pac::Interrupt::USART2);
         self.edges.clear();
         self.slots_begun = 0;
         self.exchange.take_cycles();
@@ -222,9 +219,11 @@ impl State {
     }
 }
 
-/// A receiver's interrupt, when bytes have come.
-fn pend_while_waiting<const N: usize>(bytes: &Deque<u8, N>, interrupt: pac::Interrupt) {
-    if !bytes.is_empty() {
+/// Bytes come, and the receiver's interrupt while any wait. As on a line that nobody reads: what there is no room for is lost.
+fn receive<const N: usize>(waiting: &mut Vec<u8, N>, bytes: &[u8], interrupt: pac::Interrupt) {
+    let room = bytes.len().min(N - waiting.len());
+    let _ = waiting.extend_from_slice(&bytes[..room]);
+    if !waiting.is_empty() {
         NVIC::pend(interrupt);
     }
 }
@@ -320,7 +319,7 @@ impl RequestPort {
 
 /// From the receiver's register in real time, else what the exchange brought.
 fn drain<const N: usize, const M: usize>(
-    waiting: &mut Deque<u8, M>,
+    waiting: &mut Vec<u8, M>,
     pace: Pace,
     read: impl FnMut() -> Option<u8>,
     line: &Line<N>,
@@ -328,9 +327,7 @@ fn drain<const N: usize, const M: usize>(
     if pace == Pace::RealTime {
         core::iter::from_fn(read).for_each(|byte| line.put(&[byte]));
     }
-    let (first, second) = waiting.as_slices();
-    line.put(first);
-    line.put(second);
+    line.put(waiting);
     waiting.clear();
 }
 

@@ -69,6 +69,11 @@ impl Ramp {
     }
 }
 
+/// The lesser of two numbers: `f32::min`, which looks for what is no number, is a call of a function on a Cortex-M4F.
+fn lesser(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
 impl<S, D, E> StepMotor<S, D, E>
 where
     S: OutputPin<Error = Infallible>,
@@ -133,11 +138,11 @@ where
         if self.speed == 0.0 {
             self.face(self.to_go > 0);
         }
-        let permitted = self.ramp.speed_before(self.ahead()).min(self.ramp.top_speed);
+        let permitted = lesser(self.ramp.speed_before(self.ahead()), self.ramp.top_speed);
         self.speed = if permitted >= self.speed {
-            permitted.min(self.speed + self.ramp.acceleration)
+            lesser(permitted, self.speed + self.ramp.acceleration)
         } else {
-            permitted.max(self.speed - self.ramp.acceleration)
+            -lesser(-permitted, self.ramp.acceleration - self.speed)
         };
         self.phase += self.speed;
         if self.phase >= 1.0 {
