@@ -78,13 +78,16 @@ impl Path {
     }
 }
 
+/// Square arcseconds of a square radian.
+const ARCSEC2_PER_RAD2: f64 = ARCSEC_PER_RAD * ARCSEC_PER_RAD;
+
 /// Both axes of a dwell in arcsec: pitch = forward, roll = left, for the small angles that the level limit allows.
 fn tilt_arcsec(dwell: &DwellSummary) -> Option<[Line; 2]> {
     Some(dwell.level?.map(|line| Line {
         mean: line.mean * ARCSEC_PER_RAD,
         slope_per_s: line.slope_per_s * ARCSEC_PER_RAD,
-        residual_squares: line.residual_squares * ARCSEC_PER_RAD * ARCSEC_PER_RAD,
-        successive_squares: line.successive_squares * ARCSEC_PER_RAD * ARCSEC_PER_RAD,
+        residual_squares: (f64::from(line.residual_squares) * ARCSEC2_PER_RAD2) as f32,
+        successive_squares: (f64::from(line.successive_squares) * ARCSEC2_PER_RAD2) as f32,
     }))
 }
 
@@ -104,7 +107,7 @@ pub async fn detect(dwells: &[DwellSummary]) -> BaseMotion {
         for dwell in few {
             let Some(axes) = tilt_arcsec(dwell) else { return BaseMotion::Unknown };
             for (sum, line) in scatter.iter_mut().zip(axes) {
-                *sum += line.residual_squares;
+                *sum += f64::from(line.residual_squares);
             }
         }
         pause().await;

@@ -72,7 +72,7 @@ pub async fn summary(rows: &[Kept], sensing: BaseMotion, noise_deg_h: f64) -> Op
         pause().await;
     }
     let degrees_of_freedom = (piece.len() - 3) as u16;
-    let residual_squares = variance * seconds * f64::from(degrees_of_freedom);
+    let residual_squares = (variance * seconds * f64::from(degrees_of_freedom)) as f32;
     let still = |mean| Line { mean, ..Line::default() };
     Some(DwellSummary {
         seconds,

@@ -70,8 +70,8 @@ impl Pooled {
             for dwell in few.iter().filter(|dwell| dwell.degrees_of_freedom > 0) {
                 let line = line(dwell)?;
                 let degrees_of_freedom = f64::from(dwell.degrees_of_freedom);
-                pooled.residual += line.residual_squares;
-                pooled.successive += line.successive_squares;
+                pooled.residual += f64::from(line.residual_squares);
+                pooled.successive += f64::from(line.successive_squares);
                 pooled.degrees_of_freedom += degrees_of_freedom;
                 pooled.seconds += degrees_of_freedom * dwell.seconds;
             }

@@ -170,7 +170,7 @@ fn a_base_that_turns_is_taken_out_with_its_sign() {
         let pitch = |t_s: f64| 0.2 * t_s / crate::units::ARCSEC_PER_RAD;
         // Besides, the pitched axis feels the Earth's vertical rate, Ω sin 60° = 13.025946 °/h.
         dwell.rate.mean += -0.2 * dwell.sin + 13.025946 * pitch(dwell.t_s) * dwell.cos;
-        let scatter = 58.0 * (3.0 / crate::units::ARCSEC_PER_RAD) * (3.0 / crate::units::ARCSEC_PER_RAD);
+        let scatter = (58.0 * (3.0 / crate::units::ARCSEC_PER_RAD) * (3.0 / crate::units::ARCSEC_PER_RAD)) as f32;
         dwell.level = Some([
             Line {
                 mean: pitch(dwell.t_s),
