@@ -8,9 +8,9 @@
 use heapless::Vec;
 
 pub use super::dwell::Outliers;
-use super::dwell::{DwellRows, DwellSummary, Kept, Row};
+use super::dwell::{DwellRows, DwellSummary, Kept, MOST_LENT, Row};
 use super::index_watch::IndexWatch;
-use super::{Declared, DesignRow, Fix, Unsolvable, moving_base};
+use super::{Declared, DesignRow, Fix, ROOM, Unsolvable, moving_base};
 use crate::earth::EarthRate;
 use crate::effects::doubt::MAX_DIRECTIONS;
 use crate::effects::{Conditions, Correction, ErrorModel, Evaluator};
@@ -135,6 +135,8 @@ impl Dwells for std::vec::Vec<DwellSummary> {
         std::vec::Vec::retain(self, keep);
     }
 }
+
+const _: () = assert!(ROOM <= MOST_LENT);
 
 /// A row whose correction waits for the first rate of change.
 #[derive(Clone, Copy, Debug)]
@@ -347,7 +349,7 @@ impl<D: Dwells> Accumulator<D> {
         if self.rest_s >= ROTATION_SHARE * (self.rest_s + self.moving_s) {
             self.dwells.retain(|dwell| !dwell.moving);
         }
-        let room = self.rows.lend();
+        let room = self.rows.lend(ROOM);
         pause().await;
         let fix = super::solve(self.dwells.as_slice(), &self.declared, self.evaluator.model(), room).await;
         self.rows.clear();

@@ -8,7 +8,6 @@ use core::ops::Range;
 
 use heapless::Vec;
 
-use super::doubt::ROOM;
 use super::room::Room;
 use crate::effects::doubt::MAX_DIRECTIONS;
 use crate::level::{LevelMoments, Specific};
@@ -18,6 +17,8 @@ use crate::slices::pause;
 pub const MAX_ROWS: usize = 128;
 /// Words of a row that is kept.
 const WORDS: usize = 6;
+/// Numbers that the rows' room can be lent for.
+pub const MOST_LENT: usize = MAX_ROWS * WORDS;
 /// Fewest places that merging must free; else longer rows are made.
 const LEAST_FREE: usize = 16;
 /// Rows whose deviations make one slice.
@@ -232,14 +233,14 @@ impl DwellRows {
         &self.rows
     }
 
-    /// Room for the numbers of a solution. Rows of a dwell that has not ended are no part of one: they are dropped.
+    /// Room for so many numbers of a solution, [`MOST_LENT`] at most. Rows of a dwell that has not ended are no part of one: they are dropped.
     ///
     /// Never inlined: what this takes of the stack is free again for the solution.
     #[inline(never)]
-    pub fn lend(&mut self) -> Room<'_> {
+    pub fn lend(&mut self, numbers: usize) -> Room<'_> {
         self.clear();
         // Filled in place.
-        let _ = self.rows.resize(ROOM.div_ceil(WORDS), [0; WORDS]);
+        let _ = self.rows.resize(numbers.div_ceil(WORDS), [0; WORDS]);
         Room::new(self.rows.as_flattened_mut())
     }
 
