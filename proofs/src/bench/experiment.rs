@@ -19,8 +19,9 @@ use crate::judge::{Attribution, consult, judge, write};
 /// The next experiment, made: campaigns that cannot tell their effect from others, and what they tell with the proposed runs
 ///
 /// Campaigns are drawn as in "north bench diagnose". Where a diagnosis names confounded alternatives and proposes runs, the same
-/// instrument makes these runs, and all runs are diagnosed together. The answer is unique where no run at this latitude would tell
-/// more; it is right where the hidden effect is what was named, or among what no run tells from it.
+/// instrument makes these runs, and all runs are diagnosed together; where runs are proposed then, these are made, too, once. The answer
+/// is unique where no run at this latitude would tell more; it is right where the hidden effect is what was named, or among what no
+/// run tells from it.
 #[derive(Args, Debug)]
 #[command(after_help = "Example:\n  north bench experiment --campaigns 10 --verbose")]
 pub struct ExperimentBench {
@@ -38,6 +39,9 @@ pub struct ExperimentBench {
     verbose: bool,
 }
 
+/// Added to the seed of the runs that are proposed second.
+const SECOND: u64 = 1 << 40;
+
 /// One family, or all together.
 #[derive(Serialize, Default)]
 pub struct Row {
@@ -51,6 +55,8 @@ pub struct Row {
     proposed: u64,
     /// Of those: the answer is unique with the runs.
     unique: u64,
+    /// Of the proposed: the answer is unique with the runs, or with those that are proposed then.
+    unique_then: u64,
     /// Of those: and right.
     right: u64,
 }
@@ -85,24 +91,27 @@ impl Bench for ExperimentBench {
             inseparable: sum(|row| row.inseparable),
             proposed: sum(|row| row.proposed),
             unique: sum(|row| row.unique),
+            unique_then: sum(|row| row.unique_then),
             right: sum(|row| row.right),
         };
         rows.push(all);
         writeln!(
             out,
-            "| family | campaigns | confounded | no run tells more | with proposed runs | unique with them | share, % | and right |"
+            "| family | campaigns | confounded | no run tells more | with proposed runs | unique with them | share, % | unique with those \
+             proposed then | share, % | and right |"
         )?;
-        writeln!(out, "|---|---|---|---|---|---|---|---|")?;
+        writeln!(out, "|---|---|---|---|---|---|---|---|---|---|")?;
         for row in rows.iter().filter(|row| row.confounded > 0 || row.family == "all") {
-            let share = if row.proposed > 0 {
-                format!("{:.0}", 100.0 * row.unique as f64 / row.proposed as f64)
-            } else {
-                "–".into()
+            let share = |unique: u64| match row.proposed {
+                0 => "–".into(),
+                proposed => format!("{:.0}", 100.0 * unique as f64 / proposed as f64),
             };
-            let Row { family, campaigns, confounded, inseparable, proposed, unique, right } = row;
+            let Row { family, campaigns, confounded, inseparable, proposed, unique, unique_then, right } = row;
             writeln!(
                 out,
-                "| {family} | {campaigns} | {confounded} | {inseparable} | {proposed} | {unique} | {share} | {right} |"
+                "| {family} | {campaigns} | {confounded} | {inseparable} | {proposed} | {unique} | {} | {unique_then} | {} | {right} |",
+                share(*unique),
+                share(*unique_then)
             )?;
         }
         Ok(rows)
@@ -127,28 +136,39 @@ impl ExperimentBench {
             return Ok(());
         };
         row.proposed += 1;
-        let followed = generated.followed_by(&proposed(experiment), self.seed + number);
-        let after = diagnosed(&followed)?;
-        let unique = after.as_ref().is_ok_and(|after| to_tell_apart(after).is_none() && !after.effects.is_empty());
-        let verdict = judge(&followed, number, &after, &consult(&followed, &settings(&followed)));
-        let right = matches!(verdict.attribution, Attribution::Right | Attribution::Ambiguous);
-        row.unique += u64::from(unique);
-        row.right += u64::from(unique && right);
         if self.verbose {
             writeln!(out, "{} {number}: {}", family.name(), before.verdict)?;
-            writeln!(out, "    hidden: {}", verdict.hidden)?;
             writeln!(out, "    proposed: {}", experiment.description)?;
-            let next = after.as_ref().ok().and_then(to_tell_apart).map(|next| next.description.clone());
-            let then = after.map_or_else(|refusal| refusal, |after| after.verdict);
-            let (told, named) =
-                (if unique { "unique" } else { "still confounded" }, if right { "right" } else { "wrong" });
-            writeln!(out, "    {told}, {named}: {then}")?;
-            if let Some(next) = next {
-                writeln!(out, "    proposed next: {next}")?;
+        }
+        let mut followed = generated.followed_by(&proposed(experiment), self.seed + number);
+        let mut after = diagnosed(&followed)?;
+        row.unique += u64::from(is_unique(&after));
+        if let Some(next) = after.as_ref().ok().and_then(to_tell_apart) {
+            if self.verbose {
+                writeln!(out, "    still confounded; proposed then: {}", next.description)?;
             }
+            followed = followed.followed_by(&proposed(next), self.seed + number + SECOND);
+            after = diagnosed(&followed)?;
+        }
+        let unique = is_unique(&after);
+        let verdict = judge(&followed, number, &after, &consult(&followed, &settings(&followed)));
+        let right = matches!(verdict.attribution, Attribution::Right | Attribution::Ambiguous);
+        row.unique_then += u64::from(unique);
+        row.right += u64::from(unique && right);
+        if self.verbose {
+            let then = after.map_or_else(|refusal| refusal, |after| after.verdict);
+            let told = if unique { "unique" } else { "still confounded" };
+            let named = if right { "right" } else { "wrong" };
+            writeln!(out, "    hidden: {}", verdict.hidden)?;
+            writeln!(out, "    {told}, {named}: {then}")?;
         }
         Ok(())
     }
+}
+
+/// Whether something was found that no run at this latitude would tell more of.
+fn is_unique(after: &Result<Diagnosis, String>) -> bool {
+    after.as_ref().is_ok_and(|after| to_tell_apart(after).is_none() && !after.effects.is_empty())
 }
 
 /// The runs that an experiment asks for.
