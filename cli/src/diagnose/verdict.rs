@@ -28,11 +28,14 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
         (_, Some(after)) => format!(": azimuth error {after:.3} deg rms"),
         _ => String::new(),
     };
-    let rest = match () {
-        () if names.is_empty() => String::new(),
-        () if diagnosis.unexplained => "; structure remains that nothing explains".into(),
-        () if failed.is_empty() => String::new(),
-        () => format!("; the residual is still not noise by {}", failed.join(" and ")),
+    let rest = if names.is_empty() {
+        String::new()
+    } else if diagnosis.unexplained {
+        "; structure remains that nothing explains".into()
+    } else if failed.is_empty() {
+        String::new()
+    } else {
+        format!("; the residual is still not noise by {}", failed.join(" and "))
     };
     let ambiguous = if diagnosis.effects.iter().any(|effect| !effect.ambiguous_with.is_empty()) {
         "; this campaign cannot tell every cause from others"

@@ -26,6 +26,7 @@ const SWAP: f64 = 2.0;
 /// Log evidence by which an alternative may be behind, and how many enter the average.
 const BEHIND: f64 = 5.0;
 const MOST_ALTERNATIVES: usize = 6;
+
 impl Search<'_> {
     /// Takes groups until none is worth its penalty.
     pub fn grow(&mut self, mut state: State) -> State {
