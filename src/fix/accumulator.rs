@@ -316,7 +316,7 @@ impl<D: Dwells> Accumulator<D> {
         if let Some(before) = self.slipped_from.take() {
             self.slip_deg += wrap_180_deg(summary.index_deg() - before.deg());
         }
-        summary.slip_deg = self.slip_deg;
+        summary.slip_deg = self.slip_deg as f32;
         let doubted_s = core::mem::take(&mut self.doubted_s).max(f64::MIN_POSITIVE);
         let doubt_deg_h = core::mem::take(&mut self.doubts_arcsec).map(|sum| (sum / doubted_s) as f32);
         summary.doubt_deg_h = doubt_deg_h;

@@ -84,8 +84,8 @@ const ARCSEC2_PER_RAD2: f64 = ARCSEC_PER_RAD * ARCSEC_PER_RAD;
 /// Both axes of a dwell in arcsec: pitch = forward, roll = left, for the small angles that the level limit allows.
 fn tilt_arcsec(dwell: &DwellSummary) -> Option<[Line; 2]> {
     Some(dwell.level?.map(|line| Line {
-        mean: line.mean * ARCSEC_PER_RAD,
-        slope_per_s: line.slope_per_s * ARCSEC_PER_RAD,
+        mean: f64::from(line.mean) * ARCSEC_PER_RAD,
+        slope_per_s: f64::from(line.slope_per_s) * ARCSEC_PER_RAD,
         residual_squares: (f64::from(line.residual_squares) * ARCSEC2_PER_RAD2) as f32,
         successive_squares: (f64::from(line.successive_squares) * ARCSEC2_PER_RAD2) as f32,
     }))
@@ -261,7 +261,10 @@ fn observations(dwell: &DwellSummary, middle_s: f64, half_s: f64) -> [(f64, SVec
         SVector::from([1.0, t, t * t + h2 / 3.0, t * t * t + t * h2, t * t * t * t + 2.0 * t * t * h2 + h2 * h2 / 5.0]);
     // Least-squares slope of (t + u)^k over u in ± half: 3/(2h³) ∫ u (t + u)^k du.
     let slope = SVector::from([0.0, 1.0, 2.0 * t, 3.0 * t * t + 0.6 * h2, 4.0 * t * t * t + 2.4 * t * h2]) / half_s;
-    [(dwell.seconds, mean, tilt.map(|line| line.mean)), (dwell.time_spread, slope, tilt.map(|line| line.slope_per_s))]
+    [
+        (dwell.seconds, mean, tilt.map(|line| line.mean)),
+        (dwell.time_spread.into(), slope, tilt.map(|line| line.slope_per_s)),
+    ]
 }
 
 #[cfg(test)]

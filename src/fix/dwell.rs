@@ -172,6 +172,44 @@ pub struct Line {
     pub successive_squares: f32,
 }
 
+/// A line without its mean.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Trend {
+    pub slope_per_s: f64,
+    /// As those of a [`Line`].
+    pub residual_squares: f32,
+    pub successive_squares: f32,
+}
+
+impl From<Line> for Trend {
+    fn from(Line { slope_per_s, residual_squares, successive_squares, .. }: Line) -> Self {
+        Self { slope_per_s, residual_squares, successive_squares }
+    }
+}
+
+/// A [`Line`] of a level accelerometer, all of it in floats. Their rounding, a share of 2⁻²⁵, is 0.001 arcsec of a tilt of 5°; the
+/// accelerometer's noise is 5 arcsec in a second.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LevelLine {
+    pub mean: f32,
+    pub slope_per_s: f32,
+    pub residual_squares: f32,
+    pub successive_squares: f32,
+}
+
+impl LevelLine {
+    /// Of one interval in which nothing but the mean is known.
+    pub fn still(mean: f64) -> Self {
+        Self { mean: mean as f32, ..Self::default() }
+    }
+}
+
+impl From<Line> for LevelLine {
+    fn from(Line { mean, slope_per_s, residual_squares, successive_squares }: Line) -> Self {
+        Self { mean: mean as f32, slope_per_s: slope_per_s as f32, residual_squares, successive_squares }
+    }
+}
+
 /// What a dwell says, or one interval of a continuous rotation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DwellSummary {
@@ -181,20 +219,21 @@ pub struct DwellSummary {
     pub t_s: f64,
     pub start_s: f64,
     pub end_s: f64,
-    /// Weighted sum of squared times about the mean, s³: the weight of a slope.
-    pub time_spread: f64,
+    /// Weighted sum of squared times about the mean, s³: the weight of a slope, to which a float's rounding is nothing.
+    pub time_spread: f32,
     /// Mean cosine and sine of the index angle.
     pub cos: f64,
     pub sin: f64,
-    /// By how much the index reading had jumped since the fix began while the motor stood, degrees.
-    pub slip_deg: f64,
+    /// By how much the index reading had jumped since the fix began while the motor stood, degrees. A float's rounding is below
+    /// 1e-5° of any jump; a count of the encoder is 0.02°.
+    pub slip_deg: f32,
     /// Rate, °/h; its squares in (°/h)² · s.
     pub rate: Line,
     /// Angle that the gyro turned, arcsec, from the mean angles of the rows: its slope is the mean rate for noise that is
     /// white in the angle. `None` where a gap or an outlier breaks it.
-    pub angle: Option<Line>,
+    pub angle: Option<Trend>,
     /// Forward and left accelerometer, g.
-    pub level: Option<[Line; 2]>,
+    pub level: Option<[LevelLine; 2]>,
     /// Rows that count, less the two that a line takes; 0 for fewer than three.
     pub degrees_of_freedom: u16,
     /// Rows left out as outliers.
@@ -532,15 +571,15 @@ impl Sums {
             t_s: first.t_s + self.time / self.seconds,
             start_s: self.start_s,
             end_s: last.end_s(),
-            time_spread: self.time_spread(),
+            time_spread: self.time_spread() as f32,
             cos: self.cos / self.seconds,
             sin: self.sin / self.seconds,
             rate: line(&self.rate, first.rate_deg_h),
             angle: (!self.broken && self.rows >= 3)
-                .then_some(Line { slope_per_s: angle.slope_per_s + first.rate_deg_h, ..angle }),
+                .then_some(Line { slope_per_s: angle.slope_per_s + first.rate_deg_h, ..angle }.into()),
             level: first.level.filter(|_| self.level_rows == self.rows).map(|origin| {
                 let [forward, left] = &self.level;
-                [line(forward, origin.mean.forward), line(left, origin.mean.left)]
+                [line(forward, origin.mean.forward).into(), line(left, origin.mean.left).into()]
             }),
             degrees_of_freedom: self.rows.saturating_sub(2),
             outliers: self.outliers,
@@ -565,7 +604,6 @@ async fn median(rows: &[Kept], value: impl Fn(&Kept) -> f64) -> Option<f64> {
 impl DwellSummary {
     /// One interval in which the index moved.
     pub fn moving(row: &Row) -> Self {
-        let still = |mean| Line { mean, ..Line::default() };
         Self {
             seconds: row.seconds,
             t_s: row.t_s,
@@ -573,8 +611,8 @@ impl DwellSummary {
             end_s: row.end_s(),
             cos: row.cos,
             sin: row.sin,
-            rate: still(row.rate_deg_h),
-            level: row.level.map(|level| [still(level.mean.forward), still(level.mean.left)]),
+            rate: Line { mean: row.rate_deg_h, ..Line::default() },
+            level: row.level.map(|level| [level.mean.forward, level.mean.left].map(LevelLine::still)),
             moving: true,
             ..Self::default()
         }

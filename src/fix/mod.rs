@@ -189,7 +189,7 @@ impl Problem<'_> {
         if !self.encoder_slipped {
             return Direction { cos, sin };
         }
-        let (sin_slip, cos_slip) = sin_cos_deg(dwell.slip_deg);
+        let (sin_slip, cos_slip) = sin_cos_deg(dwell.slip_deg.into());
         Direction { cos: cos * cos_slip + sin * sin_slip, sin: sin * cos_slip - cos * sin_slip }
     }
 
@@ -198,7 +198,7 @@ impl Problem<'_> {
         let index = self.index(dwell);
         let design = DesignRow::new(index, specific(dwell), &self.earth);
         let (mean_deg_h, weight) = self.noise.map_or((dwell.rate.mean, dwell.seconds), |noise| noise.mean(dwell));
-        let weight_of_slope = self.noise.map_or(dwell.time_spread, |noise| noise.weight_of_slope(dwell));
+        let weight_of_slope = self.noise.map_or(dwell.time_spread.into(), |noise| noise.weight_of_slope(dwell));
         if matches!(self.motion, BaseMotion::Moving(_)) || self.encoder_slipped {
             pause().await;
         }
@@ -448,7 +448,7 @@ async fn solve_for(
     problem.correlated = Correlated::new(&model.doubt, &problem, variance).await;
     let drift = settle_drift(&problem, variance, drift_sigma).await?;
     pause().await;
-    let estimate = drift.estimate;
+    let estimate = &drift.estimate;
     if drift.free {
         flags.insert(Flag::Drift);
     }
@@ -476,9 +476,9 @@ async fn solve_for(
     pause().await;
     let &[cos_part, sin_part, bias_deg_h, drift_deg_h_per_h] = estimate.parameters.as_ref();
     let amplitude_deg_h = libm::hypot(cos_part, sin_part);
+    let correlated = correlated_covariance(&problem, estimate, declared, model).await;
     let inverse = problem.line.map_or(estimate.inverse, |line| estimate.inverse + line.doubt);
-    let covariance = inverse * (variance * inflation.max(widening))
-        + correlated_covariance(&problem, &estimate, declared, model).await;
+    let covariance = inverse * (variance * inflation.max(widening)) + correlated;
     pause().await;
     let along = Vector4::new(cos_part, sin_part, 0.0, 0.0) / amplitude_deg_h;
     let amplitude_sigma = libm::sqrt(along.dot(&(covariance * along)));
@@ -589,11 +589,18 @@ async fn correlated_covariance(
     declared: &Declared,
     model: &ErrorModel,
 ) -> Matrix4<f64> {
-    let instability = declared.gyro.bias_instability_deg_h;
+    // In functions of their own: what is kept from slice to slice has room for the largest of them, and not for all.
     let mut shared = match problem.correlated {
         None if doubt::is_any(&model.doubt) => doubt::of_right_hand_side(&model.doubt, problem).await,
         _ => Matrix4::zeros(),
     };
+    add_of_dwells(&mut shared, problem, declared.gyro.bias_instability_deg_h).await;
+    let half = product(&estimate.inverse, &shared).await;
+    product(&half, &estimate.inverse).await
+}
+
+/// Adds what the instability and the noise of the base motion make of the right-hand side.
+async fn add_of_dwells(shared: &mut Matrix4<f64>, problem: &Problem<'_>, instability: f64) {
     let mut by_coefficient = [SMatrix::<f64, 4, 5>::zeros(); 2];
     for (i, dwell) in problem.dwells.iter().enumerate() {
         let observation = problem.mean(dwell).await;
@@ -602,7 +609,8 @@ async fn correlated_covariance(
         match &problem.motion {
             BaseMotion::Unknown | BaseMotion::Still => {}
             BaseMotion::Moving(Method::Slopes { variance: [pitch, roll] }) if dwell.time_spread > 0.0 => {
-                of_dwell += (dwell.sin * dwell.sin * pitch + dwell.cos * dwell.cos * roll) / dwell.time_spread;
+                of_dwell +=
+                    (dwell.sin * dwell.sin * pitch + dwell.cos * dwell.cos * roll) / f64::from(dwell.time_spread);
             }
             BaseMotion::Moving(Method::Slopes { .. }) => {}
             BaseMotion::Moving(Method::Path(path)) => {
@@ -614,16 +622,15 @@ async fn correlated_covariance(
                 *roll += dwell.cos * gain * rates.transpose();
             }
         }
-        shared += of_dwell * gain * gain.transpose();
+        *shared += of_dwell * gain * gain.transpose();
         pause().await;
     }
     if let BaseMotion::Moving(Method::Path(path)) = &problem.motion {
         for (by_coefficient, covariance) in by_coefficient.iter().zip(path.covariance()) {
             let half = product(by_coefficient, covariance).await;
-            shared += product(&half, &by_coefficient.transpose()).await;
+            *shared += product(&half, &by_coefficient.transpose()).await;
         }
     }
-    product(&product(&estimate.inverse, &shared).await, &estimate.inverse).await
 }
 
 /// The product of two matrices, a column a slice.
@@ -668,7 +675,7 @@ async fn base_motion(dwells: &[DwellSummary]) -> BaseMotion {
 
 /// Upward components of the instrument's axes during a dwell.
 fn specific(dwell: &DwellSummary) -> Option<Specific> {
-    dwell.level.map(|[forward, left]| Specific { forward: forward.mean, left: left.mean })
+    dwell.level.map(|[forward, left]| Specific { forward: forward.mean.into(), left: left.mean.into() })
 }
 
 async fn mean_tilt(dwells: &[DwellSummary]) -> Option<Tilt> {

@@ -26,7 +26,7 @@
 use heapless::Vec;
 use nalgebra::{Matrix2, Vector2};
 
-use super::dwell::{DwellSummary, Kept, Line, MAX_ROWS, Row, longest_piece};
+use super::dwell::{DwellSummary, Kept, LevelLine, Line, MAX_ROWS, Row, longest_piece};
 use super::velocity;
 use crate::effects::BaseMotion;
 use crate::slices::pause;
@@ -73,7 +73,6 @@ pub async fn summary(rows: &[Kept], sensing: BaseMotion, noise_deg_h: f64) -> Op
     }
     let degrees_of_freedom = (piece.len() - 3) as u16;
     let residual_squares = (variance * seconds * f64::from(degrees_of_freedom)) as f32;
-    let still = |mean| Line { mean, ..Line::default() };
     Some(DwellSummary {
         seconds,
         t_s: 0.5 * (start_s + end_s),
@@ -83,7 +82,7 @@ pub async fn summary(rows: &[Kept], sensing: BaseMotion, noise_deg_h: f64) -> Op
         cos: cos / seconds,
         sin: sin / seconds,
         rate: Line { mean, slope_per_s: 0.0, residual_squares, successive_squares: residual_squares },
-        level: Some([still(forward / seconds), still(left / seconds)]),
+        level: Some([forward, left].map(|sum| LevelLine::still(sum / seconds))),
         degrees_of_freedom,
         outliers: (rows.len() - piece.len()) as u16,
         base_taken_out: true,

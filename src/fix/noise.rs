@@ -17,7 +17,7 @@
 //! Successive rates that are alike widen the variance by (1 + ρ)/(1 − ρ), ρ their correlation, as for an autoregressive
 //! process of the first order.
 
-use super::dwell::{DwellSummary, Line};
+use super::dwell::{DwellSummary, Trend};
 use super::{FEW, Problem};
 use crate::slices::pause;
 
@@ -64,7 +64,7 @@ struct Pooled {
 }
 
 impl Pooled {
-    async fn new(dwells: &[DwellSummary], line: fn(&DwellSummary) -> Option<Line>) -> Option<Self> {
+    async fn new(dwells: &[DwellSummary], line: fn(&DwellSummary) -> Option<Trend>) -> Option<Self> {
         let mut pooled = Self::default();
         for few in dwells.chunks(FEW) {
             for dwell in few.iter().filter(|dwell| dwell.degrees_of_freedom > 0) {
@@ -86,7 +86,7 @@ impl Noise {
     /// the noise.
     pub(super) async fn new(problem: &Problem<'_>, declared_deg_h: f64) -> Option<Self> {
         let declared = declared_deg_h * declared_deg_h;
-        let rates = Pooled::new(problem.dwells, |dwell| Some(dwell.rate)).await;
+        let rates = Pooled::new(problem.dwells, |dwell| Some(dwell.rate.into())).await;
         let Some(rates) = rates.filter(|rates| rates.degrees_of_freedom >= 4.0) else {
             let white = problem.variance_of_successive_residuals().await?;
             return Some(Self {
@@ -134,10 +134,11 @@ impl Noise {
     /// The weight of a dwell's slope, s³: the variance of a one-second rate over that of the slope. By parts the slope's
     /// weights of the rates, 12 (t − T/2)/T³, are 12/T³ of the angles and 6/T² of those at the ends.
     pub fn weight_of_slope(&self, dwell: &DwellSummary) -> f64 {
-        let (Some(noise), true) = (self.angle, dwell.time_spread > 0.0) else { return dwell.time_spread };
+        let time_spread = f64::from(dwell.time_spread);
+        let (Some(noise), true) = (self.angle, time_spread > 0.0) else { return time_spread };
         let squared = dwell.seconds * dwell.seconds;
         let of_angle = noise.of_moment * (72.0 + 144.0 / dwell.seconds) / (squared * squared);
-        self.variance / (noise.white / dwell.time_spread + of_angle)
+        self.variance / (noise.white / time_spread + of_angle)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::vec::Vec;
 
-use super::dwell::{DwellSummary, Line};
+use super::dwell::{DwellSummary, LevelLine, Line};
 use super::*;
 use crate::earth::earth_rate;
 use crate::effects::{ErrorModel, Sinusoid};
@@ -37,7 +37,7 @@ pub fn dwell(start_s: f64, index_deg: f64, rate_deg_h: f64) -> DwellSummary {
             successive_squares: 58.0 * 0.0081,
         },
         angle: None,
-        level: Some([Line::default(); 2]),
+        level: Some([LevelLine::default(); 2]),
         degrees_of_freedom: 58,
         ..DwellSummary::default()
     }
@@ -111,7 +111,7 @@ fn nose_up_is_taken_out_with_its_sign() {
     let forward = 7.5205335 * 0.9998477 + 0.2273341;
     let mut tilted = dwells_at(&[(0.0, forward), (90.0, 0.0), (180.0, -forward), (270.0, 0.0)]);
     for dwell in &mut tilted {
-        dwell.level = Some([Line { mean: 0.0174524, ..Line::default() }, Line::default()]);
+        dwell.level = Some([LevelLine::still(0.0174524), LevelLine::default()]);
     }
     let solution = solve_at(60.0, &tilted);
     assert_azimuth(&solution, 0.0, 1e-5);
@@ -127,7 +127,7 @@ fn left_side_up_is_taken_out_with_its_sign() {
     let untreated = solve_at(60.0, &tilted);
     assert_azimuth(&untreated, 1.7315, 1e-3);
     for dwell in &mut tilted {
-        dwell.level = Some([Line::default(), Line { mean: 0.0174524, ..Line::default() }]);
+        dwell.level = Some([LevelLine::default(), LevelLine::still(0.0174524)]);
     }
     assert_azimuth(&solve_at(60.0, &tilted), 0.0, 1e-5);
 }
@@ -172,13 +172,13 @@ fn a_base_that_turns_is_taken_out_with_its_sign() {
         dwell.rate.mean += -0.2 * dwell.sin + 13.025946 * pitch(dwell.t_s) * dwell.cos;
         let scatter = (58.0 * (3.0 / crate::units::ARCSEC_PER_RAD) * (3.0 / crate::units::ARCSEC_PER_RAD)) as f32;
         dwell.level = Some([
-            Line {
-                mean: pitch(dwell.t_s),
-                slope_per_s: pitch(1.0),
+            LevelLine {
+                mean: pitch(dwell.t_s) as f32,
+                slope_per_s: pitch(1.0) as f32,
                 residual_squares: scatter,
                 successive_squares: scatter,
             },
-            Line { residual_squares: scatter, successive_squares: scatter, ..Line::default() },
+            LevelLine { residual_squares: scatter, successive_squares: scatter, ..LevelLine::default() },
         ]);
     }
     let solution = solve_at(60.0, &dwells);

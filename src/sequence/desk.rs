@@ -9,7 +9,7 @@ use heapless::Deque;
 
 use super::{Seen, Sequencer};
 use crate::event::Event;
-use crate::fix::accumulator::Second;
+use crate::fix::accumulator::{Corrected, Second};
 use crate::index::{IndexAngle, MotorCommand};
 use crate::slices::{self, pause};
 
@@ -35,17 +35,24 @@ impl<S: DerefMut<Target = Sequencer>> Desk<S> {
     /// All work that is ever handed over; never ends.
     pub async fn work(&self) -> Infallible {
         loop {
-            if let Some((mut sequencer, second, index)) = self.todo.take() {
+            if let Some((mut sequencer, corrected)) = self.begun() {
                 let mut sink = |event| {
                     if let Ok(mut events) = self.events.try_borrow_mut() {
                         let _ = events.push_back(event);
                     }
                 };
-                let (seen, motor) = sequencer.second(&second, index, &mut sink).await;
+                let (seen, motor) = sequencer.second(&corrected, &mut sink).await;
                 self.done.set(Some((sequencer, seen, motor)));
             }
             pause().await;
         }
+    }
+
+    /// What is to be done. A function of its own: the second as it was handed over is not kept from slice to slice.
+    fn begun(&self) -> Option<(S, Corrected)> {
+        let (mut sequencer, second, index) = self.todo.take()?;
+        let corrected = sequencer.correct(&second, index);
+        Some((sequencer, corrected))
     }
 
     /// Hands a second over, with the index angle at its end.

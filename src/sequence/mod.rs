@@ -270,11 +270,16 @@ impl Sequencer {
         }
     }
 
-    /// A second has ended, at this index angle. Gives what became of it and the motor's command.
-    pub async fn second(&mut self, second: &Second, index: IndexAngle, sink: Sink<'_>) -> (Seen, Option<MotorCommand>) {
-        let t_s = second.end_s();
+    /// A second has ended, at this index angle. What it was goes to [`Self::second`].
+    pub fn correct(&mut self, second: &Second, index: IndexAngle) -> Corrected {
         self.index = index;
-        let corrected = self.accumulator.correct(second);
+        self.accumulator.correct(second)
+    }
+
+    /// The work on a second. Gives what became of it and the motor's command.
+    pub async fn second(&mut self, corrected: &Corrected, sink: Sink<'_>) -> (Seen, Option<MotorCommand>) {
+        let second = &corrected.measured;
+        let t_s = second.end_s();
         let mut seen = Seen { rate_deg_h: corrected.rate_deg_h, ..Seen::default() };
         pause().await;
         self.watch_rest(corrected.index);
@@ -288,11 +293,8 @@ impl Sequencer {
         }
         pause().await;
         let early = self.adaptive.is_some() && matches!(self.stage, Stage::Watching(_) | Stage::Settling(_));
-        if !matches!(self.stage, Stage::Collecting { .. })
-            && !early
-            && let Some(slip) = self.accumulator.between_dwells(&corrected).await
-        {
-            self.slipped(&slip, &mut seen, sink);
+        if !matches!(self.stage, Stage::Collecting { .. }) && !early {
+            self.between_dwells(corrected, &mut seen, sink).await;
         }
         pause().await;
         let rate_deg_h = self.accumulator.is_usable(second).then_some(corrected.rate_deg_h);
@@ -301,26 +303,24 @@ impl Sequencer {
             Stage::Watching(gate) => {
                 let verdict = gate.second(rate_deg_h);
                 let quiet = gate.is_quiet();
-                self.collect_early(&corrected, quiet, &mut seen, sink).await;
-                self.watching(verdict, &corrected, &mut seen, sink).await
+                self.collect_early(corrected, quiet, &mut seen, sink).await;
+                self.watching(verdict, corrected, &mut seen, sink).await
             }
             Stage::Settling(gate) => {
                 let verdict = gate.second(rate_deg_h);
                 let quiet = gate.is_quiet();
-                self.collect_early(&corrected, quiet, &mut seen, sink).await;
-                self.settling(verdict, &corrected, &mut seen, sink).await
+                self.collect_early(corrected, quiet, &mut seen, sink).await;
+                self.settling(verdict, corrected, &mut seen, sink).await
             }
             Stage::Collecting { seconds } => {
-                seen.dwell = Some(self.position);
-                let taken = self.accumulator.collect(&corrected).await;
-                seen.collected = taken == Taken::Collected;
-                *seconds = seconds.saturating_add(seen.collected.into());
-                let seconds = *seconds;
-                if let Taken::Slipped(slip) = taken {
-                    self.slipped(&slip, &mut seen, sink);
+                let before = *seconds;
+                self.collect(corrected, &mut seen, sink).await;
+                let seconds = before.saturating_add(seen.collected.into());
+                if let Stage::Collecting { seconds: own } = &mut self.stage {
+                    *own = seconds;
                 }
                 pause().await;
-                self.collecting(&corrected, seconds, &mut seen, sink).await
+                self.collecting(corrected, seconds, &mut seen, sink).await
             }
             Stage::Idle | Stage::Indexing(_) | Stage::Finished | Stage::Failed => None,
         };
@@ -348,22 +348,38 @@ impl Sequencer {
         let Some(adaptive) = &mut self.adaptive else { return };
         if quiet && adaptive.takes_early() {
             adaptive.early = adaptive.early.saturating_add(1);
-            seen.dwell = Some(self.position);
-            let taken = self.accumulator.collect(second).await;
-            seen.collected = taken == Taken::Collected;
-            if let Taken::Slipped(slip) = taken {
-                self.slipped(&slip, seen, sink);
-            }
-            return;
+            return self.collect(second, seen, sink).await;
         }
         if adaptive.interrupted() {
-            let ended = self.accumulator.end_dwell().await;
-            self.dwell_ended(ended.as_ref(), seen, sink);
+            self.end_dwell(seen, sink).await;
             self.accumulator.index_turns();
         }
+        self.between_dwells(second, seen, sink).await;
+    }
+
+    // What a dwell says is told in functions of their own: what is kept from slice to slice has no place for it any more afterwards.
+
+    /// A second of a dwell.
+    async fn collect(&mut self, second: &Corrected, seen: &mut Seen, sink: Sink<'_>) {
+        seen.dwell = Some(self.position);
+        let taken = self.accumulator.collect(second).await;
+        seen.collected = taken == Taken::Collected;
+        if let Taken::Slipped(slip) = taken {
+            self.slipped(&slip, seen, sink);
+        }
+    }
+
+    /// A second of no dwell.
+    async fn between_dwells(&mut self, second: &Corrected, seen: &mut Seen, sink: Sink<'_>) {
         if let Some(slip) = self.accumulator.between_dwells(second).await {
             self.slipped(&slip, seen, sink);
         }
+    }
+
+    /// The dwell is over.
+    async fn end_dwell(&mut self, seen: &mut Seen, sink: Sink<'_>) {
+        let ended = self.accumulator.end_dwell().await;
+        self.dwell_ended(ended.as_ref(), seen, sink);
     }
 
     /// The index slipped: the dwell under way goes on as another one, at the new angle.
@@ -531,8 +547,7 @@ impl Sequencer {
         if seconds < self.dwell_s() {
             return None;
         }
-        let ended = self.accumulator.end_dwell().await;
-        self.dwell_ended(ended.as_ref(), seen, sink);
+        self.end_dwell(seen, sink).await;
         self.position = self.position.saturating_add(1);
         let t_s = second.measured.end_s();
         match self.position() {
@@ -560,8 +575,7 @@ impl Sequencer {
 
     /// The dwell of an adaptive fix is over: on to the next, or to the azimuth.
     async fn end_adaptive_dwell(&mut self, t_s: f64, seen: &mut Seen, sink: Sink<'_>) -> Option<MotorCommand> {
-        let ended = self.accumulator.end_dwell().await;
-        self.dwell_ended(ended.as_ref(), seen, sink);
+        self.end_dwell(seen, sink).await;
         self.position = self.position.saturating_add(1);
         let (position, index) = (self.position, self.rules.index);
         let Some(angle_deg) = self.index.deg() else { return self.fail(Fault::EncoderFailed, t_s, sink) };

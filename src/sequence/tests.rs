@@ -126,7 +126,8 @@ fn run(settings: &Settings) -> Result<Fix, Fault> {
                 ..Conditions::default()
             };
             let second = Second { conditions, ..Second::default() };
-            let (_, command) = at_once(sequencer.second(&second, index, &mut sink));
+            let corrected = sequencer.correct(&second, index);
+            let (_, command) = at_once(sequencer.second(&corrected, &mut sink));
             pending = command.or(pending);
         }
     }
