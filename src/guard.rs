@@ -2,8 +2,8 @@
 
 use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 
-/// Who can be late. The task that asks, `sample`, is the watchdog's own. `solve` and `idle` check in; a report or a calibration that
-/// never ends keeps the idle task out, and the report task says whether it is the one.
+/// Who can be late. The task that asks, `sample`, is the watchdog's own. `solve` and `idle` check in; a calibration that never ends
+/// keeps the idle task out. The report task says when it begins to send and when it is done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Task {
@@ -64,6 +64,7 @@ impl Guard {
 
     /// The report task begins to send, or is done.
     pub fn sending(&self, sending: bool) {
+        self.check_in(Task::Report);
         self.sending.store(sending, Ordering::Relaxed);
     }
 
@@ -76,12 +77,11 @@ impl Guard {
             return Verdict::Wait;
         }
         let seen = self.seen.swap(0, Ordering::Relaxed);
-        let late = [Task::Solve, Task::Idle].into_iter().find(|&task| seen & task as u8 == 0);
-        match late {
-            None => Verdict::Feed,
-            Some(Task::Idle) if self.sending.load(Ordering::Relaxed) => Verdict::Late(Task::Report),
-            Some(task) => Verdict::Late(task),
-        }
+        let missing = |task: &Task| seen & *task as u8 == 0;
+        // A report that neither began nor ended in this period has been on its way for all of it.
+        let sending = self.sending.load(Ordering::Relaxed);
+        let late = [Task::Solve, Task::Idle].into_iter().find(missing);
+        late.or((sending && missing(&Task::Report)).then_some(Task::Report)).map_or(Verdict::Feed, Verdict::Late)
     }
 
     /// The work of a tick is done, with so much of the tick under way passed; whether that is another one already.
@@ -115,13 +115,17 @@ mod tests {
         assert_eq!(second(1, &[Task::Idle, Task::Idle]), [Verdict::Late(Task::Solve)]);
         assert_eq!(second(2, &[Task::Solve]), [Verdict::Late(Task::Idle)]);
         assert_eq!(second(3, &[Task::Idle, Task::Solve]), [Verdict::Feed]);
-        // A report that takes its time, and one that never ends.
+        // A report that takes its time, another one after it, and one that never ends.
         guard.sending(true);
         assert_eq!(second(4, &[Task::Idle, Task::Solve]), [Verdict::Feed]);
-        assert_eq!(second(5, &[Task::Solve]), [Verdict::Late(Task::Report)]);
-        assert_eq!(second(6, &[]), [Verdict::Late(Task::Solve)]);
         guard.sending(false);
-        assert_eq!(second(7, &[Task::Solve]), [Verdict::Late(Task::Idle)]);
+        guard.sending(true);
+        assert_eq!(second(5, &[Task::Idle, Task::Solve]), [Verdict::Feed]);
+        assert_eq!(second(6, &[Task::Solve]), [Verdict::Late(Task::Idle)]);
+        assert_eq!(second(7, &[Task::Idle, Task::Solve]), [Verdict::Late(Task::Report)]);
+        guard.sending(false);
+        assert_eq!(second(8, &[Task::Idle, Task::Solve]), [Verdict::Feed]);
+        assert_eq!(second(9, &[Task::Idle, Task::Solve]), [Verdict::Feed]);
     }
 
     #[test]

@@ -351,7 +351,7 @@ pub struct Counters {
     pub frames_invalid: u32,
     /// Bytes skipped in search of the next frame.
     pub bytes_skipped: u32,
-    /// Bytes that the receive queue had no room for.
+    /// Bytes that newer ones overwrote before they were taken; at least so many.
     pub bytes_refused: u32,
     /// Seconds with a few missing frames, repaired.
     pub seconds_repaired: u32,
@@ -379,7 +379,7 @@ pub struct Counters {
     pub gyro_overruns: u32,
     pub gyro_framing_errors: u32,
     pub gyro_noise_errors: u32,
-    /// The same from the host, and those that the receive queue had no room for.
+    /// The same from the host, and those that newer ones overwrote.
     pub host_overruns: u32,
     pub host_framing_errors: u32,
     pub host_noise_errors: u32,

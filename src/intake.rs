@@ -1,4 +1,4 @@
-//! What a board's interrupts leave for the instrument: bytes of both lines, and counts of all that was lost.
+//! What a board leaves for the instrument: bytes of both lines, and counts of all that was lost.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -6,15 +6,15 @@ use crate::health::Counters;
 use crate::ring::Ring;
 
 /// Bytes of 70 ms from the gyro, in its longer format, and of 40 ms from the host: readings wait for 40 ms at most.
-const GYRO_BYTES: usize = 1024;
-const HOST_BYTES: usize = 512;
+pub const GYRO_BYTES: usize = 1024;
+pub const HOST_BYTES: usize = 512;
 
 /// What a receiver found wrong with a byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineError {
     /// It came before the one before was read, which is lost.
     Overrun,
-    /// Its stop bit is wrong.
+    /// Its stop bit is wrong. It is among the bytes nevertheless, as with noise: the frame's check sum tells.
     Framing,
     /// Its samples do not agree.
     Noise,
@@ -44,11 +44,11 @@ pub struct Intake {
     pub ticks_late: AtomicU32,
 }
 
-/// How many bytes of each line had come at a tick, modulo 2¹⁶: a tick's work takes these and no more, however late it is done.
+/// How many bytes of each line had come at a tick, modulo 2³²: a tick's work takes these and no more, however late it is done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Heard {
-    pub gyro: u16,
-    pub host: u16,
+    pub gyro: u32,
+    pub host: u32,
 }
 
 /// Counts one more.
@@ -69,10 +69,12 @@ impl<const N: usize> Line<N> {
 
     /// Bytes that came.
     pub fn put(&self, bytes: &[u8]) {
-        let refused = self.ring.put(bytes);
-        if refused > 0 {
-            self.refused.fetch_add(refused, Ordering::Relaxed);
-        }
+        self.ring.put(bytes);
+    }
+
+    /// Where bytes go that come by themselves, and how far: see [`Ring::all_places`].
+    pub fn ring(&self) -> &Ring<N> {
+        &self.ring
     }
 
     /// A byte that came damaged, or not at all.
@@ -85,13 +87,17 @@ impl<const N: usize> Line<N> {
     }
 
     /// Whether nothing waits of what had come at a mark of [`Heard`].
-    pub fn is_empty(&self, mark: u16) -> bool {
+    pub fn is_empty(&self, mark: u32) -> bool {
         self.ring.is_empty(mark)
     }
 
-    /// Takes what had come at a mark of [`Heard`], as much as there is room for; gives how much.
-    pub fn take(&self, mark: u16, place: &mut [u8]) -> usize {
-        self.ring.take(mark, place)
+    /// Takes what had come at a mark of [`Heard`], as much as there is room for; gives how much. What was overwritten before is counted.
+    pub fn take(&self, mark: u32, place: &mut [u8]) -> usize {
+        let (length, overwritten) = self.ring.take(mark, place);
+        if overwritten > 0 {
+            self.refused.fetch_add(overwritten, Ordering::Relaxed);
+        }
+        length
     }
 }
 
@@ -138,6 +144,8 @@ mod tests {
         let intake = Intake::new();
         intake.gyro.put(&[0; GYRO_BYTES + 3]);
         intake.host.put(&[0; HOST_BYTES + 2]);
+        let heard = intake.heard();
+        assert_eq!((intake.gyro.take(heard.gyro, &mut [0; 8]), intake.host.take(heard.host, &mut [0; 9])), (8, 9));
         intake.gyro.lost(LineError::Overrun);
         (0..4).for_each(|_| intake.gyro.lost(LineError::Framing));
         (0..5).for_each(|_| intake.gyro.lost(LineError::Noise));

@@ -2,12 +2,13 @@
 //!
 //! | task | priority | runs when | does |
 //! |---|---|---|---|
-//! | `gyro_rx` | 4 | the gyro's line has bytes | reads them, queues them |
-//! | `request_rx` | 4 | the host's line has bytes | reads them, queues them |
-//! | `sample` | 3 | 2.5 ms have passed | tells the gyro to sample, reads the sensors that are due, commands the motor |
-//! | `step` | 3 | a slot of the turning motor begins | perhaps a step |
-//! | `solve` | 2 | `sample` has readings | bytes and readings into the instrument; reports, a motor command and a calibration's problem out |
-//! | `report` | 1 | `solve` has reports | sends them to the host |
+//! | `sample` | 4 | 2.5 ms have passed | tells the gyro to sample, looks what came on the lines, commands the motor |
+//! | `step` | 4 | a slot of the turning motor begins | perhaps a step |
+//! | `gyro_line` | 4 | a byte of the gyro is damaged | counts it |
+//! | `host_line` | 4 | a byte of the host is damaged, or a report is out | counts it, tells `report` |
+//! | `read` | 3 | `sample` has run | reads the sensors that are due |
+//! | `solve` | 2 | `read` has readings | bytes and readings into the instrument; reports, a motor command and a calibration's problem out |
+//! | `report` | 1 | `solve` has reports | sends them to the host, one after the other |
 //! | `calibrate` | 1 | `solve` has attitudes for it | solves the accelerometers' calibration, for as long as that takes |
 //! | `idle` | – | otherwise | sleeps |
 
@@ -44,7 +45,7 @@ mod app {
     use north_finder::identity::Identity;
     use north_finder::index::MotorCommand;
     use north_finder::instrument::{Instrument, Readings};
-    use north_finder::intake::{Intake, one_more};
+    use north_finder::intake::{Heard, Intake, one_more};
     use north_finder::link;
     use north_finder::restart::Crash;
     use north_finder::self_test::BoardFacts;
@@ -66,15 +67,24 @@ mod app {
 
     /// Who is alive.
     static GUARD: Guard = Guard::new();
-    /// What interrupts leave for the instrument.
+    /// What the board leaves for the instrument.
     static INTAKE: Intake = Intake::new();
     /// The accelerometer shall do its own test.
     static TEST_ACCELEROMETER: AtomicBool = AtomicBool::new(false);
 
     type Answer = Result<Solved, NoCalibration>;
 
+    /// A tick: its number, whether the motor turns, and what had come.
+    #[derive(Clone, Copy, Default)]
+    pub struct Moment {
+        tick: u64,
+        turning: bool,
+        heard: Heard,
+    }
+
     #[shared]
     struct Shared {
+        moment: Moment,
         #[lock_free]
         motor: StepMotor<board::Step, board::Direction, board::Enable>,
         #[lock_free]
@@ -83,17 +93,19 @@ mod app {
 
     #[local]
     struct Local {
-        // gyro_rx
-        gyro_port: board::GyroPort,
-        // request_rx
-        request_port: board::RequestPort,
         // sample
         ticker: board::Ticker,
         watchdog: board::Watchdog,
+        motor_out: Consumer<'static, MotorCommand>,
+        // gyro_line
+        gyro: board::GyroLine,
+        // host_line
+        host: board::HostLine,
+        sent: SignalWriter<'static, ()>,
+        // read
         sensors: Sensors<board::Accelerometer, board::Encoder, board::Block>,
         readings_in: Producer<'static, Readings>,
         ticked: SignalWriter<'static, ()>,
-        motor_out: Consumer<'static, MotorCommand>,
         // solve
         readings_out: Consumer<'static, Readings>,
         instrument: &'static mut Instrument<&'static mut Sequencer>,
@@ -121,7 +133,7 @@ mod app {
     fn init(cx: init::Context) -> (Shared, Local) {
         let wrong_words = memory::test();
         let crash = crash::take().or_else(|| board::reset_cause().map(Crash::new));
-        let mut board: Board = board::init(cx.device);
+        let mut board: Board = board::init(cx.device, &INTAKE);
         let program = crash::program();
         let identity = Identity::new(board::BOARD, program);
         let instrument = make(cx.local.place, cx.local.sequencer, identity);
@@ -132,27 +144,30 @@ mod app {
         let (motor_in, motor_out) = cx.local.motor_commands.split();
         let (readings_in, readings_out) = cx.local.readings.split();
         let (ticked, tick) = make_signal!(());
+        let (sent, done) = make_signal!(());
         let (reports_in, reports_out) = make_channel!(Report, REPORTS);
         let (problems_in, problems_out) = make_channel!(&'static mut Problem, PROBLEMS);
         let (answers_in, answers_out) = make_channel!((Answer, &'static mut Problem), PROBLEMS);
         // Spawning for the first time cannot fail.
         let _ = solve::spawn(tick);
-        let _ = report::spawn(reports_out);
+        let _ = report::spawn(reports_out, done);
         let _ = calibrate::spawn(problems_out);
 
         let shared = Shared {
+            moment: Moment::default(),
             motor: StepMotor::new(board.step, board.direction, board.enable, &instrument.index_settings()),
             slots: board.slots,
         };
         let local = Local {
-            gyro_port: board.gyro,
-            request_port: board.requests,
             ticker: board.ticker,
             watchdog: board::Watchdog::start(),
+            motor_out,
+            gyro: board.gyro,
+            host: board.host,
+            sent,
             sensors: Sensors::new(board.accelerometer, board.encoder, instrument.has_block().then_some(board.block)),
             readings_in,
             ticked,
-            motor_out,
             readings_out,
             instrument,
             motor_in,
@@ -193,41 +208,24 @@ mod app {
         }
     }
 
-    #[task(binds = USART1, priority = 4, local = [gyro_port])]
-    fn gyro_rx(cx: gyro_rx::Context) {
-        cx.local.gyro_port.drain(&INTAKE.gyro);
-    }
-
-    #[task(binds = USART2, priority = 4, local = [request_port])]
-    fn request_rx(cx: request_rx::Context) {
-        cx.local.request_port.drain(&INTAKE.host);
-    }
-
     #[task(
-        binds = TIM2, priority = 3,
-        local = [ticker, watchdog, sensors, readings_in, ticked, motor_out, tick: u64 = 0],
-        shared = [motor, slots],
+        binds = TIM2, priority = 4, local = [ticker, watchdog, motor_out, tick: u64 = 0], shared = [moment, motor, slots],
     )]
     fn sample(cx: sample::Context) {
-        let local = cx.local;
+        let (local, mut shared) = (cx.local, cx.shared);
         // Ticks that the processor stood still through are lost, and not made of the time after them.
         *local.tick += u64::from(local.ticker.sync());
         let heard = INTAKE.heard();
-        if TEST_ACCELEROMETER.swap(false, Ordering::Relaxed) {
-            local.sensors.test_accelerometer();
-        }
-        let sensors = local.sensors.read(*local.tick);
         while let Some(command) = local.motor_out.dequeue() {
-            cx.shared.motor.command(command);
+            shared.motor.command(command);
         }
-        let turning = cx.shared.motor.is_turning();
+        let turning = shared.motor.is_turning();
         if turning {
-            cx.shared.slots.start();
+            shared.slots.start();
         }
-        if local.readings_in.enqueue(Readings { tick: *local.tick, sensors, turning, heard }).is_err() {
-            one_more(&INTAKE.readings_refused);
-        }
-        local.ticked.write(());
+        // One that `read` has not come to yet is lost, and counted by the gap in the numbers.
+        shared.moment.lock(|moment| *moment = Moment { tick: *local.tick, turning, heard });
+        rtic::pend(board::pac::Interrupt::SPI1);
         match GUARD.tick(*local.tick) {
             Verdict::Wait => {}
             Verdict::Feed => local.watchdog.feed(),
@@ -236,13 +234,40 @@ mod app {
         *local.tick += 1;
     }
 
-    #[task(binds = TIM3, priority = 3, shared = [motor, slots])]
+    #[task(binds = TIM3, priority = 4, shared = [motor, slots])]
     fn step(cx: step::Context) {
         cx.shared.slots.acknowledge();
         cx.shared.motor.slot();
         if !cx.shared.motor.is_turning() {
             cx.shared.slots.stop();
         }
+    }
+
+    #[task(binds = USART1, priority = 4, local = [gyro])]
+    fn gyro_line(cx: gyro_line::Context) {
+        cx.local.gyro.serve(&INTAKE.gyro);
+    }
+
+    #[task(binds = USART2, priority = 4, local = [host, sent])]
+    fn host_line(cx: host_line::Context) {
+        if cx.local.host.serve(&INTAKE.host) {
+            cx.local.sent.write(());
+        }
+    }
+
+    /// Steps of the motor need not wait for the sensors' buses.
+    #[task(binds = SPI1, priority = 3, local = [sensors, readings_in, ticked], shared = [moment])]
+    fn read(mut cx: read::Context) {
+        let local = cx.local;
+        let Moment { tick, turning, heard } = cx.shared.moment.lock(|moment| *moment);
+        if TEST_ACCELEROMETER.swap(false, Ordering::Relaxed) {
+            local.sensors.test_accelerometer();
+        }
+        let sensors = local.sensors.read(tick);
+        if local.readings_in.enqueue(Readings { tick, sensors, turning, heard }).is_err() {
+            one_more(&INTAKE.readings_refused);
+        }
+        local.ticked.write(());
     }
 
     #[task(
@@ -317,30 +342,39 @@ mod app {
     }
 
     #[task(priority = 1, local = [report_port])]
-    async fn report(cx: report::Context, mut reports_out: Receiver<'static, Report, REPORTS>) {
+    async fn report(
+        cx: report::Context,
+        mut reports_out: Receiver<'static, Report, REPORTS>,
+        mut done: SignalReader<'static, ()>,
+    ) {
         while let Ok(report) = reports_out.recv().await {
-            match report.event {
-                Event::State(state) => defmt::info!("{} s: {}", report.t_s, state),
-                Event::Fix(fix) => defmt::info!("azimuth {} deg, sigma {} deg", fix.azimuth_deg, fix.sigma_deg),
-                Event::Fault { fault, state } => defmt::error!("{} while {}", fault, state),
-                Event::Guidance(guidance) => defmt::info!("{} s: {}", report.t_s, guidance.step),
-                Event::NoCalibration(reason) => defmt::error!("no calibration: {}", reason.why),
-                Event::SelfTest(found) => {
-                    defmt::info!("self-test: {} {}: {}", found.item, found.verdict, found.measured)
-                }
-                _ => {}
-            }
-            // The longest report fits a frame: a test of the link says so.
+            let last = report.event == Event::SettingsStored;
             GUARD.sending(true);
-            if let Ok(frame) = link::encode_report(&report) {
-                cx.local.report_port.write(&frame);
+            let _ = done.try_read(); // what the line's start has told
+            if begin(report, cx.local.report_port) {
+                done.wait().await;
             }
-            crash::hang_if_provoked();
+            crash::hang_if_provoked().await;
             GUARD.sending(false);
-            if report.event == Event::SettingsStored {
+            if last {
                 board::restart();
             }
         }
+    }
+
+    /// Logs a report and begins to send it; gives whether it fits a frame: a test of the link says that the longest does.
+    /// Not in the task itself, which would keep all this while it waits.
+    fn begin(report: Report, port: &mut board::ReportPort) -> bool {
+        match report.event {
+            Event::State(state) => defmt::info!("{} s: {}", report.t_s, state),
+            Event::Fix(fix) => defmt::info!("azimuth {} deg, sigma {} deg", fix.azimuth_deg, fix.sigma_deg),
+            Event::Fault { fault, state } => defmt::error!("{} while {}", fault, state),
+            Event::Guidance(guidance) => defmt::info!("{} s: {}", report.t_s, guidance.step),
+            Event::NoCalibration(reason) => defmt::error!("no calibration: {}", reason.why),
+            Event::SelfTest(found) => defmt::info!("self-test: {} {}: {}", found.item, found.verdict, found.measured),
+            _ => {}
+        }
+        link::encode_report(&report).map(|frame| port.start(&frame)).is_ok()
     }
 
     /// Never inlined: what solving takes of the stack is not the task's that sends reports.

@@ -1,6 +1,7 @@
-//! Bytes from an interrupt to a task, without locks: one side puts, the other takes.
+//! Bytes from a line to a task, without locks: one side puts, the other takes.
 //!
-//! Not the queue of heapless: this one is a static that both sides share by reference, and is emptied in slices.
+//! Not the queue of heapless: this one is a static that both sides share by reference, a DMA controller may be the side that puts, and
+//! it is emptied in slices. As with such a controller, which cannot wait, new bytes are put over the oldest ones.
 
 use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
@@ -21,18 +22,29 @@ impl<const N: usize> Ring<N> {
         Self { put: AtomicU32::new(0), taken: AtomicU32::new(0), bytes: [const { AtomicU8::new(0) }; N] }
     }
 
-    /// Puts bytes; gives how many there was no room for.
-    pub fn put(&self, bytes: &[u8]) -> u32 {
+    /// Puts bytes, over the oldest ones where there is no room, as a DMA controller does.
+    pub fn put(&self, bytes: &[u8]) {
+        let end = self.put.load(Ordering::Relaxed).wrapping_add(bytes.len() as u32);
+        let last = bytes.get(bytes.len().saturating_sub(N)..).unwrap_or_default();
+        let (to_end, from_start) = self.places(end.wrapping_sub(last.len() as u32));
+        to_end.iter().chain(from_start).zip(last).for_each(|(place, &byte)| place.store(byte, Ordering::Relaxed));
+        self.put.store(end, Ordering::Release);
+    }
+
+    /// The bytes' places: for a DMA controller, which writes to them in their order, from the first one on, round and round. It alone
+    /// puts bytes then, and [`Self::come_to`] tells how far it has come.
+    pub fn all_places(&self) -> &[AtomicU8; N] {
+        &self.bytes
+    }
+
+    /// The controller's next byte is for the place of this number; `around`: it has begun anew since this was called last. How often it
+    /// has done so cannot be known: as seldom as possible is counted.
+    pub fn come_to(&self, place: usize, around: bool) {
         let put = self.put.load(Ordering::Relaxed);
-        let waiting = put.wrapping_sub(self.taken.load(Ordering::Acquire)) as usize;
-        let room = N.saturating_sub(waiting).min(bytes.len());
-        let (to_end, from_start) = self.places(put);
-        let (first, second) = bytes.split_at(room).0.split_at(room.min(to_end.len()));
-        let store = |(place, &byte): (&AtomicU8, &u8)| place.store(byte, Ordering::Relaxed);
-        to_end.iter().zip(first).for_each(store);
-        from_start.iter().zip(second).for_each(store);
-        self.put.store(put.wrapping_add(room as u32), Ordering::Release);
-        (bytes.len() - room) as u32
+        let (from, to) = (put as usize % N, place % N);
+        let whole = if around && to >= from { N } else { 0 };
+        let came = whole + to.wrapping_sub(from) % N;
+        self.put.store(put.wrapping_add(came as u32), Ordering::Release);
     }
 
     /// The places of bytes from this number on: to the ring's end, and from its beginning.
@@ -42,52 +54,72 @@ impl<const N: usize> Ring<N> {
         (to_end, from_start)
     }
 
-    /// How many bytes have been put, modulo 2¹⁶: a mark up to which [`Self::take`] takes.
-    pub fn mark(&self) -> u16 {
-        self.put.load(Ordering::Acquire) as u16
+    /// How many bytes have been put, modulo 2³²: a mark up to which [`Self::take`] takes.
+    pub fn mark(&self) -> u32 {
+        self.put.load(Ordering::Acquire)
     }
 
     /// Whether nothing waits that was put before a mark.
-    pub fn is_empty(&self, mark: u16) -> bool {
-        mark == self.taken.load(Ordering::Relaxed) as u16
+    pub fn is_empty(&self, mark: u32) -> bool {
+        mark.wrapping_sub(self.taken.load(Ordering::Relaxed)).cast_signed() <= 0
     }
 
-    /// Takes the bytes that were put before a mark, as many as there is room for in `place`; gives how many.
-    pub fn take(&self, mark: u16, place: &mut [u8]) -> usize {
+    /// Takes the bytes that were put before a mark, as many as there is room for in `place`. Gives how many, and how many had been
+    /// overwritten before they were taken, those after the mark included.
+    ///
+    /// A byte that is overwritten while it is taken, or by a controller after [`Self::come_to`], is taken as it is: the frame's check sum
+    /// tells.
+    pub fn take(&self, mark: u32, place: &mut [u8]) -> (usize, u32) {
         let taken = self.taken.load(Ordering::Relaxed);
-        let waiting = self.put.load(Ordering::Acquire).wrapping_sub(taken) as usize;
-        let before = usize::from(mark.wrapping_sub(taken as u16));
-        let length = waiting.min(before).min(place.len());
-        let (to_end, from_start) = self.places(taken);
-        let (first, second) = place.split_at_mut(length).0.split_at_mut(length.min(to_end.len()));
+        let waiting = self.put.load(Ordering::Acquire).wrapping_sub(taken);
+        let overwritten = waiting.saturating_sub(N as u32);
+        let from = taken.wrapping_add(overwritten);
+        let before = mark.wrapping_sub(from);
+        // Otherwise all that came before the mark was overwritten.
+        let length = if before <= waiting - overwritten { place.len().min(before as usize) } else { 0 };
+        let (to_end, from_start) = self.places(from);
         let load = |(byte, place): (&mut u8, &AtomicU8)| *byte = place.load(Ordering::Relaxed);
+        let (first, second) = place.split_at_mut(length).0.split_at_mut(length.min(to_end.len()));
         first.iter_mut().zip(to_end).for_each(load);
         second.iter_mut().zip(from_start).for_each(load);
-        self.taken.store(taken.wrapping_add(length as u32), Ordering::Release);
-        length
+        self.taken.store(from.wrapping_add(length as u32), Ordering::Release);
+        (length, overwritten)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    extern crate std;
+    use std::vec::Vec;
 
-    /// What is taken up to a mark.
-    fn taken<'a, const N: usize>(ring: &Ring<N>, mark: u16, place: &'a mut [u8]) -> &'a [u8] {
-        let length = ring.take(mark, place);
-        &place[..length]
+    /// What is taken up to a mark, and what had been overwritten.
+    fn taken<const N: usize>(ring: &Ring<N>, mark: u32, room: usize) -> (Vec<u8>, u32) {
+        let mut place = std::vec![0; room];
+        let (length, overwritten) = ring.take(mark, &mut place);
+        (place[..length].to_vec(), overwritten)
     }
 
     #[test]
-    fn bytes_come_out_in_their_order_and_what_has_no_room_is_told() {
+    fn bytes_come_out_in_their_order() {
         let ring = Ring::<4>::new();
-        let mut place = [0; 3];
-        assert_eq!(taken(&ring, ring.mark(), &mut place), []);
-        assert_eq!(ring.put(&[1, 2, 3, 4, 5, 6]), 2);
-        assert_eq!(taken(&ring, ring.mark(), &mut place), [1, 2, 3]);
-        assert_eq!(ring.put(&[7, 8]), 0);
-        assert_eq!(taken(&ring, ring.mark(), &mut place), [4, 7, 8]);
-        assert_eq!(taken(&ring, ring.mark(), &mut place), []);
+        assert_eq!(taken(&ring, ring.mark(), 3), (Vec::new(), 0));
+        ring.put(&[1, 2, 3, 4]);
+        assert_eq!(taken(&ring, ring.mark(), 3), ([1, 2, 3].to_vec(), 0));
+        ring.put(&[5, 6]);
+        assert_eq!(taken(&ring, ring.mark(), 3), ([4, 5, 6].to_vec(), 0));
+        assert_eq!(taken(&ring, ring.mark(), 3), (Vec::new(), 0));
+    }
+
+    #[test]
+    fn the_oldest_are_overwritten_and_counted_once() {
+        let ring = Ring::<4>::new();
+        ring.put(&[1, 2, 3]);
+        ring.put(&[4, 5, 6]);
+        assert_eq!(taken(&ring, ring.mark(), 3), ([3, 4, 5].to_vec(), 2));
+        assert_eq!(taken(&ring, ring.mark(), 3), ([6].to_vec(), 0));
+        ring.put(&[7, 8, 9, 10, 11, 12, 13, 14, 15]);
+        assert_eq!(taken(&ring, ring.mark(), 8), ([12, 13, 14, 15].to_vec(), 5));
     }
 
     #[test]
@@ -96,13 +128,24 @@ mod tests {
         ring.put(&[1, 2, 3]);
         let mark = ring.mark();
         ring.put(&[4, 5]);
-        let mut place = [0; 2];
-        assert_eq!(taken(&ring, mark, &mut place), [1, 2]);
+        assert_eq!(taken(&ring, mark, 2).0, [1, 2]);
         assert!(!ring.is_empty(mark));
-        assert_eq!(taken(&ring, mark, &mut place), [3]);
+        assert_eq!(taken(&ring, mark, 2).0, [3]);
         assert!(ring.is_empty(mark) && !ring.is_empty(ring.mark()));
-        assert_eq!(taken(&ring, mark, &mut place), []);
-        assert_eq!(taken(&ring, ring.mark(), &mut place), [4, 5]);
+        assert_eq!(taken(&ring, mark, 2).0, []);
+        assert_eq!(taken(&ring, ring.mark(), 2).0, [4, 5]);
+    }
+
+    #[test]
+    fn what_came_after_a_mark_waits_where_all_before_it_was_overwritten() {
+        let ring = Ring::<4>::new();
+        ring.put(&[1, 2]);
+        let mark = ring.mark();
+        ring.put(&[3, 4, 5, 6, 7]);
+        assert!(!ring.is_empty(mark));
+        assert_eq!(taken(&ring, mark, 8), (Vec::new(), 3));
+        assert!(ring.is_empty(mark));
+        assert_eq!(taken(&ring, ring.mark(), 8), ([4, 5, 6, 7].to_vec(), 0));
     }
 
     #[test]
@@ -110,10 +153,40 @@ mod tests {
         let ring = Ring::<4>::new();
         ring.put.store(u32::MAX - 1, Ordering::Relaxed);
         ring.taken.store(u32::MAX - 1, Ordering::Relaxed);
-        assert_eq!(ring.put(&[1, 2, 3]), 0);
+        ring.put(&[1, 2, 3]);
         let mark = ring.mark();
-        assert_eq!((mark, ring.put(&[4, 5])), (1, 1));
-        assert_eq!(taken(&ring, mark, &mut [0; 8]), [1, 2, 3]);
-        assert_eq!(taken(&ring, ring.mark(), &mut [0; 8]), [4]);
+        ring.put(&[4]);
+        assert!(mark == 1 && !ring.is_empty(mark));
+        assert_eq!(taken(&ring, mark, 8), ([1, 2, 3].to_vec(), 0));
+        assert_eq!(taken(&ring, ring.mark(), 8), ([4].to_vec(), 0));
+    }
+
+    /// A controller's bytes, by hand: each comes to the place that follows.
+    #[test]
+    fn a_controller_is_followed_round_and_round() {
+        let ring = Ring::<4>::new();
+        let writes = |from: usize, bytes: &[u8]| {
+            let places = ring.all_places().iter().cycle().skip(from);
+            places.zip(bytes).for_each(|(place, &byte)| place.store(byte, Ordering::Relaxed));
+        };
+        writes(0, &[1, 2, 3]);
+        ring.come_to(3, false);
+        assert_eq!(taken(&ring, ring.mark(), 8), ([1, 2, 3].to_vec(), 0));
+        ring.come_to(3, false);
+        assert_eq!(taken(&ring, ring.mark(), 8), (Vec::new(), 0));
+        writes(3, &[4, 5]);
+        ring.come_to(1, true);
+        assert_eq!(taken(&ring, ring.mark(), 8), ([4, 5].to_vec(), 0));
+        // To its very end, where the controller begins anew; and exactly once around.
+        writes(1, &[6, 7, 8]);
+        ring.come_to(4, true);
+        assert_eq!(taken(&ring, ring.mark(), 8), ([6, 7, 8].to_vec(), 0));
+        writes(0, &[9, 10, 11, 12]);
+        ring.come_to(0, true);
+        assert_eq!(taken(&ring, ring.mark(), 8), ([9, 10, 11, 12].to_vec(), 0));
+        // Beyond what was not taken.
+        writes(0, &[13, 14, 15, 16, 17]);
+        ring.come_to(1, true);
+        assert_eq!(taken(&ring, ring.mark(), 8), ([14, 15, 16, 17].to_vec(), 1));
     }
 }

@@ -129,10 +129,10 @@ fn seen(cause: Cause, frame: *const u32) -> Crash {
 /// The report task shall never end.
 static REPORT_HANGS: AtomicBool = AtomicBool::new(false);
 
-/// Where the report task sends.
-pub fn hang_if_provoked() {
-    while REPORT_HANGS.load(Ordering::Relaxed) {
-        core::hint::spin_loop();
+/// Where the report task waits until a report is out.
+pub async fn hang_if_provoked() {
+    if REPORT_HANGS.load(Ordering::Relaxed) {
+        core::future::pending().await
     }
 }
 

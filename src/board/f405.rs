@@ -16,6 +16,7 @@
 
 mod clock;
 mod flash;
+mod lines;
 
 use core::convert::Infallible;
 
@@ -26,15 +27,18 @@ use embedded_hal::digital::{ErrorType, OutputPin};
 use embedded_hal::spi::{MODE_0, MODE_1, MODE_3};
 use embedded_hal_bus::spi::{ExclusiveDevice, NoDelay};
 pub use flash::Flash;
+use lines::Reception;
+pub use lines::{GyroLine, HostLine, ReportPort};
 use north_finder::identity;
-use north_finder::intake::{Line, LineError};
+use north_finder::intake::{GYRO_BYTES, HOST_BYTES, Intake};
 use north_finder::restart::Cause;
+use stm32f4xx_hal::dma::{Stream2, Stream5, StreamsTuple};
 use stm32f4xx_hal::gpio::{self, Output, PinState, Speed};
-use stm32f4xx_hal::nb;
 pub use stm32f4xx_hal::pac;
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::{Enable as _, Reset as _};
-use stm32f4xx_hal::serial::{self, Rx, Serial, Tx, config::Config};
+use stm32f4xx_hal::serial::config::{Config, DmaConfig};
+use stm32f4xx_hal::serial::{Event, Serial};
 use stm32f4xx_hal::spi::Spi;
 use stm32f4xx_hal::time::Hertz;
 
@@ -67,8 +71,8 @@ const WATCHDOG_S: u16 = 4;
 pub struct Board {
     pub ticker: Ticker,
     pub slots: Slots,
-    pub gyro: GyroPort,
-    pub requests: RequestPort,
+    pub gyro: GyroLine,
+    pub host: HostLine,
     pub reports: ReportPort,
     pub accelerometer: Accelerometer,
     pub encoder: Encoder,
@@ -89,7 +93,7 @@ pub type Step = Held<gpio::PC6<Output>, STEP_CYCLES>;
 pub type Direction = gpio::PC7<Output>;
 pub type Enable = ActiveLow<gpio::PC8<Output>>;
 
-pub fn init(device: pac::Peripherals) -> Board {
+pub fn init(device: pac::Peripherals, intake: &'static Intake) -> Board {
     // SAFETY: only this and RTIC look at the core's registers, and RTIC not at these.
     let mut core = unsafe { cortex_m::Peripherals::steal() };
     core.DCB.enable_trace();
@@ -114,13 +118,21 @@ pub fn init(device: pac::Peripherals) -> Board {
     pac::TIM3::enable(&mut rcc);
     pac::TIM3::reset(&mut rcc);
 
-    let line = |baud: u32| Config::default().baudrate(baud.bps());
-    let gyro = Serial::rx(device.USART1, a.pa10, line(GYRO_BAUD), &mut rcc);
-    let host = Serial::new(device.USART2, (a.pa2, a.pa3), line(HOST_BAUD), &mut rcc);
-    let (Ok(mut gyro), Ok(host)) = (gyro, host) else { panic!("a baud rate is out of the clock's reach") };
-    let (reports, mut requests) = host.split();
-    gyro.listen();
-    requests.listen();
+    let (dma1, dma2) = (StreamsTuple::new(device.DMA1, &mut rcc), StreamsTuple::new(device.DMA2, &mut rcc));
+    let gyro_bytes = Reception::start(dma2.2, &device.USART1, &intake.gyro);
+    let requests = Reception::start(dma1.5, &device.USART2, &intake.host);
+    let reports = ReportPort::new(dma1.6, &device.USART2);
+    let line = |baud: u32, dma: DmaConfig| Config::default().baudrate(baud.bps()).dma(dma);
+    let gyro = Serial::<_, u8>::rx(device.USART1, a.pa10, line(GYRO_BAUD, DmaConfig::Rx), &mut rcc);
+    let host = Serial::<_, u8>::new(device.USART2, (a.pa2, a.pa3), line(HOST_BAUD, DmaConfig::TxRx), &mut rcc);
+    let (Ok(_), Ok(mut host)) = (gyro, host) else { panic!("a baud rate is out of the clock's reach") };
+    host.listen(Event::TransmissionComplete);
+    let (host, _) = host.release();
+    // SAFETY: the one there was is gone with the receiver, which does not give it back.
+    let gyro = unsafe { pac::Peripherals::steal().USART1 };
+    for registers in [&*gyro, &*host] {
+        registers.cr3().modify(|_, w| w.eie().enabled());
+    }
 
     let bus = (
         Some(a.pa5.into_alternate::<5>().speed(Speed::High)),
@@ -150,11 +162,11 @@ pub fn init(device: pac::Peripherals) -> Board {
         ExclusiveDevice::new_no_delay(encoder, Held(b.pb12.into_push_pull_output_in_state(PinState::High)));
 
     Board {
-        ticker: Ticker::start(device.TIM2, tick_cycles, device.TIM4, rcc.clocks.sysclk()),
+        ticker: Ticker::start(device.TIM2, tick_cycles, device.TIM4, rcc.clocks.sysclk(), gyro_bytes, requests),
         slots: Slots::new(device.TIM3, slot_cycles),
-        gyro: GyroPort(gyro),
-        requests: RequestPort(requests),
-        reports: ReportPort(reports),
+        gyro: GyroLine(gyro),
+        host: HostLine(host),
+        reports,
         accelerometer,
         encoder,
         block,
@@ -231,6 +243,8 @@ pub fn restart() -> ! {
 /// The 2.5 ms timer. Its channel 1 is the gyro's sample pulse, so that no interrupt's delay is in the sampling.
 pub struct Ticker {
     timer: pac::TIM2,
+    gyro: Reception<Stream2<pac::DMA2>, GYRO_BYTES>,
+    host: Reception<Stream5<pac::DMA1>, HOST_BYTES>,
     /// The processor's cycle counter at the tick before; none where it does not count.
     last_cycles: Option<u32>,
     /// Cycles of the processor in a cycle of the timer, and in a tick.
@@ -240,7 +254,14 @@ pub struct Ticker {
 
 impl Ticker {
     /// The block's pulse begins with the first tick and goes on in step with the ticks: four of them are its period.
-    fn start(timer: pac::TIM2, cycles: u32, block: pac::TIM4, system: Hertz) -> Self {
+    fn start(
+        timer: pac::TIM2,
+        cycles: u32,
+        block: pac::TIM4,
+        system: Hertz,
+        gyro: Reception<Stream2<pac::DMA2>, GYRO_BYTES>,
+        host: Reception<Stream5<pac::DMA1>, HOST_BYTES>,
+    ) -> Self {
         let block_cycles = (cycles * (TICK_HZ / BLOCK_HZ) / BLOCK_DIVISOR) as u16;
         block.psc().write(|w| w.psc().set(BLOCK_DIVISOR as u16 - 1));
         block.arr().write(|w| w.arr().set(block_cycles - 1));
@@ -256,7 +277,8 @@ impl Ticker {
         timer.dier().write(|w| w.uie().set_bit());
         timer.cr1().write(|w| w.cen().set_bit());
         let timer_cycles = (system.raw() / TICK_HZ).checked_div(cycles).unwrap_or(1);
-        let mut ticker = Self { timer, last_cycles: None, timer_cycles, tick_cycles: cycles * timer_cycles };
+        let mut ticker =
+            Self { timer, gyro, host, last_cycles: None, timer_cycles, tick_cycles: cycles * timer_cycles };
         let before = DWT::cycle_count();
         cortex_m::asm::delay(16);
         // An emulator may have no cycle counter.
@@ -269,10 +291,12 @@ impl Ticker {
         DWT::cycle_count().wrapping_sub(self.timer.cnt().read().bits().wrapping_mul(self.timer_cycles))
     }
 
-    /// Takes the timer's interrupt; the gyro has been told to sample by the same timer. Gives how many ticks were lost: their
-    /// interrupts came together with this one.
+    /// Takes the timer's interrupt; the gyro has been told to sample by the same timer. What has come on the lines is in the intake
+    /// afterwards. Gives how many ticks were lost: their interrupts came together with this one.
     pub fn sync(&mut self) -> u32 {
         self.timer.sr().write(|w| w.uif().clear_bit());
+        self.gyro.look();
+        self.host.look();
         let Some(last) = self.last_cycles else { return 0 };
         let now = self.cycles_at_update();
         self.last_cycles = Some(now);
@@ -315,50 +339,6 @@ impl Slots {
     /// Takes the timer's interrupt.
     pub fn acknowledge(&mut self) {
         self.0.sr().write(|w| w.uif().clear_bit());
-    }
-}
-
-/// The gyro's line.
-pub struct GyroPort(Rx<pac::USART1>);
-
-impl GyroPort {
-    /// Takes the bytes that have come.
-    pub fn drain<const N: usize>(&mut self, line: &Line<N>) {
-        drain(|| self.0.read(), line);
-    }
-}
-
-/// The host's line, towards the instrument.
-pub struct RequestPort(Rx<pac::USART2>);
-
-impl RequestPort {
-    /// Takes the bytes that have come.
-    pub fn drain<const N: usize>(&mut self, line: &Line<N>) {
-        drain(|| self.0.read(), line);
-    }
-}
-
-fn drain<const N: usize>(mut read: impl FnMut() -> nb::Result<u8, serial::Error>, line: &Line<N>) {
-    loop {
-        match read() {
-            Ok(byte) => line.put(&[byte]),
-            Err(nb::Error::Other(serial::Error::Overrun)) => line.lost(LineError::Overrun),
-            Err(nb::Error::Other(serial::Error::Noise)) => line.lost(LineError::Noise),
-            Err(nb::Error::Other(_)) => line.lost(LineError::Framing),
-            Err(nb::Error::WouldBlock) => break,
-        }
-    }
-}
-
-/// The host's line, away from the instrument.
-pub struct ReportPort(Tx<pac::USART2>);
-
-impl ReportPort {
-    /// Sends all, and waits until the last bit is out.
-    pub fn write(&mut self, bytes: &[u8]) {
-        // The transmitter has no errors.
-        let _ = self.0.bwrite_all(bytes);
-        let _ = self.0.bflush();
     }
 }
 

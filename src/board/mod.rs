@@ -3,10 +3,10 @@
 //! | name | what |
 //! |---|---|
 //! | `BOARD` | its name on the link |
-//! | `init` | clocks, pins and peripherals; gives a `Board` |
-//! | `Ticker` | the 2.5 ms timer (TIM2) that also tells the gyro to sample, and how many ticks were lost |
+//! | `init` | clocks, pins and peripherals, and where bytes go; gives a `Board` |
+//! | `Ticker` | the 2.5 ms timer (TIM2) that also tells the gyro to sample, how many ticks were lost, and the bytes that came on both lines |
 //! | `Slots` | the 3200 Hz timer (TIM3) of the motor |
-//! | `GyroPort`, `RequestPort` | receivers that interrupt when bytes have come (USART1, USART2) |
+//! | `GyroLine`, `HostLine` | what interrupts on the lines (USART1, USART2): a damaged byte, a report that is out |
 //! | `ReportPort` | the sender of the link to the host |
 //! | `Accelerometer`, `Encoder`, `Block` | SPI devices |
 //! | `Step`, `Direction`, `Enable` | output pins of the motor |

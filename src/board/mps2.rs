@@ -24,7 +24,7 @@ use embedded_hal::digital::{self, OutputPin};
 use embedded_hal::spi::{self, Operation, SpiDevice};
 use heapless::Vec;
 use north_finder::identity;
-use north_finder::intake::Line;
+use north_finder::intake::{Intake, Line};
 use north_finder::restart::Cause;
 
 use exchange::{Exchange, has_argument};
@@ -57,8 +57,8 @@ struct State {
     slots_run: bool,
     slots_begun: u8,
     edges: Vec<u8, 64>,
-    gyro: Vec<u8, 1024>,
-    requests: Vec<u8, 1024>,
+    /// A report is out.
+    sent: bool,
 }
 
 static STATE: Mutex<RefCell<State>> = Mutex::new(RefCell::new(State {
@@ -68,8 +68,7 @@ static STATE: Mutex<RefCell<State>> = Mutex::new(RefCell::new(State {
     slots_run: false,
     slots_begun: 0,
     edges: Vec::new(),
-    gyro: Vec::new(),
-    requests: Vec::new(),
+    sent: false,
 }));
 
 fn with<R>(f: impl FnOnce(&mut State) -> R) -> R {
@@ -79,8 +78,8 @@ fn with<R>(f: impl FnOnce(&mut State) -> R) -> R {
 pub struct Board {
     pub ticker: Ticker,
     pub slots: Slots,
-    pub gyro: GyroPort,
-    pub requests: RequestPort,
+    pub gyro: GyroLine,
+    pub host: HostLine,
     pub reports: ReportPort,
     pub accelerometer: Accelerometer,
     pub encoder: Encoder,
@@ -100,7 +99,7 @@ pub type Step = Pin<0>;
 pub type Direction = Pin<1>;
 pub type Enable = Pin<2>;
 
-pub fn init(_device: pac::Peripherals) -> Board {
+pub fn init(_device: pac::Peripherals, intake: &'static Intake) -> Board {
     with(|state| {
         state.exchange.open();
         if has_argument("real-time") {
@@ -117,10 +116,10 @@ pub fn init(_device: pac::Peripherals) -> Board {
         }
     });
     Board {
-        ticker: Ticker,
+        ticker: Ticker(intake),
         slots: Slots,
-        gyro: GyroPort,
-        requests: RequestPort,
+        gyro: GyroLine,
+        host: HostLine,
         reports: ReportPort,
         accelerometer: Spi,
         encoder: Spi,
@@ -176,14 +175,14 @@ impl Watchdog {
     }
 }
 
-pub struct Ticker;
+pub struct Ticker(&'static Intake);
 
 impl Ticker {
-    /// Takes the timer's interrupt and lets the gyro sample. Gives how many ticks were lost: none, time stands still for what is
-    /// late.
+    /// Takes the timer's interrupt and lets the gyro sample. What has come on the lines is in the intake afterwards, in real time by
+    /// their interrupts. Gives how many ticks were lost: none, time stands still for what is late.
     pub fn sync(&mut self) -> u32 {
         pac::TIMER0.acknowledge();
-        with(State::tick);
+        with(|state| state.tick(self.0));
         0
     }
 }
@@ -196,7 +195,7 @@ impl State {
     }
 
     /// Lets the world go on by a tick.
-    fn tick(&mut self) {
+    fn tick(&mut self, intake: &Intake) {
         let all_cycles = self.tick_began.wrapping_sub(pac::TIMER0.remaining());
         let busy_cycles = all_cycles.wrapping_sub(self.exchange.take_cycles());
         let reply = self.exchange.ask(b'T', &[&busy_cycles.to_le_bytes(), &self.edges]);
@@ -207,24 +206,15 @@ impl State {
             }
             _ => end::broken("the host's answer to a tick is too short"),
         };
+        intake.gyro.put(gyro);
+        intake.host.put(requests);
         if status != 0 {
             end::power_off(self);
         }
-        receive(&mut self.gyro, gyro, pac::Interrupt::USART1);
-        receive(&mut self.requests, requests, pac::Interrupt::USART2);
         self.edges.clear();
         self.slots_begun = 0;
         self.exchange.take_cycles();
         self.tick_began = pac::TIMER0.remaining();
-    }
-}
-
-/// Bytes come, and the receiver's interrupt while any wait. As on a line that nobody reads: what there is no room for is lost.
-fn receive<const N: usize>(waiting: &mut Vec<u8, N>, bytes: &[u8], interrupt: pac::Interrupt) {
-    let room = bytes.len().min(N - waiting.len());
-    let _ = waiting.extend_from_slice(&bytes[..room]);
-    if !waiting.is_empty() {
-        NVIC::pend(interrupt);
     }
 }
 
@@ -298,50 +288,46 @@ impl<const NUMBER: u8> OutputPin for Pin<NUMBER> {
 }
 
 /// The gyro's line.
-pub struct GyroPort;
+pub struct GyroLine;
 
-impl GyroPort {
-    /// Takes the bytes that have come.
-    pub fn drain<const N: usize>(&mut self, line: &Line<N>) {
-        with(|state| drain(&mut state.gyro, state.pace, || pac::UART1.read(), line));
+impl GyroLine {
+    /// Takes the interrupt: in real time bytes have come.
+    pub fn serve<const N: usize>(&mut self, line: &Line<N>) {
+        receive(pac::UART1, line);
     }
 }
 
-/// The host's line, towards the instrument.
-pub struct RequestPort;
+/// The host's line.
+pub struct HostLine;
 
-impl RequestPort {
-    /// Takes the bytes that have come.
-    pub fn drain<const N: usize>(&mut self, line: &Line<N>) {
-        with(|state| drain(&mut state.requests, state.pace, || pac::UART0.read(), line));
+impl HostLine {
+    /// Takes the interrupt: in real time bytes have come. Gives whether what was to be sent is out.
+    pub fn serve<const N: usize>(&mut self, line: &Line<N>) -> bool {
+        receive(pac::UART0, line);
+        with(|state| core::mem::take(&mut state.sent))
     }
 }
 
-/// From the receiver's register in real time, else what the exchange brought.
-fn drain<const N: usize, const M: usize>(
-    waiting: &mut Vec<u8, M>,
-    pace: Pace,
-    read: impl FnMut() -> Option<u8>,
-    line: &Line<N>,
-) {
-    if pace == Pace::RealTime {
-        core::iter::from_fn(read).for_each(|byte| line.put(&[byte]));
+fn receive<const N: usize>(uart: pac::Uart, line: &Line<N>) {
+    while let Some(byte) = uart.read() {
+        line.put(&[byte]);
     }
-    line.put(waiting);
-    waiting.clear();
 }
 
 /// The host's line, away from the instrument.
 pub struct ReportPort;
 
 impl ReportPort {
-    /// Sends all, and waits as long as that takes.
-    pub fn write(&mut self, bytes: &[u8]) {
-        if with(|state| state.pace) == Pace::RealTime {
-            bytes.iter().for_each(|&byte| pac::UART0.write(byte));
-        } else {
-            with(|state| state.exchange.tell(b'U', &[bytes]));
-        }
+    /// Sends; [`HostLine::serve`] tells that all is out, which it is at once.
+    pub fn start(&mut self, bytes: &[u8]) {
+        with(|state| {
+            match state.pace {
+                Pace::RealTime => bytes.iter().for_each(|&byte| pac::UART0.write(byte)),
+                Pace::LockStep | Pace::FreeRunning => state.exchange.tell(b'U', &[bytes]),
+            }
+            state.sent = true;
+        });
+        NVIC::pend(pac::Interrupt::USART2);
     }
 }
 

@@ -10,7 +10,7 @@ pub const NVIC_PRIO_BITS: u8 = 3;
 #[derive(Clone, Copy)]
 #[repr(u16)]
 pub enum Interrupt {
-    /// UART0 receives: requests from the host.
+    /// UART0 receives: requests from the host. And a report is out.
     USART2 = 0,
     /// UART1 receives: the gyro.
     USART1 = 2,
@@ -21,6 +21,8 @@ pub enum Interrupt {
     // Numbers without a peripheral, for RTIC's software tasks.
     UART4 = 24,
     UART5 = 25,
+    /// For the task that reads the sensors.
+    SPI1 = 26,
 }
 
 pub use Interrupt as interrupt;
@@ -51,20 +53,22 @@ unsafe extern "C" {
     fn TIM3();
     fn UART4();
     fn UART5();
+    fn SPI1();
 }
 
 type Handler = Option<unsafe extern "C" fn()>;
 
 #[unsafe(link_section = ".vector_table.interrupts")]
 #[unsafe(no_mangle)]
-pub static __INTERRUPTS: [Handler; 26] = {
-    let mut table: [Handler; 26] = [None; 26];
+pub static __INTERRUPTS: [Handler; 27] = {
+    let mut table: [Handler; 27] = [None; 27];
     table[Interrupt::USART2 as usize] = Some(USART2);
     table[Interrupt::USART1 as usize] = Some(USART1);
     table[Interrupt::TIM2 as usize] = Some(TIM2);
     table[Interrupt::TIM3 as usize] = Some(TIM3);
     table[Interrupt::UART4 as usize] = Some(UART4);
     table[Interrupt::UART5 as usize] = Some(UART5);
+    table[Interrupt::SPI1 as usize] = Some(SPI1);
     table
 };
 
