@@ -1,15 +1,11 @@
 //! Handles that firmware drivers take: embedded-hal, embedded-io and embedded-storage over the plant.
 
 use crate::flash::{CAPACITY, FlashError, SECTOR, WORD};
-use crate::plant::Plant;
+use crate::world::{Shared, open};
 use embedded_hal::digital::{self, OutputPin};
 use embedded_hal::spi::{self, Operation, SpiDevice};
 use embedded_storage::nor_flash::{self, NorFlash, ReadNorFlash};
-use std::cell::RefCell;
 use std::convert::Infallible;
-use std::rc::Rc;
-
-type Shared = Rc<RefCell<Plant>>;
 
 /// Runs a list of operations as one exchange of bytes in both directions, as a bus with one select line does.
 fn transact(operations: &mut [Operation<'_, u8>], exchange: impl FnOnce(&[u8]) -> Vec<u8>) {
@@ -60,7 +56,7 @@ fn clocked_beyond_written(operation: &Operation<'_, u8>) -> usize {
 }
 
 macro_rules! spi_handle {
-    ($(#[$meta:meta])* $name:ident, $exchange:ident) => {
+    ($(#[$meta:meta])* $name:ident, $exchange:ident, $answer:ident) => {
         $(#[$meta])*
         #[derive(Debug, Clone)]
         pub struct $name(Shared);
@@ -72,7 +68,13 @@ macro_rules! spi_handle {
 
             /// One transaction as bytes: what the controller sends, and what it gets back, as many.
             pub fn exchange(&mut self, mosi: &[u8]) -> Vec<u8> {
-                self.0.borrow_mut().$exchange(mosi)
+                open(&self.0).$exchange(mosi)
+            }
+
+            /// What comes back with the last of these bytes, in a transaction that is under way. It is ended by
+            /// [`Self::exchange`] with all of them; until then the device is as it was.
+            pub fn answer(&mut self, mosi: &[u8]) -> u8 {
+                open(&self.0).$answer(mosi)
             }
         }
 
@@ -91,15 +93,15 @@ macro_rules! spi_handle {
 
 spi_handle! {
     /// The ADXL355 behind its select line. A broken bus gives bytes, not errors, as on a real one.
-    AccelerometerSpi, exchange_accelerometer
+    AccelerometerSpi, exchange_accelerometer, answer_accelerometer
 }
 spi_handle! {
     /// The ADIS16505 behind its select line, where the scenario has a block: bytes of ones otherwise.
-    BlockSpi, exchange_block
+    BlockSpi, exchange_block, answer_block
 }
 spi_handle! {
     /// The AS5048A behind its select line. Each transaction is one 16-bit frame.
-    EncoderSpi, exchange_encoder
+    EncoderSpi, exchange_encoder, answer_encoder
 }
 
 /// Which input of the motor driver a pin goes to.
@@ -123,7 +125,7 @@ impl Pin {
     }
 
     fn set(&mut self, high: bool) {
-        let plant = &mut *self.plant.borrow_mut();
+        let plant = &mut *open(&self.plant);
         let t_s = plant.t_s();
         match self.function {
             PinFunction::Step => plant.drive.set_step(high, t_s),
@@ -167,7 +169,7 @@ impl embedded_io::Read for GyroLine {
     /// The bytes that have arrived by now. World time does not pass in here, so that it does not wait: 0 means that
     /// nothing is there yet.
     fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Infallible> {
-        let plant = &mut *self.0.borrow_mut();
+        let plant = &mut *open(&self.0);
         let mut count = 0;
         for slot in buffer {
             let Some(byte) = plant.receive() else { break };
@@ -180,7 +182,7 @@ impl embedded_io::Read for GyroLine {
 
 impl embedded_io::ReadReady for GyroLine {
     fn read_ready(&mut self) -> Result<bool, Infallible> {
-        Ok(self.0.borrow().has_received())
+        Ok(open(&self.0).has_received())
     }
 }
 
@@ -195,12 +197,12 @@ impl Flash {
 
     /// Power fails after that many more bytes are written ([`crate::flash::ERASE_COST`] for an erased sector).
     pub fn cut_power_after(&mut self, bytes: usize) {
-        self.0.borrow_mut().flash.cut_power_after(bytes);
+        open(&self.0).flash.cut_power_after(bytes);
     }
 
     /// Power is back and stays.
     pub fn restore_power(&mut self) {
-        self.0.borrow_mut().flash.restore_power();
+        open(&self.0).flash.restore_power();
     }
 }
 
@@ -212,7 +214,7 @@ impl ReadNorFlash for Flash {
     const READ_SIZE: usize = 1;
 
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
-        self.0.borrow().flash.read(offset, bytes)
+        open(&self.0).flash.read(offset, bytes)
     }
 
     fn capacity(&self) -> usize {
@@ -225,10 +227,10 @@ impl NorFlash for Flash {
     const ERASE_SIZE: usize = SECTOR;
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
-        self.0.borrow_mut().flash.erase(from, to)
+        open(&self.0).flash.erase(from, to)
     }
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
-        self.0.borrow_mut().flash.write(offset, bytes)
+        open(&self.0).flash.write(offset, bytes)
     }
 }

@@ -174,6 +174,27 @@ impl Plant {
         self.encoder.exchange(mosi, self.drive.index_deg(), self.t_s())
     }
 
+    pub fn answer_accelerometer(&mut self, mosi: &[u8]) -> u8 {
+        let before = self.accelerometer.clone();
+        let miso = self.exchange_accelerometer(mosi);
+        self.accelerometer = before;
+        last(&miso)
+    }
+
+    pub fn answer_block(&mut self, mosi: &[u8]) -> u8 {
+        let before = self.block.clone();
+        let miso = self.exchange_block(mosi);
+        self.block = before;
+        last(&miso)
+    }
+
+    pub fn answer_encoder(&mut self, mosi: &[u8]) -> u8 {
+        let before = self.encoder.clone();
+        let miso = self.exchange_encoder(mosi);
+        self.encoder = before;
+        last(&miso)
+    }
+
     pub fn receive(&mut self) -> Option<u8> {
         let t_s = self.t_s();
         self.line.receive(t_s)
@@ -182,6 +203,11 @@ impl Plant {
     pub fn has_received(&self) -> bool {
         self.line.is_ready(self.t_s())
     }
+}
+
+/// The byte that came back last.
+fn last(miso: &[u8]) -> u8 {
+    miso.last().copied().unwrap_or_default()
 }
 
 /// Of the place of the instrument, east, north, up.

@@ -6,55 +6,61 @@ use crate::hand::Turn;
 use crate::plant::Plant;
 use crate::scenario::{Relevel, Scenario, Shock};
 use crate::truth::Truth;
-use std::cell::RefCell;
-use std::rc::Rc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// A handle to the simulated world. Clones and devices refer to the same world.
+pub(crate) type Shared = Arc<Mutex<Plant>>;
+
+/// The plant, for as long as this is held. Who panicked with it in hand has left it as any other moment would.
+pub(crate) fn open(plant: &Shared) -> MutexGuard<'_, Plant> {
+    plant.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A handle to the simulated world. Clones and devices refer to the same world, from any thread: an emulator has its own.
 #[derive(Debug, Clone)]
 pub struct World {
-    plant: Rc<RefCell<Plant>>,
+    plant: Shared,
 }
 
 impl World {
     /// The world of a scenario at power-up. The same scenario and seed give the same bytes, always.
     pub fn new(scenario: &Scenario, seed: u64) -> Self {
-        Self { plant: Rc::new(RefCell::new(Plant::new(scenario, seed))) }
+        Self { plant: Arc::new(Mutex::new(Plant::new(scenario, seed))) }
     }
 
     /// Lets 312.5 µs pass: an eighth of a tick.
     pub fn advance_slot(&self) {
-        self.plant.borrow_mut().advance_slot();
+        open(&self.plant).advance_slot();
     }
 
     /// Ends a tick: the gyro closes its increment and puts its frame on the line.
     pub fn sample(&self) {
-        self.plant.borrow_mut().sample();
+        open(&self.plant).sample();
     }
 
     /// What is really so.
     pub fn truth(&self) -> Truth {
-        self.plant.borrow().truth()
+        open(&self.plant).truth()
     }
 
     /// Whether current flows through the motor.
     pub fn motor_has_current(&self) -> bool {
-        self.plant.borrow().drive.has_current()
+        open(&self.plant).drive.has_current()
     }
 
     /// Somebody lifts the instrument off its base, turns it, and holds it so.
     pub(crate) fn turn_by_hand(&self, turn: Turn) {
-        self.plant.borrow_mut().hand.turn(turn);
+        open(&self.plant).hand.turn(turn);
     }
 
     /// The instrument has its fix: after the scenario's time of waiting it is carried to another place. Gives the time, s, at
     /// which it has stood there for as long as the scenario says; nothing where the scenario has no carry.
     pub fn carry(&self) -> Option<f64> {
-        self.plant.borrow_mut().carry()
+        open(&self.plant).carry()
     }
 
     /// Somebody strikes the base now: first swing of pitch, roll and azimuth, and what stays of pitch and roll, arcsec.
     pub fn shock(&self, swing_arcsec: [f64; 3], permanent_arcsec: [f64; 2]) {
-        let mut plant = self.plant.borrow_mut();
+        let mut plant = open(&self.plant);
         let at_s = plant.t_s();
         let [pitch_arcsec, roll_arcsec] = permanent_arcsec;
         let permanent_arcsec = [pitch_arcsec, roll_arcsec, 0.0];
@@ -63,71 +69,71 @@ impl World {
 
     /// Somebody levels the instrument, or tilts it, to this pitch and roll, degrees, within `duration_s`.
     pub fn tilt(&self, duration_s: f64, pitch_deg: f64, roll_deg: f64) {
-        let mut plant = self.plant.borrow_mut();
+        let mut plant = open(&self.plant);
         let at_s = plant.t_s();
         plant.base.relevel(Relevel { at_s, duration_s, pitch_deg, roll_deg });
     }
 
     /// Somebody turns the instrument clockwise by this angle, degrees, within `duration_s`.
     pub fn turn(&self, duration_s: f64, by_deg: f64) {
-        let mut plant = self.plant.borrow_mut();
+        let mut plant = open(&self.plant);
         let at_s = plant.t_s();
         plant.base.turn(at_s, duration_s, by_deg);
     }
 
     /// The air around the instrument becomes warmer by this, at once; the gyro follows with its time constant.
     pub fn warm_the_air(&self, kelvin: f64) {
-        self.plant.borrow_mut().errors.warm_the_air(kelvin);
+        open(&self.plant).errors.warm_the_air(kelvin);
     }
 
     /// The accelerometer on its bus.
     pub fn accelerometer(&self) -> AccelerometerSpi {
-        AccelerometerSpi::new(Rc::clone(&self.plant))
+        AccelerometerSpi::new(Arc::clone(&self.plant))
     }
 
     /// The block of three gyros and three accelerometers on its bus.
     pub fn block(&self) -> BlockSpi {
-        BlockSpi::new(Rc::clone(&self.plant))
+        BlockSpi::new(Arc::clone(&self.plant))
     }
 
     /// The encoder on its bus.
     pub fn encoder(&self) -> EncoderSpi {
-        EncoderSpi::new(Rc::clone(&self.plant))
+        EncoderSpi::new(Arc::clone(&self.plant))
     }
 
     /// The motor driver's step input: a rising edge is one microstep.
     pub fn step_pin(&self) -> Pin {
-        Pin::new(Rc::clone(&self.plant), PinFunction::Step)
+        Pin::new(Arc::clone(&self.plant), PinFunction::Step)
     }
 
     /// The motor driver's direction input: high is counter-clockwise seen from above.
     pub fn dir_pin(&self) -> Pin {
-        Pin::new(Rc::clone(&self.plant), PinFunction::Direction)
+        Pin::new(Arc::clone(&self.plant), PinFunction::Direction)
     }
 
     /// The motor driver's enable input: high switches the coils on; while it is low, steps are ignored.
     pub fn enable_pin(&self) -> Pin {
-        Pin::new(Rc::clone(&self.plant), PinFunction::Enable)
+        Pin::new(Arc::clone(&self.plant), PinFunction::Enable)
     }
 
     /// The receiving end of the gyro's serial line.
     pub fn gyro(&self) -> GyroLine {
-        GyroLine::new(Rc::clone(&self.plant))
+        GyroLine::new(Arc::clone(&self.plant))
     }
 
     /// The flash memory.
     pub fn flash(&self) -> Flash {
-        Flash::new(Rc::clone(&self.plant))
+        Flash::new(Arc::clone(&self.plant))
     }
 
     /// A copy of the flash memory's content, to be kept for another world.
     pub fn flash_contents(&self) -> Vec<u8> {
-        self.plant.borrow().flash.contents().to_vec()
+        open(&self.plant).flash.contents().to_vec()
     }
 
     /// The same world with this content in its flash memory.
     pub fn with_flash(self, image: &[u8]) -> Self {
-        self.plant.borrow_mut().flash = FlashMemory::with_contents(image);
+        open(&self.plant).flash = FlashMemory::with_contents(image);
         self
     }
 }

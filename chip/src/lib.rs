@@ -1,0 +1,228 @@
+//! The image that is flashed, executed: an emulated microcontroller on the board that `src/board/f405.rs` describes, wired to the
+//! simulated instrument.
+//!
+//! The emulator is [`rigless`]: its STM32F427 is the STM32F405 with more memory and more devices, by the same reference manual
+//! (RM0090), with the same addresses. It has what QEMU's STM32F405 lacks: DMA, timers that keep time, slaves on SPI buses, clocks, the
+//! flash's controller, and the independent watchdog.
+//!
+//! Time is the chip's: an instruction takes a cycle of 168 MHz. The world goes on by an eighth of a tick at a time, as the 2.5 ms timer
+//! counts, from the moment in which the image starts that timer; while it does not run (the image starts), the world stands still.
+
+mod devices;
+mod microcontroller;
+
+use std::fmt;
+use std::path::Path;
+
+use embedded_hal::digital::OutputPin as _;
+use hal_sim::{Pin, World};
+use rigless::device::Level;
+use rigless::emulator::{self, AccessKind, Driver, Finished, Host, Settled, Start, Stop, StopReason};
+use rigless::image::Image;
+use rigless::session::Session;
+use rigless::time::VirtualNanos;
+
+use devices::{GyroOutput, HostLine, Slave};
+use microcontroller::{MotorPins, Wired};
+
+/// Where the settings are in the flash.
+const SETTINGS: u64 = 0x0800_4000;
+const TICK: u64 = 2_500_000;
+const SLOTS_PER_TICK: u64 = 8;
+const SLOT: u64 = TICK / SLOTS_PER_TICK;
+/// How often it is looked whether the image has started its timer, and for how long after a reset.
+const LOOK: u64 = 100_000;
+const PATIENCE: u64 = 5_000_000_000;
+
+/// What the chip starts with.
+pub struct Setup<'a> {
+    /// The firmware, as it is flashed.
+    pub image: &'a Path,
+    /// What the flash's sectors for settings hold; the rest of them is erased.
+    pub settings: &'a [u8],
+    /// Whether the board has its crystal of 8 MHz.
+    pub crystal: bool,
+    /// At the end of this tick the 2.5 ms timer stops by itself: an interrupt that comes no more.
+    pub timer_stops: Option<u64>,
+}
+
+/// What is at the other end of the host's line.
+pub trait Line: Send + 'static {
+    /// A tick is over, counted from 0 at the first one ever: what the chip has sent since the one before. Gives what is sent to the chip
+    /// from now on; `None`: power off.
+    fn tick(&mut self, tick: u64, sent: &[u8]) -> Option<Vec<u8>>;
+}
+
+/// What became of a run.
+#[derive(Debug)]
+pub struct Ran<L> {
+    pub line: L,
+    /// How often the chip was reset, and by what: the core itself, or a device.
+    pub resets: Vec<String>,
+    /// The pulse that tells the gyro to sample, at the run's end: how long the pin is high, and its period, ns.
+    pub sample_pulse_ns: Option<[u64; 2]>,
+    /// The brown-out level in the option bytes at the run's end.
+    pub brown_out_level: u8,
+    /// What the reference manual forbids, and registers that the emulator does not have, each once.
+    pub complaints: Vec<String>,
+}
+
+/// The chip cannot be started, or the image does not start its timer.
+#[derive(Debug)]
+pub struct NotStarted(String);
+
+impl fmt::Display for NotStarted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "the chip cannot be started: {}", self.0)
+    }
+}
+
+impl std::error::Error for NotStarted {}
+
+fn not_started(error: impl fmt::Display) -> NotStarted {
+    NotStarted(error.to_string())
+}
+
+/// Powers the chip up in a world, and runs until the line says otherwise.
+pub fn run<L: Line>(setup: &Setup<'_>, world: &World, line: L) -> Result<Ran<L>, NotStarted> {
+    let mut board = Wired::new(setup.crystal).map_err(not_started)?;
+    board.attach(
+        Slave::new(world.accelerometer()),
+        Slave::new(world.encoder()),
+        Slave::new(world.block()),
+        GyroOutput(world.gyro()),
+    );
+    let mut images = vec![Image::read(setup.image, None).map_err(not_started)?];
+    if !setup.settings.is_empty() {
+        let settings = Image::new(Path::new("settings"), setup.settings.to_vec(), Some(SETTINGS));
+        images.push(settings.map_err(not_started)?);
+    }
+    let session = Session::new(Box::new(board), 0, VirtualNanos(LOOK)).map_err(not_started)?;
+    let surroundings = Surroundings::new(world, line, setup.timer_stops);
+    let finished = emulator::run(session, &Start::new(&images), surroundings).map_err(not_started)?;
+    let Finished { mut session, driver, .. } = finished;
+    if driver.looked > PATIENCE {
+        return Err(NotStarted(format!("the 2.5 ms timer does not run {PATIENCE} ns after a reset")));
+    }
+    let told = session.told().map(|told| format!("{told:x?}"));
+    let unmapped = session.unmapped().into_iter().map(|unmapped| format!("{unmapped:x?}"));
+    let refused = session.refused().iter().map(|refused| format!("{refused:x?}"));
+    let unimplemented = session.unimplemented().iter().map(|unimplemented| format!("{unimplemented:x?}"));
+    let complaints = told.chain(unmapped).chain(refused).chain(unimplemented).collect();
+    Ok(Ran {
+        resets: session.resets().iter().map(|reset| format!("{:?}", reset.cause)).collect(),
+        sample_pulse_ns: session.board_mut().sample_pulse_ns(),
+        brown_out_level: session.board_mut().brown_out_level(),
+        complaints,
+        line: driver.line,
+    })
+}
+
+/// The world, the motor's driver and the host's line around the chip.
+struct Surroundings<L> {
+    world: World,
+    step: Pin,
+    direction: Pin,
+    enable: Pin,
+    levels: MotorPins,
+    line: L,
+    /// When the tick under way began, by the chip's timer; nothing while that does not run.
+    began: Option<u64>,
+    /// Eighths of it that the world has gone on by.
+    slots: u64,
+    ticks: u64,
+    /// How long the timer has not run, ns.
+    looked: u64,
+    timer_stops: Option<u64>,
+}
+
+impl<L: Line> Surroundings<L> {
+    fn new(world: &World, line: L, timer_stops: Option<u64>) -> Self {
+        let (step, direction, enable) = (world.step_pin(), world.dir_pin(), world.enable_pin());
+        let levels = MotorPins::default();
+        let world = world.clone();
+        Self { world, step, direction, enable, levels, line, began: None, slots: 0, ticks: 0, looked: 0, timer_stops }
+    }
+
+    /// Lets the world go on to so many eighths of the tick.
+    fn go_on(&mut self, slots: u64) {
+        while self.slots < slots {
+            self.world.advance_slot();
+            self.slots += 1;
+        }
+    }
+
+    /// The motor's driver sees its inputs.
+    fn drive(&mut self, levels: MotorPins) {
+        let set = |pin: &mut Pin, level| match level {
+            Level::High => pin.set_high(),
+            Level::Low => pin.set_low(),
+        };
+        if levels.not_enable != self.levels.not_enable {
+            let Ok(()) = set(&mut self.enable, opposite(levels.not_enable));
+        }
+        if levels.direction != self.levels.direction {
+            let Ok(()) = set(&mut self.direction, levels.direction);
+        }
+        if levels.step != self.levels.step {
+            let Ok(()) = set(&mut self.step, levels.step);
+        }
+        self.levels = levels;
+    }
+}
+
+fn opposite(level: Level) -> Level {
+    match level {
+        Level::High => Level::Low,
+        Level::Low => Level::High,
+    }
+}
+
+impl<L: Line> Driver<Wired> for Surroundings<L> {
+    fn on_settled(&mut self, session: &mut Session<Wired>, _host: &mut dyn Host, settled: Settled) {
+        match settled {
+            Settled::Access { access, .. } if access.kind == AccessKind::Write => {
+                let at = access.virtual_time.0;
+                if microcontroller::starts_timer(access.address, access.value) && self.began.is_none() {
+                    (self.began, self.slots, self.looked) = (Some(at), 0, 0);
+                }
+                if microcontroller::is_of_motor_port(access.address) {
+                    let levels = session.board_mut().motor_pins();
+                    let passed = self.began.map_or(0, |began| (at - began) / SLOT);
+                    self.go_on(passed.min(SLOTS_PER_TICK - 1));
+                    self.drive(levels);
+                }
+            }
+            Settled::Stop(stop) => {
+                if stop.reason == StopReason::Reset {
+                    self.began = None;
+                    self.drive(MotorPins::default());
+                }
+                session.board_mut().hold_absent_crystal();
+            }
+            _ => {}
+        }
+    }
+
+    fn on_stop(&mut self, session: &mut Session<Wired>, stop: Stop, _host: &mut dyn Host) -> Option<VirtualNanos> {
+        let Some(end) = self.began.map(|began| began + TICK) else {
+            self.looked += LOOK;
+            return (self.looked <= PATIENCE).then_some(VirtualNanos(stop.at.0 + LOOK));
+        };
+        if stop.at.0 < end {
+            return Some(VirtualNanos(end));
+        }
+        self.go_on(SLOTS_PER_TICK);
+        self.world.sample();
+        let board = session.board_mut();
+        if self.timer_stops == Some(self.ticks) {
+            board.stop_timer(stop.at);
+        }
+        let host: &mut HostLine = board.host_line()?;
+        let sent = std::mem::take(&mut host.sent);
+        host.to_send.extend(self.line.tick(self.ticks, &sent)?);
+        (self.began, self.slots) = (Some(end), 0);
+        self.ticks += 1;
+        Some(VirtualNanos(end + TICK))
+    }
+}

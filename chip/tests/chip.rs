@@ -1,0 +1,220 @@
+//! The image on the emulated chip, against the instrument in this process: the same gyro, sensors, motor and requests, and every event the
+//! same, bit for bit.
+
+use std::path::{Path, PathBuf};
+use std::process::Command as Process;
+use std::sync::OnceLock;
+
+use embedded_storage::nor_flash::ReadNorFlash as _;
+use hal_sim::{Scenario, World};
+use north_chip::{Line, Ran, Setup, run};
+use north_finder::event::{Event, Report, State};
+use north_finder::health::{Fault, Item, TestVerdict};
+use north_finder::link::{Ask, ReportDecoder, Request};
+use north_finder::restart::{Cause, Crash, Provocation};
+use north_finder::sequence::Command;
+use north_finder::settings::{Settings, store};
+use simulated::{RequestLine, Wired};
+
+const TARGET: &str = "thumbv7em-none-eabihf";
+
+/// The image, built once.
+fn image() -> &'static Path {
+    static IMAGE: OnceLock<PathBuf> = OnceLock::new();
+    IMAGE.get_or_init(|| {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+        let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), |dir| root.join(dir));
+        let directory = target.join("f405");
+        let mut cargo = Process::new(env!("CARGO"));
+        cargo.current_dir(root).args(["build", "--quiet", "--profile", "firmware", "--bin", "firmware"]);
+        cargo.args(["--target", TARGET, "--target-dir"]).arg(&directory);
+        assert!(cargo.status().unwrap().success(), "the firmware cannot be built");
+        directory.join(TARGET).join("firmware/firmware")
+    })
+}
+
+/// A request at the end of a tick.
+type At = (u64, Ask);
+
+/// A host that asks at certain ticks, for so many ticks.
+struct Host {
+    asks: Vec<At>,
+    line: RequestLine,
+    ticks: u64,
+    decoder: ReportDecoder,
+    reports: Vec<Report>,
+}
+
+impl Host {
+    fn new(ticks: u64, asks: &[At]) -> Self {
+        let (line, decoder) = (RequestLine::default(), ReportDecoder::new());
+        Self { asks: asks.to_vec(), line, ticks, decoder, reports: Vec::new() }
+    }
+
+    /// What it sends from this tick's end on.
+    fn sends(&mut self, tick: u64) -> Vec<u8> {
+        for (_, ask) in self.asks.iter().filter(|(at, _)| *at == tick) {
+            self.line.send(&Request { number: 1, ask: ask.clone() }).unwrap();
+        }
+        self.line.tick()
+    }
+
+    fn crashes(&self) -> Vec<Crash> {
+        let told = |report: &Report| if let Event::Crash(crash) = &report.event { Some(crash.clone()) } else { None };
+        self.reports.iter().filter_map(told).collect()
+    }
+}
+
+impl Line for Host {
+    fn tick(&mut self, tick: u64, sent: &[u8]) -> Option<Vec<u8>> {
+        for &byte in sent {
+            if let Some(report) = self.decoder.feed(byte) {
+                self.reports.push(report.expect("a good frame"));
+            }
+        }
+        (tick < self.ticks).then(|| self.sends(tick))
+    }
+}
+
+const START: Ask = Ask::Command(Command::Start);
+
+/// What a flash holds in which these settings were stored.
+fn stored(settings: Option<&Settings>) -> Vec<u8> {
+    let mut flash = calm().flash();
+    if let Some(settings) = settings {
+        store::save(&mut flash, settings).unwrap();
+    }
+    let mut record = vec![0; flash.capacity() / 2];
+    flash.read(0, &mut record).unwrap();
+    record
+}
+
+fn calm() -> World {
+    World::new(&Scenario::named("calm-bench").unwrap(), 1)
+}
+
+/// On the chip.
+fn on_chip(world: &World, settings: &[u8], ticks: u64, asks: &[At]) -> Ran<Host> {
+    let setup = Setup { image: image(), settings, crystal: true, timer_stops: None };
+    run(&setup, world, Host::new(ticks, asks)).unwrap()
+}
+
+/// The same in this process.
+fn in_process(world: &World, ticks: u64, asks: &[At]) -> Vec<Report> {
+    let mut wired = Wired::power_up(world).with_real_line();
+    let mut host = Host::new(ticks, asks);
+    let (mut reports, mut bytes) = (Vec::new(), Vec::new());
+    for tick in 0..=ticks {
+        wired.tick(&bytes, &mut |_, _| {}, &mut |report| reports.push(report));
+        bytes = host.sends(tick);
+    }
+    reports
+}
+
+/// All that is not of the board itself.
+fn of_instrument(reports: &[Report]) -> Vec<String> {
+    reports.iter().filter(|report| !report.event.is_of_board()).map(|report| format!("{report:?}")).collect()
+}
+
+/// Runs a scenario with these settings on both; gives the chip's run, after the comparison.
+fn both(scenario: &str, settings: Option<&Settings>, ticks: u64, asks: &[At]) -> Ran<Host> {
+    let [own, other] = [(); 2].map(|()| World::new(&Scenario::named(scenario).unwrap(), 1));
+    if let Some(settings) = settings {
+        store::save(&mut other.flash(), settings).unwrap();
+    }
+    let ran = on_chip(&own, &stored(settings), ticks, asks);
+    let (chip, host) = (of_instrument(&ran.line.reports), of_instrument(&in_process(&other, ticks, asks)));
+    for (chip, host) in chip.iter().zip(&host) {
+        assert_eq!(chip, host);
+    }
+    // The last of them may still be on the line.
+    assert!(!chip.is_empty() && chip.len() + 3 > host.len(), "{scenario}: {} of {} events", chip.len(), host.len());
+    assert_eq!((&ran.resets[..], &ran.complaints[..]), (&[][..], &[][..]), "{scenario}");
+    ran
+}
+
+fn settings_of(scenario: &str) -> Settings {
+    simulated::settings(&Scenario::named(scenario).unwrap()).unwrap()
+}
+
+#[test]
+fn a_fix_is_that_of_the_host_process() {
+    let mut settings = settings_of("calm-bench");
+    (settings.sequence.dwell_s, settings.sequence.coarse_dwell_s) = (5, 5);
+    let ran = both("calm-bench", Some(&settings), 40_000, &[(40, START)]);
+    let fix = |report: &Report| if let Event::Fix(fix) = &report.event { Some(fix.azimuth_deg) } else { None };
+    let azimuths: Vec<f64> = ran.line.reports.iter().filter_map(fix).collect();
+    assert_eq!(azimuths.len(), 1, "{:?}", ran.line.reports.last());
+    assert_eq!(ran.sample_pulse_ns.map(|[_, period]| period), Some(2_500_000));
+    assert_eq!(ran.brown_out_level, 3);
+}
+
+#[test]
+fn sensors_and_gyros_of_other_kinds_are_heard_as_in_the_host_process() {
+    for scenario in ["kvh-gyro", "broken-bus", "carried"] {
+        both(scenario, Some(&settings_of(scenario)), 1300, &[(40, Ask::SelfTest), (100, START)]);
+    }
+}
+
+#[test]
+fn without_settings_seconds_come_out_and_a_fix_is_refused() {
+    let ran = both("calm-bench", None, 500, &[(40, START)]);
+    let is = |wanted: fn(&Event) -> bool| ran.line.reports.iter().any(|report| wanted(&report.event));
+    assert!(is(|event| matches!(event, Event::Second(_))));
+    assert!(is(|event| *event == Event::Fault { fault: Fault::SettingsMissing, state: State::Idle }));
+}
+
+/// Each crash is kept over the chip's reset, and told when it starts anew; a task that hangs is found by the others.
+#[test]
+fn crashes_are_told_after_the_restart() {
+    let causes = [
+        (Provocation::Panic, Cause::Panic),
+        (Provocation::HardFault, Cause::HardFault),
+        (Provocation::StackOverflow, Cause::StackOverflow),
+        (Provocation::Hang, Cause::LateTask),
+        (Provocation::HangReport, Cause::LateTask),
+    ];
+    for (how, cause) in causes {
+        let ran = on_chip(&calm(), &[], 1000, &[(40, Ask::Provoke(how))]);
+        let crashes = ran.line.crashes();
+        let [crash] = &crashes[..] else { panic!("{how:?}: {crashes:?}") };
+        assert_eq!((crash.cause, ran.resets.len()), (cause, 1), "{crash:?}");
+        match cause {
+            Cause::Panic => {
+                assert_eq!((crash.file.as_str(), crash.message.as_str()), ("src/board/crash.rs", "provoked"));
+            }
+            Cause::LateTask => {
+                assert_eq!(crash.message.as_str(), if how == Provocation::Hang { "solve" } else { "report" });
+            }
+            _ => assert!(crash.stack_pointer != 0, "{crash:?}"),
+        }
+        assert!(crash.program != 0);
+    }
+}
+
+/// An interrupt that comes no more: nobody feeds the independent watchdog, which counts on a clock of its own.
+#[test]
+fn a_timer_that_stops_ends_in_the_watchdogs_restart() {
+    let setup = Setup { image: image(), settings: &[], crystal: true, timer_stops: Some(400) };
+    let ran = run(&setup, &calm(), Host::new(3000, &[])).unwrap();
+    let crashes = ran.line.crashes();
+    assert_eq!(crashes.iter().map(|crash| crash.cause).collect::<Vec<_>>(), [Cause::Watchdog], "{:?}", ran.resets);
+}
+
+/// The crystal does not start: the chip runs from its own oscillator, and the self-test says so.
+#[test]
+fn without_a_crystal_the_internal_oscillator_is_used_and_told() {
+    let clock = |crystal| {
+        let setup = Setup { image: image(), settings: &[], crystal, timer_stops: None };
+        let ran = run(&setup, &calm(), Host::new(1400, &[])).unwrap();
+        let seconds = ran.line.reports.iter().filter(|report| matches!(report.event, Event::Second(_))).count();
+        assert!(seconds >= 2, "{seconds}");
+        assert_eq!(ran.sample_pulse_ns.map(|[_, period]| period), Some(2_500_000));
+        let found = ran.line.reports.iter().find_map(|report| match &report.event {
+            Event::SelfTest(finding) if finding.item == Item::Clock => Some(finding.verdict),
+            _ => None,
+        });
+        found.expect("an item of the self-test")
+    };
+    assert_eq!([clock(true), clock(false)], [TestVerdict::Passed, TestVerdict::Failed]);
+}
