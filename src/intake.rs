@@ -20,9 +20,8 @@ pub enum LineError {
     Noise,
 }
 
-/// A line's bytes, and what was lost of them. In C's order: a debugger finds how many bytes have come at its beginning.
+/// A line's bytes, and what was lost of them.
 #[derive(Debug)]
-#[repr(C)]
 pub struct Line<const N: usize> {
     ring: Ring<N>,
     overruns: AtomicU32,
@@ -33,7 +32,6 @@ pub struct Line<const N: usize> {
 
 /// All of it.
 #[derive(Debug)]
-#[repr(C)]
 pub struct Intake {
     pub gyro: Line<GYRO_BYTES>,
     pub host: Line<HOST_BYTES>,

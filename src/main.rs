@@ -159,7 +159,7 @@ mod app {
             slots: board.slots,
         };
         let local = Local {
-            ticker: board.ticker,
+            ticker: board.ticker.start(),
             watchdog: board::Watchdog::start(),
             motor_out,
             gyro: board.gyro,

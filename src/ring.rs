@@ -5,9 +5,8 @@
 
 use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
-/// Room for N bytes, a power of two. In C's order: a debugger finds how many bytes have come at its beginning.
+/// Room for N bytes, a power of two.
 #[derive(Debug)]
-#[repr(C)]
 pub struct Ring<const N: usize> {
     /// Bytes ever put, and ever taken, modulo 2³².
     put: AtomicU32,

@@ -44,6 +44,15 @@ pub struct Setup<'a> {
     pub crystal: bool,
     /// At the end of this tick the 2.5 ms timer stops by itself: an interrupt that comes no more.
     pub timer_stops: Option<u64>,
+    /// Of a million bytes from the gyro so many come with noise, and as many with a wrong stop bit.
+    pub damaged_per_million: u32,
+}
+
+impl<'a> Setup<'a> {
+    /// Nothing stored, and nothing wrong.
+    pub fn new(image: &'a Path) -> Self {
+        Self { image, settings: &[], crystal: true, timer_stops: None, damaged_per_million: 0 }
+    }
 }
 
 /// What is at the other end of the host's line.
@@ -59,8 +68,11 @@ pub struct Ran<L> {
     pub line: L,
     /// How often the chip was reset, and by what: the core itself, or a device.
     pub resets: Vec<String>,
-    /// The pulse that tells the gyro to sample, at the run's end: how long the pin is high, and its period, ns.
-    pub sample_pulse_ns: Option<[u64; 2]>,
+    /// Periods of the pulses that tell gyro and block to sample, ns, at the run's end.
+    pub pulse_periods_ns: [Option<u64>; 2],
+    /// Steps of the motor, and the first and the last moment in an eighth of a tick at which one began, ns.
+    pub steps: u64,
+    pub step_window_ns: [u64; 2],
     /// The brown-out level in the option bytes at the run's end.
     pub brown_out_level: u8,
     /// What the reference manual forbids, and registers that the emulator does not have, each once.
@@ -85,7 +97,7 @@ fn not_started(error: impl fmt::Display) -> NotStarted {
 
 /// Powers the chip up in a world, and runs until the line says otherwise.
 pub fn run<L: Line>(setup: &Setup<'_>, world: &World, line: L) -> Result<Ran<L>, NotStarted> {
-    let mut board = Wired::new(setup.crystal).map_err(not_started)?;
+    let mut board = Wired::new(setup.crystal, setup.damaged_per_million).map_err(not_started)?;
     board.attach(
         Slave::new(world.accelerometer()),
         Slave::new(world.encoder()),
@@ -111,7 +123,9 @@ pub fn run<L: Line>(setup: &Setup<'_>, world: &World, line: L) -> Result<Ran<L>,
     let complaints = told.chain(unmapped).chain(refused).chain(unimplemented).collect();
     Ok(Ran {
         resets: session.resets().iter().map(|reset| format!("{:?}", reset.cause)).collect(),
-        sample_pulse_ns: session.board_mut().sample_pulse_ns(),
+        pulse_periods_ns: session.board_mut().pulse_periods_ns(),
+        steps: driver.steps,
+        step_window_ns: driver.step_window_ns,
         brown_out_level: session.board_mut().brown_out_level(),
         complaints,
         line: driver.line,
@@ -133,6 +147,8 @@ struct Surroundings<L> {
     ticks: u64,
     /// How long the timer has not run, ns.
     looked: u64,
+    steps: u64,
+    step_window_ns: [u64; 2],
     timer_stops: Option<u64>,
 }
 
@@ -141,7 +157,21 @@ impl<L: Line> Surroundings<L> {
         let (step, direction, enable) = (world.step_pin(), world.dir_pin(), world.enable_pin());
         let levels = MotorPins::default();
         let world = world.clone();
-        Self { world, step, direction, enable, levels, line, began: None, slots: 0, ticks: 0, looked: 0, timer_stops }
+        Self {
+            world,
+            step,
+            direction,
+            enable,
+            levels,
+            line,
+            began: None,
+            slots: 0,
+            ticks: 0,
+            looked: 0,
+            steps: 0,
+            step_window_ns: [SLOT, 0],
+            timer_stops,
+        }
     }
 
     /// Lets the world go on to so many eighths of the tick.
@@ -188,8 +218,13 @@ impl<L: Line> Driver<Wired> for Surroundings<L> {
                 }
                 if microcontroller::is_of_motor_port(access.address) {
                     let levels = session.board_mut().motor_pins();
-                    let passed = self.began.map_or(0, |began| (at - began) / SLOT);
-                    self.go_on(passed.min(SLOTS_PER_TICK - 1));
+                    let passed = self.began.map_or(0, |began| at - began);
+                    self.go_on((passed / SLOT).min(SLOTS_PER_TICK - 1));
+                    if (self.levels.step, levels.step) == (Level::Low, Level::High) {
+                        let [first, last] = self.step_window_ns;
+                        self.step_window_ns = [first.min(passed % SLOT), last.max(passed % SLOT)];
+                        self.steps += 1;
+                    }
                     self.drive(levels);
                 }
             }
@@ -205,14 +240,15 @@ impl<L: Line> Driver<Wired> for Surroundings<L> {
     }
 
     fn on_stop(&mut self, session: &mut Session<Wired>, stop: Stop, _host: &mut dyn Host) -> Option<VirtualNanos> {
-        let Some(end) = self.began.map(|began| began + TICK) else {
+        let Some(began) = self.began else {
             self.looked += LOOK;
             return (self.looked <= PATIENCE).then_some(VirtualNanos(stop.at.0 + LOOK));
         };
-        if stop.at.0 < end {
-            return Some(VirtualNanos(end));
+        let passed = (stop.at.0 - began) / SLOT;
+        self.go_on(passed.min(SLOTS_PER_TICK));
+        if passed < SLOTS_PER_TICK {
+            return Some(VirtualNanos(began + (passed + 1) * SLOT));
         }
-        self.go_on(SLOTS_PER_TICK);
         self.world.sample();
         let board = session.board_mut();
         if self.timer_stops == Some(self.ticks) {
@@ -221,8 +257,8 @@ impl<L: Line> Driver<Wired> for Surroundings<L> {
         let host: &mut HostLine = board.host_line()?;
         let sent = std::mem::take(&mut host.sent);
         host.to_send.extend(self.line.tick(self.ticks, &sent)?);
-        (self.began, self.slots) = (Some(end), 0);
+        (self.began, self.slots) = (Some(began + TICK), 0);
         self.ticks += 1;
-        Some(VirtualNanos(end + TICK))
+        Some(VirtualNanos(began + TICK + SLOT))
     }
 }

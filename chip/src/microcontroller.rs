@@ -3,6 +3,7 @@
 use std::num::{NonZeroU32, NonZeroU64};
 
 use hal_sim::{AccelerometerSpi, BlockSpi, EncoderSpi};
+use rigless::chip::uart::Rate;
 use rigless::cpu;
 use rigless::device::Level;
 use rigless::machine::{Board, Crystal, Target, armv7m};
@@ -25,9 +26,10 @@ const CRYSTAL_HZ: u64 = 8_000_000;
 const SUPPLY_MV: u32 = 3300;
 /// Ports, buses and lines by their place in the emulator's lists.
 const PORT_A: usize = 0;
+const PORT_B: usize = 1;
 const PORT_C: usize = 2;
 const TIM2: usize = 0;
-const TIM2_ON_PA0: u8 = 1;
+const TIM4: usize = 2;
 const SPI1: usize = 0;
 const SPI2: usize = 1;
 const SPI3: usize = 2;
@@ -71,10 +73,13 @@ pub struct Wired {
 }
 
 impl Wired {
-    pub fn new(crystal: bool) -> Result<Self, Error> {
+    pub fn new(crystal: bool, damaged_per_million: u32) -> Result<Self, Error> {
         let mut mcu = Stm32f427::new()?;
         mcu.rcc.attach_crystals(CRYSTAL_HZ, Crystal::NONE.0);
         mcu.set_supply(SUPPLY_MV);
+        let errors = mcu.usart[USART1].errors_mut();
+        errors.noise = Rate { name: "noise", per_million: damaged_per_million };
+        errors.framing = Rate { name: "framing", per_million: damaged_per_million };
         Ok(Self { mcu, crystal })
     }
 
@@ -108,12 +113,14 @@ impl Wired {
         MotorPins { step, direction, not_enable }
     }
 
-    /// The pulse on the pin that tells the gyro to sample: how long it is high, and its period, ns.
-    pub fn sample_pulse_ns(&mut self) -> Option<[u64; 2]> {
-        let is_timer_s = Gpio::function(pin(0), self.mcu.port(PORT_A).1) == Some(TIM2_ON_PA0);
-        let (timer, registers) = self.mcu.timer(TIM2);
-        let pulse = timer.pulse(Channel::new(1)?, registers).filter(|_| is_timer_s)?;
-        Some([pulse.width.0, pulse.period.0])
+    /// Periods of the pulses that tell gyro (PA0) and block (PB6) to sample, ns; nothing where no timer drives the pin.
+    pub fn pulse_periods_ns(&mut self) -> [Option<u64>; 2] {
+        [(PORT_A, 0, TIM2, 1), (PORT_B, 6, TIM4, 2)].map(|(port, number, timer, function)| {
+            let driven = Gpio::function(pin(number), self.mcu.port(port).1) == Some(function);
+            let (timer, registers) = self.mcu.timer(timer);
+            let pulse = timer.pulse(Channel::new(1)?, registers).filter(|_| driven)?;
+            Some(pulse.period.0)
+        })
     }
 
     /// The option bytes' brown-out level.

@@ -13,6 +13,7 @@ use north_finder::health::{Fault, Item, TestVerdict};
 use north_finder::link::{Ask, ReportDecoder, Request};
 use north_finder::restart::{Cause, Crash, Provocation};
 use north_finder::sequence::Command;
+use north_finder::sequence::order::{Order, SequenceSettings};
 use north_finder::settings::{Settings, store};
 use simulated::{RequestLine, Wired};
 
@@ -76,6 +77,9 @@ impl Line for Host {
     }
 }
 
+/// Periods of the pulses that tell gyro and block to sample, ns.
+const PULSES: [Option<u64>; 2] = [Some(2_500_000), Some(10_000_000)];
+
 const START: Ask = Ask::Command(Command::Start);
 
 /// What a flash holds in which these settings were stored.
@@ -95,13 +99,12 @@ fn calm() -> World {
 
 /// On the chip.
 fn on_chip(world: &World, settings: &[u8], ticks: u64, asks: &[At]) -> Ran<Host> {
-    let setup = Setup { image: image(), settings, crystal: true, timer_stops: None };
-    run(&setup, world, Host::new(ticks, asks)).unwrap()
+    run(&Setup { settings, ..Setup::new(image()) }, world, Host::new(ticks, asks)).unwrap()
 }
 
 /// The same in this process.
 fn in_process(world: &World, ticks: u64, asks: &[At]) -> Vec<Report> {
-    let mut wired = Wired::power_up(world).with_real_line();
+    let mut wired = Wired::power_up(world);
     let mut host = Host::new(ticks, asks);
     let (mut reports, mut bytes) = (Vec::new(), Vec::new());
     for tick in 0..=ticks {
@@ -140,12 +143,12 @@ fn settings_of(scenario: &str) -> Settings {
 #[test]
 fn a_fix_is_that_of_the_host_process() {
     let mut settings = settings_of("calm-bench");
-    (settings.sequence.dwell_s, settings.sequence.coarse_dwell_s) = (5, 5);
-    let ran = both("calm-bench", Some(&settings), 40_000, &[(40, START)]);
+    settings.sequence = SequenceSettings { order: Order::Plain, dwell_s: 5, ..settings.sequence };
+    let ran = both("calm-bench", Some(&settings), 32_000, &[(40, START)]);
     let fix = |report: &Report| if let Event::Fix(fix) = &report.event { Some(fix.azimuth_deg) } else { None };
     let azimuths: Vec<f64> = ran.line.reports.iter().filter_map(fix).collect();
     assert_eq!(azimuths.len(), 1, "{:?}", ran.line.reports.last());
-    assert_eq!(ran.sample_pulse_ns.map(|[_, period]| period), Some(2_500_000));
+    assert_eq!(ran.pulse_periods_ns, PULSES);
     assert_eq!(ran.brown_out_level, 3);
 }
 
@@ -154,6 +157,46 @@ fn sensors_and_gyros_of_other_kinds_are_heard_as_in_the_host_process() {
     for scenario in ["kvh-gyro", "broken-bus", "carried"] {
         both(scenario, Some(&settings_of(scenario)), 1300, &[(40, Ask::SelfTest), (100, START)]);
     }
+}
+
+/// The block's burst takes 0.42 ms of its bus, longer than an eighth of a tick: no step of the motor waits for it.
+#[test]
+fn no_step_waits_for_a_sensor() {
+    let mut settings = settings_of("carried");
+    settings.level.seconds = 1;
+    let ran = both("carried", Some(&settings), 5000, &[(40, START)]);
+    let [first, last] = ran.step_window_ns;
+    assert!(ran.steps > 100, "{}", ran.steps);
+    assert!(last - first < 10_000, "steps begin between {first} and {last} ns of an eighth");
+}
+
+/// The work of a tick takes ten ticks: no event differs.
+#[test]
+fn a_solution_that_lags_shifts_nothing() {
+    both(
+        "calm-bench",
+        Some(&settings_of("calm-bench")),
+        2000,
+        &[(40, START), (900, Ask::Provoke(Provocation::Lag { ticks: 10 }))],
+    );
+}
+
+/// What the receiver finds wrong is counted by its kind, and costs no more than its frames.
+#[test]
+fn damaged_bytes_are_counted_by_their_kind() {
+    let setup = Setup { damaged_per_million: 1000, ..Setup::new(image()) };
+    let ran = run(&setup, &calm(), Host::new(4500, &[])).unwrap();
+    let told = ran.line.reports.iter().rev().find_map(|report| match &report.event {
+        Event::Health(counters) => Some(*counters),
+        _ => None,
+    });
+    let told = told.expect("the counters of ten seconds");
+    // Of some 56,000 bytes one in a thousand, of each kind: 56, and six times their standard deviation.
+    let kinds = [told.gyro_noise_errors, told.gyro_framing_errors];
+    assert!(kinds.iter().all(|count| (11..=101).contains(count)), "{kinds:?}");
+    assert_eq!(told.gyro_overruns, 0);
+    let bad = u64::from(told.frames_bad_crc) + u64::from(told.frames_lost);
+    assert!(bad > 0 && bad <= 2 * u64::from(kinds[0] + kinds[1]), "{told:?}");
 }
 
 #[test]
@@ -195,7 +238,7 @@ fn crashes_are_told_after_the_restart() {
 /// An interrupt that comes no more: nobody feeds the independent watchdog, which counts on a clock of its own.
 #[test]
 fn a_timer_that_stops_ends_in_the_watchdogs_restart() {
-    let setup = Setup { image: image(), settings: &[], crystal: true, timer_stops: Some(400) };
+    let setup = Setup { timer_stops: Some(400), ..Setup::new(image()) };
     let ran = run(&setup, &calm(), Host::new(3000, &[])).unwrap();
     let crashes = ran.line.crashes();
     assert_eq!(crashes.iter().map(|crash| crash.cause).collect::<Vec<_>>(), [Cause::Watchdog], "{:?}", ran.resets);
@@ -205,11 +248,11 @@ fn a_timer_that_stops_ends_in_the_watchdogs_restart() {
 #[test]
 fn without_a_crystal_the_internal_oscillator_is_used_and_told() {
     let clock = |crystal| {
-        let setup = Setup { image: image(), settings: &[], crystal, timer_stops: None };
+        let setup = Setup { crystal, ..Setup::new(image()) };
         let ran = run(&setup, &calm(), Host::new(1400, &[])).unwrap();
         let seconds = ran.line.reports.iter().filter(|report| matches!(report.event, Event::Second(_))).count();
         assert!(seconds >= 2, "{seconds}");
-        assert_eq!(ran.sample_pulse_ns.map(|[_, period]| period), Some(2_500_000));
+        assert_eq!(ran.pulse_periods_ns, PULSES);
         let found = ran.line.reports.iter().find_map(|report| match &report.event {
             Event::SelfTest(finding) if finding.item == Item::Clock => Some(finding.verdict),
             _ => None,

@@ -176,23 +176,23 @@ impl Plant {
 
     pub fn answer_accelerometer(&mut self, mosi: &[u8]) -> u8 {
         let before = self.accelerometer.clone();
-        let miso = self.exchange_accelerometer(mosi);
+        let miso = self.exchange_accelerometer(&begun(mosi));
         self.accelerometer = before;
-        last(&miso)
+        answer(mosi, &miso)
     }
 
     pub fn answer_block(&mut self, mosi: &[u8]) -> u8 {
         let before = self.block.clone();
-        let miso = self.exchange_block(mosi);
+        let miso = self.exchange_block(&begun(mosi));
         self.block = before;
-        last(&miso)
+        answer(mosi, &miso)
     }
 
     pub fn answer_encoder(&mut self, mosi: &[u8]) -> u8 {
         let before = self.encoder.clone();
-        let miso = self.exchange_encoder(mosi);
+        let miso = self.exchange_encoder(&begun(mosi));
         self.encoder = before;
-        last(&miso)
+        answer(mosi, &miso)
     }
 
     pub fn receive(&mut self) -> Option<u8> {
@@ -205,9 +205,14 @@ impl Plant {
     }
 }
 
-/// The byte that came back last.
-fn last(miso: &[u8]) -> u8 {
-    miso.last().copied().unwrap_or_default()
+/// A transaction that has begun with these bytes: by a byte longer, so that no device takes a frame for cut off in the middle.
+fn begun(mosi: &[u8]) -> Vec<u8> {
+    [mosi, &[0]].concat()
+}
+
+/// What came back with the last of these bytes.
+fn answer(mosi: &[u8], miso: &[u8]) -> u8 {
+    mosi.len().checked_sub(1).and_then(|last| miso.get(last)).copied().unwrap_or_default()
 }
 
 /// Of the place of the instrument, east, north, up.

@@ -29,8 +29,6 @@ pub struct Wired {
     gyro: GyroLine,
     /// What the gyro sent in this tick.
     heard: Vec<u8>,
-    /// Whether that is heard in the next one only.
-    heard_later: bool,
     sensors: Sensors<AccelerometerSpi, EncoderSpi, BlockSpi>,
     motor: StepMotor<Pin, Pin, Pin>,
     stepper: Stepper,
@@ -49,7 +47,6 @@ impl Wired {
         Self {
             gyro: world.gyro(),
             heard: Vec::new(),
-            heard_later: false,
             sensors: Sensors::new(
                 world.accelerometer(),
                 world.encoder(),
@@ -64,11 +61,6 @@ impl Wired {
         }
     }
 
-    /// With the line of a real gyro: it samples when a tick begins, and its bytes, which take their time, are heard in the next tick.
-    pub fn with_real_line(self) -> Self {
-        Self { heard_later: true, ..self }
-    }
-
     /// 2.5 ms, everything in the order in which the board does it. `requests`: what the host's line brings in it.
     pub fn tick(&mut self, requests: &[u8], tap: &mut Tap<'_>, report: &mut dyn FnMut(Report)) {
         for _ in 0..SLOTS_PER_TICK {
@@ -76,17 +68,12 @@ impl Wired {
             self.world.advance_slot();
         }
         self.world.sample();
-        if self.heard_later {
-            self.intake.gyro.put(&self.heard);
-        }
         self.hear_gyro();
         let sensors = self.sensors.read(self.tick);
         if let Some(command) = self.pending.take() {
             self.motor.command(command);
         }
-        if !self.heard_later {
-            self.intake.gyro.put(&self.heard);
-        }
+        self.intake.gyro.put(&self.heard);
         self.intake.host.put(requests);
         let (turning, heard) = (self.motor.is_turning(), self.intake.heard());
         let readings = Readings { tick: self.tick, sensors, turning, heard };
@@ -102,7 +89,7 @@ impl Wired {
         }
         self.tick += 1;
         if orders.restart {
-            *self = Self { heard_later: self.heard_later, ..Self::power_up(&self.world) };
+            *self = Self::power_up(&self.world);
         }
     }
 

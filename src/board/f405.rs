@@ -162,7 +162,7 @@ pub fn init(device: pac::Peripherals, intake: &'static Intake) -> Board {
         ExclusiveDevice::new_no_delay(encoder, Held(b.pb12.into_push_pull_output_in_state(PinState::High)));
 
     Board {
-        ticker: Ticker::start(device.TIM2, tick_cycles, device.TIM4, rcc.clocks.sysclk(), gyro_bytes, requests),
+        ticker: Ticker::new(device.TIM2, tick_cycles, device.TIM4, rcc.clocks.sysclk(), gyro_bytes, requests),
         slots: Slots::new(device.TIM3, slot_cycles),
         gyro: GyroLine(gyro),
         host: HostLine(host),
@@ -229,8 +229,7 @@ impl Watchdog {
     }
 }
 
-/// Waits for the next interrupt. Never inlined: a debugger finds the instrument asleep here.
-#[inline(never)]
+/// Waits for the next interrupt.
 pub fn sleep() {
     cortex_m::asm::wfi();
 }
@@ -243,6 +242,7 @@ pub fn restart() -> ! {
 /// The 2.5 ms timer. Its channel 1 is the gyro's sample pulse, so that no interrupt's delay is in the sampling.
 pub struct Ticker {
     timer: pac::TIM2,
+    block: pac::TIM4,
     gyro: Reception<Stream2<pac::DMA2>, GYRO_BYTES>,
     host: Reception<Stream5<pac::DMA1>, HOST_BYTES>,
     /// The processor's cycle counter at the tick before; none where it does not count.
@@ -253,8 +253,8 @@ pub struct Ticker {
 }
 
 impl Ticker {
-    /// The block's pulse begins with the first tick and goes on in step with the ticks: four of them are its period.
-    fn start(
+    /// Set up, and stopped. The block's pulse goes on in step with the ticks: four of them are its period.
+    fn new(
         timer: pac::TIM2,
         cycles: u32,
         block: pac::TIM4,
@@ -269,21 +269,24 @@ impl Ticker {
         block.ccmr1_output().write(|w| w.oc1m().pwm_mode1());
         block.ccer().write(|w| w.cc1e().set_bit());
         block.egr().write(|w| w.ug().set_bit());
-        block.cr1().write(|w| w.cen().set_bit());
         timer.arr().write(|w| w.arr().set(cycles - 1));
         timer.ccr1().write(|w| w.ccr().set(cycles / 10));
         timer.ccmr1_output().write(|w| w.oc1m().pwm_mode1());
         timer.ccer().write(|w| w.cc1e().set_bit());
         timer.dier().write(|w| w.uie().set_bit());
-        timer.cr1().write(|w| w.cen().set_bit());
         let timer_cycles = (system.raw() / TICK_HZ).checked_div(cycles).unwrap_or(1);
-        let mut ticker =
-            Self { timer, gyro, host, last_cycles: None, timer_cycles, tick_cycles: cycles * timer_cycles };
+        Self { timer, block, gyro, host, last_cycles: None, timer_cycles, tick_cycles: cycles * timer_cycles }
+    }
+
+    /// Begins, once all else is ready: what comes before the first tick takes no tick. The block's pulse begins with it.
+    pub fn start(mut self) -> Self {
+        self.block.cr1().write(|w| w.cen().set_bit());
+        self.timer.cr1().write(|w| w.cen().set_bit());
         let before = DWT::cycle_count();
         cortex_m::asm::delay(16);
         // An emulator may have no cycle counter.
-        ticker.last_cycles = (DWT::cycle_count() != before).then(|| ticker.cycles_at_update());
-        ticker
+        self.last_cycles = (DWT::cycle_count() != before).then(|| self.cycles_at_update());
+        self
     }
 
     /// When the tick under way began, by the processor's cycle counter, which goes on while flash is erased.

@@ -109,11 +109,6 @@ pub fn init(_device: pac::Peripherals, intake: &'static Intake) -> Board {
         } else if has_argument("free-running") {
             state.pace = Pace::FreeRunning;
         }
-        if state.pace == Pace::LockStep {
-            pac::TIMER0.run_freely();
-        } else {
-            pac::TIMER0.start(TIMER_CYCLES, TIMER_CYCLES);
-        }
     });
     Board {
         ticker: Ticker(intake),
@@ -178,6 +173,16 @@ impl Watchdog {
 pub struct Ticker(&'static Intake);
 
 impl Ticker {
+    /// Begins, once all else is ready.
+    pub fn start(self) -> Self {
+        if with(|state| state.pace) == Pace::LockStep {
+            pac::TIMER0.run_freely();
+        } else {
+            pac::TIMER0.start(TIMER_CYCLES, TIMER_CYCLES);
+        }
+        self
+    }
+
     /// Takes the timer's interrupt and lets the gyro sample. What has come on the lines is in the intake afterwards, in real time by
     /// their interrupts. Gives how many ticks were lost: none, time stands still for what is late.
     pub fn sync(&mut self) -> u32 {

@@ -42,15 +42,17 @@ impl Flash {
     /// Sets the brown-out level to 3, about 2.8 V (RM0090, 3.9.10), where it is not: option bytes, written once in a chip's life.
     pub fn set_brown_out_level(&mut self) -> Result<(), FlashError> {
         const KEYS: [u32; 2] = [0x0819_2A3B, 0x4C5D_6E7F];
+        // The manual counts from 0 for level 3 to 3 for none; the names that the register's description has count the other way.
+        const LEVEL_3: u8 = 0;
         let control = self.0.optcr();
-        if control.read().bor_lev().is_bor_level3() {
+        if control.read().bor_lev().bits() == LEVEL_3 {
             return Ok(());
         }
         for key in KEYS {
             self.0.optkeyr().write(|w| w.optkeyr().set(key));
         }
         done(&self.0)?;
-        control.modify(|_, w| w.bor_lev().bor_level3());
+        control.modify(|_, w| w.bor_lev().set(LEVEL_3));
         control.modify(|_, w| w.optstrt().set_bit());
         let result = done(&self.0);
         control.modify(|_, w| w.optlock().set_bit());
