@@ -12,6 +12,7 @@ mod devices;
 mod microcontroller;
 
 use std::fmt;
+use std::ops::Range;
 use std::path::Path;
 
 use embedded_hal::digital::OutputPin as _;
@@ -44,6 +45,8 @@ pub struct Setup<'a> {
     pub crystal: bool,
     /// At the end of this tick the 2.5 ms timer stops by itself: an interrupt that comes no more.
     pub timer_stops: Option<u64>,
+    /// At the ends of these ticks the timer does not interrupt: nobody sees them.
+    pub unseen_ticks: Range<u64>,
     /// Of a million bytes from the gyro so many come with noise, and as many with a wrong stop bit.
     pub damaged_per_million: u32,
 }
@@ -51,7 +54,7 @@ pub struct Setup<'a> {
 impl<'a> Setup<'a> {
     /// Nothing stored, and nothing wrong.
     pub fn new(image: &'a Path) -> Self {
-        Self { image, settings: &[], crystal: true, timer_stops: None, damaged_per_million: 0 }
+        Self { image, settings: &[], crystal: true, timer_stops: None, unseen_ticks: 0..0, damaged_per_million: 0 }
     }
 }
 
@@ -110,7 +113,7 @@ pub fn run<L: Line>(setup: &Setup<'_>, world: &World, line: L) -> Result<Ran<L>,
         images.push(settings.map_err(not_started)?);
     }
     let session = Session::new(Box::new(board), 0, VirtualNanos(LOOK)).map_err(not_started)?;
-    let surroundings = Surroundings::new(world, line, setup.timer_stops);
+    let surroundings = Surroundings::new(world, line, setup);
     let finished = emulator::run(session, &Start::new(&images), surroundings).map_err(not_started)?;
     let Finished { mut session, driver, .. } = finished;
     if driver.looked > PATIENCE {
@@ -150,10 +153,11 @@ struct Surroundings<L> {
     steps: u64,
     step_window_ns: [u64; 2],
     timer_stops: Option<u64>,
+    unseen_ticks: Range<u64>,
 }
 
 impl<L: Line> Surroundings<L> {
-    fn new(world: &World, line: L, timer_stops: Option<u64>) -> Self {
+    fn new(world: &World, line: L, setup: &Setup<'_>) -> Self {
         let (step, direction, enable) = (world.step_pin(), world.dir_pin(), world.enable_pin());
         let levels = MotorPins::default();
         let world = world.clone();
@@ -170,7 +174,8 @@ impl<L: Line> Surroundings<L> {
             looked: 0,
             steps: 0,
             step_window_ns: [SLOT, 0],
-            timer_stops,
+            timer_stops: setup.timer_stops,
+            unseen_ticks: setup.unseen_ticks.clone(),
         }
     }
 
@@ -253,6 +258,12 @@ impl<L: Line> Driver<Wired> for Surroundings<L> {
         let board = session.board_mut();
         if self.timer_stops == Some(self.ticks) {
             board.stop_timer(stop.at);
+        }
+        // The interrupt of this tick's end has been raised already.
+        if self.ticks + 1 == self.unseen_ticks.start {
+            board.let_timer_interrupt(stop.at, false);
+        } else if self.ticks == self.unseen_ticks.end {
+            board.let_timer_interrupt(stop.at, true);
         }
         let host: &mut HostLine = board.host_line()?;
         let sent = std::mem::take(&mut host.sent);

@@ -38,6 +38,9 @@ const USART2: usize = 1;
 /// TIM2's control register, and the bit by which the counter runs (RM0090, 18.4.1).
 const TIM2_CR1: u64 = 0x4000_0000;
 const COUNTER_RUNS: u64 = 1;
+/// TIM2's interrupts, and the one at the end of a period (RM0090, 18.4.4).
+const TIM2_DIER: u64 = 0x4000_000C;
+const AT_UPDATE: u64 = 1;
 /// The registers of port C.
 const PORT_C_REGISTERS: std::ops::Range<u64> = 0x4002_0800..0x4002_0C00;
 
@@ -128,6 +131,12 @@ impl Wired {
         let (_, registers) = self.mcu.program();
         let levels = [3, 2, 1, 0];
         levels[flash::optcr::BOR_LEV.get(registers.get(flash::Register::Optcr)) as usize]
+    }
+
+    /// Whether the 2.5 ms timer interrupts.
+    pub fn let_timer_interrupt(&mut self, at: VirtualNanos, interrupts: bool) {
+        let enabled = if interrupts { AT_UPDATE } else { 0 };
+        self.mcu.write(at, TIM2_DIER, Width::W32, enabled).expect("a register of a clocked timer");
     }
 
     /// The 2.5 ms timer counts no more.

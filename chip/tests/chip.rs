@@ -9,11 +9,12 @@ use embedded_storage::nor_flash::ReadNorFlash as _;
 use hal_sim::{Scenario, World};
 use north_chip::{Line, Ran, Setup, run};
 use north_finder::event::{Event, Report, State};
-use north_finder::health::{Fault, Item, TestVerdict};
+use north_finder::health::{Counters, Fault, Finding, Item, Refusal, TestVerdict};
 use north_finder::link::{Ask, ReportDecoder, Request};
 use north_finder::restart::{Cause, Crash, Provocation};
 use north_finder::sequence::Command;
 use north_finder::sequence::order::{Order, SequenceSettings};
+use north_finder::settings::pieces::Outgoing;
 use north_finder::settings::{Settings, store};
 use simulated::{RequestLine, Wired};
 
@@ -55,13 +56,19 @@ impl Host {
     /// What it sends from this tick's end on.
     fn sends(&mut self, tick: u64) -> Vec<u8> {
         for (_, ask) in self.asks.iter().filter(|(at, _)| *at == tick) {
-            self.line.send(&Request { number: 1, ask: ask.clone() }).unwrap();
+            self.line.send(&Request { number: 1, ask: *ask }).unwrap();
         }
         self.line.tick()
     }
 
+    /// As they were told last: every ten seconds.
+    fn counters(&self) -> Counters {
+        let told = |report: &Report| if let Event::Health(counters) = &report.event { Some(*counters) } else { None };
+        self.reports.iter().rev().find_map(told).expect("ten seconds")
+    }
+
     fn crashes(&self) -> Vec<Crash> {
-        let told = |report: &Report| if let Event::Crash(crash) = &report.event { Some(crash.clone()) } else { None };
+        let told = |report: &Report| if let Event::Crash(crash) = &report.event { Some(*crash) } else { None };
         self.reports.iter().filter_map(told).collect()
     }
 }
@@ -150,13 +157,33 @@ fn a_fix_is_that_of_the_host_process() {
     assert_eq!(azimuths.len(), 1, "{:?}", ran.line.reports.last());
     assert_eq!(ran.pulse_periods_ns, PULSES);
     assert_eq!(ran.brown_out_level, 3);
+    let vitals = ran.line.reports.iter().rev().find_map(|report| match report.event {
+        Event::Vitals { stack_bytes, load_permille, .. } => Some((stack_bytes, load_permille)),
+        _ => None,
+    });
+    // The longest tick takes a twentieth of its time, where an instruction takes a cycle.
+    let (stack_bytes, load_permille) = vitals.expect("the state of the board");
+    assert!((1..=8192).contains(&stack_bytes) && (1..=100).contains(&load_permille), "{stack_bytes}, {load_permille}");
 }
 
 #[test]
 fn sensors_and_gyros_of_other_kinds_are_heard_as_in_the_host_process() {
     for scenario in ["kvh-gyro", "broken-bus", "carried"] {
-        both(scenario, Some(&settings_of(scenario)), 1300, &[(40, Ask::SelfTest), (100, START)]);
+        both(scenario, Some(&settings_of(scenario)), 1300, &[(40, START)]);
     }
+}
+
+/// Item by item, the accelerometer's own test and a short move of the index among them.
+#[test]
+fn the_self_test_passes() {
+    let ran = both("calm-bench", Some(&settings_of("calm-bench")), 4500, &[(1300, Ask::SelfTest)]);
+    let told = |report: &Report| if let Event::SelfTest(finding) = &report.event { Some(*finding) } else { None };
+    let mut told: Vec<Finding> = ran.line.reports.iter().filter_map(told).collect();
+    let first =
+        told.drain(..told.len() / 2).filter(|found| found.verdict != TestVerdict::Passed).map(|found| found.item);
+    assert_eq!(first.collect::<Vec<_>>(), [Item::Block, Item::Response, Item::Drive]);
+    let second = told.iter().filter(|found| found.verdict != TestVerdict::Passed).map(|found| found.item);
+    assert_eq!(second.collect::<Vec<_>>(), [Item::Block], "{told:?}");
 }
 
 /// The block's burst takes 0.42 ms of its bus, longer than an eighth of a tick: no step of the motor waits for it.
@@ -186,17 +213,23 @@ fn a_solution_that_lags_shifts_nothing() {
 fn damaged_bytes_are_counted_by_their_kind() {
     let setup = Setup { damaged_per_million: 1000, ..Setup::new(image()) };
     let ran = run(&setup, &calm(), Host::new(4500, &[])).unwrap();
-    let told = ran.line.reports.iter().rev().find_map(|report| match &report.event {
-        Event::Health(counters) => Some(*counters),
-        _ => None,
-    });
-    let told = told.expect("the counters of ten seconds");
+    let told = ran.line.counters();
     // Of some 56,000 bytes one in a thousand, of each kind: 56, and six times their standard deviation.
     let kinds = [told.gyro_noise_errors, told.gyro_framing_errors];
     assert!(kinds.iter().all(|count| (11..=101).contains(count)), "{kinds:?}");
     assert_eq!(told.gyro_overruns, 0);
     let bad = u64::from(told.frames_bad_crc) + u64::from(told.frames_lost);
     assert!(bad > 0 && bad <= 2 * u64::from(kinds[0] + kinds[1]), "{told:?}");
+}
+
+/// A timer that goes on and is not heard for 29 ticks: their number comes from the processor's cycle counter. The gyro's frames wait in the
+/// ring and none is lost; late are those that waited for more than four ticks, 25.
+#[test]
+fn ticks_that_nobody_saw_are_counted_and_their_frames_kept() {
+    let ran = run(&Setup { unseen_ticks: 1001..1030, ..Setup::new(image()) }, &calm(), Host::new(4500, &[])).unwrap();
+    let told = ran.line.counters();
+    assert_eq!((told.ticks_lost, told.frames_lost, told.frames_late, told.bytes_refused), (29, 0, 25, 0), "{told:?}");
+    assert_eq!((told.seconds_repaired, told.seconds_left_out), (0, 0), "{told:?}");
 }
 
 #[test]
@@ -235,6 +268,19 @@ fn crashes_are_told_after_the_restart() {
     }
 }
 
+/// In the middle of a turn: the motor has current, and after the crash none.
+#[test]
+fn a_crash_in_a_turn_leaves_the_motor_without_current() {
+    let settings = stored(Some(&settings_of("calm-bench")));
+    let has_current = |asks: &[At]| {
+        let world = calm();
+        on_chip(&world, &settings, 2300, asks);
+        world.motor_has_current()
+    };
+    let (start, crash) = ((40, START), (2200, Ask::Provoke(Provocation::Panic)));
+    assert_eq!([has_current(&[start]), has_current(&[start, crash])], [true, false]);
+}
+
 /// An interrupt that comes no more: nobody feeds the independent watchdog, which counts on a clock of its own.
 #[test]
 fn a_timer_that_stops_ends_in_the_watchdogs_restart() {
@@ -260,4 +306,20 @@ fn without_a_crystal_the_internal_oscillator_is_used_and_told() {
         found.expect("an item of the self-test")
     };
     assert_eq!([clock(true), clock(false)], [TestVerdict::Passed, TestVerdict::Failed]);
+}
+
+/// The emulator knows the flash controller's rules, but keeps nothing of what is programmed: no rule is broken, and the instrument says that
+/// its settings are not stored.
+#[test]
+fn storing_settings_breaks_no_rule_of_the_flash_controller() {
+    let pieces = Outgoing::new(&settings_of("calm-bench")).unwrap();
+    let asks: Vec<At> = (40..).step_by(8).zip(pieces.map(Ask::WriteSettings)).collect();
+    let ran = on_chip(&calm(), &[], 600, &asks);
+    let answers = ran.line.reports.iter().filter_map(|report| match &report.event {
+        Event::Answer { refusal, .. } => Some(*refusal),
+        _ => None,
+    });
+    let answers: Vec<Option<Refusal>> = answers.collect();
+    assert_eq!((answers.len(), answers.last()), (asks.len(), Some(&Some(Refusal::NotStored))));
+    assert!(ran.complaints.is_empty(), "{:?}", ran.complaints);
 }
