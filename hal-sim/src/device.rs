@@ -1,7 +1,7 @@
 //! Handles that firmware drivers take: embedded-hal, embedded-io and embedded-storage over the plant.
 
 use crate::flash::{CAPACITY, FlashError, SECTOR, WORD};
-use crate::world::{Shared, open};
+use crate::plant::{Shared, open};
 use embedded_hal::digital::{self, OutputPin};
 use embedded_hal::spi::{self, Operation, SpiDevice};
 use embedded_storage::nor_flash::{self, NorFlash, ReadNorFlash};

@@ -16,6 +16,15 @@ use crate::pose::PoseTracker;
 use crate::scenario::Scenario;
 use crate::truth::Truth;
 use nalgebra::Vector3;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// The plant, shared by the world's handles.
+pub(crate) type Shared = Arc<Mutex<Plant>>;
+
+/// The plant, for as long as this is held; also after a panic of somebody who held it.
+pub(crate) fn open(plant: &Shared) -> MutexGuard<'_, Plant> {
+    plant.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// Length of a slot, s: an eighth of a tick.
 const SLOT_S: f64 = 0.0025 / 8.0;

@@ -3,17 +3,10 @@
 use crate::device::{AccelerometerSpi, BlockSpi, EncoderSpi, Flash, GyroLine, Pin, PinFunction};
 use crate::flash::FlashMemory;
 use crate::hand::Turn;
-use crate::plant::Plant;
+use crate::plant::{Plant, Shared, open};
 use crate::scenario::{Relevel, Scenario, Shock};
 use crate::truth::Truth;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-
-pub(crate) type Shared = Arc<Mutex<Plant>>;
-
-/// The plant, for as long as this is held. Who panicked with it in hand has left it as any other moment would.
-pub(crate) fn open(plant: &Shared) -> MutexGuard<'_, Plant> {
-    plant.lock().unwrap_or_else(PoisonError::into_inner)
-}
+use std::sync::{Arc, Mutex};
 
 /// A handle to the simulated world. Clones and devices refer to the same world, from any thread: an emulator has its own.
 #[derive(Debug, Clone)]
