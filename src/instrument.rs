@@ -3,8 +3,10 @@
 //! All modules are composed here, in the order in which a sample meets them, and every engine runs it the same way: the board,
 //! the same image in QEMU, and the run in this process only wire it to their ports. A tick's own work is [`Instrument::step`]. What a
 //! second leads to takes many times as long, the azimuth most: it is done in slices, one a tick, by [`Instrument::slice`], which lends
-//! the sequencer to the work. Solving a calibration takes longer still, so the problem is handed out ([`Instrument::problem`]) and its
-//! answer comes back ([`Instrument::solved`]).
+//! the sequencer to the work. Solving a calibration takes longer still, so its attitudes are lent out ([`Instrument::posed`]) and come
+//! back with the answer ([`Instrument::solved`]).
+
+pub mod workroom;
 
 use core::convert::Infallible;
 use core::ops::DerefMut;
@@ -14,7 +16,7 @@ use embedded_storage::nor_flash::NorFlash;
 use heapless::Deque;
 
 use crate::calibration::ellipsoid::Correction;
-use crate::calibration::field::problem::{Problem, Solved};
+use crate::calibration::field::problem::Solved;
 use crate::calibration::field::refusal::NoCalibration;
 use crate::calibration::field::{self, Session};
 use crate::drivers::sensors::Due;
@@ -39,6 +41,7 @@ use crate::settings::Settings;
 use crate::settings::pieces::Incoming;
 use crate::settings::store::{self, Found};
 use crate::watch::GyroWatch;
+use workroom::Workroom;
 
 /// Seconds between two reports of the counters, if they changed.
 const HEALTH_SECONDS: u32 = 10;
@@ -124,11 +127,13 @@ impl Stage {
     }
 }
 
-/// Everything that has a state, but the flash. `S` is how the sequencer is held: lent out while it works on a second.
-pub struct Instrument<S> {
+/// Everything that has a state, but the flash. `S` is how the sequencer is held, which is lent out while it works on a second, `R` how
+/// the room for settings and attitudes is.
+pub struct Instrument<S, R> {
     identity: Identity,
     requests: RequestDecoder,
-    incoming: Incoming,
+    /// `None`: it is lent out to solve a calibration.
+    room: Option<R>,
     streaming: Streaming,
     reader: FrameReader,
     gatherer: Gatherer,
@@ -164,10 +169,10 @@ pub struct Instrument<S> {
     test: SelfTest,
 }
 
-impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
+impl<S: DerefMut<Target = Sequencer>, R: DerefMut<Target = Workroom>> Instrument<S, R> {
     /// Powered up, with what the flash holds. `sequencer`: an empty one.
-    pub fn power_up(flash: &mut impl NorFlash, identity: Identity, sequencer: S) -> Self {
-        let mut instrument = Self::empty(identity, sequencer);
+    pub fn power_up(flash: &mut impl NorFlash, identity: Identity, sequencer: S, room: R) -> Self {
+        let mut instrument = Self::empty(identity, sequencer, room);
         instrument.set_up(flash);
         instrument
     }
@@ -175,12 +180,12 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
     /// Before it is set up.
     // Inlined, so that it is made where it stays: copies of it would take tens of kilobytes of a board's stack.
     #[inline(always)]
-    pub fn empty(identity: Identity, sequencer: S) -> Self {
+    pub fn empty(identity: Identity, sequencer: S, room: R) -> Self {
         let gyro = GyroSettings::default();
         Self {
             identity,
             requests: RequestDecoder::new(),
-            incoming: Incoming::default(),
+            room: Some(room),
             streaming: Streaming::Off,
             reader: FrameReader::new(gyro.format),
             gatherer: Gatherer::new(gyro, Correction::UNIT),
@@ -222,7 +227,8 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
         let _ = store::prepare(flash);
         let mut settings = Settings::default();
         // A flash that cannot be read is as good as corrupt.
-        self.refusal = match store::load_into(flash, self.incoming.scratch(), &mut settings).unwrap_or(Found::Corrupt) {
+        let scratch = self.room.as_deref_mut().and_then(Workroom::settings).map(Incoming::scratch).unwrap_or_default();
+        self.refusal = match store::load_into(flash, scratch, &mut settings).unwrap_or(Found::Corrupt) {
             Found::Valid => self.take(&mut settings).err(),
             Found::Missing => Some(Fault::SettingsMissing),
             Found::Corrupt => Some(Fault::SettingsCorrupt),
@@ -491,15 +497,20 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
         }
     }
 
-    /// Puts attitudes of the accelerometers to be solved for into `place`, once; `false`: there are none. The answer goes to
-    /// [`Self::solved`].
-    pub fn problem(&mut self, place: &mut Problem) -> bool {
-        self.field.problem(place)
+    /// Lends out the room with the attitudes of the accelerometers that are to be solved for, if there are any.
+    pub fn posed(&mut self) -> Option<R> {
+        self.room.take_if(|_| self.field.is_posed())
     }
 
-    /// The answer to the problem, whenever it comes; one that nobody waits for any more is dropped.
-    pub fn solved(&mut self, answer: Result<Solved, NoCalibration>) {
+    /// That room is lent out.
+    pub fn is_solving(&self) -> bool {
+        self.room.is_none()
+    }
+
+    /// Takes the room back with the answer, whenever it comes; one that nobody waits for any more is dropped.
+    pub fn solved(&mut self, answer: Result<Solved, NoCalibration>, room: R) {
         self.field.solved(answer);
+        self.room = Some(room);
     }
 
     /// Tells of something that entered, if that is wanted.
@@ -602,12 +613,17 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
             }
             Ask::ReadSettings { offset } => sink(Event::Settings(store::read_piece(flash, offset)?)),
             Ask::WriteSettings(piece) => {
-                if self.incoming.take(&piece)? {
+                // By the start that follows them they would end it.
+                if self.field.is_active() {
+                    return Err(Refusal::Busy);
+                }
+                let incoming = self.room.as_deref_mut().and_then(Workroom::settings).ok_or(Refusal::Busy)?;
+                if incoming.take(&piece)? {
                     // The processor stands still while flash is erased.
                     if turning {
                         return Err(Refusal::MotorTurns);
                     }
-                    store(flash, &self.incoming, sink)?;
+                    store(flash, incoming, sink)?;
                     orders.restart = true;
                 }
             }
@@ -653,8 +669,9 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
         }
         if let Some(calibration) = self.field.to_store() {
             let change = |settings: &mut Settings| settings.accelerometer = Some(calibration);
-            let stored = store::update(flash, self.incoming.scratch(), change);
-            self.field.stored(stored.is_ok());
+            let scratch = self.room.as_deref_mut().and_then(Workroom::settings).map(Incoming::scratch);
+            let stored = scratch.is_some_and(|scratch| store::update(flash, scratch, change).is_ok());
+            self.field.stored(stored);
         }
     }
 
@@ -668,6 +685,10 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
     #[inline(never)]
     fn obey(&mut self, command: Command, sink: &mut dyn FnMut(Event)) -> Result<Option<MotorCommand>, Refusal> {
         let t_s = self.tick as f64 * SAMPLE_S;
+        // The attitudes of one that was aborted are still being solved for: a few tenths of a second.
+        if matches!(command, Command::CalibrateAccelerometers) && self.room.is_none() {
+            return Err(Refusal::Busy);
+        }
         let stop = self.test.interrupt().then_some(MotorCommand::Stop);
         let motor = match (self.refusal, command) {
             (None, Command::Start) => {
@@ -677,8 +698,10 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
                 self.command(command, t_s, sink)
             }
             (None, Command::CalibrateAccelerometers) => {
-                let stop = self.command(command, t_s, sink);
-                self.field.start(*self.gatherer.triad(), &mut |event| calibration_events(event, sink));
+                if let Some(collection) = self.room.as_deref_mut().and_then(Workroom::begin) {
+                    let in_use = *self.gatherer.triad();
+                    self.field.start(collection, in_use, &mut |event| calibration_events(event, sink));
+                }
                 stop
             }
             (None, Command::Abort) => {
@@ -708,7 +731,9 @@ impl<S: DerefMut<Target = Sequencer>> Instrument<S> {
                     }
                     None => failed(&mut self.counters.accelerometer_errors),
                 }
-                self.field.reading(*reading, &mut |event| calibration_events(event, sink));
+                if let Some(collection) = self.room.as_deref_mut().and_then(Workroom::attitudes) {
+                    self.field.reading(collection, *reading, &mut |event| calibration_events(event, sink));
+                }
             }
             &Due::Index(Some(index)) => {
                 self.stream(|| Item::Index(index), sink);

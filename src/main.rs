@@ -36,7 +36,7 @@ mod app {
     use rtic_sync::{make_channel, make_signal};
 
     use crate::board::{self, Board, crash, memory};
-    use north_finder::calibration::field::problem::{Problem, Solved};
+    use north_finder::calibration::field::problem::Solved;
     use north_finder::calibration::field::refusal::NoCalibration;
     use north_finder::drivers::sensors::Sensors;
     use north_finder::drivers::step_motor::StepMotor;
@@ -44,7 +44,8 @@ mod app {
     use north_finder::guard::{Guard, Task, Verdict};
     use north_finder::identity::Identity;
     use north_finder::index::MotorCommand;
-    use north_finder::instrument::{Instrument, Readings};
+    use north_finder::instrument::workroom::Workroom;
+    use north_finder::instrument::{self, Readings};
     use north_finder::intake::{Heard, Intake, one_more};
     use north_finder::link;
     use north_finder::restart::Crash;
@@ -72,6 +73,7 @@ mod app {
     /// The accelerometer shall do its own test.
     static TEST_ACCELEROMETER: AtomicBool = AtomicBool::new(false);
 
+    type Instrument = instrument::Instrument<&'static mut Sequencer, &'static mut Workroom>;
     type Answer = Result<Solved, NoCalibration>;
 
     /// A tick: its number, whether the motor turns, and what had come.
@@ -108,27 +110,26 @@ mod app {
         ticked: SignalWriter<'static, ()>,
         // solve
         readings_out: Consumer<'static, Readings>,
-        instrument: &'static mut Instrument<&'static mut Sequencer>,
+        instrument: &'static mut Instrument,
         motor_in: Producer<'static, MotorCommand>,
         reports_in: Sender<'static, Report, REPORTS>,
-        problem: Option<&'static mut Problem>,
-        problems_in: Sender<'static, &'static mut Problem, PROBLEMS>,
-        answers_out: Receiver<'static, (Answer, &'static mut Problem), PROBLEMS>,
+        problems_in: Sender<'static, &'static mut Workroom, PROBLEMS>,
+        answers_out: Receiver<'static, (Answer, &'static mut Workroom), PROBLEMS>,
         flash: board::Flash,
         crash: Option<Crash>,
         program: u32,
         // report
         report_port: board::ReportPort,
         // calibrate
-        answers_in: Sender<'static, (Answer, &'static mut Problem), PROBLEMS>,
+        answers_in: Sender<'static, (Answer, &'static mut Workroom), PROBLEMS>,
     }
 
     #[init(local = [
         readings: Queue<Readings, { READINGS + 1 }> = Queue::new(),
         motor_commands: Queue<MotorCommand, MOTOR_COMMANDS> = Queue::new(),
-        place: MaybeUninit<Instrument<&'static mut Sequencer>> = MaybeUninit::uninit(),
+        place: MaybeUninit<Instrument> = MaybeUninit::uninit(),
         sequencer: MaybeUninit<Sequencer> = MaybeUninit::uninit(),
-        attitudes: MaybeUninit<Problem> = MaybeUninit::uninit(),
+        room: MaybeUninit<Workroom> = MaybeUninit::uninit(),
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let wrong_words = memory::test();
@@ -136,7 +137,7 @@ mod app {
         let mut board: Board = board::init(cx.device, &INTAKE);
         let program = crash::program();
         let identity = Identity::new(board::BOARD, program);
-        let instrument = make(cx.local.place, cx.local.sequencer, identity);
+        let instrument = make(cx.local.place, cx.local.sequencer, cx.local.room, identity);
         power_up(instrument, &mut board.flash);
         let cause = crash.map(|crash| crash.cause);
         instrument.board_is(BoardFacts { wrong_words, crash: cause, crystal: board.crystal });
@@ -146,8 +147,8 @@ mod app {
         let (ticked, tick) = make_signal!(());
         let (sent, done) = make_signal!(());
         let (reports_in, reports_out) = make_channel!(Report, REPORTS);
-        let (problems_in, problems_out) = make_channel!(&'static mut Problem, PROBLEMS);
-        let (answers_in, answers_out) = make_channel!((Answer, &'static mut Problem), PROBLEMS);
+        let (problems_in, problems_out) = make_channel!(&'static mut Workroom, PROBLEMS);
+        let (answers_in, answers_out) = make_channel!((Answer, &'static mut Workroom), PROBLEMS);
         // Spawning for the first time cannot fail.
         let _ = solve::spawn(tick);
         let _ = report::spawn(reports_out, done);
@@ -172,7 +173,6 @@ mod app {
             instrument,
             motor_in,
             reports_in,
-            problem: Some(cx.local.attitudes.write(Problem::default())),
             problems_in,
             answers_out,
             flash: board.flash,
@@ -189,18 +189,19 @@ mod app {
     /// Never inlined, as the other one: what it takes of the stack is free again for what sets the instrument up.
     #[inline(never)]
     fn make(
-        place: &'static mut MaybeUninit<Instrument<&'static mut Sequencer>>,
+        place: &'static mut MaybeUninit<Instrument>,
         sequencer: &'static mut MaybeUninit<Sequencer>,
+        room: &'static mut MaybeUninit<Workroom>,
         identity: Identity,
-    ) -> &'static mut Instrument<&'static mut Sequencer> {
-        place.write(Instrument::empty(identity, sequencer.write(Sequencer::empty())))
+    ) -> &'static mut Instrument {
+        place.write(Instrument::empty(identity, sequencer.write(Sequencer::empty()), room.write(Workroom::default())))
     }
 
     /// Takes what the flash holds.
     ///
     /// Never inlined: what this takes of the stack is free again for the tasks.
     #[inline(never)]
-    fn power_up(instrument: &mut Instrument<&'static mut Sequencer>, flash: &mut board::Flash) {
+    fn power_up(instrument: &mut Instrument, flash: &mut board::Flash) {
         instrument.set_up(flash);
         match instrument.refusal() {
             None => defmt::info!("boot: ready"),
@@ -273,7 +274,7 @@ mod app {
     #[task(
         priority = 2,
         local = [
-            readings_out, instrument, motor_in, reports_in, problem, problems_in, answers_out, flash, crash, program,
+            readings_out, instrument, motor_in, reports_in, problems_in, answers_out, flash, crash, program,
         ],
     )]
     async fn solve(cx: solve::Context, mut tick: SignalReader<'static, ()>) {
@@ -292,11 +293,10 @@ mod app {
                 continue;
             };
             GUARD.check_in(Task::Solve);
-            if local.problem.is_none()
-                && let Ok((answer, place)) = local.answers_out.try_recv()
+            if local.instrument.is_solving()
+                && let Ok((answer, room)) = local.answers_out.try_recv()
             {
-                local.instrument.solved(answer);
-                *local.problem = Some(place);
+                local.instrument.solved(answer, room);
             }
             let mut refused = false;
             let mut report = |report| {
@@ -322,7 +322,7 @@ mod app {
                 crash::provoke(how);
             }
             // While one is being solved there is no second one.
-            if let Some(problem) = local.problem.take_if(|place| local.instrument.problem(place)) {
+            if let Some(problem) = local.instrument.posed() {
                 let _ = local.problems_in.try_send(problem);
             }
             if GUARD.done(readings.tick, board::passed_permille()) {
@@ -379,12 +379,12 @@ mod app {
 
     /// Never inlined: what solving takes of the stack is not the task's that sends reports.
     #[inline(never)]
-    fn solved(problem: &mut Problem) -> Answer {
+    fn solved(problem: &mut Workroom) -> Answer {
         problem.solve()
     }
 
     #[task(priority = 1, local = [answers_in])]
-    async fn calibrate(cx: calibrate::Context, mut problems_out: Receiver<'static, &'static mut Problem, PROBLEMS>) {
+    async fn calibrate(cx: calibrate::Context, mut problems_out: Receiver<'static, &'static mut Workroom, PROBLEMS>) {
         while let Ok(problem) = problems_out.recv().await {
             let _ = cx.local.answers_in.try_send((solved(problem), problem));
         }

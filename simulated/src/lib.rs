@@ -12,7 +12,6 @@ pub use stepper::Stepper;
 
 use embedded_io::Read as _;
 use hal_sim::{AccelerometerSpi, BlockSpi, EncoderSpi, GyroLine, Pin, World};
-use north_finder::calibration::field::problem::Problem;
 use north_finder::drivers::sensors::Sensors;
 use north_finder::drivers::step_motor::{SLOTS_PER_TICK, StepMotor};
 use north_finder::event::Report;
@@ -83,9 +82,8 @@ impl Wired {
         if orders.test_accelerometer {
             self.sensors.test_accelerometer();
         }
-        let (mut problem, instrument) = (Problem::default(), &mut self.stepper.instrument);
-        if instrument.problem(&mut problem) {
-            instrument.solved(problem.solve());
+        if let Some(mut room) = self.stepper.instrument.posed() {
+            self.stepper.instrument.solved(room.solve(), room);
         }
         self.tick += 1;
         if orders.restart {

@@ -8,6 +8,7 @@ use std::rc::Rc;
 use hal_sim::Flash;
 use north_finder::event::Report;
 use north_finder::identity::Identity;
+use north_finder::instrument::workroom::Workroom;
 use north_finder::instrument::{Instrument, Orders, Readings};
 use north_finder::intake::Intake;
 use north_finder::sequence::Sequencer;
@@ -15,7 +16,7 @@ use north_finder::sequence::desk::Desk;
 
 /// The instrument, and what it lends its sequencer to.
 pub struct Stepper {
-    pub instrument: Box<Instrument<Box<Sequencer>>>,
+    pub instrument: Box<Instrument<Box<Sequencer>, Box<Workroom>>>,
     desk: Rc<Desk<Box<Sequencer>>>,
     work: Pin<Box<dyn Future<Output = Infallible>>>,
 }
@@ -23,7 +24,7 @@ pub struct Stepper {
 impl Stepper {
     /// Powered up, with what the flash holds.
     pub fn power_up(flash: &mut Flash) -> Self {
-        let instrument = Instrument::power_up(flash, Identity::host(), Box::new(Sequencer::empty()));
+        let instrument = Instrument::power_up(flash, Identity::host(), Box::new(Sequencer::empty()), Box::default());
         let desk = Rc::new(Desk::new());
         let own = Rc::clone(&desk);
         Self { instrument: Box::new(instrument), desk, work: Box::pin(async move { own.work().await }) }

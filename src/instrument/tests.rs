@@ -1,5 +1,6 @@
 extern crate std;
 
+use std::boxed::Box;
 use std::pin::pin;
 use std::vec::Vec;
 
@@ -60,7 +61,8 @@ fn frame(number: u64) -> [u8; 14] {
 /// late or comes twice, and the seconds end when they should.
 #[test]
 fn a_thousand_ticks_that_nobody_saw_are_a_thousand_lost_frames() {
-    let mut instrument = Instrument::power_up(&mut Erased, Identity::host(), std::boxed::Box::new(Sequencer::empty()));
+    let (sequencer, room) = (Box::new(Sequencer::empty()), Box::new(Workroom::default()));
+    let mut instrument = Instrument::power_up(&mut Erased, Identity::host(), sequencer, room);
     let desk = Desk::new();
     let mut work = pin!(desk.work());
     let intake = Intake::new();

@@ -5,7 +5,7 @@
 use heapless::Vec;
 
 use super::guidance::{Guidance, Step};
-use super::problem::{GRAVITY_G, MOST_ATTITUDES, Problem};
+use super::problem::{GRAVITY_G, MOST_ATTITUDES, Problem, Solved};
 use super::refusal::{NoCalibration, Why};
 use crate::calibration::ellipsoid::LEAST_ATTITUDES;
 use crate::calibration::ellipsoid::attitude::Attitude;
@@ -127,9 +127,9 @@ impl Collection {
         Guidance { step, attitudes, coverage: self.coverage, next: self.next }
     }
 
-    /// The attitudes.
-    pub fn problem(&self) -> &Problem {
-        &self.problem
+    /// Solves for the calibration.
+    pub fn solve(&mut self) -> Result<Solved, NoCalibration> {
+        self.problem.solve()
     }
 
     fn block(&mut self, block: &Block, sink: Sink) -> Progress {

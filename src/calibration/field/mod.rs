@@ -6,7 +6,7 @@
 //! result, or to the reason why there is none.
 //!
 //! Solving takes as long as many ticks, and storing belongs to whoever has the flash. So both are done outside: between two
-//! ticks, [`Session::problem`] and [`Session::to_store`] hand out the work, and [`Session::solved`] and [`Session::stored`]
+//! ticks, [`Session::is_posed`] and [`Session::to_store`] say that there is work, and [`Session::solved`] and [`Session::stored`]
 //! take the result, whenever it comes.
 
 pub mod collection;
@@ -16,18 +16,16 @@ pub mod refusal;
 
 use self::collection::{Collection, Progress};
 use self::guidance::{Guidance, Step};
-use self::problem::{Problem, Solved};
+use self::problem::Solved;
 use self::refusal::{NoCalibration, Why};
 use super::accelerometer::AccelerometerCalibration;
 use super::ellipsoid::Correction;
 use crate::codes::TriadCode;
 
-/// A calibration from the command to its end.
+/// A calibration from the command to its end. Its attitudes are kept elsewhere, so that their room can be lent to who solves for them.
 #[derive(Clone, Debug, Default)]
 pub struct Session {
     stage: Stage,
-    /// Beside the stage, so that it is begun anew where it is: a copy would take two kilobytes of a board's stack.
-    collection: Collection,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -35,7 +33,7 @@ enum Stage {
     #[default]
     Off,
     Collecting,
-    /// The problem waits to be taken.
+    /// The attitudes wait to be solved for.
     Posed,
     Solving,
     Answered(Result<Solved, NoCalibration>),
@@ -63,17 +61,22 @@ type Sink<'a> = &'a mut dyn FnMut(Event);
 
 impl Session {
     /// Begins, whatever was before; the calibration in use is what a new one must beat.
-    pub fn start(&mut self, in_use: Correction, sink: Sink) {
+    pub fn start(&mut self, collection: &mut Collection, in_use: Correction, sink: Sink) {
         self.abort(sink);
         sink(Event::Started);
-        self.collection.begin(in_use);
-        sink(Event::Guidance(self.collection.guidance(Step::Turn)));
+        collection.begin(in_use);
+        sink(Event::Guidance(collection.guidance(Step::Turn)));
         self.stage = Stage::Collecting;
     }
 
     /// One is under way.
     pub fn is_active(&self) -> bool {
         !matches!(self.stage, Stage::Off)
+    }
+
+    /// Attitudes are being collected.
+    pub fn is_collecting(&self) -> bool {
+        matches!(self.stage, Stage::Collecting)
     }
 
     /// Ends it without a result. Nothing happens when none is under way. What is being stored may still arrive in flash.
@@ -84,11 +87,11 @@ impl Session {
     }
 
     /// A reading of the accelerometers; `None`: it failed.
-    pub fn reading(&mut self, reading: Option<TriadCode>, sink: Sink) {
-        if !matches!(self.stage, Stage::Collecting) {
+    pub fn reading(&mut self, collection: &mut Collection, reading: Option<TriadCode>, sink: Sink) {
+        if !self.is_collecting() {
             return;
         }
-        match self.collection.push(reading.map(TriadCode::g), &mut |guidance| sink(Event::Guidance(guidance))) {
+        match collection.push(reading.map(TriadCode::g), &mut |guidance| sink(Event::Guidance(guidance))) {
             Progress::GoOn => {}
             Progress::Enough => self.stage = Stage::Posed,
             Progress::Hopeless(reason) => self.end(reason, sink),
@@ -124,11 +127,10 @@ impl Session {
         None
     }
 
-    /// Puts attitudes to be solved for into `place`, once; `false`: there are none. The answer goes to [`Self::solved`].
-    pub fn problem(&mut self, place: &mut Problem) -> bool {
+    /// Whether the attitudes are to be solved for now; says so once. The answer goes to [`Self::solved`].
+    pub fn is_posed(&mut self) -> bool {
         let posed = matches!(self.stage, Stage::Posed);
         if posed {
-            place.copy_from(self.collection.problem());
             self.stage = Stage::Solving;
         }
         posed

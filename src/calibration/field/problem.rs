@@ -56,13 +56,6 @@ impl Solved {
 }
 
 impl Problem {
-    /// Becomes the same as another one, where it is.
-    pub fn copy_from(&mut self, other: &Self) {
-        self.in_use = other.in_use;
-        self.entries.clear();
-        let _ = self.entries.extend_from_slice(&other.entries);
-    }
-
     /// Fits the ellipsoid with a quarter of the attitudes held out, and judges it by those.
     pub fn solve(&mut self) -> Result<Solved, NoCalibration> {
         split(&mut self.entries, GRAVITY_G);

@@ -15,6 +15,7 @@ fn raw([x, y, z]: [f64; 3], noise: &mut u32) -> [f64; 3] {
 /// The firmware's session with an operator who obeys, and the one who solves and stores between the ticks.
 struct Bench {
     session: Session,
+    collection: Collection,
     events: StdVec<Event>,
     in_effect: Option<AccelerometerCalibration>,
     flash_works: bool,
@@ -24,19 +25,18 @@ struct Bench {
 impl Bench {
     fn new(in_use: Correction) -> Self {
         let mut events = StdVec::new();
-        let mut session = Session::default();
-        session.start(in_use, &mut |event| events.push(event));
-        Self { session, events, in_effect: None, flash_works: true, noise: 1 }
+        let (mut session, mut collection) = (Session::default(), Collection::default());
+        session.start(&mut collection, in_use, &mut |event| events.push(event));
+        Self { session, collection, events, in_effect: None, flash_works: true, noise: 1 }
     }
 
     fn reading(&mut self, reading_g: Option<[f64; 3]>) {
         let mut sink = |event| self.events.push(event);
-        self.session.reading(reading_g.and_then(TriadCode::of_g), &mut sink);
+        self.session.reading(&mut self.collection, reading_g.and_then(TriadCode::of_g), &mut sink);
         let in_effect = self.session.tick(&mut sink);
         self.in_effect = in_effect.or(self.in_effect);
-        let mut problem = Problem::default();
-        if self.session.problem(&mut problem) {
-            self.session.solved(problem.solve());
+        if self.session.is_posed() {
+            self.session.solved(self.collection.solve());
         }
         if self.session.to_store().is_some() {
             self.session.stored(self.flash_works);
@@ -248,7 +248,7 @@ fn an_answer_after_an_abort_is_dropped() {
     session.solved(Ok(solved));
     session.stored(true);
     assert_eq!(session.tick(&mut |event| panic!("{event:?}")), None);
-    assert!(!session.problem(&mut Problem::default()) && session.to_store().is_none());
+    assert!(!session.is_posed() && session.to_store().is_none());
 }
 
 #[test]

@@ -1,0 +1,50 @@
+//! Room for what is never there at the same time: settings on their way, and the attitudes of a calibration.
+
+use crate::calibration::field::collection::Collection;
+use crate::calibration::field::problem::Solved;
+use crate::calibration::field::refusal::{NoCalibration, Why};
+use crate::settings::pieces::Incoming;
+
+/// One of the two. The instrument owns it, and lends it to whoever solves a calibration.
+///
+/// It may be shared because settings that are stored end everything: the instrument starts anew with them. While a calibration uses the
+/// room, settings are refused; a calibration that begins takes the room from settings that came only in part, and their next piece is
+/// refused. A calibration needs its attitudes no more when it is stored, which takes the room of settings.
+#[allow(clippy::large_enum_variant)] // that is what it is for
+#[derive(Debug)]
+pub enum Workroom {
+    Settings(Incoming),
+    Attitudes(Collection),
+}
+
+impl Default for Workroom {
+    fn default() -> Self {
+        Self::Settings(Incoming::default())
+    }
+}
+
+impl Workroom {
+    /// For settings: those that have come, or none yet.
+    pub fn settings(&mut self) -> Option<&mut Incoming> {
+        if !matches!(self, Self::Settings(_)) {
+            *self = Self::default();
+        }
+        if let Self::Settings(incoming) = self { Some(incoming) } else { None }
+    }
+
+    /// For a calibration that begins.
+    pub fn begin(&mut self) -> Option<&mut Collection> {
+        *self = Self::Attitudes(Collection::default());
+        self.attitudes()
+    }
+
+    /// Solves the calibration whose attitudes are here.
+    pub fn solve(&mut self) -> Result<Solved, NoCalibration> {
+        self.attitudes().map_or(Err(Why::TooFew.into()), Collection::solve)
+    }
+
+    /// Those of the calibration that is under way.
+    pub fn attitudes(&mut self) -> Option<&mut Collection> {
+        if let Self::Attitudes(collection) = self { Some(collection) } else { None }
+    }
+}
