@@ -48,3 +48,22 @@ impl Workroom {
         if let Self::Attitudes(collection) = self { Some(collection) } else { None }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bytes::{Bytes, Piece};
+    use crate::health::Refusal;
+    use crate::settings::store::VERSION;
+
+    #[test]
+    fn a_calibration_takes_the_room_from_settings_that_came_in_part() {
+        let piece = |offset| Piece { version: VERSION, length: 9, offset, bytes: Bytes::start_of(&[1, 2, 3]) };
+        let mut room = Workroom::default();
+        assert_eq!(room.settings().unwrap().take(&piece(0)), Ok(false));
+        assert!(room.attitudes().is_none() && room.begin().is_some() && room.attitudes().is_some());
+        assert_eq!(room.solve().map_err(|reason| reason.why), Err(Why::TooFew));
+        assert_eq!(room.settings().unwrap().take(&piece(3)), Err(Refusal::OutOfOrder));
+        assert_eq!(room.solve().map_err(|reason| reason.why), Err(Why::TooFew));
+    }
+}
