@@ -698,6 +698,7 @@ impl<S: DerefMut<Target = Sequencer>, R: DerefMut<Target = Workroom>> Instrument
                 self.command(command, t_s, sink)
             }
             (None, Command::CalibrateAccelerometers) => {
+                let stop = self.command(command, t_s, sink);
                 if let Some(collection) = self.room.as_deref_mut().and_then(Workroom::begin) {
                     let in_use = *self.gatherer.triad();
                     self.field.start(collection, in_use, &mut |event| calibration_events(event, sink));
