@@ -7,11 +7,15 @@ F405_BOARD := --target $(TARGET) --target-dir $(BUILD)/f405
 # The emulated chip: a workspace of its own, whose emulator asks for a newer compiler than it needs.
 CHIP := --quiet --manifest-path chip/Cargo.toml --ignore-rust-version --target-dir $(BUILD)/chip
 
-.PHONY: find test lint fmt firmware bench page flash setup help
+.PHONY: find chip test lint fmt firmware bench page flash setup help
 
 ## find: build the firmware, run it in QEMU with the simulated instrument, show the fix (ARGS="--scenario windy-tripod")
 find: setup
 	@cargo run --release -p north -- find $(ARGS)
+
+## chip: the image that is flashed finds north on an emulated chip (ARGS="windy-tripod 2")
+chip: setup
+	@cargo run $(CHIP) -- $(ARGS)
 
 ## test: format, lints, both firmware images, the page, all tests
 test: setup lint firmware

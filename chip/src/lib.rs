@@ -9,6 +9,7 @@
 //! counts, from the moment in which the image starts that timer; while it does not run (the image starts), the world stands still.
 
 mod devices;
+pub mod image;
 mod microcontroller;
 
 use std::fmt;

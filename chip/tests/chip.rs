@@ -2,37 +2,23 @@
 //! same, bit for bit.
 
 use std::path::{Path, PathBuf};
-use std::process::Command as Process;
 use std::sync::OnceLock;
 
-use embedded_storage::nor_flash::ReadNorFlash as _;
 use hal_sim::{Scenario, World};
-use north_chip::{Line, Ran, Setup, run};
+use north_chip::{Line, Ran, Setup, image, run};
 use north_finder::event::{Event, Report, State};
 use north_finder::health::{Counters, Fault, Finding, Item, Refusal, TestVerdict};
 use north_finder::link::{Ask, ReportDecoder, Request};
 use north_finder::restart::{Cause, Crash, Provocation};
 use north_finder::sequence::Command;
-use north_finder::sequence::order::{Order, SequenceSettings};
 use north_finder::settings::pieces::Outgoing;
 use north_finder::settings::{Settings, store};
 use simulated::{RequestLine, Wired};
 
-const TARGET: &str = "thumbv7em-none-eabihf";
-
 /// The image, built once.
 fn image() -> &'static Path {
     static IMAGE: OnceLock<PathBuf> = OnceLock::new();
-    IMAGE.get_or_init(|| {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
-        let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), |dir| root.join(dir));
-        let directory = target.join("f405");
-        let mut cargo = Process::new(env!("CARGO"));
-        cargo.current_dir(root).args(["build", "--quiet", "--profile", "firmware", "--bin", "firmware"]);
-        cargo.args(["--target", TARGET, "--target-dir"]).arg(&directory);
-        assert!(cargo.status().unwrap().success(), "the firmware cannot be built");
-        directory.join(TARGET).join("firmware/firmware")
-    })
+    IMAGE.get_or_init(|| image::build().unwrap())
 }
 
 /// A request at the end of a tick.
@@ -89,24 +75,20 @@ const PULSES: [Option<u64>; 2] = [Some(2_500_000), Some(10_000_000)];
 
 const START: Ask = Ask::Command(Command::Start);
 
-/// What a flash holds in which these settings were stored.
-fn stored(settings: Option<&Settings>) -> Vec<u8> {
-    let mut flash = calm().flash();
-    if let Some(settings) = settings {
-        store::save(&mut flash, settings).unwrap();
-    }
-    let mut record = vec![0; flash.capacity() / 2];
-    flash.read(0, &mut record).unwrap();
-    record
-}
-
 fn calm() -> World {
     World::new(&Scenario::named("calm-bench").unwrap(), 1)
 }
 
+/// On a chip with something wrong about it. Nothing that the reference manual forbids is ever done.
+fn on(setup: &Setup<'_>, world: &World, host: Host) -> Ran<Host> {
+    let ran = run(setup, world, host).unwrap();
+    assert!(ran.complaints.is_empty(), "{:#?}", ran.complaints);
+    ran
+}
+
 /// On the chip.
 fn on_chip(world: &World, settings: &[u8], ticks: u64, asks: &[At]) -> Ran<Host> {
-    run(&Setup { settings, ..Setup::new(image()) }, world, Host::new(ticks, asks)).unwrap()
+    on(&Setup { settings, ..Setup::new(image()) }, world, Host::new(ticks, asks))
 }
 
 /// The same in this process.
@@ -132,14 +114,15 @@ fn both(scenario: &str, settings: Option<&Settings>, ticks: u64, asks: &[At]) ->
     if let Some(settings) = settings {
         store::save(&mut other.flash(), settings).unwrap();
     }
-    let ran = on_chip(&own, &stored(settings), ticks, asks);
+    let stored = settings.map(|settings| image::stored(settings).unwrap()).unwrap_or_default();
+    let ran = on_chip(&own, &stored, ticks, asks);
     let (chip, host) = (of_instrument(&ran.line.reports), of_instrument(&in_process(&other, ticks, asks)));
     for (chip, host) in chip.iter().zip(&host) {
         assert_eq!(chip, host);
     }
     // The last of them may still be on the line.
     assert!(!chip.is_empty() && chip.len() + 3 > host.len(), "{scenario}: {} of {} events", chip.len(), host.len());
-    assert_eq!((&ran.resets[..], &ran.complaints[..]), (&[][..], &[][..]), "{scenario}");
+    assert!(ran.resets.is_empty(), "{scenario}: {:?}", ran.resets);
     ran
 }
 
@@ -149,9 +132,7 @@ fn settings_of(scenario: &str) -> Settings {
 
 #[test]
 fn a_fix_is_that_of_the_host_process() {
-    let mut settings = settings_of("calm-bench");
-    settings.sequence = SequenceSettings { order: Order::Plain, dwell_s: 5, ..settings.sequence };
-    let ran = both("calm-bench", Some(&settings), 32_000, &[(40, START)]);
+    let ran = both("calm-bench", Some(&settings_of("calm-bench")), 72_000, &[(40, START)]);
     let fix = |report: &Report| if let Event::Fix(fix) = &report.event { Some(fix.azimuth_deg) } else { None };
     let azimuths: Vec<f64> = ran.line.reports.iter().filter_map(fix).collect();
     assert_eq!(azimuths.len(), 1, "{:?}", ran.line.reports.last());
@@ -212,7 +193,7 @@ fn a_solution_that_lags_shifts_nothing() {
 #[test]
 fn damaged_bytes_are_counted_by_their_kind() {
     let setup = Setup { damaged_per_million: 1000, ..Setup::new(image()) };
-    let ran = run(&setup, &calm(), Host::new(4500, &[])).unwrap();
+    let ran = on(&setup, &calm(), Host::new(4500, &[]));
     let told = ran.line.counters();
     // Of some 56,000 bytes one in a thousand, of each kind: 56, and six times their standard deviation.
     let kinds = [told.gyro_noise_errors, told.gyro_framing_errors];
@@ -226,7 +207,7 @@ fn damaged_bytes_are_counted_by_their_kind() {
 /// ring and none is lost; late are those that waited for more than four ticks, 25.
 #[test]
 fn ticks_that_nobody_saw_are_counted_and_their_frames_kept() {
-    let ran = run(&Setup { unseen_ticks: 1001..1030, ..Setup::new(image()) }, &calm(), Host::new(4500, &[])).unwrap();
+    let ran = on(&Setup { unseen_ticks: 1001..1030, ..Setup::new(image()) }, &calm(), Host::new(4500, &[]));
     let told = ran.line.counters();
     assert_eq!((told.ticks_lost, told.frames_lost, told.frames_late, told.bytes_refused), (29, 0, 25, 0), "{told:?}");
     assert_eq!((told.seconds_repaired, told.seconds_left_out), (0, 0), "{told:?}");
@@ -251,7 +232,8 @@ fn crashes_are_told_after_the_restart() {
         (Provocation::HangReport, Cause::LateTask),
     ];
     for (how, cause) in causes {
-        let ran = on_chip(&calm(), &[], 1000, &[(40, Ask::Provoke(how))]);
+        // What is not there is touched on purpose: nothing is said of that here.
+        let ran = run(&Setup::new(image()), &calm(), Host::new(1000, &[(40, Ask::Provoke(how))])).unwrap();
         let crashes = ran.line.crashes();
         let [crash] = &crashes[..] else { panic!("{how:?}: {crashes:?}") };
         assert_eq!((crash.cause, ran.resets.len()), (cause, 1), "{crash:?}");
@@ -271,7 +253,7 @@ fn crashes_are_told_after_the_restart() {
 /// In the middle of a turn: the motor has current, and after the crash none.
 #[test]
 fn a_crash_in_a_turn_leaves_the_motor_without_current() {
-    let settings = stored(Some(&settings_of("calm-bench")));
+    let settings = image::stored(&settings_of("calm-bench")).unwrap();
     let has_current = |asks: &[At]| {
         let world = calm();
         on_chip(&world, &settings, 2300, asks);
@@ -285,7 +267,7 @@ fn a_crash_in_a_turn_leaves_the_motor_without_current() {
 #[test]
 fn a_timer_that_stops_ends_in_the_watchdogs_restart() {
     let setup = Setup { timer_stops: Some(400), ..Setup::new(image()) };
-    let ran = run(&setup, &calm(), Host::new(3000, &[])).unwrap();
+    let ran = on(&setup, &calm(), Host::new(3000, &[]));
     let crashes = ran.line.crashes();
     assert_eq!(crashes.iter().map(|crash| crash.cause).collect::<Vec<_>>(), [Cause::Watchdog], "{:?}", ran.resets);
 }
@@ -295,7 +277,7 @@ fn a_timer_that_stops_ends_in_the_watchdogs_restart() {
 fn without_a_crystal_the_internal_oscillator_is_used_and_told() {
     let clock = |crystal| {
         let setup = Setup { crystal, ..Setup::new(image()) };
-        let ran = run(&setup, &calm(), Host::new(1400, &[])).unwrap();
+        let ran = on(&setup, &calm(), Host::new(1400, &[]));
         let seconds = ran.line.reports.iter().filter(|report| matches!(report.event, Event::Second(_))).count();
         assert!(seconds >= 2, "{seconds}");
         assert_eq!(ran.pulse_periods_ns, PULSES);
@@ -321,5 +303,4 @@ fn storing_settings_breaks_no_rule_of_the_flash_controller() {
     });
     let answers: Vec<Option<Refusal>> = answers.collect();
     assert_eq!((answers.len(), answers.last()), (asks.len(), Some(&Some(Refusal::NotStored))));
-    assert!(ran.complaints.is_empty(), "{:?}", ran.complaints);
 }
