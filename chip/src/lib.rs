@@ -19,9 +19,10 @@ use std::path::Path;
 use embedded_hal::digital::OutputPin as _;
 use hal_sim::{Pin, World};
 use rigless::device::Level;
-use rigless::emulator::{self, AccessKind, Driver, Finished, Host, Settled, Start, Stop, StopReason};
+use rigless::emulator::{self, AccessKind, Driver, Finished, Host, Settled, Start, Stop, StopReason, Watch};
 use rigless::image::Image;
 use rigless::session::Session;
+use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
 use devices::{GyroOutput, HostLine, Slave};
@@ -35,6 +36,8 @@ const SLOT: u64 = TICK / SLOTS_PER_TICK;
 /// How often it is looked whether the image has started its timer, and for how long after a reset.
 const LOOK: u64 = 100_000;
 const PATIENCE: u64 = 5_000_000_000;
+/// The bit of a bad word.
+const BAD_BIT: u64 = 1 << 7;
 
 /// What the chip starts with.
 pub struct Setup<'a> {
@@ -48,6 +51,8 @@ pub struct Setup<'a> {
     pub timer_stops: Option<u64>,
     /// At the ends of these ticks the timer does not interrupt: nobody sees them.
     pub unseen_ticks: Range<u64>,
+    /// A word of memory in which one bit is always 0.
+    pub bad_word: Option<u32>,
     /// Of a million bytes from the gyro so many come with noise, and as many with a wrong stop bit.
     pub damaged_per_million: u32,
 }
@@ -55,7 +60,15 @@ pub struct Setup<'a> {
 impl<'a> Setup<'a> {
     /// Nothing stored, and nothing wrong.
     pub fn new(image: &'a Path) -> Self {
-        Self { image, settings: &[], crystal: true, timer_stops: None, unseen_ticks: 0..0, damaged_per_million: 0 }
+        Self {
+            image,
+            settings: &[],
+            crystal: true,
+            timer_stops: None,
+            unseen_ticks: 0..0,
+            bad_word: None,
+            damaged_per_million: 0,
+        }
     }
 }
 
@@ -113,7 +126,10 @@ pub fn run<L: Line>(setup: &Setup<'_>, world: &World, line: L) -> Result<Ran<L>,
         let settings = Image::new(Path::new("settings"), setup.settings.to_vec(), Some(SETTINGS));
         images.push(settings.map_err(not_started)?);
     }
-    let session = Session::new(Box::new(board), 0, VirtualNanos(LOOK)).map_err(not_started)?;
+    let mut session = Session::new(Box::new(board), 0, VirtualNanos(LOOK)).map_err(not_started)?;
+    if let Some(address) = setup.bad_word {
+        session.watch(Watch::Writes { address: address.into(), length: 4 });
+    }
     let surroundings = Surroundings::new(world, line, setup);
     let finished = emulator::run(session, &Start::new(&images), surroundings).map_err(not_started)?;
     let Finished { mut session, driver, .. } = finished;
@@ -215,7 +231,7 @@ fn opposite(level: Level) -> Level {
 }
 
 impl<L: Line> Driver<Wired> for Surroundings<L> {
-    fn on_settled(&mut self, session: &mut Session<Wired>, _host: &mut dyn Host, settled: Settled) {
+    fn on_settled(&mut self, session: &mut Session<Wired>, host: &mut dyn Host, settled: Settled) {
         match settled {
             Settled::Access { access, .. } if access.kind == AccessKind::Write => {
                 let at = access.virtual_time.0;
@@ -240,6 +256,10 @@ impl<L: Line> Driver<Wired> for Surroundings<L> {
                     self.drive(MotorPins::default());
                 }
                 session.board_mut().hold_absent_crystal();
+            }
+            Settled::Hit(hit) => {
+                let word = host.read(hit.address, Width::W32).expect("memory");
+                host.write(hit.address, Width::W32, word & !BAD_BIT).expect("memory");
             }
             _ => {}
         }
