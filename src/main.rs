@@ -5,10 +5,10 @@
 //! | `sample` | 4 | 2.5 ms have passed | tells the gyro to sample, looks what came on the lines, commands the motor |
 //! | `step` | 4 | a slot of the turning motor begins | perhaps a step |
 //! | `gyro_line` | 4 | a byte of the gyro is damaged | counts it |
-//! | `host_line` | 4 | a byte of the host is damaged, or a report is out | counts it, tells `report` |
+//! | `host_line` | 4 | a byte of the host is damaged, or reports are out | counts it, tells `report` |
 //! | `read` | 3 | `sample` has run | reads the sensors that are due |
 //! | `solve` | 2 | `read` has readings | bytes and readings into the instrument; reports, a motor command and a calibration's problem out |
-//! | `report` | 1 | `solve` has reports | sends them to the host, one after the other |
+//! | `report` | 1 | `solve` has reports | sends them to the host, from where they are |
 //! | `calibrate` | 1 | `solve` has attitudes for it | solves the accelerometers' calibration, for as long as that takes |
 //! | `idle` | – | otherwise | sleeps |
 
@@ -49,13 +49,13 @@ mod app {
     use north_finder::intake::{Heard, Intake, one_more};
     use north_finder::link;
     use north_finder::restart::Crash;
+    use north_finder::ring::Ring;
     use north_finder::self_test::BoardFacts;
     use north_finder::sequence::Sequencer;
     use north_finder::sequence::desk::Desk;
 
     /// Room for as many ticks as `solve` may lag behind: 40 ms.
     const READINGS: usize = 16;
-    const REPORTS: usize = 16;
     const MOTOR_COMMANDS: usize = 4;
     /// One calibration at a time.
     const PROBLEMS: usize = 1;
@@ -70,10 +70,15 @@ mod app {
     static GUARD: Guard = Guard::new();
     /// What the board leaves for the instrument.
     static INTAKE: Intake = Intake::new();
+    /// Reports on their way to the host, as frames: `solve` puts them, `report` sends them from there. The line takes 90 ms for all.
+    static FRAMES: Ring<1024> = Ring::new();
+    /// Other settings are in flash: start anew as soon as all reports are out.
+    static RESTART: AtomicBool = AtomicBool::new(false);
     /// The accelerometer shall do its own test.
     static TEST_ACCELEROMETER: AtomicBool = AtomicBool::new(false);
 
     type Instrument = instrument::Instrument<&'static mut Sequencer, &'static mut Workroom>;
+    type Told = SignalReader<'static, ()>;
     type Answer = Result<Solved, NoCalibration>;
 
     /// A tick: its number, whether the motor turns, and what had come.
@@ -112,7 +117,7 @@ mod app {
         readings_out: Consumer<'static, Readings>,
         instrument: &'static mut Instrument,
         motor_in: Producer<'static, MotorCommand>,
-        reports_in: Sender<'static, Report, REPORTS>,
+        told: SignalWriter<'static, ()>,
         problems_in: Sender<'static, &'static mut Workroom, PROBLEMS>,
         answers_out: Receiver<'static, (Answer, &'static mut Workroom), PROBLEMS>,
         flash: board::Flash,
@@ -139,19 +144,18 @@ mod app {
         let identity = Identity::new(board::BOARD, program);
         let instrument = make(cx.local.place, cx.local.sequencer, cx.local.room, identity);
         power_up(instrument, &mut board.flash);
-        let cause = crash.map(|crash| crash.cause);
-        instrument.board_is(BoardFacts { wrong_words, crash: cause, crystal: board.crystal });
+        instrument.board_is(BoardFacts { wrong_words, crash: crash.map(|crash| crash.cause), crystal: board.crystal });
 
         let (motor_in, motor_out) = cx.local.motor_commands.split();
         let (readings_in, readings_out) = cx.local.readings.split();
         let (ticked, tick) = make_signal!(());
         let (sent, done) = make_signal!(());
-        let (reports_in, reports_out) = make_channel!(Report, REPORTS);
+        let (told, telling) = make_signal!(());
         let (problems_in, problems_out) = make_channel!(&'static mut Workroom, PROBLEMS);
         let (answers_in, answers_out) = make_channel!((Answer, &'static mut Workroom), PROBLEMS);
         // Spawning for the first time cannot fail.
         let _ = solve::spawn(tick);
-        let _ = report::spawn(reports_out, done);
+        let _ = report::spawn(telling, done);
         let _ = calibrate::spawn(problems_out);
 
         let shared = Shared {
@@ -172,7 +176,7 @@ mod app {
             readings_out,
             instrument,
             motor_in,
-            reports_in,
+            told,
             problems_in,
             answers_out,
             flash: board.flash,
@@ -273,15 +277,13 @@ mod app {
 
     #[task(
         priority = 2,
-        local = [
-            readings_out, instrument, motor_in, reports_in, problems_in, answers_out, flash, crash, program,
-        ],
+        local = [readings_out, instrument, motor_in, told, problems_in, answers_out, flash, crash, program],
     )]
-    async fn solve(cx: solve::Context, mut tick: SignalReader<'static, ()>) {
+    async fn solve(cx: solve::Context, mut tick: Told) {
         let local = cx.local;
         if let Some(crash) = local.crash.take() {
             defmt::error!("boot: after a {}", crash.cause);
-            let _ = local.reports_in.try_send(Report { t_s: 0.0, event: Event::Crash(crash) });
+            tell(&Report { t_s: 0.0, event: Event::Crash(crash) }, local.told);
         }
         let mut sweep = crash::StackSweep::default();
         let desk = Desk::new();
@@ -298,22 +300,15 @@ mod app {
             {
                 local.instrument.solved(answer, room);
             }
-            let mut refused = false;
-            let mut report = |report| {
-                if local.reports_in.try_send(report).is_err() {
-                    one_more(&INTAKE.reports_refused);
-                    refused = true;
-                }
-            };
+            let mut report = |report| tell(&report, local.told);
             let orders = local.instrument.step(readings, &INTAKE, local.flash, &mut report);
             let reckoned = local.instrument.slice(&desk, work.as_mut(), &mut report);
             if let Some(command) = reckoned.or(orders.motor) {
                 // `sample` empties the queue at every tick.
                 let _ = local.motor_in.enqueue(command);
             }
-            // `report` starts anew when it has said so, if it can.
-            if orders.restart && refused {
-                board::restart();
+            if orders.restart {
+                RESTART.store(true, Ordering::Release); // `report` has frames to send, and looks at it afterwards
             }
             if orders.test_accelerometer {
                 TEST_ACCELEROMETER.store(true, Ordering::Relaxed);
@@ -335,36 +330,15 @@ mod app {
             if to_vitals == 0 {
                 let (stack_bytes, load_permille) = (sweep.finish(), GUARD.load_permille());
                 let event = Event::Vitals { program: *local.program, stack_bytes, load_permille };
-                let _ = local.reports_in.try_send(Report { t_s: readings.t_s(), event });
+                tell(&Report { t_s: readings.t_s(), event }, local.told);
             }
             let _ = local.readings_out.dequeue();
         }
     }
 
-    #[task(priority = 1, local = [report_port])]
-    async fn report(
-        cx: report::Context,
-        mut reports_out: Receiver<'static, Report, REPORTS>,
-        mut done: SignalReader<'static, ()>,
-    ) {
-        while let Ok(report) = reports_out.recv().await {
-            let last = report.event == Event::SettingsStored;
-            GUARD.sending(true);
-            let _ = done.try_read(); // what the line's start has told
-            if begin(report, cx.local.report_port) {
-                done.wait().await;
-            }
-            crash::hang_if_provoked().await;
-            GUARD.sending(false);
-            if last {
-                board::restart();
-            }
-        }
-    }
-
-    /// Logs a report and begins to send it; gives whether it fits a frame: a test of the link says that the longest does.
-    /// Not in the task itself, which would keep all this while it waits.
-    fn begin(report: Report, port: &mut board::ReportPort) -> bool {
+    /// Logs a report and puts it among those that wait for the host's line. (A test of the link says that the longest fits a frame.)
+    #[inline(never)]
+    fn tell(report: &Report, told: &mut SignalWriter<'static, ()>) {
         match report.event {
             Event::State(state) => defmt::info!("{} s: {}", report.t_s, state),
             Event::Fix(fix) => defmt::info!("azimuth {} deg, sigma {} deg", fix.azimuth_deg, fix.sigma_deg),
@@ -374,7 +348,33 @@ mod app {
             Event::SelfTest(found) => defmt::info!("self-test: {} {}: {}", found.item, found.verdict, found.measured),
             _ => {}
         }
-        link::encode_report(&report).map(|frame| port.start(&frame)).is_ok()
+        if link::encode_report(report).is_ok_and(|frame| FRAMES.put_whole(&frame)) {
+            told.write(());
+        } else {
+            one_more(&INTAKE.reports_refused);
+        }
+    }
+
+    #[task(priority = 1, local = [report_port])]
+    async fn report(cx: report::Context, mut telling: Told, mut done: Told) {
+        loop {
+            // Looked at first: the reports that lead to it are put before it.
+            let (restart, frames) = (RESTART.load(Ordering::Acquire), FRAMES.waiting());
+            if frames.is_empty() {
+                if restart {
+                    board::restart();
+                }
+                telling.wait().await;
+                continue;
+            }
+            GUARD.sending(true);
+            let _ = done.try_read(); // what the line's start has told
+            cx.local.report_port.start(frames);
+            done.wait().await;
+            FRAMES.free(frames.len());
+            crash::hang_if_provoked().await;
+            GUARD.sending(false);
+        }
     }
 
     /// Never inlined: what solving takes of the stack is not the task's that sends reports.

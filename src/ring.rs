@@ -1,7 +1,8 @@
-//! Bytes from a line to a task, without locks: one side puts, the other takes.
+//! Bytes from a line to a task, or from a task to a line, without locks: one side puts, the other takes.
 //!
-//! Not the queue of heapless: this one is a static that both sides share by reference, a DMA controller may be the side that puts, and
-//! it is emptied in slices. As with such a controller, which cannot wait, new bytes are put over the oldest ones.
+//! Not the queue of heapless: this one is a static that both sides share by reference, a DMA controller may be either side, and
+//! it is emptied in slices. Of what comes, which cannot wait, new bytes are put over the oldest ones; what goes out is put only where
+//! there is room for it.
 
 use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
@@ -28,6 +29,30 @@ impl<const N: usize> Ring<N> {
         let (to_end, from_start) = self.places(end.wrapping_sub(last.len() as u32));
         to_end.iter().chain(from_start).zip(last).for_each(|(place, &byte)| place.store(byte, Ordering::Relaxed));
         self.put.store(end, Ordering::Release);
+    }
+
+    /// Puts bytes where there is room for all of them; gives whether there was.
+    pub fn put_whole(&self, bytes: &[u8]) -> bool {
+        let waiting = self.put.load(Ordering::Relaxed).wrapping_sub(self.taken.load(Ordering::Acquire));
+        let fits = bytes.len() <= N.saturating_sub(waiting as usize);
+        if fits {
+            self.put(bytes);
+        }
+        fits
+    }
+
+    /// The oldest bytes that wait, as far as their places follow each other: for who sends them from there. No others are put there
+    /// before [`Self::free`].
+    pub fn waiting(&self) -> &[AtomicU8] {
+        let taken = self.taken.load(Ordering::Relaxed);
+        let waiting = self.put.load(Ordering::Acquire).wrapping_sub(taken) as usize;
+        let (to_end, _) = self.places(taken);
+        to_end.get(..waiting).unwrap_or(to_end)
+    }
+
+    /// So many of the oldest bytes are out.
+    pub fn free(&self, bytes: usize) {
+        self.taken.store(self.taken.load(Ordering::Relaxed).wrapping_add(bytes as u32), Ordering::Release);
     }
 
     /// The bytes' places: for a DMA controller, which writes to them in their order, from the first one on, round and round. It alone
@@ -158,6 +183,22 @@ mod tests {
         assert!(mark == 1 && !ring.is_empty(mark));
         assert_eq!(taken(&ring, mark, 8), ([1, 2, 3].to_vec(), 0));
         assert_eq!(taken(&ring, ring.mark(), 8), ([4].to_vec(), 0));
+    }
+
+    #[test]
+    fn what_has_no_room_is_not_put_and_what_waits_is_sent_from_its_place() {
+        let ring = Ring::<4>::new();
+        let waiting = || ring.waiting().iter().map(|byte| byte.load(Ordering::Relaxed)).collect::<Vec<u8>>();
+        assert!(waiting().is_empty() && ring.put_whole(&[1, 2, 3]) && !ring.put_whole(&[4, 5]) && ring.put_whole(&[6]));
+        assert_eq!(waiting(), [1, 2, 3, 6]);
+        ring.free(2);
+        assert!(ring.put_whole(&[7, 8]) && !ring.put_whole(&[9]) && ring.put_whole(&[]));
+        // To the ring's end, and from its beginning.
+        assert_eq!(waiting(), [3, 6]);
+        ring.free(2);
+        assert_eq!(waiting(), [7, 8]);
+        ring.free(2);
+        assert!(waiting().is_empty());
     }
 
     /// A controller's bytes, by hand: each comes to the place that follows.

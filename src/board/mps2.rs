@@ -17,6 +17,7 @@ pub mod pac;
 
 use core::cell::RefCell;
 use core::convert::Infallible;
+use core::sync::atomic::{AtomicU8, Ordering};
 
 use cortex_m::interrupt::Mutex;
 use cortex_m::peripheral::{NVIC, SCB};
@@ -25,6 +26,7 @@ use embedded_hal::spi::{self, Operation, SpiDevice};
 use heapless::Vec;
 use north_finder::identity;
 use north_finder::intake::{Intake, Line};
+use north_finder::link::MAX_REPORT;
 use north_finder::restart::Cause;
 
 use exchange::{Exchange, has_argument};
@@ -324,11 +326,17 @@ pub struct ReportPort;
 
 impl ReportPort {
     /// Sends; [`HostLine::serve`] tells that all is out, which it is at once.
-    pub fn start(&mut self, bytes: &[u8]) {
+    pub fn start(&mut self, bytes: &'static [AtomicU8]) {
+        let byte = |place: &AtomicU8| place.load(Ordering::Relaxed);
         with(|state| {
             match state.pace {
-                Pace::RealTime => bytes.iter().for_each(|&byte| pac::UART0.write(byte)),
-                Pace::LockStep | Pace::FreeRunning => state.exchange.tell(b'U', &[bytes]),
+                Pace::RealTime => bytes.iter().for_each(|place| pac::UART0.write(byte(place))),
+                Pace::LockStep | Pace::FreeRunning => {
+                    for places in bytes.chunks(MAX_REPORT) {
+                        let part: Vec<u8, MAX_REPORT> = places.iter().map(byte).collect();
+                        state.exchange.tell(b'U', &[&part]);
+                    }
+                }
             }
             state.sent = true;
         });

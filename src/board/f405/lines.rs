@@ -14,7 +14,6 @@
 use core::sync::atomic::{AtomicU8, Ordering, fence};
 
 use north_finder::intake::{Line, LineError};
-use north_finder::link::MAX_REPORT;
 use stm32f4xx_hal::dma::traits::{DMASet, PeriAddress, Stream};
 use stm32f4xx_hal::dma::{DmaChannel, DmaDirection, DmaFlag, MemoryToPeripheral, PeripheralToMemory, Stream6};
 use stm32f4xx_hal::pac::{self, usart1};
@@ -99,9 +98,6 @@ fn count_errors<const N: usize>(registers: &usart1::RegisterBlock, line: &Line<N
     flags
 }
 
-/// The report on its way out.
-static FRAME: [AtomicU8; MAX_REPORT] = [const { AtomicU8::new(0) }; MAX_REPORT];
-
 /// The host's line, away from the instrument.
 pub struct ReportPort(Stream6<pac::DMA1>);
 
@@ -113,18 +109,17 @@ impl ReportPort {
         stream.set_channel(DmaChannel::Channel4);
         stream.set_direction(DmaDirection::MemoryToPeripheral);
         stream.set_peripheral_address(sender.address());
-        stream.set_memory_address(FRAME.as_ptr() as u32);
         stream.set_memory_increment(true);
         Self(stream)
     }
 
-    /// Begins to send; [`HostLine::serve`] tells when all is out. Only then the next one can be sent.
-    pub fn start(&mut self, bytes: &[u8]) {
-        FRAME.iter().zip(bytes).for_each(|(place, &byte)| place.store(byte, Ordering::Relaxed));
+    /// Begins to send bytes from where they are; [`HostLine::serve`] tells when all are out. Only then the next ones can be sent.
+    pub fn start(&mut self, bytes: &'static [AtomicU8]) {
         self.0.clear_flags(DmaFlag::TransferComplete | DmaFlag::HalfTransfer | DmaFlag::FifoError);
-        self.0.set_number_of_transfers(bytes.len().min(MAX_REPORT) as u16);
+        self.0.set_memory_address(bytes.as_ptr() as u32);
+        self.0.set_number_of_transfers(bytes.len().min(u16::MAX.into()) as u16);
         fence(Ordering::SeqCst);
-        // SAFETY: byte by byte, as after the controller's reset, and no more of them than the static has.
+        // SAFETY: byte by byte, as after the controller's reset, and no more of them than there are.
         unsafe { self.0.enable() };
     }
 }
