@@ -10,9 +10,9 @@ use north_finder::link::{Ask, ReportDecoder, Request};
 use north_finder::sequence::Command;
 use simulated::RequestLine;
 
-/// The request to start comes at this tick; the fix has to be there at that one.
-const START_TICK: u64 = 40;
-const LIMIT_TICKS: u64 = 600 * 400;
+/// Beyond the settings' time limit, s: the instrument ends its fix by itself.
+const MARGIN_S: f64 = 60.0;
+const TICKS_PER_S: f64 = 400.0;
 
 /// Wants a fix, and writes what happens on the way.
 struct Surveyor {
@@ -21,6 +21,7 @@ struct Surveyor {
     fix: Option<Fix>,
     /// Ends it without a fix.
     failed: bool,
+    limit_ticks: u64,
 }
 
 impl Surveyor {
@@ -46,11 +47,11 @@ impl Line for Surveyor {
                 None => {}
             }
         }
-        if tick == START_TICK {
+        if tick == 0 {
             // A command fits a frame: a test of the link says so.
             let _ = self.line.send(&Request { number: 1, ask: Ask::Command(Command::Start) });
         }
-        (self.fix.is_none() && !self.failed && tick < LIMIT_TICKS).then(|| self.line.tick())
+        (self.fix.is_none() && !self.failed && tick < self.limit_ticks).then(|| self.line.tick())
     }
 }
 
@@ -73,7 +74,9 @@ fn find() -> Result<bool, String> {
     let scenario = Scenario::named(&name).map_err(|error| error.to_string())?;
     let settings = simulated::settings(&scenario).map_err(|error| format!("{name}: {error}"))?;
     let (image, stored) = (image::build()?, image::stored(&settings)?);
-    let surveyor = Surveyor { line: RequestLine::default(), decoder: ReportDecoder::new(), fix: None, failed: false };
+    let limit_ticks = ((settings.time_limit_s + MARGIN_S) * TICKS_PER_S) as u64;
+    let (line, decoder) = (RequestLine::default(), ReportDecoder::new());
+    let surveyor = Surveyor { line, decoder, fix: None, failed: false, limit_ticks };
     println!("{name}, seed {seed}, the image that is flashed on an emulated STM32F4");
     let began = Instant::now();
     let world = World::new(&scenario, seed);
@@ -85,7 +88,7 @@ fn find() -> Result<bool, String> {
         println!("no azimuth");
         return Ok(false);
     };
-    let true_deg = scenario.site.azimuth_deg;
+    let true_deg = world.truth().azimuth_deg;
     let error_deg = (fix.azimuth_deg - true_deg + 180.0).rem_euclid(360.0) - 180.0;
     println!("azimuth {:9.4}° ± {:.4}°", fix.azimuth_deg, fix.sigma_deg);
     println!("true    {true_deg:9.4}°");
