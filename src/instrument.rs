@@ -16,8 +16,6 @@ use embedded_storage::nor_flash::NorFlash;
 use heapless::Deque;
 
 use crate::calibration::ellipsoid::Correction;
-use crate::calibration::field::problem::Solved;
-use crate::calibration::field::refusal::NoCalibration;
 use crate::calibration::field::{self, Session};
 use crate::drivers::sensors::Due;
 use crate::effects::ErrorModel;
@@ -507,9 +505,11 @@ impl<S: DerefMut<Target = Sequencer>, R: DerefMut<Target = Workroom>> Instrument
         self.room.is_none()
     }
 
-    /// Takes the room back with the answer, whenever it comes; one that nobody waits for any more is dropped.
-    pub fn solved(&mut self, answer: Result<Solved, NoCalibration>, room: R) {
-        self.field.solved(answer);
+    /// Takes the room back with the answer in it, whenever it comes; one that nobody waits for any more is dropped.
+    pub fn solved(&mut self, room: R) {
+        if let Some(answer) = room.answer() {
+            self.field.solved(answer);
+        }
         self.room = Some(room);
     }
 

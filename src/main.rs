@@ -36,8 +36,6 @@ mod app {
     use rtic_sync::{make_channel, make_signal};
 
     use crate::board::{self, Board, crash, memory};
-    use north_finder::calibration::field::problem::Solved;
-    use north_finder::calibration::field::refusal::NoCalibration;
     use north_finder::drivers::sensors::Sensors;
     use north_finder::drivers::step_motor::StepMotor;
     use north_finder::event::{Event, Report};
@@ -79,7 +77,6 @@ mod app {
 
     type Instrument = instrument::Instrument<&'static mut Sequencer, &'static mut Workroom>;
     type Told = SignalReader<'static, ()>;
-    type Answer = Result<Solved, NoCalibration>;
 
     /// A tick: its number, whether the motor turns, and what had come.
     #[derive(Clone, Copy, Default)]
@@ -119,14 +116,14 @@ mod app {
         motor_in: Producer<'static, MotorCommand>,
         told: SignalWriter<'static, ()>,
         problems_in: Sender<'static, &'static mut Workroom, PROBLEMS>,
-        answers_out: Receiver<'static, (Answer, &'static mut Workroom), PROBLEMS>,
+        answers_out: Receiver<'static, &'static mut Workroom, PROBLEMS>,
         flash: board::Flash,
         crash: Option<Crash>,
         program: u32,
         // report
         report_port: board::ReportPort,
         // calibrate
-        answers_in: Sender<'static, (Answer, &'static mut Workroom), PROBLEMS>,
+        answers_in: Sender<'static, &'static mut Workroom, PROBLEMS>,
     }
 
     #[init(local = [
@@ -152,7 +149,7 @@ mod app {
         let (sent, done) = make_signal!(());
         let (told, telling) = make_signal!(());
         let (problems_in, problems_out) = make_channel!(&'static mut Workroom, PROBLEMS);
-        let (answers_in, answers_out) = make_channel!((Answer, &'static mut Workroom), PROBLEMS);
+        let (answers_in, answers_out) = make_channel!(&'static mut Workroom, PROBLEMS);
         // Spawning for the first time cannot fail.
         let _ = solve::spawn(tick);
         let _ = report::spawn(telling, done);
@@ -296,9 +293,9 @@ mod app {
             };
             GUARD.check_in(Task::Solve);
             if local.instrument.is_solving()
-                && let Ok((answer, room)) = local.answers_out.try_recv()
+                && let Ok(room) = local.answers_out.try_recv()
             {
-                local.instrument.solved(answer, room);
+                local.instrument.solved(room);
             }
             let mut report = |report| tell(&report, local.told);
             let orders = local.instrument.step(readings, &INTAKE, local.flash, &mut report);
@@ -377,16 +374,11 @@ mod app {
         }
     }
 
-    /// Never inlined: what solving takes of the stack is not the task's that sends reports.
-    #[inline(never)]
-    fn solved(problem: &mut Workroom) -> Answer {
-        problem.solve()
-    }
-
     #[task(priority = 1, local = [answers_in])]
     async fn calibrate(cx: calibrate::Context, mut problems_out: Receiver<'static, &'static mut Workroom, PROBLEMS>) {
         while let Ok(problem) = problems_out.recv().await {
-            let _ = cx.local.answers_in.try_send((solved(problem), problem));
+            problem.solve();
+            let _ = cx.local.answers_in.try_send(problem);
         }
     }
 

@@ -83,7 +83,8 @@ impl Wired {
             self.sensors.test_accelerometer();
         }
         if let Some(mut room) = self.stepper.instrument.posed() {
-            self.stepper.instrument.solved(room.solve(), room);
+            room.solve();
+            self.stepper.instrument.solved(room);
         }
         self.tick += 1;
         if orders.restart {

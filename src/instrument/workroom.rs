@@ -1,11 +1,11 @@
-//! Room for what is never there at the same time: settings on their way, and the attitudes of a calibration.
+//! Room for what is never there at the same time: settings on their way, the attitudes of a calibration, and its answer.
 
 use crate::calibration::field::collection::Collection;
 use crate::calibration::field::problem::Solved;
 use crate::calibration::field::refusal::{NoCalibration, Why};
 use crate::settings::pieces::Incoming;
 
-/// One of the two. The instrument owns it, and lends it to whoever solves a calibration.
+/// One of them. The instrument owns it, and lends it to whoever solves a calibration.
 ///
 /// It may be shared because settings that are stored end everything: the instrument starts anew with them. While a calibration uses the
 /// room, settings are refused; a calibration that begins takes the room from settings that came only in part, and their next piece is
@@ -15,6 +15,8 @@ use crate::settings::pieces::Incoming;
 pub enum Workroom {
     Settings(Incoming),
     Attitudes(Collection),
+    /// What came of them.
+    Answer(Result<Solved, NoCalibration>),
 }
 
 impl Default for Workroom {
@@ -38,9 +40,18 @@ impl Workroom {
         self.attitudes()
     }
 
-    /// Solves the calibration whose attitudes are here.
-    pub fn solve(&mut self) -> Result<Solved, NoCalibration> {
-        self.attitudes().map_or(Err(Why::TooFew.into()), Collection::solve)
+    /// Solves the calibration whose attitudes are here; the answer takes their place.
+    ///
+    /// Never inlined: what solving takes of the stack is no task's that waits.
+    #[inline(never)]
+    pub fn solve(&mut self) {
+        let answer = self.attitudes().map_or(Err(Why::TooFew.into()), Collection::solve);
+        *self = Self::Answer(answer);
+    }
+
+    /// The answer, once it is there.
+    pub fn answer(&self) -> Option<Result<Solved, NoCalibration>> {
+        if let Self::Answer(answer) = self { Some(*answer) } else { None }
     }
 
     /// Those of the calibration that is under way.
@@ -62,8 +73,10 @@ mod tests {
         let mut room = Workroom::default();
         assert_eq!(room.settings().unwrap().take(&piece(0)), Ok(false));
         assert!(room.attitudes().is_none() && room.begin().is_some() && room.attitudes().is_some());
-        assert_eq!(room.solve().map_err(|reason| reason.why), Err(Why::TooFew));
+        assert!(room.answer().is_none());
+        room.solve();
+        assert_eq!(room.answer().unwrap().map_err(|reason| reason.why), Err(Why::TooFew));
         assert_eq!(room.settings().unwrap().take(&piece(3)), Err(Refusal::OutOfOrder));
-        assert_eq!(room.solve().map_err(|reason| reason.why), Err(Why::TooFew));
+        assert!(room.answer().is_none());
     }
 }

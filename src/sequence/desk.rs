@@ -13,8 +13,8 @@ use crate::fix::accumulator::{Corrected, Second};
 use crate::index::{IndexAngle, MotorCommand};
 use crate::slices::{self, pause};
 
-/// Most events of a second.
-const MOST_EVENTS: usize = 8;
+/// Most events of a second: two of a slip, and then what follows a dwell's end: coarse azimuth, time to go, move and state.
+const MOST_EVENTS: usize = 6;
 
 /// `S` is how the sequencer is held.
 pub struct Desk<S> {
