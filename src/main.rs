@@ -26,9 +26,11 @@ fn main() {
 #[cfg(target_os = "none")]
 #[rtic::app(device = crate::board::pac, dispatchers = [UART4, UART5])]
 mod app {
+    use core::future::poll_fn;
     use core::mem::MaybeUninit;
     use core::pin::pin;
     use core::sync::atomic::{AtomicBool, Ordering};
+    use core::task::{Poll, Waker};
 
     use heapless::spsc::{Consumer, Producer, Queue};
     use rtic_sync::channel::{Receiver, Sender};
@@ -51,18 +53,13 @@ mod app {
     use north_finder::self_test::BoardFacts;
     use north_finder::sequence::Sequencer;
     use north_finder::sequence::desk::Desk;
+    use north_finder::slices::pause;
 
     /// Room for as many ticks as `solve` may lag behind: 40 ms.
     const READINGS: usize = 16;
     const MOTOR_COMMANDS: usize = 4;
     /// One calibration at a time.
     const PROBLEMS: usize = 1;
-    /// What the board says of itself comes after the first second, and then every ten seconds.
-    const FIRST_VITALS_TICK: u32 = 399;
-    const VITALS_TICKS: u32 = 4000;
-    /// Words of the stack that are looked at in each of the ticks before: all of 64 KiB.
-    const SWEEP_WORDS: usize = 64;
-    const SWEEP_TICKS: u32 = 256;
 
     /// Who is alive.
     static GUARD: Guard = Guard::new();
@@ -109,8 +106,9 @@ mod app {
         // read
         sensors: Sensors<board::Accelerometer, board::Encoder, board::Block>,
         readings_in: Producer<'static, Readings>,
-        ticked: SignalWriter<'static, ()>,
+        waker_out: Consumer<'static, Waker>,
         // solve
+        waker_in: Producer<'static, Waker>,
         readings_out: Consumer<'static, Readings>,
         instrument: &'static mut Instrument,
         motor_in: Producer<'static, MotorCommand>,
@@ -128,6 +126,7 @@ mod app {
 
     #[init(local = [
         readings: Queue<Readings, { READINGS + 1 }> = Queue::new(),
+        waker: Queue<Waker, 2> = Queue::new(),
         motor_commands: Queue<MotorCommand, MOTOR_COMMANDS> = Queue::new(),
         place: MaybeUninit<Instrument> = MaybeUninit::uninit(),
         sequencer: MaybeUninit<Sequencer> = MaybeUninit::uninit(),
@@ -145,13 +144,13 @@ mod app {
 
         let (motor_in, motor_out) = cx.local.motor_commands.split();
         let (readings_in, readings_out) = cx.local.readings.split();
-        let (ticked, tick) = make_signal!(());
+        let (waker_in, waker_out) = cx.local.waker.split();
         let (sent, done) = make_signal!(());
         let (told, telling) = make_signal!(());
         let (problems_in, problems_out) = make_channel!(&'static mut Workroom, PROBLEMS);
         let (answers_in, answers_out) = make_channel!(&'static mut Workroom, PROBLEMS);
         // Spawning for the first time cannot fail.
-        let _ = solve::spawn(tick);
+        let _ = solve::spawn();
         let _ = report::spawn(telling, done);
         let _ = calibrate::spawn(problems_out);
 
@@ -169,7 +168,8 @@ mod app {
             sent,
             sensors: Sensors::new(board.accelerometer, board.encoder, instrument.has_block().then_some(board.block)),
             readings_in,
-            ticked,
+            waker_out,
+            waker_in,
             readings_out,
             instrument,
             motor_in,
@@ -258,7 +258,7 @@ mod app {
     }
 
     /// Steps of the motor need not wait for the sensors' buses.
-    #[task(binds = SPI1, priority = 3, local = [sensors, readings_in, ticked], shared = [moment])]
+    #[task(binds = SPI1, priority = 3, local = [sensors, readings_in, waker_out], shared = [moment])]
     fn read(mut cx: read::Context) {
         let local = cx.local;
         let Moment { tick, turning, heard } = cx.shared.moment.lock(|moment| *moment);
@@ -269,15 +269,17 @@ mod app {
         if local.readings_in.enqueue(Readings { tick, sensors, turning, heard }).is_err() {
             one_more(&INTAKE.readings_refused);
         }
-        local.ticked.write(());
+        let _ = local.waker_out.peek().map(Waker::wake_by_ref);
     }
 
     #[task(
         priority = 2,
-        local = [readings_out, instrument, motor_in, told, problems_in, answers_out, flash, crash, program],
+        local = [waker_in, readings_out, instrument, motor_in, told, problems_in, answers_out, flash, crash, program],
     )]
-    async fn solve(cx: solve::Context, mut tick: Told) {
+    async fn solve(cx: solve::Context) {
         let local = cx.local;
+        // Left with `read` once: a signal would take it anew at every tick.
+        let _ = poll_fn(|cx| Poll::Ready(local.waker_in.enqueue(cx.waker().clone()))).await;
         if let Some(crash) = local.crash.take() {
             defmt::error!("boot: after a {}", crash.cause);
             tell(&Report { t_s: 0.0, event: Event::Crash(crash) }, local.told);
@@ -288,7 +290,7 @@ mod app {
         loop {
             // Looked at where they are: copies of them are a good part of what a tick costs.
             let Some(readings) = local.readings_out.peek() else {
-                tick.wait().await;
+                pause().await;
                 continue;
             };
             GUARD.check_in(Task::Solve);
@@ -320,12 +322,8 @@ mod app {
             if GUARD.done(readings.tick, board::passed_permille()) {
                 one_more(&INTAKE.ticks_late);
             }
-            let to_vitals = (VITALS_TICKS + FIRST_VITALS_TICK - readings.tick as u32 % VITALS_TICKS) % VITALS_TICKS;
-            if (1..=SWEEP_TICKS).contains(&to_vitals) {
-                sweep.go_on(SWEEP_WORDS);
-            }
-            if to_vitals == 0 {
-                let (stack_bytes, load_permille) = (sweep.finish(), GUARD.load_permille());
+            if let Some(stack_bytes) = sweep.tick(readings.tick) {
+                let load_permille = GUARD.load_permille();
                 let event = Event::Vitals { program: *local.program, stack_bytes, load_permille };
                 tell(&Report { t_s: readings.t_s(), event }, local.told);
             }

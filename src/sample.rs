@@ -15,9 +15,9 @@ pub const SAMPLES_PER_SECOND: u16 = 400;
 /// Seconds between samples.
 pub const SAMPLE_S: f64 = 0.0025;
 /// A frame that is this many ticks behind its due tick counts as lost: below half of the shortest sequence.
-const GIVE_UP_TICKS: i64 = 60;
+const GIVE_UP_TICKS: i32 = 60;
 /// A frame that is more than this many ticks behind is counted as late.
-const LATE_TICKS: i64 = 4;
+const LATE_TICKS: i32 = 4;
 
 /// What is declared about the gyro. The noise figures are what the azimuth's sigma never falls below.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -87,7 +87,7 @@ pub struct Sampler {
     range: u64,
     expected: Option<u8>,
     /// Ticks since the first frame, minus slots accounted for.
-    behind: i64,
+    behind: i32,
     good: u32,
     second: Partial,
 }
@@ -166,7 +166,7 @@ impl Sampler {
 
     /// Slots by which the frames are behind the instrument's clock. Constant when both clocks agree.
     pub fn behind(&self) -> i64 {
-        self.behind
+        self.behind.into()
     }
 
     /// A frame that is known to be lost; gives the second that it completes.

@@ -163,6 +163,13 @@ fn fill_stack(depth: u32) -> u32 {
     room.iter().fold(fill_stack(core::hint::black_box(depth.wrapping_add(1))), |sum, each| sum.wrapping_add(*each))
 }
 
+/// What the board says of itself comes after the first second, and then every ten seconds.
+const FIRST_VITALS_TICK: u32 = 399;
+const VITALS_TICKS: u32 = 4000;
+/// Words of the stack that are looked at in each of the ticks before: all of 64 KiB.
+const SWEEP_WORDS: usize = 64;
+const SWEEP_TICKS: u32 = 256;
+
 /// Looks for the most of the stack that was ever used, a few words at a time, by the paint that is gone from it.
 #[derive(Default)]
 pub struct StackSweep {
@@ -171,6 +178,15 @@ pub struct StackSweep {
 }
 
 impl StackSweep {
+    /// A tick's part of the sweep; where the board is to say it, how much of the stack was ever used, bytes.
+    pub fn tick(&mut self, tick: u64) -> Option<u32> {
+        let to_vitals = (VITALS_TICKS + FIRST_VITALS_TICK - tick as u32 % VITALS_TICKS) % VITALS_TICKS;
+        if (1..=SWEEP_TICKS).contains(&to_vitals) {
+            self.go_on(SWEEP_WORDS);
+        }
+        (to_vitals == 0).then(|| self.finish())
+    }
+
     /// Looks at so many words more.
     pub fn go_on(&mut self, words: usize) {
         // SAFETY: from the stack's end to its start is the stack, which was painted before main.

@@ -129,13 +129,19 @@ pub fn init(_device: pac::Peripherals, intake: &'static Intake) -> Board {
     }
 }
 
-/// Waits for the next interrupt. Free-running it stays awake: QEMU lets a processor that sleeps by instructions miss interrupts of
-/// one of two timers (seen in 7.2).
+/// Waits for the next interrupt; making one, in lock-step, is counted as the exchange's. Free-running it stays awake: QEMU lets a
+/// processor that sleeps by instructions miss interrupts of one of two timers (seen in 7.2).
 pub fn sleep() {
-    match with(|state| (state.pace, state.next_timer())) {
-        (Pace::LockStep, interrupt) => NVIC::pend(interrupt),
-        (Pace::FreeRunning, _) => {}
-        (Pace::RealTime, _) => cortex_m::asm::wfi(),
+    let began = pac::TIMER0.remaining();
+    let pace = with(|state| {
+        if state.pace == Pace::LockStep {
+            NVIC::pend(state.next_timer());
+        }
+        state.exchange.count_from(began);
+        state.pace
+    });
+    if pace == Pace::RealTime {
+        cortex_m::asm::wfi();
     }
 }
 
@@ -353,37 +359,40 @@ impl<const DEVICE: u8> spi::ErrorType for Spi<DEVICE> {
 
 impl<const DEVICE: u8> SpiDevice for Spi<DEVICE> {
     fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), Infallible> {
-        let mut mosi = Vec::<u8, 40>::new();
-        for operation in operations.iter() {
-            match operation {
-                Operation::Write(bytes) => mosi.extend_from_slice(bytes),
-                Operation::TransferInPlace(bytes) => mosi.extend_from_slice(bytes),
-                Operation::Read(bytes) => mosi.resize(mosi.len() + bytes.len(), 0),
-                Operation::Transfer(read, write) => {
-                    let padding = read.len().saturating_sub(write.len());
-                    mosi.extend_from_slice(write).and_then(|()| mosi.resize(mosi.len() + padding, 0))
-                }
-                // The world stands still within a transaction.
-                Operation::DelayNs(_) => Ok(()),
-            }
-            .expect("a transaction longer than the drivers' longest");
-        }
-        with(|state| {
-            let mut miso = state.exchange.ask(b'S', &[&[DEVICE], &mosi]);
-            for operation in operations {
-                let (length, target) = match operation {
-                    Operation::Read(bytes) | Operation::TransferInPlace(bytes) => (bytes.len(), Some(bytes)),
-                    Operation::Write(bytes) => (bytes.len(), None),
-                    Operation::Transfer(read, write) => (read.len().max(write.len()), Some(read)),
-                    Operation::DelayNs(_) => (0, None),
-                };
-                let (now, later) = miso.split_at(length);
-                if let Some(target) = target {
-                    target.copy_from_slice(&now[..target.len()]);
-                }
-                miso = later;
-            }
-        });
+        with(|state| state.exchange.timed(|exchange| transfer(DEVICE, operations, exchange)));
         Ok(())
+    }
+}
+
+/// A transaction, by the exchange.
+fn transfer(device: u8, operations: &mut [Operation<'_, u8>], exchange: &mut Exchange) {
+    let mut mosi = Vec::<u8, 40>::new();
+    for operation in operations.iter() {
+        match operation {
+            Operation::Write(bytes) => mosi.extend_from_slice(bytes),
+            Operation::TransferInPlace(bytes) => mosi.extend_from_slice(bytes),
+            Operation::Read(bytes) => mosi.resize(mosi.len() + bytes.len(), 0),
+            Operation::Transfer(read, write) => {
+                let padding = read.len().saturating_sub(write.len());
+                mosi.extend_from_slice(write).and_then(|()| mosi.resize(mosi.len() + padding, 0))
+            }
+            // The world stands still within a transaction.
+            Operation::DelayNs(_) => Ok(()),
+        }
+        .expect("a transaction longer than the drivers' longest");
+    }
+    let mut miso = exchange.ask(b'S', &[&[device], &mosi]);
+    for operation in operations {
+        let (length, target) = match operation {
+            Operation::Read(bytes) | Operation::TransferInPlace(bytes) => (bytes.len(), Some(bytes)),
+            Operation::Write(bytes) => (bytes.len(), None),
+            Operation::Transfer(read, write) => (read.len().max(write.len()), Some(read)),
+            Operation::DelayNs(_) => (0, None),
+        };
+        let (now, later) = miso.split_at(length);
+        if let Some(target) = target {
+            target.copy_from_slice(&now[..target.len()]);
+        }
+        miso = later;
     }
 }

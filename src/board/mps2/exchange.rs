@@ -23,7 +23,8 @@ use cortex_m_semihosting::{debug, nr, syscall, syscall1};
 const MAX_MESSAGE: usize = 2576;
 
 pub struct Exchange {
-    /// What the exchange itself took since it was last asked for, cycles of the timer: no board with sensors of its own has that.
+    /// What the exchange itself took since it was last asked for, cycles of the timer, and what else no board with timers and buses of
+    /// its own does.
     cycles: u32,
     to_host: usize,
     from_host: usize,
@@ -60,11 +61,18 @@ impl Exchange {
         core::mem::take(&mut self.cycles)
     }
 
-    fn timed<R>(&mut self, talk: impl FnOnce(&mut Self) -> R) -> R {
-        let began = TIMER0.remaining();
+    /// Counts what this takes as the exchange's: of one within another, the outer.
+    pub fn timed<R>(&mut self, talk: impl FnOnce(&mut Self) -> R) -> R {
+        let (began, before) = (TIMER0.remaining(), self.cycles);
         let result = talk(self);
-        self.cycles = self.cycles.wrapping_add(began.wrapping_sub(TIMER0.remaining()));
+        self.cycles = before;
+        self.count_from(began);
         result
+    }
+
+    /// Counts as the exchange's what was done since the timer stood there.
+    pub fn count_from(&mut self, began: u32) {
+        self.cycles = self.cycles.wrapping_add(began.wrapping_sub(TIMER0.remaining()));
     }
 
     /// Waits for a reply; gives where it ends in the message.
