@@ -156,30 +156,37 @@ fn a_power_cut_while_storing_leaves_the_former_settings() {
     }
 }
 
-/// An operator who has enough after ten seconds, and then wants north.
-struct Impatient<'a, 'b>(Obedient<'a, 'b>);
+/// An operator who wants something else at certain ticks.
+struct Impatient<'a, 'b> {
+    obedient: Obedient<'a, 'b>,
+    commands: [(u64, Command); 2],
+}
 
 impl Person for Impatient<'_, '_> {
     fn request(&mut self, tick: u64) -> Option<Request> {
-        match tick {
-            4000 => Some(Ask::Command(Command::Abort).into()),
-            4400 => Some(Ask::Command(Command::Start).into()),
-            _ => self.0.request(tick),
+        match self.commands.iter().find(|(at, _)| *at == tick) {
+            Some((_, command)) => Some(Ask::Command(*command).into()),
+            None => self.obedient.request(tick),
         }
     }
 
     fn hear(&mut self, report: &Report) -> bool {
-        self.0.hear(report);
+        self.obedient.hear(report);
         false
     }
 }
 
+/// Who has enough after ten seconds, and then wants north.
 fn impatient(engine: Engine) -> Vec<Report> {
+    with_commands(engine, [(4000, Command::Abort), (4400, Command::Start)])
+}
+
+fn with_commands(engine: Engine, commands: [(u64, Command); 2]) -> Vec<Report> {
     let setup = changed(|_| ());
     let world = engine::world(&setup).unwrap();
     let mut reports = Vec::new();
     let observe = &mut |report: &Report| reports.push(*report);
-    let mut person = Impatient(Obedient::new(&world, &setup, observe));
+    let mut person = Impatient { obedient: Obedient::new(&world, &setup, observe), commands };
     let image = (engine == Engine::Qemu).then(image);
     let off = engine::serve(engine, image, &world, 6000, &mut person, &AtomicBool::new(false)).unwrap();
     assert_eq!(off, PowerOff::TimeLimit);
@@ -193,6 +200,18 @@ fn an_abort_ends_it_and_a_fix_can_begin() {
     let aborted = names.iter().position(|name| *name == "aborted").unwrap();
     assert_eq!(names[aborted + 1], "failed");
     assert_eq!(names[aborted + 2], "levelling");
+}
+
+/// A fix is under way: the calibration ends it, and then guides its operator.
+#[test]
+fn a_calibration_ends_the_fix_under_way() {
+    let reports = with_commands(Engine::Host, [(0, Command::Start), (2400, Command::CalibrateAccelerometers)]);
+    let names = crate::common::names(&reports);
+    let aborted = names.iter().position(|name| *name == "aborted").unwrap();
+    assert_eq!((&names[0], &names[aborted + 1]), (&"levelling", &"failed"));
+    assert!(reports.iter().all(|report| !matches!(report.event, Event::Fix(_))));
+    let guided = reports.iter().find(|report| matches!(report.event, Event::Guidance(_))).unwrap();
+    assert!(guided.t_s >= 2400.0 * 0.0025, "{guided:?}");
 }
 
 /// The same but for what a board says of itself.

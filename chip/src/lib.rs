@@ -92,6 +92,8 @@ pub struct Ran<L> {
     pub step_window_ns: [u64; 2],
     /// The brown-out level in the option bytes at the run's end.
     pub brown_out_level: u8,
+    /// Instructions of the whole run, those that wait for the sensors' buses among them.
+    pub instructions: u64,
     /// What the reference manual forbids, and registers that the emulator does not have, each once.
     pub complaints: Vec<String>,
 }
@@ -132,7 +134,7 @@ pub fn run<L: Line>(setup: &Setup<'_>, world: &World, line: L) -> Result<Ran<L>,
     }
     let surroundings = Surroundings::new(world, line, setup);
     let finished = emulator::run(session, &Start::new(&images), surroundings).map_err(not_started)?;
-    let Finished { mut session, driver, .. } = finished;
+    let Finished { mut session, driver, stop, .. } = finished;
     if driver.looked > PATIENCE {
         return Err(NotStarted(format!("the 2.5 ms timer does not run {PATIENCE} ns after a reset")));
     }
@@ -147,6 +149,7 @@ pub fn run<L: Line>(setup: &Setup<'_>, world: &World, line: L) -> Result<Ran<L>,
         steps: driver.steps,
         step_window_ns: driver.step_window_ns,
         brown_out_level: session.board_mut().brown_out_level(),
+        instructions: stop.map_or(0, |stop| stop.instruction_count),
         complaints,
         line: driver.line,
     })

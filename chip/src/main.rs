@@ -83,7 +83,11 @@ fn find() -> Result<bool, String> {
     let ran =
         run(&Setup { settings: &stored, ..Setup::new(&image) }, &world, surveyor).map_err(|error| error.to_string())?;
     ran.complaints.iter().for_each(|complaint| println!("the emulator: {complaint}"));
-    println!("{:.1} s of the chip in {:.1} s", world.truth().t_s, began.elapsed().as_secs_f64());
+    let (chip_s, took_s) = (world.truth().t_s, began.elapsed().as_secs_f64());
+    let a_tick = ran.instructions as f64 / (chip_s * TICKS_PER_S);
+    println!(
+        "{chip_s:.1} s of the chip in {took_s:.1} s; {a_tick:.0} instructions a tick, waiting for the sensors' buses included"
+    );
     let Some(fix) = ran.line.fix else {
         println!("no azimuth");
         return Ok(false);
