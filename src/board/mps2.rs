@@ -129,7 +129,7 @@ pub fn init(_device: pac::Peripherals, intake: &'static Intake) -> Board {
     }
 }
 
-/// Waits for the next interrupt; making one, in lock-step, is counted as the exchange's. Free-running it stays awake: QEMU lets a
+/// Waits for the next interrupt; making one, in lock-step, is counted as the exchange's. Free-running it does not sleep: QEMU lets a
 /// processor that sleeps by instructions miss interrupts of one of two timers (seen in 7.2).
 pub fn sleep() {
     let began = pac::TIMER0.remaining();
