@@ -6,6 +6,7 @@
 pub mod accuracy;
 pub mod any_bytes;
 pub mod bench;
+pub mod composed;
 pub mod faults;
 pub mod hidden;
 pub mod judge;

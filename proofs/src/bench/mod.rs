@@ -8,6 +8,7 @@ mod alignment;
 mod attitude;
 mod calibration;
 mod close_loop;
+mod compose;
 mod cost;
 mod diagnose;
 mod diagnose_speed;
@@ -92,6 +93,7 @@ benches! {
     Attitude: attitude::AttitudeBench,
     Calibration: calibration::Calibration,
     CloseLoop: close_loop::CloseLoop,
+    Compose: compose::Compose,
     Cost: cost::CostBench,
     Diagnose: diagnose::DiagnoseBench,
     DiagnoseSpeed: diagnose_speed::DiagnoseSpeed,

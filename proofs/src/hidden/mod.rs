@@ -5,7 +5,7 @@
 //! Its truth is known to whoever asks for it, and so is the campaign without it. The same seed, number and family give
 //! the same campaign, always; without the effect all noise is the same.
 
-mod draw;
+pub(crate) mod draw;
 mod family;
 mod instrument;
 mod outside;
