@@ -7,6 +7,8 @@ use clap::Args;
 use serde::Serialize;
 
 use super::Bench;
+use super::compose::Kinds;
+use super::composed::{Judged, Line, measure};
 use crate::judge::{Summary, Verdict, consult, judge, summarize, write};
 use crate::statistics::median;
 use north::diagnose::{Options, diagnose};
@@ -23,6 +25,7 @@ use north::settings_file::declare_noise;
 #[command(after_help = "Examples:
   north bench diagnose --campaigns 20
   north bench diagnose --group outside --campaigns 4
+  north bench diagnose --group composed --campaigns 200 --seed 5
   north bench diagnose --family channel-rate --campaigns 40 --verbose")]
 pub struct DiagnoseBench {
     /// Campaigns of each family, 1 to 100000
@@ -31,9 +34,16 @@ pub struct DiagnoseBench {
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Only the families of this group: nothing, named, outside, together
+    /// Only the families of this group: nothing, named, outside, together; or composed: effects composed at random, of which
+    /// --campaigns says the number of all
     #[arg(long, value_name = "NAME", value_parser = group, conflicts_with = "family")]
-    group: Option<Group>,
+    group: Option<Chosen>,
+    /// Of composed effects: what the campaigns hold; all: inside, outside, inside …, and every tenth empty
+    #[arg(long, value_name = "KIND", default_value = "all", requires = "group")]
+    kind: Kinds,
+    /// Of composed effects: judge the folders DIR/0000, DIR/0001 … that `north bench compose` wrote
+    #[arg(long, value_name = "DIR", requires = "group")]
+    dir: Option<std::path::PathBuf>,
     /// Only these families, with commas between them
     #[arg(long, value_name = "NAME", value_parser = family, value_delimiter = ',')]
     family: Vec<Family>,
@@ -54,6 +64,14 @@ pub struct DiagnoseBench {
 pub enum Row {
     Family(FamilyReport),
     Group(GroupReport),
+    Composed(Line),
+}
+
+/// A group of families, or effects that no family lists.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Chosen {
+    Families(Group),
+    Composed,
 }
 
 /// One family.
@@ -140,9 +158,19 @@ impl Bench for DiagnoseBench {
     type Row = Row;
 
     fn measure(&self, out: &mut dyn Write) -> Result<Vec<Row>, Failure> {
+        if self.group == Some(Chosen::Composed) {
+            let judged = Judged {
+                campaigns: self.campaigns,
+                seed: self.seed,
+                kinds: self.kind,
+                dir: self.dir.as_deref(),
+                verbose: self.verbose,
+            };
+            return Ok(measure(&judged, out)?.into_iter().map(Row::Composed).collect());
+        }
         let chosen = |family: &Family| {
             (self.family.is_empty() || self.family.contains(family))
-                && self.group.is_none_or(|group| group == family.group())
+                && self.group.is_none_or(|group| group == Chosen::Families(family.group()))
         };
         let families: Vec<Family> = Family::all().into_iter().filter(chosen).collect();
         let numbers = match self.only {
@@ -275,12 +303,16 @@ fn write_families(out: &mut dyn Write, families: &[FamilyReport]) -> io::Result<
     Ok(())
 }
 
-fn group(name: &str) -> Result<Group, String> {
+fn group(name: &str) -> Result<Chosen, String> {
+    if name == "composed" {
+        return Ok(Chosen::Composed);
+    }
     let names = || Group::ALL.map(Group::name).join(", ");
     Group::ALL
         .into_iter()
         .find(|group| group.name() == name)
-        .ok_or_else(|| format!("there is no such group: {}", names()))
+        .map(Chosen::Families)
+        .ok_or_else(|| format!("there is no such group: {}, composed", names()))
 }
 
 fn write_groups(out: &mut dyn Write, groups: &[GroupReport]) -> io::Result<()> {

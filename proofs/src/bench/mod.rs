@@ -9,6 +9,7 @@ mod attitude;
 mod calibration;
 mod close_loop;
 mod compose;
+mod composed;
 mod cost;
 mod diagnose;
 mod diagnose_speed;

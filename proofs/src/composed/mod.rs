@@ -10,6 +10,7 @@ mod compose;
 mod dynamics;
 mod effect;
 mod files;
+pub mod judge;
 mod oracle;
 mod plain;
 mod plan;
