@@ -135,6 +135,9 @@ pub(super) fn measure(judged: &Judged<'_>, out: &mut dyn Write) -> Result<Vec<Li
         bar.inc(1);
     }
     bar.finish_and_clear();
+    if let (Some(dir), []) = (judged.dir, verdicts.as_slice()) {
+        return Err(Failure::Usage(format!("{}: there is no campaign 0000 in it", dir.display())));
+    }
     let mut lines = Vec::new();
     for kind in [Kind::Inside, Kind::Outside, Kind::Empty] {
         for port in ["all", "adds", "scales", "turns", "tilts"] {

@@ -107,7 +107,8 @@ pub fn judge(folder: &Path, number: u64) -> Result<Verdict, Failure> {
         let number = |name: &str| run.get(name).and_then(Value::as_f64);
         Some([number("azimuth_after_deg")?, number("sigma_after_deg")?])
     });
-    let path = folder.join("written-model.toml");
+    let temporary = tempfile::tempdir()?;
+    let path = temporary.path().join("model.toml");
     let solved = write_model(&path, &diagnosis.model).map_err(|error| error.to_string()).and_then(|()| {
         let model = ModelFile::read(&path).map_err(|error| error.to_string())?;
         campaign.runs.iter().filter(|run| checks.iter().any(|check| check.file == run.file)).try_fold(
