@@ -80,7 +80,7 @@ impl Channel {
             warm_up_s: draw.log_uniform(40.0, 2000.0),
             wave_s: draw.log_uniform(50.0, 5000.0),
             wander_s: draw.log_uniform(15.0, 300.0),
-            noise: draw.log_uniform(1e-4, 2e-3),
+            noise: draw.log_uniform(1e-5, 3e-4),
         };
         channel.centre = draw.uniform(centre[0], centre[1]);
         channel.span = draw.log_uniform(span[0], span[1]);

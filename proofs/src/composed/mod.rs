@@ -77,18 +77,20 @@ impl Campaign {
     pub fn draw(seed: u64, number: u64, kind: Kind) -> Self {
         let tag = (kind as u64) << 60;
         let first = tag + number * MOST_DRAWS;
-        (0..MOST_DRAWS)
-            .find_map(|draws| Self::attempt(&mut Draw::new(seed, first + draws), kind, draws + 1))
-            .expect("one of a million draws counts")
-    }
-
-    fn attempt(draw: &mut Draw, kind: Kind, draws: u64) -> Option<Self> {
-        let plan = Plan::new(draw);
+        // Once for all draws: several effects are refused more often than one.
+        let mut draw = Draw::new(seed, first);
         let count = match kind {
             Kind::Empty => 0,
             _ if draw.chance(SEVERAL) => draw.whole(2, 3),
             _ => 1,
         };
+        (1..MOST_DRAWS)
+            .find_map(|draws| Self::attempt(&mut Draw::new(seed, first + draws), kind, count, draws))
+            .expect("one of a million draws counts")
+    }
+
+    fn attempt(draw: &mut Draw, kind: Kind, count: usize, draws: u64) -> Option<Self> {
+        let plan = Plan::new(draw);
         let strange = if kind == Kind::Outside { draw.whole(0, count - 1) } else { count };
         let mut effects =
             (0..count).map(|place| compose::effect(draw, &plan, place == strange)).collect::<Option<Vec<_>>>()?;
