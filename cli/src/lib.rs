@@ -18,6 +18,7 @@ pub mod import;
 pub mod input;
 pub mod interrupt;
 pub mod json;
+pub mod learn;
 pub mod model_file;
 pub mod open_world;
 pub mod output;

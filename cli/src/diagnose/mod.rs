@@ -5,7 +5,7 @@ mod base_turning;
 mod block;
 mod candidate;
 mod checks;
-mod data;
+pub(crate) mod data;
 mod deploy;
 mod doubt;
 mod effects;

@@ -18,6 +18,7 @@ mod experiment;
 mod faults;
 pub(crate) mod fixes;
 mod gates;
+mod grammar;
 mod hold;
 mod image_size;
 mod repeat;
@@ -102,6 +103,7 @@ benches! {
     Experiment: experiment::ExperimentBench,
     Faults: faults::Faults,
     Gates: gates::Gates,
+    Grammar: grammar::GrammarBench,
     Repeat: repeat::Repeat,
     Hold: hold::HoldBench,
     Voyage: voyage::VoyageBench,

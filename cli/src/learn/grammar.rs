@@ -1,0 +1,223 @@
+//! What may be proposed of these runs: signals, factors with the constants that the search begins with, and what a proposal costs.
+
+use std::collections::HashMap;
+use std::f64::consts::LN_2;
+use std::sync::{Arc, Mutex};
+
+use north_finder::effects::ChannelName;
+use north_finder::effects::dynamics::Dynamics;
+use north_finder::effects::effect::{Effect, Port};
+use north_finder::effects::factor::Factor;
+use north_finder::effects::part::Span;
+use north_finder::effects::shape::{Linear, Shape};
+use north_finder::effects::signal::{Channel, Difference, Signal};
+
+use super::rows::Run;
+
+/// Values of a constant that recordings tell apart: time constants from a few rows to a recording's length, by factors of two.
+const VALUES_OF_A_CONSTANT: f64 = 8.0;
+/// Most channels of which differences are proposed: more would be more pairs than signals.
+const MOST_PAIRED: usize = 6;
+/// A signal that varies by less than this share of its size is constant.
+const CONSTANT: f64 = 1e-9;
+
+/// The signals of some runs.
+#[derive(Clone, Debug)]
+pub struct Grammar {
+    pub signals: Vec<(Signal, Span)>,
+    /// Spans behind dynamics that were asked for before.
+    spans: Arc<Mutex<HashMap<String, Option<Span>>>>,
+}
+
+impl Grammar {
+    /// Of runs that all have the same channels.
+    pub fn new(runs: &[Run]) -> Self {
+        let Some(first) = runs.first() else { return Self { signals: Vec::new(), spans: Arc::default() } };
+        let shared = |name: &&str| runs.iter().all(|run| run.channel_names().any(|each| each == *name));
+        let names: Vec<ChannelName> = first.channel_names().filter(shared).filter_map(ChannelName::new).collect();
+        let channels = names.iter().map(|&name| Signal::Channel(Channel { name }));
+        let paired = if names.len() <= MOST_PAIRED { names.len() } else { 0 };
+        let pairs = (0..paired).flat_map(|i| (0..i).map(move |j| (i, j)));
+        let differences = pairs.filter(|&(i, j)| same_unit(names[i].as_str(), names[j].as_str())).map(|(i, j)| Signal::Difference(Difference { plus: names[j], minus: names[i] }));
+        let all: Vec<Signal> = Signal::without_channels().chain(channels).chain(differences).collect();
+        let signals = all.into_iter().filter_map(|signal| Some((signal, span(runs, &Factor::new(signal, &[], IDENTITY))?))).collect();
+        Self { signals, spans: Arc::default() }
+    }
+
+    /// What comes out of a signal's dynamics; `None` where it does not vary.
+    fn span(&self, runs: &[Run], signal: Signal, dynamics: &[Dynamics]) -> Option<Span> {
+        let factor = Factor::new(signal, dynamics, IDENTITY);
+        let key = format!("{factor:?}");
+        if let Ok(spans) = self.spans.lock()
+            && let Some(known) = spans.get(&key)
+        {
+            return *known;
+        }
+        let found = span(runs, &factor);
+        if let Ok(mut spans) = self.spans.lock() {
+            spans.insert(key, found);
+        }
+        found
+    }
+
+    /// Every factor that stands alone: a signal behind at most one dynamics, in every shape of a bare signal, and as a line or a curve behind a
+    /// dynamics.
+    pub fn factors(&self, runs: &[Run]) -> Vec<Factor> {
+        let mut factors = Vec::new();
+        for (signal, of_signal) in &self.signals {
+            Shape::starts(of_signal, &mut |shape| factors.push(Factor::new(*signal, &[], shape)));
+            if signal.is_angle() || signal.is_time() || signal.needs_azimuth() {
+                continue;
+            }
+            Dynamics::starts(of_signal, &mut |dynamics| {
+                if let Some(behind) = self.span(runs, *signal, &[dynamics]) {
+                    Shape::starts(&behind, &mut |shape| {
+                        if matches!(shape, Shape::Linear(_) | Shape::Smooth(_)) {
+                            factors.push(Factor::new(*signal, &[dynamics], shape));
+                        }
+                    });
+                }
+            });
+        }
+        factors
+    }
+
+    /// The plainest factors: what others are multiplied with. Behind a dynamics every third time constant: a product is tuned when it is found.
+    pub fn gates(&self, factors: &[Factor]) -> Vec<Factor> {
+        let mut gates = Vec::new();
+        let mut seen: Vec<(String, usize)> = Vec::new();
+        for factor in factors {
+            let is_gate = match (&factor.shape, factor.dynamics.first()) {
+                (Shape::Harmonic(harmonic), None) => factor.signal.is_angle() && harmonic.period > 170.0,
+                (Shape::Linear(_), None) => true,
+                (Shape::Decay(_), None) => true,
+                (Shape::Linear(_), Some(Dynamics::LowPass(_) | Dynamics::Memory(_) | Dynamics::Rate(_))) => true,
+                _ => false,
+            };
+            if !is_gate {
+                continue;
+            }
+            let name = factor.to_string();
+            let place = seen.iter().position(|(each, _)| *each == name).unwrap_or(seen.len());
+            if place == seen.len() {
+                seen.push((name, 0));
+            }
+            let is_harmonic = matches!(factor.shape, Shape::Harmonic(_));
+            if is_harmonic || seen[place].1 % 3 == 1 || (seen[place].1 == 0 && factor.constants().is_empty()) {
+                gates.push(factor.clone());
+            }
+            seen[place].1 += 1;
+        }
+        gates
+    }
+
+    /// Minus the logarithm of the probability of an effect's form before anything is seen, nats. Ports, numbers of factors, signals,
+    /// dynamics and shapes are drawn one after the other, the plain ones half of the time; every tuned constant is one of so many values.
+    pub fn cost(&self, effect: &Effect) -> f64 {
+        let port = if effect.port == Port::Rate { LN_2 } else { LN_2 + (Port::ALL.len() as f64 - 1.0).ln() };
+        let number = LN_2 * effect.factors.len().max(1) as f64;
+        let of_factor = |factor: &Factor| {
+            let signal = (self.signals.len() as f64).ln();
+            let kinds = |of_plain: bool, others: f64| if of_plain { LN_2 } else { LN_2 + others.ln() };
+            let dynamics: f64 = factor.dynamics.iter().map(|_| kinds(false, 8.0)).sum::<f64>() + LN_2;
+            let shape = kinds(matches!(factor.shape, Shape::Linear(_)), 7.0);
+            signal + dynamics + shape + VALUES_OF_A_CONSTANT.ln() * factor.constants().len() as f64
+        };
+        port + number + effect.factors.iter().map(of_factor).sum::<f64>()
+    }
+}
+
+/// A shape that gives what it gets: what a span is measured through.
+const IDENTITY: Shape = Shape::Linear(Linear { reference: 0.0, scale: 1.0 });
+
+/// What comes out of a factor's dynamics in the rows at rest; `None` where it says nothing or does not vary.
+pub fn span(runs: &[Run], factor: &Factor) -> Option<Span> {
+    let values: Vec<f64> = runs.iter().flat_map(|run| run.inputs(factor)).filter(|value| value.is_finite()).collect();
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let deviation = (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt();
+    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let (row_s, longest_s) = runs.iter().map(Run::lengths_s).fold((f64::INFINITY, 0.0), |a: (f64, f64), b| (a.0.min(b.0), a.1.max(b.1)));
+    let signal = factor.signal;
+    (deviation > CONSTANT * (mean.abs() + f64::MIN_POSITIVE)).then_some(Span {
+        mean,
+        deviation,
+        low,
+        high,
+        is_angle: signal.is_angle() && factor.dynamics.is_empty(),
+        is_time: signal.is_time(),
+        row_s,
+        longest_s,
+    })
+}
+
+/// Channels of one unit, by the last word of their names.
+fn same_unit(a: &str, b: &str) -> bool {
+    let unit = |name: &str| name.rsplit('_').next().unwrap_or_default().to_owned();
+    unit(a) == unit(b)
+}
+
+/// The nearest forms to an effect: with one factor more, with one less, with another shape or dynamics in the place of one, at another port.
+pub fn neighbours(effect: &Effect, grammar: &Grammar, runs: &[Run], gates: &[Factor]) -> Vec<Effect> {
+    let mut all = Vec::new();
+    let mut push = |port: Port, factors: &[Factor]| {
+        let each = Effect::new(port, factors);
+        if each.validate().is_ok() && each != *effect {
+            all.push(each);
+        }
+    };
+    let factors: Vec<Factor> = effect.factors.to_vec();
+    if factors.len() < north_finder::effects::effect::MAX_FACTORS {
+        for gate in gates {
+            push(effect.port, &[factors.as_slice(), std::slice::from_ref(gate)].concat());
+        }
+    }
+    for port in Port::ALL.into_iter().filter(|&port| port != effect.port) {
+        push(port, &factors);
+    }
+    for i in 0..factors.len() {
+        let with = |factor: Factor| {
+            let mut factors = factors.clone();
+            factors[i] = factor;
+            factors
+        };
+        if factors.len() > 1 {
+            let mut fewer = factors.clone();
+            fewer.remove(i);
+            push(effect.port, &fewer);
+        }
+        let own = &factors[i];
+        if let Some(span) = grammar.span(runs, own.signal, &own.dynamics) {
+            Shape::starts(&span, &mut |shape| push(effect.port, &with(Factor::new(own.signal, &own.dynamics, shape))));
+        }
+        let Some((_, bare)) = grammar.signals.iter().find(|(signal, _)| *signal == own.signal) else { continue };
+        if bare.is_angle || own.needs_azimuth() {
+            continue;
+        }
+        let relined = |dynamics: &[Dynamics]| {
+            // A curve keeps its kind, with an interval of its own.
+            let behind = grammar.span(runs, own.signal, dynamics)?;
+            let mut shape = None;
+            Shape::starts(&behind, &mut |each| {
+                if shape.is_none() && std::mem::discriminant(&each) == std::mem::discriminant(&own.shape) {
+                    shape = Some(each);
+                }
+            });
+            Some(Factor::new(own.signal, dynamics, shape?))
+        };
+        let mut chains: Vec<Vec<Dynamics>> = vec![Vec::new()];
+        Dynamics::starts(bare, &mut |each| {
+            chains.push(vec![each]);
+            if let [first] = own.dynamics.as_slice() {
+                chains.push(vec![*first, each]);
+            }
+        });
+        for chain in chains {
+            if let Some(factor) = relined(&chain) {
+                push(effect.port, &with(factor));
+            }
+        }
+    }
+    all
+}

@@ -1,0 +1,281 @@
+//! The evidence of a model: every run's azimuth, amplitude and bias, and the weights of all effects, are integrated out.
+//!
+//! Of all runs together y = Φ w + N u + e: Φ the columns of the effects with weights w ~ N(0, s² diag p²), a size s for every effect, N those
+//! of the runs' own unknowns, e white noise and a process of every run's own. Linear and Gaussian, so that the marginal likelihood is exact
+//! (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, section 2.7).
+
+use std::sync::Arc;
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
+use north_finder::effects::doubt::Process;
+use north_finder::effects::effect::Effect;
+
+use super::process::Whitener;
+use super::functions::Values;
+use super::rows::{Run, UNKNOWNS};
+
+/// A column of all runs with independent errors of variance 1, without what the runs' own unknowns explain: the inner product of two is that of
+/// `rows` less that of `explained`.
+#[derive(Clone, Debug)]
+pub struct Column {
+    rows: Vec<f64>,
+    explained: Vec<f64>,
+}
+
+impl Column {
+    /// Inner product under the inverse of the runs' covariance.
+    pub fn dot(&self, other: &Self) -> f64 {
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        dot(&self.rows, &other.rows) - dot(&self.explained, &other.explained)
+    }
+
+    fn add(&mut self, factor: f64, other: &Self) {
+        self.rows.iter_mut().zip(&other.rows).for_each(|(sum, value)| *sum += factor * value);
+        self.explained.iter_mut().zip(&other.explained).for_each(|(sum, value)| *sum += factor * value);
+    }
+}
+
+struct OfRun {
+    whitener: Whitener,
+    /// The unknowns' columns, independent.
+    unknowns: [Vec<f64>; UNKNOWNS],
+    /// Factor of the unknowns' precision.
+    factor: Cholesky<f64, nalgebra::Const<UNKNOWNS>>,
+}
+
+/// The runs with one process of their own.
+pub struct Problem<'a> {
+    pub runs: &'a [Run],
+    of_runs: Vec<OfRun>,
+    /// What is to be explained.
+    pub residual: Column,
+    /// The evidence without any effect.
+    pub without: f64,
+}
+
+impl<'a> Problem<'a> {
+    pub fn new(runs: &'a [Run], process: Option<&Process>) -> Self {
+        let of_runs: Vec<OfRun> = runs.iter().filter_map(|run| OfRun::new(run, process)).collect();
+        let residuals: Vec<f64> = runs.iter().flat_map(Run::residual_deg_h).collect();
+        let mut problem = Self { runs, of_runs, residual: Column { rows: Vec::new(), explained: Vec::new() }, without: 0.0 };
+        problem.residual = problem.column(&residuals);
+        let determinants: f64 =
+            problem.of_runs.iter().map(|run| run.whitener.log_determinant + 2.0 * run.factor.l().diagonal().map(f64::ln).sum()).sum();
+        problem.without = -0.5 * (problem.residual.dot(&problem.residual) + determinants);
+        problem
+    }
+
+    /// A column from its values by the row, all runs one after the other.
+    pub fn column(&self, values: &[f64]) -> Column {
+        let mut column = Column { rows: values.to_vec(), explained: Vec::with_capacity(UNKNOWNS * self.of_runs.len()) };
+        let mut rest = column.rows.as_mut_slice();
+        for (of_run, run) in self.of_runs.iter().zip(self.runs) {
+            let (rows, after) = rest.split_at_mut(run.rows());
+            of_run.whitener.apply(rows);
+            column.explained.extend(of_run.explained(rows).iter());
+            rest = after;
+        }
+        column
+    }
+
+    /// Columns from the values of an effect.
+    pub fn columns(&self, values: &Values) -> Vec<Column> {
+        values.iter().map(|values| self.column(values)).collect()
+    }
+
+    /// V⁻¹ times a column, by the row, all runs one after the other: what the values of any other column are multiplied with for their inner product.
+    pub fn weighed(&self, column: &Column) -> Vec<f64> {
+        let mut first = 0;
+        let weigh = |(i, run): (usize, &OfRun)| {
+            let rows = self.runs[i].rows();
+            let mut values = column.rows[first..first + rows].to_vec();
+            first += rows;
+            let explained = Vector3::from_column_slice(&column.explained[UNKNOWNS * i..UNKNOWNS * (i + 1)]);
+            // explained = L⁻¹ Nᵀ x, so that Nᵀ-ward it enters by L⁻ᵀ.
+            let shares = run.factor.l().transpose().solve_upper_triangular(&explained).unwrap_or_default();
+            for (k, unknown) in run.unknowns.iter().enumerate() {
+                values.iter_mut().zip(unknown).for_each(|(value, unknown)| *value -= shares[k] * unknown);
+            }
+            run.whitener.apply_transposed(&mut values);
+            values
+        };
+        self.of_runs.iter().enumerate().flat_map(weigh).collect()
+    }
+
+    /// What is left of the residual with these effects, as a column: the residual less the mean of what they explain.
+    pub fn left(&self, terms: &[Term], fit: &Fit) -> Column {
+        let mut left = self.residual.clone();
+        for (column, mean) in terms.iter().flat_map(|term| &term.columns).zip(fit.scaled_means()) {
+            left.add(-mean, column);
+        }
+        left
+    }
+}
+
+impl OfRun {
+    fn new(run: &Run, process: Option<&Process>) -> Option<Self> {
+        let whitener = Whitener::new(&run.t_s, &run.variance, process);
+        let mut unknowns = run.unknowns();
+        unknowns.iter_mut().for_each(|column| whitener.apply(column));
+        let dot = |i: usize, j: usize| unknowns[i].iter().zip(&unknowns[j]).map(|(a, b)| a * b).sum::<f64>();
+        let precision = Matrix3::from_fn(|i, j| dot(i, j) + if i == j { 1.0 } else { 0.0 });
+        Some(Self { factor: precision.cholesky()?, whitener, unknowns })
+    }
+
+    fn explained(&self, rows: &[f64]) -> Vector3<f64> {
+        let shares = Vector3::from_fn(|i, _| self.unknowns[i].iter().zip(rows).map(|(a, b)| a * b).sum::<f64>());
+        self.factor.l().solve_lower_triangular(&shares).unwrap_or_default()
+    }
+}
+
+/// An effect in a model.
+#[derive(Clone, Debug)]
+pub struct Term {
+    pub effect: Effect,
+    /// Its columns as they are, for one unit of the weights' priors.
+    pub values: Arc<Values>,
+    pub columns: Vec<Column>,
+    /// Square of its size, in units of its weights' priors.
+    pub size2: f64,
+}
+
+/// Inner products of the columns of terms with each other and with the residual.
+#[derive(Clone, Debug)]
+pub struct Gram {
+    matrix: DMatrix<f64>,
+    right: DVector<f64>,
+    /// Number of the term of each column.
+    owner: Vec<usize>,
+}
+
+impl Gram {
+    pub fn new(problem: &Problem<'_>, terms: &[Term]) -> Self {
+        let columns: Vec<&Column> = terms.iter().flat_map(|term| &term.columns).collect();
+        let mut matrix = DMatrix::zeros(columns.len(), columns.len());
+        for i in 0..columns.len() {
+            for j in 0..=i {
+                let dot = columns[i].dot(columns[j]);
+                matrix[(i, j)] = dot;
+                matrix[(j, i)] = dot;
+            }
+        }
+        let right = DVector::from_iterator(columns.len(), columns.iter().map(|column| column.dot(&problem.residual)));
+        let owner = terms.iter().enumerate().flat_map(|(i, term)| std::iter::repeat_n(i, term.columns.len())).collect();
+        Self { matrix, right, owner }
+    }
+}
+
+/// A model's weights and its evidence, for given sizes.
+pub struct Fit {
+    pub evidence: f64,
+    scales: DVector<f64>,
+    factor: Cholesky<f64, Dyn>,
+    /// L⁻¹ S right.
+    half: DVector<f64>,
+    owner: Vec<usize>,
+}
+
+impl Fit {
+    /// `None` where a size is no number.
+    pub fn new(problem: &Problem<'_>, gram: &Gram, sizes2: &[f64]) -> Option<Self> {
+        let scales = DVector::from_iterator(gram.owner.len(), gram.owner.iter().map(|&term| sizes2[term].sqrt()));
+        let matrix = DMatrix::from_fn(scales.len(), scales.len(), |i, j| {
+            scales[i] * gram.matrix[(i, j)] * scales[j] + if i == j { 1.0 } else { 0.0 }
+        });
+        let factor = matrix.cholesky()?;
+        let half = factor.l_dirty().solve_lower_triangular(&gram.right.component_mul(&scales))?;
+        let log_determinant = factor.l_dirty().diagonal().map(f64::ln).sum();
+        let evidence = problem.without + 0.5 * half.norm_squared() - log_determinant;
+        Some(Self { evidence, scales, factor, half, owner: gram.owner.clone() })
+    }
+
+    /// Means of the weights, in units of their priors.
+    pub fn scaled_means(&self) -> Vec<f64> {
+        let inner = self.factor.l_dirty().transpose().solve_upper_triangular(&self.half).unwrap_or_else(|| DVector::zeros(self.scales.len()));
+        inner.component_mul(&self.scales).iter().copied().collect()
+    }
+
+    /// Covariance of the weights, in units of their priors.
+    pub fn scaled_covariance(&self) -> DMatrix<f64> {
+        let inverse = self.factor.inverse();
+        DMatrix::from_fn(self.scales.len(), self.scales.len(), |i, j| self.scales[i] * inverse[(i, j)] * self.scales[j])
+    }
+
+    /// Sizes that raise the evidence (MacKay, Neural Computation 4, 1992, p. 448): squares of the means by the degrees of freedom that the data
+    /// determine.
+    fn next_sizes2(&self, sizes2: &[f64]) -> Vec<f64> {
+        let means = self.scaled_means();
+        let inverse = self.factor.inverse();
+        let mut determined = vec![0.0; sizes2.len()];
+        let mut squares = vec![0.0; sizes2.len()];
+        for (i, &term) in self.owner.iter().enumerate() {
+            determined[term] += 1.0 - inverse[(i, i)];
+            squares[term] += means[i] * means[i];
+        }
+        determined.iter().zip(squares).zip(sizes2).map(|((determined, squares), &size2)| if *determined > 1e-9 { squares / determined } else { size2 }).collect()
+    }
+
+    /// What more the evidence would be with further columns of one effect, at its best size: (gain, size²).
+    pub fn gain_of(&self, problem: &Problem<'_>, terms: &[Term], columns: &[Column]) -> (f64, f64) {
+        let count = columns.len();
+        let mut own = DMatrix::from_fn(count, count, |i, j| if j <= i { columns[i].dot(&columns[j]) } else { 0.0 });
+        own.fill_upper_triangle_with_lower_triangle();
+        let mut right = DVector::from_iterator(count, columns.iter().map(|column| column.dot(&problem.residual)));
+        if !self.scales.is_empty() {
+            let active: Vec<&Column> = terms.iter().flat_map(|term| &term.columns).collect();
+            let cross = DMatrix::from_fn(active.len(), count, |i, j| self.scales[i] * active[i].dot(&columns[j]));
+            let Some(half) = self.factor.l_dirty().solve_lower_triangular(&cross) else { return (0.0, 0.0) };
+            own -= half.tr_mul(&half);
+            right -= half.tr_mul(&self.half);
+        }
+        best_size(own, &right)
+    }
+}
+
+/// The size at which a group of columns has the greatest evidence: (gain, size²). In the columns' principal directions with information λ and
+/// score y it is Σ ½ s²y²/(1 + s²λ) − ½ ln(1 + s²λ).
+fn best_size(own: DMatrix<f64>, right: &DVector<f64>) -> (f64, f64) {
+    let eigen = own.symmetric_eigen();
+    let scores = eigen.eigenvectors.tr_mul(right);
+    let gain = |size2: f64| -> f64 {
+        let of = |(lambda, score): (&f64, &f64)| {
+            let spread = 1.0 + size2 * lambda.max(0.0);
+            0.5 * (size2 * score * score / spread - spread.ln())
+        };
+        eigen.eigenvalues.iter().zip(scores.iter()).map(of).sum()
+    };
+    let information = eigen.eigenvalues.max();
+    if !(information > 0.0 && information.is_finite()) {
+        return (0.0, 0.0);
+    }
+    // From what moves the strongest direction by a tenth of its error to ten thousand errors; the gain is smooth in the logarithm.
+    let size2 = |i: i32| 10f64.powf(-2.0 + 0.5 * f64::from(i)) / information;
+    let best = (0..=20).max_by(|&a, &b| gain(size2(a)).total_cmp(&gain(size2(b)))).unwrap_or(0);
+    let (mut low, mut high) = (size2(best - 1).ln(), size2(best + 1).ln());
+    for _ in 0..8 {
+        let (a, b) = (low + 0.382 * (high - low), low + 0.618 * (high - low));
+        if gain(a.exp()) < gain(b.exp()) { low = a } else { high = b }
+    }
+    let found = (0.5 * (low + high)).exp();
+    (gain(found), found)
+}
+
+/// Fits the sizes of terms by turns, from those that they have.
+pub fn fit_sizes(problem: &Problem<'_>, gram: &Gram, terms: &mut [Term], turns: usize) -> Option<Fit> {
+    let mut sizes2: Vec<f64> = terms.iter().map(|term| term.size2).collect();
+    let mut fit = Fit::new(problem, gram, &sizes2)?;
+    for _ in 0..turns {
+        let next = fit.next_sizes2(&sizes2);
+        // Geometric damping keeps a first step from overshooting.
+        let next: Vec<f64> = next.iter().zip(&sizes2).map(|(next, last)| (next.max(1e-30) * last).sqrt()).collect();
+        let Some(better) = Fit::new(problem, gram, &next) else { break };
+        let change = next.iter().zip(&sizes2).map(|(a, b)| (a / b).ln().abs()).fold(0.0, f64::max);
+        sizes2 = next;
+        fit = better;
+        if change < 0.02 {
+            break;
+        }
+    }
+    terms.iter_mut().zip(&sizes2).for_each(|(term, &size2)| term.size2 = size2);
+    Some(fit)
+}

@@ -1,0 +1,103 @@
+//! Surveys are a mixture: right with their sigma, wrong by anything, or exchanged with another run's. They compete with effects for what is to
+//! be explained, so that one blunder invents none.
+
+use north_finder::units::{DEG_PER_RAD, wrap_180_deg};
+use rayon::prelude::*;
+
+use super::problem::Problem;
+use super::rows::{Run, UNKNOWN_RAD};
+use super::model::Model;
+
+/// Probability that a campaign has one wrong reference, or one exchange, before anything is seen.
+const BLUNDER: f64 = 0.01;
+/// References that are looked at exactly: those that miss most.
+const SUSPECTS: usize = 4;
+
+/// What may be wrong with the references.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Blunder {
+    /// The reference of this run is wrong.
+    Wrong(usize),
+    /// The references of these runs are exchanged.
+    Exchanged(usize, usize),
+}
+
+impl Blunder {
+    /// The runs with the blunder put right: an azimuth that is not known, or the other run's reference.
+    pub fn mended(&self, runs: &[Run]) -> Vec<Run> {
+        let mut runs = runs.to_vec();
+        match *self {
+            Self::Wrong(i) => runs[i].lose_reference(),
+            Self::Exchanged(i, j) => {
+                let (a, b) = (runs[i].reference, runs[j].reference);
+                runs[i].take_reference(b);
+                runs[j].take_reference(a);
+            }
+        }
+        runs
+    }
+
+    /// Minus the logarithm of its probability beforehand, nats. A wrong one may be anything on the circle, where the search allows for a
+    /// normal distribution about the first estimate: the ratio of the two densities there belongs to the cost.
+    fn cost(&self, runs: usize) -> f64 {
+        let runs = runs as f64;
+        match self {
+            Self::Wrong(_) => (runs / BLUNDER).ln() + ((2.0 * std::f64::consts::PI).sqrt() / UNKNOWN_RAD).ln(),
+            Self::Exchanged(..) => (0.5 * runs * (runs - 1.0) / BLUNDER).ln(),
+        }
+    }
+}
+
+/// The blunder that would raise the evidence of a model most, and by how much more than it costs.
+pub fn likeliest(model: &Model<'_>) -> Option<(f64, Blunder)> {
+    let problem = &model.problem;
+    let runs = problem.runs;
+    let mut suspects = misses(problem, &problem.weighed(&problem.left(&model.terms, &model.fit)));
+    suspects.sort_by(|a, b| b.1.total_cmp(&a.1));
+    suspects.truncate(SUSPECTS);
+    let alone = suspects.iter().map(|&(i, ..)| Blunder::Wrong(i));
+    let pairs = suspects.iter().enumerate().flat_map(|(n, a)| suspects[..n].iter().map(move |b| (a, b)));
+    let exchanged = pairs.filter(|(a, b)| points_at(runs, a, b) && points_at(runs, b, a)).map(|(a, b)| Blunder::Exchanged(a.0, b.0));
+    let all: Vec<Blunder> = alone.chain(exchanged).collect();
+    all.into_par_iter()
+        .filter_map(|blunder| {
+            let mended = blunder.mended(runs);
+            // What a blunder leaves may have been taken for a process.
+            let evidence = model.best_evidence_in(&mended)?;
+            Some((evidence - model.evidence() - blunder.cost(runs.len()), blunder))
+        })
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+}
+
+/// By how much every reference misses what its run says beside the model (rad), and the chi-square of that.
+fn misses(problem: &Problem<'_>, weighed: &[f64]) -> Vec<(usize, f64, f64)> {
+    let mut end = 0;
+    let of_run = |(i, run): (usize, &Run)| {
+        end += run.rows();
+        let (_, sigma_deg) = run.reference?;
+        // One sigma of the survey turns the rates by this much.
+        let [turn, ..] = run.unknowns();
+        let score: f64 = turn.iter().zip(&weighed[end - run.rows()..end]).map(|(a, b)| a * b).sum();
+        let information = information(run, &turn);
+        let sigma_rad = sigma_deg / DEG_PER_RAD;
+        // The score is that of a run whose reference holds it: beside the survey's own variance.
+        let free = information / (1.0 + information);
+        (free > 0.0).then(|| (i, score * score / free, score / information * (1.0 + information) * sigma_rad))
+    };
+    problem.runs.iter().enumerate().filter_map(of_run).collect()
+}
+
+/// Information of a run about its turn, by white noise, with bias and amplitude taken out by their own shares.
+fn information(run: &Run, turn: &[f64]) -> f64 {
+    let sum = |f: &dyn Fn(usize) -> f64| (0..turn.len()).map(|i| f(i) / run.variance[i]).sum::<f64>();
+    let weight = sum(&|_| 1.0);
+    let mean = sum(&|i| turn[i]) / weight;
+    sum(&|i| (turn[i] - mean).powi(2))
+}
+
+/// Whether run a, by what it says itself, points where the reference of run b does: nearer by five than to its own.
+fn points_at(runs: &[Run], a: &(usize, f64, f64), b: &(usize, f64, f64)) -> bool {
+    let (Some((own_deg, _)), Some((other_deg, _))) = (runs[a.0].reference, runs[b.0].reference) else { return false };
+    let says_deg = runs[a.0].plain_deg.unwrap_or(own_deg + a.2 * DEG_PER_RAD);
+    wrap_180_deg(says_deg - other_deg).abs() < 0.2 * wrap_180_deg(says_deg - own_deg).abs()
+}

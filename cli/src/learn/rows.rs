@@ -1,0 +1,323 @@
+//! The runs as the search sees them: rows at rest, what the Earth's rate should be in them, and what effects are evaluated from.
+
+use std::collections::HashMap;
+use std::ops::Range;
+use std::sync::{Arc, Mutex};
+
+use north_finder::effects::effect::Port;
+use north_finder::effects::factor::{Factor, Memory};
+use north_finder::effects::now::{Belief, Now, RunFacts};
+use north_finder::effects::signal::Signal;
+use north_finder::effects::track::Track;
+use north_finder::effects::{ChannelName, Conditions, MAX_CHANNELS};
+use north_finder::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_360_deg};
+
+use crate::diagnose::data::{RunData, Sample};
+
+/// Most rows of one run in the search: longer ones are means over some seconds.
+const MOST_ROWS: usize = 160;
+/// Relative error of the amplitude that a run may have of its own, one sigma: scale factor and latitude of a sound instrument.
+const AMPLITUDE_SIGMA: f64 = 0.01;
+/// One sigma of an azimuth about its first estimate where there is no reference, rad.
+pub const UNKNOWN_RAD: f64 = 0.2;
+/// One sigma of a run's bias, °/h: none to speak of.
+const BIAS_SIGMA_DEG_H: f64 = 1e3;
+
+/// Unknowns of every run that are integrated out: azimuth (rad), relative amplitude, bias (°/h).
+pub const UNKNOWNS: usize = 3;
+
+/// One run.
+#[derive(Clone, Debug)]
+pub struct Run {
+    pub file: String,
+    /// Surveyed azimuth and its sigma, degrees.
+    pub reference: Option<(f64, f64)>,
+    /// What the run alone says, without any effect, degrees.
+    pub plain_deg: Option<f64>,
+    /// Where the equations are linearised, degrees.
+    pub azimuth_deg: f64,
+    /// Horizontal and vertical Earth rate, °/h.
+    pub north_deg_h: f64,
+    pub up_deg_h: f64,
+    facts: RunFacts,
+    /// Every second, the turning ones too.
+    seconds: Vec<Conditions>,
+    samples: Vec<Sample>,
+    tracks: Vec<Track>,
+    names: Vec<String>,
+    channels: Vec<Vec<f64>>,
+    /// Values of the signals by the second, as they are asked for.
+    signals: Arc<Mutex<HashMap<String, Arc<Vec<f64>>>>>,
+    /// The rows of the search, as ranges of seconds.
+    bins: Vec<Range<usize>>,
+    /// Of every bin: middle and length, s; mean rate less the vertical Earth rate, °/h; variance, (°/h)².
+    pub t_s: Vec<f64>,
+    pub rate_deg_h: Vec<f64>,
+    pub variance: Vec<f64>,
+    cos: Vec<f64>,
+    sin: Vec<f64>,
+}
+
+impl Run {
+    /// `None` where nothing is at rest, or where there is neither a reference nor an azimuth.
+    pub fn new(data: &RunData, facts: RunFacts) -> Option<Self> {
+        let reference = data.reference_deg.map(|deg| (deg, data.reference_sigma_deg));
+        let azimuth_deg = data.reference_deg.or(data.before.map(|fix| fix.azimuth_deg))?;
+        let seconds: Vec<Conditions> = data.samples.iter().map(conditions).collect();
+        let mut track = Track::default();
+        let mut tracks = Vec::with_capacity(seconds.len());
+        for each in &seconds {
+            track.push(each);
+            tracks.push(track);
+        }
+        let mut run = Self {
+            file: data.file.clone(),
+            reference,
+            plain_deg: data.before.map(|fix| fix.azimuth_deg),
+            azimuth_deg,
+            north_deg_h: data.earth.north_deg_h,
+            up_deg_h: data.earth.up_deg_h,
+            facts,
+            seconds,
+            samples: data.samples.clone(),
+            tracks,
+            names: data.names.clone(),
+            channels: data.channels.clone(),
+            signals: Arc::default(),
+            bins: bins(data),
+            t_s: Vec::new(),
+            rate_deg_h: Vec::new(),
+            variance: Vec::new(),
+            cos: Vec::new(),
+            sin: Vec::new(),
+        };
+        run.gather();
+        (run.bins.len() > UNKNOWNS).then_some(run)
+    }
+
+    fn gather(&mut self) {
+        let mean = |value: &dyn Fn(&Sample) -> f64| -> Vec<f64> {
+            let of_bin = |bin: &Range<usize>| self.samples[bin.clone()].iter().map(value).sum::<f64>() / bin.len() as f64;
+            self.bins.iter().map(of_bin).collect()
+        };
+        self.t_s = mean(&|sample| sample.t_s);
+        self.rate_deg_h = mean(&|sample| sample.rate_deg_h - sample.design.vertical_deg_h);
+        self.cos = mean(&|sample| sample.design.cos);
+        self.sin = mean(&|sample| sample.design.sin);
+        let seconds: Vec<f64> = self.bins.iter().map(|bin| self.samples[bin.clone()].iter().map(|each| each.seconds).sum()).collect();
+        let noise = noise_deg_h(&self.rate_deg_h, &self.t_s, &seconds);
+        self.variance = seconds.iter().map(|seconds| noise * noise / seconds).collect();
+    }
+
+    /// Its reference is not believed: its azimuth is an unknown about what it says itself.
+    pub fn lose_reference(&mut self) {
+        self.signals = Arc::default();
+        self.reference = None;
+        self.azimuth_deg = self.plain_deg.unwrap_or(self.azimuth_deg);
+    }
+
+    /// The equations are linearised elsewhere.
+    pub fn set_azimuth(&mut self, azimuth_deg: f64) {
+        self.signals = Arc::default();
+        self.azimuth_deg = azimuth_deg;
+    }
+
+    /// It has another reference.
+    pub fn take_reference(&mut self, reference: Option<(f64, f64)>) {
+        self.signals = Arc::default();
+        self.reference = reference;
+        self.azimuth_deg = reference.map_or(self.azimuth_deg, |(deg, _)| deg);
+    }
+
+    pub fn rows(&self) -> usize {
+        self.bins.len()
+    }
+
+    /// Length of a usual second, and of the whole run, s.
+    pub fn lengths_s(&self) -> (f64, f64) {
+        let row_s = self.samples.first().map_or(1.0, |sample| sample.seconds);
+        (row_s, self.samples.last().map_or(0.0, |sample| sample.t_s))
+    }
+
+    /// Dwells by their rows.
+    pub fn dwell_of_rows(&self) -> Vec<usize> {
+        self.bins.iter().map(|bin| self.samples[bin.start].dwell).collect()
+    }
+
+    /// Rate that is left when the Earth's is taken out, by the row, °/h.
+    pub fn residual_deg_h(&self) -> Vec<f64> {
+        self.rate_deg_h.iter().zip(self.amplitudes()).map(|(rate, earth)| rate - earth).collect()
+    }
+
+    /// The Earth's horizontal rate about the axis, by the row, °/h.
+    fn amplitudes(&self) -> Vec<f64> {
+        let (sin, cos) = (self.azimuth_deg * RAD_PER_DEG).sin_cos();
+        self.cos.iter().zip(&self.sin).map(|(c, s)| self.north_deg_h * (c * cos + s * sin)).collect()
+    }
+
+    /// Columns of the run's own unknowns, each for one sigma of what is known of it beforehand.
+    pub fn unknowns(&self) -> [Vec<f64>; UNKNOWNS] {
+        let (sin, cos) = (self.azimuth_deg * RAD_PER_DEG).sin_cos();
+        let tie_rad = self.reference.map_or(UNKNOWN_RAD, |(_, sigma_deg)| sigma_deg * RAD_PER_DEG);
+        let turn = |(c, s): (&f64, &f64)| tie_rad * self.north_deg_h * (s * cos - c * sin);
+        let azimuth = self.cos.iter().zip(&self.sin).map(turn).collect();
+        let amplitude = self.amplitudes().into_iter().map(|rate| AMPLITUDE_SIGMA * rate).collect();
+        [azimuth, amplitude, vec![BIAS_SIGMA_DEG_H; self.rows()]]
+    }
+
+    /// What the rate of a second changes by, by unit of what an effect adds at a port.
+    fn gain(&self, port: Port, sample: &Sample) -> f64 {
+        let (sin, cos) = (self.azimuth_deg * RAD_PER_DEG).sin_cos();
+        match port {
+            Port::Rate => 1.0,
+            Port::Scale => self.belief(sample).rate_deg_h,
+            // The index reads too much: the axis is clockwise of where it is taken to be.
+            Port::Index => -RAD_PER_DEG * self.north_deg_h * (sample.design.cos * sin - sample.design.sin * cos),
+            // The level reads too much, and so much too much of the vertical rate is taken out.
+            Port::Forward => -self.up_deg_h * sample.cos,
+            Port::Left => -self.up_deg_h * sample.sin,
+        }
+    }
+
+    fn belief(&self, sample: &Sample) -> Belief {
+        let (sin, cos) = (self.azimuth_deg * RAD_PER_DEG).sin_cos();
+        let index_deg = sample.sin.atan2(sample.cos) * DEG_PER_RAD;
+        Belief {
+            axis_azimuth_deg: wrap_360_deg(self.azimuth_deg - index_deg),
+            rate_deg_h: self.north_deg_h * (sample.design.cos * cos + sample.design.sin * sin) + sample.design.vertical_deg_h,
+        }
+    }
+
+    /// Names of all channels that vary by themselves.
+    pub fn channel_names(&self) -> impl Iterator<Item = &str> {
+        let temperature = self.samples.iter().all(|sample| sample.temp_c.is_some()).then_some("temp_c");
+        temperature.into_iter().chain(self.names.iter().map(String::as_str))
+    }
+
+    /// The functions of a factor by the second; not-a-number where its signal says nothing. Outer: the functions.
+    pub fn functions(&self, factor: &Factor) -> Vec<Vec<f64>> {
+        let mut functions = vec![vec![f64::NAN; self.seconds.len()]; factor.count()];
+        self.each_input(factor, &mut |i, input| {
+            for (function, value) in functions.iter_mut().zip(factor.shape.values(input)) {
+                function[i] = value;
+            }
+        });
+        functions
+    }
+
+    /// What comes out of a factor's dynamics in the rows at rest.
+    pub fn inputs(&self, factor: &Factor) -> Vec<f64> {
+        let mut inputs = vec![f64::NAN; self.seconds.len()];
+        self.each_input(factor, &mut |i, input| inputs[i] = input);
+        self.bins.iter().flat_map(|bin| inputs[bin.clone()].to_vec()).collect()
+    }
+
+    /// The values of a signal by the second; not-a-number where it says nothing.
+    fn signal(&self, signal: &Signal) -> Arc<Vec<f64>> {
+        let key = format!("{signal:?}");
+        if let Ok(signals) = self.signals.lock()
+            && let Some(known) = signals.get(&key)
+        {
+            return known.clone();
+        }
+        let names: heapless::Vec<ChannelName, MAX_CHANNELS> = signal.channels().copied().collect();
+        let places: Vec<Option<usize>> = names.iter().map(|name| self.names.iter().position(|each| each == name.as_str())).collect();
+        let value = |(i, (conditions, track)): (usize, (&Conditions, &Track))| {
+            let mut conditions = *conditions;
+            for (value, place) in conditions.channels.iter_mut().zip(&places) {
+                *value = place.map_or(f64::NAN, |place| self.channels[place][i]);
+            }
+            let belief = signal.needs_azimuth().then(|| self.belief(&self.samples[i]));
+            let now = Now { conditions: &conditions, channels: &names, track, run: &self.facts, belief };
+            signal.value(&now).unwrap_or(f64::NAN)
+        };
+        let values: Arc<Vec<f64>> = Arc::new(self.seconds.iter().zip(&self.tracks).enumerate().map(value).collect());
+        if let Ok(mut signals) = self.signals.lock() {
+            signals.insert(key, values.clone());
+        }
+        values
+    }
+
+    fn each_input(&self, factor: &Factor, each: &mut dyn FnMut(usize, f64)) {
+        let mut memory = Memory::default();
+        for (i, (&value, track)) in self.signal(&factor.signal).iter().zip(&self.tracks).enumerate() {
+            if let Some(input) = factor.pass(Some(value).filter(|value| value.is_finite()), track.step_s, &mut memory) {
+                each(i, input);
+            }
+        }
+    }
+
+    /// Numbers of consecutive rows that one coarse row stands for, within one dwell.
+    pub fn coarse(&self, most: usize) -> Vec<Range<usize>> {
+        let together = self.rows().div_ceil(most).max(1);
+        let dwells = self.dwell_of_rows();
+        let mut coarse: Vec<Range<usize>> = Vec::new();
+        for row in 0..self.rows() {
+            match coarse.last_mut() {
+                Some(last) if last.len() < together && dwells[last.start] == dwells[row] => last.end = row + 1,
+                _ => coarse.push(row..row + 1),
+            }
+        }
+        coarse
+    }
+
+    /// What the rate of a row changes by, by unit of what an effect adds at a port.
+    pub fn gains(&self, port: Port) -> Vec<f64> {
+        let mean = |bin: &Range<usize>| self.samples[bin.clone()].iter().map(|sample| self.gain(port, sample)).sum::<f64>() / bin.len() as f64;
+        self.bins.iter().map(mean).collect()
+    }
+
+    /// The functions of a factor by the row; 0 where its signal says nothing.
+    pub fn functions_by_row(&self, factor: &Factor) -> Vec<Vec<f64>> {
+        let mean = |function: &Vec<f64>, bin: &Range<usize>| {
+            let mean = function[bin.clone()].iter().sum::<f64>() / bin.len() as f64;
+            if mean.is_finite() { mean } else { 0.0 }
+        };
+        self.functions(factor).iter().map(|function| self.bins.iter().map(|bin| mean(function, bin)).collect()).collect()
+    }
+}
+
+fn conditions(sample: &Sample) -> Conditions {
+    Conditions {
+        t_s: sample.t_s,
+        seconds: sample.seconds,
+        raw_rate_deg_h: sample.rate_deg_h,
+        index: Some(north_finder::index::Direction { cos: sample.cos, sin: sample.sin }),
+        temp_c: sample.temp_c,
+        level: sample.level,
+        channels: [f64::NAN; MAX_CHANNELS],
+    }
+}
+
+/// Rows at rest, as many seconds together as the run's length asks for, within one dwell.
+fn bins(data: &RunData) -> Vec<Range<usize>> {
+    let entering: Vec<usize> = (0..data.samples.len()).filter(|&i| data.enters(&data.samples[i])).collect();
+    let most = entering.len().div_ceil(MOST_ROWS).max(1);
+    let mut bins: Vec<Range<usize>> = Vec::new();
+    for i in entering {
+        match bins.last_mut() {
+            Some(bin) if bin.end == i && bin.len() < most && data.samples[bin.start].dwell == data.samples[i].dwell => bin.end = i + 1,
+            _ => bins.push(i..i + 1),
+        }
+    }
+    bins
+}
+
+/// Noise of a one-second rate, °/h, from differences of neighbouring rows: the smaller of the root mean square and of the one that the median
+/// gives, so that shocks do not count.
+fn noise_deg_h(rate_deg_h: &[f64], t_s: &[f64], seconds: &[f64]) -> f64 {
+    let mut squares: Vec<f64> = Vec::new();
+    for i in 1..rate_deg_h.len() {
+        if t_s[i] - t_s[i - 1] < 0.75 * (seconds[i] + seconds[i - 1]) {
+            squares.push((rate_deg_h[i] - rate_deg_h[i - 1]).powi(2) / (1.0 / seconds[i] + 1.0 / seconds[i - 1]));
+        }
+    }
+    if squares.is_empty() {
+        return 1.0;
+    }
+    let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+    squares.sort_by(f64::total_cmp);
+    // The median of a chi-square of one degree of freedom is 0.4549.
+    let by_median = squares[squares.len() / 2] / 0.4549;
+    if by_median > 0.0 { mean.min(by_median).sqrt() } else { mean.sqrt() }.max(1e-6)
+}

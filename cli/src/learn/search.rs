@@ -1,0 +1,310 @@
+//! The choice of the model: proposals by a score, decisions by the evidence.
+
+use std::sync::Arc;
+
+use north_finder::effects::doubt::{Kernel, Process};
+use north_finder::effects::effect::Effect;
+use north_finder::effects::factor::Factor;
+use rayon::prelude::*;
+
+use super::bank::Bank;
+use super::grammar::{Grammar, neighbours};
+use super::model::{Model, process_cost};
+use super::problem::Term;
+use super::references::{Blunder, likeliest};
+use super::rows::Run;
+
+/// A campaign without any effect must name one in at most this share of campaigns: by Markov's inequality the evidence for an effect, times the
+/// probability of its form, exceeds the evidence for none by more than one over this share in at most this share of them.
+const FALSE_DISCOVERIES: f64 = 1.0 / 200.0;
+/// The same for a further effect beside one that was found.
+const FURTHER_FALSE_DISCOVERIES: f64 = 1.0 / 20.0;
+/// Most effects of a model: what its file and a board have room for.
+pub const MOST_EFFECTS: usize = 12;
+/// Most weights.
+pub const MOST_WEIGHTS: usize = 96;
+/// Proposals whose exact evidence is computed, and those that are tuned.
+const SHORTLIST: usize = 40;
+const FINALISTS: usize = 3;
+/// Neighbours of a form whose exact evidence is computed, and most changes of form in a row.
+const NEAREST: usize = 16;
+const CLIMBS: usize = 2;
+
+/// The search's tools.
+pub struct Search<'a> {
+    pub runs: &'a [Run],
+    pub grammar: Grammar,
+    gates: Vec<Factor>,
+    bank: Bank,
+}
+
+impl<'a> Search<'a> {
+    pub fn new(runs: &'a [Run]) -> Self {
+        let grammar = Grammar::new(runs);
+        let factors = grammar.factors(runs);
+        let gates = grammar.gates(&factors);
+        let bank = Bank::new(runs, &grammar, &factors, &gates);
+        Self { runs, grammar, gates, bank }
+    }
+
+    /// How many proposals there are.
+    pub fn proposals(&self) -> usize {
+        self.bank.len()
+    }
+
+    /// The model of the greatest score, and those that differ from it by one effect or by the process and are near it: the best first.
+    ///
+    /// Errors: a reference is likelier wrong than all that it says is an effect; whoever asks puts it right and begins again.
+    pub fn run(&self) -> Result<Vec<Model<'a>>, Blunder> {
+        let Some(best) = self.best()? else { return Ok(Vec::new()) };
+        let mut models = self.rivals(&best);
+        models.push(best);
+        models.sort_by(|a, b| b.score(&self.grammar).total_cmp(&a.score(&self.grammar)));
+        Ok(models)
+    }
+
+    /// Models that have another effect, or none, in the place of one of the best's.
+    fn rivals(&self, best: &Model<'a>) -> Vec<Model<'a>> {
+        let mut rivals = Vec::new();
+        for i in 0..best.terms.len() {
+            let mut terms = best.terms.clone();
+            let own = terms.remove(i);
+            let Some(others) = Model::new(self.runs, best.process, &terms) else { continue };
+            for effect in self.finalists(&others, false) {
+                if effect == own.effect {
+                    continue;
+                }
+                let mut with = terms.clone();
+                with.push(self.term(&others, &effect));
+                rivals.extend(Model::new(self.runs, best.process, &with));
+            }
+            rivals.push(others);
+        }
+        rivals
+    }
+
+    /// The model of the greatest score.
+    fn best(&self) -> Result<Option<Model<'a>>, Blunder> {
+        let Some(bare) = Model::new(self.runs, None, &[]) else { return Ok(None) };
+        let mut model = self.with_process(bare);
+        for _ in 0..MOST_EFFECTS {
+            let asked = if model.terms.is_empty() { FALSE_DISCOVERIES } else { FURTHER_FALSE_DISCOVERIES };
+            let now = model.score(&self.grammar);
+            // Beside the process as it is, and beside none: a process may have taken for its own what is an effect.
+            let mut finalists = self.finalists(&model, true);
+            if model.process.is_some()
+                && let Some(without) = Model::new(self.runs, None, &model.terms)
+            {
+                finalists.extend(self.finalists(&without, true));
+            }
+            let with = |effect: &Effect| {
+                let mut terms = model.terms.clone();
+                terms.push(self.term(&model, effect));
+                let widened = Model::new(self.runs, model.process, &terms)?;
+                Some(self.with_process(widened))
+            };
+            let best = finalists
+                .par_iter()
+                .filter_map(with)
+                .filter(|each| each.weights() <= MOST_WEIGHTS)
+                .max_by(|a, b| a.score(&self.grammar).total_cmp(&b.score(&self.grammar)));
+            let gained = best.as_ref().map_or(0.0, |best| best.score(&self.grammar) - now);
+            if let Some((gain, blunder)) = likeliest(&model)
+                && gain > gained.max(0.0)
+            {
+                return Err(blunder);
+            }
+            let Some(best) = best.filter(|_| gained > -asked.ln()) else { break };
+            model = self.pruned(best);
+        }
+        Ok(Some(self.revised(model)))
+    }
+
+    /// An effect as a term beside a model, of the size that suits it best.
+    fn term(&self, model: &Model<'_>, effect: &Effect) -> Term {
+        let values = Arc::new(self.bank.library.values(self.runs, effect));
+        let (_, size2) = model.fit.gain_of(&model.problem, &model.terms, &model.problem.columns(&values));
+        Term { effect: effect.clone(), values, columns: Vec::new(), size2: size2.max(1e-20) }
+    }
+
+    /// The most promising effects beside a model, tuned, and where `thorough` changed for better neighbours.
+    fn finalists(&self, model: &Model<'_>, thorough: bool) -> Vec<Effect> {
+        let weighed = model.problem.weighed(&model.problem.left(&model.terms, &model.fit));
+        let shortlist = self.bank.shortlist(&weighed, SHORTLIST);
+        let mut exact: Vec<(f64, Effect)> = shortlist.par_iter().map(|effect| (self.gain(model, effect), (*effect).clone())).collect();
+        exact.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut chosen: Vec<(f64, Effect)> = Vec::new();
+        for (gain, effect) in exact {
+            if chosen.len() < FINALISTS && !chosen.iter().any(|(_, each)| alike(each, &effect)) {
+                chosen.push((gain, effect));
+            }
+        }
+        let finish = |(gain, effect)| if thorough { self.climb(model, effect, gain, &weighed) } else { self.tuned(model, effect, gain).1 };
+        chosen.into_par_iter().map(finish).collect()
+    }
+
+    /// The gain in evidence less the cost of an effect beside a model.
+    fn gain(&self, model: &Model<'_>, effect: &Effect) -> f64 {
+        let columns = model.problem.columns(&self.bank.library.values(self.runs, effect));
+        model.fit.gain_of(&model.problem, &model.terms, &columns).0 - self.grammar.cost(effect)
+    }
+
+    /// From form to neighbouring form, as long as the gain grows by more than chance.
+    fn climb(&self, model: &Model<'_>, mut effect: Effect, mut gain: f64, weighed: &[f64]) -> Effect {
+        (gain, effect) = self.tuned(model, effect, gain);
+        for _ in 0..CLIMBS {
+            let near = neighbours(&effect, &self.grammar, self.runs, &self.gates);
+            let promise = |each: Effect| (self.bank.promise(&self.bank.library.values(self.runs, &each), weighed) - self.grammar.cost(&each), each);
+            let mut promising: Vec<(f64, Effect)> = near.into_par_iter().map(promise).collect();
+            promising.sort_by(|a, b| b.0.total_cmp(&a.0));
+            promising.truncate(NEAREST);
+            let mut better: Vec<(f64, Effect)> = promising.into_par_iter().map(|(_, each)| (self.gain(model, &each), each)).collect();
+            better.sort_by(|a, b| b.0.total_cmp(&a.0));
+            better.truncate(2);
+            let best = better.into_iter().map(|(gain, each)| self.tuned(model, each, gain)).max_by(|a, b| a.0.total_cmp(&b.0));
+            match best {
+                Some((above, each)) if above > gain + 0.5 => (gain, effect) = (above, each),
+                _ => break,
+            }
+        }
+        effect
+    }
+
+    /// The constants of an effect by turns, to the greatest gain.
+    fn tuned(&self, model: &Model<'_>, mut effect: Effect, mut gain: f64) -> (f64, Effect) {
+        for (f, number) in constants_of(&effect) {
+            let mut step = 0.35;
+            while step > 0.04 {
+                let mut moved = false;
+                for sign in [1.0, -1.0] {
+                    let Some(each) = moved_constant(&effect, f, number, sign * step) else { continue };
+                    let above = self.gain(model, &each);
+                    if above > gain {
+                        (gain, effect, moved) = (above, each, true);
+                        break;
+                    }
+                }
+                if !moved {
+                    step *= 0.5;
+                }
+            }
+        }
+        (gain, effect)
+    }
+
+    /// Without the terms that the evidence does not miss.
+    fn pruned(&self, mut model: Model<'a>) -> Model<'a> {
+        loop {
+            let without = |i: usize| {
+                let mut terms = model.terms.clone();
+                terms.remove(i);
+                Model::new(self.runs, model.process, &terms)
+            };
+            let best = (0..model.terms.len()).filter_map(without).max_by(|a, b| a.score(&self.grammar).total_cmp(&b.score(&self.grammar)));
+            match best {
+                Some(fewer) if fewer.score(&self.grammar) > model.score(&self.grammar) => model = fewer,
+                _ => return model,
+            }
+        }
+    }
+
+    /// Every term once more beside the others: its neighbouring forms and its constants.
+    fn revised(&self, mut model: Model<'a>) -> Model<'a> {
+        for i in 0..model.terms.len() {
+            let mut terms = model.terms.clone();
+            let own = terms.remove(i);
+            let Some(others) = Model::new(self.runs, model.process, &terms) else { continue };
+            let weighed = others.problem.weighed(&others.problem.left(&others.terms, &others.fit));
+            let found = self.climb(&others, own.effect.clone(), self.gain(&others, &own.effect), &weighed);
+            if found == own.effect {
+                continue;
+            }
+            terms.insert(i, self.term(&others, &found));
+            if let Some(revised) = Model::new(self.runs, model.process, &terms).map(|each| self.with_process(each))
+                && revised.score(&self.grammar) > model.score(&self.grammar)
+                && revised.weights() <= MOST_WEIGHTS
+            {
+                model = revised;
+            }
+        }
+        self.pruned(model)
+    }
+
+    /// The same effects beside the process that has the greatest evidence.
+    fn with_process(&self, model: Model<'a>) -> Model<'a> {
+        let mut best = model;
+        let noise = typical_noise(self.runs);
+        let longest_s = self.runs.iter().map(|run| run.lengths_s().1).fold(0.0, f64::max);
+        let mut starts: Vec<Option<Process>> = vec![best.process, None];
+        for time_s in [4.0, 20.0, 100.0] {
+            starts.push(Some(Process { kernel: Kernel::Exponential, sigma_deg_h: 0.5 * noise, time_s }));
+        }
+        let score = |process: &Option<Process>| Model::new(self.runs, *process, &best.terms).map(|each| (each.fit.evidence - process_cost(process), *process));
+        let mut tried: Vec<(f64, Option<Process>)> = starts.par_iter().filter_map(score).collect();
+        tried.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let Some(&(mut top, mut process)) = tried.first() else { return best };
+        if let Some(mut own) = process {
+            let mut step = 0.7;
+            while step > 0.15 {
+                let moves = [(step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)];
+                let moved = moves
+                    .par_iter()
+                    .filter_map(|(size, time): &(f64, f64)| {
+                        let each = Process { sigma_deg_h: own.sigma_deg_h * size.exp(), time_s: (own.time_s * time.exp()).clamp(1.0, 4.0 * longest_s), ..own };
+                        score(&Some(each))
+                    })
+                    .max_by(|a, b| a.0.total_cmp(&b.0));
+                match moved {
+                    Some((above, Some(each))) if above > top + 1e-3 => (top, own) = (above, each),
+                    _ => step *= 0.5,
+                }
+            }
+            process = Some(own);
+        }
+        if process != best.process
+            && let Some(with) = Model::new(self.runs, process, &best.terms)
+        {
+            best = with;
+        }
+        best
+    }
+}
+
+fn typical_noise(runs: &[Run]) -> f64 {
+    let mut all: Vec<f64> = runs.iter().filter_map(|run| run.variance.first()).map(|variance| variance.sqrt()).collect();
+    all.sort_by(f64::total_cmp);
+    all.get(all.len() / 2).copied().unwrap_or(1.0)
+}
+
+/// Of the same port, signals and dynamics' kinds: the constants and shapes of one are tuned to those of the other.
+fn alike(a: &Effect, b: &Effect) -> bool {
+    let form = |effect: &Effect| {
+        let mut words: Vec<String> = effect.factors.iter().map(|factor| format!("{} {:?}", factor.signal, factor.dynamics.iter().map(|each| each.to_string()).collect::<Vec<_>>())).collect();
+        words.sort();
+        (effect.port, words)
+    };
+    form(a) == form(b)
+}
+
+fn constants_of(effect: &Effect) -> Vec<(usize, usize)> {
+    effect.factors.iter().enumerate().flat_map(|(f, factor)| (0..factor.constants().len()).map(move |number| (f, number))).collect()
+}
+
+/// The effect with one constant moved by a step: of its logarithm where it is a scale, of a width or of the signal's unit where it is a place.
+fn moved_constant(effect: &Effect, f: usize, number: usize, step: f64) -> Option<Effect> {
+    let mut effect = effect.clone();
+    let factor = effect.factors.get_mut(f)?;
+    let constants = factor.constants();
+    let constant = constants.get(number)?;
+    let value = if constant.is_scale {
+        constant.value * step.exp()
+    } else {
+        let width = constants.iter().find(|each| each.is_scale).map(|each| each.value).or(match factor.shape {
+            north_finder::effects::shape::Shape::Hinge(hinge) => Some(hinge.scale.into()),
+            _ => None,
+        });
+        constant.value + step * width.unwrap_or(constant.value.abs().max(1.0) * 0.2)
+    };
+    factor.set(number, value);
+    effect.validate().ok().map(|()| effect)
+}

@@ -1,0 +1,47 @@
+//! What has not passed a low-pass yet.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Dynamics, DynamicsPart, State, passed};
+use crate::effects::part::{Constant, Constants, Span, constants};
+use crate::limits::{Invalid, within};
+
+/// The signal less what a first-order low-pass makes of it, which starts at the first value.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Memory {
+    /// Time constant, seconds.
+    pub tau_s: f32,
+}
+
+impl Memory {
+    /// What the search begins with.
+    pub fn starts(span: &Span, each: &mut dyn FnMut(Dynamics)) {
+        span.time_constants_s().for_each(|tau_s| each(Self { tau_s: tau_s as f32 }.into()));
+    }
+}
+
+impl DynamicsPart for Memory {
+    fn step(&self, state: &mut State, value: f64, step_s: f64) -> f64 {
+        let [last, ..] = state.unwrap_or([value; 4]);
+        let now = passed(last, value, step_s, self.tau_s.into());
+        *state = Some([now; 4]);
+        value - now
+    }
+
+    fn name(&self) -> &'static str {
+        "memory"
+    }
+
+    fn constants(&self) -> Constants {
+        constants([Constant::scale("tau_s", self.tau_s)])
+    }
+
+    fn set(&mut self, _: usize, value: f64) {
+        self.tau_s = value as f32;
+    }
+
+    fn validate(&self) -> Result<(), Invalid> {
+        within("model.effects.factors.dynamics.memory.tau_s", self.tau_s.into(), 0.01, 1e6, "0.01 to 1000000")
+    }
+}

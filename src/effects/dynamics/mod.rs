@@ -1,0 +1,79 @@
+//! Dynamics: what stands between a signal and its effect. Causal, a few numbers of state each. One file a dynamics, and one line here.
+
+use core::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use super::part::{Constants, Span, parts};
+use crate::limits::Invalid;
+
+/// Numbers of state of one dynamics.
+pub const STATES: usize = 4;
+
+/// What a dynamics remembers; `None`: nothing was seen yet.
+pub type State = Option<[f64; STATES]>;
+
+/// What every dynamics says of itself.
+pub trait DynamicsPart {
+    /// Takes the signal's next value, `step_s` after the one before, and gives what comes out.
+    fn step(&self, state: &mut State, value: f64, step_s: f64) -> f64;
+    /// Its name, lower case, with hyphens.
+    fn name(&self) -> &'static str;
+    /// The numbers that the search tunes.
+    fn constants(&self) -> Constants;
+    /// Sets the constant of that number.
+    fn set(&mut self, number: usize, value: f64);
+    /// Constants in their range.
+    fn validate(&self) -> Result<(), Invalid>;
+    /// Divides by a time, so that a second's noise grows: what comes out has the unit of the signal per second.
+    fn is_rate(&self) -> bool {
+        false
+    }
+}
+
+parts! {
+    /// A dynamics.
+    Dynamics is DynamicsPart of
+    low_pass::LowPass,
+    memory::Memory,
+    rate::Rate,
+    delay::Delay,
+    play::Play,
+    relay::Relay,
+    greatest::Greatest,
+    heat::Heat,
+}
+
+impl Dynamics {
+    /// Takes the signal's next value, `step_s` after the one before, and gives what comes out.
+    pub fn step(&self, state: &mut State, value: f64, step_s: f64) -> f64 {
+        self.part().step(state, value, step_s)
+    }
+
+    pub fn constants(&self) -> Constants {
+        self.part().constants()
+    }
+
+    pub fn set(&mut self, number: usize, value: f64) {
+        self.part_mut().set(number, value);
+    }
+
+    pub fn validate(&self) -> Result<(), Invalid> {
+        self.part().validate()
+    }
+
+    pub fn is_rate(&self) -> bool {
+        self.part().is_rate()
+    }
+}
+
+impl fmt::Display for Dynamics {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.part().name())
+    }
+}
+
+/// A first-order low-pass: what was, what comes in, after `step_s`.
+fn passed(last: f64, value: f64, step_s: f64, tau_s: f64) -> f64 {
+    last + (value - last) * (1.0 - libm::exp(-step_s / tau_s))
+}

@@ -1,0 +1,53 @@
+//! Hysteresis by a play.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Dynamics, DynamicsPart, State};
+use crate::effects::part::{Constant, Constants, Span, constants};
+use crate::limits::{Invalid, positive};
+
+/// A play of that half width follows the signal (Krasnosel'skii and Pokrovskii, Systems with hysteresis, 1989); it starts at the first value.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Play {
+    /// In the signal's unit.
+    pub half_width: f32,
+}
+
+/// Half widths that the search begins with, as shares of the signal's range: by steps of 2, as the time constants.
+const SHARES: [f64; 4] = [0.03, 0.06, 0.12, 0.25];
+
+impl Play {
+    /// What the search begins with.
+    pub fn starts(span: &Span, each: &mut dyn FnMut(Dynamics)) {
+        for share in SHARES {
+            each(Self { half_width: (share * (span.high - span.low)) as f32 }.into());
+        }
+    }
+}
+
+impl DynamicsPart for Play {
+    fn step(&self, state: &mut State, value: f64, _: f64) -> f64 {
+        let half = f64::from(self.half_width);
+        let [last, ..] = state.unwrap_or([value; 4]);
+        let now = last.max(value - half).min(value + half);
+        *state = Some([now; 4]);
+        now
+    }
+
+    fn name(&self) -> &'static str {
+        "play"
+    }
+
+    fn constants(&self) -> Constants {
+        constants([Constant::scale("half_width", self.half_width)])
+    }
+
+    fn set(&mut self, _: usize, value: f64) {
+        self.half_width = value as f32;
+    }
+
+    fn validate(&self) -> Result<(), Invalid> {
+        positive("model.effects.factors.dynamics.play.half_width", self.half_width.into())
+    }
+}

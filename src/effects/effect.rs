@@ -1,0 +1,146 @@
+//! An effect: a product of factors at a port, with a weight for every product of their functions.
+
+use core::fmt;
+
+use heapless::Vec;
+use serde::{Deserialize, Serialize};
+
+use super::channel::ChannelName;
+use super::factor::{Factor, Memory};
+use super::now::Now;
+use crate::limits::{Invalid, finite, within};
+
+/// Most factors of one effect.
+pub const MAX_FACTORS: usize = 3;
+/// Most weights of one effect: a surface of two smooth curves has 36.
+pub const MAX_EFFECT_WEIGHTS: usize = 36;
+
+/// Where an effect enters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Port {
+    /// Adds to the rate, °/h.
+    Rate,
+    /// Scales the rate: adds to the scale factor, 1.
+    Scale,
+    /// Turns the index angle: adds to what the encoder reads, degrees.
+    Index,
+    /// Adds to the forward level accelerometer's reading, g.
+    Forward,
+    /// Adds to the left level accelerometer's reading, g.
+    Left,
+}
+
+impl Port {
+    pub const ALL: [Self; 5] = [Self::Rate, Self::Scale, Self::Index, Self::Forward, Self::Left];
+
+    /// Unit of a weight.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Rate => "deg_h",
+            Self::Scale => "1",
+            Self::Index => "deg",
+            Self::Forward | Self::Left => "g",
+        }
+    }
+}
+
+/// Σ weight · product of the factors' functions.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Effect {
+    pub port: Port,
+    /// One to three; none: a constant.
+    #[serde(default)]
+    pub factors: Vec<Factor, MAX_FACTORS>,
+    /// One for every product of functions: the first function of the first factor with all of the others comes first.
+    pub weights: Vec<f32, MAX_EFFECT_WEIGHTS>,
+}
+
+/// What the factors of an effect remember.
+pub type EffectMemory = [Memory; MAX_FACTORS];
+
+impl Effect {
+    /// An effect whose weights are not known yet: all 0.
+    pub fn new(port: Port, factors: &[Factor]) -> Self {
+        let factors: Vec<Factor, MAX_FACTORS> = factors.iter().take(MAX_FACTORS).cloned().collect();
+        let mut effect = Self { port, factors, weights: Vec::new() };
+        effect.weights = core::iter::repeat_n(0.0, effect.count().min(MAX_EFFECT_WEIGHTS)).collect();
+        effect
+    }
+
+    /// How many weights there must be.
+    pub fn count(&self) -> usize {
+        self.factors.iter().map(Factor::count).product()
+    }
+
+    /// Calls `each` with the number of every weight and the product of functions that it multiplies; not at all where a signal says nothing, or
+    /// where a factor needs the azimuth and there is none. Must be called every second, in the order of time.
+    pub fn functions(&self, now: &Now<'_>, memory: &mut EffectMemory, each: &mut dyn FnMut(usize, f64)) {
+        let mut products: Vec<f64, MAX_EFFECT_WEIGHTS> = Vec::new();
+        let _ = products.push(1.0);
+        let mut says_something = true;
+        for (factor, memory) in self.factors.iter().zip(memory) {
+            // All are asked, so that all remember.
+            let Some(values) = factor.values(now, memory) else {
+                says_something = false;
+                continue;
+            };
+            products = products.iter().flat_map(|product| values.iter().map(move |value| product * value)).take(MAX_EFFECT_WEIGHTS).collect();
+        }
+        if says_something {
+            products.into_iter().enumerate().for_each(|(number, value)| each(number, value));
+        }
+    }
+
+    /// Standard deviation of a weight before anything is learned, relative to the effect's size.
+    pub fn prior(&self, number: usize) -> f64 {
+        let (mut rest, mut prior) = (number, 1.0);
+        for factor in self.factors.iter().rev() {
+            let count = factor.count().max(1);
+            prior *= factor.shape.prior(rest % count);
+            rest /= count;
+        }
+        prior
+    }
+
+    /// It depends on the azimuth that is sought.
+    pub fn needs_azimuth(&self) -> bool {
+        self.factors.iter().any(Factor::needs_azimuth)
+    }
+
+    pub fn channels(&self) -> impl Iterator<Item = &ChannelName> {
+        self.factors.iter().flat_map(Factor::channels)
+    }
+
+    /// Every part in its range, and as many weights as products of functions.
+    pub fn validate(&self) -> Result<(), Invalid> {
+        self.factors.iter().try_for_each(Factor::validate)?;
+        let count = self.count() as f64;
+        within("model.effects (functions)", count, 1.0, MAX_EFFECT_WEIGHTS as f64, "at most 36 products of functions")?;
+        if self.weights.len() != self.count() {
+            let (field, value) = ("model.effects.weights (number)", self.weights.len() as f64);
+            return Err(Invalid::new(field, value, "one for every product of the factors' functions"));
+        }
+        self.weights.iter().try_for_each(|&weight| finite("model.effects.weights", &[weight.into()]))
+    }
+}
+
+/// The stable name: the port where it is not the rate, then the factors.
+impl fmt::Display for Effect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self.port {
+            Port::Rate if self.factors.is_empty() => "bias",
+            Port::Rate => "",
+            Port::Scale => "scale",
+            Port::Index => "index-offset",
+            Port::Forward => "level-forward",
+            Port::Left => "level-left",
+        })?;
+        for (i, factor) in self.factors.iter().enumerate() {
+            let joint = if i > 0 { "-times-" } else if self.port == Port::Rate { "" } else { "-by-" };
+            write!(f, "{joint}{factor}")?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,51 @@
+//! A kink.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Shape, ShapePart, Values, one};
+use crate::effects::part::{Constant, Constants, Span, constants};
+use crate::limits::{Invalid, finite, positive};
+
+/// 0 below `at`, (x − at)/scale above.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Hinge {
+    pub at: f32,
+    pub scale: f32,
+}
+
+impl Hinge {
+    /// What the search begins with.
+    pub fn starts(span: &Span, each: &mut dyn FnMut(Shape)) {
+        if !span.is_angle {
+            span.places().for_each(|at| each(Self { at: at as f32, scale: span.deviation as f32 }.into()));
+        }
+    }
+}
+
+impl ShapePart for Hinge {
+    fn count(&self) -> usize {
+        1
+    }
+
+    fn values(&self, x: f64) -> Values {
+        one((x - f64::from(self.at)).max(0.0) / f64::from(self.scale))
+    }
+
+    fn name(&self) -> &'static str {
+        "hinge"
+    }
+
+    fn constants(&self) -> Constants {
+        constants([Constant::place("at", self.at)])
+    }
+
+    fn set(&mut self, _: usize, value: f64) {
+        self.at = value as f32;
+    }
+
+    fn validate(&self) -> Result<(), Invalid> {
+        finite("model.effects.factors.shape.hinge.at", &[self.at.into()])?;
+        positive("model.effects.factors.shape.hinge.scale", self.scale.into())
+    }
+}

@@ -1,0 +1,111 @@
+//! Shapes: functions of a signal, one or several. One file a shape, and one line here.
+
+use core::fmt;
+
+use heapless::Vec;
+use serde::{Deserialize, Serialize};
+
+use super::part::{Constants, Span, parts};
+use crate::limits::Invalid;
+
+/// Most functions of one shape.
+pub const MAX_FUNCTIONS: usize = 16;
+
+/// Values of a shape's functions.
+pub type Values = Vec<f64, MAX_FUNCTIONS>;
+
+/// What every shape says of itself.
+pub trait ShapePart {
+    /// How many functions there are.
+    fn count(&self) -> usize;
+    /// Their values.
+    fn values(&self, x: f64) -> Values;
+    /// Standard deviation of the weight of the function of that number, from 0, before anything is learned: relative to the effect's size.
+    fn prior(&self, _number: usize) -> f64 {
+        1.0
+    }
+    /// Its name, lower case, with hyphens.
+    fn name(&self) -> &'static str;
+    /// The numbers that the search tunes.
+    fn constants(&self) -> Constants;
+    /// Sets the constant of that number.
+    fn set(&mut self, _number: usize, _value: f64) {}
+    /// Constants in their range.
+    fn validate(&self) -> Result<(), Invalid>;
+}
+
+parts! {
+    /// A shape.
+    Shape is ShapePart of
+    linear::Linear,
+    harmonic::Harmonic,
+    smooth::Smooth,
+    sharp::Sharp,
+    hinge::Hinge,
+    step::Step,
+    bump::Bump,
+    decay::Decay,
+}
+
+impl Shape {
+    /// How many functions there are.
+    pub fn count(&self) -> usize {
+        self.part().count()
+    }
+
+    /// Their values.
+    pub fn values(&self, x: f64) -> Values {
+        self.part().values(x)
+    }
+
+    /// Standard deviation of a weight before anything is learned, relative to the effect's size.
+    pub fn prior(&self, number: usize) -> f64 {
+        self.part().prior(number)
+    }
+
+    pub fn constants(&self) -> Constants {
+        self.part().constants()
+    }
+
+    pub fn set(&mut self, number: usize, value: f64) {
+        self.part_mut().set(number, value);
+    }
+
+    pub fn validate(&self) -> Result<(), Invalid> {
+        self.part().validate()
+    }
+}
+
+impl fmt::Display for Shape {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.part().name())
+    }
+}
+
+/// cos(π j u) for j = 1 … count, u = the place of x between `low` and `high`, from 0 to 1: the functions that smooth curves on an interval are
+/// made of (Solin and Särkkä, Statistics and Computing 30, 2020, p. 419). Constant beyond the interval.
+fn cosines(x: f64, low: f32, high: f32, count: usize) -> Values {
+    let u = ((x - f64::from(low)) / f64::from(high - low)).clamp(0.0, 1.0);
+    let cos = libm::cos(core::f64::consts::PI * u);
+    let (mut before, mut last) = (1.0, cos);
+    let mut values = Values::new();
+    for _ in 0..count.min(MAX_FUNCTIONS) {
+        let _ = values.push(last);
+        (before, last) = (last, 2.0 * cos * last - before);
+    }
+    values
+}
+
+/// Limits of a curve's interval and count.
+fn interval(field: &'static str, low: f32, high: f32) -> Result<(), Invalid> {
+    if high > low && (high - low).is_finite() {
+        Ok(())
+    } else {
+        Err(Invalid::new(field, high.into(), "finite, above `low`"))
+    }
+}
+
+/// One function.
+fn one(value: f64) -> Values {
+    core::iter::once(value).collect()
+}

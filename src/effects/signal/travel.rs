@@ -1,0 +1,27 @@
+//! The way of the last move.
+
+use core::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use super::SignalPart;
+use crate::effects::now::Now;
+
+/// Degrees, counter-clockwise positive; 0 before the first move.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Travel;
+
+impl SignalPart for Travel {
+    fn value(&self, now: &Now<'_>) -> Option<f64> {
+        Some(now.track.travel_deg)
+    }
+
+    fn name(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("travel")
+    }
+
+    fn unit(&self) -> &'static str {
+        "deg"
+    }
+}

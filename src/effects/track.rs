@@ -1,0 +1,90 @@
+//! What the index has done: its winding, its last move, its moves by number.
+
+use super::conditions::Conditions;
+use crate::units::wrap_180_deg;
+
+/// The index is at rest while it turns by less than this in a row, degrees.
+const REST_DEG: f64 = 0.5;
+
+/// The index' history as far as effects depend on it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Track {
+    last_deg: Option<f64>,
+    last_s: f64,
+    moving: bool,
+    /// Unwrapped index angle, degrees, counter-clockwise positive; the first is in [0°, 360°).
+    pub winding_deg: f64,
+    /// Seconds since the last move ended, or since the recording began.
+    pub since_s: f64,
+    /// Way of the last move, degrees, counter-clockwise positive; 0 before the first.
+    pub travel_deg: f64,
+    /// Moves that have begun.
+    pub number: f64,
+    /// Turning rate over the row, °/s.
+    pub turning_deg_s: f64,
+    /// Moves that began in this row, by second.
+    pub begun_per_s: f64,
+    /// Seconds since the middle of the row before.
+    pub step_s: f64,
+    rest_began_s: f64,
+}
+
+impl Track {
+    /// Takes the next second (or longer row).
+    pub fn push(&mut self, conditions: &Conditions) {
+        let start_s = conditions.t_s - 0.5 * conditions.seconds;
+        let first = self.last_deg.is_none();
+        self.step_s = if first { 0.0 } else { (conditions.t_s - self.last_s).max(0.0) };
+        self.last_s = conditions.t_s;
+        self.begun_per_s = 0.0;
+        self.turning_deg_s = 0.0;
+        if let Some(direction) = conditions.index {
+            let index_deg = direction.deg();
+            match self.last_deg.replace(index_deg) {
+                None => {
+                    self.winding_deg = index_deg;
+                    self.rest_began_s = start_s;
+                }
+                Some(last_deg) => self.turn(wrap_180_deg(index_deg - last_deg), start_s),
+            }
+        }
+        self.since_s = (conditions.t_s - self.rest_began_s).max(0.0);
+    }
+
+    fn turn(&mut self, way_deg: f64, start_s: f64) {
+        self.winding_deg += way_deg;
+        let step_s = self.step_s.max(f64::MIN_POSITIVE);
+        self.turning_deg_s = way_deg / step_s;
+        let moving = way_deg.abs() > REST_DEG;
+        if moving {
+            if !self.moving {
+                self.travel_deg = 0.0;
+                self.number += 1.0;
+                self.begun_per_s = 1.0 / step_s;
+            }
+            self.travel_deg += way_deg;
+            // Where rows leave the move out, rest begins with this very row.
+            self.rest_began_s = start_s;
+        }
+        self.moving = moving;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::index::Direction;
+
+    /// Rest at 350°, a move over two rows to 10° and 80°, rest: 90° counter-clockwise through north, resting from 3 s on.
+    #[test]
+    fn a_move_through_zero() {
+        let mut track = Track::default();
+        for (t_s, index_deg) in [(0.5, 350.0), (1.5, 350.1), (2.5, 10.0), (3.5, 80.0), (4.5, 80.0), (5.5, 80.0)] {
+            let index = Some(Direction::of_deg(index_deg));
+            track.push(&Conditions { t_s, seconds: 1.0, index, ..Conditions::default() });
+        }
+        assert!((track.winding_deg - 440.0).abs() < 1e-9 && (track.travel_deg - 89.9).abs() < 1e-9, "{track:?}");
+        assert_eq!((track.number, track.since_s, track.step_s), (1.0, 2.5, 1.0));
+        assert!(track.turning_deg_s.abs() < 1e-9 && track.begun_per_s == 0.0);
+    }
+}
