@@ -1,13 +1,15 @@
-# The two commands that matter: `make find` finds north in QEMU, `make test` checks everything.
+# The two commands that matter: `make find` finds north in QEMU, `make test` checks everything but the statistics, which are `make proofs`.
 
 TARGET := thumbv7em-none-eabihf
 BUILD := $(or $(CARGO_TARGET_DIR),target)
+# What boards, page and emulated chip have in common is built once: they share the folder of intermediate files (cargo 1.91; older ones build more).
+export CARGO_BUILD_BUILD_DIR := $(abspath $(BUILD))
 QEMU_BOARD := --target $(TARGET) --no-default-features --features mps2 --target-dir $(BUILD)/qemu
 F405_BOARD := --target $(TARGET) --target-dir $(BUILD)/f405
 # The emulated chip: a workspace of its own, whose emulator asks for a newer compiler than it needs.
 CHIP := --quiet --manifest-path chip/Cargo.toml --ignore-rust-version --target-dir $(BUILD)/chip
 
-.PHONY: find chip test lint fmt firmware bench page flash setup help
+.PHONY: find chip test proofs lint fmt firmware bench page flash setup help
 
 ## find: build the firmware, run it in QEMU with the simulated instrument, show the fix (ARGS="--scenario windy-tripod")
 find: setup
@@ -17,11 +19,15 @@ find: setup
 chip: setup
 	@cargo run $(CHIP) -- $(ARGS)
 
-## test: format, lints, both firmware images, the page, all tests
+## test: format, lints, both firmware images, the page, all tests but those of many seeds (ten minutes on two cores, from a fresh clone)
 test: setup lint firmware
 	@scripts/page.sh $(BUILD)/page || [ $$? = 3 ]
 	cargo test --workspace --quiet
 	cargo test $(CHIP)
+
+## proofs: the tests that take statistics of many seeds
+proofs: setup
+	cargo test --release --workspace -- --ignored
 
 ## lint: format check and clippy, warnings are errors, for the host and both boards
 lint: setup

@@ -190,7 +190,17 @@ fn names(diagnosis: &Diagnosis) -> Vec<&str> {
     diagnosis.effects.iter().map(|effect| effect.name.as_str()).collect()
 }
 
+/// A campaign in which nothing is hidden is one in which nothing is found, with this seed.
 #[test]
+fn one_campaign_with_nothing_gives_nothing() {
+    let folder = Folder::new("nothing");
+    let diagnosis = run(&campaign(&folder, 12, 0, |_| 0.0, honest));
+    assert_eq!(names(&diagnosis), [""; 0]);
+    assert_eq!(diagnosis.model, Default::default());
+}
+
+#[test]
+#[ignore = "many campaigns: make proofs"]
 fn nothing_gives_nothing() {
     // Of campaigns without an effect at most 5 % may show one: in 12 of them more than 2 have a probability of
     // 1 − 0.5404 − 0.3413 − 0.0988 = 0.02.

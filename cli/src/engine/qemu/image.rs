@@ -36,9 +36,10 @@ pub fn build(board: Board) -> Result<PathBuf, ImageError> {
 
 /// Builds one of the programs for a board.
 pub fn build_program(board: Board, program: &str) -> Result<PathBuf, ImageError> {
-    let (feature, directory) = match board {
-        Board::Mps2 => ("mps2", "qemu"),
-        Board::F405 => ("f405", "f405"),
+    // As the Makefile asks for them: what it has built is not built again.
+    let (features, directory): (&[&str], &str) = match board {
+        Board::Mps2 => (&["--no-default-features", "--features", "mps2"], "qemu"),
+        Board::F405 => (&[], "f405"),
     };
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let root = root.canonicalize().map_err(|_| ImageError::NoSources(root.clone()))?;
@@ -47,7 +48,8 @@ pub fn build_program(board: Board, program: &str) -> Result<PathBuf, ImageError>
     let mut command = Command::new(cargo);
     command
         .current_dir(&root)
-        .args(["build", "--profile", "firmware", "--no-default-features", "--features", feature, "--bin", program])
+        .args(["build", "--profile", "firmware", "--bin", program])
+        .args(features)
         .args(["--target", TARGET, "--target-dir"])
         .arg(&target)
         .stdin(Stdio::null());
