@@ -8,7 +8,7 @@ use crate::limits::{Invalid, finite, positive, within};
 /// Most coefficients of all terms together.
 pub const MAX_COEFFICIENTS: usize = 48;
 /// Most directions in which the coefficients are uncertain.
-pub const MAX_DIRECTIONS: usize = 12;
+pub const MAX_DIRECTIONS: usize = 3;
 
 /// What is not certain about a model.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

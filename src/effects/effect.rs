@@ -6,8 +6,7 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 use super::channel::ChannelName;
-use super::factor::{Factor, Memory};
-use super::now::Now;
+use super::factor::Factor;
 use crate::limits::{Invalid, finite, within};
 
 /// Most factors of one effect.
@@ -57,9 +56,6 @@ pub struct Effect {
     pub weights: Vec<f32, MAX_EFFECT_WEIGHTS>,
 }
 
-/// What the factors of an effect remember.
-pub type EffectMemory = [Memory; MAX_FACTORS];
-
 impl Effect {
     /// An effect whose weights are not known yet: all 0.
     pub fn new(port: Port, factors: &[Factor]) -> Self {
@@ -72,25 +68,6 @@ impl Effect {
     /// How many weights there must be.
     pub fn count(&self) -> usize {
         self.factors.iter().map(Factor::count).product()
-    }
-
-    /// Calls `each` with the number of every weight and the product of functions that it multiplies; not at all where a signal says nothing, or
-    /// where a factor needs the azimuth and there is none. Must be called every second, in the order of time.
-    pub fn functions(&self, now: &Now<'_>, memory: &mut EffectMemory, each: &mut dyn FnMut(usize, f64)) {
-        let mut products: Vec<f64, MAX_EFFECT_WEIGHTS> = Vec::new();
-        let _ = products.push(1.0);
-        let mut says_something = true;
-        for (factor, memory) in self.factors.iter().zip(memory) {
-            // All are asked, so that all remember.
-            let Some(values) = factor.values(now, memory) else {
-                says_something = false;
-                continue;
-            };
-            products = products.iter().flat_map(|product| values.iter().map(move |value| product * value)).take(MAX_EFFECT_WEIGHTS).collect();
-        }
-        if says_something {
-            products.into_iter().enumerate().for_each(|(number, value)| each(number, value));
-        }
     }
 
     /// Standard deviation of a weight before anything is learned, relative to the effect's size.
@@ -138,9 +115,43 @@ impl fmt::Display for Effect {
             Port::Left => "level-left",
         })?;
         for (i, factor) in self.factors.iter().enumerate() {
-            let joint = if i > 0 { "-times-" } else if self.port == Port::Rate { "" } else { "-by-" };
+            let joint = if i > 0 {
+                "-times-"
+            } else if self.port == Port::Rate {
+                ""
+            } else {
+                "-by-"
+            };
             write!(f, "{joint}{factor}")?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::shape::{Decay, Smooth};
+    use crate::effects::signal::{Channel, Since};
+
+    /// A smooth curve of six functions times a decay: six weights, whose priors fall with the square of the number; named by port and factors.
+    #[test]
+    fn a_product_at_a_port() {
+        let name = ChannelName::new("supply_v").unwrap();
+        let curve = Factor::new(Channel { name }.into(), &[], Smooth { low: 4.0, high: 6.0 }.into());
+        let decay = Factor::new(Since.into(), &[], Decay { tau_s: 10.0 }.into());
+        let effect = Effect::new(Port::Scale, &[decay, curve]);
+        assert_eq!((effect.count(), effect.weights.len()), (6, 6));
+        assert_eq!((effect.prior(0), effect.prior(2)), (1.0, 1.0 / 9.0));
+        assert_eq!(std::format!("{effect}"), "scale-by-since-decay-times-supply_v-smooth");
+        assert!(effect.validate().is_ok() && !effect.needs_azimuth());
+    }
+
+    #[test]
+    fn weights_must_be_as_many_as_products() {
+        let decay = Factor::new(Since.into(), &[], Decay { tau_s: 10.0 }.into());
+        let mut effect = Effect::new(Port::Rate, &[decay]);
+        assert!(effect.weights.push(1.0).is_ok());
+        assert_eq!(effect.validate().unwrap_err().field, "model.effects.weights (number)");
     }
 }

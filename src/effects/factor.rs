@@ -7,9 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use super::channel::ChannelName;
 use super::dynamics::{Dynamics, State};
-use super::now::Now;
 use super::part::Constant;
-use super::shape::{Shape, Values};
+use super::shape::Shape;
 use super::signal::Signal;
 use crate::limits::Invalid;
 
@@ -37,12 +36,8 @@ impl Factor {
         Self { signal, dynamics: dynamics.iter().copied().take(MAX_CHAIN).collect(), shape }
     }
 
-    /// What comes out of the dynamics in this second; `None`: the signal says nothing. Must be called every second, in the order of time.
-    pub fn input(&self, now: &Now<'_>, memory: &mut Memory) -> Option<f64> {
-        self.pass(self.signal.value(now), now.track.step_s, memory)
-    }
-
-    /// The same of a signal's value, `step_s` after the one before.
+    /// What comes out of the dynamics of a signal's value, `step_s` after the one before; `None`: the signal says nothing, and the dynamics forget
+    /// all. Must be called every second, in the order of time.
     pub fn pass(&self, value: Option<f64>, step_s: f64, memory: &mut Memory) -> Option<f64> {
         let Some(mut value) = value else {
             *memory = Memory::default();
@@ -52,11 +47,6 @@ impl Factor {
             value = dynamics.step(state, value, step_s);
         }
         Some(value)
-    }
-
-    /// The values of its functions in this second. Must be called every second, in the order of time.
-    pub fn values(&self, now: &Now<'_>, memory: &mut Memory) -> Option<Values> {
-        self.input(now, memory).map(|input| self.shape.values(input))
     }
 
     /// How many functions it has.
@@ -116,5 +106,55 @@ impl fmt::Display for Factor {
         self.signal.fmt(f)?;
         self.dynamics.iter().try_for_each(|dynamics| write!(f, "-{dynamics}"))?;
         if matches!(self.shape, Shape::Linear(_)) { Ok(()) } else { write!(f, "-{}", self.shape) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::dynamics::{Memory as Remembered, Play, Rate};
+    use crate::effects::shape::Linear;
+    use crate::effects::signal::{Since, Time};
+
+    const IDENTITY: Linear = Linear { reference: 0.0, scale: 1.0 };
+
+    fn outputs(dynamics: &[Dynamics], values: &[f64], step_s: f64) -> std::vec::Vec<f64> {
+        let factor = Factor::new(Time.into(), dynamics, IDENTITY.into());
+        let mut memory = Memory::default();
+        values.iter().map(|&value| factor.pass(Some(value), step_s, &mut memory).unwrap()).collect()
+    }
+
+    /// By hand, steps of 2 s. Rate: 0 at first, then 3 per 2 s, which a low-pass of 2/ln 2 s halves towards 0. A play of 1 follows from 0 to 2 and
+    /// stays until the value is 1 below it.
+    #[test]
+    fn dynamics_by_hand() {
+        let tau_s = (2.0 / core::f64::consts::LN_2) as f32;
+        let rates = outputs(&[Rate { tau_s }.into()], &[1.0, 4.0, 4.0, 4.0], 2.0);
+        for (found, expected) in rates.iter().zip([0.0, 1.5, 0.75, 0.375]) {
+            assert!((found - expected).abs() < 1e-6, "{rates:?}");
+        }
+        assert_eq!(outputs(&[Play { half_width: 1.0 }.into()], &[0.0, 3.0, 1.5, 0.5], 1.0), [0.0, 2.0, 2.0, 1.5]);
+        // What has not passed a low-pass of 2/ln 2 s: a half after 2 s, a quarter after 4 s.
+        let memory = outputs(&[Remembered { tau_s }.into()], &[0.0, 8.0, 8.0], 2.0);
+        assert!((memory[1] - 4.0).abs() < 1e-6 && (memory[2] - 2.0).abs() < 1e-6, "{memory:?}");
+    }
+
+    #[test]
+    fn a_missing_value_begins_anew() {
+        let factor = Factor::new(Time.into(), &[Rate { tau_s: 1.0 }.into()], IDENTITY.into());
+        let mut memory = Memory::default();
+        assert_eq!(factor.pass(Some(1.0), 1.0, &mut memory), Some(0.0));
+        assert_eq!(factor.pass(None, 1.0, &mut memory), None);
+        assert_eq!(factor.pass(Some(5.0), 1.0, &mut memory), Some(0.0));
+    }
+
+    #[test]
+    fn constants_of_dynamics_come_before_those_of_the_shape() {
+        let decay = crate::effects::shape::Decay { tau_s: 7.0 };
+        let mut factor = Factor::new(Since.into(), &[Rate { tau_s: 3.0 }.into()], decay.into());
+        assert!(factor.constants().iter().map(|constant| constant.value).eq([3.0, 7.0]));
+        factor.set(1, 9.0);
+        factor.set(0, 4.0);
+        assert!(factor.constants().iter().map(|constant| constant.value).eq([4.0, 9.0]));
     }
 }

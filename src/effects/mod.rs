@@ -22,7 +22,6 @@ pub mod rate_term;
 pub mod shape;
 pub mod signal;
 pub mod sinusoid;
-pub mod stream;
 pub mod term;
 pub mod track;
 mod window;

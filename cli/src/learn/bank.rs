@@ -20,19 +20,33 @@ struct Rows {
 
 impl Rows {
     fn new(runs: &[Run]) -> Self {
-        let ends = runs.iter().scan(0, |end, run| { *end += run.rows(); Some(*end) }).collect();
-        let precision = runs.iter().flat_map(|run| run.variance.iter().map(|variance| 1.0 / *variance as f32)).collect();
+        let ends = runs
+            .iter()
+            .scan(0, |end, run| {
+                *end += run.rows();
+                Some(*end)
+            })
+            .collect();
+        let precision =
+            runs.iter().flat_map(|run| run.variance.iter().map(|variance| 1.0 / *variance as f32)).collect();
         Self { ends, precision }
     }
 
     /// The same of coarse rows.
     fn coarse(runs: &[Run]) -> Self {
         let of_run = |run: &Run| -> Vec<f32> {
-            let sum = |rows: std::ops::Range<usize>| run.variance[rows].iter().map(|variance| 1.0 / *variance as f32).sum();
+            let sum =
+                |rows: std::ops::Range<usize>| run.variance[rows].iter().map(|variance| 1.0 / *variance as f32).sum();
             run.coarse(COARSE_ROWS).into_iter().map(sum).collect()
         };
         let by_run: Vec<Vec<f32>> = runs.iter().map(of_run).collect();
-        let ends = by_run.iter().scan(0, |end, run| { *end += run.len(); Some(*end) }).collect();
+        let ends = by_run
+            .iter()
+            .scan(0, |end, run| {
+                *end += run.len();
+                Some(*end)
+            })
+            .collect();
         Self { ends, precision: by_run.concat() }
     }
 
@@ -89,7 +103,9 @@ impl Bank {
             coarse_rows.extend(run.coarse(COARSE_ROWS).into_iter().map(|rows| rows.start + first..rows.end + first));
             first += run.rows();
         }
-        let means = |fine: &[f32]| -> Vec<f32> { coarse_rows.iter().map(|rows| fine[rows.clone()].iter().sum::<f32>() / rows.len() as f32).collect() };
+        let means = |fine: &[f32]| -> Vec<f32> {
+            coarse_rows.iter().map(|rows| fine[rows.clone()].iter().sum::<f32>() / rows.len() as f32).collect()
+        };
         let gains = Port::ALL
             .into_iter()
             .map(|port| {
@@ -100,11 +116,14 @@ impl Bank {
             .collect();
         let fine_functions: Vec<Functions> = factors.par_iter().map(|factor| functions(runs, factor)).collect();
         let is_gate: Vec<bool> = factors.iter().map(|factor| gates.contains(factor)).collect();
-        let coarse_of = |(functions, is_gate): (&Functions, &bool)| -> Functions { if *is_gate { functions.iter().map(|f| means(f)).collect() } else { Vec::new() } };
+        let coarse_of = |(functions, is_gate): (&Functions, &bool)| -> Functions {
+            if *is_gate { functions.iter().map(|f| means(f)).collect() } else { Vec::new() }
+        };
         let coarse_functions = fine_functions.iter().zip(&is_gate).map(coarse_of).collect();
         let gate_numbers: Vec<usize> = (0..factors.len()).filter(|&i| is_gate[i]).collect();
         let singles = (0..factors.len()).map(|i| vec![i]);
-        let pairs = gate_numbers.iter().enumerate().flat_map(|(n, &i)| gate_numbers[..n].iter().map(move |&j| vec![i, j]));
+        let pairs =
+            gate_numbers.iter().enumerate().flat_map(|(n, &i)| gate_numbers[..n].iter().map(move |&j| vec![i, j]));
         let all: Vec<Vec<usize>> = std::iter::once(Vec::new()).chain(singles).chain(pairs).collect();
         let ports = |factors: &[usize]| -> &[Port] {
             match factors.len() {
@@ -125,7 +144,16 @@ impl Bank {
             .collect();
         let known = factors.iter().map(key).zip(fine_functions.iter().cloned()).collect();
         let library = Library::new(runs, known);
-        Self { rows: Rows::new(runs), coarse: Rows::coarse(runs), gains, fine_functions, coarse_functions, proposals, coarse_rows, library }
+        Self {
+            rows: Rows::new(runs),
+            coarse: Rows::coarse(runs),
+            gains,
+            fine_functions,
+            coarse_functions,
+            proposals,
+            coarse_rows,
+            library,
+        }
     }
 
     /// How many proposals there are.
@@ -136,16 +164,21 @@ impl Bank {
     /// The effects that promise most, the first of them first. `weighed`: V⁻¹ times what is left of the residual, by the row.
     pub fn shortlist(&self, weighed: &[f64], most: usize) -> Vec<&Effect> {
         let fine: Vec<f32> = weighed.iter().map(|value| *value as f32).collect();
-        let coarse: Vec<f32> = self.coarse_rows.iter().map(|rows| weighed[rows.clone()].iter().sum::<f64>() as f32).collect();
-        let mut scored: Vec<(f64, &Effect)> =
-            self.proposals.par_iter().map(|each| (self.score(each, &fine, &coarse) - each.cost, &each.effect)).collect();
+        let coarse: Vec<f32> =
+            self.coarse_rows.iter().map(|rows| weighed[rows.clone()].iter().sum::<f64>() as f32).collect();
+        let mut scored: Vec<(f64, &Effect)> = self
+            .proposals
+            .par_iter()
+            .map(|each| (self.score(each, &fine, &coarse) - each.cost, &each.effect))
+            .collect();
         scored.sort_by(|a, b| b.0.total_cmp(&a.0));
         scored.truncate(most);
         scored.into_iter().map(|(_, effect)| effect).collect()
     }
 
     fn score(&self, proposal: &Proposal, fine: &[f32], coarse: &[f32]) -> f64 {
-        let (_, of_fine, of_coarse) = self.gains.iter().find(|(port, ..)| *port == proposal.effect.port).unwrap_or(&self.gains[0]);
+        let (_, of_fine, of_coarse) =
+            self.gains.iter().find(|(port, ..)| *port == proposal.effect.port).unwrap_or(&self.gains[0]);
         match proposal.factors.as_slice() {
             [] => self.rows.gain(|row| of_fine[row], fine),
             [i] => self.fine_functions[*i].iter().map(|f| self.rows.gain(|row| of_fine[row] * f[row], fine)).sum(),

@@ -21,18 +21,25 @@ pub struct Library {
 
 impl Library {
     pub fn new(runs: &[Run], known: HashMap<String, Functions>) -> Self {
-        let gains = Port::ALL.into_iter().map(|port| (port, runs.iter().flat_map(|run| run.gains(port)).collect())).collect();
+        let gains =
+            Port::ALL.into_iter().map(|port| (port, runs.iter().flat_map(|run| run.gains(port)).collect())).collect();
         Self { known, gains }
     }
 
     /// Columns of an effect.
     pub fn values(&self, runs: &[Run], effect: &Effect) -> Values {
-        let found: Vec<std::borrow::Cow<'_, Functions>> = effect.factors.iter().map(|factor| self.functions(runs, factor)).collect();
+        let found: Vec<std::borrow::Cow<'_, Functions>> =
+            effect.factors.iter().map(|factor| self.functions(runs, factor)).collect();
         let gains = self.gains.iter().find(|(port, _)| *port == effect.port).map_or(&[][..], |(_, gains)| gains);
         let mut columns: Values = vec![gains.to_vec()];
         for functions in &found {
-            let times = |column: &Vec<f64>, function: &Vec<f32>| -> Vec<f64> { column.iter().zip(function).map(|(a, b)| a * f64::from(*b)).collect() };
-            columns = columns.iter().flat_map(|column| functions.iter().map(move |function| times(column, function))).collect();
+            let times = |column: &Vec<f64>, function: &Vec<f32>| -> Vec<f64> {
+                column.iter().zip(function).map(|(a, b)| a * f64::from(*b)).collect()
+            };
+            columns = columns
+                .iter()
+                .flat_map(|column| functions.iter().map(move |function| times(column, function)))
+                .collect();
         }
         columns
     }

@@ -35,12 +35,17 @@ impl Grammar {
         let Some(first) = runs.first() else { return Self { signals: Vec::new(), spans: Arc::default() } };
         let shared = |name: &&str| runs.iter().all(|run| run.channel_names().any(|each| each == *name));
         let names: Vec<ChannelName> = first.channel_names().filter(shared).filter_map(ChannelName::new).collect();
-        let channels = names.iter().map(|&name| Signal::Channel(Channel { name }));
+        let channels = names.iter().map(|&name| Channel { name }.into());
         let paired = if names.len() <= MOST_PAIRED { names.len() } else { 0 };
         let pairs = (0..paired).flat_map(|i| (0..i).map(move |j| (i, j)));
-        let differences = pairs.filter(|&(i, j)| same_unit(names[i].as_str(), names[j].as_str())).map(|(i, j)| Signal::Difference(Difference { plus: names[j], minus: names[i] }));
+        let differences = pairs
+            .filter(|&(i, j)| same_unit(names[i].as_str(), names[j].as_str()))
+            .map(|(i, j)| Difference { plus: names[j], minus: names[i] }.into());
         let all: Vec<Signal> = Signal::without_channels().chain(channels).chain(differences).collect();
-        let signals = all.into_iter().filter_map(|signal| Some((signal, span(runs, &Factor::new(signal, &[], IDENTITY))?))).collect();
+        let signals = all
+            .into_iter()
+            .filter_map(|signal| Some((signal, span(runs, &Factor::new(signal, &[], IDENTITY))?)))
+            .collect();
         Self { signals, spans: Arc::default() }
     }
 
@@ -138,7 +143,8 @@ pub fn span(runs: &[Run], factor: &Factor) -> Option<Span> {
     let deviation = (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt();
     let low = values.iter().copied().fold(f64::INFINITY, f64::min);
     let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let (row_s, longest_s) = runs.iter().map(Run::lengths_s).fold((f64::INFINITY, 0.0), |a: (f64, f64), b| (a.0.min(b.0), a.1.max(b.1)));
+    let (row_s, longest_s) =
+        runs.iter().map(Run::lengths_s).fold((f64::INFINITY, 0.0), |a: (f64, f64), b| (a.0.min(b.0), a.1.max(b.1)));
     let signal = factor.signal;
     (deviation > CONSTANT * (mean.abs() + f64::MIN_POSITIVE)).then_some(Span {
         mean,

@@ -25,7 +25,12 @@ impl<'a> Model<'a> {
     /// Of these effects in these runs; sizes are fitted.
     pub fn new(runs: &'a [Run], process: Option<Process>, terms: &[Term]) -> Option<Self> {
         let problem = Problem::new(runs, process.as_ref());
-        let with = |term: &Term| Term { effect: term.effect.clone(), values: term.values.clone(), columns: problem.columns(&term.values), size2: term.size2 };
+        let with = |term: &Term| Term {
+            effect: term.effect.clone(),
+            values: term.values.clone(),
+            columns: problem.columns(&term.values),
+            size2: term.size2,
+        };
         let mut terms: Vec<Term> = terms.iter().map(with).collect();
         let gram = Gram::new(&problem, &terms);
         let fit = fit_sizes(&problem, &gram, &mut terms, TURNS)?;
@@ -34,7 +39,9 @@ impl<'a> Model<'a> {
 
     /// The evidence, less what the effects' forms cost.
     pub fn score(&self, grammar: &Grammar) -> f64 {
-        self.fit.evidence - process_cost(&self.process) - self.terms.iter().map(|term| grammar.cost(&term.effect)).sum::<f64>()
+        self.fit.evidence
+            - process_cost(&self.process)
+            - self.terms.iter().map(|term| grammar.cost(&term.effect)).sum::<f64>()
     }
 
     /// The evidence less what the process costs.

@@ -3,13 +3,10 @@
 //! Models whose scores are near the best are averaged: the weights of all their effects together have the mean and the covariance of the mixture,
 //! so that alternatives which this campaign cannot tell apart stand in sigma.
 
-use std::collections::HashMap;
-
 use nalgebra::{DMatrix, DVector};
-use north_finder::effects::doubt::{MAX_DIRECTIONS, Process};
+use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::Effect;
 
-use super::functions::Library;
 use super::model::Model;
 use super::search::{MOST_EFFECTS, MOST_WEIGHTS, Search};
 
@@ -31,8 +28,6 @@ pub struct Alternative {
 #[derive(Clone, Debug, Default)]
 pub struct Posterior {
     pub effects: Vec<Effect>,
-    /// Columns of a factor of the weights' covariance, all effects one after the other.
-    pub directions: Vec<Vec<f64>>,
     /// Standard deviation of every weight, in the same order.
     pub sigmas: Vec<f64>,
     pub process: Option<Process>,
@@ -45,21 +40,25 @@ impl Posterior {
         let Some(best) = models.first() else { return Self::default() };
         let top = best.score(&search.grammar);
         let near = models.iter().filter(|model| model.score(&search.grammar) > top - NEGLIGIBLE);
-        let mut alternatives: Vec<Alternative> = near.map(|model| Alternative::new(model, (model.score(&search.grammar) - top).exp())).collect();
+        let mut alternatives: Vec<Alternative> =
+            near.map(|model| Alternative::new(model, (model.score(&search.grammar) - top).exp())).collect();
         let effects = union(&mut alternatives);
         let whole: f64 = alternatives.iter().map(|each| each.probability).sum();
         alternatives.iter_mut().for_each(|each| each.probability /= whole);
         let (mean, covariance) = moments(&effects, &alternatives);
         let sigmas = covariance.diagonal().map(|variance| variance.max(0.0).sqrt()).iter().copied().collect();
-        let directions = principal(&metric(search, &effects), &covariance);
-        Self { effects: weighted(effects, &mean), directions, sigmas, process: best.process, alternatives }
+        Self { effects: weighted(effects, &mean), sigmas, process: best.process, alternatives }
     }
 }
 
 impl Alternative {
     fn new(model: &Model<'_>, probability: f64) -> Self {
-        let priors: Vec<f64> = model.terms.iter().flat_map(|term| (0..term.effect.count()).map(|k| term.effect.prior(k))).collect();
-        let mean = DVector::from_iterator(priors.len(), model.fit.scaled_means().into_iter().zip(&priors).map(|(mean, prior)| mean * prior));
+        let priors: Vec<f64> =
+            model.terms.iter().flat_map(|term| (0..term.effect.count()).map(|k| term.effect.prior(k))).collect();
+        let mean = DVector::from_iterator(
+            priors.len(),
+            model.fit.scaled_means().into_iter().zip(&priors).map(|(mean, prior)| mean * prior),
+        );
         let scaled = model.fit.scaled_covariance();
         let covariance = DMatrix::from_fn(priors.len(), priors.len(), |i, j| priors[i] * scaled[(i, j)] * priors[j]);
         let effects = model.terms.iter().map(|term| term.effect.clone()).collect();
@@ -102,7 +101,8 @@ fn moments(effects: &[Effect], alternatives: &[Alternative]) -> (DVector<f64>, D
         mean
     };
     let means: Vec<DVector<f64>> = alternatives.iter().map(spread).collect();
-    let mean = means.iter().zip(alternatives).fold(DVector::zeros(count), |sum, (mean, each)| sum + mean * each.probability);
+    let mean =
+        means.iter().zip(alternatives).fold(DVector::zeros(count), |sum, (mean, each)| sum + mean * each.probability);
     let mut covariance = DMatrix::zeros(count, count);
     for (own, each) in means.iter().zip(alternatives) {
         let places = each.places(effects);
@@ -115,39 +115,6 @@ fn moments(effects: &[Effect], alternatives: &[Alternative]) -> (DVector<f64>, D
         covariance += &away * away.transpose() * each.probability;
     }
     (mean, covariance)
-}
-
-/// Mean squares and products of the effects' columns in the rows of the runs, (°/h)² by unit of the weights.
-fn metric(search: &Search<'_>, effects: &[Effect]) -> DMatrix<f64> {
-    let library = Library::new(search.runs, HashMap::new());
-    let of_effect = |effect: &Effect| {
-        let values = library.values(search.runs, effect).into_iter().enumerate();
-        let raw = values.map(|(k, column)| DVector::from_vec(column) / effect.prior(k));
-        raw.collect::<Vec<_>>()
-    };
-    let columns: Vec<DVector<f64>> = effects.iter().flat_map(of_effect).collect();
-    let rows = columns.first().map_or(1, |column| column.len()) as f64;
-    DMatrix::from_fn(columns.len(), columns.len(), |i, j| columns[i].dot(&columns[j]) / rows)
-}
-
-/// The directions that widen rates most: of a covariance C and a metric M = FᵀF the columns of F⁻¹ U √λ, U and λ of F C Fᵀ.
-fn principal(metric: &DMatrix<f64>, covariance: &DMatrix<f64>) -> Vec<Vec<f64>> {
-    let count = covariance.nrows();
-    if count == 0 {
-        return Vec::new();
-    }
-    // What the runs do not show counts a little: there a new run may lie.
-    let lifted = DMatrix::from_fn(count, count, |i, j| metric[(i, j)] + if i == j { 1e-3 * metric[(i, i)].max(f64::MIN_POSITIVE) } else { 0.0 });
-    let Some(factor) = lifted.cholesky() else { return Vec::new() };
-    let factor = factor.l().transpose();
-    let eigen = (&factor * covariance * factor.transpose()).symmetric_eigen();
-    let mut order: Vec<usize> = (0..count).collect();
-    order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-    let direction = |&k: &usize| {
-        let scaled = eigen.eigenvectors.column(k) * eigen.eigenvalues[k].max(0.0).sqrt();
-        Some(factor.solve_upper_triangular(&scaled)?.iter().copied().collect())
-    };
-    order.iter().take(MAX_DIRECTIONS).filter_map(direction).collect()
 }
 
 fn weighted(mut effects: Vec<Effect>, mean: &DVector<f64>) -> Vec<Effect> {

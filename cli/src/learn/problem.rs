@@ -10,8 +10,8 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
 use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::Effect;
 
-use super::process::Whitener;
 use super::functions::Values;
+use super::process::Whitener;
 use super::rows::{Run, UNKNOWNS};
 
 /// A column of all runs with independent errors of variance 1, without what the runs' own unknowns explain: the inner product of two is that of
@@ -57,10 +57,14 @@ impl<'a> Problem<'a> {
     pub fn new(runs: &'a [Run], process: Option<&Process>) -> Self {
         let of_runs: Vec<OfRun> = runs.iter().filter_map(|run| OfRun::new(run, process)).collect();
         let residuals: Vec<f64> = runs.iter().flat_map(Run::residual_deg_h).collect();
-        let mut problem = Self { runs, of_runs, residual: Column { rows: Vec::new(), explained: Vec::new() }, without: 0.0 };
+        let mut problem =
+            Self { runs, of_runs, residual: Column { rows: Vec::new(), explained: Vec::new() }, without: 0.0 };
         problem.residual = problem.column(&residuals);
-        let determinants: f64 =
-            problem.of_runs.iter().map(|run| run.whitener.log_determinant + 2.0 * run.factor.l().diagonal().map(f64::ln).sum()).sum();
+        let determinants: f64 = problem
+            .of_runs
+            .iter()
+            .map(|run| run.whitener.log_determinant + 2.0 * run.factor.l().diagonal().map(f64::ln).sum())
+            .sum();
         problem.without = -0.5 * (problem.residual.dot(&problem.residual) + determinants);
         problem
     }
@@ -191,7 +195,12 @@ impl Fit {
 
     /// Means of the weights, in units of their priors.
     pub fn scaled_means(&self) -> Vec<f64> {
-        let inner = self.factor.l_dirty().transpose().solve_upper_triangular(&self.half).unwrap_or_else(|| DVector::zeros(self.scales.len()));
+        let inner = self
+            .factor
+            .l_dirty()
+            .transpose()
+            .solve_upper_triangular(&self.half)
+            .unwrap_or_else(|| DVector::zeros(self.scales.len()));
         inner.component_mul(&self.scales).iter().copied().collect()
     }
 
@@ -212,7 +221,12 @@ impl Fit {
             determined[term] += 1.0 - inverse[(i, i)];
             squares[term] += means[i] * means[i];
         }
-        determined.iter().zip(squares).zip(sizes2).map(|((determined, squares), &size2)| if *determined > 1e-9 { squares / determined } else { size2 }).collect()
+        determined
+            .iter()
+            .zip(squares)
+            .zip(sizes2)
+            .map(|((determined, squares), &size2)| if *determined > 1e-9 { squares / determined } else { size2 })
+            .collect()
     }
 
     /// What more the evidence would be with further columns of one effect, at its best size: (gain, size²).

@@ -93,7 +93,10 @@ fn transition(process: &Process, step_s: f64) -> [[f64; 2]; 2] {
         Kernel::Matern | Kernel::SquaredExponential => {
             let rate = 3f64.sqrt() / tau_s;
             let decay = (-rate * step_s).exp();
-            [[decay * (1.0 + rate * step_s), decay * step_s], [-decay * rate * rate * step_s, decay * (1.0 - rate * step_s)]]
+            [
+                [decay * (1.0 + rate * step_s), decay * step_s],
+                [-decay * rate * rate * step_s, decay * (1.0 - rate * step_s)],
+            ]
         }
         Kernel::DampedCosine { period_s } => {
             let (sin, cos) = (std::f64::consts::TAU * step_s / period_s).sin_cos();
@@ -104,7 +107,8 @@ fn transition(process: &Process, step_s: f64) -> [[f64; 2]; 2] {
 }
 
 fn sandwich(transition: &[[f64; 2]; 2], covariance: &[[f64; 2]; 2]) -> [[f64; 2]; 2] {
-    let half: [[f64; 2]; 2] = std::array::from_fn(|i| std::array::from_fn(|j| (0..2).map(|k| transition[i][k] * covariance[k][j]).sum()));
+    let half: [[f64; 2]; 2] =
+        std::array::from_fn(|i| std::array::from_fn(|j| (0..2).map(|k| transition[i][k] * covariance[k][j]).sum()));
     std::array::from_fn(|i| std::array::from_fn(|j| (0..2).map(|k| half[i][k] * transition[j][k]).sum()))
 }
 
@@ -128,7 +132,8 @@ mod tests {
                 0.64 * correlation((t_s[i] - t_s[j]).abs()) + if i == j { variance[i] } else { 0.0 }
             });
             let (x, y) = ([1.0, -2.0, 0.5, 3.0, 1.0], [0.3, 1.0, -1.0, 0.0, 2.0]);
-            let expected = (nalgebra::RowDVector::from_row_slice(&x) * covariance.clone().cholesky().unwrap().solve(&nalgebra::DVector::from_row_slice(&y)))[0];
+            let expected = (nalgebra::RowDVector::from_row_slice(&x)
+                * covariance.clone().cholesky().unwrap().solve(&nalgebra::DVector::from_row_slice(&y)))[0];
             let whitener = Whitener::new(&t_s, &variance, Some(&process));
             let (mut white_x, mut white_y) = (x, y);
             whitener.apply(&mut white_x);

@@ -35,7 +35,8 @@ pub fn read(campaign: &Campaign, settings: &Settings) -> Result<Runs, Refusal> {
 fn facts(campaign: &Campaign) -> Vec<RunFacts> {
     let start_s = |text: &str| OffsetDateTime::parse(text, &Rfc3339).ok().map(|time| time.unix_timestamp() as f64);
     let starts: Vec<Option<f64>> = campaign.runs.iter().map(|run| run.started.as_deref().and_then(start_s)).collect();
-    let before = |own_s: f64| starts.iter().flatten().filter(|other_s| **other_s < own_s).copied().max_by(f64::total_cmp);
+    let before =
+        |own_s: f64| starts.iter().flatten().filter(|other_s| **other_s < own_s).copied().max_by(f64::total_cmp);
     starts
         .iter()
         .map(|own_s| RunFacts {

@@ -4,9 +4,9 @@
 use north_finder::units::{DEG_PER_RAD, wrap_180_deg};
 use rayon::prelude::*;
 
+use super::model::Model;
 use super::problem::Problem;
 use super::rows::{Run, UNKNOWN_RAD};
-use super::model::Model;
 
 /// Probability that a campaign has one wrong reference, or one exchange, before anything is seen.
 const BLUNDER: f64 = 0.01;
@@ -57,7 +57,9 @@ pub fn likeliest(model: &Model<'_>) -> Option<(f64, Blunder)> {
     suspects.truncate(SUSPECTS);
     let alone = suspects.iter().map(|&(i, ..)| Blunder::Wrong(i));
     let pairs = suspects.iter().enumerate().flat_map(|(n, a)| suspects[..n].iter().map(move |b| (a, b)));
-    let exchanged = pairs.filter(|(a, b)| points_at(runs, a, b) && points_at(runs, b, a)).map(|(a, b)| Blunder::Exchanged(a.0, b.0));
+    let exchanged = pairs
+        .filter(|(a, b)| points_at(runs, a, b) && points_at(runs, b, a))
+        .map(|(a, b)| Blunder::Exchanged(a.0, b.0));
     let all: Vec<Blunder> = alone.chain(exchanged).collect();
     all.into_par_iter()
         .filter_map(|blunder| {

@@ -97,14 +97,16 @@ impl Run {
 
     fn gather(&mut self) {
         let mean = |value: &dyn Fn(&Sample) -> f64| -> Vec<f64> {
-            let of_bin = |bin: &Range<usize>| self.samples[bin.clone()].iter().map(value).sum::<f64>() / bin.len() as f64;
+            let of_bin =
+                |bin: &Range<usize>| self.samples[bin.clone()].iter().map(value).sum::<f64>() / bin.len() as f64;
             self.bins.iter().map(of_bin).collect()
         };
         self.t_s = mean(&|sample| sample.t_s);
         self.rate_deg_h = mean(&|sample| sample.rate_deg_h - sample.design.vertical_deg_h);
         self.cos = mean(&|sample| sample.design.cos);
         self.sin = mean(&|sample| sample.design.sin);
-        let seconds: Vec<f64> = self.bins.iter().map(|bin| self.samples[bin.clone()].iter().map(|each| each.seconds).sum()).collect();
+        let seconds: Vec<f64> =
+            self.bins.iter().map(|bin| self.samples[bin.clone()].iter().map(|each| each.seconds).sum()).collect();
         let noise = noise_deg_h(&self.rate_deg_h, &self.t_s, &seconds);
         self.variance = seconds.iter().map(|seconds| noise * noise / seconds).collect();
     }
@@ -184,7 +186,8 @@ impl Run {
         let index_deg = sample.sin.atan2(sample.cos) * DEG_PER_RAD;
         Belief {
             axis_azimuth_deg: wrap_360_deg(self.azimuth_deg - index_deg),
-            rate_deg_h: self.north_deg_h * (sample.design.cos * cos + sample.design.sin * sin) + sample.design.vertical_deg_h,
+            rate_deg_h: self.north_deg_h * (sample.design.cos * cos + sample.design.sin * sin)
+                + sample.design.vertical_deg_h,
         }
     }
 
@@ -221,7 +224,8 @@ impl Run {
             return known.clone();
         }
         let names: heapless::Vec<ChannelName, MAX_CHANNELS> = signal.channels().copied().collect();
-        let places: Vec<Option<usize>> = names.iter().map(|name| self.names.iter().position(|each| each == name.as_str())).collect();
+        let places: Vec<Option<usize>> =
+            names.iter().map(|name| self.names.iter().position(|each| each == name.as_str())).collect();
         let value = |(i, (conditions, track)): (usize, (&Conditions, &Track))| {
             let mut conditions = *conditions;
             for (value, place) in conditions.channels.iter_mut().zip(&places) {
@@ -263,7 +267,9 @@ impl Run {
 
     /// What the rate of a row changes by, by unit of what an effect adds at a port.
     pub fn gains(&self, port: Port) -> Vec<f64> {
-        let mean = |bin: &Range<usize>| self.samples[bin.clone()].iter().map(|sample| self.gain(port, sample)).sum::<f64>() / bin.len() as f64;
+        let mean = |bin: &Range<usize>| {
+            self.samples[bin.clone()].iter().map(|sample| self.gain(port, sample)).sum::<f64>() / bin.len() as f64
+        };
         self.bins.iter().map(mean).collect()
     }
 
@@ -273,7 +279,10 @@ impl Run {
             let mean = function[bin.clone()].iter().sum::<f64>() / bin.len() as f64;
             if mean.is_finite() { mean } else { 0.0 }
         };
-        self.functions(factor).iter().map(|function| self.bins.iter().map(|bin| mean(function, bin)).collect()).collect()
+        self.functions(factor)
+            .iter()
+            .map(|function| self.bins.iter().map(|bin| mean(function, bin)).collect())
+            .collect()
     }
 }
 
@@ -296,7 +305,9 @@ fn bins(data: &RunData) -> Vec<Range<usize>> {
     let mut bins: Vec<Range<usize>> = Vec::new();
     for i in entering {
         match bins.last_mut() {
-            Some(bin) if bin.end == i && bin.len() < most && data.samples[bin.start].dwell == data.samples[i].dwell => bin.end = i + 1,
+            Some(bin) if bin.end == i && bin.len() < most && data.samples[bin.start].dwell == data.samples[i].dwell => {
+                bin.end = i + 1
+            }
             _ => bins.push(i..i + 1),
         }
     }

@@ -131,7 +131,8 @@ impl<'a> Search<'a> {
     fn finalists(&self, model: &Model<'_>, thorough: bool) -> Vec<Effect> {
         let weighed = model.problem.weighed(&model.problem.left(&model.terms, &model.fit));
         let shortlist = self.bank.shortlist(&weighed, SHORTLIST);
-        let mut exact: Vec<(f64, Effect)> = shortlist.par_iter().map(|effect| (self.gain(model, effect), (*effect).clone())).collect();
+        let mut exact: Vec<(f64, Effect)> =
+            shortlist.par_iter().map(|effect| (self.gain(model, effect), (*effect).clone())).collect();
         exact.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut chosen: Vec<(f64, Effect)> = Vec::new();
         for (gain, effect) in exact {
@@ -139,7 +140,9 @@ impl<'a> Search<'a> {
                 chosen.push((gain, effect));
             }
         }
-        let finish = |(gain, effect)| if thorough { self.climb(model, effect, gain, &weighed) } else { self.tuned(model, effect, gain).1 };
+        let finish = |(gain, effect)| {
+            if thorough { self.climb(model, effect, gain, &weighed) } else { self.tuned(model, effect, gain).1 }
+        };
         chosen.into_par_iter().map(finish).collect()
     }
 
@@ -154,14 +157,21 @@ impl<'a> Search<'a> {
         (gain, effect) = self.tuned(model, effect, gain);
         for _ in 0..CLIMBS {
             let near = neighbours(&effect, &self.grammar, self.runs, &self.gates);
-            let promise = |each: Effect| (self.bank.promise(&self.bank.library.values(self.runs, &each), weighed) - self.grammar.cost(&each), each);
+            let promise = |each: Effect| {
+                (
+                    self.bank.promise(&self.bank.library.values(self.runs, &each), weighed) - self.grammar.cost(&each),
+                    each,
+                )
+            };
             let mut promising: Vec<(f64, Effect)> = near.into_par_iter().map(promise).collect();
             promising.sort_by(|a, b| b.0.total_cmp(&a.0));
             promising.truncate(NEAREST);
-            let mut better: Vec<(f64, Effect)> = promising.into_par_iter().map(|(_, each)| (self.gain(model, &each), each)).collect();
+            let mut better: Vec<(f64, Effect)> =
+                promising.into_par_iter().map(|(_, each)| (self.gain(model, &each), each)).collect();
             better.sort_by(|a, b| b.0.total_cmp(&a.0));
             better.truncate(2);
-            let best = better.into_iter().map(|(gain, each)| self.tuned(model, each, gain)).max_by(|a, b| a.0.total_cmp(&b.0));
+            let best =
+                better.into_iter().map(|(gain, each)| self.tuned(model, each, gain)).max_by(|a, b| a.0.total_cmp(&b.0));
             match best {
                 Some((above, each)) if above > gain + 0.5 => (gain, effect) = (above, each),
                 _ => break,
@@ -200,7 +210,9 @@ impl<'a> Search<'a> {
                 terms.remove(i);
                 Model::new(self.runs, model.process, &terms)
             };
-            let best = (0..model.terms.len()).filter_map(without).max_by(|a, b| a.score(&self.grammar).total_cmp(&b.score(&self.grammar)));
+            let best = (0..model.terms.len())
+                .filter_map(without)
+                .max_by(|a, b| a.score(&self.grammar).total_cmp(&b.score(&self.grammar)));
             match best {
                 Some(fewer) if fewer.score(&self.grammar) > model.score(&self.grammar) => model = fewer,
                 _ => return model,
@@ -239,7 +251,10 @@ impl<'a> Search<'a> {
         for time_s in [4.0, 20.0, 100.0] {
             starts.push(Some(Process { kernel: Kernel::Exponential, sigma_deg_h: 0.5 * noise, time_s }));
         }
-        let score = |process: &Option<Process>| Model::new(self.runs, *process, &best.terms).map(|each| (each.fit.evidence - process_cost(process), *process));
+        let score = |process: &Option<Process>| {
+            Model::new(self.runs, *process, &best.terms)
+                .map(|each| (each.fit.evidence - process_cost(process), *process))
+        };
         let mut tried: Vec<(f64, Option<Process>)> = starts.par_iter().filter_map(score).collect();
         tried.sort_by(|a, b| b.0.total_cmp(&a.0));
         let Some(&(mut top, mut process)) = tried.first() else { return best };
@@ -250,7 +265,11 @@ impl<'a> Search<'a> {
                 let moved = moves
                     .par_iter()
                     .filter_map(|(size, time): &(f64, f64)| {
-                        let each = Process { sigma_deg_h: own.sigma_deg_h * size.exp(), time_s: (own.time_s * time.exp()).clamp(1.0, 4.0 * longest_s), ..own };
+                        let each = Process {
+                            sigma_deg_h: own.sigma_deg_h * size.exp(),
+                            time_s: (own.time_s * time.exp()).clamp(1.0, 4.0 * longest_s),
+                            ..own
+                        };
                         score(&Some(each))
                     })
                     .max_by(|a, b| a.0.total_cmp(&b.0));
@@ -271,7 +290,8 @@ impl<'a> Search<'a> {
 }
 
 fn typical_noise(runs: &[Run]) -> f64 {
-    let mut all: Vec<f64> = runs.iter().filter_map(|run| run.variance.first()).map(|variance| variance.sqrt()).collect();
+    let mut all: Vec<f64> =
+        runs.iter().filter_map(|run| run.variance.first()).map(|variance| variance.sqrt()).collect();
     all.sort_by(f64::total_cmp);
     all.get(all.len() / 2).copied().unwrap_or(1.0)
 }
@@ -279,7 +299,17 @@ fn typical_noise(runs: &[Run]) -> f64 {
 /// Of the same port, signals and dynamics' kinds: the constants and shapes of one are tuned to those of the other.
 fn alike(a: &Effect, b: &Effect) -> bool {
     let form = |effect: &Effect| {
-        let mut words: Vec<String> = effect.factors.iter().map(|factor| format!("{} {:?}", factor.signal, factor.dynamics.iter().map(|each| each.to_string()).collect::<Vec<_>>())).collect();
+        let mut words: Vec<String> = effect
+            .factors
+            .iter()
+            .map(|factor| {
+                format!(
+                    "{} {:?}",
+                    factor.signal,
+                    factor.dynamics.iter().map(|each| each.to_string()).collect::<Vec<_>>()
+                )
+            })
+            .collect();
         words.sort();
         (effect.port, words)
     };
@@ -287,7 +317,12 @@ fn alike(a: &Effect, b: &Effect) -> bool {
 }
 
 fn constants_of(effect: &Effect) -> Vec<(usize, usize)> {
-    effect.factors.iter().enumerate().flat_map(|(f, factor)| (0..factor.constants().len()).map(move |number| (f, number))).collect()
+    effect
+        .factors
+        .iter()
+        .enumerate()
+        .flat_map(|(f, factor)| (0..factor.constants().len()).map(move |number| (f, number)))
+        .collect()
 }
 
 /// The effect with one constant moved by a step: of its logarithm where it is a scale, of a width or of the signal's unit where it is a place.

@@ -40,6 +40,8 @@ pub struct Row {
     kind: Kind,
     hidden: Vec<String>,
     found: Vec<String>,
+    /// Models that are nearly as likely as the best, it among them.
+    models: usize,
     /// References that were not believed.
     blunders: usize,
     /// Median over the check runs.
@@ -57,13 +59,15 @@ impl GrammarBench {
         let settings = campaign_settings(&recorded, None)?;
         let runs = read(&recorded, &settings).map_err(|refusal| Failure::Refused(refusal.to_string()))?;
         let learned = learn(runs.fit);
-        let left = |effects: &[_]| median(runs.check.iter().filter_map(|run| chi_square_by_freedom(run, effects)).collect());
+        let left =
+            |effects: &[_]| median(runs.check.iter().filter_map(|run| chi_square_by_freedom(run, effects)).collect());
         let truth = campaign.truth();
         Ok(Row {
             campaign: number,
             kind: truth.kind,
             hidden: truth.names,
             found: learned.posterior.effects.iter().map(ToString::to_string).collect(),
+            models: learned.posterior.alternatives.len(),
             blunders: learned.blunders.len(),
             chi_square_before: left(&[]),
             chi_square_after: left(&learned.posterior.effects),
@@ -76,7 +80,10 @@ impl Bench for GrammarBench {
 
     fn measure(&self, out: &mut dyn Write) -> Result<Vec<Row>, Failure> {
         let bar = progress::bar(self.campaigns, "campaigns");
-        writeln!(out, "| campaign | kind | hidden | found | chi-square by degree of freedom, before | after |\n|---|---|---|---|---|---|")?;
+        writeln!(
+            out,
+            "| campaign | kind | hidden | found | chi-square by degree of freedom, before | after |\n|---|---|---|---|---|---|"
+        )?;
         let mut rows = Vec::new();
         // One after the other: a search uses all cores by itself.
         for number in 0..self.campaigns {

@@ -109,3 +109,27 @@ fn interval(field: &'static str, low: f32, high: f32) -> Result<(), Invalid> {
 fn one(value: f64) -> Values {
     core::iter::once(value).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By hand: at a quarter of the interval cos(π j/4) = 1/√2, 0, −1/√2, −1; beyond it as at its end.
+    #[test]
+    fn cosines_by_hand() {
+        let root = core::f64::consts::FRAC_1_SQRT_2;
+        for (found, expected) in cosines(1.0, 0.0, 4.0, 4).iter().zip([root, 0.0, -root, -1.0]) {
+            assert!((found - expected).abs() < 1e-12);
+        }
+        assert_eq!(cosines(9.0, 0.0, 4.0, 3), cosines(4.0, 0.0, 4.0, 3));
+    }
+
+    /// A bump about north: 350° and 10° lie 20° apart, two widths of 10° each from its middle at 10°.
+    #[test]
+    fn a_bump_of_an_angle_goes_round() {
+        let bump = Shape::from(Bump { centre: 10.0, width: 10.0, circular: true });
+        assert!((bump.values(350.0)[0] - libm::exp(-2.0)).abs() < 1e-12);
+        let hinge = Shape::from(Hinge { at: 2.0, scale: 0.5 });
+        assert_eq!((hinge.values(1.0)[0], hinge.values(3.0)[0]), (0.0, 2.0));
+    }
+}

@@ -54,6 +54,18 @@ macro_rules! signals {
             $($name($name)),+
         }
 
+        $(impl From<$reader> for Signal {
+            fn from(signal: $reader) -> Self {
+                Self::$reader(signal)
+            }
+        })+
+
+        $(impl From<$name> for Signal {
+            fn from(signal: $name) -> Self {
+                Self::$name(signal)
+            }
+        })+
+
         impl Signal {
             fn part(&self) -> &dyn SignalPart {
                 match self {
