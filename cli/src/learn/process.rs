@@ -119,7 +119,7 @@ mod tests {
     /// Against the covariance matrix itself: for every kernel xᵀ V⁻¹ y by the filter and by solving, and log |V|.
     #[test]
     fn by_the_covariance_itself() {
-        let t_s = [0.0, 1.0, 2.0, 5.0, 9.0];
+        let t_s = [0.0_f64, 1.0, 2.0, 5.0, 9.0];
         let variance = [0.3, 0.2, 0.3, 0.1, 0.4];
         for kernel in [Kernel::Exponential, Kernel::Matern, Kernel::DampedCosine { period_s: 7.0 }] {
             let process = Process { kernel, sigma_deg_h: 0.8, time_s: 4.0 };
