@@ -70,7 +70,7 @@ impl Get {
         for name in &self.names {
             let found = name.split('.').try_fold(&all, |value, part| value.get(part));
             match found {
-                Some(value) if value.is_table() => writeln!(out, "[{name}]\n{}", value_text(value))?,
+                Some(value) if value.is_table() => writeln!(out, "{}", section_text(name, value)?)?,
                 Some(value) => writeln!(out, "{name} = {value}")?,
                 None => {
                     let known: Vec<&str> =
@@ -84,8 +84,12 @@ impl Get {
     }
 }
 
-fn value_text(table: &toml::Value) -> String {
-    toml::to_string(table).unwrap_or_default()
+/// A group under its whole name, groups in it too: a settings file by itself.
+fn section_text(name: &str, group: &toml::Value) -> Result<String, Failure> {
+    let whole = name
+        .rsplit('.')
+        .fold(group.clone(), |inner, part| toml::Value::Table(toml::Table::from_iter([(part.to_owned(), inner)])));
+    toml::to_string(&whole).map_err(|error| Failure::Refused(error.to_string()))
 }
 
 impl Set {
@@ -144,4 +148,18 @@ pub fn store(port: &mut Port, settings: &Settings) -> Result<(), Failure> {
     port.store(settings)?;
     writeln!(crate::output::people(), "{}: stored; the board starts anew with these settings", port.name())?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_group_is_printed_as_it_is_loaded() {
+        let all: toml::Table = "[sequence]\ndwell_s = 45.0\n[sequence.order.adaptive]\nmost = 3\n".parse().unwrap();
+        let text = section_text("sequence", &all["sequence"]).unwrap();
+        assert_eq!(text.parse::<toml::Table>().unwrap(), all, "{text}");
+        let inner = section_text("sequence.order", &all["sequence"]["order"]).unwrap();
+        assert_eq!(inner.trim(), "[sequence.order.adaptive]\nmost = 3");
+    }
 }
