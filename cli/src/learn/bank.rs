@@ -56,13 +56,13 @@ impl Rows {
         let (mut score, mut information, mut first) = (0.0f64, 0.0f64, 0);
         for &end in &self.ends {
             let (mut sum, mut weight, mut square, mut right) = (0.0f32, 0.0f32, 0.0f32, 0.0f32);
-            for row in first..end {
+            for (row, weighed) in weighed.iter().enumerate().take(end).skip(first) {
                 let (value, precision) = (column(row), self.precision[row]);
                 let heavy = value * precision;
                 sum += heavy;
                 weight += precision;
                 square += value * heavy;
-                right += value * weighed[row];
+                right += value * weighed;
             }
             first = end;
             score += f64::from(right);
