@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GateSettings {
-    /// °/h: for the disturbance gate the excess of |rate| over Ω cos φ, for the jitter gate the change of |rate| from
-    /// second to second.
+    /// °/h: for the disturbance gate the excess of |rate| over Ω cos φ, for the jitter gate the change of the rate from
+    /// second to second, seen or possible.
     pub threshold_deg_h: f64,
     /// Seconds in a row that make a verdict.
     pub seconds: u16,
@@ -21,6 +21,10 @@ impl GateSettings {
     /// The jitter gate's defaults.
     pub const JITTER: Self = Self { threshold_deg_h: 3.0, seconds: 5, timeout_s: 90.0 };
 }
+
+/// Change of the rate from one second to the next, °/h rms, by the root mean square of an oscillating angle, arcsec, whose period does
+/// not divide the second: θ(2) − 2θ(1) + θ(0) of three independent angles, √(1 + 4 + 1).
+const CHANGE_BY_RIPPLE: f64 = 2.449489742783178;
 
 /// What a second made a fix wait for, or doubt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -115,7 +119,10 @@ impl DisturbanceGate {
     }
 }
 
-/// Jitter gate: wp = |ω(p+1)| − |ω(p)| of successive seconds.
+/// Jitter gate: wp = ω(p+1) − ω(p) of successive seconds, with its sign, and beside it what oscillates within the second.
+///
+/// (With the difference of moduli a spindle that rings about a rate near nothing reads +R, −R, +R and passes.) A ringing whose period
+/// divides the second makes no difference between seconds; the path of the angle within the second shows it.
 #[derive(Clone, Debug)]
 pub struct JitterGate {
     runs: Runs,
@@ -127,28 +134,36 @@ impl JitterGate {
         Self { runs: Runs::new(settings), last_deg_h: None }
     }
 
-    /// Takes a second's rate, °/h; gives wp in °/h and the verdict. The first second has no wp: 0, watching.
-    pub fn push(&mut self, rate_deg_h: f64) -> (f64, Verdict) {
+    /// Takes a second's rate, °/h, and the root mean square distance of its angle from a straight line, arcsec; gives the greater of wp
+    /// and what a ringing of this size can make of it, °/h, and the verdict. The first second has no wp: 0, watching.
+    pub fn push(&mut self, rate_deg_h: f64, ripple_arcsec: f64) -> (f64, Verdict) {
         let Some(last_deg_h) = self.last_deg_h.replace(rate_deg_h) else {
             return (0.0, Verdict::Watching);
         };
-        let change_deg_h = rate_deg_h.abs() - last_deg_h.abs();
+        let seen_deg_h = rate_deg_h - last_deg_h;
+        let hidden_deg_h = CHANGE_BY_RIPPLE * ripple_arcsec;
+        let change_deg_h = if hidden_deg_h > seen_deg_h.abs() { hidden_deg_h } else { seen_deg_h };
         let still = change_deg_h.abs() < self.runs.settings.threshold_deg_h;
         (change_deg_h, self.runs.push(!still))
     }
 
-    /// Takes a second with or without a usable rate.
-    pub fn second(&mut self, rate_deg_h: Option<f64>) -> (f64, Verdict) {
+    /// Takes a second with or without a usable rate, and its ripple.
+    pub fn second(&mut self, rate_deg_h: Option<f64>, ripple_arcsec: f64) -> (f64, Verdict) {
         if let Some(rate_deg_h) = rate_deg_h {
-            return self.push(rate_deg_h);
+            return self.push(rate_deg_h, ripple_arcsec);
         }
         self.interrupt();
         (0.0, Verdict::Watching)
     }
 
-    /// The last second differed from the one before by less than the threshold.
+    /// The last second was quiet, and so like the one before.
     pub fn is_quiet(&self) -> bool {
         self.runs.below > 0
+    }
+
+    /// The last second was not: it is no first one, of which nothing is known.
+    pub fn is_ringing(&self) -> bool {
+        self.runs.above > 0
     }
 
     /// A second without a usable rate: neither count may run on across it.
@@ -172,7 +187,7 @@ mod tests {
 
     fn jitter(rates: &[f64]) -> heapless::Vec<Verdict, 16> {
         let mut gate = JitterGate::new(JITTER);
-        rates.iter().map(|&rate| gate.push(rate).1).collect()
+        rates.iter().map(|&rate| gate.push(rate, 0.0).1).collect()
     }
 
     #[test]
@@ -223,12 +238,28 @@ mod tests {
         );
     }
 
+    /// A ringing spindle with the axis east: the rate is near nothing, and its modulus does not change.
+    #[test]
+    fn a_change_of_sign_is_a_change() {
+        assert_eq!(jitter(&[2.0, -2.0, 2.0, -2.0, 2.0, -2.0])[5], Refused);
+    }
+
+    /// 1.3 arcsec rms are worth a change of 3.18 °/h, 1.1 arcsec of 2.69 °/h.
+    #[test]
+    fn a_ringing_whose_period_divides_the_second_is_jitter() {
+        for (ripple_arcsec, verdict) in [(1.3, Refused), (1.1, Passed)] {
+            let mut gate = JitterGate::new(JITTER);
+            let last = (0..6).map(|_| gate.push(10.0, ripple_arcsec).1).last();
+            assert_eq!(last, Some(verdict), "{ripple_arcsec}");
+        }
+    }
+
     #[test]
     fn an_interrupted_count_begins_again() {
         let mut gate = JitterGate::new(JITTER);
-        (0..5).for_each(|_| assert_eq!(gate.push(1.0).1, Watching));
+        (0..5).for_each(|_| assert_eq!(gate.push(1.0, 0.0).1, Watching));
         gate.interrupt();
-        (0..5).for_each(|_| assert_eq!(gate.push(1.0).1, Watching));
-        assert_eq!(gate.push(1.0).1, Passed);
+        (0..5).for_each(|_| assert_eq!(gate.push(1.0, 0.0).1, Watching));
+        assert_eq!(gate.push(1.0, 0.0).1, Passed);
     }
 }

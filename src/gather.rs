@@ -122,6 +122,7 @@ impl Gatherer {
                 ..Conditions::default()
             },
             moment_arcsec_s: rate.moment_arcsec_s,
+            ripple_arcsec: rate.ripple_arcsec,
             level_moment: level.map(|level| level.first).unwrap_or_default(),
             lost_frames: rate.missing,
         };

@@ -51,6 +51,7 @@ pub mod raw;
 pub mod replay;
 pub mod restart;
 pub mod ring;
+pub mod ripple;
 pub mod sample;
 pub mod self_test;
 pub mod sequence;

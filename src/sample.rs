@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::frame::{Frame, GyroFormat};
 use crate::health::Counters;
+use crate::ripple::Ripple;
 
 /// Samples in a second.
 pub const SAMPLES_PER_SECOND: u16 = 400;
@@ -66,6 +67,8 @@ pub struct RateSecond {
     pub fog_arcsec: f64,
     /// First moment of the angle about the middle of the second, arcsec · s.
     pub moment_arcsec_s: f64,
+    /// Root mean square distance of the angle's path within the second from a straight line, arcsec: what oscillates.
+    pub ripple_arcsec: f64,
     /// Mean temperature of the gyro, °C, if it tells one.
     pub temp_c: Option<f64>,
     /// Slots without a valid frame.
@@ -102,6 +105,8 @@ struct Partial {
     angle: i64,
     /// Sum of increments times the distance of their middle from the second's, counts · half samples.
     moment: i64,
+    /// The path of the angle, counts, over good samples.
+    ripple: Ripple,
     temperature_sum: i32,
     temperatures: u16,
     first: Option<i64>,
@@ -152,6 +157,7 @@ impl Sampler {
             self.good = self.good.wrapping_add(1);
             second.changed |= *second.first.get_or_insert(frame.increment) != frame.increment;
             second.angle += frame.increment;
+            second.ripple.push(f64::from(second.good), second.angle as f64);
             second.moment += frame.increment * (2 * i64::from(second.slots) + 1 - i64::from(SAMPLES_PER_SECOND));
         }
         self.next_slot()
@@ -207,6 +213,7 @@ impl Sampler {
         Some(RateSecond {
             fog_arcsec: second.angle as f64 * format.arcsec_per_count() * stretch,
             moment_arcsec_s: second.moment as f64 * (0.5 * SAMPLE_S * format.arcsec_per_count()) * stretch,
+            ripple_arcsec: second.ripple.rms() * format.arcsec_per_count(),
             temp_c,
             missing,
             invalid: second.invalid,

@@ -80,6 +80,7 @@ mod tests {
     const GOOD: RateSecond = RateSecond {
         fog_arcsec: 12.0,
         moment_arcsec_s: 0.0,
+        ripple_arcsec: 0.0,
         temp_c: None,
         missing: 0,
         invalid: 0,

@@ -131,7 +131,8 @@ pub fn recorded(row: &Row, channels: [f64; MAX_CHANNELS]) -> Recorded {
                 ..Conditions::default()
             };
             let lost_frames = row.lost_frames;
-            Recorded::Second(Second { conditions, moment_arcsec_s, level_moment, lost_frames }, mark)
+            let second = Second { conditions, moment_arcsec_s, level_moment, lost_frames, ..Second::default() };
+            Recorded::Second(second, mark)
         }
         Some(Own::Raw { read, mark, az_g }) => Recorded::Raw(RawRow {
             t_s: row.t_s,

@@ -35,6 +35,9 @@ pub struct Second {
     pub conditions: Conditions,
     /// First moment of the gyro's angle about the middle of the second, ∫ (t − middle) · rate dt, arcsec · s.
     pub moment_arcsec_s: f64,
+    /// Root mean square distance of the gyro's angle within the second from a straight line, arcsec; 0 where nothing finer than the
+    /// second was measured.
+    pub ripple_arcsec: f64,
     /// First moment of the level accelerometers about the middle of the second, s² by unit of gravity.
     pub level_moment: Specific,
     /// Gyro frames that never came or were not valid.

@@ -9,6 +9,7 @@ use crate::gather::Gatherer;
 use crate::health::Counters;
 use crate::index::Direction;
 use crate::level::Specific;
+use crate::ripple::Ripple;
 use crate::settings::Settings;
 use crate::units::{RAD_PER_DEG, sin_cos_deg, wrap_180_deg};
 
@@ -120,6 +121,8 @@ struct Sums {
     raw_arcsec: f64,
     /// Angles times their time, and first moments of the rows themselves.
     timed_arcsec_s: f64,
+    /// The path of the angle, arcsec by seconds.
+    ripple: Ripple,
     level: Specific,
     /// Readings times their time.
     timed_level: Specific,
@@ -169,6 +172,7 @@ impl Sums {
         self.index.cos += weight * cos * shorter;
         self.index.sin += weight * sin * shorter;
         self.raw_arcsec += row.fog_arcsec;
+        self.ripple.push(self.seconds, self.raw_arcsec);
         self.timed_arcsec_s += row.fog_arcsec * (row.t_s - 0.5 * row.interval_s);
         if let Some(Specific { forward, left }) = row.level {
             let middle_s = row.t_s - 0.5 * weight;
@@ -211,6 +215,7 @@ impl Sums {
                     channels: self.channels.map(|sum| sum / self.seconds),
                 },
                 moment_arcsec_s: self.timed_arcsec_s - t_s * self.raw_arcsec,
+                ripple_arcsec: self.ripple.rms(),
                 level_moment,
                 lost_frames: self.lost_frames,
             },

@@ -261,7 +261,7 @@ impl<D: Dwells> Replay<D> {
             Opening::First if self.waiting.len() > 1 => self.open(sink),
             Opening::First => {}
             Opening::Settling(gate) => {
-                if let (_, Verdict::Passed) = gate.push(corrected.rate_deg_h) {
+                if let (_, Verdict::Passed) = gate.push(corrected.rate_deg_h, second.ripple_arcsec) {
                     self.begin_quiet(sink);
                 } else if self.waiting.is_full() {
                     self.accumulator.waited_at(Gate::Jitter);

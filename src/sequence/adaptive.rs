@@ -41,6 +41,8 @@ pub struct Adaptive {
     /// The dwell under way has seconds of before its gate passed: how many.
     pub early: u16,
     interruptions: u8,
+    /// At this position a second was not quiet: its gate is waited for.
+    waits: bool,
 }
 
 impl Adaptive {
@@ -56,12 +58,18 @@ impl Adaptive {
             target_deg: 0.0,
             early: 0,
             interruptions: 0,
+            waits: false,
         }
     }
 
     /// A second may be taken before its gate has passed.
     pub fn takes_early(&self) -> bool {
-        self.interruptions < MOST_INTERRUPTIONS
+        !self.waits && self.interruptions < MOST_INTERRUPTIONS
+    }
+
+    /// The gyro rings after its move: short dwells between seconds that are not quiet would hold a part of the ringing each.
+    pub fn wait(&mut self) {
+        self.waits = true;
     }
 
     /// A second was not quiet. Whether a dwell was under way, which it ends.
@@ -77,7 +85,7 @@ impl Adaptive {
 
     /// A dwell without an end of its own begins.
     pub fn begin_coarse(&mut self) {
-        (self.early, self.dwell_end_s) = (0, f64::INFINITY);
+        (self.early, self.dwell_end_s, self.waits) = (0, f64::INFINITY, false);
     }
 
     /// Plans the first block, from dwell `position` on, after a move of `way_deg`: as long as a gyro with this noise of a second,
@@ -146,7 +154,7 @@ impl Adaptive {
             _ => 0.25,
         };
         let left_s = self.end_s - begin_s - f64::from(moves) * move_s(180.0, index);
-        self.early = 0;
+        (self.early, self.waits) = (0, false);
         self.dwell_end_s = begin_s + share * left_s.max(0.0);
     }
 

@@ -307,8 +307,11 @@ impl Sequencer {
                 self.watching(verdict, corrected, &mut seen, sink).await
             }
             Stage::Settling(gate) => {
-                let verdict = gate.second(rate_deg_h);
+                let verdict = gate.second(rate_deg_h, second.ripple_arcsec);
                 let quiet = gate.is_quiet();
+                if let Some(adaptive) = self.adaptive.as_mut().filter(|_| gate.is_ringing()) {
+                    adaptive.wait();
+                }
                 self.collect_early(corrected, quiet, &mut seen, sink).await;
                 self.settling(verdict, corrected, &mut seen, sink).await
             }
