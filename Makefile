@@ -19,7 +19,7 @@ find: setup
 chip: setup
 	@cargo run $(CHIP) -- $(ARGS)
 
-## test: format, lints, both firmware images, the page, all tests but those of many seeds (ten minutes on two cores, from a fresh clone)
+## test: format, lints, both firmware images, the page, all tests but those of many seeds
 test: setup lint firmware
 	@scripts/page.sh $(BUILD)/page || [ $$? = 3 ]
 	cargo test --workspace --quiet
