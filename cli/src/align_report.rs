@@ -1,17 +1,35 @@
-//! The page of `north align --report`: the heading of every window by every method with its sigma.
+//! The page of `north align --report`: the heading of every window with its sigma, with the latitude and without it.
 
 use std::path::Path;
 
-use north_finder::attitude::Method;
 use north_finder::units::wrap_180_deg;
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::block_gate::Gated;
 use crate::diagnose::report::{Axis, Legend, Plot, Side, escape, figure, page, table};
 
 const HEIGHT: f64 = 220.0;
 
-/// The result: the best method on the whole recording, and all of them on every window.
+/// Whether the latitude was given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    KnownLatitude,
+    UnknownLatitude,
+}
+
+impl Method {
+    pub const ALL: [Self; 2] = [Self::KnownLatitude, Self::UnknownLatitude];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::KnownLatitude => "inertial-least-squares",
+            Self::UnknownLatitude => "inertial-unknown-latitude",
+        }
+    }
+}
+
+/// The result of the whole recording, and of every window.
 #[derive(Serialize, JsonSchema)]
 pub struct Report {
     pub heading_deg: f64,
@@ -22,6 +40,11 @@ pub struct Report {
     pub latitude_deg: f64,
     pub arw_deg_per_sqrt_h: f64,
     pub rate_excess_deg_h: f64,
+    /// Of the base's attitude, one sigma: to and fro, random walk, steady drift.
+    pub base_jitter_arcsec: f64,
+    pub base_walk_arcsec_per_sqrt_s: f64,
+    pub base_drift_deg_h: f64,
+    pub outliers: Gated,
     pub windows: Vec<Window>,
 }
 
@@ -68,7 +91,8 @@ pub fn html(file: &Path, report: &Report, reference_deg: Option<f64>) -> String 
     ];
     let body = format!(
         "<h1>{}</h1>\n<p>Heading {:.4}° ± {:.4}°, pitch {:.4}°, roll {:.4}° at the end, by {}; latitude {:.3}°, noise of the gyros \
-         {:.5} °/√h, horizontal rate {:+.4} °/h against the Earth's.</p>\n{figures}<h2>Windows</h2>\n{}",
+         {:.5} °/√h, horizontal rate {:+.4} °/h against the Earth's. The base: jitter \
+         {:.3}″, random walk {:.3} ″/√s, drift {:.4} °/h, one sigma each; {}.</p>\n{figures}<h2>Windows</h2>\n{}",
         escape(&title),
         report.heading_deg,
         report.sigma_heading_deg,
@@ -78,6 +102,10 @@ pub fn html(file: &Path, report: &Report, reference_deg: Option<f64>) -> String 
         report.latitude_deg,
         report.arw_deg_per_sqrt_h,
         report.rate_excess_deg_h,
+        report.base_jitter_arcsec,
+        report.base_walk_arcsec_per_sqrt_s,
+        report.base_drift_deg_h,
+        report.outliers,
         table(&head, &rows)
     );
     page(&title, &body)

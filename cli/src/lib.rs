@@ -4,6 +4,7 @@
 pub mod align_report;
 pub mod argument;
 pub mod block_csv;
+pub mod block_gate;
 pub mod calibrate;
 pub mod campaign;
 pub mod characterise;

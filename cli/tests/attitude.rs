@@ -64,8 +64,8 @@ fn a_still_block_is_aligned_and_its_page_written() {
     let found = json(&["align", &path, "--latitude", "60", "--window", "30", "--reference", "90", "--report", &report]);
     assert!((found["heading_deg"].as_f64().unwrap() - 90.0).abs() < 1e-3, "{found}");
     assert!(found["sigma_heading_deg"].as_f64().unwrap() < 0.1, "{found}");
-    // Four windows of 30 s by five methods.
-    assert_eq!(found["windows"].as_array().unwrap().len(), 20);
+    // Four windows of 30 s, with the latitude and without it.
+    assert_eq!(found["windows"].as_array().unwrap().len(), 8);
     let html = fs::read_to_string(page).unwrap();
     assert!(html.contains("inertial-least-squares") && html.contains("<svg") && !html.contains("<script"), "{html}");
     let blind = json(&["align", &path, "--latitude", "unknown"]);
@@ -112,6 +112,72 @@ fn bad_files_are_refused_with_file_line_column_and_value() {
         call(&other, &["columns.csv, line 1", "`gz_arcsec` is missing"]);
         call("nowhere.csv", &["nowhere.csv"]);
     }
+}
+
+/// Rows of 0.1 s with noise of the gyros, ± 0.02″, and of the accelerometers, ± 0.01 m/s², uniform by the golden ratio; `absurd` stands
+/// in one row, counted from 0, and one column, counted from 0.
+fn noisy(tenths: u32, absurd: Option<(u32, usize, f64)>) -> String {
+    let mut text = String::new();
+    for tenth in 1..=tenths {
+        let uniform = |axis: usize| (f64::from(tenth) * 0.618_033_988_75 + axis as f64 * 0.377).fract() - 0.5;
+        let mut row: [f64; 6] =
+            std::array::from_fn(|axis| STILL[axis] + uniform(axis) * if axis < 3 { 0.04 } else { 0.02 });
+        if let Some((place, axis, value)) = absurd.filter(|(place, ..)| place + 1 == tenth) {
+            assert!(place < tenths);
+            row[axis] = value;
+        }
+        let [gx, gy, gz, ax, ay, az] = row;
+        writeln!(text, "{},{gx},{gy},{gz},{ax},{ay},{az}", f64::from(tenth) / 10.0).unwrap();
+    }
+    text
+}
+
+#[test]
+fn no_single_absurd_sample_moves_an_alignment_or_a_track_beyond_its_sigma() {
+    let aligned = |absurd| {
+        let (_folder, path) = recording(&[noisy(1000, absurd)]);
+        json(&["align", &path, "--latitude", "60", "--arw", "0.002", "--bias", "0"])
+    };
+    let held = |absurd| {
+        let (folder, path) = recording(&[noisy(1000, absurd)]);
+        let out = folder.path().join("track.csv").display().to_string();
+        json(&["track", &path, "--latitude", "60", "--align", "60", "--class", "ring-laser", "--out", &out])
+    };
+    let number = |value: &Value, name: &str| value[name].as_f64().unwrap();
+    let (of_align, of_track) = (aligned(None), held(None));
+    assert!(of_align["outliers"]["rows"] == 0 && of_track["outliers"]["rows"] == 0, "{of_align} {of_track}");
+    // The recording's ends, the aligned seconds, their end and what is tracked; every size and sign.
+    for place in [0, 1, 300, 599, 600, 800, 999] {
+        for (axis, value) in [(2, 1e3), (0, -1e3), (1, 1e6), (2, -1e6), (2, 1e20), (3, 1e3), (4, -1e6), (5, 1e20)] {
+            let absurd = Some((place, axis, value));
+            for (found, without) in [(aligned(absurd), &of_align), (held(absurd), &of_track)] {
+                let moved = (number(&found, "heading_deg") - number(without, "heading_deg")).abs();
+                let (sigma, before) = (number(&found, "sigma_heading_deg"), number(without, "sigma_heading_deg"));
+                assert!(moved < 0.5 * before && sigma < 1.5 * before, "{absurd:?}: {moved} {found}");
+                assert_eq!(found["outliers"]["rows"], 1, "{absurd:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn rows_that_no_gyro_measures_are_refused_by_name() {
+    let (folder, path) =
+        recording(&[rows(1..=300, STILL), rows(301..=330, [0.0, 0.0, 1e9, 0.0, 0.0, 9.82]), rows(331..=600, STILL)]);
+    let out = folder.path().join("track.csv").display().to_string();
+    refused(&["align", &path, "--latitude", "60"], &["block.csv", "30.1", "gz_arcsec", "1e9"]);
+    refused(&track(&path, &out), &["block.csv", "30.1", "gz_arcsec", "1e9"]);
+}
+
+#[test]
+fn a_recording_that_the_alignment_takes_whole_is_refused() {
+    let (folder, path) = recording(&[rows(1..=600, STILL)]);
+    let out = folder.path().join("track.csv").display().to_string();
+    for heading in [&[][..], &["--heading", "90"]] {
+        let call = ["track", &path, "--latitude", "60", "--align", "100", "--class", "ring-laser", "--out", &out];
+        refused(&[&call[..], heading].concat(), &["60.0 s", "100 s", "nothing is left to track"]);
+    }
+    assert!(!Path::new(&out).exists());
 }
 
 #[test]

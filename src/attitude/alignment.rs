@@ -5,15 +5,15 @@
 //!
 //! f(t) = g up + g Ω cos φ east · t + g cos φ (sin φ north − cos φ up) Ω² t²/2 − …,
 //!
-//! so that its mean is up and its slope points east: heading needs nothing else. The mean of the gyros' rates, which takes the
-//! base for still altogether, is the coarse alignment. What disturbs a fit of that slope depends on the base. One that comes back
-//! to where it was has white noise in its velocity: a parabola through the integral of f. Accelerometers have it in the
-//! force: a line through f. Gyros have it in the rate, and f wanders. With white rate noise of the density N² alone an error of the
-//! horizontal rate has the variance N²/T of the mean rate; the line alone makes 6/5 of it, the parabola 10/7. With white force
-//! noise of density A² alone the line has 12 A²/g²T³, the parabola 10/7 of it. The least squares that know how much there is of each are
-//! [`tracker`]; how much there is, they learn from the window itself and from others of the same recording ([`noise`]): the
-//! likelihoods of 720 mixtures are computed and the results averaged over them (Hoeting and others, Bayesian model
-//! averaging, Statistical Science 14, 1999). Loud seconds count less ([`blocks`]).
+//! so that its mean is up and its slope points east: heading needs nothing else. The accelerometers tell that slope whatever the base
+//! does, with their noise; the gyros alone tell it, without any, where the base stands: the mean of their rates. How the base moves is
+//! therefore a parameter: jitter (white attitude), a random walk and a steady drift. With white rate noise of the density N² alone an
+//! error of the horizontal rate has the variance N²/T where the base stands, and 6/5 of it where it turns as it likes and the
+//! accelerometers have no noise; white force noise of density A² adds 12 A²/g²T³ there, a base that comes back to where it was has
+//! white noise in its velocity. The least squares that know how much there is of each are [`tracker`]; how much there is, they learn
+//! from the window itself and from others of the same recording ([`noise`]): likelihoods of all mixtures are computed and the
+//! results averaged over them (Hoeting and others, Bayesian model averaging, Statistical Science 14, 1999). Loud seconds count less
+//! ([`blocks`]).
 
 mod blocks;
 mod noise;
@@ -23,14 +23,14 @@ use nalgebra::{Matrix3, Vector3};
 
 pub use self::noise::NoiseOfRate;
 
-use self::blocks::{BlockList, Blocks};
-use self::noise::{CANDIDATES, Noise, log_sum, probabilities};
-use self::tracker::{Tracked, track};
+use self::blocks::{BlockList, Blocks, local_variances, mean_variance};
+use self::noise::{BASES, Base, CANDIDATES, Noise, log_sum};
+use self::tracker::{Measured, Tracked, track};
 use super::coning::{Algorithm, Increment, Integrator};
 use super::quaternion::Quaternion;
 use super::rotation::Angles;
 use crate::earth::{EARTH_RATE_DEG_H, LatitudeError, POLE_LIMIT_DEG, earth_rate};
-use crate::units::{DEG_PER_RAD, RAD_PER_DEG};
+use crate::units::{ARCSEC_PER_RAD, DEG_PER_RAD, RAD_PER_DEG};
 
 /// Ω, rad/s.
 const EARTH_RATE_RAD_S: f64 = EARTH_RATE_DEG_H * RAD_PER_DEG / 3600.0;
@@ -42,42 +42,13 @@ const LEAST_S: f64 = LEAST_BLOCKS as f64;
 const ROUNDS: usize = 3;
 /// A horizontal rate that is so many sigmas from the Earth's is a bias of the gyros.
 const BIAS_SIGMAS: f64 = 2.0;
-/// Candidates less likely than this are left out: together below 1e-4.
+/// Models less likely than this are left out: together below 3e-3.
 const LEAST_PROBABILITY: f64 = 1e-6;
+/// Mixtures of the base's velocity and force that are tried with every base: the likeliest ones. A mixture that is left out is less
+/// likely than all of these; what is common to them all is the window's.
+const MIXTURES: usize = 2;
 /// Length of a sample that is taken, s.
 const LONGEST_SAMPLE_S: f64 = 1.0;
-
-/// How a heading was found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Method {
-    /// Means of rate and specific force, the base taken for still.
-    StaticMean,
-    /// A line through the specific force in inertial axes.
-    ForceLine,
-    /// A parabola through the velocity in inertial axes.
-    VelocityParabola,
-    /// Least squares in inertial axes with the noise that the window shows.
-    LeastSquares,
-    /// The same where the latitude is not known.
-    UnknownLatitude,
-}
-
-impl Method {
-    /// All, from the coarsest to the finest; the last is for where there is no latitude.
-    pub const ALL: [Self; 5] =
-        [Self::StaticMean, Self::ForceLine, Self::VelocityParabola, Self::LeastSquares, Self::UnknownLatitude];
-
-    /// Its name, in lower case with hyphens.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::StaticMean => "static-mean",
-            Self::ForceLine => "inertial-force-line",
-            Self::VelocityParabola => "inertial-velocity-parabola",
-            Self::LeastSquares => "inertial-least-squares",
-            Self::UnknownLatitude => "inertial-unknown-latitude",
-        }
-    }
-}
 
 /// An alignment.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -94,6 +65,18 @@ pub struct Aligned {
     pub latitude_deg: f64,
     /// Horizontal rate that was found less that of the Earth at the latitude, °/h; 0 where the latitude was not known.
     pub rate_excess_deg_h: f64,
+    pub base: BaseMotion,
+}
+
+/// What the base did meanwhile, one sigma of each.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BaseMotion {
+    /// Attitude to and fro, from block to block, arcsec.
+    pub jitter_arcsec: f64,
+    /// Random walk of its attitude, arcsec/√s.
+    pub walk_arcsec_sqrt_s: f64,
+    /// Steady drift of its attitude, °/h.
+    pub drift_deg_h: f64,
 }
 
 /// Why there is no alignment.
@@ -143,7 +126,8 @@ pub struct Alignment {
     seconds: f64,
     /// In inertial axes, m/s.
     velocity_m_s: Vector3<f64>,
-    angle_rad: Vector3<f64>,
+    /// Turn from the axes of the beginning as a rotation vector.
+    turn_rad: Vector3<f64>,
     /// Integral of specific force along the block's own axes, m/s.
     felt_m_s: Vector3<f64>,
     blocks: Blocks,
@@ -156,7 +140,7 @@ impl Default for Alignment {
             inertial: Quaternion::IDENTITY,
             seconds: 0.0,
             velocity_m_s: Vector3::zeros(),
-            angle_rad: Vector3::zeros(),
+            turn_rad: Vector3::zeros(),
             felt_m_s: Vector3::zeros(),
             blocks: Blocks::default(),
         }
@@ -176,94 +160,69 @@ impl Alignment {
             return false;
         }
         let Some(interval) = self.integrator.push(sample) else { return true };
-        let before = self.velocity_m_s;
+        let before = (self.velocity_m_s, self.turn_rad);
         self.velocity_m_s += self.inertial.rotate(&interval.velocity_m_s);
         self.inertial = self.inertial.advance(&interval.angle_rad, &Vector3::zeros());
+        self.turn_rad = self.inertial.rotation_vector();
         self.seconds += dt_s;
-        self.angle_rad += sample.angle_rad;
         self.felt_m_s += sample.velocity_m_s;
-        // A trapezium: the mean of the velocity over the sample.
-        self.blocks.push(dt_s, &(0.5 * (before + self.velocity_m_s)));
+        // A trapezium: the means over the sample.
+        let (velocity, turn) = (before.0 + self.velocity_m_s, before.1 + self.turn_rad);
+        self.blocks.push(dt_s, &(0.5 * velocity), &(0.5 * turn));
         true
     }
 
     /// What the window tells of the gyros' noise, to be shared with others of the same recording. `None` where there is too
     /// little to tell.
     pub fn noise(&self, latitude_deg: Option<f64>) -> Option<NoiseOfRate> {
-        let method = if latitude_deg.is_some() { Method::LeastSquares } else { Method::UnknownLatitude };
-        let window = self.window(method, latitude_deg).ok()?;
+        let window = self.window(latitude_deg).ok()?;
         let mut densities = noise::tried();
-        let of = |rate: f64| log_sum(&window.likelihoods(rate));
+        let of = |rate: f64| window.models(rate).log_evidence();
         Some(NoiseOfRate::Learned(core::array::from_fn(|_| densities.next().map_or(f64::NEG_INFINITY, of))))
     }
 
-    /// Heading and levels at the window's end by one method. `latitude_deg` is needed by all but one, which finds it; its
-    /// sign is then that of the vertical rate. `noise` is that of the gyros; `bias_deg_h` the declared one sigma of theirs.
+    /// Heading and levels at the window's end. Without a latitude it is found; its sign is then that of the vertical rate. `noise`
+    /// is that of the gyros; `bias_deg_h` the declared one sigma of theirs.
     ///
     /// Errors: too short a window, near a pole, not gravity, no Earth rate above the noise.
     pub fn solve(
         &self,
-        method: Method,
         latitude_deg: Option<f64>,
         noise: &NoiseOfRate,
         bias_deg_h: Option<f64>,
     ) -> Result<Aligned, AlignError> {
-        let length_s = self.seconds;
-        let (rate, axes, variance_rad2_s2, level_rad) = if method == Method::StaticMean {
-            let rate = self.static_rate(latitude_deg)?;
-            // What the base turned in the meantime is taken for a rate: its tilt from the first second to the last.
-            let tilt_rad = self.tilt_rad(rate.gravity);
-            let of_noise = noise.mean_density() / length_s;
-            (rate, Quaternion::IDENTITY, of_noise + (tilt_rad / length_s) * (tilt_rad / length_s), tilt_rad)
-        } else {
-            let window = self.window(method, latitude_deg)?;
-            let (tracked, slope_variance) = window.average(method, noise);
-            let rate = self.seen(&tracked, &window.nominal, window.seen.sin, window.seen.cos)?;
-            let g2 = rate.gravity * rate.gravity;
-            (rate, self.inertial, slope_variance / g2, libm::sqrt(tracked.force_variance / g2))
-        };
+        let window = self.window(latitude_deg)?;
+        let average = window.average(noise);
+        let rate = self.seen(&average.tracked, &window.nominal, window.seen.sin, window.seen.cos)?;
+        let g2 = rate.gravity * rate.gravity;
+        let variance_rad2_s2 = average.tracked.slope_variance / g2;
         let horizontal = rate.east.norm() / rate.gravity;
-        let excess = if method == Method::UnknownLatitude { 0.0 } else { horizontal - rate.cos * EARTH_RATE_RAD_S };
+        let excess = if latitude_deg.is_none() { 0.0 } else { horizontal - rate.cos * EARTH_RATE_RAD_S };
         // Across the direction of north nothing shows; along it the Earth's rate is known. What is too much there beyond its
         // noise is a bias, and the other axis may have one of that size, unless a bias is declared.
         let shown = if libm::fabs(excess) > BIAS_SIGMAS * libm::sqrt(variance_rad2_s2) { excess } else { 0.0 };
         let bias = bias_deg_h.map_or(shown, |declared| declared * RAD_PER_DEG / 3600.0);
         let sigma = libm::sqrt(variance_rad2_s2 + bias * bias);
         let to_deg_h = DEG_PER_RAD * 3600.0;
-        // The mean of a base that rocks has any rate: it is refused only where there is hardly one.
-        let least = if method == Method::StaticMean { 0.1 * rate.cos * EARTH_RATE_RAD_S } else { 2.0 * sigma };
-        if horizontal <= least {
+        if horizontal <= 2.0 * sigma {
             return Err(AlignError::NoEarthRate { rate_deg_h: horizontal * to_deg_h, sigma_deg_h: sigma * to_deg_h });
         }
-        let geographic = rate.orientation();
         let earth = Vector3::new(0.0, rate.cos, rate.sin) * EARTH_RATE_RAD_S;
-        let turned_s = if method == Method::StaticMean { 0.0 } else { length_s };
-        let earth = Quaternion::from_rotation_vector(&(earth * turned_s));
-        let orientation = earth.inverse().after(&geographic).after(&axes).normalised();
+        let earth = Quaternion::from_rotation_vector(&(earth * self.seconds));
+        let orientation = earth.inverse().after(&rate.orientation()).after(&self.inertial).normalised();
         Ok(Aligned {
             orientation,
             angles: orientation.angles(),
             sigma_heading_deg: (sigma / (rate.cos * EARTH_RATE_RAD_S) * DEG_PER_RAD).min(180.0),
-            sigma_level_deg: level_rad * DEG_PER_RAD,
+            sigma_level_deg: libm::sqrt(average.tracked.force_variance / g2) * DEG_PER_RAD,
             latitude_deg: libm::atan2(rate.sin, rate.cos) * DEG_PER_RAD,
             rate_excess_deg_h: excess * to_deg_h,
+            base: BaseMotion {
+                jitter_arcsec: libm::sqrt(window.jitter_variance / g2) * ARCSEC_PER_RAD,
+                walk_arcsec_sqrt_s: libm::sqrt(average.base.walk_rad2_s) * ARCSEC_PER_RAD,
+                drift_deg_h: average.base.drift_rad_s * to_deg_h,
+            },
         })
-    }
-
-    fn tilt_rad(&self, gravity: f64) -> f64 {
-        let (first, last) = self.blocks.first_and_last_force().unwrap_or_default();
-        (self.inertial.inverse().rotate(&last) - first).norm() / gravity
-    }
-
-    fn static_rate(&self, latitude_deg: Option<f64>) -> Result<EarthSeen, AlignError> {
-        self.check_length()?;
-        let up = self.felt_m_s / self.seconds;
-        let gravity = check_gravity(&up)?;
-        let up = up / gravity;
-        // rate × up = Ω cos φ east, in the units of the slope of specific force.
-        let east = (self.angle_rad / self.seconds).cross(&up) * gravity;
-        let (sin, cos) = check_latitude(latitude_deg.unwrap_or(f64::NAN))?;
-        Ok(EarthSeen { up, gravity, east, sin, cos })
     }
 
     fn check_length(&self) -> Result<(), AlignError> {
@@ -273,35 +232,50 @@ impl Alignment {
         Ok(())
     }
 
-    /// The window's velocities without the terms beyond the slope, by what is known of them from the slope.
-    fn window(&self, method: Method, latitude_deg: Option<f64>) -> Result<Window, AlignError> {
+    /// The window's blocks without the terms beyond the slope, by what is known of them from the slope.
+    fn window(&self, latitude_deg: Option<f64>) -> Result<Window, AlignError> {
         self.check_length()?;
         let too_short = AlignError::TooShort { seconds: self.seconds, least_s: LEAST_S };
-        let (nominal, _) = self.blocks.first_and_last_force().ok_or(too_short)?;
-        let up = nominal / check_gravity(&nominal)?;
-        let known = match method {
-            Method::UnknownLatitude => None,
-            _ => Some(check_latitude(latitude_deg.unwrap_or(f64::NAN))?),
-        };
+        let nominal = self.blocks.first_force().ok_or(too_short)?;
+        let gravity = check_gravity(&nominal)?;
+        let up = nominal / gravity;
+        // Where the gyros would see the support of a base that stands: its mean in the block's axes is known best.
+        let felt = self.felt_m_s.normalize() * gravity;
+        let known = latitude_deg.map(check_latitude).transpose()?;
         let blocks = self.blocks.whitened(&up);
+        let velocities = blocks.iter().map(|(t_s, velocity, _)| velocity - nominal * t_s).collect();
+        let supports =
+            blocks.iter().map(|(.., turn)| Quaternion::from_rotation_vector(&turn).rotate(&felt) - nominal).collect();
+        let (velocity_mean, support_mean) = (mean_variance(&velocities, &up), mean_variance(&supports, &up));
+        let (velocity_local, support_local) = (local_variances(&velocities, &up), local_variances(&supports, &up));
+        let means = velocities.iter().zip(&supports);
+        let measured =
+            means.zip(velocity_local.iter().zip(&support_local)).map(|((velocity, support), (v, s))| Measured {
+                velocity: *velocity,
+                support: *support,
+                velocity_variance: [*v, velocity_mean],
+                support_variance: [*s, support_mean],
+            });
         let mut window = Window {
-            velocities: blocks.iter().map(|(t_s, velocity)| velocity - nominal * t_s).collect(),
-            local_variances: blocks.local_variances(&up),
-            mean_variance: blocks.mean_variance(&up),
+            blocks: measured.collect(),
             step_s: blocks.step_s(),
             nominal,
-            seen: EarthSeen { up, gravity: nominal.norm(), east: Vector3::zeros(), sin: 0.0, cos: 1.0 },
+            jitter_variance: support_mean,
+            seen: EarthSeen { up, gravity, east: Vector3::zeros(), sin: 0.0, cos: 1.0 },
         };
         for _ in 0..ROUNDS {
-            let tracked = window.track(&Noise::OF_BOTH, &Noise::OF_BOTH);
+            let tracked = window.track(&Noise::OF_BOTH, &Base::FREE);
             let mut seen = self.seen(&tracked, &nominal, window.seen.sin, window.seen.cos)?;
             (seen.sin, seen.cos) = match known {
                 Some(known) => known,
                 None => self.found_latitude(&seen)?,
             };
             window.seen = seen;
-            for ((t_s, velocity), place) in blocks.iter().zip(&mut window.velocities) {
-                *place = velocity - nominal * t_s - seen.beyond(t_s);
+            let half_s = 0.5 * window.step_s;
+            let whole = velocities.iter().zip(&supports).zip(blocks.iter());
+            for (place, ((velocity, support), (t_s, ..))) in window.blocks.iter_mut().zip(whole) {
+                place.velocity = velocity - seen.beyond(t_s);
+                place.support = support - (seen.beyond(t_s + half_s) - seen.beyond(t_s - half_s)) / window.step_s;
             }
         }
         Ok(window)
@@ -320,65 +294,83 @@ impl Alignment {
         if cos < libm::sin(POLE_LIMIT_DEG * RAD_PER_DEG) {
             return Err(AlignError::Latitude(LatitudeError::NearPole));
         }
-        Ok((libm::copysign(libm::sqrt(1.0 - cos * cos), self.angle_rad.dot(&seen.up)), cos))
+        Ok((libm::copysign(libm::sqrt(1.0 - cos * cos), self.turn_rad.dot(&seen.up)), cos))
     }
 }
 
-/// Velocities that a line of the force makes.
+/// A window without the nominal force and the terms beyond the slope.
 #[derive(Clone, Debug)]
 struct Window {
-    /// Without the nominal force and the terms beyond the slope, m/s.
-    velocities: BlockList<Vector3<f64>>,
-    /// (m/s)².
-    local_variances: BlockList<f64>,
-    mean_variance: f64,
+    blocks: BlockList<Measured>,
     step_s: f64,
     /// m/s².
     nominal: Vector3<f64>,
+    /// Of the base's attitude times g, (m/s²)².
+    jitter_variance: f64,
     seen: EarthSeen,
 }
 
 impl Window {
-    fn track(&self, believed: &Noise, actual: &Noise) -> Tracked {
-        let variances = self.local_variances.iter().map(|local| [*local, self.mean_variance]);
-        let blocks = self.velocities.iter().copied().zip(variances);
-        track(blocks, self.step_s, &self.seen.up, self.seen.gravity, believed, actual)
+    fn track(&self, noise: &Noise, base: &Base) -> Tracked {
+        track(self.blocks.iter(), self.step_s, &self.seen.up, self.seen.gravity, noise, base)
     }
 
-    /// Log likelihoods of the candidates with a density of the rate's noise.
-    fn likelihoods(&self, rate: f64) -> [f64; CANDIDATES] {
-        let mut candidates = Noise::candidates(rate);
-        let of = |candidate: Noise| self.track(&candidate, &candidate).log_likelihood;
-        core::array::from_fn(|_| candidates.next().map_or(f64::NEG_INFINITY, of))
+    /// Every base with the likeliest mixtures, at one density of the rate's noise. How likely a mixture is the accelerometers tell
+    /// while the base is free.
+    fn models(&self, rate: f64) -> Models {
+        let mut free: heapless::Vec<(f64, Noise), CANDIDATES> =
+            Noise::candidates(rate).map(|noise| (self.track(&noise, &Base::FREE).log_likelihood, noise)).collect();
+        free.sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
+        let kept = free.iter().take(MIXTURES);
+        let models = kept.flat_map(|(_, noise)| {
+            Base::all(rate).map(|(base, prior)| {
+                let tracked = self.track(noise, &base);
+                (tracked.log_likelihood + prior, base, tracked)
+            })
+        });
+        Models(models.collect())
     }
 
-    /// Mean over the candidates, and the variance of its slope along one axis: that of each and the spread between them.
-    fn average(&self, method: Method, noise: &NoiseOfRate) -> (Tracked, f64) {
-        let believed = match method {
-            Method::ForceLine => Some(Noise::OF_FORCE),
-            Method::VelocityParabola => Some(Noise::OF_VELOCITY),
-            _ => None,
-        };
+    /// Mean over all models; the variance of its slope along one axis is the mean of theirs and the spread between them.
+    fn average(&self, noise: &NoiseOfRate) -> Average {
         let across = |slope: &Vector3<f64>| slope - self.seen.up * self.seen.up.dot(slope) - self.seen.east;
         let mut mean = Tracked::default();
-        let mut square = 0.0;
+        let (mut square, mut base) = (0.0, Base::default());
         for (rate, probability) in noise.densities().filter(|(_, probability)| *probability > LEAST_PROBABILITY) {
-            let likelihoods = self.likelihoods(rate);
-            for (candidate, own) in Noise::candidates(rate).zip(probabilities(&likelihoods)) {
-                let weight = probability * own;
+            let models = self.models(rate);
+            let evidence = models.log_evidence();
+            for (log, moved, tracked) in &models.0 {
+                let weight = probability * libm::exp(log - evidence);
                 if weight > LEAST_PROBABILITY {
-                    let tracked = self.track(&believed.unwrap_or(candidate), &candidate);
                     mean.force += tracked.force * weight;
                     mean.slope += tracked.slope * weight;
                     mean.force_variance += tracked.force_variance * weight;
                     mean.slope_variance += tracked.slope_variance * weight;
                     square += weight * across(&tracked.slope).norm_squared();
+                    base.walk_rad2_s += weight * moved.walk_rad2_s;
+                    base.drift_rad_s += weight * moved.drift_rad_s * moved.drift_rad_s;
                 }
             }
         }
-        let spread = 0.5 * (square - across(&mean.slope).norm_squared()).max(0.0);
-        (mean, mean.slope_variance + spread)
+        base.drift_rad_s = libm::sqrt(base.drift_rad_s);
+        mean.slope_variance += 0.5 * (square - across(&mean.slope).norm_squared()).max(0.0);
+        Average { tracked: mean, base }
     }
+}
+
+/// Log of each model's likelihood times its probability beforehand, its base, and what the window gives by it.
+struct Models(heapless::Vec<(f64, Base, Tracked), { MIXTURES * BASES }>);
+
+impl Models {
+    fn log_evidence(&self) -> f64 {
+        log_sum(self.0.iter().map(|(log, ..)| *log))
+    }
+}
+
+/// The mean of all models, and the root mean square motion of their bases.
+struct Average {
+    tracked: Tracked,
+    base: Base,
 }
 
 /// What is seen of the Earth from the inertial axes.

@@ -14,7 +14,7 @@ pub mod quaternion;
 pub mod rotation;
 pub mod ud;
 
-pub use alignment::{AlignError, Aligned, Alignment, Method, NoiseOfRate};
+pub use alignment::{AlignError, Aligned, Alignment, BaseMotion, NoiseOfRate};
 pub use coning::{Algorithm, Increment, Integrator};
 pub use hold::{BlockClass, Hold, HoldCounters, HoldLimits, HoldSecond, Motion, Stood};
 pub use quaternion::Quaternion;

@@ -4,11 +4,12 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 
 use clap::Args;
-use north_finder::attitude::{AlignError, Aligned, Alignment, Method, NoiseOfRate};
+use north_finder::attitude::{AlignError, Aligned, Alignment, NoiseOfRate};
 
 use super::number;
-use crate::align_report::{self, Report, Window};
+use crate::align_report::{self, Method, Report, Window};
 use crate::block_csv::BlockRecording;
+use crate::block_gate::{self, Gated};
 use crate::failure::Failure;
 use crate::file_error::FileError;
 use crate::model_file::ModelFile;
@@ -19,8 +20,9 @@ const GAP_STEPS: f64 = 1.5;
 
 /// Heading and levels of a still or swaying three-axis block
 ///
-/// Every method is tried on every window, and on the whole recording; the best comes first. Heading and levels are those at
-/// the window's end.
+/// One estimator for every base: its jitter, random walk and drift are found together with the heading, so that a block that
+/// stands is aligned to the bound of its gyros and one that rocks by its accelerometers. Where the latitude is known, the
+/// windows are solved without it too, as a check. Heading and levels are those at the window's end. Outliers are replaced and counted.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   north align parked.csv --latitude 34.246 --window 100 --report align.html
@@ -71,14 +73,16 @@ struct Gathered {
 
 impl Align {
     pub fn run(self) -> Result<(), Failure> {
-        let recording = ModelFile::read_block(&self.recording, self.model.as_deref())?;
+        let mut recording = ModelFile::read_block(&self.recording, self.model.as_deref())?;
+        let gated = block_gate::gate(&mut recording, &self.recording)?;
         let whole = longest(gather(&recording, f64::INFINITY));
         let windows = self.window.map_or_else(Vec::new, |seconds| {
             let all = gather(&recording, seconds);
             all.into_iter().filter(|window| window.alignment.seconds() > 0.99 * seconds).collect()
         });
         let noise = self.noise(&whole, &windows);
-        let mut report = self.best(&whole, &noise)?;
+        let mut report = self.whole(&whole, &noise)?;
+        report.outliers = gated;
         let all = if windows.is_empty() { std::slice::from_ref(&whole) } else { &windows };
         for window in all {
             report.windows.extend(self.methods().map(|method| {
@@ -94,6 +98,7 @@ impl Align {
         self.json.write(&report)
     }
 
+    /// The first one is the answer.
     fn methods(&self) -> impl Iterator<Item = Method> + use<> {
         let known = self.latitude.0.is_some();
         Method::ALL.into_iter().filter(move |method| known || *method == Method::UnknownLatitude)
@@ -109,27 +114,15 @@ impl Align {
     }
 
     fn solve(&self, alignment: &Alignment, method: Method, noise: &NoiseOfRate) -> Result<Aligned, AlignError> {
-        alignment.solve(method, self.latitude.0, noise, self.bias)
+        let latitude_deg = self.latitude.0.filter(|_| method == Method::KnownLatitude);
+        alignment.solve(latitude_deg, noise, self.bias)
     }
 
-    fn best(&self, whole: &Gathered, noise: &NoiseOfRate) -> Result<Report, Failure> {
-        let mut best: Option<(Method, Aligned)> = None;
-        let mut refusal = None;
-        // Where the latitude is known, the check against the Earth's rate belongs to the answer.
-        let blind = |method: &Method| self.latitude.0.is_some() && *method == Method::UnknownLatitude;
-        for method in self.methods().filter(|method| !blind(method)) {
-            match self.solve(&whole.alignment, method, noise) {
-                Ok(aligned) if best.is_none_or(|(_, b)| aligned.sigma_heading_deg < b.sigma_heading_deg) => {
-                    best = Some((method, aligned));
-                }
-                Ok(_) => (),
-                Err(error) => refusal = Some(error),
-            }
-        }
-        let Some((method, aligned)) = best else {
-            let reason = refusal.map_or_else(String::new, |error| error.to_string());
-            return Err(Failure::Refused(format!("{}: {reason}", self.recording.display())));
-        };
+    fn whole(&self, whole: &Gathered, noise: &NoiseOfRate) -> Result<Report, Failure> {
+        let method = if self.latitude.0.is_some() { Method::KnownLatitude } else { Method::UnknownLatitude };
+        let aligned = self
+            .solve(&whole.alignment, method, noise)
+            .map_err(|error| Failure::Refused(format!("{}: {error}", self.recording.display())))?;
         Ok(Report {
             heading_deg: aligned.angles.heading_deg,
             pitch_deg: aligned.angles.pitch_deg,
@@ -139,6 +132,10 @@ impl Align {
             latitude_deg: aligned.latitude_deg,
             arw_deg_per_sqrt_h: noise.deg_per_sqrt_h(),
             rate_excess_deg_h: aligned.rate_excess_deg_h,
+            base_jitter_arcsec: aligned.base.jitter_arcsec,
+            base_walk_arcsec_per_sqrt_s: aligned.base.walk_arcsec_sqrt_s,
+            base_drift_deg_h: aligned.base.drift_deg_h,
+            outliers: Gated::default(),
             windows: Vec::new(),
         })
     }
@@ -147,7 +144,8 @@ impl Align {
         writeln!(
             out,
             "heading {:.4}° ± {:.4}°, pitch {:.4}°, roll {:.4}°, latitude {:.3}° ({})\nnoise of the gyros {:.5} °/√h, \
-             horizontal rate {:+.4} °/h against the Earth's",
+             horizontal rate {:+.4} °/h against the Earth's\nbase: jitter {:.3}″, random walk {:.3} ″/√s, drift {:.4} °/h, one sigma \
+             each; {}",
             report.heading_deg,
             report.sigma_heading_deg,
             report.pitch_deg,
@@ -156,6 +154,10 @@ impl Align {
             report.method,
             report.arw_deg_per_sqrt_h,
             report.rate_excess_deg_h,
+            report.base_jitter_arcsec,
+            report.base_walk_arcsec_per_sqrt_s,
+            report.base_drift_deg_h,
+            report.outliers,
         )?;
         writeln!(out, "\n| start, s | seconds | method | heading, ° | sigma, ° |\n|---|---|---|---|---|")?;
         for window in &report.windows {

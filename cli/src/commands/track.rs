@@ -12,6 +12,7 @@ use serde::Serialize;
 
 use super::number;
 use crate::block_csv::BlockRecording;
+use crate::block_gate::{self, Gated};
 use crate::failure::Failure;
 use crate::file_error::FileError;
 use crate::model_file::ModelFile;
@@ -138,6 +139,7 @@ pub(super) struct Summary {
     seconds: usize,
     gaps: u32,
     saturated: u32,
+    outliers: Gated,
     #[schemars(with = "Option<f64>")]
     heading_deg: f64,
     sigma_heading_deg: f64,
@@ -195,8 +197,14 @@ impl Summary {
             }
         };
         format!(
-            "{}: {} s, heading {:.4}° ± {:.4}°; {} gaps, {} saturated{how}{nis}{rms}",
-            self.class, self.seconds, self.heading_deg, self.sigma_heading_deg, self.gaps, self.saturated
+            "{}: {} s, heading {:.4}° ± {:.4}°; {} gaps, {} saturated, {}{how}{nis}{rms}",
+            self.class,
+            self.seconds,
+            self.heading_deg,
+            self.sigma_heading_deg,
+            self.gaps,
+            self.saturated,
+            self.outliers
         )
     }
 }
@@ -226,7 +234,8 @@ fn said_of_source(source: &SourceSummary) -> String {
 
 impl Track {
     pub fn run(mut self) -> Result<(), Failure> {
-        let recording = ModelFile::read_block(&self.recording, self.model.as_deref())?;
+        let mut recording = ModelFile::read_block(&self.recording, self.model.as_deref())?;
+        let outliers = block_gate::gate(&mut recording, &self.recording)?;
         let aiding = Aiding::read(&self.recording, &self.aid)?;
         for unknown in &aiding.unknown {
             eprintln!("north: note: columns that are no readings: {unknown}");
@@ -264,6 +273,7 @@ impl Track {
             seconds: track.rows.len(),
             gaps,
             saturated,
+            outliers,
             heading_deg: last.map_or(f64::NAN, |row| row.angles.heading_deg),
             sigma_heading_deg: last.map_or(180.0, |row| row.sigma_heading_deg),
             rms_error_deg: errors.map(|(rms, _)| rms),

@@ -2,7 +2,7 @@
 
 use libm::{atan2, hypot};
 use nalgebra::Vector3;
-use north_finder::attitude::{Alignment, Angles, BlockClass, Method, NoiseOfRate, Quaternion};
+use north_finder::attitude::{Alignment, Angles, BlockClass, NoiseOfRate, Quaternion};
 use north_finder::earth::earth_rate;
 use north_finder::units::{DEG_PER_RAD, RAD_PER_DEG};
 
@@ -20,7 +20,7 @@ pub struct Start {
 
 /// Aligns the first `align_s`, or levels them where the heading at the recording's beginning is given with its sigma.
 ///
-/// Errors: in words; a latitude near a pole, no Earth rate above the noise.
+/// Errors: in words; a latitude near a pole, no Earth rate above the noise, nothing left to track.
 pub fn start(
     recording: &BlockRecording,
     class: &BlockClass,
@@ -36,6 +36,12 @@ pub fn start(
         before <= align_s - 0.5 * recording.step_s && !gap(row)
     });
     let rows: Vec<&BlockRow> = first.collect();
+    if rows.len() == recording.rows.len() {
+        return Err(format!(
+            "the recording lasts {:.1} s, and --align takes the first {align_s} s: nothing is left to track",
+            rows.iter().map(|row| row.interval_s).sum::<f64>()
+        ));
+    }
     let level_deg = class.accelerometer_m_s2 / 9.8 * DEG_PER_RAD;
     if let Some((heading_deg, sigma_heading_deg)) = heading {
         let angles = levelled(&rows, latitude_deg, heading_deg)?;
@@ -47,7 +53,7 @@ pub fn start(
     }
     let noise = NoiseOfRate::Declared(class.arw_deg_sqrt_h);
     let aligned = alignment
-        .solve(Method::LeastSquares, Some(latitude_deg), &noise, Some(class.run_to_run_deg_h))
+        .solve(Some(latitude_deg), &noise, Some(class.run_to_run_deg_h))
         .map_err(|error| format!("{error}; give --heading, or a longer --align"))?;
     Ok(Start {
         angles: aligned.angles,
