@@ -44,6 +44,10 @@ pub struct Report {
     pub base_jitter_arcsec: f64,
     pub base_walk_arcsec_per_sqrt_s: f64,
     pub base_drift_deg_h: f64,
+    /// One sigma of the drift by the accelerometers alone: a lesser one is not seen.
+    pub unseen_drift_deg_h: f64,
+    /// Heading error that a drift of that size makes where it is not seen, degrees.
+    pub unseen_drift_heading_deg: f64,
     pub outliers: Gated,
     pub windows: Vec<Window>,
 }
@@ -92,7 +96,7 @@ pub fn html(file: &Path, report: &Report, reference_deg: Option<f64>) -> String 
     let body = format!(
         "<h1>{}</h1>\n<p>Heading {:.4}° ± {:.4}°, pitch {:.4}°, roll {:.4}° at the end, by {}; latitude {:.3}°, noise of the gyros \
          {:.5} °/√h, horizontal rate {:+.4} °/h against the Earth's. The base: jitter \
-         {:.3}″, random walk {:.3} ″/√s, drift {:.4} °/h, one sigma each; {}.</p>\n{figures}<h2>Windows</h2>\n{}",
+         {:.3}″, random walk {:.3} ″/√s, drift {:.4} °/h, one sigma each; a drift of {:.4} °/h would not be seen, and turn the heading by {:.4}°; {}.</p>\n{figures}<h2>Windows</h2>\n{}",
         escape(&title),
         report.heading_deg,
         report.sigma_heading_deg,
@@ -105,6 +109,8 @@ pub fn html(file: &Path, report: &Report, reference_deg: Option<f64>) -> String 
         report.base_jitter_arcsec,
         report.base_walk_arcsec_per_sqrt_s,
         report.base_drift_deg_h,
+        report.unseen_drift_deg_h,
+        report.unseen_drift_heading_deg,
         report.outliers,
         table(&head, &rows)
     );

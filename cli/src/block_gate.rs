@@ -2,9 +2,10 @@
 //!
 //! A reading is an outlier where it is outside of what its neighbours span, without the [`SPARED`] of them at either end, by more than
 //! [`SIGMAS`] of the scatter of readings about the medians of theirs (Hampel, The influence curve and its role in robust estimation,
-//! 1974). What begins and goes on is a motion, and is left. An outlier is replaced by the median of its neighbours: what is then wrong of it is a
-//! reading's noise. In a still window an outlier of δ just within the gate turns the heading by 1.5 δ/T at the most; white noise of the
-//! readings with the step τ has a sigma of δ/15 √(T/τ)/T. That is less than one sigma from 500 rows on.
+//! 1974). What begins and goes on is a motion, and is left. So is a shock, which gyros and accelerometers measure together: a block that is
+//! turned by 0.1° within 10 ms is accelerated by 2 m/s² at 5 cm from its axis. An outlier is replaced by the median of its neighbours: what
+//! is then wrong of it is a reading's noise. In a still window an outlier of δ just within the gate turns the heading by 1.5 δ/T at the most; white
+//! noise of the readings with the step τ has a sigma of δ/15 √(T/τ)/T. That is less than one sigma from 500 rows on.
 
 use std::fmt;
 use std::path::Path;
@@ -28,6 +29,8 @@ const TOGETHER: usize = 50;
 const NORMAL: f64 = 1.4826;
 /// Fewest readings that differ from their neighbours and tell how finely an axis is rounded.
 const ROUNDED: usize = 3;
+/// Rows at the most between what gyros and what accelerometers measure of the same shock.
+const SHOCK_ROWS: usize = 2;
 /// What no gyro, °/s, and no accelerometer, m/s² (1000 g), of a navigation block measures.
 const MOST_DEG_S: f64 = 10_000.0;
 const MOST_M_S2: f64 = 9806.65;
@@ -62,30 +65,46 @@ impl fmt::Display for Gated {
 ///
 /// Errors: readings that no block measures and that are no outliers, as there are too many of them.
 pub fn gate(recording: &mut BlockRecording, file: &Path) -> Result<Gated, Failure> {
-    let step_s = recording.step_s;
-    let mut outliers: Vec<(usize, Outlier)> = Vec::new();
-    for (axis, column) in COLUMNS[1..].iter().enumerate() {
+    let most = |axis: usize| if axis < 3 { MOST_DEG_S / DEG_PER_RAD * recording.step_s } else { MOST_M_S2 };
+    let unit = |axis: usize| if axis < 3 { ARCSEC_PER_RAD } else { 1.0 };
+    let found: [Vec<(usize, f64)>; 6] = std::array::from_fn(|axis| {
         let readings: Vec<f64> = recording.rows.iter().map(|row| reading(row, axis)).collect();
-        let most = if axis < 3 { MOST_DEG_S / DEG_PER_RAD * step_s } else { MOST_M_S2 };
-        let (unit, of) = if axis < 3 { (ARCSEC_PER_RAD, "gyro") } else { (1.0, "accelerometer") };
-        for (row, median) in found(&readings) {
-            let value = readings[row] * unit;
-            outliers.push((row, Outlier { t_s: recording.rows[row].t_s, column, value }));
-            set(&mut recording.rows[row], axis, median);
-        }
-        if let Some(row) = recording.rows.iter().find(|row| reading(row, axis).abs() > most) {
-            let value = reading(row, axis) * unit;
+        found(&readings)
+    });
+    let possible = |axis: usize, row: usize| reading(&recording.rows[row], axis).abs() <= most(axis);
+    let shocked = |mut axes: std::ops::Range<usize>, row: usize| {
+        axes.any(|axis| {
+            found[axis].iter().any(|(other, _)| other.abs_diff(row) <= SHOCK_ROWS && possible(axis, *other))
+        })
+    };
+    let mut replaced: Vec<(usize, usize, f64)> = Vec::new();
+    for (axis, outliers) in found.iter().enumerate() {
+        let others = if axis < 3 { 3..6 } else { 0..3 };
+        let alone = outliers.iter().filter(|(row, _)| !(possible(axis, *row) && shocked(others.clone(), *row)));
+        replaced.extend(alone.map(|(row, median)| (*row, axis, *median)));
+    }
+    replaced.sort_unstable_by_key(|(row, axis, _)| (*row, *axis));
+    let first = replaced.first().map(|(row, axis, _)| {
+        let row = &recording.rows[*row];
+        Outlier { t_s: row.t_s, column: COLUMNS[axis + 1], value: reading(row, *axis) * unit(*axis) }
+    });
+    for (row, axis, median) in &replaced {
+        set(&mut recording.rows[*row], *axis, *median);
+    }
+    for axis in 0..6 {
+        if let Some(row) = recording.rows.iter().find(|row| reading(row, axis).abs() > most(axis)) {
             return Err(Failure::Refused(format!(
-                "{}: t_s = {}: {column} is {value:e}, beyond what any {of} measures, and so are rows beside it",
+                "{}: t_s = {}: {} is {:e}, beyond what any {} measures, and so are rows beside it",
                 file.display(),
-                row.t_s
+                row.t_s,
+                COLUMNS[axis + 1],
+                reading(row, axis) * unit(axis),
+                if axis < 3 { "gyro" } else { "accelerometer" },
             )));
         }
     }
-    outliers.sort_by_key(|(row, _)| *row);
-    let first = outliers.first().map(|(_, outlier)| *outlier);
-    outliers.dedup_by_key(|(row, _)| *row);
-    Ok(Gated { rows: outliers.len(), first })
+    replaced.dedup_by_key(|(row, ..)| *row);
+    Ok(Gated { rows: replaced.len(), first })
 }
 
 /// Increment of angle, rad, or specific force, m/s².

@@ -208,8 +208,8 @@ fn gaps_and_saturated_gyros_are_bridged_and_counted_or_refused() {
     let ship = gap(3.0);
     let headings = ship.headings(60);
     ship.refused(&["--aid", &headings], &["block.csv", "t_s = 33", "no rows for 3.000 s", "align again"]);
-    // 200 °/s over a tenth of a second are 72 000″; the block's range is 150 °/s.
-    let ship = Ship::new(60, |tenth| (tenth == 400).then(|| "40,0,0,72000,0,0,9.81918".to_owned()));
+    // A shock: 200 °/s over a tenth of a second are 72 000″; the block's range is 150 °/s.
+    let ship = Ship::new(60, |tenth| (tenth == 400).then(|| "40,0,0,72000,5,0,9.81918".to_owned()));
     let headings = ship.headings(39);
     let summary = ship.json(&["--aid", &headings]);
     assert!(summary["saturated"] == 1 && summary["sigma_heading_deg"].as_f64().unwrap() > 10.0, "{summary}");

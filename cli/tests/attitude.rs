@@ -160,6 +160,33 @@ fn no_single_absurd_sample_moves_an_alignment_or_a_track_beyond_its_sigma() {
     }
 }
 
+/// A block that is turned by 1000″ within 0.1 s while it is aligned is felt by its accelerometers: it is no outlier, and the heading
+/// follows it (z up: to the left, the heading becomes less).
+#[test]
+fn a_shock_is_followed_and_no_outlier() {
+    let aligned = |shock: bool| {
+        let shocked = noisy(1000, None).lines().enumerate().fold(String::new(), |mut text, (place, row)| {
+            let mut fields: Vec<f64> = row.split(',').map(|field| field.parse().unwrap()).collect();
+            // It is kicked, and caught again.
+            if shock && place == 500 {
+                (fields[3], fields[4]) = (fields[3] + 1000.0, 5.0);
+            } else if shock && place == 501 {
+                fields[4] = -5.0;
+            }
+            let fields: Vec<String> = fields.iter().map(f64::to_string).collect();
+            writeln!(text, "{}", fields.join(",")).unwrap();
+            text
+        });
+        let (_folder, path) = recording(&[shocked]);
+        json(&["align", &path, "--latitude", "60", "--arw", "0.002", "--bias", "0"])
+    };
+    let (shocked, calm) = (aligned(true), aligned(false));
+    assert_eq!(shocked["outliers"]["rows"], 0);
+    let turned_deg = shocked["heading_deg"].as_f64().unwrap() - calm["heading_deg"].as_f64().unwrap();
+    let sigma_deg = shocked["sigma_heading_deg"].as_f64().unwrap();
+    assert!((turned_deg + 1000.0 / 3600.0).abs() < 2.0 * sigma_deg && sigma_deg < 1.0, "{turned_deg} {shocked}");
+}
+
 #[test]
 fn rows_that_no_gyro_measures_are_refused_by_name() {
     let (folder, path) =

@@ -47,6 +47,10 @@ const LEAST_PROBABILITY: f64 = 1e-6;
 /// Mixtures of the base's velocity and force that are tried with every base: the likeliest ones. A mixture that is left out is less
 /// likely than all of these; what is common to them all is the window's.
 const MIXTURES: usize = 2;
+/// The accelerometers alone differ from the mean of the models by a drift of the base that is too small to be likely. The square of
+/// the difference, per axis and over its variance, is exponential with the mean 1 where there is none: beyond this, in 5 % of the
+/// windows of a base that stands, what is beyond counts in sigma.
+const CONTRADICTION: f64 = 3.0;
 /// Length of a sample that is taken, s.
 const LONGEST_SAMPLE_S: f64 = 1.0;
 
@@ -77,6 +81,9 @@ pub struct BaseMotion {
     pub walk_arcsec_sqrt_s: f64,
     /// Steady drift of its attitude, °/h.
     pub drift_deg_h: f64,
+    /// What the accelerometers alone, who tell a drift from the Earth's rate, tell it to, °/h. Lesser drifts are not seen: they turn the heading by
+    /// their ratio to the horizontal Earth rate, and are in sigma only as far as they are likely beforehand.
+    pub unseen_drift_deg_h: f64,
 }
 
 /// Why there is no alignment.
@@ -221,6 +228,7 @@ impl Alignment {
                 jitter_arcsec: libm::sqrt(window.jitter_variance / g2) * ARCSEC_PER_RAD,
                 walk_arcsec_sqrt_s: libm::sqrt(average.base.walk_rad2_s) * ARCSEC_PER_RAD,
                 drift_deg_h: average.base.drift_rad_s * to_deg_h,
+                unseen_drift_deg_h: libm::sqrt(average.free_variance / g2) * to_deg_h,
             },
         })
     }
@@ -321,6 +329,7 @@ impl Window {
         let mut free: heapless::Vec<(f64, Noise), CANDIDATES> =
             Noise::candidates(rate).map(|noise| (self.track(&noise, &Base::FREE).log_likelihood, noise)).collect();
         free.sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
+        let alone = free.first().map_or_else(Tracked::default, |(_, noise)| self.track(noise, &Base::FREE));
         let kept = free.iter().take(MIXTURES);
         let models = kept.flat_map(|(_, noise)| {
             Base::all(rate).map(|(base, prior)| {
@@ -328,18 +337,21 @@ impl Window {
                 (tracked.log_likelihood + prior, base, tracked)
             })
         });
-        Models(models.collect())
+        Models { weighed: models.collect(), free: alone }
     }
 
-    /// Mean over all models; the variance of its slope along one axis is the mean of theirs and the spread between them.
+    /// Mean over all models; the variance of its slope along one axis is the mean of theirs and the spread between them, and what
+    /// the accelerometers alone contradict it by.
     fn average(&self, noise: &NoiseOfRate) -> Average {
         let across = |slope: &Vector3<f64>| slope - self.seen.up * self.seen.up.dot(slope) - self.seen.east;
-        let mut mean = Tracked::default();
+        let (mut mean, mut free) = (Tracked::default(), Tracked::default());
         let (mut square, mut base) = (0.0, Base::default());
         for (rate, probability) in noise.densities().filter(|(_, probability)| *probability > LEAST_PROBABILITY) {
             let models = self.models(rate);
             let evidence = models.log_evidence();
-            for (log, moved, tracked) in &models.0 {
+            free.slope += models.free.slope * probability;
+            free.slope_variance += models.free.slope_variance * probability;
+            for (log, moved, tracked) in &models.weighed {
                 let weight = probability * libm::exp(log - evidence);
                 if weight > LEAST_PROBABILITY {
                     mean.force += tracked.force * weight;
@@ -354,16 +366,23 @@ impl Window {
         }
         base.drift_rad_s = libm::sqrt(base.drift_rad_s);
         mean.slope_variance += 0.5 * (square - across(&mean.slope).norm_squared()).max(0.0);
-        Average { tracked: mean, base }
+        let apart = 0.5 * (across(&mean.slope) - across(&free.slope)).norm_squared();
+        let allowed = CONTRADICTION * (free.slope_variance - mean.slope_variance).max(0.0);
+        mean.slope_variance += (apart - allowed).max(0.0);
+        Average { tracked: mean, base, free_variance: free.slope_variance }
     }
 }
 
-/// Log of each model's likelihood times its probability beforehand, its base, and what the window gives by it.
-struct Models(heapless::Vec<(f64, Base, Tracked), { MIXTURES * BASES }>);
+struct Models {
+    /// Log of each model's likelihood times its probability beforehand, its base, and what the window gives by it.
+    weighed: heapless::Vec<(f64, Base, Tracked), { MIXTURES * BASES }>,
+    /// What the accelerometers alone give, whatever the base does.
+    free: Tracked,
+}
 
 impl Models {
     fn log_evidence(&self) -> f64 {
-        log_sum(self.0.iter().map(|(log, ..)| *log))
+        log_sum(self.weighed.iter().map(|(log, ..)| *log))
     }
 }
 
@@ -371,6 +390,8 @@ impl Models {
 struct Average {
     tracked: Tracked,
     base: Base,
+    /// Of the slope along one axis by the accelerometers alone, (m/s³)².
+    free_variance: f64,
 }
 
 /// What is seen of the Earth from the inertial axes.

@@ -320,7 +320,7 @@ impl Hold {
     }
 
     /// A sample of `dt_s` seconds. At the end of a second: what became of it.
-    pub fn push(&mut self, dt_s: f64, sample: Increment) -> Option<HoldSecond> {
+    pub fn push(&mut self, dt_s: f64, mut sample: Increment) -> Option<HoldSecond> {
         let finite = sample.angle_rad.iter().chain(sample.velocity_m_s.iter()).all(|part| part.is_finite());
         if !(finite && dt_s > 0.0 && dt_s <= SECOND_S) {
             self.counters.invalid = self.counters.invalid.saturating_add(1);
@@ -330,8 +330,9 @@ impl Hold {
         let second = &mut self.second;
         if sample.angle_rad.amax() >= range_rad {
             self.counters.saturated = self.counters.saturated.saturating_add(1);
-            // It may have been twice as fast.
+            // It may have been twice as fast; beyond the range no number says anything.
             second.saturated_rad += range_rad;
+            sample.angle_rad = sample.angle_rad.map(|angle_rad| angle_rad.clamp(-range_rad, range_rad));
         }
         let corrected = Increment { angle_rad: sample.angle_rad - self.bias_rad_s * dt_s, ..sample };
         if let Some(interval) = self.integrator.push(corrected) {

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use north_finder::attitude::{AlignError, Aligned, Alignment, NoiseOfRate};
+use north_finder::earth::earth_rate;
 
 use super::number;
 use crate::align_report::{self, Method, Report, Window};
@@ -135,6 +136,9 @@ impl Align {
             base_jitter_arcsec: aligned.base.jitter_arcsec,
             base_walk_arcsec_per_sqrt_s: aligned.base.walk_arcsec_sqrt_s,
             base_drift_deg_h: aligned.base.drift_deg_h,
+            unseen_drift_deg_h: aligned.base.unseen_drift_deg_h,
+            unseen_drift_heading_deg: earth_rate(aligned.latitude_deg)
+                .map_or(180.0, |earth| (aligned.base.unseen_drift_deg_h / earth.north_deg_h).atan().to_degrees()),
             outliers: Gated::default(),
             windows: Vec::new(),
         })
@@ -145,7 +149,7 @@ impl Align {
             out,
             "heading {:.4}° ± {:.4}°, pitch {:.4}°, roll {:.4}°, latitude {:.3}° ({})\nnoise of the gyros {:.5} °/√h, \
              horizontal rate {:+.4} °/h against the Earth's\nbase: jitter {:.3}″, random walk {:.3} ″/√s, drift {:.4} °/h, one sigma \
-             each; {}",
+             each; a drift of {:.4} °/h would not be seen, and turn the heading by {:.4}°\n{}",
             report.heading_deg,
             report.sigma_heading_deg,
             report.pitch_deg,
@@ -157,6 +161,8 @@ impl Align {
             report.base_jitter_arcsec,
             report.base_walk_arcsec_per_sqrt_s,
             report.base_drift_deg_h,
+            report.unseen_drift_deg_h,
+            report.unseen_drift_heading_deg,
             report.outliers,
         )?;
         writeln!(out, "\n| start, s | seconds | method | heading, ° | sigma, ° |\n|---|---|---|---|---|")?;

@@ -28,6 +28,7 @@ pub fn start(
     align_s: f64,
     heading: Option<(f64, f64)>,
 ) -> Result<Start, String> {
+    earth_rate(latitude_deg).map_err(|error| error.to_string())?;
     let mut seconds = 0.0;
     let gap = |row: &BlockRow| row.interval_s > GAP_STEPS * recording.step_s;
     let first = recording.rows.iter().take_while(|row| {

@@ -111,6 +111,7 @@ impl Base {
 }
 
 /// What is known of the gyros' noise: it is the same in all windows of a recording, that of the base is not.
+#[expect(clippy::large_enum_variant, reason = "there is no heap, and one value for a recording")]
 #[derive(Clone, Debug, PartialEq)]
 pub enum NoiseOfRate {
     /// Exactly this, °/√h: from a data sheet.

@@ -143,8 +143,9 @@ fn a_base_that_stands_is_aligned_to_the_bound_of_its_gyros() {
     let squares: f64 =
         solved.iter().map(|aligned| square(wrap_180_deg(aligned.angles.heading_deg - 90.0) / 0.0914)).sum();
     assert!((11.6..59.7).contains(&squares), "{squares}");
-    let sigma = libm::sqrt(solved.iter().map(|aligned| square(aligned.sigma_heading_deg)).sum::<f64>() / 30.0);
-    assert!((0.0914..0.2).contains(&sigma), "{sigma}");
+    // In 5 % of the windows the accelerometers contradict that it stands, and sigma is wide: of 30, more than 6 with a chance of 0.06 %.
+    let wide = solved.iter().filter(|aligned| aligned.sigma_heading_deg > 0.2).count();
+    assert!(wide <= 6 && solved.iter().all(|aligned| aligned.sigma_heading_deg > 0.09), "{wide}");
 }
 
 #[test]
@@ -167,6 +168,25 @@ fn a_base_that_turns_faster_than_its_accelerometers_can_miss_is_no_rate_of_the_e
         "{error_deg} {aligned:?}"
     );
     assert!(aligned.base.drift_deg_h > 1.0, "{:?}", aligned.base);
+}
+
+#[test]
+fn what_the_accelerometers_contradict_counts_in_sigma_and_what_they_cannot_see_is_said() {
+    // Of 100 s with 3e-3 m/s/√s the force tells a drift to √12 · 3e-3/9.8/1000 = 0.219 °/h. A drift of 0.8 °/h of the support is
+    // 3.7 of that: the sum of squares over its variance, per axis, is 6.8, and the 3.8 beyond 3 are √3.8 · 0.219 = 0.43 °/h, 3.2° of heading.
+    let mut numbers = Numbers(17);
+    let mut alignment = Alignment::default();
+    for step in 0..10_000 {
+        let mut arcsec = STILL_ARCSEC.map(|mean| mean + 0.012 * numbers.normal());
+        arcsec[0] += 0.008;
+        let roll = 0.8 / 3600.0 * RAD_PER_DEG * 0.01 * f64::from(step);
+        let force = [0.0, 9.8 * roll, 9.8].map(|mean| mean + 0.03 * numbers.normal());
+        alignment.push(0.01, sample(arcsec, force));
+    }
+    let aligned = alignment.solve(Some(60.0), &NoiseOfRate::Declared(0.002), Some(0.0)).unwrap();
+    let error_deg = wrap_180_deg(aligned.angles.heading_deg - 90.0);
+    assert!(error_deg.abs() < 3.0 * aligned.sigma_heading_deg, "{error_deg} {aligned:?}");
+    assert!((aligned.base.unseen_drift_deg_h / 0.219 - 1.0).abs() < 0.3, "{:?}", aligned.base);
 }
 
 #[test]

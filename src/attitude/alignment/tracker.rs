@@ -89,11 +89,12 @@ pub(super) fn track<'a>(
     }
     let row = |number: usize| -> Vector3<f64> { state.row(number).transpose() };
     let (force, slope): (Vector3<f64>, Vector3<f64>) = (row(1), row(2));
+    let [[_, force_variance, slope_variance, ..]] = covariance.diagonal().data.0;
     Tracked {
         force: force - slope * (step_s * f64::from(count)),
         slope,
-        force_variance: covariance[(1, 1)],
-        slope_variance: covariance[(2, 2)],
+        force_variance,
+        slope_variance,
         log_likelihood,
     }
 }
@@ -107,10 +108,10 @@ impl Model {
     /// The state a block later.
     fn advance<const N: usize>(&self, columns: &SMatrix<f64, STATES, N>) -> SMatrix<f64, STATES, N> {
         let mut later = *columns;
-        for mut column in later.column_iter_mut() {
-            column[0] += self.step_s * (column[1] + 0.5 * self.step_s * column[2]);
-            column[1] += self.step_s * column[2];
-            column[3] += self.step_s * (column[2] + column[4]);
+        for [velocity, force, slope, support, drift] in &mut later.data.0 {
+            *velocity += self.step_s * (*force + 0.5 * self.step_s * *slope);
+            *force += self.step_s * *slope;
+            *support += self.step_s * (*slope + *drift);
         }
         later
     }
@@ -119,9 +120,8 @@ impl Model {
     fn observe<const N: usize>(&self, columns: &SMatrix<f64, STATES, N>) -> SMatrix<f64, 2, N> {
         let half_s = 0.5 * self.step_s;
         let mut means = SMatrix::<f64, 2, N>::zeros();
-        for (column, mut mean) in columns.column_iter().zip(means.column_iter_mut()) {
-            mean[0] = column[0] + half_s * (column[1] + self.step_s / 3.0 * column[2]);
-            mean[1] = column[3] + half_s * (column[2] + column[4]);
+        for ([velocity, force, slope, support, drift], mean) in columns.data.0.iter().zip(&mut means.data.0) {
+            *mean = [velocity + half_s * (force + self.step_s / 3.0 * slope), support + half_s * (slope + drift)];
         }
         means
     }
@@ -149,22 +149,21 @@ impl Added {
         let tilt = g2 * noise.rate * step_s;
         let turn = g2 * base.walk_rad2_s * step_s;
         let (vv, vf) = (tilt * step_s * step_s / 3.0 + force, 0.5 * tilt * step_s);
-        let mut state = Covariance::zeros();
-        state.fixed_view_mut::<2, 2>(0, 0).copy_from(&Matrix2::new(vv, vf, vf, tilt));
-        (state[(0, 3)], state[(3, 0)]) = (vf, vf);
-        (state[(1, 3)], state[(3, 1)]) = (tilt, tilt);
-        state[(3, 3)] = tilt + turn;
+        let state = Covariance::from([
+            [vv, vf, 0.0, vf, 0.0],
+            [vf, tilt, 0.0, tilt, 0.0],
+            [0.0; STATES],
+            [vf, tilt, 0.0, tilt + turn, 0.0],
+            [0.0; STATES],
+        ]);
         let mean =
             tilt * step_s * step_s / 20.0 + force / 3.0 + noise.velocity * velocity + ROUNDING_M_S * ROUNDING_M_S;
         let support = (tilt + turn) / 3.0 + jitter + g2 * ROUNDING_RAD * ROUNDING_RAD;
         let between = tilt * step_s / 8.0;
-        let mut cross = Columns::zeros();
-        cross[(0, 0)] = tilt * step_s * step_s / 8.0 + 0.5 * force;
-        cross[(1, 0)] = tilt * step_s / 6.0;
-        cross[(0, 1)] = tilt * step_s / 3.0;
-        cross[(1, 1)] = 0.5 * tilt;
-        cross[(3, 0)] = cross[(1, 0)];
-        cross[(3, 1)] = 0.5 * (tilt + turn);
+        let cross = Columns::from([
+            [tilt * step_s * step_s / 8.0 + 0.5 * force, tilt * step_s / 6.0, 0.0, tilt * step_s / 6.0, 0.0],
+            [tilt * step_s / 3.0, 0.5 * tilt, 0.0, 0.5 * (tilt + turn), 0.0],
+        ]);
         Self { state, measured: Matrix2::new(mean, between, between, support), cross }
     }
 }
