@@ -112,6 +112,7 @@ fn the_doctor_finds_what_is_wrong() {
         "good  self-test      Accelerometer-response passed: 1.5 g, allowed 0.5 to 3",
         "good  self-test      Index-drive passed: 0.",
         "good  self-test      Block absent",
+        "good  fix            Azimuth ",
     ];
     for part in parts {
         assert!(said.contains(part), "{part}: {said}");
@@ -124,12 +125,73 @@ fn the_doctor_finds_what_is_wrong() {
     let missing_deg: f64 =
         bad[0].split("Index-drive failed: ").nth(1).unwrap().split('°').next().unwrap().parse().unwrap();
     assert!((4.8..5.2).contains(&missing_deg) && bad[0].contains(". To do: free the spindle"), "{said}");
+    assert!(said.contains("look  fix            None was tried"), "{said}");
     let said = board(&["--scenario", "stalled-motor"]).good(&["doctor", "--still", "--port", "PORT"]);
     assert!(!said.contains("self-test"), "{said}");
     let (code, said, error) = board(&["--scenario", "lossy-link"]).run(&["doctor", "--port", "PORT", "--json", "-"]);
     let findings: Value = serde_json::from_str(&said).unwrap();
     let frames = findings.as_array().unwrap().iter().find(|finding| finding["what"] == "gyro frames").unwrap();
     assert!(code == 1 && frames["verdict"] == "bad" && error.contains("checks are bad"), "{said}{error}");
+}
+
+/// Faults that nothing but a fix brings to light, or that the parts show; `find` gives no azimuth with the first five, and a flag with the last.
+#[test]
+fn the_doctor_is_as_hard_to_please_as_a_fix() {
+    let folder = tempfile::tempdir().unwrap();
+    let worlds = [
+        ("[[gyro.faults]]\nkind = \"stuck\"\nfrom_s = 2.0\n", "gyro noise", "the gyro repeats itself"),
+        ("[[gyro.faults]]\nkind = \"stuck\"\nfrom_s = 40.0\n", "fix", "(gyro-stuck, while "),
+        ("[gyro]\nbias_deg_h = 50.0\n", "fix", "(disturbed-too-long, while watching)"),
+        ("[gyro]\narw_deg_per_sqrt_h = 0.15\n", "fix", "-too-long, while "),
+        ("[base]\npitch_deg = 2.0\n", "fix", "(not-level-in-time, while levelling)"),
+        ("[encoder]\nslip_deg = 3.0\nslip_at_s = 60.0\n", "flag", "(index-slip). To do: check spindle"),
+    ];
+    for (number, (world, what, part)) in worlds.into_iter().enumerate() {
+        let file = path(&folder, &format!("{number}.toml"));
+        fs::write(&file, format!("name = \"w\"\ndescription = \"w\"\n{world}")).unwrap();
+        let board = Board::on(&["--speed", "1000", "--scenario", &file]);
+        let (code, said, _) = board.run(&["doctor", "--port", "PORT"]);
+        let bad: Vec<&str> = said.lines().filter(|line| line.starts_with("BAD")).collect();
+        let named = |line: &&&str| line.contains(&format!("BAD   {what:<14} ")) && line.contains(part);
+        assert!(code == 1 && bad.iter().any(|line| named(&line)), "{world}: {said}");
+        // Without a fix what the parts show is as bad, as there is nothing else to go by.
+        if (2..=4).contains(&number) {
+            let (code, said, _) = board.run(&["doctor", "--no-fix", "--port", "PORT"]);
+            assert!(code == 1 && !said.contains("  fix "), "{world}: {said}");
+        }
+    }
+}
+
+/// The last attitude of a calibration: the instrument lies on its side, and its accelerometers work.
+#[test]
+fn the_doctor_knows_that_an_instrument_is_not_upright() {
+    let board = board(&["--scenario", "worn-accelerometers"]);
+    board.good(&["calibrate", "field", "--port", &board.port]);
+    let (code, said, _) = board.run(&["doctor", "--port", "PORT"]);
+    assert!(code == 1 && said.contains("BAD   level          It is not upright: up is ("), "{said}");
+}
+
+#[test]
+fn a_frame_that_cannot_be_read_is_answered_with_number_0() {
+    use north_finder::event::Event;
+    use north_finder::health::Refusal;
+    use std::io::{Read, Write};
+    let board = board(&[]);
+    let patience = std::time::Duration::from_secs(10);
+    let mut line = serialport::new(&board.port, 115_200).timeout(patience).open().unwrap();
+    // A frame of three bytes of content, whose check sum is none.
+    line.write_all(&[0, 8, 1, 2, 3, 4, 5, 6, 7, 0]).unwrap();
+    let mut decoder = north_finder::link::ReportDecoder::new();
+    let mut byte = [0];
+    let answer = loop {
+        line.read_exact(&mut byte).unwrap();
+        if let Some(Ok(report)) = decoder.feed(byte[0])
+            && let Event::Answer { .. } = report.event
+        {
+            break report.event;
+        }
+    };
+    assert_eq!(answer, Event::Answer { number: 0, refusal: Some(Refusal::Damaged) });
 }
 
 #[test]

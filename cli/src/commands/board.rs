@@ -105,11 +105,23 @@ impl Person for Bridge {
         let Speech::Link(decoder) = &mut self.speech else {
             return (tick == 0).then(|| Ask::Command(Command::Start).into());
         };
-        let mut byte = [0];
+        let (mut byte, mut unreadable) = ([0], None);
         while let Ok(1) = self.line.read(&mut byte) {
             self.asked = true;
-            if let Some(Ok(request)) = decoder.feed(byte[0]) {
-                return Some(request);
+            match decoder.feed(byte[0]) {
+                None => {}
+                Some(Ok(request)) => return Some(request),
+                Some(Err(bad)) => {
+                    unreadable = Some(bad);
+                    break;
+                }
+            }
+        }
+        // As the board does: its answer has the number of no request.
+        if let Some(bad) = unreadable {
+            let event = Event::Answer { number: 0, refusal: Some(bad.into()) };
+            if let Ok(frame) = encode_report(&Report { t_s: tick as f64 * SAMPLE_S, event }) {
+                self.say(&frame);
             }
         }
         None
