@@ -332,7 +332,7 @@ impl Hold {
             self.counters.saturated = self.counters.saturated.saturating_add(1);
             // It may have been twice as fast; beyond the range no number says anything.
             second.saturated_rad += range_rad;
-            sample.angle_rad = sample.angle_rad.map(|angle_rad| angle_rad.clamp(-range_rad, range_rad));
+            sample.angle_rad = sample.angle_rad.map(|angle_rad| angle_rad.max(-range_rad).min(range_rad));
         }
         let corrected = Increment { angle_rad: sample.angle_rad - self.bias_rad_s * dt_s, ..sample };
         if let Some(interval) = self.integrator.push(corrected) {
