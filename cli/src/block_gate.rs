@@ -29,6 +29,9 @@ const TOGETHER: usize = 50;
 const NORMAL: f64 = 1.4826;
 /// Fewest readings that differ from their neighbours and tell how finely an axis is rounded.
 const ROUNDED: usize = 3;
+/// Readings that differ by less than this share of themselves are the same: counts that were scaled differ in their last digits, by
+/// 6e-8 where that was done in single precision.
+const SAME: f64 = 1e-7;
 /// Rows at the most between what gyros and what accelerometers measure of the same shock.
 const SHOCK_ROWS: usize = 2;
 /// What no gyro, °/s, and no accelerometer, m/s² (1000 g), of a navigation block measures.
@@ -125,7 +128,7 @@ fn set(row: &mut BlockRow, axis: usize, value: f64) {
 /// Outliers with what they are replaced by.
 fn found(readings: &[f64]) -> Vec<(usize, f64)> {
     let around: Vec<Around> = (0..readings.len()).map(|row| Around::new(readings, row)).collect();
-    let off: Vec<f64> = readings.iter().zip(&around).map(|(reading, around)| (reading - around.median).abs()).collect();
+    let off: Vec<f64> = readings.iter().zip(&around).map(|(reading, around)| around.off(*reading)).collect();
     let mut differing: Vec<f64> = off.iter().copied().filter(|off| *off > 0.0).collect();
     differing.sort_unstable_by(f64::total_cmp);
     let step = if differing.len() < ROUNDED { 0.0 } else { differing[0] };
@@ -156,6 +159,12 @@ impl Around {
         around.sort_unstable_by(f64::total_cmp);
         let inner = around.get(SPARED..around.len().saturating_sub(SPARED)).unwrap_or_default();
         Self { least: inner.first().copied().unwrap_or(median), median, most: inner.last().copied().unwrap_or(median) }
+    }
+
+    /// From the median.
+    fn off(&self, reading: f64) -> f64 {
+        let off = (reading - self.median).abs();
+        if off > SAME * reading.abs().max(self.median.abs()) { off } else { 0.0 }
     }
 
     fn beyond(&self, reading: f64) -> f64 {
@@ -197,6 +206,10 @@ mod tests {
         // A reading of one count in twenty rows, none in the others.
         let counts: Vec<f64> = (0..500).map(|row| f64::from(u8::from(row % 20 == 7))).collect();
         assert!(found(&counts).is_empty());
+        // The same counts, scaled: their last digits differ, which is not how finely they are rounded. Every fifth is two.
+        let scaled = |row: usize, count: f64| count * 0.1225 * (1.0 + 2e-16 * (row % 3) as f64);
+        let scaled: Vec<f64> = (0..500).map(|row| scaled(row, if row % 5 == 2 { 2.0 } else { 1.0 })).collect();
+        assert!(found(&scaled).is_empty(), "{:?}", found(&scaled));
         // It is turned: from rest to a hundred units within six rows, and back.
         let turned = |row: usize| f64::from((row as i32 - 200).clamp(0, 6) - (row as i32 - 300).clamp(0, 6)) * 16.0;
         let motion: Vec<f64> = noise(500).iter().enumerate().map(|(row, noise)| noise + turned(row)).collect();
