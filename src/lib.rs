@@ -56,6 +56,5 @@ pub mod sample;
 pub mod self_test;
 pub mod sequence;
 pub mod settings;
-pub mod slices;
 pub mod units;
 pub mod watch;

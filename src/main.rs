@@ -2,13 +2,14 @@
 //!
 //! | task | priority | runs when | does |
 //! |---|---|---|---|
-//! | `sample` | 4 | 2.5 ms have passed | tells the gyro to sample, looks what came on the lines, commands the motor |
-//! | `step` | 4 | a slot of the turning motor begins | perhaps a step |
-//! | `gyro_line` | 4 | a byte of the gyro is damaged | counts it |
-//! | `host_line` | 4 | a byte of the host is damaged, or reports are out | counts it, tells `report` |
-//! | `read` | 3 | `sample` has run | reads the sensors that are due |
-//! | `solve` | 2 | `read` has readings | bytes and readings into the instrument; reports, a motor command and a calibration's problem out |
-//! | `report` | 1 | `solve` has reports | sends them to the host, from where they are |
+//! | `sample` | 5 | 2.5 ms have passed | tells the gyro to sample, takes what came on the lines, commands the motor |
+//! | `step` | 5 | a slot of the turning motor begins | perhaps a step |
+//! | `gyro_line` | 5 | a byte of the gyro is damaged | counts it |
+//! | `host_line` | 5 | a byte of the host is damaged, or reports are out | counts it, tells `report` |
+//! | `read` | 4 | `sample` has run | reads the sensors that are due |
+//! | `solve` | 3 | `read` has readings | bytes and readings into the instrument; reports, motor commands and work out |
+//! | `report` | 2 | `solve` has reports | sends them to the host, from where they are |
+//! | `work` | 1 | `solve` has a second for it | does the work on it, up to the azimuth, for as long as that takes |
 //! | `calibrate` | 1 | `solve` has attitudes for it | solves the accelerometers' calibration, for as long as that takes |
 //! | `idle` | – | otherwise | sleeps |
 
@@ -26,11 +27,8 @@ fn main() {
 #[cfg(target_os = "none")]
 #[rtic::app(device = crate::board::pac, dispatchers = [UART4, UART5])]
 mod app {
-    use core::future::poll_fn;
     use core::mem::MaybeUninit;
-    use core::pin::pin;
     use core::sync::atomic::{AtomicBool, Ordering};
-    use core::task::{Poll, Waker};
 
     use heapless::spsc::{Consumer, Producer, Queue};
     use rtic_sync::channel::{Receiver, Sender};
@@ -44,22 +42,20 @@ mod app {
     use north_finder::guard::{Guard, Task, Verdict};
     use north_finder::identity::Identity;
     use north_finder::index::MotorCommand;
-    use north_finder::instrument::workroom::Workroom;
+    use north_finder::instrument::workspace::Workspace;
     use north_finder::instrument::{self, Readings};
     use north_finder::intake::{Heard, Intake, one_more};
     use north_finder::link;
     use north_finder::restart::Crash;
     use north_finder::ring::Ring;
     use north_finder::self_test::BoardFacts;
-    use north_finder::sequence::Sequencer;
-    use north_finder::sequence::desk::Desk;
-    use north_finder::slices::pause;
+    use north_finder::sequence::work::SecondWork;
 
     /// Room for as many ticks as `solve` may lag behind: 40 ms.
     const READINGS: usize = 16;
     const MOTOR_COMMANDS: usize = 4;
-    /// One calibration at a time.
-    const PROBLEMS: usize = 1;
+    /// Calibrations, and seconds, that are handed over at a time.
+    const WORK: usize = 1;
 
     /// Who is alive.
     static GUARD: Guard = Guard::new();
@@ -72,7 +68,7 @@ mod app {
     /// The accelerometer shall do its own test.
     static TEST_ACCELEROMETER: AtomicBool = AtomicBool::new(false);
 
-    type Instrument = instrument::Instrument<&'static mut Sequencer, &'static mut Workroom>;
+    type Instrument = instrument::Instrument<&'static mut SecondWork, &'static mut Workspace>;
     type Told = SignalReader<'static, ()>;
 
     /// A tick: its number, whether the motor turns, and what had come.
@@ -106,31 +102,33 @@ mod app {
         // read
         sensors: Sensors<board::Accelerometer, board::Encoder, board::Block>,
         readings_in: Producer<'static, Readings>,
-        waker_out: Consumer<'static, Waker>,
         // solve
-        waker_in: Producer<'static, Waker>,
         readings_out: Consumer<'static, Readings>,
         instrument: &'static mut Instrument,
         motor_in: Producer<'static, MotorCommand>,
         told: SignalWriter<'static, ()>,
-        problems_in: Sender<'static, &'static mut Workroom, PROBLEMS>,
-        answers_out: Receiver<'static, &'static mut Workroom, PROBLEMS>,
+        seconds_in: Sender<'static, &'static mut SecondWork, WORK>,
+        seconds_done: Receiver<'static, &'static mut SecondWork, WORK>,
+        problems_in: Sender<'static, &'static mut Workspace, WORK>,
+        answers_out: Receiver<'static, &'static mut Workspace, WORK>,
         flash: board::Flash,
         crash: Option<Crash>,
         program: u32,
+        sweep: crash::StackSweep,
         // report
         report_port: board::ReportPort,
+        // work
+        worked_in: Sender<'static, &'static mut SecondWork, WORK>,
         // calibrate
-        answers_in: Sender<'static, &'static mut Workroom, PROBLEMS>,
+        answers_in: Sender<'static, &'static mut Workspace, WORK>,
     }
 
     #[init(local = [
         readings: Queue<Readings, { READINGS + 1 }> = Queue::new(),
-        waker: Queue<Waker, 2> = Queue::new(),
         motor_commands: Queue<MotorCommand, MOTOR_COMMANDS> = Queue::new(),
         place: MaybeUninit<Instrument> = MaybeUninit::uninit(),
-        sequencer: MaybeUninit<Sequencer> = MaybeUninit::uninit(),
-        room: MaybeUninit<Workroom> = MaybeUninit::uninit(),
+        work: MaybeUninit<SecondWork> = MaybeUninit::uninit(),
+        workspace: MaybeUninit<Workspace> = MaybeUninit::uninit(),
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let wrong_words = memory::test();
@@ -138,20 +136,21 @@ mod app {
         let mut board: Board = board::init(cx.device, &INTAKE);
         let program = crash::program();
         let identity = Identity::new(board::BOARD, program);
-        let instrument = make(cx.local.place, cx.local.sequencer, cx.local.room, identity);
+        let instrument = make(cx.local.place, cx.local.work, cx.local.workspace, identity);
         power_up(instrument, &mut board.flash);
         instrument.board_is(BoardFacts { wrong_words, crash: crash.map(|crash| crash.cause), crystal: board.crystal });
 
         let (motor_in, motor_out) = cx.local.motor_commands.split();
         let (readings_in, readings_out) = cx.local.readings.split();
-        let (waker_in, waker_out) = cx.local.waker.split();
         let (sent, done) = make_signal!(());
         let (told, telling) = make_signal!(());
-        let (problems_in, problems_out) = make_channel!(&'static mut Workroom, PROBLEMS);
-        let (answers_in, answers_out) = make_channel!(&'static mut Workroom, PROBLEMS);
+        let (seconds_in, seconds_out) = make_channel!(&'static mut SecondWork, WORK);
+        let (worked_in, seconds_done) = make_channel!(&'static mut SecondWork, WORK);
+        let (problems_in, problems_out) = make_channel!(&'static mut Workspace, WORK);
+        let (answers_in, answers_out) = make_channel!(&'static mut Workspace, WORK);
         // Spawning for the first time cannot fail.
-        let _ = solve::spawn();
         let _ = report::spawn(telling, done);
+        let _ = work::spawn(seconds_out);
         let _ = calibrate::spawn(problems_out);
 
         let shared = Shared {
@@ -168,18 +167,20 @@ mod app {
             sent,
             sensors: Sensors::new(board.accelerometer, board.encoder, instrument.has_block().then_some(board.block)),
             readings_in,
-            waker_out,
-            waker_in,
             readings_out,
             instrument,
             motor_in,
             told,
+            seconds_in,
+            seconds_done,
             problems_in,
             answers_out,
             flash: board.flash,
             crash,
             program,
+            sweep: crash::StackSweep::default(),
             report_port: board.reports,
+            worked_in,
             answers_in,
         };
         (shared, local)
@@ -191,11 +192,11 @@ mod app {
     #[inline(never)]
     fn make(
         place: &'static mut MaybeUninit<Instrument>,
-        sequencer: &'static mut MaybeUninit<Sequencer>,
-        room: &'static mut MaybeUninit<Workroom>,
+        work: &'static mut MaybeUninit<SecondWork>,
+        workspace: &'static mut MaybeUninit<Workspace>,
         identity: Identity,
     ) -> &'static mut Instrument {
-        place.write(Instrument::empty(identity, sequencer.write(Sequencer::empty()), room.write(Workroom::default())))
+        place.write(Instrument::empty(identity, work.write(SecondWork::empty()), workspace.write(Workspace::default())))
     }
 
     /// Takes what the flash holds.
@@ -211,7 +212,7 @@ mod app {
     }
 
     #[task(
-        binds = TIM2, priority = 4, local = [ticker, watchdog, motor_out, tick: u64 = 0], shared = [moment, motor, slots],
+        binds = TIM2, priority = 5, local = [ticker, watchdog, motor_out, tick: u64 = 0], shared = [moment, motor, slots],
     )]
     fn sample(cx: sample::Context) {
         let (local, mut shared) = (cx.local, cx.shared);
@@ -236,7 +237,7 @@ mod app {
         *local.tick += 1;
     }
 
-    #[task(binds = TIM3, priority = 4, shared = [motor, slots])]
+    #[task(binds = TIM3, priority = 5, shared = [motor, slots])]
     fn step(cx: step::Context) {
         cx.shared.slots.acknowledge();
         cx.shared.motor.slot();
@@ -245,12 +246,12 @@ mod app {
         }
     }
 
-    #[task(binds = USART1, priority = 4, local = [gyro])]
+    #[task(binds = USART1, priority = 5, local = [gyro])]
     fn gyro_line(cx: gyro_line::Context) {
         cx.local.gyro.serve(&INTAKE.gyro);
     }
 
-    #[task(binds = USART2, priority = 4, local = [host, sent])]
+    #[task(binds = USART2, priority = 5, local = [host, sent])]
     fn host_line(cx: host_line::Context) {
         if cx.local.host.serve(&INTAKE.host) {
             cx.local.sent.write(());
@@ -258,7 +259,7 @@ mod app {
     }
 
     /// Steps of the motor need not wait for the sensors' buses.
-    #[task(binds = SPI1, priority = 3, local = [sensors, readings_in, waker_out], shared = [moment])]
+    #[task(binds = SPI1, priority = 4, local = [sensors, readings_in], shared = [moment])]
     fn read(mut cx: read::Context) {
         let local = cx.local;
         let Moment { tick, turning, heard } = cx.shared.moment.lock(|moment| *moment);
@@ -269,40 +270,44 @@ mod app {
         if local.readings_in.enqueue(Readings { tick, sensors, turning, heard }).is_err() {
             one_more(&INTAKE.readings_refused);
         }
-        let _ = local.waker_out.peek().map(Waker::wake_by_ref);
+        rtic::pend(board::pac::Interrupt::SPI2);
     }
 
     #[task(
-        priority = 2,
-        local = [waker_in, readings_out, instrument, motor_in, told, problems_in, answers_out, flash, crash, program],
+        binds = SPI2, priority = 3,
+        local = [
+            readings_out, instrument, motor_in, told, seconds_in, seconds_done, problems_in, answers_out, flash, crash, program, sweep,
+        ],
     )]
-    async fn solve(cx: solve::Context) {
+    fn solve(cx: solve::Context) {
         let local = cx.local;
-        // Left with `read` once: a signal would take it anew at every tick.
-        let _ = poll_fn(|cx| Poll::Ready(local.waker_in.enqueue(cx.waker().clone()))).await;
         if let Some(crash) = local.crash.take() {
             defmt::error!("boot: after a {}", crash.cause);
             tell(&Report { t_s: 0.0, event: Event::Crash(crash) }, local.told);
         }
-        let mut sweep = crash::StackSweep::default();
-        let desk = Desk::new();
-        let mut work = pin!(desk.work());
-        loop {
-            // Looked at where they are: copies of them are a good part of what a tick costs.
-            let Some(readings) = local.readings_out.peek() else {
-                pause().await;
-                continue;
-            };
+        // Used where they are: copies of them are a good part of what a tick costs.
+        while let Some(readings) = local.readings_out.peek() {
             GUARD.check_in(Task::Solve);
             if local.instrument.is_solving()
-                && let Ok(room) = local.answers_out.try_recv()
+                && let Ok(workspace) = local.answers_out.try_recv()
             {
-                local.instrument.solved(room);
+                local.instrument.solved(workspace);
+            }
+            if local.instrument.is_worked_on()
+                && let Ok(work) = local.seconds_done.try_recv()
+            {
+                local.instrument.worked_on(work);
             }
             let mut report = |report| tell(&report, local.told);
             let orders = local.instrument.step(readings, &INTAKE, local.flash, &mut report);
-            let reckoned = local.instrument.slice(&desk, work.as_mut(), &mut report);
-            if let Some(command) = reckoned.or(orders.motor) {
+            // While one is being worked on, or solved, there is no second one.
+            if let Some(work) = local.instrument.second_to_work_on() {
+                let _ = local.seconds_in.try_send(work);
+            }
+            if let Some(problem) = local.instrument.posed() {
+                let _ = local.problems_in.try_send(problem);
+            }
+            if let Some(command) = orders.motor {
                 // `sample` empties the queue at every tick.
                 let _ = local.motor_in.enqueue(command);
             }
@@ -315,14 +320,10 @@ mod app {
             if let Some(how) = orders.provoke {
                 crash::provoke(how);
             }
-            // While one is being solved there is no second one.
-            if let Some(problem) = local.instrument.posed() {
-                let _ = local.problems_in.try_send(problem);
-            }
             if GUARD.done(readings.tick, board::passed_permille()) {
                 one_more(&INTAKE.ticks_late);
             }
-            if let Some(stack_bytes) = sweep.tick(readings.tick) {
+            if let Some(stack_bytes) = local.sweep.tick(readings.tick) {
                 let load_permille = GUARD.load_permille();
                 let event = Event::Vitals { program: *local.program, stack_bytes, load_permille };
                 tell(&Report { t_s: readings.t_s(), event }, local.told);
@@ -350,7 +351,7 @@ mod app {
         }
     }
 
-    #[task(priority = 1, local = [report_port])]
+    #[task(priority = 2, local = [report_port])]
     async fn report(cx: report::Context, mut telling: Told, mut done: Told) {
         loop {
             // Looked at first: the reports that lead to it are put before it.
@@ -372,8 +373,16 @@ mod app {
         }
     }
 
+    #[task(priority = 1, local = [worked_in])]
+    async fn work(cx: work::Context, mut seconds_out: Receiver<'static, &'static mut SecondWork, WORK>) {
+        while let Ok(second) = seconds_out.recv().await {
+            second.run();
+            let _ = cx.local.worked_in.try_send(second);
+        }
+    }
+
     #[task(priority = 1, local = [answers_in])]
-    async fn calibrate(cx: calibrate::Context, mut problems_out: Receiver<'static, &'static mut Workroom, PROBLEMS>) {
+    async fn calibrate(cx: calibrate::Context, mut problems_out: Receiver<'static, &'static mut Workspace, WORK>) {
         while let Ok(problem) = problems_out.recv().await {
             problem.solve();
             let _ = cx.local.answers_in.try_send(problem);

@@ -1,7 +1,7 @@
 //! Bytes from a line to a task, or from a task to a line, without locks: one side puts, the other takes.
 //!
 //! Not the queue of heapless: this one is a static that both sides share by reference, a DMA controller may be either side, and
-//! it is emptied in slices. Of what comes, which cannot wait, new bytes are put over the oldest ones; what goes out is put only where
+//! it is emptied in parts. Of what comes, which cannot wait, new bytes are put over the oldest ones; what goes out is put only where
 //! there is room for it.
 
 use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};

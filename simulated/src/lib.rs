@@ -18,6 +18,7 @@ use north_finder::event::Report;
 use north_finder::index::MotorCommand;
 use north_finder::instrument::Readings;
 use north_finder::intake::Intake;
+use north_finder::sequence::work::Outcome;
 
 /// Sees what enters the instrument at every tick: readings and gyro bytes.
 pub type Tap<'a> = dyn FnMut(&Readings, &[u8]) + 'a;
@@ -60,6 +61,11 @@ impl Wired {
         }
     }
 
+    /// Lets the work on a second take so many ticks, by what came of it; else it takes none.
+    pub fn let_work_take(&mut self, work_ticks: fn(&Outcome) -> u64) {
+        self.stepper.work_ticks = work_ticks;
+    }
+
     /// 2.5 ms, everything in the order in which the board does it. `requests`: what the host's line brings in it.
     pub fn tick(&mut self, requests: &[u8], tap: &mut Tap<'_>, report: &mut dyn FnMut(Report)) {
         for _ in 0..SLOTS_PER_TICK {
@@ -82,13 +88,15 @@ impl Wired {
         if orders.test_accelerometer {
             self.sensors.test_accelerometer();
         }
-        if let Some(mut room) = self.stepper.instrument.posed() {
-            room.solve();
-            self.stepper.instrument.solved(room);
+        if let Some(mut workspace) = self.stepper.instrument.posed() {
+            workspace.solve();
+            self.stepper.instrument.solved(workspace);
         }
         self.tick += 1;
         if orders.restart {
+            let work_ticks = self.stepper.work_ticks;
             *self = Self::power_up(&self.world);
+            self.let_work_take(work_ticks);
         }
     }
 
@@ -99,5 +107,63 @@ impl Wired {
         while let Ok(count @ 1..) = self.gyro.read(&mut bytes) {
             self.heard.extend(bytes.iter().take(count));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use hal_sim::Scenario;
+    use north_finder::event::{Event, Report, State};
+    use north_finder::instrument::EFFECT_TICKS;
+    use north_finder::link::Ask;
+    use north_finder::sequence::Command;
+    use north_finder::sequence::order::Order;
+    use north_finder::settings::store;
+
+    use super::*;
+
+    /// A fix of calm-bench in the mirrored order, and two seconds more.
+    fn reports(work_ticks: fn(&Outcome) -> u64) -> Vec<Report> {
+        let scenario = Scenario::named("calm-bench").unwrap();
+        let world = World::new(&scenario, 1);
+        let mut settings = settings(&scenario).unwrap();
+        (settings.sequence.order, settings.sequence.dwell_s) = (Order::Mirrored, 3);
+        store::save(&mut world.flash(), &settings).unwrap();
+        let mut wired = Wired::power_up(&world);
+        wired.let_work_take(work_ticks);
+        let mut line = RequestLine::default();
+        line.send(&Ask::Command(Command::Start).into()).unwrap();
+        let mut reports = Vec::new();
+        for _ in 0..400 * 130 {
+            wired.tick(&line.tick(), &mut |_, _| {}, &mut |report| reports.push(report));
+        }
+        reports
+    }
+
+    fn is_end(report: &Report) -> bool {
+        matches!(report.event, Event::State(State::Finished | State::Failed))
+    }
+
+    fn is_fix(event: &Event) -> bool {
+        matches!(event, Event::Fix(_))
+    }
+
+    /// Work that takes no tick, one, or as many as there are before the effect of a second: the same reports. An azimuth that takes 500
+    /// ticks, longer than a second, is the same azimuth as of the same second, and the seconds after it are not lost.
+    #[test]
+    fn how_long_the_work_takes_changes_nothing() {
+        let at_once = reports(|_| 0);
+        assert!(at_once.iter().any(|report| is_fix(&report.event)));
+        assert!(at_once == reports(|_| 1) && at_once == reports(|_| EFFECT_TICKS - 1));
+        let late = reports(|outcome| if outcome.events.iter().any(is_fix) { 500 } else { 0 });
+        // Counters are those of the tick at which they are reported.
+        let until_end = |reports: &[Report]| {
+            let fix = reports.split_inclusive(is_end).next().unwrap_or_default();
+            fix.iter().filter(|report| !matches!(report.event, Event::Health(_))).copied().collect::<Vec<_>>()
+        };
+        assert_eq!(until_end(&at_once), until_end(&late));
+        let seconds =
+            |reports: &[Report]| reports.iter().filter(|report| matches!(report.event, Event::Second(_))).count();
+        assert!(seconds(&at_once) == seconds(&late), "{} {}", seconds(&at_once), seconds(&late));
     }
 }

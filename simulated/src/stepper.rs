@@ -1,36 +1,31 @@
-//! The instrument with the work of its seconds, a slice of it a tick.
-
-use std::convert::Infallible;
-use std::future::Future;
-use std::pin::Pin;
-use std::rc::Rc;
+//! The instrument with the work on its seconds, done at once or some ticks later.
 
 use hal_sim::Flash;
 use north_finder::event::Report;
 use north_finder::identity::Identity;
-use north_finder::instrument::workroom::Workroom;
+use north_finder::instrument::workspace::Workspace;
 use north_finder::instrument::{Instrument, Orders, Readings};
 use north_finder::intake::Intake;
-use north_finder::sequence::Sequencer;
-use north_finder::sequence::desk::Desk;
+use north_finder::sequence::work::{Outcome, SecondWork};
 
-/// The instrument, and what it lends its sequencer to.
+/// The instrument, and the second that is being worked on.
 pub struct Stepper {
-    pub instrument: Box<Instrument<Box<Sequencer>, Box<Workroom>>>,
-    desk: Rc<Desk<Box<Sequencer>>>,
-    work: Pin<Box<dyn Future<Output = Infallible>>>,
+    pub instrument: Box<Instrument<Box<SecondWork>, Box<Workspace>>>,
+    /// Ticks that the work on a second takes, by what came of it.
+    pub work_ticks: fn(&Outcome) -> u64,
+    /// What is worked on, and the tick at which it is done.
+    under_way: Option<(Box<SecondWork>, u64)>,
 }
 
 impl Stepper {
     /// Powered up, with what the flash holds.
     pub fn power_up(flash: &mut Flash) -> Self {
-        let instrument = Instrument::power_up(flash, Identity::host(), Box::new(Sequencer::empty()), Box::default());
-        let desk = Rc::new(Desk::new());
-        let own = Rc::clone(&desk);
-        Self { instrument: Box::new(instrument), desk, work: Box::pin(async move { own.work().await }) }
+        let work = Box::new(SecondWork::empty());
+        let instrument = Instrument::power_up(flash, Identity::host(), work, Box::default());
+        Self { instrument: Box::new(instrument), work_ticks: |_| 0, under_way: None }
     }
 
-    /// A tick with its slice of work, as on the board.
+    /// A tick, and the work that is done by its end.
     pub fn step(
         &mut self,
         readings: &Readings,
@@ -39,7 +34,14 @@ impl Stepper {
         report: &mut dyn FnMut(Report),
     ) -> Orders {
         let orders = self.instrument.step(readings, intake, flash, report);
-        let motor = self.instrument.slice(&self.desk, self.work.as_mut(), report);
-        Orders { motor: motor.or(orders.motor), ..orders }
+        if let Some(mut work) = self.instrument.second_to_work_on() {
+            work.run();
+            let done = readings.tick + (self.work_ticks)(work.outcome());
+            self.under_way = Some((work, done));
+        }
+        if let Some((work, _)) = self.under_way.take_if(|(_, done)| *done <= readings.tick) {
+            self.instrument.worked_on(work);
+        }
+        orders
     }
 }

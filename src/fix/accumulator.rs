@@ -8,9 +8,9 @@
 use heapless::Vec;
 
 pub use super::dwell::Outliers;
-use super::dwell::{DwellRows, DwellSummary, Kept, MOST_LENT, Row};
+use super::dwell::{DwellRows, DwellSummary, Row};
 use super::index_watch::IndexWatch;
-use super::{Declared, DesignRow, Fix, ROOM, Unsolvable, moving_base};
+use super::{Declared, DesignRow, Fix, Unsolvable, moving_base};
 use crate::earth::EarthRate;
 use crate::effects::doubt::MAX_DIRECTIONS;
 use crate::effects::{Conditions, Correction, ErrorModel, Evaluator};
@@ -18,7 +18,6 @@ use crate::gates::Gate;
 use crate::health::{Flag, Flags};
 use crate::index::Direction;
 use crate::level::{LevelMoments, Specific};
-use crate::slices::pause;
 use crate::units::wrap_180_deg;
 
 /// Temperature change during a fix that an error model must cover, K.
@@ -139,12 +138,10 @@ impl Dwells for std::vec::Vec<DwellSummary> {
     }
 }
 
-const _: () = assert!(ROOM <= MOST_LENT);
-
 /// A row whose correction waits for the first rate of change.
 #[derive(Clone, Copy, Debug)]
 struct Held {
-    row: Kept,
+    row: Row,
     doubt_deg_h: [f32; MAX_DIRECTIONS],
     scale: f64,
     moving: bool,
@@ -262,26 +259,25 @@ impl<D: Dwells> Accumulator<D> {
     }
 
     /// A second of the dwell that is under way.
-    pub async fn collect(&mut self, second: &Corrected) -> Taken {
-        if let Some(slip) = self.slip(second).await {
+    pub fn collect(&mut self, second: &Corrected) -> Taken {
+        if let Some(slip) = self.slip(second) {
             return Taken::Slipped(slip);
         }
-        pause().await;
-        if self.take(second, false).await { Taken::Collected } else { Taken::LeftOut }
+        if self.take(second, false) { Taken::Collected } else { Taken::LeftOut }
     }
 
     /// A second within which the index moved. It counts only if the index moved nearly all the time.
-    pub async fn collect_moving(&mut self, second: &Corrected) {
-        self.take(second, true).await;
+    pub fn collect_moving(&mut self, second: &Corrected) {
+        self.take(second, true);
     }
 
     /// A second of no dwell: the index may turn, and come to rest. The slip, if it slipped at rest. (Before the first dwell nobody
     /// knows what the motor does.)
-    pub async fn between_dwells(&mut self, second: &Corrected) -> Option<Slip> {
+    pub fn between_dwells(&mut self, second: &Corrected) -> Option<Slip> {
         if self.dwells.as_slice().is_empty() && self.rows.is_empty() && self.held.is_empty() {
             return None;
         }
-        self.slip(second).await
+        self.slip(second)
     }
 
     /// The motor is commanded: from here to its rest the index may move.
@@ -289,33 +285,31 @@ impl<D: Dwells> Accumulator<D> {
         self.watch.restart();
     }
 
-    async fn slip(&mut self, second: &Corrected) -> Option<Slip> {
+    fn slip(&mut self, second: &Corrected) -> Option<Slip> {
         let before = self.watch.push(second.index?)?;
         self.flags.insert(Flag::IndexSlip);
-        let ended = self.end_dwell().await;
+        let ended = self.end_dwell();
         self.slipped_from.get_or_insert(before);
         Some(Slip { before_deg: before.deg(), ended })
     }
 
     /// The dwell that was under way is over: what it says, `None` if nothing of it could be used.
-    pub async fn end_dwell(&mut self) -> Option<DwellSummary> {
+    pub fn end_dwell(&mut self) -> Option<DwellSummary> {
         if self.held.iter().any(|held| !held.moving) {
-            self.release().await;
+            self.release();
         }
         let noise_deg_h = self.declared.gyro.noise_deg_h();
         self.outliers_s.clear();
         let summary = match self.evaluator.model().base_motion {
-            Some(sensing) => moving_base::summary(self.rows.as_slice(), sensing, noise_deg_h).await,
+            Some(sensing) => moving_base::summary(self.rows.as_slice(), sensing, noise_deg_h),
             None => {
-                let summary = self.rows.summary(noise_deg_h).await;
+                let summary = self.rows.summary(noise_deg_h);
                 self.outliers_s.clone_from(self.rows.outliers_s());
                 summary
             }
         };
-        pause().await;
         self.rows.clear();
         let mut summary = summary?;
-        pause().await;
         if let Some(before) = self.slipped_from.take() {
             self.slip_deg += wrap_180_deg(summary.index_deg() - before.deg());
         }
@@ -324,7 +318,6 @@ impl<D: Dwells> Accumulator<D> {
         let doubt_deg_h = core::mem::take(&mut self.doubts_arcsec).map(|sum| (sum / doubted_s) as f32);
         summary.doubt_deg_h = doubt_deg_h;
         self.keep(summary);
-        pause().await;
         Some(summary)
     }
 
@@ -343,30 +336,26 @@ impl<D: Dwells> Accumulator<D> {
     }
 
     /// The azimuth of all dwells so far; of one that has not ended nothing enters.
-    pub async fn solve(&mut self) -> Result<Fix, Unsolvable> {
-        self.release().await;
-        pause().await;
+    pub fn solve(&mut self) -> Result<Fix, Unsolvable> {
+        self.release();
         if self.full {
             return Err(Unsolvable::TooManyDwells);
         }
         if self.rest_s >= ROTATION_SHARE * (self.rest_s + self.moving_s) {
             self.dwells.retain(|dwell| !dwell.moving);
         }
-        let room = self.rows.lend(ROOM);
-        pause().await;
-        let fix = super::solve(self.dwells.as_slice(), &self.declared, self.evaluator.model(), room).await;
         self.rows.clear();
-        let mut fix = fix?;
+        let mut fix = super::solve(self.dwells.as_slice(), &self.declared, self.evaluator.model())?;
         fix.flags = fix.flags.union(self.flags);
         Ok(fix)
     }
 
     /// Azimuth of too few dwells for a solution, degrees: to turn the axis nearly east.
-    pub async fn coarse_azimuth_deg(&self) -> Option<f64> {
-        super::coarse_azimuth_deg(self.dwells.as_slice(), &self.declared.earth).await
+    pub fn coarse_azimuth_deg(&self) -> Option<f64> {
+        super::coarse_azimuth_deg(self.dwells.as_slice(), &self.declared.earth)
     }
 
-    async fn take(&mut self, second: &Corrected, moving: bool) -> bool {
+    fn take(&mut self, second: &Corrected, moving: bool) -> bool {
         if second.measured.lost_frames > 0 {
             self.flags.insert(Flag::FramesLost);
         }
@@ -377,29 +366,26 @@ impl<D: Dwells> Accumulator<D> {
         }
         self.rates_deg_h = self.evaluator.rates_deg_h();
         let doubt_deg_h = second.correction.doubt_deg_h;
-        let held = Held { row: (&row).into(), doubt_deg_h, scale: second.correction.scale, moving };
+        let held = Held { row, doubt_deg_h, scale: second.correction.scale, moving };
         if second.correction.waiting && self.held.push(held).is_ok() {
             return true;
         }
-        self.release().await;
-        self.push(row, doubt_deg_h, moving).await;
+        self.release();
+        self.push(row, doubt_deg_h, moving);
         true
     }
 
     /// Takes the seconds that waited, corrected by the latest rates of change.
-    async fn release(&mut self) {
-        // One by one: all of them would take kilobytes of a board's stack.
+    fn release(&mut self) {
         for i in 0..self.held.len() {
-            let Some(&Held { row, doubt_deg_h, scale, moving }) = self.held.get(i) else { break };
-            let mut row = Row::from(&row);
+            let Some(&Held { mut row, doubt_deg_h, scale, moving }) = self.held.get(i) else { break };
             row.rate_deg_h -= self.rates_deg_h / scale;
-            self.push(row, doubt_deg_h, moving).await;
-            pause().await;
+            self.push(row, doubt_deg_h, moving);
         }
         self.held.clear();
     }
 
-    async fn push(&mut self, row: Row, doubt_deg_h: [f32; MAX_DIRECTIONS], moving: bool) {
+    fn push(&mut self, row: Row, doubt_deg_h: [f32; MAX_DIRECTIONS], moving: bool) {
         if moving {
             self.keep(DwellSummary { doubt_deg_h, ..DwellSummary::moving(&row) });
         } else {
@@ -407,7 +393,7 @@ impl<D: Dwells> Accumulator<D> {
                 *sum += row.seconds * f64::from(doubt);
             }
             self.doubted_s += row.seconds;
-            self.rows.push(row, self.declared.gyro.noise_deg_h()).await;
+            self.rows.push(row, self.declared.gyro.noise_deg_h());
         }
     }
 

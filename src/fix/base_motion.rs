@@ -12,9 +12,7 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::dwell::{DwellSummary, Line};
-use super::statistics::excess_sigmas;
-use super::{FEW, product};
-use crate::slices::pause;
+use super::statistics::chi_square_z_score;
 use crate::units::ARCSEC_PER_RAD;
 
 const DEGREES: usize = 5;
@@ -23,6 +21,9 @@ const DEGREES: usize = 5;
 const SIGNIFICANT: f64 = 20.0;
 /// Excess of a chi-square, in standard deviations, that is not put down to chance.
 const IMPROBABLE_SIGMAS: f64 = 4.0;
+
+/// Least share of a power of time that those below it must not explain.
+const LEAST_SHARE: f64 = 1e-12;
 
 /// What the base did.
 #[allow(clippy::large_enum_variant)] // without a heap there is no smaller place
@@ -97,43 +98,42 @@ pub fn slopes_deg_h(dwell: &DwellSummary) -> [f64; 2] {
 }
 
 /// Looks for motion in the dwells of a fix.
-pub async fn detect(dwells: &[DwellSummary]) -> BaseMotion {
-    let freedom: f64 = dwells.iter().map(|dwell| f64::from(dwell.degrees_of_freedom)).sum();
-    let (Some(start_s), true) = (dwells.first().map(|dwell| dwell.start_s), freedom >= 10.0) else {
+pub fn detect(dwells: &[DwellSummary]) -> BaseMotion {
+    let degrees_of_freedom: f64 = dwells.iter().map(|dwell| f64::from(dwell.degrees_of_freedom)).sum();
+    let (Some(start_s), true) = (dwells.first().map(|dwell| dwell.start_s), degrees_of_freedom >= 10.0) else {
         return BaseMotion::Unknown;
     };
     let mut scatter = [0.0; 2];
-    for few in dwells.chunks(FEW) {
-        for dwell in few {
-            let Some(axes) = tilt_arcsec(dwell) else { return BaseMotion::Unknown };
-            for (sum, line) in scatter.iter_mut().zip(axes) {
-                *sum += f64::from(line.residual_squares);
-            }
+    for dwell in dwells {
+        let Some(axes) = tilt_arcsec(dwell) else { return BaseMotion::Unknown };
+        for (sum, line) in scatter.iter_mut().zip(axes) {
+            *sum += f64::from(line.residual_squares);
         }
-        pause().await;
     }
     // A reading that never changes is no measurement.
     if scatter.iter().any(|&sum| sum <= 0.0) {
         return BaseMotion::Unknown;
     }
-    let variance = scatter.map(|sum| sum / freedom);
+    let variance = scatter.map(|sum| sum / degrees_of_freedom);
 
-    let Some(paths) = Paths::new(dwells, start_s).await else { return BaseMotion::Unknown };
+    let Some(paths) = Paths::new(dwells, start_s) else { return BaseMotion::Unknown };
     // What each degree takes off the sum of squares beyond the scatter inside the dwells; both axes, in variances.
     let explained = |degree: usize| paths.explained(degree, variance);
     let degree = (1..DEGREES).rev().find(|&degree| explained(degree) > SIGNIFICANT).unwrap_or(0);
     let chi_square = paths.total(variance) - (0..=degree).map(explained).sum::<f64>();
     let with_slope = dwells.iter().filter(|dwell| dwell.time_spread > 0.0).count();
-    pause().await;
-    let freedom_left = 2.0 * (dwells.len() + with_slope) as f64 - 2.0 * (degree as f64 + 1.0);
-    if freedom_left > 0.0 && excess_sigmas(chi_square, freedom_left) > IMPROBABLE_SIGMAS {
+    let residual_degrees = 2.0 * (dwells.len() + with_slope) as f64 - 2.0 * (degree as f64 + 1.0);
+    if residual_degrees > 0.0 && chi_square_z_score(chi_square, residual_degrees) > IMPROBABLE_SIGMAS {
         return BaseMotion::Moving(Method::Slopes { variance });
     }
     if degree == 0 {
         return BaseMotion::Still;
     }
     // One degree more than the data insist on: what is just not significant would else bias the rates.
-    BaseMotion::Moving(Method::Path(paths.path((degree + 1).min(DEGREES - 1), variance).await))
+    match paths.path((degree + 1).min(DEGREES - 1), variance) {
+        Some(path) => BaseMotion::Moving(Method::Path(path)),
+        None => BaseMotion::Unknown,
+    }
 }
 
 /// The normal equations of the highest degree, factored once: the factor's leading part is that of every lower degree, and
@@ -142,73 +142,38 @@ struct Paths {
     middle_s: f64,
     half_s: f64,
     /// Lower Cholesky factor L of the normal matrix.
-    factor: [[f64; DEGREES]; DEGREES],
+    factor: SMatrix<f64, DEGREES, DEGREES>,
     /// L⁻¹ times the right-hand sides, pitch and roll.
-    reduced: [[f64; DEGREES]; 2],
+    reduced: [SVector<f64, DEGREES>; 2],
     /// Weighted sums of squares, arcsec² · s.
     squares: [f64; 2],
 }
 
 impl Paths {
     /// `None` where the dwells do not determine a polynomial of the highest degree.
-    async fn new(dwells: &[DwellSummary], start_s: f64) -> Option<Self> {
+    fn new(dwells: &[DwellSummary], start_s: f64) -> Option<Self> {
         let half_s = 0.5 * (dwells.last()?.end_s - start_s);
         let middle_s = start_s + half_s;
-        let mut paths = Self {
-            middle_s,
-            half_s,
-            factor: [[0.0; DEGREES]; DEGREES],
-            reduced: [[0.0; DEGREES]; 2],
-            squares: [0.0; 2],
-        };
+        let mut normal = SMatrix::<f64, DEGREES, DEGREES>::zeros();
+        let (mut right, mut squares) = ([SVector::<f64, DEGREES>::zeros(); 2], [0.0; 2]);
         for dwell in dwells {
-            let observations = observations(dwell, middle_s, half_s);
-            pause().await;
-            for (weight, row, values) in observations {
-                // The lower triangle is all that is looked at.
-                for (i, (line, a)) in paths.factor.iter_mut().zip(row.iter()).enumerate() {
-                    let weighted = weight * a;
-                    line.iter_mut().zip(row.iter()).take(i + 1).for_each(|(entry, b)| *entry += weighted * b);
+            for (weight, row, values) in observations(dwell, middle_s, half_s) {
+                normal += weight * row * row.transpose();
+                for ((right, squares), value) in right.iter_mut().zip(&mut squares).zip(values) {
+                    *right += weight * value * row;
+                    *squares += weight * value * value;
                 }
-                for ((right, squares), value) in paths.reduced.iter_mut().zip(&mut paths.squares).zip(values) {
-                    let weighted = weight * value;
-                    right.iter_mut().zip(row.iter()).for_each(|(entry, a)| *entry += weighted * a);
-                    *squares += weighted * value;
-                }
-                pause().await;
             }
         }
-        paths.factorise().await?;
-        Some(paths)
-    }
-
-    /// Cholesky in place, and the right-hand sides through the factor.
-    async fn factorise(&mut self) -> Option<()> {
-        for i in 0..DEGREES {
-            for j in 0..=i {
-                let (of_i, of_j) = (*self.factor.get(i)?, *self.factor.get(j)?);
-                let product: f64 = of_i.iter().zip(&of_j).take(j).map(|(a, b)| a * b).sum();
-                let rest = of_i.get(j)? - product;
-                let pivot = *of_j.get(j)?;
-                let entry = match i == j {
-                    true if rest > 1e-12 * pivot.abs() => libm::sqrt(rest),
-                    true => return None,
-                    false => rest / pivot,
-                };
-                *self.factor.get_mut(i)?.get_mut(j)? = entry;
-            }
-            pause().await;
+        let factor = normal.cholesky()?.l();
+        // The square of a pivot is what of a power those before it do not explain.
+        let pivots = factor.diagonal();
+        if !pivots.iter().zip(normal.diagonal().iter()).all(|(pivot, whole)| pivot * pivot > LEAST_SHARE * whole) {
+            return None;
         }
-        for right in &mut self.reduced {
-            for i in 0..DEGREES {
-                let line = self.factor.get(i)?;
-                let product: f64 = line.iter().zip(right.iter()).take(i).map(|(a, b)| a * b).sum();
-                let entry = right.get_mut(i)?;
-                *entry = (*entry - product) / line.get(i)?;
-            }
-            pause().await;
-        }
-        Some(())
+        let [pitch, roll] = right;
+        let reduced = [factor.solve_lower_triangular(&pitch)?, factor.solve_lower_triangular(&roll)?];
+        Some(Self { middle_s, half_s, factor, reduced, squares })
     }
 
     /// Sums of squares of both axes about zero, in variances.
@@ -218,34 +183,24 @@ impl Paths {
 
     /// What a degree takes off, in variances.
     fn explained(&self, degree: usize, variance: [f64; 2]) -> f64 {
-        let of = |reduced: &[f64; DEGREES]| reduced.get(degree).map_or(0.0, |entry| entry * entry);
+        let of = |reduced: &SVector<f64, DEGREES>| reduced.get(degree).map_or(0.0, |entry| entry * entry);
         self.reduced.iter().zip(variance).map(|(reduced, variance)| of(reduced) / variance).sum()
     }
 
     /// The polynomials of a degree.
-    async fn path(&self, degree: usize, variance: [f64; 2]) -> Path {
-        // Columns of the transposed inverse of the leading factor.
-        let mut inverse = SMatrix::<f64, DEGREES, DEGREES>::zeros();
-        for column in 0..=degree {
-            for i in column..=degree {
-                let Some(line) = self.factor.get(i) else { continue };
-                let unit = if i == column { 1.0 } else { 0.0 };
-                let product: f64 = line.iter().zip(inverse.column(column).iter()).take(i).map(|(a, b)| a * b).sum();
-                if let (Some(entry), Some(pivot)) = (inverse.get_mut((i, column)), line.get(i)) {
-                    *entry = (unit - product) / pivot;
-                }
-            }
-            pause().await;
-        }
-        let coefficients = self.reduced.map(|reduced| inverse.tr_mul(&SVector::from(reduced)));
-        pause().await;
-        let unscaled = product(&inverse.transpose(), &inverse).await;
-        Path {
+    fn path(&self, degree: usize, variance: [f64; 2]) -> Option<Path> {
+        // The inverse of the leading part of L, with nothing beyond it.
+        let mut leading = SMatrix::<f64, DEGREES, DEGREES>::identity();
+        let part = (0..=degree, 0..=degree);
+        leading.view_range_mut(part.0.clone(), part.1.clone()).copy_from(&self.factor.view_range(part.0, part.1));
+        let mut inverse = leading.solve_lower_triangular(&SMatrix::<f64, DEGREES, DEGREES>::identity())?;
+        inverse.rows_range_mut(degree + 1..).fill(0.0);
+        Some(Path {
             middle_s: self.middle_s,
             half_s: self.half_s,
-            coefficients,
-            covariance: variance.map(|variance| unscaled * variance),
-        }
+            coefficients: self.reduced.map(|reduced| inverse.tr_mul(&reduced)),
+            covariance: variance.map(|variance| inverse.tr_mul(&inverse) * variance),
+        })
     }
 }
 
@@ -272,7 +227,6 @@ mod tests {
     use super::*;
     use crate::fix::dwell::{DwellRows, Row};
     use crate::level::LevelMoments;
-    use crate::slices::at_once;
 
     /// Eight dwells of 30 s, 8 s apart, on a base that tilts by `pitch_arcsec(t)`; the sensor's noise is a fixed zigzag
     /// with a spread of about 3 arcsec.
@@ -286,25 +240,25 @@ mod tests {
                     let tilt = pitch_arcsec(t_s) + zigzag(dwell * 30 + second);
                     let level =
                         LevelMoments::constant(tilt / ARCSEC_PER_RAD, zigzag(dwell * 31 + second * 3) / ARCSEC_PER_RAD);
-                    at_once(rows.push(
+                    rows.push(
                         Row { t_s, seconds: 1.0, cos: 1.0, sin: 0.0, rate_deg_h: 0.0, moment_arcsec_s: 0.0, level },
                         1.0,
-                    ));
+                    );
                 }
-                at_once(rows.summary(1.0)).unwrap()
+                rows.summary(1.0).unwrap()
             })
             .collect()
     }
 
     #[test]
     fn a_still_base_is_left_alone() {
-        assert_eq!(at_once(detect(&dwells(|_| 50.0))), BaseMotion::Still);
+        assert_eq!(detect(&dwells(|_| 50.0)), BaseMotion::Still);
     }
 
     #[test]
     fn steady_creep_is_a_path_with_that_rate() {
         let dwells = dwells(|t_s| 0.1 * t_s);
-        let BaseMotion::Moving(Method::Path(path)) = at_once(detect(&dwells)) else { panic!() };
+        let BaseMotion::Moving(Method::Path(path)) = detect(&dwells) else { panic!() };
         for dwell in &dwells {
             let rate_deg_h = path.rates(dwell).dot(&path.coefficients()[0]);
             assert!((rate_deg_h - 0.1).abs() < 0.01, "{rate_deg_h}");
@@ -314,7 +268,7 @@ mod tests {
     #[test]
     fn decaying_creep_is_followed() {
         let dwells = dwells(|t_s| -20.0 * libm::exp(-t_s / 80.0));
-        let BaseMotion::Moving(Method::Path(path)) = at_once(detect(&dwells)) else { panic!() };
+        let BaseMotion::Moving(Method::Path(path)) = detect(&dwells) else { panic!() };
         // Over the first dwell, 0 … 30 s: 20 · (1 − e^(−30/80)) / 30 = 0.2085 arcsec/s.
         let rate_deg_h = path.rates(&dwells[0]).dot(&path.coefficients()[0]);
         assert!((rate_deg_h - 0.2085).abs() < 0.05, "{rate_deg_h}");
@@ -323,14 +277,14 @@ mod tests {
     #[test]
     fn jumps_between_dwells_are_no_path() {
         let jumpy = dwells(|t_s| if (t_s as u32 / 38) % 3 == 1 { 400.0 } else { 0.0 });
-        assert!(matches!(at_once(detect(&jumpy)), BaseMotion::Moving(Method::Slopes { .. })));
+        assert!(matches!(detect(&jumpy), BaseMotion::Moving(Method::Slopes { .. })));
     }
 
     #[test]
     fn without_accelerometers_nothing_is_said() {
         let mut silent = dwells(|_| 0.0);
         silent[3].level = None;
-        assert_eq!(at_once(detect(&silent)), BaseMotion::Unknown);
-        assert_eq!(at_once(detect(&[])), BaseMotion::Unknown);
+        assert_eq!(detect(&silent), BaseMotion::Unknown);
+        assert_eq!(detect(&[]), BaseMotion::Unknown);
     }
 }

@@ -9,129 +9,73 @@
 //! A fix of more intervals than there is room for (a continuous rotation) is weighed as without doubt, and its covariance
 //! is that of these weights, with intervals taken together in groups.
 
-use nalgebra::{Matrix4, Vector4};
+use heapless::Vec;
+use nalgebra::{Matrix4, SMatrix, Vector4};
 
 use super::dwell::DwellSummary;
-use super::room::Room;
-use super::{FEW, Observation, Problem};
+use super::observation::Observation;
 use crate::effects::Doubt;
 use crate::effects::doubt::MAX_DIRECTIONS;
-use crate::slices::pause;
 
 /// Most dwells whose covariance is kept.
 const MOST: usize = 24;
-/// Entries of its factor's lower triangle.
-const ENTRIES: usize = MOST * (MOST + 1) / 2;
-/// In the room: rows of L, one after the other; columns of C⁻¹ times the rows of the equations, which is what the error of a dwell
-/// adds to the right-hand side; whitened observations, row and rate.
-const GAINS: usize = ENTRIES;
-const GAIN: usize = 4;
-const WHITENED: usize = GAINS + MOST * GAIN;
-const OBSERVATION: usize = 5;
-/// In the room, where there is no such covariance: intervals that are taken together, from when to when, and the sum of their gains.
-const GROUP: usize = 6;
-/// Numbers that a solution needs room for.
-pub const ROOM: usize = WHITENED + MOST * OBSERVATION;
-const _: () = assert!(MOST * GROUP <= ROOM);
 
-/// The dwells' covariance, in units of the variance of a one-second rate, by its factor.
-#[derive(Clone, Copy)]
-pub struct Correlated<'a> {
-    room: Room<'a>,
-    dwells: usize,
+/// Gives the observation of a dwell's mean.
+type Observe<'a> = &'a dyn Fn(&DwellSummary) -> Observation;
+
+/// The dwells' covariance C, in units of the variance of a one-second rate.
+pub(super) struct Correlated {
+    /// Its lower Cholesky factor; that of the unit matrix for dwells that there are not.
+    factor: SMatrix<f64, MOST, MOST>,
+    /// C⁻¹ times the rows of the equations: what an error of a dwell adds to the right-hand side of the normal equations.
+    gains: SMatrix<f64, MOST, 4>,
 }
 
-impl<'a> Correlated<'a> {
-    /// Of these dwells. `None` where nothing is uncertain, or where there are too many dwells. `variance`: of a one-second rate, (°/h)².
-    pub(super) async fn new(doubt: &Doubt, problem: &Problem<'a>, variance: f64) -> Option<Self> {
-        let dwells = problem.dwells;
+impl Correlated {
+    /// Of these dwells. `None` where nothing is uncertain, where there are too many dwells, or where one has no weight. `variance`: of a
+    /// one-second rate, (°/h)².
+    pub fn new(doubt: &Doubt, dwells: &[DwellSummary], observe: Observe<'_>, variance: f64) -> Option<Self> {
         if !is_any(doubt) || dwells.len() > MOST {
             return None;
         }
-        let correlated = Self { room: problem.room, dwells: dwells.len() };
+        let mut covariance = SMatrix::<f64, MOST, MOST>::identity();
+        let mut rows = SMatrix::<f64, MOST, 4>::zeros();
         for (i, dwell) in dwells.iter().enumerate() {
-            let mut squares = 0.0;
-            for (j, other) in dwells.iter().take(i).enumerate() {
-                let product: f64 = (0..j).map(|k| correlated.at(i, k) * correlated.at(j, k)).sum();
-                pause().await;
-                let entry = (shared(doubt, dwell, other) / variance - product) / correlated.at(j, j);
-                squares += entry * entry;
-                correlated.room.set(place(i, j), entry)?;
-                pause().await;
+            for (j, other) in dwells.iter().enumerate() {
+                *covariance.get_mut((i, j))? = shared(doubt, dwell, other) / variance;
             }
-            let observation = problem.mean(dwell).await;
-            pause().await;
-            let pivot = 1.0 / observation.weight + shared(doubt, dwell, dwell) / variance - squares;
-            if !(pivot > 0.0 && pivot.is_finite()) {
-                return None;
-            }
-            correlated.room.set(place(i, i), libm::sqrt(pivot))?;
-            let whitened = correlated.whitened(i, observation.row, |k| correlated.gain(k)).await;
-            correlated.set_gain(i, whitened)?;
+            let observation = observe(dwell);
+            *covariance.get_mut((i, i))? += 1.0 / observation.weight;
+            rows.row_mut(i).copy_from(&observation.row.transpose());
         }
-        for i in (0..correlated.dwells).rev() {
-            let mut later = Vector4::zeros();
-            for j in i + 1..correlated.dwells {
-                later += correlated.gain(j) * correlated.at(j, i);
-                if j % FEW == 0 {
-                    pause().await;
-                }
-            }
-            correlated.set_gain(i, (correlated.gain(i) - later) / correlated.at(i, i))?;
-            pause().await;
+        if !covariance.iter().all(|entry| entry.is_finite()) {
+            return None;
         }
-        Some(correlated)
+        let cholesky = covariance.cholesky()?;
+        Some(Self { gains: cholesky.solve(&rows), factor: cholesky.l() })
     }
 
-    /// L's entry.
-    fn at(&self, row: usize, column: usize) -> f64 {
-        self.room.get(place(row, column))
-    }
-
-    /// L⁻¹ times the rows, the `i`-th of it, with those before it.
-    async fn whitened(&self, i: usize, row: Vector4<f64>, before: impl Fn(usize) -> Vector4<f64>) -> Vector4<f64> {
-        let mut known = Vector4::zeros();
-        for k in 0..i {
-            known += before(k) * self.at(i, k);
-            if k % FEW == FEW - 1 {
-                pause().await;
+    /// Gives `take` the observations with errors that are independent, of weight 1: rows and rates times L⁻¹.
+    pub fn for_each(&self, dwells: &[DwellSummary], observe: Observe<'_>, take: &mut dyn FnMut(Observation)) {
+        let mut equations = SMatrix::<f64, MOST, 5>::zeros();
+        for (dwell, mut equation) in dwells.iter().zip(equations.row_iter_mut()) {
+            let Observation { row, rate_deg_h, .. } = observe(dwell);
+            equation.copy_from_slice(&[row.x, row.y, row.z, row.w, rate_deg_h]);
+        }
+        // The factor has no pivot that is nothing.
+        let _ = self.factor.solve_lower_triangular_mut(&mut equations);
+        for (dwell, equation) in dwells.iter().zip(equations.row_iter()) {
+            if let [x, y, z, w, rate_deg_h] = *equation.transpose().as_slice() {
+                let cos_2theta = observe(dwell).cos_2theta;
+                take(Observation { weight: 1.0, row: Vector4::new(x, y, z, w), cos_2theta, rate_deg_h });
             }
         }
-        (row - known) / self.at(i, i)
     }
 
-    /// Gives `take` the observations with errors that are independent, of weight 1.
-    pub(super) async fn for_each(&self, problem: &Problem<'_>, take: &mut dyn FnMut(Observation)) {
-        for (i, dwell) in problem.dwells.iter().enumerate() {
-            let observation = problem.mean(dwell).await;
-            let before = |k: usize| {
-                let [x, y, z, w, rate_deg_h] = self.room.get_some(WHITENED + k * OBSERVATION);
-                (Vector4::new(x, y, z, w), rate_deg_h)
-            };
-            let row = self.whitened(i, observation.row, |k| before(k).0).await;
-            pause().await;
-            let known: f64 = (0..i).map(|k| self.at(i, k) * before(k).1).sum();
-            let rate_deg_h = (observation.rate_deg_h - known) / self.at(i, i);
-            // There are no more dwells than places.
-            let _ = self.room.set_some(WHITENED + i * OBSERVATION, [row.x, row.y, row.z, row.w, rate_deg_h]);
-            take(Observation { weight: 1.0, row, rate_deg_h, ..observation });
-            pause().await;
-        }
+    /// What an error of the `i`-th dwell's rate adds to the right-hand side of the normal equations; `None` of a dwell that there is not.
+    pub fn gain(&self, i: usize) -> Option<Vector4<f64>> {
+        (i < MOST).then(|| self.gains.row(i).transpose())
     }
-
-    /// What an error of the `i`-th dwell's rate adds to the right-hand side of the normal equations.
-    pub fn gain(&self, i: usize) -> Vector4<f64> {
-        self.room.get_some(GAINS + i * GAIN).into()
-    }
-
-    fn set_gain(&self, i: usize, gain: Vector4<f64>) -> Option<()> {
-        self.room.set_some(GAINS + i * GAIN, gain.into())
-    }
-}
-
-/// Place of an entry of L, below the diagonal or on it.
-fn place(row: usize, column: usize) -> usize {
-    row * (row + 1) / 2 + column
 }
 
 /// Whether rates are uncertain by the model.
@@ -153,57 +97,44 @@ fn of_process(doubt: &Doubt, a_s: [f64; 2], b_s: [f64; 2]) -> f64 {
 
 /// Covariance of the right-hand side by the doubt, where the fix is weighed without it. In a group the process is its mean
 /// and deviations from it, which are alike but for adding up to nothing.
-pub(super) async fn of_right_hand_side(doubt: &Doubt, problem: &Problem<'_>) -> Matrix4<f64> {
+pub(super) fn of_right_hand_side(doubt: &Doubt, dwells: &[DwellSummary], observe: Observe<'_>) -> Matrix4<f64> {
     let mut of_directions = [Vector4::zeros(); MAX_DIRECTIONS];
-    let size = problem.dwells.len().div_ceil(MOST).max(1);
+    let size = dwells.len().div_ceil(MOST).max(1);
     let mut covariance = Matrix4::zeros();
-    let mut groups = 0;
-    for few in problem.dwells.chunks(size) {
+    // The time of each group and the sum of its gains.
+    let mut groups: Vec<([f64; 2], Vector4<f64>), MOST> = Vec::new();
+    for few in dwells.chunks(size) {
         let start_s = few.first().map_or(0.0, |dwell| dwell.start_s);
         let end_s = few.last().map_or(0.0, |dwell| dwell.end_s);
         // Sums of the gains, of these times themselves, and of the variances of the process' means over each interval.
         let (mut group, mut squares, mut variances) = (Vector4::zeros(), Matrix4::zeros(), 0.0);
         for dwell in few {
-            let observation = problem.mean(dwell).await;
-            pause().await;
+            let observation = observe(dwell);
             let gain = observation.weight * observation.row;
             for (sum, doubt_deg_h) in of_directions.iter_mut().zip(dwell.doubt_deg_h) {
                 *sum += gain * f64::from(doubt_deg_h);
             }
-            pause().await;
             group += gain;
             squares += gain * gain.transpose();
-            pause().await;
             variances += of_process(doubt, [dwell.start_s, dwell.end_s], [dwell.start_s, dwell.end_s]);
         }
         let intervals = few.len() as f64;
         if intervals > 1.0 {
             let shared = of_process(doubt, [start_s, end_s], [start_s, end_s]);
             let deviations = (variances / intervals - shared).max(0.0) * intervals / (intervals - 1.0);
-            pause().await;
             covariance += deviations * (squares - group * group.transpose() / intervals);
         }
         // There are no more of them than places.
-        let [x, y, z, w] = group.into();
-        let _ = problem.room.set_some(GROUP * groups, [start_s, end_s, x, y, z, w]);
-        groups += 1;
-        pause().await;
+        let _ = groups.push(([start_s, end_s], group));
     }
     for sum in of_directions {
         covariance += sum * sum.transpose();
-        pause().await;
     }
-    let groups = if doubt.process.is_some() { groups } else { 0 };
-    let group = |number: usize| {
-        let [start_s, end_s, x, y, z, w] = problem.room.get_some(GROUP * number);
-        ([start_s, end_s], Vector4::new(x, y, z, w))
-    };
-    for (a_s, a) in (0..groups).map(group) {
-        for (b_s, b) in (0..groups).map(group) {
-            let shared = of_process(doubt, a_s, b_s);
-            pause().await;
-            covariance += shared * a * b.transpose();
-            pause().await;
+    if doubt.process.is_some() {
+        for (a_s, a) in &groups {
+            for (b_s, b) in &groups {
+                covariance += of_process(doubt, *a_s, *b_s) * a * b.transpose();
+            }
         }
     }
     covariance
@@ -217,7 +148,8 @@ mod tests {
     use crate::effects::doubt::{Kernel, Process};
     use crate::fix::Fix;
     use crate::fix::dwell::DwellSummary;
-    use crate::fix::tests::{declared, dwell, normal, solve};
+    use crate::fix::solve;
+    use crate::fix::tests::{declared, dwell, normal};
     use crate::units::{DEG_PER_RAD, wrap_180_deg};
 
     /// Ω cos 60°, °/h.

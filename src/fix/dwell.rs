@@ -8,21 +8,13 @@ use core::ops::Range;
 
 use heapless::Vec;
 
-use super::room::Room;
 use crate::effects::doubt::MAX_DIRECTIONS;
 use crate::level::{LevelMoments, Specific};
-use crate::slices::pause;
 
 /// Rows that are kept.
 pub const MAX_ROWS: usize = 128;
-/// Words of a row that is kept.
-const WORDS: usize = 6;
-/// Numbers that the rows' room can be lent for.
-pub const MOST_LENT: usize = MAX_ROWS * WORDS;
 /// Fewest places that merging must free; else longer rows are made.
 const LEAST_FREE: usize = 16;
-/// Rows whose deviations make one slice.
-const FEW_ROWS: usize = 16;
 /// Times of outliers that are kept; of more it is known how many there were.
 const MAX_OUTLIERS: usize = 16;
 /// Rows belong together when the gap between them is below this, seconds.
@@ -52,69 +44,6 @@ pub struct Row {
     pub moment_arcsec_s: f64,
     /// Level accelerometers, if there are any.
     pub level: Option<LevelMoments>,
-}
-
-/// A row as it is kept: what scatters by more than a float's rounding anyway takes half the room. Time and rate are bits of doubles, the
-/// rest are those of two floats each: length and cosine, sine and moment, means and first moments of the level, which are not numbers
-/// where there are no accelerometers. Plain words, so that their room can be lent to other numbers ([`super::room`]).
-pub type Kept = [u64; WORDS];
-
-/// Two floats in a word.
-fn packed(high: f64, low: f64) -> u64 {
-    let bits = |number: f64| u64::from((number as f32).to_bits());
-    bits(high) << 32 | bits(low)
-}
-
-fn unpacked(word: u64) -> [f64; 2] {
-    [(word >> 32) as u32, word as u32].map(|bits| f32::from_bits(bits).into())
-}
-
-impl From<&Row> for Kept {
-    fn from(row: &Row) -> Self {
-        let none = Specific { forward: f64::NAN, left: f64::NAN };
-        let LevelMoments { mean, first } = row.level.unwrap_or(LevelMoments { mean: none, first: none });
-        [
-            row.t_s.to_bits(),
-            row.rate_deg_h.to_bits(),
-            packed(row.seconds, row.cos),
-            packed(row.sin, row.moment_arcsec_s),
-            packed(mean.forward, mean.left),
-            packed(first.forward, first.left),
-        ]
-    }
-}
-
-impl From<&Kept> for Row {
-    fn from(kept: &Kept) -> Self {
-        let &[t_s, rate_deg_h, seconds, sin, mean, first] = kept;
-        let ([seconds, cos], [sin, moment_arcsec_s]) = (unpacked(seconds), unpacked(sin));
-        let [mean, first] = [mean, first].map(unpacked).map(|[forward, left]| Specific { forward, left });
-        Self {
-            t_s: f64::from_bits(t_s),
-            rate_deg_h: f64::from_bits(rate_deg_h),
-            seconds,
-            cos,
-            sin,
-            moment_arcsec_s,
-            level: (!mean.forward.is_nan()).then_some(LevelMoments { mean, first }),
-        }
-    }
-}
-
-/// Middle of a row that is kept, seconds.
-pub fn t_s(&[t_s, ..]: &Kept) -> f64 {
-    f64::from_bits(t_s)
-}
-
-/// Its mean rate, °/h.
-pub fn rate_deg_h(&[_, rate_deg_h, ..]: &Kept) -> f64 {
-    f64::from_bits(rate_deg_h)
-}
-
-/// Its length.
-fn seconds(&[_, _, word, ..]: &Kept) -> f64 {
-    let [seconds, _] = unpacked(word);
-    seconds
 }
 
 impl Row {
@@ -249,7 +178,7 @@ pub struct DwellSummary {
 /// Gathers the rows of a dwell.
 #[derive(Clone, Debug, Default)]
 pub struct DwellRows {
-    rows: Vec<Kept, MAX_ROWS>,
+    rows: Vec<Row, MAX_ROWS>,
     /// As many of the first rows are in the sums; the others wait to be judged.
     judged: usize,
     /// Rows are merged up to this length, seconds; 0 before there was a need.
@@ -259,28 +188,17 @@ pub struct DwellRows {
 
 impl DwellRows {
     /// Takes the next row.
-    pub async fn push(&mut self, row: Row, noise_deg_h: f64) {
+    pub fn push(&mut self, row: Row, noise_deg_h: f64) {
         if self.rows.is_full() {
-            self.judge(noise_deg_h).await;
-            self.make_room().await;
+            self.judge(noise_deg_h);
+            self.make_room();
         }
-        let _ = self.rows.push((&row).into());
+        let _ = self.rows.push(row);
     }
 
     /// The rows, in the order of time, of a long dwell merged.
-    pub fn as_slice(&self) -> &[Kept] {
+    pub fn as_slice(&self) -> &[Row] {
         &self.rows
-    }
-
-    /// Room for so many numbers of a solution, [`MOST_LENT`] at most. Rows of a dwell that has not ended are no part of one: they are dropped.
-    ///
-    /// Never inlined: what this takes of the stack is free again for the solution.
-    #[inline(never)]
-    pub fn lend(&mut self, numbers: usize) -> Room<'_> {
-        self.clear();
-        // Filled in place.
-        let _ = self.rows.resize(numbers.div_ceil(WORDS), [0; WORDS]);
-        Room::new(self.rows.as_flattened_mut())
     }
 
     pub fn len(&self) -> usize {
@@ -291,10 +209,9 @@ impl DwellRows {
         self.rows.is_empty()
     }
 
-    /// Forgets all rows. Never inlined, as [`Self::lend`].
-    #[inline(never)]
+    /// Forgets all rows.
     pub fn clear(&mut self) {
-        // In place: another of its kind would take six kilobytes of a board's stack.
+        // In place: another of its kind would take kilobytes of stack.
         self.rows.clear();
         self.sums = Sums::default();
         (self.judged, self.merged_s) = (0, 0.0);
@@ -317,7 +234,7 @@ impl DwellRows {
     /// are not merged. Gives how many were.
     pub fn skip_jitter(&mut self, threshold_deg_h: f64, seconds: usize) -> Option<usize> {
         let changes = self.rows.windows(2).map(|pair| match pair {
-            [a, b] => (rate_deg_h(b).abs() - rate_deg_h(a).abs()).abs() < threshold_deg_h,
+            [a, b] => (b.rate_deg_h.abs() - a.rate_deg_h.abs()).abs() < threshold_deg_h,
             _ => false,
         });
         let mut quiet = 0;
@@ -336,9 +253,8 @@ impl DwellRows {
 
     /// Boils the rows down. `noise_deg_h`, the declared noise of a one-second rate, is the least scale by which outliers are
     /// judged. `None` without rows.
-    pub async fn summary(&mut self, noise_deg_h: f64) -> Option<DwellSummary> {
-        self.judge(noise_deg_h).await;
-        pause().await;
+    pub fn summary(&mut self, noise_deg_h: f64) -> Option<DwellSummary> {
+        self.judge(noise_deg_h);
         self.sums.summary()
     }
 
@@ -348,21 +264,21 @@ impl DwellRows {
     }
 
     /// Takes the rows that wait into the sums, less the outliers.
-    async fn judge(&mut self, noise_deg_h: f64) {
-        self.sums.add(self.rows.get(self.judged..).unwrap_or_default(), noise_deg_h).await;
+    fn judge(&mut self, noise_deg_h: f64) {
+        self.sums.add(self.rows.get(self.judged..).unwrap_or_default(), noise_deg_h);
         self.judged = self.rows.len();
     }
 
     /// Merges neighbours, to longer rows where that frees too little; if gaps are in the way of that, keeps the longest
     /// piece without one.
-    async fn make_room(&mut self) {
-        let shortest_s = self.rows.iter().map(seconds).fold(f64::INFINITY, f64::min);
+    fn make_room(&mut self) {
+        let shortest_s = self.rows.iter().map(|row| row.seconds).fold(f64::INFINITY, f64::min);
         self.merged_s = self.merged_s.max(shortest_s);
-        self.merge().await;
+        self.merge();
         for _ in 0..2 {
             if self.rows.len() + LEAST_FREE > MAX_ROWS {
                 self.merged_s *= 2.0;
-                self.merge().await;
+                self.merge();
             }
         }
         if self.rows.len() + LEAST_FREE > MAX_ROWS {
@@ -372,16 +288,14 @@ impl DwellRows {
         self.judged = self.rows.len();
     }
 
-    async fn merge(&mut self) {
+    fn merge(&mut self) {
         let longest_s = 1.001 * self.merged_s;
         let mut merged: usize = 0;
         for i in 1..self.rows.len() {
             let Some(&row) = self.rows.get(i) else { break };
             let Some(place) = self.rows.get_mut(merged) else { break };
-            let (last, next) = (Row::from(&*place), Row::from(&row));
-            if last.joins(&next) && last.seconds + next.seconds <= longest_s {
-                *place = (&last.merged(&next)).into();
-                pause().await;
+            if place.joins(&row) && place.seconds + row.seconds <= longest_s {
+                *place = place.merged(&row);
                 continue;
             }
             merged += 1;
@@ -394,17 +308,17 @@ impl DwellRows {
 }
 
 /// The longest run of rows without a gap.
-pub fn longest_piece(rows: &[Kept]) -> &[Kept] {
+pub fn longest_piece(rows: &[Row]) -> &[Row] {
     rows.get(longest_run(rows)).unwrap_or_default()
 }
 
 /// Where it is.
-fn longest_run(rows: &[Kept]) -> Range<usize> {
+fn longest_run(rows: &[Row]) -> Range<usize> {
     let mut start = 0;
-    let pieces = rows.chunk_by(|a, b| Row::from(a).joins(&b.into())).map(|piece| {
+    let pieces = rows.chunk_by(|a, b| a.joins(b)).map(|piece| {
         let from = start;
         start += piece.len();
-        (piece.iter().map(seconds).sum::<f64>(), from..start)
+        (piece.iter().map(|row| row.seconds).sum::<f64>(), from..start)
     });
     pieces.max_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, run)| run).unwrap_or_default()
 }
@@ -465,28 +379,23 @@ impl Sums {
     /// noise nor the scatter of the rows before. A gyro that counts more coarsely than its noise repeats itself, and the
     /// median deviation is nothing: then the least deviation that is more than noise, its count, is the scale. A second on
     /// the next count is no outlier.
-    async fn add(&mut self, rows: &[Kept], noise_deg_h: f64) {
-        let Some(middle) = median(rows, rate_deg_h).await else { return };
-        let deviation = |row: &Kept| (rate_deg_h(row) - middle).abs() * libm::sqrt(seconds(row).min(1.0));
-        let of_rows = 1.4826 * median(rows, |row| (rate_deg_h(row) - middle).abs()).await.unwrap_or(0.0);
+    fn add(&mut self, rows: &[Row], noise_deg_h: f64) {
+        let Some(middle) = median(rows, |row| row.rate_deg_h) else { return };
+        let deviation = |row: &Row| (row.rate_deg_h - middle).abs() * libm::sqrt(row.seconds.min(1.0));
+        let of_rows = 1.4826 * median(rows, |row| (row.rate_deg_h - middle).abs()).unwrap_or(0.0);
         let mut scale = of_rows.max(noise_deg_h).max(self.scatter_deg_h());
         if of_rows <= COARSE * noise_deg_h {
-            let mut count = f64::INFINITY;
-            for few in rows.chunks(FEW_ROWS) {
-                count = few.iter().map(deviation).filter(|&each| each > noise_deg_h).fold(count, f64::min);
-                pause().await;
-            }
+            let count = rows.iter().map(deviation).filter(|&each| each > noise_deg_h).fold(f64::INFINITY, f64::min);
             if count.is_finite() {
                 scale = scale.max(count);
             }
         }
         for row in rows {
-            pause().await;
             if deviation(row) <= OUTLIER_SIGMAS * scale {
-                self.add_row(&row.into());
+                self.add_row(row);
             } else {
                 self.outliers = self.outliers.saturating_add(1);
-                let _ = self.outliers_s.push(t_s(row));
+                let _ = self.outliers_s.push(row.t_s);
                 self.broken = true;
             }
         }
@@ -589,16 +498,10 @@ impl Sums {
 }
 
 /// Middle of what `value` gives of the rows.
-async fn median(rows: &[Kept], value: impl Fn(&Kept) -> f64) -> Option<f64> {
-    let mut values: Vec<f64, MAX_ROWS> = Vec::new();
-    for few in rows.chunks(FEW_ROWS) {
-        for value in few.iter().map(&value).filter(|value| value.is_finite()) {
-            // A dwell has no more rows than there are places.
-            let _ = values.push(value);
-        }
-        pause().await;
-    }
-    crate::median::in_slices(&mut values).await
+fn median(rows: &[Row], value: impl Fn(&Row) -> f64) -> Option<f64> {
+    // A dwell has no more rows than there are places.
+    let mut values: Vec<f64, MAX_ROWS> = rows.iter().map(value).filter(|value| value.is_finite()).collect();
+    crate::median::median(&mut values)
 }
 
 impl DwellSummary {
@@ -626,6 +529,11 @@ impl DwellSummary {
         libm::sqrt(f64::from(self.rate.residual_squares) / f64::from(self.degrees_of_freedom) / self.seconds)
     }
 
+    /// Upward components of the instrument's axes; `None` without level accelerometers.
+    pub fn specific(&self) -> Option<Specific> {
+        self.level.map(|[forward, left]| Specific { forward: forward.mean.into(), left: left.mean.into() })
+    }
+
     /// Mean index angle, degrees in [0°, 360°).
     pub fn index_deg(&self) -> f64 {
         crate::units::wrap_360_deg(libm::atan2(self.sin, self.cos) * crate::units::DEG_PER_RAD)
@@ -636,7 +544,6 @@ impl DwellSummary {
 mod tests {
     use super::*;
     use crate::fix::tests::normal;
-    use crate::slices::at_once;
 
     fn row(second: u16, rate_deg_h: f64) -> Row {
         Row {
@@ -653,7 +560,7 @@ mod tests {
     fn rows(rates: &[f64]) -> DwellRows {
         let mut rows = DwellRows::default();
         for (second, &rate) in (0..).zip(rates) {
-            at_once(rows.push(row(second, rate), 0.1));
+            rows.push(row(second, rate), 0.1);
         }
         rows
     }
@@ -663,7 +570,7 @@ mod tests {
         // 1, 2, 3, 6 at 0.5, 1.5, 2.5, 3.5: mean 3, slope (−1.5·−2 − 0.5·−1 + 0.5·0 + 1.5·3)/5 = 1.6; residuals
         // 0.4, −0.2, −0.8, 0.6 with sum of squares 1.2; differences −0.6, −0.6, 1.4, half their squares 1.34. The mean
         // angles of the seconds are 0.5, 2, 4.5, 9: their slope is (−1.5·0.5 − 0.5·2 + 0.5·4.5 + 1.5·9)/5 = 2.8.
-        let summary = at_once(rows(&[1.0, 2.0, 3.0, 6.0]).summary(1.0)).unwrap();
+        let summary = rows(&[1.0, 2.0, 3.0, 6.0]).summary(1.0).unwrap();
         assert!((summary.rate.mean - 3.0).abs() < 1e-12);
         assert!((summary.rate.slope_per_s - 1.6).abs() < 1e-12);
         assert!((summary.rate.residual_squares - 1.2).abs() < 1e-6);
@@ -676,7 +583,7 @@ mod tests {
 
     #[test]
     fn a_shock_is_left_out() {
-        let summary = at_once(rows(&[1.0, 1.1, 0.9, 50.0, 1.0, 1.1, 0.9]).summary(0.1)).unwrap();
+        let summary = rows(&[1.0, 1.1, 0.9, 50.0, 1.0, 1.1, 0.9]).summary(0.1).unwrap();
         assert_eq!((summary.outliers, summary.angle), (1, None));
         assert!((summary.rate.mean - 1.0).abs() < 1e-12);
     }
@@ -694,10 +601,10 @@ mod tests {
                 angle += rate_deg_h + 0.09 * normal(&mut state);
                 let reading = count * libm::round(angle / count);
                 let shock = if second == 50 { shock } else { 0.0 };
-                at_once(rows.push(row(second, reading - counted + shock), 0.09));
+                rows.push(row(second, reading - counted + shock), 0.09);
                 counted = reading;
             }
-            let summary = at_once(rows.summary(0.09)).unwrap();
+            let summary = rows.summary(0.09).unwrap();
             assert_eq!(summary.outliers, u16::from(shock > 0.0));
             assert!((summary.rate.mean - rate_deg_h).abs() < 0.04, "{}", summary.rate.mean);
         }
@@ -720,7 +627,7 @@ mod tests {
                     }
                 })
                 .collect();
-            all.iter().for_each(|row| at_once(dwell.push(*row, 1.0)));
+            all.iter().for_each(|row| dwell.push(*row, 1.0));
             let (number, middle_s) = (f64::from(length), 0.5 * f64::from(length));
             let mean = all.iter().map(|row| row.rate_deg_h).sum::<f64>() / number;
             let with_time: f64 = all.iter().map(|row| (row.t_s - middle_s) * row.rate_deg_h).sum();
@@ -729,7 +636,7 @@ mod tests {
             let residual = |row: &Row| row.rate_deg_h - mean - slope * (row.t_s - middle_s);
             let squares: f64 = all.iter().map(|row| residual(row) * residual(row)).sum();
             let steps: f64 = all.windows(2).map(|pair| 0.5 * (residual(&pair[1]) - residual(&pair[0])).powi(2)).sum();
-            let summary = at_once(dwell.summary(1.0)).unwrap();
+            let summary = dwell.summary(1.0).unwrap();
             let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-9 * b.abs().max(1.0), "{length}: {a} {b}");
             close(summary.rate.mean, mean);
             close(1e3 * summary.rate.slope_per_s, 1e3 * slope);
@@ -739,7 +646,7 @@ mod tests {
             assert_eq!((summary.degrees_of_freedom, summary.outliers, summary.seconds), (length - 2, 0, number));
             // First moments are kept as floats: every merging rounds them and their means once, by a share of 2⁻²⁴ at most, and rows of
             // three hours are merged eight times.
-            let kept: std::vec::Vec<Row> = dwell.as_slice().iter().map(Row::from).collect();
+            let kept: std::vec::Vec<Row> = dwell.as_slice().to_vec();
             let rounding = |rows: &[Row], of: &dyn Fn(&Row) -> f64| {
                 9.0 * 2.0_f64.powi(-24) * rows.iter().map(|row| of(row).abs()).sum::<f64>()
             };
@@ -765,8 +672,8 @@ mod tests {
     #[test]
     fn gaps_everywhere_are_no_limit_either() {
         let mut dwell = DwellRows::default();
-        (0..2000).for_each(|i| at_once(dwell.push(row(2 * i, f64::from(i % 3)), 1.0)));
-        let summary = at_once(dwell.summary(1.0)).unwrap();
+        (0..2000).for_each(|i| dwell.push(row(2 * i, f64::from(i % 3)), 1.0));
+        let summary = dwell.summary(1.0).unwrap();
         assert_eq!((summary.seconds, summary.angle), (2000.0, None));
         assert!((summary.rate.mean - 1.0).abs() < 1e-3);
     }
@@ -781,7 +688,7 @@ mod tests {
 
     #[test]
     fn nothing_gives_nothing() {
-        assert!(at_once(DwellRows::default().summary(1.0)).is_none());
-        assert!(at_once(rows(&[f64::NAN]).summary(1.0)).is_none());
+        assert!(DwellRows::default().summary(1.0).is_none());
+        assert!(rows(&[f64::NAN]).summary(1.0).is_none());
     }
 }

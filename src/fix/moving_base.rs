@@ -26,10 +26,9 @@
 use heapless::Vec;
 use nalgebra::{Matrix2, Vector2};
 
-use super::dwell::{DwellSummary, Kept, LevelLine, Line, MAX_ROWS, Row, longest_piece};
+use super::dwell::{DwellSummary, LevelLine, Line, MAX_ROWS, Row, longest_piece};
 use super::velocity;
 use crate::effects::BaseMotion;
-use crate::slices::pause;
 use crate::units::ARCSEC_PER_RAD;
 
 /// Lengths of a dwell beyond which a time constant is as good as infinite.
@@ -42,34 +41,33 @@ const LEAST_ROWS: usize = velocity::LEAST_ROWS;
 /// The rows' summary, its rate free of the base's motion; `None` where too few rows follow each other without a gap or
 /// the accelerometers are missing. Where the tilt's noise is white in the tilt, `noise_deg_h`, the declared noise of a
 /// one-second rate (0: unknown), is held against it.
-pub async fn summary(rows: &[Kept], sensing: BaseMotion, noise_deg_h: f64) -> Option<DwellSummary> {
+pub fn summary(rows: &[Row], sensing: BaseMotion, noise_deg_h: f64) -> Option<DwellSummary> {
     let BaseMotion { velocity, lag_s } = sensing;
     let piece = longest_piece(rows);
     if piece.len() < LEAST_ROWS {
         return None;
     }
-    let (first, last) = (Row::from(piece.first()?), Row::from(piece.last()?));
+    let (first, last) = (piece.first()?, piece.last()?);
     let (start_s, end_s) = (first.t_s - 0.5 * first.seconds, last.t_s + 0.5 * last.seconds);
     let length_s = end_s - start_s;
     let tilt = Tilt { rows: piece, lag_s };
     let (mean, variance) = if velocity {
         let white = noise_deg_h * noise_deg_h / length_s / SQUARED_PARABOLA;
         let mut arcsec_s = Integrals::new();
-        integrals(&tilt, &mut arcsec_s).await;
-        let (mean, variance) = velocity::mean_rate(piece, &arcsec_s, start_s, length_s).await?;
+        integrals(&tilt, &mut arcsec_s);
+        let (mean, variance) = velocity::mean_rate(piece, &arcsec_s, start_s, length_s)?;
         (mean, variance.max(white))
     } else {
-        weighted_mean(&tilt, start_s, length_s, noise_deg_h).await?
+        weighted_mean(&tilt, start_s, length_s, noise_deg_h)?
     };
     let (mut seconds, mut cos, mut sin, mut forward, mut left) = (0.0, 0.0, 0.0, 0.0, 0.0);
-    for row in piece.iter().map(Row::from) {
+    for row in piece {
         let level = row.level?;
         seconds += row.seconds;
         cos += row.seconds * row.cos;
         sin += row.seconds * row.sin;
         forward += row.seconds * level.mean.forward;
         left += row.seconds * level.mean.left;
-        pause().await;
     }
     let degrees_of_freedom = (piece.len() - 3) as u16;
     let residual_squares = (variance * seconds * f64::from(degrees_of_freedom)) as f32;
@@ -91,8 +89,8 @@ pub async fn summary(rows: &[Kept], sensing: BaseMotion, noise_deg_h: f64) -> Op
 }
 
 /// Mean rate, °/h, by the weight that meets both noises best, and its variance.
-async fn weighted_mean(tilt: &Tilt<'_>, start_s: f64, length_s: f64, noise_deg_h: f64) -> Option<(f64, f64)> {
-    let tilt_noise = tilt_noise_arcsec(tilt, noise_deg_h).await;
+fn weighted_mean(tilt: &Tilt<'_>, start_s: f64, length_s: f64, noise_deg_h: f64) -> Option<(f64, f64)> {
+    let tilt_noise = tilt_noise_arcsec(tilt, noise_deg_h);
     let tau_s = (tilt_noise / noise_deg_h).max(2.0 * length_s / tilt.rows.len() as f64);
     let cosh = noise_deg_h > 0.0 && tau_s < LONGEST_TAU * length_s;
     let shape = if cosh { Shape::Cosh { tau_s } } else { Shape::Parabola };
@@ -101,13 +99,9 @@ async fn weighted_mean(tilt: &Tilt<'_>, start_s: f64, length_s: f64, noise_deg_h
     for (i, row) in tilt.iter().enumerate() {
         let (from_s, to_s) = (row.t_s - 0.5 * row.seconds, row.t_s + 0.5 * row.seconds);
         let before = weights.at(from_s);
-        pause().await;
         let after = weights.at(to_s);
-        pause().await;
         let until = weights.integral(to_s);
-        pause().await;
         let of_row = until - weights.integral(from_s);
-        pause().await;
         weight += of_row;
         let moment = row.moment_arcsec_s / row.seconds;
         weighted_arcsec += of_row * row.rate_deg_h + (after - before) * (moment + tilt.at(i)?);
@@ -115,10 +109,8 @@ async fn weighted_mean(tilt: &Tilt<'_>, start_s: f64, length_s: f64, noise_deg_h
         // times that cube's twelfth.
         let bend = (0.5 * row.seconds * (after + before) - of_row) / (row.seconds * row.seconds * row.seconds / 12.0);
         weighted_arcsec += bend * tilt.moment_arcsec_s2(i)?;
-        pause().await;
     }
-    let of_scatter = variance(tilt, &weights).await?;
-    pause().await;
+    let of_scatter = variance(tilt, &weights)?;
     Some((weighted_arcsec / weight, of_scatter.max(weights.variance(noise_deg_h, tilt_noise))))
 }
 
@@ -191,11 +183,10 @@ fn over_cosh(x: f64, z: f64) -> (f64, f64) {
 
 /// Noise of a second's tilt about the sensitive axis, arcsec: what the differences of neighbours of gyro angle less tilt
 /// have more than the gyro's own (2/3 of its variance in a second, the angles being means over one).
-async fn tilt_noise_arcsec(tilt: &Tilt<'_>, noise_deg_h: f64) -> f64 {
+fn tilt_noise_arcsec(tilt: &Tilt<'_>, noise_deg_h: f64) -> f64 {
     let (mut last, mut sum, mut squares, mut count) = (None, 0.0, 0.0, 0.0);
     let mut angles = Angles::default();
     for i in 0..tilt.rows.len() {
-        pause().await;
         let angle = angles.next(tilt, i);
         if let Some(last) = last.replace(angle) {
             let step = angle - last;
@@ -204,7 +195,6 @@ async fn tilt_noise_arcsec(tilt: &Tilt<'_>, noise_deg_h: f64) -> f64 {
             count += 1.0;
         }
     }
-    pause().await;
     let variance = (squares - sum * sum / count) / (count - 1.0);
     let seconds = tilt.iter().map(|row| row.seconds).sum::<f64>() / tilt.rows.len() as f64;
     // A reading of n seconds has an nth of the variance of a reading of one.
@@ -214,17 +204,17 @@ async fn tilt_noise_arcsec(tilt: &Tilt<'_>, noise_deg_h: f64) -> f64 {
 
 /// Turn of the base about the sensitive axis as the accelerometers feel it.
 struct Tilt<'a> {
-    rows: &'a [Kept],
+    rows: &'a [Row],
     lag_s: f64,
 }
 
 impl Tilt<'_> {
-    fn iter(&self) -> impl Iterator<Item = Row> {
-        self.rows.iter().map(Row::from)
+    fn iter(&self) -> impl Iterator<Item = &Row> {
+        self.rows.iter()
     }
 
-    fn row(&self, i: usize) -> Option<Row> {
-        self.rows.get(i).map(Row::from)
+    fn row(&self, i: usize) -> Option<&Row> {
+        self.rows.get(i)
     }
 
     /// In the middle of row `i`, arcsec: between the readings of what is later by the lag by a straight line, beyond the
@@ -260,13 +250,12 @@ impl Tilt<'_> {
 
 /// Variance of the mean rate, (°/h)², from the scatter of the rows' mean angles about a line; more where successive rows
 /// scatter alike.
-async fn variance(tilt: &Tilt<'_>, weights: &Weights) -> Option<f64> {
+fn variance(tilt: &Tilt<'_>, weights: &Weights) -> Option<f64> {
     let powers = |t_s: f64| Vector2::new(1.0, weights.share(t_s) - 0.5);
     let (mut normal, mut right) = (Matrix2::zeros(), Vector2::zeros());
     let mut angles = Angles::default();
     for (i, row) in tilt.iter().enumerate() {
         let (value, of_row) = (angles.next(tilt, i), powers(row.t_s));
-        pause().await;
         normal += row.seconds * of_row * of_row.transpose();
         right += row.seconds * value * of_row;
     }
@@ -274,7 +263,6 @@ async fn variance(tilt: &Tilt<'_>, weights: &Weights) -> Option<f64> {
     let (mut squares, mut products, mut last) = (0.0, 0.0, None);
     let mut angles = Angles::default();
     for (i, row) in tilt.iter().enumerate() {
-        pause().await;
         let residual = angles.next(tilt, i) - powers(row.t_s).dot(&coefficients);
         squares += row.seconds * residual * residual;
         products += row.seconds * residual * last.replace(residual).unwrap_or(0.0);
@@ -308,7 +296,7 @@ impl Angles {
 type Integrals = Vec<f64, MAX_ROWS>;
 
 /// The integrals into `integrals`, which is empty. The gyro's rate is a straight line within a row.
-async fn integrals(tilt: &Tilt<'_>, integrals: &mut Integrals) {
+fn integrals(tilt: &Tilt<'_>, integrals: &mut Integrals) {
     let (mut angles, mut integral) = (Angles::default(), 0.0);
     for (i, row) in tilt.iter().enumerate() {
         let turned = row.rate_deg_h * row.seconds;
@@ -316,14 +304,12 @@ async fn integrals(tilt: &Tilt<'_>, integrals: &mut Integrals) {
         // evenly through the middle, the integral's mean is half of its end.
         let of_gyro = 0.5 * angles.gyro_arcsec + turned / 6.0 - 0.5 * row.moment_arcsec_s / row.seconds;
         let mean = angles.next(tilt, i);
-        pause().await;
         let of_tilt =
             0.5 * tilt.at(i).unwrap_or(0.0) - tilt.moment_arcsec_s2(i).unwrap_or(0.0) / (row.seconds * row.seconds);
         let arcsec_s = integral + row.seconds * (of_gyro - of_tilt);
         integral += mean * row.seconds;
         // There are no more of them than rows.
         let _ = integrals.push(arcsec_s);
-        pause().await;
     }
 }
 
@@ -333,14 +319,8 @@ mod tests {
 
     use super::*;
     use crate::level::LevelMoments;
-    use crate::slices::at_once;
 
     const VELOCITY: BaseMotion = BaseMotion { velocity: true, lag_s: 0.0 };
-
-    fn summary(rows: &[Row], sensing: BaseMotion, noise_deg_h: f64) -> Option<DwellSummary> {
-        let kept: Vec<Kept> = rows.iter().map(Kept::from).collect();
-        at_once(super::summary(&kept, sensing, noise_deg_h))
-    }
 
     /// Forty seconds of a gyro that reads 3 °/h and the turning of a base that pitches by 400 arcsec · sin(t/3) and settles
     /// by 5 arcsec/s, at an index angle of 90°, where the axis points left: nose up is a negative turn about it.

@@ -18,8 +18,6 @@
 //! process of the first order.
 
 use super::dwell::{DwellSummary, Trend};
-use super::{FEW, Problem};
-use crate::slices::pause;
 
 /// A correlation of successive rates this many standard deviations from nothing is believed.
 const CORRELATION_SIGMAS: f64 = 4.0;
@@ -64,31 +62,32 @@ struct Pooled {
 }
 
 impl Pooled {
-    async fn new(dwells: &[DwellSummary], line: fn(&DwellSummary) -> Option<Trend>) -> Option<Self> {
+    fn new(dwells: &[DwellSummary], line: fn(&DwellSummary) -> Option<Trend>) -> Option<Self> {
         let mut pooled = Self::default();
-        for few in dwells.chunks(FEW) {
-            for dwell in few.iter().filter(|dwell| dwell.degrees_of_freedom > 0) {
-                let line = line(dwell)?;
-                let degrees_of_freedom = f64::from(dwell.degrees_of_freedom);
-                pooled.residual += f64::from(line.residual_squares);
-                pooled.successive += f64::from(line.successive_squares);
-                pooled.degrees_of_freedom += degrees_of_freedom;
-                pooled.seconds += degrees_of_freedom * dwell.seconds;
-            }
-            pause().await;
+        for dwell in dwells.iter().filter(|dwell| dwell.degrees_of_freedom > 0) {
+            let line = line(dwell)?;
+            let degrees_of_freedom = f64::from(dwell.degrees_of_freedom);
+            pooled.residual += f64::from(line.residual_squares);
+            pooled.successive += f64::from(line.successive_squares);
+            pooled.degrees_of_freedom += degrees_of_freedom;
+            pooled.seconds += degrees_of_freedom * dwell.seconds;
         }
         (pooled.degrees_of_freedom > 0.0).then_some(pooled)
     }
 }
 
 impl Noise {
-    /// From the dwells of a problem; `declared_deg_h` is the declared noise of a one-second rate. `None` where nothing tells
-    /// the noise.
-    pub(super) async fn new(problem: &Problem<'_>, declared_deg_h: f64) -> Option<Self> {
+    /// From the dwells of a fix; `declared_deg_h` is the declared noise of a one-second rate. Where the dwells have too few rows to tell it,
+    /// it is `of_successive_residuals`, the variance of a one-second rate; `None` where nothing tells it.
+    pub fn new(
+        dwells: &[DwellSummary],
+        declared_deg_h: f64,
+        of_successive_residuals: impl FnOnce() -> Option<f64>,
+    ) -> Option<Self> {
         let declared = declared_deg_h * declared_deg_h;
-        let rates = Pooled::new(problem.dwells, |dwell| Some(dwell.rate.into())).await;
+        let rates = Pooled::new(dwells, |dwell| Some(dwell.rate.into()));
         let Some(rates) = rates.filter(|rates| rates.degrees_of_freedom >= 4.0) else {
-            let white = problem.variance_of_successive_residuals().await?;
+            let white = of_successive_residuals()?;
             return Some(Self {
                 variance: white.max(declared).max(f64::MIN_POSITIVE),
                 white,
@@ -101,7 +100,7 @@ impl Noise {
         // In white noise the correlation has a variance of one over the number of rows.
         let sigmas = correlation * libm::sqrt(rates.degrees_of_freedom);
         let alike = if sigmas > CORRELATION_SIGMAS { correlation.min(MOST_ALIKE) } else { 0.0 };
-        let angles = Pooled::new(problem.dwells, |dwell| dwell.angle).await;
+        let angles = Pooled::new(dwells, |dwell| dwell.angle);
         let angle = angles
             .filter(|_| sigmas < -CORRELATION_SIGMAS)
             .and_then(|angles| AngleNoise::new(&angles, -correlation * observed));
@@ -166,9 +165,9 @@ mod tests {
     use crate::effects::ErrorModel;
     use crate::fix::Declared;
     use crate::fix::dwell::{DwellRows, DwellSummary, Row};
-    use crate::fix::tests::{normal, solve};
+    use crate::fix::solve;
+    use crate::fix::tests::normal;
     use crate::sample::GyroSettings;
-    use crate::slices::at_once;
     use crate::units::{sin_cos_deg, wrap_180_deg};
 
     const FIXES: u64 = 300;
@@ -214,9 +213,9 @@ mod tests {
                             moment_arcsec_s: moment,
                             level: None,
                         };
-                        at_once(rows.push(row, white_deg_h));
+                        rows.push(row, white_deg_h);
                     }
-                    at_once(rows.summary(white_deg_h)).unwrap()
+                    rows.summary(white_deg_h).unwrap()
                 })
                 .collect();
             let fix = solve(&dwells, &declared, &ErrorModel::default()).unwrap();

@@ -6,13 +6,12 @@ use std::path::PathBuf;
 use std::vec::Vec;
 
 use super::dwell::{DwellRows, DwellSummary, Row};
-use super::tests::solve;
+use super::solve;
 use super::{Declared, moving_base};
 use crate::earth::earth_rate;
 use crate::effects::{BaseMotion, ErrorModel};
 use crate::level::{LevelMoments, Specific};
 use crate::sample::GyroSettings;
-use crate::slices::at_once;
 use crate::units::{sin_cos_deg, wrap_180_deg};
 
 /// Samples of the recording in a second, and seconds that a dwell's rows last.
@@ -85,10 +84,10 @@ fn windows(samples: &[[f64; 4]], dwell_s: usize, size: usize, lag_s: f64) -> Vec
                     let mut rows = DwellRows::default();
                     for (second, samples) in samples.chunks(RATE).enumerate() {
                         let t_s = (position * dwell_s + second) as f64 + 0.5;
-                        at_once(rows.push(row(samples, size, t_s, 90.0 * position as f64), gyro.noise_deg_h()));
+                        rows.push(row(samples, size, t_s, 90.0 * position as f64), gyro.noise_deg_h());
                     }
                     let sensing = BaseMotion { velocity: true, lag_s };
-                    at_once(moving_base::summary(rows.as_slice(), sensing, gyro.noise_deg_h())).unwrap()
+                    moving_base::summary(rows.as_slice(), sensing, gyro.noise_deg_h()).unwrap()
                 })
                 .collect();
             let solution = solve(&dwells, &declared, &ErrorModel::default()).unwrap();

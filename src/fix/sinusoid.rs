@@ -10,9 +10,8 @@ use core::f64::consts::TAU;
 use nalgebra::{Matrix2, Matrix4, SMatrix, Vector2};
 
 use super::dwell::DwellSummary;
-use super::{Problem, regular_inverse};
+use super::observation::{Observation, regular_inverse};
 use crate::effects::Sinusoid;
-use crate::slices::pause;
 
 /// A sinusoid with its parts in this fix.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,9 +31,10 @@ impl Fitted {
 
 impl Fitted {
     /// Estimates the parts. `variance` is that of a one-second rate, (°/h)², `drift_weight` as for the other unknowns.
-    pub(super) async fn new(
+    pub(super) fn new(
         sinusoid: Sinusoid,
-        problem: &Problem<'_>,
+        dwells: &[DwellSummary],
+        observations: &dyn Fn(&DwellSummary) -> [Observation; 2],
         variance: f64,
         drift_weight: f64,
     ) -> Option<Self> {
@@ -43,26 +43,21 @@ impl Fitted {
         let mut own = Matrix2::identity() * (2.0 * variance / (sinusoid.amplitude_deg_h * sinusoid.amplitude_deg_h));
         let (mut right, mut own_right) = (nalgebra::Vector4::zeros(), Vector2::zeros());
         others.m44 += drift_weight;
-        for dwell in problem.dwells {
+        for dwell in dwells {
             let columns = columns(&sinusoid, dwell);
-            pause().await;
-            for (observation, column) in problem.observations(dwell).await.into_iter().zip(columns) {
+            for (observation, column) in observations(dwell).into_iter().zip(columns) {
                 let (weight, row) = (observation.weight, observation.row);
                 observation.add_to(&mut others, &mut right);
                 shared += weight * row * column.transpose();
                 own += weight * column * column.transpose();
                 own_right += weight * observation.rate_deg_h * column;
-                pause().await;
             }
         }
         // By elimination of the others.
         let inverse = regular_inverse(&others)?;
-        pause().await;
         let gain = inverse * shared;
-        pause().await;
         let covariance = (own - shared.transpose() * gain).try_inverse()?;
         let parts_deg_h = covariance * (own_right - gain.transpose() * right);
-        pause().await;
         Some(Self { sinusoid, parts_deg_h, doubt: gain * covariance * gain.transpose() })
     }
 }

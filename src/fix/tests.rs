@@ -6,7 +6,7 @@ use super::dwell::{DwellSummary, LevelLine, Line};
 use super::*;
 use crate::earth::earth_rate;
 use crate::effects::{ErrorModel, Sinusoid};
-use crate::slices::at_once;
+use crate::health::Flag;
 use crate::units::wrap_180_deg;
 
 /// Noise with a standard deviation of one, for tests that need no more: the sum of twelve uniform numbers less six.
@@ -55,11 +55,6 @@ pub fn declared(latitude_deg: f64) -> Declared {
         level_sigma_deg: 0.01,
         calibrated: true,
     }
-}
-
-/// The azimuth by dwells, with a room of its own.
-pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -> Result<Fix, Unsolvable> {
-    at_once(super::solve(dwells, declared, model, Room::new(&mut [0; ROOM])))
 }
 
 fn solve_at(latitude_deg: f64, dwells: &[DwellSummary]) -> Fix {

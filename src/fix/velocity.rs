@@ -14,13 +14,12 @@
 use heapless::Vec;
 use nalgebra::{Matrix4, Vector4};
 
-use super::dwell::{Kept, rate_deg_h, t_s};
-use crate::slices::pause;
+use super::dwell::Row;
 
 /// Correlations that are tried of errors one second apart, as of an autoregressive process of the first order.
 const CORRELATIONS: [f64; 4] = [0.0, 0.5, 0.8, 0.9];
 /// Spread of κ, s²: three metres over gravity.
-const LEVER_S2: f64 = 0.3;
+const ARM_S2: f64 = 0.3;
 /// Constant, linear and quadratic term, and κ.
 const UNKNOWNS: f64 = 4.0;
 /// Weight of what is known of κ by which it is nothing.
@@ -30,7 +29,7 @@ pub const LEAST_ROWS: usize = 8;
 
 /// Mean rate, °/h, and its variance, of a dwell of `length_s` seconds; `None` for fewer than [`LEAST_ROWS`] rows. `integrals_arcsec_s`: of
 /// gyro angle less tilt, the mean over each row, arcsec · s.
-pub async fn mean_rate(rows: &[Kept], integrals_arcsec_s: &[f64], start_s: f64, length_s: f64) -> Option<(f64, f64)> {
+pub fn mean_rate(rows: &[Row], integrals_arcsec_s: &[f64], start_s: f64, length_s: f64) -> Option<(f64, f64)> {
     if rows.len() < LEAST_ROWS {
         return None;
     }
@@ -39,30 +38,28 @@ pub async fn mean_rate(rows: &[Kept], integrals_arcsec_s: &[f64], start_s: f64, 
         integrals_arcsec_s,
         middle_s: start_s + 0.5 * length_s,
         length_s,
-        rate_deg_h: rows.iter().map(rate_deg_h).sum::<f64>() / rows.len() as f64,
+        rate_deg_h: rows.iter().map(|row| row.rate_deg_h).sum::<f64>() / rows.len() as f64,
     };
     // What is left sets the weight of what is known of κ: of the plain parabola, then beside κ.
     let mut known = NOT_FREE;
     for _ in 0..2 {
-        known = (equations.fit(0.0, known).await?.scatter / (LEVER_S2 * LEVER_S2)).max(f64::MIN_POSITIVE);
+        known = (equations.fit(0.0, known)?.scatter / (ARM_S2 * ARM_S2)).max(f64::MIN_POSITIVE);
     }
     let mut fits: Vec<Fit, { CORRELATIONS.len() }> = Vec::new();
     for correlation in CORRELATIONS {
-        let _ = fits.push(equations.fit(correlation, known).await?);
+        let _ = fits.push(equations.fit(correlation, known)?);
     }
     let best = fits.iter().map(|fit| fit.log_likelihood).fold(f64::NEG_INFINITY, f64::max);
     let weight = |fit: &Fit| libm::exp(fit.log_likelihood - best);
     let all: f64 = fits.iter().map(weight).sum();
-    pause().await;
     let averaged = |of: &dyn Fn(&Fit) -> f64| fits.iter().map(|fit| weight(fit) * of(fit)).sum::<f64>() / all;
     let mean = averaged(&|fit| fit.rate_deg_h);
-    pause().await;
     let variance = averaged(&|fit| fit.variance + (fit.rate_deg_h - mean) * (fit.rate_deg_h - mean));
     (mean.is_finite() && variance.is_finite()).then_some((mean, variance))
 }
 
 struct Equations<'a> {
-    rows: &'a [Kept],
+    rows: &'a [Row],
     integrals_arcsec_s: &'a [f64],
     middle_s: f64,
     length_s: f64,
@@ -84,7 +81,7 @@ struct Fit {
 
 impl Equations<'_> {
     /// Generalised least squares: rows less what the correlation predicts of them from the last one are independent.
-    async fn fit(&self, correlation: f64, known: f64) -> Option<Fit> {
+    fn fit(&self, correlation: f64, known: f64) -> Option<Fit> {
         let mut normal = Matrix4::zeros();
         normal.m44 = known;
         let (mut right, mut squares, mut log_variances) = (Vector4::zeros(), 0.0, 0.0);
@@ -92,7 +89,7 @@ impl Equations<'_> {
         // Rows mostly follow each other at the same interval.
         let (mut step_s, mut alike, mut scale, mut log_variance) = (f64::NAN, 0.0, 1.0, 0.0);
         for (row, &value) in self.rows.iter().zip(self.integrals_arcsec_s) {
-            let (row_s, rate_deg_h) = (t_s(row), rate_deg_h(row));
+            let &Row { t_s: row_s, rate_deg_h, .. } = row;
             let u = (row_s - self.middle_s) / self.length_s;
             let of_row = Vector4::new(1.0, u, u * u, rate_deg_h - self.rate_deg_h);
             let (mut new, mut news) = (of_row, value);
@@ -105,7 +102,6 @@ impl Equations<'_> {
                     let variance = 1.0 - alike * alike;
                     scale = 1.0 / libm::sqrt(variance);
                     log_variance = libm::log(variance);
-                    pause().await;
                 }
                 (new, news) = ((of_row - alike * before) * scale, (value - alike * value_before) * scale);
                 log_variances += log_variance;
@@ -113,18 +109,14 @@ impl Equations<'_> {
             normal += new * new.transpose();
             right += news * new;
             squares += news * news;
-            pause().await;
         }
         let factor = normal.cholesky()?;
-        pause().await;
         let coefficients = factor.solve(&right);
         let degrees_of_freedom = self.rows.len() as f64 - UNKNOWNS;
-        let left = (squares - right.dot(&coefficients)).max(f64::MIN_POSITIVE);
-        let scatter = left / degrees_of_freedom;
-        pause().await;
+        let residual = (squares - right.dot(&coefficients)).max(f64::MIN_POSITIVE);
+        let scatter = residual / degrees_of_freedom;
         let log_determinant: f64 = factor.l_dirty().diagonal().iter().map(|pivot| 2.0 * libm::log(*pivot)).sum();
         let per_curvature = 2.0 / (self.length_s * self.length_s);
-        pause().await;
         // The third column of the inverse.
         let of_curvature = factor.solve(&Vector4::z()).z * scatter * degrees_of_freedom / (degrees_of_freedom - 2.0);
         Some(Fit {
@@ -141,13 +133,11 @@ mod tests {
     use std::vec::Vec;
 
     use super::*;
-    use crate::fix::dwell::Row;
     use crate::fix::tests::normal;
-    use crate::slices::at_once;
 
     /// A dwell of 40 s at 3 °/h. The integral of the angle is 1.5 t²; of a block two metres off the axis of a rocking of
     /// 100 °/h · cos 2t, with κ = 0.2 s², it is 0.2 · 100 cos 2t more.
-    fn rows(error_arcsec_s: impl FnMut(f64) -> f64) -> (Vec<Kept>, Vec<f64>) {
+    fn rows(error_arcsec_s: impl FnMut(f64) -> f64) -> (Vec<Row>, Vec<f64>) {
         let mut error_arcsec_s = error_arcsec_s;
         (0..40)
             .map(|second| {
@@ -158,13 +148,13 @@ mod tests {
             .unzip()
     }
 
-    fn row(t_s: f64, rate_deg_h: f64) -> Kept {
-        (&Row { t_s, seconds: 1.0, cos: 1.0, sin: 0.0, rate_deg_h, moment_arcsec_s: 0.0, level: None }).into()
+    fn row(t_s: f64, rate_deg_h: f64) -> Row {
+        Row { t_s, seconds: 1.0, cos: 1.0, sin: 0.0, rate_deg_h, moment_arcsec_s: 0.0, level: None }
     }
 
     /// Of a dwell that begins at 0 and is as long as its rows.
-    fn mean_of((rows, integrals_arcsec_s): &(Vec<Kept>, Vec<f64>)) -> Option<(f64, f64)> {
-        at_once(mean_rate(rows, integrals_arcsec_s, 0.0, rows.len() as f64))
+    fn mean_of((rows, integrals_arcsec_s): &(Vec<Row>, Vec<f64>)) -> Option<(f64, f64)> {
+        mean_rate(rows, integrals_arcsec_s, 0.0, rows.len() as f64)
     }
 
     #[test]

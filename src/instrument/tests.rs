@@ -1,14 +1,13 @@
 extern crate std;
 
 use std::boxed::Box;
-use std::pin::pin;
 use std::vec::Vec;
 
 use embedded_storage::nor_flash::{ErrorType, NorFlashErrorKind, ReadNorFlash};
 
 use super::*;
 use crate::drivers::sensors::Due;
-use crate::link::encode_request;
+use crate::link::{Ask, encode_request};
 
 /// A flash that nothing was ever written to, and cannot be.
 struct Erased;
@@ -61,13 +60,11 @@ fn frame(number: u64) -> [u8; 14] {
 /// late or comes twice, and the seconds end when they should.
 #[test]
 fn a_thousand_ticks_that_nobody_saw_are_a_thousand_lost_frames() {
-    let (sequencer, room) = (Box::new(Sequencer::empty()), Box::new(Workroom::default()));
-    let mut instrument = Instrument::power_up(&mut Erased, Identity::host(), sequencer, room);
-    let desk = Desk::new();
-    let mut work = pin!(desk.work());
+    let (work, workspace) = (Box::new(SecondWork::empty()), Box::new(Workspace::default()));
+    let mut instrument = Instrument::power_up(&mut Erased, Identity::host(), work, workspace);
     let intake = Intake::new();
     let mut reports = Vec::new();
-    for tick in (0..900).chain(1900..2411) {
+    for tick in (0..900).chain(1900..2441) {
         intake.gyro.put(&frame(tick));
         if tick == 2400 {
             intake.host.put(&encode_request(&Ask::Status.into()).unwrap());
@@ -75,7 +72,10 @@ fn a_thousand_ticks_that_nobody_saw_are_a_thousand_lost_frames() {
         let readings = Readings { tick, sensors: Due::Nothing, turning: false, heard: intake.heard() };
         let mut report = |report| reports.push(report);
         instrument.step(&readings, &intake, &mut Erased, &mut report);
-        instrument.slice(&desk, work.as_mut(), &mut report);
+        if let Some(mut work) = instrument.second_to_work_on() {
+            work.run();
+            instrument.worked_on(work);
+        }
     }
     let seconds = reports.iter().filter_map(|report| match report.event {
         Event::Second(second) => Some((report.t_s, second.lost_frames)),

@@ -22,7 +22,6 @@ use crate::health::Fault;
 use crate::level::Specific;
 use crate::sample::SAMPLES_PER_SECOND;
 use crate::settings::Settings;
-use crate::slices::at_once;
 use crate::units::wrap_180_deg;
 
 /// Most seconds that wait for the jitter gate; it may be set to 600.
@@ -210,7 +209,7 @@ impl<D: Dwells> Replay<D> {
             self.take(&second, sink);
         }
         self.end_dwell(sink);
-        at_once(self.accumulator.solve()).map_err(Refusal::Unsolvable)
+        self.accumulator.solve().map_err(Refusal::Unsolvable)
     }
 
     /// A second of the instrument, which says itself where it belongs.
@@ -298,7 +297,7 @@ impl<D: Dwells> Replay<D> {
     }
 
     fn collect(&mut self, second: Corrected, sink: Sink) {
-        let taken = at_once(self.accumulator.collect(&second));
+        let taken = self.accumulator.collect(&second);
         sink(Told::Second(second, if taken == Taken::Collected { Place::Dwell(self.dwell) } else { Place::LeftOut }));
         if let Taken::Slipped(slip) = taken {
             self.tell(slip.ended, sink);
@@ -306,13 +305,13 @@ impl<D: Dwells> Replay<D> {
     }
 
     fn leave_out(&mut self, second: Corrected, sink: Sink) {
-        let slip = at_once(self.accumulator.between_dwells(&second));
+        let slip = self.accumulator.between_dwells(&second);
         sink(Told::Second(second, Place::LeftOut));
         self.tell(slip.and_then(|slip: Slip| slip.ended), sink);
     }
 
     fn moving(&mut self, second: Corrected, sink: Sink) {
-        at_once(self.accumulator.collect_moving(&second));
+        self.accumulator.collect_moving(&second);
         sink(Told::Second(second, Place::Moving));
     }
 
@@ -331,7 +330,7 @@ impl<D: Dwells> Replay<D> {
     }
 
     fn summarise(&mut self, sink: Sink) {
-        let ended = at_once(self.accumulator.end_dwell());
+        let ended = self.accumulator.end_dwell();
         self.tell(ended, sink);
     }
 

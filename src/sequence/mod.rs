@@ -5,9 +5,9 @@
 //! [`Accumulator`]: here is only said where a dwell begins and ends.
 
 pub mod adaptive;
-pub mod desk;
 pub mod order;
 pub mod turn;
+pub mod work;
 
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
@@ -23,7 +23,6 @@ use crate::health::Fault;
 use crate::index::{Direction, IndexAngle, IndexSettings, MotorCommand};
 use crate::level::{LevelSettings, Specific};
 use crate::sample::SAMPLE_S;
-use crate::slices::pause;
 use crate::units::{DEG_PER_RAD, wrap_180_deg};
 use adaptive::{Adaptive, COARSE_SECONDS};
 use order::{Order, Position, SequenceSettings};
@@ -74,7 +73,7 @@ impl Default for Rules {
 
 /// What became of a second.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Seen {
+pub struct Observed {
     /// Mean true rate, °/h.
     pub rate_deg_h: f64,
     /// Number of the dwell, from 0, that was under way.
@@ -277,34 +276,30 @@ impl Sequencer {
     }
 
     /// The work on a second. Gives what became of it and the motor's command.
-    pub async fn second(&mut self, corrected: &Corrected, sink: Sink<'_>) -> (Seen, Option<MotorCommand>) {
+    pub fn second(&mut self, corrected: &Corrected, sink: Sink<'_>) -> (Observed, Option<MotorCommand>) {
         let second = &corrected.measured;
         let t_s = second.end_s();
-        let mut seen = Seen { rate_deg_h: corrected.rate_deg_h, ..Seen::default() };
-        pause().await;
+        let mut observed = Observed { rate_deg_h: corrected.rate_deg_h, ..Observed::default() };
         self.watch_rest(corrected.index);
         if !self.is_active() {
-            return (seen, None);
+            return (observed, None);
         }
         let late = (t_s - self.started_s > self.rules.time_limit_s).then_some(Fault::OutOfTime);
-        pause().await;
         if let Some(fault) = late.or_else(|| self.watch_level(second.conditions.level)) {
-            return (seen, self.fail(fault, t_s, sink));
+            return (observed, self.fail(fault, t_s, sink));
         }
-        pause().await;
         let early = self.adaptive.is_some() && matches!(self.stage, Stage::Watching(_) | Stage::Settling(_));
         if !matches!(self.stage, Stage::Collecting { .. }) && !early {
-            self.between_dwells(corrected, &mut seen, sink).await;
+            self.between_dwells(corrected, &mut observed, sink);
         }
-        pause().await;
         let rate_deg_h = self.accumulator.is_usable(second).then_some(corrected.rate_deg_h);
         let motor = match &mut self.stage {
             Stage::Levelling { .. } => self.levelling(second.conditions.level, t_s, sink),
             Stage::Watching(gate) => {
                 let verdict = gate.second(rate_deg_h);
                 let quiet = gate.is_quiet();
-                self.collect_early(corrected, quiet, &mut seen, sink).await;
-                self.watching(verdict, corrected, &mut seen, sink).await
+                self.collect_early(corrected, quiet, &mut observed, sink);
+                self.watching(verdict, corrected, &mut observed, sink)
             }
             Stage::Settling(gate) => {
                 let verdict = gate.second(rate_deg_h, second.ripple_arcsec);
@@ -312,26 +307,25 @@ impl Sequencer {
                 if let Some(adaptive) = self.adaptive.as_mut().filter(|_| gate.is_ringing()) {
                     adaptive.wait();
                 }
-                self.collect_early(corrected, quiet, &mut seen, sink).await;
-                self.settling(verdict, corrected, &mut seen, sink).await
+                self.collect_early(corrected, quiet, &mut observed, sink);
+                self.settling(verdict, corrected, &mut observed, sink)
             }
             Stage::Collecting { seconds } => {
                 let before = *seconds;
-                self.collect(corrected, &mut seen, sink).await;
-                let seconds = before.saturating_add(seen.collected.into());
+                self.collect(corrected, &mut observed, sink);
+                let seconds = before.saturating_add(observed.collected.into());
                 if let Stage::Collecting { seconds: own } = &mut self.stage {
                     *own = seconds;
                 }
-                pause().await;
-                self.collecting(corrected, seconds, &mut seen, sink).await
+                self.collecting(corrected, seconds, &mut observed, sink)
             }
             Stage::Idle | Stage::Indexing(_) | Stage::Finished | Stage::Failed => None,
         };
-        if self.doubted && !self.doubt_told && seen.waited_at.is_none() {
+        if self.doubted && !self.doubt_told && observed.waited_at.is_none() {
             self.doubt_told = true;
-            self.wait_at(Gate::Index, &mut seen);
+            self.wait_at(Gate::Index, &mut observed);
         }
-        (seen, motor)
+        (observed, motor)
     }
 
     /// The index must stand while the motor does. (In a fix the accumulator knows it too, and what to make of it.)
@@ -347,53 +341,51 @@ impl Sequencer {
     }
 
     /// An adaptive fix takes a quiet second before its gate has passed; one that is not quiet ends the dwell that they began.
-    async fn collect_early(&mut self, second: &Corrected, quiet: bool, seen: &mut Seen, sink: Sink<'_>) {
+    fn collect_early(&mut self, second: &Corrected, quiet: bool, observed: &mut Observed, sink: Sink<'_>) {
         let Some(adaptive) = &mut self.adaptive else { return };
         if quiet && adaptive.takes_early() {
             adaptive.early = adaptive.early.saturating_add(1);
-            return self.collect(second, seen, sink).await;
+            return self.collect(second, observed, sink);
         }
         if adaptive.interrupted() {
-            self.end_dwell(seen, sink).await;
+            self.end_dwell(observed, sink);
             self.accumulator.index_turns();
         }
-        self.between_dwells(second, seen, sink).await;
+        self.between_dwells(second, observed, sink);
     }
 
-    // What a dwell says is told in functions of their own: what is kept from slice to slice has no place for it any more afterwards.
-
     /// A second of a dwell.
-    async fn collect(&mut self, second: &Corrected, seen: &mut Seen, sink: Sink<'_>) {
-        seen.dwell = Some(self.position);
-        let taken = self.accumulator.collect(second).await;
-        seen.collected = taken == Taken::Collected;
+    fn collect(&mut self, second: &Corrected, observed: &mut Observed, sink: Sink<'_>) {
+        observed.dwell = Some(self.position);
+        let taken = self.accumulator.collect(second);
+        observed.collected = taken == Taken::Collected;
         if let Taken::Slipped(slip) = taken {
-            self.slipped(&slip, seen, sink);
+            self.slipped(&slip, observed, sink);
         }
     }
 
     /// A second of no dwell.
-    async fn between_dwells(&mut self, second: &Corrected, seen: &mut Seen, sink: Sink<'_>) {
-        if let Some(slip) = self.accumulator.between_dwells(second).await {
-            self.slipped(&slip, seen, sink);
+    fn between_dwells(&mut self, second: &Corrected, observed: &mut Observed, sink: Sink<'_>) {
+        if let Some(slip) = self.accumulator.between_dwells(second) {
+            self.slipped(&slip, observed, sink);
         }
     }
 
     /// The dwell is over.
-    async fn end_dwell(&mut self, seen: &mut Seen, sink: Sink<'_>) {
-        let ended = self.accumulator.end_dwell().await;
-        self.dwell_ended(ended.as_ref(), seen, sink);
+    fn end_dwell(&mut self, observed: &mut Observed, sink: Sink<'_>) {
+        let ended = self.accumulator.end_dwell();
+        self.dwell_ended(ended.as_ref(), observed, sink);
     }
 
     /// The index slipped: the dwell under way goes on as another one, at the new angle.
-    fn slipped(&mut self, slip: &Slip, seen: &mut Seen, sink: Sink) {
-        self.dwell_ended(slip.ended.as_ref(), seen, sink);
+    fn slipped(&mut self, slip: &Slip, observed: &mut Observed, sink: Sink) {
+        self.dwell_ended(slip.ended.as_ref(), observed, sink);
         sink(Event::IndexSlipped { position: self.position, before_deg: slip.before_deg });
     }
 
-    fn dwell_ended(&self, ended: Option<&DwellSummary>, seen: &mut Seen, sink: Sink) {
+    fn dwell_ended(&self, ended: Option<&DwellSummary>, observed: &mut Observed, sink: Sink) {
         if let Some(summary) = ended {
-            seen.outliers = seen.outliers.saturating_add(summary.outliers);
+            observed.outliers = observed.outliers.saturating_add(summary.outliers);
             sink(Event::Dwell(Dwell::new(self.position, summary)));
         }
     }
@@ -437,11 +429,11 @@ impl Sequencer {
         None
     }
 
-    async fn watching(
+    fn watching(
         &mut self,
         (excess_deg_h, verdict): (f64, Verdict),
         second: &Corrected,
-        seen: &mut Seen,
+        observed: &mut Observed,
         sink: Sink<'_>,
     ) -> Option<MotorCommand> {
         let t_s = second.measured.end_s();
@@ -449,12 +441,12 @@ impl Sequencer {
             Verdict::Passed => {
                 sink(Event::Undisturbed { excess_deg_h });
                 return match self.adaptive {
-                    Some(_) => self.end_adaptive_dwell(t_s, seen, sink).await,
+                    Some(_) => self.end_adaptive_dwell(t_s, observed, sink),
                     None => self.go_to_position(t_s, sink),
                 };
             }
             Verdict::Refused => {
-                self.wait_at(Gate::Disturbance, seen);
+                self.wait_at(Gate::Disturbance, observed);
                 sink(Event::Disturbed { excess_deg_h });
             }
             Verdict::Watching => {}
@@ -465,9 +457,9 @@ impl Sequencer {
         None
     }
 
-    fn wait_at(&mut self, gate: Gate, seen: &mut Seen) {
+    fn wait_at(&mut self, gate: Gate, observed: &mut Observed) {
         self.accumulator.waited_at(gate);
-        seen.waited_at = Some(gate);
+        observed.waited_at = Some(gate);
     }
 
     /// Turns to the current position, or begins to collect there if the gyro is at it already.
@@ -505,17 +497,17 @@ impl Sequencer {
         }
     }
 
-    async fn settling(
+    fn settling(
         &mut self,
         (change_deg_h, verdict): (f64, Verdict),
         second: &Corrected,
-        seen: &mut Seen,
+        observed: &mut Observed,
         sink: Sink<'_>,
     ) -> Option<MotorCommand> {
         let position = self.position;
         let t_s = second.measured.end_s();
         if position == 1 && self.adaptive.is_some_and(|adaptive| adaptive.early >= COARSE_SECONDS) {
-            return self.end_adaptive_dwell(t_s, seen, sink).await;
+            return self.end_adaptive_dwell(t_s, observed, sink);
         }
         match verdict {
             Verdict::Passed => {
@@ -524,7 +516,7 @@ impl Sequencer {
                 return None;
             }
             Verdict::Refused => {
-                self.wait_at(Gate::Jitter, seen);
+                self.wait_at(Gate::Jitter, observed);
                 sink(Event::Jitter { position, change_deg_h });
             }
             Verdict::Watching => {}
@@ -535,26 +527,26 @@ impl Sequencer {
         None
     }
 
-    async fn collecting(
+    fn collecting(
         &mut self,
         second: &Corrected,
         seconds: u16,
-        seen: &mut Seen,
+        observed: &mut Observed,
         sink: Sink<'_>,
     ) -> Option<MotorCommand> {
         if let Some(adaptive) = &self.adaptive {
             let t_s = second.measured.end_s();
             let over = if self.position == 1 { seconds >= COARSE_SECONDS } else { adaptive.dwell_is_over(t_s) };
-            return if over { self.end_adaptive_dwell(t_s, seen, sink).await } else { None };
+            return if over { self.end_adaptive_dwell(t_s, observed, sink) } else { None };
         }
         if seconds < self.dwell_s() {
             return None;
         }
-        self.end_dwell(seen, sink).await;
+        self.end_dwell(observed, sink);
         self.position = self.position.saturating_add(1);
         let t_s = second.measured.end_s();
         match self.position() {
-            None => match self.accumulator.solve().await {
+            None => match self.accumulator.solve() {
                 Ok(fix) => {
                     sink(Event::Fix(fix));
                     self.enter(Stage::Finished, t_s, sink);
@@ -563,7 +555,7 @@ impl Sequencer {
                 Err(_) => self.fail(Fault::Unsolvable, t_s, sink),
             },
             Some(Position::East | Position::West) if self.coarse_azimuth_deg.is_none() => {
-                match self.accumulator.solve().await {
+                match self.accumulator.solve() {
                     Ok(Fix { azimuth_deg, sigma_deg, .. }) => {
                         sink(Event::Coarse { azimuth_deg, sigma_deg });
                         self.coarse_azimuth_deg = Some(azimuth_deg);
@@ -577,17 +569,17 @@ impl Sequencer {
     }
 
     /// The dwell of an adaptive fix is over: on to the next, or to the azimuth.
-    async fn end_adaptive_dwell(&mut self, t_s: f64, seen: &mut Seen, sink: Sink<'_>) -> Option<MotorCommand> {
-        self.end_dwell(seen, sink).await;
+    fn end_adaptive_dwell(&mut self, t_s: f64, observed: &mut Observed, sink: Sink<'_>) -> Option<MotorCommand> {
+        self.end_dwell(observed, sink);
         self.position = self.position.saturating_add(1);
         let (position, index) = (self.position, self.rules.index);
         let Some(angle_deg) = self.index.deg() else { return self.fail(Fault::EncoderFailed, t_s, sink) };
         let noise_deg_h = self.accumulator.declared().gyro.noise_deg_h();
         let north_deg_h = self.accumulator.declared().earth.north_deg_h;
-        let so_far = if position > 2 { self.accumulator.solve().await.ok() } else { None };
+        let so_far = if position > 2 { self.accumulator.solve().ok() } else { None };
         let coarse_deg = match so_far {
             Some(fix) => Some(fix.azimuth_deg),
-            None => self.accumulator.coarse_azimuth_deg().await,
+            None => self.accumulator.coarse_azimuth_deg(),
         };
         self.coarse_azimuth_deg = coarse_deg.or(self.coarse_azimuth_deg);
         let Some(adaptive) = &mut self.adaptive else { return None };

@@ -14,7 +14,6 @@ use crate::effects::{Conditions, ErrorModel};
 use crate::index::{Direction, MICROSTEPS_PER_DEG};
 use crate::sample::{SAMPLE_S, SAMPLES_PER_SECOND};
 use crate::settings::Settings;
-use crate::slices::at_once;
 use crate::units::wrap_180_deg;
 
 const AZIMUTH_DEG: f64 = 40.0;
@@ -127,7 +126,7 @@ fn run(settings: &Settings) -> Result<Fix, Fault> {
             };
             let second = Second { conditions, ..Second::default() };
             let corrected = sequencer.correct(&second, index);
-            let (_, command) = at_once(sequencer.second(&corrected, &mut sink));
+            let (_, command) = sequencer.second(&corrected, &mut sink);
             pending = command.or(pending);
         }
     }

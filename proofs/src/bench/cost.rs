@@ -1,6 +1,5 @@
 //! `north bench cost`: what the firmware image takes of the microcontroller, against a checked-in file.
 
-use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -18,42 +17,27 @@ use north::engine::qemu::{self, Cost, Pace, image};
 use north::engine::{self, End, EngineError, Setup};
 use north::failure::Failure;
 use north::field::{self, Obedient};
-use north::file_error::{FileError, Problem};
 use north::interrupt;
 use north::settings_file::scenario_settings;
 use north::toml_file::TomlFile;
 
-/// First lines of a baseline file.
-const HEADER: &str = "\
-# What the firmware costs: instructions and stack in QEMU (mps2-an386, one fix of calm-bench, one field calibration of
-# worn-accelerometers), flash and RAM of the STM32F405's image; and by how much each number may grow.
-# Written by: north bench cost --check proofs/cost-baseline.toml --update
-
-";
 /// The fix that is measured.
 const SCENARIO: &str = "calm-bench";
 const SEED: u64 = 1;
 /// The calibration of the accelerometers that is measured.
 const FIELD_SCENARIO: &str = "worn-accelerometers";
-/// Growth that a new baseline allows, percent.
-const MARGIN_PERCENT: f64 = 5.0;
 
 /// Instructions per 2.5 ms tick, image size, stack and speed of the firmware image in QEMU
 ///
-/// One whole fix is run, and one calibration of the accelerometers in the field; flash and RAM are those of the image that is flashed. With --check the numbers must not exceed those of a baseline file by more than its margins; the
-/// speed, which depends on the machine, is not checked.
+/// One whole fix is run, and one calibration of the accelerometers in the field; flash and RAM are those of the image that is flashed. With --check the numbers must not exceed the limits of a file.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   north bench cost
-  north bench cost --check proofs/cost-baseline.toml
-  north bench cost --check proofs/cost-baseline.toml --update")]
+  north bench cost --check proofs/cost-baseline.toml")]
 pub struct CostBench {
-    /// Compare with this baseline; exit code 1 when a number grew beyond its margin
+    /// Compare with these limits; exit code 1 when a number is beyond its own
     #[arg(long, value_name = "FILE")]
     check: Option<PathBuf>,
-    /// Write the measured numbers into the baseline instead of comparing; its margins stay
-    #[arg(long, requires = "check")]
-    update: bool,
     /// The firmware image to measure; without it the image is built
     #[arg(long, value_name = "FILE")]
     image: Option<PathBuf>,
@@ -84,25 +68,14 @@ struct FieldCost {
 }
 
 /// What is allowed: the checked-in file.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Baseline {
-    mean_instructions: Allowed,
-    most_instructions: Allowed,
-    flash_bytes: Allowed,
-    ram_bytes: Allowed,
-    stack_bytes: Allowed,
-    field_attitude_instructions: Allowed,
-    field_solution_instructions: Allowed,
-    field_stack_bytes: Allowed,
-}
-
-/// A number, and by how much it may grow.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Allowed {
-    value: f64,
-    margin_percent: f64,
+struct Limits {
+    /// Of all tasks from a tick until the processor sleeps, the work on a second included.
+    instructions: f64,
+    flash_bytes: f64,
+    /// Variables and the most of the stack that is in use.
+    ram_bytes: f64,
 }
 
 /// One line of either table.
@@ -127,29 +100,26 @@ pub struct Kernel {
 pub struct Line {
     what: &'static str,
     value: f64,
-    allowed: Option<Allowed>,
+    limit: Option<f64>,
 }
 
 impl Bench for CostBench {
     type Row = Row;
 
     fn measure(&self, out: &mut dyn Write) -> Result<Vec<Row>, Failure> {
-        let baseline = match &self.check {
-            Some(path) if !self.update || path.exists() => Some(TomlFile::read(path)?.parse::<Baseline>()?),
-            _ => None,
+        let limits = match &self.check {
+            Some(path) => Some(TomlFile::read(path)?.parse::<Limits>()?),
+            None => None,
         };
         let image = match &self.image {
             Some(image) => image.clone(),
             None => image::build(image::Board::Mps2)?,
         };
         let measured = measure(&image)?;
-        let lines = lines(&measured, if self.update { None } else { baseline.as_ref() });
+        let lines = lines(&measured, limits.as_ref());
         write_lines(out, &lines, measured.speed)?;
         let kernels = if self.image.is_none() { kernels()? } else { Vec::new() };
         write_kernels(out, &kernels)?;
-        if let (Some(path), true) = (&self.check, self.update) {
-            update(path, &measured, baseline.as_ref())?;
-        }
         Ok(lines.into_iter().map(Row::Image).chain(kernels.into_iter().map(Row::Step)).collect())
     }
 
@@ -225,42 +195,33 @@ impl Measured {
     }
 }
 
-fn lines(measured: &Measured, baseline: Option<&Baseline>) -> [Line; 8] {
-    let line = |what, value, allowed: fn(&Baseline) -> Allowed| Line { what, value, allowed: baseline.map(allowed) };
+fn lines(measured: &Measured, limits: Option<&Limits>) -> [Line; 9] {
+    let line = |what, value| Line { what, value, limit: None };
+    let limited = |what, value, limit: fn(&Limits) -> f64| Line { what, value, limit: limits.map(limit) };
+    let stack_bytes = measured.stack_bytes.max(measured.field.stack_bytes);
     [
-        line("instructions per 2.5 ms tick, mean", measured.mean_instructions, |baseline| baseline.mean_instructions),
-        line("instructions per 2.5 ms tick, most", measured.most_instructions, |baseline| baseline.most_instructions),
-        line("STM32F405: flash, bytes", measured.flash_bytes, |baseline| baseline.flash_bytes),
-        line("STM32F405: static RAM, bytes", measured.ram_bytes, |baseline| baseline.ram_bytes),
-        line("stack, most in use, bytes", measured.stack_bytes, |baseline| baseline.stack_bytes),
-        line(
-            "field calibration: instructions of an attitude, most",
-            measured.field.attitude_instructions,
-            |baseline| baseline.field_attitude_instructions,
-        ),
-        line("field calibration: instructions of the solution", measured.field.solution_instructions, |baseline| {
-            baseline.field_solution_instructions
-        }),
-        line("field calibration: stack, most in use, bytes", measured.field.stack_bytes, |baseline| {
-            baseline.field_stack_bytes
-        }),
+        line("instructions per 2.5 ms tick, mean", measured.mean_instructions),
+        limited("instructions from a tick until sleep, most", measured.most_instructions, |limits| limits.instructions),
+        limited("STM32F405: flash, bytes", measured.flash_bytes, |limits| limits.flash_bytes),
+        line("STM32F405: static RAM, bytes", measured.ram_bytes),
+        line("stack, most in use in a fix, bytes", measured.stack_bytes),
+        limited("RAM and the most of the stack, bytes", measured.ram_bytes + stack_bytes, |limits| limits.ram_bytes),
+        line("field calibration: instructions of an attitude, most", measured.field.attitude_instructions),
+        line("field calibration: instructions of the solution", measured.field.solution_instructions),
+        line("field calibration: stack, most in use, bytes", measured.field.stack_bytes),
     ]
 }
 
 impl Line {
-    fn limit(&self) -> Option<f64> {
-        self.allowed.map(|allowed| allowed.value * (1.0 + allowed.margin_percent / 100.0))
-    }
-
     fn too_much(&self) -> bool {
-        self.limit().is_some_and(|limit| self.value > limit)
+        self.limit.is_some_and(|limit| self.value > limit)
     }
 }
 
 fn write_lines(out: &mut dyn Write, lines: &[Line], speed: f64) -> io::Result<()> {
     writeln!(out, "| QEMU mps2-an386, one fix of {SCENARIO} | measured | allowed |\n|---|---|---|")?;
     for line in lines {
-        let limit = line.limit().map_or("".into(), |limit| format!("{limit:.0}"));
+        let limit = line.limit.map_or("".into(), |limit| format!("{limit:.0}"));
         writeln!(out, "| {} | {:.0} | {limit} |", line.what, line.value)?;
     }
     writeln!(out, "| speed over real time, on this machine | {speed:.0} | |")
@@ -305,36 +266,9 @@ fn check<'a>(lines: impl IntoIterator<Item = &'a Line>) -> Result<(), Failure> {
     let grown: Vec<_> = lines
         .into_iter()
         .filter(|line| line.too_much())
-        .map(|line| {
-            format!("{} grew to {:.0}; allowed is {:.0}", line.what, line.value, line.limit().unwrap_or_default())
-        })
+        .map(|line| format!("{}: {:.0}; allowed is {:.0}", line.what, line.value, line.limit.unwrap_or_default()))
         .collect();
     if grown.is_empty() { Ok(()) } else { Err(Failure::Refused(grown.join("\nnorth: "))) }
-}
-
-fn update(path: &Path, measured: &Measured, old: Option<&Baseline>) -> Result<(), FileError> {
-    let allowed = |value: f64, margin: fn(&Baseline) -> Allowed| Allowed {
-        value: value.round(),
-        margin_percent: old.map_or(MARGIN_PERCENT, |old| margin(old).margin_percent),
-    };
-    let baseline = Baseline {
-        mean_instructions: allowed(measured.mean_instructions, |old| old.mean_instructions),
-        most_instructions: allowed(measured.most_instructions, |old| old.most_instructions),
-        flash_bytes: allowed(measured.flash_bytes, |old| old.flash_bytes),
-        ram_bytes: allowed(measured.ram_bytes, |old| old.ram_bytes),
-        stack_bytes: allowed(measured.stack_bytes, |old| old.stack_bytes),
-        field_attitude_instructions: allowed(measured.field.attitude_instructions, |old| {
-            old.field_attitude_instructions
-        }),
-        field_solution_instructions: allowed(measured.field.solution_instructions, |old| {
-            old.field_solution_instructions
-        }),
-        field_stack_bytes: allowed(measured.field.stack_bytes, |old| old.field_stack_bytes),
-    };
-    let table =
-        toml::to_string(&baseline).map_err(|error| FileError::whole(path, Problem::Syntax(error.to_string())))?;
-    let text = format!("{HEADER}{table}");
-    fs::write(path, text).map_err(|error| FileError::whole(path, error))
 }
 
 #[cfg(test)]
@@ -342,31 +276,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn growth_beyond_the_margin_is_refused_by_name() {
+    fn what_is_beyond_its_limit_is_refused_by_name() {
         let measured = Measured {
             mean_instructions: 1040.0,
             most_instructions: 2000.0,
             flash_bytes: 1051.0,
             ram_bytes: 10.0,
-            stack_bytes: 1100.0,
-            field: FieldCost { attitude_instructions: 1.0, solution_instructions: 1000.0, stack_bytes: 1.0 },
+            stack_bytes: 1000.0,
+            field: FieldCost { attitude_instructions: 1.0, solution_instructions: 1000.0, stack_bytes: 1100.0 },
             speed: 1.0,
         };
-        let allowed = Allowed { value: 1000.0, margin_percent: 5.0 };
-        let baseline = Baseline {
-            mean_instructions: allowed,
-            most_instructions: Allowed { margin_percent: 100.0, ..allowed },
-            flash_bytes: allowed,
-            ram_bytes: allowed,
-            stack_bytes: allowed,
-            field_attitude_instructions: allowed,
-            field_solution_instructions: allowed,
-            field_stack_bytes: allowed,
-        };
-        let failure = check(&lines(&measured, Some(&baseline))).unwrap_err();
+        let limits = Limits { instructions: 2000.0, flash_bytes: 1050.0, ram_bytes: 1100.0 };
+        let failure = check(&lines(&measured, Some(&limits))).unwrap_err();
         assert_eq!(
             failure.to_string(),
-            "STM32F405: flash, bytes grew to 1051; allowed is 1050\nnorth: stack, most in use, bytes grew to 1100; allowed is 1050"
+            "STM32F405: flash, bytes: 1051; allowed is 1050\nnorth: RAM and the most of the stack, bytes: 1110; allowed is 1100"
         );
         assert!(check(&lines(&measured, None)).is_ok());
     }

@@ -21,8 +21,9 @@ pub enum Interrupt {
     // Numbers without a peripheral, for RTIC's software tasks.
     UART4 = 24,
     UART5 = 25,
-    /// For the task that reads the sensors.
+    /// For the task that reads the sensors, and the one that steps the instrument.
     SPI1 = 26,
+    SPI2 = 27,
 }
 
 pub use Interrupt as interrupt;
@@ -54,14 +55,15 @@ unsafe extern "C" {
     fn UART4();
     fn UART5();
     fn SPI1();
+    fn SPI2();
 }
 
 type Handler = Option<unsafe extern "C" fn()>;
 
 #[unsafe(link_section = ".vector_table.interrupts")]
 #[unsafe(no_mangle)]
-pub static __INTERRUPTS: [Handler; 27] = {
-    let mut table: [Handler; 27] = [None; 27];
+pub static __INTERRUPTS: [Handler; 28] = {
+    let mut table: [Handler; 28] = [None; 28];
     table[Interrupt::USART2 as usize] = Some(USART2);
     table[Interrupt::USART1 as usize] = Some(USART1);
     table[Interrupt::TIM2 as usize] = Some(TIM2);
@@ -69,6 +71,7 @@ pub static __INTERRUPTS: [Handler; 27] = {
     table[Interrupt::UART4 as usize] = Some(UART4);
     table[Interrupt::UART5 as usize] = Some(UART5);
     table[Interrupt::SPI1 as usize] = Some(SPI1);
+    table[Interrupt::SPI2 as usize] = Some(SPI2);
     table
 };
 

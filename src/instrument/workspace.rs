@@ -12,20 +12,20 @@ use crate::settings::pieces::Incoming;
 /// refused. A calibration needs its attitudes no more when it is stored, which takes the room of settings.
 #[allow(clippy::large_enum_variant)] // that is what it is for
 #[derive(Debug)]
-pub enum Workroom {
+pub enum Workspace {
     Settings(Incoming),
     Attitudes(Collection),
     /// What came of them.
     Answer(Result<Solved, NoCalibration>),
 }
 
-impl Default for Workroom {
+impl Default for Workspace {
     fn default() -> Self {
         Self::Settings(Incoming::default())
     }
 }
 
-impl Workroom {
+impl Workspace {
     /// For settings: those that have come, or none yet.
     pub fn settings(&mut self) -> Option<&mut Incoming> {
         if !matches!(self, Self::Settings(_)) {
@@ -70,13 +70,13 @@ mod tests {
     #[test]
     fn a_calibration_takes_the_room_from_settings_that_came_in_part() {
         let piece = |offset| Piece { version: VERSION, length: 9, offset, bytes: Bytes::start_of(&[1, 2, 3]) };
-        let mut room = Workroom::default();
-        assert_eq!(room.settings().unwrap().take(&piece(0)), Ok(false));
-        assert!(room.attitudes().is_none() && room.begin().is_some() && room.attitudes().is_some());
-        assert!(room.answer().is_none());
-        room.solve();
-        assert_eq!(room.answer().unwrap().map_err(|reason| reason.why), Err(Why::TooFew));
-        assert_eq!(room.settings().unwrap().take(&piece(3)), Err(Refusal::OutOfOrder));
-        assert!(room.answer().is_none());
+        let mut workspace = Workspace::default();
+        assert_eq!(workspace.settings().unwrap().take(&piece(0)), Ok(false));
+        assert!(workspace.attitudes().is_none() && workspace.begin().is_some() && workspace.attitudes().is_some());
+        assert!(workspace.answer().is_none());
+        workspace.solve();
+        assert_eq!(workspace.answer().unwrap().map_err(|reason| reason.why), Err(Why::TooFew));
+        assert_eq!(workspace.settings().unwrap().take(&piece(3)), Err(Refusal::OutOfOrder));
+        assert!(workspace.answer().is_none());
     }
 }

@@ -1,0 +1,105 @@
+//! The equations of a fix: its dwells as weighted observations.
+
+use nalgebra::Vector4;
+
+use super::base_motion::{self, BaseMotion, Method};
+use super::design::DesignRow;
+use super::doubt::Correlated;
+use super::dwell::DwellSummary;
+use super::noise::Noise;
+use super::observation::Observation;
+use super::sinusoid::Fitted;
+use crate::earth::EarthRate;
+use crate::index::Direction;
+use crate::units::sin_cos_deg;
+
+/// The dwells of a fix with what belongs to all of them.
+pub(super) struct Problem<'a> {
+    pub dwells: &'a [DwellSummary],
+    pub earth: EarthRate,
+    pub motion: BaseMotion,
+    pub start_s: f64,
+    pub sinusoid: Option<Fitted>,
+    pub noise: Option<Noise>,
+    /// What is not certain of the error model.
+    pub correlated: Option<Correlated>,
+    /// Where the index reading jumped while the motor stood, the encoder slipped and the gyro stayed where it was.
+    pub encoder_slipped: bool,
+}
+
+impl Problem<'_> {
+    /// True direction of the index at a dwell.
+    fn index(&self, dwell: &DwellSummary) -> Direction {
+        let Direction { cos, sin } = Direction { cos: dwell.cos, sin: dwell.sin };
+        if !self.encoder_slipped {
+            return Direction { cos, sin };
+        }
+        let (sin_slip, cos_slip) = sin_cos_deg(dwell.slip_deg.into());
+        Direction { cos: cos * cos_slip + sin * sin_slip, sin: sin * cos_slip - cos * sin_slip }
+    }
+
+    /// Mean and slope of a dwell, the Earth's vertical rate and the base's turning taken out.
+    pub fn observations(&self, dwell: &DwellSummary) -> [Observation; 2] {
+        let index = self.index(dwell);
+        let design = DesignRow::new(index, dwell.specific(), &self.earth);
+        let (mean_deg_h, weight) = self.noise.map_or((dwell.rate.mean, dwell.seconds), |noise| noise.mean(dwell));
+        let weight_of_slope = self.noise.map_or(dwell.time_spread.into(), |noise| noise.weight_of_slope(dwell));
+        let rate_deg_h = mean_deg_h - design.vertical_deg_h - self.base_rate_deg_h(dwell);
+        let hours = (dwell.t_s - self.start_s) / 3600.0;
+        let [sinusoid_deg_h, sinusoid_deg_h_per_h] = match &self.sinusoid {
+            None => [0.0; 2],
+            Some(sinusoid) => sinusoid.of_dwell(dwell),
+        };
+        [
+            Observation {
+                weight,
+                row: Vector4::new(design.cos, design.sin, 1.0, hours),
+                cos_2theta: index.cos * index.cos - index.sin * index.sin,
+                rate_deg_h: rate_deg_h - sinusoid_deg_h,
+            },
+            Observation {
+                weight: weight_of_slope / (3600.0 * 3600.0),
+                row: Vector4::new(0.0, 0.0, 0.0, 1.0),
+                cos_2theta: 0.0,
+                rate_deg_h: dwell.rate.slope_per_s * 3600.0 - sinusoid_deg_h_per_h,
+            },
+        ]
+    }
+
+    /// The mean alone.
+    pub fn mean(&self, dwell: &DwellSummary) -> Observation {
+        let [mean, _] = self.observations(dwell);
+        mean
+    }
+
+    /// The observations with errors that are independent of each other.
+    pub fn for_each(&self, take: &mut dyn FnMut(Observation)) {
+        if let Some(correlated) = &self.correlated {
+            return correlated.for_each(self.dwells, &|dwell| self.mean(dwell), take);
+        }
+        for dwell in self.dwells {
+            self.observations(dwell).into_iter().for_each(&mut *take);
+        }
+    }
+
+    /// What an error of a dwell's rate adds to the right-hand side of the normal equations.
+    pub fn gain(&self, dwell: usize, observation: &Observation) -> Vector4<f64> {
+        match &self.correlated {
+            Some(correlated) => correlated.gain(dwell).unwrap_or_default(),
+            None => observation.weight * observation.row,
+        }
+    }
+
+    /// What the base's turning adds to the gyro's rate at a dwell, °/h: cos θ · dr/dt − sin θ · dp/dt.
+    fn base_rate_deg_h(&self, dwell: &DwellSummary) -> f64 {
+        let [pitch_deg_h, roll_deg_h] = match &self.motion {
+            BaseMotion::Unknown | BaseMotion::Still => return 0.0,
+            BaseMotion::Moving(Method::Slopes { .. }) => base_motion::slopes_deg_h(dwell),
+            BaseMotion::Moving(Method::Path(path)) => {
+                let rates = path.rates(dwell);
+                path.coefficients().map(|coefficients| rates.dot(&coefficients))
+            }
+        };
+        dwell.cos * roll_deg_h - dwell.sin * pitch_deg_h
+    }
+}

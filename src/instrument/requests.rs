@@ -1,0 +1,209 @@
+//! What the host asks, and what becomes of it.
+
+use core::ops::DerefMut;
+
+use embedded_storage::nor_flash::NorFlash;
+
+use super::workspace::Workspace;
+use super::{Instrument, Orders, Readings, Streaming, calibration_events};
+use crate::event::{Event, State};
+use crate::health::{Fault, Refusal};
+use crate::index::MotorCommand;
+use crate::intake::Intake;
+use crate::link::{Ask, Request};
+use crate::restart::Text;
+use crate::sample::SAMPLE_S;
+use crate::sequence::Command;
+use crate::sequence::work::SecondWork;
+use crate::settings::Settings;
+use crate::settings::pieces::Incoming;
+use crate::settings::store;
+
+/// Most violations of settings that are reported.
+const VIOLATIONS: usize = 8;
+/// Bytes of the host are taken in parts of this many.
+const PART: usize = 64;
+
+impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrument<S, R> {
+    /// Bytes of the host.
+    #[inline(never)]
+    pub(super) fn receive_requests(
+        &mut self,
+        readings: &Readings,
+        intake: &Intake,
+        flash: &mut impl NorFlash,
+        orders: &mut Orders,
+        sink: &mut dyn FnMut(Event),
+    ) {
+        let mut place = [0; PART];
+        loop {
+            let length = intake.host.take(readings.heard.host, &mut place);
+            if length == 0 {
+                break;
+            }
+            intake.tell(&mut self.counters);
+            for &byte in place.iter().take(length) {
+                self.request_byte(byte, readings.turning, flash, orders, sink);
+            }
+        }
+    }
+
+    /// Never inlined, as others below: what it takes of the stack is free again for what comes after it.
+    #[inline(never)]
+    fn request_byte(
+        &mut self,
+        byte: u8,
+        turning: bool,
+        flash: &mut impl NorFlash,
+        orders: &mut Orders,
+        sink: &mut dyn FnMut(Event),
+    ) {
+        let (number, refusal) = match self.requests.feed(byte) {
+            None => return,
+            Some(Ok(Request { number, ask })) => (number, self.handle(ask, turning, flash, orders, sink).err()),
+            Some(Err(bad)) => (0, Some(bad.into())),
+        };
+        if refusal.is_some() {
+            self.counters.commands_bad = self.counters.commands_bad.saturating_add(1);
+        }
+        sink(Event::Answer { number, refusal });
+        if orders.restart {
+            sink(Event::SettingsStored);
+        }
+    }
+
+    fn handle(
+        &mut self,
+        ask: Ask,
+        turning: bool,
+        flash: &mut impl NorFlash,
+        orders: &mut Orders,
+        sink: &mut dyn FnMut(Event),
+    ) -> Result<(), Refusal> {
+        match ask {
+            Ask::Command(command) => {
+                let motor = self.obey(command, sink)?;
+                orders.motor = motor.or(orders.motor);
+            }
+            Ask::Identify => sink(Event::Identity(self.identity)),
+            Ask::Status => {
+                sink(Event::State(self.state()));
+                sink(Event::Health(self.counters));
+            }
+            Ask::ReadSettings { offset } => sink(Event::Settings(store::read_piece(flash, offset)?)),
+            Ask::WriteSettings(piece) => {
+                // By the start that follows them they would end it.
+                if self.field.is_active() {
+                    return Err(Refusal::Busy);
+                }
+                let incoming = self.workspace.as_deref_mut().and_then(Workspace::settings).ok_or(Refusal::Busy)?;
+                if incoming.take(&piece)? {
+                    // The processor stands still while flash is erased.
+                    if turning {
+                        return Err(Refusal::MotorTurns);
+                    }
+                    store(flash, incoming, sink)?;
+                    orders.restart = true;
+                }
+            }
+            Ask::Stream(true) if matches!(self.streaming, Streaming::Off) => self.streaming = Streaming::Requested,
+            Ask::Stream(true) => {}
+            Ask::Stream(false) => {
+                self.end_block(sink);
+                self.streaming = Streaming::Off;
+            }
+            Ask::Provoke(how) => orders.provoke = Some(how),
+            Ask::SelfTest => {
+                if !matches!(self.work(), State::Idle | State::Finished | State::Failed) {
+                    return Err(Refusal::Busy);
+                }
+                if self.test.interrupt() {
+                    orders.motor = Some(MotorCommand::Stop);
+                }
+                self.test.begin();
+            }
+        }
+        Ok(())
+    }
+
+    #[inline(never)]
+    fn obey(&mut self, command: Command, sink: &mut dyn FnMut(Event)) -> Result<Option<MotorCommand>, Refusal> {
+        let t_s = self.tick as f64 * SAMPLE_S;
+        // The attitudes of one that was aborted are still being solved for: a few tenths of a second.
+        if matches!(command, Command::CalibrateAccelerometers) && self.workspace.is_none() {
+            return Err(Refusal::Busy);
+        }
+        let stop = self.test.interrupt().then_some(MotorCommand::Stop);
+        let motor = match (self.refusal, command) {
+            (None, Command::Start) => {
+                self.field.abort(&mut |event| calibration_events(event, sink));
+                self.watch.restart(self.tick);
+                self.encoder_failures = 0;
+                self.command(command, t_s, sink)
+            }
+            (None, Command::CalibrateAccelerometers) => {
+                let stop = self.command(command, t_s, sink);
+                if let Some(collection) = self.workspace.as_deref_mut().and_then(Workspace::begin) {
+                    let in_use = *self.gatherer.triad();
+                    self.field.start(collection, in_use, &mut |event| calibration_events(event, sink));
+                }
+                stop
+            }
+            (None, Command::Abort) => {
+                self.field.abort(&mut |event| calibration_events(event, sink));
+                self.command(command, t_s, sink)
+            }
+            (Some(fault), Command::Start | Command::CalibrateAccelerometers) => {
+                sink(Event::Fault { fault, state: State::Idle });
+                sink(Event::State(State::Failed));
+                return Err(Refusal::NoFix);
+            }
+            (Some(_), Command::Abort) => None,
+        };
+        Ok(motor.or(stop))
+    }
+
+    /// Ends a fix with a fault, now or as soon as the sequencer is back.
+    pub(super) fn fail(&mut self, fault: Fault, t_s: f64, sink: &mut dyn FnMut(Event)) -> Option<MotorCommand> {
+        match self.idle_work() {
+            Some(work) => work.sequencer.fail(fault, t_s, sink),
+            None => {
+                self.fault.get_or_insert(fault);
+                None
+            }
+        }
+    }
+
+    /// Requests something of the sequencer, now or as soon as it is back: the last request counts.
+    pub(super) fn command(&mut self, command: Command, t_s: f64, sink: &mut dyn FnMut(Event)) -> Option<MotorCommand> {
+        match (self.idle_work(), command) {
+            (Some(work), Command::Start) => work.sequencer.start(t_s, sink),
+            (Some(work), _) => work.sequencer.fail(Fault::Aborted, t_s, sink),
+            (None, _) => {
+                self.requested = Some(command);
+                None
+            }
+        }
+    }
+}
+
+/// Brings settings that came to flash, if they make sense.
+fn store(flash: &mut impl NorFlash, incoming: &Incoming, sink: &mut dyn FnMut(Event)) -> Result<(), Refusal> {
+    check(incoming, sink)?;
+    incoming.save(flash).map_err(|_| Refusal::NotStored)
+}
+
+/// Whether settings that came make sense.
+///
+/// Never inlined: the settings are on the stack only here.
+#[inline(never)]
+fn check(incoming: &Incoming, sink: &mut dyn FnMut(Event)) -> Result<(), Refusal> {
+    let mut settings = Settings::default();
+    incoming.read(&mut settings)?;
+    let mut result = Ok(());
+    for invalid in settings.violations().take(VIOLATIONS) {
+        result = Err(Refusal::SettingsInvalid);
+        sink(Event::Violation { field: Text::start_of(invalid.field), value: invalid.value });
+    }
+    result
+}

@@ -1,0 +1,174 @@
+//! The end of a second. The work on it, up to the azimuth, is handed over; what it led to takes effect a fixed time later.
+//!
+//! So the work may take any time: on a chip several ticks, in a process none. As long as it is done in [`EFFECT_TICKS`], its duration
+//! changes nothing, bit for bit. If it takes longer, what it led to takes effect when it is done; seconds that end meanwhile wait in their
+//! order, and everything is reported as of the tick at which its second ended.
+
+use core::ops::DerefMut;
+
+use super::workspace::Workspace;
+use super::{Instrument, Streaming};
+use crate::event::{self, Event};
+use crate::gather::Gathered;
+use crate::health::Fault;
+use crate::index::{IndexAngle, MotorCommand};
+use crate::level::LevelMoments;
+use crate::raw::Stream;
+use crate::sample::{RateSecond, SAMPLE_S};
+use crate::sequence::Observed;
+use crate::sequence::work::{Outcome, SecondWork};
+
+/// From the end of a second to the effect of what it led to: 0.1 s, in which a chip of 168 MHz does 16.8 million instructions.
+pub const EFFECT_TICKS: u64 = 40;
+/// Seconds that can wait.
+pub(super) const MOST_WAITING: usize = 4;
+/// Seconds between two reports of the counters, if they changed.
+const HEALTH_SECONDS: u32 = 10;
+
+/// A second that ended, and waits for the work on it, or for its effect.
+#[derive(Clone, Debug)]
+pub(super) struct Ended {
+    tick: u64,
+    gathered: Gathered,
+    /// What the gyro's stream showed at its end.
+    fault: Option<Fault>,
+    index: IndexAngle,
+}
+
+impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrument<S, R> {
+    /// Hands the sequencer over with the next second to be worked on, if there is one: whoever takes it calls [`SecondWork::run`] and
+    /// gives it back by [`Self::worked_on`]. To be asked after every [`Self::step`].
+    pub fn second_to_work_on(&mut self) -> Option<S> {
+        if self.working || self.refusal.is_some() {
+            return None;
+        }
+        let ended = self.ended.front()?;
+        let mut work = self.work.take()?;
+        self.working = true;
+        self.state = work.sequencer.state();
+        work.begin(&ended.gathered.directed(), ended.index);
+        Some(work)
+    }
+
+    /// The work on a second is handed over and not yet back.
+    pub fn is_worked_on(&self) -> bool {
+        self.work.is_none()
+    }
+
+    /// Takes the sequencer back when the work is done.
+    pub fn worked_on(&mut self, work: S) {
+        self.work = Some(work);
+    }
+
+    /// The sequencer, unless a second is being worked on.
+    pub(super) fn idle_work(&mut self) -> Option<&mut SecondWork> {
+        if self.working { None } else { self.work.as_deref_mut() }
+    }
+
+    pub(super) fn keep(&mut self, second: Option<RateSecond>) {
+        if let Some(second) = second {
+            // Five seconds between two ticks cannot be: a second has 400 frames, and no more than three are made up for.
+            let _ = self.finished.push_back(second);
+        }
+    }
+
+    pub(super) fn end_seconds(&mut self, sink: &mut dyn FnMut(Event)) {
+        self.end_block(sink);
+        while let Some(rate) = self.finished.pop_front() {
+            self.end_second(&rate);
+            if matches!(self.streaming, Streaming::Requested) && self.gatherer.sampler().slots() == 0 {
+                self.streaming = Streaming::On(Stream::default());
+            }
+        }
+    }
+
+    fn end_second(&mut self, rate: &RateSecond) {
+        let counters = &mut self.counters;
+        if !rate.usable {
+            counters.seconds_left_out = counters.seconds_left_out.saturating_add(1);
+        } else if rate.missing > 0 {
+            counters.seconds_repaired = counters.seconds_repaired.saturating_add(1);
+        }
+        let fault = self.watch.second(rate, self.gatherer.sampler().behind());
+        let mut gathered = self.gatherer.finish(rate, self.tick as f64 * SAMPLE_S);
+        if let (Some(block_temp_c), Some(place)) = (gathered.block_temp_c, self.block_temperature)
+            && let Some(channel) = gathered.second.conditions.channels.get_mut(place)
+        {
+            *channel = block_temp_c;
+        }
+        // Work that lags by several seconds loses the next ones, and counts them.
+        if self.ended.push_back(Ended { tick: self.tick, gathered, fault, index: self.index }).is_err() {
+            counters.seconds_left_out = counters.seconds_left_out.saturating_add(1);
+        }
+    }
+
+    /// Reports a second and what the work on it led to, when it is time and the work is done. Gives the motor's command.
+    pub(super) fn take_effect(&mut self, sink: &mut dyn FnMut(f64, Event)) -> Option<MotorCommand> {
+        let ended = self.ended.front()?;
+        let t_s = ended.tick as f64 * SAMPLE_S;
+        if self.tick < ended.tick + EFFECT_TICKS {
+            return None;
+        }
+        let outcome = if self.refusal.is_some() {
+            // Without settings there is nothing to be done.
+            let rate_deg_h = ended.gathered.second.conditions.raw_rate_deg_h;
+            Outcome { observed: Observed { rate_deg_h, ..Observed::default() }, ..Outcome::default() }
+        } else {
+            self.work.as_ref().filter(|_| self.working)?.outcome().clone()
+        };
+        self.working = false;
+        let Ended { gathered, fault, .. } = self.ended.pop_front()?;
+        let sink: &mut dyn FnMut(Event) = &mut |event| sink(t_s, event);
+        self.report_second(&gathered, &outcome.observed, sink);
+        for event in outcome.events {
+            if let Event::Fix(fix) = &event {
+                // Before the fix, what is to be held against it.
+                sink(Event::Health(self.counters));
+                if let Some(keeper) = &mut self.keeper {
+                    keeper.fixed(fix);
+                }
+            }
+            sink(event);
+        }
+        self.finish_second(fault, t_s, sink).or(outcome.motor)
+    }
+
+    /// The second is reported before what it led to: a recording that ends with the azimuth holds all of its seconds.
+    fn report_second(&mut self, gathered: &Gathered, observed: &Observed, sink: &mut dyn FnMut(Event)) {
+        let Gathered { second, index_deg, block_temp_c } = gathered;
+        self.counters.seconds_outlying = self.counters.seconds_outlying.saturating_add(observed.outliers.into());
+        let conditions = &second.conditions;
+        sink(Event::Second(event::Second {
+            t_s: second.end_s(),
+            index_deg: *index_deg,
+            fog_arcsec: conditions.raw_rate_deg_h,
+            moment_arcsec_s: second.moment_arcsec_s,
+            rate_deg_h: observed.rate_deg_h,
+            temp_c: conditions.temp_c,
+            block_temp_c: *block_temp_c,
+            level: conditions.level.map(|mean| LevelMoments { mean, first: second.level_moment }),
+            lost_frames: second.lost_frames,
+            dwell: observed.dwell,
+            collected: observed.collected,
+            waited_at: observed.waited_at,
+        }));
+    }
+
+    /// What the gyro's stream showed at the second's end, and what was requested of the sequencer meanwhile.
+    fn finish_second(&mut self, fault: Option<Fault>, t_s: f64, sink: &mut dyn FnMut(Event)) -> Option<MotorCommand> {
+        let fault = fault.filter(|_| self.refusal.is_none());
+        let mut motor = None;
+        for fault in fault.into_iter().chain(self.fault.take()) {
+            motor = self.fail(fault, t_s, sink).or(motor);
+        }
+        if let Some(command) = self.requested.take() {
+            motor = self.command(command, t_s, sink).or(motor);
+        }
+        self.seconds = self.seconds.wrapping_add(1);
+        if self.seconds.is_multiple_of(HEALTH_SECONDS) && self.reported != self.counters {
+            self.reported = self.counters;
+            sink(Event::Health(self.counters));
+        }
+        motor
+    }
+}
