@@ -63,6 +63,15 @@ impl Direction {
         Self { cos, sin }
     }
 
+    /// Turned counter-clockwise by an angle, degrees.
+    pub fn turned_deg(self, angle_deg: f64) -> Self {
+        if angle_deg == 0.0 {
+            return self;
+        }
+        let (sin, cos) = sin_cos_deg(angle_deg);
+        Self { cos: self.cos * cos - self.sin * sin, sin: self.sin * cos + self.cos * sin }
+    }
+
     /// Index angle, degrees in [0°, 360°).
     pub fn deg(&self) -> f64 {
         wrap_360_deg(libm::atan2(self.sin, self.cos) * DEG_PER_RAD)

@@ -7,6 +7,7 @@ use north::diagnose::{Diagnosis, Options, diagnose};
 use north::model_file::ModelFile;
 use north::settings_file::write_model;
 use north::solve::solve_file;
+use north_finder::effects::now::RunFacts;
 use north_finder::level::Specific;
 use north_finder::settings::Settings;
 use north_finder::units::{sin_cos_deg, wrap_180_deg};
@@ -240,7 +241,7 @@ fn temperature_rate_is_found_added_and_solved_with() {
     assert_eq!(model, diagnosis.model);
     for (record, run) in diagnosis.runs.iter().zip(&campaign.runs) {
         let settings = Settings { latitude_deg: 50.0, model: Some(model.clone()), ..Settings::default() };
-        let solved = solve_file(&campaign.path_of(run), &settings).unwrap();
+        let solved = solve_file(&campaign.path_of(run), &settings, RunFacts::default()).unwrap();
         assert_eq!(Some(solved.fix.azimuth_deg), record.azimuth_after_deg);
         assert_eq!(Some(solved.fix.sigma_deg), record.sigma_after_deg);
     }
@@ -296,7 +297,7 @@ fn assert_solved_by_the_written_model(folder: &Folder, campaign: &Campaign, diag
     for (record, run) in diagnosis.runs.iter().zip(&campaign.runs) {
         let latitude_deg = campaign.latitude_of(run).unwrap();
         let settings = Settings { latitude_deg, model: Some(model.clone()), ..Settings::default() };
-        let solved = solve_file(&campaign.path_of(run), &settings).unwrap();
+        let solved = solve_file(&campaign.path_of(run), &settings, RunFacts::default()).unwrap();
         assert_eq!(Some(solved.fix.azimuth_deg), record.azimuth_after_deg, "{}", run.file);
     }
 }

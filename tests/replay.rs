@@ -10,6 +10,7 @@ use north::engine::{End, host, world};
 use north::recorder::{RawRecorder, Recorder, new_campaign, write_run};
 use north::settings_file::read_settings;
 use north::solve::solve_file;
+use north_finder::effects::now::RunFacts;
 use north_finder::effects::{BaseMotion, ErrorModel};
 use north_finder::event::Report;
 use north_finder::instrument::Readings;
@@ -76,7 +77,7 @@ fn a_recording_gives_the_fix_with_all_digits() {
                 write_run(&campaign, file, rows).unwrap();
                 let folder = folder.join(number.to_string());
                 let settings = read_settings(&folder.join("settings.toml"), &Settings::default()).unwrap();
-                let replayed = solve_file(&folder.join(file), &settings).unwrap().fix;
+                let replayed = solve_file(&folder.join(file), &settings, RunFacts::default()).unwrap().fix;
                 assert_eq!(format!("{replayed:?}"), format!("{live:?}"), "{name} {file}");
             }
             1

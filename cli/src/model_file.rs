@@ -1,4 +1,4 @@
-//! Model files: `format = 1`, and all that calibrations find out.
+//! Model files: `format = 2`, and all that calibrations find out.
 //!
 //! At the top level the error model of the one indexed gyro; a table for an accelerometer triad and one for a gyro triad. Every
 //! command that takes a model reads the whole file, uses what says something of its subject, and refuses by name what
@@ -20,7 +20,9 @@ use crate::block_csv::{self, BlockRecording};
 use crate::file_error::{FileError, Problem};
 use crate::toml_file::TomlFile;
 
-const FORMAT: i64 = 1;
+/// The format that is written, and those that are read: in the first there are no effects.
+pub const FORMAT: i64 = 2;
+const READ: std::ops::RangeInclusive<i64> = 1..=FORMAT;
 const ACCELEROMETER: &str = "accelerometer";
 const GYRO_TRIAD: &str = "gyro_triad";
 /// Factors between the readings and the unit of gravity that are still a scale factor.
@@ -77,7 +79,7 @@ impl ModelFile {
     /// Errors: no such file, not TOML, another format, unknown keys, values that make no sense.
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let file = TomlFile::read(path)?;
-        let rest = file.without(FORMAT, &[ACCELEROMETER, GYRO_TRIAD])?;
+        let rest = file.without(READ, &[ACCELEROMETER, GYRO_TRIAD])?;
         let error_model = if rest.get_ref().is_empty() { None } else { Some(file.deserialize::<ErrorModel>(rest)?) };
         if let Some(model) = &error_model {
             model.validate().map_err(|invalid| {

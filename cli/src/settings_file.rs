@@ -12,12 +12,11 @@ use simulated::default_settings;
 
 use crate::campaign::Campaign;
 use crate::file_error::{FileError, Problem};
+use crate::model_file::FORMAT;
 use crate::toml_file::TomlFile;
 
 /// Name of the table of a scenario that holds settings of the firmware.
 const TABLE: &str = "instrument";
-/// The format number of model files.
-const MODEL_FORMAT: i64 = 1;
 
 /// Writes an error model, as [`ModelFile::read`](crate::model_file::ModelFile::read) reads it. A file that is there is replaced.
 ///
@@ -29,7 +28,7 @@ pub fn write_model(path: &Path, model: &ErrorModel) -> Result<(), FileError> {
 
 /// An error model as the text of a file that [`read_model`] reads.
 pub fn model_text(model: &ErrorModel) -> Result<String, toml::ser::Error> {
-    Ok(format!("format = {MODEL_FORMAT}\n{}", toml::to_string(model)?))
+    Ok(format!("format = {FORMAT}\n{}", toml::to_string(model)?))
 }
 
 /// Settings as the text of a file that [`read_settings`] reads.

@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use north_finder::calibration::ellipsoid::Correction;
-use north_finder::effects::{ChannelName, Conditions, MAX_CHANNELS};
+use north_finder::effects::now::RunFacts;
+use north_finder::effects::{ChannelName, Conditions, ErrorModel, HOUR_OF_DAY, MAX_CHANNELS};
 use north_finder::event::{Dwell, Fix};
 use north_finder::fix::accumulator::{Dwells, Second};
 use north_finder::fix::dwell::DwellSummary;
@@ -31,6 +32,8 @@ pub enum SolveError {
     Refused { file: String, refusal: Refusal },
     #[error("{file}: the error model follows channel `{channel}`, and the recording has no such column")]
     NoChannel { file: String, channel: String },
+    #[error("{file}: the error model follows the {fact}, and the campaign does not say when the run `started`")]
+    NotStarted { file: String, fact: &'static str },
 }
 
 /// A replay's dwells where there is always room.
@@ -52,10 +55,13 @@ impl Dwells for AllDwells {
     }
 }
 
-/// Solves a run that is read row by row; its length is limited by the disk only.
+/// Solves a run that is read row by row; its length is limited by the disk only. `run`: what the campaign says of it as a whole.
 ///
-/// Errors: the file cannot be read or is wrong somewhere; the settings allow no fix; the rows determine no azimuth.
-pub fn solve_file(path: &Path, settings: &Settings) -> Result<Solution, SolveError> {
+/// Errors: the model needs more of that; the file cannot be read or is wrong somewhere; the settings allow no fix; the rows determine no azimuth.
+pub fn solve_file(path: &Path, settings: &Settings, run: RunFacts) -> Result<Solution, SolveError> {
+    if let Some(fact) = settings.model.as_ref().and_then(|model| lacking_fact(model, &run)) {
+        return Err(SolveError::NotStarted { file: path.display().to_string(), fact });
+    }
     let refused = |refusal| SolveError::Refused { file: path.display().to_string(), refusal };
     let reader = RunReader::open(path)?;
     let columns = model_columns(path, &reader, settings)?;
@@ -66,6 +72,7 @@ pub fn solve_file(path: &Path, settings: &Settings) -> Result<Solution, SolveErr
         }
     };
     let mut replay = Replay::new(settings, AllDwells::default()).map_err(refused)?;
+    replay.set_run(run);
     let triad = settings.triad();
     for row in reader {
         let mut row = row?;
@@ -78,6 +85,14 @@ pub fn solve_file(path: &Path, settings: &Settings) -> Result<Solution, SolveErr
     }
     let fix = replay.finish(&mut note).map_err(refused)?;
     Ok(Solution { fix, dwells })
+}
+
+/// What a model follows of a run as a whole and nothing is known of.
+pub fn lacking_fact(model: &ErrorModel, run: &RunFacts) -> Option<&'static str> {
+    model.facts_of_runs().find(|fact| match *fact {
+        HOUR_OF_DAY => run.hour_of_day.is_none(),
+        _ => run.rest_s.is_none(),
+    })
 }
 
 /// Solves rows that are there already.

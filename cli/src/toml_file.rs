@@ -1,6 +1,6 @@
 //! TOML files whose every error names file, line and column.
 
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
@@ -50,7 +50,7 @@ impl TomlFile {
 
     /// The whole file as a `T`; its top-level `format` must be `format` and is not handed to `T`.
     pub fn parse_format<T: DeserializeOwned>(&self, format: i64) -> Result<T, FileError> {
-        self.deserialize(self.without(format, &[])?)
+        self.deserialize(self.without(format..=format, &[])?)
     }
 
     /// The top-level table `name` as a `T`, where there is one.
@@ -61,13 +61,14 @@ impl TomlFile {
     }
 
     /// What is in the file but its `format`, which must be `format`, and these tables.
-    pub fn without(&self, format: i64, tables: &[&str]) -> Result<Spanned<DeTable<'_>>, FileError> {
+    pub fn without(&self, formats: RangeInclusive<i64>, tables: &[&str]) -> Result<Spanned<DeTable<'_>>, FileError> {
         let mut table = DeTable::parse(&self.text).map_err(|error| self.syntax(&error))?;
-        let found = table.get_mut().remove("format").ok_or_else(|| self.whole(missing_format(format)))?;
+        let found = table.get_mut().remove("format").ok_or_else(|| self.whole(missing_format(*formats.end())))?;
         let span = found.span();
         let number = i64::deserialize(toml::de::ValueDeserializer::from(found)).map_err(|error| self.syntax(&error))?;
-        if number != format {
-            return Err(self.at(span, Problem::not_allowed(format!("format = {number}"), format!("format = {format}"))));
+        if !formats.contains(&number) {
+            let allowed: Vec<String> = formats.map(|format| format!("format = {format}")).collect();
+            return Err(self.at(span, Problem::not_allowed(format!("format = {number}"), allowed.join(" or "))));
         }
         tables.iter().for_each(|name| drop(table.get_mut().remove(*name)));
         Ok(table)

@@ -1,11 +1,11 @@
-//! NOR flash that is as strict as the real thing: two sectors of 4096 bytes, words of four bytes that can be written once
+//! NOR flash that is as strict as the real thing: two sectors of 8192 bytes, words of four bytes that can be written once
 //! after an erase. Power can be cut in the middle of an operation.
 
 use embedded_storage::nor_flash::{NorFlashError, NorFlashErrorKind};
 use std::fmt;
 
 /// Bytes in a sector.
-pub const SECTOR: usize = 4096;
+pub const SECTOR: usize = 8192;
 /// Bytes in all.
 pub const CAPACITY: usize = 2 * SECTOR;
 /// Bytes in a word.

@@ -5,10 +5,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::limits::{Invalid, finite, positive, within};
 
-/// Most coefficients of all terms together.
-pub const MAX_COEFFICIENTS: usize = 48;
-/// Most directions in which the coefficients are uncertain.
-pub const MAX_DIRECTIONS: usize = 3;
+/// Most coefficients of all terms and weights of all effects together.
+pub const MAX_COEFFICIENTS: usize = 96;
+/// Most directions in which they are uncertain.
+pub const MAX_DIRECTIONS: usize = 6;
 
 /// What is not certain about a model.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -17,8 +17,8 @@ pub struct Doubt {
     /// Added to the sigma of every azimuth (root sum of squares), degrees: what azimuths by this model missed their references
     /// by, beyond their sigmas, on runs that took no part in learning.
     pub azimuth_sigma_deg: f64,
-    /// Columns of a factor L of the covariance L Lᵀ of the coefficients of all terms, in the terms' order; each as long as
-    /// there are coefficients.
+    /// Columns of a factor L of the covariance L Lᵀ of the coefficients of all terms, in the terms' order, and then of the weights of all effects,
+    /// in theirs; each as long as there are of both.
     pub directions: Vec<Vec<f32, MAX_COEFFICIENTS>, MAX_DIRECTIONS>,
     pub process: Option<Process>,
 }
@@ -96,13 +96,13 @@ impl Process {
 }
 
 impl Doubt {
-    /// `coefficients` is how many the terms have.
+    /// `coefficients` is how many the terms and the effects have.
     pub fn validate(&self, coefficients: usize) -> Result<(), Invalid> {
         within("model.doubt.azimuth_sigma_deg", self.azimuth_sigma_deg, 0.0, 180.0, "0 to 180")?;
         for direction in &self.directions {
             if direction.len() != coefficients {
                 let (field, value) = ("model.doubt.directions (numbers of one)", direction.len() as f64);
-                return Err(Invalid::new(field, value, "as many as the terms have coefficients"));
+                return Err(Invalid::new(field, value, "as many as terms and effects have coefficients"));
             }
             direction.iter().try_for_each(|&number| finite("model.doubt.directions", &[number.into()]))?;
         }

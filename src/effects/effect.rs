@@ -6,13 +6,20 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 use super::channel::ChannelName;
-use super::factor::Factor;
+use super::factor::{Factor, Memory};
+use super::now::Now;
+use super::signal::Signal;
 use crate::limits::{Invalid, finite, within};
 
 /// Most factors of one effect.
 pub const MAX_FACTORS: usize = 3;
 /// Most weights of one effect: a surface of two smooth curves has 36.
 pub const MAX_EFFECT_WEIGHTS: usize = 36;
+
+/// Products of the functions of an effect's factors.
+pub type Products = Vec<f64, MAX_EFFECT_WEIGHTS>;
+/// What the factors of one effect remember.
+pub type Memories = [Memory; MAX_FACTORS];
 
 /// Where an effect enters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -70,6 +77,56 @@ impl Effect {
         self.factors.iter().map(Factor::count).product()
     }
 
+    /// The products of the functions of its factors in this second: of all of them, or where it depends on the azimuth of those factors that do
+    /// not ([`Self::of_azimuth`] gives the others). Empty where a signal says nothing. Must be called every second, in the order of time.
+    pub fn products(&self, now: &Now<'_>, memories: &mut Memories) -> Products {
+        let mut products: Products = core::iter::once(1.0).collect();
+        for (factor, memory) in self.factors.iter().zip(memories) {
+            if factor.needs_azimuth() {
+                continue;
+            }
+            // Every factor is asked, so that every one remembers.
+            let input = factor.pass(factor.signal.value(now), now.track.step_s, memory);
+            let values = input.map(|input| factor.shape.values(input)).unwrap_or_default();
+            products = products.iter().flat_map(|product| values.iter().map(move |value| product * value)).collect();
+        }
+        products
+    }
+
+    /// The product of the functions that a weight belongs to, of those factors that depend on the azimuth: `now` says what it is. 0 where the
+    /// signal says nothing.
+    pub fn of_azimuth(&self, number: usize, now: &Now<'_>) -> f64 {
+        let (mut rest, mut product) = (number, 1.0);
+        for factor in self.factors.iter().rev() {
+            let count = factor.count().max(1);
+            if factor.needs_azimuth() {
+                let value = factor.signal.value(now).and_then(|x| factor.shape.values(x).get(rest % count).copied());
+                product *= value.unwrap_or(0.0);
+            }
+            rest /= count;
+        }
+        product
+    }
+
+    /// Number of the product of [`Self::products`] that a weight belongs to.
+    pub fn gate_of(&self, number: usize) -> usize {
+        let (mut rest, mut gate, mut stride) = (number, 0, 1);
+        for factor in self.factors.iter().rev() {
+            let count = factor.count().max(1);
+            if !factor.needs_azimuth() {
+                gate += stride * (rest % count);
+                stride *= count;
+            }
+            rest /= count;
+        }
+        gate
+    }
+
+    /// How many products there are of the factors that do not depend on the azimuth.
+    pub fn gates(&self) -> usize {
+        self.factors.iter().filter(|factor| !factor.needs_azimuth()).map(Factor::count).product()
+    }
+
     /// Standard deviation of a weight before anything is learned, relative to the effect's size.
     pub fn prior(&self, number: usize) -> f64 {
         let (mut rest, mut prior) = (number, 1.0);
@@ -84,6 +141,12 @@ impl Effect {
     /// It depends on the azimuth that is sought.
     pub fn needs_azimuth(&self) -> bool {
         self.factors.iter().any(Factor::needs_azimuth)
+    }
+
+    /// It depends on the level accelerometers, or corrects them.
+    pub fn needs_level(&self) -> bool {
+        let follows = |factor: &Factor| matches!(factor.signal, Signal::TiltAlong(_) | Signal::TiltAcross(_));
+        matches!(self.port, Port::Forward | Port::Left) || self.factors.iter().any(follows)
     }
 
     pub fn channels(&self) -> impl Iterator<Item = &ChannelName> {

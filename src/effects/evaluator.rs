@@ -3,13 +3,18 @@
 use heapless::Vec;
 
 use super::basis::{Missing, Now};
+use super::carried::Carried;
 use super::channel::{ChannelName, MAX_CHANNELS};
 use super::conditions::Conditions;
 use super::doubt::MAX_DIRECTIONS;
+use super::effect::{Effect, Memories, Port};
 use super::moves::Moves;
+use super::now::{self, RunFacts};
 use super::term::Memory;
+use super::track::Track;
 use super::window::Window;
-use super::{ErrorModel, MAX_TERMS, MAX_WINDOWS};
+use super::{ErrorModel, MAX_EFFECTS, MAX_TERMS, MAX_WINDOWS};
+use crate::level::Specific;
 
 /// Most steps of Newton's method, the half width of its slopes, and their least value.
 const NEWTON_STEPS: usize = 12;
@@ -24,8 +29,12 @@ pub struct Correction {
     pub scale: f64,
     /// A rate of change is not known yet; what follows one is missing from the bias.
     pub waiting: bool,
-    /// What one sigma along each direction in which the model is uncertain adds to the true rate, °/h.
-    pub doubt_deg_h: [f32; MAX_DIRECTIONS],
+    /// What the encoder reads too much by the effects, degrees.
+    pub index_deg: f64,
+    /// What the level accelerometers read too much, g.
+    pub level: Specific,
+    /// What the solution needs, which knows the azimuth.
+    pub carried: Carried,
 }
 
 impl Correction {
@@ -43,6 +52,9 @@ pub struct Evaluator {
     windows: Vec<Window, MAX_WINDOWS>,
     memories: [Memory; MAX_TERMS],
     moves: Moves,
+    of_effects: [Memories; MAX_EFFECTS],
+    track: Track,
+    run: RunFacts,
     last_s: Option<f64>,
     rates_deg_h: f64,
 }
@@ -64,6 +76,9 @@ impl Evaluator {
             windows: Vec::new(),
             memories: [[None; 2]; MAX_TERMS],
             moves: Moves::default(),
+            of_effects: [[[None; 2]; 3]; MAX_EFFECTS],
+            track: Track::default(),
+            run: RunFacts { hour_of_day: None, rest_s: None },
             last_s: None,
             rates_deg_h: 0.0,
         }
@@ -79,6 +94,11 @@ impl Evaluator {
                 let _ = self.windows.push(Window::new(*channel, low_pass_s));
             }
         }
+    }
+
+    /// What is known of the run as a whole.
+    pub fn set_run(&mut self, run: RunFacts) {
+        self.run = run;
     }
 
     pub fn model(&self) -> &ErrorModel {
@@ -102,14 +122,14 @@ impl Evaluator {
         let now = Now { conditions, step_s, channels: &self.channels, windows: &self.windows, moves: &self.moves };
         let (mut bias_deg_h, mut rates_deg_h, mut scale) = (self.model.bias_deg_h, 0.0, 1.0 + self.model.scale_error);
         let (mut waiting, mut first) = (false, 0);
-        let (mut added, mut scaled) = ([0.0; MAX_DIRECTIONS], [0.0; MAX_DIRECTIONS]);
+        let mut sums = Sums::default();
         for (term, memory) in self.model.terms.iter().zip(&mut self.memories) {
             let mut sum = 0.0;
-            let doubts = if term.scales { &mut scaled } else { &mut added };
+            let doubts = if term.scales { &mut sums.scale } else { &mut sums.rate };
             let evaluated = term.functions(&now, memory, &mut |place, value| {
                 tap(first + place, value);
                 sum += value * f64::from(term.coefficients.get(place).copied().unwrap_or(0.0));
-                for (doubt, direction) in doubts.iter_mut().zip(&self.model.doubt.directions) {
+                for (doubt, direction) in doubts.doubts.iter_mut().zip(&self.model.doubt.directions) {
                     *doubt += value * f64::from(direction.get(first + place).copied().unwrap_or(0.0));
                 }
             });
@@ -125,19 +145,88 @@ impl Evaluator {
         if !waiting {
             bias_deg_h += rates_deg_h;
         }
+        let mut carried = Carried::default();
+        if !self.model.effects.is_empty() {
+            self.track.push(conditions);
+            self.effects(conditions, first, &mut sums, &mut carried);
+            bias_deg_h += sums.rate.value;
+            scale += sums.scale.value;
+        }
         bias_deg_h += self.model.of_rate_deg_h(conditions.raw_rate_deg_h - bias_deg_h);
         let true_deg_h = (conditions.raw_rate_deg_h - bias_deg_h) / scale;
-        let mut doubt_deg_h = [0.0; MAX_DIRECTIONS];
-        for ((doubt, added), scaled) in doubt_deg_h.iter_mut().zip(added).zip(scaled) {
-            *doubt = ((added + scaled * true_deg_h) / scale) as f32;
+        for (direction, (added, scaled)) in sums.rate.doubts.iter().zip(sums.scale.doubts).enumerate() {
+            carried.set_doubt(Port::Rate, direction, (added + scaled * true_deg_h) / scale);
         }
-        Correction { bias_deg_h, scale, waiting, doubt_deg_h }
+        for (port, sum) in [(Port::Index, &sums.index), (Port::Forward, &sums.forward), (Port::Left, &sums.left)] {
+            sum.doubts.iter().enumerate().for_each(|(direction, doubt)| carried.set_doubt(port, direction, *doubt));
+        }
+        let level = Specific { forward: sums.forward.value, left: sums.left.value };
+        Correction { bias_deg_h, scale, waiting, index_deg: sums.index.value, level, carried }
+    }
+
+    /// Adds what the effects do in this second; `first` is the number of their first weight in the model's directions.
+    fn effects(&mut self, conditions: &Conditions, mut first: usize, sums: &mut Sums, carried: &mut Carried) {
+        let (channels, track, run) = (self.channels.as_slice(), &self.track, &self.run);
+        let now = now::Now { conditions, channels, track, run, belief: None };
+        let mut gate = 0;
+        for (effect, memories) in self.model.effects.iter().zip(&mut self.of_effects) {
+            let products = effect.products(&now, memories);
+            if effect.needs_azimuth() {
+                for (number, product) in products.iter().enumerate() {
+                    carried.set_gate(gate + number, *product);
+                }
+                gate += effect.gates();
+            } else {
+                let sum = sums.at(effect.port);
+                sum.add(effect, &products);
+                for (doubt, direction) in sum.doubts.iter_mut().zip(&self.model.doubt.directions) {
+                    let weights = direction.get(first..).unwrap_or_default();
+                    *doubt += products.iter().zip(weights).map(|(a, b)| a * f64::from(*b)).sum::<f64>();
+                }
+            }
+            first += effect.count();
+        }
     }
 
     /// What the rates of change add to the bias now, °/h. A recording's first seconds, when no rate is known yet, are
     /// corrected by the first one.
     pub fn rates_deg_h(&self) -> f64 {
         self.rates_deg_h
+    }
+}
+
+/// What is added at a port, and what one sigma along each uncertain direction adds there.
+#[derive(Default)]
+struct Sum {
+    value: f64,
+    doubts: [f64; MAX_DIRECTIONS],
+}
+
+impl Sum {
+    fn add(&mut self, effect: &Effect, products: &[f64]) {
+        self.value += products.iter().zip(&effect.weights).map(|(a, b)| a * f64::from(*b)).sum::<f64>();
+    }
+}
+
+/// The same at all ports.
+#[derive(Default)]
+struct Sums {
+    rate: Sum,
+    scale: Sum,
+    index: Sum,
+    forward: Sum,
+    left: Sum,
+}
+
+impl Sums {
+    fn at(&mut self, port: Port) -> &mut Sum {
+        match port {
+            Port::Rate => &mut self.rate,
+            Port::Scale => &mut self.scale,
+            Port::Index => &mut self.index,
+            Port::Forward => &mut self.forward,
+            Port::Left => &mut self.left,
+        }
     }
 }
 

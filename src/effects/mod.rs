@@ -6,6 +6,7 @@
 
 pub mod base_motion;
 pub mod basis;
+pub mod carried;
 pub mod channel;
 mod conditions;
 pub mod doubt;
@@ -28,10 +29,12 @@ mod window;
 
 pub use base_motion::BaseMotion;
 pub use basis::Basis;
+pub use carried::Carried;
 pub use channel::{ChannelName, MAX_CHANNELS};
 pub use conditions::Conditions;
 pub use doubt::Doubt;
 pub use earth_field::EarthField;
+pub use effect::Effect;
 pub use evaluator::{Correction, Evaluator};
 pub use index_error::IndexError;
 pub use rate_term::RateTerm;
@@ -44,7 +47,10 @@ use serde::{Deserialize, Serialize};
 use crate::earth::EarthRate;
 use crate::index::Direction;
 use crate::limits::{Invalid, finite, within};
+use carried::MAX_GATES;
 use doubt::MAX_COEFFICIENTS;
+use effect::Port;
+use signal::{Hour, Rest, Signal};
 
 /// Most additive terms, products of two bases among them, and effects of the rate.
 pub const MAX_TERMS: usize = 12;
@@ -54,6 +60,13 @@ pub const MAX_RATE_TERMS: usize = 4;
 pub const MAX_WINDOWS: usize = 4;
 /// Most knots of all curves together.
 pub const MAX_KNOTS: usize = 48;
+/// Most effects, and most factors of all of them together.
+pub const MAX_EFFECTS: usize = 12;
+pub const MAX_ALL_FACTORS: usize = 24;
+
+/// Names of what is known of a run as a whole.
+pub const HOUR_OF_DAY: &str = "time of day";
+pub const REST_BEFORE: &str = "rest before the run";
 
 /// A calibration: immutable input.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -71,6 +84,8 @@ pub struct ErrorModel {
     pub earth_field: Option<EarthField>,
     pub base_motion: Option<BaseMotion>,
     pub sinusoid: Option<Sinusoid>,
+    /// Products of factors at a port: what the diagnosis learns beyond the terms.
+    pub effects: Vec<Effect, MAX_EFFECTS>,
     /// How far the model itself may be wrong.
     pub doubt: Doubt,
 }
@@ -98,9 +113,42 @@ impl ErrorModel {
         self.terms.iter().flat_map(Term::bases)
     }
 
-    /// All channels that the terms follow, as often as they do.
+    /// All channels that terms and effects follow, as often as they do.
     fn followed(&self) -> impl Iterator<Item = &ChannelName> {
-        self.terms.iter().flat_map(Term::channels)
+        self.terms.iter().flat_map(Term::channels).chain(self.effects.iter().flat_map(Effect::channels))
+    }
+
+    /// How many coefficients the terms have.
+    fn coefficients(&self) -> usize {
+        self.terms.iter().map(|term| term.coefficients.len()).sum()
+    }
+
+    /// Effects that depend on the azimuth that is sought, each with the number of its first weight among all coefficients and weights, and the number
+    /// of its first gate.
+    pub fn effects_of_azimuth(&self) -> impl Iterator<Item = (&Effect, usize, usize)> {
+        let (mut first, mut gate) = (self.coefficients(), 0);
+        self.effects.iter().filter_map(move |effect| {
+            let own = (effect, first, gate);
+            first += effect.count();
+            effect.needs_azimuth().then(|| {
+                gate += effect.gates();
+                own
+            })
+        })
+    }
+
+    /// What it adds depends on the azimuth that is sought, or how uncertain it is does.
+    pub fn needs_azimuth(&self) -> bool {
+        self.effects.iter().any(|effect| effect.needs_azimuth() || !matches!(effect.port, Port::Rate | Port::Scale))
+    }
+
+    /// The signals of a run as a whole that effects depend on, by name: time of day, rest before the run.
+    pub fn facts_of_runs(&self) -> impl Iterator<Item = &'static str> {
+        let follows =
+            |wanted: Signal| self.effects.iter().flat_map(|effect| &effect.factors).any(|each| each.signal == wanted);
+        [(Signal::from(Hour), HOUR_OF_DAY), (Signal::from(Rest), REST_BEFORE)]
+            .into_iter()
+            .filter_map(move |(signal, name)| follows(signal).then_some(name))
     }
 
     fn windows(&self) -> impl Iterator<Item = (&ChannelName, f32)> {
@@ -132,7 +180,8 @@ impl ErrorModel {
     /// The first of the board's own channels that it cannot do without and that is not there.
     pub fn lacks(&self, has_temperature: bool, has_level: bool) -> Option<&'static str> {
         let follows = |wanted: &str| self.followed().any(|name| name.as_str() == wanted);
-        let level = self.base_motion.is_some() || follows(channel::FORWARD) || follows(channel::LEFT);
+        let of_effects = self.effects.iter().any(Effect::needs_level);
+        let level = self.base_motion.is_some() || of_effects || follows(channel::FORWARD) || follows(channel::LEFT);
         if follows(channel::TEMPERATURE) && !has_temperature {
             return Some(channel::TEMPERATURE);
         }
@@ -142,7 +191,10 @@ impl ErrorModel {
     /// Whether the model says how the bias follows the temperature.
     pub fn covers_temperature(&self) -> bool {
         let follows = |term: &Term| term.channels().any(|name| name.as_str() == channel::TEMPERATURE);
-        self.terms.iter().any(|term| !term.scales && follows(term))
+        let of_effect = |effect: &Effect| {
+            effect.port == Port::Rate && effect.channels().any(|name| name.as_str() == channel::TEMPERATURE)
+        };
+        self.terms.iter().any(|term| !term.scales && follows(term)) || self.effects.iter().any(of_effect)
     }
 
     /// True direction of the index from the measured one.
@@ -165,11 +217,17 @@ impl ErrorModel {
         self.earth_field.as_ref().map_or(Ok(()), EarthField::validate)?;
         self.base_motion.as_ref().map_or(Ok(()), BaseMotion::validate)?;
         self.sinusoid.as_ref().map_or(Ok(()), Sinusoid::validate)?;
-        let coefficients = self.terms.iter().map(|term| term.coefficients.len()).sum();
+        self.effects.iter().try_for_each(Effect::validate)?;
+        let coefficients = self.coefficients() + self.effects.iter().map(Effect::count).sum::<usize>();
         self.doubt.validate(coefficients)?;
         let at_most =
             |what, number: usize, most: usize, allowed| within(what, number as f64, 0.0, most as f64, allowed);
-        at_most("model.terms (coefficients)", coefficients, MAX_COEFFICIENTS, "at most 48 coefficients")?;
+        at_most("model (coefficients)", coefficients, MAX_COEFFICIENTS, "at most 96 coefficients and weights")?;
+        let factors = self.effects.iter().map(|effect| effect.factors.len()).sum();
+        at_most("model.effects (factors)", factors, MAX_ALL_FACTORS, "at most 24 factors")?;
+        let gates = self.effects_of_azimuth().map(|(effect, ..)| effect.gates()).sum();
+        let allowed = "at most 16 products of factors beside those that depend on the azimuth";
+        at_most("model.effects (gates)", gates, MAX_GATES, allowed)?;
         let products = self.terms.iter().filter(|term| term.times.is_some()).count();
         at_most("model.terms (products)", products, MAX_PRODUCTS, "at most 4 products")?;
         at_most("model.terms (knots)", self.bases().map(Basis::knots).sum(), MAX_KNOTS, "at most 48 knots")?;

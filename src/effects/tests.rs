@@ -9,6 +9,8 @@ use super::basis::line::Line;
 use super::basis::settling::{Settling, Size};
 use super::basis::step::Step;
 use super::basis::warm_up::WarmUp;
+use super::effect::Port;
+use super::factor::Factor;
 use super::rate_term::DeadZoneForm;
 use super::*;
 use crate::index::Direction;
@@ -228,12 +230,62 @@ fn doubt_is_what_a_sigma_along_each_direction_adds() {
     // 50 °/h, of which 0.01 in the scale is 0.5 °/h.
     let level = Specific::new(0.0, 0.01);
     let now = Conditions { raw_rate_deg_h: 56.0, level, ..conditions(0.5, 0.0) };
-    let [first, second, third] = Evaluator::new(model.clone()).second(&now).doubt_deg_h.map(f64::from);
+    let carried = Evaluator::new(model.clone()).second(&now).carried;
+    let [first, second, third] = [0, 1, 2].map(|direction| carried.doubt(Port::Rate, direction));
     assert_close(first, 8.75 / 1.02);
     assert_close(second, 0.5 / 1.02);
     assert_eq!(third, 0.0);
     model.doubt.directions[1].pop();
     assert_eq!(model.validate().unwrap_err().field, "model.doubt.directions (numbers of one)");
+}
+
+/// At 20 °C, each port by hand: 0.5 °/h by K above 18 °C; a scale factor of 0.001 by K; an index that reads 2° too much where it stands at 90°, 0 where it
+/// stands at 0°; a forward accelerometer that reads 0.01 g too much.
+#[test]
+fn effects_at_every_port() {
+    let temperature = signal::Channel { name: ChannelName::new("temp_c").unwrap() };
+    let above = Factor::new(temperature.into(), &[], shape::Linear { reference: 18.0, scale: 1.0 }.into());
+    let harmonic = Factor::new(signal::Index.into(), &[], shape::Harmonic { period: 360.0 }.into());
+    let effect = |port, factors: &[Factor], weights: &[f32]| Effect {
+        weights: weights.iter().copied().collect(),
+        ..Effect::new(port, factors)
+    };
+    let model = ErrorModel {
+        effects: [
+            effect(Port::Rate, core::slice::from_ref(&above), &[0.5]),
+            effect(Port::Scale, &[above], &[0.001]),
+            effect(Port::Index, &[harmonic], &[0.0, 2.0]),
+            effect(Port::Forward, &[], &[0.01]),
+        ]
+        .into_iter()
+        .collect(),
+        ..Default::default()
+    };
+    model.validate().unwrap();
+    let mut evaluator = Evaluator::new(model);
+    for (index_deg, turned_deg) in [(0.0, 0.0), (90.0, 2.0)] {
+        let found = evaluator.second(&conditions(0.5, index_deg));
+        assert_close(found.bias_deg_h, 1.0);
+        assert_close(found.scale, 1.002);
+        assert_close(found.index_deg, turned_deg);
+        assert_close(found.level.forward, 0.01);
+        assert_eq!(found.level.left, 0.0);
+    }
+}
+
+/// A product with a factor that depends on the azimuth leaves the others to the solution: 2 K above 18 °C, times what belongs to the axis.
+#[test]
+fn the_solution_gets_what_it_multiplies() {
+    let temperature = signal::Channel { name: ChannelName::new("temp_c").unwrap() };
+    let above = Factor::new(temperature.into(), &[], shape::Linear { reference: 18.0, scale: 1.0 }.into());
+    let harmonic = Factor::new(signal::Axis.into(), &[], shape::Harmonic { period: 360.0 }.into());
+    let effect = Effect::new(Port::Rate, &[harmonic, above]);
+    assert_eq!((effect.count(), effect.gates(), effect.gate_of(1)), (2, 1, 0));
+    let mut model = ErrorModel::default();
+    assert!(model.effects.push(effect).is_ok());
+    let found = Evaluator::new(model).second(&conditions(0.5, 0.0));
+    assert_eq!(found.bias_deg_h, 0.0);
+    assert_close(found.carried.gate(0), 2.0);
 }
 
 #[test]

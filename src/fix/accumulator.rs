@@ -12,8 +12,9 @@ use super::dwell::{DwellRows, DwellSummary, Row};
 use super::index_watch::IndexWatch;
 use super::{Declared, DesignRow, Fix, Unsolvable, moving_base};
 use crate::earth::EarthRate;
-use crate::effects::doubt::MAX_DIRECTIONS;
-use crate::effects::{Conditions, Correction, ErrorModel, Evaluator};
+use crate::effects::carried::CarriedSums;
+use crate::effects::now::RunFacts;
+use crate::effects::{Carried, Conditions, Correction, ErrorModel, Evaluator};
 use crate::gates::Gate;
 use crate::health::{Flag, Flags};
 use crate::index::Direction;
@@ -60,20 +61,22 @@ pub struct Corrected {
     pub rate_deg_h: f64,
     /// True direction of the index.
     pub index: Option<Direction>,
+    /// What the level accelerometers should have read.
+    pub level: Option<Specific>,
 }
 
 impl Corrected {
     /// The row of the equations that this second is in the solution: `None` without an index angle.
     pub fn design(&self, earth: &EarthRate) -> Option<DesignRow> {
-        Some(DesignRow::new(self.index?, self.measured.conditions.level, earth))
+        Some(DesignRow::new(self.index?, self.level, earth))
     }
 
     /// As a row of a dwell.
     fn row(&self) -> Option<Row> {
         let Direction { cos, sin } = self.index?;
-        let Conditions { t_s, seconds, level, .. } = self.measured.conditions;
+        let Conditions { t_s, seconds, .. } = self.measured.conditions;
         let Second { moment_arcsec_s, level_moment, .. } = self.measured;
-        let level = level.map(|mean| LevelMoments { mean, first: level_moment });
+        let level = self.level.map(|mean| LevelMoments { mean, first: level_moment });
         Some(Row { t_s, seconds, cos, sin, rate_deg_h: self.rate_deg_h, moment_arcsec_s, level })
     }
 }
@@ -142,7 +145,7 @@ impl Dwells for std::vec::Vec<DwellSummary> {
 #[derive(Clone, Copy, Debug)]
 struct Held {
     row: Row,
-    doubt_deg_h: [f32; MAX_DIRECTIONS],
+    carried: Carried,
     scale: f64,
     moving: bool,
 }
@@ -159,9 +162,8 @@ pub struct Accumulator<D> {
     full: bool,
     rows: DwellRows,
     outliers_s: Outliers,
-    /// Sums over the rows of the dwell of what the model's doubt adds, by their time, and that time.
-    doubts_arcsec: [f64; MAX_DIRECTIONS],
-    doubted_s: f64,
+    /// Of the rows of the dwell.
+    carried: CarriedSums,
     held: Vec<Held, HELD>,
     watch: IndexWatch,
     /// The index slipped since the last dwell: its angle before.
@@ -195,8 +197,7 @@ impl<D: Dwells> Accumulator<D> {
             full: false,
             rows: DwellRows::default(),
             outliers_s: Outliers::new(),
-            doubts_arcsec: [0.0; MAX_DIRECTIONS],
-            doubted_s: 0.0,
+            carried: CarriedSums::default(),
             held: Vec::new(),
             watch: IndexWatch::new(0.0),
             slipped_from: None,
@@ -222,7 +223,7 @@ impl<D: Dwells> Accumulator<D> {
         self.dwells.retain(|_| false);
         self.full = false;
         self.rows.clear();
-        (self.doubts_arcsec, self.doubted_s) = ([0.0; MAX_DIRECTIONS], 0.0);
+        self.carried.clear();
         self.held.clear();
         self.watch.restart();
         (self.slipped_from, self.slip_deg) = (None, 0.0);
@@ -232,6 +233,11 @@ impl<D: Dwells> Accumulator<D> {
         if !self.declared.calibrated {
             self.flags.insert(Flag::Uncalibrated);
         }
+    }
+
+    /// What is known of the run as a whole: time of day, rest before it.
+    pub fn set_run(&mut self, run: RunFacts) {
+        self.evaluator.set_run(run);
     }
 
     pub fn declared(&self) -> &Declared {
@@ -250,11 +256,16 @@ impl<D: Dwells> Accumulator<D> {
     /// Takes the next second, used or not; gives it with the error model applied.
     pub fn correct(&mut self, second: &Second) -> Corrected {
         let correction = self.evaluator.second(&second.conditions);
+        let index = |measured| self.evaluator.model().true_index(measured).turned_deg(-correction.index_deg);
         Corrected {
             measured: *second,
             correction,
             rate_deg_h: correction.apply(second.conditions.raw_rate_deg_h, 1.0),
-            index: second.conditions.index.map(|measured| self.evaluator.model().true_index(measured)),
+            index: second.conditions.index.map(index),
+            level: second.conditions.level.map(|read| Specific {
+                forward: read.forward - correction.level.forward,
+                left: read.left - correction.level.left,
+            }),
         }
     }
 
@@ -314,9 +325,7 @@ impl<D: Dwells> Accumulator<D> {
             self.slip_deg += wrap_180_deg(summary.index_deg() - before.deg());
         }
         summary.slip_deg = self.slip_deg as f32;
-        let doubted_s = core::mem::take(&mut self.doubted_s).max(f64::MIN_POSITIVE);
-        let doubt_deg_h = core::mem::take(&mut self.doubts_arcsec).map(|sum| (sum / doubted_s) as f32);
-        summary.doubt_deg_h = doubt_deg_h;
+        summary.carried = self.carried.take();
         self.keep(summary);
         Some(summary)
     }
@@ -365,34 +374,31 @@ impl<D: Dwells> Accumulator<D> {
             self.watch_temperature(temp_c);
         }
         self.rates_deg_h = self.evaluator.rates_deg_h();
-        let doubt_deg_h = second.correction.doubt_deg_h;
-        let held = Held { row, doubt_deg_h, scale: second.correction.scale, moving };
+        let carried = second.correction.carried;
+        let held = Held { row, carried, scale: second.correction.scale, moving };
         if second.correction.waiting && self.held.push(held).is_ok() {
             return true;
         }
         self.release();
-        self.push(row, doubt_deg_h, moving);
+        self.push(row, &carried, moving);
         true
     }
 
     /// Takes the seconds that waited, corrected by the latest rates of change.
     fn release(&mut self) {
         for i in 0..self.held.len() {
-            let Some(&Held { mut row, doubt_deg_h, scale, moving }) = self.held.get(i) else { break };
+            let Some(&Held { mut row, carried, scale, moving }) = self.held.get(i) else { break };
             row.rate_deg_h -= self.rates_deg_h / scale;
-            self.push(row, doubt_deg_h, moving);
+            self.push(row, &carried, moving);
         }
         self.held.clear();
     }
 
-    fn push(&mut self, row: Row, doubt_deg_h: [f32; MAX_DIRECTIONS], moving: bool) {
+    fn push(&mut self, row: Row, carried: &Carried, moving: bool) {
         if moving {
-            self.keep(DwellSummary { doubt_deg_h, ..DwellSummary::moving(&row) });
+            self.keep(DwellSummary { carried: *carried, ..DwellSummary::moving(&row) });
         } else {
-            for (sum, doubt) in self.doubts_arcsec.iter_mut().zip(doubt_deg_h) {
-                *sum += row.seconds * f64::from(doubt);
-            }
-            self.doubted_s += row.seconds;
+            self.carried.add(carried, row.seconds);
             self.rows.push(row, self.declared.gyro.noise_deg_h());
         }
     }

@@ -14,6 +14,7 @@ use nalgebra::{Matrix4, SMatrix, Vector4};
 
 use super::dwell::DwellSummary;
 use super::observation::Observation;
+use super::problem::Problem;
 use crate::effects::Doubt;
 use crate::effects::doubt::MAX_DIRECTIONS;
 
@@ -22,6 +23,8 @@ const MOST: usize = 24;
 
 /// Gives the observation of a dwell's mean.
 type Observe<'a> = &'a dyn Fn(&DwellSummary) -> Observation;
+/// What one sigma along each uncertain direction adds to a dwell's mean, °/h.
+type Doubts = [f64; MAX_DIRECTIONS];
 
 /// The dwells' covariance C, in units of the variance of a one-second rate.
 pub(super) struct Correlated {
@@ -34,17 +37,19 @@ pub(super) struct Correlated {
 impl Correlated {
     /// Of these dwells. `None` where nothing is uncertain, where there are too many dwells, or where one has no weight. `variance`: of a
     /// one-second rate, (°/h)².
-    pub fn new(doubt: &Doubt, dwells: &[DwellSummary], observe: Observe<'_>, variance: f64) -> Option<Self> {
+    pub fn new(doubt: &Doubt, problem: &Problem<'_>, variance: f64) -> Option<Self> {
+        let dwells = problem.dwells;
         if !is_any(doubt) || dwells.len() > MOST {
             return None;
         }
+        let doubts: Vec<Doubts, MOST> = dwells.iter().map(|dwell| problem.doubts_deg_h(dwell)).collect();
         let mut covariance = SMatrix::<f64, MOST, MOST>::identity();
         let mut rows = SMatrix::<f64, MOST, 4>::zeros();
-        for (i, dwell) in dwells.iter().enumerate() {
-            for (j, other) in dwells.iter().enumerate() {
-                *covariance.get_mut((i, j))? = shared(doubt, dwell, other) / variance;
+        for (i, (dwell, own)) in dwells.iter().zip(&doubts).enumerate() {
+            for (j, (other, of_other)) in dwells.iter().zip(&doubts).enumerate() {
+                *covariance.get_mut((i, j))? = shared(doubt, (dwell, own), (other, of_other)) / variance;
             }
-            let observation = observe(dwell);
+            let observation = problem.mean(dwell);
             *covariance.get_mut((i, i))? += 1.0 / observation.weight;
             rows.row_mut(i).copy_from(&observation.row.transpose());
         }
@@ -84,9 +89,9 @@ pub fn is_any(doubt: &Doubt) -> bool {
 }
 
 /// Covariance of the errors of two dwells, (°/h)².
-fn shared(doubt: &Doubt, a: &DwellSummary, b: &DwellSummary) -> f64 {
+fn shared(doubt: &Doubt, (a, of_a): (&DwellSummary, &Doubts), (b, of_b): (&DwellSummary, &Doubts)) -> f64 {
     let of_process = of_process(doubt, [a.start_s, a.end_s], [b.start_s, b.end_s]);
-    let of_directions: f64 = a.doubt_deg_h.iter().zip(b.doubt_deg_h).map(|(a, b)| f64::from(*a) * f64::from(b)).sum();
+    let of_directions: f64 = of_a.iter().zip(of_b).map(|(a, b)| a * b).sum();
     of_process + of_directions
 }
 
@@ -97,7 +102,8 @@ fn of_process(doubt: &Doubt, a_s: [f64; 2], b_s: [f64; 2]) -> f64 {
 
 /// Covariance of the right-hand side by the doubt, where the fix is weighed without it. In a group the process is its mean
 /// and deviations from it, which are alike but for adding up to nothing.
-pub(super) fn of_right_hand_side(doubt: &Doubt, dwells: &[DwellSummary], observe: Observe<'_>) -> Matrix4<f64> {
+pub(super) fn of_right_hand_side(doubt: &Doubt, problem: &Problem<'_>) -> Matrix4<f64> {
+    let dwells = problem.dwells;
     let mut of_directions = [Vector4::zeros(); MAX_DIRECTIONS];
     let size = dwells.len().div_ceil(MOST).max(1);
     let mut covariance = Matrix4::zeros();
@@ -109,10 +115,10 @@ pub(super) fn of_right_hand_side(doubt: &Doubt, dwells: &[DwellSummary], observe
         // Sums of the gains, of these times themselves, and of the variances of the process' means over each interval.
         let (mut group, mut squares, mut variances) = (Vector4::zeros(), Matrix4::zeros(), 0.0);
         for dwell in few {
-            let observation = observe(dwell);
+            let observation = problem.mean(dwell);
             let gain = observation.weight * observation.row;
-            for (sum, doubt_deg_h) in of_directions.iter_mut().zip(dwell.doubt_deg_h) {
-                *sum += gain * f64::from(doubt_deg_h);
+            for (sum, doubt_deg_h) in of_directions.iter_mut().zip(problem.doubts_deg_h(dwell)) {
+                *sum += gain * doubt_deg_h;
             }
             group += gain;
             squares += gain * gain.transpose();
@@ -146,6 +152,7 @@ mod tests {
 
     use crate::effects::ErrorModel;
     use crate::effects::doubt::{Kernel, Process};
+    use crate::effects::effect::Port;
     use crate::fix::Fix;
     use crate::fix::dwell::DwellSummary;
     use crate::fix::solve;
@@ -197,12 +204,12 @@ mod tests {
         model.doubt.directions.push(heapless::Vec::new()).unwrap();
         let mut dwells = dwells(&ORDER);
         let without = fix(&dwells, &ErrorModel::default());
-        dwells[0].doubt_deg_h[0] = 0.05;
-        dwells[2].doubt_deg_h[0] = -0.05;
+        dwells[0].carried.set_doubt(Port::Rate, 0, 0.05);
+        dwells[2].carried.set_doubt(Port::Rate, 0, -0.05);
         let with = fix(&dwells, &model);
         assert!((added_deg(&with, &without) - 0.38092).abs() < 2e-3, "{}", added_deg(&with, &without));
         assert!(wrap_180_deg(with.azimuth_deg - 90.0).abs() < 1e-4);
-        dwells.iter_mut().for_each(|dwell| dwell.doubt_deg_h[0] = 0.05);
+        dwells.iter_mut().for_each(|dwell| dwell.carried.set_doubt(Port::Rate, 0, 0.05));
         assert!((fix(&dwells, &model).sigma_deg - without.sigma_deg).abs() < 1e-3 * without.sigma_deg);
     }
 

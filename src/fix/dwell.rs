@@ -8,7 +8,7 @@ use core::ops::Range;
 
 use heapless::Vec;
 
-use crate::effects::doubt::MAX_DIRECTIONS;
+use crate::effects::Carried;
 use crate::level::{LevelMoments, Specific};
 
 /// Rows that are kept.
@@ -171,8 +171,8 @@ pub struct DwellSummary {
     pub moving: bool,
     /// The base's motion is already taken out of the rate.
     pub base_taken_out: bool,
-    /// What one sigma along each direction in which the error model is uncertain adds to the rate, °/h.
-    pub doubt_deg_h: [f32; MAX_DIRECTIONS],
+    /// What the error model leaves to the solution.
+    pub carried: Carried,
 }
 
 /// Gathers the rows of a dwell.

@@ -13,6 +13,7 @@
 //! error model ([`doubt`]).
 
 pub mod accumulator;
+mod azimuth_effects;
 pub mod base_motion;
 pub mod design;
 mod directions;

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector4;
 
+use super::azimuth_effects::AzimuthEffects;
 use super::base_motion::{self, BaseMotion, Method};
 use super::design::DesignRow;
 use super::doubt::Correlated;
@@ -10,6 +11,8 @@ use super::noise::Noise;
 use super::observation::Observation;
 use super::sinusoid::Fitted;
 use crate::earth::EarthRate;
+use crate::effects::doubt::MAX_DIRECTIONS;
+use crate::effects::effect::Port;
 use crate::index::Direction;
 use crate::units::sin_cos_deg;
 
@@ -25,6 +28,8 @@ pub(super) struct Problem<'a> {
     pub correlated: Option<Correlated>,
     /// Where the index reading jumped while the motor stood, the encoder slipped and the gyro stayed where it was.
     pub encoder_slipped: bool,
+    /// What of the error model depends on the azimuth, at a supposed one.
+    pub at_azimuth: Option<AzimuthEffects<'a>>,
 }
 
 impl Problem<'_> {
@@ -46,6 +51,8 @@ impl Problem<'_> {
         let weight_of_slope = self.noise.map_or(dwell.time_spread.into(), |noise| noise.weight_of_slope(dwell));
         let rate_deg_h = mean_deg_h - design.vertical_deg_h - self.base_rate_deg_h(dwell);
         let hours = (dwell.t_s - self.start_s) / 3600.0;
+        let (effects_deg_h, with_azimuth) =
+            self.at_azimuth.map_or((0.0, Vector4::zeros()), |effects| effects.of_dwell(dwell, index));
         let [sinusoid_deg_h, sinusoid_deg_h_per_h] = match &self.sinusoid {
             None => [0.0; 2],
             Some(sinusoid) => sinusoid.of_dwell(dwell),
@@ -53,9 +60,9 @@ impl Problem<'_> {
         [
             Observation {
                 weight,
-                row: Vector4::new(design.cos, design.sin, 1.0, hours),
+                row: Vector4::new(design.cos, design.sin, 1.0, hours) + with_azimuth,
                 cos_2theta: index.cos * index.cos - index.sin * index.sin,
-                rate_deg_h: rate_deg_h - sinusoid_deg_h,
+                rate_deg_h: rate_deg_h - sinusoid_deg_h - effects_deg_h,
             },
             Observation {
                 weight: weight_of_slope / (3600.0 * 3600.0),
@@ -79,6 +86,14 @@ impl Problem<'_> {
         }
         for dwell in self.dwells {
             self.observations(dwell).into_iter().for_each(&mut *take);
+        }
+    }
+
+    /// What one sigma along each uncertain direction of the model adds to a dwell's mean, °/h.
+    pub fn doubts_deg_h(&self, dwell: &DwellSummary) -> [f64; MAX_DIRECTIONS] {
+        match &self.at_azimuth {
+            Some(effects) => effects.doubts_deg_h(dwell, self.index(dwell)),
+            None => core::array::from_fn(|direction| dwell.carried.doubt(Port::Rate, direction)),
         }
     }
 

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix4, SMatrix, Vector4};
 
+use super::azimuth_effects::AzimuthEffects;
 use super::base_motion::{self, BaseMotion, Method};
 use super::doubt::{self, Correlated};
 use super::dwell::DwellSummary;
@@ -29,6 +30,9 @@ const DECIDED: f64 = 9.0;
 /// Beyond this scale factor error and this error of the latitude an amplitude is not the Earth's.
 const SCALE_LIMIT: f64 = 0.1;
 const LATITUDE_LIMIT_DEG: f64 = 10.0;
+/// Most azimuths that are supposed one after the other, and how nearly two in a row agree, degrees: a hundredth of the best sigma there is.
+const AZIMUTH_STEPS: usize = 8;
+const AZIMUTH_AGREES_DEG: f64 = 1e-4;
 /// Scatter above this multiple of the declared noise is flagged.
 const NOISY_RATIO: f64 = 3.0;
 
@@ -75,6 +79,7 @@ fn solve_for(
         noise: None,
         correlated: None,
         encoder_slipped,
+        at_azimuth: None,
     };
     let mut flags = Flags::default();
 
@@ -93,7 +98,8 @@ fn solve_for(
         let fitted = Fitted::new(sinusoid, dwells, &|dwell| problem.observations(dwell), variance, drift_weight);
         problem.sinusoid = Some(fitted.ok_or(Unsolvable::TooFewDirections)?);
     }
-    problem.correlated = Correlated::new(&model.doubt, dwells, &|dwell| problem.mean(dwell), variance);
+    let unsettled_deg = settle_azimuth(&mut problem, model, variance, drift_sigma)?;
+    problem.correlated = Correlated::new(&model.doubt, &problem, variance);
     let drift = settle_drift(&problem, variance, drift_sigma)?;
     let estimate = &drift.estimate;
     if drift.free {
@@ -164,7 +170,7 @@ fn solve_for(
     let solution = Fix {
         azimuth_deg,
         sigma_deg: libm::sqrt(
-            [of_rates_deg, of_index_deg, of_level_deg, drift.doubt_deg, model.doubt.azimuth_sigma_deg]
+            [of_rates_deg, of_index_deg, of_level_deg, drift.doubt_deg, unsettled_deg, model.doubt.azimuth_sigma_deg]
                 .iter()
                 .map(|part| part * part)
                 .sum(),
@@ -178,6 +184,36 @@ fn solve_for(
         flags,
     };
     Ok((solution, estimate.residual / variance))
+}
+
+/// Where the model depends on the azimuth, supposes one, and the next by that, until they agree: by how much the last two differ, degrees.
+fn settle_azimuth<'a>(
+    problem: &mut Problem<'a>,
+    model: &'a ErrorModel,
+    variance: f64,
+    drift_sigma: f64,
+) -> Result<f64, Unsolvable> {
+    if !model.needs_azimuth() {
+        return Ok(0.0);
+    }
+    let azimuth_deg = |problem: &Problem<'_>| {
+        let estimate = Estimate::new(problem, variance / (drift_sigma * drift_sigma));
+        estimate.map(|estimate| estimate.azimuth_deg()).ok_or(Unsolvable::TooFewDirections)
+    };
+    let mut supposed_deg = azimuth_deg(problem)?;
+    let mut apart_deg: f64 = 0.0;
+    for _ in 0..AZIMUTH_STEPS {
+        problem.at_azimuth = Some(AzimuthEffects::new(model, problem.earth, supposed_deg));
+        problem.correlated = Correlated::new(&model.doubt, problem, variance);
+        let next_deg = azimuth_deg(problem)?;
+        apart_deg = wrap_180_deg(next_deg - supposed_deg).abs();
+        supposed_deg = next_deg;
+        if apart_deg < AZIMUTH_AGREES_DEG {
+            break;
+        }
+    }
+    problem.at_azimuth = Some(AzimuthEffects::new(model, problem.earth, supposed_deg));
+    Ok(if apart_deg < AZIMUTH_AGREES_DEG { 0.0 } else { apart_deg })
 }
 
 /// The horizontal Earth rate, least and most, that a scale factor error and an error of the latitude can make of it.
@@ -204,9 +240,7 @@ fn correlated_covariance(
     model: &ErrorModel,
 ) -> Matrix4<f64> {
     let mut shared = match &problem.correlated {
-        None if doubt::is_any(&model.doubt) => {
-            doubt::of_right_hand_side(&model.doubt, problem.dwells, &|dwell| problem.mean(dwell))
-        }
+        None if doubt::is_any(&model.doubt) => doubt::of_right_hand_side(&model.doubt, problem),
         _ => Matrix4::zeros(),
     };
     add_of_dwells(&mut shared, problem, declared.gyro.bias_instability_deg_h);

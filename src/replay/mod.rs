@@ -13,6 +13,7 @@ pub use gathering::{Belonging, REST_DEG, RecordedSecond, Seconds};
 use heapless::Vec;
 
 use crate::effects::MAX_CHANNELS;
+use crate::effects::now::RunFacts;
 use crate::event::{Dwell, Fix};
 use crate::fix::Unsolvable;
 use crate::fix::accumulator::{Accumulator, Corrected, Dwells, Outliers, Second, Slip, Taken};
@@ -210,6 +211,11 @@ impl<D: Dwells> Replay<D> {
         }
         self.end_dwell(sink);
         self.accumulator.solve().map_err(Refusal::Unsolvable)
+    }
+
+    /// What is known of the run as a whole.
+    pub fn set_run(&mut self, run: RunFacts) {
+        self.accumulator.set_run(run);
     }
 
     /// A second of the instrument, which says itself where it belongs.

@@ -122,7 +122,7 @@ mod tests {
             incoming.take(&Piece { version: VERSION + 1, ..*piece }).unwrap();
         }
         assert_eq!(incoming.read(&mut Settings::default()), Err(Refusal::SettingsUnreadable));
-        let endless = Piece { offset: 2500, length: u16::MAX, ..pieces[0] };
+        let endless = Piece { offset: 6100, length: u16::MAX, ..pieces[0] };
         assert_eq!(incoming.take(&endless), Err(Refusal::OutOfOrder));
     }
 }

@@ -28,14 +28,14 @@ use crate::health::Refusal;
 
 const MAGIC: [u8; 4] = *b"NFST";
 /// Changes whenever the meaning of a record does.
-pub const VERSION: u16 = 5;
+pub const VERSION: u16 = 6;
 /// The version before, which is read.
-const OLD_VERSION: u16 = 4;
+const OLD_VERSION: u16 = 5;
 const HEADER: usize = 12;
 const CRC_LENGTH: usize = 4;
 /// Longest record; a multiple of [`GRAIN`], and within a half. The longest settings that are valid fit: a test
 /// says so.
-const MAX_RECORD: usize = 2560;
+const MAX_RECORD: usize = 6144;
 /// Longest settings in it.
 pub const MAX_SETTINGS: usize = MAX_RECORD - HEADER - CRC_LENGTH;
 /// Records begin at multiples of this, which every flash's word divides.

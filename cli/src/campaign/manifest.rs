@@ -3,8 +3,11 @@
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
+use north_finder::effects::now::RunFacts;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use time::OffsetDateTime;
+use time::format_description::well_known::Rfc3339;
 use toml::Spanned;
 
 use super::MANIFEST;
@@ -108,7 +111,22 @@ impl Campaign {
     pub fn latitude_of(&self, run: &Run) -> Option<f64> {
         run.latitude_deg.or(self.latitude_deg)
     }
+
+    /// What is known of every run as a whole: the time of day at its start, and the time since the start of the run before it. The instrument
+    /// is taken to have rested a day before the first.
+    pub fn facts(&self) -> Vec<RunFacts> {
+        let start_s = |text: &str| OffsetDateTime::parse(text, &Rfc3339).ok().map(|time| time.unix_timestamp() as f64);
+        let starts: Vec<Option<f64>> = self.runs.iter().map(|run| run.started.as_deref().and_then(start_s)).collect();
+        let rest_s = |own_s: f64| {
+            let before = starts.iter().flatten().filter(|other_s| **other_s < own_s).copied().max_by(f64::total_cmp);
+            before.map_or(SECONDS_PER_DAY, |before_s| own_s - before_s)
+        };
+        let hour = |own_s: f64| (own_s / 3600.0).rem_euclid(24.0);
+        starts.iter().map(|own_s| RunFacts { hour_of_day: own_s.map(hour), rest_s: own_s.map(rest_s) }).collect()
+    }
 }
+
+const SECONDS_PER_DAY: f64 = 86_400.0;
 
 impl Default for Run {
     fn default() -> Self {

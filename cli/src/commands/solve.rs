@@ -53,16 +53,19 @@ impl Solve {
         let base = campaign_settings(&campaign, self.settings.as_deref())?;
         let model = self.model.as_deref().map(ModelFile::read).transpose()?;
         let bar = progress::bar(campaign.runs.len() as u64, "runs");
+        let facts = campaign.facts();
         let runs: Vec<_> = campaign
             .runs
             .par_iter()
+            .zip(&facts)
             .take_any_while(|_| !interrupt::requested())
-            .map(|run| {
+            .map(|(run, facts)| {
                 let latitude_deg = self.latitude.or(campaign.latitude_of(run)).unwrap_or(base.latitude_deg);
                 let mut settings = Settings { latitude_deg, ..base.clone() };
                 let applied = model.as_ref().map_or(Ok(()), |model| model.apply(&mut settings));
-                let solved =
-                    applied.map_err(SolveError::from).and_then(|()| solve_file(&campaign.path_of(run), &settings));
+                let solved = applied
+                    .map_err(SolveError::from)
+                    .and_then(|()| solve_file(&campaign.path_of(run), &settings, *facts));
                 bar.inc(1);
                 Solvable { run, solved }
             })
@@ -126,6 +129,9 @@ fn write_table(out: &mut dyn Write, runs: &[Solvable<'_>]) -> io::Result<()> {
             Ok(solution) => write_row(out, each, solution, with_reference)?,
             Err(SolveError::NoChannel { channel, .. }) => {
                 writeln!(out, "  refused: the model follows channel `{channel}`, which is not recorded")?;
+            }
+            Err(SolveError::NotStarted { fact, .. }) => {
+                writeln!(out, "  refused: the model follows the {fact}, and it is not known when the run started")?;
             }
             Err(SolveError::File(_)) => writeln!(out, "  refused: the file is wrong, see below")?,
             Err(SolveError::Refused { refusal, .. }) => writeln!(out, "  refused: {refusal}")?,

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use north_finder::earth::{EarthRate, earth_rate};
+use north_finder::effects::now::RunFacts;
 use north_finder::effects::{ErrorModel, MAX_CHANNELS};
 use north_finder::event::{Dwell, Fix};
 use north_finder::fix::DesignRow;
@@ -15,7 +16,7 @@ use rayon::prelude::*;
 
 use super::{Options, Refusal, Warning};
 use crate::campaign::{Campaign, Role, Row, Run, RunReader};
-use crate::solve::{AllDwells, correct_level, recorded};
+use crate::solve::{AllDwells, correct_level, lacking_fact, recorded};
 
 /// More outliers than one second in this many are no shocks but something to be explained.
 const SECONDS_BY_SHOCK: usize = 50;
@@ -67,6 +68,8 @@ pub struct RunData {
     pub refusal: Option<String>,
     /// Lines of seconds that the fix left out as outliers.
     pub outliers: Vec<u64>,
+    /// What is known of it as a whole.
+    pub facts: RunFacts,
     /// Noise of a one-second rate where it is known beforehand, °/h.
     pub noise_deg_h: Option<f64>,
     /// Most of the time the index turns.
@@ -136,12 +139,16 @@ impl RunData {
     /// Errors: why there is none, in words.
     pub fn replay(&self, model: &ErrorModel, told: &mut dyn FnMut(Told)) -> Result<Fix, String> {
         let slots = self.slots(model)?;
+        if let Some(fact) = lacking_fact(model, &self.facts) {
+            return Err(format!("the error model follows the {fact}, and it is not known when the run started"));
+        }
         let mut model = model.clone();
         if let Some(turned_deg) = self.turned_deg {
             model.index_error.get_or_insert_default().offset_deg += turned_deg;
         }
         let settings = Settings { model: Some(model), ..self.settings.clone() };
         let mut replay = Replay::new(&settings, AllDwells::default()).map_err(|refusal| refusal.to_string())?;
+        replay.set_run(self.facts);
         for (i, each) in self.recorded.iter().enumerate() {
             let mut each = *each;
             for (value, &slot) in each.second.conditions.channels.iter_mut().zip(&slots) {
@@ -256,7 +263,12 @@ fn sample(second: &Corrected, place: Place, dwell: usize, line: u64, earth: &Ear
 
 /// Reads all runs.
 pub fn read(campaign: &Campaign, options: &Options) -> Result<(Vec<RunData>, Vec<Warning>), Refusal> {
-    let read: Vec<_> = campaign.runs.par_iter().map(|run| read_run(campaign, run, options)).collect();
+    let read: Vec<_> = campaign
+        .runs
+        .par_iter()
+        .zip(campaign.facts())
+        .map(|(run, facts)| read_run(campaign, run, facts, options))
+        .collect();
     let (mut runs, mut warnings) = (Vec::new(), Vec::new());
     for each in read {
         let (run, doubts) = each?;
@@ -266,7 +278,12 @@ pub fn read(campaign: &Campaign, options: &Options) -> Result<(Vec<RunData>, Vec
     Ok((runs, warnings))
 }
 
-fn read_run(campaign: &Campaign, run: &Run, options: &Options) -> Result<(RunData, Option<Warning>), Refusal> {
+fn read_run(
+    campaign: &Campaign,
+    run: &Run,
+    facts: RunFacts,
+    options: &Options,
+) -> Result<(RunData, Option<Warning>), Refusal> {
     let latitude_deg = campaign.latitude_of(run).unwrap_or_default();
     let refuse = |problem: String| Refusal::Run { run: run.file.clone(), line: None, problem };
     let earth = earth_rate(latitude_deg).map_err(|_| {
@@ -289,6 +306,7 @@ fn read_run(campaign: &Campaign, run: &Run, options: &Options) -> Result<(RunDat
         before: None,
         refusal: None,
         outliers: Vec::new(),
+        facts,
         noise_deg_h: None,
         rotation: false,
     };

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use north::campaign::Campaign;
+use north::campaign::{Campaign, Run};
 use north::diagnose::{Options, diagnose};
 use north::failure::Failure;
 use north::model_file::ModelFile;
@@ -111,13 +111,14 @@ pub fn judge(folder: &Path, number: u64) -> Result<Verdict, Failure> {
     let path = temporary.path().join("model.toml");
     let solved = write_model(&path, &diagnosis.model).map_err(|error| error.to_string()).and_then(|()| {
         let model = ModelFile::read(&path).map_err(|error| error.to_string())?;
-        campaign.runs.iter().filter(|run| checks.iter().any(|check| check.file == run.file)).try_fold(
+        let judged = |run: &Run| checks.iter().any(|check| check.file == run.file);
+        campaign.runs.iter().zip(campaign.facts()).filter(|(run, _)| judged(run)).try_fold(
             Vec::new(),
-            |mut solved, run| {
+            |mut solved, (run, facts)| {
                 let latitude_deg = campaign.latitude_of(run).unwrap_or(settings.latitude_deg);
                 let mut settings = Settings { latitude_deg, ..settings.clone() };
                 model.apply(&mut settings).map_err(|error| error.to_string())?;
-                let fix = solve_file(&campaign.path_of(run), &settings).map_err(|error| error.to_string())?.fix;
+                let fix = solve_file(&campaign.path_of(run), &settings, facts).map_err(|error| error.to_string())?.fix;
                 solved.push((run.file.clone(), [fix.azimuth_deg, fix.sigma_deg]));
                 Ok(solved)
             },

@@ -19,8 +19,8 @@
 use super::pac::TIMER0;
 use cortex_m_semihosting::{debug, nr, syscall, syscall1};
 
-/// Longest message, with its length. A flash record is the longest: 2560 bytes.
-const MAX_MESSAGE: usize = 2576;
+/// Longest message, with its length. A flash record is the longest: 6144 bytes.
+const MAX_MESSAGE: usize = 6160;
 
 pub struct Exchange {
     /// What the exchange itself took since it was last asked for, cycles of the timer, and what else no board with timers and buses of

@@ -4,7 +4,7 @@ use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashEr
 
 use super::with;
 
-/// The flash memory: two sectors of 4096 bytes, words of four.
+/// The flash memory: two sectors of 8192 bytes, words of four.
 pub struct Flash;
 
 /// The simulated flash refused; its error number.
@@ -37,7 +37,7 @@ impl ReadNorFlash for Flash {
 
 impl NorFlash for Flash {
     const WRITE_SIZE: usize = 4;
-    const ERASE_SIZE: usize = 4096;
+    const ERASE_SIZE: usize = 8192;
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
         with(|state| flash_result(state.exchange.ask(b'E', &[&from.to_le_bytes(), &to.to_le_bytes()])))

@@ -10,7 +10,7 @@ use serde::Deserialize;
 
 use super::OLD_VERSION;
 use crate::effects::{Doubt, ErrorModel};
-use crate::settings::{IndexSettings, Settings};
+use crate::settings::Settings;
 
 type Content<'a> = Deserializer<'a, Slice<'a>>;
 
@@ -36,19 +36,19 @@ pub fn read(content: &[u8], version: u16, settings: &mut Settings) -> Option<()>
     set(from, level)?;
     set(from, disturbance)?;
     set(from, jitter)?;
-    *index = if version == OLD_VERSION { next::<Index4>(from)?.into() } else { next(from)? };
+    set(from, index)?;
     set(from, sequence)?;
     set(from, time_limit_s)?;
     *model = None;
     if next(from)? {
-        read_model(from, model.insert(ErrorModel::default()))?;
+        read_model(from, version, model.insert(ErrorModel::default()))?;
     }
     set(from, accelerometer)?;
-    *block = if version == OLD_VERSION { None } else { next(from)? };
+    set(from, block)?;
     content.finalize().is_ok_and(<[u8]>::is_empty).then_some(())
 }
 
-fn read_model(from: &mut Content<'_>, model: &mut ErrorModel) -> Option<()> {
+fn read_model(from: &mut Content<'_>, version: u16, model: &mut ErrorModel) -> Option<()> {
     let ErrorModel {
         scale_error,
         bias_deg_h,
@@ -58,6 +58,7 @@ fn read_model(from: &mut Content<'_>, model: &mut ErrorModel) -> Option<()> {
         earth_field,
         base_motion,
         sinusoid,
+        effects,
         doubt: Doubt { azimuth_sigma_deg, directions, process },
     } = model;
     set(from, scale_error)?;
@@ -68,6 +69,10 @@ fn read_model(from: &mut Content<'_>, model: &mut ErrorModel) -> Option<()> {
     set(from, earth_field)?;
     set(from, base_motion)?;
     set(from, sinusoid)?;
+    effects.clear();
+    if version != OLD_VERSION {
+        list(from, effects)?;
+    }
     set(from, azimuth_sigma_deg)?;
     list(from, directions)?;
     set(from, process)
@@ -90,21 +95,4 @@ fn list<'a, T: Deserialize<'a>, const N: usize>(from: &mut Content<'a>, list: &m
         list.push(next(from)?).ok()?;
     }
     Some(())
-}
-
-/// The index's settings as records of version 4 hold them: without `hold_current`.
-#[derive(Deserialize)]
-struct Index4 {
-    tolerance_deg: f64,
-    sigma_deg: f64,
-    retries: u8,
-    speed_deg_s: f64,
-    acceleration_deg_s2: f64,
-}
-
-impl From<Index4> for IndexSettings {
-    fn from(old: Index4) -> Self {
-        let Index4 { tolerance_deg, sigma_deg, retries, speed_deg_s, acceleration_deg_s2 } = old;
-        Self { tolerance_deg, sigma_deg, retries, speed_deg_s, acceleration_deg_s2, ..Self::default() }
-    }
 }

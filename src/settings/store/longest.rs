@@ -6,11 +6,16 @@ use crate::calibration::accelerometer::AccelerometerCalibration;
 use crate::effects::basis::curve::Curve;
 use crate::effects::basis::curve::function::Function;
 use crate::effects::basis::curve::signal::Signal;
-use crate::effects::doubt::{Kernel, Process};
+use crate::effects::doubt::{Kernel, MAX_DIRECTIONS, Process};
+use crate::effects::dynamics::Heat;
+use crate::effects::effect::Port;
+use crate::effects::factor::Factor;
 use crate::effects::rate_term::DeadZoneForm;
+use crate::effects::shape::{Bump, Sharp, Smooth};
+use crate::effects::signal::Difference;
 use crate::effects::{
-    BaseMotion, Basis, ChannelName, EarthField, ErrorModel, IndexError, MAX_PRODUCTS, MAX_RATE_TERMS, MAX_TERMS,
-    RateTerm, Sinusoid, Term,
+    BaseMotion, Basis, ChannelName, EarthField, Effect, ErrorModel, IndexError, MAX_EFFECTS, MAX_PRODUCTS,
+    MAX_RATE_TERMS, MAX_TERMS, RateTerm, Sinusoid, Term,
 };
 use crate::heading::settings::BlockSettings;
 use crate::sequence::order::{MAX_POSITIONS, Order};
@@ -29,7 +34,7 @@ pub fn settings() -> Settings {
     let mut angles = Vec::new();
     angles.resize(MAX_POSITIONS, 1.1).unwrap();
     settings.sequence.order = Order::Custom(angles);
-    settings.model = Some(model("a_name_of_twenty_four_by"));
+    settings.model = Some(of_effects());
     settings.accelerometer = Some(AccelerometerCalibration { bias_g: [1.1; 3], matrix: [1.1; 6] });
     settings.block = Some(BlockSettings {
         arw_deg_per_sqrt_h: Some(1.1),
@@ -41,9 +46,28 @@ pub fn settings() -> Settings {
     settings
 }
 
-/// The longest valid model: twelve tables of four knots reach the limits of knots and coefficients, four of them in products.
+/// The longest valid model of effects: ten curves of six functions and two of sixteen, each times a bump, reach the limit of factors, and of weights but
+/// for four; all are of the difference of two channels behind two dynamics.
+fn of_effects() -> ErrorModel {
+    let name = |text| ChannelName::new(text).unwrap();
+    let difference = Difference { plus: name("a_name_of_twenty_four_by"), minus: name("b_name_of_twenty_four_by") };
+    let dynamics = [Heat { tau_s: 1.1 }.into(), Heat { tau_s: 1.1 }.into()];
+    let of = |shape| Factor::new(difference.into(), &dynamics, shape);
+    let mut model = ErrorModel { scale_error: 0.01, bias_deg_h: 1.1, ..Default::default() };
+    for i in 0..MAX_EFFECTS {
+        let curve = if i < 2 { Sharp { low: 1.1, high: 2.2 }.into() } else { Smooth { low: 1.1, high: 2.2 }.into() };
+        let bump = Bump { centre: 1.1, width: 1.1, circular: true };
+        let mut effect = Effect::new(Port::Forward, &[of(curve), of(bump.into())]);
+        effect.weights.iter_mut().for_each(|weight| *weight = 1.1);
+        assert!(model.effects.push(effect).is_ok());
+    }
+    with_the_rest(&mut model);
+    model
+}
+
+/// The longest valid model of terms: twelve tables of four knots reach the limits of knots and coefficients, four of them in products.
 /// All follow one channel.
-fn model(channel: &str) -> ErrorModel {
+pub fn of_terms(channel: &str) -> ErrorModel {
     let signal = Signal::Rate { samples: 30, curved: true, low_pass_s: 1.1 };
     let channel = ChannelName::new(channel).unwrap();
     let of = |function| Basis::Curve(Curve { channel, signal, function });
@@ -60,16 +84,22 @@ fn model(channel: &str) -> ErrorModel {
             .add_rate_term(RateTerm::DeadZone { centre_deg_h: 1.1, depth_deg_h: 0.0, width_deg_h: 1.1, form })
             .unwrap();
     }
+    with_the_rest(&mut model);
+    model
+}
+
+/// What else a model has.
+fn with_the_rest(model: &mut ErrorModel) {
     model.index_error = Some(IndexError { offset_deg: 0.0, cos_deg: 0.0, sin_deg: 0.0 });
     model.earth_field = Some(EarthField { east_deg_h: 0.0, north_deg_h: 0.0 });
     model.base_motion = Some(BaseMotion { velocity: true, lag_s: 1.1 });
     model.sinusoid = Some(Sinusoid { period_s: 1.1, amplitude_deg_h: 1.1 });
-    let number = model.terms.iter().map(|term| term.coefficients.len()).sum();
+    let of_terms: usize = model.terms.iter().map(|term| term.coefficients.len()).sum();
+    let number = of_terms + model.effects.iter().map(Effect::count).sum::<usize>();
     let direction: Vec<f32, _> = core::iter::repeat_n(1.1, number).collect();
-    model.doubt.directions.resize(3, direction).unwrap();
+    model.doubt.directions.resize(MAX_DIRECTIONS, direction).unwrap();
     model.doubt.azimuth_sigma_deg = 1.1;
     let kernel = Kernel::DampedCosine { period_s: 1.1 };
     model.doubt.process = Some(Process { kernel, sigma_deg_h: 1.1, time_s: 1.1 });
     model.validate().unwrap();
-    model
 }

@@ -6,12 +6,13 @@ use embedded_storage::nor_flash::{ErrorType, NorFlashError, NorFlashErrorKind, c
 
 use super::*;
 use crate::calibration::accelerometer::AccelerometerCalibration;
-use crate::effects::term::MAX_TERM_COEFFICIENTS;
+use crate::effects::ErrorModel;
+use crate::effects::effect::MAX_EFFECT_WEIGHTS;
 
 /// Smallest of the boards.
-const SECTOR: usize = 4096;
+const SECTOR: usize = 8192;
 
-/// Two sectors of 4096 bytes in words of `WORD` bytes that are written once after an erase; power can fail after
+/// Two sectors of 8192 bytes in words of `WORD` bytes that are written once after an erase; power can fail after
 /// any number of bytes, in the middle of a word or of an erase.
 #[derive(Clone)]
 struct Flash<const WORD: usize> {
@@ -124,7 +125,7 @@ fn the_record_is_as_documented() {
     save(&mut flash, &settings(45.5)).unwrap();
     let record = &flash.bytes[first.next_multiple_of(16)..];
     let length = usize::from(u16::from_le_bytes([record[6], record[7]]));
-    assert_eq!(record[..6], *b"NFST\x05\x00");
+    assert_eq!(record[..6], *b"NFST\x06\x00");
     assert_eq!(record[8..12], [1, 0, 0, 0]);
     assert_eq!(record[12..20], 45.5_f64.to_le_bytes());
     let crc = CRC.checksum(&record[..12 + length]).to_le_bytes();
@@ -137,7 +138,7 @@ fn written<const WORD: usize>(flash: &Flash<WORD>) -> usize {
     flash.bytes.iter().rposition(|&byte| byte != 0xFF).map_or(0, |last| last + 1)
 }
 
-/// 4096 bytes of records before one is erased, and that is done at power-up, if power is ever cycled.
+/// 8192 bytes of records before one is erased, and that is done at power-up, if power is ever cycled.
 #[test]
 fn nothing_is_erased_while_there_is_room_and_prepared_flash_never() {
     for prepared in [false, true] {
@@ -177,29 +178,34 @@ fn another_version_is_corrupt() {
     assert_eq!(load(&mut flash), Ok(Loaded::Corrupt));
 }
 
-/// A record of version 4 is one of today without the byte of `index.hold_current`, which ends the index's settings, and the last
-/// one, which says that there is no block.
+/// A record of version 5 is one of today without the number of effects, 0, which follows the sinusoid.
 #[test]
 fn the_version_before_is_read_with_its_model() {
     let mut flash = Flash::<4>::erased();
-    let expected = Settings { block: None, ..longest::settings() };
+    let mut expected = longest::settings();
+    let mut of_terms = longest::of_terms("supply_v");
+    of_terms.doubt.directions.truncate(1);
+    expected.model = Some(of_terms.clone());
     save(&mut flash, &expected).unwrap();
-    let Settings { latitude_deg, gyro, level, disturbance, jitter, index, .. } = expected.clone();
-    let mut place = [0; 256];
-    let before =
-        postcard::to_slice(&(latitude_deg, gyro, level, disturbance, jitter, index), &mut place).unwrap().len();
+    let Settings { latitude_deg, gyro, level, disturbance, jitter, index, sequence, time_limit_s, .. } =
+        expected.clone();
+    let ErrorModel {
+        scale_error, bias_deg_h, terms, rate_terms, index_error, earth_field, base_motion, sinusoid, ..
+    } = of_terms;
+    let mut place = [0; 4096];
+    let of_settings = (latitude_deg, gyro, level, disturbance, jitter, index, sequence, time_limit_s, true);
+    let before = postcard::to_slice(&of_settings, &mut place).unwrap().len();
+    let of_model = (scale_error, bias_deg_h, terms, rate_terms, index_error, earth_field, base_motion, sinusoid);
+    let before = before + postcard::to_slice(&of_model, &mut place).unwrap().len();
     let length = usize::from(u16::from_le_bytes([flash.bytes[6], flash.bytes[7]]));
-    assert_eq!(flash.bytes.remove(HEADER + before - 1), u8::from(expected.index.hold_current));
-    flash.bytes[4] = 4;
-    flash.bytes[6..8].copy_from_slice(&(length as u16 - 2).to_le_bytes());
-    let end = HEADER + length - 2;
-    assert_eq!(flash.bytes[end], 0);
+    assert_eq!(flash.bytes.remove(HEADER + before), 0);
+    flash.bytes[4] = 5;
+    flash.bytes[6..8].copy_from_slice(&(length as u16 - 1).to_le_bytes());
+    let end = HEADER + length - 1;
     let crc = CRC.checksum(&flash.bytes[..end]).to_le_bytes();
     flash.bytes[end..][..4].copy_from_slice(&crc);
     flash.bytes.push(0xFF);
-    let mut old = expected;
-    old.index.hold_current = false;
-    assert_eq!(load(&mut flash), Ok(Loaded::Valid(old)));
+    assert_eq!(load(&mut flash), Ok(Loaded::Valid(expected)));
 }
 
 #[test]
@@ -211,10 +217,10 @@ fn the_longest_settings_fit() {
 
 #[test]
 fn too_long_settings_are_refused_and_the_former_stay() {
-    // Not valid: twice as many coefficients as a model can have.
+    // Not valid: more than four times as many weights as a model can have.
     let mut settings = longest::settings();
-    for term in settings.model.iter_mut().flat_map(|model| &mut model.terms) {
-        term.coefficients.resize(MAX_TERM_COEFFICIENTS, 1.1).unwrap();
+    for effect in settings.model.iter_mut().flat_map(|model| &mut model.effects) {
+        effect.weights.resize(MAX_EFFECT_WEIGHTS, 1.1).unwrap();
     }
     let mut flash = Flash::<4>::erased();
     save(&mut flash, &longest::settings()).unwrap();

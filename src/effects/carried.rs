@@ -1,0 +1,96 @@
+//! What of the effects a second leaves to the solution, which alone knows the azimuth: a dwell keeps the means of it.
+
+use super::doubt::MAX_DIRECTIONS;
+use super::effect::Port;
+
+/// Most products of factors that are kept for effects which depend on the azimuth.
+pub const MAX_GATES: usize = 16;
+/// Ports whose uncertainty is kept: that of the scale factor is one of the rate.
+const PORTS: usize = 4;
+/// Numbers that are kept.
+const NUMBERS: usize = PORTS * MAX_DIRECTIONS + MAX_GATES;
+
+/// Numbers that a dwell keeps for its solution.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Carried {
+    numbers: [f32; NUMBERS],
+}
+
+impl Default for Carried {
+    fn default() -> Self {
+        Self { numbers: [0.0; NUMBERS] }
+    }
+}
+
+impl Carried {
+    fn place(port: Port, direction: usize) -> Option<usize> {
+        let port = match port {
+            Port::Rate => 0,
+            Port::Index => 1,
+            Port::Forward => 2,
+            Port::Left => 3,
+            Port::Scale => return None,
+        };
+        (direction < MAX_DIRECTIONS).then_some(port * MAX_DIRECTIONS + direction)
+    }
+
+    /// What one sigma along an uncertain direction of the model adds at a port, in the port's unit; the scale factor's is in the rate's.
+    pub fn doubt(&self, port: Port, direction: usize) -> f64 {
+        Self::place(port, direction).and_then(|place| self.numbers.get(place)).copied().unwrap_or(0.0).into()
+    }
+
+    pub fn set_doubt(&mut self, port: Port, direction: usize, value: f64) {
+        if let Some(number) = Self::place(port, direction).and_then(|place| self.numbers.get_mut(place)) {
+            *number = value as f32;
+        }
+    }
+
+    /// Product of the factors of an effect that do not depend on the azimuth, where others do; by its number among all of these.
+    pub fn gate(&self, number: usize) -> f64 {
+        self.numbers.get(PORTS * MAX_DIRECTIONS + number).copied().unwrap_or(0.0).into()
+    }
+
+    pub fn set_gate(&mut self, number: usize, value: f64) {
+        if let Some(gate) = self.numbers.get_mut(PORTS * MAX_DIRECTIONS + number) {
+            *gate = value as f32;
+        }
+    }
+}
+
+/// Sums by the time, for the means of a dwell.
+#[derive(Clone, Debug)]
+pub struct CarriedSums {
+    sums: [f64; NUMBERS],
+    seconds: f64,
+}
+
+impl Default for CarriedSums {
+    fn default() -> Self {
+        Self { sums: [0.0; NUMBERS], seconds: 0.0 }
+    }
+}
+
+impl CarriedSums {
+    pub fn add(&mut self, carried: &Carried, seconds: f64) {
+        for (sum, number) in self.sums.iter_mut().zip(carried.numbers) {
+            *sum += seconds * f64::from(number);
+        }
+        self.seconds += seconds;
+    }
+
+    /// The means, and begins anew.
+    pub fn take(&mut self) -> Carried {
+        let seconds = self.seconds.max(f64::MIN_POSITIVE);
+        let mut carried = Carried::default();
+        for (number, sum) in carried.numbers.iter_mut().zip(self.sums) {
+            *number = (sum / seconds) as f32;
+        }
+        self.clear();
+        carried
+    }
+
+    pub fn clear(&mut self) {
+        self.sums.fill(0.0);
+        self.seconds = 0.0;
+    }
+}

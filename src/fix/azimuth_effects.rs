@@ -1,0 +1,215 @@
+//! What of the error model depends on the azimuth that is sought, at a supposed azimuth: effects that follow the axis over ground or the rate itself,
+//! and what an uncertain index angle or level adds to the rate.
+
+use nalgebra::Vector4;
+
+use super::dwell::DwellSummary;
+use crate::earth::EarthRate;
+use crate::effects::doubt::MAX_DIRECTIONS;
+use crate::effects::effect::Port;
+use crate::effects::now::{Belief, Now, RunFacts};
+use crate::effects::track::Track;
+use crate::effects::{Conditions, ErrorModel};
+use crate::fix::DesignRow;
+use crate::index::Direction;
+use crate::units::{DEG_PER_RAD, RAD_PER_DEG, sin_cos_deg, wrap_360_deg};
+
+/// Half width of the difference from which the slope against the azimuth is taken, degrees: the azimuth of one pass over an uncalibrated
+/// instrument is about as wrong, so that a step in a curve becomes a slope over it.
+const HALF_WIDTH_DEG: f64 = 0.1;
+
+/// The model at a supposed azimuth.
+#[derive(Clone, Copy)]
+pub(super) struct AzimuthEffects<'a> {
+    model: &'a ErrorModel,
+    earth: EarthRate,
+    azimuth_deg: f64,
+    cos: f64,
+    sin: f64,
+}
+
+impl<'a> AzimuthEffects<'a> {
+    pub fn new(model: &'a ErrorModel, earth: EarthRate, azimuth_deg: f64) -> Self {
+        let (sin, cos) = sin_cos_deg(azimuth_deg);
+        Self { model, earth, azimuth_deg, cos, sin }
+    }
+
+    /// What the effects add to the mean rate of a dwell, °/h, and how that goes with (h cos ψ, h sin ψ, bias, drift) about the supposed azimuth.
+    pub fn of_dwell(&self, dwell: &DwellSummary, index: Direction) -> (f64, Vector4<f64>) {
+        if self.model.effects_of_azimuth().next().is_none() {
+            return (0.0, Vector4::zeros());
+        }
+        let at = |azimuth_deg: f64| {
+            Self::new(self.model, self.earth, azimuth_deg)
+                .sum(dwell, index, &|first, number| first.weights.get(number).copied().unwrap_or(0.0).into())
+        };
+        let rise = at(self.azimuth_deg + HALF_WIDTH_DEG) - at(self.azimuth_deg - HALF_WIDTH_DEG);
+        let per_rad = rise / (2.0 * HALF_WIDTH_DEG * RAD_PER_DEG);
+        let north = self.earth.north_deg_h;
+        (at(self.azimuth_deg), per_rad / north * Vector4::new(-self.sin, self.cos, 0.0, 0.0))
+    }
+
+    /// What one sigma along each uncertain direction adds to the mean rate of a dwell, °/h.
+    pub fn doubts_deg_h(&self, dwell: &DwellSummary, index: Direction) -> [f64; MAX_DIRECTIONS] {
+        let design = DesignRow::new(index, dwell.specific(), &self.earth);
+        let mut doubts = [0.0; MAX_DIRECTIONS];
+        for (k, (doubt, direction)) in doubts.iter_mut().zip(&self.model.doubt.directions).enumerate() {
+            for port in [Port::Rate, Port::Index, Port::Forward, Port::Left] {
+                *doubt += self.gain(port, index, &design) * dwell.carried.doubt(port, k);
+            }
+            for (effect, first, gate) in self.model.effects_of_azimuth() {
+                let of_weight = |number: usize| f64::from(direction.get(first + number).copied().unwrap_or(0.0));
+                *doubt += self.effect(effect, gate, dwell, index, &design, &of_weight);
+            }
+        }
+        doubts
+    }
+
+    fn sum(
+        &self,
+        dwell: &DwellSummary,
+        index: Direction,
+        weight: &dyn Fn(&crate::effects::Effect, usize) -> f64,
+    ) -> f64 {
+        let design = DesignRow::new(index, dwell.specific(), &self.earth);
+        let effects = self.model.effects_of_azimuth();
+        effects.map(|(effect, _, gate)| self.effect(effect, gate, dwell, index, &design, &|n| weight(effect, n))).sum()
+    }
+
+    /// Σ weight · product of the factors' functions, at its port, °/h.
+    fn effect(
+        &self,
+        effect: &crate::effects::Effect,
+        gate: usize,
+        dwell: &DwellSummary,
+        index: Direction,
+        design: &DesignRow,
+        weight: &dyn Fn(usize) -> f64,
+    ) -> f64 {
+        let (conditions, track, run) = (Conditions::default(), Track::default(), RunFacts::default());
+        let belief = Some(Belief {
+            axis_azimuth_deg: wrap_360_deg(self.azimuth_deg - libm::atan2(index.sin, index.cos) * DEG_PER_RAD),
+            rate_deg_h: self.earth_rate_deg_h(design),
+        });
+        let now = Now { conditions: &conditions, channels: &[], track: &track, run: &run, belief };
+        let of_weight = |number: usize| {
+            weight(number) * dwell.carried.gate(gate + effect.gate_of(number)) * effect.of_azimuth(number, &now)
+        };
+        self.gain(effect.port, index, design) * (0..effect.count()).map(of_weight).sum::<f64>()
+    }
+
+    /// The Earth's rate about the axis, °/h.
+    fn earth_rate_deg_h(&self, design: &DesignRow) -> f64 {
+        self.earth.north_deg_h * (design.cos * self.cos + design.sin * self.sin) + design.vertical_deg_h
+    }
+
+    /// What a unit at a port adds to the rate that the solution takes for true, °/h.
+    fn gain(&self, port: Port, index: Direction, design: &DesignRow) -> f64 {
+        match port {
+            Port::Rate => 1.0,
+            Port::Scale => self.earth_rate_deg_h(design),
+            // The encoder reads too much: the axis is clockwise of where it is taken to be.
+            Port::Index => -RAD_PER_DEG * self.earth.north_deg_h * (design.cos * self.sin - design.sin * self.cos),
+            // The level reads too much, and so much too much of the vertical rate is taken out.
+            Port::Forward => -self.earth.up_deg_h * index.cos,
+            Port::Left => -self.earth.up_deg_h * index.sin,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::vec::Vec;
+
+    use super::*;
+    use crate::effects::Effect;
+    use crate::effects::carried::MAX_GATES;
+    use crate::effects::factor::Factor;
+    use crate::effects::shape::{Harmonic, Linear, Shape};
+    use crate::effects::signal::{Axis, Rate};
+    use crate::fix::Fix;
+    use crate::fix::solve;
+    use crate::fix::tests::{declared, dwell};
+    use crate::units::wrap_180_deg;
+
+    /// Ω cos 60°, °/h.
+    const NORTH_DEG_H: f64 = 7.5205335;
+    const ORDER: [f64; 8] = [0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0];
+
+    fn model(effect: Effect, weights: &[f32]) -> ErrorModel {
+        let mut model = ErrorModel::default();
+        let weights = weights.iter().copied().collect();
+        model.effects.push(Effect { weights, ..effect }).unwrap();
+        model.validate().unwrap();
+        model
+    }
+
+    /// Eight dwells at an azimuth of 70° that read the Earth's rate and what is added to it: of the axis' azimuth and of the Earth's rate. Every
+    /// product of factors that do not depend on the azimuth is one.
+    fn fix(model: &ErrorModel, added_deg_h: impl Fn(f64, f64) -> f64) -> Fix {
+        let dwells: Vec<DwellSummary> = (0..)
+            .zip(ORDER)
+            .map(|(i, index_deg)| {
+                let axis_rad = (70.0 - index_deg).to_radians();
+                let rate_deg_h = NORTH_DEG_H * libm::cos(axis_rad);
+                let mut each = dwell(65.0 * f64::from(i), index_deg, rate_deg_h + added_deg_h(axis_rad, rate_deg_h));
+                (0..MAX_GATES).for_each(|gate| each.carried.set_gate(gate, 1.0));
+                each
+            })
+            .collect();
+        solve(&dwells, &declared(60.0), model).unwrap()
+    }
+
+    fn assert_azimuth(fix: &Fix, expected_deg: f64) {
+        assert!(wrap_180_deg(fix.azimuth_deg - expected_deg).abs() < 2e-4, "{} {expected_deg}", fix.azimuth_deg);
+    }
+
+    /// What goes with the sine of the axis' azimuth turns the azimuth: h cos x + a sin x = √(h² + a²) cos(x − δ), tan δ = a/h; with a = 0.1 °/h δ is
+    /// 0.76182°, and the azimuth reads 70° − δ. The model takes it out.
+    #[test]
+    fn an_effect_of_the_axis_over_ground() {
+        let harmonic = Factor::new(Axis.into(), &[], Harmonic { period: 360.0 }.into());
+        let effect = Effect::new(Port::Rate, &[harmonic]);
+        let sine = |axis_rad: f64, _: f64| 0.1 * libm::sin(axis_rad);
+        assert_azimuth(&fix(&ErrorModel::default(), sine), 70.0 - 0.76182);
+        assert_azimuth(&fix(&model(effect.clone(), &[0.0, 0.1]), sine), 70.0);
+        // At the port of the scale factor the same weight multiplies the Earth's rate: half of it goes with the sine of twice the axis' azimuth.
+        let scaled = Effect { port: Port::Scale, ..effect };
+        assert_azimuth(&fix(&model(scaled, &[0.0, 0.1]), |axis_rad, rate| rate * sine(axis_rad, 0.0)), 70.0);
+    }
+
+    /// A line in the rate, 0.02 of it at 7.5205 °/h, is a scale factor: the amplitude is the Earth's with the model, and 2 % more without.
+    #[test]
+    fn an_effect_of_the_rate_itself() {
+        let line: Shape = Linear { reference: 0.0, scale: 1.0 }.into();
+        let effect = Effect::new(Port::Rate, &[Factor::new(Rate.into(), &[], line)]);
+        let added = |_: f64, rate_deg_h: f64| 0.02 * rate_deg_h;
+        assert!((fix(&ErrorModel::default(), added).amplitude_deg_h / NORTH_DEG_H - 1.02).abs() < 1e-6);
+        assert!((fix(&model(effect, &[0.02]), added).amplitude_deg_h / NORTH_DEG_H - 1.0).abs() < 1e-6);
+    }
+
+    /// An index offset known to 0.5° makes the azimuth uncertain by 0.5°; so does a level error of 0.5° that turns with the index at no azimuth: a
+    /// constant reading of the forward accelerometer that is 0.01 g too large takes 0.01 · Ω sin φ cos θ from the rate, which at an azimuth of 70° is
+    /// 0.01 · 13.02595 · sin 70°/7.5205 = 0.016276 rad = 0.93256°.
+    #[test]
+    fn what_is_not_certain_of_index_and_level() {
+        let without = fix(&ErrorModel::default(), |_, _| 0.0);
+        let added_deg = |port: Port, sigma: f64| {
+            let mut model = model(Effect::new(port, &[]), &[0.0]);
+            model.doubt.directions.push([sigma as f32].into_iter().collect()).unwrap();
+            let dwells: Vec<DwellSummary> = (0..)
+                .zip(ORDER)
+                .map(|(i, index_deg)| {
+                    let rate_deg_h = NORTH_DEG_H * libm::cos((70.0 - index_deg).to_radians());
+                    let mut each = dwell(65.0 * f64::from(i), index_deg, rate_deg_h);
+                    each.carried.set_doubt(port, 0, sigma);
+                    each
+                })
+                .collect();
+            let with = solve(&dwells, &declared(60.0), &model).unwrap();
+            libm::sqrt(with.sigma_deg * with.sigma_deg - without.sigma_deg * without.sigma_deg)
+        };
+        assert!((added_deg(Port::Index, 0.5) - 0.5).abs() < 1e-3, "{}", added_deg(Port::Index, 0.5));
+        assert!((added_deg(Port::Forward, 0.01) - 0.93256).abs() < 2e-3, "{}", added_deg(Port::Forward, 0.01));
+    }
+}
