@@ -21,7 +21,6 @@ pub mod interrupt;
 pub mod json;
 pub mod learn;
 pub mod model_file;
-pub mod open_world;
 pub mod output;
 pub mod port;
 pub mod present;

@@ -145,7 +145,7 @@ impl Effect {
 
     /// It depends on the level accelerometers, or corrects them.
     pub fn needs_level(&self) -> bool {
-        let follows = |factor: &Factor| matches!(factor.signal, Signal::TiltAlong(_) | Signal::TiltAcross(_));
+        let follows = |factor: &Factor| matches!(factor.signal, Signal::TiltAlong | Signal::TiltAcross);
         matches!(self.port, Port::Forward | Port::Left) || self.factors.iter().any(follows)
     }
 

@@ -50,7 +50,7 @@ use crate::limits::{Invalid, finite, within};
 use carried::MAX_GATES;
 use doubt::MAX_COEFFICIENTS;
 use effect::Port;
-use signal::{Hour, Rest, Signal};
+use signal::Signal;
 
 /// Most additive terms, products of two bases among them, and effects of the rate.
 pub const MAX_TERMS: usize = 12;
@@ -146,7 +146,7 @@ impl ErrorModel {
     pub fn facts_of_runs(&self) -> impl Iterator<Item = &'static str> {
         let follows =
             |wanted: Signal| self.effects.iter().flat_map(|effect| &effect.factors).any(|each| each.signal == wanted);
-        [(Signal::from(Hour), HOUR_OF_DAY), (Signal::from(Rest), REST_BEFORE)]
+        [(Signal::Hour, HOUR_OF_DAY), (Signal::Rest, REST_BEFORE)]
             .into_iter()
             .filter_map(move |(signal, name)| follows(signal).then_some(name))
     }

@@ -1,17 +1,18 @@
 //! From what was learned to the diagnosis: azimuths, residuals, words.
 
 use north_finder::effects::ErrorModel;
+use north_finder::effects::doubt::Process;
 use north_finder::event::Fix;
-use north_finder::units::{RAD_PER_DEG, wrap_180_deg, wrap_360_deg};
+use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
 use super::checks;
 use super::data::RunData;
-use super::open::{OffBoard, Open};
+use super::composition::{self, Composition};
 use super::residual::Residuals;
 use super::statistics::{median, rms, rms_with_interval};
 use super::{
-    Diagnosis, Fitted, LeaveOneOut, NoiseTests, Options, Origin, Refusal, RunDiagnosis, Warning, doubt, findings,
+    Diagnosis, Effect, Fitted, LeaveOneOut, NoiseTests, Options, Origin, Refusal, RunDiagnosis, Warning, doubt, findings,
     fit_training_runs, guard, judge, turn, unexplained, verdict,
 };
 use crate::campaign::{Campaign, Role};
@@ -41,110 +42,48 @@ pub fn diagnosis(
     as_recorded: &[Option<Fix>],
     constant: &[String],
     fitted: &Fitted,
+    found: Option<&Composition>,
     options: &Options,
     mut warnings: Vec<Warning>,
 ) -> Result<Diagnosis, Refusal> {
     let base = &options.settings.model.clone().unwrap_or_default();
     let judged_by_checks = runs.iter().any(|run| run.role == Role::Check && run.reference_deg.is_some());
-    let mut model = model_of(fitted, base, runs)?;
-    let mut afters = after(runs, &model);
     let bad: Vec<String> = fitted.bad_references.iter().map(|(file, _)| file.clone()).collect();
-    let of_named: Vec<Option<f64>> = afters.iter().map(|after| after.azimuth_deg).collect();
-    let left_out = || guard::left_out(runs, fitted, base);
-    let found =
-        if fitted.by_dwell.is_some() { None } else { Open::choose(runs, &fitted.by_second.taken, &bad, left_out) };
-    // A sinusoid with a phase of every run's own is such a process, and one that has a name; but there may be more in the runs than one.
-    let found = found.filter(|open| {
-        let is_named = fitted.sinusoid.is_some() && open.replaces && open.is_process_only();
-        !is_named || open.misses_far_less(runs, &left_out(), &bad)
-    });
-    let structure = found.as_ref().is_some_and(Open::is_structure);
-    // Where processes of the runs' own do as well, the named effects are nothing, whether or not these processes help.
-    let spurious = found.as_ref().is_some_and(|open| open.replaces && open.is_process_only());
-    let (mut open, refused) = match found {
-        Some(open) if open.is_better(runs, &of_named, &bad) => (Some(open), None),
-        other => (None, other.filter(Open::is_structure)),
-    };
-    let mut bare = fitted.bare();
-    if spurious {
-        let names = fitted.learned().taken.iter().map(|each| each.candidate.full_name()).collect();
-        bare.withdrawn = Some((names, "processes of the runs' own, which no channel tells, explain as much".into()));
-    }
-    let fitted = if spurious || open.as_ref().is_some_and(|open| open.replaces) {
-        model = model_of(&bare, base, runs)?;
-        afters = after(runs, &model);
+    let choice = choose(runs, fitted, found, base, &bad);
+    let bare;
+    let fitted = if choice.composition.is_some() {
+        bare = fitted.bare();
         &bare
     } else {
         fitted
     };
     let learned = fitted.learned();
-    let unseen_deg = guard::unseen_index_offset_deg(runs, fitted);
-    if unseen_deg > 0.0 {
-        model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(unseen_deg);
-        afters = after(runs, &model);
+    let mut model = match &choice.composition {
+        Some(composition) => composition.model.clone(),
+        None => model_of(fitted, base, runs)?,
+    };
+    if choice.composition.is_none() && model.doubt.process.is_none() {
+        model.doubt.process = choice.process;
     }
+    let unseen_deg = guard::unseen_index_offset_deg(runs, fitted);
+    model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(unseen_deg);
+    let left_out = match &choice.left_out {
+        Some(fixes) => fixes.clone(),
+        None if fitted.is_empty() => runs.iter().map(|run| run.before).collect(),
+        None => guard::left_out(runs, fitted, base),
+    };
+    let missed_deg = guard::missed_beyond_sigma_deg(runs, fitted, &left_out);
+    if choice.composition.is_some() || !fitted.is_empty() || model.doubt.process.is_some() {
+        model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(missed_deg);
+    }
+    let afters = after(runs, &model);
     warn_of_runs(runs, fitted, &mut warnings);
     checks::warn_of_range(runs, learned, &mut warnings);
-    let mut crossed_deg: Vec<Option<f64>> =
-        if judged_by_checks { vec![None; runs.len()] } else { cross_validated(runs, base, constant, fitted) };
-    if open.is_none() && (structure || !fitted.is_empty()) {
-        let left_out = match fitted.is_empty() {
-            true => runs.iter().map(|run| run.before).collect(),
-            false => guard::left_out(runs, fitted, base),
-        };
-        let missed_deg = guard::missed_beyond_sigma_deg(runs, fitted, &left_out);
-        // What is not used may be true all the same.
-        let plain: Vec<Option<f64>> = afters.iter().map(|after| after.azimuth_deg).collect();
-        let apart_deg = refused.as_ref().map_or(0.0, |open| open.apart_beyond_sigma_deg(&plain));
-        if missed_deg.max(apart_deg) > 0.0 {
-            model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(missed_deg.max(apart_deg));
-            afters = after(runs, &model);
-        }
-    }
-    if let Some(open) = &mut open {
-        let written = open.written(runs, &model).and_then(|written| {
-            let by_model = after(runs, &written);
-            let azimuths: Vec<Option<f64>> = by_model.iter().map(|after| after.azimuth_deg).collect();
-            let apart =
-                || OffBoard("what the firmware's weights make of it differs from the engine's by too much".into());
-            if !open.agrees(&azimuths) {
-                return Err(apart());
-            }
-            let short_deg2 = short_of_engine_deg2(runs, &by_model, open);
-            if short_deg2 <= 0.0 {
-                return Ok((written, by_model));
-            }
-            let mut widened = written;
-            widened.doubt.azimuth_sigma_deg = widened.doubt.azimuth_sigma_deg.hypot(short_deg2.sqrt());
-            let by_model = after(runs, &widened);
-            Ok((widened, by_model))
-        });
-        match written {
-            Ok((written, by_model)) => {
-                model = written;
-                afters = by_model;
-                open.deployed = true;
-            }
-            Err(OffBoard(what)) => warnings.push(Warning {
-                run: None,
-                line: None,
-                message: format!(
-                    "the model that is written lacks what the open world learned ({what}): azimuths after are the \
-                     engine's own, not those of `north solve --model`"
-                ),
-            }),
-        }
-        for ((after, own), crossed_deg) in afters.iter_mut().zip(&open.azimuths).zip(&mut crossed_deg) {
-            let Some(own) = own else { continue };
-            let own_deg = wrap_360_deg(own.azimuth_rad / RAD_PER_DEG);
-            // The engine's azimuth of a training run is by a model without it.
-            *crossed_deg = Some(own_deg);
-            if !open.deployed || after.azimuth_deg.is_none() {
-                after.azimuth_deg = Some(own_deg);
-                after.sigma_deg = Some((own.sigma_rad / RAD_PER_DEG).hypot(unseen_deg));
-            }
-        }
-    }
+    let crossed_deg: Vec<Option<f64>> = match &choice.left_out {
+        Some(fixes) => fixes.iter().map(|fix| Some(fix.as_ref()?.azimuth_deg)).collect(),
+        None if judged_by_checks => vec![None; runs.len()],
+        None => cross_validated(runs, base, constant, fitted),
+    };
     let judged = |run: &RunData| {
         let role = if judged_by_checks { Role::Check } else { Role::Fit };
         run.role == role && run.reference_deg.is_some() && (judged_by_checks || !bad.contains(&run.file))
@@ -168,30 +107,22 @@ pub fn diagnosis(
     let left_out = (few || options.leave_one_out).then(|| leave_one_out(runs, base, constant, &bad)).flatten();
 
     let (all, period_s) = (runs.iter().collect(), fitted.sinusoid_period_s());
-    let residuals = match &open {
-        Some(open) if open.deployed => {
-            let without: Vec<RunData> = runs.par_iter().map(|run| run.with(&model)).collect();
-            Residuals::beside(all, without.iter().collect(), &[], period_s)
-        }
-        Some(open) => {
-            let without = open.taken_out(runs);
-            Residuals::beside(all, without.iter().collect(), &fitted.by_second.taken, period_s)
-        }
-        None => Residuals::new(all, &fitted.by_second.taken, period_s),
+    let residuals = if choice.composition.is_some() {
+        let without: Vec<RunData> = runs.par_iter().map(|run| run.with(&model)).collect();
+        Residuals::beside(all, without.iter().collect(), &[], period_s)
+    } else {
+        Residuals::new(all, &fitted.by_second.taken, period_s)
     };
     let sigmas: Vec<f64> = afters.iter().filter_map(|after| after.sigma_deg).collect();
-    let sigma_now_deg = median(sigmas);
-    let mut proposal = open.as_ref().map(|open| open.next_experiment(runs, sigma_now_deg)).unwrap_or_default();
-    if proposal.experiment.is_none() {
-        let of_named = findings::next_experiment(fitted, runs, sigma_now_deg);
-        proposal.experiment = of_named.experiment;
-        proposal.inseparable.extend(of_named.inseparable);
-    }
+    let proposal = findings::next_experiment(fitted, runs, median(sigmas));
     let noise = noise_tests(campaign, runs, &residuals, base, fitted);
-    let mut unexplained = match &open {
-        Some(open) => open.unexplained(),
+    let mut unexplained = match &choice.composition {
+        Some(composition) => composition.unexplained(),
         None => unexplained::evidence(fitted, runs, &noise),
     };
+    if choice.composition.is_none() {
+        unexplained.extend(choice.process.map(composition::in_words));
+    }
     unexplained.extend(note_contradictions(&mut records, &residuals));
     if let Some(turned_deg) = fitted.turned_deg {
         turn::put(&mut model, turned_deg);
@@ -219,9 +150,10 @@ pub fn diagnosis(
         judged_on: rms_after.map(|_| if judged_by_checks { "check-runs" } else { "cross-validation" }),
         unexplained: !unexplained.is_empty(),
         unexplained_evidence: unexplained,
-        withdrawn: fitted
+        withdrawn: choice
             .withdrawn
             .as_ref()
+            .or(fitted.withdrawn.as_ref())
             .map(|(names, why)| format!("{} was found and is not used: {why}", names.join(" and "))),
         missed_references,
         next_experiment: proposal.experiment,
@@ -233,27 +165,50 @@ pub fn diagnosis(
         effects: findings::found(fitted, runs.first().map_or(0.0, |run| run.earth.up_deg_h)),
         model,
     };
-    if let Some(open) = &open {
-        diagnosis.effects.extend(open.effects());
+    if let Some(composition) = &choice.composition {
+        diagnosis.effects.extend(composition.effects());
     }
     diagnosis.verdict = verdict::sentence(&diagnosis);
     Ok(diagnosis)
 }
 
-/// By how much the variances of azimuths by the written model fall short of the engine's, the difference of the two azimuths
-/// counted in; mean over the training runs, degrees². The engine averages over models, of which one is written.
-fn short_of_engine_deg2(runs: &[RunData], by_model: &[After], open: &Open) -> f64 {
-    let short: Vec<f64> = runs
-        .iter()
-        .zip(by_model.iter().zip(&open.azimuths))
-        .filter(|(run, _)| run.role == Role::Fit)
-        .filter_map(|(_, (after, own))| {
-            let own = own.as_ref()?;
-            let apart_deg = wrap_180_deg(after.azimuth_deg? - own.azimuth_rad / RAD_PER_DEG);
-            Some((own.sigma_rad / RAD_PER_DEG).powi(2) + apart_deg.powi(2) - after.sigma_deg?.powi(2))
-        })
-        .collect();
-    short.iter().sum::<f64>() / short.len().max(1) as f64
+/// What of all that was found is used.
+#[derive(Default)]
+struct Choice<'a> {
+    /// Products of factors in the place of the named effects.
+    composition: Option<&'a Composition>,
+    /// A process of the runs' own beside the named effects.
+    process: Option<Process>,
+    /// Training runs by what was learned from the others.
+    left_out: Option<Vec<Option<Fix>>>,
+    /// Names of products that must not be used, and why.
+    withdrawn: Option<(Vec<String>, String)>,
+}
+
+/// Named effects or products of factors, by their evidence on the same runs; products must lower the errors of runs that took no part.
+fn choose<'a>(
+    runs: &[RunData],
+    fitted: &Fitted,
+    found: Option<&'a Composition>,
+    base: &ErrorModel,
+    bad: &[String],
+) -> Choice<'a> {
+    let Some(found) = found.filter(|_| fitted.by_dwell.is_none() && fitted.sinusoid.is_none()) else {
+        return Choice::default();
+    };
+    let fit: Vec<&RunData> = runs.iter().filter(|run| run.role == Role::Fit).collect();
+    let (better, process) = found.against(&fit, &fitted.by_second.taken);
+    if !better {
+        return Choice { process, ..Choice::default() };
+    }
+    let left_out = composition::by_the_others(runs, base);
+    match composition::veto(runs, &left_out, bad) {
+        None => Choice { composition: Some(found), left_out: Some(left_out), ..Choice::default() },
+        Some(why) => {
+            let names = found.effects().iter().map(Effect::full_name).collect();
+            Choice { process, withdrawn: Some((names, why)), ..Choice::default() }
+        }
+    }
 }
 
 /// The model with what was learned, and with its uncertainty.
@@ -352,7 +307,7 @@ fn by_the_others(
         let inside = |place: usize| place % folds == fold;
         let training: Vec<&RunData> =
             places.iter().enumerate().filter(|(place, _)| !inside(*place)).map(|(_, &i)| &runs[i]).collect();
-        let fitted = fit_training_runs(&training, base, constant);
+        let fitted = fit_training_runs(&training, base, constant, &[]);
         let Ok(model) = doubt::model(fitted.learned(), &fitted.base(base), &training) else { continue };
         for (_, &i) in places.iter().enumerate().filter(|(place, _)| inside(*place)) {
             fixes[i] = runs[i].replay(&model, &mut |_| ()).ok();

@@ -8,9 +8,8 @@ use rayon::prelude::*;
 use super::Fitted;
 use super::candidate::Part;
 use super::data::RunData;
-use super::statistics::{f_tail, median, rms};
+use super::statistics::{f_tail, median, rms, root_of_mean, studentised};
 use crate::campaign::Role;
-use crate::open_world::{root_of_mean, studentised};
 
 /// A model is not used where the errors rise by more than this, and where chance alone would make them rise as much in
 /// fewer campaigns than this share. (A true effect that the azimuth does not feel leaves the errors as they are, but for the

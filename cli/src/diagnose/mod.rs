@@ -5,8 +5,8 @@ mod base_turning;
 mod block;
 mod candidate;
 mod checks;
+mod composition;
 pub(crate) mod data;
-mod deploy;
 mod doubt;
 mod effects;
 mod estimate;
@@ -18,7 +18,6 @@ mod judge;
 mod learn;
 mod learned;
 mod noise;
-mod open;
 mod own_sinusoid;
 mod problem;
 mod refine;
@@ -39,11 +38,13 @@ pub use text::write;
 
 use north_finder::effects::{BaseMotion, ErrorModel};
 use north_finder::settings::Settings;
+use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
 use crate::campaign::{Campaign, Role};
 use crate::file_error::FileError;
 use block::Block;
+use composition::Composition;
 use data::RunData;
 use learned::Learned;
 use own_sinusoid::OwnSinusoid;
@@ -164,21 +165,27 @@ pub fn diagnose(campaign: &Campaign, options: &Options) -> Result<Diagnosis, Ref
         runs.par_iter_mut().for_each(|run| turn::take_out(run, turned_deg, &base));
     }
     let fit: Vec<&RunData> = runs.iter().filter(|run| run.role == Role::Fit).collect();
-    let mut fitted = Fitted { turned_deg, ..fit_training_runs(&fit, &base, &constant) };
+    let found = Composition::learn(&fit, &base);
+    let wrong = found.as_ref().map_or(Vec::new(), Composition::wrong_references);
+    let wrong: Vec<String> = wrong.into_iter().map(|each| each.file).collect();
+    let mut fitted = Fitted { turned_deg, ..fit_training_runs(&fit, &base, &constant, &wrong) };
     checks::refuse_latitude(&runs, fitted.learned(), &fitted.base(&base))?;
     while !fitted.is_empty()
         && let Some(why) = guard::veto(&runs, &fitted, &base, &guard::left_out(&runs, &fitted, &base))
     {
         fitted.withdraw(why);
     }
-    assemble::diagnosis(campaign, &runs, &as_recorded, &constant, &fitted, options, warnings)
+    assemble::diagnosis(campaign, &runs, &as_recorded, &constant, &fitted, found.as_ref(), options, warnings)
 }
 
-/// Learns from runs, whatever their role: the caller chooses them.
-fn fit_training_runs(runs: &[&RunData], base: &ErrorModel, constant: &[String]) -> Fitted {
-    let mut fitted = Fitted::default();
+/// Learns from runs, whatever their role: the caller chooses them. `wrong`: files whose references are known to be wrong.
+fn fit_training_runs(runs: &[&RunData], base: &ErrorModel, constant: &[String], wrong: &[String]) -> Fitted {
+    let error_deg = |run: &RunData| Some(wrap_180_deg(run.before?.azimuth_deg - run.reference_deg?));
+    let bad = runs.iter().filter(|run| wrong.contains(&run.file));
+    let bad_references = bad.map(|run| (run.file.clone(), error_deg(run).unwrap_or_default())).collect();
+    let mut fitted = Fitted { bad_references, ..Fitted::default() };
     let candidates = effects::all(runs, constant);
-    let mut rejected_references: Vec<String> = Vec::new();
+    let mut rejected_references: Vec<String> = wrong.to_vec();
     for _ in 0..3 {
         let mut problem = Problem::new(blocks_of(runs, &rejected_references, None));
         // Beforehand a wrong reference may hide behind what the effects do; afterwards it stands alone.

@@ -1,7 +1,7 @@
 //! Tail probabilities and small linear algebra.
 
 use nalgebra::DMatrix;
-use statrs::distribution::{ChiSquared, ContinuousCDF};
+use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};
 use statrs::function::beta::beta_reg;
 use statrs::function::gamma::gamma_ur;
 
@@ -101,6 +101,16 @@ pub fn least_squares(columns: &[&[f64]], y: &[f64]) -> Option<(Vec<f64>, Vec<Vec
         .collect();
     let right: Vec<f64> = columns.iter().map(|column| dot(column, y)).collect();
     Some((covariance.iter().map(|row| dot(row, &right)).collect(), covariance))
+}
+
+/// The root of the mean of what squares of errors are more than those of their sigmas; 0 where that is less, or nothing.
+pub fn root_of_mean(beyond: &[f64]) -> f64 {
+    (beyond.iter().sum::<f64>() / beyond.len().max(1) as f64).max(0.0).sqrt()
+}
+
+/// By how much a standard deviation from so many errors must be widened for ± 1.96 of it to hold 95 %: Student's t over 1.96.
+pub fn studentised(number: usize) -> f64 {
+    StudentsT::new(0.0, 1.0, number as f64).map_or(1.0, |t| t.inverse_cdf(0.975) / 1.959_964)
 }
 
 #[cfg(test)]

@@ -1,7 +1,5 @@
 //! What effects leave of the rates of a run.
 
-use std::collections::HashMap;
-
 use nalgebra::{DMatrix, DVector};
 use north_finder::effects::effect::Effect;
 
@@ -12,7 +10,7 @@ use super::rows::{Run, UNKNOWNS};
 /// nothing but white noise. `None` for too few rows, or where these do not determine the unknowns.
 pub fn chi_square_by_freedom(run: &Run, effects: &[Effect]) -> Option<f64> {
     let runs = std::slice::from_ref(run);
-    let library = Library::new(runs, HashMap::new());
+    let library = Library::new(runs);
     let mut residual = run.residual_deg_h();
     for effect in effects {
         for (number, (column, weight)) in library.values(runs, effect).iter().zip(&effect.weights).enumerate() {

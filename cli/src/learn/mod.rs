@@ -15,13 +15,20 @@ mod read;
 mod references;
 mod rows;
 mod search;
+mod written;
 
 pub use judge::chi_square_by_freedom;
 pub use posterior::Posterior;
 pub use read::{Runs, read};
 pub use references::Blunder;
 
-use rows::Run;
+use std::sync::Arc;
+
+use model::Model;
+use north_finder::effects::doubt::Process;
+use north_finder::effects::effect::{Effect, Port};
+use problem::Term;
+pub use rows::Run;
 use search::Search;
 
 /// Most references that are put right: with more than that the survey as a whole is not to be believed.
@@ -31,8 +38,27 @@ const MOST_BLUNDERS: usize = 4;
 #[derive(Clone, Debug, Default)]
 pub struct Learned {
     pub posterior: Posterior,
+    /// The evidence of the likeliest model less what its form costs, and that without any effect, nats.
+    pub score: f64,
+    pub score_without: f64,
+    /// The runs with their references put right.
+    pub runs: Vec<Run>,
     /// What was wrong with the references, by the numbers of the runs.
     pub blunders: Vec<Blunder>,
+}
+
+/// The evidence of effects that are proposed elsewhere, each by its columns: what units of its coefficients add to the rates, by the row and all runs
+/// one after the other; beside the process of the runs' own that suits them best, which is given with it.
+pub fn evidence_of(runs: &[Run], groups: &[Vec<Vec<f64>>]) -> Option<(f64, Option<Process>)> {
+    let bare = Model::new(runs, None, &[])?;
+    let term = |values: &Vec<Vec<f64>>| {
+        let columns = bare.problem.columns(values);
+        let (_, size2) = bare.fit.gain_of(&bare.problem, &[], &columns);
+        Term { effect: Effect::new(Port::Rate, &[]), values: Arc::new(values.clone()), columns, size2: size2.max(1e-20) }
+    };
+    let terms: Vec<Term> = groups.iter().map(term).collect();
+    let model = Model::new(runs, None, &terms)?.with_likeliest_process();
+    Some((model.evidence(), model.process))
 }
 
 /// Learns from runs.
@@ -44,6 +70,11 @@ pub fn learn(runs: Vec<Run>) -> Learned {
         match search.run() {
             Ok(models) => {
                 learned.posterior = Posterior::new(&search, &models);
+                learned.score = models.first().map_or(0.0, |model| model.score(&search.grammar));
+                let bare = Model::new(&runs, None, &[]).map(Model::with_likeliest_process);
+                learned.score_without = bare.map_or(0.0, |bare| bare.evidence());
+                drop((models, search));
+                learned.runs = runs;
                 return learned;
             }
             Err(blunder) => {
@@ -51,6 +82,7 @@ pub fn learn(runs: Vec<Run>) -> Learned {
                 learned.blunders.push(blunder);
                 runs = mended;
                 if learned.blunders.len() > MOST_BLUNDERS {
+                    learned.runs = runs;
                     return learned;
                 }
             }

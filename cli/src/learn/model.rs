@@ -1,9 +1,9 @@
 //! A model under way: effects beside a process of the runs' own, and what the evidence says of them.
 
-use std::collections::HashMap;
 use std::sync::Arc;
 
-use north_finder::effects::doubt::Process;
+use north_finder::effects::doubt::{Kernel, Process};
+use rayon::prelude::*;
 
 use super::functions::Library;
 use super::grammar::Grammar;
@@ -51,12 +51,59 @@ impl<'a> Model<'a> {
 
     /// The same for these effects in other runs, with the process or without one.
     pub fn best_evidence_in(&self, runs: &[Run]) -> Option<f64> {
-        let library = Library::new(runs, HashMap::new());
+        let library = Library::new(runs);
         let with = |term: &Term| Term { values: Arc::new(library.values(runs, &term.effect)), ..term.clone() };
         let terms: Vec<Term> = self.terms.iter().map(with).collect();
         let of = |process| Model::new(runs, process, &terms).map(|model| model.evidence());
         let (with, without) = (of(self.process), of(None));
         with.into_iter().chain(without).max_by(f64::total_cmp)
+    }
+
+/// The same effects beside the process that has the greatest evidence.
+    pub fn with_likeliest_process(self) -> Self {
+        let mut best = self;
+        let runs = best.problem.runs;
+        let noise = typical_noise(runs);
+        let longest_s = runs.iter().map(|run| run.lengths_s().1).fold(0.0, f64::max);
+        let mut starts: Vec<Option<Process>> = vec![best.process, None];
+        for time_s in [4.0, 20.0, 100.0] {
+            starts.push(Some(Process { kernel: Kernel::Exponential, sigma_deg_h: 0.5 * noise, time_s }));
+        }
+        let score = |process: &Option<Process>| {
+            Model::new(runs, *process, &best.terms)
+                .map(|each| (each.fit.evidence - process_cost(process), *process))
+        };
+        let mut tried: Vec<(f64, Option<Process>)> = starts.par_iter().filter_map(score).collect();
+        tried.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let Some(&(mut top, mut process)) = tried.first() else { return best };
+        if let Some(mut own) = process {
+            let mut step = 0.7;
+            while step > 0.15 {
+                let moves = [(step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)];
+                let moved = moves
+                    .par_iter()
+                    .filter_map(|(size, time): &(f64, f64)| {
+                        let each = Process {
+                            sigma_deg_h: own.sigma_deg_h * size.exp(),
+                            time_s: (own.time_s * time.exp()).clamp(1.0, 4.0 * longest_s),
+                            ..own
+                        };
+                        score(&Some(each))
+                    })
+                    .max_by(|a, b| a.0.total_cmp(&b.0));
+                match moved {
+                    Some((above, Some(each))) if above > top + 1e-3 => (top, own) = (above, each),
+                    _ => step *= 0.5,
+                }
+            }
+            process = Some(own);
+        }
+        if process != best.process
+            && let Some(with) = Model::new(runs, process, &best.terms)
+        {
+            best = with;
+        }
+        best
     }
 
     /// How many weights its effects have.
@@ -68,4 +115,12 @@ impl<'a> Model<'a> {
 /// What a process costs, nats: its two constants, each one of some eight values that recordings tell apart.
 pub fn process_cost(process: &Option<Process>) -> f64 {
     if process.is_some() { 2.0 * 8f64.ln() } else { 0.0 }
+}
+
+/// Noise of a row of a usual run, °/h.
+fn typical_noise(runs: &[Run]) -> f64 {
+    let mut all: Vec<f64> =
+        runs.iter().filter_map(|run| run.variance.first()).map(|variance| variance.sqrt()).collect();
+    all.sort_by(f64::total_cmp);
+    all.get(all.len() / 2).copied().unwrap_or(1.0)
 }

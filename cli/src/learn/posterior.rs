@@ -4,11 +4,12 @@
 //! so that alternatives which this campaign cannot tell apart stand in sigma.
 
 use nalgebra::{DMatrix, DVector};
+use north_finder::effects::ErrorModel;
 use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::Effect;
 
 use super::model::Model;
-use super::search::{MOST_EFFECTS, MOST_WEIGHTS, Search};
+use super::search::{MOST_EFFECTS, Search};
 
 /// A model that is less likely than the best by more than this is left out, nats: e^-4 is two in a hundred.
 const NEGLIGIBLE: f64 = 4.0;
@@ -28,8 +29,8 @@ pub struct Alternative {
 #[derive(Clone, Debug, Default)]
 pub struct Posterior {
     pub effects: Vec<Effect>,
-    /// Standard deviation of every weight, in the same order.
-    pub sigmas: Vec<f64>,
+    /// Covariance of all weights, in the same order.
+    pub covariance: DMatrix<f64>,
     pub process: Option<Process>,
     pub alternatives: Vec<Alternative>,
 }
@@ -46,8 +47,15 @@ impl Posterior {
         let whole: f64 = alternatives.iter().map(|each| each.probability).sum();
         alternatives.iter_mut().for_each(|each| each.probability /= whole);
         let (mean, covariance) = moments(&effects, &alternatives);
-        let sigmas = covariance.diagonal().map(|variance| variance.max(0.0).sqrt()).iter().copied().collect();
-        Self { effects: weighted(effects, &mean), sigmas, process: best.process, alternatives }
+        Self { effects: weighted(effects, &mean), covariance, process: best.process, alternatives }
+    }
+}
+
+impl Posterior {
+    /// An effect with the mean of its weights; as it is where it is none of the posterior's.
+    pub fn with_weights<'a>(&'a self, effect: &'a Effect) -> &'a Effect {
+        let own = |each: &&Effect| each.port == effect.port && each.factors == effect.factors;
+        self.effects.iter().find(own).unwrap_or(effect)
     }
 }
 
@@ -81,8 +89,9 @@ fn union(alternatives: &mut Vec<Alternative>) -> Vec<Effect> {
     let mut effects: Vec<Effect> = Vec::new();
     alternatives.retain(|each| {
         let further: Vec<&Effect> = each.effects.iter().filter(|effect| !effects.contains(effect)).collect();
-        let weights: usize = effects.iter().chain(further.iter().copied()).map(Effect::count).sum();
-        let fits = effects.len() + further.len() <= MOST_EFFECTS && weights <= MOST_WEIGHTS;
+        let together = effects.iter().chain(further.iter().copied()).cloned();
+        let fits = effects.len() + further.len() <= MOST_EFFECTS
+            && ErrorModel { effects: together.collect(), ..ErrorModel::default() }.validate().is_ok();
         if fits {
             let further: Vec<Effect> = further.into_iter().cloned().collect();
             effects.extend(further);

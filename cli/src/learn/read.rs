@@ -20,8 +20,8 @@ pub fn read(campaign: &Campaign, settings: &Settings) -> Result<Runs, Refusal> {
     let options = Options { settings: settings.clone(), ..Options::default() };
     let (data, _) = data::read(campaign, &options)?;
     let mut runs = Runs::default();
-    for (data, facts) in data.iter().zip(campaign.facts()) {
-        if let Some(run) = Run::new(data, facts) {
+    for data in &data {
+        if let Some(run) = Run::new(data, campaign.runs.len()) {
             if data.role == Role::Fit { &mut runs.fit } else { &mut runs.check }.push(run);
         }
     }

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
-use north_finder::effects::effect::Port;
+use north_finder::effects::effect::{Effect, Port};
 use north_finder::effects::factor::{Factor, Memory};
 use north_finder::effects::now::{Belief, Now, RunFacts};
 use north_finder::effects::signal::Signal;
@@ -14,8 +14,11 @@ use north_finder::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_360_deg};
 
 use crate::diagnose::data::{RunData, Sample};
 
-/// Most rows of one run in the search: longer ones are means over some seconds.
+/// Most rows of one run in the search, and of all runs together as long as each has the least: longer ones are means over some seconds. A dwell of a
+/// minute in eight has twenty rows of three seconds.
 const MOST_ROWS: usize = 160;
+const LEAST_ROWS: usize = 32;
+const ALL_ROWS: usize = 3200;
 /// Relative error of the amplitude that a run may have of its own, one sigma: scale factor and latitude of a sound instrument.
 const AMPLITUDE_SIGMA: f64 = 0.01;
 /// One sigma of an azimuth about its first estimate where there is no reference, rad.
@@ -59,8 +62,8 @@ pub struct Run {
 }
 
 impl Run {
-    /// `None` where nothing is at rest, or where there is neither a reference nor an azimuth.
-    pub fn new(data: &RunData, facts: RunFacts) -> Option<Self> {
+    /// One of so many runs. `None` where nothing is at rest, or where there is neither a reference nor an azimuth.
+    pub fn new(data: &RunData, runs: usize) -> Option<Self> {
         let reference = data.reference_deg.map(|deg| (deg, data.reference_sigma_deg));
         let azimuth_deg = data.reference_deg.or(data.before.map(|fix| fix.azimuth_deg))?;
         let seconds: Vec<Conditions> = data.samples.iter().map(conditions).collect();
@@ -77,14 +80,14 @@ impl Run {
             azimuth_deg,
             north_deg_h: data.earth.north_deg_h,
             up_deg_h: data.earth.up_deg_h,
-            facts,
+            facts: data.facts,
             seconds,
             samples: data.samples.clone(),
             tracks,
             names: data.names.clone(),
             channels: data.channels.clone(),
             signals: Arc::default(),
-            bins: bins(data),
+            bins: bins(data, (ALL_ROWS / runs.max(1)).clamp(LEAST_ROWS, MOST_ROWS)),
             t_s: Vec::new(),
             rate_deg_h: Vec::new(),
             variance: Vec::new(),
@@ -165,6 +168,32 @@ impl Run {
         let azimuth = self.cos.iter().zip(&self.sin).map(turn).collect();
         let amplitude = self.amplitudes().into_iter().map(|rate| AMPLITUDE_SIGMA * rate).collect();
         [azimuth, amplitude, vec![BIAS_SIGMA_DEG_H; self.rows()]]
+    }
+
+    /// The same for one radian, the whole amplitude and 1 °/h.
+    pub fn unknowns_by_unit(&self) -> [Vec<f64>; UNKNOWNS] {
+        let (sin, cos) = (self.azimuth_deg * RAD_PER_DEG).sin_cos();
+        let turn = |(c, s): (&f64, &f64)| self.north_deg_h * (s * cos - c * sin);
+        [self.cos.iter().zip(&self.sin).map(turn).collect(), self.amplitudes(), vec![1.0; self.rows()]]
+    }
+
+    /// Means over the rows of what was found by the second.
+    pub fn by_row(&self, by_second: &[f64]) -> Vec<f64> {
+        let mean = |bin: &Range<usize>| by_second[bin.clone()].iter().sum::<f64>() / bin.len() as f64;
+        self.bins.iter().map(mean).map(|mean| if mean.is_finite() { mean } else { 0.0 }).collect()
+    }
+
+    /// What unit weights of an effect add to the rate, °/h, by the row.
+    pub fn columns_of(&self, effect: &Effect) -> Vec<Vec<f64>> {
+        let mut columns = vec![self.gains(effect.port)];
+        for factor in &effect.factors {
+            let functions = self.functions_by_row(factor);
+            let times = |column: &Vec<f64>, function: &Vec<f64>| -> Vec<f64> {
+                column.iter().zip(function).map(|(a, b)| a * b).collect()
+            };
+            columns = columns.iter().flat_map(|column| functions.iter().map(move |each| times(column, each))).collect();
+        }
+        columns
     }
 
     /// What the rate of a second changes by, by unit of what an effect adds at a port.
@@ -275,14 +304,7 @@ impl Run {
 
     /// The functions of a factor by the row; 0 where its signal says nothing.
     pub fn functions_by_row(&self, factor: &Factor) -> Vec<Vec<f64>> {
-        let mean = |function: &Vec<f64>, bin: &Range<usize>| {
-            let mean = function[bin.clone()].iter().sum::<f64>() / bin.len() as f64;
-            if mean.is_finite() { mean } else { 0.0 }
-        };
-        self.functions(factor)
-            .iter()
-            .map(|function| self.bins.iter().map(|bin| mean(function, bin)).collect())
-            .collect()
+        self.functions(factor).iter().map(|function| self.by_row(function)).collect()
     }
 }
 
@@ -299,9 +321,9 @@ fn conditions(sample: &Sample) -> Conditions {
 }
 
 /// Rows at rest, as many seconds together as the run's length asks for, within one dwell.
-fn bins(data: &RunData) -> Vec<Range<usize>> {
+fn bins(data: &RunData, most: usize) -> Vec<Range<usize>> {
     let entering: Vec<usize> = (0..data.samples.len()).filter(|&i| data.enters(&data.samples[i])).collect();
-    let most = entering.len().div_ceil(MOST_ROWS).max(1);
+    let most = entering.len().div_ceil(most).max(1);
     let mut bins: Vec<Range<usize>> = Vec::new();
     for i in entering {
         match bins.last_mut() {

@@ -2,14 +2,13 @@
 
 use std::sync::Arc;
 
-use north_finder::effects::doubt::{Kernel, Process};
 use north_finder::effects::effect::Effect;
 use north_finder::effects::factor::Factor;
 use rayon::prelude::*;
 
 use super::bank::Bank;
 use super::grammar::{Grammar, neighbours};
-use super::model::{Model, process_cost};
+use super::model::Model;
 use super::problem::Term;
 use super::references::{Blunder, likeliest};
 use super::rows::Run;
@@ -25,7 +24,9 @@ pub const MOST_EFFECTS: usize = 12;
 pub const MOST_WEIGHTS: usize = 96;
 /// Proposals whose exact evidence is computed, and those that are tuned.
 const SHORTLIST: usize = 40;
-const FINALISTS: usize = 3;
+const FINALISTS: usize = 2;
+/// What tuning may add to the gain of a proposal whose constants lie at most half a step of the bank's from the best, nats; below it a proposal is dropped.
+const HOPE: f64 = 3.0;
 /// Neighbours of a form whose exact evidence is computed, and most changes of form in a row.
 const NEAREST: usize = 16;
 const CLIMBS: usize = 2;
@@ -45,11 +46,6 @@ impl<'a> Search<'a> {
         let gates = grammar.gates(&factors);
         let bank = Bank::new(runs, &grammar, &factors, &gates);
         Self { runs, grammar, gates, bank }
-    }
-
-    /// How many proposals there are.
-    pub fn proposals(&self) -> usize {
-        self.bank.len()
     }
 
     /// The model of the greatest score, and those that differ from it by one effect or by the process and are near it: the best first.
@@ -86,13 +82,14 @@ impl<'a> Search<'a> {
     /// The model of the greatest score.
     fn best(&self) -> Result<Option<Model<'a>>, Blunder> {
         let Some(bare) = Model::new(self.runs, None, &[]) else { return Ok(None) };
-        let mut model = self.with_process(bare);
+        let mut model = bare.with_likeliest_process();
         for _ in 0..MOST_EFFECTS {
             let asked = if model.terms.is_empty() { FALSE_DISCOVERIES } else { FURTHER_FALSE_DISCOVERIES };
             let now = model.score(&self.grammar);
-            // Beside the process as it is, and beside none: a process may have taken for its own what is an effect.
+            // Beside the process as it is, and at first beside none: a process may have taken for its own what is an effect.
             let mut finalists = self.finalists(&model, true);
             if model.process.is_some()
+                && model.terms.is_empty()
                 && let Some(without) = Model::new(self.runs, None, &model.terms)
             {
                 finalists.extend(self.finalists(&without, true));
@@ -101,7 +98,7 @@ impl<'a> Search<'a> {
                 let mut terms = model.terms.clone();
                 terms.push(self.term(&model, effect));
                 let widened = Model::new(self.runs, model.process, &terms)?;
-                Some(self.with_process(widened))
+                Some(widened.with_likeliest_process())
             };
             let best = finalists
                 .par_iter()
@@ -129,7 +126,7 @@ impl<'a> Search<'a> {
 
     /// The most promising effects beside a model, tuned, and where `thorough` changed for better neighbours.
     fn finalists(&self, model: &Model<'_>, thorough: bool) -> Vec<Effect> {
-        let weighed = model.problem.weighed(&model.problem.left(&model.terms, &model.fit));
+        let weighed = self.weighed(model);
         let shortlist = self.bank.shortlist(&weighed, SHORTLIST);
         let mut exact: Vec<(f64, Effect)> =
             shortlist.par_iter().map(|effect| (self.gain(model, effect), (*effect).clone())).collect();
@@ -140,10 +137,20 @@ impl<'a> Search<'a> {
                 chosen.push((gain, effect));
             }
         }
+        chosen.retain(|(gain, _)| *gain > -HOPE);
         let finish = |(gain, effect)| {
-            if thorough { self.climb(model, effect, gain, &weighed) } else { self.tuned(model, effect, gain).1 }
+            if thorough && gain > 0.0 {
+                self.climb(model, effect, gain, &weighed)
+            } else {
+                self.tuned(model, effect, gain).1
+            }
         };
         chosen.into_par_iter().map(finish).collect()
+    }
+
+    /// V⁻¹ times what a model leaves of the residual, by the row.
+    fn weighed(&self, model: &Model<'_>) -> Vec<f64> {
+        model.problem.weighed(&model.problem.left(&model.terms, &model.fit))
     }
 
     /// The gain in evidence less the cost of an effect beside a model.
@@ -157,12 +164,9 @@ impl<'a> Search<'a> {
         (gain, effect) = self.tuned(model, effect, gain);
         for _ in 0..CLIMBS {
             let near = neighbours(&effect, &self.grammar, self.runs, &self.gates);
-            let promise = |each: Effect| {
-                (
-                    self.bank.promise(&self.bank.library.values(self.runs, &each), weighed) - self.grammar.cost(&each),
-                    each,
-                )
-            };
+            let coarse = self.bank.coarse_sums(weighed);
+            let promise =
+                |each: Effect| (self.bank.promise(self.runs, &each, &coarse) - self.grammar.cost(&each), each);
             let mut promising: Vec<(f64, Effect)> = near.into_par_iter().map(promise).collect();
             promising.sort_by(|a, b| b.0.total_cmp(&a.0));
             promising.truncate(NEAREST);
@@ -226,13 +230,13 @@ impl<'a> Search<'a> {
             let mut terms = model.terms.clone();
             let own = terms.remove(i);
             let Some(others) = Model::new(self.runs, model.process, &terms) else { continue };
-            let weighed = others.problem.weighed(&others.problem.left(&others.terms, &others.fit));
+            let weighed = self.weighed(&others);
             let found = self.climb(&others, own.effect.clone(), self.gain(&others, &own.effect), &weighed);
             if found == own.effect {
                 continue;
             }
             terms.insert(i, self.term(&others, &found));
-            if let Some(revised) = Model::new(self.runs, model.process, &terms).map(|each| self.with_process(each))
+            if let Some(revised) = Model::new(self.runs, model.process, &terms).map(Model::with_likeliest_process)
                 && revised.score(&self.grammar) > model.score(&self.grammar)
                 && revised.weights() <= MOST_WEIGHTS
             {
@@ -241,59 +245,6 @@ impl<'a> Search<'a> {
         }
         self.pruned(model)
     }
-
-    /// The same effects beside the process that has the greatest evidence.
-    fn with_process(&self, model: Model<'a>) -> Model<'a> {
-        let mut best = model;
-        let noise = typical_noise(self.runs);
-        let longest_s = self.runs.iter().map(|run| run.lengths_s().1).fold(0.0, f64::max);
-        let mut starts: Vec<Option<Process>> = vec![best.process, None];
-        for time_s in [4.0, 20.0, 100.0] {
-            starts.push(Some(Process { kernel: Kernel::Exponential, sigma_deg_h: 0.5 * noise, time_s }));
-        }
-        let score = |process: &Option<Process>| {
-            Model::new(self.runs, *process, &best.terms)
-                .map(|each| (each.fit.evidence - process_cost(process), *process))
-        };
-        let mut tried: Vec<(f64, Option<Process>)> = starts.par_iter().filter_map(score).collect();
-        tried.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let Some(&(mut top, mut process)) = tried.first() else { return best };
-        if let Some(mut own) = process {
-            let mut step = 0.7;
-            while step > 0.15 {
-                let moves = [(step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)];
-                let moved = moves
-                    .par_iter()
-                    .filter_map(|(size, time): &(f64, f64)| {
-                        let each = Process {
-                            sigma_deg_h: own.sigma_deg_h * size.exp(),
-                            time_s: (own.time_s * time.exp()).clamp(1.0, 4.0 * longest_s),
-                            ..own
-                        };
-                        score(&Some(each))
-                    })
-                    .max_by(|a, b| a.0.total_cmp(&b.0));
-                match moved {
-                    Some((above, Some(each))) if above > top + 1e-3 => (top, own) = (above, each),
-                    _ => step *= 0.5,
-                }
-            }
-            process = Some(own);
-        }
-        if process != best.process
-            && let Some(with) = Model::new(self.runs, process, &best.terms)
-        {
-            best = with;
-        }
-        best
-    }
-}
-
-fn typical_noise(runs: &[Run]) -> f64 {
-    let mut all: Vec<f64> =
-        runs.iter().filter_map(|run| run.variance.first()).map(|variance| variance.sqrt()).collect();
-    all.sort_by(f64::total_cmp);
-    all.get(all.len() / 2).copied().unwrap_or(1.0)
 }
 
 /// Of the same port, signals and dynamics' kinds: the constants and shapes of one are tuned to those of the other.

@@ -51,7 +51,7 @@ macro_rules! signals {
         #[serde(rename_all = "kebab-case")]
         pub enum Signal {
             $($reader($reader),)+
-            $($name($name)),+
+            $($name),+
         }
 
         $(impl From<$reader> for Signal {
@@ -61,8 +61,8 @@ macro_rules! signals {
         })+
 
         $(impl From<$name> for Signal {
-            fn from(signal: $name) -> Self {
-                Self::$name(signal)
+            fn from(_: $name) -> Self {
+                Self::$name
             }
         })+
 
@@ -70,13 +70,13 @@ macro_rules! signals {
             fn part(&self) -> &dyn SignalPart {
                 match self {
                     $(Self::$reader(part) => part,)+
-                    $(Self::$name(part) => part),+
+                    $(Self::$name => &$name),+
                 }
             }
 
             /// All signals that read no channel.
             pub fn without_channels() -> impl Iterator<Item = Self> {
-                [$(Self::$name($name)),+].into_iter()
+                [$(Self::$name),+].into_iter()
             }
         }
     };
