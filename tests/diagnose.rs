@@ -47,6 +47,11 @@ impl Noise {
     }
 }
 
+/// Files whose references are missed.
+fn missed(diagnosis: &Diagnosis) -> impl Iterator<Item = &str> {
+    diagnosis.missed_references.iter().map(|each| each.file.as_str())
+}
+
 /// What a second is like in a made-up run.
 struct Second {
     run: usize,
@@ -330,12 +335,12 @@ fn a_small_index_error_may_be_a_field_of_the_earth() {
 fn a_reference_that_is_off_by_half_a_turn_is_never_silent() {
     let folder = Folder::new("check-off");
     let diagnosis = run(&campaign(&folder, 12, 23, |_| 0.0, |run| if run == 5 { 180.0 } else { 0.0 }));
-    assert_eq!(diagnosis.missed_references, ["runs/005.csv"]);
+    assert!(missed(&diagnosis).eq(["runs/005.csv"]));
     assert!(diagnosis.verdict.contains("runs/005.csv"), "{}", diagnosis.verdict);
     // One of three that are learned from.
     let folder = Folder::new("fit-off");
     let diagnosis = run(&campaign(&folder, 6, 24, |_| 0.0, |run| if run == 2 { 180.0 } else { 0.0 }));
-    assert_eq!(diagnosis.missed_references, ["runs/002.csv"]);
+    assert!(missed(&diagnosis).eq(["runs/002.csv"]));
     assert!(diagnosis.warnings.iter().any(|warning| warning.message.contains("not used")), "{:?}", diagnosis.warnings);
     assert!(diagnosis.effects.is_empty(), "{}", diagnosis.verdict);
 }

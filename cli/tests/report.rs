@@ -106,6 +106,8 @@ fn diagnosis() -> Diagnosis {
         residual_rms_after_deg_h: 0.1501,
         azimuth_rms_before_deg: Some(1.52),
         azimuth_rms_after_deg: Some(0.112),
+        azimuth_rms_board_deg: Some(0.112),
+        board_lacks: Vec::new(),
         inseparable: Vec::new(),
         azimuth_rms_before_interval_deg: Some([1.2, 1.81]),
         azimuth_rms_after_interval_deg: Some([0.08, 0.14]),

@@ -6,13 +6,13 @@ use north_finder::event::Fix;
 use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
-use super::checks;
+use super::{board, checks};
 use super::data::RunData;
-use super::composition::{self, Composition};
+use super::composition::{self, Composition, WrongReference};
 use super::residual::Residuals;
 use super::statistics::{median, rms, rms_with_interval};
 use super::{
-    Diagnosis, Effect, Fitted, LeaveOneOut, NoiseTests, Options, Origin, Refusal, RunDiagnosis, Warning, doubt, findings,
+    Diagnosis, Effect, Fitted, LeaveOneOut, MissedReference, NoiseTests, Options, Origin, Refusal, RunDiagnosis, Warning, doubt, findings,
     fit_training_runs, guard, judge, turn, unexplained, verdict,
 };
 use crate::campaign::{Campaign, Role};
@@ -97,12 +97,22 @@ pub fn diagnosis(
             record(run, *before, after, judged(run).then_some(by_deg), fitted)
         })
         .collect();
-    let missed_references = warn_of_misses(&records, &bad, &mut warnings);
     let errors = |of: fn(&RunDiagnosis) -> Option<f64>| records.iter().filter_map(of).collect::<Vec<_>>();
     let judged_runs = errors(|run| run.error_after_deg).len();
     let before = rms_with_interval(&errors(|run| run.error_before_deg));
     let rms_after = rms_with_interval(&errors(|run| run.error_after_deg));
-
+    for (record, fix) in records.iter_mut().zip(&left_out).filter(|(record, _)| record.role == Role::Fit) {
+        record.azimuth_left_out_deg = fix.map(|fix| fix.azimuth_deg);
+        record.sigma_left_out_deg = fix.map(|fix| fix.sigma_deg);
+    }
+    let wrong = found.map_or(Vec::new(), Composition::wrong_references);
+    let missed_references = warn_of_misses(&records, &bad, &wrong, &mut warnings);
+    let board_lacks = board::lacks(&model);
+    let azimuth_rms_board_deg = if board_lacks.is_empty() {
+        rms_after.map(|each| each.0)
+    } else {
+        rms_on_board_deg(runs, &records, &afters, &board::model(&model, runs))
+    };
     let few = (3..=LEFT_OUT).contains(&runs.len());
     let left_out = (few || options.leave_one_out).then(|| leave_one_out(runs, base, constant, &bad)).flatten();
 
@@ -143,6 +153,8 @@ pub fn diagnosis(
         residual_rms_after_deg_h: residuals.judged_rms(&residuals.after),
         azimuth_rms_before_deg: before.map(|each| each.0),
         azimuth_rms_after_deg: rms_after.map(|each| each.0),
+        azimuth_rms_board_deg,
+        board_lacks,
         azimuth_rms_before_interval_deg: before.map(|each| each.1),
         azimuth_rms_after_interval_deg: rms_after.map(|each| each.1),
         judged_runs,
@@ -341,27 +353,53 @@ fn leave_one_out(runs: &[RunData], base: &ErrorModel, constant: &[String], bad: 
     })
 }
 
-/// Runs whose azimuth is far from the reference, whatever was found: something is wrong with one of the two. Their files; those
-/// of bad references are warned of already.
-fn warn_of_misses(records: &[RunDiagnosis], bad_references: &[String], warnings: &mut Vec<Warning>) -> Vec<String> {
+/// Azimuth error of the judged runs with what a board can run of the model: that of the whole model, and what the board's differs from it in each run.
+fn rms_on_board_deg(
+    runs: &[RunData],
+    records: &[RunDiagnosis],
+    afters: &[After],
+    on_board: &ErrorModel,
+) -> Option<f64> {
+    let error = |((run, record), whole): ((&RunData, &RunDiagnosis), &After)| {
+        let fix = run.replay(on_board, &mut |_| ()).ok()?;
+        Some(record.error_after_deg? + wrap_180_deg(fix.azimuth_deg - whole.azimuth_deg?))
+    };
+    let errors: Vec<f64> = runs.iter().zip(records).zip(afters).filter_map(error).collect();
+    rms_with_interval(&errors).map(|each| each.0)
+}
+
+/// References that are wrong by what the runs say of each other, and runs whose azimuth is far from the reference, whatever was found: something is
+/// wrong with one of the two. Bad references are warned of already.
+fn warn_of_misses(
+    records: &[RunDiagnosis],
+    bad: &[String],
+    wrong: &[WrongReference],
+    warnings: &mut Vec<Warning>,
+) -> Vec<MissedReference> {
     let mut missed = Vec::new();
     for run in records {
         let azimuth = run.azimuth_after_deg.zip(run.sigma_after_deg);
         let (Some((azimuth_deg, sigma_deg)), Some(reference_deg)) = (azimuth, run.reference_azimuth_deg) else {
             continue;
         };
-        let missed_deg = wrap_180_deg(azimuth_deg - reference_deg);
-        if missed_deg.abs() > MISS_DEG.max(MISS_SIGMAS * sigma_deg) {
-            missed.push(run.file.clone());
-            if bad_references.contains(&run.file) {
-                continue;
-            }
+        let misses_by_deg = wrap_180_deg(azimuth_deg - reference_deg);
+        let sigmas = misses_by_deg.abs() / sigma_deg;
+        let found = wrong.iter().find(|each| each.file == run.file);
+        let far = misses_by_deg.abs() > MISS_DEG.max(MISS_SIGMAS * sigma_deg);
+        if found.is_none() && !far && !bad.contains(&run.file) {
+            continue;
+        }
+        let exchanged_with = found.and_then(|each| each.exchanged_with.clone());
+        if let Some(other) = &exchanged_with {
+            let message = format!("its reference seems to be that of {other}, and the other way round");
+            warnings.push(Warning { run: Some(run.file.clone()), line: None, message });
+        } else if far && !bad.contains(&run.file) {
             let message = format!(
-                "the azimuth misses the reference by {missed_deg:+.2} deg ({:.0} sigma): the reference, or the run, is wrong",
-                missed_deg.abs() / sigma_deg
+                "the azimuth misses the reference by {misses_by_deg:+.2} deg ({sigmas:.0} sigma): the reference, or the run, is wrong"
             );
             warnings.push(Warning { run: Some(run.file.clone()), line: None, message });
         }
+        missed.push(MissedReference { file: run.file.clone(), misses_by_deg, sigmas, exchanged_with });
     }
     missed
 }
@@ -402,6 +440,8 @@ fn record(
         sigma_before_deg: before.map(|fix| fix.sigma_deg),
         azimuth_after_deg: after.azimuth_deg,
         sigma_after_deg: after.sigma_deg,
+        azimuth_left_out_deg: None,
+        sigma_left_out_deg: None,
         error_before_deg: error(before.map(|fix| fix.azimuth_deg)),
         error_after_deg: error(judged_deg.flatten()),
         reference_azimuth_deg: run.reference_deg,

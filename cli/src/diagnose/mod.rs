@@ -3,6 +3,7 @@
 mod assemble;
 mod base_turning;
 mod block;
+mod board;
 mod candidate;
 mod checks;
 mod composition;
@@ -31,7 +32,7 @@ mod unexplained;
 mod verdict;
 
 pub use result::{
-    Candidate, Diagnosis, Effect, Experiment, LeaveOneOut, NoiseTests, Origin, Rejected, RunDiagnosis, RunSeries,
+    BoardLack, Candidate, Diagnosis, Effect, Experiment, LeaveOneOut, MissedReference, NoiseTests, Origin, Rejected, RunDiagnosis, RunSeries,
     Spectra, Test, Warning,
 };
 pub use text::write;

@@ -33,6 +33,11 @@ pub struct Diagnosis {
     pub azimuth_rms_before_deg: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub azimuth_rms_after_deg: Option<f64>,
+    /// The same with what a board can run of the model.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub azimuth_rms_board_deg: Option<f64>,
+    /// What of the model a board lacks, and why; empty where it runs all of it.
+    pub board_lacks: Vec<BoardLack>,
     /// 95 % intervals of both, by the chi-square of as many degrees of freedom as there are runs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub azimuth_rms_before_interval_deg: Option<[f64; 2]>,
@@ -56,8 +61,8 @@ pub struct Diagnosis {
     /// Why what was found is not used, if it is not.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub withdrawn: Option<String>,
-    /// Files whose azimuth after misses the reference by degrees and by many sigmas.
-    pub missed_references: Vec<String>,
+    /// References that are wrong by what the runs say of each other, and those that an azimuth after misses by degrees and by many sigmas.
+    pub missed_references: Vec<MissedReference>,
     /// Tests of the residual for being noise.
     pub noise: NoiseTests,
     /// Doubts about the campaign, with the run and the row.
@@ -71,6 +76,24 @@ pub struct Diagnosis {
     /// Spectra of the residual of all runs together; for drawing.
     #[serde(skip)]
     pub spectra: Spectra,
+}
+
+/// What of a model a board cannot run.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct BoardLack {
+    pub effect: String,
+    pub why: String,
+}
+
+/// A reference that its run contradicts.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct MissedReference {
+    pub file: String,
+    /// Azimuth less reference, degrees, and the same over the sigma of both.
+    pub misses_by_deg: f64,
+    pub sigmas: f64,
+    /// The run whose reference it seems to have.
+    pub exchanged_with: Option<String>,
 }
 
 /// What made a diagnosis, and of what.
@@ -114,6 +137,11 @@ pub struct RunDiagnosis {
     pub azimuth_after_deg: Option<f64>,
     /// With the uncertainty of the learned parameters.
     pub sigma_after_deg: Option<f64>,
+    /// Of a training run: by what was learned from others.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub azimuth_left_out_deg: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sigma_left_out_deg: Option<f64>,
     /// Azimuth minus reference, in (−180°, 180°]; only for runs that are judged. Where these are training runs, the azimuth is
     /// by what the other runs taught (cross-validation), not `azimuth_after_deg`, which is by the model that is written.
     #[serde(skip_serializing_if = "Option::is_none")]

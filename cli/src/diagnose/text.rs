@@ -84,7 +84,7 @@ fn write_runs(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
     if diagnosis.judged_on == Some("cross-validation") {
         writeln!(
             out,
-            "azimuths after of judged runs are by models learned without them, not by the model that is written"
+            "errors after of judged runs are by models learned without them; azimuths after are by the model that is written"
         )?;
     }
     if let Some(all) = &diagnosis.leave_one_out {
@@ -138,9 +138,9 @@ fn write_effects(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
         if !effect.ambiguous_with.is_empty() {
             writeln!(out, "    this campaign cannot tell it from: {}", effect.ambiguous_with.join(", "))?;
         }
-        if !effect.board {
-            writeln!(out, "    no board measures that channel: the model is for recordings only")?;
-        }
+    }
+    for lack in &diagnosis.board_lacks {
+        writeln!(out, "  a board runs the model without {}: {}", lack.effect, lack.why)?;
     }
     Ok(())
 }

@@ -23,7 +23,11 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
             let (had, have) =
                 (with_error(|run| run.error_before_deg.is_some()), with_error(|run| run.error_after_deg.is_some()));
             let some = if had < have { format!(" (of the {had} runs of {have} that had one)") } else { String::new() };
-            format!(": azimuth error {before:.3} deg rms before{some}, {after:.3} deg after")
+            let on_board = match diagnosis.azimuth_rms_board_deg {
+                Some(board) if !diagnosis.board_lacks.is_empty() => format!(", {board:.3} deg on a board"),
+                _ => String::new(),
+            };
+            format!(": azimuth error {before:.3} deg rms before{some}, {after:.3} deg after{on_board}")
         }
         (_, Some(after)) => format!(": azimuth error {after:.3} deg rms"),
         _ => String::new(),
@@ -45,8 +49,8 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
     let withdrawn = diagnosis.withdrawn.as_ref().map_or(String::new(), |why| format!("; {why}"));
     let missed = match diagnosis.missed_references.as_slice() {
         [] => String::new(),
-        [one] => format!("; {one} misses its reference by degrees"),
-        [first, others @ ..] => format!("; {first} and {} more miss their references by degrees", others.len()),
+        [one] => format!("; {} misses its reference by {:+.2} deg", one.file, one.misses_by_deg),
+        [first, others @ ..] => format!("; {} and {} more miss their references", first.file, others.len()),
     };
     format!("{found}{change}{withdrawn}{rest}{ambiguous}{missed}.")
 }

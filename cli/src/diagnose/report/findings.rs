@@ -35,7 +35,7 @@ fn card(effect: &Effect) -> String {
         let _ = write!(html, "<span class=\"tag\">channel {}</span>", escape(channel));
     }
     let _ = write!(html, "<span class=\"tag\">{}, the search counted</span>", p_value(effect.p_value));
-    let board = if effect.board { "runs on the board" } else { "no board measures this" };
+    let board = if effect.board { "runs on the board" } else { "not measured by the board" };
     let _ = writeln!(html, "<span class=\"tag\">{board}</span></header>");
     let _ = writeln!(html, "<p>{}</p>", escape(&effect.evidence));
     if !effect.parameters.is_empty() {

@@ -41,7 +41,8 @@ pub fn section(diagnosis: &Diagnosis) -> String {
     let mut doubts = vec![open_note];
     doubts.extend(diagnosis.withdrawn.as_deref().map(escape));
     if !diagnosis.missed_references.is_empty() {
-        doubts.push(format!("references missed by degrees: {}", code_list(&diagnosis.missed_references)));
+        let files: Vec<String> = diagnosis.missed_references.iter().map(|each| each.file.clone()).collect();
+        doubts.push(format!("references missed: {}", code_list(&files)));
     }
     if !diagnosis.warnings.is_empty() {
         doubts.push(format!("{} warnings below", diagnosis.warnings.len()));

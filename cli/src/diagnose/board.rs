@@ -1,0 +1,58 @@
+//! What a board can run of a model, and what it lacks.
+
+use north_finder::effects::signal::Signal;
+use north_finder::effects::{ChannelName, Effect, ErrorModel};
+use north_finder::units::wrap_180_deg;
+use rayon::prelude::*;
+
+use super::data::RunData;
+use super::result::BoardLack;
+
+/// What a model says of channels and of a run as a whole that a board with an inertial block does not measure, by name and with why.
+pub fn lacks(model: &ErrorModel) -> Vec<BoardLack> {
+    let of_channel = |name: &ChannelName| format!("the board does not measure channel `{}`", name.as_str());
+    let missing = |name: &&ChannelName| !name.is_on_board(true);
+    let of_terms = model.terms.iter().filter_map(|term| {
+        let why = of_channel(term.channels().find(missing)?);
+        Some(BoardLack { effect: term.to_string(), why })
+    });
+    let of_effects = model.effects.iter().filter_map(|effect| {
+        let clock = follows_clock(effect).then(|| "the board has no clock that says the time of day".to_owned());
+        let why = effect.channels().find(missing).map(of_channel).or(clock)?;
+        Some(BoardLack { effect: effect.to_string(), why })
+    });
+    of_terms.chain(of_effects).collect()
+}
+
+fn follows_clock(effect: &Effect) -> bool {
+    effect.factors.iter().any(|factor| matches!(factor.signal, Signal::Hour | Signal::Rest))
+}
+
+/// The model without what a board lacks. What that does to the azimuths of the runs, root mean square, is in its sigma.
+pub fn model(whole: &ErrorModel, runs: &[RunData]) -> ErrorModel {
+    let on_board = |name: &ChannelName| name.is_on_board(true);
+    let mut kept = Vec::new();
+    let mut model = whole.clone();
+    model.terms.retain(|term| {
+        let stays = term.channels().all(on_board);
+        kept.extend(std::iter::repeat_n(stays, term.coefficients.len()));
+        stays
+    });
+    model.effects.retain(|effect| {
+        let stays = effect.channels().all(on_board) && !follows_clock(effect);
+        kept.extend(std::iter::repeat_n(stays, effect.count()));
+        stays
+    });
+    for direction in &mut model.doubt.directions {
+        let numbers: Vec<f32> = direction.iter().zip(&kept).filter(|(_, stays)| **stays).map(|(number, _)| *number).collect();
+        *direction = numbers.into_iter().collect();
+    }
+    let turn_deg = |run: &RunData| {
+        let [whole, board] = [whole, &model].map(|model| run.replay(model, &mut |_| ()).ok());
+        Some(wrap_180_deg(whole?.azimuth_deg - board?.azimuth_deg).powi(2))
+    };
+    let turns: Vec<f64> = runs.par_iter().filter_map(turn_deg).collect();
+    let lost_deg = (turns.iter().sum::<f64>() / turns.len().max(1) as f64).sqrt();
+    model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(lost_deg);
+    model
+}
