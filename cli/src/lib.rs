@@ -26,6 +26,7 @@ pub mod port;
 pub mod present;
 pub mod progress;
 pub mod recorder;
+pub mod run_data;
 pub mod settings_file;
 pub mod solve;
 pub mod table_csv;

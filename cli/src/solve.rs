@@ -6,11 +6,11 @@ use north_finder::calibration::ellipsoid::Correction;
 use north_finder::effects::now::RunFacts;
 use north_finder::effects::{ChannelName, Conditions, ErrorModel, HOUR_OF_DAY, MAX_CHANNELS};
 use north_finder::event::{Dwell, Fix};
-use north_finder::fix::accumulator::{Dwells, Second};
+use north_finder::fix::accumulator::{Corrected, Dwells, Second};
 use north_finder::fix::dwell::DwellSummary;
 use north_finder::index::Direction;
 use north_finder::level::Specific;
-use north_finder::replay::{RawRow, Recorded, Refusal, Replay, Row as ReplayRow, Told};
+use north_finder::replay::{RawRow, Recorded, Refusal, Replay, Row as ReplayRow, Told, Waiting};
 use north_finder::settings::Settings;
 
 use crate::campaign::{ACCELEROMETERS, INDEX, Own, Row, RunReader, TEMPERATURE};
@@ -55,6 +55,24 @@ impl Dwells for AllDwells {
     }
 }
 
+/// A replay's seconds that wait.
+#[derive(Clone, Debug, Default)]
+pub struct AllSeconds(Vec<Corrected>);
+
+impl Waiting for AllSeconds {
+    fn push(&mut self, second: Corrected) {
+        self.0.push(second);
+    }
+
+    fn as_slice(&self) -> &[Corrected] {
+        &self.0
+    }
+
+    fn clear(&mut self) {
+        self.0.clear();
+    }
+}
+
 /// Solves a run that is read row by row; its length is limited by the disk only. `run`: what the campaign says of it as a whole.
 ///
 /// Errors: the model needs more of that; the file cannot be read or is wrong somewhere; the settings allow no fix; the rows determine no azimuth.
@@ -71,7 +89,7 @@ pub fn solve_file(path: &Path, settings: &Settings, run: RunFacts) -> Result<Sol
             dwells.push(dwell);
         }
     };
-    let mut replay = Replay::new(settings, AllDwells::default()).map_err(refused)?;
+    let mut replay = Replay::new(settings, AllDwells::default(), AllSeconds::default()).map_err(refused)?;
     replay.set_run(run);
     let triad = settings.triad();
     for row in reader {
@@ -97,7 +115,7 @@ pub fn lacking_fact(model: &ErrorModel, run: &RunFacts) -> Option<&'static str> 
 
 /// Solves rows that are there already.
 pub fn solve_rows(settings: &Settings, rows: impl IntoIterator<Item = Recorded>) -> Result<Fix, Refusal> {
-    let mut replay = Replay::new(settings, AllDwells::default())?;
+    let mut replay = Replay::new(settings, AllDwells::default(), AllSeconds::default())?;
     rows.into_iter().for_each(|row| replay.push(&row, &mut |_| ()));
     replay.finish(&mut |_| ())
 }

@@ -14,17 +14,16 @@ use nalgebra::{Matrix4, SMatrix, Vector4};
 
 use super::dwell::DwellSummary;
 use super::observation::Observation;
-use super::problem::Problem;
 use crate::effects::Doubt;
 use crate::effects::doubt::MAX_DIRECTIONS;
 
 /// Most dwells whose covariance is kept.
 const MOST: usize = 24;
 
-/// Gives the observation of a dwell's mean.
-type Observe<'a> = &'a dyn Fn(&DwellSummary) -> Observation;
 /// What one sigma along each uncertain direction adds to a dwell's mean, °/h.
 type Doubts = [f64; MAX_DIRECTIONS];
+/// Gives the observation of a dwell's mean, and its doubts.
+type Observe<'a> = &'a dyn Fn(&DwellSummary) -> (Observation, Doubts);
 
 /// The dwells' covariance C, in units of the variance of a one-second rate.
 pub(super) struct Correlated {
@@ -37,19 +36,18 @@ pub(super) struct Correlated {
 impl Correlated {
     /// Of these dwells. `None` where nothing is uncertain, where there are too many dwells, or where one has no weight. `variance`: of a
     /// one-second rate, (°/h)².
-    pub fn new(doubt: &Doubt, problem: &Problem<'_>, variance: f64) -> Option<Self> {
-        let dwells = problem.dwells;
+    pub fn new(doubt: &Doubt, dwells: &[DwellSummary], observe: Observe<'_>, variance: f64) -> Option<Self> {
         if !is_any(doubt) || dwells.len() > MOST {
             return None;
         }
-        let doubts: Vec<Doubts, MOST> = dwells.iter().map(|dwell| problem.doubts_deg_h(dwell)).collect();
+        let doubts: Vec<Doubts, MOST> = dwells.iter().map(|dwell| observe(dwell).1).collect();
         let mut covariance = SMatrix::<f64, MOST, MOST>::identity();
         let mut rows = SMatrix::<f64, MOST, 4>::zeros();
         for (i, (dwell, own)) in dwells.iter().zip(&doubts).enumerate() {
             for (j, (other, of_other)) in dwells.iter().zip(&doubts).enumerate() {
                 *covariance.get_mut((i, j))? = shared(doubt, (dwell, own), (other, of_other)) / variance;
             }
-            let observation = problem.mean(dwell);
+            let (observation, _) = observe(dwell);
             *covariance.get_mut((i, i))? += 1.0 / observation.weight;
             rows.row_mut(i).copy_from(&observation.row.transpose());
         }
@@ -64,14 +62,14 @@ impl Correlated {
     pub fn for_each(&self, dwells: &[DwellSummary], observe: Observe<'_>, take: &mut dyn FnMut(Observation)) {
         let mut equations = SMatrix::<f64, MOST, 5>::zeros();
         for (dwell, mut equation) in dwells.iter().zip(equations.row_iter_mut()) {
-            let Observation { row, rate_deg_h, .. } = observe(dwell);
+            let (Observation { row, rate_deg_h, .. }, _) = observe(dwell);
             equation.copy_from_slice(&[row.x, row.y, row.z, row.w, rate_deg_h]);
         }
         // The factor has no pivot that is nothing.
         let _ = self.factor.solve_lower_triangular_mut(&mut equations);
         for (dwell, equation) in dwells.iter().zip(equations.row_iter()) {
             if let [x, y, z, w, rate_deg_h] = *equation.transpose().as_slice() {
-                let cos_2theta = observe(dwell).cos_2theta;
+                let cos_2theta = observe(dwell).0.cos_2theta;
                 take(Observation { weight: 1.0, row: Vector4::new(x, y, z, w), cos_2theta, rate_deg_h });
             }
         }
@@ -102,8 +100,7 @@ fn of_process(doubt: &Doubt, a_s: [f64; 2], b_s: [f64; 2]) -> f64 {
 
 /// Covariance of the right-hand side by the doubt, where the fix is weighed without it. In a group the process is its mean
 /// and deviations from it, which are alike but for adding up to nothing.
-pub(super) fn of_right_hand_side(doubt: &Doubt, problem: &Problem<'_>) -> Matrix4<f64> {
-    let dwells = problem.dwells;
+pub(super) fn of_right_hand_side(doubt: &Doubt, dwells: &[DwellSummary], observe: Observe<'_>) -> Matrix4<f64> {
     let mut of_directions = [Vector4::zeros(); MAX_DIRECTIONS];
     let size = dwells.len().div_ceil(MOST).max(1);
     let mut covariance = Matrix4::zeros();
@@ -115,9 +112,9 @@ pub(super) fn of_right_hand_side(doubt: &Doubt, problem: &Problem<'_>) -> Matrix
         // Sums of the gains, of these times themselves, and of the variances of the process' means over each interval.
         let (mut group, mut squares, mut variances) = (Vector4::zeros(), Matrix4::zeros(), 0.0);
         for dwell in few {
-            let observation = problem.mean(dwell);
+            let (observation, doubts_deg_h) = observe(dwell);
             let gain = observation.weight * observation.row;
-            for (sum, doubt_deg_h) in of_directions.iter_mut().zip(problem.doubts_deg_h(dwell)) {
+            for (sum, doubt_deg_h) in of_directions.iter_mut().zip(doubts_deg_h) {
                 *sum += gain * doubt_deg_h;
             }
             group += gain;

@@ -82,19 +82,20 @@ impl Problem<'_> {
     /// The observations with errors that are independent of each other.
     pub fn for_each(&self, take: &mut dyn FnMut(Observation)) {
         if let Some(correlated) = &self.correlated {
-            return correlated.for_each(self.dwells, &|dwell| self.mean(dwell), take);
+            return correlated.for_each(self.dwells, &|dwell| self.with_doubts(dwell), take);
         }
         for dwell in self.dwells {
             self.observations(dwell).into_iter().for_each(&mut *take);
         }
     }
 
-    /// What one sigma along each uncertain direction of the model adds to a dwell's mean, °/h.
-    pub fn doubts_deg_h(&self, dwell: &DwellSummary) -> [f64; MAX_DIRECTIONS] {
-        match &self.at_azimuth {
+    /// The mean of a dwell, and what one sigma along each uncertain direction of the model adds to it, °/h.
+    pub fn with_doubts(&self, dwell: &DwellSummary) -> (Observation, [f64; MAX_DIRECTIONS]) {
+        let doubts_deg_h = match &self.at_azimuth {
             Some(effects) => effects.doubts_deg_h(dwell, self.index(dwell)),
             None => core::array::from_fn(|direction| dwell.carried.doubt(Port::Rate, direction)),
-        }
+        };
+        (self.mean(dwell), doubts_deg_h)
     }
 
     /// What an error of a dwell's rate adds to the right-hand side of the normal equations.

@@ -10,8 +10,6 @@ mod gathering;
 
 pub use gathering::{Belonging, REST_DEG, RecordedSecond, Seconds};
 
-use heapless::Vec;
-
 use crate::effects::MAX_CHANNELS;
 use crate::effects::now::RunFacts;
 use crate::event::{Dwell, Fix};
@@ -157,15 +155,23 @@ enum Opening {
     Open,
 }
 
+/// Where the seconds wait of which is not decided yet whether the dwell begins with them: on a host, where there is room.
+pub trait Waiting {
+    /// At most 640 wait at a time.
+    fn push(&mut self, second: Corrected);
+    fn as_slice(&self) -> &[Corrected];
+    fn clear(&mut self);
+}
+
 /// Replays one recording.
-pub struct Replay<D> {
+pub struct Replay<D, W> {
     accumulator: Accumulator<D>,
     jitter: GateSettings,
     seconds: Seconds,
     disturbance: DisturbanceGate,
     opening: Opening,
     /// Seconds at rest of which is not decided yet whether the dwell begins with them.
-    waiting: Vec<Corrected, WAITING>,
+    waiting: W,
     dwell_deg: Option<f64>,
     /// Number of the dwell under way, or of the next one.
     dwell: u16,
@@ -173,9 +179,9 @@ pub struct Replay<D> {
     marked: Option<u8>,
 }
 
-impl<D: Dwells> Replay<D> {
-    /// With an empty place for the dwells: one for each, or one for each second (or longer row) of a continuous rotation.
-    pub fn new(settings: &Settings, dwells: D) -> Result<Self, Refusal> {
+impl<D: Dwells, W: Waiting> Replay<D, W> {
+    /// With empty places for the dwells (one for each, or one for each second or longer row of a continuous rotation) and for seconds that wait.
+    pub fn new(settings: &Settings, dwells: D, waiting: W) -> Result<Self, Refusal> {
         let declared = settings.declared().map_err(Refusal::Settings)?;
         Ok(Self {
             accumulator: Accumulator::new(declared, settings.model.clone().unwrap_or_default(), dwells),
@@ -183,7 +189,7 @@ impl<D: Dwells> Replay<D> {
             seconds: Seconds::new(settings),
             disturbance: DisturbanceGate::new(settings.disturbance, declared.earth.north_deg_h),
             opening: Opening::First,
-            waiting: Vec::new(),
+            waiting,
             dwell_deg: None,
             dwell: 0,
             marked: None,
@@ -241,9 +247,12 @@ impl<D: Dwells> Replay<D> {
         let corrected = self.accumulator.correct(second);
         if moved {
             if matches!(self.opening, Opening::First) {
-                for second in core::mem::take(&mut self.waiting) {
-                    self.moving(second, sink);
+                for i in 0..self.waiting.as_slice().len() {
+                    if let Some(&second) = self.waiting.as_slice().get(i) {
+                        self.moving(second, sink);
+                    }
                 }
+                self.waiting.clear();
             }
             self.end_dwell(sink);
             self.moving(corrected, sink);
@@ -261,14 +270,14 @@ impl<D: Dwells> Replay<D> {
             self.end_dwell(sink);
         }
         self.dwell_deg.get_or_insert(first_deg);
-        let _ = self.waiting.push(corrected);
+        self.waiting.push(corrected);
         match &mut self.opening {
-            Opening::First if self.waiting.len() > 1 => self.open(sink),
+            Opening::First if self.waiting.as_slice().len() > 1 => self.open(sink),
             Opening::First => {}
             Opening::Settling(gate) => {
                 if let (_, Verdict::Passed) = gate.push(corrected.rate_deg_h, second.ripple_arcsec) {
                     self.begin_quiet(sink);
-                } else if self.waiting.is_full() {
+                } else if self.waiting.as_slice().len() >= WAITING {
                     self.accumulator.waited_at(Gate::Jitter);
                     self.open(sink);
                 }
@@ -279,27 +288,32 @@ impl<D: Dwells> Replay<D> {
 
     /// The dwell begins with the first of the quiet seconds.
     fn begin_quiet(&mut self, sink: Sink) {
-        let before = self.waiting.len().saturating_sub(usize::from(self.jitter.seconds) + 1);
+        let before = self.waiting.as_slice().len().saturating_sub(usize::from(self.jitter.seconds) + 1);
         if before > 0 {
             self.accumulator.waited_at(Gate::Jitter);
         }
-        let waiting = core::mem::take(&mut self.waiting);
-        for (i, second) in waiting.into_iter().enumerate() {
-            if i < before {
+        for i in 0..before {
+            if let Some(&second) = self.waiting.as_slice().get(i) {
                 self.leave_out(second, sink);
-            } else {
-                self.collect(second, sink);
             }
         }
+        self.collect_waiting(before, sink);
         self.opening = Opening::Open;
     }
 
     /// The dwell begins with all that waits.
     fn open(&mut self, sink: Sink) {
-        for second in core::mem::take(&mut self.waiting) {
-            self.collect(second, sink);
-        }
+        self.collect_waiting(0, sink);
         self.opening = Opening::Open;
+    }
+
+    fn collect_waiting(&mut self, first: usize, sink: Sink) {
+        for i in first..self.waiting.as_slice().len() {
+            if let Some(&second) = self.waiting.as_slice().get(i) {
+                self.collect(second, sink);
+            }
+        }
+        self.waiting.clear();
     }
 
     fn collect(&mut self, second: Corrected, sink: Sink) {
@@ -322,7 +336,7 @@ impl<D: Dwells> Replay<D> {
     }
 
     fn end_dwell(&mut self, sink: Sink) {
-        if matches!(self.opening, Opening::Settling(_)) && self.waiting.len() > usize::from(self.jitter.seconds) {
+        if matches!(self.opening, Opening::Settling(_)) && self.waiting.as_slice().len() > usize::from(self.jitter.seconds) {
             // It never came to rest: all is taken as it is.
             self.accumulator.waited_at(Gate::Jitter);
         }
@@ -353,6 +367,21 @@ impl<D: Dwells> Replay<D> {
 const _: () = assert!(SAMPLES_PER_SECOND == 400);
 
 #[cfg(test)]
+impl Waiting for std::vec::Vec<Corrected> {
+    fn push(&mut self, second: Corrected) {
+        std::vec::Vec::push(self, second);
+    }
+
+    fn as_slice(&self) -> &[Corrected] {
+        self
+    }
+
+    fn clear(&mut self) {
+        std::vec::Vec::clear(self);
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
     use std::vec::Vec;
@@ -375,7 +404,7 @@ mod tests {
 
     fn replay(rows: &[Row]) -> (Result<Fix, Refusal>, Vec<Dwell>) {
         let settings = Settings { latitude_deg: 60.0, ..Default::default() };
-        let mut replay = Replay::new(&settings, Vec::new()).unwrap();
+        let mut replay = Replay::new(&settings, Vec::new(), Vec::new()).unwrap();
         let mut dwells = Vec::new();
         let mut told = |told: Told| {
             if let Told::Dwell { dwell, .. } = told {
@@ -473,9 +502,9 @@ mod tests {
     #[test]
     fn a_pole_and_a_lack_of_room_are_refused() {
         let settings = Settings { latitude_deg: 89.5, ..Default::default() };
-        assert!(matches!(Replay::new(&settings, Vec::new()), Err(Refusal::Settings(Fault::NearPole))));
+        assert!(matches!(Replay::new(&settings, std::vec::Vec::new(), std::vec::Vec::new()), Err(Refusal::Settings(Fault::NearPole))));
         let settings = Settings { latitude_deg: 60.0, ..Default::default() };
-        let mut replay = Replay::new(&settings, heapless::Vec::<DwellSummary, 3>::new()).unwrap();
+        let mut replay = Replay::new(&settings, heapless::Vec::<DwellSummary, 3>::new(), std::vec::Vec::new()).unwrap();
         four_positions(1.0).into_iter().for_each(|row| replay.push(&Recorded::Row(row), &mut |_| {}));
         assert_eq!(replay.finish(&mut |_| {}), Err(Refusal::Unsolvable(Unsolvable::TooManyDwells)));
     }

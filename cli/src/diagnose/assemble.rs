@@ -7,7 +7,7 @@ use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
 use super::{board, checks};
-use super::data::RunData;
+use crate::run_data::RunData;
 use super::composition::{self, Composition, WrongReference};
 use super::residual::Residuals;
 use super::statistics::{median, rms, rms_with_interval};
@@ -214,7 +214,7 @@ fn choose<'a>(
         return Choice { process, ..Choice::default() };
     }
     let left_out = composition::by_the_others(runs, base);
-    match composition::veto(runs, &left_out, bad) {
+    match composition::veto(runs, &found.model, &left_out, bad) {
         None => Choice { composition: Some(found), left_out: Some(left_out), ..Choice::default() },
         Some(why) => {
             let names = found.effects().iter().map(Effect::full_name).collect();

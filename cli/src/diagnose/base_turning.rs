@@ -2,7 +2,7 @@
 
 use north_finder::units::ARCSEC_PER_RAD;
 
-use super::data::RunData;
+use crate::run_data::RunData;
 
 /// Turning of the base about the sensitive axis by the accelerometers, °/h: slopes of pitch and roll over `window_s` about
 /// each sample, inside its dwell.

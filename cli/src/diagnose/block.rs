@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use north_finder::units::{RAD_PER_DEG, wrap_180_deg};
 
 use super::candidate::Columns;
-use super::data::{RunData, Sample};
+use crate::run_data::{RunData, Sample};
 use super::statistics::{dot, least_squares, median, orthonormalise, subtract};
 
 /// One sigma of the amplitude about Ω cos φ, relative, where a surveyed heading ties the rates down.

@@ -5,7 +5,7 @@ use north_finder::effects::{ChannelName, Effect, ErrorModel};
 use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
-use super::data::RunData;
+use crate::run_data::RunData;
 use super::result::BoardLack;
 
 /// What a model says of channels and of a run as a whole that a board with an inertial block does not measure, by name and with why.

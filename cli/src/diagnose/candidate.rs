@@ -14,7 +14,7 @@ use north_finder::effects::{
 use north_finder::index::Direction;
 
 use super::base_turning;
-use super::data::{RunData, Sample};
+use crate::run_data::{RunData, Sample};
 
 /// Seconds that wait for the first rate of change, as in the firmware's replay.
 const HELD: usize = 16;

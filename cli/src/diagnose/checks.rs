@@ -6,7 +6,7 @@ use north_finder::units::{RAD_PER_DEG, wrap_180_deg};
 
 use super::block::AMPLITUDE_SIGMA;
 use super::candidate::{Candidate, Part};
-use super::data::RunData;
+use crate::run_data::RunData;
 use super::learned::Learned;
 use super::problem::Problem;
 use super::statistics::{f_tail, median};

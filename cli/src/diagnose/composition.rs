@@ -9,7 +9,7 @@ use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
 use super::block::Block;
-use super::data::RunData;
+use crate::run_data::RunData;
 use super::learned::Taken;
 use super::problem::Problem;
 use super::statistics::rms;
@@ -217,8 +217,17 @@ pub fn by_the_others(runs: &[RunData], base: &ErrorModel) -> Vec<Option<Fix>> {
     fixes
 }
 
-/// Why what was found must not be used, if there is a reason: training runs that took no part in learning it miss their references by more with it.
-pub fn veto(runs: &[RunData], left_out: &[Option<Fix>], wrong: &[String]) -> Option<String> {
+/// Why what was found must not be used, if there is a reason: it costs azimuths, training runs that took no part in learning it miss their
+/// references by more with it, or it makes the Earth's rate impossible.
+pub fn veto(runs: &[RunData], found: &ErrorModel, left_out: &[Option<Fix>], wrong: &[String]) -> Option<String> {
+    let with: Vec<Option<Fix>> = runs.par_iter().map(|run| run.replay(found, &mut |_| ()).ok()).collect();
+    let lost = |run: &RunData, fix: &Option<Fix>| run.before.is_some() && fix.is_none();
+    let of_model = runs.iter().zip(&with).filter(|(run, fix)| lost(run, fix));
+    let of_folds = runs.iter().zip(left_out).filter(|(run, fix)| run.role == Role::Fit && lost(run, fix));
+    let files: Vec<&str> = of_model.chain(of_folds).map(|(run, _)| run.file.as_str()).collect();
+    if let Some(first) = files.first() {
+        return Some(format!("{first} has no azimuth with it"));
+    }
     let pairs: Vec<(f64, f64)> = runs
         .iter()
         .zip(left_out)
@@ -228,5 +237,10 @@ pub fn veto(runs: &[RunData], left_out: &[Option<Fix>], wrong: &[String]) -> Opt
             Some((miss(run.before?)?, miss((*after)?)?))
         })
         .collect();
-    guard::made_worse(&pairs)
+    guard::made_worse(&pairs).or_else(|| {
+        let share = |(run, fix): (&RunData, &Option<Fix>)| Some((*fix)?.amplitude_deg_h / run.earth.north_deg_h);
+        let before: Vec<f64> = runs.iter().filter_map(|run| share((run, &run.before))).collect();
+        let after: Vec<f64> = runs.iter().zip(&with).filter_map(share).collect();
+        guard::impossible_amplitude(&before, &after)
+    })
 }

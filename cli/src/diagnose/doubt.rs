@@ -7,7 +7,7 @@ use north_finder::effects::doubt::MAX_DIRECTIONS;
 use north_finder::effects::{ErrorModel, TooMany};
 use north_finder::units::wrap_180_deg;
 
-use super::data::RunData;
+use crate::run_data::RunData;
 use super::learned::Learned;
 
 /// The model of `learned` over `base`, with the uncertainty of what was learned: as directions of the terms' coefficients

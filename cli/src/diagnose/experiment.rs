@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::block::{Block, noise_deg_h};
 use super::candidate::Candidate;
-use super::data::{RunData, Sample};
+use crate::run_data::{RunData, Sample};
 use super::problem::Problem;
 use super::result::Experiment;
 use super::statistics::{dot, least_squares, orthonormalise};

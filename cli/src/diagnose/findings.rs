@@ -4,7 +4,7 @@ use north_finder::effects::ErrorModel;
 
 use super::block::Block;
 use super::candidate::{self, Part};
-use super::data::RunData;
+use crate::run_data::RunData;
 use super::evidence::searched;
 use super::experiment::{Expectation, Possible, Proposal};
 use super::learn::ACCEPT;

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::Fitted;
 use super::candidate::Part;
-use super::data::RunData;
+use crate::run_data::RunData;
 use super::statistics::{f_tail, median, rms, root_of_mean, studentised};
 use crate::campaign::Role;
 

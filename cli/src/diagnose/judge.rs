@@ -4,7 +4,7 @@ use north_finder::effects::{BaseMotion, ErrorModel};
 use north_finder::fix::DesignRow;
 use rayon::prelude::*;
 
-use super::data::RunData;
+use crate::run_data::{RunData, Sample};
 
 /// Lags of the accelerometers that are tried, seconds.
 const LAGS_S: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
@@ -29,7 +29,7 @@ pub fn dwells_of(run: &RunData, model: &ErrorModel) -> Option<RunData> {
             left: mean(&|i| run.samples[i].level.map_or(0.0, |level| level.left)),
         });
         variance += dwell.sigma_deg_h.powi(2) * dwell.seconds / dwells.len() as f64;
-        by_dwell.samples.push(super::data::Sample {
+        by_dwell.samples.push(Sample {
             t_s: mean(&|i| run.samples[i].t_s),
             seconds: dwell.seconds,
             rate_deg_h: dwell.rate_deg_h,

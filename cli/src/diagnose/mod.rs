@@ -7,7 +7,6 @@ mod board;
 mod candidate;
 mod checks;
 mod composition;
-pub(crate) mod data;
 mod doubt;
 mod effects;
 mod estimate;
@@ -33,7 +32,7 @@ mod verdict;
 
 pub use result::{
     BoardLack, Candidate, Diagnosis, Effect, Experiment, LeaveOneOut, MissedReference, NoiseTests, Origin, Rejected, RunDiagnosis, RunSeries,
-    Spectra, Test, Warning,
+    Spectra, Test,
 };
 pub use text::write;
 
@@ -43,10 +42,10 @@ use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
 use crate::campaign::{Campaign, Role};
-use crate::file_error::FileError;
+use crate::run_data::{self, RunData};
+pub use crate::run_data::{Refusal, Warning};
 use block::Block;
 use composition::Composition;
-use data::RunData;
 use learned::Learned;
 use own_sinusoid::OwnSinusoid;
 use problem::Problem;
@@ -58,19 +57,6 @@ pub struct Options {
     pub settings: Settings,
     /// Leave every run out in turn, however many there are.
     pub leave_one_out: bool,
-}
-
-/// Why a campaign cannot be diagnosed at all.
-#[derive(Debug, thiserror::Error)]
-pub enum Refusal {
-    #[error(transparent)]
-    File(#[from] FileError),
-    /// The campaign as a whole does not allow it.
-    #[error("{0}")]
-    Campaign(String),
-    /// A run makes no sense; `line` counts the header as 1.
-    #[error("{run}{}: {problem}", line.map(|line| format!(", line {line}")).unwrap_or_default())]
-    Run { run: String, line: Option<u64>, problem: String },
 }
 
 /// What was learned from some runs, in one or two stages.
@@ -155,7 +141,7 @@ impl Fitted {
 
 /// Diagnoses a campaign.
 pub fn diagnose(campaign: &Campaign, options: &Options) -> Result<Diagnosis, Refusal> {
-    let (mut runs, mut warnings) = data::read(campaign, options)?;
+    let (mut runs, mut warnings) = run_data::read(campaign, &options.settings)?;
     checks::refuse(&runs)?;
     let constant = checks::constant_channels(&runs);
     checks::warn(&runs, &constant, &mut warnings);

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use rayon::prelude::*;
 
 use super::block::Block;
-use super::data::RunData;
+use crate::run_data::RunData;
 use super::problem::Problem;
 use super::result::{Spectra, Test};
 use super::statistics::{chi_square_tail, dot, least_squares, median};

@@ -3,7 +3,7 @@
 use north_finder::effects::Sinusoid;
 
 use super::Effect;
-use super::data::RunData;
+use crate::run_data::RunData;
 use super::learn::STRUCTURE;
 use super::learned::Learned;
 use super::noise;

@@ -4,7 +4,7 @@ use north_finder::units::wrap_360_deg;
 use rayon::prelude::*;
 
 use super::block::Block;
-use super::data::RunData;
+use crate::run_data::RunData;
 use super::learned::Taken;
 use super::noise::{self, LEVEL, Residual};
 use super::problem::Problem;

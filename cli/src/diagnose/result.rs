@@ -7,6 +7,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::campaign::Role;
+use crate::run_data::Warning;
 
 /// The whole diagnosis of a campaign. Serialised, it is the documented result of `north diagnose --json`; the series
 /// for a report are left out of that.
@@ -278,16 +279,6 @@ impl Test {
     pub fn failed(&self) -> bool {
         !self.passed && self.not_applied.is_none()
     }
-}
-
-/// A doubt about the campaign.
-#[derive(Clone, Debug, Serialize, JsonSchema)]
-pub struct Warning {
-    /// The run's file; absent when it concerns the whole campaign.
-    pub run: Option<String>,
-    /// Line of that file, from 1, the header being 1.
-    pub line: Option<u64>,
-    pub message: String,
 }
 
 /// Series of one run by the second (or by the row where rows are longer), all of the same length.

@@ -5,7 +5,7 @@ use north_finder::fix::DesignRow;
 use north_finder::index::Direction;
 use north_finder::units::{sin_cos_deg, wrap_180_deg};
 
-use super::data::RunData;
+use crate::run_data::RunData;
 use super::statistics::median;
 use crate::campaign::Role;
 

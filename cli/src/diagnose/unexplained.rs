@@ -1,7 +1,7 @@
 //! What no candidate explains, in words.
 
 use super::block::Block;
-use super::data::RunData;
+use crate::run_data::RunData;
 use super::learn::STRUCTURE;
 use super::noise::azimuth_tests;
 use super::problem::Problem;

@@ -4,7 +4,7 @@ use north_finder::settings::Settings;
 
 use super::rows::Run;
 use crate::campaign::{Campaign, Role};
-use crate::diagnose::{Options, Refusal, data};
+use crate::run_data::{self, Refusal};
 
 /// The runs of a campaign.
 #[derive(Clone, Debug, Default)]
@@ -17,8 +17,7 @@ pub struct Runs {
 ///
 /// Errors: a file cannot be read or is wrong somewhere; a latitude next to a pole.
 pub fn read(campaign: &Campaign, settings: &Settings) -> Result<Runs, Refusal> {
-    let options = Options { settings: settings.clone(), ..Options::default() };
-    let (data, _) = data::read(campaign, &options)?;
+    let (data, _) = run_data::read(campaign, settings)?;
     let mut runs = Runs::default();
     for data in &data {
         if let Some(run) = Run::new(data, campaign.runs.len()) {

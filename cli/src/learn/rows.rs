@@ -12,7 +12,7 @@ use north_finder::effects::track::Track;
 use north_finder::effects::{ChannelName, Conditions, MAX_CHANNELS};
 use north_finder::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_360_deg};
 
-use crate::diagnose::data::{RunData, Sample};
+use crate::run_data::{RunData, Sample};
 
 /// Most rows of one run in the search, and of all runs together as long as each has the least: longer ones are means over some seconds. A dwell of a
 /// minute in eight has twenty rows of three seconds.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use north_finder::effects::effect::Effect;
+use north_finder::effects::effect::{Effect, Port};
 use north_finder::effects::factor::Factor;
 use rayon::prelude::*;
 
@@ -22,6 +22,12 @@ const FURTHER_FALSE_DISCOVERIES: f64 = 1.0 / 20.0;
 pub const MOST_EFFECTS: usize = 12;
 /// Most weights.
 pub const MOST_WEIGHTS: usize = 96;
+/// Most that an error of the index or of the level may be, root mean square, degrees and g: the equations are linear in it, and leave out e²/2 of the
+/// rate, 0.4 % at 5°. What is larger is another effect, which this one stands for.
+const MOST_INDEX_DEG: f64 = 5.0;
+const MOST_LEVEL_G: f64 = 0.087;
+/// Most that the scale factor may change by, root mean square.
+const MOST_SCALE: f64 = 0.2;
 /// Proposals whose exact evidence is computed, and those that are tuned.
 const SHORTLIST: usize = 40;
 const FINALISTS: usize = 2;
@@ -72,7 +78,7 @@ impl<'a> Search<'a> {
                 }
                 let mut with = terms.clone();
                 with.push(self.term(&others, &effect));
-                rivals.extend(Model::new(self.runs, best.process, &with));
+                rivals.extend(Model::new(self.runs, best.process, &with).filter(|each| self.is_plausible(each)));
             }
             rivals.push(others);
         }
@@ -103,7 +109,7 @@ impl<'a> Search<'a> {
             let best = finalists
                 .par_iter()
                 .filter_map(with)
-                .filter(|each| each.weights() <= MOST_WEIGHTS)
+                .filter(|each| each.weights() <= MOST_WEIGHTS && self.is_plausible(each))
                 .max_by(|a, b| a.score(&self.grammar).total_cmp(&b.score(&self.grammar)));
             let gained = best.as_ref().map_or(0.0, |best| best.score(&self.grammar) - now);
             if let Some((gain, blunder)) = likeliest(&model)
@@ -115,6 +121,27 @@ impl<'a> Search<'a> {
             model = self.pruned(best);
         }
         Ok(Some(self.revised(model)))
+    }
+
+    /// Whether no effect is larger than its port allows.
+    fn is_plausible(&self, model: &Model<'_>) -> bool {
+        let means = model.fit.scaled_means();
+        let mut first = 0;
+        model.terms.iter().all(|term| {
+            let own = means.get(first..first + term.columns.len()).unwrap_or_default();
+            first += own.len();
+            let most = match term.effect.port {
+                Port::Rate => return true,
+                Port::Scale => MOST_SCALE,
+                Port::Index => MOST_INDEX_DEG,
+                Port::Forward | Port::Left => MOST_LEVEL_G,
+            };
+            // At the port of the rate its functions are themselves.
+            let functions = self.bank.library.values(self.runs, &Effect::new(Port::Rate, &term.effect.factors));
+            let rows = functions.first().map_or(0, Vec::len);
+            let at = |row: usize| functions.iter().zip(own).map(|(function, mean)| mean * function[row]).sum::<f64>();
+            (0..rows).map(|row| at(row).powi(2)).sum::<f64>() <= most * most * rows as f64
+        })
     }
 
     /// An effect as a term beside a model, of the size that suits it best.
@@ -239,6 +266,7 @@ impl<'a> Search<'a> {
             if let Some(revised) = Model::new(self.runs, model.process, &terms).map(Model::with_likeliest_process)
                 && revised.score(&self.grammar) > model.score(&self.grammar)
                 && revised.weights() <= MOST_WEIGHTS
+                && self.is_plausible(&revised)
             {
                 model = revised;
             }

@@ -11,7 +11,7 @@ mod settling;
 mod time;
 
 use super::candidate::Candidate;
-use super::data::RunData;
+use crate::run_data::RunData;
 
 /// Lengths that the grids of constants are made of.
 struct Scales {

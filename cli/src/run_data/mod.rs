@@ -1,22 +1,24 @@
 //! The runs of a campaign as the seconds that the firmware's replay makes of them: what is learned from and judged.
 
-use std::path::Path;
+mod read;
 
-use north_finder::earth::{EarthRate, earth_rate};
+pub use read::read;
+
+use north_finder::earth::EarthRate;
 use north_finder::effects::now::RunFacts;
-use north_finder::effects::{ErrorModel, MAX_CHANNELS};
+use north_finder::effects::ErrorModel;
 use north_finder::event::{Dwell, Fix};
 use north_finder::fix::DesignRow;
 use north_finder::fix::accumulator::{Corrected, ROTATION_SHARE};
 use north_finder::level::Specific;
-use north_finder::replay::{Place, REST_DEG, RecordedSecond, Replay, Seconds, Told};
+use north_finder::replay::{Place, RecordedSecond, Replay, Told};
 use north_finder::settings::Settings;
-use north_finder::units::wrap_180_deg;
-use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::Serialize;
 
-use super::{Options, Refusal, Warning};
-use crate::campaign::{Campaign, Role, Row, Run, RunReader};
-use crate::solve::{AllDwells, correct_level, lacking_fact, recorded};
+use crate::campaign::Role;
+use crate::file_error::FileError;
+use crate::solve::{AllDwells, AllSeconds, lacking_fact};
 
 /// More outliers than one second in this many are no shocks but something to be explained.
 const SECONDS_BY_SHOCK: usize = 50;
@@ -147,7 +149,7 @@ impl RunData {
             model.index_error.get_or_insert_default().offset_deg += turned_deg;
         }
         let settings = Settings { model: Some(model), ..self.settings.clone() };
-        let mut replay = Replay::new(&settings, AllDwells::default()).map_err(|refusal| refusal.to_string())?;
+        let mut replay = Replay::new(&settings, AllDwells::default(), AllSeconds::default()).map_err(|refusal| refusal.to_string())?;
         replay.set_run(self.facts);
         for (i, each) in self.recorded.iter().enumerate() {
             let mut each = *each;
@@ -261,142 +263,25 @@ fn sample(second: &Corrected, place: Place, dwell: usize, line: u64, earth: &Ear
     }
 }
 
-/// Reads all runs.
-pub fn read(campaign: &Campaign, options: &Options) -> Result<(Vec<RunData>, Vec<Warning>), Refusal> {
-    let read: Vec<_> = campaign
-        .runs
-        .par_iter()
-        .zip(campaign.facts())
-        .map(|(run, facts)| read_run(campaign, run, facts, options))
-        .collect();
-    let (mut runs, mut warnings) = (Vec::new(), Vec::new());
-    for each in read {
-        let (run, doubts) = each?;
-        runs.push(run);
-        warnings.extend(doubts);
-    }
-    Ok((runs, warnings))
+/// Why a campaign cannot be diagnosed at all.
+#[derive(Debug, thiserror::Error)]
+pub enum Refusal {
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The campaign as a whole does not allow it.
+    #[error("{0}")]
+    Campaign(String),
+    /// A run makes no sense; `line` counts the header as 1.
+    #[error("{run}{}: {problem}", line.map(|line| format!(", line {line}")).unwrap_or_default())]
+    Run { run: String, line: Option<u64>, problem: String },
 }
 
-fn read_run(
-    campaign: &Campaign,
-    run: &Run,
-    facts: RunFacts,
-    options: &Options,
-) -> Result<(RunData, Option<Warning>), Refusal> {
-    let latitude_deg = campaign.latitude_of(run).unwrap_or_default();
-    let refuse = |problem: String| Refusal::Run { run: run.file.clone(), line: None, problem };
-    let earth = earth_rate(latitude_deg).map_err(|_| {
-        refuse(format!("at latitude {latitude_deg} there is no horizontal Earth rate to find north by"))
-    })?;
-    let settings = Settings { latitude_deg, ..options.settings.clone() };
-    let Gathered { seconds, names, channels, lines, gaps, .. } = Gathered::read(&campaign.path_of(run), &settings)?;
-    let mut data = RunData {
-        file: run.file.clone(),
-        role: run.role,
-        settings,
-        earth,
-        reference_deg: run.reference_azimuth_deg,
-        reference_sigma_deg: run.reference_sigma_deg.unwrap_or(0.0),
-        samples: Vec::new(),
-        names,
-        channels,
-        turned_deg: None,
-        recorded: seconds,
-        before: None,
-        refusal: None,
-        outliers: Vec::new(),
-        facts,
-        noise_deg_h: None,
-        rotation: false,
-    };
-    data.slots(&data.settings.model.clone().unwrap_or_default()).map_err(refuse)?;
-    let places: Vec<usize> = gaps.iter().map(|gap| gap.place).collect();
-    data.replay_as_made(&places, &lines);
-    let warning = gaps.first().map(|gap| Warning {
-        run: Some(run.file.clone()),
-        line: Some(gap.line),
-        message: format!(
-            "a gap of {:.3} s in time within a dwell (rows are {} s apart): nothing is learned from the row after it; \
-             check the recorder",
-            gap.seconds, gap.usual_s
-        ),
-    });
-    Ok((data, warning))
-}
-
-/// Rows are missing within a dwell.
-struct Gap {
-    /// Number of the second that the row after it is in, and the line of that row.
-    place: usize,
-    line: u64,
-    seconds: f64,
-    usual_s: f64,
-}
-
-/// A file's seconds by the core's gatherer, and the means of all channels over them.
-#[derive(Default)]
-struct Gathered {
-    seconds: Vec<RecordedSecond>,
-    names: Vec<String>,
-    channels: Vec<Vec<f64>>,
-    /// Line that each second begins with.
-    lines: Vec<u64>,
-    gaps: Vec<Gap>,
-    /// Of the second under way: the sums of its channels, its time, its first line.
-    sums: Vec<f64>,
-    sum_s: f64,
-    line: Option<u64>,
-}
-
-impl Gathered {
-    fn read(path: &Path, settings: &Settings) -> Result<Self, Refusal> {
-        let reader = RunReader::open(path)?;
-        let names = reader.channels().to_vec();
-        let number = names.len();
-        let mut gathered =
-            Self { names, channels: vec![Vec::new(); number], sums: vec![0.0; number], ..Self::default() };
-        let mut seconds = Seconds::new(settings);
-        let triad = settings.triad();
-        let (mut usual_s, mut last_deg) = (0.0, None);
-        for (row, line) in reader.zip(2..) {
-            let mut row = row?;
-            correct_level(&mut row, &triad);
-            let still = last_deg
-                .replace(row.index_deg)
-                .is_some_and(|last| wrap_180_deg(row.index_deg - last).abs() <= REST_DEG);
-            let gap = line > 3 && row.interval_s > 1.0 && row.interval_s > 2.5 * usual_s && still;
-            // The first row's interval says nothing where it begins late.
-            if line <= 3 {
-                usual_s = row.interval_s;
-            }
-            let [before, complete] = seconds.push(&recorded(&row, [f64::NAN; MAX_CHANNELS]));
-            gathered.end(before);
-            if gap {
-                gathered.gaps.push(Gap { place: gathered.seconds.len(), line, seconds: row.interval_s, usual_s });
-            }
-            gathered.add(&row, line);
-            gathered.end(complete);
-        }
-        gathered.end(seconds.finish());
-        Ok(gathered)
-    }
-
-    fn add(&mut self, row: &Row, line: u64) {
-        self.line.get_or_insert(line);
-        self.sum_s += row.interval_s;
-        for (sum, value) in self.sums.iter_mut().zip(&row.extra) {
-            *sum += row.interval_s * value;
-        }
-    }
-
-    fn end(&mut self, second: Option<RecordedSecond>) {
-        let Some(second) = second else { return };
-        self.seconds.push(second);
-        self.lines.push(self.line.take().unwrap_or_default());
-        let seconds = std::mem::take(&mut self.sum_s);
-        for (values, sum) in self.channels.iter_mut().zip(&mut self.sums) {
-            values.push(std::mem::take(sum) / seconds);
-        }
-    }
+/// A doubt about the campaign.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct Warning {
+    /// The run's file; absent when it concerns the whole campaign.
+    pub run: Option<String>,
+    /// Line of that file, from 1, the header being 1.
+    pub line: Option<u64>,
+    pub message: String,
 }
