@@ -23,6 +23,7 @@
 extern crate std;
 
 pub mod attitude;
+mod bounded;
 pub mod bytes;
 pub mod calibration;
 pub mod codes;

@@ -3,6 +3,7 @@
 
 use north::diagnose::{Options, diagnose};
 use north::settings_file::declare_noise;
+use proofs::composed;
 use proofs::hidden::{Campaign, Family};
 use proofs::judge::{Attribution, Verdict, consult, judge, write};
 
@@ -67,6 +68,7 @@ fn are_unexplained_or_covered(family: Family, campaigns: u64) {
 fn one_campaign_of_a_kind() {
     let nothing = verdict(Family::Nothing, 0);
     assert!(nothing.false_effects == 0 && nothing.refusal.is_none());
+    assert_eq!(verdict(Family::ChannelValue, 0).attribution, Attribution::Right);
     are_named_and_taken_out(Family::ChannelValue, 1);
     are_unexplained_or_covered(Family::TwoChannels, 1);
 }
@@ -98,4 +100,29 @@ fn foreign_effects_are_said_to_be_unexplained_or_taken_out_with_a_sigma_that_hol
     for family in Family::BASIC.into_iter().filter(|family| family.is_foreign()) {
         are_unexplained_or_covered(family, 5);
     }
+}
+
+/// Azimuth and sigma of every check run by the model's file are those that were reported, with all digits.
+fn the_written_model_is_the_reported_one(campaigns: u64) {
+    for number in 0..campaigns {
+        let kind = [composed::Kind::Inside, composed::Kind::Outside, composed::Kind::Empty][(number % 3) as usize];
+        let folder = tempfile::tempdir().unwrap();
+        composed::Campaign::draw(SEED, number, kind).write(folder.path()).unwrap();
+        let verdict = composed::judge::judge(folder.path(), number).unwrap();
+        assert_eq!(verdict.refusal, None, "{kind:?} {number}: {:?}", verdict.found);
+        let [by_model, reported] =
+            [verdict.model, verdict.reported].map(|azimuths| azimuths.map(|each| (each.errors_deg, each.sigmas_deg)));
+        assert_eq!(by_model, reported, "{kind:?} {number}: {:?}", verdict.found);
+    }
+}
+
+#[test]
+fn the_written_model_is_the_reported_one_in_one_campaign_of_a_kind() {
+    the_written_model_is_the_reported_one(3);
+}
+
+#[test]
+#[ignore = "a hundred campaigns: make proofs"]
+fn the_written_model_is_the_reported_one_in_a_hundred_campaigns() {
+    the_written_model_is_the_reported_one(100);
 }

@@ -9,6 +9,7 @@ use super::channel::ChannelName;
 use super::factor::{Factor, Memory};
 use super::now::Now;
 use super::signal::Signal;
+use crate::bounded::bounded;
 use crate::limits::{Invalid, finite, within};
 
 /// Most factors of one effect.
@@ -66,9 +67,9 @@ pub struct Effect {
 impl Effect {
     /// An effect whose weights are not known yet: all 0.
     pub fn new(port: Port, factors: &[Factor]) -> Self {
-        let factors: Vec<Factor, MAX_FACTORS> = factors.iter().take(MAX_FACTORS).cloned().collect();
+        let factors = bounded(factors.iter().cloned());
         let mut effect = Self { port, factors, weights: Vec::new() };
-        effect.weights = core::iter::repeat_n(0.0, effect.count().min(MAX_EFFECT_WEIGHTS)).collect();
+        effect.weights = bounded(core::iter::repeat_n(0.0, effect.count()));
         effect
     }
 
@@ -80,7 +81,7 @@ impl Effect {
     /// The products of the functions of its factors in this second: of all of them, or where it depends on the azimuth of those factors that do
     /// not ([`Self::of_azimuth`] gives the others). Empty where a signal says nothing. Must be called every second, in the order of time.
     pub fn products(&self, now: &Now<'_>, memories: &mut Memories) -> Products {
-        let mut products: Products = core::iter::once(1.0).collect();
+        let mut products: Products = bounded([1.0]);
         for (factor, memory) in self.factors.iter().zip(memories) {
             if factor.needs_azimuth() {
                 continue;
@@ -88,7 +89,7 @@ impl Effect {
             // Every factor is asked, so that every one remembers.
             let input = factor.pass(factor.signal.value(now), now.track.step_s, memory);
             let values = input.map(|input| factor.shape.values(input)).unwrap_or_default();
-            products = products.iter().flat_map(|product| values.iter().map(move |value| product * value)).collect();
+            products = bounded(products.iter().flat_map(|product| values.iter().map(move |value| product * value)));
         }
         products
     }

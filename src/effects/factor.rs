@@ -10,6 +10,7 @@ use super::dynamics::{Dynamics, State};
 use super::part::Constant;
 use super::shape::Shape;
 use super::signal::Signal;
+use crate::bounded::bounded;
 use crate::limits::Invalid;
 
 /// Most dynamics in a row: the memory of a rate takes two.
@@ -33,7 +34,7 @@ pub type Memory = [State; MAX_CHAIN];
 
 impl Factor {
     pub fn new(signal: Signal, dynamics: &[Dynamics], shape: Shape) -> Self {
-        Self { signal, dynamics: dynamics.iter().copied().take(MAX_CHAIN).collect(), shape }
+        Self { signal, dynamics: bounded(dynamics.iter().copied()), shape }
     }
 
     /// What comes out of the dynamics of a signal's value, `step_s` after the one before; `None`: the signal says nothing, and the dynamics forget
@@ -63,7 +64,7 @@ impl Factor {
     /// not tuned.
     pub fn constants(&self) -> Vec<Constant, MAX_FACTOR_CONSTANTS> {
         let of_shape = self.shape.constants().into_iter().filter(|_| !self.is_harmonic_of_angle());
-        self.dynamics.iter().flat_map(Dynamics::constants).chain(of_shape).take(MAX_FACTOR_CONSTANTS).collect()
+        bounded(self.dynamics.iter().flat_map(Dynamics::constants).chain(of_shape))
     }
 
     /// Sets the constant of that number in [`Self::constants`].

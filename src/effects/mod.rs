@@ -169,7 +169,7 @@ impl ErrorModel {
     /// The first channel that a board does not measure, which carries an inertial block or none: a model with one is for recordings
     /// only.
     pub fn off_board(&self, has_block: bool) -> Option<ChannelName> {
-        self.channels().into_iter().find(|name| !name.is_on_board(has_block))
+        self.channels().iter().find(|name| !name.is_on_board(has_block)).copied()
     }
 
     /// The place of the inertial block's temperature among [`Self::channels`], if it is followed.

@@ -2,6 +2,8 @@
 
 use heapless::Vec;
 
+use crate::bounded::bounded;
+
 /// Most constants of one part.
 pub const MAX_CONSTANTS: usize = 2;
 
@@ -31,7 +33,7 @@ pub type Constants = Vec<Constant, MAX_CONSTANTS>;
 
 /// Constants from a list; what is beyond the room is dropped.
 pub fn constants<const N: usize>(list: [Constant; N]) -> Constants {
-    list.into_iter().take(MAX_CONSTANTS).collect()
+    bounded(list)
 }
 
 /// What a signal does in the recordings that are learned from: where the search begins.

@@ -5,8 +5,9 @@ use core::fmt;
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-use super::basis::{Basis, Missing, Now, Values};
+use super::basis::{Basis, Missing, Now};
 use super::channel::ChannelName;
+use crate::bounded::bounded;
 use crate::limits::{Invalid, finite};
 
 /// Most coefficients of one term: a surface of two channels on a grid of four by five.
@@ -50,13 +51,13 @@ impl Term {
     }
 
     fn zeroed(mut self) -> Self {
-        self.coefficients = core::iter::repeat_n(0.0, self.count().min(MAX_TERM_COEFFICIENTS)).collect();
+        self.coefficients = bounded(core::iter::repeat_n(0.0, self.count()));
         self
     }
 
     /// The same with these coefficients; those beyond a term's room are dropped.
     pub fn with_coefficients(mut self, numbers: &[f64]) -> Self {
-        self.coefficients = numbers.iter().map(|&number| number as f32).take(MAX_TERM_COEFFICIENTS).collect();
+        self.coefficients = bounded(numbers.iter().map(|&number| number as f32));
         self
     }
 
@@ -79,10 +80,7 @@ impl Term {
         let [own, other] = memory;
         // Both are asked, so that both remember.
         let values = self.basis.values(now, own);
-        let times = self
-            .times
-            .as_ref()
-            .map_or_else(|| Ok([1.0].into_iter().collect::<Values>()), |times| times.values(now, other));
+        let times = self.times.as_ref().map_or_else(|| Ok(bounded([1.0])), |times| times.values(now, other));
         let (values, times) = (values?, times?);
         let products = values.iter().flat_map(|value| times.iter().map(move |times| value * times));
         products.enumerate().for_each(|(place, value)| each(place, value));

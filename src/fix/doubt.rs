@@ -14,6 +14,7 @@ use nalgebra::{Matrix4, SMatrix, Vector4};
 
 use super::dwell::DwellSummary;
 use super::observation::Observation;
+use crate::bounded::bounded;
 use crate::effects::Doubt;
 use crate::effects::doubt::MAX_DIRECTIONS;
 
@@ -40,7 +41,7 @@ impl Correlated {
         if !is_any(doubt) || dwells.len() > MOST {
             return None;
         }
-        let doubts: Vec<Doubts, MOST> = dwells.iter().map(|dwell| observe(dwell).1).collect();
+        let doubts: Vec<Doubts, MOST> = bounded(dwells.iter().map(|dwell| observe(dwell).1));
         let mut covariance = SMatrix::<f64, MOST, MOST>::identity();
         let mut rows = SMatrix::<f64, MOST, 4>::zeros();
         for (i, (dwell, own)) in dwells.iter().zip(&doubts).enumerate() {

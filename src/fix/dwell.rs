@@ -8,6 +8,7 @@ use core::ops::Range;
 
 use heapless::Vec;
 
+use crate::bounded::bounded;
 use crate::effects::Carried;
 use crate::level::{LevelMoments, Specific};
 
@@ -500,7 +501,7 @@ impl Sums {
 /// Middle of what `value` gives of the rows.
 fn median(rows: &[Row], value: impl Fn(&Row) -> f64) -> Option<f64> {
     // A dwell has no more rows than there are places.
-    let mut values: Vec<f64, MAX_ROWS> = rows.iter().map(value).filter(|value| value.is_finite()).collect();
+    let mut values: Vec<f64, MAX_ROWS> = bounded(rows.iter().map(value).filter(|value| value.is_finite()));
     crate::median::median(&mut values)
 }
 

@@ -204,7 +204,8 @@ fn settle_azimuth<'a>(
     let mut apart_deg: f64 = 0.0;
     for _ in 0..AZIMUTH_STEPS {
         problem.at_azimuth = Some(AzimuthEffects::new(model, problem.earth, supposed_deg));
-        problem.correlated = Correlated::new(&model.doubt, problem.dwells, &|dwell| problem.with_doubts(dwell), variance);
+        problem.correlated =
+            Correlated::new(&model.doubt, problem.dwells, &|dwell| problem.with_doubts(dwell), variance);
         let next_deg = azimuth_deg(problem)?;
         apart_deg = wrap_180_deg(next_deg - supposed_deg).abs();
         supposed_deg = next_deg;
@@ -240,7 +241,9 @@ fn correlated_covariance(
     model: &ErrorModel,
 ) -> Matrix4<f64> {
     let mut shared = match &problem.correlated {
-        None if doubt::is_any(&model.doubt) => doubt::of_right_hand_side(&model.doubt, problem.dwells, &|dwell| problem.with_doubts(dwell)),
+        None if doubt::is_any(&model.doubt) => {
+            doubt::of_right_hand_side(&model.doubt, problem.dwells, &|dwell| problem.with_doubts(dwell))
+        }
         _ => Matrix4::zeros(),
     };
     add_of_dwells(&mut shared, problem, declared.gyro.bias_instability_deg_h);

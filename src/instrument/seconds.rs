@@ -120,7 +120,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         let Ended { gathered, fault, .. } = self.ended.pop_front()?;
         let sink: &mut dyn FnMut(Event) = &mut |event| sink(t_s, event);
         self.report_second(&gathered, &outcome.observed, sink);
-        for event in outcome.events {
+        for &event in &outcome.events {
             if let Event::Fix(fix) = &event {
                 // Before the fix, what is to be held against it.
                 sink(Event::Health(self.counters));

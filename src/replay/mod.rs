@@ -336,7 +336,9 @@ impl<D: Dwells, W: Waiting> Replay<D, W> {
     }
 
     fn end_dwell(&mut self, sink: Sink) {
-        if matches!(self.opening, Opening::Settling(_)) && self.waiting.as_slice().len() > usize::from(self.jitter.seconds) {
+        if matches!(self.opening, Opening::Settling(_))
+            && self.waiting.as_slice().len() > usize::from(self.jitter.seconds)
+        {
             // It never came to rest: all is taken as it is.
             self.accumulator.waited_at(Gate::Jitter);
         }
@@ -502,7 +504,10 @@ mod tests {
     #[test]
     fn a_pole_and_a_lack_of_room_are_refused() {
         let settings = Settings { latitude_deg: 89.5, ..Default::default() };
-        assert!(matches!(Replay::new(&settings, std::vec::Vec::new(), std::vec::Vec::new()), Err(Refusal::Settings(Fault::NearPole))));
+        assert!(matches!(
+            Replay::new(&settings, std::vec::Vec::new(), std::vec::Vec::new()),
+            Err(Refusal::Settings(Fault::NearPole))
+        ));
         let settings = Settings { latitude_deg: 60.0, ..Default::default() };
         let mut replay = Replay::new(&settings, heapless::Vec::<DwellSummary, 3>::new(), std::vec::Vec::new()).unwrap();
         four_positions(1.0).into_iter().for_each(|row| replay.push(&Recorded::Row(row), &mut |_| {}));

@@ -6,16 +6,16 @@ use north_finder::event::Fix;
 use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
-use super::{board, checks};
-use crate::run_data::RunData;
 use super::composition::{self, Composition, WrongReference};
 use super::residual::Residuals;
 use super::statistics::{median, rms, rms_with_interval};
 use super::{
-    Diagnosis, Effect, Fitted, LeaveOneOut, MissedReference, NoiseTests, Options, Origin, Refusal, RunDiagnosis, Warning, doubt, findings,
-    fit_training_runs, guard, judge, turn, unexplained, verdict,
+    Diagnosis, Effect, Fitted, LeaveOneOut, MissedReference, NoiseTests, Options, Origin, Refusal, RunDiagnosis,
+    Warning, doubt, findings, fit_training_runs, guard, judge, turn, unexplained, verdict,
 };
+use super::{board, checks};
 use crate::campaign::{Campaign, Role};
+use crate::run_data::RunData;
 
 /// Most folds of the cross-validation.
 const FOLDS: usize = 6;

@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 use north_finder::units::{RAD_PER_DEG, wrap_180_deg};
 
 use super::candidate::Columns;
-use crate::run_data::{RunData, Sample};
 use super::statistics::{dot, least_squares, median, orthonormalise, subtract};
+use crate::run_data::{RunData, Sample};
 
 /// One sigma of the amplitude about Ω cos φ, relative, where a surveyed heading ties the rates down.
 pub const AMPLITUDE_SIGMA: f64 = 0.002;

@@ -5,8 +5,8 @@ use north_finder::effects::{ChannelName, Effect, ErrorModel};
 use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
-use crate::run_data::RunData;
 use super::result::BoardLack;
+use crate::run_data::RunData;
 
 /// What a model says of channels and of a run as a whole that a board with an inertial block does not measure, by name and with why.
 pub fn lacks(model: &ErrorModel) -> Vec<BoardLack> {
@@ -44,7 +44,8 @@ pub fn model(whole: &ErrorModel, runs: &[RunData]) -> ErrorModel {
         stays
     });
     for direction in &mut model.doubt.directions {
-        let numbers: Vec<f32> = direction.iter().zip(&kept).filter(|(_, stays)| **stays).map(|(number, _)| *number).collect();
+        let numbers: Vec<f32> =
+            direction.iter().zip(&kept).filter(|(_, stays)| **stays).map(|(number, _)| *number).collect();
         *direction = numbers.into_iter().collect();
     }
     let turn_deg = |run: &RunData| {

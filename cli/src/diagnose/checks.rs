@@ -6,12 +6,12 @@ use north_finder::units::{RAD_PER_DEG, wrap_180_deg};
 
 use super::block::AMPLITUDE_SIGMA;
 use super::candidate::{Candidate, Part};
-use crate::run_data::RunData;
 use super::learned::Learned;
 use super::problem::Problem;
 use super::statistics::{f_tail, median};
 use super::{Refusal, Warning};
 use crate::campaign::Role;
+use crate::run_data::RunData;
 
 /// Relative amplitude error beyond which latitude and recording do not belong together.
 const AMPLITUDE_LIMIT: f64 = 0.03;

@@ -9,13 +9,13 @@ use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
 use super::block::Block;
-use crate::run_data::RunData;
 use super::learned::Taken;
 use super::problem::Problem;
 use super::statistics::rms;
 use super::{Effect, guard};
 use crate::campaign::Role;
 use crate::learn::{self, Blunder, Learned, Run};
+use crate::run_data::RunData;
 
 /// Folds of the validation that learns again: each leaves a quarter of the runs out.
 const FOLDS: usize = 4;
@@ -89,7 +89,8 @@ impl Composition {
 
     /// Columns of the named effects by the rows of the search, each of a root mean square of one.
     fn groups(&self, runs: &[&RunData], taken: &[Taken]) -> Vec<Vec<Vec<f64>>> {
-        let runs: Vec<&&RunData> = self.files.iter().filter_map(|file| runs.iter().find(|run| run.file == *file)).collect();
+        let runs: Vec<&&RunData> =
+            self.files.iter().filter_map(|file| runs.iter().find(|run| run.file == *file)).collect();
         let blocks: Vec<Option<Block>> = runs.iter().map(|run| Block::new(run, true, None)).collect();
         let mut problem = Problem::new(blocks.into_iter().flatten().collect());
         problem.linearise(taken);
@@ -97,9 +98,8 @@ impl Composition {
             let mut columns = vec![Vec::new(); taken.coefficients.len()];
             for (run, own) in runs.iter().zip(&self.learned.runs) {
                 let block = problem.blocks.iter().find(|block| block.run.file == run.file);
-                let found = block.map(|block| {
-                    taken.candidate.columns(run, taken.constant, &block.smooth_deg_h, own.azimuth_deg)
-                });
+                let found = block
+                    .map(|block| taken.candidate.columns(run, taken.constant, &block.smooth_deg_h, own.azimuth_deg));
                 for (place, column) in columns.iter_mut().enumerate() {
                     match found.as_ref().and_then(|found| found.get(place)) {
                         Some(by_second) => column.extend(own.by_row(by_second)),
@@ -173,7 +173,8 @@ impl Composition {
     fn size_deg_h(&self, effect: &effect::Effect) -> f64 {
         let of_run = |run: &Run| {
             let columns = run.columns_of(effect);
-            let sum = |row: usize| columns.iter().zip(&effect.weights).map(|(c, w)| c[row] * f64::from(*w)).sum::<f64>();
+            let sum =
+                |row: usize| columns.iter().zip(&effect.weights).map(|(c, w)| c[row] * f64::from(*w)).sum::<f64>();
             let values: Vec<f64> = (0..run.rows()).map(sum).collect();
             let mean = values.iter().sum::<f64>() / values.len() as f64;
             values.into_iter().map(|value| value - mean).collect::<Vec<f64>>()

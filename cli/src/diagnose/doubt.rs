@@ -7,8 +7,8 @@ use north_finder::effects::doubt::MAX_DIRECTIONS;
 use north_finder::effects::{ErrorModel, TooMany};
 use north_finder::units::wrap_180_deg;
 
-use crate::run_data::RunData;
 use super::learned::Learned;
+use crate::run_data::RunData;
 
 /// The model of `learned` over `base`, with the uncertainty of what was learned: as directions of the terms' coefficients
 /// where there is room for them, else by what it does to the azimuths of the runs in `fit`, root mean square.

@@ -9,10 +9,10 @@ use rayon::prelude::*;
 
 use super::block::{Block, noise_deg_h};
 use super::candidate::Candidate;
-use crate::run_data::{RunData, Sample};
 use super::problem::Problem;
 use super::result::Experiment;
 use super::statistics::{dot, least_squares, orthonormalise};
+use crate::run_data::{RunData, Sample};
 
 /// Seconds of a move, and of the shortest dwell.
 const MOVE_S: usize = 5;

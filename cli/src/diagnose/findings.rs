@@ -4,7 +4,6 @@ use north_finder::effects::ErrorModel;
 
 use super::block::Block;
 use super::candidate::{self, Part};
-use crate::run_data::RunData;
 use super::evidence::searched;
 use super::experiment::{Expectation, Possible, Proposal};
 use super::learn::ACCEPT;
@@ -12,6 +11,7 @@ use super::learned::{Learned, Taken};
 use super::statistics::{chi_square_tail, p_value_in_words};
 use super::{Candidate, Effect, Fitted, Rejected, effects, experiment};
 use crate::campaign::Role;
+use crate::run_data::RunData;
 
 /// The effects that were found, the strongest first.
 pub fn found(fitted: &Fitted, up_deg_h: f64) -> Vec<Effect> {

@@ -7,9 +7,9 @@ use rayon::prelude::*;
 
 use super::Fitted;
 use super::candidate::Part;
-use crate::run_data::RunData;
 use super::statistics::{f_tail, median, rms, root_of_mean, studentised};
 use crate::campaign::Role;
+use crate::run_data::RunData;
 
 /// A model is not used where the errors rise by more than this, and where chance alone would make them rise as much in
 /// fewer campaigns than this share. (A true effect that the azimuth does not feel leaves the errors as they are, but for the

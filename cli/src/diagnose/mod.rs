@@ -31,8 +31,8 @@ mod unexplained;
 mod verdict;
 
 pub use result::{
-    BoardLack, Candidate, Diagnosis, Effect, Experiment, LeaveOneOut, MissedReference, NoiseTests, Origin, Rejected, RunDiagnosis, RunSeries,
-    Spectra, Test,
+    BoardLack, Candidate, Diagnosis, Effect, Experiment, LeaveOneOut, MissedReference, NoiseTests, Origin, Rejected,
+    RunDiagnosis, RunSeries, Spectra, Test,
 };
 pub use text::write;
 

@@ -5,10 +5,10 @@ use std::f64::consts::TAU;
 use rayon::prelude::*;
 
 use super::block::Block;
-use crate::run_data::RunData;
 use super::problem::Problem;
 use super::result::{Spectra, Test};
 use super::statistics::{chi_square_tail, dot, least_squares, median};
+use crate::run_data::RunData;
 
 /// A test fails below this.
 pub const LEVEL: f64 = 1e-3;

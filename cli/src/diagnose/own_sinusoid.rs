@@ -3,13 +3,13 @@
 use north_finder::effects::Sinusoid;
 
 use super::Effect;
-use crate::run_data::RunData;
 use super::learn::STRUCTURE;
 use super::learned::Learned;
 use super::noise;
 use super::problem::BLOCK_SAMPLES;
 use super::residual::Residuals;
 use super::statistics::chi_square_tail;
+use crate::run_data::RunData;
 
 /// Share of the structure that may be left beside a sinusoid.
 const REST: f64 = 0.2;

@@ -4,13 +4,13 @@ use north_finder::units::wrap_360_deg;
 use rayon::prelude::*;
 
 use super::block::Block;
-use crate::run_data::RunData;
 use super::learned::Taken;
 use super::noise::{self, LEVEL, Residual};
 use super::problem::Problem;
 use super::result::{RunSeries, Test};
 use super::statistics::{chi_square_tail, median, rms, subtract};
 use crate::campaign::Role;
+use crate::run_data::RunData;
 
 /// The residual of every run by the sample, its own azimuth and bias taken out; °/h.
 pub struct Residuals<'a> {

@@ -5,9 +5,9 @@ use north_finder::fix::DesignRow;
 use north_finder::index::Direction;
 use north_finder::units::{sin_cos_deg, wrap_180_deg};
 
-use crate::run_data::RunData;
 use super::statistics::median;
 use crate::campaign::Role;
+use crate::run_data::RunData;
 
 /// A turn that is taken out before smaller effects are looked for, degrees: the candidates' columns are those of small ones.
 const LARGE_DEG: f64 = 3.0;

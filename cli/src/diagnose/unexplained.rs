@@ -1,13 +1,13 @@
 //! What no candidate explains, in words.
 
 use super::block::Block;
-use crate::run_data::RunData;
 use super::learn::STRUCTURE;
 use super::noise::azimuth_tests;
 use super::problem::Problem;
 use super::statistics::{chi_square_tail, p_value_in_words};
 use super::{Fitted, NoiseTests};
 use crate::campaign::Role;
+use crate::run_data::RunData;
 
 /// Everything that says that structure remains; nothing where there is none.
 pub fn evidence(fitted: &Fitted, runs: &[RunData], noise: &NoiseTests) -> Vec<String> {

@@ -109,7 +109,8 @@ impl Bank {
             coarse_rows.extend(coarse.into_iter().map(|rows| rows.start + first..rows.end + first));
             first += run.rows();
         }
-        let rows = Rows::new(runs.iter().map(|run| (0..run.rows()).map(|i| precision(run, i..i + 1)).collect()).collect());
+        let rows =
+            Rows::new(runs.iter().map(|run| (0..run.rows()).map(|i| precision(run, i..i + 1)).collect()).collect());
         let coarse = Rows::new(coarse_precision);
         let means = |fine: &[f32]| means(&coarse_rows, fine);
         let gains: Vec<(Port, Vec<f32>, Vec<f32>)> = Port::ALL
@@ -131,8 +132,10 @@ impl Bank {
         let pairs =
             gate_numbers.iter().enumerate().flat_map(|(n, &i)| gate_numbers[..n].iter().map(move |&j| vec![i, j]));
         let all: Vec<Vec<usize>> = std::iter::once(Vec::new()).chain(singles).chain(pairs).collect();
-        let forms: Vec<(Port, Vec<usize>)> =
-            all.into_iter().flat_map(|numbers| ports(&numbers).iter().map(move |&port| (port, numbers.clone()))).collect();
+        let forms: Vec<(Port, Vec<usize>)> = all
+            .into_iter()
+            .flat_map(|numbers| ports(&numbers).iter().map(move |&port| (port, numbers.clone())))
+            .collect();
         let mut bank =
             Self { rows, coarse, gains, fine_functions, coarse_functions, proposals: Vec::new(), coarse_rows, library };
         bank.proposals = forms

@@ -54,7 +54,12 @@ pub fn evidence_of(runs: &[Run], groups: &[Vec<Vec<f64>>]) -> Option<(f64, Optio
     let term = |values: &Vec<Vec<f64>>| {
         let columns = bare.problem.columns(values);
         let (_, size2) = bare.fit.gain_of(&bare.problem, &[], &columns);
-        Term { effect: Effect::new(Port::Rate, &[]), values: Arc::new(values.clone()), columns, size2: size2.max(1e-20) }
+        Term {
+            effect: Effect::new(Port::Rate, &[]),
+            values: Arc::new(values.clone()),
+            columns,
+            size2: size2.max(1e-20),
+        }
     };
     let terms: Vec<Term> = groups.iter().map(term).collect();
     let model = Model::new(runs, None, &terms)?.with_likeliest_process();

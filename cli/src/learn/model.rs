@@ -59,7 +59,7 @@ impl<'a> Model<'a> {
         with.into_iter().chain(without).max_by(f64::total_cmp)
     }
 
-/// The same effects beside the process that has the greatest evidence.
+    /// The same effects beside the process that has the greatest evidence.
     pub fn with_likeliest_process(self) -> Self {
         let mut best = self;
         let runs = best.problem.runs;
@@ -70,8 +70,7 @@ impl<'a> Model<'a> {
             starts.push(Some(Process { kernel: Kernel::Exponential, sigma_deg_h: 0.5 * noise, time_s }));
         }
         let score = |process: &Option<Process>| {
-            Model::new(runs, *process, &best.terms)
-                .map(|each| (each.fit.evidence - process_cost(process), *process))
+            Model::new(runs, *process, &best.terms).map(|each| (each.fit.evidence - process_cost(process), *process))
         };
         let mut tried: Vec<(f64, Option<Process>)> = starts.par_iter().filter_map(score).collect();
         tried.sort_by(|a, b| b.0.total_cmp(&a.0));

@@ -5,8 +5,8 @@ mod read;
 pub use read::read;
 
 use north_finder::earth::EarthRate;
-use north_finder::effects::now::RunFacts;
 use north_finder::effects::ErrorModel;
+use north_finder::effects::now::RunFacts;
 use north_finder::event::{Dwell, Fix};
 use north_finder::fix::DesignRow;
 use north_finder::fix::accumulator::{Corrected, ROTATION_SHARE};
@@ -149,7 +149,8 @@ impl RunData {
             model.index_error.get_or_insert_default().offset_deg += turned_deg;
         }
         let settings = Settings { model: Some(model), ..self.settings.clone() };
-        let mut replay = Replay::new(&settings, AllDwells::default(), AllSeconds::default()).map_err(|refusal| refusal.to_string())?;
+        let mut replay = Replay::new(&settings, AllDwells::default(), AllSeconds::default())
+            .map_err(|refusal| refusal.to_string())?;
         replay.set_run(self.facts);
         for (i, each) in self.recorded.iter().enumerate() {
             let mut each = *each;

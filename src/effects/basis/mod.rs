@@ -19,6 +19,7 @@ use super::channel::ChannelName;
 use super::conditions::Conditions;
 use super::moves::Moves;
 use super::window::Window;
+use crate::bounded::bounded;
 use crate::limits::Invalid;
 use curve::Curve;
 use drift::Drift;
@@ -192,5 +193,5 @@ impl fmt::Display for Basis {
 
 /// Values from numbers; the rest is dropped if there are more than a basis has.
 fn values_of(numbers: impl IntoIterator<Item = f64>) -> Values {
-    numbers.into_iter().take(MAX_FUNCTIONS).collect()
+    bounded(numbers)
 }

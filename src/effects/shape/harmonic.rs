@@ -5,6 +5,7 @@ use core::f64::consts::TAU;
 use serde::{Deserialize, Serialize};
 
 use super::{Shape, ShapePart, Values};
+use crate::bounded::bounded;
 use crate::effects::part::{Constant, Constants, Span, constants};
 use crate::limits::{Invalid, positive};
 
@@ -42,7 +43,7 @@ impl ShapePart for Harmonic {
 
     fn values(&self, x: f64) -> Values {
         let (sin, cos) = libm::sincos(TAU * x / f64::from(self.period));
-        [cos, sin].into_iter().collect()
+        bounded([cos, sin])
     }
 
     fn name(&self) -> &'static str {

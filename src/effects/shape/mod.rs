@@ -6,6 +6,7 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 use super::part::{Constants, Span, parts};
+use crate::bounded::bounded;
 use crate::limits::Invalid;
 
 /// Most functions of one shape.
@@ -107,7 +108,7 @@ fn interval(field: &'static str, low: f32, high: f32) -> Result<(), Invalid> {
 
 /// One function.
 fn one(value: f64) -> Values {
-    core::iter::once(value).collect()
+    bounded([value])
 }
 
 #[cfg(test)]
