@@ -35,18 +35,26 @@ struct After {
     note: Option<String>,
 }
 
-/// `as_recorded` are the runs' fixes before anything was learned or taken out of them.
+/// What a diagnosis is made from.
+pub struct Material<'a> {
+    pub campaign: &'a Campaign,
+    pub runs: &'a [RunData],
+    /// The runs' fixes before anything was learned or taken out of them.
+    pub as_recorded: &'a [Option<Fix>],
+    /// Channels that never change.
+    pub constant: &'a [String],
+    /// The model that the runs were made with.
+    pub base: &'a ErrorModel,
+}
+
 pub fn diagnosis(
-    campaign: &Campaign,
-    runs: &[RunData],
-    as_recorded: &[Option<Fix>],
-    constant: &[String],
+    material: &Material<'_>,
     fitted: &Fitted,
     found: Option<&Composition>,
     options: &Options,
     mut warnings: Vec<Warning>,
 ) -> Result<Diagnosis, Refusal> {
-    let base = &options.settings.model.clone().unwrap_or_default();
+    let &Material { campaign, runs, as_recorded, constant, base } = material;
     let judged_by_checks = runs.iter().any(|run| run.role == Role::Check && run.reference_deg.is_some());
     let bad: Vec<String> = fitted.bad_references.iter().map(|(file, _)| file.clone()).collect();
     let choice = choose(runs, fitted, found, base, &bad);

@@ -162,7 +162,8 @@ pub fn diagnose(campaign: &Campaign, options: &Options) -> Result<Diagnosis, Ref
     {
         fitted.withdraw(why);
     }
-    assemble::diagnosis(campaign, &runs, &as_recorded, &constant, &fitted, found.as_ref(), options, warnings)
+    let material = assemble::Material { campaign, runs: &runs, as_recorded: &as_recorded, constant: &constant, base: &base };
+    assemble::diagnosis(&material, &fitted, found.as_ref(), options, warnings)
 }
 
 /// Learns from runs, whatever their role: the caller chooses them. `wrong`: files whose references are known to be wrong.
