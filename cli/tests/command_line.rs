@@ -316,7 +316,7 @@ fn a_calibration_takes_the_flag_away_and_a_wrong_one_is_refused() {
 
     write("format = 1\nbias = 0.3\n");
     let unknown = "north: M.toml, line 2, column 1: unknown field `bias`, expected one of `scale_error`, `bias_deg_h`, `terms`, \
-         `rate_terms`, `index_error`, `earth_field`, `base_motion`, `sinusoid`, `doubt`\n";
+         `rate_terms`, `index_error`, `earth_field`, `base_motion`, `sinusoid`, `effects`, `doubt`\n";
     find(&[]).refused(1, unknown);
     write("format = 3\n");
     find(&[]).refused(1, "north: M.toml, line 1, column 10: \"format = 3\" is not allowed; allowed is format = 1\n");

@@ -10,7 +10,7 @@
 //! is that of these weights, with intervals taken together in groups.
 
 use heapless::Vec;
-use nalgebra::{Matrix4, SMatrix, Vector4};
+use nalgebra::{Cholesky, Const, Matrix4, SMatrix, Vector4};
 
 use super::dwell::DwellSummary;
 use super::observation::Observation;
@@ -28,8 +28,8 @@ type Observe<'a> = &'a dyn Fn(&DwellSummary) -> (Observation, Doubts);
 
 /// The dwells' covariance C, in units of the variance of a one-second rate.
 pub(super) struct Correlated {
-    /// Its lower Cholesky factor; that of the unit matrix for dwells that there are not.
-    factor: SMatrix<f64, MOST, MOST>,
+    /// Its factor; that of the unit matrix for dwells that there are not.
+    factor: Cholesky<f64, Const<MOST>>,
     /// C⁻¹ times the rows of the equations: what an error of a dwell adds to the right-hand side of the normal equations.
     gains: SMatrix<f64, MOST, 4>,
 }
@@ -56,7 +56,8 @@ impl Correlated {
             return None;
         }
         let cholesky = covariance.cholesky()?;
-        Some(Self { gains: cholesky.solve(&rows), factor: cholesky.l() })
+        cholesky.solve_mut(&mut rows);
+        Some(Self { gains: rows, factor: cholesky })
     }
 
     /// Gives `take` the observations with errors that are independent, of weight 1: rows and rates times L⁻¹.
@@ -67,7 +68,7 @@ impl Correlated {
             equation.copy_from_slice(&[row.x, row.y, row.z, row.w, rate_deg_h]);
         }
         // The factor has no pivot that is nothing.
-        let _ = self.factor.solve_lower_triangular_mut(&mut equations);
+        let _ = self.factor.l_dirty().solve_lower_triangular_mut(&mut equations);
         for (dwell, equation) in dwells.iter().zip(equations.row_iter()) {
             if let [x, y, z, w, rate_deg_h] = *equation.transpose().as_slice() {
                 let cos_2theta = observe(dwell).0.cos_2theta;

@@ -99,7 +99,7 @@ fn solve_for(
         problem.sinusoid = Some(fitted.ok_or(Unsolvable::TooFewDirections)?);
     }
     let unsettled_deg = settle_azimuth(&mut problem, model, variance, drift_sigma)?;
-    problem.correlated = Correlated::new(&model.doubt, dwells, &|dwell| problem.with_doubts(dwell), variance);
+    weigh_doubt(&mut problem, model, variance);
     let drift = settle_drift(&problem, variance, drift_sigma)?;
     let estimate = &drift.estimate;
     if drift.free {
@@ -186,6 +186,12 @@ fn solve_for(
     Ok((solution, estimate.residual / variance))
 }
 
+/// Weighs the dwells by what is not certain of the model. Never inlined: two matrices of all dwells would stand twice on the stack.
+#[inline(never)]
+fn weigh_doubt(problem: &mut Problem<'_>, model: &ErrorModel, variance: f64) {
+    problem.correlated = Correlated::new(&model.doubt, problem.dwells, &|dwell| problem.with_doubts(dwell), variance);
+}
+
 /// Where the model depends on the azimuth, supposes one, and the next by that, until they agree: by how much the last two differ, degrees.
 fn settle_azimuth<'a>(
     problem: &mut Problem<'a>,
@@ -204,8 +210,7 @@ fn settle_azimuth<'a>(
     let mut apart_deg: f64 = 0.0;
     for _ in 0..AZIMUTH_STEPS {
         problem.at_azimuth = Some(AzimuthEffects::new(model, problem.earth, supposed_deg));
-        problem.correlated =
-            Correlated::new(&model.doubt, problem.dwells, &|dwell| problem.with_doubts(dwell), variance);
+        weigh_doubt(problem, model, variance);
         let next_deg = azimuth_deg(problem)?;
         apart_deg = wrap_180_deg(next_deg - supposed_deg).abs();
         supposed_deg = next_deg;

@@ -60,7 +60,6 @@ enum Rows {
 /// What comes over the line while it is recorded.
 #[derive(Default)]
 struct Line {
-    means: bool,
     /// Seconds recorded.
     seconds: u32,
     /// Number of the next block of the stream.
@@ -88,10 +87,10 @@ impl Record {
             false => Rows::Raw(Box::new(RawRecorder::new(settings.gyro))),
         };
         let mut view = View::new(self.json.human(), &settings);
-        let mut line = Line { means: self.means, ..Line::default() };
+        let mut line = Line::default();
         let ended = self.listen(&mut port, &mut |report, bytes| {
-            line.hear(report, bytes);
             rows.hear(report);
+            line.hear(report, bytes, rows.have_begun());
             view.report(report);
             line.seconds >= self.seconds || self.fix && line.ended
         });
@@ -167,11 +166,11 @@ impl Record {
 }
 
 impl Line {
-    fn hear(&mut self, report: &Report, bytes: u64) {
+    /// `begun`: there are rows; a second before the stream has no frames.
+    fn hear(&mut self, report: &Report, bytes: u64, begun: bool) {
         match report.event {
             Event::Second(_) => {
-                // Those before the stream began have no frames.
-                self.seconds += u32::from(self.means || self.next_block.is_some());
+                self.seconds += u32::from(begun);
                 if let Some(before) = self.bytes_before.replace(bytes) {
                     self.most_bytes = self.most_bytes.max(bytes - before);
                 }
@@ -196,6 +195,13 @@ impl Rows {
             (Self::Raw(raw), Event::Raw(block)) => block.items().for_each(|item| raw.item(&item)),
             (Self::Raw(raw), _) => raw.report(report),
             (Self::Means(means), _) => means.see(report),
+        }
+    }
+
+    fn have_begun(&self) -> bool {
+        match self {
+            Self::Raw(raw) => raw.has_begun(),
+            Self::Means(_) => true,
         }
     }
 

@@ -162,7 +162,8 @@ pub fn diagnose(campaign: &Campaign, options: &Options) -> Result<Diagnosis, Ref
     {
         fitted.withdraw(why);
     }
-    let material = assemble::Material { campaign, runs: &runs, as_recorded: &as_recorded, constant: &constant, base: &base };
+    let material =
+        assemble::Material { campaign, runs: &runs, as_recorded: &as_recorded, constant: &constant, base: &base };
     assemble::diagnosis(&material, &fitted, found.as_ref(), options, warnings)
 }
 

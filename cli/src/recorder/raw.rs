@@ -29,6 +29,8 @@ pub struct RawRecorder {
     seconds: VecDeque<Pending>,
     /// As many of them have ended: readings go to the one after them.
     ended: usize,
+    /// A second of the stream was reported: those before began without it.
+    begun: bool,
     rows: Vec<Row>,
 }
 
@@ -55,6 +57,7 @@ impl RawRecorder {
             sampler: Sampler::new(gyro),
             seconds: VecDeque::from([Pending::default()]),
             ended: 0,
+            begun: false,
             rows: Vec::new(),
         }
     }
@@ -115,6 +118,11 @@ impl RawRecorder {
         match &report.event {
             Event::State(State::Levelling) => super::start_again(&mut self.rows),
             Event::Second(second) => {
+                // A second is reported a while after its end: the first report may be of one before the stream.
+                self.begun |= self.seconds.front().is_some_and(|pending| pending.frames.len() == FRAMES);
+                if !self.begun {
+                    return;
+                }
                 let pending = self.seconds.pop_front().unwrap_or_default();
                 self.ended = self.ended.saturating_sub(1);
                 if self.seconds.is_empty() {
@@ -124,6 +132,11 @@ impl RawRecorder {
             }
             _ => {}
         }
+    }
+
+    /// A second of the stream was reported.
+    pub fn has_begun(&self) -> bool {
+        self.begun
     }
 
     /// The rows, the recorder done.

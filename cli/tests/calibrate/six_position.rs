@@ -131,7 +131,7 @@ fn six_positions_with_moves_and_a_shock() {
     }
     assert!(result["closure_p_value"].as_f64().unwrap() > 1e-3);
     let model = fs::read_to_string(folder.path().join("m.toml")).unwrap();
-    assert!(model.starts_with("format = 1\n\n[gyro_triad]\nbias_deg_h = ["), "{model}");
+    assert!(model.starts_with("format = 2\n\n[gyro_triad]\nbias_deg_h = ["), "{model}");
 }
 
 #[test]
