@@ -62,6 +62,9 @@ pub struct Run {
     /// Latitude of this run, degrees; overrides the campaign's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub latitude_deg: Option<f64>,
+    /// Runs of one station share one heading, known or not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub station: Option<String>,
     /// When it began, RFC 3339.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub started: Option<String>,
@@ -136,6 +139,7 @@ impl Default for Run {
             reference_azimuth_deg: None,
             reference_sigma_deg: None,
             latitude_deg: None,
+            station: None,
             started: None,
         }
     }
@@ -169,6 +173,7 @@ struct RawRun {
     reference_azimuth_deg: Option<Spanned<f64>>,
     reference_sigma_deg: Option<Spanned<f64>>,
     latitude_deg: Option<Spanned<f64>>,
+    station: Option<Spanned<String>>,
     started: Option<Spanned<String>>,
 }
 
@@ -212,6 +217,7 @@ impl RawRun {
         if !seen.insert(name.clone()) {
             return Err(file.at(name_span, Problem::not_allowed(format!("file = {name}"), "a file listed only once")));
         }
+        let station = self.station.map(|station| check_station(file, station)).transpose()?;
         let started = self.started.map(|started| check_time(file, started)).transpose()?;
         Ok(Run {
             file: name,
@@ -225,6 +231,7 @@ impl RawRun {
             )?,
             reference_sigma_deg: check_range(file, "reference_sigma_deg", self.reference_sigma_deg, 0.0, 360.0)?,
             latitude_deg: check_range(file, "latitude_deg", self.latitude_deg, -90.0, 90.0)?,
+            station,
             started,
         })
     }
@@ -244,6 +251,14 @@ pub(crate) fn check_range(
     }
     let problem = Problem::not_allowed(format!("{name} = {}", value.get_ref()), format!("{low} to {high}"));
     Err(file.at(value.span(), problem))
+}
+
+fn check_station(file: &TomlFile, value: Spanned<String>) -> Result<String, FileError> {
+    if value.get_ref().trim().is_empty() {
+        let problem = Problem::not_allowed(format!("station = {:?}", value.get_ref()), "the name of a place");
+        return Err(file.at(value.span(), problem));
+    }
+    Ok(value.into_inner())
 }
 
 pub(crate) fn check_time(file: &TomlFile, value: Spanned<String>) -> Result<String, FileError> {

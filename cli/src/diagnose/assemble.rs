@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::composition::{self, Composition, WrongReference};
 use super::residual::Residuals;
+use super::stations;
 use super::statistics::{median, rms, rms_with_interval};
 use super::{
     Diagnosis, Effect, Fitted, LeaveOneOut, MissedReference, NoiseTests, Options, Origin, Refusal, RunDiagnosis,
@@ -45,6 +46,8 @@ pub struct Material<'a> {
     pub constant: &'a [String],
     /// The model that the runs were made with.
     pub base: &'a ErrorModel,
+    /// There are still recordings only.
+    pub still: bool,
 }
 
 pub fn diagnosis(
@@ -54,7 +57,7 @@ pub fn diagnosis(
     options: &Options,
     mut warnings: Vec<Warning>,
 ) -> Result<Diagnosis, Refusal> {
-    let &Material { campaign, runs, as_recorded, constant, base } = material;
+    let &Material { campaign, runs, as_recorded, constant, base, still } = material;
     let judged_by_checks = runs.iter().any(|run| run.role == Role::Check && run.reference_deg.is_some());
     let bad: Vec<String> = fitted.bad_references.iter().map(|(file, _)| file.clone()).collect();
     let choice = choose(runs, fitted, found, base, &bad);
@@ -121,6 +124,12 @@ pub fn diagnosis(
     } else {
         rms_on_board_deg(runs, &records, &afters, &board::model(&model, runs))
     };
+    let azimuths = |fixes: &[Option<Fix>]| -> Vec<Option<f64>> {
+        fixes.iter().map(|fix| Some(fix.as_ref()?.azimuth_deg)).collect()
+    };
+    let station_spread_before_deg = stations::spread_deg(runs, &azimuths(as_recorded));
+    let by_others = records.iter().map(|run| run.azimuth_left_out_deg.or(run.azimuth_after_deg)).collect::<Vec<_>>();
+    let station_spread_after_deg = stations::spread_deg(runs, &by_others);
     let few = (3..=LEFT_OUT).contains(&runs.len());
     let left_out = (few || options.leave_one_out).then(|| leave_one_out(runs, base, constant, &bad)).flatten();
 
@@ -159,6 +168,8 @@ pub fn diagnosis(
         candidates: findings::candidates(fitted, runs, constant),
         residual_rms_before_deg_h: residuals.judged_rms(&residuals.before),
         residual_rms_after_deg_h: residuals.judged_rms(&residuals.after),
+        rate_rms_before_deg_h: still.then(|| residuals.judged_rms(&residuals.before)),
+        rate_rms_after_deg_h: still.then(|| residuals.judged_rms(&residuals.after)),
         azimuth_rms_before_deg: before.map(|each| each.0),
         azimuth_rms_after_deg: rms_after.map(|each| each.0),
         azimuth_rms_board_deg,
@@ -167,7 +178,13 @@ pub fn diagnosis(
         azimuth_rms_after_interval_deg: rms_after.map(|each| each.1),
         judged_runs,
         leave_one_out: left_out,
-        judged_on: rms_after.map(|_| if judged_by_checks { "check-runs" } else { "cross-validation" }),
+        judged_on: match rms_after {
+            Some(_) if judged_by_checks => Some("check-runs"),
+            Some(_) => Some("cross-validation"),
+            None => station_spread_after_deg.map(|_| "stations"),
+        },
+        station_spread_before_deg,
+        station_spread_after_deg,
         unexplained: !unexplained.is_empty(),
         unexplained_evidence: unexplained,
         withdrawn: choice
@@ -336,16 +353,18 @@ fn by_the_others(
     fixes
 }
 
-/// All runs with a reference, whatever their role, each by what was learned from all others. Nothing of it enters the model.
+/// All runs with a reference or at a station, whatever their role, each by what was learned from all others. Nothing of it enters the model.
 fn leave_one_out(runs: &[RunData], base: &ErrorModel, constant: &[String], bad: &[String]) -> Option<LeaveOneOut> {
     let places: Vec<usize> = (0..runs.len()).collect();
     let fixes = by_the_others(runs, &places, runs.len(), base, constant);
-    let error = |run: &RunData, fix: &Option<Fix>| {
-        let reference_deg = run.reference_deg.filter(|_| !bad.contains(&run.file))?;
-        Some(wrap_180_deg(fix.as_ref()?.azimuth_deg - reference_deg))
+    let errors = |fixes: &[Option<Fix>]| -> Vec<Option<f64>> {
+        let azimuths: Vec<Option<f64>> = fixes.iter().map(|fix| Some(fix.as_ref()?.azimuth_deg)).collect();
+        let misses = stations::misses_deg(runs, &azimuths).into_iter().zip(runs);
+        misses.map(|(miss, run)| miss.filter(|_| !bad.contains(&run.file))).collect()
     };
-    let before: Vec<f64> = runs.iter().filter_map(|run| error(run, &run.before)).collect();
-    let errors_deg: Vec<Option<f64>> = runs.iter().zip(&fixes).map(|(run, fix)| error(run, fix)).collect();
+    let as_read: Vec<Option<Fix>> = runs.iter().map(|run| run.before).collect();
+    let before: Vec<f64> = errors(&as_read).into_iter().flatten().collect();
+    let errors_deg = errors(&fixes);
     let in_sigmas = errors_deg.iter().zip(runs.iter().zip(&fixes)).filter_map(|(error, (run, fix))| {
         Some(error.as_ref()? / fix.as_ref()?.sigma_deg.hypot(run.reference_sigma_deg))
     });

@@ -32,6 +32,21 @@ fn warning(message: String) -> Warning {
 const AMPLITUDE_SIGMAS: f64 = 5.0;
 const SIGMA_OF_MEDIAN: f64 = 1.4826;
 
+/// Leaves out runs of a dead gyro, by name, as long as there is another.
+pub fn leave_out_dead(runs: &mut Vec<RunData>, warnings: &mut Vec<Warning>) {
+    if runs.iter().all(RunData::repeats_itself) {
+        return;
+    }
+    runs.retain(|run| {
+        let dead = run.repeats_itself();
+        if dead {
+            let message = "the gyro repeats the same reading throughout: the run is left out".into();
+            warnings.push(Warning { run: Some(run.file.clone()), line: None, message });
+        }
+        !dead
+    });
+}
+
 /// Refuses what makes no sense at all.
 pub fn refuse(runs: &[RunData]) -> Result<(), Refusal> {
     if let Some(run) = runs.iter().find(|run| run.repeats_itself()) {

@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 use north_finder::effects::doubt::Process;
 use north_finder::effects::{ErrorModel, effect};
 use north_finder::event::Fix;
-use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
 use super::block::Block;
 use super::learned::Taken;
 use super::problem::Problem;
+use super::stations::misses_deg;
 use super::statistics::rms;
 use super::{Effect, guard};
 use crate::campaign::Role;
@@ -19,7 +19,7 @@ use crate::run_data::RunData;
 
 /// Folds of the validation that learns again: each leaves a quarter of the runs out.
 const FOLDS: usize = 4;
-/// Fewest runs that anything is learned from.
+/// Fewest runs that anything is learned from, where they have azimuths.
 const LEAST_RUNS: usize = 3;
 /// What the search over products finds stands in the place of named effects where it is more likely by this, nats: odds of twenty to one.
 const MARGIN: f64 = 3.0;
@@ -48,7 +48,7 @@ impl Composition {
         let readable: Vec<(String, Run)> =
             runs.par_iter().filter_map(|run| Some((run.file.clone(), Run::new(run, runs.len())?))).collect();
         let (files, of_search): (Vec<String>, Vec<Run>) = readable.into_iter().unzip();
-        if of_search.len() < LEAST_RUNS {
+        if of_search.len() < LEAST_RUNS && !runs.iter().all(|run| run.at_one_position()) || of_search.is_empty() {
             return None;
         }
         let learned = learn::learn(of_search);
@@ -69,22 +69,17 @@ impl Composition {
         self.learned.blunders.iter().flat_map(of).collect()
     }
 
-    /// Effects were found, and not only a process.
-    pub fn has_effects(&self) -> bool {
-        !self.learned.posterior.effects.is_empty()
-    }
-
     pub fn process(&self) -> Option<Process> {
         self.learned.posterior.process
     }
 
-    /// Whether it is to stand in the place of these named effects, and the process that suits these best.
+    /// Whether it (it may be that there is nothing) is to stand in the place of these named effects, and the process that suits these best.
     pub fn against(&self, runs: &[&RunData], taken: &[Taken]) -> (bool, Option<Process>) {
         let groups = self.groups(runs, taken);
         let Some((evidence, process)) = learn::evidence_of(&self.learned.runs, &groups) else { return (false, None) };
         let constants = |taken: &Taken| if taken.candidate.grid.is_empty() { 0.0 } else { VALUES.ln() };
         let cost: f64 = taken.iter().map(|each| NAMED.ln() + constants(each)).sum();
-        (self.has_effects() && self.learned.score > evidence - cost + MARGIN, process)
+        (self.learned.score > evidence - cost + MARGIN, process)
     }
 
     /// Columns of the named effects by the rows of the search, each of a root mean square of one.
@@ -229,14 +224,15 @@ pub fn veto(runs: &[RunData], found: &ErrorModel, left_out: &[Option<Fix>], wron
     if let Some(first) = files.first() {
         return Some(format!("{first} has no azimuth with it"));
     }
+    let azimuth = |fix: Option<Fix>| Some(fix?.azimuth_deg);
+    let before: Vec<Option<f64>> = runs.iter().map(|run| azimuth(run.before)).collect();
+    let after: Vec<Option<f64>> = left_out.iter().copied().map(azimuth).collect();
+    let misses = misses_deg(runs, &before).into_iter().zip(misses_deg(runs, &after));
     let pairs: Vec<(f64, f64)> = runs
         .iter()
-        .zip(left_out)
+        .zip(misses)
         .filter(|(run, _)| run.role == Role::Fit && !wrong.contains(&run.file))
-        .filter_map(|(run, after)| {
-            let miss = |fix: Fix| Some(wrap_180_deg(fix.azimuth_deg - run.reference_deg?));
-            Some((miss(run.before?)?, miss((*after)?)?))
-        })
+        .filter_map(|(_, (before, after))| before.zip(after))
         .collect();
     guard::made_worse(&pairs).or_else(|| {
         let share = |(run, fix): (&RunData, &Option<Fix>)| Some((*fix)?.amplitude_deg_h / run.earth.north_deg_h);

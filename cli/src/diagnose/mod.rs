@@ -7,6 +7,7 @@ mod board;
 mod candidate;
 mod checks;
 mod composition;
+mod copies;
 mod doubt;
 mod effects;
 mod estimate;
@@ -24,7 +25,9 @@ mod refine;
 pub mod report;
 mod residual;
 mod result;
+mod stations;
 mod statistics;
+mod still;
 mod text;
 mod turn;
 mod unexplained;
@@ -142,10 +145,17 @@ impl Fitted {
 /// Diagnoses a campaign.
 pub fn diagnose(campaign: &Campaign, options: &Options) -> Result<Diagnosis, Refusal> {
     let (mut runs, mut warnings) = run_data::read(campaign, &options.settings)?;
-    checks::refuse(&runs)?;
+    checks::leave_out_dead(&mut runs, &mut warnings);
+    let still = still::is_still(&runs);
+    if still {
+        runs = still::halves(runs);
+    } else {
+        checks::refuse(&runs)?;
+    }
     let constant = checks::constant_channels(&runs);
     checks::warn(&runs, &constant, &mut warnings);
     let base = options.settings.model.clone().unwrap_or_default();
+    copies::leave_out(&mut runs, &|name| base.channels().iter().any(|each| each.as_str() == name), &mut warnings);
     let as_recorded: Vec<_> = runs.iter().map(|run| run.before).collect();
     let turned_deg = turn::common_deg(&runs);
     if let Some(turned_deg) = turned_deg {
@@ -162,8 +172,14 @@ pub fn diagnose(campaign: &Campaign, options: &Options) -> Result<Diagnosis, Ref
     {
         fitted.withdraw(why);
     }
-    let material =
-        assemble::Material { campaign, runs: &runs, as_recorded: &as_recorded, constant: &constant, base: &base };
+    let material = assemble::Material {
+        campaign,
+        runs: &runs,
+        as_recorded: &as_recorded,
+        constant: &constant,
+        base: &base,
+        still,
+    };
     assemble::diagnosis(&material, &fitted, found.as_ref(), options, warnings)
 }
 

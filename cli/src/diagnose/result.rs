@@ -29,6 +29,11 @@ pub struct Diagnosis {
     /// Root mean square of the one-second residuals, °/h: check runs if there are any, else all runs.
     pub residual_rms_before_deg_h: f64,
     pub residual_rms_after_deg_h: f64,
+    /// Of still recordings: the rate about its mean in what was not learned from, root mean square of a second, °/h.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate_rms_before_deg_h: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate_rms_after_deg_h: Option<f64>,
     /// Azimuth error over the runs that are judged.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub azimuth_rms_before_deg: Option<f64>,
@@ -49,9 +54,15 @@ pub struct Diagnosis {
     /// Every run judged by what was learned from all others, whatever the roles.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub leave_one_out: Option<LeaveOneOut>,
-    /// "check-runs" or "cross-validation"; absent where no reference is known.
+    /// "check-runs", "cross-validation" or "stations"; absent where neither a reference nor a station with two runs is known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub judged_on: Option<&'static str>,
+    /// How far apart the azimuths of one station are that nobody surveyed, root mean square of what a run would miss a survey by, degrees; after:
+    /// training runs by models that they took no part in.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub station_spread_before_deg: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub station_spread_after_deg: Option<f64>,
     /// Structure remains that no candidate explains.
     pub unexplained: bool,
     /// What remains, in words; empty when nothing does.

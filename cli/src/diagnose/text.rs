@@ -71,7 +71,14 @@ fn write_runs(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
         (Some(value), Some([low, high])) => format!("{value:.4} ({low:.4} to {high:.4})"),
         _ => "-".into(),
     };
-    if let Some(judged_on) = diagnosis.judged_on {
+    if let (Some(before), Some(after)) = (diagnosis.station_spread_before_deg, diagnosis.station_spread_after_deg) {
+        writeln!(
+            out,
+            "azimuths of one station without a survey apart, deg rms: {before:.4} before, {after:.4} after (training runs by models learned \
+             without them)"
+        )?;
+    }
+    if let Some(judged_on) = diagnosis.judged_on.filter(|judged_on| *judged_on != "stations") {
         writeln!(
             out,
             "azimuth error, deg rms (95 % interval by chi-square), judged on {} ({} runs): {} before, {} after",

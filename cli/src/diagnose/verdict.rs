@@ -3,6 +3,21 @@
 use super::{Diagnosis, Effect, RunDiagnosis};
 use crate::campaign::Role;
 
+/// How far apart the azimuths of the stations are, where no heading is surveyed; of still recordings the rate.
+fn of_stations(diagnosis: &Diagnosis) -> String {
+    if let (Some(before), Some(after)) = (diagnosis.rate_rms_before_deg_h, diagnosis.rate_rms_after_deg_h) {
+        return format!(
+            ": rate of a second {before:.4} deg/h rms before, {after:.4} after, where nothing was learned from"
+        );
+    }
+    match (diagnosis.station_spread_before_deg, diagnosis.station_spread_after_deg) {
+        (Some(before), Some(after)) => {
+            format!(": azimuths of one station lie {before:.3} deg apart before, {after:.3} deg after (rms)")
+        }
+        _ => String::new(),
+    }
+}
+
 /// The outcome in a sentence or two.
 pub fn sentence(diagnosis: &Diagnosis) -> String {
     let names: Vec<String> = diagnosis.effects.iter().map(Effect::full_name).collect();
@@ -30,7 +45,7 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
             format!(": azimuth error {before:.3} deg rms before{some}, {after:.3} deg after{on_board}")
         }
         (_, Some(after)) => format!(": azimuth error {after:.3} deg rms"),
-        _ => String::new(),
+        _ => of_stations(diagnosis),
     };
     let rest = if names.is_empty() {
         String::new()

@@ -70,6 +70,7 @@ pub fn evidence_of(runs: &[Run], groups: &[Vec<Vec<f64>>]) -> Option<(f64, Optio
 pub fn learn(runs: Vec<Run>) -> Learned {
     let mut learned = Learned::default();
     let mut runs = runs;
+    rows::linearise_by_station(&mut runs);
     loop {
         let search = Search::new(&runs);
         match search.run() {

@@ -12,7 +12,7 @@ use north_finder::effects::effect::Effect;
 
 use super::functions::Values;
 use super::process::Whitener;
-use super::rows::{Run, UNKNOWNS};
+use super::rows::{self, Run, UNKNOWNS};
 
 /// A column of all runs with independent errors of variance 1, without what the runs' own unknowns explain: the inner product of two is that of
 /// `rows` less that of `explained`.
@@ -35,6 +35,15 @@ impl Column {
     }
 }
 
+/// The heading that the runs of one station share and nobody knows: one more unknown, of which the runs' own know nothing.
+struct Station {
+    /// What one sigma of it adds to the rows.
+    column: Column,
+    /// Root of one more than its information.
+    root: f64,
+    weighed: Vec<f64>,
+}
+
 struct OfRun {
     whitener: Whitener,
     /// The unknowns' columns, independent.
@@ -47,6 +56,7 @@ struct OfRun {
 pub struct Problem<'a> {
     pub runs: &'a [Run],
     of_runs: Vec<OfRun>,
+    stations: Vec<Station>,
     /// What is to be explained.
     pub residual: Column,
     /// The evidence without any effect.
@@ -57,14 +67,21 @@ impl<'a> Problem<'a> {
     pub fn new(runs: &'a [Run], process: Option<&Process>) -> Self {
         let of_runs: Vec<OfRun> = runs.iter().filter_map(|run| OfRun::new(run, process)).collect();
         let residuals: Vec<f64> = runs.iter().flat_map(Run::residual_deg_h).collect();
-        let mut problem =
-            Self { runs, of_runs, residual: Column { rows: Vec::new(), explained: Vec::new() }, without: 0.0 };
+        let mut problem = Self {
+            runs,
+            of_runs,
+            stations: Vec::new(),
+            residual: Column { rows: Vec::new(), explained: Vec::new() },
+            without: 0.0,
+        };
+        problem.stations = rows::stations(runs).iter().map(|values| problem.station(values)).collect();
         problem.residual = problem.column(&residuals);
         let determinants: f64 = problem
             .of_runs
             .iter()
             .map(|run| run.whitener.log_determinant + 2.0 * run.factor.l().diagonal().map(f64::ln).sum())
-            .sum();
+            .sum::<f64>()
+            + problem.stations.iter().map(|station| 2.0 * station.root.ln()).sum::<f64>();
         problem.without = -0.5 * (problem.residual.dot(&problem.residual) + determinants);
         problem
     }
@@ -79,7 +96,15 @@ impl<'a> Problem<'a> {
             column.explained.extend(of_run.explained(rows).iter());
             rest = after;
         }
+        let of_stations: Vec<f64> = self.stations.iter().map(|each| each.column.dot(&column) / each.root).collect();
+        column.explained.extend(of_stations);
         column
+    }
+
+    /// From what one sigma of its heading adds to the rates of all runs, before there are stations.
+    fn station(&self, values: &[f64]) -> Station {
+        let column = self.column(values);
+        Station { root: (1.0 + column.dot(&column)).sqrt(), weighed: self.weighed(&column), column }
     }
 
     /// Columns from the values of an effect.
@@ -103,7 +128,12 @@ impl<'a> Problem<'a> {
             run.whitener.apply_transposed(&mut values);
             values
         };
-        self.of_runs.iter().enumerate().flat_map(weigh).collect()
+        let mut weighed: Vec<f64> = self.of_runs.iter().enumerate().flat_map(weigh).collect();
+        for (station, share) in self.stations.iter().zip(column.explained.iter().skip(UNKNOWNS * self.of_runs.len())) {
+            let factor = share / station.root;
+            weighed.iter_mut().zip(&station.weighed).for_each(|(value, of_station)| *value -= factor * of_station);
+        }
+        weighed
     }
 
     /// What is left of the residual with these effects, as a column: the residual less the mean of what they explain.

@@ -1,6 +1,6 @@
 //! The runs as the search sees them: rows at rest, what the Earth's rate should be in them, and what effects are evaluated from.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
@@ -10,7 +10,7 @@ use north_finder::effects::now::{Belief, Now, RunFacts};
 use north_finder::effects::signal::Signal;
 use north_finder::effects::track::Track;
 use north_finder::effects::{ChannelName, Conditions, MAX_CHANNELS};
-use north_finder::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_360_deg};
+use north_finder::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_180_deg, wrap_360_deg};
 
 use crate::run_data::{RunData, Sample};
 
@@ -18,11 +18,15 @@ use crate::run_data::{RunData, Sample};
 /// minute in eight has twenty rows of three seconds.
 const MOST_ROWS: usize = 160;
 const LEAST_ROWS: usize = 32;
+/// The same of a still recording, which may last for days.
+const MOST_STILL_ROWS: usize = 1600;
 const ALL_ROWS: usize = 3200;
 /// Relative error of the amplitude that a run may have of its own, one sigma: scale factor and latitude of a sound instrument.
 const AMPLITUDE_SIGMA: f64 = 0.01;
 /// One sigma of an azimuth about its first estimate where there is no reference, rad.
 pub const UNKNOWN_RAD: f64 = 0.2;
+/// One sigma of how well the instrument is set up again on a station, rad: 0.005°, a pillar with forced centring.
+const SETTING_RAD: f64 = 0.005 * RAD_PER_DEG;
 /// One sigma of a run's bias, °/h: none to speak of.
 const BIAS_SIGMA_DEG_H: f64 = 1e3;
 
@@ -35,6 +39,8 @@ pub struct Run {
     pub file: String,
     /// Surveyed azimuth and its sigma, degrees.
     pub reference: Option<(f64, f64)>,
+    /// Where it was made, if others were made at the same heading and nobody surveyed it.
+    pub station: Option<String>,
     /// What the run alone says, without any effect, degrees.
     pub plain_deg: Option<f64>,
     /// Where the equations are linearised, degrees.
@@ -62,10 +68,13 @@ pub struct Run {
 }
 
 impl Run {
-    /// One of so many runs. `None` where nothing is at rest, or where there is neither a reference nor an azimuth.
+    /// One of so many runs. `None` where nothing is at rest, or where there is neither a reference nor an azimuth and the index turned. At one
+    /// position the Earth's rate is a bias.
     pub fn new(data: &RunData, runs: usize) -> Option<Self> {
         let reference = data.reference_deg.map(|deg| (deg, data.reference_sigma_deg));
-        let azimuth_deg = data.reference_deg.or(data.before.map(|fix| fix.azimuth_deg))?;
+        let still = data.at_one_position();
+        let of_still = still.then_some(0.0);
+        let azimuth_deg = data.reference_deg.or(data.before.map(|fix| fix.azimuth_deg)).or(of_still)?;
         let seconds: Vec<Conditions> = data.samples.iter().map(conditions).collect();
         let mut track = Track::default();
         let mut tracks = Vec::with_capacity(seconds.len());
@@ -76,6 +85,7 @@ impl Run {
         let mut run = Self {
             file: data.file.clone(),
             reference,
+            station: data.station.clone().filter(|_| reference.is_none()),
             plain_deg: data.before.map(|fix| fix.azimuth_deg),
             azimuth_deg,
             north_deg_h: data.earth.north_deg_h,
@@ -87,7 +97,10 @@ impl Run {
             names: data.names.clone(),
             channels: data.channels.clone(),
             signals: Arc::default(),
-            bins: bins(data, (ALL_ROWS / runs.max(1)).clamp(LEAST_ROWS, MOST_ROWS)),
+            bins: bins(
+                data,
+                (ALL_ROWS / runs.max(1)).clamp(LEAST_ROWS, if still { MOST_STILL_ROWS } else { MOST_ROWS }),
+            ),
             t_s: Vec::new(),
             rate_deg_h: Vec::new(),
             variance: Vec::new(),
@@ -118,6 +131,7 @@ impl Run {
     pub fn lose_reference(&mut self) {
         self.signals = Arc::default();
         self.reference = None;
+        self.station = None;
         self.azimuth_deg = self.plain_deg.unwrap_or(self.azimuth_deg);
     }
 
@@ -162,19 +176,23 @@ impl Run {
 
     /// Columns of the run's own unknowns, each for one sigma of what is known of it beforehand.
     pub fn unknowns(&self) -> [Vec<f64>; UNKNOWNS] {
-        let (sin, cos) = (self.azimuth_deg * RAD_PER_DEG).sin_cos();
-        let tie_rad = self.reference.map_or(UNKNOWN_RAD, |(_, sigma_deg)| sigma_deg * RAD_PER_DEG);
-        let turn = |(c, s): (&f64, &f64)| tie_rad * self.north_deg_h * (s * cos - c * sin);
-        let azimuth = self.cos.iter().zip(&self.sin).map(turn).collect();
+        let free_rad = if self.station.is_some() { SETTING_RAD } else { UNKNOWN_RAD };
+        let tie_rad = self.reference.map_or(free_rad, |(_, sigma_deg)| sigma_deg * RAD_PER_DEG);
+        let azimuth = self.turned_by(tie_rad);
         let amplitude = self.amplitudes().into_iter().map(|rate| AMPLITUDE_SIGMA * rate).collect();
         [azimuth, amplitude, vec![BIAS_SIGMA_DEG_H; self.rows()]]
     }
 
+    /// What a turn by an angle (rad) adds to the rates, °/h, by the row.
+    fn turned_by(&self, angle_rad: f64) -> Vec<f64> {
+        let (sin, cos) = (self.azimuth_deg * RAD_PER_DEG).sin_cos();
+        let turn = |(c, s): (&f64, &f64)| angle_rad * self.north_deg_h * (s * cos - c * sin);
+        self.cos.iter().zip(&self.sin).map(turn).collect()
+    }
+
     /// The same for one radian, the whole amplitude and 1 °/h.
     pub fn unknowns_by_unit(&self) -> [Vec<f64>; UNKNOWNS] {
-        let (sin, cos) = (self.azimuth_deg * RAD_PER_DEG).sin_cos();
-        let turn = |(c, s): (&f64, &f64)| self.north_deg_h * (s * cos - c * sin);
-        [self.cos.iter().zip(&self.sin).map(turn).collect(), self.amplitudes(), vec![1.0; self.rows()]]
+        [self.turned_by(1.0), self.amplitudes(), vec![1.0; self.rows()]]
     }
 
     /// Means over the rows of what was found by the second.
@@ -306,6 +324,35 @@ impl Run {
     pub fn functions_by_row(&self, factor: &Factor) -> Vec<Vec<f64>> {
         self.functions(factor).iter().map(|function| self.by_row(function)).collect()
     }
+}
+
+/// Names of the stations whose heading nobody knows.
+fn names(runs: &[Run]) -> BTreeSet<String> {
+    runs.iter().filter_map(|run| run.station.clone()).collect()
+}
+
+/// The runs of a station are linearised at one azimuth: the mean of what they say themselves.
+pub fn linearise_by_station(runs: &mut [Run]) {
+    for name in names(runs) {
+        let own = |run: &Run| run.station.as_ref() == Some(&name);
+        let first_deg = runs.iter().find(|run| own(run)).map_or(0.0, |run| run.azimuth_deg);
+        let apart: Vec<f64> =
+            runs.iter().filter(|run| own(run)).map(|run| wrap_180_deg(run.azimuth_deg - first_deg)).collect();
+        let mean_deg = first_deg + apart.iter().sum::<f64>() / apart.len() as f64;
+        runs.iter_mut().filter(|run| own(run)).for_each(|run| run.set_azimuth(wrap_360_deg(mean_deg)));
+    }
+}
+
+/// What one sigma of every station's heading adds to the rates, by the row and all runs one after the other.
+pub fn stations(runs: &[Run]) -> Vec<Vec<f64>> {
+    let of_station = |name: String| {
+        let of_run = |run: &Run| {
+            let sigma_rad = if run.station.as_ref() == Some(&name) { UNKNOWN_RAD } else { 0.0 };
+            run.turned_by(sigma_rad)
+        };
+        runs.iter().flat_map(of_run).collect()
+    };
+    names(runs).into_iter().map(of_station).collect()
 }
 
 fn conditions(sample: &Sample) -> Conditions {

@@ -23,6 +23,9 @@ use crate::solve::{AllDwells, AllSeconds, lacking_fact};
 /// More outliers than one second in this many are no shocks but something to be explained.
 const SECONDS_BY_SHOCK: usize = 50;
 
+/// The index of a still recording keeps within this, as the chord of its directions: 2°.
+const CHORD: f64 = 0.035;
+
 /// A second of a run, or a longer row, by the replay with the model that the runs were made with.
 #[derive(Clone, Debug)]
 pub struct Sample {
@@ -57,6 +60,8 @@ pub struct RunData {
     pub earth: EarthRate,
     pub reference_deg: Option<f64>,
     pub reference_sigma_deg: f64,
+    /// Where it was made; runs of one station share one heading.
+    pub station: Option<String>,
     pub samples: Vec<Sample>,
     /// Names of the extra channels and their values by the sample.
     pub names: Vec<String>,
@@ -92,6 +97,12 @@ impl RunData {
             sample.left_out = false;
         }
         run
+    }
+
+    /// Whether the index stays where it is throughout.
+    pub fn at_one_position(&self) -> bool {
+        let Some(first) = self.samples.first() else { return false };
+        self.samples.iter().all(|each| !each.moving && (each.cos - first.cos).hypot(each.sin - first.sin) < CHORD)
     }
 
     /// Whether the gyro gives one reading throughout: it is dead.

@@ -28,7 +28,20 @@ pub fn read(campaign: &Campaign, settings: &Settings) -> Result<(Vec<RunData>, V
         runs.push(run);
         warnings.extend(doubts);
     }
+    share_references(&mut runs);
     Ok((runs, warnings))
+}
+
+/// A run without a survey has that of another run of its station.
+fn share_references(runs: &mut [RunData]) {
+    for i in 0..runs.len() {
+        let Some(station) = runs[i].station.clone().filter(|_| runs[i].reference_deg.is_none()) else { continue };
+        let surveyed = runs.iter().find(|run| run.station.as_ref() == Some(&station) && run.reference_deg.is_some());
+        if let Some((deg, sigma_deg)) = surveyed.and_then(|run| Some((run.reference_deg?, run.reference_sigma_deg))) {
+            runs[i].reference_deg = Some(deg);
+            runs[i].reference_sigma_deg = sigma_deg;
+        }
+    }
 }
 
 fn read_run(
@@ -51,6 +64,7 @@ fn read_run(
         earth,
         reference_deg: run.reference_azimuth_deg,
         reference_sigma_deg: run.reference_sigma_deg.unwrap_or(0.0),
+        station: run.station.clone(),
         samples: Vec::new(),
         names,
         channels,
