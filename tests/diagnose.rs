@@ -18,10 +18,10 @@ const NORTH_DEG_H: f64 = 9.668211;
 const NOISE_DEG_H: f64 = 0.09;
 
 /// A folder of its own that goes when it is dropped.
-struct Folder(PathBuf);
+pub struct Folder(pub PathBuf);
 
 impl Folder {
-    fn new(name: &str) -> Self {
+    pub fn new(name: &str) -> Self {
         let path = std::env::temp_dir().join(format!("north-diagnose-{}-{name}", std::process::id()));
         let _ = std::fs::remove_dir_all(&path);
         Self(path)
@@ -30,7 +30,9 @@ impl Folder {
 
 impl Drop for Folder {
     fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
+        if std::env::var_os("KEEP").is_none() {
+            let _ = std::fs::remove_dir_all(&self.0);
+        }
     }
 }
 
@@ -48,35 +50,37 @@ impl Noise {
 }
 
 /// Files whose references are missed.
-fn missed(diagnosis: &Diagnosis) -> impl Iterator<Item = &str> {
+pub fn missed(diagnosis: &Diagnosis) -> impl Iterator<Item = &str> {
     diagnosis.missed_references.iter().map(|each| each.file.as_str())
 }
 
 /// What a second is like in a made-up run.
-struct Second {
-    run: usize,
-    t_s: f64,
-    index_deg: f64,
+pub struct Second {
+    pub run: usize,
+    pub t_s: f64,
+    pub index_deg: f64,
 }
 
 /// Forward and left accelerometer, g.
-type Level<'a> = &'a dyn Fn(&Second) -> [f64; 2];
+pub type Level<'a> = &'a dyn Fn(&Second) -> [f64; 2];
 
 /// What a made-up campaign is like.
-struct Plan<'a> {
-    runs: usize,
-    seed: u64,
-    order_deg: &'a [f64],
+pub struct Plan<'a> {
+    pub runs: usize,
+    pub seed: u64,
+    pub order_deg: &'a [f64],
     /// Time at each position; 4 s lie between them.
-    rest_s: u32,
+    pub rest_s: u32,
     /// Every how many-th run may not be learned from.
-    check: usize,
+    pub check: usize,
     /// What the campaign says.
-    latitude_deg: f64,
-    level_g: Option<Level<'a>>,
+    pub latitude_deg: f64,
+    pub level_g: Option<Level<'a>>,
     /// Adds to the rate.
-    effect_deg_h: &'a dyn Fn(&Second) -> f64,
-    reference_error_deg: &'a dyn Fn(usize) -> f64,
+    pub effect_deg_h: &'a dyn Fn(&Second) -> f64,
+    pub reference_error_deg: &'a dyn Fn(usize) -> f64,
+    /// Heading of a run.
+    pub heading_deg: &'a dyn Fn(usize, usize) -> f64,
 }
 
 /// There and back.
@@ -94,13 +98,14 @@ impl Default for Plan<'_> {
             level_g: None,
             effect_deg_h: &|_| 0.0,
             reference_error_deg: &honest,
+            heading_deg: &|run, runs| 360.0 * run as f64 / runs as f64 + 7.0,
         }
     }
 }
 
 impl Plan<'_> {
     /// Runs at headings spread over the circle; `temp_c` and `supply_v` wander.
-    fn make(&self, folder: &Folder) -> Campaign {
+    pub fn make(&self, folder: &Folder) -> Campaign {
         let campaign = Campaign {
             folder: folder.0.clone(),
             title: None,
@@ -115,7 +120,7 @@ impl Plan<'_> {
             let level = self.level_g.is_some();
             let layout = Layout { temperature: true, level, extra: vec!["supply_v".into()], ..Layout::default() };
             let mut out = writer.run(&file, layout).unwrap();
-            let heading_deg = 360.0 * run as f64 / self.runs as f64 + 7.0;
+            let heading_deg = (self.heading_deg)(run, self.runs);
             let bias_deg_h = 0.3 * noise.normal();
             for (dwell, &index_deg) in self.order_deg.iter().enumerate() {
                 for row in 0..self.rest_s + 4 {
@@ -167,7 +172,7 @@ fn campaign(
 }
 
 /// 20 °C and a wave of 1 K with a period of 200 s and a phase of the run's own.
-fn temp_c(second: &Second) -> f64 {
+pub fn temp_c(second: &Second) -> f64 {
     20.0 + (phase(second, 200.0)).sin()
 }
 
@@ -188,11 +193,11 @@ fn honest(_: usize) -> f64 {
     0.0
 }
 
-fn run(campaign: &Campaign) -> Diagnosis {
+pub fn run(campaign: &Campaign) -> Diagnosis {
     diagnose(campaign, &Options::default()).unwrap()
 }
 
-fn names(diagnosis: &Diagnosis) -> Vec<&str> {
+pub fn names(diagnosis: &Diagnosis) -> Vec<&str> {
     diagnosis.effects.iter().map(|effect| effect.name.as_str()).collect()
 }
 

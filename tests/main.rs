@@ -16,6 +16,7 @@ mod index_slips;
 mod page;
 mod panics;
 mod qemu;
+mod recordings;
 mod replay;
 mod scenarios;
 mod self_test;

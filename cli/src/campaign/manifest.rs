@@ -253,7 +253,7 @@ pub(crate) fn check_range(
     Err(file.at(value.span(), problem))
 }
 
-fn check_station(file: &TomlFile, value: Spanned<String>) -> Result<String, FileError> {
+pub(crate) fn check_station(file: &TomlFile, value: Spanned<String>) -> Result<String, FileError> {
     if value.get_ref().trim().is_empty() {
         let problem = Problem::not_allowed(format!("station = {:?}", value.get_ref()), "the name of a place");
         return Err(file.at(value.span(), problem));

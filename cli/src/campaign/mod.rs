@@ -8,7 +8,7 @@ mod table;
 mod writer;
 
 pub use manifest::{Campaign, Instrument, Role, Run};
-pub(crate) use manifest::{check_range, check_time};
+pub(crate) use manifest::{check_range, check_station, check_time};
 pub use own::{ACCELEROMETERS, INDEX, Own, TEMPERATURE};
 pub use run_csv::{Row, RunReader};
 pub use table::write_parquet;

@@ -10,6 +10,7 @@ use super::composition::{self, Composition, WrongReference};
 use super::residual::Residuals;
 use super::stations;
 use super::statistics::{median, rms, rms_with_interval};
+use super::still;
 use super::{
     Diagnosis, Effect, Fitted, LeaveOneOut, MissedReference, NoiseTests, Options, Origin, Refusal, RunDiagnosis,
     Warning, doubt, findings, fit_training_runs, guard, judge, turn, unexplained, verdict,
@@ -57,7 +58,7 @@ pub fn diagnosis(
     options: &Options,
     mut warnings: Vec<Warning>,
 ) -> Result<Diagnosis, Refusal> {
-    let &Material { campaign, runs, as_recorded, constant, base, still } = material;
+    let &Material { campaign, runs, as_recorded, constant, base, still: is_still } = material;
     let judged_by_checks = runs.iter().any(|run| run.role == Role::Check && run.reference_deg.is_some());
     let bad: Vec<String> = fitted.bad_references.iter().map(|(file, _)| file.clone()).collect();
     let choice = choose(runs, fitted, found, base, &bad);
@@ -88,7 +89,8 @@ pub fn diagnosis(
         model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(missed_deg);
     }
     let afters = after(runs, &model);
-    warn_of_runs(runs, fitted, &mut warnings);
+    let wrong = found.map_or(Vec::new(), Composition::wrong_references);
+    warn_of_runs(runs, fitted, &wrong, &mut warnings);
     checks::warn_of_range(runs, learned, &mut warnings);
     let crossed_deg: Vec<Option<f64>> = match &choice.left_out {
         Some(fixes) => fixes.iter().map(|fix| Some(fix.as_ref()?.azimuth_deg)).collect(),
@@ -116,7 +118,6 @@ pub fn diagnosis(
         record.azimuth_left_out_deg = fix.map(|fix| fix.azimuth_deg);
         record.sigma_left_out_deg = fix.map(|fix| fix.sigma_deg);
     }
-    let wrong = found.map_or(Vec::new(), Composition::wrong_references);
     let missed_references = warn_of_misses(&records, &bad, &wrong, &mut warnings);
     let board_lacks = board::lacks(&model);
     let azimuth_rms_board_deg = if board_lacks.is_empty() {
@@ -168,8 +169,11 @@ pub fn diagnosis(
         candidates: findings::candidates(fitted, runs, constant),
         residual_rms_before_deg_h: residuals.judged_rms(&residuals.before),
         residual_rms_after_deg_h: residuals.judged_rms(&residuals.after),
-        rate_rms_before_deg_h: still.then(|| residuals.judged_rms(&residuals.before)),
-        rate_rms_after_deg_h: still.then(|| residuals.judged_rms(&residuals.after)),
+        rate_rms_before_deg_h: is_still.then(|| still::rate_rms_deg_h(runs)),
+        rate_rms_after_deg_h: is_still.then(|| {
+            let with: Vec<RunData> = runs.par_iter().map(|run| run.with(&model)).collect();
+            still::rate_rms_deg_h(&with)
+        }),
         azimuth_rms_before_deg: before.map(|each| each.0),
         azimuth_rms_after_deg: rms_after.map(|each| each.0),
         azimuth_rms_board_deg,
@@ -284,8 +288,9 @@ fn noise_tests(
     }
 }
 
-fn warn_of_runs(runs: &[RunData], fitted: &Fitted, warnings: &mut Vec<Warning>) {
-    for (file, error_deg) in &fitted.bad_references {
+fn warn_of_runs(runs: &[RunData], fitted: &Fitted, wrong: &[WrongReference], warnings: &mut Vec<Warning>) {
+    let exchanged = |file: &str| wrong.iter().any(|each| each.file == file && each.exchanged_with.is_some());
+    for (file, error_deg) in fitted.bad_references.iter().filter(|(file, _)| !exchanged(file)) {
         warnings.push(Warning {
             run: Some(file.clone()),
             line: None,
@@ -472,6 +477,7 @@ fn record(
         error_before_deg: error(before.map(|fix| fix.azimuth_deg)),
         error_after_deg: error(judged_deg.flatten()),
         reference_azimuth_deg: run.reference_deg,
+        reference_sigma_deg: run.reference_sigma_deg,
         closure_before_deg_h: before.and_then(|fix| fix.closure_deg_h),
         closure_after_deg_h: after.closure_deg_h,
         flags_before: before.map_or(Vec::new(), |fix| fix.flags.iter().map(|flag| flag.name()).collect()),

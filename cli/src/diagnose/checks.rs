@@ -135,11 +135,11 @@ pub fn refuse_latitude(runs: &[RunData], learned: &Learned, base: &ErrorModel) -
 }
 
 /// Warnings about the campaign as a whole.
-pub fn warn(runs: &[RunData], constant: &[String], warnings: &mut Vec<Warning>) {
+pub fn warn(runs: &[RunData], constant: &[String], still: bool, warnings: &mut Vec<Warning>) {
     let fit: Vec<&RunData> = runs.iter().filter(|run| run.role == Role::Fit).collect();
     if fit.is_empty() {
         warnings.push(warning("no run has the role \"fit\": nothing may be learned, the runs are only judged".into()));
-    } else if fit.len() < 4 {
+    } else if fit.len() < 4 && !still {
         let count = fit.len();
         warnings.push(warning(format!(
             "only {count} run{} may be learned from: effects that change from run to run cannot be told from chance",
@@ -159,7 +159,7 @@ pub fn warn(runs: &[RunData], constant: &[String], warnings: &mut Vec<Warning>) 
     for name in constant {
         warnings.push(warning(format!("column `{name}` never changes: it is left out")));
     }
-    for run in runs {
+    for run in runs.iter().filter(|_| !still) {
         if let Some(refusal) = &run.refusal {
             warnings.push(Warning {
                 run: Some(run.file.clone()),

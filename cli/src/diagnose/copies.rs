@@ -86,29 +86,33 @@ fn of_earth(runs: &[RunData], name: &str) -> f64 {
     if free > 3.0 && t.is_finite() { t } else { 0.0 }
 }
 
-/// The greatest correlation of the rows' changes within dwells with those of the gyro, at any delay, in standard deviations of chance.
+/// The greatest correlation of the curvature's sign with the changes of the gyro's rate within dwells, at any delay, in standard deviations of chance: the sign
+/// alone, because behind a low-pass the channel still settles after a move.
 fn of_noise(runs: &[RunData], name: &str) -> f64 {
-    let (mut both, mut of_gyro, mut of_channel, mut count) =
-        ([0.0; EARLIER + LATER + 1], 0.0, 0.0, [0.0; EARLIER + LATER + 1]);
+    let (mut both, mut count) = ([0.0; EARLIER + LATER + 1], [0.0; EARLIER + LATER + 1]);
+    let mut squares = (0.0, 0.0);
     for run in runs {
         for dwell in rows(run, name).chunk_by(|a, b| a.0 == b.0) {
-            let changes: Vec<(f64, f64)> =
-                dwell.windows(2).map(|pair| (pair[1].1 - pair[0].1, pair[1].3 - pair[0].3)).collect();
-            of_gyro += changes.iter().map(|change| change.0 * change.0).sum::<f64>();
-            of_channel += changes.iter().map(|change| change.1 * change.1).sum::<f64>();
-            for (i, change) in changes.iter().enumerate() {
+            let changes: Vec<f64> = dwell.windows(2).map(|pair| pair[1].1 - pair[0].1).collect();
+            squares.0 += changes.iter().map(|change| change * change).sum::<f64>();
+            squares.1 += changes.len() as f64;
+            for (i, three) in dwell.windows(3).enumerate() {
+                let curvature = three[2].3 - 2.0 * three[1].3 + three[0].3;
+                if curvature == 0.0 {
+                    continue;
+                }
                 for (delay, (sum, number)) in both.iter_mut().zip(&mut count).enumerate() {
-                    if let Some(other) = (i + EARLIER).checked_sub(delay).and_then(|place| changes.get(place)) {
-                        *sum += other.0 * change.1;
+                    if let Some(change) = (i + 1 + EARLIER).checked_sub(delay).and_then(|place| changes.get(place)) {
+                        *sum += curvature.signum() * change;
                         *number += 1.0;
                     }
                 }
             }
         }
     }
-    let whole = count.iter().copied().fold(0.0, f64::max);
-    // Changes of white noise go with their neighbours by −1/2: their correlation scatters by √(1 + 2/4) as much as that of independent ones.
-    let z = |(sum, number): (&f64, &f64)| sum / (of_gyro * of_channel).sqrt() * whole / (1.5 * number).sqrt();
+    // Signs of a curvature go with their neighbours by −0.46 and +0.11 (arcsine law), changes by −1/2: the sum scatters by √(1 + 2 · 0.46/2) as much as
+    // that of independent ones.
+    let z = |(sum, number): (&f64, &f64)| sum / (1.46 * number * squares.0 / squares.1).sqrt();
     let all: Vec<f64> = both.iter().zip(&count).map(z).filter(|z| z.is_finite()).collect();
     all.into_iter().max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(0.0)
 }

@@ -153,7 +153,7 @@ pub fn diagnose(campaign: &Campaign, options: &Options) -> Result<Diagnosis, Ref
         checks::refuse(&runs)?;
     }
     let constant = checks::constant_channels(&runs);
-    checks::warn(&runs, &constant, &mut warnings);
+    checks::warn(&runs, &constant, still, &mut warnings);
     let base = options.settings.model.clone().unwrap_or_default();
     copies::leave_out(&mut runs, &|name| base.channels().iter().any(|each| each.as_str() == name), &mut warnings);
     let as_recorded: Vec<_> = runs.iter().map(|run| run.before).collect();

@@ -162,6 +162,9 @@ pub struct RunDiagnosis {
     pub error_after_deg: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reference_azimuth_deg: Option<f64>,
+    /// One sigma of it, degrees.
+    #[serde(skip)]
+    pub reference_sigma_deg: f64,
     pub closure_before_deg_h: Option<f64>,
     pub closure_after_deg_h: Option<f64>,
     pub flags_before: Vec<&'static str>,

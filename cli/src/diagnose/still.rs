@@ -1,5 +1,6 @@
 //! Still recordings: the rate at one position against the channels, hours long. There is no azimuth in them; the rate's bias is what is learned.
 
+use super::statistics::rms;
 use crate::campaign::Role;
 use crate::run_data::RunData;
 
@@ -24,4 +25,15 @@ pub fn halves(runs: Vec<RunData>) -> Vec<RunData> {
         half
     };
     runs.iter().flat_map(|run| [half(run, Role::Fit), half(run, Role::Check)]).collect()
+}
+
+/// Root mean square of the rate about its mean in what nothing was learned from, °/h.
+pub fn rate_rms_deg_h(runs: &[RunData]) -> f64 {
+    let of_run = |run: &RunData| {
+        let rates: Vec<f64> =
+            run.samples.iter().filter(|sample| run.enters(sample)).map(|sample| sample.rate_deg_h).collect();
+        let mean = rates.iter().sum::<f64>() / rates.len() as f64;
+        rates.into_iter().map(|rate| rate - mean).collect::<Vec<f64>>()
+    };
+    rms(&runs.iter().filter(|run| run.role == Role::Check).flat_map(of_run).collect::<Vec<f64>>())
 }

@@ -1,7 +1,19 @@
 //! The outcome in words.
 
+use north_finder::units::wrap_180_deg;
+
 use super::{Diagnosis, Effect, RunDiagnosis};
 use crate::campaign::Role;
+
+/// Runs that miss their references by more than three sigmas of both, but for those that are named as wrong anyway.
+fn missing(diagnosis: &Diagnosis) -> usize {
+    let misses = |run: &&RunDiagnosis| {
+        let apart = wrap_180_deg(run.azimuth_after_deg? - run.reference_azimuth_deg?).abs();
+        Some(apart > 3.0 * run.sigma_after_deg?.hypot(run.reference_sigma_deg))
+    };
+    let named = |run: &&RunDiagnosis| diagnosis.missed_references.iter().any(|each| each.file == run.file);
+    diagnosis.runs.iter().filter(|run| misses(run) == Some(true) && !named(run)).count()
+}
 
 /// How far apart the azimuths of the stations are, where no heading is surveyed; of still recordings the rate.
 fn of_stations(diagnosis: &Diagnosis) -> String {
@@ -27,6 +39,12 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
         [] if diagnosis.unexplained => "The residual is not noise, and no candidate explains it".to_owned(),
         [] if diagnosis.runs.iter().all(|run| run.role != Role::Fit) => {
             "Nothing may be learned from these runs".to_owned()
+        }
+        [] if missing(diagnosis) > 0 => {
+            format!(
+                "Nothing was found, but {} of the runs miss their references by more than 3 sigma",
+                missing(diagnosis)
+            )
         }
         [] if failed.is_empty() => "Nothing was found: the residual is consistent with noise by every test".to_owned(),
         [] => format!("Nothing was found, but the residual is not noise by {}", failed.join(" and ")),

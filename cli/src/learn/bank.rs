@@ -134,7 +134,10 @@ impl Bank {
         let all: Vec<Vec<usize>> = std::iter::once(Vec::new()).chain(singles).chain(pairs).collect();
         let forms: Vec<(Port, Vec<usize>)> = all
             .into_iter()
-            .flat_map(|numbers| ports(&numbers).iter().map(move |&port| (port, numbers.clone())))
+            .flat_map(|numbers| {
+                let open = ports(&numbers).iter().filter(|port| grammar.ports.contains(port));
+                open.map(|&port| (port, numbers.clone())).collect::<Vec<_>>()
+            })
             .collect();
         let mut bank =
             Self { rows, coarse, gains, fine_functions, coarse_functions, proposals: Vec::new(), coarse_rows, library };

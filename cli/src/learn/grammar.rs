@@ -25,6 +25,8 @@ const CONSTANT: f64 = 1e-9;
 #[derive(Clone, Debug)]
 pub struct Grammar {
     pub signals: Vec<(Signal, Span)>,
+    /// Where effects may enter: at the levels where they are measured; of still recordings all but the rate is one with it.
+    pub ports: Vec<Port>,
     /// Spans behind dynamics that were asked for before.
     spans: Arc<Mutex<HashMap<String, Option<Span>>>>,
 }
@@ -32,7 +34,9 @@ pub struct Grammar {
 impl Grammar {
     /// Of runs that all have the same channels.
     pub fn new(runs: &[Run]) -> Self {
-        let Some(first) = runs.first() else { return Self { signals: Vec::new(), spans: Arc::default() } };
+        let Some(first) = runs.first() else {
+            return Self { signals: Vec::new(), ports: Vec::new(), spans: Arc::default() };
+        };
         let shared = |name: &&str| runs.iter().all(|run| run.channel_names().any(|each| each == *name));
         let names: Vec<ChannelName> = first.channel_names().filter(shared).filter_map(ChannelName::new).collect();
         let channels = names.iter().map(|&name| Channel { name }.into());
@@ -46,7 +50,14 @@ impl Grammar {
             .into_iter()
             .filter_map(|signal| Some((signal, span(runs, &Factor::new(signal, &[], IDENTITY))?)))
             .collect();
-        Self { signals, spans: Arc::default() }
+        let still = runs.iter().all(|run| run.still);
+        let levelled = runs.iter().all(Run::has_level);
+        let port = |port: &Port| match port {
+            Port::Rate => true,
+            Port::Scale | Port::Index => !still,
+            Port::Forward | Port::Left => !still && levelled,
+        };
+        Self { signals, ports: Port::ALL.into_iter().filter(port).collect(), spans: Arc::default() }
     }
 
     /// What comes out of a signal's dynamics; `None` where it does not vary.
@@ -179,7 +190,7 @@ pub fn neighbours(effect: &Effect, grammar: &Grammar, runs: &[Run], gates: &[Fac
             push(effect.port, &[factors.as_slice(), std::slice::from_ref(gate)].concat());
         }
     }
-    for port in Port::ALL.into_iter().filter(|&port| port != effect.port) {
+    for &port in grammar.ports.iter().filter(|&&port| port != effect.port) {
         push(port, &factors);
     }
     for i in 0..factors.len() {

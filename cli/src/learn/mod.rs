@@ -67,31 +67,41 @@ pub fn evidence_of(runs: &[Run], groups: &[Vec<Vec<f64>>]) -> Option<(f64, Optio
 }
 
 /// Learns from runs.
-pub fn learn(runs: Vec<Run>) -> Learned {
-    let mut learned = Learned::default();
-    let mut runs = runs;
+///
+/// A reference is put right, or not believed, where everything that is learned then is likelier by more than what a blunder costs beforehand.
+pub fn learn(mut runs: Vec<Run>) -> Learned {
     rows::linearise_by_station(&mut runs);
-    loop {
-        let search = Search::new(&runs);
-        match search.run() {
-            Ok(models) => {
-                learned.posterior = Posterior::new(&search, &models);
-                learned.score = models.first().map_or(0.0, |model| model.score(&search.grammar));
-                let bare = Model::new(&runs, None, &[]).map(Model::with_likeliest_process);
-                learned.score_without = bare.map_or(0.0, |bare| bare.evidence());
-                drop((models, search));
-                learned.runs = runs;
-                return learned;
-            }
-            Err(blunder) => {
-                let mended = blunder.mended(&runs);
-                learned.blunders.push(blunder);
-                runs = mended;
-                if learned.blunders.len() > MOST_BLUNDERS {
-                    learned.runs = runs;
-                    return learned;
-                }
-            }
-        }
+    let mut learned = Found::new(&runs);
+    let mut blunders: Vec<Blunder> = Vec::new();
+    while blunders.len() < MOST_BLUNDERS {
+        let better = learned.suspects.iter().find_map(|blunder| {
+            let mended = blunder.mended(&runs);
+            let found = Found::new(&mended);
+            (found.score - blunder.cost(runs.len()) > learned.score).then(|| (blunder.clone(), mended, found))
+        });
+        let Some((blunder, mended, found)) = better else { break };
+        blunders.push(blunder);
+        (runs, learned) = (mended, found);
+    }
+    let score_without = Model::new(&runs, None, &[]).map_or(0.0, |bare| bare.with_likeliest_process().evidence());
+    Learned { posterior: learned.posterior, score: learned.score, score_without, runs, blunders }
+}
+
+/// What some runs say, their references as they are.
+#[derive(Default)]
+struct Found {
+    posterior: Posterior,
+    score: f64,
+    /// References that may be wrong.
+    suspects: Vec<Blunder>,
+}
+
+impl Found {
+    fn new(runs: &[Run]) -> Self {
+        let search = Search::new(runs);
+        let Some(best) = search.best() else { return Self::default() };
+        let score = best.score(&search.grammar);
+        let suspects = search.suspects(&best);
+        Self { posterior: Posterior::new(&search, &search.with_rivals(best)), score, suspects }
     }
 }

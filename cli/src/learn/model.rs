@@ -51,12 +51,22 @@ impl<'a> Model<'a> {
 
     /// The same for these effects in other runs, with the process or without one.
     pub fn best_evidence_in(&self, runs: &[Run]) -> Option<f64> {
-        let library = Library::new(runs);
-        let with = |term: &Term| Term { values: Arc::new(library.values(runs, &term.effect)), ..term.clone() };
-        let terms: Vec<Term> = self.terms.iter().map(with).collect();
+        let terms = self.terms_in(runs);
         let of = |process| Model::new(runs, process, &terms).map(|model| model.evidence());
         let (with, without) = (of(self.process), of(None));
         with.into_iter().chain(without).max_by(f64::total_cmp)
+    }
+
+    /// The same with the process that suits these runs best.
+    pub fn likeliest_evidence_in(&self, runs: &[Run]) -> Option<f64> {
+        Some(Model::new(runs, self.process, &self.terms_in(runs))?.with_likeliest_process().evidence())
+    }
+
+    /// Its effects evaluated in other runs.
+    fn terms_in(&self, runs: &[Run]) -> Vec<Term> {
+        let library = Library::new(runs);
+        let with = |term: &Term| Term { values: Arc::new(library.values(runs, &term.effect)), ..term.clone() };
+        self.terms.iter().map(with).collect()
     }
 
     /// The same effects beside the process that has the greatest evidence.

@@ -12,6 +12,8 @@ use super::rows::{Run, UNKNOWN_RAD};
 const BLUNDER: f64 = 0.01;
 /// References that are looked at exactly: those that miss most.
 const SUSPECTS: usize = 4;
+/// Blunders of these that are compared with effects.
+const FINALISTS: usize = 2;
 
 /// What may be wrong with the references.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,7 +41,7 @@ impl Blunder {
 
     /// Minus the logarithm of its probability beforehand, nats. A wrong one may be anything on the circle, where the search allows for a
     /// normal distribution about the first estimate: the ratio of the two densities there belongs to the cost.
-    fn cost(&self, runs: usize) -> f64 {
+    pub fn cost(&self, runs: usize) -> f64 {
         let runs = runs as f64;
         match self {
             Self::Wrong(_) => (runs / BLUNDER).ln() + ((2.0 * std::f64::consts::PI).sqrt() / UNKNOWN_RAD).ln(),
@@ -61,14 +63,17 @@ pub fn likeliest(model: &Model<'_>) -> Option<(f64, Blunder)> {
         .filter(|(a, b)| points_at(runs, a, b) && points_at(runs, b, a))
         .map(|(a, b)| Blunder::Exchanged(a.0, b.0));
     let all: Vec<Blunder> = alone.chain(exchanged).collect();
-    all.into_par_iter()
-        .filter_map(|blunder| {
-            let mended = blunder.mended(runs);
-            // What a blunder leaves may have been taken for a process.
-            let evidence = model.best_evidence_in(&mended)?;
-            Some((evidence - model.evidence() - blunder.cost(runs.len()), blunder))
-        })
-        .max_by(|a, b| a.0.total_cmp(&b.0))
+    let gain = |blunder: Blunder, evidence_in: &dyn Fn(&[Run]) -> Option<f64>| {
+        let evidence = evidence_in(&blunder.mended(runs))?;
+        Some((evidence - model.evidence() - blunder.cost(runs.len()), blunder))
+    };
+    let mut likely: Vec<(f64, Blunder)> =
+        all.into_par_iter().filter_map(|blunder| gain(blunder, &|mended| model.best_evidence_in(mended))).collect();
+    likely.sort_by(|a, b| b.0.total_cmp(&a.0));
+    likely.truncate(FINALISTS);
+    // What a blunder leaves has been taken for a process: those that are left have one of their own.
+    let finish = |(_, blunder)| gain(blunder, &|mended| model.likeliest_evidence_in(mended));
+    likely.into_par_iter().filter_map(finish).max_by(|a, b| a.0.total_cmp(&b.0))
 }
 
 /// By how much every reference misses what its run says beside the model (rad), and the chi-square of that.

@@ -25,6 +25,9 @@ const ALL_ROWS: usize = 3200;
 const AMPLITUDE_SIGMA: f64 = 0.01;
 /// One sigma of an azimuth about its first estimate where there is no reference, rad.
 pub const UNKNOWN_RAD: f64 = 0.2;
+/// One sigma of a survey that says none, and of the index on top of it, degrees.
+const SURVEY_SIGMA_DEG: f64 = 0.005;
+const INDEX_SIGMA_DEG: f64 = 0.01;
 /// One sigma of how well the instrument is set up again on a station, rad: 0.005°, a pillar with forced centring.
 const SETTING_RAD: f64 = 0.005 * RAD_PER_DEG;
 /// One sigma of a run's bias, °/h: none to speak of.
@@ -45,6 +48,8 @@ pub struct Run {
     pub plain_deg: Option<f64>,
     /// Where the equations are linearised, degrees.
     pub azimuth_deg: f64,
+    /// The index stays at one position: there is no azimuth in it.
+    pub still: bool,
     /// Horizontal and vertical Earth rate, °/h.
     pub north_deg_h: f64,
     pub up_deg_h: f64,
@@ -71,7 +76,8 @@ impl Run {
     /// One of so many runs. `None` where nothing is at rest, or where there is neither a reference nor an azimuth and the index turned. At one
     /// position the Earth's rate is a bias.
     pub fn new(data: &RunData, runs: usize) -> Option<Self> {
-        let reference = data.reference_deg.map(|deg| (deg, data.reference_sigma_deg));
+        let sigma_deg = if data.reference_sigma_deg > 0.0 { data.reference_sigma_deg } else { SURVEY_SIGMA_DEG };
+        let reference = data.reference_deg.map(|deg| (deg, sigma_deg.hypot(INDEX_SIGMA_DEG)));
         let still = data.at_one_position();
         let of_still = still.then_some(0.0);
         let azimuth_deg = data.reference_deg.or(data.before.map(|fix| fix.azimuth_deg)).or(of_still)?;
@@ -88,6 +94,7 @@ impl Run {
             station: data.station.clone().filter(|_| reference.is_none()),
             plain_deg: data.before.map(|fix| fix.azimuth_deg),
             azimuth_deg,
+            still,
             north_deg_h: data.earth.north_deg_h,
             up_deg_h: data.earth.up_deg_h,
             facts: data.facts,
@@ -146,6 +153,11 @@ impl Run {
         self.signals = Arc::default();
         self.reference = reference;
         self.azimuth_deg = reference.map_or(self.azimuth_deg, |(deg, _)| deg);
+    }
+
+    /// Its levels are measured.
+    pub fn has_level(&self) -> bool {
+        self.samples.iter().any(|sample| sample.level.is_some())
     }
 
     pub fn rows(&self) -> usize {

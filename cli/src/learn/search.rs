@@ -54,15 +54,42 @@ impl<'a> Search<'a> {
         Self { runs, grammar, gates, bank }
     }
 
-    /// The model of the greatest score, and those that differ from it by one effect or by the process and are near it: the best first.
-    ///
-    /// Errors: a reference is likelier wrong than all that it says is an effect; whoever asks puts it right and begins again.
-    pub fn run(&self) -> Result<Vec<Model<'a>>, Blunder> {
-        let Some(best) = self.best()? else { return Ok(Vec::new()) };
+    /// The model of the greatest score, if the runs allow one.
+    pub fn best(&self) -> Option<Model<'a>> {
+        let bare = Model::new(self.runs, None, &[])?;
+        let mut model = bare.with_likeliest_process();
+        while model.terms.len() < MOST_EFFECTS {
+            let asked = if model.terms.is_empty() { FALSE_DISCOVERIES } else { FURTHER_FALSE_DISCOVERIES };
+            let Some(wider) = self.widened(&model) else { break };
+            if wider.score(&self.grammar) - model.score(&self.grammar) <= -asked.ln() {
+                break;
+            }
+            model = self.pruned(wider);
+        }
+        Some(self.revised(model))
+    }
+
+    /// A model, and those that differ from it by one effect: the best first.
+    pub fn with_rivals(&self, best: Model<'a>) -> Vec<Model<'a>> {
         let mut models = self.rivals(&best);
         models.push(best);
         models.sort_by(|a, b| b.score(&self.grammar).total_cmp(&a.score(&self.grammar)));
-        Ok(models)
+        models
+    }
+
+    /// References that may be wrong: beside a model, where effects hide none, and without any, where an effect may stand for one.
+    pub fn suspects(&self, model: &Model<'a>) -> Vec<Blunder> {
+        let bare = Model::new(self.runs, None, &[]).map(Model::with_likeliest_process);
+        let mut suspects: Vec<Blunder> = Vec::new();
+        for each in std::iter::once(model).chain(bare.as_ref().filter(|_| !model.terms.is_empty())) {
+            if let Some((gain, blunder)) = likeliest(each)
+                && gain > 0.0
+                && !suspects.contains(&blunder)
+            {
+                suspects.push(blunder);
+            }
+        }
+        suspects
     }
 
     /// Models that have another effect, or none, in the place of one of the best's.
@@ -85,42 +112,27 @@ impl<'a> Search<'a> {
         rivals
     }
 
-    /// The model of the greatest score.
-    fn best(&self) -> Result<Option<Model<'a>>, Blunder> {
-        let Some(bare) = Model::new(self.runs, None, &[]) else { return Ok(None) };
-        let mut model = bare.with_likeliest_process();
-        for _ in 0..MOST_EFFECTS {
-            let asked = if model.terms.is_empty() { FALSE_DISCOVERIES } else { FURTHER_FALSE_DISCOVERIES };
-            let now = model.score(&self.grammar);
-            // Beside the process as it is, and at first beside none: a process may have taken for its own what is an effect.
-            let mut finalists = self.finalists(&model, true);
-            if model.process.is_some()
-                && model.terms.is_empty()
-                && let Some(without) = Model::new(self.runs, None, &model.terms)
-            {
-                finalists.extend(self.finalists(&without, true));
-            }
-            let with = |effect: &Effect| {
-                let mut terms = model.terms.clone();
-                terms.push(self.term(&model, effect));
-                let widened = Model::new(self.runs, model.process, &terms)?;
-                Some(widened.with_likeliest_process())
-            };
-            let best = finalists
-                .par_iter()
-                .filter_map(with)
-                .filter(|each| each.weights() <= MOST_WEIGHTS && self.is_plausible(each))
-                .max_by(|a, b| a.score(&self.grammar).total_cmp(&b.score(&self.grammar)));
-            let gained = best.as_ref().map_or(0.0, |best| best.score(&self.grammar) - now);
-            if let Some((gain, blunder)) = likeliest(&model)
-                && gain > gained.max(0.0)
-            {
-                return Err(blunder);
-            }
-            let Some(best) = best.filter(|_| gained > -asked.ln()) else { break };
-            model = self.pruned(best);
+    /// A model with the one effect more by which the score gains most.
+    fn widened(&self, model: &Model<'a>) -> Option<Model<'a>> {
+        // Beside the process as it is, and at first beside none: a process may have taken for its own what is an effect.
+        let mut finalists = self.finalists(model, true);
+        if model.process.is_some()
+            && model.terms.is_empty()
+            && let Some(without) = Model::new(self.runs, None, &model.terms)
+        {
+            finalists.extend(self.finalists(&without, true));
         }
-        Ok(Some(self.revised(model)))
+        let with = |effect: &Effect| {
+            let mut terms = model.terms.clone();
+            terms.push(self.term(model, effect));
+            let widened = Model::new(self.runs, model.process, &terms)?;
+            Some(widened.with_likeliest_process())
+        };
+        finalists
+            .par_iter()
+            .filter_map(with)
+            .filter(|each| each.weights() <= MOST_WEIGHTS && self.is_plausible(each))
+            .max_by(|a, b| a.score(&self.grammar).total_cmp(&b.score(&self.grammar)))
     }
 
     /// Whether no effect is larger than its port allows.

@@ -4,7 +4,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::{Accelerometer, Channel, Column, Gyro, Index, Map, Temperature, Text, Time, one};
-use crate::campaign::{Instrument, Role, Run, check_range, check_time};
+use crate::campaign::{Instrument, Role, Run, check_range, check_station, check_time};
 use crate::file_error::{FileError, Problem};
 use crate::import::axes::{Axes, Direction};
 use crate::import::unit::{AccelerationUnit, AngleUnit, GyroUnit, TimeUnit};
@@ -99,6 +99,7 @@ struct RawRun {
     role: Role,
     reference_azimuth_deg: Option<Spanned<f64>>,
     reference_sigma_deg: Option<Spanned<f64>>,
+    station: Option<Spanned<String>>,
     latitude_deg: Option<Spanned<f64>>,
     started: Option<Spanned<String>>,
     #[serde(default)]
@@ -349,6 +350,7 @@ fn check_run(raw: Spanned<RawRun>, index: &Index, file: &TomlFile) -> Result<Ser
         reference_azimuth_deg: check_range(file, "reference_azimuth_deg", raw.reference_azimuth_deg, -360.0, 360.0)?,
         reference_sigma_deg: check_range(file, "reference_sigma_deg", raw.reference_sigma_deg, 0.0, 360.0)?,
         latitude_deg: check_range(file, "latitude_deg", raw.latitude_deg, -90.0, 90.0)?,
+        station: raw.station.map(|station| check_station(file, station)).transpose()?,
         started: raw.started.map(|started| check_time(file, started)).transpose()?,
     };
     let positions = raw.positions;
