@@ -319,7 +319,10 @@ fn a_calibration_takes_the_flag_away_and_a_wrong_one_is_refused() {
          `rate_terms`, `index_error`, `earth_field`, `base_motion`, `sinusoid`, `effects`, `doubt`\n";
     find(&[]).refused(1, unknown);
     write("format = 3\n");
-    find(&[]).refused(1, "north: M.toml, line 1, column 10: \"format = 3\" is not allowed; allowed is format = 1 or format = 2\n");
+    find(&[]).refused(
+        1,
+        "north: M.toml, line 1, column 10: \"format = 3\" is not allowed; allowed is format = 1 or format = 2\n",
+    );
     write("format = 1\nscale_error = nan\n");
     let called = find(&[]);
     assert_eq!(called.code, 1);

@@ -114,11 +114,6 @@ impl<'a> Model<'a> {
         }
         best
     }
-
-    /// How many weights its effects have.
-    pub fn weights(&self) -> usize {
-        self.terms.iter().map(|term| term.columns.len()).sum()
-    }
 }
 
 /// What a process costs, nats: its two constants, each one of some eight values that recordings tell apart.

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use north_finder::effects::ErrorModel;
 use north_finder::effects::effect::{Effect, Port};
 use north_finder::effects::factor::Factor;
 use rayon::prelude::*;
@@ -20,8 +21,6 @@ const FALSE_DISCOVERIES: f64 = 1.0 / 200.0;
 const FURTHER_FALSE_DISCOVERIES: f64 = 1.0 / 20.0;
 /// Most effects of a model: what its file and a board have room for.
 pub const MOST_EFFECTS: usize = 12;
-/// Most weights.
-pub const MOST_WEIGHTS: usize = 96;
 /// Most that an error of the index or of the level may be, root mean square, degrees and g: the equations are linear in it, and leave out e²/2 of the
 /// rate, 0.4 % at 5°. What is larger is another effect, which this one stands for.
 const MOST_INDEX_DEG: f64 = 5.0;
@@ -105,7 +104,7 @@ impl<'a> Search<'a> {
                 }
                 let mut with = terms.clone();
                 with.push(self.term(&others, &effect));
-                rivals.extend(Model::new(self.runs, best.process, &with).filter(|each| self.is_plausible(each)));
+                rivals.extend(Model::new(self.runs, best.process, &with).filter(|each| self.is_allowed(each)));
             }
             rivals.push(others);
         }
@@ -131,12 +130,16 @@ impl<'a> Search<'a> {
         finalists
             .par_iter()
             .filter_map(with)
-            .filter(|each| each.weights() <= MOST_WEIGHTS && self.is_plausible(each))
+            .filter(|each| self.is_allowed(each))
             .max_by(|a, b| a.score(&self.grammar).total_cmp(&b.score(&self.grammar)))
     }
 
-    /// Whether no effect is larger than its port allows.
-    fn is_plausible(&self, model: &Model<'_>) -> bool {
+    /// Whether a model file has room for the effects, and none is larger than its port allows.
+    fn is_allowed(&self, model: &Model<'_>) -> bool {
+        let effects = model.terms.iter().map(|term| term.effect.clone()).collect();
+        if (ErrorModel { effects, ..ErrorModel::default() }).validate().is_err() {
+            return false;
+        }
         let means = model.fit.scaled_means();
         let mut first = 0;
         model.terms.iter().all(|term| {
@@ -277,8 +280,7 @@ impl<'a> Search<'a> {
             terms.insert(i, self.term(&others, &found));
             if let Some(revised) = Model::new(self.runs, model.process, &terms).map(Model::with_likeliest_process)
                 && revised.score(&self.grammar) > model.score(&self.grammar)
-                && revised.weights() <= MOST_WEIGHTS
-                && self.is_plausible(&revised)
+                && self.is_allowed(&revised)
             {
                 model = revised;
             }
