@@ -210,7 +210,7 @@ fn bad_manifests_are_refused_with_their_place() {
         (
             format!("{good}{run}rol = \"fit\"\n"),
             "campaign.toml, line 5, column 1: unknown field `rol`, expected one of `file`, `role`, \
-             `reference_azimuth_deg`, `reference_sigma_deg`, `latitude_deg`, `started`",
+             `reference_azimuth_deg`, `reference_sigma_deg`, `latitude_deg`, `station`, `started`",
         ),
         (
             format!("{good}{run}role = \"judge\"\n"),
