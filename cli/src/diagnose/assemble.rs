@@ -132,7 +132,9 @@ pub fn diagnosis(
     let by_others = records.iter().map(|run| run.azimuth_left_out_deg.or(run.azimuth_after_deg)).collect::<Vec<_>>();
     let station_spread_after_deg = stations::spread_deg(runs, &by_others);
     let few = (3..=LEFT_OUT).contains(&runs.len());
-    let left_out = (few || options.leave_one_out).then(|| leave_one_out(runs, base, constant, &bad)).flatten();
+    let left_out = (few || options.leave_one_out)
+        .then(|| leave_one_out(runs, base, constant, &bad, choice.composition.is_some()))
+        .flatten();
 
     let (all, period_s) = (runs.iter().collect(), fitted.sinusoid_period_s());
     let residuals = if choice.composition.is_some() {
@@ -242,7 +244,7 @@ fn choose<'a>(
     if !better {
         return Choice { process, ..Choice::default() };
     }
-    let left_out = composition::by_the_others(runs, base);
+    let left_out = composition::by_the_others(runs, &training_places(runs), composition::FOLDS, base);
     match composition::veto(runs, &found.model, &left_out, bad) {
         None => Choice { composition: Some(found), left_out: Some(left_out), ..Choice::default() },
         Some(why) => {
@@ -250,6 +252,11 @@ fn choose<'a>(
             Choice { process, withdrawn: Some((names, why)), ..Choice::default() }
         }
     }
+}
+
+/// Numbers of the runs that may be learned from.
+fn training_places(runs: &[RunData]) -> Vec<usize> {
+    (0..runs.len()).filter(|&i| runs[i].role == Role::Fit).collect()
 }
 
 /// The model with what was learned, and with its uncertainty.
@@ -327,7 +334,7 @@ fn after(runs: &[RunData], model: &ErrorModel) -> Vec<After> {
 /// Azimuths of the training runs by models that they took no part in, degrees. Where nothing was learned from all of them, there
 /// is nothing to teach.
 fn cross_validated(runs: &[RunData], base: &ErrorModel, constant: &[String], fitted: &Fitted) -> Vec<Option<f64>> {
-    let fit: Vec<usize> = (0..runs.len()).filter(|&i| runs[i].role == Role::Fit).collect();
+    let fit = training_places(runs);
     if fitted.is_empty() || fit.len() < 2 {
         return runs.iter().map(|run| Some(run.before?.azimuth_deg)).collect();
     }
@@ -359,9 +366,18 @@ fn by_the_others(
 }
 
 /// All runs with a reference or at a station, whatever their role, each by what was learned from all others. Nothing of it enters the model.
-fn leave_one_out(runs: &[RunData], base: &ErrorModel, constant: &[String], bad: &[String]) -> Option<LeaveOneOut> {
+fn leave_one_out(
+    runs: &[RunData],
+    base: &ErrorModel,
+    constant: &[String],
+    bad: &[String],
+    composed: bool,
+) -> Option<LeaveOneOut> {
     let places: Vec<usize> = (0..runs.len()).collect();
-    let fixes = by_the_others(runs, &places, runs.len(), base, constant);
+    let fixes = match composed {
+        true => composition::by_the_others(runs, &places, runs.len(), base),
+        false => by_the_others(runs, &places, runs.len(), base, constant),
+    };
     let errors = |fixes: &[Option<Fix>]| -> Vec<Option<f64>> {
         let azimuths: Vec<Option<f64>> = fixes.iter().map(|fix| Some(fix.as_ref()?.azimuth_deg)).collect();
         let misses = stations::misses_deg(runs, &azimuths).into_iter().zip(runs);

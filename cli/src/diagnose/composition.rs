@@ -18,7 +18,7 @@ use crate::learn::{self, Blunder, Learned, Run};
 use crate::run_data::RunData;
 
 /// Folds of the validation that learns again: each leaves a quarter of the runs out.
-const FOLDS: usize = 4;
+pub const FOLDS: usize = 4;
 /// Fewest runs that anything is learned from, where they have azimuths.
 const LEAST_RUNS: usize = 3;
 /// What the search over products finds stands in the place of named effects where it is more likely by this, nats: odds of twenty to one.
@@ -195,18 +195,17 @@ fn alike(a: &effect::Effect, b: &effect::Effect) -> bool {
     a.port == b.port && a.factors == b.factors
 }
 
-/// Every training run by what a search over the others found: azimuth and sigma by the firmware's replay, in the order of the runs; `None` for check runs
-/// and where there is no azimuth. A search that finds nothing leaves the runs as they were.
-pub fn by_the_others(runs: &[RunData], base: &ErrorModel) -> Vec<Option<Fix>> {
-    let fit: Vec<usize> = (0..runs.len()).filter(|&i| runs[i].role == Role::Fit).collect();
-    let folds = FOLDS.min(fit.len());
+/// These runs, each by what a search over the others of them found, in so many parts at most: azimuth and sigma by the firmware's replay, in the order
+/// of all runs; `None` where there is no azimuth. A search that finds nothing leaves the runs as they were.
+pub fn by_the_others(runs: &[RunData], places: &[usize], folds: usize, base: &ErrorModel) -> Vec<Option<Fix>> {
+    let folds = folds.min(places.len());
     let mut fixes = vec![None; runs.len()];
     for fold in 0..folds {
         let inside = |place: usize| place % folds == fold;
         let training: Vec<&RunData> =
-            fit.iter().enumerate().filter(|(place, _)| !inside(*place)).map(|(_, &i)| &runs[i]).collect();
+            places.iter().enumerate().filter(|(place, _)| !inside(*place)).map(|(_, &i)| &runs[i]).collect();
         let model = Composition::learn(&training, base).map_or_else(|| base.clone(), |found| found.model);
-        for (_, &i) in fit.iter().enumerate().filter(|(place, _)| inside(*place)) {
+        for (_, &i) in places.iter().enumerate().filter(|(place, _)| inside(*place)) {
             fixes[i] = runs[i].replay(&model, &mut |_| ()).ok();
         }
     }

@@ -29,7 +29,7 @@ use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::{Effect, Port};
 use problem::Term;
 pub use rows::Run;
-use search::Search;
+use search::{Search, Start};
 
 /// Most references that are put right: with more than that the survey as a whole is not to be believed.
 const MOST_BLUNDERS: usize = 4;
@@ -71,37 +71,27 @@ pub fn evidence_of(runs: &[Run], groups: &[Vec<Vec<f64>>]) -> Option<(f64, Optio
 /// A reference is put right, or not believed, where everything that is learned then is likelier by more than what a blunder costs beforehand.
 pub fn learn(mut runs: Vec<Run>) -> Learned {
     rows::linearise_by_station(&mut runs);
-    let mut learned = Found::new(&runs);
     let mut blunders: Vec<Blunder> = Vec::new();
-    while blunders.len() < MOST_BLUNDERS {
-        let better = learned.suspects.iter().find_map(|blunder| {
-            let mended = blunder.mended(&runs);
-            let found = Found::new(&mended);
-            (found.score - blunder.cost(runs.len()) > learned.score).then(|| (blunder.clone(), mended, found))
-        });
-        let Some((blunder, mended, found)) = better else { break };
-        blunders.push(blunder);
-        (runs, learned) = (mended, found);
-    }
-    let score_without = Model::new(&runs, None, &[]).map_or(0.0, |bare| bare.with_likeliest_process().evidence());
-    Learned { posterior: learned.posterior, score: learned.score, score_without, runs, blunders }
-}
-
-/// What some runs say, their references as they are.
-#[derive(Default)]
-struct Found {
-    posterior: Posterior,
-    score: f64,
-    /// References that may be wrong.
-    suspects: Vec<Blunder>,
-}
-
-impl Found {
-    fn new(runs: &[Run]) -> Self {
-        let search = Search::new(runs);
-        let Some(best) = search.best() else { return Self::default() };
+    let mut start = Start::default();
+    loop {
+        let search = Search::new(&runs);
+        let Some(best) = search.best(&start) else { return Learned { runs, blunders, ..Learned::default() } };
         let score = best.score(&search.grammar);
-        let suspects = search.suspects(&best);
-        Self { posterior: Posterior::new(&search, &search.with_rivals(best)), score, suspects }
+        start = Start { effects: best.effects(), process: best.process };
+        let suspects = if blunders.len() < MOST_BLUNDERS { search.suspects(&best) } else { Vec::new() };
+        let likelier = suspects.into_iter().find_map(|blunder| {
+            let mended = blunder.mended(&runs);
+            let search = Search::new(&mended);
+            let score_then = search.best(&start)?.score(&search.grammar);
+            (score_then - blunder.cost(runs.len()) > score).then_some((blunder, mended))
+        });
+        if let Some((blunder, mended)) = likelier {
+            blunders.push(blunder);
+            runs = mended;
+            continue;
+        }
+        let score_without = Model::new(&runs, None, &[]).map_or(0.0, |bare| bare.with_likeliest_process().evidence());
+        let posterior = Posterior::new(&search, &search.with_rivals(best));
+        return Learned { posterior, score, score_without, runs, blunders };
     }
 }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use north_finder::effects::doubt::{Kernel, Process};
+use north_finder::effects::effect::Effect;
 use rayon::prelude::*;
 
 use super::functions::Library;
@@ -35,6 +36,11 @@ impl<'a> Model<'a> {
         let gram = Gram::new(&problem, &terms);
         let fit = fit_sizes(&problem, &gram, &mut terms, TURNS)?;
         Some(Self { process, problem, terms, fit })
+    }
+
+    /// Its effects, in order.
+    pub fn effects(&self) -> Vec<Effect> {
+        self.terms.iter().map(|term| term.effect.clone()).collect()
     }
 
     /// The evidence, less what the effects' forms cost.

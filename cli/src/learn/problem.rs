@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector, DVectorView, Dyn, Matrix3, Vector3};
 use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::Effect;
 
@@ -25,7 +25,6 @@ pub struct Column {
 impl Column {
     /// Inner product under the inverse of the runs' covariance.
     pub fn dot(&self, other: &Self) -> f64 {
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         dot(&self.rows, &other.rows) - dot(&self.explained, &other.explained)
     }
 
@@ -151,15 +150,19 @@ impl OfRun {
         let whitener = Whitener::new(&run.t_s, &run.variance, process);
         let mut unknowns = run.unknowns();
         unknowns.iter_mut().for_each(|column| whitener.apply(column));
-        let dot = |i: usize, j: usize| unknowns[i].iter().zip(&unknowns[j]).map(|(a, b)| a * b).sum::<f64>();
-        let precision = Matrix3::from_fn(|i, j| dot(i, j) + if i == j { 1.0 } else { 0.0 });
+        let precision = Matrix3::from_fn(|i, j| dot(&unknowns[i], &unknowns[j]) + if i == j { 1.0 } else { 0.0 });
         Some(Self { factor: precision.cholesky()?, whitener, unknowns })
     }
 
     fn explained(&self, rows: &[f64]) -> Vector3<f64> {
-        let shares = Vector3::from_fn(|i, _| self.unknowns[i].iter().zip(rows).map(|(a, b)| a * b).sum::<f64>());
+        let shares = Vector3::from_fn(|i, _| dot(&self.unknowns[i], rows));
         self.factor.l().solve_lower_triangular(&shares).unwrap_or_default()
     }
+}
+
+/// Inner product, several sums side by side.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    DVectorView::from_slice(a, a.len()).dot(&DVectorView::from_slice(b, a.len()))
 }
 
 /// An effect in a model.

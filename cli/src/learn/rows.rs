@@ -256,17 +256,6 @@ impl Run {
         temperature.into_iter().chain(self.names.iter().map(String::as_str))
     }
 
-    /// The functions of a factor by the second; not-a-number where its signal says nothing. Outer: the functions.
-    pub fn functions(&self, factor: &Factor) -> Vec<Vec<f64>> {
-        let mut functions = vec![vec![f64::NAN; self.seconds.len()]; factor.count()];
-        self.each_input(factor, &mut |i, input| {
-            for (function, value) in functions.iter_mut().zip(factor.shape.values(input)) {
-                function[i] = value;
-            }
-        });
-        functions
-    }
-
     /// What comes out of a factor's dynamics in the rows at rest.
     pub fn inputs(&self, factor: &Factor) -> Vec<f64> {
         let mut inputs = vec![f64::NAN; self.seconds.len()];
@@ -332,9 +321,27 @@ impl Run {
         self.bins.iter().map(mean).collect()
     }
 
-    /// The functions of a factor by the row; 0 where its signal says nothing.
+    /// The functions of a factor by the row, means over its seconds; 0 where its signal says nothing.
     pub fn functions_by_row(&self, factor: &Factor) -> Vec<Vec<f64>> {
-        self.functions(factor).iter().map(|function| self.by_row(function)).collect()
+        let mut sums = vec![vec![0.0; self.bins.len()]; factor.count()];
+        let mut counts = vec![0; self.bins.len()];
+        let mut row = 0;
+        self.each_input(factor, &mut |i, input| {
+            while self.bins.get(row).is_some_and(|bin| bin.end <= i) {
+                row += 1;
+            }
+            if self.bins.get(row).is_some_and(|bin| bin.contains(&i)) {
+                counts[row] += 1;
+                sums.iter_mut().zip(factor.shape.values(input)).for_each(|(sums, value)| sums[row] += value);
+            }
+        });
+        for (row, (bin, count)) in self.bins.iter().zip(counts).enumerate() {
+            for sums in &mut sums {
+                let mean = sums[row] / bin.len() as f64;
+                sums[row] = if count == bin.len() && mean.is_finite() { mean } else { 0.0 };
+            }
+        }
+        sums
     }
 }
 

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use north_finder::effects::ErrorModel;
+use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::{Effect, Port};
 use north_finder::effects::factor::Factor;
 use rayon::prelude::*;
@@ -36,6 +37,13 @@ const HOPE: f64 = 3.0;
 const NEAREST: usize = 16;
 const CLIMBS: usize = 2;
 
+/// What a search begins with.
+#[derive(Clone, Debug, Default)]
+pub struct Start {
+    pub effects: Vec<Effect>,
+    pub process: Option<Process>,
+}
+
 /// The search's tools.
 pub struct Search<'a> {
     pub runs: &'a [Run],
@@ -53,10 +61,11 @@ impl<'a> Search<'a> {
         Self { runs, grammar, gates, bank }
     }
 
-    /// The model of the greatest score, if the runs allow one.
-    pub fn best(&self) -> Option<Model<'a>> {
+    /// The model of the greatest score, if the runs allow one: from what was found in runs of which one reference was another, or from nothing.
+    pub fn best(&self, start: &Start) -> Option<Model<'a>> {
         let bare = Model::new(self.runs, None, &[])?;
-        let mut model = bare.with_likeliest_process();
+        let terms: Vec<Term> = start.effects.iter().map(|effect| self.term(&bare, effect)).collect();
+        let mut model = self.pruned(Model::new(self.runs, start.process, &terms)?.with_likeliest_process());
         while model.terms.len() < MOST_EFFECTS {
             let asked = if model.terms.is_empty() { FALSE_DISCOVERIES } else { FURTHER_FALSE_DISCOVERIES };
             let Some(wider) = self.widened(&model) else { break };
@@ -65,7 +74,7 @@ impl<'a> Search<'a> {
             }
             model = self.pruned(wider);
         }
-        Some(self.revised(model))
+        Some(if model.effects() == start.effects { model } else { self.revised(model) })
     }
 
     /// A model, and those that differ from it by one effect: the best first.

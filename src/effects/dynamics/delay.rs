@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Dynamics, DynamicsPart, State, passed};
+use super::{Dynamics, DynamicsPart, State, share};
 use crate::effects::part::{Constant, Constants, Span, constants};
 use crate::limits::{Invalid, within};
 
@@ -26,8 +26,9 @@ impl DynamicsPart for Delay {
     fn step(&self, state: &mut State, value: f64, step_s: f64) -> f64 {
         let mut stages = state.unwrap_or([value; 4]);
         let mut input = value;
+        let share = share(step_s, 0.25 * f64::from(self.tau_s));
         for stage in &mut stages {
-            *stage = passed(*stage, input, step_s, 0.25 * f64::from(self.tau_s));
+            *stage += (input - *stage) * share;
             input = *stage;
         }
         *state = Some(stages);
