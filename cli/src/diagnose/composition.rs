@@ -216,12 +216,8 @@ pub fn by_the_others(runs: &[RunData], places: &[usize], folds: usize, base: &Er
 /// references by more with it, or it makes the Earth's rate impossible.
 pub fn veto(runs: &[RunData], found: &ErrorModel, left_out: &[Option<Fix>], wrong: &[String]) -> Option<String> {
     let with: Vec<Option<Fix>> = runs.par_iter().map(|run| run.replay(found, &mut |_| ()).ok()).collect();
-    let lost = |run: &RunData, fix: &Option<Fix>| run.before.is_some() && fix.is_none();
-    let of_model = runs.iter().zip(&with).filter(|(run, fix)| lost(run, fix));
-    let of_folds = runs.iter().zip(left_out).filter(|(run, fix)| run.role == Role::Fit && lost(run, fix));
-    let files: Vec<&str> = of_model.chain(of_folds).map(|(run, _)| run.file.as_str()).collect();
-    if let Some(first) = files.first() {
-        return Some(format!("{first} has no azimuth with it"));
+    if let Some(why) = guard::lost_azimuth(runs, &with, left_out) {
+        return Some(why);
     }
     let azimuth = |fix: Option<Fix>| Some(fix?.azimuth_deg);
     let before: Vec<Option<f64>> = runs.iter().map(|run| azimuth(run.before)).collect();

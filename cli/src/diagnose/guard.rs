@@ -50,6 +50,10 @@ pub fn veto(runs: &[RunData], fitted: &Fitted, base: &ErrorModel, left_out: &[Op
     if let Err(invalid) = model.validate() {
         return Some(format!("it makes no model: {invalid}"));
     }
+    let with: Vec<Option<Fix>> = runs.par_iter().map(|run| Some(run.solve(&model)?.0)).collect();
+    if let Some(why) = lost_azimuth(runs, &with, &[]) {
+        return Some(why);
+    }
     let pairs: Vec<(f64, f64)> = trusted(runs, fitted)
         .filter_map(|(i, run, reference_deg)| {
             let miss = |fix: Fix| wrap_180_deg(fix.azimuth_deg - reference_deg);
@@ -59,9 +63,18 @@ pub fn veto(runs: &[RunData], fitted: &Fitted, base: &ErrorModel, left_out: &[Op
     made_worse(&pairs).or_else(|| {
         let share = |run: &RunData, fix: Fix| fix.amplitude_deg_h / run.earth.north_deg_h;
         let before: Vec<f64> = runs.iter().filter_map(|run| Some(share(run, run.before?))).collect();
-        let after: Vec<f64> = runs.par_iter().filter_map(|run| Some(share(run, run.solve(&model)?.0))).collect();
+        let after: Vec<f64> = runs.iter().zip(&with).filter_map(|(run, fix)| Some(share(run, (*fix)?))).collect();
         impossible_amplitude(&before, &after)
     })
+}
+
+/// A run that had an azimuth and has none with the model, or a training run that has none with what the others taught.
+pub fn lost_azimuth(runs: &[RunData], with: &[Option<Fix>], left_out: &[Option<Fix>]) -> Option<String> {
+    let lost = |run: &RunData, fix: &Option<Fix>| run.before.is_some() && fix.is_none();
+    let of_model = runs.iter().zip(with).find(|(run, fix)| lost(run, fix));
+    let of_folds = || runs.iter().zip(left_out).find(|(run, fix)| run.role == Role::Fit && lost(run, fix));
+    let (run, _) = of_model.or_else(of_folds)?;
+    Some(format!("{} has no azimuth with it", run.file))
 }
 
 /// By paired errors before and after of runs that took no part: Student's t of the rises of their squares.

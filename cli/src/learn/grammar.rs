@@ -18,6 +18,8 @@ use super::rows::Run;
 const VALUES_OF_A_CONSTANT: f64 = 8.0;
 /// Most channels of which differences are proposed: more would be more pairs than signals.
 const MOST_PAIRED: usize = 6;
+/// Harmonics of an angle down to the third stand in products: a sector of half a turn has a first and a third one.
+const LEAST_PERIOD_DEG: f32 = 110.0;
 /// A signal that varies by less than this share of its size is constant.
 const CONSTANT: f64 = 1e-9;
 
@@ -104,7 +106,7 @@ impl Grammar {
         let mut seen: Vec<(String, usize)> = Vec::new();
         for factor in factors {
             let is_gate = match (&factor.shape, factor.dynamics.first()) {
-                (Shape::Harmonic(harmonic), None) => factor.signal.is_angle() && harmonic.period > 170.0,
+                (Shape::Harmonic(harmonic), None) => factor.signal.is_angle() && harmonic.period > LEAST_PERIOD_DEG,
                 (Shape::Linear(_), None) => true,
                 (Shape::Decay(_), None) => true,
                 (Shape::Linear(_), Some(Dynamics::LowPass(_) | Dynamics::Memory(_) | Dynamics::Rate(_))) => true,
