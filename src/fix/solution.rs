@@ -19,6 +19,11 @@ use crate::health::{Flag, Flags};
 use crate::level::{Specific, Tilt};
 use crate::units::{DEG_PER_RAD, sin_cos_deg, wrap_180_deg};
 
+/// The horizontal rate is a signal above so many of its standard deviations. Five: noise alone passes it in four of 10⁶ fixes (e^(−25/2)).
+const SIGNAL_SIGMAS: f64 = 5.0;
+/// The same where a part of sigma is what is not certain of the model: that is no noise in which a signal could be missing, and the azimuth is given
+/// with its sigma up to 1/2 rad.
+const SIGNAL_SIGMAS_IN_DOUBT: f64 = 2.0;
 /// A chi-square this many standard deviations above its mean is a misfit.
 const MISFIT_SIGMAS: f64 = 3.0;
 /// From this many on, sigma grows with the misfit. Lower than the flag's, so that a sigma is rather too large.
@@ -133,7 +138,8 @@ fn solve_for(
     let covariance = inverse * (variance * inflation.max(widening)) + correlated;
     let along = Vector4::new(cos_part, sin_part, 0.0, 0.0) / amplitude_deg_h;
     let amplitude_sigma = libm::sqrt(along.dot(&(covariance * along)));
-    let significant = amplitude_deg_h > 5.0 * amplitude_sigma;
+    let sigmas = if doubt::is_any(&model.doubt) { SIGNAL_SIGMAS_IN_DOUBT } else { SIGNAL_SIGMAS };
+    let significant = amplitude_deg_h > sigmas * amplitude_sigma;
     if !significant {
         return Err(Unsolvable::NoSignal);
     }

@@ -77,6 +77,7 @@ pub fn diagnosis(
     if choice.composition.is_none() && model.doubt.process.is_none() {
         model.doubt.process = choice.process;
     }
+    let mut model = doubt::shown(model, runs);
     let unseen_deg = guard::unseen_index_offset_deg(runs, fitted);
     model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(unseen_deg);
     let left_out = match &choice.left_out {

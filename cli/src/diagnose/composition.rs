@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use north_finder::effects::doubt::Process;
+use north_finder::effects::doubt::{Doubt, Process};
 use north_finder::effects::{ErrorModel, effect};
 use north_finder::event::Fix;
 use rayon::prelude::*;
@@ -12,7 +12,7 @@ use super::learned::Taken;
 use super::problem::Problem;
 use super::stations::misses_deg;
 use super::statistics::rms;
-use super::{Effect, guard};
+use super::{Effect, doubt, guard};
 use crate::campaign::Role;
 use crate::learn::{self, Blunder, Learned, Run};
 use crate::run_data::RunData;
@@ -205,6 +205,7 @@ pub fn by_the_others(runs: &[RunData], places: &[usize], folds: usize, base: &Er
         let training: Vec<&RunData> =
             places.iter().enumerate().filter(|(place, _)| !inside(*place)).map(|(_, &i)| &runs[i]).collect();
         let model = Composition::learn(&training, base).map_or_else(|| base.clone(), |found| found.model);
+        let model = doubt::shown(model, runs);
         for (_, &i) in places.iter().enumerate().filter(|(place, _)| inside(*place)) {
             fixes[i] = runs[i].replay(&model, &mut |_| ()).ok();
         }
@@ -215,7 +216,9 @@ pub fn by_the_others(runs: &[RunData], places: &[usize], folds: usize, base: &Er
 /// Why what was found must not be used, if there is a reason: it costs azimuths, training runs that took no part in learning it miss their
 /// references by more with it, or it makes the Earth's rate impossible.
 pub fn veto(runs: &[RunData], found: &ErrorModel, left_out: &[Option<Fix>], wrong: &[String]) -> Option<String> {
-    let with: Vec<Option<Fix>> = runs.par_iter().map(|run| run.replay(found, &mut |_| ()).ok()).collect();
+    // What is uncertain of it takes no azimuth away, but widens sigma.
+    let found = ErrorModel { doubt: Doubt::default(), ..found.clone() };
+    let with: Vec<Option<Fix>> = runs.par_iter().map(|run| run.replay(&found, &mut |_| ()).ok()).collect();
     if let Some(why) = guard::lost_azimuth(runs, &with, left_out) {
         return Some(why);
     }
