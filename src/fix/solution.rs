@@ -46,12 +46,35 @@ const NOISY_RATIO: f64 = 3.0;
 /// Where the index reading jumped while the motor stood, either the spindle moved, and the readings are right, or the encoder
 /// slipped on it, and from there on they are wrong by the jump. A gyro that turns by Δθ at an azimuth ψ − θ of its axis reads
 /// h sin(ψ − θ) Δθ more: the rates themselves say which it was, where they can. Where they cannot, sigma holds both.
+///
+/// Where the levels change, either the base moved, which turned the gyro too, or the accelerometers drifted, which the gyro knows nothing of. The base
+/// is supposed to have moved unless the rates contradict it.
 pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -> Result<Fix, Unsolvable> {
-    let spindle = solve_for(dwells, declared, model, false);
-    if dwells.iter().all(|dwell| dwell.slip_deg == 0.0) {
-        return spindle.map(|(solution, _)| solution);
+    let motion = base_motion(dwells);
+    let moves = matches!(motion, BaseMotion::Moving(_));
+    let moved = solve_for_motion(dwells, declared, model, motion);
+    if !moves {
+        return moved.map(|(solution, _)| solution);
     }
-    let (mut better, mut other) = match (spindle, solve_for(dwells, declared, model, true)) {
+    match (moved, solve_for_motion(dwells, declared, model, BaseMotion::Still)) {
+        (Ok(moved), Ok(still)) if moved.1 - still.1 > DECIDED => Ok(still.0),
+        (Ok(only), _) | (Err(_), Ok(only)) => Ok(only.0),
+        (Err(refusal), Err(_)) => Err(refusal),
+    }
+}
+
+/// The solution for what is to be taken out of the base's motion, and its sum of squares in variances of the noise.
+fn solve_for_motion(
+    dwells: &[DwellSummary],
+    declared: &Declared,
+    model: &ErrorModel,
+    motion: BaseMotion,
+) -> Result<(Fix, f64), Unsolvable> {
+    let spindle = solve_for(dwells, declared, model, motion, false);
+    if dwells.iter().all(|dwell| dwell.slip_deg == 0.0) {
+        return spindle;
+    }
+    let (mut better, mut other) = match (spindle, solve_for(dwells, declared, model, motion, true)) {
         (Ok(spindle), Ok(encoder)) if encoder.1 < spindle.1 => (encoder, spindle),
         (Ok(spindle), Ok(encoder)) => (spindle, encoder),
         (Ok(only), Err(_)) | (Err(_), Ok(only)) => (only, only),
@@ -63,7 +86,7 @@ pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -
     let apart_deg = wrap_180_deg(other.0.azimuth_deg - better.0.azimuth_deg);
     better.0.sigma_deg = libm::hypot(better.0.sigma_deg, apart_deg);
     better.0.flags.insert(Flag::IndexSlip);
-    Ok(better.0)
+    Ok(better)
 }
 
 /// The solution of one cause of jumps, and its sum of squares by the variance of the noise.
@@ -71,6 +94,7 @@ fn solve_for(
     dwells: &[DwellSummary],
     declared: &Declared,
     model: &ErrorModel,
+    motion: BaseMotion,
     encoder_slipped: bool,
 ) -> Result<(Fix, f64), Unsolvable> {
     let earth = declared.earth;
@@ -78,7 +102,7 @@ fn solve_for(
     let mut problem = Problem {
         dwells,
         earth,
-        motion: base_motion(dwells),
+        motion,
         start_s,
         sinusoid: None,
         noise: None,
