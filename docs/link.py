@@ -7,12 +7,12 @@ Prints every report as a line of JSON. With --raw the stream is asked for, and w
 """
 import argparse, json, os, select, struct, sys, termios, time, tty, zlib
 
-VERSION = 7
+VERSION = 8
 STATES = ["idle", "levelling", "watching", "indexing", "settling", "collecting", "finished", "failed", "calibrating"]
 FAULTS = ["settings-missing", "settings-corrupt", "settings-invalid", "near-pole", "not-level-in-time",
           "disturbed-too-long", "jitter-too-long", "level-lost", "motor-stall", "wrong-angle", "encoder-failed",
           "accelerometer-failed", "gyro-silent", "gyro-invalid", "gyro-saturated", "gyro-clock", "gyro-link-poor",
-          "gyro-stuck", "out-of-time", "aborted", "unsolvable"]
+          "gyro-stuck", "out-of-time", "aborted", "unsolvable", "no-earth-rate", "not-earth-rate"]
 REFUSALS = ["damaged", "other-version", "not-understood", "no-fix", "motor-turns", "out-of-order",
             "settings-unreadable", "settings-invalid", "not-stored", "no-settings", "settings-corrupt", "busy"]
 ITEMS = ["settings", "memory", "reset", "clock", "gyro", "gyro-rate", "accelerometer", "encoder", "block",
@@ -113,7 +113,8 @@ EVENTS = [
                       dwell=maybe(byte), collected=boolean, waited_at=maybe(one_of(["disturbance", "jitter", "index"])))),
     ("dwell", fields(position=byte, index_deg=f64, seconds=f64, rate_deg_h=f64, sigma_deg_h=f64)),
     ("coarse", fields(azimuth_deg=f64, sigma_deg=f64)),
-    ("fix", fields(azimuth_deg=f64, sigma_deg=f64, closure_deg_h=maybe(f64), bias_deg_h=f64, amplitude_deg_h=f64,
+    ("fix", fields(azimuth_deg=f64, sigma_deg=f64, closure_deg_h=maybe(f64), closure_sigma_deg_h=maybe(f64),
+                   chi_square=f64, degrees_of_freedom=unsigned, bias_deg_h=f64, amplitude_deg_h=f64,
                    drift_deg_h_per_h=f64, tilt=maybe(tilt), seconds=f64, flags=unsigned)),
     ("fault", fields(fault=fault, state=state)),
     ("health", fields(**{name: unsigned for name in COUNTERS})),
@@ -137,6 +138,7 @@ EVENTS = [
     ("raw", fields(number=byte, bytes=blob)),
     ("to-go", fields(seconds=f64)),
     ("self-test", fields(item=one_of(ITEMS), verdict=one_of(VERDICTS), measured=f32, allowed=several(f32, 2))),
+    ("fallen-back", fields(dwell_s=unsigned)),
 ]
 
 

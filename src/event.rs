@@ -187,6 +187,9 @@ pub enum Event {
     ToGo { seconds: f64 },
     /// What the instrument's test of itself found of an item: at the start, and on request.
     SelfTest(Finding),
+    /// An adaptive fix goes on with the mirrored four positions, with dwells of so many seconds: those so far contradict each other, show
+    /// no azimuth, or the index slipped.
+    FallenBack { dwell_s: u16 },
 }
 
 impl Event {
@@ -234,6 +237,7 @@ impl Event {
             Self::Raw(_) => "raw",
             Self::ToGo { .. } => "to-go",
             Self::SelfTest(_) => "self-test",
+            Self::FallenBack { .. } => "fallen-back",
         }
     }
 }

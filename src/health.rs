@@ -104,8 +104,14 @@ codes! {
             "stopped by command",
             "start again when ready";
         Unsolvable = 42, "unsolvable",
-            "the collected rates do not determine an azimuth",
-            "start again; if it happens again, check that the gyro senses rotation and that the latitude is right";
+            "the gyro was at rest in too few directions",
+            "start again; if it happens again, check the drive and the encoder";
+        NoEarthRate = 43, "no-earth-rate",
+            "Earth rate was not detected above the noise",
+            "find what shakes or turns the base, a drive that rings or the wind; if the base stood still, check the gyro";
+        NotEarthRate = 44, "not-earth-rate",
+            "the horizontal rate is not the Earth's, whatever scale factor and latitude error are granted",
+            "see that nothing turns the base while it measures; then check the latitude and the gyro's scale factor";
     }
 }
 
@@ -160,6 +166,12 @@ codes! {
         IndexSlip = 15, "index-slip",
             "the index angle changed while the motor stood, or did not follow its steps: the spindle or the encoder slipped, or steps were lost",
             "check spindle, coupling and encoder, switch off and on, and repeat the fix";
+        AccuracyNotReached = 16, "accuracy-not-reached",
+            "sigma is above the accuracy that was asked for",
+            "allow more time, find what makes the noise, or ask for less";
+        Turned = 17, "turned",
+            "the instrument was turned on its base while it measured; the azimuth is that after the turn",
+            "repeat the fix, and leave the instrument where it stands";
     }
 }
 
@@ -310,7 +322,7 @@ impl Finding {
 
 /// A set of [`Flag`]s.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, defmt::Format)]
-pub struct Flags(u16);
+pub struct Flags(u32);
 
 impl Flags {
     pub fn insert(&mut self, flag: Flag) {

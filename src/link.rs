@@ -16,7 +16,7 @@
 //!   its items.
 //! - CRC-32 is the one of Ethernet and zlib (CRC-32/ISO-HDLC), 4 bytes, little-endian.
 //!
-//! Example: the report "at 2 s the state is idle" has the content `07`, `00 00 00 00 00 00 00 40`, `00`, `00`, `AF 29 26 32`.
+//! Example: the report "at 2 s the state is idle" has the content `08`, `00 00 00 00 00 00 00 40`, `00`, `00`, `69 DD DE A1`.
 //! All messages: docs/link.md. The raw stream: [`crate::raw`].
 //!
 //! Whoever receives drops what does not decode and counts it; after any disturbance the next 00 is the next chance. A
@@ -36,7 +36,7 @@ use crate::restart::Provocation;
 use crate::sequence::Command;
 
 /// The first byte of every frame's content.
-pub const VERSION: u8 = 7;
+pub const VERSION: u8 = 8;
 
 /// Bits a second on the host's line; ten of them are a byte.
 pub const BAUD: u32 = 115_200;
@@ -239,9 +239,9 @@ mod tests {
 
     #[test]
     fn the_example_of_the_documentation_byte_by_byte() {
-        // Content 07 | 2.0 as f64 | 00 | 00, its CRC-32 from zlib's crc32(), and COBS by hand: every 00 becomes the
+        // Content 08 | 2.0 as f64 | 00 | 00, its CRC-32 from zlib's crc32(), and COBS by hand: every 00 becomes the
         // distance to the next one.
-        let expected = [2, 7, 1, 1, 1, 1, 1, 1, 2, 0x40, 1, 5, 0xAF, 0x29, 0x26, 0x32, 0];
+        let expected = [2, 8, 1, 1, 1, 1, 1, 1, 2, 0x40, 1, 5, 0x69, 0xDD, 0xDE, 0xA1, 0];
         let frame = encode_report(&idle()).unwrap();
         assert_eq!(frame[..], expected[..]);
         assert_eq!(feed(&mut ReportDecoder::new(), &frame), [Ok(idle())]);
@@ -300,6 +300,9 @@ mod tests {
             azimuth_deg: 1.1,
             sigma_deg: 1.1,
             closure_deg_h: Some(1.1),
+            closure_sigma_deg_h: Some(1.1),
+            chi_square: 1.1,
+            degrees_of_freedom: u16::MAX,
             bias_deg_h: 1.1,
             amplitude_deg_h: 1.1,
             drift_deg_h_per_h: 1.1,

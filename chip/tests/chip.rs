@@ -11,6 +11,7 @@ use north_finder::health::{Counters, Fault, Finding, Item, Refusal, TestVerdict}
 use north_finder::link::{Ask, ReportDecoder, Request};
 use north_finder::restart::{Cause, Crash, Provocation};
 use north_finder::sequence::Command;
+use north_finder::sequence::order::Order;
 use north_finder::settings::pieces::Outgoing;
 use north_finder::settings::{Settings, store};
 use simulated::{RequestLine, Wired};
@@ -132,7 +133,7 @@ fn settings_of(scenario: &str) -> Settings {
 
 #[test]
 fn a_fix_is_that_of_the_host_process() {
-    let ran = both("calm-bench", Some(&settings_of("calm-bench")), 72_000, &[(40, START)]);
+    let ran = both("calm-bench", Some(&settings_of("calm-bench")), 90_000, &[(40, START)]);
     let fix = |report: &Report| if let Event::Fix(fix) = &report.event { Some(fix.azimuth_deg) } else { None };
     let azimuths: Vec<f64> = ran.line.reports.iter().filter_map(fix).collect();
     assert_eq!(azimuths.len(), 1, "{:?}", ran.line.reports.last());
@@ -175,6 +176,8 @@ fn the_self_test_passes() {
 fn no_step_waits_for_a_sensor() {
     let mut settings = settings_of("carried");
     settings.level.seconds = 1;
+    // For half a degree three seconds are enough where it stands: it turns early.
+    settings.sequence.order = Order::Adaptive { accuracy_deg: 0.5 };
     let ran = both("carried", Some(&settings), 5000, &[(40, START)]);
     let [first, last] = ran.step_window_ns;
     assert!(ran.steps > 100, "{}", ran.steps);
@@ -256,13 +259,16 @@ fn crashes_are_told_after_the_restart() {
 /// In the middle of a turn: the motor has current, and after the crash none.
 #[test]
 fn a_crash_in_a_turn_leaves_the_motor_without_current() {
-    let settings = image::stored(&settings_of("calm-bench")).unwrap();
+    let mut settings = settings_of("calm-bench");
+    // For half a degree three seconds are enough where it stands: it turns from 6 s on.
+    settings.sequence.order = Order::Adaptive { accuracy_deg: 0.5 };
+    let settings = image::stored(&settings).unwrap();
     let has_current = |asks: &[At]| {
         let world = calm();
-        on_chip(&world, &settings, 2300, asks);
+        on_chip(&world, &settings, 3000, asks);
         world.motor_has_current()
     };
-    let (start, crash) = ((40, START), (2200, Ask::Provoke(Provocation::Panic)));
+    let (start, crash) = ((40, START), (2900, Ask::Provoke(Provocation::Panic)));
     assert_eq!([has_current(&[start]), has_current(&[start, crash])], [true, false]);
 }
 

@@ -71,6 +71,13 @@ pub struct Run {
     pub azimuth_deg: Option<f64>,
     pub sigma_deg: Option<f64>,
     pub closure_deg_h: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub closure_sigma_deg_h: Option<f64>,
+    /// How the dwells fit together, and as many as it is on average.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub chi_square: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub degrees_of_freedom: Option<u16>,
     pub dwells: Vec<DwellRecord>,
     pub flags: Vec<&'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -120,6 +127,9 @@ impl Run {
             azimuth_deg: Some(fix.azimuth_deg),
             sigma_deg: Some(fix.sigma_deg),
             closure_deg_h: fix.closure_deg_h,
+            closure_sigma_deg_h: fix.closure_sigma_deg_h,
+            chi_square: Some(fix.chi_square),
+            degrees_of_freedom: Some(fix.degrees_of_freedom),
             flags: flag_names(fix.flags),
             bias_deg_h: Some(fix.bias_deg_h),
             amplitude_deg_h: Some(fix.amplitude_deg_h),

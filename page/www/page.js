@@ -59,6 +59,7 @@ class Heard {
       case "Jitter": this.gates.jitter = "shut"; this.say(t_s, `jitter: ${signed(what.change_deg_h, 2)} °/h from second to second`); break;
       case "Moving": this.say(t_s, `turns to ${what.target_deg.toFixed(2)}°`); break;
       case "Coarse": this.coarse = what; this.say(t_s, `coarse azimuth ${what.azimuth_deg.toFixed(2)}° ± ${digits(what.sigma_deg, 2)}°`); break;
+      case "FallenBack": this.say(t_s, `the mirrored four positions follow, ${what.dwell_s} s each`); break;
       case "ToGo": this.toGo = t_s + what.seconds; break;
       case "Fix": Object.assign(this, { fix: what, words, toGo: null }); this.say(t_s, `azimuth ${what.azimuth_deg.toFixed(4)}° ± ${what.sigma_deg.toFixed(4)}°`); break;
       case "Fault": Object.assign(this, { fault: words[0], words, toGo: null }); this.say(t_s, `${name}: ${words[0].meaning}`); break;

@@ -220,19 +220,24 @@ impl<D: Dwells> Accumulator<D> {
 
     /// Begins another fix. What the error model remembers is the instrument's and stays.
     pub fn restart(&mut self) {
-        self.dwells.retain(|_| false);
-        self.full = false;
-        self.rows.clear();
-        self.carried.clear();
-        self.held.clear();
+        self.begin_anew();
         self.watch.restart();
         (self.slipped_from, self.slip_deg) = (None, 0.0);
-        (self.rest_s, self.moving_s) = (0.0, 0.0);
         self.temperature_c = None;
         self.flags = Flags::default();
         if !self.declared.calibrated {
             self.flags.insert(Flag::Uncalibrated);
         }
+    }
+
+    /// Forgets the dwells so far. What was waited for, lost or slipped is held against the fix all the same.
+    pub fn begin_anew(&mut self) {
+        self.dwells.retain(|_| false);
+        self.full = false;
+        self.rows.clear();
+        self.carried.clear();
+        self.held.clear();
+        (self.rest_s, self.moving_s) = (0.0, 0.0);
     }
 
     /// What is known of the run as a whole: time of day, rest before it.

@@ -34,6 +34,11 @@ impl<'a> AzimuthEffects<'a> {
         Self { model, earth, azimuth_deg, cos, sin }
     }
 
+    /// At an azimuth that is less by so many degrees.
+    pub fn earlier(self, azimuth_deg: f64) -> Self {
+        if azimuth_deg == 0.0 { self } else { Self::new(self.model, self.earth, self.azimuth_deg - azimuth_deg) }
+    }
+
     /// What the effects add to the mean rate of a dwell, °/h, and how that goes with (h cos ψ, h sin ψ, bias, drift) about the supposed azimuth.
     pub fn of_dwell(&self, dwell: &DwellSummary, index: Direction) -> (f64, Vector4<f64>) {
         if self.model.effects_of_azimuth().next().is_none() {

@@ -62,16 +62,15 @@ impl Correlated {
 
     /// Gives `take` the observations with errors that are independent, of weight 1: rows and rates times L⁻¹.
     pub fn for_each(&self, dwells: &[DwellSummary], observe: Observe<'_>, take: &mut dyn FnMut(Observation)) {
-        let mut equations = SMatrix::<f64, MOST, 5>::zeros();
+        let mut equations = SMatrix::<f64, MOST, 6>::zeros();
         for (dwell, mut equation) in dwells.iter().zip(equations.row_iter_mut()) {
-            let (Observation { row, rate_deg_h, .. }, _) = observe(dwell);
-            equation.copy_from_slice(&[row.x, row.y, row.z, row.w, rate_deg_h]);
+            let (Observation { row, cos_2theta, rate_deg_h, .. }, _) = observe(dwell);
+            equation.copy_from_slice(&[row.x, row.y, row.z, row.w, cos_2theta, rate_deg_h]);
         }
         // The factor has no pivot that is nothing.
         let _ = self.factor.l_dirty().solve_lower_triangular_mut(&mut equations);
-        for (dwell, equation) in dwells.iter().zip(equations.row_iter()) {
-            if let [x, y, z, w, rate_deg_h] = *equation.transpose().as_slice() {
-                let cos_2theta = observe(dwell).0.cos_2theta;
+        for equation in equations.row_iter().take(dwells.len()) {
+            if let [x, y, z, w, cos_2theta, rate_deg_h] = *equation.transpose().as_slice() {
                 take(Observation { weight: 1.0, row: Vector4::new(x, y, z, w), cos_2theta, rate_deg_h });
             }
         }

@@ -15,6 +15,8 @@ const DRIFT_SIGMAS: f64 = 3.0;
 const DRIFT_DOUBT_SIGMAS: f64 = 2.0;
 /// A drift that is declared as none is still allowed this much, °/h per hour, to keep the equations regular.
 pub(super) const LEAST_DRIFT: f64 = 1e-6;
+/// Relative amplitude error that is not held against a fix: scale factor and latitude of an honest instrument.
+pub(super) const AMPLITUDE_TOLERANCE: f64 = 0.01;
 /// A least-squares estimate of h cos ψ, h sin ψ, bias and drift.
 pub(super) struct Estimate {
     pub parameters: Vector4<f64>,

@@ -13,8 +13,12 @@
 //! error model ([`doubt`]).
 
 pub mod accumulator;
+mod accuracy;
 mod azimuth_effects;
 pub mod base_motion;
+mod cause;
+mod causes;
+mod closure;
 pub mod design;
 mod directions;
 mod doubt;
@@ -32,17 +36,18 @@ mod solution;
 mod statistics;
 #[cfg(test)]
 mod tests;
+mod turned;
 mod velocity;
 
 use serde::{Deserialize, Serialize};
 
 use crate::earth::EarthRate;
-use crate::health::Flags;
+use crate::health::{Fault, Flags};
 use crate::level::Tilt;
 use crate::sample::GyroSettings;
+pub use causes::solve;
 pub use design::DesignRow;
 pub use directions::{coarse_azimuth_deg, east_index_deg, west_index_deg, white_noise_bound_deg};
-pub use solution::solve;
 
 /// What a solution rests on beside the data: what is declared of the instrument, and the Earth's rate at its site.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -65,8 +70,14 @@ pub struct Fix {
     /// Its standard deviation, degrees.
     pub sigma_deg: f64,
     /// (ω0 + ω180 − ω90 − ω270)/4 and, for any other set of angles, the cos 2θ coefficient of the rates, °/h;
-    /// `None` where the angles cannot show it. Noise, when all is well.
+    /// `None` where the angles do not determine it. Noise, when all is well.
     pub closure_deg_h: Option<f64>,
+    /// Its standard deviation, °/h.
+    pub closure_sigma_deg_h: Option<f64>,
+    /// How the dwells fit together: sum of the squares of what their means and slopes are off by, over their variances; and the degrees
+    /// of freedom, of which there are as many as it is on average (0: nothing contradicts).
+    pub chi_square: f64,
+    pub degrees_of_freedom: u16,
     /// Gyro bias that the fix found, °/h, beyond the error model's.
     pub bias_deg_h: f64,
     /// Horizontal rate that the fix found, °/h; should be Ω cos φ.
@@ -92,6 +103,17 @@ pub enum Unsolvable {
     NotEarthRate,
     /// More dwells than there is room for.
     TooManyDwells,
+}
+
+impl Unsolvable {
+    /// The fault that ends a fix with it.
+    pub fn fault(self) -> Fault {
+        match self {
+            Self::NoSignal => Fault::NoEarthRate,
+            Self::NotEarthRate => Fault::NotEarthRate,
+            Self::TooFewDirections | Self::TooManyDwells => Fault::Unsolvable,
+        }
+    }
 }
 
 impl core::fmt::Display for Unsolvable {

@@ -62,9 +62,12 @@ struct Pooled {
 }
 
 impl Pooled {
-    fn new(dwells: &[DwellSummary], line: fn(&DwellSummary) -> Option<Trend>) -> Option<Self> {
+    fn new<'a>(
+        dwells: impl Iterator<Item = &'a DwellSummary>,
+        line: fn(&DwellSummary) -> Option<Trend>,
+    ) -> Option<Self> {
         let mut pooled = Self::default();
-        for dwell in dwells.iter().filter(|dwell| dwell.degrees_of_freedom > 0) {
+        for dwell in dwells.filter(|dwell| dwell.degrees_of_freedom > 0) {
             let line = line(dwell)?;
             let degrees_of_freedom = f64::from(dwell.degrees_of_freedom);
             pooled.residual += f64::from(line.residual_squares);
@@ -79,13 +82,13 @@ impl Pooled {
 impl Noise {
     /// From the dwells of a fix; `declared_deg_h` is the declared noise of a one-second rate. Where the dwells have too few rows to tell it,
     /// it is `of_successive_residuals`, the variance of a one-second rate; `None` where nothing tells it.
-    pub fn new(
-        dwells: &[DwellSummary],
+    pub fn new<'a>(
+        dwells: impl Iterator<Item = &'a DwellSummary> + Clone,
         declared_deg_h: f64,
         of_successive_residuals: impl FnOnce() -> Option<f64>,
     ) -> Option<Self> {
         let declared = declared_deg_h * declared_deg_h;
-        let rates = Pooled::new(dwells, |dwell| Some(dwell.rate.into()));
+        let rates = Pooled::new(dwells.clone(), |dwell| Some(dwell.rate.into()));
         let Some(rates) = rates.filter(|rates| rates.degrees_of_freedom >= 4.0) else {
             let white = of_successive_residuals()?;
             return Some(Self {

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix4, Vector4};
 
 /// Least share of an unknown that the others must not explain: below it the unknown is not determined.
-const LEAST_SHARE: f64 = 1e-6;
+pub(super) const LEAST_SHARE: f64 = 1e-6;
 
 /// One weighted observation: variance is s²/weight with s² the variance of a one-second rate.
 pub(super) struct Observation {

@@ -4,6 +4,7 @@ use nalgebra::Vector4;
 
 use super::azimuth_effects::AzimuthEffects;
 use super::base_motion::{self, BaseMotion, Method};
+use super::cause::Cause;
 use super::design::DesignRow;
 use super::doubt::Correlated;
 use super::dwell::DwellSummary;
@@ -14,7 +15,6 @@ use crate::earth::EarthRate;
 use crate::effects::doubt::MAX_DIRECTIONS;
 use crate::effects::effect::Port;
 use crate::index::Direction;
-use crate::units::sin_cos_deg;
 
 /// The dwells of a fix with what belongs to all of them.
 pub(super) struct Problem<'a> {
@@ -26,33 +26,60 @@ pub(super) struct Problem<'a> {
     pub noise: Option<Noise>,
     /// What is not certain of the error model.
     pub correlated: Option<Correlated>,
-    /// Where the index reading jumped while the motor stood, the encoder slipped and the gyro stayed where it was.
-    pub encoder_slipped: bool,
+    pub cause: Cause,
     /// What of the error model depends on the azimuth, at a supposed one.
     pub at_azimuth: Option<AzimuthEffects<'a>>,
 }
 
-impl Problem<'_> {
+impl<'a> Problem<'a> {
+    /// Of dwells of which nothing is known yet but what is supposed to have happened; `None` without any.
+    pub fn new(dwells: &'a [DwellSummary], earth: EarthRate, motion: BaseMotion, cause: Cause) -> Option<Self> {
+        Some(Self {
+            dwells,
+            earth,
+            motion,
+            start_s: dwells.first()?.start_s,
+            sinusoid: None,
+            noise: None,
+            correlated: None,
+            cause,
+            at_azimuth: None,
+        })
+    }
+
+    /// The dwells that say something: all but one in which the instrument was turned.
+    pub fn counting(&self) -> impl Iterator<Item = &'a DwellSummary> + Clone {
+        let cause = self.cause;
+        self.dwells.iter().filter(move |dwell| !cause.spoils(dwell))
+    }
+
     /// True direction of the index at a dwell.
     fn index(&self, dwell: &DwellSummary) -> Direction {
-        let Direction { cos, sin } = Direction { cos: dwell.cos, sin: dwell.sin };
-        if !self.encoder_slipped {
-            return Direction { cos, sin };
-        }
-        let (sin_slip, cos_slip) = sin_cos_deg(dwell.slip_deg.into());
-        Direction { cos: cos * cos_slip + sin * sin_slip, sin: sin * cos_slip - cos * sin_slip }
+        let index = Direction { cos: dwell.cos, sin: dwell.sin };
+        index.turned_deg(self.cause.index_deg(dwell))
+    }
+
+    /// What of the model depends on the azimuth, at the one of this dwell.
+    fn effects_at(&self, dwell: &DwellSummary) -> Option<AzimuthEffects<'a>> {
+        self.at_azimuth.map(|effects| effects.earlier(self.cause.azimuth_deg(dwell)))
     }
 
     /// Mean and slope of a dwell, the Earth's vertical rate and the base's turning taken out.
     pub fn observations(&self, dwell: &DwellSummary) -> [Observation; 2] {
         let index = self.index(dwell);
         let design = DesignRow::new(index, dwell.specific(), &self.earth);
-        let (mean_deg_h, weight) = self.noise.map_or((dwell.rate.mean, dwell.seconds), |noise| noise.mean(dwell));
-        let weight_of_slope = self.noise.map_or(dwell.time_spread.into(), |noise| noise.weight_of_slope(dwell));
+        let (mean_deg_h, mut weight) = self.noise.map_or((dwell.rate.mean, dwell.seconds), |noise| noise.mean(dwell));
+        let mut weight_of_slope = self.noise.map_or(dwell.time_spread.into(), |noise| noise.weight_of_slope(dwell));
+        if self.cause.spoils(dwell) {
+            (weight, weight_of_slope) = (0.0, 0.0);
+        }
         let rate_deg_h = mean_deg_h - design.vertical_deg_h - self.base_rate_deg_h(dwell);
         let hours = (dwell.t_s - self.start_s) / 3600.0;
         let (effects_deg_h, with_azimuth) =
-            self.at_azimuth.map_or((0.0, Vector4::zeros()), |effects| effects.of_dwell(dwell, index));
+            self.effects_at(dwell).map_or((0.0, Vector4::zeros()), |effects| effects.of_dwell(dwell, index));
+        let row = Vector4::new(design.cos, design.sin, 1.0, hours) + with_azimuth;
+        // At an azimuth that was less by Δ: h cos(ψ − Δ) and h sin(ψ − Δ) in the unknowns h cos ψ and h sin ψ.
+        let horizontal = Direction { cos: row.x, sin: row.y }.turned_deg(self.cause.azimuth_deg(dwell));
         let [sinusoid_deg_h, sinusoid_deg_h_per_h] = match &self.sinusoid {
             None => [0.0; 2],
             Some(sinusoid) => sinusoid.of_dwell(dwell),
@@ -60,7 +87,7 @@ impl Problem<'_> {
         [
             Observation {
                 weight,
-                row: Vector4::new(design.cos, design.sin, 1.0, hours) + with_azimuth,
+                row: Vector4::new(horizontal.cos, horizontal.sin, row.z, row.w),
                 cos_2theta: index.cos * index.cos - index.sin * index.sin,
                 rate_deg_h: rate_deg_h - sinusoid_deg_h - effects_deg_h,
             },
@@ -91,7 +118,7 @@ impl Problem<'_> {
 
     /// The mean of a dwell, and what one sigma along each uncertain direction of the model adds to it, °/h.
     pub fn with_doubts(&self, dwell: &DwellSummary) -> (Observation, [f64; MAX_DIRECTIONS]) {
-        let doubts_deg_h = match &self.at_azimuth {
+        let doubts_deg_h = match self.effects_at(dwell) {
             Some(effects) => effects.doubts_deg_h(dwell, self.index(dwell)),
             None => core::array::from_fn(|direction| dwell.carried.doubt(Port::Rate, direction)),
         };

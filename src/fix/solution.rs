@@ -3,12 +3,13 @@
 use nalgebra::{Matrix4, SMatrix, Vector4};
 
 use super::azimuth_effects::AzimuthEffects;
-use super::base_motion::{self, BaseMotion, Method};
+use super::base_motion::{BaseMotion, Method};
+use super::cause::Cause;
+use super::closure::Closure;
 use super::doubt::{self, Correlated};
 use super::dwell::DwellSummary;
-use super::estimate::{Estimate, LEAST_DRIFT, settle_drift, variance_of_successive_residuals};
+use super::estimate::{AMPLITUDE_TOLERANCE, Estimate, LEAST_DRIFT, settle_drift, variance_of_successive_residuals};
 use super::noise::Noise;
-use super::observation::regular_inverse;
 use super::problem::Problem;
 use super::sinusoid::Fitted;
 use super::statistics::chi_square_z_score;
@@ -28,10 +29,6 @@ const SIGNAL_SIGMAS_IN_DOUBT: f64 = 2.0;
 const MISFIT_SIGMAS: f64 = 3.0;
 /// From this many on, sigma grows with the misfit. Lower than the flag's, so that a sigma is rather too large.
 const INFLATION_SIGMAS: f64 = 2.0;
-/// Relative amplitude error that is not held against a fix: scale factor and latitude of an honest instrument.
-const AMPLITUDE_TOLERANCE: f64 = 0.01;
-/// Sums of squares that differ by this many variances tell two causes apart: three standard deviations.
-const DECIDED: f64 = 9.0;
 /// Beyond this scale factor error and this error of the latitude an amplitude is not the Earth's.
 const SCALE_LIMIT: f64 = 0.1;
 const LATITUDE_LIMIT_DEG: f64 = 10.0;
@@ -41,79 +38,20 @@ const AZIMUTH_AGREES_DEG: f64 = 1e-4;
 /// Scatter above this multiple of the declared noise is flagged.
 const NOISY_RATIO: f64 = 3.0;
 
-/// Solves for the azimuth. `dwells` in the order of time.
-///
-/// Where the index reading jumped while the motor stood, either the spindle moved, and the readings are right, or the encoder
-/// slipped on it, and from there on they are wrong by the jump. A gyro that turns by Δθ at an azimuth ψ − θ of its axis reads
-/// h sin(ψ − θ) Δθ more: the rates themselves say which it was, where they can. Where they cannot, sigma holds both.
-///
-/// Where the levels change, either the base moved, which turned the gyro too, or the accelerometers drifted, which the gyro knows nothing of. The base
-/// is supposed to have moved unless the rates contradict it.
-pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -> Result<Fix, Unsolvable> {
-    let motion = base_motion(dwells);
-    let moves = matches!(motion, BaseMotion::Moving(_));
-    let moved = solve_for_motion(dwells, declared, model, motion);
-    if !moves {
-        return moved.map(|(solution, _)| solution);
-    }
-    match (moved, solve_for_motion(dwells, declared, model, BaseMotion::Still)) {
-        (Ok(moved), Ok(still)) if moved.1 - still.1 > DECIDED => Ok(still.0),
-        (Ok(only), _) | (Err(_), Ok(only)) => Ok(only.0),
-        (Err(refusal), Err(_)) => Err(refusal),
-    }
-}
-
-/// The solution for what is to be taken out of the base's motion, and its sum of squares in variances of the noise.
-fn solve_for_motion(
+/// The solution for what is supposed to have moved the base and the index.
+pub(super) fn solve_for(
     dwells: &[DwellSummary],
     declared: &Declared,
     model: &ErrorModel,
     motion: BaseMotion,
-) -> Result<(Fix, f64), Unsolvable> {
-    let spindle = solve_for(dwells, declared, model, motion, false);
-    if dwells.iter().all(|dwell| dwell.slip_deg == 0.0) {
-        return spindle;
-    }
-    let (mut better, mut other) = match (spindle, solve_for(dwells, declared, model, motion, true)) {
-        (Ok(spindle), Ok(encoder)) if encoder.1 < spindle.1 => (encoder, spindle),
-        (Ok(spindle), Ok(encoder)) => (spindle, encoder),
-        (Ok(only), Err(_)) | (Err(_), Ok(only)) => (only, only),
-        (Err(refusal), Err(_)) => return Err(refusal),
-    };
-    if other.1 - better.1 > DECIDED {
-        other = better;
-    }
-    let apart_deg = wrap_180_deg(other.0.azimuth_deg - better.0.azimuth_deg);
-    better.0.sigma_deg = libm::hypot(better.0.sigma_deg, apart_deg);
-    better.0.flags.insert(Flag::IndexSlip);
-    Ok(better)
-}
-
-/// The solution of one cause of jumps, and its sum of squares by the variance of the noise.
-fn solve_for(
-    dwells: &[DwellSummary],
-    declared: &Declared,
-    model: &ErrorModel,
-    motion: BaseMotion,
-    encoder_slipped: bool,
-) -> Result<(Fix, f64), Unsolvable> {
+    cause: Cause,
+) -> Result<Fix, Unsolvable> {
     let earth = declared.earth;
-    let start_s = dwells.first().ok_or(Unsolvable::TooFewDirections)?.start_s;
-    let mut problem = Problem {
-        dwells,
-        earth,
-        motion,
-        start_s,
-        sinusoid: None,
-        noise: None,
-        correlated: None,
-        encoder_slipped,
-        at_azimuth: None,
-    };
+    let mut problem = Problem::new(dwells, earth, motion, cause).ok_or(Unsolvable::TooFewDirections)?;
     let mut flags = Flags::default();
 
     let noise_deg_h = declared.gyro.noise_deg_h();
-    let noise = Noise::new(dwells, noise_deg_h, || variance_of_successive_residuals(&problem))
+    let noise = Noise::new(problem.counting(), noise_deg_h, || variance_of_successive_residuals(&problem))
         .ok_or(Unsolvable::TooFewDirections)?;
     let variance = noise.variance;
     problem.noise = Some(noise);
@@ -140,47 +78,20 @@ fn solve_for(
         flags.insert(Flag::Autocorrelated);
     }
 
+    let chi_square = estimate.residual / variance;
     let determined = if drift.free { 4 } else { 3 };
-    let inflation = match estimate.count.checked_sub(determined) {
-        None | Some(0) => {
-            flags.insert(Flag::NoRedundancy);
-            1.0
-        }
-        Some(degrees_of_freedom) => {
-            let z_score = chi_square_z_score(estimate.residual / variance, degrees_of_freedom as f64);
-            if z_score > MISFIT_SIGMAS {
-                flags.insert(Flag::Misfit);
-            }
-            if z_score > INFLATION_SIGMAS { estimate.residual / variance / degrees_of_freedom as f64 } else { 1.0 }
-        }
-    };
+    let degrees_of_freedom = estimate.count.saturating_sub(determined) as u16;
+    let inflation = inflation(chi_square, degrees_of_freedom, &mut flags);
 
     let &[cos_part, sin_part, bias_deg_h, drift_deg_h_per_h] = estimate.parameters.as_ref();
-    let amplitude_deg_h = libm::hypot(cos_part, sin_part);
     let correlated = correlated_covariance(&problem, estimate, declared, model);
     let inverse = problem.sinusoid.map_or(estimate.inverse, |sinusoid| estimate.inverse + sinusoid.doubt);
     let covariance = inverse * (variance * inflation.max(widening)) + correlated;
-    let along = Vector4::new(cos_part, sin_part, 0.0, 0.0) / amplitude_deg_h;
-    let amplitude_sigma = libm::sqrt(along.dot(&(covariance * along)));
-    let sigmas = if doubt::is_any(&model.doubt) { SIGNAL_SIGMAS_IN_DOUBT } else { SIGNAL_SIGMAS };
-    let significant = amplitude_deg_h > sigmas * amplitude_sigma;
-    if !significant {
-        return Err(Unsolvable::NoSignal);
-    }
-    let [least_deg_h, most_deg_h] = plausible_amplitude_deg_h(&earth);
-    if !(least_deg_h - 4.0 * amplitude_sigma..=most_deg_h + 4.0 * amplitude_sigma).contains(&amplitude_deg_h) {
-        return Err(Unsolvable::NotEarthRate);
-    }
-    if bias_deg_h.abs() > declared.gyro.bias_limit_deg_h + 4.0 * libm::sqrt(covariance.m33) {
-        flags.insert(Flag::Bias);
-    }
-    if (amplitude_deg_h - earth.north_deg_h).abs() > 4.0 * amplitude_sigma + AMPLITUDE_TOLERANCE * earth.north_deg_h {
-        flags.insert(Flag::Amplitude);
-    }
+    judge_parameters(&estimate.parameters, &covariance, declared, model, &mut flags)?;
     if matches!(problem.motion, BaseMotion::Moving(_)) || dwells.iter().any(|dwell| dwell.base_taken_out) {
         flags.insert(Flag::BaseMotion);
     }
-    if dwells.iter().any(|dwell| dwell.outliers > 0) {
+    if problem.counting().any(|dwell| dwell.outliers > 0) {
         flags.insert(Flag::Shock);
     }
     let tilt = mean_tilt(dwells);
@@ -194,10 +105,10 @@ fn solve_for(
     // the weights lies between 1/2 and 1/√2. A level error τ about the north line turns the azimuth by τ tan φ.
     let of_index_deg = declared.index_sigma_deg * core::f64::consts::FRAC_1_SQRT_2;
     let of_level_deg = declared.level_sigma_deg * earth.up_deg_h / earth.north_deg_h;
-    let closure_deg_h = closure(&problem);
+    let closure = Closure::new(&problem, estimate, variance * widening, declared);
     let apparent_deg = estimate.azimuth_deg();
     let azimuth_deg = model.true_azimuth_deg(apparent_deg, &earth);
-    let solution = Fix {
+    Ok(Fix {
         azimuth_deg,
         sigma_deg: libm::sqrt(
             [of_rates_deg, of_index_deg, of_level_deg, drift.doubt_deg, unsettled_deg, model.doubt.azimuth_sigma_deg]
@@ -205,15 +116,60 @@ fn solve_for(
                 .map(|part| part * part)
                 .sum(),
         ),
-        closure_deg_h,
+        closure_deg_h: closure.as_ref().map(|closure| closure.deg_h),
+        closure_sigma_deg_h: closure.map(|closure| closure.sigma_deg_h),
+        chi_square,
+        degrees_of_freedom,
         bias_deg_h,
-        amplitude_deg_h,
+        amplitude_deg_h: libm::hypot(cos_part, sin_part),
         drift_deg_h_per_h,
         tilt,
-        seconds: dwells.iter().map(|dwell| dwell.seconds).sum(),
+        seconds: problem.counting().map(|dwell| dwell.seconds).sum(),
         flags,
-    };
-    Ok((solution, estimate.residual / variance))
+    })
+}
+
+/// How much sigma grows by a misfit, as a factor of the variance.
+fn inflation(chi_square: f64, degrees_of_freedom: u16, flags: &mut Flags) -> f64 {
+    if degrees_of_freedom == 0 {
+        flags.insert(Flag::NoRedundancy);
+        return 1.0;
+    }
+    let z_score = chi_square_z_score(chi_square, degrees_of_freedom.into());
+    if z_score > MISFIT_SIGMAS {
+        flags.insert(Flag::Misfit);
+    }
+    if z_score > INFLATION_SIGMAS { chi_square / f64::from(degrees_of_freedom) } else { 1.0 }
+}
+
+/// Whether the horizontal rate and the bias are what they may be; an azimuth comes only from a rate that can be the Earth's.
+fn judge_parameters(
+    parameters: &Vector4<f64>,
+    covariance: &Matrix4<f64>,
+    declared: &Declared,
+    model: &ErrorModel,
+    flags: &mut Flags,
+) -> Result<(), Unsolvable> {
+    let earth = &declared.earth;
+    let amplitude_deg_h = libm::hypot(parameters.x, parameters.y);
+    let along = Vector4::new(parameters.x, parameters.y, 0.0, 0.0) / amplitude_deg_h;
+    let amplitude_sigma = libm::sqrt(along.dot(&(covariance * along)));
+    let sigmas = if doubt::is_any(&model.doubt) { SIGNAL_SIGMAS_IN_DOUBT } else { SIGNAL_SIGMAS };
+    let significant = amplitude_deg_h > sigmas * amplitude_sigma;
+    if !significant {
+        return Err(Unsolvable::NoSignal);
+    }
+    let [least_deg_h, most_deg_h] = plausible_amplitude_deg_h(earth);
+    if !(least_deg_h - 4.0 * amplitude_sigma..=most_deg_h + 4.0 * amplitude_sigma).contains(&amplitude_deg_h) {
+        return Err(Unsolvable::NotEarthRate);
+    }
+    if parameters.z.abs() > declared.gyro.bias_limit_deg_h + 4.0 * libm::sqrt(covariance.m33) {
+        flags.insert(Flag::Bias);
+    }
+    if (amplitude_deg_h - earth.north_deg_h).abs() > 4.0 * amplitude_sigma + AMPLITUDE_TOLERANCE * earth.north_deg_h {
+        flags.insert(Flag::Amplitude);
+    }
+    Ok(())
 }
 
 /// Weighs the dwells by what is not certain of the model. Never inlined: two matrices of all dwells would stand twice on the stack.
@@ -313,28 +269,6 @@ fn add_of_dwells(shared: &mut Matrix4<f64>, problem: &Problem<'_>, instability: 
             *shared += by_coefficient * covariance * by_coefficient.transpose();
         }
     }
-}
-
-/// The cos 2θ coefficient beside amplitude and bias, without a drift (which it shows).
-fn closure(problem: &Problem<'_>) -> Option<f64> {
-    let mut normal = Matrix4::zeros();
-    let mut right = Vector4::zeros();
-    for dwell in problem.dwells {
-        let mut observation = problem.mean(dwell);
-        observation.row.w = observation.cos_2theta;
-        observation.add_to(&mut normal, &mut right);
-    }
-    // At 45°, 135°, … the second harmonic that this one looks for is nothing.
-    if normal.m44 < 1e-3 * normal.m33 {
-        return None;
-    }
-    let inverse = regular_inverse(&normal)?;
-    Some((inverse * right).w)
-}
-
-/// What is left to be taken out of the base's motion.
-fn base_motion(dwells: &[DwellSummary]) -> BaseMotion {
-    if dwells.iter().any(|dwell| dwell.base_taken_out) { BaseMotion::Still } else { base_motion::detect(dwells) }
 }
 
 fn mean_tilt(dwells: &[DwellSummary]) -> Option<Tilt> {

@@ -167,6 +167,11 @@ pub trait Waiting {
 pub struct Replay<D, W> {
     accumulator: Accumulator<D>,
     jitter: GateSettings,
+    /// What the order asks for, degrees, which holds where the instrument recorded the fix itself.
+    accuracy_deg: Option<f64>,
+    own: bool,
+    /// What the instrument called its last dwell.
+    number: u8,
     seconds: Seconds,
     disturbance: DisturbanceGate,
     opening: Opening,
@@ -186,6 +191,9 @@ impl<D: Dwells, W: Waiting> Replay<D, W> {
         Ok(Self {
             accumulator: Accumulator::new(declared, settings.model.clone().unwrap_or_default(), dwells),
             jitter: settings.jitter,
+            accuracy_deg: settings.sequence.order.accuracy_deg(),
+            own: false,
+            number: 0,
             seconds: Seconds::new(settings),
             disturbance: DisturbanceGate::new(settings.disturbance, declared.earth.north_deg_h),
             opening: Opening::First,
@@ -216,7 +224,11 @@ impl<D: Dwells, W: Waiting> Replay<D, W> {
             self.take(&second, sink);
         }
         self.end_dwell(sink);
-        self.accumulator.solve().map_err(Refusal::Unsolvable)
+        let mut fix = self.accumulator.solve().map_err(Refusal::Unsolvable)?;
+        if self.own {
+            fix.judge(self.accuracy_deg);
+        }
+        Ok(fix)
     }
 
     /// What is known of the run as a whole.
@@ -226,6 +238,7 @@ impl<D: Dwells, W: Waiting> Replay<D, W> {
 
     /// A second of the instrument, which says itself where it belongs.
     fn marked(&mut self, second: &Second, mark: Mark, sink: Sink) {
+        self.own = true;
         let corrected = self.accumulator.correct(second);
         if let Some(gate) = mark.waited_at {
             self.accumulator.waited_at(gate);
@@ -238,6 +251,10 @@ impl<D: Dwells, W: Waiting> Replay<D, W> {
         }
         self.marked = mark.dwell;
         let Some(dwell) = mark.dwell else { return self.leave_out(corrected, sink) };
+        // The numbers begin anew where an adaptive fix fell back to four positions.
+        if dwell < core::mem::replace(&mut self.number, dwell) {
+            self.accumulator.begin_anew();
+        }
         self.dwell = dwell.into();
         self.collect(corrected, sink);
     }

@@ -24,12 +24,14 @@ use crate::index::{Direction, IndexAngle, IndexSettings, MotorCommand};
 use crate::level::{LevelSettings, Specific};
 use crate::sample::SAMPLE_S;
 use crate::units::{DEG_PER_RAD, wrap_180_deg};
-use adaptive::{Adaptive, COARSE_SECONDS};
+use adaptive::Adaptive;
 use order::{Order, Position, SequenceSettings};
 use turn::{Progress, Turn};
 
 /// Most dwells that a fix can have: those of the longest order, and half as many again.
 pub const MAX_DWELLS: usize = 24;
+/// Dwells of an adaptive fix after which eight of the mirrored order find room, and such as a slip divides.
+const LAST_TO_KEEP: u8 = 12;
 /// Seconds in a row without the accelerometers, or out of level while measuring, that end a fix.
 const PATIENCE_SECONDS: u16 = 3;
 /// While measuring, the level limit is this much wider than before: a tripod may settle a little.
@@ -98,7 +100,7 @@ enum Stage {
     Levelling {
         level: u16,
     },
-    Watching(DisturbanceGate),
+    Watching(DisturbanceGate, JitterGate),
     Indexing(Turn),
     Settling(JitterGate),
     /// Seconds that this dwell has so far.
@@ -114,7 +116,7 @@ impl Stage {
         match self {
             Self::Idle => State::Idle,
             Self::Levelling { .. } => State::Levelling,
-            Self::Watching(_) => State::Watching,
+            Self::Watching(..) => State::Watching,
             Self::Indexing(_) => State::Indexing,
             Self::Settling(_) => State::Settling,
             Self::Collecting { .. } => State::Collecting,
@@ -136,6 +138,13 @@ impl Run {
     }
 }
 
+/// The mirrored order that an adaptive fix fell back to: seconds of each dwell, and the number of its first one.
+#[derive(Clone, Copy, Debug)]
+struct FallenBack {
+    dwell_s: u16,
+    first: u8,
+}
+
 /// Runs a fix.
 pub struct Sequencer {
     rules: Rules,
@@ -150,6 +159,8 @@ pub struct Sequencer {
     level_failed: Run,
     coarse_azimuth_deg: Option<f64>,
     adaptive: Option<Adaptive>,
+    /// The mirrored order that an adaptive fix fell back to.
+    fallen_back: Option<FallenBack>,
     /// The index while the motor stands, from power-up on, whether a fix is under way or not.
     rest: IndexWatch,
     /// The second under way is that of an arrival, with some of the move in it.
@@ -178,6 +189,7 @@ impl Sequencer {
             level_failed: Run::default(),
             coarse_azimuth_deg: None,
             adaptive: None,
+            fallen_back: None,
             rest: IndexWatch::new(0.0),
             arrives: false,
             exercised: false,
@@ -216,9 +228,15 @@ impl Sequencer {
         self.doubt_told = false;
         self.adaptive = match self.rules.sequence.order {
             // The last second must end before the limit.
-            Order::Adaptive { accuracy_deg } => Some(Adaptive::new(accuracy_deg, t_s + self.rules.time_limit_s - 1.0)),
+            Order::Adaptive { accuracy_deg } => {
+                let floor_deg = self.accumulator.declared().floor_deg(self.accumulator.model());
+                let mut adaptive = Adaptive::new(accuracy_deg, floor_deg, t_s + self.rules.time_limit_s - 1.0);
+                adaptive.begin_coarse(t_s, self.rates_deg_h());
+                Some(adaptive)
+            }
             _ => None,
         };
+        self.fallen_back = None;
         self.enter(Stage::Levelling { level: 0 }, t_s, sink);
         Some(MotorCommand::Stop)
     }
@@ -288,16 +306,17 @@ impl Sequencer {
         if let Some(fault) = late.or_else(|| self.watch_level(second.conditions.level)) {
             return (observed, self.fail(fault, t_s, sink));
         }
-        let early = self.adaptive.is_some() && matches!(self.stage, Stage::Watching(_) | Stage::Settling(_));
+        let early = self.adaptive.is_some() && matches!(self.stage, Stage::Watching(..) | Stage::Settling(_));
         if !matches!(self.stage, Stage::Collecting { .. }) && !early {
             self.between_dwells(corrected, &mut observed, sink);
         }
         let rate_deg_h = self.accumulator.is_usable(second).then_some(corrected.rate_deg_h);
         let motor = match &mut self.stage {
             Stage::Levelling { .. } => self.levelling(second.conditions.level, t_s, sink),
-            Stage::Watching(gate) => {
+            Stage::Watching(gate, jitter) => {
                 let verdict = gate.second(rate_deg_h);
-                let quiet = gate.is_quiet();
+                jitter.second(rate_deg_h, second.ripple_arcsec);
+                let quiet = gate.is_quiet() && jitter.is_quiet();
                 self.collect_early(corrected, quiet, &mut observed, sink);
                 self.watching(verdict, corrected, &mut observed, sink)
             }
@@ -320,6 +339,13 @@ impl Sequencer {
                 self.collecting(corrected, seconds, &mut observed, sink)
             }
             Stage::Idle | Stage::Indexing(_) | Stage::Finished | Stage::Failed => None,
+        };
+        let out_of_time = self.adaptive.is_some_and(|adaptive| adaptive.is_out_of_time(t_s));
+        let motor = if out_of_time && self.is_active() && self.position > 2 {
+            self.end_dwell(&mut observed, sink);
+            self.finish(t_s, sink)
+        } else {
+            motor
         };
         if self.doubted && !self.doubt_told && observed.waited_at.is_none() {
             self.doubt_told = true;
@@ -348,6 +374,7 @@ impl Sequencer {
             return self.collect(second, observed, sink);
         }
         if adaptive.interrupted() {
+            adaptive.wait();
             self.end_dwell(observed, sink);
             self.accumulator.index_turns();
         }
@@ -359,9 +386,28 @@ impl Sequencer {
         observed.dwell = Some(self.position);
         let taken = self.accumulator.collect(second);
         observed.collected = taken == Taken::Collected;
+        if let Some(adaptive) = self.adaptive.as_mut().filter(|_| observed.collected) {
+            adaptive.collected(second.measured.end_s(), second.rate_deg_h, &self.rules.index);
+            self.promise(second.measured.end_s(), false, sink);
+        }
         if let Taken::Slipped(slip) = taken {
             self.slipped(&slip, observed, sink);
         }
+    }
+
+    /// Says how long an adaptive fix will take, where it is time to.
+    fn promise(&mut self, t_s: f64, planned: bool, sink: Sink) {
+        let rates_deg_h = self.rates_deg_h();
+        let promise_s = |adaptive: &mut Adaptive| adaptive.promise_s(t_s, &self.rules.index, rates_deg_h, planned);
+        if let Some(seconds) = self.adaptive.as_mut().and_then(promise_s) {
+            sink(Event::ToGo { seconds });
+        }
+    }
+
+    /// The declared noise of a second and the horizontal Earth rate, °/h.
+    fn rates_deg_h(&self) -> [f64; 2] {
+        let declared = self.accumulator.declared();
+        [declared.gyro.noise_deg_h(), declared.earth.north_deg_h]
     }
 
     /// A second of no dwell.
@@ -380,6 +426,9 @@ impl Sequencer {
     /// The index slipped: the dwell under way goes on as another one, at the new angle.
     fn slipped(&mut self, slip: &Slip, observed: &mut Observed, sink: Sink) {
         self.dwell_ended(slip.ended.as_ref(), observed, sink);
+        if let Some(adaptive) = &mut self.adaptive {
+            adaptive.slipped = true;
+        }
         sink(Event::IndexSlipped { position: self.position, before_deg: slip.before_deg });
     }
 
@@ -419,7 +468,8 @@ impl Sequencer {
             *run = if level { run.saturating_add(1) } else { 0 };
             if *run >= self.rules.level.seconds {
                 let north_deg_h = self.accumulator.declared().earth.north_deg_h;
-                self.enter(Stage::Watching(DisturbanceGate::new(self.rules.disturbance, north_deg_h)), t_s, sink);
+                let gate = DisturbanceGate::new(self.rules.disturbance, north_deg_h);
+                self.enter(Stage::Watching(gate, JitterGate::new(self.rules.jitter)), t_s, sink);
                 return None;
             }
         }
@@ -440,8 +490,15 @@ impl Sequencer {
         match verdict {
             Verdict::Passed => {
                 sink(Event::Undisturbed { excess_deg_h });
+                let rates_deg_h = self.rates_deg_h();
                 return match self.adaptive {
-                    Some(_) => self.end_adaptive_dwell(t_s, observed, sink),
+                    Some(adaptive) if adaptive.coarse_is_over(t_s, rates_deg_h) => {
+                        self.end_adaptive_dwell(t_s, observed, sink)
+                    }
+                    Some(_) => {
+                        self.enter(Stage::Collecting { seconds: 0 }, t_s, sink);
+                        None
+                    }
                     None => self.go_to_position(t_s, sink),
                 };
             }
@@ -482,7 +539,11 @@ impl Sequencer {
     }
 
     fn position(&self) -> Option<Position> {
-        self.rules.sequence.order.position(self.position.into())
+        let position = usize::from(self.position);
+        match self.fallen_back {
+            Some(FallenBack { first, .. }) => Order::Mirrored.position(position.checked_sub(first.into())?),
+            None => self.rules.sequence.order.position(position),
+        }
     }
 
     /// Index angle of the current position; `None` past the last, or before the coarse azimuth is known.
@@ -506,7 +567,8 @@ impl Sequencer {
     ) -> Option<MotorCommand> {
         let position = self.position;
         let t_s = second.measured.end_s();
-        if position == 1 && self.adaptive.is_some_and(|adaptive| adaptive.early >= COARSE_SECONDS) {
+        let rates_deg_h = self.rates_deg_h();
+        if position == 1 && self.adaptive.is_some_and(|adaptive| adaptive.coarse_is_over(t_s, rates_deg_h)) {
             return self.end_adaptive_dwell(t_s, observed, sink);
         }
         match verdict {
@@ -536,7 +598,9 @@ impl Sequencer {
     ) -> Option<MotorCommand> {
         if let Some(adaptive) = &self.adaptive {
             let t_s = second.measured.end_s();
-            let over = if self.position == 1 { seconds >= COARSE_SECONDS } else { adaptive.dwell_is_over(t_s) };
+            let coarse = self.position <= 1;
+            let over =
+                if coarse { adaptive.coarse_is_over(t_s, self.rates_deg_h()) } else { adaptive.dwell_is_over(t_s) };
             return if over { self.end_adaptive_dwell(t_s, observed, sink) } else { None };
         }
         if seconds < self.dwell_s() {
@@ -546,14 +610,7 @@ impl Sequencer {
         self.position = self.position.saturating_add(1);
         let t_s = second.measured.end_s();
         match self.position() {
-            None => match self.accumulator.solve() {
-                Ok(fix) => {
-                    sink(Event::Fix(fix));
-                    self.enter(Stage::Finished, t_s, sink);
-                    Some(MotorCommand::Stop)
-                }
-                Err(_) => self.fail(Fault::Unsolvable, t_s, sink),
-            },
+            None => self.finish(t_s, sink),
             Some(Position::East | Position::West) if self.coarse_azimuth_deg.is_none() => {
                 match self.accumulator.solve() {
                     Ok(Fix { azimuth_deg, sigma_deg, .. }) => {
@@ -561,7 +618,7 @@ impl Sequencer {
                         self.coarse_azimuth_deg = Some(azimuth_deg);
                         self.go_to_position(t_s, sink)
                     }
-                    Err(_) => self.fail(Fault::Unsolvable, t_s, sink),
+                    Err(unsolvable) => self.fail(unsolvable.fault(), t_s, sink),
                 }
             }
             Some(_) => self.go_to_position(t_s, sink),
@@ -572,23 +629,31 @@ impl Sequencer {
     fn end_adaptive_dwell(&mut self, t_s: f64, observed: &mut Observed, sink: Sink<'_>) -> Option<MotorCommand> {
         self.end_dwell(observed, sink);
         self.position = self.position.saturating_add(1);
-        let (position, index) = (self.position, self.rules.index);
+        let (position, index, rates_deg_h) = (self.position, self.rules.index, self.rates_deg_h());
         let Some(angle_deg) = self.index.deg() else { return self.fail(Fault::EncoderFailed, t_s, sink) };
-        let noise_deg_h = self.accumulator.declared().gyro.noise_deg_h();
-        let north_deg_h = self.accumulator.declared().earth.north_deg_h;
-        let so_far = if position > 2 { self.accumulator.solve().ok() } else { None };
-        let coarse_deg = match so_far {
-            Some(fix) => Some(fix.azimuth_deg),
-            None => self.accumulator.coarse_azimuth_deg(),
-        };
-        self.coarse_azimuth_deg = coarse_deg.or(self.coarse_azimuth_deg);
         let Some(adaptive) = &mut self.adaptive else { return None };
         if position == 1 {
-            adaptive.begin_coarse();
+            adaptive.begin_coarse(t_s, rates_deg_h);
             adaptive.target_deg = if angle_deg > 180.0 { angle_deg - 90.0 } else { angle_deg + 90.0 };
             return self.go_to_position(t_s, sink);
         }
-        let Some(azimuth_deg) = self.coarse_azimuth_deg else { return self.fail(Fault::Unsolvable, t_s, sink) };
+        let so_far = if position > 2 { self.accumulator.solve().ok() } else { None };
+        let coarse_deg = match self.coarse_azimuth_deg {
+            None if adaptive.coarse_is_known(rates_deg_h) => self.accumulator.coarse_azimuth_deg(),
+            coarse_deg => coarse_deg,
+        };
+        // An encoder that slipped and a spindle that did are told apart by many directions, before it and after.
+        if core::mem::take(&mut adaptive.slipped) && position <= LAST_TO_KEEP {
+            return self.fall_back(true, t_s, sink);
+        }
+        let Some(coarse_deg) = coarse_deg else { return self.fall_back(false, t_s, sink) };
+        if adaptive.is_block_over(position)
+            && so_far.is_none_or(|fix| Adaptive::contradicts(coarse_deg, fix.azimuth_deg))
+        {
+            return self.fall_back(false, t_s, sink);
+        }
+        let azimuth_deg = so_far.map_or(coarse_deg, |fix| fix.azimuth_deg);
+        self.coarse_azimuth_deg = Some(azimuth_deg);
         let sides_deg = [fix::east_index_deg(azimuth_deg), fix::west_index_deg(azimuth_deg)];
         let way_deg = |side_deg: &f64| (side_deg - angle_deg).abs();
         let nearest = sides_deg.into_iter().min_by(|a, b| way_deg(a).total_cmp(&way_deg(b)));
@@ -599,8 +664,9 @@ impl Sequencer {
         adaptive.target_deg = target_deg.unwrap_or(angle_deg);
         let goes_on = if position == 2 {
             let way_deg = way_deg(&adaptive.target_deg);
-            adaptive.begin(position, t_s, way_deg, &index, [noise_deg_h, north_deg_h]);
+            adaptive.begin(position, t_s, way_deg, &index, rates_deg_h);
             // The bias is not known yet, and is the most of it.
+            let [noise_deg_h, north_deg_h] = rates_deg_h;
             let bias_deg_h = self.accumulator.declared().gyro.bias_limit_deg_h;
             let sigma_deg = DEG_PER_RAD * libm::hypot(bias_deg_h, noise_deg_h) / north_deg_h;
             sink(Event::Coarse { azimuth_deg, sigma_deg });
@@ -610,20 +676,44 @@ impl Sequencer {
             adaptive.next(position, t_s, &index) || adaptive.go_on(position, t_s, &index, measured_s, sigma_deg)
         };
         if goes_on {
-            sink(Event::ToGo { seconds: adaptive.to_go_s(t_s) });
+            self.promise(t_s, position > 2, sink);
             return self.go_to_position(t_s, sink);
         }
-        match so_far {
-            Some(fix) => {
+        self.finish(t_s, sink)
+    }
+
+    /// An adaptive fix goes on with the mirrored four positions, if there is time for them, else it ends with what it has. The dwells so
+    /// far count (`kept`) or are forgotten; their numbers go on or begin anew.
+    fn fall_back(&mut self, kept: bool, t_s: f64, sink: Sink<'_>) -> Option<MotorCommand> {
+        let (dwell_s, index) = (self.rules.sequence.dwell_s, &self.rules.index);
+        let room = self.adaptive.and_then(|adaptive| adaptive.mirrored_dwell_s(t_s, dwell_s, index));
+        let Some(dwell_s) = room else { return self.finish(t_s, sink) };
+        if !kept {
+            self.accumulator.begin_anew();
+            self.position = 0;
+        }
+        (self.adaptive, self.fallen_back) = (None, Some(FallenBack { dwell_s, first: self.position }));
+        sink(Event::FallenBack { dwell_s });
+        self.go_to_position(t_s, sink)
+    }
+
+    /// The azimuth of all dwells, or why there is none.
+    fn finish(&mut self, t_s: f64, sink: Sink<'_>) -> Option<MotorCommand> {
+        match self.accumulator.solve() {
+            Ok(mut fix) => {
+                fix.judge(self.rules.sequence.order.accuracy_deg());
                 sink(Event::Fix(fix));
                 self.enter(Stage::Finished, t_s, sink);
                 Some(MotorCommand::Stop)
             }
-            None => self.fail(Fault::Unsolvable, t_s, sink),
+            Err(unsolvable) => self.fail(unsolvable.fault(), t_s, sink),
         }
     }
 
     fn dwell_s(&self) -> u16 {
+        if let Some(FallenBack { dwell_s, .. }) = self.fallen_back {
+            return dwell_s;
+        }
         match self.position() {
             Some(Position::At { coarse: true, .. }) => self.rules.sequence.coarse_dwell_s,
             _ => self.rules.sequence.dwell_s,

@@ -77,6 +77,14 @@ impl Order {
     /// As good as the mirrored order with dwells of 30 s at middle latitudes, in two thirds of its time.
     pub const ADAPTIVE: Self = Self::Adaptive { accuracy_deg: 0.04 };
 
+    /// The standard deviation of the azimuth that is asked for, degrees, if one is.
+    pub fn accuracy_deg(&self) -> Option<f64> {
+        match *self {
+            Self::Adaptive { accuracy_deg } => Some(accuracy_deg),
+            _ => None,
+        }
+    }
+
     /// Number of dwells; 0 where nobody knows it before.
     pub fn len(&self) -> usize {
         match self {

@@ -148,7 +148,10 @@ impl Lines {
                 let side = if excess_deg_h > 0.0 { "above" } else { "below" };
                 format!("base still: rate {:.2} °/h {side} the Earth-rate limit", excess_deg_h.abs())
             }
-            Event::Moving { position, target_deg } => format!("{}: turning to {target_deg:.2}°", at(position)),
+            Event::Moving { position, target_deg } => {
+                self.done = position;
+                format!("{}: turning to {target_deg:.2}°", at(position))
+            }
             Event::Arrived { position, index_deg } => format!("{}: at {index_deg:.3}°", at(position)),
             Event::Jitter { position, change_deg_h } => {
                 format!(
@@ -160,6 +163,9 @@ impl Lines {
                 self.done = position;
                 format!("{}: index slipped from {before_deg:.3}° while the motor stood", at(position))
             }
+            Event::FallenBack { dwell_s } => format!(
+                "the dwells so far contradict each other, show no azimuth, or the index slipped: the mirrored four positions follow, {dwell_s} s each"
+            ),
             Event::ToGo { seconds } => format!("{seconds:.0} s to go"),
             Event::Settled { position } => format!("{}: gyro at rest", at(position)),
             Event::Dwell(dwell) => {

@@ -32,10 +32,12 @@ pub fn write_fix(
         writeln!(out, "{name:<10} {azimuth_deg:.4}°")?;
         writeln!(out, "error      {error_deg:+.4}° ({sigmas:.1} sigma)")?;
     }
-    match fix.closure_deg_h {
-        Some(closure) => writeln!(out, "closure    {closure:+.5} °/h")?,
-        None => writeln!(out, "closure    not to be seen at these angles")?,
+    match (fix.closure_deg_h, fix.closure_sigma_deg_h) {
+        (Some(closure), Some(sigma)) => writeln!(out, "closure    {closure:+.5} ± {sigma:.5} °/h")?,
+        _ => writeln!(out, "closure    not determined by these angles")?,
     }
+    let (chi_square, degrees_of_freedom) = (fix.chi_square, fix.degrees_of_freedom);
+    writeln!(out, "fit        chi-square {chi_square:.1}, {degrees_of_freedom} degrees of freedom")?;
     writeln!(
         out,
         "found      horizontal rate {:.4} °/h, bias {:+.4} °/h, drift {:+.3} °/h per hour",

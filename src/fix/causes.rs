@@ -1,0 +1,85 @@
+//! What may have happened to base and index while the fix was taken: each is solved for, and the rates decide.
+
+use super::base_motion::{self, BaseMotion};
+use super::cause::Cause;
+use super::dwell::DwellSummary;
+use super::solution::solve_for;
+use super::{Declared, Fix, Unsolvable, turned};
+use crate::effects::ErrorModel;
+use crate::health::Flag;
+use crate::units::wrap_180_deg;
+
+/// Chi-squares that differ by so much tell two causes apart: three standard deviations.
+const DECIDED: f64 = 9.0;
+
+/// Solves for the azimuth. `dwells` in the order of time.
+///
+/// Where the levels change, either the base moved, which turned the gyro too, or the accelerometers drifted, which the gyro knows nothing of. The base
+/// is supposed to have moved unless the rates contradict it.
+///
+/// Where the dwells contradict each other, the instrument may have been turned about the vertical meanwhile: then the azimuth is that
+/// after the turn, if the dwells determine it.
+pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -> Result<Fix, Unsolvable> {
+    let taken_out = dwells.iter().any(|dwell| dwell.base_taken_out);
+    let motion = if taken_out { BaseMotion::Still } else { base_motion::detect(dwells) };
+    let standing = solve_standing(dwells, declared, model, motion);
+    if !turned::is_suspected(&standing) {
+        return standing;
+    }
+    let turned = [0, 1].into_iter().find_map(|within| {
+        let (turn, doubt_deg) = turned::find(dwells, declared, within)?;
+        let mut fix = solve_for(dwells, declared, model, BaseMotion::Still, Cause::Turned(turn)).ok()?;
+        fix.sigma_deg = libm::hypot(fix.sigma_deg, doubt_deg);
+        fix.flags.insert(Flag::Turned);
+        turned::is_explained(&fix).then_some(fix)
+    });
+    turned.map_or(standing, Ok)
+}
+
+/// The solution for an instrument that was not turned.
+fn solve_standing(
+    dwells: &[DwellSummary],
+    declared: &Declared,
+    model: &ErrorModel,
+    motion: BaseMotion,
+) -> Result<Fix, Unsolvable> {
+    let moved = solve_for_jumps(dwells, declared, model, motion);
+    if !matches!(motion, BaseMotion::Moving(_)) {
+        return moved;
+    }
+    match (moved, solve_for_jumps(dwells, declared, model, BaseMotion::Still)) {
+        (Ok(moved), Ok(still)) if moved.chi_square - still.chi_square > DECIDED => Ok(still),
+        (Ok(only), _) | (Err(_), Ok(only)) => Ok(only),
+        (Err(refusal), Err(_)) => Err(refusal),
+    }
+}
+
+/// The solution for what is to be taken out of the base's motion.
+///
+/// Where the index reading jumped while the motor stood, either the spindle moved, and the readings are right, or the encoder
+/// slipped on it, and from there on they are wrong by the jump. A gyro that turns by Δθ at an azimuth ψ − θ of its axis reads
+/// h sin(ψ − θ) Δθ more: the rates themselves say which it was, where they can. Where they cannot, sigma holds both.
+fn solve_for_jumps(
+    dwells: &[DwellSummary],
+    declared: &Declared,
+    model: &ErrorModel,
+    motion: BaseMotion,
+) -> Result<Fix, Unsolvable> {
+    let spindle = solve_for(dwells, declared, model, motion, Cause::Spindle);
+    if dwells.iter().all(|dwell| dwell.slip_deg == 0.0) {
+        return spindle;
+    }
+    let (mut better, mut other) = match (spindle, solve_for(dwells, declared, model, motion, Cause::Encoder)) {
+        (Ok(spindle), Ok(encoder)) if encoder.chi_square < spindle.chi_square => (encoder, spindle),
+        (Ok(spindle), Ok(encoder)) => (spindle, encoder),
+        (Ok(only), Err(_)) | (Err(_), Ok(only)) => (only, only),
+        (Err(refusal), Err(_)) => return Err(refusal),
+    };
+    if other.chi_square - better.chi_square > DECIDED {
+        other = better;
+    }
+    let apart_deg = wrap_180_deg(other.azimuth_deg - better.azimuth_deg);
+    better.sigma_deg = libm::hypot(better.sigma_deg, apart_deg);
+    better.flags.insert(Flag::IndexSlip);
+    Ok(better)
+}
