@@ -15,6 +15,8 @@ use crate::statistics::azimuth_error_deg;
 pub struct Ended {
     /// From power-up to the end, s.
     pub elapsed_s: f64,
+    /// First promise of a time to go, when it was made and how long, s.
+    pub promised: Option<[f64; 2]>,
     pub end: Result<Found, Option<Fault>>,
 }
 
@@ -27,11 +29,11 @@ pub struct Found {
 /// Runs a fix; its end is an azimuth, a fault, or nothing within the scenario's time limit.
 pub fn fix(scenario: Scenario, seed: u64, settings: Settings) -> Result<Ended, Failure> {
     let setup = Setup { scenario, seed, settings: Some(settings) };
-    let mut elapsed_s = 0.0;
-    let outcome = host::run(&setup, interrupt::flag(), &mut |report| {
-        if matches!(report.event, Event::Fix(_) | Event::Fault { .. }) {
-            elapsed_s = report.t_s;
-        }
+    let (mut elapsed_s, mut promised) = (0.0, None);
+    let outcome = host::run(&setup, interrupt::flag(), &mut |report| match report.event {
+        Event::Fix(_) | Event::Fault { .. } => elapsed_s = report.t_s,
+        Event::ToGo { seconds } => promised = promised.or(Some([report.t_s, seconds])),
+        _ => {}
     })?;
     let end = match outcome.end {
         End::Fix(fix) => Ok(Found { fix, error_deg: azimuth_error_deg(fix.azimuth_deg, outcome.truth.azimuth_deg) }),
@@ -39,7 +41,14 @@ pub fn fix(scenario: Scenario, seed: u64, settings: Settings) -> Result<Ended, F
         End::TimeLimit => Err(None),
         End::Interrupted => return Err(Failure::Interrupted),
     };
-    Ok(Ended { elapsed_s, end })
+    Ok(Ended { elapsed_s, promised, end })
+}
+
+impl Ended {
+    /// How long it took from the first promise on, over what was promised.
+    pub fn real_over_promised(&self) -> Option<f64> {
+        self.promised.map(|[at_s, promised_s]| (self.elapsed_s - at_s) / promised_s)
+    }
 }
 
 /// Name of an order, as on the command line.

@@ -21,6 +21,7 @@ mod gates;
 mod grammar;
 mod hold;
 mod image_size;
+mod orders;
 mod repeat;
 mod voyage;
 
@@ -104,6 +105,7 @@ benches! {
     Faults: faults::Faults,
     Gates: gates::Gates,
     Grammar: grammar::GrammarBench,
+    Orders: orders::Orders,
     Repeat: repeat::Repeat,
     Hold: hold::HoldBench,
     Voyage: voyage::VoyageBench,
