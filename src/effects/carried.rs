@@ -8,7 +8,9 @@ pub const MAX_GATES: usize = 16;
 /// Ports whose uncertainty is kept: that of the scale factor is one of the rate.
 const PORTS: usize = 4;
 /// Numbers that are kept.
-const NUMBERS: usize = PORTS * MAX_DIRECTIONS + MAX_GATES;
+const NUMBERS: usize = PORTS * MAX_DIRECTIONS + MAX_GATES + 1;
+/// Place of what a change of the scale factor makes of the bias.
+const OF_BIAS: usize = NUMBERS - 1;
 
 /// Numbers that a dwell keeps for its solution.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,6 +36,10 @@ impl Carried {
         (direction < MAX_DIRECTIONS).then_some(port * MAX_DIRECTIONS + direction)
     }
 
+    fn place_of_gate(number: usize) -> Option<usize> {
+        (number < MAX_GATES).then_some(PORTS * MAX_DIRECTIONS + number)
+    }
+
     /// What one sigma along an uncertain direction of the model adds at a port, in the port's unit; the scale factor's is in the rate's.
     pub fn doubt(&self, port: Port, direction: usize) -> f64 {
         Self::place(port, direction).and_then(|place| self.numbers.get(place)).copied().unwrap_or(0.0).into()
@@ -45,13 +51,23 @@ impl Carried {
         }
     }
 
+    /// By what share more of a bias is left, where the scale factor is not that of the model as a whole: the rate is divided by the scale factor, and a
+    /// bias that nobody knows yet with it.
+    pub fn of_bias(&self) -> f64 {
+        self.numbers[OF_BIAS].into()
+    }
+
+    pub fn set_of_bias(&mut self, share: f64) {
+        self.numbers[OF_BIAS] = share as f32;
+    }
+
     /// Product of the factors of an effect that do not depend on the azimuth, where others do; by its number among all of these.
     pub fn gate(&self, number: usize) -> f64 {
-        self.numbers.get(PORTS * MAX_DIRECTIONS + number).copied().unwrap_or(0.0).into()
+        Self::place_of_gate(number).and_then(|place| self.numbers.get(place)).copied().unwrap_or(0.0).into()
     }
 
     pub fn set_gate(&mut self, number: usize, value: f64) {
-        if let Some(gate) = self.numbers.get_mut(PORTS * MAX_DIRECTIONS + number) {
+        if let Some(gate) = Self::place_of_gate(number).and_then(|place| self.numbers.get_mut(place)) {
             *gate = value as f32;
         }
     }

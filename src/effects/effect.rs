@@ -14,8 +14,8 @@ use crate::limits::{Invalid, finite, within};
 
 /// Most factors of one effect.
 pub const MAX_FACTORS: usize = 3;
-/// Most weights of one effect: a surface of two smooth curves has 36.
-pub const MAX_EFFECT_WEIGHTS: usize = 36;
+/// Most weights of one effect: a surface of two smooth curves with their constants has 49, a product of three of few functions 64.
+pub const MAX_EFFECT_WEIGHTS: usize = 64;
 
 /// Products of the functions of an effect's factors.
 pub type Products = Vec<f64, MAX_EFFECT_WEIGHTS>;
@@ -88,7 +88,7 @@ impl Effect {
             }
             // Every factor is asked, so that every one remembers.
             let input = factor.pass(factor.signal.value(now), now.track.step_s, memory);
-            let values = input.map(|input| factor.shape.values(input)).unwrap_or_default();
+            let values = input.map(|input| factor.values(input)).unwrap_or_default();
             products = bounded(products.iter().flat_map(|product| values.iter().map(move |value| product * value)));
         }
         products
@@ -101,7 +101,7 @@ impl Effect {
         for factor in self.factors.iter().rev() {
             let count = factor.count().max(1);
             if factor.needs_azimuth() {
-                let value = factor.signal.value(now).and_then(|x| factor.shape.values(x).get(rest % count).copied());
+                let value = factor.signal.value(now).and_then(|x| factor.values(x).get(rest % count).copied());
                 product *= value.unwrap_or(0.0);
             }
             rest /= count;
@@ -133,7 +133,7 @@ impl Effect {
         let (mut rest, mut prior) = (number, 1.0);
         for factor in self.factors.iter().rev() {
             let count = factor.count().max(1);
-            prior *= factor.shape.prior(rest % count);
+            prior *= factor.prior(rest % count);
             rest /= count;
         }
         prior
@@ -202,7 +202,7 @@ mod tests {
     #[test]
     fn a_product_at_a_port() {
         let name = ChannelName::new("supply_v").unwrap();
-        let curve = Factor::new(Channel { name }.into(), &[], Smooth { low: 4.0, high: 6.0 }.into());
+        let curve = Factor::new(Channel { name }.into(), &[], Smooth { low: 4.0, high: 6.0, count: 6 }.into());
         let decay = Factor::new(Since.into(), &[], Decay { tau_s: 10.0 }.into());
         let effect = Effect::new(Port::Scale, &[decay, curve]);
         assert_eq!((effect.count(), effect.weights.len()), (6, 6));

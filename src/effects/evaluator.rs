@@ -160,6 +160,7 @@ impl Evaluator {
         for (port, sum) in [(Port::Index, &sums.index), (Port::Forward, &sums.forward), (Port::Left, &sums.left)] {
             sum.doubts.iter().enumerate().for_each(|(direction, doubt)| carried.set_doubt(port, direction, *doubt));
         }
+        carried.set_of_bias((1.0 + self.model.scale_error) / scale - 1.0);
         let level = Specific { forward: sums.forward.value, left: sums.left.value };
         Correction { bias_deg_h, scale, waiting, index_deg: sums.index.value, level, carried }
     }

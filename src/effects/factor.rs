@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::channel::ChannelName;
 use super::dynamics::{Dynamics, State};
 use super::part::Constant;
-use super::shape::Shape;
+use super::shape::{MAX_FUNCTIONS, Shape};
 use super::signal::Signal;
 use crate::bounded::bounded;
 use crate::limits::Invalid;
@@ -27,14 +27,24 @@ pub struct Factor {
     #[serde(default)]
     pub dynamics: Vec<Dynamics, MAX_CHAIN>,
     pub shape: Shape,
+    /// A constant, 1, is a function of it too, before those of the shape: the other factors of a product then act without this one as well.
+    #[serde(default)]
+    pub constant: bool,
 }
 
 /// What the dynamics of a factor remember.
 pub type Memory = [State; MAX_CHAIN];
+/// Values of a factor's functions.
+pub type Functions = Vec<f64, { MAX_FUNCTIONS + 1 }>;
 
 impl Factor {
     pub fn new(signal: Signal, dynamics: &[Dynamics], shape: Shape) -> Self {
-        Self { signal, dynamics: bounded(dynamics.iter().copied()), shape }
+        Self { signal, dynamics: bounded(dynamics.iter().copied()), shape, constant: false }
+    }
+
+    /// The same with a constant among its functions.
+    pub fn with_constant(self) -> Self {
+        Self { constant: true, ..self }
     }
 
     /// What comes out of the dynamics of a signal's value, `step_s` after the one before; `None`: the signal says nothing, and the dynamics forget
@@ -52,7 +62,17 @@ impl Factor {
 
     /// How many functions it has.
     pub fn count(&self) -> usize {
-        self.shape.count()
+        usize::from(self.constant) + self.shape.count()
+    }
+
+    /// Their values, where this comes out of its dynamics.
+    pub fn values(&self, x: f64) -> Functions {
+        bounded(self.constant.then_some(1.0).into_iter().chain(self.shape.values(x)))
+    }
+
+    /// Standard deviation of the weight of the function of that number, from 0, before anything is learned: relative to the effect's size.
+    pub fn prior(&self, number: usize) -> f64 {
+        number.checked_sub(usize::from(self.constant)).map_or(1.0, |of_shape| self.shape.prior(of_shape))
     }
 
     /// It depends on the azimuth that is sought.
@@ -93,6 +113,13 @@ impl Factor {
         self.signal.validate()?;
         self.dynamics.iter().try_for_each(Dynamics::validate)?;
         self.shape.validate()?;
+        if self.signal.needs_dynamics() && self.dynamics.is_empty() {
+            return Err(Invalid::new(
+                "model.effects.factors.dynamics (number)",
+                0.0,
+                "one or two behind the signal measured",
+            ));
+        }
         if self.needs_azimuth() && !self.dynamics.is_empty() {
             let (field, number) = ("model.effects.factors.dynamics (number)", self.dynamics.len() as f64);
             return Err(Invalid::new(field, number, "none behind the signals axis and rate"));
@@ -147,6 +174,23 @@ mod tests {
         assert_eq!(factor.pass(Some(1.0), 1.0, &mut memory), Some(0.0));
         assert_eq!(factor.pass(None, 1.0, &mut memory), None);
         assert_eq!(factor.pass(Some(5.0), 1.0, &mut memory), Some(0.0));
+    }
+
+    #[test]
+    fn a_constant_comes_before_the_functions_of_the_shape() {
+        let hinge = crate::effects::shape::Hinge { at: 1.0, scale: 2.0 };
+        let factor = Factor::new(Time.into(), &[], hinge.into()).with_constant();
+        assert_eq!(factor.count(), 3);
+        assert_eq!(factor.values(5.0).as_slice(), [1.0, 0.0, 2.0]);
+        assert_eq!((factor.prior(0), factor.prior(2)), (1.0, 1.0));
+    }
+
+    #[test]
+    fn a_measured_rate_by_itself_is_refused() {
+        let measured =
+            |dynamics: &[Dynamics]| Factor::new(crate::effects::signal::Measured.into(), dynamics, IDENTITY.into());
+        assert!(measured(&[]).validate().is_err());
+        assert!(measured(&[Rate { tau_s: 3.0 }.into()]).validate().is_ok());
     }
 
     #[test]

@@ -46,9 +46,9 @@ pub struct Span {
     pub high: f64,
     /// It is an angle, in degrees: 360 is 0.
     pub is_angle: bool,
-    /// It is a time that passes at its own pace, in seconds.
+    /// It is a time, in seconds, that no dynamics makes more of.
     pub is_time: bool,
-    /// Length of a usual row and of the longest recording, seconds.
+    /// Length of a usual row and of the longest recording, or of the longest such time, seconds.
     pub row_s: f64,
     pub longest_s: f64,
 }

@@ -27,6 +27,8 @@ pub struct Track {
     /// Seconds since the middle of the row before.
     pub step_s: f64,
     rest_began_s: f64,
+    /// Rate as the gyro gave it in the last row at rest, °/h.
+    pub rate_deg_h: f64,
 }
 
 impl Track {
@@ -47,6 +49,9 @@ impl Track {
                 }
                 Some(last_deg) => self.turn(wrap_180_deg(index_deg - last_deg), start_s),
             }
+        }
+        if !self.moving {
+            self.rate_deg_h = conditions.raw_rate_deg_h;
         }
         self.since_s = (conditions.t_s - self.rest_began_s).max(0.0);
     }
@@ -86,5 +91,20 @@ mod tests {
         assert!((track.winding_deg - 440.0).abs() < 1e-9 && (track.travel_deg - 89.9).abs() < 1e-9, "{track:?}");
         assert_eq!((track.number, track.since_s, track.step_s), (1.0, 2.5, 1.0));
         assert!(track.turning_deg_s.abs() < 1e-9 && track.begun_per_s == 0.0);
+    }
+
+    /// While the index turns the rate of the last second at rest is kept.
+    #[test]
+    fn the_rate_of_a_turn_is_not_taken() {
+        let mut track = Track::default();
+        let mut rate_after = |t_s, index_deg, raw_rate_deg_h| {
+            let index = Some(Direction::of_deg(index_deg));
+            track.push(&Conditions { t_s, raw_rate_deg_h, index, ..Conditions::default() });
+            track.rate_deg_h
+        };
+        assert_eq!(
+            [rate_after(0.5, 10.0, 7.0), rate_after(1.5, 40.0, 900.0), rate_after(2.5, 40.0, -3.0)],
+            [7.0, 7.0, -3.0]
+        );
     }
 }

@@ -193,6 +193,27 @@ mod tests {
         assert!((fix(&model(effect, &[0.02]), added).amplitude_deg_h / NORTH_DEG_H - 1.0).abs() < 1e-6);
     }
 
+    /// The gyro reads (1 + s)·rate + 4 °/h with s = 0.05 at the indices 135° and 180° and 0 elsewhere, and the model divides by 1 + s: of the bias
+    /// 4/1.05 °/h are left there. The azimuth is 70° and the bias 4 °/h where the dwells say so. Where they do not, the missing 0.1905 °/h change
+    /// h cos ψ by 2/8 · 0.1905 · (1 + √½) = 0.0813 and h sin ψ by −2/8 · 0.1905 · √½ = −0.0337 °/h: −0.67° (the drift takes some of it).
+    #[test]
+    fn a_scale_factor_that_changes_divides_the_bias_too() {
+        let dwells = |of_bias: bool| -> Vec<DwellSummary> {
+            let each = |(i, index_deg): (u32, f64)| {
+                let scale = if index_deg == 135.0 || index_deg == 180.0 { 1.05 } else { 1.0 };
+                let raw_deg_h = scale * NORTH_DEG_H * libm::cos((70.0 - index_deg).to_radians()) + 4.0;
+                let mut each = dwell(65.0 * f64::from(i), index_deg, raw_deg_h / scale);
+                each.carried.set_of_bias(if of_bias { 1.0 / scale - 1.0 } else { 0.0 });
+                each
+            };
+            (0..).zip(ORDER).map(each).collect()
+        };
+        let fix = |of_bias| solve(&dwells(of_bias), &declared(60.0), &ErrorModel::default()).unwrap();
+        assert_azimuth(&fix(true), 70.0);
+        assert!((fix(true).bias_deg_h - 4.0).abs() < 1e-6);
+        assert!((wrap_180_deg(fix(false).azimuth_deg - 70.0) + 0.67).abs() < 0.25, "{}", fix(false).azimuth_deg);
+    }
+
     /// An index offset known to 0.5° makes the azimuth uncertain by 0.5°; so does a level error of 0.5° that turns with the index at no azimuth: a
     /// constant reading of the forward accelerometer that is 0.01 g too large takes 0.01 · Ω sin φ cos θ from the rate, which at an azimuth of 70° is
     /// 0.01 · 13.02595 · sin 70°/7.5205 = 0.016276 rad = 0.93256°.

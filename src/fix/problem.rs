@@ -77,7 +77,8 @@ impl<'a> Problem<'a> {
         let hours = (dwell.t_s - self.start_s) / 3600.0;
         let (effects_deg_h, with_azimuth) =
             self.effects_at(dwell).map_or((0.0, Vector4::zeros()), |effects| effects.of_dwell(dwell, index));
-        let row = Vector4::new(design.cos, design.sin, 1.0, hours) + with_azimuth;
+        let of_bias = 1.0 + dwell.carried.of_bias();
+        let row = Vector4::new(design.cos, design.sin, of_bias, of_bias * hours) + with_azimuth;
         // At an azimuth that was less by Δ: h cos(ψ − Δ) and h sin(ψ − Δ) in the unknowns h cos ψ and h sin ψ.
         let horizontal = Direction { cos: row.x, sin: row.y }.turned_deg(self.cause.azimuth_deg(dwell));
         let [sinusoid_deg_h, sinusoid_deg_h_per_h] = match &self.sinusoid {

@@ -1,24 +1,33 @@
 //! Proposals by the thousand, judged by a score: which are worth an exact look.
 
+use std::collections::HashMap;
 use std::ops::Range;
 
+use nalgebra::{DMatrix, DVector};
+use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::{Effect, Port};
 use north_finder::effects::factor::Factor;
 use rayon::prelude::*;
 
 use super::functions::{Functions, Library};
 use super::grammar::Grammar;
+use super::problem::quick_gain;
+use super::process::Whitener;
 use super::rows::Run;
 
 /// Rows of one run by which products are judged: means over some seconds; what stands alone is judged by every row.
 const COARSE_ROWS: usize = 48;
+const ALL_COARSE_ROWS: usize = 960;
+const LEAST_COARSE_ROWS: usize = 16;
+/// Proposals of the same signal at the same port.
+const OF_THE_SAME_SIGNAL: usize = 4;
 /// Numbers that are added up side by side: what a processor's vector holds.
 const LANES: usize = 8;
 
 /// All rows of all runs, one after the other: where each run ends, and the precision of every row.
-struct Rows {
-    ends: Vec<usize>,
-    precision: Vec<f32>,
+pub struct Rows {
+    pub ends: Vec<usize>,
+    pub precision: Vec<f32>,
 }
 
 impl Rows {
@@ -46,9 +55,40 @@ impl Rows {
     }
 }
 
+/// What a model leaves of the residual, in coarse rows: what proposals are judged by.
+pub struct Left {
+    /// V⁻¹ times it, summed by coarse row.
+    pub sums: DVector<f32>,
+    /// By run: what makes rows independent, and a bias after it.
+    whiteners: Vec<(Whitener, Vec<f64>)>,
+}
+
+impl Left {
+    /// About what columns of one effect gain beside the model with every run's bias unknown, and their weights.
+    pub fn gain(&self, columns: &[DVector<f32>]) -> (f64, DVector<f32>) {
+        let right = DVector::from_iterator(columns.len(), columns.iter().map(|column| column.dot(&self.sums)));
+        let mut matrix = DMatrix::zeros(self.sums.len(), columns.len());
+        let mut own = Vec::new();
+        for (column, mut white) in columns.iter().zip(matrix.column_iter_mut()) {
+            let mut first = 0;
+            for (whitener, bias) in &self.whiteners {
+                let rows = first..first + bias.len();
+                first = rows.end;
+                own.clear();
+                own.extend(column.as_slice()[rows.clone()].iter().map(|value| f64::from(*value)));
+                whitener.apply(&mut own);
+                let share = own.iter().zip(bias).map(|(a, b)| a * b).sum::<f64>();
+                own.iter_mut().zip(bias).for_each(|(value, bias)| *value -= share * bias);
+                white.rows_mut(rows.start, own.len()).iter_mut().zip(&own).for_each(|(to, from)| *to = *from as f32);
+            }
+        }
+        quick_gain(&(matrix.transpose() * &matrix), &right)
+    }
+}
+
 /// About what the evidence gains by a column at its best size: half of ratio − 1 − ln ratio, the ratio that of the square of its score to its
 /// information.
-fn gain(score: f32, information: f32) -> f64 {
+pub fn gain(score: f32, information: f32) -> f64 {
     let ratio = if information > 0.0 { f64::from(score).powi(2) / f64::from(information) } else { 0.0 };
     if ratio > 1.0 { 0.5 * (ratio - 1.0 - ratio.ln()) } else { 0.0 }
 }
@@ -73,23 +113,22 @@ fn product(a: &[f32], b: &[f32]) -> Vec<f32> {
     a.iter().zip(b).map(|(a, b)| a * b).collect()
 }
 
-/// An effect of the bank: the numbers of its factors, what its form costs, the information of each of its columns.
+/// An effect of one factor: its number, what its form costs, the information of each of its columns.
 struct Proposal {
     effect: Effect,
     cost: f64,
-    factors: Vec<usize>,
+    factor: Option<usize>,
     information: Vec<f32>,
 }
 
-/// All proposals.
+/// All effects of one factor.
 pub struct Bank {
     rows: Rows,
-    coarse: Rows,
+    pub coarse: Rows,
     /// By port: what the rate of a row changes by, of rows and of coarse rows.
     gains: Vec<(Port, Vec<f32>, Vec<f32>)>,
-    /// Functions of the factors in rows and, of those that stand in products, in coarse rows.
-    fine_functions: Vec<Functions>,
-    coarse_functions: Vec<Functions>,
+    /// Functions of the factors in rows.
+    functions: Vec<Functions>,
     proposals: Vec<Proposal>,
     /// Rows of every coarse row.
     coarse_rows: Vec<Range<usize>>,
@@ -97,14 +136,15 @@ pub struct Bank {
 }
 
 impl Bank {
-    pub fn new(runs: &[Run], grammar: &Grammar, factors: &[Factor], gates: &[Factor]) -> Self {
+    pub fn new(runs: &[Run], grammar: &Grammar, factors: &[Factor]) -> Self {
         let library = Library::new(runs);
         let mut first = 0;
         let mut coarse_rows = Vec::new();
         let mut coarse_precision = Vec::new();
         let precision = |run: &Run, rows: Range<usize>| run.variance[rows].iter().map(|v| 1.0 / *v as f32).sum::<f32>();
+        let most = (ALL_COARSE_ROWS / runs.len().max(1)).clamp(LEAST_COARSE_ROWS, COARSE_ROWS);
         for run in runs {
-            let coarse = run.coarse(COARSE_ROWS);
+            let coarse = run.coarse(most);
             coarse_precision.push(coarse.iter().map(|rows| precision(run, rows.clone())).collect());
             coarse_rows.extend(coarse.into_iter().map(|rows| rows.start + first..rows.end + first));
             first += run.rows();
@@ -121,98 +161,120 @@ impl Bank {
                 (port, fine, coarse)
             })
             .collect();
-        let fine_functions: Vec<Functions> = factors.par_iter().map(|factor| library.keep(runs, factor)).collect();
-        let is_gate: Vec<bool> = factors.iter().map(|factor| gates.contains(factor)).collect();
-        let coarse_of = |(functions, is_gate): (&Functions, &bool)| -> Functions {
-            if *is_gate { functions.iter().map(|f| means(f)).collect::<Vec<_>>().into() } else { Functions::default() }
+        let functions: Vec<Functions> = factors.par_iter().map(|factor| library.keep(runs, factor)).collect();
+        let mut bank = Self { rows, coarse, gains, functions, proposals: Vec::new(), coarse_rows, library };
+        let none = grammar.ports.iter().filter(|&&port| port != Port::Rate).map(|&port| (port, None));
+        let forms = (0..factors.len()).flat_map(|i| grammar.ports.iter().map(move |&port| (port, Some(i))));
+        let forms: Vec<(Port, Option<usize>)> = none.chain(forms).collect();
+        let proposal = |(port, factor): (Port, Option<usize>)| {
+            let chosen: Vec<Factor> = factor.map(|i| factors[i].clone()).into_iter().collect();
+            let effect = Effect::new(port, &chosen);
+            effect.validate().ok()?;
+            let information = bank.columns(port, factor).iter().map(|column| bank.rows.information(column)).collect();
+            Some(Proposal { cost: grammar.cost(&effect), effect, factor, information })
         };
-        let coarse_functions: Vec<Functions> = fine_functions.iter().zip(&is_gate).map(coarse_of).collect();
-        let gate_numbers: Vec<usize> = (0..factors.len()).filter(|&i| is_gate[i]).collect();
-        let singles = (0..factors.len()).map(|i| vec![i]);
-        let pairs =
-            gate_numbers.iter().enumerate().flat_map(|(n, &i)| gate_numbers[..n].iter().map(move |&j| vec![i, j]));
-        let all: Vec<Vec<usize>> = std::iter::once(Vec::new()).chain(singles).chain(pairs).collect();
-        let forms: Vec<(Port, Vec<usize>)> = all
-            .into_iter()
-            .flat_map(|numbers| {
-                let open = ports(&numbers).iter().filter(|port| grammar.ports.contains(port));
-                open.map(|&port| (port, numbers.clone())).collect::<Vec<_>>()
-            })
-            .collect();
-        let mut bank =
-            Self { rows, coarse, gains, fine_functions, coarse_functions, proposals: Vec::new(), coarse_rows, library };
-        bank.proposals = forms
-            .into_par_iter()
-            .filter_map(|(port, numbers)| {
-                let chosen: Vec<Factor> = numbers.iter().map(|&i| factors[i].clone()).collect();
-                let effect = Effect::new(port, &chosen);
-                effect.validate().ok()?;
-                let mut information = Vec::new();
-                let rows = if numbers.len() > 1 { &bank.coarse } else { &bank.rows };
-                bank.each_column(port, &numbers, &mut |column| information.push(rows.information(column)));
-                Some(Proposal { cost: grammar.cost(&effect), effect, factors: numbers, information })
-            })
-            .collect();
+        bank.proposals = forms.into_par_iter().filter_map(proposal).collect();
         bank
     }
 
-    /// The columns of a proposal: of a product in coarse rows.
-    fn each_column(&self, port: Port, factors: &[usize], take: &mut dyn FnMut(&[f32])) {
-        let (_, fine, coarse) = self.gains.iter().find(|(each, ..)| *each == port).unwrap_or(&self.gains[0]);
-        match factors {
-            [] => take(fine),
-            [i] => self.fine_functions[*i].iter().for_each(|f| take(&product(fine, f))),
-            [i, j, ..] => {
-                for f in self.coarse_functions[*i].iter() {
-                    let own = product(coarse, f);
-                    self.coarse_functions[*j].iter().for_each(|g| take(&product(&own, g)));
-                }
-            }
-        }
+    /// The columns of a proposal.
+    fn columns(&self, port: Port, factor: Option<usize>) -> Vec<Vec<f32>> {
+        let (_, fine, _) = self.gains_at(port);
+        factor.map_or_else(|| vec![fine.clone()], |i| self.functions[i].iter().map(|f| product(fine, f)).collect())
     }
 
-    /// The effects that promise most, the first of them first. `weighed`: V⁻¹ times what is left of the residual, by the row.
-    pub fn shortlist(&self, weighed: &[f64], most: usize) -> Vec<&Effect> {
+    fn gains_at(&self, port: Port) -> &(Port, Vec<f32>, Vec<f32>) {
+        self.gains.iter().find(|(each, ..)| *each == port).unwrap_or(&self.gains[0])
+    }
+
+    /// What the rate of a coarse row changes by, by unit of what an effect adds at a port.
+    pub fn coarse_gains(&self, port: Port) -> &[f32] {
+        &self.gains_at(port).2
+    }
+
+    /// The functions of a factor by coarse row.
+    pub fn coarse_functions(&self, runs: &[Run], factor: &Factor) -> Vec<Vec<f32>> {
+        self.library.keep(runs, factor).iter().map(|f| self.means(f)).collect()
+    }
+
+    /// The effects of one factor that promise most, the first of them first. `weighed`: V⁻¹ times what is left of the residual, by the row.
+    pub fn shortlist(&self, runs: &[Run], weighed: &[f64], left: &Left, most: usize) -> Vec<Effect> {
         let fine: Vec<f32> = weighed.iter().map(|value| *value as f32).collect();
-        let coarse = self.coarse_sums(weighed);
         // The rate that a unit at each port is worth.
-        let heavy: Vec<(Port, Vec<f32>, Vec<f32>)> =
-            self.gains.iter().map(|(port, f, c)| (*port, product(f, &fine), product(c, &coarse))).collect();
-        let mut scored: Vec<(f64, &Effect)> =
-            self.proposals.par_iter().map(|each| (self.promise_of(each, &heavy) - each.cost, &each.effect)).collect();
-        scored.sort_by(|a, b| b.0.total_cmp(&a.0));
-        scored.truncate(most);
-        scored.into_iter().map(|(_, effect)| effect).collect()
-    }
-
-    fn promise_of(&self, proposal: &Proposal, heavy: &[(Port, Vec<f32>, Vec<f32>)]) -> f64 {
-        let (_, fine, coarse) = heavy.iter().find(|(port, ..)| *port == proposal.effect.port).unwrap_or(&heavy[0]);
-        let mut information = proposal.information.iter();
-        let mut of = |score: f32| information.next().map_or(0.0, |information| gain(score, *information));
-        match proposal.factors.as_slice() {
-            [] => of(fine.iter().sum()),
-            [i] => self.fine_functions[*i].iter().map(|f| of(dot(fine, f))).sum(),
-            [i, j, ..] => {
-                let (a, b) = (&self.coarse_functions[*i], &self.coarse_functions[*j]);
-                a.iter().flat_map(|f| b.iter().map(move |g| (f, g))).map(|(f, g)| of(triple(coarse, f, g))).sum()
-            }
+        let heavy: Vec<(Port, Vec<f32>)> = self.gains.iter().map(|(port, f, _)| (*port, product(f, &fine))).collect();
+        let mut best: HashMap<(Port, Option<String>), Vec<(f64, &Proposal)>> = HashMap::new();
+        let scored: Vec<(f64, &Proposal)> =
+            self.proposals.par_iter().map(|each| (self.promise_of(each, &heavy), each)).collect();
+        for (promise, each) in scored {
+            let signal = each.effect.factors.first().map(|factor| factor.signal.to_string());
+            let of_these = best.entry((each.effect.port, signal)).or_default();
+            let place = of_these.iter().take_while(|(above, _)| *above >= promise).count();
+            of_these.insert(place, (promise, each));
+            of_these.truncate(OF_THE_SAME_SIGNAL);
         }
+        let promise =
+            |(_, each): (f64, &Proposal)| (self.promise(runs, &each.effect, left) - each.cost, each.effect.clone());
+        let mut promising: Vec<(f64, Effect)> =
+            best.into_values().collect::<Vec<_>>().into_par_iter().flatten_iter().map(promise).collect();
+        promising.sort_by(|a, b| b.0.total_cmp(&a.0));
+        promising.into_iter().take(most).map(|(_, effect)| effect).collect()
     }
 
-    /// About what an effect that is not in the bank would gain, by coarse rows.
-    pub fn promise(&self, runs: &[Run], effect: &Effect, coarse: &[f32]) -> f64 {
-        let (_, _, gains) = self.gains.iter().find(|(port, ..)| *port == effect.port).unwrap_or(&self.gains[0]);
-        let mut columns = vec![gains.clone()];
+    fn promise_of(&self, proposal: &Proposal, heavy: &[(Port, Vec<f32>)]) -> f64 {
+        let (_, fine) = heavy.iter().find(|(port, _)| *port == proposal.effect.port).unwrap_or(&heavy[0]);
+        let scores: Vec<f32> = match proposal.factor {
+            None => vec![fine.iter().sum()],
+            Some(i) => self.functions[i].iter().map(|f| dot(fine, f)).collect(),
+        };
+        scores.into_iter().zip(&proposal.information).map(|(score, &information)| gain(score, information)).sum()
+    }
+
+    /// About what an effect gains beside a model, in coarse rows.
+    pub fn promise(&self, runs: &[Run], effect: &Effect, left: &Left) -> f64 {
+        left.gain(&self.coarse_columns(runs, effect)).0
+    }
+
+    /// What an effect adds to the rate with the weights that fit what a model leaves, by coarse row.
+    pub fn fitted(&self, runs: &[Run], effect: &Effect, left: &Left) -> DVector<f32> {
+        let columns = self.coarse_columns(runs, effect);
+        let (_, weights) = left.gain(&columns);
+        let rows = DVector::zeros(left.sums.len());
+        columns.iter().zip(weights.iter()).fold(rows, |sum, (column, weight)| sum + column * *weight)
+    }
+
+    fn coarse_columns(&self, runs: &[Run], effect: &Effect) -> Vec<DVector<f32>> {
+        let mut columns = vec![DVector::from_column_slice(self.coarse_gains(effect.port))];
         for factor in &effect.factors {
-            let functions: Vec<Vec<f32>> = self.library.keep(runs, factor).iter().map(|f| self.means(f)).collect();
-            columns = columns.iter().flat_map(|column| functions.iter().map(move |f| product(column, f))).collect();
+            let functions: Vec<DVector<f32>> =
+                self.coarse_functions(runs, factor).into_iter().map(DVector::from_vec).collect();
+            columns =
+                columns.iter().flat_map(|column| functions.iter().map(move |f| column.component_mul(f))).collect();
         }
-        columns.iter().map(|column| gain(dot(column, coarse), self.coarse.information(column))).sum()
+        columns
     }
 
-    /// Sums over coarse rows of what is V⁻¹ times a residual.
-    pub fn coarse_sums(&self, weighed: &[f64]) -> Vec<f32> {
-        self.coarse_rows.iter().map(|rows| weighed[rows.clone()].iter().sum::<f64>() as f32).collect()
+    /// What a model leaves, from V⁻¹ times it by the row.
+    pub fn left(&self, runs: &[Run], weighed: &[f64], process: Option<&Process>) -> Left {
+        let mut first = (0, 0);
+        let mut sums = Vec::with_capacity(self.coarse_rows.len());
+        let of_run = |(run, &end): (&Run, &usize)| {
+            let (mut t_s, mut variance) = (Vec::new(), Vec::new());
+            for (rows, precision) in self.coarse_rows[first.1..end].iter().zip(&self.coarse.precision[first.1..end]) {
+                let own = rows.start - first.0..rows.end - first.0;
+                t_s.push(run.t_s[own.clone()].iter().sum::<f64>() / own.len() as f64);
+                variance.push(1.0 / f64::from(*precision));
+                sums.push(weighed[rows.clone()].iter().sum::<f64>() as f32);
+            }
+            first = (first.0 + run.rows(), end);
+            let whitener = Whitener::new(&t_s, &variance, process);
+            let mut bias = vec![1.0; t_s.len()];
+            whitener.apply(&mut bias);
+            let size = bias.iter().map(|value| value * value).sum::<f64>().sqrt();
+            bias.iter_mut().for_each(|value| *value /= size);
+            (whitener, bias)
+        };
+        let whiteners = runs.iter().zip(&self.coarse.ends).map(of_run).collect();
+        Left { sums: DVector::from_vec(sums), whiteners }
     }
 
     fn means(&self, fine: &[f32]) -> Vec<f32> {
@@ -223,13 +285,4 @@ impl Bank {
 /// Means over coarse rows.
 fn means(coarse_rows: &[Range<usize>], fine: &[f32]) -> Vec<f32> {
     coarse_rows.iter().map(|rows| fine[rows.clone()].iter().sum::<f32>() / rows.len() as f32).collect()
-}
-
-/// Ports at which so many factors are proposed together.
-fn ports(factors: &[usize]) -> &'static [Port] {
-    match factors.len() {
-        0 => &[Port::Scale, Port::Index, Port::Forward, Port::Left],
-        1 => &Port::ALL,
-        _ => &[Port::Rate, Port::Scale, Port::Index],
-    }
 }

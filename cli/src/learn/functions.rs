@@ -73,7 +73,7 @@ fn evaluated(runs: &[Run], factor: &Factor) -> Functions {
     let mut all: Vec<Vec<f32>> = vec![Vec::new(); factor.count()];
     for run in runs {
         for (k, (function, values)) in all.iter_mut().zip(run.functions_by_row(factor)).enumerate() {
-            let prior = factor.shape.prior(k);
+            let prior = factor.prior(k);
             function.extend(values.into_iter().map(|value| (prior * value) as f32));
         }
     }

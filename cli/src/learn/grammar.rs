@@ -6,10 +6,10 @@ use std::sync::{Arc, Mutex};
 
 use north_finder::effects::ChannelName;
 use north_finder::effects::dynamics::Dynamics;
-use north_finder::effects::effect::{Effect, Port};
+use north_finder::effects::effect::{Effect, MAX_FACTORS, Port};
 use north_finder::effects::factor::Factor;
 use north_finder::effects::part::Span;
-use north_finder::effects::shape::{Linear, Shape};
+use north_finder::effects::shape::{Linear, Shape, Sharp, Smooth};
 use north_finder::effects::signal::{Channel, Difference, Signal};
 
 use super::rows::Run;
@@ -18,8 +18,6 @@ use super::rows::Run;
 const VALUES_OF_A_CONSTANT: f64 = 8.0;
 /// Most channels of which differences are proposed: more would be more pairs than signals.
 const MOST_PAIRED: usize = 6;
-/// Harmonics of an angle down to the third stand in products: a sector of half a turn has a first and a third one.
-const LEAST_PERIOD_DEG: f32 = 110.0;
 /// A signal that varies by less than this share of its size is constant.
 const CONSTANT: f64 = 1e-9;
 
@@ -83,50 +81,34 @@ impl Grammar {
     pub fn factors(&self, runs: &[Run]) -> Vec<Factor> {
         let mut factors = Vec::new();
         for (signal, of_signal) in &self.signals {
-            Shape::starts(of_signal, &mut |shape| factors.push(Factor::new(*signal, &[], shape)));
-            if signal.is_angle() || signal.is_time() || signal.needs_azimuth() {
-                continue;
+            if !signal.needs_dynamics() {
+                Shape::starts(of_signal, &mut |shape| factors.push(Factor::new(*signal, &[], shape)));
             }
-            Dynamics::starts(of_signal, &mut |dynamics| {
-                if let Some(behind) = self.span(runs, *signal, &[dynamics]) {
-                    Shape::starts(&behind, &mut |shape| {
-                        if matches!(shape, Shape::Linear(_) | Shape::Smooth(_)) {
-                            factors.push(Factor::new(*signal, &[dynamics], shape));
-                        }
-                    });
-                }
-            });
+            if !signal.is_angle() && !signal.is_time() && !signal.needs_azimuth() {
+                Dynamics::starts(of_signal, &mut |dynamics| {
+                    factors.extend(self.curves(runs, *signal, &[dynamics], false))
+                });
+            }
         }
         factors
     }
 
-    /// The plainest factors: what others are multiplied with. Behind a dynamics every third time constant: a product is tuned when it is found.
-    pub fn gates(&self, factors: &[Factor]) -> Vec<Factor> {
-        let mut gates = Vec::new();
-        let mut seen: Vec<(String, usize)> = Vec::new();
-        for factor in factors {
-            let is_gate = match (&factor.shape, factor.dynamics.first()) {
-                (Shape::Harmonic(harmonic), None) => factor.signal.is_angle() && harmonic.period > LEAST_PERIOD_DEG,
-                (Shape::Linear(_), None) => true,
-                (Shape::Decay(_), None) => true,
-                (Shape::Linear(_), Some(Dynamics::LowPass(_) | Dynamics::Memory(_) | Dynamics::Rate(_))) => true,
-                _ => false,
-            };
-            if !is_gate {
-                continue;
-            }
-            let name = factor.to_string();
-            let place = seen.iter().position(|(each, _)| *each == name).unwrap_or(seen.len());
-            if place == seen.len() {
-                seen.push((name, 0));
-            }
-            let is_harmonic = matches!(factor.shape, Shape::Harmonic(_));
-            if is_harmonic || seen[place].1 % 3 == 1 || (seen[place].1 == 0 && factor.constants().is_empty()) {
-                gates.push(factor.clone());
-            }
-            seen[place].1 += 1;
+    /// A signal behind dynamics as a line and as a smooth curve, of few functions for products.
+    pub fn curves(&self, runs: &[Run], signal: Signal, dynamics: &[Dynamics], of_few: bool) -> Vec<Factor> {
+        let mut curves = Vec::new();
+        if let Some(behind) = self.span(runs, signal, dynamics) {
+            Shape::starts(&behind, &mut |shape| {
+                let is_curve = match shape {
+                    Shape::Linear(_) => true,
+                    Shape::Smooth(smooth) => smooth.is_of_few() == of_few,
+                    _ => false,
+                };
+                if is_curve {
+                    curves.push(Factor::new(signal, dynamics, shape));
+                }
+            });
         }
-        gates
+        curves
     }
 
     /// Minus the logarithm of the probability of an effect's form before anything is seen, nats. Ports, numbers of factors, signals,
@@ -167,7 +149,7 @@ pub fn span(runs: &[Run], factor: &Factor) -> Option<Span> {
         is_angle: signal.is_angle() && factor.dynamics.is_empty(),
         is_time: signal.is_time(),
         row_s,
-        longest_s,
+        longest_s: if signal.is_time() { f64::max(longest_s, high) } else { longest_s },
     })
 }
 
@@ -177,41 +159,31 @@ fn same_unit(a: &str, b: &str) -> bool {
     unit(a) == unit(b)
 }
 
-/// The nearest forms to an effect: with one factor more, with one less, with another shape or dynamics in the place of one, at another port.
-pub fn neighbours(effect: &Effect, grammar: &Grammar, runs: &[Run], gates: &[Factor]) -> Vec<Effect> {
+/// Forms of the same signals: with another shape or dynamics in the place of one, at another port, with one factor less.
+pub fn reshaped(effect: &Effect, grammar: &Grammar, runs: &[Run]) -> Vec<Effect> {
     let mut all = Vec::new();
-    let mut push = |port: Port, factors: &[Factor]| {
-        let each = Effect::new(port, factors);
-        if each.validate().is_ok() && each != *effect {
-            all.push(each);
-        }
-    };
+    let mut push = |port: Port, factors: Vec<Factor>| all.extend(varied(effect, port, factors));
     let factors: Vec<Factor> = effect.factors.to_vec();
-    if factors.len() < north_finder::effects::effect::MAX_FACTORS {
-        for gate in gates {
-            push(effect.port, &[factors.as_slice(), std::slice::from_ref(gate)].concat());
-        }
-    }
     for &port in grammar.ports.iter().filter(|&&port| port != effect.port) {
-        push(port, &factors);
+        push(port, factors.clone());
     }
-    for i in 0..factors.len() {
+    for (i, own) in factors.iter().enumerate() {
         let with = |factor: Factor| {
             let mut factors = factors.clone();
-            factors[i] = factor;
+            factors[i] = Factor { constant: own.constant, ..factor };
             factors
         };
-        if factors.len() > 1 {
-            let mut fewer = factors.clone();
-            fewer.remove(i);
-            push(effect.port, &fewer);
-        }
-        let own = &factors[i];
+        let mut fewer = factors.clone();
+        fewer.remove(i);
+        push(effect.port, fewer);
+        let mut toggled = factors.clone();
+        toggled[i].constant = !own.constant;
+        push(effect.port, toggled);
         if let Some(span) = grammar.span(runs, own.signal, &own.dynamics) {
-            Shape::starts(&span, &mut |shape| push(effect.port, &with(Factor::new(own.signal, &own.dynamics, shape))));
+            Shape::starts(&span, &mut |shape| push(effect.port, with(Factor::new(own.signal, &own.dynamics, shape))));
         }
         let Some((_, bare)) = grammar.signals.iter().find(|(signal, _)| *signal == own.signal) else { continue };
-        if bare.is_angle || own.needs_azimuth() {
+        if bare.is_angle || bare.is_time || own.needs_azimuth() {
             continue;
         }
         let relined = |dynamics: &[Dynamics]| {
@@ -223,7 +195,13 @@ pub fn neighbours(effect: &Effect, grammar: &Grammar, runs: &[Run], gates: &[Fac
                     shape = Some(each);
                 }
             });
-            Some(Factor::new(own.signal, dynamics, shape?))
+            let shape = match (shape?, own.shape) {
+                (Shape::Smooth(Smooth { low, high, .. }), Shape::Smooth(Smooth { count, .. })) => {
+                    Smooth { low, high, count }.into()
+                }
+                (shape, _) => shape,
+            };
+            Some(Factor::new(own.signal, dynamics, shape))
         };
         let mut chains: Vec<Vec<Dynamics>> = vec![Vec::new()];
         Dynamics::starts(bare, &mut |each| {
@@ -232,11 +210,38 @@ pub fn neighbours(effect: &Effect, grammar: &Grammar, runs: &[Run], gates: &[Fac
                 chains.push(vec![*first, each]);
             }
         });
-        for chain in chains {
-            if let Some(factor) = relined(&chain) {
-                push(effect.port, &with(factor));
-            }
-        }
+        chains.iter().filter_map(|chain| relined(chain)).for_each(|factor| push(effect.port, with(factor)));
     }
     all
+}
+
+/// Forms with one factor more.
+pub fn extended(effect: &Effect, further: &[Factor]) -> Vec<Effect> {
+    let beside: Vec<Factor> = effect.factors.iter().cloned().map(Factor::with_constant).collect();
+    let lean: Vec<Factor> = beside.iter().map(lean).collect();
+    let with = |factor: &Factor| {
+        [&beside, &lean].map(|own| varied(effect, effect.port, [own.as_slice(), std::slice::from_ref(factor)].concat()))
+    };
+    further.iter().flat_map(with).flatten().collect()
+}
+
+/// Another form, if it is valid and another. Constants stand in products: by itself a factor's constant is the port's, which is proposed by itself.
+fn varied(effect: &Effect, port: Port, mut factors: Vec<Factor>) -> Option<Effect> {
+    if factors.len() > MAX_FACTORS {
+        return None;
+    }
+    if let [one] = factors.as_mut_slice() {
+        one.constant = false;
+    }
+    let each = Effect::new(port, &factors);
+    (each.validate().is_ok() && each != *effect).then_some(each)
+}
+
+/// A factor with fewer functions, so that products of three have room.
+fn lean(factor: &Factor) -> Factor {
+    let shape = match factor.shape {
+        Shape::Smooth(Smooth { low, high, .. }) | Shape::Sharp(Sharp { low, high }) => Smooth::of_few(low, high).into(),
+        shape => shape,
+    };
+    Factor { shape, ..factor.clone() }
 }

@@ -8,6 +8,7 @@ mod functions;
 mod grammar;
 mod judge;
 mod model;
+mod pairs;
 mod posterior;
 mod problem;
 mod process;

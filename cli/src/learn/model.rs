@@ -45,9 +45,17 @@ impl<'a> Model<'a> {
 
     /// The evidence, less what the effects' forms cost.
     pub fn score(&self, grammar: &Grammar) -> f64 {
-        self.fit.evidence
-            - process_cost(&self.process)
-            - self.terms.iter().map(|term| grammar.cost(&term.effect)).sum::<f64>()
+        self.fit.evidence - self.cost(grammar)
+    }
+
+    /// The same by how well every run is predicted from the others: where a model is wrong, it is the better judge.
+    pub fn predictive(&self, grammar: &Grammar) -> f64 {
+        self.problem.predictive(&self.terms) - self.cost(grammar)
+    }
+
+    /// What the forms of effects and process cost, nats.
+    fn cost(&self, grammar: &Grammar) -> f64 {
+        process_cost(&self.process) + self.terms.iter().map(|term| grammar.cost(&term.effect)).sum::<f64>()
     }
 
     /// The evidence less what the process costs.

@@ -4,6 +4,7 @@
 //! of the runs' own unknowns, e white noise and a process of every run's own. Linear and Gaussian, so that the marginal likelihood is exact
 //! (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, section 2.7).
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use nalgebra::{Cholesky, DMatrix, DVector, DVectorView, Dyn, Matrix3, Vector3};
@@ -26,6 +27,12 @@ impl Column {
     /// Inner product under the inverse of the runs' covariance.
     pub fn dot(&self, other: &Self) -> f64 {
         dot(&self.rows, &other.rows) - dot(&self.explained, &other.explained)
+    }
+
+    /// What one run adds to it: its rows, and the numbers of its unknowns.
+    fn dot_of_run(&self, other: &Self, rows: Range<usize>, unknowns: Range<usize>) -> f64 {
+        dot(&self.rows[rows.clone()], &other.rows[rows])
+            - dot(&self.explained[unknowns.clone()], &other.explained[unknowns])
     }
 
     fn add(&mut self, factor: f64, other: &Self) {
@@ -83,6 +90,40 @@ impl<'a> Problem<'a> {
             + problem.stations.iter().map(|station| 2.0 * station.root.ln()).sum::<f64>();
         problem.without = -0.5 * (problem.residual.dot(&problem.residual) + determinants);
         problem
+    }
+
+    /// Logarithm of the probability of every run by what all the others teach, with the sizes of these terms as they are, nats: p(y)/p(y without it).
+    pub fn predictive(&self, terms: &[Term]) -> f64 {
+        let columns: Vec<(&Column, f64)> =
+            terms.iter().flat_map(|term| term.columns.iter().map(|column| (column, term.size2.sqrt()))).collect();
+        let count = columns.len();
+        let mut first = 0;
+        let of_run = |(i, run): (usize, &OfRun)| {
+            let rows = first..first + self.runs[i].rows();
+            first = rows.end;
+            let unknowns = UNKNOWNS * i..UNKNOWNS * (i + 1);
+            let dot = |a: &Column, b: &Column| a.dot_of_run(b, rows.clone(), unknowns.clone());
+            let mut gram = DMatrix::from_fn(count, count, |i, j| {
+                if j <= i { columns[i].1 * columns[j].1 * dot(columns[i].0, columns[j].0) } else { 0.0 }
+            });
+            gram.fill_upper_triangle_with_lower_triangle();
+            let right = DVector::from_iterator(count, columns.iter().map(|(c, size)| size * dot(c, &self.residual)));
+            let determinant = run.whitener.log_determinant + 2.0 * run.factor.l().diagonal().map(f64::ln).sum();
+            (gram, right, -0.5 * (dot(&self.residual, &self.residual) + determinant))
+        };
+        let of_runs: Vec<_> = self.of_runs.iter().enumerate().map(of_run).collect();
+        let whole = of_runs.iter().fold(DMatrix::identity(count, count), |sum, (gram, ..)| sum + gram);
+        let right = of_runs.iter().fold(DVector::zeros(count), |sum, (_, right, _)| sum + right);
+        let taught = |matrix: DMatrix<f64>, right: DVector<f64>| -> Option<f64> {
+            let factor = matrix.cholesky()?;
+            let half = factor.l_dirty().solve_lower_triangular(&right)?;
+            Some(0.5 * half.norm_squared() - factor.l_dirty().diagonal().map(f64::ln).sum())
+        };
+        let Some(by_all) = taught(whole.clone(), right.clone()) else { return f64::NEG_INFINITY };
+        let alone = |(gram, own, without): &(DMatrix<f64>, DVector<f64>, f64)| {
+            taught(&whole - gram, &right - own).map_or(f64::NEG_INFINITY, |others| without + by_all - others)
+        };
+        of_runs.iter().map(alone).sum()
     }
 
     /// A column from its values by the row, all runs one after the other.
@@ -305,6 +346,24 @@ fn best_size(own: DMatrix<f64>, right: &DVector<f64>) -> (f64, f64) {
     }
     let found = (0.5 * (low + high)).exp();
     (gain(found), found)
+}
+
+/// About the same gain from some sizes alone, without principal directions, and the weights then: what is quick enough for thousands of proposals.
+pub fn quick_gain(own: &DMatrix<f32>, right: &DVector<f32>) -> (f64, DVector<f32>) {
+    let none = (0.0, DVector::zeros(right.len()));
+    let information = own.diagonal().max();
+    if !(information > 0.0 && information.is_finite()) {
+        return none;
+    }
+    let at = |power: f32| {
+        let size2 = 10f32.powf(power) / information;
+        let factor = (DMatrix::identity(own.nrows(), own.ncols()) + own * size2).cholesky()?;
+        let half = factor.l_dirty().solve_lower_triangular(right)?;
+        let log_determinant: f32 = factor.l_dirty().diagonal().map(f32::ln).sum();
+        Some((f64::from(0.5 * size2 * half.norm_squared() - log_determinant), size2, factor))
+    };
+    let best = [-1.0, 0.5, 2.0, 3.5].into_iter().filter_map(at).max_by(|a, b| a.0.total_cmp(&b.0));
+    best.map_or(none, |(gain, size2, factor)| (gain.max(0.0), factor.solve(right) * size2))
 }
 
 /// Fits the sizes of terms by turns, from those that they have.

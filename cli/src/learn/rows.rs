@@ -81,13 +81,6 @@ impl Run {
         let still = data.at_one_position();
         let of_still = still.then_some(0.0);
         let azimuth_deg = data.reference_deg.or(data.before.map(|fix| fix.azimuth_deg)).or(of_still)?;
-        let seconds: Vec<Conditions> = data.samples.iter().map(conditions).collect();
-        let mut track = Track::default();
-        let mut tracks = Vec::with_capacity(seconds.len());
-        for each in &seconds {
-            track.push(each);
-            tracks.push(track);
-        }
         let mut run = Self {
             file: data.file.clone(),
             reference,
@@ -98,9 +91,9 @@ impl Run {
             north_deg_h: data.earth.north_deg_h,
             up_deg_h: data.earth.up_deg_h,
             facts: data.facts,
-            seconds,
+            seconds: Vec::new(),
             samples: data.samples.clone(),
-            tracks,
+            tracks: Vec::new(),
             names: data.names.clone(),
             channels: data.channels.clone(),
             signals: Arc::default(),
@@ -115,6 +108,7 @@ impl Run {
             sin: Vec::new(),
         };
         run.gather();
+        run.follow();
         (run.bins.len() > UNKNOWNS).then_some(run)
     }
 
@@ -134,25 +128,36 @@ impl Run {
         self.variance = seconds.iter().map(|seconds| noise * noise / seconds).collect();
     }
 
+    /// What happens second by second. What the gyro measured is what it should have measured at this azimuth: its noise is no signal.
+    fn follow(&mut self) {
+        let second = |sample: &Sample| conditions(sample, self.belief(sample).rate_deg_h);
+        self.seconds = self.samples.iter().map(second).collect();
+        let mut track = Track::default();
+        let follow = |each: &Conditions| {
+            track.push(each);
+            track
+        };
+        self.tracks = self.seconds.iter().map(follow).collect();
+        self.signals = Arc::default();
+    }
+
     /// Its reference is not believed: its azimuth is an unknown about what it says itself.
     pub fn lose_reference(&mut self) {
-        self.signals = Arc::default();
         self.reference = None;
         self.station = None;
-        self.azimuth_deg = self.plain_deg.unwrap_or(self.azimuth_deg);
+        self.set_azimuth(self.plain_deg.unwrap_or(self.azimuth_deg));
     }
 
     /// The equations are linearised elsewhere.
     pub fn set_azimuth(&mut self, azimuth_deg: f64) {
-        self.signals = Arc::default();
         self.azimuth_deg = azimuth_deg;
+        self.follow();
     }
 
     /// It has another reference.
     pub fn take_reference(&mut self, reference: Option<(f64, f64)>) {
-        self.signals = Arc::default();
         self.reference = reference;
-        self.azimuth_deg = reference.map_or(self.azimuth_deg, |(deg, _)| deg);
+        self.set_azimuth(reference.map_or(self.azimuth_deg, |(deg, _)| deg));
     }
 
     /// Its levels are measured.
@@ -332,7 +337,7 @@ impl Run {
             }
             if self.bins.get(row).is_some_and(|bin| bin.contains(&i)) {
                 counts[row] += 1;
-                sums.iter_mut().zip(factor.shape.values(input)).for_each(|(sums, value)| sums[row] += value);
+                sums.iter_mut().zip(factor.values(input)).for_each(|(sums, value)| sums[row] += value);
             }
         });
         for (row, (bin, count)) in self.bins.iter().zip(counts).enumerate() {
@@ -374,11 +379,11 @@ pub fn stations(runs: &[Run]) -> Vec<Vec<f64>> {
     names(runs).into_iter().map(of_station).collect()
 }
 
-fn conditions(sample: &Sample) -> Conditions {
+fn conditions(sample: &Sample, raw_rate_deg_h: f64) -> Conditions {
     Conditions {
         t_s: sample.t_s,
         seconds: sample.seconds,
-        raw_rate_deg_h: sample.rate_deg_h,
+        raw_rate_deg_h,
         index: Some(north_finder::index::Direction { cos: sample.cos, sin: sample.sin }),
         temp_c: sample.temp_c,
         level: sample.level,

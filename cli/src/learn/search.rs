@@ -4,13 +4,14 @@ use std::sync::Arc;
 
 use north_finder::effects::ErrorModel;
 use north_finder::effects::doubt::Process;
-use north_finder::effects::effect::{Effect, Port};
-use north_finder::effects::factor::Factor;
+use north_finder::effects::effect::{Effect, MAX_FACTORS, Port};
+use north_finder::effects::shape::Shape;
 use rayon::prelude::*;
 
-use super::bank::Bank;
-use super::grammar::{Grammar, neighbours};
+use super::bank::{Bank, Left};
+use super::grammar::{Grammar, extended, reshaped};
 use super::model::Model;
+use super::pairs::Pairs;
 use super::problem::Term;
 use super::references::{Blunder, likeliest};
 use super::rows::Run;
@@ -30,12 +31,31 @@ const MOST_LEVEL_G: f64 = 0.087;
 const MOST_SCALE: f64 = 0.2;
 /// Proposals whose exact evidence is computed, and those that are tuned.
 const SHORTLIST: usize = 40;
-const FINALISTS: usize = 2;
+const CONTENDERS: usize = 10;
+const FINALISTS: usize = 3;
 /// What tuning may add to the gain of a proposal whose constants lie at most half a step of the bank's from the best, nats; below it a proposal is dropped.
 const HOPE: f64 = 3.0;
-/// Neighbours of a form whose exact evidence is computed, and most changes of form in a row.
-const NEAREST: usize = 16;
-const CLIMBS: usize = 2;
+/// Neighbours of a form whose exact evidence is computed, and those of them that are tuned.
+const NEAREST: usize = 8;
+const TUNED: usize = 3;
+/// Factors that are tried as a further one.
+const FURTHER: usize = 4;
+/// Most changes of form in a row.
+const REACH_OF_CONTENDERS: usize = 2;
+const REACH: usize = 6;
+/// Unit in which the edges of a sector are tuned.
+const SECTOR_STEP_DEG: f64 = 60.0;
+/// First step of a constant: of its logarithm, or of a width.
+const FIRST_STEP: f64 = 0.35;
+
+/// How thoroughly an effect's constants are tuned: rounds over all of them, and the smallest step.
+struct Tuning {
+    rounds: usize,
+    least_step: f64,
+}
+
+const ROUGHLY: Tuning = Tuning { rounds: 1, least_step: 0.1 };
+const FINELY: Tuning = Tuning { rounds: 3, least_step: 0.02 };
 
 /// What a search begins with.
 #[derive(Clone, Debug, Default)]
@@ -48,17 +68,16 @@ pub struct Start {
 pub struct Search<'a> {
     pub runs: &'a [Run],
     pub grammar: Grammar,
-    gates: Vec<Factor>,
     bank: Bank,
+    pairs: Pairs,
 }
 
 impl<'a> Search<'a> {
     pub fn new(runs: &'a [Run]) -> Self {
         let grammar = Grammar::new(runs);
-        let factors = grammar.factors(runs);
-        let gates = grammar.gates(&factors);
-        let bank = Bank::new(runs, &grammar, &factors, &gates);
-        Self { runs, grammar, gates, bank }
+        let bank = Bank::new(runs, &grammar, &grammar.factors(runs));
+        let pairs = Pairs::new(runs, &grammar, &bank);
+        Self { runs, grammar, bank, pairs }
     }
 
     /// The model of the greatest score, if the runs allow one: from what was found in runs of which one reference was another, or from nothing.
@@ -69,7 +88,8 @@ impl<'a> Search<'a> {
         while model.terms.len() < MOST_EFFECTS {
             let asked = if model.terms.is_empty() { FALSE_DISCOVERIES } else { FURTHER_FALSE_DISCOVERIES };
             let Some(wider) = self.widened(&model) else { break };
-            if wider.score(&self.grammar) - model.score(&self.grammar) <= -asked.ln() {
+            let more = wider.score(&self.grammar) - model.score(&self.grammar);
+            if more <= -asked.ln() || wider.predictive(&self.grammar) <= model.predictive(&self.grammar) {
                 break;
             }
             model = self.pruned(wider);
@@ -125,7 +145,6 @@ impl<'a> Search<'a> {
         // Beside the process as it is, and at first beside none: a process may have taken for its own what is an effect.
         let mut finalists = self.finalists(model, true);
         if model.process.is_some()
-            && model.terms.is_empty()
             && let Some(without) = Model::new(self.runs, None, &model.terms)
         {
             finalists.extend(self.finalists(&without, true));
@@ -133,14 +152,14 @@ impl<'a> Search<'a> {
         let with = |effect: &Effect| {
             let mut terms = model.terms.clone();
             terms.push(self.term(model, effect));
-            let widened = Model::new(self.runs, model.process, &terms)?;
-            Some(widened.with_likeliest_process())
+            let widened = Model::new(self.runs, model.process, &terms).filter(|each| self.is_allowed(each))?;
+            Some((widened.predictive(&self.grammar), widened))
         };
-        finalists
-            .par_iter()
-            .filter_map(with)
-            .filter(|each| self.is_allowed(each))
-            .max_by(|a, b| a.score(&self.grammar).total_cmp(&b.score(&self.grammar)))
+        let mut widened: Vec<(f64, Model<'a>)> = finalists.par_iter().filter_map(with).collect();
+        widened.sort_by(|a, b| b.0.total_cmp(&a.0));
+        widened.truncate(FINALISTS);
+        let finished = widened.into_par_iter().map(|(_, each)| each.with_likeliest_process());
+        finished.max_by(|a, b| a.predictive(&self.grammar).total_cmp(&b.predictive(&self.grammar)))
     }
 
     /// Whether a model file has room for the effects, and none is larger than its port allows.
@@ -178,25 +197,36 @@ impl<'a> Search<'a> {
     /// The most promising effects beside a model, tuned, and where `thorough` changed for better neighbours.
     fn finalists(&self, model: &Model<'_>, thorough: bool) -> Vec<Effect> {
         let weighed = self.weighed(model);
-        let shortlist = self.bank.shortlist(&weighed, SHORTLIST);
+        let left = self.bank.left(self.runs, &weighed, model.process.as_ref());
+        let mut shortlist = self.bank.shortlist(self.runs, &weighed, &left, SHORTLIST);
+        shortlist.extend(self.pairs.shortlist(&left, &self.grammar, SHORTLIST));
         let mut exact: Vec<(f64, Effect)> =
-            shortlist.par_iter().map(|effect| (self.gain(model, effect), (*effect).clone())).collect();
+            shortlist.into_par_iter().map(|effect| (self.gain(model, &effect), effect)).collect();
         exact.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut chosen: Vec<(f64, Effect)> = Vec::new();
         for (gain, effect) in exact {
-            if chosen.len() < FINALISTS && !chosen.iter().any(|(_, each)| alike(each, &effect)) {
+            if chosen.len() < CONTENDERS && gain > -HOPE && !chosen.iter().any(|(_, each)| alike(each, &effect)) {
                 chosen.push((gain, effect));
             }
         }
-        chosen.retain(|(gain, _)| *gain > -HOPE);
-        let finish = |(gain, effect)| {
-            if thorough && gain > 0.0 {
-                self.climb(model, effect, gain, &weighed)
-            } else {
-                self.tuned(model, effect, gain).1
-            }
+        if !thorough {
+            chosen.truncate(FINALISTS);
+            return chosen.into_iter().map(|(gain, effect)| self.tuned(model, effect, gain, &ROUGHLY).1).collect();
+        }
+        // The plain ones stay in the competition: of what is flexible enough to take in several effects at once much is gained, and little learned.
+        let plain: Vec<Effect> =
+            chosen.iter().filter(|(_, effect)| effect.factors.len() < 2).map(|(_, each)| each.clone()).collect();
+        let climb = |(gain, effect): (f64, Effect)| self.climb(model, effect, gain, &left, REACH_OF_CONTENDERS);
+        let mut chosen: Vec<(f64, Effect)> = chosen.into_par_iter().map(climb).collect();
+        chosen.sort_by(|a, b| b.0.total_cmp(&a.0));
+        chosen.truncate(FINALISTS);
+        let finish = |(gain, effect): (f64, Effect)| {
+            let (gain, effect) = self.climb(model, effect, gain, &left, REACH);
+            self.tuned(model, effect, gain, &FINELY).1
         };
-        chosen.into_par_iter().map(finish).collect()
+        let mut finished: Vec<Effect> = chosen.into_par_iter().map(finish).collect();
+        finished.extend(plain);
+        finished
     }
 
     /// V⁻¹ times what a model leaves of the residual, by the row.
@@ -210,48 +240,67 @@ impl<'a> Search<'a> {
         model.fit.gain_of(&model.problem, &model.terms, &columns).0 - self.grammar.cost(effect)
     }
 
-    /// From form to neighbouring form, as long as the gain grows by more than chance.
-    fn climb(&self, model: &Model<'_>, mut effect: Effect, mut gain: f64, weighed: &[f64]) -> Effect {
-        (gain, effect) = self.tuned(model, effect, gain);
-        for _ in 0..CLIMBS {
-            let near = neighbours(&effect, &self.grammar, self.runs, &self.gates);
-            let coarse = self.bank.coarse_sums(weighed);
-            let promise =
-                |each: Effect| (self.bank.promise(self.runs, &each, &coarse) - self.grammar.cost(&each), each);
+    /// From form to neighbouring form, as long as the gain grows by more than chance, and so many steps at most.
+    fn climb(&self, model: &Model<'_>, mut effect: Effect, mut gain: f64, left: &Left, steps: usize) -> (f64, Effect) {
+        for _ in 0..steps {
+            let promise = |each: Effect| (self.bank.promise(self.runs, &each, left) - self.grammar.cost(&each), each);
+            let near = reshaped(&effect, &self.grammar, self.runs);
             let mut promising: Vec<(f64, Effect)> = near.into_par_iter().map(promise).collect();
             promising.sort_by(|a, b| b.0.total_cmp(&a.0));
-            promising.truncate(NEAREST);
+            // One of every form: others of its form differ by constants, which are tuned.
+            let mut seen: Vec<String> = Vec::new();
+            let mut near: Vec<Effect> = Vec::new();
+            for (_, each) in promising {
+                let form = each.to_string();
+                if near.len() < NEAREST && !seen.contains(&form) {
+                    seen.push(form);
+                    near.push(each);
+                }
+            }
+            if effect.factors.len() < MAX_FACTORS {
+                let fitted = self.bank.fitted(self.runs, &effect, left);
+                near.extend(extended(&effect, &self.pairs.further(left, &fitted, FURTHER)));
+            }
             let mut better: Vec<(f64, Effect)> =
-                promising.into_par_iter().map(|(_, each)| (self.gain(model, &each), each)).collect();
+                near.into_par_iter().map(|each| (self.gain(model, &each), each)).collect();
             better.sort_by(|a, b| b.0.total_cmp(&a.0));
-            better.truncate(2);
-            let best =
-                better.into_iter().map(|(gain, each)| self.tuned(model, each, gain)).max_by(|a, b| a.0.total_cmp(&b.0));
+            better.truncate(TUNED);
+            let best = better
+                .into_par_iter()
+                .map(|(gain, each)| self.tuned(model, each, gain, &ROUGHLY))
+                .max_by(|a, b| a.0.total_cmp(&b.0));
             match best {
                 Some((above, each)) if above > gain + 0.5 => (gain, effect) = (above, each),
                 _ => break,
             }
         }
-        effect
+        (gain, effect)
     }
 
-    /// The constants of an effect by turns, to the greatest gain.
-    fn tuned(&self, model: &Model<'_>, mut effect: Effect, mut gain: f64) -> (f64, Effect) {
-        for (f, number) in constants_of(&effect) {
-            let mut step = 0.35;
-            while step > 0.04 {
-                let mut moved = false;
-                for sign in [1.0, -1.0] {
-                    let Some(each) = moved_constant(&effect, f, number, sign * step) else { continue };
-                    let above = self.gain(model, &each);
-                    if above > gain {
-                        (gain, effect, moved) = (above, each, true);
-                        break;
+    /// Every constant in turn, by steps that become smaller.
+    fn tuned(&self, model: &Model<'_>, mut effect: Effect, mut gain: f64, tuning: &Tuning) -> (f64, Effect) {
+        for _ in 0..tuning.rounds {
+            let before = gain;
+            for (f, number) in constants_of(&effect) {
+                let mut step = FIRST_STEP;
+                while step > tuning.least_step {
+                    let last = gain;
+                    for sign in [1.0, -1.0] {
+                        let Some(each) = moved_constant(&effect, f, number, sign * step) else { continue };
+                        let above = self.gain(model, &each);
+                        if above > gain {
+                            (gain, effect) = (above, each);
+                            break;
+                        }
+                    }
+                    // By less than a third of a nat nobody tells two constants apart.
+                    if gain < last + 0.3 {
+                        step *= 0.5;
                     }
                 }
-                if !moved {
-                    step *= 0.5;
-                }
+            }
+            if gain < before + 1.0 {
+                break;
             }
         }
         (gain, effect)
@@ -281,8 +330,9 @@ impl<'a> Search<'a> {
             let mut terms = model.terms.clone();
             let own = terms.remove(i);
             let Some(others) = Model::new(self.runs, model.process, &terms) else { continue };
-            let weighed = self.weighed(&others);
-            let found = self.climb(&others, own.effect.clone(), self.gain(&others, &own.effect), &weighed);
+            let left = self.bank.left(self.runs, &self.weighed(&others), model.process.as_ref());
+            let (gain, found) = self.climb(&others, own.effect.clone(), self.gain(&others, &own.effect), &left, REACH);
+            let found = self.tuned(&others, found, gain, &FINELY).1;
             if found == own.effect {
                 continue;
             }
@@ -298,24 +348,15 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Of the same port, signals and dynamics' kinds: the constants and shapes of one are tuned to those of the other.
+/// Of the same signals: ports, dynamics and shapes of one are tried for the other.
 fn alike(a: &Effect, b: &Effect) -> bool {
-    let form = |effect: &Effect| {
-        let mut words: Vec<String> = effect
-            .factors
-            .iter()
-            .map(|factor| {
-                format!(
-                    "{} {:?}",
-                    factor.signal,
-                    factor.dynamics.iter().map(|each| each.to_string()).collect::<Vec<_>>()
-                )
-            })
-            .collect();
-        words.sort();
-        (effect.port, words)
+    let signals = |effect: &Effect| {
+        let mut signals: Vec<String> = effect.factors.iter().map(|factor| factor.signal.to_string()).collect();
+        signals.sort();
+        signals.dedup();
+        signals
     };
-    form(a) == form(b)
+    signals(a) == signals(b)
 }
 
 fn constants_of(effect: &Effect) -> Vec<(usize, usize)> {
@@ -337,7 +378,9 @@ fn moved_constant(effect: &Effect, f: usize, number: usize, step: f64) -> Option
         constant.value * step.exp()
     } else {
         let width = constants.iter().find(|each| each.is_scale).map(|each| each.value).or(match factor.shape {
-            north_finder::effects::shape::Shape::Hinge(hinge) => Some(hinge.scale.into()),
+            Shape::Hinge(hinge) => Some(hinge.scale.into()),
+            Shape::Broken(broken) => Some(broken.scale.into()),
+            Shape::Sector(_) => Some(SECTOR_STEP_DEG),
             _ => None,
         });
         constant.value + step * width.unwrap_or(constant.value.abs().max(1.0) * 0.2)

@@ -1,12 +1,13 @@
-//! A kink.
+//! Two straight lines that meet.
 
 use serde::{Deserialize, Serialize};
 
-use super::{Shape, ShapePart, Values, one};
+use super::{Shape, ShapePart, Values};
+use crate::bounded::bounded;
 use crate::effects::part::{Constant, Constants, Span, constants};
 use crate::limits::{Invalid, finite, positive};
 
-/// 0 below `at`, (x − at)/scale above.
+/// (x − at)/scale below `at` and above it, each with a slope of its own: a kink, a modulus.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Hinge {
@@ -25,11 +26,12 @@ impl Hinge {
 
 impl ShapePart for Hinge {
     fn count(&self) -> usize {
-        1
+        2
     }
 
     fn values(&self, x: f64) -> Values {
-        one((x - f64::from(self.at)).max(0.0) / f64::from(self.scale))
+        let away = (x - f64::from(self.at)) / f64::from(self.scale);
+        bounded([away.min(0.0), away.max(0.0)])
     }
 
     fn name(&self) -> &'static str {

@@ -40,11 +40,14 @@ parts! {
     Shape is ShapePart of
     linear::Linear,
     harmonic::Harmonic,
+    circular::Circular,
     smooth::Smooth,
     sharp::Sharp,
     hinge::Hinge,
+    broken::Broken,
     step::Step,
     bump::Bump,
+    sector::Sector,
     decay::Decay,
 }
 
@@ -130,7 +133,14 @@ mod tests {
     fn a_bump_of_an_angle_goes_round() {
         let bump = Shape::from(Bump { centre: 10.0, width: 10.0, circular: true });
         assert!((bump.values(350.0)[0] - libm::exp(-2.0)).abs() < 1e-12);
+        // From 350° through north to 80°.
+        let sector = Shape::from(Sector { from: 350.0, to: 440.0 });
+        assert_eq!([340.0, 355.0, 79.0, 81.0].map(|x| sector.values(x)[0]), [0.0, 1.0, 1.0, 0.0]);
         let hinge = Shape::from(Hinge { at: 2.0, scale: 0.5 });
-        assert_eq!((hinge.values(1.0)[0], hinge.values(3.0)[0]), (0.0, 2.0));
+        assert_eq!((hinge.values(1.0).as_slice(), hinge.values(3.0).as_slice()), (&[-2.0, 0.0][..], &[0.0, 2.0][..]));
+        let broken = Shape::from(Broken { first: 2.0, second: 4.0, scale: 0.5 });
+        assert_eq!(broken.values(1.0).as_slice(), [-2.0, 0.0, 0.0]);
+        assert_eq!(broken.values(3.0).as_slice(), [0.0, 2.0, 0.0]);
+        assert_eq!(broken.values(5.0).as_slice(), [0.0, 4.0, 2.0]);
     }
 }

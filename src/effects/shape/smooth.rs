@@ -12,30 +12,45 @@ use crate::limits::Invalid;
 pub struct Smooth {
     pub low: f32,
     pub high: f32,
+    /// Functions that it is made of, 1 to 6; the more, the narrower what it can follow.
+    pub count: u8,
 }
 
-/// Functions that it is made of.
-const COUNT: usize = 6;
+/// Most functions, and those of a curve that is one of several factors.
+const COUNT: u8 = 6;
+const FEW: u8 = 3;
 /// The interval passes what was seen by this share of its range at both ends: there the curve is what the prior says of it, and sigma grows.
 const MARGIN: f64 = 0.15;
 
 impl Smooth {
+    /// Whether it is for products, which have many weights.
+    pub fn is_of_few(&self) -> bool {
+        self.count <= FEW
+    }
+
+    /// For products, which have many weights.
+    pub fn of_few(low: f32, high: f32) -> Self {
+        Self { low, high, count: FEW }
+    }
+
     /// What the search begins with.
     pub fn starts(span: &Span, each: &mut dyn FnMut(Shape)) {
         if !span.is_angle {
             let margin = MARGIN * (span.high - span.low);
-            each(Self { low: (span.low - margin) as f32, high: (span.high + margin) as f32 }.into());
+            let (low, high) = ((span.low - margin) as f32, (span.high + margin) as f32);
+            each(Self { low, high, count: COUNT }.into());
+            each(Self { low, high, count: FEW }.into());
         }
     }
 }
 
 impl ShapePart for Smooth {
     fn count(&self) -> usize {
-        COUNT
+        self.count.into()
     }
 
     fn values(&self, x: f64) -> Values {
-        cosines(x, self.low, self.high, COUNT)
+        cosines(x, self.low, self.high, self.count.into())
     }
 
     /// Variances fall with the fourth power of the frequency, as those of a curve whose slope is a random walk.
@@ -53,6 +68,10 @@ impl ShapePart for Smooth {
     }
 
     fn validate(&self) -> Result<(), Invalid> {
-        interval("model.effects.factors.shape.smooth.high", self.low, self.high)
+        interval("model.effects.factors.shape.smooth.high", self.low, self.high)?;
+        if !(1..=COUNT).contains(&self.count) {
+            return Err(Invalid::new("model.effects.factors.shape.smooth.count", self.count.into(), "1 to 6"));
+        }
+        Ok(())
     }
 }

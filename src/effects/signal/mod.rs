@@ -28,8 +28,12 @@ pub trait SignalPart {
     fn needs_azimuth(&self) -> bool {
         false
     }
-    /// It is a time that passes at its own pace, in seconds.
+    /// It is a time, in seconds, that no dynamics makes more of.
     fn is_time(&self) -> bool {
+        false
+    }
+    /// It may only stand behind a dynamics.
+    fn needs_dynamics(&self) -> bool {
         false
     }
     /// The channels that it reads.
@@ -101,6 +105,7 @@ signals! {
     speed::Speed,
     moves::Moves,
     rate::Rate,
+    measured::Measured,
 }
 
 impl Signal {
@@ -125,6 +130,11 @@ impl Signal {
     /// It is a time that passes at its own pace, in seconds.
     pub fn is_time(&self) -> bool {
         self.part().is_time()
+    }
+
+    /// It may only stand behind a dynamics.
+    pub fn needs_dynamics(&self) -> bool {
+        self.part().needs_dynamics()
     }
 
     /// The channels that it reads.

@@ -55,7 +55,8 @@ fn of_effects() -> ErrorModel {
     let of = |shape| Factor::new(difference.into(), &dynamics, shape);
     let mut model = ErrorModel { scale_error: 0.01, bias_deg_h: 1.1, ..Default::default() };
     for i in 0..MAX_EFFECTS {
-        let curve = if i < 2 { Sharp { low: 1.1, high: 2.2 }.into() } else { Smooth { low: 1.1, high: 2.2 }.into() };
+        let curve =
+            if i < 2 { Sharp { low: 1.1, high: 2.2 }.into() } else { Smooth { low: 1.1, high: 2.2, count: 6 }.into() };
         let bump = Bump { centre: 1.1, width: 1.1, circular: true };
         let mut effect = Effect::new(Port::Forward, &[of(curve), of(bump.into())]);
         effect.weights.iter_mut().for_each(|weight| *weight = 1.1);

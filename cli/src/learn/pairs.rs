@@ -1,0 +1,246 @@
+//! Products of two factors, all with all: which are worth an exact look.
+//!
+//! Of every factor a few functions that are independent of each other over the rows; the scores of all products of two functions are then one
+//! product of matrices, Pᵀ diag(w) P.
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use nalgebra::{DMatrix, DVector};
+use north_finder::effects::dynamics::Dynamics;
+use north_finder::effects::effect::{Effect, Port};
+use north_finder::effects::factor::Factor;
+use north_finder::effects::shape::Shape;
+use rayon::prelude::*;
+
+use super::bank::{Bank, Left};
+use super::grammar::Grammar;
+use super::rows::Run;
+
+/// Functions of a bare signal and of one behind a dynamics: a straight line, a curve with one extremum, one with two.
+const FUNCTIONS_OF_A_SIGNAL: usize = 3;
+const FUNCTIONS_BEHIND_DYNAMICS: usize = 2;
+/// Most functions of all factors: their products are the square of it.
+const MOST_FUNCTIONS: usize = 1200;
+/// Of a dynamics' constants every third: a product is tuned when it is found.
+const EVERY: usize = 3;
+/// Proposals of the same two signals at the same port.
+const OF_THE_SAME_SIGNALS: usize = 2;
+
+/// A factor of products in the forms that are tried, the number of its signal, and the numbers of its functions.
+struct Gate {
+    forms: Vec<Factor>,
+    signal: usize,
+    functions: Range<usize>,
+}
+
+/// What products are worth at one port.
+struct OfPort {
+    port: Port,
+    /// What the rate of a coarse row changes by.
+    gains: DVector<f32>,
+    /// The information that the products of two functions have of their weights, in white noise with every run's mean taken out.
+    information: DMatrix<f32>,
+}
+
+/// The products of two factors.
+pub struct Pairs {
+    gates: Vec<Gate>,
+    /// Functions of the gates, by coarse row.
+    functions: DMatrix<f32>,
+    ports: Vec<OfPort>,
+}
+
+impl Pairs {
+    pub fn new(runs: &[Run], grammar: &Grammar, bank: &Bank) -> Self {
+        let precision = DVector::from_column_slice(&bank.coarse.precision);
+        let mut columns: Vec<DVector<f32>> = Vec::new();
+        let mut gates = Vec::new();
+        for (forms, most) in forms(runs, grammar) {
+            let Some(last) = forms.last() else { continue };
+            let signal = grammar.signals.iter().position(|(signal, _)| *signal == last.signal).unwrap_or_default();
+            let functions = bank.coarse_functions(runs, last);
+            let first = columns.len();
+            columns.extend(independent(&functions, &precision, most));
+            gates.push(Gate { forms, signal, functions: first..columns.len() });
+        }
+        gates.retain(|gate| !gate.functions.is_empty());
+        let functions =
+            if columns.is_empty() { DMatrix::zeros(precision.len(), 0) } else { DMatrix::from_columns(&columns) };
+        let port = |port: &Port| {
+            let gains = DVector::from_column_slice(bank.coarse_gains(*port));
+            let information = information(&functions, &gains, &precision, &bank.coarse.ends);
+            OfPort { port: *port, gains, information }
+        };
+        let ports = grammar.ports.par_iter().map(port).collect();
+        Self { gates, functions, ports }
+    }
+
+    /// The factors, in all their forms, that promise most as a further one of an effect which adds so much to the rate, by coarse row.
+    pub fn further(&self, left: &Left, fitted: &DVector<f32>, most: usize) -> Vec<Factor> {
+        let promise = |gate: &Gate| {
+            let products = gate.functions.clone().map(|f| self.functions.column(f).component_mul(fitted));
+            let columns: Vec<DVector<f32>> = std::iter::once(fitted.clone()).chain(products).collect();
+            left.gain(&columns).0
+        };
+        let mut promising: Vec<(f64, &Gate)> = self.gates.par_iter().map(|gate| (promise(gate), gate)).collect();
+        promising.sort_by(|a, b| b.0.total_cmp(&a.0));
+        promising.into_iter().take(most).flat_map(|(_, gate)| gate.forms.clone()).collect()
+    }
+
+    /// The products that promise most, each in all forms of its factors.
+    pub fn shortlist(&self, left: &Left, grammar: &Grammar, most: usize) -> Vec<Effect> {
+        let of_port = |of_port: &OfPort| {
+            let scores =
+                weighed(&self.functions, &left.sums.component_mul(&of_port.gains)).transpose() * &self.functions;
+            let mut promising: Vec<(f64, Port, usize, usize)> = Vec::new();
+            for (i, j) in self.best_of_signals(&scores, &of_port.information) {
+                let (a, b) = (&self.gates[i], &self.gates[j]);
+                let cost = grammar.cost(&Effect::new(of_port.port, &[a.forms[0].clone(), b.forms[0].clone()]));
+                promising.push((self.coarse_gain(left, of_port, i, j) - cost, of_port.port, i, j));
+            }
+            promising
+        };
+        let mut promising: Vec<_> = self.ports.par_iter().flat_map_iter(of_port).collect();
+        promising.sort_by(|a, b| b.0.total_cmp(&a.0));
+        promising.truncate(most);
+        let in_all_forms = |(_, port, i, j): (f64, Port, usize, usize)| {
+            let (a, b) = (&self.gates[i].forms, &self.gates[j].forms);
+            let both = a.iter().flat_map(move |a| b.iter().map(move |b| [a.clone(), b.clone()]));
+            both.map(move |factors| Effect::new(port, &factors)).filter(|effect| effect.validate().is_ok())
+        };
+        promising.into_iter().flat_map(in_all_forms).collect()
+    }
+
+    /// Of every two signals the gates whose products' functions have the greatest scores: a sum that is too large where they resemble each other.
+    fn best_of_signals(&self, scores: &DMatrix<f32>, information: &DMatrix<f32>) -> Vec<(usize, usize)> {
+        let of_gate = |i: usize| -> Vec<(f64, usize, usize)> {
+            let of_pair = |j: usize| {
+                let (a, b) = (&self.gates[i], &self.gates[j]);
+                let products = a.functions.clone().flat_map(|f| b.functions.clone().map(move |g| (f, g)));
+                (products.map(|at| ratio(scores[at], information[at])).sum(), i, j)
+            };
+            (0..i).map(of_pair).collect()
+        };
+        let all: Vec<(f64, usize, usize)> = (0..self.gates.len()).into_par_iter().flat_map_iter(of_gate).collect();
+        let mut best: HashMap<(usize, usize), Vec<(f64, usize, usize)>> = HashMap::new();
+        for each @ (promise, i, j) in all {
+            let of_these = best.entry((self.gates[i].signal, self.gates[j].signal)).or_default();
+            let place = of_these.iter().take_while(|(above, ..)| *above >= promise).count();
+            of_these.insert(place, each);
+            of_these.truncate(OF_THE_SAME_SIGNALS);
+        }
+        best.into_values().flatten().map(|(_, i, j)| (i, j)).collect()
+    }
+
+    /// About what the products of two gates gain, in coarse rows.
+    fn coarse_gain(&self, left: &Left, of_port: &OfPort, i: usize, j: usize) -> f64 {
+        let (a, b) = (self.gates[i].functions.clone(), self.gates[j].functions.clone());
+        let product = |f: usize, g: usize| {
+            self.functions.column(f).component_mul(&self.functions.column(g)).component_mul(&of_port.gains)
+        };
+        let columns: Vec<_> = a.flat_map(|f| b.clone().map(move |g| (f, g))).map(|(f, g)| product(f, g)).collect();
+        left.gain(&columns).0
+    }
+}
+
+/// Square of a score by its information.
+fn ratio(score: f32, information: f32) -> f64 {
+    if information > 0.0 { f64::from(score * score / information) } else { 0.0 }
+}
+
+/// The forms of every factor, and how many of the last form's functions are looked at.
+fn forms(runs: &[Run], grammar: &Grammar) -> Vec<(Vec<Factor>, usize)> {
+    let mut bare: Vec<(Vec<Factor>, usize)> = Vec::new();
+    let mut behind: Vec<(Vec<Factor>, usize)> = Vec::new();
+    for (signal, span) in &grammar.signals {
+        let mut decays = Vec::new();
+        Shape::starts(span, &mut |shape| {
+            let factor = Factor::new(*signal, &[], shape).with_constant();
+            match shape {
+                Shape::Circular(_) => bare.push((vec![factor], shape.count())),
+                Shape::Decay(_) => decays.push((vec![factor], 1)),
+                _ => {}
+            }
+        });
+        bare.extend(decays.into_iter().skip(1).step_by(EVERY));
+        if !signal.needs_dynamics() {
+            let curves = grammar.curves(runs, *signal, &[], true);
+            bare.push((curves.into_iter().map(Factor::with_constant).collect(), FUNCTIONS_OF_A_SIGNAL));
+        }
+        if span.is_angle || span.is_time || signal.needs_azimuth() {
+            continue;
+        }
+        let mut kinds: Vec<(String, Vec<Dynamics>)> = Vec::new();
+        Dynamics::starts(
+            span,
+            &mut |dynamics| match kinds.iter_mut().find(|(kind, _)| *kind == dynamics.to_string()) {
+                Some((_, all)) => all.push(dynamics),
+                None => kinds.push((dynamics.to_string(), vec![dynamics])),
+            },
+        );
+        for (_, all) in kinds {
+            let first = usize::from(all.len() > 1);
+            for dynamics in all.into_iter().skip(first).step_by(EVERY) {
+                let forms = grammar.curves(runs, *signal, &[dynamics], true);
+                behind.push((forms.into_iter().map(Factor::with_constant).collect(), FUNCTIONS_BEHIND_DYNAMICS));
+            }
+        }
+    }
+    let room = MOST_FUNCTIONS.saturating_sub(bare.len() * FUNCTIONS_OF_A_SIGNAL) / FUNCTIONS_BEHIND_DYNAMICS;
+    let every = behind.len().div_ceil(room.max(1)).max(1);
+    bare.extend(behind.into_iter().step_by(every));
+    bare
+}
+
+/// The first of some functions, independent of each other and of a constant, of unit size (Gram and Schmidt).
+fn independent(functions: &[Vec<f32>], precision: &DVector<f32>, most: usize) -> Vec<DVector<f32>> {
+    let dot =
+        |a: &DVector<f32>, b: &DVector<f32>| a.iter().zip(b).zip(precision).map(|((a, b), p)| a * b * p).sum::<f32>();
+    let whole = precision.sum();
+    let mut kept = vec![DVector::from_element(precision.len(), 1.0)];
+    for function in functions {
+        let mut column = DVector::from_column_slice(function);
+        let size = dot(&column, &column);
+        for each in &kept {
+            let share = dot(&column, each) / whole;
+            column.axpy(-share, each, 1.0);
+        }
+        let left = dot(&column, &column);
+        // What is left of a function that is a sum of the others is rounding.
+        if left > 1e-6 * size && kept.len() <= most {
+            kept.push(column * (whole / left).sqrt());
+        }
+    }
+    kept.split_off(1)
+}
+
+/// The information that the products of two functions have of their weights, in white noise with every run's mean taken out.
+fn information(
+    functions: &DMatrix<f32>,
+    gains: &DVector<f32>,
+    precision: &DVector<f32>,
+    ends: &[usize],
+) -> DMatrix<f32> {
+    let squares = functions.map(|value| value * value);
+    let weights = gains.component_mul(gains).component_mul(precision);
+    let mut information = weighed(&squares, &weights).transpose() * &squares;
+    let mut first = 0;
+    for &end in ends {
+        let of_run = functions.rows(first, end - first).into_owned();
+        let precision = precision.rows(first, end - first);
+        let weights = gains.rows(first, end - first).component_mul(&precision);
+        let sums = weighed(&of_run, &weights).transpose() * &of_run;
+        let whole = precision.sum();
+        information.iter_mut().zip(&sums).for_each(|(information, sum)| *information -= sum * sum / whole);
+        first = end;
+    }
+    information
+}
+
+/// Rows multiplied with weights.
+fn weighed(functions: &DMatrix<f32>, weights: &DVector<f32>) -> DMatrix<f32> {
+    let mut weighed = functions.clone();
+    weighed.column_iter_mut().for_each(|mut column| column.component_mul_assign(weights));
+    weighed
+}
