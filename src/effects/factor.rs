@@ -67,7 +67,8 @@ impl Factor {
 
     /// Their values, where this comes out of its dynamics.
     pub fn values(&self, x: f64) -> Functions {
-        bounded(self.constant.then_some(1.0).into_iter().chain(self.shape.values(x)))
+        let of_shape = self.shape.values(x);
+        bounded(self.constant.then_some(1.0).into_iter().chain(of_shape.iter().copied()))
     }
 
     /// Standard deviation of the weight of the function of that number, from 0, before anything is learned: relative to the effect's size.

@@ -17,7 +17,7 @@ use super::rows::Run;
 
 /// Rows of one run by which products are judged: means over some seconds; what stands alone is judged by every row.
 const COARSE_ROWS: usize = 48;
-const ALL_COARSE_ROWS: usize = 960;
+const ALL_COARSE_ROWS: usize = 640;
 const LEAST_COARSE_ROWS: usize = 16;
 /// Proposals of the same signal at the same port.
 const OF_THE_SAME_SIGNAL: usize = 4;

@@ -69,7 +69,8 @@ pub fn evidence_of(runs: &[Run], groups: &[Vec<Vec<f64>>]) -> Option<(f64, Optio
 
 /// Learns from runs.
 ///
-/// A reference is put right, or not believed, where everything that is learned then is likelier by more than what a blunder costs beforehand.
+/// A reference is put right, or not believed, where with everything that is learned then the runs predict each other better, by more than what a blunder
+/// costs beforehand.
 pub fn learn(mut runs: Vec<Run>) -> Learned {
     rows::linearise_by_station(&mut runs);
     let mut blunders: Vec<Blunder> = Vec::new();
@@ -77,14 +78,14 @@ pub fn learn(mut runs: Vec<Run>) -> Learned {
     loop {
         let search = Search::new(&runs);
         let Some(best) = search.best(&start) else { return Learned { runs, blunders, ..Learned::default() } };
-        let score = best.score(&search.grammar);
+        let (score, predictive) = (best.score(&search.grammar), best.predictive(&search.grammar));
         start = Start { effects: best.effects(), process: best.process };
         let suspects = if blunders.len() < MOST_BLUNDERS { search.suspects(&best) } else { Vec::new() };
         let likelier = suspects.into_iter().find_map(|blunder| {
             let mended = blunder.mended(&runs);
             let search = Search::new(&mended);
-            let score_then = search.best(&start)?.score(&search.grammar);
-            (score_then - blunder.cost(runs.len()) > score).then_some((blunder, mended))
+            let predictive_then = search.best(&start)?.predictive(&search.grammar);
+            (predictive_then - blunder.cost(runs.len()) > predictive).then_some((blunder, mended))
         });
         if let Some((blunder, mended)) = likelier {
             blunders.push(blunder);

@@ -54,15 +54,22 @@ impl Blunder {
 pub fn likeliest(model: &Model<'_>) -> Option<(f64, Blunder)> {
     let problem = &model.problem;
     let runs = problem.runs;
-    let mut suspects = misses(problem, &problem.weighed(&problem.left(&model.terms, &model.fit)));
+    let all_misses = misses(problem, &problem.weighed(&problem.left(&model.terms, &model.fit)));
+    let mut suspects = all_misses.clone();
     suspects.sort_by(|a, b| b.1.total_cmp(&a.1));
     suspects.truncate(SUSPECTS);
     let alone = suspects.iter().map(|&(i, ..)| Blunder::Wrong(i));
-    let pairs = suspects.iter().enumerate().flat_map(|(n, a)| suspects[..n].iter().map(move |b| (a, b)));
+    // The other run of an exchange need not be suspect: an effect may have taken it in.
+    let pairs = suspects.iter().flat_map(|a| all_misses.iter().map(move |b| (a, b)));
     let exchanged = pairs
-        .filter(|(a, b)| points_at(runs, a, b) && points_at(runs, b, a))
-        .map(|(a, b)| Blunder::Exchanged(a.0, b.0));
-    let all: Vec<Blunder> = alone.chain(exchanged).collect();
+        .filter(|(a, b)| a.0 != b.0 && points_at(runs, a, b) && points_at(runs, b, a))
+        .map(|(a, b)| Blunder::Exchanged(a.0.min(b.0), a.0.max(b.0)));
+    let mut all: Vec<Blunder> = Vec::new();
+    exchanged.chain(alone).for_each(|blunder| {
+        if !all.contains(&blunder) {
+            all.push(blunder)
+        }
+    });
     let gain = |blunder: Blunder, evidence_in: &dyn Fn(&[Run]) -> Option<f64>| {
         let evidence = evidence_in(&blunder.mended(runs))?;
         Some((evidence - model.evidence() - blunder.cost(runs.len()), blunder))

@@ -31,13 +31,13 @@ const MOST_LEVEL_G: f64 = 0.087;
 const MOST_SCALE: f64 = 0.2;
 /// Proposals whose exact evidence is computed, and those that are tuned.
 const SHORTLIST: usize = 40;
-const CONTENDERS: usize = 10;
+const CONTENDERS: usize = 6;
 const FINALISTS: usize = 3;
 /// What tuning may add to the gain of a proposal whose constants lie at most half a step of the bank's from the best, nats; below it a proposal is dropped.
 const HOPE: f64 = 3.0;
 /// Neighbours of a form whose exact evidence is computed, and those of them that are tuned.
-const NEAREST: usize = 8;
-const TUNED: usize = 3;
+const NEAREST: usize = 6;
+const TUNED: usize = 2;
 /// Factors that are tried as a further one.
 const FURTHER: usize = 4;
 /// Most changes of form in a row.
