@@ -1,6 +1,6 @@
 //! Proposals by the thousand, judged by a score: which are worth an exact look.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
@@ -91,6 +91,30 @@ impl Left {
 pub fn gain(score: f32, information: f32) -> f64 {
     let ratio = if information > 0.0 { f64::from(score).powi(2) / f64::from(information) } else { 0.0 };
     if ratio > 1.0 { 0.5 * (ratio - 1.0 - ratio.ln()) } else { 0.0 }
+}
+
+/// The most promising of each kind.
+pub struct BestOfEach<Kind, T> {
+    most: usize,
+    kinds: BTreeMap<Kind, Vec<(f64, T)>>,
+}
+
+impl<Kind: Ord, T> BestOfEach<Kind, T> {
+    /// So many of each.
+    pub fn new(most: usize) -> Self {
+        Self { most, kinds: BTreeMap::new() }
+    }
+
+    pub fn push(&mut self, kind: Kind, promise: f64, each: T) {
+        let kept = self.kinds.entry(kind).or_default();
+        let place = kept.iter().take_while(|(above, _)| *above >= promise).count();
+        kept.insert(place, (promise, each));
+        kept.truncate(self.most);
+    }
+
+    pub fn into_all(self) -> Vec<T> {
+        self.kinds.into_values().flatten().map(|(_, each)| each).collect()
+    }
 }
 
 fn dot(a: &[f32], b: &[f32]) -> f32 {
@@ -202,20 +226,15 @@ impl Bank {
         let fine: Vec<f32> = weighed.iter().map(|value| *value as f32).collect();
         // The rate that a unit at each port is worth.
         let heavy: Vec<(Port, Vec<f32>)> = self.gains.iter().map(|(port, f, _)| (*port, product(f, &fine))).collect();
-        let mut best: HashMap<(Port, Option<String>), Vec<(f64, &Proposal)>> = HashMap::new();
+        let mut best = BestOfEach::new(OF_THE_SAME_SIGNAL);
         let scored: Vec<(f64, &Proposal)> =
             self.proposals.par_iter().map(|each| (self.promise_of(each, &heavy), each)).collect();
         for (promise, each) in scored {
             let signal = each.effect.factors.first().map(|factor| factor.signal.to_string());
-            let of_these = best.entry((each.effect.port, signal)).or_default();
-            let place = of_these.iter().take_while(|(above, _)| *above >= promise).count();
-            of_these.insert(place, (promise, each));
-            of_these.truncate(OF_THE_SAME_SIGNAL);
+            best.push((each.effect.port, signal), promise, each);
         }
-        let promise =
-            |(_, each): (f64, &Proposal)| (self.promise(runs, &each.effect, left) - each.cost, each.effect.clone());
-        let mut promising: Vec<(f64, Effect)> =
-            best.into_values().collect::<Vec<_>>().into_par_iter().flatten_iter().map(promise).collect();
+        let promise = |each: &Proposal| (self.promise(runs, &each.effect, left) - each.cost, each.effect.clone());
+        let mut promising: Vec<(f64, Effect)> = best.into_all().into_par_iter().map(promise).collect();
         promising.sort_by(|a, b| b.0.total_cmp(&a.0));
         promising.into_iter().take(most).map(|(_, effect)| effect).collect()
     }

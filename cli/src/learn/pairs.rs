@@ -3,7 +3,6 @@
 //! Of every factor a few functions that are independent of each other over the rows; the scores of all products of two functions are then one
 //! product of matrices, Pᵀ diag(w) P.
 
-use std::collections::HashMap;
 use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
@@ -13,7 +12,7 @@ use north_finder::effects::factor::Factor;
 use north_finder::effects::shape::Shape;
 use rayon::prelude::*;
 
-use super::bank::{Bank, Left};
+use super::bank::{Bank, BestOfEach, Left};
 use super::grammar::Grammar;
 use super::rows::Run;
 
@@ -123,14 +122,11 @@ impl Pairs {
             (0..i).map(of_pair).collect()
         };
         let all: Vec<(f64, usize, usize)> = (0..self.gates.len()).into_par_iter().flat_map_iter(of_gate).collect();
-        let mut best: HashMap<(usize, usize), Vec<(f64, usize, usize)>> = HashMap::new();
-        for each @ (promise, i, j) in all {
-            let of_these = best.entry((self.gates[i].signal, self.gates[j].signal)).or_default();
-            let place = of_these.iter().take_while(|(above, ..)| *above >= promise).count();
-            of_these.insert(place, each);
-            of_these.truncate(OF_THE_SAME_SIGNALS);
+        let mut best = BestOfEach::new(OF_THE_SAME_SIGNALS);
+        for (promise, i, j) in all {
+            best.push((self.gates[i].signal, self.gates[j].signal), promise, (i, j));
         }
-        best.into_values().flatten().map(|(_, i, j)| (i, j)).collect()
+        best.into_all()
     }
 
     /// About what the products of two gates gain, in coarse rows.

@@ -350,6 +350,37 @@ impl Run {
     }
 }
 
+#[cfg(test)]
+impl Run {
+    /// Of rates (°/h) of a second each at four positions in turn, with a surveyed azimuth of north.
+    pub fn of_rates(rate_deg_h: &[f64]) -> Self {
+        let quarter = |i: usize| (i as f64 * std::f64::consts::FRAC_PI_2).sin_cos();
+        Self {
+            file: String::new(),
+            reference: Some((0.0, SURVEY_SIGMA_DEG)),
+            station: None,
+            plain_deg: None,
+            azimuth_deg: 0.0,
+            still: false,
+            north_deg_h: 10.0,
+            up_deg_h: 11.0,
+            facts: RunFacts::default(),
+            seconds: Vec::new(),
+            samples: Vec::new(),
+            tracks: Vec::new(),
+            names: Vec::new(),
+            channels: Vec::new(),
+            signals: Arc::default(),
+            bins: (0..rate_deg_h.len()).map(|i| i..i + 1).collect(),
+            t_s: (0..rate_deg_h.len()).map(|i| i as f64).collect(),
+            rate_deg_h: rate_deg_h.to_vec(),
+            variance: vec![1.0; rate_deg_h.len()],
+            cos: (0..rate_deg_h.len()).map(|i| quarter(i).1).collect(),
+            sin: (0..rate_deg_h.len()).map(|i| quarter(i).0).collect(),
+        }
+    }
+}
+
 /// Names of the stations whose heading nobody knows.
 fn names(runs: &[Run]) -> BTreeSet<String> {
     runs.iter().filter_map(|run| run.station.clone()).collect()
