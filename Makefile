@@ -9,7 +9,7 @@ F405_BOARD := --target $(TARGET) --target-dir $(BUILD)/f405
 # The emulated chip: a workspace of its own, whose emulator asks for a newer compiler than it needs.
 CHIP := --quiet --manifest-path chip/Cargo.toml --ignore-rust-version --target-dir $(BUILD)/chip
 
-.PHONY: find chip test proofs lint fmt firmware bench page flash setup help
+.PHONY: find chip test proofs lint fmt firmware bench page flash count setup help
 
 ## find: build the firmware, run it in QEMU with the simulated instrument, show the fix (ARGS="--scenario windy-tripod")
 find: setup
@@ -64,6 +64,10 @@ page:
 flash: setup
 	@command -v probe-rs >/dev/null || { echo "probe-rs is missing: cargo install probe-rs-tools --locked"; exit 1; }
 	cargo run --profile firmware $(F405_BOARD) --bin firmware
+
+## count: lines of Rust and constants of the diagnosis and its effects
+count:
+	@scripts/count.sh
 
 ## setup: bring the Rust target and QEMU where they are missing
 setup:

@@ -2,13 +2,13 @@
 
 use north_finder::earth::EARTH_RATE_DEG_H;
 use north_finder::effects::ErrorModel;
+use north_finder::effects::doubt::Doubt;
+use north_finder::effects::effect::{Effect, Port};
 use north_finder::units::{RAD_PER_DEG, wrap_180_deg};
 
-use super::block::AMPLITUDE_SIGMA;
-use super::candidate::{Candidate, Part};
-use super::learned::Learned;
-use super::problem::Problem;
-use super::statistics::{f_tail, median};
+use super::found::Found;
+use super::names::{EARTH_FIELD, Named};
+use super::statistics::median;
 use super::{Refusal, Warning};
 use crate::campaign::Role;
 use crate::run_data::RunData;
@@ -17,20 +17,9 @@ use crate::run_data::RunData;
 const AMPLITUDE_LIMIT: f64 = 0.03;
 /// Share of a channel's range that a run may go beyond it.
 const BEYOND: f64 = 0.1;
-/// A reference is an outlier when chance would give one as far out in fewer campaigns than this share.
-const OUTLIER: f64 = 1e-3;
-/// Fewest references among which one can stand out: a mean, it, and one degree of freedom for the scatter.
-const LEAST_REFERENCES: usize = 3;
-/// And by at least this much, degrees.
-const OUTLIER_DEG: f64 = 0.2;
-
 fn warning(message: String) -> Warning {
     Warning { run: None, line: None, message }
 }
-
-/// A run's horizontal rate is another than the others' by so many sigmas: its own, or 1.48 times their median deviation, and that of the tie to Ω cos φ.
-const AMPLITUDE_SIGMAS: f64 = 5.0;
-const SIGMA_OF_MEDIAN: f64 = 1.4826;
 
 /// Leaves out runs of a dead gyro, by name, as long as there is another.
 pub fn leave_out_dead(runs: &mut Vec<RunData>, warnings: &mut Vec<Warning>) {
@@ -102,7 +91,7 @@ pub fn refuse(runs: &[RunData]) -> Result<(), Refusal> {
 
 /// Refuses a campaign whose horizontal rate is not that of its latitude, nor is with what was learned. A scale factor or
 /// a field along the axis would make any latitude right, and are not asked.
-pub fn refuse_latitude(runs: &[RunData], learned: &Learned, base: &ErrorModel) -> Result<(), Refusal> {
+pub fn refuse_latitude(runs: &[RunData], found: Option<&Found>, base: &ErrorModel) -> Result<(), Refusal> {
     let of = |fixes: Vec<Option<f64>>| -> Option<(f64, f64)> {
         let ratios: Vec<f64> =
             fixes.iter().zip(runs).filter_map(|(fix, run)| Some((*fix)? / run.earth.north_deg_h)).collect();
@@ -113,13 +102,15 @@ pub fn refuse_latitude(runs: &[RunData], learned: &Learned, base: &ErrorModel) -
     let Some((middle, _)) = of(runs.iter().map(|run| Some(run.before?.amplitude_deg_h)).collect()) else {
         return Ok(());
     };
-    let mut shaped = learned.clone();
-    shaped.keep(|each| {
-        let is_scale = |candidate: &Candidate| matches!(candidate.part, Part::ScaleFactor | Part::EarthField { .. });
-        !is_scale(&each.candidate) && !each.alternatives.iter().any(|(alternative, _)| is_scale(alternative))
-    });
-    let Ok(model) = shaped.model(base) else { return Ok(()) };
-    if of(runs.iter().map(|run| run.solve(&model).map(|(fix, _)| fix.amplitude_deg_h)).collect()).is_none() {
+    let is_scale = |effect: &Effect| effect.port == Port::Scale || Named::new(effect).name == EARTH_FIELD;
+    let tells_nothing = |effect: &Effect| {
+        is_scale(effect) || found.is_some_and(|found| found.in_its_place(effect).iter().any(is_scale))
+    };
+    let mut shaped = found.map_or_else(|| base.clone(), |found| found.model.clone());
+    shaped.doubt = Doubt::default();
+    shaped.effects.retain(|effect| base.effects.contains(effect) || !tells_nothing(effect));
+    let with = |run: &RunData| Some(run.replay(&shaped, &mut |_| ()).ok()?.amplitude_deg_h);
+    if of(runs.iter().map(with).collect()).is_none() {
         return Ok(());
     }
     let north = runs[0].earth.north_deg_h;
@@ -171,12 +162,12 @@ pub fn warn(runs: &[RunData], constant: &[String], still: bool, warnings: &mut V
 }
 
 /// Warns of runs whose channels leave the range that an effect was learned in.
-pub fn warn_of_range(runs: &[RunData], learned: &Learned, warnings: &mut Vec<Warning>) {
+pub fn warn_of_range(runs: &[RunData], model: &ErrorModel, warnings: &mut Vec<Warning>) {
     let range = |run: &RunData, name: &str| {
         let values = run.channel(name).unwrap_or_default();
         values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(*value), high.max(*value)))
     };
-    let mut names: Vec<&str> = learned.taken.iter().filter_map(|each| each.candidate.channel.as_deref()).collect();
+    let mut names: Vec<&str> = model.effects.iter().flat_map(Effect::channels).map(|name| name.as_str()).collect();
     names.sort_unstable();
     names.dedup();
     for name in names {
@@ -210,74 +201,4 @@ pub fn constant_channels(runs: &[RunData]) -> Vec<String> {
             .all(|value| (*seen.get_or_insert(value) - value).abs() <= 1e-12 * value.abs())
     };
     first.channel_names().into_iter().filter(|name| still(name)).collect()
-}
-
-/// The reference that does not fit the others, if there is one: its place among the blocks and its error. The errors of
-/// the others may depend on the heading as a first harmonic does.
-pub fn outlying_reference(problem: &Problem, effects: &[f64]) -> Option<(usize, f64)> {
-    let errors: Vec<(usize, f64, f64)> = problem
-        .azimuth_errors(effects)
-        .into_iter()
-        .enumerate()
-        .filter_map(|(i, each)| {
-            each.map(|(error, _)| (i, error, problem.blocks[i].run.reference_deg.unwrap_or(0.0).to_radians()))
-        })
-        .collect();
-    let number = errors.len();
-    if number < LEAST_REFERENCES {
-        return None;
-    }
-    let harmonic = number >= 8;
-    let parameters = if harmonic { 3 } else { 1 };
-    let squares = |without: Option<usize>| {
-        let kept: Vec<_> = errors.iter().filter(|(i, ..)| Some(*i) != without).collect();
-        let y: Vec<f64> = kept.iter().map(|each| each.1).collect();
-        let mut columns = vec![vec![1.0; kept.len()]];
-        if harmonic {
-            columns.push(kept.iter().map(|each| each.2.cos()).collect());
-            columns.push(kept.iter().map(|each| each.2.sin()).collect());
-        }
-        let mut left = y;
-        for each in super::statistics::orthonormalise(&[], columns) {
-            let along = super::statistics::dot(&left, &each);
-            super::statistics::subtract(&mut left, along, &each);
-        }
-        super::statistics::dot(&left, &left)
-    };
-    let all = squares(None);
-    let (index, error, best) =
-        errors.iter().map(|&(i, error, _)| (i, error, squares(Some(i)))).min_by(|a, b| a.2.total_cmp(&b.2))?;
-    let freedom = (number - 1 - parameters) as f64;
-    // Survey and index alone scatter the others by a hundredth of a degree.
-    let scatter = (best / freedom).max(1e-4);
-    let p_value = f_tail((all - best) / scatter, 1.0, freedom) * number as f64;
-    let typical = median(errors.iter().map(|each| each.1).collect());
-    let outlying = p_value < OUTLIER && (error - typical).abs() > OUTLIER_DEG;
-    // A wrong reference leaves the horizontal rate as it is; what acts in one run only need not.
-    let share = |run: &RunData| Some((run.before?.amplitude_deg_h / run.earth.north_deg_h, run.before?.sigma_deg));
-    let own = share(problem.blocks[index].run);
-    let others = problem.blocks.iter().enumerate().filter(|(i, _)| *i != index);
-    let others: Vec<f64> = others.filter_map(|(_, block)| Some(share(block.run)?.0)).collect();
-    let is_the_run = own.is_some_and(|(own, sigma_deg)| stands_out(own, sigma_deg * RAD_PER_DEG, &others));
-    (outlying && !is_the_run).then_some((index, error))
-}
-
-/// Whether a run's horizontal rate, known to a share of `sigma`, is another than those of others (all as shares of the Earth's).
-fn stands_out(own: f64, sigma: f64, others: &[f64]) -> bool {
-    let usual = median(others.to_vec());
-    let scatter = SIGMA_OF_MEDIAN * median(others.iter().map(|other| (other - usual).abs()).collect());
-    (own - usual).abs() > AMPLITUDE_SIGMAS * sigma.max(scatter).hypot(AMPLITUDE_SIGMA)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Others about 1 with a median deviation of 0.001: 5 · √(0.0015² + 0.002²) = 0.0125, with a sigma of its own of 0.01 it is 0.051.
-    #[test]
-    fn a_horizontal_rate_stands_out_by_hand() {
-        let others = [0.999, 1.001, 1.0, 1.0, 1.001, 0.999, 1.002];
-        assert!(stands_out(1.014, 0.001, &others) && stands_out(0.986, 0.001, &others));
-        assert!(!stands_out(1.011, 0.001, &others) && !stands_out(1.04, 0.01, &others));
-    }
 }

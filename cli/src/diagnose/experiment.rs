@@ -7,11 +7,8 @@ use north_finder::level::Specific;
 use north_finder::units::wrap_360_deg;
 use rayon::prelude::*;
 
-use super::block::{Block, noise_deg_h};
-use super::candidate::Candidate;
-use super::problem::Problem;
+use super::block::noise_deg_h;
 use super::result::Experiment;
-use super::statistics::{dot, least_squares, orthonormalise};
 use crate::run_data::{RunData, Sample};
 
 /// Seconds of a move, and of the shortest dwell.
@@ -306,61 +303,9 @@ pub fn propose(
     Proposal { experiment: Some(experiment), inseparable }
 }
 
-/// An effect that may be the true one, with its constant and coefficients.
-pub struct Possible<'a> {
-    pub candidate: &'a Candidate,
-    pub constant: f64,
-    pub coefficients: Vec<f64>,
-}
-
-impl<'a> Possible<'a> {
-    /// A candidate as like this effect as it can be in these runs.
-    pub fn imitating(candidate: &'a Candidate, constant: f64, effect: &Possible, runs: &[&RunData]) -> Self {
-        let problem = problem(runs.iter().copied());
-        let columns = problem.projected(candidate, constant);
-        let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
-        let found = least_squares(&columns, &effect.whole(&problem));
-        Self {
-            candidate,
-            constant,
-            coefficients: found.map_or(vec![0.0; columns.len()], |(coefficients, _)| coefficients),
-        }
-    }
-
-    /// What it does to the rows, beside every run's own unknowns.
-    fn whole(&self, problem: &Problem) -> Vec<f64> {
-        let mut whole = vec![0.0; problem.rows()];
-        for (column, size) in problem.projected(self.candidate, self.constant).iter().zip(&self.coefficients) {
-            whole.iter_mut().zip(column).for_each(|(sum, value)| *sum += size * value);
-        }
-        whole
-    }
-}
-
-fn problem<'a>(runs: impl Iterator<Item = &'a RunData>) -> Problem<'a> {
-    Problem::new(runs.filter_map(|run| Block::new(run, true, None)).collect())
-}
-
-/// Sum of squares of each effect that no coefficients of each other one can imitate, in noise variances: half of what runs add to
-/// it are the log odds that they add on average, if it is the true one.
-pub fn not_imitated<'a>(runs: impl Iterator<Item = &'a RunData>, effects: &[Possible]) -> Vec<Vec<f64>> {
-    let problem = problem(runs);
-    let basis = |each: &Possible| orthonormalise(&[], problem.projected(each.candidate, each.constant));
-    let bases: Vec<_> = effects.iter().map(basis).collect();
-    let of_effect = |effect: &Possible| {
-        let whole = effect.whole(&problem);
-        let left = |basis: &Vec<Vec<f64>>| {
-            let imitated: f64 = basis.iter().map(|each| dot(&whole, each).powi(2)).sum();
-            (dot(&whole, &whole) - imitated).max(0.0)
-        };
-        bases.iter().map(left).collect()
-    };
-    effects.iter().map(of_effect).collect()
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::statistics::subtract;
+    use super::super::statistics::{dot, orthonormalise, subtract};
     use super::*;
 
     /// Harmonics to the sixth are told apart by one order at least: beside a constant the

@@ -1,12 +1,14 @@
 //! Whether what was learned may be used: by the azimuths of training runs with what the others taught, and by the Earth's rate.
 
 use north_finder::effects::ErrorModel;
+use north_finder::effects::doubt::Doubt;
+use north_finder::effects::effect::Port;
 use north_finder::event::Fix;
 use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
-use super::Fitted;
-use super::candidate::Part;
+use super::found::Found;
+use super::stations::misses_deg;
 use super::statistics::{f_tail, median, rms, root_of_mean, studentised};
 use crate::campaign::Role;
 use crate::run_data::RunData;
@@ -21,55 +23,42 @@ const LEAST_MISSES: usize = 3;
 /// Relative amplitude error that scale factor and latitude of a sound instrument do not make.
 const AMPLITUDE_LIMIT: f64 = 0.03;
 
-/// Every training run with what the others taught: the same effects, their coefficients estimated without it. In the order of
-/// the runs; `None` for check runs and where there is no azimuth.
-pub fn left_out(runs: &[RunData], fitted: &Fitted, base: &ErrorModel) -> Vec<Option<Fix>> {
-    let (base, learned) = (fitted.base(base), fitted.learned());
-    runs.par_iter()
-        .map(|run| {
-            let coefficients = learned.left_out.get(&run.file).filter(|_| run.role == Role::Fit)?;
-            Some(run.solve(&learned.model_with(&base, coefficients).ok()?)?.0)
-        })
-        .collect()
-}
-
-/// Training runs whose reference is known and fits the others': place, run, reference.
-fn trusted<'a>(runs: &'a [RunData], fitted: &'a Fitted) -> impl Iterator<Item = (usize, &'a RunData, f64)> {
-    runs.iter().enumerate().filter_map(|(i, run)| {
-        let bad = fitted.bad_references.iter().any(|(file, _)| *file == run.file);
-        Some((i, run, run.reference_deg?)).filter(|_| run.role == Role::Fit && !bad)
-    })
-}
-
-/// Why the model that was learned must not be used, if there is a reason.
-pub fn veto(runs: &[RunData], fitted: &Fitted, base: &ErrorModel, left_out: &[Option<Fix>]) -> Option<String> {
-    let model = match fitted.learned().model(&fitted.base(base)) {
-        Ok(model) => model,
-        Err(_) => return Some("it has more terms than a model can hold".into()),
-    };
-    if let Err(invalid) = model.validate() {
-        return Some(format!("it makes no model: {invalid}"));
-    }
-    let with: Vec<Option<Fix>> = runs.par_iter().map(|run| Some(run.solve(&model)?.0)).collect();
-    if let Some(why) = lost_azimuth(runs, &with, &[]) {
+/// Why a model that was found must not be used, if there is a reason: it costs azimuths, training runs that took no part in learning it miss their
+/// references by more with it, or it makes the Earth's rate impossible. `wrong`: files whose references are not believed.
+pub fn veto(runs: &[RunData], found: &ErrorModel, left_out: &[Option<Fix>], wrong: &[String]) -> Option<String> {
+    // What is uncertain of it takes no azimuth away, but widens sigma.
+    let found = ErrorModel { doubt: Doubt::default(), ..found.clone() };
+    let with: Vec<Option<Fix>> = runs.par_iter().map(|run| run.replay(&found, &mut |_| ()).ok()).collect();
+    if let Some(why) = lost_azimuth(runs, &with, left_out) {
         return Some(why);
     }
-    let pairs: Vec<(f64, f64)> = trusted(runs, fitted)
-        .filter_map(|(i, run, reference_deg)| {
-            let miss = |fix: Fix| wrap_180_deg(fix.azimuth_deg - reference_deg);
-            Some((miss(run.before?), miss(left_out[i]?)))
-        })
+    let azimuth = |fix: Option<Fix>| Some(fix?.azimuth_deg);
+    let before: Vec<Option<f64>> = runs.iter().map(|run| azimuth(run.before)).collect();
+    let after: Vec<Option<f64>> = left_out.iter().copied().map(azimuth).collect();
+    let misses = misses_deg(runs, &before).into_iter().zip(misses_deg(runs, &after));
+    let pairs: Vec<(f64, f64)> = runs
+        .iter()
+        .zip(misses)
+        .filter(|(run, _)| run.role == Role::Fit && !wrong.contains(&run.file))
+        .filter_map(|(_, (before, after))| before.zip(after))
         .collect();
     made_worse(&pairs).or_else(|| {
-        let share = |run: &RunData, fix: Fix| fix.amplitude_deg_h / run.earth.north_deg_h;
-        let before: Vec<f64> = runs.iter().filter_map(|run| Some(share(run, run.before?))).collect();
-        let after: Vec<f64> = runs.iter().zip(&with).filter_map(|(run, fix)| Some(share(run, (*fix)?))).collect();
+        let share = |(run, fix): (&RunData, &Option<Fix>)| Some((*fix)?.amplitude_deg_h / run.earth.north_deg_h);
+        let before: Vec<f64> = runs.iter().filter_map(|run| share((run, &run.before))).collect();
+        let after: Vec<f64> = runs.iter().zip(&with).filter_map(share).collect();
         impossible_amplitude(&before, &after)
     })
 }
 
+/// Training runs whose reference is known and believed: place, run, reference.
+fn trusted<'a>(runs: &'a [RunData], wrong: &'a [String]) -> impl Iterator<Item = (usize, &'a RunData, f64)> {
+    runs.iter().enumerate().filter_map(|(i, run)| {
+        Some((i, run, run.reference_deg?)).filter(|_| run.role == Role::Fit && !wrong.contains(&run.file))
+    })
+}
+
 /// A run that had an azimuth and has none with the model, or a training run that has none with what the others taught.
-pub fn lost_azimuth(runs: &[RunData], with: &[Option<Fix>], left_out: &[Option<Fix>]) -> Option<String> {
+fn lost_azimuth(runs: &[RunData], with: &[Option<Fix>], left_out: &[Option<Fix>]) -> Option<String> {
     let lost = |run: &RunData, fix: &Option<Fix>| run.before.is_some() && fix.is_none();
     let of_model = runs.iter().zip(with).find(|(run, fix)| lost(run, fix));
     let of_folds = || runs.iter().zip(left_out).find(|(run, fix)| run.role == Role::Fit && lost(run, fix));
@@ -78,7 +67,7 @@ pub fn lost_azimuth(runs: &[RunData], with: &[Option<Fix>], left_out: &[Option<F
 }
 
 /// By paired errors before and after of runs that took no part: Student's t of the rises of their squares.
-pub fn made_worse(pairs: &[(f64, f64)]) -> Option<String> {
+fn made_worse(pairs: &[(f64, f64)]) -> Option<String> {
     let (before, after): (Vec<f64>, Vec<f64>) = pairs.iter().copied().unzip();
     (rms(&after) > WORSE * rms(&before) && chance_of_rise(pairs) < CHANCE).then(|| {
         format!(
@@ -92,7 +81,7 @@ pub fn made_worse(pairs: &[(f64, f64)]) -> Option<String> {
 
 /// Probability that chance alone makes the squares of paired errors rise as much, one-sided: that of Student's t = mean/(s/√n)
 /// of the rises with n − 1 degrees of freedom, whose square is an F of 1 and n − 1.
-pub fn chance_of_rise(pairs: &[(f64, f64)]) -> f64 {
+fn chance_of_rise(pairs: &[(f64, f64)]) -> f64 {
     let number = pairs.len() as f64;
     if number < 2.0 {
         return 1.0;
@@ -105,7 +94,7 @@ pub fn chance_of_rise(pairs: &[(f64, f64)]) -> f64 {
 }
 
 /// By the horizontal rates of runs (shares of the Earth's at their latitude), which must be right where they were before.
-pub fn impossible_amplitude(before: &[f64], after: &[f64]) -> Option<String> {
+fn impossible_amplitude(before: &[f64], after: &[f64]) -> Option<String> {
     let [before, after] = [before, after].map(|shares| median(shares.to_vec()));
     let beyond = |ratio: f64| (ratio - 1.0).abs() > AMPLITUDE_LIMIT;
     (after > 0.0 && beyond(after) && !beyond(before)).then(|| {
@@ -117,8 +106,8 @@ pub fn impossible_amplitude(before: &[f64], after: &[f64]) -> Option<String> {
 
 /// What azimuths by what was learned miss beyond their sigmas, degrees: τ² = mean(e² − σ²), at least 0, over training runs with
 /// what the others taught; Student's, for there are few of them.
-pub fn missed_beyond_sigma_deg(runs: &[RunData], fitted: &Fitted, left_out: &[Option<Fix>]) -> f64 {
-    let beyond: Vec<f64> = trusted(runs, fitted)
+pub fn missed_beyond_sigma_deg(runs: &[RunData], wrong: &[String], left_out: &[Option<Fix>]) -> f64 {
+    let beyond: Vec<f64> = trusted(runs, wrong)
         .filter_map(|(i, run, reference_deg)| {
             let fix = left_out[i]?;
             let expected = fix.sigma_deg.powi(2) + run.reference_sigma_deg.powi(2);
@@ -133,12 +122,12 @@ pub fn missed_beyond_sigma_deg(runs: &[RunData], fitted: &Fitted, left_out: &[Op
 
 /// One sigma of what an error of the index has in common at all angles, degrees: without surveyed headings nobody sees it; it may be
 /// as large as what changes with the angle.
-pub fn unseen_index_offset_deg(runs: &[RunData], fitted: &Fitted) -> f64 {
-    if trusted(runs, fitted).next().is_some() {
+pub fn unseen_index_offset_deg(runs: &[RunData], wrong: &[String], found: &Found) -> f64 {
+    if trusted(runs, wrong).next().is_some() {
         return 0.0;
     }
-    let eccentricity = fitted.learned().taken.iter().filter(|each| each.candidate.part == Part::IndexEccentricity);
-    eccentricity.flat_map(|each| &each.coefficients).map(|each| each * each).sum::<f64>().sqrt()
+    let of_index = found.named().into_iter().filter(|effect| effect.port == Port::Index);
+    of_index.flat_map(|effect| &effect.weights).map(|weight| f64::from(weight * weight)).sum::<f64>().sqrt()
 }
 
 #[cfg(test)]

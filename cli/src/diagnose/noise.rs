@@ -4,10 +4,10 @@ use std::f64::consts::TAU;
 
 use rayon::prelude::*;
 
-use super::block::Block;
+use super::block::{Block, OWN_UNKNOWNS};
 use super::problem::Problem;
 use super::result::{Spectra, Test};
-use super::statistics::{chi_square_tail, dot, least_squares, median};
+use super::statistics::{chi_square_tail, dot, least_squares};
 use crate::run_data::RunData;
 
 /// A test fails below this.
@@ -18,8 +18,6 @@ const LAGS: usize = 10;
 const FREQUENCIES: usize = 400;
 /// Classes of a channel's values.
 const CLASSES: usize = 10;
-/// A sinusoid has at least this frequency, Hz: slower ones are like much else.
-const SLOWEST_HZ: f64 = 0.012;
 
 /// The residual of a run by the sample, °/h; not-a-number where a sample does not enter.
 pub type Residual = Vec<f64>;
@@ -31,7 +29,7 @@ pub fn tests(problem: &Problem, left: &[f64]) -> Vec<Test> {
     let mut tests = vec![whiteness(&runs), dwells(&runs), closure(&runs)];
     tests.extend(highest_peak(&runs));
     // Slow noise is the business of the test of the dwells; a dependence must stand out of it.
-    let dispersion = problem.overdispersion(left, 0).0.max(1.0);
+    let dispersion = problem.overdispersion(left).0.max(1.0);
     let channels = runs.first().map_or(Vec::new(), |run| run.block.run.channel_names());
     tests.extend(channels.iter().filter_map(|channel| dependence(&runs, channel, dispersion)));
     tests
@@ -95,7 +93,7 @@ fn dwells(runs: &[Left]) -> Test {
             *count += 1.0;
         }
         statistic += dwells.values().map(|(sum, count)| sum * sum / count).sum::<f64>();
-        freedom += (dwells.len() as f64 - run.block.own_unknowns()).max(0.0);
+        freedom += (dwells.len() as f64 - OWN_UNKNOWNS).max(0.0);
     }
     let p_value = if freedom > 0.0 { chi_square_tail(statistic, freedom) } else { 1.0 };
     test("dwells", "means of the dwells against their white noise: chi-square", statistic, p_value)
@@ -105,10 +103,9 @@ fn dwells(runs: &[Left]) -> Test {
 fn closure(runs: &[Left]) -> Test {
     let (mut statistic, mut number) = (0.0, 0.0);
     for run in runs {
-        let column = vec![
-            run.block.run.samples.iter().map(|sample| sample.cos * sample.cos - sample.sin * sample.sin).collect(),
-        ];
-        let weighted = run.block.weighted(&column).remove(0);
+        let samples = &run.block.run.samples;
+        let column: Vec<f64> = samples.iter().map(|sample| sample.cos * sample.cos - sample.sin * sample.sin).collect();
+        let weighted = run.block.weighted(&column);
         let closure = run.block.project(&weighted);
         let (seen, all) = (dot(&closure, &closure), dot(&weighted, &weighted));
         if seen > 1e-3 * all {
@@ -252,28 +249,4 @@ fn allan(residuals: &[Residual], count: usize) -> f64 {
         }
     }
     if number > 0.0 { (sum / number).sqrt() } else { 0.0 }
-}
-
-/// A sinusoidal disturbance with a phase of its own in every run: period, amplitude and p-value. Its frequency must stand alone, four times
-/// as high as what surrounds it.
-pub fn sinusoid(runs: &[&RunData], residuals: &[Residual]) -> Option<(f64, f64, f64)> {
-    let powers = periodogram(runs, residuals);
-    let (place, &(frequency, _)) =
-        powers.iter().enumerate().filter(|(_, each)| each.0 >= SLOWEST_HZ).max_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
-    let around = |i: &usize| i.abs_diff(place) > 3 && i.abs_diff(place) <= 15;
-    let nearby = median((0..powers.len()).filter(around).map(|i| powers[i].1).collect());
-    // Between the frequencies of the periodogram a sinusoid looks up to four decibels lower than it is.
-    let apart = powers[0].0;
-    let fine = (-10..=10).map(|i| frequency + apart * f64::from(i) / 10.0);
-    let (frequency, power) =
-        fine.map(|each| (each, self::power(runs, residuals, each))).max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let twice = 2.0 * runs.len() as f64;
-    let p_value = chi_square_tail(twice * power / nearby.max(1.0), twice) * powers.len() as f64;
-    let samples = runs.iter().map(|run| run.samples.len()).sum::<usize>() as f64 / runs.len() as f64;
-    let squares: Vec<f64> =
-        residuals.iter().flatten().filter(|value| value.is_finite()).map(|value| value * value).collect();
-    let mean_square = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
-    // A sinusoid of amplitude a in n samples has a power of n a²/4 over the mean square.
-    let amplitude = (4.0 * (power - nearby).max(0.0) * mean_square / samples).sqrt();
-    (p_value < 1e-4 && power > 4.0 * nearby).then_some((1.0 / frequency, amplitude, p_value))
 }

@@ -4,11 +4,10 @@ use north_finder::units::wrap_360_deg;
 use rayon::prelude::*;
 
 use super::block::Block;
-use super::learned::Taken;
 use super::noise::{self, LEVEL, Residual};
 use super::problem::Problem;
 use super::result::{RunSeries, Test};
-use super::statistics::{chi_square_tail, median, rms, subtract};
+use super::statistics::{chi_square_tail, median, rms};
 use crate::campaign::Role;
 use crate::run_data::RunData;
 
@@ -39,21 +38,9 @@ struct Left {
 }
 
 impl<'a> Residuals<'a> {
-    /// Before and after these effects, and a line of this period with a phase of each run's own.
-    pub fn new(runs: Vec<&'a RunData>, taken: &[Taken], sinusoid_period_s: Option<f64>) -> Self {
-        let after = runs.clone();
-        Self::beside(runs, after, taken, sinusoid_period_s)
-    }
-
-    /// Before, and after these effects in the same runs from which a model was taken out.
-    pub fn beside(
-        runs: Vec<&'a RunData>,
-        without: Vec<&RunData>,
-        taken: &[Taken],
-        sinusoid_period_s: Option<f64>,
-    ) -> Self {
-        let before = left(&runs, &[], None);
-        let after = left(&without, taken, sinusoid_period_s);
+    /// Before, and after a model was taken out of the same runs (`without`).
+    pub fn new(runs: Vec<&'a RunData>, without: Vec<&RunData>) -> Self {
+        let (before, after) = (left(&runs), left(&without));
         Self {
             runs,
             before: before.residuals,
@@ -119,18 +106,13 @@ impl<'a> Residuals<'a> {
     }
 }
 
-fn left(runs: &[&RunData], taken: &[Taken], sinusoid_period_s: Option<f64>) -> Left {
-    let blocks: Vec<Option<Block>> = runs.par_iter().map(|run| Block::new(run, false, sinusoid_period_s)).collect();
+fn left(runs: &[&RunData]) -> Left {
+    let blocks: Vec<Option<Block>> = runs.par_iter().map(|run| Block::new(run)).collect();
     let present: Vec<bool> = blocks.iter().map(Option::is_some).collect();
-    let mut problem = Problem::new(blocks.into_iter().flatten().collect());
-    problem.linearise(taken);
-    let mut rest: Vec<f64> = problem.blocks.iter().flat_map(|block| block.y.clone()).collect();
-    subtract(&mut rest, 1.0, &problem.effects(taken));
+    let problem = Problem::new(blocks.into_iter().flatten().collect());
     let ranges: Vec<_> = problem.ranges().collect();
-    let projected: Vec<Vec<f64>> =
-        problem.blocks.iter().zip(&ranges).map(|(block, range)| block.project(&rest[range.clone()])).collect();
-    let mut found = problem.blocks.iter().zip(&projected).map(|(block, left)| {
-        let unweighted = left.iter().zip(&block.root_weight);
+    let mut found = problem.blocks.iter().zip(ranges).map(|(block, range)| {
+        let unweighted = problem.y()[range].iter().zip(&block.root_weight);
         let residual: Residual =
             unweighted.map(|(z, weight)| if *weight > 0.0 { z / weight } else { f64::NAN }).collect();
         (residual, block.noise_deg_h)
@@ -140,10 +122,9 @@ fn left(runs: &[&RunData], taken: &[Taken], sinusoid_period_s: Option<f64>) -> L
         if *present { found.next().unwrap_or_else(nothing) } else { nothing() }
     };
     let (residuals, noises) = runs.iter().zip(&present).map(of_run).unzip();
-    let projected = projected.concat();
-    let mut dispersions = problem.dispersions(&projected).into_iter();
+    let mut dispersions = problem.dispersions(problem.y()).into_iter();
     let dispersions = present.iter().map(|present| present.then(|| dispersions.next()).flatten()).collect();
-    Left { residuals, noises, dispersions, tests: noise::tests(&problem, &projected) }
+    Left { residuals, noises, dispersions, tests: noise::tests(&problem, problem.y()) }
 }
 
 /// Whether a run speaks against what was learned: more is left with it than without it, and so much more than white noise that chance

@@ -1,39 +1,36 @@
-//! What no candidate explains, in words.
+//! What nothing that was found explains, in words.
 
-use super::block::Block;
-use super::learn::STRUCTURE;
+use north_finder::effects::doubt::Process;
+use north_finder::event::Fix;
+use north_finder::units::wrap_180_deg;
+
+use super::NoiseTests;
 use super::noise::azimuth_tests;
-use super::problem::Problem;
-use super::statistics::{chi_square_tail, p_value_in_words};
-use super::{Fitted, NoiseTests};
+use super::statistics::p_value_in_words;
 use crate::campaign::Role;
 use crate::run_data::RunData;
 
-/// Everything that says that structure remains; nothing where there is none.
-pub fn evidence(fitted: &Fitted, runs: &[RunData], noise: &NoiseTests) -> Vec<String> {
-    let learned = fitted.learned();
-    let mut evidence = Vec::new();
-    let p_value = chi_square_tail(learned.left * learned.left_freedom, learned.left_freedom);
-    if learned.left_freedom > 0.0 && p_value < STRUCTURE {
-        evidence.push(format!(
-            "what is left changes {:.2} times as much over blocks of seconds as white noise would ({})",
-            learned.left.sqrt(),
-            p_value_in_words(p_value)
-        ));
-    }
+/// What is left counts as structure below this probability.
+const STRUCTURE: f64 = 1e-4;
+
+/// Everything that says that structure remains; nothing where there is none. `left_out`: training runs by what the others taught; `wrong`: files
+/// whose references are not believed.
+pub fn evidence(
+    process: Option<Process>,
+    runs: &[RunData],
+    left_out: &[Option<Fix>],
+    wrong: &[String],
+    noise: &NoiseTests,
+) -> Vec<String> {
+    let mut evidence: Vec<String> = process.map(in_words).into_iter().collect();
     // Where nothing may be learned, all runs together are asked.
-    if learned.left_freedom == 0.0 {
-        evidence.extend(
-            noise
-                .after
-                .iter()
-                .filter(|test| matches!(test.name.as_str(), "dwells" | "closure") && test.p_value < STRUCTURE)
-                .map(|test| format!("the test `{}` of all runs fails ({})", test.name, p_value_in_words(test.p_value))),
-        );
-    }
-    if !learned.taken.is_empty() && learned.sameness_p_value < STRUCTURE {
+    if runs.iter().all(|run| run.role != Role::Fit) {
+        let of_all = |name: &str| matches!(name, "dwells" | "closure");
+        let failed = noise.after.iter().filter(|test| of_all(&test.name) && test.p_value < STRUCTURE);
         evidence
-            .push(format!("what was found differs from run to run ({})", p_value_in_words(learned.sameness_p_value)));
+            .extend(failed.map(|test| {
+                format!("the test `{}` of all runs fails ({})", test.name, p_value_in_words(test.p_value))
+            }));
     }
     let dependences: Vec<_> = noise.after.iter().filter(|test| test.name.starts_with("dependence:")).collect();
     for test in &dependences {
@@ -42,24 +39,19 @@ pub fn evidence(fitted: &Fitted, runs: &[RunData], noise: &NoiseTests) -> Vec<St
             evidence.push(format!("what is left still goes with {channel} ({})", p_value_in_words(p_value)));
         }
     }
-    if fitted.by_dwell.is_none() {
-        evidence.extend(azimuths(fitted, runs));
-    }
+    evidence.extend(azimuths(runs, left_out, wrong));
     evidence
 }
 
-/// Azimuths of the fit runs against their references.
-fn azimuths(fitted: &Fitted, runs: &[RunData]) -> Vec<String> {
-    let trusted = |run: &&RunData| fitted.bad_references.iter().all(|(file, _)| *file != run.file);
-    let fit = runs.iter().filter(|run| run.role == Role::Fit).filter(trusted);
-    let mut problem = Problem::new(fit.filter_map(|run| Block::new(run, true, fitted.sinusoid_period_s())).collect());
-    problem.linearise(&fitted.learned().taken);
-    let errors: Vec<(f64, f64, f64)> = problem
-        .azimuth_errors(&problem.effects(&fitted.learned().taken))
-        .into_iter()
-        .zip(&problem.blocks)
-        .filter_map(|(each, block)| each.map(|(error, sigma)| (error, sigma, block.azimuth_deg)))
-        .collect();
+/// Azimuths of training runs, by what the others taught, against their references.
+fn azimuths(runs: &[RunData], left_out: &[Option<Fix>], wrong: &[String]) -> Vec<String> {
+    let error = |(run, fix): (&RunData, &Option<Fix>)| {
+        let (fix, reference_deg) = ((*fix)?, run.reference_deg?);
+        let sigma_deg = fix.sigma_deg.hypot(run.reference_sigma_deg);
+        let believed = run.role == Role::Fit && !wrong.contains(&run.file);
+        believed.then_some((wrap_180_deg(fix.azimuth_deg - reference_deg), sigma_deg, reference_deg))
+    };
+    let errors: Vec<(f64, f64, f64)> = runs.iter().zip(left_out).filter_map(error).collect();
     azimuth_tests(&errors)
         .into_iter()
         .filter(|test| test.p_value < STRUCTURE)
@@ -72,4 +64,12 @@ fn azimuths(fitted: &Fitted, runs: &[RunData]) -> Vec<String> {
             _ => format!("azimuth errors go with the heading ({})", p_value_in_words(test.p_value)),
         })
         .collect()
+}
+
+/// A process in words.
+fn in_words(process: Process) -> String {
+    format!(
+        "a process of every run's own that no channel tells, typically {:.4} deg/h over {:.0} s; sigma covers it",
+        process.sigma_deg_h, process.time_s
+    )
 }

@@ -21,6 +21,8 @@ const ALL_COARSE_ROWS: usize = 640;
 const LEAST_COARSE_ROWS: usize = 16;
 /// Proposals of the same signal at the same port.
 const OF_THE_SAME_SIGNAL: usize = 4;
+/// Up to so many columns inner products are quicker one by one.
+const FEW: usize = 12;
 /// Numbers that are added up side by side: what a processor's vector holds.
 const LANES: usize = 8;
 
@@ -59,8 +61,34 @@ impl Rows {
 pub struct Left {
     /// V⁻¹ times it, summed by coarse row.
     pub sums: DVector<f32>,
-    /// By run: what makes rows independent, and a bias after it.
-    whiteners: Vec<(Whitener, Vec<f64>)>,
+    by_run: Vec<LeftOfRun>,
+}
+
+struct LeftOfRun {
+    /// Roots of the precisions of the rows: what makes them independent without a process.
+    roots: Vec<f32>,
+    /// The same beside a process.
+    whitener: Option<Whitener>,
+    /// A bias after it, of unit size.
+    bias: Vec<f32>,
+}
+
+impl LeftOfRun {
+    /// A column of the run, independent and beside its bias.
+    fn white(&self, column: &[f32], to: &mut [f32]) {
+        match &self.whitener {
+            None => {
+                to.iter_mut().zip(column.iter().zip(&self.roots)).for_each(|(to, (value, root))| *to = value * root)
+            }
+            Some(whitener) => {
+                let mut own: Vec<f64> = column.iter().map(|value| f64::from(*value)).collect();
+                whitener.apply(&mut own);
+                to.iter_mut().zip(own).for_each(|(to, value)| *to = value as f32);
+            }
+        }
+        let share = dot(to, &self.bias);
+        to.iter_mut().zip(&self.bias).for_each(|(value, bias)| *value -= share * bias);
+    }
 }
 
 impl Left {
@@ -68,22 +96,34 @@ impl Left {
     pub fn gain(&self, columns: &[DVector<f32>]) -> (f64, DVector<f32>) {
         let right = DVector::from_iterator(columns.len(), columns.iter().map(|column| column.dot(&self.sums)));
         let mut matrix = DMatrix::zeros(self.sums.len(), columns.len());
-        let mut own = Vec::new();
         for (column, mut white) in columns.iter().zip(matrix.column_iter_mut()) {
-            let mut first = 0;
-            for (whitener, bias) in &self.whiteners {
-                let rows = first..first + bias.len();
-                first = rows.end;
-                own.clear();
-                own.extend(column.as_slice()[rows.clone()].iter().map(|value| f64::from(*value)));
-                whitener.apply(&mut own);
-                let share = own.iter().zip(bias).map(|(a, b)| a * b).sum::<f64>();
-                own.iter_mut().zip(bias).for_each(|(value, bias)| *value -= share * bias);
-                white.rows_mut(rows.start, own.len()).iter_mut().zip(&own).for_each(|(to, from)| *to = *from as f32);
+            let (mut column, mut white) = (column.as_slice(), white.as_mut_slice());
+            for run in &self.by_run {
+                let (of_run, to) = (column.split_at(run.bias.len()), white.split_at_mut(run.bias.len()));
+                run.white(of_run.0, to.0);
+                (column, white) = (of_run.1, to.1);
             }
         }
-        quick_gain(&(matrix.transpose() * &matrix), &right)
+        quick_gain(&squares(&matrix), &right)
     }
+}
+
+/// Inner products of columns with each other. Of a few they are quicker one by one than as a product of matrices, which are copied for it.
+fn squares(matrix: &DMatrix<f32>) -> DMatrix<f32> {
+    let count = matrix.ncols();
+    if count > FEW {
+        return matrix.transpose() * matrix;
+    }
+    let mut squares = DMatrix::zeros(count, count);
+    let columns: Vec<&[f32]> = matrix.as_slice().chunks(matrix.nrows().max(1)).collect();
+    for i in 0..count {
+        for j in 0..=i {
+            let product = dot(columns[i], columns[j]);
+            squares[(i, j)] = product;
+            squares[(j, i)] = product;
+        }
+    }
+    squares
 }
 
 /// About what the evidence gains by a column at its best size: half of ratio − 1 − ln ratio, the ratio that of the square of its score to its
@@ -284,16 +324,19 @@ impl Bank {
                 variance.push(1.0 / f64::from(*precision));
                 sums.push(weighed[rows.clone()].iter().sum::<f64>() as f32);
             }
+            let roots: Vec<f32> =
+                self.coarse.precision[first.1..end].iter().map(|precision| precision.sqrt()).collect();
             first = (first.0 + run.rows(), end);
-            let whitener = Whitener::new(&t_s, &variance, process);
-            let mut bias = vec![1.0; t_s.len()];
-            whitener.apply(&mut bias);
-            let size = bias.iter().map(|value| value * value).sum::<f64>().sqrt();
-            bias.iter_mut().for_each(|value| *value /= size);
-            (whitener, bias)
+            let whitener = process.map(|process| Whitener::new(&t_s, &variance, Some(process)));
+            let mut of_run = LeftOfRun { bias: vec![0.0; roots.len()], roots, whitener };
+            let mut bias = vec![0.0; of_run.roots.len()];
+            of_run.white(&vec![1.0; of_run.roots.len()], &mut bias);
+            let size = dot(&bias, &bias).sqrt();
+            of_run.bias = bias.into_iter().map(|value| value / size).collect();
+            of_run
         };
-        let whiteners = runs.iter().zip(&self.coarse.ends).map(of_run).collect();
-        Left { sums: DVector::from_vec(sums), whiteners }
+        let by_run = runs.iter().zip(&self.coarse.ends).map(of_run).collect();
+        Left { sums: DVector::from_vec(sums), by_run }
     }
 
     fn means(&self, fine: &[f32]) -> Vec<f32> {

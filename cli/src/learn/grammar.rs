@@ -159,9 +159,9 @@ fn same_unit(a: &str, b: &str) -> bool {
     unit(a) == unit(b)
 }
 
-/// Forms of the same signals: with another shape or dynamics in the place of one, at another port, with one factor less.
+/// Forms of the same signals: with another shape or dynamics in the place of one, at another port, or with one factor less.
 pub fn reshaped(effect: &Effect, grammar: &Grammar, runs: &[Run]) -> Vec<Effect> {
-    let mut all = Vec::new();
+    let mut all = reduced(effect);
     let mut push = |port: Port, factors: Vec<Factor>| all.extend(varied(effect, port, factors));
     let factors: Vec<Factor> = effect.factors.to_vec();
     for &port in grammar.ports.iter().filter(|&&port| port != effect.port) {
@@ -173,9 +173,6 @@ pub fn reshaped(effect: &Effect, grammar: &Grammar, runs: &[Run]) -> Vec<Effect>
             factors[i] = Factor { constant: own.constant, ..factor };
             factors
         };
-        let mut fewer = factors.clone();
-        fewer.remove(i);
-        push(effect.port, fewer);
         let mut toggled = factors.clone();
         toggled[i].constant = !own.constant;
         push(effect.port, toggled);
@@ -204,15 +201,30 @@ pub fn reshaped(effect: &Effect, grammar: &Grammar, runs: &[Run]) -> Vec<Effect>
             Some(Factor::new(own.signal, dynamics, shape))
         };
         let mut chains: Vec<Vec<Dynamics>> = vec![Vec::new()];
+        let mut number = 0;
         Dynamics::starts(bare, &mut |each| {
             chains.push(vec![each]);
-            if let [first] = own.dynamics.as_slice() {
+            // A second dynamics is tuned when it is found: every other of its constants will do.
+            number += 1;
+            if let [first] = own.dynamics.as_slice()
+                && number % 2 == 0
+            {
                 chains.push(vec![*first, each]);
             }
         });
         chains.iter().filter_map(|chain| relined(chain)).for_each(|factor| push(effect.port, with(factor)));
     }
     all
+}
+
+/// Forms with one factor less.
+pub fn reduced(effect: &Effect) -> Vec<Effect> {
+    let without = |i: usize| {
+        let mut factors: Vec<Factor> = effect.factors.to_vec();
+        factors.remove(i);
+        varied(effect, effect.port, factors)
+    };
+    (0..effect.factors.len()).filter_map(without).collect()
 }
 
 /// Forms with one factor more.

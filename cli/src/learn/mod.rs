@@ -1,7 +1,7 @@
 //! Effects found by one grammar: products of factors at a port, proposed by the thousand and chosen by their evidence.
 //!
-//! [`read`] → [`bank`] proposes → [`search`] chooses, by the evidence of a [`model`] → [`posterior`] says what was learned. Wrong references
-//! compete with effects ([`references`]). It stands beside the search of [`crate::diagnose`] until it does better in one table.
+//! [`read`] → [`bank`] and [`pairs`] propose → [`search`] chooses, by the evidence of a [`model`] → [`posterior`] says what was learned. Wrong
+//! references compete with effects ([`references`]); [`tells`] says what further runs would tell.
 
 mod bank;
 mod functions;
@@ -16,6 +16,7 @@ mod read;
 mod references;
 mod rows;
 mod search;
+mod tells;
 mod written;
 
 pub use judge::chi_square_by_freedom;
@@ -30,7 +31,9 @@ use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::{Effect, Port};
 use problem::Term;
 pub use rows::Run;
+pub use search::Tried;
 use search::{Search, Start};
+pub use tells::{Imitated, imitated};
 
 /// Most references that are put right: with more than that the survey as a whole is not to be believed.
 const MOST_BLUNDERS: usize = 4;
@@ -46,25 +49,40 @@ pub struct Learned {
     pub runs: Vec<Run>,
     /// What was wrong with the references, by the numbers of the runs.
     pub blunders: Vec<Blunder>,
+    /// The process of the runs' own that suits them best without any effect.
+    pub process_without: Option<Process>,
 }
 
-/// The evidence of effects that are proposed elsewhere, each by its columns: what units of its coefficients add to the rates, by the row and all runs
-/// one after the other; beside the process of the runs' own that suits them best, which is given with it.
-pub fn evidence_of(runs: &[Run], groups: &[Vec<Vec<f64>>]) -> Option<(f64, Option<Process>)> {
+/// What is proposed of runs beside nothing, the most promising first.
+pub fn tried(runs: &[Run]) -> Vec<Tried> {
+    Search::new(runs).tried()
+}
+
+/// What a column that is no effect's is worth.
+#[derive(Clone, Copy, Debug)]
+pub struct Worth {
+    /// What the evidence gains by it, nats.
+    pub log_odds: f64,
+    /// Its weight and one sigma of it.
+    pub weight: f64,
+    pub sigma: f64,
+}
+
+/// What a column adds to what is known of these runs: its unit adds so much to the rates, °/h, by the row and all runs one after the other. Beside the
+/// process of the runs' own that suits them best with it and without it.
+pub fn gain_of(runs: &[Run], column: Vec<f64>) -> Option<Worth> {
     let bare = Model::new(runs, None, &[])?;
-    let term = |values: &Vec<Vec<f64>>| {
-        let columns = bare.problem.columns(values);
-        let (_, size2) = bare.fit.gain_of(&bare.problem, &[], &columns);
-        Term {
-            effect: Effect::new(Port::Rate, &[]),
-            values: Arc::new(values.clone()),
-            columns,
-            size2: size2.max(1e-20),
-        }
-    };
-    let terms: Vec<Term> = groups.iter().map(term).collect();
-    let model = Model::new(runs, None, &terms)?.with_likeliest_process();
-    Some((model.evidence(), model.process))
+    let values = vec![column];
+    let columns = bare.problem.columns(&values);
+    let (_, size2) = bare.fit.gain_of(&bare.problem, &[], &columns);
+    let effect = Effect::new(Port::Rate, &[]);
+    let term = Term { effect, values: Arc::new(values), columns, size2: size2.max(1e-20) };
+    let with = Model::new(runs, None, &[term])?.with_likeliest_process();
+    Some(Worth {
+        log_odds: with.evidence() - bare.with_likeliest_process().evidence(),
+        weight: with.fit.scaled_means().first().copied().unwrap_or_default(),
+        sigma: with.fit.scaled_covariance().get((0, 0)).map_or(0.0, |variance| variance.sqrt()),
+    })
 }
 
 /// Learns from runs.
@@ -92,8 +110,10 @@ pub fn learn(mut runs: Vec<Run>) -> Learned {
             runs = mended;
             continue;
         }
-        let score_without = Model::new(&runs, None, &[]).map_or(0.0, |bare| bare.with_likeliest_process().evidence());
+        let bare = Model::new(&runs, None, &[]).map(Model::with_likeliest_process);
+        let score_without = bare.as_ref().map_or(0.0, Model::evidence);
+        let process_without = bare.and_then(|bare| bare.process);
         let posterior = Posterior::new(&search, &search.with_rivals(best));
-        return Learned { posterior, score, score_without, runs, blunders };
+        return Learned { posterior, score, score_without, runs, blunders, process_without };
     }
 }

@@ -9,10 +9,7 @@ use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::Effect;
 
 use super::model::Model;
-use super::search::{MOST_EFFECTS, Search};
-
-/// A model that is less likely than the best by more than this is left out, nats: e^-4 is two in a hundred.
-const NEGLIGIBLE: f64 = 4.0;
+use super::search::{MOST_EFFECTS, NEGLIGIBLE, Search};
 
 /// One of the likely models.
 #[derive(Clone, Debug)]

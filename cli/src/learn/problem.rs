@@ -51,7 +51,7 @@ struct Station {
 }
 
 /// Inner products of columns with columns: as one product of matrices several times as quick as one by one.
-fn dots(a: &[&Column], b: &[&Column]) -> DMatrix<f64> {
+pub fn dots(a: &[&Column], b: &[&Column]) -> DMatrix<f64> {
     let matrix = |columns: &[&Column], part: fn(&Column) -> &[f64]| {
         let rows = columns.first().map_or(0, |column| part(column).len());
         DMatrix::from_iterator(rows, columns.len(), columns.iter().flat_map(|column| part(column).iter().copied()))

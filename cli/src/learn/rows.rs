@@ -107,12 +107,13 @@ impl Run {
             cos: Vec::new(),
             sin: Vec::new(),
         };
-        run.gather();
+        run.gather(data.noise_deg_h);
         run.follow();
         (run.bins.len() > UNKNOWNS).then_some(run)
     }
 
-    fn gather(&mut self) {
+    /// Means over the rows; their noise is as declared for a second (°/h), or as they scatter.
+    fn gather(&mut self, declared_deg_h: Option<f64>) {
         let mean = |value: &dyn Fn(&Sample) -> f64| -> Vec<f64> {
             let of_bin =
                 |bin: &Range<usize>| self.samples[bin.clone()].iter().map(value).sum::<f64>() / bin.len() as f64;
@@ -124,7 +125,7 @@ impl Run {
         self.sin = mean(&|sample| sample.design.sin);
         let seconds: Vec<f64> =
             self.bins.iter().map(|bin| self.samples[bin.clone()].iter().map(|each| each.seconds).sum()).collect();
-        let noise = noise_deg_h(&self.rate_deg_h, &self.t_s, &seconds);
+        let noise = declared_deg_h.unwrap_or_else(|| noise_deg_h(&self.rate_deg_h, &self.t_s, &seconds));
         self.variance = seconds.iter().map(|seconds| noise * noise / seconds).collect();
     }
 
@@ -350,37 +351,6 @@ impl Run {
     }
 }
 
-#[cfg(test)]
-impl Run {
-    /// Of rates (°/h) of a second each at four positions in turn, with a surveyed azimuth of north.
-    pub fn of_rates(rate_deg_h: &[f64]) -> Self {
-        let quarter = |i: usize| (i as f64 * std::f64::consts::FRAC_PI_2).sin_cos();
-        Self {
-            file: String::new(),
-            reference: Some((0.0, SURVEY_SIGMA_DEG)),
-            station: None,
-            plain_deg: None,
-            azimuth_deg: 0.0,
-            still: false,
-            north_deg_h: 10.0,
-            up_deg_h: 11.0,
-            facts: RunFacts::default(),
-            seconds: Vec::new(),
-            samples: Vec::new(),
-            tracks: Vec::new(),
-            names: Vec::new(),
-            channels: Vec::new(),
-            signals: Arc::default(),
-            bins: (0..rate_deg_h.len()).map(|i| i..i + 1).collect(),
-            t_s: (0..rate_deg_h.len()).map(|i| i as f64).collect(),
-            rate_deg_h: rate_deg_h.to_vec(),
-            variance: vec![1.0; rate_deg_h.len()],
-            cos: (0..rate_deg_h.len()).map(|i| quarter(i).1).collect(),
-            sin: (0..rate_deg_h.len()).map(|i| quarter(i).0).collect(),
-        }
-    }
-}
-
 /// Names of the stations whose heading nobody knows.
 fn names(runs: &[Run]) -> BTreeSet<String> {
     runs.iter().filter_map(|run| run.station.clone()).collect()
@@ -455,4 +425,35 @@ fn noise_deg_h(rate_deg_h: &[f64], t_s: &[f64], seconds: &[f64]) -> f64 {
     // The median of a chi-square of one degree of freedom is 0.4549.
     let by_median = squares[squares.len() / 2] / 0.4549;
     if by_median > 0.0 { mean.min(by_median).sqrt() } else { mean.sqrt() }.max(1e-6)
+}
+
+#[cfg(test)]
+impl Run {
+    /// Of rates (°/h) of a second each at four positions in turn, with a surveyed azimuth of north.
+    pub fn of_rates(rate_deg_h: &[f64]) -> Self {
+        let quarter = |i: usize| (i as f64 * std::f64::consts::FRAC_PI_2).sin_cos();
+        Self {
+            file: String::new(),
+            reference: Some((0.0, SURVEY_SIGMA_DEG)),
+            station: None,
+            plain_deg: None,
+            azimuth_deg: 0.0,
+            still: false,
+            north_deg_h: 10.0,
+            up_deg_h: 11.0,
+            facts: RunFacts::default(),
+            seconds: Vec::new(),
+            samples: Vec::new(),
+            tracks: Vec::new(),
+            names: Vec::new(),
+            channels: Vec::new(),
+            signals: Arc::default(),
+            bins: (0..rate_deg_h.len()).map(|i| i..i + 1).collect(),
+            t_s: (0..rate_deg_h.len()).map(|i| i as f64).collect(),
+            rate_deg_h: rate_deg_h.to_vec(),
+            variance: vec![1.0; rate_deg_h.len()],
+            cos: (0..rate_deg_h.len()).map(|i| quarter(i).1).collect(),
+            sin: (0..rate_deg_h.len()).map(|i| quarter(i).0).collect(),
+        }
+    }
 }

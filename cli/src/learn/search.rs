@@ -5,11 +5,12 @@ use std::sync::Arc;
 use north_finder::effects::ErrorModel;
 use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::{Effect, MAX_FACTORS, Port};
-use north_finder::effects::shape::Shape;
+use north_finder::effects::factor::Factor;
+use north_finder::effects::shape::{Harmonic, Shape};
 use rayon::prelude::*;
 
 use super::bank::{Bank, Left};
-use super::grammar::{Grammar, extended, reshaped};
+use super::grammar::{Grammar, extended, reduced, reshaped};
 use super::model::Model;
 use super::pairs::Pairs;
 use super::problem::Term;
@@ -35,6 +36,8 @@ const CONTENDERS: usize = 6;
 const FINALISTS: usize = 3;
 /// What tuning may add to the gain of a proposal whose constants lie at most half a step of the bank's from the best, nats; below it a proposal is dropped.
 const HOPE: f64 = 3.0;
+/// A form that is less likely than another by more than this is no rival of it, nats: e^-4 is two in a hundred.
+pub const NEGLIGIBLE: f64 = 4.0;
 /// Neighbours of a form whose exact evidence is computed, and those of them that are tuned.
 const NEAREST: usize = 6;
 const TUNED: usize = 2;
@@ -56,6 +59,15 @@ struct Tuning {
 
 const ROUGHLY: Tuning = Tuning { rounds: 1, least_step: 0.1 };
 const FINELY: Tuning = Tuning { rounds: 3, least_step: 0.02 };
+
+/// An effect that was proposed, and what it would be worth by itself.
+#[derive(Clone, Debug)]
+pub struct Tried {
+    pub effect: Effect,
+    /// What the evidence gains by it beside a process of the runs' own, and what its form costs, nats.
+    pub gain: f64,
+    pub cost: f64,
+}
 
 /// What a search begins with.
 #[derive(Clone, Debug, Default)]
@@ -120,6 +132,31 @@ impl<'a> Search<'a> {
         suspects
     }
 
+    /// What was proposed beside nothing, the most promising first: of every signal the best forms at every port, and products.
+    pub fn tried(&self) -> Vec<Tried> {
+        let Some(bare) = Model::new(self.runs, None, &[]).map(Model::with_likeliest_process) else { return Vec::new() };
+        let weighed = self.weighed(&bare);
+        let left = self.bank.left(self.runs, &weighed, bare.process.as_ref());
+        let mut proposed = self.bank.shortlist(self.runs, &weighed, &left, SHORTLIST);
+        proposed.extend(self.pairs.shortlist(&left, &self.grammar, SHORTLIST));
+        let tried = |effect: Effect| {
+            let cost = self.grammar.cost(&effect);
+            Tried { gain: self.gain(&bare, &effect) + cost, cost, effect }
+        };
+        let mut all: Vec<Tried> = proposed.into_par_iter().map(tried).collect();
+        all.sort_by(|a, b| (b.gain - b.cost).total_cmp(&(a.gain - a.cost)));
+        let mut seen: Vec<String> = Vec::new();
+        all.retain(|each| {
+            let form = form(&each.effect);
+            let is_new = !seen.contains(&form);
+            if is_new {
+                seen.push(form);
+            }
+            is_new
+        });
+        all
+    }
+
     /// Models that have another effect, or none, in the place of one of the best's.
     fn rivals(&self, best: &Model<'a>) -> Vec<Model<'a>> {
         let mut rivals = Vec::new();
@@ -127,8 +164,9 @@ impl<'a> Search<'a> {
             let mut terms = best.terms.clone();
             let own = terms.remove(i);
             let Some(others) = Model::new(self.runs, best.process, &terms) else { continue };
-            for effect in self.finalists(&others, false) {
-                if effect == own.effect {
+            for effect in self.finalists(&others, false).into_iter().chain(self.other_forms(&others, &own.effect)) {
+                // Of its own form it differs by constants, which are tuned.
+                if form(&effect) == form(&own.effect) {
                     continue;
                 }
                 let mut with = terms.clone();
@@ -138,6 +176,18 @@ impl<'a> Search<'a> {
             rivals.push(others);
         }
         rivals
+    }
+
+    /// Other forms of an effect's signals that are about as likely beside a model.
+    fn other_forms(&self, model: &Model<'_>, own: &Effect) -> Vec<Effect> {
+        let left = self.bank.left(self.runs, &self.weighed(model), model.process.as_ref());
+        let least = self.gain(model, own) - NEGLIGIBLE;
+        let tuned = |effect: Effect| {
+            let gain = self.gain(model, &effect);
+            (gain > least - HOPE).then(|| self.tuned(model, effect, gain, &ROUGHLY))
+        };
+        let near: Vec<(f64, Effect)> = self.nearest(own, &left).into_par_iter().filter_map(tuned).collect();
+        near.into_iter().filter(|(gain, _)| *gain > least).map(|(_, effect)| effect).collect()
     }
 
     /// A model with the one effect more by which the score gains most.
@@ -216,13 +266,18 @@ impl<'a> Search<'a> {
         // The plain ones stay in the competition: of what is flexible enough to take in several effects at once much is gained, and little learned.
         let plain: Vec<Effect> =
             chosen.iter().filter(|(_, effect)| effect.factors.len() < 2).map(|(_, each)| each.clone()).collect();
+        let plain: Vec<Effect> = plain
+            .into_par_iter()
+            .map(|each| self.tuned(model, each.clone(), self.gain(model, &each), &FINELY).1)
+            .collect();
         let climb = |(gain, effect): (f64, Effect)| self.climb(model, effect, gain, &left, REACH_OF_CONTENDERS);
         let mut chosen: Vec<(f64, Effect)> = chosen.into_par_iter().map(climb).collect();
         chosen.sort_by(|a, b| b.0.total_cmp(&a.0));
         chosen.truncate(FINALISTS);
         let finish = |(gain, effect): (f64, Effect)| {
             let (gain, effect) = self.climb(model, effect, gain, &left, REACH);
-            self.tuned(model, effect, gain, &FINELY).1
+            let (gain, effect) = self.tuned(model, effect, gain, &FINELY);
+            self.simplified(model, effect, gain)
         };
         let mut finished: Vec<Effect> = chosen.into_par_iter().map(finish).collect();
         finished.extend(plain);
@@ -243,20 +298,7 @@ impl<'a> Search<'a> {
     /// From form to neighbouring form, as long as the gain grows by more than chance, and so many steps at most.
     fn climb(&self, model: &Model<'_>, mut effect: Effect, mut gain: f64, left: &Left, steps: usize) -> (f64, Effect) {
         for _ in 0..steps {
-            let promise = |each: Effect| (self.bank.promise(self.runs, &each, left) - self.grammar.cost(&each), each);
-            let near = reshaped(&effect, &self.grammar, self.runs);
-            let mut promising: Vec<(f64, Effect)> = near.into_par_iter().map(promise).collect();
-            promising.sort_by(|a, b| b.0.total_cmp(&a.0));
-            // One of every form: others of its form differ by constants, which are tuned.
-            let mut seen: Vec<String> = Vec::new();
-            let mut near: Vec<Effect> = Vec::new();
-            for (_, each) in promising {
-                let form = each.to_string();
-                if near.len() < NEAREST && !seen.contains(&form) {
-                    seen.push(form);
-                    near.push(each);
-                }
-            }
+            let mut near = self.nearest(&effect, left);
             if effect.factors.len() < MAX_FACTORS {
                 let fitted = self.bank.fitted(self.runs, &effect, left);
                 near.extend(extended(&effect, &self.pairs.further(left, &fitted, FURTHER)));
@@ -275,6 +317,38 @@ impl<'a> Search<'a> {
             }
         }
         (gain, effect)
+    }
+
+    /// With fewer factors and constants, each form finely tuned, as long as the gain does not fall.
+    fn simplified(&self, model: &Model<'_>, mut effect: Effect, mut gain: f64) -> Effect {
+        loop {
+            let simpler = reduced(&effect).into_par_iter();
+            let best = simpler
+                .map(|each| self.tuned(model, each.clone(), self.gain(model, &each), &FINELY))
+                .max_by(|a, b| a.0.total_cmp(&b.0));
+            match best {
+                Some((above, each)) if above >= gain => (gain, effect) = (above, each),
+                _ => return effect,
+            }
+        }
+    }
+
+    /// The neighbouring forms that promise most, one of every form: others differ by constants, which are tuned.
+    fn nearest(&self, effect: &Effect, left: &Left) -> Vec<Effect> {
+        let promise = |each: Effect| (self.bank.promise(self.runs, &each, left) - self.grammar.cost(&each), each);
+        let near = reshaped(effect, &self.grammar, self.runs);
+        let mut promising: Vec<(f64, Effect)> = near.into_par_iter().map(promise).collect();
+        promising.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut seen: Vec<String> = Vec::new();
+        let mut nearest: Vec<Effect> = Vec::new();
+        for (_, each) in promising {
+            let form = form(&each);
+            if nearest.len() < NEAREST && !seen.contains(&form) {
+                seen.push(form);
+                nearest.push(each);
+            }
+        }
+        nearest
     }
 
     /// Every constant in turn, by steps that become smaller.
@@ -346,6 +420,15 @@ impl<'a> Search<'a> {
         }
         self.pruned(model)
     }
+}
+
+/// The form of an effect: its name, and the orders of harmonics of angles, which no tuning leads from one to the other.
+fn form(effect: &Effect) -> String {
+    let order = |factor: &Factor| match factor.shape {
+        Shape::Harmonic(Harmonic { period }) if factor.signal.is_angle() => format!(" {:.0}", 360.0 / period),
+        _ => String::new(),
+    };
+    effect.to_string() + &effect.factors.iter().map(order).collect::<String>()
 }
 
 /// Of the same signals: ports, dynamics and shapes of one are tried for the other.

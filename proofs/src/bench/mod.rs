@@ -6,6 +6,7 @@ mod ageing;
 mod aiding;
 mod alignment;
 mod attitude;
+mod blunders;
 mod calibration;
 mod close_loop;
 mod compose;
@@ -94,6 +95,7 @@ benches! {
     Aiding: aiding::Aiding,
     Alignment: alignment::AlignmentBench,
     Attitude: attitude::AttitudeBench,
+    Blunders: blunders::BlundersBench,
     Calibration: calibration::Calibration,
     CloseLoop: close_loop::CloseLoop,
     Compose: compose::Compose,

@@ -193,9 +193,17 @@ impl Family {
         Self::all().into_iter().find(|family| family.name() == name)
     }
 
-    /// Whether it is in no list of candidates.
+    /// Whether it has no name: it is described by what it is composed of, or as a process of the runs' own.
     pub fn is_foreign(self) -> bool {
-        matches!(self, Self::Hysteresis | Self::TwoChannels | Self::ComesAndGoes | Self::Outside(_) | Self::Several(_))
+        matches!(
+            self,
+            Self::Line
+                | Self::Hysteresis
+                | Self::TwoChannels
+                | Self::ComesAndGoes
+                | Self::Outside(_)
+                | Self::Several(_)
+        )
     }
 
     pub(super) fn needs(self) -> Needs {

@@ -155,13 +155,14 @@ fn is_hidden(campaign: &Campaign, effect: &Effect) -> bool {
         // Nobody has a name for it: all that is named must be causes.
         return effect.channels.iter().all(|channel| causal.contains(&channel.as_str()));
     }
-    names(campaign).contains(&effect.name.as_str()) && is_causal(campaign, effect.channel.as_deref())
+    is_name_of(campaign, &effect.name) && is_causal(campaign, effect.channel.as_deref())
 }
 
-/// Whether a name in a list of ambiguous ones, "name" or "name:channel", means the hidden effect.
+/// Whether a name in a list of ambiguous ones, "name" or "name:channel", means the hidden effect; what has no physical name is called after its channel.
 fn is_meant(campaign: &Campaign, text: &str) -> bool {
     let (name, channel) = text.split_once(':').map_or((text, None), |(name, channel)| (name, Some(channel)));
-    names(campaign).contains(&name) && is_causal(campaign, channel)
+    let within = campaign.causal_channels().into_iter().find(|channel| name.contains(channel));
+    is_name_of(campaign, name) && is_causal(campaign, channel.or(within))
 }
 
 /// Whether a name stands for a part of the hidden effect: a field along the axis and the slope of a non-linearity are
@@ -179,57 +180,44 @@ fn is_causal(campaign: &Campaign, channel: Option<&str>) -> bool {
     }
 }
 
-/// Names that the diagnosis has for the hidden effect.
-fn names(campaign: &Campaign) -> &'static [&'static str] {
+/// What the diagnosis may call the hidden effect: by a physical name, or by the signal that it follows and what stands between the two. Channels are
+/// judged by themselves.
+fn is_name_of(campaign: &Campaign, name: &str) -> bool {
+    let has = |words: &[&str]| words.iter().any(|word| name.contains(word));
+    let begins = |words: &[&str]| words.iter().any(|word| name.starts_with(word));
+    let of_channel = begins(&["temperature", "channel"]) || campaign.causal_channels().iter().any(|own| begins(&[own]));
     match campaign.effect.family {
-        Family::ChannelValue | Family::ChannelCurve => &[
-            "temperature",
-            "temperature-quadratic",
-            "temperature-cubic",
-            "temperature-spline",
-            "channel",
-            "channel-quadratic",
-            "channel-cubic",
-            "channel-spline",
-        ],
-        Family::ChannelRate => {
-            &["temperature-rate", "temperature-rate-low-pass", "channel-rate", "channel-rate-low-pass"]
+        Family::ChannelValue | Family::ChannelCurve => of_channel && !has(&["-rate"]),
+        Family::ChannelRate => of_channel && has(&["-rate"]),
+        Family::ChannelLag | Family::ChannelDelay => of_channel && has(&["-low-pass", "-delay", "-heat", "-memory"]),
+        Family::Drift => begins(&["drift", "time"]),
+        Family::SinceSwitchOn => begins(&["warm-up", "time"]),
+        Family::AfterMove => {
+            begins(&["settling", "since", "travel", "distance", "turn", "moves", "winding", "number", "speed", "index"])
         }
-        Family::ChannelLag | Family::ChannelDelay => {
-            &["temperature-lag", "temperature-low-pass", "channel-lag", "channel-low-pass"]
-        }
-        Family::Drift => &["drift", "drift-quadratic"],
-        Family::SinceSwitchOn => &["warm-up"],
-        Family::AfterMove => &[
-            "settling",
-            "settling-by-direction",
-            "settling-by-travel",
-            "settling-by-signed-travel",
-            "settling-by-position",
-            "settling-every-dwell",
-        ],
-        Family::BodyHarmonic => harmonic_names(campaign),
-        Family::EarthField => &["earth-field"],
-        Family::NonLinearity => &["rate-cubic", "dead-zone"],
-        Family::BaseMotion => &["base-motion"],
-        Family::LevelBias => &["level-bias"],
-        Family::IndexAngle => &["index-offset", "index-eccentricity"],
-        Family::Line => &["sinusoid"],
-        Family::StepWithin => &["step"],
-        Family::StepBetween => &["step-between-runs"],
-        Family::Nothing
+        Family::BodyHarmonic => name == harmonic_name(campaign) || begins(&["index"]),
+        Family::EarthField => begins(&["earth-field", "axis"]),
+        Family::NonLinearity => begins(&["rate", "scale-by-rate", "measured"]),
+        Family::BaseMotion => name == "base-motion",
+        Family::LevelBias => begins(&["level-"]),
+        Family::IndexAngle => begins(&["index-offset"]),
+        Family::StepWithin => begins(&["step", "time"]),
+        // What is a bias, which every run has, and what has a phase of each run's own, has no name.
+        Family::StepBetween
+        | Family::Line
+        | Family::Nothing
         | Family::Hysteresis
         | Family::TwoChannels
         | Family::ComesAndGoes
         | Family::Outside(_)
-        | Family::Several(_) => &[],
+        | Family::Several(_) => false,
     }
 }
 
-fn harmonic_names(campaign: &Campaign) -> &'static [&'static str] {
+fn harmonic_name(campaign: &Campaign) -> &'static str {
     match campaign.effect.parts.first() {
-        Some((_, Part::Harmonic { order: 1, .. })) => &["body-harmonic-1"],
-        Some((_, Part::Harmonic { order: 2, .. })) => &["body-harmonic-2"],
-        _ => &["body-harmonic-3"],
+        Some((_, Part::Harmonic { order: 1, .. })) => "body-harmonic-1",
+        Some((_, Part::Harmonic { order: 2, .. })) => "body-harmonic-2",
+        _ => "body-harmonic-3",
     }
 }

@@ -1,15 +1,93 @@
-//! Before and after: azimuths by the firmware's replay with the model, on runs that took no part in learning.
+//! A base that moves: how the accelerometers show it, how it is taken out best, and the dwells that are free of it.
 
 use north_finder::effects::{BaseMotion, ErrorModel};
 use north_finder::fix::DesignRow;
+use north_finder::units::ARCSEC_PER_RAD;
 use rayon::prelude::*;
 
+use crate::learn::{self, Run};
 use crate::run_data::{RunData, Sample};
 
+/// Windows of the accelerometers' slopes, seconds.
+const WINDOWS_S: [f64; 4] = [2.0, 8.0, 30.0, 80.0];
+/// A base that stands still is said to move in at most this share of campaigns (Markov's inequality, as for an effect).
+const FALSE_MOTIONS: f64 = 1.0 / 200.0;
 /// Lags of the accelerometers that are tried, seconds.
 const LAGS_S: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
 /// Share of the variance that a lag must leave at most to be believed.
 const WORTH: f64 = 0.95;
+
+/// The base's motion in some runs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// Window of the slopes that shows it best, seconds.
+    pub window_s: f64,
+    /// What the gyro feels of the turning that the accelerometers show, 1 for a rigid base; and its sigma.
+    pub gain: f64,
+    pub gain_sigma: f64,
+    /// Log odds of a moving base over one that stands still, nats.
+    pub log_odds: f64,
+    /// How it is taken out; `None`: as the solver does by itself.
+    pub way: Option<BaseMotion>,
+}
+
+impl Motion {
+    /// Whether the rates of these runs (as the search sees them: `of_search`) show that the base moves.
+    pub fn find(runs: &[&RunData], of_search: &[Run], base: &ErrorModel) -> Option<Self> {
+        if !of_search.iter().all(Run::has_level) {
+            return None;
+        }
+        let shown = |window_s: f64| {
+            let of_run = |run: &Run| {
+                let data = runs.iter().find(|data| data.file == run.file)?;
+                Some(run.by_row(&turning_deg_h(data, window_s)))
+            };
+            let column: Option<Vec<Vec<f64>>> = of_search.iter().map(of_run).collect();
+            let found = learn::gain_of(of_search, column?.concat())?;
+            Some((window_s, found))
+        };
+        let best = WINDOWS_S.into_par_iter().filter_map(shown).max_by(|a, b| a.1.log_odds.total_cmp(&b.1.log_odds))?;
+        let log_odds = best.1.log_odds - (WINDOWS_S.len() as f64).ln();
+        (log_odds > -FALSE_MOTIONS.ln()).then(|| Self {
+            window_s: best.0,
+            gain: best.1.weight,
+            gain_sigma: best.1.sigma,
+            log_odds,
+            way: way(runs, base),
+        })
+    }
+
+    /// The model with it.
+    pub fn model(&self, base: &ErrorModel) -> ErrorModel {
+        ErrorModel { base_motion: self.way.or(base.base_motion), ..base.clone() }
+    }
+}
+
+/// Turning of the base about the sensitive axis by the accelerometers, °/h: slopes of pitch and roll over `window_s` about
+/// each sample, inside its dwell.
+fn turning_deg_h(run: &RunData, window_s: f64) -> Vec<f64> {
+    let samples = &run.samples;
+    let slope = |i: usize| {
+        let here = &samples[i];
+        let near = |j: &usize| {
+            let sample = &samples[*j];
+            sample.dwell == here.dwell && !sample.moving && (sample.t_s - here.t_s).abs() <= 0.5 * window_s + 0.01
+        };
+        let first = (0..i).rev().take_while(near).last().unwrap_or(i);
+        let last = (i..samples.len()).take_while(near).last().unwrap_or(i);
+        let inside = samples.get(first..=last)?;
+        let mean_s = inside.iter().map(|sample| sample.t_s).sum::<f64>() / inside.len() as f64;
+        let (mut along, mut squares) = (0.0, 0.0);
+        for sample in inside {
+            let level = sample.level?;
+            let t_s = sample.t_s - mean_s;
+            along += t_s * (here.cos * level.left - here.sin * level.forward);
+            squares += t_s * t_s;
+        }
+        (squares > 0.0).then(|| along / squares * ARCSEC_PER_RAD)
+    };
+    (0..samples.len()).map(|i| if samples[i].moving { 0.0 } else { slope(i).unwrap_or(0.0) }).collect()
+}
 
 /// The dwells of a run, the base's motion taken out, as samples of their own: what further effects are learned from.
 pub fn dwells_of(run: &RunData, model: &ErrorModel) -> Option<RunData> {
@@ -59,7 +137,7 @@ pub fn dwells_of(run: &RunData, model: &ErrorModel) -> Option<RunData> {
 /// How the base's motion is taken out best: row by row, with the accelerometers' noise white in the velocity or in the tilt,
 /// and with the lag by which gyro and tilt agree best, both by the variances of the dwells, in the geometric mean so that no
 /// single dwell decides; or, `None`, as the solver does by itself, if the azimuths' sigmas are smaller so.
-pub fn way_of_base_motion(runs: &[&RunData], base: &ErrorModel) -> Option<BaseMotion> {
+fn way(runs: &[&RunData], base: &ErrorModel) -> Option<BaseMotion> {
     let solved = |run: &RunData, base_motion| run.solve(&ErrorModel { base_motion, ..base.clone() });
     let score = |way: BaseMotion| -> f64 {
         let of_run = |run: &&RunData| {

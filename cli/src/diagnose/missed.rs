@@ -1,0 +1,66 @@
+//! References that the runs contradict.
+
+use north_finder::units::wrap_180_deg;
+
+use super::Warning;
+use super::found::WrongReference;
+use super::result::{MissedReference, RunDiagnosis};
+use crate::run_data::RunData;
+
+/// A reference that is missed by more than this, in degrees and in sigmas, is named.
+const MISS_DEG: f64 = 1.0;
+const MISS_SIGMAS: f64 = 5.0;
+
+/// Warns of references that are not used, and of seconds that are no seconds of the gyro.
+pub fn warn(runs: &[RunData], wrong: &[WrongReference], warnings: &mut Vec<Warning>) {
+    for each in wrong.iter().filter(|each| each.exchanged_with.is_none()) {
+        let run = runs.iter().find(|run| run.file == each.file);
+        let error_deg = run.and_then(|run| Some(wrap_180_deg(run.before?.azimuth_deg - run.reference_deg?)));
+        warnings.push(Warning {
+            run: Some(each.file.clone()),
+            line: None,
+            message: format!(
+                "its reference does not fit the other runs' by {:+.2} deg: it is not used; survey it again",
+                -error_deg.unwrap_or_default()
+            ),
+        });
+    }
+    for (run, &line) in runs.iter().flat_map(|run| run.outliers.iter().map(move |line| (run, line))) {
+        warnings.push(Warning {
+            run: Some(run.file.clone()),
+            line: Some(line),
+            message: "the rate jumps for this second: it is left out as an outlier".into(),
+        });
+    }
+}
+
+/// References that are wrong by what the runs say of each other, and runs whose azimuth is far from the reference, whatever was found: something is
+/// wrong with one of the two. Of wrong ones it is warned already.
+pub fn missed(records: &[RunDiagnosis], wrong: &[WrongReference], warnings: &mut Vec<Warning>) -> Vec<MissedReference> {
+    let mut missed = Vec::new();
+    for run in records {
+        let azimuth = run.azimuth_after_deg.zip(run.sigma_after_deg);
+        let (Some((azimuth_deg, sigma_deg)), Some(reference_deg)) = (azimuth, run.reference_azimuth_deg) else {
+            continue;
+        };
+        let misses_by_deg = wrap_180_deg(azimuth_deg - reference_deg);
+        let sigmas = misses_by_deg.abs() / sigma_deg;
+        let found = wrong.iter().find(|each| each.file == run.file);
+        let far = misses_by_deg.abs() > MISS_DEG.max(MISS_SIGMAS * sigma_deg);
+        if found.is_none() && !far {
+            continue;
+        }
+        let exchanged_with = found.and_then(|each| each.exchanged_with.clone());
+        if let Some(other) = &exchanged_with {
+            let message = format!("its reference seems to be that of {other}, and the other way round");
+            warnings.push(Warning { run: Some(run.file.clone()), line: None, message });
+        } else if far && found.is_none() {
+            let message = format!(
+                "the azimuth misses the reference by {misses_by_deg:+.2} deg ({sigmas:.0} sigma): the reference, or the run, is wrong"
+            );
+            warnings.push(Warning { run: Some(run.file.clone()), line: None, message });
+        }
+        missed.push(MissedReference { file: run.file.clone(), misses_by_deg, sigmas, exchanged_with });
+    }
+    missed
+}
