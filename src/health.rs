@@ -172,6 +172,9 @@ codes! {
         Turned = 17, "turned",
             "the instrument was turned on its base while it measured; the azimuth is that after the turn",
             "repeat the fix, and leave the instrument where it stands";
+        LevelDrift = 18, "level-drift",
+            "the level accelerometers' readings changed by more than their declared drift, and the gyro did not feel the base tilt",
+            "let the instrument take the temperature of the site, calibrate the accelerometers over temperature, or declare their drift";
     }
 }
 

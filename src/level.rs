@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration::ellipsoid::Correction;
 use crate::codes::TriadCode;
-use crate::units::DEG_PER_RAD;
+use crate::units::{ARCSEC_PER_RAD, DEG_PER_RAD};
 
 /// The level gate.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -21,11 +21,45 @@ pub struct LevelSettings {
     pub seconds: u16,
     /// Longest wait, seconds.
     pub timeout_s: f64,
+    /// One sigma of the change of the readings with temperature, mg/K.
+    pub drift_mg_per_k: f64,
+    /// One sigma of what they wander by in an hour, as a random walk, mg.
+    pub wander_mg_per_sqrt_h: f64,
+}
+
+/// What the level accelerometers' readings do though the base stands still: one sigma of each.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LevelDrift {
+    /// Change with temperature, arcsec/K.
+    pub arcsec_per_k: f64,
+    /// Random walk, arcsec in a second.
+    pub arcsec_per_sqrt_s: f64,
+}
+
+/// Tilt that reads as a thousandth of gravity.
+const ARCSEC_PER_MG: f64 = 1e-3 * ARCSEC_PER_RAD;
+
+impl LevelSettings {
+    /// The declared drift, as a tilt.
+    pub fn drift(&self) -> LevelDrift {
+        LevelDrift {
+            arcsec_per_k: self.drift_mg_per_k * ARCSEC_PER_MG,
+            arcsec_per_sqrt_s: self.wander_mg_per_sqrt_h * ARCSEC_PER_MG / 60.0,
+        }
+    }
 }
 
 impl Default for LevelSettings {
     fn default() -> Self {
-        Self { limit_deg: 0.5, sigma_deg: 0.01, seconds: 2, timeout_s: 120.0 }
+        // Of the ADXL355's data sheet: 0.02 mg/K typically, 0.15 mg/K at most.
+        Self {
+            limit_deg: 0.5,
+            sigma_deg: 0.01,
+            seconds: 2,
+            timeout_s: 120.0,
+            drift_mg_per_k: 0.05,
+            wander_mg_per_sqrt_h: 0.01,
+        }
     }
 }
 

@@ -377,6 +377,9 @@ impl<D: Dwells> Accumulator<D> {
         *(if moving { &mut self.moving_s } else { &mut self.rest_s }) += row.seconds;
         if let Some(temp_c) = second.measured.conditions.temp_c {
             self.watch_temperature(temp_c);
+            if !moving {
+                self.rows.push_temperature(row.t_s, temp_c);
+            }
         }
         self.rates_deg_h = self.evaluator.rates_deg_h();
         let carried = second.correction.carried;

@@ -3,6 +3,7 @@
 use super::base_motion::{self, BaseMotion};
 use super::cause::Cause;
 use super::dwell::DwellSummary;
+use super::motion;
 use super::solution::solve_for;
 use super::{Declared, Fix, Unsolvable, turned};
 use crate::effects::ErrorModel;
@@ -14,8 +15,8 @@ const DECIDED: f64 = 9.0;
 
 /// Solves for the azimuth. `dwells` in the order of time.
 ///
-/// Where the levels change, either the base moved, which turned the gyro too, or the accelerometers drifted, which the gyro knows nothing of. The base
-/// is supposed to have moved unless the rates contradict it.
+/// Where the levels change, either the base moved, which turned the gyro too, or the accelerometers drifted, which the gyro knows nothing of:
+/// both are weighed. Where the levels jump, the base is supposed to have moved unless the rates contradict it.
 ///
 /// Where the dwells contradict each other, the instrument may have been turned about the vertical meanwhile: then the azimuth is that
 /// after the turn, if the dwells determine it.
@@ -43,15 +44,25 @@ fn solve_standing(
     model: &ErrorModel,
     motion: BaseMotion,
 ) -> Result<Fix, Unsolvable> {
-    let moved = solve_for_jumps(dwells, declared, model, motion);
     if !matches!(motion, BaseMotion::Moving(_)) {
-        return moved;
+        return solve_for_jumps(dwells, declared, model, motion);
     }
+    let slipped = dwells.iter().any(|dwell| dwell.slip_deg != 0.0);
+    if !slipped && let Some(weighed) = motion::solve(dwells, declared, model, Cause::Spindle) {
+        return weighed;
+    }
+    let moved = solve_for_jumps(dwells, declared, model, motion);
     match (moved, solve_for_jumps(dwells, declared, model, BaseMotion::Still)) {
-        (Ok(moved), Ok(still)) if moved.chi_square - still.chi_square > DECIDED => Ok(still),
+        (Ok(moved), Ok(still)) if moved.chi_square - still.chi_square > DECIDED => Ok(standing(still)),
         (Ok(only), _) | (Err(_), Ok(only)) => Ok(only),
         (Err(refusal), Err(_)) => Err(refusal),
     }
+}
+
+/// Levels that changed while the gyro did not feel the base move.
+fn standing(mut fix: Fix) -> Fix {
+    fix.flags.insert(Flag::LevelDrift);
+    fix
 }
 
 /// The solution for what is to be taken out of the base's motion.

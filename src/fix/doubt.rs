@@ -1,6 +1,6 @@
 //! What is not certain of the error model, in a fix: errors of the dwells' mean rates that go together.
 //!
-//! The mean rates have the covariance C = white noise + P + D Dᵀ: P that of the model's process of the run's own (mean over
+//! The mean rates have the covariance C = white noise + P + D Dᵀ + M: M what is uncertain of a path of the base that was taken out, P that of the model's process of the run's own (mean over
 //! each dwell against mean over each other), D the columns of what one sigma along each uncertain direction of the model's
 //! coefficients adds to each dwell. The fix is generalised least squares with C: by its Cholesky factor L, rows and rates
 //! become L⁻¹ times themselves, and have independent errors of one. Slopes inside the dwells say nothing then: the process
@@ -12,6 +12,7 @@
 use heapless::Vec;
 use nalgebra::{Cholesky, Const, Matrix4, SMatrix, Vector4};
 
+use super::base_motion::levels::Path;
 use super::dwell::DwellSummary;
 use super::observation::Observation;
 use crate::bounded::bounded;
@@ -19,7 +20,7 @@ use crate::effects::Doubt;
 use crate::effects::doubt::MAX_DIRECTIONS;
 
 /// Most dwells whose covariance is kept.
-const MOST: usize = 24;
+pub const MOST: usize = 24;
 
 /// What one sigma along each uncertain direction adds to a dwell's mean, °/h.
 type Doubts = [f64; MAX_DIRECTIONS];
@@ -37,8 +38,14 @@ pub(super) struct Correlated {
 impl Correlated {
     /// Of these dwells. `None` where nothing is uncertain, where there are too many dwells, or where one has no weight. `variance`: of a
     /// one-second rate, (°/h)².
-    pub fn new(doubt: &Doubt, dwells: &[DwellSummary], observe: Observe<'_>, variance: f64) -> Option<Self> {
-        if !is_any(doubt) || dwells.len() > MOST {
+    pub fn new(
+        doubt: &Doubt,
+        path: Option<&Path>,
+        dwells: &[DwellSummary],
+        observe: Observe<'_>,
+        variance: f64,
+    ) -> Option<Self> {
+        if (!is_any(doubt) && path.is_none()) || dwells.len() > MOST {
             return None;
         }
         let doubts: Vec<Doubts, MOST> = bounded(dwells.iter().map(|dwell| observe(dwell).1));
@@ -46,7 +53,8 @@ impl Correlated {
         let mut rows = SMatrix::<f64, MOST, 4>::zeros();
         for (i, (dwell, own)) in dwells.iter().zip(&doubts).enumerate() {
             for (j, (other, of_other)) in dwells.iter().zip(&doubts).enumerate() {
-                *covariance.get_mut((i, j))? = shared(doubt, (dwell, own), (other, of_other)) / variance;
+                let of_path = path.map_or(0.0, |path| path.covariance_of(dwell, other));
+                *covariance.get_mut((i, j))? = (shared(doubt, (dwell, own), (other, of_other)) + of_path) / variance;
             }
             let (observation, _) = observe(dwell);
             *covariance.get_mut((i, i))? += 1.0 / observation.weight;
@@ -74,6 +82,11 @@ impl Correlated {
                 take(Observation { weight: 1.0, row: Vector4::new(x, y, z, w), cos_2theta, rate_deg_h });
             }
         }
+    }
+
+    /// Logarithm of the determinant of C.
+    pub fn log_determinant(&self) -> f64 {
+        self.factor.l_dirty().diagonal().iter().map(|pivot| 2.0 * libm::log(*pivot)).sum()
     }
 
     /// What an error of the `i`-th dwell's rate adds to the right-hand side of the normal equations; `None` of a dwell that there is not.

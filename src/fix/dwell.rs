@@ -140,6 +140,14 @@ impl From<Line> for LevelLine {
     }
 }
 
+/// The temperature over a dwell, in floats: their rounding is 0.00003 K.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Temperature {
+    /// Its mean; 0 where none was measured.
+    pub kelvin: f32,
+    pub kelvin_per_s: f32,
+}
+
 /// What a dwell says, or one interval of a continuous rotation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DwellSummary {
@@ -164,6 +172,7 @@ pub struct DwellSummary {
     pub angle: Option<Trend>,
     /// Forward and left accelerometer, g.
     pub level: Option<[LevelLine; 2]>,
+    pub temperature: Temperature,
     /// Rows that count, less the two that a line takes; 0 for fewer than three.
     pub degrees_of_freedom: u16,
     /// Rows left out as outliers.
@@ -185,6 +194,7 @@ pub struct DwellRows {
     /// Rows are merged up to this length, seconds; 0 before there was a need.
     merged_s: f64,
     sums: Sums,
+    temperature: TemperatureSums,
 }
 
 impl DwellRows {
@@ -195,6 +205,11 @@ impl DwellRows {
             self.make_room();
         }
         let _ = self.rows.push(row);
+    }
+
+    /// Takes the temperature of a second.
+    pub fn push_temperature(&mut self, t_s: f64, temp_c: f64) {
+        self.temperature.push(t_s, temp_c);
     }
 
     /// The rows, in the order of time, of a long dwell merged.
@@ -215,6 +230,7 @@ impl DwellRows {
         // In place: another of its kind would take kilobytes of stack.
         self.rows.clear();
         self.sums = Sums::default();
+        self.temperature = TemperatureSums::default();
         (self.judged, self.merged_s) = (0, 0.0);
     }
 
@@ -256,7 +272,8 @@ impl DwellRows {
     /// judged. `None` without rows.
     pub fn summary(&mut self, noise_deg_h: f64) -> Option<DwellSummary> {
         self.judge(noise_deg_h);
-        self.sums.summary()
+        let summary = self.sums.summary()?;
+        Some(DwellSummary { temperature: self.temperature.line(summary.t_s), ..summary })
     }
 
     /// Middles of the rows that were left out so far, seconds.
@@ -348,6 +365,48 @@ struct Sums {
     level_rows: u16,
     outliers: u16,
     outliers_s: Outliers,
+}
+
+/// 0 °C, kelvin.
+const FREEZING_K: f64 = 273.15;
+
+/// Sums over the seconds of a dwell for the straight line of its temperature; times and temperatures from the first second's.
+#[derive(Clone, Copy, Debug, Default)]
+struct TemperatureSums {
+    first_s: f64,
+    first_c: f64,
+    seconds: u16,
+    time: f64,
+    time_squares: f64,
+    temperature: f64,
+    with_time: f64,
+}
+
+impl TemperatureSums {
+    fn push(&mut self, t_s: f64, temp_c: f64) {
+        if self.seconds == 0 {
+            (self.first_s, self.first_c) = (t_s, temp_c);
+        }
+        let (time_s, change_k) = (t_s - self.first_s, temp_c - self.first_c);
+        self.seconds = self.seconds.saturating_add(1);
+        self.time += time_s;
+        self.time_squares += time_s * time_s;
+        self.temperature += change_k;
+        self.with_time += time_s * change_k;
+    }
+
+    /// The line at a time.
+    fn line(&self, t_s: f64) -> Temperature {
+        if self.seconds == 0 {
+            return Temperature::default();
+        }
+        let seconds = f64::from(self.seconds);
+        let (middle_s, mean_k) = (self.time / seconds, self.temperature / seconds);
+        let spread = self.time_squares - self.time * middle_s;
+        let kelvin_per_s = if spread > 0.0 { (self.with_time - self.time * mean_k) / spread } else { 0.0 };
+        let kelvin = FREEZING_K + self.first_c + mean_k + kelvin_per_s * (t_s - self.first_s - middle_s);
+        Temperature { kelvin: kelvin as f32, kelvin_per_s: kelvin_per_s as f32 }
+    }
 }
 
 /// Weighted sums of a quantity x.

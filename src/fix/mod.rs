@@ -25,6 +25,7 @@ mod doubt;
 pub mod dwell;
 mod estimate;
 pub mod index_watch;
+mod motion;
 pub mod moving_base;
 mod noise;
 mod observation;
@@ -43,7 +44,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::earth::EarthRate;
 use crate::health::{Fault, Flags};
-use crate::level::Tilt;
+use crate::level::{LevelDrift, Tilt};
 use crate::sample::GyroSettings;
 pub use causes::solve;
 pub use design::DesignRow;
@@ -58,6 +59,8 @@ pub struct Declared {
     pub index_sigma_deg: f64,
     /// One sigma of the accelerometers' level error, degrees.
     pub level_sigma_deg: f64,
+    /// What their readings do though the base stands still.
+    pub level_drift: LevelDrift,
     /// An error model from a calibration is stored.
     pub calibrated: bool,
 }

@@ -185,7 +185,14 @@ mod tests {
             drift_deg_h_per_h: 0.0,
             ..Default::default()
         };
-        let declared = Declared { earth, gyro, index_sigma_deg: 0.0, level_sigma_deg: 0.0, calibrated: true };
+        let declared = Declared {
+            earth,
+            gyro,
+            index_sigma_deg: 0.0,
+            level_sigma_deg: 0.0,
+            calibrated: true,
+            level_drift: crate::level::LevelDrift::default(),
+        };
         let mut state = 5;
         let mut normal = || normal(&mut state);
         let (mut ratio, mut error, mut sigma) = (0.0, 0.0, 0.0);

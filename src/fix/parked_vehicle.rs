@@ -73,7 +73,14 @@ fn windows(samples: &[[f64; 4]], dwell_s: usize, size: usize, lag_s: f64) -> Vec
         ..Default::default()
     };
     let earth = earth_rate(34.246048).unwrap();
-    let declared = Declared { earth, gyro, index_sigma_deg: 0.0, level_sigma_deg: 0.01, calibrated: true };
+    let declared = Declared {
+        earth,
+        gyro,
+        index_sigma_deg: 0.0,
+        level_sigma_deg: 0.01,
+        calibrated: true,
+        level_drift: crate::level::LevelDrift::default(),
+    };
     samples
         .chunks_exact(4 * dwell_s * RATE)
         .map(|window| {

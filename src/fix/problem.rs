@@ -3,6 +3,7 @@
 use nalgebra::Vector4;
 
 use super::azimuth_effects::AzimuthEffects;
+use super::base_motion::levels::Path;
 use super::base_motion::{self, BaseMotion, Method};
 use super::cause::Cause;
 use super::design::DesignRow;
@@ -131,6 +132,14 @@ impl<'a> Problem<'a> {
         match &self.correlated {
             Some(correlated) => correlated.gain(dwell).unwrap_or_default(),
             None => observation.weight * observation.row,
+        }
+    }
+
+    /// The path of the base that is taken out.
+    pub fn path(&self) -> Option<&Path> {
+        match &self.motion {
+            BaseMotion::Moving(Method::Path(path)) => Some(path),
+            _ => None,
         }
     }
 

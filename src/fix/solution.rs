@@ -3,6 +3,7 @@
 use nalgebra::{Matrix4, SMatrix, Vector4};
 
 use super::azimuth_effects::AzimuthEffects;
+use super::base_motion::levels::Path;
 use super::base_motion::{BaseMotion, Method};
 use super::cause::Cause;
 use super::closure::Closure;
@@ -38,6 +39,13 @@ const AZIMUTH_AGREES_DEG: f64 = 1e-4;
 /// Scatter above this multiple of the declared noise is flagged.
 const NOISY_RATIO: f64 = 3.0;
 
+/// A fix, and how probable what was supposed for it makes the gyro's rates.
+pub(super) struct Solved {
+    pub fix: Fix,
+    /// Logarithm of the likelihood of the rates, but for what does not depend on what was supposed; 0 where dwells were not weighed together.
+    pub log_likelihood: f64,
+}
+
 /// The solution for what is supposed to have moved the base and the index.
 pub(super) fn solve_for(
     dwells: &[DwellSummary],
@@ -46,6 +54,17 @@ pub(super) fn solve_for(
     motion: BaseMotion,
     cause: Cause,
 ) -> Result<Fix, Unsolvable> {
+    solved_for(dwells, declared, model, motion, cause).map(|solved| solved.fix)
+}
+
+/// The same, with its likelihood.
+pub(super) fn solved_for(
+    dwells: &[DwellSummary],
+    declared: &Declared,
+    model: &ErrorModel,
+    motion: BaseMotion,
+    cause: Cause,
+) -> Result<Solved, Unsolvable> {
     let earth = declared.earth;
     let mut problem = Problem::new(dwells, earth, motion, cause).ok_or(Unsolvable::TooFewDirections)?;
     let mut flags = Flags::default();
@@ -88,7 +107,8 @@ pub(super) fn solve_for(
     let inverse = problem.sinusoid.map_or(estimate.inverse, |sinusoid| estimate.inverse + sinusoid.doubt);
     let covariance = inverse * (variance * inflation.max(widening)) + correlated;
     judge_parameters(&estimate.parameters, &covariance, declared, model, &mut flags)?;
-    if matches!(problem.motion, BaseMotion::Moving(_)) || dwells.iter().any(|dwell| dwell.base_taken_out) {
+    let moves = matches!(problem.motion, BaseMotion::Moving(_)) && !problem.path().is_some_and(Path::stands);
+    if moves || dwells.iter().any(|dwell| dwell.base_taken_out) {
         flags.insert(Flag::BaseMotion);
     }
     if problem.counting().any(|dwell| dwell.outliers > 0) {
@@ -108,7 +128,8 @@ pub(super) fn solve_for(
     let closure = Closure::new(&problem, estimate, variance * widening, declared);
     let apparent_deg = estimate.azimuth_deg();
     let azimuth_deg = model.true_azimuth_deg(apparent_deg, &earth);
-    Ok(Fix {
+    let log_likelihood = log_likelihood(&problem, estimate, variance * widening, &earth);
+    let fix = Fix {
         azimuth_deg,
         sigma_deg: libm::sqrt(
             [of_rates_deg, of_index_deg, of_level_deg, drift.doubt_deg, unsettled_deg, model.doubt.azimuth_sigma_deg]
@@ -126,7 +147,22 @@ pub(super) fn solve_for(
         tilt,
         seconds: problem.counting().map(|dwell| dwell.seconds).sum(),
         flags,
-    })
+    };
+    Ok(Solved { fix, log_likelihood })
+}
+
+/// Logarithm of the likelihood of the rates, of what was weighed together: of their residuals, of the determinants of their covariance and of
+/// the estimate's, and of the amplitude, which is the Earth's but for the error of scale factor and latitude that an honest instrument has.
+fn log_likelihood(problem: &Problem<'_>, estimate: &Estimate, variance: f64, earth: &EarthRate) -> f64 {
+    let Some(correlated) = &problem.correlated else { return 0.0 };
+    let &[x, y, _, _] = estimate.parameters.as_ref();
+    let amplitude_deg_h = libm::hypot(x, y);
+    let along = Vector4::new(x, y, 0.0, 0.0) / amplitude_deg_h;
+    let tolerance_deg_h = AMPLITUDE_TOLERANCE * earth.north_deg_h;
+    let of_amplitude = variance * along.dot(&(estimate.inverse * along)) + tolerance_deg_h * tolerance_deg_h;
+    let off_deg_h = amplitude_deg_h - earth.north_deg_h;
+    let logarithms = correlated.log_determinant() - libm::log(estimate.inverse.determinant()) + libm::log(of_amplitude);
+    -0.5 * (estimate.residual / variance + off_deg_h * off_deg_h / of_amplitude + logarithms)
 }
 
 /// How much sigma grows by a misfit, as a factor of the variance.
@@ -175,7 +211,9 @@ fn judge_parameters(
 /// Weighs the dwells by what is not certain of the model. Never inlined: two matrices of all dwells would stand twice on the stack.
 #[inline(never)]
 fn weigh_doubt(problem: &mut Problem<'_>, model: &ErrorModel, variance: f64) {
-    problem.correlated = Correlated::new(&model.doubt, problem.dwells, &|dwell| problem.with_doubts(dwell), variance);
+    let path = problem.path();
+    let observe = &|dwell: &DwellSummary| problem.with_doubts(dwell);
+    problem.correlated = Correlated::new(&model.doubt, path, problem.dwells, observe, variance);
 }
 
 /// Where the model depends on the azimuth, supposes one, and the next by that, until they agree: by how much the last two differ, degrees.
@@ -255,6 +293,8 @@ fn add_of_dwells(shared: &mut Matrix4<f64>, problem: &Problem<'_>, instability: 
                     (dwell.sin * dwell.sin * pitch + dwell.cos * dwell.cos * roll) / f64::from(dwell.time_spread);
             }
             BaseMotion::Moving(Method::Slopes { .. }) => {}
+            // It is in the weights.
+            BaseMotion::Moving(Method::Path(_)) if problem.correlated.is_some() => {}
             BaseMotion::Moving(Method::Path(path)) => {
                 let rates = path.rates(dwell);
                 let [pitch, roll] = &mut by_coefficient;
@@ -264,7 +304,7 @@ fn add_of_dwells(shared: &mut Matrix4<f64>, problem: &Problem<'_>, instability: 
         }
         *shared += of_dwell * gain * gain.transpose();
     }
-    if let BaseMotion::Moving(Method::Path(path)) = &problem.motion {
+    if let Some(path) = problem.path() {
         for (by_coefficient, covariance) in by_coefficient.iter().zip(path.covariance()) {
             *shared += by_coefficient * covariance * by_coefficient.transpose();
         }

@@ -53,6 +53,7 @@ pub fn declared(latitude_deg: f64) -> Declared {
         gyro: GyroSettings::default(),
         index_sigma_deg: 0.02,
         level_sigma_deg: 0.01,
+        level_drift: crate::level::LevelSettings::default().drift(),
         calibrated: true,
     }
 }
@@ -159,7 +160,8 @@ fn a_strong_drift_in_the_plain_order_is_estimated_and_flagged() {
 #[test]
 fn a_base_that_turns_is_taken_out_with_its_sign() {
     // The base pitches nose up by 0.2 arcsec/s. At index 90° the axis points left; nose up is a negative rotation about
-    // it, so the gyro reads −0.2 °/h more there and +0.2 at 270°. The accelerometers see the pitch grow with time.
+    // it, so the gyro reads −0.2 °/h more there and +0.2 at 270°. The accelerometers see the pitch grow with time. (A steady rate is held about
+    // zero with the spread of the range of the tilt, which takes less than a thousandth of it away: 0.0002 of 7.52 °/h, 0.0015°.)
     let mut dwells = dwells_at(&NORTH_EAST);
     for dwell in &mut dwells {
         let pitch = |t_s: f64| 0.2 * t_s / crate::units::ARCSEC_PER_RAD;
@@ -178,7 +180,7 @@ fn a_base_that_turns_is_taken_out_with_its_sign() {
     }
     let solution = solve_at(60.0, &dwells);
     assert!(solution.flags.contains(Flag::BaseMotion));
-    assert_azimuth(&solution, 30.0, 1e-4);
+    assert_azimuth(&solution, 30.0, 1.5e-3);
 }
 
 /// An accelerometer that warms up reads a pitch of 0.005 t² arcsec, and the base stands still. A base that pitched so would turn the gyro by 0.01 t °/h
@@ -196,7 +198,7 @@ fn accelerometers_that_drift_are_not_taken_for_a_base_that_turns() {
         dwell.level = Some([LevelLine { mean: pitch[0], slope_per_s: pitch[1], ..still }, still]);
     }
     let solution = solve_at(60.0, &dwells);
-    assert!(!solution.flags.contains(Flag::BaseMotion));
+    assert!(!solution.flags.contains(Flag::BaseMotion) && solution.flags.contains(Flag::LevelDrift));
     assert_azimuth(&solution, 30.0, 0.03);
 }
 

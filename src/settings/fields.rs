@@ -97,6 +97,10 @@ fields! {
         "for so long in a row it must be level";
     "level.timeout_s", "s", 1 to 36000, |s| s.level.timeout_s,
         "longest wait for that";
+    "level.drift_mg_per_k", "mg/K", 0 to 100, |s| s.level.drift_mg_per_k,
+        "one sigma of what the level accelerometers' readings change by with temperature, though the base stands still";
+    "level.wander_mg_per_sqrt_h", "mg/√h", 0 to 100, |s| s.level.wander_mg_per_sqrt_h,
+        "one sigma of what they wander by in an hour";
     "disturbance.threshold_deg_h", "°/h", 0 to 1000000, |s| s.disturbance.threshold_deg_h,
         "excess of the rate over Ω cos φ that counts as disturbed";
     "disturbance.seconds", "s", 1 to 600, |s| f64::from(s.disturbance.seconds),

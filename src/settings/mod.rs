@@ -109,6 +109,7 @@ impl Settings {
             gyro: self.gyro,
             index_sigma_deg: self.index.sigma_deg,
             level_sigma_deg: self.level.sigma_deg,
+            level_drift: self.level.drift(),
             calibrated: self.model.is_some(),
         })
     }

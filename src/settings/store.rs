@@ -28,9 +28,9 @@ use crate::health::Refusal;
 
 const MAGIC: [u8; 4] = *b"NFST";
 /// Changes whenever the meaning of a record does.
-pub const VERSION: u16 = 6;
+pub const VERSION: u16 = 7;
 /// The version before, which is read.
-const OLD_VERSION: u16 = 5;
+const OLD_VERSION: u16 = 6;
 const HEADER: usize = 12;
 const CRC_LENGTH: usize = 4;
 /// Longest record; a multiple of [`GRAIN`], and within a half. The longest settings that are valid fit: a test

@@ -54,6 +54,8 @@ built_in![
     "kvh-gyro",
     "vehicle",
     "worn-accelerometers",
+    "warming-accelerometers",
+    "warming-on-creep",
     "carried",
 ];
 

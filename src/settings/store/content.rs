@@ -10,7 +10,7 @@ use serde::Deserialize;
 
 use super::OLD_VERSION;
 use crate::effects::{Doubt, ErrorModel};
-use crate::settings::Settings;
+use crate::settings::{LevelSettings, Settings};
 
 type Content<'a> = Deserializer<'a, Slice<'a>>;
 
@@ -33,7 +33,7 @@ pub fn read(content: &[u8], version: u16, settings: &mut Settings) -> Option<()>
     } = settings;
     set(from, latitude_deg)?;
     set(from, gyro)?;
-    set(from, level)?;
+    read_level(from, version, level)?;
     set(from, disturbance)?;
     set(from, jitter)?;
     set(from, index)?;
@@ -41,14 +41,30 @@ pub fn read(content: &[u8], version: u16, settings: &mut Settings) -> Option<()>
     set(from, time_limit_s)?;
     *model = None;
     if next(from)? {
-        read_model(from, version, model.insert(ErrorModel::default()))?;
+        read_model(from, model.insert(ErrorModel::default()))?;
     }
     set(from, accelerometer)?;
     set(from, block)?;
     content.finalize().is_ok_and(<[u8]>::is_empty).then_some(())
 }
 
-fn read_model(from: &mut Content<'_>, version: u16, model: &mut ErrorModel) -> Option<()> {
+/// In the version before, without what the readings drift by.
+fn read_level(from: &mut Content<'_>, version: u16, level: &mut LevelSettings) -> Option<()> {
+    let LevelSettings { limit_deg, sigma_deg, seconds, timeout_s, drift_mg_per_k, wander_mg_per_sqrt_h } = level;
+    set(from, limit_deg)?;
+    set(from, sigma_deg)?;
+    set(from, seconds)?;
+    set(from, timeout_s)?;
+    if version == OLD_VERSION {
+        let standard = LevelSettings::default();
+        (*drift_mg_per_k, *wander_mg_per_sqrt_h) = (standard.drift_mg_per_k, standard.wander_mg_per_sqrt_h);
+        return Some(());
+    }
+    set(from, drift_mg_per_k)?;
+    set(from, wander_mg_per_sqrt_h)
+}
+
+fn read_model(from: &mut Content<'_>, model: &mut ErrorModel) -> Option<()> {
     let ErrorModel {
         scale_error,
         bias_deg_h,
@@ -69,10 +85,7 @@ fn read_model(from: &mut Content<'_>, version: u16, model: &mut ErrorModel) -> O
     set(from, earth_field)?;
     set(from, base_motion)?;
     set(from, sinusoid)?;
-    effects.clear();
-    if version != OLD_VERSION {
-        list(from, effects)?;
-    }
+    list(from, effects)?;
     set(from, azimuth_sigma_deg)?;
     list(from, directions)?;
     set(from, process)

@@ -6,7 +6,6 @@ use embedded_storage::nor_flash::{ErrorType, NorFlashError, NorFlashErrorKind, c
 
 use super::*;
 use crate::calibration::accelerometer::AccelerometerCalibration;
-use crate::effects::ErrorModel;
 use crate::effects::effect::MAX_EFFECT_WEIGHTS;
 
 /// Smallest of the boards.
@@ -125,7 +124,7 @@ fn the_record_is_as_documented() {
     save(&mut flash, &settings(45.5)).unwrap();
     let record = &flash.bytes[first.next_multiple_of(16)..];
     let length = usize::from(u16::from_le_bytes([record[6], record[7]]));
-    assert_eq!(record[..6], *b"NFST\x06\x00");
+    assert_eq!(record[..6], *b"NFST\x07\x00");
     assert_eq!(record[8..12], [1, 0, 0, 0]);
     assert_eq!(record[12..20], 45.5_f64.to_le_bytes());
     let crc = CRC.checksum(&record[..12 + length]).to_le_bytes();
@@ -178,33 +177,23 @@ fn another_version_is_corrupt() {
     assert_eq!(load(&mut flash), Ok(Loaded::Corrupt));
 }
 
-/// A record of version 5 is one of today without the number of effects, 0, which follows the sinusoid.
+/// A record of version 6 is one of today without what the level accelerometers drift by, two numbers of eight bytes that end the group.
 #[test]
-fn the_version_before_is_read_with_its_model() {
+fn the_version_before_is_read() {
     let mut flash = Flash::<4>::erased();
-    let mut expected = longest::settings();
-    let mut of_terms = longest::of_terms("supply_v");
-    of_terms.doubt.directions.truncate(1);
-    expected.model = Some(of_terms.clone());
+    let expected = longest::settings();
     save(&mut flash, &expected).unwrap();
-    let Settings { latitude_deg, gyro, level, disturbance, jitter, index, sequence, time_limit_s, .. } =
-        expected.clone();
-    let ErrorModel {
-        scale_error, bias_deg_h, terms, rate_terms, index_error, earth_field, base_motion, sinusoid, ..
-    } = of_terms;
     let mut place = [0; 4096];
-    let of_settings = (latitude_deg, gyro, level, disturbance, jitter, index, sequence, time_limit_s, true);
-    let before = postcard::to_slice(&of_settings, &mut place).unwrap().len();
-    let of_model = (scale_error, bias_deg_h, terms, rate_terms, index_error, earth_field, base_motion, sinusoid);
-    let before = before + postcard::to_slice(&of_model, &mut place).unwrap().len();
+    let until_drift = (expected.latitude_deg, expected.gyro, expected.level);
+    let before = HEADER + postcard::to_slice(&until_drift, &mut place).unwrap().len() - 16;
     let length = usize::from(u16::from_le_bytes([flash.bytes[6], flash.bytes[7]]));
-    assert_eq!(flash.bytes.remove(HEADER + before), 0);
-    flash.bytes[4] = 5;
-    flash.bytes[6..8].copy_from_slice(&(length as u16 - 1).to_le_bytes());
-    let end = HEADER + length - 1;
+    flash.bytes.drain(before..before + 16);
+    flash.bytes[4] = 6;
+    flash.bytes[6..8].copy_from_slice(&(length as u16 - 16).to_le_bytes());
+    let end = HEADER + length - 16;
     let crc = CRC.checksum(&flash.bytes[..end]).to_le_bytes();
     flash.bytes[end..][..4].copy_from_slice(&crc);
-    flash.bytes.push(0xFF);
+    flash.bytes.extend([0xFF; 16]);
     assert_eq!(load(&mut flash), Ok(Loaded::Valid(expected)));
 }
 

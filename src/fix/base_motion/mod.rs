@@ -1,0 +1,232 @@
+//! Turning of the base during a fix, from the level accelerometers.
+//!
+//! A base that tilts adds cos θ · dr/dt − sin θ · dp/dt to what the indexed gyro reads: a first harmonic, just like the
+//! azimuth itself, so no closure shows it. The accelerometers feel the same tilt. Two ways to use them:
+//!
+//! - *path*: the tilt over the whole fix as a polynomial in time, of one degree more than the data ask for (at most
+//!   the fourth); the rate at each dwell is its mean derivative. Precise, for a base that creeps smoothly.
+//! - *slopes*: the tilt's slope inside each dwell. For a base that jumps between dwells, where a path has no meaning.
+//!
+//! Nothing is corrected unless the readings changed significantly, because the correction carries the accelerometers' noise. Where they did,
+//! it may have been the accelerometers that changed and not the base: the gyro, which feels the base only, and what is declared of the
+//! accelerometers' drift decide how much of either it was ([`super::motion`]).
+
+pub mod levels;
+
+use heapless::Vec;
+use levels::{FUNCTIONS, Law, Levels, Path, Prior, tilt_arcsec};
+
+use super::dwell::DwellSummary;
+use super::statistics::chi_square_z_score;
+use crate::level::LevelDrift;
+
+/// A degree is taken when it lowers the sum of squares of both axes (two degrees of freedom) by this many variances:
+/// by chance that happens once in e^(20/2) = 22 000 times.
+const SIGNIFICANT: f64 = 20.0;
+/// Excess of a chi-square, in standard deviations, that is not put down to chance.
+const IMPROBABLE_SIGMAS: f64 = 4.0;
+
+/// What the base did.
+#[allow(clippy::large_enum_variant)] // without a heap there is no smaller place
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum BaseMotion {
+    /// Too little is measured to say.
+    Unknown,
+    /// Nothing significant.
+    Still,
+    Moving(Method),
+}
+
+/// How the motion is taken out.
+#[allow(clippy::large_enum_variant)] // as above
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Method {
+    Path(Path),
+    /// Variance of a one-second tilt, arcsec², pitch and roll.
+    Slopes {
+        variance: [f64; 2],
+    },
+}
+
+/// Tilt rate (pitch, roll) inside one dwell, arcsec/s, that is °/h.
+pub fn slopes_deg_h(dwell: &DwellSummary) -> [f64; 2] {
+    tilt_arcsec(dwell).map_or([0.0; 2], |axes| axes.map(|line| line.slope_per_s))
+}
+
+/// Variance of a one-second tilt about a line in each dwell, arcsec², pitch and roll; `None` where too little is measured.
+fn variance_arcsec2(dwells: &[DwellSummary]) -> Option<[f64; 2]> {
+    let degrees_of_freedom: f64 = dwells.iter().map(|dwell| f64::from(dwell.degrees_of_freedom)).sum();
+    if degrees_of_freedom < 10.0 {
+        return None;
+    }
+    let mut scatter = [0.0; 2];
+    for dwell in dwells {
+        for (sum, line) in scatter.iter_mut().zip(tilt_arcsec(dwell)?) {
+            *sum += f64::from(line.residual_squares);
+        }
+    }
+    // A reading that never changes is no measurement.
+    scatter.iter().all(|&sum| sum > 0.0).then(|| scatter.map(|sum| sum / degrees_of_freedom))
+}
+
+/// Whether a path of this degree leaves more than noise of the levels.
+fn is_improbable(dwells: &[DwellSummary], levels: &Levels, degree: usize) -> bool {
+    let with_slope = dwells.iter().filter(|dwell| dwell.time_spread > 0.0).count();
+    let degrees_of_freedom = 2.0 * (dwells.len() + with_slope) as f64 - 2.0 * (degree as f64 + 1.0);
+    let chi_square = levels.chi_square(degree);
+    degrees_of_freedom > 0.0 && chi_square_z_score(chi_square, degrees_of_freedom) > IMPROBABLE_SIGMAS
+}
+
+/// Looks for motion in the dwells of a fix, as of accelerometers that do not drift.
+pub fn detect(dwells: &[DwellSummary]) -> BaseMotion {
+    let free = Prior { drift: LevelDrift::default(), path_arcsec: f64::INFINITY };
+    let Some(variance) = variance_arcsec2(dwells) else { return BaseMotion::Unknown };
+    let Some(levels) = Levels::new(dwells, Law::Powers, variance, &free) else { return BaseMotion::Unknown };
+    let degree = (1..FUNCTIONS).rev().find(|&degree| levels.explained(degree) > SIGNIFICANT).unwrap_or(0);
+    if is_improbable(dwells, &levels, degree) {
+        return BaseMotion::Moving(Method::Slopes { variance });
+    }
+    if degree == 0 {
+        return BaseMotion::Still;
+    }
+    // One degree more than the data insist on: what is just not significant would else bias the rates.
+    match levels.path((degree + 1).min(FUNCTIONS - 1)) {
+        Some(path) => BaseMotion::Moving(Method::Path(path)),
+        None => BaseMotion::Unknown,
+    }
+}
+
+/// Laws of a path that are tried beside drifting accelerometers: time constants a factor of √2 apart, from less than a tenth of the fix, when
+/// a creep is over before the second dwell ends, to one fix, when it is nearly a parabola.
+const LAWS: [Law; 8] = [
+    Law::Powers,
+    Law::Creep(0.18),
+    Law::Creep(0.25),
+    Law::Creep(0.35),
+    Law::Creep(0.5),
+    Law::Creep(0.7),
+    Law::Creep(1.0),
+    Law::Creep(2.0),
+];
+/// Most paths that are held against the gyro's rates.
+const MOST_PATHS: usize = 6;
+/// A path whose likelihood is less than the best one's by this factor, as a logarithm, is left out: one in 3000.
+const NEGLIGIBLE: f64 = 8.0;
+
+/// A path of the base, where the accelerometers may have drifted by what is declared.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Supposed {
+    pub path: Path,
+    /// By how much the logarithm of the likelihood of the levels alone is greater than that of a base that stands.
+    pub log_likelihood: f64,
+}
+
+/// Paths that the base may have moved along, of any size, while the accelerometers drifted: the likelier ones by the levels, the likeliest first. Empty
+/// where none fits.
+pub fn beside_drift(dwells: &[DwellSummary], drift: LevelDrift) -> Vec<Supposed, MOST_PATHS> {
+    let mut paths = Vec::new();
+    let Some((variance, path_arcsec)) = variance_arcsec2(dwells).zip(range_arcsec(dwells)) else { return paths };
+    // As many as there are laws and degrees share what is supposed of a base that moves.
+    let share = -libm::log(LAWS.iter().map(|law| law.most()).sum::<usize>() as f64);
+    let mut fits = false;
+    for law in LAWS {
+        let Some(levels) = Levels::new(dwells, law, variance, &Prior { drift, path_arcsec }) else { continue };
+        fits |= !is_improbable(dwells, &levels, law.most());
+        for degree in 1..=law.most() {
+            let log_likelihood = levels.log_likelihood_of(degree) + share;
+            let rank = paths.iter().take_while(|path: &&Supposed| path.log_likelihood > log_likelihood).count();
+            if rank == MOST_PATHS {
+                continue;
+            }
+            let Some(path) = levels.path(degree) else { continue };
+            paths.truncate(MOST_PATHS - 1);
+            // There is room for one now.
+            let _ = paths.insert(rank, Supposed { path, log_likelihood });
+        }
+    }
+    let best = paths.first().map_or(0.0, |path| path.log_likelihood);
+    paths.retain(|path| fits && path.log_likelihood > best - NEGLIGIBLE);
+    paths
+}
+
+/// The greater range of both axes: about as much as the base can have moved.
+fn range_arcsec(dwells: &[DwellSummary]) -> Option<f64> {
+    let mut range: f64 = 0.0;
+    for axis in 0..2 {
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for dwell in dwells {
+            let mean = tilt_arcsec(dwell)?.get(axis)?.mean;
+            (low, high) = (low.min(mean), high.max(mean));
+        }
+        range = range.max(high - low);
+    }
+    (range > 0.0).then_some(range)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fix::dwell::{DwellRows, Row};
+    use crate::level::LevelMoments;
+    use crate::units::ARCSEC_PER_RAD;
+
+    /// Eight dwells of 30 s, 8 s apart, on a base that tilts by `pitch_arcsec(t)`; the sensor's noise is a fixed zigzag
+    /// with a spread of about 3 arcsec.
+    fn dwells(pitch_arcsec: impl Fn(f64) -> f64) -> heapless::Vec<DwellSummary, 8> {
+        let zigzag = |i: u32| f64::from((i * 7919 + 13) % 101) / 101.0 * 10.0 - 5.0;
+        (0..8)
+            .map(|dwell| {
+                let mut rows = DwellRows::default();
+                for second in 0..30 {
+                    let t_s = f64::from(dwell * 38 + second) + 0.5;
+                    let tilt = pitch_arcsec(t_s) + zigzag(dwell * 30 + second);
+                    let level =
+                        LevelMoments::constant(tilt / ARCSEC_PER_RAD, zigzag(dwell * 31 + second * 3) / ARCSEC_PER_RAD);
+                    rows.push(
+                        Row { t_s, seconds: 1.0, cos: 1.0, sin: 0.0, rate_deg_h: 0.0, moment_arcsec_s: 0.0, level },
+                        1.0,
+                    );
+                }
+                rows.summary(1.0).unwrap()
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_still_base_is_left_alone() {
+        assert_eq!(detect(&dwells(|_| 50.0)), BaseMotion::Still);
+    }
+
+    #[test]
+    fn steady_creep_is_a_path_with_that_rate() {
+        let dwells = dwells(|t_s| 0.1 * t_s);
+        let BaseMotion::Moving(Method::Path(path)) = detect(&dwells) else { panic!() };
+        for dwell in &dwells {
+            let rate_deg_h = path.rates(dwell).dot(&path.coefficients()[0]);
+            assert!((rate_deg_h - 0.1).abs() < 0.01, "{rate_deg_h}");
+        }
+    }
+
+    #[test]
+    fn decaying_creep_is_followed() {
+        let dwells = dwells(|t_s| -20.0 * libm::exp(-t_s / 80.0));
+        let BaseMotion::Moving(Method::Path(path)) = detect(&dwells) else { panic!() };
+        // Over the first dwell, 0 … 30 s: 20 · (1 − e^(−30/80)) / 30 = 0.2085 arcsec/s.
+        let rate_deg_h = path.rates(&dwells[0]).dot(&path.coefficients()[0]);
+        assert!((rate_deg_h - 0.2085).abs() < 0.05, "{rate_deg_h}");
+    }
+
+    #[test]
+    fn jumps_between_dwells_are_no_path() {
+        let jumpy = dwells(|t_s| if (t_s as u32 / 38) % 3 == 1 { 400.0 } else { 0.0 });
+        assert!(matches!(detect(&jumpy), BaseMotion::Moving(Method::Slopes { .. })));
+    }
+
+    #[test]
+    fn without_accelerometers_nothing_is_said() {
+        let mut silent = dwells(|_| 0.0);
+        silent[3].level = None;
+        assert_eq!(detect(&silent), BaseMotion::Unknown);
+        assert_eq!(detect(&[]), BaseMotion::Unknown);
+    }
+}
