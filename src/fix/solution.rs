@@ -154,14 +154,15 @@ pub(super) fn solved_for(
 /// Logarithm of the likelihood of the rates, of what was weighed together: of their residuals, of the determinants of their covariance and of
 /// the estimate's, and of the amplitude, which is the Earth's but for the error of scale factor and latitude that an honest instrument has.
 fn log_likelihood(problem: &Problem<'_>, estimate: &Estimate, variance: f64, earth: &EarthRate) -> f64 {
-    let Some(correlated) = &problem.correlated else { return 0.0 };
+    let (Some(correlated), Some(of_estimate)) = (&problem.correlated, estimate.inverse.cholesky()) else { return 0.0 };
+    let half_log_determinant: f64 = of_estimate.l_dirty().diagonal().iter().map(|pivot| libm::log(*pivot)).sum();
     let &[x, y, _, _] = estimate.parameters.as_ref();
     let amplitude_deg_h = libm::hypot(x, y);
     let along = Vector4::new(x, y, 0.0, 0.0) / amplitude_deg_h;
     let tolerance_deg_h = AMPLITUDE_TOLERANCE * earth.north_deg_h;
     let of_amplitude = variance * along.dot(&(estimate.inverse * along)) + tolerance_deg_h * tolerance_deg_h;
     let off_deg_h = amplitude_deg_h - earth.north_deg_h;
-    let logarithms = correlated.log_determinant() - libm::log(estimate.inverse.determinant()) + libm::log(of_amplitude);
+    let logarithms = correlated.log_determinant() - 2.0 * half_log_determinant + libm::log(of_amplitude);
     -0.5 * (estimate.residual / variance + off_deg_h * off_deg_h / of_amplitude + logarithms)
 }
 

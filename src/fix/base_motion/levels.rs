@@ -135,6 +135,7 @@ pub struct Levels {
 struct Axis {
     /// Lower Cholesky factor L of the normal matrix.
     factor: Square,
+    inverse: Square,
     /// L⁻¹ times the right-hand side.
     reduced: Column,
     /// Sum of squares of the readings.
@@ -178,7 +179,7 @@ impl Levels {
     }
 
     /// The path of a degree, with what else the readings may show left uncertain.
-    pub fn path(&self, degree: usize) -> Option<Path> {
+    pub fn path(&self, degree: usize) -> Path {
         let mut path = Path {
             law: self.law,
             middle_s: self.middle_s,
@@ -188,17 +189,19 @@ impl Levels {
         };
         for ((axis, coefficients), covariance) in self.axes.iter().zip(&mut path.coefficients).zip(&mut path.covariance)
         {
-            // The inverse of the leading part of L, with nothing beyond it.
+            // The inverse of the leading part of L, which is the leading part of its inverse, with nothing beyond it.
             let size = OF_SENSOR + degree + 1;
-            let mut leading = Square::identity();
-            leading.view_range_mut(0..size, 0..size).copy_from(&axis.factor.view_range(0..size, 0..size));
-            let mut inverse = leading.solve_lower_triangular(&Square::identity())?;
-            inverse.rows_range_mut(size..).fill(0.0);
+            let inverse =
+                Square::from_fn(
+                    |i, j| {
+                        if i < size { axis.inverse.get((i, j)).copied().unwrap_or_default() } else { 0.0 }
+                    },
+                );
             let of_path = inverse.fixed_columns::<FUNCTIONS>(OF_SENSOR);
             *coefficients = of_path.tr_mul(&axis.reduced);
             *covariance = of_path.tr_mul(&of_path);
         }
-        Some(path)
+        path
     }
 }
 
@@ -234,7 +237,7 @@ impl Axis {
         supposed.fixed_rows_mut::<OF_SENSOR>(0).fill(1.0);
         *supposed.get_mut(OF_SENSOR)? = 0.0;
         // Functions that the law does not have.
-        supposed.rows_range_mut(OF_SENSOR + 1 + span.law.most()..).fill(1.0);
+        supposed.iter_mut().skip(OF_SENSOR + 1 + span.law.most()).for_each(|each| *each = 1.0);
         let mut normal = Square::from_diagonal(&supposed);
         let (mut right, mut squares) = (Column::zeros(), 0.0);
         for dwell in dwells {
@@ -256,9 +259,9 @@ impl Axis {
         if !pivots.iter().zip(normal.diagonal().iter()).all(|(pivot, whole)| pivot * pivot > LEAST_SHARE * whole) {
             return None;
         }
-        let reduced = factor.solve_lower_triangular(&right)?;
+        let inverse = factor.solve_lower_triangular(&Square::identity())?;
         let log_priors = supposed.map(|supposed| if supposed > 0.0 { 0.5 * libm::log(supposed) } else { 0.0 });
-        Some(Self { factor, reduced, squares, log_priors })
+        Some(Self { factor, inverse, reduced: inverse * right, squares, log_priors })
     }
 
     /// The columns up to a degree.

@@ -90,10 +90,7 @@ pub fn detect(dwells: &[DwellSummary]) -> BaseMotion {
         return BaseMotion::Still;
     }
     // One degree more than the data insist on: what is just not significant would else bias the rates.
-    match levels.path((degree + 1).min(FUNCTIONS - 1)) {
-        Some(path) => BaseMotion::Moving(Method::Path(path)),
-        None => BaseMotion::Unknown,
-    }
+    BaseMotion::Moving(Method::Path(levels.path((degree + 1).min(FUNCTIONS - 1))))
 }
 
 /// Laws of a path that are tried beside drifting accelerometers: time constants a factor of √2 apart, from less than a tenth of the fix, when
@@ -138,10 +135,9 @@ pub fn beside_drift(dwells: &[DwellSummary], drift: LevelDrift) -> Vec<Supposed,
             if rank == MOST_PATHS {
                 continue;
             }
-            let Some(path) = levels.path(degree) else { continue };
             paths.truncate(MOST_PATHS - 1);
             // There is room for one now.
-            let _ = paths.insert(rank, Supposed { path, log_likelihood });
+            let _ = paths.insert(rank, Supposed { path: levels.path(degree), log_likelihood });
         }
     }
     let best = paths.first().map_or(0.0, |path| path.log_likelihood);
