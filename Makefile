@@ -9,7 +9,7 @@ F405_BOARD := --target $(TARGET) --target-dir $(BUILD)/f405
 # The emulated chip: a workspace of its own, whose emulator asks for a newer compiler than it needs.
 CHIP := --quiet --manifest-path chip/Cargo.toml --ignore-rust-version --target-dir $(BUILD)/chip
 
-.PHONY: find chip test proofs lint fmt firmware bench page flash count setup help
+.PHONY: find chip test proofs lint fmt firmware bench page python flash count setup help
 
 ## find: build the firmware, run it in QEMU with the simulated instrument, show the fix (ARGS="--scenario windy-tripod")
 find: setup
@@ -59,6 +59,10 @@ bench: setup
 page:
 	@scripts/page.sh $(BUILD)/page
 	@echo "open $(BUILD)/page/index.html"
+
+## python: the Python package, built, installed into an environment of its own and tested
+python: setup
+	@scripts/python.sh $(BUILD)/python
 
 ## flash: build for the STM32F405, flash it and show its log (needs probe-rs and a probe)
 flash: setup

@@ -25,6 +25,11 @@ pub fn watch() -> Result<(), ctrlc::Error> {
     })
 }
 
+/// Raises the flag, or lowers it: for a program that calls the commands and has interrupts of its own.
+pub fn request(stop: bool) {
+    STOP.store(stop, Ordering::Relaxed);
+}
+
 /// The flag that an interrupt raises.
 pub fn flag() -> &'static AtomicBool {
     &STOP

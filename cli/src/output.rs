@@ -1,5 +1,6 @@
 //! Where a command's results go: for people to stdout, for programs to a file or, instead of the other, to stdout.
 
+use std::cell::RefCell;
 use std::fs::File;
 use std::io::{self, BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -13,6 +14,18 @@ use crate::file_error::FileError;
 
 /// Files that are there are replaced.
 static FORCE: AtomicBool = AtomicBool::new(false);
+
+thread_local! {
+    /// Where a program that calls the commands takes the machine-readable result that is for stdout.
+    static CAPTURED: RefCell<Option<Vec<u8>>> = const { RefCell::new(None) };
+}
+
+/// Runs `command` in this thread; gives what it wrote as its machine-readable result to stdout, and how it ended.
+pub fn captured<T>(command: impl FnOnce() -> T) -> (Vec<u8>, T) {
+    CAPTURED.set(Some(Vec::new()));
+    let ended = command();
+    (CAPTURED.take().unwrap_or_default(), ended)
+}
 
 /// The option that every command has.
 #[derive(Args, Clone, Copy, Debug, Default)]
@@ -47,7 +60,10 @@ impl JsonOption {
     pub fn write(&self, value: &impl Serialize) -> Result<(), Failure> {
         let Some(path) = &self.file else { return Ok(()) };
         if self.is_stdout() {
-            return Ok(write_json(&mut io::stdout().lock(), value)?);
+            return Ok(CAPTURED.with_borrow_mut(|captured| match captured {
+                Some(captured) => write_json(captured, value),
+                None => write_json(&mut io::stdout().lock(), value),
+            })?);
         }
         let write = || write_json(&mut BufWriter::new(create(path)?), value);
         write().map_err(|error| FileError::whole(path, error).into())
@@ -157,6 +173,14 @@ mod tests {
     use north_finder::health::{Fault, Flag};
 
     use super::*;
+
+    #[test]
+    fn a_captured_result_is_what_stdout_would_carry() {
+        let json = JsonOption { file: Some("-".into()) };
+        let (captured, ended) = captured(|| json.write(&0.1_f64).is_ok());
+        assert!(ended);
+        assert_eq!(captured, b"0.1\n");
+    }
 
     #[test]
     fn no_line_is_broken_in_a_word_at_80_columns() {

@@ -11,7 +11,7 @@ pub use manifest::{Campaign, Instrument, Role, Run};
 pub(crate) use manifest::{check_range, check_station, check_time};
 pub use own::{ACCELEROMETERS, INDEX, Own, TEMPERATURE};
 pub use run_csv::{Row, RunReader};
-pub use table::write_parquet;
+pub use table::{Columns, write_parquet};
 pub use writer::{CampaignWriter, Layout, OwnLayout, RunWriter};
 
 /// Name of the file that describes a campaign, in its folder.

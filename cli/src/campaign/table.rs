@@ -1,4 +1,4 @@
-//! A campaign as one Parquet table: a row for every row of every run, with what the manifest says of its run.
+//! A campaign as one table, in a Parquet file or in memory: a row for every row of every run, with what the manifest says of its run.
 
 use std::fs::{self, File};
 use std::io;
@@ -61,6 +61,62 @@ fn channels(campaign: &Campaign) -> Result<Vec<String>, FileError> {
     Ok(names)
 }
 
+/// What a row has in the columns of numbers.
+fn numbers(campaign: &Campaign, run: &Run, row: &Row, places: &[Option<usize>]) -> impl Iterator<Item = Option<f64>> {
+    let known = [
+        campaign.latitude_of(run),
+        run.reference_azimuth_deg,
+        Some(row.t_s),
+        Some(row.index_deg),
+        Some(row.fog_arcsec),
+        row.temp_c,
+        row.level.map(|level| level.forward),
+        row.level.map(|level| level.left),
+        Some(row.lost_frames.into()),
+    ];
+    known.into_iter().chain(places.iter().map(|place| row.extra.get((*place)?).copied()))
+}
+
+/// Where the channels of all runs are in the rows of this one.
+fn places(channels: &[String], reader: &RunReader) -> Vec<Option<usize>> {
+    channels.iter().map(|name| reader.channels().iter().position(|channel| channel == name)).collect()
+}
+
+/// A campaign as columns in memory, each as long as there are rows in all runs.
+#[derive(Debug)]
+pub struct Columns {
+    /// Number of the run in the campaign, from 0.
+    pub run: Vec<u32>,
+    /// Names of the columns of numbers.
+    pub names: Vec<String>,
+    /// NaN where a row has no value.
+    pub numbers: Vec<Vec<f64>>,
+}
+
+impl Columns {
+    /// Reads all rows. Errors: a run that cannot be read, an interrupt.
+    pub fn read(campaign: &Campaign) -> Result<Self, Failure> {
+        let channels = channels(campaign)?;
+        let names: Vec<String> = NUMBERS.into_iter().map(String::from).chain(channels.iter().cloned()).collect();
+        let mut columns = Self { run: Vec::new(), numbers: vec![Vec::new(); names.len()], names };
+        for (number, run) in (0..).zip(&campaign.runs) {
+            let reader = RunReader::open(&campaign.path_of(run))?;
+            let places = places(&channels, &reader);
+            for row in reader {
+                let row = row?;
+                columns.run.push(number);
+                for (column, value) in columns.numbers.iter_mut().zip(self::numbers(campaign, run, &row, &places)) {
+                    column.push(value.unwrap_or(f64::NAN));
+                }
+            }
+            if interrupt::requested() {
+                return Err(Failure::Interrupted);
+            }
+        }
+        Ok(columns)
+    }
+}
+
 struct Table<'a> {
     path: &'a Path,
     writer: SerializedFileWriter<File>,
@@ -96,8 +152,7 @@ impl<'a> Table<'a> {
     fn fill(mut self, campaign: &Campaign) -> Result<u64, Failure> {
         for run in &campaign.runs {
             let reader = RunReader::open(&campaign.path_of(run))?;
-            let places: Vec<Option<usize>> =
-                self.channels.iter().map(|name| reader.channels().iter().position(|channel| channel == name)).collect();
+            let places = places(&self.channels, &reader);
             for row in reader {
                 self.push(campaign, run, &row?, &places);
                 if self.texts[0].len() == ROWS {
@@ -116,20 +171,7 @@ impl<'a> Table<'a> {
         for (column, text) in self.texts.iter_mut().zip([run.file.as_str(), role]) {
             column.push(text.into());
         }
-        let [ax_g, ay_g] = [row.level.map(|level| level.forward), row.level.map(|level| level.left)];
-        let known = [
-            campaign.latitude_of(run),
-            run.reference_azimuth_deg,
-            Some(row.t_s),
-            Some(row.index_deg),
-            Some(row.fog_arcsec),
-            row.temp_c,
-            ax_g,
-            ay_g,
-            Some(row.lost_frames.into()),
-        ];
-        let extra = places.iter().map(|place| row.extra.get((*place)?).copied());
-        for (column, value) in self.numbers.iter_mut().zip(known.into_iter().chain(extra)) {
+        for (column, value) in self.numbers.iter_mut().zip(numbers(campaign, run, row, places)) {
             column.push(value);
         }
         self.rows += 1;

@@ -1,0 +1,199 @@
+"""Gyro north finding: the commands of ``north`` as functions.
+
+Every function runs the command itself: results have the names of its JSON and all its digits, errors are
+:class:`NorthFinderError` with its sentence. An interrupt ends a call, and other threads of Python work meanwhile.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._north_finder import NorthFinderError, __version__
+from ._north_finder import columns as _columns
+from ._north_finder import run as _run
+
+__all__ = [
+    "NorthFinderError",
+    "Result",
+    "Table",
+    "__version__",
+    "align",
+    "calibrate",
+    "diagnose",
+    "read",
+    "simulate",
+    "solve",
+]
+
+PathLike = str | os.PathLike[str]
+
+
+class Result(dict[str, Any]):
+    """A JSON object whose fields are attributes, too; lists of objects are tables by :meth:`table`."""
+
+    def __getattr__(self, name: str) -> Any:
+        try:
+            return self[name]
+        except KeyError:
+            raise AttributeError(f"the result has no {name}; it has {', '.join(self)}") from None
+
+    def table(self, name: str) -> Table:
+        """The list ``name``, of objects, as columns; None where an object has no such field."""
+        rows = self[name]
+        names = list(dict.fromkeys(field for row in rows for field in row))
+        return Table({field: np.array([row.get(field) for row in rows], dtype=_type(rows, field)) for field in names})
+
+
+class Table(dict[str, np.ndarray]):
+    """Columns of equal length: ``pandas.DataFrame(table)`` and ``polars.DataFrame(table)`` take it as it is."""
+
+    def __len__(self) -> int:
+        return len(next(iter(self.values()))) if self.keys() else 0
+
+    def pandas(self) -> Any:
+        """As a data frame of pandas, which must be there."""
+        import pandas
+
+        return pandas.DataFrame(dict(self))
+
+    def polars(self) -> Any:
+        """As a data frame of polars, which must be there."""
+        import polars
+
+        return polars.DataFrame(dict(self))
+
+
+def _type(rows: Sequence[Mapping[str, Any]], field: str) -> Any:
+    values = [row.get(field) for row in rows]
+    if all(isinstance(value, bool) for value in values):
+        return bool
+    return float if all(value is None or type(value) in (int, float) for value in values) else object
+
+
+def read(path: PathLike) -> Table:
+    """The rows of all runs of a campaign (its folder or its ``campaign.toml``).
+
+    Columns: ``run`` (number of the run, from 0), ``latitude_deg``, ``reference_azimuth_deg``, ``t_s``, ``index_deg``,
+    ``fog_arcsec``, ``temp_c``, ``ax_g``, ``ay_g``, ``lost_frames``, and the further channels by their names. NaN where
+    a row has no value.
+    """
+    return Table(_columns(os.fspath(path)))
+
+
+def solve(
+    campaign: PathLike | Mapping[str, ArrayLike],
+    model: PathLike | None = None,
+    *,
+    latitude: float | None = None,
+    settings: PathLike | None = None,
+) -> Result:
+    """Azimuths of the runs of a campaign, of a run in a CSV file, or of one run as columns.
+
+    ``campaign``: a path, or a mapping of the columns of a run (``t_s``, ``index_deg``, ``fog_arcsec`` and, where they
+    were measured, ``temp_c``, ``ax_g``, ``ay_g``), arrays of equal length. A bare run needs ``latitude``, degrees.
+    """
+    options = {"model": model, "latitude": latitude, "settings": settings}
+    if not isinstance(campaign, Mapping):
+        return _result(["solve", os.fspath(campaign)], options)
+    with tempfile.TemporaryDirectory() as folder:
+        run = Path(folder) / "run.csv"
+        _write(run, campaign)
+        return _result(["solve", str(run)], options)
+
+
+def diagnose(
+    campaign: PathLike,
+    *,
+    model: PathLike | None = None,
+    model_out: PathLike | None = None,
+    report: PathLike | None = None,
+    settings: PathLike | None = None,
+    leave_one_out: bool = False,
+    force: bool = False,
+) -> Result:
+    """What the error model of an instrument lacks, learned from a campaign: the verdict of ``north diagnose``.
+
+    ``model_out`` and ``report`` are files to write; with ``force`` they replace what is there.
+    """
+    options = {"model": model, "model-out": model_out, "report": report, "settings": settings}
+    flags = {"leave-one-out": leave_one_out, "force": force}
+    return _result(["diagnose", os.fspath(campaign)], options, flags)
+
+
+def align(
+    recording: PathLike,
+    *,
+    latitude: float | str,
+    model: PathLike | None = None,
+    window: float | None = None,
+    arw: float | None = None,
+    bias: float | None = None,
+    reference: float | None = None,
+    report: PathLike | None = None,
+    force: bool = False,
+) -> Result:
+    """Heading and levels of a recorded three-axis block; ``latitude`` in degrees, or ``"unknown"``."""
+    options = {
+        "latitude": latitude,
+        "model": model,
+        "window": window,
+        "arw": arw,
+        "bias": bias,
+        "reference": reference,
+        "report": report,
+    }
+    return _result(["align", os.fspath(recording)], options, {"force": force})
+
+
+def calibrate(kind: str, path: PathLike, *, force: bool = False, **options: Any) -> Result:
+    """A calibration: ``kind`` is ``"six-position"``, ``"ellipsoid"`` or ``"accelerometer-six-position"``.
+
+    ``options`` are those of ``north calibrate KIND``, with ``_`` for ``-``: ``latitude=34.75, model_out="m.toml"``.
+    """
+    named = {name.replace("_", "-"): value for name, value in options.items()}
+    return _result(["calibrate", kind, os.fspath(path)], named, {"force": force})
+
+
+def simulate(
+    out: PathLike, *, scenario: str = "calm-bench", runs: int = 8, seed: int = 1, raw: bool = False
+) -> Table:
+    """Writes a simulated campaign of a built-in scenario, or of a scenario's file, to the folder ``out``; gives its rows."""
+    options = {"out": out, "scenario": scenario, "runs": runs, "seed": seed}
+    _run(_words(["simulate"], options, {"raw": raw}))
+    return read(out)
+
+
+def _words(command: list[str], options: Mapping[str, Any], flags: Mapping[str, bool] | None = None) -> list[str]:
+    given = [f"--{name}={_word(value)}" for name, value in options.items() if value is not None]
+    return command + given + [f"--{name}" for name, value in (flags or {}).items() if value]
+
+
+def _word(value: Any) -> str:
+    # repr keeps every digit of a number.
+    return repr(float(value)) if isinstance(value, (float, np.floating)) else os.fspath(value) if isinstance(value, os.PathLike) else str(value)
+
+
+def _result(command: list[str], options: Mapping[str, Any], flags: Mapping[str, bool] | None = None) -> Result:
+    text = _run(_words(command, options, flags) + ["--json=-"])
+    result: Result = json.loads(text, object_hook=Result)
+    return result
+
+
+def _write(path: Path, columns: Mapping[str, ArrayLike]) -> None:
+    arrays = {name: np.asarray(values, dtype=float) for name, values in columns.items()}
+    lengths = {name: values.shape for name, values in arrays.items()}
+    if any(len(shape) != 1 for shape in lengths.values()) or len(set(lengths.values())) > 1:
+        raise ValueError(f"the columns of a run are arrays of one dimension and of equal length; these are {lengths}")
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(arrays)
+        writer.writerows(zip(*(map(repr, values.tolist()) for values in arrays.values())))
