@@ -1,12 +1,10 @@
 //! `north track` with aiding on the command line: readings taken at their own times, outliers, lost sources, bad input.
 
-mod common;
-
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-use common::north;
+use crate::common::north;
 use serde_json::Value;
 use tempfile::TempDir;
 

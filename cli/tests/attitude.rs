@@ -1,12 +1,10 @@
 //! `north align`, `north track` and `north import --block` on the command line: what is found, bridged, counted and refused.
 
-mod common;
-
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-use common::north;
+use crate::common::north;
 use serde_json::Value;
 use tempfile::TempDir;
 

@@ -1,12 +1,10 @@
 //! The instrument behind a pseudo-terminal, as its users meet it.
 
-mod common;
-
 use std::fs::File;
 use std::io::Read;
 use std::time::{Duration, Instant};
 
-use common::{Board, command};
+use crate::common::{Board, command};
 
 /// A board a thousand times as fast as a real one.
 fn board(arguments: &[&str]) -> Board {

@@ -1,11 +1,9 @@
 //! The link as another language reads it: docs/link.py, which shares nothing with the firmware, talks to an instrument.
 
-mod common;
-
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use common::Board;
+use crate::common::Board;
 use north_finder::health::Item;
 use serde_json::Value;
 

@@ -1,11 +1,9 @@
 //! The tools that talk to a board, over a pseudo-terminal to an instrument in a process.
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 
-use common::{Board, north};
+use crate::common::{Board, north};
 use serde_json::Value;
 
 /// A board a hundred times as fast as a real one.

@@ -1,8 +1,6 @@
 //! The accelerometer at register level, against the ADXL355 data sheet.
 
-mod common;
-
-use common::{quiet, read_g, tick};
+use crate::common::{quiet, read_g, tick};
 use embedded_hal::spi::{Operation, SpiDevice};
 use hal_sim::World;
 use hal_sim::scenario::{Scenario, SensorFault, SensorFaultKind};

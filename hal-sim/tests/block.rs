@@ -1,8 +1,6 @@
 //! The block that is carried: what it feels where it stands, the signs on its way, and what its bus says.
 
-mod common;
-
-use common::{quiet, tick};
+use crate::common::{quiet, tick};
 use hal_sim::World;
 use hal_sim::block::{BlockSample, CarriedBlock};
 use hal_sim::scenario::{Block, Carry, Scenario, SensorFault, SensorFaultKind};

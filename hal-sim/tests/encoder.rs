@@ -1,8 +1,6 @@
 //! The encoder at register level, against the AS5048A data sheet.
 
-mod common;
-
-use common::{quiet, tick};
+use crate::common::{quiet, tick};
 use embedded_hal::spi::SpiDevice;
 use hal_sim::World;
 use hal_sim::scenario::{Encoder, Scenario, SensorFault, SensorFaultKind};

@@ -1,8 +1,6 @@
 //! Each effect of the gyro by hand: size, sign, and what it depends on.
 
-mod common;
-
-use common::{compact, drive_to, increments, quiet, rate_deg_h, tick};
+use crate::common::{compact, drive_to, increments, quiet, rate_deg_h, tick};
 use hal_sim::World;
 use hal_sim::scenario::{Gyro, GyroFault, GyroFaultKind, Harmonic, Scenario};
 

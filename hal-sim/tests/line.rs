@@ -1,8 +1,6 @@
 //! The serial line: time on the wire and everything that can happen to a byte.
 
-mod common;
-
-use common::{arrived, compact, quiet, tick};
+use crate::common::{arrived, compact, quiet, tick};
 use embedded_io::{Read, ReadReady};
 use hal_sim::World;
 use hal_sim::scenario::{LinkFault, LinkFaultKind, Scenario};

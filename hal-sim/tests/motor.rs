@@ -1,8 +1,6 @@
 //! The index drive: follows, rings, slips, sticks.
 
-mod common;
-
-use common::{drive, drive_to, quiet, tick};
+use crate::common::{drive, drive_to, quiet, tick};
 use embedded_hal::digital::OutputPin;
 use hal_sim::World;
 use hal_sim::scenario::{Motor, Scenario};

@@ -1,8 +1,6 @@
 //! Random errors of the gyro have the size that their parameters say, within bounds that follow from the number of samples.
 
-mod common;
-
-use common::{increments, quiet, tick};
+use crate::common::{increments, quiet, tick};
 use hal_sim::World;
 use hal_sim::seconds::{Dwell, SecondsGenerator, SiteAndGyro};
 

@@ -1,8 +1,6 @@
 //! Rows of seconds agree with the full plant and with the hand.
 
-mod common;
-
-use common::{quiet, rate_deg_h};
+use crate::common::{quiet, rate_deg_h};
 use hal_sim::seconds::{Dwell, Row, SecondsGenerator, SiteAndGyro};
 use hal_sim::{Scenario, World};
 

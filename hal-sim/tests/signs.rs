@@ -1,8 +1,6 @@
 //! Every sign of the plant against a calculation by hand.
 
-mod common;
-
-use common::{drive_to, increments, quiet, rate_deg_h, read_encoder_deg, read_g, tick};
+use crate::common::{drive_to, increments, quiet, rate_deg_h, read_encoder_deg, read_g, tick};
 use hal_sim::World;
 use hal_sim::scenario::{Scenario, Shock, Sway};
 

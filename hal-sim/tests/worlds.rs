@@ -1,8 +1,6 @@
 //! Whole worlds: repeatability, and that the named scenarios do what their descriptions say.
 
-mod common;
-
-use common::{TICKS_PER_S, arrived, compact, drive_to, increments, read_encoder_deg, read_g, tick};
+use crate::common::{TICKS_PER_S, arrived, compact, drive_to, increments, read_encoder_deg, read_g, tick};
 use hal_sim::{Scenario, World};
 
 fn named(name: &str) -> World {

@@ -2,6 +2,7 @@
 //! names, digits and errors.
 
 use std::path::PathBuf;
+use std::sync::Mutex;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
 use std::time::Duration;
@@ -35,12 +36,11 @@ fn work<T: Send>(python: Python<'_>, work: impl FnOnce() -> Result<T, Failure> +
             // Nobody listens any more where an interrupt came first.
             let _ = done.send(work());
         });
+        // A receiver alone is not shared with the calls that wait for it.
+        let ended = Mutex::new(ended);
         loop {
-            // A receiver is not shared with other threads; it goes into the call and comes back.
-            let waited = {
-                let ended = std::sync::Mutex::new(&ended);
-                python.detach(|| ended.lock().map_or(Err(RecvTimeoutError::Disconnected), |ended| ended.recv_timeout(ASKED)))
-            };
+            let waited = python
+                .detach(|| ended.lock().map_or(Err(RecvTimeoutError::Disconnected), |ended| ended.recv_timeout(ASKED)));
             match waited {
                 Ok(Err(Failure::Interrupted)) => return Err(PyKeyboardInterrupt::new_err(())),
                 Ok(result) => return result.map_err(|failure| NorthFinderError::new_err(failure.to_string())),

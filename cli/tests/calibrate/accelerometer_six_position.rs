@@ -6,7 +6,7 @@ use std::fs;
 use hal_sim::triad::{AccelerometerTriad, Placement, even_directions, place_by_hand};
 use tempfile::TempDir;
 
-use crate::{calibrate, near};
+use super::{calibrate, near};
 
 /// In m/s²: biases 0.2, −0.1, 0.05; scale factors 1.01, 0.99, 1.005; y leans 1000″ towards x.
 fn triad() -> AccelerometerTriad {

@@ -6,7 +6,7 @@ use std::fs;
 use hal_sim::triad::{AccelerometerTriad, Placement, even_directions, place_by_hand};
 use tempfile::TempDir;
 
-use crate::{calibrate, keys, near};
+use super::{calibrate, keys, near};
 
 /// A triad in counts.
 fn counts() -> AccelerometerTriad {

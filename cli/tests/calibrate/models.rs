@@ -6,7 +6,7 @@ use std::fs;
 use hal_sim::triad::{AccelerometerTriad, Placement, even_directions, place_by_hand};
 use tempfile::TempDir;
 
-use crate::{calibrate, near, north};
+use super::{calibrate, near, north};
 
 /// A level triad at 34.75° N heading 40°, its x gyro with a bias of 0.5 °/h, read at four virtual index angles: 30 s at each.
 /// Forward and left feel 12.3585 °/h · cos 40° = 9.467 and, left of it, 12.3585 · sin 40° = 7.944.

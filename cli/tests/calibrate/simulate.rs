@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use crate::{calibrate, near};
+use super::{calibrate, near};
 
 #[test]
 fn simulated_recordings_are_calibrated_to_their_truth() {

@@ -8,7 +8,7 @@ use hal_sim::triad::{SIX_POSITIONS, Shock, Table, TriadErrors, Visit};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::{calibrate, keys, near};
+use super::{calibrate, keys, near};
 
 /// A triad with an error of each kind.
 pub fn triad() -> TriadErrors {

@@ -5,8 +5,8 @@ use std::fs;
 use hal_sim::triad::{SIX_POSITIONS, TriadErrors, Visit, Warming};
 use tempfile::TempDir;
 
+use super::calibrate;
 use super::six_position::{Set, triad};
-use crate::calibrate;
 
 impl Set {
     /// That the command refuses what is recorded, for a reason that contains this.

@@ -1,5 +1,4 @@
 //! What several tests of the command need: a call of it, and a board that it serves.
-#![allow(dead_code)] // Each test program uses its part.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};

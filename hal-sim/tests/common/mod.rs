@@ -1,5 +1,4 @@
 //! A little user of the simulated instrument, written for the tests: reads frames, turns the drive, reads the sensors.
-#![allow(dead_code)] // each test file uses its part of it
 
 use embedded_hal::digital::OutputPin;
 use embedded_io::Read;
