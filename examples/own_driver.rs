@@ -56,9 +56,9 @@ impl SpiDevice for Chip {
     fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), Infallible> {
         self.readings += 1;
         let angle = (self.clockwise_deg / 360.0 * 16384.0).round() as u16 & 0x3FFF;
-        let parity = |mask: u16| u16::from((angle & mask).count_ones() % 2 == 0);
+        let parity = |mask: u16| u16::from((angle & mask).count_ones().is_multiple_of(2));
         let mut word = angle | parity(0x2AAA) << 15 | parity(0x1555) << 14;
-        if self.readings % self.wrong_every == 0 {
+        if self.readings.is_multiple_of(self.wrong_every) {
             word ^= 1;
         }
         for operation in operations {
