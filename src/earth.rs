@@ -27,7 +27,8 @@ pub struct EarthRate {
 }
 
 /// Why a latitude cannot be worked at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum LatitudeError {
     /// Not a number, or outside −90° … 90°.
     NotALatitude,

@@ -25,7 +25,8 @@ pub struct Report {
 }
 
 /// The states of the instrument: those of a fix, in its order, and the calibration's.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, defmt::Format)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum State {
     /// Waiting for the command to start.
     Idle,

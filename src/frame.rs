@@ -33,7 +33,8 @@ const ROOM: usize = 80;
 const KVH_COUNTS_PER_RAD: u64 = 1 << 48;
 
 /// Which frames the gyro sends.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, defmt::Format)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
 #[serde(rename_all = "kebab-case")]
 pub enum GyroFormat {
     /// The project's own 14-byte single-axis frame.

@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 macro_rules! codes {
     ($(#[$outer:meta])* $kind:ident { $($variant:ident = $code:literal, $name:literal, $meaning:literal, $remedy:literal;)* }) => {
         $(#[$outer])*
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, defmt::Format)]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+        #[cfg_attr(target_os = "none", derive(defmt::Format))]
         #[repr(u8)]
         pub enum $kind {
             $(#[doc = $meaning] $variant = $code,)*
@@ -324,7 +325,8 @@ impl Finding {
 }
 
 /// A set of [`Flag`]s.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, defmt::Format)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub struct Flags(u32);
 
 impl Flags {
@@ -350,7 +352,8 @@ impl Flags {
 }
 
 /// Everything discarded or repaired since the start, by cause.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, defmt::Format)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub struct Counters {
     /// Good gyro frames.
     pub frames_good: u32,

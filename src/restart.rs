@@ -16,7 +16,8 @@ pub const WORDS: usize = NUMBERS + 2 * TEXT_WORDS + 1;
 const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
 
 /// What ended the run before.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, defmt::Format)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
 #[repr(u8)]
 pub enum Cause {
     /// The firmware found itself in a state that cannot be.

@@ -73,7 +73,7 @@ fn a_recording_gives_the_fix_with_all_digits() {
             let outcome = host::run_tapped(&setup, &AtomicBool::new(false), &mut observe, &mut tap).unwrap();
             let End::Fix(live) = outcome.end else { return 0 };
             let campaign = new_campaign(&folder.join(number.to_string()), name.into(), &setup).unwrap();
-            for (file, rows) in [("runs/s.csv", seconds.into_rows()), ("runs/f.csv", frames.into_inner().into_rows())] {
+            for (file, rows) in [("runs/s.csv", seconds.take_rows()), ("runs/f.csv", frames.into_inner().take_rows())] {
                 write_run(&campaign, file, rows).unwrap();
                 let folder = folder.join(number.to_string());
                 let settings = read_settings(&folder.join("settings.toml"), &Settings::default()).unwrap();

@@ -143,10 +143,11 @@ fn a_fix_is_that_of_the_host_process() {
         Event::Vitals { stack_bytes, load_permille, .. } => Some((stack_bytes, load_permille)),
         _ => None,
     });
-    // The limits of the board: half of a tick's time, where an instruction takes a cycle, and 40 KB of its 64 KB of stack: four copies of the covariance of 24 dwells stand on it (nalgebra moves it), 18 KB.
+    // The limits of the board: half of a tick's time, where an instruction takes a cycle, and three quarters of its 64 KiB of stack.
+    // Four copies of the covariance of 24 dwells stand on it (nalgebra moves it), 18 KB; an overflow is a fault.
     let (stack_bytes, load_permille) = vitals.expect("the state of the board");
     assert!(
-        (1..=40_960).contains(&stack_bytes) && (1..=500).contains(&load_permille),
+        (1..=49_152).contains(&stack_bytes) && (1..=500).contains(&load_permille),
         "{stack_bytes}, {load_permille}"
     );
 }

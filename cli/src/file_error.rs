@@ -66,6 +66,10 @@ pub enum Problem {
     MissingValue(String),
     #[error("the folder is not empty; recordings are never overwritten: name a new folder or empty this one")]
     FolderNotEmpty,
+    #[error(
+        "the recording in this folder came to no end; rows that were written are in runs/, each file a run of its own"
+    )]
+    Unfinished,
 }
 
 impl FileError {

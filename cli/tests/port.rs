@@ -2,8 +2,11 @@
 
 use std::fs;
 use std::path::Path;
+use std::process::Stdio;
+use std::thread;
+use std::time::Duration;
 
-use crate::common::{Board, north};
+use crate::common::{Board, command, north};
 use serde_json::Value;
 
 /// A board a hundred times as fast as a real one.
@@ -89,6 +92,59 @@ fn a_recorded_fix_is_the_fix() {
     let most: u64 = said.split("at most ").nth(1).and_then(|rest| rest.split(' ').next()).unwrap().parse().unwrap();
     assert!(said.contains("2000 rows") && (3000..9000).contains(&most), "{said}");
     assert!(Path::new(&out).join("settings.toml").exists());
+}
+
+/// A client that went without stopping the stream costs the next recording nothing.
+#[test]
+fn a_stream_that_was_left_on_changes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let board = board(&["--scenario", "windy-tripod"]);
+    // It is killed in mid-recording, at whatever place in a second: the stream stays on.
+    let out = path(&folder, "killed");
+    let mut client = command(&["record", &board.port, "--out", &out]).stdout(Stdio::null()).spawn().unwrap();
+    let rows = Path::new(&out).join("runs/001.csv");
+    while fs::metadata(&rows).map_or(0, |file| file.len()) < 100_000 {
+        assert_eq!(client.try_wait().unwrap(), None);
+        thread::sleep(Duration::from_millis(3));
+    }
+    client.kill().unwrap();
+    client.wait().unwrap();
+    // What it wrote is there, and whoever asks for it is told.
+    assert!(fs::read_to_string(&rows).unwrap().lines().count() > 400);
+    let (code, _, error) = north(&["solve", &out]);
+    assert!(code == 1 && error.contains("came to no end"), "{error}");
+
+    let out = path(&folder, "next");
+    let made = board.good(&["record", "PORT", "--fix", "--json", "-", "--out", &out]);
+    let (_, solved, _) = north(&["solve", &out, "--json", "-"]);
+    let [made, solved]: [Value; 2] = [made, solved].map(|text| serde_json::from_str(&text).unwrap());
+    for name in ["azimuth_deg", "sigma_deg"] {
+        assert!(made["runs"][0][name].is_f64() && made["runs"][0][name] == solved["runs"][0][name], "{made} {solved}");
+    }
+}
+
+/// The cable is pulled: what came until then is a recording.
+#[test]
+fn a_broken_line_loses_nothing_that_came() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut board = board(&[]);
+    let out = path(&folder, "cut");
+    let client = command(&["record", &board.port, "--out", &out]).stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
+    let rows = Path::new(&out).join("runs/001.csv");
+    // More than the minute that an Allan curve needs.
+    while fs::metadata(&rows).map_or(0, |file| file.len()) < 3_000_000 {
+        thread::sleep(Duration::from_millis(3));
+    }
+    let before = fs::read_to_string(&rows).unwrap().lines().count();
+    board.switch_off();
+    let ended = client.unwrap().wait_with_output().unwrap();
+    let error = String::from_utf8(ended.stderr).unwrap();
+    assert!(ended.status.code() == Some(1) && error.contains(&board.port), "{error}");
+    let after = fs::read_to_string(&rows).unwrap().lines().count();
+    assert!(after >= before && (after - 1).is_multiple_of(400), "{before} {after}");
+    let (code, said, error) = north(&["characterise", rows.to_str().unwrap()]);
+    assert!(code == 0, "{said}{error}");
+    assert!(Path::new(&out).join("campaign.toml").exists());
 }
 
 #[test]

@@ -11,6 +11,7 @@ use time::format_description::well_known::Rfc3339;
 use toml::Spanned;
 
 use super::MANIFEST;
+use super::writer::UNFINISHED;
 use crate::file_error::{FileError, Problem};
 use crate::toml_file::{self, TomlFile};
 
@@ -88,6 +89,9 @@ impl Campaign {
     /// latitude, a file listed twice.
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let (folder, manifest) = toml_file::locate(path, MANIFEST);
+        if folder.join(UNFINISHED).is_file() && !manifest.exists() {
+            return Err(FileError::whole(&folder, Problem::Unfinished));
+        }
         let file = TomlFile::read(&manifest)?;
         let raw: Raw = file.parse_format(FORMAT)?;
         raw.check(&file, folder)

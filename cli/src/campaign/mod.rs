@@ -9,7 +9,7 @@ mod writer;
 
 pub use manifest::{Campaign, Instrument, Role, Run};
 pub(crate) use manifest::{check_range, check_station, check_time};
-pub use own::{ACCELEROMETERS, INDEX, Own, TEMPERATURE};
+pub use own::{ACCELEROMETERS, COMMON, INDEX, Own, TEMPERATURE};
 pub use run_csv::{Row, RunReader};
 pub use table::{Columns, write_parquet};
 pub use writer::{CampaignWriter, Layout, OwnLayout, RunWriter};

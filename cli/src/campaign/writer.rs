@@ -15,7 +15,7 @@ use crate::file_error::{FileError, Problem};
 /// Folder of the runs.
 const RUNS: &str = "runs";
 /// In a folder whose recording is not finished, until it is.
-const UNFINISHED: &str = "unfinished";
+pub const UNFINISHED: &str = "unfinished";
 const UNFINISHED_TEXT: &str = "north is writing this recording, or was interrupted: the next one may replace it\n";
 
 /// Removes what a recording that came to no end left behind: its runs and tables, and nothing else.
@@ -92,9 +92,14 @@ impl RunWriter {
         self.record(&fields)
     }
 
+    /// Hands what was written to the operating system.
+    pub fn flush(&mut self) -> Result<(), FileError> {
+        self.csv.flush().map_err(|error| FileError::whole(&self.path, error))
+    }
+
     /// Brings everything to the disk.
     pub fn finish(mut self) -> Result<(), FileError> {
-        self.csv.flush().map_err(|error| FileError::whole(&self.path, error))
+        self.flush()
     }
 
     fn record(&mut self, fields: &[String]) -> Result<(), FileError> {
@@ -167,9 +172,14 @@ impl CampaignWriter {
         }
     }
 
+    /// The path of a run's file.
+    pub fn path_of(&self, file: &str) -> PathBuf {
+        self.campaign.folder.join(file)
+    }
+
     /// Starts the file of a run; call [`Self::add`] with the same name when it is complete.
     pub fn run(&self, file: &str, layout: Layout) -> Result<RunWriter, FileError> {
-        RunWriter::create(&self.campaign.folder.join(file), layout)
+        RunWriter::create(&self.path_of(file), layout)
     }
 
     /// Lists a run whose file is complete.

@@ -16,17 +16,18 @@ use crate::json::{Run as RunRecord, Solved};
 use crate::output::JsonOption;
 use crate::port::{Port, PortError, SILENCE};
 use crate::present::{Directions, View, write_fix};
-use crate::recorder::{RawRecorder, Recorder, board_campaign, write_run};
+use crate::recorder::{RawRecorder, Recorder, RunFile, board_campaign};
 
 /// Name of the one run in a recording.
 const RUN: &str = "runs/001.csv";
-/// Most seconds of a recording: its rows are kept in memory until it ends, 160 bytes each and 400 a second.
-const MOST_SECONDS: u32 = 14_400;
+/// The columns of a recording are settled after this time at the latest, seconds; until then its rows are kept in memory.
+const SETTLED_S: f64 = 10.0;
 
 /// Record what a board measures as a campaign: every frame of the gyro, 400 a second, and every reading
 ///
 /// `north solve`, `diagnose` and `characterise` read it. With --fix the recording gives the board's own azimuth, sigma and flags, with all their
-/// digits. Ends after --seconds, with the end of the fix, or with an interrupt.
+/// digits. Ends after --seconds, with the end of the fix, or with an interrupt. Rows are on the disk as soon as their second is reported: where the line
+/// breaks, what came until then is the recording.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   north record /dev/ttyUSB0 --out still --seconds 3600 && north characterise still/runs/001.csv
@@ -41,9 +42,9 @@ pub struct Record {
     /// Start a fix, and end with it
     #[arg(long)]
     fix: bool,
-    /// End after so many seconds, 14400 at most
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST_SECONDS as i64), default_value_t = MOST_SECONDS)]
-    seconds: u32,
+    /// End after so many seconds
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    seconds: Option<u32>,
     /// Rows of one second instead of single frames
     #[arg(long)]
     means: bool,
@@ -77,6 +78,7 @@ struct Line {
 impl Record {
     pub fn run(self) -> Result<(), Failure> {
         CampaignWriter::check_free(&self.out)?;
+        let existed = self.out.exists();
         let mut port = Port::open(self.port.as_deref())?;
         let identity = port.identity()?;
         let settings = port.settings()?.unwrap_or_default();
@@ -86,26 +88,33 @@ impl Record {
             true => Rows::Means(Recorder::default()),
             false => Rows::Raw(Box::new(RawRecorder::new(settings.gyro))),
         };
+        let mut file = RunFile::new(campaign.path_of(RUN), SETTLED_S);
+        let mut written = Ok(());
         let mut view = View::new(self.json.human(), &settings);
         let mut line = Line::default();
         let ended = self.listen(&mut port, &mut |report, bytes| {
             rows.hear(report);
+            if let Event::State(State::Levelling) = report.event {
+                file.start_again();
+            }
+            written = file.push(rows.take());
             line.hear(report, bytes, rows.have_begun());
             view.report(report);
-            line.seconds >= self.seconds || self.fix && line.ended
+            written.is_err() || self.seconds.is_some_and(|most| line.seconds >= most) || self.fix && line.ended
         });
         let mut out = view.finish()?;
-        match ended {
+        written?;
+        let ended = match ended {
             // Whoever set no end ends it so.
-            Err(PortError::Interrupted) if !self.fix && line.seconds > 0 => {}
-            ended => ended?,
-        }
-        let rows = rows.into_rows();
-        if rows.is_empty() {
+            Err(PortError::Interrupted) if !self.fix && line.seconds > 0 => Ok(()),
+            ended => ended,
+        };
+        let count = file.finish()?;
+        if count == 0 {
+            CampaignWriter::give_up(&self.out, existed);
+            ended?;
             return Err(Failure::Refused(format!("{}: no whole second came: nothing is recorded", port.name())));
         }
-        let count = rows.len();
-        write_run(&campaign, RUN, rows)?;
         campaign.add(Run { file: RUN.into(), ..Run::default() });
         campaign.finish()?;
         let capacity = BAUD / 10;
@@ -115,6 +124,7 @@ impl Record {
             self.out.display(),
             line.most_bytes
         )?;
+        ended?;
         if line.lost_blocks > 0 || port.bad_frames() > 0 {
             let (lost, bad) = (line.lost_blocks, port.bad_frames());
             let message =
@@ -144,6 +154,8 @@ impl Record {
     /// Asks for the stream and the fix; hears every report with the bytes so far until `hear` says that it is enough.
     fn listen(&self, port: &mut Port, hear: &mut dyn FnMut(&Report, u64) -> bool) -> Result<(), PortError> {
         let mut early = Vec::new();
+        // Whoever was here before may have left the stream on: it begins with a second of ours.
+        port.ask(Ask::Stream(false), &mut |_| ())?;
         if !self.means {
             port.ask(Ask::Stream(true), &mut |report| early.push(*report))?;
         }
@@ -205,10 +217,11 @@ impl Rows {
         }
     }
 
-    fn into_rows(self) -> Vec<Row> {
+    /// The rows that have come since the last call.
+    fn take(&mut self) -> Vec<Row> {
         match self {
-            Self::Raw(raw) => raw.into_rows(),
-            Self::Means(means) => means.into_rows(),
+            Self::Raw(raw) => raw.take_rows(),
+            Self::Means(means) => means.take_rows(),
         }
     }
 }

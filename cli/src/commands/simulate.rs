@@ -140,7 +140,7 @@ impl Simulate {
 fn record_seconds(setup: &Setup) -> Result<(Outcome, Vec<Row>), EngineError> {
     let mut recorder = Recorder::default();
     let outcome = host::run(setup, interrupt::flag(), &mut |report| recorder.see(report))?;
-    Ok((outcome, recorder.into_rows()))
+    Ok((outcome, recorder.take_rows()))
 }
 
 fn record_raw(setup: &Setup) -> Result<(Outcome, Vec<Row>), EngineError> {
@@ -149,7 +149,7 @@ fn record_raw(setup: &Setup) -> Result<(Outcome, Vec<Row>), EngineError> {
     let mut tap = |readings: &Readings, gyro_bytes: &[u8]| recorder.borrow_mut().tick(readings, gyro_bytes);
     let mut observe = |report: &Report| recorder.borrow_mut().report(report);
     let outcome = host::run_tapped(setup, interrupt::flag(), &mut observe, &mut tap)?;
-    Ok((outcome, recorder.into_inner().into_rows()))
+    Ok((outcome, recorder.into_inner().take_rows()))
 }
 
 fn why_not(outcome: &Outcome) -> Option<&'static str> {

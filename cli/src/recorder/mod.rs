@@ -1,21 +1,21 @@
 //! A fix as a run of a campaign: what `north solve` reads again, and solves to the same azimuth.
 
 mod raw;
+mod run_file;
 
 pub use raw::RawRecorder;
+pub use run_file::RunFile;
 
+use std::mem;
 use std::path::Path;
 
 use north_finder::attitude::Motion;
-use north_finder::effects::channel::BLOCK_TEMPERATURE;
 use north_finder::event::{Event, Heading, Report, Second, State};
 use north_finder::level::Specific;
 use north_finder::replay::Mark;
 use north_finder::settings::Settings;
 
-use crate::campaign::{
-    ACCELEROMETERS, Campaign, CampaignWriter, INDEX, Instrument, Layout, Own, OwnLayout, Row, TEMPERATURE,
-};
+use crate::campaign::{ACCELEROMETERS, Campaign, CampaignWriter, INDEX, Instrument, Own, Row, TEMPERATURE};
 use crate::engine::Setup;
 use crate::file_error::FileError;
 
@@ -40,19 +40,15 @@ impl Recorder {
         &self.rows
     }
 
-    /// The rows, the recorder done.
-    pub fn into_rows(self) -> Vec<Row> {
-        self.rows
+    /// The rows, which the recorder then no longer has.
+    pub fn take_rows(&mut self) -> Vec<Row> {
+        mem::take(&mut self.rows)
     }
 }
 
 /// A recording holds one fix, the last that was started: what came before is only the error model's past.
 fn start_again(rows: &mut [Row]) {
-    for row in rows {
-        if let Some(Own::Second { mark, .. } | Own::Raw { mark, .. }) = &mut row.own {
-            *mark = Mark::default();
-        }
-    }
+    rows.iter_mut().for_each(run_file::unmark);
 }
 
 fn mark(second: &Second) -> Mark {
@@ -77,40 +73,11 @@ fn row(second: &Second) -> Row {
     }
 }
 
-/// Where a sensor was not read, its last reading is repeated, or the first one before that: the format has no empty fields.
-fn fill<T: Copy>(rows: &mut [Row], get: impl Fn(&Row) -> Option<T>, set: impl Fn(&mut Row, T)) {
-    let Some(mut last) = rows.iter().find_map(&get) else { return };
-    for row in rows {
-        last = get(row).unwrap_or(last);
-        set(row, last);
-    }
-}
-
 /// Writes rows as a run's file.
-pub fn write_run(campaign: &CampaignWriter, file: &str, mut rows: Vec<Row>) -> Result<(), FileError> {
-    fill(&mut rows, |row| row.temp_c, |row, temp_c| row.temp_c = Some(temp_c));
-    fill(&mut rows, |row| Some(row.index_deg).filter(|deg| deg.is_finite()), |row, deg| row.index_deg = deg);
-    fill(&mut rows, |row| row.level, |row, level| row.level = Some(level));
-    fill(&mut rows, |row| row.extra.first().copied(), |row, block_temp_c| row.extra = vec![block_temp_c]);
-    let has_block = rows.iter().all(|row| !row.extra.is_empty());
-    for row in &mut rows {
-        // Sensors that never gave anything.
-        row.level.get_or_insert_default();
-        if !row.index_deg.is_finite() {
-            row.index_deg = 0.0;
-        }
-    }
-    let frames = rows.iter().any(|row| matches!(row.own, Some(Own::Raw { .. })));
-    let layout = Layout {
-        temperature: rows.iter().all(|row| row.temp_c.is_some()),
-        level: true,
-        lost_frames: true,
-        own: Some(if frames { OwnLayout::Frames } else { OwnLayout::Seconds }),
-        extra: if has_block { vec![BLOCK_TEMPERATURE.into()] } else { Vec::new() },
-    };
-    let mut writer = campaign.run(file, layout)?;
-    rows.iter().try_for_each(|row| writer.write(row))?;
-    writer.finish()
+pub fn write_run(campaign: &CampaignWriter, file: &str, rows: Vec<Row>) -> Result<(), FileError> {
+    let mut run = RunFile::new(campaign.path_of(file), f64::INFINITY);
+    run.push(rows)?;
+    run.finish().map(|_| ())
 }
 
 /// Writes headings that were held, with their times, s, in the columns of `north track`.
@@ -160,17 +127,4 @@ fn campaign(
     })?;
     crate::settings_file::write_settings(&folder.join(file), settings)?;
     Ok(writer)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_was_not_read_repeats_the_last_reading() {
-        let index = |index_deg: f64| Row { index_deg, ..Row::default() };
-        let mut rows = [index(f64::NAN), index(5.0), index(f64::NAN), index(7.0)];
-        fill(&mut rows, |row| Some(row.index_deg).filter(|deg| deg.is_finite()), |row, deg| row.index_deg = deg);
-        assert_eq!(rows.map(|row| row.index_deg), [5.0, 5.0, 5.0, 7.0]);
-    }
 }

@@ -1,6 +1,7 @@
 //! A fix as raw rows: one for each frame of the gyro, 400 a second.
 
 use std::collections::VecDeque;
+use std::mem;
 
 use north_finder::drivers::sensors::Due;
 use north_finder::event::{Event, Report, State};
@@ -139,9 +140,9 @@ impl RawRecorder {
         self.begun
     }
 
-    /// The rows, the recorder done.
-    pub fn into_rows(self) -> Vec<Row> {
-        self.rows
+    /// The rows, which the recorder then no longer has.
+    pub fn take_rows(&mut self) -> Vec<Row> {
+        mem::take(&mut self.rows)
     }
 
     /// How many frames of the gyro a step of the sampler accounts for.

@@ -31,11 +31,16 @@ impl Board {
         BufReader::new(process.stdout.take().unwrap()).read_line(&mut port).unwrap();
         Self { process, port: port.trim().to_owned() }
     }
+
+    /// Switches it off: the line breaks.
+    pub fn switch_off(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
 }
 
 impl Drop for Board {
     fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
+        self.switch_off();
     }
 }

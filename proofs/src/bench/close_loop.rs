@@ -202,7 +202,7 @@ impl CloseLoop {
             })
             .collect::<Result<Vec<_>, Failure>>()?;
         let mut writer = new_campaign(folder, "close-loop".into(), &rig.setup(0, settings))?;
-        for (number, (outcome, recorder)) in recorded.into_iter().enumerate() {
+        for (number, (outcome, mut recorder)) in recorded.into_iter().enumerate() {
             let run = Run {
                 file: format!("runs/{:03}.csv", number + 1),
                 role: Role::Fit,
@@ -210,7 +210,7 @@ impl CloseLoop {
                 reference_sigma_deg: Some(SURVEY_SIGMA_DEG),
                 ..Run::default()
             };
-            write_run(&writer, &run.file, recorder.into_rows())?;
+            write_run(&writer, &run.file, recorder.take_rows())?;
             writer.add(run);
         }
         writer.finish()?;

@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use crate::calibration::ellipsoid::coverage::Direction;
 
 /// What there is to do, or what was found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, defmt::Format)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Step {
     /// Turn the instrument to another attitude.
     Turn,

@@ -6,7 +6,8 @@ use crate::calibration::ellipsoid::Refusal;
 use crate::calibration::ellipsoid::coverage::Direction;
 
 /// The reason.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, defmt::Format)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Why {
     TooFew,
     DirectionsMissing,
