@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 use serde::Serialize;
+use tempfile::NamedTempFile;
 
 use crate::failure::Failure;
 use crate::file_error::FileError;
@@ -65,8 +66,17 @@ impl JsonOption {
                 None => write_json(&mut io::stdout().lock(), value),
             })?);
         }
-        let write = || write_json(&mut BufWriter::new(create(path)?), value);
+        let write = || {
+            let mut file = create(path)?;
+            write_json(&mut file, value)?;
+            file.finish()
+        };
         write().map_err(|error| FileError::whole(path, error).into())
+    }
+
+    /// The file that the result goes to.
+    pub fn path(&self) -> Option<&Path> {
+        self.file.as_deref().filter(|_| !self.is_stdout())
     }
 
     fn is_stdout(&self) -> bool {
@@ -74,23 +84,108 @@ impl JsonOption {
     }
 }
 
-/// Creates a file. One that is there is replaced only if that was asked for.
-pub fn create(path: &Path) -> io::Result<File> {
-    let device = std::fs::metadata(path).is_ok_and(|kind| !kind.is_file());
-    if device || FORCE.load(Ordering::Relaxed) {
-        return File::create(path);
+/// A file that appears whole or not at all: until [`Self::finish`] it has another name, and one that is there before stays as it is.
+#[derive(Debug)]
+pub struct Output {
+    path: PathBuf,
+    to: BufWriter<To>,
+}
+
+#[derive(Debug)]
+enum To {
+    /// A terminal, a pipe.
+    Device(File),
+    Beside(NamedTempFile),
+}
+
+impl Write for To {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match self {
+            Self::Device(device) => device.write(bytes),
+            Self::Beside(file) => file.write(bytes),
+        }
     }
-    File::create_new(path).map_err(|error| match error.kind() {
+
+    fn flush(&mut self) -> io::Result<()> {
+        match self {
+            Self::Device(device) => device.flush(),
+            Self::Beside(file) => file.flush(),
+        }
+    }
+}
+
+impl Write for Output {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.to.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.to.flush()
+    }
+}
+
+impl Output {
+    /// Brings everything to the disk, and the file to its name.
+    pub fn finish(self) -> io::Result<()> {
+        let To::Beside(file) = self.to.into_inner().map_err(|error| error.into_error())? else { return Ok(()) };
+        file.as_file().sync_all()?;
+        let put = if forced() { file.persist(&self.path) } else { file.persist_noclobber(&self.path) };
+        put.map(|_| ()).map_err(|error| refusal(error.error))
+    }
+}
+
+fn forced() -> bool {
+    FORCE.load(Ordering::Relaxed)
+}
+
+fn refusal(error: io::Error) -> io::Error {
+    match error.kind() {
         io::ErrorKind::AlreadyExists => {
             io::Error::new(error.kind(), "the file exists, and nothing is overwritten without --force")
         }
+        io::ErrorKind::NotFound => io::Error::new(error.kind(), "there is no such folder to put it into"),
         _ => error,
-    })
+    }
+}
+
+/// Creates a file. One that is there is replaced only if that was asked for.
+pub fn create(path: &Path) -> io::Result<Output> {
+    let there = std::fs::metadata(path).ok();
+    let to = match there {
+        Some(kind) if kind.is_dir() => return Err(io::ErrorKind::IsADirectory.into()),
+        Some(kind) if !kind.is_file() => To::Device(File::create(path)?),
+        Some(_) if !forced() => return Err(refusal(io::ErrorKind::AlreadyExists.into())),
+        _ => To::Beside(beside(path)?),
+    };
+    Ok(Output { path: path.to_owned(), to: BufWriter::new(to) })
+}
+
+/// A file without a lasting name in the folder of `path`.
+fn beside(path: &Path) -> io::Result<NamedTempFile> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".north-");
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    // Without the hidden name, which nobody has heard of.
+    builder.tempfile_in(folder).map_err(|error| refusal(error.kind().into()))
 }
 
 /// Writes a file, as [`create`] makes it.
 pub fn write(path: &Path, text: impl AsRef<[u8]>) -> io::Result<()> {
-    create(path)?.write_all(text.as_ref())
+    let mut file = create(path)?;
+    file.write_all(text.as_ref())?;
+    file.finish()
+}
+
+/// Whether files can be written: asked before the work whose results they take.
+///
+/// Errors: the first that is there, and shall not be replaced; the first whose folder cannot be written to.
+pub fn check<'a>(paths: impl IntoIterator<Item = &'a Path>) -> Result<(), FileError> {
+    paths.into_iter().try_for_each(|path| match std::fs::metadata(path) {
+        Ok(kind) if !kind.is_file() && !kind.is_dir() => Ok(()),
+        _ => create(path).map(|_| ()).map_err(|error| FileError::whole(path, error)),
+    })
 }
 
 /// stdout for people.
@@ -173,6 +268,29 @@ mod tests {
     use north_finder::health::{Fault, Flag};
 
     use super::*;
+
+    /// Half a file is no file, and leaves the one that was there, and nothing beside it.
+    #[test]
+    fn a_file_appears_whole_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        let files = || std::fs::read_dir(folder.path()).unwrap().count();
+        let mut file = create(&path).unwrap();
+        file.write_all(b"half").unwrap();
+        drop(file);
+        assert_eq!(files(), 0);
+        write(&path, "first").unwrap();
+        assert_eq!(write(&path, "second").unwrap_err().kind(), io::ErrorKind::AlreadyExists);
+        check([path.as_path()]).unwrap_err();
+        check([folder.path().join("none/b.txt").as_path()]).unwrap_err();
+        check([folder.path().join("b.txt").as_path()]).unwrap();
+        // Whoever comes first has the name.
+        let mut late = create(&folder.path().join("c.txt")).unwrap();
+        late.write_all(b"late").unwrap();
+        write(&folder.path().join("c.txt"), "early").unwrap();
+        assert_eq!(late.finish().unwrap_err().kind(), io::ErrorKind::AlreadyExists);
+        assert_eq!((std::fs::read_to_string(&path).unwrap(), files()), ("first".into(), 2));
+    }
 
     #[test]
     fn a_captured_result_is_what_stdout_would_carry() {

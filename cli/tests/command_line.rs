@@ -432,3 +432,33 @@ fn a_reader_that_has_seen_enough_is_no_error() {
     let output = child.wait_with_output().unwrap();
     assert_eq!((output.status.code(), output.stderr.as_slice()), (Some(0), &b""[..]));
 }
+
+/// Where results cannot go is said before the work, not after.
+#[test]
+fn results_that_have_no_place_are_refused_at_once() {
+    let folder = folder();
+    fs::write(folder.path().join("there.json"), "mine").unwrap();
+    let find = |file| north_in(folder.path(), &["find", "--host", "--json", file]);
+    let refused = "north: there.json: the file exists, and nothing is overwritten without --force\n";
+    assert_eq!(find("there.json").refused(1, refused), "");
+    assert_eq!(find("none/fix.json").refused(1, "north: none/fix.json: there is no such folder to put it into\n"), "");
+    assert_eq!(fs::read_to_string(folder.path().join("there.json")).unwrap(), "mine");
+}
+
+#[test]
+fn scenario_files_are_documented_as_they_are() {
+    let described = north(&["scenarios", "--describe"]).good();
+    assert!(include_str!("../../docs/scenarios.md").trim_end().ends_with(described.trim_end()), "{described}");
+}
+
+/// The example of docs/scenarios.md finds north.
+#[test]
+fn the_documented_scenario_finds_north() {
+    let folder = folder();
+    let text = include_str!("../../docs/scenarios.md");
+    let (_, example) = text.split_once("```toml\n").unwrap();
+    let (example, _) = example.split_once("```").unwrap();
+    fs::write(folder.path().join("cold-morning.toml"), example).unwrap();
+    let shown = north_in(folder.path(), &["find", "--host", "--scenario", "cold-morning.toml"]).good();
+    assert!(shown.starts_with("cold-morning, seed 1, latitude 60.2°") && shown.contains("\nazimuth "), "{shown}");
+}

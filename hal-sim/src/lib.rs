@@ -36,7 +36,7 @@ mod world;
 
 pub use device::{AccelerometerSpi, BlockSpi, EncoderSpi, Flash, GyroLine, Pin};
 pub use operator::Operator;
-pub use scenario::{Scenario, ScenarioError};
+pub use scenario::{Group, Scenario, ScenarioError};
 pub use truth::Truth;
 pub use world::World;
 

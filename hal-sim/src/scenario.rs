@@ -6,6 +6,7 @@
 
 mod block;
 pub mod check;
+mod describe;
 mod devices;
 mod error;
 mod gyro;
@@ -15,6 +16,7 @@ mod sense;
 mod site;
 
 pub use block::{Block, Carry};
+pub use describe::{Field, Group, Table};
 pub use devices::{Accelerometer, Encoder, Link, LinkFault, LinkFaultKind, Motor, SensorFault, SensorFaultKind};
 pub use error::ScenarioError;
 pub use gyro::{Gyro, GyroFault, GyroFaultKind, GyroFormat, Harmonic};
@@ -99,6 +101,13 @@ impl Scenario {
             Ok(text) => Self::parse(&text, &file),
             Err(error) => Err(ScenarioError::Unreadable { file, reason: error.to_string() }),
         }
+    }
+
+    /// Everything that a scenario file may hold, group by group.
+    pub fn describe() -> Vec<Group> {
+        let mut groups = Vec::new();
+        <Self as Part>::describe(Table::default(), &mut groups);
+        groups
     }
 
     /// Every value that is out of its range or contradicts another, also for scenarios that a program changed after reading.

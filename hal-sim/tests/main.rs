@@ -3,6 +3,7 @@
 mod accelerometer;
 mod block;
 mod common;
+mod describe;
 mod encoder;
 mod flash;
 mod frames;

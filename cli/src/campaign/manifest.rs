@@ -10,8 +10,7 @@ use time::OffsetDateTime;
 use time::format_description::well_known::Rfc3339;
 use toml::Spanned;
 
-use super::MANIFEST;
-use super::writer::UNFINISHED;
+use super::{MANIFEST, UNFINISHED};
 use crate::file_error::{FileError, Problem};
 use crate::toml_file::{self, TomlFile};
 

@@ -1,6 +1,5 @@
 //! A campaign as one table, in a Parquet file or in memory: a row for every row of every run, with what the manifest says of its run.
 
-use std::fs::{self, File};
 use std::io;
 use std::path::Path;
 use std::sync::Arc;
@@ -16,7 +15,8 @@ use parquet::schema::types::Type;
 use super::{Campaign, Role, Row, Run, RunReader};
 use crate::failure::Failure;
 use crate::file_error::FileError;
-use crate::{interrupt, output};
+use crate::interrupt;
+use crate::output::{self, Output};
 
 /// Columns of text, of numbers that every table has, and after these those of the channels.
 const TEXTS: [&str; 2] = ["run", "role"];
@@ -40,12 +40,7 @@ const ROWS: usize = 65_536;
 pub fn write_parquet(campaign: &Campaign, path: &Path) -> Result<u64, Failure> {
     let channels = channels(campaign)?;
     let file = output::create(path).map_err(|error| FileError::whole(path, error))?;
-    let written = Table::new(file, channels, path).and_then(|table| table.fill(campaign));
-    if written.is_err() && path.is_file() {
-        // The error that led here is the one to tell.
-        let _ = fs::remove_file(path);
-    }
-    written
+    Table::new(file, channels, path)?.fill(campaign)
 }
 
 /// The names of the further channels of all runs, in the order in which they first come.
@@ -119,7 +114,7 @@ impl Columns {
 
 struct Table<'a> {
     path: &'a Path,
-    writer: SerializedFileWriter<File>,
+    writer: SerializedFileWriter<Output>,
     channels: Vec<String>,
     texts: [Vec<ByteArray>; TEXTS.len()],
     numbers: Vec<Vec<Option<f64>>>,
@@ -127,7 +122,7 @@ struct Table<'a> {
 }
 
 impl<'a> Table<'a> {
-    fn new(file: File, channels: Vec<String>, path: &'a Path) -> Result<Self, Failure> {
+    fn new(file: Output, channels: Vec<String>, path: &'a Path) -> Result<Self, Failure> {
         let failed = |error| failure(path, error);
         let mut fields = Vec::new();
         for name in TEXTS {
@@ -162,7 +157,8 @@ impl<'a> Table<'a> {
         }
         self.flush()?;
         let (path, rows) = (self.path, self.rows);
-        self.writer.close().map_err(|error| failure(path, error))?;
+        let file = self.writer.into_inner().map_err(|error| failure(path, error))?;
+        file.finish().map_err(|error| FileError::whole(path, error))?;
         Ok(rows)
     }
 

@@ -1,7 +1,7 @@
 //! Writing campaigns: runs row by row, and `campaign.toml` last, so that a folder with one is complete.
 
 use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use north_finder::level::Specific;
@@ -9,13 +9,11 @@ use serde::Serialize;
 
 use super::manifest::FORMAT;
 use super::own::Own;
-use super::{Campaign, MANIFEST, Row, Run};
+use super::{Campaign, MANIFEST, Row, Run, UNFINISHED};
 use crate::file_error::{FileError, Problem};
 
 /// Folder of the runs.
 const RUNS: &str = "runs";
-/// In a folder whose recording is not finished, until it is.
-pub const UNFINISHED: &str = "unfinished";
 const UNFINISHED_TEXT: &str = "north is writing this recording, or was interrupted: the next one may replace it\n";
 
 /// Removes what a recording that came to no end left behind: its runs and tables, and nothing else.
@@ -195,7 +193,7 @@ impl CampaignWriter {
             toml::to_string(&manifest).map_err(|error| FileError::whole(&path, Problem::Syntax(error.to_string())))?;
         let folder = &self.campaign.folder;
         let write = || {
-            File::create_new(&path)?.write_all(text.as_bytes())?;
+            crate::output::write(&path, &text)?;
             fs::remove_file(folder.join(UNFINISHED))
         };
         write().map_err(|error| FileError::whole(&path, error))

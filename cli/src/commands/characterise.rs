@@ -9,7 +9,7 @@ use serde::Serialize;
 use crate::characterise::{self, Character, Suggested};
 use crate::failure::Failure;
 use crate::file_error::FileError;
-use crate::output::JsonOption;
+use crate::output::{self, JsonOption};
 
 /// Noise of a gyro from a still recording: Allan deviation, what it is made of, and the settings that follow
 #[derive(Args, Debug)]
@@ -22,7 +22,7 @@ pub struct Characterise {
     /// A run as a CSV file with t_s, index_deg and fog_arcsec
     #[arg(value_name = "FILE.csv")]
     recording: PathBuf,
-    /// Write the settings that follow, as a file for `--settings`; a file that is there is not replaced
+    /// Write the settings that follow, as a file for `--settings`
     #[arg(long, value_name = "FILE")]
     settings_out: Option<PathBuf>,
     #[command(flatten)]
@@ -38,6 +38,7 @@ struct Result {
 
 impl Characterise {
     pub fn run(self) -> std::result::Result<(), Failure> {
+        output::check([self.settings_out.as_deref(), self.json.path()].into_iter().flatten())?;
         let character = Character::of(&characterise::read(&self.recording)?);
         if character.allan.is_empty() {
             let why = "the gyro repeats the same increment: it is dead, or the column is not its reading";
@@ -46,9 +47,7 @@ impl Characterise {
         let settings = character.suggested();
         write(&mut self.json.human(), &character, &settings)?;
         if let Some(path) = &self.settings_out {
-            let created = std::fs::File::create_new(path);
-            let written = created.and_then(|mut file| file.write_all(settings.to_toml().as_bytes()));
-            written.map_err(|error| FileError::whole(path, error))?;
+            output::write(path, settings.to_toml()).map_err(|error| FileError::whole(path, error))?;
         }
         self.json.write(&Result { character, settings })
     }

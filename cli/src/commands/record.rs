@@ -78,6 +78,7 @@ struct Line {
 impl Record {
     pub fn run(self) -> Result<(), Failure> {
         CampaignWriter::check_free(&self.out)?;
+        crate::output::check(self.json.path())?;
         let existed = self.out.exists();
         let mut port = Port::open(self.port.as_deref())?;
         let identity = port.identity()?;

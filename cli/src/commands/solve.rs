@@ -49,6 +49,7 @@ struct Solvable<'a> {
 
 impl Solve {
     pub fn run(self) -> Result<(), Failure> {
+        crate::output::check(self.json.path())?;
         let campaign = self.campaign()?;
         let base = campaign_settings(&campaign, self.settings.as_deref())?;
         let model = self.model.as_deref().map(ModelFile::read).transpose()?;

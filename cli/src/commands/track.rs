@@ -1,6 +1,6 @@
 //! `north track`: orientation along a recording.
 
-use std::io::{self, BufWriter, Write};
+use std::io::{self, Write};
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
@@ -234,6 +234,8 @@ fn said_of_source(source: &SourceSummary) -> String {
 
 impl Track {
     pub fn run(mut self) -> Result<(), Failure> {
+        let results = [Some(self.out.as_path()), self.report.as_deref(), self.json.path()];
+        crate::output::check(results.into_iter().flatten())?;
         let mut recording = ModelFile::read_block(&self.recording, self.model.as_deref())?;
         let outliers = block_gate::gate(&mut recording, &self.recording)?;
         let aiding = Aiding::read(&self.recording, &self.aid)?;
@@ -313,7 +315,7 @@ impl Track {
 
     fn write_track(&self, track: &crate::track::Track) -> Result<(), Failure> {
         let write = || -> io::Result<()> {
-            let mut out = BufWriter::new(crate::output::create(&self.out)?);
+            let mut out = crate::output::create(&self.out)?;
             let own = match track.rows.first().map(|row| row.detail) {
                 Some(Detail::Aided { .. }) => "lat_deg,lon_deg,height_m,ve_m_s,vn_m_s,vu_m_s,sigma_position_m",
                 _ => "standing,refix",
@@ -336,7 +338,7 @@ impl Track {
                     }
                 }
             }
-            out.flush()
+            out.finish()
         };
         write().map_err(|error| FileError::whole(&self.out, error).into())
     }

@@ -1,7 +1,6 @@
 //! A foreign recording of a triad to one of a three-axis block, as `north align` and `north track` read it.
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::Write;
 use std::path::Path;
 
 use north_finder::units::STANDARD_GRAVITY_M_S2;
@@ -10,6 +9,7 @@ use super::{BREATH, Format, Map, Summary, open};
 use crate::block_csv::COLUMNS;
 use crate::failure::Failure;
 use crate::file_error::FileError;
+use crate::output;
 
 /// Writes the recording `file` to the new file `out`, a row a sample; what is missing is a gap in time. `breath` as for
 /// [`super::import`].
@@ -32,7 +32,7 @@ pub fn block(
     }
     let mut sampler = open(map, file, format)?;
     let whole = |error: std::io::Error| FileError::whole(out, error);
-    let mut csv = BufWriter::new(File::create_new(out).map_err(whole)?);
+    let mut csv = output::create(out).map_err(whole)?;
     writeln!(csv, "{}", COLUMNS.join(",")).map_err(whole)?;
     let mut rows = 0u64;
     while let Some(sample) = sampler.next_sample()? {
@@ -46,6 +46,6 @@ pub fn block(
             return Err(Failure::Interrupted);
         }
     }
-    csv.flush().map_err(whole)?;
+    csv.finish().map_err(whole)?;
     Ok(Summary { samples: sampler.due(), losses: sampler.losses(), ..Summary::default() })
 }

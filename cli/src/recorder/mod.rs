@@ -92,7 +92,7 @@ pub fn write_headings(path: &Path, headings: &[(f64, Heading)]) -> Result<(), Fi
             u8::from(*refix)
         );
     }
-    std::fs::write(path, text).map_err(|error| FileError::whole(path, error))
+    crate::output::write(path, text).map_err(|error| FileError::whole(path, error))
 }
 
 /// A new campaign of simulated runs, in a folder that must be free, with the settings of the instrument.

@@ -44,8 +44,9 @@ part! {
         turn_deg: f64 = 130.0, -3600.0..=3600.0;
         /// By how much it stands otherwise on the new place, pitch and roll, degrees.
         set_down_deg: [f64; 2] = [1.5, -1.0], -30.0..=30.0;
-        /// How far it is carried, m; and how high it is lifted.
+        /// How far it is carried, m.
         distance_m: f64 = 20.0, 0.0..=10000.0;
+        /// How high it is lifted, m.
         lift_m: f64 = 0.8, 0.0..=3.0;
         /// Sway in the hands, amplitudes in pitch, roll and azimuth, degrees.
         sway_deg: [f64; 3] = [5.0, 4.0, 6.0], 0.0..=45.0;

@@ -6,6 +6,10 @@
 use std::fmt::Debug;
 use std::ops::RangeInclusive;
 
+use serde::de::DeserializeOwned;
+
+use super::describe::{self, Group, Table};
+
 /// One value that is not allowed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Violation {
@@ -65,16 +69,31 @@ impl Findings {
 pub trait Part {
     /// Notes every field whose value is not allowed.
     fn check(&self, findings: &mut Findings);
+
+    /// Describes this group, which stands at `table`, and those in it.
+    fn describe(table: Table, groups: &mut Vec<Group>);
 }
 
 /// What a field may be: a range, or [`Any`], [`Inner`], [`Each`].
 pub trait Allowed<T: ?Sized> {
     /// Notes the value if it is not allowed.
     fn check(&self, value: &T, findings: &mut Findings);
+
+    /// What is allowed, in words; empty where the type says it.
+    fn allowed(&self) -> String {
+        String::new()
+    }
+
+    /// Describes the groups of a field called `table`; gives whether it is one.
+    fn describe(&self, _table: &Table, _groups: &mut Vec<Group>) -> bool {
+        false
+    }
 }
 
-/// The type allows nothing wrong: text, switches, choices.
+/// The type allows nothing wrong: text, switches.
 pub struct Any;
+/// One of the names that the type has.
+pub struct Choice;
 /// The field is itself a [`Part`].
 pub struct Inner;
 /// The field is a list of [`Part`]s.
@@ -84,9 +103,22 @@ impl<T> Allowed<T> for Any {
     fn check(&self, _value: &T, _findings: &mut Findings) {}
 }
 
+impl<T: DeserializeOwned> Allowed<T> for Choice {
+    fn check(&self, _value: &T, _findings: &mut Findings) {}
+
+    fn allowed(&self) -> String {
+        describe::names_of::<T>().join(", ")
+    }
+}
+
 impl<T: Part> Allowed<T> for Inner {
     fn check(&self, value: &T, findings: &mut Findings) {
         value.check(findings);
+    }
+
+    fn describe(&self, table: &Table, groups: &mut Vec<Group>) -> bool {
+        T::describe(table.clone(), groups);
+        true
     }
 }
 
@@ -96,6 +128,11 @@ impl<T: Part> Allowed<Option<T>> for Inner {
             value.check(findings);
         }
     }
+
+    fn describe(&self, table: &Table, groups: &mut Vec<Group>) -> bool {
+        T::describe(table.clone(), groups);
+        true
+    }
 }
 
 impl<T: Part> Allowed<Vec<T>> for Each {
@@ -104,13 +141,22 @@ impl<T: Part> Allowed<Vec<T>> for Each {
             findings.within(position.to_string(), |findings| item.check(findings));
         }
     }
+
+    fn describe(&self, table: &Table, groups: &mut Vec<Group>) -> bool {
+        T::describe(Table { list: true, ..table.clone() }, groups);
+        true
+    }
 }
 
 impl<T: PartialOrd + Debug> Allowed<T> for RangeInclusive<T> {
     fn check(&self, value: &T, findings: &mut Findings) {
         if !self.contains(value) {
-            findings.refuse(value, format!("{:?} to {:?}", self.start(), self.end()));
+            findings.refuse(value, Allowed::<T>::allowed(self));
         }
+    }
+
+    fn allowed(&self) -> String {
+        format!("{:?} to {:?}", self.start(), self.end())
     }
 }
 
@@ -120,6 +166,10 @@ impl<T: PartialOrd + Debug> Allowed<Option<T>> for RangeInclusive<T> {
             Allowed::<T>::check(self, value, findings);
         }
     }
+
+    fn allowed(&self) -> String {
+        Allowed::<T>::allowed(self)
+    }
 }
 
 impl<const N: usize> Allowed<[f64; N]> for RangeInclusive<f64> {
@@ -128,17 +178,21 @@ impl<const N: usize> Allowed<[f64; N]> for RangeInclusive<f64> {
             findings.within(position.to_string(), |findings| Allowed::<f64>::check(self, value, findings));
         }
     }
+
+    fn allowed(&self) -> String {
+        Allowed::<f64>::allowed(self)
+    }
 }
 
 /// Declares a group of settings: `name: type = default, allowed;` for each field.
 macro_rules! part {
-    ($(#[$meta:meta])* $name:ident { $($(#[$field_meta:meta])* $field:ident : $type:ty = $default:expr, $allowed:expr;)* }) => {
-        $(#[$meta])*
+    ($(#[doc = $doc:literal])* $name:ident { $($(#[doc = $field_doc:literal])* $field:ident : $type:ty = $default:expr, $allowed:expr;)* }) => {
+        $(#[doc = $doc])*
         #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
         #[serde(default, deny_unknown_fields)]
         pub struct $name {
             $(
-                $(#[$field_meta])*
+                $(#[doc = $field_doc])*
                 #[doc = concat!("\n\nDefault: `", stringify!($default), "`; allowed: `", stringify!($allowed), "`.")]
                 pub $field: $type,
             )*
@@ -155,6 +209,19 @@ macro_rules! part {
                 $(findings.within(stringify!($field), |findings| {
                     $crate::scenario::check::Allowed::<$type>::check(&$allowed, &self.$field, findings);
                 });)*
+            }
+
+            fn describe(table: $crate::scenario::Table, groups: &mut Vec<$crate::scenario::Group>) {
+                let of = groups.len();
+                groups.push($crate::scenario::Group::new(&table, &[$($doc),*]));
+                $({
+                    let default: $type = $default;
+                    let inner = table.inner(stringify!($field));
+                    if !$crate::scenario::check::Allowed::<$type>::describe(&$allowed, &inner, groups) {
+                        let allowed = $crate::scenario::check::Allowed::<$type>::allowed(&$allowed);
+                        groups[of].add(stringify!($field), &[$($field_doc),*], &default, allowed);
+                    }
+                })*
             }
         }
     };

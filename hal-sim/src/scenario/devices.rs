@@ -1,6 +1,6 @@
 //! Settings of the accelerometer, the encoder, the motor and the serial link.
 
-use super::check::{Any, Each, part};
+use super::check::{Any, Choice, Each, part};
 use serde::{Deserialize, Serialize};
 
 /// What goes wrong with a sensor on the SPI bus in a window of time.
@@ -19,7 +19,7 @@ part! {
     /// A fault of a sensor.
     SensorFault {
         /// What goes wrong.
-        kind: SensorFaultKind = SensorFaultKind::Stuck, Any;
+        kind: SensorFaultKind = SensorFaultKind::Stuck, Choice;
         /// Begins, s.
         from_s: f64 = 0.0, 0.0..=1e6;
         /// Ends, s; absent: never.
@@ -133,7 +133,7 @@ part! {
     /// A fault of the line.
     LinkFault {
         /// What goes wrong.
-        kind: LinkFaultKind = LinkFaultKind::Drop, Any;
+        kind: LinkFaultKind = LinkFaultKind::Drop, Choice;
         /// How often it begins, per byte.
         probability: f64 = 0.0, 0.0..=1.0;
         /// Length of a burst, or number of bytes dropped in a row.

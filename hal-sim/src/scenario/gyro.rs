@@ -1,6 +1,6 @@
 //! Settings of the simulated gyro: errors, format, faults.
 
-use super::check::{Any, Each, part};
+use super::check::{Choice, Each, part};
 use serde::{Deserialize, Serialize};
 
 /// The frame that the gyro sends.
@@ -33,7 +33,7 @@ part! {
     /// A fault of the gyro.
     GyroFault {
         /// What goes wrong.
-        kind: GyroFaultKind = GyroFaultKind::Silent, Any;
+        kind: GyroFaultKind = GyroFaultKind::Silent, Choice;
         /// Begins, s.
         from_s: f64 = 0.0, 0.0..=1e6;
         /// Ends, s; absent: never.
@@ -58,7 +58,7 @@ part! {
     /// The gyro. Rates in °/h (1 °/h for 1 s is 1 arcsec); every error is added to what a perfect gyro would read.
     Gyro {
         /// Frame format on the line.
-        format: GyroFormat = GyroFormat::Compact, Any;
+        format: GyroFormat = GyroFormat::Compact, Choice;
         /// Angle random walk, °/√h.
         arw_deg_per_sqrt_h: f64 = 0.0015, 0.0..=10.0;
         /// Bias at the reference temperature, °/h.

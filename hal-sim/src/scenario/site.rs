@@ -1,6 +1,6 @@
 //! Where the instrument stands and how its base moves.
 
-use super::check::{Any, Each, Inner, part};
+use super::check::{Choice, Each, Inner, part};
 use serde::{Deserialize, Serialize};
 
 /// The angle of the base that a motion acts on.
@@ -41,7 +41,7 @@ part! {
     /// A sinusoidal sway of one base angle.
     Sway {
         /// Which angle sways.
-        angle: BaseAngle = BaseAngle::Pitch, Any;
+        angle: BaseAngle = BaseAngle::Pitch, Choice;
         /// Amplitude, arcsec.
         amplitude_arcsec: f64 = 0.0, 0.0..=36000.0;
         /// Frequency, Hz.

@@ -1,7 +1,7 @@
 //! `north calibrate simulate`: recordings to try a calibration on, with the truth beside them.
 
 use std::fs;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
@@ -161,12 +161,12 @@ fn prepare(folder: &Path) -> Result<(), FileError> {
 
 fn write_csv(path: &Path, header: &str, rows: usize, row: impl Fn(usize) -> String) -> Result<(), FileError> {
     let write = || -> io::Result<()> {
-        let mut out = BufWriter::new(crate::output::create(path)?);
+        let mut out = crate::output::create(path)?;
         writeln!(out, "{header}")?;
         for i in 0..rows {
             writeln!(out, "{}", row(i))?;
         }
-        out.flush()
+        out.finish()
     };
     write().map_err(|error| FileError::whole(path, error))
 }

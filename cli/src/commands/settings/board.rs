@@ -1,7 +1,7 @@
 //! Settings of a board: read, changed, kept in a file and brought back.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use north_finder::settings::Settings;
@@ -121,14 +121,9 @@ impl Dump {
         let text = settings_text(&settings).map_err(|error| Failure::Refused(error.to_string()))?;
         match &self.out {
             None => Ok(write!(crate::output::people(), "{text}")?),
-            Some(path) => write_new(path, &text),
+            Some(path) => Ok(output::write(path, text).map_err(|error| FileError::whole(path, error))?),
         }
     }
-}
-
-fn write_new(path: &Path, text: &str) -> Result<(), Failure> {
-    let written = output::create(path).and_then(|mut file| file.write_all(text.as_bytes()));
-    Ok(written.map_err(|error| FileError::whole(path, error))?)
 }
 
 impl Restore {
