@@ -176,6 +176,9 @@ codes! {
         LevelDrift = 18, "level-drift",
             "the level accelerometers' readings changed by more than their declared drift, and the gyro did not feel the base tilt",
             "let the instrument take the temperature of the site, calibrate the accelerometers over temperature, or declare their drift";
+        LevelUncalibrated = 19, "level-uncalibrated",
+            "no calibration of the level accelerometers is stored; what their biases tilt the vertical by, times the tangent of the latitude, is in the azimuth",
+            "calibrate them: north calibrate field";
     }
 }
 

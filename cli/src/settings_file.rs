@@ -6,7 +6,7 @@ use std::path::Path;
 
 use hal_sim::Scenario;
 use north_finder::effects::ErrorModel;
-use north_finder::settings::{Invalid, Settings};
+use north_finder::settings::{AccelerometerCalibration, Invalid, Settings};
 pub use simulated::declare_noise;
 use simulated::default_settings;
 
@@ -45,7 +45,8 @@ pub fn write_settings(path: &Path, settings: &Settings) -> Result<(), FileError>
 }
 
 /// The settings that all runs of a campaign share (all but the latitude and a model): the defaults with the gyro's noise
-/// declared, over them those that the instrument had, over these the file `settings`.
+/// declared, over them those that the instrument had, over these the file `settings`. Accelerometers of a recording without the
+/// instrument's settings are taken as calibrated: what was done to their readings, nobody says.
 pub fn campaign_settings(campaign: &Campaign, settings: Option<&Path>) -> Result<Settings, FileError> {
     let mut result = Settings::default();
     if let Some(instrument) = &campaign.instrument {
@@ -55,6 +56,9 @@ pub fn campaign_settings(campaign: &Campaign, settings: Option<&Path>) -> Result
         if let Some(file) = &instrument.settings {
             result = read_settings(&campaign.folder.join(file), &result)?;
         }
+    }
+    if campaign.instrument.as_ref().is_none_or(|instrument| instrument.settings.is_none()) {
+        result.accelerometer = Some(AccelerometerCalibration::UNIT);
     }
     match settings {
         Some(path) => read_settings(path, &result),

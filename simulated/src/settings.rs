@@ -2,7 +2,7 @@
 
 use hal_sim::Scenario;
 use hal_sim::scenario::GyroFormat as SimulatedFormat;
-use north_finder::settings::{GyroFormat, Settings};
+use north_finder::settings::{AccelerometerCalibration, GyroFormat, Settings};
 use serde::Deserialize as _;
 use serde::de::Error as _;
 use toml::Spanned;
@@ -10,7 +10,8 @@ use toml::de::{DeTable, DeValue, Deserializer};
 
 /// The defaults at a scenario's latitude, with its gyro's frame format.
 pub fn default_settings(scenario: &Scenario) -> Settings {
-    let mut settings = Settings { latitude_deg: scenario.site.latitude_deg, ..Settings::default() };
+    let accelerometer = scenario.accelerometer.factory_calibrated.then_some(AccelerometerCalibration::UNIT);
+    let mut settings = Settings { latitude_deg: scenario.site.latitude_deg, accelerometer, ..Settings::default() };
     settings.gyro.format = match scenario.gyro.format {
         SimulatedFormat::Compact => GyroFormat::Compact,
         SimulatedFormat::KvhA => GyroFormat::KvhA,

@@ -18,6 +18,9 @@ pub struct AccelerometerCalibration {
 }
 
 impl AccelerometerCalibration {
+    /// Of accelerometers that read what they feel.
+    pub const UNIT: Self = Self { bias_g: [0.0; 3], matrix: [1.0, 0.0, 0.0, 1.0, 0.0, 1.0] };
+
     /// Of a correction in g.
     pub fn new(correction: &Correction) -> Self {
         let [[m11, m12, m13], [_, m22, m23], [_, _, m33]] = correction.matrix;

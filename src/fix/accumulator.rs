@@ -228,6 +228,9 @@ impl<D: Dwells> Accumulator<D> {
         if !self.declared.calibrated {
             self.flags.insert(Flag::Uncalibrated);
         }
+        if !self.declared.level_calibrated {
+            self.flags.insert(Flag::LevelUncalibrated);
+        }
     }
 
     /// Forgets the dwells so far. What was waited for, lost or slipped is held against the fix all the same.

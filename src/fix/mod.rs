@@ -63,6 +63,8 @@ pub struct Declared {
     pub level_drift: LevelDrift,
     /// An error model from a calibration is stored.
     pub calibrated: bool,
+    /// A calibration of the level accelerometers is stored.
+    pub level_calibrated: bool,
 }
 
 /// An azimuth with all that says how far to trust it.

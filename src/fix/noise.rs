@@ -191,6 +191,7 @@ mod tests {
             index_sigma_deg: 0.0,
             level_sigma_deg: 0.0,
             calibrated: true,
+            level_calibrated: true,
             level_drift: crate::level::LevelDrift::default(),
         };
         let mut state = 5;

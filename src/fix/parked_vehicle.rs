@@ -79,6 +79,7 @@ fn windows(samples: &[[f64; 4]], dwell_s: usize, size: usize, lag_s: f64) -> Vec
         index_sigma_deg: 0.0,
         level_sigma_deg: 0.01,
         calibrated: true,
+        level_calibrated: true,
         level_drift: crate::level::LevelDrift::default(),
     };
     samples

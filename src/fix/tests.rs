@@ -55,6 +55,7 @@ pub fn declared(latitude_deg: f64) -> Declared {
         level_sigma_deg: 0.01,
         level_drift: crate::level::LevelSettings::default().drift(),
         calibrated: true,
+        level_calibrated: true,
     }
 }
 

@@ -111,6 +111,7 @@ impl Settings {
             level_sigma_deg: self.level.sigma_deg,
             level_drift: self.level.drift(),
             calibrated: self.model.is_some(),
+            level_calibrated: self.accelerometer.is_some(),
         })
     }
 }

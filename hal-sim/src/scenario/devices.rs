@@ -42,6 +42,8 @@ part! {
         cross_axis_ppm: [f64; 3] = [0.0; 3], -100000.0..=100000.0;
         /// Non-orthogonality: part of y in x, of z in x, of z in y, and not the other way round, ppm.
         skew_ppm: [f64; 3] = [0.0; 3], -100000.0..=100000.0;
+        /// The factory has calibrated it: its calibration, with which it reads what it feels but for the errors above, is stored in the instrument.
+        factory_calibrated: bool = true, Any;
         /// What the sensor's own test force adds to x, y and z, g.
         self_test_g: [f64; 3] = [0.3, 0.3, 1.5], -8.0..=8.0;
         /// Faults.

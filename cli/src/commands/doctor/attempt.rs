@@ -93,7 +93,8 @@ fn of_fault(fault: Fault, state: State) -> Vec<Finding> {
 
 fn of_fix(fix: &Fix, seconds: f64) -> Vec<Finding> {
     let text = format!("Azimuth {:.3}° ± {:.3}° after {seconds:.0} s.", fix.azimuth_deg, fix.sigma_deg);
-    let flags = fix.flags.iter().filter(|flag| *flag != Flag::Uncalibrated);
+    let said_already = [Flag::Uncalibrated, Flag::LevelUncalibrated];
+    let flags = fix.flags.iter().filter(|flag| !said_already.contains(flag));
     let flags = flags.map(|flag| {
         let text = format!("{} ({}). To do: {}.", sentence(flag.meaning()), flag.name(), flag.remedy());
         finding("flag", weight(flag), text)
