@@ -268,7 +268,9 @@ impl SelfTest {
         let leg = match &mut self.stage {
             Stage::Turning(leg) => leg,
             _ => {
-                let target_deg = index_deg + MOVE_DEG;
+                let forth_deg = index_deg + MOVE_DEG;
+                let within = settings.target_deg(index_deg, forth_deg) == forth_deg;
+                let target_deg = if within { forth_deg } else { index_deg - MOVE_DEG };
                 let (turn, command) = Turn::new(settings, index_deg, target_deg);
                 let leg = Leg { turn, start_deg: index_deg, target_deg, back: false, worst_deg: 0.0 };
                 self.stage = Stage::Turning(leg);

@@ -10,7 +10,7 @@ use core::convert::Infallible;
 use embedded_hal::digital::OutputPin;
 use micromath::F32;
 
-use crate::index::{IndexSettings, MICROSTEPS_PER_DEG, MotorCommand};
+use crate::index::{IndexSettings, MotorCommand};
 
 /// Slots in a second.
 pub const SLOTS_HZ: u16 = 3200;
@@ -50,7 +50,7 @@ struct Ramp {
 
 impl Ramp {
     fn new(settings: &IndexSettings) -> Self {
-        let (steps_deg, slots_s) = (f32::from(MICROSTEPS_PER_DEG), f32::from(SLOTS_HZ));
+        let (steps_deg, slots_s) = (settings.microsteps_per_deg() as f32, f32::from(SLOTS_HZ));
         Self {
             acceleration: settings.acceleration_deg_s2 as f32 * steps_deg / (slots_s * slots_s),
             top_speed: settings.speed_deg_s as f32 * steps_deg / slots_s,

@@ -524,9 +524,10 @@ impl Sequencer {
         let Some(angle_deg) = self.index.deg() else {
             return self.fail(Fault::EncoderFailed, t_s, sink);
         };
-        let Some(target_deg) = self.target_deg() else {
+        let Some(wanted_deg) = self.target_deg() else {
             return self.fail(Fault::Unsolvable, t_s, sink);
         };
+        let target_deg = self.rules.index.target_deg(angle_deg, wanted_deg);
         if (target_deg - angle_deg).abs() <= self.rules.index.tolerance_deg {
             self.enter(Stage::Collecting { seconds: 0 }, t_s, sink);
             return None;
@@ -654,7 +655,8 @@ impl Sequencer {
         }
         let azimuth_deg = so_far.map_or(coarse_deg, |fix| fix.azimuth_deg);
         self.coarse_azimuth_deg = Some(azimuth_deg);
-        let sides_deg = [fix::east_index_deg(azimuth_deg), fix::west_index_deg(azimuth_deg)];
+        let sides_deg = [fix::east_index_deg(azimuth_deg), fix::west_index_deg(azimuth_deg)]
+            .map(|side_deg| index.target_deg(angle_deg, side_deg));
         let way_deg = |side_deg: &f64| (side_deg - angle_deg).abs();
         let nearest = sides_deg.into_iter().min_by(|a, b| way_deg(a).total_cmp(&way_deg(b)));
         // Whichever side of the mark the two lie on: not a full turn.

@@ -11,7 +11,7 @@ use super::*;
 use crate::codes::IndexCode;
 use crate::drivers::step_motor::{SLOTS_PER_TICK, StepMotor};
 use crate::effects::{Conditions, ErrorModel};
-use crate::index::{Direction, MICROSTEPS_PER_DEG};
+use crate::index::{Direction, IndexSettings};
 use crate::sample::{SAMPLE_S, SAMPLES_PER_SECOND};
 use crate::settings::Settings;
 use crate::units::wrap_180_deg;
@@ -22,6 +22,9 @@ const AZIMUTH_DEG: f64 = 40.0;
 #[derive(Default)]
 struct Drive {
     position: Cell<i32>,
+    /// How far it has ever been to either side.
+    low: Cell<i32>,
+    high: Cell<i32>,
     forward: Cell<bool>,
 }
 
@@ -47,7 +50,10 @@ impl OutputPin for StepPin<'_> {
     }
 
     fn set_high(&mut self) -> Result<(), Infallible> {
-        self.0.position.set(self.0.position.get() + if self.0.forward.get() { 1 } else { -1 });
+        let position = self.0.position.get() + if self.0.forward.get() { 1 } else { -1 };
+        self.0.position.set(position);
+        self.0.low.set(self.0.low.get().min(position));
+        self.0.high.set(self.0.high.get().max(position));
         Ok(())
     }
 }
@@ -74,16 +80,20 @@ impl OutputPin for EnablePin {
     }
 }
 
-/// A fix on a still base. The gyro reads 12.358 °/h · cos(40° − θ) at 34.75° north and ± 0.001 °/h in turn, the encoder in
-/// steps of 1/16384 of a turn. The fix, or the fault.
+/// A fix on a still base, from the mark. The fix, or the fault.
 fn run(settings: &Settings) -> Result<Fix, Fault> {
+    power_up(settings, &Drive::default(), AZIMUTH_DEG, u64::MAX).unwrap()
+}
+
+/// A fix on a still base, from where the drive stands, with the power cut at a tick. The gyro reads 12.358 °/h · cos(azimuth − θ) at 34.75° north and
+/// ± 0.001 °/h in turn, the encoder in steps of 1/16384 of a turn. The fix, or the fault; none if the power went before.
+fn power_up(settings: &Settings, drive: &Drive, azimuth_deg: f64, cut: u64) -> Option<Result<Fix, Fault>> {
     settings.validate().unwrap();
-    let declared = settings.declared()?;
+    let declared = settings.declared().unwrap();
     let north_deg_h = declared.earth.north_deg_h;
     let mut sequencer = Sequencer::empty();
     sequencer.set_up(settings.rules(), declared, &mut ErrorModel::default());
-    let drive = Drive::default();
-    let mut motor = StepMotor::new(StepPin(&drive), DirectionPin(&drive), EnablePin, &settings.index);
+    let mut motor = StepMotor::new(StepPin(drive), DirectionPin(drive), EnablePin, &settings.index);
     let mut verdict = None;
     let mut sink = |event| match event {
         Event::Fix(fix) => verdict = Some(Ok(fix)),
@@ -93,13 +103,13 @@ fn run(settings: &Settings) -> Result<Fix, Fault> {
     sequencer.start(0.0, &mut sink);
     let (mut tick, mut pending, mut direction) = (0_u64, None, Direction::default());
     let mut index = IndexAngle::default();
-    while sequencer.is_active() {
+    while sequencer.is_active() && tick < cut {
         for _ in 0..SLOTS_PER_TICK {
             motor.slot();
         }
         tick += 1;
         let t_s = tick as f64 * SAMPLE_S;
-        let index_deg = f64::from(drive.position.get()) / f64::from(MICROSTEPS_PER_DEG);
+        let index_deg = f64::from(drive.position.get()) / settings.index.microsteps_per_deg();
         let read = IndexCode((libm::round(index_deg / 360.0 * 16384.0) as i32 as u32) << 18);
         let now = Direction::of_deg(index_deg);
         (direction.cos, direction.sin) = (direction.cos + now.cos, direction.sin + now.sin);
@@ -115,7 +125,7 @@ fn run(settings: &Settings) -> Result<Fix, Fault> {
             let samples = f64::from(SAMPLES_PER_SECOND);
             let mean = Direction { cos: direction.cos / samples, sin: direction.sin / samples };
             direction = Direction::default();
-            let along = Direction::of_deg(AZIMUTH_DEG);
+            let along = Direction::of_deg(azimuth_deg);
             let dither = if (tick / u64::from(SAMPLES_PER_SECOND)).is_multiple_of(2) { 1e-3 } else { -1e-3 };
             let conditions = Conditions {
                 t_s: t_s - 0.5,
@@ -130,7 +140,7 @@ fn run(settings: &Settings) -> Result<Fix, Fault> {
             pending = command.or(pending);
         }
     }
-    verdict.unwrap()
+    verdict
 }
 
 /// Short dwells and all the time in the world.
@@ -187,6 +197,47 @@ fn the_limits_of_the_drive() {
         settings.index = IndexSettings { tolerance_deg, sigma_deg, retries, ..IndexSettings::default() };
         works(&settings, &std::format!("± {tolerance_deg}°, {sigma_deg}°, {retries} retries"));
     }
+}
+
+/// A motor of 200 steps with 16 microsteps, on a gear of 1 to 3.
+#[test]
+fn another_motor_is_a_setting() {
+    for (microsteps_per_turn, speed_deg_s) in [(9600, 30.0), (200, 30.0), (1_000_000, 1.0)] {
+        let mut settings = quick();
+        settings.sequence.order = order::Order::Plain;
+        settings.index =
+            IndexSettings { microsteps_per_turn, speed_deg_s, tolerance_deg: 2.0, ..IndexSettings::default() };
+        works(&settings, &std::format!("{microsteps_per_turn} microsteps"));
+    }
+}
+
+/// The power goes at any moment of a fix, in any order, at any heading, and the next fix begins where the spindle stands then: the cable is never wound up.
+#[test]
+fn the_spindle_stays_within_its_turn_over_power_cycles() {
+    use order::Order::{EastWest, Mirrored, Plain, Source};
+    let custom = order::Order::Custom([355.0, -5.0, 720.0, 354.9, 120.0, -240.0].into_iter().collect());
+    let orders = [Plain, Source, Mirrored, EastWest, order::Order::ADAPTIVE, custom];
+    let drive = Drive::default();
+    // A multiplicative generator modulo 2³¹ − 1 (Park and Miller 1988).
+    let mut state = 20_261_u64;
+    let mut draw = |most: u64| {
+        state = state * 48_271 % 2_147_483_647;
+        state % most
+    };
+    let mut settings = quick();
+    (settings.sequence.dwell_s, settings.sequence.coarse_dwell_s) = (2, 2);
+    let turn = f64::from(settings.index.microsteps_per_turn);
+    let mut fixes = 0;
+    for cycle in 0..10_000 {
+        settings.sequence.order = orders[draw(6) as usize].clone();
+        let azimuth_deg = draw(3600) as f64 / 10.0;
+        let ended = power_up(&settings, &drive, azimuth_deg, draw(120 * 400));
+        fixes += u32::from(matches!(ended, Some(Ok(_))));
+        assert!(!matches!(ended, Some(Err(_))), "{cycle}: {ended:?}");
+        let [low, high] = [drive.low.get(), drive.high.get()].map(|steps| f64::from(steps) / turn * 360.0);
+        assert!(low >= -5.0 && high <= 355.0, "cycle {cycle}, {:?}: {low} to {high}", settings.sequence.order);
+    }
+    assert!(fixes > 1000, "{fixes}");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! One move of the index, watched through the encoder.
 
 use crate::health::Fault;
-use crate::index::{IndexSettings, MICROSTEPS_PER_DEG, MotorCommand};
+use crate::index::{IndexSettings, MotorCommand};
 use crate::sample::SAMPLE_S;
 
 /// The motor starts one tick after the command, and the tick after that shows it turning.
@@ -50,8 +50,8 @@ pub enum Progress {
     Failed(Fault),
 }
 
-fn command(way_deg: f64) -> MotorCommand {
-    MotorCommand::Turn { microsteps: libm::round(way_deg * f64::from(MICROSTEPS_PER_DEG)) as i32 }
+fn command(settings: &IndexSettings, way_deg: f64) -> MotorCommand {
+    MotorCommand::Turn { microsteps: libm::round(way_deg * settings.microsteps_per_deg()) as i32 }
 }
 
 impl Turn {
@@ -74,7 +74,7 @@ impl Turn {
             rest_sum_deg: 0.0,
             rest_readings: 0,
         };
-        (turn, command(way_deg))
+        (turn, command(&settings, way_deg))
     }
 
     /// A tick: the unwrapped index angle, whether the encoder was read at this tick, and whether the motor is turning.
@@ -149,8 +149,9 @@ mod tests {
         let (mut index_deg, mut attempts) = (from_deg, 1);
         loop {
             let MotorCommand::Turn { microsteps } = command else { panic!() };
-            let end_deg = index_deg + share * f64::from(microsteps) / f64::from(MICROSTEPS_PER_DEG);
-            let ticks = (f64::from(microsteps.abs()) / f64::from(MICROSTEPS_PER_DEG) / 30.0 / SAMPLE_S) as u32;
+            let way_deg = f64::from(microsteps) / settings.microsteps_per_deg();
+            let end_deg = index_deg + share * way_deg;
+            let ticks = (way_deg.abs() / 30.0 / SAMPLE_S) as u32;
             let step_deg = (end_deg - index_deg) / f64::from(ticks.max(1));
             let mut tick = 0;
             command = loop {

@@ -44,6 +44,11 @@ pub const CHOICES: &[Choice] = &[
         meaning: "whether the motor keeps its current through the dwells, or only while it turns",
     },
     Choice {
+        name: "index.slip_ring",
+        allowed: &["false", "true"],
+        meaning: "whether the cable is led over a slip ring, so that the index may turn on and on; else it stays within one turn, -5 to 355",
+    },
+    Choice {
         name: "sequence.order",
         allowed: &["adaptive", "mirrored", "plain", "source", "east-west", "custom"],
         meaning: "positions of the index and their order; adaptive: with accuracy_deg, the sigma of the azimuth that ends the fix, 0.001 to 10 (default 0.04); custom: with angles",
@@ -123,6 +128,8 @@ fields! {
         "fastest turning of the index";
     "index.acceleration_deg_s2", "°/s²", 1 to 1000, |s| s.index.acceleration_deg_s2,
         "acceleration of the index";
+    "index.microsteps_per_turn", "microsteps", 200 to 1000000, |s| f64::from(s.index.microsteps_per_turn),
+        "microsteps of the motor in one turn of the index: steps a turn, times microsteps a step, times the gear; times speed_deg_s/360 at most 3000";
     "sequence.dwell_s", "s", 2 to 3600, |s| f64::from(s.sequence.dwell_s),
         "measuring time at each position, where the order is not adaptive";
     "sequence.coarse_dwell_s", "s", 2 to 3600, |s| f64::from(s.sequence.coarse_dwell_s),

@@ -72,6 +72,7 @@ impl Settings {
     /// latitude next to a pole is not invalid but refused when a fix starts, with [`crate::health::Fault::NearPole`].
     pub fn violations(&self) -> impl Iterator<Item = Invalid> + '_ {
         let parts = [
+            self.index.validate(),
             self.sequence.order.validate(),
             self.model.as_ref().map_or(Ok(()), ErrorModel::validate),
             self.accelerometer.as_ref().map_or(Ok(()), AccelerometerCalibration::validate),

@@ -15,9 +15,11 @@
 //! The valid record with the latest sequence number counts. Erasing takes a board's processor half a second: [`prepare`] does it
 //! at power-up, before there is a need.
 //!
-//! Records of the version before are read as well; those of any other are as good as corrupt.
+//! Records of the two versions before are read as well; those of any other are as good as corrupt.
 
 mod content;
+
+use core::ops::RangeInclusive;
 
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
@@ -28,9 +30,9 @@ use crate::health::Refusal;
 
 const MAGIC: [u8; 4] = *b"NFST";
 /// Changes whenever the meaning of a record does.
-pub const VERSION: u16 = 7;
-/// The version before, which is read.
-const OLD_VERSION: u16 = 6;
+pub const VERSION: u16 = 8;
+/// Those that are read.
+const READ: RangeInclusive<u16> = 6..=VERSION;
 const HEADER: usize = 12;
 const CRC_LENGTH: usize = 4;
 /// Longest record; a multiple of [`GRAIN`], and within a half. The longest settings that are valid fit: a test
@@ -134,7 +136,7 @@ pub fn load_into<F: ReadNorFlash>(
 /// Settings as a record of this version holds them, read to where they stay. `None` where the version is not known, or they are
 /// none; `settings` may be anything then.
 pub fn decode(version: u16, content: &[u8], settings: &mut Settings) -> Option<()> {
-    matches!(version, OLD_VERSION | VERSION).then(|| content::read(content, version, settings))?
+    READ.contains(&version).then(|| content::read(content, version, settings))?
 }
 
 /// A piece of the settings that were saved last, as they are in flash, from `offset` on; an empty one at their end.
@@ -299,7 +301,7 @@ fn claimed(start: &[u8; GRAIN]) -> Option<(u16, u32, usize)> {
     let [m0, m1, m2, m3, v0, v1, l0, l1, n0, n1, n2, n3, ..] = *start;
     let version = u16::from_le_bytes([v0, v1]);
     let length = HEADER + usize::from(u16::from_le_bytes([l0, l1])) + CRC_LENGTH;
-    let sound = [m0, m1, m2, m3] == MAGIC && matches!(version, OLD_VERSION | VERSION) && length <= MAX_RECORD;
+    let sound = [m0, m1, m2, m3] == MAGIC && READ.contains(&version) && length <= MAX_RECORD;
     sound.then_some((version, u32::from_le_bytes([n0, n1, n2, n3]), length))
 }
 

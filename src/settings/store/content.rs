@@ -8,9 +8,8 @@ use postcard::Deserializer;
 use postcard::de_flavors::Slice;
 use serde::Deserialize;
 
-use super::OLD_VERSION;
 use crate::effects::{Doubt, ErrorModel};
-use crate::settings::{LevelSettings, Settings};
+use crate::settings::{IndexSettings, LevelSettings, Settings};
 
 type Content<'a> = Deserializer<'a, Slice<'a>>;
 
@@ -36,7 +35,7 @@ pub fn read(content: &[u8], version: u16, settings: &mut Settings) -> Option<()>
     read_level(from, version, level)?;
     set(from, disturbance)?;
     set(from, jitter)?;
-    set(from, index)?;
+    read_index(from, version, index)?;
     set(from, sequence)?;
     set(from, time_limit_s)?;
     *model = None;
@@ -48,20 +47,47 @@ pub fn read(content: &[u8], version: u16, settings: &mut Settings) -> Option<()>
     content.finalize().is_ok_and(<[u8]>::is_empty).then_some(())
 }
 
-/// In the version before, without what the readings drift by.
+/// Before version 7 without what the readings drift by.
 fn read_level(from: &mut Content<'_>, version: u16, level: &mut LevelSettings) -> Option<()> {
     let LevelSettings { limit_deg, sigma_deg, seconds, timeout_s, drift_mg_per_k, wander_mg_per_sqrt_h } = level;
     set(from, limit_deg)?;
     set(from, sigma_deg)?;
     set(from, seconds)?;
     set(from, timeout_s)?;
-    if version == OLD_VERSION {
+    if version < 7 {
         let standard = LevelSettings::default();
         (*drift_mg_per_k, *wander_mg_per_sqrt_h) = (standard.drift_mg_per_k, standard.wander_mg_per_sqrt_h);
         return Some(());
     }
     set(from, drift_mg_per_k)?;
     set(from, wander_mg_per_sqrt_h)
+}
+
+/// Before version 8 without the motor's microsteps and the slip ring.
+fn read_index(from: &mut Content<'_>, version: u16, index: &mut IndexSettings) -> Option<()> {
+    let IndexSettings {
+        tolerance_deg,
+        sigma_deg,
+        retries,
+        speed_deg_s,
+        acceleration_deg_s2,
+        hold_current,
+        microsteps_per_turn,
+        slip_ring,
+    } = index;
+    set(from, tolerance_deg)?;
+    set(from, sigma_deg)?;
+    set(from, retries)?;
+    set(from, speed_deg_s)?;
+    set(from, acceleration_deg_s2)?;
+    set(from, hold_current)?;
+    if version < 8 {
+        let standard = IndexSettings::default();
+        (*microsteps_per_turn, *slip_ring) = (standard.microsteps_per_turn, standard.slip_ring);
+        return Some(());
+    }
+    set(from, microsteps_per_turn)?;
+    set(from, slip_ring)
 }
 
 fn read_model(from: &mut Content<'_>, model: &mut ErrorModel) -> Option<()> {

@@ -25,6 +25,7 @@ use crate::settings::Settings;
 pub fn settings() -> Settings {
     let mut settings = Settings::default();
     settings.level.seconds = u16::MAX;
+    settings.index.microsteps_per_turn = u32::MAX;
     settings.disturbance.seconds = u16::MAX;
     settings.jitter.seconds = u16::MAX;
     settings.sequence.dwell_s = u16::MAX;

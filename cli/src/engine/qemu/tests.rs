@@ -266,10 +266,10 @@ fn lagging(fix: bool, every: u64, ticks: u8, seconds: f64) -> [Laggard; 2] {
 /// that never lags, with all digits.
 #[test]
 fn who_lags_shifts_nothing() {
-    let [late, prompt] = lagging(true, 400, 6, 18.0);
+    let [late, prompt] = lagging(true, 400, 6, 24.0);
     let Counters { ticks_late, ticks_lost, readings_refused, reports_refused, .. } = late.counters;
     assert_eq!((ticks_lost, readings_refused, reports_refused, prompt.counters.ticks_late), (0, 0, 0, 0));
-    assert!(ticks_late >= 17 * 6, "{ticks_late}");
+    assert!(ticks_late >= 23 * 6, "{ticks_late}");
     let dwells = prompt.reports.iter().filter(|report| matches!(report.event, Event::Dwell(_)));
     assert!(dwells.count() >= 2);
     for (late, prompt) in late.reports.iter().zip(&prompt.reports) {
