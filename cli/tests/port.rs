@@ -160,7 +160,7 @@ fn the_doctor_finds_what_is_wrong() {
     let said = board(&[]).good(&["doctor", "--port", "PORT"]);
     let parts = [
         "good  gyro frames    All ",
-        "look  accelerometers",
+        "good  accelerometers",
         "good  latitude",
         "good  encoder",
         "good  level",

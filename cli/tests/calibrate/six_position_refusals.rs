@@ -164,5 +164,5 @@ fn a_result_that_cannot_be_written() {
     let folder = Set::new().record();
     calibrate(&folder, &["six-position", ".", "--json", "-", "--model-out", "nowhere/m.toml"]);
     let called = calibrate(&folder, &["six-position", ".", "--model-out", "nowhere/m.toml"]);
-    assert!(called.code == 1 && called.stderr.contains("nowhere/m.toml: No such file"), "{}", called.stderr);
+    assert!(called.code == 1 && called.stderr.contains("nowhere/m.toml: there is no such folder"), "{}", called.stderr);
 }

@@ -41,10 +41,14 @@ pub(super) fn of_settings(settings: &Settings, findings: &mut Vec<Finding>) {
         Some(_) => finding("error model", Verdict::Good, "One from a calibration is stored."),
         None => finding("error model", Verdict::Look, "None is stored: every azimuth carries the flag uncalibrated."),
     });
-    if settings.accelerometer.is_none() {
-        let text = "No calibration is stored: north calibrate field makes one.";
-        findings.push(finding("accelerometers", Verdict::Look, text));
-    }
+    findings.push(match settings.accelerometer {
+        Some(_) => finding("accelerometers", Verdict::Good, "A calibration is stored."),
+        None => finding(
+            "accelerometers",
+            Verdict::Look,
+            "No calibration is stored, and every azimuth carries the flag level-uncalibrated: north calibrate field makes one.",
+        ),
+    });
 }
 
 /// `worst` is what makes `find` refuse as long as it goes on: bad, or to look at where a fix is tried.
