@@ -9,6 +9,8 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
+use crate::present::{Asked, Directions};
+
 /// Result of `north solve`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Solved {
@@ -93,6 +95,9 @@ pub struct Run {
     /// Azimuth minus reference, in (−180°, 180°].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error_deg: Option<f64>,
+    /// The azimuth in the unit, from the grid, to the target that were asked for.
+    #[serde(flatten)]
+    pub asked: Option<Asked>,
     /// Name of the fault that ended the fix.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fault: Option<&'static str>,
@@ -147,6 +152,11 @@ impl Run {
         reason: Option<String>,
     ) -> Self {
         Self { file, dwells: dwells.iter().map(DwellRecord::from).collect(), fault, reason, ..Self::default() }
+    }
+
+    /// Adds the azimuth as it was asked for.
+    pub fn ask(&mut self, directions: &Directions) {
+        self.asked = self.azimuth_deg.zip(self.sigma_deg).and_then(|(azimuth, sigma)| directions.asked(azimuth, sigma));
     }
 
     /// Adds what is known to be true, and the error against it.

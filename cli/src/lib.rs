@@ -27,6 +27,7 @@ pub mod present;
 pub mod progress;
 pub mod recorder;
 pub mod run_data;
+pub mod service;
 pub mod settings_file;
 pub mod solve;
 pub mod table_csv;

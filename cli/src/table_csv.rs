@@ -65,7 +65,8 @@ impl TableCsv {
         self.record.position().map_or(0, csv::Position::line)
     }
 
-    fn text(&self, column: usize) -> String {
+    /// The text in a column of the row.
+    pub fn text(&self, column: usize) -> String {
         String::from_utf8_lossy(self.record.get(column).unwrap_or_default()).into_owned()
     }
 

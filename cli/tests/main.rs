@@ -16,3 +16,4 @@ mod port;
 mod report;
 mod researcher;
 mod schema;
+mod watch;

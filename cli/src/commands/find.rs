@@ -110,7 +110,7 @@ impl Find {
                 recorded = true;
             }
         }
-        self.json.write(&log.into_json(&outcome, engine, recorded))?;
+        self.json.write(&log.into_json(&outcome, engine, recorded, &self.directions))?;
         conclude(&mut out, &outcome, &self.directions, setup.scenario.duration_limit_s)
     }
 }
@@ -150,7 +150,7 @@ fn record(folder: &std::path::Path, setup: &Setup, outcome: &Outcome, log: &Log)
 }
 
 impl Log {
-    fn into_json(self, outcome: &Outcome, engine: Engine, recorded: bool) -> Found {
+    fn into_json(self, outcome: &Outcome, engine: Engine, recorded: bool, directions: &Directions) -> Found {
         let file = if recorded { RUN.to_owned() } else { String::new() };
         let mut run = match outcome.end {
             End::Fix(fix) => RunRecord::of_fix(file, &fix, &self.dwells),
@@ -162,6 +162,7 @@ impl Log {
             }
         };
         run.compare(outcome.truth.azimuth_deg);
+        run.ask(directions);
         Found {
             runs: vec![run],
             true_azimuth_deg: outcome.truth.azimuth_deg,

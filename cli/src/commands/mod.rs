@@ -22,6 +22,7 @@ mod settings;
 mod simulate;
 mod solve;
 mod track;
+mod watch;
 
 use clap::{Parser, Subcommand};
 
@@ -61,6 +62,7 @@ enum Command {
     Board(board::Board),
     Monitor(monitor::Monitor),
     Record(record::Record),
+    Watch(watch::Watch),
     Load(load::Load),
     Doctor(doctor::Doctor),
     Bench(bench::Bench),
@@ -89,6 +91,7 @@ impl Cli {
             Command::Board(board) => board.run(),
             Command::Monitor(monitor) => monitor.run(),
             Command::Record(record) => record.run(),
+            Command::Watch(watch) => watch.run(),
             Command::Load(load) => load.run(),
             Command::Doctor(doctor) => doctor.run(),
             Command::Characterise(characterise) => characterise.run(),

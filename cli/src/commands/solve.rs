@@ -1,7 +1,7 @@
 //! `north solve`: azimuths of recorded runs.
 
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use north_finder::settings::Settings;
@@ -9,13 +9,15 @@ use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
 use super::number;
-use crate::campaign::{Campaign, Run};
+use crate::campaign::{Campaign, Run, RunReader};
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::json::{Run as RunRecord, Solved};
 use crate::model_file::ModelFile;
 use crate::output::JsonOption;
+use crate::present::Directions;
 use crate::progress;
+use crate::service::{Logged, write_log};
 use crate::settings_file::campaign_settings;
 use crate::solve::{Solution, SolveError, solve_file};
 
@@ -37,6 +39,11 @@ pub struct Solve {
     /// Settings (declared noise, thresholds), laid over the defaults
     #[arg(long, value_name = "FILE")]
     settings: Option<PathBuf>,
+    /// Write the fixes as a log, for `north watch`; every run counts as begun with a switch-on
+    #[arg(long, value_name = "LOG.csv")]
+    log: Option<PathBuf>,
+    #[command(flatten)]
+    directions: Directions,
     #[command(flatten)]
     json: JsonOption,
 }
@@ -49,7 +56,7 @@ struct Solvable<'a> {
 
 impl Solve {
     pub fn run(self) -> Result<(), Failure> {
-        crate::output::check(self.json.path())?;
+        crate::output::check([self.log.as_deref(), self.json.path()].into_iter().flatten())?;
         let campaign = self.campaign()?;
         let base = campaign_settings(&campaign, self.settings.as_deref())?;
         let model = self.model.as_deref().map(ModelFile::read).transpose()?;
@@ -79,8 +86,11 @@ impl Solve {
         for note in model.iter().flat_map(ModelFile::notes) {
             writeln!(out, "note: {note}")?;
         }
-        write_table(out, &runs)?;
-        self.json.write(&Solved { runs: runs.iter().map(Solvable::record).collect() })?;
+        write_table(out, &runs, &self.directions)?;
+        if let Some(path) = &self.log {
+            write_log(path, &logged(&campaign, &runs)?)?;
+        }
+        self.json.write(&Solved { runs: runs.iter().map(|each| each.record(&self.directions)).collect() })?;
         refuse(&runs)
     }
 
@@ -97,8 +107,30 @@ impl Solve {
     }
 }
 
+/// The fixes of the runs that have one.
+fn logged(campaign: &Campaign, runs: &[Solvable<'_>]) -> Result<Vec<Logged>, Failure> {
+    let solved = (1..).zip(runs).filter_map(|(number, each)| Some((number, each, each.solved.as_ref().ok()?)));
+    solved
+        .map(|(number, each, solution)| {
+            let temp_c = mean_temperature_c(&campaign.path_of(each.run))?;
+            Ok(Logged::of_run(number, each.run, &solution.fix, temp_c))
+        })
+        .collect()
+}
+
+/// Mean over a run's rows, where it has temperatures.
+fn mean_temperature_c(run: &Path) -> Result<Option<f64>, Failure> {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for row in RunReader::open(run)? {
+        if let Some(temp_c) = row?.temp_c {
+            (sum, count) = (sum + temp_c, count + 1.0);
+        }
+    }
+    Ok((count > 0.0).then(|| sum / count))
+}
+
 impl Solvable<'_> {
-    fn record(&self) -> RunRecord {
+    fn record(&self, directions: &Directions) -> RunRecord {
         let file = self.run.file.clone();
         let mut record = match &self.solved {
             Ok(Solution { fix, dwells }) => RunRecord::of_fix(file, fix, dwells),
@@ -107,6 +139,7 @@ impl Solvable<'_> {
         if let Some(reference_azimuth_deg) = self.run.reference_azimuth_deg {
             record.compare(reference_azimuth_deg);
         }
+        record.ask(directions);
         record
     }
 
@@ -118,7 +151,7 @@ impl Solvable<'_> {
     }
 }
 
-fn write_table(out: &mut dyn Write, runs: &[Solvable<'_>]) -> io::Result<()> {
+fn write_table(out: &mut dyn Write, runs: &[Solvable<'_>], directions: &Directions) -> io::Result<()> {
     let width = runs.iter().map(|each| each.run.file.chars().count()).max().unwrap_or_default().max(4);
     let with_reference = runs.iter().any(|each| each.run.reference_azimuth_deg.is_some());
     let error_head = if with_reference { "     error (sigma)" } else { "" };
@@ -142,6 +175,14 @@ fn write_table(out: &mut dyn Write, runs: &[Solvable<'_>]) -> io::Result<()> {
     if errors.len() > 1 {
         let rms = (errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64).sqrt();
         writeln!(out, "{} runs with a reference: error {rms:.4} deg rms", errors.len())?;
+    }
+    for each in runs {
+        if let Ok(Solution { fix, .. }) = &each.solved
+            && directions.asked(fix.azimuth_deg, fix.sigma_deg).is_some()
+        {
+            writeln!(out, "\n{}", each.run.file)?;
+            directions.write(out, fix.azimuth_deg, fix.sigma_deg)?;
+        }
     }
     Ok(())
 }

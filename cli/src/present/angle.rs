@@ -4,6 +4,8 @@ use std::io::{self, Write};
 
 use clap::{Args, ValueEnum};
 use north_finder::units::wrap_360_deg;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 /// How an angle is written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -39,6 +41,26 @@ impl AngleUnit {
         }
     }
 
+    /// As the option is written.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Deg => "deg",
+            Self::Gon => "gon",
+            Self::Mil => "mil",
+            Self::Dms => "dms",
+        }
+    }
+
+    /// An angle for programs: all digits of a number, and text where the unit has no number.
+    fn written(self, angle_deg: f64, text: String) -> Written {
+        match self {
+            Self::Deg => Written::Number(angle_deg),
+            Self::Gon => Written::Number(angle_deg / 360.0 * 400.0),
+            Self::Mil => Written::Number(angle_deg / 360.0 * 6400.0),
+            Self::Dms => Written::Text(text),
+        }
+    }
+
     /// A standard deviation, 0 or more.
     pub fn sigma(self, sigma_deg: f64) -> String {
         match self {
@@ -54,6 +76,35 @@ impl AngleUnit {
 fn dms(tenths: u64) -> String {
     let (seconds, tenth) = (tenths / 10, tenths % 10);
     format!("{}°{:02}'{:02}.{tenth}\"", seconds / 3600, seconds / 60 % 60, seconds % 60)
+}
+
+/// An angle in the unit that was asked for: a number, or degrees, minutes and seconds as text.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Written {
+    Number(f64),
+    Text(String),
+}
+
+/// An azimuth as it was asked for, for programs.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Asked {
+    /// "deg", "gon", "mil" or "dms": of the angles here.
+    pub unit: &'static str,
+    /// As asked, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub convergence: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub target: Option<f64>,
+    /// One sigma of each of the azimuths.
+    pub sigma: Written,
+    pub azimuth: Written,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub grid_azimuth: Option<Written>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub target_azimuth: Option<Written>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub target_grid_azimuth: Option<Written>,
 }
 
 /// What else an azimuth is wanted as.
@@ -72,22 +123,54 @@ pub struct Directions {
 }
 
 impl Directions {
+    /// The unit of the angles.
+    pub fn unit(&self) -> AngleUnit {
+        self.unit
+    }
+
+    /// The azimuth and what else was asked for, with their names, degrees.
+    pub fn angles_deg(&self, azimuth_deg: f64) -> impl Iterator<Item = (&'static str, f64)> {
+        let (convergence, target) = (self.convergence, self.target);
+        [
+            Some(("azimuth", azimuth_deg)),
+            convergence.map(|convergence_deg| ("grid", azimuth_deg - convergence_deg)),
+            target.map(|target_deg| ("target", azimuth_deg + target_deg)),
+            target
+                .zip(convergence)
+                .map(|(target_deg, convergence_deg)| ("target grid", azimuth_deg + target_deg - convergence_deg)),
+        ]
+        .into_iter()
+        .flatten()
+    }
+
     /// The azimuth with its sigma, and what else was asked for, a line each.
     pub fn write(&self, out: &mut dyn Write, azimuth_deg: f64, sigma_deg: f64) -> io::Result<()> {
         let sigma = self.unit.sigma(sigma_deg);
-        let mut line =
-            |name: &str, angle_deg: f64| writeln!(out, "{name:<10} {} ± {sigma}", self.unit.azimuth(angle_deg));
-        line("azimuth", azimuth_deg)?;
-        if let Some(convergence_deg) = self.convergence {
-            line("grid", azimuth_deg - convergence_deg)?;
+        self.angles_deg(azimuth_deg)
+            .try_for_each(|(name, angle_deg)| writeln!(out, "{name:<10} {} ± {sigma}", self.unit.azimuth(angle_deg)))
+    }
+
+    /// The same for programs; `None` where degrees from true north are all that was asked for.
+    pub fn asked(&self, azimuth_deg: f64, sigma_deg: f64) -> Option<Asked> {
+        let Self { unit, convergence, target } = *self;
+        if (unit, convergence, target) == (AngleUnit::Deg, None, None) {
+            return None;
         }
-        if let Some(target_deg) = self.target {
-            line("target", azimuth_deg + target_deg)?;
-            if let Some(convergence_deg) = self.convergence {
-                line("target grid", azimuth_deg + target_deg - convergence_deg)?;
-            }
-        }
-        Ok(())
+        let of = |wanted: &str| {
+            let (_, angle_deg) = self.angles_deg(azimuth_deg).find(|(name, _)| *name == wanted)?;
+            let angle_deg = wrap_360_deg(angle_deg);
+            Some(unit.written(angle_deg, unit.azimuth(angle_deg)))
+        };
+        Some(Asked {
+            unit: unit.name(),
+            convergence,
+            target,
+            sigma: unit.written(sigma_deg, unit.sigma(sigma_deg)),
+            azimuth: of("azimuth")?,
+            grid_azimuth: of("grid"),
+            target_azimuth: of("target"),
+            target_grid_azimuth: of("target grid"),
+        })
     }
 }
 
@@ -127,5 +210,22 @@ mod tests {
         let expected = "azimuth    40.0000° ± 0.0400°\ngrid       38.5000° ± 0.0400°\n\
                         target     10.0000° ± 0.0400°\ntarget grid 8.5000° ± 0.0400°\n";
         assert_eq!(text, expected);
+    }
+
+    /// 40° are 44.444… gon, 38.5° are 42.777…; 0.036° are 0.04 gon.
+    #[test]
+    fn programs_get_what_was_asked_for() {
+        let directions = Directions { unit: AngleUnit::Gon, convergence: Some(1.5), target: None };
+        let asked = directions.asked(40.0, 0.036).unwrap();
+        let gon = |written: &Written| match written {
+            Written::Number(gon) => *gon,
+            Written::Text(text) => panic!("{text}"),
+        };
+        assert!((gon(&asked.azimuth) - 400.0 / 9.0).abs() < 1e-12 && (gon(&asked.sigma) - 0.04).abs() < 1e-12);
+        assert!((gon(asked.grid_azimuth.as_ref().unwrap()) - 385.0 / 9.0).abs() < 1e-12);
+        assert_eq!((asked.unit, asked.convergence, asked.target_azimuth), ("gon", Some(1.5), None));
+        let dms = Directions { unit: AngleUnit::Dms, convergence: None, target: None };
+        assert_eq!(dms.asked(39.97404, 0.0415).unwrap().azimuth, Written::Text("39°58'26.5\"".into()));
+        assert_eq!(Directions::default().asked(40.0, 0.04), None);
     }
 }

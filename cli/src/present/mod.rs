@@ -6,6 +6,6 @@ mod live;
 mod result;
 pub mod self_test;
 
-pub use angle::{AngleUnit, Directions};
+pub use angle::{AngleUnit, Asked, Directions};
 pub use live::{Lines, View};
 pub use result::{Reference, write_fault, write_fix, write_held};

@@ -29,7 +29,7 @@ pub fn write_fix(
     if let Some(Reference { name, azimuth_deg }) = reference {
         let error_deg = wrap_180_deg(fix.azimuth_deg - azimuth_deg);
         let sigmas = error_deg.abs() / fix.sigma_deg;
-        writeln!(out, "{name:<10} {azimuth_deg:.4}°")?;
+        writeln!(out, "{name:<10} {}", directions.unit().azimuth(azimuth_deg))?;
         writeln!(out, "error      {error_deg:+.4}° ({sigmas:.1} sigma)")?;
     }
     match (fix.closure_deg_h, fix.closure_sigma_deg_h) {

@@ -25,6 +25,7 @@ mod image_size;
 mod orders;
 mod repeat;
 mod voyage;
+mod watch;
 
 use std::io::Write;
 
@@ -111,6 +112,7 @@ benches! {
     Repeat: repeat::Repeat,
     Hold: hold::HoldBench,
     Voyage: voyage::VoyageBench,
+    Watch: watch::WatchBench,
 }
 
 /// The machine-readable result of every bench.

@@ -1,0 +1,202 @@
+//! The log of an instrument's fixes, `LOG.csv`: a row each, in the order in which they were made.
+
+use std::path::Path;
+
+use north_finder::event::Fix;
+use serde::Serialize;
+
+use crate::campaign::Run;
+use crate::file_error::{FileError, Problem};
+use crate::output;
+use crate::table_csv::TableCsv;
+
+/// What a fix left behind. What is not known is empty in the file.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Logged {
+    /// Number of the fix, and how often the instrument had been switched on before it.
+    pub fix: u64,
+    pub boot: u64,
+    /// Time since switch-on, s; time of day as the campaign or the host's clock has it.
+    pub t_s: Option<f64>,
+    pub utc: String,
+    pub azimuth_deg: Option<f64>,
+    pub sigma_deg: Option<f64>,
+    /// Chi-square of the dwells, and its degrees of freedom.
+    pub misfit: Option<f64>,
+    pub freedom: Option<f64>,
+    pub bias_deg_h: Option<f64>,
+    pub amplitude_deg_h: Option<f64>,
+    pub drift_deg_h_per_h: Option<f64>,
+    pub temp_c: Option<f64>,
+    pub flags: String,
+    /// The azimuth at which the fix was made, where it is surveyed, degrees.
+    pub check_deg: Option<f64>,
+}
+
+/// A log that was read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Log {
+    pub fixes: Vec<Logged>,
+}
+
+impl Logged {
+    /// A fix of a campaign's run, whose recording began with a switch-on.
+    pub fn of_run(number: usize, run: &Run, fix: &Fix, temp_c: Option<f64>) -> Self {
+        let flags: Vec<&str> = fix.flags.iter().map(|flag| flag.name()).collect();
+        Self {
+            fix: number as u64,
+            boot: number as u64,
+            t_s: None,
+            utc: run.started.clone().unwrap_or_default(),
+            azimuth_deg: Some(fix.azimuth_deg),
+            sigma_deg: Some(fix.sigma_deg),
+            misfit: Some(fix.chi_square),
+            freedom: Some(fix.degrees_of_freedom.into()),
+            bias_deg_h: Some(fix.bias_deg_h),
+            amplitude_deg_h: Some(fix.amplitude_deg_h),
+            drift_deg_h_per_h: Some(fix.drift_deg_h_per_h),
+            temp_c,
+            flags: flags.join(" "),
+            check_deg: run.reference_azimuth_deg,
+        }
+    }
+}
+
+impl Log {
+    /// Reads logs that follow each other, as one. Columns in any order; those that are not known are passed over.
+    ///
+    /// Errors: a file that cannot be read, without fix and boot, with a field that is no number, with fixes that do not follow each other.
+    pub fn read(paths: &[impl AsRef<Path>]) -> Result<Self, FileError> {
+        let mut fixes = Vec::new();
+        for path in paths {
+            read_one(path.as_ref(), &mut fixes)?;
+        }
+        Ok(Self { fixes })
+    }
+
+    /// Whether the instrument was switched on between each fix and the one before.
+    pub fn switched(&self) -> Vec<bool> {
+        let boots = self.fixes.iter().map(|fix| Some(fix.boot));
+        let before = std::iter::once(None).chain(boots.clone());
+        boots.zip(before).map(|(boot, before)| before.is_some() && boot != before).collect()
+    }
+
+    /// Temperatures of the gyro, °C, where every fix has one.
+    pub fn temperatures_c(&self) -> Option<Vec<f64>> {
+        self.fixes.iter().map(|fix| fix.temp_c).collect()
+    }
+}
+
+fn read_one(path: &Path, fixes: &mut Vec<Logged>) -> Result<(), FileError> {
+    let mut table = TableCsv::open(path)?;
+    let (fix, boot) = (table.column("fix")?, table.column("boot")?);
+    let places = [
+        "t_s",
+        "azimuth_deg",
+        "sigma_deg",
+        "misfit",
+        "freedom",
+        "bias_deg_h",
+        "amplitude_deg_h",
+        "drift_deg_h_per_h",
+        "temp_c",
+        "check_deg",
+    ]
+    .map(|name| table.find(name));
+    let [utc, flags] = ["utc", "flags"].map(|name| table.find(name));
+    while table.next_row()? {
+        let whole = |column| table.number_within(column, &(0.0..=1e15)).map(|number| number as u64);
+        let number = |place: Option<usize>| {
+            place.filter(|&column| !table.is_empty(column)).map(|column| table.number(column)).transpose()
+        };
+        let text = |place: Option<usize>| place.map_or_else(String::new, |column| table.text(column));
+        let [
+            t_s,
+            azimuth_deg,
+            sigma_deg,
+            misfit,
+            freedom,
+            bias_deg_h,
+            amplitude_deg_h,
+            drift_deg_h_per_h,
+            temp_c,
+            check_deg,
+        ] = places;
+        let row = Logged {
+            fix: whole(fix)?,
+            boot: whole(boot)?,
+            t_s: number(t_s)?,
+            utc: text(utc),
+            azimuth_deg: number(azimuth_deg)?,
+            sigma_deg: number(sigma_deg)?,
+            misfit: number(misfit)?,
+            freedom: number(freedom)?,
+            bias_deg_h: number(bias_deg_h)?,
+            amplitude_deg_h: number(amplitude_deg_h)?,
+            drift_deg_h_per_h: number(drift_deg_h_per_h)?,
+            temp_c: number(temp_c)?,
+            flags: text(flags),
+            check_deg: number(check_deg)?,
+        };
+        if let Some(before) = fixes.last()
+            && row.fix <= before.fix
+        {
+            let allowed = format!("a fix after number {}: logs are given in their order", before.fix);
+            return Err(table.error(fix, Problem::not_allowed(row.fix.to_string(), allowed)));
+        }
+        fixes.push(row);
+    }
+    Ok(())
+}
+
+/// Writes fixes as a log. Errors: the file is there, or cannot be written.
+pub fn write_log(path: &Path, fixes: &[Logged]) -> Result<(), FileError> {
+    let write = || {
+        let mut writer = csv::Writer::from_writer(output::create(path)?);
+        fixes.iter().try_for_each(|fix| writer.serialize(fix))?;
+        writer.into_inner().map_err(|error| error.into_error())?.finish()
+    };
+    write().map_err(|error| FileError::whole(path, error))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_log_is_read_as_it_was_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let fix = |number| Logged {
+            fix: number,
+            boot: number / 3,
+            utc: "2026-03-01 07:00:00".into(),
+            azimuth_deg: Some(0.1 + number as f64),
+            bias_deg_h: Some(-1.0 / 3.0),
+            flags: "misfit drift".into(),
+            ..Logged::default()
+        };
+        let logs = [vec![fix(1), fix(2)], vec![fix(3), fix(6)]];
+        let paths = ["a.csv", "b.csv"].map(|name| folder.path().join(name));
+        for (path, log) in paths.iter().zip(&logs) {
+            write_log(path, log).unwrap();
+        }
+        let read = Log::read(&paths).unwrap();
+        assert_eq!(read.fixes, logs.concat());
+        assert_eq!(read.switched(), [false, false, true, true]);
+        assert_eq!(read.temperatures_c(), None);
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_with_its_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("l.csv");
+        let error = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            Log::read(&[&path]).unwrap_err().to_string()
+        };
+        assert!(error("fix,azimuth_deg\n1,2\n").contains("boot"));
+        assert!(error("fix,boot,bias_deg_h\n1,1,2\n2,1,x\n").contains("line 3"));
+        let order = error("fix,boot\n2,1\n2,1\n");
+        assert!(order.contains("line 3") && order.contains("after number 2"), "{order}");
+    }
+}

@@ -1,0 +1,58 @@
+//! What every fix says of the state of its instrument.
+
+use north_finder::units::wrap_180_deg;
+
+use super::Logged;
+
+/// One number of every fix of a log.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Signal {
+    pub name: &'static str,
+    pub unit: &'static str,
+    pub values: Vec<f64>,
+}
+
+/// The signals that every fix of a log has.
+pub fn signals(fixes: &[Logged]) -> Vec<Signal> {
+    let of = |name, unit, value: &dyn Fn(&Logged) -> Option<f64>| {
+        let values = fixes.iter().map(value).collect::<Option<Vec<f64>>>()?;
+        Some(Signal { name, unit, values })
+    };
+    [
+        of("bias", "°/h", &|fix| fix.bias_deg_h),
+        of("amplitude", "°/h", &|fix| fix.amplitude_deg_h),
+        of("misfit", "sigma", &misfit_sigmas),
+        of("azimuth error", "°", &|fix| Some(wrap_180_deg(fix.azimuth_deg? - fix.check_deg?))),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
+}
+
+/// The chi-square of a fix as a standard normal number (Wilson and Hilferty 1931).
+fn misfit_sigmas(fix: &Logged) -> Option<f64> {
+    let freedom = fix.freedom.filter(|&freedom| freedom > 0.0)?;
+    let spread = 2.0 / (9.0 * freedom);
+    Some(((fix.misfit? / freedom).cbrt() - (1.0 - spread)) / spread.sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The median of chi-square with 7 degrees of freedom is 6.346, its 97.5 % point 16.013.
+    #[test]
+    fn a_misfit_is_a_normal_number() {
+        let sigmas =
+            |misfit| misfit_sigmas(&Logged { misfit: Some(misfit), freedom: Some(7.0), ..Logged::default() }).unwrap();
+        assert!(sigmas(6.346).abs() < 0.01 && (sigmas(16.013) - 1.96).abs() < 0.02);
+    }
+
+    #[test]
+    fn a_signal_that_a_fix_lacks_is_none() {
+        let fix = Logged { bias_deg_h: Some(1.0), azimuth_deg: Some(359.0), check_deg: Some(1.0), ..Logged::default() };
+        let found = signals(&[fix.clone(), Logged { bias_deg_h: None, ..fix }]);
+        assert_eq!(found.len(), 1);
+        assert_eq!((found[0].name, found[0].values.as_slice()), ("azimuth error", [-2.0, -2.0].as_slice()));
+    }
+}

@@ -1,0 +1,76 @@
+//! `north watch`: a log of fixes, and what moved.
+
+use std::fs;
+
+use crate::common::{command, north};
+use serde_json::Value;
+
+/// A log of fixes, their bias by number.
+fn log(count: u32, bias_deg_h: impl Fn(u32) -> f64) -> String {
+    let mut text =
+        String::from("fix,boot,utc,azimuth_deg,sigma_deg,misfit,freedom,bias_deg_h,amplitude_deg_h,temp_c\n");
+    for fix in 1..=count {
+        // Noise without a generator: fractions of multiples of square roots, whose sum of three is nearly normal, with variance 1/4.
+        let noise = |at: f64| {
+            [2.0_f64, 3.0, 5.0].into_iter().map(|root| (at + f64::from(fix) * root.sqrt()).fract() - 0.5).sum::<f64>()
+        };
+        let (boot, bias) = (fix / 5, bias_deg_h(fix) + 0.02 * noise(0.1));
+        let amplitude = 12.3 + 0.01 * noise(0.7);
+        let misfit = 7.0 + 3.0 * noise(0.4);
+        text += &format!("{fix},{boot},2026-03-01 07:00:00,40.0,0.04,{misfit},7,{bias},{amplitude},20.0\n");
+    }
+    text
+}
+
+#[test]
+fn a_model_that_holds_and_one_that_does_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (good, bad) = (path("good.csv"), path("bad.csv"));
+    fs::write(&good, log(200, |_| 0.3)).unwrap();
+    fs::write(&bad, log(200, |fix| if fix >= 150 { 0.4 } else { 0.3 })).unwrap();
+    let (code, said, error) = north(&["watch", &good]);
+    assert!(code == 0 && said.contains("holds      100 fixes watched") && said.contains("not seen"), "{said}{error}");
+    let (code, said, error) = north(&["watch", &bad]);
+    assert!(code == 1 && error.contains("no longer holds"), "{said}{error}");
+    assert!(said.contains("bias       a step of +0.") && said.contains("since fix 150, 2026-03-01"), "{said}");
+    assert!(said.contains("To do: bias cancels in every azimuth"), "{said}");
+    let (_, said, _) = north(&["watch", &bad, "--json", "-"]);
+    let found: Value = serde_json::from_str(&said).unwrap();
+    assert_eq!((&found["holds"], &found["since"][0]["fix"]), (&Value::from(false), &Value::from(150)));
+    let change = &found["changes"][0];
+    assert_eq!((&change["signal"], &change["cause"]), (&Value::from("bias"), &Value::from("step")));
+    assert!((change["size"].as_f64().unwrap() - 0.1).abs() < 4.0 * change["sigma"].as_f64().unwrap(), "{change}");
+}
+
+#[test]
+fn a_log_that_is_too_short_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("l.csv");
+    fs::write(&path, log(100, |_| 0.3)).unwrap();
+    let (code, _, error) = north(&["watch", path.to_str().unwrap()]);
+    assert!(code == 1 && error.contains("hold 100 fixes"), "{error}");
+}
+
+/// Fixes of a campaign become a log, with their references as check azimuths.
+#[test]
+fn solved_runs_are_a_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |line: &[&str]| command(line).current_dir(folder.path()).output().unwrap();
+    assert!(run(&["simulate", "--runs", "3", "--out", "c"]).status.success());
+    let solved = run(&["solve", "c", "--log", "l.csv", "--json", "-"]);
+    let solved: Value = serde_json::from_slice(&solved.stdout).unwrap();
+    let mut rows = csv::Reader::from_path(folder.path().join("l.csv")).unwrap();
+    let header = rows.headers().unwrap().clone();
+    let column = |name: &str| header.iter().position(|each| each == name).unwrap();
+    let rows: Vec<csv::StringRecord> = rows.records().map(Result::unwrap).collect();
+    assert_eq!(rows.len(), 3);
+    for (row, run) in rows.iter().zip(solved["runs"].as_array().unwrap()) {
+        for (name, of) in
+            [("azimuth_deg", "azimuth_deg"), ("bias_deg_h", "bias_deg_h"), ("check_deg", "reference_azimuth_deg")]
+        {
+            assert_eq!(row[column(name)].parse::<f64>().unwrap(), run[of].as_f64().unwrap());
+        }
+        assert!((row[column("temp_c")].parse::<f64>().unwrap() - 20.0).abs() < 5.0);
+    }
+}
