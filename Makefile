@@ -9,7 +9,7 @@ F405_BOARD := --target $(TARGET) --target-dir $(BUILD)/f405
 # The emulated chip: a workspace of its own, whose emulator asks for a newer compiler than it needs.
 CHIP := --quiet --manifest-path chip/Cargo.toml --ignore-rust-version --target-dir $(BUILD)/chip
 
-.PHONY: find chip test proofs lint fmt firmware bench page python flash count setup help
+.PHONY: find chip test proofs lint fmt firmware bench page python release flash count setup help
 
 ## find: build the firmware, run it in QEMU with the simulated instrument, show the fix (ARGS="--scenario windy-tripod")
 find: setup
@@ -59,6 +59,10 @@ bench: setup
 page:
 	@scripts/page.sh $(BUILD)/page
 	@echo "open $(BUILD)/page/index.html"
+
+## release: the command with the emulated board's image in it, packed: it needs QEMU, and neither sources nor cargo
+release: firmware
+	@scripts/release.sh $(BUILD)/qemu/$(TARGET)/firmware/firmware
 
 ## python: the Python package, built, installed into an environment of its own and tested
 python: setup

@@ -15,13 +15,7 @@ pub fn rms(values: impl IntoIterator<Item = f64>) -> f64 {
 
 /// The middle of these; not-a-number of nothing.
 pub fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let half = values.len() / 2;
-    match (values.get(half), values.get(half.wrapping_sub(1))) {
-        (Some(upper), Some(lower)) if values.len().is_multiple_of(2) => 0.5 * (lower + upper),
-        (Some(middle), _) => *middle,
-        (None, _) => f64::NAN,
-    }
+    north_finder::median::median(&mut values).unwrap_or(f64::NAN)
 }
 
 /// 95 % interval of the standard deviation of Gaussian errors whose rms with this many degrees of freedom is this:

@@ -50,7 +50,7 @@ class Result(dict[str, Any]):
         """The list ``name``, of objects, as columns; None where an object has no such field."""
         rows = self[name]
         names = list(dict.fromkeys(field for row in rows for field in row))
-        return Table({field: np.array([row.get(field) for row in rows], dtype=_type(rows, field)) for field in names})
+        return Table({field: _column(rows, field) for field in names})
 
 
 class Table(dict[str, np.ndarray]):
@@ -70,6 +70,14 @@ class Table(dict[str, np.ndarray]):
         import polars
 
         return polars.DataFrame(dict(self))
+
+
+def _column(rows: Sequence[Mapping[str, Any]], field: str) -> np.ndarray:
+    # Filled one by one: of lists of equal length numpy would make a matrix.
+    column = np.empty(len(rows), dtype=_type(rows, field))
+    for place, row in enumerate(rows):
+        column[place] = row.get(field)
+    return column
 
 
 def _type(rows: Sequence[Mapping[str, Any]], field: str) -> Any:

@@ -71,7 +71,7 @@ def test_arrays_of_a_run_give_the_digits_of_its_file(campaign: Path) -> None:
 
 
 def test_errors_are_the_sentences_of_the_command(tmp_path: Path) -> None:
-    missing = tmp_path / "nothing"
+    missing = tmp_path / "nothing.toml"
     done = subprocess.run([NORTH, "solve", str(missing)], capture_output=True, text=True)
     with pytest.raises(NorthFinderError) as raised:
         north_finder.solve(missing)

@@ -210,7 +210,7 @@ fn means(rows: &[[f64; 5]], intervals: &[(f64, f64)], from_s: f64, mean_s: f64) 
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
-    north_finder::calibration::statistics::median(&mut values).unwrap_or(0.0)
+    north_finder::median::median(&mut values).unwrap_or(0.0)
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use csv::{ByteRecord, Reader, ReaderBuilder, Terminator, Trim};
 
 use north_finder::level::Specific;
+use north_finder::median::median;
 
 use super::own::{self, MOMENTS, Own, UP};
 use crate::file_error::{FileError, Place, Problem};
@@ -346,14 +347,4 @@ fn read_header(path: &Path, record: &ByteRecord) -> Result<Vec<String>, FileErro
 /// Bytes are read and rows may have any length: all that can fail is the reading itself.
 fn csv_error(path: &Path, error: csv::Error) -> FileError {
     FileError::whole(path, std::io::Error::from(error))
-}
-
-/// The middle value, or the mean of the two middle ones; `None` of nothing.
-fn median(values: &mut [f64]) -> Option<f64> {
-    values.sort_unstable_by(f64::total_cmp);
-    let upper = *values.get(values.len() / 2)?;
-    if values.len() % 2 == 1 {
-        return Some(upper);
-    }
-    values.get(values.len() / 2 - 1).map(|lower| (lower + upper) / 2.0)
 }

@@ -159,10 +159,10 @@ pub fn serve(
         Engine::Host => host::serve(world, limit_ticks, person, stop, &mut |_, _| ()),
         Engine::Qemu => {
             let image = match image {
-                Some(image) => image.to_owned(),
-                None => qemu::image::build(qemu::image::Board::Mps2).map_err(qemu::QemuError::from)?,
+                Some(image) => qemu::image::Image::named(image),
+                None => qemu::image::Image::emulated().map_err(qemu::QemuError::from)?,
             };
-            Ok(qemu::serve(qemu::Pace::LockStep, &image, world, limit_ticks, person, stop)?.0)
+            Ok(qemu::serve(qemu::Pace::LockStep, image.path(), world, limit_ticks, person, stop)?.0)
         }
     }
 }

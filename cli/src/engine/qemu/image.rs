@@ -1,9 +1,11 @@
 //! The firmware images: built, found, measured.
 
 use std::env;
-use std::io::{self, IsTerminal};
+use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+
+use tempfile::NamedTempFile;
 
 const TARGET: &str = "thumbv7em-none-eabihf";
 
@@ -12,6 +14,8 @@ const TARGET: &str = "thumbv7em-none-eabihf";
 pub enum ImageError {
     #[error("the firmware's sources are not at {0}: run north where it was built, or name an image")]
     NoSources(PathBuf),
+    #[error("the firmware's image cannot be put into a temporary file: {0}")]
+    NotLent(io::Error),
     #[error("cargo cannot be started to build the firmware: {0}")]
     NoCargo(io::Error),
     #[error("the firmware cannot be built (is the target there? rustup target add {TARGET})\n{0}")]
@@ -25,6 +29,44 @@ pub enum Board {
     Mps2,
     /// The real one.
     F405,
+}
+
+/// The emulated board's image that this program carries, if it was released with one.
+#[cfg(carries_firmware)]
+const CARRIED: Option<&[u8]> = Some(include_bytes!(concat!(env!("OUT_DIR"), "/firmware")));
+#[cfg(not(carries_firmware))]
+const CARRIED: Option<&[u8]> = None;
+
+/// An image in a file, which goes with this where it is only lent.
+#[derive(Debug)]
+pub struct Image {
+    path: PathBuf,
+    _lent: Option<NamedTempFile>,
+}
+
+impl Image {
+    /// The emulated board's image: that which this program carries, else the one that is built from its sources.
+    pub fn emulated() -> Result<Self, ImageError> {
+        let Some(image) = CARRIED else { return Ok(Self { path: build(Board::Mps2)?, _lent: None }) };
+        let lend = || {
+            let mut file = NamedTempFile::with_prefix("north-firmware-")?;
+            file.write_all(image)?;
+            file.flush()?;
+            Ok(file)
+        };
+        let file = lend().map_err(ImageError::NotLent)?;
+        Ok(Self { path: file.path().to_owned(), _lent: Some(file) })
+    }
+
+    /// The image in a file of somebody's own.
+    pub fn named(path: &Path) -> Self {
+        Self { path: path.to_owned(), _lent: None }
+    }
+
+    /// Where it lies.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
 }
 
 /// Builds the image from the sources that this program was built from; gives its path. Quick when nothing changed.
