@@ -1,6 +1,6 @@
 //! Limits of values that are set.
 
-/// A field of [`Settings`] whose value is not allowed.
+/// A field of `Settings` whose value is not allowed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Invalid {
     pub field: &'static str,

@@ -1,7 +1,7 @@
 //! A gate for every row of a recording of a three-axis block: no single row may turn a heading or move a place.
 //!
-//! A reading is an outlier where it is outside of what its neighbours span, without the [`SPARED`] of them at either end, by more than
-//! [`SIGMAS`] of the scatter of readings about the medians of theirs (Hampel, The influence curve and its role in robust estimation,
+//! A reading is an outlier where it is outside of what its neighbours span, without the `SPARED` of them at either end, by more than
+//! `SIGMAS` of the scatter of readings about the medians of theirs (Hampel, The influence curve and its role in robust estimation,
 //! 1974). What begins and goes on is a motion, and is left. So is a shock, which gyros and accelerometers measure together: a block that is
 //! turned by 0.1° within 10 ms is accelerated by 2 m/s² at 5 cm from its axis. An outlier is replaced by the median of its neighbours: what
 //! is then wrong of it is a reading's noise. In a still window an outlier of δ just within the gate turns the heading by 1.5 δ/T at the most; white

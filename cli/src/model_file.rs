@@ -154,7 +154,7 @@ impl ModelFile {
 
     /// Reads a recording of a block; with a file of its calibrations their errors are taken out of it.
     ///
-    /// Errors: as [`block_csv::read`], [`Self::read`] and [`Self::correct_block`].
+    /// Errors: as [`block_csv::read`], [`Self::read`] and `Self::correct_block`.
     pub fn read_block(recording: &Path, model: Option<&Path>) -> Result<BlockRecording, FileError> {
         let mut recording = block_csv::read(recording)?;
         if let Some(path) = model {

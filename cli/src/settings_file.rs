@@ -26,7 +26,7 @@ pub fn write_model(path: &Path, model: &ErrorModel) -> Result<(), FileError> {
     crate::output::write(path, text).map_err(|error| FileError::whole(path, error))
 }
 
-/// An error model as the text of a file that [`read_model`] reads.
+/// An error model as the text of a file that `read_model` reads.
 pub fn model_text(model: &ErrorModel) -> Result<String, toml::ser::Error> {
     Ok(format!("format = {FORMAT}\n{}", toml::to_string(model)?))
 }

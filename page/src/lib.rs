@@ -1,5 +1,5 @@
 //! The north finder in a browser page: the firmware's core and the simulated instrument on a [`bench`](Bench) that a person works
-//! at, and the three functions by which the page's script reaches it ([`exports`]).
+//! at, and the three functions by which the page's script reaches it (`exports`).
 
 mod bench;
 mod exports;

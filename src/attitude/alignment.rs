@@ -10,10 +10,10 @@
 //! therefore a parameter: jitter (white attitude), a random walk and a steady drift. With white rate noise of the density N² alone an
 //! error of the horizontal rate has the variance N²/T where the base stands, and 6/5 of it where it turns as it likes and the
 //! accelerometers have no noise; white force noise of density A² adds 12 A²/g²T³ there, a base that comes back to where it was has
-//! white noise in its velocity. The least squares that know how much there is of each are [`tracker`]; how much there is, they learn
-//! from the window itself and from others of the same recording ([`noise`]): likelihoods of all mixtures are computed and the
+//! white noise in its velocity. The least squares that know how much there is of each are `tracker`; how much there is, they learn
+//! from the window itself and from others of the same recording (`noise`): likelihoods of all mixtures are computed and the
 //! results averaged over them (Hoeting and others, Bayesian model averaging, Statistical Science 14, 1999). Loud seconds count less
-//! ([`blocks`]).
+//! (`blocks`).
 
 mod blocks;
 mod noise;

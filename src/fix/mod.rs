@@ -10,7 +10,7 @@
 //!
 //! Sigma comes from the scatter of the data, never below what the declared noise allows, and grows where the dwells do
 //! not fit together; the declared bias instability, encoder and level errors are added, and what is not certain of the
-//! error model ([`doubt`]).
+//! error model (`doubt`).
 
 pub mod accumulator;
 mod accuracy;

@@ -12,7 +12,7 @@
 //!   where the tilt is by far the noisier.
 //!
 //! Where the noise is in the velocity (accelerometers that count its increments, bases that are pushed to and fro) the rate
-//! is twice the curvature of the integral of gyro angle less tilt: [`super::velocity`].
+//! is twice the curvature of the integral of gyro angle less tilt: `super::velocity`.
 //!
 //! Over a row the weight is a parabola about its middle, so that mean and first moment of both sensors enter: the mean with
 //! ∫ w, the first moment with the slope of w; of the tilt, the mean with the slope and the first moment with the slope of

@@ -123,7 +123,7 @@ impl<const N: usize> Table<N> {
         Ok(())
     }
 
-    /// That no rows are missing: no step of a column of times is longer than [`LONGEST_STEP`] median steps.
+    /// That no rows are missing: no step of a column of times is longer than `LONGEST_STEP` median steps.
     pub fn check_gapless(&self, column: usize) -> Result<(), FileError> {
         let steps = || self.rows.windows(2).map(|pair| pair[1][column] - pair[0][column]);
         let median_s = median(&mut steps().collect::<Vec<_>>()).unwrap_or(0.0);

@@ -1,4 +1,4 @@
-//! The live view of a board: what its reports say so far ([`Dashboard`]), and how that is drawn ([`draw`]).
+//! The live view of a board: what its reports say so far ([`Dashboard`]), and how that is drawn (`draw`).
 
 mod draw;
 

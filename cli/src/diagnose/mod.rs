@@ -1,6 +1,6 @@
 //! Closing the loop with measured data: residual → effect → model → errors before and after, on runs that took no part.
 //!
-//! [`crate::run_data`] reads → [`checks`] doubt → [`found`] learns → [`validate`] judges by runs that took no part → [`assemble`] says.
+//! [`crate::run_data`] reads → `checks` doubt → `found` learns → `validate` judges by runs that took no part → `assemble` says.
 
 mod assemble;
 mod block;

@@ -1,4 +1,4 @@
-//! The fix in this process: the firmware's drivers and its [`Instrument`] around the simulated devices.
+//! The fix in this process: the firmware's drivers and its `Instrument` around the simulated devices.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 

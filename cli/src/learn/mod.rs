@@ -1,7 +1,7 @@
 //! Effects found by one grammar: products of factors at a port, proposed by the thousand and chosen by their evidence.
 //!
-//! [`read`] → [`bank`] and [`pairs`] propose → [`search`] chooses, by the evidence of a [`model`] → [`posterior`] says what was learned. Wrong
-//! references compete with effects ([`references`]); [`tells`] says what further runs would tell.
+//! [`read`] → `bank` and `pairs` propose → `search` chooses, by the evidence of a `model` → `posterior` says what was learned. Wrong
+//! references compete with effects (`references`); `tells` says what further runs would tell.
 
 mod bank;
 mod functions;

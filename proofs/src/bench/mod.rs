@@ -1,4 +1,4 @@
-//! The benches, one a file; each is a line in [`benches!`].
+//! The benches, one a file; each is a line in `benches!`.
 
 mod accuracy;
 mod adaptive;

@@ -9,7 +9,7 @@
 //!
 //! Nothing is corrected unless the readings changed significantly, because the correction carries the accelerometers' noise. Where they did,
 //! it may have been the accelerometers that changed and not the base: the gyro, which feels the base only, and what is declared of the
-//! accelerometers' drift decide how much of either it was ([`super::motion`]).
+//! accelerometers' drift decide how much of either it was (`super::motion`).
 
 pub mod levels;
 
