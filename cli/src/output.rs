@@ -88,6 +88,8 @@ impl JsonOption {
 #[derive(Debug)]
 pub struct Output {
     path: PathBuf,
+    /// A file that is there gives way.
+    replaces: bool,
     to: BufWriter<To>,
 }
 
@@ -129,13 +131,9 @@ impl Output {
     pub fn finish(self) -> io::Result<()> {
         let To::Beside(file) = self.to.into_inner().map_err(|error| error.into_error())? else { return Ok(()) };
         file.as_file().sync_all()?;
-        let put = if forced() { file.persist(&self.path) } else { file.persist_noclobber(&self.path) };
+        let put = if self.replaces { file.persist(&self.path) } else { file.persist_noclobber(&self.path) };
         put.map(|_| ()).map_err(|error| refusal(error.error))
     }
-}
-
-fn forced() -> bool {
-    FORCE.load(Ordering::Relaxed)
 }
 
 fn refusal(error: io::Error) -> io::Error {
@@ -150,14 +148,22 @@ fn refusal(error: io::Error) -> io::Error {
 
 /// Creates a file. One that is there is replaced only if that was asked for.
 pub fn create(path: &Path) -> io::Result<Output> {
-    let there = std::fs::metadata(path).ok();
-    let to = match there {
-        Some(kind) if kind.is_dir() => return Err(io::ErrorKind::IsADirectory.into()),
-        Some(kind) if !kind.is_file() => To::Device(File::create(path)?),
-        Some(_) if !forced() => return Err(refusal(io::ErrorKind::AlreadyExists.into())),
+    open(path, FORCE.load(Ordering::Relaxed))
+}
+
+/// Creates the successor of a file, which it replaces as a whole.
+pub fn replace(path: &Path) -> io::Result<Output> {
+    open(path, true)
+}
+
+fn open(path: &Path, replaces: bool) -> io::Result<Output> {
+    let to = match std::fs::metadata(path) {
+        Ok(kind) if kind.is_dir() => return Err(io::ErrorKind::IsADirectory.into()),
+        Ok(kind) if !kind.is_file() => To::Device(File::create(path)?),
+        Ok(_) if !replaces => return Err(refusal(io::ErrorKind::AlreadyExists.into())),
         _ => To::Beside(beside(path)?),
     };
-    Ok(Output { path: path.to_owned(), to: BufWriter::new(to) })
+    Ok(Output { path: path.to_owned(), replaces, to: BufWriter::new(to) })
 }
 
 /// A file without a lasting name in the folder of `path`.
@@ -178,11 +184,11 @@ pub fn write(path: &Path, text: impl AsRef<[u8]>) -> io::Result<()> {
     file.finish()
 }
 
-/// Whether files can be written: asked before the work whose results they take.
+/// Whether those files can be written that were asked for: before the work whose results they take.
 ///
 /// Errors: the first that is there, and shall not be replaced; the first whose folder cannot be written to.
-pub fn check<'a>(paths: impl IntoIterator<Item = &'a Path>) -> Result<(), FileError> {
-    paths.into_iter().try_for_each(|path| match std::fs::metadata(path) {
+pub fn check<'a>(paths: impl IntoIterator<Item = Option<&'a Path>>) -> Result<(), FileError> {
+    paths.into_iter().flatten().try_for_each(|path| match std::fs::metadata(path) {
         Ok(kind) if !kind.is_file() && !kind.is_dir() => Ok(()),
         _ => create(path).map(|_| ()).map_err(|error| FileError::whole(path, error)),
     })
@@ -281,9 +287,9 @@ mod tests {
         assert_eq!(files(), 0);
         write(&path, "first").unwrap();
         assert_eq!(write(&path, "second").unwrap_err().kind(), io::ErrorKind::AlreadyExists);
-        check([path.as_path()]).unwrap_err();
-        check([folder.path().join("none/b.txt").as_path()]).unwrap_err();
-        check([folder.path().join("b.txt").as_path()]).unwrap();
+        check([Some(path.as_path())]).unwrap_err();
+        check([Some(folder.path().join("none/b.txt").as_path())]).unwrap_err();
+        check([None, Some(folder.path().join("b.txt").as_path())]).unwrap();
         // Whoever comes first has the name.
         let mut late = create(&folder.path().join("c.txt")).unwrap();
         late.write_all(b"late").unwrap();

@@ -74,7 +74,7 @@ struct Gathered {
 
 impl Align {
     pub fn run(self) -> Result<(), Failure> {
-        crate::output::check([self.report.as_deref(), self.json.path()].into_iter().flatten())?;
+        crate::output::check([self.report.as_deref(), self.json.path()])?;
         let mut recording = ModelFile::read_block(&self.recording, self.model.as_deref())?;
         let gated = block_gate::gate(&mut recording, &self.recording)?;
         let whole = longest(gather(&recording, f64::INFINITY));

@@ -38,7 +38,7 @@ struct Result {
 
 impl Characterise {
     pub fn run(self) -> std::result::Result<(), Failure> {
-        output::check([self.settings_out.as_deref(), self.json.path()].into_iter().flatten())?;
+        output::check([self.settings_out.as_deref(), self.json.path()])?;
         let character = Character::of(&characterise::read(&self.recording)?);
         if character.allan.is_empty() {
             let why = "the gyro repeats the same increment: it is dead, or the column is not its reading";

@@ -46,7 +46,7 @@ pub struct Diagnose {
 impl Diagnose {
     pub fn run(self) -> Result<(), Failure> {
         let results = [self.model_out.as_deref(), self.report.as_deref(), self.json.path()];
-        crate::output::check(results.into_iter().flatten())?;
+        crate::output::check(results)?;
         let campaign = Campaign::read(&self.campaign)?;
         campaign.check_copies()?;
         let mut settings = campaign_settings(&campaign, self.settings.as_deref())?;

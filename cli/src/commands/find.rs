@@ -66,7 +66,7 @@ impl Find {
         if let Some(folder) = &self.record {
             CampaignWriter::check_free(folder)?;
         }
-        crate::output::check(self.json.path())?;
+        crate::output::check([self.json.path()])?;
         let engine = if self.host { Engine::Host } else { Engine::Qemu };
         let mut out = self.json.human();
         writeln!(

@@ -78,7 +78,7 @@ struct Line {
 impl Record {
     pub fn run(self) -> Result<(), Failure> {
         CampaignWriter::check_free(&self.out)?;
-        crate::output::check(self.json.path())?;
+        crate::output::check([self.json.path()])?;
         let existed = self.out.exists();
         let mut port = Port::open(self.port.as_deref())?;
         let identity = port.identity()?;
@@ -98,7 +98,9 @@ impl Record {
             if let Event::State(State::Levelling) = report.event {
                 file.start_again();
             }
-            written = file.push(rows.take());
+            if written.is_ok() {
+                written = file.push(rows.take());
+            }
             line.hear(report, bytes, rows.have_begun());
             view.report(report);
             written.is_err() || self.seconds.is_some_and(|most| line.seconds >= most) || self.fix && line.ended

@@ -56,7 +56,7 @@ struct Solvable<'a> {
 
 impl Solve {
     pub fn run(self) -> Result<(), Failure> {
-        crate::output::check([self.log.as_deref(), self.json.path()].into_iter().flatten())?;
+        crate::output::check([self.log.as_deref(), self.json.path()])?;
         let campaign = self.campaign()?;
         let base = campaign_settings(&campaign, self.settings.as_deref())?;
         let model = self.model.as_deref().map(ModelFile::read).transpose()?;

@@ -235,7 +235,7 @@ fn said_of_source(source: &SourceSummary) -> String {
 impl Track {
     pub fn run(mut self) -> Result<(), Failure> {
         let results = [Some(self.out.as_path()), self.report.as_deref(), self.json.path()];
-        crate::output::check(results.into_iter().flatten())?;
+        crate::output::check(results)?;
         let mut recording = ModelFile::read_block(&self.recording, self.model.as_deref())?;
         let outliers = block_gate::gate(&mut recording, &self.recording)?;
         let aiding = Aiding::read(&self.recording, &self.aid)?;

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::failure::Failure;
 use crate::output::JsonOption;
-use crate::service::{ALARM, BASELINE, Cause, Change, Log, Watch as Verdict, signals, watch};
+use crate::service::{ALARM, BASELINE, Cause, Change, Kind, Log, Watch as Verdict, signals, watch};
 
 /// Watch the log of an instrument's fixes: does its error model still hold, what moved, by how much, since when
 ///
@@ -29,7 +29,7 @@ pub struct Watch {
 struct Said<'a> {
     fixes: usize,
     holds: bool,
-    signals: Vec<&'static str>,
+    signals: Vec<Kind>,
     /// Number of the fix with which the alarm came.
     alarm_fix: Option<u64>,
     /// Number and time of the first changed fix, for every change.
@@ -46,7 +46,7 @@ struct Since<'a> {
 
 impl Watch {
     pub fn run(self) -> Result<(), Failure> {
-        crate::output::check(self.json.path())?;
+        crate::output::check([self.json.path()])?;
         let log = Log::read(&self.logs)?;
         let count = log.fixes.len();
         if count <= BASELINE {
@@ -62,15 +62,15 @@ impl Watch {
             let text = "no signal that every fix has, and that moves: bias_deg_h, amplitude_deg_h, misfit with freedom, azimuth_deg with check_deg";
             return Err(Failure::Refused(text.into()));
         }
-        let names: Vec<&str> = signals.iter().map(|signal| signal.name).collect();
+        let kinds: Vec<Kind> = signals.iter().map(|signal| signal.kind).collect();
         let out = &mut self.json.human();
-        write(out, &log, &names, &verdict)?;
+        write(out, &log, &kinds, &verdict)?;
         let said = Said {
             fixes: count,
             holds: verdict.alarm.is_none(),
             alarm_fix: verdict.alarm.map(|at| log.fixes[at].fix),
             since: verdict.changes.iter().map(|change| since(&log, change)).collect(),
-            signals: names,
+            signals: kinds,
             verdict: &verdict,
         };
         self.json.write(&said)?;
@@ -88,14 +88,14 @@ fn since<'a>(log: &'a Log, change: &Change) -> Since<'a> {
     Since { fix: fix.fix, utc: &fix.utc }
 }
 
-fn write(out: &mut dyn Write, log: &Log, names: &[&str], verdict: &Verdict) -> io::Result<()> {
+fn write(out: &mut dyn Write, log: &Log, kinds: &[Kind], verdict: &Verdict) -> io::Result<()> {
     let switches = log.switched().iter().filter(|&&switched| switched).count();
     writeln!(
         out,
         "{} fixes, {switches} switch-ons between them; the first {BASELINE} say what is normal",
         log.fixes.len()
     )?;
-    writeln!(out, "signals    {}", names.join(", "))?;
+    writeln!(out, "signals    {}", kinds.iter().map(|kind| kind.name()).collect::<Vec<_>>().join(", "))?;
     let most = verdict.statistic.iter().copied().fold(0.0, f64::max);
     let Some(at) = verdict.alarm else {
         writeln!(
@@ -104,12 +104,12 @@ fn write(out: &mut dyn Write, log: &Log, names: &[&str], verdict: &Verdict) -> i
              on average, or later",
             verdict.watched
         )?;
-        return blind(out, names);
+        return blind(out, kinds);
     };
     writeln!(out, "changed    seen with fix {}, {} fixes after the baseline", log.fixes[at].fix, verdict.watched)?;
     for change in &verdict.changes {
         let Since { fix, utc } = since(log, change);
-        let (signal, unit, size, sigma) = (change.signal, change.unit, change.size, change.sigma);
+        let (signal, unit, size, sigma) = (change.signal.name(), change.unit, change.size, change.sigma);
         let what = match change.cause {
             Cause::Step => format!("a step of {size:+.4} ± {sigma:.4} {unit}"),
             Cause::Ramp => format!("a ramp, which has reached {size:+.4} ± {sigma:.4} {unit}"),
@@ -130,7 +130,7 @@ fn write(out: &mut dyn Write, log: &Log, names: &[&str], verdict: &Verdict) -> i
         )?;
         writeln!(out, "           To do: {}", remedy(change))?;
     }
-    blind(out, names)
+    blind(out, kinds)
 }
 
 fn name(cause: Cause) -> &'static str {
@@ -149,21 +149,21 @@ fn runs(change: &Change) -> f64 {
 fn remedy(change: &Change) -> String {
     let runs = runs(change);
     match (change.signal, change.cause) {
-        ("bias", Cause::Temperature) => {
+        (Kind::Bias, Cause::Temperature) => {
             format!("bias cancels in every azimuth. Record {runs:.0} runs at either end of the temperatures at one heading, and north diagnose them.")
         }
-        ("bias", _) => format!("bias cancels in every azimuth. Record {runs:.0} runs at one heading, and north diagnose them, to have it in the model."),
-        ("amplitude", _) => {
+        (Kind::Bias, _) => format!("bias cancels in every azimuth. Record {runs:.0} runs at one heading, and north diagnose them, to have it in the model."),
+        (Kind::Amplitude, _) => {
             format!("check the latitude and the level first; a scale factor cancels in every azimuth. Record {runs:.0} runs at one heading, and north diagnose them.")
         }
-        ("misfit", _) => "the dwells of a fix no longer fit together, and sigma is too small. Record eight runs at headings around the circle, and north diagnose them.".into(),
-        _ => format!("the azimuths are wrong by this. Record {:.0} runs at surveyed headings around the circle, and north diagnose them.", runs.max(8.0)),
+        (Kind::Misfit, _) => "the dwells of a fix no longer fit together, and sigma is too small. Record eight runs at headings around the circle, and north diagnose them.".into(),
+        (Kind::AzimuthError, _) => format!("the azimuths are wrong by this. Record {:.0} runs at surveyed headings around the circle, and north diagnose them.", runs.max(8.0)),
     }
 }
 
 /// What no signal here can show.
-fn blind(out: &mut dyn Write, names: &[&str]) -> io::Result<()> {
-    if names.contains(&"azimuth error") {
+fn blind(out: &mut dyn Write, kinds: &[Kind]) -> io::Result<()> {
+    if kinds.contains(&Kind::AzimuthError) {
         return Ok(());
     }
     writeln!(

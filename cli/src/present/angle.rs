@@ -8,7 +8,8 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 /// How an angle is written.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
 pub enum AngleUnit {
     /// decimal degrees
     #[default]
@@ -22,52 +23,42 @@ pub enum AngleUnit {
 }
 
 impl AngleUnit {
+    /// Units in a turn, the decimals that make about a third of an arcsecond, and the sign of the unit; `None` where it is not written as one number.
+    fn decimal(self) -> Option<(f64, usize, &'static str)> {
+        match self {
+            Self::Deg => Some((360.0, 4, "°")),
+            Self::Gon => Some((400.0, 4, " gon")),
+            Self::Mil => Some((6400.0, 3, " mil")),
+            Self::Dms => None,
+        }
+    }
+
     /// An azimuth in [0, one turn), rounded to about a third of an arcsecond.
     pub fn azimuth(self, azimuth_deg: f64) -> String {
-        let decimal = |per_turn: f64, decimals: usize, unit: &str| {
-            let text = format!("{:.decimals$}", wrap_360_deg(azimuth_deg) / 360.0 * per_turn);
-            // What rounds up to a full turn is nothing.
-            let full = format!("{per_turn:.decimals$}");
-            format!("{}{unit}", if text == full { format!("{:.decimals$}", 0.0) } else { text })
+        let Some((per_turn, decimals, unit)) = self.decimal() else {
+            return dms((wrap_360_deg(azimuth_deg) * 36_000.0).round() as u64 % (360 * 36_000));
         };
-        match self {
-            Self::Deg => decimal(360.0, 4, "°"),
-            Self::Gon => decimal(400.0, 4, " gon"),
-            Self::Mil => decimal(6400.0, 3, " mil"),
-            Self::Dms => {
-                let tenths = (wrap_360_deg(azimuth_deg) * 36_000.0).round() as u64 % (360 * 36_000);
-                dms(tenths)
-            }
-        }
-    }
-
-    /// As the option is written.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Deg => "deg",
-            Self::Gon => "gon",
-            Self::Mil => "mil",
-            Self::Dms => "dms",
-        }
-    }
-
-    /// An angle for programs: all digits of a number, and text where the unit has no number.
-    fn written(self, angle_deg: f64, text: String) -> Written {
-        match self {
-            Self::Deg => Written::Number(angle_deg),
-            Self::Gon => Written::Number(angle_deg / 360.0 * 400.0),
-            Self::Mil => Written::Number(angle_deg / 360.0 * 6400.0),
-            Self::Dms => Written::Text(text),
-        }
+        let text = format!("{:.decimals$}", wrap_360_deg(azimuth_deg) / 360.0 * per_turn);
+        // What rounds up to a full turn is nothing.
+        let full = format!("{per_turn:.decimals$}");
+        format!("{}{unit}", if text == full { format!("{:.decimals$}", 0.0) } else { text })
     }
 
     /// A standard deviation, 0 or more.
     pub fn sigma(self, sigma_deg: f64) -> String {
-        match self {
-            Self::Deg => format!("{sigma_deg:.4}°"),
-            Self::Gon => format!("{:.4} gon", sigma_deg / 360.0 * 400.0),
-            Self::Mil => format!("{:.3} mil", sigma_deg / 360.0 * 6400.0),
-            Self::Dms => dms((sigma_deg * 36_000.0).round() as u64),
+        match self.decimal() {
+            Some((per_turn, decimals, unit)) => format!("{:.decimals$}{unit}", sigma_deg / 360.0 * per_turn),
+            None => dms((sigma_deg * 36_000.0).round() as u64),
+        }
+    }
+
+    /// An angle for programs: all digits of a number, or `text` where the unit has none.
+    fn written(self, angle_deg: f64, text: fn(Self, f64) -> String) -> Written {
+        match self.decimal() {
+            // Not a product and a quotient of the same number: all digits.
+            Some((360.0, ..)) => Written::Number(angle_deg),
+            Some((per_turn, ..)) => Written::Number(angle_deg / 360.0 * per_turn),
+            None => Written::Text(text(self, angle_deg)),
         }
     }
 }
@@ -89,8 +80,8 @@ pub enum Written {
 /// An azimuth as it was asked for, for programs.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Asked {
-    /// "deg", "gon", "mil" or "dms": of the angles here.
-    pub unit: &'static str,
+    /// Of the angles here.
+    pub unit: AngleUnit,
     /// As asked, degrees.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub convergence: Option<f64>,
@@ -128,25 +119,20 @@ impl Directions {
         self.unit
     }
 
-    /// The azimuth and what else was asked for, with their names, degrees.
-    pub fn angles_deg(&self, azimuth_deg: f64) -> impl Iterator<Item = (&'static str, f64)> {
-        let (convergence, target) = (self.convergence, self.target);
-        [
-            Some(("azimuth", azimuth_deg)),
-            convergence.map(|convergence_deg| ("grid", azimuth_deg - convergence_deg)),
-            target.map(|target_deg| ("target", azimuth_deg + target_deg)),
-            target
-                .zip(convergence)
-                .map(|(target_deg, convergence_deg)| ("target grid", azimuth_deg + target_deg - convergence_deg)),
-        ]
-        .into_iter()
-        .flatten()
+    /// From the grid, to the target, and both, where they were asked for, degrees.
+    fn others_deg(&self, azimuth_deg: f64) -> [Option<f64>; 3] {
+        let grid = |from_deg: f64| self.convergence.map(|convergence_deg| from_deg - convergence_deg);
+        let target_deg = self.target.map(|target_deg| azimuth_deg + target_deg);
+        [grid(azimuth_deg), target_deg, target_deg.and_then(grid)]
     }
 
     /// The azimuth with its sigma, and what else was asked for, a line each.
     pub fn write(&self, out: &mut dyn Write, azimuth_deg: f64, sigma_deg: f64) -> io::Result<()> {
         let sigma = self.unit.sigma(sigma_deg);
-        self.angles_deg(azimuth_deg)
+        let [grid, target, target_grid] = self.others_deg(azimuth_deg);
+        let all = [("azimuth", Some(azimuth_deg)), ("grid", grid), ("target", target), ("target grid", target_grid)];
+        all.into_iter()
+            .filter_map(|(name, angle_deg)| Some((name, angle_deg?)))
             .try_for_each(|(name, angle_deg)| writeln!(out, "{name:<10} {} ± {sigma}", self.unit.azimuth(angle_deg)))
     }
 
@@ -156,20 +142,17 @@ impl Directions {
         if (unit, convergence, target) == (AngleUnit::Deg, None, None) {
             return None;
         }
-        let of = |wanted: &str| {
-            let (_, angle_deg) = self.angles_deg(azimuth_deg).find(|(name, _)| *name == wanted)?;
-            let angle_deg = wrap_360_deg(angle_deg);
-            Some(unit.written(angle_deg, unit.azimuth(angle_deg)))
-        };
+        let azimuth = |angle_deg: f64| unit.written(wrap_360_deg(angle_deg), AngleUnit::azimuth);
+        let [grid, to_target, target_grid] = self.others_deg(azimuth_deg).map(|angle_deg| angle_deg.map(azimuth));
         Some(Asked {
-            unit: unit.name(),
+            unit,
             convergence,
             target,
-            sigma: unit.written(sigma_deg, unit.sigma(sigma_deg)),
-            azimuth: of("azimuth")?,
-            grid_azimuth: of("grid"),
-            target_azimuth: of("target"),
-            target_grid_azimuth: of("target grid"),
+            sigma: unit.written(sigma_deg, AngleUnit::sigma),
+            azimuth: azimuth(azimuth_deg),
+            grid_azimuth: grid,
+            target_azimuth: to_target,
+            target_grid_azimuth: target_grid,
         })
     }
 }
@@ -223,7 +206,7 @@ mod tests {
         };
         assert!((gon(&asked.azimuth) - 400.0 / 9.0).abs() < 1e-12 && (gon(&asked.sigma) - 0.04).abs() < 1e-12);
         assert!((gon(asked.grid_azimuth.as_ref().unwrap()) - 385.0 / 9.0).abs() < 1e-12);
-        assert_eq!((asked.unit, asked.convergence, asked.target_azimuth), ("gon", Some(1.5), None));
+        assert_eq!((asked.unit, asked.convergence, asked.target_azimuth), (AngleUnit::Gon, Some(1.5), None));
         let dms = Directions { unit: AngleUnit::Dms, convergence: None, target: None };
         assert_eq!(dms.asked(39.97404, 0.0415).unwrap().azimuth, Written::Text("39°58'26.5\"".into()));
         assert_eq!(Directions::default().asked(40.0, 0.04), None);

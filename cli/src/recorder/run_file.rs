@@ -1,6 +1,5 @@
 //! A run's file that is written while the run is measured.
 
-use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
 use north_finder::effects::channel::BLOCK_TEMPERATURE;
@@ -9,6 +8,7 @@ use north_finder::replay::Mark;
 
 use crate::campaign::{COMMON, Layout, Own, OwnLayout, Row, RunWriter, TEMPERATURE};
 use crate::file_error::FileError;
+use crate::output;
 
 /// The file of one run. Rows are on the disk as soon as they are pushed, once every sensor has given a reading.
 ///
@@ -156,20 +156,20 @@ fn clear_marks(path: &Path, rows: usize) -> std::io::Result<()> {
     let mut reader = csv::Reader::from_path(path)?;
     let header = reader.headers()?.clone();
     let marks: Vec<usize> = (0..header.len()).filter(|&column| COMMON[2..].contains(&&header[column])).collect();
-    let again = path.with_extension("again.csv");
-    let mut writer = csv::Writer::from_writer(File::create(&again)?);
+    let mut writer = csv::Writer::from_writer(output::replace(path)?);
     writer.write_record(&header)?;
     for (number, record) in reader.records().enumerate() {
         let record = record?;
         let clears = |column: usize| number < rows && marks.contains(&column);
         writer.write_record(record.iter().enumerate().map(|(at, field)| if clears(at) { "0" } else { field }))?;
     }
-    writer.into_inner().map_err(|error| error.into_error())?.sync_all()?;
-    fs::rename(again, path)
+    writer.into_inner().map_err(|error| error.into_error())?.finish()
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     fn second(t_s: f64, mark: Mark) -> Row {

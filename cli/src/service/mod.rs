@@ -5,5 +5,5 @@ mod signals;
 mod watch;
 
 pub use log::{Log, Logged, write_log};
-pub use signals::{Signal, signals};
+pub use signals::{Kind, Signal, signals};
 pub use watch::{ALARM, BASELINE, Cause, Change, Watch, watch};

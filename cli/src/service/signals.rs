@@ -1,28 +1,58 @@
 //! What every fix says of the state of its instrument.
 
 use north_finder::units::wrap_180_deg;
+use serde::Serialize;
 
 use super::Logged;
+
+/// What a number of every fix tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    Bias,
+    Amplitude,
+    Misfit,
+    #[serde(rename = "azimuth error")]
+    AzimuthError,
+}
+
+impl Kind {
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Bias => "bias",
+            Self::Amplitude => "amplitude",
+            Self::Misfit => "misfit",
+            Self::AzimuthError => "azimuth error",
+        }
+    }
+
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Bias | Self::Amplitude => "°/h",
+            Self::Misfit => "sigma",
+            Self::AzimuthError => "°",
+        }
+    }
+}
 
 /// One number of every fix of a log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Signal {
-    pub name: &'static str,
-    pub unit: &'static str,
+    pub kind: Kind,
     pub values: Vec<f64>,
 }
 
 /// The signals that every fix of a log has.
 pub fn signals(fixes: &[Logged]) -> Vec<Signal> {
-    let of = |name, unit, value: &dyn Fn(&Logged) -> Option<f64>| {
+    let of = |kind, value: &dyn Fn(&Logged) -> Option<f64>| {
         let values = fixes.iter().map(value).collect::<Option<Vec<f64>>>()?;
-        Some(Signal { name, unit, values })
+        Some(Signal { kind, values })
     };
     [
-        of("bias", "°/h", &|fix| fix.bias_deg_h),
-        of("amplitude", "°/h", &|fix| fix.amplitude_deg_h),
-        of("misfit", "sigma", &misfit_sigmas),
-        of("azimuth error", "°", &|fix| Some(wrap_180_deg(fix.azimuth_deg? - fix.check_deg?))),
+        of(Kind::Bias, &|fix| fix.bias_deg_h),
+        of(Kind::Amplitude, &|fix| fix.amplitude_deg_h),
+        of(Kind::Misfit, &misfit_sigmas),
+        of(Kind::AzimuthError, &|fix| Some(wrap_180_deg(fix.azimuth_deg? - fix.check_deg?))),
     ]
     .into_iter()
     .flatten()
@@ -53,6 +83,6 @@ mod tests {
         let fix = Logged { bias_deg_h: Some(1.0), azimuth_deg: Some(359.0), check_deg: Some(1.0), ..Logged::default() };
         let found = signals(&[fix.clone(), Logged { bias_deg_h: None, ..fix }]);
         assert_eq!(found.len(), 1);
-        assert_eq!((found[0].name, found[0].values.as_slice()), ("azimuth error", [-2.0, -2.0].as_slice()));
+        assert_eq!((found[0].kind, found[0].values.as_slice()), (Kind::AzimuthError, [-2.0, -2.0].as_slice()));
     }
 }

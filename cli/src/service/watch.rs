@@ -17,7 +17,7 @@ use std::collections::VecDeque;
 use serde::Serialize;
 use statrs::function::gamma::ln_gamma;
 
-use super::Signal;
+use super::{Kind, Signal};
 
 /// Fixes that say what is normal.
 pub const BASELINE: usize = 100;
@@ -54,7 +54,7 @@ pub enum Cause {
 /// What changed in a signal.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Change {
-    pub signal: &'static str,
+    pub signal: Kind,
     pub unit: &'static str,
     /// Place of the first changed fix in the log, from 0; for a temperature the first after the baseline.
     pub from: usize,
@@ -426,8 +426,8 @@ fn explain(
         _ => 1.0,
     };
     Some(Change {
-        signal: signal.name,
-        unit: signal.unit,
+        signal: signal.kind,
+        unit: signal.kind.unit(),
         from: best.from,
         cause: best.cause,
         size: best.size,
@@ -466,7 +466,7 @@ mod tests {
                 bias + offset + normal(&mut rng) + change(fix)
             })
             .collect();
-        (Signal { name: "bias", unit: "°/h", values }, switched)
+        (Signal { kind: Kind::Bias, values }, switched)
     }
 
     fn run(seed: u64, count: usize, wander: f64, switch: f64, change: impl Fn(usize) -> f64) -> Watch {
@@ -516,7 +516,7 @@ mod tests {
 
     #[test]
     fn what_never_moves_is_not_watched() {
-        let signal = Signal { name: "bias", unit: "°/h", values: vec![1.0; 300] };
+        let signal = Signal { kind: Kind::Bias, values: vec![1.0; 300] };
         assert_eq!(watch(&[signal], &[false; 300], None).watched, 0);
     }
 }

@@ -6,7 +6,7 @@ use std::io::Write;
 use clap::Args;
 use north::failure::Failure;
 use north::progress;
-use north::service::{ALARM, BASELINE, Signal, watch};
+use north::service::{ALARM, BASELINE, Kind, Signal, watch};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
@@ -182,7 +182,7 @@ impl Drawn {
                 bias + offset + normal() + change(fix)
             })
             .collect();
-        Self { signal: Signal { name: "bias", unit: "sigma", values }, switched }
+        Self { signal: Signal { kind: Kind::Bias, values }, switched }
     }
 
     /// Fixes that were watched, and the place of the alarm.

@@ -97,7 +97,7 @@ struct FixRecord {
 
 impl Field {
     pub fn run(self) -> Result<(), Failure> {
-        crate::output::check(self.json.path())?;
+        crate::output::check([self.json.path()])?;
         if let Some(port) = &self.port {
             return self.board(&mut Port::open(port.as_deref())?);
         }

@@ -107,7 +107,7 @@ impl Heard {
 
 impl Doctor {
     pub fn run(self) -> Result<(), Failure> {
-        crate::output::check(self.json.path())?;
+        crate::output::check([self.json.path()])?;
         let mut port = self.port.open()?;
         let out = &mut self.json.human();
         let (mut findings, settings) = self.look(&mut port)?;
