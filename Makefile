@@ -9,7 +9,7 @@ F405_BOARD := --target $(TARGET) --target-dir $(BUILD)/f405
 # The emulated chip: a workspace of its own, whose emulator asks for a newer compiler than it needs.
 CHIP := --quiet --manifest-path chip/Cargo.toml --ignore-rust-version --target-dir $(BUILD)/chip
 
-.PHONY: find chip test proofs lint fmt firmware bench page python release flash count setup help
+.PHONY: find chip test proofs lint fmt firmware bench page python release hardware flash count setup help
 
 ## find: build the firmware, run it in QEMU with the simulated instrument, show the fix (ARGS="--scenario windy-tripod")
 find: setup
@@ -67,6 +67,10 @@ release: firmware
 ## python: the Python package, built, installed into an environment of its own and tested
 python: setup
 	@scripts/python.sh $(BUILD)/python
+
+## hardware: connection table, bill of materials and wiring diagram, made of hardware/instrument.toml
+hardware:
+	@cargo run --quiet -p hardware
 
 ## flash: build for the STM32F405, flash it and show its log (needs probe-rs and a probe)
 flash: setup
