@@ -7,13 +7,13 @@
 
 use embedded_io::Read;
 use hal_sim::{Scenario, World};
+use north_finder::drivers::intake::Intake;
 use north_finder::drivers::sensors::Sensors;
 use north_finder::drivers::step_motor::{SLOTS_PER_TICK, StepMotor};
+use north_finder::event::identity::Identity;
 use north_finder::event::{Event, Report};
-use north_finder::identity::Identity;
 use north_finder::instrument::workspace::Workspace;
 use north_finder::instrument::{Instrument, Readings};
-use north_finder::intake::Intake;
 use north_finder::link::{Ask, Request, encode_request};
 use north_finder::sequence::Command;
 use north_finder::sequence::work::SecondWork;

@@ -9,9 +9,9 @@
 use std::convert::Infallible;
 
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
-use north_finder::codes::IndexCode;
 use north_finder::drivers::sensors::Due;
-use north_finder::index::IndexMean;
+use north_finder::sensing::index::IndexMean;
+use quantities::codes::IndexCode;
 
 /// The driver.
 struct Amt22<S> {

@@ -12,7 +12,7 @@ use north_finder::effects::factor::Factor;
 use north_finder::effects::shape::Linear;
 use north_finder::effects::signal::Channel;
 use north_finder::effects::{ChannelName, Conditions, ErrorModel, Evaluator};
-use north_finder::index::Direction;
+use north_finder::sensing::index::Direction;
 
 /// Seconds that the bias lags behind the temperature.
 const LAG_S: f32 = 120.0;

@@ -9,7 +9,7 @@ use std::io::{BufRead, BufReader};
 use heapless::Vec as Bounded;
 use north_finder::fix::accumulator::Corrected;
 use north_finder::fix::dwell::DwellSummary;
-use north_finder::replay::{Place, Recorded, Replay, Row, Told, Waiting};
+use north_finder::instrument::replay::{Place, Recorded, Replay, Row, Told, Waiting};
 use north_finder::settings::Settings;
 
 /// Where seconds wait for the jitter gate.

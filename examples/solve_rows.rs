@@ -6,7 +6,7 @@ use north_finder::earth::earth_rate;
 use north_finder::effects::ErrorModel;
 use north_finder::fix::dwell::{DwellRows, DwellSummary, Row};
 use north_finder::fix::{Declared, solve};
-use north_finder::sample::GyroSettings;
+use north_finder::sensing::sample::GyroSettings;
 use north_finder::units::sin_cos_deg;
 
 /// Seconds at each position, and between two.

@@ -36,19 +36,19 @@ mod app {
     use rtic_sync::{make_channel, make_signal};
 
     use crate::board::{self, Board, crash, memory};
+    use north_finder::drivers::intake::{Heard, Intake, one_more};
+    use north_finder::drivers::ring::Ring;
     use north_finder::drivers::sensors::Sensors;
     use north_finder::drivers::step_motor::StepMotor;
+    use north_finder::event::identity::Identity;
+    use north_finder::event::restart::Crash;
     use north_finder::event::{Event, Report};
-    use north_finder::guard::{Guard, Task, Verdict};
-    use north_finder::identity::Identity;
-    use north_finder::index::MotorCommand;
+    use north_finder::instrument::guard::{Guard, Task, Verdict};
+    use north_finder::instrument::self_test::BoardFacts;
     use north_finder::instrument::workspace::Workspace;
     use north_finder::instrument::{self, Readings};
-    use north_finder::intake::{Heard, Intake, one_more};
     use north_finder::link;
-    use north_finder::restart::Crash;
-    use north_finder::ring::Ring;
-    use north_finder::self_test::BoardFacts;
+    use north_finder::sensing::index::MotorCommand;
     use north_finder::sequence::work::SecondWork;
 
     /// Room for as many ticks as `solve` may lag behind: 40 ms.

@@ -1,13 +1,15 @@
 //! Calibrations of simulated triads: unbiased, honest, no worse than the published formulas, at the bound. And of a real
 //! recording, where there is one.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use calibration::ellipsoid::attitude::Attitude;
+use calibration::ellipsoid::{Correction, Entry, Role, fit, norm_rms};
 use north::calibrate::attitudes::Dwell;
 use north::calibrate::ellipsoid::calibrate;
-use north_finder::calibration::ellipsoid::attitude::Attitude;
-use north_finder::calibration::ellipsoid::{Correction, Entry, Role, fit, norm_rms};
 use proofs::trials::{Parameter, Tally, ellipsoid, six_position, voyage};
+
+use crate::common::measured_data;
 
 const TRIALS: u64 = 1500;
 /// Calibrations of a kind in `make test`; the 1500 run in `make proofs`.
@@ -129,12 +131,6 @@ fn six_positions_shorten_the_error_of_a_voyage_where_the_table_is_coarse() {
     assert!(coarse_solved < coarse_traditional, "{coarse_traditional} {coarse_solved}");
 }
 
-/// The folder with measured data, which the project does not contain.
-fn data() -> PathBuf {
-    std::env::var_os("NORTH_FINDER_DATA")
-        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), PathBuf::from)
-}
-
 /// What imu_tk itself prints for this recording (its test_imu_calib: misalignments T and inverse scale factors K, m/s² per
 /// count, at 9.81744 m/s²): T · K and the biases. The "residual 0.120131" beside it is half the sum of squares over 100
 /// readings of each of 38 rests, all of which it learned from: 0.00795 m/s² rms of a single reading.
@@ -152,7 +148,7 @@ const GRAVITY: f64 = 9.81744;
 
 #[test]
 fn a_real_recording_of_a_mems_triad() {
-    let path = data().join("mems-multi-position/counts_100hz.csv");
+    let path = measured_data().join("mems-multi-position/counts_100hz.csv");
     if !path.exists() {
         println!("skipped: no measured data (set NORTH_FINDER_DATA)");
         return;

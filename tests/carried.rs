@@ -2,10 +2,10 @@
 
 use hal_sim::Scenario;
 use hal_sim::scenario::{Carry, SensorFault, SensorFaultKind};
+use inertial::Motion;
 use north::engine::{Outcome, Setup};
-use north_finder::attitude::Motion;
 use north_finder::event::{Event, Heading, Report};
-use north_finder::heading::settings::{BlockSettings, Class};
+use north_finder::fix::heading::settings::{BlockSettings, Class};
 use north_finder::units::wrap_180_deg;
 
 use crate::common::{fix, of_scenario, run};
@@ -61,7 +61,7 @@ fn a_fix_is_held_to_another_place() {
 fn the_published_block_asks_for_a_new_fix() {
     // 4.2 °/√h for 15 s are 0.27°, and the bias that 20 s of standing leave, 3600 · 4.2/60/√20 = 56 °/h, is 0.23° more.
     let mut setup = short_walk(3);
-    setup.scenario.block = Some(proofs::trials::carried::simulated(&north_finder::attitude::BlockClass::SOURCE_MEMS));
+    setup.scenario.block = Some(proofs::trials::carried::simulated(&inertial::BlockClass::SOURCE_MEMS));
     setup.settings.as_mut().unwrap().block =
         Some(BlockSettings { class: Class::SourceMems, refix_sigma_deg: 0.25, ..BlockSettings::default() });
     let (outcome, reports) = run(&setup);

@@ -1,5 +1,6 @@
 //! What several tests need: runs of the simulated instrument.
 
+use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 use hal_sim::Scenario;
@@ -40,4 +41,10 @@ pub fn names(reports: &[Report]) -> Vec<&'static str> {
         matches!(event, Event::Second(_) | Event::Health(_) | Event::Answer { .. } | Event::SelfTest(_))
     };
     reports.iter().filter(|report| !quiet(&report.event)).map(|report| report.event.name()).collect()
+}
+
+/// The folder with measured data, which the project does not contain.
+pub fn measured_data() -> PathBuf {
+    std::env::var_os("NORTH_FINDER_DATA")
+        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), PathBuf::from)
 }

@@ -8,9 +8,11 @@ use north::model_file::ModelFile;
 use north::settings_file::write_model;
 use north::solve::solve_file;
 use north_finder::effects::now::RunFacts;
-use north_finder::level::Specific;
+use north_finder::sensing::level::Specific;
 use north_finder::settings::Settings;
 use north_finder::units::{sin_cos_deg, wrap_180_deg};
+
+use crate::common::measured_data;
 
 /// Ω cos 50° = 15.041067 · 0.6427876, °/h.
 const NORTH_DEG_H: f64 = 9.668211;
@@ -497,8 +499,7 @@ fn what_makes_no_sense_is_refused() {
 
 #[test]
 fn a_parked_vehicle_moves() {
-    let data = std::env::var_os("NORTH_FINDER_DATA").map_or_else(|| "../shared/data".into(), PathBuf::from);
-    let folder = data.join("parked-vehicle");
+    let folder = measured_data().join("parked-vehicle");
     if !Path::new(&folder).is_dir() {
         println!("skipped: {} is not there", folder.display());
         return;

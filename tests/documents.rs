@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use north::toml_file::TomlFile;
-use north_finder::heading::settings::BlockSettings;
+use north_finder::fix::heading::settings::BlockSettings;
 use north_finder::health::{Fault, Flag, Item, Refusal, TestVerdict};
 use north_finder::settings::Settings;
 use north_finder::settings::fields::{CHOICES, FIELDS, WORDS};

@@ -6,16 +6,16 @@ use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 
 use crate::common::{fix, of_scenario};
+use calibration::field::guidance::Step;
+use calibration::field::refusal::{NoCalibration, Why};
 use hal_sim::scenario::{SensorFault, SensorFaultKind};
 use hal_sim::{Scenario, World};
 use north::engine::{self, Engine, FixWanted, Outcome, Person, PowerOff, Setup, qemu};
 use north::field::{End, Obedient, calibrate};
-use north_finder::calibration::field::guidance::Step;
-use north_finder::calibration::field::refusal::{NoCalibration, Why};
 use north_finder::event::{Event, Report};
 use north_finder::health::Fault;
-use north_finder::level::Tilt;
 use north_finder::link::{Ask, Request};
+use north_finder::sensing::level::Tilt;
 use north_finder::sequence::Command;
 use north_finder::settings::store::{self, Loaded};
 

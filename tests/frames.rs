@@ -2,7 +2,7 @@
 
 use hal_sim::frames::{Frame as SimulatedFrame, kvh_a};
 use hal_sim::scenario::GyroFormat as SimulatedFormat;
-use north_finder::frame::{Frame, FrameReader};
+use north_finder::sensing::frame::{Frame, FrameReader};
 use north_finder::settings::GyroFormat;
 use proptest::prelude::*;
 

@@ -15,6 +15,7 @@ mod hidden_effects;
 mod index_slips;
 mod page;
 mod panics;
+mod parked_vehicle;
 mod qemu;
 mod recordings;
 mod replay;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use north_finder::attitude::Increment;
+use inertial::Increment;
 use north_finder::units::ARCSEC_PER_RAD;
 
 use crate::file_error::{FileError, Problem};

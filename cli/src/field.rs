@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
+use calibration::field::guidance::{Guidance, Step};
+use calibration::field::problem::Solved;
+use calibration::field::refusal::NoCalibration;
 use hal_sim::{Operator, World};
-use north_finder::calibration::field::guidance::{Guidance, Step};
-use north_finder::calibration::field::problem::Solved;
-use north_finder::calibration::field::refusal::NoCalibration;
 use north_finder::event::{Event, Report, State};
 use north_finder::health::Fault;
 use north_finder::link::{Ask, Request};

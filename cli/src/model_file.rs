@@ -6,9 +6,9 @@
 
 use std::path::{Path, PathBuf};
 
+use calibration::ellipsoid::Correction;
+use calibration::six_position;
 use nalgebra::{Matrix3, Vector3};
-use north_finder::calibration::ellipsoid::Correction;
-use north_finder::calibration::six_position;
 use north_finder::earth::{EarthRate, earth_rate};
 use north_finder::effects::basis::harmonic::BodyHarmonic;
 use north_finder::effects::{Basis, ErrorModel, IndexError, Term};
@@ -381,7 +381,7 @@ mod tests {
     #[test]
     fn a_block_is_corrected_by_the_models_of_its_triads() {
         use crate::block_csv::BlockRow;
-        use north_finder::attitude::Increment;
+        use inertial::Increment;
 
         // A tenth of a second of true rates (100, −50, 20) °/h, that is 10, −5, 2 arcsec, and of forces (0, 0, 9.81) m/s².
         // Gyros: biases 30, −20, 10 °/h add 3, −2, 1 arcsec; x reads 1.02 of itself and 0.01 of y: 10.2 − 0.05 + 3.

@@ -4,9 +4,9 @@ use std::collections::VecDeque;
 use std::io::{self, ErrorKind, Read, Write};
 use std::time::{Duration, Instant};
 
+use north_finder::event::identity::Identity;
 use north_finder::event::{Event, Report};
 use north_finder::health::Refusal;
-use north_finder::identity::Identity;
 use north_finder::link::{Ask, BAUD, BadFrame, ReportDecoder, Request, encode_request};
 use north_finder::sequence::Command;
 use north_finder::settings::Settings;

@@ -2,15 +2,15 @@
 
 use std::path::Path;
 
-use north_finder::calibration::ellipsoid::Correction;
+use calibration::ellipsoid::Correction;
 use north_finder::effects::now::RunFacts;
 use north_finder::effects::{ChannelName, Conditions, ErrorModel, HOUR_OF_DAY, MAX_CHANNELS};
 use north_finder::event::{Dwell, Fix};
 use north_finder::fix::accumulator::{Corrected, Dwells, Second};
 use north_finder::fix::dwell::DwellSummary;
-use north_finder::index::Direction;
-use north_finder::level::Specific;
-use north_finder::replay::{RawRow, Recorded, Refusal, Replay, Row as ReplayRow, Told, Waiting};
+use north_finder::instrument::replay::{RawRow, Recorded, Refusal, Replay, Row as ReplayRow, Told, Waiting};
+use north_finder::sensing::index::Direction;
+use north_finder::sensing::level::Specific;
 use north_finder::settings::Settings;
 
 use crate::campaign::{ACCELEROMETERS, INDEX, Own, Row, RunReader, TEMPERATURE};

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use north::campaign::{Campaign, CampaignWriter, Instrument, Layout, Role, Row, Run, RunReader, RunWriter};
-use north_finder::level::Specific;
+use north_finder::sensing::level::Specific;
 use proptest::prelude::*;
 
 fn read(text: &str) -> Result<Vec<Row>, String> {

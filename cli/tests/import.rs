@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use north::campaign::{Campaign, Role, Row, RunReader};
 use north::import::{Format, Map, Summary, import};
-use north_finder::level::Specific;
+use north_finder::sensing::level::Specific;
 use tempfile::TempDir;
 
 const SIMPLE: &str = r#"

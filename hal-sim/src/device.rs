@@ -1,7 +1,7 @@
 //! Handles that firmware drivers take: embedded-hal, embedded-io and embedded-storage over the plant.
 
 use crate::flash::{CAPACITY, FlashError, SECTOR, WORD};
-use crate::plant::{Shared, open};
+use crate::plant::{Shared, SpiPart, open};
 use embedded_hal::digital::{self, OutputPin};
 use embedded_hal::spi::{self, Operation, SpiDevice};
 use embedded_storage::nor_flash::{self, NorFlash, ReadNorFlash};
@@ -56,7 +56,7 @@ fn clocked_beyond_written(operation: &Operation<'_, u8>) -> usize {
 }
 
 macro_rules! spi_handle {
-    ($(#[$meta:meta])* $name:ident, $exchange:ident, $answer:ident) => {
+    ($(#[$meta:meta])* $name:ident, $device:ident) => {
         $(#[$meta])*
         #[derive(Debug, Clone)]
         pub struct $name(Shared);
@@ -68,13 +68,13 @@ macro_rules! spi_handle {
 
             /// One transaction as bytes: what the controller sends, and what it gets back, as many.
             pub fn exchange(&mut self, mosi: &[u8]) -> Vec<u8> {
-                open(&self.0).$exchange(mosi)
+                open(&self.0).exchange(SpiPart::$device, mosi)
             }
 
             /// What comes back with the last of these bytes, in a transaction that is under way. It is ended by
             /// [`Self::exchange`] with all of them; until then the device is as it was.
             pub fn answer(&mut self, mosi: &[u8]) -> u8 {
-                open(&self.0).$answer(mosi)
+                open(&self.0).answer(SpiPart::$device, mosi)
             }
         }
 
@@ -93,15 +93,15 @@ macro_rules! spi_handle {
 
 spi_handle! {
     /// The ADXL355 behind its select line. A broken bus gives bytes, not errors, as on a real one.
-    AccelerometerSpi, exchange_accelerometer, answer_accelerometer
+    AccelerometerSpi, Accelerometer
 }
 spi_handle! {
     /// The ADIS16505 behind its select line, where the scenario has a block: bytes of ones otherwise.
-    BlockSpi, exchange_block, answer_block
+    BlockSpi, Block
 }
 spi_handle! {
     /// The AS5048A behind its select line. Each transaction is one 16-bit frame.
-    EncoderSpi, exchange_encoder, answer_encoder
+    EncoderSpi, Encoder
 }
 
 /// Which input of the motor driver a pin goes to.

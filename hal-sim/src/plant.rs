@@ -29,6 +29,14 @@ pub(crate) fn open(plant: &Shared) -> MutexGuard<'_, Plant> {
 /// Length of a slot, s: an eighth of a tick.
 const SLOT_S: f64 = 0.0025 / 8.0;
 
+/// A device behind a select line.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum SpiPart {
+    Accelerometer,
+    Block,
+    Encoder,
+}
+
 /// Everything that has a state.
 #[derive(Debug, Clone)]
 pub struct Plant {
@@ -159,49 +167,40 @@ impl Plant {
         }
     }
 
-    pub fn exchange_accelerometer(&mut self, mosi: &[u8]) -> Vec<u8> {
+    /// A transaction with one of the devices: what it gets, and what comes back, as many bytes.
+    pub fn exchange(&mut self, device: SpiPart, mosi: &[u8]) -> Vec<u8> {
+        let t_s = self.t_s();
+        match device {
+            SpiPart::Accelerometer => {
+                let felt = self.felt();
+                self.accelerometer.exchange(mosi, &felt)
+            }
+            SpiPart::Block => match &mut self.block {
+                Some(block) => block.exchange(mosi, t_s, self.errors.housing_c()),
+                None => vec![0xFF; mosi.len()],
+            },
+            SpiPart::Encoder => self.encoder.exchange(mosi, self.drive.index_deg(), t_s),
+        }
+    }
+
+    /// What comes back with the last of these bytes, in a transaction that is under way: the devices stay as they were.
+    pub fn answer(&mut self, device: SpiPart, mosi: &[u8]) -> u8 {
+        let before = (self.accelerometer.clone(), self.block.clone(), self.encoder.clone());
+        // By a byte longer, so that no device takes the frame for cut off in the middle.
+        let miso = self.exchange(device, &[mosi, &[0]].concat());
+        (self.accelerometer, self.block, self.encoder) = before;
+        mosi.len().checked_sub(1).and_then(|last| miso.get(last)).copied().unwrap_or_default()
+    }
+
+    fn felt(&self) -> Felt {
         let attitude = &self.tracker.pose().attitude;
         let walk_g = attitude.inverse() * acceleration_m_s2(self.way.as_ref(), self.t_s()) / geometry::GRAVITY_M_S2;
-        let felt = Felt {
+        Felt {
             t_s: self.t_s(),
             force_g: geometry::specific_force_g(attitude) + walk_g + self.hand.shake_g(),
             vibration_g: self.scenario.base.vibration_g,
             temp_c: self.errors.temp_c(),
-        };
-        self.accelerometer.exchange(mosi, &felt)
-    }
-
-    pub fn exchange_block(&mut self, mosi: &[u8]) -> Vec<u8> {
-        let (t_s, temp_c) = (self.t_s(), self.errors.housing_c());
-        match &mut self.block {
-            Some(block) => block.exchange(mosi, t_s, temp_c),
-            None => vec![0xFF; mosi.len()],
         }
-    }
-
-    pub fn exchange_encoder(&mut self, mosi: &[u8]) -> Vec<u8> {
-        self.encoder.exchange(mosi, self.drive.index_deg(), self.t_s())
-    }
-
-    pub fn answer_accelerometer(&mut self, mosi: &[u8]) -> u8 {
-        let before = self.accelerometer.clone();
-        let miso = self.exchange_accelerometer(&begun(mosi));
-        self.accelerometer = before;
-        answer(mosi, &miso)
-    }
-
-    pub fn answer_block(&mut self, mosi: &[u8]) -> u8 {
-        let before = self.block.clone();
-        let miso = self.exchange_block(&begun(mosi));
-        self.block = before;
-        answer(mosi, &miso)
-    }
-
-    pub fn answer_encoder(&mut self, mosi: &[u8]) -> u8 {
-        let before = self.encoder.clone();
-        let miso = self.exchange_encoder(&begun(mosi));
-        self.encoder = before;
-        answer(mosi, &miso)
     }
 
     pub fn receive(&mut self) -> Option<u8> {
@@ -212,16 +211,6 @@ impl Plant {
     pub fn has_received(&self) -> bool {
         self.line.is_ready(self.t_s())
     }
-}
-
-/// A transaction that has begun with these bytes: by a byte longer, so that no device takes a frame for cut off in the middle.
-fn begun(mosi: &[u8]) -> Vec<u8> {
-    [mosi, &[0]].concat()
-}
-
-/// What came back with the last of these bytes.
-fn answer(mosi: &[u8], miso: &[u8]) -> u8 {
-    mosi.len().checked_sub(1).and_then(|last| miso.get(last)).copied().unwrap_or_default()
 }
 
 /// Of the place of the instrument, east, north, up.

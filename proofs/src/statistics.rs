@@ -15,7 +15,7 @@ pub fn rms(values: impl IntoIterator<Item = f64>) -> f64 {
 
 /// The middle of these; not-a-number of nothing.
 pub fn median(mut values: Vec<f64>) -> f64 {
-    north_finder::median::median(&mut values).unwrap_or(f64::NAN)
+    quantities::median::median(&mut values).unwrap_or(f64::NAN)
 }
 
 /// 95 % interval of the standard deviation of Gaussian errors whose rms with this many degrees of freedom is this:

@@ -3,8 +3,8 @@
 use hal_sim::vessel::electrostatic::{EsgClass, Orientation};
 use hal_sim::vessel::ship::{Leg, Modulation, Voyage, Waves};
 use hal_sim::vessel::water::WaterClass;
-use north_finder::attitude::filter::measurement::Source;
-use north_finder::attitude::filter::{Mode, StartSigmas};
+use inertial::filter::measurement::Source;
+use inertial::filter::{Mode, StartSigmas};
 use proofs::trials::aided::{Aids, Case, Class, antennas, run};
 use proofs::trials::dive::{self, Dive};
 

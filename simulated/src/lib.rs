@@ -12,12 +12,12 @@ pub use stepper::Stepper;
 
 use embedded_io::Read as _;
 use hal_sim::{AccelerometerSpi, BlockSpi, EncoderSpi, GyroLine, Pin, World};
+use north_finder::drivers::intake::Intake;
 use north_finder::drivers::sensors::Sensors;
 use north_finder::drivers::step_motor::{SLOTS_PER_TICK, StepMotor};
 use north_finder::event::Report;
-use north_finder::index::MotorCommand;
 use north_finder::instrument::Readings;
-use north_finder::intake::Intake;
+use north_finder::sensing::index::MotorCommand;
 use north_finder::sequence::work::Outcome;
 
 /// Sees what enters the instrument at every tick: readings and gyro bytes.

@@ -1,11 +1,11 @@
 //! The instrument with the work on its seconds, done at once or some ticks later.
 
 use hal_sim::Flash;
+use north_finder::drivers::intake::Intake;
 use north_finder::event::Report;
-use north_finder::identity::Identity;
+use north_finder::event::identity::Identity;
 use north_finder::instrument::workspace::Workspace;
 use north_finder::instrument::{Instrument, Orders, Readings};
-use north_finder::intake::Intake;
 use north_finder::sequence::work::{Outcome, SecondWork};
 
 /// The instrument, and the second that is being worked on.

@@ -9,7 +9,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::exception;
-use north_finder::restart::{self, Cause, Crash, Provocation, Text, WORDS};
+use north_finder::event::restart::{self, Cause, Crash, Provocation, Text, WORDS};
 
 unsafe extern "C" {
     static _stack_start: u32;

@@ -1,7 +1,7 @@
 //! The test of the memory that nothing uses.
 
 use cortex_m_rt::STACK_PAINT_VALUE;
-use north_finder::restart::WORDS;
+use north_finder::event::restart::WORDS;
 
 unsafe extern "C" {
     /// Where the variables end.

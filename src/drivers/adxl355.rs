@@ -3,8 +3,7 @@
 //! Source of registers and scale: Analog Devices, "ADXL354/ADXL355", data sheet revision B.
 
 use embedded_hal::spi::SpiDevice;
-
-use crate::codes::TriadCode;
+use quantities::codes::TriadCode;
 
 const DEVID_AD: u8 = 0x00;
 const STATUS: u8 = 0x04;

@@ -8,8 +8,7 @@
 //! Source: ams, "AS5048A/AS5048B", data sheet v1-11.
 
 use embedded_hal::spi::SpiDevice;
-
-use crate::codes::IndexCode;
+use quantities::codes::IndexCode;
 
 const CLEAR_ERROR: u16 = 0x0001;
 const DIAGNOSTICS: u16 = 0x3FFD;

@@ -1,11 +1,11 @@
 //! Which sensor is read at which tick: one schedule for the board, QEMU and the in-process run.
 
 use embedded_hal::spi::SpiDevice;
+use quantities::codes::{IndexCode, TriadCode};
 
 use super::adis16505::{Adis16505, Increments};
 use super::adxl355::{Adxl355, Error, Mode};
 use super::as5048a::As5048a;
-use crate::codes::{IndexCode, TriadCode};
 
 /// Every sensor is read at every fourth tick (100 Hz), no two of them at one.
 const PERIOD_TICKS: u64 = 4;

@@ -10,7 +10,7 @@ use core::convert::Infallible;
 use embedded_hal::digital::OutputPin;
 use micromath::F32;
 
-use crate::index::{IndexSettings, MotorCommand};
+use crate::sensing::index::{IndexSettings, MotorCommand};
 
 /// Slots in a second.
 pub const SLOTS_HZ: u16 = 3200;

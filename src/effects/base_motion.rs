@@ -1,8 +1,7 @@
 //! Motion of the base, as the accelerometers feel it: taken out of the rate row by row.
 
+use quantities::limits::{Invalid, within};
 use serde::{Deserialize, Serialize};
-
-use crate::limits::{Invalid, within};
 
 /// How the accelerometers feel the base.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -1,8 +1,8 @@
 //! What a second was like: all that effects can depend on.
 
 use super::channel::{ChannelName, FORWARD, LEFT, MAX_CHANNELS, TEMPERATURE};
-use crate::index::Direction;
-use crate::level::Specific;
+use crate::sensing::index::Direction;
+use crate::sensing::level::Specific;
 
 /// A second, or a longer row of a recording.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,9 +1,8 @@
 //! How far the model itself may be wrong: what widens the sigma of every azimuth that it is used for.
 
 use heapless::Vec;
+use quantities::limits::{Invalid, finite, positive, within};
 use serde::{Deserialize, Serialize};
-
-use crate::limits::{Invalid, finite, positive, within};
 
 /// Most coefficients of all terms and weights of all effects together.
 pub const MAX_COEFFICIENTS: usize = 96;

@@ -1,9 +1,9 @@
 //! Fields fixed to the Earth, which the gyro takes for rates: the Earth's magnetic field on an unshielded coil.
 
+use quantities::limits::{Invalid, finite};
 use serde::{Deserialize, Serialize};
 
 use crate::earth::EarthRate;
-use crate::limits::{Invalid, finite};
 use crate::units::{DEG_PER_RAD, wrap_360_deg};
 
 /// Adds east_deg_h · sin α + north_deg_h · cos α, α the azimuth of the axis. Turns the answer.

@@ -3,6 +3,7 @@
 use core::fmt;
 
 use heapless::Vec;
+use quantities::limits::{Invalid, finite, within};
 use serde::{Deserialize, Serialize};
 
 use super::channel::ChannelName;
@@ -10,7 +11,6 @@ use super::factor::{Factor, Memory};
 use super::now::Now;
 use super::signal::Signal;
 use crate::bounded::bounded;
-use crate::limits::{Invalid, finite, within};
 
 /// Most factors of one effect.
 pub const MAX_FACTORS: usize = 3;

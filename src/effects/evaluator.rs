@@ -14,7 +14,7 @@ use super::term::Memory;
 use super::track::Track;
 use super::window::Window;
 use super::{ErrorModel, MAX_EFFECTS, MAX_TERMS, MAX_WINDOWS};
-use crate::level::Specific;
+use crate::sensing::level::Specific;
 
 /// Most steps of Newton's method, the half width of its slopes, and their least value.
 const NEWTON_STEPS: usize = 12;

@@ -3,6 +3,7 @@
 use core::fmt;
 
 use heapless::Vec;
+use quantities::limits::Invalid;
 use serde::{Deserialize, Serialize};
 
 use super::channel::ChannelName;
@@ -11,7 +12,6 @@ use super::part::Constant;
 use super::shape::{MAX_FUNCTIONS, Shape};
 use super::signal::Signal;
 use crate::bounded::bounded;
-use crate::limits::Invalid;
 
 /// Most dynamics in a row: the memory of a rate takes two.
 pub const MAX_CHAIN: usize = 2;

@@ -1,9 +1,9 @@
 //! The encoder: what the index angle reads wrongly.
 
+use quantities::limits::{Invalid, finite};
 use serde::{Deserialize, Serialize};
 
-use crate::index::Direction;
-use crate::limits::{Invalid, finite};
+use crate::sensing::index::Direction;
 use crate::units::sin_cos_deg;
 
 /// The index angle reads too large by offset + cos_deg · cos θ + sin_deg · sin θ, degrees.

@@ -42,11 +42,11 @@ pub use sinusoid::Sinusoid;
 pub use term::Term;
 
 use heapless::Vec;
+use quantities::limits::{Invalid, finite, within};
 use serde::{Deserialize, Serialize};
 
 use crate::earth::EarthRate;
-use crate::index::Direction;
-use crate::limits::{Invalid, finite, within};
+use crate::sensing::index::Direction;
 use carried::MAX_GATES;
 use doubt::MAX_COEFFICIENTS;
 use effect::Port;

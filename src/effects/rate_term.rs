@@ -2,9 +2,8 @@
 
 use core::fmt;
 
+use quantities::limits::{Invalid, finite, positive, within};
 use serde::{Deserialize, Serialize};
-
-use crate::limits::{Invalid, finite, positive, within};
 
 /// An effect of the rate. ω, °/h, is the rate without the effects of rate and without all others, less `centre_deg_h`: the
 /// gyro's usual bias, where this is not a part of what is distorted, else 0.

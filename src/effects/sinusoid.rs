@@ -1,8 +1,7 @@
 //! A sinusoidal disturbance whose phase is another in every fix: the solution estimates its parts.
 
+use quantities::limits::{Invalid, positive};
 use serde::{Deserialize, Serialize};
-
-use crate::limits::{Invalid, positive};
 
 /// What is known of it beforehand.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

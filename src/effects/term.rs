@@ -3,12 +3,12 @@
 use core::fmt;
 
 use heapless::Vec;
+use quantities::limits::{Invalid, finite};
 use serde::{Deserialize, Serialize};
 
 use super::basis::{Basis, Missing, Now};
 use super::channel::ChannelName;
 use crate::bounded::bounded;
-use crate::limits::{Invalid, finite};
 
 /// Most coefficients of one term: a surface of two channels on a grid of four by five.
 pub const MAX_TERM_COEFFICIENTS: usize = 20;

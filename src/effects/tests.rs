@@ -13,8 +13,8 @@ use super::effect::Port;
 use super::factor::Factor;
 use super::rate_term::DeadZoneForm;
 use super::*;
-use crate::index::Direction;
-use crate::level::Specific;
+use crate::sensing::index::Direction;
+use crate::sensing::level::Specific;
 use std::string::ToString;
 
 fn model(terms: &[Term]) -> ErrorModel {

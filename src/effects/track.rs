@@ -78,7 +78,7 @@ impl Track {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::index::Direction;
+    use crate::sensing::index::Direction;
 
     /// Rest at 350°, a move over two rows to 10° and 80°, rest: 90° counter-clockwise through north, resting from 3 s on.
     #[test]

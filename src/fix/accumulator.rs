@@ -1,6 +1,6 @@
 //! The one accumulator: seconds and the boundaries of dwells in, the fix out.
 //!
-//! Whoever runs a fix only says where a dwell begins and ends: [`crate::sequence`] commands a motor, [`crate::replay`] finds
+//! Whoever runs a fix only says where a dwell begins and ends: [`crate::sequence`] commands a motor, [`crate::instrument::replay`] finds
 //! the dwells of a recording or reads them from it. Everything else is done here, once: the error model second by second, the
 //! statistics of a dwell, the watch of the temperature, the flags, the solution. Equal seconds and boundaries give equal
 //! azimuths, with all digits.
@@ -15,10 +15,10 @@ use crate::earth::EarthRate;
 use crate::effects::carried::CarriedSums;
 use crate::effects::now::RunFacts;
 use crate::effects::{Carried, Conditions, Correction, ErrorModel, Evaluator};
-use crate::gates::Gate;
 use crate::health::{Flag, Flags};
-use crate::index::Direction;
-use crate::level::{LevelMoments, Specific};
+use crate::sensing::gates::Gate;
+use crate::sensing::index::Direction;
+use crate::sensing::level::{LevelMoments, Specific};
 use crate::units::wrap_180_deg;
 
 /// Temperature change during a fix that an error model must cover, K.

@@ -11,7 +11,7 @@ use crate::effects::now::{Belief, Now, RunFacts};
 use crate::effects::track::Track;
 use crate::effects::{Conditions, ErrorModel};
 use crate::fix::DesignRow;
-use crate::index::Direction;
+use crate::sensing::index::Direction;
 use crate::units::{DEG_PER_RAD, RAD_PER_DEG, sin_cos_deg, wrap_360_deg};
 
 /// Half width of the difference from which the slope against the azimuth is taken, degrees: the azimuth of one pass over an uncalibrated

@@ -1,8 +1,8 @@
 //! The design row: what a rate says of azimuth and bias. The solution and the diagnosis share it.
 
 use crate::earth::EarthRate;
-use crate::index::Direction;
-use crate::level::Specific;
+use crate::sensing::index::Direction;
+use crate::sensing::level::Specific;
 
 /// One row of the linear equations of a fix: rate = `cos` · h cos ψ + `sin` · h sin ψ + bias + `vertical_deg_h`, h = Ω cos φ.
 #[derive(Clone, Copy, Debug, PartialEq)]

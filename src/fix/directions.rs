@@ -3,7 +3,7 @@
 use super::design::DesignRow;
 use super::dwell::DwellSummary;
 use crate::earth::EarthRate;
-use crate::index::Direction;
+use crate::sensing::index::Direction;
 use crate::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_360_deg};
 
 /// Azimuth by dwells in two directions, degrees in [0°, 360°), the gyro's bias taken as none: a bias b makes it wrong by up to

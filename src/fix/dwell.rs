@@ -10,7 +10,7 @@ use heapless::Vec;
 
 use crate::bounded::bounded;
 use crate::effects::Carried;
-use crate::level::{LevelMoments, Specific};
+use crate::sensing::level::{LevelMoments, Specific};
 
 /// Rows that are kept.
 pub const MAX_ROWS: usize = 128;
@@ -561,7 +561,7 @@ impl Sums {
 fn median(rows: &[Row], value: impl Fn(&Row) -> f64) -> Option<f64> {
     // A dwell has no more rows than there are places.
     let mut values: Vec<f64, MAX_ROWS> = bounded(rows.iter().map(value).filter(|value| value.is_finite()));
-    crate::median::median(&mut values)
+    quantities::median::median(&mut values)
 }
 
 impl DwellSummary {

@@ -3,7 +3,7 @@
 //! A reading that jumps is a spindle that moved, or an encoder that slipped on it. The second in which it happens is known at
 //! once; which of the two it was, only the gyro can say, from the dwells before and after: see [`super::solve`].
 
-use crate::index::Direction;
+use crate::sensing::index::Direction;
 use crate::units::wrap_180_deg;
 
 /// Seconds that must agree before a jump is one. (A drive that turns never rests that long, and a slow rotation is

@@ -24,13 +24,12 @@ mod directions;
 mod doubt;
 pub mod dwell;
 mod estimate;
+pub mod heading;
 pub mod index_watch;
 mod motion;
 pub mod moving_base;
 mod noise;
 mod observation;
-#[cfg(test)]
-mod parked_vehicle;
 mod problem;
 pub mod sinusoid;
 mod solution;
@@ -44,8 +43,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::earth::EarthRate;
 use crate::health::{Fault, Flags};
-use crate::level::{LevelDrift, Tilt};
-use crate::sample::GyroSettings;
+use crate::sensing::level::{LevelDrift, Tilt};
+use crate::sensing::sample::GyroSettings;
 pub use causes::solve;
 pub use design::DesignRow;
 pub use directions::{coarse_azimuth_deg, east_index_deg, west_index_deg, white_noise_bound_deg};

@@ -318,7 +318,7 @@ mod tests {
     use std::vec::Vec;
 
     use super::*;
-    use crate::level::LevelMoments;
+    use crate::sensing::level::LevelMoments;
 
     const VELOCITY: BaseMotion = BaseMotion { velocity: true, lag_s: 0.0 };
 

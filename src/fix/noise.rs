@@ -170,7 +170,7 @@ mod tests {
     use crate::fix::dwell::{DwellRows, DwellSummary, Row};
     use crate::fix::solve;
     use crate::fix::tests::normal;
-    use crate::sample::GyroSettings;
+    use crate::sensing::sample::GyroSettings;
     use crate::units::{sin_cos_deg, wrap_180_deg};
 
     const FIXES: u64 = 300;
@@ -192,7 +192,7 @@ mod tests {
             level_sigma_deg: 0.0,
             calibrated: true,
             level_calibrated: true,
-            level_drift: crate::level::LevelDrift::default(),
+            level_drift: crate::sensing::level::LevelDrift::default(),
         };
         let mut state = 5;
         let mut normal = || normal(&mut state);

@@ -15,7 +15,7 @@ use super::sinusoid::Fitted;
 use crate::earth::EarthRate;
 use crate::effects::doubt::MAX_DIRECTIONS;
 use crate::effects::effect::Port;
-use crate::index::Direction;
+use crate::sensing::index::Direction;
 
 /// The dwells of a fix with what belongs to all of them.
 pub(super) struct Problem<'a> {

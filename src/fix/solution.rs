@@ -18,7 +18,7 @@ use super::{Declared, Fix, Unsolvable};
 use crate::earth::EarthRate;
 use crate::effects::ErrorModel;
 use crate::health::{Flag, Flags};
-use crate::level::{Specific, Tilt};
+use crate::sensing::level::{Specific, Tilt};
 use crate::units::{DEG_PER_RAD, sin_cos_deg, wrap_180_deg};
 
 /// The horizontal rate is a signal above so many of its standard deviations. Five: noise alone passes it in four of 10⁶ fixes (e^(−25/2)).

@@ -53,7 +53,7 @@ pub fn declared(latitude_deg: f64) -> Declared {
         gyro: GyroSettings::default(),
         index_sigma_deg: 0.02,
         level_sigma_deg: 0.01,
-        level_drift: crate::level::LevelSettings::default().drift(),
+        level_drift: crate::sensing::level::LevelSettings::default().drift(),
         calibrated: true,
         level_calibrated: true,
     }

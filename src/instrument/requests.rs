@@ -6,13 +6,13 @@ use embedded_storage::nor_flash::NorFlash;
 
 use super::workspace::Workspace;
 use super::{Instrument, Orders, Readings, Streaming, calibration_events};
+use crate::drivers::intake::Intake;
+use crate::event::restart::Text;
 use crate::event::{Event, State};
 use crate::health::{Fault, Refusal};
-use crate::index::MotorCommand;
-use crate::intake::Intake;
 use crate::link::{Ask, Request};
-use crate::restart::Text;
-use crate::sample::SAMPLE_S;
+use crate::sensing::index::MotorCommand;
+use crate::sensing::sample::SAMPLE_S;
 use crate::sequence::Command;
 use crate::sequence::work::SecondWork;
 use crate::settings::Settings;

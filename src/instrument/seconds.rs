@@ -6,15 +6,15 @@
 
 use core::ops::DerefMut;
 
+use super::gather::Gathered;
 use super::workspace::Workspace;
 use super::{Instrument, Streaming};
+use crate::event::raw::Stream;
 use crate::event::{self, Event};
-use crate::gather::Gathered;
 use crate::health::Fault;
-use crate::index::{IndexAngle, MotorCommand};
-use crate::level::LevelMoments;
-use crate::raw::Stream;
-use crate::sample::{RateSecond, SAMPLE_S};
+use crate::sensing::index::{IndexAngle, MotorCommand};
+use crate::sensing::level::LevelMoments;
+use crate::sensing::sample::{RateSecond, SAMPLE_S};
 use crate::sequence::Observed;
 use crate::sequence::work::{Outcome, SecondWork};
 

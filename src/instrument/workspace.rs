@@ -1,8 +1,9 @@
 //! Room for what is never there at the same time: settings on their way, the attitudes of a calibration, and its answer.
 
-use crate::calibration::field::collection::Collection;
-use crate::calibration::field::problem::Solved;
-use crate::calibration::field::refusal::{NoCalibration, Why};
+use calibration::field::collection::Collection;
+use calibration::field::problem::Solved;
+use calibration::field::refusal::{NoCalibration, Why};
+
 use crate::settings::pieces::Incoming;
 
 /// One of them. The instrument owns it, and lends it to whoever solves a calibration.
@@ -63,7 +64,7 @@ impl Workspace {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bytes::{Bytes, Piece};
+    use crate::event::bytes::{Bytes, Piece};
     use crate::health::Refusal;
     use crate::settings::store::VERSION;
 

@@ -8,7 +8,7 @@
 //! Where the coarse rates are not the Earth's, or what follows contradicts them, the fix begins anew with the mirrored four positions;
 //! where the index slipped they follow what was measured, so that dwells before and after tell what it was that slipped.
 
-use crate::index::IndexSettings;
+use crate::sensing::index::IndexSettings;
 use crate::units::{DEG_PER_RAD, wrap_180_deg};
 
 /// Least and most seconds of a coarse dwell: of three the scatter is known, and no noise that allows an azimuth asks for more than sixty.

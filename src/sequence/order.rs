@@ -1,9 +1,8 @@
 //! Orders of positions: which index angles, one after the other.
 
 use heapless::Vec;
+use quantities::limits::{Invalid, within};
 use serde::{Deserialize, Serialize};
-
-use crate::limits::{Invalid, within};
 
 /// Most positions that an order can have.
 pub const MAX_POSITIONS: usize = 16;

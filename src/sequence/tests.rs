@@ -6,13 +6,13 @@ use core::cell::Cell;
 use core::convert::Infallible;
 
 use embedded_hal::digital::{ErrorType, OutputPin};
+use quantities::codes::IndexCode;
 
 use super::*;
-use crate::codes::IndexCode;
 use crate::drivers::step_motor::{SLOTS_PER_TICK, StepMotor};
 use crate::effects::{Conditions, ErrorModel};
-use crate::index::{Direction, IndexSettings};
-use crate::sample::{SAMPLE_S, SAMPLES_PER_SECOND};
+use crate::sensing::index::{Direction, IndexSettings};
+use crate::sensing::sample::{SAMPLE_S, SAMPLES_PER_SECOND};
 use crate::settings::Settings;
 use crate::units::wrap_180_deg;
 

@@ -1,8 +1,8 @@
 //! One move of the index, watched through the encoder.
 
 use crate::health::Fault;
-use crate::index::{IndexSettings, MotorCommand};
-use crate::sample::SAMPLE_S;
+use crate::sensing::index::{IndexSettings, MotorCommand};
+use crate::sensing::sample::SAMPLE_S;
 
 /// The motor starts one tick after the command, and the tick after that shows it turning.
 const START_TICKS: u32 = 4;

@@ -9,7 +9,7 @@ use heapless::Vec;
 use super::{Observed, Sequencer};
 use crate::event::Event;
 use crate::fix::accumulator::Second;
-use crate::index::{IndexAngle, MotorCommand};
+use crate::sensing::index::{IndexAngle, MotorCommand};
 
 /// Most events of a second: two of a slip, and then what follows a dwell's end: coarse azimuth, time to go, move and state.
 const MOST_EVENTS: usize = 6;

@@ -1,9 +1,10 @@
 //! Everything that can be set by a number or a word: name, unit, limits, meaning. The firmware checks by this table, `north settings
 //! describe` prints it, and docs/settings.md is it.
 
+use quantities::limits::Invalid;
+
 use super::Settings;
 use crate::earth::EARTH_RATE_DEG_H;
-use crate::limits::Invalid;
 
 /// A number that can be set.
 #[derive(Clone, Copy)]
@@ -207,7 +208,7 @@ pub fn violations(settings: &Settings) -> impl Iterator<Item = Invalid> + '_ {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::heading::settings::BlockSettings;
+    use crate::fix::heading::settings::BlockSettings;
 
     #[test]
     fn the_defaults_are_allowed_and_every_number_has_words() {

@@ -7,19 +7,19 @@ pub mod fields;
 pub mod pieces;
 pub mod store;
 
+pub use calibration::accelerometer::AccelerometerCalibration;
+use calibration::ellipsoid::Correction;
+pub use quantities::limits::Invalid;
 use serde::{Deserialize, Serialize};
 
-pub use crate::calibration::accelerometer::AccelerometerCalibration;
-pub use crate::frame::GyroFormat;
-pub use crate::gates::GateSettings;
-pub use crate::heading::settings::BlockSettings;
-pub use crate::index::IndexSettings;
-pub use crate::level::LevelSettings;
-pub use crate::limits::Invalid;
-pub use crate::sample::GyroSettings;
+pub use crate::fix::heading::settings::BlockSettings;
+pub use crate::sensing::frame::GyroFormat;
+pub use crate::sensing::gates::GateSettings;
+pub use crate::sensing::index::IndexSettings;
+pub use crate::sensing::level::LevelSettings;
+pub use crate::sensing::sample::GyroSettings;
 pub use crate::sequence::order::SequenceSettings;
 
-use crate::calibration::ellipsoid::Correction;
 use crate::earth::earth_rate;
 use crate::effects::ErrorModel;
 use crate::fix::Declared;

@@ -5,7 +5,7 @@ use heapless::Vec;
 
 use super::Settings;
 use super::store::{self, MAX_SETTINGS, SaveError, VERSION};
-use crate::bytes::Piece;
+use crate::event::bytes::Piece;
 use crate::health::Refusal;
 
 /// Settings that come piece by piece, in order.

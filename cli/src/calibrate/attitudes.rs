@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use north_finder::calibration::ellipsoid::attitude::{Attitude, OUTLIER_SIGMAS};
-use north_finder::calibration::statistics::{SIGMA_PER_MEDIAN_DEVIATION, median};
+use calibration::ellipsoid::attitude::{Attitude, OUTLIER_SIGMAS};
+use calibration::statistics::SIGMA_PER_MEDIAN_DEVIATION;
+use quantities::median::median;
 use serde::Serialize;
 
 use super::columns::{self, Column, Table};

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use csv::{ByteRecord, ReaderBuilder, Trim};
-use north_finder::calibration::statistics::median;
+use quantities::median::median;
 
 use crate::file_error::{FileError, Place, Problem};
 use crate::input;

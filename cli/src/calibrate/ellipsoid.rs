@@ -2,9 +2,7 @@
 
 use std::path::Path;
 
-use north_finder::calibration::ellipsoid::{
-    self, Calibration, Correction, Entry, Misalignments, Refusal, Role, nominal, norm_rms,
-};
+use calibration::ellipsoid::{self, Calibration, Correction, Entry, Misalignments, Refusal, Role, nominal, norm_rms};
 use serde::Serialize;
 
 use super::attitudes::{self, AttitudesError, Dwell, Rejected};

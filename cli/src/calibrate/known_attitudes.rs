@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use north_finder::calibration::ellipsoid::Correction;
-use north_finder::calibration::known_attitudes::{self, Attitudes, Calibration, Position, Refusal};
+use calibration::ellipsoid::Correction;
+use calibration::known_attitudes::{self, Attitudes, Calibration, Position, Refusal};
 use serde::Serialize;
 
 use super::attitudes::{self, AttitudesError, Dwell, Rejected};

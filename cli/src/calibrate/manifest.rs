@@ -3,8 +3,8 @@
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-use north_finder::calibration::six_position::Knowledge;
-use north_finder::calibration::six_position::axes::Axes;
+use calibration::six_position::Knowledge;
+use calibration::six_position::axes::Axes;
 use serde::Deserialize;
 use toml::Spanned;
 

@@ -1,7 +1,7 @@
 //! Finds the still intervals of a continuous recording.
 
-use north_finder::calibration::statistics::median;
-use north_finder::calibration::still::{Block, BlockMean, Rest};
+use calibration::still::{Block, BlockMean, Rest};
+use quantities::median::median;
 
 /// Time that readings of a block span, s, where the rate allows it.
 const BLOCK_S: f64 = 0.25;

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use north_finder::calibration::six_position::dwell::Dwell;
-use north_finder::calibration::six_position::published::{self, Published};
-use north_finder::calibration::six_position::{self, Calibration, Position, Refusal};
+use calibration::six_position::dwell::Dwell;
+use calibration::six_position::published::{self, Published};
+use calibration::six_position::{self, Calibration, Position, Refusal};
 use serde::Serialize;
 
 use super::columns::{Column, Table};
@@ -210,7 +210,7 @@ fn means(rows: &[[f64; 5]], intervals: &[(f64, f64)], from_s: f64, mean_s: f64) 
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
-    north_finder::median::median(&mut values).unwrap_or(0.0)
+    quantities::median::median(&mut values).unwrap_or(0.0)
 }
 
 #[cfg(test)]

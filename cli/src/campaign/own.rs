@@ -1,9 +1,9 @@
 //! What a recording of the instrument says beyond the columns of the format: all that its fix used, so that a replay is
 //! that fix, with all digits.
 
-use north_finder::gates::Gate;
-use north_finder::level::Specific;
-use north_finder::replay::Mark;
+use north_finder::instrument::replay::Mark;
+use north_finder::sensing::gates::Gate;
+use north_finder::sensing::level::Specific;
 
 /// Bits of the column `read`: what was read in a row. The others repeat their last reading.
 pub const TEMPERATURE: u8 = 1;
@@ -31,7 +31,7 @@ impl Own {
     pub fn interval_s(&self) -> f64 {
         match self {
             Self::Second { .. } => 1.0,
-            Self::Raw { .. } => north_finder::sample::SAMPLE_S,
+            Self::Raw { .. } => north_finder::sensing::sample::SAMPLE_S,
         }
     }
 

@@ -5,9 +5,9 @@ use std::io::{Chain, Read};
 use std::path::{Path, PathBuf};
 
 use csv::{ByteRecord, Reader, ReaderBuilder, Terminator, Trim};
+use quantities::median::median;
 
-use north_finder::level::Specific;
-use north_finder::median::median;
+use north_finder::sensing::level::Specific;
 
 use super::own::{self, MOMENTS, Own, UP};
 use crate::file_error::{FileError, Place, Problem};

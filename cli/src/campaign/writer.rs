@@ -4,7 +4,7 @@ use std::fs::{self, File};
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
-use north_finder::level::Specific;
+use north_finder::sensing::level::Specific;
 use serde::Serialize;
 
 use super::manifest::FORMAT;

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 
 use clap::Args;
-use north_finder::attitude::{AlignError, Aligned, Alignment, NoiseOfRate};
+use inertial::{AlignError, Aligned, Alignment, NoiseOfRate};
 use north_finder::earth::earth_rate;
 
 use super::number;

@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use hal_sim::{Operator, World};
 use north_finder::event::{Event, Report, State};
+use north_finder::link::nmea::{self, Mode};
 use north_finder::link::{Ask, Request, RequestDecoder, encode_report};
-use north_finder::nmea::{self, Mode};
-use north_finder::sample::SAMPLE_S;
+use north_finder::sensing::sample::SAMPLE_S;
 use north_finder::sequence::Command;
 use serialport::{SerialPort, TTYPort};
 

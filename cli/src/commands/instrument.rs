@@ -72,6 +72,19 @@ fn accuracy(text: &str) -> Result<f64, String> {
     }
 }
 
+impl OrderName {
+    /// As on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Plain => "plain",
+            Self::Source => "source",
+            Self::Mirrored => "mirrored",
+            Self::EastWest => "east-west",
+            Self::Adaptive => "adaptive",
+        }
+    }
+}
+
 impl From<OrderName> for Order {
     fn from(name: OrderName) -> Self {
         match name {

@@ -4,9 +4,9 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use north_finder::attitude::filter::Mode;
-use north_finder::attitude::filter::block::BlockErrors;
-use north_finder::attitude::{Angles, BlockClass, Motion};
+use inertial::filter::Mode;
+use inertial::filter::block::BlockErrors;
+use inertial::{Angles, BlockClass, Motion};
 use schemars::JsonSchema;
 use serde::Serialize;
 

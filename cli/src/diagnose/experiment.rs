@@ -2,8 +2,8 @@
 //! what they are expected to tell.
 
 use north_finder::fix::DesignRow;
-use north_finder::index::Direction;
-use north_finder::level::Specific;
+use north_finder::sensing::index::Direction;
+use north_finder::sensing::level::Specific;
 use north_finder::units::wrap_360_deg;
 use rayon::prelude::*;
 

@@ -102,7 +102,7 @@ pub fn dwells_of(run: &RunData, model: &ErrorModel) -> Option<RunData> {
         let number_of_samples = inside.len() as f64;
         let mean = |value: &dyn Fn(usize) -> f64| inside.clone().map(value).sum::<f64>() / number_of_samples;
         let first = run.samples[inside.clone()].first()?;
-        let level = first.level.map(|_| north_finder::level::Specific {
+        let level = first.level.map(|_| north_finder::sensing::level::Specific {
             forward: mean(&|i| run.samples[i].level.map_or(0.0, |level| level.forward)),
             left: mean(&|i| run.samples[i].level.map_or(0.0, |level| level.left)),
         });

@@ -2,7 +2,7 @@
 
 use north_finder::effects::ErrorModel;
 use north_finder::fix::DesignRow;
-use north_finder::index::Direction;
+use north_finder::sensing::index::Direction;
 use north_finder::units::{sin_cos_deg, wrap_180_deg};
 
 use super::statistics::median;

@@ -12,7 +12,7 @@ use hal_sim::{Scenario, Truth, World};
 use north_finder::event::{Event, Fix, Heading, Report, State};
 use north_finder::health::Fault;
 use north_finder::link::{Ask, Request, TooLong};
-use north_finder::sample::SAMPLE_S;
+use north_finder::sensing::sample::SAMPLE_S;
 use north_finder::sequence::Command;
 use north_finder::settings::pieces::Outgoing;
 use north_finder::settings::{Settings, store};

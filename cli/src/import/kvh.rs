@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
-use north_finder::frame::kvh::{KvhFrame, KvhReader};
+use north_finder::sensing::frame::kvh::{KvhFrame, KvhReader};
 
 use super::record::{Losses, Records};
 use crate::file_error::{FileError, Problem};

@@ -1,6 +1,6 @@
 //! Samples to the rows of one run.
 
-use north_finder::level::Specific;
+use north_finder::sensing::level::Specific;
 use north_finder::units::{sin_cos_deg, wrap_180_deg};
 
 use super::map::{Index, Map};

@@ -385,7 +385,7 @@ fn conditions(sample: &Sample, raw_rate_deg_h: f64) -> Conditions {
         t_s: sample.t_s,
         seconds: sample.seconds,
         raw_rate_deg_h,
-        index: Some(north_finder::index::Direction { cos: sample.cos, sin: sample.sin }),
+        index: Some(north_finder::sensing::index::Direction { cos: sample.cos, sin: sample.sin }),
         temp_c: sample.temp_c,
         level: sample.level,
         channels: [f64::NAN; MAX_CHANNELS],

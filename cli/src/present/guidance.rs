@@ -1,6 +1,6 @@
 //! The calibration of the accelerometers in the field, line by line.
 
-use north_finder::calibration::field::guidance::{Guidance, Step};
+use calibration::field::guidance::{Guidance, Step};
 use north_finder::event::{Event, State};
 
 /// What an event of the calibration is worth saying in a line.

@@ -4,10 +4,10 @@ use std::fmt;
 use std::io::{self, Write};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
-use north_finder::attitude::Motion;
+use inertial::Motion;
 use north_finder::event::{Event, Heading, Report, Second, State};
 use north_finder::health::TestVerdict;
-use north_finder::level::Tilt;
+use north_finder::sensing::level::Tilt;
 use north_finder::sequence::order::{Order, Position};
 use north_finder::settings::Settings;
 

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use north_finder::event::{Fix, Heading, State};
 use north_finder::health::Fault;
-use north_finder::level::Tilt;
+use north_finder::sensing::level::Tilt;
 use north_finder::units::wrap_180_deg;
 
 use super::Directions;

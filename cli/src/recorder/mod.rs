@@ -9,10 +9,10 @@ pub use run_file::RunFile;
 use std::mem;
 use std::path::Path;
 
-use north_finder::attitude::Motion;
+use inertial::Motion;
 use north_finder::event::{Event, Heading, Report, Second, State};
-use north_finder::level::Specific;
-use north_finder::replay::Mark;
+use north_finder::instrument::replay::Mark;
+use north_finder::sensing::level::Specific;
 use north_finder::settings::Settings;
 
 use crate::campaign::{ACCELEROMETERS, Campaign, CampaignWriter, INDEX, Instrument, Own, Row, TEMPERATURE};

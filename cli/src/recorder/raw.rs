@@ -4,13 +4,13 @@ use std::collections::VecDeque;
 use std::mem;
 
 use north_finder::drivers::sensors::Due;
+use north_finder::event::raw::Item;
 use north_finder::event::{Event, Report, State};
-use north_finder::frame::{self, FrameReader, GyroFormat};
 use north_finder::health::Counters;
 use north_finder::instrument::Readings;
-use north_finder::level::Specific;
-use north_finder::raw::Item;
-use north_finder::sample::{GyroSettings, SAMPLE_S, SAMPLES_PER_SECOND, Sampler};
+use north_finder::sensing::frame::{self, FrameReader, GyroFormat};
+use north_finder::sensing::level::Specific;
+use north_finder::sensing::sample::{GyroSettings, SAMPLE_S, SAMPLES_PER_SECOND, Sampler};
 
 use crate::campaign::{ACCELEROMETERS, INDEX, Own, Row, TEMPERATURE};
 

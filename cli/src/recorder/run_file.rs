@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use north_finder::effects::channel::BLOCK_TEMPERATURE;
-use north_finder::level::Specific;
-use north_finder::replay::Mark;
+use north_finder::instrument::replay::Mark;
+use north_finder::sensing::level::Specific;
 
 use crate::campaign::{COMMON, Layout, Own, OwnLayout, Row, RunWriter, TEMPERATURE};
 use crate::file_error::FileError;

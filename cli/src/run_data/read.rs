@@ -5,7 +5,7 @@ use std::path::Path;
 use north_finder::earth::earth_rate;
 use north_finder::effects::MAX_CHANNELS;
 use north_finder::effects::now::RunFacts;
-use north_finder::replay::{REST_DEG, RecordedSecond, Seconds};
+use north_finder::instrument::replay::{REST_DEG, RecordedSecond, Seconds};
 use north_finder::settings::Settings;
 use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;

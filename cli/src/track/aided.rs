@@ -2,13 +2,13 @@
 
 use std::f64::consts::FRAC_PI_2;
 
+use inertial::esg::filter::PickOff;
+use inertial::filter::block::BlockErrors;
+use inertial::filter::measurement::{Measurement, PhaseDifference, Source};
+use inertial::filter::navigation::Navigation;
+use inertial::filter::{BlockReading, Filter, Mode, Outcome, StartSigmas, state};
+use inertial::{Angles, BlockClass, Increment, Quaternion};
 use nalgebra::Vector3;
-use north_finder::attitude::esg::filter::PickOff;
-use north_finder::attitude::filter::block::BlockErrors;
-use north_finder::attitude::filter::measurement::{Measurement, PhaseDifference, Source};
-use north_finder::attitude::filter::navigation::Navigation;
-use north_finder::attitude::filter::{BlockReading, Filter, Mode, Outcome, StartSigmas, state};
-use north_finder::attitude::{Angles, BlockClass, Increment, Quaternion};
 use north_finder::earth::SEMI_MAJOR_M;
 use north_finder::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_180_deg};
 use schemars::JsonSchema;
@@ -243,7 +243,7 @@ impl<'a> Run<'a> {
 
     /// One row of the block, with the readings that fall into it at their own times.
     fn interval(&mut self, row: &BlockRow, step_s: f64, turn_from_deg: f64) -> Result<(), String> {
-        let refused = |refusal: north_finder::attitude::filter::Refusal| refusal.to_string();
+        let refused = |refusal: inertial::filter::Refusal| refusal.to_string();
         let (mut dt_s, mut increment) = (row.interval_s, row.increment);
         if row.interval_s > GAP_STEPS * step_s {
             let gap_s = row.interval_s - step_s;

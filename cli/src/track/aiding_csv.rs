@@ -4,7 +4,7 @@
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
-use north_finder::attitude::filter::state::PHASES;
+use inertial::filter::state::PHASES;
 
 use crate::block_csv;
 use crate::file_error::{FileError, Problem};

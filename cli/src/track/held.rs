@@ -1,6 +1,6 @@
 //! A track without aiding: the heading is held.
 
-use north_finder::attitude::{BlockClass, Hold, HoldCounters, HoldLimits, HoldSecond, Increment};
+use inertial::{BlockClass, Hold, HoldCounters, HoldLimits, HoldSecond, Increment};
 use north_finder::units::DEG_PER_RAD;
 
 use super::start::Start;

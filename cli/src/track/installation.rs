@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
+use inertial::esg::filter::EsgErrors;
+use inertial::esg::reference::DriftCoefficients;
+use inertial::filter;
 use nalgebra::Vector3;
-use north_finder::attitude::esg::filter::EsgErrors;
-use north_finder::attitude::esg::reference::DriftCoefficients;
-use north_finder::attitude::filter;
 use north_finder::earth::EARTH_RATE_DEG_H;
 use north_finder::units::{ARCSEC_PER_RAD, RAD_PER_DEG};
 use serde::{Deserialize, Serialize};

@@ -9,7 +9,7 @@ pub mod start;
 
 use std::path::Path;
 
-use north_finder::attitude::{Angles, Motion};
+use inertial::{Angles, Motion};
 use north_finder::units::wrap_180_deg;
 
 use crate::block_csv::BlockRow;

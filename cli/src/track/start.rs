@@ -1,8 +1,8 @@
 //! Where a track starts: heading and levels at the end of the first seconds of a recording.
 
+use inertial::{Alignment, Angles, BlockClass, NoiseOfRate, Quaternion};
 use libm::{atan2, hypot};
 use nalgebra::Vector3;
-use north_finder::attitude::{Alignment, Angles, BlockClass, NoiseOfRate, Quaternion};
 use north_finder::earth::earth_rate;
 use north_finder::units::{DEG_PER_RAD, RAD_PER_DEG};
 
@@ -87,7 +87,7 @@ fn levelled(rows: &[&BlockRow], latitude_deg: f64, heading_deg: f64) -> Result<A
 
 #[cfg(test)]
 mod tests {
-    use north_finder::attitude::Increment;
+    use inertial::Increment;
 
     use super::*;
 

@@ -7,7 +7,7 @@ use north_finder::effects::ErrorModel;
 use north_finder::event::Fix;
 use north_finder::fix::{east_index_deg, west_index_deg};
 use north_finder::health::Flag;
-use north_finder::replay::{Recorded, Refusal, Row};
+use north_finder::instrument::replay::{Recorded, Refusal, Row};
 use north_finder::settings::Settings;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

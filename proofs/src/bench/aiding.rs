@@ -7,11 +7,11 @@ use hal_sim::vessel::satellites::Antennas;
 use hal_sim::vessel::ship::{Leg, Modulation, Passage, Voyage, Waves};
 use hal_sim::vessel::water::WaterClass;
 use indicatif::ProgressBar;
+use inertial::filter::measurement::Source;
+use inertial::filter::{Mode, StartSigmas, state};
 use nalgebra::Vector3;
 use north::failure::Failure;
 use north::progress;
-use north_finder::attitude::filter::measurement::Source;
-use north_finder::attitude::filter::{Mode, StartSigmas, state};
 use serde::Serialize;
 
 use super::{Bench, trials};

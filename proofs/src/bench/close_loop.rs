@@ -7,7 +7,7 @@ use crate::hidden::{Hidden, Instrument};
 use clap::Args;
 use indicatif::ProgressBar;
 use north_finder::effects::ErrorModel;
-use north_finder::heading::settings::BlockSettings;
+use north_finder::fix::heading::settings::BlockSettings;
 use north_finder::settings::Settings;
 use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;

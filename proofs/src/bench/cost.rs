@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use super::{Bench, image_size};
+use calibration::field::guidance::Step;
 use clap::Args;
 use hal_sim::Scenario;
-use north_finder::calibration::field::guidance::Step;
 use north_finder::event::{Event, Report};
-use north_finder::sample::SAMPLE_S;
+use north_finder::sensing::sample::SAMPLE_S;
 use north_finder::sequence::order::Order;
 use serde::{Deserialize, Serialize};
 
@@ -229,7 +229,7 @@ fn write_lines(out: &mut dyn Write, lines: &[Line], speed: f64) -> io::Result<()
 
 /// Runs the program that measures single steps.
 fn kernels() -> Result<Vec<Kernel>, Failure> {
-    let program = image::build_program(image::Board::Mps2, "kernels")?;
+    let program = image::build_kernels()?;
     let said = Command::new("qemu-system-arm")
         .args(["-machine", "mps2-an386", "-nodefaults", "-nic", "none", "-display", "none"])
         .args(["-semihosting-config", "enable=on,target=native"])

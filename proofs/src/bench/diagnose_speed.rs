@@ -9,7 +9,7 @@ use super::Bench;
 use clap::Args;
 use hal_sim::scenario::Gyro;
 use hal_sim::seconds::{Dwell, SecondsGenerator, SiteAndGyro};
-use north_finder::level::Specific;
+use north_finder::sensing::level::Specific;
 use rayon::prelude::*;
 use serde::Serialize;
 

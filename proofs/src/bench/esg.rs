@@ -9,14 +9,14 @@ use hal_sim::vessel::electrostatic::{EsgClass, Orientation};
 use hal_sim::vessel::ship::{Leg, Modulation, Passage, Voyage, Waves};
 use hal_sim::vessel::water::WaterClass;
 use indicatif::ProgressBar;
+use inertial::esg::filter::{PickOff, SevenStates, Situation};
+use inertial::esg::reference::{DriftCoefficients, Reference};
+use inertial::filter::block::BlockErrors;
+use inertial::filter::{Mode, StartSigmas};
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use north::diagnose::report::{Axis, Legend, Plot, Side, figure, page};
 use north::failure::Failure;
 use north::progress;
-use north_finder::attitude::esg::filter::{PickOff, SevenStates, Situation};
-use north_finder::attitude::esg::reference::{DriftCoefficients, Reference};
-use north_finder::attitude::filter::block::BlockErrors;
-use north_finder::attitude::filter::{Mode, StartSigmas};
 use serde::Serialize;
 
 use super::{Bench, trials};

@@ -1,7 +1,6 @@
 //! Whole fixes of the firmware's state machine in this process, for the benches that need them.
 
 use hal_sim::Scenario;
-use north::commands::instrument::OrderName;
 use north::engine::{End, Setup, host};
 use north::failure::Failure;
 use north::interrupt;
@@ -48,16 +47,5 @@ impl Ended {
     /// How long it took from the first promise on, over what was promised.
     pub fn real_over_promised(&self) -> Option<f64> {
         self.promised.map(|[at_s, promised_s]| (self.elapsed_s - at_s) / promised_s)
-    }
-}
-
-/// Name of an order, as on the command line.
-pub(crate) fn order_name(order: OrderName) -> &'static str {
-    match order {
-        OrderName::Plain => "plain",
-        OrderName::Source => "source",
-        OrderName::Mirrored => "mirrored",
-        OrderName::EastWest => "east-west",
-        OrderName::Adaptive => "adaptive",
     }
 }

@@ -12,7 +12,7 @@ use north::settings_file::scenario_settings;
 use north_finder::settings::Settings;
 use serde::Serialize;
 
-use super::fixes::{Ended, fix, order_name};
+use super::fixes::{Ended, fix};
 use super::{Bench, trials};
 use crate::statistics::{rms, rms_interval};
 
@@ -125,7 +125,7 @@ impl Row {
         let rms_deg = (azimuths > 0).then(|| rms(errors_deg));
         Self {
             scenario: scenario.into(),
-            order: order_name(order),
+            order: order.name(),
             disturbance_gate,
             jitter_gate,
             fixes: fixes.len() as u64,

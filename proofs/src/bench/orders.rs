@@ -13,7 +13,7 @@ use north_finder::event::Fix;
 use north_finder::health::Flag;
 use serde::Serialize;
 
-use super::fixes::{Ended, Found, fix, order_name};
+use super::fixes::{Ended, Found, fix};
 use super::{Bench, trials};
 use crate::statistics::{median, probability_interval, rms};
 
@@ -187,7 +187,7 @@ impl Row {
         let nine_tenths = ratios.get(ratios.len() * 9 / 10).copied();
         Self {
             scenario: scenario.into(),
-            order: order_name(order),
+            order: order.name(),
             fixes: fixes.len(),
             azimuths,
             rms_deg: (azimuths > 0).then(|| rms(found.iter().map(|(_, found)| found.error_deg))),

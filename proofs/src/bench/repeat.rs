@@ -11,7 +11,7 @@ use north::progress;
 use north::settings_file::scenario_settings;
 use serde::Serialize;
 
-use super::fixes::{Ended, fix, order_name};
+use super::fixes::{Ended, fix};
 use super::{Bench, trials};
 use crate::statistics::{rms, rms_interval};
 
@@ -100,11 +100,13 @@ impl Bench for Repeat {
             let of_order: Vec<HeadingRow> = fixes
                 .chunks(self.fixes as usize)
                 .zip(0..)
-                .filter_map(|(fixes, number)| HeadingRow::new(order_name(*order), self.heading_deg(number), fixes))
+                .filter_map(|(fixes, number)| HeadingRow::new(order.name(), self.heading_deg(number), fixes))
                 .collect();
-            summaries.push(OrderRow::new(order_name(*order), &fixes, &of_order).ok_or_else(|| {
-                Failure::Refused(format!("{}: {}: too few azimuths", self.scenario, order_name(*order)))
-            })?);
+            summaries.push(
+                OrderRow::new(order.name(), &fixes, &of_order).ok_or_else(|| {
+                    Failure::Refused(format!("{}: {}: too few azimuths", self.scenario, order.name()))
+                })?,
+            );
             headings.push(of_order);
         }
         bar.finish_and_clear();

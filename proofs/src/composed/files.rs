@@ -4,7 +4,7 @@ use std::path::Path;
 
 use north::campaign::{self, CampaignWriter, Instrument, Layout, Role};
 use north::failure::Failure;
-use north_finder::level::Specific;
+use north_finder::sensing::level::Specific;
 use serde::{Deserialize, Serialize};
 
 use super::{Campaign, Kind, Row};

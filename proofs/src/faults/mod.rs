@@ -19,8 +19,6 @@ use north_finder::settings::Settings;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::bench::fixes::order_name;
-
 /// One instrument with its faults.
 #[derive(Clone, Debug)]
 pub struct Trial {
@@ -78,7 +76,7 @@ impl Trial {
         settings.level.timeout_s = 40.0;
         let mut trial = Self {
             kinds: Vec::new(),
-            order: order_name(order),
+            order: order.name(),
             scenario,
             settings: Some(settings),
             flipped_bits: Vec::new(),

@@ -10,7 +10,7 @@ use north::interrupt;
 use north_finder::event::{Event, Fix, Report, State};
 use north_finder::health::Fault;
 use north_finder::link::{Ask, Request};
-use north_finder::sample::SAMPLE_S;
+use north_finder::sensing::sample::SAMPLE_S;
 use north_finder::sequence::Command;
 use north_finder::settings::Settings;
 use north_finder::settings::store::{self, Loaded};

@@ -3,7 +3,7 @@
 use super::draw::Draw;
 use super::outside::Outside;
 use super::part::{MoveLaw, Part};
-use super::plan::{Needs, Plan};
+use super::plan::{Measure, Needs, Plan};
 
 /// A kind of effect that a campaign can hide.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,19 +61,6 @@ impl Group {
             Self::Together => "together",
         }
     }
-}
-
-/// How large an effect is made.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Measure {
-    /// Spread of the dwells' mean rates within a run, in the noise of a dwell.
-    Dwells,
-    /// Spread of the rows' rates, in the noise of a row.
-    Rows,
-    /// Spread of the runs' mean rates, in the noise of a dwell.
-    Runs,
-    /// The coefficients are in standard deviations of one azimuth as they are drawn.
-    Azimuth,
 }
 
 impl Family {

@@ -12,6 +12,7 @@ mod outside;
 mod part;
 mod plan;
 mod record;
+mod run_view;
 mod shape;
 mod signal;
 
@@ -23,8 +24,7 @@ pub use record::Row;
 pub use shape::Shape;
 
 use draw::Draw;
-use family::Measure;
-use plan::Plan;
+use plan::{Measure, Plan};
 
 /// What is hidden in a campaign.
 #[derive(Debug, Clone, PartialEq)]

@@ -3,8 +3,8 @@
 //! Rates are in °/h added to what the gyro reads, for a coefficient of 1; a channel enters as its standard deviations
 //! from its mean over the campaign, so that a coefficient is the effect of a typical excursion in °/h.
 
+use super::run_view::{Arrival, Moment, RunView};
 use super::shape::Shape;
-use super::signal::Course;
 use hal_sim::scenario::{BaseAngle, Sway};
 use hal_sim::seconds::SiteAndGyro;
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -71,38 +71,6 @@ pub enum MoveLaw {
     Distance,
     /// Cosine of the position's angle from this one, degrees.
     Position { from_deg: f64 },
-}
-
-/// The end of a move.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Arrival {
-    pub(super) t_s: f64,
-    pub(super) travel_deg: f64,
-    pub(super) index_deg: f64,
-}
-
-/// What a part needs to know of a run.
-#[derive(Debug)]
-pub(super) struct RunView<'a> {
-    pub(super) run: usize,
-    /// Azimuth of the mark, degrees.
-    pub(super) azimuth_deg: f64,
-    /// Horizontal Earth rate, °/h.
-    pub(super) north_deg_h: f64,
-    /// Pitch and roll, degrees.
-    pub(super) tilt_deg: [f64; 2],
-    /// Index angle in the middle of every second, degrees.
-    pub(super) index_deg: Vec<f64>,
-    pub(super) arrivals: &'a [Arrival],
-    /// One course for each channel, in standard deviations from its mean.
-    pub(super) channels: &'a [Course],
-}
-
-/// A moment of a run: the middle of a row of one second.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Moment {
-    pub(super) t_s: f64,
-    pub(super) index_deg: f64,
 }
 
 impl Part {
@@ -218,37 +186,6 @@ impl Part {
     }
 }
 
-impl RunView<'_> {
-    /// Its length.
-    pub(super) fn seconds(&self) -> usize {
-        self.index_deg.len()
-    }
-
-    /// What a channel truly is in the middle of every second.
-    pub(super) fn channel(&self, channel: usize) -> Vec<f64> {
-        (0..self.seconds())
-            .map(|second| self.channels.get(channel).map_or(0.0, |course| course.at(second as f64 + 0.5)))
-            .collect()
-    }
-
-    /// Azimuth of the sensitive axis in a second, degrees.
-    pub(super) fn axis_deg(&self, second: usize) -> f64 {
-        self.azimuth_deg - self.index_deg[second]
-    }
-
-    /// Component of the horizontal Earth rate along the axis in every second, °/h.
-    pub(super) fn north(&self) -> Vec<f64> {
-        (0..self.seconds()).map(|second| self.north_deg_h * self.axis_deg(second).to_radians().cos()).collect()
-    }
-
-    /// How steeply a direction in the plane of the index, so many degrees from the axis, rises in a second: its sine.
-    pub(super) fn up(&self, second: usize, from_axis_deg: f64) -> f64 {
-        let (sin, cos) = (self.index_deg[second] + from_axis_deg).to_radians().sin_cos();
-        let [pitch, roll] = self.tilt_deg.map(f64::to_radians);
-        cos * pitch.sin() + sin * roll.sin() * pitch.cos()
-    }
-}
-
 impl MoveLaw {
     fn size(self, arrival: &Arrival) -> f64 {
         let quarters = arrival.travel_deg.to_radians() / FRAC_PI_2;
@@ -260,43 +197,10 @@ impl MoveLaw {
     }
 }
 
-impl Course {
-    /// The true value at a time, s.
-    fn at(&self, t_s: f64) -> f64 {
-        let below = (t_s.max(0.0) as usize).min(self.truth.len().saturating_sub(2));
-        let share = (t_s - below as f64).clamp(0.0, 1.0);
-        match self.truth.get(below..below + 2) {
-            Some([first, second]) => first + share * (second - first),
-            _ => 0.0,
-        }
-    }
-
-    /// Behind a low-pass of time constant `tau_s` that has settled to the value at 0.
-    fn low_passed(&self, tau_s: f64, t_s: f64) -> f64 {
-        let kept = (-1.0 / tau_s).exp();
-        let last = (t_s + 0.5) as usize;
-        let mut value = self.truth.first().copied().unwrap_or_default();
-        for pair in self.truth.windows(2).take(last) {
-            value = kept * value + (1.0 - kept) * 0.5 * (pair[0] + pair[1]);
-        }
-        value
-    }
-
-    /// Position, −1 … 1, of a play of this width behind the value.
-    fn play(&self, width: f64, t_s: f64) -> f64 {
-        let mut follower = self.truth.first().copied().unwrap_or_default();
-        let mut value = follower;
-        for now in self.truth.iter().take((t_s + 1.0) as usize) {
-            value = *now;
-            follower = follower.clamp(value - width / 2.0, value + width / 2.0);
-        }
-        (value - follower) / (width / 2.0)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::hidden::signal::Course;
 
     const STAYS: [Arrival; 2] = [
         Arrival { t_s: 0.0, travel_deg: 0.0, index_deg: 0.0 },

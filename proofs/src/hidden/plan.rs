@@ -1,7 +1,7 @@
 //! What a campaign is made of, before any effect: place, instrument, runs, channels.
 
 use super::draw::Draw;
-use super::part::Arrival;
+use super::run_view::Arrival;
 use super::signal::{Channel, Course};
 
 /// Fastest turning of the index, °/s.
@@ -55,6 +55,19 @@ pub struct Proposed {
     pub warm_up_s: usize,
     /// By how much the mount leans more than in the first run: pitch and roll, degrees.
     pub lean_deg: [f64; 2],
+}
+
+/// How large an effect is made.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Measure {
+    /// Spread of the dwells' mean rates within a run, in the noise of a dwell.
+    Dwells,
+    /// Spread of the rows' rates, in the noise of a row.
+    Rows,
+    /// Spread of the runs' mean rates, in the noise of a dwell.
+    Runs,
+    /// The coefficients are in standard deviations of one azimuth as they are drawn.
+    Azimuth,
 }
 
 /// What a family needs of a campaign in order to be possible at all.

@@ -1,7 +1,8 @@
 //! Recordings of a plan: rows by the full plant's geometry and noise, and what the effect adds.
 
-use super::part::{Moment, Part, RunView};
+use super::part::Part;
 use super::plan::{Plan, RunPlan};
+use super::run_view::{Moment, RunView};
 use super::{EARTH_DEG_H, Run};
 use hal_sim::scenario::{Accelerometer, Base, Encoder, Gyro, Site};
 use hal_sim::seconds::{Dwell, Row as Second, SecondsGenerator, SiteAndGyro};

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use super::part::RunView;
+use super::run_view::RunView;
 
 /// What adds to the gyro's rate over a run, °/h for a coefficient of 1, one value a second.
 type Course = dyn Fn(&RunView<'_>) -> Vec<f64> + Send + Sync;

@@ -186,6 +186,40 @@ fn smooth(draw: &mut Draw, correlation_s: f64, seconds: usize) -> Vec<f64> {
     out
 }
 
+impl Course {
+    /// The true value at a time, s.
+    pub(super) fn at(&self, t_s: f64) -> f64 {
+        let below = (t_s.max(0.0) as usize).min(self.truth.len().saturating_sub(2));
+        let share = (t_s - below as f64).clamp(0.0, 1.0);
+        match self.truth.get(below..below + 2) {
+            Some([first, second]) => first + share * (second - first),
+            _ => 0.0,
+        }
+    }
+
+    /// Behind a low-pass of time constant `tau_s` that has settled to the value at 0.
+    pub(super) fn low_passed(&self, tau_s: f64, t_s: f64) -> f64 {
+        let kept = (-1.0 / tau_s).exp();
+        let last = (t_s + 0.5) as usize;
+        let mut value = self.truth.first().copied().unwrap_or_default();
+        for pair in self.truth.windows(2).take(last) {
+            value = kept * value + (1.0 - kept) * 0.5 * (pair[0] + pair[1]);
+        }
+        value
+    }
+
+    /// Position, −1 … 1, of a play of this width behind the value.
+    pub(super) fn play(&self, width: f64, t_s: f64) -> f64 {
+        let mut follower = self.truth.first().copied().unwrap_or_default();
+        let mut value = follower;
+        for now in self.truth.iter().take((t_s + 1.0) as usize) {
+            value = *now;
+            follower = follower.clamp(value - width / 2.0, value + width / 2.0);
+        }
+        (value - follower) / (width / 2.0)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

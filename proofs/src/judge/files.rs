@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::hidden::{Campaign as Generated, Run as GeneratedRun};
-use north_finder::level::Specific;
+use north_finder::sensing::level::Specific;
 
 use north::campaign::{Campaign, CampaignWriter, Instrument, Layout, Role, Row, Run};
 use north::file_error::FileError;

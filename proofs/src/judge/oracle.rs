@@ -10,8 +10,8 @@
 
 use crate::hidden::{Campaign, Part, Row, Run};
 use north::solve::solve_rows;
-use north_finder::level::Specific;
-use north_finder::replay::{Recorded, Refusal, Row as ReplayRow};
+use north_finder::instrument::replay::{Recorded, Refusal, Row as ReplayRow};
+use north_finder::sensing::level::Specific;
 use north_finder::settings::Settings;
 
 use super::linear::Normal;

@@ -1,10 +1,10 @@
 //! Trials of the source's experiment with the ellipsoid: a turntable, a month of ageing, the field, the turntable again.
 
+use calibration::ellipsoid::attitude::Attitude;
+use calibration::ellipsoid::{self, Correction, Entry, Misalignments, Role};
+use calibration::known_attitudes::{self, Attitudes, Position};
 use hal_sim::triad::{AccelerometerTriad, Placement, drawn, even_directions, place_by_hand};
 use north::calibrate::attitudes::granted_noise;
-use north_finder::calibration::ellipsoid::attitude::Attitude;
-use north_finder::calibration::ellipsoid::{self, Correction, Entry, Misalignments, Role};
-use north_finder::calibration::known_attitudes::{self, Attitudes, Position};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};

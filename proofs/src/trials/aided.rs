@@ -5,12 +5,12 @@ use hal_sim::vessel::globe;
 use hal_sim::vessel::satellites::{Antennas, Receivers, WAVELENGTH_M};
 use hal_sim::vessel::ship::{Instant, Passage, Step};
 use hal_sim::vessel::water::{WaterClass, WaterInstruments};
+use inertial::Increment;
+use inertial::filter::block::BlockErrors;
+use inertial::filter::measurement::{Measurement, PhaseDifference};
+use inertial::filter::navigation::Navigation;
+use inertial::filter::{BlockReading, Filter, Installation, Mode, StartSigmas, state};
 use nalgebra::{Rotation3, SMatrix, SVector, Vector3};
-use north_finder::attitude::Increment;
-use north_finder::attitude::filter::block::BlockErrors;
-use north_finder::attitude::filter::measurement::{Measurement, PhaseDifference};
-use north_finder::attitude::filter::navigation::Navigation;
-use north_finder::attitude::filter::{BlockReading, Filter, Installation, Mode, StartSigmas, state};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

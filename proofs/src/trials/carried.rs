@@ -5,14 +5,14 @@ use std::path::Path;
 
 use hal_sim::Scenario;
 use hal_sim::scenario::{Block, Carry};
+use inertial::BlockClass;
 use north::engine::qemu::{self, Pace};
 use north::engine::{self, FixWanted, Setup, host};
 use north::failure::Failure;
 use north::interrupt;
 use north::settings_file::scenario_settings;
-use north_finder::attitude::BlockClass;
 use north_finder::event::Event;
-use north_finder::heading::settings::{BlockSettings, Class};
+use north_finder::fix::heading::settings::{BlockSettings, Class};
 use north_finder::sequence::order::Order;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -3,12 +3,12 @@
 use hal_sim::vessel::electrostatic::{Electrostatic, EsgClass, Orientation};
 use hal_sim::vessel::globe;
 use hal_sim::vessel::ship::{Passage, Step};
+use inertial::esg::filter::{EsgErrors, EsgFilter, PickOff, Situation};
+use inertial::esg::reference::{DriftCoefficients, Reference};
+use inertial::esg::sky;
+use inertial::filter::measurement::Measurement;
+use inertial::filter::{Filter, state};
 use nalgebra::{Matrix3, Vector3};
-use north_finder::attitude::esg::filter::{EsgErrors, EsgFilter, PickOff, Situation};
-use north_finder::attitude::esg::reference::{DriftCoefficients, Reference};
-use north_finder::attitude::esg::sky;
-use north_finder::attitude::filter::measurement::Measurement;
-use north_finder::attitude::filter::{Filter, state};
 
 use super::aided::{Case, run_with};
 

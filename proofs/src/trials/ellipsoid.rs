@@ -1,9 +1,9 @@
 //! Trials of the ellipsoid calibration, from readings to parameters.
 
+use calibration::ellipsoid::attitude::Attitude;
+use calibration::ellipsoid::{self, Entry, Role};
 use hal_sim::triad::{Placement, drawn, even_directions, place_by_hand};
 use north::calibrate::attitudes::granted_noise;
-use north_finder::calibration::ellipsoid::attitude::Attitude;
-use north_finder::calibration::ellipsoid::{self, Entry, Role};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

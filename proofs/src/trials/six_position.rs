@@ -1,11 +1,11 @@
 //! Trials of the six-position calibration, from the rows of the table to the parameters.
 
+use calibration::six_position::axes::Axes;
+use calibration::six_position::dwell::Dwell;
+use calibration::six_position::published::Published;
+use calibration::six_position::{self, Calibration, Knowledge, Position};
 use hal_sim::triad::{SIX_POSITIONS, Table, TriadErrors, Visit, drawn};
 use north::calibrate::six_position::by_formulas;
-use north_finder::calibration::six_position::axes::Axes;
-use north_finder::calibration::six_position::dwell::Dwell;
-use north_finder::calibration::six_position::published::Published;
-use north_finder::calibration::six_position::{self, Calibration, Knowledge, Position};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

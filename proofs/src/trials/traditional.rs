@@ -1,8 +1,8 @@
 //! The traditional calibration of a gyro triad, for comparison: a rate test for the responses, then a zero test for the biases.
 
+use calibration::six_position::axes::Axes;
+use calibration::six_position::dwell::Dwell;
 use hal_sim::triad::{SIX_POSITIONS, Spin, Table, Visit};
-use north_finder::calibration::six_position::axes::Axes;
-use north_finder::calibration::six_position::dwell::Dwell;
 use north_finder::earth::earth_rate;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;

@@ -13,7 +13,7 @@
 
 use core::sync::atomic::{AtomicU8, Ordering, fence};
 
-use north_finder::intake::{Line, LineError};
+use north_finder::drivers::intake::{Line, LineError};
 use stm32f4xx_hal::dma::traits::{DMASet, PeriAddress, Stream};
 use stm32f4xx_hal::dma::{DmaChannel, DmaDirection, DmaFlag, MemoryToPeripheral, PeripheralToMemory, Stream6};
 use stm32f4xx_hal::pac::{self, usart1};

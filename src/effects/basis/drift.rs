@@ -2,10 +2,10 @@
 
 use core::fmt;
 
+use quantities::limits::{Invalid, within};
 use serde::{Deserialize, Serialize};
 
 use super::{Functions, Missing, Now, Values, values_of};
-use crate::limits::{Invalid, within};
 
 /// t, t² … in hours since switch-on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,10 +1,10 @@
 //! A field fixed to the instrument's body: harmonics of the index angle.
 
+use quantities::limits::{Invalid, within};
 use serde::{Deserialize, Serialize};
 
 use super::{Functions, Missing, Now, Values, values_of};
-use crate::index::Direction;
-use crate::limits::{Invalid, within};
+use crate::sensing::index::Direction;
 
 /// cos(order · θ) and sin(order · θ).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

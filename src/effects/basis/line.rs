@@ -2,10 +2,10 @@
 
 use core::f64::consts::TAU;
 
+use quantities::limits::{Invalid, positive};
 use serde::{Deserialize, Serialize};
 
 use super::{Functions, Missing, Now, Values, values_of};
-use crate::limits::{Invalid, positive};
 
 /// cos(2πt/period) and sin(2πt/period), t since switch-on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

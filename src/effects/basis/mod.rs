@@ -13,6 +13,7 @@ pub mod warm_up;
 use core::fmt;
 
 use heapless::Vec;
+use quantities::limits::Invalid;
 use serde::{Deserialize, Serialize};
 
 use super::channel::ChannelName;
@@ -20,7 +21,6 @@ use super::conditions::Conditions;
 use super::moves::Moves;
 use super::window::Window;
 use crate::bounded::bounded;
-use crate::limits::Invalid;
 use curve::Curve;
 use drift::Drift;
 use harmonic::BodyHarmonic;

@@ -2,11 +2,11 @@
 
 use core::fmt;
 
+use quantities::limits::{Invalid, positive};
 use serde::{Deserialize, Serialize};
 
 use super::{Functions, Missing, Now, Values, values_of};
 use crate::effects::moves::Move;
-use crate::limits::{Invalid, positive};
 
 /// exp(−t/τ), t since the index came to rest, times a size; what is left of the last eight moves adds up.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,9 +1,9 @@
 //! A step of the bias, always at the same time after switch-on.
 
+use quantities::limits::{Invalid, finite};
 use serde::{Deserialize, Serialize};
 
 use super::{Functions, Missing, Now, Values, values_of};
-use crate::limits::{Invalid, finite};
 
 /// 0 before, 1 after.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

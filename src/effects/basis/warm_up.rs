@@ -1,9 +1,9 @@
 //! Warm-up: what dies away after switch-on.
 
+use quantities::limits::{Invalid, positive};
 use serde::{Deserialize, Serialize};
 
 use super::{Functions, Missing, Now, Values, values_of};
-use crate::limits::{Invalid, positive};
 
 /// exp(−t/τ), t since switch-on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

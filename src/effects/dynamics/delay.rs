@@ -1,10 +1,10 @@
 //! A delay.
 
 use serde::{Deserialize, Serialize};
+use quantities::limits::{Invalid, within};
 
 use super::{Dynamics, DynamicsPart, State, share};
 use crate::effects::part::{Constant, Constants, Span, constants};
-use crate::limits::{Invalid, within};
 
 /// The signal as it was: four equal low-passes in a row, whose response comes after `tau_s` on average with a spread of half of that; they
 /// start at the first value.

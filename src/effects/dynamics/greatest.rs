@@ -1,10 +1,10 @@
 //! The greatest value so far: what has happened once is not undone.
 
 use serde::{Deserialize, Serialize};
+use quantities::limits::Invalid;
 
 use super::{Dynamics, DynamicsPart, State};
 use crate::effects::part::{Constants, Span};
-use crate::limits::Invalid;
 
 /// The greatest value since the recording began.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]

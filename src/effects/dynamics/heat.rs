@@ -1,10 +1,10 @@
 //! Heat: the low-pass of a square.
 
 use serde::{Deserialize, Serialize};
+use quantities::limits::{Invalid, within};
 
 use super::{Dynamics, DynamicsPart, State, passed};
 use crate::effects::part::{Constant, Constants, Span, constants};
-use crate::limits::{Invalid, within};
 
 /// What a first-order low-pass makes of the square of the signal (the heat of a current); it starts at the first value.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,10 +1,10 @@
 //! What has not passed a low-pass yet.
 
 use serde::{Deserialize, Serialize};
+use quantities::limits::{Invalid, within};
 
 use super::{Dynamics, DynamicsPart, State, passed};
 use crate::effects::part::{Constant, Constants, Span, constants};
-use crate::limits::{Invalid, within};
 
 /// The signal less what a first-order low-pass makes of it, which starts at the first value.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

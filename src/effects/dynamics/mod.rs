@@ -2,10 +2,10 @@
 
 use core::fmt;
 
+use quantities::limits::Invalid;
 use serde::{Deserialize, Serialize};
 
 use super::part::{Constants, Span, parts};
-use crate::limits::Invalid;
 
 /// Numbers of state of one dynamics.
 pub const STATES: usize = 4;

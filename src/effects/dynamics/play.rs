@@ -1,10 +1,10 @@
 //! Hysteresis by a play.
 
 use serde::{Deserialize, Serialize};
+use quantities::limits::{Invalid, positive};
 
 use super::{Dynamics, DynamicsPart, State};
 use crate::effects::part::{Constant, Constants, Span, constants};
-use crate::limits::{Invalid, positive};
 
 /// A play of that half width follows the signal (Krasnosel'skii and Pokrovskii, Systems with hysteresis, 1989); it starts at the first value.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,10 +1,10 @@
 //! The rate of change.
 
 use serde::{Deserialize, Serialize};
+use quantities::limits::{Invalid, within};
 
 use super::{Dynamics, DynamicsPart, STATES, State, passed};
 use crate::effects::part::{Constant, Constants, Span, constants};
-use crate::limits::{Invalid, within};
 
 /// What a first-order low-pass makes of the signal's rate of change, per second (Shupe, Applied Optics 19, 1980, p. 654: the rate of
 /// temperature). It starts at the first rate of change; before there is one it is 0.

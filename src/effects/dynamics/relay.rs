@@ -1,10 +1,10 @@
 //! A relay: a thermostat, a switch with hysteresis.
 
 use serde::{Deserialize, Serialize};
+use quantities::limits::{Invalid, finite, positive};
 
 use super::{Dynamics, DynamicsPart, State};
 use crate::effects::part::{Constant, Constants, Span, constants};
-use crate::limits::{Invalid, finite, positive};
 
 /// 1 above `centre + half_width`, 0 below `centre − half_width`, between them what it was; it starts by the side of the centre.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

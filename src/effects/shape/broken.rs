@@ -1,11 +1,11 @@
 //! Three straight lines that meet.
 
 use serde::{Deserialize, Serialize};
+use quantities::limits::{Invalid, finite, positive};
 
 use super::{Shape, ShapePart, Values};
 use crate::bounded::bounded;
 use crate::effects::part::{Constant, Constants, Span, constants};
-use crate::limits::{Invalid, finite, positive};
 
 /// Straight lines below `first`, from there to `second`, and above that, each with a slope of its own: a dead zone, a saturation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

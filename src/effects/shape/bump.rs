@@ -1,10 +1,10 @@
 //! A bump: a sector of angles, a resonance, a dead zone.
 
 use serde::{Deserialize, Serialize};
+use quantities::limits::{Invalid, finite, positive};
 
 use super::{Shape, ShapePart, Values, one};
 use crate::effects::part::{Constant, Constants, Span, constants};
-use crate::limits::{Invalid, finite, positive};
 use crate::units::wrap_180_deg;
 
 /// exp(−u²/2), u = (x − centre)/width. Of an angle the distance is the shorter way about the circle.

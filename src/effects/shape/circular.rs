@@ -4,10 +4,10 @@ use core::f64::consts::TAU;
 
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
+use quantities::limits::Invalid;
 
 use super::{Shape, ShapePart, Values};
 use crate::effects::part::{Constants, Span};
-use crate::limits::Invalid;
 
 /// cos and sin of the angle and of its multiples.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,10 +1,10 @@
 //! What dies away with time.
 
 use serde::{Deserialize, Serialize};
+use quantities::limits::{Invalid, positive};
 
 use super::{Shape, ShapePart, Values, one};
 use crate::effects::part::{Constant, Constants, Span, constants};
-use crate::limits::{Invalid, positive};
 
 /// exp(−x/tau), x a time in seconds, from 0 on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

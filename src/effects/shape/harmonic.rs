@@ -3,11 +3,11 @@
 use core::f64::consts::TAU;
 
 use serde::{Deserialize, Serialize};
+use quantities::limits::{Invalid, positive};
 
 use super::{Shape, ShapePart, Values};
 use crate::bounded::bounded;
 use crate::effects::part::{Constant, Constants, Span, constants};
-use crate::limits::{Invalid, positive};
 
 /// cos(2π x/period) and sin(2π x/period).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,11 +1,11 @@
 //! Two straight lines that meet.
 
 use serde::{Deserialize, Serialize};
+use quantities::limits::{Invalid, finite, positive};
 
 use super::{Shape, ShapePart, Values};
 use crate::bounded::bounded;
 use crate::effects::part::{Constant, Constants, Span, constants};
-use crate::limits::{Invalid, finite, positive};
 
 /// (x − at)/scale below `at` and above it, each with a slope of its own: a kink, a modulus.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

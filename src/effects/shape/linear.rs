@@ -1,10 +1,10 @@
 //! In proportion to the signal.
 
 use serde::{Deserialize, Serialize};
+use quantities::limits::{Invalid, finite, positive};
 
 use super::{Shape, ShapePart, Values, one};
 use crate::effects::part::{Constants, Span};
-use crate::limits::{Invalid, finite, positive};
 
 /// (x − reference)/scale: the reference is where the effect is nothing, the scale makes a usual value 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

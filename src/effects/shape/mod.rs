@@ -3,11 +3,11 @@
 use core::fmt;
 
 use heapless::Vec;
+use quantities::limits::Invalid;
 use serde::{Deserialize, Serialize};
 
 use super::part::{Constants, Span, parts};
 use crate::bounded::bounded;
-use crate::limits::Invalid;
 
 /// Most functions of one shape.
 pub const MAX_FUNCTIONS: usize = 16;

@@ -1,10 +1,10 @@
 //! A sector of an angle.
 
 use serde::{Deserialize, Serialize};
+use quantities::limits::{Invalid, finite};
 
 use super::{Shape, ShapePart, Values, one};
 use crate::effects::part::{Constant, Constants, Span, constants};
-use crate::limits::{Invalid, finite};
 use crate::units::wrap_360_deg;
 
 /// 1 from the one angle to the other, in the sense in which the angle grows; 0 elsewhere.

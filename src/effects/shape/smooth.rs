@@ -1,10 +1,10 @@
 //! A smooth curve.
 
 use serde::{Deserialize, Serialize};
+use quantities::limits::Invalid;
 
 use super::{Shape, ShapePart, Values, cosines, interval};
 use crate::effects::part::{Constants, Span};
-use crate::limits::Invalid;
 
 /// A smooth curve between `low` and `high`, constant beyond.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

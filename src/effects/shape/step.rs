@@ -1,10 +1,10 @@
 //! A step.
 
 use serde::{Deserialize, Serialize};
+use quantities::limits::{Invalid, finite};
 
 use super::{Shape, ShapePart, Values, one};
 use crate::effects::part::{Constant, Constants, Span, constants};
-use crate::limits::{Invalid, finite};
 
 /// 0 below `at`, 1 above.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -2,11 +2,11 @@
 
 use core::fmt;
 
+use quantities::limits::Invalid;
 use serde::{Deserialize, Serialize};
 
 use super::channel::ChannelName;
 use super::now::Now;
-use crate::limits::Invalid;
 
 /// What every signal says of itself.
 pub trait SignalPart {

@@ -10,7 +10,7 @@
 use nalgebra::{SMatrix, SVector};
 
 use crate::fix::dwell::{DwellSummary, Line};
-use crate::level::LevelDrift;
+use crate::sensing::level::LevelDrift;
 use crate::units::ARCSEC_PER_RAD;
 
 /// Functions of time in a path, with the constant.

@@ -18,7 +18,7 @@ use levels::{FUNCTIONS, Law, Levels, Path, Prior, tilt_arcsec};
 
 use super::dwell::DwellSummary;
 use super::statistics::chi_square_z_score;
-use crate::level::LevelDrift;
+use crate::sensing::level::LevelDrift;
 
 /// A degree is taken when it lowers the sum of squares of both axes (two degrees of freedom) by this many variances:
 /// by chance that happens once in e^(20/2) = 22 000 times.
@@ -163,7 +163,7 @@ fn range_arcsec(dwells: &[DwellSummary]) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::fix::dwell::{DwellRows, Row};
-    use crate::level::LevelMoments;
+    use crate::sensing::level::LevelMoments;
     use crate::units::ARCSEC_PER_RAD;
 
     /// Eight dwells of 30 s, 8 s apart, on a base that tilts by `pitch_arcsec(t)`; the sensor's noise is a fixed zigzag

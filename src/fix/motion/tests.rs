@@ -10,7 +10,7 @@ use super::*;
 use crate::fix::dwell::{DwellRows, DwellSummary, Row};
 use crate::fix::solve;
 use crate::fix::tests::{declared, normal};
-use crate::level::{LevelMoments, Specific};
+use crate::sensing::level::{LevelMoments, Specific};
 use crate::units::{ARCSEC_PER_RAD, sin_cos_deg};
 
 const INDICES_DEG: [f64; 8] = [0.0, 90.0, 180.0, 270.0, 270.0, 180.0, 90.0, 0.0];

@@ -1,8 +1,8 @@
 //! The longest settings that are valid: what record and frame must hold.
 
+use calibration::accelerometer::AccelerometerCalibration;
 use heapless::Vec;
 
-use crate::calibration::accelerometer::AccelerometerCalibration;
 use crate::effects::basis::curve::Curve;
 use crate::effects::basis::curve::function::Function;
 use crate::effects::basis::curve::signal::Signal;
@@ -17,7 +17,7 @@ use crate::effects::{
     BaseMotion, Basis, ChannelName, EarthField, Effect, ErrorModel, IndexError, MAX_EFFECTS, MAX_PRODUCTS,
     MAX_RATE_TERMS, MAX_TERMS, RateTerm, Sinusoid, Term,
 };
-use crate::heading::settings::BlockSettings;
+use crate::fix::heading::settings::BlockSettings;
 use crate::sequence::order::{MAX_POSITIONS, Order};
 use crate::settings::Settings;
 

@@ -2,10 +2,10 @@ extern crate std;
 
 use std::vec::Vec;
 
+use calibration::accelerometer::AccelerometerCalibration;
 use embedded_storage::nor_flash::{ErrorType, NorFlashError, NorFlashErrorKind, check_erase, check_read, check_write};
 
 use super::*;
-use crate::calibration::accelerometer::AccelerometerCalibration;
 use crate::effects::effect::MAX_EFFECT_WEIGHTS;
 
 /// Smallest of the boards.

@@ -3,8 +3,8 @@
 use std::io::{self, Write};
 use std::path::PathBuf;
 
+use calibration::known_attitudes::Attitudes;
 use clap::Args;
-use north_finder::calibration::known_attitudes::Attitudes;
 
 use super::gravity::Gravity;
 use super::{decimals, write_rejected, write_rows};

@@ -3,8 +3,8 @@
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
+use calibration::ellipsoid::{Calibration, Misalignments, Role, Weights, norm_rms};
 use clap::Args;
-use north_finder::calibration::ellipsoid::{Calibration, Misalignments, Role, Weights, norm_rms};
 
 use super::gravity::Gravity;
 use super::{decimals, write_rejected, write_rows};

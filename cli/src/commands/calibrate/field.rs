@@ -3,9 +3,9 @@
 use std::io::{self, Write};
 use std::path::PathBuf;
 
+use calibration::field::problem::Solved;
 use clap::Args;
 use hal_sim::World;
-use north_finder::calibration::field::problem::Solved;
 use north_finder::event::{Event, Report, State};
 use north_finder::sequence::Command;
 use serde::Serialize;

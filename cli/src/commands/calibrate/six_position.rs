@@ -3,8 +3,8 @@
 use std::io::{self, Write};
 use std::path::PathBuf;
 
+use calibration::six_position::dwell::Turned;
 use clap::Args;
-use north_finder::calibration::six_position::dwell::Turned;
 
 use super::write_rows;
 use crate::calibrate::six_position::{Outcome, SixPositionError, calibrate, noted_temperatures};

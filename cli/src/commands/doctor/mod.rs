@@ -6,12 +6,12 @@ mod checks;
 use std::io::Write;
 
 use clap::Args;
-use north_finder::codes::TriadCode;
+use north_finder::event::raw;
 use north_finder::event::{Event, Report, Second};
 use north_finder::health::{self, Counters, Item, Refusal, TestVerdict};
 use north_finder::link::Ask;
-use north_finder::raw;
 use north_finder::settings::Settings;
+use quantities::codes::TriadCode;
 use schemars::JsonSchema;
 use serde::Serialize;
 

@@ -73,16 +73,20 @@ impl Image {
 ///
 /// It has its own target directory, so that it can be built while cargo runs the caller.
 pub fn build(board: Board) -> Result<PathBuf, ImageError> {
-    build_program(board, "firmware")
-}
-
-/// Builds one of the programs for a board.
-pub fn build_program(board: Board, program: &str) -> Result<PathBuf, ImageError> {
     // As the Makefile asks for them: what it has built is not built again.
     let (features, directory): (&[&str], &str) = match board {
         Board::Mps2 => (&["--no-default-features", "--features", "mps2"], "qemu"),
         Board::F405 => (&[], "f405"),
     };
+    build_program("firmware", features, directory)
+}
+
+/// Builds the program that measures single steps on the emulated board.
+pub fn build_kernels() -> Result<PathBuf, ImageError> {
+    build_program("kernels", &["--package", "kernels"], "qemu")
+}
+
+fn build_program(program: &str, options: &[&str], directory: &str) -> Result<PathBuf, ImageError> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let root = root.canonicalize().map_err(|_| ImageError::NoSources(root.clone()))?;
     let target = env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), PathBuf::from).join(directory);
@@ -91,7 +95,7 @@ pub fn build_program(board: Board, program: &str) -> Result<PathBuf, ImageError>
     command
         .current_dir(&root)
         .args(["build", "--profile", "firmware", "--bin", program])
-        .args(features)
+        .args(options)
         .args(["--target", TARGET, "--target-dir"])
         .arg(&target)
         .stdin(Stdio::null());

@@ -2,9 +2,9 @@
 
 use std::io::Write;
 
+use inertial::{Algorithm, Increment, Integrator, Quaternion};
 use nalgebra::Vector3;
 use north::failure::Failure;
-use north_finder::attitude::{Algorithm, Increment, Integrator, Quaternion};
 use serde::Serialize;
 use twofloat::TwoFloat;
 

@@ -3,7 +3,7 @@
 use super::super::plan::Needs;
 use super::super::shape::Shape;
 use super::{ANY, Outside, Sketch, channels, family};
-use crate::hidden::part::RunView;
+use crate::hidden::run_view::RunView;
 
 /// Seen only against surveyed headings.
 const SURVEYED: Needs = Needs { survey: true, ..ANY };

@@ -9,9 +9,8 @@ mod time;
 use std::fmt;
 
 use super::draw::Draw;
-use super::family::Measure;
-use super::part::RunView;
-use super::plan::{Needs, Plan};
+use super::plan::{Measure, Needs, Plan};
+use super::run_view::RunView;
 use super::shape::Shape;
 
 /// A family outside the lists.

@@ -1,7 +1,6 @@
 //! Noise that is not white, not Gaussian or not always the same. Nobody can know its course: the oracle leaves it in.
 
-use super::super::family::Measure;
-use super::super::plan::Needs;
+use super::super::plan::{Measure, Needs};
 use super::super::shape::Shape;
 use super::{ANY, Outside, Sketch, channels, of_run};
 

@@ -3,10 +3,10 @@
 use core::fmt;
 
 use heapless::Vec;
+use quantities::limits::{Invalid, finite, within};
 use serde::{Deserialize, Serialize};
 
 use super::super::{MAX_FUNCTIONS, Values, values_of};
-use crate::limits::{Invalid, finite, within};
 
 /// Knots in the signal's unit, rising.
 pub type Knots = Vec<f32, MAX_FUNCTIONS>;

@@ -5,11 +5,11 @@ pub mod signal;
 
 use core::fmt;
 
+use quantities::limits::Invalid;
 use serde::{Deserialize, Serialize};
 
 use super::{Functions, Missing, Now, Values};
 use crate::effects::channel::{ChannelName, TEMPERATURE};
-use crate::limits::Invalid;
 use function::Function;
 use signal::Signal;
 

@@ -2,12 +2,12 @@
 
 use core::fmt;
 
+use quantities::limits::{Invalid, positive, within};
 use serde::{Deserialize, Serialize};
 
 use super::super::{Missing, Now};
 use crate::effects::channel::ChannelName;
 use crate::effects::low_pass;
-use crate::limits::{Invalid, positive, within};
 
 /// What is made of a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
