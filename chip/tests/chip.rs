@@ -6,10 +6,10 @@ use std::sync::OnceLock;
 
 use hal_sim::{Scenario, World};
 use north_chip::{Line, Ran, Setup, image, run};
+use north_finder::event::restart::{Cause, Crash, Provocation};
 use north_finder::event::{Event, Report, State};
 use north_finder::health::{Counters, Fault, Finding, Item, Refusal, TestVerdict};
 use north_finder::link::{Ask, ReportDecoder, Request};
-use north_finder::event::restart::{Cause, Crash, Provocation};
 use north_finder::sequence::Command;
 use north_finder::sequence::order::Order;
 use north_finder::settings::pieces::Outgoing;

@@ -161,7 +161,7 @@ fn the_firmware_uses_the_pins_as_they_are_wired() {
 #[test]
 fn the_boards_own_table_has_the_same_pins() {
     let netlist = netlist();
-    let text = fs::read_to_string(root().join("src/board/f405.rs")).unwrap();
+    let text = fs::read_to_string(root().join("src/board/f405/mod.rs")).unwrap();
     let rows = text.lines().filter_map(|line| line.strip_prefix("//! | P"));
     let cells = rows.map(|row| format!("P{}", row.split('|').next().unwrap()));
     let told: BTreeSet<String> = cells
