@@ -65,9 +65,7 @@ enum Use {
 
 /// The code of the board, without comments.
 fn code() -> String {
-    let board = root().join("src/board");
-    let folder = fs::read_dir(board.join("f405")).unwrap().map(|entry| entry.unwrap().path());
-    let files = folder.chain([board.join("f405.rs")]);
+    let files = fs::read_dir(root().join("src/board/f405")).unwrap().map(|entry| entry.unwrap().path());
     let text: String = files.map(|path| fs::read_to_string(path).unwrap()).collect();
     text.lines().map(|line| line.split("//").next().unwrap_or_default()).collect::<Vec<_>>().join("\n")
 }
