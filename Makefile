@@ -6,6 +6,7 @@ BUILD := $(or $(CARGO_TARGET_DIR),target)
 export CARGO_BUILD_BUILD_DIR := $(abspath $(BUILD))
 QEMU_BOARD := --target $(TARGET) --no-default-features --features mps2 --target-dir $(BUILD)/qemu
 F405_BOARD := --target $(TARGET) --target-dir $(BUILD)/f405
+NUCLEO_BOARD := --target $(TARGET) --no-default-features --features nucleo-f446 --target-dir $(BUILD)/nucleo
 # The emulated chip: a workspace of its own, whose emulator asks for a newer compiler than it needs.
 CHIP := --quiet --manifest-path chip/Cargo.toml --ignore-rust-version --target-dir $(BUILD)/chip
 
@@ -29,13 +30,14 @@ test: setup lint firmware
 proofs: setup
 	cargo test --release --workspace -- --ignored
 
-## lint: format check and clippy, warnings are errors, for the host and both boards
+## lint: format check and clippy, warnings are errors, for the host and all boards
 lint: setup
 	cargo fmt --all --check
 	cargo fmt --manifest-path chip/Cargo.toml --check
 	cargo clippy --quiet --workspace --all-targets -- -D warnings
 	cargo clippy --quiet $(QEMU_BOARD) -- -D warnings
 	cargo clippy --quiet $(F405_BOARD) -- -D warnings
+	cargo clippy --quiet $(NUCLEO_BOARD) -- -D warnings
 	cargo clippy $(CHIP) --all-targets -- -D warnings
 
 ## fmt: format everything
@@ -43,14 +45,15 @@ fmt:
 	cargo fmt --all
 	cargo fmt --manifest-path chip/Cargo.toml
 
-## firmware: the images of both boards
+## firmware: the images of all boards
 firmware: setup
 	cargo build --quiet --profile firmware $(QEMU_BOARD) --bin firmware
 	cargo build --quiet --profile firmware $(F405_BOARD) --bin firmware
+	cargo build --quiet --profile firmware $(NUCLEO_BOARD) --bin firmware
 
 ## bench: the tables of the README and of docs (takes an hour and more)
 bench: setup
-	@for table in accuracy adaptive orders repeat gates "faults --trials 4000" calibration voyage ageing "diagnose --campaigns 3" experiment \
+	@for table in accuracy adaptive orders gyros repeat gates "faults --trials 4000" calibration voyage ageing "diagnose --campaigns 3" experiment \
 		diagnose-speed attitude alignment hold "hold --whole" aiding esg watch cost; do \
 		echo "north bench $$table"; cargo run --quiet --release -p north -- bench $$table || missed="$$missed; $$table"; done; \
 		[ -z "$$missed" ] || { echo "beyond their limits, or not run$$missed"; exit 1; }

@@ -133,7 +133,7 @@ EVENTS = [
     ("heading", fields(heading_deg=f64, pitch_deg=f64, roll_deg=f64, sigma_deg=f64, sigma_level_deg=f64,
                        motion=one_of(["standing", "moving", "bridged"]), refix=boolean)),
     ("answer", fields(number=byte, refusal=maybe(one_of(REFUSALS)))),
-    ("identity", fields(board=one_of(["host", "mps2-an386", "stm32f405"]), version=text, program=unsigned)),
+    ("identity", fields(board=one_of(["host", "mps2-an386", "stm32f405", "nucleo-f446re"]), version=text, program=unsigned)),
     ("settings", fields(version=unsigned, length=unsigned, offset=unsigned, bytes=blob)),
     ("raw", fields(number=byte, bytes=blob)),
     ("to-go", fields(seconds=f64)),

@@ -20,19 +20,25 @@
 //! | `NOT_MASKABLE` | what the processor's non-maskable interrupt means |
 //! | `pac` | the device for RTIC: interrupts by the STM32's names |
 
-#[cfg(all(feature = "f405", feature = "mps2"))]
+#[cfg(any(
+    all(feature = "f405", feature = "mps2"),
+    all(feature = "f405", feature = "nucleo-f446"),
+    all(feature = "nucleo-f446", feature = "mps2")
+))]
 compile_error!("choose one board: for QEMU build with --no-default-features --features mps2");
-#[cfg(not(any(feature = "f405", feature = "mps2")))]
-compile_error!("choose a board: --features f405 or --features mps2");
+#[cfg(not(any(feature = "f405", feature = "nucleo-f446", feature = "mps2")))]
+compile_error!("choose a board: --features f405, nucleo-f446 or mps2");
 
 pub mod crash;
-#[cfg(feature = "f405")]
+#[cfg(feature = "stm32f4")]
 mod f405;
 pub mod memory;
-#[cfg(feature = "f405")]
+#[cfg(feature = "nucleo-f446")]
+mod nucleo_f446;
+#[cfg(feature = "stm32f4")]
 pub use f405::*;
 
-#[cfg(all(feature = "mps2", not(feature = "f405")))]
+#[cfg(all(feature = "mps2", not(feature = "stm32f4")))]
 mod mps2;
-#[cfg(all(feature = "mps2", not(feature = "f405")))]
+#[cfg(all(feature = "mps2", not(feature = "stm32f4")))]
 pub use mps2::*;

@@ -12,6 +12,8 @@ pub enum Board {
     /// QEMU's mps2-an386.
     Mps2,
     Stm32f405,
+    /// ST's Nucleo-F446RE.
+    NucleoF446,
 }
 
 impl Board {
@@ -21,6 +23,7 @@ impl Board {
             Self::Host => "host",
             Self::Mps2 => "mps2-an386",
             Self::Stm32f405 => "stm32f405",
+            Self::NucleoF446 => "nucleo-f446re",
         }
     }
 }

@@ -20,6 +20,7 @@ mod faults;
 pub(crate) mod fixes;
 mod gates;
 mod grammar;
+mod gyros;
 mod hold;
 mod image_size;
 mod orders;
@@ -108,6 +109,7 @@ benches! {
     Faults: faults::Faults,
     Gates: gates::Gates,
     Grammar: grammar::GrammarBench,
+    Gyros: gyros::Gyros,
     Orders: orders::Orders,
     Repeat: repeat::Repeat,
     Hold: hold::HoldBench,

@@ -4,6 +4,8 @@ use stm32f4xx_hal::pac;
 use stm32f4xx_hal::rcc::{Config, Rcc, RccExt as _};
 use stm32f4xx_hal::time::Hertz;
 
+use super::model::CLOCK_COMES_IN;
+
 const CRYSTAL: Hertz = Hertz::MHz(8);
 pub const SYSTEM: Hertz = Hertz::MHz(168);
 /// A crystal takes some 2 ms, the phase-locked loop 0.3 ms: this many looks take ten times as long.
@@ -13,6 +15,9 @@ const LOOKS: u32 = 100_000;
 ///
 /// The loop too is waited for only so long: without it the processor runs at the internal oscillator's 16 MHz.
 pub fn start(registers: pac::RCC) -> (Rcc, bool) {
+    if CLOCK_COMES_IN {
+        registers.cr().modify(|_, w| w.hsebyp().bypassed());
+    }
     registers.cr().modify(|_, w| w.hseon().on());
     let crystal = comes(|| registers.cr().read().hserdy().is_ready());
     // As after a reset, from the internal oscillator: it is only to be seen whether the loop locks.
@@ -20,7 +25,10 @@ pub fn start(registers: pac::RCC) -> (Rcc, bool) {
     let loop_locks = comes(|| registers.cr().read().pllrdy().is_ready());
     registers.cr().modify(|_, w| w.pllon().off());
     let source = match (crystal, loop_locks) {
-        (true, true) => Config::hse(CRYSTAL).sysclk(SYSTEM),
+        (true, true) => {
+            let source = Config::hse(CRYSTAL).sysclk(SYSTEM);
+            if CLOCK_COMES_IN { source.bypass_hse_oscillator() } else { source }
+        }
         (false, true) => {
             registers.cr().modify(|_, w| w.hseon().off());
             Config::hsi().sysclk(SYSTEM)

@@ -30,7 +30,6 @@ pub use flash::Flash;
 use lines::Reception;
 pub use lines::{GyroLine, HostLine, ReportPort};
 use north_finder::drivers::intake::{GYRO_BYTES, HOST_BYTES, Intake};
-use north_finder::event::identity;
 use north_finder::event::restart::Cause;
 use stm32f4xx_hal::dma::{Stream2, Stream5, StreamsTuple};
 use stm32f4xx_hal::gpio::{self, Output, PinState, Speed};
@@ -42,8 +41,18 @@ use stm32f4xx_hal::serial::{Event, Serial};
 use stm32f4xx_hal::spi::Spi;
 use stm32f4xx_hal::time::Hertz;
 
-/// What the board is called on the link.
-pub const BOARD: identity::Board = identity::Board::Stm32f405;
+#[cfg(feature = "f405")]
+mod model {
+    use north_finder::event::identity;
+
+    /// What the board is called on the link.
+    pub const BOARD: identity::Board = identity::Board::Stm32f405;
+    /// There is a crystal.
+    pub const CLOCK_COMES_IN: bool = false;
+}
+#[cfg(feature = "nucleo-f446")]
+use super::nucleo_f446 as model;
+pub use model::BOARD;
 /// Of the fastest clock: what is timed by it takes no less with a slower one.
 const CYCLES_PER_US: u32 = clock::SYSTEM.raw() / 1_000_000;
 /// Within the limits of both parts, and a whole part of both buses' clocks.
