@@ -15,6 +15,9 @@ pub const TURN: &str = "turn_deg";
 /// Optional: what to compare with, degrees.
 pub const REFERENCES: [&str; 3] = ["reference_heading_deg", "reference_lat_deg", "reference_lon_deg"];
 
+/// The rows of a block lie no further apart, seconds: between them the block turns in a way that they do not tell.
+const LONGEST_STEP_S: f64 = 1.0;
+
 /// One row: what the block felt in the interval that ends at `t_s`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BlockRow {
@@ -35,7 +38,7 @@ pub struct BlockRecording {
     pub step_s: f64,
 }
 
-/// Reads a recording. Errors: no such file, a column missing, a field that is no number, time that does not increase, no rows.
+/// Reads a recording. Errors: no such file, a column missing, a field that is no number, time that does not increase, rows too far apart, no rows.
 pub fn read(path: &Path) -> Result<BlockRecording, FileError> {
     let mut table = TableCsv::open(path)?;
     let mut places = [0; COLUMNS.len()];
@@ -74,6 +77,10 @@ pub fn read(path: &Path) -> Result<BlockRecording, FileError> {
     let mut steps: Vec<f64> = rows.windows(2).map(|pair| pair[1].t_s - pair[0].t_s).collect();
     steps.sort_unstable_by(f64::total_cmp);
     let step_s = *steps.get(steps.len() / 2).ok_or_else(|| table.whole(Problem::NoRows))?;
+    if step_s > LONGEST_STEP_S {
+        let allowed = format!("at most {LONGEST_STEP_S} s: `t_s` is in seconds, and these may be milliseconds");
+        return Err(table.whole(Problem::not_allowed(format!("rows {step_s} s apart"), allowed)));
+    }
     let mut previous_s = if rows[0].t_s > 0.0 { 0.0 } else { rows[0].t_s - step_s };
     for row in &mut rows {
         row.interval_s = row.t_s - std::mem::replace(&mut previous_s, row.t_s);

@@ -254,7 +254,7 @@ fn errors_of_the_recording_name_line_column_and_value() {
     let timed = SIMPLE.replace("interval_s = 0.5", "column = \"t\"\nunit = \"ms\"");
     assert_eq!(
         refusal(&timed, "t,w,angle\n5,1,0\n6,1,0\n6,1,0\n"),
-        r#"recording, line 4, column 1 (t): "0.006 s" is not allowed; allowed is later than the sample before, 0.006 s"#
+        r#"recording, line 4, column 1 (t): "0.006 s" is not allowed; allowed is later than the sample before, 0.006 s, by at most 1e9 s"#
     );
     let error = bring(SIMPLE, &[0; 200_000], Format::Text).map(|it| it.1).unwrap_err();
     assert!(error.contains("not a text recording"), "{error}");
@@ -377,6 +377,8 @@ fn binary_files_are_refused_by_name() {
         (b"\x89HDF\r\n\x1a\n", "an HDF5"),
         (b"PK\x03\x04....", "a zip archive"),
         (b"\x1f\x8b\x08", "a gzip archive"),
+        (b"000001D GRA51  BHZIU\x07\xe4\0\0", "a miniSEED file"),
+        (b"MS\x03\x04\0\0", "a miniSEED file"),
         (b"1,2\n\0\0", "a binary file"),
     ] {
         let error = bring(SIMPLE, head, Format::Text).map(|(_, summary)| summary).unwrap_err();
@@ -394,10 +396,23 @@ fn numbers_that_make_no_sense_are_refused() {
         ("[index]", "[temperature]\ncolumn = 1\nscale = inf\n[index]", "\"scale = inf, offset = 0\""),
         ("[index]", "[[channel]]\nname = \"x\"\ncolumn = 1\noffset = nan\n[index]", "\"scale = 1, offset = NaN\""),
         ("unit = \"deg/h\"", "unit = \"deg/h\"\nscale = inf", "\"scale = inf\""),
+        (
+            "unit = \"deg/h\"",
+            "unit = \"rad\"\nscale = 1e308",
+            "recording, line 2, column 1 (w): \"1.0, which becomes inf with its unit, scale and offset\"",
+        ),
+        (
+            "column = \"angle\"",
+            "column = \"angle\"\noffset_deg = 1e308",
+            "recording, line 2, column 2 (angle): \"0.0, which becomes 1e308",
+        ),
     ] {
         let found = refusal(&SIMPLE.replace(from, to), "w,angle\n1,0\n");
         assert!(found.contains(error), "{found}");
     }
+    let stamps = SIMPLE.replace("interval_s = 0.5", "column = \"t\"\ninterval_s = 0.5");
+    let error = refusal(&stamps, "t,w,angle\n0.5,1,0\n1,1,0\n1e308,1,0\n");
+    assert!(error.starts_with("recording, line 4, column 1 (t): \"1e308 s\" is not allowed"), "{error}");
     let stamped = SIMPLE.replace("interval_s = 0.5", "column = \"t\"\nduration_s = 20");
     let error = refusal(&stamped, "t,w,angle\n0,1,0\n5,1,0\n10,1,0\n");
     assert!(error.contains("the time stamps span 10.000 s, duration_s says 20 s"), "{error}");
@@ -413,7 +428,7 @@ fn a_proposed_mapping_imports_what_it_was_proposed_for() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("strange.csv");
     fs::write(&path, &recording).unwrap();
-    let map = north::import::guess(&path, None).unwrap().replace("dwell_s = 60", "dwell_s = 0.4");
+    let map = north::import::guess(&path, None).unwrap();
     for line in ["unit = \"rad/s\"", "unit = \"ms\"", "unit = \"m/s2\"", "latitude_deg = 30.00", "decimal_comma = true"]
     {
         assert!(map.contains(line), "{line}:\n{map}");
@@ -429,4 +444,182 @@ fn a_log_of_a_dead_gyro_says_so() {
     let map = fs::read_to_string(map_file("kvh-triad.toml")).unwrap();
     let error = bring(&map, &kvh_log(300_000, 1000.0, |_| 3), Format::Kvh).map(|it| it.1).unwrap_err();
     assert_eq!(error, "recording: each of its 300000 samples is marked as not valid by the sensor itself");
+}
+
+#[test]
+fn a_log_without_a_frame_ends_soon() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("zeros.bin");
+    // 10 GB of zeros, of which the disk holds none.
+    fs::File::create(&path).unwrap().set_len(10_000_000_000).unwrap();
+    let map = Map::read(&map_file("kvh-triad.toml")).unwrap();
+    let begun = std::time::Instant::now();
+    let error = import(&map, &path, Format::Kvh, &folder.path().join("out"), &mut |_| true).unwrap_err().to_string();
+    assert!(error.contains("no frame of KVH format A in 16"), "{error}");
+    assert!(begun.elapsed().as_secs() < 30);
+}
+
+#[test]
+fn empty_lines_are_rows_of_a_header() {
+    // As an editor counts them: a title, an empty line, the names, an empty line; comments do not count, nor what is empty below them.
+    let map = format!("{SIMPLE}[text]\nheader_rows = 4\n");
+    let (folder, _) = text(&map, "my log\n\n# a comment\n\nw,angle\n\n1,0\n\n2,0\n").unwrap();
+    assert_eq!(rows(folder.path(), 1).iter().map(|row| row.fog_arcsec).collect::<Vec<_>>(), [0.5, 1.0]);
+}
+
+#[test]
+fn a_file_in_several_runs_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    fs::write(at("a.csv"), "w\n1\n2\n").unwrap();
+    let read = |roles: [&str; 2]| {
+        let map = format!(
+            "format = 1\nlatitude_deg = 60\n[time]\ninterval_s = 0.5\n[gyro]\ncolumns = [\"w\"]\nunit = \"deg/h\"\n\
+             [[run]]\nrole = {:?}\npositions = [{{ file = \"a.csv\", index_deg = 0 }}]\n\
+             [[run]]\nrole = {:?}\npositions = [{{ file = \"./a.csv\", index_deg = 90 }}]\n",
+            roles[0], roles[1]
+        );
+        fs::write(at("map.toml"), map).unwrap();
+        let out = at(&format!("out-{}", roles[1]));
+        import(&Map::read(&at("map.toml")).unwrap(), folder.path(), Format::Text, &out, &mut |_| true)
+    };
+    assert!(read(["fit", "fit"]).unwrap().notes[0].starts_with("./a.csv is in several runs"));
+    let error = read(["fit", "check"]).unwrap_err().to_string();
+    assert!(
+        error.contains("line 11, column 1: a run to learn from and a run to judge by must not hold the same file"),
+        "{error}"
+    );
+}
+
+/// A triad at rest at 30° north, forward east, ten rows a second: gyro (0, h, Ω sin φ) and biases, in this unit.
+fn triad(unit_of_rad_s: f64, bias: f64, rows: usize) -> String {
+    let (h, up) = (7.292e-5 * 30_f64.to_radians().cos(), 7.292e-5 * 0.5);
+    let row = |i: usize| {
+        format!(
+            "{:.1},{bias},{:e},{:e},0.0,0.0,9.81\n",
+            i as f64 * 0.1,
+            h * unit_of_rad_s + bias,
+            up * unit_of_rad_s + bias
+        )
+    };
+    (1..=rows).map(row).collect()
+}
+
+fn proposal(recording: &str) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("strange.csv");
+    fs::write(&path, recording).unwrap();
+    north::import::guess(&path, None).unwrap()
+}
+
+#[test]
+fn a_proposal_has_runs_to_learn_from_and_runs_to_judge_by() {
+    let recording = format!("t_s,gx,gy,gz,ax,ay,az\n{}", triad(1.0, 0.0, 9700));
+    let map = proposal(&recording);
+    // 970 s hold four runs of four dwells of a minute.
+    let (folder, _) = text(&map, &recording).unwrap_or_else(|error| panic!("{error}\n{map}"));
+    let campaign = Campaign::read(&folder.path().join("out")).unwrap();
+    let roles: Vec<Role> = campaign.runs.iter().map(|run| run.role).collect();
+    assert_eq!(roles, [Role::Fit, Role::Check, Role::Fit, Role::Check], "{map}");
+}
+
+#[test]
+fn a_triad_of_large_biases_is_asked_for_its_unit() {
+    for (unit_of_rad_s, name) in
+        [(1.0, "rad/s"), (57.29578, "deg/s"), (57.29578 * 3600.0, "deg/h"), (20_626.48, "arcsec")]
+    {
+        let recording = |bias: f64| format!("t_s,gx,gy,gz,ax,ay,az\n{}", triad(unit_of_rad_s, bias, 100));
+        assert!(proposal(&recording(0.0)).contains(&format!("unit = \"{name}\"")), "{name}");
+    }
+    // Half a degree a second is a bias that many have; no scale makes it the Earth's rate.
+    let recording = format!("t_s,gx,gy,gz,ax,ay,az\n{}", triad(57.29578, 0.5, 100));
+    let map = proposal(&recording);
+    assert!(map.contains("unit = \"EDIT\"") && !map.contains("\nscale"), "{map}");
+    let error = refusal(&map.replace("nan", "30"), &recording);
+    assert!(
+        error.contains("unknown variant `EDIT`, expected one of `arcsec`, `deg`, `rad`, `deg/h`, `deg/s`, `rad/s`"),
+        "{error}"
+    );
+    // A name that says it is believed.
+    let named = recording.replace("gx,gy,gz", "gx [deg/s],gy [deg/s],gz [deg/s]");
+    assert!(proposal(&named).contains("unit = \"deg/s\""));
+}
+
+#[test]
+fn no_column_is_proposed_for_two_things() {
+    // Time and a gyro without names: no index, so it is a file of one position.
+    let map = proposal(&(1..100).map(|i| format!("{i} 0.00{}\n", 4 + i % 2)).collect::<String>());
+    assert!(map.contains("[time]\ncolumn = 1\n") && map.contains("[gyro]\ncolumns = [2]\n"), "{map}");
+    assert!(
+        map.contains("positions = [{ file = \"strange.csv\", index_deg = 0 }]") && !map.contains("[index]"),
+        "{map}"
+    );
+    // With an index, whose swing of 9.7 is in deg/h (50° of latitude): four positions.
+    let indexed = |i: usize| {
+        let index = 90 * (i / 100);
+        format!(
+            "{i};{index}.00;{:.4}\n",
+            3.0 + 9.668 * f64::from(index as u32).to_radians().cos() + 0.01 * (i % 3) as f64
+        )
+    };
+    let recording: String = (1..400).map(indexed).collect();
+    let map = proposal(&recording);
+    assert!(map.contains("[time]\ncolumn = 1\n") && map.contains("[gyro]\ncolumns = [3]\nunit = \"deg/h\""), "{map}");
+    assert!(map.contains("[index]\ncolumn = 2\n") && map.contains("role = \"fit\""), "{map}");
+    let (folder, _) = text(&map.replace("nan", "50"), &recording).unwrap();
+    assert_eq!(rows(folder.path(), 1).len(), 398);
+    // Nothing that is known: everything is asked for.
+    let map = proposal("a,b\n1,5\n3,4\n2,7\n");
+    for line in ["latitude_deg = nan", "interval_s = 0 ", "columns = [\"EDIT\"]", "unit = \"EDIT\""] {
+        assert!(map.contains(line), "{line}:\n{map}");
+    }
+}
+
+#[test]
+fn a_proposal_keeps_footers_and_units_out() {
+    let recording =
+        format!("log of today\n\nt,w,angle\ns,deg/h,deg\n{}\nSum,12\nsigned by,me\n", "1,2,3\n2,3,3\n3,1,3\n");
+    let map = proposal(&recording);
+    for line in ["header_rows = 4", "names_row = 3", "footer_rows = 2", "columns = [\"w\"]", "unit = \"deg/h\""] {
+        assert!(map.contains(line), "{line}:\n{map}");
+    }
+    let (folder, _) = text(&map.replace("nan", "50"), &recording).unwrap();
+    assert_eq!(rows(folder.path(), 1).len(), 2);
+}
+
+#[test]
+fn times_in_milliseconds_are_told_everywhere() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |step: f64| -> String {
+        let rows = (1..=800).map(|i| format!("{},0,{}\n", step * f64::from(i), f64::from(i % 7)));
+        "t_s,index_deg,fog_arcsec\n".to_owned() + &rows.collect::<String>()
+    };
+    let path = folder.path().join("a.csv");
+    let read = |step: f64| {
+        fs::write(&path, run(step)).unwrap();
+        RunReader::open(&path)
+            .unwrap()
+            .collect::<Result<Vec<_>, _>>()
+            .map(|rows| rows.len())
+            .map_err(|error| error.to_string())
+    };
+    assert_eq!((read(1.0), read(60.0)), (Ok(800), Ok(800)));
+    let error = read(1000.0).unwrap_err();
+    assert!(
+        error.contains("line 4, column 1 (t_s): \"rows 1000 s apart\"") && error.contains("may be milliseconds"),
+        "{error}"
+    );
+    assert!(
+        read(1000.0).is_err()
+            && north::characterise::read(&path).unwrap_err().to_string().contains("may be milliseconds")
+    );
+    fs::write(&path, "t_s,gx_arcsec,gy_arcsec,gz_arcsec,ax_m_s2,ay_m_s2,az_m_s2\n10,0,0,0,0,0,9\n20,0,0,0,0,0,9\n")
+        .unwrap();
+    let error = north::block_csv::read(&path).unwrap_err().to_string();
+    assert!(error.contains("\"rows 10 s apart\" is not allowed"), "{error}");
+    // Rows of 400 Hz for five minutes: too near to an honest log to be refused, but doubted.
+    let stamped = SIMPLE.replace("interval_s = 0.5", "column = \"t_s\"");
+    let recording: String = (1..=120_000).map(|i| format!("{},1,0\n", 2.5 * f64::from(i))).collect();
+    let (_, summary) = text(&stamped, &format!("t_s,w,angle\n{recording}")).unwrap();
+    assert!(summary.doubts[0].contains("2.5 s apart for 3.5 days"), "{:?}", summary.doubts);
 }

@@ -110,6 +110,17 @@ fn a_file_that_is_not_there_is_named() {
 }
 
 #[test]
+fn what_might_never_end_is_no_scenario() {
+    let error = Scenario::load("/dev/zero".as_ref()).expect_err("it never ends");
+    assert!(error.to_string().contains("no regular file"), "{error}");
+    let path = std::env::temp_dir().join(format!("long-scenario-{}.toml", std::process::id()));
+    std::fs::write(&path, "#\n".repeat(1 << 20)).expect("a temporary file");
+    let error = Scenario::load(&path).expect_err("it is too long");
+    std::fs::remove_file(&path).expect("it is there");
+    assert!(error.to_string().contains("more than 1 MiB"), "{error}");
+}
+
+#[test]
 fn a_changed_scenario_can_be_checked_again() {
     let mut scenario = Scenario::default();
     assert_eq!(scenario.violations(), []);

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use csv::{ByteRecord, ReaderBuilder, Trim};
 use quantities::median::median;
 
+use crate::campaign::check_step;
 use crate::file_error::{FileError, Place, Problem};
 use crate::input;
 
@@ -111,7 +112,7 @@ impl<const N: usize> Table<N> {
         self.places[column].is_some()
     }
 
-    /// That the numbers of a column increase from row to row: times.
+    /// That the numbers of a column increase from row to row, and are seconds: times.
     pub fn check_increasing(&self, column: usize) -> Result<(), FileError> {
         for (pair, line) in self.rows.windows(2).zip(&self.lines[1..]) {
             let (previous_s, t_s) = (pair[0][column], pair[1][column]);
@@ -120,7 +121,9 @@ impl<const N: usize> Table<N> {
                 return Err(self.field_error(*line, self.places[column].unwrap_or_default(), problem));
             }
         }
-        Ok(())
+        let mut steps_s: Vec<f64> = self.rows.windows(2).map(|pair| pair[1][column] - pair[0][column]).collect();
+        let usual_s = median(&mut steps_s).unwrap_or(0.0);
+        check_step(usual_s).map_err(|problem| FileError::whole(&self.path, problem))
     }
 
     /// That no rows are missing: no step of a column of times is longer than `LONGEST_STEP` median steps.

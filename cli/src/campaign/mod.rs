@@ -1,5 +1,6 @@
 //! Campaigns, format 1: a folder with a `campaign.toml` and runs as CSV files.
 
+mod clock;
 mod copies;
 mod manifest;
 mod own;
@@ -7,6 +8,7 @@ mod run_csv;
 mod table;
 mod writer;
 
+pub use clock::{check_step, doubt as doubt_of_clock};
 pub use manifest::{Campaign, Instrument, Role, Run};
 pub(crate) use manifest::{check_range, check_station, check_time};
 pub use own::{ACCELEROMETERS, COMMON, INDEX, Own, TEMPERATURE};

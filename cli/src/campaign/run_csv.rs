@@ -9,6 +9,7 @@ use quantities::median::median;
 
 use north_finder::sensing::level::Specific;
 
+use super::clock;
 use super::own::{self, MOMENTS, Own, UP};
 use crate::file_error::{FileError, Place, Problem};
 use crate::input;
@@ -74,6 +75,8 @@ pub struct RunReader {
     columns: Columns,
     record: ByteRecord,
     previous_s: Option<f64>,
+    /// Steps of time so far, until one is short enough to be one.
+    long_steps: Option<u32>,
     /// Interval of a first row that stands at 0.
     median_step_s: Option<f64>,
     ended: bool,
@@ -134,7 +137,8 @@ impl RunReader {
         let columns = Columns::find(path, &header)?;
         let channels = columns.extra.iter().filter_map(|&i| header.get(i).cloned()).collect();
         let path = path.to_owned();
-        Ok(Self { path, csv, header, channels, columns, record, previous_s: None, median_step_s: None, ended: false })
+        let (previous_s, long_steps, median_step_s) = (None, Some(0), None);
+        Ok(Self { path, csv, header, channels, columns, record, previous_s, long_steps, median_step_s, ended: false })
     }
 
     fn next_row(&mut self) -> Result<Option<Row>, FileError> {
@@ -207,7 +211,14 @@ impl RunReader {
             Some(previous_s) if t_s <= previous_s => {
                 Err(self.field_error(column, Problem::TimeNotIncreasing { t_s, previous_s }))
             }
-            _ => {
+            previous_s => {
+                if let (Some(previous_s), Some(long_steps)) = (previous_s, self.long_steps) {
+                    self.long_steps = match clock::check_step(t_s - previous_s) {
+                        Ok(()) => None,
+                        Err(_) if long_steps == 0 => Some(1),
+                        Err(problem) => return Err(self.field_error(column, problem)),
+                    };
+                }
                 self.previous_s = Some(t_s);
                 Ok(Some(t_s))
             }

@@ -11,6 +11,8 @@ use crate::file_error::{FileError, Problem};
 
 /// The fields of a frame, by the names that a mapping calls them.
 const NAMES: [&str; 8] = ["gyro_x", "gyro_y", "gyro_z", "acc_x", "acc_y", "acc_z", "temp_c", "sequence"];
+/// So many bytes without a good frame are no log of such a gyro: at 36 bytes a frame and 1000 Hz they are eight minutes.
+const LONGEST_NOISE: u64 = 16 << 20;
 /// Sequence numbers run from 0 to this minus one.
 const MODULUS: u16 = 128;
 
@@ -43,10 +45,14 @@ impl KvhRecords {
     }
 
     fn next_frame(&mut self) -> Result<Option<KvhFrame>, FileError> {
+        let begin = self.bytes_read;
         loop {
             let chunk = self.reader.fill_buf().map_err(|error| FileError::whole(&self.path, error))?;
             if chunk.is_empty() {
                 return Ok(None);
+            }
+            if self.bytes_read - begin > LONGEST_NOISE {
+                return Err(self.no_frame(begin));
             }
             let mut taken = 0;
             let frame = chunk.iter().find_map(|&byte| {
@@ -60,6 +66,17 @@ impl KvhRecords {
             }
         }
     }
+
+    /// Nothing but noise since this byte.
+    fn no_frame(&self, begin: u64) -> FileError {
+        let place = if begin == 0 { String::new() } else { format!(" after byte {begin}") };
+        let problem = format!(
+            "no frame of KVH format A in {} bytes{place}, {} check sums wrong",
+            self.bytes_read - begin,
+            self.frames.bad_crc()
+        );
+        FileError::whole(&self.path, Problem::Syntax(problem))
+    }
 }
 
 impl Records for KvhRecords {
@@ -69,14 +86,7 @@ impl Records for KvhRecords {
         let Some(frame) = self.next_frame()? else {
             return match self.frame {
                 Some(_) => Ok(None),
-                None => Err(FileError::whole(
-                    &self.path,
-                    Problem::Syntax(format!(
-                        "no frame of KVH format A in {} bytes, {} check sums wrong",
-                        self.bytes_read,
-                        self.frames.bad_crc()
-                    )),
-                )),
+                None => Err(self.no_frame(0)),
             };
         };
         let previous = self.frame.replace(frame);

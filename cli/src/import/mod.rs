@@ -17,7 +17,7 @@ mod unit;
 mod windows;
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
@@ -34,7 +34,7 @@ use self::rows::Rows;
 use self::sample::{Sample, Sampler};
 use self::text::TextRecords;
 use self::windows::Window;
-use crate::campaign::{Campaign, CampaignWriter, Layout};
+use crate::campaign::{Campaign, CampaignWriter, Layout, Role, doubt_of_clock};
 use crate::failure::Failure;
 use crate::file_error::{FileError, Problem};
 
@@ -47,6 +47,8 @@ const BREATH: u64 = 1 << 14;
 /// Said of a triad that is read as an indexed gyro.
 const VIRTUAL_INDEX: &str = "a virtual index does not cancel the biases of a triad: at 180 degrees the same gyro is read with \
                              the opposite sign, and its bias with it; `north align` solves a triad whole";
+/// Said of runs that are made of the same file.
+const SAME_FILE: &str = "is in several runs, or twice in one: their errors are not independent";
 /// Said of runs that share samples.
 const OVERLAP: &str = "runs overlap: their errors are not independent";
 
@@ -214,8 +216,10 @@ impl<'a> Importer<'a> {
 
     /// Joins the files of each run's positions, without a pause between two.
     fn a_file_for_each_position(mut self, breath: &mut dyn FnMut(u64) -> bool) -> Result<Summary, Failure> {
+        let mut used: Vec<(PathBuf, Role)> = Vec::new();
         while let Some(window) = self.windows.next_window() {
             let positions = window.positions.clone();
+            self.note_files(&window, &mut used)?;
             self.open_run(window)?;
             let mut before_s = 0.0;
             for position in &positions {
@@ -244,6 +248,30 @@ impl<'a> Importer<'a> {
         self.finish()
     }
 
+    /// Says which files are in several runs.
+    ///
+    /// Errors: a file is learned from in one run and judged by in another.
+    fn note_files(&mut self, window: &Window, used: &mut Vec<(PathBuf, Role)>) -> Result<(), FileError> {
+        let role = window.run.role;
+        for position in &window.positions {
+            let path = self.file.join(&position.file);
+            let path = path.canonicalize().unwrap_or(path);
+            let name = position.file.display();
+            let note = format!("{name} {SAME_FILE}");
+            match used.iter().find(|(other, _)| *other == path) {
+                Some((_, other)) if *other != role => {
+                    let problem =
+                        format!("a run to learn from and a run to judge by must not hold the same file: {name}");
+                    return Err(self.map.file.at(window.span.clone(), Problem::Syntax(problem)));
+                }
+                Some(_) if !self.summary.notes.contains(&note) => self.summary.notes.push(note),
+                Some(_) => {}
+                None => used.push((path, role)),
+            }
+        }
+        Ok(())
+    }
+
     fn breathe(&mut self, sampler: &Sampler, breath: &mut dyn FnMut(u64) -> bool) -> Result<(), Failure> {
         self.until_breath -= 1;
         if self.until_breath > 0 {
@@ -265,6 +293,8 @@ impl<'a> Importer<'a> {
 
     fn finish(mut self) -> Result<Summary, Failure> {
         self.summary.doubts.extend(self.means.doubts(self.map));
+        let of_clock = |run: &RunSummary| doubt_of_clock(run.seconds / run.rows as f64, run.seconds);
+        self.summary.doubts.extend(self.summary.runs.iter().find_map(of_clock));
         self.campaign.finish()?;
         Ok(self.summary)
     }

@@ -28,8 +28,8 @@ pub struct Rows<'a> {
 /// Samples on their way to a row.
 #[derive(Clone, Debug, Default)]
 struct Gathered {
-    good: u32,
-    lost: u32,
+    good: u64,
+    lost: u64,
     end_s: f64,
     /// Which of the virtual index's angles.
     place: usize,
@@ -75,7 +75,7 @@ impl<'a> Rows<'a> {
         }
         self.gathered.push(sample, place, arcsec);
         self.gathered.end_s = sample.end_s - self.start_s;
-        if self.gathered.good.saturating_add(self.gathered.lost) >= self.map.samples_per_row {
+        if self.gathered.good.saturating_add(self.gathered.lost) >= self.map.samples_per_row.into() {
             self.end_row()?;
         }
         Ok(())
@@ -95,14 +95,14 @@ impl<'a> Rows<'a> {
 
     fn end_row(&mut self) -> Result<(), FileError> {
         let gathered = std::mem::take(&mut self.gathered);
-        let good = f64::from(gathered.good);
+        let good = gathered.good as f64;
         let index_deg = match &self.map.index {
             Index::Measured { .. } | Index::Placed => gathered.first_deg + gathered.way_deg / good,
             Index::Virtual { angles_deg, .. } => angles_deg.get(gathered.place).copied().unwrap_or_default(),
         };
         let t_s = to_digits(gathered.end_s);
         // Missing increments are taken for the mean of those that came; the count says so to whoever reads the row.
-        let arcsec = gathered.arcsec * (good + f64::from(gathered.lost)) / good;
+        let arcsec = gathered.arcsec * (good + gathered.lost as f64) / good;
         self.writer.write(&Row {
             t_s,
             interval_s: t_s - self.end_s,

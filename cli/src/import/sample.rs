@@ -6,6 +6,11 @@ use super::map::{Column, Index, Map};
 use super::record::{Losses, Records, field_of};
 use crate::file_error::{FileError, Problem};
 
+/// No two samples lie further apart, seconds: 1e9 s are 32 years, and a longer gap would be counted in more samples than there can be.
+const LONGEST_GAP_S: f64 = 1e9;
+/// No value is larger in the project's units: sums of 10⁹ squares are far from the end of the numbers, and a board's single precision holds it.
+const LARGEST_VALUE: f64 = 1e30;
+
 /// One sample.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sample {
@@ -14,7 +19,7 @@ pub struct Sample {
     /// Its length, seconds.
     pub interval_s: f64,
     /// Samples that are missing or not valid between the one before and this one.
-    pub lost: u32,
+    pub lost: u64,
     /// Angle increment, arcsec: of a triad (forward, left, up), of a single gyro (its own, 0, 0).
     pub gyro_arcsec: [f64; 3],
     /// Specific force, g: forward, left, and up if that is measured.
@@ -101,10 +106,10 @@ impl<'a> Sampler<'a> {
     pub fn next_sample(&mut self) -> Result<Option<&Sample>, FileError> {
         let mut lost = 0;
         while let Some(missing) = self.records.advance()? {
-            lost += missing;
+            lost += u64::from(missing);
             let Some(by_stamps) = self.place_in_time(missing)? else { continue };
             lost += by_stamps;
-            self.lost += u64::from(by_stamps);
+            self.lost += by_stamps;
             if self.used.iter().all(|&field| self.records.is_valid(field)) {
                 self.sample.lost = lost;
                 self.measure()?;
@@ -142,7 +147,7 @@ impl<'a> Sampler<'a> {
 
     /// Works out when the sample was taken and how many are missing before it by the time stamps; `None` for a first
     /// sample whose interval nothing tells.
-    fn place_in_time(&mut self, missing: u32) -> Result<Option<u32>, FileError> {
+    fn place_in_time(&mut self, missing: u32) -> Result<Option<u64>, FileError> {
         let Some(&(field, _)) = self.time.last() else {
             let interval_s = self.map.time.interval_s.unwrap_or_default();
             self.due += u64::from(missing) + 1;
@@ -163,24 +168,33 @@ impl<'a> Sampler<'a> {
             }
         };
         let step_s = stamp_s - previous_s;
-        if step_s <= 0.0 {
-            let allowed = format!("later than the sample before, {previous_s} s");
-            return Err(self.records.field_error(field, Problem::not_allowed(format!("{stamp_s} s"), allowed)));
+        if !(step_s > 0.0 && step_s <= LONGEST_GAP_S) {
+            let allowed = format!("later than the sample before, {previous_s} s, by at most {LONGEST_GAP_S:e} s");
+            return Err(self.records.field_error(field, Problem::not_allowed(format!("{stamp_s:?} s"), allowed)));
         }
         let steps = self.map.time.interval_s.map_or(1.0, |interval_s| (step_s / interval_s).round().max(1.0));
         self.stamps_s = Some((origin_s, stamp_s));
-        self.due += steps as u64;
+        self.due = self.due.saturating_add(steps as u64);
         self.sample.end_s = stamp_s - origin_s;
         self.sample.interval_s = step_s / steps;
-        Ok(Some((steps as u32).saturating_sub(1)))
+        Ok(Some((steps as u64).saturating_sub(1)))
     }
 
     fn measure(&mut self) -> Result<(), FileError> {
         let Self { records, map, sample, .. } = self;
+        let number = |field: usize, convert: &dyn Fn(f64) -> f64| -> Result<f64, FileError> {
+            let written = records.number(field)?;
+            let value = convert(written);
+            if value.abs() <= LARGEST_VALUE {
+                return Ok(value);
+            }
+            let becomes = format!("{written:?}, which becomes {value:e} with its unit, scale and offset");
+            Err(records.field_error(field, Problem::not_allowed(becomes, format!("a value within ±{LARGEST_VALUE:e}"))))
+        };
         let mut values = [0.0; 3];
         let mut read = |scaled: &[Scaled], factor: f64| -> Result<[f64; 3], FileError> {
             for (value, column) in values.iter_mut().zip(scaled) {
-                *value = records.number(column.field)? * column.scale * factor;
+                *value = number(column.field, &|value| value * column.scale * factor)?;
             }
             Ok(values)
         };
@@ -194,15 +208,15 @@ impl<'a> Sampler<'a> {
             sample.acceleration_g = Some(accelerometer.axes.body(&foreign));
         }
         if let (Some(field), Index::Measured { scale, offset_deg, .. }) = (self.index, &map.index) {
-            sample.index_deg = records.number(field)? * scale + offset_deg;
+            sample.index_deg = number(field, &|value| value * scale + offset_deg)?;
         }
         if let (Some(field), Some(temperature)) = (self.temperature, &map.temperature) {
-            let value = records.number(field)? * temperature.scale + temperature.offset;
-            sample.temp_c = Some(temperature.unit.celsius(value));
+            let celsius = |value| temperature.unit.celsius(value * temperature.scale + temperature.offset);
+            sample.temp_c = Some(number(field, &celsius)?);
         }
         sample.channels.clear();
         for (&field, channel) in self.channels.iter().zip(&map.channels) {
-            sample.channels.push(records.number(field)? * channel.scale + channel.offset);
+            sample.channels.push(number(field, &|value| value * channel.scale + channel.offset)?);
         }
         Ok(())
     }

@@ -28,6 +28,10 @@ pub struct TextRecords {
     stop_at: Vec<u8>,
     rows_left: u64,
     lines_read: u64,
+    /// Rows of the header that are still to be read: among them an empty line is a row, as in an editor.
+    header_left: usize,
+    /// The line before was a comment, or an empty one below it, which belongs to it.
+    below_comment: bool,
     line: Vec<u8>,
     line_number: u64,
     bytes_read: u64,
@@ -64,6 +68,8 @@ impl TextRecords {
             stop_at: stop_at.into_bytes(),
             rows_left: rows.map_or(u64::MAX, |rows| rows.into_inner().get()),
             lines_read: 0,
+            header_left: header_rows,
+            below_comment: false,
             line: Vec::new(),
             line_number: 0,
             bytes_read: 0,
@@ -73,6 +79,8 @@ impl TextRecords {
             first: true,
         };
         let names_row = names_row(map)?;
+        let names_rows =
+            |row: usize, line: &[u8]| names_row.map_or(!line.trim_ascii().is_empty(), |wanted| row == wanted);
         for row in 1..=header_rows {
             if !records.next_line()? {
                 return Err(FileError::whole(
@@ -80,7 +88,7 @@ impl TextRecords {
                     Problem::Syntax(format!("the file ends after {} of its {header_rows} header rows", row - 1)),
                 ));
             }
-            if row == names_row {
+            if names_rows(row, &records.line) {
                 records.names = (0..records.fields.len()).map(|field| records.text(field)).collect();
             }
         }
@@ -116,7 +124,8 @@ impl TextRecords {
         Ok(true)
     }
 
-    /// Reads up to the next line that is neither empty nor a comment.
+    /// Reads up to the next line that is neither empty nor a comment; in the header an empty one is a row, but below
+    /// a comment.
     fn read_line(&mut self) -> Result<bool, FileError> {
         loop {
             self.line.clear();
@@ -147,7 +156,11 @@ impl TextRecords {
                 self.line.drain(..3);
             }
             let text = self.line.trim_ascii();
-            if !text.is_empty() && (self.comment.is_empty() || !text.starts_with(&self.comment)) {
+            let comment = !self.comment.is_empty() && text.starts_with(&self.comment);
+            self.below_comment = comment || (text.is_empty() && self.below_comment);
+            let of_header = self.header_left > 0 && !self.below_comment;
+            if !comment && (!text.is_empty() || of_header) {
+                self.header_left = self.header_left.saturating_sub(1);
                 return Ok(true);
             }
         }
@@ -254,10 +267,20 @@ pub fn refuse_binary(path: &Path, head: &[u8]) -> Result<(), FileError> {
         [0x89, b'H', b'D', b'F', ..] => "an HDF5 (or MATLAB 7.3) file: export its columns as text",
         [b'P', b'K', 3, 4, ..] => "a zip archive or a spreadsheet: export the sheet as CSV",
         [0x1F, 0x8B, ..] => "a gzip archive: unpack it first",
+        head if is_miniseed(head) => {
+            "a miniSEED file: write its samples as text, in Python with ObsPy: obspy.read(\"recording.mseed\").write(\"recording.txt\", format=\"TSPAIR\")"
+        }
         head if head.contains(&0) => "a binary file, not a text recording (binary logs: --format kvh)",
         _ => return Ok(()),
     };
     Err(FileError::whole(path, Problem::Syntax(format!("this is {what}"))))
+}
+
+/// A record of miniSEED 2 begins with a number of six digits, a mark of its quality and a blank, one of miniSEED 3 with MS and a 3.
+fn is_miniseed(head: &[u8]) -> bool {
+    let numbered = head.get(..6).is_some_and(|number| number.iter().all(u8::is_ascii_digit));
+    let marked = matches!(head.get(6..8), Some([b'D' | b'R' | b'Q' | b'M', b' ']));
+    head.starts_with(b"MS\x03") || (numbered && marked && head.contains(&0))
 }
 
 fn delimiter(map: &Map) -> Result<Delimiter, FileError> {
@@ -278,11 +301,11 @@ fn delimiter(map: &Map) -> Result<Delimiter, FileError> {
     Ok(delimiter)
 }
 
-/// Which header row, from 1, names the columns; 0 if there is none.
-fn names_row(map: &Map) -> Result<usize, FileError> {
+/// Which header row, from 1, names the columns, where the mapping says it: otherwise the last that is not empty does.
+fn names_row(map: &Map) -> Result<Option<usize>, FileError> {
     match &map.text.names_row {
-        None => Ok(map.text.header_rows),
-        Some(row) if (1..=map.text.header_rows).contains(row.get_ref()) => Ok(*row.get_ref()),
+        None => Ok(None),
+        Some(row) if (1..=map.text.header_rows).contains(row.get_ref()) => Ok(Some(*row.get_ref())),
         Some(row) => {
             let allowed = format!("1 to header_rows = {}", map.text.header_rows);
             Err(map.file.at(row.span(), Problem::not_allowed(format!("names_row = {}", row.get_ref()), allowed)))

@@ -24,6 +24,7 @@ pub use operator::Operator;
 pub use site::{Base, BaseAngle, Relevel, Rocking, Shock, Site, Supply, Sway, Wind};
 
 use check::{Any, Findings, Inner, Part, part};
+use std::io::{self, Read};
 use std::path::Path;
 
 part! {
@@ -97,7 +98,7 @@ impl Scenario {
     /// Errors: as [`Scenario::parse`], and [`ScenarioError::Unreadable`].
     pub fn load(path: &Path) -> Result<Self, ScenarioError> {
         let file = path.display().to_string();
-        match std::fs::read_to_string(path) {
+        match read(path) {
             Ok(text) => Self::parse(&text, &file),
             Err(error) => Err(ScenarioError::Unreadable { file, reason: error.to_string() }),
         }
@@ -116,5 +117,21 @@ impl Scenario {
         self.check(&mut findings);
         sense::check(self, &mut findings);
         findings.violations
+    }
+}
+
+/// Longest scenario file, bytes: a hundred times the longest built-in one.
+const LONGEST_FILE: u64 = 1 << 20;
+
+/// The text of a scenario file: a device or a pipe might never end, and no such file is long.
+fn read(path: &Path) -> io::Result<String> {
+    if !std::fs::metadata(path)?.is_file() {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "this is no regular file"));
+    }
+    let mut text = String::new();
+    std::fs::File::open(path)?.take(LONGEST_FILE + 1).read_to_string(&mut text)?;
+    match text.len() as u64 > LONGEST_FILE {
+        true => Err(io::Error::new(io::ErrorKind::InvalidData, "more than 1 MiB: this is no scenario")),
+        false => Ok(text),
     }
 }
