@@ -48,6 +48,8 @@ pub struct Calibration {
     /// 0 where the response was not looked for.
     pub sigma_response: [[f64; 3]; 3],
     pub closure: Closure,
+    /// How far an axis that should be upright leans at most, by what the other two read then, rad; 0 where the attitudes are known better.
+    pub greatest_lean_rad: f64,
 }
 
 /// What the readings have left over.
@@ -123,17 +125,28 @@ impl core::fmt::Display for Refusal {
 ///
 /// Weights: the scatter of the readings over their number, and the part of the attitudes: a direction that is off by δ
 /// changes a level axis by δ·G. Where both do not explain the closures, all standard deviations are widened by as much as
-/// does. A tilt τ of an axis that should be upright lowers its scale factor by τ²/2: 150 ppm for 1°.
+/// does. An axis that should be upright and leans by τ reads τ²/2 of G too little: 150 ppm for 1°. What the other two read
+/// across shows τ, but not whether the axis or they are askew: the deficit is part of the reading's variance.
 pub fn solve(positions: &[Position], gravity: f64, attitudes: Attitudes) -> Result<Calibration, Refusal> {
-    let parts = [0, 1, 2].map(|axis| Axis { axis, positions, gravity, attitudes });
-    let [x, y, z] = parts;
-    let (x, y, z) = (x.solve()?, y.solve()?, z.solve()?);
-    let scales = [x.scale(0), y.scale(1), z.scale(2)];
+    let solved = |response| -> Result<[Solution; 3], Refusal> {
+        let [x, y, z] = [0, 1, 2].map(|axis| Axis { axis, positions, gravity, attitudes, response });
+        Ok([x.solve()?, y.solve()?, z.solve()?])
+    };
+    let own = |[x, y, z]: &[Solution; 3]| [x.own(0), y.own(1), z.own(2)];
+    let mut all = solved(None)?;
+    let mut greatest_lean_rad: f64 = 0.0;
+    if matches!(attitudes, Attitudes::Rough) {
+        let response = own(&all);
+        all = solved(Some(response))?;
+        let squares =
+            positions.iter().filter_map(|position| Some(leaning(position, upright(position)?, gravity, &response)));
+        greatest_lean_rad = libm::sqrt(squares.fold(0.0, f64::max));
+    }
+    let scales = own(&all).map(|(_, scale)| scale);
     let greatest = scales.into_iter().fold(0.0, f64::max);
     if let Some(axis) = scales.iter().position(|scale| scale.is_nan() || *scale * MOST_UNEQUAL < greatest) {
         return Err(Refusal::Unequal { axis });
     }
-    let all = [x, y, z];
     for (axis, (solution, scale)) in all.iter().zip(scales).enumerate() {
         let relative = solution.rms / (scale * gravity);
         if relative.is_nan() || relative > MOST_RELATIVE {
@@ -161,7 +174,19 @@ pub fn solve(positions: &[Position], gravity: f64, attitudes: Attitudes) -> Resu
         sigma_bias: sigmas.map(|(bias, _)| bias),
         sigma_response: sigmas.map(|(_, along)| along),
         closure: Closure { count, rms: (count > 0).then(|| libm::sqrt(squares / f64::from(count.max(1)))), widened },
+        greatest_lean_rad,
     })
+}
+
+/// The axis that is upright in an attitude, either way.
+fn upright(position: &Position) -> Option<usize> {
+    position.up.iter().position(|part| part.abs() >= ALONG)
+}
+
+/// Square of the angle, rad, by which an upright axis leans: what the other two read of gravity, by the biases and scale factors of all three.
+fn leaning(position: &Position, axis: usize, gravity: f64, response: &[(f64, f64); 3]) -> f64 {
+    let across = position.attitude.mean.iter().zip(response).enumerate().filter(|(other, _)| *other != axis);
+    across.map(|(_, (reading, (bias, scale)))| (reading - bias) / (scale * gravity)).map(|part| part * part).sum()
 }
 
 impl Calibration {
@@ -186,6 +211,8 @@ struct Axis<'a> {
     positions: &'a [Position],
     gravity: f64,
     attitudes: Attitudes,
+    /// Bias and scale factor of each axis, as far as they are known already.
+    response: Option<[(f64, f64); 3]>,
 }
 
 struct Observation {
@@ -209,6 +236,11 @@ struct Solution {
 impl Solution {
     fn scale(&self, axis: usize) -> f64 {
         self.parameters.get(axis + 1).copied().unwrap_or(f64::NAN)
+    }
+
+    /// Bias and scale factor of the axis itself.
+    fn own(&self, axis: usize) -> (f64, f64) {
+        (self.parameters.x, self.scale(axis))
     }
 }
 
@@ -252,7 +284,12 @@ impl Axis<'_> {
             let [x, y, z] = position.up.map(|part| part * self.gravity);
             let (row, angles) = match self.attitudes {
                 Attitudes::Rough if along.abs() < ALONG => return None,
-                Attitudes::Rough => (Vector4::new(1.0, 0.0, 0.0, 0.0), 0.0),
+                Attitudes::Rough => {
+                    let square = self.response.map_or(0.0, |known| leaning(position, self.axis, self.gravity, &known));
+                    // The deficit τ²/2 of both ways up is of one sign: with twice its square each, the sigma of a scale factor is their mean.
+                    let deficit = scale * self.gravity * square / 2.0;
+                    (Vector4::new(1.0, 0.0, 0.0, 0.0), 2.0 * deficit * deficit)
+                }
                 Attitudes::Square { arcsec } => {
                     // Uniform in ± a: variance a²/3.
                     let off = arcsec / ARCSEC_PER_RAD * self.gravity * scale;

@@ -28,9 +28,16 @@ fn own_pairs_by_hand() {
         assert!((found[row] - expected).abs() < 1e-12);
         assert_eq!(found.iter().filter(|part| **part == 0.0).count(), 2);
     }
-    // Two means of 0.00095: bias ± 0.00095/√2, scale ± 0.00095/√2/9.81.
+    // Two means of 0.00095: bias ± 0.00095/√2, scale ± 0.00095/√2/9.81. y reads 0.01 of G across where x is up or down: a lean of 0.01/0.99 rad, and
+    // 1.02 · 9.81 times half of its square too little, twice squared.
     let of_mean = 0.003 / 10f64.sqrt();
-    assert!((found.sigma_bias[0] - of_mean / 2f64.sqrt()).abs() < 1e-9);
+    let lean: f64 = 0.01 / 0.99;
+    let deficit = 1.02 * G * lean * lean / 2.0;
+    assert!((found.greatest_lean_rad - lean).abs() < 1e-9);
+    assert!((found.sigma_bias[0] - ((of_mean * of_mean + 2.0 * deficit * deficit) / 2.0).sqrt()).abs() < 1e-9);
+    // Without noise the sigma of the scale factor would be the deficit itself: 51 ppm.
+    let expected = (of_mean * of_mean / 2.0 / (G * G) + (1.02 * lean * lean / 2.0).powi(2)).sqrt();
+    assert!((found.sigma_response[0][0] - expected).abs() < 1e-9);
     assert!((found.sigma_response[2][2] - of_mean / 2f64.sqrt() / G).abs() < 1e-9);
     assert_eq!(found.closure, Closure { count: 0, rms: None, widened: 1.0 });
 }

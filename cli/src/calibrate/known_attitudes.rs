@@ -7,6 +7,7 @@ use calibration::known_attitudes::{self, Attitudes, Calibration, Position, Refus
 use serde::Serialize;
 
 use super::attitudes::{self, AttitudesError, Dwell, Rejected};
+use super::norm_fit::NormFit;
 
 /// Readings, less their middle and over half of their range: an axis that reads more than this is upright …
 const UPRIGHT: f64 = 0.9;
@@ -23,6 +24,8 @@ pub struct Outcome {
     pub calibration: Calibration,
     pub correction: Correction,
     pub sigma_matrix: [[f64; 3]; 3],
+    /// The same by the norm of the readings.
+    pub by_norm: Option<NormFit>,
     pub rejected: Vec<Rejected>,
 }
 
@@ -62,6 +65,11 @@ pub struct Record {
     pub closure_rms: Option<f64>,
     /// Factor by which the standard deviations were widened.
     pub widened: f64,
+    /// How far an upright axis leans at most, by what the others read then, degrees; and by how much it then reads too little, relative.
+    pub greatest_lean_deg: f64,
+    pub greatest_deficit: f64,
+    /// Biases and scale factors by the norm of the readings, the axes taken as orthogonal.
+    pub by_norm: Option<NormFit>,
     pub rejected: Vec<Rejected>,
 }
 
@@ -88,7 +96,10 @@ pub fn calibrate(path: &Path, gravity: f64, attitudes: Attitudes) -> Result<Outc
     let calibration = known_attitudes::solve(&positions, gravity, attitudes).map_err(refused)?;
     let (correction, sigma_matrix) =
         calibration.correction().ok_or(Refusal::Undetermined { axis: 0 }).map_err(refused)?;
-    Ok(Outcome { laid, calibration, correction, sigma_matrix, rejected })
+    let means: Vec<_> = laid.iter().map(|(dwell, _)| dwell.attitude.mean).collect();
+    let scale = [0, 1, 2].map(|axis| calibration.response[axis][axis]);
+    let by_norm = NormFit::of(&means, gravity, NormFit { bias: calibration.bias, scale });
+    Ok(Outcome { laid, calibration, correction, sigma_matrix, by_norm, rejected })
 }
 
 /// Which axis is upright in each attitude, and which way: by the readings themselves, whose sign is taken to be that of the
@@ -127,9 +138,14 @@ impl Face {
 }
 
 impl Outcome {
+    /// By how much an upright axis that leans reads too little at most, relative: half of the square of the lean.
+    pub fn greatest_deficit(&self) -> f64 {
+        self.calibration.greatest_lean_rad.powi(2) / 2.0
+    }
+
     /// The machine-readable result.
     pub fn record(&self, gravity: f64, square: bool) -> Record {
-        let Calibration { bias, response, sigma_bias, sigma_response, closure } = self.calibration;
+        let Calibration { bias, response, sigma_bias, sigma_response, closure, .. } = self.calibration;
         Record {
             bias,
             scale: [0, 1, 2].map(|axis| response[axis][axis]),
@@ -143,6 +159,9 @@ impl Outcome {
             closures: closure.count,
             closure_rms: closure.rms,
             widened: closure.widened,
+            greatest_lean_deg: self.calibration.greatest_lean_rad.to_degrees(),
+            greatest_deficit: self.greatest_deficit(),
+            by_norm: self.by_norm,
             rejected: self.rejected.clone(),
         }
     }

@@ -6,4 +6,5 @@ pub mod ellipsoid;
 pub mod known_attitudes;
 mod manifest;
 mod motion;
+pub mod norm_fit;
 pub mod six_position;

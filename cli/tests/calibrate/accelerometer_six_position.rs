@@ -75,6 +75,30 @@ fn gravity_and_what_was_not_looked_for_are_said() {
 }
 
 #[test]
+fn faces_that_lean_widen_the_sigmas_and_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    // x up leans by 0.03 to y and x down by 0.02 to z: x reads (0.03² + 0.02²)/4 = 325 ppm too little; the other faces are true.
+    let mut up = faces();
+    (up[0], up[1]) = ([(1.0_f64 - 0.0009).sqrt(), 0.03, 0.0], [-(1.0_f64 - 0.0004).sqrt(), 0.0, 0.02]);
+    let orthogonal = AccelerometerTriad { tilt_arcsec: [[0.0; 2]; 3], noise: 0.001, ..triad() };
+    write_readings(&folder, &orthogonal, up);
+    let command = ["accelerometer-six-position", "a.csv", "--latitude", "45"];
+    let result = calibrate(&folder, &[&command[..], &["--json", "-"]].concat()).json();
+    let scale = result["scale"][0].as_f64().unwrap() / 1.01 - 1.0;
+    let sigma = result["sigma_scale"][0].as_f64().unwrap() / 1.01;
+    // Noise is 4 ppm; the sigma √((450² + 200²)/2) = 348 ppm.
+    assert!((scale + 325e-6).abs() < 25e-6 && (sigma / 348e-6 - 1.0).abs() < 0.05, "{scale} {sigma}");
+    assert!(result["sigma_scale"][1].as_f64().unwrap() < 20e-6, "{result}");
+    near(&result["greatest_lean_deg"], 0.03_f64.to_degrees(), 0.01);
+    for (axis, (bias, scale)) in [(0.2, 1.01), (-0.1, 0.99), (0.05, 1.005)].into_iter().enumerate() {
+        near(&result["by_norm"]["bias"][axis], bias, 3e-4);
+        near(&result["by_norm"]["scale"][axis], scale, 4e-5);
+    }
+    let said = calibrate(&folder, &command).text();
+    assert!(said.contains("up to 1.72 deg of gravity") && said.contains("by the norm of the readings"), "{said}");
+}
+
+#[test]
 fn a_face_that_is_missing_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let mut up = faces();

@@ -68,12 +68,29 @@ impl AccelerometerSixPosition {
         }
         write_rejected(out, &outcome.rejected)?;
         writeln!(out, "\n     bias                         readings per unit of specific force")?;
-        let places = decimals([0, 1, 2].map(|axis| calibration.sigma_response[axis][axis]));
+        let sigma_scale = [0, 1, 2].map(|axis| calibration.sigma_response[axis][axis]);
+        let places = decimals(sigma_scale);
         for (axis, name) in ["x", "y", "z"].iter().enumerate() {
             let bias = format!("{:+.readings$} ± {:.readings$}", calibration.bias[axis], calibration.sigma_bias[axis]);
             let (scale, sigma) = (calibration.response[axis][axis], calibration.sigma_response[axis][axis]);
             writeln!(out, "  {name}  {bias:<27}  {scale:.places$} ± {sigma:.places$}")?;
         }
+        if let Some(by_norm) = &outcome.by_norm {
+            writeln!(
+                out,
+                "the same by the norm of the readings, the axes taken as orthogonal, and how far it is from them"
+            )?;
+            for (axis, name) in ["x", "y", "z"].iter().enumerate() {
+                let (scale, own) = (by_norm.scale[axis], calibration.response[axis][axis]);
+                let bias = format!(
+                    "{:+.readings$} ({:+.readings$})",
+                    by_norm.bias[axis],
+                    by_norm.bias[axis] - calibration.bias[axis]
+                );
+                writeln!(out, "  {name}  {bias:<27}  {scale:.places$} ({:+.0} ppm)", 1e6 * (scale / own - 1.0))?;
+            }
+        }
+        self.warn_of_lean(out, outcome)?;
         if self.square_arcsec.is_some() {
             writeln!(out, "\nmatrix: specific force along the box per reading less bias")?;
             let places = decimals(outcome.sigma_matrix.into_iter().flatten());
@@ -93,5 +110,23 @@ impl AccelerometerSixPosition {
                 calibration.closure.count
             ),
         }
+    }
+
+    /// Faces that lean make the scale factors too small by more than the noise tells.
+    fn warn_of_lean(&self, out: &mut dyn Write, outcome: &Outcome) -> io::Result<()> {
+        let deficit = outcome.greatest_deficit();
+        let calibration = &outcome.calibration;
+        let least = (0..3).map(|axis| calibration.sigma_response[axis][axis] / calibration.response[axis][axis]);
+        if deficit == 0.0 || least.fold(f64::INFINITY, f64::min) > 2.0 * deficit {
+            return Ok(());
+        }
+        writeln!(
+            out,
+            "warning: what the other two axes read on a face is up to {:.2} deg of gravity: if the face leans by that, its axis reads {:.0} ppm too \
+             little; the sigmas allow for it. Lay the faces level, or trust the norm where the axes are orthogonal; `north calibrate ellipsoid` \
+             needs no faces",
+            calibration.greatest_lean_rad.to_degrees(),
+            1e6 * deficit
+        )
     }
 }
