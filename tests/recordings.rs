@@ -110,3 +110,43 @@ fn exchanged_headings_are_named_as_such() {
     assert!(wrap_180_deg(diagnosis.missed_references[0].misses_by_deg + 108.0).abs() < 1.0);
     assert!(names(&diagnosis).iter().all(|name| name.contains("temp")), "{}", diagnosis.verdict);
 }
+
+/// A run that holds a stretch of another one, and one that says it was made at the same time, are told; the others are not.
+#[test]
+fn overlapping_runs_are_told() {
+    let folder = Folder::new("overlaps");
+    let mut campaign = Plan::default().make(&folder);
+    let of = |run: usize| std::fs::read_to_string(campaign.path_of(&campaign.runs[run])).unwrap();
+    let (third, fifth) = (of(3), of(5));
+    let increments: Vec<&str> = third.lines().skip(1).map(|line| line.split(',').nth(2).unwrap()).collect();
+    // The last 130 rows of the third run stand at the beginning of the fifth.
+    let taken = &increments[increments.len() - 130..];
+    let row = |(i, line): (usize, &str)| {
+        let mut fields: Vec<&str> = line.split(',').collect();
+        if let Some(other) = i.checked_sub(1).and_then(|row| taken.get(row)) {
+            fields[2] = other;
+        }
+        fields.join(",") + "\n"
+    };
+    std::fs::write(campaign.path_of(&campaign.runs[5]), fifth.lines().enumerate().map(row).collect::<String>())
+        .unwrap();
+    for (run, started) in [
+        (7, "2026-05-04T09:00:00Z"),
+        (8, "2026-05-04T09:04:00Z"),
+        (9, "2026-05-04T10:00:00+01:00"),
+        (10, "2026-05-04T12:00:00Z"),
+    ] {
+        campaign.runs[run].started = Some(started.into());
+    }
+    let diagnosis = run(&campaign);
+    let told: Vec<(&str, &str)> = diagnosis
+        .warnings
+        .iter()
+        .filter_map(|each| Some((each.run.as_deref()?, each.message.as_str())))
+        .filter(|(_, message)| message.contains("recording") || message.contains("same time"))
+        .collect();
+    // Runs of 256 s: the eighth began 240 s after the seventh, the ninth at the very time of the seventh.
+    let files: Vec<&str> = told.iter().map(|(file, _)| *file).collect();
+    assert_eq!(files, ["runs/005.csv", "runs/008.csv", "runs/009.csv", "runs/009.csv"], "{told:?}");
+    assert!(told[0].1.starts_with("it holds a stretch of the same recording as runs/003.csv"), "{told:?}");
+}

@@ -143,6 +143,7 @@ fn diagnosis() -> Diagnosis {
             after: vec![test("whiteness", true), test("closure", true)],
         },
         warnings: vec![Warning {
+            of_many: None,
             run: Some("runs/005.csv".into()),
             line: Some(118),
             message: "a second stands 9 sigma out; it was left out".into(),

@@ -118,11 +118,15 @@ impl Campaign {
         run.latitude_deg.or(self.latitude_deg)
     }
 
+    /// When a run started, seconds of the common epoch, if that is known.
+    pub fn start_s(&self, run: &Run) -> Option<f64> {
+        Some(OffsetDateTime::parse(run.started.as_deref()?, &Rfc3339).ok()?.unix_timestamp() as f64)
+    }
+
     /// What is known of every run as a whole: the time of day at its start, and the time since the start of the run before it. The instrument
     /// is taken to have rested a day before the first.
     pub fn facts(&self) -> Vec<RunFacts> {
-        let start_s = |text: &str| OffsetDateTime::parse(text, &Rfc3339).ok().map(|time| time.unix_timestamp() as f64);
-        let starts: Vec<Option<f64>> = self.runs.iter().map(|run| run.started.as_deref().and_then(start_s)).collect();
+        let starts: Vec<Option<f64>> = self.runs.iter().map(|run| self.start_s(run)).collect();
         let rest_s = |own_s: f64| {
             let before = starts.iter().flatten().filter(|other_s| **other_s < own_s).copied().max_by(f64::total_cmp);
             before.map_or(SECONDS_PER_DAY, |before_s| own_s - before_s)

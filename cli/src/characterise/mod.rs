@@ -3,12 +3,14 @@
 //! The overlapping Allan deviation is fitted by the five noise processes of IEEE Std 952-1997, annex C: quantisation
 //! 3 Q²/τ², angle random walk N²/τ, bias instability (2 ln 2/π) B², rate random walk K² τ/3, rate ramp R² τ²/2.
 
+mod channels;
 mod noise;
 mod record;
 
 use north_finder::settings::Settings;
 use serde::Serialize;
 
+pub use channels::{Channels, of as of_channels};
 pub use noise::{Noise, Point};
 pub use record::{Record, read};
 
@@ -42,7 +44,8 @@ pub struct Character {
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Suggested {
     pub arw_deg_per_sqrt_h: f64,
-    pub bias_instability_deg_h: f64,
+    /// `None` where the recording does not show it: it is not 0 for that.
+    pub bias_instability_deg_h: Option<f64>,
     pub disturbance_threshold_deg_h: f64,
     pub jitter_threshold_deg_h: f64,
 }
@@ -75,10 +78,17 @@ impl Character {
         declare_noise(&mut settings, self.one_second_arw());
         Suggested {
             arw_deg_per_sqrt_h: self.one_second_arw(),
-            bias_instability_deg_h: self.noise.bias_instability_deg_h,
+            bias_instability_deg_h: Some(self.noise.bias_instability_deg_h).filter(|seen| *seen > 0.0),
             disturbance_threshold_deg_h: settings.disturbance.threshold_deg_h,
             jitter_threshold_deg_h: settings.jitter.threshold_deg_h,
         }
+    }
+
+    /// What the bias instability is below, °/h: the least of the curve if all of it were flicker noise. It is no estimate: white noise and random
+    /// walk are in the least point too, some 20 % and more of it.
+    pub fn greatest_instability_deg_h(&self) -> f64 {
+        let least = self.allan.iter().map(|point| point.sigma_deg_h).fold(f64::INFINITY, f64::min);
+        least / noise::flicker_deviation()
     }
 
     /// The angle random walk that gives one-second rates the scatter that they have: more than N where the increments
@@ -99,11 +109,40 @@ impl Suggested {
         let gate = |threshold_deg_h: f64, seconds: u16, timeout_s: f64| {
             format!("threshold_deg_h = {threshold_deg_h:.4}\nseconds = {seconds}\ntimeout_s = {timeout_s:?}\n")
         };
+        let instability = bias_instability_deg_h.map_or_else(
+            || "# bias_instability_deg_h: not seen in this recording, it stays as it is".to_owned(),
+            |seen| format!("bias_instability_deg_h = {}", digits(seen)),
+        );
         format!(
-            "[gyro]\narw_deg_per_sqrt_h = {arw_deg_per_sqrt_h:.6}\nbias_instability_deg_h = {bias_instability_deg_h:.6}\n\n\
-             [disturbance]\n{}\n[jitter]\n{}",
+            "[gyro]\narw_deg_per_sqrt_h = {}\n{instability}\n\n[disturbance]\n{}\n[jitter]\n{}",
+            digits(arw_deg_per_sqrt_h),
             gate(disturbance_threshold_deg_h, defaults.disturbance.seconds, defaults.disturbance.timeout_s),
             gate(jitter_threshold_deg_h, defaults.jitter.seconds, defaults.jitter.timeout_s),
         )
+    }
+}
+
+/// A number above 0 with six decimals, or as many as four digits of it need.
+pub fn digits(value: f64) -> String {
+    let decimals = (3.0 - value.log10().floor()).clamp(6.0, 18.0) as usize;
+    format!("{value:.decimals$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_seen_is_no_zero() {
+        let seen = |bias_instability_deg_h| Suggested {
+            arw_deg_per_sqrt_h: 1.234e-7,
+            bias_instability_deg_h,
+            disturbance_threshold_deg_h: 1.0,
+            jitter_threshold_deg_h: 0.5,
+        };
+        let text = seen(None).to_toml();
+        assert!(text.contains("\n# bias_instability_deg_h: not seen") && !text.contains("0.000000\n"), "{text}");
+        assert!(text.contains("arw_deg_per_sqrt_h = 0.0000001234\n"), "{text}");
+        assert!(seen(Some(0.0123)).to_toml().contains("\nbias_instability_deg_h = 0.012300\n"));
     }
 }

@@ -6,10 +6,12 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use crate::characterise::{self, Character, Suggested};
+use crate::campaign::doubt_of_clock;
+use crate::characterise::{self, Channels, Character, Point, Suggested, digits};
 use crate::failure::Failure;
 use crate::file_error::FileError;
 use crate::output::{self, JsonOption};
+use crate::progress;
 
 /// Noise of a gyro from a still recording: Allan deviation, what it is made of, and the settings that follow
 #[derive(Args, Debug)]
@@ -17,7 +19,8 @@ use crate::output::{self, JsonOption};
   north characterise still.csv --settings-out unit-7-settings.toml
 
 The recording is a run (docs/formats.md) in which the index never moves: an hour or more, at the final temperature, on
-firm ground.")]
+firm ground. What its channels do to the rate is learned from its first half and shown beside the Allan deviation; for the
+model: `north diagnose` on a campaign of still recordings.")]
 pub struct Characterise {
     /// A run as a CSV file with t_s, index_deg and fog_arcsec
     #[arg(value_name = "FILE.csv")]
@@ -29,11 +32,15 @@ pub struct Characterise {
     json: JsonOption,
 }
 
+/// Averaging times that agree within this share are the same.
+const SAME_TIME: f64 = 0.01;
+
 #[derive(Serialize)]
 struct Result {
     #[serde(flatten)]
     character: Character,
     settings: Suggested,
+    channels: Option<Channels>,
 }
 
 impl Characterise {
@@ -45,27 +52,58 @@ impl Characterise {
             return Err(Failure::Refused(format!("{}: {why}", self.recording.display())));
         }
         let settings = character.suggested();
-        write(&mut self.json.human(), &character, &settings)?;
+        let recording = self.recording.clone();
+        let channels = progress::work("what the channels do".into(), move || characterise::of_channels(&recording))??;
+        write(&mut self.json.human(), &character, channels.as_ref(), &settings)?;
         if let Some(path) = &self.settings_out {
             output::write(path, settings.to_toml()).map_err(|error| FileError::whole(path, error))?;
         }
-        self.json.write(&Result { character, settings })
+        if let Some(doubt) = doubt_of_clock(character.interval_s, character.seconds) {
+            eprintln!("north: warning: {}: {doubt}", self.recording.display());
+        }
+        self.json.write(&Result { character, settings, channels })
     }
 }
 
-fn write(out: &mut dyn Write, character: &Character, settings: &Suggested) -> io::Result<()> {
+fn write(
+    out: &mut dyn Write,
+    character: &Character,
+    channels: Option<&Channels>,
+    settings: &Suggested,
+) -> io::Result<()> {
     writeln!(
         out,
-        "{:.0} s at {} s a row; mean rate {:+.4} °/h\n\n   averaging   Allan deviation",
-        character.seconds, character.interval_s, character.mean_deg_h
+        "{:.0} s at {} s a row; mean rate {:+.4} °/h\n\n   averaging   Allan deviation{}",
+        character.seconds,
+        character.interval_s,
+        character.mean_deg_h,
+        if channels.is_some() { "             of the channels     without them" } else { "" }
     )?;
     for point in &character.allan {
-        writeln!(out, "{:10.4} s   {:.6} °/h ± {:.0} %", point.tau_s, point.sigma_deg_h, 100.0 * point.relative)?;
+        let at = |points: &[Point]| {
+            let same = points.iter().find(|each| (each.tau_s / point.tau_s - 1.0).abs() < SAME_TIME);
+            same.map_or_else(String::new, |each| format!("{:.6} °/h", each.sigma_deg_h))
+        };
+        let beside = channels.map_or_else(String::new, |channels| {
+            format!("   {:>16}    {:>16}", at(&channels.part), at(&channels.left))
+        });
+        let deviation = format!("{:.6} °/h ± {:.0} %", point.sigma_deg_h, 100.0 * point.relative);
+        writeln!(out, "{:10.4} s   {:<22}{beside}", point.tau_s, deviation)?;
+    }
+    if let Some(channels) = channels {
+        writeln!(
+            out,
+            "\nchannels, learned from the first half: {}\nrate about its mean in the second half {:.4} °/h rms, {:.4} °/h without what the channels do",
+            channels.effects.join(", "),
+            channels.rate_rms_before_deg_h,
+            channels.rate_rms_after_deg_h
+        )?;
     }
     let noise = &character.noise;
-    let mut coefficient = |name: &str, value: f64, unit: &str| match value > 0.0 {
-        true => writeln!(out, "{name:<32} {value:.6} {unit}"),
-        false => writeln!(out, "{name:<32} not seen in this recording"),
+    let below = format!("; it is below {} °/h", digits(character.greatest_instability_deg_h()));
+    let mut coefficient = |name: &str, value: f64, unit: &str| match (value > 0.0, name.starts_with("bias")) {
+        (true, _) => writeln!(out, "{name:<32} {} {unit}", digits(value)),
+        (false, bias) => writeln!(out, "{name:<32} not seen in this recording{}", if bias { &below } else { "" }),
     };
     coefficient("\nquantisation, Q", noise.quantisation_arcsec, "arcsec")?;
     coefficient("angle random walk, N", noise.angle_random_walk_deg_per_sqrt_h, "°/√h")?;

@@ -9,17 +9,21 @@ use north_finder::units::{RAD_PER_DEG, wrap_180_deg};
 use super::found::Found;
 use super::names::{EARTH_FIELD, Named};
 use super::statistics::median;
-use super::{Refusal, Warning};
-use crate::campaign::Role;
+use super::{Refusal, Warning, stations};
+use crate::campaign::{Campaign, Role};
 use crate::run_data::RunData;
 
 /// Relative amplitude error beyond which latitude and recording do not belong together.
 const AMPLITUDE_LIMIT: f64 = 0.03;
 /// Share of a channel's range that a run may go beyond it.
 const BEYOND: f64 = 0.1;
-fn warning(message: String) -> Warning {
-    Warning { run: None, line: None, message }
-}
+/// What many runs beyond a channel's range are.
+const OUT_OF_RANGE: &str = "a channel leaves the range in which its effect was learned";
+/// What many runs that overlap are.
+const OVERLAPS: &str = "it overlaps with another run: their errors are not independent, and what is learned from one must not be judged by the other";
+/// The slope of azimuths against tilts is that of a latitude of the other sign within this share of it, and stands out by so many sigma.
+const LIKE_OTHER_SIGN: f64 = 0.2;
+const OTHER_SIGN_SIGMAS: f64 = 6.0;
 
 /// Leaves out runs of a dead gyro, by name, as long as there is another.
 pub fn leave_out_dead(runs: &mut Vec<RunData>, warnings: &mut Vec<Warning>) {
@@ -29,8 +33,8 @@ pub fn leave_out_dead(runs: &mut Vec<RunData>, warnings: &mut Vec<Warning>) {
     runs.retain(|run| {
         let dead = run.repeats_itself();
         if dead {
-            let message = "the gyro repeats the same reading throughout: the run is left out".into();
-            warnings.push(Warning { run: Some(run.file.clone()), line: None, message });
+            let message = "the gyro repeats the same reading throughout: the run is left out";
+            warnings.push(Warning::of_run(&run.file, message));
         }
         !dead
     });
@@ -125,14 +129,76 @@ pub fn refuse_latitude(runs: &[RunData], found: Option<&Found>, base: &ErrorMode
     )))
 }
 
+/// Refuses a campaign whose latitude has the wrong sign. The solution takes Ω sin φ times the tilt out of the rates; with the wrong sign twice that
+/// remains, which turns the azimuth ψ by 2 Ω sin φ (left tilt · cos ψ − forward tilt · sin ψ)/(Ω cos φ), and references and stations show it. A gyro as
+/// sensitive to gravity as that (17 °/h at 1 g at 35°) would look the same, and is not asked.
+pub fn refuse_other_sign(runs: &[RunData]) -> Result<(), Refusal> {
+    let azimuths: Vec<Option<f64>> = runs.iter().map(|run| Some(run.before?.azimuth_deg)).collect();
+    let misses = stations::misses_deg(runs, &azimuths);
+    let pair = |(run, miss): (&RunData, &Option<f64>)| {
+        let (sin, cos) = run.before?.azimuth_deg.to_radians().sin_cos();
+        let tilts = || run.samples.iter().filter(|sample| run.enters(sample)).filter_map(|sample| sample.level);
+        let count = tilts().count() as f64;
+        let turned: f64 = tilts().map(|tilt| (tilt.left * cos - tilt.forward * sin) / count).sum();
+        let by_model = 2.0 * run.earth.up_deg_h / run.earth.north_deg_h * turned;
+        by_model.is_finite().then_some((-by_model, (*miss)?.to_radians()))
+    };
+    let pairs: Vec<(f64, f64)> = runs.iter().zip(&misses).filter_map(pair).collect();
+    let count = pairs.len() as f64;
+    let mean = |of: fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>() / count;
+    let (x, y) = (mean(|pair| pair.0), mean(|pair| pair.1));
+    let sum = |of: &dyn Fn(f64, f64) -> f64| pairs.iter().map(|pair| of(pair.0 - x, pair.1 - y)).sum::<f64>();
+    let squares = sum(&|x, _| x * x);
+    let slope = sum(&|x, y| x * y) / squares;
+    let sigma = (sum(&|x, y| (y - slope * x).powi(2)) / (count - 2.0) / squares).sqrt();
+    if count > 3.0 && (slope - 1.0).abs() < LIKE_OTHER_SIGN && slope > OTHER_SIGN_SIGMAS * sigma {
+        let latitude_deg = runs[0].settings.latitude_deg;
+        return Err(Refusal::Campaign(format!(
+            "the azimuths of tilted runs miss by what a latitude of {} deg does to them ({slope:.2} ± {sigma:.2} of it): \
+             latitude_deg = {latitude_deg} has the wrong sign, or a level accelerometer both of its signs; correct that first",
+            -latitude_deg
+        )));
+    }
+    Ok(())
+}
+
+/// Warns of runs that hold one stretch of a recording, or were made at one time: their errors are not independent.
+pub fn warn_of_overlaps(runs: &[RunData], campaign: &Campaign, warnings: &mut Vec<Warning>) {
+    let spans: Vec<Option<(f64, f64)>> = runs
+        .iter()
+        .map(|run| {
+            let start_s = campaign.start_s(campaign.runs.iter().find(|each| each.file == run.file)?)?;
+            Some((start_s, start_s + run.samples.last()?.t_s))
+        })
+        .collect();
+    for (i, run) in runs.iter().enumerate() {
+        for (other, span) in runs.iter().zip(&spans).take(i) {
+            let at_one_time = spans[i].zip(*span).is_some_and(|(a, b)| a.0.max(b.0) < a.1.min(b.1));
+            let what = match (run.overlaps(other), at_one_time) {
+                (true, _) => "holds a stretch of the same recording as",
+                (false, true) => "was made, by `started`, at the same time as",
+                (false, false) => continue,
+            };
+            let consequence = match run.role == other.role {
+                true => "their errors are not independent",
+                false => "what is learned from one must not be judged by the other",
+            };
+            let message = format!("it {what} {}: {consequence}", other.file);
+            warnings.push(Warning { of_many: Some(OVERLAPS), ..Warning::of_run(&run.file, message) });
+        }
+    }
+}
+
 /// Warnings about the campaign as a whole.
 pub fn warn(runs: &[RunData], constant: &[String], still: bool, warnings: &mut Vec<Warning>) {
     let fit: Vec<&RunData> = runs.iter().filter(|run| run.role == Role::Fit).collect();
     if fit.is_empty() {
-        warnings.push(warning("no run has the role \"fit\": nothing may be learned, the runs are only judged".into()));
+        warnings.push(Warning::of_campaign(
+            "no run has the role \"fit\": nothing may be learned, the runs are only judged".into(),
+        ));
     } else if fit.len() < 4 && !still {
         let count = fit.len();
-        warnings.push(warning(format!(
+        warnings.push(Warning::of_campaign(format!(
             "only {count} run{} may be learned from: effects that change from run to run cannot be told from chance",
             if count == 1 { "" } else { "s" }
         )));
@@ -142,21 +208,17 @@ pub fn warn(runs: &[RunData], constant: &[String], still: bool, warnings: &mut V
         && headings.len() > 1
         && headings.iter().all(|heading| wrap_180_deg(heading - first).abs() < 20.0)
     {
-        warnings.push(warning(format!(
+        warnings.push(Warning::of_campaign(format!(
             "all surveyed headings lie near {first:.1} deg: effects fixed to the body, to the Earth and to the index cannot \
              be told apart"
         )));
     }
     for name in constant {
-        warnings.push(warning(format!("column `{name}` never changes: it is left out")));
+        warnings.push(Warning::of_campaign(format!("column `{name}` never changes: it is left out")));
     }
     for run in runs.iter().filter(|_| !still) {
         if let Some(refusal) = &run.refusal {
-            warnings.push(Warning {
-                run: Some(run.file.clone()),
-                line: None,
-                message: format!("no azimuth before: {refusal}"),
-            });
+            warnings.push(Warning::of_run(&run.file, format!("no azimuth before: {refusal}")));
         }
     }
 }
@@ -177,14 +239,11 @@ pub fn warn_of_range(runs: &[RunData], model: &ErrorModel, warnings: &mut Vec<Wa
         for run in runs.iter().filter(|run| run.role != Role::Fit) {
             let (lowest, highest) = range(run, name);
             if lowest < low - margin || highest > high + margin {
-                warnings.push(Warning {
-                    run: Some(run.file.clone()),
-                    line: None,
-                    message: format!(
-                        "`{name}` goes from {lowest:.6} to {highest:.6}; what it does was learned from {low:.6} to \
-                         {high:.6} only"
-                    ),
-                });
+                let message = format!(
+                    "`{name}` goes from {lowest:.6} to {highest:.6}; what it does was learned from {low:.6} to \
+                     {high:.6} only"
+                );
+                warnings.push(Warning { of_many: Some(OUT_OF_RANGE), ..Warning::of_run(&run.file, message) });
             }
         }
     }

@@ -28,15 +28,11 @@ pub fn leave_out(runs: &mut [RunData], followed: &dyn Fn(&str) -> bool, warnings
                 run.channels.remove(place);
             }
         }
-        warnings.push(Warning {
-            run: None,
-            line: None,
-            message: format!(
-                "column `{name}` is a copy of the gyro: it holds the Earth's rate ({:.0} sigma) and the gyro's own noise ({:.0} sigma); it is left out",
-                by_earth.abs(),
-                by_noise.abs()
-            ),
-        });
+        warnings.push(Warning::of_campaign(format!(
+            "column `{name}` is a copy of the gyro: it holds the Earth's rate ({:.0} sigma) and the gyro's own noise ({:.0} sigma); it is left out",
+            by_earth.abs(),
+            by_noise.abs()
+        )));
     }
 }
 

@@ -16,21 +16,15 @@ pub fn warn(runs: &[RunData], wrong: &[WrongReference], warnings: &mut Vec<Warni
     for each in wrong.iter().filter(|each| each.exchanged_with.is_none()) {
         let run = runs.iter().find(|run| run.file == each.file);
         let error_deg = run.and_then(|run| Some(wrap_180_deg(run.before?.azimuth_deg - run.reference_deg?)));
-        warnings.push(Warning {
-            run: Some(each.file.clone()),
-            line: None,
-            message: format!(
-                "its reference does not fit the other runs' by {:+.2} deg: it is not used; survey it again",
-                -error_deg.unwrap_or_default()
-            ),
-        });
+        let message = format!(
+            "its reference does not fit the other runs' by {:+.2} deg: it is not used; survey it again",
+            -error_deg.unwrap_or_default()
+        );
+        warnings.push(Warning::of_run(&each.file, message));
     }
     for (run, &line) in runs.iter().flat_map(|run| run.outliers.iter().map(move |line| (run, line))) {
-        warnings.push(Warning {
-            run: Some(run.file.clone()),
-            line: Some(line),
-            message: "the rate jumps for this second: it is left out as an outlier".into(),
-        });
+        let message = "the rate jumps for this second: it is left out as an outlier";
+        warnings.push(Warning::of_run(&run.file, message).at_line(line));
     }
 }
 
@@ -53,12 +47,12 @@ pub fn missed(records: &[RunDiagnosis], wrong: &[WrongReference], warnings: &mut
         let exchanged_with = found.and_then(|each| each.exchanged_with.clone());
         if let Some(other) = &exchanged_with {
             let message = format!("its reference seems to be that of {other}, and the other way round");
-            warnings.push(Warning { run: Some(run.file.clone()), line: None, message });
+            warnings.push(Warning::of_run(&run.file, message));
         } else if far && found.is_none() {
             let message = format!(
                 "the azimuth misses the reference by {misses_by_deg:+.2} deg ({sigmas:.0} sigma): the reference, or the run, is wrong"
             );
-            warnings.push(Warning { run: Some(run.file.clone()), line: None, message });
+            warnings.push(Warning::of_run(&run.file, message));
         }
         missed.push(MissedReference { file: run.file.clone(), misses_by_deg, sigmas, exchanged_with });
     }

@@ -28,6 +28,7 @@ mod turn;
 mod unexplained;
 mod validate;
 mod verdict;
+mod warnings;
 
 pub use result::{
     BoardLack, Candidate, Diagnosis, Effect, Experiment, LeaveOneOut, MissedReference, NoiseTests, Origin, Rejected,
@@ -56,11 +57,13 @@ pub struct Options {
 pub fn diagnose(campaign: &Campaign, options: &Options) -> Result<Diagnosis, Refusal> {
     let (mut runs, mut warnings) = run_data::read(campaign, &options.settings)?;
     checks::leave_out_dead(&mut runs, &mut warnings);
+    checks::warn_of_overlaps(&runs, campaign, &mut warnings);
     let still = still::is_still(&runs);
     if still {
         runs = still::halves(runs);
     } else {
         checks::refuse(&runs)?;
+        checks::refuse_other_sign(&runs)?;
     }
     let constant = checks::constant_channels(&runs);
     checks::warn(&runs, &constant, still, &mut warnings);

@@ -3,6 +3,7 @@
 use std::io::{self, Write};
 
 use super::statistics::p_value_in_words;
+use super::warnings::{Line, grouped};
 use super::{Diagnosis, RunDiagnosis};
 
 /// Most candidates that are listed as left.
@@ -11,10 +12,9 @@ const LISTED: usize = 8;
 /// Writes the diagnosis for a person.
 pub fn write(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
     writeln!(out, "{}", diagnosis.verdict)?;
-    for warning in &diagnosis.warnings {
-        let run = warning.run.as_deref().map_or(String::new(), |run| format!("{run}: "));
-        let line = warning.line.map_or(String::new(), |line| format!("line {line}: "));
-        writeln!(out, "warning: {run}{line}{}", warning.message)?;
+    for Line { place, message } in grouped(&diagnosis.warnings) {
+        let place = if place.is_empty() { place } else { format!("{place}: ") };
+        writeln!(out, "warning: {place}{message}")?;
     }
     write_runs(out, diagnosis)?;
     write_effects(out, diagnosis)?;

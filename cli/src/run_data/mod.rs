@@ -1,8 +1,11 @@
 //! The runs of a campaign as the seconds that the firmware's replay makes of them: what is learned from and judged.
 
+mod fingerprints;
 mod read;
 
 pub use read::read;
+
+use fingerprints::Fingerprints;
 
 use north_finder::earth::EarthRate;
 use north_finder::effects::ErrorModel;
@@ -77,6 +80,8 @@ pub struct RunData {
     pub outliers: Vec<u64>,
     /// What is known of it as a whole.
     pub facts: RunFacts,
+    /// Marks of its increments.
+    marks: Fingerprints,
     /// Noise of a one-second rate where it is known beforehand, °/h.
     pub noise_deg_h: Option<f64>,
     /// Most of the time the index turns.
@@ -103,6 +108,11 @@ impl RunData {
     pub fn at_one_position(&self) -> bool {
         let Some(first) = self.samples.first() else { return false };
         self.samples.iter().all(|each| !each.moving && (each.cos - first.cos).hypot(each.sin - first.sin) < CHORD)
+    }
+
+    /// Whether another run holds a stretch of the same recording.
+    pub fn overlaps(&self, other: &Self) -> bool {
+        self.marks.overlap(&other.marks)
     }
 
     /// Whether the gyro gives one reading throughout: it is dead.
@@ -296,4 +306,24 @@ pub struct Warning {
     /// Line of that file, from 1, the header being 1.
     pub line: Option<u64>,
     pub message: String,
+    /// What many warnings of this kind say in one line; without it, those with the same message.
+    #[serde(skip)]
+    pub of_many: Option<&'static str>,
+}
+
+impl Warning {
+    /// Of the campaign as a whole.
+    pub fn of_campaign(message: String) -> Self {
+        Self { run: None, line: None, message, of_many: None }
+    }
+
+    /// Of a run.
+    pub fn of_run(file: &str, message: impl Into<String>) -> Self {
+        Self { run: Some(file.to_owned()), line: None, message: message.into(), of_many: None }
+    }
+
+    /// At a line of the run's file.
+    pub fn at_line(self, line: u64) -> Self {
+        Self { line: Some(line), ..self }
+    }
 }

@@ -10,9 +10,13 @@ use north_finder::settings::Settings;
 use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
+use super::fingerprints::Fingerprints;
 use super::{Refusal, RunData, Warning};
-use crate::campaign::{Campaign, Row, Run, RunReader};
+use crate::campaign::{Campaign, Row, Run, RunReader, doubt_of_clock};
 use crate::solve::{correct_level, recorded};
+
+/// What many gaps are.
+const GAPS: &str = "a gap in time within a dwell: nothing is learned from the row after it; check the recorder";
 
 /// Reads all runs.
 pub fn read(campaign: &Campaign, settings: &Settings) -> Result<(Vec<RunData>, Vec<Warning>), Refusal> {
@@ -49,14 +53,15 @@ fn read_run(
     run: &Run,
     facts: RunFacts,
     settings: &Settings,
-) -> Result<(RunData, Option<Warning>), Refusal> {
+) -> Result<(RunData, Vec<Warning>), Refusal> {
     let latitude_deg = campaign.latitude_of(run).unwrap_or_default();
     let refuse = |problem: String| Refusal::Run { run: run.file.clone(), line: None, problem };
     let earth = earth_rate(latitude_deg).map_err(|_| {
         refuse(format!("at latitude {latitude_deg} there is no horizontal Earth rate to find north by"))
     })?;
     let settings = Settings { latitude_deg, ..settings.clone() };
-    let Gathered { seconds, names, channels, lines, gaps, .. } = Gathered::read(&campaign.path_of(run), &settings)?;
+    let Gathered { seconds, names, channels, lines, gaps, marks, rows, .. } =
+        Gathered::read(&campaign.path_of(run), &settings)?;
     let mut data = RunData {
         file: run.file.clone(),
         role: run.role,
@@ -74,22 +79,24 @@ fn read_run(
         refusal: None,
         outliers: Vec::new(),
         facts,
+        marks,
         noise_deg_h: None,
         rotation: false,
     };
     data.slots(&data.settings.model.clone().unwrap_or_default()).map_err(refuse)?;
     let places: Vec<usize> = gaps.iter().map(|gap| gap.place).collect();
     data.replay_as_made(&places, &lines);
-    let warning = gaps.first().map(|gap| Warning {
-        run: Some(run.file.clone()),
-        line: Some(gap.line),
-        message: format!(
+    let of_gap = gaps.first().map(|gap| {
+        let message = format!(
             "a gap of {:.3} s in time within a dwell (rows are {} s apart): nothing is learned from the row after it; \
              check the recorder",
             gap.seconds, gap.usual_s
-        ),
+        );
+        Warning { of_many: Some(GAPS), ..Warning::of_run(&run.file, message).at_line(gap.line) }
     });
-    Ok((data, warning))
+    let end_s = data.samples.last().map_or(0.0, |sample| sample.t_s);
+    let of_clock = doubt_of_clock(end_s / rows as f64, end_s).map(|doubt| Warning::of_run(&run.file, doubt));
+    Ok((data, of_gap.into_iter().chain(of_clock).collect()))
 }
 
 /// Rows are missing within a dwell.
@@ -110,6 +117,9 @@ struct Gathered {
     /// Line that each second begins with.
     lines: Vec<u64>,
     gaps: Vec<Gap>,
+    /// Marks of the increments, and how many there are.
+    marks: Fingerprints,
+    rows: u64,
     /// Of the second under way: the sums of its channels, its time, its first line.
     sums: Vec<f64>,
     sum_s: f64,
@@ -142,6 +152,8 @@ impl Gathered {
             if gap {
                 gathered.gaps.push(Gap { place: gathered.seconds.len(), line, seconds: row.interval_s, usual_s });
             }
+            gathered.marks.push(row.fog_arcsec);
+            gathered.rows += 1;
             gathered.add(&row, line);
             gathered.end(complete);
         }

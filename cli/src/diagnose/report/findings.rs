@@ -7,6 +7,7 @@ use super::download::file;
 use super::figure::{Canvas, Legend, figure};
 use super::html::{code_list, escape, number, p_value, probability, short, table, with_sigma};
 use super::plot::Plot;
+use crate::diagnose::warnings::{Line, grouped};
 use crate::diagnose::{Diagnosis, Effect, Experiment, Test};
 use crate::settings_file::model_text;
 
@@ -269,13 +270,9 @@ pub fn open(diagnosis: &Diagnosis) -> String {
     }
     if !diagnosis.warnings.is_empty() {
         html.push_str("<h3>Doubts about the campaign</h3>\n<ul>");
-        for warning in &diagnosis.warnings {
-            let place = match (&warning.run, warning.line) {
-                (Some(run), Some(line)) => format!("<code>{}</code>, line {line}: ", escape(run)),
-                (Some(run), None) => format!("<code>{}</code>: ", escape(run)),
-                (None, _) => String::new(),
-            };
-            let _ = writeln!(html, "<li>{place}{}</li>", escape(&warning.message));
+        for Line { place, message } in grouped(&diagnosis.warnings) {
+            let place = if place.is_empty() { place } else { format!("<code>{}</code>: ", escape(&place)) };
+            let _ = writeln!(html, "<li>{place}{}</li>", escape(&message));
         }
         html.push_str("</ul>\n");
     }
