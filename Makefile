@@ -6,11 +6,12 @@ BUILD := $(or $(CARGO_TARGET_DIR),target)
 export CARGO_BUILD_BUILD_DIR := $(abspath $(BUILD))
 QEMU_BOARD := --target $(TARGET) --no-default-features --features mps2 --target-dir $(BUILD)/qemu
 F405_BOARD := --target $(TARGET) --target-dir $(BUILD)/f405
+LOADER := --target $(TARGET) --package north-boot --bin loader --target-dir $(BUILD)/loader
 NUCLEO_BOARD := --target $(TARGET) --no-default-features --features nucleo-f446 --target-dir $(BUILD)/nucleo
 # The emulated chip: a workspace of its own, whose emulator asks for a newer compiler than it needs.
 CHIP := --quiet --manifest-path chip/Cargo.toml --ignore-rust-version --target-dir $(BUILD)/chip
 
-.PHONY: find chip test proofs lint fmt firmware bench page python release hardware flash count setup help
+.PHONY: find chip test proofs lint fmt firmware bench page python release update hardware flash count setup help
 
 ## find: build the firmware, run it in QEMU with the simulated instrument, show the fix (ARGS="--scenario windy-tripod")
 find: setup
@@ -38,6 +39,7 @@ lint: setup
 	cargo clippy --quiet $(QEMU_BOARD) -- -D warnings
 	cargo clippy --quiet $(F405_BOARD) -- -D warnings
 	cargo clippy --quiet $(NUCLEO_BOARD) -- -D warnings
+	cargo clippy --quiet $(LOADER) -- -D warnings
 	cargo clippy $(CHIP) --all-targets -- -D warnings
 
 ## fmt: format everything
@@ -45,11 +47,12 @@ fmt:
 	cargo fmt --all
 	cargo fmt --manifest-path chip/Cargo.toml
 
-## firmware: the images of all boards
+## firmware: the images of all boards, and the loader
 firmware: setup
 	cargo build --quiet --profile firmware $(QEMU_BOARD) --bin firmware
 	cargo build --quiet --profile firmware $(F405_BOARD) --bin firmware
 	cargo build --quiet --profile firmware $(NUCLEO_BOARD) --bin firmware
+	cargo build --quiet --profile firmware $(LOADER)
 
 ## bench: the tables of the README and of docs (takes an hour and more)
 bench: setup
@@ -70,6 +73,10 @@ release: firmware
 ## python: the Python package, built, installed into an environment of its own and tested
 python: setup
 	@scripts/python.sh $(BUILD)/python
+
+## update: the images of both slots, and the file for north update, signed with KEY=FILE; the same bytes wherever it is built
+update: setup
+	@scripts/update.sh $(BUILD)/update $(KEY)
 
 ## hardware: connection table, bill of materials and wiring diagram, made of hardware/instrument.toml
 hardware:

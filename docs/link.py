@@ -7,14 +7,15 @@ Prints every report as a line of JSON. With --raw the stream is asked for, and w
 """
 import argparse, json, os, select, struct, sys, termios, time, tty, zlib
 
-VERSION = 8
+VERSION = 9
 STATES = ["idle", "levelling", "watching", "indexing", "settling", "collecting", "finished", "failed", "calibrating"]
 FAULTS = ["settings-missing", "settings-corrupt", "settings-invalid", "near-pole", "not-level-in-time",
           "disturbed-too-long", "jitter-too-long", "level-lost", "motor-stall", "wrong-angle", "encoder-failed",
           "accelerometer-failed", "gyro-silent", "gyro-invalid", "gyro-saturated", "gyro-clock", "gyro-link-poor",
           "gyro-stuck", "out-of-time", "aborted", "unsolvable", "no-earth-rate", "not-earth-rate"]
 REFUSALS = ["damaged", "other-version", "not-understood", "no-fix", "motor-turns", "out-of-order",
-            "settings-unreadable", "settings-invalid", "not-stored", "no-settings", "settings-corrupt", "busy"]
+            "settings-unreadable", "settings-invalid", "not-stored", "no-settings", "settings-corrupt", "busy",
+            "no-slots", "update-unfit", "update-unsigned", "unconfirmed"]
 ITEMS = ["settings", "memory", "reset", "clock", "gyro", "gyro-rate", "accelerometer", "encoder", "block",
          "accelerometer-response", "index-drive"]
 VERDICTS = ["passed", "failed", "not-asked", "absent", "unmet", "interrupted"]
@@ -133,7 +134,8 @@ EVENTS = [
     ("heading", fields(heading_deg=f64, pitch_deg=f64, roll_deg=f64, sigma_deg=f64, sigma_level_deg=f64,
                        motion=one_of(["standing", "moving", "bridged"]), refix=boolean)),
     ("answer", fields(number=byte, refusal=maybe(one_of(REFUSALS)))),
-    ("identity", fields(board=one_of(["host", "mps2-an386", "stm32f405", "nucleo-f446re"]), version=text, program=unsigned)),
+    ("identity", fields(board=one_of(["host", "mps2-an386", "stm32f405", "nucleo-f446re"]), version=text, program=unsigned, revision=text,
+                        serial=several(unsigned, 3), free_slot=unsigned)),
     ("settings", fields(version=unsigned, length=unsigned, offset=unsigned, bytes=blob)),
     ("raw", fields(number=byte, bytes=blob)),
     ("to-go", fields(seconds=f64)),

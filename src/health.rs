@@ -201,7 +201,7 @@ codes! {
             "nothing is stored while the motor turns",
             "wait until the motor stands, or abort the fix";
         OutOfOrder = 6, "out-of-order",
-            "a piece of the settings before this one is missing, or there is no such piece",
+            "a piece of settings or image before this one is missing, or there is no such piece",
             "begin again with the first piece";
         SettingsUnreadable = 7, "settings-unreadable",
             "these are no settings, or settings of a version that this firmware does not know",
@@ -210,8 +210,8 @@ codes! {
             "the settings make no sense: the values that were reported are not allowed",
             "correct the values that are named and load the settings again";
         NotStored = 9, "not-stored",
-            "the flash did not take the settings; those before stay",
-            "load the settings again; if it happens twice, the flash is worn: replace the board";
+            "the flash did not take settings or image; those before stay",
+            "send them again; if it happens twice, the flash is worn: replace the board";
         NoSettings = 10, "no-settings",
             "no settings are stored",
             "load the settings, with the latitude of the site";
@@ -221,6 +221,18 @@ codes! {
         Busy = 12, "busy",
             "a fix or a calibration is under way",
             "wait for its end, or abort it";
+        NoSlots = 13, "no-slots",
+            "this image was not started by a loader, or the board has no second slot",
+            "bring the image by a debug probe, or the loader first";
+        UpdateUnfit = 14, "update-unfit",
+            "this is no image, or one for another board, another slot or of another size",
+            "use a file that was made for this board";
+        UpdateUnsigned = 15, "update-unsigned",
+            "the image is not signed by this instrument's key, or is not what was signed",
+            "use a file that the holder of the key has signed, as it is";
+        Unconfirmed = 16, "unconfirmed",
+            "the image that runs is being tried: for ten seconds the other slot is the way back",
+            "wait until it has run for ten seconds";
     }
 }
 

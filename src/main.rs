@@ -135,9 +135,10 @@ mod app {
         let crash = crash::take().or_else(|| board::reset_cause().map(Crash::new));
         let mut board: Board = board::init(cx.device, &INTAKE);
         let program = crash::program();
-        let identity = Identity::new(board::BOARD, program);
+        let identity = Identity::new(board::BOARD, program, board::serial());
         let instrument = make(cx.local.place, cx.local.work, cx.local.workspace, identity);
         power_up(instrument, &mut board.flash);
+        instrument.updates_go_to(board::slots());
         instrument.board_is(BoardFacts { wrong_words, crash: crash.map(|crash| crash.cause), crystal: board.crystal });
 
         let (motor_in, motor_out) = cx.local.motor_commands.split();

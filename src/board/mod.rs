@@ -11,6 +11,7 @@
 //! | `Accelerometer`, `Encoder`, `Block` | SPI devices |
 //! | `Step`, `Direction`, `Enable` | output pins of the motor |
 //! | `Flash` | NOR flash for the settings |
+//! | `slots`, `serial` | the slots of an update, where the board has them; the chip's own number |
 //! | `sleep` | waits for the next interrupt |
 //! | `TICK_ROUNDS` | rounds of a loop of two instructions that take a tick |
 //! | `passed_permille` | how much of the tick under way has passed |

@@ -36,15 +36,23 @@ pub struct Identity {
     pub version: Text,
     /// The build: CRC-32/ISO-HDLC of the program as it is in flash; 0 on a host.
     pub program: u32,
+    /// Of the sources: what git calls it, with `+` where they were changed; empty where it is not known.
+    pub revision: Text,
+    /// The chip's own number; 0 on a host.
+    pub serial: [u32; 3],
+    /// Where an image must be linked for that an update brings: the free slot; 0 where there is none.
+    pub free_slot: u32,
 }
 
 impl Identity {
-    pub fn new(board: Board, program: u32) -> Self {
-        Self { board, version: Text::start_of(env!("CARGO_PKG_VERSION")), program }
+    pub fn new(board: Board, program: u32, serial: [u32; 3]) -> Self {
+        let [version, revision] =
+            [env!("CARGO_PKG_VERSION"), option_env!("NORTH_REVISION").unwrap_or_default()].map(Text::start_of);
+        Self { board, version, program, revision, serial, free_slot: 0 }
     }
 
     /// Of the instrument in a host's process.
     pub fn host() -> Self {
-        Self::new(Board::Host, 0)
+        Self::new(Board::Host, 0, [0; 3])
     }
 }

@@ -12,6 +12,7 @@ pub mod replay;
 mod requests;
 mod seconds;
 pub mod self_test;
+pub mod update;
 pub mod watch;
 pub mod workspace;
 
@@ -44,6 +45,7 @@ use gather::Gatherer;
 pub use seconds::EFFECT_TICKS;
 use seconds::{Ended, MOST_WAITING};
 use self_test::{BoardFacts, SelfTest};
+use update::{CONFIRMED_TICKS, Slots};
 use watch::GyroWatch;
 use workspace::Workspace;
 
@@ -120,6 +122,9 @@ pub struct Instrument<S, R> {
     fault: Option<Fault>,
     /// The reason why no fix can be started, if none can.
     refusal: Option<Fault>,
+    /// The slots of an update, on a board that has them, and whether the image that runs has yet to confirm itself.
+    slots: Option<&'static mut dyn Slots>,
+    unconfirmed: bool,
     /// The calibration of the accelerometers.
     field: Session,
     /// Holds the heading of a fix, where there is a block of three gyros.
@@ -168,6 +173,8 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             requested: None,
             fault: None,
             refusal: Some(Fault::SettingsMissing),
+            slots: None,
+            unconfirmed: false,
             field: Session::default(),
             keeper: None,
             counters: Counters::default(),
@@ -184,6 +191,13 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
     /// What the board found of itself, for the self-test.
     pub fn board_is(&mut self, facts: BoardFacts) {
         self.test.board_is(facts);
+    }
+
+    /// Where images of updates come; without, they are refused.
+    pub fn updates_go_to(&mut self, slots: Option<&'static mut dyn Slots>) {
+        self.identity.free_slot = slots.as_ref().map_or(0, |slots| slots.free_origin());
+        self.unconfirmed = slots.is_some();
+        self.slots = slots;
     }
 
     /// Takes what the flash holds. Without valid settings the instrument still samples and reports, but starts no fix.
@@ -248,6 +262,10 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         let sink: &mut dyn FnMut(Event) = &mut |event| report(Report { t_s: readings.t_s(), event });
 
         let mut orders = Orders::default();
+        if self.unconfirmed && readings.tick >= CONFIRMED_TICKS {
+            self.unconfirmed = false;
+            self.slots.as_mut().into_iter().for_each(|slots| slots.confirm());
+        }
         if readings.tick != self.next_tick {
             self.make_up(readings.tick, sink);
         }

@@ -4,6 +4,7 @@ use core::ops::DerefMut;
 
 use embedded_storage::nor_flash::NorFlash;
 
+use super::update::Slots;
 use super::workspace::Workspace;
 use super::{Instrument, Orders, Readings, Streaming, calibration_events};
 use crate::drivers::intake::Intake;
@@ -58,7 +59,8 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         orders: &mut Orders,
         sink: &mut dyn FnMut(Event),
     ) {
-        let (number, refusal) = match self.requests.feed(byte) {
+        let request = self.requests.feed(byte);
+        let (number, refusal) = match request {
             None => return,
             Some(Ok(Request { number, ask })) => (number, self.handle(ask, turning, flash, orders, sink).err()),
             Some(Err(bad)) => (0, Some(bad.into())),
@@ -67,7 +69,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             self.counters.commands_bad = self.counters.commands_bad.saturating_add(1);
         }
         sink(Event::Answer { number, refusal });
-        if orders.restart {
+        if orders.restart && matches!(request, Some(Ok(Request { ask: Ask::WriteSettings(_), .. }))) {
             sink(Event::SettingsStored);
         }
     }
@@ -113,6 +115,10 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
                 self.streaming = Streaming::Off;
             }
             Ask::Provoke(how) => orders.provoke = Some(how),
+            Ask::WriteImage { offset, bytes } => {
+                orders.restart = self.free_slots(turning)?.take(offset, bytes.as_slice())?;
+            }
+            Ask::EraseImage { sector } => self.free_slots(turning)?.erase(sector.into())?,
             Ask::SelfTest => {
                 if !matches!(self.work(), State::Idle | State::Finished | State::Failed) {
                     return Err(Refusal::Busy);
@@ -124,6 +130,20 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             }
         }
         Ok(())
+    }
+
+    /// The slots of an update, while nothing is under way that a processor that stands still would spoil.
+    fn free_slots(&mut self, turning: bool) -> Result<&mut dyn Slots, Refusal> {
+        if turning {
+            return Err(Refusal::MotorTurns);
+        }
+        if !matches!(self.work(), State::Idle | State::Finished | State::Failed) {
+            return Err(Refusal::Busy);
+        }
+        match &mut self.slots {
+            Some(slots) => Ok(&mut **slots),
+            None => Err(Refusal::NoSlots),
+        }
     }
 
     #[inline(never)]

@@ -16,7 +16,7 @@
 //!   its items.
 //! - CRC-32 is the one of Ethernet and zlib (CRC-32/ISO-HDLC), 4 bytes, little-endian.
 //!
-//! Example: the report "at 2 s the state is idle" has the content `08`, `00 00 00 00 00 00 00 40`, `00`, `00`, `69 DD DE A1`.
+//! Example: the report "at 2 s the state is idle" has the content `09`, `00 00 00 00 00 00 00 40`, `00`, `00`, `A9 02 50 60`.
 //! All messages: docs/link.md. The raw stream: [`crate::event::raw`].
 //!
 //! Whoever receives drops what does not decode and counts it; after any disturbance the next 00 is the next chance. A
@@ -32,13 +32,13 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::event::Report;
-use crate::event::bytes::Piece;
+use crate::event::bytes::{Bytes, Piece};
 use crate::event::restart::Provocation;
 use crate::health::Refusal;
 use crate::sequence::Command;
 
 /// The first byte of every frame's content.
-pub const VERSION: u8 = 8;
+pub const VERSION: u8 = 9;
 
 /// Bits a second on the host's line; ten of them are a byte.
 pub const BAUD: u32 = 115_200;
@@ -82,6 +82,12 @@ pub enum Ask {
     /// Test yourself: [`Event::SelfTest`](crate::event::Event::SelfTest) for every item, within six seconds. The accelerometer is read in another
     /// range for half a second, and the index moves by 5° and back. Refused while a fix or a calibration is under way.
     SelfTest,
+    /// A piece of an image, its manifest first, in order. After the last the instrument starts anew, with the image where it is signed. Refused while
+    /// the motor turns, and while a fix or a calibration is under way.
+    WriteImage { offset: u32, bytes: Bytes },
+    /// Erase a sector of the free slot, the last one first, after the manifest and before the image: two seconds in which the processor
+    /// stands still.
+    EraseImage { sector: u8 },
 }
 
 impl From<Ask> for Request {
@@ -214,7 +220,6 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::event::bytes::Bytes;
     use crate::event::identity::{Board, Identity};
     use crate::event::raw::Block;
     use crate::event::restart::{Cause, Crash, Text};
@@ -241,9 +246,9 @@ mod tests {
 
     #[test]
     fn the_example_of_the_documentation_byte_by_byte() {
-        // Content 08 | 2.0 as f64 | 00 | 00, its CRC-32 from zlib's crc32(), and COBS by hand: every 00 becomes the
+        // Content 09 | 2.0 as f64 | 00 | 00, its CRC-32 from zlib's crc32(), and COBS by hand: every 00 becomes the
         // distance to the next one.
-        let expected = [2, 8, 1, 1, 1, 1, 1, 1, 2, 0x40, 1, 5, 0x69, 0xDD, 0xDE, 0xA1, 0];
+        let expected = [2, 9, 1, 1, 1, 1, 1, 1, 2, 0x40, 1, 5, 0xA9, 2, 0x50, 0x60, 0];
         let frame = encode_report(&idle()).unwrap();
         assert_eq!(frame[..], expected[..]);
         assert_eq!(feed(&mut ReportDecoder::new(), &frame), [Ok(idle())]);
@@ -342,7 +347,10 @@ mod tests {
             Event::Raw(Block { number: 255, bytes: Bytes::start_of(&[255; 96]) }),
             Event::Violation { field: Text::start_of(&"x".repeat(40)), value: 1.1 },
             Event::Answer { number: 255, refusal: Some(Refusal::SettingsCorrupt) },
-            Event::Identity(Identity::new(Board::Stm32f405, u32::MAX)),
+            Event::Identity(Identity {
+                free_slot: u32::MAX,
+                ..Identity::new(Board::Stm32f405, u32::MAX, [u32::MAX; 3])
+            }),
             Event::SelfTest(Finding::judged(Item::Drive, 1.1, [1.1; 2])),
         ];
         for event in events {

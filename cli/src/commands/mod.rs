@@ -22,6 +22,7 @@ mod settings;
 mod simulate;
 mod solve;
 mod track;
+mod update;
 mod watch;
 
 use clap::{Parser, Subcommand};
@@ -64,6 +65,7 @@ enum Command {
     Record(record::Record),
     Watch(watch::Watch),
     Load(load::Load),
+    Update(update::Update),
     Doctor(doctor::Doctor),
     Bench(bench::Bench),
     CloseLoop(bench::CloseLoop),
@@ -93,6 +95,7 @@ impl Cli {
             Command::Record(record) => record.run(),
             Command::Watch(watch) => watch.run(),
             Command::Load(load) => load.run(),
+            Command::Update(update) => update.run(),
             Command::Doctor(doctor) => doctor.run(),
             Command::Characterise(characterise) => characterise.run(),
             Command::Bench(bench) => bench.run(),

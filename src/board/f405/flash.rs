@@ -59,6 +59,30 @@ impl Flash {
         result
     }
 
+    /// Erases a sector: the settings', or one of a slot that does not run.
+    pub(super) fn erase_sector(&mut self, number: u8) -> Result<(), FlashError> {
+        self.unlocked(|registers| {
+            // SAFETY: a sector of which nothing is executed.
+            registers.cr().write(|w| unsafe { w.psize().psize32().ser().set_bit().snb().bits(number) });
+            registers.cr().modify(|_, w| w.strt().set_bit());
+            done(registers)
+        })
+    }
+
+    /// Writes whole words from this address on, in such a sector.
+    pub(super) fn write_words(&mut self, start: u32, bytes: &[u8]) -> Result<(), FlashError> {
+        self.unlocked(|registers| {
+            registers.cr().write(|w| w.psize().psize32().pg().set_bit());
+            let words = bytes.as_chunks::<WORD>().0;
+            for (at, word) in (start..).step_by(WORD).zip(words) {
+                // SAFETY: a word in a sector of which nothing is executed; the controller is set to write words.
+                unsafe { (at as *mut u32).write_volatile(u32::from_le_bytes(*word)) };
+                done(registers)?;
+            }
+            Ok(())
+        })
+    }
+
     /// Does what needs the controller unlocked; locks it whatever happens, and empties the cache of flash data, which does not
     /// see erasing and writing.
     fn unlocked(&mut self, work: impl FnOnce(&pac::FLASH) -> Result<(), FlashError>) -> Result<(), FlashError> {
@@ -119,30 +143,13 @@ impl NorFlash for Flash {
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
         fits(from as usize, to as usize, SECTOR)?;
-        self.unlocked(|registers| {
-            for sector in from as usize / SECTOR..to as usize / SECTOR {
-                let number = FIRST_SECTOR + sector as u8;
-                // SAFETY: one of the settings' sectors.
-                registers.cr().write(|w| unsafe { w.psize().psize32().ser().set_bit().snb().bits(number) });
-                registers.cr().modify(|_, w| w.strt().set_bit());
-                done(registers)?;
-            }
-            Ok(())
-        })
+        (from as usize / SECTOR..to as usize / SECTOR)
+            .try_for_each(|sector| self.erase_sector(FIRST_SECTOR + sector as u8))
     }
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
         let from = offset as usize;
         fits(from, from + bytes.len(), WORD)?;
-        self.unlocked(|registers| {
-            registers.cr().write(|w| w.psize().psize32().pg().set_bit());
-            let words = bytes.as_chunks::<WORD>().0;
-            for (at, word) in (START + from..).step_by(WORD).zip(words) {
-                // SAFETY: a word in the settings' sectors, which nothing else uses; the controller is set to write words.
-                unsafe { (at as *mut u32).write_volatile(u32::from_le_bytes(*word)) };
-                done(registers)?;
-            }
-            Ok(())
-        })
+        self.write_words((START + from) as u32, bytes)
     }
 }

@@ -17,6 +17,7 @@
 mod clock;
 mod flash;
 mod lines;
+mod slots;
 
 use core::convert::Infallible;
 
@@ -31,6 +32,7 @@ use lines::Reception;
 pub use lines::{GyroLine, HostLine, ReportPort};
 use north_finder::drivers::intake::{GYRO_BYTES, HOST_BYTES, Intake};
 use north_finder::event::restart::Cause;
+pub use slots::slots;
 use stm32f4xx_hal::dma::{Stream2, Stream5, StreamsTuple};
 use stm32f4xx_hal::gpio::{self, Output, PinState, Speed};
 pub use stm32f4xx_hal::pac;
@@ -232,10 +234,22 @@ impl Watchdog {
     }
 
     pub fn feed(&mut self) {
-        const RELOAD: u16 = 0xAAAA;
-        // SAFETY: as at the start.
-        self.0.kr().write(|w| unsafe { w.bits(RELOAD) });
+        feed_watchdog();
     }
+}
+
+/// Whoever owns the watchdog; where it does not run, nothing happens.
+fn feed_watchdog() {
+    const RELOAD: u16 = 0xAAAA;
+    // SAFETY: the key of the reference manual; the register is only written.
+    unsafe { (*pac::IWDG::ptr()).kr().write(|w| w.bits(RELOAD)) };
+}
+
+/// The chip's own number (RM0090, 39.1).
+pub fn serial() -> [u32; 3] {
+    const UNIQUE: *const [u32; 3] = 0x1FFF_7A10 as *const [u32; 3];
+    // SAFETY: memory that the chip's maker wrote.
+    unsafe { UNIQUE.read_volatile() }
 }
 
 /// Waits for the next interrupt.

@@ -6,6 +6,7 @@ mod checks;
 use std::io::Write;
 
 use clap::Args;
+use north_finder::event::identity::Identity;
 use north_finder::event::raw;
 use north_finder::event::{Event, Report, Second};
 use north_finder::health::{self, Counters, Item, Refusal, TestVerdict};
@@ -149,11 +150,12 @@ impl Doctor {
             "link",
             Verdict::Good,
             format!(
-                "{} answers: {}, firmware {}, build {:08x}.",
+                "{} answers: {}, firmware {}, build {:08x}{}.",
                 port.name(),
                 identity.board.name(),
                 identity.version.as_str(),
-                identity.program
+                identity.program,
+                of_chip(&identity)
             ),
         )];
         let settings = match port.settings() {
@@ -238,6 +240,15 @@ fn up(port: &mut Port) -> Result<Option<[f64; 3]>, PortError> {
     let norm = sum.iter().map(|sum| sum * sum).sum::<f64>().sqrt();
     let is_gravity = count > 0 && (0.9..=1.1).contains(&(norm / count as f64));
     Ok(is_gravity.then(|| sum.map(|sum| sum / norm)))
+}
+
+/// Which sources the firmware is of, and on which chip it runs; nothing of the instrument in a host's process.
+fn of_chip(identity: &Identity) -> String {
+    let [high, middle, low] = identity.serial;
+    if identity.serial == [0; 3] {
+        return String::new();
+    }
+    format!(", revision {}, chip {high:08x}{middle:08x}{low:08x}", identity.revision.as_str())
 }
 
 /// Asks for the self-test and waits for its last item; gives whether it was done.

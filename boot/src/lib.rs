@@ -1,0 +1,32 @@
+//! Update in the field: an image comes signed, into the slot that is not running; the loader tries it, and goes back where it does not start.
+//!
+//! | sector of the STM32F405 | holds |
+//! |---|---|
+//! | 0 (16 KiB) | the loader |
+//! | 1, 2 (16 KiB each) | the settings, which no update touches |
+//! | 5, 6, 7 (128 KiB each) | slot A, from [`SLOTS`] on |
+//! | 8, 9, 10 (128 KiB each) | slot B |
+//!
+//! Every release is linked twice, once for each slot: nothing is copied or exchanged, and the image that runs is never erased. What is known of a slot
+//! is in its own last 256 bytes ([`slot`]), in words that are written once: there is no state elsewhere that a power cut could tear from it.
+//!
+//! A loader that exchanges both slots (embassy-boot 0.6) was looked at: it wants the second slot larger than the first by the largest sector, 128 KiB
+//! here, and so all of the flash from sector 5 to 11, without a log; it erases every sector four times in an update and a return; and its partitions have
+//! pages of one size.
+
+#![no_std]
+
+#[cfg(test)]
+extern crate std;
+
+pub mod choice;
+pub mod manifest;
+pub mod receive;
+pub mod slot;
+
+/// Where the slots are.
+pub const SLOTS: [u32; 2] = [0x0802_0000, 0x0808_0000];
+/// Bytes of a slot.
+pub const SLOT_BYTES: u32 = 384 * 1024;
+/// Bytes of a slot's sectors.
+pub const SECTOR_BYTES: u32 = 128 * 1024;
