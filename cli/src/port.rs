@@ -76,18 +76,26 @@ impl Port {
         }
     }
 
+    /// Over a line that is open.
+    ///
+    /// Errors: the line takes no time-out.
+    pub fn over(name: &str, mut line: Box<dyn SerialPort>) -> Result<Self, PortError> {
+        line.set_timeout(PATIENCE).map_err(|error| PortError::Open { port: name.to_owned(), error })?;
+        Ok(Self {
+            name: name.to_owned(),
+            line,
+            decoder: ReportDecoder::new(),
+            received: VecDeque::new(),
+            bytes: 0,
+            bad_frames: 0,
+            other_version: false,
+            number: 0,
+        })
+    }
+
     fn open_named(name: &str) -> Result<Self, PortError> {
         match serialport::new(name, BAUD).timeout(PATIENCE).open() {
-            Ok(line) => Ok(Self {
-                name: name.to_owned(),
-                line,
-                decoder: ReportDecoder::new(),
-                received: VecDeque::new(),
-                bytes: 0,
-                bad_frames: 0,
-                other_version: false,
-                number: 0,
-            }),
+            Ok(line) => Self::over(name, line),
             Err(error) => Err(PortError::Open { port: name.to_owned(), error }),
         }
     }

@@ -33,8 +33,8 @@ pub fn settings(scenario: &Scenario) -> Result<Settings, toml::de::Error> {
 
 /// Declares the gyro's angle random walk (°/√h), and raises the gates' thresholds as far as such a gyro at rest needs.
 pub fn declare_noise(settings: &mut Settings, arw_deg_per_sqrt_h: f64) {
-    let noise_deg_h = 60.0 * arw_deg_per_sqrt_h;
     settings.gyro.arw_deg_per_sqrt_h = arw_deg_per_sqrt_h;
+    let noise_deg_h = settings.gyro.noise_deg_h();
     let disturbance = &mut settings.disturbance.threshold_deg_h;
     *disturbance = disturbance.max(settings.gyro.bias_limit_deg_h + 6.0 * noise_deg_h);
     let jitter = &mut settings.jitter.threshold_deg_h;

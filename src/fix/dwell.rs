@@ -8,6 +8,7 @@ use core::ops::Range;
 
 use heapless::Vec;
 
+use super::robust::{BlockSums, Blocks, Tails};
 use crate::bounded::bounded;
 use crate::effects::Carried;
 use crate::sensing::level::{LevelMoments, Specific};
@@ -148,6 +149,16 @@ pub struct Temperature {
     pub kelvin_per_s: f32,
 }
 
+/// The robust mean of a dwell: the line of the values that stand for its rows, and how block means scatter, of the rates and of these values.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Robust {
+    pub line: Line,
+    pub plain_blocks: Blocks,
+    pub blocks: Blocks,
+    /// Logarithm of the likelihood of heavy tails over that of normal ones.
+    pub evidence: f32,
+}
+
 /// What a dwell says, or one interval of a continuous rotation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DwellSummary {
@@ -167,6 +178,8 @@ pub struct DwellSummary {
     pub slip_deg: f32,
     /// Rate, °/h; its squares in (°/h)² · s.
     pub rate: Line,
+    /// The same of a mean in which seconds far from the others weigh less; `None` where the rows cannot tell it.
+    pub robust: Option<Robust>,
     /// Angle that the gyro turned, arcsec, from the mean angles of the rows: its slope is the mean rate for noise that is
     /// white in the angle. `None` where a gap or an outlier breaks it.
     pub angle: Option<Trend>,
@@ -356,6 +369,11 @@ struct Sums {
     time_squares: f64,
     time_steps: f64,
     rate: LineSums,
+    /// Of the values that stand for the rates in a robust mean; and blocks of both.
+    robust: LineSums,
+    plain_blocks: BlockSums,
+    robust_blocks: BlockSums,
+    evidence: f64,
     angle: LineSums,
     /// What the gyro turned since the beginning, less the first row's rate, arcsec; and whether a gap broke it.
     turned_arcsec: f64,
@@ -450,9 +468,13 @@ impl Sums {
                 scale = scale.max(count);
             }
         }
+        let is_kept = |row: &Row| deviation(row) <= OUTLIER_SIGMAS * scale;
+        let kept = || rows.iter().filter(|row| is_kept(row)).map(|row| (row.seconds, row.rate_deg_h));
+        let tails = Tails::fit(kept, middle, of_rows);
+        self.evidence += tails.as_ref().map_or(0.0, |tails| tails.evidence);
         for row in rows {
-            if deviation(row) <= OUTLIER_SIGMAS * scale {
-                self.add_row(row);
+            if is_kept(row) {
+                self.add_row(row, tails.as_ref());
             } else {
                 self.outliers = self.outliers.saturating_add(1);
                 let _ = self.outliers_s.push(row.t_s);
@@ -470,7 +492,7 @@ impl Sums {
         }
     }
 
-    fn add_row(&mut self, row: &Row) {
+    fn add_row(&mut self, row: &Row, tails: Option<&Tails>) {
         let first = *self.first.get_or_insert(*row);
         let t_s = row.t_s - first.t_s;
         let (step_weight, step_s) = match self.last {
@@ -493,6 +515,11 @@ impl Sums {
         self.time_steps += step_weight * step_s * step_s;
         let rate_deg_h = row.rate_deg_h - first.rate_deg_h;
         self.rate.add(weight, t_s, step_weight, step_s, rate_deg_h);
+        let robust_deg_h =
+            tails.map_or(row.rate_deg_h, |tails| tails.value(row.seconds, row.rate_deg_h)) - first.rate_deg_h;
+        self.robust.add(weight, t_s, step_weight, step_s, robust_deg_h);
+        self.plain_blocks.add(weight, rate_deg_h);
+        self.robust_blocks.add(weight, robust_deg_h);
         let turned_arcsec = rate_deg_h * row.seconds;
         let mean_arcsec = self.turned_arcsec + 0.5 * turned_arcsec - row.moment_arcsec_s / row.seconds;
         self.turned_arcsec += turned_arcsec;
@@ -544,6 +571,12 @@ impl Sums {
             cos: self.cos / self.seconds,
             sin: self.sin / self.seconds,
             rate: line(&self.rate, first.rate_deg_h),
+            robust: Some(Robust {
+                line: line(&self.robust, first.rate_deg_h),
+                plain_blocks: self.plain_blocks.blocks(),
+                blocks: self.robust_blocks.blocks(),
+                evidence: self.evidence as f32,
+            }),
             angle: (!self.broken && self.rows >= 3)
                 .then_some(Line { slope_per_s: angle.slope_per_s + first.rate_deg_h, ..angle }.into()),
             level: first.level.filter(|_| self.level_rows == self.rows).map(|origin| {

@@ -31,6 +31,7 @@ pub mod moving_base;
 mod noise;
 mod observation;
 mod problem;
+mod robust;
 pub mod sinusoid;
 mod solution;
 mod statistics;

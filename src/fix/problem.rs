@@ -71,6 +71,7 @@ impl<'a> Problem<'a> {
         let design = DesignRow::new(index, dwell.specific(), &self.earth);
         let (mean_deg_h, mut weight) = self.noise.map_or((dwell.rate.mean, dwell.seconds), |noise| noise.mean(dwell));
         let mut weight_of_slope = self.noise.map_or(dwell.time_spread.into(), |noise| noise.weight_of_slope(dwell));
+        let slope_per_s = self.noise.map_or(dwell.rate.slope_per_s, |noise| noise.slope_per_s(dwell));
         if self.cause.spoils(dwell) {
             (weight, weight_of_slope) = (0.0, 0.0);
         }
@@ -97,7 +98,7 @@ impl<'a> Problem<'a> {
                 weight: weight_of_slope / (3600.0 * 3600.0),
                 row: Vector4::new(0.0, 0.0, 0.0, 1.0),
                 cos_2theta: 0.0,
-                rate_deg_h: dwell.rate.slope_per_s * 3600.0 - sinusoid_deg_h_per_h,
+                rate_deg_h: slope_per_s * 3600.0 - sinusoid_deg_h_per_h,
             },
         ]
     }

@@ -70,7 +70,7 @@ pub(super) fn solved_for(
     let mut flags = Flags::default();
 
     let noise_deg_h = declared.gyro.noise_deg_h();
-    let noise = Noise::new(problem.counting(), noise_deg_h, || variance_of_successive_residuals(&problem))
+    let noise = Noise::new(problem.counting(), &declared.gyro, || variance_of_successive_residuals(&problem))
         .ok_or(Unsolvable::TooFewDirections)?;
     let variance = noise.variance;
     problem.noise = Some(noise);

@@ -80,7 +80,7 @@ struct Search {
 impl Search {
     fn new(dwells: &[DwellSummary], declared: &Declared, turn: Turn) -> Option<Self> {
         let mut problem = Problem::new(dwells, declared.earth, BaseMotion::Still, Cause::Turned(turn))?;
-        let noise = Noise::new(problem.counting(), declared.gyro.noise_deg_h(), || None)?;
+        let noise = Noise::new(problem.counting(), &declared.gyro, || None)?;
         problem.noise = Some(noise);
         let (mut normal, mut right, mut squares) = (Matrix6::zeros(), Vector6::zeros(), 0.0);
         for dwell in dwells {

@@ -27,6 +27,8 @@ pub struct GyroSettings {
     pub format: GyroFormat,
     /// Angle random walk, °/√h.
     pub arw_deg_per_sqrt_h: f64,
+    /// White noise of the angle at one moment, arcsec: counts, dither, a ring laser. A rate over any time has √2 of it at its ends.
+    pub angle_noise_arcsec: f64,
     /// Bias instability (the floor of the Allan deviation), °/h.
     pub bias_instability_deg_h: f64,
     /// One sigma of the linear bias drift during a fix, °/h per hour.
@@ -44,6 +46,7 @@ impl Default for GyroSettings {
         Self {
             format: GyroFormat::Compact,
             arw_deg_per_sqrt_h: 0.0015,
+            angle_noise_arcsec: 0.0,
             bias_instability_deg_h: 0.002,
             drift_deg_h_per_h: 0.1,
             bias_limit_deg_h: 1.0,
@@ -56,6 +59,11 @@ impl Default for GyroSettings {
 impl GyroSettings {
     /// Declared noise of a one-second rate, °/h.
     pub fn noise_deg_h(&self) -> f64 {
+        libm::hypot(self.white_noise_deg_h(), core::f64::consts::SQRT_2 * self.angle_noise_arcsec)
+    }
+
+    /// What of it averages out as white noise of the rate.
+    pub fn white_noise_deg_h(&self) -> f64 {
         60.0 * self.arw_deg_per_sqrt_h
     }
 }

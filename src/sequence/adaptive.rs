@@ -2,7 +2,8 @@
 //!
 //! Two coarse dwells, 90° apart, give a coarse azimuth, and the horizontal rate that is held against the Earth's. Then the axis points
 //! east and west in turn, where the azimuth's sensitivity is greatest: a block of three dwells, ¼ ½ ¼ of the time, in which a linear
-//! drift cancels, or of two where there is no time for that. After a block the solution's own sigma says whether there must be another.
+//! drift cancels, or of two where there is no time for that. After a block the solution's own sigma says whether there must be another; it
+//! begins where the index stands, so that a drive that rings is turned once or twice for it.
 //! A second counts as soon as it is quiet, whether its gate has passed or not: the gates still decide whether the fix goes on.
 //!
 //! Where the coarse rates are not the Earth's, or what follows contradicts them, the fix begins anew with the mirrored four positions;
@@ -24,8 +25,8 @@ const COARSE_SIGMA: f64 = 0.05;
 const COARSE_AGREES_DEG: f64 = 30.0;
 /// Dwells that a second which is not quiet may end before its gate has passed; then the gates are waited for.
 const MOST_INTERRUPTIONS: u8 = 6;
-/// Shortest time for three dwells of a block, seconds.
-const THREE_DWELLS_S: f64 = 90.0;
+/// Shortest measuring time for three dwells of a block, seconds: with a quarter of it a dwell is no longer than two moves.
+const THREE_DWELLS_S: f64 = 75.0;
 /// A block shorter than this is not worth its moves, seconds.
 const LEAST_BLOCK_S: f64 = 15.0;
 /// Blocks end after so many dwells at most, whatever sigma is.
@@ -241,7 +242,8 @@ impl Adaptive {
         [noise_deg_h, north_deg_h]: [f64; 2],
     ) {
         let needed_s = self.needed_s(noise_deg_h * noise_deg_h, north_deg_h).unwrap_or(f64::INFINITY);
-        self.block(position, t_s, way_deg, index, (needed_s - 0.5 * self.coarse_s).max(LEAST_BLOCK_S));
+        let begin_s = t_s + move_s(way_deg, index, self.settling_s);
+        self.block(position, begin_s, index, (needed_s - 0.5 * self.coarse_s).max(LEAST_BLOCK_S));
     }
 
     /// Measuring time by the variance of a second, (°/h)²; `None`: no time is enough.
@@ -251,8 +253,8 @@ impl Adaptive {
         (averaged > 0.0).then(|| MARGIN * ratio * ratio * variance / averaged)
     }
 
-    /// The block is over, after `measured_s` of measuring in all, with this sigma: plans another, from dwell `position` on after half
-    /// a turn. `false`: sigma is small enough, or there is no time.
+    /// The block is over, after `measured_s` of measuring in all, with this sigma: plans another, from dwell `position` on, where the index
+    /// stands. `false`: sigma is small enough, or there is no time.
     pub fn go_on(
         &mut self,
         position: u8,
@@ -261,7 +263,7 @@ impl Adaptive {
         measured_s: f64,
         sigma_deg: Option<f64>,
     ) -> bool {
-        let room_s = self.limit_s - t_s - 2.0 * self.turn_s(index);
+        let room_s = self.limit_s - t_s - self.turn_s(index);
         if room_s < LEAST_BLOCK_S || position >= MOST_POSITIONS {
             return false;
         }
@@ -273,19 +275,18 @@ impl Adaptive {
             }
             _ => room_s,
         };
-        self.block(position, t_s, 180.0, index, more_s.max(LEAST_BLOCK_S));
+        self.block(position, t_s, index, more_s.max(LEAST_BLOCK_S));
         true
     }
 
-    fn block(&mut self, position: u8, t_s: f64, way_deg: f64, index: &IndexSettings, measuring_s: f64) {
-        let moved_s = t_s + move_s(way_deg, index, self.settling_s);
-        let room_s = (self.limit_s - moved_s).min(measuring_s + 2.0 * self.turn_s(index));
-        self.three = room_s >= THREE_DWELLS_S;
-        let moves = if self.three { 2 } else { 1 };
+    /// A block of so much measuring whose first dwell begins at `begin_s`.
+    fn block(&mut self, position: u8, begin_s: f64, index: &IndexSettings, measuring_s: f64) {
+        let most_s = |moves: u8| (self.limit_s - begin_s - f64::from(moves) * self.turn_s(index)).max(0.0);
+        let moves = moves(measuring_s.min(most_s(2)));
+        self.later_s = measuring_s.min(most_s(moves));
+        self.three = moves == 2;
         self.last = position.saturating_add(moves);
-        let most_s = self.limit_s - moved_s - f64::from(moves) * self.turn_s(index);
-        self.later_s = measuring_s.min(most_s.max(0.0));
-        self.begin_dwell(position, moved_s);
+        self.begin_dwell(position, begin_s);
     }
 
     /// The dwell of this number begins after half a turn; `false`: the block is over.
@@ -334,13 +335,18 @@ impl Adaptive {
             return None;
         }
         let left_s = (self.target_s - self.dwell_s).max(0.0) + self.later_s;
-        let moves = f64::from(self.moves_left) + if self.dwell_s > 0.0 { 0.0 } else { 1.0 };
+        // A block that follows another begins without a move.
+        let is_there = self.dwell_s > 0.0 || self.begin_s <= t_s;
+        let moves_left = f64::from(self.moves_left) + if is_there { 0.0 } else { 1.0 };
         let needed_s = self.needed_s(self.noise.variance(noise_deg_h), north_deg_h).unwrap_or(f64::INFINITY);
         let more_s = needed_s - (self.measured_s - 0.5 * self.coarse_s) - left_s;
         // Where noise asks for more than a tenth beyond the block, another follows.
-        let another_s =
-            if more_s > 0.1 * needed_s { more_s.max(LEAST_BLOCK_S) + 3.0 * self.turn_s(index) } else { 0.0 };
-        let seconds = (left_s + moves * self.turn_s(index) + another_s).min(self.limit_s - t_s).max(0.0);
+        let another_s = if more_s > 0.1 * needed_s {
+            more_s.max(LEAST_BLOCK_S) + f64::from(moves(more_s)) * self.turn_s(index)
+        } else {
+            0.0
+        };
+        let seconds = (left_s + moves_left * self.turn_s(index) + another_s).min(self.limit_s - t_s).max(0.0);
         // The second one at half time; after that the plan is the promise.
         self.promise_at_s = Some(if self.promise_at_s.is_none() { t_s + 0.5 * seconds } else { f64::INFINITY });
         Some(seconds)
@@ -349,6 +355,11 @@ impl Adaptive {
     fn turn_s(&self, index: &IndexSettings) -> f64 {
         move_s(180.0, index, self.settling_s)
     }
+}
+
+/// Moves within a block of so much measuring.
+fn moves(measuring_s: f64) -> u8 {
+    if measuring_s >= THREE_DWELLS_S { 2 } else { 1 }
 }
 
 /// Duration of a move until the first second that counts.
@@ -380,8 +391,11 @@ mod tests {
         assert!(!plan.next(5, 300.0, &index));
         // Sigma is a fifth too large: 0.44 of 220 s, and a twentieth more; a quarter of it first.
         assert!(plan.go_on(5, 300.0, &index, 220.0, Some(0.036)));
-        assert!((plan.target_s - 0.25 * 101.6).abs() < 0.1, "{plan:?}");
-        assert!(!plan.go_on(7, 400.0, &index, 320.0, Some(0.0299)) && !plan.go_on(7, 970.0, &index, 320.0, None));
+        assert!((plan.target_s - 0.25 * 101.6).abs() < 0.1 && plan.begin_s == 300.0, "{plan:?}");
+        assert!(!plan.go_on(7, 400.0, &index, 320.0, Some(0.0299)) && !plan.go_on(7, 980.0, &index, 320.0, None));
+        // A twentieth too large: 1.05 · 320 · 0.1025 = 34.4 s, in two dwells.
+        assert!(plan.go_on(7, 400.0, &index, 320.0, Some(0.0315)) && (plan.target_s - 17.2).abs() < 0.1, "{plan:?}");
+        assert!(plan.next(8, 418.0, &index) && !plan.next(9, 450.0, &index));
     }
 
     /// 0.018° of 0.03° do not average out: 0.024° are left for the noise, and it takes (5/4)² of the time.
@@ -428,7 +442,7 @@ mod tests {
         }
         let promised_s = plan.promise_s(59.0, &index, INDEX, false).unwrap();
         let needed_s = 4.0 * 215.43 * 50.0 / 49.0;
-        assert!((promised_s - (needed_s - 50.0 + 5.0 * TURN_S)).abs() < 1.0, "{promised_s}");
+        assert!((promised_s - (needed_s - 50.0 + 4.0 * TURN_S)).abs() < 1.0, "{promised_s}");
         assert_eq!(plan.promise_s(60.0, &index, INDEX, false), None);
         assert!(plan.promise_s(59.0 + 0.5 * promised_s, &index, INDEX, false).is_some());
     }

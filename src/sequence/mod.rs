@@ -675,7 +675,13 @@ impl Sequencer {
             true
         } else {
             let (measured_s, sigma_deg) = so_far.map_or((0.0, None), |fix| (fix.seconds, Some(fix.sigma_deg)));
-            adaptive.next(position, t_s, &index) || adaptive.go_on(position, t_s, &index, measured_s, sigma_deg)
+            if adaptive.next(position, t_s, &index) {
+                true
+            } else {
+                // Another block begins where the index stands.
+                adaptive.target_deg = angle_deg;
+                adaptive.go_on(position, t_s, &index, measured_s, sigma_deg)
+            }
         };
         if goes_on {
             self.promise(t_s, position > 2, sink);

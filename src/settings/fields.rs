@@ -85,6 +85,8 @@ fields! {
         "geodetic latitude, north positive; no fix within 1° of a pole";
     "gyro.arw_deg_per_sqrt_h", "°/√h", 0 to 1, |s| s.gyro.arw_deg_per_sqrt_h,
         "angle random walk of the gyro; the azimuth's sigma never falls below what it makes";
+    "gyro.angle_noise_arcsec", "arcsec", 0 to 100, |s| s.gyro.angle_noise_arcsec,
+        "white noise of the angle at one moment: counts, dither, a ring laser; every rate has it at both ends of its time";
     "gyro.bias_instability_deg_h", "°/h", 0 to 10, |s| s.gyro.bias_instability_deg_h,
         "bias instability, the floor of the Allan deviation";
     "gyro.drift_deg_h_per_h", "°/h per h", 0 to 1000, |s| s.gyro.drift_deg_h_per_h,

@@ -19,6 +19,10 @@ use crate::settings_file::declare_noise;
 /// A threshold is this many times the largest change of the rate that the still gyro itself made.
 const MARGIN_OF_CHANGE: f64 = 1.5;
 
+/// The noise of one-second rates is taken for more than that of the fitted processes from this ratio of their variances on: a tenth is what the
+/// fit of an hour leaves open.
+const UNEXPLAINED: f64 = 1.1;
+
 /// What a still recording tells of a gyro.
 #[derive(Clone, Debug, Serialize)]
 pub struct Character {
@@ -45,6 +49,7 @@ pub struct Character {
 pub struct Suggested {
     pub arw_deg_per_sqrt_h: f64,
     /// `None` where the recording does not show it: it is not 0 for that.
+    pub angle_noise_arcsec: Option<f64>,
     pub bias_instability_deg_h: Option<f64>,
     pub disturbance_threshold_deg_h: f64,
     pub jitter_threshold_deg_h: f64,
@@ -75,9 +80,11 @@ impl Character {
         let mut settings = Settings::default();
         settings.jitter.threshold_deg_h = MARGIN_OF_CHANGE * self.largest_change_deg_h;
         settings.disturbance.threshold_deg_h = 0.0;
+        settings.gyro.angle_noise_arcsec = self.noise.quantisation_arcsec;
         declare_noise(&mut settings, self.one_second_arw());
         Suggested {
-            arw_deg_per_sqrt_h: self.one_second_arw(),
+            arw_deg_per_sqrt_h: settings.gyro.arw_deg_per_sqrt_h,
+            angle_noise_arcsec: Some(settings.gyro.angle_noise_arcsec).filter(|seen| *seen > 0.0),
             bias_instability_deg_h: Some(self.noise.bias_instability_deg_h).filter(|seen| *seen > 0.0),
             disturbance_threshold_deg_h: settings.disturbance.threshold_deg_h,
             jitter_threshold_deg_h: settings.jitter.threshold_deg_h,
@@ -91,30 +98,41 @@ impl Character {
         least / noise::flicker_deviation()
     }
 
-    /// The angle random walk that gives one-second rates the scatter that they have: more than N where the increments
-    /// are coarse or the noise is in the angle.
+    /// The angle random walk that gives one-second rates, beside the noise of the angle, the scatter that they have: N, and more where something
+    /// else makes them scatter more than both explain.
     fn one_second_arw(&self) -> f64 {
+        let white = self.noise.angle_random_walk_deg_per_sqrt_h;
         let second = self.allan.iter().min_by(|a, b| (a.tau_s - 1.0).abs().total_cmp(&(b.tau_s - 1.0).abs()));
-        let of_second = second.map_or(0.0, |point| point.sigma_deg_h * point.tau_s.sqrt() / 60.0);
-        self.noise.angle_random_walk_deg_per_sqrt_h.max(of_second)
+        let Some(Point { tau_s, sigma_deg_h, .. }) = second else { return white };
+        let of_second = sigma_deg_h * sigma_deg_h * tau_s;
+        let of_angle = 3.0 * self.noise.quantisation_arcsec.powi(2) / tau_s;
+        let explained = (60.0 * white).powi(2) + of_angle;
+        if of_second > UNEXPLAINED * explained { (of_second - of_angle).sqrt() / 60.0 } else { white }
     }
 }
 
 impl Suggested {
     /// As a settings file that `--settings` and `north settings restore` read.
     pub fn to_toml(self) -> String {
-        let Self { arw_deg_per_sqrt_h, bias_instability_deg_h, disturbance_threshold_deg_h, jitter_threshold_deg_h } =
-            self;
+        let Self {
+            arw_deg_per_sqrt_h,
+            angle_noise_arcsec,
+            bias_instability_deg_h,
+            disturbance_threshold_deg_h,
+            jitter_threshold_deg_h,
+        } = self;
         let defaults = Settings::default();
         let gate = |threshold_deg_h: f64, seconds: u16, timeout_s: f64| {
             format!("threshold_deg_h = {threshold_deg_h:.4}\nseconds = {seconds}\ntimeout_s = {timeout_s:?}\n")
         };
-        let instability = bias_instability_deg_h.map_or_else(
-            || "# bias_instability_deg_h: not seen in this recording, it stays as it is".to_owned(),
-            |seen| format!("bias_instability_deg_h = {}", digits(seen)),
-        );
+        let or_not_seen = |name: &str, value: Option<f64>| match value {
+            Some(seen) => format!("{name} = {}", digits(seen)),
+            None => format!("# {name}: not seen in this recording, it stays as it is"),
+        };
+        let angle_noise = or_not_seen("angle_noise_arcsec", angle_noise_arcsec);
+        let instability = or_not_seen("bias_instability_deg_h", bias_instability_deg_h);
         format!(
-            "[gyro]\narw_deg_per_sqrt_h = {}\n{instability}\n\n[disturbance]\n{}\n[jitter]\n{}",
+            "[gyro]\narw_deg_per_sqrt_h = {}\n{angle_noise}\n{instability}\n\n[disturbance]\n{}\n[jitter]\n{}",
             digits(arw_deg_per_sqrt_h),
             gate(disturbance_threshold_deg_h, defaults.disturbance.seconds, defaults.disturbance.timeout_s),
             gate(jitter_threshold_deg_h, defaults.jitter.seconds, defaults.jitter.timeout_s),
@@ -122,9 +140,9 @@ impl Suggested {
     }
 }
 
-/// A number above 0 with six decimals, or as many as four digits of it need.
+/// A number with six decimals, or as many as four digits of it need.
 pub fn digits(value: f64) -> String {
-    let decimals = (3.0 - value.log10().floor()).clamp(6.0, 18.0) as usize;
+    let decimals = if value > 0.0 { (3.0 - value.log10().floor()).clamp(6.0, 18.0) as usize } else { 6 };
     format!("{value:.decimals$}")
 }
 
@@ -136,12 +154,14 @@ mod tests {
     fn what_is_not_seen_is_no_zero() {
         let seen = |bias_instability_deg_h| Suggested {
             arw_deg_per_sqrt_h: 1.234e-7,
+            angle_noise_arcsec: bias_instability_deg_h,
             bias_instability_deg_h,
             disturbance_threshold_deg_h: 1.0,
             jitter_threshold_deg_h: 0.5,
         };
         let text = seen(None).to_toml();
         assert!(text.contains("\n# bias_instability_deg_h: not seen") && !text.contains("0.000000\n"), "{text}");
+        assert!(text.contains("\n# angle_noise_arcsec: not seen"), "{text}");
         assert!(text.contains("arw_deg_per_sqrt_h = 0.0000001234\n"), "{text}");
         assert!(seen(Some(0.0123)).to_toml().contains("\nbias_instability_deg_h = 0.012300\n"));
     }

@@ -1,6 +1,7 @@
 //! `north board`: the instrument behind a pseudo-terminal, as if a board were plugged in.
 
 use std::io::{self, Read, Write};
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use clap::Args;
@@ -17,6 +18,7 @@ use crate::engine::{self, Engine, Person, Setup};
 use crate::failure::Failure;
 use crate::field::follow;
 use crate::interrupt;
+use crate::port::Port;
 
 /// Ticks between two looks at the line and the clock: 10 ms.
 const LOOK_TICKS: u64 = 4;
@@ -56,26 +58,42 @@ impl Board {
     pub fn run(self) -> Result<(), Failure> {
         let (scenario, settings) = self.instrument.resolve()?;
         let setup = Setup { scenario, seed: self.instrument.seed, settings: Some(settings) };
-        let world = engine::world(&setup)?;
-        let refused = |error: serialport::Error| Failure::Refused(format!("no pseudo-terminal is to be had: {error}"));
-        let (mut line, other_end) = TTYPort::pair().map_err(refused)?;
-        line.set_timeout(Duration::ZERO).map_err(refused)?;
+        let (line, other_end) = pair()?;
         println!("{}", other_end.name().unwrap_or_default());
         io::stdout().flush()?;
         // Who opens the port locks it: it is left to the clients.
         drop(other_end);
-        let mut bridge = Bridge {
-            operator: Operator::new(&setup.scenario, setup.seed),
-            world: world.clone(),
-            line,
-            speech: if self.nmea { Speech::Nmea { heading_deg: None } } else { Speech::Link(Box::default()) },
-            speed: self.speed,
-            began: Instant::now(),
-            asked: false,
-        };
-        engine::serve(self.engine, None, &world, u64::MAX, &mut bridge, interrupt::flag())?;
+        let speech = if self.nmea { Speech::Nmea { heading_deg: None } } else { Speech::Link(Box::default()) };
+        let bridge = Bridge::new(&setup, line, speech, self.speed)?;
+        bridge.serve(self.engine, interrupt::flag())?;
         Err(Failure::Interrupted)
     }
+}
+
+/// A pseudo-terminal: the instrument's end and the clients'.
+///
+/// Errors: none is to be had.
+fn pair() -> Result<(TTYPort, TTYPort), Failure> {
+    TTYPort::pair().map_err(refused)
+}
+
+fn refused(error: serialport::Error) -> Failure {
+    Failure::Refused(format!("no pseudo-terminal is to be had: {error}"))
+}
+
+/// The instrument's end of a pseudo-terminal, and a port that is open at the other.
+///
+/// Errors: none is to be had.
+pub fn connected() -> Result<(TTYPort, Port), Failure> {
+    let (line, other_end) = pair()?;
+    Ok((line, Port::over("the simulated board", Box::new(other_end))?))
+}
+
+/// Serves an instrument in this process behind one end of a pseudo-terminal until `stop`, at so many times real time.
+///
+/// Errors: the scenario makes no world.
+pub fn serve(setup: &Setup, line: TTYPort, speed: f64, stop: &AtomicBool) -> Result<(), Failure> {
+    Bridge::new(setup, line, Speech::Link(Box::default()), speed)?.serve(Engine::Host, stop)
 }
 
 /// What goes over the line.
@@ -158,6 +176,25 @@ impl Person for Bridge {
 }
 
 impl Bridge {
+    fn new(setup: &Setup, mut line: TTYPort, speech: Speech, speed: f64) -> Result<Self, Failure> {
+        line.set_timeout(Duration::ZERO).map_err(refused)?;
+        Ok(Self {
+            operator: Operator::new(&setup.scenario, setup.seed),
+            world: engine::world(setup)?,
+            line,
+            speech,
+            speed,
+            began: Instant::now(),
+            asked: false,
+        })
+    }
+
+    fn serve(mut self, engine: Engine, stop: &AtomicBool) -> Result<(), Failure> {
+        let world = self.world.clone();
+        engine::serve(engine, None, &world, u64::MAX, &mut self, stop)?;
+        Ok(())
+    }
+
     /// As on a wire, what nobody reads is lost. Whoever asked for something loses nothing, however many times real time the instrument runs
     /// and however slow the machine is: the instrument waits for them.
     fn say(&mut self, mut bytes: &[u8]) {

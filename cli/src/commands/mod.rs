@@ -2,12 +2,12 @@
 
 mod align;
 mod bench;
-mod board;
+pub mod board;
 mod calibrate;
 mod characterise;
 mod completions;
 mod diagnose;
-mod doctor;
+pub mod doctor;
 mod export;
 mod find;
 mod import;

@@ -20,6 +20,36 @@ pub struct Case {
     pub drift_deg_h_per_h: f64,
     /// One sigma of the drift that the instrument reckons with, °/h per hour.
     pub declared_drift_deg_h_per_h: f64,
+    pub noise: Noise,
+}
+
+/// What the gyro's noise is like.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Noise {
+    /// White, of the angle random walk.
+    White,
+    /// The same, and flicker noise of this bias instability, °/h, which the instrument knows.
+    Flicker { instability_deg_h: f64 },
+    /// Seconds with as large a standard deviation, by Student's t with three degrees of freedom.
+    HeavyTails,
+    /// The same, one second in ten with four times the noise of the others.
+    Bursts,
+    /// White, and this noise of the angle, arcsec; the instrument knows it or does not.
+    Angle { arcsec: f64, declared: bool },
+}
+
+impl Noise {
+    /// Name as in the tables.
+    pub fn name(self) -> String {
+        match self {
+            Self::White => "white".into(),
+            Self::Flicker { instability_deg_h } => format!("flicker, {instability_deg_h} °/h"),
+            Self::HeavyTails => "Student's t, 3".into(),
+            Self::Bursts => "a tenth four times".into(),
+            Self::Angle { arcsec, declared: true } => format!("angle, {arcsec} arcsec, declared"),
+            Self::Angle { arcsec, declared: false } => format!("angle, {arcsec} arcsec, not declared"),
+        }
+    }
 }
 
 /// The order of positions.
@@ -29,7 +59,14 @@ pub enum Order {
     Source,
     Mirrored,
     EastWest,
+    /// To and fro from −4° to 354°, in so many passes; the dwell is the time of one.
+    Rotation {
+        passes: u16,
+    },
 }
+
+/// Ends of the travel of a continuous rotation, degrees.
+pub const TRAVEL_DEG: [f64; 2] = [-4.0, 354.0];
 
 /// Measuring time at each of the four positions of the east-west order's coarse pass, s.
 pub const COARSE_DWELL_S: f64 = 10.0;
@@ -42,6 +79,7 @@ impl Order {
             Self::Source => "source",
             Self::Mirrored => "mirrored",
             Self::EastWest => "east-west",
+            Self::Rotation { .. } => "rotation",
         }
     }
 
@@ -51,6 +89,7 @@ impl Order {
             Self::Plain | Self::EastWest => &[0.0, 90.0, 180.0, 270.0],
             Self::Source => &[90.0, 180.0, 270.0, 360.0],
             Self::Mirrored => &[0.0, 90.0, 180.0, 270.0, 270.0, 180.0, 90.0, 0.0],
+            Self::Rotation { .. } => &[],
         }
     }
 }
@@ -64,11 +103,13 @@ impl Case {
         latitude_deg: 34.75,
         drift_deg_h_per_h: 0.0,
         declared_drift_deg_h_per_h: 0.0,
+        noise: Noise::White,
     };
 
     /// Measuring time of the whole fix, s.
     pub fn seconds(&self) -> f64 {
         match self.order {
+            Order::Rotation { passes } => f64::from(passes) * self.dwell_s,
             Order::EastWest => 4.0 * (COARSE_DWELL_S + self.dwell_s),
             other => other.angles_deg().len() as f64 * self.dwell_s,
         }

@@ -7,7 +7,7 @@ use indicatif::ProgressBar;
 use serde::Serialize;
 
 use super::{Bench, trials};
-use crate::accuracy::{Case, Order, Spread, Statistics, confidence_95, run};
+use crate::accuracy::{Case, Noise, Order, Spread, Statistics, confidence_95, run};
 use north::failure::Failure;
 use north::progress;
 
@@ -26,6 +26,9 @@ pub struct Accuracy {
     seed: u64,
 }
 
+/// Duration of the mirrored order with dwells of 30 s.
+const ELAPSED_S: f64 = 294.0;
+
 /// A table of the result.
 struct Table {
     name: &'static str,
@@ -38,6 +41,9 @@ struct Table {
 pub struct Row {
     table: &'static str,
     order: &'static str,
+    /// How often a continuous rotation passes its travel.
+    passes: Option<u16>,
+    noise: String,
     /// `None`: drawn anew for every trial.
     arw_deg_per_sqrt_h: Option<f64>,
     dwell_s: Option<f64>,
@@ -99,6 +105,15 @@ fn tables() -> Vec<Table> {
             one(Case { order, dwell_s, drift_deg_h_per_h, declared_drift_deg_h_per_h, ..nominal })
         })
     });
+    let noises = [
+        Noise::White,
+        Noise::HeavyTails,
+        Noise::Bursts,
+        Noise::Angle { arcsec: 0.5, declared: true },
+        Noise::Angle { arcsec: 0.5, declared: false },
+        Noise::Angle { arcsec: 0.05, declared: true },
+        Noise::Angle { arcsec: 0.05, declared: false },
+    ];
     vec![
         Table {
             name: "white-noise",
@@ -111,7 +126,28 @@ fn tables() -> Vec<Table> {
             title: "East-west refinement, 240 s of measuring in all",
             rows: refinement.collect(),
         },
+        Table {
+            name: "noise",
+            title: "Tails, and noise of the angle",
+            rows: noises.map(|noise| one(Case { noise, ..nominal })).into(),
+        },
+        Table { name: "elapsed", title: "Orders at equal elapsed time, 294 s with their moves", rows: of_equal_time() },
     ]
+}
+
+/// Orders that take as long as the mirrored one with its six moves of 9 s, in white, flicker and drifting noise.
+fn of_equal_time() -> Vec<Spread> {
+    let rotation = |passes: u16| (Order::Rotation { passes }, ELAPSED_S / f64::from(passes));
+    let orders = [(Order::Mirrored, 30.0), (Order::EastWest, 50.0), rotation(2), rotation(6), rotation(14)];
+    let noises = [(Noise::White, 0.0), (Noise::Flicker { instability_deg_h: 0.05 }, 0.0), (Noise::White, 5.0)];
+    let of_noise = |(noise, drift_deg_h_per_h): (Noise, f64)| {
+        orders.map(|(order, dwell_s)| {
+            let declared_drift_deg_h_per_h = if drift_deg_h_per_h > 0.0 { 0.1 } else { 0.0 };
+            let case = Case { order, dwell_s, noise, drift_deg_h_per_h, declared_drift_deg_h_per_h, ..Case::NOMINAL };
+            Spread::One(case)
+        })
+    };
+    noises.into_iter().flat_map(of_noise).collect()
 }
 
 impl Row {
@@ -123,6 +159,11 @@ impl Row {
         Self {
             table,
             order: order.name(),
+            passes: match order {
+                Order::Rotation { passes } => Some(passes),
+                _ => None,
+            },
+            noise: case.map_or(Noise::White, |case| case.noise).name(),
             arw_deg_per_sqrt_h: case.map(|case| case.arw_deg_per_sqrt_h),
             dwell_s: case.map(|case| case.dwell_s),
             latitude_deg: case.map(|case| case.latitude_deg),
@@ -146,10 +187,10 @@ fn write_table(out: &mut dyn Write, table: &Table, rows: &[Row]) -> io::Result<(
     writeln!(out, "\n### {}\n", table.title)?;
     writeln!(
         out,
-        "| order | N, °/√h | dwell, s | latitude, ° | drift, °/h per h | rms error, ° | bound, ° | rms / bound | covered, % \
+        "| order | noise | N, °/√h | dwell, s | latitude, ° | drift, °/h per h | rms error, ° | bound, ° | rms / bound | covered, % \
          | flagged, % |"
     )?;
-    writeln!(out, "|---|---|---|---|---|---|---|---|---|---|")?;
+    writeln!(out, "|---|---|---|---|---|---|---|---|---|---|---|")?;
     rows.iter().try_for_each(|row| write_row(out, row))
 }
 
@@ -160,9 +201,11 @@ fn write_row(out: &mut dyn Write, row: &Row) -> io::Result<()> {
     } = row.statistics;
     writeln!(
         out,
-        "| {} | {} | {} | {} | {} | {rms_deg:.4} | {bound_deg:.4} | {ratio:.3} ± {ratio_confidence_95:.3} | {:.1} ± {:.1} \
+        "| {}{} | {} | {} | {} | {} | {} | {rms_deg:.4} | {bound_deg:.4} | {ratio:.3} ± {ratio_confidence_95:.3} | {:.1} ± {:.1} \
          | {:.1} |",
         row.order,
+        row.passes.map_or(String::new(), |passes| format!(", {passes} passes")),
+        row.noise,
         cell(row.arw_deg_per_sqrt_h, "0.0005 … 0.02"),
         cell(row.dwell_s, "10 … 120"),
         cell(row.latitude_deg, "−70 … 70"),

@@ -14,6 +14,7 @@ mod composed;
 mod cost;
 mod diagnose;
 mod diagnose_speed;
+mod doctor;
 mod esg;
 mod experiment;
 mod faults;
@@ -104,6 +105,7 @@ benches! {
     Cost: cost::CostBench,
     Diagnose: diagnose::DiagnoseBench,
     DiagnoseSpeed: diagnose_speed::DiagnoseSpeed,
+    Doctor: doctor::DoctorBench,
     Esg: esg::EsgBench,
     Experiment: experiment::ExperimentBench,
     Faults: faults::Faults,

@@ -9,6 +9,7 @@ use postcard::de_flavors::Slice;
 use serde::Deserialize;
 
 use crate::effects::{Doubt, ErrorModel};
+use crate::sensing::sample::GyroSettings;
 use crate::settings::{IndexSettings, LevelSettings, Settings};
 
 type Content<'a> = Deserializer<'a, Slice<'a>>;
@@ -31,7 +32,7 @@ pub fn read(content: &[u8], version: u16, settings: &mut Settings) -> Option<()>
         block,
     } = settings;
     set(from, latitude_deg)?;
-    set(from, gyro)?;
+    read_gyro(from, version, gyro)?;
     read_level(from, version, level)?;
     set(from, disturbance)?;
     set(from, jitter)?;
@@ -45,6 +46,28 @@ pub fn read(content: &[u8], version: u16, settings: &mut Settings) -> Option<()>
     set(from, accelerometer)?;
     set(from, block)?;
     content.finalize().is_ok_and(<[u8]>::is_empty).then_some(())
+}
+
+/// Before version 9 without the noise of the angle.
+fn read_gyro(from: &mut Content<'_>, version: u16, gyro: &mut GyroSettings) -> Option<()> {
+    let GyroSettings {
+        format,
+        arw_deg_per_sqrt_h,
+        angle_noise_arcsec,
+        bias_instability_deg_h,
+        drift_deg_h_per_h,
+        bias_limit_deg_h,
+        range_deg_h,
+        repairable_frames,
+    } = gyro;
+    set(from, format)?;
+    set(from, arw_deg_per_sqrt_h)?;
+    *angle_noise_arcsec = if version < 9 { 0.0 } else { next(from)? };
+    set(from, bias_instability_deg_h)?;
+    set(from, drift_deg_h_per_h)?;
+    set(from, bias_limit_deg_h)?;
+    set(from, range_deg_h)?;
+    set(from, repairable_frames)
 }
 
 /// Before version 7 without what the readings drift by.

@@ -23,6 +23,8 @@ use crate::present;
 
 use self::checks::{of_counters, of_line, of_seconds, of_settings};
 
+/// Seconds that are listened to, where nothing else is said.
+const LISTENING_S: u32 = 12;
 /// Seconds after the self-test's move that are not listened to.
 const SETTLING_SECONDS: usize = 2;
 /// Blocks of the raw stream that are waited for them: some seconds of it.
@@ -42,8 +44,17 @@ const UP_READINGS: usize = 25;
 pub struct Doctor {
     #[command(flatten)]
     port: PortOption,
+    #[command(flatten)]
+    examination: Examination,
+    #[command(flatten)]
+    json: JsonOption,
+}
+
+/// What is looked at.
+#[derive(Args, Debug)]
+pub struct Examination {
     /// Seconds to listen
-    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u32).range(5..=600))]
+    #[arg(long, value_name = "N", default_value_t = LISTENING_S, value_parser = clap::value_parser!(u32).range(5..=600))]
     seconds: u32,
     /// Ask for no self-test and try no fix: nothing moves
     #[arg(long)]
@@ -51,8 +62,12 @@ pub struct Doctor {
     /// Try no fix
     #[arg(long)]
     no_fix: bool,
-    #[command(flatten)]
-    json: JsonOption,
+}
+
+impl Default for Examination {
+    fn default() -> Self {
+        Self { seconds: LISTENING_S, still: false, no_fix: false }
+    }
 }
 
 /// How something is.
@@ -110,28 +125,38 @@ impl Doctor {
     pub fn run(self) -> Result<(), Failure> {
         crate::output::check([self.json.path()])?;
         let mut port = self.port.open()?;
-        let out = &mut self.json.human();
-        let (mut findings, settings) = self.look(&mut port)?;
-        write_findings(out, &findings)?;
-        if self.tries_fix(&findings) {
-            eprintln!(
-                "north: note: a fix is tried, which takes up to {:.0} s; --no-fix leaves it out",
-                settings.time_limit_s
-            );
-            let of_fix = attempt::fix(&mut port, &settings)?;
-            write_findings(out, &of_fix)?;
-            findings.extend(of_fix);
-        } else if self.wants_fix() {
-            let untried =
-                finding("fix", Verdict::Look, "None was tried: mend what is bad first, or wait for what is under way.");
-            write_findings(out, std::slice::from_ref(&untried))?;
-            findings.push(untried);
-        }
+        let findings = self.examination.examine(&mut port, &mut self.json.human(), &mut std::io::stderr())?;
         self.json.write(&findings)?;
         match findings.iter().filter(|finding| finding.verdict == Verdict::Bad).count() {
             0 => Ok(()),
             count => Err(Failure::Refused(format!("{count} of {} checks are bad", findings.len()))),
         }
+    }
+}
+
+impl Examination {
+    /// Everything of the board on a port, in sentences to `out` as they come; `notes` says what takes long.
+    pub fn examine(
+        &self,
+        port: &mut Port,
+        out: &mut dyn Write,
+        notes: &mut dyn Write,
+    ) -> Result<Vec<Finding>, Failure> {
+        let (mut findings, settings) = self.look(port)?;
+        write_findings(out, &findings)?;
+        let of_fix = if self.tries_fix(&findings) {
+            let limit_s = settings.time_limit_s;
+            writeln!(notes, "north: note: a fix is tried, which takes up to {limit_s:.0} s; --no-fix leaves it out")?;
+            attempt::fix(port, &settings)?
+        } else if self.wants_fix() {
+            let text = "None was tried: mend what is bad first, or wait for what is under way.";
+            vec![finding("fix", Verdict::Look, text)]
+        } else {
+            Vec::new()
+        };
+        write_findings(out, &of_fix)?;
+        findings.extend(of_fix);
+        Ok(findings)
     }
 
     fn wants_fix(&self) -> bool {
