@@ -21,8 +21,11 @@ use super::fixes::fix;
 use super::{Bench, trials};
 use crate::faults::Trial;
 
+/// Puts a fault into a scenario.
+type Inject = fn(&mut Scenario);
+
 /// Faults by themselves, from early on until the end.
-const NAMED: [(&str, fn(&mut Scenario)); 6] = [
+const NAMED: [(&str, Inject); 6] = [
     ("healthy", |_| ()),
     ("gyro stuck from 2 s", |scenario| {
         scenario.gyro.faults.push(GyroFault { kind: GyroFaultKind::Stuck, from_s: 2.0, to_s: None });
@@ -150,7 +153,7 @@ impl DoctorBench {
 }
 
 /// A world of a calm bench with one fault.
-fn named(name: &str, inject: fn(&mut Scenario), seed: u64) -> Result<Examined, Failure> {
+fn named(name: &str, inject: Inject, seed: u64) -> Result<Examined, Failure> {
     let mut scenario = Scenario::named("calm-bench")?;
     scenario.site.azimuth_deg = 360.0 * (OF_HEADING * seed as f64).fract();
     inject(&mut scenario);
