@@ -26,6 +26,7 @@ mod hold;
 mod image_size;
 mod orders;
 mod repeat;
+mod validation;
 mod voyage;
 mod watch;
 
@@ -114,6 +115,7 @@ benches! {
     Gyros: gyros::Gyros,
     Orders: orders::Orders,
     Repeat: repeat::Repeat,
+    Validation: validation::ValidationBench,
     Hold: hold::HoldBench,
     Voyage: voyage::VoyageBench,
     Watch: watch::WatchBench,

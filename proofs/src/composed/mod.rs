@@ -10,6 +10,7 @@ mod compose;
 mod dynamics;
 mod effect;
 mod files;
+mod fresh;
 pub mod judge;
 mod oracle;
 mod plain;

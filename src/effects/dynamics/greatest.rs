@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use quantities::limits::Invalid;
 
-use super::{Dynamics, DynamicsPart, State};
+use super::{Dynamics, DynamicsPart, STATES, State};
 use crate::effects::part::{Constants, Span};
 
 /// The greatest value since the recording began.
@@ -20,9 +20,9 @@ impl Greatest {
 
 impl DynamicsPart for Greatest {
     fn step(&self, state: &mut State, value: f64, _: f64) -> f64 {
-        let [last, ..] = state.unwrap_or([value; 4]);
+        let [last, ..] = state.unwrap_or([value; STATES]);
         let now = last.max(value);
-        *state = Some([now; 4]);
+        *state = Some([now; STATES]);
         now
     }
 

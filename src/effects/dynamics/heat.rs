@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use quantities::limits::{Invalid, within};
 
-use super::{Dynamics, DynamicsPart, State, passed};
+use super::{Dynamics, DynamicsPart, STATES, State, passed};
 use crate::effects::part::{Constant, Constants, Span, constants};
 
 /// What a first-order low-pass makes of the square of the signal (the heat of a current); it starts at the first value.
@@ -24,9 +24,9 @@ impl Heat {
 impl DynamicsPart for Heat {
     fn step(&self, state: &mut State, value: f64, step_s: f64) -> f64 {
         let square = value * value;
-        let [last, ..] = state.unwrap_or([square; 4]);
+        let [last, ..] = state.unwrap_or([square; STATES]);
         let now = passed(last, square, step_s, self.tau_s.into());
-        *state = Some([now; 4]);
+        *state = Some([now; STATES]);
         now
     }
 

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use super::part::{Constants, Span, parts};
 
-/// Numbers of state of one dynamics.
-pub const STATES: usize = 4;
+/// Numbers of state of one dynamics: a delay keeps eight means and what the next one is made of.
+pub const STATES: usize = 10;
 
 /// What a dynamics remembers; `None`: nothing was seen yet.
 pub type State = Option<[f64; STATES]>;

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use quantities::limits::{Invalid, positive};
 
-use super::{Dynamics, DynamicsPart, State};
+use super::{Dynamics, DynamicsPart, STATES, State};
 use crate::effects::part::{Constant, Constants, Span, constants};
 
 /// A play of that half width follows the signal (Krasnosel'skii and Pokrovskii, Systems with hysteresis, 1989); it starts at the first value.
@@ -29,9 +29,9 @@ impl Play {
 impl DynamicsPart for Play {
     fn step(&self, state: &mut State, value: f64, _: f64) -> f64 {
         let half = f64::from(self.half_width);
-        let [last, ..] = state.unwrap_or([value; 4]);
+        let [last, ..] = state.unwrap_or([value; STATES]);
         let now = last.max(value - half).min(value + half);
-        *state = Some([now; 4]);
+        *state = Some([now; STATES]);
         now
     }
 

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use quantities::limits::{Invalid, finite, positive};
 
-use super::{Dynamics, DynamicsPart, State};
+use super::{Dynamics, DynamicsPart, STATES, State};
 use crate::effects::part::{Constant, Constants, Span, constants};
 
 /// 1 above `centre + half_width`, 0 below `centre − half_width`, between them what it was; it starts by the side of the centre.
@@ -30,7 +30,7 @@ impl DynamicsPart for Relay {
     fn step(&self, state: &mut State, value: f64, _: f64) -> f64 {
         let above = value - f64::from(self.centre);
         let half = f64::from(self.half_width);
-        let [last, ..] = state.unwrap_or([if above > 0.0 { 1.0 } else { 0.0 }; 4]);
+        let [last, ..] = state.unwrap_or([if above > 0.0 { 1.0 } else { 0.0 }; STATES]);
         let now = if above > half {
             1.0
         } else if above < -half {
@@ -38,7 +38,7 @@ impl DynamicsPart for Relay {
         } else {
             last
         };
-        *state = Some([now; 4]);
+        *state = Some([now; STATES]);
         now
     }
 
