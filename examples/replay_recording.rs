@@ -9,7 +9,7 @@ use std::io::{BufRead, BufReader};
 use heapless::Vec as Bounded;
 use north_finder::fix::accumulator::Corrected;
 use north_finder::fix::dwell::DwellSummary;
-use north_finder::instrument::replay::{Place, Recorded, Replay, Row, Told, Waiting};
+use north_finder::instrument::replay::{Place, Recorded, Replay, Reported, Row, Waiting};
 use north_finder::settings::Settings;
 
 /// Where seconds wait for the jitter gate.
@@ -40,10 +40,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let dwells: Bounded<DwellSummary, 64> = Bounded::new();
     let mut replay = Replay::new(&settings, dwells, Room::default()).map_err(|refusal| refusal.to_string())?;
     let mut used = 0;
-    let mut tell = |told: Told| match told {
-        Told::Second(_, Place::Dwell(_)) => used += 1,
-        Told::Second(..) => {}
-        Told::Dwell { dwell, end_s, .. } => println!("{end_s:6.0} s: {dwell:?}"),
+    let mut tell = |told: Reported| match told {
+        Reported::Second(_, Place::Dwell(_)) => used += 1,
+        Reported::Second(..) => {}
+        Reported::Dwell { dwell, end_s, .. } => println!("{end_s:6.0} s: {dwell:?}"),
     };
     rows.into_iter().for_each(|row| replay.push(&Recorded::Row(row), &mut tell));
     let fix = replay.finish(&mut tell).map_err(|refusal| refusal.to_string())?;

@@ -36,7 +36,7 @@ mod app {
     use rtic_sync::{make_channel, make_signal};
 
     use crate::board::{self, Board, crash, memory};
-    use north_finder::drivers::intake::{Heard, Intake, one_more};
+    use north_finder::drivers::intake::{Intake, Received, one_more};
     use north_finder::drivers::ring::Ring;
     use north_finder::drivers::sensors::Sensors;
     use north_finder::drivers::step_motor::StepMotor;
@@ -69,14 +69,14 @@ mod app {
     static TEST_ACCELEROMETER: AtomicBool = AtomicBool::new(false);
 
     type Instrument = instrument::Instrument<&'static mut SecondWork, &'static mut Workspace>;
-    type Told = SignalReader<'static, ()>;
+    type Reported = SignalReader<'static, ()>;
 
     /// A tick: its number, whether the motor turns, and what had come.
     #[derive(Clone, Copy, Default)]
     pub struct Moment {
         tick: u64,
         turning: bool,
-        heard: Heard,
+        heard: Received,
     }
 
     #[shared]
@@ -353,7 +353,7 @@ mod app {
     }
 
     #[task(priority = 2, local = [report_port])]
-    async fn report(cx: report::Context, mut telling: Told, mut done: Told) {
+    async fn report(cx: report::Context, mut telling: Reported, mut done: Reported) {
         loop {
             // Looked at first: the reports that lead to it are put before it.
             let (restart, frames) = (RESTART.load(Ordering::Acquire), FRAMES.waiting());

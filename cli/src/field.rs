@@ -55,8 +55,8 @@ impl<'a, 'b> Obedient<'a, 'b> {
     /// How it ended.
     pub fn outcome(&self, off: PowerOff) -> Outcome {
         let end = match (off, self.end) {
-            (PowerOff::Heard, Some(end)) => end,
-            (PowerOff::Heard | PowerOff::TimeLimit, _) => End::TimeLimit,
+            (PowerOff::Received, Some(end)) => end,
+            (PowerOff::Received | PowerOff::TimeLimit, _) => End::TimeLimit,
             (PowerOff::Interrupted, _) => End::Interrupted,
         };
         Outcome { end, solved: self.solved }

@@ -1,7 +1,6 @@
 //! The north finder on the host: campaigns, settings, the simulated devices around the firmware's instrument, and the
 //! verbs of the command `north`.
 
-pub mod align_report;
 pub mod argument;
 pub mod block_csv;
 pub mod block_gate;
@@ -26,6 +25,7 @@ pub mod port;
 pub mod present;
 pub mod progress;
 pub mod recorder;
+pub mod report;
 pub mod run_data;
 pub mod service;
 pub mod settings_file;

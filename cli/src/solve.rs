@@ -8,7 +8,7 @@ use north_finder::effects::{ChannelName, Conditions, ErrorModel, HOUR_OF_DAY, MA
 use north_finder::event::{Dwell, Fix};
 use north_finder::fix::accumulator::{Corrected, Dwells, Second};
 use north_finder::fix::dwell::DwellSummary;
-use north_finder::instrument::replay::{RawRow, Recorded, Refusal, Replay, Row as ReplayRow, Told, Waiting};
+use north_finder::instrument::replay::{RawRow, Recorded, Refusal, Replay, Reported, Row as ReplayRow, Waiting};
 use north_finder::sensing::index::Direction;
 use north_finder::sensing::level::Specific;
 use north_finder::settings::Settings;
@@ -84,8 +84,8 @@ pub fn solve_file(path: &Path, settings: &Settings, run: RunFacts) -> Result<Sol
     let reader = RunReader::open(path)?;
     let columns = model_columns(path, &reader, settings)?;
     let mut dwells = Vec::new();
-    let mut note = |told: Told| {
-        if let Told::Dwell { dwell, .. } = told {
+    let mut note = |told: Reported| {
+        if let Reported::Dwell { dwell, .. } = told {
             dwells.push(dwell);
         }
     };

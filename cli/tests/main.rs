@@ -12,6 +12,7 @@ mod field;
 mod hard_to_break;
 mod import;
 mod link;
+mod pages;
 mod port;
 mod report;
 mod researcher;

@@ -164,10 +164,10 @@ fn the_doctor_finds_what_is_wrong() {
         "good  latitude",
         "good  encoder",
         "good  level",
-        "good  self-test      Gyro-rate passed: 400 1/s, allowed 394 to 406",
-        "good  self-test      Accelerometer-response passed: 1.5 g, allowed 0.5 to 3",
-        "good  self-test      Index-drive passed: 0.",
-        "good  self-test      Block absent",
+        "good  self-test      Gyro-rate passed: the gyro sends 400 frames a second; 394 to 406 are allowed",
+        "good  self-test      Accelerometer-response passed: the accelerometer's own test force moves its reading by 1.5 g; 0.5 to 3 are allowed",
+        "good  self-test      Index-drive passed: a move of 5° ended 0.",
+        "good  self-test      Block was not tested",
         "good  fix            Azimuth ",
     ];
     for part in parts {
@@ -178,8 +178,15 @@ fn the_doctor_finds_what_is_wrong() {
     let bad: Vec<&str> = said.lines().filter(|line| line.starts_with("BAD")).collect();
     assert!(code == 1 && bad.len() == 1, "{said}");
     // The spindle does not turn, but for play and the encoder's noise: nearly all of the five degrees are missing.
-    let missing_deg: f64 =
-        bad[0].split("Index-drive failed: ").nth(1).unwrap().split('°').next().unwrap().parse().unwrap();
+    let missing_deg: f64 = bad[0]
+        .split("Index-drive failed: a move of 5° ended ")
+        .nth(1)
+        .unwrap()
+        .split('°')
+        .next()
+        .unwrap()
+        .parse()
+        .unwrap();
     assert!((4.8..5.2).contains(&missing_deg) && bad[0].contains(". To do: free the spindle"), "{said}");
     assert!(said.contains("look  fix            None was tried"), "{said}");
     let said = board(&["--scenario", "stalled-motor"]).good(&["doctor", "--still", "--port", "PORT"]);

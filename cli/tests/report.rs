@@ -6,8 +6,9 @@ use std::path::Path;
 use north::campaign::Role;
 use north::diagnose::{
     Candidate, Diagnosis, Effect, Experiment, NoiseTests, Origin, Rejected, RunDiagnosis, RunSeries, Spectra, Test,
-    Warning, report,
+    Warning,
 };
+use north::report::diagnosis;
 use north_finder::effects::ErrorModel;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -183,7 +184,7 @@ fn unclosed(html: &str) -> Vec<String> {
 
 #[test]
 fn the_page_is_whole_and_fetches_nothing() {
-    let html = report::html(&diagnosis());
+    let html = diagnosis::html(&diagnosis());
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("report.html");
     std::fs::write(path, &html).unwrap();
     assert_eq!(unclosed(&html), Vec::<String>::new());
@@ -217,7 +218,7 @@ fn names_from_a_campaign_cannot_break_the_page() {
     }
     diagnosis.runs[0].file = evil.clone();
     diagnosis.warnings[0].message = evil;
-    let html = report::html(&diagnosis);
+    let html = diagnosis::html(&diagnosis);
     assert!(!html.contains("<script"));
     assert_eq!(unclosed(&html), Vec::<String>::new());
 }
@@ -242,7 +243,7 @@ fn little_is_drawn_of_little() {
         unexplained_evidence: vec!["the periodogram stands at 0.01 Hz".into()],
         ..full
     };
-    let html = report::html(&bare);
+    let html = diagnosis::html(&bare);
     assert_eq!(unclosed(&html), Vec::<String>::new());
     assert!(html.contains("No effect stands out") && html.contains("0.01 Hz") && !html.contains("NaN"));
 }
@@ -251,7 +252,7 @@ fn little_is_drawn_of_little() {
 fn the_model_on_the_page_is_read_as_it_stands() {
     let mut model = ErrorModel { scale_error: 2e-4, ..ErrorModel::default() };
     model.doubt.azimuth_sigma_deg = 0.03;
-    let html = report::html(&Diagnosis { model: model.clone(), ..diagnosis() });
+    let html = diagnosis::html(&Diagnosis { model: model.clone(), ..diagnosis() });
     let (_, rest) = html.split_once("<pre>").unwrap();
     let (text, _) = rest.split_once("</pre>").unwrap();
     let text = text.replace("&quot;", "\"").replace("&#39;", "'").replace("&lt;", "<").replace("&gt;", ">");

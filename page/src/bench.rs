@@ -9,7 +9,7 @@ use north_finder::settings::store;
 use serde::{Deserialize, Serialize};
 use simulated::{RequestLine, Wired, declare_noise, settings};
 
-use crate::told::Told;
+use crate::told::Reported;
 
 /// A shock takes the base along by this share of its swing for ever.
 const LASTING: f64 = 0.05;
@@ -75,7 +75,7 @@ pub struct Answer {
     /// What is really so, as far as the page shows it.
     pub truth: Option<Truth>,
     /// What the instrument said meanwhile.
-    pub reports: Vec<Told>,
+    pub reports: Vec<Reported>,
     pub scenarios: Vec<[&'static str; 2]>,
 }
 
@@ -150,7 +150,7 @@ impl Powered {
         })
     }
 
-    fn act(&mut self, act: &Act, reports: &mut Vec<Told>) -> Result<(), String> {
+    fn act(&mut self, act: &Act, reports: &mut Vec<Reported>) -> Result<(), String> {
         match *act {
             Act::Start => self.ask(Command::Start)?,
             Act::Abort => self.ask(Command::Abort)?,
@@ -177,11 +177,11 @@ impl Powered {
         self.requests.send(&Ask::Command(command).into()).map_err(|_| "the request is too long".into())
     }
 
-    fn tick(&mut self, reports: &mut Vec<Told>) {
+    fn tick(&mut self, reports: &mut Vec<Reported>) {
         let requests = self.requests.tick();
         self.wired.tick(&requests, &mut |_, _| (), &mut |report: Report| {
             if !matches!(report.event, Event::Raw(_) | Event::Settings(_) | Event::Answer { .. }) {
-                reports.push(Told::new(&report));
+                reports.push(Reported::new(&report));
             }
         });
     }

@@ -6,4 +6,4 @@ mod exports;
 mod told;
 
 pub use bench::{Act, Answer, Bench, Chosen};
-pub use told::{Told, Word};
+pub use told::{Reported, Word};

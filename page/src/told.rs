@@ -6,7 +6,7 @@ use serde_json::Value;
 
 /// A report.
 #[derive(Debug, Serialize)]
-pub struct Told {
+pub struct Reported {
     pub t_s: f64,
     /// Name of the event, as in docs/formats.md.
     pub name: &'static str,
@@ -24,7 +24,7 @@ pub struct Word {
     pub remedy: &'static str,
 }
 
-impl Told {
+impl Reported {
     pub fn new(report: &Report) -> Self {
         let words = match report.event {
             Event::Fix(fix) => fix

@@ -44,7 +44,7 @@ pub struct Intake {
 
 /// How many bytes of each line had come at a tick, modulo 2³²: a tick's work takes these and no more, however late it is done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Heard {
+pub struct Received {
     pub gyro: u32,
     pub host: u32,
 }
@@ -84,12 +84,12 @@ impl<const N: usize> Line<N> {
         });
     }
 
-    /// Whether nothing waits of what had come at a mark of [`Heard`].
+    /// Whether nothing waits of what had come at a mark of [`Received`].
     pub fn is_empty(&self, mark: u32) -> bool {
         self.ring.is_empty(mark)
     }
 
-    /// Takes what had come at a mark of [`Heard`], as much as there is room for; gives how much. What was overwritten before is counted.
+    /// Takes what had come at a mark of [`Received`], as much as there is room for; gives how much. What was overwritten before is counted.
     pub fn take(&self, mark: u32, place: &mut [u8]) -> usize {
         let (length, overwritten) = self.ring.take(mark, place);
         if overwritten > 0 {
@@ -112,8 +112,8 @@ impl Intake {
     }
 
     /// What has come by now.
-    pub fn heard(&self) -> Heard {
-        Heard { gyro: self.gyro.ring.mark(), host: self.host.ring.mark() }
+    pub fn heard(&self) -> Received {
+        Received { gyro: self.gyro.ring.mark(), host: self.host.ring.mark() }
     }
 
     /// Brings the counters up to date.

@@ -4,18 +4,18 @@ use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// Most bytes of a piece.
-pub const ROOM: usize = 96;
+pub const CAPACITY: usize = 96;
 
-/// At most [`ROOM`] bytes.
+/// At most [`CAPACITY`] bytes.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Bytes {
     length: u8,
-    bytes: [u8; ROOM],
+    bytes: [u8; CAPACITY],
 }
 
 impl Bytes {
     pub const fn new() -> Self {
-        Self { length: 0, bytes: [0; ROOM] }
+        Self { length: 0, bytes: [0; CAPACITY] }
     }
 
     /// As many bytes from the start of `bytes` as there is room for.
@@ -33,7 +33,7 @@ impl Bytes {
         let length = usize::from(self.length);
         let Some(place) = self.bytes.get_mut(length..length + more.len()) else { return false };
         place.copy_from_slice(more);
-        // At most ROOM.
+        // At most CAPACITY.
         self.length = (length + more.len()) as u8;
         true
     }
@@ -68,7 +68,7 @@ impl<'de> Deserialize<'de> for Bytes {
             type Value = Bytes;
 
             fn expecting(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-                write!(f, "at most {ROOM} bytes")
+                write!(f, "at most {CAPACITY} bytes")
             }
 
             fn visit_bytes<E: Error>(self, bytes: &[u8]) -> Result<Bytes, E> {

@@ -23,7 +23,7 @@ use calibration::field::{self, Session};
 use embedded_storage::nor_flash::NorFlash;
 use heapless::Deque;
 
-use crate::drivers::intake::{Heard, Intake};
+use crate::drivers::intake::{Intake, Received};
 use crate::drivers::sensors::Due;
 use crate::effects::ErrorModel;
 use crate::event::identity::Identity;
@@ -63,7 +63,7 @@ pub struct Readings {
     /// Whether the step generator is running.
     pub turning: bool,
     /// Bytes that had come: what came later is of a later tick.
-    pub heard: Heard,
+    pub heard: Received,
 }
 
 impl Readings {

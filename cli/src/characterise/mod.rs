@@ -11,7 +11,7 @@ use north_finder::settings::Settings;
 use serde::Serialize;
 
 pub use channels::{Channels, of as of_channels};
-pub use noise::{Noise, Point};
+pub use noise::{Noise, PROCESSES, Point};
 pub use record::{Record, read};
 
 use crate::settings_file::declare_noise;
@@ -71,6 +71,17 @@ impl Character {
             autocorrelation_sigma,
             largest_change_deg_h: rates_deg_h.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max),
             quantum_arcsec: record.quantum_arcsec(),
+        }
+    }
+
+    /// What the correlation of neighbouring one-second rates says, for a person.
+    pub fn correlation_verdict(&self) -> &'static str {
+        if self.autocorrelation_1s.abs() < 3.0 * self.autocorrelation_sigma {
+            "white"
+        } else if self.autocorrelation_1s < 0.0 {
+            "noise of the angle: counts, dither or a ring laser"
+        } else {
+            "not white: temperature, vibration or a moving base"
         }
     }
 

@@ -6,8 +6,14 @@ use serde::Serialize;
 
 /// Averaging times go up to this share of the recording: beyond it two or three clusters decide.
 const LONGEST_SHARE: f64 = 0.2;
-/// Noise processes of the fit.
-const PROCESSES: usize = 5;
+/// The noise processes of the fit: name, letter and unit of the coefficient.
+pub const PROCESSES: [(&str, &str, &str); 5] = [
+    ("quantisation", "Q", "arcsec"),
+    ("angle random walk", "N", "°/√h"),
+    ("bias instability", "B", "°/h"),
+    ("rate random walk", "K", "°/h/√h"),
+    ("rate ramp", "R", "°/h per hour"),
+];
 
 /// The deviation at one averaging time.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -33,6 +39,25 @@ pub struct Noise {
     pub rate_ramp_deg_h_per_h: f64,
 }
 
+impl Noise {
+    /// In the order of [`PROCESSES`].
+    pub fn coefficients(&self) -> [f64; PROCESSES.len()] {
+        [
+            self.quantisation_arcsec,
+            self.angle_random_walk_deg_per_sqrt_h,
+            self.bias_instability_deg_h,
+            self.rate_random_walk_deg_h_per_sqrt_h,
+            self.rate_ramp_deg_h_per_h,
+        ]
+    }
+
+    /// Part of each process in the Allan deviation at an averaging time, °/h.
+    pub fn deviations_deg_h(&self, tau_s: f64) -> [f64; PROCESSES.len()] {
+        let (coefficients, variances) = (self.coefficients(), unit_variances(tau_s));
+        std::array::from_fn(|process| coefficients[process] * variances[process].sqrt())
+    }
+}
+
 /// Overlapping Allan deviation of the angle at even steps, at 1, 2, 4, 10, … steps.
 pub fn allan(angle_arcsec: &[f64], interval_s: f64) -> Vec<Point> {
     let rows = angle_arcsec.len() - 1;
@@ -53,15 +78,15 @@ pub fn allan(angle_arcsec: &[f64], interval_s: f64) -> Vec<Point> {
 /// of processes that fit without a negative one, the set with the least residual sum of squares, each further process
 /// having to earn its place by the Bayesian information criterion.
 pub fn fit(points: &[Point]) -> Noise {
-    let best = (1_u32..1 << PROCESSES)
+    let best = (1_u32..1 << PROCESSES.len())
         .filter_map(|set| {
-            let columns: Vec<usize> = (0..PROCESSES).filter(|process| set & (1 << process) != 0).collect();
+            let columns: Vec<usize> = (0..PROCESSES.len()).filter(|process| set & (1 << process) != 0).collect();
             let (squares, residual) = solve(points, &columns)?;
             let criterion = residual + columns.len() as f64 * (points.len() as f64).ln();
             Some((criterion, columns, squares))
         })
         .min_by(|a, b| a.0.total_cmp(&b.0));
-    let mut squares = [0.0; PROCESSES];
+    let mut squares = [0.0; PROCESSES.len()];
     if let Some((_, columns, found)) = best {
         columns.iter().zip(found.iter()).for_each(|(&column, &square)| squares[column] = square);
     }
@@ -77,7 +102,7 @@ pub fn fit(points: &[Point]) -> Noise {
 
 /// Variance in (°/h)² at τ seconds for a unit coefficient of each process, in the units of [`Noise`]: 1 arcsec/s is
 /// 1 °/h; 1 °/√h is 60 °/h in one second.
-fn unit_variances(tau_s: f64) -> [f64; PROCESSES] {
+fn unit_variances(tau_s: f64) -> [f64; PROCESSES.len()] {
     let hours = tau_s / 3600.0;
     [3.0 / (tau_s * tau_s), 1.0 / hours, flicker_deviation().powi(2), hours / 3.0, hours * hours / 2.0]
 }

@@ -12,11 +12,12 @@ use crate::failure::Failure;
 use crate::file_error::FileError;
 use crate::output::{self, JsonOption};
 use crate::progress;
+use crate::report::{self, ReportOption};
 
 /// Noise of a gyro from a still recording: Allan deviation, what it is made of, and the settings that follow
 #[derive(Args, Debug)]
 #[command(after_help = "Example:
-  north characterise still.csv --settings-out unit-7-settings.toml
+  north characterise still.csv --settings-out unit-7-settings.toml --report unit-7.html
 
 The recording is a run (docs/formats.md) in which the index never moves: an hour or more, at the final temperature, on
 firm ground. What its channels do to the rate is learned from its first half and shown beside the Allan deviation; for the
@@ -28,6 +29,8 @@ pub struct Characterise {
     /// Write the settings that follow, as a file for `--settings`
     #[arg(long, value_name = "FILE")]
     settings_out: Option<PathBuf>,
+    #[command(flatten)]
+    report: ReportOption,
     #[command(flatten)]
     json: JsonOption,
 }
@@ -45,7 +48,7 @@ struct Result {
 
 impl Characterise {
     pub fn run(self) -> std::result::Result<(), Failure> {
-        output::check([self.settings_out.as_deref(), self.json.path()])?;
+        output::check([self.settings_out.as_deref(), self.report.path(), self.json.path()])?;
         let character = Character::of(&characterise::read(&self.recording)?);
         if character.allan.is_empty() {
             let why = "the gyro repeats the same increment: it is dead, or the column is not its reading";
@@ -58,6 +61,7 @@ impl Characterise {
         if let Some(path) = &self.settings_out {
             output::write(path, settings.to_toml()).map_err(|error| FileError::whole(path, error))?;
         }
+        self.report.write(|| report::characterise::html(&self.recording, &character, channels.as_ref(), &settings))?;
         if let Some(doubt) = doubt_of_clock(character.interval_s, character.seconds) {
             eprintln!("north: warning: {}: {doubt}", self.recording.display());
         }
@@ -99,25 +103,18 @@ fn write(
             channels.rate_rms_after_deg_h
         )?;
     }
-    let noise = &character.noise;
     let below = format!("; it is below {} °/h", digits(character.greatest_instability_deg_h()));
-    let mut coefficient = |name: &str, value: f64, unit: &str| match (value > 0.0, name.starts_with("bias")) {
-        (true, _) => writeln!(out, "{name:<32} {} {unit}", digits(value)),
-        (false, bias) => writeln!(out, "{name:<32} not seen in this recording{}", if bias { &below } else { "" }),
-    };
-    coefficient("\nquantisation, Q", noise.quantisation_arcsec, "arcsec")?;
-    coefficient("angle random walk, N", noise.angle_random_walk_deg_per_sqrt_h, "°/√h")?;
-    coefficient("bias instability, B", noise.bias_instability_deg_h, "°/h")?;
-    coefficient("rate random walk, K", noise.rate_random_walk_deg_h_per_sqrt_h, "°/h/√h")?;
-    coefficient("rate ramp, R", noise.rate_ramp_deg_h_per_h, "°/h per hour")?;
+    writeln!(out)?;
+    for ((name, letter, unit), value) in characterise::PROCESSES.iter().zip(character.noise.coefficients()) {
+        let beside = if *letter == "B" { below.as_str() } else { "" };
+        let name = format!("{name}, {letter}");
+        match value > 0.0 {
+            true => writeln!(out, "{name:<31} {} {unit}", digits(value))?,
+            false => writeln!(out, "{name:<31} not seen in this recording{beside}")?,
+        }
+    }
     let (correlation, sigma) = (character.autocorrelation_1s, character.autocorrelation_sigma);
-    let verdict = if correlation.abs() < 3.0 * sigma {
-        "white"
-    } else if correlation < 0.0 {
-        "noise of the angle: counts, dither or a ring laser"
-    } else {
-        "not white: temperature, vibration or a moving base"
-    };
+    let verdict = character.correlation_verdict();
     writeln!(out, "{:<31} {correlation:+.3} ± {sigma:.3}: {verdict}", "correlation of 1 s rates")?;
     match character.quantum_arcsec {
         Some(quantum) => writeln!(out, "{:<31} {quantum:.6} arcsec", "increments are counts of")?,

@@ -6,12 +6,12 @@ use clap::Args;
 use time::OffsetDateTime;
 
 use crate::campaign::Campaign;
-use crate::diagnose::{Options, diagnose, report, write};
+use crate::diagnose::{Options, diagnose, write};
 use crate::failure::Failure;
-use crate::file_error::FileError;
 use crate::model_file::ModelFile;
 use crate::output::JsonOption;
 use crate::progress;
+use crate::report::{self, ReportOption};
 use crate::settings_file::{campaign_settings, write_model};
 
 /// Find the effect that the model lacks, add it, and report the error before and after
@@ -33,9 +33,8 @@ pub struct Diagnose {
     /// Write the error model with the effects in it, for `north solve --model` and for a board
     #[arg(long, value_name = "M.toml")]
     model_out: Option<PathBuf>,
-    /// Write a report to look at: one HTML file that fetches nothing
-    #[arg(long, value_name = "R.html")]
-    report: Option<PathBuf>,
+    #[command(flatten)]
+    report: ReportOption,
     /// Judge every run by what was learned from all others, also in a campaign of more than eight runs
     #[arg(long)]
     leave_one_out: bool,
@@ -45,7 +44,7 @@ pub struct Diagnose {
 
 impl Diagnose {
     pub fn run(self) -> Result<(), Failure> {
-        let results = [self.model_out.as_deref(), self.report.as_deref(), self.json.path()];
+        let results = [self.model_out.as_deref(), self.report.path(), self.json.path()];
         crate::output::check(results)?;
         let campaign = Campaign::read(&self.campaign)?;
         campaign.check_copies()?;
@@ -62,10 +61,10 @@ impl Diagnose {
         if let Some(path) = &self.model_out {
             write_model(path, &diagnosis.model)?;
         }
-        if let Some(path) = &self.report {
+        self.report.write(|| {
             diagnosis.origin.made = Some(OffsetDateTime::now_utc().date().to_string());
-            crate::output::write(path, report::html(&diagnosis)).map_err(|error| FileError::whole(path, error))?;
-        }
+            report::diagnosis::html(&diagnosis)
+        })?;
         self.json.write(&diagnosis)
     }
 }

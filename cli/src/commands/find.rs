@@ -4,7 +4,8 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
-use north_finder::event::{Dwell, Event, Heading};
+use north_finder::earth::earth_rate;
+use north_finder::event::{Dwell, Event, Fix, Heading};
 use north_finder::health::Counters;
 
 use super::instrument::InstrumentOptions;
@@ -17,6 +18,9 @@ use crate::json::{EventRecord, Found, Held, Run as RunRecord};
 use crate::output::JsonOption;
 use crate::present::{Directions, Reference, View, write_fault, write_fix, write_held};
 use crate::recorder::{Recorder, new_campaign, write_headings, write_run};
+use crate::report::certificate::Made;
+use crate::report::fix::Shown;
+use crate::report::{self, ReportOption};
 
 /// Name of the one run in a recording of `north find`.
 const RUN: &str = "runs/001.csv";
@@ -28,7 +32,8 @@ const HEADINGS: &str = "headings.csv";
 #[command(after_help = "Examples:
   north find --scenario windy-tripod --seed 7
   north find --host --azimuth 123.4 --order east-west --json -
-  north find --scenario creep --record /tmp/creep && north solve /tmp/creep")]
+  north find --scenario creep --record /tmp/creep && north solve /tmp/creep
+  north find --report fix.html --certificate certificate.html")]
 pub struct Find {
     #[command(flatten)]
     instrument: InstrumentOptions,
@@ -43,6 +48,11 @@ pub struct Find {
     record: Option<PathBuf>,
     #[command(flatten)]
     directions: Directions,
+    #[command(flatten)]
+    report: ReportOption,
+    /// Write a certificate of the azimuth: one page to print
+    #[arg(long, value_name = "C.html")]
+    certificate: Option<PathBuf>,
     #[command(flatten)]
     json: JsonOption,
 }
@@ -66,7 +76,7 @@ impl Find {
         if let Some(folder) = &self.record {
             CampaignWriter::check_free(folder)?;
         }
-        crate::output::check([self.json.path()])?;
+        crate::output::check([self.report.path(), self.certificate.as_deref(), self.json.path()])?;
         let engine = if self.host { Engine::Host } else { Engine::Qemu };
         let mut out = self.json.human();
         writeln!(
@@ -110,8 +120,32 @@ impl Find {
                 recorded = true;
             }
         }
+        if let End::Fix(fix) = &outcome.end {
+            self.draw(fix, &log, &outcome, &setup, engine)?;
+        }
         self.json.write(&log.into_json(&outcome, engine, recorded, &self.directions))?;
         conclude(&mut out, &outcome, &self.directions, setup.scenario.duration_limit_s)
+    }
+}
+
+impl Find {
+    /// The pages that were asked for.
+    fn draw(&self, fix: &Fix, log: &Log, outcome: &Outcome, setup: &Setup, engine: Engine) -> Result<(), Failure> {
+        let Setup { scenario, seed, .. } = setup;
+        let latitude_deg = scenario.site.latitude_deg;
+        let shown = Shown {
+            name: &scenario.name,
+            fix,
+            dwells: &log.dwells,
+            earth: earth_rate(latitude_deg).ok(),
+            reference: Some(Reference { name: "true", azimuth_deg: outcome.truth.azimuth_deg }),
+        };
+        let about = [format!("seed {seed}"), format!("latitude {latitude_deg}°"), engine.description().to_owned()];
+        self.report.write(|| report::fix::one(&shown, log.recorder.rows(), &self.directions, &about))?;
+        let instrument =
+            [("scenario", format!("{}, seed {seed}", scenario.name)), ("firmware", engine.description().to_owned())];
+        let made = Made { instrument: &instrument, latitude_deg, simulated: true };
+        report::write(self.certificate.as_deref(), || report::certificate::html(&shown, &made, &self.directions))
     }
 }
 

@@ -7,11 +7,11 @@ use schemars::schema_for;
 
 use super::doctor::Finding;
 use super::track::Summary;
-use crate::align_report::Report;
 use crate::diagnose::Diagnosis;
 use crate::failure::Failure;
 use crate::json::{Found, Solved};
 use crate::output::people;
+use crate::report::align::Report;
 
 /// Print the JSON schema of what a command writes with --json
 #[derive(Args, Debug)]

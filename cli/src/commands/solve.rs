@@ -4,6 +4,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use north_finder::earth::earth_rate;
 use north_finder::settings::Settings;
 use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
@@ -15,8 +16,11 @@ use crate::interrupt;
 use crate::json::{Run as RunRecord, Solved};
 use crate::model_file::ModelFile;
 use crate::output::JsonOption;
-use crate::present::Directions;
+use crate::present::{Directions, Reference};
 use crate::progress;
+use crate::report::certificate::Made;
+use crate::report::fix::Shown;
+use crate::report::{self, ReportOption};
 use crate::service::{Logged, write_log};
 use crate::settings_file::campaign_settings;
 use crate::solve::{Solution, SolveError, solve_file};
@@ -24,7 +28,7 @@ use crate::solve::{Solution, SolveError, solve_file};
 /// Solve the runs of a campaign, or one bare run, for their azimuths
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
-  north solve acceptance-unit-7
+  north solve acceptance-unit-7 --report unit-7.html
   north solve run.csv --latitude 34.75 --model unit-7.toml --json -")]
 pub struct Solve {
     /// A campaign (its folder or its campaign.toml), or a run as a CSV file
@@ -45,19 +49,31 @@ pub struct Solve {
     #[command(flatten)]
     directions: Directions,
     #[command(flatten)]
+    report: ReportOption,
+    /// Write a certificate of the azimuth: one page to print; of a single run
+    #[arg(long, value_name = "C.html")]
+    certificate: Option<PathBuf>,
+    #[command(flatten)]
     json: JsonOption,
 }
 
 /// A run and what became of it.
 struct Solvable<'a> {
     run: &'a Run,
+    latitude_deg: f64,
     solved: Result<Solution, SolveError>,
 }
 
 impl Solve {
     pub fn run(self) -> Result<(), Failure> {
-        crate::output::check([self.log.as_deref(), self.json.path()])?;
+        let results = [self.log.as_deref(), self.report.path(), self.certificate.as_deref(), self.json.path()];
+        crate::output::check(results)?;
         let campaign = self.campaign()?;
+        if self.certificate.is_some() && campaign.runs.len() != 1 {
+            let why =
+                format!("--certificate is of a single run, and {} has {}", self.path.display(), campaign.runs.len());
+            return Err(Failure::Usage(why));
+        }
         let base = campaign_settings(&campaign, self.settings.as_deref())?;
         let model = self.model.as_deref().map(ModelFile::read).transpose()?;
         let bar = progress::bar(campaign.runs.len() as u64, "runs");
@@ -75,7 +91,7 @@ impl Solve {
                     .map_err(SolveError::from)
                     .and_then(|()| solve_file(&campaign.path_of(run), &settings, *facts));
                 bar.inc(1);
-                Solvable { run, solved }
+                Solvable { run, latitude_deg, solved }
             })
             .collect();
         bar.finish_and_clear();
@@ -90,8 +106,24 @@ impl Solve {
         if let Some(path) = &self.log {
             write_log(path, &logged(&campaign, &runs)?)?;
         }
+        self.draw(&campaign, &runs)?;
         self.json.write(&Solved { runs: runs.iter().map(|each| each.record(&self.directions)).collect() })?;
         refuse(&runs)
+    }
+
+    /// The pages that were asked for.
+    fn draw(&self, campaign: &Campaign, runs: &[Solvable<'_>]) -> Result<(), Failure> {
+        let shown: Vec<Shown<'_>> = runs.iter().filter_map(Solvable::shown).collect();
+        let refused: Vec<(String, String)> = runs
+            .iter()
+            .filter_map(|each| Some((each.run.file.clone(), each.solved.as_ref().err()?.to_string())))
+            .collect();
+        let title = format!("Azimuths: {}", campaign.title.as_deref().unwrap_or(&self.path.display().to_string()));
+        self.report.write(|| report::fix::all(&title, &shown, &refused, &self.directions))?;
+        let ([shown], [run]) = (shown.as_slice(), runs) else { return Ok(()) };
+        let instrument = [("recording", self.path.display().to_string()), ("run", run.run.file.clone())];
+        let made = Made { instrument: &instrument, latitude_deg: run.latitude_deg, simulated: false };
+        report::write(self.certificate.as_deref(), || report::certificate::html(shown, &made, &self.directions))
     }
 
     fn campaign(&self) -> Result<Campaign, Failure> {
@@ -130,6 +162,13 @@ fn mean_temperature_c(run: &Path) -> Result<Option<f64>, Failure> {
 }
 
 impl Solvable<'_> {
+    /// For the pages, where there is an azimuth.
+    fn shown(&self) -> Option<Shown<'_>> {
+        let Solution { fix, dwells } = self.solved.as_ref().ok()?;
+        let reference = self.run.reference_azimuth_deg.map(|azimuth_deg| Reference { name: "reference", azimuth_deg });
+        Some(Shown { name: &self.run.file, fix, dwells, earth: earth_rate(self.latitude_deg).ok(), reference })
+    }
+
     fn record(&self, directions: &Directions) -> RunRecord {
         let file = self.run.file.clone();
         let mut record = match &self.solved {

@@ -17,11 +17,12 @@ use crate::failure::Failure;
 use crate::file_error::FileError;
 use crate::model_file::ModelFile;
 use crate::output::JsonOption;
+use crate::report::{self, ReportOption};
 use crate::track::aided::{self, Aided, Loss, Rejection, SourceSummary};
 use crate::track::aiding_csv::Aiding;
 use crate::track::installation::Installation;
 use crate::track::start::{self, Start};
-use crate::track::{Detail, Reference, held, report};
+use crate::track::{Detail, Reference, held};
 
 /// Orientation along a recording of a three-axis block
 ///
@@ -77,9 +78,8 @@ pub struct Track {
     /// Headings to compare with: a file with t_s and heading_deg, another track for example
     #[arg(long, value_name = "FILE.csv")]
     reference_track: Option<PathBuf>,
-    /// Write a page with heading, sigma, errors and innovations
-    #[arg(long, value_name = "FILE.html")]
-    report: Option<PathBuf>,
+    #[command(flatten)]
+    report: ReportOption,
     #[command(flatten)]
     json: JsonOption,
 }
@@ -234,7 +234,7 @@ fn said_of_source(source: &SourceSummary) -> String {
 
 impl Track {
     pub fn run(mut self) -> Result<(), Failure> {
-        let results = [Some(self.out.as_path()), self.report.as_deref(), self.json.path()];
+        let results = [Some(self.out.as_path()), self.report.path(), self.json.path()];
         crate::output::check(results)?;
         let mut recording = ModelFile::read_block(&self.recording, self.model.as_deref())?;
         let outliers = block_gate::gate(&mut recording, &self.recording)?;
@@ -286,10 +286,7 @@ impl Track {
         };
         let said = summary.said();
         writeln!(self.json.human(), "{said}")?;
-        if let Some(path) = &self.report {
-            let page = report::html(&self.recording, &said, &track);
-            crate::output::write(path, page).map_err(|error| FileError::whole(path, error))?;
-        }
+        self.report.write(|| report::track::html(&self.recording, &said, &track))?;
         self.json.write(&summary)
     }
 

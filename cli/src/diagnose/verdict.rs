@@ -60,7 +60,14 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
                 Some(board) if !diagnosis.board_lacks.is_empty() => format!(", {board:.3} deg on a board"),
                 _ => String::new(),
             };
-            format!(": azimuth error {before:.3} deg rms before{some}, {after:.3} deg after{on_board}")
+            match [before, after].map(|error| format!("{error:.3}")) {
+                [before, after] if before == after => {
+                    format!(": it shows in the rate; the azimuth error stays {after} deg rms{some}{on_board}")
+                }
+                [before, after] => {
+                    format!(": azimuth error {before} deg rms before{some}, {after} deg after{on_board}")
+                }
+            }
         }
         (_, Some(after)) => format!(": azimuth error {after:.3} deg rms"),
         _ => of_stations(diagnosis),

@@ -45,7 +45,7 @@ pub fn serve(
         let mut heard = false;
         wired.tick(&requests.tick(), tap, &mut |report| heard |= person.hear(&report));
         if heard {
-            return Ok(PowerOff::Heard);
+            return Ok(PowerOff::Received);
         }
         if stop.load(Ordering::Relaxed) {
             return Ok(PowerOff::Interrupted);

@@ -101,7 +101,7 @@ pub trait Person {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PowerOff {
     /// The person had heard all.
-    Heard,
+    Received,
     /// The time limit passed.
     TimeLimit,
     /// The caller asked to stop.
@@ -201,8 +201,8 @@ impl<'a, 'b> FixWanted<'a, 'b> {
     /// How it ended.
     pub fn outcome(&self, off: PowerOff) -> Outcome {
         let (end, truth) = match (off, self.verdict) {
-            (PowerOff::Heard, Some(verdict)) => verdict,
-            (PowerOff::Heard | PowerOff::TimeLimit, _) => (End::TimeLimit, self.world.truth()),
+            (PowerOff::Received, Some(verdict)) => verdict,
+            (PowerOff::Received | PowerOff::TimeLimit, _) => (End::TimeLimit, self.world.truth()),
             (PowerOff::Interrupted, _) => (End::Interrupted, self.world.truth()),
         };
         Outcome { end, truth, held: self.held }

@@ -129,11 +129,20 @@ impl Directions {
     /// The azimuth with its sigma, and what else was asked for, a line each.
     pub fn write(&self, out: &mut dyn Write, azimuth_deg: f64, sigma_deg: f64) -> io::Result<()> {
         let sigma = self.unit.sigma(sigma_deg);
+        self.said_deg(azimuth_deg)
+            .try_for_each(|(name, angle_deg)| writeln!(out, "{name:<10} {} ± {sigma}", self.unit.azimuth(angle_deg)))
+    }
+
+    /// The azimuth and what else was asked for, degrees, by their names.
+    pub fn said_deg(&self, azimuth_deg: f64) -> impl Iterator<Item = (&'static str, f64)> {
         let [grid, target, target_grid] = self.others_deg(azimuth_deg);
         let all = [("azimuth", Some(azimuth_deg)), ("grid", grid), ("target", target), ("target grid", target_grid)];
-        all.into_iter()
-            .filter_map(|(name, angle_deg)| Some((name, angle_deg?)))
-            .try_for_each(|(name, angle_deg)| writeln!(out, "{name:<10} {} ± {sigma}", self.unit.azimuth(angle_deg)))
+        all.into_iter().filter_map(|(name, angle_deg)| Some((name, angle_deg?)))
+    }
+
+    /// The true azimuth of the target, where one was asked for, degrees.
+    pub fn target_azimuth_deg(&self, azimuth_deg: f64) -> Option<f64> {
+        self.others_deg(azimuth_deg)[1]
     }
 
     /// The same for programs; `None` where degrees from true north are all that was asked for.

@@ -13,7 +13,7 @@ use north_finder::effects::now::RunFacts;
 use north_finder::event::{Dwell, Fix};
 use north_finder::fix::DesignRow;
 use north_finder::fix::accumulator::{Corrected, ROTATION_SHARE};
-use north_finder::instrument::replay::{Place, RecordedSecond, Replay, Told};
+use north_finder::instrument::replay::{Place, RecordedSecond, Replay, Reported};
 use north_finder::sensing::level::Specific;
 use north_finder::settings::Settings;
 use schemars::JsonSchema;
@@ -160,7 +160,7 @@ impl RunData {
     /// samples is in the model.
     ///
     /// Errors: why there is none, in words.
-    pub fn replay(&self, model: &ErrorModel, told: &mut dyn FnMut(Told)) -> Result<Fix, String> {
+    pub fn replay(&self, model: &ErrorModel, told: &mut dyn FnMut(Reported)) -> Result<Fix, String> {
         let slots = self.slots(model)?;
         if let Some(fact) = lacking_fact(model, &self.facts) {
             return Err(format!("the error model follows the {fact}, and it is not known when the run started"));
@@ -186,8 +186,8 @@ impl RunData {
     /// The same with the dwells and the times of their ends; `None` without an azimuth.
     pub fn solve(&self, model: &ErrorModel) -> Option<(Fix, Vec<(f64, Dwell)>)> {
         let mut dwells = Vec::new();
-        let mut note = |told: Told| {
-            if let Told::Dwell { dwell, end_s, .. } = told {
+        let mut note = |told: Reported| {
+            if let Reported::Dwell { dwell, end_s, .. } = told {
                 dwells.push((end_s, dwell));
             }
         };
@@ -200,7 +200,7 @@ impl RunData {
         let mut told = Vec::with_capacity(self.recorded.len());
         // Without an azimuth the samples are corrected all the same.
         let _ = self.replay(model, &mut |each| {
-            if let Told::Second(second, _) = each {
+            if let Reported::Second(second, _) = each {
                 told.push(second);
             }
         });
@@ -221,13 +221,13 @@ impl RunData {
         let mut told = Vec::with_capacity(self.recorded.len());
         let (mut dwell, mut outliers_s) = (0, Vec::new());
         let fix = self.replay(&model, &mut |each| match each {
-            Told::Second(second, place) => {
+            Reported::Second(second, place) => {
                 if let Place::Dwell(number) = place {
                     dwell = usize::from(number);
                 }
                 told.push((second, place, dwell));
             }
-            Told::Dwell { outliers_s: of_dwell, .. } => {
+            Reported::Dwell { outliers_s: of_dwell, .. } => {
                 dwell += 1;
                 outliers_s.extend(of_dwell);
             }

@@ -4,7 +4,6 @@ pub mod aided;
 pub mod aiding_csv;
 pub mod held;
 pub mod installation;
-pub mod report;
 pub mod start;
 
 use std::path::Path;

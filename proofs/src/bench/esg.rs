@@ -14,9 +14,9 @@ use inertial::esg::reference::{DriftCoefficients, Reference};
 use inertial::filter::block::BlockErrors;
 use inertial::filter::{Mode, StartSigmas};
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
-use north::diagnose::report::{Axis, Legend, Plot, Side, figure, page};
 use north::failure::Failure;
 use north::progress;
+use north::report::{Axis, Legend, Plot, Side, figure, page};
 use serde::Serialize;
 
 use super::{Bench, trials};

@@ -5,10 +5,10 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 
 use clap::Args;
-use north::diagnose::report::{Axis, Legend, Plot, figure, page};
 use north::failure::Failure;
 use north::file_error::FileError;
 use north::progress;
+use north::report::{Axis, Legend, Plot, figure, page};
 use serde::Serialize;
 
 use super::{Bench, trials};

@@ -25,7 +25,7 @@ mod tests;
 pub use dynamics::Dynamics;
 pub use effect::{Drift, Effect, Factor, Input, Port};
 pub use files::{RunTruth, Truth};
-pub use oracle::Told;
+pub use oracle::Reported;
 pub use process::Process;
 pub use record::Row;
 pub use shape::Shape;
@@ -58,7 +58,7 @@ pub struct Campaign {
     /// Plain azimuth of every run, degrees.
     pub plain_deg: Vec<f64>,
     /// What the oracle says of the check runs; `None` for fit runs.
-    pub oracle: Vec<Option<Told>>,
+    pub oracle: Vec<Option<Reported>>,
     plan: Plan,
 }
 

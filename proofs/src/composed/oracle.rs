@@ -24,7 +24,7 @@ const STEP_RAD: f64 = 1e-5;
 
 /// Azimuth and sigma of a run, degrees.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Told {
+pub struct Reported {
     pub azimuth_deg: f64,
     pub sigma_deg: f64,
 }
@@ -35,7 +35,7 @@ pub(super) fn consult(
     effects: &[Effect],
     spreads: &[[f64; 2]],
     rows: &[Vec<Row>],
-) -> Option<(Vec<Option<Told>>, Vec<f64>)> {
+) -> Option<(Vec<Option<Reported>>, Vec<f64>)> {
     let oracle = Oracle { plan, effects, spreads };
     let runs: Vec<Recording<'_>> =
         (0..rows.len()).map(|run| Recording::new(&oracle, run, &rows[run])).collect::<Option<_>>()?;
@@ -305,7 +305,7 @@ impl<'a> Recording<'a> {
     }
 
     /// Azimuth of a check run: the weights are known from the others.
-    fn told(&self, oracle: &Oracle<'_>, known: &DVector<f64>, information: &DMatrix<f64>) -> Option<Told> {
+    fn told(&self, oracle: &Oracle<'_>, known: &DVector<f64>, information: &DMatrix<f64>) -> Option<Reported> {
         let (mut local, mut weights) = (self.start.clone(), known.clone());
         let mut sigma_deg = f64::NAN;
         for _ in 0..ITERATIONS {
@@ -325,7 +325,7 @@ impl<'a> Recording<'a> {
             weights += step.rows(own, weights.len());
             sigma_deg = inverse[(0, 0)].sqrt();
         }
-        Some(Told { azimuth_deg: local[0].rem_euclid(360.0), sigma_deg })
+        Some(Reported { azimuth_deg: local[0].rem_euclid(360.0), sigma_deg })
     }
 }
 

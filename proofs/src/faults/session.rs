@@ -63,7 +63,7 @@ pub(super) fn run(trial: &Trial, image: Option<&Path>) -> Result<Outcome, Failur
         match engine::serve(engine, image, &world, until, &mut operator, interrupt::flag())? {
             PowerOff::Interrupted => return Err(Failure::Interrupted),
             PowerOff::TimeLimit if until < left => operator.cut_power(&world),
-            PowerOff::Heard | PowerOff::TimeLimit => break,
+            PowerOff::Received | PowerOff::TimeLimit => break,
         }
     }
     let ending = match operator.verdict {

@@ -113,7 +113,7 @@ pub enum Place {
 /// What a replay tells: every second once, in the order of time, and the dwells after their last second.
 #[allow(clippy::large_enum_variant)] // passed on at once
 #[derive(Clone, Debug, PartialEq)]
-pub enum Told {
+pub enum Reported {
     Second(Corrected, Place),
     Dwell {
         dwell: Dwell,
@@ -125,7 +125,7 @@ pub enum Told {
 }
 
 /// Takes what a replay tells.
-pub type Sink<'a> = &'a mut dyn FnMut(Told);
+pub type Sink<'a> = &'a mut dyn FnMut(Reported);
 
 /// Why a recording gives no azimuth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -335,7 +335,10 @@ impl<D: Dwells, W: Waiting> Replay<D, W> {
 
     fn collect(&mut self, second: Corrected, sink: Sink) {
         let taken = self.accumulator.collect(&second);
-        sink(Told::Second(second, if taken == Taken::Collected { Place::Dwell(self.dwell) } else { Place::LeftOut }));
+        sink(Reported::Second(
+            second,
+            if taken == Taken::Collected { Place::Dwell(self.dwell) } else { Place::LeftOut },
+        ));
         if let Taken::Slipped(slip) = taken {
             self.tell(slip.ended, sink);
         }
@@ -343,13 +346,13 @@ impl<D: Dwells, W: Waiting> Replay<D, W> {
 
     fn leave_out(&mut self, second: Corrected, sink: Sink) {
         let slip = self.accumulator.between_dwells(&second);
-        sink(Told::Second(second, Place::LeftOut));
+        sink(Reported::Second(second, Place::LeftOut));
         self.tell(slip.and_then(|slip: Slip| slip.ended), sink);
     }
 
     fn moving(&mut self, second: Corrected, sink: Sink) {
         self.accumulator.collect_moving(&second);
-        sink(Told::Second(second, Place::Moving));
+        sink(Reported::Second(second, Place::Moving));
     }
 
     fn end_dwell(&mut self, sink: Sink) {
@@ -377,7 +380,7 @@ impl<D: Dwells, W: Waiting> Replay<D, W> {
         if let Some(summary) = ended {
             let dwell = Dwell::new(self.dwell.min(255) as u8, &summary);
             let outliers_s = self.accumulator.outliers_s().clone();
-            sink(Told::Dwell { dwell, end_s: summary.end_s, outliers_s });
+            sink(Reported::Dwell { dwell, end_s: summary.end_s, outliers_s });
             self.dwell = self.dwell.saturating_add(1);
         }
     }
@@ -425,8 +428,8 @@ mod tests {
         let settings = Settings { latitude_deg: 60.0, ..Default::default() };
         let mut replay = Replay::new(&settings, Vec::new(), Vec::new()).unwrap();
         let mut dwells = Vec::new();
-        let mut told = |told: Told| {
-            if let Told::Dwell { dwell, .. } = told {
+        let mut told = |told: Reported| {
+            if let Reported::Dwell { dwell, .. } = told {
                 dwells.push(dwell);
             }
         };

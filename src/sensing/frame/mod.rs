@@ -28,7 +28,7 @@ use crate::units::ARCSEC_PER_RAD;
 static CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&MPEG_2);
 const LONGEST: usize = 36;
 /// Bytes that are looked at together: the beginning of a frame, and a tick's.
-const ROOM: usize = 80;
+const CAPACITY: usize = 80;
 /// Counts that KVH's radians are turned into: 400 samples at the largest range, weighted for the first moment, fit an `i64`.
 const KVH_COUNTS_PER_RAD: u64 = 1 << 48;
 
@@ -149,7 +149,7 @@ fn check_sum(bytes: &[u8]) -> u32 {
 pub struct FrameReader {
     format: GyroFormat,
     /// From `begin` to `end`: what was not looked at, or is the beginning of a frame.
-    bytes: [u8; ROOM],
+    bytes: [u8; CAPACITY],
     begin: usize,
     end: usize,
     bad_crc: u32,
@@ -158,7 +158,7 @@ pub struct FrameReader {
 
 impl FrameReader {
     pub fn new(format: GyroFormat) -> Self {
-        Self { format, bytes: [0; ROOM], begin: 0, end: 0, bad_crc: 0, bytes_skipped: 0 }
+        Self { format, bytes: [0; CAPACITY], begin: 0, end: 0, bad_crc: 0, bytes_skipped: 0 }
     }
 
     /// Takes bytes from `source`, which puts them into the place that it gets and says how many; gives that number. There is room

@@ -25,7 +25,7 @@ use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 
 use super::Settings;
-use crate::event::bytes::{Bytes, Piece, ROOM};
+use crate::event::bytes::{Bytes, CAPACITY, Piece};
 use crate::health::Refusal;
 
 const MAGIC: [u8; 4] = *b"NFST";
@@ -150,8 +150,8 @@ pub fn read_piece<F: ReadNorFlash>(flash: &mut F, offset: u16) -> Result<Piece, 
     };
     let (start, length) = (usize::from(offset), u16::try_from(length).map_err(|_| Refusal::SettingsCorrupt)?);
     let left = usize::from(length).checked_sub(start).ok_or(Refusal::OutOfOrder)?;
-    let mut bytes = [0; ROOM];
-    let bytes = bytes.get_mut(..left.min(ROOM)).ok_or(Refusal::OutOfOrder)?;
+    let mut bytes = [0; CAPACITY];
+    let bytes = bytes.get_mut(..left.min(CAPACITY)).ok_or(Refusal::OutOfOrder)?;
     flash.read(at + HEADER as u32 + u32::from(offset), bytes).map_err(|_| Refusal::SettingsCorrupt)?;
     Ok(Piece { version, length, offset, bytes: Bytes::start_of(bytes) })
 }

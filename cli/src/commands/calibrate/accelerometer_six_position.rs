@@ -13,6 +13,7 @@ use crate::commands::number;
 use crate::failure::Failure;
 use crate::model_file::Triads;
 use crate::output::JsonOption;
+use crate::report::{self, ReportOption};
 
 /// Calibrate an accelerometer triad from each axis up and each axis down
 ///
@@ -36,11 +37,14 @@ pub struct AccelerometerSixPosition {
     #[arg(long, value_name = "M.toml")]
     model_out: Option<PathBuf>,
     #[command(flatten)]
+    report: ReportOption,
+    #[command(flatten)]
     json: JsonOption,
 }
 
 impl AccelerometerSixPosition {
     pub fn run(self) -> Result<(), Failure> {
+        crate::output::check([self.model_out.as_deref(), self.report.path(), self.json.path()])?;
         let attitudes = self.square_arcsec.map_or(Attitudes::Rough, |arcsec| Attitudes::Square { arcsec });
         let gravity = self.gravity.norm();
         let outcome = calibrate(&self.path, gravity, attitudes).map_err(|error| match error {
@@ -48,6 +52,7 @@ impl AccelerometerSixPosition {
             refused @ KnownAttitudesError::Refused { .. } => Failure::Refused(refused.to_string()),
         })?;
         self.write_outcome(&mut self.json.human(), &outcome)?;
+        self.report.write(|| report::calibrate::faces(&self.path, &outcome, gravity))?;
         self.json.write(&outcome.record(gravity, self.square_arcsec.is_some()))?;
         if let Some(path) = &self.model_out {
             let sigmas = (outcome.calibration.sigma_bias, outcome.sigma_matrix);

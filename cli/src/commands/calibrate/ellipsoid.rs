@@ -13,6 +13,7 @@ use crate::failure::Failure;
 use crate::file_error::{FileError, Problem};
 use crate::model_file::{Accelerometer, ModelFile, Triads};
 use crate::output::JsonOption;
+use crate::report::{self, ReportOption};
 
 /// Calibrate an accelerometer triad from readings at rest in many attitudes
 ///
@@ -40,11 +41,14 @@ pub struct Ellipsoid {
     #[arg(long, value_name = "M.toml")]
     model_out: Option<PathBuf>,
     #[command(flatten)]
+    report: ReportOption,
+    #[command(flatten)]
     json: JsonOption,
 }
 
 impl Ellipsoid {
     pub fn run(self) -> Result<(), Failure> {
+        crate::output::check([self.model_out.as_deref(), self.report.path(), self.json.path()])?;
         let other = self.compare.as_deref().map(accelerometer).transpose()?;
         let prior = self.prior.as_deref().map(misalignments).transpose()?;
         let gravity = self.gravity.norm();
@@ -58,6 +62,7 @@ impl Ellipsoid {
             writeln!(out, "misalignments combined with those of {}", path.display())?;
         }
         write_outcome(out, &outcome, gravity, other.as_ref())?;
+        self.report.write(|| report::calibrate::ellipsoid(&self.path, &outcome, gravity))?;
         self.json.write(&outcome.record(gravity))?;
         if let Some(path) = &self.model_out {
             let Calibration { correction, sigma_bias, sigma_matrix, .. } = &outcome.calibration;

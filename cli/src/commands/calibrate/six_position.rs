@@ -11,6 +11,7 @@ use crate::calibrate::six_position::{Outcome, SixPositionError, calibrate, noted
 use crate::failure::Failure;
 use crate::model_file::Triads;
 use crate::output::JsonOption;
+use crate::report::{self, ReportOption};
 
 /// Calibrate a gyro triad from its dwells in known positions on a table at rest
 ///
@@ -28,16 +29,20 @@ pub struct SixPosition {
     #[arg(long, value_name = "M.toml")]
     model_out: Option<PathBuf>,
     #[command(flatten)]
+    report: ReportOption,
+    #[command(flatten)]
     json: JsonOption,
 }
 
 impl SixPosition {
     pub fn run(self) -> Result<(), Failure> {
+        crate::output::check([self.model_out.as_deref(), self.report.path(), self.json.path()])?;
         let outcome = calibrate(&self.path).map_err(|error| match error {
             SixPositionError::File(error) => error.into(),
             refused => Failure::Refused(refused.to_string()),
         })?;
         write_outcome(&mut self.json.human(), &outcome)?;
+        self.report.write(|| report::calibrate::six_position(&self.path, &outcome))?;
         self.json.write(&outcome.record())?;
         if let Some(path) = &self.model_out {
             Triads::of_gyros(&outcome.calibration).write(path)?;

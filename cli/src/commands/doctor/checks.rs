@@ -5,7 +5,7 @@ use north_finder::event::Second;
 use north_finder::health::Counters;
 use north_finder::settings::Settings;
 
-use super::{Finding, Heard, Verdict, finding};
+use super::{Finding, Received, Verdict, finding};
 use crate::port::Port;
 
 /// Least seconds that say something of the gyro's noise.
@@ -52,8 +52,8 @@ pub(super) fn of_settings(settings: &Settings, findings: &mut Vec<Finding>) {
 }
 
 /// `worst` is what makes `find` refuse as long as it goes on: bad, or to look at where a fix is tried.
-pub(super) fn of_seconds(heard: &Heard, settings: &Settings, worst: Verdict, findings: &mut Vec<Finding>) {
-    let seconds = &heard.seconds;
+pub(super) fn of_seconds(received: &Received, settings: &Settings, worst: Verdict, findings: &mut Vec<Finding>) {
+    let seconds = &received.seconds;
     let Some(last) = seconds.last().filter(|_| seconds.len() >= LEAST_SECONDS) else {
         let text = "Not a second came from it: check its supply, its cable, its baud rate and the frame format in the settings.";
         findings.push(finding("gyro", Verdict::Bad, text));
@@ -73,7 +73,7 @@ pub(super) fn of_seconds(heard: &Heard, settings: &Settings, worst: Verdict, fin
     if (lost as usize) < frames {
         of_rates(seconds, settings, worst, findings);
     }
-    findings.push(of_level(last, heard.up, settings.level.limit_deg, worst));
+    findings.push(of_level(last, received.up, settings.level.limit_deg, worst));
     findings.push(match last.index_deg {
         Some(index_deg) => finding("encoder", Verdict::Good, format!("It shows {index_deg:.3}°.")),
         None => finding("encoder", Verdict::Bad, "It gives no reading: check its cable, supply and magnet."),
@@ -136,8 +136,8 @@ fn of_level(last: &Second, up: Option<[f64; 3]>, limit_deg: f64, worst: Verdict)
     }
 }
 
-pub(super) fn of_counters(heard: &Heard, findings: &mut Vec<Finding>) {
-    let (Some(first), Some(last)) = (heard.first, heard.last) else { return };
+pub(super) fn of_counters(received: &Received, findings: &mut Vec<Finding>) {
+    let (Some(first), Some(last)) = (received.first, received.last) else { return };
     let named = |counters: &Counters| match serde_json::to_value(counters) {
         Ok(serde_json::Value::Object(fields)) => fields,
         _ => serde_json::Map::new(),
@@ -162,7 +162,7 @@ pub(super) fn of_counters(heard: &Heard, findings: &mut Vec<Finding>) {
     });
 }
 
-pub(super) fn of_line(port: &Port, heard: &Heard, findings: &mut Vec<Finding>) {
+pub(super) fn of_line(port: &Port, received: &Received, findings: &mut Vec<Finding>) {
     findings.push(match port.bad_frames() {
         // The line is joined in the middle of a frame.
         0 | 1 => finding("host line", Verdict::Good, "No frame came damaged."),
@@ -170,7 +170,7 @@ pub(super) fn of_line(port: &Port, heard: &Heard, findings: &mut Vec<Finding>) {
             finding("host line", Verdict::Look, format!("{count} frames came damaged: check the cable and its ground."))
         }
     });
-    if let (Some(load), Some(stack)) = (heard.load_permille, heard.stack_bytes) {
+    if let (Some(load), Some(stack)) = (received.load_permille, received.stack_bytes) {
         let verdict = if load > HIGH_LOAD { Verdict::Look } else { Verdict::Good };
         let text =
             format!("The work of a tick took {:.1} % of it at most, the stack {stack} bytes.", f64::from(load) / 10.0);
@@ -209,8 +209,8 @@ mod tests {
         let settings = Settings { latitude_deg: 34.75, ..Settings::default() };
         let seconds: Vec<Second> = (0..10).map(|n| second(if n % 2 == 0 { 9.09 } else { 8.91 })).collect();
         let mut findings = Vec::new();
-        let heard = Heard { seconds, ..Heard::default() };
-        of_seconds(&heard, &settings, Verdict::Look, &mut findings);
+        let received = Received { seconds, ..Received::default() };
+        of_seconds(&received, &settings, Verdict::Look, &mut findings);
         assert!(findings[1].sentence.starts_with("0.1273 °/h"), "{}", findings[1].sentence);
         assert_eq!((verdict(&findings, "gyro noise"), verdict(&findings, "base")), (Verdict::Good, Verdict::Good));
         assert_eq!((verdict(&findings, "level"), verdict(&findings, "encoder")), (Verdict::Bad, Verdict::Good));
@@ -220,25 +220,26 @@ mod tests {
     fn what_rises_is_bad_and_what_once_was_is_worth_a_look() {
         let once = Counters { frames_good: 7, encoder_errors: 3, ..Counters::default() };
         let mut findings = Vec::new();
-        let heard = Heard { first: Some(once), last: Some(Counters { frames_good: 9, ..once }), ..Heard::default() };
-        of_counters(&heard, &mut findings);
+        let received =
+            Received { first: Some(once), last: Some(Counters { frames_good: 9, ..once }), ..Received::default() };
+        of_counters(&received, &mut findings);
         let more = Counters { encoder_errors: 5, ..once };
-        of_counters(&Heard { last: Some(more), ..heard }, &mut findings);
+        of_counters(&Received { last: Some(more), ..received }, &mut findings);
         assert_eq!([findings[0].verdict, findings[1].verdict], [Verdict::Look, Verdict::Bad]);
         assert_eq!(findings[1].sentence, "Going on: encoder_errors 5, 2 of them now.");
     }
 
     /// 12 seconds of one rate and one index angle.
-    fn seconds(rate_deg_h: impl Fn(usize) -> f64) -> Heard {
-        Heard { seconds: (0..12).map(|n| second(rate_deg_h(n))).collect(), ..Heard::default() }
+    fn seconds(rate_deg_h: impl Fn(usize) -> f64) -> Received {
+        Received { seconds: (0..12).map(|n| second(rate_deg_h(n))).collect(), ..Received::default() }
     }
 
     #[test]
     fn a_gyro_that_repeats_itself_is_bad_and_one_far_off_is_as_bad_as_it_may_be() {
         let settings = Settings { latitude_deg: 34.75, ..Settings::default() };
-        let of = |heard: &Heard, worst| {
+        let of = |received: &Received, worst| {
             let mut findings = Vec::new();
-            of_seconds(heard, &settings, worst, &mut findings);
+            of_seconds(received, &settings, worst, &mut findings);
             (verdict(&findings, "gyro noise"), verdict(&findings, "base"))
         };
         assert_eq!(of(&seconds(|_| 9.0), Verdict::Look), (Verdict::Bad, Verdict::Good));
@@ -255,8 +256,8 @@ mod tests {
         let settings = Settings { latitude_deg: 34.75, ..Settings::default() };
         for (up, part) in [(Some([0.0, 0.0, -1.0]), "not upright: up is (+0.00, +0.00, -1.00)"), (None, "no reading")] {
             let mut findings = Vec::new();
-            let heard = Heard { up, ..seconds(|n| 9.0 + 0.09 * (n % 2) as f64) };
-            of_seconds(&heard, &settings, Verdict::Look, &mut findings);
+            let received = Received { up, ..seconds(|n| 9.0 + 0.09 * (n % 2) as f64) };
+            of_seconds(&received, &settings, Verdict::Look, &mut findings);
             let level = findings.iter().find(|finding| finding.what == "level").unwrap();
             assert!(level.verdict == Verdict::Bad && level.sentence.contains(part), "{level:?}");
         }

@@ -93,9 +93,9 @@ fn finding(what: &'static str, verdict: Verdict, sentence: impl Into<String>) ->
     Finding { what, verdict, sentence: sentence.into() }
 }
 
-/// What was heard of the board.
+/// What was received of the board.
 #[derive(Clone, Debug, Default)]
-struct Heard {
+struct Received {
     seconds: Vec<Second>,
     first: Option<Counters>,
     last: Option<Counters>,
@@ -105,8 +105,8 @@ struct Heard {
     up: Option<[f64; 3]>,
 }
 
-impl Heard {
-    fn hear(&mut self, report: &Report) {
+impl Received {
+    fn receive(&mut self, report: &Report) {
         match report.event {
             Event::Second(second) => self.seconds.push(second),
             Event::Health(counters) => {
@@ -198,40 +198,40 @@ impl Examination {
             Err(error) => return Err(error.into()),
         };
         let tested = !self.still && self_test(port, &mut findings)?;
-        let heard = self.listen(port, if tested { SETTLING_SECONDS } else { 0 })?;
+        let received = self.listen(port, if tested { SETTLING_SECONDS } else { 0 })?;
         if let Some(settings) = &settings {
             of_settings(settings, &mut findings);
         }
         let settings = settings.unwrap_or_default();
         let worst = if self.wants_fix() && tested { Verdict::Look } else { Verdict::Bad };
-        of_seconds(&heard, &settings, worst, &mut findings);
-        of_counters(&heard, &mut findings);
-        of_line(port, &heard, &mut findings);
+        of_seconds(&received, &settings, worst, &mut findings);
+        of_counters(&received, &mut findings);
+        of_line(port, &received, &mut findings);
         Ok((findings, settings))
     }
 
     /// Hears what the board tells, but for the first seconds.
-    fn listen(&self, port: &mut Port, settling: usize) -> Result<Heard, PortError> {
-        let mut heard = Heard::default();
-        port.ask(Ask::Status, &mut |report| heard.hear(report))?;
-        let silent = |heard: &Heard, error| if heard.first.is_some() { Ok(()) } else { Err(error) };
-        while heard.seconds.len() < self.seconds as usize + settling {
+    fn listen(&self, port: &mut Port, settling: usize) -> Result<Received, PortError> {
+        let mut received = Received::default();
+        port.ask(Ask::Status, &mut |report| received.receive(report))?;
+        let silent = |received: &Received, error| if received.first.is_some() { Ok(()) } else { Err(error) };
+        while received.seconds.len() < self.seconds as usize + settling {
             match port.report(SILENCE) {
-                Ok(report) => heard.hear(&report),
+                Ok(report) => received.receive(&report),
                 // A board without a gyro answers, and tells no second.
                 Err(error @ PortError::Silent { .. }) => {
-                    silent(&heard, error)?;
+                    silent(&received, error)?;
                     break;
                 }
                 Err(error) => return Err(error),
             }
         }
-        port.ask(Ask::Status, &mut |report| heard.hear(report))?;
-        heard.seconds.drain(..settling.min(heard.seconds.len()));
-        if heard.seconds.last().is_some_and(|second| second.level.is_none()) {
-            heard.up = up(port)?;
+        port.ask(Ask::Status, &mut |report| received.receive(report))?;
+        received.seconds.drain(..settling.min(received.seconds.len()));
+        if received.seconds.last().is_some_and(|second| second.level.is_none()) {
+            received.up = up(port)?;
         }
-        Ok(heard)
+        Ok(received)
     }
 }
 

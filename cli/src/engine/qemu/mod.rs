@@ -145,7 +145,7 @@ pub fn serve(
             let report = report.map_err(|_| QemuError::Report)?;
             // What the board says of itself is no part of the fix, which is the same without a board.
             if !matches!(report.event, Event::Vitals { .. }) && person.hear(&report) {
-                off.get_or_insert(PowerOff::Heard);
+                off.get_or_insert(PowerOff::Received);
             }
         }
         Ok::<(), QemuError>(())

@@ -165,7 +165,7 @@ fn crash_of(how: Provocation, pace: Pace) -> Crash {
     };
     let (off, _) = serve(pace, image(), &world, limit_ticks(&setup), &mut person, &never())
         .unwrap_or_else(|error| panic!("{how:?}: {error}"));
-    assert_eq!(off, PowerOff::Heard, "{how:?}: {:?}", person.crash);
+    assert_eq!(off, PowerOff::Received, "{how:?}: {:?}", person.crash);
     assert!(person.provoked && !person.current_after, "{how:?}");
     person.crash.unwrap()
 }
@@ -383,6 +383,6 @@ fn settings_are_refused_while_the_motor_turns() {
             crate::engine::host::serve(&world, limit_ticks(&setup), &mut person, &never(), &mut |_, _| ()).unwrap()
         };
         // The fix went on to its end.
-        assert_eq!((off, person.refused), (PowerOff::Heard, Some(1)));
+        assert_eq!((off, person.refused), (PowerOff::Received, Some(1)));
     }
 }

@@ -1,12 +1,8 @@
 //! The residual before and after: against time, against what carries each effect, in frequency, in averaging time.
 
 use super::abscissa::{Abscissa, Points};
-use super::axis::{Axis, quantile_of_sizes};
-use super::download::{cell, csv};
-use super::figure::{Canvas, Legend, figure};
-use super::html::{escape, number};
-use super::plot::{Plot, Side};
 use crate::diagnose::{Diagnosis, RunSeries};
+use crate::report::{Axis, Canvas, Legend, Plot, Side, cell, csv, escape, figure, number, quantile_of_sizes};
 
 /// A plot reaches as far as the residuals do, but not further than this many times what 95 % of them keep within: 5.9
 /// sigma of noise. What lies outside is counted in the caption.

@@ -2,8 +2,11 @@
 
 use std::path::Path;
 
-use super::{Detail, Innovations, Track, TrackRow};
-use crate::diagnose::report::{Axis, Canvas, Legend, Plot, Side, escape, figure, page};
+use north_finder::earth::SEMI_MAJOR_M;
+use north_finder::units::{RAD_PER_DEG, wrap_180_deg};
+
+use super::{Axis, Canvas, Legend, Plot, Side, escape, figure, head, number, page, tile};
+use crate::track::{Detail, Innovations, Track, TrackRow};
 
 /// Seconds whose innovations make one mean.
 const BIN_S: f64 = 60.0;
@@ -14,19 +17,90 @@ const HEIGHT: f64 = 240.0;
 /// The whole page; `summary` is what the command printed.
 pub fn html(file: &Path, summary: &str, track: &Track) -> String {
     let rows = &track.rows;
-    let name = file.display().to_string();
-    let title = format!("Track of {name}");
-    let body = format!(
-        "<h1>{}</h1>\n<p>{}</p>\n{}{}{}{}{}",
-        escape(&title),
-        escape(summary).replace('\n', "<br>"),
+    let title = format!("Track of {}", file.display());
+    let result = rows.last().map_or("No second of the recording has a heading".to_owned(), |row| {
+        format!("Heading at the end {:.4}° ± {:.4}°", row.angles.heading_deg, row.sigma_heading_deg)
+    });
+    let body = [
+        head(&title, &[], &result),
+        tiles(track),
+        map(rows),
         headings(rows),
         sigmas(rows),
         errors(rows),
         positions(rows),
-        innovations(track)
-    );
-    page(&title, &body)
+        innovations(track),
+        format!("<details><summary>What the command printed</summary>\n<pre>{}</pre></details>\n", escape(summary)),
+    ];
+    page(&title, &body.concat())
+}
+
+/// Half the width of the interval that holds 95 % of means of m squares of normal numbers: that of a chi-square with m degrees of freedom over m.
+fn half_width(m: f64) -> f64 {
+    1.96 * (2.0 / m).sqrt()
+}
+
+/// The few numbers that carry the result.
+fn tiles(track: &Track) -> String {
+    let mut html = String::from("<div class=\"tiles\">\n");
+    if let Some((rms, within)) = track.errors() {
+        let note = format!("{:.1} % within 1.96 sigma; 95 % are to be expected", 100.0 * within);
+        html += &tile("Error of the heading, rms", &format!("{}°", number(rms, 3)), &note);
+    }
+    let (nis, count) = track.nis();
+    if count > 0 {
+        let half = half_width(f64::from(count));
+        let note = match nis {
+            nis if nis > 1.0 + half => format!(
+                "above 1 ± {half:.3}, which holds 95 %: the sigmas are too small, or not all errors are modelled"
+            ),
+            nis if nis < 1.0 - half => {
+                format!("below 1 ± {half:.3}, which holds 95 %: the sigmas are larger than the errors")
+            }
+            _ => format!("within 1 ± {half:.3}, which holds 95 %"),
+        };
+        html += &tile("Normalised innovations squared, mean", &number(nis, 3), &note);
+    }
+    html + "</div>\n"
+}
+
+/// Where the track went, east and north of its beginning.
+fn map(rows: &[TrackRow]) -> String {
+    let place = |row: &TrackRow| match row.detail {
+        Detail::Aided { latitude_deg, longitude_deg, .. } => Some((latitude_deg, longitude_deg)),
+        Detail::Held { .. } => None,
+    };
+    let Some((latitude_deg, longitude_deg)) = rows.iter().find_map(place) else { return String::new() };
+    // A drawing: on a sphere is good enough.
+    let metres = SEMI_MAJOR_M * RAD_PER_DEG;
+    let east = metres * latitude_deg.to_radians().cos();
+    let points: Vec<(f64, f64)> = thinned(rows)
+        .filter_map(place)
+        .map(|(lat, lon)| (east * wrap_180_deg(lon - longitude_deg), metres * (lat - latitude_deg)))
+        .collect();
+    figure(
+        Legend::Marks(&[(Side::Before, "begin"), (Side::After, "end")]),
+        "map of the track",
+        "Where it went, from above, north upwards; one scale for both axes.",
+        |canvas| {
+            let height = 0.62 * canvas.width;
+            let span = |of: fn(&(f64, f64)) -> f64| {
+                let all = || points.iter().map(of);
+                let (low, high) = (all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max));
+                (0.5 * (low + high), high - low)
+            };
+            let ((x, wide), (y, tall)) = (span(|point| point.0), span(|point| point.1));
+            // Frame and drawing differ by the room of the labels: 60 and 70 pixels.
+            let scale = 1.1 * f64::max((wide / (canvas.width - 60.0)).max(tall / (height - 70.0)), 1e-3);
+            let (half_x, half_y) = (0.5 * scale * (canvas.width - 60.0), 0.5 * scale * (height - 70.0));
+            let axis = |label, middle: f64, half: f64| Axis::exact(label, middle - half, middle + half);
+            let mut plot = Plot::new(canvas.width, height, axis("east, m", x, half_x), axis("north, m", y, half_y));
+            plot.line("line after", points.iter().copied());
+            plot.dots(Side::Before, points.first().copied());
+            plot.dots(Side::After, points.last().copied());
+            vec![plot]
+        },
+    )
 }
 
 fn thinned(rows: &[TrackRow]) -> impl Iterator<Item = &TrackRow> + Clone {
@@ -106,8 +180,7 @@ fn positions(rows: &[TrackRow]) -> String {
     )
 }
 
-/// Mean normalised squared innovation of a minute, with half the width of the interval that holds 95 % of such means: that of
-/// a chi-square with m degrees of freedom over m, 1.96 √(2/m).
+/// Mean normalised squared innovation of each minute, with half the width of the interval that holds 95 % of such means.
 fn minutes(source: &Innovations) -> Vec<(f64, f64, f64)> {
     let mut bins: Vec<(f64, f64, f64)> = Vec::new();
     for (t_s, squares, number) in &source.taken {
@@ -120,9 +193,7 @@ fn minutes(source: &Innovations) -> Vec<(f64, f64, f64)> {
             *count += f64::from(*number);
         }
     }
-    bins.into_iter()
-        .map(|(start_s, squares, m)| (start_s + 0.5 * BIN_S, squares / m, 1.96 * (2.0 / m).sqrt()))
-        .collect()
+    bins.into_iter().map(|(start_s, squares, m)| (start_s + 0.5 * BIN_S, squares / m, half_width(m))).collect()
 }
 
 fn innovations(track: &Track) -> String {
@@ -131,15 +202,23 @@ fn innovations(track: &Track) -> String {
     if sources.is_empty() {
         return "<p>There are no innovations: the block never stood, and no reading was taken.</p>\n".into();
     }
+    let (outside, minutes) = sources
+        .iter()
+        .flat_map(|(_, minutes)| minutes)
+        .fold((0, 0), |(outside, all), (_, mean, half)| (outside + usize::from((mean - 1.0).abs() > *half), all + 1));
+    let rejected: usize = sources.iter().map(|(source, _)| source.rejected_s.len()).sum();
+    let caption = format!(
+        "Squares of the innovations over their variances, mean of each minute (NIS), a drawing for each source: 1 where the sigmas are right. Grey dashed bars hold 95 % of \
+         such means; {outside} of {minutes} means are outside of theirs. Orange upright lines: readings that were rejected, {rejected}."
+    );
     figure(
         Legend::Named(&[
             ("line after", "mean of a minute"),
-            ("reference", "95 % of such means"),
-            ("line before", "rejected"),
+            ("reference", "holds 95 % of such means"),
+            ("line before", "reading rejected"),
         ]),
         "normalised innovations over time",
-        "Squares of the innovations over their variances, mean of each minute (NIS), a drawing for each source: 1 where sigmas are right. \
-         Upright lines: readings that were rejected.",
+        &caption,
         |canvas| {
             let drawing = |(source, minutes): &(&Innovations, Vec<(f64, f64, f64)>)| {
                 let values = minutes.iter().flat_map(|(_, mean, half)| [*mean, (1.0 - half).max(0.0), 1.0 + half]);

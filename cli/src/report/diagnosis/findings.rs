@@ -2,13 +2,11 @@
 
 use std::fmt::Write;
 
-use super::axis::Axis;
-use super::download::file;
-use super::figure::{Canvas, Legend, figure};
-use super::html::{code_list, escape, number, p_value, probability, short, table, with_sigma};
-use super::plot::Plot;
 use crate::diagnose::warnings::{Line, grouped};
 use crate::diagnose::{Diagnosis, Effect, Experiment, Test};
+use crate::report::{
+    Axis, Canvas, Legend, Plot, code_list, escape, figure, file, number, p_value, probability, short, table, with_sigma,
+};
 use crate::settings_file::model_text;
 
 /// Candidates that are shown at once; the others unfold.

@@ -1,10 +1,8 @@
 //! The head of the page: the verdict in a sentence, and the few numbers that carry it.
 
-use std::fmt::Write;
-
-use super::html::{code_list, escape, number, p_value};
 use crate::campaign::Role;
 use crate::diagnose::{Diagnosis, Origin, RunDiagnosis};
+use crate::report::{code_list, escape, number, p_value, tile};
 
 pub fn section(diagnosis: &Diagnosis) -> String {
     let title = diagnosis.title.as_deref().unwrap_or("Campaign");
@@ -17,12 +15,19 @@ pub fn section(diagnosis: &Diagnosis) -> String {
     html.push_str("<div class=\"tiles\">\n");
     if let (Some(before), Some(after)) = (diagnosis.azimuth_rms_before_deg, diagnosis.azimuth_rms_after_deg) {
         let intervals = [diagnosis.azimuth_rms_before_interval_deg, diagnosis.azimuth_rms_after_interval_deg];
-        tile(&mut html, "Azimuth error, rms", &change(before, after, "°"), &azimuth_note(diagnosis, intervals));
+        html += &tile("Azimuth error, rms", &change(before, after, "°"), &azimuth_note(diagnosis, intervals));
     }
     let (before, after) = (diagnosis.residual_rms_before_deg_h, diagnosis.residual_rms_after_deg_h);
     let which = if diagnosis.runs.iter().any(|run| run.role == Role::Check) { "check runs" } else { "all runs" };
-    let noise = format!("seconds of the {which}; noise alone: {} °/h", number(diagnosis.noise.noise_deg_h, 3));
-    tile(&mut html, "Residual of the rate, rms", &change(before, after, " °/h"), &noise);
+    let alone = number(diagnosis.noise.noise_deg_h, 3);
+    let noise = if after <= diagnosis.noise.noise_deg_h {
+        format!(
+            "seconds of the {which}; no more than the noise of {alone} °/h, as it is estimated from fast changes, would leave"
+        )
+    } else {
+        format!("seconds of the {which}; noise alone, estimated from fast changes: {alone} °/h")
+    };
+    html += &tile("Residual of the rate, rms", &change(before, after, " °/h"), &noise);
     let names: Vec<String> = diagnosis.effects.iter().map(|effect| effect.name.clone()).collect();
     let found = match names.len() {
         0 => "no effect".to_owned(),
@@ -30,11 +35,16 @@ pub fn section(diagnosis: &Diagnosis) -> String {
         count => format!("{count} effects"),
     };
     let named = if names.is_empty() { "nothing stands out of the noise".to_owned() } else { code_list(&names) };
-    tile(&mut html, "Learned", &found, &named);
+    html += &tile("Learned", &found, &named);
     confidence(&mut html, diagnosis);
     let failed = diagnosis.noise.after.iter().filter(|test| test.failed()).count();
+    let confounded = confounded(diagnosis);
     let (open, open_note) = match (diagnosis.unexplained, failed) {
         (true, _) => ("structure remains", "that no candidate explains".to_owned()),
+        (false, 0) if !confounded.is_empty() => (
+            "which cause it is",
+            format!("the residual passes for noise, but these explain it as well: {}", code_list(&confounded)),
+        ),
         (false, 0) => ("nothing that shows", "the residual passes for noise".to_owned()),
         (false, failed) => ("not quite noise", format!("{failed} of {} tests fail", diagnosis.noise.after.len())),
     };
@@ -47,7 +57,7 @@ pub fn section(diagnosis: &Diagnosis) -> String {
     if !diagnosis.warnings.is_empty() {
         doubts.push(format!("{} warnings below", diagnosis.warnings.len()));
     }
-    tile(&mut html, "Still open", open, &doubts.join("; "));
+    html += &tile("Still open", open, &doubts.join("; "));
     html.push_str("</div>\n");
     html
 }
@@ -61,18 +71,25 @@ fn origin(origin: &Origin) -> String {
     parts.join(" · ")
 }
 
-/// How sure it is: the effect that is least certain, what the causes are confounded with, and whether sigmas hold.
+/// What explains the data as well as what was named.
+fn confounded(diagnosis: &Diagnosis) -> Vec<String> {
+    let mut names: Vec<String> = diagnosis.effects.iter().flat_map(|each| each.ambiguous_with.clone()).collect();
+    names.sort_unstable();
+    names.dedup();
+    names
+}
+
+/// How sure it is: that there is something, by the effect that is least certain; that it is what was named; and whether sigmas hold.
 fn confidence(html: &mut String, diagnosis: &Diagnosis) {
     let least = diagnosis.effects.iter().map(|effect| effect.p_value).fold(f64::NAN, f64::max);
     let value = if least.is_finite() { p_value(least) } else { "nothing learned".to_owned() };
     let mut notes = Vec::new();
     if least.is_finite() {
-        notes.push("chance of the least certain effect, search counted".to_owned());
-    }
-    let mut confounded: Vec<String> = diagnosis.effects.iter().flat_map(|each| each.ambiguous_with.clone()).collect();
-    confounded.dedup();
-    if !confounded.is_empty() {
-        notes.push(format!("as likely: {}", code_list(&confounded)));
+        notes.push("chance that noise alone shows as much as the least certain effect, the search counted; it is no probability of the name".to_owned());
+        notes.push(match confounded(diagnosis).as_slice() {
+            [] => "no other candidate explains the data as well as what was named".to_owned(),
+            names => format!("which cause it is, is open: {} explain the data as well", code_list(names)),
+        });
     }
     let judged: Vec<(f64, f64)> =
         diagnosis.runs.iter().filter_map(|run| Some((run.error_after_deg?, run.sigma_after_deg?))).collect();
@@ -80,15 +97,14 @@ fn confidence(html: &mut String, diagnosis: &Diagnosis) {
         let within = judged.iter().filter(|(error, sigma)| error.abs() <= 1.96 * sigma).count();
         notes.push(format!("{within} of {} judged runs within 1.96 sigma", judged.len()));
     }
-    tile(html, "Confidence", &value, &notes.join("; "));
-}
-
-fn tile(html: &mut String, name: &str, value: &str, note: &str) {
-    let _ = writeln!(html, "<div class=\"tile\"><span>{name}</span><b>{value}</b><small>{note}</small></div>");
+    *html += &tile("That there is something", &value, &notes.join("; "));
 }
 
 fn change(before: f64, after: f64, unit: &str) -> String {
-    format!("{} → {}{unit}", number(before, 3), number(after, 3))
+    match (number(before, 3), number(after, 3)) {
+        (before, after) if before == after => format!("{after}{unit}, unchanged"),
+        (before, after) => format!("{before} → {after}{unit}"),
+    }
 }
 
 fn azimuth_note(diagnosis: &Diagnosis, intervals: [Option<[f64; 2]>; 2]) -> String {

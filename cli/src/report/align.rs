@@ -6,8 +6,8 @@ use north_finder::units::wrap_180_deg;
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use super::{Axis, Legend, Plot, Side, escape, figure, page, table};
 use crate::block_gate::Gated;
-use crate::diagnose::report::{Axis, Legend, Plot, Side, escape, figure, page, table};
 
 const HEIGHT: f64 = 220.0;
 

@@ -70,6 +70,11 @@ pub fn p_value(p: f64) -> String {
     format!("p {}{}", if is_below_numbers(p) { "" } else { "= " }, probability(p))
 }
 
+/// A number that stands out, with its name and a note.
+pub fn tile(name: &str, value: &str, note: &str) -> String {
+    format!("<div class=\"tile\"><span>{name}</span><b>{value}</b><small>{note}</small></div>\n")
+}
+
 /// A list in words, with code formatting.
 pub fn code_list(names: &[String]) -> String {
     names.iter().map(|name| format!("<code>{}</code>", escape(name))).collect::<Vec<_>>().join(", ")

@@ -1,6 +1,6 @@
 //! A figure of the page: legend, the drawing for wide and for narrow screens, caption.
 
-use super::plot::Plot;
+use super::plot::{Plot, Side};
 
 /// Widths of the drawings, pixels: what a desk and what a telephone shows at full size.
 const WIDE: f64 = 818.0;
@@ -20,6 +20,8 @@ pub enum Legend {
     Dots,
     /// Lines, and a dashed one for what the text says.
     Lines(&'static str),
+    /// Dots, each with its text.
+    Marks(&'static [(Side, &'static str)]),
     /// Lines of any classes, each with its text.
     Named(&'static [(&'static str, &'static str)]),
     None,
@@ -33,6 +35,13 @@ impl Legend {
                  <circle class=\"dot {side}\" cx=\"13\" cy=\"6\" r=\"3.6\"/></svg>{side}</span>"
             )
         };
+        let mark = |side: Side, text: &str| {
+            let side = side.name();
+            format!(
+                "<span><svg viewBox=\"0 0 26 12\" aria-hidden=\"true\">\
+                 <circle class=\"dot {side}\" cx=\"13\" cy=\"6\" r=\"3.6\"/></svg>{text}</span>"
+            )
+        };
         let line = |class: &str, text: &str| {
             format!(
                 "<span><svg viewBox=\"0 0 26 12\" aria-hidden=\"true\"><path class=\"{class}\" d=\"M0 6H26\"/></svg>{text}\
@@ -44,6 +53,7 @@ impl Legend {
             Self::Lines(text) => {
                 line("line before", "before") + &line("line after", "after") + &line("reference", text)
             }
+            Self::Marks(marks) => marks.iter().map(|(side, text)| mark(*side, text)).collect(),
             Self::Named(lines) => lines.iter().map(|(class, text)| line(class, text)).collect(),
             Self::None => return String::new(),
         };

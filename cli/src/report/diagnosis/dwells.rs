@@ -1,10 +1,7 @@
 //! Means of the dwells before and after, on one scale, with the band that white noise alone would keep within.
 
-use super::axis::{Axis, quantile_of_sizes};
-use super::download::{cell, csv};
-use super::figure::{Canvas, Legend, figure};
-use super::plot::{Plot, Side};
 use crate::diagnose::{Diagnosis, RunSeries};
+use crate::report::{Axis, Canvas, Legend, Plot, Side, cell, csv, figure, quantile_of_sizes};
 
 /// An index that moves by more than this is at another dwell, degrees.
 const APART_DEG: f64 = 0.5;

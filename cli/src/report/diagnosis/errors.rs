@@ -4,13 +4,9 @@ use std::path::Path;
 
 use north_finder::units::{wrap_180_deg, wrap_360_deg};
 
-use super::axis::Axis;
-use super::download::{cell, csv};
-use super::figure::{Canvas, Legend, figure};
-use super::html::{escape, short, table, with_sigma};
-use super::plot::{Plot, Side};
 use crate::campaign::Role;
 use crate::diagnose::{Diagnosis, RunDiagnosis};
+use crate::report::{Axis, Canvas, Legend, Plot, Side, cell, csv, escape, figure, short, table, with_sigma};
 
 /// From this ratio on, the errors after are drawn a second time at a scale of their own.
 const ENLARGE: f64 = 4.0;
