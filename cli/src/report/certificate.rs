@@ -28,7 +28,7 @@ pub fn html(shown: &Shown<'_>, made: &Made<'_>, directions: &Directions) -> Stri
         },
         azimuths(shown, directions),
         "<div class=\"columns\">\n".to_owned(),
-        facts(shown, made),
+        facts(shown, made, directions),
         rose(shown, directions),
         "</div>\n".to_owned(),
         flags(shown.fix),
@@ -59,11 +59,11 @@ fn azimuths(shown: &Shown<'_>, directions: &Directions) -> String {
     table(&[("direction", false), ("azimuth", true), ("one sigma", true), ("95 %", true)], &rows)
 }
 
-fn facts(shown: &Shown<'_>, made: &Made<'_>) -> String {
+fn facts(shown: &Shown<'_>, made: &Made<'_>, directions: &Directions) -> String {
     let fix = shown.fix;
     let mut rows: Vec<(&str, String)> = made.instrument.iter().map(|(name, value)| (*name, escape(value))).collect();
     rows.push(("latitude", format!("{}°", number(made.latitude_deg, 6))));
-    rows.push(("measured for", format!("{:.0} s at {} positions", fix.seconds, shown.dwells.len())));
+    rows.push(("measured for", format!("{:.0} s in {} dwells", fix.seconds, shown.dwells.len())));
     let expected =
         shown.earth.map_or(String::new(), |earth| format!(", expected {} °/h", number(earth.north_deg_h, 5)));
     rows.push(("horizontal rate", format!("{} °/h{expected}", number(fix.amplitude_deg_h, 5))));
@@ -77,7 +77,7 @@ fn facts(shown: &Shown<'_>, made: &Made<'_>) -> String {
         rows.push(("tilt", format!("pitch {}°, roll {}°", number(tilt.pitch_deg, 3), number(tilt.roll_deg, 3))));
     }
     if let Some(Reference { name, azimuth_deg }) = shown.reference {
-        rows.push(("compared with", format!("{name} azimuth {azimuth_deg:.4}°")));
+        rows.push(("compared with", format!("{name} azimuth {}", directions.unit().azimuth(azimuth_deg))));
     }
     rows.push(("flags", if fix.flags.is_empty() { "none".into() } else { "see below".into() }));
     rows.push(("computed", format!("{}, north {}", today(), env!("CARGO_PKG_VERSION"))));

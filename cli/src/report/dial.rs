@@ -21,14 +21,14 @@ pub struct Hand<'a> {
 pub fn dial(hands: &[Hand<'_>], caption: &str) -> String {
     let mut svg = format!(
         "<svg class=\"dial\" viewBox=\"{low} {low} {size} {size}\" role=\"img\" aria-label=\"directions from above\">\
-         <circle class=\"frame\" r=\"{RADIUS}\"/>",
+         <circle class=\"zero\" r=\"{RADIUS}\"/>",
         low = -HALF,
         size = 2.0 * HALF
     );
     for azimuth in (0..360).step_by(10) {
         let inner = RADIUS - if azimuth % 90 == 0 { 14.0 } else { 6.0 };
         let ([x0, y0], [x1, y1]) = (at(azimuth.into(), inner), at(azimuth.into(), RADIUS));
-        let _ = write!(svg, "<path class=\"frame\" d=\"M{x0:.1} {y0:.1}L{x1:.1} {y1:.1}\"/>");
+        let _ = write!(svg, "<path class=\"zero\" d=\"M{x0:.1} {y0:.1}L{x1:.1} {y1:.1}\"/>");
     }
     for (azimuth_deg, letter) in [(0.0, "N"), (90.0, "E"), (180.0, "S"), (270.0, "W")] {
         let [x, y] = at(azimuth_deg, RADIUS - 26.0);
@@ -40,12 +40,17 @@ pub fn dial(hands: &[Hand<'_>], caption: &str) -> String {
     }
     for Hand { class, name, azimuth_deg } in hands {
         let [x, y] = at(*azimuth_deg, RADIUS);
-        let [tx, ty] = at(*azimuth_deg, RADIUS + 18.0);
+        let [tx, ty] = at(*azimuth_deg, RADIUS + 12.0);
+        let anchor = match tx / RADIUS {
+            side if side > 0.3 => "start",
+            side if side < -0.3 => "end",
+            _ => "middle",
+        };
         let _ = write!(
             svg,
             "<path class=\"line {class}\" d=\"M0 0L{x:.1} {y:.1}\"/>\
              <circle class=\"dot {class}\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"5\"/>\
-             <text class=\"axis\" x=\"{tx:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>",
+             <text class=\"axis\" x=\"{tx:.1}\" y=\"{:.1}\" text-anchor=\"{anchor}\">{}</text>",
             ty + 4.0,
             escape(name)
         );

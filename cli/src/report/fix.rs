@@ -33,7 +33,7 @@ pub fn one(shown: &Shown<'_>, rows: &[Row], directions: &Directions, about: &[St
     let title = format!("North found: {}", shown.name);
     let body = [
         head(&title, about, &result(shown.fix, directions)),
-        tiles(shown),
+        tiles(shown, directions),
         rose(shown, directions),
         dwells(shown),
         seconds(rows),
@@ -51,7 +51,7 @@ pub fn all(title: &str, runs: &[Shown<'_>], refused: &[(String, String)], direct
     body += &runs_table(runs, refused, directions);
     for shown in runs.iter().take(DRAWN) {
         body += &format!("<h2>{}</h2>\n", escape(shown.name));
-        body += &tiles(shown);
+        body += &tiles(shown, directions);
         body += &dwells(shown);
         body += &flags(shown.fix);
     }
@@ -68,7 +68,7 @@ pub fn result(fix: &Fix, directions: &Directions) -> String {
 }
 
 /// The few numbers that carry the result.
-pub fn tiles(shown: &Shown<'_>) -> String {
+fn tiles(shown: &Shown<'_>, directions: &Directions) -> String {
     let fix = shown.fix;
     let mut html = String::from("<div class=\"tiles\">\n");
     if let Some(Reference { name, azimuth_deg }) = shown.reference {
@@ -77,7 +77,7 @@ pub fn tiles(shown: &Shown<'_>) -> String {
         html += &tile(
             "Error of the azimuth",
             &format!("{}° ({sigmas:.1} sigma)", number(error_deg, 3)),
-            &format!("{name} azimuth {azimuth_deg:.4}°; 95 % of errors are below 1.96 sigma"),
+            &format!("{name} azimuth {}; 95 % of errors are below 1.96 sigma", directions.unit().azimuth(azimuth_deg)),
         );
     }
     let expected = shown
