@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand};
 use north_boot::manifest::{BYTES, Key, Manifest, public};
 use north_boot::{SECTOR_BYTES, SLOT_BYTES, SLOTS};
-use north_finder::event::bytes::{Bytes, ROOM};
+use north_finder::event::bytes::{Bytes, CAPACITY};
 use north_finder::event::identity::Board;
 use north_finder::link::Ask;
 use sha2::{Digest as _, Sha512};
@@ -160,7 +160,7 @@ fn send(port: &mut Port, image: &[u8]) -> Result<(), Failure> {
     let bar = progress::bar(image.len() as u64, "bytes");
     let mut offset = 0;
     let mut pieces = |port: &mut Port, bytes: &[u8]| -> Result<(), Failure> {
-        for piece in bytes.chunks(ROOM) {
+        for piece in bytes.chunks(CAPACITY) {
             port.ask(Ask::WriteImage { offset, bytes: Bytes::start_of(piece) }, &mut |_| ())?;
             offset += piece.len() as u32;
             bar.set_position(offset.into());

@@ -27,7 +27,7 @@ mod turn;
 mod unexplained;
 mod validate;
 mod verdict;
-mod warnings;
+pub mod warnings;
 
 pub use result::{
     BoardLack, Candidate, Diagnosis, Effect, Experiment, LeaveOneOut, MissedReference, NoiseTests, Origin, Rejected,
