@@ -11,7 +11,7 @@ NUCLEO_BOARD := --target $(TARGET) --no-default-features --features nucleo-f446 
 # The emulated chip: a workspace of its own, whose emulator asks for a newer compiler than it needs.
 CHIP := --quiet --manifest-path chip/Cargo.toml --ignore-rust-version --target-dir $(BUILD)/chip
 
-.PHONY: find chip test proofs lint fmt firmware bench page python release update hardware flash count setup help
+.PHONY: find chip mutants test proofs lint fmt firmware bench page python release update hardware flash count setup help
 
 ## find: build the firmware, run it in QEMU with the simulated instrument, show the fix (ARGS="--scenario windy-tripod")
 find: setup
@@ -20,6 +20,10 @@ find: setup
 ## chip: the image that is flashed finds north on an emulated chip (ARGS="windy-tripod 2")
 chip: setup
 	@cargo run $(CHIP) -- $(ARGS)
+
+## mutants: are single faults of the board and the drivers noticed by the emulated chip's tests (ARGS="a fault's name")
+mutants: setup
+	@scripts/mutants.sh $(BUILD)/mutants $(ARGS)
 
 ## test: format, lints, both firmware images, the page, all tests but those of many seeds
 test: setup lint firmware

@@ -131,6 +131,8 @@ mod app {
         workspace: MaybeUninit<Workspace> = MaybeUninit::uninit(),
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
+        // Before anything that may take longer than it should.
+        let watchdog = board::Watchdog::start();
         let wrong_words = memory::test();
         let crash = crash::take().or_else(|| board::reset_cause().map(Crash::new));
         let mut board: Board = board::init(cx.device, &INTAKE);
@@ -161,7 +163,7 @@ mod app {
         };
         let local = Local {
             ticker: board.ticker.start(),
-            watchdog: board::Watchdog::start(),
+            watchdog,
             motor_out,
             gyro: board.gyro,
             host: board.host,

@@ -9,6 +9,9 @@ use rigless::chip::{Timeline, spi, uart};
 use rigless::snapshot::Store;
 use rigless::time::VirtualNanos;
 
+use crate::parts::Part;
+use crate::witness::Ledger;
+
 /// A simulated device on an SPI bus.
 pub trait Device: Debug + Send + 'static {
     /// What comes back with the last of these bytes, in a transaction that is under way.
@@ -35,31 +38,40 @@ device!(AccelerometerSpi);
 device!(EncoderSpi);
 device!(BlockSpi);
 
-/// A device behind its select line, byte by byte.
+/// A device behind its select line, byte by byte, with its registers as the data sheet describes them.
 #[derive(Debug)]
-pub struct Slave<D> {
+pub struct Slave<D, P> {
     device: D,
+    part: P,
+    /// From when on it is there, ns: before, the bus's pull-up answers.
+    from_ns: u64,
+    ledger: Ledger,
     mosi: Vec<u8>,
 }
 
-impl<D> Slave<D> {
-    pub fn new(device: D) -> Self {
-        Self { device, mosi: Vec::new() }
+impl<D, P> Slave<D, P> {
+    pub fn new(device: D, part: P, from_ns: u64, ledger: &Ledger) -> Self {
+        Self { device, part, from_ns, ledger: ledger.clone(), mosi: Vec::new() }
     }
 }
 
-impl<D> Store for Slave<D> {}
+impl<D, P> Store for Slave<D, P> {}
 
-impl<D: Device> spi::Peer for Slave<D> {
-    fn transfer(&mut self, mosi: u32, bits: u8, _: &mut Timeline<'_, '_>) -> u32 {
-        assert_eq!(bits, 8, "the drivers work by bytes");
+impl<D: Device, P: Part> spi::Peer for Slave<D, P> {
+    fn transfer(&mut self, mosi: u32, _: u8, context: &mut Timeline<'_, '_>) -> u32 {
+        let at_ns = context.now().0;
+        if at_ns < self.from_ns {
+            return 0xFF;
+        }
         self.mosi.push(mosi as u8);
-        self.device.answer(&self.mosi).into()
+        let world = self.device.answer(&self.mosi);
+        self.part.answer(&self.mosi, world, at_ns, &self.ledger).into()
     }
 
-    fn deselect(&mut self, _: &mut Timeline<'_, '_>) {
+    fn deselect(&mut self, context: &mut Timeline<'_, '_>) {
         if !self.mosi.is_empty() {
             self.device.exchange(&self.mosi);
+            self.part.end(&self.mosi, context.now().0, &self.ledger);
             self.mosi.clear();
         }
     }

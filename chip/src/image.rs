@@ -4,8 +4,7 @@ use std::env;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use embedded_storage::nor_flash::ReadNorFlash as _;
-use hal_sim::{Scenario, World};
+use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use north_finder::settings::{Settings, store};
 
 const TARGET: &str = "thumbv7em-none-eabihf";
@@ -25,11 +24,60 @@ pub fn build() -> Result<PathBuf, String> {
     Ok(directory.join(TARGET).join("firmware").join("firmware"))
 }
 
-/// What the first of the flash's sectors for settings holds after these were stored.
+/// What the flash's sectors for settings hold after these were stored.
 pub fn stored(settings: &Settings) -> Result<Vec<u8>, String> {
-    let mut flash = World::new(&Scenario::default(), 0).flash();
-    store::save(&mut flash, settings).map_err(|error| format!("the settings cannot be stored: {error:?}"))?;
-    let mut record = vec![0; flash.capacity() / 2];
-    flash.read(0, &mut record).map_err(|error| error.to_string())?;
-    Ok(record)
+    let mut sectors = Sectors::default();
+    store::save(&mut sectors, settings).map_err(|error| format!("the settings cannot be stored: {error:?}"))?;
+    Ok(sectors.0)
+}
+
+/// The flash's sectors for settings, away from the chip.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sectors(pub Vec<u8>);
+
+impl Default for Sectors {
+    fn default() -> Self {
+        Self(vec![0xFF; Self::SECTOR * 2])
+    }
+}
+
+impl Sectors {
+    const SECTOR: usize = 16 << 10;
+}
+
+impl ErrorType for Sectors {
+    type Error = NorFlashErrorKind;
+}
+
+impl ReadNorFlash for Sectors {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
+        let from = offset as usize;
+        let place = self.0.get(from..from + bytes.len()).ok_or(NorFlashErrorKind::OutOfBounds)?;
+        bytes.copy_from_slice(place);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        self.0.len()
+    }
+}
+
+impl NorFlash for Sectors {
+    const WRITE_SIZE: usize = 4;
+    const ERASE_SIZE: usize = Self::SECTOR;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
+        let place = self.0.get_mut(from as usize..to as usize).ok_or(NorFlashErrorKind::OutOfBounds)?;
+        place.fill(0xFF);
+        Ok(())
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
+        let from = offset as usize;
+        let place = self.0.get_mut(from..from + bytes.len()).ok_or(NorFlashErrorKind::OutOfBounds)?;
+        place.iter_mut().zip(bytes).for_each(|(place, byte)| *place &= byte);
+        Ok(())
+    }
 }

@@ -8,25 +8,33 @@
 //! Time is the chip's: an instruction takes a cycle of 168 MHz. The world goes on by an eighth of a tick at a time, as the 2.5 ms timer
 //! counts, from the moment in which the image starts that timer; while it does not run (the image starts), the world stands still.
 
+mod core;
 mod devices;
+mod flash;
 pub mod image;
 mod microcontroller;
+mod parts;
+mod witness;
 
 use std::fmt;
 use std::ops::Range;
 use std::path::Path;
+use std::sync::{Arc, Mutex};
 
 use embedded_hal::digital::OutputPin as _;
 use hal_sim::{Pin, World};
 use rigless::device::Level;
-use rigless::emulator::{self, AccessKind, Driver, Finished, Host, Settled, Start, Stop, StopReason, Watch};
+use rigless::emulator::{self, AccessKind, Driver, Finished, Host, Settled, Start, Stop, Watch};
 use rigless::image::Image;
 use rigless::session::Session;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
 use devices::{GyroOutput, HostLine, Slave};
+use flash::{Array, SharedArray};
 use microcontroller::{MotorPins, Wired};
+use parts::{Adis16505, Adxl355, As5048a};
+use witness::{Ledger, Witness};
 
 /// Where the settings are in the flash.
 const SETTINGS: u64 = 0x0800_4000;
@@ -45,8 +53,16 @@ pub struct Setup<'a> {
     pub image: &'a Path,
     /// What the flash's sectors for settings hold; the rest of them is erased.
     pub settings: &'a [u8],
-    /// Whether the board has its crystal of 8 MHz.
-    pub crystal: bool,
+    /// The board's crystal, MHz; 0: it has none that starts.
+    pub crystal_mhz: u64,
+    /// From when on accelerometer, encoder and block are there, ns after power-up.
+    pub parts_from_ns: [u64; 3],
+    /// The encoder's magnet is weak: its diagnostics say so, and its angle is valid nevertheless.
+    pub weak_magnet: bool,
+    /// An error flag of the block that is raised at this time, ns after power-up, and stays until it is read.
+    pub block_flag: Option<(u64, u16)>,
+    /// So many bytes are programmed until power fails; erasing a sector counts for 64.
+    pub power_fails_after: Option<u64>,
     /// At the end of this tick the 2.5 ms timer stops by itself: an interrupt that comes no more.
     pub timer_stops: Option<u64>,
     /// At the ends of these ticks the timer does not interrupt: nobody sees them.
@@ -63,7 +79,11 @@ impl<'a> Setup<'a> {
         Self {
             image,
             settings: &[],
-            crystal: true,
+            crystal_mhz: 8,
+            parts_from_ns: [0; 3],
+            weak_magnet: false,
+            block_flag: None,
+            power_fails_after: None,
             timer_stops: None,
             unseen_ticks: 0..0,
             bad_word: None,
@@ -92,6 +112,14 @@ pub struct Ran<L> {
     pub step_window_ns: [u64; 2],
     /// The brown-out level in the option bytes at the run's end.
     pub brown_out_level: u8,
+    /// What the sectors for settings hold at the run's end.
+    pub settings: Vec<u8>,
+    /// From power-up to the first tick, ns.
+    pub start_ns: u64,
+    /// Whether the watchdog stands still while a debugger halts the core.
+    pub watchdog_frozen_in_debug: bool,
+    /// What a data sheet of a part, or of the chip's flash, does not allow. The first of these ends the run.
+    pub violations: Vec<String>,
     /// Instructions of the whole run, those that wait for the sensors' buses among them.
     pub instructions: u64,
     /// What the reference manual forbids, and registers that the emulator does not have, each once.
@@ -116,11 +144,16 @@ fn not_started(error: impl fmt::Display) -> NotStarted {
 
 /// Powers the chip up in a world, and runs until the line says otherwise.
 pub fn run<L: Line>(setup: &Setup<'_>, world: &World, line: L) -> Result<Ran<L>, NotStarted> {
-    let mut board = Wired::new(setup.crystal, setup.damaged_per_million).map_err(not_started)?;
+    let ledger = Ledger::default();
+    let array = Array::new(setup.settings, setup.power_fails_after, ledger.over().clone(), ledger.clone());
+    let array = Arc::new(Mutex::new(array));
+    let mut board =
+        Wired::new(setup.crystal_mhz * 1_000_000, setup.damaged_per_million, array.clone()).map_err(not_started)?;
+    let [accelerometer, encoder, block] = setup.parts_from_ns;
     board.attach(
-        Slave::new(world.accelerometer()),
-        Slave::new(world.encoder()),
-        Slave::new(world.block()),
+        Slave::new(world.accelerometer(), Adxl355::default(), accelerometer, &ledger),
+        Slave::new(world.encoder(), As5048a::new(setup.weak_magnet), encoder, &ledger),
+        Slave::new(world.block(), Adis16505::new(setup.block_flag), block, &ledger),
         GyroOutput(world.gyro()),
     );
     let mut images = vec![Image::read(setup.image, None).map_err(not_started)?];
@@ -132,8 +165,10 @@ pub fn run<L: Line>(setup: &Setup<'_>, world: &World, line: L) -> Result<Ran<L>,
     if let Some(address) = setup.bad_word {
         session.watch(Watch::Writes { address: address.into(), length: 4 });
     }
-    let surroundings = Surroundings::new(world, line, setup);
-    let finished = emulator::run(session, &Start::new(&images), surroundings).map_err(not_started)?;
+    let surroundings = Surroundings::new(world, line, setup, array.clone(), &ledger);
+    let mut start = Start::new(&images);
+    start.interrupt = Some(ledger.over());
+    let finished = emulator::run(session, &start, surroundings).map_err(not_started)?;
     let Finished { mut session, driver, stop, .. } = finished;
     if driver.looked > PATIENCE {
         return Err(NotStarted(format!("the 2.5 ms timer does not run {PATIENCE} ns after a reset")));
@@ -141,7 +176,9 @@ pub fn run<L: Line>(setup: &Setup<'_>, world: &World, line: L) -> Result<Ran<L>,
     let told = session.told().map(|told| format!("{told:x?}"));
     let unmapped = session.unmapped().into_iter().map(|unmapped| format!("{unmapped:x?}"));
     let refused = session.refused().iter().map(|refused| format!("{refused:x?}"));
-    let unimplemented = session.unimplemented().iter().map(|unimplemented| format!("{unimplemented:x?}"));
+    let unimplemented =
+        session.unimplemented().iter().filter(|(address, _)| !microcontroller::TIMER_11.contains(*address));
+    let unimplemented = unimplemented.map(|unimplemented| format!("{unimplemented:x?}"));
     let complaints = told.chain(unmapped).chain(refused).chain(unimplemented).collect();
     Ok(Ran {
         resets: session.resets().iter().map(|reset| format!("{:?}", reset.cause)).collect(),
@@ -149,6 +186,10 @@ pub fn run<L: Line>(setup: &Setup<'_>, world: &World, line: L) -> Result<Ran<L>,
         steps: driver.steps,
         step_window_ns: driver.step_window_ns,
         brown_out_level: session.board_mut().brown_out_level(),
+        settings: array.lock().expect("one thread").settings().to_vec(),
+        start_ns: driver.start_ns,
+        watchdog_frozen_in_debug: stop.is_some_and(|stop| session.board_mut().watchdog_is_frozen_in_debug(stop.at)),
+        violations: ledger.violations(),
         instructions: stop.map_or(0, |stop| stop.instruction_count),
         complaints,
         line: driver.line,
@@ -174,10 +215,15 @@ struct Surroundings<L> {
     step_window_ns: [u64; 2],
     timer_stops: Option<u64>,
     unseen_ticks: Range<u64>,
+    start_ns: u64,
+    /// How often the chip was reset.
+    resets: usize,
+    array: SharedArray,
+    witness: Witness,
 }
 
 impl<L: Line> Surroundings<L> {
-    fn new(world: &World, line: L, setup: &Setup<'_>) -> Self {
+    fn new(world: &World, line: L, setup: &Setup<'_>, array: SharedArray, ledger: &Ledger) -> Self {
         let (step, direction, enable) = (world.step_pin(), world.dir_pin(), world.enable_pin());
         let levels = MotorPins::default();
         let world = world.clone();
@@ -196,6 +242,10 @@ impl<L: Line> Surroundings<L> {
             step_window_ns: [SLOT, 0],
             timer_stops: setup.timer_stops,
             unseen_ticks: setup.unseen_ticks.clone(),
+            start_ns: 0,
+            resets: 0,
+            array,
+            witness: Witness::new(ledger.clone()),
         }
     }
 
@@ -204,6 +254,17 @@ impl<L: Line> Surroundings<L> {
         while self.slots < slots {
             self.world.advance_slot();
             self.slots += 1;
+        }
+    }
+
+    /// A chip that was reset has no timer that runs, and its pins float.
+    fn look_for_resets(&mut self, session: &Session<Wired>) {
+        if session.resets().len() != self.resets {
+            self.resets = session.resets().len();
+            self.began = None;
+            self.drive(MotorPins::default());
+            self.witness.reset();
+            self.array.lock().expect("one thread").reset();
         }
     }
 
@@ -235,11 +296,17 @@ fn opposite(level: Level) -> Level {
 
 impl<L: Line> Driver<Wired> for Surroundings<L> {
     fn on_settled(&mut self, session: &mut Session<Wired>, host: &mut dyn Host, settled: Settled) {
+        self.look_for_resets(session);
         match settled {
+            Settled::Access { access, .. } if microcontroller::TIMER_11.contains(&access.address) => {
+                session.board_mut().measure_crystal(&access);
+            }
             Settled::Access { access, .. } if access.kind == AccessKind::Write => {
                 let at = access.virtual_time.0;
+                self.witness.access(session.board_mut().mcu_mut(), &access);
                 if microcontroller::starts_timer(access.address, access.value) && self.began.is_none() {
                     (self.began, self.slots, self.looked) = (Some(at), 0, 0);
+                    self.start_ns = if self.start_ns == 0 { at } else { self.start_ns };
                 }
                 if microcontroller::is_of_motor_port(access.address) {
                     let levels = session.board_mut().motor_pins();
@@ -250,14 +317,11 @@ impl<L: Line> Driver<Wired> for Surroundings<L> {
                         self.step_window_ns = [first.min(passed % SLOT), last.max(passed % SLOT)];
                         self.steps += 1;
                     }
+                    self.witness.motor(levels, access.virtual_time);
                     self.drive(levels);
                 }
             }
-            Settled::Stop(stop) => {
-                if stop.reason == StopReason::Reset {
-                    self.began = None;
-                    self.drive(MotorPins::default());
-                }
+            Settled::Stop(_) => {
                 session.board_mut().hold_absent_crystal();
             }
             Settled::Hit(hit) => {
@@ -269,11 +333,14 @@ impl<L: Line> Driver<Wired> for Surroundings<L> {
     }
 
     fn on_stop(&mut self, session: &mut Session<Wired>, stop: Stop, _host: &mut dyn Host) -> Option<VirtualNanos> {
+        self.look_for_resets(session);
         let Some(began) = self.began else {
             self.looked += LOOK;
             return (self.looked <= PATIENCE).then_some(VirtualNanos(stop.at.0 + LOOK));
         };
         let passed = (stop.at.0 - began) / SLOT;
+        self.array.lock().expect("one thread").look(stop.at.0);
+        self.witness.look(session.board_mut().mcu_mut(), stop.at);
         self.go_on(passed.min(SLOTS_PER_TICK));
         if passed < SLOTS_PER_TICK {
             return Some(VirtualNanos(began + (passed + 1) * SLOT));

@@ -1,28 +1,33 @@
 //! The microcontroller and how it is wired: the pins of `src/board/f405.rs`.
 
 use std::num::{NonZeroU32, NonZeroU64};
+use std::sync::Arc;
 
 use hal_sim::{AccelerometerSpi, BlockSpi, EncoderSpi};
 use rigless::chip::uart::Rate;
 use rigless::cpu;
 use rigless::device::Level;
+use rigless::emulator::{Access, AccessKind, Processor};
 use rigless::machine::{Board, Crystal, Target, armv7m};
 use rigless::mcu::{Mcu, Operate};
 use rigless::snapshot::Store;
 use rigless::soc::Error;
 use rigless::soc::Width;
 use rigless::soc::stm32f427::Stm32f427;
-use rigless::soc::stm32f427::generated::{flash, rcc};
+use rigless::soc::stm32f427::generated::{flash, rcc, tim11};
 use rigless::soc::stm32f427::peripherals::gpio::{Gpio, Pin};
+use rigless::soc::stm32f427::peripherals::rcc::Apb;
 use rigless::soc::stm32f427::peripherals::spi::Select;
 use rigless::soc::stm32f427::peripherals::tim::Channel;
 use rigless::time::VirtualNanos;
 
+use crate::core::Core;
 use crate::devices::{GyroOutput, HostLine, Slave};
+use crate::flash::SharedArray;
+use crate::parts::{Adis16505, Adxl355, As5048a};
 
 const NAME: &str = "stm32f405";
 const SYSTEM_HZ: NonZeroU64 = NonZeroU64::new(168_000_000).expect("a clock");
-const CRYSTAL_HZ: u64 = 8_000_000;
 const SUPPLY_MV: u32 = 3300;
 /// Ports, buses and lines by their place in the emulator's lists.
 const PORT_A: usize = 0;
@@ -43,6 +48,18 @@ const TIM2_DIER: u64 = 0x4000_000C;
 const AT_UPDATE: u64 = 1;
 /// The registers of port C.
 const PORT_C_REGISTERS: std::ops::Range<u64> = 0x4002_0800..0x4002_0C00;
+
+/// The registers of timer 11, which the emulator stores and does not act on, and the one that is read at a capture.
+pub const TIMER_11: std::ops::Range<u64> = 0x4001_4800..0x4001_4C00;
+const TIM11_CR1: u64 = 0x4001_4800;
+const TIM11_CCR1: u64 = 0x4001_4834;
+/// Its input from the crystal, which it captures at every eighth edge (RM0090, 19.5.11, 19.4.5).
+const FROM_CRYSTAL: u64 = 0b10;
+const EVERY_EIGHTH: u64 = 0b1101;
+const CAPTURED: u64 = 1 << 1;
+/// Of the debug unit: what stands still while a debugger halts the core, the independent watchdog among it (RM0090, 38.16.4).
+const DEBUG_FREEZE: u64 = 0xE004_2008;
+const WATCHDOG_FROZEN: u64 = 1 << 12;
 
 /// Whether what is written there starts the 2.5 ms timer.
 pub fn starts_timer(address: u64, value: u64) -> bool {
@@ -72,34 +89,86 @@ impl Default for MotorPins {
 #[derive(Debug)]
 pub struct Wired {
     mcu: Stm32f427,
-    crystal: bool,
+    crystal_hz: u64,
+    measured: Measured,
+    array: SharedArray,
+}
+
+/// Timer 11 at the crystal: when it was started, and the edges that were captured and read.
+#[derive(Debug, Default)]
+struct Measured {
+    started_ns: u64,
+    read: u64,
 }
 
 impl Wired {
-    pub fn new(crystal: bool, damaged_per_million: u32) -> Result<Self, Error> {
+    pub fn new(crystal_hz: u64, damaged_per_million: u32, array: SharedArray) -> Result<Self, Error> {
         let mut mcu = Stm32f427::new()?;
-        mcu.rcc.attach_crystals(CRYSTAL_HZ, Crystal::NONE.0);
+        mcu.rcc.attach_crystals(crystal_hz, Crystal::NONE.0);
         mcu.set_supply(SUPPLY_MV);
         let errors = mcu.usart[USART1].errors_mut();
         errors.noise = Rate { name: "noise", per_million: damaged_per_million };
         errors.framing = Rate { name: "framing", per_million: damaged_per_million };
-        Ok(Self { mcu, crystal })
+        Ok(Self { mcu, crystal_hz, measured: Measured::default(), array })
     }
 
     /// The emulator's oscillator gets ready without a crystal, too: where there is none, its flag is taken back as soon as it rises.
     pub fn hold_absent_crystal(&mut self) {
-        if !self.crystal {
+        if self.crystal_hz == 0 {
             let (_, registers) = self.mcu.clocks();
             let control = registers.get(rcc::Register::Cr);
             registers.set(rcc::Register::Cr, rcc::cr::HSERDY.set(control, 0));
         }
     }
 
+    /// Timer 11 captures the crystal's edges: what the emulator lacks.
+    pub fn measure_crystal(&mut self, access: &Access) {
+        let at_ns = access.virtual_time.0;
+        match (access.kind, access.address) {
+            (AccessKind::Write, TIM11_CR1) => self.measured = Measured { started_ns: at_ns, read: 0 },
+            (AccessKind::Read, TIM11_CCR1) => self.measured.read = self.edges(at_ns).0,
+            _ => {}
+        }
+        let (edges, cycles) = self.edges(at_ns);
+        let slot = self.mcu.bus().slot_of("TIM11").expect("a timer of the part");
+        let registers = self.mcu.bus_mut().slot_mut(slot).registers_mut();
+        registers.set(tim11::Register::Sr, if edges > self.measured.read { CAPTURED } else { 0 });
+        registers.set(tim11::Register::Ccr1, cycles & 0xFFFF);
+    }
+
+    /// How many edges have been captured since the timer was started, and its cycles at the last of them.
+    fn edges(&mut self, at_ns: u64) -> (u64, u64) {
+        let (clocks, registers) = self.mcu.clocks();
+        let timer_hz = clocks.timer_clock(registers, Apb::Two);
+        let divider = rcc::cfgr::RTCPRE.get(registers.get(rcc::Register::Cfgr));
+        let slot = self.mcu.bus().slot_of("TIM11").expect("a timer of the part");
+        let registers = self.mcu.bus_mut().slot_mut(slot).registers_mut();
+        let set_up = registers.get(tim11::Register::Or) == FROM_CRYSTAL
+            && registers.get(tim11::Register::Ccmr1Input) == EVERY_EIGHTH
+            && registers.get(tim11::Register::Cr1) == 1
+            && registers.get(tim11::Register::Ccer) == 1;
+        if !set_up || divider < 2 || self.crystal_hz == 0 {
+            return (0, 0);
+        }
+        let edges = (at_ns - self.measured.started_ns) * self.crystal_hz / (8 * divider * 1_000_000_000);
+        (edges, edges * 8 * divider * timer_hz / self.crystal_hz)
+    }
+
+    /// The microcontroller, for who looks at its registers.
+    pub fn mcu_mut(&mut self) -> &mut Stm32f427 {
+        &mut self.mcu
+    }
+
+    /// Whether the watchdog stands still while a debugger halts the core.
+    pub fn watchdog_is_frozen_in_debug(&mut self, at: VirtualNanos) -> bool {
+        self.mcu.peek(at, DEBUG_FREEZE, Width::W32).is_ok_and(|frozen| frozen & WATCHDOG_FROZEN != 0)
+    }
+
     pub fn attach(
         &mut self,
-        accelerometer: Slave<AccelerometerSpi>,
-        encoder: Slave<EncoderSpi>,
-        block: Slave<BlockSpi>,
+        accelerometer: Slave<AccelerometerSpi, Adxl355>,
+        encoder: Slave<EncoderSpi, As5048a>,
+        block: Slave<BlockSpi, Adis16505>,
         gyro: GyroOutput,
     ) {
         let [on_bus_1, on_bus_2, on_bus_3] = [("GPIOA", 4), ("GPIOB", 12), ("GPIOA", 15)].map(selected_by);
@@ -190,7 +259,11 @@ impl Board for Wired {
             boot: "flash",
         };
         let windows = cpu::armv7m::windows(Mcu::bus(&self.mcu));
-        let core = core.spec_with_parts(&windows, armv7m::Fpu::FpV4Sp, armv7m::MpuRegions::Eight);
+        let mut core = core.spec_with_parts(&windows, armv7m::Fpu::FpV4Sp, armv7m::MpuRegions::Eight);
+        let (make, array) = (core.processor.clone(), self.array.clone());
+        core.processor = Arc::new(move |order| {
+            make(order).map(|processor| -> Box<dyn Processor> { Box::new(Core::new(processor, array.clone())) })
+        });
         vec![Target::new(NAME, &mut self.mcu, core)]
     }
 }

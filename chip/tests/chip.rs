@@ -1,25 +1,28 @@
 //! The image on the emulated chip, against the instrument in this process: the same gyro, sensors, motor and requests, and every event the
 //! same, bit for bit.
 
+use std::env;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use hal_sim::{Scenario, World};
-use north_chip::{Line, Ran, Setup, image, run};
+use north_chip::image::{self, Sectors};
+use north_chip::{Line, Ran, Setup, run};
 use north_finder::event::restart::{Cause, Crash, Provocation};
 use north_finder::event::{Event, Report, State};
 use north_finder::health::{Counters, Fault, Finding, Item, Refusal, TestVerdict};
 use north_finder::link::{Ask, ReportDecoder, Request};
 use north_finder::sequence::Command;
 use north_finder::sequence::order::Order;
+use north_finder::settings::Settings;
 use north_finder::settings::pieces::Outgoing;
-use north_finder::settings::{Settings, store};
+use north_finder::settings::store::{self, Loaded};
 use simulated::{RequestLine, Wired};
 
-/// The image, built once.
+/// The image, built once; or the one that the environment names.
 fn image() -> &'static Path {
     static IMAGE: OnceLock<PathBuf> = OnceLock::new();
-    IMAGE.get_or_init(|| image::build().unwrap())
+    IMAGE.get_or_init(|| env::var_os("NORTH_CHIP_IMAGE").map_or_else(|| image::build().unwrap(), PathBuf::from))
 }
 
 /// A request at the end of a tick.
@@ -84,6 +87,7 @@ fn calm() -> World {
 fn on(setup: &Setup<'_>, world: &World, host: Host) -> Ran<Host> {
     let ran = run(setup, world, host).unwrap();
     assert!(ran.complaints.is_empty(), "{:#?}", ran.complaints);
+    assert!(ran.violations.is_empty(), "{:#?}", ran.violations);
     ran
 }
 
@@ -170,6 +174,18 @@ fn the_self_test_passes() {
     assert_eq!(first.collect::<Vec<_>>(), [Item::Block, Item::Response, Item::Drive]);
     let second = told.iter().filter(|found| found.verdict != TestVerdict::Passed).map(|found| found.item);
     assert_eq!(second.collect::<Vec<_>>(), [Item::Block], "{told:?}");
+}
+
+/// Seven seconds in which all that is wired is used: nothing is done that a data sheet does not allow, nothing that the reference manual
+/// forbids, and every event is that of the host process.
+#[test]
+fn the_wires_are_as_the_parts_want_them() {
+    let mut settings = settings_of("carried");
+    settings.level.seconds = 1;
+    settings.sequence.order = Order::Adaptive { accuracy_deg: 0.5 };
+    let ran = both("carried", Some(&settings), 2800, &[(40, START)]);
+    assert_eq!((ran.pulse_periods_ns, ran.brown_out_level), (PULSES, 3));
+    assert!(ran.watchdog_frozen_in_debug && ran.steps > 100, "{} steps", ran.steps);
 }
 
 /// The block's burst takes 0.42 ms of its bus, longer than an eighth of a tick: no step of the motor waits for it.
@@ -292,16 +308,26 @@ fn verdict(setup: &Setup<'_>, item: Item) -> (TestVerdict, Ran<Host>) {
     (found.expect("an item of the self-test"), ran)
 }
 
-/// The crystal does not start: the chip runs from its own oscillator, and the self-test says so.
+/// With the crystals that boards have it runs from them; with none that starts, or one of another frequency, from its own oscillator, and
+/// its first reports say so: all within a second.
 #[test]
-fn without_a_crystal_the_internal_oscillator_is_used_and_told() {
-    let clock = |crystal| {
-        let (verdict, ran) = verdict(&Setup { crystal, ..Setup::new(image()) }, Item::Clock);
+fn the_crystal_is_measured_before_it_is_used() {
+    for (crystal_mhz, known) in [(8, true), (12, true), (16, true), (25, true), (0, false), (20, false)] {
+        let (verdict, ran) = verdict(&Setup { crystal_mhz, ..Setup::new(image()) }, Item::Clock);
         let seconds = ran.line.reports.iter().filter(|report| matches!(report.event, Event::Second(_))).count();
-        assert_eq!((seconds, ran.pulse_periods_ns), (3, PULSES));
-        verdict
-    };
-    assert_eq!([clock(true), clock(false)], [TestVerdict::Passed, TestVerdict::Failed]);
+        assert_eq!((seconds, ran.pulse_periods_ns), (3, PULSES), "{crystal_mhz} MHz");
+        assert_eq!(verdict == TestVerdict::Passed, known, "{crystal_mhz} MHz");
+        let told_s = ran.line.reports.iter().find_map(|report| match &report.event {
+            Event::SelfTest(Finding { item: Item::Clock, .. }) => Some(report.t_s),
+            _ => None,
+        });
+        let started_s = ran.start_ns as f64 * 1e-9;
+        assert!(
+            started_s < 0.9 && (known || told_s.is_some_and(|told_s| started_s + told_s < 1.0)),
+            "{crystal_mhz} MHz"
+        );
+        assert!(ran.watchdog_frozen_in_debug);
+    }
 }
 
 /// A bit that is always 0, of a word that nothing uses: beyond the variables.
@@ -311,17 +337,131 @@ fn bad_memory_is_told() {
     assert_eq!([memory(None), memory(Some(0x2001_F000))], [TestVerdict::Passed, TestVerdict::Failed]);
 }
 
-/// The emulator knows the flash controller's rules, but keeps nothing of what is programmed: no rule is broken, and the instrument says that
-/// its settings are not stored.
+/// Settings in pieces, from tick 40 on.
+fn storing(settings: &Settings) -> Vec<At> {
+    (40..).step_by(8).zip(Outgoing::new(settings).unwrap().map(Ask::WriteSettings)).collect()
+}
+
+/// What these sectors say that the settings are.
+fn loaded(sectors: &[u8]) -> Option<Settings> {
+    match store::load(&mut Sectors(sectors.to_vec())) {
+        Ok(Loaded::Valid(settings)) => Some(settings),
+        _ => None,
+    }
+}
+
+/// What the controller's registers make of it is what was to be stored: it is read back, and loaded at the next start.
 #[test]
-fn storing_settings_breaks_no_rule_of_the_flash_controller() {
-    let pieces = Outgoing::new(&settings_of("calm-bench")).unwrap();
-    let asks: Vec<At> = (40..).step_by(8).zip(pieces.map(Ask::WriteSettings)).collect();
+fn settings_are_stored() {
+    let settings = settings_of("calm-bench");
+    let asks = storing(&settings);
     let ran = on_chip(&calm(), &[], 600, &asks);
     let answers = ran.line.reports.iter().filter_map(|report| match &report.event {
         Event::Answer { refusal, .. } => Some(*refusal),
         _ => None,
     });
     let answers: Vec<Option<Refusal>> = answers.collect();
-    assert_eq!((answers.len(), answers.last()), (asks.len(), Some(&Some(Refusal::NotStored))));
+    assert_eq!((answers.len(), answers.last()), (asks.len(), Some(&None)));
+    assert_eq!(loaded(&ran.settings), Some(settings));
+}
+
+/// Power fails at any byte of storing other settings: afterwards the chip has the ones or the others.
+#[test]
+fn power_that_fails_while_settings_are_stored_loses_none() {
+    let before = settings_of("calm-bench");
+    let after = Settings { time_limit_s: before.time_limit_s + 100.0, ..before.clone() };
+    let stored = image::stored(&before).unwrap();
+    let asks = storing(&after);
+    let mut seen = [0; 2];
+    for bytes in (0..).step_by(199) {
+        let setup = Setup { settings: &stored, power_fails_after: Some(bytes), ..Setup::new(image()) };
+        let ran = on(&setup, &calm(), Host::new(600, &asks));
+        let found = loaded(&ran.settings);
+        assert!(found.as_ref() == Some(&before) || found.as_ref() == Some(&after), "after {bytes} bytes: {found:?}");
+        seen[usize::from(found.as_ref() == Some(&after))] += 1;
+        if seen[1] > 0 {
+            break;
+        }
+    }
+    assert!(seen[0] > 2, "{seen:?}");
+}
+
+/// The sectors with as many records as they take, and what they hold after the other one was erased.
+fn full() -> [Vec<u8>; 2] {
+    let mut sectors = Sectors::default();
+    loop {
+        store::save(&mut sectors, &settings_of("calm-bench")).unwrap();
+        let mut prepared = sectors.clone();
+        store::prepare(&mut prepared).unwrap();
+        if prepared != sectors {
+            return [sectors.0, prepared.0];
+        }
+    }
+}
+
+/// Where the sector in use is full the other one is erased, before the first tick; power that fails meanwhile costs nothing.
+#[test]
+fn a_full_sector_is_followed_by_an_erased_one() {
+    let [before, after] = full();
+    let settings = Some(settings_of("calm-bench"));
+    let ran = on_chip(&calm(), &before, 20, &[]);
+    assert!(ran.settings == after && loaded(&ran.settings) == settings);
+    let cut = Setup { settings: &before, power_fails_after: Some(10), ..Setup::new(image()) };
+    let ran = on(&cut, &calm(), Host::new(20, &[]));
+    assert!(ran.settings != after && loaded(&ran.settings) == settings);
+}
+
+/// A part that is not there, or that comes two seconds late, costs its own readings and nothing else; it is heard as soon as it is there.
+#[test]
+fn parts_that_are_absent_or_late_are_waited_for() {
+    let readings = |parts_from_ns: [u64; 3]| {
+        let settings = image::stored(&settings_of("carried")).unwrap();
+        let setup = Setup { settings: &settings, parts_from_ns, ..Setup::new(image()) };
+        let world = World::new(&Scenario::named("carried").unwrap(), 1);
+        let ran = on(&setup, &world, Host::new(2300, &[]));
+        assert!(ran.resets.is_empty());
+        // The last of five seconds.
+        let last = ran.line.reports.iter().rev().find_map(|report| match &report.event {
+            Event::Second(second) => {
+                Some([second.level.is_some(), second.index_deg.is_some(), second.block_temp_c.is_some()])
+            }
+            _ => None,
+        });
+        last.expect("a second")
+    };
+    const NEVER: u64 = u64::MAX;
+    const LATE: u64 = 2_000_000_000;
+    assert_eq!(readings([0; 3]), [true; 3]);
+    assert_eq!(readings([LATE; 3]), [true; 3]);
+    assert_eq!(readings([NEVER, 0, 0]), [false, true, true]);
+    assert_eq!(readings([0, NEVER, 0]), [true, false, true]);
+    assert_eq!(readings([0, 0, NEVER]), [true, true, false]);
+}
+
+/// An error flag of the block stays until it is read: it costs a few samples, and no more.
+#[test]
+fn an_error_flag_of_the_block_costs_a_few_samples() {
+    let settings = image::stored(&settings_of("carried")).unwrap();
+    let setup = Setup { settings: &settings, block_flag: Some((2_000_000_000, 1 << 3)), ..Setup::new(image()) };
+    let world = World::new(&Scenario::named("carried").unwrap(), 1);
+    let ran = on(&setup, &world, Host::new(2300, &[]));
+    let found = ran.line.reports.iter().find_map(|report| match &report.event {
+        Event::SelfTest(finding) if finding.item == Item::Block => Some(*finding),
+        _ => None,
+    });
+    let found = found.expect("an item of the self-test");
+    assert_eq!(found.verdict, TestVerdict::Passed, "{found:?}");
+    assert!(found.measured < 100.0, "the flag was raised within the test: {found:?}");
+    let last = ran.line.reports.iter().rev().find_map(|report| match &report.event {
+        Event::Second(second) => Some(second.block_temp_c),
+        _ => None,
+    });
+    assert!(last.flatten().is_some());
+}
+
+/// The encoder says that its magnet is weak: its angle is valid nevertheless.
+#[test]
+fn a_weak_magnet_leaves_the_angle_valid() {
+    let weak_magnet = Setup { weak_magnet: true, ..Setup::new(image()) };
+    assert_eq!(verdict(&weak_magnet, Item::Encoder).0, TestVerdict::Passed);
 }

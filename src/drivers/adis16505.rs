@@ -10,6 +10,7 @@ use embedded_hal::spi::{Operation, SpiDevice};
 
 use crate::units::RAD_PER_DEG;
 
+const DIAG_STAT: u8 = 0x02;
 const RANG_MDL: u8 = 0x5E;
 const MSC_CTRL: u8 = 0x60;
 const UP_SCALE: u8 = 0x62;
@@ -20,8 +21,8 @@ const PROD_ID: u8 = 0x72;
 /// 16505 in decimal.
 const IDENTITY: u16 = 0x4079;
 /// Bursts of 32 bits (9) of increments (8), compensation of the gyros for acceleration (7) and of the accelerometers for their
-/// places (6) as after reset, the board's pulse scaled up (3), data-ready active high (0).
-const INCREMENTS_IN_STEP: u16 = 0x03C9;
+/// places (6) as after reset, the board's pulse scaled up (3), sampled at its rising edge (1), data-ready active high (0).
+const INCREMENTS_IN_STEP: u16 = 0x03CB;
 /// 20 internal samples to a pulse, and 20 of them to a sample.
 const INTERNAL_SAMPLES: u16 = 20;
 
@@ -38,11 +39,23 @@ const FULL_SCALE: f64 = 2_147_483_648.0;
 #[derive(Debug)]
 pub struct Adis16505<SPI> {
     spi: SPI,
-    /// Known once it is configured.
-    range: Option<Range>,
+    state: State,
     /// Number of the last sample.
     last: Option<u16>,
 }
+
+/// How far the part is set up.
+#[derive(Clone, Copy, Debug)]
+enum State {
+    Unknown,
+    /// Its registers are written. It takes up to 0.2 ms until they can be read back: that is left to the next turn.
+    Written(Range),
+    Ready(Range),
+}
+
+/// What it is set to, register by register.
+const SETTINGS: [(u8, u16); 3] =
+    [(UP_SCALE, INTERNAL_SAMPLES), (DEC_RATE, INTERNAL_SAMPLES - 1), (MSC_CTRL, INCREMENTS_IN_STEP)];
 
 /// Models by the range of their gyros.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -127,25 +140,33 @@ pub enum Error<E> {
 impl<SPI: SpiDevice> Adis16505<SPI> {
     /// Touches no bus: a part that is still starting gets its time.
     pub fn new(spi: SPI) -> Self {
-        Self { spi, range: None, last: None }
+        Self { spi, state: State::Unknown, last: None }
     }
 
-    /// The newest sample. The first call, and the one after an error, configures the part and has none to give.
+    /// The newest sample. The first two calls, and those after an error, set the part up and have none to give.
     ///
-    /// Errors: as [`Error`]; the part is configured anew with the next call, for it may have lost its supply, but for a sample that is not new.
+    /// Errors: as [`Error`]; the part is set up anew with the next call, for it may have lost its supply, but for a sample that is not new.
     pub fn increments(&mut self) -> Result<Option<Increments>, Error<SPI::Error>> {
-        let Some(range) = self.range else {
-            self.range = Some(self.configure()?);
-            return Ok(None);
+        let result = match self.state {
+            State::Unknown => self.configure().map(|range| (State::Written(range), None)),
+            State::Written(range) => self.check().map(|()| (State::Ready(range), None)),
+            State::Ready(range) => self.sample(range).map(|sample| (State::Ready(range), Some(sample))),
         };
-        let result = self.sample(range);
-        if !matches!(result, Ok(_) | Err(Error::NotNew)) {
-            (self.range, self.last) = (None, None);
+        match result {
+            Ok((state, sample)) => {
+                self.state = state;
+                Ok(sample)
+            }
+            Err(error) => {
+                if !matches!(error, Error::NotNew) {
+                    (self.state, self.last) = (State::Unknown, None);
+                }
+                Err(error)
+            }
         }
-        result.map(Some)
     }
 
-    /// Checks that the part is there and makes it send increments at 100 Hz.
+    /// Finds out whether the part is there and of which model it is, and makes it send increments at 100 Hz.
     fn configure(&mut self) -> Result<Range, Error<SPI::Error>> {
         let found = self.read(PROD_ID)?;
         if found != IDENTITY {
@@ -157,17 +178,23 @@ impl<SPI: SpiDevice> Adis16505<SPI> {
             0x000F => Range::High,
             found => return Err(Error::Range { found }),
         };
-        let settings = [(UP_SCALE, INTERNAL_SAMPLES), (DEC_RATE, INTERNAL_SAMPLES - 1), (MSC_CTRL, INCREMENTS_IN_STEP)];
-        for (register, written) in settings {
-            let [high, low] = written.to_be_bytes();
+        for (register, value) in SETTINGS {
+            let [high, low] = value.to_be_bytes();
             self.frame([0x80 | register, low])?;
             self.frame([0x80 | (register + 1), high])?;
+        }
+        Ok(range)
+    }
+
+    /// Checks that the part is set up. Its error flags stay until they are read: from here on they are those of the samples.
+    fn check(&mut self) -> Result<(), Error<SPI::Error>> {
+        for (register, written) in SETTINGS {
             let read = self.read(register)?;
             if read != written {
                 return Err(Error::Configuration { register, written, read });
             }
         }
-        Ok(range)
+        self.read(DIAG_STAT).map(|_| ())
     }
 
     fn sample(&mut self, range: Range) -> Result<Increments, Error<SPI::Error>> {
@@ -224,7 +251,7 @@ mod tests {
     extern crate std;
     use std::vec::Vec;
 
-    /// The frames that find the model for ±500 °/s and configure it: by hand from the data sheet.
+    /// The frames that find the model for ±500 °/s and set it up, in the second turn check it: by hand from the data sheet.
     fn configuration() -> Vec<Exchange> {
         let frames = [
             ([0x72, 0x00], [0, 0]),
@@ -233,19 +260,24 @@ mod tests {
             ([0x00, 0x00], [0x00, 0x07]),
             ([0xE2, 0x14], [0, 0]),
             ([0xE3, 0x00], [0, 0]),
-            ([0x62, 0x00], [0, 0]),
-            ([0x00, 0x00], [0x00, 0x14]),
             ([0xE4, 0x13], [0, 0]),
             ([0xE5, 0x00], [0, 0]),
+            ([0xE0, 0xCB], [0, 0]),
+            ([0xE1, 0x03], [0, 0]),
+            ([0x62, 0x00], [0, 0]),
+            ([0x00, 0x00], [0x00, 0x14]),
             ([0x64, 0x00], [0, 0]),
             ([0x00, 0x00], [0x00, 0x13]),
-            ([0xE0, 0xC9], [0, 0]),
-            ([0xE1, 0x03], [0, 0]),
             ([0x60, 0x00], [0, 0]),
-            ([0x00, 0x00], [0x03, 0xC9]),
+            ([0x00, 0x00], [0x03, 0xCB]),
+            ([0x02, 0x00], [0, 0]),
+            ([0x00, 0x00], [0x00, 0x80]),
         ];
         frames.into_iter().map(|(mosi, miso)| Exchange::new(mosi, miso)).collect()
     }
+
+    /// Calls until it is set up.
+    const SETTING_UP: usize = 2;
 
     /// A burst with these words of status, angles and velocities, a temperature of 0x00FA and this number.
     fn burst(status: u16, words: [u16; 12], number: u16) -> Exchange {
@@ -261,19 +293,21 @@ mod tests {
     fn read(
         bursts: impl IntoIterator<Item = Exchange>,
     ) -> Vec<Result<Option<Increments>, Error<core::convert::Infallible>>> {
-        let exchanges: Vec<Exchange> = configuration().into_iter().chain(bursts).collect();
-        let calls = exchanges.len() - 15;
+        let mut exchanges = configuration();
+        let set_up = exchanges.len();
+        exchanges.extend(bursts);
+        let calls = SETTING_UP + exchanges.len() - set_up;
         let mut part = Adis16505::new(MockSpi::new(exchanges));
-        (0..calls).map(|_| part.increments()).collect()
+        let mut results: Vec<_> = (0..calls).map(|_| part.increments()).collect();
+        assert!(results.drain(..SETTING_UP).all(|result| result == Ok(None)));
+        results
     }
 
     #[test]
     fn increments_by_hand_calculation() {
         // Low word first. 90° of 720° is 2²⁸ = 0x1000_0000; −1 bit is 0xFFFF_FFFF; 0.0980665 m/s of 100 is 2105962 = 0x0020_226A.
         let words = [0, 0x1000, 0xFFFF, 0xFFFF, 0, 0, 0, 0, 0, 0, 0x226A, 0x0020];
-        let results = read([burst(0, words, 7)]);
-        assert_eq!(results[0], Ok(None));
-        let sample = results[1].unwrap().unwrap();
+        let sample = read([burst(0, words, 7)])[0].unwrap().unwrap();
         let (angle_rad, velocity_m_s) = (sample.angle_rad(), sample.velocity_m_s());
         assert!((angle_rad[0] - core::f64::consts::FRAC_PI_2).abs() < 1e-15);
         assert!((angle_rad[1] + 720.0 / 2_147_483_648.0 * core::f64::consts::PI / 180.0).abs() < 1e-24);
@@ -290,22 +324,32 @@ mod tests {
         let missed = |result: &Result<Option<Increments>, _>| result.map(|sample| sample.map(|sample| sample.missed));
         assert_eq!(
             results.iter().map(missed).collect::<Vec<_>>(),
-            [Ok(None), Ok(Some(0)), Ok(Some(0)), Ok(Some(2)), Err(Error::NotNew)]
+            [Ok(Some(0)), Ok(Some(0)), Ok(Some(2)), Err(Error::NotNew)]
         );
     }
 
     #[test]
-    fn what_is_wrong_is_named_and_the_part_configured_anew() {
+    fn what_is_wrong_is_named_and_the_part_set_up_anew() {
         let mut wrong_sum = burst(0, [1; 12], 1);
         wrong_sum.damage();
-        let again = configuration().into_iter().chain([burst(0, [0; 12], 9)]);
-        let exchanges: Vec<Exchange> = configuration().into_iter().chain([wrong_sum]).chain(again).collect();
+        for (wrong, error) in [(wrong_sum, Error::Sum), (burst(0x0020, [0; 12], 1), Error::Status { status: 0x20 })] {
+            let again = configuration().into_iter().chain([burst(0, [0; 12], 9)]);
+            let exchanges: Vec<Exchange> = configuration().into_iter().chain([wrong]).chain(again).collect();
+            let mut part = Adis16505::new(MockSpi::new(exchanges));
+            let results: Vec<_> = (0..6).map(|_| part.increments()).collect();
+            assert_eq!(results[..5], [Ok(None), Ok(None), Err(error), Ok(None), Ok(None)]);
+            assert_eq!(results[5].unwrap().unwrap().missed, 0);
+        }
+    }
+
+    #[test]
+    fn a_register_that_does_not_take_its_value_is_named() {
+        let mut exchanges = configuration();
+        // The lower half of UP_SCALE, read back.
+        exchanges[11].damage();
         let mut part = Adis16505::new(MockSpi::new(exchanges));
         assert_eq!(part.increments(), Ok(None));
-        assert_eq!(part.increments(), Err(Error::Sum));
-        assert_eq!(part.increments(), Ok(None));
-        assert_eq!(part.increments().unwrap().unwrap().missed, 0);
-        assert_eq!(read([burst(0x0020, [0; 12], 1)])[1], Err(Error::Status { status: 0x20 }));
+        assert_eq!(part.increments(), Err(Error::Configuration { register: 0x62, written: 0x14, read: 0x15 }));
     }
 
     #[test]
@@ -320,6 +364,6 @@ mod tests {
         // Stuck low in the middle: the sum of nothing is nothing, but the number does not go on.
         let stuck = Exchange::new([&[0x68][..], &[0; 33]].concat(), [0; 34]);
         let results = read([burst(0, [0; 12], 0), stuck]);
-        assert_eq!(results[2], Err(Error::NotNew));
+        assert_eq!(results[1], Err(Error::NotNew));
     }
 }

@@ -109,6 +109,8 @@ enum Stage {
 #[derive(Clone, Debug)]
 pub struct SelfTest {
     board: Option<BoardFacts>,
+    /// What is told before all else, without waiting for the gyro: a clock that is not the crystal's makes every second wrong.
+    urgent: Option<Finding>,
     format: GyroFormat,
     /// With what is done on request only.
     asked: bool,
@@ -124,6 +126,7 @@ impl SelfTest {
     pub fn at_start() -> Self {
         Self {
             board: None,
+            urgent: None,
             format: GyroFormat::Compact,
             asked: false,
             stage: Stage::Counting,
@@ -136,6 +139,7 @@ impl SelfTest {
     /// What the board found. Without it, in a process, there is none.
     pub fn board_is(&mut self, facts: BoardFacts) {
         self.board = Some(facts);
+        self.urgent = facts.crystal.map(clock).filter(|finding| !finding.passed());
     }
 
     /// Which frames the gyro sends.
@@ -301,6 +305,9 @@ impl SelfTest {
 
     /// The next item, if the test is done. `refusal`: why no fix can be started; `block`: whether there is one.
     pub fn next(&mut self, refusal: Option<Fault>, block: bool) -> Option<Finding> {
+        if let Some(finding) = self.urgent.take() {
+            return Some(finding);
+        }
         let Stage::Telling(place) = &mut self.stage else { return None };
         let item = Item::ALL.get(usize::from(*place)).copied();
         *place += 1;
@@ -314,14 +321,13 @@ impl SelfTest {
         let Counts { gyro, sent, accelerometer, block: block_readings, .. } = self.counts;
         // Codes and counts of what must not be.
         let none = |measured: u32| Finding::judged(item, measured as f32, [0.0, 0.0]);
-        let crystal = |runs: bool| Finding::judged(item, f32::from(u8::from(runs)), [1.0, 1.0]);
         let crash = |cause: Option<Cause>| cause.map_or(0, |cause| u32::from(cause.code()));
         let absent = Finding::untested(item, TestVerdict::Absent);
         match item {
             Item::Settings => none(refusal.map_or(0, |fault| fault.code().into())),
             Item::Memory => self.board.map_or(absent, |board| none(board.wrong_words)),
             Item::Reset => self.board.map_or(absent, |board| none(crash(board.crash))),
-            Item::Clock => self.board.and_then(|board| board.crystal).map_or(absent, crystal),
+            Item::Clock => self.board.and_then(|board| board.crystal).map_or(absent, clock),
             Item::Gyro => gyro.finding(item, VOUCHED),
             Item::GyroRate if gyro.all == 0 => Finding::untested(item, TestVerdict::Unmet),
             Item::GyroRate => {
@@ -336,6 +342,11 @@ impl SelfTest {
             Item::Drive => self.drive,
         }
     }
+}
+
+/// Whether the clock runs from the crystal.
+fn clock(crystal: bool) -> Finding {
+    Finding::judged(Item::Clock, f32::from(u8::from(crystal)), [1.0, 1.0])
 }
 
 /// Of the axes that are off the first, else z.

@@ -62,8 +62,10 @@ impl Flash {
     /// Erases a sector: the settings', or one of a slot that does not run.
     pub(super) fn erase_sector(&mut self, number: u8) -> Result<(), FlashError> {
         self.unlocked(|registers| {
-            // SAFETY: a sector of which nothing is executed.
-            registers.cr().write(|w| unsafe { w.psize().psize32().ser().set_bit().snb().bits(number) });
+            // SAFETY: a sector of which nothing is executed. What is written begins with the value after a reset, which locks; so below.
+            registers
+                .cr()
+                .write(|w| unsafe { w.lock().clear_bit().psize().psize32().ser().set_bit().snb().bits(number) });
             registers.cr().modify(|_, w| w.strt().set_bit());
             done(registers)
         })
@@ -72,7 +74,7 @@ impl Flash {
     /// Writes whole words from this address on, in such a sector.
     pub(super) fn write_words(&mut self, start: u32, bytes: &[u8]) -> Result<(), FlashError> {
         self.unlocked(|registers| {
-            registers.cr().write(|w| w.psize().psize32().pg().set_bit());
+            registers.cr().write(|w| w.lock().clear_bit().psize().psize32().pg().set_bit());
             let words = bytes.as_chunks::<WORD>().0;
             for (at, word) in (start..).step_by(WORD).zip(words) {
                 // SAFETY: a word in a sector of which nothing is executed; the controller is set to write words.

@@ -46,16 +46,10 @@ impl<STREAM: Stream, const N: usize> Reception<STREAM, N> {
         Self { stream, line }
     }
 
-    /// Looks how far the controller is.
+    /// Looks how far the controller is. Its counter alone says so: the flag that it has gone around rises some cycles after the counter has
+    /// begun anew.
     pub fn look(&mut self) {
-        let mut left = self.stream.number_of_transfers();
-        let around = self.stream.is_transfer_complete();
-        if around {
-            self.stream.clear_transfer_complete();
-            // It may have begun anew after the first look.
-            left = self.stream.number_of_transfers();
-        }
-        self.line.ring().come_to(N.saturating_sub(left.into()), around);
+        self.line.ring().come_to(N.saturating_sub(self.stream.number_of_transfers().into()));
     }
 }
 

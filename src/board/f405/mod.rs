@@ -1,4 +1,4 @@
-//! STM32F405RG at 168 MHz from an 8 MHz crystal.
+//! STM32F405RG at 168 MHz from a crystal of 8, 12, 16 or 25 MHz.
 //!
 //! | pin | goes to |
 //! |---|---|
@@ -11,9 +11,10 @@
 //! | PB6 (TIM4 channel 1) | block, sync input: it samples in step with this pulse of 100 Hz |
 //! | PC6, PC7, PC8 | motor driver: step, direction, not-enable |
 //!
-//! The settings are in the flash, sectors 1 and 2: see [`flash`]. Where the crystal does not start, the internal oscillator is used (see
-//! [`clock`]), and the self-test tells it.
+//! The settings are in the flash, sectors 1 and 2: see [`flash`]. Where the crystal does not start or has another frequency, the internal
+//! oscillator is used (see [`clock`]), and the first report tells it.
 
+mod bus;
 mod clock;
 mod flash;
 mod lines;
@@ -21,6 +22,7 @@ mod slots;
 
 use core::convert::Infallible;
 
+use bus::Ending;
 use cortex_m::peripheral::DWT;
 use defmt_rtt as _;
 use embedded_hal::delay::DelayNs;
@@ -59,8 +61,9 @@ pub use model::BOARD;
 const CYCLES_PER_US: u32 = clock::SYSTEM.raw() / 1_000_000;
 /// Within the limits of both parts, and a whole part of both buses' clocks.
 const SPI_CLOCK: Hertz = Hertz::kHz(5_250);
-/// The block takes at most 1.1 MHz in a burst: 656 kHz, so that a sample takes 0.42 ms.
-const BLOCK_CLOCK: Hertz = Hertz::kHz(1_000);
+/// The block takes at most 1.1 MHz in a burst. A 64th of its bus's clock, to the hertz, for the HAL takes the nearest part: a sample takes
+/// 0.42 ms.
+const BLOCK_CLOCK: Hertz = Hertz::Hz(656_250);
 const GYRO_BAUD: u32 = 921_600;
 const HOST_BAUD: u32 = north_finder::link::BAUD;
 const TICK_HZ: u32 = 400;
@@ -97,9 +100,9 @@ pub struct Board {
 }
 
 type Select<PIN> = Held<PIN, SELECT_CYCLES>;
-pub type Accelerometer = ExclusiveDevice<Spi<pac::SPI1>, Select<gpio::PA4<Output>>, NoDelay>;
-pub type Encoder = ExclusiveDevice<Spi<pac::SPI2>, Select<gpio::PB12<Output>>, NoDelay>;
-pub type Block = ExclusiveDevice<Spi<pac::SPI3>, Select<gpio::PA15<Output>>, Cycles>;
+pub type Accelerometer = ExclusiveDevice<Ending<pac::SPI1>, Select<gpio::PA4<Output>>, NoDelay>;
+pub type Encoder = ExclusiveDevice<Ending<pac::SPI2>, Select<gpio::PB12<Output>>, NoDelay>;
+pub type Block = ExclusiveDevice<Ending<pac::SPI3>, Select<gpio::PA15<Output>>, Cycles>;
 pub type Step = Held<gpio::PC6<Output>, STEP_CYCLES>;
 pub type Direction = gpio::PC7<Output>;
 pub type Enable = ActiveLow<gpio::PC8<Output>>;
@@ -109,9 +112,9 @@ pub fn init(device: pac::Peripherals, intake: &'static Intake) -> Board {
     let mut core = unsafe { cortex_m::Peripherals::steal() };
     core.DCB.enable_trace();
     core.DWT.enable_cycle_counter();
-    let (mut rcc, crystal) = clock::start(device.RCC);
+    let (mut rcc, crystal) = clock::start(device.RCC, &device.TIM11);
     if !crystal {
-        defmt::error!("boot: the crystal does not start; the clock is good to 1 % only");
+        defmt::error!("boot: no crystal of 8, 12, 16 or 25 MHz; the clock is good to 1 % only");
     }
     let mut flash = Flash::new(device.FLASH);
     if flash.set_brown_out_level().is_err() {
@@ -150,19 +153,19 @@ pub fn init(device: pac::Peripherals, intake: &'static Intake) -> Board {
         Some(a.pa6.into_alternate::<5>()),
         Some(a.pa7.into_alternate::<5>().speed(Speed::High)),
     );
-    let accelerometer = Spi::new(device.SPI1, bus, MODE_0, SPI_CLOCK, &mut rcc);
+    let accelerometer = Ending(Spi::new(device.SPI1, bus, MODE_0, SPI_CLOCK, &mut rcc));
     let bus = (
         Some(b.pb13.into_alternate::<5>().speed(Speed::High)),
         Some(b.pb14.into_alternate::<5>()),
         Some(b.pb15.into_alternate::<5>().speed(Speed::High)),
     );
-    let encoder = Spi::new(device.SPI2, bus, MODE_1, SPI_CLOCK, &mut rcc);
+    let encoder = Ending(Spi::new(device.SPI2, bus, MODE_1, SPI_CLOCK, &mut rcc));
     let bus = (
         Some(c.pc10.into_alternate::<6>().speed(Speed::High)),
         Some(c.pc11.into_alternate::<6>()),
         Some(c.pc12.into_alternate::<6>().speed(Speed::High)),
     );
-    let block = Spi::new(device.SPI3, bus, MODE_3, BLOCK_CLOCK, &mut rcc);
+    let block = Ending(Spi::new(device.SPI3, bus, MODE_3, BLOCK_CLOCK, &mut rcc));
     b.pb6.into_alternate::<2>();
     pac::TIM4::enable(&mut rcc);
     pac::TIM4::reset(&mut rcc);
@@ -220,8 +223,10 @@ impl Watchdog {
     pub fn start() -> Self {
         const START: u16 = 0xCCCC;
         const ACCESS: u16 = 0x5555;
-        // SAFETY: only this owns the watchdog, and it is made once.
-        let registers = unsafe { pac::Peripherals::steal().IWDG };
+        // SAFETY: only this owns the watchdog, and it is made once; nobody else uses the debug unit.
+        let pac::Peripherals { IWDG: registers, DBGMCU: debug, .. } = unsafe { pac::Peripherals::steal() };
+        // It stands still while a debugger halts the processor.
+        debug.apb1_fz().modify(|_, w| w.dbg_iwdg_stop().set_bit());
         // SAFETY: keys of the reference manual (RM0090, 21.4.1), here and below.
         registers.kr().write(|w| unsafe { w.bits(START) });
         registers.kr().write(|w| unsafe { w.bits(ACCESS) });
