@@ -17,4 +17,5 @@ mod port;
 mod report;
 mod researcher;
 mod schema;
+mod update;
 mod watch;

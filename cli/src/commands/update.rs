@@ -28,6 +28,7 @@ const SECRET: usize = 32;
 #[derive(Args, Debug)]
 #[command(
     args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
     after_help = "Examples:
   north update north-f405.update --port /dev/ttyUSB0
   north update key owner.key
