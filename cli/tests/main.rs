@@ -9,6 +9,7 @@ mod command_line;
 mod common;
 mod export;
 mod field;
+mod fleet;
 mod hard_to_break;
 mod import;
 mod link;

@@ -118,6 +118,7 @@ fn diagnosis() -> Diagnosis {
         azimuth_rms_after_interval_deg: Some([0.08, 0.14]),
         judged_runs: 6,
         leave_one_out: None,
+        family: None,
         judged_on: Some("check-runs"),
         unexplained: false,
         unexplained_evidence: Vec::new(),

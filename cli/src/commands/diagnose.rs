@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use time::OffsetDateTime;
 
+use super::fleet::family;
 use crate::campaign::Campaign;
 use crate::diagnose::{Options, diagnose, write};
 use crate::failure::Failure;
@@ -35,6 +36,9 @@ pub struct Diagnose {
     model_out: Option<PathBuf>,
     #[command(flatten)]
     report: ReportOption,
+    /// What the instruments of its type have in common, from "north fleet learn": few runs suffice then
+    #[arg(long, value_name = "F.toml")]
+    fleet: Option<PathBuf>,
     /// Judge every run by what was learned from all others, also in a campaign of more than eight runs
     #[arg(long)]
     leave_one_out: bool,
@@ -53,7 +57,8 @@ impl Diagnose {
             settings.latitude_deg = campaign.latitude_deg.unwrap_or(settings.latitude_deg);
             ModelFile::read(path)?.apply(&mut settings)?;
         }
-        let options = Options { settings, leave_one_out: self.leave_one_out };
+        let family = family(self.fleet.as_deref())?;
+        let options = Options { settings, leave_one_out: self.leave_one_out, family };
         let what = format!("diagnosing {} runs", campaign.runs.len());
         let mut diagnosis = progress::work(what, move || diagnose(&campaign, &options))?
             .map_err(|refusal| Failure::Refused(refusal.to_string()))?;

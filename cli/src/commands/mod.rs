@@ -10,6 +10,7 @@ mod diagnose;
 pub mod doctor;
 mod export;
 mod find;
+mod fleet;
 mod import;
 pub mod instrument;
 mod load;
@@ -64,6 +65,7 @@ enum Command {
     Monitor(monitor::Monitor),
     Record(record::Record),
     Watch(watch::Watch),
+    Fleet(fleet::FleetCommand),
     Load(load::Load),
     Update(update::Update),
     Doctor(doctor::Doctor),
@@ -94,6 +96,7 @@ impl Cli {
             Command::Monitor(monitor) => monitor.run(),
             Command::Record(record) => record.run(),
             Command::Watch(watch) => watch.run(),
+            Command::Fleet(fleet) => fleet.run(),
             Command::Load(load) => load.run(),
             Command::Update(update) => update.run(),
             Command::Doctor(doctor) => doctor.run(),

@@ -56,7 +56,7 @@ pub fn diagnosis(
     let judged_by_checks = runs.iter().any(|run| run.role == Role::Check && run.reference_deg.is_some());
     let wrong = found.map_or(Vec::new(), Found::wrong_references);
     let wrong_files: Vec<String> = wrong.iter().map(|each| each.file.clone()).collect();
-    let validated = validate::validated(runs, found, base, &wrong_files);
+    let validated = validate::validated(runs, found, base, &options.family, &wrong_files);
     let used = found.filter(|_| validated.used);
     let mut model = model_of(runs, &validated, used, &wrong_files, base);
     let afters = after(runs, &model);
@@ -78,7 +78,9 @@ pub fn diagnosis(
     let by_others = records.iter().map(|run| run.azimuth_left_out_deg.or(run.azimuth_after_deg)).collect::<Vec<_>>();
     let station_spread_after_deg = stations::spread_deg(runs, &by_others);
     let few = (3..=LEFT_OUT).contains(&runs.len());
-    let left_out = (few || options.leave_one_out).then(|| validate::leave_one_out(runs, base, &wrong_files)).flatten();
+    let left_out = (few || options.leave_one_out)
+        .then(|| validate::leave_one_out(runs, base, &options.family, &wrong_files))
+        .flatten();
     let with: Vec<RunData> = runs.par_iter().map(|run| run.with(&model)).collect();
     let residuals = Residuals::new(runs.iter().collect(), with.iter().collect());
     let sigmas: Vec<f64> = afters.iter().filter_map(|after| after.sigma_deg).collect();
@@ -137,6 +139,7 @@ pub fn diagnosis(
         series: residuals.series(),
         spectra: residuals.spectra(noise.declared_noise_deg_h.unwrap_or(noise.noise_deg_h)),
         noise,
+        family: found.filter(|_| !options.family.members.is_empty()).map(|found| found.in_family(&options.family)),
         warnings,
         effects,
         model,

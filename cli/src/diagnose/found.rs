@@ -4,11 +4,11 @@ use north_finder::effects::doubt::Process;
 use north_finder::effects::{ErrorModel, effect};
 use rayon::prelude::*;
 
-use super::Effect;
 use super::moving::{self, Motion};
 use super::names::{self, EARTH_FIELD, FIRST_HARMONIC, GRAVITY_SENSITIVITY, INDEX_OFFSET, LATITUDE, LEVEL_BIAS, Named};
 use super::statistics::rms;
-use crate::learn::{self, Blunder, Learned, Run};
+use super::{Effect, FamilyEffect, InFamily};
+use crate::learn::{self, Blunder, Common, Family, Learned, Place, Run, Standing, Statistics, Ways};
 use crate::run_data::RunData;
 
 /// Fewest runs that anything is learned from, where they have azimuths.
@@ -33,27 +33,50 @@ pub struct WrongReference {
 }
 
 impl Found {
-    /// From runs of any role: the caller chooses them. `None` where there are too few to learn from, or no model can hold what was found.
-    pub fn learn(runs: &[&RunData], base: &ErrorModel) -> Option<Self> {
-        let of_search: Vec<Run> = runs.par_iter().filter_map(|run| Run::new(run, runs.len())).collect();
-        let least = if runs.iter().all(|run| run.at_one_position()) { 1 } else { LEAST_RUNS };
-        if of_search.len() < least {
-            return None;
-        }
-        let motion = Motion::find(runs, &of_search, base);
-        let base = motion.map_or_else(|| base.clone(), |motion| motion.model(base));
-        let of_search = match motion {
-            None => of_search,
-            // The rates of a moving base's seconds are mostly its motion: what else there is shows in the dwells.
-            Some(_) => {
-                let dwells: Vec<RunData> = runs.par_iter().filter_map(|run| moving::dwells_of(run, &base)).collect();
-                dwells.par_iter().filter_map(|run| Run::new(run, dwells.len())).collect()
-            }
-        };
+    /// From runs of any role of an instrument of this family: the caller chooses them. `None` where there are too few to learn from, or no model can hold what was found.
+    pub fn learn(runs: &[&RunData], base: &ErrorModel, family: &Family) -> Option<Self> {
+        let (motion, base, of_search) = searched(runs, base)?;
         let files = of_search.iter().map(|run| run.file.clone()).collect();
-        let learned = if of_search.is_empty() { Learned::default() } else { learn::learn(of_search) };
+        let learned = if of_search.is_empty() { Learned::default() } else { learn::learn(of_search, family) };
         let model = learned.posterior.written(&base, &learned.runs)?;
         Some(Self { learned, motion, files, model })
+    }
+
+    /// How the unit stands to its family, by its runs.
+    pub fn in_family(&self, family: &Family) -> InFamily {
+        let posterior = &self.learned.posterior;
+        let best = posterior.alternatives.first();
+        let members = family.members.iter().map(|common| {
+            // With the constants that it has by itself.
+            let own = best
+                .and_then(|best| best.effects.iter().find(|effect| learn::form(effect) == learn::form(&common.effect)));
+            own.filter(|own| own.count() == common.effect.count()).unwrap_or(&common.effect).clone()
+        });
+        let mut effects: Vec<effect::Effect> = members.collect();
+        let of_family = effects.len();
+        effects.extend(
+            best.iter()
+                .flat_map(|best| &best.effects)
+                .filter(|each| !effects.iter().any(|own| alike(own, each)))
+                .cloned()
+                .collect::<Vec<_>>(),
+        );
+        let statistics = Statistics::of_runs(&self.learned.runs, self.process().as_ref(), &effects);
+        let ways: Vec<Ways> = family.members.iter().enumerate().map(|(i, common)| Ways::new(i, common)).collect();
+        let signals = learn::signals(&self.learned.runs);
+        let others: Vec<(usize, f64)> =
+            (of_family..effects.len()).map(|i| (i, learn::form_cost(&effects[i], signals))).collect();
+        let standing = Standing::new(&statistics, &ways, &others);
+        let of_effect = |(common, place): (&Common, &Option<Place>)| FamilyEffect {
+            name: names::full_name(&common.effect),
+            share: common.share,
+            family: place.as_ref().map_or(0.0, |place| place.family),
+            own: place.as_ref().map_or(0.0, |place| place.own),
+        };
+        InFamily {
+            outside: standing.outside,
+            effects: family.members.iter().zip(&standing.places).map(of_effect).collect(),
+        }
     }
 
     /// Nothing was learned that a model could hold.
@@ -171,6 +194,21 @@ impl Found {
         };
         rms(&self.learned.runs.iter().flat_map(of_run).collect::<Vec<f64>>())
     }
+}
+
+/// The motion of the base, the model with it, and the runs as the search sees them then; `None` where there are too few.
+pub fn searched(runs: &[&RunData], base: &ErrorModel) -> Option<(Option<Motion>, ErrorModel, Vec<Run>)> {
+    let of_search: Vec<Run> = runs.par_iter().filter_map(|run| Run::new(run, runs.len())).collect();
+    let least = if runs.iter().all(|run| run.at_one_position()) { 1 } else { LEAST_RUNS };
+    if of_search.len() < least {
+        return None;
+    }
+    let Some(motion) = Motion::find(runs, &of_search, base) else { return Some((None, base.clone(), of_search)) };
+    let base = motion.model(base);
+    // The rates of a moving base's seconds are mostly its motion: what else there is shows in the dwells.
+    let dwells: Vec<RunData> = runs.par_iter().filter_map(|run| moving::dwells_of(run, &base)).collect();
+    let of_search = dwells.par_iter().filter_map(|run| Run::new(run, dwells.len())).collect();
+    Some((Some(motion), base, of_search))
 }
 
 /// Of the same form.

@@ -29,16 +29,21 @@ mod validate;
 mod verdict;
 pub mod warnings;
 
+pub use names::full_name as effect_name;
 pub use result::{
-    BoardLack, Candidate, Diagnosis, Effect, Experiment, LeaveOneOut, MissedReference, NoiseTests, Origin, Rejected,
-    RunDiagnosis, RunSeries, Spectra, Test,
+    BoardLack, Candidate, Diagnosis, Effect, Experiment, FamilyEffect, InFamily, LeaveOneOut, MissedReference,
+    NoiseTests, Origin, Rejected, RunDiagnosis, RunSeries, Spectra, Test,
 };
+pub use statistics::median;
 pub use text::write;
 
+use north_finder::effects::ErrorModel;
+use north_finder::event::Fix;
 use north_finder::settings::Settings;
 use rayon::prelude::*;
 
 use crate::campaign::{Campaign, Role};
+use crate::learn::{Family, Learned, Run};
 use crate::run_data::{self, RunData};
 pub use crate::run_data::{Refusal, Warning};
 use found::Found;
@@ -50,10 +55,55 @@ pub struct Options {
     pub settings: Settings,
     /// Leave every run out in turn, however many there are.
     pub leave_one_out: bool,
+    /// What the instruments of its type have in common; nothing where that is not known.
+    pub family: Family,
 }
 
-/// Diagnoses a campaign.
+/// The runs of a campaign, put in order before anything is learned from them.
+struct Prepared {
+    runs: Vec<RunData>,
+    warnings: Vec<Warning>,
+    /// There are still recordings only.
+    still: bool,
+    /// The model that the runs were made with.
+    base: ErrorModel,
+    as_recorded: Vec<Option<Fix>>,
+    /// An index error, the same in all runs, that was taken out of them, degrees.
+    turned_deg: Option<f64>,
+}
+
+impl Prepared {
+    /// Those that may be learned from.
+    fn fit(&self) -> Vec<&RunData> {
+        self.runs.iter().filter(|run| run.role == Role::Fit).collect()
+    }
+}
+
+/// Diagnoses a campaign: a function of the campaign's files and the options only.
 pub fn diagnose(campaign: &Campaign, options: &Options) -> Result<Diagnosis, Refusal> {
+    let prepared = prepared(campaign, options)?;
+    let found = Found::learn(&prepared.fit(), &prepared.base, &options.family);
+    let Prepared { runs, warnings, still, base, as_recorded, turned_deg } = prepared;
+    checks::refuse_latitude(&runs, found.as_ref(), &base)?;
+    let material =
+        assemble::Material { campaign, runs: &runs, as_recorded: &as_recorded, turned_deg, base: &base, still };
+    Ok(assemble::diagnosis(&material, found.as_ref(), options, warnings))
+}
+
+/// What the runs of a campaign teach that may be learned from; not judged by runs that took no part, so that it takes a fifth of the time of a
+/// diagnosis.
+pub fn learned(campaign: &Campaign, options: &Options) -> Result<Option<Learned>, Refusal> {
+    let prepared = prepared(campaign, options)?;
+    Ok(Found::learn(&prepared.fit(), &prepared.base, &options.family).map(|found| found.learned))
+}
+
+/// The runs of a campaign that may be learned from, as the search sees them.
+pub fn searched(campaign: &Campaign, options: &Options) -> Result<Vec<Run>, Refusal> {
+    let prepared = prepared(campaign, options)?;
+    Ok(found::searched(&prepared.fit(), &prepared.base).map_or(Vec::new(), |(_, _, runs)| runs))
+}
+
+fn prepared(campaign: &Campaign, options: &Options) -> Result<Prepared, Refusal> {
     let (mut runs, mut warnings) = run_data::read(campaign, &options.settings)?;
     checks::leave_out_dead(&mut runs, &mut warnings);
     checks::warn_of_overlaps(&runs, campaign, &mut warnings);
@@ -73,10 +123,5 @@ pub fn diagnose(campaign: &Campaign, options: &Options) -> Result<Diagnosis, Ref
     if let Some(turned_deg) = turned_deg {
         runs.par_iter_mut().for_each(|run| turn::take_out(run, turned_deg, &base));
     }
-    let fit: Vec<&RunData> = runs.iter().filter(|run| run.role == Role::Fit).collect();
-    let found = Found::learn(&fit, &base);
-    checks::refuse_latitude(&runs, found.as_ref(), &base)?;
-    let material =
-        assemble::Material { campaign, runs: &runs, as_recorded: &as_recorded, turned_deg, base: &base, still };
-    Ok(assemble::diagnosis(&material, found.as_ref(), options, warnings))
+    Ok(Prepared { runs, warnings, still, base, as_recorded, turned_deg })
 }

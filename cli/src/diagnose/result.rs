@@ -77,6 +77,9 @@ pub struct Diagnosis {
     pub missed_references: Vec<MissedReference>,
     /// Tests of the residual for being noise.
     pub noise: NoiseTests,
+    /// How the unit stands to its family, where that was given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub family: Option<InFamily>,
     /// Doubts about the campaign, with the run and the row.
     pub warnings: Vec<Warning>,
     /// The error model with the effects in it: what `--model-out` writes.
@@ -88,6 +91,26 @@ pub struct Diagnosis {
     /// Spectra of the residual of all runs together; for drawing.
     #[serde(skip)]
     pub spectra: Spectra,
+}
+
+/// How a unit stands to the instruments of its type.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct InFamily {
+    /// Probability that it is out of the family: that it has an effect in a way of its own, lacks one that it should have, or has another one.
+    pub outside: f64,
+    /// How it has each of the family's effects.
+    pub effects: Vec<FamilyEffect>,
+}
+
+/// How a unit has an effect of its family.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct FamilyEffect {
+    pub name: String,
+    /// Share of the family's units that have it.
+    pub share: f64,
+    /// Probability that this unit has it as the others, and that it has it in a way of its own; it lacks it otherwise.
+    pub family: f64,
+    pub own: f64,
 }
 
 /// What of a model a board cannot run.

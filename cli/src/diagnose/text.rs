@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use super::statistics::p_value_in_words;
 use super::warnings::{Line, grouped};
-use super::{Diagnosis, RunDiagnosis};
+use super::{Diagnosis, InFamily, RunDiagnosis};
 
 /// Most candidates that are listed as left.
 const LISTED: usize = 8;
@@ -39,6 +39,9 @@ pub fn write(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
     for evidence in &diagnosis.unexplained_evidence {
         writeln!(out, "unexplained: {evidence}")?;
     }
+    if let Some(family) = &diagnosis.family {
+        write_family(out, family)?;
+    }
     let left: Vec<_> = diagnosis.rejected.iter().take(LISTED).collect();
     if !left.is_empty() {
         writeln!(out, "\nleft (of {} candidates):", diagnosis.candidates.len())?;
@@ -53,6 +56,23 @@ pub fn write(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
     if !diagnosis.inseparable.is_empty() {
         let names = diagnosis.inseparable.join(", ");
         writeln!(out, "\nno order, heading or duration at this latitude would tell what was named from: {names}")?;
+    }
+    Ok(())
+}
+
+fn write_family(out: &mut dyn Write, family: &InFamily) -> io::Result<()> {
+    writeln!(out, "\nfamily: out of it with probability {:.3}", family.outside)?;
+    for effect in &family.effects {
+        let absent = 1.0 - effect.family - effect.own;
+        writeln!(
+            out,
+            "  {} ({:.0} % of the units have it): as the others {:.3}, in a way of its own {:.3}, not at all {:.3}",
+            effect.name,
+            100.0 * effect.share,
+            effect.family,
+            effect.own,
+            absent.max(0.0)
+        )?;
     }
     Ok(())
 }

@@ -9,6 +9,7 @@ use super::stations::misses_deg;
 use super::statistics::{rms, rms_with_interval};
 use super::{LeaveOneOut, doubt, guard, names};
 use crate::campaign::Role;
+use crate::learn::Family;
 use crate::run_data::RunData;
 
 /// Folds of the validation, each of which learns again without its share of the runs.
@@ -26,13 +27,19 @@ pub struct Validated {
 }
 
 /// Judges what was found; `wrong`: files whose references are not believed.
-pub fn validated(runs: &[RunData], found: Option<&Found>, base: &ErrorModel, wrong: &[String]) -> Validated {
+pub fn validated(
+    runs: &[RunData],
+    found: Option<&Found>,
+    base: &ErrorModel,
+    family: &Family,
+    wrong: &[String],
+) -> Validated {
     let before = || runs.iter().map(|run| run.before).collect();
     let Some(found) = found.filter(|found| !found.is_nothing()) else {
         return Validated { model: base.clone(), used: false, left_out: before(), withdrawn: None };
     };
     let places: Vec<usize> = (0..runs.len()).filter(|&i| runs[i].role == Role::Fit).collect();
-    let left_out = by_the_others(runs, &places, FOLDS, base);
+    let left_out = by_the_others(runs, &places, FOLDS, base, family);
     match guard::veto(runs, &found.model, &left_out, wrong) {
         None => Validated { model: found.model.clone(), used: true, left_out, withdrawn: None },
         Some(why) => {
@@ -48,14 +55,20 @@ pub fn validated(runs: &[RunData], found: Option<&Found>, base: &ErrorModel, wro
 
 /// These runs, each by what was learned from the others of them, in so many parts at most: azimuth and sigma by the firmware's replay, in the order
 /// of all runs; `None` where there is no azimuth. Where the others teach nothing, the runs are as they were.
-fn by_the_others(runs: &[RunData], places: &[usize], folds: usize, base: &ErrorModel) -> Vec<Option<Fix>> {
+fn by_the_others(
+    runs: &[RunData],
+    places: &[usize],
+    folds: usize,
+    base: &ErrorModel,
+    family: &Family,
+) -> Vec<Option<Fix>> {
     let folds = folds.min(places.len());
     let mut fixes = vec![None; runs.len()];
     for fold in 0..folds {
         let inside = |place: usize| place % folds == fold;
         let training: Vec<&RunData> =
             places.iter().enumerate().filter(|(place, _)| !inside(*place)).map(|(_, &i)| &runs[i]).collect();
-        let model = Found::learn(&training, base).map_or_else(|| base.clone(), |found| found.model);
+        let model = Found::learn(&training, base, family).map_or_else(|| base.clone(), |found| found.model);
         let model = doubt::shown(model, runs);
         for (_, &i) in places.iter().enumerate().filter(|(place, _)| inside(*place)) {
             fixes[i] = runs[i].replay(&model, &mut |_| ()).ok();
@@ -65,9 +78,9 @@ fn by_the_others(runs: &[RunData], places: &[usize], folds: usize, base: &ErrorM
 }
 
 /// All runs with a reference or at a station, whatever their role, each by what was learned from all others. Nothing of it enters the model.
-pub fn leave_one_out(runs: &[RunData], base: &ErrorModel, wrong: &[String]) -> Option<LeaveOneOut> {
+pub fn leave_one_out(runs: &[RunData], base: &ErrorModel, family: &Family, wrong: &[String]) -> Option<LeaveOneOut> {
     let places: Vec<usize> = (0..runs.len()).collect();
-    let fixes = by_the_others(runs, &places, runs.len(), base);
+    let fixes = by_the_others(runs, &places, runs.len(), base, family);
     let errors = |fixes: &[Option<Fix>]| -> Vec<Option<f64>> {
         let azimuths: Vec<Option<f64>> = fixes.iter().map(|fix| Some(fix.as_ref()?.azimuth_deg)).collect();
         let misses = misses_deg(runs, &azimuths).into_iter().zip(runs);

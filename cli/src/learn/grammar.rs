@@ -111,20 +111,25 @@ impl Grammar {
         curves
     }
 
-    /// Minus the logarithm of the probability of an effect's form before anything is seen, nats. Ports, numbers of factors, signals,
-    /// dynamics and shapes are drawn one after the other, the plain ones half of the time; every tuned constant is one of so many values.
+    /// Minus the logarithm of the probability of an effect's form before anything is seen, nats.
     pub fn cost(&self, effect: &Effect) -> f64 {
-        let port = if effect.port == Port::Rate { LN_2 } else { LN_2 + (Port::ALL.len() as f64 - 1.0).ln() };
-        let number = LN_2 * effect.factors.len().max(1) as f64;
-        let of_factor = |factor: &Factor| {
-            let signal = (self.signals.len() as f64).ln();
-            let kinds = |of_plain: bool, others: f64| if of_plain { LN_2 } else { LN_2 + others.ln() };
-            let dynamics: f64 = factor.dynamics.iter().map(|_| kinds(false, 8.0)).sum::<f64>() + LN_2;
-            let shape = kinds(matches!(factor.shape, Shape::Linear(_)), 7.0);
-            signal + dynamics + shape + VALUES_OF_A_CONSTANT.ln() * factor.constants().len() as f64
-        };
-        port + number + effect.factors.iter().map(of_factor).sum::<f64>()
+        form_cost(effect, self.signals.len())
     }
+}
+
+/// The same where there are so many signals. Ports, numbers of factors, signals, dynamics and shapes are drawn one after the other, the plain ones half
+/// of the time; every tuned constant is one of so many values.
+pub fn form_cost(effect: &Effect, signals: usize) -> f64 {
+    let port = if effect.port == Port::Rate { LN_2 } else { LN_2 + (Port::ALL.len() as f64 - 1.0).ln() };
+    let number = LN_2 * effect.factors.len().max(1) as f64;
+    let of_factor = |factor: &Factor| {
+        let signal = (signals as f64).ln();
+        let kinds = |of_plain: bool, others: f64| if of_plain { LN_2 } else { LN_2 + others.ln() };
+        let dynamics: f64 = factor.dynamics.iter().map(|_| kinds(false, 8.0)).sum::<f64>() + LN_2;
+        let shape = kinds(matches!(factor.shape, Shape::Linear(_)), 7.0);
+        signal + dynamics + shape + VALUES_OF_A_CONSTANT.ln() * factor.constants().len() as f64
+    };
+    port + number + effect.factors.iter().map(of_factor).sum::<f64>()
 }
 
 /// A shape that gives what it gets: what a span is measured through.

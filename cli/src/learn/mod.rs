@@ -4,9 +4,11 @@
 //! references compete with effects (`references`); `tells` says what further runs would tell.
 
 mod bank;
+mod family;
 mod functions;
 mod grammar;
 mod judge;
+mod membership;
 mod model;
 mod pairs;
 mod posterior;
@@ -19,20 +21,21 @@ mod search;
 mod tells;
 mod written;
 
+pub use family::{Common, Family, OUTSIDE, Way};
+pub use grammar::form_cost;
 pub use judge::chi_square_by_freedom;
+pub use membership::{Place, Standing, Statistics, Ways};
 pub use posterior::Posterior;
 pub use read::{Runs, read};
 pub use references::Blunder;
-
-use std::sync::Arc;
 
 use model::Model;
 use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::{Effect, Port};
 use problem::Term;
 pub use rows::Run;
-pub use search::Tried;
 use search::{Search, Start};
+pub use search::{Tried, form};
 pub use tells::{Imitated, imitated};
 
 /// Most references that are put right: with more than that the survey as a whole is not to be believed.
@@ -53,9 +56,20 @@ pub struct Learned {
     pub process_without: Option<Process>,
 }
 
+/// Runs as they were learned from: with these blunders of their references put right.
+pub fn mended(mut runs: Vec<Run>, blunders: &[Blunder]) -> Vec<Run> {
+    rows::linearise_by_station(&mut runs);
+    blunders.iter().fold(runs, |runs, blunder| blunder.mended(&runs))
+}
+
+/// How many signals these runs have.
+pub fn signals(runs: &[Run]) -> usize {
+    grammar::Grammar::new(runs).signals.len()
+}
+
 /// What is proposed of runs beside nothing, the most promising first.
 pub fn tried(runs: &[Run]) -> Vec<Tried> {
-    Search::new(runs).tried()
+    Search::new(runs, &Family::default()).tried()
 }
 
 /// What a column that is no effect's is worth.
@@ -76,7 +90,7 @@ pub fn gain_of(runs: &[Run], column: Vec<f64>) -> Option<Worth> {
     let columns = bare.problem.columns(&values);
     let (_, size2) = bare.fit.gain_of(&bare.problem, &[], &columns);
     let effect = Effect::new(Port::Rate, &[]);
-    let term = Term { effect, values: Arc::new(values), columns, size2: size2.max(1e-20) };
+    let term = Term { columns, ..Term::new(effect, values, size2.max(1e-20)) };
     let with = Model::new(runs, None, &[term])?.with_likeliest_process();
     Some(Worth {
         log_odds: with.evidence() - bare.with_likeliest_process().evidence(),
@@ -88,20 +102,20 @@ pub fn gain_of(runs: &[Run], column: Vec<f64>) -> Option<Worth> {
 /// Learns from runs.
 ///
 /// A reference is put right, or not believed, where with everything that is learned then the runs predict each other better, by more than what a blunder
-/// costs beforehand.
-pub fn learn(mut runs: Vec<Run>) -> Learned {
-    rows::linearise_by_station(&mut runs);
+/// costs beforehand. The effects of the instrument's family are likely beforehand, each in its way.
+pub fn learn(mut runs: Vec<Run>, family: &Family) -> Learned {
+    runs = mended(runs, &[]);
     let mut blunders: Vec<Blunder> = Vec::new();
     let mut start = Start::default();
     loop {
-        let search = Search::new(&runs);
+        let search = Search::new(&runs, family);
         let Some(best) = search.best(&start) else { return Learned { runs, blunders, ..Learned::default() } };
         let (score, predictive) = (best.score(&search.grammar), best.predictive(&search.grammar));
-        start = Start { effects: best.effects(), process: best.process };
+        start = Start { effects: best.found(), process: best.process };
         let suspects = if blunders.len() < MOST_BLUNDERS { search.suspects(&best) } else { Vec::new() };
         let likelier = suspects.into_iter().find_map(|blunder| {
             let mended = blunder.mended(&runs);
-            let search = Search::new(&mended);
+            let search = Search::new(&mended, family);
             let predictive_then = search.best(&start)?.predictive(&search.grammar);
             (predictive_then - blunder.cost(runs.len()) > predictive).then_some((blunder, mended))
         });

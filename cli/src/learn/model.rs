@@ -1,11 +1,11 @@
 //! A model under way: effects beside a process of the runs' own, and what the evidence says of them.
 
-use std::sync::Arc;
-
+use nalgebra::{DMatrix, DVector};
 use north_finder::effects::doubt::{Kernel, Process};
 use north_finder::effects::effect::Effect;
 use rayon::prelude::*;
 
+use super::family::Known;
 use super::functions::Library;
 use super::grammar::Grammar;
 use super::problem::{Fit, Gram, Problem, Term, fit_sizes};
@@ -25,13 +25,8 @@ pub struct Model<'a> {
 impl<'a> Model<'a> {
     /// Of these effects in these runs; sizes are fitted.
     pub fn new(runs: &'a [Run], process: Option<Process>, terms: &[Term]) -> Option<Self> {
-        let problem = Problem::new(runs, process.as_ref());
-        let with = |term: &Term| Term {
-            effect: term.effect.clone(),
-            values: term.values.clone(),
-            columns: problem.columns(&term.values),
-            size2: term.size2,
-        };
+        let problem = Problem::with_known(runs, process.as_ref(), terms);
+        let with = |term: &Term| Term { columns: problem.columns(&term.values), ..term.clone() };
         let mut terms: Vec<Term> = terms.iter().map(with).collect();
         let gram = Gram::new(&problem, &terms);
         let fit = fit_sizes(&problem, &gram, &mut terms, TURNS)?;
@@ -41,6 +36,16 @@ impl<'a> Model<'a> {
     /// Its effects, in order.
     pub fn effects(&self) -> Vec<Effect> {
         self.terms.iter().map(|term| term.effect.clone()).collect()
+    }
+
+    /// What is known of those of its effects that are the family's.
+    pub fn known(&self) -> impl Iterator<Item = &Known> {
+        self.terms.iter().filter_map(|term| term.known.as_ref().map(|(known, _)| known))
+    }
+
+    /// Its effects that are not the family's.
+    pub fn found(&self) -> Vec<Effect> {
+        self.terms.iter().filter(|term| term.known.is_none()).map(|term| term.effect.clone()).collect()
     }
 
     /// The evidence, less what the effects' forms cost.
@@ -55,7 +60,29 @@ impl<'a> Model<'a> {
 
     /// What the forms of effects and process cost, nats.
     fn cost(&self, grammar: &Grammar) -> f64 {
-        process_cost(&self.process) + self.terms.iter().map(|term| grammar.cost(&term.effect)).sum::<f64>()
+        let of_term = |term: &Term| match &term.known {
+            Some((known, _)) => known.prior.cost,
+            None => grammar.cost(&term.effect),
+        };
+        process_cost(&self.process) + self.terms.iter().map(of_term).sum::<f64>()
+    }
+
+    /// Mean and covariance of the weights of all effects, in units of their priors.
+    pub fn weights(&self) -> (DVector<f64>, DMatrix<f64>) {
+        let mut mean = DVector::from_vec(self.fit.scaled_means());
+        let mut turn = DMatrix::identity(mean.len(), mean.len());
+        let mut offset = DVector::zeros(mean.len());
+        let mut first = 0;
+        for term in &self.terms {
+            let count = term.columns.len();
+            if let Some((known, _)) = &term.known {
+                turn.view_mut((first, first), (count, count)).copy_from(&known.prior.root);
+                offset.rows_mut(first, count).copy_from(&known.prior.mean);
+            }
+            first += count;
+        }
+        mean = offset + &turn * mean;
+        (mean, &turn * self.fit.scaled_covariance() * turn.transpose())
     }
 
     /// The evidence less what the process costs.
@@ -79,8 +106,7 @@ impl<'a> Model<'a> {
     /// Its effects evaluated in other runs.
     fn terms_in(&self, runs: &[Run]) -> Vec<Term> {
         let library = Library::new(runs);
-        let with = |term: &Term| Term { values: Arc::new(library.values(runs, &term.effect)), ..term.clone() };
-        self.terms.iter().map(with).collect()
+        self.terms.iter().map(|term| term.with_values(library.values(runs, &term.effect))).collect()
     }
 
     /// The same effects beside the process that has the greatest evidence.

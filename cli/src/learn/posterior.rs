@@ -60,11 +60,8 @@ impl Alternative {
     fn new(model: &Model<'_>, probability: f64) -> Self {
         let priors: Vec<f64> =
             model.terms.iter().flat_map(|term| (0..term.effect.count()).map(|k| term.effect.prior(k))).collect();
-        let mean = DVector::from_iterator(
-            priors.len(),
-            model.fit.scaled_means().into_iter().zip(&priors).map(|(mean, prior)| mean * prior),
-        );
-        let scaled = model.fit.scaled_covariance();
+        let (scaled_mean, scaled) = model.weights();
+        let mean = DVector::from_fn(priors.len(), |i, _| scaled_mean[i] * priors[i]);
         let covariance = DMatrix::from_fn(priors.len(), priors.len(), |i, j| priors[i] * scaled[(i, j)] * priors[j]);
         let effects = model.terms.iter().map(|term| term.effect.clone()).collect();
         Self { effects, probability, process: model.process, mean, covariance }

@@ -11,6 +11,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, DVectorView, Dyn, Matrix3, Vector3};
 use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::Effect;
 
+use super::family::Known;
 use super::functions::Values;
 use super::process::Whitener;
 use super::rows::{self, Run, UNKNOWNS};
@@ -99,6 +100,21 @@ impl<'a> Problem<'a> {
             .sum::<f64>()
             + problem.stations.iter().map(|station| 2.0 * station.root.ln()).sum::<f64>();
         problem.without = -0.5 * (problem.residual.dot(&problem.residual) + determinants);
+        problem
+    }
+
+    /// Takes out what effects that are known beforehand add on average.
+    fn take_out(&mut self, offset: &[f64]) {
+        let offset = self.column(offset);
+        let before = self.residual.dot(&self.residual);
+        self.residual.add(-1.0, &offset);
+        self.without += 0.5 * (before - self.residual.dot(&self.residual));
+    }
+
+    /// The runs with one process of their own, and what these terms are known to add on average taken out.
+    pub fn with_known(runs: &'a [Run], process: Option<&Process>, terms: &[Term]) -> Self {
+        let mut problem = Self::new(runs, process);
+        terms.iter().filter_map(|term| term.known.as_ref()).for_each(|(_, offset)| problem.take_out(offset));
         problem
     }
 
@@ -220,11 +236,43 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 #[derive(Clone, Debug)]
 pub struct Term {
     pub effect: Effect,
-    /// Its columns as they are, for one unit of the weights' priors.
+    /// Its columns as they are, for one unit of the weights' priors; of an effect that is known beforehand along the root of its prior.
     pub values: Arc<Values>,
     pub columns: Vec<Column>,
     /// Square of its size, in units of its weights' priors.
     pub size2: f64,
+    /// What is known of it beforehand, and what it then adds to the rates on average, by the row.
+    pub known: Option<(Known, Arc<Vec<f64>>)>,
+}
+
+impl Term {
+    /// Of an effect whose columns are these, of this size.
+    pub fn new(effect: Effect, values: Values, size2: f64) -> Self {
+        Self { effect, values: Arc::new(values), columns: Vec::new(), size2, known: None }
+    }
+
+    /// Of an effect whose weights are known beforehand: they are mean + root · z with z ~ N(0, I).
+    pub fn known(effect: Effect, values: &Values, known: Known) -> Self {
+        let rows = values.first().map_or(0, Vec::len);
+        let combined = |weights: &[f64]| -> Vec<f64> {
+            let mut sum = vec![0.0; rows];
+            for (column, weight) in values.iter().zip(weights) {
+                sum.iter_mut().zip(column).for_each(|(sum, value)| *sum += weight * value);
+            }
+            sum
+        };
+        let offset = combined(known.prior.mean.as_slice());
+        let along = known.prior.root.column_iter().map(|column| combined(column.as_slice())).collect();
+        Self { known: Some((known, Arc::new(offset))), ..Self::new(effect, along, 1.0) }
+    }
+
+    /// The same in other runs, where its effect has these columns.
+    pub fn with_values(&self, values: Values) -> Self {
+        match &self.known {
+            Some((known, _)) => Self::known(self.effect.clone(), &values, known.clone()),
+            None => Self::new(self.effect.clone(), values, self.size2),
+        }
+    }
 }
 
 /// Inner products of the columns of terms with each other and with the residual.
@@ -375,7 +423,10 @@ pub fn fit_sizes(problem: &Problem<'_>, gram: &Gram, terms: &mut [Term], turns: 
     let mut sizes2: Vec<f64> = terms.iter().map(|term| term.size2).collect();
     let mut fit = Fit::new(problem, gram, &sizes2)?;
     for _ in 0..turns {
-        let next = fit.next_sizes2(&sizes2);
+        let mut next = fit.next_sizes2(&sizes2);
+        // What is known beforehand has the size that it has.
+        let known = terms.iter().zip(&mut next).filter(|(term, _)| term.known.is_some());
+        known.for_each(|(term, next)| *next = term.size2);
         // Geometric damping keeps a first step from overshooting.
         let next: Vec<f64> = next.iter().zip(&sizes2).map(|(next, last)| (next.max(1e-30) * last).sqrt()).collect();
         let Some(better) = Fit::new(problem, gram, &next) else { break };
@@ -411,7 +462,7 @@ mod tests {
             let problem = Problem::new(&runs, Some(&process));
             let effect = Effect::new(north_finder::effects::effect::Port::Rate, &[]);
             let columns = problem.columns(&values);
-            let terms = [Term { effect, values: Arc::new(values), columns, size2: 0.7 }];
+            let terms = [Term { columns, ..Term::new(effect, values, 0.7) }];
             let evidence = Fit::new(&problem, &Gram::new(&problem, &terms), &[0.7]).unwrap().evidence;
             (evidence, problem.predictive(&terms))
         };

@@ -10,6 +10,7 @@ use north_finder::effects::shape::{Harmonic, Shape};
 use rayon::prelude::*;
 
 use super::bank::{Bank, Left};
+use super::family::{Common, Family, Known, Way};
 use super::grammar::{Grammar, extended, reduced, reshaped};
 use super::model::Model;
 use super::pairs::Pairs;
@@ -80,33 +81,93 @@ pub struct Start {
 pub struct Search<'a> {
     pub runs: &'a [Run],
     pub grammar: Grammar,
+    family: &'a Family,
     bank: Bank,
     pairs: Pairs,
 }
 
 impl<'a> Search<'a> {
-    pub fn new(runs: &'a [Run]) -> Self {
+    pub fn new(runs: &'a [Run], family: &'a Family) -> Self {
         let grammar = Grammar::new(runs);
         let bank = Bank::new(runs, &grammar, &grammar.factors(runs));
         let pairs = Pairs::new(runs, &grammar, &bank);
-        Self { runs, grammar, bank, pairs }
+        Self { runs, grammar, family, bank, pairs }
     }
 
     /// The model of the greatest score, if the runs allow one: from what was found in runs of which one reference was another, or from nothing.
     pub fn best(&self, start: &Start) -> Option<Model<'a>> {
         let bare = Model::new(self.runs, None, &[])?;
         let terms: Vec<Term> = start.effects.iter().map(|effect| self.term(&bare, effect)).collect();
-        let mut model = self.pruned(Model::new(self.runs, start.process, &terms)?.with_likeliest_process());
+        let mut model =
+            self.with_family(self.pruned(Model::new(self.runs, start.process, &terms)?.with_likeliest_process()));
         while model.terms.len() < MOST_EFFECTS {
-            let asked = if model.terms.is_empty() { FALSE_DISCOVERIES } else { FURTHER_FALSE_DISCOVERIES };
+            let asked = if model.found().is_empty() { FALSE_DISCOVERIES } else { FURTHER_FALSE_DISCOVERIES };
             let Some(wider) = self.widened(&model) else { break };
             let more = wider.score(&self.grammar) - model.score(&self.grammar);
             if more <= -asked.ln() || wider.predictive(&self.grammar) <= model.predictive(&self.grammar) {
                 break;
             }
-            model = self.pruned(wider);
+            model = self.with_family(self.pruned(wider));
         }
         Some(if model.effects() == start.effects { model } else { self.revised(model) })
+    }
+
+    /// With those effects of the family that are more likely there than not.
+    fn with_family(&self, mut model: Model<'a>) -> Model<'a> {
+        loop {
+            let has = |member: usize| model.known().any(|known| known.member == member);
+            let missing: Vec<usize> = (0..self.family.members.len()).filter(|&member| !has(member)).collect();
+            let wider = missing
+                .into_par_iter()
+                .flat_map_iter(|member| [Way::Family, Way::Own].map(|way| (member, way)))
+                .filter_map(|(member, way)| self.with_member(&model, member, way))
+                .max_by(|a, b| a.score(&self.grammar).total_cmp(&b.score(&self.grammar)))
+                .map(Model::with_likeliest_process);
+            match wider {
+                Some(wider) if wider.score(&self.grammar) > model.score(&self.grammar) => model = wider,
+                _ => return model,
+            }
+        }
+    }
+
+    /// A model with one effect of the family more, its constants tuned as far as they differ from unit to unit. Beside the process as it is, or
+    /// beside none: a process may have taken for its own what is the effect.
+    fn with_member(&self, model: &Model<'a>, member: usize, way: Way) -> Option<Model<'a>> {
+        let common = self.family.members.get(member)?;
+        let with = |effect: Effect| {
+            let mut terms = model.terms.clone();
+            terms.push(self.known(common, effect, member, way));
+            let of = |process| Model::new(self.runs, process, &terms).filter(|each| self.is_allowed(each));
+            let alone = model.process.and_then(|_| of(None));
+            of(model.process)
+                .into_iter()
+                .chain(alone)
+                .map(|each| (each.score(&self.grammar), each))
+                .max_by(|a, b| a.0.total_cmp(&b.0))
+        };
+        let mut effect = Effect::new(common.effect.port, &common.effect.factors);
+        let mut best = with(effect.clone())?;
+        let constants = constants_of(&effect).into_iter().zip(&common.spreads);
+        for ((f, number), spread) in constants.filter(|(_, spread)| **spread > 0.0) {
+            for step in [2.0 * spread, *spread, 0.5 * spread] {
+                for sign in [1.0, -1.0] {
+                    let Some(each) = moved_by(&effect, f, number, sign * step) else { continue };
+                    match with(each.clone()) {
+                        Some(better) if better.0 > best.0 => (best, effect) = (better, each),
+                        _ => {}
+                    }
+                }
+            }
+        }
+        Some(best.1)
+    }
+
+    /// An effect of the family as a term.
+    fn known(&self, common: &Common, effect: Effect, member: usize, way: Way) -> Term {
+        let mut prior = common.prior(way);
+        prior.cost += common.cost_of_constants(&effect);
+        let values = self.bank.library.values(self.runs, &effect);
+        Term::known(effect, &values, Known { member, way, prior: Arc::new(prior) })
     }
 
     /// A model, and those that differ from it by one effect: the best first.
@@ -164,6 +225,12 @@ impl<'a> Search<'a> {
             let mut terms = best.terms.clone();
             let own = terms.remove(i);
             let Some(others) = Model::new(self.runs, best.process, &terms) else { continue };
+            if let Some((known, _)) = &own.known {
+                let other = if known.way == Way::Family { Way::Own } else { Way::Family };
+                rivals.extend(self.with_member(&others, known.member, other));
+                rivals.push(others);
+                continue;
+            }
             for effect in self.finalists(&others, false).into_iter().chain(self.other_forms(&others, &own.effect)) {
                 // Of its own form it differs by constants, which are tuned.
                 if form(&effect) == form(&own.effect) {
@@ -218,7 +285,8 @@ impl<'a> Search<'a> {
         if (ErrorModel { effects, ..ErrorModel::default() }).validate().is_err() {
             return false;
         }
-        let means = model.fit.scaled_means();
+        let (means, _) = model.weights();
+        let means = means.as_slice();
         let mut first = 0;
         model.terms.iter().all(|term| {
             let own = means.get(first..first + term.columns.len()).unwrap_or_default();
@@ -239,9 +307,9 @@ impl<'a> Search<'a> {
 
     /// An effect as a term beside a model, of the size that suits it best.
     fn term(&self, model: &Model<'_>, effect: &Effect) -> Term {
-        let values = Arc::new(self.bank.library.values(self.runs, effect));
+        let values = self.bank.library.values(self.runs, effect);
         let (_, size2) = model.fit.gain_of(&model.problem, &model.terms, &model.problem.columns(&values));
-        Term { effect: effect.clone(), values, columns: Vec::new(), size2: size2.max(1e-20) }
+        Term::new(effect.clone(), values, size2.max(1e-20))
     }
 
     /// The most promising effects beside a model, tuned, and where `thorough` changed for better neighbours.
@@ -403,6 +471,9 @@ impl<'a> Search<'a> {
         for i in 0..model.terms.len() {
             let mut terms = model.terms.clone();
             let own = terms.remove(i);
+            if own.known.is_some() {
+                continue;
+            }
             let Some(others) = Model::new(self.runs, model.process, &terms) else { continue };
             let left = self.bank.left(self.runs, &self.weighed(&others), model.process.as_ref());
             let (gain, found) = self.climb(&others, own.effect.clone(), self.gain(&others, &own.effect), &left, REACH);
@@ -423,7 +494,7 @@ impl<'a> Search<'a> {
 }
 
 /// The form of an effect: its name, and the orders of harmonics of angles, which no tuning leads from one to the other.
-fn form(effect: &Effect) -> String {
+pub fn form(effect: &Effect) -> String {
     let order = |factor: &Factor| match factor.shape {
         Shape::Harmonic(Harmonic { period }) if factor.signal.is_angle() => format!(" {:.0}", 360.0 / period),
         _ => String::new(),
@@ -449,6 +520,15 @@ fn constants_of(effect: &Effect) -> Vec<(usize, usize)> {
         .enumerate()
         .flat_map(|(f, factor)| (0..factor.constants().len()).map(move |number| (f, number)))
         .collect()
+}
+
+/// The effect with one constant moved by so much: its logarithm where it is a scale, else by its own unit.
+fn moved_by(effect: &Effect, f: usize, number: usize, step: f64) -> Option<Effect> {
+    let mut effect = effect.clone();
+    let factor = effect.factors.get_mut(f)?;
+    let constant = *factor.constants().get(number)?;
+    factor.set(number, if constant.is_scale { constant.value * step.exp() } else { constant.value + step });
+    effect.validate().ok().map(|()| effect)
 }
 
 /// The effect with one constant moved by a step: of its logarithm where it is a scale, of a width or of the signal's unit where it is a place.

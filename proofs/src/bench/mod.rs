@@ -19,6 +19,7 @@ mod esg;
 mod experiment;
 mod faults;
 pub(crate) mod fixes;
+mod fleet;
 mod gates;
 mod grammar;
 mod gyros;
@@ -110,6 +111,7 @@ benches! {
     Esg: esg::EsgBench,
     Experiment: experiment::ExperimentBench,
     Faults: faults::Faults,
+    Fleet: fleet::FleetBench,
     Gates: gates::Gates,
     Grammar: grammar::GrammarBench,
     Gyros: gyros::Gyros,

@@ -66,12 +66,13 @@ impl Plan {
             channels,
             runs: Vec::new(),
         };
-        plan.add_runs(draw);
+        let (fits, checks) = (draw.whole(8, 36), draw.whole(4, 12));
+        plan.add_runs(draw, fits, checks);
         plan
     }
 
-    fn add_runs(&mut self, draw: &mut Draw) {
-        let (fits, checks) = (draw.whole(8, 36), draw.whole(4, 12));
+    /// So many runs that may be learned from, and such that are only judged.
+    pub(super) fn add_runs(&mut self, draw: &mut Draw, fits: usize, checks: usize) {
         let mut roles: Vec<bool> = (0..fits + checks).map(|run| run < fits).collect();
         draw.shuffle(&mut roles);
         let headings = headings(draw, roles.len());

@@ -1,0 +1,235 @@
+//! `F.toml`: what the instruments of one type have in common, and how each unit that it was learned from stands to it.
+
+use std::path::Path;
+
+use nalgebra::DMatrix;
+use north_finder::effects::effect::{Effect, MAX_FACTORS, Port};
+use north_finder::effects::factor::Factor;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::diagnose::effect_name;
+use crate::file_error::{FileError, Problem};
+use crate::learn::{Common, Family};
+use crate::toml_file::TomlFile;
+
+const FORMAT: i64 = 1;
+
+/// A fleet, as its file holds it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Fleet {
+    /// How many units it was learned from.
+    pub units: usize,
+    #[serde(rename = "effect", default)]
+    pub effects: Vec<Shared>,
+    #[serde(rename = "unit", default)]
+    pub records: Vec<UnitRecord>,
+}
+
+/// An effect of the type.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Shared {
+    /// Its name, as a diagnosis gives it.
+    pub name: String,
+    /// Share of the units that have it, and how many of those it was learned from do.
+    pub share: f64,
+    pub units: f64,
+    pub port: Port,
+    /// As in a model file, with the usual constants.
+    #[serde(default)]
+    pub factors: heapless::Vec<Factor, MAX_FACTORS>,
+    /// Mean of the weights, and their covariance from unit to unit, row by row.
+    pub mean: Vec<f64>,
+    pub covariance: Vec<Vec<f64>>,
+    /// Standard deviation of each constant of its factors from unit to unit, of the logarithm where it is a time or a width.
+    #[serde(default)]
+    pub constant_spreads: Vec<f64>,
+}
+
+/// How a unit stands to the others.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct UnitRecord {
+    pub name: String,
+    /// Probability that it is out of the family.
+    pub outside: f64,
+    /// How it has each of the family's effects.
+    #[serde(rename = "has", default)]
+    pub effects: Vec<HasEffect>,
+    /// Effects that it has by itself, with their probabilities.
+    #[serde(default)]
+    pub others: Vec<OtherEffect>,
+}
+
+/// How a unit has one effect.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HasEffect {
+    /// Probability that it has it as the others have it, and that it has it in a way of its own; it lacks it otherwise.
+    pub family: f64,
+    pub own: f64,
+    /// Its weights in the likeliest way; 0 where it lacks it.
+    pub weights: Vec<f64>,
+}
+
+/// An effect that a unit has by itself.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct OtherEffect {
+    pub name: String,
+    pub probability: f64,
+}
+
+impl Fleet {
+    /// Reads a file.
+    ///
+    /// Errors: no such file, not TOML, another format, unknown keys, values that make no sense, with their place.
+    pub fn read(path: &Path) -> Result<Self, FileError> {
+        let file = TomlFile::read(path)?;
+        let fleet: Self = file.parse_format(FORMAT)?;
+        for shared in &fleet.effects {
+            shared.check().map_err(|(field, value, allowed)| {
+                let place = format!("effect {:?}: {field} = {value}", shared.name);
+                file.whole(Problem::not_allowed(place, allowed))
+            })?;
+        }
+        for unit in &fleet.records {
+            if !(0.0..=1.0).contains(&unit.outside) {
+                let value = format!("unit {:?}: outside = {}", unit.name, unit.outside);
+                return Err(file.whole(Problem::not_allowed(value, "a probability, 0 to 1")));
+            }
+            if unit.effects.len() != fleet.effects.len() {
+                let value = format!("unit {:?}: {} tables `has`", unit.name, unit.effects.len());
+                return Err(file.whole(Problem::not_allowed(value, "one for every effect")));
+            }
+        }
+        Ok(fleet)
+    }
+
+    /// Writes a file, over one that may be there where that is allowed.
+    pub fn write(&self, path: &Path) -> Result<(), FileError> {
+        let text = toml::to_string(self).map_err(|error| FileError::whole(path, Problem::Syntax(error.to_string())))?;
+        crate::output::write(path, format!("format = {FORMAT}\n{text}")).map_err(|error| FileError::whole(path, error))
+    }
+
+    /// The prior of the next unit.
+    pub fn family(&self) -> Family {
+        Family { members: self.effects.iter().map(Shared::common).collect() }
+    }
+}
+
+impl Shared {
+    pub fn new(common: &Common) -> Self {
+        Self {
+            name: effect_name(&common.effect),
+            share: common.share,
+            units: common.units,
+            port: common.effect.port,
+            factors: common.effect.factors.clone(),
+            mean: common.effect.weights.iter().map(|weight| f64::from(*weight)).collect(),
+            covariance: common.covariance.row_iter().map(|row| row.iter().copied().collect()).collect(),
+            constant_spreads: common.spreads.clone(),
+        }
+    }
+
+    fn common(&self) -> Common {
+        let count = self.mean.len();
+        let at = |i: usize, j: usize| self.covariance.get(i).and_then(|row| row.get(j)).copied().unwrap_or(0.0);
+        Common {
+            effect: self.effect(),
+            share: self.share,
+            units: self.units,
+            covariance: DMatrix::from_fn(count, count, |i, j| 0.5 * (at(i, j) + at(j, i))),
+            spreads: self.constant_spreads.clone(),
+        }
+    }
+
+    /// With the mean of its weights.
+    pub fn effect(&self) -> Effect {
+        let mut effect = Effect::new(self.port, &self.factors);
+        effect.weights.iter_mut().zip(&self.mean).for_each(|(weight, mean)| *weight = *mean as f32);
+        effect
+    }
+
+    /// Standard deviations of the weights from unit to unit.
+    pub fn spread(&self) -> Vec<f64> {
+        let own = |(i, row): (usize, &Vec<f64>)| row.get(i).copied().unwrap_or(0.0).max(0.0).sqrt();
+        self.covariance.iter().enumerate().map(own).collect()
+    }
+
+    /// The field that makes no sense, its value, and what is allowed.
+    fn check(&self) -> Result<(), (&'static str, String, String)> {
+        let effect = self.effect();
+        effect.validate().map_err(|invalid| ("factors", invalid.value.to_string(), invalid.allowed.to_string()))?;
+        let constants: usize = self.factors.iter().map(|factor| factor.constants().len()).sum();
+        let count = effect.count();
+        let finite = |numbers: &[f64]| numbers.iter().all(|number| number.is_finite());
+        if !(0.0..=1.0).contains(&self.share) {
+            return Err(("share", self.share.to_string(), "a probability, 0 to 1".into()));
+        }
+        if self.mean.len() != count || !finite(&self.mean) {
+            return Err(("mean", format!("{:?}", self.mean), format!("{count} finite numbers")));
+        }
+        if self.covariance.len() != count || self.covariance.iter().any(|row| row.len() != count || !finite(row)) {
+            return Err((
+                "covariance",
+                format!("{:?}", self.covariance),
+                format!("{count} rows of {count} finite numbers"),
+            ));
+        }
+        if (0..count).any(|i| self.covariance[i][i] < 0.0) {
+            return Err(("covariance", format!("{:?}", self.covariance), "variances that are not negative".into()));
+        }
+        if self.constant_spreads.len() != constants || self.constant_spreads.iter().any(|spread| !(*spread >= 0.0)) {
+            let allowed = format!("{constants} numbers that are not negative");
+            return Err(("constant_spreads", format!("{:?}", self.constant_spreads), allowed));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fleet() -> Fleet {
+        let mut effect = Effect::new(Port::Scale, &[]);
+        effect.weights.copy_from_slice(&[0.25]);
+        let covariance = DMatrix::from_element(1, 1, 0.0025);
+        let shared = Shared::new(&Common { effect, share: 0.75, units: 3.5, covariance, spreads: Vec::new() });
+        let has = HasEffect { family: 0.9, own: 0.05, weights: vec![0.2] };
+        let record = UnitRecord { name: "unit-7".into(), outside: 0.125, effects: vec![has], others: Vec::new() };
+        Fleet { units: 4, effects: vec![shared], records: vec![record] }
+    }
+
+    #[test]
+    fn what_is_written_is_read_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("f.toml");
+        fleet().write(&path).unwrap();
+        let read = Fleet::read(&path).unwrap();
+        assert_eq!(read, fleet());
+        assert_eq!((read.effects[0].name.as_str(), read.effects[0].spread()), ("scale-factor", vec![0.05]));
+        assert_eq!(read.family().members[0].effect.weights[0], 0.25);
+    }
+
+    #[test]
+    fn what_makes_no_sense_is_refused_by_its_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let refusal = |change: &dyn Fn(&mut Fleet)| {
+            let mut fleet = fleet();
+            change(&mut fleet);
+            let path = folder.path().join("f.toml");
+            std::fs::write(&path, format!("format = 1\n{}", toml::to_string(&fleet).unwrap())).unwrap();
+            Fleet::read(&path).unwrap_err().to_string()
+        };
+        assert!(refusal(&|fleet| fleet.effects[0].share = 1.5).contains("share = 1.5"));
+        assert!(refusal(&|fleet| fleet.effects[0].mean.push(1.0)).contains("mean = [0.25, 1.0]"));
+        assert!(refusal(&|fleet| fleet.effects[0].covariance[0][0] = -1.0).contains("not negative"));
+        assert!(refusal(&|fleet| fleet.effects[0].constant_spreads.push(1.0)).contains("constant_spreads"));
+        assert!(refusal(&|fleet| fleet.records[0].outside = -0.1).contains("unit \"unit-7\": outside = -0.1"));
+        assert!(refusal(&|fleet| fleet.records[0].effects.clear()).contains("one for every effect"));
+    }
+}

@@ -1,0 +1,199 @@
+//! The units of a fleet: campaigns, or model files that were learned from them.
+
+use std::path::{Path, PathBuf};
+
+use nalgebra::{DMatrix, DVector};
+use north_finder::effects::ErrorModel;
+use north_finder::effects::doubt::Process;
+use north_finder::effects::effect::Effect;
+
+use crate::campaign::Campaign;
+use crate::diagnose::{self, Options};
+use crate::failure::Failure;
+use crate::file_error::{FileError, Problem};
+use crate::learn::{Blunder, Run, mended};
+use crate::model_file::ModelFile;
+use crate::settings_file::campaign_settings;
+
+const MANIFEST: &str = "campaign.toml";
+
+/// Where what is known of a unit comes from.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Source {
+    /// The folder of a campaign.
+    Campaign(PathBuf),
+    /// A model file.
+    Model(PathBuf),
+}
+
+impl Source {
+    pub fn path(&self) -> &Path {
+        match self {
+            Self::Campaign(path) | Self::Model(path) => path,
+        }
+    }
+
+    /// The name of the unit: that of its folder, or of its file without its ending.
+    pub fn name(&self) -> String {
+        let name = match self {
+            Self::Campaign(path) => path.file_name(),
+            Self::Model(path) => path.file_stem(),
+        };
+        name.map_or_else(|| self.path().display().to_string(), |name| name.to_string_lossy().into_owned())
+    }
+}
+
+/// Campaigns and models, by their paths or by folders that hold some of them; in the order of their names within a folder.
+///
+/// Errors: a path that is none of these; a folder that holds none; two units of one name.
+pub fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, FileError> {
+    let mut all: Vec<Source> = Vec::new();
+    for path in paths {
+        // A folder that is named `.` has a name only when it is written out.
+        let whole = path.canonicalize().map_err(|error| FileError::whole(path, error))?;
+        match source(&whole) {
+            Some(source) => all.push(source),
+            None if path.is_dir() => {
+                let entries = std::fs::read_dir(&whole).map_err(|error| FileError::whole(path, error))?;
+                let mut below: Vec<Source> = entries.filter_map(|entry| source(&entry.ok()?.path())).collect();
+                if below.is_empty() {
+                    let text = "neither a campaign nor a folder of campaigns or of model files (.toml)";
+                    return Err(FileError::whole(path, Problem::Syntax(text.into())));
+                }
+                below.sort();
+                all.extend(below);
+            }
+            None => {
+                let text = "neither a campaign nor a model file (.toml)";
+                return Err(FileError::whole(path, Problem::Syntax(text.into())));
+            }
+        }
+    }
+    let mut names: Vec<String> = all.iter().map(Source::name).collect();
+    names.sort();
+    match names.windows(2).find(|pair| pair[0] == pair[1]) {
+        Some(pair) => {
+            let text = format!("two units have the name {:?}: every campaign or model needs one of its own", pair[0]);
+            Err(FileError::whole(all[0].path(), Problem::Syntax(text)))
+        }
+        None => Ok(all),
+    }
+}
+
+fn source(path: &Path) -> Option<Source> {
+    if path.is_dir() {
+        return path.join(MANIFEST).is_file().then(|| Source::Campaign(path.to_owned()));
+    }
+    if path.file_name().is_some_and(|name| name == MANIFEST) {
+        return path.parent().map(|folder| Source::Campaign(folder.to_owned()));
+    }
+    (path.is_file() && path.extension().is_some_and(|ending| ending == "toml")).then(|| Source::Model(path.to_owned()))
+}
+
+/// What one unit taught by itself.
+pub struct Unit {
+    pub name: String,
+    source: Source,
+    /// Effects with their weights, of the likeliest model.
+    pub effects: Vec<Effect>,
+    /// Covariance of the weights, where a model file is all that is known.
+    pub covariance: Option<DMatrix<f64>>,
+    process: Option<Process>,
+    blunders: Vec<Blunder>,
+}
+
+impl Unit {
+    /// Learns from a campaign, without a judgement, or reads a model. A campaign that cannot be diagnosed refuses with its name.
+    pub fn read(source: &Source) -> Result<Self, Failure> {
+        match source {
+            Source::Campaign(path) => Self::of_campaign(source, path),
+            Source::Model(path) => {
+                let model = ModelFile::read(path)?.error_model.unwrap_or_default();
+                Ok(Self {
+                    name: source.name(),
+                    source: source.clone(),
+                    covariance: Some(covariance(&model)),
+                    process: model.doubt.process,
+                    effects: model.effects.iter().cloned().collect(),
+                    blunders: Vec::new(),
+                })
+            }
+        }
+    }
+
+    fn of_campaign(source: &Source, path: &Path) -> Result<Self, Failure> {
+        let (campaign, options) = campaign(path)?;
+        let learned = diagnose::learned(&campaign, &options).map_err(|refusal| refused(path, &refusal))?;
+        let learned = learned.unwrap_or_default();
+        let posterior = learned.posterior;
+        let best = posterior.alternatives.first().map_or(&[][..], |best| best.effects.as_slice());
+        Ok(Self {
+            name: source.name(),
+            source: source.clone(),
+            effects: best.iter().map(|effect| posterior.with_weights(effect).clone()).collect(),
+            covariance: None,
+            process: posterior.process,
+            blunders: learned.blunders,
+        })
+    }
+
+    /// The runs that it was learned from, and the process of their own; `None` where only its model is known.
+    pub fn runs(&self) -> Result<Option<(Vec<Run>, Option<Process>)>, Failure> {
+        let Source::Campaign(path) = &self.source else { return Ok(None) };
+        let (campaign, options) = campaign(path)?;
+        let runs = diagnose::searched(&campaign, &options).map_err(|refusal| refused(path, &refusal))?;
+        Ok(Some((mended(runs, &self.blunders), self.process)))
+    }
+
+    /// Mean and covariance of the weights of its effects.
+    pub fn posterior(&self) -> Option<(DVector<f64>, &DMatrix<f64>)> {
+        let weights = self.effects.iter().flat_map(|effect| effect.weights.iter().map(|weight| f64::from(*weight)));
+        Some((DVector::from_vec(weights.collect()), self.covariance.as_ref()?))
+    }
+}
+
+/// A campaign and what its diagnosis is told by default.
+pub fn campaign(path: &Path) -> Result<(Campaign, Options), Failure> {
+    let campaign = Campaign::read(path)?;
+    campaign.check_copies()?;
+    let settings = campaign_settings(&campaign, None)?;
+    Ok((campaign, Options { settings, ..Options::default() }))
+}
+
+fn refused(path: &Path, refusal: &diagnose::Refusal) -> Failure {
+    Failure::Refused(format!("{}: {refusal}", path.display()))
+}
+
+/// Covariance of the weights of a model's effects.
+fn covariance(model: &ErrorModel) -> DMatrix<f64> {
+    let count: usize = model.effects.iter().map(Effect::count).sum();
+    let before: usize = model.terms.iter().map(|term| term.coefficients.len()).sum();
+    let mut covariance = DMatrix::zeros(count, count);
+    for direction in &model.doubt.directions {
+        let own = DVector::from_iterator(count, direction.iter().skip(before).map(|number| f64::from(*number)));
+        covariance += &own * own.transpose();
+    }
+    covariance
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_of_a_folder_in_the_order_of_their_names() {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path();
+        std::fs::create_dir_all(root.join("b/runs")).unwrap();
+        std::fs::write(root.join("b/campaign.toml"), "").unwrap();
+        std::fs::write(root.join("a.toml"), "format = 2\n").unwrap();
+        std::fs::write(root.join("notes.txt"), "").unwrap();
+        let found = sources(&[root.to_owned()]).unwrap();
+        assert_eq!(found.iter().map(Source::name).collect::<Vec<_>>(), ["a", "b"]);
+        assert!(matches!(&found[..], [Source::Model(_), Source::Campaign(_)]));
+        let refusal = sources(&[root.join("notes.txt")]).unwrap_err().to_string();
+        assert!(refusal.contains("neither a campaign nor a model file"), "{refusal}");
+        let twice = sources(&[root.join("b"), root.join("b/campaign.toml")]).unwrap_err().to_string();
+        assert!(twice.contains("two units have the name \"b\""), "{twice}");
+    }
+}
