@@ -74,3 +74,45 @@ fn solved_runs_are_a_log() {
         assert!((row[column("temp_c")].parse::<f64>().unwrap() - 20.0).abs() < 5.0);
     }
 }
+
+/// The coefficient that moved, the history drawn, and a model made anew of runs: their bias, and refused where they cannot show what changed.
+#[test]
+fn the_coefficient_that_moved_and_the_model_of_runs_since() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (bad, model, page) = (path("bad.csv"), path("m.toml"), path("r.html"));
+    fs::write(&bad, log(200, |fix| if fix >= 150 { 0.4 } else { 0.3 })).unwrap();
+    fs::write(&model, "format = 2\nbias_deg_h = 0.05\n").unwrap();
+    assert_eq!(north(&["simulate", "--runs", "4", "--out", &path("runs")]).0, 0);
+    let (new, runs) = (path("new.toml"), path("runs"));
+    let line = ["watch", &bad, "--model", &model, "--report", &page, "--runs", &runs, "--model-out", &new];
+    let (code, said, error) = north(&line);
+    assert!(code == 1 && error.contains("no longer holds"), "{said}{error}");
+    assert!(said.contains("in the model: bias_deg_h is 0.050000 °/h, and has moved by +0."), "{said}");
+    assert!(said.contains("To do: bias cancels in every azimuth. Record 2 runs at one heading"), "{said}");
+    let drawn = fs::read_to_string(&page).unwrap();
+    assert!(drawn.contains("The upright line is fix 150") && drawn.matches("<figure>").count() == 4, "{drawn}");
+    // The runs with the old model have this bias left.
+    let (_, solved, _) = north(&["solve", &runs, "--model", &model, "--json", "-"]);
+    let solved: Value = serde_json::from_str(&solved).unwrap();
+    let fit: Vec<f64> = solved["runs"].as_array().unwrap().iter().map(|run| run["bias_deg_h"].as_f64().unwrap()).collect();
+    let written: toml::Table = fs::read_to_string(&new).unwrap().parse().unwrap();
+    let expected = 0.05 + fit.iter().sum::<f64>() / fit.len() as f64;
+    let roles = fs::read_to_string(format!("{runs}/campaign.toml")).unwrap();
+    assert_eq!(roles.matches("role = \"fit\"").count(), fit.len(), "{roles}");
+    assert!((written["bias_deg_h"].as_float().unwrap() - expected).abs() < 1e-9, "{written:?} {expected}");
+
+    // An azimuth that is wrong shows at eight surveyed headings, not at four.
+    let text = log(200, |_| 0.3).replace(",temp_c\n", ",temp_c,check_deg\n");
+    let wrong = |(row, line): (usize, &str)| match row {
+        0 => line.to_owned(),
+        ..150 => format!("{line},{}", 40.0 + 0.01 * (row as f64 * 1.3).sin()),
+        _ => format!("{line},{}", 40.2 + 0.01 * (row as f64 * 1.3).sin()),
+    };
+    fs::write(path("wrong.csv"), text.lines().enumerate().map(wrong).collect::<Vec<_>>().join("\n") + "\n").unwrap();
+    let wrong = path("wrong.csv");
+    let (code, said, error) = north(&["watch", &wrong, "--runs", &runs, "--model-out", &path("other.toml")]);
+    assert!(code == 1 && said.contains("Record 8 runs at surveyed headings"), "{said}{error}");
+    assert!(error.contains("these runs cannot show what changed: 4 runs"), "{error}");
+    assert!(!folder.path().join("other.toml").exists());
+}

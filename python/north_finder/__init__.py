@@ -29,6 +29,8 @@ __all__ = [
     "align",
     "calibrate",
     "diagnose",
+    "fleet_diagnose",
+    "fleet_learn",
     "read",
     "simulate",
     "solve",
@@ -121,6 +123,7 @@ def solve(
 def diagnose(
     campaign: PathLike,
     *,
+    fleet: PathLike | None = None,
     model: PathLike | None = None,
     model_out: PathLike | None = None,
     report: PathLike | None = None,
@@ -130,11 +133,39 @@ def diagnose(
 ) -> Result:
     """What the error model of an instrument lacks, learned from a campaign: the verdict of ``north diagnose``.
 
-    ``model_out`` and ``report`` are files to write; with ``force`` they replace what is there.
+    ``fleet`` is what the instruments of its type have in common, from :func:`fleet_learn`. ``model_out`` and ``report`` are
+    files to write; with ``force`` they replace what is there.
     """
-    options = {"model": model, "model-out": model_out, "report": report, "settings": settings}
+    options = {"fleet": fleet, "model": model, "model-out": model_out, "report": report, "settings": settings}
     flags = {"leave-one-out": leave_one_out, "force": force}
     return _result(["diagnose", os.fspath(campaign)], options, flags)
+
+
+def fleet_learn(
+    units: PathLike | Sequence[PathLike], out: PathLike, *, threads: int | None = None, force: bool = False
+) -> Result:
+    """What the units of one type have in common, learned from their campaigns or model files and written to ``out``.
+
+    ``units``: paths of campaigns, of model files, or of folders of them.
+    """
+    return _result(["fleet", "learn", *_paths(units)], {"out": out, "threads": threads}, {"force": force})
+
+
+def fleet_diagnose(
+    campaigns: PathLike | Sequence[PathLike],
+    results: PathLike,
+    *,
+    fleet: PathLike | None = None,
+    table: PathLike | None = None,
+    threads: int | None = None,
+    force: bool = False,
+) -> Result:
+    """Diagnoses campaigns into the folder ``results``, each on a thread; what is done there is not done again.
+
+    A campaign NAME has the results NAME.json and NAME.toml (its model); ``table`` is a Parquet file with a row for each.
+    """
+    options = {"results": results, "fleet": fleet, "table": table, "threads": threads}
+    return _result(["fleet", "diagnose", *_paths(campaigns)], options, {"force": force})
 
 
 def align(
@@ -178,6 +209,11 @@ def simulate(
     options = {"out": out, "scenario": scenario, "runs": runs, "seed": seed}
     _run(_words(["simulate"], options, {"raw": raw}))
     return read(out)
+
+
+def _paths(paths: PathLike | Sequence[PathLike]) -> list[str]:
+    given = [paths] if isinstance(paths, (str, os.PathLike)) else paths
+    return [os.fspath(path) for path in given]
 
 
 def _words(command: list[str], options: Mapping[str, Any], flags: Mapping[str, bool] | None = None) -> list[str]:

@@ -48,6 +48,13 @@ def test_diagnose_gives_the_digits_of_the_command(campaign: Path, tmp_path: Path
     assert north_finder.solve(campaign, model) == command("solve", str(campaign), "--model", str(model))
 
 
+def test_a_fleet_gives_the_digits_of_the_command(campaign: Path, tmp_path: Path) -> None:
+    ours = north_finder.fleet_learn([campaign], tmp_path / "f.toml")
+    assert ours.units == 1 and ours.unit[0].name == "unit-7"
+    prior = str(tmp_path / "f.toml")
+    assert north_finder.diagnose(campaign, fleet=prior) == command("diagnose", str(campaign), "--fleet", prior)
+
+
 def test_columns_are_arrays_that_data_frames_take(campaign: Path) -> None:
     rows = north_finder.read(campaign)
     assert rows["t_s"].dtype == np.float64 and rows["fog_arcsec"].flags.owndata is not None

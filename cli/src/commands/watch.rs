@@ -4,23 +4,47 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 
 use clap::Args;
+use north_finder::effects::ErrorModel;
+use north_finder::settings::Settings;
 use serde::Serialize;
 
+use crate::campaign::Campaign;
+use crate::diagnose::Options;
 use crate::failure::Failure;
+use crate::file_error::FileError;
+use crate::model_file::ModelFile;
 use crate::output::JsonOption;
-use crate::service::{ALARM, BASELINE, Cause, Change, Kind, Log, Watch as Verdict, signals, watch};
+use crate::service::{
+    ALARM, BASELINE, Cause, Change, History, Kind, Log, Moved, Needed, OtherPlace, Watch as Verdict, report, signals,
+    watch,
+};
+use crate::settings_file::{campaign_settings, write_model};
 
 /// Watch the log of an instrument's fixes: does its error model still hold, what moved, by how much, since when
 ///
 /// The first hundred fixes say what is normal. False alarms are a thousand fixes apart on average, or more. Exit code 1 where the model does not hold.
+/// With --model it says which coefficient moved; with --runs the model is made anew of runs that were recorded since, if these can show what changed.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
-  north solve year-2026 --log unit-7.csv && north watch unit-7.csv
-  north watch unit-7-2025.csv unit-7-2026.csv --json -")]
+  north solve year-2026 --log unit-7.csv && north watch unit-7.csv --report unit-7.html
+  north watch unit-7-2025.csv unit-7-2026.csv --model unit-7.toml --json -
+  north watch unit-7.csv --model unit-7.toml --runs since-june --model-out unit-7-july.toml")]
 pub struct Watch {
     /// Logs of one instrument, in the order of time
     #[arg(value_name = "LOG.csv", required = true)]
     logs: Vec<PathBuf>,
+    /// The error model that the instrument ran
+    #[arg(long, value_name = "M.toml")]
+    model: Option<PathBuf>,
+    /// A campaign recorded since the change, to make the model anew from
+    #[arg(long, value_name = "CAMPAIGN", requires = "model_out")]
+    runs: Option<PathBuf>,
+    /// Write the new model
+    #[arg(long, value_name = "M.toml", requires = "runs")]
+    model_out: Option<PathBuf>,
+    /// Write a report with the history drawn: one HTML file that fetches nothing
+    #[arg(long, value_name = "R.html")]
+    report: Option<PathBuf>,
     #[command(flatten)]
     json: JsonOption,
 }
@@ -32,8 +56,11 @@ struct Said<'a> {
     signals: Vec<Kind>,
     /// Number of the fix with which the alarm came.
     alarm_fix: Option<u64>,
-    /// Number and time of the first changed fix, for every change.
+    /// For every change: number and time of its first fix, the coefficient that moved, another place that would explain it, the runs that show it best.
     since: Vec<Since<'a>>,
+    moved: &'a [Option<Moved>],
+    other_place: &'a [Option<OtherPlace>],
+    needed: &'a [Needed],
     #[serde(flatten)]
     verdict: &'a Verdict,
 }
@@ -46,8 +73,10 @@ struct Since<'a> {
 
 impl Watch {
     pub fn run(self) -> Result<(), Failure> {
-        crate::output::check([self.json.path()])?;
+        let results = [self.model_out.as_deref(), self.report.as_deref(), self.json.path()];
+        crate::output::check(results)?;
         let log = Log::read(&self.logs)?;
+        let model = self.model.as_deref().map(ModelFile::read).transpose()?.and_then(|file| file.error_model);
         let count = log.fixes.len();
         if count <= BASELINE {
             let text = format!(
@@ -62,24 +91,43 @@ impl Watch {
             let text = "no signal that every fix has, and that moves: bias_deg_h, amplitude_deg_h, misfit with freedom, azimuth_deg with check_deg";
             return Err(Failure::Refused(text.into()));
         }
-        let kinds: Vec<Kind> = signals.iter().map(|signal| signal.kind).collect();
-        let out = &mut self.json.human();
-        write(out, &log, &kinds, &verdict)?;
-        let said = Said {
+        let history = History::new(&log, &signals, verdict, model.as_ref());
+        write(&mut self.json.human(), &history)?;
+        if let Some(path) = &self.report {
+            crate::output::write(path, report::html(&history)).map_err(|error| FileError::whole(path, error))?;
+        }
+        let verdict = &history.verdict;
+        self.json.write(&Said {
             fixes: count,
             holds: verdict.alarm.is_none(),
             alarm_fix: verdict.alarm.map(|at| log.fixes[at].fix),
             since: verdict.changes.iter().map(|change| since(&log, change)).collect(),
-            signals: kinds,
-            verdict: &verdict,
-        };
-        self.json.write(&said)?;
+            signals: signals.iter().map(|signal| signal.kind).collect(),
+            moved: &history.moved,
+            other_place: &history.other_place,
+            needed: &history.needed,
+            verdict,
+        })?;
+        self.update(&history, model)?;
         match verdict.alarm {
             Some(at) => {
                 Err(Failure::Refused(format!("the error model no longer holds: seen with fix {}", log.fixes[at].fix)))
             }
             None => Ok(()),
         }
+    }
+
+    /// The model from the runs since the change, if that was asked for.
+    fn update(&self, history: &History<'_>, model: Option<ErrorModel>) -> Result<(), Failure> {
+        let (Some(runs), Some(out)) = (&self.runs, &self.model_out) else { return Ok(()) };
+        let Some((change, needed)) = history.verdict.changes.iter().zip(&history.needed).next() else {
+            return Err(Failure::Refused("the model holds: there is nothing to make anew".into()));
+        };
+        let campaign = Campaign::read(runs)?;
+        campaign.check_copies()?;
+        let settings = Settings { model, ..campaign_settings(&campaign, None)? };
+        let updated = needed.updated(change, &campaign, &Options { settings, ..Options::default() })?;
+        Ok(write_model(out, &updated)?)
     }
 }
 
@@ -88,7 +136,9 @@ fn since<'a>(log: &'a Log, change: &Change) -> Since<'a> {
     Since { fix: fix.fix, utc: &fix.utc }
 }
 
-fn write(out: &mut dyn Write, log: &Log, kinds: &[Kind], verdict: &Verdict) -> io::Result<()> {
+fn write(out: &mut dyn Write, history: &History<'_>) -> io::Result<()> {
+    let History { log, verdict, .. } = history;
+    let kinds: Vec<Kind> = history.signals.iter().map(|signal| signal.kind).collect();
     let switches = log.switched().iter().filter(|&&switched| switched).count();
     writeln!(
         out,
@@ -104,33 +154,61 @@ fn write(out: &mut dyn Write, log: &Log, kinds: &[Kind], verdict: &Verdict) -> i
              on average, or later",
             verdict.watched
         )?;
-        return blind(out, kinds);
+        return blind(out, &kinds);
     };
     writeln!(out, "changed    seen with fix {}, {} fixes after the baseline", log.fixes[at].fix, verdict.watched)?;
-    for change in &verdict.changes {
-        let Since { fix, utc } = since(log, change);
-        let (signal, unit, size, sigma) = (change.signal.name(), change.unit, change.size, change.sigma);
-        let what = match change.cause {
-            Cause::Step => format!("a step of {size:+.4} ± {sigma:.4} {unit}"),
-            Cause::Ramp => format!("a ramp, which has reached {size:+.4} ± {sigma:.4} {unit}"),
-            Cause::Temperature => {
-                format!("follows the gyro's temperature by {size:+.5} ± {sigma:.5} {unit} for each kelvin")
-            }
-        };
-        let when = if utc.is_empty() { format!("fix {fix}") } else { format!("fix {fix}, {utc}") };
-        let instead = change.instead.map_or_else(String::new, |(cause, times)| match times {
-            ..3.0 => format!("; {} is as likely", name(cause)),
-            3.0..1e4 => format!("; {} is {times:.0} times less likely", name(cause)),
-            _ => format!("; {} is more than 10,000 times less likely", name(cause)),
-        });
-        writeln!(
-            out,
-            "{signal:<10} {what}, {:.1} sigma of one fix, since {when}{instead}",
-            change.sigmas_of_fix.abs()
-        )?;
-        writeln!(out, "           To do: {}", remedy(change))?;
+    for (number, change) in verdict.changes.iter().enumerate() {
+        writeln!(out, "{:<10} {}", change.signal.name(), what(log, change))?;
+        if let Some(moved) = history.moved.get(number).and_then(Option::as_ref) {
+            writeln!(out, "           {}", coefficient(moved))?;
+        }
+        if let Some(place) = history.other_place.get(number).and_then(Option::as_ref) {
+            writeln!(out, "           {}", other_place(place))?;
+        }
+        writeln!(out, "           To do: {}", remedy(change, &history.needed[number]))?;
     }
-    blind(out, kinds)
+    blind(out, &kinds)
+}
+
+/// A change in words.
+fn what(log: &Log, change: &Change) -> String {
+    let Since { fix, utc } = since(log, change);
+    let (unit, size, sigma) = (change.unit, change.size, change.sigma);
+    let what = match change.cause {
+        Cause::Step => format!("a step of {size:+.4} ± {sigma:.4} {unit}"),
+        Cause::Ramp => format!("a ramp, which has reached {size:+.4} ± {sigma:.4} {unit}"),
+        Cause::Temperature => {
+            format!("follows the gyro's temperature by {size:+.5} ± {sigma:.5} {unit} for each kelvin")
+        }
+    };
+    let when = if utc.is_empty() { format!("fix {fix}") } else { format!("fix {fix}, {utc}") };
+    let instead = change.instead.map_or_else(String::new, |(cause, times)| match times {
+        ..3.0 => format!("; {} is as likely", name(cause)),
+        3.0..1e4 => format!("; {} is {times:.0} times less likely", name(cause)),
+        _ => format!("; {} is more than 10,000 times less likely", name(cause)),
+    });
+    format!("{what}, {:.1} sigma of one fix, since {when}{instead}", change.sigmas_of_fix.abs())
+}
+
+fn coefficient(moved: &Moved) -> String {
+    let Moved { coefficient, unit, before, by, sigma } = moved;
+    let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+    format!(
+        "in the model: {coefficient} is {before:.6}{unit}, and has moved by {by:+.6} ± {sigma:.6} to {:.6}",
+        before + by
+    )
+}
+
+fn other_place(place: &OtherPlace) -> String {
+    let OtherPlace { latitude_before_deg, latitude_after_deg, set_up_anew } = place;
+    let likely = if *set_up_anew {
+        "; it was set up anew with that fix, so that this is the first to check"
+    } else {
+        "; it was not set up anew with that fix"
+    };
+    format!(
+        "or another place: the amplitude was that at a latitude of {latitude_before_deg:.2}°, and is that at {latitude_after_deg:.2}°{likely}"
+    )
 }
 
 fn name(cause: Cause) -> &'static str {
@@ -141,23 +219,15 @@ fn name(cause: Cause) -> &'static str {
     }
 }
 
-/// Fixes, or runs, whose mean knows the change to a quarter of its size.
-fn runs(change: &Change) -> f64 {
-    (4.0 / change.sigmas_of_fix).powi(2).ceil().max(2.0)
-}
-
-fn remedy(change: &Change) -> String {
-    let runs = runs(change);
-    match (change.signal, change.cause) {
-        (Kind::Bias, Cause::Temperature) => {
-            format!("bias cancels in every azimuth. Record {runs:.0} runs at either end of the temperatures at one heading, and north diagnose them.")
+fn remedy(change: &Change, needed: &Needed) -> String {
+    let runs = needed.sentence();
+    match change.signal {
+        Kind::Bias => format!("bias cancels in every azimuth. {runs}"),
+        Kind::Amplitude => {
+            format!("check the latitude and the level first; a scale factor cancels in every azimuth. {runs}")
         }
-        (Kind::Bias, _) => format!("bias cancels in every azimuth. Record {runs:.0} runs at one heading, and north diagnose them, to have it in the model."),
-        (Kind::Amplitude, _) => {
-            format!("check the latitude and the level first; a scale factor cancels in every azimuth. Record {runs:.0} runs at one heading, and north diagnose them.")
-        }
-        (Kind::Misfit, _) => "the dwells of a fix no longer fit together, and sigma is too small. Record eight runs at headings around the circle, and north diagnose them.".into(),
-        (Kind::AzimuthError, _) => format!("the azimuths are wrong by this. Record {:.0} runs at surveyed headings around the circle, and north diagnose them.", runs.max(8.0)),
+        Kind::Misfit => format!("the dwells of a fix no longer fit together, and sigma is too small. {runs}"),
+        Kind::AzimuthError => format!("the azimuths are wrong by this. {runs}"),
     }
 }
 

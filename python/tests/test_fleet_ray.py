@@ -1,0 +1,85 @@
+"""The diagnosis of many campaigns on a cluster of two local workers: the same as on one machine, and nothing is lost with a worker."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import north_finder
+
+ray = pytest.importorskip("ray", reason="Ray is not installed: pip install 'north-finder[fleet]'")
+parquet = pytest.importorskip("pyarrow.parquet")
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "fleet_ray.py"
+
+
+@pytest.fixture(scope="module")
+def campaigns(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("fleet")
+    for number in range(4):
+        north_finder.simulate(folder / f"unit-{number}", scenario="air-conditioning", runs=4, seed=number)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def on_one_machine(campaigns: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    folder = tmp_path_factory.mktemp("one-machine")
+    table = folder / "table.parquet"
+    north_finder.fleet_diagnose(campaigns, folder / "results", table=table)
+    return folder / "results", table
+
+
+@pytest.fixture
+def cluster():
+    """Two workers of one processor each, which are nodes of their own."""
+    cluster_utils = pytest.importorskip("ray.cluster_utils")
+    cluster = cluster_utils.Cluster(initialize_head=True, head_node_args={"num_cpus": 0})
+    nodes = [cluster.add_node(num_cpus=1) for _ in range(2)]
+    yield cluster, nodes
+    ray.shutdown()
+    cluster.shutdown()
+
+
+def begun(campaigns: Path, results: Path, table: Path, address: str) -> subprocess.Popen:
+    arguments = [str(campaigns), str(results), "--table", str(table), "--address", address]
+    return subprocess.Popen([sys.executable, str(EXAMPLE), *arguments], stdout=subprocess.PIPE, text=True)
+
+
+def same(ours: Path, theirs: Path) -> None:
+    for result in sorted(theirs.glob("unit-*")):
+        assert (ours / result.name).read_bytes() == result.read_bytes(), result.name
+
+
+def test_a_cluster_gives_the_results_of_one_machine_and_loses_nothing(campaigns, on_one_machine, cluster, tmp_path) -> None:
+    theirs, their_table = on_one_machine
+    (cluster, nodes), results, table = cluster, tmp_path / "results", tmp_path / "table.parquet"
+    run = begun(campaigns, results, table, cluster.address)
+    # Once the first campaign is done a worker goes, with what it is at.
+    while not list(results.glob("*.json")):
+        assert run.poll() is None
+        time.sleep(0.1)
+    cluster.remove_node(nodes[0], allow_graceful=False)
+    assert run.wait(timeout=600) == 0
+    same(results, theirs)
+    assert parquet.read_table(table).equals(parquet.read_table(their_table))
+
+
+def test_a_run_that_was_ended_goes_on(campaigns, on_one_machine, cluster, tmp_path) -> None:
+    theirs, _ = on_one_machine
+    (cluster, _), results, table = cluster, tmp_path / "results", tmp_path / "table.parquet"
+    run = begun(campaigns, results, table, cluster.address)
+    while not list(results.glob("*.json")):
+        assert run.poll() is None
+        time.sleep(0.1)
+    os.kill(run.pid, signal.SIGKILL)
+    run.wait()
+    done = {path: path.stat().st_mtime_ns for path in results.glob("*.json")}
+    again = begun(campaigns, results, table, cluster.address)
+    said, _ = again.communicate(timeout=600)
+    assert again.returncode == 0 and not said.startswith("4 campaigns, 0 of them done before")
+    assert all(path.stat().st_mtime_ns == when for path, when in done.items())
+    same(results, theirs)
