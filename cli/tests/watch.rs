@@ -95,7 +95,8 @@ fn the_coefficient_that_moved_and_the_model_of_runs_since() {
     // The runs with the old model have this bias left.
     let (_, solved, _) = north(&["solve", &runs, "--model", &model, "--json", "-"]);
     let solved: Value = serde_json::from_str(&solved).unwrap();
-    let fit: Vec<f64> = solved["runs"].as_array().unwrap().iter().map(|run| run["bias_deg_h"].as_f64().unwrap()).collect();
+    let fit: Vec<f64> =
+        solved["runs"].as_array().unwrap().iter().map(|run| run["bias_deg_h"].as_f64().unwrap()).collect();
     let written: toml::Table = fs::read_to_string(&new).unwrap().parse().unwrap();
     let expected = 0.05 + fit.iter().sum::<f64>() / fit.len() as f64;
     let roles = fs::read_to_string(format!("{runs}/campaign.toml")).unwrap();

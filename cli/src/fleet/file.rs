@@ -91,17 +91,17 @@ impl Fleet {
         let fleet: Self = file.parse_format(FORMAT)?;
         for shared in &fleet.effects {
             shared.check().map_err(|(field, value, allowed)| {
-                let place = format!("effect {:?}: {field} = {value}", shared.name);
+                let place = format!("effect {}: {field} = {value}", shared.name);
                 file.whole(Problem::not_allowed(place, allowed))
             })?;
         }
         for unit in &fleet.records {
             if !(0.0..=1.0).contains(&unit.outside) {
-                let value = format!("unit {:?}: outside = {}", unit.name, unit.outside);
+                let value = format!("unit {}: outside = {}", unit.name, unit.outside);
                 return Err(file.whole(Problem::not_allowed(value, "a probability, 0 to 1")));
             }
             if unit.effects.len() != fleet.effects.len() {
-                let value = format!("unit {:?}: {} tables `has`", unit.name, unit.effects.len());
+                let value = format!("unit {}: {} tables `has`", unit.name, unit.effects.len());
                 return Err(file.whole(Problem::not_allowed(value, "one for every effect")));
             }
         }
@@ -229,7 +229,7 @@ mod tests {
         assert!(refusal(&|fleet| fleet.effects[0].mean.push(1.0)).contains("mean = [0.25, 1.0]"));
         assert!(refusal(&|fleet| fleet.effects[0].covariance[0][0] = -1.0).contains("not negative"));
         assert!(refusal(&|fleet| fleet.effects[0].constant_spreads.push(1.0)).contains("constant_spreads"));
-        assert!(refusal(&|fleet| fleet.records[0].outside = -0.1).contains("unit \"unit-7\": outside = -0.1"));
+        assert!(refusal(&|fleet| fleet.records[0].outside = -0.1).contains("unit unit-7: outside = -0.1"));
         assert!(refusal(&|fleet| fleet.records[0].effects.clear()).contains("one for every effect"));
     }
 }

@@ -18,7 +18,7 @@ use crate::settings_file::campaign_settings;
 const MANIFEST: &str = "campaign.toml";
 
 /// Where what is known of a unit comes from.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Source {
     /// The folder of a campaign.
     Campaign(PathBuf),
@@ -60,7 +60,7 @@ pub fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, FileError> {
                     let text = "neither a campaign nor a folder of campaigns or of model files (.toml)";
                     return Err(FileError::whole(path, Problem::Syntax(text.into())));
                 }
-                below.sort();
+                below.sort_by_key(Source::name);
                 all.extend(below);
             }
             None => {
