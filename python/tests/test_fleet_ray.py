@@ -83,3 +83,13 @@ def test_a_run_that_was_ended_goes_on(campaigns, on_one_machine, cluster, tmp_pa
     assert again.returncode == 0 and not said.startswith("4 campaigns, 0 of them done before")
     assert all(path.stat().st_mtime_ns == when for path, when in done.items())
     same(results, theirs)
+
+
+def test_the_queries_of_the_documents_run(on_one_machine, tmp_path, monkeypatch) -> None:
+    duckdb = pytest.importorskip("duckdb")
+    _, table = on_one_machine
+    text = (EXAMPLE.parents[1] / "docs" / "fleet.md").read_text()
+    queries = text.split("```sql\n")[1].split("```")[0].replace("results.parquet", str(table))
+    effects, outsiders = (duckdb.sql(query).fetchall() for query in queries.strip().rstrip(";").split(";\n"))
+    assert any(effect == "temperature-rate" for effect, *_ in effects)
+    assert len(outsiders) <= 4
