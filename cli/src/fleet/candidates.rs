@@ -43,8 +43,8 @@ fn candidate(form: String, group: &[&Effect]) -> Option<Candidate> {
     }
     let mut effect = Effect::new(first.port, &factors);
     let mut spreads = Vec::new();
-    for place in 0..factors.len() {
-        for number in 0..factors[place].constants().len() {
+    for (place, factor) in factors.iter().enumerate() {
+        for number in 0..factor.constants().len() {
             let of = |effect: &&Effect| effect.factors.get(place)?.constants().get(number).copied();
             let all: Vec<_> = group.iter().filter_map(of).collect();
             let is_scale = all.first().is_some_and(|constant| constant.is_scale);

@@ -90,6 +90,9 @@ fn source(path: &Path) -> Option<Source> {
     (path.is_file() && path.extension().is_some_and(|ending| ending == "toml")).then(|| Source::Model(path.to_owned()))
 }
 
+/// Runs, and the process of their own.
+pub type Runs = (Vec<Run>, Option<Process>);
+
 /// What one unit taught by itself.
 pub struct Unit {
     pub name: String,
@@ -138,7 +141,7 @@ impl Unit {
     }
 
     /// The runs that it was learned from, and the process of their own; `None` where only its model is known.
-    pub fn runs(&self) -> Result<Option<(Vec<Run>, Option<Process>)>, Failure> {
+    pub fn runs(&self) -> Result<Option<Runs>, Failure> {
         let Source::Campaign(path) = &self.source else { return Ok(None) };
         let (campaign, options) = campaign(path)?;
         let runs = diagnose::searched(&campaign, &options).map_err(|refusal| refused(path, &refusal))?;

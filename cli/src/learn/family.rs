@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use north_finder::effects::effect::Effect;
+use north_finder::effects::part::Constant;
 
 /// Share of units that do not follow their family in an effect, before anything is seen: one in fifty, about what leaves a production by mistake and
 /// is found in service (a figure of experience; the posterior depends on its logarithm only).
@@ -92,15 +93,16 @@ impl Common {
 
     /// Minus the logarithm of the density of an effect's constants over that of the usual ones, nats: independent normal distributions.
     pub fn cost_of_constants(&self, effect: &Effect) -> f64 {
-        let constants = |effect: &Effect| -> Vec<(f64, bool)> {
-            let all = effect.factors.iter().flat_map(|factor| factor.constants());
-            all.map(|each| (each.value, each.is_scale)).collect()
+        let constants = |effect: &Effect| -> Vec<Constant> {
+            effect.factors.iter().flat_map(|factor| factor.constants()).collect()
         };
-        let off = |((own, usual), spread): ((&(f64, bool), &(f64, bool)), &f64)| {
-            let off = if own.1 { (own.0 / usual.0).ln() } else { own.0 - usual.0 };
-            if *spread > 0.0 { 0.5 * (off / spread).powi(2) } else { 0.0 }
+        let (own, usual) = (constants(effect), constants(&self.effect));
+        let off = |place: usize| {
+            let (own, usual, spread) = (own[place], usual[place], self.spreads[place]);
+            let off = if own.is_scale { (own.value / usual.value).ln() } else { own.value - usual.value };
+            if spread > 0.0 { 0.5 * (off / spread).powi(2) } else { 0.0 }
         };
-        constants(effect).iter().zip(&constants(&self.effect)).zip(&self.spreads).map(off).sum()
+        (0..own.len().min(usual.len()).min(self.spreads.len())).map(off).sum()
     }
 }
 
