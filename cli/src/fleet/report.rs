@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use super::file::{Fleet, HasEffect, Shared, UnitRecord};
-use crate::diagnose::report::{Axis, Legend, Plot, Side, escape, figure, page, table};
+use crate::report::{Axis, Legend, Plot, Side, escape, figure, page, table};
 
 /// From this probability on a unit is called out of the family.
 pub const OUTSIDE: f64 = 0.5;

@@ -2,7 +2,7 @@
 
 use super::watch::{ALARM, BASELINE};
 use super::{Cause, Change, History, Signal};
-use crate::diagnose::report::{Axis, Legend, Plot, Side, escape, figure, page, table};
+use crate::report::{Axis, Legend, Plot, Side, escape, figure, page, table};
 
 /// Heights of the drawings, pixels.
 const HEIGHT: f64 = 200.0;
