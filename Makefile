@@ -11,7 +11,7 @@ NUCLEO_BOARD := --target $(TARGET) --no-default-features --features nucleo-f446 
 # The emulated chip: a workspace of its own, whose emulator asks for a newer compiler than it needs.
 CHIP := --quiet --manifest-path chip/Cargo.toml --ignore-rust-version --target-dir $(BUILD)/chip
 
-.PHONY: find chip mutants test proofs lint fmt firmware bench page python release update hardware flash count setup help
+.PHONY: find chip mutants test proofs lint fmt firmware bench page python release update hardware flash count figures setup help
 
 ## find: build the firmware, run it in QEMU with the simulated instrument, show the fix (ARGS="--scenario windy-tripod")
 find: setup
@@ -94,6 +94,10 @@ flash: setup
 ## count: lines of Rust and constants of the diagnosis and its effects
 count:
 	@scripts/count.sh
+
+## figures: the files of docs/figures, and the documents by them (published recordings in NORTH_FINDER_DATA, ../shared/data without it)
+figures: setup
+	@scripts/figures.sh
 
 ## setup: bring the Rust target and QEMU where they are missing
 setup:

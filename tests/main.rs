@@ -10,6 +10,7 @@ mod common;
 mod diagnose;
 mod documents;
 mod field;
+mod figures;
 mod frames;
 mod hidden_effects;
 mod index_slips;

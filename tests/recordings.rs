@@ -1,7 +1,7 @@
 //! Closing the loop with what people really have: unsurveyed stations, still logs, copies of the gyro, dead runs, surveys with a blunder.
 
 use north::campaign::Campaign;
-use north::diagnose::Diagnosis;
+use north::diagnose::{Ask, Diagnosis};
 use north_finder::units::wrap_180_deg;
 
 use crate::diagnose::{Folder, Plan, Second, missed, names, run, temp_c};
@@ -149,4 +149,39 @@ fn overlapping_runs_are_told() {
     let files: Vec<&str> = told.iter().map(|(file, _)| *file).collect();
     assert_eq!(files, ["runs/005.csv", "runs/008.csv", "runs/009.csv", "runs/009.csv"], "{told:?}");
     assert!(told[0].1.starts_with("it holds a stretch of the same recording as runs/003.csv"), "{told:?}");
+}
+
+/// At most three sentences of at most 25 words.
+fn is_short(description: &str) -> bool {
+    let sentences: Vec<&str> = description.split(". ").collect();
+    sentences.len() <= 3 && sentences.iter().all(|sentence| sentence.split_whitespace().count() <= 25)
+}
+
+/// Something to do next wherever something is not determined: no survey, few runs, one heading; nothing where all is well.
+#[test]
+fn the_next_experiment_asks_for_what_is_missing() {
+    let asked = |name: &str, plan: Plan, change: &dyn Fn(&mut Campaign)| {
+        let folder = Folder::new(name);
+        let mut campaign = plan.make(&folder);
+        change(&mut campaign);
+        let experiment = run(&campaign).next_experiment;
+        if let Some(experiment) = &experiment {
+            assert!(is_short(&experiment.description), "{}", experiment.description);
+            assert!(experiment.sigma_then_deg <= experiment.sigma_now_deg, "{experiment:?}");
+        }
+        experiment.map(|experiment| experiment.asks)
+    };
+    let unsurveyed = |campaign: &mut Campaign| {
+        campaign.runs.iter_mut().for_each(|run| run.reference_azimuth_deg = None);
+    };
+    let at_a_station = |campaign: &mut Campaign| {
+        unsurveyed(campaign);
+        campaign.runs.iter_mut().for_each(|run| run.station = Some("pillar".into()));
+    };
+    assert_eq!(asked("well", Plan::default(), &|_| ()), None);
+    assert_eq!(asked("unsurveyed", Plan::default(), &unsurveyed), Some(Ask::Stations));
+    let one_heading = || Plan { heading_deg: &|_, _| 123.4, ..Plan::default() };
+    assert_eq!(asked("pillar", one_heading(), &at_a_station), Some(Ask::Survey));
+    assert_eq!(asked("one-heading", one_heading(), &|_| ()), Some(Ask::Runs));
+    assert_eq!(asked("few", Plan { runs: 4, ..Plan::default() }, &|_| ()), Some(Ask::Runs));
 }

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use north::campaign::Role;
 use north::diagnose::{
-    Candidate, Diagnosis, Effect, Experiment, NoiseTests, Origin, Rejected, RunDiagnosis, RunSeries, Spectra, Test,
-    Warning,
+    Ask, Candidate, Diagnosis, Effect, Experiment, NoiseTests, Origin, Rejected, RunDiagnosis, RunSeries, Spectra,
+    Test, Warning,
 };
 use north::report::diagnosis;
 use north_finder::effects::ErrorModel;
@@ -108,6 +108,7 @@ fn diagnosis() -> Diagnosis {
         azimuth_rms_before_deg: Some(1.52),
         azimuth_rms_after_deg: Some(0.112),
         azimuth_rms_board_deg: Some(0.112),
+        residual_of: "second",
         rate_rms_before_deg_h: None,
         rate_rms_after_deg_h: None,
         station_spread_before_deg: None,
@@ -125,6 +126,7 @@ fn diagnosis() -> Diagnosis {
         withdrawn: None,
         missed_references: Vec::new(),
         next_experiment: Some(Experiment {
+            asks: Ask::Runs,
             description: "Six runs in the mirrored order, started cold and warm by turns, tell the two apart.".into(),
             order_deg: vec![0.0, 90.0, 180.0, 270.0, 270.0, 180.0, 90.0, 0.0],
             headings_deg: vec![0.0, 90.0],

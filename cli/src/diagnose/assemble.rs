@@ -12,8 +12,8 @@ use super::residual::Residuals;
 use super::statistics::{median, rms_with_interval};
 use super::validate::{self, Validated};
 use super::{
-    Diagnosis, NoiseTests, Options, Origin, RunDiagnosis, Warning, doubt, findings, guard, missed, stations, still,
-    turn, unexplained, verdict,
+    Diagnosis, NoiseTests, Options, Origin, RunDiagnosis, Warning, advice, doubt, findings, guard, missed, stations,
+    still, turn, unexplained, verdict,
 };
 use super::{board, checks};
 use crate::campaign::{Campaign, Role};
@@ -81,14 +81,25 @@ pub fn diagnosis(
     let left_out = (few || options.leave_one_out)
         .then(|| validate::leave_one_out(runs, base, &options.family, &wrong_files))
         .flatten();
+    if options.leave_one_out && left_out.is_none() {
+        let message = "no run is left out: none has a reference or shares a station with another, so that nothing could be judged by it";
+        warnings.push(Warning::of_campaign(message.into()));
+    }
     let with: Vec<RunData> = runs.par_iter().map(|run| run.with(&model)).collect();
     let residuals = Residuals::new(runs.iter().collect(), with.iter().collect());
+    // Of a base that moves a second's rate is mostly its motion, and with the motion taken out mostly the accelerometers' noise: the dwells are judged.
+    let moves = used.is_some_and(|found| found.motion.is_some());
+    let dwells: Vec<(RunData, RunData)> = if moves { by_dwells(runs, base, &model) } else { Vec::new() };
+    let of_dwells = (!dwells.is_empty()).then(|| {
+        Residuals::new(dwells.iter().map(|pair| &pair.0).collect(), dwells.iter().map(|pair| &pair.1).collect())
+    });
+    let judged = of_dwells.as_ref().unwrap_or(&residuals);
     let sigmas: Vec<f64> = afters.iter().filter_map(|after| after.sigma_deg).collect();
     let proposal = used.map_or_else(Proposal::default, |found| findings::next_experiment(found, runs, median(sigmas)));
-    let noise = noise_tests(campaign, runs, &residuals, used, &model);
+    let noise = noise_tests(campaign, &residuals, of_dwells.as_ref());
     let process = model.doubt.process.filter(|_| found.is_some());
     let mut unexplained = unexplained::evidence(process, runs, &validated.left_out, &wrong_files, &noise);
-    unexplained.extend(note_contradictions(&mut records, &residuals));
+    unexplained.extend(note_contradictions(&mut records, judged));
     let up_deg_h = runs.first().map_or(0.0, |run| run.earth.up_deg_h);
     let mut effects = used.map_or(Vec::new(), |found| found.effects(up_deg_h));
     if let Some(turned_deg) = material.turned_deg {
@@ -108,8 +119,9 @@ pub fn diagnosis(
         runs: records,
         rejected: findings::rejected(&candidates),
         candidates,
-        residual_rms_before_deg_h: residuals.judged_rms(&residuals.before),
-        residual_rms_after_deg_h: residuals.judged_rms(&residuals.after),
+        residual_of: if of_dwells.is_some() { "dwell" } else { "second" },
+        residual_rms_before_deg_h: judged.judged_rms(&judged.before),
+        residual_rms_after_deg_h: judged.judged_rms(&judged.after),
         rate_rms_before_deg_h: is_still.then(|| still::rate_rms_deg_h(runs)),
         rate_rms_after_deg_h: is_still.then(|| still::rate_rms_deg_h(&with)),
         azimuth_rms_before_deg: before.map(|each| each.0),
@@ -145,6 +157,9 @@ pub fn diagnosis(
         model,
     };
     diagnosis.verdict = verdict::sentence(&diagnosis);
+    if diagnosis.next_experiment.is_none() {
+        diagnosis.next_experiment = advice::of(&diagnosis, runs);
+    }
     diagnosis
 }
 
@@ -180,6 +195,10 @@ fn records(material: &Material<'_>, afters: &[After], validated: &Validated, wro
         let left_out = validated.left_out[i].filter(|_| run.role == Role::Fit);
         let by_deg = if judged_by_checks { afters[i].azimuth_deg } else { left_out.map(|fix| fix.azimuth_deg) };
         let mut record = record(run, material.as_recorded[i], &afters[i], judged(run).then_some(by_deg));
+        if material.still {
+            // That one position gives no azimuth is no news there.
+            record.notes.clear();
+        }
         if wrong.contains(&run.file) {
             record.notes.push("its reference does not fit the others and is not used".into());
         }
@@ -191,18 +210,11 @@ fn records(material: &Material<'_>, afters: &[After], validated: &Validated, wro
 }
 
 /// Tests of the seconds; on a moving base of the dwells, which are free of the motion.
-fn noise_tests(
-    campaign: &Campaign,
-    runs: &[RunData],
-    residuals: &Residuals,
-    used: Option<&Found>,
-    model: &ErrorModel,
-) -> NoiseTests {
+fn noise_tests(campaign: &Campaign, residuals: &Residuals, of_dwells: Option<&Residuals>) -> NoiseTests {
     let declared = campaign.instrument.as_ref().and_then(|instrument| instrument.arw_deg_per_sqrt_h);
     let mut after = residuals.tests_after.clone();
-    if used.is_some_and(|found| found.motion.is_some()) {
-        let dwells: Vec<RunData> = runs.par_iter().filter_map(|run| moving::dwells_of(run, model)).collect();
-        after = Residuals::new(dwells.iter().collect(), dwells.iter().collect()).tests_after;
+    if let Some(of_dwells) = of_dwells {
+        after.clone_from(&of_dwells.tests_after);
         for test in after.iter_mut().filter(|test| matches!(test.name.as_str(), "whiteness" | "periodogram")) {
             test.passed = false;
             test.not_applied = Some("the base's motion is taken out of a dwell's mean, not of its seconds");
@@ -214,6 +226,12 @@ fn noise_tests(
         before: residuals.tests_before.clone(),
         after,
     }
+}
+
+/// The dwells of runs of a base that moves, by the model before and the one that takes the motion out; runs that have an azimuth by both.
+fn by_dwells(runs: &[RunData], base: &ErrorModel, model: &ErrorModel) -> Vec<(RunData, RunData)> {
+    let of_run = |run: &RunData| Some((moving::dwells_of(run, base)?, moving::dwells_of(run, model)?));
+    runs.par_iter().filter_map(of_run).collect()
 }
 
 /// All runs with the model: the azimuths of `north solve --model`.
@@ -249,13 +267,14 @@ fn rms_on_board_deg(
 /// Notes in the runs in which what was learned does not hold, and a sentence that names them.
 fn note_contradictions(records: &mut [RunDiagnosis], residuals: &Residuals) -> Option<String> {
     let contradicted = residuals.contradicted();
-    for (place, before, after) in &contradicted {
-        records[*place].notes.push(format!(
+    for (file, before, after) in &contradicted {
+        let note = format!(
             "what was learned does not hold in this run: over blocks of seconds its residual changes {after:.1} times as much as white \
              noise with it, {before:.1} times without it"
-        ));
+        );
+        records.iter_mut().filter(|record| record.file == *file).for_each(|record| record.notes.push(note.clone()));
     }
-    let files: Vec<&str> = contradicted.iter().map(|each| records[each.0].file.as_str()).collect();
+    let files: Vec<&str> = contradicted.iter().map(|each| each.0.as_str()).collect();
     (!files.is_empty()).then(|| format!("what was learned does not hold in {}", files.join(", ")))
 }
 

@@ -8,7 +8,7 @@ use north_finder::units::wrap_360_deg;
 use rayon::prelude::*;
 
 use super::block::noise_deg_h;
-use super::result::Experiment;
+use super::result::{Ask, Experiment};
 use crate::run_data::{RunData, Sample};
 
 /// Seconds of a move, and of the shortest dwell.
@@ -155,29 +155,29 @@ impl Design {
     }
 
     fn words(&self) -> String {
-        let angles = |angles: &[f64], digits: usize| {
-            angles.iter().map(|angle| format!("{angle:.digits$}")).collect::<Vec<_>>().join(", ")
+        let count = self.headings_deg.len();
+        let warm = match self.warm_up_s > 0.0 {
+            true => format!("{:.0} s after switch-on", self.warm_up_s),
+            false => "from switch-on".to_owned(),
         };
-        let warm = if self.warm_up_s > 0.0 {
-            format!(", {:.0} s after switch-on", self.warm_up_s)
-        } else {
-            ", from switch-on".into()
+        let lean = if self.lean_deg > 0.0 { format!(", leaning by {:.0} deg", self.lean_deg) } else { String::new() };
+        let (runs, headings) = match count {
+            1 => ("one run".to_owned(), "a surveyed heading".to_owned()),
+            _ => (format!("{count} runs"), format!("surveyed headings {} deg apart", 360.0 / count as f64)),
         };
-        let lean = if self.lean_deg > 0.0 {
-            format!(", the mount leaning by {0:.0} deg of pitch and {0:.0} deg of roll", self.lean_deg)
-        } else {
-            String::new()
-        };
-        format!(
-            "{} ({}), {:.0} s at each position{warm}{lean}, with the mark turned to {} surveyed heading{}: {} deg",
-            self.name,
-            angles(self.order_deg, 0).replace(", ", "-"),
-            self.dwell_s,
-            self.headings_deg.len(),
-            if self.headings_deg.len() == 1 { "" } else { "s" },
-            angles(&self.headings_deg, 1),
-        )
+        format!("Make {runs}: {}, {:.0} s a position, {warm}{lean}, at {headings}", self.name, self.dwell_s)
     }
+}
+
+/// A name of which a sentence stays short.
+pub fn short(name: &str) -> String {
+    let words: Vec<&str> = name.split_whitespace().collect();
+    if words.len() > 5 { format!("{} …", words[..4].join(" ")) } else { words.join(" ") }
+}
+
+/// Sentences of a text.
+pub fn sentences(said: &[&str]) -> String {
+    format!("{}.", said.join(". "))
 }
 
 /// The second of a run that stands for this one of a longer run: there and back again, so that nothing jumps.
@@ -275,19 +275,20 @@ pub fn propose(
     let log_odds = tells_apart.then(|| found.least(&pairs).min(f64::MAX));
     let separates =
         if tells_apart { std::iter::once(likeliest.clone()).chain(named(&told)).collect() } else { Vec::new() };
-    let tells = log_odds.map_or(String::new(), |log_odds| {
-        format!(
-            "; it is expected to separate {} by log odds of {log_odds:.0} or more, with channels as in {}",
-            separates.join(" from "),
-            like.file
-        )
+    let more = match told.len() {
+        0 | 1 => String::new(),
+        count => format!(" and {} others", count - 1),
+    };
+    let tells = log_odds.map(|log_odds| {
+        let other = told.first().map_or("", |&other| names[other].as_str());
+        format!("That tells {} from {}{more} by log odds of {log_odds:.0} or more", short(likeliest), short(other))
     });
+    let gain = format!("The sigma of a usual azimuth falls from {sigma_now_deg:.4} to {:.4} deg", found.sigma_deg);
+    let runs = design.words();
+    let said: Vec<&str> = [Some(runs.as_str()), tells.as_deref(), Some(gain.as_str())].into_iter().flatten().collect();
     let experiment = Experiment {
-        description: format!(
-            "{}{tells}; sigma of a usual azimuth then {:.4} deg ({sigma_now_deg:.4} now)",
-            design.words(),
-            found.sigma_deg
-        ),
+        asks: Ask::Runs,
+        description: sentences(&said),
         order_deg: design.order_deg.to_vec(),
         headings_deg: design.headings_deg.clone(),
         dwell_s: design.dwell_s,
@@ -342,8 +343,20 @@ mod tests {
         let design = Design { name, order_deg, headings_deg: vec![0.0], dwell_s: 30.0, warm_up_s: 0.0, lean_deg: 3.0 };
         let level = design.leaning(Specific { forward: 0.001, left: -0.002 });
         assert!((level.forward - 0.0533360).abs() < 1e-7 && (level.left - 0.0502642).abs() < 1e-7, "{level:?}");
-        assert!(design.words().contains("30 s at each position, from switch-on, the mount leaning by 3 deg of pitch"));
+        assert!(design.words().contains("30 s a position, from switch-on, leaning by 3 deg, at a surveyed heading"));
         assert_eq!(design.seconds(), 4.0 * 35.0 + LEANING_S);
+    }
+
+    /// The longest that is said of a design: 25 words.
+    #[test]
+    fn designs_are_said_in_a_sentence() {
+        for (name, order_deg) in ORDERS {
+            let design =
+                Design { name, order_deg, headings_deg: vec![0.0; 16], dwell_s: 300.0, warm_up_s: 0.0, lean_deg: 3.0 };
+            assert!(design.words().split_whitespace().count() <= 25, "{}", design.words());
+            let warm = Design { warm_up_s: 1800.0, lean_deg: 0.0, ..design };
+            assert!(warm.words().split_whitespace().count() <= 25, "{}", warm.words());
+        }
     }
 
     /// Log odds of ln 3 leave a rival one chance in four. With both others at ln 2 the true model has one in 1 + 1/2 + 1/2.

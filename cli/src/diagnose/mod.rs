@@ -2,6 +2,7 @@
 //!
 //! [`crate::run_data`] reads → `checks` doubt → `found` learns → `validate` judges by runs that took no part → `assemble` says.
 
+mod advice;
 mod assemble;
 mod block;
 mod board;
@@ -31,7 +32,7 @@ pub mod warnings;
 
 pub use names::full_name as effect_name;
 pub use result::{
-    BoardLack, Candidate, Diagnosis, Effect, Experiment, FamilyEffect, InFamily, LeaveOneOut, MissedReference,
+    Ask, BoardLack, Candidate, Diagnosis, Effect, Experiment, FamilyEffect, InFamily, LeaveOneOut, MissedReference,
     NoiseTests, Origin, Rejected, RunDiagnosis, RunSeries, Spectra, Test,
 };
 pub use statistics::median;

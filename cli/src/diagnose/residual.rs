@@ -53,15 +53,16 @@ impl<'a> Residuals<'a> {
         }
     }
 
-    /// Runs in which what was learned does not hold, by their places, with how many times as much as white noise is left without it and
+    /// Runs in which what was learned does not hold, by their files, with how many times as much as white noise is left without it and
     /// with it.
-    pub fn contradicted(&self) -> Vec<(usize, f64, f64)> {
-        let of_run = |(place, (before, after)): (usize, (&Option<Dispersion>, &Option<Dispersion>))| {
+    pub fn contradicted(&self) -> Vec<(String, f64, f64)> {
+        let of_run = |(run, (before, after)): (&&RunData, (&Option<Dispersion>, &Option<Dispersion>))| {
             let ((before, _), (after, freedom)) = ((*before)?, (*after)?);
             let amount = |sum: f64| (sum / freedom).sqrt();
-            speaks_against(before, after, freedom, self.runs.len()).then(|| (place, amount(before), amount(after)))
+            let against = speaks_against(before, after, freedom, self.runs.len());
+            against.then(|| (run.file.clone(), amount(before), amount(after)))
         };
-        self.dispersion_before.iter().zip(&self.dispersion_after).enumerate().filter_map(of_run).collect()
+        self.runs.iter().zip(self.dispersion_before.iter().zip(&self.dispersion_after)).filter_map(of_run).collect()
     }
 
     /// Over the check runs, or all if there are none.

@@ -27,6 +27,8 @@ pub struct Diagnosis {
     /// Every candidate that was tried, with its statistics.
     pub candidates: Vec<Candidate>,
     /// Root mean square of the one-second residuals, °/h: check runs if there are any, else all runs.
+    /// Of what the residual is: "second", or "dwell" where the base moves.
+    pub residual_of: &'static str,
     pub residual_rms_before_deg_h: f64,
     pub residual_rms_after_deg_h: f64,
     /// Of still recordings: the rate about its mean in what was not learned from, root mean square of a second, °/h.
@@ -258,9 +260,30 @@ pub struct Candidate {
     pub why: String,
 }
 
+/// What the next experiment asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Ask {
+    /// Runs in an order, at headings.
+    Runs,
+    /// A survey of headings.
+    Survey,
+    /// Runs at one station, or the name of the station in those that there are.
+    Stations,
+    /// A channel that is not recorded.
+    Channel,
+    /// Longer rests at the positions.
+    LongerRests,
+    /// Runs at another latitude, or another look at the one that is given.
+    Latitude,
+}
+
 /// What would tell ambiguous effects apart.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Experiment {
+    /// What is asked for.
+    pub asks: Ask,
+    /// At most three sentences of at most 25 words.
     pub description: String,
     /// Index angles in the order of their visits, degrees.
     pub order_deg: Vec<f64>,

@@ -20,8 +20,11 @@ pub fn write(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
     write_effects(out, diagnosis)?;
     writeln!(
         out,
-        "\nresidual of a second: {:.4} deg/h rms before, {:.4} after; noise {:.4}",
-        diagnosis.residual_rms_before_deg_h, diagnosis.residual_rms_after_deg_h, diagnosis.noise.noise_deg_h
+        "\nresidual of a {}: {:.4} deg/h rms before, {:.4} after; noise of a second {:.4}",
+        diagnosis.residual_of,
+        diagnosis.residual_rms_before_deg_h,
+        diagnosis.residual_rms_after_deg_h,
+        diagnosis.noise.noise_deg_h
     )?;
     for (when, tests) in [("before", &diagnosis.noise.before), ("after", &diagnosis.noise.after)] {
         let words: Vec<String> = tests
@@ -52,6 +55,13 @@ pub fn write(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
     }
     if let Some(experiment) = &diagnosis.next_experiment {
         writeln!(out, "\nnext experiment: {}", experiment.description)?;
+        let angles = |angles: &[f64]| {
+            angles.iter().map(|angle| format!("{angle:.1}").replace(".0", "")).collect::<Vec<_>>().join(", ")
+        };
+        if !experiment.order_deg.is_empty() {
+            let (order, headings) = (angles(&experiment.order_deg), angles(&experiment.headings_deg));
+            writeln!(out, "  positions {order} deg; headings {headings} deg; channels as in {}", experiment.like)?;
+        }
     }
     if !diagnosis.inseparable.is_empty() {
         let names = diagnosis.inseparable.join(", ");

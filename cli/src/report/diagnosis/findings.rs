@@ -192,6 +192,8 @@ pub fn experiment(diagnosis: &Diagnosis) -> String {
     let mut html = format!("<h2>The next experiment</h2>\n<p>{}</p>\n{inseparable}", escape(&experiment.description));
     if experiment.order_deg.len() > 1 && experiment.dwell_s > 0.0 {
         html.push_str(&order(experiment));
+    } else {
+        return html;
     }
     let headings: Vec<String> = experiment.headings_deg.iter().map(|heading| format!("{}°", short(*heading))).collect();
     let rows = vec![

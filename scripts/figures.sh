@@ -1,0 +1,34 @@
+#!/bin/sh
+# Writes docs/figures: what the figures of README and docs are from, each file by the command beside it. The published recordings (docs/comparison.md
+# says where they are) are looked for in the folder NORTH_FINDER_DATA; a file whose recording is not there stays as it is.
+set -eu
+cd "$(dirname "$0")/.."
+data=${NORTH_FINDER_DATA:-../shared/data}
+out=docs/figures
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cargo build --quiet --release -p north
+north=${CARGO_TARGET_DIR:-target}/release/north
+
+# file command: runs the command, whose machine-readable result becomes the file
+write() {
+    file=$1; shift
+    echo "$file"
+    # A run without an azimuth is a result, too: what counts is the file.
+    "$@" --json "$work/$file" >/dev/null 2>&1 || [ -s "$work/$file" ]
+    mv "$work/$file" "$out/$file"
+}
+
+triad=$data/ring-laser-triad/increments_100hz.csv
+if [ -f "$triad" ]; then
+    "$north" import --map cli/maps/psins-counts-csv.toml "$triad" --out "$work/parked" >/dev/null 2>&1
+    write parked-vehicle.json "$north" diagnose "$work/parked" --model-out "$work/vehicle.toml"
+    write parked-vehicle-plain.json "$north" solve "$work/parked"
+    write parked-vehicle-solved.json "$north" solve "$work/parked" --model "$work/vehicle.toml"
+fi
+counts=$data/mems-multi-position/counts_100hz.csv
+if [ -f "$counts" ]; then
+    write many-positions.json "$north" calibrate ellipsoid "$counts" --gravity 9.81744
+fi
+NORTH_FIGURES=write cargo test --quiet -p acceptance figures
+cargo test --quiet -p acceptance figures
