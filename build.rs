@@ -17,7 +17,7 @@ fn main() {
         // The F405's device.x comes with its register crate.
         println!("cargo:rustc-link-search={root}/src/board/mps2");
     }
-    // An image that a loader starts is all in its slot. Without a loader the STM32F405 has the settings between the vectors and the program; the
+    // An image that a loader starts is all in its slot. Without a loader the STM32F405 has settings and log between the vectors and the program; the
     // other board its vectors alone.
     println!("cargo:rerun-if-env-changed=NORTH_SLOT");
     println!("cargo:rerun-if-env-changed=NORTH_KEY");
@@ -29,7 +29,7 @@ fn main() {
         (false, Ok("a")) => [0x0802_0000, 0x400],
         (false, Ok("b")) => [0x0808_0000, 0x400],
         (false, Ok(other)) => panic!("NORTH_SLOT is {other:?}: a or b"),
-        (false, Err(_)) => [0x0800_0000, 0x1_0000],
+        (false, Err(_)) => [0x0800_0000, 0x2_0000],
     };
     println!("cargo:rustc-env=NORTH_REVISION={}", revision(&root));
     println!("cargo:rustc-link-arg-bins=--defsym=_flash_origin={flash:#010x}");

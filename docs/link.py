@@ -15,7 +15,8 @@ FAULTS = ["settings-missing", "settings-corrupt", "settings-invalid", "near-pole
           "gyro-stuck", "out-of-time", "aborted", "unsolvable", "no-earth-rate", "not-earth-rate"]
 REFUSALS = ["damaged", "other-version", "not-understood", "no-fix", "motor-turns", "out-of-order",
             "settings-unreadable", "settings-invalid", "not-stored", "no-settings", "settings-corrupt", "busy",
-            "no-slots", "update-unfit", "update-unsigned", "unconfirmed"]
+            "no-slots", "update-unfit", "update-unsigned", "unconfirmed",
+            "no-fix-yet", "log-unreadable"]
 ITEMS = ["settings", "memory", "reset", "clock", "gyro", "gyro-rate", "accelerometer", "encoder", "block",
          "accelerometer-response", "index-drive"]
 VERDICTS = ["passed", "failed", "not-asked", "absent", "unmet", "interrupted"]
@@ -28,7 +29,7 @@ COUNTERS = ["frames_good", "frames_bad_crc", "frames_lost", "frames_duplicate", 
             "accelerometer_errors", "encoder_errors", "block_errors", "block_missed", "block_saturated",
             "readings_refused", "reports_refused", "commands_bad", "gyro_overruns", "gyro_framing_errors",
             "gyro_noise_errors", "host_overruns", "host_framing_errors", "host_noise_errors", "host_bytes_refused", "ticks_late",
-            "ticks_lost"]
+            "ticks_lost", "fixes_not_logged"]
 
 
 # Readers: each takes a position in the message and gives the value and the position behind it.
@@ -141,6 +142,8 @@ EVENTS = [
     ("to-go", fields(seconds=f64)),
     ("self-test", fields(item=one_of(ITEMS), verdict=one_of(VERDICTS), measured=f32, allowed=several(f32, 2))),
     ("fallen-back", fields(dwell_s=unsigned)),
+    ("log", fields(next=unsigned, bytes=blob)),
+    ("model-aged", fields(signal=one_of(["bias", "amplitude", "misfit", "azimuth-error"]), statistic=f32)),
 ]
 
 

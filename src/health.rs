@@ -179,6 +179,9 @@ codes! {
         LevelUncalibrated = 19, "level-uncalibrated",
             "no calibration of the level accelerometers is stored; what their biases tilt the vertical by, times the tangent of the latitude, is in the azimuth",
             "calibrate them: north calibrate field";
+        ModelAged = 20, "model-aged",
+            "a number that every fix gives moved away from what it was when the error model was loaded: the model may no longer hold",
+            "read the log (north log) and let north watch say what moved; diagnose new runs and load the new model";
     }
 }
 
@@ -233,6 +236,12 @@ codes! {
         Unconfirmed = 16, "unconfirmed",
             "the image that runs is being tried: for ten seconds the other slot is the way back",
             "wait until it has run for ten seconds";
+        NoFixYet = 17, "no-fix-yet",
+            "there is no fix yet, or none with the error model in use",
+            "start a fix first";
+        LogUnreadable = 18, "log-unreadable",
+            "the flash with the log of fixes cannot be read",
+            "replace the board";
     }
 }
 
@@ -361,8 +370,51 @@ impl Flags {
         self.0 == 0
     }
 
+    /// The bit of a flag is its code.
+    pub fn bits(self) -> u32 {
+        self.0
+    }
+
+    pub fn from_bits(bits: u32) -> Self {
+        Self(bits)
+    }
+
     pub fn iter(self) -> impl Iterator<Item = Flag> {
         Flag::ALL.iter().copied().filter(move |&flag| self.contains(flag))
+    }
+}
+
+/// A number that every fix leaves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+#[serde(rename_all = "kebab-case")]
+pub enum Signal {
+    /// Of the gyro, beyond the error model's, °/h.
+    Bias,
+    /// The horizontal rate, °/h.
+    Amplitude,
+    /// How the dwells fit together, as a standard normal number.
+    Misfit,
+    /// What the azimuth is off by at a surveyed heading, in its sigmas.
+    AzimuthError,
+}
+
+impl Signal {
+    /// Lower-case name, stable: files and tools depend on it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Bias => "bias",
+            Self::Amplitude => "amplitude",
+            Self::Misfit => "misfit",
+            Self::AzimuthError => "azimuth-error",
+        }
+    }
+
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Bias | Self::Amplitude => "°/h",
+            Self::Misfit | Self::AzimuthError => "sigma",
+        }
     }
 }
 
@@ -421,4 +473,6 @@ pub struct Counters {
     pub ticks_late: u32,
     /// Ticks that nobody saw: the processor stood still, or a reading was refused.
     pub ticks_lost: u32,
+    /// Fixes that the flash did not take into the log.
+    pub fixes_not_logged: u32,
 }

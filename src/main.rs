@@ -35,7 +35,7 @@ mod app {
     use rtic_sync::signal::{SignalReader, SignalWriter};
     use rtic_sync::{make_channel, make_signal};
 
-    use crate::board::{self, Board, crash, memory};
+    use crate::board::{self, Board, crash, memory, told};
     use north_finder::drivers::intake::{Intake, Received, one_more};
     use north_finder::drivers::ring::Ring;
     use north_finder::drivers::sensors::Sensors;
@@ -141,6 +141,9 @@ mod app {
         let instrument = make(cx.local.place, cx.local.work, cx.local.workspace, identity);
         power_up(instrument, &mut board.flash);
         instrument.updates_go_to(board::slots());
+        if let Some(crash) = &crash {
+            instrument.log_crash(crash, &mut board.flash);
+        }
         instrument.board_is(BoardFacts { wrong_words, crash: crash.map(|crash| crash.cause), crystal: board.crystal });
 
         let (motor_in, motor_out) = cx.local.motor_commands.split();
@@ -337,18 +340,10 @@ mod app {
 
     /// Logs a report and puts it among those that wait for the host's line. (A test of the link says that the longest fits a frame.)
     #[inline(never)]
-    fn tell(report: &Report, told: &mut SignalWriter<'static, ()>) {
-        match report.event {
-            Event::State(state) => defmt::info!("{} s: {}", report.t_s, state),
-            Event::Fix(fix) => defmt::info!("azimuth {} deg, sigma {} deg", fix.azimuth_deg, fix.sigma_deg),
-            Event::Fault { fault, state } => defmt::error!("{} while {}", fault, state),
-            Event::Guidance(guidance) => defmt::info!("{} s: {}", report.t_s, guidance.step),
-            Event::NoCalibration(reason) => defmt::error!("no calibration: {}", reason.why),
-            Event::SelfTest(found) => defmt::info!("self-test: {} {}: {}", found.item, found.verdict, found.measured),
-            _ => {}
-        }
+    fn tell(report: &Report, waiting: &mut SignalWriter<'static, ()>) {
+        told::log(report);
         if link::encode_report(report).is_ok_and(|frame| FRAMES.put_whole(&frame)) {
-            told.write(());
+            waiting.write(());
         } else {
             one_more(&INTAKE.reports_refused);
         }

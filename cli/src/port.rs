@@ -242,6 +242,26 @@ impl Port {
         }
     }
 
+    /// The log of fixes, record by record in the order of writing.
+    pub fn log(&mut self, taken: &mut dyn FnMut(&[u8])) -> Result<(), PortError> {
+        let mut from = 0;
+        loop {
+            let mut records = None;
+            self.ask(Ask::ReadLog { from }, &mut |report| {
+                if let Event::Log { next, bytes } = report.event {
+                    records = Some((next, bytes));
+                }
+            })?;
+            let (next, bytes) =
+                records.ok_or_else(|| PortError::NoAnswer { port: self.name.clone(), other_version: false })?;
+            if bytes.as_slice().is_empty() || next <= from {
+                return Ok(());
+            }
+            taken(bytes.as_slice());
+            from = next;
+        }
+    }
+
     /// Stores settings; the instrument starts anew with them.
     pub fn store(&mut self, settings: &Settings) -> Result<(), PortError> {
         let pieces = Outgoing::new(settings).ok_or_else(|| PortError::TooLong { port: self.name.clone() })?;

@@ -94,6 +94,34 @@ fn a_recorded_fix_is_the_fix() {
     assert!(Path::new(&out).join("settings.toml").exists());
 }
 
+/// A fix is in the board's log, over a start with other settings too: with the digits that the log holds, at the time of day that a host has told.
+#[test]
+fn a_fix_is_in_the_log_of_the_board() {
+    let folder = tempfile::tempdir().unwrap();
+    let board = board(&["--scenario", "windy-tripod"]);
+    let log = path(&folder, "log.csv");
+    assert!(board.good(&["log", "PORT", "--out", &log]).contains("0 fixes"));
+    let (code, _, error) = board.run(&["log", "PORT", "--check", "10"]);
+    assert!(code == 1 && error.contains("no-fix-yet"), "{error}");
+    board.good(&["settings", "clock", "--port", "PORT"]);
+    let made = board.good(&["record", "PORT", "--fix", "--json", "-", "--out", &path(&folder, "fix")]);
+    let made: Value = serde_json::from_str(&made).unwrap();
+    let azimuth_deg = made["runs"][0]["azimuth_deg"].as_f64().unwrap();
+    board.good(&["log", "PORT", "--check", &azimuth_deg.to_string()]);
+    board.good(&["settings", "set", "sequence.dwell_s=50", "--port", "PORT"]);
+    board.good(&["log", "PORT", "--force", "--out", &log]);
+    let text = fs::read_to_string(&log).unwrap();
+    let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+    let [header, row] = &rows[..] else { panic!("{text}") };
+    let column = |name: &str| row[header.iter().position(|column| *column == name).unwrap()];
+    let number = |name: &str| column(name).parse::<f64>().unwrap();
+    assert!((number("azimuth_deg") - azimuth_deg).abs() < 1.1e-5 && (number("check_deg") - azimuth_deg).abs() < 1e-9);
+    assert_eq!((column("fix"), column("boot")), ("1", "1"));
+    assert!(column("utc").starts_with("20") && column("utc").ends_with('Z') && number("t_s") > 100.0, "{text}");
+    let bias_deg_h = made["runs"][0]["bias_deg_h"].as_f64().unwrap();
+    assert!((number("bias_deg_h") - bias_deg_h).abs() <= bias_deg_h.abs() / 65_536.0);
+}
+
 /// A client that went without stopping the stream costs the next recording nothing.
 #[test]
 fn a_stream_that_was_left_on_changes_nothing() {

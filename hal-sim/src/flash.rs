@@ -1,13 +1,17 @@
-//! NOR flash that is as strict as the real thing: two sectors of 8192 bytes, words of four bytes that can be written once
-//! after an erase. Power can be cut in the middle of an operation.
+//! NOR flash that is as strict as the real thing: two sectors of 8192 bytes for settings, and behind them one of 64 KiB and one of 128 KiB for a log; words of
+//! four bytes that can be written once after an erase. Power can be cut in the middle of an operation.
 
 use embedded_storage::nor_flash::{NorFlashError, NorFlashErrorKind};
 use std::fmt;
 
-/// Bytes in a sector.
+/// Bytes in a sector for settings.
 pub const SECTOR: usize = 8192;
-/// Bytes in all.
+/// Bytes for settings.
 pub const CAPACITY: usize = 2 * SECTOR;
+/// Bytes of the sectors, in their order.
+const SECTORS: [usize; 4] = [SECTOR, SECTOR, 64 << 10, 128 << 10];
+/// Bytes in all.
+pub const TOTAL: usize = CAPACITY + (192 << 10);
 /// Bytes in a word.
 pub const WORD: usize = 4;
 /// An erase is as long as this many bytes of writing, as far as a power cut is concerned.
@@ -45,7 +49,7 @@ impl fmt::Display for FlashError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NotAligned => write!(f, "flash: offset or length is not a multiple of the word or sector"),
-            Self::OutOfBounds => write!(f, "flash: beyond the end of {CAPACITY} bytes"),
+            Self::OutOfBounds => write!(f, "flash: beyond the end of {TOTAL} bytes"),
             Self::WrittenTwice { offset } => write!(f, "flash: the word at {offset:#x} was already written"),
             Self::PowerLost => write!(f, "flash: power was lost"),
         }
@@ -75,13 +79,13 @@ pub struct FlashMemory {
 impl FlashMemory {
     /// Erased.
     pub fn erased() -> Self {
-        Self { bytes: vec![0xFF; CAPACITY], written: vec![false; CAPACITY / WORD], power_left: None }
+        Self { bytes: vec![0xFF; TOTAL], written: vec![false; TOTAL / WORD], power_left: None }
     }
 
     /// With this content; what an image does not reach is erased, what it has too much is left out.
     pub fn with_contents(image: &[u8]) -> Self {
         let mut memory = Self::erased();
-        let length = image.len().min(CAPACITY);
+        let length = image.len().min(TOTAL);
         memory.bytes[..length].copy_from_slice(&image[..length]);
         for (written, word) in memory.written.iter_mut().zip(memory.bytes.chunks(WORD)) {
             *written = word.iter().any(|byte| *byte != 0xFF);
@@ -135,12 +139,22 @@ impl FlashMemory {
     /// Erases whole sectors. A sector in which power fails is erased in part.
     pub fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
         let length = to.checked_sub(from).ok_or(FlashError::OutOfBounds)? as usize;
-        let start = range(from, length, SECTOR)?;
-        for sector in (start..start + length).step_by(SECTOR) {
-            let done = self.spend(ERASE_COST) * SECTOR / ERASE_COST;
-            self.bytes[sector..sector + done].fill(0xFF);
-            self.written[sector / WORD..(sector + done) / WORD].fill(false);
-            if done < SECTOR {
+        let at = range(from, length, WORD)?;
+        let end = at + length;
+        let boundaries = SECTORS.iter().scan(0, |end, size| {
+            *end += size;
+            Some(*end)
+        });
+        let boundaries: Vec<usize> = std::iter::once(0).chain(boundaries).collect();
+        if ![at, end].iter().all(|place| boundaries.contains(place)) {
+            return Err(FlashError::NotAligned);
+        }
+        for sector in boundaries.windows(2).filter(|sector| (at..end).contains(&sector[0])) {
+            let (start, size) = (sector[0], sector[1] - sector[0]);
+            let done = self.spend(ERASE_COST) * size / ERASE_COST;
+            self.bytes[start..start + done].fill(0xFF);
+            self.written[start / WORD..(start + done) / WORD].fill(false);
+            if done < size {
                 return Err(FlashError::PowerLost);
             }
         }
@@ -162,7 +176,7 @@ impl FlashMemory {
 
 fn range(offset: u32, length: usize, unit: usize) -> Result<usize, FlashError> {
     let start = offset as usize;
-    if length > CAPACITY || start > CAPACITY - length {
+    if length > TOTAL || start > TOTAL - length {
         Err(FlashError::OutOfBounds)
     } else if !start.is_multiple_of(unit) || !length.is_multiple_of(unit) {
         Err(FlashError::NotAligned)

@@ -1,7 +1,7 @@
 //! The flash memory is as strict as a real one.
 
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
-use hal_sim::flash::{CAPACITY, ERASE_COST, FlashError, SECTOR};
+use hal_sim::flash::{CAPACITY, ERASE_COST, FlashError, SECTOR, TOTAL};
 use hal_sim::{Flash, Scenario, World};
 
 fn flash() -> (World, Flash) {
@@ -48,13 +48,16 @@ fn an_erase_takes_whole_sectors_and_no_others() {
 #[test]
 fn alignment_and_bounds_are_enforced() {
     let (_world, mut flash) = flash();
-    let end = CAPACITY as u32;
+    let end = TOTAL as u32;
     assert_eq!(flash.write(2, &[0; 4]), Err(FlashError::NotAligned));
     assert_eq!(flash.write(0, &[0; 3]), Err(FlashError::NotAligned));
     assert_eq!(flash.write(end, &[0; 4]), Err(FlashError::OutOfBounds));
     assert_eq!(flash.write(u32::MAX - 3, &[0; 4]), Err(FlashError::OutOfBounds));
     assert_eq!(flash.erase(0, 100), Err(FlashError::NotAligned));
     assert_eq!(flash.erase(SECTOR as u32, 0), Err(FlashError::OutOfBounds));
+    let log = CAPACITY as u32;
+    assert_eq!(flash.erase(log, log + SECTOR as u32), Err(FlashError::NotAligned));
+    assert_eq!(flash.erase(log, end), Ok(()));
     assert_eq!(flash.erase(0, end + SECTOR as u32), Err(FlashError::OutOfBounds));
     assert_eq!(flash.read(end - 1, &mut [0; 2]), Err(FlashError::OutOfBounds));
 }

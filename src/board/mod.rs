@@ -36,6 +36,7 @@ mod f405;
 pub mod memory;
 #[cfg(feature = "nucleo-f446")]
 mod nucleo_f446;
+pub mod told;
 #[cfg(feature = "stm32f4")]
 pub use f405::*;
 

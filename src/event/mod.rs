@@ -13,10 +13,10 @@ use serde::{Deserialize, Serialize};
 pub use crate::fix::Fix;
 use crate::fix::dwell::DwellSummary;
 pub use crate::fix::heading::Heading;
-use crate::health::{Counters, Fault, Finding, Refusal};
+use crate::health::{Counters, Fault, Finding, Refusal, Signal};
 use crate::sensing::gates::Gate;
 use crate::sensing::level::{LevelMoments, Tilt};
-use bytes::Piece;
+use bytes::{Bytes, Piece};
 use identity::Identity;
 use raw::Block;
 use restart::{Crash, Text};
@@ -196,6 +196,10 @@ pub enum Event {
     /// An adaptive fix goes on with the mirrored four positions, with dwells of so many seconds: those so far contradict each other, show
     /// no azimuth, or the index slipped.
     FallenBack { dwell_s: u16 },
+    /// Records of the log of fixes, on request, and the place of the next one; none: it ends here.
+    Log { next: u32, bytes: Bytes },
+    /// The error model may no longer hold: the signal that moved, and the statistic of the watch.
+    ModelAged { signal: Signal, statistic: f32 },
 }
 
 impl Event {
@@ -244,6 +248,8 @@ impl Event {
             Self::ToGo { .. } => "to-go",
             Self::SelfTest(_) => "self-test",
             Self::FallenBack { .. } => "fallen-back",
+            Self::Log { .. } => "log",
+            Self::ModelAged { .. } => "model-aged",
         }
     }
 }

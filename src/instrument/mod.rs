@@ -20,6 +20,7 @@ use core::ops::DerefMut;
 
 use calibration::ellipsoid::Correction;
 use calibration::field::{self, Session};
+use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use embedded_storage::nor_flash::NorFlash;
 use heapless::Deque;
 
@@ -28,7 +29,7 @@ use crate::drivers::sensors::Due;
 use crate::effects::ErrorModel;
 use crate::event::identity::Identity;
 use crate::event::raw::{Item, Stream};
-use crate::event::restart::Provocation;
+use crate::event::restart::{Crash, Provocation};
 use crate::event::{Event, Report, State};
 use crate::fix::heading::Keeper;
 use crate::health::{Counters, Fault};
@@ -38,6 +39,9 @@ use crate::sensing::index::{IndexAngle, IndexSettings, MotorCommand};
 use crate::sensing::sample::{GyroSettings, RateSecond, SAMPLE_S, SAMPLES_PER_SECOND};
 use crate::sequence::Command;
 use crate::sequence::work::SecondWork;
+use crate::service::flash::LogFlash;
+use crate::service::log::FixLog;
+use crate::service::record::Record;
 use crate::settings::Settings;
 use crate::settings::pieces::Incoming;
 use crate::settings::store::{self, Found};
@@ -48,6 +52,8 @@ use self_test::{BoardFacts, SelfTest};
 use update::{CONFIRMED_TICKS, Slots};
 use watch::GyroWatch;
 use workspace::Workspace;
+
+const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
 
 /// Most lost ticks that are made up for: the watchdog would have ended a longer stand.
 const MOST_LOST: u64 = 1200;
@@ -140,6 +146,11 @@ pub struct Instrument<S, R> {
     next_tick: u64,
     encoder_failures: u16,
     test: SelfTest,
+    log: FixLog,
+    /// Identity of the error model in use; 0: there is none.
+    model: u32,
+    /// Time of day of tick 0, seconds since 1970, where a host has told it.
+    clock_utc_s: Option<f64>,
 }
 
 impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrument<S, R> {
@@ -185,6 +196,9 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             next_tick: 0,
             encoder_failures: 0,
             test: SelfTest::at_start(),
+            log: FixLog::default(),
+            model: 0,
+            clock_utc_s: None,
         }
     }
 
@@ -212,10 +226,39 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         let scratch =
             self.workspace.as_deref_mut().and_then(Workspace::settings).map(Incoming::scratch).unwrap_or_default();
         self.refusal = match store::load_into(flash, scratch, &mut settings).unwrap_or(Found::Corrupt) {
-            Found::Valid => self.take(&mut settings).err(),
+            Found::Valid => {
+                self.model = settings.model.as_ref().map_or(0, |model| model_identity(model, scratch));
+                self.take(&mut settings).err()
+            }
             Found::Missing => Some(Fault::SettingsMissing),
             Found::Corrupt => Some(Fault::SettingsCorrupt),
         };
+        self.open_log(flash);
+    }
+
+    /// Reads the log: the watch goes on where it was, if the error model is the same.
+    #[inline(never)]
+    fn open_log(&mut self, flash: &mut impl NorFlash) {
+        let mut service = self.work.as_deref_mut().map(|work| &mut work.service);
+        let model = self.model;
+        let mut told = |record: &Record| {
+            if let Some(service) = &mut service {
+                service.replay(record, model);
+            }
+        };
+        // A flash that cannot be read has no log; that it takes no fix either is counted.
+        self.log = FixLog::open(&mut LogFlash(flash), &mut told).unwrap_or_default();
+        let _ = self.log.prepare(&mut LogFlash(flash));
+        if let Some(service) = service {
+            service.switched_on(model);
+        }
+    }
+
+    /// Keeps in the log what a crash left behind, for whoever looks when all else is forgotten.
+    #[inline(never)]
+    pub fn log_crash(&mut self, crash: &Crash, flash: &mut impl NorFlash) {
+        // It is told over the link as well.
+        let _ = self.log.crash(&mut LogFlash(flash), crash);
     }
 
     /// Takes settings that were stored. Errors: why no fix can be started with them.
@@ -303,7 +346,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             intake.tell(&mut self.counters);
             self.end_seconds(sink);
         }
-        let effect = self.take_effect(&mut |t_s, event| report(Report { t_s, event }));
+        let effect = self.take_effect(flash, &mut |t_s, event| report(Report { t_s, event }));
         orders.motor = effect.or(orders.motor);
         orders
     }
@@ -459,6 +502,11 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             }
         }
     }
+}
+
+/// CRC-32 of an error model as it is stored.
+fn model_identity(model: &ErrorModel, scratch: &mut [u8]) -> u32 {
+    postcard::to_slice(model, scratch).map_or(0, |content| CRC.checksum(content))
 }
 
 /// Puts something that entered into the stream; tells the block that is full with it.

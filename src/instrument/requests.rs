@@ -8,6 +8,7 @@ use super::update::Slots;
 use super::workspace::Workspace;
 use super::{Instrument, Orders, Readings, Streaming, calibration_events};
 use crate::drivers::intake::Intake;
+use crate::event::bytes::{Bytes, CAPACITY};
 use crate::event::restart::Text;
 use crate::event::{Event, State};
 use crate::health::{Fault, Refusal};
@@ -16,12 +17,17 @@ use crate::sensing::index::MotorCommand;
 use crate::sensing::sample::SAMPLE_S;
 use crate::sequence::Command;
 use crate::sequence::work::SecondWork;
+use crate::service::flash::LogFlash;
+use crate::service::log;
+use crate::service::record::LENGTH;
 use crate::settings::Settings;
 use crate::settings::pieces::Incoming;
 use crate::settings::store;
 
 /// Most violations of settings that are reported.
 const VIOLATIONS: usize = 8;
+/// Records of the log in a report.
+const RECORDS: usize = CAPACITY / LENGTH;
 /// Bytes of the host are taken in parts of this many.
 const PART: usize = 64;
 
@@ -128,6 +134,12 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
                 }
                 self.test.begin();
             }
+            Ask::SetClock { utc_s } => self.clock_utc_s = Some(utc_s - self.tick as f64 * SAMPLE_S),
+            Ask::ReadLog { from } => {
+                let (next, bytes) = read_log(flash, from).ok_or(Refusal::LogUnreadable)?;
+                sink(Event::Log { next, bytes });
+            }
+            Ask::CheckFix { azimuth_deg } => self.check_fix(azimuth_deg, turning, flash)?,
         }
         Ok(())
     }
@@ -144,6 +156,21 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             Some(slots) => Ok(&mut **slots),
             None => Err(Refusal::NoSlots),
         }
+    }
+
+    /// The last fix was made at a surveyed azimuth.
+    fn check_fix(&mut self, azimuth_deg: f64, turning: bool, flash: &mut impl NorFlash) -> Result<(), Refusal> {
+        if turning {
+            return Err(Refusal::MotorTurns);
+        }
+        if !azimuth_deg.is_finite() {
+            return Err(Refusal::NotUnderstood);
+        }
+        let service = &mut self.idle_work().ok_or(Refusal::Busy)?.service;
+        if !service.check(azimuth_deg) {
+            return Err(Refusal::NoFixYet);
+        }
+        self.log.check(&mut LogFlash(flash), azimuth_deg).map_err(|_| Refusal::NotStored)
     }
 
     #[inline(never)]
@@ -205,6 +232,14 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             }
         }
     }
+}
+
+/// Records of the log from a place on, as many as a report holds, and the place of the next.
+#[inline(never)]
+fn read_log(flash: &mut impl NorFlash, from: u32) -> Option<(u32, Bytes)> {
+    let mut records = [[0; LENGTH]; RECORDS];
+    let (count, next) = log::read_places(&mut LogFlash(flash), from, &mut records).ok()?;
+    Some((next, Bytes::start_of(records.as_flattened().get(..count * LENGTH)?)))
 }
 
 /// Brings settings that came to flash, if they make sense.

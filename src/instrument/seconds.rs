@@ -6,17 +6,21 @@
 
 use core::ops::DerefMut;
 
+use embedded_storage::nor_flash::NorFlash;
+
 use super::gather::Gathered;
 use super::workspace::Workspace;
 use super::{Instrument, Streaming};
 use crate::event::raw::Stream;
-use crate::event::{self, Event};
+use crate::event::{self, Event, Fix};
 use crate::health::Fault;
 use crate::sensing::index::{IndexAngle, MotorCommand};
 use crate::sensing::level::LevelMoments;
 use crate::sensing::sample::{RateSecond, SAMPLE_S};
 use crate::sequence::Observed;
 use crate::sequence::work::{Outcome, SecondWork};
+use crate::service::flash::LogFlash;
+use crate::service::record::Logged;
 
 /// From the end of a second to the effect of what it led to: 0.1 s, in which a chip of 168 MHz does 16.8 million instructions.
 pub const EFFECT_TICKS: u64 = 40;
@@ -103,7 +107,11 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
     }
 
     /// Reports a second and what the work on it led to, when it is time and the work is done. Gives the motor's command.
-    pub(super) fn take_effect(&mut self, sink: &mut dyn FnMut(f64, Event)) -> Option<MotorCommand> {
+    pub(super) fn take_effect(
+        &mut self,
+        flash: &mut impl NorFlash,
+        sink: &mut dyn FnMut(f64, Event),
+    ) -> Option<MotorCommand> {
         let ended = self.ended.front()?;
         let t_s = ended.tick as f64 * SAMPLE_S;
         if self.tick < ended.tick + EFFECT_TICKS {
@@ -127,10 +135,22 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
                 if let Some(keeper) = &mut self.keeper {
                     keeper.fixed(fix);
                 }
+                self.log_fix(flash, fix, t_s, gathered.second.conditions.temp_c);
             }
             sink(event);
         }
         self.finish_second(fault, t_s, sink).or(outcome.motor)
+    }
+
+    /// Into the log. The flash stands still for less than a millisecond; where a sector is full and was not made ready at the start, for a second.
+    #[inline(never)]
+    fn log_fix(&mut self, flash: &mut impl NorFlash, fix: &Fix, t_s: f64, temp_c: Option<f64>) {
+        let utc_s = self.clock_utc_s.map(|start_s| (start_s + t_s) as u32);
+        let temp_c = temp_c.map(|temp_c| temp_c as f32);
+        let logged = Logged { t_s: t_s as u32, utc_s, temp_c, ..Logged::of(fix) };
+        if self.log.push(&mut LogFlash(flash), &logged, self.identity.program, self.model).is_err() {
+            self.counters.fixes_not_logged = self.counters.fixes_not_logged.saturating_add(1);
+        }
     }
 
     /// The second is reported before what it led to: a recording that ends with the azimuth holds all of its seconds.

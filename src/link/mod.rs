@@ -88,6 +88,12 @@ pub enum Ask {
     /// Erase a sector of the free slot, the last one first, after the manifest and before the image: two seconds in which the processor
     /// stands still.
     EraseImage { sector: u8 },
+    /// The time of day of the instrument's tick 0: seconds since 1970, UTC. It holds until the next start.
+    SetClock { utc_s: f64 },
+    /// The log of fixes from a place on, in the order of writing: [`Event::Log`](crate::event::Event::Log).
+    ReadLog { from: u32 },
+    /// The last fix was made at this surveyed azimuth, degrees.
+    CheckFix { azimuth_deg: f64 },
 }
 
 impl From<Ask> for Request {
@@ -224,7 +230,7 @@ mod tests {
     use crate::event::raw::Block;
     use crate::event::restart::{Cause, Crash, Text};
     use crate::event::{Event, Fix, Second, State};
-    use crate::health::{Counters, Finding, Flag, Flags, Item};
+    use crate::health::{Counters, Finding, Flag, Flags, Item, Signal};
     use crate::sensing::gates::Gate;
     use crate::sensing::level::{LevelMoments, Specific, Tilt};
     use crate::settings::pieces::Outgoing;
@@ -285,6 +291,7 @@ mod tests {
             host_bytes_refused: u32::MAX,
             ticks_late: u32::MAX,
             ticks_lost: u32::MAX,
+            fixes_not_logged: u32::MAX,
         };
         let specific = Specific { forward: 1.1, left: 1.1 };
         let second = Second {
@@ -345,6 +352,8 @@ mod tests {
             Event::Calibration(solved),
             Event::Crash(crash),
             Event::Raw(Block { number: 255, bytes: Bytes::start_of(&[255; 96]) }),
+            Event::Log { next: u32::MAX, bytes: Bytes::start_of(&[255; 96]) },
+            Event::ModelAged { signal: Signal::AzimuthError, statistic: 1.1 },
             Event::Violation { field: Text::start_of(&"x".repeat(40)), value: 1.1 },
             Event::Answer { number: 255, refusal: Some(Refusal::SettingsCorrupt) },
             Event::Identity(Identity {

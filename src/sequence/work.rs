@@ -10,8 +10,9 @@ use super::{Observed, Sequencer};
 use crate::event::Event;
 use crate::fix::accumulator::Second;
 use crate::sensing::index::{IndexAngle, MotorCommand};
+use crate::service::Service;
 
-/// Most events of a second: two of a slip, and then what follows a dwell's end: coarse azimuth, time to go, move and state.
+/// Most events of a second: two of a slip, and then what follows a dwell's end: coarse azimuth, time to go, move and state; or fix, state and what the watch says.
 const MOST_EVENTS: usize = 6;
 
 /// The sequencer, the second that it works on, and what came of that.
@@ -21,6 +22,8 @@ pub struct SecondWork {
     /// At the end of the second.
     index: IndexAngle,
     outcome: Outcome,
+    /// What becomes of the numbers of fixes.
+    pub service: Service,
 }
 
 /// What a second led to.
@@ -42,6 +45,7 @@ impl SecondWork {
             second: Second::default(),
             index: IndexAngle::default(),
             outcome: Outcome::default(),
+            service: Service::default(),
         }
     }
 
@@ -60,6 +64,12 @@ impl SecondWork {
             let _ = events.push(event);
         };
         (self.outcome.observed, self.outcome.motor) = self.sequencer.second(&corrected, &mut sink);
+        let aged = events
+            .iter_mut()
+            .find_map(|event| if let Event::Fix(fix) = event { self.service.fixed(fix) } else { None });
+        if let Some((signal, statistic)) = aged {
+            let _ = events.push(Event::ModelAged { signal, statistic });
+        }
     }
 
     /// What came of the last second.

@@ -14,6 +14,7 @@ mod fleet;
 mod import;
 pub mod instrument;
 mod load;
+mod log;
 mod man;
 mod monitor;
 mod record;
@@ -64,6 +65,7 @@ enum Command {
     Board(board::Board),
     Monitor(monitor::Monitor),
     Record(record::Record),
+    Log(log::LogCommand),
     Watch(watch::Watch),
     Fleet(fleet::FleetCommand),
     Load(load::Load),
@@ -95,6 +97,7 @@ impl Cli {
             Command::Board(board) => board.run(),
             Command::Monitor(monitor) => monitor.run(),
             Command::Record(record) => record.run(),
+            Command::Log(log) => log.run(),
             Command::Watch(watch) => watch.run(),
             Command::Fleet(fleet) => fleet.run(),
             Command::Load(load) => load.run(),

@@ -124,6 +124,7 @@ impl Lines {
             | Event::Answer { refusal: None, .. }
             | Event::Identity(_)
             | Event::Settings(_)
+            | Event::Log { .. }
             | Event::Raw(_) => return None,
             Event::Answer { refusal: Some(refusal), .. } => {
                 format!("refused: {}: {}. To do: {}", refusal.name(), refusal.meaning(), refusal.remedy())
@@ -165,6 +166,10 @@ impl Lines {
             }
             Event::FallenBack { dwell_s } => format!(
                 "the dwells so far contradict each other, show no azimuth, or the index slipped: the mirrored four positions follow, {dwell_s} s each"
+            ),
+            Event::ModelAged { signal, .. } => format!(
+                "the error model may no longer hold: {} moved; north log and north watch say by how much and since when",
+                signal.name()
             ),
             Event::ToGo { seconds } => format!("{seconds:.0} s to go"),
             Event::Settled { position } => format!("{}: gyro at rest", at(position)),

@@ -29,6 +29,9 @@ pub struct Logged {
     pub drift_deg_h_per_h: Option<f64>,
     pub temp_c: Option<f64>,
     pub flags: String,
+    /// CRC-32 of the program and of the error model that made it, hexadecimal.
+    pub firmware: String,
+    pub model: String,
     /// The azimuth at which the fix was made, where it is surveyed, degrees.
     pub check_deg: Option<f64>,
 }
@@ -57,6 +60,8 @@ impl Logged {
             drift_deg_h_per_h: Some(fix.drift_deg_h_per_h),
             temp_c,
             flags: flags.join(" "),
+            firmware: String::new(),
+            model: String::new(),
             check_deg: run.reference_azimuth_deg,
         }
     }
@@ -81,6 +86,15 @@ impl Log {
         boots.zip(before).map(|(boot, before)| before.is_some() && boot != before).collect()
     }
 
+    /// The last fixes that were made with the same error model, and how many others there are before them.
+    pub fn of_last_model(mut self) -> (Self, usize) {
+        let model = |fix: &Logged| fix.model.clone();
+        let last = self.fixes.last().map(model);
+        let others = self.fixes.iter().rposition(|fix| Some(model(fix)) != last).map_or(0, |place| place + 1);
+        self.fixes.drain(..others);
+        (self, others)
+    }
+
     /// Temperatures of the gyro, °C, where every fix has one.
     pub fn temperatures_c(&self) -> Option<Vec<f64>> {
         self.fixes.iter().map(|fix| fix.temp_c).collect()
@@ -103,7 +117,7 @@ fn read_one(path: &Path, fixes: &mut Vec<Logged>) -> Result<(), FileError> {
         "check_deg",
     ]
     .map(|name| table.find(name));
-    let [utc, flags] = ["utc", "flags"].map(|name| table.find(name));
+    let [utc, flags, firmware, model] = ["utc", "flags", "firmware", "model"].map(|name| table.find(name));
     while table.next_row()? {
         let whole = |column| table.number_within(column, &(0.0..=1e15)).map(|number| number as u64);
         let number = |place: Option<usize>| {
@@ -136,6 +150,8 @@ fn read_one(path: &Path, fixes: &mut Vec<Logged>) -> Result<(), FileError> {
             drift_deg_h_per_h: number(drift_deg_h_per_h)?,
             temp_c: number(temp_c)?,
             flags: text(flags),
+            firmware: text(firmware),
+            model: text(model),
             check_deg: number(check_deg)?,
         };
         if let Some(before) = fixes.last()
@@ -173,6 +189,7 @@ mod tests {
             azimuth_deg: Some(0.1 + number as f64),
             bias_deg_h: Some(-1.0 / 3.0),
             flags: "misfit drift".into(),
+            model: if number < 2 { String::new() } else { "00c0ffee".into() },
             ..Logged::default()
         };
         let logs = [vec![fix(1), fix(2)], vec![fix(3), fix(6)]];
@@ -184,6 +201,8 @@ mod tests {
         assert_eq!(read.fixes, logs.concat());
         assert_eq!(read.switched(), [false, false, true, true]);
         assert_eq!(read.temperatures_c(), None);
+        let (last, others) = read.of_last_model();
+        assert_eq!((last.fixes.len(), others), (3, 1));
     }
 
     #[test]

@@ -1,17 +1,36 @@
-//! The flash memory for the settings: sectors 1 and 2, 16 KiB each, between the vectors in sector 0 and the program.
+//! The flash memory for the settings, sectors 1 and 2 of 16 KiB each, and, behind them, for the log: sector 4 of 64 and sector 11 of 128 KiB.
 //!
-//! While a sector is erased, for a quarter of a second, the processor stands still: it runs from the same flash. Writing is
+//! While a sector is erased, for a quarter of a second to one second, the processor stands still: it runs from the same flash. Writing is
 //! by words of 32 bits, some 16 µs each.
 
 use embedded_storage::nor_flash::{self, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
+use north_finder::service::flash::LOG_SECTORS;
 use stm32f4xx_hal::pac;
 
-const SECTOR: usize = 16 * 1024;
-const FIRST_SECTOR: u8 = 1;
-const SECTORS: usize = 2;
+/// A sector that the firmware writes.
+struct Sector {
+    number: u8,
+    address: usize,
+    /// Where it begins among the others, and its bytes.
+    offset: usize,
+    length: usize,
+}
+
+/// Those of the settings, then those of the log (RM0090, table 5).
+static SECTORS: [Sector; 4] = [
+    Sector { number: 1, address: 0x0800_4000, offset: 0, length: SETTINGS_SECTOR },
+    Sector { number: 2, address: 0x0800_8000, offset: SETTINGS_SECTOR, length: SETTINGS_SECTOR },
+    Sector { number: 4, address: 0x0801_0000, offset: 2 * SETTINGS_SECTOR, length: LOG_SECTORS[0] as usize },
+    Sector {
+        number: 11,
+        address: 0x080E_0000,
+        offset: 2 * SETTINGS_SECTOR + LOG_SECTORS[0] as usize,
+        length: LOG_SECTORS[1] as usize,
+    },
+];
+const SETTINGS_SECTOR: usize = 16 * 1024;
 const WORD: usize = 4;
-const START: usize = 0x0800_0000 + SECTOR;
-/// Erasing takes at most half a second; this many looks at the busy flag take longer at any clock.
+/// Erasing takes at most two seconds; this many looks at the busy flag take longer at any clock.
 const LOOKS: u32 = 100_000_000;
 
 pub struct Flash(pac::FLASH);
@@ -19,7 +38,7 @@ pub struct Flash(pac::FLASH);
 /// What the flash refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
 pub enum FlashError {
-    /// Outside the settings' sectors, or not by whole words or sectors.
+    /// Outside the sectors, over the end of one, or not by whole words or sectors.
     Place,
     /// The controller's error bits, or its busy flag stays.
     Controller { status: u32 },
@@ -110,10 +129,20 @@ fn done(registers: &pac::FLASH) -> Result<(), FlashError> {
     if idle && status & ERRORS == 0 { Ok(()) } else { Err(FlashError::Controller { status }) }
 }
 
-/// Whether a place lies in the settings' sectors, in whole units.
-fn fits(from: usize, to: usize, unit: usize) -> Result<(), FlashError> {
-    let whole = from.is_multiple_of(unit) && to.is_multiple_of(unit);
-    if whole && from <= to && to <= SECTORS * SECTOR { Ok(()) } else { Err(FlashError::Place) }
+/// Those that the chip has: an STM32F446 has half of the memory, and no room for a log.
+fn sectors() -> &'static [Sector] {
+    let count = if cfg!(feature = "nucleo-f446") { 2 } else { SECTORS.len() };
+    SECTORS.get(..count).unwrap_or_default()
+}
+
+/// Where a place is in memory: in whole units, and in one sector.
+fn address(offset: u32, length: usize, unit: usize) -> Result<usize, FlashError> {
+    let from = offset as usize;
+    let within = |sector: &&Sector| (sector.offset..sector.offset + sector.length).contains(&from);
+    let sector = sectors().iter().find(within).ok_or(FlashError::Place)?;
+    let whole = from.is_multiple_of(unit) && length.is_multiple_of(unit);
+    let fits = whole && length <= sector.offset + sector.length - from;
+    if fits { Ok(sector.address + from - sector.offset) } else { Err(FlashError::Place) }
 }
 
 impl nor_flash::ErrorType for Flash {
@@ -125,33 +154,37 @@ impl ReadNorFlash for Flash {
 
     /// Flash is read as memory.
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
-        let from = offset as usize;
-        fits(from, from + bytes.len(), 1)?;
-        for (at, byte) in (START + from..).zip(bytes) {
-            // SAFETY: an address in the settings' sectors, which nothing else uses.
+        let start = address(offset, bytes.len(), 1)?;
+        for (at, byte) in (start..).zip(bytes) {
+            // SAFETY: an address in one of the sectors, which nothing else uses.
             *byte = unsafe { (at as *const u8).read_volatile() };
         }
         Ok(())
     }
 
+    /// Of the settings: the log lies behind them.
     fn capacity(&self) -> usize {
-        SECTORS * SECTOR
+        2 * SETTINGS_SECTOR
     }
 }
 
 impl NorFlash for Flash {
     const WRITE_SIZE: usize = WORD;
-    const ERASE_SIZE: usize = SECTOR;
+    const ERASE_SIZE: usize = SETTINGS_SECTOR;
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
-        fits(from as usize, to as usize, SECTOR)?;
-        (from as usize / SECTOR..to as usize / SECTOR)
-            .try_for_each(|sector| self.erase_sector(FIRST_SECTOR + sector as u8))
+        let [from, to] = [from, to].map(|place| place as usize);
+        let begins = |place: usize| sectors().iter().any(|sector| sector.offset == place);
+        let ends = |place: usize| sectors().iter().any(|sector| sector.offset + sector.length == place);
+        if !(begins(from) && ends(to) && from < to) {
+            return Err(FlashError::Place);
+        }
+        let erased = sectors().iter().filter(|sector| (from..to).contains(&sector.offset));
+        erased.map(|sector| sector.number).try_for_each(|number| self.erase_sector(number))
     }
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
-        let from = offset as usize;
-        fits(from, from + bytes.len(), WORD)?;
-        self.write_words((START + from) as u32, bytes)
+        let start = address(offset, bytes.len(), WORD)?;
+        self.write_words(start as u32, bytes)
     }
 }

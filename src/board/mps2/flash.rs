@@ -4,7 +4,7 @@ use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashEr
 
 use super::with;
 
-/// The flash memory: two sectors of 8192 bytes, words of four.
+/// The flash memory: two sectors of 8192 bytes for settings, behind them the log's, words of four bytes.
 pub struct Flash;
 
 /// The simulated flash refused; its error number.

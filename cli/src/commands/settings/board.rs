@@ -4,7 +4,10 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
+use north_finder::link::Ask;
 use north_finder::settings::Settings;
+use time::OffsetDateTime;
+use time::format_description::well_known::Rfc3339;
 
 use crate::failure::Failure;
 use crate::file_error::FileError;
@@ -56,6 +59,24 @@ pub struct Restore {
     file: PathBuf,
     #[command(flatten)]
     port: PortOption,
+}
+
+/// Tell a board the time of day, which its log of fixes has from then on; it forgets it when it is switched off
+#[derive(Args, Debug)]
+#[command(after_help = "Example:\n  north settings clock --port /dev/ttyUSB0")]
+pub struct Clock {
+    #[command(flatten)]
+    port: PortOption,
+}
+
+impl Clock {
+    pub fn run(self) -> Result<(), Failure> {
+        let mut port = self.port.open()?;
+        let now = OffsetDateTime::now_utc();
+        port.ask(Ask::SetClock { utc_s: now.unix_timestamp() as f64 }, &mut |_| ())?;
+        let text = now.format(&Rfc3339).map_err(|error| Failure::Refused(error.to_string()))?;
+        Ok(writeln!(output::people(), "{}: the clock is set to {text}", port.name())?)
+    }
 }
 
 impl Get {

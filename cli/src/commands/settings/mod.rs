@@ -16,7 +16,8 @@ use crate::failure::Failure;
   north settings get latitude_deg gyro --port /dev/ttyUSB0
   north settings set latitude_deg=47.37 sequence.dwell_s=60
   north settings dump --out unit-7.toml
-  north settings restore unit-7.toml")]
+  north settings restore unit-7.toml
+  north settings clock --port /dev/ttyUSB0")]
 pub struct SettingsCommand {
     #[command(subcommand)]
     what: What,
@@ -29,6 +30,7 @@ enum What {
     Set(board::Set),
     Dump(board::Dump),
     Restore(board::Restore),
+    Clock(board::Clock),
 }
 
 impl SettingsCommand {
@@ -39,6 +41,7 @@ impl SettingsCommand {
             What::Set(set) => set.run(),
             What::Dump(dump) => dump.run(),
             What::Restore(restore) => restore.run(),
+            What::Clock(clock) => clock.run(),
         }
     }
 }
