@@ -44,7 +44,7 @@ pub const VERSION: u8 = 9;
 pub const BAUD: u32 = 115_200;
 
 /// Longest frame that holds a [`Report`], with its closing 00.
-pub const MAX_REPORT: usize = 160;
+pub const MAX_REPORT: usize = 168;
 /// Longest frame that holds a [`Request`], with its closing 00.
 pub const MAX_REQUEST: usize = 128;
 
