@@ -18,6 +18,8 @@ const RESERVE: u32 = 24;
 const MOST_CRASHES: u8 = 32;
 /// Records of a crash.
 const CRASH_PARTS: u8 = (4 * WORDS).div_ceil(CRASH_PART) as u8;
+/// Bytes of a sector that are looked at at a time; both are multiples of it.
+const PART: usize = 256;
 const RECORD: u32 = LENGTH as u32;
 
 /// Where the log goes on, and what was told last.
@@ -29,6 +31,8 @@ pub struct FixLog {
     context: Context,
     /// Of this power-up a fix is in it.
     switched_on: bool,
+    /// Nothing is written in the sector that is next.
+    ready: bool,
     /// Crashes since the last fix.
     crashes: u8,
 }
@@ -107,12 +111,16 @@ impl FixLog {
         }
     }
 
-    /// Erases the sector that is next where the one in use is nearly full.
+    /// Makes the sector that is next ready where the one in use is nearly full, or where there is none: to look at all of a sector takes several ticks, to erase it
+    /// several hundred.
     pub fn prepare<F: NorFlash>(&mut self, flash: &mut F) -> Result<(), F::Error> {
-        let Some((number, next)) = self.at else { return Ok(()) };
-        if sector(number).1 - next < RESERVE && !is_blank(flash, 1 - number)? {
-            erase(flash, 1 - number)?;
-        }
+        let next = match self.at {
+            Some((number, next)) if sector(number).1 - next < RESERVE => 1 - number,
+            Some(_) => return Ok(()),
+            None => 0,
+        };
+        make_blank(flash, next)?;
+        self.ready = true;
         Ok(())
     }
 
@@ -172,8 +180,8 @@ impl FixLog {
 
     /// Begins a sector.
     fn begin<F: NorFlash>(&mut self, flash: &mut F, number: usize) -> Result<usize, F::Error> {
-        if !is_blank(flash, number)? {
-            erase(flash, number)?;
+        if !core::mem::take(&mut self.ready) {
+            make_blank(flash, number)?;
         }
         self.context.sector = self.context.sector.wrapping_add(1);
         flash.write(sector(number).0, &Record::Context(self.context).bytes())?;
@@ -181,19 +189,18 @@ impl FixLog {
     }
 }
 
-fn erase<F: NorFlash>(flash: &mut F, number: usize) -> Result<(), F::Error> {
+/// Erases a sector, unless nothing is written in it.
+fn make_blank<F: NorFlash>(flash: &mut F, number: usize) -> Result<(), F::Error> {
     let (start, places) = sector(number);
-    flash.erase(start, start + places * RECORD)
-}
-
-/// Whether nothing is written in a sector.
-fn is_blank<F: ReadNorFlash>(flash: &mut F, number: usize) -> Result<bool, F::Error> {
-    for at in 0..sector(number).1 {
-        if place(flash, number, at)? != Place::Blank {
-            return Ok(false);
+    let end = start + places * RECORD;
+    for at in (start..end).step_by(PART) {
+        let mut part = [0; PART];
+        flash.read(at, &mut part)?;
+        if part.iter().any(|&byte| byte != 0xFF) {
+            return flash.erase(start, end);
         }
     }
-    Ok(true)
+    Ok(())
 }
 
 /// Records as they are in flash, in the order of writing, from a place on; fewer than there is room for at the end.
