@@ -166,7 +166,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         if !azimuth_deg.is_finite() {
             return Err(Refusal::NotUnderstood);
         }
-        let service = &mut self.idle_work().ok_or(Refusal::Busy)?.service;
+        let service = &mut self.work.as_deref_mut().ok_or(Refusal::Busy)?.service;
         if !service.check(azimuth_deg) {
             return Err(Refusal::NoFixYet);
         }
