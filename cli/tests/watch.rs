@@ -49,7 +49,7 @@ fn a_log_that_is_too_short_is_refused() {
     let path = folder.path().join("l.csv");
     fs::write(&path, log(100, |_| 0.3)).unwrap();
     let (code, _, error) = north(&["watch", path.to_str().unwrap()]);
-    assert!(code == 1 && error.contains("of 100 fixes with the last error model none"), "{error}");
+    assert!(code == 1 && error.contains("hold 100 fixes"), "{error}");
 }
 
 /// Fixes of a campaign become a log, with their references as check azimuths.

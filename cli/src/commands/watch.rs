@@ -53,7 +53,7 @@ pub struct Watch {
 struct Said<'a> {
     fixes: usize,
     holds: bool,
-    signals: Vec<Signal>,
+    signals: Vec<Kind>,
     /// Number of the fix with which the alarm came.
     alarm_fix: Option<u64>,
     /// For every change: number and time of its first fix, the coefficient that moved, another place that would explain it, the runs that show it best.
@@ -78,13 +78,9 @@ impl Watch {
         let log = Log::read(&self.logs)?;
         let model = self.model.as_deref().map(ModelFile::read).transpose()?.and_then(|file| file.error_model);
         let count = log.fixes.len();
-        let fixes: Vec<Values> = log.fixes.iter().map(|fix| fix.values()).collect();
-        let temperatures_c = log.temperatures_c();
-        let verdict = watch(&fixes, &log.switched(), temperatures_c.as_deref());
-        if verdict.watched == 0 {
+        if count <= BASELINE {
             let text = format!(
-                "of {count} fixes with the last error model none can be watched: the first {BASELINE} say what is normal, of bias_deg_h, amplitude_deg_h, \
-                 misfit with freedom; or azimuth_deg and sigma_deg with check_deg, from the first on"
+                "the logs hold {count} fixes; the first {BASELINE} say what is normal, and there are none to watch"
             );
             return Err(Failure::Refused(text));
         }
@@ -149,7 +145,7 @@ fn write(out: &mut dyn Write, history: &History<'_>) -> io::Result<()> {
         "{} fixes, {switches} switch-ons between them; the first {BASELINE} say what is normal",
         log.fixes.len()
     )?;
-    writeln!(out, "signals    {}", signals.iter().map(|signal| signal.name()).collect::<Vec<_>>().join(", "))?;
+    writeln!(out, "signals    {}", kinds.iter().map(|kind| kind.name()).collect::<Vec<_>>().join(", "))?;
     let most = verdict.statistic.iter().copied().fold(0.0, f64::max);
     let Some(at) = verdict.alarm else {
         writeln!(
@@ -236,8 +232,8 @@ fn remedy(change: &Change, needed: &Needed) -> String {
 }
 
 /// What no signal here can show.
-fn blind(out: &mut dyn Write, signals: &[Signal]) -> io::Result<()> {
-    if signals.contains(&Signal::AzimuthError) {
+fn blind(out: &mut dyn Write, kinds: &[Kind]) -> io::Result<()> {
+    if kinds.contains(&Kind::AzimuthError) {
         return Ok(());
     }
     writeln!(

@@ -1,5 +1,6 @@
 //! An instrument in service: the log of its fixes, and whether its error model still holds.
 
+mod board;
 mod coefficient;
 mod history;
 mod log;
@@ -8,6 +9,7 @@ pub mod report;
 mod signals;
 mod watch;
 
+pub use board::BoardLog;
 pub use coefficient::{Moved, OtherPlace};
 pub use history::History;
 pub use log::{Log, Logged, write_log};

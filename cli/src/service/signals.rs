@@ -1,33 +1,88 @@
-//! What every fix of a log says of the state of its instrument.
+//! What every fix says of the state of its instrument.
 
-use north_finder::service::watch::{Values, error_sigmas, misfit_sigmas};
+use north_finder::units::wrap_180_deg;
+use serde::Serialize;
 
 use super::Logged;
 
-impl Logged {
-    /// In the order of the core's signals.
-    pub fn values(&self) -> Values {
-        let misfit = self.misfit.zip(self.freedom).and_then(|(misfit, freedom)| misfit_sigmas(misfit, freedom));
-        let error = match (self.azimuth_deg, self.sigma_deg, self.check_deg) {
-            (Some(azimuth_deg), Some(sigma_deg), Some(check_deg)) => error_sigmas(azimuth_deg, sigma_deg, check_deg),
-            _ => None,
-        };
-        [self.bias_deg_h, self.amplitude_deg_h, misfit, error]
+/// What a number of every fix tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    Bias,
+    Amplitude,
+    Misfit,
+    #[serde(rename = "azimuth error")]
+    AzimuthError,
+}
+
+impl Kind {
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Bias => "bias",
+            Self::Amplitude => "amplitude",
+            Self::Misfit => "misfit",
+            Self::AzimuthError => "azimuth error",
+        }
     }
+
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Bias | Self::Amplitude => "°/h",
+            Self::Misfit => "sigma",
+            Self::AzimuthError => "°",
+        }
+    }
+}
+
+/// One number of every fix of a log.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Signal {
+    pub kind: Kind,
+    pub values: Vec<f64>,
+}
+
+/// The signals that every fix of a log has.
+pub fn signals(fixes: &[Logged]) -> Vec<Signal> {
+    let of = |kind, value: &dyn Fn(&Logged) -> Option<f64>| {
+        let values = fixes.iter().map(value).collect::<Option<Vec<f64>>>()?;
+        Some(Signal { kind, values })
+    };
+    [
+        of(Kind::Bias, &|fix| fix.bias_deg_h),
+        of(Kind::Amplitude, &|fix| fix.amplitude_deg_h),
+        of(Kind::Misfit, &misfit_sigmas),
+        of(Kind::AzimuthError, &|fix| Some(wrap_180_deg(fix.azimuth_deg? - fix.check_deg?))),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
+}
+
+/// The chi-square of a fix as a standard normal number (Wilson and Hilferty 1931).
+fn misfit_sigmas(fix: &Logged) -> Option<f64> {
+    let freedom = fix.freedom.filter(|&freedom| freedom > 0.0)?;
+    let spread = 2.0 / (9.0 * freedom);
+    Some(((fix.misfit? / freedom).cbrt() - (1.0 - spread)) / spread.sqrt())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// The median of chi-square with 7 degrees of freedom is 6.346; 359° is 2° west of 1°.
+    /// The median of chi-square with 7 degrees of freedom is 6.346, its 97.5 % point 16.013.
     #[test]
-    fn what_a_fix_lacks_it_does_not_say() {
-        let fix = Logged { bias_deg_h: Some(1.5), misfit: Some(6.346), freedom: Some(7.0), ..Logged::default() };
-        let [bias, amplitude, misfit, error] = fix.values();
-        assert_eq!((bias, amplitude, error), (Some(1.5), None, None));
-        assert!(misfit.unwrap().abs() < 0.01);
-        let checked = Logged { azimuth_deg: Some(359.0), sigma_deg: Some(0.5), check_deg: Some(1.0), ..fix };
-        assert_eq!(checked.values()[3], Some(-4.0));
+    fn a_misfit_is_a_normal_number() {
+        let sigmas =
+            |misfit| misfit_sigmas(&Logged { misfit: Some(misfit), freedom: Some(7.0), ..Logged::default() }).unwrap();
+        assert!(sigmas(6.346).abs() < 0.01 && (sigmas(16.013) - 1.96).abs() < 0.02);
+    }
+
+    #[test]
+    fn a_signal_that_a_fix_lacks_is_none() {
+        let fix = Logged { bias_deg_h: Some(1.0), azimuth_deg: Some(359.0), check_deg: Some(1.0), ..Logged::default() };
+        let found = signals(&[fix.clone(), Logged { bias_deg_h: None, ..fix }]);
+        assert_eq!(found.len(), 1);
+        assert_eq!((found[0].kind, found[0].values.as_slice()), (Kind::AzimuthError, [-2.0, -2.0].as_slice()));
     }
 }
