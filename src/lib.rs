@@ -14,7 +14,6 @@
 //! | [`fix`] | seconds and dwells | azimuth, sigma, misfit, flags; the heading that is held after it |
 //! | [`sequence`] | seconds and the state of the motor | when to level, wait, turn, measure and solve |
 //! | [`instrument`] | all of these | one step of the instrument, live or replayed |
-//! | [`service`] | the numbers that every fix leaves | the log of fixes in flash, and whether the error model still holds |
 //! | [`settings`] | bytes in flash, values of a person | settings that were checked |
 //! | [`health`] | what went wrong | faults, flags and counters with stable names |
 //! | [`event`] | what has happened | the reports of the instrument |
@@ -51,7 +50,6 @@ pub mod instrument;
 pub mod link;
 pub mod sensing;
 pub mod sequence;
-pub mod service;
 pub mod settings;
 
 #[doc(no_inline)]

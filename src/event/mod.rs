@@ -4,6 +4,7 @@ pub mod bytes;
 pub mod identity;
 pub mod raw;
 pub mod restart;
+pub mod service;
 
 use calibration::field::guidance::Guidance;
 use calibration::field::problem::Solved;

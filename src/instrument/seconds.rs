@@ -12,6 +12,8 @@ use super::gather::Gathered;
 use super::workspace::Workspace;
 use super::{Instrument, Streaming};
 use crate::event::raw::Stream;
+use crate::event::service::flash::LogFlash;
+use crate::event::service::record::Logged;
 use crate::event::{self, Event, Fix};
 use crate::health::Fault;
 use crate::sensing::index::{IndexAngle, MotorCommand};
@@ -19,8 +21,6 @@ use crate::sensing::level::LevelMoments;
 use crate::sensing::sample::{RateSecond, SAMPLE_S};
 use crate::sequence::Observed;
 use crate::sequence::work::{Outcome, SecondWork};
-use crate::service::flash::LogFlash;
-use crate::service::record::Logged;
 
 /// From the end of a second to the effect of what it led to: 0.1 s, in which a chip of 168 MHz does 16.8 million instructions.
 pub const EFFECT_TICKS: u64 = 40;

@@ -8,9 +8,9 @@ use heapless::Vec;
 
 use super::{Observed, Sequencer};
 use crate::event::Event;
+use crate::event::service::Service;
 use crate::fix::accumulator::Second;
 use crate::sensing::index::{IndexAngle, MotorCommand};
-use crate::service::Service;
 
 /// Most events of a second: two of a slip, and then what follows a dwell's end: coarse azimuth, time to go, move and state; or fix, state and what the watch says.
 const MOST_EVENTS: usize = 6;

@@ -1,7 +1,7 @@
 //! A board's log as the rows of a file.
 
 use north_finder::event::restart::{Crash, WORDS};
-use north_finder::service::record::{self, Context, CrashPart, LENGTH, Place, Record};
+use north_finder::event::service::record::{self, Context, CrashPart, LENGTH, Place, Record};
 use time::OffsetDateTime;
 use time::format_description::well_known::Rfc3339;
 

@@ -4,7 +4,7 @@
 //! by words of 32 bits, some 16 µs each.
 
 use embedded_storage::nor_flash::{self, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
-use north_finder::service::flash::LOG_SECTORS;
+use north_finder::event::service::flash::LOG_SECTORS;
 use stm32f4xx_hal::pac;
 
 /// A sector that the firmware writes.
