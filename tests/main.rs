@@ -7,6 +7,7 @@ mod architecture;
 mod calibration;
 mod carried;
 mod common;
+mod constants;
 mod diagnose;
 mod documents;
 mod field;
