@@ -27,7 +27,7 @@ use heapless::Vec;
 use north_finder::drivers::intake::{Intake, Line};
 use north_finder::event::identity;
 use north_finder::event::restart::Cause;
-use north_finder::instrument::update::Slots;
+use north_finder::instrument::update;
 use north_finder::link::MAX_REPORT;
 
 use exchange::{Exchange, has_argument};
@@ -130,10 +130,8 @@ pub fn init(_device: pac::Peripherals, intake: &'static Intake) -> Board {
     }
 }
 
-/// Waits for the next interrupt; making one, in lock-step, is counted as the exchange's. Free-running it does not sleep: QEMU lets a
-/// processor that sleeps by instructions miss interrupts of one of two timers (seen in 7.2).
 /// There is one image.
-pub fn slots() -> Option<&'static mut dyn Slots> {
+pub fn slots() -> Option<&'static mut dyn update::Slots> {
     None
 }
 
@@ -142,6 +140,8 @@ pub fn serial() -> [u32; 3] {
     [0; 3]
 }
 
+/// Waits for the next interrupt; making one, in lock-step, is counted as the exchange's. Free-running it does not sleep: QEMU lets a
+/// processor that sleeps by instructions miss interrupts of one of two timers (seen in 7.2).
 pub fn sleep() {
     let began = pac::TIMER0.remaining();
     let pace = with(|state| {
