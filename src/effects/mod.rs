@@ -61,7 +61,7 @@ pub const MAX_WINDOWS: usize = 4;
 /// Most knots of all curves together.
 pub const MAX_KNOTS: usize = 48;
 /// Most effects, and most factors of all of them together.
-pub const MAX_EFFECTS: usize = 12;
+pub const MAX_EFFECTS: usize = 8;
 pub const MAX_ALL_FACTORS: usize = 24;
 
 /// Names of what is known of a run as a whole.

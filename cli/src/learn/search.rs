@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use north_finder::effects::ErrorModel;
+use north_finder::effects::{ErrorModel, MAX_EFFECTS};
 use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::{Effect, MAX_FACTORS, Port};
 use north_finder::effects::factor::Factor;
@@ -24,7 +24,7 @@ const FALSE_DISCOVERIES: f64 = 1.0 / 200.0;
 /// The same for a further effect beside one that was found.
 const FURTHER_FALSE_DISCOVERIES: f64 = 1.0 / 20.0;
 /// Most effects of a model: what its file and a board have room for.
-pub const MOST_EFFECTS: usize = 12;
+pub const MOST_EFFECTS: usize = MAX_EFFECTS;
 /// Most that an error of the index or of the level may be, root mean square, degrees and g: the equations are linear in it, and leave out e²/2 of the
 /// rate, 0.4 % at 5°. What is larger is another effect, which this one stands for.
 const MOST_INDEX_DEG: f64 = 5.0;

@@ -47,8 +47,8 @@ pub fn settings() -> Settings {
     settings
 }
 
-/// The longest valid model of effects: ten curves of six functions and two of sixteen, each times a bump, reach the limit of factors, and of weights but
-/// for four; all are of the difference of two channels behind two dynamics.
+/// The longest valid model of effects: five curves of sixteen functions, two of six and one of four, each times two bumps, reach the limits of factors and
+/// weights; all are of the difference of two channels behind two dynamics.
 fn of_effects() -> ErrorModel {
     let name = |text| ChannelName::new(text).unwrap();
     let difference = Difference { plus: name("a_name_of_twenty_four_by"), minus: name("b_name_of_twenty_four_by") };
@@ -56,10 +56,14 @@ fn of_effects() -> ErrorModel {
     let of = |shape| Factor::new(difference.into(), &dynamics, shape);
     let mut model = ErrorModel { scale_error: 0.01, bias_deg_h: 1.1, ..Default::default() };
     for i in 0..MAX_EFFECTS {
-        let curve =
-            if i < 2 { Sharp { low: 1.1, high: 2.2 }.into() } else { Smooth { low: 1.1, high: 2.2, count: 6 }.into() };
-        let bump = Bump { centre: 1.1, width: 1.1, circular: true };
-        let mut effect = Effect::new(Port::Forward, &[of(curve), of(bump.into())]);
+        let smooth = |count| Smooth { low: 1.1, high: 2.2, count }.into();
+        let curve = match i {
+            0..5 => Sharp { low: 1.1, high: 2.2 }.into(),
+            5 | 6 => smooth(6),
+            _ => smooth(4),
+        };
+        let bump = || of(Bump { centre: 1.1, width: 1.1, circular: true }.into());
+        let mut effect = Effect::new(Port::Forward, &[of(curve), bump(), bump()]);
         effect.weights.iter_mut().for_each(|weight| *weight = 1.1);
         assert!(model.effects.push(effect).is_ok());
     }

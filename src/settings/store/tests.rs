@@ -222,11 +222,11 @@ fn the_longest_settings_fit() {
 
 #[test]
 fn too_long_settings_are_refused_and_the_former_stay() {
-    // Not valid: more than four times as many weights as a model can have.
+    // Not valid: five times as many weights as a model can have, and the longest terms beside them.
     let mut settings = longest::settings();
-    for effect in settings.model.iter_mut().flat_map(|model| &mut model.effects) {
-        effect.weights.resize(MAX_EFFECT_WEIGHTS, 1.1).unwrap();
-    }
+    let model = settings.model.as_mut().unwrap();
+    model.effects.iter_mut().for_each(|effect| effect.weights.resize(MAX_EFFECT_WEIGHTS, 1.1).unwrap());
+    model.terms = longest::of_terms("a_name_of_twenty_four_by").terms;
     let mut flash = Flash::<4>::erased();
     save(&mut flash, &longest::settings()).unwrap();
     assert_eq!(save(&mut flash, &settings), Err(SaveError::TooLong));

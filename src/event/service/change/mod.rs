@@ -24,13 +24,13 @@ pub const BASELINE: usize = 100;
 pub const ALARM: f64 = 1000.0;
 /// Variances of the wander from fix to fix and of a switch-on, in those of a fix. A bias that wanders by more than 0.1 sigma a fix loses a sigma in a hundred
 /// fixes by itself: there the model has changed.
-const WANDERS: [f64; 4] = [0.0, 0.001, 0.003, 0.01];
-const SWITCHES: [f64; 6] = [0.0, 0.1, 0.3, 1.0, 3.0, 10.0];
+const WANDERS: [f64; 3] = [0.0, 0.002, 0.01];
+const SWITCHES: [f64; 4] = [0.0, 0.3, 1.5, 10.0];
 const GRID: usize = WANDERS.len() * SWITCHES.len();
 /// Ratios that stay after the baseline.
-const MEMBERS: usize = 4;
-/// Starts that are remembered.
-const STARTS: usize = 24;
+const MEMBERS: usize = 2;
+/// Starts that are remembered; with these and the members a signal takes 1.1 KB of a board's memory.
+const STARTS: usize = 12;
 /// For so many fixes: a ramp of three sigma in a hundred fixes is found within a hundred.
 const REACH: u32 = 150;
 /// One sigma of a step, and of a ramp over a hundred fixes, in sigmas of a fix: two, and three, are to be found soon.
