@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use north_finder::effects::{ErrorModel, MAX_EFFECTS};
 use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::{Effect, MAX_FACTORS, Port};
 use north_finder::effects::factor::Factor;
 use north_finder::effects::shape::{Harmonic, Shape};
+use north_finder::effects::{ErrorModel, MAX_EFFECTS};
 use rayon::prelude::*;
 
 use super::bank::{Bank, Left};
