@@ -289,7 +289,7 @@ fn finite() -> impl Strategy<Value = f64> {
 
 prop_compose! {
     fn rows(extra: usize)(
-        steps in prop::collection::vec(1e-4..1e3f64, 1..40),
+        steps in prop::collection::vec(1e-4..900.0f64, 1..40),
         fields in prop::collection::vec((finite(), finite(), finite(), [finite(), finite()], any::<u16>()), 40),
         channels in prop::collection::vec(prop::collection::vec(finite(), extra), 40),
     ) -> Vec<Row> {
