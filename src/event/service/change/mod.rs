@@ -17,6 +17,7 @@
 use heapless::Vec;
 
 use super::level::{Followed, Innovation, Level};
+use crate::bounded::bounded;
 
 /// Fixes that say what is normal.
 pub const BASELINE: usize = 100;
@@ -133,7 +134,7 @@ impl ChangeTest {
     pub fn known() -> Self {
         let member = Member { level: Level::known(0.0), squares: (BASELINE - 1) as f64, logs: 0.0 };
         let watched = Watched { member, traces: Vec::new() };
-        Self { stage: Stage::Watching(core::iter::once(watched).collect()), count: BASELINE as u32, starts: Vec::new() }
+        Self { stage: Stage::Watching(bounded([watched])), count: BASELINE as u32, starts: Vec::new() }
     }
 
     /// Takes the next fix. Gives the statistic of Shiryaev and Roberts once the baseline is over; never of a signal that does not move in it.
@@ -149,7 +150,7 @@ impl ChangeTest {
                     let level = Level::new(wander, switch, value);
                     Member { level, squares: 0.0, logs: 0.0 }
                 });
-                self.stage = Stage::Learning(members.collect());
+                self.stage = Stage::Learning(bounded(members));
                 None
             }
             Stage::Learning(members) => {
@@ -188,7 +189,7 @@ impl ChangeTest {
         let Stage::Watching(members) = &mut self.stage else { return 0.0 };
         for Watched { member, traces } in members.iter_mut() {
             if let Some(at) = forgotten {
-                traces.remove(at);
+                let _ = taken_out(traces, at);
             }
             let _ = traces.push(Default::default());
             let innovation = member.next(value, switched);
@@ -217,7 +218,7 @@ impl ChangeTest {
     /// the neighbour of greater Λ: R stays what it is, and what its difference from t is.
     fn forget(&mut self) -> Option<usize> {
         if self.starts.first().is_some_and(|oldest| self.count - oldest.fix > REACH) {
-            self.starts.remove(0);
+            let _ = taken_out(&mut self.starts, 0);
             return Some(0);
         }
         if !self.starts.is_full() {
@@ -229,7 +230,7 @@ impl ChangeTest {
         };
         let inner = self.starts.windows(3).enumerate().min_by(|(_, a), (_, b)| gap(a).total_cmp(&gap(b)));
         let at = inner.map_or(0, |(before, _)| before + 1);
-        let gone = self.starts.remove(at);
+        let gone = taken_out(&mut self.starts, at)?;
         let neighbours = self.starts.iter_mut().skip(at.saturating_sub(1)).take(2);
         if let Some(neighbour) = neighbours.max_by(|a, b| a.ratio.total_cmp(&b.ratio)).filter(|start| start.ratio > 0.0)
         {
@@ -239,10 +240,18 @@ impl ChangeTest {
     }
 }
 
+/// Takes the element of that number out, and keeps the order of the others.
+fn taken_out<T: Copy, const N: usize>(list: &mut Vec<T, N>, at: usize) -> Option<T> {
+    let gone = *list.get(at)?;
+    let mut place = 0..;
+    list.retain(|_| place.next() != Some(at));
+    Some(gone)
+}
+
 /// The members of most weight.
 fn foremost(members: &mut Vec<Member, GRID>, half_count: f64) -> Vec<Watched, MEMBERS> {
     members.sort_unstable_by(|a, b| b.log_weight(half_count).total_cmp(&a.log_weight(half_count)));
-    members.iter().take(MEMBERS).map(|member| Watched { member: member.clone(), traces: Vec::new() }).collect()
+    bounded(members.iter().take(MEMBERS).map(|member| Watched { member: member.clone(), traces: Vec::new() }))
 }
 
 #[cfg(test)]
