@@ -19,7 +19,7 @@ const MOST_CRASHES: u8 = 32;
 /// Records of a crash.
 const CRASH_PARTS: u8 = (4 * WORDS).div_ceil(CRASH_PART) as u8;
 /// Bytes of a sector that are looked at at a time; both are multiples of it.
-const PART: usize = 256;
+const PART: usize = 1024;
 const RECORD: u32 = LENGTH as u32;
 
 /// Where the log goes on, and what was told last.
