@@ -13,8 +13,14 @@ fn main() {
     }
     println!("cargo:rustc-link-search={root}");
     println!("cargo:rustc-link-search={root}/src/board/mps2");
-    for argument in ["--defsym=_flash_origin=0", "--defsym=_program_offset=0x400", "--nmagic", "-Tlink.x", "-Tdefmt.x"]
-    {
+    for argument in [
+        "--defsym=_flash_origin=0",
+        "--defsym=_program_offset=0x400",
+        "--defsym=_ram_length=0x13F00",
+        "--nmagic",
+        "-Tlink.x",
+        "-Tdefmt.x",
+    ] {
         println!("cargo:rustc-link-arg-bins={argument}");
     }
 }
