@@ -172,19 +172,22 @@ pub fn reset_cause() -> Option<Cause> {
     None
 }
 
+/// Two seconds.
+const WATCHDOG_CYCLES: u32 = 50_000_000;
+
 pub struct Watchdog;
 
 impl Watchdog {
     /// Two seconds. In lock-step, where time is instructions and a processor in a loop does some ten million a second, half
     /// a second of them: five times what the longest work takes.
+    /// Which of both it is is not known yet.
     pub fn start() -> Self {
-        let mut watchdog = Self;
-        watchdog.feed();
-        watchdog
+        pac::WATCHDOG.start(WATCHDOG_CYCLES);
+        Self
     }
 
     pub fn feed(&mut self) {
-        let cycles = if with(|state| state.pace) == Pace::LockStep { 12_500_000 } else { 50_000_000 };
+        let cycles = if with(|state| state.pace) == Pace::LockStep { 12_500_000 } else { WATCHDOG_CYCLES };
         pac::WATCHDOG.start(cycles);
     }
 }

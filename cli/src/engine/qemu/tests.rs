@@ -38,7 +38,6 @@ fn never() -> AtomicBool {
 }
 
 #[test]
-#[ignore = "a known fault: free-running, the emulated board gives no seconds since the fix log is read at its start"]
 fn uarts_and_timers_in_real_time() {
     let (mut seconds, mut lost, mut refused) = (0, 0, 0);
     let (outcome, cost) = run(Pace::RealTime, image(), &setup(4.5), &never(), &mut |report| match report.event {
@@ -202,7 +201,6 @@ fn a_crash_is_survived_and_told() {
 
 /// Where ticks go on, the task that hangs is found and named.
 #[test]
-#[ignore = "a known fault: free-running, the emulated board gives no seconds since the fix log is read at its start"]
 fn a_task_that_hangs_is_named() {
     for (how, name) in [(Provocation::Hang, "solve"), (Provocation::HangReport, "report")] {
         let crash = crash_of(how, Pace::FreeRunning);
@@ -267,7 +265,6 @@ fn lagging(fix: bool, every: u64, ticks: u8, seconds: f64) -> [Laggard; 2] {
 /// A solution that lags by six ticks and more, every second, in a fix with turns and dwells: every event is the one of an instrument
 /// that never lags, with all digits.
 #[test]
-#[ignore = "a known fault: free-running, the emulated board gives no seconds since the fix log is read at its start"]
 fn who_lags_shifts_nothing() {
     let [late, prompt] = lagging(true, 400, 6, 24.0);
     let Counters { ticks_late, ticks_lost, readings_refused, reports_refused, .. } = late.counters;
@@ -290,7 +287,6 @@ fn seconds(person: &Laggard) -> Vec<Second> {
 /// Beyond the queue of 16 ticks readings are lost, and counted; the gyro's frames are not, they wait in their ring. Where more of them
 /// wait than the sampler has patience for (60 ticks), the second says so. No other second is touched.
 #[test]
-#[ignore = "a known fault: free-running, the emulated board gives no seconds since the fix log is read at its start"]
 fn a_lag_beyond_the_queue_is_counted_and_stays_in_its_second() {
     for (ticks, frames_lost) in [(30, false), (100, true)] {
         let [late, prompt] = lagging(false, 4000, ticks, 4.0);
