@@ -32,7 +32,7 @@ fn main() {
         (false, Err(_)) => [0x0800_0000, 0x2_0000],
     };
     // The emulated board has memory for what it exchanges with the simulated instrument, beside what an STM32F405 has.
-    let ram = if qemu { 0x1_3F00 } else { 0xFF00 };
+    let ram = if qemu { 0x1_5F00 } else { 0x1_1F00 };
     println!("cargo:rustc-link-arg-bins=--defsym=_ram_length={ram:#x}");
     println!("cargo:rustc-env=NORTH_REVISION={}", revision(&root));
     println!("cargo:rustc-link-arg-bins=--defsym=_flash_origin={flash:#010x}");

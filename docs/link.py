@@ -12,7 +12,7 @@ STATES = ["idle", "levelling", "watching", "indexing", "settling", "collecting",
 FAULTS = ["settings-missing", "settings-corrupt", "settings-invalid", "near-pole", "not-level-in-time",
           "disturbed-too-long", "jitter-too-long", "level-lost", "motor-stall", "wrong-angle", "encoder-failed",
           "accelerometer-failed", "gyro-silent", "gyro-invalid", "gyro-saturated", "gyro-clock", "gyro-link-poor",
-          "gyro-stuck", "out-of-time", "aborted", "unsolvable", "no-earth-rate", "not-earth-rate"]
+          "gyro-stuck", "gyro-units", "gyro-unanswered", "out-of-time", "aborted", "unsolvable", "no-earth-rate", "not-earth-rate"]
 REFUSALS = ["damaged", "other-version", "not-understood", "no-fix", "motor-turns", "out-of-order",
             "settings-unreadable", "settings-invalid", "not-stored", "no-settings", "settings-corrupt", "busy",
             "no-slots", "update-unfit", "update-unsigned", "unconfirmed",
@@ -266,6 +266,8 @@ def main():
             try:
                 told = report(frame)
             except (ValueError, IndexError) as error:
+                if frame.startswith(b"$") and frame.endswith(b"\r\n"):  # an NMEA sentence
+                    continue
                 print(f"a frame was dropped: {error}", file=sys.stderr)
                 continue
             if told["event"] == "raw":

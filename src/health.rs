@@ -98,6 +98,12 @@ codes! {
         GyroStuck = 35, "gyro-stuck",
             "the gyro repeats the same increment",
             "switch the gyro off and on; if it goes on, the gyro needs service";
+        GyroUnits = 36, "gyro-units",
+            "the gyro tells a steady rate by which the base would have tilted, and the level accelerometers see no tilt",
+            "set the gyro to increments of angle in radians (gyro.configure does it over the gyro's line); else its bias is far beyond its limit";
+        GyroUnanswered = 37, "gyro-unanswered",
+            "the gyro did not repeat what it was told at the start: what its frames hold is not known",
+            "check the wires from the instrument to the gyro and its supply, then switch off and on; or set the gyro by hand and gyro.configure to false";
         OutOfTime = 40, "out-of-time",
             "the fix took longer than its time limit",
             "remove what disturbs it, or allow more time";

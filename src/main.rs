@@ -35,9 +35,9 @@ mod app {
     use rtic_sync::signal::{SignalReader, SignalWriter};
     use rtic_sync::{make_channel, make_signal};
 
-    use crate::board::{self, Board, crash, memory, told};
+    use crate::board::told::{FRAMES, Teller};
+    use crate::board::{self, Board, crash, memory};
     use north_finder::drivers::intake::{Intake, Received, one_more};
-    use north_finder::drivers::ring::Ring;
     use north_finder::drivers::sensors::Sensors;
     use north_finder::drivers::step_motor::StepMotor;
     use north_finder::event::identity::Identity;
@@ -47,7 +47,6 @@ mod app {
     use north_finder::instrument::self_test::BoardFacts;
     use north_finder::instrument::workspace::Workspace;
     use north_finder::instrument::{self, Readings};
-    use north_finder::link;
     use north_finder::sensing::index::MotorCommand;
     use north_finder::sequence::work::SecondWork;
 
@@ -61,8 +60,6 @@ mod app {
     static GUARD: Guard = Guard::new();
     /// What the board leaves for the instrument.
     static INTAKE: Intake = Intake::new();
-    /// Reports on their way to the host, as frames: `solve` puts them, `report` sends them from there. The line takes 90 ms for all.
-    static FRAMES: Ring<1024> = Ring::new();
     /// Other settings are in flash: start anew as soon as all reports are out.
     static RESTART: AtomicBool = AtomicBool::new(false);
     /// The accelerometer shall do its own test.
@@ -106,7 +103,8 @@ mod app {
         readings_out: Consumer<'static, Readings>,
         instrument: &'static mut Instrument,
         motor_in: Producer<'static, MotorCommand>,
-        told: SignalWriter<'static, ()>,
+        told: Teller,
+        gyro_port: board::GyroPort,
         seconds_in: Sender<'static, &'static mut SecondWork, WORK>,
         seconds_done: Receiver<'static, &'static mut SecondWork, WORK>,
         problems_in: Sender<'static, &'static mut Workspace, WORK>,
@@ -164,6 +162,7 @@ mod app {
             motor: StepMotor::new(board.step, board.direction, board.enable, &instrument.index_settings()),
             slots: board.slots,
         };
+        let nmea = instrument.speaks_nmea();
         let local = Local {
             ticker: board.ticker.start(),
             watchdog,
@@ -176,7 +175,8 @@ mod app {
             readings_out,
             instrument,
             motor_in,
-            told,
+            told: Teller::new(told, nmea, &INTAKE.reports_refused),
+            gyro_port: board.gyro_port,
             seconds_in,
             seconds_done,
             problems_in,
@@ -282,14 +282,14 @@ mod app {
     #[task(
         binds = SPI2, priority = 3,
         local = [
-            readings_out, instrument, motor_in, told, seconds_in, seconds_done, problems_in, answers_out, flash, crash, program, sweep,
+            readings_out, instrument, motor_in, told, gyro_port, seconds_in, seconds_done, problems_in, answers_out, flash, crash, program, sweep,
         ],
     )]
     fn solve(cx: solve::Context) {
         let local = cx.local;
         if let Some(crash) = local.crash.take() {
             defmt::error!("boot: after a {}", crash.cause);
-            tell(&Report { t_s: 0.0, event: Event::Crash(crash) }, local.told);
+            local.told.tell(&Report { t_s: 0.0, event: Event::Crash(crash) });
         }
         // Used where they are: copies of them are a good part of what a tick costs.
         while let Some(readings) = local.readings_out.peek() {
@@ -304,7 +304,7 @@ mod app {
             {
                 local.instrument.worked_on(work);
             }
-            let mut report = |report| tell(&report, local.told);
+            let mut report = |report| local.told.tell(&report);
             let orders = local.instrument.step(readings, &INTAKE, local.flash, &mut report);
             // While one is being worked on, or solved, there is no second one.
             if let Some(work) = local.instrument.second_to_work_on() {
@@ -316,6 +316,9 @@ mod app {
             if let Some(command) = orders.motor {
                 // `sample` empties the queue at every tick.
                 let _ = local.motor_in.enqueue(command);
+            }
+            if let Some(byte) = orders.gyro {
+                local.gyro_port.send(byte);
             }
             if orders.restart {
                 RESTART.store(true, Ordering::Release); // `report` has frames to send, and looks at it afterwards
@@ -332,20 +335,9 @@ mod app {
             if let Some(stack_bytes) = local.sweep.tick(readings.tick) {
                 let load_permille = GUARD.load_permille();
                 let event = Event::Vitals { program: *local.program, stack_bytes, load_permille };
-                tell(&Report { t_s: readings.t_s(), event }, local.told);
+                local.told.tell(&Report { t_s: readings.t_s(), event });
             }
             let _ = local.readings_out.dequeue();
-        }
-    }
-
-    /// Logs a report and puts it among those that wait for the host's line. (A test of the link says that the longest fits a frame.)
-    #[inline(never)]
-    fn tell(report: &Report, waiting: &mut SignalWriter<'static, ()>) {
-        told::log(report);
-        if link::encode_report(report).is_ok_and(|frame| FRAMES.put_whole(&frame)) {
-            waiting.write(());
-        } else {
-            one_more(&INTAKE.reports_refused);
         }
     }
 

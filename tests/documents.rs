@@ -6,8 +6,8 @@ use std::path::Path;
 use north::toml_file::TomlFile;
 use north_finder::fix::heading::settings::BlockSettings;
 use north_finder::health::{Fault, Flag, Item, Refusal, TestVerdict};
-use north_finder::settings::Settings;
 use north_finder::settings::fields::{CHOICES, FIELDS, WORDS};
+use north_finder::settings::{GyroFormat, Settings};
 
 /// The table of docs/formats.md for one enum of codes.
 fn table(rows: impl Iterator<Item = (u8, &'static str, &'static str, &'static str)>) -> String {
@@ -56,6 +56,22 @@ fn choices_are_those_of_a_file_of_settings() {
             let settings = Settings { block: settings.block.or(defaults.block), ..settings };
             assert_eq!(settings == defaults, number == 0, "{} = {word}", choice.name);
         }
+    }
+}
+
+/// The settings for each gyro make sense, and every format of frames is among them.
+#[test]
+fn settings_for_gyros_are_valid() {
+    let gyros = include_str!("../docs/gyros.md");
+    let blocks: Vec<&str> = gyros.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
+    let read = |text: &&str| {
+        let file = TomlFile::of_text(Path::new("docs/gyros.md"), (*text).to_owned());
+        file.parse_over::<Settings>(&Settings::default(), None).unwrap()
+    };
+    let settings: Vec<Settings> = blocks.iter().map(read).collect();
+    assert!(settings.iter().all(|settings| settings.validate() == Ok(())), "{settings:#?}");
+    for format in [GyroFormat::Compact, GyroFormat::KvhA] {
+        assert!(settings.iter().any(|settings| settings.gyro.format == format), "{format:?}");
     }
 }
 

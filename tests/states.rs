@@ -174,6 +174,24 @@ fn gyro_clock() {
 }
 
 #[test]
+fn a_gyro_that_was_set_otherwise_is_told_what_to_send() {
+    let (outcome, _) = run(&setup("kvh-by-command", 1));
+    let (fix, error_deg) = fix(&outcome);
+    assert!(error_deg.abs() < 4.0 * fix.sigma_deg, "{error_deg}");
+}
+
+/// Rates in the place of increments are 400 times too much; degrees in that of radians 57 times. A gyro that is told and does not answer is not believed.
+#[test]
+fn a_gyro_that_sends_anything_else_gives_no_azimuth() {
+    ends_with(&setup("kvh-rates", 1), Fault::GyroUnits, State::Watching);
+    let mut scenario = Scenario::named("kvh-rates").unwrap();
+    (scenario.gyro.rates, scenario.gyro.degrees) = (false, true);
+    ends_with(&of_scenario(scenario, 1), Fault::GyroUnits, State::Watching);
+    let (outcome, _) = run(&setup("kvh-deaf", 1));
+    assert!(matches!(outcome.end, End::Fault { fault: Fault::GyroUnanswered, .. }), "{:?}", outcome.end);
+}
+
+#[test]
 fn a_line_that_lets_too_little_through() {
     let (outcome, _) = run(&setup("noisy-link", 1));
     assert!(matches!(outcome.end, End::Fault { fault: Fault::LinkPoor | Fault::GyroSilent, .. }), "{:?}", outcome.end);

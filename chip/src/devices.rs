@@ -77,14 +77,16 @@ impl<D: Device, P: Part> spi::Peer for Slave<D, P> {
     }
 }
 
-/// The gyro's transmitter.
+/// The gyro's end of its line.
 #[derive(Debug)]
 pub struct GyroOutput(pub GyroLine);
 
 impl Store for GyroOutput {}
 
 impl uart::Peer for GyroOutput {
-    fn receive(&mut self, _: u16, _: &mut Timeline<'_, '_>) {}
+    fn receive(&mut self, word: u16, _: &mut Timeline<'_, '_>) {
+        self.0.send(word as u8);
+    }
 
     fn transmit(&mut self, _: VirtualNanos) -> Option<u16> {
         let mut byte = [0];

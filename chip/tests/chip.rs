@@ -35,12 +35,14 @@ struct Host {
     ticks: u64,
     decoder: ReportDecoder,
     reports: Vec<Report>,
+    /// All that came.
+    bytes: Vec<u8>,
 }
 
 impl Host {
     fn new(ticks: u64, asks: &[At]) -> Self {
         let (line, decoder) = (RequestLine::default(), ReportDecoder::new());
-        Self { asks: asks.to_vec(), line, ticks, decoder, reports: Vec::new() }
+        Self { asks: asks.to_vec(), line, ticks, decoder, reports: Vec::new(), bytes: Vec::new() }
     }
 
     /// What it sends from this tick's end on.
@@ -65,6 +67,7 @@ impl Host {
 
 impl Line for Host {
     fn tick(&mut self, tick: u64, sent: &[u8]) -> Option<Vec<u8>> {
+        self.bytes.extend(sent);
         for &byte in sent {
             if let Some(report) = self.decoder.feed(byte) {
                 self.reports.push(report.expect("a good frame"));
@@ -158,9 +161,25 @@ fn a_fix_is_that_of_the_host_process() {
 
 #[test]
 fn sensors_and_gyros_of_other_kinds_are_heard_as_in_the_host_process() {
-    for scenario in ["kvh-gyro", "broken-bus", "carried"] {
+    for scenario in ["kvh-gyro", "kvh-by-command", "broken-bus", "carried"] {
         both(scenario, Some(&settings_of(scenario)), 1300, &[(40, START)]);
     }
+}
+
+/// Sentences stand between the frames of the link, which are all good; their check sums are right.
+#[test]
+fn sentences_go_between_the_frames() {
+    let mut settings = settings_of("calm-bench");
+    settings.link.nmea = true;
+    let settings = image::stored(&settings).unwrap();
+    let ran = on_chip(&calm(), &settings, 1300, &[]);
+    let seconds = ran.line.reports.iter().filter(|report| matches!(report.event, Event::Second(_))).count();
+    let text = String::from_utf8_lossy(&ran.line.bytes);
+    let sentences: Vec<&str> =
+        text.split('$').skip(1).filter_map(|rest| rest.split_once("\r\n").map(|(line, _)| line)).collect();
+    // THS without a heading: its check sum by hand is that of the link's own test.
+    let told = sentences.iter().filter(|line| **line == "HETHS,,V*14").count();
+    assert!(seconds >= 3 && told.abs_diff(seconds) <= 1, "{told} of {seconds}: {sentences:?}");
 }
 
 /// Item by item, the accelerometer's own test and a short move of the index among them.

@@ -151,13 +151,18 @@ impl OutputPin for Pin {
     }
 }
 
-/// The receiving end of the gyro's line.
+/// The instrument's end of the gyro's line.
 #[derive(Debug, Clone)]
 pub struct GyroLine(Shared);
 
 impl GyroLine {
     pub(crate) fn new(plant: Shared) -> Self {
         Self(plant)
+    }
+
+    /// Sends a byte to the gyro, whose console takes lines of text where it has one.
+    pub fn send(&mut self, byte: u8) {
+        open(&self.0).tell_gyro(byte);
     }
 }
 

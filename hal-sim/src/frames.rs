@@ -1,6 +1,7 @@
 //! The gyro's frames, written from the description of the formats, with a CRC of their own.
 
 use crate::geometry::ARCSEC_PER_RAD;
+use crate::kvh_console::Output;
 use crate::scenario::GyroFormat;
 
 /// The content of a frame.
@@ -36,11 +37,22 @@ pub fn crc32(bytes: &[u8]) -> u32 {
 }
 
 impl Frame {
-    /// The frame's bytes.
+    /// The frame's bytes, of a gyro that is set to increments in radians.
     pub fn encode(&self, format: GyroFormat) -> Vec<u8> {
         match format {
             GyroFormat::Compact => self.compact(),
-            GyroFormat::KvhA => self.kvh_a(),
+            GyroFormat::KvhA => self.kvh_a(1.0),
+        }
+    }
+
+    /// The frame's bytes, of an interval of so many seconds and as the gyro is set.
+    pub(crate) fn encode_as(&self, format: GyroFormat, output: Output, interval_s: f64) -> Vec<u8> {
+        match format {
+            GyroFormat::Compact => self.compact(),
+            GyroFormat::KvhA => {
+                let per_radian = if output.degrees { 1_f64.to_degrees() } else { 1.0 };
+                self.kvh_a(if output.rates { per_radian / interval_s } else { per_radian })
+            }
         }
     }
 
@@ -54,13 +66,13 @@ impl Frame {
         bytes
     }
 
-    /// 36 bytes, big-endian: the axis on X as a delta-angle in radians. There is no status for saturation: the axis is
+    /// 36 bytes, big-endian: the axis on X, its angle in radians times `factor`. There is no status for saturation: the axis is
     /// marked as not valid.
-    fn kvh_a(&self) -> Vec<u8> {
-        let radians = (f64::from(self.increment_uas) * 1e-6 / ARCSEC_PER_RAD) as f32;
+    fn kvh_a(&self, factor: f64) -> Vec<u8> {
+        let number = (f64::from(self.increment_uas) * 1e-6 / ARCSEC_PER_RAD * factor) as f32;
         let status = 0x76 | u8::from(self.valid && !self.saturated);
         let temp_c = if self.temp_valid { self.temp_c.round() as i16 } else { i16::MIN };
-        kvh_a([radians, 0.0, 0.0], [0.0; 3], status, self.sequence & 0x7F, temp_c)
+        kvh_a([number, 0.0, 0.0], [0.0; 3], status, self.sequence & 0x7F, temp_c)
     }
 }
 

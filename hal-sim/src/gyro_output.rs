@@ -8,6 +8,8 @@ use crate::window;
 const UNITS_PER_ARCSEC: f64 = 1e6;
 /// The tick that the frames are declared for, s.
 const TICK_S: f64 = 0.0025;
+/// Frames in a tick by the clock of KVH's family, 1000 Hz.
+const OWN_CLOCK_PER_TICK: f64 = 2.5;
 /// What an invalid temperature reads, °C.
 const NO_TEMPERATURE_C: f64 = -327.68;
 
@@ -57,9 +59,16 @@ impl GyroOutput {
         }
     }
 
-    /// Takes the angle of a tick that ends at `t_s` and gives the frames that were completed in it.
-    pub fn tick(&mut self, t_s: f64, increment_arcsec: f64, temp_c: f64, mut send: impl FnMut(Frame)) {
-        let per_tick = self.gyro.frames_per_tick;
+    /// Takes the angle of a tick that ends at `t_s` and gives the frames that were completed in it, with the length of their interval, s.
+    pub fn tick(
+        &mut self,
+        t_s: f64,
+        increment_arcsec: f64,
+        temp_c: f64,
+        own_clock: bool,
+        mut send: impl FnMut(Frame, f64),
+    ) {
+        let per_tick = if own_clock { OWN_CLOCK_PER_TICK } else { self.gyro.frames_per_tick };
         let mut used = 0.0;
         while self.phase + per_tick * (1.0 - used) >= 1.0 {
             let part = (1.0 - self.phase) / per_tick;
@@ -68,7 +77,7 @@ impl GyroOutput {
             let angle = self.pending_arcsec + increment_arcsec * part;
             self.pending_arcsec = 0.0;
             if let Some(frame) = self.frame(t_s, angle, temp_c) {
-                send(frame);
+                send(frame, TICK_S / per_tick);
             }
         }
         self.pending_arcsec += increment_arcsec * (1.0 - used);

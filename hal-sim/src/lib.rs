@@ -19,6 +19,7 @@ mod geometry;
 mod gyro;
 mod gyro_output;
 mod hand;
+mod kvh_console;
 mod line;
 mod motor;
 mod noise;

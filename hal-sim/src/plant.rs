@@ -10,6 +10,7 @@ use crate::geometry::{self, ARCSEC_PER_RAD, BaseAngles};
 use crate::gyro::{GyroErrors, Surroundings};
 use crate::gyro_output::GyroOutput;
 use crate::hand::Hand;
+use crate::kvh_console::Console;
 use crate::line::Line;
 use crate::motor::Drive;
 use crate::pose::PoseTracker;
@@ -50,6 +51,7 @@ pub struct Plant {
     tracker: PoseTracker,
     pub errors: GyroErrors,
     output: GyroOutput,
+    console: Console,
     line: Line,
     accelerometer: Adxl355,
     block: Option<Adis16505>,
@@ -74,6 +76,7 @@ impl Plant {
             tracker,
             errors: GyroErrors::new(gyro, &scenario.site, seed),
             output: GyroOutput::new(gyro),
+            console: Console::new(gyro),
             line: Line::new(&scenario.link, seed),
             accelerometer: Adxl355::new(&scenario.accelerometer, seed),
             block: scenario.block.as_ref().map(|block| Adis16505::new(block, seed)),
@@ -124,7 +127,12 @@ impl Plant {
         let format = self.scenario.gyro.format;
         let line = &mut self.line;
         let temp_c = self.errors.temp_reading_c();
-        self.output.tick(t_s, increment_arcsec, temp_c, |frame| line.send(&frame.encode(format), t_s));
+        let (sends, output) = (self.console.sends_frames(), self.console.output());
+        self.output.tick(t_s, increment_arcsec, temp_c, output.own_clock, |frame, interval_s| {
+            if sends {
+                line.send(&frame.encode_as(format, output, interval_s), t_s);
+            }
+        });
     }
 
     /// See [`crate::World::carry`].
@@ -206,6 +214,14 @@ impl Plant {
     pub fn receive(&mut self) -> Option<u8> {
         let t_s = self.t_s();
         self.line.receive(t_s)
+    }
+
+    /// The gyro hears a byte.
+    pub fn tell_gyro(&mut self, byte: u8) {
+        if let Some(answer) = self.console.hear(byte) {
+            let t_s = self.t_s();
+            self.line.send(answer.as_bytes(), t_s);
+        }
     }
 
     pub fn has_received(&self) -> bool {

@@ -109,7 +109,7 @@ impl World {
         Pin::new(Arc::clone(&self.plant), PinFunction::Enable)
     }
 
-    /// The receiving end of the gyro's serial line.
+    /// The instrument's end of the gyro's serial line.
     pub fn gyro(&self) -> GyroLine {
         GyroLine::new(Arc::clone(&self.plant))
     }

@@ -16,7 +16,7 @@ fn main() {
     for argument in [
         "--defsym=_flash_origin=0",
         "--defsym=_program_offset=0x400",
-        "--defsym=_ram_length=0x13F00",
+        "--defsym=_ram_length=0x15F00",
         "--nmagic",
         "-Tlink.x",
         "-Tdefmt.x",

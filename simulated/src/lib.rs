@@ -85,6 +85,7 @@ impl Wired {
         tap(&readings, &self.heard);
         let orders = self.stepper.step(&readings, &self.intake, &mut self.world.flash(), report);
         self.pending = orders.motor;
+        orders.gyro.into_iter().for_each(|byte| self.gyro.send(byte));
         if orders.test_accelerometer {
             self.sensors.test_accelerometer();
         }

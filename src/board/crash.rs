@@ -166,7 +166,7 @@ fn fill_stack(depth: u32) -> u32 {
 /// What the board says of itself comes after the first second, and then every ten seconds.
 const FIRST_VITALS_TICK: u32 = 399;
 const VITALS_TICKS: u32 = 4000;
-/// Words of the stack that are looked at in each of the ticks before: all of 64 KiB.
+/// Words of the stack that are looked at in each of the ticks before: 64 KiB, more than there are.
 const SWEEP_WORDS: usize = 64;
 const SWEEP_TICKS: u32 = 256;
 

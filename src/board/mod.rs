@@ -7,7 +7,7 @@
 //! | `Ticker` | the 2.5 ms timer (TIM2) that also tells the gyro to sample, how many ticks were lost, and the bytes that came on both lines |
 //! | `Slots` | the 3200 Hz timer (TIM3) of the motor |
 //! | `GyroLine`, `HostLine` | what interrupts on the lines (USART1, USART2): a damaged byte, a report that is out |
-//! | `ReportPort` | the sender of the link to the host |
+//! | `ReportPort`, `GyroPort` | the senders of the link to the host and of commands to the gyro |
 //! | `Accelerometer`, `Encoder`, `Block` | SPI devices |
 //! | `Step`, `Direction`, `Enable` | output pins of the motor |
 //! | `Flash` | NOR flash for the settings |

@@ -6,6 +6,7 @@
 //! comes back when it is done ([`Instrument::worked_on`]); a board gives it to a task of low priority. Solving a calibration takes
 //! longer still and goes the same way ([`Instrument::posed`], [`Instrument::solved`]).
 
+mod contradiction;
 pub mod gather;
 pub mod guard;
 pub mod replay;
@@ -37,6 +38,7 @@ use crate::event::{Event, Report, State};
 use crate::fix::heading::Keeper;
 use crate::health::{Counters, Fault};
 use crate::link::RequestDecoder;
+use crate::sensing::frame::setup::{Progress, Setup};
 use crate::sensing::frame::{Frame, FrameReader};
 use crate::sensing::index::{IndexAngle, IndexSettings, MotorCommand};
 use crate::sensing::sample::{GyroSettings, RateSecond, SAMPLE_S, SAMPLES_PER_SECOND};
@@ -45,6 +47,7 @@ use crate::sequence::work::SecondWork;
 use crate::settings::Settings;
 use crate::settings::pieces::Incoming;
 use crate::settings::store::{self, Found};
+use contradiction::Contradiction;
 use gather::Gatherer;
 pub use seconds::EFFECT_TICKS;
 use seconds::{Ended, MOST_WAITING};
@@ -59,6 +62,9 @@ const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
 const MOST_LOST: u64 = 1200;
 /// Encoder readings in a row that may fail: 0.25 s of them.
 const ENCODER_PATIENCE: u16 = 25;
+
+/// Bytes of the gyro that are looked at together while it is set up.
+const SETUP_BYTES: usize = 64;
 
 /// What a tick (every 2.5 ms) brought, beside bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -90,6 +96,8 @@ pub struct Orders {
     pub test_accelerometer: bool,
     /// Other settings are in flash: power up again, after the reports of this step are out.
     pub restart: bool,
+    /// A byte for the gyro.
+    pub gyro: Option<u8>,
     /// Crash, to see that it is survived.
     pub provoke: Option<Provocation>,
 }
@@ -113,6 +121,11 @@ pub struct Instrument<S, R> {
     reader: FrameReader,
     gatherer: Gatherer,
     watch: GyroWatch,
+    /// While the gyro is told what it shall send: what comes from it are no frames.
+    setup: Option<Setup>,
+    contradiction: Contradiction,
+    /// Largest bias that is declared, °/h.
+    bias_limit_deg_h: f64,
     /// The sequencer; `None`: it is handed over with the first of `ended`.
     work: Option<S>,
     /// Its state before it was handed over, and what the motor goes by.
@@ -135,6 +148,7 @@ pub struct Instrument<S, R> {
     field: Session,
     /// Holds the heading of a fix, where there is a block of three gyros.
     keeper: Option<Keeper>,
+    nmea: bool,
     /// Where the error model wants the block's temperature, if it does.
     block_temperature: Option<usize>,
     counters: Counters,
@@ -175,6 +189,9 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             gatherer: Gatherer::new(gyro, Correction::UNIT),
             block_temperature: None,
             watch: GyroWatch::default(),
+            setup: None,
+            contradiction: Contradiction::default(),
+            bias_limit_deg_h: gyro.bias_limit_deg_h,
             work: Some(work),
             state: State::Idle,
             index_settings: IndexSettings::default(),
@@ -188,6 +205,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             unconfirmed: false,
             field: Session::default(),
             keeper: None,
+            nmea: false,
             counters: Counters::default(),
             reported: Counters::default(),
             seconds: 0,
@@ -265,6 +283,9 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
     fn take(&mut self, settings: &mut Settings) -> Result<(), Fault> {
         self.reader = FrameReader::new(settings.gyro.format);
         self.test.set_up(settings.gyro.format);
+        self.nmea = settings.link.nmea;
+        self.setup = settings.gyro.configure.then(Setup::default);
+        self.bias_limit_deg_h = settings.gyro.bias_limit_deg_h;
         self.gatherer = Gatherer::new(settings.gyro, settings.triad());
         self.block_temperature = settings.model.as_ref().and_then(ErrorModel::block_temperature);
         self.keeper = settings.block.map(|block| Keeper::new(&block, settings.latitude_deg, settings.level.sigma_deg));
@@ -289,6 +310,11 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
     /// Whether there is a block of three gyros to be read.
     pub fn has_block(&self) -> bool {
         self.keeper.is_some()
+    }
+
+    /// Whether NMEA sentences go over the host's line.
+    pub fn speaks_nmea(&self) -> bool {
+        self.nmea
     }
 
     /// What the motor goes by. (Where no fix can be started, it never turns.)
@@ -316,10 +342,14 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         if !intake.host.is_empty(readings.heard.host) {
             self.receive_requests(readings, intake, flash, &mut orders, sink);
         }
-        while !intake.gyro.is_empty(readings.heard.gyro)
-            && self.reader.fill(|place| intake.gyro.take(readings.heard.gyro, place)) > 0
-        {
-            self.receive_frames(sink);
+        if self.setup.is_some() {
+            self.set_up_gyro(readings, intake, &mut orders, sink);
+        } else {
+            while !intake.gyro.is_empty(readings.heard.gyro)
+                && self.reader.fill(|place| intake.gyro.take(readings.heard.gyro, place)) > 0
+            {
+                self.receive_frames(sink);
+            }
         }
         self.read(&readings.sensors, sink);
         if self.field.is_active() {
@@ -349,6 +379,35 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         let effect = self.take_effect(flash, &mut |t_s, event| report(Report { t_s, event }));
         orders.motor = effect.or(orders.motor);
         orders
+    }
+
+    /// A tick in which the gyro is told what to send.
+    #[inline(never)]
+    fn set_up_gyro(&mut self, readings: &Readings, intake: &Intake, orders: &mut Orders, sink: &mut dyn FnMut(Event)) {
+        let mut place = [0; SETUP_BYTES];
+        let Some(mut setup) = self.setup.take() else { return };
+        loop {
+            let length = intake.gyro.take(readings.heard.gyro, &mut place);
+            if length == 0 {
+                break;
+            }
+            place.iter().take(length).for_each(|&byte| setup.hear(byte));
+        }
+        match setup.tick() {
+            Progress::UnderWay(byte) => {
+                self.setup = Some(setup);
+                orders.gyro = byte;
+            }
+            Progress::Done => {}
+            Progress::Unanswered => {
+                let fault = Fault::GyroUnanswered;
+                match self.fail(fault, readings.t_s(), sink) {
+                    Some(stop) => orders.motor = Some(stop),
+                    None => sink(Event::Fault { fault, state: State::Idle }),
+                }
+                self.refusal.get_or_insert(fault);
+            }
+        }
     }
 
     /// Bytes of the gyro.

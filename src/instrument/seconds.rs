@@ -14,7 +14,7 @@ use super::{Instrument, Streaming};
 use crate::event::raw::Stream;
 use crate::event::service::flash::LogFlash;
 use crate::event::service::record::Logged;
-use crate::event::{self, Event, Fix};
+use crate::event::{self, Event, Fix, State};
 use crate::health::Fault;
 use crate::sensing::index::{IndexAngle, MotorCommand};
 use crate::sensing::level::LevelMoments;
@@ -95,6 +95,10 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         }
         let fault = self.watch.second(rate, self.gatherer.sampler().behind());
         let mut gathered = self.gatherer.finish(rate, self.tick as f64 * SAMPLE_S);
+        let stands = matches!(self.state(), State::Watching | State::Settling | State::Collecting);
+        let level = gathered.second.conditions.level.filter(|_| stands && rate.usable);
+        let contradicts = self.contradiction.second(rate.fog_arcsec, self.bias_limit_deg_h, level);
+        let fault = fault.or(contradicts.then_some(Fault::GyroUnits));
         if let (Some(block_temp_c), Some(place)) = (gathered.block_temp_c, self.block_temperature)
             && let Some(channel) = gathered.second.conditions.channels.get_mut(place)
         {
@@ -102,7 +106,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         }
         // Work that lags by several seconds loses the next ones, and counts them.
         if self.ended.push_back(Ended { tick: self.tick, gathered, fault, index: self.index }).is_err() {
-            counters.seconds_left_out = counters.seconds_left_out.saturating_add(1);
+            self.counters.seconds_left_out = self.counters.seconds_left_out.saturating_add(1);
         }
     }
 

@@ -19,6 +19,9 @@
 //! Example: the report "at 2 s the state is idle" has the content `09`, `00 00 00 00 00 00 00 40`, `00`, `00`, `A9 02 50 60`.
 //! All messages: docs/link.md. The raw stream: [`crate::event::raw`].
 //!
+//! Where the settings say so (`link.nmea`), NMEA 0183 sentences stand between the frames, each with a 00 behind it: for a reader of sentences the
+//! frames are noise between a line's end and a `$`, and a decoder of frames passes sentences over.
+//!
 //! Whoever receives drops what does not decode and counts it; after any disturbance the next 00 is the next chance. A
 //! sender may send a 00 before a frame, to end whatever noise came before: an empty frame is not counted.
 
@@ -190,10 +193,13 @@ impl<M: DeserializeOwned, const N: usize> Decoder<M, N> {
         if self.frame.is_empty() {
             return None;
         }
+        let sentence = self.frame.starts_with(b"$") && self.frame.ends_with(b"\r\n");
         let message = if self.overflowed { Err(BadFrame::Damaged) } else { decode(&mut self.frame) };
         self.frame.clear();
         self.overflowed = false;
-        Some(message)
+        // A frame that looks like a sentence is one nevertheless, by its check sum.
+        let noise = sentence && matches!(message, Err(BadFrame::Damaged));
+        (!noise).then_some(message)
     }
 }
 
@@ -398,6 +404,14 @@ mod tests {
     #[test]
     fn empty_frames_are_nothing() {
         assert_eq!(feed(&mut ReportDecoder::new(), &[0, 0, 0]), []);
+    }
+
+    #[test]
+    fn sentences_between_frames_are_passed_over() {
+        let frame = encode_report(&idle()).unwrap();
+        let bytes = [&frame[..], b"$HETHS,,V*14\r\n\0", &frame, b"$HETHS,,V*14\0", &frame].concat();
+        let decoded = feed(&mut ReportDecoder::new(), &bytes);
+        assert_eq!(decoded, [Ok(idle()), Ok(idle()), Err(BadFrame::Damaged), Ok(idle())]);
     }
 
     #[test]

@@ -1,4 +1,5 @@
-//! NMEA 0183 sentences for whoever wants a heading and nothing else: `HDT` and `THS`, talker `HE` (north-seeking gyro).
+//! NMEA 0183 sentences for whoever wants a heading and nothing else: `HDT` and `THS`, talker `HE` (north-seeking gyro), and a proprietary one
+//! with what stands behind the heading.
 //!
 //! A sentence is `$`, the comma-separated fields, `*`, the exclusive-or of all characters between the two as two
 //! hexadecimal digits, carriage return and line feed (IEC 61162-1). The heading is that of the index-zero mark.
@@ -6,7 +7,10 @@
 use core::fmt::Write;
 
 use heapless::String;
+use inertial::Motion;
 
+use crate::event::{Event, Fix, Heading, Report, State};
+use crate::health::Flags;
 use crate::units::wrap_360_deg;
 
 /// Longest sentence that the standard allows, with `$` and the line's end.
@@ -54,6 +58,64 @@ pub fn ths(heading: Option<(f64, Mode)>) -> Option<Sentence> {
     }
 }
 
+/// `$PNOFF`: sigma of the heading (degrees, four decimals, at most 180), flags of its fix (eight hexadecimal digits: the bit of a flag is its
+/// code), and the heading's mode. `None` for not-a-number.
+pub fn pnoff(sigma_deg: f64, flags: Flags, mode: Mode) -> Option<Sentence> {
+    // Written so that what is not a number stays none.
+    let [whole, decimals] = ten_thousandths(if sigma_deg > 180.0 { 180.0 } else { sigma_deg })?;
+    sentence(format_args!("PNOFF,{whole}.{decimals:04},{:08X},{}", flags.bits(), mode.letter()))
+}
+
+/// What the sentences say.
+#[derive(Clone, Copy, Debug)]
+struct Said {
+    heading_deg: f64,
+    sigma_deg: f64,
+    flags: Flags,
+    mode: Mode,
+}
+
+/// Makes sentences of reports: with every second `THS`, and, where there is a heading, `HDT` and `PNOFF`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Speaker {
+    said: Option<Said>,
+    simulated: bool,
+}
+
+impl Speaker {
+    /// For a simulated instrument, whose sentences say so.
+    pub fn simulator() -> Self {
+        Self { simulated: true, ..Self::default() }
+    }
+
+    /// Hears a report; `say` gets the sentences that it leads to.
+    pub fn hear(&mut self, report: &Report, say: &mut dyn FnMut(&str)) {
+        let mode = |held: Mode| if self.simulated { Mode::Simulator } else { held };
+        match &report.event {
+            &Event::Fix(Fix { azimuth_deg: heading_deg, sigma_deg, flags, .. }) => {
+                self.said = Some(Said { heading_deg, sigma_deg, flags, mode: mode(Mode::Autonomous) });
+            }
+            &Event::Heading(Heading { heading_deg, sigma_deg, motion, refix, .. }) => {
+                let mode = mode(if motion == Motion::Standing { Mode::Autonomous } else { Mode::Estimated });
+                let held = |said: Said| Said { heading_deg, sigma_deg, mode, ..said };
+                self.said = self.said.filter(|_| !refix).map(held);
+            }
+            Event::State(State::Levelling | State::Failed) => self.said = None,
+            Event::Second(_) => self.say(say),
+            _ => {}
+        }
+    }
+
+    fn say(&self, say: &mut dyn FnMut(&str)) {
+        let sentences = [
+            ths(self.said.map(|said| (said.heading_deg, said.mode))),
+            self.said.and_then(|said| hdt(said.heading_deg)),
+            self.said.and_then(|said| pnoff(said.sigma_deg, said.flags, said.mode)),
+        ];
+        sentences.iter().flatten().for_each(|sentence| say(sentence));
+    }
+}
+
 /// Whole degrees and ten-thousandths of a degree in [0°, 360°): integers, because printing an `f64` costs a board
 /// kilobytes of flash.
 fn ten_thousandths(azimuth_deg: f64) -> Option<[u32; 2]> {
@@ -74,6 +136,8 @@ fn sentence(fields: core::fmt::Arguments<'_>) -> Option<Sentence> {
 
 #[cfg(test)]
 mod tests {
+    use std::string::ToString as _;
+
     use super::*;
 
     #[test]
@@ -89,6 +153,67 @@ mod tests {
         assert!(hdt(-0.5).unwrap().starts_with("$HEHDT,359.5000,T*"));
         assert!(ths(Some((1.00006, Mode::Estimated))).unwrap().starts_with("$HETHS,1.0001,E*"));
         assert_eq!((hdt(f64::NAN), ths(Some((f64::INFINITY, Mode::Autonomous)))), (None, None));
+    }
+
+    #[test]
+    fn sigma_and_flags_have_a_sentence_of_their_own() {
+        let flags = Flags::from_bits(1 << 20 | 1);
+        assert!(pnoff(0.03804, flags, Mode::Autonomous).unwrap().starts_with("$PNOFF,0.0380,00100001,A*"));
+        assert!(pnoff(1e9, flags, Mode::Estimated).unwrap().starts_with("$PNOFF,180.0000,00100001,E*"));
+        assert_eq!(pnoff(f64::NAN, flags, Mode::Autonomous), None);
+        // A heading of three digits, and all bits: within the longest sentence.
+        assert!(pnoff(179.99, Flags::from_bits(u32::MAX), Mode::Simulator).unwrap().len() <= MAX_SENTENCE);
+    }
+
+    #[test]
+    fn each_second_says_what_is_known() {
+        let fix = Fix {
+            azimuth_deg: 40.0,
+            sigma_deg: 0.04,
+            closure_deg_h: None,
+            closure_sigma_deg_h: None,
+            chi_square: 0.0,
+            degrees_of_freedom: 0,
+            bias_deg_h: 0.0,
+            amplitude_deg_h: 12.0,
+            drift_deg_h_per_h: 0.0,
+            tilt: None,
+            seconds: 240.0,
+            flags: Flags::default(),
+        };
+        let held = |motion, refix| {
+            let sigma_deg = 0.1;
+            Heading { heading_deg: 41.0, pitch_deg: 0.0, roll_deg: 0.0, sigma_deg, sigma_level_deg: 0.0, motion, refix }
+        };
+        let second = Event::Second(crate::event::Second {
+            t_s: 1.0,
+            index_deg: None,
+            fog_arcsec: 0.0,
+            moment_arcsec_s: 0.0,
+            rate_deg_h: 0.0,
+            temp_c: None,
+            block_temp_c: None,
+            level: None,
+            lost_frames: 0,
+            dwell: None,
+            collected: false,
+            waited_at: None,
+        });
+        let mut speaker = Speaker::default();
+        let mut said = |event| {
+            let mut said = std::string::String::new();
+            speaker.hear(&Report { t_s: 0.0, event }, &mut |_| panic!("only seconds are told"));
+            speaker.hear(&Report { t_s: 0.0, event: second }, &mut |sentence| said.push_str(sentence));
+            said.lines().map(|line| line.split('*').next().unwrap().to_string()).collect::<std::vec::Vec<_>>()
+        };
+        assert_eq!(said(Event::State(State::Idle)), ["$HETHS,,V"]);
+        let of_fix = ["$HETHS,40.0000,A", "$HEHDT,40.0000,T", "$PNOFF,0.0400,00000000,A"];
+        assert_eq!(said(Event::Fix(fix)), of_fix);
+        let of_hold = ["$HETHS,41.0000,E", "$HEHDT,41.0000,T", "$PNOFF,0.1000,00000000,E"];
+        assert_eq!(said(Event::Heading(held(Motion::Moving, false))), of_hold);
+        assert_eq!(said(Event::Heading(held(Motion::Standing, true))), ["$HETHS,,V"]);
+        assert_eq!(said(Event::Fix(fix)), of_fix);
+        assert_eq!(said(Event::State(State::Levelling)), ["$HETHS,,V"]);
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! them and the second is used, counted as repaired. With more it is left out, counted, and the dwell lasts a second
 //! longer. No second is silently the mean of fewer samples.
 
+use quantities::limits::Invalid;
 use serde::{Deserialize, Serialize};
 
 use super::frame::{Frame, GyroFormat};
@@ -39,6 +40,8 @@ pub struct GyroSettings {
     pub range_deg_h: f64,
     /// Most missing frames that a second of 400 may have and still be repaired; more and it is left out.
     pub repairable_frames: u16,
+    /// The gyro is set up over its line at the start (KVH's family); else it is taken for what was set by hand.
+    pub configure: bool,
 }
 
 impl Default for GyroSettings {
@@ -52,11 +55,20 @@ impl Default for GyroSettings {
             bias_limit_deg_h: 1.0,
             range_deg_h: 500_000.0,
             repairable_frames: 8,
+            configure: false,
         }
     }
 }
 
 impl GyroSettings {
+    /// What the fields together must be.
+    ///
+    /// Errors: a gyro that takes no commands is to be told what to send.
+    pub fn validate(&self) -> Result<(), Invalid> {
+        let fits = !self.configure || self.format == GyroFormat::KvhA;
+        if fits { Ok(()) } else { Err(Invalid::new("gyro.configure", 1.0, "false, where gyro.format is not kvh-a")) }
+    }
+
     /// Declared noise of a one-second rate, °/h.
     pub fn noise_deg_h(&self) -> f64 {
         libm::hypot(self.white_noise_deg_h(), core::f64::consts::SQRT_2 * self.angle_noise_arcsec)

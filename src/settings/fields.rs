@@ -40,6 +40,11 @@ pub struct Choice {
 pub const CHOICES: &[Choice] = &[
     Choice { name: "gyro.format", allowed: &["compact", "kvh-a"], meaning: "how the gyro's frames are written" },
     Choice {
+        name: "gyro.configure",
+        allowed: &["false", "true"],
+        meaning: "whether the gyro (kvh-a) is told at the start, over its line, to send increments in radians at the instrument's pulses; no fix without its answer",
+    },
+    Choice {
         name: "index.hold_current",
         allowed: &["false", "true"],
         meaning: "whether the motor keeps its current through the dwells, or only while it turns",
@@ -58,6 +63,11 @@ pub const CHOICES: &[Choice] = &[
         name: "block.class",
         allowed: &["modern-mems", "source-mems", "source-fog", "ring-laser"],
         meaning: "what the block of three gyros is good for, where there is a group [block]; without it no block is read",
+    },
+    Choice {
+        name: "link.nmea",
+        allowed: &["false", "true"],
+        meaning: "whether NMEA 0183 sentences (THS, HDT, PNOFF) go over the host's line each second, between the frames of the link",
     },
 ];
 

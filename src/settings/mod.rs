@@ -46,6 +46,15 @@ pub struct Settings {
     pub accelerometer: Option<AccelerometerCalibration>,
     /// The block of three gyros that holds the heading after a fix; without one it is not read.
     pub block: Option<BlockSettings>,
+    pub link: LinkSettings,
+}
+
+/// The host's line.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LinkSettings {
+    /// NMEA 0183 sentences go over it each second, between the frames of [`crate::link`].
+    pub nmea: bool,
 }
 
 impl Default for Settings {
@@ -63,6 +72,7 @@ impl Default for Settings {
             model: None,
             accelerometer: None,
             block: None,
+            link: LinkSettings::default(),
         }
     }
 }
@@ -72,6 +82,7 @@ impl Settings {
     /// latitude next to a pole is not invalid but refused when a fix starts, with [`crate::health::Fault::NearPole`].
     pub fn violations(&self) -> impl Iterator<Item = Invalid> + '_ {
         let parts = [
+            self.gyro.validate(),
             self.index.validate(),
             self.sequence.order.validate(),
             self.model.as_ref().map_or(Ok(()), ErrorModel::validate),

@@ -29,7 +29,14 @@ struct Line {
 }
 
 const LINES: [Line; 2] = [
-    Line { name: "gyro's line", base: 0x4001_1000, clock: 1, baud: 921_600, directions: RECEIVER, pins: &[('A', 10)] },
+    Line {
+        name: "gyro's line",
+        base: 0x4001_1000,
+        clock: 1,
+        baud: 921_600,
+        directions: RECEIVER | TRANSMITTER,
+        pins: &[('A', 9), ('A', 10)],
+    },
     Line {
         name: "host's line",
         base: 0x4000_4400,

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use hal_sim::{Operator, World};
-use north_finder::event::{Event, Report, State};
-use north_finder::link::nmea::{self, Mode};
+use north_finder::event::{Event, Report};
+use north_finder::link::nmea::Speaker;
 use north_finder::link::{Ask, Request, RequestDecoder, encode_report};
 use north_finder::sensing::sample::SAMPLE_S;
 use north_finder::sequence::Command;
@@ -42,7 +42,7 @@ pub struct Board {
     /// Times real time, 0.1 to 1000
     #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = speed)]
     speed: f64,
-    /// The port speaks NMEA 0183: a fix starts by itself, THS and HDT come each second
+    /// The port speaks NMEA 0183: a fix starts by itself, THS, HDT and PNOFF come each second
     #[arg(long)]
     nmea: bool,
 }
@@ -63,7 +63,7 @@ impl Board {
         io::stdout().flush()?;
         // Who opens the port locks it: it is left to the clients.
         drop(other_end);
-        let speech = if self.nmea { Speech::Nmea { heading_deg: None } } else { Speech::Link(Box::default()) };
+        let speech = if self.nmea { Speech::Nmea(Speaker::simulator()) } else { Speech::Link(Box::default()) };
         let bridge = Bridge::new(&setup, line, speech, self.speed)?;
         bridge.serve(self.engine, interrupt::flag())?;
         Err(Failure::Interrupted)
@@ -99,7 +99,7 @@ pub fn serve(setup: &Setup, line: TTYPort, speed: f64, stop: &AtomicBool) -> Res
 /// What goes over the line.
 enum Speech {
     Link(Box<RequestDecoder>),
-    Nmea { heading_deg: Option<f64> },
+    Nmea(Speaker),
 }
 
 /// Between the instrument and the line.
@@ -155,20 +155,10 @@ impl Person for Bridge {
                     self.say(&frame);
                 }
             }
-            Speech::Nmea { heading_deg } => {
-                match report.event {
-                    Event::Fix(fix) => *heading_deg = Some(fix.azimuth_deg),
-                    Event::Heading(heading) => *heading_deg = (!heading.refix).then_some(heading.heading_deg),
-                    Event::State(State::Levelling | State::Failed) => *heading_deg = None,
-                    _ => {}
-                }
-                if let Event::Second(_) = report.event {
-                    let heading_deg = *heading_deg;
-                    let ths = nmea::ths(heading_deg.map(|heading_deg| (heading_deg, Mode::Simulator)));
-                    for sentence in [ths, heading_deg.and_then(nmea::hdt)].into_iter().flatten() {
-                        self.say(sentence.as_bytes());
-                    }
-                }
+            Speech::Nmea(speaker) => {
+                let mut said = Vec::new();
+                speaker.hear(report, &mut |sentence| said.extend(sentence.bytes()));
+                self.say(&said);
             }
         }
         false

@@ -1,6 +1,6 @@
 //! Settings of the simulated gyro: errors, format, faults.
 
-use super::check::{Choice, Each, part};
+use super::check::{Any, Choice, Each, part};
 use serde::{Deserialize, Serialize};
 
 /// The frame that the gyro sends.
@@ -141,6 +141,14 @@ part! {
         quantum_arcsec: f64 = 0.0005, 0.000001..=10.0;
         /// Largest rate, °/s; beyond it the output stays there with the status "saturated".
         full_scale_deg_s: f64 = 100.0, 0.001..=230.0;
+        /// (KVH format A) It is set to rates instead of increments of angle, until a command changes that.
+        rates: bool = false, Any;
+        /// (KVH format A) It is set to degrees instead of radians, until a command changes that.
+        degrees: bool = false, Any;
+        /// (KVH format A) It is set to its own clock of 1000 Hz and hears no sync pulse, until a command changes that.
+        own_clock: bool = false, Any;
+        /// (KVH format A) It takes commands; else nothing leads to its receiver.
+        listens: bool = true, Any;
         /// Frames for each 2.5 ms tick: 1 when the gyro obeys the sync pulse; 0.962 was seen on an internal clock.
         frames_per_tick: f64 = 1.0, 0.5..=2.0;
         /// Time after power-up before the first frame, s.

@@ -63,6 +63,16 @@ impl GyroLine {
     }
 }
 
+/// The gyro's line, away from the instrument: a byte at a time, which is out long before the next tick.
+pub struct GyroPort;
+
+impl GyroPort {
+    pub fn send(&mut self, byte: u8) {
+        // SAFETY: writing sends; only this writes there, and reading it is the DMA controller's.
+        unsafe { (*pac::USART1::ptr()).dr().write(|w| w.dr().bits(byte.into())) };
+    }
+}
+
 /// The host's line.
 pub struct HostLine(pub(super) pac::USART2);
 

@@ -2,8 +2,8 @@
 //!
 //! | pin | goes to |
 //! |---|---|
-//! | PA0 (TIM2 channel 1) | gyro, sample pulse: it samples at the rising edge, every 2.5 ms |
-//! | PA10 (USART1 RX) | gyro, data: 921600 baud |
+//! | PA0 (TIM2 channel 1) | gyro, sample pulse of 50 µs: it samples at the rising edge, every 2.5 ms |
+//! | PA9, PA10 (USART1 TX, RX) | gyro, commands and data: 921600 baud |
 //! | PA2, PA3 (USART2 TX, RX) | host: 115200 baud |
 //! | PA4, PA5, PA6, PA7 (SPI1) | accelerometer ADXL355: select, clock, data out, data in |
 //! | PB12, PB13, PB14, PB15 (SPI2) | encoder AS5048A: select, clock, data out, data in |
@@ -31,7 +31,7 @@ use embedded_hal::spi::{MODE_0, MODE_1, MODE_3};
 use embedded_hal_bus::spi::{ExclusiveDevice, NoDelay};
 pub use flash::Flash;
 use lines::Reception;
-pub use lines::{GyroLine, HostLine, ReportPort};
+pub use lines::{GyroLine, GyroPort, HostLine, ReportPort};
 use north_finder::drivers::intake::{GYRO_BYTES, HOST_BYTES, Intake};
 use north_finder::event::restart::Cause;
 pub use slots::slots;
@@ -70,6 +70,8 @@ const TICK_HZ: u32 = 400;
 /// Rounds of two instructions in a tick, with the crystal; a jump takes two cycles at least.
 pub const TICK_ROUNDS: u32 = clock::SYSTEM.raw() / TICK_HZ / 3;
 const SLOTS_HZ: u32 = 3200;
+/// The gyro's pulse is high for this part of a tick, 50 µs: KVH's family wants 30 to 90 (1775 IMU, 56-0298 revision B, table 10-1).
+const GYRO_PULSE_PART: u32 = 50;
 const BLOCK_HZ: u32 = 100;
 /// Divides the clock of the block's pulse, so that a period fits 16 bits.
 const BLOCK_DIVISOR: u32 = 20;
@@ -86,6 +88,7 @@ pub struct Board {
     pub ticker: Ticker,
     pub slots: Slots,
     pub gyro: GyroLine,
+    pub gyro_port: GyroPort,
     pub host: HostLine,
     pub reports: ReportPort,
     pub accelerometer: Accelerometer,
@@ -137,13 +140,11 @@ pub fn init(device: pac::Peripherals, intake: &'static Intake) -> Board {
     let requests = Reception::start(dma1.5, &device.USART2, &intake.host);
     let reports = ReportPort::new(dma1.6, &device.USART2);
     let line = |baud: u32, dma: DmaConfig| Config::default().baudrate(baud.bps()).dma(dma);
-    let gyro = Serial::<_, u8>::rx(device.USART1, a.pa10, line(GYRO_BAUD, DmaConfig::Rx), &mut rcc);
+    let gyro = Serial::<_, u8>::new(device.USART1, (a.pa9, a.pa10), line(GYRO_BAUD, DmaConfig::Rx), &mut rcc);
     let host = Serial::<_, u8>::new(device.USART2, (a.pa2, a.pa3), line(HOST_BAUD, DmaConfig::TxRx), &mut rcc);
-    let (Ok(_), Ok(mut host)) = (gyro, host) else { panic!("a baud rate is out of the clock's reach") };
+    let (Ok(gyro), Ok(mut host)) = (gyro, host) else { panic!("a baud rate is out of the clock's reach") };
     host.listen(Event::TransmissionComplete);
-    let (host, _) = host.release();
-    // SAFETY: the one there was is gone with the receiver, which does not give it back.
-    let gyro = unsafe { pac::Peripherals::steal().USART1 };
+    let ((gyro, _), (host, _)) = (gyro.release(), host.release());
     for registers in [&*gyro, &*host] {
         registers.cr3().modify(|_, w| w.eie().enabled());
     }
@@ -179,6 +180,7 @@ pub fn init(device: pac::Peripherals, intake: &'static Intake) -> Board {
         ticker: Ticker::new(device.TIM2, tick_cycles, device.TIM4, rcc.clocks.sysclk(), gyro_bytes, requests),
         slots: Slots::new(device.TIM3, slot_cycles),
         gyro: GyroLine(gyro),
+        gyro_port: GyroPort,
         host: HostLine(host),
         reports,
         accelerometer,
@@ -298,7 +300,7 @@ impl Ticker {
         block.ccer().write(|w| w.cc1e().set_bit());
         block.egr().write(|w| w.ug().set_bit());
         timer.arr().write(|w| w.arr().set(cycles - 1));
-        timer.ccr1().write(|w| w.ccr().set(cycles / 10));
+        timer.ccr1().write(|w| w.ccr().set(cycles / GYRO_PULSE_PART));
         timer.ccmr1_output().write(|w| w.oc1m().pwm_mode1());
         timer.ccer().write(|w| w.cc1e().set_bit());
         timer.dier().write(|w| w.uie().set_bit());

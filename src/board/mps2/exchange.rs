@@ -8,6 +8,7 @@
 //! |---|---|---|
 //! | `T` tick | u32 busy time of the tick before in timer cycles, without the exchange's own; pin edges, one byte each: bits 7-5 slot, 4-1 pin, 0 level | u8 status (1: power off); u16 n; n bytes from the gyro; the rest: bytes for the request port |
 //! | `S` SPI | u8 device; the bytes of all operations, 00 where only reading | as many bytes |
+//! | `G` gyro | a byte sent to the gyro | – |
 //! | `U` UART | bytes sent by the report port | – |
 //! | `L` log | a frame of defmt's | – |
 //! | `R` read flash | u32 offset, u16 length | the bytes |

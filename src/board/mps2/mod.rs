@@ -82,6 +82,7 @@ pub struct Board {
     pub ticker: Ticker,
     pub slots: Slots,
     pub gyro: GyroLine,
+    pub gyro_port: GyroPort,
     pub host: HostLine,
     pub reports: ReportPort,
     pub accelerometer: Accelerometer,
@@ -117,6 +118,7 @@ pub fn init(_device: pac::Peripherals, intake: &'static Intake) -> Board {
         ticker: Ticker(intake),
         slots: Slots,
         gyro: GyroLine,
+        gyro_port: GyroPort,
         host: HostLine,
         reports: ReportPort,
         accelerometer: Spi,
@@ -321,6 +323,19 @@ impl GyroLine {
     /// Takes the interrupt: in real time bytes have come.
     pub fn serve<const N: usize>(&mut self, line: &Line<N>) {
         receive(pac::UART1, line);
+    }
+}
+
+/// The gyro's line, away from the instrument.
+pub struct GyroPort;
+
+impl GyroPort {
+    /// In real time its UART; else the exchange.
+    pub fn send(&mut self, byte: u8) {
+        with(|state| match state.pace {
+            Pace::RealTime => pac::UART1.write(byte),
+            Pace::LockStep | Pace::FreeRunning => state.exchange.tell(b'G', &[&[byte]]),
+        });
     }
 }
 

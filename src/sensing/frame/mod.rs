@@ -18,6 +18,7 @@
 //! parametrised CRC algorithms: CRC-32/MPEG-2). KVH format A: KVH 1750 IMU technical manual, 56-0315.
 
 pub mod kvh;
+pub mod setup;
 
 use crc::{CRC_32_MPEG_2 as MPEG_2, Crc, Table};
 use serde::{Deserialize, Serialize};

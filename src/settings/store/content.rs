@@ -10,7 +10,7 @@ use serde::Deserialize;
 
 use crate::effects::{Doubt, ErrorModel};
 use crate::sensing::sample::GyroSettings;
-use crate::settings::{IndexSettings, LevelSettings, Settings};
+use crate::settings::{IndexSettings, LevelSettings, LinkSettings, Settings};
 
 type Content<'a> = Deserializer<'a, Slice<'a>>;
 
@@ -30,6 +30,7 @@ pub fn read(content: &[u8], version: u16, settings: &mut Settings) -> Option<()>
         model,
         accelerometer,
         block,
+        link,
     } = settings;
     set(from, latitude_deg)?;
     read_gyro(from, version, gyro)?;
@@ -45,10 +46,11 @@ pub fn read(content: &[u8], version: u16, settings: &mut Settings) -> Option<()>
     }
     set(from, accelerometer)?;
     set(from, block)?;
+    *link = if version < 9 { LinkSettings::default() } else { next(from)? };
     content.finalize().is_ok_and(<[u8]>::is_empty).then_some(())
 }
 
-/// Before version 9 without the noise of the angle.
+/// Before version 9 without the noise of the angle, and taken as it was set by hand.
 fn read_gyro(from: &mut Content<'_>, version: u16, gyro: &mut GyroSettings) -> Option<()> {
     let GyroSettings {
         format,
@@ -59,6 +61,7 @@ fn read_gyro(from: &mut Content<'_>, version: u16, gyro: &mut GyroSettings) -> O
         bias_limit_deg_h,
         range_deg_h,
         repairable_frames,
+        configure,
     } = gyro;
     set(from, format)?;
     set(from, arw_deg_per_sqrt_h)?;
@@ -67,7 +70,9 @@ fn read_gyro(from: &mut Content<'_>, version: u16, gyro: &mut GyroSettings) -> O
     set(from, drift_deg_h_per_h)?;
     set(from, bias_limit_deg_h)?;
     set(from, range_deg_h)?;
-    set(from, repairable_frames)
+    set(from, repairable_frames)?;
+    *configure = version >= 9 && next(from)?;
+    Some(())
 }
 
 /// Before version 7 without what the readings drift by.

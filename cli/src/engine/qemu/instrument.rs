@@ -51,6 +51,11 @@ impl Instrument {
         gyro
     }
 
+    /// The gyro hears a byte.
+    pub fn tell_gyro(&mut self, byte: u8) {
+        self.gyro.send(byte);
+    }
+
     /// Answers for one of the devices.
     pub fn device(&mut self, ask: Ask<'_>) -> Vec<u8> {
         match ask {
@@ -65,7 +70,12 @@ impl Instrument {
             }
             Ask::WriteFlash { offset, bytes } => flash_reply(self.flash.write(offset, bytes)),
             Ask::EraseFlash { from, to } => flash_reply(self.flash.erase(from, to)),
-            Ask::Tick { .. } | Ask::Uart { .. } | Ask::Log { .. } | Ask::Panic { .. } | Ask::End { .. } => Vec::new(),
+            Ask::Tick { .. }
+            | Ask::Gyro { .. }
+            | Ask::Uart { .. }
+            | Ask::Log { .. }
+            | Ask::Panic { .. }
+            | Ask::End { .. } => Vec::new(),
         }
     }
 }

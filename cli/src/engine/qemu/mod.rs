@@ -173,6 +173,7 @@ pub fn serve(
                 qemu.reply(&reply)?;
             }
             Ask::Uart { bytes } => hear(bytes, person, &mut off)?,
+            Ask::Gyro { byte } => instrument.tell_gyro(byte),
             Ask::Log { .. } => {}
             Ask::Panic { text } => return Err(QemuError::Panicked(text.to_owned()).into()),
             Ask::End { stack_bytes } => {

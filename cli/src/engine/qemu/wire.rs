@@ -7,6 +7,7 @@ use super::QemuError;
 pub enum Ask<'a> {
     Tick { busy_cycles: u32, edges: &'a [u8] },
     Spi { device: u8, mosi: &'a [u8] },
+    Gyro { byte: u8 },
     Uart { bytes: &'a [u8] },
     Log { frame: &'a [u8] },
     ReadFlash { offset: u32, length: u16 },
@@ -33,6 +34,7 @@ impl<'a> Ask<'a> {
                 let (&device, mosi) = payload.split_first()?;
                 Self::Spi { device, mosi }
             }
+            b'G' => Self::Gyro { byte: *payload.first()? },
             b'U' => Self::Uart { bytes: payload },
             b'L' => Self::Log { frame: payload },
             b'R' => {
