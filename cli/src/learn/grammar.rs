@@ -132,6 +132,15 @@ pub fn form_cost(effect: &Effect, signals: usize) -> f64 {
     port + number + effect.factors.iter().map(of_factor).sum::<f64>()
 }
 
+/// The part of a form's cost that any form as complex has, nats: how many factors, dynamics and tuned constants there are, whichever they are. The rest
+/// guards the search against chance; once there is an effect, it is no knowledge of which of two as complex forms it is.
+pub fn complexity(effect: &Effect) -> f64 {
+    let of_factor = |factor: &Factor| {
+        LN_2 * factor.dynamics.len() as f64 + VALUES_OF_A_CONSTANT.ln() * factor.constants().len() as f64
+    };
+    LN_2 * effect.factors.len().max(1) as f64 + effect.factors.iter().map(of_factor).sum::<f64>()
+}
+
 /// A shape that gives what it gets: what a span is measured through.
 const IDENTITY: Shape = Shape::Linear(Linear { reference: 0.0, scale: 1.0 });
 

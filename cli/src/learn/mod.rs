@@ -110,7 +110,7 @@ pub fn learn(mut runs: Vec<Run>, family: &Family) -> Learned {
     loop {
         let search = Search::new(&runs, family);
         let Some(best) = search.best(&start) else { return Learned { runs, blunders, ..Learned::default() } };
-        let (score, predictive) = (best.score(&search.grammar), best.predictive(&search.grammar));
+        let predictive = best.predictive(&search.grammar);
         start = Start { effects: best.found(), process: best.process };
         let suspects = if blunders.len() < MOST_BLUNDERS { search.suspects(&best) } else { Vec::new() };
         let likelier = suspects.into_iter().find_map(|blunder| {
@@ -127,7 +127,9 @@ pub fn learn(mut runs: Vec<Run>, family: &Family) -> Learned {
         let bare = Model::new(&runs, None, &[]).map(Model::with_likeliest_process);
         let score_without = bare.as_ref().map_or(0.0, Model::evidence);
         let process_without = bare.and_then(|bare| bare.process);
-        let posterior = Posterior::new(&search, &search.with_rivals(best));
+        let (best, rivals) = search.with_rivals(best);
+        let score = best.score(&search.grammar);
+        let posterior = Posterior::new(&best, &rivals);
         return Learned { posterior, score, score_without, runs, blunders, process_without };
     }
 }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::family::Known;
 use super::functions::Library;
-use super::grammar::Grammar;
+use super::grammar::{Grammar, complexity};
 use super::problem::{Fit, Gram, Problem, Term, fit_sizes};
 use super::rows::Run;
 
@@ -56,6 +56,20 @@ impl<'a> Model<'a> {
     /// The same by how well every run is predicted from the others: where a model is wrong, it is the better judge.
     pub fn predictive(&self, grammar: &Grammar) -> f64 {
         self.problem.predictive(&self.terms) - self.cost(grammar)
+    }
+
+    /// Log odds of the model over another one that the runs leave, nats: what evidence and prediction both say, and how much more complex the other is.
+    pub fn log_odds_over(&self, other: &Self) -> f64 {
+        let complexity = |model: &Self| {
+            let of_term = |term: &Term| match &term.known {
+                Some((known, _)) => known.prior.cost,
+                None => complexity(&term.effect),
+            };
+            process_cost(&model.process) + model.terms.iter().map(of_term).sum::<f64>()
+        };
+        let predictive = |model: &Self| model.problem.predictive(&model.terms);
+        let said = f64::min(self.fit.evidence - other.fit.evidence, predictive(self) - predictive(other));
+        said + complexity(other) - complexity(self)
     }
 
     /// What the forms of effects and process cost, nats.

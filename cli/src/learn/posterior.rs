@@ -1,6 +1,6 @@
 //! What was learned as one posterior: the likely models together, for the model file.
 //!
-//! Models whose scores are near the best are averaged: the weights of all their effects together have the mean and the covariance of the mixture,
+//! Models that are about as likely as the best are averaged: the weights of all their effects together have the mean and the covariance of the mixture,
 //! so that alternatives which this campaign cannot tell apart stand in sigma.
 
 use nalgebra::{DMatrix, DVector};
@@ -9,7 +9,7 @@ use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::Effect;
 
 use super::model::Model;
-use super::search::{MOST_EFFECTS, NEGLIGIBLE, Search};
+use super::search::{MOST_EFFECTS, NEGLIGIBLE};
 
 /// One of the likely models.
 #[derive(Clone, Debug)]
@@ -29,17 +29,18 @@ pub struct Posterior {
     /// Covariance of all weights, in the same order.
     pub covariance: DMatrix<f64>,
     pub process: Option<Process>,
+    /// The best model first, then those that may be true in its place, the likelier first.
     pub alternatives: Vec<Alternative>,
 }
 
 impl Posterior {
-    /// Of a search's models, the best first.
-    pub fn new(search: &Search<'_>, models: &[Model<'_>]) -> Self {
-        let Some(best) = models.first() else { return Self::default() };
-        let top = best.score(&search.grammar);
-        let near = models.iter().filter(|model| model.score(&search.grammar) > top - NEGLIGIBLE);
-        let mut alternatives: Vec<Alternative> =
-            near.map(|model| Alternative::new(model, (model.score(&search.grammar) - top).exp())).collect();
+    /// Of a search's best model and its rivals.
+    pub fn new(best: &Model<'_>, rivals: &[Model<'_>]) -> Self {
+        let mut near: Vec<(f64, &Model<'_>)> = rivals.iter().map(|rival| (rival.log_odds_over(best), rival)).collect();
+        near.retain(|(log_odds, _)| *log_odds > -NEGLIGIBLE);
+        near.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let rivals = near.into_iter().map(|(log_odds, rival)| Alternative::new(rival, log_odds.exp()));
+        let mut alternatives: Vec<Alternative> = std::iter::once(Alternative::new(best, 1.0)).chain(rivals).collect();
         let effects = union(&mut alternatives);
         let whole: f64 = alternatives.iter().map(|each| each.probability).sum();
         alternatives.iter_mut().for_each(|each| each.probability /= whole);
@@ -77,9 +78,8 @@ impl Alternative {
     }
 }
 
-/// The effects of all alternatives, those of the likelier first; alternatives that find no room go.
+/// The effects of all alternatives, in their order; alternatives that find no room go.
 fn union(alternatives: &mut Vec<Alternative>) -> Vec<Effect> {
-    alternatives.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     let mut effects: Vec<Effect> = Vec::new();
     alternatives.retain(|each| {
         let further: Vec<&Effect> = each.effects.iter().filter(|effect| !effects.contains(effect)).collect();

@@ -7,7 +7,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use nalgebra::{Cholesky, DMatrix, DVector, DVectorView, Dyn, Matrix3, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector, DVectorView, Dyn, Matrix2, Matrix3, Vector2, Vector3};
 use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::Effect;
 
@@ -150,6 +150,15 @@ impl<'a> Problem<'a> {
             taught(&whole - gram, &right - own).map_or(f64::NEG_INFINITY, |others| without + by_all - others)
         };
         of_runs.iter().map(alone).sum()
+    }
+
+    /// Information that a run has of its azimuth beside its amplitude, its bias and the process, for one sigma of what is known of it beforehand.
+    pub fn information(&self, run: usize) -> f64 {
+        let Some(of_run) = self.of_runs.get(run) else { return 0.0 };
+        let product = |i: usize, j: usize| dot(&of_run.unknowns[i], &of_run.unknowns[j]);
+        let others = Matrix2::new(product(1, 1) + 1.0, product(1, 2), product(2, 1), product(2, 2) + 1.0);
+        let across = Vector2::new(product(0, 1), product(0, 2));
+        others.try_inverse().map_or(0.0, |inverse| product(0, 0) - across.dot(&(inverse * across)))
     }
 
     /// A column from its values by the row, all runs one after the other.

@@ -92,7 +92,7 @@ fn misses(problem: &Problem<'_>, weighed: &[f64]) -> Vec<(usize, f64, f64)> {
         // One sigma of the survey turns the rates by this much.
         let [turn, ..] = run.unknowns();
         let score: f64 = turn.iter().zip(&weighed[end - run.rows()..end]).map(|(a, b)| a * b).sum();
-        let information = information(run, &turn);
+        let information = problem.information(i);
         let sigma_rad = sigma_deg / DEG_PER_RAD;
         // The score is that of a run whose reference holds it: beside the survey's own variance.
         let free = information / (1.0 + information);
@@ -101,17 +101,12 @@ fn misses(problem: &Problem<'_>, weighed: &[f64]) -> Vec<(usize, f64, f64)> {
     problem.runs.iter().enumerate().filter_map(of_run).collect()
 }
 
-/// Information of a run about its turn, by white noise, with bias and amplitude taken out by their own shares.
-fn information(run: &Run, turn: &[f64]) -> f64 {
-    let sum = |f: &dyn Fn(usize) -> f64| (0..turn.len()).map(|i| f(i) / run.variance[i]).sum::<f64>();
-    let weight = sum(&|_| 1.0);
-    let mean = sum(&|i| turn[i]) / weight;
-    sum(&|i| (turn[i] - mean).powi(2))
-}
-
-/// Whether run a, by what it says itself, points where the reference of run b does: nearer by five than to its own.
+/// Whether run a, by what it says itself, points where the reference of run b does: nearer by five than to its own. Beside the model where the miss
+/// is small enough for it to be linear, else by its own azimuth, of which effects are the smaller part.
 fn points_at(runs: &[Run], a: &(usize, f64, f64), b: &(usize, f64, f64)) -> bool {
     let (Some((own_deg, _)), Some((other_deg, _))) = (runs[a.0].reference, runs[b.0].reference) else { return false };
-    let says_deg = runs[a.0].plain_deg.unwrap_or(own_deg + a.2 * DEG_PER_RAD);
+    let beside_model_deg = own_deg + a.2 * DEG_PER_RAD;
+    let says_deg =
+        if a.2.abs() < UNKNOWN_RAD { beside_model_deg } else { runs[a.0].plain_deg.unwrap_or(beside_model_deg) };
     wrap_180_deg(says_deg - other_deg).abs() < 0.2 * wrap_180_deg(says_deg - own_deg).abs()
 }

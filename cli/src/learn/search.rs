@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::bank::{Bank, Left};
 use super::family::{Common, Family, Known, Way};
-use super::grammar::{Grammar, extended, reduced, reshaped};
+use super::grammar::{Grammar, complexity, extended, reduced, reshaped};
 use super::model::Model;
 use super::pairs::Pairs;
 use super::problem::Term;
@@ -94,12 +94,28 @@ impl<'a> Search<'a> {
         Self { runs, grammar, family, bank, pairs }
     }
 
-    /// The model of the greatest score, if the runs allow one: from what was found in runs of which one reference was another, or from nothing.
+    /// The model of the greatest score, if the runs allow one: from what was found in runs of which one reference was another, or from nothing. Where
+    /// revising it shows more than a further effect is asked for, what is left may hold another one.
     pub fn best(&self, start: &Start) -> Option<Model<'a>> {
         let bare = Model::new(self.runs, None, &[])?;
         let terms: Vec<Term> = start.effects.iter().map(|effect| self.term(&bare, effect)).collect();
         let mut model =
             self.with_family(self.pruned(Model::new(self.runs, start.process, &terms)?.with_likeliest_process()));
+        loop {
+            model = self.grown(model);
+            if model.found() == start.effects {
+                return Some(model);
+            }
+            let before = model.score(&self.grammar);
+            model = self.revised(model);
+            if model.score(&self.grammar) - before <= -FURTHER_FALSE_DISCOVERIES.ln() {
+                return Some(model);
+            }
+        }
+    }
+
+    /// With further effects, one after the other, as long as evidence and prediction rise.
+    fn grown(&self, mut model: Model<'a>) -> Model<'a> {
         while model.terms.len() < MOST_EFFECTS {
             let asked = if model.found().is_empty() { FALSE_DISCOVERIES } else { FURTHER_FALSE_DISCOVERIES };
             let Some(wider) = self.widened(&model) else { break };
@@ -109,7 +125,7 @@ impl<'a> Search<'a> {
             }
             model = self.with_family(self.pruned(wider));
         }
-        Some(if model.effects() == start.effects { model } else { self.revised(model) })
+        model
     }
 
     /// With those effects of the family that are more likely there than not.
@@ -170,27 +186,50 @@ impl<'a> Search<'a> {
         Term::known(effect, &values, Known { member, way, prior: Arc::new(prior) })
     }
 
-    /// A model, and those that differ from it by one effect: the best first.
-    pub fn with_rivals(&self, best: Model<'a>) -> Vec<Model<'a>> {
-        let mut models = self.rivals(&best);
-        models.push(best);
-        models.sort_by(|a, b| b.score(&self.grammar).total_cmp(&a.score(&self.grammar)));
-        models
-    }
-
-    /// References that may be wrong: beside a model, where effects hide none, and without any, where an effect may stand for one.
-    pub fn suspects(&self, model: &Model<'a>) -> Vec<Blunder> {
-        let bare = Model::new(self.runs, None, &[]).map(Model::with_likeliest_process);
-        let mut suspects: Vec<Blunder> = Vec::new();
-        for each in std::iter::once(model).chain(bare.as_ref().filter(|_| !model.terms.is_empty())) {
-            if let Some((gain, blunder)) = likeliest(each)
-                && gain > 0.0
-                && !suspects.contains(&blunder)
-            {
-                suspects.push(blunder);
+    /// A model, and those that differ from it by one effect. The search goes on from one that is likelier and predicts better.
+    pub fn with_rivals(&self, mut best: Model<'a>) -> (Model<'a>, Vec<Model<'a>>) {
+        loop {
+            let rivals = self.rivals(&best);
+            let least = best.score(&self.grammar) - FURTHER_FALSE_DISCOVERIES.ln();
+            let better = rivals
+                .iter()
+                .filter(|each| {
+                    each.score(&self.grammar) > least && each.predictive(&self.grammar) > best.predictive(&self.grammar)
+                })
+                .max_by(|a, b| a.score(&self.grammar).total_cmp(&b.score(&self.grammar)));
+            let further = better.map(|each| Start { effects: each.found(), process: each.process });
+            match further.and_then(|start| self.best(&start)) {
+                Some(further) if further.score(&self.grammar) > least => best = further,
+                _ => return (best, rivals),
             }
         }
-        suspects
+    }
+
+    /// References that may be wrong, the likeliest first: beside a model, where effects hide none, and without any or without each of its effects, which may
+    /// stand for one.
+    pub fn suspects(&self, model: &Model<'a>) -> Vec<Blunder> {
+        let count = model.terms.len();
+        let without = |i: usize| [&model.terms[..i], &model.terms[i + 1..]].concat();
+        let beside =
+            std::iter::once(model.terms.clone()).chain((0..count).map(without)).chain((count > 1).then(Vec::new));
+        let mut suspects: Vec<(f64, Blunder)> = Vec::new();
+        for terms in beside {
+            let Some(before) = Model::new(self.runs, model.process, &terms) else { continue };
+            let before = before.with_likeliest_process();
+            if let Some((gain, blunder)) = likeliest(&before)
+                && gain > 0.0
+            {
+                suspects.push((before.score(&self.grammar) + gain, blunder));
+            }
+        }
+        suspects.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut unlike: Vec<Blunder> = Vec::new();
+        for (_, blunder) in suspects {
+            if !unlike.contains(&blunder) {
+                unlike.push(blunder);
+            }
+        }
+        unlike
     }
 
     /// What was proposed beside nothing, the most promising first: of every signal the best forms at every port, and products.
@@ -231,7 +270,9 @@ impl<'a> Search<'a> {
                 rivals.push(others);
                 continue;
             }
-            for effect in self.finalists(&others, false).into_iter().chain(self.other_forms(&others, &own.effect)) {
+            for effect in
+                self.contenders(&others, &own.effect).into_iter().chain(self.other_forms(&others, &own.effect))
+            {
                 // Of its own form it differs by constants, which are tuned.
                 if form(&effect) == form(&own.effect) {
                     continue;
@@ -248,23 +289,37 @@ impl<'a> Search<'a> {
     /// Other forms of an effect's signals that are about as likely beside a model.
     fn other_forms(&self, model: &Model<'_>, own: &Effect) -> Vec<Effect> {
         let left = self.bank.left(self.runs, &self.weighed(model), model.process.as_ref());
-        let least = self.gain(model, own) - NEGLIGIBLE;
+        self.as_likely(model, own, self.nearest(own, &left))
+    }
+
+    /// Effects of other signals that are about as likely.
+    fn contenders(&self, model: &Model<'_>, own: &Effect) -> Vec<Effect> {
+        let weighed = self.weighed(model);
+        let left = self.bank.left(self.runs, &weighed, model.process.as_ref());
+        let chosen = self.chosen(model, &weighed, &left);
+        self.as_likely(model, own, chosen.into_iter().map(|(_, effect)| effect).collect())
+    }
+
+    /// Those effects that beside a model are about as likely as an own one or likelier, tuned: forms as complex count alike ([`complexity`]).
+    fn as_likely(&self, model: &Model<'_>, own: &Effect, effects: Vec<Effect>) -> Vec<Effect> {
+        let likely = |effect: &Effect, gain: f64| gain + self.grammar.cost(effect) - complexity(effect);
+        let least = likely(own, self.gain(model, own)) - NEGLIGIBLE;
         let tuned = |effect: Effect| {
             let gain = self.gain(model, &effect);
-            (gain > least - HOPE).then(|| self.tuned(model, effect, gain, &ROUGHLY))
+            (likely(&effect, gain) > least - HOPE).then(|| self.tuned(model, effect, gain, &ROUGHLY))
         };
-        let near: Vec<(f64, Effect)> = self.nearest(own, &left).into_par_iter().filter_map(tuned).collect();
-        near.into_iter().filter(|(gain, _)| *gain > least).map(|(_, effect)| effect).collect()
+        let near: Vec<(f64, Effect)> = effects.into_par_iter().filter_map(tuned).collect();
+        near.into_iter().filter(|(gain, effect)| likely(effect, *gain) > least).map(|(_, effect)| effect).collect()
     }
 
     /// A model with the one effect more by which the score gains most.
     fn widened(&self, model: &Model<'a>) -> Option<Model<'a>> {
         // Beside the process as it is, and at first beside none: a process may have taken for its own what is an effect.
-        let mut finalists = self.finalists(model, true);
+        let mut finalists = self.finalists(model);
         if model.process.is_some()
             && let Some(without) = Model::new(self.runs, None, &model.terms)
         {
-            finalists.extend(self.finalists(&without, true));
+            finalists.extend(self.finalists(&without));
         }
         let with = |effect: &Effect| {
             let mut terms = model.terms.clone();
@@ -312,12 +367,10 @@ impl<'a> Search<'a> {
         Term::new(effect.clone(), values, size2.max(1e-20))
     }
 
-    /// The most promising effects beside a model, tuned, and where `thorough` changed for better neighbours.
-    fn finalists(&self, model: &Model<'_>, thorough: bool) -> Vec<Effect> {
-        let weighed = self.weighed(model);
-        let left = self.bank.left(self.runs, &weighed, model.process.as_ref());
-        let mut shortlist = self.bank.shortlist(self.runs, &weighed, &left, SHORTLIST);
-        shortlist.extend(self.pairs.shortlist(&left, &self.grammar, SHORTLIST));
+    /// The most promising effects beside a model, each of other signals than those above it, and their gains.
+    fn chosen(&self, model: &Model<'_>, weighed: &[f64], left: &Left) -> Vec<(f64, Effect)> {
+        let mut shortlist = self.bank.shortlist(self.runs, weighed, left, SHORTLIST);
+        shortlist.extend(self.pairs.shortlist(left, &self.grammar, SHORTLIST));
         let mut exact: Vec<(f64, Effect)> =
             shortlist.into_par_iter().map(|effect| (self.gain(model, &effect), effect)).collect();
         exact.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -327,10 +380,14 @@ impl<'a> Search<'a> {
                 chosen.push((gain, effect));
             }
         }
-        if !thorough {
-            chosen.truncate(FINALISTS);
-            return chosen.into_iter().map(|(gain, effect)| self.tuned(model, effect, gain, &ROUGHLY).1).collect();
-        }
+        chosen
+    }
+
+    /// The most promising effects beside a model, tuned and changed for better neighbours.
+    fn finalists(&self, model: &Model<'_>) -> Vec<Effect> {
+        let weighed = self.weighed(model);
+        let left = self.bank.left(self.runs, &weighed, model.process.as_ref());
+        let chosen = self.chosen(model, &weighed, &left);
         // The plain ones stay in the competition: of what is flexible enough to take in several effects at once much is gained, and little learned.
         let plain: Vec<Effect> =
             chosen.iter().filter(|(_, effect)| effect.factors.len() < 2).map(|(_, each)| each.clone()).collect();
