@@ -26,17 +26,27 @@ pub(super) struct AzimuthEffects<'a> {
     azimuth_deg: f64,
     cos: f64,
     sin: f64,
+    /// How the effects go with the azimuth is left out.
+    fixed: bool,
 }
 
 impl<'a> AzimuthEffects<'a> {
     pub fn new(model: &'a ErrorModel, earth: EarthRate, azimuth_deg: f64) -> Self {
         let (sin, cos) = sin_cos_deg(azimuth_deg);
-        Self { model, earth, azimuth_deg, cos, sin }
+        Self { model, earth, azimuth_deg, cos, sin, fixed: false }
     }
 
     /// At an azimuth that is less by so many degrees.
     pub fn earlier(self, azimuth_deg: f64) -> Self {
-        if azimuth_deg == 0.0 { self } else { Self::new(self.model, self.earth, self.azimuth_deg - azimuth_deg) }
+        if azimuth_deg == 0.0 {
+            return self;
+        }
+        Self { fixed: self.fixed, ..Self::new(self.model, self.earth, self.azimuth_deg - azimuth_deg) }
+    }
+
+    /// The effects as they are at the supposed azimuth, wherever the azimuth is.
+    pub fn without_slope(self) -> Self {
+        Self { fixed: true, ..self }
     }
 
     /// What the effects add to the mean rate of a dwell, °/h, and how that goes with (h cos ψ, h sin ψ, bias, drift) about the supposed azimuth.
@@ -48,6 +58,9 @@ impl<'a> AzimuthEffects<'a> {
             Self::new(self.model, self.earth, azimuth_deg)
                 .sum(dwell, index, &|first, number| first.weights.get(number).copied().unwrap_or(0.0).into())
         };
+        if self.fixed {
+            return (at(self.azimuth_deg), Vector4::zeros());
+        }
         let rise = at(self.azimuth_deg + HALF_WIDTH_DEG) - at(self.azimuth_deg - HALF_WIDTH_DEG);
         let per_rad = rise / (2.0 * HALF_WIDTH_DEG * RAD_PER_DEG);
         let north = self.earth.north_deg_h;

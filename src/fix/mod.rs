@@ -15,6 +15,7 @@
 pub mod accumulator;
 mod accuracy;
 mod azimuth_effects;
+mod azimuth_posterior;
 pub mod base_motion;
 mod cause;
 mod causes;

@@ -3,6 +3,7 @@
 use nalgebra::{Matrix4, SMatrix, Vector4};
 
 use super::azimuth_effects::AzimuthEffects;
+use super::azimuth_posterior::{self, Posterior};
 use super::base_motion::levels::Path;
 use super::base_motion::{BaseMotion, Method};
 use super::cause::Cause;
@@ -84,7 +85,7 @@ pub(super) fn solved_for(
         let fitted = Fitted::new(sinusoid, dwells, &|dwell| problem.observations(dwell), variance, drift_weight);
         problem.sinusoid = Some(fitted.ok_or(Unsolvable::TooFewDirections)?);
     }
-    let unsettled_deg = settle_azimuth(&mut problem, model, variance, drift_sigma)?;
+    let posterior = settle_azimuth(&mut problem, model, variance, drift_sigma)?;
     weigh_doubt(&mut problem, model, variance);
     let drift = settle_drift(&problem, variance, drift_sigma)?;
     let estimate = &drift.estimate;
@@ -119,20 +120,28 @@ pub(super) fn solved_for(
         flags.insert(Flag::TiltUnknown);
     }
 
-    let gradient = estimate.gradient();
-    let of_rates_deg = libm::sqrt(gradient.dot(&(covariance * gradient))) * DEG_PER_RAD;
+    let turned_by_deg = |covariance: &Matrix4<f64>| {
+        let gradient = estimate.gradient();
+        libm::sqrt(gradient.dot(&(covariance * gradient))) * DEG_PER_RAD
+    };
+    let (apparent_deg, of_rates_deg) = match posterior {
+        None => (estimate.azimuth_deg(), turned_by_deg(&covariance)),
+        Some(Posterior { azimuth_deg, sigma_deg }) => {
+            let of_noise_deg = sigma_deg * libm::sqrt(inflation.max(widening));
+            (azimuth_deg, libm::hypot(of_noise_deg, turned_by_deg(&correlated)))
+        }
+    };
     // The azimuth error is the weighted mean of the index errors; over the positions of a fix the root sum of squares of
     // the weights lies between 1/2 and 1/√2. A level error τ about the north line turns the azimuth by τ tan φ.
     let of_index_deg = declared.index_sigma_deg * core::f64::consts::FRAC_1_SQRT_2;
     let of_level_deg = declared.level_sigma_deg * earth.up_deg_h / earth.north_deg_h;
     let closure = Closure::new(&problem, estimate, variance * widening, declared);
-    let apparent_deg = estimate.azimuth_deg();
     let azimuth_deg = model.true_azimuth_deg(apparent_deg, &earth);
     let log_likelihood = log_likelihood(&problem, estimate, variance * widening, &earth);
     let fix = Fix {
         azimuth_deg,
         sigma_deg: libm::sqrt(
-            [of_rates_deg, of_index_deg, of_level_deg, drift.doubt_deg, unsettled_deg, model.doubt.azimuth_sigma_deg]
+            [of_rates_deg, of_index_deg, of_level_deg, drift.doubt_deg, model.doubt.azimuth_sigma_deg]
                 .iter()
                 .map(|part| part * part)
                 .sum(),
@@ -217,34 +226,45 @@ fn weigh_doubt(problem: &mut Problem<'_>, model: &ErrorModel, variance: f64) {
     problem.correlated = Correlated::new(&model.doubt, path, problem.dwells, observe, variance);
 }
 
-/// Where the model depends on the azimuth, supposes one, and the next by that, until they agree: by how much the last two differ, degrees.
+/// Where the model depends on the azimuth, supposes one, and the next by that, until they agree. Where effects follow it, the azimuth is what is
+/// probable of all about there, and the effects are left as they are at it.
 fn settle_azimuth<'a>(
     problem: &mut Problem<'a>,
     model: &'a ErrorModel,
     variance: f64,
     drift_sigma: f64,
-) -> Result<f64, Unsolvable> {
+) -> Result<Option<Posterior>, Unsolvable> {
     if !model.needs_azimuth() {
-        return Ok(0.0);
+        return Ok(None);
     }
-    let azimuth_deg = |problem: &Problem<'_>| {
-        let estimate = Estimate::new(problem, variance / (drift_sigma * drift_sigma));
-        estimate.map(|estimate| estimate.azimuth_deg()).ok_or(Unsolvable::TooFewDirections)
+    let drift_weight = variance / (drift_sigma * drift_sigma);
+    let estimated = |problem: &Problem<'_>| {
+        let estimate = Estimate::new(problem, drift_weight).ok_or(Unsolvable::TooFewDirections)?;
+        let gradient = estimate.gradient();
+        let sigma_deg = libm::sqrt(variance * gradient.dot(&(estimate.inverse * gradient))) * DEG_PER_RAD;
+        Ok((estimate.azimuth_deg(), sigma_deg))
     };
-    let mut supposed_deg = azimuth_deg(problem)?;
-    let mut apart_deg: f64 = 0.0;
+    let first = estimated(problem)?;
+    let (mut supposed, mut agreed) = (first, false);
     for _ in 0..AZIMUTH_STEPS {
-        problem.at_azimuth = Some(AzimuthEffects::new(model, problem.earth, supposed_deg));
+        problem.at_azimuth = Some(AzimuthEffects::new(model, problem.earth, supposed.0));
         weigh_doubt(problem, model, variance);
-        let next_deg = azimuth_deg(problem)?;
-        apart_deg = wrap_180_deg(next_deg - supposed_deg).abs();
-        supposed_deg = next_deg;
-        if apart_deg < AZIMUTH_AGREES_DEG {
+        let next = estimated(problem)?;
+        agreed = wrap_180_deg(next.0 - supposed.0).abs() < AZIMUTH_AGREES_DEG;
+        supposed = next;
+        if agreed {
             break;
         }
     }
-    problem.at_azimuth = Some(AzimuthEffects::new(model, problem.earth, supposed_deg));
-    Ok(if apart_deg < AZIMUTH_AGREES_DEG { 0.0 } else { apart_deg })
+    problem.at_azimuth = Some(AzimuthEffects::new(model, problem.earth, supposed.0));
+    if model.effects_of_azimuth().next().is_none() {
+        return Ok(None);
+    }
+    let about = if agreed { supposed } else { first };
+    let posterior =
+        azimuth_posterior::posterior(problem, model, about, variance, drift_weight).ok_or(Unsolvable::NoSignal)?;
+    problem.at_azimuth = Some(AzimuthEffects::new(model, problem.earth, posterior.azimuth_deg).without_slope());
+    Ok(Some(posterior))
 }
 
 /// The horizontal Earth rate, least and most, that a scale factor error and an error of the latitude can make of it.
