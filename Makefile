@@ -1,4 +1,4 @@
-# The two commands that matter: `make find` finds north in QEMU, `make test` checks everything but the statistics, which are `make proofs`.
+# The two commands that matter: `make find` finds north in QEMU, `make test` runs every test but the statistics, which are `make proofs`.
 
 TARGET := thumbv7em-none-eabihf
 BUILD := $(or $(CARGO_TARGET_DIR),target)
@@ -11,7 +11,7 @@ NUCLEO_BOARD := --target $(TARGET) --no-default-features --features nucleo-f446 
 # The emulated chip: a workspace of its own, whose emulator asks for a newer compiler than it needs.
 CHIP := --quiet --manifest-path chip/Cargo.toml --ignore-rust-version --target-dir $(BUILD)/chip
 
-.PHONY: find chip mutants test proofs lint fmt firmware bench page python release update hardware flash count figures setup help
+.PHONY: find chip mutants test test-host test-chip proofs lint fmt firmware bench page python release update hardware flash count figures setup help
 
 ## find: build the firmware, run it in QEMU with the simulated instrument, show the fix (ARGS="--scenario windy-tripod")
 find: setup
@@ -25,10 +25,16 @@ chip: setup
 mutants: setup
 	@scripts/mutants.sh $(BUILD)/mutants $(ARGS)
 
-## test: format, lints, both firmware images, the page, all tests but those of many seeds
-test: setup lint firmware
+## test: all tests but those of many seeds: on the host, of the images in QEMU, of the page, of the flashed image on the emulated chip
+test: setup
+	@cargo fmt --all --check
+	@$(MAKE) --no-print-directory -j2 --output-sync=target test-host test-chip
+
+test-host:
 	@scripts/page.sh $(BUILD)/page || [ $$? = 3 ]
 	cargo test --workspace --quiet
+
+test-chip:
 	cargo test $(CHIP)
 
 ## proofs: the tests that take statistics of many seeds

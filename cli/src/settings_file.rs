@@ -112,3 +112,56 @@ fn invalid_at(file: &TomlFile, table: Option<&str>, invalid: &Invalid) -> FileEr
     let problem = Problem::not_allowed(format!("{} = {}", invalid.field, invalid.value), allowed);
     file.at_field(table, invalid.field, problem)
 }
+
+#[cfg(test)]
+mod tests {
+    use north_finder::effects::ChannelName;
+    use north_finder::effects::dynamics::Dynamics;
+    use north_finder::effects::effect::{Effect, Port};
+    use north_finder::effects::factor::Factor;
+    use north_finder::effects::part::Span;
+    use north_finder::effects::shape::{Linear, Shape};
+    use north_finder::effects::signal::{Channel, Signal};
+
+    use super::*;
+    use crate::model_file::ModelFile;
+
+    /// Whatever may be learned can be written, and is read again as it was: a model with every signal, every dynamics and every shape alone.
+    #[test]
+    fn every_part_of_an_effect_is_written_and_read_again() {
+        let line: Shape = Linear { reference: 0.25, scale: 1.5 }.into();
+        let temperature: Signal = Channel { name: ChannelName::new("temp_c").unwrap() }.into();
+        let span = |is_angle| Span {
+            mean: 20.0,
+            deviation: 3.0,
+            low: 10.0,
+            high: 30.0,
+            is_angle,
+            is_time: false,
+            row_s: 1.0,
+            longest_s: 600.0,
+        };
+        let mut factors: Vec<Factor> =
+            Signal::without_channels().map(|signal| Factor::new(signal, &[], line)).collect();
+        Dynamics::starts(&span(false), &mut |dynamics| factors.push(Factor::new(temperature, &[dynamics], line)));
+        for is_angle in [false, true] {
+            Shape::starts(&span(is_angle), &mut |shape| factors.push(Factor::new(temperature, &[], shape)));
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("model.toml");
+        for factor in factors {
+            let mut model = ErrorModel::default();
+            let mut effect = Effect::new(Port::Rate, std::slice::from_ref(&factor));
+            effect.weights.iter_mut().for_each(|weight| *weight = 0.1);
+            model.effects.push(effect).unwrap();
+            write_model(&path, &model).unwrap_or_else(|error| panic!("{factor:?}: {error}"));
+            let text = std::fs::read_to_string(&path).unwrap();
+            let (_, tables) = text.split_once('\n').unwrap();
+            let read: ErrorModel = toml::from_str(tables).unwrap_or_else(|error| panic!("{factor:?}: {error}"));
+            assert_eq!(read, model);
+            if model.validate().is_ok() {
+                ModelFile::read(&path).unwrap_or_else(|error| panic!("{factor:?}: {error}"));
+            }
+        }
+    }
+}

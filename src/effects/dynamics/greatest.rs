@@ -9,12 +9,12 @@ use crate::effects::part::{Constants, Span};
 /// The greatest value since the recording began.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Greatest;
+pub struct Greatest {}
 
 impl Greatest {
     /// What the search begins with.
     pub fn starts(_: &Span, each: &mut dyn FnMut(Dynamics)) {
-        each(Self.into());
+        each(Self {}.into());
     }
 }
 
