@@ -148,8 +148,8 @@ mod tests {
             Shape::starts(&span(is_angle), &mut |shape| factors.push(Factor::new(temperature, &[], shape)));
         }
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("model.toml");
-        for factor in factors {
+        for (number, factor) in factors.into_iter().enumerate() {
+            let path = folder.path().join(format!("{number}.toml"));
             let mut model = ErrorModel::default();
             let mut effect = Effect::new(Port::Rate, std::slice::from_ref(&factor));
             effect.weights.iter_mut().for_each(|weight| *weight = 0.1);
