@@ -110,10 +110,8 @@ impl Found {
 
     /// The effects of the likeliest model, with their weights; the strongest first.
     pub fn named(&self) -> Vec<&effect::Effect> {
-        let posterior = &self.learned.posterior;
-        let best = posterior.alternatives.first().map_or(&[][..], |best| &best.effects);
-        let mut sized: Vec<(f64, &effect::Effect)> =
-            best.iter().map(|each| posterior.with_weights(each)).map(|each| (self.size_deg_h(each), each)).collect();
+        let best = &self.learned.posterior.likeliest;
+        let mut sized: Vec<(f64, &effect::Effect)> = best.iter().map(|each| (self.size_deg_h(each), each)).collect();
         sized.sort_by(|a, b| b.0.total_cmp(&a.0));
         sized.into_iter().map(|(_, effect)| effect).collect()
     }

@@ -129,11 +129,10 @@ impl Unit {
         let learned = diagnose::learned(&campaign, &options).map_err(|refusal| refused(path, &refusal))?;
         let learned = learned.unwrap_or_default();
         let posterior = learned.posterior;
-        let best = posterior.alternatives.first().map_or(&[][..], |best| best.effects.as_slice());
         Ok(Self {
             name: source.name(),
             source: source.clone(),
-            effects: best.iter().map(|effect| posterior.with_weights(effect).clone()).collect(),
+            effects: posterior.likeliest,
             covariance: None,
             process: posterior.process,
             blunders: learned.blunders,

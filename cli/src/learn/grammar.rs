@@ -9,7 +9,7 @@ use north_finder::effects::dynamics::Dynamics;
 use north_finder::effects::effect::{Effect, MAX_FACTORS, Port};
 use north_finder::effects::factor::Factor;
 use north_finder::effects::part::Span;
-use north_finder::effects::shape::{Linear, Shape, Sharp, Smooth};
+use north_finder::effects::shape::{Harmonic, Linear, Shape, Sharp, Smooth};
 use north_finder::effects::signal::{Channel, Difference, Signal};
 
 use super::rows::Run;
@@ -118,7 +118,7 @@ impl Grammar {
 }
 
 /// The same where there are so many signals. Ports, numbers of factors, signals, dynamics and shapes are drawn one after the other, the plain ones half
-/// of the time; every tuned constant is one of so many values.
+/// of the time.
 pub fn form_cost(effect: &Effect, signals: usize) -> f64 {
     let port = if effect.port == Port::Rate { LN_2 } else { LN_2 + (Port::ALL.len() as f64 - 1.0).ln() };
     let number = LN_2 * effect.factors.len().max(1) as f64;
@@ -127,17 +127,26 @@ pub fn form_cost(effect: &Effect, signals: usize) -> f64 {
         let kinds = |of_plain: bool, others: f64| if of_plain { LN_2 } else { LN_2 + others.ln() };
         let dynamics: f64 = factor.dynamics.iter().map(|_| kinds(false, 8.0)).sum::<f64>() + LN_2;
         let shape = kinds(matches!(factor.shape, Shape::Linear(_)), 7.0);
-        signal + dynamics + shape + VALUES_OF_A_CONSTANT.ln() * factor.constants().len() as f64
+        signal + dynamics + shape + cost_of_constants(factor)
     };
     port + number + effect.factors.iter().map(of_factor).sum::<f64>()
+}
+
+/// Every tuned constant is one of so many values; a harmonic's order, which positions of an index may take for another, is a lower one half of the time.
+fn cost_of_constants(factor: &Factor) -> f64 {
+    let of_order = match factor.shape {
+        Shape::Harmonic(Harmonic { period }) if factor.signal.is_angle() => {
+            LN_2 * (360.0 / f64::from(period) - 1.0).max(0.0)
+        }
+        _ => 0.0,
+    };
+    of_order + VALUES_OF_A_CONSTANT.ln() * factor.constants().len() as f64
 }
 
 /// The part of a form's cost that any form as complex has, nats: how many factors, dynamics and tuned constants there are, whichever they are. The rest
 /// guards the search against chance; once there is an effect, it is no knowledge of which of two as complex forms it is.
 pub fn complexity(effect: &Effect) -> f64 {
-    let of_factor = |factor: &Factor| {
-        LN_2 * factor.dynamics.len() as f64 + VALUES_OF_A_CONSTANT.ln() * factor.constants().len() as f64
-    };
+    let of_factor = |factor: &Factor| LN_2 * factor.dynamics.len() as f64 + cost_of_constants(factor);
     LN_2 * effect.factors.len().max(1) as f64 + effect.factors.iter().map(of_factor).sum::<f64>()
 }
 

@@ -29,6 +29,8 @@ pub struct Posterior {
     /// Covariance of all weights, in the same order.
     pub covariance: DMatrix<f64>,
     pub process: Option<Process>,
+    /// The effects of the best model alone, with their weights in it.
+    pub likeliest: Vec<Effect>,
     /// The best model first, then those that may be true in its place, the likelier first.
     pub alternatives: Vec<Alternative>,
 }
@@ -45,15 +47,8 @@ impl Posterior {
         let whole: f64 = alternatives.iter().map(|each| each.probability).sum();
         alternatives.iter_mut().for_each(|each| each.probability /= whole);
         let (mean, covariance) = moments(&effects, &alternatives);
-        Self { effects: weighted(effects, &mean), covariance, process: best.process, alternatives }
-    }
-}
-
-impl Posterior {
-    /// An effect with the mean of its weights; as it is where it is none of the posterior's.
-    pub fn with_weights<'a>(&'a self, effect: &'a Effect) -> &'a Effect {
-        let own = |each: &&Effect| each.port == effect.port && each.factors == effect.factors;
-        self.effects.iter().find(own).unwrap_or(effect)
+        let likeliest = alternatives.first().map_or(Vec::new(), |best| weighted(best.effects.clone(), &best.mean));
+        Self { effects: weighted(effects, &mean), covariance, process: best.process, likeliest, alternatives }
     }
 }
 
