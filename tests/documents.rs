@@ -47,6 +47,7 @@ fn choices_are_those_of_a_file_of_settings() {
             let quoted = match *word {
                 "true" | "false" => (*word).to_owned(),
                 "adaptive" => "{ adaptive = { accuracy_deg = 0.04 } }".into(),
+                "rotation" => "{ rotation = { passes = 20 } }".into(),
                 "custom" => "{ custom = [0.0, 120.0, 240.0] }".into(),
                 _ => format!("\"{word}\""),
             };

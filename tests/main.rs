@@ -21,6 +21,7 @@ mod parked_vehicle;
 mod qemu;
 mod recordings;
 mod replay;
+mod rotation;
 mod scenarios;
 mod self_test;
 mod states;

@@ -50,6 +50,10 @@ impl Dwells for AllDwells {
         &self.0
     }
 
+    fn get_mut(&mut self, number: usize) -> Option<&mut DwellSummary> {
+        self.0.get_mut(number)
+    }
+
     fn retain(&mut self, keep: impl FnMut(&DwellSummary) -> bool) {
         self.0.retain(keep);
     }

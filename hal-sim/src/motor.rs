@@ -5,6 +5,7 @@
 //! system for small lags, has a greatest acceleration, rings when the command stops, and slips by whole electrical periods
 //! (loses steps) when it is asked for more. The electrical period follows from stiffness and torque: 2π·a_max/ω².
 
+use crate::noise::{Source, Stream};
 use crate::scenario::Motor;
 use crate::window;
 use std::f64::consts::TAU;
@@ -15,6 +16,9 @@ const REST_DEG_S: f64 = 1e-5;
 
 /// The driver goes over to its holding current when no step has come for this time, s.
 const HOLD_AFTER_S: f64 = 0.05;
+
+/// The unevenness of the turning is forgotten in this time, s.
+const UNEVEN_TAU_S: f64 = 0.05;
 
 /// The drive's state.
 #[derive(Debug, Clone)]
@@ -36,11 +40,13 @@ pub struct Drive {
     kick_due: bool,
     pulses: u64,
     lost: u64,
+    uneven_deg: f64,
+    stream: Stream,
 }
 
 impl Drive {
     /// The drive at rest, coils off.
-    pub fn new(motor: &Motor) -> Self {
+    pub fn new(motor: &Motor, seed: u64) -> Self {
         let omega = TAU * motor.ringing_hz;
         Self {
             motor: motor.clone(),
@@ -60,6 +66,8 @@ impl Drive {
             kick_due: false,
             pulses: 0,
             lost: 0,
+            uneven_deg: 0.0,
+            stream: Stream::new(seed, Source::Drive),
         }
     }
 
@@ -120,10 +128,20 @@ impl Drive {
         // Dry friction takes speed away but never turns it round.
         self.speed_deg_s = free.signum() * (free.abs() - self.motor.friction_deg_s2 * dt_s).max(0.0);
         self.rotor_deg += self.speed_deg_s * dt_s;
+        self.wander(dt_s);
         self.stop_hard();
         let half_deg = self.motor.backlash_deg / 2.0;
         self.load_deg = self.load_deg.clamp(self.rotor_deg - half_deg, self.rotor_deg + half_deg);
         self.fall_asleep(lag_deg, pull);
+    }
+
+    /// A Gauss-Markov process of the angle while the drive turns.
+    fn wander(&mut self, dt_s: f64) {
+        let sigma_deg = self.motor.unevenness_deg;
+        if sigma_deg > 0.0 {
+            let kept = (-dt_s / UNEVEN_TAU_S).exp();
+            self.uneven_deg = kept * self.uneven_deg + sigma_deg * (1.0 - kept * kept).sqrt() * self.stream.normal();
+        }
     }
 
     fn stop_hard(&mut self) {
@@ -149,7 +167,7 @@ impl Drive {
 
     /// Index angle of the gyro, degrees, counter-clockwise; counts turns.
     pub fn index_deg(&self) -> f64 {
-        self.load_deg + if self.slipped { self.motor.slip_deg } else { 0.0 }
+        self.load_deg + self.uneven_deg + if self.slipped { self.motor.slip_deg } else { 0.0 }
     }
 
     /// The motor's torque on the base, as the lag that would make it, degrees: zero at rest.

@@ -26,6 +26,8 @@ pub enum Source {
     Intermittent = 7,
     /// The operator's hands.
     Operator = 8,
+    /// Unevenness of the index drive.
+    Drive = 9,
     /// Constants of a three-axis block.
     BlockConstants = 20,
     /// White noise of its gyros.

@@ -63,7 +63,7 @@ impl Plant {
     pub fn new(scenario: &Scenario, seed: u64) -> Self {
         let gyro = &scenario.gyro;
         let base = BaseMotion::new(&scenario.base, scenario.site.azimuth_deg, seed);
-        let drive = Drive::new(&scenario.motor);
+        let drive = Drive::new(&scenario.motor, seed);
         let tracker = PoseTracker::new(scenario.site.latitude_deg, gyro, base.angles(), drive.index_deg());
         Self {
             scenario: scenario.clone(),

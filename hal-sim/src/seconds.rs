@@ -29,6 +29,8 @@ pub struct SiteAndGyro {
     pub accelerometer: Accelerometer,
     /// The encoder; faults and slip are not used.
     pub encoder: Encoder,
+    /// While the index turns evenly, its angle is off by this, degrees rms, and forgets it from row to row.
+    pub unevenness_deg: f64,
 }
 
 impl From<&Scenario> for SiteAndGyro {
@@ -40,6 +42,7 @@ impl From<&Scenario> for SiteAndGyro {
             gyro: scenario.gyro.clone(),
             accelerometer: scenario.accelerometer.clone(),
             encoder: scenario.encoder.clone(),
+            unevenness_deg: scenario.motor.unevenness_deg,
         }
     }
 }
@@ -87,6 +90,8 @@ pub struct SecondsGenerator {
     quantizer: Quantizer,
     accelerometer_stream: Stream,
     encoder_stream: Stream,
+    unevenness_deg: f64,
+    drive_stream: Stream,
 }
 
 impl SecondsGenerator {
@@ -106,6 +111,8 @@ impl SecondsGenerator {
             quantizer: Quantizer::new(world.gyro.quantum_arcsec),
             accelerometer_stream: Stream::new(seed, Source::Accelerometer),
             encoder_stream: Stream::new(seed, Source::Encoder),
+            unevenness_deg: world.unevenness_deg,
+            drive_stream: Stream::new(seed, Source::Drive),
         }
     }
 
@@ -120,7 +127,7 @@ impl SecondsGenerator {
         dwells.iter().flat_map(move |dwell| self.dwell(*dwell))
     }
 
-    /// The rows of an even turn to another index angle; a part of an interval at the end is left out. Their index angles
+    /// The rows of a turn, even but for the drive's unevenness, to another index angle; a part of an interval at the end is left out. Their index angles
     /// are means over the interval.
     pub fn turn(&mut self, to_deg: f64, seconds: f64) -> Vec<Row> {
         let from_deg = self.tracker.pose().index_deg;
@@ -128,9 +135,12 @@ impl SecondsGenerator {
         let step_deg = (to_deg - from_deg) / rows.max(1) as f64;
         (1..=rows)
             .map(|row| {
-                let end_deg = if row == rows { to_deg } else { from_deg + step_deg * row as f64 };
-                let mut row = self.row(end_deg);
-                row.index_deg -= 0.5 * step_deg;
+                let began_deg = self.tracker.pose().index_deg;
+                let even_deg = if row == rows { to_deg } else { from_deg + step_deg * row as f64 };
+                let uneven_deg =
+                    if self.unevenness_deg > 0.0 { self.unevenness_deg * self.drive_stream.normal() } else { 0.0 };
+                let mut row = self.row(even_deg + uneven_deg);
+                row.index_deg -= 0.5 * (even_deg + uneven_deg - began_deg);
                 row
             })
             .collect()

@@ -40,6 +40,13 @@ impl Carried {
         (number < MAX_GATES).then_some(PORTS * MAX_DIRECTIONS + number)
     }
 
+    /// Takes a share of another one's numbers, and as much less of its own.
+    pub fn mix(&mut self, other: &Self, share: f32) {
+        for (number, other) in self.numbers.iter_mut().zip(other.numbers) {
+            *number += share * (other - *number);
+        }
+    }
+
     /// What one sigma along an uncertain direction of the model adds at a port, in the port's unit; the scale factor's is in the rate's.
     pub fn doubt(&self, port: Port, direction: usize) -> f64 {
         Self::place(port, direction).and_then(|place| self.numbers.get(place)).copied().unwrap_or(0.0).into()

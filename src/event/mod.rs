@@ -93,7 +93,7 @@ pub struct Second {
     pub level: Option<LevelMoments>,
     /// Frames of this second that never came or were not valid: the mean rate of the others stands in for them.
     pub lost_frames: u16,
-    /// Number of the dwell, from 0, that was under way.
+    /// Number of the dwell, from 0, that was under way; from 128 on those of the passes of a continuous rotation.
     pub dwell: Option<u8>,
     /// Whether the second entered the solution.
     pub collected: bool,
@@ -190,7 +190,7 @@ pub enum Event {
     Settings(Piece),
     /// All that entered the instrument, on request.
     Raw(Block),
-    /// An adaptive fix ends in so many seconds, if its sigma is small enough then.
+    /// An adaptive fix ends in so many seconds, if its sigma is small enough then; or a continuous rotation does.
     ToGo { seconds: f64 },
     /// What the instrument's test of itself found of an item: at the start, and on request.
     SelfTest(Finding),

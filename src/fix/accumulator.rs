@@ -9,7 +9,9 @@ use heapless::Vec;
 
 pub use super::dwell::Outliers;
 use super::dwell::{DwellRows, DwellSummary, Row};
+pub use super::dwells::Dwells;
 use super::index_watch::IndexWatch;
+use super::rotation::Rotation;
 use super::{Declared, DesignRow, Fix, Unsolvable, moving_base};
 use crate::earth::EarthRate;
 use crate::effects::carried::CarriedSums;
@@ -102,43 +104,14 @@ pub struct Slip {
     pub ended: Option<DwellSummary>,
 }
 
-/// Where the dwells of a fix are kept: on a board in a fixed place, on a host where there is room.
-pub trait Dwells {
-    /// `false`: there is no room.
-    fn push(&mut self, dwell: DwellSummary) -> bool;
-    fn as_slice(&self) -> &[DwellSummary];
-    /// Keeps those for which `keep` says so.
-    fn retain(&mut self, keep: impl FnMut(&DwellSummary) -> bool);
-}
-
-impl<const N: usize> Dwells for Vec<DwellSummary, N> {
-    fn push(&mut self, dwell: DwellSummary) -> bool {
-        Vec::push(self, dwell).is_ok()
-    }
-
-    fn as_slice(&self) -> &[DwellSummary] {
-        self
-    }
-
-    fn retain(&mut self, keep: impl FnMut(&DwellSummary) -> bool) {
-        Vec::retain(self, keep);
-    }
-}
-
-#[cfg(test)]
-impl Dwells for std::vec::Vec<DwellSummary> {
-    fn push(&mut self, dwell: DwellSummary) -> bool {
-        std::vec::Vec::push(self, dwell);
-        true
-    }
-
-    fn as_slice(&self) -> &[DwellSummary] {
-        self
-    }
-
-    fn retain(&mut self, keep: impl FnMut(&DwellSummary) -> bool) {
-        std::vec::Vec::retain(self, keep);
-    }
+/// What the index did in a second.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Index {
+    Rested,
+    /// Somehow: of a recording that says no more.
+    Moved,
+    /// Evenly, in a pass of a continuous rotation.
+    Rotated,
 }
 
 /// A row whose correction waits for the first rate of change.
@@ -147,12 +120,12 @@ struct Held {
     row: Row,
     carried: Carried,
     scale: f64,
-    moving: bool,
+    index: Index,
 }
 
 /// Gathers a fix. In the order of time: [`Self::correct`] every second, whatever it is used for, because the error model
-/// remembers; [`Self::collect`] those of a dwell, [`Self::end_dwell`] after its last, [`Self::between_dwells`] the others; then
-/// [`Self::solve`].
+/// remembers; [`Self::collect`] those of a dwell, [`Self::end_dwell`] after its last, [`Self::collect_rotating`] those of a continuous rotation,
+/// [`Self::between_dwells`] the others; then [`Self::solve`].
 #[derive(Clone, Debug)]
 pub struct Accumulator<D> {
     declared: Declared,
@@ -161,6 +134,7 @@ pub struct Accumulator<D> {
     /// There was no room for a dwell.
     full: bool,
     rows: DwellRows,
+    rotation: Rotation,
     outliers_s: Outliers,
     /// Of the rows of the dwell.
     carried: CarriedSums,
@@ -196,6 +170,7 @@ impl<D: Dwells> Accumulator<D> {
             dwells,
             full: false,
             rows: DwellRows::default(),
+            rotation: Rotation::default(),
             outliers_s: Outliers::new(),
             carried: CarriedSums::default(),
             held: Vec::new(),
@@ -238,6 +213,7 @@ impl<D: Dwells> Accumulator<D> {
         self.dwells.retain(|_| false);
         self.full = false;
         self.rows.clear();
+        self.rotation = Rotation::default();
         self.carried.clear();
         self.held.clear();
         (self.rest_s, self.moving_s) = (0.0, 0.0);
@@ -282,12 +258,17 @@ impl<D: Dwells> Accumulator<D> {
         if let Some(slip) = self.slip(second) {
             return Taken::Slipped(slip);
         }
-        if self.take(second, false) { Taken::Collected } else { Taken::LeftOut }
+        if self.take(second, Index::Rested) { Taken::Collected } else { Taken::LeftOut }
     }
 
     /// A second within which the index moved. It counts only if the index moved nearly all the time.
     pub fn collect_moving(&mut self, second: &Corrected) {
-        self.take(second, true);
+        self.take(second, Index::Moved);
+    }
+
+    /// A second of a continuous rotation, in which the index turned evenly. Whether it can be used.
+    pub fn collect_rotating(&mut self, second: &Corrected) -> bool {
+        self.take(second, Index::Rotated)
     }
 
     /// A second of no dwell: the index may turn, and come to rest. The slip, if it slipped at rest. (Before the first dwell nobody
@@ -314,7 +295,7 @@ impl<D: Dwells> Accumulator<D> {
 
     /// The dwell that was under way is over: what it says, `None` if nothing of it could be used.
     pub fn end_dwell(&mut self) -> Option<DwellSummary> {
-        if self.held.iter().any(|held| !held.moving) {
+        if self.held.iter().any(|held| held.index == Index::Rested) {
             self.release();
         }
         let noise_deg_h = self.declared.gyro.noise_deg_h();
@@ -358,12 +339,19 @@ impl<D: Dwells> Accumulator<D> {
         if self.full {
             return Err(Unsolvable::TooManyDwells);
         }
+        if self.rotation.is_any() {
+            self.rotation.take_out_turning(&mut self.dwells);
+        }
         if self.rest_s >= ROTATION_SHARE * (self.rest_s + self.moving_s) {
             self.dwells.retain(|dwell| !dwell.moving);
         }
         self.rows.clear();
         let mut fix = super::solve(self.dwells.as_slice(), &self.declared, self.evaluator.model())?;
         fix.flags = fix.flags.union(self.flags);
+        if let Some(tilting_deg) = self.rotation.tilting_deg(&self.declared.earth) {
+            fix.sigma_deg = libm::hypot(fix.sigma_deg, tilting_deg);
+            fix.flags.insert(Flag::BaseMotion);
+        }
         Ok(fix)
     }
 
@@ -372,45 +360,48 @@ impl<D: Dwells> Accumulator<D> {
         super::coarse_azimuth_deg(self.dwells.as_slice(), &self.declared.earth)
     }
 
-    fn take(&mut self, second: &Corrected, moving: bool) -> bool {
+    fn take(&mut self, second: &Corrected, index: Index) -> bool {
         if second.measured.lost_frames > 0 {
             self.flags.insert(Flag::FramesLost);
         }
         let Some(row) = second.row().filter(|_| self.is_usable(&second.measured)) else { return false };
-        *(if moving { &mut self.moving_s } else { &mut self.rest_s }) += row.seconds;
+        let rested = index == Index::Rested;
+        *(if rested { &mut self.rest_s } else { &mut self.moving_s }) += row.seconds;
         if let Some(temp_c) = second.measured.conditions.temp_c {
             self.watch_temperature(temp_c);
-            if !moving {
+            if rested {
                 self.rows.push_temperature(row.t_s, temp_c);
             }
         }
         self.rates_deg_h = self.evaluator.rates_deg_h();
         let carried = second.correction.carried;
-        let held = Held { row, carried, scale: second.correction.scale, moving };
+        let held = Held { row, carried, scale: second.correction.scale, index };
         if second.correction.waiting && self.held.push(held).is_ok() {
             return true;
         }
         self.release();
-        self.push(row, &carried, moving);
+        self.push(row, &carried, index);
         true
     }
 
     /// Takes the seconds that waited, corrected by the latest rates of change.
     fn release(&mut self) {
         for i in 0..self.held.len() {
-            let Some(&Held { mut row, carried, scale, moving }) = self.held.get(i) else { break };
+            let Some(&Held { mut row, carried, scale, index }) = self.held.get(i) else { break };
             row.rate_deg_h -= self.rates_deg_h / scale;
-            self.push(row, &carried, moving);
+            self.push(row, &carried, index);
         }
         self.held.clear();
     }
 
-    fn push(&mut self, row: Row, carried: &Carried, moving: bool) {
-        if moving {
-            self.keep(DwellSummary { carried: *carried, ..DwellSummary::moving(&row) });
-        } else {
-            self.carried.add(carried, row.seconds);
-            self.rows.push(row, self.declared.gyro.noise_deg_h());
+    fn push(&mut self, row: Row, carried: &Carried, index: Index) {
+        match index {
+            Index::Rested => {
+                self.carried.add(carried, row.seconds);
+                self.rows.push(row, self.declared.gyro.noise_deg_h());
+            }
+            Index::Moved => self.keep(DwellSummary { carried: *carried, ..DwellSummary::moving(&row) }),
+            Index::Rotated => self.full |= !self.rotation.push(row, *carried, &mut self.dwells),
         }
     }
 

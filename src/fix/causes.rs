@@ -12,6 +12,8 @@ use crate::units::wrap_180_deg;
 
 /// Chi-squares that differ by so much tell two causes apart: three standard deviations.
 const DECIDED: f64 = 9.0;
+/// Ends of dwells and starts of the next ones are the same but for rounding, seconds.
+const IN_ORDER_S: f64 = 0.01;
 
 /// Solves for the azimuth. `dwells` in the order of time.
 ///
@@ -24,7 +26,10 @@ pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -
     let taken_out = dwells.iter().any(|dwell| dwell.base_taken_out);
     let motion = if taken_out { BaseMotion::Still } else { base_motion::detect(dwells) };
     let standing = solve_standing(dwells, declared, model, motion);
-    if !turned::is_suspected(&standing) {
+    // The sectors of a continuous rotation are of no time of their own.
+    let in_order =
+        dwells.windows(2).all(|pair| matches!(pair, [before, after] if before.end_s <= after.start_s + IN_ORDER_S));
+    if !in_order || !turned::is_suspected(&standing) {
         return standing;
     }
     let turned = [0, 1].into_iter().find_map(|within| {

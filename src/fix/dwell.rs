@@ -58,7 +58,7 @@ impl Row {
     }
 
     /// Whether `next` begins where this one ends.
-    fn joins(&self, next: &Self) -> bool {
+    pub(super) fn joins(&self, next: &Self) -> bool {
         next.start_s() - self.end_s() < GAP_S
     }
 
@@ -612,6 +612,24 @@ impl DwellSummary {
             moving: true,
             ..Self::default()
         }
+    }
+
+    /// Takes another interval of a continuous rotation in, of the same sector.
+    pub(super) fn merge(&mut self, other: &Self) {
+        self.seconds += other.seconds;
+        let share = other.seconds / self.seconds;
+        let mix = |mean: &mut f64, value: f64| *mean += share * (value - *mean);
+        mix(&mut self.t_s, other.t_s);
+        mix(&mut self.cos, other.cos);
+        mix(&mut self.sin, other.sin);
+        mix(&mut self.rate.mean, other.rate.mean);
+        (self.start_s, self.end_s) = (self.start_s.min(other.start_s), self.end_s.max(other.end_s));
+        if let (Some(own), Some(others)) = (&mut self.level, &other.level) {
+            for (own, other) in own.iter_mut().zip(others) {
+                own.mean += share as f32 * (other.mean - own.mean);
+            }
+        }
+        self.carried.mix(&other.carried, share as f32);
     }
 
     /// Standard deviation of the mean rate, °/h, from the scatter of the rows.

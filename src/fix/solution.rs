@@ -212,7 +212,9 @@ fn judge_parameters(
     if parameters.z.abs() > declared.gyro.bias_limit_deg_h + 4.0 * libm::sqrt(covariance.m33) {
         flags.insert(Flag::Bias);
     }
-    if (amplitude_deg_h - earth.north_deg_h).abs() > 4.0 * amplitude_sigma + AMPLITUDE_TOLERANCE * earth.north_deg_h {
+    // The tolerance is four sigmas of an honest instrument's scale factor and latitude, and independent of the noise.
+    let beyond_deg_h = libm::hypot(4.0 * amplitude_sigma, AMPLITUDE_TOLERANCE * earth.north_deg_h);
+    if (amplitude_deg_h - earth.north_deg_h).abs() > beyond_deg_h {
         flags.insert(Flag::Amplitude);
     }
     Ok(())

@@ -10,7 +10,7 @@ use crate::units::{DEG_PER_RAD, sin_cos_deg, wrap_180_deg, wrap_360_deg};
 ///
 /// One turn holds every direction, and the absolute encoder alone tells where in it the spindle is: no count of turns has to survive
 /// the power.
-const TRAVEL_FROM_DEG: f64 = -5.0;
+pub const TRAVEL_FROM_DEG: f64 = -5.0;
 /// The encoder's noise and the play of the gear are less than this, degrees.
 const TRAVEL_SPARE_DEG: f64 = 0.5;
 /// Most microsteps a second: fifteen sixteenths of what the motor's slots allow.
@@ -81,8 +81,14 @@ impl IndexSettings {
             true => wanted_deg,
             false => TRAVEL_FROM_DEG + wrap_360_deg(wanted_deg - TRAVEL_FROM_DEG),
         };
+        let [first_deg, last_deg] = self.ends_deg();
+        within_deg.max(first_deg).min(last_deg)
+    }
+
+    /// First and last angle within the travel of one turn at which the index comes to rest, degrees.
+    pub fn ends_deg(&self) -> [f64; 2] {
         let margin_deg = self.tolerance_deg + TRAVEL_SPARE_DEG;
-        within_deg.max(turn.start + margin_deg).min(turn.end - margin_deg)
+        [TRAVEL_FROM_DEG + margin_deg, TRAVEL_FROM_DEG + 360.0 - margin_deg]
     }
 }
 

@@ -6,6 +6,7 @@
 
 pub mod adaptive;
 pub mod order;
+pub mod rotation;
 pub mod turn;
 pub mod work;
 
@@ -26,10 +27,12 @@ use crate::sensing::sample::SAMPLE_S;
 use crate::units::{DEG_PER_RAD, wrap_180_deg};
 use adaptive::Adaptive;
 use order::{Order, Position, SequenceSettings};
+use rotation::Rotation;
 use turn::{Progress, Turn};
 
 /// Most dwells that a fix can have: those of the longest order, and half as many again.
 pub const MAX_DWELLS: usize = 24;
+const _: () = assert!(fix::rotation::PLACES <= MAX_DWELLS);
 /// Dwells of an adaptive fix after which eight of the mirrored order find room, and such as a slip divides.
 const LAST_TO_KEEP: u8 = 12;
 /// Seconds in a row without the accelerometers, or out of level while measuring, that end a fix.
@@ -107,6 +110,7 @@ enum Stage {
     Collecting {
         seconds: u16,
     },
+    Rotating(Rotation),
     Finished,
     Failed,
 }
@@ -119,7 +123,7 @@ impl Stage {
             Self::Watching(..) => State::Watching,
             Self::Indexing(_) => State::Indexing,
             Self::Settling(_) => State::Settling,
-            Self::Collecting { .. } => State::Collecting,
+            Self::Collecting { .. } | Self::Rotating(_) => State::Collecting,
             Self::Finished => State::Finished,
             Self::Failed => State::Failed,
         }
@@ -266,9 +270,13 @@ impl Sequencer {
         sink: Sink,
     ) -> Option<MotorCommand> {
         self.index = index;
-        let Stage::Indexing(turn) = &mut self.stage else { return None };
         let t_s = tick as f64 * SAMPLE_S;
-        match turn.tick(index.deg()?, fresh, turning) {
+        let progress = match &mut self.stage {
+            Stage::Indexing(turn) => turn.tick(index.deg()?, fresh, turning),
+            Stage::Rotating(rotation) => rotation.tick(index.deg()?, fresh, turning),
+            _ => return None,
+        };
+        match progress {
             Progress::Turning => None,
             Progress::Again(command) => {
                 self.doubted = true;
@@ -277,6 +285,14 @@ impl Sequencer {
             Progress::Failed(fault) => self.fail(fault, t_s, sink),
             Progress::Arrived { index_deg, beyond } => {
                 self.doubted |= beyond;
+                if let Stage::Rotating(rotation) = &mut self.stage {
+                    let command = rotation.turn_back(index_deg, self.started_s + self.rules.time_limit_s - t_s);
+                    if command.is_some() {
+                        self.position = rotation.number();
+                        sink(Event::Moving { position: self.position, target_deg: rotation.target_deg() });
+                    }
+                    return command;
+                }
                 self.rest.stand(Direction::of_deg(index_deg));
                 self.arrives = true;
                 let index_deg = crate::units::wrap_360_deg(index_deg);
@@ -307,7 +323,7 @@ impl Sequencer {
             return (observed, self.fail(fault, t_s, sink));
         }
         let early = self.adaptive.is_some() && matches!(self.stage, Stage::Watching(..) | Stage::Settling(_));
-        if !matches!(self.stage, Stage::Collecting { .. }) && !early {
+        if !matches!(self.stage, Stage::Collecting { .. } | Stage::Rotating(_)) && !early {
             self.between_dwells(corrected, &mut observed, sink);
         }
         let rate_deg_h = self.accumulator.is_usable(second).then_some(corrected.rate_deg_h);
@@ -338,6 +354,7 @@ impl Sequencer {
                 }
                 self.collecting(corrected, seconds, &mut observed, sink)
             }
+            Stage::Rotating(_) => self.rotating(corrected, &mut observed, sink),
             Stage::Idle | Stage::Indexing(_) | Stage::Finished | Stage::Failed => None,
         };
         let out_of_time = self.adaptive.is_some_and(|adaptive| adaptive.is_out_of_time(t_s));
@@ -359,7 +376,7 @@ impl Sequencer {
         let arrived = core::mem::take(&mut self.arrives);
         let exercised = core::mem::take(&mut self.exercised);
         match index {
-            _ if exercised || matches!(self.stage, Stage::Indexing(_)) => self.rest.restart(),
+            _ if exercised || matches!(self.stage, Stage::Indexing(_) | Stage::Rotating(_)) => self.rest.restart(),
             _ if arrived => {}
             Some(index) => self.doubted |= self.rest.push(index).is_some(),
             None => {}
@@ -529,14 +546,46 @@ impl Sequencer {
         };
         let target_deg = self.rules.index.target_deg(angle_deg, wanted_deg);
         if (target_deg - angle_deg).abs() <= self.rules.index.tolerance_deg {
-            self.enter(Stage::Collecting { seconds: 0 }, t_s, sink);
-            return None;
+            return self.begin_dwell(t_s, sink);
         }
         sink(Event::Moving { position: self.position, target_deg });
         self.accumulator.index_turns();
         let (turn, command) = Turn::new(self.rules.index, angle_deg, target_deg);
         self.enter(Stage::Indexing(turn), t_s, sink);
         Some(command)
+    }
+
+    /// The gyro is where it shall measure, or where a continuous rotation begins.
+    fn begin_dwell(&mut self, t_s: f64, sink: Sink) -> Option<MotorCommand> {
+        let Order::Rotation { passes } = self.rules.sequence.order else {
+            self.enter(Stage::Collecting { seconds: 0 }, t_s, sink);
+            return None;
+        };
+        let Some(angle_deg) = self.index.deg() else { return self.fail(Fault::EncoderFailed, t_s, sink) };
+        let (rotation, command) = Rotation::new(self.rules.index, angle_deg, passes);
+        self.position = rotation.number();
+        sink(Event::ToGo { seconds: self.rules.sequence.measuring_s(&self.rules.index) });
+        sink(Event::Moving { position: self.position, target_deg: rotation.target_deg() });
+        self.enter(Stage::Rotating(rotation), t_s, sink);
+        Some(command)
+    }
+
+    /// A second of a continuous rotation counts if the index turned evenly in it; after the last pass the azimuth follows.
+    fn rotating(&mut self, second: &Corrected, observed: &mut Observed, sink: Sink<'_>) -> Option<MotorCommand> {
+        let index_deg = self.index.deg();
+        let Stage::Rotating(rotation) = &mut self.stage else { return None };
+        let (before, even, is_over) = (rotation.is_even, rotation.second(index_deg), rotation.is_over);
+        if even {
+            observed.dwell = Some(self.position);
+            observed.collected = self.accumulator.collect_rotating(second);
+        } else {
+            // As a replay does, to which this second is of no dwell.
+            if before {
+                self.accumulator.index_turns();
+            }
+            self.between_dwells(second, observed, sink);
+        }
+        if is_over { self.finish(second.measured.end_s(), sink) } else { None }
     }
 
     fn position(&self) -> Option<Position> {
@@ -575,8 +624,7 @@ impl Sequencer {
         match verdict {
             Verdict::Passed => {
                 sink(Event::Settled { position });
-                self.enter(Stage::Collecting { seconds: 0 }, t_s, sink);
-                return None;
+                return self.begin_dwell(t_s, sink);
             }
             Verdict::Refused => {
                 self.wait_at(Gate::Jitter, observed);

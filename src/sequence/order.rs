@@ -4,6 +4,9 @@ use heapless::Vec;
 use quantities::limits::{Invalid, within};
 use serde::{Deserialize, Serialize};
 
+use super::rotation;
+use crate::sensing::index::{IndexSettings, TRAVEL_FROM_DEG};
+
 /// Most positions that an order can have.
 pub const MAX_POSITIONS: usize = 16;
 
@@ -24,6 +27,8 @@ pub enum Order {
     /// Two short dwells, then where the axis points east and west until the azimuth's standard deviation is no greater than this, or
     /// the time limit ends it: [`super::adaptive`].
     Adaptive { accuracy_deg: f64 },
+    /// A continuous rotation to and fro over the travel of one turn, at the drive's speed, in so many passes: [`super::rotation`].
+    Rotation { passes: u8 },
 }
 
 /// Which positions, in which order, for how long.
@@ -57,8 +62,11 @@ pub enum Position {
 }
 
 impl SequenceSettings {
-    /// Measuring time that the order wants, seconds; 0 where nobody knows it before.
-    pub fn measuring_s(&self) -> f64 {
+    /// Measuring time that the order wants, seconds, of a rotation with its turning points; 0 where nobody knows it before.
+    pub fn measuring_s(&self, index: &IndexSettings) -> f64 {
+        if let Order::Rotation { passes } = self.order {
+            return f64::from(passes) * rotation::pass_s(index);
+        }
         let seconds = |number| match self.order.position(number) {
             Some(Position::At { coarse: true, .. }) => self.coarse_dwell_s,
             _ => self.dwell_s,
@@ -70,11 +78,15 @@ impl SequenceSettings {
 const PLAIN: [f64; 4] = [0.0, 90.0, 180.0, 270.0];
 const SOURCE: [f64; 4] = [90.0, 180.0, 270.0, 360.0];
 const MIRRORED: [f64; 8] = [0.0, 90.0, 180.0, 270.0, 270.0, 180.0, 90.0, 0.0];
+/// Passes of a continuous rotation: at least one to and one fro; their numbers go on from 128.
+const PASSES: core::ops::RangeInclusive<u8> = 2..=120;
 const EAST_WEST: [Position; 4] = [Position::East, Position::West, Position::West, Position::East];
 
 impl Order {
     /// As good as the mirrored order with dwells of 30 s at middle latitudes, in two thirds of its time.
     pub const ADAPTIVE: Self = Self::Adaptive { accuracy_deg: 0.04 };
+    /// As long as the mirrored order with dwells of 30 s: 20 passes of 13.3 s.
+    pub const ROTATION: Self = Self::Rotation { passes: 20 };
 
     /// The standard deviation of the azimuth that is asked for, degrees, if one is.
     pub fn accuracy_deg(&self) -> Option<f64> {
@@ -96,13 +108,27 @@ impl Order {
         self.len() == 0
     }
 
-    /// The `number`-th dwell from 0; `None` past the last.
+    /// The `number`-th dwell from 0; `None` past the last. A rotation begins at the travel's beginning.
     pub fn position(&self, number: usize) -> Option<Position> {
+        if let Self::Rotation { .. } = self {
+            return (number == 0).then_some(Position::At { index_deg: TRAVEL_FROM_DEG, coarse: false });
+        }
         let coarse = matches!(self, Self::EastWest);
         self.angles_deg().get(number).map(|&index_deg| Position::At { index_deg, coarse }).or_else(|| {
             let refined = number.checked_sub(PLAIN.len()).filter(|_| coarse)?;
             EAST_WEST.get(refined).copied()
         })
+    }
+
+    /// Whether the drive can do it. Errors: a rotation whose passes would be ramps for the most part.
+    pub fn validate_drive(&self, index: &IndexSettings) -> Result<(), Invalid> {
+        let allowed = "so slow, for sequence.order rotation, that half of a pass and three seconds of it are even";
+        match self {
+            Self::Rotation { .. } if !rotation::is_even_enough(index) => {
+                Err(Invalid::new("index.speed_deg_s", index.speed_deg_s, allowed))
+            }
+            _ => Ok(()),
+        }
     }
 
     fn angles_deg(&self) -> &[f64] {
@@ -111,15 +137,20 @@ impl Order {
             Self::Source => &SOURCE,
             Self::Mirrored => &MIRRORED,
             Self::Custom(angles) => angles,
-            // It finds its own.
-            Self::Adaptive { .. } => &[],
+            // One finds its own, the other has none.
+            Self::Adaptive { .. } | Self::Rotation { .. } => &[],
         }
     }
 
-    /// The adaptive order's accuracy lies within 0.001° to 10°. Otherwise at least three directions at least 1° apart, all finite and within ± two turns.
+    /// The adaptive order's accuracy lies within 0.001° to 10°; a rotation has an even number of passes, 2 to 120. Otherwise at least three directions at least 1° apart, all finite and within ± two turns.
     pub fn validate(&self) -> Result<(), Invalid> {
         if let Self::Adaptive { accuracy_deg } = *self {
             return within("sequence.order.adaptive.accuracy_deg", accuracy_deg, 0.001, 10.0, "0.001 to 10");
+        }
+        if let Self::Rotation { passes } = *self {
+            let field = "sequence.order.rotation.passes";
+            let allowed = PASSES.contains(&passes) && passes.is_multiple_of(2);
+            return if allowed { Ok(()) } else { Err(Invalid::new(field, passes.into(), "an even number, 2 to 120")) };
         }
         let angles = self.angles_deg();
         for &value in angles {

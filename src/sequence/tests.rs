@@ -216,7 +216,8 @@ fn another_motor_is_a_setting() {
 fn the_spindle_stays_within_its_turn_over_power_cycles() {
     use order::Order::{EastWest, Mirrored, Plain, Source};
     let custom = order::Order::Custom([355.0, -5.0, 720.0, 354.9, 120.0, -240.0].into_iter().collect());
-    let orders = [Plain, Source, Mirrored, EastWest, order::Order::ADAPTIVE, custom];
+    let rotation = order::Order::Rotation { passes: 4 };
+    let orders = [Plain, Source, Mirrored, EastWest, order::Order::ADAPTIVE, custom, rotation];
     let drive = Drive::default();
     // A multiplicative generator modulo 2³¹ − 1 (Park and Miller 1988).
     let mut state = 20_261_u64;
@@ -229,7 +230,7 @@ fn the_spindle_stays_within_its_turn_over_power_cycles() {
     let turn = f64::from(settings.index.microsteps_per_turn);
     let mut fixes = 0;
     for cycle in 0..10_000 {
-        settings.sequence.order = orders[draw(6) as usize].clone();
+        settings.sequence.order = orders[draw(7) as usize].clone();
         let azimuth_deg = draw(3600) as f64 / 10.0;
         let ended = power_up(&settings, &drive, azimuth_deg, draw(120 * 400));
         fixes += u32::from(matches!(ended, Some(Ok(_))));
@@ -260,6 +261,23 @@ fn the_limits_of_gates_and_level() {
     ] {
         works(&settings, &std::format!("{settings:?}"));
     }
+}
+
+/// Two passes at 30 °/s and at 5 °/s; and one too fast for its ramps, and an odd number of passes, which are refused.
+#[test]
+fn a_rotation_at_the_limits_of_its_speed() {
+    for speed_deg_s in [30.0, 5.0] {
+        let mut settings = quick();
+        settings.sequence.order = order::Order::Rotation { passes: 2 };
+        settings.index.speed_deg_s = speed_deg_s;
+        works(&settings, &std::format!("{speed_deg_s} °/s"));
+    }
+    let mut settings = quick();
+    settings.sequence.order = order::Order::Rotation { passes: 3 };
+    assert_eq!(settings.validate().unwrap_err().field, "sequence.order.rotation.passes");
+    settings.sequence.order = order::Order::Rotation { passes: 2 };
+    settings.index.acceleration_deg_s2 = 1.0;
+    assert_eq!(settings.validate().unwrap_err().field, "index.speed_deg_s");
 }
 
 /// A wait that is shorter than what it waits for would end every fix.

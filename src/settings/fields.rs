@@ -56,8 +56,8 @@ pub const CHOICES: &[Choice] = &[
     },
     Choice {
         name: "sequence.order",
-        allowed: &["adaptive", "mirrored", "plain", "source", "east-west", "custom"],
-        meaning: "positions of the index and their order; adaptive: with accuracy_deg, the sigma of the azimuth that ends the fix, 0.001 to 10 (default 0.04); custom: with angles",
+        allowed: &["adaptive", "mirrored", "plain", "source", "east-west", "rotation", "custom"],
+        meaning: "positions of the index and their order; adaptive: with accuracy_deg, the sigma of the azimuth that ends the fix, 0.001 to 10 (default 0.04); rotation: with passes to or fro, an even number, 2 to 120; custom: with angles",
     },
     Choice {
         name: "block.class",
@@ -208,7 +208,12 @@ pub fn violations(settings: &Settings) -> impl Iterator<Item = Invalid> + '_ {
             EARTH_RATE_DEG_H + settings.disturbance.threshold_deg_h,
             "the Earth rate and the disturbance threshold",
         ),
-        ("time_limit_s", settings.time_limit_s, settings.sequence.measuring_s(), "the measuring time of the order"),
+        (
+            "time_limit_s",
+            settings.time_limit_s,
+            settings.sequence.measuring_s(&settings.index),
+            "the measuring time of the order",
+        ),
     ];
     let together = together.into_iter().filter(|(_, value, least, _)| value < least);
     FIELDS

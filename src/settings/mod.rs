@@ -85,6 +85,7 @@ impl Settings {
             self.gyro.validate(),
             self.index.validate(),
             self.sequence.order.validate(),
+            self.sequence.order.validate_drive(&self.index),
             self.model.as_ref().map_or(Ok(()), ErrorModel::validate),
             self.accelerometer.as_ref().map_or(Ok(()), AccelerometerCalibration::validate),
         ];

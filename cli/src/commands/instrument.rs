@@ -57,6 +57,8 @@ pub enum OrderName {
     EastWest,
     /// two short positions, then where the axis points east and west, until sigma is small enough
     Adaptive,
+    /// continuous rotation, 20 times to or fro: for a gyro whose bias wanders
+    Rotation,
 }
 
 /// Longest fix that `--accuracy` allows, s: half an hour.
@@ -81,6 +83,7 @@ impl OrderName {
             Self::Mirrored => "mirrored",
             Self::EastWest => "east-west",
             Self::Adaptive => "adaptive",
+            Self::Rotation => "rotation",
         }
     }
 }
@@ -93,6 +96,7 @@ impl From<OrderName> for Order {
             OrderName::Mirrored => Self::Mirrored,
             OrderName::EastWest => Self::EastWest,
             OrderName::Adaptive => Self::ADAPTIVE,
+            OrderName::Rotation => Self::ROTATION,
         }
     }
 }
@@ -124,15 +128,20 @@ impl InstrumentOptions {
             settings.time_limit_s = settings.time_limit_s.max(LONGEST_S);
         }
         if let Some(dwell_s) = self.dwell {
-            if matches!(settings.sequence.order, Order::Adaptive { .. }) {
-                let orders =
-                    "the adaptive order has no dwells of a fixed time; name another with --order, or --accuracy alone";
+            let orders = match settings.sequence.order {
+                Order::Adaptive { .. } => Some(
+                    "the adaptive order has no dwells of a fixed time; name another with --order, or --accuracy alone",
+                ),
+                Order::Rotation { .. } => Some("a continuous rotation has no dwells; name another order with --order"),
+                _ => None,
+            };
+            if let Some(orders) = orders {
                 return Err(Failure::Usage(format!("--dwell {dwell_s}: {orders}")));
             }
             settings.sequence.dwell_s = dwell_s;
         }
         // Waiting and turning take their time beside the dwells.
-        settings.time_limit_s = settings.time_limit_s.max(2.0 * settings.sequence.measuring_s());
+        settings.time_limit_s = settings.time_limit_s.max(2.0 * settings.sequence.measuring_s(&settings.index));
         scenario.duration_limit_s = scenario.duration_limit_s.max(settings.time_limit_s + SPARE_S);
         if let Some(path) = &self.model {
             ModelFile::read(path)?.apply_to_board(&mut settings)?;

@@ -12,7 +12,7 @@ use ratatui::text::Line;
 use ratatui::widgets::{Axis, Block, Chart, Dataset, Gauge, GraphType, Paragraph, Wrap};
 
 use super::Dashboard;
-use crate::present::Directions;
+use crate::present::{Directions, place};
 
 /// Points of the fitted sinusoid.
 const CURVE: u32 = 120;
@@ -30,8 +30,7 @@ pub fn draw(frame: &mut Frame, board: &Dashboard, directions: &Directions) {
     let positions = board.lines.dwells_s().len();
     let place = match board.state {
         Some(State::Indexing | State::Settling | State::Collecting) => {
-            let of = if positions == 0 { String::new() } else { format!(" of {positions}") };
-            format!(", position {}{of}", u32::from(board.position) + 1)
+            format!(", {}", place(board.position, positions))
         }
         _ => String::new(),
     };

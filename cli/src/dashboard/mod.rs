@@ -142,7 +142,9 @@ impl Dashboard {
         let wanted: u32 = self.lines.dwells_s().iter().map(|&seconds| u32::from(seconds)).sum();
         match self.fix {
             Some(_) => 1.0,
-            None => (self.points.len() as f64 / f64::from(wanted.max(1))).min(1.0),
+            // Nobody knows yet how many there will be.
+            None if wanted == 0 => 0.0,
+            None => (self.points.len() as f64 / f64::from(wanted)).min(1.0),
         }
     }
 }

@@ -6,6 +6,7 @@ use std::io::{self, Write};
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use inertial::Motion;
 use north_finder::event::{Event, Heading, Report, Second, State};
+use north_finder::fix::rotation::FIRST_PASS;
 use north_finder::health::TestVerdict;
 use north_finder::sensing::level::Tilt;
 use north_finder::sequence::order::{Order, Position};
@@ -101,10 +102,7 @@ impl Lines {
 
     fn text(&mut self, event: &Event) -> Option<String> {
         let count = self.dwells_s.len();
-        let at = |position: u8| match count {
-            0 => format!("position {}", u32::from(position) + 1),
-            _ => format!("position {} of {count}", u32::from(position) + 1),
-        };
+        let at = |position: u8| place(position, count);
         Some(match *event {
             Event::State(state @ (State::Levelling | State::Watching)) => state.name().to_owned(),
             Event::State(State::Collecting) => format!("{}: collecting", at(self.done)),
@@ -237,7 +235,7 @@ impl Bars {
 
     /// A second more at this position.
     fn collected(&self, position: u8, dwells_s: &[u16]) {
-        let prefix = format!("position {}/{}", u32::from(position) + 1, dwells_s.len());
+        let prefix = place(position, dwells_s.len());
         if self.position.prefix() != prefix {
             self.position.set_prefix(prefix);
             self.position.set_position(0);
@@ -260,6 +258,15 @@ fn status(t_s: f64, second: &Second) -> String {
 /// Styles are constants of this file; a wrong one would show as the default.
 fn style(template: &str) -> ProgressStyle {
     ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("█▉▊▋▌▍▎▏ ")
+}
+
+/// The position of this number from 0, of `count` if that is known, or the pass of a continuous rotation.
+pub fn place(position: u8, count: usize) -> String {
+    match (position.checked_sub(FIRST_PASS), count) {
+        (Some(pass), _) => format!("pass {}", u32::from(pass) + 1),
+        (None, 0) => format!("position {}", u32::from(position) + 1),
+        (None, _) => format!("position {} of {count}", u32::from(position) + 1),
+    }
 }
 
 /// Measuring time at each position.

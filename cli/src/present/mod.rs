@@ -7,5 +7,5 @@ mod result;
 pub mod self_test;
 
 pub use angle::{AngleUnit, Asked, Directions};
-pub use live::{Lines, View};
+pub use live::{Lines, View, place};
 pub use result::{Reference, write_fault, write_fix, write_held};

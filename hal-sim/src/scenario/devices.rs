@@ -93,6 +93,9 @@ part! {
         kick_deg_s: f64 = 0.0, 0.0..=1000.0;
         /// Play between drive and gyro, degrees: the gyro follows when the play is used up.
         backlash_deg: f64 = 0.0, 0.0..=10.0;
+        /// Unevenness of gear and microsteps: while it turns, the gyro's angle wanders about the even one by this, degrees rms, and forgets
+        /// where it was in 0.05 s.
+        unevenness_deg: f64 = 0.0, 0.0..=1.0;
         /// One of this many microsteps is lost; 0: none.
         lose_every: u32 = 0, 0..=1000000;
         /// Steps are lost from this time, s (a stalled drive); absent: never.

@@ -59,14 +59,25 @@ pub enum Order {
     Source,
     Mirrored,
     EastWest,
-    /// To and fro from −4° to 354°, in so many passes; the dwell is the time of one.
+    /// To and fro, in so many passes, at 30 °/s; the dwell is the time of one that counts.
     Rotation {
         passes: u16,
     },
 }
 
-/// Ends of the travel of a continuous rotation, degrees.
-pub const TRAVEL_DEG: [f64; 2] = [-4.0, 354.0];
+/// The part of the travel of a continuous rotation in which the index turns evenly, degrees: it begins at −4° and ends at 354°, and takes 9° at
+/// either end to gain and lose 30 °/s.
+pub const EVEN_DEG: [f64; 2] = [5.0, 345.0];
+/// Speed of the index, °/s.
+pub const SPEED_DEG_S: f64 = 30.0;
+/// Whole seconds in it at that speed, when they begin at any moment: 10 or 11.
+pub const EVEN_S: f64 = 10.0;
+/// From the end of these seconds to the beginning of the next ones, s: the ramps, 0.25 s of rest, and what is left of seconds. A pass takes 12.7 s.
+pub const REVERSAL_S: f64 = 3.0;
+/// The sensitive axis lies within this of the normal of the spindle, arcsec, evenly: 31 °/h of 30 °/s at the most.
+pub const ELEVATION_ARCSEC: f64 = 60.0;
+/// Unevenness of the turning, degrees rms.
+pub const UNEVENNESS_DEG: f64 = 0.02;
 
 /// Measuring time at each of the four positions of the east-west order's coarse pass, s.
 pub const COARSE_DWELL_S: f64 = 10.0;
@@ -109,7 +120,7 @@ impl Case {
     /// Measuring time of the whole fix, s.
     pub fn seconds(&self) -> f64 {
         match self.order {
-            Order::Rotation { passes } => f64::from(passes) * self.dwell_s,
+            Order::Rotation { passes } => f64::from(passes) * EVEN_S,
             Order::EastWest => 4.0 * (COARSE_DWELL_S + self.dwell_s),
             other => other.angles_deg().len() as f64 * self.dwell_s,
         }

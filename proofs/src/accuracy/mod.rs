@@ -4,6 +4,6 @@ mod case;
 mod statistics;
 mod trial;
 
-pub use case::{Case, Noise, Order, Spread};
+pub use case::{Case, EVEN_S, Noise, Order, REVERSAL_S, Spread};
 pub use statistics::{Statistics, confidence_95};
 pub use trial::{Trial, run};

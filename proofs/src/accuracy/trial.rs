@@ -3,17 +3,23 @@
 use hal_sim::scenario::{Accelerometer, Base, Encoder, Gyro, Site};
 use hal_sim::seconds::{Dwell, Row as SimulatedRow, SecondsGenerator, SiteAndGyro};
 use north::solve::solve_rows;
-use north_finder::effects::ErrorModel;
+use north_finder::effects::{Conditions, ErrorModel};
 use north_finder::event::Fix;
+use north_finder::fix::accumulator::Second;
+use north_finder::fix::rotation::FIRST_PASS;
 use north_finder::fix::{east_index_deg, west_index_deg};
 use north_finder::health::Flag;
-use north_finder::instrument::replay::{Recorded, Refusal, Row};
+use north_finder::instrument::replay::{Mark, Recorded, Refusal, Row};
+use north_finder::sensing::index::Direction;
 use north_finder::settings::Settings;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal, StudentT};
 
-use super::case::{COARSE_DWELL_S, Case, Noise, Order, Spread, TRAVEL_DEG};
+use super::case::{
+    COARSE_DWELL_S, Case, ELEVATION_ARCSEC, EVEN_DEG, EVEN_S, Noise, Order, REVERSAL_S, SPEED_DEG_S, Spread,
+    UNEVENNESS_DEG,
+};
 use north::settings_file::declare_noise;
 
 /// Time from the end of a dwell to the beginning of the next: a quarter turn and five seconds of settling, s.
@@ -21,6 +27,9 @@ const MOVE_S: f64 = 9.0;
 
 /// Rows of a gyro with noise of its angle, s: the mean angle of a second is that of four readings.
 const QUARTER_S: f64 = 0.25;
+
+/// Rows of a rotation, s: the world's rotation vector over a row is the integral of the rate to a thousandth where the index turns by 1.5°.
+const STEP_S: f64 = 0.05;
 
 /// How a trial came out.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,11 +53,17 @@ pub fn run(spread: &Spread, seed: u64, number: u64) -> Result<Trial, Refusal> {
     let case = spread.draw(&mut random);
     let azimuth_deg = random.random_range(0.0..360.0);
     let bias_deg_h = random.random_range(-0.5..0.5);
-    let world = world(&case, azimuth_deg, bias_deg_h);
+    let mut world = world(&case, azimuth_deg, bias_deg_h);
     let settings = settings(&case);
+    if let Order::Rotation { .. } = case.order {
+        world.gyro.axis_elevation_arcsec = random.random_range(-ELEVATION_ARCSEC..ELEVATION_ARCSEC);
+        world.unevenness_deg = UNEVENNESS_DEG;
+    }
     let mut measurement = Measurement::new(&case, &world, random.random());
-    let rows = measurement.rows(&case, &mut random, &settings)?;
-    let fix = solve(&settings, &rows, measurement.interval_s)?;
+    let fix = match case.order {
+        Order::Rotation { passes } => measurement.rotate(passes, &mut random, &settings)?,
+        _ => solve(&settings, &measurement.rows(&case, &mut random, &settings)?, measurement.interval_s)?,
+    };
     let error_deg = (fix.azimuth_deg - azimuth_deg + 180.0).rem_euclid(360.0) - 180.0;
     let unmeasured = [Flag::TiltUnknown, Flag::LevelUncalibrated];
     let flagged = fix.flags.iter().any(|flag| !unmeasured.contains(&flag));
@@ -65,7 +80,11 @@ struct Measurement {
 
 impl Measurement {
     fn new(case: &Case, world: &SiteAndGyro, seed: u64) -> Self {
-        let interval_s = if matches!(case.noise, Noise::Angle { .. }) { QUARTER_S } else { 1.0 };
+        let interval_s = match (case.order, case.noise) {
+            (Order::Rotation { .. }, _) => STEP_S,
+            (_, Noise::Angle { .. }) => QUARTER_S,
+            _ => 1.0,
+        };
         Self { generator: SecondsGenerator::new(world, seed).with_interval_s(interval_s), last_deg: None, interval_s }
     }
 
@@ -76,12 +95,6 @@ impl Measurement {
         random: &mut ChaCha8Rng,
         settings: &Settings,
     ) -> Result<Vec<SimulatedRow>, Refusal> {
-        if let Order::Rotation { passes } = case.order {
-            let pass = |pass: u16| self.generator.turn(TRAVEL_DEG[usize::from(1 - pass % 2)], case.dwell_s);
-            let mut rows: Vec<_> = (0..passes).flat_map(pass).collect();
-            add_noise(&mut rows, case, self.interval_s, random);
-            return Ok(rows);
-        }
         let first_s = if case.order == Order::EastWest { COARSE_DWELL_S } else { case.dwell_s };
         let mut rows = self.dwells(case.order.angles_deg(), first_s);
         add_noise(&mut rows, case, self.interval_s, random);
@@ -93,6 +106,26 @@ impl Measurement {
             rows.extend(fine);
         }
         Ok(rows)
+    }
+
+    /// A continuous rotation, its seconds marked as the instrument marks them.
+    fn rotate(&mut self, passes: u16, random: &mut ChaCha8Rng, settings: &Settings) -> Result<Fix, Refusal> {
+        let mut seconds = Vec::new();
+        for pass in 0..passes {
+            // The whole seconds begin somewhere in the first of them.
+            let way_deg = SPEED_DEG_S * EVEN_S;
+            let low_deg = random.random_range(EVEN_DEG[0]..EVEN_DEG[1] - way_deg);
+            let ends_deg = [low_deg, low_deg + way_deg];
+            let [from_deg, to_deg] = if pass % 2 == 0 { ends_deg } else { [ends_deg[1], ends_deg[0]] };
+            let gap = Dwell { index_deg: from_deg, gap_s: REVERSAL_S, seconds: 0.0 };
+            self.generator.rows(&[gap]).for_each(drop);
+            let mark = Mark { dwell: Some(FIRST_PASS + (pass % 100) as u8), waited_at: None };
+            let rows = self.generator.turn(to_deg, EVEN_S);
+            let in_second = (1.0 / STEP_S) as usize;
+            seconds.extend(rows.chunks_exact(in_second).map(|rows| Recorded::Second(second(rows), mark)));
+            seconds.push(Recorded::Second(Second::default(), Mark::default()));
+        }
+        solve_rows(settings, seconds)
     }
 
     /// Rows of a dwell at each angle, a move before each that is at another angle than the last. The last second of a move
@@ -108,6 +141,19 @@ impl Measurement {
             .collect();
         self.generator.rows(&dwells).collect()
     }
+}
+
+/// The rows of a second of the instrument, with their mean angle, as it takes it.
+fn second(rows: &[SimulatedRow]) -> Second {
+    let mean_deg = rows.iter().map(|row| row.index_deg).sum::<f64>() / rows.len() as f64;
+    let conditions = Conditions {
+        t_s: rows.last().map_or(0.0, |row| row.t_s) - 0.5,
+        seconds: 1.0,
+        raw_rate_deg_h: rows.iter().map(|row| row.fog_arcsec).sum(),
+        index: Some(Direction::of_deg(mean_deg)),
+        ..Conditions::default()
+    };
+    Second { conditions, ..Second::default() }
 }
 
 /// Adds to the rows the noise that the world does not have.
@@ -165,6 +211,9 @@ fn world(case: &Case, azimuth_deg: f64, bias_deg_h: f64) -> SiteAndGyro {
 fn settings(case: &Case) -> Settings {
     let mut settings =
         Settings { latitude_deg: case.latitude_deg, model: Some(ErrorModel::default()), ..Settings::default() };
+    if let Order::Rotation { passes } = case.order {
+        settings.sequence.order = north_finder::sequence::order::Order::Rotation { passes: passes as u8 };
+    }
     settings.gyro.bias_instability_deg_h = instability_deg_h(case);
     if let Noise::Angle { arcsec, declared: true } = case.noise {
         settings.gyro.angle_noise_arcsec = arcsec;

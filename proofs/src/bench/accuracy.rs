@@ -7,7 +7,7 @@ use indicatif::ProgressBar;
 use serde::Serialize;
 
 use super::{Bench, trials};
-use crate::accuracy::{Case, Noise, Order, Spread, Statistics, confidence_95, run};
+use crate::accuracy::{Case, EVEN_S, Noise, Order, REVERSAL_S, Spread, Statistics, confidence_95, run};
 use north::failure::Failure;
 use north::progress;
 
@@ -137,8 +137,8 @@ fn tables() -> Vec<Table> {
 
 /// Orders that take as long as the mirrored one with its six moves of 9 s, in white, flicker and drifting noise.
 fn of_equal_time() -> Vec<Spread> {
-    let rotation = |passes: u16| (Order::Rotation { passes }, ELAPSED_S / f64::from(passes));
-    let orders = [(Order::Mirrored, 30.0), (Order::EastWest, 50.0), rotation(2), rotation(6), rotation(14)];
+    let rotation = (Order::Rotation { passes: (ELAPSED_S / (EVEN_S + REVERSAL_S)) as u16 }, EVEN_S);
+    let orders = [(Order::Mirrored, 30.0), (Order::EastWest, 50.0), rotation];
     let noises = [(Noise::White, 0.0), (Noise::Flicker { instability_deg_h: 0.05 }, 0.0), (Noise::White, 5.0)];
     let of_noise = |(noise, drift_deg_h_per_h): (Noise, f64)| {
         orders.map(|(order, dwell_s)| {

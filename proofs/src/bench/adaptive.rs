@@ -32,7 +32,9 @@ const LONGEST_S: f64 = 1800.0;
 /// Whole fixes of the firmware's state machine, from the command to the azimuth: levelling, gates and moves included. Headings all around the
 /// circle.
 #[derive(Args, Debug)]
-#[command(after_help = "Example:\n  north bench adaptive --fixes 400")]
+#[command(
+    after_help = "Examples:\n  north bench adaptive --fixes 400\n  north bench adaptive --fixes 2000 --time 60 --time 240"
+)]
 pub struct Adaptive {
     /// Fixes for each line
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u64).range(10..=100_000))]
@@ -40,9 +42,21 @@ pub struct Adaptive {
     /// The simulated instrument and its place
     #[arg(long, value_name = "NAME", default_value = "calm-bench")]
     scenario: String,
+    /// Only the lines of white noise with these time limits, s
+    #[arg(long, value_name = "S", value_parser = time)]
+    time: Vec<f64>,
     /// Seed of the first fix
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+}
+
+/// A time that there is a line for.
+fn time(text: &str) -> Result<f64, String> {
+    let known = TIMES.map(|(time_s, _)| time_s);
+    match text.parse() {
+        Ok(time_s) if known.contains(&time_s) => Ok(time_s),
+        _ => Err(format!("allowed are {known:?}")),
+    }
 }
 
 /// What a line is measured with.
@@ -93,7 +107,10 @@ impl Bench for Adaptive {
             accuracy_deg,
             promised: None,
         });
-        let cases: Vec<Case> = timed(true).into_iter().chain(timed(false)).chain(asked).collect();
+        let mut cases: Vec<Case> = timed(true).into_iter().chain(timed(false)).chain(asked).collect();
+        if !self.time.is_empty() {
+            cases.retain(|case| case.noise_only && self.time.contains(&case.time_limit_s));
+        }
         let bar = progress::bar(cases.len() as u64 * self.fixes, "fixes");
         writeln!(out, "{}, {} fixes a line, seed {}\n", self.scenario, self.fixes, self.seed)?;
         writeln!(

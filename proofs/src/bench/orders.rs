@@ -46,7 +46,8 @@ const WRONG_SIGMAS: f64 = 4.0;
 /// Whole fixes of the firmware's state machine, in this process. A seed has its heading and its latitude, the same in every order.
 #[derive(Args, Debug)]
 #[command(
-    after_help = "Examples:\n  north bench orders --fixes 30\n  north bench orders --scenario jittery-drive --ringing-hz 5"
+    after_help = "Examples:\n  north bench orders --fixes 30\n  north bench orders --scenario jittery-drive --ringing-hz 5\n  \
+                  north bench orders --scenario calm-bench --scale 1.5"
 )]
 pub struct Orders {
     /// Fixes for each line
@@ -61,6 +62,9 @@ pub struct Orders {
     /// The drive rings at this frequency, Hz, for as long as the scenario says
     #[arg(long, value_name = "HZ", value_parser = hertz)]
     ringing_hz: Option<f64>,
+    /// The gyro's scale factor is off by so much more than the scenario says, percent, -9 to 9
+    #[arg(long, value_name = "PERCENT", allow_negative_numbers = true, value_parser = percent)]
+    scale: Option<f64>,
     /// Seed of the first fix; each line has the same seeds
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -140,6 +144,7 @@ impl Orders {
             scenario.motor.damping *= scenario.motor.ringing_hz / ringing_hz;
             scenario.motor.ringing_hz = ringing_hz;
         }
+        scenario.gyro.scale_ppm += 1e4 * self.scale.unwrap_or(0.0);
         let mut settings = scenario_settings(&scenario, None)?;
         settings.latitude_deg = scenario.site.latitude_deg;
         settings.sequence.order = order.into();
@@ -152,6 +157,14 @@ fn hertz(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(hertz) if (0.5..=200.0).contains(&hertz) => Ok(hertz),
         _ => Err("allowed is 0.5 to 200".into()),
+    }
+}
+
+/// An error of the scale factor that a fix does not refuse.
+fn percent(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(percent) if (-9.0..=9.0).contains(&percent) => Ok(percent),
+        _ => Err("allowed is -9 to 9".into()),
     }
 }
 

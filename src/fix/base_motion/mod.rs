@@ -93,20 +93,30 @@ pub fn detect(dwells: &[DwellSummary]) -> BaseMotion {
     BaseMotion::Moving(Method::Path(levels.path((degree + 1).min(FUNCTIONS - 1))))
 }
 
-/// Laws of a path that are tried beside drifting accelerometers: time constants a factor of √2 apart, from less than a tenth of the fix, when
-/// a creep is over before the second dwell ends, to one fix, when it is nearly a parabola.
-const LAWS: [Law; 8] = [
+/// Laws of a path that are tried beside drifting accelerometers: time constants a factor of ∛2 apart, from a tenth of the fix, when a creep is over
+/// before the second dwell ends, to two fixes, when it is nearly a parabola. With √2 between them what the nearest one leaves of a creep of 60 arcsec is
+/// taken for drift, and two fixes in a hundred more are outside of 95 % (`fix::motion`).
+const LAWS: [Law; 15] = [
     Law::Powers,
-    Law::Creep(0.18),
-    Law::Creep(0.25),
-    Law::Creep(0.35),
-    Law::Creep(0.5),
-    Law::Creep(0.7),
-    Law::Creep(1.0),
-    Law::Creep(2.0),
+    Law::Creep(0.2),
+    Law::Creep(0.252),
+    Law::Creep(0.317),
+    Law::Creep(0.4),
+    Law::Creep(0.504),
+    Law::Creep(0.635),
+    Law::Creep(0.8),
+    Law::Creep(1.008),
+    Law::Creep(1.27),
+    Law::Creep(1.6),
+    Law::Creep(2.016),
+    Law::Creep(2.54),
+    Law::Creep(3.2),
+    Law::Creep(4.032),
 ];
+/// One sigma of what a base may have moved, by the range of the levels: a drift may hide a part of it, and a creep of a fix's time constant is seen to 0.6.
+const PATH_BY_RANGE: f64 = 1.5;
 /// Most paths that are held against the gyro's rates.
-const MOST_PATHS: usize = 6;
+const MOST_PATHS: usize = 8;
 /// A path whose likelihood is less than the best one's by this factor, as a logarithm, is left out: one in 3000.
 const NEGLIGIBLE: f64 = 8.0;
 
@@ -122,7 +132,7 @@ pub struct Supposed {
 /// where none fits.
 pub fn beside_drift(dwells: &[DwellSummary], drift: LevelDrift) -> Vec<Supposed, MOST_PATHS> {
     let mut paths = Vec::new();
-    let Some((variance, path_arcsec)) = variance_arcsec2(dwells).zip(range_arcsec(dwells)) else { return paths };
+    let Some((variance, path_arcsec)) = variance_arcsec2(dwells).zip(possible_arcsec(dwells)) else { return paths };
     // As many as there are laws and degrees share what is supposed of a base that moves.
     let share = -libm::log(LAWS.iter().map(|law| law.most()).sum::<usize>() as f64);
     let mut fits = false;
@@ -145,8 +155,8 @@ pub fn beside_drift(dwells: &[DwellSummary], drift: LevelDrift) -> Vec<Supposed,
     paths
 }
 
-/// The greater range of both axes: about as much as the base can have moved.
-fn range_arcsec(dwells: &[DwellSummary]) -> Option<f64> {
+/// About as much as the base can have moved, from the greater range of both axes.
+fn possible_arcsec(dwells: &[DwellSummary]) -> Option<f64> {
     let mut range: f64 = 0.0;
     for axis in 0..2 {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -156,7 +166,7 @@ fn range_arcsec(dwells: &[DwellSummary]) -> Option<f64> {
         }
         range = range.max(high - low);
     }
-    (range > 0.0).then_some(range)
+    (range > 0.0).then_some(PATH_BY_RANGE * range)
 }
 
 #[cfg(test)]

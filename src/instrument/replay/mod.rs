@@ -16,6 +16,7 @@ use crate::event::{Dwell, Fix};
 use crate::fix::Unsolvable;
 use crate::fix::accumulator::{Accumulator, Corrected, Dwells, Outliers, Second, Slip, Taken};
 use crate::fix::dwell::DwellSummary;
+use crate::fix::rotation::FIRST_PASS;
 use crate::health::Fault;
 use crate::sensing::gates::{DisturbanceGate, Gate, GateSettings, JitterGate, Verdict};
 use crate::sensing::level::Specific;
@@ -66,7 +67,7 @@ impl Default for Row {
 /// What the instrument did with a second, as it recorded it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Mark {
-    /// Number of the dwell, from 0, that was under way.
+    /// Number of the dwell, from 0, that was under way; from 128 on those of the passes of a continuous rotation.
     pub dwell: Option<u8>,
     /// The gate that refused at its end.
     pub waited_at: Option<Gate>,
@@ -254,6 +255,10 @@ impl<D: Dwells, W: Waiting> Replay<D, W> {
         // The numbers begin anew where an adaptive fix fell back to four positions.
         if dwell < core::mem::replace(&mut self.number, dwell) {
             self.accumulator.begin_anew();
+        }
+        if dwell >= FIRST_PASS {
+            self.accumulator.collect_rotating(&corrected);
+            return sink(Reported::Second(corrected, Place::Moving));
         }
         self.dwell = dwell.into();
         self.collect(corrected, sink);
