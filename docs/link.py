@@ -111,7 +111,7 @@ EVENTS = [
     ("jitter", fields(position=byte, change_deg_h=f64)),
     ("settled", fields(position=byte)),
     ("second", fields(t_s=f64, index_deg=maybe(f64), fog_arcsec=f64, moment_arcsec_s=f64, rate_deg_h=f64,
-                      temp_c=maybe(f64), block_temp_c=maybe(f64), level=maybe(fields(mean=specific, first=specific)), lost_frames=unsigned,
+                      temp_c=maybe(f64), block_temp_c=maybe(f64), auxiliary=several(maybe(f32), 6), level=maybe(fields(mean=specific, first=specific)), lost_frames=unsigned,
                       dwell=maybe(byte), collected=boolean, waited_at=maybe(one_of(["disturbance", "jitter", "index"])))),
     ("dwell", fields(position=byte, index_deg=f64, seconds=f64, rate_deg_h=f64, sigma_deg_h=f64)),
     ("coarse", fields(azimuth_deg=f64, sigma_deg=f64)),

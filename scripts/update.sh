@@ -15,8 +15,7 @@ export LD_LIBRARY_PATH="$(rustc --print sysroot)/lib${LD_LIBRARY_PATH:+:$LD_LIBR
 registry=${CARGO_HOME:-$HOME/.cargo}/registry/src
 build() {
 	cargo build --quiet --locked --profile firmware --target $target --target-dir "$out/build" \
-		--config "target.$target.rustflags=[\"--remap-path-prefix=$PWD=/north\",\"--remap-path-prefix=$export LD_LIBRARY_PATH="$(rustc --print sysroot)/lib${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}"
-registry=/crates\"]" "$@"
+		--config "target.$target.rustflags=[\"--remap-path-prefix=$PWD=/north\",\"--remap-path-prefix=$registry=/crates\"]" "$@"
 }
 for slot in a b; do
 	NORTH_SLOT=$slot build --bin firmware

@@ -37,6 +37,7 @@ mod app {
 
     use crate::board::told::{FRAMES, Teller};
     use crate::board::{self, Board, crash, memory};
+    use north_finder::drivers::analogue::Scan;
     use north_finder::drivers::intake::{Intake, Received, one_more};
     use north_finder::drivers::sensors::Sensors;
     use north_finder::drivers::step_motor::StepMotor;
@@ -98,6 +99,7 @@ mod app {
         sent: SignalWriter<'static, ()>,
         // read
         sensors: Sensors<board::Accelerometer, board::Encoder, board::Block>,
+        scan: Scan<board::Converter>,
         readings_in: Producer<'static, Readings>,
         // solve
         readings_out: Consumer<'static, Readings>,
@@ -142,7 +144,8 @@ mod app {
         if let Some(crash) = &crash {
             instrument.log_crash(crash, &mut board.flash);
         }
-        instrument.board_is(BoardFacts { wrong_words, crash: crash.map(|crash| crash.cause), crystal: board.crystal });
+        let (analogue, crystal) = (board::analogue_calibration(), board.crystal);
+        instrument.board_is(BoardFacts { wrong_words, crash: crash.map(|crash| crash.cause), crystal, analogue });
 
         let (motor_in, motor_out) = cx.local.motor_commands.split();
         let (readings_in, readings_out) = cx.local.readings.split();
@@ -171,6 +174,7 @@ mod app {
             host: board.host,
             sent,
             sensors: Sensors::new(board.accelerometer, board.encoder, instrument.has_block().then_some(board.block)),
+            scan: Scan::new(board.converter),
             readings_in,
             readings_out,
             instrument,
@@ -265,15 +269,15 @@ mod app {
     }
 
     /// Steps of the motor need not wait for the sensors' buses.
-    #[task(binds = SPI1, priority = 4, local = [sensors, readings_in], shared = [moment])]
+    #[task(binds = SPI1, priority = 4, local = [sensors, scan, readings_in], shared = [moment])]
     fn read(mut cx: read::Context) {
         let local = cx.local;
         let Moment { tick, turning, heard } = cx.shared.moment.lock(|moment| *moment);
         if TEST_ACCELEROMETER.swap(false, Ordering::Relaxed) {
             local.sensors.test_accelerometer();
         }
-        let sensors = local.sensors.read(tick);
-        if local.readings_in.enqueue(Readings { tick, sensors, turning, heard }).is_err() {
+        let (sensors, analogue) = (local.sensors.read(tick), local.scan.tick(tick));
+        if local.readings_in.enqueue(Readings { tick, sensors, analogue, turning, heard }).is_err() {
             one_more(&INTAKE.readings_refused);
         }
         rtic::pend(board::pac::Interrupt::SPI2);

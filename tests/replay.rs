@@ -2,22 +2,26 @@
 //! recording of a fix, of its seconds or of its frames, gives that fix.
 
 use std::cell::RefCell;
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use crate::common::{run, setup};
 use hal_sim::Scenario;
+use hal_sim::scenario::AnalogueSource;
 use north::engine::{End, host, world};
 use north::recorder::{RawRecorder, Recorder, new_campaign, write_run};
 use north::settings_file::read_settings;
 use north::solve::solve_file;
+use north::toml_file::TomlFile;
 use north_finder::drivers::intake::Intake;
 use north_finder::effects::now::RunFacts;
-use north_finder::effects::{BaseMotion, ErrorModel};
+use north_finder::effects::{BaseMotion, ChannelName, ErrorModel};
 use north_finder::event::Report;
 use north_finder::instrument::Readings;
 use north_finder::link::{Ask, encode_request};
 use north_finder::sequence::Command;
 use north_finder::settings::Settings;
+use north_finder::settings::analogue::InputSettings;
 use simulated::Stepper;
 
 #[test]
@@ -49,20 +53,35 @@ fn two_runs_of_one_seed_are_identical_and_two_seeds_are_not() {
     assert_ne!(reports(3), reports(4));
 }
 
+fn of_analogue_channels() -> ErrorModel {
+    let term = |channel: &str, reference: f64, coefficient: f64| {
+        format!(
+            "{{ coefficients = [{coefficient}], scales = false, basis = {{ curve = {{ channel = \"{channel}\", signal = \"value\", \
+             function = {{ powers = {{ reference = {reference:?}, degree = 1 }} }} }} }} }}"
+        )
+    };
+    let [supply, housing] = [term("supply_v", 12.0, 0.3), term("housing_c", 20.0, 0.01)];
+    let text = format!("terms = [{supply}, {housing}]");
+    TomlFile::of_text(Path::new("model"), text).parse_over(&ErrorModel::default(), None).unwrap()
+}
+
 /// Every scenario, recorded as seconds and as frames and read from the files again: azimuth, sigma and flags with all their
-/// digits. With the base-motion model too, which uses first moments.
+/// digits. With the base-motion model too, which uses first moments, and with one that follows the supply and a thermometer at an analogue input.
 #[test]
 fn a_recording_gives_the_fix_with_all_digits() {
     let folder = std::env::temp_dir().join(format!("north-replay-{}", std::process::id()));
     let base_motion = ErrorModel { base_motion: Some(BaseMotion::default()), ..ErrorModel::default() };
     let scenarios = Scenario::names().map(|(name, _)| (name, None));
     let fixes: usize = scenarios
-        .chain([("vehicle", Some(base_motion))])
+        .chain([("vehicle", Some(base_motion)), ("tired-battery", Some(of_analogue_channels()))])
         .enumerate()
         .map(|(number, (name, model))| {
             let mut setup = setup(name, 3);
             let settings = setup.settings.as_mut().unwrap();
             settings.model = model.or(settings.model.take());
+            let housing = ChannelName::new("housing_c").unwrap();
+            settings.analogue.first = Some(InputSettings { name: housing, zero_v: 0.5, per_v: 100.0 });
+            setup.scenario.analogue.first = AnalogueSource::Housing;
             let mut seconds = Recorder::default();
             let frames = RefCell::new(RawRecorder::new(settings.gyro));
             let mut observe = |report: &Report| {

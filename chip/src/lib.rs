@@ -346,6 +346,7 @@ impl<L: Line> Driver<Wired> for Surroundings<L> {
             return Some(VirtualNanos(began + (passed + 1) * SLOT));
         }
         self.world.sample();
+        session.board_mut().put_on_inputs(&self.world.analogue());
         let board = session.board_mut();
         if self.timer_stops == Some(self.ticks) {
             board.stop_timer(stop.at);

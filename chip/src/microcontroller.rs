@@ -3,7 +3,7 @@
 use std::num::{NonZeroU32, NonZeroU64};
 use std::sync::Arc;
 
-use hal_sim::{AccelerometerSpi, BlockSpi, EncoderSpi};
+use hal_sim::{AccelerometerSpi, AnalogueInputs, BlockSpi, EncoderSpi};
 use rigless::chip::uart::Rate;
 use rigless::cpu;
 use rigless::device::Level;
@@ -15,6 +15,7 @@ use rigless::soc::Error;
 use rigless::soc::Width;
 use rigless::soc::stm32f427::Stm32f427;
 use rigless::soc::stm32f427::generated::{flash, rcc, tim11};
+use rigless::soc::stm32f427::peripherals::adc;
 use rigless::soc::stm32f427::peripherals::gpio::{Gpio, Pin};
 use rigless::soc::stm32f427::peripherals::rcc::Apb;
 use rigless::soc::stm32f427::peripherals::spi::Select;
@@ -38,6 +39,7 @@ const TIM4: usize = 2;
 const SPI1: usize = 0;
 const SPI2: usize = 1;
 const SPI3: usize = 2;
+const ADC1: usize = 0;
 const USART1: usize = 0;
 const USART2: usize = 1;
 /// TIM2's control register, and the bit by which the counter runs (RM0090, 18.4.1).
@@ -152,6 +154,16 @@ impl Wired {
         }
         let edges = (at_ns - self.measured.started_ns) * self.crystal_hz / (8 * divider * 1_000_000_000);
         (edges, edges * 8 * divider * timer_hz / self.crystal_hz)
+    }
+
+    /// What is at the analogue inputs from now on: PC0 to PC4 are channels 10 to 14.
+    pub fn put_on_inputs(&mut self, inputs: &AnalogueInputs) {
+        let converter = &mut self.mcu.adc[ADC1];
+        for pin in 0..5 {
+            let channel = adc::Channel::new(10 + pin).expect("a channel of the pins");
+            converter.set_input(channel, inputs.millivolts(pin.into()));
+        }
+        converter.set_temperature(inputs.chip_centi_c());
     }
 
     /// The microcontroller, for who looks at its registers.

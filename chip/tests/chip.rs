@@ -205,6 +205,14 @@ fn the_wires_are_as_the_parts_want_them() {
     let ran = both("carried", Some(&settings), 2800, &[(40, START)]);
     assert_eq!((ran.pulse_periods_ns, ran.brown_out_level), (PULSES, 3));
     assert!(ran.watchdog_frozen_in_debug && ran.steps > 100, "{} steps", ran.steps);
+    // The supply of 12 V behind its divider, and the chip 10 K above the air's 20 °C: to a code of the converter, 9 mV and 0.4 K with the emulator's steps.
+    let last = ran.line.reports.iter().rev().find_map(|report| match &report.event {
+        Event::Second(second) => Some(second.auxiliary),
+        _ => None,
+    });
+    let [.., supply_v, chip_c] = last.expect("a second");
+    let near = |read: Option<f32>, expected: f32, within: f32| (read.expect("a reading") - expected).abs() < within;
+    assert!(near(supply_v, 12.0, 0.02) && near(chip_c, 30.0, 0.8), "{supply_v:?} {chip_c:?}");
 }
 
 /// The block's burst takes 0.42 ms of its bus, longer than an eighth of a tick: no step of the motor waits for it.

@@ -143,10 +143,9 @@ impl ModelFile {
                            solve, north diagnose)";
             return Err(FileError::whole(&self.path, Problem::not_allowed("[gyro_triad]", allowed)));
         }
-        if let Some(channel) = self.error_model.as_ref().and_then(|model| model.off_board(settings.block.is_some())) {
+        if let Some(channel) = self.error_model.as_ref().and_then(|model| model.off_board(&settings.channels())) {
             let value = format!("a term that follows channel `{}`", channel.as_str());
-            let allowed =
-                "what a board measures: temp_c, ax_g, ay_g, block_temp_c with a block, its time and its index angle";
+            let allowed = "what the board measures: temp_c, ax_g, ay_g, supply_v, chip_temp_c, block_temp_c with a block, its named analogue inputs, its time and its index angle";
             return Err(FileError::whole(&self.path, Problem::not_allowed(value, allowed)));
         }
         self.apply(settings)

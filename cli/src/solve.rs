@@ -165,6 +165,7 @@ pub fn recorded(row: &Row, channels: [f64; MAX_CHANNELS]) -> Recorded {
                 index: (read & INDEX != 0).then(|| Direction::of_deg(row.index_deg)),
                 temp_c: row.temp_c.filter(|_| read & TEMPERATURE != 0),
                 level: level.filter(|_| read & ACCELEROMETERS != 0),
+                channels,
                 ..Conditions::default()
             };
             let lost_frames = row.lost_frames;
@@ -180,6 +181,7 @@ pub fn recorded(row: &Row, channels: [f64; MAX_CHANNELS]) -> Recorded {
                 .filter(|_| read & ACCELEROMETERS != 0)
                 .map(|level| [level.forward, level.left, az_g]),
             index_deg: (read & INDEX != 0).then_some(row.index_deg),
+            channels,
             mark,
         }),
     }

@@ -329,11 +329,11 @@ fn a_calibration_takes_the_flag_away_and_a_wrong_one_is_refused() {
     assert!(called.stderr.starts_with("north: M.toml, line 2, column 15: \"scale_error = NaN\""), "{}", called.stderr);
 
     write(
-        "format = 1\nterms = [{ coefficients = [0.1], scales = true, basis = { curve = { channel = \"supply_v\", \
+        "format = 1\nterms = [{ coefficients = [0.1], scales = true, basis = { curve = { channel = \"field_nt\", \
          signal = \"value\", function = { powers = { reference = 24.0, degree = 1 } } } } }]\n",
     );
-    let refusal = "north: M.toml: \"a term that follows channel `supply_v`\" is not allowed; \
-        allowed is what a board measures: temp_c, ax_g, ay_g, block_temp_c with a block, its time and its index angle\n";
+    let refusal = "north: M.toml: \"a term that follows channel `field_nt`\" is not allowed; \
+        allowed is what the board measures: temp_c, ax_g, ay_g, supply_v, chip_temp_c, block_temp_c with a block, its named analogue inputs, its time and its index angle\n";
     find(&[]).refused(1, refusal);
     write(&format!(
         "format = 1\nterms = [{}]\n",

@@ -151,6 +151,33 @@ impl OutputPin for Pin {
     }
 }
 
+/// The analogue inputs of the microcontroller: four pins, the supply behind its divider, the chip's thermometer, its reference.
+#[derive(Debug, Clone)]
+pub struct AnalogueInputs(Shared);
+
+impl AnalogueInputs {
+    pub(crate) fn new(plant: Shared) -> Self {
+        Self(plant)
+    }
+
+    /// What the converter makes of an input, 0 to 6.
+    pub fn code(&self, input: usize) -> u16 {
+        let plant = open(&self.0);
+        plant.carried().code(plant.analogue(), input)
+    }
+
+    /// Voltage at a pin, 0 to 4, mV: for a converter of one's own.
+    pub fn millivolts(&self, pin: usize) -> u32 {
+        let plant = open(&self.0);
+        plant.carried().millivolts(plant.analogue(), pin)
+    }
+
+    /// Temperature of the chip, hundredths of a degree Celsius.
+    pub fn chip_centi_c(&self) -> i32 {
+        open(&self.0).carried().chip_centi_c()
+    }
+}
+
 /// The instrument's end of the gyro's line.
 #[derive(Debug, Clone)]
 pub struct GyroLine(Shared);

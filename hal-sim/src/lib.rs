@@ -8,6 +8,7 @@
 
 mod accelerometer;
 mod adis16505;
+mod analogue;
 mod base;
 pub mod block;
 mod carry;
@@ -35,7 +36,7 @@ pub mod vessel;
 mod window;
 mod world;
 
-pub use device::{AccelerometerSpi, BlockSpi, EncoderSpi, Flash, GyroLine, Pin};
+pub use device::{AccelerometerSpi, AnalogueInputs, BlockSpi, EncoderSpi, Flash, GyroLine, Pin};
 pub use operator::Operator;
 pub use scenario::{Group, Scenario, ScenarioError};
 pub use truth::Truth;

@@ -2,6 +2,7 @@
 
 use crate::accelerometer::{Adxl355, Felt};
 use crate::adis16505::Adis16505;
+use crate::analogue::Carried;
 use crate::base::BaseMotion;
 use crate::carry::Way;
 use crate::encoder::As5048a;
@@ -14,7 +15,7 @@ use crate::kvh_console::Console;
 use crate::line::Line;
 use crate::motor::Drive;
 use crate::pose::PoseTracker;
-use crate::scenario::Scenario;
+use crate::scenario::{Analogue, Scenario};
 use crate::truth::Truth;
 use nalgebra::Vector3;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -214,6 +215,20 @@ impl Plant {
     pub fn receive(&mut self) -> Option<u8> {
         let t_s = self.t_s();
         self.line.receive(t_s)
+    }
+
+    /// What the analogue inputs carry now.
+    pub fn carried(&self) -> Carried {
+        Carried {
+            supply_v: self.scenario.supply.volts_at(self.t_s()),
+            gyro_c: self.errors.temp_c(),
+            housing_c: self.errors.housing_c(),
+        }
+    }
+
+    /// What is wired to them.
+    pub fn analogue(&self) -> &Analogue {
+        &self.scenario.analogue
     }
 
     /// The gyro hears a byte.

@@ -1,6 +1,6 @@
 //! The world as its users see it: time, truth, and handles to the devices.
 
-use crate::device::{AccelerometerSpi, BlockSpi, EncoderSpi, Flash, GyroLine, Pin, PinFunction};
+use crate::device::{AccelerometerSpi, AnalogueInputs, BlockSpi, EncoderSpi, Flash, GyroLine, Pin, PinFunction};
 use crate::flash::FlashMemory;
 use crate::hand::Turn;
 use crate::plant::{Plant, Shared, open};
@@ -87,6 +87,11 @@ impl World {
     /// The block of three gyros and three accelerometers on its bus.
     pub fn block(&self) -> BlockSpi {
         BlockSpi::new(Arc::clone(&self.plant))
+    }
+
+    /// The analogue inputs.
+    pub fn analogue(&self) -> AnalogueInputs {
+        AnalogueInputs::new(Arc::clone(&self.plant))
     }
 
     /// The encoder on its bus.

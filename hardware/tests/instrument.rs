@@ -94,6 +94,10 @@ fn uses(code: &str) -> BTreeMap<String, Use> {
             uses.insert(pin, Use::Alternate(rest.split('>').next().unwrap().parse().unwrap()));
         } else if after.starts_with(".into_push_pull_output") {
             uses.insert(pin, Use::Output);
+        } else if after.starts_with(".into_analog()") {
+            // DS8626, table 7: PC0 is input 10 of converter 1.
+            let number: u32 = pin[2..].parse().unwrap();
+            uses.insert(pin, Use::Function(format!("ADC1_IN{}", 10 + number)));
         }
     }
     for (at, call) in code.match_indices("Spi::new(device.SPI") {

@@ -11,7 +11,8 @@ pub use settings::{declare_noise, default_settings, lay_over, settings};
 pub use stepper::Stepper;
 
 use embedded_io::Read as _;
-use hal_sim::{AccelerometerSpi, BlockSpi, EncoderSpi, GyroLine, Pin, World};
+use hal_sim::{AccelerometerSpi, AnalogueInputs, BlockSpi, EncoderSpi, GyroLine, Pin, World};
+use north_finder::drivers::analogue::{self, Input, Scan};
 use north_finder::drivers::intake::Intake;
 use north_finder::drivers::sensors::Sensors;
 use north_finder::drivers::step_motor::{SLOTS_PER_TICK, StepMotor};
@@ -23,6 +24,22 @@ use north_finder::sequence::work::Outcome;
 /// Sees what enters the instrument at every tick: readings and gyro bytes.
 pub type Tap<'a> = dyn FnMut(&Readings, &[u8]) + 'a;
 
+/// The converter of the analogue inputs: done as soon as it begins.
+struct Converter {
+    inputs: AnalogueInputs,
+    code: Option<u16>,
+}
+
+impl analogue::Converter for Converter {
+    fn start(&mut self, input: Input) {
+        self.code = Some(self.inputs.code(input as usize));
+    }
+
+    fn result(&mut self) -> Option<u16> {
+        self.code
+    }
+}
+
 /// The instrument and its devices, wired as on the board.
 pub struct Wired {
     world: World,
@@ -30,6 +47,7 @@ pub struct Wired {
     /// What the gyro sent in this tick.
     heard: Vec<u8>,
     sensors: Sensors<AccelerometerSpi, EncoderSpi, BlockSpi>,
+    scan: Scan<Converter>,
     motor: StepMotor<Pin, Pin, Pin>,
     stepper: Stepper,
     intake: Box<Intake>,
@@ -52,6 +70,7 @@ impl Wired {
                 world.encoder(),
                 instrument.has_block().then(|| world.block()),
             ),
+            scan: Scan::new(Converter { inputs: world.analogue(), code: None }),
             motor: StepMotor::new(world.step_pin(), world.dir_pin(), world.enable_pin(), &index),
             stepper,
             intake: Box::new(Intake::new()),
@@ -74,14 +93,14 @@ impl Wired {
         }
         self.world.sample();
         self.hear_gyro();
-        let sensors = self.sensors.read(self.tick);
+        let (sensors, analogue) = (self.sensors.read(self.tick), self.scan.tick(self.tick));
         if let Some(command) = self.pending.take() {
             self.motor.command(command);
         }
         self.intake.gyro.put(&self.heard);
         self.intake.host.put(requests);
         let (turning, heard) = (self.motor.is_turning(), self.intake.heard());
-        let readings = Readings { tick: self.tick, sensors, turning, heard };
+        let readings = Readings { tick: self.tick, sensors, analogue, turning, heard };
         tap(&readings, &self.heard);
         let orders = self.stepper.step(&readings, &self.intake, &mut self.world.flash(), report);
         self.pending = orders.motor;

@@ -2,6 +2,7 @@
 
 pub mod adis16505;
 pub mod adxl355;
+pub mod analogue;
 pub mod as5048a;
 pub mod intake;
 #[cfg(test)]

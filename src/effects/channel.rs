@@ -16,6 +16,9 @@ pub const FORWARD: &str = "ax_g";
 pub const LEFT: &str = "ay_g";
 /// Temperature of the inertial block in the housing, °C.
 pub const BLOCK_TEMPERATURE: &str = "block_temp_c";
+/// Supply voltage, V, and temperature of the microcontroller, °C.
+pub const SUPPLY: &str = "supply_v";
+pub const CHIP_TEMPERATURE: &str = "chip_temp_c";
 
 /// A column's name, 1 to 24 bytes.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -41,9 +44,9 @@ impl ChannelName {
         matches!(self.as_str(), TEMPERATURE | FORWARD | LEFT)
     }
 
-    /// Whether a board measures it; `has_block`: it carries an inertial block.
-    pub fn is_on_board(&self, has_block: bool) -> bool {
-        self.is_in_every_second() || has_block && self.as_str() == BLOCK_TEMPERATURE
+    /// Whether a board measures it, which measures these channels beyond those of every second.
+    pub fn is_on_board(&self, measured: &[Self]) -> bool {
+        self.is_in_every_second() || measured.contains(self)
     }
 }
 
@@ -87,9 +90,8 @@ mod tests {
         assert_eq!(ChannelName::new("a_name_of_twenty_four_by").unwrap().as_str().len(), MAX_NAME);
         assert_eq!(ChannelName::new("a_name_of_twenty_five_byt"), None);
         assert_eq!(ChannelName::new(""), None);
-        assert!(ChannelName::new("temp_c").unwrap().is_on_board(false));
-        assert!(!ChannelName::new("supply_v").unwrap().is_on_board(true));
-        let of_block = ChannelName::new("block_temp_c").unwrap();
-        assert!(of_block.is_on_board(true) && !of_block.is_on_board(false));
+        let supply = ChannelName::new("supply_v").unwrap();
+        assert!(ChannelName::new("temp_c").unwrap().is_on_board(&[]));
+        assert!(supply.is_on_board(&[supply]) && !supply.is_on_board(&[]));
     }
 }

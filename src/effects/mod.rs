@@ -166,10 +166,9 @@ impl ErrorModel {
         names
     }
 
-    /// The first channel that a board does not measure, which carries an inertial block or none: a model with one is for recordings
-    /// only.
-    pub fn off_board(&self, has_block: bool) -> Option<ChannelName> {
-        self.channels().iter().find(|name| !name.is_on_board(has_block)).copied()
+    /// The first channel that a board does not measure, which measures these beyond those of every second: a model with one is for recordings only.
+    pub fn off_board(&self, measured: &[ChannelName]) -> Option<ChannelName> {
+        self.channels().iter().find(|name| !name.is_on_board(measured)).copied()
     }
 
     /// The place of the inertial block's temperature among [`Self::channels`], if it is followed.

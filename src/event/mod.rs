@@ -71,6 +71,11 @@ impl State {
     }
 }
 
+/// Analogue channels: four inputs, the supply, the chip's temperature.
+pub const AUXILIARY: usize = 6;
+/// What they read over a second, each in its own unit; `None`: it has no name, or was not read.
+pub type Auxiliary = [Option<f32>; AUXILIARY];
+
 /// One second of measuring, whatever the state: all that a fix uses of it, so that a recording of these gives the same fix.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Second {
@@ -89,6 +94,8 @@ pub struct Second {
     pub temp_c: Option<f64>,
     /// Temperature of the inertial block in the housing, °C, where there is one and it was read.
     pub block_temp_c: Option<f64>,
+    /// The analogue channels.
+    pub auxiliary: Auxiliary,
     /// Level accelerometers, mean and first moment over the second; `None`: no valid reading.
     pub level: Option<LevelMoments>,
     /// Frames of this second that never came or were not valid: the mean rate of the others stands in for them.

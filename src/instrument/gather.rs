@@ -6,6 +6,7 @@ use calibration::ellipsoid::Correction;
 use quantities::codes::{IndexCode, TriadCode};
 
 use crate::effects::Conditions;
+use crate::event::Auxiliary;
 use crate::fix::accumulator::Second;
 use crate::health::Counters;
 use crate::sensing::frame::Frame;
@@ -22,6 +23,8 @@ pub struct Gathered {
     pub index_deg: Option<f64>,
     /// Mean temperature of the inertial block, °C, if it was read.
     pub block_temp_c: Option<f64>,
+    /// The analogue channels.
+    pub auxiliary: Auxiliary,
 }
 
 impl Gathered {
@@ -127,6 +130,6 @@ impl Gatherer {
             level_moment: level.map(|level| level.first).unwrap_or_default(),
             lost_frames: rate.missing,
         };
-        Gathered { second, index_deg, block_temp_c }
+        Gathered { second, index_deg, block_temp_c, auxiliary: Auxiliary::default() }
     }
 }

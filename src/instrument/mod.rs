@@ -6,6 +6,7 @@
 //! comes back when it is done ([`Instrument::worked_on`]); a board gives it to a task of low priority. Solving a calibration takes
 //! longer still and goes the same way ([`Instrument::posed`], [`Instrument::solved`]).
 
+pub mod analogue;
 mod contradiction;
 pub mod gather;
 pub mod guard;
@@ -25,6 +26,7 @@ use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use embedded_storage::nor_flash::NorFlash;
 use heapless::Deque;
 
+use crate::drivers::analogue::Conversion;
 use crate::drivers::intake::{Intake, Received};
 use crate::drivers::sensors::Due;
 use crate::effects::ErrorModel;
@@ -47,10 +49,11 @@ use crate::sequence::work::SecondWork;
 use crate::settings::Settings;
 use crate::settings::pieces::Incoming;
 use crate::settings::store::{self, Found};
+use analogue::Analogue;
 use contradiction::Contradiction;
 use gather::Gatherer;
 pub use seconds::EFFECT_TICKS;
-use seconds::{Ended, MOST_WAITING};
+use seconds::{Ended, MOST_WAITING, Scatter};
 use self_test::{BoardFacts, SelfTest};
 use update::{CONFIRMED_TICKS, Slots};
 use watch::GyroWatch;
@@ -72,6 +75,7 @@ pub struct Readings {
     /// Number of the tick, from 0; its time is `tick · 2.5 ms`.
     pub tick: u64,
     pub sensors: Due,
+    pub analogue: Option<Conversion>,
     /// Whether the step generator is running.
     pub turning: bool,
     /// Bytes that had come: what came later is of a later tick.
@@ -149,6 +153,7 @@ pub struct Instrument<S, R> {
     /// Holds the heading of a fix, where there is a block of three gyros.
     keeper: Option<Keeper>,
     nmea: bool,
+    analogue: Analogue,
     /// Where the error model wants the block's temperature, if it does.
     block_temperature: Option<usize>,
     counters: Counters,
@@ -161,6 +166,7 @@ pub struct Instrument<S, R> {
     encoder_failures: u16,
     test: SelfTest,
     log: FixLog,
+    scatter: Scatter,
     /// Identity of the error model in use; 0: there is none.
     model: u32,
     /// Time of day of tick 0, seconds since 1970, where a host has told it.
@@ -187,6 +193,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             streaming: Streaming::Off,
             reader: FrameReader::new(gyro.format),
             gatherer: Gatherer::new(gyro, Correction::UNIT),
+            analogue: Analogue::default(),
             block_temperature: None,
             watch: GyroWatch::default(),
             setup: None,
@@ -215,6 +222,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             encoder_failures: 0,
             test: SelfTest::at_start(),
             log: FixLog::default(),
+            scatter: Scatter::default(),
             model: 0,
             clock_utc_s: None,
         }
@@ -222,6 +230,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
 
     /// What the board found of itself, for the self-test.
     pub fn board_is(&mut self, facts: BoardFacts) {
+        self.analogue.calibrate(facts.analogue.of_chip());
         self.test.board_is(facts);
     }
 
@@ -288,9 +297,10 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         self.bias_limit_deg_h = settings.gyro.bias_limit_deg_h;
         self.gatherer = Gatherer::new(settings.gyro, settings.triad());
         self.block_temperature = settings.model.as_ref().and_then(ErrorModel::block_temperature);
+        self.analogue.set_up(settings.analogue, settings.model.as_ref());
         self.keeper = settings.block.map(|block| Keeper::new(&block, settings.latitude_deg, settings.level.sigma_deg));
         // What no board measures cannot be compensated: such a model is for recordings.
-        if settings.model.as_ref().is_some_and(|model| model.off_board(settings.block.is_some()).is_some()) {
+        if settings.model.as_ref().is_some_and(|model| model.off_board(&settings.channels()).is_some()) {
             return Err(Fault::SettingsInvalid);
         }
         let declared = settings.declared()?;
@@ -352,6 +362,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             }
         }
         self.read(&readings.sensors, sink);
+        readings.analogue.into_iter().for_each(|conversion| self.analogue.push(conversion));
         if self.field.is_active() {
             self.calibrate(flash, sink);
         }

@@ -13,8 +13,8 @@ use super::workspace::Workspace;
 use super::{Instrument, Streaming};
 use crate::event::raw::Stream;
 use crate::event::service::flash::LogFlash;
-use crate::event::service::record::Logged;
-use crate::event::{self, Event, Fix, State};
+use crate::event::service::record::{Logged, More};
+use crate::event::{self, Dwell, Event, Fix, State};
 use crate::health::Fault;
 use crate::sensing::index::{IndexAngle, MotorCommand};
 use crate::sensing::level::LevelMoments;
@@ -37,6 +37,33 @@ pub(super) struct Ended {
     /// What the gyro's stream showed at its end.
     fault: Option<Fault>,
     index: IndexAngle,
+}
+
+/// Scatter of the seconds of a fix, from its dwells.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Scatter {
+    /// Of the seconds' squares, (°/h)², and their number.
+    sum: f64,
+    seconds: f64,
+}
+
+impl Scatter {
+    fn hear(&mut self, event: &Event) {
+        match *event {
+            Event::State(State::Levelling) => *self = Self::default(),
+            // The variance of a second is that of the mean times their number.
+            Event::Dwell(Dwell { seconds, sigma_deg_h, .. }) => {
+                self.sum += seconds * seconds * sigma_deg_h * sigma_deg_h;
+                self.seconds += seconds;
+            }
+            _ => {}
+        }
+    }
+
+    /// 0 where there was no dwell.
+    fn rms_deg_h(&self) -> f64 {
+        libm::sqrt(self.sum / self.seconds.max(1.0))
+    }
 }
 
 impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrument<S, R> {
@@ -104,6 +131,8 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         {
             *channel = block_temp_c;
         }
+        gathered.auxiliary = self.analogue.finish();
+        self.analogue.into_channels(&gathered.auxiliary, &mut gathered.second.conditions.channels);
         // Work that lags by several seconds loses the next ones, and counts them.
         if self.ended.push_back(Ended { tick: self.tick, gathered, fault, index: self.index }).is_err() {
             self.counters.seconds_left_out = self.counters.seconds_left_out.saturating_add(1);
@@ -133,13 +162,14 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         let sink: &mut dyn FnMut(Event) = &mut |event| sink(t_s, event);
         self.report_second(&gathered, &outcome.observed, sink);
         for &event in &outcome.events {
+            self.scatter.hear(&event);
             if let Event::Fix(fix) = &event {
                 // Before the fix, what is to be held against it.
                 sink(Event::Health(self.counters));
                 if let Some(keeper) = &mut self.keeper {
                     keeper.fixed(fix);
                 }
-                self.log_fix(flash, fix, t_s, gathered.second.conditions.temp_c);
+                self.log_fix(flash, fix, t_s, &gathered);
             }
             sink(event);
         }
@@ -148,18 +178,26 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
 
     /// Into the log. The flash stands still for less than a millisecond; where a sector is full and was not made ready at the start, for a second.
     #[inline(never)]
-    fn log_fix(&mut self, flash: &mut impl NorFlash, fix: &Fix, t_s: f64, temp_c: Option<f64>) {
+    fn log_fix(&mut self, flash: &mut impl NorFlash, fix: &Fix, t_s: f64, gathered: &Gathered) {
         let utc_s = self.clock_utc_s.map(|start_s| (start_s + t_s) as u32);
-        let temp_c = temp_c.map(|temp_c| temp_c as f32);
+        let single = |temp_c: Option<f64>| temp_c.map(|temp_c| temp_c as f32);
+        let temp_c = single(gathered.second.conditions.temp_c);
         let logged = Logged { t_s: t_s as u32, utc_s, temp_c, ..Logged::of(fix) };
-        if self.log.push(&mut LogFlash(flash), &logged, self.identity.program, self.model).is_err() {
+        let more = More {
+            scatter_deg_h: self.scatter.rms_deg_h() as f32,
+            block_temp_c: single(gathered.block_temp_c),
+            auxiliary: gathered.auxiliary,
+        };
+        let flash = &mut LogFlash(flash);
+        let pushed = self.log.push(flash, &logged, self.identity.program, self.model);
+        if pushed.and_then(|()| self.log.more(flash, &more)).is_err() {
             self.counters.fixes_not_logged = self.counters.fixes_not_logged.saturating_add(1);
         }
     }
 
     /// The second is reported before what it led to: a recording that ends with the azimuth holds all of its seconds.
     fn report_second(&mut self, gathered: &Gathered, observed: &Observed, sink: &mut dyn FnMut(Event)) {
-        let Gathered { second, index_deg, block_temp_c } = gathered;
+        let Gathered { second, index_deg, block_temp_c, auxiliary } = gathered;
         self.counters.seconds_outlying = self.counters.seconds_outlying.saturating_add(observed.outliers.into());
         let conditions = &second.conditions;
         sink(Event::Second(event::Second {
@@ -170,6 +208,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             rate_deg_h: observed.rate_deg_h,
             temp_c: conditions.temp_c,
             block_temp_c: *block_temp_c,
+            auxiliary: *auxiliary,
             level: conditions.level.map(|mean| LevelMoments { mean, first: second.level_moment }),
             lost_frames: second.lost_frames,
             dwell: observed.dwell,

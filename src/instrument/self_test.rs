@@ -9,6 +9,7 @@ use quantities::codes::TriadCode;
 use crate::drivers::sensors::Due;
 use crate::event::restart::Cause;
 use crate::health::{Fault, Finding, Item, TestVerdict};
+use crate::instrument::analogue::Calibration;
 use crate::sensing::frame::{Frame, GyroFormat};
 use crate::sensing::index::{IndexSettings, MotorCommand};
 use crate::sequence::turn::{Progress, Turn};
@@ -44,6 +45,8 @@ pub struct BoardFacts {
     pub crash: Option<Cause>,
     /// Whether the clock runs from the crystal, where there is one.
     pub crystal: Option<bool>,
+    /// What the chip's maker converted.
+    pub analogue: Calibration,
 }
 
 /// A share of all that was seen.

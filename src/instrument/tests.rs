@@ -69,7 +69,7 @@ fn a_thousand_ticks_that_nobody_saw_are_a_thousand_lost_frames() {
         if tick == 2400 {
             intake.host.put(&encode_request(&Ask::Status.into()).unwrap());
         }
-        let readings = Readings { tick, sensors: Due::Nothing, turning: false, heard: intake.heard() };
+        let readings = Readings { tick, sensors: Due::Nothing, analogue: None, turning: false, heard: intake.heard() };
         let mut report = |report| reports.push(report);
         instrument.step(&readings, &intake, &mut Erased, &mut report);
         if let Some(mut work) = instrument.second_to_work_on() {

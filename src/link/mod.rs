@@ -308,6 +308,7 @@ mod tests {
             rate_deg_h: 1.1,
             temp_c: Some(1.1),
             block_temp_c: Some(1.1),
+            auxiliary: [Some(1.1); 6],
             level: Some(LevelMoments { mean: specific, first: specific }),
             lost_frames: u16::MAX,
             dwell: Some(255),

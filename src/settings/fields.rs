@@ -157,6 +157,24 @@ fields! {
         "rate at which they are saturated, where it is not the class's";
     "block.refix_sigma_deg", "°", 0.001 to 90, |s| s.block.map(|block| block.refix_sigma_deg),
         "beyond this sigma of the heading that is held a new fix is asked for; 0.5 where the group [block] does not say it";
+    "analogue.supply_ratio", "1", 1 to 100, |s| s.analogue.supply_ratio,
+        "supply voltage over the voltage behind its divider (PC4)";
+    "analogue.first.zero_v", "V", -100 to 100, |s| s.analogue.first.map(|input| input.zero_v),
+        "voltage at the first analogue input (PC0) at which it reads 0, where the input has a name; 0 where its group does not say it";
+    "analogue.first.per_v", "1/V", -1000000 to 1000000, |s| s.analogue.first.map(|input| input.per_v),
+        "what it reads by a volt, in its own unit; 1 where its group does not say it";
+    "analogue.second.zero_v", "V", -100 to 100, |s| s.analogue.second.map(|input| input.zero_v),
+        "voltage at the second analogue input (PC1) at which it reads 0, where the input has a name; 0 where its group does not say it";
+    "analogue.second.per_v", "1/V", -1000000 to 1000000, |s| s.analogue.second.map(|input| input.per_v),
+        "what it reads by a volt, in its own unit; 1 where its group does not say it";
+    "analogue.third.zero_v", "V", -100 to 100, |s| s.analogue.third.map(|input| input.zero_v),
+        "voltage at the third analogue input (PC2) at which it reads 0, where the input has a name; 0 where its group does not say it";
+    "analogue.third.per_v", "1/V", -1000000 to 1000000, |s| s.analogue.third.map(|input| input.per_v),
+        "what it reads by a volt, in its own unit; 1 where its group does not say it";
+    "analogue.fourth.zero_v", "V", -100 to 100, |s| s.analogue.fourth.map(|input| input.zero_v),
+        "voltage at the fourth analogue input (PC3) at which it reads 0, where the input has a name; 0 where its group does not say it";
+    "analogue.fourth.per_v", "1/V", -1000000 to 1000000, |s| s.analogue.fourth.map(|input| input.per_v),
+        "what it reads by a volt, in its own unit; 1 where its group does not say it";
     "time_limit_s", "s", 10 to 86400, |s| s.time_limit_s,
         "longest time from the start of a fix to its azimuth; an adaptive fix ends then with the sigma that it has";
 }

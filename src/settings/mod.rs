@@ -3,12 +3,15 @@
 //! Settings are immutable input. Three things are never mixed up: settings that are *missing*, settings that are
 //! *corrupt* (the check sum fails) and settings that are readable but make no sense (*invalid*).
 
+pub mod analogue;
 pub mod fields;
 pub mod pieces;
 pub mod store;
 
+pub use analogue::AnalogueSettings;
 pub use calibration::accelerometer::AccelerometerCalibration;
 use calibration::ellipsoid::Correction;
+use heapless::Vec;
 pub use quantities::limits::Invalid;
 use serde::{Deserialize, Serialize};
 
@@ -21,7 +24,9 @@ pub use crate::sensing::sample::GyroSettings;
 pub use crate::sequence::order::SequenceSettings;
 
 use crate::earth::earth_rate;
-use crate::effects::ErrorModel;
+use crate::effects::channel::BLOCK_TEMPERATURE;
+use crate::effects::{ChannelName, ErrorModel};
+use crate::event::AUXILIARY;
 use crate::fix::Declared;
 use crate::health::Fault;
 use crate::sequence::Rules;
@@ -47,6 +52,7 @@ pub struct Settings {
     /// The block of three gyros that holds the heading after a fix; without one it is not read.
     pub block: Option<BlockSettings>,
     pub link: LinkSettings,
+    pub analogue: AnalogueSettings,
 }
 
 /// The host's line.
@@ -73,6 +79,7 @@ impl Default for Settings {
             accelerometer: None,
             block: None,
             link: LinkSettings::default(),
+            analogue: AnalogueSettings::default(),
         }
     }
 }
@@ -83,6 +90,7 @@ impl Settings {
     pub fn violations(&self) -> impl Iterator<Item = Invalid> + '_ {
         let parts = [
             self.gyro.validate(),
+            self.analogue.validate(),
             self.index.validate(),
             self.sequence.order.validate(),
             self.sequence.order.validate_drive(&self.index),
@@ -95,6 +103,16 @@ impl Settings {
     /// The first of the [`Self::violations`].
     pub fn validate(&self) -> Result<(), Invalid> {
         self.violations().next().map_or(Ok(()), Err)
+    }
+
+    /// The channels that the board measures beyond those of every second.
+    pub fn channels(&self) -> Vec<ChannelName, { AUXILIARY + 1 }> {
+        let of_block = self.block.and(ChannelName::new(BLOCK_TEMPERATURE));
+        let mut channels = Vec::new();
+        for name in [of_block].into_iter().chain(self.analogue.names()).flatten() {
+            let _ = channels.push(name); // there is room for all
+        }
+        channels
     }
 
     /// What the sequence goes by.

@@ -120,6 +120,8 @@ impl Layout {
 /// Writes a campaign into a folder of its own.
 pub struct CampaignWriter {
     campaign: Campaign,
+    /// Names of the channels beyond those of every second.
+    extra: Vec<String>,
 }
 
 /// `campaign.toml` in the order of its documentation.
@@ -143,7 +145,7 @@ impl CampaignWriter {
             fs::write(folder.join(UNFINISHED), UNFINISHED_TEXT)
         };
         prepare().map_err(|error| FileError::whole(folder, error))?;
-        Ok(Self { campaign })
+        Ok(Self { campaign, extra: Vec::new() })
     }
 
     /// Gives a recording up that was begun in a free folder: nothing of it is left; the folder itself goes where `existed` is false.
@@ -168,6 +170,15 @@ impl CampaignWriter {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(FileError::whole(folder, error)),
             _ => Ok(()),
         }
+    }
+
+    /// Names of the rows' channels beyond those of every second; empty for one that has none.
+    pub fn name_extra(&mut self, names: Vec<String>) {
+        self.extra = names;
+    }
+
+    pub fn extra_names(&self) -> &[String] {
+        &self.extra
     }
 
     /// The path of a run's file.

@@ -89,7 +89,7 @@ impl Record {
             true => Rows::Means(Recorder::default()),
             false => Rows::Raw(Box::new(RawRecorder::new(settings.gyro))),
         };
-        let mut file = RunFile::new(campaign.path_of(RUN), SETTLED_S);
+        let mut file = RunFile::new(campaign.path_of(RUN), SETTLED_S, campaign.extra_names().to_vec());
         let mut written = Ok(());
         let mut view = View::new(self.json.human(), &settings);
         let mut line = Line::default();

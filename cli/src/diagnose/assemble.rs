@@ -68,7 +68,7 @@ pub fn diagnosis(
     let before = rms_with_interval(&errors(|run| run.error_before_deg));
     let rms_after = rms_with_interval(&errors(|run| run.error_after_deg));
     let missed_references = missed::missed(&records, &wrong, &mut warnings);
-    let board_lacks = board::lacks(&model);
+    let board_lacks = board::lacks(&model, &board::measured(runs.iter()));
     let azimuth_rms_board_deg = if board_lacks.is_empty() {
         rms_after.map(|each| each.0)
     } else {

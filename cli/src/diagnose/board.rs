@@ -2,16 +2,26 @@
 
 use north_finder::effects::signal::Signal;
 use north_finder::effects::{ChannelName, Effect, ErrorModel};
+use north_finder::settings::{BlockSettings, Settings};
 use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
 use super::result::BoardLack;
 use crate::run_data::RunData;
 
-/// What a model says of channels and of a run as a whole that a board with an inertial block does not measure, by name and with why.
-pub fn lacks(model: &ErrorModel) -> Vec<BoardLack> {
-    let of_channel = |name: &ChannelName| format!("the board does not measure channel `{}`", name.as_str());
-    let missing = |name: &&ChannelName| !name.is_on_board(true);
+/// The channels that the board of these runs measures beyond those of every second, an inertial block's among them.
+pub fn measured<'a>(mut runs: impl Iterator<Item = &'a RunData>) -> Vec<ChannelName> {
+    let own = runs.next().map_or_else(Settings::default, |run| run.settings.clone());
+    let with_block = Settings { block: own.block.or(Some(BlockSettings::default())), ..own };
+    with_block.channels().iter().copied().collect()
+}
+
+/// What a model says of channels and of a run as a whole that such a board does not measure, by name and with why.
+pub fn lacks(model: &ErrorModel, measured: &[ChannelName]) -> Vec<BoardLack> {
+    let of_channel = |name: &ChannelName| {
+        format!("the board does not measure channel `{}`: give an analogue input that name", name.as_str())
+    };
+    let missing = |name: &&ChannelName| !name.is_on_board(measured);
     let of_terms = model.terms.iter().filter_map(|term| {
         let why = of_channel(term.channels().find(missing)?);
         Some(BoardLack { effect: term.to_string(), why })
@@ -30,7 +40,8 @@ fn follows_clock(effect: &Effect) -> bool {
 
 /// The model without what a board lacks. What that does to the azimuths of the runs, root mean square, is in its sigma.
 pub fn model(whole: &ErrorModel, runs: &[RunData]) -> ErrorModel {
-    let on_board = |name: &ChannelName| name.is_on_board(true);
+    let measured = measured(runs.iter());
+    let on_board = |name: &ChannelName| name.is_on_board(&measured);
     let mut kept = Vec::new();
     let mut model = whole.clone();
     model.terms.retain(|term| {

@@ -1,9 +1,10 @@
 //! What some runs taught: effects, the base's motion, references that are wrong.
 
 use north_finder::effects::doubt::Process;
-use north_finder::effects::{ErrorModel, effect};
+use north_finder::effects::{ChannelName, ErrorModel, effect};
 use rayon::prelude::*;
 
+use super::board;
 use super::moving::{self, Motion};
 use super::names::{self, EARTH_FIELD, FIRST_HARMONIC, GRAVITY_SENSITIVITY, INDEX_OFFSET, LATITUDE, LEVEL_BIAS, Named};
 use super::statistics::rms;
@@ -24,6 +25,8 @@ pub struct Found {
     files: Vec<String>,
     /// What the firmware runs.
     pub model: ErrorModel,
+    /// Channels that the board of the runs measures beyond those of every second.
+    measured: Vec<ChannelName>,
 }
 
 /// What is wrong with a reference, by the files of the runs.
@@ -35,11 +38,12 @@ pub struct WrongReference {
 impl Found {
     /// From runs of any role of an instrument of this family: the caller chooses them. `None` where there are too few to learn from, or no model can hold what was found.
     pub fn learn(runs: &[&RunData], base: &ErrorModel, family: &Family) -> Option<Self> {
+        let measured = board::measured(runs.iter().copied());
         let (motion, base, of_search) = searched(runs, base)?;
         let files = of_search.iter().map(|run| run.file.clone()).collect();
         let learned = if of_search.is_empty() { Learned::default() } else { learn::learn(of_search, family) };
         let model = learned.posterior.written(&base, &learned.runs)?;
-        Some(Self { learned, motion, files, model })
+        Some(Self { learned, motion, files, model, measured })
     }
 
     /// How the unit stands to its family, by its runs.
@@ -176,7 +180,7 @@ impl Found {
             evidence: format!(
                 "log odds {log_odds:.0} of the model over none; it is in models of together {probability:.2} of the probability"
             ),
-            board: effect.channels().all(|name| name.is_on_board(true)),
+            board: effect.channels().all(|name| name.is_on_board(&self.measured)),
         }
     }
 

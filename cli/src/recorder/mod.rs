@@ -10,6 +10,7 @@ use std::mem;
 use std::path::Path;
 
 use inertial::Motion;
+use north_finder::effects::channel::BLOCK_TEMPERATURE;
 use north_finder::event::{Event, Heading, Report, Second, State};
 use north_finder::instrument::replay::Mark;
 use north_finder::sensing::level::Specific;
@@ -69,13 +70,26 @@ fn row(second: &Second) -> Row {
         level: second.level.map(|level| level.mean),
         lost_frames: second.lost_frames,
         own: Some(Own::Second { read, mark: mark(second), moment_arcsec_s: second.moment_arcsec_s, level_moment }),
-        extra: second.block_temp_c.into_iter().collect(),
+        extra: extra(second),
     }
+}
+
+/// The channels beyond those of every second, in the order of [`extra_names`]; not-a-number where one has no reading.
+fn extra(second: &Second) -> Vec<f64> {
+    let auxiliary = second.auxiliary.iter().map(|value| value.map_or(f64::NAN, f64::from));
+    std::iter::once(second.block_temp_c.unwrap_or(f64::NAN)).chain(auxiliary).collect()
+}
+
+/// Their names; empty for an input that has none, which reads nothing.
+pub fn extra_names(settings: &Settings) -> Vec<String> {
+    let auxiliary = settings.analogue.names();
+    let names = auxiliary.iter().map(|name| name.as_ref().map_or_else(String::new, |name| name.as_str().to_owned()));
+    std::iter::once(BLOCK_TEMPERATURE.to_owned()).chain(names).collect()
 }
 
 /// Writes rows as a run's file.
 pub fn write_run(campaign: &CampaignWriter, file: &str, rows: Vec<Row>) -> Result<(), FileError> {
-    let mut run = RunFile::new(campaign.path_of(file), f64::INFINITY);
+    let mut run = RunFile::new(campaign.path_of(file), f64::INFINITY, campaign.extra_names().to_vec());
     run.push(rows)?;
     run.finish().map(|_| ())
 }
@@ -118,7 +132,7 @@ fn campaign(
         arw_deg_per_sqrt_h: Some(settings.gyro.arw_deg_per_sqrt_h),
         settings: Some(file.into()),
     };
-    let writer = CampaignWriter::create(Campaign {
+    let mut writer = CampaignWriter::create(Campaign {
         folder: folder.to_owned(),
         title,
         latitude_deg: Some(settings.latitude_deg),
@@ -126,5 +140,6 @@ fn campaign(
         runs: Vec::new(),
     })?;
     crate::settings_file::write_settings(&folder.join(file), settings)?;
+    writer.name_extra(extra_names(settings));
     Ok(writer)
 }

@@ -186,7 +186,7 @@ impl Pending {
                 level: acceleration_g.map(|[forward, left, _]| Specific { forward, left }),
                 lost_frames: u16::from(frame.increment_arcsec.is_none()),
                 own: Some(Own::Raw { read, mark, az_g: acceleration_g.map_or(up, |[_, _, z]| z) }),
-                extra: Vec::new(),
+                extra: super::extra(second),
             });
         }
         rows

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use north_finder::effects::channel::BLOCK_TEMPERATURE;
 use north_finder::instrument::replay::Mark;
 use north_finder::sensing::level::Specific;
 
@@ -17,6 +16,8 @@ pub struct RunFile {
     path: PathBuf,
     /// The columns are settled when every sensor has given a reading, and after this time at the latest, seconds.
     patience_s: f64,
+    /// Names of the rows' further channels.
+    names: Vec<String>,
     waiting: Vec<Row>,
     open: Option<Open>,
 }
@@ -25,6 +26,8 @@ pub struct RunFile {
 struct Open {
     writer: RunWriter,
     layout: Layout,
+    /// Which of the rows' further channels are columns.
+    places: Vec<usize>,
     last: Readings,
     rows: usize,
     /// Rows from the beginning whose marks are of a fix that was given up.
@@ -41,8 +44,8 @@ struct Readings {
 
 impl RunFile {
     /// A file at `path`, which must not exist; nothing is created before the first row.
-    pub fn new(path: PathBuf, patience_s: f64) -> Self {
-        Self { path, patience_s, waiting: Vec::new(), open: None }
+    pub fn new(path: PathBuf, patience_s: f64, names: Vec<String>) -> Self {
+        Self { path, patience_s, names, waiting: Vec::new(), open: None }
     }
 
     /// Writes rows.
@@ -79,7 +82,7 @@ impl RunFile {
         }
         let open = match &mut self.open {
             Some(open) => open,
-            none => none.insert(Open::create(&self.path, &self.waiting)?),
+            none => none.insert(Open::create(&self.path, &self.names, &self.waiting)?),
         };
         for row in self.waiting.drain(..) {
             open.write(row)?;
@@ -89,22 +92,26 @@ impl RunFile {
 }
 
 impl Open {
-    fn create(path: &Path, rows: &[Row]) -> Result<Self, FileError> {
+    fn create(path: &Path, names: &[String], rows: &[Row]) -> Result<Self, FileError> {
+        let first =
+            |place: usize| rows.iter().filter_map(|row| row.extra.get(place)).copied().find(|value| value.is_finite());
+        let (places, extra): (Vec<usize>, Vec<f64>) =
+            (0..names.len()).filter_map(|place| Some((place, first(place)?))).unzip();
         let last = Readings {
             temp_c: rows.iter().find_map(|row| row.temp_c),
             index_deg: rows.iter().map(|row| row.index_deg).find(|deg| deg.is_finite()).unwrap_or(0.0),
             level: rows.iter().find_map(|row| row.level).unwrap_or_default(),
-            extra: rows.iter().find(|row| !row.extra.is_empty()).map(|row| row.extra.clone()).unwrap_or_default(),
+            extra,
         };
         let layout = Layout {
             temperature: last.temp_c.is_some(),
             level: true,
             lost_frames: true,
             own: Some(if rows.iter().any(is_frame) { OwnLayout::Frames } else { OwnLayout::Seconds }),
-            extra: if last.extra.is_empty() { Vec::new() } else { vec![BLOCK_TEMPERATURE.into()] },
+            extra: places.iter().map(|&place| names[place].clone()).collect(),
         };
         let writer = RunWriter::create(path, layout.clone())?;
-        Ok(Self { writer, layout, last, rows: 0, of_earlier_fix: 0 })
+        Ok(Self { writer, layout, places, last, rows: 0, of_earlier_fix: 0 })
     }
 
     fn write(&mut self, mut row: Row) -> Result<(), FileError> {
@@ -114,8 +121,8 @@ impl Open {
         if row.index_deg.is_finite() {
             last.index_deg = row.index_deg;
         }
-        if !row.extra.is_empty() {
-            last.extra.clone_from(&row.extra);
+        for (last, &place) in last.extra.iter_mut().zip(&self.places) {
+            *last = row.extra.get(place).copied().filter(|value| value.is_finite()).unwrap_or(*last);
         }
         (row.temp_c, row.level) = (last.temp_c, Some(last.level));
         (row.index_deg, row.extra) = (last.index_deg, last.extra.clone());
@@ -134,13 +141,13 @@ fn is_frame(row: &Row) -> bool {
     matches!(row.own, Some(Own::Raw { .. }))
 }
 
-/// Every sensor has given a reading, or there was time for it. Frames carry no temperature of the block.
+/// Every sensor has given a reading, or there was time for it.
 fn settled(rows: &[Row], patience_s: f64) -> bool {
     let (Some(first), Some(end)) = (rows.first(), rows.last()) else { return false };
     let all = rows.iter().any(|row| row.temp_c.is_some())
         && rows.iter().any(|row| row.index_deg.is_finite())
         && rows.iter().any(|row| row.level.is_some())
-        && rows.iter().any(|row| is_frame(row) || !row.extra.is_empty());
+        && rows.iter().any(|row| row.extra.iter().any(|value| value.is_finite()));
     all || end.t_s - first.t_s >= patience_s
 }
 
@@ -187,7 +194,7 @@ mod tests {
     fn what_was_not_read_repeats_the_last_reading() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.csv");
-        let mut file = RunFile::new(path.clone(), f64::INFINITY);
+        let mut file = RunFile::new(path.clone(), f64::INFINITY, Vec::new());
         let indices = [f64::NAN, 5.0, f64::NAN, 7.0];
         file.push((0..4).map(|t| Row { index_deg: indices[t], ..second(t as f64, Mark::default()) })).unwrap();
         assert_eq!(file.finish().unwrap(), 4);
@@ -199,7 +206,7 @@ mod tests {
     fn rows_are_on_the_disk_when_they_are_pushed() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.csv");
-        let mut file = RunFile::new(path.clone(), 2.0);
+        let mut file = RunFile::new(path.clone(), 2.0, Vec::new());
         for t in 1..=2 {
             file.push([second(f64::from(t), Mark::default())]).unwrap();
             assert!(!path.exists());
@@ -215,7 +222,7 @@ mod tests {
     fn rows_before_the_last_start_are_of_no_dwell() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.csv");
-        let mut file = RunFile::new(path.clone(), 0.0);
+        let mut file = RunFile::new(path.clone(), 0.0, Vec::new());
         let dwell = |number| Mark { dwell: Some(number), waited_at: None };
         file.push([second(1.0, dwell(0)), second(2.0, dwell(1))]).unwrap();
         file.start_again();

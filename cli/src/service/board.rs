@@ -1,7 +1,7 @@
 //! A board's log as the rows of a file.
 
 use north_finder::event::restart::{Crash, WORDS};
-use north_finder::event::service::record::{self, Context, CrashPart, LENGTH, Place, Record};
+use north_finder::event::service::record::{self, Context, CrashPart, LENGTH, More, Place, Record};
 use time::OffsetDateTime;
 use time::format_description::well_known::Rfc3339;
 
@@ -33,10 +33,28 @@ impl BoardLog {
                     }
                 }
                 Place::Holds(Record::Crash(part)) => self.crash(&part),
+                Place::Holds(Record::More(more)) => self.more(&more),
                 Place::Unreadable => self.unreadable += 1,
                 Place::Blank => {}
             }
         }
+    }
+
+    fn more(&mut self, more: &More) {
+        let Some(last) = self.fixes.last_mut() else { return };
+        let [input_1, input_2, input_3, input_4, supply_v, chip_temp_c] =
+            more.auxiliary.map(|value| value.map(f64::from));
+        *last = Logged {
+            scatter_deg_h: Some(more.scatter_deg_h.into()),
+            block_temp_c: more.block_temp_c.map(Into::into),
+            input_1,
+            input_2,
+            input_3,
+            input_4,
+            supply_v,
+            chip_temp_c,
+            ..std::mem::take(last)
+        };
     }
 
     fn crash(&mut self, part: &CrashPart) {
@@ -74,7 +92,7 @@ impl BoardLog {
             flags: flags.join(" "),
             firmware: format!("{firmware:08x}"),
             model: if *model == 0 { String::new() } else { format!("{model:08x}") },
-            check_deg: None,
+            ..Logged::default()
         });
     }
 }
@@ -95,7 +113,12 @@ mod tests {
             })
         };
         let context = Context { sector: 4, fix: 100, boot: 7, firmware: 0xBEEF, model: 0xC0FFEE };
-        let records = [Record::Context(context), fix(true), Record::Check(90.25), fix(false)];
+        let more = Record::More(More {
+            scatter_deg_h: 0.5,
+            auxiliary: [None, None, None, None, Some(12.0), None],
+            ..More::default()
+        });
+        let records = [Record::Context(context), fix(true), more, Record::Check(90.25), fix(false)];
         let mut bytes: Vec<u8> = records.iter().flat_map(Record::bytes).collect();
         bytes.extend([0; LENGTH]);
         let mut log = BoardLog::default();
@@ -104,6 +127,7 @@ mod tests {
         let [one, two] = &log.fixes[..] else { panic!() };
         assert_eq!((one.fix, one.boot, two.fix, two.boot), (101, 8, 102, 8));
         assert_eq!((one.utc.as_str(), one.check_deg, two.check_deg), ("2026-01-01T00:00:00Z", Some(90.25), None));
+        assert_eq!((one.scatter_deg_h, one.supply_v, two.supply_v), (Some(0.5), Some(12.0), None));
         assert_eq!((one.model.as_str(), one.firmware.as_str(), one.temp_c), ("00c0ffee", "0000beef", Some(20.5)));
     }
 }

@@ -27,7 +27,17 @@ pub struct Logged {
     pub bias_deg_h: Option<f64>,
     pub amplitude_deg_h: Option<f64>,
     pub drift_deg_h_per_h: Option<f64>,
+    /// Root mean square of a dwell's seconds about their mean, °/h.
+    pub scatter_deg_h: Option<f64>,
     pub temp_c: Option<f64>,
+    pub block_temp_c: Option<f64>,
+    /// The analogue channels.
+    pub input_1: Option<f64>,
+    pub input_2: Option<f64>,
+    pub input_3: Option<f64>,
+    pub input_4: Option<f64>,
+    pub supply_v: Option<f64>,
+    pub chip_temp_c: Option<f64>,
     pub flags: String,
     /// CRC-32 of the program and of the error model that made it, hexadecimal.
     pub firmware: String,
@@ -49,7 +59,6 @@ impl Logged {
         Self {
             fix: number as u64,
             boot: number as u64,
-            t_s: None,
             utc: run.started.clone().unwrap_or_default(),
             azimuth_deg: Some(fix.azimuth_deg),
             sigma_deg: Some(fix.sigma_deg),
@@ -60,9 +69,8 @@ impl Logged {
             drift_deg_h_per_h: Some(fix.drift_deg_h_per_h),
             temp_c,
             flags: flags.join(" "),
-            firmware: String::new(),
-            model: String::new(),
             check_deg: run.reference_azimuth_deg,
+            ..Self::default()
         }
     }
 }
@@ -115,6 +123,14 @@ fn read_one(path: &Path, fixes: &mut Vec<Logged>) -> Result<(), FileError> {
         "drift_deg_h_per_h",
         "temp_c",
         "check_deg",
+        "scatter_deg_h",
+        "block_temp_c",
+        "input_1",
+        "input_2",
+        "input_3",
+        "input_4",
+        "supply_v",
+        "chip_temp_c",
     ]
     .map(|name| table.find(name));
     let [utc, flags, firmware, model] = ["utc", "flags", "firmware", "model"].map(|name| table.find(name));
@@ -135,6 +151,14 @@ fn read_one(path: &Path, fixes: &mut Vec<Logged>) -> Result<(), FileError> {
             drift_deg_h_per_h,
             temp_c,
             check_deg,
+            scatter_deg_h,
+            block_temp_c,
+            input_1,
+            input_2,
+            input_3,
+            input_4,
+            supply_v,
+            chip_temp_c,
         ] = places;
         let row = Logged {
             fix: whole(fix)?,
@@ -149,6 +173,14 @@ fn read_one(path: &Path, fixes: &mut Vec<Logged>) -> Result<(), FileError> {
             amplitude_deg_h: number(amplitude_deg_h)?,
             drift_deg_h_per_h: number(drift_deg_h_per_h)?,
             temp_c: number(temp_c)?,
+            scatter_deg_h: number(scatter_deg_h)?,
+            block_temp_c: number(block_temp_c)?,
+            input_1: number(input_1)?,
+            input_2: number(input_2)?,
+            input_3: number(input_3)?,
+            input_4: number(input_4)?,
+            supply_v: number(supply_v)?,
+            chip_temp_c: number(chip_temp_c)?,
             flags: text(flags),
             firmware: text(firmware),
             model: text(model),

@@ -51,6 +51,32 @@ part! {
     }
 }
 
+/// What an analogue input carries.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AnalogueSource {
+    /// Nothing: 0 V.
+    Open,
+    /// A thermometer of 0.5 V + 10 mV/°C at the housing.
+    Housing,
+    /// The same at the gyro.
+    Gyro,
+}
+
+part! {
+    /// The analogue inputs of the microcontroller.
+    Analogue {
+        /// What the first one carries.
+        first: AnalogueSource = AnalogueSource::Open, Choice;
+        /// The second one.
+        second: AnalogueSource = AnalogueSource::Open, Choice;
+        /// The third one.
+        third: AnalogueSource = AnalogueSource::Open, Choice;
+        /// The fourth one.
+        fourth: AnalogueSource = AnalogueSource::Open, Choice;
+    }
+}
+
 part! {
     /// The absolute encoder on the spindle, counter-clockwise positive.
     Encoder {

@@ -17,7 +17,10 @@ mod site;
 
 pub use block::{Block, Carry};
 pub use describe::{Field, Group, Table};
-pub use devices::{Accelerometer, Encoder, Link, LinkFault, LinkFaultKind, Motor, SensorFault, SensorFaultKind};
+pub use devices::{
+    Accelerometer, Analogue, AnalogueSource, Encoder, Link, LinkFault, LinkFaultKind, Motor, SensorFault,
+    SensorFaultKind,
+};
 pub use error::ScenarioError;
 pub use gyro::{Gyro, GyroFault, GyroFaultKind, GyroFormat, Harmonic};
 pub use operator::Operator;
@@ -42,6 +45,8 @@ part! {
         base: Base = Base::default(), Inner;
         /// The supply voltage.
         supply: Supply = Supply::default(), Inner;
+        /// What is wired to the analogue inputs.
+        analogue: Analogue = Analogue::default(), Inner;
         /// The gyro.
         gyro: Gyro = Gyro::default(), Inner;
         /// The accelerometer.

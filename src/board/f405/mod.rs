@@ -9,11 +9,14 @@
 //! | PB12, PB13, PB14, PB15 (SPI2) | encoder AS5048A: select, clock, data out, data in |
 //! | PA15, PC10, PC11, PC12 (SPI3) | block ADIS16505, where there is one: select, clock, data out, data in |
 //! | PB6 (TIM4 channel 1) | block, sync input: it samples in step with this pulse of 100 Hz |
+//! | PC0, PC1, PC2, PC3 (converter 1) | four analogue inputs, 0 to 3.3 V |
+//! | PC4 (converter 1) | supply, behind its divider |
 //! | PC6, PC7, PC8 | motor driver: step, direction, not-enable |
 //!
 //! The settings are in the flash, sectors 1 and 2: see [`flash`]. Where the crystal does not start or has another frequency, the internal
 //! oscillator is used (see [`clock`]), and the first report tells it.
 
+mod analogue;
 mod bus;
 mod clock;
 mod flash;
@@ -22,6 +25,7 @@ mod slots;
 
 use core::convert::Infallible;
 
+pub use analogue::{Converter, analogue_calibration};
 use bus::Ending;
 use cortex_m::peripheral::DWT;
 use defmt_rtt as _;
@@ -98,6 +102,7 @@ pub struct Board {
     pub direction: Direction,
     pub enable: Enable,
     pub flash: Flash,
+    pub converter: Converter,
     /// Whether the clock runs from the crystal.
     pub crystal: Option<bool>,
 }
@@ -176,6 +181,10 @@ pub fn init(device: pac::Peripherals, intake: &'static Intake) -> Board {
     let Ok(encoder) =
         ExclusiveDevice::new_no_delay(encoder, Held(b.pb12.into_push_pull_output_in_state(PinState::High)));
 
+    let pins =
+        (c.pc0.into_analog(), c.pc1.into_analog(), c.pc2.into_analog(), c.pc3.into_analog(), c.pc4.into_analog());
+    let converter = Converter::new(device.ADC1, &device.ADC_COMMON, pins, &mut rcc);
+
     Board {
         ticker: Ticker::new(device.TIM2, tick_cycles, device.TIM4, rcc.clocks.sysclk(), gyro_bytes, requests),
         slots: Slots::new(device.TIM3, slot_cycles),
@@ -190,6 +199,7 @@ pub fn init(device: pac::Peripherals, intake: &'static Intake) -> Board {
         direction: c.pc7.into_push_pull_output(),
         enable: ActiveLow(c.pc8.into_push_pull_output_in_state(PinState::High)),
         flash,
+        converter,
         crystal: Some(crystal),
     }
 }

@@ -24,9 +24,11 @@ use cortex_m::peripheral::{NVIC, SCB};
 use embedded_hal::digital::{self, OutputPin};
 use embedded_hal::spi::{self, Operation, SpiDevice};
 use heapless::Vec;
+use north_finder::drivers::analogue::{self, Input};
 use north_finder::drivers::intake::{Intake, Line};
 use north_finder::event::identity;
 use north_finder::event::restart::Cause;
+use north_finder::instrument::analogue::Calibration;
 use north_finder::instrument::update;
 use north_finder::link::MAX_REPORT;
 
@@ -41,6 +43,8 @@ const SLOT_CYCLES: u32 = TIMER_CYCLES / SLOTS_PER_TICK as u32;
 /// Rounds of two instructions in a tick, where one takes the 8 ns that QEMU is told.
 pub const TICK_ROUNDS: u32 = 156_250;
 const SLOTS_PER_TICK: u8 = 8;
+/// No analogue input is converted.
+const NO_INPUT: u8 = 0xFF;
 
 /// How time passes.
 #[derive(Clone, Copy, PartialEq)]
@@ -60,6 +64,9 @@ struct State {
     slots_run: bool,
     slots_begun: u8,
     edges: Vec<u8, 64>,
+    /// The analogue input that is converted, and the last result.
+    input: u8,
+    code: u16,
     /// A report is out.
     sent: bool,
 }
@@ -71,6 +78,8 @@ static STATE: Mutex<RefCell<State>> = Mutex::new(RefCell::new(State {
     slots_run: false,
     slots_begun: 0,
     edges: Vec::new(),
+    input: NO_INPUT,
+    code: 0,
     sent: false,
 }));
 
@@ -92,6 +101,7 @@ pub struct Board {
     pub direction: Direction,
     pub enable: Enable,
     pub flash: Flash,
+    pub converter: Converter,
     /// There is none.
     pub crystal: Option<bool>,
 }
@@ -128,6 +138,7 @@ pub fn init(_device: pac::Peripherals, intake: &'static Intake) -> Board {
         direction: Pin,
         enable: Pin,
         flash: Flash,
+        converter: Converter,
         crystal: None,
     }
 }
@@ -227,9 +238,11 @@ impl State {
     fn tick(&mut self, intake: &Intake) {
         let all_cycles = self.tick_began.wrapping_sub(pac::TIMER0.remaining());
         let busy_cycles = all_cycles.wrapping_sub(self.exchange.take_cycles());
-        let reply = self.exchange.ask(b'T', &[&busy_cycles.to_le_bytes(), &self.edges]);
+        let input = core::mem::replace(&mut self.input, NO_INPUT);
+        let reply = self.exchange.ask(b'T', &[&busy_cycles.to_le_bytes(), &[input], &self.edges]);
         let (status, gyro, requests) = match *reply {
-            [status, low, high, ref bytes @ ..] => {
+            [status, code_low, code_high, low, high, ref bytes @ ..] => {
+                self.code = u16::from_le_bytes([code_low, code_high]);
                 let (gyro, requests) = bytes.split_at(u16::from_le_bytes([low, high]).into());
                 (status, gyro, requests)
             }
@@ -314,6 +327,24 @@ impl<const NUMBER: u8> OutputPin for Pin<NUMBER> {
         self.set(true);
         Ok(())
     }
+}
+
+/// The analogue inputs: converted by the host, with the next tick.
+pub struct Converter;
+
+impl analogue::Converter for Converter {
+    fn start(&mut self, input: Input) {
+        with(|state| state.input = input as u8);
+    }
+
+    fn result(&mut self) -> Option<u16> {
+        Some(with(|state| state.code))
+    }
+}
+
+/// No maker converted anything.
+pub fn analogue_calibration() -> Calibration {
+    Calibration::TYPICAL
 }
 
 /// The gyro's line.

@@ -33,7 +33,7 @@ impl Service {
                 self.watch.next(&logged.values(), logged.first);
                 self.last = Some(*logged);
             }
-            Record::Fix(_) | Record::Crash(_) => {}
+            Record::Fix(_) | Record::Crash(_) | Record::More(_) => {}
             Record::Check(surveyed_deg) => {
                 self.check(*surveyed_deg);
             }

@@ -1,6 +1,6 @@
 //! What the log holds: records of 32 bytes, each with its check sum.
 //!
-//! A flash keeps two thousand fixes and more where one of its two sectors, of 64 KiB, was just left alone by an erase: 32 bytes are what a record may take. Numbers are
+//! A flash keeps a thousand fixes and more where one of its two sectors, of 64 KiB, was just left alone by an erase: 32 bytes are what a record may take. Numbers are
 //! little-endian; a number of 3 bytes is an `f32` without its lowest byte (16 bits of mantissa), one of 2 bytes without its lower half (8 bits).
 //!
 //! | kind | record | fields |
@@ -9,11 +9,13 @@
 //! | 3 | what holds for the fixes after it | number of the sector in the order of writing (4), of the last fix (4), of the last switch-on (4), CRC-32 of the program (4), of the error model (4, 0: none) |
 //! | 4 | a surveyed azimuth at which the last fix was made | ° (8) |
 //! | 5 | a part of a crash | its number (1), from 0; 25 bytes of the words of [`crate::event::restart::Crash::to_words`], which four parts hold |
+//! | 6 | what else was measured with the fix before | scatter of its seconds in °/h (3), the block's temperature in °C/100 (2, as the gyro's), the analogue channels (3 each; not-a-number: none) |
 //!
 //! The last two bytes are the CRC-16/IBM-SDLC of the others. A record all of whose bytes are FF is not written yet.
 
 use crc::{CRC_16_IBM_SDLC, Crc, NoTable};
 
+use crate::event::Auxiliary;
 use crate::fix::Fix;
 use crate::health::Flags;
 
@@ -66,6 +68,16 @@ pub enum Record {
     /// The last fix was made at this surveyed azimuth, degrees.
     Check(f64),
     Crash(CrashPart),
+    More(More),
+}
+
+/// What else was measured with a fix.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct More {
+    /// Root mean square of a dwell's seconds about their mean, over all dwells, °/h.
+    pub scatter_deg_h: f32,
+    pub block_temp_c: Option<f32>,
+    pub auxiliary: Auxiliary,
 }
 
 /// A part of a crash.
@@ -110,7 +122,6 @@ impl Record {
         let mut writer = Writer { bytes: [0; LENGTH], at: 0 };
         match self {
             Self::Fix(fix) => {
-                let temperature = fix.temp_c.map_or(i16::MIN, |temp_c| libm::roundf(100.0 * temp_c) as i16);
                 writer.put(&[if fix.first { 2 } else { 1 }]);
                 writer.low(fix.flags.bits(), 3);
                 writer.low(fix.t_s.min(0xFF_FFFF), 3);
@@ -122,7 +133,7 @@ impl Record {
                 writer.float(fix.bias_deg_h, 3);
                 writer.float(fix.amplitude_deg_h, 3);
                 writer.float(fix.drift_deg_h_per_h, 2);
-                writer.put(&temperature.to_le_bytes());
+                writer.temperature(fix.temp_c);
             }
             Self::Context(Context { sector, fix, boot, firmware, model }) => {
                 writer.put(&[3]);
@@ -135,6 +146,12 @@ impl Record {
             Self::Crash(part) => {
                 writer.put(&[5, part.number]);
                 writer.put(&part.bytes);
+            }
+            Self::More(More { scatter_deg_h, block_temp_c, auxiliary }) => {
+                writer.put(&[6]);
+                writer.float(*scatter_deg_h, 3);
+                writer.temperature(*block_temp_c);
+                auxiliary.iter().for_each(|value| writer.float(value.unwrap_or(f32::NAN), 3));
             }
         }
         writer.finish()
@@ -165,7 +182,7 @@ pub fn read(bytes: &[u8; LENGTH]) -> Place {
                 bias_deg_h: reader.float(3),
                 amplitude_deg_h: reader.float(3),
                 drift_deg_h_per_h: reader.float(2),
-                temp_c: Some(reader.low(2) as u16 as i16).filter(|&c| c != i16::MIN).map(|c| f32::from(c) / 100.0),
+                temp_c: reader.temperature(),
                 flags,
             })
         }
@@ -185,6 +202,11 @@ pub fn read(bytes: &[u8; LENGTH]) -> Place {
             let Some((bytes, _)) = reader.0.split_first_chunk() else { return Place::Unreadable };
             Record::Crash(CrashPart { number, bytes: *bytes })
         }
+        6 => Record::More(More {
+            scatter_deg_h: reader.float(3),
+            block_temp_c: reader.temperature(),
+            auxiliary: core::array::from_fn(|_| Some(reader.float(3)).filter(|value| value.is_finite())),
+        }),
         _ => return Place::Unreadable,
     };
     Place::Holds(record)
@@ -215,6 +237,12 @@ impl Writer {
         self.low(rounded, count);
     }
 
+    /// °C/100.
+    fn temperature(&mut self, temp_c: Option<f32>) {
+        let count = temp_c.map_or(i16::MIN, |temp_c| libm::roundf(100.0 * temp_c) as i16);
+        self.put(&count.to_le_bytes());
+    }
+
     fn finish(mut self) -> [u8; LENGTH] {
         let check = CRC.checksum(self.bytes.get(..CONTENT).unwrap_or_default());
         self.at = CONTENT;
@@ -230,6 +258,10 @@ impl Reader<'_> {
         let (now, later) = self.0.split_at_checked(count).unwrap_or((self.0, &[]));
         self.0 = later;
         now.iter().rev().fold(0, |number, &byte| number << 8 | u32::from(byte))
+    }
+
+    fn temperature(&mut self) -> Option<f32> {
+        Some(self.low(2) as u16 as i16).filter(|&count| count != i16::MIN).map(|count| f32::from(count) / 100.0)
     }
 
     fn float(&mut self, count: usize) -> f32 {
@@ -284,6 +316,11 @@ mod tests {
             Record::Context(context),
             Record::Crash(CrashPart { number: 3, bytes: core::array::from_fn(|at| at as u8) }),
             Record::Check(123.456_789),
+            Record::More(More {
+                scatter_deg_h: 0.125,
+                block_temp_c: Some(-3.25),
+                auxiliary: [Some(-0.5), None, Some(1024.0), None, Some(12.0), Some(41.5)],
+            }),
             Record::Fix(Logged { temp_c: None, ..Logged::default() }),
         ] {
             assert_eq!(read(&record.bytes()), Place::Holds(record));

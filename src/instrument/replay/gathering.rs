@@ -95,7 +95,8 @@ impl Seconds {
             }
         };
         self.sequence = ((u16::from(self.sequence) + 1) % self.format.sequence_modulus()) as u8;
-        let second = self.readings.finish(&rate?, row.t_s).directed();
+        let mut second = self.readings.finish(&rate?, row.t_s).directed();
+        second.conditions.channels = row.channels;
         Some(RecordedSecond { second, belonging: Belonging::Marked(row.mark) })
     }
 }

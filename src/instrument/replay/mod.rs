@@ -84,6 +84,8 @@ pub struct RawRow {
     pub temp_c: Option<f64>,
     pub acceleration_g: Option<[f64; 3]>,
     pub index_deg: Option<f64>,
+    /// Further channels, in the order of [`crate::effects::ErrorModel::channels`], over the second that it belongs to.
+    pub channels: [f64; MAX_CHANNELS],
     /// Of the second that it belongs to.
     pub mark: Mark,
 }

@@ -10,7 +10,7 @@ use serde::Deserialize;
 
 use crate::effects::{Doubt, ErrorModel};
 use crate::sensing::sample::GyroSettings;
-use crate::settings::{IndexSettings, LevelSettings, LinkSettings, Settings};
+use crate::settings::{AnalogueSettings, IndexSettings, LevelSettings, LinkSettings, Settings};
 
 type Content<'a> = Deserializer<'a, Slice<'a>>;
 
@@ -31,6 +31,7 @@ pub fn read(content: &[u8], version: u16, settings: &mut Settings) -> Option<()>
         accelerometer,
         block,
         link,
+        analogue,
     } = settings;
     set(from, latitude_deg)?;
     read_gyro(from, version, gyro)?;
@@ -47,6 +48,7 @@ pub fn read(content: &[u8], version: u16, settings: &mut Settings) -> Option<()>
     set(from, accelerometer)?;
     set(from, block)?;
     *link = if version < 9 { LinkSettings::default() } else { next(from)? };
+    *analogue = if version < 9 { AnalogueSettings::default() } else { next(from)? };
     content.finalize().is_ok_and(<[u8]>::is_empty).then_some(())
 }
 

@@ -19,7 +19,8 @@ use crate::effects::{
 };
 use crate::fix::heading::settings::BlockSettings;
 use crate::sequence::order::{MAX_POSITIONS, Order};
-use crate::settings::Settings;
+use crate::settings::analogue::InputSettings;
+use crate::settings::{AnalogueSettings, Settings};
 
 /// Every number needs all its bytes, every list is full, every effect is of the longest kind.
 pub fn settings() -> Settings {
@@ -44,6 +45,14 @@ pub fn settings() -> Settings {
         range_deg_s: Some(1.1),
         ..BlockSettings::default()
     });
+    let input = |name| Some(InputSettings { name: ChannelName::new(name).unwrap(), zero_v: 1.1, per_v: 1.1 });
+    settings.analogue = AnalogueSettings {
+        first: input("a_name_of_twenty_four_by"),
+        second: input("b_name_of_twenty_four_by"),
+        third: input("c_name_of_twenty_four_by"),
+        fourth: input("d_name_of_twenty_four_by"),
+        ..AnalogueSettings::default()
+    };
     settings
 }
 

@@ -4,7 +4,7 @@ use embedded_hal::digital::OutputPin;
 use embedded_io::Read as _;
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 use hal_sim::flash::FlashError;
-use hal_sim::{AccelerometerSpi, BlockSpi, EncoderSpi, Flash, GyroLine, Pin, World};
+use hal_sim::{AccelerometerSpi, AnalogueInputs, BlockSpi, EncoderSpi, Flash, GyroLine, Pin, World};
 use north_finder::drivers::step_motor::SLOTS_PER_TICK;
 
 use super::wire::{Ask, Edge};
@@ -12,6 +12,7 @@ use super::wire::{Ask, Edge};
 pub struct Instrument {
     world: World,
     gyro: GyroLine,
+    inputs: AnalogueInputs,
     accelerometer: AccelerometerSpi,
     encoder: EncoderSpi,
     block: BlockSpi,
@@ -23,6 +24,7 @@ impl Instrument {
     pub fn new(world: &World) -> Self {
         Self {
             gyro: world.gyro(),
+            inputs: world.analogue(),
             accelerometer: world.accelerometer(),
             encoder: world.encoder(),
             block: world.block(),
@@ -49,6 +51,11 @@ impl Instrument {
             gyro.extend(bytes.iter().take(count));
         }
         gyro
+    }
+
+    /// What the converter makes of an input as it is now.
+    pub fn convert(&self, input: u8) -> u16 {
+        self.inputs.code(input.into())
     }
 
     /// The gyro hears a byte.

@@ -152,7 +152,7 @@ pub fn serve(
     };
     loop {
         match qemu.receive()? {
-            Ask::Tick { busy_cycles, edges } => {
+            Ask::Tick { busy_cycles, input, edges } => {
                 cost.count(busy_cycles);
                 hear(&lines.receive()?, person, &mut off)?;
                 if stop.load(Ordering::Relaxed) {
@@ -163,12 +163,13 @@ pub fn serve(
                 let reply = if off.is_some() {
                     wire::power_off()
                 } else {
+                    let code = instrument.convert(input);
                     let gyro = instrument.tick(edges);
                     if let Some(request) = person.request(cost.ticks) {
                         requests.send(&request)?;
                     }
                     cost.ticks += 1;
-                    lines.send(&gyro, &requests.tick())?
+                    lines.send(code, &gyro, &requests.tick())?
                 };
                 qemu.reply(&reply)?;
             }

@@ -5,7 +5,7 @@ use super::QemuError;
 /// What the firmware asks.
 #[derive(Debug, PartialEq)]
 pub enum Ask<'a> {
-    Tick { busy_cycles: u32, edges: &'a [u8] },
+    Tick { busy_cycles: u32, input: u8, edges: &'a [u8] },
     Spi { device: u8, mosi: &'a [u8] },
     Gyro { byte: u8 },
     Uart { bytes: &'a [u8] },
@@ -27,8 +27,9 @@ impl<'a> Ask<'a> {
     fn decode_payload(opcode: u8, payload: &'a [u8]) -> Option<Self> {
         Some(match opcode {
             b'T' => {
-                let (busy_cycles, edges) = split_u32(payload)?;
-                Self::Tick { busy_cycles, edges }
+                let (busy_cycles, rest) = split_u32(payload)?;
+                let (&input, edges) = rest.split_first()?;
+                Self::Tick { busy_cycles, input, edges }
             }
             b'S' => {
                 let (&device, mosi) = payload.split_first()?;
@@ -76,9 +77,10 @@ impl From<u8> for Edge {
     }
 }
 
-/// The answer to a tick: go on, with these bytes for the gyro's and the host's line.
-pub fn tick_reply(gyro: &[u8], requests: &[u8]) -> Vec<u8> {
+/// The answer to a tick: go on, with this code of the converter and these bytes for the gyro's and the host's line.
+pub fn tick_reply(code: u16, gyro: &[u8], requests: &[u8]) -> Vec<u8> {
     let mut reply = vec![0];
+    reply.extend(code.to_le_bytes());
     reply.extend((gyro.len() as u16).to_le_bytes());
     reply.extend(gyro);
     reply.extend(requests);
@@ -87,7 +89,7 @@ pub fn tick_reply(gyro: &[u8], requests: &[u8]) -> Vec<u8> {
 
 /// The answer to a tick: the power goes off.
 pub fn power_off() -> Vec<u8> {
-    vec![1, 0, 0]
+    vec![1, 0, 0, 0, 0]
 }
 
 #[cfg(test)]
@@ -96,8 +98,8 @@ mod tests {
 
     #[test]
     fn a_tick_with_an_edge() {
-        let ask = Ask::decode(&[b'T', 0x10, 0x27, 0, 0, 0b1010_0001]).unwrap();
-        assert_eq!(ask, Ask::Tick { busy_cycles: 10_000, edges: &[0b1010_0001] });
+        let ask = Ask::decode(&[b'T', 0x10, 0x27, 0, 0, 4, 0b1010_0001]).unwrap();
+        assert_eq!(ask, Ask::Tick { busy_cycles: 10_000, input: 4, edges: &[0b1010_0001] });
         assert_eq!(Edge::from(0b1010_0001), Edge { slot: 5, pin: 0, level: true });
         assert_eq!(Edge::from(0b0000_0100), Edge { slot: 0, pin: 2, level: false });
     }
@@ -111,6 +113,6 @@ mod tests {
 
     #[test]
     fn replies() {
-        assert_eq!(tick_reply(&[7, 8], &[9]), [0, 2, 0, 7, 8, 9]);
+        assert_eq!(tick_reply(0x0102, &[7, 8], &[9]), [0, 2, 1, 2, 0, 7, 8, 9]);
     }
 }

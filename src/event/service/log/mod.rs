@@ -9,7 +9,7 @@
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 
 use super::flash::LOG_SECTORS;
-use super::record::{self, CRASH_PART, Context, CrashPart, LENGTH, Logged, Place, Record};
+use super::record::{self, CRASH_PART, Context, CrashPart, LENGTH, Logged, More, Place, Record};
 use crate::event::restart::{Crash, WORDS};
 
 /// Places of a sector below which the next one is erased at power-up: a day's fixes.
@@ -107,7 +107,7 @@ impl FixLog {
                 self.crashes = 0;
             }
             Record::Crash(CrashPart { number: 0, .. }) => self.crashes = self.crashes.saturating_add(1),
-            Record::Crash(_) | Record::Check(_) => {}
+            Record::Crash(_) | Record::Check(_) | Record::More(_) => {}
         }
     }
 
@@ -143,6 +143,11 @@ impl FixLog {
         self.append(flash, &Record::Fix(fix))?;
         self.switched_on = true;
         Ok(())
+    }
+
+    /// Says what else was measured with the last fix.
+    pub fn more<F: NorFlash>(&mut self, flash: &mut F, more: &More) -> Result<(), F::Error> {
+        self.append(flash, &Record::More(*more))
     }
 
     /// Says at which surveyed azimuth the last fix was made.
