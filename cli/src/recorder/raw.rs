@@ -8,6 +8,7 @@ use north_finder::event::raw::Item;
 use north_finder::event::{Event, Report, State};
 use north_finder::health::Counters;
 use north_finder::instrument::Readings;
+use north_finder::sensing::frame::setup::{Progress, Setup};
 use north_finder::sensing::frame::{self, FrameReader, GyroFormat};
 use north_finder::sensing::level::Specific;
 use north_finder::sensing::sample::{GyroSettings, SAMPLE_S, SAMPLES_PER_SECOND, Sampler};
@@ -24,6 +25,8 @@ const FRAMES: usize = SAMPLES_PER_SECOND as usize;
 #[derive(Clone, Debug)]
 pub struct RawRecorder {
     format: GyroFormat,
+    /// While the gyro is told what to send nothing of it is a frame, as for the instrument.
+    setup: Option<Setup>,
     reader: FrameReader,
     sampler: Sampler,
     /// Seconds that the instrument has not reported yet.
@@ -54,6 +57,7 @@ impl RawRecorder {
     pub fn new(gyro: GyroSettings) -> Self {
         Self {
             format: gyro.format,
+            setup: gyro.configure.then(Setup::default),
             reader: FrameReader::new(gyro.format),
             sampler: Sampler::new(gyro),
             seconds: VecDeque::from([Pending::default()]),
@@ -65,9 +69,17 @@ impl RawRecorder {
 
     /// Takes what one tick brought.
     pub fn tick(&mut self, readings: &Readings, gyro_bytes: &[u8]) {
-        for &byte in gyro_bytes {
-            if let Some(frame) = self.reader.push(byte) {
-                self.item(&Item::Frame(frame));
+        match &mut self.setup {
+            Some(setup) => {
+                gyro_bytes.iter().for_each(|&byte| setup.hear(byte));
+                self.setup.take_if(|setup| !matches!(setup.tick(), Progress::UnderWay(_)));
+            }
+            None => {
+                for &byte in gyro_bytes {
+                    if let Some(frame) = self.reader.push(byte) {
+                        self.item(&Item::Frame(frame));
+                    }
+                }
             }
         }
         match readings.sensors {
