@@ -18,6 +18,9 @@ const F405: u16 = 0x413;
 const REFERENCE_AT_MAKER: *const u16 = 0x1FFF_7A2A as *const u16;
 const THERMOMETER_AT_MAKER: [*const u16; 2] = [0x1FFF_7A2C as *const u16, 0x1FFF_7A2E as *const u16];
 
+/// The inputs and the divided supply.
+type Pins = (PC0<Analog>, PC1<Analog>, PC2<Analog>, PC3<Analog>, PC4<Analog>);
+
 /// The converter.
 pub struct Converter {
     registers: pac::ADC1,
@@ -26,12 +29,7 @@ pub struct Converter {
 
 impl Converter {
     /// The pins are only to be analogue.
-    pub fn new(
-        registers: pac::ADC1,
-        common: &pac::ADC_COMMON,
-        _pins: (PC0<Analog>, PC1<Analog>, PC2<Analog>, PC3<Analog>, PC4<Analog>),
-        rcc: &mut Rcc,
-    ) -> Self {
+    pub fn new(registers: pac::ADC1, common: &pac::ADC_COMMON, _pins: Pins, rcc: &mut Rcc) -> Self {
         pac::ADC1::enable(rcc);
         pac::ADC1::reset(rcc);
         common.ccr().write(|w| w.adcpre().div4().tsvrefe().set_bit());
