@@ -81,3 +81,24 @@ fn the_same_seed_gives_the_same_rows() {
     assert_eq!(rows(&scenario, 5), rows(&scenario, 5));
     assert_ne!(rows(&scenario, 5), rows(&scenario, 6));
 }
+
+/// To and fro in rows of 0.05 s, an axis 60 arcsec off the normal of the spindle: it feels sin(60 arcsec) of 30 °/s, 31.4 °/h, with the sign of the turning;
+/// the mean over an even turn of 180° from the north to the south has nothing of the horizontal rate. An uneven drive ends its rows elsewhere.
+#[test]
+fn an_axis_off_the_normal_feels_the_turning() {
+    let mut scenario = quiet();
+    scenario.gyro.axis_elevation_arcsec = 60.0;
+    scenario.site.azimuth_deg = 0.0;
+    let world = SiteAndGyro::from(&scenario);
+    let mut generator = SecondsGenerator::new(&world, 1).with_interval_s(0.05);
+    let up_deg_h = 15.041067 * scenario.site.latitude_deg.to_radians().sin() * 60.0 / 206_264.8;
+    for (to_deg, sign) in [(180.0, 1.0), (0.0, -1.0)] {
+        let turned_arcsec: f64 = generator.turn(to_deg, 6.0).iter().map(|row| row.fog_arcsec).sum();
+        let expected_deg_h = sign * 30.0 * 3600.0 * 60.0 / 206_264.8 + up_deg_h;
+        assert!((turned_arcsec / 6.0 - expected_deg_h).abs() < 1e-2, "{} {expected_deg_h}", turned_arcsec / 6.0);
+    }
+    let uneven = SiteAndGyro { unevenness_deg: 0.02, ..world.clone() };
+    let [even, uneven] = [world, uneven].map(|world| SecondsGenerator::new(&world, 1).turn(180.0, 6.0));
+    let off_deg: Vec<f64> = even.iter().zip(&uneven).map(|(even, uneven)| uneven.index_deg - even.index_deg).collect();
+    assert!(off_deg.iter().all(|off_deg| off_deg.abs() < 0.1) && off_deg.iter().any(|off_deg| off_deg.abs() > 0.001));
+}

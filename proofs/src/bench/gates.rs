@@ -26,14 +26,19 @@ const OPEN_DEG_H: f64 = 3000.0;
 ///
 /// Whole fixes of the firmware's state machine, in this process. A gate that is off lets the first second pass.
 #[derive(Args, Debug)]
-#[command(after_help = "Examples:\n  north bench gates --fixes 20\n  north bench gates --scenario jittery-drive")]
+#[command(
+    after_help = "Examples:\n  north bench gates --fixes 20\n  north bench gates --scenario jittery-drive --order adaptive"
+)]
 pub struct Gates {
     /// Fixes for each line
-    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=10_000))]
     fixes: u64,
     /// Only this scenario
     #[arg(long, value_name = "NAME")]
     scenario: Option<String>,
+    /// Only these orders
+    #[arg(long, value_enum)]
+    order: Vec<OrderName>,
     /// Seed of the first fix; each line has the same seeds
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -64,7 +69,8 @@ impl Bench for Gates {
 
     fn measure(&self, out: &mut dyn Write) -> Result<Vec<Row>, Failure> {
         let scenarios = self.scenario.as_deref().map_or(SCENARIOS.to_vec(), |name| vec![name]);
-        let bar = progress::bar(scenarios.len() as u64 * 16 * self.fixes, "fixes");
+        let orders = if self.order.is_empty() { OrderName::value_variants() } else { &self.order };
+        let bar = progress::bar((scenarios.len() * orders.len()) as u64 * 4 * self.fixes, "fixes");
         writeln!(
             out,
             "| scenario | order | disturbance gate | jitter gate | azimuths | rms error, ° | 95 % | elapsed, s | flags, fixes \
@@ -74,7 +80,7 @@ impl Bench for Gates {
         for name in scenarios {
             let scenario = Scenario::named(name)?;
             let settings = scenario_settings(&scenario, None)?;
-            for order in OrderName::value_variants() {
+            for order in orders {
                 for gates in [[true, true], [true, false], [false, true], [false, false]] {
                     let settings = gated(&settings, *order, gates);
                     let fixes = trials(self.seed..self.seed + self.fixes, &bar, |seed| {
