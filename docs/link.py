@@ -16,7 +16,7 @@ FAULTS = ["settings-missing", "settings-corrupt", "settings-invalid", "near-pole
 REFUSALS = ["damaged", "other-version", "not-understood", "no-fix", "motor-turns", "out-of-order",
             "settings-unreadable", "settings-invalid", "not-stored", "no-settings", "settings-corrupt", "busy",
             "no-slots", "update-unfit", "update-unsigned", "unconfirmed",
-            "no-fix-yet", "log-unreadable"]
+            "no-fix-yet", "log-unreadable", "locked", "not-unlocked"]
 ITEMS = ["settings", "memory", "reset", "clock", "gyro", "gyro-rate", "accelerometer", "encoder", "block",
          "accelerometer-response", "index-drive"]
 VERDICTS = ["passed", "failed", "not-asked", "absent", "unmet", "interrupted"]
@@ -144,6 +144,7 @@ EVENTS = [
     ("fallen-back", fields(dwell_s=unsigned)),
     ("log", fields(next=unsigned, bytes=blob)),
     ("model-aged", fields(signal=one_of(["bias", "amplitude", "misfit", "azimuth-error"]), statistic=f32)),
+    ("challenge", fields(bytes=several(byte, 24))),
 ]
 
 

@@ -248,6 +248,12 @@ codes! {
         LogUnreadable = 18, "log-unreadable",
             "the flash with the log of fixes cannot be read",
             "replace the board";
+        Locked = 19, "locked",
+            "this needs a session that the holder of the instrument's key has unlocked",
+            "unlock it: north unlock --key FILE";
+        NotUnlocked = 20, "not-unlocked",
+            "there is no challenge that waits, or it was not signed with the instrument's key",
+            "ask for another challenge and sign it with the key whose public half is in the settings (link.key)";
     }
 }
 

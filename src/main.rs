@@ -145,7 +145,14 @@ mod app {
             instrument.log_crash(crash, &mut board.flash);
         }
         let (analogue, crystal) = (board::analogue_calibration(), board.crystal);
-        instrument.board_is(BoardFacts { wrong_words, crash: crash.map(|crash| crash.cause), crystal, analogue });
+        let entropy = board.entropy;
+        instrument.board_is(BoardFacts {
+            wrong_words,
+            crash: crash.map(|crash| crash.cause),
+            crystal,
+            analogue,
+            entropy,
+        });
 
         let (motor_in, motor_out) = cx.local.motor_commands.split();
         let (readings_in, readings_out) = cx.local.readings.split();

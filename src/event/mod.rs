@@ -208,6 +208,8 @@ pub enum Event {
     Log { next: u32, bytes: Bytes },
     /// The error model may no longer hold: the signal that moved, and the statistic of the watch.
     ModelAged { signal: Signal, statistic: f32 },
+    /// A challenge, on request.
+    Challenge { bytes: [u8; 24] },
 }
 
 impl Event {
@@ -258,6 +260,7 @@ impl Event {
             Self::FallenBack { .. } => "fallen-back",
             Self::Log { .. } => "log",
             Self::ModelAged { .. } => "model-aged",
+            Self::Challenge { .. } => "challenge",
         }
     }
 }

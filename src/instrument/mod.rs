@@ -14,6 +14,7 @@ pub mod replay;
 mod requests;
 mod seconds;
 pub mod self_test;
+pub mod session;
 pub mod update;
 pub mod watch;
 pub mod workspace;
@@ -21,7 +22,7 @@ pub mod workspace;
 use core::ops::DerefMut;
 
 use calibration::ellipsoid::Correction;
-use calibration::field::{self, Session};
+use calibration::field;
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use embedded_storage::nor_flash::NorFlash;
 use heapless::Deque;
@@ -55,6 +56,7 @@ use gather::Gatherer;
 pub use seconds::EFFECT_TICKS;
 use seconds::{Ended, MOST_WAITING, Scatter};
 use self_test::{BoardFacts, SelfTest};
+use session::Session;
 use update::{CONFIRMED_TICKS, Slots};
 use watch::GyroWatch;
 use workspace::Workspace;
@@ -147,9 +149,10 @@ pub struct Instrument<S, R> {
     refusal: Option<Fault>,
     /// The slots of an update, on a board that has them, and whether the image that runs has yet to confirm itself.
     slots: Option<&'static mut dyn Slots>,
+    session: Session,
     unconfirmed: bool,
     /// The calibration of the accelerometers.
-    field: Session,
+    field: field::Session,
     /// Holds the heading of a fix, where there is a block of three gyros.
     keeper: Option<Keeper>,
     nmea: bool,
@@ -209,8 +212,9 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             fault: None,
             refusal: Some(Fault::SettingsMissing),
             slots: None,
+            session: Session::default(),
             unconfirmed: false,
-            field: Session::default(),
+            field: field::Session::default(),
             keeper: None,
             nmea: false,
             counters: Counters::default(),
@@ -230,6 +234,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
 
     /// What the board found of itself, for the self-test.
     pub fn board_is(&mut self, facts: BoardFacts) {
+        self.session.set_entropy(facts.entropy);
         self.analogue.calibrate(facts.analogue.of_chip());
         self.test.board_is(facts);
     }
@@ -293,6 +298,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         self.reader = FrameReader::new(settings.gyro.format);
         self.test.set_up(settings.gyro.format);
         self.nmea = settings.link.nmea;
+        self.session.set_key(settings.link.key);
         self.setup = settings.gyro.configure.then(Setup::default);
         self.bias_limit_deg_h = settings.gyro.bias_limit_deg_h;
         self.gatherer = Gatherer::new(settings.gyro, settings.triad());
@@ -306,6 +312,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         let declared = settings.declared()?;
         let rules = settings.rules();
         self.index_settings = rules.index;
+        self.index = IndexAngle::new(rules.index.travel_from_deg);
         if let Some(work) = &mut self.work {
             work.sequencer.set_up(rules, declared, settings.model.get_or_insert_default());
         }

@@ -88,6 +88,9 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         orders: &mut Orders,
         sink: &mut dyn FnMut(Event),
     ) -> Result<(), Refusal> {
+        if !self.session.admits(&ask, self.tick) {
+            return Err(Refusal::Locked);
+        }
         match ask {
             Ask::Command(command) => {
                 let motor = self.obey(command, sink)?;
@@ -140,6 +143,14 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
                 sink(Event::Log { next, bytes });
             }
             Ask::CheckFix { azimuth_deg } => self.check_fix(azimuth_deg, turning, flash)?,
+            Ask::Challenge => sink(Event::Challenge { bytes: self.session.challenge(self.tick) }),
+            Ask::Unlock(signature) => {
+                if !matches!(self.work(), State::Idle | State::Finished | State::Failed) {
+                    return Err(Refusal::Busy);
+                }
+                self.session.unlock(self.tick, self.identity.serial, signature.as_slice())?;
+            }
+            Ask::Lock => self.session.lock(),
         }
         Ok(())
     }

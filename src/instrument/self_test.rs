@@ -47,6 +47,8 @@ pub struct BoardFacts {
     pub crystal: Option<bool>,
     /// What the chip's maker converted.
     pub analogue: Calibration,
+    /// What no other start has.
+    pub entropy: [u32; 4],
 }
 
 /// A share of all that was seen.

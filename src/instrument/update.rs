@@ -9,6 +9,7 @@ use north_boot::slot::{self, Seal};
 
 use crate::event::identity::Board;
 use crate::health::Refusal;
+use crate::settings::access::PublicKey;
 
 /// Ticks after which an image that was tried confirms itself: ten seconds, in which settings were read, every task has checked in with the
 /// watchdog, and a crash or a hang would have started the loader again.
@@ -85,18 +86,7 @@ impl From<Refused> for Refusal {
 
 /// The public key whose images are taken, as it was given when the firmware was built: `NORTH_KEY`, 64 hexadecimal digits, which the build script checks.
 pub fn key() -> Option<Key> {
-    option_env!("NORTH_KEY").and_then(from_hex)
-}
-
-fn from_hex(text: &str) -> Option<Key> {
-    let mut key = [0; 32];
-    let mut digits = text.chars();
-    for place in &mut key {
-        let (high, low) = (digits.next()?.to_digit(16)?, digits.next()?.to_digit(16)?);
-        // Two digits are a byte.
-        *place = (16 * high + low) as u8;
-    }
-    digits.next().is_none().then_some(key)
+    option_env!("NORTH_KEY").and_then(PublicKey::from_hex).map(|PublicKey(key)| key)
 }
 
 #[cfg(test)]
@@ -179,13 +169,5 @@ mod tests {
         assert_eq!(slots.take(BYTES as u32, &file[BYTES..BYTES + 96]), Ok(false));
         assert_eq!(slots.take(BYTES as u32 + 96, &file[BYTES + 96..]), Ok(true));
         assert_eq!(Seal::read(&mut slots.free).map(|seal| (seal.sequence, seal.length)), Some((42, 192)));
-    }
-
-    #[test]
-    fn a_key_by_hand() {
-        let text = "00ff10a5000000000000000000000000000000000000000000000000000000e1";
-        let key = from_hex(text).unwrap();
-        assert_eq!((&key[..4], key[31]), ([0, 255, 16, 0xA5].as_slice(), 0xE1));
-        assert!(from_hex(&text[1..]).is_none() && from_hex(&text.replace('a', "g")).is_none());
     }
 }

@@ -97,6 +97,13 @@ pub enum Ask {
     ReadLog { from: u32 },
     /// The last fix was made at this surveyed azimuth, degrees.
     CheckFix { azimuth_deg: f64 },
+    /// A challenge for [`Self::Unlock`]: [`Event::Challenge`](crate::event::Event::Challenge).
+    Challenge,
+    /// The last challenge, signed ([`crate::instrument::session`]): dangerous requests are served from now on. Refused while a fix or a calibration is under
+    /// way: to check it takes tenths of a second.
+    Unlock(Bytes),
+    /// Dangerous requests are refused again.
+    Lock,
 }
 
 impl From<Ask> for Request {

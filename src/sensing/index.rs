@@ -6,10 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::units::{DEG_PER_RAD, sin_cos_deg, wrap_180_deg, wrap_360_deg};
 
-/// The travel of a spindle whose cable is not led over a slip ring begins here, degrees from the mark, and ends a turn later.
-///
-/// One turn holds every direction, and the absolute encoder alone tells where in it the spindle is: no count of turns has to survive
-/// the power.
+/// The travel of a spindle whose cable is not led over a slip ring begins here, degrees from the mark, where the settings do not say otherwise.
 pub const TRAVEL_FROM_DEG: f64 = -5.0;
 /// The encoder's noise and the play of the gear are less than this, degrees.
 const TRAVEL_SPARE_DEG: f64 = 0.5;
@@ -36,6 +33,11 @@ pub struct IndexSettings {
     pub microsteps_per_turn: u32,
     /// The cable is led over a slip ring, and the index may turn on and on.
     pub slip_ring: bool,
+    /// Where the travel begins without one, degrees from the mark, and how far it goes from there counter-clockwise.
+    ///
+    /// One turn holds every direction, and the absolute encoder alone tells where in it the spindle is: no count of turns has to survive the power.
+    pub travel_from_deg: f64,
+    pub travel_deg: f64,
 }
 
 impl Default for IndexSettings {
@@ -49,6 +51,8 @@ impl Default for IndexSettings {
             hold_current: false,
             microsteps_per_turn: 36_000,
             slip_ring: false,
+            travel_from_deg: TRAVEL_FROM_DEG,
+            travel_deg: 360.0,
         }
     }
 }
@@ -70,25 +74,28 @@ impl IndexSettings {
 
     /// Where to turn from `angle_deg` so that the index points to `wanted_deg`, degrees, both unwrapped.
     ///
-    /// Over a slip ring the shorter way. Else within the travel of one turn, −5° to 355°, and so far from its ends that the index never
-    /// comes to rest where the encoder could read the other end: what is nearer to them is moved there, by 1° at most with the default tolerance.
+    /// Over a slip ring the shorter way. Else within the travel, and so far from its ends that the index never comes to rest where the encoder could read
+    /// the other end: what is nearer to them is moved there, by 1° at most with the default tolerance. What lies in the gap of a travel of less than a
+    /// turn is moved to the nearer end.
     pub fn target_deg(&self, angle_deg: f64, wanted_deg: f64) -> f64 {
         if self.slip_ring {
             return angle_deg + wrap_180_deg(wanted_deg - angle_deg);
         }
-        let turn = TRAVEL_FROM_DEG..TRAVEL_FROM_DEG + 360.0;
+        let Self { travel_from_deg: from_deg, travel_deg, .. } = *self;
+        let (turn, end_deg) = (from_deg..from_deg + 360.0, from_deg + travel_deg);
         let within_deg = match turn.contains(&wanted_deg) {
             true => wanted_deg,
-            false => TRAVEL_FROM_DEG + wrap_360_deg(wanted_deg - TRAVEL_FROM_DEG),
+            false => from_deg + wrap_360_deg(wanted_deg - from_deg),
         };
         let [first_deg, last_deg] = self.ends_deg();
+        let within_deg = if within_deg > 0.5 * (end_deg + turn.end) { from_deg } else { within_deg };
         within_deg.max(first_deg).min(last_deg)
     }
 
-    /// First and last angle within the travel of one turn at which the index comes to rest, degrees.
+    /// First and last angle within the travel at which the index comes to rest, degrees.
     pub fn ends_deg(&self) -> [f64; 2] {
         let margin_deg = self.tolerance_deg + TRAVEL_SPARE_DEG;
-        [TRAVEL_FROM_DEG + margin_deg, TRAVEL_FROM_DEG + 360.0 - margin_deg]
+        [self.travel_from_deg + margin_deg, self.travel_from_deg + self.travel_deg - margin_deg]
     }
 }
 
@@ -159,21 +166,33 @@ impl IndexMean {
 }
 
 /// The index angle without jumps at full turns: where in its travel the spindle is.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct IndexAngle {
+    /// Where the travel begins, counts before the mark.
+    before_mark: u32,
     last: IndexCode,
     /// Counts.
     unwrapped: Option<i64>,
 }
 
+impl Default for IndexAngle {
+    fn default() -> Self {
+        Self::new(TRAVEL_FROM_DEG)
+    }
+}
+
 impl IndexAngle {
-    /// Takes an encoder reading. The first one lies within the travel of one turn, −5° to 355°.
+    /// Before the first reading, of a travel that begins there, −180° to 0°.
+    pub fn new(travel_from_deg: f64) -> Self {
+        let before_mark = libm::round(-travel_from_deg / IndexCode::DEG_PER_COUNT) as u32;
+        Self { before_mark, last: IndexCode::default(), unwrapped: None }
+    }
+
+    /// Takes an encoder reading. The first one lies within a turn from where the travel begins.
     pub fn push(&mut self, index: IndexCode) {
-        /// 5°.
-        const BEFORE_MARK: u32 = u32::MAX / 72;
         self.unwrapped = Some(match self.unwrapped {
             Some(unwrapped) => unwrapped + index.way_from(self.last),
-            None => i64::from(index.0.wrapping_add(BEFORE_MARK)) - i64::from(BEFORE_MARK),
+            None => i64::from(index.0.wrapping_add(self.before_mark)) - i64::from(self.before_mark),
         });
         self.last = index;
     }
@@ -221,6 +240,16 @@ mod tests {
                 assert!((settings.target_deg(angle_deg, wanted_deg) - target_deg).abs() < 1e-9, "{wanted_deg}");
             }
         }
+        // A stop that takes 20°: 335° to 355° go to the nearer end, less the margin.
+        let stop = IndexSettings { travel_deg: 340.0, ..settings };
+        for (wanted_deg, target_deg) in [(340.0, 334.0), (350.0, -4.0), (334.5, 334.0), (90.0, 90.0)] {
+            assert!((stop.target_deg(0.0, wanted_deg) - target_deg).abs() < 1e-9, "{wanted_deg}");
+        }
+        // A travel that begins half a turn before the mark.
+        let centred = IndexSettings { travel_from_deg: -180.0, ..settings };
+        for (wanted_deg, target_deg) in [(270.0, -90.0), (180.0, -179.0), (179.5, 179.0), (-30.0, -30.0)] {
+            assert!((centred.target_deg(0.0, wanted_deg) - target_deg).abs() < 1e-9, "{wanted_deg}");
+        }
         let ring = IndexSettings { slip_ring: true, ..settings };
         for (angle_deg, wanted_deg, target_deg) in [(350.0, 10.0, 370.0), (370.0, 350.0, 350.0), (720.0, 90.0, 810.0)] {
             assert!((ring.target_deg(angle_deg, wanted_deg) - target_deg).abs() < 1e-9, "{wanted_deg}");
@@ -235,6 +264,21 @@ mod tests {
         let fine = IndexSettings { microsteps_per_turn: 72_000, ..settings };
         assert_eq!(fine.validate().unwrap_err().field, "index.speed_deg_s");
         assert_eq!(IndexSettings { speed_deg_s: 15.0, ..fine }.validate(), Ok(()));
+    }
+
+    #[test]
+    fn the_first_reading_lies_within_the_travel() {
+        for (from_deg, reading_deg, first_deg) in [
+            (-5.0, 356.0, -4.0),
+            (-5.0, 354.0, 354.0),
+            (-180.0, 181.0, -179.0),
+            (-180.0, 179.0, 179.0),
+            (0.0, 359.0, 359.0),
+        ] {
+            let mut angle = IndexAngle::new(from_deg);
+            angle.push(IndexCode::of_deg(reading_deg));
+            assert!((angle.deg().unwrap() - first_deg).abs() < 1e-6, "{from_deg} {reading_deg}");
+        }
     }
 
     #[test]

@@ -602,6 +602,12 @@ impl Sequencer {
             return Some(adaptive.target_deg);
         }
         match self.position()? {
+            // A rotation begins where the travel does.
+            Position::At { .. }
+                if matches!(self.rules.sequence.order, Order::Rotation { .. }) && self.fallen_back.is_none() =>
+            {
+                Some(self.rules.index.travel_from_deg)
+            }
             Position::At { index_deg, .. } => Some(index_deg),
             Position::East => self.coarse_azimuth_deg.map(fix::east_index_deg),
             Position::West => self.coarse_azimuth_deg.map(fix::west_index_deg),

@@ -52,7 +52,7 @@ pub const CHOICES: &[Choice] = &[
     Choice {
         name: "index.slip_ring",
         allowed: &["false", "true"],
-        meaning: "whether the cable is led over a slip ring, so that the index may turn on and on; else it stays within one turn, -5 to 355",
+        meaning: "whether the cable is led over a slip ring, so that the index may turn on and on; else it stays within its travel",
     },
     Choice {
         name: "sequence.order",
@@ -143,6 +143,10 @@ fields! {
         "acceleration of the index";
     "index.microsteps_per_turn", "microsteps", 200 to 1000000, |s| f64::from(s.index.microsteps_per_turn),
         "microsteps of the motor in one turn of the index: steps a turn, times microsteps a step, times the gear; times speed_deg_s/360 at most 3000";
+    "index.travel_from_deg", "°", -180 to 0, |s| s.index.travel_from_deg,
+        "where the travel begins, counter-clockwise from the mark; without a slip ring";
+    "index.travel_deg", "°", 180 to 360, |s| s.index.travel_deg,
+        "how far the travel goes from there; what lies in the gap of less than a turn is measured at the nearer end";
     "sequence.dwell_s", "s", 2 to 3600, |s| f64::from(s.sequence.dwell_s),
         "measuring time at each position, where the order is not adaptive";
     "sequence.coarse_dwell_s", "s", 2 to 3600, |s| f64::from(s.sequence.coarse_dwell_s),

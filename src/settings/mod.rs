@@ -3,11 +3,13 @@
 //! Settings are immutable input. Three things are never mixed up: settings that are *missing*, settings that are
 //! *corrupt* (the check sum fails) and settings that are readable but make no sense (*invalid*).
 
+pub mod access;
 pub mod analogue;
 pub mod fields;
 pub mod pieces;
 pub mod store;
 
+use access::PublicKey;
 pub use analogue::AnalogueSettings;
 pub use calibration::accelerometer::AccelerometerCalibration;
 use calibration::ellipsoid::Correction;
@@ -61,6 +63,8 @@ pub struct Settings {
 pub struct LinkSettings {
     /// NMEA 0183 sentences go over it each second, between the frames of [`crate::link`].
     pub nmea: bool,
+    /// Dangerous requests need a session that the holder of this key's secret half has unlocked; without one anybody may do anything.
+    pub key: Option<PublicKey>,
 }
 
 impl Default for Settings {

@@ -24,6 +24,7 @@ mod settings;
 mod simulate;
 mod solve;
 mod track;
+mod unlock;
 mod update;
 mod watch;
 
@@ -70,6 +71,7 @@ enum Command {
     Fleet(fleet::FleetCommand),
     Load(load::Load),
     Update(update::Update),
+    Unlock(unlock::Unlock),
     Doctor(doctor::Doctor),
     Bench(bench::Bench),
     CloseLoop(bench::CloseLoop),
@@ -102,6 +104,7 @@ impl Cli {
             Command::Fleet(fleet) => fleet.run(),
             Command::Load(load) => load.run(),
             Command::Update(update) => update.run(),
+            Command::Unlock(unlock) => unlock.run(),
             Command::Doctor(doctor) => doctor.run(),
             Command::Characterise(characterise) => characterise.run(),
             Command::Bench(bench) => bench.run(),

@@ -181,7 +181,7 @@ fn read(path: &Path) -> Result<Vec<u8>, Failure> {
     Ok(fs::read(path).map_err(|error| FileError::whole(path, error))?)
 }
 
-fn read_key(path: &Path) -> Result<Key, Failure> {
+pub(super) fn read_key(path: &Path) -> Result<Key, Failure> {
     let text = String::from_utf8_lossy(&read(path)?).trim().to_owned();
     let digits: Option<Vec<u8>> = (text.as_bytes().chunks(2))
         .map(|pair| u8::from_str_radix(std::str::from_utf8(pair).ok().filter(|pair| pair.len() == 2)?, 16).ok())

@@ -2,7 +2,7 @@
 //!
 //! Source: RM0090, revision 19, 13 (converters), 13.10 (thermometer); DS8626, tables 70, 71 and 74 (what the maker converted).
 
-use north_finder::drivers::analogue::{self, Input};
+use north_finder::drivers::analogue::{self, Converter as _, Input};
 use north_finder::instrument::analogue::Calibration;
 use stm32f4xx_hal::gpio::{Analog, PC0, PC1, PC2, PC3, PC4};
 use stm32f4xx_hal::pac;
@@ -10,6 +10,8 @@ use stm32f4xx_hal::rcc::{Enable as _, Rcc, Reset as _};
 
 /// Sampling and conversion take 492 clocks of 21 MHz, 23 µs: the thermometer wants 10, and 10 kΩ with 100 nF at a pin give their charge.
 const LONGEST_SAMPLING: u32 = 0o777_777_777;
+/// A conversion takes 23 µs: this many looks take ten times as long.
+const LOOKS: u32 = 10_000;
 const REFERENCE: u8 = 17;
 /// The thermometer's channel differs: 16 in the STM32F405, 18 in later ones, by the chip's own identity.
 const THERMOMETER: u8 = 18;
@@ -39,6 +41,18 @@ impl Converter {
         // SAFETY: reading has no effect.
         let identity = unsafe { (*pac::DBGMCU::ptr()).idcode().read().dev_id().bits() };
         Self { registers, thermometer: if identity == F405 { THERMOMETER_F405 } else { THERMOMETER } }
+    }
+
+    /// The noise of 128 conversions of the thermometer, whose last bits are nobody's to know: what is like no other start. Not every chip has a generator of
+    /// random numbers; this is enough to make no challenge twice.
+    pub fn entropy(&mut self) -> [u32; 4] {
+        core::array::from_fn(|_| {
+            (0..u32::BITS).fold(0, |word: u32, _| {
+                self.start(Input::Chip);
+                let code = (0..LOOKS).find_map(|_| self.result()).unwrap_or_default();
+                word.rotate_left(1) ^ u32::from(code)
+            })
+        })
     }
 }
 

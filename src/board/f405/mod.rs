@@ -103,6 +103,8 @@ pub struct Board {
     pub enable: Enable,
     pub flash: Flash,
     pub converter: Converter,
+    /// What no other start has.
+    pub entropy: [u32; 4],
     /// Whether the clock runs from the crystal.
     pub crystal: Option<bool>,
 }
@@ -183,7 +185,7 @@ pub fn init(device: pac::Peripherals, intake: &'static Intake) -> Board {
 
     let pins =
         (c.pc0.into_analog(), c.pc1.into_analog(), c.pc2.into_analog(), c.pc3.into_analog(), c.pc4.into_analog());
-    let converter = Converter::new(device.ADC1, &device.ADC_COMMON, pins, &mut rcc);
+    let mut converter = Converter::new(device.ADC1, &device.ADC_COMMON, pins, &mut rcc);
 
     Board {
         ticker: Ticker::new(device.TIM2, tick_cycles, device.TIM4, rcc.clocks.sysclk(), gyro_bytes, requests),
@@ -199,6 +201,7 @@ pub fn init(device: pac::Peripherals, intake: &'static Intake) -> Board {
         direction: c.pc7.into_push_pull_output(),
         enable: ActiveLow(c.pc8.into_push_pull_output_in_state(PinState::High)),
         flash,
+        entropy: converter.entropy(),
         converter,
         crystal: Some(crystal),
     }

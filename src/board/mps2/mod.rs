@@ -102,6 +102,8 @@ pub struct Board {
     pub enable: Enable,
     pub flash: Flash,
     pub converter: Converter,
+    /// What no other start has: nothing here is a secret.
+    pub entropy: [u32; 4],
     /// There is none.
     pub crystal: Option<bool>,
 }
@@ -139,6 +141,7 @@ pub fn init(_device: pac::Peripherals, intake: &'static Intake) -> Board {
         enable: Pin,
         flash: Flash,
         converter: Converter,
+        entropy: [0; 4],
         crystal: None,
     }
 }

@@ -93,7 +93,7 @@ fn read_level(from: &mut Content<'_>, version: u16, level: &mut LevelSettings) -
     set(from, wander_mg_per_sqrt_h)
 }
 
-/// Before version 8 without the motor's microsteps and the slip ring.
+/// Before version 8 without the motor's microsteps and the slip ring, before version 9 without the travel.
 fn read_index(from: &mut Content<'_>, version: u16, index: &mut IndexSettings) -> Option<()> {
     let IndexSettings {
         tolerance_deg,
@@ -104,6 +104,8 @@ fn read_index(from: &mut Content<'_>, version: u16, index: &mut IndexSettings) -
         hold_current,
         microsteps_per_turn,
         slip_ring,
+        travel_from_deg,
+        travel_deg,
     } = index;
     set(from, tolerance_deg)?;
     set(from, sigma_deg)?;
@@ -111,13 +113,18 @@ fn read_index(from: &mut Content<'_>, version: u16, index: &mut IndexSettings) -
     set(from, speed_deg_s)?;
     set(from, acceleration_deg_s2)?;
     set(from, hold_current)?;
-    if version < 8 {
-        let standard = IndexSettings::default();
-        (*microsteps_per_turn, *slip_ring) = (standard.microsteps_per_turn, standard.slip_ring);
-        return Some(());
+    let standard = IndexSettings::default();
+    (*microsteps_per_turn, *slip_ring) = (standard.microsteps_per_turn, standard.slip_ring);
+    (*travel_from_deg, *travel_deg) = (standard.travel_from_deg, standard.travel_deg);
+    if version >= 8 {
+        set(from, microsteps_per_turn)?;
+        set(from, slip_ring)?;
     }
-    set(from, microsteps_per_turn)?;
-    set(from, slip_ring)
+    if version >= 9 {
+        set(from, travel_from_deg)?;
+        set(from, travel_deg)?;
+    }
+    Some(())
 }
 
 fn read_model(from: &mut Content<'_>, model: &mut ErrorModel) -> Option<()> {

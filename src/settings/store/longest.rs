@@ -19,6 +19,7 @@ use crate::effects::{
 };
 use crate::fix::heading::settings::BlockSettings;
 use crate::sequence::order::{MAX_POSITIONS, Order};
+use crate::settings::access::PublicKey;
 use crate::settings::analogue::InputSettings;
 use crate::settings::{AnalogueSettings, Settings};
 
@@ -53,6 +54,7 @@ pub fn settings() -> Settings {
         fourth: input("d_name_of_twenty_four_by"),
         ..AnalogueSettings::default()
     };
+    settings.link.key = Some(PublicKey([0xFF; 32]));
     settings
 }
 

@@ -7,7 +7,7 @@ use embedded_storage::nor_flash::{ErrorType, NorFlashError, NorFlashErrorKind, c
 
 use super::*;
 use crate::effects::effect::MAX_EFFECT_WEIGHTS;
-use crate::settings::AnalogueSettings;
+use crate::settings::{AnalogueSettings, LinkSettings};
 
 /// Smallest of the boards.
 const SECTOR: usize = 8192;
@@ -178,18 +178,19 @@ fn another_version_is_corrupt() {
     assert_eq!(load(&mut flash), Ok(Loaded::Corrupt));
 }
 
-/// Bytes at the record's end that came with version 9: the group of the host's line, and the analogue one with nothing connected.
-const SINCE_9_AT_END: usize = 1 + 4 + 8;
+/// Bytes at the record's end that came with version 9: the group of the host's line, without a key, and the analogue one with nothing connected.
+const SINCE_9_AT_END: usize = 2 + 4 + 8;
 
 /// A record of an earlier version is one of today without what came since, which ended its group: the microsteps, three bytes, and the slip ring,
 /// one, with version 8; what the level accelerometers drift by, two numbers of eight bytes, with version 7. Version 9 brought the noise of the
-/// gyro's angle, eight bytes behind its random walk, which stands behind the latitude and the byte of the format; what ends the gyro's group, a byte; and
+/// gyro's angle, eight bytes behind its random walk, which stands behind the latitude and the byte of the format; what ends the gyro's group, a byte, and the index's, two numbers; and
 /// what ends the record.
 #[test]
 fn the_versions_before_are_read() {
     for version in [6, 7, 8] {
         let mut flash = Flash::<4>::erased();
-        let mut expected = Settings { analogue: AnalogueSettings::default(), ..longest::settings() };
+        let mut expected =
+            Settings { analogue: AnalogueSettings::default(), link: LinkSettings::default(), ..longest::settings() };
         if version < 8 {
             expected.index.microsteps_per_turn = 36_000;
         }
@@ -207,7 +208,8 @@ fn the_versions_before_are_read() {
         // From the end on, so that no place moves before its turn.
         let came_since = [
             (9, record_end - SINCE_9_AT_END..record_end),
-            (8, index_end - 4..index_end),
+            (9, index_end - 16..index_end),
+            (8, index_end - 20..index_end - 16),
             (7, drift_end - 16..drift_end),
             (9, gyro_end - 1..gyro_end),
             (9, angle_noise..angle_noise + 8),
