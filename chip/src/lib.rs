@@ -321,6 +321,7 @@ impl<L: Line> Driver<Wired> for Surroundings<L> {
                     self.drive(levels);
                 }
             }
+            Settled::Access { access, value } => self.witness.read(access.address, value),
             Settled::Stop(_) => {
                 session.board_mut().hold_absent_crystal();
             }

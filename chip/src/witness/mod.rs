@@ -110,6 +110,11 @@ impl Witness {
         self.buses.iter_mut().for_each(|bus| bus.written(&mut chip, access.address, &self.ledger));
     }
 
+    /// The core has read this from a register.
+    pub fn read(&mut self, address: u64, value: u64) {
+        self.buses.iter_mut().for_each(|bus| bus.read(address, value));
+    }
+
     /// What the motor's driver gets now.
     pub fn motor(&mut self, levels: MotorPins, at: VirtualNanos) {
         self.motor.sees(levels, at.0, &self.ledger);

@@ -108,11 +108,13 @@ pub struct Bus {
     bytes: u64,
     /// When the last bit is over, ns.
     over_ns: u64,
+    /// Since the last byte was taken the core has seen that the bus is not busy: the emulator's byte is over when it comes, a chip's half a clock later.
+    looked: bool,
 }
 
 impl Bus {
     pub fn new(rules: Rules) -> Self {
-        Self { rules, selected: None, bytes: 0, over_ns: 0 }
+        Self { rules, selected: None, bytes: 0, over_ns: 0, looked: true }
     }
 
     /// The core has written to a register.
@@ -122,6 +124,15 @@ impl Bus {
             self.transfer(chip, ledger);
         } else if address & !0x3FF == super::port_base(port) {
             self.select(chip, ledger);
+        }
+    }
+
+    /// The core has read this from a register.
+    pub fn read(&mut self, address: u64, value: u64) {
+        if address == self.rules.base + DR {
+            self.looked = false;
+        } else if address == self.rules.base + SR {
+            self.looked |= value & BUSY == 0;
         }
     }
 
@@ -150,6 +161,9 @@ impl Bus {
         let Rules { part, base, hold_ns, bytes, .. } = self.rules;
         let busy = chip.register(base + SR) & BUSY != 0;
         ledger.must(!busy && chip.at.0 >= self.over_ns, || format!("{part}: the select line rises in the last bit"));
+        ledger.must(self.looked, || {
+            format!("{part}: the select line rises, and nobody has looked whether the last bit is over")
+        });
         ledger.least(&format!("{part}: select line after the last bit"), chip.at.0 - self.over_ns, hold_ns);
         let count = self.bytes;
         ledger.must(bytes.is_none_or(|bytes| bytes == count), || format!("{part}: {count} bytes in a frame"));
