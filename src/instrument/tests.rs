@@ -5,9 +5,15 @@ use std::vec::Vec;
 
 use embedded_storage::nor_flash::{ErrorType, NorFlashErrorKind, ReadNorFlash};
 
+use north_boot::manifest::{public, sign};
+
+use super::session::{CHALLENGE, message};
 use super::*;
 use crate::drivers::sensors::Due;
+use crate::event::bytes::Bytes;
+use crate::health::Refusal;
 use crate::link::{Ask, encode_request};
+use crate::settings::access::PublicKey;
 
 /// A flash that nothing was ever written to, and cannot be.
 struct Erased;
@@ -91,4 +97,40 @@ fn a_thousand_ticks_that_nobody_saw_are_a_thousand_lost_frames() {
     });
     let Counters { frames_good, frames_lost, frames_duplicate, frames_late, ticks_lost, .. } = counters.unwrap();
     assert_eq!((frames_good, frames_lost, frames_duplicate, frames_late, ticks_lost), (1400, 1000, 0, 0, 1000));
+}
+
+/// What became of requests, one a tick, and the challenge that was given.
+fn answers(
+    instrument: &mut Instrument<Box<SecondWork>, Box<Workspace>>,
+    from_tick: u64,
+    asks: &[Ask],
+) -> (Vec<Option<Refusal>>, Option<[u8; CHALLENGE]>) {
+    let intake = Intake::new();
+    let (mut refusals, mut challenge) = (Vec::new(), None);
+    for (tick, ask) in (from_tick..).zip(asks) {
+        intake.host.put(&encode_request(&(*ask).into()).unwrap());
+        let readings = Readings { tick, sensors: Due::Nothing, analogue: None, turning: false, heard: intake.heard() };
+        instrument.step(&readings, &intake, &mut Erased, &mut |report| match report.event {
+            Event::Answer { refusal, .. } => refusals.push(refusal),
+            Event::Challenge { bytes } => challenge = Some(bytes),
+            _ => {}
+        });
+    }
+    (refusals, challenge)
+}
+
+#[test]
+fn a_key_locks_what_is_dangerous_until_its_holder_unlocks_it() {
+    let secret = [3; 32];
+    let (work, workspace) = (Box::new(SecondWork::empty()), Box::new(Workspace::default()));
+    let mut instrument = Instrument::power_up(&mut Erased, Identity::host(), work, workspace);
+    instrument.session.set_key(Some(PublicKey(public(&secret))));
+    let asks =
+        [Ask::SelfTest, Ask::Status, Ask::Command(Command::Abort), Ask::EraseImage { sector: 2 }, Ask::Challenge];
+    let (refusals, challenge) = answers(&mut instrument, 0, &asks);
+    assert_eq!(refusals, [Some(Refusal::Locked), None, None, Some(Refusal::Locked), None]);
+    let signature = sign(&message([0; 3], &challenge.unwrap()), &secret);
+    let asks = [Ask::Unlock(Bytes::start_of(&signature)), Ask::SelfTest, Ask::Lock, Ask::SelfTest];
+    let (refusals, _) = answers(&mut instrument, 5, &asks);
+    assert_eq!(refusals, [None, None, None, Some(Refusal::Locked)]);
 }

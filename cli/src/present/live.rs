@@ -123,6 +123,7 @@ impl Lines {
             | Event::Identity(_)
             | Event::Settings(_)
             | Event::Log { .. }
+            | Event::Challenge { .. }
             | Event::Raw(_) => return None,
             Event::Answer { refusal: Some(refusal), .. } => {
                 format!("refused: {}: {}. To do: {}", refusal.name(), refusal.meaning(), refusal.remedy())
