@@ -11,17 +11,30 @@ const TARGET: &str = "thumbv7em-none-eabihf";
 
 /// Builds the firmware for the STM32F405 from the sources beside this crate's; gives where it is. Quick when nothing changed.
 pub fn build() -> Result<PathBuf, String> {
+    build_into("f405", &["--bin", "firmware"], None).map(|folder| folder.join("firmware"))
+}
+
+/// Builds the loader, and the firmware for the first slot of an update.
+pub fn build_slot() -> Result<[PathBuf; 2], String> {
+    let loader = build_into("loader", &["--package", "north-boot", "--bin", "loader"], None)?;
+    let slot = build_into("slot-a", &["--bin", "firmware"], Some("a"))?;
+    Ok([loader.join("loader"), slot.join("firmware")])
+}
+
+/// Gives the folder with what was built.
+fn build_into(folder: &str, what: &[&str], slot: Option<&str>) -> Result<PathBuf, String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().ok_or("there are no sources beside this crate")?;
     let target = env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), |directory| root.join(directory));
-    let directory = target.join("f405");
+    let directory = target.join(folder);
     let mut cargo = Command::new(env!("CARGO"));
-    cargo.current_dir(root).args(["build", "--quiet", "--profile", "firmware", "--bin", "firmware"]);
+    cargo.current_dir(root).args(["build", "--quiet", "--profile", "firmware"]).args(what);
+    slot.into_iter().for_each(|slot| drop(cargo.env("NORTH_SLOT", slot)));
     cargo.args(["--target", TARGET, "--target-dir"]).arg(&directory);
     let status = cargo.status().map_err(|error| format!("cargo cannot be started: {error}"))?;
     if !status.success() {
         return Err(format!("the firmware cannot be built (is the target there? rustup target add {TARGET})"));
     }
-    Ok(directory.join(TARGET).join("firmware").join("firmware"))
+    Ok(directory.join(TARGET).join("firmware"))
 }
 
 /// What the flash's sectors for settings hold after these were stored.

@@ -51,6 +51,8 @@ const BAD_BIT: u64 = 1 << 7;
 pub struct Setup<'a> {
     /// The firmware, as it is flashed.
     pub image: &'a Path,
+    /// The loader in the first sector, where the firmware is linked for a slot.
+    pub loader: Option<&'a Path>,
     /// What the flash's sectors for settings hold; the rest of them is erased.
     pub settings: &'a [u8],
     /// The board's crystal, MHz; 0: it has none that starts.
@@ -78,6 +80,7 @@ impl<'a> Setup<'a> {
     pub fn new(image: &'a Path) -> Self {
         Self {
             image,
+            loader: None,
             settings: &[],
             crystal_mhz: 8,
             parts_from_ns: [0; 3],
@@ -157,6 +160,9 @@ pub fn run<L: Line>(setup: &Setup<'_>, world: &World, line: L) -> Result<Ran<L>,
         GyroOutput(world.gyro()),
     );
     let mut images = vec![Image::read(setup.image, None).map_err(not_started)?];
+    if let Some(loader) = setup.loader {
+        images.push(Image::read(loader, None).map_err(not_started)?);
+    }
     if !setup.settings.is_empty() {
         let settings = Image::new(Path::new("settings"), setup.settings.to_vec(), Some(SETTINGS));
         images.push(settings.map_err(not_started)?);

@@ -182,6 +182,20 @@ fn sentences_go_between_the_frames() {
     assert!(seconds >= 3 && told.abs_diff(seconds) <= 1, "{told} of {seconds}: {sentences:?}");
 }
 
+/// The loader starts the image of the first slot, as a probe brought it: it runs from there, and knows that the other slot is free.
+#[test]
+fn the_loader_starts_the_image_of_a_slot() {
+    let [loader, slot] = image::build_slot().unwrap();
+    let ran =
+        on(&Setup { loader: Some(&loader), ..Setup::new(&slot) }, &calm(), Host::new(900, &[(400, Ask::Identify)]));
+    let identity = ran.line.reports.iter().find_map(|report| match &report.event {
+        Event::Identity(identity) => Some(*identity),
+        _ => None,
+    });
+    assert_eq!(identity.map(|identity| identity.free_slot), Some(0x0808_0000));
+    assert!(ran.resets.is_empty() && ran.line.reports.iter().any(|report| matches!(report.event, Event::Second(_))));
+}
+
 /// Item by item, the accelerometer's own test and a short move of the index among them.
 #[test]
 fn the_self_test_passes() {
