@@ -28,7 +28,9 @@ fn build_into(folder: &str, what: &[&str], slot: Option<&str>) -> Result<PathBuf
     let directory = target.join(folder);
     let mut cargo = Command::new(env!("CARGO"));
     cargo.current_dir(root).args(["build", "--quiet", "--profile", "firmware"]).args(what);
-    slot.into_iter().for_each(|slot| drop(cargo.env("NORTH_SLOT", slot)));
+    if let Some(slot) = slot {
+        cargo.env("NORTH_SLOT", slot);
+    }
     cargo.args(["--target", TARGET, "--target-dir"]).arg(&directory);
     let status = cargo.status().map_err(|error| format!("cargo cannot be started: {error}"))?;
     if !status.success() {

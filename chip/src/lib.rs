@@ -36,6 +36,9 @@ use microcontroller::{MotorPins, Wired};
 use parts::{Adis16505, Adxl355, As5048a};
 use witness::{Ledger, Witness};
 
+/// Where the maker of the chip wrote the size of its flash, and what he wrote: KiB (RM0090, 39.2).
+const FLASH_SIZE: u64 = 0x1FFF_7A22;
+const FLASH_KIB: u16 = 1024;
 /// Where the settings are in the flash.
 const SETTINGS: u64 = 0x0800_4000;
 const TICK: u64 = 2_500_000;
@@ -160,6 +163,8 @@ pub fn run<L: Line>(setup: &Setup<'_>, world: &World, line: L) -> Result<Ran<L>,
         GyroOutput(world.gyro()),
     );
     let mut images = vec![Image::read(setup.image, None).map_err(not_started)?];
+    let size = Image::new(Path::new("size of the flash"), FLASH_KIB.to_le_bytes().to_vec(), Some(FLASH_SIZE));
+    images.push(size.map_err(not_started)?);
     if let Some(loader) = setup.loader {
         images.push(Image::read(loader, None).map_err(not_started)?);
     }
