@@ -37,8 +37,10 @@ def on_one_machine(campaigns: Path, tmp_path_factory: pytest.TempPathFactory) ->
 def cluster():
     """Two workers of one processor each, which are nodes of their own."""
     cluster_utils = pytest.importorskip("ray.cluster_utils")
-    cluster = cluster_utils.Cluster(initialize_head=True, head_node_args={"num_cpus": 0})
-    nodes = [cluster.add_node(num_cpus=1) for _ in range(2)]
+    # The address of this machine alone: the one of its network may not lead back to it.
+    local = {"node_ip_address": "127.0.0.1"}
+    cluster = cluster_utils.Cluster(initialize_head=True, head_node_args={"num_cpus": 0, **local})
+    nodes = [cluster.add_node(num_cpus=1, **local) for _ in range(2)]
     yield cluster, nodes
     ray.shutdown()
     cluster.shutdown()
