@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::bank::{Bank, Left};
 use super::family::{Common, Family, Known, Way};
-use super::grammar::{Grammar, complexity, extended, reduced, reshaped};
+use super::grammar::{Grammar, complexity, extended, has_whole_order, reduced, reshaped};
 use super::model::Model;
 use super::pairs::Pairs;
 use super::problem::Term;
@@ -480,7 +480,8 @@ impl<'a> Search<'a> {
     fn tuned(&self, model: &Model<'_>, mut effect: Effect, mut gain: f64, tuning: &Tuning) -> (f64, Effect) {
         for _ in 0..tuning.rounds {
             let before = gain;
-            for (f, number) in constants_of(&effect) {
+            for (f, number) in constants_of(&effect).into_iter().filter(|&(f, _)| !has_whole_order(&effect.factors[f]))
+            {
                 let mut step = FIRST_STEP;
                 while step > tuning.least_step {
                     let last = gain;
