@@ -1,7 +1,8 @@
 //! What was learned as one posterior: the likely models together, for the model file.
 //!
 //! Models that are about as likely as the best are averaged: the weights of all their effects together have the mean and the covariance of the mixture,
-//! so that alternatives which this campaign cannot tell apart stand in sigma.
+//! so that alternatives which this campaign cannot tell apart stand in sigma. Nobody knows beforehand how much likelier one form is than another: up to
+//! the odds for which a further effect is asked, the runs have not decided, and the alternatives count alike.
 
 use nalgebra::{DMatrix, DVector};
 use north_finder::effects::ErrorModel;
@@ -9,7 +10,7 @@ use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::Effect;
 
 use super::model::Model;
-use super::search::{MOST_EFFECTS, NEGLIGIBLE};
+use super::search::{FURTHER_FALSE_DISCOVERIES, MOST_EFFECTS, NEGLIGIBLE};
 
 /// One of the likely models.
 #[derive(Clone, Debug)]
@@ -41,7 +42,7 @@ impl Posterior {
         let mut near: Vec<(f64, &Model<'_>)> = rivals.iter().map(|rival| (rival.log_odds_over(best), rival)).collect();
         near.retain(|(log_odds, _)| *log_odds > -NEGLIGIBLE);
         near.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let rivals = near.into_iter().map(|(log_odds, rival)| Alternative::new(rival, log_odds.exp()));
+        let rivals = near.into_iter().map(|(log_odds, rival)| Alternative::new(rival, undecided(log_odds)));
         let mut alternatives: Vec<Alternative> = std::iter::once(Alternative::new(best, 1.0)).chain(rivals).collect();
         let effects = union(&mut alternatives);
         let whole: f64 = alternatives.iter().map(|each| each.probability).sum();
@@ -50,6 +51,11 @@ impl Posterior {
         let likeliest = alternatives.first().map_or(Vec::new(), |best| weighted(best.effects.clone(), &best.mean));
         Self { effects: weighted(effects, &mean), covariance, process: best.process, likeliest, alternatives }
     }
+}
+
+/// How much a rival of so many log odds over the best model counts, the best one as 1.
+fn undecided(log_odds: f64) -> f64 {
+    (log_odds - FURTHER_FALSE_DISCOVERIES.ln()).exp().min(1.0)
 }
 
 impl Alternative {

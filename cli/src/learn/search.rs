@@ -21,8 +21,8 @@ use super::rows::Run;
 /// A campaign without any effect must name one in at most this share of campaigns: by Markov's inequality the evidence for an effect, times the
 /// probability of its form, exceeds the evidence for none by more than one over this share in at most this share of them.
 const FALSE_DISCOVERIES: f64 = 1.0 / 200.0;
-/// The same for a further effect beside one that was found.
-const FURTHER_FALSE_DISCOVERIES: f64 = 1.0 / 20.0;
+/// The same for a further effect beside one that was found; smaller odds decide nothing between two models.
+pub const FURTHER_FALSE_DISCOVERIES: f64 = 1.0 / 20.0;
 /// Most effects of a model: what its file and a board have room for.
 pub const MOST_EFFECTS: usize = MAX_EFFECTS;
 /// Most that an error of the index or of the level may be, root mean square, degrees and g: the equations are linear in it, and leave out e²/2 of the
@@ -480,8 +480,10 @@ impl<'a> Search<'a> {
     fn tuned(&self, model: &Model<'_>, mut effect: Effect, mut gain: f64, tuning: &Tuning) -> (f64, Effect) {
         for _ in 0..tuning.rounds {
             let before = gain;
-            for (f, number) in constants_of(&effect).into_iter().filter(|&(f, _)| !has_whole_order(&effect.factors[f]))
-            {
+            for (f, number) in constants_of(&effect) {
+                if effect.factors.get(f).is_some_and(has_whole_order) {
+                    continue;
+                }
                 let mut step = FIRST_STEP;
                 while step > tuning.least_step {
                     let last = gain;
