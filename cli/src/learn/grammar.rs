@@ -132,18 +132,15 @@ pub fn form_cost(effect: &Effect, signals: usize) -> f64 {
     port + number + effect.factors.iter().map(of_factor).sum::<f64>()
 }
 
-/// A harmonic of an angle: of another period it would jump where the angle begins anew.
-pub fn has_whole_order(factor: &Factor) -> bool {
-    matches!(factor.shape, Shape::Harmonic(_)) && factor.signal.is_angle() && factor.dynamics.is_empty()
-}
-
-/// Every tuned constant is one of so many values. The order of a harmonic of an angle is not tuned, and a lower one half of the time: positions of an
-/// index may take one order for another.
+/// Every tuned constant is one of so many values; a harmonic's order, which positions of an index may take for another, is a lower one half of the time.
 fn cost_of_constants(factor: &Factor) -> f64 {
-    match factor.shape {
-        Shape::Harmonic(Harmonic { period }) if has_whole_order(factor) => LN_2 * f64::from(360.0 / period),
-        _ => VALUES_OF_A_CONSTANT.ln() * factor.constants().len() as f64,
-    }
+    let of_order = match factor.shape {
+        Shape::Harmonic(Harmonic { period }) if factor.signal.is_angle() => {
+            LN_2 * (360.0 / f64::from(period) - 1.0).max(0.0)
+        }
+        _ => 0.0,
+    };
+    of_order + VALUES_OF_A_CONSTANT.ln() * factor.constants().len() as f64
 }
 
 /// The part of a form's cost that any form as complex has, nats: how many factors, dynamics and tuned constants there are, whichever they are. The rest

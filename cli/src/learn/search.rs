@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::bank::{Bank, Left};
 use super::family::{Common, Family, Known, Way};
-use super::grammar::{Grammar, complexity, extended, has_whole_order, reduced, reshaped};
+use super::grammar::{Grammar, complexity, extended, reduced, reshaped};
 use super::model::Model;
 use super::pairs::Pairs;
 use super::problem::Term;
@@ -481,9 +481,6 @@ impl<'a> Search<'a> {
         for _ in 0..tuning.rounds {
             let before = gain;
             for (f, number) in constants_of(&effect) {
-                if effect.factors.get(f).is_some_and(has_whole_order) {
-                    continue;
-                }
                 let mut step = FIRST_STEP;
                 while step > tuning.least_step {
                     let last = gain;
