@@ -34,6 +34,7 @@ pub(super) struct Posterior {
 
 /// Supposes azimuths about one that was estimated with a sigma, both in degrees. `variance`: of a one-second rate, (°/h)²; `drift_weight`: the
 /// same by the square of the declared drift. `None` where the rates determine none.
+#[inline(never)]
 pub(super) fn posterior<'a>(
     problem: &mut Problem<'a>,
     model: &'a ErrorModel,

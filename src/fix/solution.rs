@@ -229,7 +229,8 @@ fn weigh_doubt(problem: &mut Problem<'_>, model: &ErrorModel, variance: f64) {
 }
 
 /// Where the model depends on the azimuth, supposes one, and the next by that, until they agree. Where effects follow it, the azimuth is what is
-/// probable of all about there, and the effects are left as they are at it.
+/// probable of all about there, and the effects are left as they are at it. Never inlined: what it needs would stand on the stack of every fix.
+#[inline(never)]
 fn settle_azimuth<'a>(
     problem: &mut Problem<'a>,
     model: &'a ErrorModel,
