@@ -29,7 +29,9 @@ const FAULTY: f64 = 11.5;
 /// 1, 8 and 400: 80, 88 and 96 %, and 83, 89 and 93 %. A base that stands pays for it: with its accelerometers warming up, sigma is 0.07°, 0.11° and 0.20°.
 const STANDS_LESS: f64 = 6.0;
 
-/// The solution where the levels changed; `None` where dwells or levels are not such that both can be weighed.
+/// The solution where the levels changed; `None` where dwells or levels are not such that both can be weighed. Never inlined: the paths would stand on the
+/// stack of every fix.
+#[inline(never)]
 pub(super) fn solve(
     dwells: &[DwellSummary],
     declared: &Declared,
