@@ -33,6 +33,7 @@ fn main() {
     };
     // The emulated board has memory for what it exchanges with the simulated instrument, beside what an STM32F405 has.
     let ram = if qemu { 0x1_5F00 } else { 0x1_1F00 };
+    println!("cargo:rustc-link-arg-bins=--defsym=_stack_length=0xE000");
     println!("cargo:rustc-link-arg-bins=--defsym=_ram_length={ram:#x}");
     println!("cargo:rustc-env=NORTH_REVISION={}", revision(&root));
     println!("cargo:rustc-link-arg-bins=--defsym=_flash_origin={flash:#010x}");

@@ -13,6 +13,7 @@ fn main() {
             &format!("-L{root}/.."),
             "--defsym=_flash_origin=0x08000000",
             "--defsym=_program_offset=0x400",
+            "--defsym=_stack_length=0xE000",
             "--defsym=_ram_length=0x11F00",
             "--nmagic",
             "-Tlink.x",

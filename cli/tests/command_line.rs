@@ -79,7 +79,7 @@ fn usage_errors_give_2_and_say_what_is_allowed() {
             "invalid value '-361' for '--azimuth <DEG>': allowed is a number from -360 to 360",
         ),
         (&["find", "--dwell", "1"], "invalid value '1' for '--dwell <S>': 1 is not in 2..=3600"),
-        (&["find", "--order", "random"], "[possible values: plain, source, mirrored, east-west, adaptive]"),
+        (&["find", "--order", "random"], "[possible values: plain, source, mirrored, east-west, adaptive, rotation]"),
         (&["find", "--seed", "x"], "invalid value 'x' for '--seed <N>'"),
         (&["find", "--scenario", "nowhere"], "there is no scenario \"nowhere\"; the built-in ones are: calm-bench, "),
         (&["find", "--no-such-option"], "unexpected argument '--no-such-option' found"),

@@ -232,7 +232,7 @@ fn the_doctor_is_as_hard_to_please_as_a_fix() {
     let worlds = [
         ("[[gyro.faults]]\nkind = \"stuck\"\nfrom_s = 2.0\n", "gyro noise", "the gyro repeats itself"),
         ("[[gyro.faults]]\nkind = \"stuck\"\nfrom_s = 40.0\n", "fix", "(gyro-stuck, while "),
-        ("[gyro]\nbias_deg_h = 50.0\n", "fix", "(disturbed-too-long, while watching)"),
+        ("[gyro]\nbias_deg_h = 50.0\n", "fix", "(gyro-units, while watching)"),
         ("[gyro]\narw_deg_per_sqrt_h = 0.15\n", "fix", "-too-long, while "),
         ("[base]\npitch_deg = 2.0\n", "fix", "(not-level-in-time, while levelling)"),
         ("[encoder]\nslip_deg = 3.0\nslip_at_s = 60.0\n", "flag", "(index-slip). To do: check spindle"),

@@ -16,6 +16,8 @@ fn main() {
     for argument in [
         "--defsym=_flash_origin=0",
         "--defsym=_program_offset=0x400",
+        // The steps stand on the frames of what measures them: 64 KiB.
+        "--defsym=_stack_length=0x10000",
         "--defsym=_ram_length=0x15F00",
         "--nmagic",
         "-Tlink.x",
