@@ -60,23 +60,21 @@ impl<'a> Model<'a> {
 
     /// Log odds of the model over another one that the runs leave, nats: what evidence and prediction both say, and how much more complex the other is.
     pub fn log_odds_over(&self, other: &Self) -> f64 {
-        let complexity = |model: &Self| {
-            let of_term = |term: &Term| match &term.known {
-                Some((known, _)) => known.prior.cost,
-                None => complexity(&term.effect),
-            };
-            process_cost(&model.process) + model.terms.iter().map(of_term).sum::<f64>()
-        };
         let predictive = |model: &Self| model.problem.predictive(&model.terms);
         let said = f64::min(self.fit.evidence - other.fit.evidence, predictive(self) - predictive(other));
-        said + complexity(other) - complexity(self)
+        said + other.cost_by(complexity) - self.cost_by(complexity)
     }
 
     /// What the forms of effects and process cost, nats.
     fn cost(&self, grammar: &Grammar) -> f64 {
+        self.cost_by(|effect| grammar.cost(effect))
+    }
+
+    /// The same with another cost of an effect's form; one of the family costs what the family says.
+    fn cost_by(&self, of_form: impl Fn(&Effect) -> f64) -> f64 {
         let of_term = |term: &Term| match &term.known {
             Some((known, _)) => known.prior.cost,
-            None => grammar.cost(&term.effect),
+            None => of_form(&term.effect),
         };
         process_cost(&self.process) + self.terms.iter().map(of_term).sum::<f64>()
     }
