@@ -1,5 +1,5 @@
 //! The wiring diagram: the microcontroller in the middle, chains of parts on both sides of it, every wire in a row of its own, what hangs on a wire
-//! drawn on it, the supply below.
+//! drawn on it or in series with it, the supply below.
 
 use std::fmt::Write;
 
@@ -18,6 +18,8 @@ const LEFT: [Column; 2] = [Column { x: 370.0, width: 190.0 }, Column { x: 20.0, 
 const RIGHT: [Column; 2] = [Column { x: 1280.0, width: 190.0 }, Column { x: 1590.0, width: 190.0 }];
 /// The length of a wire that ends at what hangs on it.
 const STUB: f64 = 190.0;
+/// What hangs on a wire beside something else hangs lower by so much.
+const HANGING: f64 = 18.0;
 /// Characters of a part's lowest lines.
 const FOOT_CHARACTERS: usize = 30;
 
@@ -122,15 +124,47 @@ impl<'a> Sheet<'a> {
     fn nets_between(&self, placed: &[Placed<'a>]) -> Vec<&'a Net> {
         let members =
             || placed.iter().map(|placed| placed.part.name.as_str()).chain([self.netlist.drawing.centre.as_str()]);
-        let joins = |net: &&Net| members().filter(|member| net.of(member).next().is_some()).count() > 1;
-        let mut nets: Vec<&Net> = self.netlist.signals().filter(joins).collect();
+        let joins = |net: &&Net| {
+            let joined = members().filter(|member| net.of(member).next().is_some()).count();
+            joined > 1 || joined == 1 && self.in_series(net).is_some()
+        };
+        // What an earlier chain has is drawn.
+        let is_new = |net: &&Net| !self.drawn.contains(&net.name.as_str());
+        let mut nets: Vec<&Net> = self.netlist.signals().filter(is_new).filter(joins).collect();
         nets.sort_by_key(|net| placed.first().is_none_or(|inner| net.of(&inner.part.name).next().is_none()));
         nets
+    }
+
+    /// The part through which a signal goes to the centre, and what it is called there.
+    fn in_series(&self, net: &'a Net) -> Option<(&'a Part, &'a Net)> {
+        let centre = self.netlist.drawing.centre.as_str();
+        let is_of_centre = |net: &Net| net.of(centre).next().is_some();
+        let ends_there = |(_, other): &(&Part, &Net)| self.netlist.rail(&other.name).is_none() && is_of_centre(other);
+        (!is_of_centre(net)).then(|| self.netlist.hanging(net).find(ends_there)).flatten()
+    }
+
+    /// A wire from a part through another one in series to the centre. It has two names, both of which stand in the table of connections.
+    fn wire_in_series(&mut self, net: &'a Net, y: f64, outer: &Placed<'a>, (series, inner): (&'a Part, &'a Net)) {
+        let centre = self.netlist.drawing.centre.as_str();
+        let from = outer.column.end();
+        self.line([from, y], [CENTRE.x, y]);
+        self.rectangle([from + 10.0, y - 4.0], [20.0, 8.0], "small");
+        let label = format!("{} {}", series.name, short(&series.value));
+        self.text([from + 8.0, y - 7.0], "note", "start", &label);
+        self.pin(net, &outer.part.name, from - 6.0, y, "end");
+        self.pin(inner, centre, CENTRE.x + 6.0, y, "start");
+        self.drawn.extend([net.name.as_str(), inner.name.as_str()]);
+        self.hanging(inner, [CENTRE.x - 135.0, y]);
+        self.centre_rows.push(y);
     }
 
     /// A wire from member to member of its chain, with what hangs on it.
     fn wire(&mut self, net: &'a Net, y: f64, placed: &[Placed<'a>]) {
         let centre = self.netlist.drawing.centre.as_str();
+        let outer = placed.iter().find(|placed| net.of(&placed.part.name).next().is_some());
+        if let Some((outer, series)) = outer.zip(self.in_series(net)) {
+            return self.wire_in_series(net, y, outer, series);
+        }
         let mut ends: Vec<(&str, Column)> =
             placed.iter().map(|placed| (placed.part.name.as_str(), placed.column)).collect();
         ends.push((centre, CENTRE));
@@ -164,6 +198,7 @@ impl<'a> Sheet<'a> {
 
     /// Resistors and capacitors on a wire: to a rail, or to the wire below.
     fn hanging(&mut self, net: &'a Net, [x, y]: [f64; 2]) {
+        let mut at = y - 9.0;
         for (part, other) in self.netlist.hanging(net) {
             if self.netlist.rail(&other.name).is_none() {
                 if !self.drawn.contains(&other.name.as_str()) {
@@ -174,19 +209,20 @@ impl<'a> Sheet<'a> {
                 continue;
             }
             self.dot([x, y]);
-            self.line([x, y], [x, y - 9.0]);
-            self.line([x, y - 9.0], [x + 30.0, y - 9.0]);
+            self.line([x, y], [x, at]);
+            self.line([x, at], [x + 30.0, at]);
             if part.what == "resistor" {
-                self.rectangle([x + 5.0, y - 13.0], [20.0, 8.0], "small");
+                self.rectangle([x + 5.0, at - 4.0], [20.0, 8.0], "small");
             } else {
-                self.rectangle([x + 13.0, y - 15.0], [4.0, 12.0], "small");
+                self.rectangle([x + 13.0, at - 6.0], [4.0, 12.0], "small");
             }
             self.text(
-                [x + 33.0, y - 5.0],
+                [x + 33.0, at + 4.0],
                 "note",
                 "start",
                 &format!("{} {}, {}", part.name, short(&part.value), other.name),
             );
+            at += HANGING;
         }
     }
 
@@ -195,7 +231,8 @@ impl<'a> Sheet<'a> {
         let centre = self.netlist.drawing.centre.as_str();
         let in_chain = |net: &Net| {
             let drawing = &self.netlist.drawing;
-            drawing.left.iter().chain(&drawing.right).flatten().any(|part| net.of(part).next().is_some())
+            let of_part = drawing.left.iter().chain(&drawing.right).flatten().any(|part| net.of(part).next().is_some());
+            of_part || self.drawn.contains(&net.name.as_str())
         };
         let nets: Vec<&Net> =
             self.netlist.signals().filter(|net| net.of(centre).next().is_some() && !in_chain(net)).collect();
@@ -206,7 +243,8 @@ impl<'a> Sheet<'a> {
             self.text([CENTRE.x - STUB - 6.0, y + 4.0], "net", "end", &net.name);
             self.hanging(net, [CENTRE.x - STUB, y]);
             self.centre_rows.push(y);
-            y += ROW;
+            // The first one is above the wire.
+            y += ROW + HANGING * self.netlist.hanging(net).count().saturating_sub(1) as f64;
         }
         y
     }
