@@ -11,6 +11,9 @@ NUCLEO_BOARD := --target $(TARGET) --no-default-features --features nucleo-f446 
 # The emulated chip: a workspace of its own, whose emulator asks for a newer compiler than it needs.
 CHIP := --quiet --manifest-path chip/Cargo.toml --ignore-rust-version --target-dir $(BUILD)/chip
 
+# Cargo counts its own jobs: it can take none of make's, and is not told of them.
+ALONE := env -u MAKEFLAGS -u MFLAGS
+
 .PHONY: find chip mutants test test-host test-chip proofs lint fmt firmware bench page python release update hardware flash count figures setup help
 
 ## find: build the firmware, run it in QEMU with the simulated instrument, show the fix (ARGS="--scenario windy-tripod")
@@ -31,11 +34,11 @@ test: setup
 	@$(MAKE) --no-print-directory -j2 --output-sync=target test-host test-chip
 
 test-host:
-	@scripts/page.sh $(BUILD)/page || [ $$? = 3 ]
-	cargo test --workspace --quiet
+	@$(ALONE) scripts/page.sh $(BUILD)/page || [ $$? = 3 ]
+	$(ALONE) cargo test --workspace --quiet
 
 test-chip:
-	cargo test $(CHIP)
+	$(ALONE) cargo test $(CHIP)
 
 ## proofs: the tests that take statistics of many seeds
 proofs: setup
