@@ -145,8 +145,9 @@ pub fn provoke(how: Provocation) {
             core::hint::black_box(fill_stack(0));
             panic!("the stack has no end")
         }
+        // Not the hint that a loop waits: an emulator leaves its loop at every one of them.
         Provocation::Hang => loop {
-            core::hint::spin_loop();
+            cortex_m::asm::nop();
         },
         Provocation::HangReport => REPORT_HANGS.store(true, Ordering::Relaxed),
         Provocation::Lag { ticks } => cortex_m::asm::delay(u32::from(ticks) * super::TICK_ROUNDS),

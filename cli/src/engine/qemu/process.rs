@@ -14,8 +14,8 @@ use std::time::Duration;
 use super::QemuError;
 use super::wire::Ask;
 
-/// Longest silence; a tick takes a fraction of a millisecond, but a machine can be busy, and firmware that hangs runs on until its watchdog bites: ten to
-/// twenty seconds of a busy processor.
+/// Longest silence; a tick takes a fraction of a millisecond, but a machine can be busy, and firmware that hangs runs on until its watchdog bites: some
+/// seconds of a busy processor.
 const PATIENCE_S: u64 = 60;
 /// The watchdog looks this often in that time: a suspended process must not find QEMU guilty when it goes on.
 const LOOKS: u32 = 4;

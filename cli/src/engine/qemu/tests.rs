@@ -150,9 +150,17 @@ impl Person for Saboteur<'_> {
     }
 }
 
+/// The first turn comes after a second of levelling and a dwell of two.
+fn turns_early(mut setup: Setup) -> Setup {
+    let settings = setup.settings.as_mut().unwrap();
+    settings.level.seconds = 1;
+    (settings.sequence.order, settings.sequence.dwell_s) = (Order::Mirrored, 2);
+    setup
+}
+
 /// What is told of a crash that is provoked while the motor turns.
 fn crash_of(how: Provocation, pace: Pace) -> Crash {
-    let setup = setup(60.0);
+    let setup = turns_early(setup(60.0));
     let world = crate::engine::world(&setup).unwrap();
     let mut person = Saboteur {
         world: &world,
@@ -243,9 +251,7 @@ impl Person for Laggard {
 
 /// What a free-running board and the instrument in this process tell, for so many seconds.
 fn lagging(fix: bool, every: u64, ticks: u8, seconds: f64) -> [Laggard; 2] {
-    let mut setup = setup(seconds);
-    let sequence = &mut setup.settings.as_mut().unwrap().sequence;
-    (sequence.order, sequence.dwell_s) = (Order::Mirrored, 2);
+    let setup = turns_early(setup(seconds));
     let run = |free_running: bool| {
         let world = crate::engine::world(&setup).unwrap();
         let limit = limit_ticks(&setup);
@@ -372,7 +378,7 @@ impl Person for Impatient {
 
 #[test]
 fn settings_are_refused_while_the_motor_turns() {
-    let setup = setup(1000.0);
+    let setup = turns_early(setup(1000.0));
     for qemu in [false, true] {
         let world = crate::engine::world(&setup).unwrap();
         let settings = setup.settings.clone().unwrap();
