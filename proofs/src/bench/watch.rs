@@ -17,13 +17,13 @@ use crate::statistics::median;
 /// The test of an instrument in service: fixes between false alarms, and fixes until a change is seen
 ///
 /// Logs are drawn from a bias that wanders from fix to fix and is another at every switch-on, every fifth fix, plus the noise of a fix, of which all sizes are
-/// multiples. A baseline of 100 fixes, then up to --fixes without a change; or a change after another hundred. Beside it the test that knows
+/// multiples. The test is the firmware's, which `north watch` runs, too. A baseline of 100 fixes, then up to --fixes without a change; or a change after another hundred. Beside it the test that knows
 /// everything but when: the statistic of Shiryaev and Roberts with the true noise, level and change.
 #[derive(Args, Debug)]
-#[command(after_help = "Example:\n  north bench watch --logs 400")]
+#[command(after_help = "Example:\n  north bench watch --logs 200")]
 pub struct WatchBench {
     /// Logs of each kind
-    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u64).range(10..=100_000))]
+    #[arg(long, value_name = "N", default_value_t = 600, value_parser = clap::value_parser!(u64).range(10..=100_000))]
     logs: u64,
     /// Fixes without a change after the baseline, at most
     #[arg(long, value_name = "N", default_value_t = 2000, value_parser = clap::value_parser!(u64).range(100..=100_000))]
