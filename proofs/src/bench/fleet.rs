@@ -207,12 +207,13 @@ fn shortened(path: &Path, fits: usize, family: Family) -> Result<Diagnosis, Fail
     diagnose(&campaign, &options).map_err(|refusal| Failure::Refused(refusal.to_string()))
 }
 
+/// Not a number where no unit was judged, as in a fleet without effects.
 fn rms(units: &[Errors], of: impl Fn(&Errors) -> &Vec<f64>) -> f64 {
     let all: Vec<f64> = units.iter().flat_map(|unit| of(unit).iter().copied()).collect();
-    (all.iter().map(|error| error * error).sum::<f64>() / all.len().max(1) as f64).sqrt()
+    (all.iter().map(|error| error * error).sum::<f64>() / all.len() as f64).sqrt()
 }
 
-/// Area under the ROC: the share of pairs in the right order, a tie half of one.
+/// Area under the ROC: the share of pairs in the right order, a tie half of one; not a number where there are none.
 fn roc(inside: &[f64], outside: &[f64]) -> f64 {
     let pair = |(a, b): (&f64, &f64)| {
         if b > a {
@@ -224,7 +225,7 @@ fn roc(inside: &[f64], outside: &[f64]) -> f64 {
         }
     };
     let pairs = inside.iter().flat_map(|a| outside.iter().map(move |b| (a, b)));
-    pairs.map(pair).sum::<f64>() / (inside.len() * outside.len()).max(1) as f64
+    pairs.map(pair).sum::<f64>() / (inside.len() * outside.len()) as f64
 }
 
 /// The line of one type, below a head before the first.
@@ -237,20 +238,21 @@ fn print(out: &mut dyn Write, rows: &[Row], at: usize) -> std::io::Result<()> {
         writeln!(out, "|---|---|---|---|---|---|---|---|---|---|---|---|")?;
     }
     let row = &rows[at];
+    let judged = |value: f64| if value.is_nan() { "–".into() } else { format!("{value:.4}") };
     writeln!(
         out,
-        "| {} | {} | {:.2} | {} | {:.4} | {:.4} | {:.4} | {:.4} | {:.4} | {:.4} | {:.3} | {:.0} |",
+        "| {} | {} | {:.2} | {} | {} | {} | {} | {} | {} | {} | {} | {:.0} |",
         row.number,
         row.hidden.join(" + "),
         row.spread,
         row.learned.join(" + "),
-        row.before_deg,
-        row.sixteen_runs_deg,
-        row.four_runs_deg,
-        row.four_runs_with_prior_deg,
-        row.outside_four_runs_deg,
-        row.outside_with_prior_deg,
-        row.roc,
+        judged(row.before_deg),
+        judged(row.sixteen_runs_deg),
+        judged(row.four_runs_deg),
+        judged(row.four_runs_with_prior_deg),
+        judged(row.outside_four_runs_deg),
+        judged(row.outside_with_prior_deg),
+        judged(row.roc),
         row.seconds
     )?;
     out.flush()
