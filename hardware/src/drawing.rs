@@ -243,7 +243,7 @@ impl<'a> Sheet<'a> {
             self.text([CENTRE.x - STUB - 6.0, y + 4.0], "net", "end", &net.name);
             self.hanging(net, [CENTRE.x - STUB, y]);
             self.centre_rows.push(y);
-            // The first one is above the wire.
+            // What hangs on the wire first is drawn above it, the rest below.
             y += ROW + HANGING * self.netlist.hanging(net).count().saturating_sub(1) as f64;
         }
         y

@@ -1,7 +1,7 @@
 //! The watch over a log: the firmware's own test of every signal ([`ChangeTest`]), and what changed where a signal does not go on as it did.
 
 use north_finder::event::service::change::ChangeTest;
-use north_finder::event::service::level::{Followed, Level};
+use north_finder::event::service::level::Followed;
 use serde::Serialize;
 
 pub use north_finder::event::service::change::{ALARM, BASELINE};
@@ -118,7 +118,7 @@ fn explain(
     temperatures_c: Option<&[f64]>,
     share: f64,
 ) -> Option<Change> {
-    let (level, scale): (&Level, f64) = normal.foremost()?;
+    let (level, scale) = normal.foremost()?;
     let values = &signal.values[BASELINE..switched.len()];
     let log_count = (values.len() as f64).ln();
     let fit = |cause: Cause, from: usize, constants: f64, course: &dyn Fn(usize) -> f64| {

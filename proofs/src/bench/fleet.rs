@@ -16,6 +16,7 @@ use serde::Serialize;
 
 use super::Bench;
 use crate::composed::{Campaign, Fleet, Kind, UnitKind};
+use crate::statistics::rms;
 
 /// Fleets of simulated instruments: azimuths with few runs and the fleet's prior, and units that are out of the family
 ///
@@ -149,12 +150,12 @@ impl FleetBench {
             hidden: fleet.names(),
             spread: fleet.spread,
             learned: learned.effects.iter().map(|effect| format!("{} ({:.2})", effect.name, effect.share)).collect(),
-            before_deg: rms(&usual, |unit| &unit.before),
-            sixteen_runs_deg: rms(&usual, |unit| &unit.long),
-            four_runs_deg: rms(&usual, |unit| &unit.short),
-            four_runs_with_prior_deg: rms(&usual, |unit| &unit.informed),
-            outside_four_runs_deg: rms(&odd, |unit| &unit.short),
-            outside_with_prior_deg: rms(&odd, |unit| &unit.informed),
+            before_deg: rms_of(&usual, |unit| &unit.before),
+            sixteen_runs_deg: rms_of(&usual, |unit| &unit.long),
+            four_runs_deg: rms_of(&usual, |unit| &unit.short),
+            four_runs_with_prior_deg: rms_of(&usual, |unit| &unit.informed),
+            outside_four_runs_deg: rms_of(&odd, |unit| &unit.short),
+            outside_with_prior_deg: rms_of(&odd, |unit| &unit.informed),
             roc: roc(&outside(&usual), &outside(&odd)),
             usual: outside(&usual),
             outside: outside(&odd),
@@ -207,10 +208,9 @@ fn shortened(path: &Path, fits: usize, family: Family) -> Result<Diagnosis, Fail
     diagnose(&campaign, &options).map_err(|refusal| Failure::Refused(refusal.to_string()))
 }
 
-/// Not a number where no unit was judged, as in a fleet without effects.
-fn rms(units: &[Errors], of: impl Fn(&Errors) -> &Vec<f64>) -> f64 {
-    let all: Vec<f64> = units.iter().flat_map(|unit| of(unit).iter().copied()).collect();
-    (all.iter().map(|error| error * error).sum::<f64>() / all.len() as f64).sqrt()
+/// Root mean square of errors of all units; not a number where none was judged, as in a fleet without effects.
+fn rms_of(units: &[Errors], of: impl Fn(&Errors) -> &Vec<f64>) -> f64 {
+    rms(units.iter().flat_map(of).copied())
 }
 
 /// Area under the ROC: the share of pairs in the right order, a tie half of one; not a number where there are none.

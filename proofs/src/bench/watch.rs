@@ -17,8 +17,8 @@ use crate::statistics::median;
 /// The test of an instrument in service: fixes between false alarms, and fixes until a change is seen
 ///
 /// Logs are drawn from a bias that wanders from fix to fix and is another at every switch-on, every fifth fix, plus the noise of a fix, of which all sizes are
-/// multiples. The test is the firmware's, which `north watch` runs, too. A baseline of 100 fixes, then up to --fixes without a change; or a change after another hundred. Beside it the test that knows
-/// everything but when: the statistic of Shiryaev and Roberts with the true noise, level and change.
+/// multiples. The test is the firmware's, which `north watch` runs, too. A baseline of 100 fixes, then up to --fixes without a change; or a change after
+/// another hundred. Beside it the test that knows everything but when: the statistic of Shiryaev and Roberts with the true noise, level and change.
 #[derive(Args, Debug)]
 #[command(after_help = "Example:\n  north bench watch --logs 200")]
 pub struct WatchBench {

@@ -157,8 +157,8 @@ pub fn serial() -> [u32; 3] {
 }
 
 /// Waits for the next interrupt; making one, in lock-step, is counted as the exchange's. Free-running it does not sleep: QEMU lets a
-/// processor that sleeps by instructions miss interrupts of one of two timers (seen in 7.2). It counts to a hundredth of a tick instead, which
-/// costs the host a fraction of what asking a timer over and over does.
+/// processor that sleeps by instructions miss interrupts of one of two timers (seen in 7.2). It counts through a hundredth of a tick instead of
+/// asking the timer over and over.
 pub fn sleep() {
     let began = pac::TIMER0.remaining();
     let pace = with(|state| {
