@@ -16,6 +16,7 @@ mod problem;
 mod process;
 mod read;
 mod references;
+mod rounding;
 mod rows;
 mod search;
 mod tells;

@@ -12,6 +12,7 @@ use north_finder::effects::track::Track;
 use north_finder::effects::{ChannelName, Conditions, MAX_CHANNELS};
 use north_finder::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_180_deg, wrap_360_deg};
 
+use super::rounding;
 use crate::run_data::{RunData, Sample};
 
 /// Most rows of one run in the search, and of all runs together as long as each has the least: longer ones are means over some seconds. A dwell of a
@@ -126,7 +127,9 @@ impl Run {
         let seconds: Vec<f64> =
             self.bins.iter().map(|bin| self.samples[bin.clone()].iter().map(|each| each.seconds).sum()).collect();
         let noise = declared_deg_h.unwrap_or_else(|| noise_deg_h(&self.rate_deg_h, &self.t_s, &seconds));
-        self.variance = seconds.iter().map(|seconds| noise * noise / seconds).collect();
+        let rates: Vec<f64> = self.samples.iter().map(|sample| sample.rate_deg_h).collect();
+        let of_rounding = rounding::by_bin(&self.bins, &self.dwell_of_rows(), &rates);
+        self.variance = seconds.iter().zip(of_rounding).map(|(seconds, more)| noise * noise / seconds + more).collect();
     }
 
     /// What happens second by second. What the gyro measured is what it should have measured at this azimuth: its noise is no signal.
