@@ -16,6 +16,9 @@ const WINDOWS_S: [f64; 4] = [2.0, 8.0, 30.0, 80.0];
 const GAIN_WINDOW_S: f64 = 12.0;
 /// A base that stands still is said to move in at most this share of campaigns (Markov's inequality, as for an effect).
 const FALSE_MOTIONS: f64 = 1.0 / 200.0;
+/// A gyro on a rigid base feels all of the turning that its accelerometers show; where noise makes up half of what they show, half of it. Of what is felt
+/// to less than this share the base does not turn: the level drifts.
+const LEAST_FELT: f64 = 0.2;
 /// Lags of the accelerometers that are tried, seconds.
 const LAGS_S: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
 /// Share of the variance that a lag must leave at most to be believed.
@@ -52,7 +55,8 @@ impl Motion {
         };
         let best = WINDOWS_S.into_par_iter().filter_map(shown).max_by(|a, b| a.1.log_odds.total_cmp(&b.1.log_odds))?;
         let log_odds = best.1.log_odds - (WINDOWS_S.len() as f64).ln();
-        if log_odds <= -FALSE_MOTIONS.ln() {
+        let is_felt = best.1.weight.abs() + 3.0 * best.1.sigma > LEAST_FELT;
+        if log_odds <= -FALSE_MOTIONS.ln() || !is_felt {
             return None;
         }
         let (gain, gain_sigma) = gain(runs).unwrap_or((best.1.weight, best.1.sigma));
