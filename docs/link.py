@@ -11,14 +11,14 @@ VERSION = 9
 STATES = ["idle", "levelling", "watching", "indexing", "settling", "collecting", "finished", "failed", "calibrating"]
 FAULTS = ["settings-missing", "settings-corrupt", "settings-invalid", "near-pole", "not-level-in-time",
           "disturbed-too-long", "jitter-too-long", "level-lost", "motor-stall", "wrong-angle", "encoder-failed",
-          "accelerometer-failed", "gyro-silent", "gyro-invalid", "gyro-saturated", "gyro-clock", "gyro-link-poor",
-          "gyro-stuck", "gyro-units", "gyro-unanswered", "out-of-time", "aborted", "unsolvable", "no-earth-rate", "not-earth-rate"]
+          "accelerometer-failed", "index-limit", "gyro-silent", "gyro-invalid", "gyro-saturated", "gyro-clock",
+          "gyro-link-poor", "gyro-stuck", "gyro-units", "gyro-unanswered", "out-of-time", "aborted", "unsolvable", "no-earth-rate", "not-earth-rate"]
 REFUSALS = ["damaged", "other-version", "not-understood", "no-fix", "motor-turns", "out-of-order",
             "settings-unreadable", "settings-invalid", "not-stored", "no-settings", "settings-corrupt", "busy",
             "no-slots", "update-unfit", "update-unsigned", "unconfirmed",
             "no-fix-yet", "log-unreadable", "locked", "not-unlocked"]
 ITEMS = ["settings", "memory", "reset", "clock", "gyro", "gyro-rate", "accelerometer", "encoder", "block",
-         "accelerometer-response", "index-drive"]
+         "accelerometer-response", "index-drive", "limit-switch"]
 VERDICTS = ["passed", "failed", "not-asked", "absent", "unmet", "interrupted"]
 STEPS = ["turn", "hold-still", "attitude-accepted", "attitude-known", "moved", "not-gravity", "solving"]
 REASONS = ["too-few-attitudes", "directions-missing", "moving-throughout", "not-an-ellipsoid", "too-noisy",

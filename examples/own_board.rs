@@ -52,7 +52,8 @@ fn main() {
             intake.gyro.put(&bytes[..count]);
         }
         let (turning, heard) = (motor.is_turning(), intake.heard());
-        let readings = Readings { tick, sensors: sensors.read(tick), analogue: None, turning, heard };
+        let readings =
+            Readings { tick, sensors: sensors.read(tick), analogue: None, turning, limit_open: false, heard };
         let orders = instrument.step(&readings, &intake, &mut flash, &mut |report| over |= tell(&report));
         if let Some(mut second) = instrument.second_to_work_on() {
             second.run();

@@ -80,6 +80,9 @@ codes! {
         AccelerometerFailed = 23, "accelerometer-failed",
             "the accelerometer gives no valid or no changing reading",
             "check the accelerometer's cable and supply";
+        IndexLimit = 24, "index-limit",
+            "the limit switch of the index is open: the spindle ran beyond its travel, or the switch's wire is off",
+            "turn the spindle off the switch by hand; then check the switch's wire, index.travel_from_deg and index.travel_deg";
         GyroSilent = 30, "gyro-silent",
             "no frame comes from the gyro",
             "check the gyro's supply, cable, baud rate and frame format";
@@ -293,6 +296,9 @@ codes! {
         Drive = 11, "index-drive",
             "by how much the encoder sees a move of 5 degrees end off its target, out or back",
             "free the spindle and its cable, check the motor's supply and the coupling between motor, spindle and encoder";
+        Limit = 12, "limit-switch",
+            "the limit switch of the index is open (1): a stop was run into, or its wire is off; closed (0) within the travel",
+            "turn the spindle off the switch by hand, and check the switch and its wire";
     }
 }
 
@@ -312,7 +318,7 @@ impl Item {
     /// Unit of what is measured; empty for codes.
     pub fn unit(self) -> &'static str {
         match self {
-            Self::Settings | Self::Reset | Self::Clock => "",
+            Self::Settings | Self::Reset | Self::Clock | Self::Limit => "",
             Self::Memory => "words",
             Self::Gyro | Self::Accelerometer | Self::Encoder | Self::Block => "%",
             Self::GyroRate => "1/s",

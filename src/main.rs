@@ -69,11 +69,12 @@ mod app {
     type Instrument = instrument::Instrument<&'static mut SecondWork, &'static mut Workspace>;
     type Reported = SignalReader<'static, ()>;
 
-    /// A tick: its number, whether the motor turns, and what had come.
+    /// A tick: its number, whether the motor turns and the limit input is open, and what had come.
     #[derive(Clone, Copy, Default)]
     pub struct Moment {
         tick: u64,
         turning: bool,
+        limit_open: bool,
         heard: Received,
     }
 
@@ -92,6 +93,7 @@ mod app {
         ticker: board::Ticker,
         watchdog: board::Watchdog,
         motor_out: Consumer<'static, MotorCommand>,
+        limit: board::Limit,
         // gyro_line
         gyro: board::GyroLine,
         // host_line
@@ -144,15 +146,9 @@ mod app {
         if let Some(crash) = &crash {
             instrument.log_crash(crash, &mut board.flash);
         }
-        let (analogue, crystal) = (board::analogue_calibration(), board.crystal);
-        let entropy = board.entropy;
-        instrument.board_is(BoardFacts {
-            wrong_words,
-            crash: crash.map(|crash| crash.cause),
-            crystal,
-            analogue,
-            entropy,
-        });
+        let (analogue, crystal, entropy) = (board::analogue_calibration(), board.crystal, board.entropy);
+        let cause = crash.map(|crash| crash.cause);
+        instrument.board_is(BoardFacts { wrong_words, crash: cause, crystal, analogue, entropy });
 
         let (motor_in, motor_out) = cx.local.motor_commands.split();
         let (readings_in, readings_out) = cx.local.readings.split();
@@ -177,6 +173,7 @@ mod app {
             ticker: board.ticker.start(),
             watchdog,
             motor_out,
+            limit: board.limit,
             gyro: board.gyro,
             host: board.host,
             sent,
@@ -229,7 +226,7 @@ mod app {
     }
 
     #[task(
-        binds = TIM2, priority = 5, local = [ticker, watchdog, motor_out, tick: u64 = 0], shared = [moment, motor, slots],
+        binds = TIM2, priority = 5, local = [ticker, watchdog, motor_out, limit, tick: u64 = 0], shared = [moment, motor, slots],
     )]
     fn sample(cx: sample::Context) {
         let (local, mut shared) = (cx.local, cx.shared);
@@ -239,12 +236,14 @@ mod app {
         while let Some(command) = local.motor_out.dequeue() {
             shared.motor.command(command);
         }
+        let limit_open = local.limit.is_open();
+        shared.motor.limit(limit_open);
         let turning = shared.motor.is_turning();
         if turning {
             shared.slots.start();
         }
         // One that `read` has not come to yet is lost, and counted by the gap in the numbers.
-        shared.moment.lock(|moment| *moment = Moment { tick: *local.tick, turning, heard });
+        shared.moment.lock(|moment| *moment = Moment { tick: *local.tick, turning, limit_open, heard });
         rtic::pend(board::pac::Interrupt::SPI1);
         match GUARD.tick(*local.tick) {
             Verdict::Wait => {}
@@ -279,12 +278,12 @@ mod app {
     #[task(binds = SPI1, priority = 4, local = [sensors, scan, readings_in], shared = [moment])]
     fn read(mut cx: read::Context) {
         let local = cx.local;
-        let Moment { tick, turning, heard } = cx.shared.moment.lock(|moment| *moment);
+        let Moment { tick, turning, limit_open, heard } = cx.shared.moment.lock(|moment| *moment);
         if TEST_ACCELEROMETER.swap(false, Ordering::Relaxed) {
             local.sensors.test_accelerometer();
         }
         let (sensors, analogue) = (local.sensors.read(tick), local.scan.tick(tick));
-        if local.readings_in.enqueue(Readings { tick, sensors, analogue, turning, heard }).is_err() {
+        if local.readings_in.enqueue(Readings { tick, sensors, analogue, turning, limit_open, heard }).is_err() {
             one_more(&INTAKE.readings_refused);
         }
         rtic::pend(board::pac::Interrupt::SPI2);

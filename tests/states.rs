@@ -149,6 +149,26 @@ fn gyro_silent() {
     assert!(matches!(outcome.end, End::Fault { fault: Fault::GyroSilent, .. }));
 }
 
+/// A switch at 200°, where the first turn to 270° takes the index. The motor turns on by less than the 2.5 ms between two looks at 30 °/s,
+/// 0.075°, and the rotor rings about where it stopped. A fix that is begun there does not begin to turn; where no switch is declared its pin means nothing.
+#[test]
+fn a_limit_switch_ends_the_turn_on_the_spot() {
+    let mut with_switch = setup("calm-bench", 1);
+    with_switch.scenario.motor.limit_deg = Some(200.0);
+    fix(&run(&with_switch).0);
+    with_switch.settings.as_mut().unwrap().index.limit_switch = true;
+    ends_with(&with_switch, Fault::IndexLimit, State::Indexing);
+    let (_, reports) = run(&with_switch);
+    let last = reports.iter().rev().find_map(|report| match report.event {
+        Event::Second(second) => second.index_deg,
+        _ => None,
+    });
+    let last = last.expect("a second");
+    assert!(last > 100.0 && last < 201.0, "{last}");
+    with_switch.scenario.motor.start_deg = 250.0;
+    ends_with(&with_switch, Fault::IndexLimit, State::Levelling);
+}
+
 #[test]
 fn gyro_invalid() {
     let (outcome, _) = run(&setup("gyro-invalid", 1));

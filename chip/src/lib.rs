@@ -358,8 +358,9 @@ impl<L: Line> Driver<Wired> for Surroundings<L> {
             return Some(VirtualNanos(began + (passed + 1) * SLOT));
         }
         self.world.sample();
-        session.board_mut().put_on_inputs(&self.world.analogue());
         let board = session.board_mut();
+        board.put_on_inputs(&self.world.analogue());
+        board.put_on_limit(stop.at, self.world.limit_is_open());
         if self.timer_stops == Some(self.ticks) {
             board.stop_timer(stop.at);
         }

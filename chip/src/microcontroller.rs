@@ -166,6 +166,12 @@ impl Wired {
         converter.set_temperature(inputs.chip_centi_c());
     }
 
+    /// The limit switch at PC9, open or closed to ground, from now on.
+    pub fn put_on_limit(&mut self, at: VirtualNanos, open: bool) {
+        let level = (!open).then_some(Level::Low);
+        self.mcu.drive_port(at, PORT_C, |port, registers, context| port.drive(pin(9), level, registers, context));
+    }
+
     /// The microcontroller, for who looks at its registers.
     pub fn mcu_mut(&mut self) -> &mut Stm32f427 {
         &mut self.mcu

@@ -118,7 +118,11 @@ fn of_instrument(reports: &[Report]) -> Vec<String> {
 
 /// Runs a scenario with these settings on both; gives the chip's run, after the comparison.
 fn both(scenario: &str, settings: Option<&Settings>, ticks: u64, asks: &[At]) -> Ran<Host> {
-    let [own, other] = [(); 2].map(|()| World::new(&Scenario::named(scenario).unwrap(), 1));
+    both_of(&Scenario::named(scenario).unwrap(), settings, ticks, asks)
+}
+
+fn both_of(scenario: &Scenario, settings: Option<&Settings>, ticks: u64, asks: &[At]) -> Ran<Host> {
+    let [own, other] = [(); 2].map(|()| World::new(scenario, 1));
     if let Some(settings) = settings {
         store::save(&mut other.flash(), settings).unwrap();
     }
@@ -129,8 +133,9 @@ fn both(scenario: &str, settings: Option<&Settings>, ticks: u64, asks: &[At]) ->
         assert_eq!(chip, host);
     }
     // The last of them may still be on the line.
-    assert!(!chip.is_empty() && chip.len() + 3 > host.len(), "{scenario}: {} of {} events", chip.len(), host.len());
-    assert!(ran.resets.is_empty(), "{scenario}: {:?}", ran.resets);
+    let name = &scenario.name;
+    assert!(!chip.is_empty() && chip.len() + 3 > host.len(), "{name}: {} of {} events", chip.len(), host.len());
+    assert!(ran.resets.is_empty(), "{name}: {:?}", ran.resets);
     ran
 }
 
@@ -204,9 +209,9 @@ fn the_self_test_passes() {
     let mut told: Vec<Finding> = ran.line.reports.iter().filter_map(told).collect();
     let first =
         told.drain(..told.len() / 2).filter(|found| found.verdict != TestVerdict::Passed).map(|found| found.item);
-    assert_eq!(first.collect::<Vec<_>>(), [Item::Block, Item::Response, Item::Drive]);
+    assert_eq!(first.collect::<Vec<_>>(), [Item::Block, Item::Response, Item::Drive, Item::Limit]);
     let second = told.iter().filter(|found| found.verdict != TestVerdict::Passed).map(|found| found.item);
-    assert_eq!(second.collect::<Vec<_>>(), [Item::Block], "{told:?}");
+    assert_eq!(second.collect::<Vec<_>>(), [Item::Block, Item::Limit], "{told:?}");
 }
 
 /// Seven seconds in which all that is wired is used: nothing is done that a data sheet does not allow, nothing that the reference manual
@@ -240,6 +245,23 @@ fn no_step_waits_for_a_sensor() {
     let [first, last] = ran.step_window_ns;
     assert!(ran.steps > 100, "{}", ran.steps);
     assert!(last - first < 10_000, "steps begin between {first} and {last} ns of an eighth");
+}
+
+/// A limit switch that opens in the first turn: the motor makes no step more, and there is no azimuth.
+#[test]
+fn an_open_limit_switch_stops_the_motor() {
+    let mut settings = settings_of("calm-bench");
+    settings.level.seconds = 1;
+    // For half a degree three seconds are enough where it stands: it turns by 90°, early.
+    settings.sequence.order = Order::Adaptive { accuracy_deg: 0.5 };
+    settings.index.limit_switch = true;
+    let mut scenario = Scenario::named("calm-bench").unwrap();
+    scenario.motor.limit_deg = Some(30.0);
+    let ran = both_of(&scenario, Some(&settings), 3200, &[(40, START)]);
+    let fault = Event::Fault { fault: Fault::IndexLimit, state: State::Indexing };
+    assert!(ran.line.reports.iter().any(|report| report.event == fault));
+    // 30° are 3000 steps; 7 more are less than what a tick takes at the greatest speed, 8.
+    assert!((2990..=3010).contains(&ran.steps), "{} steps", ran.steps);
 }
 
 /// The work of a tick takes ten ticks: no event differs.

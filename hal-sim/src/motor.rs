@@ -170,6 +170,11 @@ impl Drive {
         self.load_deg + self.uneven_deg + if self.slipped { self.motor.slip_deg } else { 0.0 }
     }
 
+    /// Whether the limit switch at the rotor is open.
+    pub fn limit_is_open(&self) -> bool {
+        self.motor.limit_deg.is_some_and(|limit_deg| self.rotor_deg > limit_deg)
+    }
+
     /// The motor's torque on the base, as the lag that would make it, degrees: zero at rest.
     pub fn torque_lag_deg(&self) -> f64 {
         if self.asleep && self.motor.hunting_deg == 0.0 && self.motor.friction_deg_s2 == 0.0 {

@@ -40,6 +40,11 @@ impl World {
         open(&self.plant).drive.has_current()
     }
 
+    /// Whether the limit switch of the index is open.
+    pub fn limit_is_open(&self) -> bool {
+        open(&self.plant).drive.limit_is_open()
+    }
+
     /// Somebody lifts the instrument off its base, turns it, and holds it so.
     pub(crate) fn turn_by_hand(&self, turn: Turn) {
         open(&self.plant).hand.turn(turn);

@@ -58,6 +58,7 @@ fn the_regulator_takes_what_it_gives_by_its_efficiency() {
 #[derive(Debug, PartialEq, Eq)]
 enum Use {
     Output,
+    Input,
     /// A peripheral's function by its number, where the code gives the number alone.
     Alternate(u32),
     Function(String),
@@ -94,6 +95,8 @@ fn uses(code: &str) -> BTreeMap<String, Use> {
             uses.insert(pin, Use::Alternate(rest.split('>').next().unwrap().parse().unwrap()));
         } else if after.starts_with(".into_push_pull_output") {
             uses.insert(pin, Use::Output);
+        } else if after.starts_with(".into_pull_up_input()") {
+            uses.insert(pin, Use::Input);
         } else if after.starts_with(".into_analog()") {
             // DS8626, table 7: PC0 is input 10 of converter 1.
             let number: u32 = pin[2..].parse().unwrap();
@@ -143,7 +146,10 @@ fn the_firmware_uses_the_pins_as_they_are_wired() {
             wired.insert(pin.to_owned());
             let fits = match uses.get(pin) {
                 Some(Use::Output) => function == "output",
-                Some(Use::Alternate(number)) => function != "output" && alternate(function) == *number,
+                Some(Use::Input) => function == "input",
+                Some(Use::Alternate(number)) => {
+                    !matches!(function, "output" | "input") && alternate(function) == *number
+                }
                 Some(Use::Function(used)) => function == used,
                 None => false,
             };

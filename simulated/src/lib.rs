@@ -97,10 +97,12 @@ impl Wired {
         if let Some(command) = self.pending.take() {
             self.motor.command(command);
         }
+        let limit_open = self.world.limit_is_open();
+        self.motor.limit(limit_open);
         self.intake.gyro.put(&self.heard);
         self.intake.host.put(requests);
         let (turning, heard) = (self.motor.is_turning(), self.intake.heard());
-        let readings = Readings { tick: self.tick, sensors, analogue, turning, heard };
+        let readings = Readings { tick: self.tick, sensors, analogue, turning, limit_open, heard };
         tap(&readings, &self.heard);
         let orders = self.stepper.step(&readings, &self.intake, &mut self.world.flash(), report);
         self.pending = orders.motor;

@@ -10,6 +10,7 @@
 //! | `ReportPort`, `GyroPort` | the senders of the link to the host and of commands to the gyro |
 //! | `Accelerometer`, `Encoder`, `Block` | SPI devices |
 //! | `Step`, `Direction`, `Enable` | output pins of the motor |
+//! | `Limit` | the input of its limit switch |
 //! | `Converter`, `analogue_calibration` | the analogue inputs, and what the chip's maker converted |
 //! | `Flash` | NOR flash for the settings |
 //! | `slots`, `serial` | the slots of an update, where the board has them; the chip's own number |

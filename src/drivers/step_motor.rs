@@ -39,6 +39,8 @@ pub struct StepMotor<S, D, E> {
     phase: f32,
     /// The windings go off as soon as it rests.
     release: bool,
+    /// There is a limit switch.
+    limit_switch: bool,
 }
 
 /// Speed in steps per slot, acceleration in steps per slot².
@@ -98,6 +100,7 @@ where
             speed: 0.0,
             phase: 0.0,
             release: false,
+            limit_switch: settings.limit_switch,
         }
     }
 
@@ -122,6 +125,15 @@ where
         self.to_go = if self.counter_clockwise { way } else { -way };
         self.release = true;
         self.release_at_rest();
+    }
+
+    /// Whether the limit input is open, at every tick. Where there is a switch the motor stops on the spot then, without current: behind a
+    /// switch there is no way to brake in. As long as it is open, no turn begins.
+    pub fn limit(&mut self, open: bool) {
+        if open && self.limit_switch && self.is_turning() {
+            (self.to_go, self.speed, self.release) = (0, 0.0, true);
+            self.release_at_rest();
+        }
     }
 
     fn release_at_rest(&mut self) {
@@ -338,6 +350,30 @@ mod tests {
         assert!(!plant.enabled.get(), "a motor that was stopped has no current");
         motor.slot();
         assert!(!motor.is_turning());
+    }
+
+    #[test]
+    fn an_open_limit_switch_stops_it_on_the_spot_and_keeps_it() {
+        let plant = Plant::default();
+        for limit_switch in [false, true] {
+            let mut motor = motor(&plant);
+            motor.limit_switch = limit_switch;
+            motor.limit(true);
+            motor.turn(36_000);
+            (0..6400).for_each(|_| motor.slot());
+            motor.limit(false);
+            assert!(motor.is_turning());
+            let at = plant.position.get();
+            motor.limit(true);
+            motor.slot();
+            assert_eq!(motor.is_turning(), !limit_switch);
+            // What a fix that failed asks for, and what would turn it on.
+            motor.stop();
+            motor.turn(-36_000);
+            motor.limit(true);
+            motor.slot();
+            assert_eq!([plant.position.get() == at, !plant.enabled.get(), !motor.is_turning()], [limit_switch; 3]);
+        }
     }
 
     #[test]

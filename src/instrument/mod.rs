@@ -80,6 +80,8 @@ pub struct Readings {
     pub analogue: Option<Conversion>,
     /// Whether the step generator is running.
     pub turning: bool,
+    /// Whether the limit input is open; it says nothing where no switch is wired to it.
+    pub limit_open: bool,
     /// Bytes that had come: what came later is of a later tick.
     pub heard: Received,
 }
@@ -138,6 +140,8 @@ pub struct Instrument<S, R> {
     state: State,
     index_settings: IndexSettings,
     index: IndexAngle,
+    /// Whether the limit switch is open, where there is one.
+    limit_open: Option<bool>,
     /// Seconds that wait to be worked on.
     ended: Deque<Ended, MOST_WAITING>,
     /// The first of them is worked on, or its effect is to come.
@@ -206,6 +210,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             state: State::Idle,
             index_settings: IndexSettings::default(),
             index: IndexAngle::default(),
+            limit_open: None,
             ended: Deque::new(),
             working: false,
             requested: None,
@@ -356,6 +361,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             self.make_up(readings.tick, sink);
         }
         self.next_tick = readings.tick + 1;
+        self.limit_open = self.index_settings.limit_switch.then_some(readings.limit_open);
         if !intake.host.is_empty(readings.heard.host) {
             self.receive_requests(readings, intake, flash, &mut orders, sink);
         }
@@ -387,7 +393,8 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             self.test(readings, &mut orders, sink);
         }
         let encoder = (self.encoder_failures >= ENCODER_PATIENCE).then_some(Fault::EncoderFailed);
-        if let Some(fault) = self.watch.tick(readings.tick).or(encoder) {
+        let limit = (self.limit_open == Some(true)).then_some(Fault::IndexLimit);
+        if let Some(fault) = self.watch.tick(readings.tick).or(encoder).or(limit) {
             orders.motor = self.fail(fault, readings.t_s(), sink).or(orders.motor);
         }
         if !self.finished.is_empty() {
@@ -507,7 +514,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             orders.motor = moved.or(orders.motor);
         }
         orders.test_accelerometer = self.test.tick(&readings.sensors);
-        if let Some(finding) = self.test.next(self.refusal, self.keeper.is_some()) {
+        if let Some(finding) = self.test.next(self.refusal, self.keeper.is_some(), self.limit_open) {
             sink(Event::SelfTest(finding));
         }
     }

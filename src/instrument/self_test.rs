@@ -308,8 +308,9 @@ impl SelfTest {
         self.counts.encoder.finding(Item::Encoder, VALID)
     }
 
-    /// The next item, if the test is done. `refusal`: why no fix can be started; `block`: whether there is one.
-    pub fn next(&mut self, refusal: Option<Fault>, block: bool) -> Option<Finding> {
+    /// The next item, if the test is done. `refusal`: why no fix can be started; `block`: whether there is one; `limit_open`: whether the
+    /// limit switch is open, where there is one.
+    pub fn next(&mut self, refusal: Option<Fault>, block: bool, limit_open: Option<bool>) -> Option<Finding> {
         if let Some(finding) = self.urgent.take() {
             return Some(finding);
         }
@@ -319,10 +320,10 @@ impl SelfTest {
         if item.is_none() {
             self.stage = Stage::Off;
         }
-        item.map(|item| self.finding(item, refusal, block))
+        item.map(|item| self.finding(item, refusal, block, limit_open))
     }
 
-    fn finding(&self, item: Item, refusal: Option<Fault>, block: bool) -> Finding {
+    fn finding(&self, item: Item, refusal: Option<Fault>, block: bool, limit_open: Option<bool>) -> Finding {
         let Counts { gyro, sent, accelerometer, block: block_readings, .. } = self.counts;
         // Codes and counts of what must not be.
         let none = |measured: u32| Finding::judged(item, measured as f32, [0.0, 0.0]);
@@ -345,6 +346,7 @@ impl SelfTest {
             Item::Block => absent,
             Item::Response => self.response,
             Item::Drive => self.drive,
+            Item::Limit => limit_open.map_or(absent, |open| none(open.into())),
         }
     }
 }

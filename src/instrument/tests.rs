@@ -62,6 +62,12 @@ fn frame(number: u64) -> [u8; 14] {
     frame
 }
 
+/// A tick at which nothing is read, and the bytes that have come.
+fn at_rest(tick: u64, intake: &Intake) -> Readings {
+    let (turning, limit_open) = (false, false);
+    Readings { tick, sensors: Due::Nothing, analogue: None, turning, limit_open, heard: intake.heard() }
+}
+
 /// A processor that stands still for 2.5 s, with a gyro that goes on: its frames of that time are lost, none of those that follow is
 /// late or comes twice, and the seconds end when they should.
 #[test]
@@ -75,7 +81,7 @@ fn a_thousand_ticks_that_nobody_saw_are_a_thousand_lost_frames() {
         if tick == 2400 {
             intake.host.put(&encode_request(&Ask::Status.into()).unwrap());
         }
-        let readings = Readings { tick, sensors: Due::Nothing, analogue: None, turning: false, heard: intake.heard() };
+        let readings = at_rest(tick, &intake);
         let mut report = |report| reports.push(report);
         instrument.step(&readings, &intake, &mut Erased, &mut report);
         if let Some(mut work) = instrument.second_to_work_on() {
@@ -109,7 +115,7 @@ fn answers(
     let (mut refusals, mut challenge) = (Vec::new(), None);
     for (tick, ask) in (from_tick..).zip(asks) {
         intake.host.put(&encode_request(&(*ask).into()).unwrap());
-        let readings = Readings { tick, sensors: Due::Nothing, analogue: None, turning: false, heard: intake.heard() };
+        let readings = at_rest(tick, &intake);
         instrument.step(&readings, &intake, &mut Erased, &mut |report| match report.event {
             Event::Answer { refusal, .. } => refusals.push(refusal),
             Event::Challenge { bytes } => challenge = Some(bytes),

@@ -38,6 +38,8 @@ pub struct IndexSettings {
     /// One turn holds every direction, and the absolute encoder alone tells where in it the spindle is: no count of turns has to survive the power.
     pub travel_from_deg: f64,
     pub travel_deg: f64,
+    /// A switch that opens at the ends of the travel is wired to the limit input: where it is open the motor stops, and no fix goes on.
+    pub limit_switch: bool,
 }
 
 impl Default for IndexSettings {
@@ -53,6 +55,7 @@ impl Default for IndexSettings {
             slip_ring: false,
             travel_from_deg: TRAVEL_FROM_DEG,
             travel_deg: 360.0,
+            limit_switch: false,
         }
     }
 }

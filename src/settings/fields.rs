@@ -55,6 +55,11 @@ pub const CHOICES: &[Choice] = &[
         meaning: "whether the cable is led over a slip ring, so that the index may turn on and on; else it stays within its travel",
     },
     Choice {
+        name: "index.limit_switch",
+        allowed: &["false", "true"],
+        meaning: "whether a switch that opens at the ends of the travel is wired to the limit input (PC9): where it is open the motor stops on the spot, and a fix ends with the fault index-limit",
+    },
+    Choice {
         name: "sequence.order",
         allowed: &["adaptive", "mirrored", "plain", "source", "east-west", "rotation", "custom"],
         meaning: "positions of the index and their order; adaptive: with accuracy_deg, the sigma of the azimuth that ends the fix, 0.001 to 10 (default 0.04); rotation: with passes to or fro, an even number, 2 to 120; custom: with angles",

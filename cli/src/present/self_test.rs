@@ -53,6 +53,8 @@ fn found(finding: &Finding) -> String {
         Item::Block => format!("{value} % of the readings of the block of three gyros are valid; {range}"),
         Item::Response => format!("the accelerometer's own test force moves its reading by {value} g; {range}"),
         Item::Drive => format!("a move of 5° ended {value}° off its target by the encoder; {range}"),
+        Item::Limit if passed => "the limit switch is closed".to_owned(),
+        Item::Limit => "the limit switch is open".to_owned(),
     }
 }
 

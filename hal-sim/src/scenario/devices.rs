@@ -130,6 +130,8 @@ part! {
         stall_to_s: Option<f64> = None, 0.0..=1e6;
         /// A hard stop: the rotor does not pass this angle counter-clockwise, degrees.
         hard_stop_deg: Option<f64> = None, -7200.0..=7200.0;
+        /// The limit switch opens beyond this angle counter-clockwise, degrees; absent: it never does.
+        limit_deg: Option<f64> = None, -7200.0..=7200.0;
         /// The gyro's spindle slips in its coupling by this angle, degrees …
         slip_deg: f64 = 0.0, -180.0..=180.0;
         /// … at this time, s.

@@ -12,6 +12,7 @@
 //! | PC0, PC1, PC2, PC3 (converter 1) | four analogue inputs, 0 to 3.3 V |
 //! | PC4 (converter 1) | supply, behind its divider |
 //! | PC6, PC7, PC8 | motor driver: step, direction, not-enable |
+//! | PC9 | limit switch of the index, where there is one: closed to ground within the travel |
 //!
 //! The settings are in the flash, sectors 1 and 2: see [`flash`]. Where the crystal does not start or has another frequency, the internal
 //! oscillator is used (see [`clock`]), and the first report tells it.
@@ -40,7 +41,7 @@ use north_finder::drivers::intake::{GYRO_BYTES, HOST_BYTES, Intake};
 use north_finder::event::restart::Cause;
 pub use slots::slots;
 use stm32f4xx_hal::dma::{Stream2, Stream5, StreamsTuple};
-use stm32f4xx_hal::gpio::{self, Output, PinState, Speed};
+use stm32f4xx_hal::gpio::{self, Input, Output, PinState, Speed};
 pub use stm32f4xx_hal::pac;
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::{Enable as _, Reset as _};
@@ -101,6 +102,7 @@ pub struct Board {
     pub step: Step,
     pub direction: Direction,
     pub enable: Enable,
+    pub limit: Limit,
     pub flash: Flash,
     pub converter: Converter,
     /// What no other start has.
@@ -200,6 +202,7 @@ pub fn init(device: pac::Peripherals, intake: &'static Intake) -> Board {
         step: Held(c.pc6.into_push_pull_output()),
         direction: c.pc7.into_push_pull_output(),
         enable: ActiveLow(c.pc8.into_push_pull_output_in_state(PinState::High)),
+        limit: Limit(c.pc9.into_pull_up_input()),
         flash,
         entropy: converter.entropy(),
         converter,
@@ -406,6 +409,16 @@ impl<PIN: OutputPin<Error = Infallible>, const CYCLES: u32> OutputPin for Held<P
         self.0.set_high()?;
         cortex_m::asm::delay(CYCLES);
         Ok(())
+    }
+}
+
+/// The limit switch, closed to ground within the travel.
+pub struct Limit(gpio::PC9<Input>);
+
+impl Limit {
+    /// Whether it is open.
+    pub fn is_open(&self) -> bool {
+        self.0.is_high()
     }
 }
 

@@ -6,7 +6,7 @@
 //!
 //! | opcode | request | reply |
 //! |---|---|---|
-//! | `T` tick | u32 busy time of the tick before in timer cycles, without the exchange's own; u8 analogue input that is converted, from 0 (255: none); pin edges, one byte each: bits 7-5 slot, 4-1 pin, 0 level | u8 status (1: power off); u16 code of the converter; u16 n; n bytes from the gyro; the rest: bytes for the request port |
+//! | `T` tick | u32 busy time of the tick before in timer cycles, without the exchange's own; u8 analogue input that is converted, from 0 (255: none); pin edges, one byte each: bits 7-5 slot, 4-1 pin, 0 level | u8 status (bit 0: power off, bit 1: the limit switch is open); u16 code of the converter; u16 n; n bytes from the gyro; the rest: bytes for the request port |
 //! | `S` SPI | u8 device; the bytes of all operations, 00 where only reading | as many bytes |
 //! | `G` gyro | a byte sent to the gyro | – |
 //! | `U` UART | bytes sent by the report port | – |

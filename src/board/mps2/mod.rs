@@ -43,6 +43,9 @@ const SLOT_CYCLES: u32 = TIMER_CYCLES / SLOTS_PER_TICK as u32;
 /// Rounds of two instructions in a tick, where one takes the 8 ns that QEMU is told.
 pub const TICK_ROUNDS: u32 = 156_250;
 const SLOTS_PER_TICK: u8 = 8;
+/// Bits of the status of a tick.
+const POWER_OFF: u8 = 1;
+const LIMIT_OPEN: u8 = 2;
 /// No analogue input is converted.
 const NO_INPUT: u8 = 0xFF;
 
@@ -67,6 +70,8 @@ struct State {
     /// The analogue input that is converted, and the last result.
     input: u8,
     code: u16,
+    /// The limit switch is open.
+    limit_open: bool,
     /// A report is out.
     sent: bool,
 }
@@ -80,6 +85,7 @@ static STATE: Mutex<RefCell<State>> = Mutex::new(RefCell::new(State {
     edges: Vec::new(),
     input: NO_INPUT,
     code: 0,
+    limit_open: false,
     sent: false,
 }));
 
@@ -100,6 +106,7 @@ pub struct Board {
     pub step: Step,
     pub direction: Direction,
     pub enable: Enable,
+    pub limit: Limit,
     pub flash: Flash,
     pub converter: Converter,
     /// What no other start has: nothing here is a secret.
@@ -139,6 +146,7 @@ pub fn init(_device: pac::Peripherals, intake: &'static Intake) -> Board {
         step: Pin,
         direction: Pin,
         enable: Pin,
+        limit: Limit,
         flash: Flash,
         converter: Converter,
         entropy: [0; 4],
@@ -255,7 +263,8 @@ impl State {
         };
         intake.gyro.put(gyro);
         intake.host.put(requests);
-        if status != 0 {
+        self.limit_open = status & LIMIT_OPEN != 0;
+        if status & POWER_OFF != 0 {
             end::power_off(self);
         }
         self.edges.clear();
@@ -302,6 +311,16 @@ impl Slots {
                 pac::TIMER1.stop();
             }
         });
+    }
+}
+
+/// The motor's limit switch, as the host tells it with each tick.
+pub struct Limit;
+
+impl Limit {
+    /// Whether it is open.
+    pub fn is_open(&self) -> bool {
+        with(|state| state.limit_open)
     }
 }
 

@@ -93,7 +93,7 @@ fn read_level(from: &mut Content<'_>, version: u16, level: &mut LevelSettings) -
     set(from, wander_mg_per_sqrt_h)
 }
 
-/// Before version 8 without the motor's microsteps and the slip ring, before version 9 without the travel.
+/// Before version 8 without the motor's microsteps and the slip ring, before version 9 without the travel and the limit switch.
 fn read_index(from: &mut Content<'_>, version: u16, index: &mut IndexSettings) -> Option<()> {
     let IndexSettings {
         tolerance_deg,
@@ -106,6 +106,7 @@ fn read_index(from: &mut Content<'_>, version: u16, index: &mut IndexSettings) -
         slip_ring,
         travel_from_deg,
         travel_deg,
+        limit_switch,
     } = index;
     set(from, tolerance_deg)?;
     set(from, sigma_deg)?;
@@ -120,9 +121,11 @@ fn read_index(from: &mut Content<'_>, version: u16, index: &mut IndexSettings) -
         set(from, microsteps_per_turn)?;
         set(from, slip_ring)?;
     }
+    *limit_switch = standard.limit_switch;
     if version >= 9 {
         set(from, travel_from_deg)?;
         set(from, travel_deg)?;
+        set(from, limit_switch)?;
     }
     Some(())
 }

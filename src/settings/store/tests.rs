@@ -183,8 +183,8 @@ const SINCE_9_AT_END: usize = 2 + 4 + 8;
 
 /// A record of an earlier version is one of today without what came since, which ended its group: the microsteps, three bytes, and the slip ring,
 /// one, with version 8; what the level accelerometers drift by, two numbers of eight bytes, with version 7. Version 9 brought the noise of the
-/// gyro's angle, eight bytes behind its random walk, which stands behind the latitude and the byte of the format; what ends the gyro's group, a byte, and the index's, two numbers; and
-/// what ends the record.
+/// gyro's angle, eight bytes behind its random walk, which stands behind the latitude and the byte of the format; what ends the gyro's group, a
+/// byte, and the index's, two numbers and a byte; and what ends the record.
 #[test]
 fn the_versions_before_are_read() {
     for version in [6, 7, 8] {
@@ -208,8 +208,8 @@ fn the_versions_before_are_read() {
         // From the end on, so that no place moves before its turn.
         let came_since = [
             (9, record_end - SINCE_9_AT_END..record_end),
-            (9, index_end - 16..index_end),
-            (8, index_end - 20..index_end - 16),
+            (9, index_end - 17..index_end),
+            (8, index_end - 21..index_end - 17),
             (7, drift_end - 16..drift_end),
             (9, gyro_end - 1..gyro_end),
             (9, angle_noise..angle_noise + 8),

@@ -58,6 +58,11 @@ impl Instrument {
         self.inputs.code(input.into())
     }
 
+    /// Whether the index's limit switch is open.
+    pub fn limit_is_open(&self) -> bool {
+        self.world.limit_is_open()
+    }
+
     /// The gyro hears a byte.
     pub fn tell_gyro(&mut self, byte: u8) {
         self.gyro.send(byte);

@@ -32,12 +32,18 @@ impl Lines {
     }
 
     /// Sends bytes on both lines; gives the answer to the tick.
-    pub fn send(&mut self, code: u16, from_gyro: &[u8], from_host: &[u8]) -> Result<Vec<u8>, QemuError> {
+    pub fn send(
+        &mut self,
+        limit_open: bool,
+        code: u16,
+        from_gyro: &[u8],
+        from_host: &[u8],
+    ) -> Result<Vec<u8>, QemuError> {
         match self {
-            Self::Exchange => Ok(wire::tick_reply(code, from_gyro, from_host)),
+            Self::Exchange => Ok(wire::tick_reply(limit_open, code, from_gyro, from_host)),
             Self::Uarts { host, gyro } => {
                 gyro.write_all(from_gyro).and_then(|()| host.write_all(from_host)).map_err(QemuError::Uart)?;
-                Ok(wire::tick_reply(code, &[], &[]))
+                Ok(wire::tick_reply(limit_open, code, &[], &[]))
             }
         }
     }

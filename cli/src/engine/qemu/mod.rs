@@ -169,7 +169,7 @@ pub fn serve(
                         requests.send(&request)?;
                     }
                     cost.ticks += 1;
-                    lines.send(code, &gyro, &requests.tick())?
+                    lines.send(instrument.limit_is_open(), code, &gyro, &requests.tick())?
                 };
                 qemu.reply(&reply)?;
             }

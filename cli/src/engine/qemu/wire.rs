@@ -77,9 +77,9 @@ impl From<u8> for Edge {
     }
 }
 
-/// The answer to a tick: go on, with this code of the converter and these bytes for the gyro's and the host's line.
-pub fn tick_reply(code: u16, gyro: &[u8], requests: &[u8]) -> Vec<u8> {
-    let mut reply = vec![0];
+/// The answer to a tick: go on, with the limit switch, this code of the converter and these bytes for the gyro's and the host's line.
+pub fn tick_reply(limit_open: bool, code: u16, gyro: &[u8], requests: &[u8]) -> Vec<u8> {
+    let mut reply = vec![u8::from(limit_open) << 1];
     reply.extend(code.to_le_bytes());
     reply.extend((gyro.len() as u16).to_le_bytes());
     reply.extend(gyro);
@@ -113,6 +113,7 @@ mod tests {
 
     #[test]
     fn replies() {
-        assert_eq!(tick_reply(0x0102, &[7, 8], &[9]), [0, 2, 1, 2, 0, 7, 8, 9]);
+        assert_eq!(tick_reply(false, 0x0102, &[7, 8], &[9]), [0, 2, 1, 2, 0, 7, 8, 9]);
+        assert_eq!(tick_reply(true, 0, &[], &[]), [2, 0, 0, 0, 0]);
     }
 }
