@@ -7,7 +7,7 @@ use quantities::limits::{Invalid, finite, within};
 use serde::{Deserialize, Serialize};
 
 use super::channel::ChannelName;
-use super::factor::{Factor, Memory};
+use super::factor::{Factor, Memory, PARTS};
 use super::now::Now;
 use super::signal::Signal;
 use crate::bounded::bounded;
@@ -19,8 +19,9 @@ pub const MAX_EFFECT_WEIGHTS: usize = 64;
 
 /// Products of the functions of an effect's factors.
 pub type Products = Vec<f64, MAX_EFFECT_WEIGHTS>;
-/// What the factors of one effect remember.
-pub type Memories = [Memory; MAX_FACTORS];
+/// What the factors of one effect remember; one that follows the rate behind dynamics remembers the last two as well.
+pub type Memories = [Memory; MEMORIES];
+pub const MEMORIES: usize = MAX_FACTORS + PARTS - 2;
 
 /// Where an effect enters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -82,50 +83,48 @@ impl Effect {
     /// not ([`Self::of_azimuth`] gives the others). Empty where a signal says nothing. Must be called every second, in the order of time.
     pub fn products(&self, now: &Now<'_>, memories: &mut Memories) -> Products {
         let mut products: Products = bounded([1.0]);
+        let [memories @ .., second, third] = memories;
         for (factor, memory) in self.factors.iter().zip(memories) {
-            if factor.needs_azimuth() {
-                continue;
-            }
             // Every factor is asked, so that every one remembers.
-            let input = factor.pass(factor.signal.value(now), now.track.step_s, memory);
-            let values = input.map(|input| factor.values(input)).unwrap_or_default();
+            let values = if !factor.needs_azimuth() {
+                let input = factor.pass(factor.signal.value(now), now.track.step_s, memory);
+                input.map(|input| factor.values(input)).unwrap_or_default()
+            } else if factor.dynamics.is_empty() {
+                continue;
+            } else {
+                factor.parts(now, [memory, second, third])
+            };
             products = bounded(products.iter().flat_map(|product| values.iter().map(move |value| product * value)));
         }
         products
     }
 
-    /// The product of the functions that a weight belongs to, of those factors that depend on the azimuth: `now` says what it is. 0 where the
-    /// signal says nothing.
-    pub fn of_azimuth(&self, number: usize, now: &Now<'_>) -> f64 {
+    /// The product of functions that a weight belongs to: of those factors that depend on the azimuth, of which `now` says what it is, and of the
+    /// others by the means of their products ([`Self::products`], by number). 0 where a signal says nothing.
+    pub fn of_azimuth(&self, number: usize, gate: &dyn Fn(usize) -> f64, now: &Now<'_>) -> f64 {
         let (mut rest, mut product) = (number, 1.0);
+        let (mut first, mut stride) = (0, 1);
+        let mut parts = None;
         for factor in self.factors.iter().rev() {
             let count = factor.count().max(1);
-            if factor.needs_azimuth() {
-                let value = factor.signal.value(now).and_then(|x| factor.values(x).get(rest % count).copied());
-                product *= value.unwrap_or(0.0);
-            }
+            let function = rest % count;
             rest /= count;
-        }
-        product
-    }
-
-    /// Number of the product of [`Self::products`] that a weight belongs to.
-    pub fn gate_of(&self, number: usize) -> usize {
-        let (mut rest, mut gate, mut stride) = (number, 0, 1);
-        for factor in self.factors.iter().rev() {
-            let count = factor.count().max(1);
             if !factor.needs_azimuth() {
-                gate += stride * (rest % count);
-                stride *= count;
+                first += stride * function;
+            } else if factor.dynamics.is_empty() {
+                let value = factor.signal.value(now).and_then(|x| factor.values(x).get(function).copied());
+                product *= value.unwrap_or(0.0);
+            } else {
+                let earth_deg_h = now.belief.map_or([0.0; 3], |belief| belief.earth_deg_h);
+                parts = Some((stride, factor.by_parts(function, earth_deg_h)));
             }
-            rest /= count;
+            stride *= Self::gates_of(factor);
         }
-        gate
-    }
-
-    /// How many products there are of the factors that do not depend on the azimuth.
-    pub fn gates(&self) -> usize {
-        self.factors.iter().filter(|factor| !factor.needs_azimuth()).map(Factor::count).product()
+        let of_gates = match parts {
+            None => gate(first),
+            Some((apart, parts)) => (0..).zip(parts).map(|(i, part)| part * gate(first + i * apart)).sum(),
+        };
+        product * of_gates
     }
 
     /// Standard deviation of a weight before anything is learned, relative to the effect's size.
@@ -137,6 +136,19 @@ impl Effect {
             rest /= count;
         }
         prior
+    }
+
+    /// How many products there are in [`Self::products`] of an effect that depends on the azimuth.
+    pub fn gates(&self) -> usize {
+        self.factors.iter().map(Self::gates_of).product()
+    }
+
+    fn gates_of(factor: &Factor) -> usize {
+        match (factor.needs_azimuth(), factor.dynamics.is_empty()) {
+            (false, _) => factor.count(),
+            (true, true) => 1,
+            (true, false) => PARTS,
+        }
     }
 
     /// It depends on the azimuth that is sought.
@@ -157,8 +169,10 @@ impl Effect {
     /// Every part in its range, and as many weights as products of functions.
     pub fn validate(&self) -> Result<(), Invalid> {
         self.factors.iter().try_for_each(Factor::validate)?;
+        let behind = self.factors.iter().filter(|factor| factor.needs_azimuth() && !factor.dynamics.is_empty()).count();
+        within("model.effects.factors (rate behind dynamics)", behind as f64, 0.0, 1.0, "one of an effect at most")?;
         let count = self.count() as f64;
-        within("model.effects (functions)", count, 1.0, MAX_EFFECT_WEIGHTS as f64, "at most 36 products of functions")?;
+        within("model.effects (functions)", count, 1.0, MAX_EFFECT_WEIGHTS as f64, "at most 64 products of functions")?;
         if self.weights.len() != self.count() {
             let (field, value) = ("model.effects.weights (number)", self.weights.len() as f64);
             return Err(Invalid::new(field, value, "one for every product of the factors' functions"));

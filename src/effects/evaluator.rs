@@ -7,7 +7,8 @@ use super::carried::Carried;
 use super::channel::{ChannelName, MAX_CHANNELS};
 use super::conditions::Conditions;
 use super::doubt::MAX_DIRECTIONS;
-use super::effect::{Effect, Memories, Port};
+use super::effect::{Effect, MEMORIES, Memories, Port};
+use super::factor::MAX_CHAIN;
 use super::moves::Moves;
 use super::now::{self, RunFacts};
 use super::term::Memory;
@@ -76,7 +77,7 @@ impl Evaluator {
             windows: Vec::new(),
             memories: [[None; 2]; MAX_TERMS],
             moves: Moves::default(),
-            of_effects: [[[None; 2]; 3]; MAX_EFFECTS],
+            of_effects: [[[None; MAX_CHAIN]; MEMORIES]; MAX_EFFECTS],
             track: Track::default(),
             run: RunFacts { hour_of_day: None, rest_s: None },
             last_s: None,

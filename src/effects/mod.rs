@@ -142,6 +142,14 @@ impl ErrorModel {
         self.effects.iter().any(|effect| effect.needs_azimuth() || !matches!(effect.port, Port::Rate | Port::Scale))
     }
 
+    /// An effect follows the rate behind dynamics, so that it changes within a dwell and is not known before there is an azimuth.
+    pub fn remembers_rate(&self) -> bool {
+        self.effects
+            .iter()
+            .flat_map(|effect| &effect.factors)
+            .any(|factor| factor.needs_azimuth() && !factor.dynamics.is_empty())
+    }
+
     /// The signals of a run as a whole that effects depend on, by name: time of day, rest before the run.
     pub fn facts_of_runs(&self) -> impl Iterator<Item = &'static str> {
         let follows =

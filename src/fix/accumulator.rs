@@ -298,7 +298,7 @@ impl<D: Dwells> Accumulator<D> {
         if self.held.iter().any(|held| held.index == Index::Rested) {
             self.release();
         }
-        let noise_deg_h = self.declared.gyro.noise_deg_h();
+        let noise_deg_h = self.least_scatter_deg_h();
         self.outliers_s.clear();
         let summary = match self.evaluator.model().base_motion {
             Some(sensing) => moving_base::summary(self.rows.as_slice(), sensing, noise_deg_h),
@@ -398,10 +398,21 @@ impl<D: Dwells> Accumulator<D> {
         match index {
             Index::Rested => {
                 self.carried.add(carried, row.seconds);
-                self.rows.push(row, self.declared.gyro.noise_deg_h());
+                self.rows.push(row, self.least_scatter_deg_h());
             }
             Index::Moved => self.keep(DwellSummary { carried: *carried, ..DwellSummary::moving(&row) }),
             Index::Rotated => self.full |= !self.rotation.push(row, *carried, &mut self.dwells),
+        }
+    }
+
+    /// The least scale by which outliers are judged, °/h: the noise, or where the gyro remembers the Earth's rate, which is not taken out before there is
+    /// an azimuth, a usual step of that.
+    fn least_scatter_deg_h(&self) -> f64 {
+        let noise_deg_h = self.declared.gyro.noise_deg_h();
+        if self.evaluator.model().remembers_rate() {
+            noise_deg_h.max(self.declared.earth.north_deg_h)
+        } else {
+            noise_deg_h
         }
     }
 

@@ -105,14 +105,15 @@ impl<'a> AzimuthEffects<'a> {
         weight: &dyn Fn(usize) -> f64,
     ) -> f64 {
         let (conditions, track, run) = (Conditions::default(), Track::default(), RunFacts::default());
+        let north_deg_h = self.earth.north_deg_h;
         let belief = Some(Belief {
             axis_azimuth_deg: wrap_360_deg(self.azimuth_deg - libm::atan2(index.sin, index.cos) * DEG_PER_RAD),
             rate_deg_h: self.earth_rate_deg_h(design),
+            earth_deg_h: [north_deg_h * self.cos, north_deg_h * self.sin, self.earth.up_deg_h],
         });
         let now = Now { conditions: &conditions, channels: &[], track: &track, run: &run, belief };
-        let of_weight = |number: usize| {
-            weight(number) * dwell.carried.gate(gate + effect.gate_of(number)) * effect.of_azimuth(number, &now)
-        };
+        let gate_of = |number: usize| dwell.carried.gate(gate + number);
+        let of_weight = |number: usize| weight(number) * effect.of_azimuth(number, &gate_of, &now);
         self.gain(effect.port, index, design) * (0..effect.count()).map(of_weight).sum::<f64>()
     }
 

@@ -209,6 +209,15 @@ impl Noise {
         })
     }
 
+    /// The same where the rates change within dwells by what is known only with the azimuth: from the steps between successive seconds, to which slow
+    /// changes add little. A step of white rates has twice their variance.
+    pub fn of_steps<'a>(dwells: impl Iterator<Item = &'a DwellSummary>, gyro: &GyroSettings) -> Option<Self> {
+        let plain = Pooled::new(dwells, |dwell| Some(dwell.rate.into()))?;
+        let white = plain.successive / plain.degrees_of_freedom;
+        let variance = white.max(squared(gyro.noise_deg_h())).max(f64::MIN_POSITIVE);
+        Some(Self { variance, white, widening: 1.0, angle: None, robust: false, by_dwell: false })
+    }
+
     /// The best mean rate of a dwell, °/h, and its weight: the variance of a one-second rate over that of the mean.
     pub fn mean(&self, dwell: &DwellSummary) -> (f64, f64) {
         let plain = (dwell.rate.mean, dwell.seconds);

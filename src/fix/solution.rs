@@ -71,7 +71,9 @@ pub(super) fn solved_for(
     let mut flags = Flags::default();
 
     let noise_deg_h = declared.gyro.noise_deg_h();
-    let noise = Noise::new(problem.counting(), &declared.gyro, || variance_of_successive_residuals(&problem))
+    let of_steps = || Noise::of_steps(problem.counting(), &declared.gyro);
+    let noise = if model.remembers_rate() { of_steps() } else { None }
+        .or_else(|| Noise::new(problem.counting(), &declared.gyro, || variance_of_successive_residuals(&problem)))
         .ok_or(Unsolvable::TooFewDirections)?;
     let variance = noise.variance;
     problem.noise = Some(noise);

@@ -84,7 +84,7 @@ impl Grammar {
             if !signal.needs_dynamics() {
                 Shape::starts(of_signal, &mut |shape| factors.push(Factor::new(*signal, &[], shape)));
             }
-            if !signal.is_angle() && !signal.is_time() && !signal.needs_azimuth() {
+            if !signal.is_angle() && !signal.is_time() {
                 Dynamics::starts(of_signal, &mut |dynamics| {
                     factors.extend(self.curves(runs, *signal, &[dynamics], false))
                 });
@@ -203,7 +203,7 @@ pub fn reshaped(effect: &Effect, grammar: &Grammar, runs: &[Run]) -> Vec<Effect>
             Shape::starts(&span, &mut |shape| push(effect.port, with(Factor::new(own.signal, &own.dynamics, shape))));
         }
         let Some((_, bare)) = grammar.signals.iter().find(|(signal, _)| *signal == own.signal) else { continue };
-        if bare.is_angle || bare.is_time || own.needs_azimuth() {
+        if bare.is_angle || bare.is_time {
             continue;
         }
         let relined = |dynamics: &[Dynamics]| {

@@ -256,6 +256,7 @@ impl Run {
             axis_azimuth_deg: wrap_360_deg(self.azimuth_deg - index_deg),
             rate_deg_h: self.north_deg_h * (sample.design.cos * cos + sample.design.sin * sin)
                 + sample.design.vertical_deg_h,
+            earth_deg_h: [self.north_deg_h * cos, self.north_deg_h * sin, self.up_deg_h],
         }
     }
 

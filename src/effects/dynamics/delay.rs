@@ -74,6 +74,10 @@ impl DynamicsPart for Delay {
     fn validate(&self) -> Result<(), Invalid> {
         within("model.effects.factors.dynamics.delay.tau_s", self.tau_s.into(), 0.01, 1e6, "0.01 to 1000000")
     }
+
+    fn is_linear(&self) -> bool {
+        true
+    }
 }
 
 #[cfg(test)]

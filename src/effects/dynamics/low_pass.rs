@@ -44,4 +44,8 @@ impl DynamicsPart for LowPass {
     fn validate(&self) -> Result<(), Invalid> {
         within("model.effects.factors.dynamics.low-pass.tau_s", self.tau_s.into(), 0.01, 1e6, "0.01 to 1000000")
     }
+
+    fn is_linear(&self) -> bool {
+        true
+    }
 }

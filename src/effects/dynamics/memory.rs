@@ -44,4 +44,8 @@ impl DynamicsPart for Memory {
     fn validate(&self) -> Result<(), Invalid> {
         within("model.effects.factors.dynamics.memory.tau_s", self.tau_s.into(), 0.01, 1e6, "0.01 to 1000000")
     }
+
+    fn is_linear(&self) -> bool {
+        true
+    }
 }

@@ -25,6 +25,10 @@ pub trait DynamicsPart {
     fn set(&mut self, number: usize, value: f64);
     /// Constants in their range.
     fn validate(&self) -> Result<(), Invalid>;
+    /// What comes out of a sum is the sum of what comes out of its parts.
+    fn is_linear(&self) -> bool {
+        false
+    }
     /// Divides by a time, so that a second's noise grows: what comes out has the unit of the signal per second.
     fn is_rate(&self) -> bool {
         false
@@ -60,6 +64,10 @@ impl Dynamics {
 
     pub fn validate(&self) -> Result<(), Invalid> {
         self.part().validate()
+    }
+
+    pub fn is_linear(&self) -> bool {
+        self.part().is_linear()
     }
 
     pub fn is_rate(&self) -> bool {

@@ -58,6 +58,10 @@ impl DynamicsPart for Rate {
         within("model.effects.factors.dynamics.rate.tau_s", self.tau_s.into(), 0.01, 1e6, "0.01 to 1000000")
     }
 
+    fn is_linear(&self) -> bool {
+        true
+    }
+
     fn is_rate(&self) -> bool {
         true
     }
