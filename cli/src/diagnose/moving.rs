@@ -19,7 +19,7 @@ const FALSE_MOTIONS: f64 = 1.0 / 200.0;
 /// A gyro on a rigid base feels all of the turning that its accelerometers show; where noise makes up half of what they show, half of it. Of what is felt
 /// to less than this share the base does not turn: the level drifts. Nor does it where twice as much is felt, or the other way round: another effect
 /// looks a little like the tilt.
-const FELT: std::ops::RangeInclusive<f64> = 0.2..=2.0;
+const FELT: [f64; 2] = [0.2, 2.0];
 /// Lags of the accelerometers that are tried, seconds.
 const LAGS_S: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
 /// Share of the variance that a lag must leave at most to be believed.
@@ -57,7 +57,7 @@ impl Motion {
         let best = WINDOWS_S.into_par_iter().filter_map(shown).max_by(|a, b| a.1.log_odds.total_cmp(&b.1.log_odds))?;
         let log_odds = best.1.log_odds - (WINDOWS_S.len() as f64).ln();
         let (weight, doubt) = (best.1.weight, 3.0 * best.1.sigma);
-        let is_felt = weight + doubt >= *FELT.start() && weight - doubt <= *FELT.end();
+        let is_felt = weight + doubt >= FELT[0] && weight - doubt <= FELT[1];
         if log_odds <= -FALSE_MOTIONS.ln() || !is_felt {
             return None;
         }
