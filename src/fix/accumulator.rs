@@ -7,10 +7,12 @@
 
 use heapless::Vec;
 
+use super::base_motion;
 pub use super::dwell::Outliers;
 use super::dwell::{DwellRows, DwellSummary, Row};
 pub use super::dwells::Dwells;
 use super::index_watch::IndexWatch;
+use super::noise::Noise;
 use super::rotation::Rotation;
 use super::{Declared, DesignRow, Fix, Unsolvable, moving_base};
 use crate::earth::EarthRate;
@@ -358,6 +360,15 @@ impl<D: Dwells> Accumulator<D> {
     /// Azimuth of too few dwells for a solution, degrees: to turn the axis nearly east.
     pub fn coarse_azimuth_deg(&self) -> Option<f64> {
         super::coarse_azimuth_deg(self.dwells.as_slice(), &self.declared.earth)
+    }
+
+    /// Noise of a second, °/h, as the dwells so far show it and a solution will reckon with it, at least the declared one; and whether the
+    /// levels changed by more than their noise.
+    pub fn seen(&self) -> (f64, bool) {
+        let (dwells, gyro) = (self.dwells.as_slice(), &self.declared.gyro);
+        let noise = Noise::new(dwells.iter(), gyro, || None);
+        let noise_deg_h = noise.map_or(gyro.noise_deg_h(), |noise| libm::sqrt(noise.variance * noise.widening));
+        (noise_deg_h, base_motion::levels_changed(dwells))
     }
 
     fn take(&mut self, second: &Corrected, index: Index) -> bool {

@@ -27,12 +27,17 @@ const COARSE_AGREES_DEG: f64 = 30.0;
 const MOST_INTERRUPTIONS: u8 = 6;
 /// Shortest measuring time for three dwells of a block, seconds: with a quarter of it a dwell is no longer than two moves.
 const THREE_DWELLS_S: f64 = 75.0;
-/// A block shorter than this is not worth its moves, seconds.
+/// A block shorter than this is not worth its moves, seconds: what is missing after one is measured where the index stands, so long at least.
 const LEAST_BLOCK_S: f64 = 15.0;
+const LEAST_MORE_S: f64 = 3.0;
+/// Where the levels moved during the coarse dwells, the base's path takes so much more time: `north bench orders --scenario creep`.
+const FOR_MOTION: f64 = 1.3;
+/// Newton's steps to the root of a cubic, from at most ten times its place.
+const NEWTON_STEPS: usize = 8;
 /// Blocks end after so many dwells at most, whatever sigma is.
 const MOST_POSITIONS: u8 = 17;
-/// What is planned is more than what is needed by this share: the noise that is found may be greater than the declared one.
-const MARGIN: f64 = 1.05;
+/// What is planned is more than what is needed by this share: the noise that will be found may be greater than what was seen.
+const MARGIN: f64 = 1.08;
 /// From the last step of a move to the beginning of the next whole second and the one after, which is the first to be quiet.
 const SETTLING_S: f64 = 1.7;
 /// A dwell of four positions is no shorter, seconds, and its gate takes so long, after what rings.
@@ -84,6 +89,16 @@ pub struct Adaptive {
     waits: bool,
     /// The index slipped, and the order has not changed for it.
     pub slipped: bool,
+}
+
+/// What the dwells so far show.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen {
+    /// Noise of a second as the fix reckons with it, never below the declared one, and the horizontal Earth rate, °/h.
+    pub noise_deg_h: f64,
+    pub north_deg_h: f64,
+    /// The levels changed, by more than their noise.
+    pub base_moves: bool,
 }
 
 /// Scatter of the seconds about the means of their dwells.
@@ -233,17 +248,21 @@ impl Adaptive {
 
     /// Plans the first block, from dwell `position` on, after a move of `way_deg`: as long as a gyro with this noise of a second,
     /// °/h, needs at this horizontal Earth rate, if its axis always points east or west; what was measured has half of its weight.
-    pub fn begin(
-        &mut self,
-        position: u8,
-        t_s: f64,
-        way_deg: f64,
-        index: &IndexSettings,
-        [noise_deg_h, north_deg_h]: [f64; 2],
-    ) {
-        let needed_s = self.needed_s(noise_deg_h * noise_deg_h, north_deg_h).unwrap_or(f64::INFINITY);
+    /// `base_moves`: its path is to be told, too.
+    pub fn begin(&mut self, position: u8, t_s: f64, way_deg: f64, index: &IndexSettings, seen: Seen) {
         let begin_s = t_s + move_s(way_deg, index, self.settling_s);
-        self.block(position, begin_s, index, (needed_s - 0.5 * self.coarse_s).max(LEAST_BLOCK_S));
+        self.block(position, begin_s, index, self.missing_s(seen).max(LEAST_BLOCK_S));
+    }
+
+    /// Measuring time that the noise still asks for, seconds, beyond what was measured and is worth half of its time in the coarse dwells.
+    fn missing_s(&self, seen: Seen) -> f64 {
+        let needed_s = self.needed_s(seen.noise_deg_h * seen.noise_deg_h, seen.north_deg_h).unwrap_or(f64::INFINITY);
+        let for_motion = if seen.base_moves { FOR_MOTION } else { 1.0 };
+        for_motion * needed_s - self.worth_s()
+    }
+
+    fn worth_s(&self) -> f64 {
+        self.measured_s - 0.5 * self.coarse_s
     }
 
     /// Measuring time by the variance of a second, (°/h)²; `None`: no time is enough.
@@ -253,15 +272,15 @@ impl Adaptive {
         (averaged > 0.0).then(|| MARGIN * ratio * ratio * variance / averaged)
     }
 
-    /// The block is over, after `measured_s` of measuring in all, with this sigma: plans another, from dwell `position` on, where the index
-    /// stands. `false`: sigma is small enough, or there is no time.
+    /// The block is over, with this sigma: plans another, from dwell `position` on, where the index stands. `false`: sigma is small enough,
+    /// or there is no time.
     pub fn go_on(
         &mut self,
         position: u8,
         t_s: f64,
         index: &IndexSettings,
-        measured_s: f64,
         sigma_deg: Option<f64>,
+        Seen { noise_deg_h, north_deg_h, .. }: Seen,
     ) -> bool {
         let room_s = self.limit_s - t_s - self.turn_s(index);
         if room_s < LEAST_BLOCK_S || position >= MOST_POSITIONS {
@@ -271,11 +290,13 @@ impl Adaptive {
         let more_s = match sigma_deg {
             Some(sigma_deg) if sigma_deg <= self.accuracy_deg => return false,
             Some(sigma_deg) if square(self.accuracy_deg) > 0.0 => {
-                MARGIN * measured_s * (square(sigma_deg) / square(self.accuracy_deg) - 1.0)
+                let ratio = MARGIN * square(sigma_deg) / square(self.accuracy_deg);
+                let needed_s = self.needed_s(noise_deg_h * noise_deg_h, north_deg_h).unwrap_or(f64::INFINITY);
+                self.worth_s() * (longer(ratio, ratio.min(needed_s / self.worth_s())) - 1.0)
             }
             _ => room_s,
         };
-        self.block(position, t_s, index, more_s.max(LEAST_BLOCK_S));
+        self.block(position, t_s, index, more_s.max(LEAST_MORE_S));
         true
     }
 
@@ -289,12 +310,16 @@ impl Adaptive {
         self.begin_dwell(position, begin_s);
     }
 
-    /// The dwell of this number begins after half a turn; `false`: the block is over.
-    pub fn next(&mut self, position: u8, t_s: f64, index: &IndexSettings) -> bool {
+    /// The dwell of this number begins after half a turn; `false`: the block is over. It and those that follow are longer than planned where the
+    /// noise that was seen asks for it.
+    pub fn next(&mut self, position: u8, t_s: f64, index: &IndexSettings, seen: Seen) -> bool {
         if position > self.last {
             return false;
         }
-        self.begin_dwell(position, t_s + self.turn_s(index));
+        let begin_s = t_s + self.turn_s(index);
+        let moves_s = f64::from(self.last - position) * self.turn_s(index);
+        self.later_s = self.missing_s(seen).min(self.limit_s - begin_s - moves_s).max(self.later_s);
+        self.begin_dwell(position, begin_s);
         true
     }
 
@@ -321,15 +346,9 @@ impl Adaptive {
         }
     }
 
-    /// Seconds until the fix ends, by the noise that was seen, where it is time to promise them: when the noise is known, at half time,
-    /// and (`planned`) when another block begins. `noise_deg_h` is the declared noise of a second.
-    pub fn promise_s(
-        &mut self,
-        t_s: f64,
-        index: &IndexSettings,
-        [noise_deg_h, north_deg_h]: [f64; 2],
-        planned: bool,
-    ) -> Option<f64> {
+    /// Seconds until the fix ends, by what is planned, where it is time to promise them: when the noise is known, at half time,
+    /// and (`planned`) when another block begins.
+    pub fn promise_s(&mut self, t_s: f64, index: &IndexSettings, planned: bool) -> Option<f64> {
         let due = self.promise_at_s.map_or(self.measured_s >= PROMISED_AFTER_S, |at_s| t_s >= at_s || planned);
         if !due || self.last == 0 {
             return None;
@@ -338,15 +357,7 @@ impl Adaptive {
         // A block that follows another begins without a move.
         let is_there = self.dwell_s > 0.0 || self.begin_s <= t_s;
         let moves_left = f64::from(self.moves_left) + if is_there { 0.0 } else { 1.0 };
-        let needed_s = self.needed_s(self.noise.variance(noise_deg_h), north_deg_h).unwrap_or(f64::INFINITY);
-        let more_s = needed_s - (self.measured_s - 0.5 * self.coarse_s) - left_s;
-        // Where noise asks for more than a tenth beyond the block, another follows.
-        let another_s = if more_s > 0.1 * needed_s {
-            more_s.max(LEAST_BLOCK_S) + f64::from(moves(more_s)) * self.turn_s(index)
-        } else {
-            0.0
-        };
-        let seconds = (left_s + moves_left * self.turn_s(index) + another_s).min(self.limit_s - t_s).max(0.0);
+        let seconds = (left_s + moves_left * self.turn_s(index)).min(self.limit_s - t_s).max(0.0);
         // The second one at half time; after that the plan is the promise.
         self.promise_at_s = Some(if self.promise_at_s.is_none() { t_s + 0.5 * seconds } else { f64::INFINITY });
         Some(seconds)
@@ -359,7 +370,23 @@ impl Adaptive {
 
 /// Moves within a block of so much measuring.
 fn moves(measuring_s: f64) -> u8 {
-    if measuring_s >= THREE_DWELLS_S { 2 } else { 1 }
+    match measuring_s {
+        LEAST_BLOCK_S..THREE_DWELLS_S => 1,
+        THREE_DWELLS_S.. => 2,
+        _ => 0,
+    }
+}
+
+/// By how much the measuring time must grow where the square of sigma is `ratio` times too large, and noise makes `of_noise` of it: noise averages out
+/// with the time, what else there is (the rate of a base that turns, or of a drift, told by readings along the time) with its third power.
+/// The root of x³ − noise · x² − rest, to which Newton's steps come down from `ratio`.
+fn longer(ratio: f64, of_noise: f64) -> f64 {
+    let rest = ratio - of_noise;
+    let mut x = ratio.max(1.0);
+    for _ in 0..NEWTON_STEPS {
+        x -= ((x - of_noise) * x * x - rest) / ((3.0 * x - 2.0 * of_noise) * x);
+    }
+    x
 }
 
 /// Duration of a move until the first second that counts.
@@ -375,27 +402,47 @@ mod tests {
     /// 30 °/s and 60 °/s²: half a turn takes 6 + 0.5 + 1.7 s.
     const TURN_S: f64 = 8.2;
 
-    const INDEX: [f64; 2] = [0.09, 12.0];
+    const SEEN: Seen = Seen { noise_deg_h: 0.09, north_deg_h: 12.0, base_moves: false };
 
     #[test]
     fn a_block_by_hand() {
         let index = IndexSettings::default();
         let mut plan = Adaptive::new(0.03, 0.0, 1000.0);
-        // 0.09 °/h over 12 °/h is 0.0075 rad, 0.4297°; over 0.03°, squared: 205.2 s, and a twentieth more: 215.4 s.
-        plan.begin(2, 20.0, 0.0, &index, INDEX);
-        let measuring_s = 215.43;
+        // 0.09 °/h over 12 °/h is 0.0075 rad, 0.4297°; over 0.03°, squared: 205.2 s, and 8 % more: 221.6 s.
+        plan.begin(2, 20.0, 0.0, &index, SEEN);
+        let measuring_s = 221.59;
         assert!((plan.target_s - 0.25 * measuring_s).abs() < 0.1 && (plan.begin_s - 22.2).abs() < 1e-9, "{plan:?}");
-        assert!(plan.next(3, 76.0, &index) && (plan.target_s - 0.5 * measuring_s).abs() < 0.1, "{plan:?}");
-        assert!((plan.begin_s - 76.0 - TURN_S).abs() < 1e-9, "{plan:?}");
-        assert!(plan.next(4, 190.0, &index) && (plan.target_s - 0.25 * measuring_s).abs() < 0.1, "{plan:?}");
-        assert!(!plan.next(5, 300.0, &index));
-        // Sigma is a fifth too large: 0.44 of 220 s, and a twentieth more; a quarter of it first.
-        assert!(plan.go_on(5, 300.0, &index, 220.0, Some(0.036)));
-        assert!((plan.target_s - 0.25 * 101.6).abs() < 0.1 && plan.begin_s == 300.0, "{plan:?}");
-        assert!(!plan.go_on(7, 400.0, &index, 320.0, Some(0.0299)) && !plan.go_on(7, 980.0, &index, 320.0, None));
-        // A twentieth too large: 1.05 · 320 · 0.1025 = 34.4 s, in two dwells.
-        assert!(plan.go_on(7, 400.0, &index, 320.0, Some(0.0315)) && (plan.target_s - 17.2).abs() < 0.1, "{plan:?}");
-        assert!(plan.next(8, 418.0, &index) && !plan.next(9, 450.0, &index));
+        plan.measured_s = 55.4;
+        assert!(plan.next(3, 78.0, &index, SEEN) && (plan.target_s - 0.5 * measuring_s).abs() < 0.1, "{plan:?}");
+        assert!((plan.begin_s - 78.0 - TURN_S).abs() < 1e-9, "{plan:?}");
+        plan.measured_s = 166.2;
+        assert!(plan.next(4, 197.0, &index, SEEN) && (plan.target_s - 0.25 * measuring_s).abs() < 0.1, "{plan:?}");
+        assert!(!plan.next(5, 300.0, &index, SEEN));
+        // Sigma is a fifth too large, its square with the margin 1.555 times, 221.6/220 = 1.007 of it by noise: 1.321³ − 1.007 · 1.321² = 0.548.
+        plan.measured_s = 220.0;
+        assert!(plan.go_on(5, 300.0, &index, Some(0.036), SEEN));
+        assert!((plan.target_s - 0.5 * 0.321 * 220.0).abs() < 0.1 && plan.begin_s == 300.0, "{plan:?}");
+        plan.measured_s = 320.0;
+        assert!(!plan.go_on(7, 400.0, &index, Some(0.0299), SEEN) && !plan.go_on(7, 980.0, &index, None, SEEN));
+        // A twentieth too large: 1.191, of which noise makes 0.692: 1.1024³ − 0.692 · 1.1024² = 0.498. 32.8 s, in two dwells.
+        assert!(plan.go_on(7, 400.0, &index, Some(0.0315), SEEN) && (plan.target_s - 16.4).abs() < 0.1, "{plan:?}");
+        plan.measured_s += 16.4;
+        assert!(plan.next(8, 418.0, &index, SEEN) && !plan.next(9, 450.0, &index, SEEN));
+        // A three-hundredth too large, all of it by noise: 0.087 · 150 = 13.1 s are measured where the index stands.
+        plan.measured_s = 150.0;
+        assert!(plan.go_on(9, 500.0, &index, Some(0.0301), SEEN) && plan.moves_left == 0, "{plan:?}");
+        assert!((plan.target_s - 13.1).abs() < 0.1, "{plan:?}");
+    }
+
+    /// Twice the noise that was seen first: four times the time, less what is measured, in the two dwells that follow.
+    #[test]
+    fn dwells_grow_with_the_noise() {
+        let index = IndexSettings::default();
+        let mut plan = Adaptive::new(0.03, 0.0, 2000.0);
+        plan.begin(2, 20.0, 0.0, &index, SEEN);
+        plan.measured_s = 55.0;
+        assert!(plan.next(3, 78.0, &index, Seen { noise_deg_h: 0.18, ..SEEN }));
+        assert!((plan.target_s + plan.later_s - (4.0 * 221.59 - 55.0)).abs() < 0.1, "{plan:?}");
     }
 
     /// 0.018° of 0.03° do not average out: 0.024° are left for the noise, and it takes (5/4)² of the time.
@@ -403,7 +450,7 @@ mod tests {
     fn what_does_not_average_out_takes_time() {
         let [without, with] = [0.0, 0.018].map(|floor_deg| {
             let mut plan = Adaptive::new(0.03, floor_deg, 1000.0);
-            plan.begin(2, 20.0, 0.0, &IndexSettings::default(), INDEX);
+            plan.begin(2, 20.0, 0.0, &IndexSettings::default(), SEEN);
             plan.target_s
         });
         assert!((with / without - 25.0 / 16.0).abs() < 1e-9, "{with} {without}");
@@ -413,11 +460,11 @@ mod tests {
     fn the_limit_ends_it() {
         let index = IndexSettings::default();
         let mut plan = Adaptive::new(0.001, 0.0, 60.0);
-        plan.begin(2, 20.0, 0.0, &index, INDEX);
+        plan.begin(2, 20.0, 0.0, &index, SEEN);
         // Two dwells: 60 − 22.2 − 8.2 = 29.6 s between them.
-        assert!((plan.target_s - 14.8).abs() < 0.1 && plan.next(3, 37.0, &index), "{plan:?}");
+        assert!((plan.target_s - 14.8).abs() < 0.1 && plan.next(3, 37.0, &index, SEEN), "{plan:?}");
         assert!(plan.dwell_is_over(60.0) && !plan.dwell_is_over(59.0), "{plan:?}");
-        assert!(!plan.go_on(4, 60.0, &index, 30.0, Some(0.1)) && plan.is_out_of_time(60.0));
+        assert!(!plan.go_on(4, 60.0, &index, Some(0.1), SEEN) && plan.is_out_of_time(60.0));
     }
 
     /// The first second that counts ends 21 s after a half turn where 9.2 s were planned: the drive rings 11.8 s, and will again.
@@ -425,25 +472,24 @@ mod tests {
     fn ringing_is_learnt() {
         let index = IndexSettings::default();
         let mut plan = Adaptive::new(0.03, 0.0, 1000.0);
-        plan.begin(2, 0.0, 180.0, &index, INDEX);
+        plan.begin(2, 0.0, 180.0, &index, SEEN);
         plan.collected(21.0, 0.1, &index);
         assert!((plan.turn_s(&index) - TURN_S - 11.8).abs() < 1e-9, "{plan:?}");
     }
 
-    /// Twice the declared noise is seen: four times the time, of which the block has the first part.
+    /// 221.6 s are planned, of which 50 are over, and two moves; half of that later it is promised again.
     #[test]
-    fn seconds_to_go_come_from_the_noise_that_is_seen() {
+    fn seconds_to_go_are_those_of_the_plan() {
         let index = IndexSettings::default();
         let mut plan = Adaptive::new(0.03, 0.0, 2000.0);
-        plan.begin(2, 0.0, 180.0, &index, INDEX);
+        plan.begin(2, 0.0, 180.0, &index, SEEN);
         for second in 0..50 {
-            assert_eq!(plan.promise_s(9.0 + f64::from(second), &index, INDEX, false), None);
-            plan.collected(9.2 + f64::from(second), if second % 2 == 0 { 0.18 } else { -0.18 }, &index);
+            assert_eq!(plan.promise_s(9.0 + f64::from(second), &index, false), None);
+            plan.collected(9.2 + f64::from(second), 0.1, &index);
         }
-        let promised_s = plan.promise_s(59.0, &index, INDEX, false).unwrap();
-        let needed_s = 4.0 * 215.43 * 50.0 / 49.0;
-        assert!((promised_s - (needed_s - 50.0 + 4.0 * TURN_S)).abs() < 1.0, "{promised_s}");
-        assert_eq!(plan.promise_s(60.0, &index, INDEX, false), None);
-        assert!(plan.promise_s(59.0 + 0.5 * promised_s, &index, INDEX, false).is_some());
+        let promised_s = plan.promise_s(59.0, &index, false).unwrap();
+        assert!((promised_s - (221.59 - 50.0 + 2.0 * TURN_S)).abs() < 1.0, "{promised_s}");
+        assert_eq!(plan.promise_s(60.0, &index, false), None);
+        assert!(plan.promise_s(59.0 + 0.5 * promised_s, &index, false).is_some());
     }
 }

@@ -25,7 +25,7 @@ use crate::sensing::index::{Direction, IndexAngle, IndexSettings, MotorCommand};
 use crate::sensing::level::{LevelSettings, Specific};
 use crate::sensing::sample::SAMPLE_S;
 use crate::units::{DEG_PER_RAD, wrap_180_deg};
-use adaptive::Adaptive;
+use adaptive::{Adaptive, Seen};
 use order::{Order, Position, SequenceSettings};
 use rotation::Rotation;
 use turn::{Progress, Turn};
@@ -414,8 +414,7 @@ impl Sequencer {
 
     /// Says how long an adaptive fix will take, where it is time to.
     fn promise(&mut self, t_s: f64, planned: bool, sink: Sink) {
-        let rates_deg_h = self.rates_deg_h();
-        let promise_s = |adaptive: &mut Adaptive| adaptive.promise_s(t_s, &self.rules.index, rates_deg_h, planned);
+        let promise_s = |adaptive: &mut Adaptive| adaptive.promise_s(t_s, &self.rules.index, planned);
         if let Some(seconds) = self.adaptive.as_mut().and_then(promise_s) {
             sink(Event::ToGo { seconds });
         }
@@ -425,6 +424,13 @@ impl Sequencer {
     fn rates_deg_h(&self) -> [f64; 2] {
         let declared = self.accumulator.declared();
         [declared.gyro.noise_deg_h(), declared.earth.north_deg_h]
+    }
+
+    /// What the dwells so far show of noise and base.
+    fn seen(&self) -> Seen {
+        let north_deg_h = self.accumulator.declared().earth.north_deg_h;
+        let (noise_deg_h, base_moves) = self.accumulator.seen();
+        Seen { noise_deg_h, north_deg_h, base_moves }
     }
 
     /// A second of no dwell.
@@ -685,6 +691,7 @@ impl Sequencer {
         self.end_dwell(observed, sink);
         self.position = self.position.saturating_add(1);
         let (position, index, rates_deg_h) = (self.position, self.rules.index, self.rates_deg_h());
+        let seen = self.seen();
         let Some(angle_deg) = self.index.deg() else { return self.fail(Fault::EncoderFailed, t_s, sink) };
         let Some(adaptive) = &mut self.adaptive else { return None };
         if position == 1 {
@@ -720,7 +727,7 @@ impl Sequencer {
         adaptive.target_deg = target_deg.unwrap_or(angle_deg);
         let goes_on = if position == 2 {
             let way_deg = way_deg(&adaptive.target_deg);
-            adaptive.begin(position, t_s, way_deg, &index, rates_deg_h);
+            adaptive.begin(position, t_s, way_deg, &index, seen);
             // The bias is not known yet, and is the most of it.
             let [noise_deg_h, north_deg_h] = rates_deg_h;
             let bias_deg_h = self.accumulator.declared().gyro.bias_limit_deg_h;
@@ -728,13 +735,10 @@ impl Sequencer {
             sink(Event::Coarse { azimuth_deg, sigma_deg });
             true
         } else {
-            let (measured_s, sigma_deg) = so_far.map_or((0.0, None), |fix| (fix.seconds, Some(fix.sigma_deg)));
-            if adaptive.next(position, t_s, &index) {
-                true
-            } else {
+            adaptive.next(position, t_s, &index, seen) || {
                 // Another block begins where the index stands.
                 adaptive.target_deg = angle_deg;
-                adaptive.go_on(position, t_s, &index, measured_s, sigma_deg)
+                adaptive.go_on(position, t_s, &index, so_far.map(|fix| fix.sigma_deg), seen)
             }
         };
         if goes_on {

@@ -48,8 +48,14 @@ fn azimuths(shown: &Shown<'_>, directions: &Directions) -> String {
     let rows: Vec<Vec<String>> = directions
         .said_deg(shown.fix.azimuth_deg)
         .map(|(name, azimuth_deg)| {
+            let of_what = match name {
+                "grid" => "of the mark, from grid north",
+                "target" => "of the target, from true north",
+                "target grid" => "of the target, from grid north",
+                _ => "of the mark, from true north",
+            };
             vec![
-                name.to_owned(),
+                of_what.to_owned(),
                 format!("<b>{}</b>", unit.azimuth(azimuth_deg)),
                 unit.sigma(sigma_deg),
                 format!("± {}", unit.sigma(SIGMAS_OF_95_PERCENT * sigma_deg)),

@@ -90,17 +90,17 @@ fn tiles(shown: &Shown<'_>, directions: &Directions) -> String {
     );
     let closure = match (fix.closure_deg_h, fix.closure_sigma_deg_h) {
         (Some(closure), Some(sigma)) => format!("{} °/h", with_sigma(closure, Some(sigma))),
-        _ => "not determined by these angles".into(),
+        _ => "none".into(),
     };
-    html += &tile(
-        "Closure",
-        &closure,
-        "what the four directions contradict each other by; 0 within its sigma when all is well",
-    );
+    let meaning = match fix.closure_deg_h {
+        Some(_) => "by how much the directions contradict each other; 0 within its sigma when all is well",
+        None => "by how much the directions contradict each other: too few of them differ to tell it",
+    };
+    html += &tile("Closure", &closure, meaning);
     html += &tile(
         "Fit of the dwells",
         &format!("χ² {:.1}", fix.chi_square),
-        &format!("{} degrees of freedom, of which there are as many as it is on average", fix.degrees_of_freedom),
+        &format!("its mean is the number of degrees of freedom, {}", fix.degrees_of_freedom),
     );
     let flags: Vec<&str> = fix.flags.iter().map(Flag::name).collect();
     let flags = if flags.is_empty() { "none".to_owned() } else { flags.join(", ") };

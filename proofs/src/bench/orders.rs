@@ -11,6 +11,7 @@ use north::progress;
 use north::settings_file::scenario_settings;
 use north_finder::event::Fix;
 use north_finder::health::Flag;
+use north_finder::sequence::order::Order;
 use serde::Serialize;
 
 use super::fixes::{Ended, Found, fix};
@@ -36,6 +37,9 @@ const OF_HEADING: f64 = 0.618_033_988_749_895;
 const OF_LATITUDE: f64 = std::f64::consts::SQRT_2;
 /// Latitudes lie within this, degrees: near a pole every azimuth takes more time than there is.
 const LATITUDES_DEG: f64 = 60.0;
+/// Longest time for an accuracy, and how much longer the scenario lasts, s.
+const LONGEST_S: f64 = 1800.0;
+const SPARE_S: f64 = 60.0;
 /// Two-sided 95 % of the normal distribution, standard deviations.
 const INSIDE_SIGMAS: f64 = 1.96;
 /// An azimuth that is off by more is a wrong one.
@@ -47,7 +51,8 @@ const WRONG_SIGMAS: f64 = 4.0;
 #[derive(Args, Debug)]
 #[command(
     after_help = "Examples:\n  north bench orders --fixes 30\n  north bench orders --scenario jittery-drive --ringing-hz 5\n  \
-                  north bench orders --scenario calm-bench --scale 1.5"
+                  north bench orders --scenario calm-bench --scale 1.5\n  \
+                  north bench orders --scenario calm-bench --order adaptive --accuracy 0.02"
 )]
 pub struct Orders {
     /// Fixes for each line
@@ -65,6 +70,12 @@ pub struct Orders {
     /// The gyro's scale factor is off by so much more than the scenario says, percent, -9 to 9
     #[arg(long, value_name = "PERCENT", allow_negative_numbers = true, value_parser = percent)]
     scale: Option<f64>,
+    /// All fixes are at this latitude, degrees
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = latitude)]
+    latitude: Option<f64>,
+    /// The adaptive order goes on until sigma is this, degrees, for half an hour at most
+    #[arg(long, value_name = "DEG", value_parser = accuracy)]
+    accuracy: Option<f64>,
     /// Seed of the first fix; each line has the same seeds
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -97,7 +108,8 @@ pub struct Row {
     closure_rms_sigmas: Option<f64>,
     /// Mean of chi-square over its degrees of freedom.
     chi_square_ratio: Option<f64>,
-    /// Duration from the first promise of a time to go to the end over what was promised: median, and the nine tenths' quantile.
+    /// Duration from the first promise of a time to go to the end over what was promised: median, and the nine tenths' quantile, of fixes that
+    /// reached the accuracy: the others were ended by the time limit, or fell back to four positions.
     time_to_go_ratio: Option<[f64; 2]>,
     /// Fixes with each flag.
     flags: BTreeMap<&'static str, usize>,
@@ -138,7 +150,8 @@ impl Orders {
     fn fix(&self, name: &str, order: OrderName, seed: u64) -> Result<Ended, Failure> {
         let mut scenario = Scenario::named(name)?;
         scenario.site.azimuth_deg = 360.0 * (OF_HEADING * seed as f64).fract();
-        scenario.site.latitude_deg = LATITUDES_DEG * (2.0 * (OF_LATITUDE * seed as f64).fract() - 1.0);
+        let spread_deg = LATITUDES_DEG * (2.0 * (OF_LATITUDE * seed as f64).fract() - 1.0);
+        scenario.site.latitude_deg = self.latitude.unwrap_or(spread_deg);
         if let Some(ringing_hz) = self.ringing_hz {
             // The time in which it decays is 1/(2π · damping · frequency).
             scenario.motor.damping *= scenario.motor.ringing_hz / ringing_hz;
@@ -148,6 +161,11 @@ impl Orders {
         let mut settings = scenario_settings(&scenario, None)?;
         settings.latitude_deg = scenario.site.latitude_deg;
         settings.sequence.order = order.into();
+        if let (Some(asked_deg), Order::Adaptive { accuracy_deg }) = (self.accuracy, &mut settings.sequence.order) {
+            *accuracy_deg = asked_deg;
+            settings.time_limit_s = LONGEST_S;
+            scenario.duration_limit_s = LONGEST_S + SPARE_S;
+        }
         fix(scenario, seed, settings)
     }
 }
@@ -157,6 +175,22 @@ fn hertz(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(hertz) if (0.5..=200.0).contains(&hertz) => Ok(hertz),
         _ => Err("allowed is 0.5 to 200".into()),
+    }
+}
+
+/// A latitude at which a fix is not next to a pole.
+fn latitude(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(degrees) if (-80.0..=80.0).contains(&degrees) => Ok(degrees),
+        _ => Err("allowed is -80 to 80".into()),
+    }
+}
+
+/// A sigma that can be asked for.
+fn accuracy(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(degrees) if (0.001..=10.0).contains(&degrees) => Ok(degrees),
+        _ => Err("allowed is 0.001 to 10".into()),
     }
 }
 
@@ -195,7 +229,8 @@ impl Row {
         let closure = |fix: &Fix| Some(fix.closure_deg_h? / fix.closure_sigma_deg_h?);
         let closures: Vec<f64> = found.iter().filter_map(|(_, found)| closure(&found.fix)).collect();
         let fits = found.iter().map(|(_, Found { fix, .. })| fix.chi_square / f64::from(fix.degrees_of_freedom.max(1)));
-        let mut ratios: Vec<f64> = found.iter().filter_map(|(ended, _)| ended.real_over_promised()).collect();
+        let reached = found.iter().filter(|(_, found)| !found.fix.flags.contains(Flag::AccuracyNotReached));
+        let mut ratios: Vec<f64> = reached.filter_map(|(ended, _)| ended.real_over_promised()).collect();
         ratios.sort_by(f64::total_cmp);
         let nine_tenths = ratios.get(ratios.len() * 9 / 10).copied();
         Self {

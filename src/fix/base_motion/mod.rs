@@ -77,6 +77,19 @@ fn is_improbable(dwells: &[DwellSummary], levels: &Levels, degree: usize) -> boo
     degrees_of_freedom > 0.0 && chi_square_z_score(chi_square, degrees_of_freedom) > IMPROBABLE_SIGMAS
 }
 
+/// Whether the levels of the last dwell are others than those of the first, by more than their noise: two dwells tell that, and no path.
+pub fn levels_changed(dwells: &[DwellSummary]) -> bool {
+    let chi_square = || {
+        let (first, last) = (dwells.first()?, dwells.last()?);
+        let of_means = 1.0 / first.seconds + 1.0 / last.seconds;
+        let axes = tilt_arcsec(first)?.into_iter().zip(tilt_arcsec(last)?).zip(variance_arcsec2(dwells)?);
+        let squares =
+            axes.map(|((before, after), variance)| (after.mean - before.mean) * (after.mean - before.mean) / variance);
+        Some(squares.sum::<f64>() / of_means)
+    };
+    chi_square().is_some_and(|chi_square| chi_square > SIGNIFICANT)
+}
+
 /// Looks for motion in the dwells of a fix, as of accelerometers that do not drift.
 pub fn detect(dwells: &[DwellSummary]) -> BaseMotion {
     let free = Prior { drift: LevelDrift::default(), path_arcsec: f64::INFINITY };
@@ -200,6 +213,7 @@ mod tests {
 
     #[test]
     fn a_still_base_is_left_alone() {
+        assert!(!levels_changed(&dwells(|_| 0.0)) && levels_changed(&dwells(|t_s| 0.02 * t_s)));
         assert_eq!(detect(&dwells(|_| 50.0)), BaseMotion::Still);
     }
 
