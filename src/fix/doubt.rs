@@ -10,12 +10,11 @@
 //! is that of these weights, with intervals taken together in groups.
 
 use heapless::Vec;
-use nalgebra::{Cholesky, Const, Matrix4, SMatrix, Vector4};
+use nalgebra::{Matrix4, SMatrix, Vector4};
 
 use super::base_motion::levels::Path;
 use super::dwell::DwellSummary;
 use super::observation::Observation;
-use crate::bounded::bounded;
 use crate::effects::Doubt;
 use crate::effects::doubt::MAX_DIRECTIONS;
 
@@ -24,48 +23,58 @@ pub const MOST: usize = 24;
 
 /// What one sigma along each uncertain direction adds to a dwell's mean, °/h.
 type Doubts = [f64; MAX_DIRECTIONS];
-/// Gives the observation of a dwell's mean, and its doubts.
-type Observe<'a> = &'a dyn Fn(&DwellSummary) -> (Observation, Doubts);
+/// The observation of a dwell's mean, and its doubts.
+type Observed = (Observation, Doubts);
+/// Gives them.
+type Observe<'a> = &'a dyn Fn(&DwellSummary) -> Observed;
 
 /// The dwells' covariance C, in units of the variance of a one-second rate.
 pub(super) struct Correlated {
-    /// Its factor; that of the unit matrix for dwells that there are not.
-    factor: Cholesky<f64, Const<MOST>>,
+    /// Its Cholesky factor, in the lower triangle; that of the unit matrix for dwells that there are not.
+    factor: SMatrix<f64, MOST, MOST>,
     /// C⁻¹ times the rows of the equations: what an error of a dwell adds to the right-hand side of the normal equations.
     gains: SMatrix<f64, MOST, 4>,
 }
 
 impl Correlated {
-    /// Of these dwells. `None` where nothing is uncertain, where there are too many dwells, or where one has no weight. `variance`: of a
+    /// Room for it in `place`; none where nothing is uncertain, or where there are too many dwells.
+    ///
+    /// It is filled where it stays: what makes a value of it has copies of the matrix on a board's stack, 4.6 KB each. Never inlined: those that this
+    /// has are gone when the work begins.
+    #[inline(never)]
+    pub fn begin(place: &mut Option<Self>, doubt: &Doubt, path: Option<&Path>, dwells: &[DwellSummary]) {
+        *place = None;
+        if (is_any(doubt) || path.is_some()) && dwells.len() <= MOST {
+            let _ = place.insert(Self { factor: SMatrix::zeros(), gains: SMatrix::zeros() });
+        }
+    }
+
+    /// Of these dwells, by the observations of their means and their doubts. `None`, and it is of no use, where one has no weight. `variance`: of a
     /// one-second rate, (°/h)².
-    pub fn new(
+    pub fn fill(
+        &mut self,
         doubt: &Doubt,
         path: Option<&Path>,
         dwells: &[DwellSummary],
-        observe: Observe<'_>,
+        observed: &[Observed],
         variance: f64,
-    ) -> Option<Self> {
-        if (!is_any(doubt) && path.is_none()) || dwells.len() > MOST {
-            return None;
-        }
-        let doubts: Vec<Doubts, MOST> = bounded(dwells.iter().map(|dwell| observe(dwell).1));
-        let mut covariance = SMatrix::<f64, MOST, MOST>::identity();
-        let mut rows = SMatrix::<f64, MOST, 4>::zeros();
-        for (i, (dwell, own)) in dwells.iter().zip(&doubts).enumerate() {
-            for (j, (other, of_other)) in dwells.iter().zip(&doubts).enumerate() {
+    ) -> Option<()> {
+        self.factor.fill_with_identity();
+        for (i, (dwell, (observation, own))) in dwells.iter().zip(observed).enumerate() {
+            for (j, (other, (_, of_other))) in dwells.iter().zip(observed).enumerate() {
                 let of_path = path.map_or(0.0, |path| path.covariance_of(dwell, other));
-                *covariance.get_mut((i, j))? = (shared(doubt, (dwell, own), (other, of_other)) + of_path) / variance;
+                *self.factor.get_mut((i, j))? = (shared(doubt, (dwell, own), (other, of_other)) + of_path) / variance;
             }
-            let (observation, _) = observe(dwell);
-            *covariance.get_mut((i, i))? += 1.0 / observation.weight;
-            rows.row_mut(i).copy_from(&observation.row.transpose());
+            *self.factor.get_mut((i, i))? += 1.0 / observation.weight;
+            self.gains.row_mut(i).copy_from(&observation.row.transpose());
         }
-        if !covariance.iter().all(|entry| entry.is_finite()) {
+        if !self.factor.iter().all(|entry| entry.is_finite()) {
             return None;
         }
-        let cholesky = covariance.cholesky()?;
-        cholesky.solve_mut(&mut rows);
-        Some(Self { gains: rows, factor: cholesky })
+        factorise(&mut self.factor)?;
+        self.factor.solve_lower_triangular_unchecked_mut(&mut self.gains);
+        self.factor.ad_solve_lower_triangular_unchecked_mut(&mut self.gains);
+        Some(())
     }
 
     /// Gives `take` the observations with errors that are independent, of weight 1: rows and rates times L⁻¹.
@@ -76,7 +85,7 @@ impl Correlated {
             equation.copy_from_slice(&[row.x, row.y, row.z, row.w, cos_2theta, rate_deg_h]);
         }
         // The factor has no pivot that is nothing.
-        let _ = self.factor.l_dirty().solve_lower_triangular_mut(&mut equations);
+        let _ = self.factor.solve_lower_triangular_mut(&mut equations);
         for equation in equations.row_iter().take(dwells.len()) {
             if let [x, y, z, w, cos_2theta, rate_deg_h] = *equation.transpose().as_slice() {
                 take(Observation { weight: 1.0, row: Vector4::new(x, y, z, w), cos_2theta, rate_deg_h });
@@ -86,13 +95,33 @@ impl Correlated {
 
     /// Logarithm of the determinant of C.
     pub fn log_determinant(&self) -> f64 {
-        self.factor.l_dirty().diagonal().iter().map(|pivot| 2.0 * libm::log(*pivot)).sum()
+        self.factor.diagonal().iter().map(|pivot| 2.0 * libm::log(*pivot)).sum()
     }
 
     /// What an error of the `i`-th dwell's rate adds to the right-hand side of the normal equations; `None` of a dwell that there is not.
     pub fn gain(&self, i: usize) -> Option<Vector4<f64>> {
         (i < MOST).then(|| self.gains.row(i).transpose())
     }
+}
+
+/// Puts the Cholesky factor of a symmetric matrix into its lower triangle, where the matrix stands; nothing where it is not positive. Its steps are
+/// nalgebra's, to the last digit.
+fn factorise(matrix: &mut SMatrix<f64, MOST, MOST>) -> Option<()> {
+    for j in 0..MOST {
+        for k in 0..j {
+            let factor = -*matrix.get((j, k))?;
+            for i in j..MOST {
+                let taken = factor * matrix.get((i, k))?;
+                *matrix.get_mut((i, j))? += taken;
+            }
+        }
+        let pivot = libm::sqrt(*matrix.get((j, j)).filter(|square| **square > 0.0)?);
+        *matrix.get_mut((j, j))? = pivot;
+        for i in j + 1..MOST {
+            *matrix.get_mut((i, j))? /= pivot;
+        }
+    }
+    Some(())
 }
 
 /// Whether rates are uncertain by the model.
@@ -161,6 +190,9 @@ pub(super) fn of_right_hand_side(doubt: &Doubt, dwells: &[DwellSummary], observe
 mod tests {
     use std::vec::Vec;
 
+    use super::{MOST, factorise};
+    use nalgebra::SMatrix;
+
     use crate::effects::ErrorModel;
     use crate::effects::doubt::{Kernel, Process};
     use crate::effects::effect::Port;
@@ -169,6 +201,25 @@ mod tests {
     use crate::fix::solve;
     use crate::fix::tests::{declared, dwell, normal};
     use crate::units::{DEG_PER_RAD, wrap_180_deg};
+
+    /// Bit for bit, and none where nalgebra finds none.
+    #[test]
+    fn the_factor_is_that_of_nalgebra() {
+        let mut number = 0.3_f64;
+        let mut random = || {
+            number = (number * 997.0 + 0.1).fract();
+            number - 0.5
+        };
+        for shift in [0.0, 1e-3, 3.0] {
+            let half = SMatrix::<f64, MOST, MOST>::from_fn(|_, _| random());
+            let matrix = half * half.transpose() + shift * SMatrix::identity();
+            let mut factor = matrix;
+            factorise(&mut factor).unwrap();
+            assert_eq!(factor.lower_triangle(), matrix.cholesky().unwrap().l());
+        }
+        let mut none = -SMatrix::<f64, MOST, MOST>::identity();
+        assert!(none.cholesky().is_none() && factorise(&mut none).is_none());
+    }
 
     /// Ω cos 60°, °/h.
     const NORTH_DEG_H: f64 = 7.5205335;

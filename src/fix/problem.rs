@@ -138,10 +138,7 @@ impl<'a> Problem<'a> {
 
     /// The path of the base that is taken out.
     pub fn path(&self) -> Option<&Path> {
-        match &self.motion {
-            BaseMotion::Moving(Method::Path(path)) => Some(path),
-            _ => None,
-        }
+        self.motion.path()
     }
 
     /// What the base's turning adds to the gyro's rate at a dwell, °/h: cos θ · dr/dt − sin θ · dp/dt.

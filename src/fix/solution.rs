@@ -1,5 +1,6 @@
 //! From dwells to a fix: noise, drift, misfit, sigma and flags.
 
+use heapless::Vec;
 use nalgebra::{Matrix4, SMatrix, Vector4};
 
 use super::azimuth_effects::AzimuthEffects;
@@ -8,7 +9,7 @@ use super::base_motion::levels::Path;
 use super::base_motion::{BaseMotion, Method};
 use super::cause::Cause;
 use super::closure::Closure;
-use super::doubt::{self, Correlated};
+use super::doubt::{self, Correlated, MOST};
 use super::dwell::DwellSummary;
 use super::estimate::{AMPLITUDE_TOLERANCE, Estimate, LEAST_DRIFT, settle_drift, variance_of_successive_residuals};
 use super::noise::Noise;
@@ -16,6 +17,7 @@ use super::problem::Problem;
 use super::sinusoid::Fitted;
 use super::statistics::chi_square_z_score;
 use super::{Declared, Fix, Unsolvable};
+use crate::bounded::bounded;
 use crate::earth::EarthRate;
 use crate::effects::ErrorModel;
 use crate::health::{Flag, Flags};
@@ -222,12 +224,23 @@ fn judge_parameters(
     Ok(())
 }
 
-/// Weighs the dwells by what is not certain of the model. Never inlined: two matrices of all dwells would stand twice on the stack.
-#[inline(never)]
+/// Weighs the dwells by what is not certain of the model.
 fn weigh_doubt(problem: &mut Problem<'_>, model: &ErrorModel, variance: f64) {
-    let path = problem.path();
-    let observe = &|dwell: &DwellSummary| problem.with_doubts(dwell);
-    problem.correlated = Correlated::new(&model.doubt, path, problem.dwells, observe, variance);
+    Correlated::begin(&mut problem.correlated, &model.doubt, problem.motion.path(), problem.dwells);
+    if problem.correlated.is_some() {
+        fill_doubt(problem, model, variance);
+    }
+}
+
+/// Never inlined: what it observes is on no stack but its own.
+#[inline(never)]
+fn fill_doubt(problem: &mut Problem<'_>, model: &ErrorModel, variance: f64) {
+    let observed: Vec<_, MOST> = bounded(problem.dwells.iter().map(|dwell| problem.with_doubts(dwell)));
+    let path = problem.motion.path();
+    let begun = problem.correlated.as_mut();
+    if begun.and_then(|begun| begun.fill(&model.doubt, path, problem.dwells, &observed, variance)).is_none() {
+        problem.correlated = None;
+    }
 }
 
 /// Where the model depends on the azimuth, supposes one, and the next by that, until they agree. Where effects follow it, the azimuth is what is

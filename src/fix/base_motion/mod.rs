@@ -37,6 +37,16 @@ pub enum BaseMotion {
     Moving(Method),
 }
 
+impl BaseMotion {
+    /// The path of the base that is taken out.
+    pub fn path(&self) -> Option<&Path> {
+        match self {
+            Self::Moving(Method::Path(path)) => Some(path),
+            _ => None,
+        }
+    }
+}
+
 /// How the motion is taken out.
 #[allow(clippy::large_enum_variant)] // as above
 #[derive(Clone, Copy, Debug, PartialEq)]
