@@ -62,6 +62,8 @@ pub struct Setup<'a> {
     pub crystal_mhz: u64,
     /// From when on accelerometer, encoder and block are there, ns after power-up.
     pub parts_from_ns: [u64; 3],
+    /// From when on the accelerometer measures no more, ns after power-up.
+    pub accelerometer_stops_ns: u64,
     /// The encoder's magnet is weak: its diagnostics say so, and its angle is valid nevertheless.
     pub weak_magnet: bool,
     /// An error flag of the block that is raised at this time, ns after power-up, and stays until it is read.
@@ -87,6 +89,7 @@ impl<'a> Setup<'a> {
             settings: &[],
             crystal_mhz: 8,
             parts_from_ns: [0; 3],
+            accelerometer_stops_ns: u64::MAX,
             weak_magnet: false,
             block_flag: None,
             power_fails_after: None,
@@ -111,6 +114,8 @@ pub struct Ran<L> {
     pub line: L,
     /// How often the chip was reset, and by what: the core itself, or a device.
     pub resets: Vec<String>,
+    /// The motor had current when one of them came.
+    pub current_at_reset: bool,
     /// Periods of the pulses that tell gyro and block to sample, ns, at the run's end.
     pub pulse_periods_ns: [Option<u64>; 2],
     /// Steps of the motor, and the first and the last moment in an eighth of a tick at which one began, ns.
@@ -157,7 +162,7 @@ pub fn run<L: Line>(setup: &Setup<'_>, world: &World, line: L) -> Result<Ran<L>,
         Wired::new(setup.crystal_mhz * 1_000_000, setup.damaged_per_million, array.clone()).map_err(not_started)?;
     let [accelerometer, encoder, block] = setup.parts_from_ns;
     board.attach(
-        Slave::new(world.accelerometer(), Adxl355::default(), accelerometer, &ledger),
+        Slave::new(world.accelerometer(), Adxl355::new(setup.accelerometer_stops_ns), accelerometer, &ledger),
         Slave::new(world.encoder(), As5048a::new(setup.weak_magnet), encoder, &ledger),
         Slave::new(world.block(), Adis16505::new(setup.block_flag), block, &ledger),
         GyroOutput(world.gyro()),
@@ -193,6 +198,7 @@ pub fn run<L: Line>(setup: &Setup<'_>, world: &World, line: L) -> Result<Ran<L>,
     let complaints = told.chain(unmapped).chain(refused).chain(unimplemented).collect();
     Ok(Ran {
         resets: session.resets().iter().map(|reset| format!("{:?}", reset.cause)).collect(),
+        current_at_reset: driver.current_at_reset,
         pulse_periods_ns: session.board_mut().pulse_periods_ns(),
         steps: driver.steps,
         step_window_ns: driver.step_window_ns,
@@ -227,16 +233,19 @@ struct Surroundings<L> {
     timer_stops: Option<u64>,
     unseen_ticks: Range<u64>,
     start_ns: u64,
-    /// How often the chip was reset.
+    /// How often the chip was reset, and whether the motor had current then.
     resets: usize,
+    current_at_reset: bool,
     array: SharedArray,
     witness: Witness,
 }
 
 impl<L: Line> Surroundings<L> {
     fn new(world: &World, line: L, setup: &Setup<'_>, array: SharedArray, ledger: &Ledger) -> Self {
-        let (step, direction, enable) = (world.step_pin(), world.dir_pin(), world.enable_pin());
+        let (step, mut direction, enable) = (world.step_pin(), world.dir_pin(), world.enable_pin());
         let levels = MotorPins::default();
+        // Where it floats it is low; step and enable are off in the world by themselves.
+        let Ok(()) = direction.set_low();
         let world = world.clone();
         Self {
             world,
@@ -255,6 +264,7 @@ impl<L: Line> Surroundings<L> {
             unseen_ticks: setup.unseen_ticks.clone(),
             start_ns: 0,
             resets: 0,
+            current_at_reset: false,
             array,
             witness: Witness::new(ledger.clone()),
         }
@@ -273,6 +283,7 @@ impl<L: Line> Surroundings<L> {
         if session.resets().len() != self.resets {
             self.resets = session.resets().len();
             self.began = None;
+            self.current_at_reset |= self.levels.not_enable == Level::Low;
             self.drive(MotorPins::default());
             self.witness.reset();
             self.array.lock().expect("one thread").reset();

@@ -1,4 +1,5 @@
-//! The image that is flashed finds north on the emulated chip: `make chip`, or with a scenario and a seed `make chip ARGS="windy-tripod 2"`.
+//! The image that is flashed finds north on the emulated chip: `make chip`, or with a scenario and a seed `make chip ARGS="windy-tripod 2"`. At
+//! its end it says what of the stack was used, as far as its paint is gone, and how long the longest tick was; `north bench cost` reads that.
 
 use std::process::ExitCode;
 use std::time::Instant;
@@ -19,6 +20,8 @@ struct Surveyor {
     line: RequestLine,
     decoder: ReportDecoder,
     fix: Option<Fix>,
+    /// After the fix: most bytes of the stack that were used, and thousandths of a tick that the longest took.
+    vitals: Option<(u32, u32)>,
     /// Ends it without a fix.
     failed: bool,
     limit_ticks: u64,
@@ -33,6 +36,9 @@ impl Surveyor {
                 self.failed = true;
             }
             Event::Fix(fix) => self.fix = Some(*fix),
+            Event::Vitals { stack_bytes, load_permille, .. } if self.fix.is_some() => {
+                self.vitals = Some((*stack_bytes, *load_permille));
+            }
             _ => {}
         }
     }
@@ -51,7 +57,7 @@ impl Line for Surveyor {
             // A command fits a frame: a test of the link says so.
             let _ = self.line.send(&Request { number: 1, ask: Ask::Command(Command::Start) });
         }
-        (self.fix.is_none() && !self.failed && tick < self.limit_ticks).then(|| self.line.tick())
+        (self.vitals.is_none() && !self.failed && tick < self.limit_ticks).then(|| self.line.tick())
     }
 }
 
@@ -76,7 +82,7 @@ fn find() -> Result<bool, String> {
     let (image, stored) = (image::build()?, image::stored(&settings)?);
     let limit_ticks = ((settings.time_limit_s + MARGIN_S) * TICKS_PER_S) as u64;
     let (line, decoder) = (RequestLine::default(), ReportDecoder::new());
-    let surveyor = Surveyor { line, decoder, fix: None, failed: false, limit_ticks };
+    let surveyor = Surveyor { line, decoder, fix: None, vitals: None, failed: false, limit_ticks };
     println!("{name}, seed {seed}, the image that is flashed on an emulated STM32F4");
     let began = Instant::now();
     let world = World::new(&scenario, seed);
@@ -97,5 +103,8 @@ fn find() -> Result<bool, String> {
     println!("azimuth {:9.4}° ± {:.4}°", fix.azimuth_deg, fix.sigma_deg);
     println!("true    {true_deg:9.4}°");
     println!("error   {error_deg:+9.4}° ({:.1} sigma)", error_deg.abs() / fix.sigma_deg);
+    if let Some((stack_bytes, load_permille)) = ran.line.vitals {
+        println!("stack, bytes: {stack_bytes}\nlongest tick, thousandths: {load_permille}");
+    }
     Ok(true)
 }

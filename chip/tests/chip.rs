@@ -336,7 +336,7 @@ fn crashes_are_told_after_the_restart() {
     }
 }
 
-/// Before a start the motor has no current, in the middle of a turn it has some, and after the crash none.
+/// Before a start the motor has no current, in the middle of a turn it has some, and after the crash none, before the restart takes it off.
 #[test]
 fn a_crash_in_a_turn_leaves_the_motor_without_current() {
     let mut settings = settings_of("calm-bench");
@@ -345,7 +345,8 @@ fn a_crash_in_a_turn_leaves_the_motor_without_current() {
     let settings = image::stored(&settings).unwrap();
     let has_current = |asks: &[At]| {
         let world = calm();
-        on_chip(&world, &settings, 3000, asks);
+        let ran = on_chip(&world, &settings, 3000, asks);
+        assert!(!ran.current_at_reset);
         world.motor_has_current()
     };
     let (start, crash) = ((40, START), (2900, Ask::Provoke(Provocation::Panic)));
@@ -499,6 +500,23 @@ fn parts_that_are_absent_or_late_are_waited_for() {
     assert_eq!(readings([NEVER, 0, 0]), [false, true, true]);
     assert_eq!(readings([0, NEVER, 0]), [true, false, true]);
     assert_eq!(readings([0, 0, NEVER]), [true, true, false]);
+}
+
+/// An accelerometer that measures no more has its last measurement still: it is not taken for another one.
+#[test]
+fn a_measurement_is_taken_once() {
+    let settings = image::stored(&settings_of("calm-bench")).unwrap();
+    let levels = |accelerometer_stops_ns: u64| {
+        let setup = Setup { settings: &settings, accelerometer_stops_ns, ..Setup::new(image()) };
+        let ran = on(&setup, &calm(), Host::new(1300, &[]));
+        let levels = ran.line.reports.iter().filter_map(|report| match &report.event {
+            Event::Second(second) => Some(second.level.is_some()),
+            _ => None,
+        });
+        levels.collect::<Vec<_>>()
+    };
+    assert_eq!(levels(u64::MAX).last(), Some(&true));
+    assert_eq!(levels(1_200_000_000).last(), Some(&false));
 }
 
 /// An error flag of the block stays until it is read: it costs a few samples, and no more.

@@ -5,6 +5,9 @@ use crate::witness::Ledger;
 
 const PART: &str = "ADXL355";
 const IDENTITY: [u8; 3] = [0xAD, 0x1D, 0xED];
+const STATUS: usize = 0x04;
+/// Of STATUS: a measurement that was not read yet.
+const DATA_READY: u8 = 1;
 const XDATA3: usize = 0x08;
 const ZDATA1: usize = 0x10;
 const FIRST_WRITABLE: usize = 0x1E;
@@ -17,14 +20,16 @@ const STANDBY: u8 = 1;
 #[derive(Debug)]
 pub struct Adxl355 {
     registers: [u8; 0x30],
+    /// From when on it measures no more, ns.
+    stops_ns: u64,
 }
 
-impl Default for Adxl355 {
+impl Adxl355 {
     /// After power-up: in standby, ±2 g, interrupts active low, I²C fast.
-    fn default() -> Self {
+    pub fn new(stops_ns: u64) -> Self {
         let mut registers = [0; 0x30];
         (registers[RANGE], registers[POWER_CTL]) = (0x81, STANDBY);
-        Self { registers }
+        Self { registers, stops_ns }
     }
 }
 
@@ -34,9 +39,12 @@ fn command(mosi: &[u8]) -> (usize, bool) {
 }
 
 impl Part for Adxl355 {
-    fn answer(&mut self, mosi: &[u8], world: u8, _: u64, ledger: &Ledger) -> u8 {
+    fn answer(&mut self, mosi: &[u8], world: u8, at_ns: u64, ledger: &Ledger) -> u8 {
         let (from, reads) = command(mosi);
         let Some(number) = mosi.len().checked_sub(2).filter(|_| reads) else { return world };
+        if from + number == STATUS && at_ns >= self.stops_ns {
+            return world & !DATA_READY;
+        }
         let own = match from + number {
             address @ 0..3 => IDENTITY[address],
             address @ (FILTER | RANGE | POWER_CTL | SELF_TEST) => self.registers[address],
