@@ -94,8 +94,9 @@ impl<'a> Search<'a> {
         Self { runs, grammar, family, bank, pairs }
     }
 
-    /// The model of the greatest score, if the runs allow one: from what was found in runs of which one reference was another, or from nothing. Where
-    /// revising it shows more than a further effect is asked for, what is left may hold another one.
+    /// Searches for the model with the greatest score, from `start`: nothing, or what an earlier search found with another reference for one run. Where
+    /// revising the effects raises the score by more than a further effect must, further ones are searched for again. `None` where the runs
+    /// determine no model.
     pub fn best(&self, start: &Start) -> Option<Model<'a>> {
         let bare = Model::new(self.runs, None, &[])?;
         let terms: Vec<Term> = start.effects.iter().map(|effect| self.term(&bare, effect)).collect();
@@ -114,7 +115,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// With further effects, one after the other, as long as evidence and prediction rise.
+    /// Adds effects one after the other, as long as both evidence and prediction rise.
     fn grown(&self, mut model: Model<'a>) -> Model<'a> {
         while model.terms.len() < MOST_EFFECTS {
             let asked = if model.found().is_empty() { FALSE_DISCOVERIES } else { FURTHER_FALSE_DISCOVERIES };
@@ -128,7 +129,7 @@ impl<'a> Search<'a> {
         model
     }
 
-    /// With those effects of the family that are more likely there than not.
+    /// Adds the effects of the instrument's family that this unit more likely has than not.
     fn with_family(&self, mut model: Model<'a>) -> Model<'a> {
         loop {
             let has = |member: usize| model.known().any(|known| known.member == member);
@@ -146,8 +147,8 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// A model with one effect of the family more, its constants tuned as far as they differ from unit to unit. Beside the process as it is, or
-    /// beside none: a process may have taken for its own what is the effect.
+    /// Adds one effect of the family, and tunes its constants within what they differ by from unit to unit. It is tried with the process of the model and
+    /// without it, because the process may have absorbed the effect.
     fn with_member(&self, model: &Model<'a>, member: usize, way: Way) -> Option<Model<'a>> {
         let common = self.family.members.get(member)?;
         let with = |effect: Effect| {
@@ -186,7 +187,8 @@ impl<'a> Search<'a> {
         Term::known(effect, &values, Known { member, way, prior: Arc::new(prior) })
     }
 
-    /// A model, and those that differ from it by one effect. The search goes on from one that is likelier and predicts better.
+    /// Compares a model with its rivals, which differ from it by one effect, and goes on from a rival that is likelier and predicts better. Gives the
+    /// best model and its rivals.
     pub fn with_rivals(&self, mut best: Model<'a>) -> (Model<'a>, Vec<Model<'a>>) {
         loop {
             let rivals = self.rivals(&best);
@@ -205,8 +207,8 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// References that may be wrong, the likeliest first: beside a model, where effects hide none, and without any or without each of its effects, which may
-    /// stand for one.
+    /// References that may be wrong, the likeliest first. They are tested beside all effects of the model, beside none, and beside all but each one,
+    /// because an effect may have been found in place of a wrong reference.
     pub fn suspects(&self, model: &Model<'a>) -> Vec<Blunder> {
         let count = model.terms.len();
         let without = |i: usize| [&model.terms[..i], &model.terms[i + 1..]].concat();
@@ -232,7 +234,7 @@ impl<'a> Search<'a> {
         unlike
     }
 
-    /// What was proposed beside nothing, the most promising first: of every signal the best forms at every port, and products.
+    /// What is proposed when nothing is known yet, the most promising first: the best forms of every signal at every port, and products.
     pub fn tried(&self) -> Vec<Tried> {
         let Some(bare) = Model::new(self.runs, None, &[]).map(Model::with_likeliest_process) else { return Vec::new() };
         let weighed = self.weighed(&bare);
@@ -257,7 +259,7 @@ impl<'a> Search<'a> {
         all
     }
 
-    /// Models that have another effect, or none, in the place of one of the best's.
+    /// Models in which one effect of the best model is replaced by another one, or left out.
     fn rivals(&self, best: &Model<'a>) -> Vec<Model<'a>> {
         let mut rivals = Vec::new();
         for i in 0..best.terms.len() {
@@ -300,7 +302,7 @@ impl<'a> Search<'a> {
         self.as_likely(model, own, chosen.into_iter().map(|(_, effect)| effect).collect())
     }
 
-    /// Those effects that beside a model are about as likely as an own one or likelier, tuned: forms as complex count alike ([`complexity`]).
+    /// Tunes these effects and keeps those that are at most [`NEGLIGIBLE`] less likely than `own` beside a model. Forms of equal [`complexity`] count alike.
     fn as_likely(&self, model: &Model<'_>, own: &Effect, effects: Vec<Effect>) -> Vec<Effect> {
         let likely = |effect: &Effect, gain: f64| gain + self.grammar.cost(effect) - complexity(effect);
         let least = likely(own, self.gain(model, own)) - NEGLIGIBLE;
@@ -312,7 +314,7 @@ impl<'a> Search<'a> {
         near.into_iter().filter(|(gain, effect)| likely(effect, *gain) > least).map(|(_, effect)| effect).collect()
     }
 
-    /// A model with the one effect more by which the score gains most.
+    /// Adds the one effect with which every run is predicted best from the others.
     fn widened(&self, model: &Model<'a>) -> Option<Model<'a>> {
         // Beside the process as it is, and at first beside none: a process may have taken for its own what is an effect.
         let mut finalists = self.finalists(model);
@@ -420,7 +422,7 @@ impl<'a> Search<'a> {
         model.fit.gain_of(&model.problem, &model.terms, &columns).0 - self.grammar.cost(effect)
     }
 
-    /// From form to neighbouring form, as long as the gain grows by more than chance, and so many steps at most.
+    /// Replaces the form by a neighbouring one, at most so many times, as long as the gain grows by more than half a nat.
     fn climb(&self, model: &Model<'_>, mut effect: Effect, mut gain: f64, left: &Left, steps: usize) -> (f64, Effect) {
         for _ in 0..steps {
             let mut near = self.nearest(&effect, left);
@@ -444,7 +446,7 @@ impl<'a> Search<'a> {
         (gain, effect)
     }
 
-    /// With fewer factors and constants, each form finely tuned, as long as the gain does not fall.
+    /// Removes factors, each simpler form finely tuned, as long as the gain does not fall.
     fn simplified(&self, model: &Model<'_>, mut effect: Effect, mut gain: f64) -> Effect {
         loop {
             let simpler = reduced(&effect).into_par_iter();
@@ -458,7 +460,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The neighbouring forms that promise most, one of every form: others differ by constants, which are tuned.
+    /// The most promising neighbouring forms, each once: effects of one form differ by constants, which are tuned.
     fn nearest(&self, effect: &Effect, left: &Left) -> Vec<Effect> {
         let promise = |each: Effect| (self.bank.promise(self.runs, &each, left) - self.grammar.cost(&each), each);
         let near = reshaped(effect, &self.grammar, self.runs);
@@ -476,7 +478,7 @@ impl<'a> Search<'a> {
         nearest
     }
 
-    /// Every constant in turn, by steps that become smaller.
+    /// Tunes every constant in turn, with steps that become smaller.
     fn tuned(&self, model: &Model<'_>, mut effect: Effect, mut gain: f64, tuning: &Tuning) -> (f64, Effect) {
         for _ in 0..tuning.rounds {
             let before = gain;
@@ -505,7 +507,7 @@ impl<'a> Search<'a> {
         (gain, effect)
     }
 
-    /// Without the terms that the evidence does not miss.
+    /// Removes terms one after the other, as long as that raises the score.
     fn pruned(&self, mut model: Model<'a>) -> Model<'a> {
         loop {
             let without = |i: usize| {
@@ -523,7 +525,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Every term once more beside the others: its neighbouring forms and its constants.
+    /// Revises every term once beside the others, in form and constants, and then removes terms that are not needed any more.
     fn revised(&self, mut model: Model<'a>) -> Model<'a> {
         for i in 0..model.terms.len() {
             let mut terms = model.terms.clone();
