@@ -66,7 +66,7 @@ fn python_asks_for_the_self_test() {
         .map(|item| (item["item"].as_str().unwrap(), item["verdict"].as_str().unwrap()))
         .collect();
     let expected = Item::ALL.iter().map(|item| {
-        let absent = item.is_of_board() || matches!(item, Item::Block | Item::LimitSwitch);
+        let absent = item.is_of_board() || matches!(item, Item::Block | Item::Limit);
         (item.name(), if absent { "absent" } else { "passed" })
     });
     assert_eq!(told, expected.collect::<Vec<_>>());
