@@ -86,13 +86,13 @@ impl Effect {
         let [memories @ .., second, third] = memories;
         for (factor, memory) in self.factors.iter().zip(memories) {
             // Every factor is asked, so that every one remembers.
-            let values = if !factor.needs_azimuth() {
-                let input = factor.pass(factor.signal.value(now), now.track.step_s, memory);
-                input.map(|input| factor.values(input)).unwrap_or_default()
-            } else if factor.dynamics.is_empty() {
+            let values = if factor.remembers_rate() {
+                factor.parts(now, [memory, second, third])
+            } else if factor.needs_azimuth() {
                 continue;
             } else {
-                factor.parts(now, [memory, second, third])
+                let input = factor.pass(factor.signal.value(now), now.track.step_s, memory);
+                input.map(|input| factor.values(input)).unwrap_or_default()
             };
             products = bounded(products.iter().flat_map(|product| values.iter().map(move |value| product * value)));
         }
@@ -109,14 +109,14 @@ impl Effect {
             let count = factor.count().max(1);
             let function = rest % count;
             rest /= count;
-            if !factor.needs_azimuth() {
-                first += stride * function;
-            } else if factor.dynamics.is_empty() {
+            if factor.remembers_rate() {
+                let earth_deg_h = now.belief.map_or([0.0; 3], |belief| belief.earth_deg_h);
+                parts = Some((stride, factor.by_parts(function, earth_deg_h)));
+            } else if factor.needs_azimuth() {
                 let value = factor.signal.value(now).and_then(|x| factor.values(x).get(function).copied());
                 product *= value.unwrap_or(0.0);
             } else {
-                let earth_deg_h = now.belief.map_or([0.0; 3], |belief| belief.earth_deg_h);
-                parts = Some((stride, factor.by_parts(function, earth_deg_h)));
+                first += stride * function;
             }
             stride *= Self::gates_of(factor);
         }
@@ -144,10 +144,12 @@ impl Effect {
     }
 
     fn gates_of(factor: &Factor) -> usize {
-        match (factor.needs_azimuth(), factor.dynamics.is_empty()) {
-            (false, _) => factor.count(),
-            (true, true) => 1,
-            (true, false) => PARTS,
+        if factor.remembers_rate() {
+            PARTS
+        } else if factor.needs_azimuth() {
+            1
+        } else {
+            factor.count()
         }
     }
 
@@ -169,7 +171,7 @@ impl Effect {
     /// Every part in its range, and as many weights as products of functions.
     pub fn validate(&self) -> Result<(), Invalid> {
         self.factors.iter().try_for_each(Factor::validate)?;
-        let behind = self.factors.iter().filter(|factor| factor.needs_azimuth() && !factor.dynamics.is_empty()).count();
+        let behind = self.factors.iter().filter(|factor| factor.remembers_rate()).count();
         within("model.effects.factors (rate behind dynamics)", behind as f64, 0.0, 1.0, "one of an effect at most")?;
         let count = self.count() as f64;
         within("model.effects (functions)", count, 1.0, MAX_EFFECT_WEIGHTS as f64, "at most 64 products of functions")?;

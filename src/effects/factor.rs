@@ -87,7 +87,7 @@ impl Factor {
             memories.into_iter().for_each(|memory| *memory = Memory::default());
             return Functions::new();
         };
-        let up = now.conditions.level.map_or(0.0, |level| index.cos * level.forward + index.sin * level.left);
+        let up = Signal::TiltAlong.value(now).unwrap_or(0.0);
         let passed = [index.cos, index.sin, up]
             .into_iter()
             .zip(memories)
@@ -106,6 +106,11 @@ impl Factor {
     /// It depends on the azimuth that is sought.
     pub fn needs_azimuth(&self) -> bool {
         self.signal.needs_azimuth()
+    }
+
+    /// It follows the Earth's rate behind dynamics: what a slow gyro makes of it within a dwell.
+    pub fn remembers_rate(&self) -> bool {
+        self.needs_azimuth() && !self.dynamics.is_empty()
     }
 
     /// The constants that the search tunes: those of the dynamics, then those of the shape. The harmonics of an angle are whole numbers and
@@ -152,7 +157,7 @@ impl Factor {
         let is_sum = self.signal == Signal::Rate
             && matches!(self.shape, Shape::Linear(_))
             && self.dynamics.iter().all(Dynamics::is_linear);
-        if self.needs_azimuth() && !self.dynamics.is_empty() && !is_sum {
+        if self.remembers_rate() && !is_sum {
             let (field, number) = ("model.effects.factors.dynamics (number)", self.dynamics.len() as f64);
             return Err(Invalid::new(
                 field,

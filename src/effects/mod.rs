@@ -144,10 +144,7 @@ impl ErrorModel {
 
     /// An effect follows the rate behind dynamics, so that it changes within a dwell and is not known before there is an azimuth.
     pub fn remembers_rate(&self) -> bool {
-        self.effects
-            .iter()
-            .flat_map(|effect| &effect.factors)
-            .any(|factor| factor.needs_azimuth() && !factor.dynamics.is_empty())
+        self.effects.iter().flat_map(|effect| &effect.factors).any(factor::Factor::remembers_rate)
     }
 
     /// The signals of a run as a whole that effects depend on, by name: time of day, rest before the run.

@@ -366,7 +366,7 @@ impl<D: Dwells> Accumulator<D> {
     /// levels changed by more than their noise.
     pub fn seen(&self) -> (f64, bool) {
         let (dwells, gyro) = (self.dwells.as_slice(), &self.declared.gyro);
-        let noise = Noise::new(dwells.iter(), gyro, || None);
+        let noise = Noise::with(self.evaluator.model(), dwells.iter(), gyro, || None);
         let noise_deg_h = noise.map_or(gyro.noise_deg_h(), |noise| libm::sqrt(noise.variance * noise.widening));
         (noise_deg_h, base_motion::levels_changed(dwells))
     }

@@ -39,7 +39,7 @@ pub(super) struct Correlated {
 impl Correlated {
     /// Room for it in `place`; none where nothing is uncertain, or where there are too many dwells.
     ///
-    /// It is filled where it stays: what makes a value of it has copies of the matrix on a board's stack, 4.6 KB each. Never inlined: those that this
+    /// It is filled in its place: what makes a value of it has copies of the matrix on a board's stack, 4.6 KB each. Never inlined: those that this
     /// has are gone when the work begins.
     #[inline(never)]
     pub fn begin(place: &mut Option<Self>, doubt: &Doubt, path: Option<&Path>, dwells: &[DwellSummary]) {

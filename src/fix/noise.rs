@@ -25,6 +25,7 @@
 use super::dwell::{DwellSummary, Robust, Trend};
 use super::robust::Blocks;
 use super::statistics::chi_square_z_score;
+use crate::effects::ErrorModel;
 use crate::sensing::sample::GyroSettings;
 
 /// A correlation of successive rates this many standard deviations from nothing is believed.
@@ -209,10 +210,16 @@ impl Noise {
         })
     }
 
-    /// The same where the rates change within dwells by what is known only with the azimuth: from the steps between successive seconds, to which slow
-    /// changes add little. A step of white rates has twice their variance.
-    pub fn of_steps<'a>(dwells: impl Iterator<Item = &'a DwellSummary>, gyro: &GyroSettings) -> Option<Self> {
-        let plain = Pooled::new(dwells, |dwell| Some(dwell.rate.into()))?;
+    /// The same for a fix with this model. Where the rates change within dwells by what is known only with the azimuth, it is from the steps between
+    /// successive seconds, to which slow changes add little: a step of white rates has twice their variance.
+    pub fn with<'a>(
+        model: &ErrorModel,
+        dwells: impl Iterator<Item = &'a DwellSummary> + Clone,
+        gyro: &GyroSettings,
+        of_successive_residuals: impl FnOnce() -> Option<f64>,
+    ) -> Option<Self> {
+        let plain = Pooled::new(dwells.clone(), |dwell| Some(dwell.rate.into())).filter(|_| model.remembers_rate());
+        let Some(plain) = plain else { return Self::new(dwells, gyro, of_successive_residuals) };
         let white = plain.successive / plain.degrees_of_freedom;
         let variance = white.max(squared(gyro.noise_deg_h())).max(f64::MIN_POSITIVE);
         Some(Self { variance, white, widening: 1.0, angle: None, robust: false, by_dwell: false })

@@ -73,10 +73,9 @@ pub(super) fn solved_for(
     let mut flags = Flags::default();
 
     let noise_deg_h = declared.gyro.noise_deg_h();
-    let of_steps = || Noise::of_steps(problem.counting(), &declared.gyro);
-    let noise = if model.remembers_rate() { of_steps() } else { None }
-        .or_else(|| Noise::new(problem.counting(), &declared.gyro, || variance_of_successive_residuals(&problem)))
-        .ok_or(Unsolvable::TooFewDirections)?;
+    let of_residuals = || variance_of_successive_residuals(&problem);
+    let noise =
+        Noise::with(model, problem.counting(), &declared.gyro, of_residuals).ok_or(Unsolvable::TooFewDirections)?;
     let variance = noise.variance;
     problem.noise = Some(noise);
     if noise.white > NOISY_RATIO * NOISY_RATIO * noise_deg_h * noise_deg_h && noise_deg_h > 0.0 {

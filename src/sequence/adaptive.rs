@@ -256,9 +256,13 @@ impl Adaptive {
 
     /// Measuring time that the noise still asks for, seconds, beyond what was measured and is worth half of its time in the coarse dwells.
     fn missing_s(&self, seen: Seen) -> f64 {
-        let needed_s = self.needed_s(seen.noise_deg_h * seen.noise_deg_h, seen.north_deg_h).unwrap_or(f64::INFINITY);
         let for_motion = if seen.base_moves { FOR_MOTION } else { 1.0 };
-        for_motion * needed_s - self.worth_s()
+        for_motion * self.asked_s(seen) - self.worth_s()
+    }
+
+    /// Measuring time that the noise asks for in all, seconds; infinite where no time is enough.
+    fn asked_s(&self, seen: Seen) -> f64 {
+        self.needed_s(seen.noise_deg_h * seen.noise_deg_h, seen.north_deg_h).unwrap_or(f64::INFINITY)
     }
 
     fn worth_s(&self) -> f64 {
@@ -274,14 +278,7 @@ impl Adaptive {
 
     /// The block is over, with this sigma: plans another, from dwell `position` on, where the index stands. `false`: sigma is small enough,
     /// or there is no time.
-    pub fn go_on(
-        &mut self,
-        position: u8,
-        t_s: f64,
-        index: &IndexSettings,
-        sigma_deg: Option<f64>,
-        Seen { noise_deg_h, north_deg_h, .. }: Seen,
-    ) -> bool {
+    pub fn go_on(&mut self, position: u8, t_s: f64, index: &IndexSettings, sigma_deg: Option<f64>, seen: Seen) -> bool {
         let room_s = self.limit_s - t_s - self.turn_s(index);
         if room_s < LEAST_BLOCK_S || position >= MOST_POSITIONS {
             return false;
@@ -291,8 +288,7 @@ impl Adaptive {
             Some(sigma_deg) if sigma_deg <= self.accuracy_deg => return false,
             Some(sigma_deg) if square(self.accuracy_deg) > 0.0 => {
                 let ratio = MARGIN * square(sigma_deg) / square(self.accuracy_deg);
-                let needed_s = self.needed_s(noise_deg_h * noise_deg_h, north_deg_h).unwrap_or(f64::INFINITY);
-                self.worth_s() * (longer(ratio, ratio.min(needed_s / self.worth_s())) - 1.0)
+                self.worth_s() * (longer(ratio, ratio.min(self.asked_s(seen) / self.worth_s())) - 1.0)
             }
             _ => room_s,
         };

@@ -62,12 +62,13 @@ pub enum OrderName {
 }
 
 /// Longest fix that `--accuracy` allows, s: half an hour.
-const LONGEST_S: f64 = 1800.0;
+pub const LONGEST_S: f64 = 1800.0;
 
 /// The power stays on so long after the time limit of a fix, s.
-const SPARE_S: f64 = 60.0;
+pub const SPARE_S: f64 = 60.0;
 
-fn accuracy(text: &str) -> Result<f64, String> {
+/// A sigma that an adaptive fix can be asked for, degrees.
+pub fn accuracy(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if (0.001..=10.0).contains(&value) => Ok(value),
         _ => Err("allowed is a number from 0.001 to 10".into()),

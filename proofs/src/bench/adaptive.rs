@@ -4,6 +4,7 @@ use std::io::Write;
 
 use clap::Args;
 use hal_sim::Scenario;
+use north::commands::instrument::{LONGEST_S, SPARE_S};
 use north::failure::Failure;
 use north::progress;
 use north::settings_file::scenario_settings;
@@ -22,10 +23,6 @@ const TIMES: [(f64, Option<f64>); 5] =
 const ACCURACIES_DEG: [f64; 4] = [0.1, 0.06, 0.04, 0.03];
 /// No fix reaches it: the time limit ends it.
 const NEVER_DEG: f64 = 0.001;
-/// The scenario goes on for so long after the time limit, s.
-const SPARE_S: f64 = 60.0;
-/// Longest time for a sigma, s.
-const LONGEST_S: f64 = 1800.0;
 
 /// Adaptive fixes against 60·N/(h√T), the limit for their whole elapsed time T: all of it spent with the axis pointing east and west
 ///

@@ -4,6 +4,7 @@ use std::io::Write;
 
 use clap::Args;
 use hal_sim::Scenario;
+use north::commands::instrument::accuracy;
 use north::failure::Failure;
 use north::progress;
 use north::settings_file::{declare_noise, scenario_settings};
@@ -40,14 +41,6 @@ pub struct Gyros {
     /// Seed of the first fix
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-}
-
-/// What an adaptive order may aim at.
-fn accuracy(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(degrees) if (0.001..=10.0).contains(&degrees) => Ok(degrees),
-        _ => Err("allowed is 0.001 to 10".into()),
-    }
 }
 
 /// One gyro at one latitude.

@@ -5,7 +5,7 @@ use std::io::Write;
 
 use clap::Args;
 use hal_sim::Scenario;
-use north::commands::instrument::OrderName;
+use north::commands::instrument::{LONGEST_S, OrderName, SPARE_S, accuracy};
 use north::failure::Failure;
 use north::progress;
 use north::settings_file::scenario_settings;
@@ -37,9 +37,6 @@ const OF_HEADING: f64 = 0.618_033_988_749_895;
 const OF_LATITUDE: f64 = std::f64::consts::SQRT_2;
 /// Latitudes lie within this, degrees: near a pole every azimuth takes more time than there is.
 const LATITUDES_DEG: f64 = 60.0;
-/// Longest time for an accuracy, and how much longer the scenario lasts, s.
-const LONGEST_S: f64 = 1800.0;
-const SPARE_S: f64 = 60.0;
 /// Two-sided 95 % of the normal distribution, standard deviations.
 const INSIDE_SIGMAS: f64 = 1.96;
 /// An azimuth that is off by more is a wrong one.
@@ -183,14 +180,6 @@ fn latitude(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(degrees) if (-80.0..=80.0).contains(&degrees) => Ok(degrees),
         _ => Err("allowed is -80 to 80".into()),
-    }
-}
-
-/// A sigma that can be asked for.
-fn accuracy(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(degrees) if (0.001..=10.0).contains(&degrees) => Ok(degrees),
-        _ => Err("allowed is 0.001 to 10".into()),
     }
 }
 
