@@ -32,24 +32,33 @@ fn browser_and_page() -> Option<(&'static str, &'static Path)> {
     found.as_ref().map(|(browser, folder)| (*browser, folder.as_path()))
 }
 
+/// How often a page is opened that the browser printed before it had begun: it does not wait for what it still compiles on a busy machine.
+const OPENED: usize = 5;
+
 /// The attributes of the page's body when the fix that the address asks for has ended: state, azimuth, sigma, words.
 fn shown(asked: &str) -> Option<[String; 4]> {
     let (browser, folder) = browser_and_page()?;
     let address = format!("file://{}#start&once&{asked}", folder.join("index.html").display());
-    let output = Command::new(browser)
-        .args(["--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--virtual-time-budget=5000"])
-        .args(["--dump-dom", &address])
-        .output()
-        .unwrap();
-    let complaints = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(!complaints.contains(":CONSOLE"), "{complaints}");
-    let page = String::from_utf8(output.stdout).unwrap();
-    let body = page.split_once("<body").and_then(|(_, rest)| rest.split_once('>')).unwrap().0;
+    let body = (0..OPENED).map(|_| printed_body(browser, &address)).find(|body| body.contains("data-state"));
+    let body = body.unwrap_or_else(|| panic!("{asked}: the page has not begun"));
     let attribute = |name: &str| {
         let value = body.split_once(&format!("data-{name}=\"")).and_then(|(_, rest)| rest.split_once('"'));
         value.unwrap_or_else(|| panic!("{asked}: no {name} in <body{body}>")).0.to_owned()
     };
     Some(["state", "azimuth", "sigma", "words"].map(attribute))
+}
+
+/// The attributes of the body of a page, as the browser prints it when it has come to rest.
+fn printed_body(browser: &str, address: &str) -> String {
+    let output = Command::new(browser)
+        .args(["--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--virtual-time-budget=5000"])
+        .args(["--dump-dom", address])
+        .output()
+        .unwrap();
+    let complaints = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!complaints.contains(":CONSOLE"), "{complaints}");
+    let page = String::from_utf8(output.stdout).unwrap();
+    page.split_once("<body").and_then(|(_, rest)| rest.split_once('>')).unwrap().0.to_owned()
 }
 
 #[test]
