@@ -120,6 +120,7 @@ fn a_fix_is_in_the_log_of_the_board() {
     assert!(column("utc").starts_with("20") && column("utc").ends_with('Z') && number("t_s") > 100.0, "{text}");
     let bias_deg_h = made["runs"][0]["bias_deg_h"].as_f64().unwrap();
     assert!((number("bias_deg_h") - bias_deg_h).abs() <= bias_deg_h.abs() / 65_536.0);
+    assert!(number("scatter_deg_h") > 0.0 && number("supply_v") > 5.0 && number("chip_temp_c") > -40.0, "{text}");
 }
 
 /// A client that went without stopping the stream costs the next recording nothing.

@@ -182,12 +182,11 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         let utc_s = self.clock_utc_s.map(|start_s| (start_s + t_s) as u32);
         let single = |temp_c: Option<f64>| temp_c.map(|temp_c| temp_c as f32);
         let temp_c = single(gathered.second.conditions.temp_c);
-        let logged = Logged { t_s: t_s as u32, utc_s, temp_c, ..Logged::of(fix) };
-        let more = More {
-            scatter_deg_h: self.scatter.rms_deg_h() as f32,
-            block_temp_c: single(gathered.block_temp_c),
-            auxiliary: gathered.auxiliary,
-        };
+        let [first, second, third, fourth, supply_v, chip_temp_c] = gathered.auxiliary;
+        let scatter_deg_h = self.scatter.rms_deg_h() as f32;
+        let t_s = t_s as u32;
+        let logged = Logged { t_s, utc_s, scatter_deg_h, temp_c, supply_v, chip_temp_c, ..Logged::of(fix) };
+        let more = More { block_temp_c: single(gathered.block_temp_c), inputs: [first, second, third, fourth] };
         let flash = &mut LogFlash(flash);
         let pushed = self.log.push(flash, &logged, self.identity.program, self.model);
         if pushed.and_then(|()| self.log.more(flash, &more)).is_err() {

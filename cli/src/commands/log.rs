@@ -15,7 +15,7 @@ use crate::service::{BoardLog, write_log};
 
 /// Read a board's log of its fixes and crashes, or mark the last fix as made at a surveyed azimuth
 ///
-/// The board keeps the last thousand fixes or more, over power cuts and new firmware. `north watch` says whether its error model still holds.
+/// The board keeps the last two thousand fixes or more (a thousand with a block or analogue inputs), over power cuts and new firmware. `north watch` says whether its error model still holds.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   north log /dev/ttyUSB0 --out unit-7.csv && north watch unit-7.csv

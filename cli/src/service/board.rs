@@ -42,19 +42,8 @@ impl BoardLog {
 
     fn more(&mut self, more: &More) {
         let Some(last) = self.fixes.last_mut() else { return };
-        let [input_1, input_2, input_3, input_4, supply_v, chip_temp_c] =
-            more.auxiliary.map(|value| value.map(f64::from));
-        *last = Logged {
-            scatter_deg_h: Some(more.scatter_deg_h.into()),
-            block_temp_c: more.block_temp_c.map(Into::into),
-            input_1,
-            input_2,
-            input_3,
-            input_4,
-            supply_v,
-            chip_temp_c,
-            ..std::mem::take(last)
-        };
+        last.block_temp_c = more.block_temp_c.map(Into::into);
+        [last.input_1, last.input_2, last.input_3, last.input_4] = more.inputs.map(|value| value.map(f64::from));
     }
 
     fn crash(&mut self, part: &CrashPart) {
@@ -88,7 +77,10 @@ impl BoardLog {
             bias_deg_h: Some(fix.bias_deg_h.into()),
             amplitude_deg_h: Some(fix.amplitude_deg_h.into()),
             drift_deg_h_per_h: Some(fix.drift_deg_h_per_h.into()),
+            scatter_deg_h: Some(fix.scatter_deg_h.into()),
             temp_c: fix.temp_c.map(Into::into),
+            supply_v: fix.supply_v.map(Into::into),
+            chip_temp_c: fix.chip_temp_c.map(Into::into),
             flags: flags.join(" "),
             firmware: format!("{firmware:08x}"),
             model: if *model == 0 { String::new() } else { format!("{model:08x}") },
@@ -108,16 +100,14 @@ mod tests {
                 first,
                 utc_s: Some(1_767_225_600),
                 azimuth_deg: 90.0,
+                scatter_deg_h: 0.5,
                 temp_c: Some(20.5),
+                supply_v: Some(12.0),
                 ..Default::default()
             })
         };
         let context = Context { sector: 4, fix: 100, boot: 7, firmware: 0xBEEF, model: 0xC0FFEE };
-        let more = Record::More(More {
-            scatter_deg_h: 0.5,
-            auxiliary: [None, None, None, None, Some(12.0), None],
-            ..More::default()
-        });
+        let more = Record::More(More { block_temp_c: Some(30.5), inputs: [None, None, Some(0.25), None] });
         let records = [Record::Context(context), fix(true), more, Record::Check(90.25), fix(false)];
         let mut bytes: Vec<u8> = records.iter().flat_map(Record::bytes).collect();
         bytes.extend([0; LENGTH]);
@@ -127,7 +117,8 @@ mod tests {
         let [one, two] = &log.fixes[..] else { panic!() };
         assert_eq!((one.fix, one.boot, two.fix, two.boot), (101, 8, 102, 8));
         assert_eq!((one.utc.as_str(), one.check_deg, two.check_deg), ("2026-01-01T00:00:00Z", Some(90.25), None));
-        assert_eq!((one.scatter_deg_h, one.supply_v, two.supply_v), (Some(0.5), Some(12.0), None));
+        assert_eq!((one.scatter_deg_h, one.supply_v, two.supply_v), (Some(0.5), Some(12.0), Some(12.0)));
+        assert_eq!((one.block_temp_c, one.input_3, two.input_3), (Some(30.5), Some(0.25), None));
         assert_eq!((one.model.as_str(), one.firmware.as_str(), one.temp_c), ("00c0ffee", "0000beef", Some(20.5)));
     }
 }

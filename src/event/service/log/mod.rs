@@ -145,9 +145,9 @@ impl FixLog {
         Ok(())
     }
 
-    /// Says what else was measured with the last fix.
+    /// Says what else was measured with the last fix, if anything was.
     pub fn more<F: NorFlash>(&mut self, flash: &mut F, more: &More) -> Result<(), F::Error> {
-        self.append(flash, &Record::More(*more))
+        if *more == More::default() { Ok(()) } else { self.append(flash, &Record::More(*more)) }
     }
 
     /// Says at which surveyed azimuth the last fix was made.
