@@ -4,6 +4,7 @@ use core::ops::DerefMut;
 
 use embedded_storage::nor_flash::NorFlash;
 
+use super::seconds::Scatter;
 use super::update::Slots;
 use super::workspace::Workspace;
 use super::{Instrument, Orders, Readings, Streaming, calibration_events};
@@ -234,6 +235,9 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
 
     /// Requests something of the sequencer, now or as soon as it is back: the last request counts.
     pub(super) fn command(&mut self, command: Command, t_s: f64, sink: &mut dyn FnMut(Event)) -> Option<MotorCommand> {
+        if matches!(command, Command::Start) {
+            self.scatter = Scatter::default();
+        }
         match (self.idle_work(), command) {
             (Some(work), Command::Start) => work.sequencer.start(t_s, sink),
             (Some(work), _) => work.sequencer.fail(Fault::Aborted, t_s, sink),

@@ -48,15 +48,13 @@ pub(super) struct Scatter {
 }
 
 impl Scatter {
+    /// The variance of a second is that of the mean times their number; a dwell of two seconds has none.
     fn hear(&mut self, event: &Event) {
-        match *event {
-            Event::State(State::Levelling) => *self = Self::default(),
-            // The variance of a second is that of the mean times their number.
-            Event::Dwell(Dwell { seconds, sigma_deg_h, .. }) => {
-                self.sum += seconds * seconds * sigma_deg_h * sigma_deg_h;
-                self.seconds += seconds;
-            }
-            _ => {}
+        if let &Event::Dwell(Dwell { seconds, sigma_deg_h, .. }) = event
+            && sigma_deg_h.is_finite()
+        {
+            self.sum += seconds * seconds * sigma_deg_h * sigma_deg_h;
+            self.seconds += seconds;
         }
     }
 
@@ -232,5 +230,20 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             sink(Event::Health(self.counters));
         }
         motor
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Means of 4 s with 0.1 and of 9 s with 0.05 °/h: squares of a second 0.04 and 0.0225, by their seconds 0.3625/13.
+    #[test]
+    fn the_scatter_is_that_of_the_dwells_that_show_one() {
+        let mut scatter = Scatter::default();
+        for (seconds, sigma_deg_h) in [(4.0, 0.1), (2.0, f64::NAN), (9.0, 0.05)] {
+            scatter.hear(&Event::Dwell(Dwell { position: 0, index_deg: 0.0, seconds, rate_deg_h: 12.0, sigma_deg_h }));
+        }
+        assert!((scatter.rms_deg_h() - libm::sqrt(0.3625 / 13.0)).abs() < 1e-12);
     }
 }
