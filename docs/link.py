@@ -7,7 +7,7 @@ Prints every report as a line of JSON. With --raw the stream is asked for, and w
 """
 import argparse, json, os, select, struct, sys, termios, time, tty, zlib
 
-VERSION = 9
+VERSION = 10
 STATES = ["idle", "levelling", "watching", "indexing", "settling", "collecting", "finished", "failed", "calibrating"]
 FAULTS = ["settings-missing", "settings-corrupt", "settings-invalid", "near-pole", "not-level-in-time",
           "disturbed-too-long", "jitter-too-long", "level-lost", "motor-stall", "wrong-angle", "encoder-failed",
@@ -111,7 +111,7 @@ EVENTS = [
     ("jitter", fields(position=byte, change_deg_h=f64)),
     ("settled", fields(position=byte)),
     ("second", fields(t_s=f64, index_deg=maybe(f64), fog_arcsec=f64, moment_arcsec_s=f64, rate_deg_h=f64,
-                      temp_c=maybe(f64), block_temp_c=maybe(f64), auxiliary=several(maybe(f32), 6), level=maybe(fields(mean=specific, first=specific)), lost_frames=unsigned,
+                      temp_c=maybe(f64), block_temp_c=maybe(f64), auxiliary=several(maybe(f32), 6), level=maybe(fields(mean=specific, first=specific)), level_temp_c=maybe(f64), lost_frames=unsigned,
                       dwell=maybe(byte), collected=boolean, waited_at=maybe(one_of(["disturbance", "jitter", "index"])))),
     ("dwell", fields(position=byte, index_deg=f64, seconds=f64, rate_deg_h=f64, sigma_deg_h=f64)),
     ("coarse", fields(azimuth_deg=f64, sigma_deg=f64)),

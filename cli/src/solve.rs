@@ -155,6 +155,7 @@ pub fn recorded(row: &Row, channels: [f64; MAX_CHANNELS]) -> Recorded {
             fog_arcsec: row.fog_arcsec,
             temp_c: row.temp_c,
             level,
+            level_temp_c: row.level_temp_c,
             lost_frames: row.lost_frames,
             channels,
         }),
@@ -168,8 +169,10 @@ pub fn recorded(row: &Row, channels: [f64; MAX_CHANNELS]) -> Recorded {
                 channels,
                 ..Conditions::default()
             };
+            let level_temp_c = row.level_temp_c.filter(|_| conditions.level.is_some());
             let lost_frames = row.lost_frames;
-            let second = Second { conditions, moment_arcsec_s, level_moment, lost_frames, ..Second::default() };
+            let second =
+                Second { conditions, moment_arcsec_s, level_moment, level_temp_c, lost_frames, ..Second::default() };
             Recorded::Second(second, mark)
         }
         Some(Own::Raw { read, mark, az_g }) => Recorded::Raw(RawRow {
@@ -181,6 +184,7 @@ pub fn recorded(row: &Row, channels: [f64; MAX_CHANNELS]) -> Recorded {
                 .filter(|_| read & ACCELEROMETERS != 0)
                 .map(|level| [level.forward, level.left, az_g]),
             index_deg: (read & INDEX != 0).then_some(row.index_deg),
+            level_temp_c: row.level_temp_c,
             channels,
             mark,
         }),

@@ -41,7 +41,7 @@ fn a_first_row_at_zero_takes_the_median_step() {
 fn columns_come_in_any_order_and_others_are_kept_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.csv");
-    let text = "\u{feff}supply_v, ay_g ,temp_c,fog_arcsec,ax_g,index_deg,t_s,field_nt\r\n5,0.2,20,1,0.1,-370.5,1,9\r\n";
+    let text = "\u{feff}supply_v, ay_g ,temp_c,fog_arcsec,ax_g,index_deg,t_s,field_nt,level_temp_c\r\n5,0.2,20,1,0.1,-370.5,1,9,21\r\n";
     fs::write(&path, text).unwrap();
     let mut reader = RunReader::open(&path).unwrap();
     assert_eq!(reader.channels(), ["supply_v", "field_nt"]);
@@ -55,6 +55,7 @@ fn columns_come_in_any_order_and_others_are_kept_by_name() {
             fog_arcsec: 1.0,
             temp_c: Some(20.0),
             level: Some(Specific { forward: 0.1, left: 0.2 }),
+            level_temp_c: Some(21.0),
             lost_frames: 0,
             own: None,
             extra: vec![5.0, 9.0],
@@ -301,7 +302,7 @@ prop_compose! {
             let interval_s = t_s - previous_s;
             Row {
                 t_s, interval_s, index_deg, fog_arcsec, lost_frames, own: None, extra,
-                temp_c: Some(temp_c), level: Some(Specific { forward, left }),
+                temp_c: Some(temp_c), level: Some(Specific { forward, left }), level_temp_c: Some(temp_c),
             }
         }).collect()
     }
@@ -333,7 +334,10 @@ proptest! {
         };
         let mut writer = CampaignWriter::create(campaign.clone()).unwrap();
         let extra = vec!["supply_v".to_owned(), "odd, name".to_owned()];
-        let layout = Layout { temperature: true, level: true, lost_frames: true, own: None, extra: extra.clone() };
+        let extra_names = extra.clone();
+        let layout = Layout {
+            temperature: true, level: true, level_temperature: true, lost_frames: true, own: None, extra: extra_names,
+        };
         let mut run_writer = writer.run(&run.file, layout).unwrap();
         for row in &rows {
             run_writer.write(row).unwrap();

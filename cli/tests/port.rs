@@ -161,7 +161,7 @@ fn a_broken_line_loses_nothing_that_came() {
     let client = command(&["record", &board.port, "--out", &out]).stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
     let rows = Path::new(&out).join("runs/001.csv");
     // More than the minute that an Allan curve needs.
-    while fs::metadata(&rows).map_or(0, |file| file.len()) < 3_000_000 {
+    while fs::metadata(&rows).map_or(0, |file| file.len()) < 3_500_000 {
         thread::sleep(Duration::from_millis(3));
     }
     let before = fs::read_to_string(&rows).unwrap().lines().count();

@@ -53,6 +53,21 @@ impl TriadCode {
     }
 }
 
+/// A reading of the accelerometers' thermometer. It is linear and not adjusted: what it says of a change is good, of the temperature to some kelvins.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TriadTemperature(pub u16);
+
+impl TriadTemperature {
+    /// Typical (ADXL354/ADXL355 data sheet, revision B, "Temperature sensor"): it falls as the temperature rises.
+    const COUNTS_AT_25_C: f64 = 1885.0;
+    const COUNTS_PER_K: f64 = -9.05;
+
+    /// Of a mean of readings, °C.
+    pub fn c(counts: f64) -> f64 {
+        25.0 + (counts - Self::COUNTS_AT_25_C) / Self::COUNTS_PER_K
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -64,6 +79,14 @@ mod tests {
             assert_eq!((IndexCode::of_deg(index_deg).0, IndexCode(code << 18).deg()), (code << 18, index_deg));
         }
         assert_eq!((IndexCode::of_deg(-1e-9).0, IndexCode::of_deg(-90.0).0), (0, 0xC000_0000));
+    }
+
+    /// 181 counts are 20 K: fewer when it is warmer, 1704 at 45 °C; 2066 at 5 °C.
+    #[test]
+    fn fewer_counts_are_warmer() {
+        for (counts, expected_c) in [(1885.0, 25.0), (1704.0, 45.0), (2066.0, 5.0)] {
+            assert!((TriadTemperature::c(counts) - expected_c).abs() < 1e-12);
+        }
     }
 
     #[test]

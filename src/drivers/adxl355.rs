@@ -3,7 +3,7 @@
 //! Source of registers and scale: Analog Devices, "ADXL354/ADXL355", data sheet revision B.
 
 use embedded_hal::spi::SpiDevice;
-use quantities::codes::TriadCode;
+use quantities::codes::{TriadCode, TriadTemperature};
 
 const DEVID_AD: u8 = 0x00;
 const STATUS: u8 = 0x04;
@@ -47,6 +47,16 @@ impl Mode {
             Self::Force => [RANGE_8_G, 0b11],
         }
     }
+}
+
+/// A measurement.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Measurement {
+    /// Specific force along the part's x, y and z. Its 20 bits of ±2.048 g, 256 000 codes in a g, are the upper ones of the
+    /// result's 32. (In its own test the range is four times as wide.)
+    pub acceleration: TriadCode,
+    /// Its temperature registers are not latched as the axes are: between their two bytes they may change, and are off by 256 codes, 28 K.
+    pub temperature: TriadTemperature,
 }
 
 /// The accelerometer.
@@ -104,20 +114,20 @@ impl<SPI: SpiDevice> Adxl355<SPI> {
         Ok(())
     }
 
-    /// The newest measurement: specific force along the part's x, y and z. Its 20 bits of ±2.048 g, 256 000 codes in a g, are the
-    /// upper ones of the result's 32. (In its own test the range is four times as wide.)
-    ///
-    /// A measurement is read once: before the next is there, the error is [`Error::NotReady`].
-    pub fn acceleration(&mut self) -> Result<TriadCode, Error<SPI::Error>> {
+    /// The newest measurement. It is read once: before the next is there, the error is [`Error::NotReady`].
+    pub fn measurement(&mut self) -> Result<Measurement, Error<SPI::Error>> {
         // Status, FIFO entries, two of temperature, then three bytes for each axis: one burst, one instant.
         let mut burst = [0; 13];
         self.read(STATUS, &mut burst)?;
-        let [status, _, _, _, axes @ ..] = burst;
+        let [status, _, warm_high, warm_low, axes @ ..] = burst;
         if status & (STATUS_DATA_READY | STATUS_NVM_BUSY | STATUS_RESERVED) != STATUS_DATA_READY {
             return Err(Error::NotReady { status });
         }
         let [x2, x1, x0, y2, y1, y0, z2, z1, z0] = axes;
-        Ok(TriadCode([[x2, x1, x0], [y2, y1, y0], [z2, z1, z0]].map(upper_20_bits)))
+        Ok(Measurement {
+            acceleration: TriadCode([[x2, x1, x0], [y2, y1, y0], [z2, z1, z0]].map(upper_20_bits)),
+            temperature: TriadTemperature(u16::from_be_bytes([warm_high & 0x0F, warm_low])),
+        })
     }
 
     fn read(&mut self, register: u8, bytes: &mut [u8]) -> Result<(), Error<SPI::Error>> {
@@ -171,20 +181,23 @@ mod tests {
         assert_eq!(Adxl355::new(&mut spi).configure(Mode::Measure), Err(expected));
     }
 
-    fn read(status: u8, axes: [u8; 9]) -> Result<TriadCode, Error<core::convert::Infallible>> {
+    fn read(status: u8, axes: [u8; 9]) -> Result<Measurement, Error<core::convert::Infallible>> {
         let mut mosi = [0; 14];
         mosi[0] = 0x09;
-        let mut miso = vec![0, status, 0, 0, 0];
+        let mut miso = vec![0, status, 0, 0xF6, 0xA8];
         miso.extend(axes);
         let mut spi = MockSpi::new(vec![Exchange::new(mosi, miso)]);
-        Adxl355::new(&mut spi).acceleration()
+        Adxl355::new(&mut spi).measurement()
     }
 
     #[test]
     fn codes_by_hand_calculation() {
         // 1 g = 256000 = 0x3E800, left-aligned 3E 80 0x; -0.5 g = -128000 = 0xE0C00; -1 LSB = 0xFFFFF.
         let axes = [0xE0, 0xC0, 0x0F, 0xFF, 0xFF, 0xF0, 0x3E, 0x80, 0x00];
-        assert_eq!(read(0x01, axes).unwrap().g(), [-0.5, -1.0 / 256_000.0, 1.0]);
+        let Measurement { acceleration, temperature } = read(0x01, axes).unwrap();
+        assert_eq!(acceleration.g(), [-0.5, -1.0 / 256_000.0, 1.0]);
+        // The upper bits of TEMP2 are reserved: 0x6A8 = 1704, 181 codes below 1885, which are 20 K.
+        assert_eq!(temperature, TriadTemperature(1704));
     }
 
     #[test]

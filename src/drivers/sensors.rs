@@ -4,7 +4,7 @@ use embedded_hal::spi::SpiDevice;
 use quantities::codes::{IndexCode, TriadCode};
 
 use super::adis16505::{Adis16505, Increments};
-use super::adxl355::{Adxl355, Error, Mode};
+use super::adxl355::{Adxl355, Error, Measurement, Mode};
 use super::as5048a::As5048a;
 
 /// Every sensor is read at every fourth tick (100 Hz), no two of them at one.
@@ -28,7 +28,7 @@ pub struct Sensors<A, E, B> {
 pub enum Due {
     #[default]
     Nothing,
-    Acceleration(Option<TriadCode>),
+    Acceleration(Option<Measurement>),
     /// By how much the accelerometer's own test force moved it: a difference of two readings, 2³¹ counts are 16.384 g.
     Response(TriadCode),
     Index(Option<IndexCode>),
@@ -92,7 +92,7 @@ impl<A: SpiDevice, E: SpiDevice, B: SpiDevice> Sensors<A, E, B> {
             self.response.take_if(|_| due != Due::Nothing);
             due
         } else if self.accelerometer_configured {
-            Due::Acceleration(self.accelerometer.acceleration().ok())
+            Due::Acceleration(self.accelerometer.measurement().ok())
         } else {
             self.accelerometer.configure(Mode::Measure).map_or(Due::Acceleration(None), |()| Due::Nothing)
         };
@@ -116,7 +116,7 @@ impl Response {
             turns => {
                 let sign = if turns < FORCED { -1 } else { 1 };
                 let summed = turns % FORCED > SETTLING;
-                for (sum, code) in self.sum.iter_mut().zip(part.acceleration()?.0) {
+                for (sum, code) in self.sum.iter_mut().zip(part.measurement()?.acceleration.0) {
                     *sum += if summed { sign * (code >> 12) } else { 0 };
                 }
             }
@@ -155,7 +155,8 @@ mod tests {
         let mut sensors = Sensors::new(accelerometer(), encoder(), None::<MockSpi>);
         let due: Vec<Due> = (0..5).map(|tick| sensors.read(tick)).collect();
         let angle = Due::Index(Some(IndexCode(1 << 30)));
-        let acceleration = Due::Acceleration(Some(TriadCode([0, 0, 256_000 << 12])));
+        let acceleration = TriadCode([0, 0, 256_000 << 12]);
+        let acceleration = Due::Acceleration(Some(Measurement { acceleration, ..Measurement::default() }));
         assert_eq!(due, [Due::Nothing, Due::Nothing, angle, Due::Nothing, acceleration]);
     }
 

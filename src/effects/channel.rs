@@ -14,6 +14,8 @@ pub const TEMPERATURE: &str = "temp_c";
 /// Forward and left accelerometer.
 pub const FORWARD: &str = "ax_g";
 pub const LEFT: &str = "ay_g";
+/// Their temperature, °C: what the fix reckons their drift by. No effect follows it.
+pub const LEVEL_TEMPERATURE: &str = "level_temp_c";
 /// Temperature of the inertial block in the housing, °C.
 pub const BLOCK_TEMPERATURE: &str = "block_temp_c";
 /// Supply voltage, V, and temperature of the microcontroller, °C.

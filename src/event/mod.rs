@@ -98,6 +98,8 @@ pub struct Second {
     pub auxiliary: Auxiliary,
     /// Level accelerometers, mean and first moment over the second; `None`: no valid reading.
     pub level: Option<LevelMoments>,
+    /// Their temperature, °C, where they have a thermometer and `level` is there.
+    pub level_temp_c: Option<f64>,
     /// Frames of this second that never came or were not valid: the mean rate of the others stands in for them.
     pub lost_frames: u16,
     /// Number of the dwell, from 0, that was under way; from 128 on those of the passes of a continuous rotation.

@@ -44,6 +44,8 @@ pub struct Second {
     pub ripple_arcsec: f64,
     /// First moment of the level accelerometers about the middle of the second, s² by unit of gravity.
     pub level_moment: Specific,
+    /// Temperature of the level accelerometers, °C, where they have a thermometer.
+    pub level_temp_c: Option<f64>,
     /// Gyro frames that never came or were not valid.
     pub lost_frames: u16,
 }
@@ -378,11 +380,14 @@ impl<D: Dwells> Accumulator<D> {
         let Some(row) = second.row().filter(|_| self.is_usable(&second.measured)) else { return false };
         let rested = index == Index::Rested;
         *(if rested { &mut self.rest_s } else { &mut self.moving_s }) += row.seconds;
-        if let Some(temp_c) = second.measured.conditions.temp_c {
+        let temp_c = second.measured.conditions.temp_c;
+        if let Some(temp_c) = temp_c {
             self.watch_temperature(temp_c);
-            if rested {
-                self.rows.push_temperature(row.t_s, temp_c);
-            }
+        }
+        // The accelerometers drift with their own temperature; the gyro's stands for it where they have no thermometer.
+        let of_levels_c = row.level.and(second.measured.level_temp_c.or(temp_c));
+        if let Some(temp_c) = of_levels_c.filter(|_| rested) {
+            self.rows.push_temperature(row.t_s, temp_c);
         }
         self.rates_deg_h = self.evaluator.rates_deg_h();
         let carried = second.correction.carried;

@@ -141,7 +141,7 @@ impl From<Line> for LevelLine {
     }
 }
 
-/// The temperature over a dwell, in floats: their rounding is 0.00003 K.
+/// The level accelerometers' temperature over a dwell, the gyro's where they have no thermometer, in floats: their rounding is 0.00003 K.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Temperature {
     /// Its mean; 0 where none was measured.
@@ -220,7 +220,7 @@ impl DwellRows {
         let _ = self.rows.push(row);
     }
 
-    /// Takes the temperature of a second.
+    /// Takes the temperature of a second that has levels.
     pub fn push_temperature(&mut self, t_s: f64, temp_c: f64) {
         self.temperature.push(t_s, temp_c);
     }

@@ -2,11 +2,14 @@
 
 use std::vec::Vec;
 
+use super::accumulator::{Accumulator, Second, Taken};
 use super::dwell::{DwellSummary, LevelLine, Line};
 use super::*;
 use crate::earth::earth_rate;
-use crate::effects::{ErrorModel, Sinusoid};
+use crate::effects::{Conditions, ErrorModel, Sinusoid};
 use crate::health::Flag;
+use crate::sensing::index::Direction;
+use crate::sensing::level::Specific;
 use crate::units::wrap_180_deg;
 
 /// Noise with a standard deviation of one, for tests that need no more: the sum of twelve uniform numbers less six.
@@ -394,4 +397,29 @@ fn a_line_of_unknown_phase_is_estimated() {
     // The amplitude's spread draws the parts towards zero by a little.
     assert_azimuth(&with, 30.0, with.sigma_deg);
     assert!(with.sigma_deg < 0.5, "{}", with.sigma_deg);
+}
+
+/// The accelerometers warm by 0.01 K/s while the gyro's temperature stands: their drift follows their own thermometer, and the gyro's where they have
+/// none. At 11 s, the middle of seconds 1 to 21, they are at 20.11 °C.
+#[test]
+fn the_levels_drift_with_their_own_temperature() {
+    let temperature_of = |level_c: fn(f64) -> Option<f64>| {
+        let mut gathered = Accumulator::empty(heapless::Vec::<DwellSummary, 4>::new());
+        gathered.set_up(declared(45.0), &mut ErrorModel::default());
+        for t_s in (1..=21).map(f64::from) {
+            let index = Some(Direction::of_deg(0.0));
+            // The last second has no levels: no temperature of theirs either, and the gyro's is none of theirs.
+            let level = Specific::new(0.0, 0.0).filter(|_| t_s < 21.0);
+            let conditions = Conditions { t_s, index, level, temp_c: Some(30.0), ..Conditions::default() };
+            let level_temp_c = level_c(t_s).filter(|_| level.is_some());
+            let second = Second { conditions, level_temp_c, ..Second::default() };
+            let corrected = gathered.correct(&second);
+            assert_eq!(gathered.collect(&corrected), Taken::Collected);
+        }
+        gathered.end_dwell().unwrap().temperature
+    };
+    let own = temperature_of(|t_s| Some(20.0 + 0.01 * t_s));
+    assert!((own.kelvin - 293.26).abs() < 1e-4 && (own.kelvin_per_s - 0.01).abs() < 1e-6, "{own:?}");
+    let of_gyro = temperature_of(|_| None);
+    assert!((of_gyro.kelvin - 303.15).abs() < 1e-4 && of_gyro.kelvin_per_s.abs() < 1e-6, "{of_gyro:?}");
 }

@@ -3,7 +3,7 @@
 //! Per reading or frame only sums of whole numbers are made; everything else waits for the end of the second, [`Gatherer::finish`].
 
 use calibration::ellipsoid::Correction;
-use quantities::codes::{IndexCode, TriadCode};
+use quantities::codes::{IndexCode, TriadCode, TriadTemperature};
 
 use crate::effects::Conditions;
 use crate::event::Auxiliary;
@@ -11,7 +11,7 @@ use crate::fix::accumulator::Second;
 use crate::health::Counters;
 use crate::sensing::frame::Frame;
 use crate::sensing::index::{Direction, IndexMean};
-use crate::sensing::level::{LevelSecond, LevelSensor};
+use crate::sensing::level::{LevelSecond, LevelSensor, LevelThermometer};
 use crate::sensing::sample::{GyroSettings, RateSecond, Sampler};
 
 /// A second, and what belongs to it.
@@ -40,6 +40,7 @@ impl Gathered {
 pub struct Gatherer {
     sampler: Sampler,
     level: LevelSensor,
+    level_thermometer: LevelThermometer,
     index: IndexMean,
     /// Sum and number of the inertial block's temperatures in this second, 0.1 °C.
     block_temperature: (i32, u16),
@@ -53,6 +54,7 @@ impl Gatherer {
         Self {
             sampler: Sampler::new(gyro),
             level: LevelSensor::new(triad),
+            level_thermometer: LevelThermometer::default(),
             index: IndexMean::default(),
             block_temperature: (0, 0),
             next_end_s: None,
@@ -93,6 +95,11 @@ impl Gatherer {
         self.level.push(reading);
     }
 
+    /// A reading of their thermometer.
+    pub fn level_temperature(&mut self, reading: TriadTemperature) {
+        self.level_thermometer.push(reading);
+    }
+
     /// A reading of the encoder.
     pub fn index(&mut self, index: IndexCode) {
         self.index.push(index);
@@ -114,6 +121,7 @@ impl Gatherer {
             LevelSecond::Good(level) => Some(level),
             LevelSecond::Failed => None,
         };
+        let level_temp_c = self.level_thermometer.finish_c().filter(|_| level.is_some());
         let end_s = self.next_end_s.unwrap_or(now_s);
         self.next_end_s = Some(end_s + 1.0);
         let second = Second {
@@ -128,6 +136,7 @@ impl Gatherer {
             moment_arcsec_s: rate.moment_arcsec_s,
             ripple_arcsec: rate.ripple_arcsec,
             level_moment: level.map(|level| level.first).unwrap_or_default(),
+            level_temp_c,
             lost_frames: rate.missing,
         };
         Gathered { second, index_deg, block_temp_c, auxiliary: Auxiliary::default() }

@@ -27,6 +27,7 @@ use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use embedded_storage::nor_flash::NorFlash;
 use heapless::Deque;
 
+use crate::drivers::adxl355::Measurement;
 use crate::drivers::analogue::Conversion;
 use crate::drivers::intake::{Intake, Received};
 use crate::drivers::sensors::Due;
@@ -553,15 +554,17 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         match due {
             Due::Nothing | Due::Response(_) => {}
             Due::Acceleration(reading) => {
-                match *reading {
-                    Some(reading) => {
-                        self.stream(|| Item::Acceleration(reading), sink);
-                        self.gatherer.acceleration(reading);
+                match reading {
+                    Some(Measurement { acceleration, temperature }) => {
+                        self.stream(|| Item::Acceleration(*acceleration), sink);
+                        self.gatherer.acceleration(*acceleration);
+                        self.gatherer.level_temperature(*temperature);
                     }
                     None => failed(&mut self.counters.accelerometer_errors),
                 }
                 if let Some(collection) = self.workspace.as_deref_mut().and_then(Workspace::attitudes) {
-                    self.field.reading(collection, *reading, &mut |event| calibration_events(event, sink));
+                    let acceleration = reading.map(|reading| reading.acceleration);
+                    self.field.reading(collection, acceleration, &mut |event| calibration_events(event, sink));
                 }
             }
             &Due::Index(Some(index)) => {

@@ -207,6 +207,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             block_temp_c: *block_temp_c,
             auxiliary: *auxiliary,
             level: conditions.level.map(|mean| LevelMoments { mean, first: second.level_moment }),
+            level_temp_c: second.level_temp_c,
             lost_frames: second.lost_frames,
             dwell: observed.dwell,
             collected: observed.collected,

@@ -229,8 +229,9 @@ impl SelfTest {
         let awake = counts.ticks > STARTING_TICKS;
         match sensors {
             Due::Acceleration(reading) if awake => {
-                let before = core::mem::replace(&mut counts.last_acceleration, *reading);
-                counts.accelerometer.push(reading.is_some() && *reading != before);
+                let acceleration = reading.map(|reading| reading.acceleration);
+                let before = core::mem::replace(&mut counts.last_acceleration, acceleration);
+                counts.accelerometer.push(acceleration.is_some() && acceleration != before);
             }
             Due::Index(reading) if awake => counts.encoder.push(reading.is_some()),
             Due::Block(reading) if awake => counts.block.push(reading.is_some()),

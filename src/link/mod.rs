@@ -41,7 +41,7 @@ use crate::health::Refusal;
 use crate::sequence::Command;
 
 /// The first byte of every frame's content.
-pub const VERSION: u8 = 9;
+pub const VERSION: u8 = 10;
 
 /// Bits a second on the host's line; ten of them are a byte.
 pub const BAUD: u32 = 115_200;
@@ -265,9 +265,9 @@ mod tests {
 
     #[test]
     fn the_example_of_the_documentation_byte_by_byte() {
-        // Content 09 | 2.0 as f64 | 00 | 00, its CRC-32 from zlib's crc32(), and COBS by hand: every 00 becomes the
+        // Content 0A | 2.0 as f64 | 00 | 00, its CRC-32 from zlib's crc32(), and COBS by hand: every 00 becomes the
         // distance to the next one.
-        let expected = [2, 9, 1, 1, 1, 1, 1, 1, 2, 0x40, 1, 5, 0xA9, 2, 0x50, 0x60, 0];
+        let expected = [2, 10, 1, 1, 1, 1, 1, 1, 2, 0x40, 1, 5, 0xA8, 0x64, 0xB2, 0xF9, 0];
         let frame = encode_report(&idle()).unwrap();
         assert_eq!(frame[..], expected[..]);
         assert_eq!(feed(&mut ReportDecoder::new(), &frame), [Ok(idle())]);
@@ -315,6 +315,7 @@ mod tests {
             rate_deg_h: 1.1,
             temp_c: Some(1.1),
             block_temp_c: Some(1.1),
+            level_temp_c: Some(1.1),
             auxiliary: [Some(1.1); 6],
             level: Some(LevelMoments { mean: specific, first: specific }),
             lost_frames: u16::MAX,

@@ -193,6 +193,7 @@ mod tests {
             rate_deg_h: 0.0,
             temp_c: None,
             block_temp_c: None,
+            level_temp_c: None,
             auxiliary: [None; 6],
             level: None,
             lost_frames: 0,

@@ -4,7 +4,7 @@
 //! level; nose up by p gives ax = sin p; left side up by r gives ay = sin r · cos p.
 
 use calibration::ellipsoid::Correction;
-use quantities::codes::TriadCode;
+use quantities::codes::{TriadCode, TriadTemperature};
 use serde::{Deserialize, Serialize};
 
 use crate::units::{ARCSEC_PER_RAD, DEG_PER_RAD};
@@ -143,6 +143,32 @@ struct Second {
     changed: bool,
 }
 
+/// Averages the triad's temperature over a second. Of every three readings in a row the middle one counts: one that changed while it was read is
+/// far from those beside it.
+#[derive(Clone, Debug, Default)]
+pub struct LevelThermometer {
+    /// The two readings before.
+    last: Option<[TriadTemperature; 2]>,
+    sum: u32,
+    count: u16,
+}
+
+impl LevelThermometer {
+    pub fn push(&mut self, reading: TriadTemperature) {
+        let [before, last] = self.last.unwrap_or([reading; 2]);
+        self.last = Some([last, reading]);
+        let (low, high) = (before.0.min(last.0), before.0.max(last.0));
+        self.sum = self.sum.saturating_add(reading.0.clamp(low, high).into());
+        self.count = self.count.saturating_add(1);
+    }
+
+    /// Ends the second: its mean, °C; `None`: no reading came.
+    pub fn finish_c(&mut self) -> Option<f64> {
+        let (sum, count) = (core::mem::take(&mut self.sum), core::mem::take(&mut self.count));
+        (count > 0).then(|| TriadTemperature::c(f64::from(sum) / f64::from(count)))
+    }
+}
+
 /// What a second of the triad was worth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LevelSecond {
@@ -258,6 +284,29 @@ mod tests {
         // Of a hundred readings instead of the integral: less by a share of 1e-4.
         assert!((level.first.forward - 0.02 / 12.0).abs() < 2e-7, "{}", level.first.forward);
         assert!(level.first.left.abs() < 1e-12 && level.mean.forward.abs() < 1e-10);
+    }
+
+    /// 1704 and 1705 codes are 45 °C and 1/9.05 K less. A reading between whose bytes 0x700 became 0x6FF is 0x7FF: it is passed over.
+    #[test]
+    fn a_temperature_is_a_mean_without_torn_readings() {
+        let mut thermometer = LevelThermometer::default();
+        assert_eq!(thermometer.finish_c(), None);
+        (0..100).for_each(|_| thermometer.push(TriadTemperature(1704)));
+        assert_eq!(thermometer.finish_c(), Some(45.0));
+        (0..100).for_each(|i| thermometer.push(TriadTemperature(if i < 50 { 1704 } else { 1705 })));
+        // The reading before counts in the place of the first one that changed: 51 and 49.
+        let mean_c = thermometer.finish_c().unwrap();
+        assert!((mean_c - (45.0 - 0.49 / 9.05)).abs() < 1e-12, "{mean_c}");
+        let of = |codes: &[u16]| {
+            let mut thermometer = LevelThermometer::default();
+            codes.iter().for_each(|&code| thermometer.push(TriadTemperature(code)));
+            thermometer.finish_c().unwrap()
+        };
+        assert_eq!(
+            of(&[0x700, 0x700, 0x7FF, 0x6FF, 0x6FF]),
+            TriadTemperature::c((3 * 0x700 + 2 * 0x700 - 1) as f64 / 5.0)
+        );
+        assert_eq!(thermometer.finish_c(), None);
     }
 
     #[test]

@@ -5,7 +5,9 @@ use quantities::limits::Invalid;
 use serde::{Deserialize, Serialize};
 
 use crate::effects::ChannelName;
-use crate::effects::channel::{BLOCK_TEMPERATURE, CHIP_TEMPERATURE, FORWARD, LEFT, SUPPLY, TEMPERATURE};
+use crate::effects::channel::{
+    BLOCK_TEMPERATURE, CHIP_TEMPERATURE, FORWARD, LEFT, LEVEL_TEMPERATURE, SUPPLY, TEMPERATURE,
+};
 use crate::event::AUXILIARY;
 
 /// An input that something is connected to.
@@ -59,7 +61,8 @@ impl AnalogueSettings {
     ///
     /// Errors: one that another channel of the board has, or the time, the angles.
     pub fn validate(&self) -> Result<(), Invalid> {
-        const COLUMNS: [&str; 7] = [TEMPERATURE, FORWARD, LEFT, BLOCK_TEMPERATURE, "t_s", "index_deg", "fog_arcsec"];
+        const COLUMNS: [&str; 8] =
+            [TEMPERATURE, FORWARD, LEFT, LEVEL_TEMPERATURE, BLOCK_TEMPERATURE, "t_s", "index_deg", "fog_arcsec"];
         const FIELDS: [&str; 4] =
             ["analogue.first.name", "analogue.second.name", "analogue.third.name", "analogue.fourth.name"];
         let mut seen: Vec<ChannelName, AUXILIARY> = Vec::new();

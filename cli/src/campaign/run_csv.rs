@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use csv::{ByteRecord, Reader, ReaderBuilder, Terminator, Trim};
 use quantities::median::median;
 
+use north_finder::effects::channel::LEVEL_TEMPERATURE;
 use north_finder::sensing::level::Specific;
 
 use super::clock;
@@ -29,6 +30,8 @@ pub struct Row {
     pub temp_c: Option<f64>,
     /// Level accelerometers, g.
     pub level: Option<Specific>,
+    /// Their temperature, °C.
+    pub level_temp_c: Option<f64>,
     /// Frames of this interval that never came or were not valid; 0 where the file does not say.
     pub lost_frames: u16,
     /// In a recording of the instrument: what it says beyond that.
@@ -45,6 +48,7 @@ struct Columns {
     fog_arcsec: usize,
     temp_c: Option<usize>,
     level_g: Option<[usize; 2]>,
+    level_temp_c: Option<usize>,
     lost_frames: Option<usize>,
     own: Option<OwnColumns>,
     extra: Vec<usize>,
@@ -162,6 +166,7 @@ impl RunReader {
             fog_arcsec: self.number(self.columns.fog_arcsec)?,
             temp_c: self.columns.temp_c.map(|column| self.number(column)).transpose()?,
             level,
+            level_temp_c: self.columns.level_temp_c.map(|column| self.number(column)).transpose()?,
             lost_frames: self.columns.lost_frames.map_or(Ok(0), |column| self.whole_number(column))?,
             extra: self.columns.extra.iter().map(|&column| self.number(column)).collect::<Result<_, _>>()?,
         }))
@@ -298,6 +303,7 @@ impl Columns {
             temp_c: find("temp_c"),
             // One level accelerometer alone is an extra channel: half a tilt corrects nothing.
             level_g: find("ax_g").zip(find("ay_g")).map(|(forward, left)| [forward, left]),
+            level_temp_c: find(LEVEL_TEMPERATURE),
             lost_frames: find("lost_frames"),
             own: None,
             extra: Vec::new(),
@@ -305,7 +311,7 @@ impl Columns {
         columns.own = columns.find_own(header);
         let known = [Some(columns.t_s), Some(columns.index_deg), Some(columns.fog_arcsec)]
             .into_iter()
-            .chain([columns.temp_c, columns.lost_frames])
+            .chain([columns.temp_c, columns.level_temp_c, columns.lost_frames])
             .chain(columns.level_g.into_iter().flatten().map(Some))
             .flatten()
             .chain(columns.own.iter().flat_map(OwnColumns::all))

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use north_finder::effects::channel::LEVEL_TEMPERATURE;
+
 use super::{Campaign, Role, Row, Run, RunReader};
 use crate::failure::Failure;
 use crate::file_error::FileError;
@@ -10,7 +12,7 @@ use crate::parquet_table::ParquetTable;
 
 /// Columns of text, of numbers that every table has, and after these those of the channels.
 const TEXTS: [&str; 2] = ["run", "role"];
-const NUMBERS: [&str; 9] = [
+const NUMBERS: [&str; 10] = [
     "latitude_deg",
     "reference_azimuth_deg",
     "t_s",
@@ -19,6 +21,7 @@ const NUMBERS: [&str; 9] = [
     "temp_c",
     "ax_g",
     "ay_g",
+    LEVEL_TEMPERATURE,
     "lost_frames",
 ];
 
@@ -64,6 +67,7 @@ fn numbers(campaign: &Campaign, run: &Run, row: &Row, places: &[Option<usize>]) 
         row.temp_c,
         row.level.map(|level| level.forward),
         row.level.map(|level| level.left),
+        row.level_temp_c,
         Some(row.lost_frames.into()),
     ];
     known.into_iter().chain(places.iter().map(|place| row.extra.get((*place)?).copied()))

@@ -4,6 +4,7 @@ use std::fs::{self, File};
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
+use north_finder::effects::channel::LEVEL_TEMPERATURE;
 use north_finder::sensing::level::Specific;
 use serde::Serialize;
 
@@ -35,6 +36,7 @@ fn clear(folder: &Path) -> std::io::Result<()> {
 pub struct Layout {
     pub temperature: bool,
     pub level: bool,
+    pub level_temperature: bool,
     pub lost_frames: bool,
     /// The instrument's own columns: of seconds, or of frames.
     pub own: Option<OwnLayout>,
@@ -83,6 +85,9 @@ impl RunWriter {
         if self.layout.own.is_some() {
             fields.extend(row.own.ok_or_else(|| missing("read"))?.fields());
         }
+        if self.layout.level_temperature {
+            fields.push(row.level_temp_c.ok_or_else(|| missing(LEVEL_TEMPERATURE))?.to_string());
+        }
         if let Some(name) = self.layout.extra.get(row.extra.len()) {
             return Err(missing(name));
         }
@@ -112,6 +117,7 @@ impl Layout {
         names.extend(self.level.then_some(["ax_g", "ay_g"]).into_iter().flatten());
         names.extend(self.lost_frames.then_some("lost_frames"));
         names.extend(self.own.map(|own| Own::header(own == OwnLayout::Frames)).into_iter().flatten());
+        names.extend(self.level_temperature.then_some(LEVEL_TEMPERATURE));
         names.extend(self.extra.iter().map(String::as_str));
         names.into_iter().map(str::to_owned).collect()
     }

@@ -52,6 +52,7 @@ impl<'a> Rows<'a> {
         Layout {
             temperature: map.temperature.is_some(),
             level: map.accelerometer.is_some(),
+            level_temperature: false,
             lost_frames: counts_losses,
             own: None,
             extra: map.channels.iter().map(|channel| channel.name.get_ref().clone()).collect(),
@@ -113,6 +114,7 @@ impl<'a> Rows<'a> {
                 forward: to_digits(gathered.level.forward / good),
                 left: to_digits(gathered.level.left / good),
             }),
+            level_temp_c: None,
             lost_frames: u16::try_from(gathered.lost).unwrap_or(u16::MAX),
             own: None,
             extra: gathered.channels.iter().map(|sum| round(sum / good, CHANNEL_DECIMALS)).collect(),

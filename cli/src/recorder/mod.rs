@@ -68,6 +68,7 @@ fn row(second: &Second) -> Row {
         fog_arcsec: second.fog_arcsec,
         temp_c: second.temp_c,
         level: second.level.map(|level| level.mean),
+        level_temp_c: second.level_temp_c,
         lost_frames: second.lost_frames,
         own: Some(Own::Second { read, mark: mark(second), moment_arcsec_s: second.moment_arcsec_s, level_moment }),
         extra: extra(second),

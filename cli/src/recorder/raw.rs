@@ -83,7 +83,7 @@ impl RawRecorder {
             }
         }
         match readings.sensors {
-            Due::Acceleration(Some(reading)) => self.item(&Item::Acceleration(reading)),
+            Due::Acceleration(Some(reading)) => self.item(&Item::Acceleration(reading.acceleration)),
             Due::Index(Some(index)) => self.item(&Item::Index(index)),
             _ => {}
         }
@@ -196,6 +196,7 @@ impl Pending {
                 fog_arcsec: frame.increment_arcsec.unwrap_or(repeated),
                 temp_c: frame.temp_c,
                 level: acceleration_g.map(|[forward, left, _]| Specific { forward, left }),
+                level_temp_c: second.level_temp_c,
                 lost_frames: u16::from(frame.increment_arcsec.is_none()),
                 own: Some(Own::Raw { read, mark, az_g: acceleration_g.map_or(up, |[_, _, z]| z) }),
                 extra: super::extra(second),

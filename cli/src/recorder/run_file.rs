@@ -39,6 +39,7 @@ struct Readings {
     temp_c: Option<f64>,
     index_deg: f64,
     level: Specific,
+    level_temp_c: Option<f64>,
     extra: Vec<f64>,
 }
 
@@ -101,11 +102,13 @@ impl Open {
             temp_c: rows.iter().find_map(|row| row.temp_c),
             index_deg: rows.iter().map(|row| row.index_deg).find(|deg| deg.is_finite()).unwrap_or(0.0),
             level: rows.iter().find_map(|row| row.level).unwrap_or_default(),
+            level_temp_c: rows.iter().find_map(|row| row.level_temp_c),
             extra,
         };
         let layout = Layout {
             temperature: last.temp_c.is_some(),
             level: true,
+            level_temperature: last.level_temp_c.is_some(),
             lost_frames: true,
             own: Some(if rows.iter().any(is_frame) { OwnLayout::Frames } else { OwnLayout::Seconds }),
             extra: places.iter().map(|&place| names[place].clone()).collect(),
@@ -118,13 +121,14 @@ impl Open {
         let last = &mut self.last;
         last.temp_c = row.temp_c.or(last.temp_c);
         last.level = row.level.unwrap_or(last.level);
+        last.level_temp_c = row.level_temp_c.or(last.level_temp_c);
         if row.index_deg.is_finite() {
             last.index_deg = row.index_deg;
         }
         for (last, &place) in last.extra.iter_mut().zip(&self.places) {
             *last = row.extra.get(place).copied().filter(|value| value.is_finite()).unwrap_or(*last);
         }
-        (row.temp_c, row.level) = (last.temp_c, Some(last.level));
+        (row.temp_c, row.level, row.level_temp_c) = (last.temp_c, Some(last.level), last.level_temp_c);
         (row.index_deg, row.extra) = (last.index_deg, last.extra.clone());
         if let Some(Own::Second { read, .. } | Own::Raw { read, .. }) = &mut row.own
             && !self.layout.temperature

@@ -104,6 +104,7 @@ impl Campaign {
         let layout = Layout {
             temperature: self.plan.has_temperature,
             level: has_level,
+            level_temperature: false,
             lost_frames: false,
             own: None,
             extra: self.plan.channels.iter().skip(first_extra).map(|channel| channel.name.clone()).collect(),
@@ -117,6 +118,7 @@ impl Campaign {
                 fog_arcsec: row.fog_arcsec,
                 temp_c: row.channels.first().copied().filter(|_| self.plan.has_temperature),
                 level: has_level.then(|| Specific { forward: row.level_g[0], left: row.level_g[1] }),
+                level_temp_c: None,
                 lost_frames: 0,
                 own: None,
                 extra: row.channels.iter().skip(first_extra).copied().collect(),

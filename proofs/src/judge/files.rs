@@ -51,6 +51,7 @@ fn write_run(
     let layout = Layout {
         temperature: generated.has_temperature,
         level: generated.has_level,
+        level_temperature: false,
         lost_frames: false,
         own: None,
         extra: generated.channels.iter().skip(first_extra).cloned().collect(),
@@ -64,6 +65,7 @@ fn write_run(
             fog_arcsec: row.fog_arcsec,
             temp_c: row.channels.first().copied().filter(|_| generated.has_temperature),
             level: generated.has_level.then(|| Specific { forward: row.level_g[0], left: row.level_g[1] }),
+            level_temp_c: None,
             lost_frames: 0,
             own: None,
             extra: row.channels.iter().skip(first_extra).copied().collect(),

@@ -97,6 +97,7 @@ impl Seconds {
         self.sequence = ((u16::from(self.sequence) + 1) % self.format.sequence_modulus()) as u8;
         let mut second = self.readings.finish(&rate?, row.t_s).directed();
         second.conditions.channels = row.channels;
+        second.level_temp_c = row.level_temp_c.filter(|_| second.conditions.level.is_some());
         Some(RecordedSecond { second, belonging: Belonging::Marked(row.mark) })
     }
 }
@@ -131,6 +132,8 @@ struct Sums {
     level_seconds: f64,
     temp_c: f64,
     temp_seconds: f64,
+    level_temp_c: f64,
+    level_temp_seconds: f64,
     channels: [f64; MAX_CHANNELS],
     lost_frames: u16,
     first_deg: f64,
@@ -188,6 +191,10 @@ impl Sums {
             self.temp_c += weight * temp_c;
             self.temp_seconds += weight;
         }
+        if let Some(temp_c) = row.level_temp_c {
+            self.level_temp_c += weight * temp_c;
+            self.level_temp_seconds += weight;
+        }
         for (sum, value) in self.channels.iter_mut().zip(row.channels) {
             *sum += weight * value;
         }
@@ -219,6 +226,7 @@ impl Sums {
                 moment_arcsec_s: self.timed_arcsec_s - t_s * self.raw_arcsec,
                 ripple_arcsec: self.ripple.rms(),
                 level_moment,
+                level_temp_c: mean(self.level_temp_c, self.level_temp_seconds).filter(|_| level.is_some()),
                 lost_frames: self.lost_frames,
             },
             belonging: Belonging::Angle { first_deg: self.first_deg, moved: self.turned_deg.abs() > REST_DEG },

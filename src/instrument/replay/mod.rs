@@ -42,6 +42,8 @@ pub struct Row {
     pub temp_c: Option<f64>,
     /// Level accelerometers.
     pub level: Option<Specific>,
+    /// Their temperature, °C, if they have a thermometer.
+    pub level_temp_c: Option<f64>,
     /// Frames of the interval that were lost; with more in a second than the settings call repairable it is left out.
     pub lost_frames: u16,
     /// Further channels, in the order of [`crate::effects::ErrorModel::channels`]; not-a-number where one is absent.
@@ -58,6 +60,7 @@ impl Default for Row {
             fog_arcsec: 0.0,
             temp_c: None,
             level: None,
+            level_temp_c: None,
             lost_frames: 0,
             channels: [f64::NAN; MAX_CHANNELS],
         }
@@ -84,6 +87,8 @@ pub struct RawRow {
     pub temp_c: Option<f64>,
     pub acceleration_g: Option<[f64; 3]>,
     pub index_deg: Option<f64>,
+    /// Mean temperature of the accelerometers over the second that it belongs to, °C.
+    pub level_temp_c: Option<f64>,
     /// Further channels, in the order of [`crate::effects::ErrorModel::channels`], over the second that it belongs to.
     pub channels: [f64; MAX_CHANNELS],
     /// Of the second that it belongs to.

@@ -191,6 +191,7 @@ mod tests {
             rate_deg_h,
             temp_c: Some(20.0),
             block_temp_c: None,
+            level_temp_c: None,
             auxiliary: [None; 6],
             level: None,
             lost_frames: 0,
