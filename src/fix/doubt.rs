@@ -10,7 +10,7 @@
 //! is that of these weights, with intervals taken together in groups.
 
 use heapless::Vec;
-use nalgebra::{Matrix4, SMatrix, Vector4};
+use nalgebra::{ArrayStorage, Matrix4, SMatrix, Vector4};
 
 use super::base_motion::levels::Path;
 use super::dwell::DwellSummary;
@@ -39,14 +39,13 @@ pub(super) struct Correlated {
 impl Correlated {
     /// Room for it in `place`; none where nothing is uncertain, or where there are too many dwells.
     ///
-    /// It is filled in its place: what makes a value of it has copies of the matrix on a board's stack, 4.6 KB each. Never inlined: those that this
-    /// has are gone when the work begins.
-    #[inline(never)]
+    /// It is filled in its place, and begins as a constant: what makes a value of it has copies of the matrix on a board's stack, 4.6 KB each.
     pub fn begin(place: &mut Option<Self>, doubt: &Doubt, path: Option<&Path>, dwells: &[DwellSummary]) {
-        *place = None;
-        if (is_any(doubt) || path.is_some()) && dwells.len() <= MOST {
-            let _ = place.insert(Self { factor: SMatrix::zeros(), gains: SMatrix::zeros() });
-        }
+        const ZEROS: Option<Correlated> = Some(Correlated {
+            factor: SMatrix::from_array_storage(ArrayStorage([[0.0; MOST]; MOST])),
+            gains: SMatrix::from_array_storage(ArrayStorage([[0.0; MOST]; 4])),
+        });
+        *place = if (is_any(doubt) || path.is_some()) && dwells.len() <= MOST { ZEROS } else { None };
     }
 
     /// Of these dwells, by the observations of their means and their doubts. `None`, and it is of no use, where one has no weight. `variance`: of a
