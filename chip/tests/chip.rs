@@ -156,7 +156,7 @@ fn a_fix_is_that_of_the_host_process() {
         _ => None,
     });
     // The limits of the board: half of a tick's time, where an instruction takes a cycle, and all but 8 KiB of its 56 KiB of stack.
-    // Four copies of the covariance of 24 dwells stand on it (nalgebra moves it), 18 KB; an overflow is a fault.
+    // An overflow is a fault.
     let (stack_bytes, load_permille) = vitals.expect("the state of the board");
     assert!(
         (1..=49_152).contains(&stack_bytes) && (1..=500).contains(&load_permille),
