@@ -93,8 +93,8 @@ def read(path: PathLike) -> Table:
     """The rows of all runs of a campaign (its folder or its ``campaign.toml``).
 
     Columns: ``run`` (number of the run, from 0), ``latitude_deg``, ``reference_azimuth_deg``, ``t_s``, ``index_deg``,
-    ``fog_arcsec``, ``temp_c``, ``ax_g``, ``ay_g``, ``lost_frames``, and the further channels by their names. NaN where
-    a row has no value.
+    ``fog_arcsec``, ``temp_c``, ``ax_g``, ``ay_g``, ``level_temp_c``, ``lost_frames``, and the further channels by their
+    names. NaN where a row has no value.
     """
     return Table(_columns(os.fspath(path)))
 
@@ -109,7 +109,8 @@ def solve(
     """Azimuths of the runs of a campaign, of a run in a CSV file, or of one run as columns.
 
     ``campaign``: a path, or a mapping of the columns of a run (``t_s``, ``index_deg``, ``fog_arcsec`` and, where they
-    were measured, ``temp_c``, ``ax_g``, ``ay_g``), arrays of equal length. A bare run needs ``latitude``, degrees.
+    were measured, ``temp_c``, ``ax_g``, ``ay_g``, ``level_temp_c``), arrays of equal length. A bare run needs ``latitude``,
+    degrees.
     """
     options = {"model": model, "latitude": latitude, "settings": settings}
     if not isinstance(campaign, Mapping):

@@ -12,7 +12,7 @@ use crate::output::people;
 /// Write a campaign as one Parquet table: a row for every row of every run
 ///
 /// Columns: run and role (text), latitude_deg, reference_azimuth_deg, t_s, index_deg, fog_arcsec, temp_c, ax_g, ay_g,
-/// lost_frames and every further channel (numbers; empty where a run has none).
+/// level_temp_c, lost_frames and every further channel (numbers; empty where a run has none).
 #[derive(Args, Debug)]
 #[command(
     after_help = "Example:\n  north simulate --scenario warm-up --runs 12 --out warm && north export warm --out warm.parquet"
