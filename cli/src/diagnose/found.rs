@@ -5,11 +5,12 @@ use north_finder::effects::{ChannelName, ErrorModel, effect};
 use rayon::prelude::*;
 
 use super::board;
+use super::guard;
 use super::moving::{self, Motion};
 use super::names::{self, EARTH_FIELD, FIRST_HARMONIC, GRAVITY_SENSITIVITY, INDEX_OFFSET, LATITUDE, LEVEL_BIAS, Named};
 use super::statistics::rms;
 use super::{Effect, FamilyEffect, InFamily};
-use crate::learn::{self, Blunder, Common, Family, Learned, Place, Run, Standing, Statistics, Ways};
+use crate::learn::{self, Blunder, Common, Family, Learned, Place, Posterior, Run, Standing, Statistics, Ways};
 use crate::run_data::RunData;
 
 /// Fewest runs that anything is learned from, where they have azimuths.
@@ -41,7 +42,12 @@ impl Found {
         let measured = board::measured(runs.iter().copied());
         let (motion, base, of_search) = searched(runs, base)?;
         let files = of_search.iter().map(|run| run.file.clone()).collect();
-        let learned = if of_search.is_empty() { Learned::default() } else { learn::learn(of_search, family) };
+        let may_be_used = |posterior: &Posterior, of_search: &[Run]| {
+            let model = posterior.written(&base, of_search);
+            model.is_some_and(|model| guard::impossible(runs, &model).is_none())
+        };
+        let learned =
+            if of_search.is_empty() { Learned::default() } else { learn::learn(of_search, family, &may_be_used) };
         let model = learned.posterior.written(&base, &learned.runs)?;
         Some(Self { learned, motion, files, model, measured })
     }

@@ -21,14 +21,14 @@ const LEAST_MISSES: usize = 3;
 /// Relative amplitude error that scale factor and latitude of a sound instrument do not make.
 const AMPLITUDE_LIMIT: f64 = 0.03;
 
-/// Why a model that was found must not be used, if there is a reason: it costs azimuths, training runs that took no part in learning it miss their
-/// references by more with it, or it makes the Earth's rate impossible. `wrong`: files whose references are not believed.
+/// Why a model that was found must not be used, if there is a reason: what it makes of the runs is impossible, or training runs that took no part in
+/// learning it lose their azimuths or miss their references by more with it. `wrong`: files whose references are not believed.
 pub fn veto(runs: &[RunData], found: &ErrorModel, left_out: &[Option<Fix>], wrong: &[String]) -> Option<String> {
-    // What is uncertain of it takes no azimuth away, but widens sigma.
-    let found = ErrorModel { doubt: Doubt::default(), ..found.clone() };
-    let with: Vec<Option<Fix>> = runs.par_iter().map(|run| run.replay(&found, &mut |_| ()).ok()).collect();
-    if let Some(why) = lost_azimuth(runs, &with, left_out) {
-        return Some(why);
+    let of_training = || runs.iter().zip(left_out).filter(|(run, _)| run.role == Role::Fit);
+    let without_azimuths = || lost_azimuth(of_training().map(|(run, fix)| (run, fix.as_ref())));
+    let impossible = impossible(&runs.iter().collect::<Vec<_>>(), found).or_else(without_azimuths);
+    if impossible.is_some() {
+        return impossible;
     }
     let azimuth = |fix: Option<Fix>| Some(fix?.azimuth_deg);
     let before: Vec<Option<f64>> = runs.iter().map(|run| azimuth(run.before)).collect();
@@ -40,12 +40,26 @@ pub fn veto(runs: &[RunData], found: &ErrorModel, left_out: &[Option<Fix>], wron
         .filter(|(run, _)| run.role == Role::Fit && !wrong.contains(&run.file))
         .filter_map(|(_, (before, after))| before.zip(after))
         .collect();
-    made_worse(&pairs).or_else(|| {
-        let share = |(run, fix): (&RunData, &Option<Fix>)| Some((*fix)?.amplitude_deg_h / run.earth.north_deg_h);
-        let before: Vec<f64> = runs.iter().filter_map(|run| share((run, &run.before))).collect();
-        let after: Vec<f64> = runs.iter().zip(&with).filter_map(share).collect();
-        impossible_amplitude(&before, &after)
+    made_worse(&pairs)
+}
+
+/// What a model makes of runs that cannot be: one that had an azimuth has none with it, or the horizontal rate is not the Earth's any more. What is
+/// uncertain of the model is left aside: it takes no azimuth away, but widens sigma.
+pub fn impossible(runs: &[&RunData], model: &ErrorModel) -> Option<String> {
+    let certain = ErrorModel { doubt: Doubt::default(), ..model.clone() };
+    let with: Vec<Option<Fix>> = runs.par_iter().map(|run| run.replay(&certain, &mut |_| ()).ok()).collect();
+    let after = || runs.iter().copied().zip(with.iter().map(Option::as_ref));
+    lost_azimuth(after()).or_else(|| {
+        let share = |(run, fix): (&RunData, Option<&Fix>)| Some(fix?.amplitude_deg_h / run.earth.north_deg_h);
+        let before: Vec<f64> = runs.iter().filter_map(|run| share((run, run.before.as_ref()))).collect();
+        impossible_amplitude(&before, &after().filter_map(share).collect::<Vec<f64>>())
     })
+}
+
+/// The first of some runs that had an azimuth and has none by this fix.
+fn lost_azimuth<'a>(mut fixes: impl Iterator<Item = (&'a RunData, Option<&'a Fix>)>) -> Option<String> {
+    let (run, _) = fixes.find(|(run, fix)| run.before.is_some() && fix.is_none())?;
+    Some(format!("{} has no azimuth with it", run.file))
 }
 
 /// Training runs whose reference is known and believed: place, run, reference.
@@ -53,15 +67,6 @@ fn trusted<'a>(runs: &'a [RunData], wrong: &'a [String]) -> impl Iterator<Item =
     runs.iter().enumerate().filter_map(|(i, run)| {
         Some((i, run, run.reference_deg?)).filter(|_| run.role == Role::Fit && !wrong.contains(&run.file))
     })
-}
-
-/// A run that had an azimuth and has none with the model, or a training run that has none with what the others taught.
-fn lost_azimuth(runs: &[RunData], with: &[Option<Fix>], left_out: &[Option<Fix>]) -> Option<String> {
-    let lost = |run: &RunData, fix: &Option<Fix>| run.before.is_some() && fix.is_none();
-    let of_model = runs.iter().zip(with).find(|(run, fix)| lost(run, fix));
-    let of_folds = || runs.iter().zip(left_out).find(|(run, fix)| run.role == Role::Fit && lost(run, fix));
-    let (run, _) = of_model.or_else(of_folds)?;
-    Some(format!("{} has no azimuth with it", run.file))
 }
 
 /// By the errors before and after of runs that took no part.

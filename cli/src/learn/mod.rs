@@ -57,6 +57,9 @@ pub struct Learned {
     pub process_without: Option<Process>,
 }
 
+/// Whether what was learned of these runs may be used: it leaves every run its azimuth.
+pub type MayBeUsed<'a> = dyn Fn(&Posterior, &[Run]) -> bool + 'a;
+
 /// Runs as they were learned from: with these blunders of their references put right.
 pub fn mended(mut runs: Vec<Run>, blunders: &[Blunder]) -> Vec<Run> {
     rows::linearise_by_station(&mut runs);
@@ -104,7 +107,9 @@ pub fn gain_of(runs: &[Run], column: Vec<f64>) -> Option<Worth> {
 ///
 /// A reference is put right, or not believed, where with everything that is learned then the runs predict each other better, by more than what a blunder
 /// costs beforehand. The effects of the instrument's family are likely beforehand, each in its way.
-pub fn learn(mut runs: Vec<Run>, family: &Family) -> Learned {
+///
+/// What `may_be_used` refuses is learned without the effects that it is refused for, where it is not refused then.
+pub fn learn(mut runs: Vec<Run>, family: &Family, may_be_used: &MayBeUsed<'_>) -> Learned {
     runs = mended(runs, &[]);
     let mut blunders: Vec<Blunder> = Vec::new();
     let mut start = Start::default();
@@ -129,8 +134,9 @@ pub fn learn(mut runs: Vec<Run>, family: &Family) -> Learned {
         let score_without = bare.as_ref().map_or(0.0, Model::evidence);
         let process_without = bare.and_then(|bare| bare.process);
         let (best, rivals) = search.with_rivals(best);
-        let score = best.score(&search.grammar);
-        let posterior = Posterior::new(&best, &rivals);
+        let whole = (best.score(&search.grammar), Posterior::new(&best, &rivals));
+        let usable = if may_be_used(&whole.1, &runs) { None } else { search.with_fewer(best, may_be_used) };
+        let (score, posterior) = usable.unwrap_or(whole);
         return Learned { posterior, score, score_without, runs, blunders, process_without };
     }
 }

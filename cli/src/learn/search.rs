@@ -9,11 +9,13 @@ use north_finder::effects::shape::{Harmonic, Shape};
 use north_finder::effects::{ErrorModel, MAX_EFFECTS};
 use rayon::prelude::*;
 
+use super::MayBeUsed;
 use super::bank::{Bank, Left};
 use super::family::{Common, Family, Known, Way};
 use super::grammar::{Grammar, complexity, extended, reduced, reshaped};
 use super::model::Model;
 use super::pairs::Pairs;
+use super::posterior::Posterior;
 use super::problem::Term;
 use super::references::{Blunder, likeliest};
 use super::rows::Run;
@@ -205,6 +207,27 @@ impl<'a> Search<'a> {
                 _ => return (best, rivals),
             }
         }
+    }
+
+    /// What may be used of a model that may not be used whole: the best model with one effect less, with two less, and so on; its score, and what it says.
+    /// `None` where not even one effect is left.
+    pub fn with_fewer(&self, mut model: Model<'a>, may_be_used: &MayBeUsed<'_>) -> Option<(f64, Posterior)> {
+        while model.terms.len() > 1 {
+            let without = |i: usize| {
+                let mut terms = model.terms.clone();
+                terms.remove(i);
+                let fewer = Model::new(self.runs, model.process, &terms)?.with_likeliest_process();
+                Some((fewer.score(&self.grammar), fewer))
+            };
+            let mut fewer: Vec<(f64, Model<'a>)> = (0..model.terms.len()).filter_map(without).collect();
+            fewer.sort_by(|a, b| b.0.total_cmp(&a.0));
+            let said = |(score, model): &(f64, Model<'a>)| (*score, Posterior::new(model, &[]));
+            if let Some(usable) = fewer.iter().map(said).find(|(_, posterior)| may_be_used(posterior, self.runs)) {
+                return Some(usable);
+            }
+            model = fewer.into_iter().next()?.1;
+        }
+        None
     }
 
     /// References that may be wrong, the likeliest first. They are tested beside all effects of the model, beside none, and beside all but each one,

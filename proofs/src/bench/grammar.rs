@@ -58,7 +58,7 @@ impl GrammarBench {
         let recorded = Recorded::read(&folder)?;
         let settings = campaign_settings(&recorded, None)?;
         let runs = read(&recorded, &settings).map_err(|refusal| Failure::Refused(refusal.to_string()))?;
-        let learned = learn(runs.fit, &Family::default());
+        let learned = learn(runs.fit, &Family::default(), &|_, _| true);
         let left =
             |effects: &[_]| median(runs.check.iter().filter_map(|run| chi_square_by_freedom(run, effects)).collect());
         let truth = campaign.truth();
