@@ -4,9 +4,11 @@ use std::path::{Path, PathBuf};
 
 use north::campaign::{Campaign, CampaignWriter, Layout, Role, Row, Run};
 use north::diagnose::{Diagnosis, Options, diagnose};
+use north::learn::{Allowed, Family, MayBeUsed, Posterior, learn, read};
 use north::model_file::ModelFile;
 use north::settings_file::write_model;
 use north::solve::solve_file;
+use north_finder::effects::effect::Effect;
 use north_finder::effects::now::RunFacts;
 use north_finder::sensing::level::Specific;
 use north_finder::settings::Settings;
@@ -275,6 +277,38 @@ fn an_unknown_channel_is_found_by_its_name_and_run_by_a_board_that_measures_it()
     let mut settings = Settings::default();
     file.apply_to_board(&mut settings).unwrap();
     assert_eq!(settings.model, file.error_model);
+}
+
+/// The supply changes by 0.5 V · 2π/310 s = 0.01 V/s at most: the place of a step is known to the row in which it happens.
+#[test]
+fn a_step_is_found_to_the_row_in_which_it_happens() {
+    let folder = Folder::new("step");
+    let campaign = campaign(&folder, 12, 6, |second| if supply_v(second) >= 24.2 { 2.0 } else { 0.0 }, honest);
+    let diagnosis = run(&campaign);
+    assert_eq!(names(&diagnosis), ["supply_v-step"]);
+    let at = diagnosis.effects[0].parameters["at"];
+    assert!((at - 24.2).abs() < 0.011, "{at}");
+}
+
+/// Two effects are there, and what has the second must not be used: the first one is learned, as if the second had not been looked for.
+#[test]
+fn what_must_not_be_used_is_left_out_and_the_rest_is_learned() {
+    let folder = Folder::new("left-out");
+    let effects = |second: &Second| 9.1 * temp_rate_k_s(second) + 0.8 * (supply_v(second) - 24.0);
+    let campaign = campaign(&folder, 16, 4, effects, honest);
+    let fit = || read(&campaign, &Settings { latitude_deg: 50.0, ..Settings::default() }).unwrap().fit;
+    let channels = |may_be_used: &MayBeUsed<'_>| -> Vec<String> {
+        let allowed = Allowed { family: &Family::default(), may_be_used };
+        let learned = learn(fit(), &allowed).posterior.likeliest;
+        learned.iter().flat_map(Effect::channels).map(|name| name.as_str().to_owned()).collect()
+    };
+    let follows_supply = |posterior: &Posterior| {
+        posterior.effects.iter().flat_map(Effect::channels).any(|name| name.as_str() == "supply_v")
+    };
+    let mut both = channels(&|_, _| true);
+    both.sort();
+    assert_eq!(both, ["supply_v", "temp_c"]);
+    assert_eq!(channels(&|posterior, _| !follows_supply(posterior)), ["temp_c"]);
 }
 
 #[test]

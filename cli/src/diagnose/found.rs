@@ -10,7 +10,9 @@ use super::moving::{self, Motion};
 use super::names::{self, EARTH_FIELD, FIRST_HARMONIC, GRAVITY_SENSITIVITY, INDEX_OFFSET, LATITUDE, LEVEL_BIAS, Named};
 use super::statistics::rms;
 use super::{Effect, FamilyEffect, InFamily};
-use crate::learn::{self, Blunder, Common, Family, Learned, Place, Posterior, Run, Standing, Statistics, Ways};
+use crate::learn::{
+    self, Allowed, Blunder, Common, Family, Learned, Place, Posterior, Run, Standing, Statistics, Ways,
+};
 use crate::run_data::RunData;
 
 /// Fewest runs that anything is learned from, where they have azimuths.
@@ -46,8 +48,8 @@ impl Found {
             let model = posterior.written(&base, of_search);
             model.is_some_and(|model| guard::impossible(runs, &model).is_none())
         };
-        let learned =
-            if of_search.is_empty() { Learned::default() } else { learn::learn(of_search, family, &may_be_used) };
+        let allowed = Allowed { family, may_be_used: &may_be_used };
+        let learned = if of_search.is_empty() { Learned::default() } else { learn::learn(of_search, &allowed) };
         let model = learned.posterior.written(&base, &learned.runs)?;
         Some(Self { learned, motion, files, model, measured })
     }

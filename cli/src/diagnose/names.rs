@@ -52,6 +52,8 @@ impl Named {
             (Port::Rate, [factor]) if !factor.constant => of_rate(factor, &weight),
             _ => (None, Vec::new()),
         };
+        let parameters =
+            if name.is_some() { parameters } else { parameters.into_iter().chain(constants(effect)).collect() };
         Self { name: name.unwrap_or_else(|| effect.to_string()), parameters }
     }
 
@@ -83,10 +85,6 @@ pub fn full_name(effect: &Effect) -> String {
 
 /// A factor that adds to the rate by itself.
 fn of_rate(factor: &Factor, weight: &dyn Fn(usize, &str, f64) -> Parameter) -> (Option<String>, Vec<Parameter>) {
-    let constants = || {
-        let of_dynamics = factor.dynamics.iter().flat_map(|dynamics| dynamics.constants());
-        of_dynamics.map(|each| Parameter { name: each.name.to_owned(), value: each.value, weight: None })
-    };
     let slope = match factor.shape {
         Shape::Linear(linear) => 1.0 / f64::from(linear.scale),
         _ => 1.0,
@@ -117,19 +115,36 @@ fn of_rate(factor: &Factor, weight: &dyn Fn(usize, &str, f64) -> Parameter) -> (
                 if channel.name.as_str() == TEMPERATURE { ("temperature", "k") } else { ("channel", "unit") };
             let rate = if matches!(dynamics, [Dynamics::Rate(_)]) { "_per_s" } else { "" };
             let mut parameters = vec![weight(0, &format!("deg_h_per_{unit}{rate}"), slope)];
-            parameters.extend(constants());
+            let of_dynamics = dynamics.iter().flat_map(|each| each.constants());
+            parameters.extend(of_dynamics.map(|each| Parameter {
+                name: each.name.to_owned(),
+                value: each.value,
+                weight: None,
+            }));
             let behind: String = dynamics.iter().map(|each| format!("-{each}")).collect();
             (Some(format!("{name}{behind}")), parameters)
         }
-        _ => (None, constants().collect()),
+        (_, _, Shape::Step(_)) => (None, vec![weight(0, "deg_h", 1.0)]),
+        _ => (None, Vec::new()),
     }
+}
+
+/// The constants of a composed effect's factors, in their order; a name that comes again has its number.
+fn constants(effect: &Effect) -> Vec<Parameter> {
+    let mut all: Vec<Parameter> = Vec::new();
+    for constant in effect.factors.iter().flat_map(Factor::constants) {
+        let again = all.iter().filter(|each| each.name.split('-').next() == Some(constant.name)).count();
+        let name = if again == 0 { constant.name.to_owned() } else { format!("{}-{}", constant.name, again + 1) };
+        all.push(Parameter { name, value: constant.value, weight: None });
+    }
+    all
 }
 
 #[cfg(test)]
 mod tests {
     use north_finder::effects::ChannelName;
     use north_finder::effects::dynamics::Rate;
-    use north_finder::effects::shape::{Harmonic, Linear};
+    use north_finder::effects::shape::{Harmonic, Linear, Step};
     use north_finder::effects::signal::{Channel, Index, Time};
 
     use super::*;
@@ -153,6 +168,16 @@ mod tests {
         assert!((of_temperature.sigma(&covariance, 1)["deg_h_per_k_per_s"] - 0.5).abs() < 1e-6);
         let drift = Named::new(&effect(Factor::new(Time.into(), &[], linear(1200.0)), &[2.0]));
         assert!(drift.name == "drift" && (drift.parameters()["deg_h_per_h"] - 6.0).abs() < 1e-6);
+        let channel = || Channel { name: ChannelName::new("supply_v").unwrap() }.into();
+        let step = Factor::new(channel(), &[], Step { at: 24.5 }.into());
+        let of_step = Named::new(&effect(step.clone(), &[2.0]));
+        assert_eq!(
+            (of_step.name.as_str(), of_step.parameters()["at"], of_step.parameters()["deg_h"]),
+            ("supply_v-step", 24.5, 2.0)
+        );
+        let twice =
+            Named::new(&Effect::new(Port::Rate, &[step, Factor::new(channel(), &[], Step { at: 23.5 }.into())]));
+        assert_eq!((twice.parameters()["at"], twice.parameters()["at-2"]), (24.5, 23.5));
         let third = Factor::new(Index.into(), &[], Harmonic { period: 120.0 }.into());
         assert_eq!(full_name(&effect(third, &[0.0, 0.0])), "body-harmonic-3");
         let name = ChannelName::new("supply_v").unwrap();

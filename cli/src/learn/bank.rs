@@ -1,7 +1,8 @@
 //! Proposals by the thousand, judged by a score: which are worth an exact look.
 
 use std::collections::BTreeMap;
-use std::ops::Range;
+use std::iter::Sum;
+use std::ops::{Div, Range};
 
 use nalgebra::{DMatrix, DVector};
 use north_finder::effects::doubt::Process;
@@ -13,47 +14,54 @@ use super::functions::{Functions, Library};
 use super::grammar::Grammar;
 use super::problem::quick_gain;
 use super::process::Whitener;
-use super::rows::Run;
+use super::rows::{Run, UNKNOWNS};
+use super::unknowns::Unknowns;
 
 /// Rows of one run by which products are judged: means over some seconds; what stands alone is judged by every row.
 const COARSE_ROWS: usize = 48;
 const ALL_COARSE_ROWS: usize = 640;
 const LEAST_COARSE_ROWS: usize = 16;
-/// Proposals of the same signal at the same port.
+/// Proposals of the same signal at the same port, bare ones and as many behind dynamics.
 const OF_THE_SAME_SIGNAL: usize = 4;
 /// Up to so many columns inner products are quicker one by one.
 const FEW: usize = 12;
 /// Numbers that are added up side by side: what a processor's vector holds.
 const LANES: usize = 8;
 
-/// All rows of all runs, one after the other: where each run ends, and the precision of every row.
+/// All rows of all runs, one after the other: where each run ends, the precision of every row, and what the runs' unknowns take away.
 pub struct Rows {
     pub ends: Vec<usize>,
     pub precision: Vec<f32>,
+    pub unknowns: Vec<Unknowns>,
 }
 
 impl Rows {
-    fn new(by_run: Vec<Vec<f32>>) -> Self {
-        let ends = by_run
-            .iter()
-            .scan(0, |end, run| {
-                *end += run.len();
-                Some(*end)
-            })
-            .collect();
-        Self { ends, precision: by_run.concat() }
+    /// From the precisions of each run's rows, and what one sigma of its unknowns adds to them.
+    fn new(by_run: Vec<(Vec<f32>, [Vec<f64>; UNKNOWNS])>) -> Self {
+        let mut all = Self { ends: Vec::new(), precision: Vec::new(), unknowns: Vec::new() };
+        for (precision, mut unknowns) in by_run {
+            for column in &mut unknowns {
+                column.iter_mut().zip(&precision).for_each(|(row, precision)| *row *= f64::from(*precision).sqrt());
+            }
+            all.precision.extend(precision);
+            all.ends.push(all.precision.len());
+            all.unknowns.push(Unknowns::new(unknowns));
+        }
+        all
     }
 
-    /// The information that a column has of its weight in white noise with every run's mean taken out.
+    /// The information that a column has of its weight in white noise, beside the unknowns of every run.
     fn information(&self, column: &[f32]) -> f32 {
+        let mut white: Vec<f32> =
+            column.iter().zip(&self.precision).map(|(row, precision)| row * precision.sqrt()).collect();
+        let mut rest = white.as_mut_slice();
         let mut first = 0;
-        let of_run = |&end: &usize| {
-            let (column, precision) = (&column[first..end], &self.precision[first..end]);
-            first = end;
-            let sum = dot(column, precision);
-            triple(column, column, precision) - sum * sum / precision.iter().sum::<f32>()
-        };
-        self.ends.iter().map(of_run).map(|information| information.max(0.0)).sum()
+        for (end, unknowns) in self.ends.iter().zip(&self.unknowns) {
+            let (of_run, after) = rest.split_at_mut(end - first);
+            unknowns.take_out(of_run);
+            (rest, first) = (after, *end);
+        }
+        dot(&white, &white)
     }
 }
 
@@ -69,12 +77,12 @@ struct LeftOfRun {
     roots: Vec<f32>,
     /// The same beside a process.
     whitener: Option<Whitener>,
-    /// A bias after it, of unit size.
-    bias: Vec<f32>,
+    /// What the run's unknowns take away of independent rows.
+    unknowns: Unknowns,
 }
 
 impl LeftOfRun {
-    /// A column of the run, independent and beside its bias.
+    /// A column of the run, independent and beside its unknowns.
     fn white(&self, column: &[f32], to: &mut [f32]) {
         match &self.whitener {
             None => {
@@ -86,20 +94,19 @@ impl LeftOfRun {
                 to.iter_mut().zip(own).for_each(|(to, value)| *to = value as f32);
             }
         }
-        let share = dot(to, &self.bias);
-        to.iter_mut().zip(&self.bias).for_each(|(value, bias)| *value -= share * bias);
+        self.unknowns.take_out(to);
     }
 }
 
 impl Left {
-    /// About what columns of one effect gain beside the model with every run's bias unknown, and their weights.
+    /// About what columns of one effect gain beside the model and the unknowns of every run, and their weights.
     pub fn gain(&self, columns: &[DVector<f32>]) -> (f64, DVector<f32>) {
         let right = DVector::from_iterator(columns.len(), columns.iter().map(|column| column.dot(&self.sums)));
         let mut matrix = DMatrix::zeros(self.sums.len(), columns.len());
         for (column, mut white) in columns.iter().zip(matrix.column_iter_mut()) {
             let (mut column, mut white) = (column.as_slice(), white.as_mut_slice());
             for run in &self.by_run {
-                let (of_run, to) = (column.split_at(run.bias.len()), white.split_at_mut(run.bias.len()));
+                let (of_run, to) = (column.split_at(run.roots.len()), white.split_at_mut(run.roots.len()));
                 run.white(of_run.0, to.0);
                 (column, white) = (of_run.1, to.1);
             }
@@ -164,15 +171,6 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
     sums.iter().sum()
 }
 
-fn triple(a: &[f32], b: &[f32], c: &[f32]) -> f32 {
-    let mut sums = [0.0; LANES];
-    let chunks = a.chunks(LANES).zip(b.chunks(LANES)).zip(c.chunks(LANES));
-    chunks.for_each(|((a, b), c)| {
-        sums.iter_mut().zip(a.iter().zip(b).zip(c)).for_each(|(sum, ((a, b), c))| *sum += a * b * c);
-    });
-    sums.iter().sum()
-}
-
 fn product(a: &[f32], b: &[f32]) -> Vec<f32> {
     a.iter().zip(b).map(|(a, b)| a * b).collect()
 }
@@ -204,18 +202,19 @@ impl Bank {
         let library = Library::new(runs);
         let mut first = 0;
         let mut coarse_rows = Vec::new();
-        let mut coarse_precision = Vec::new();
+        let mut of_coarse = Vec::new();
         let precision = |run: &Run, rows: Range<usize>| run.variance[rows].iter().map(|v| 1.0 / *v as f32).sum::<f32>();
         let most = (ALL_COARSE_ROWS / runs.len().max(1)).clamp(LEAST_COARSE_ROWS, COARSE_ROWS);
         for run in runs {
             let coarse = run.coarse(most);
-            coarse_precision.push(coarse.iter().map(|rows| precision(run, rows.clone())).collect());
+            let unknowns = run.unknowns().map(|fine| means(&coarse, &fine));
+            of_coarse.push((coarse.iter().map(|rows| precision(run, rows.clone())).collect(), unknowns));
             coarse_rows.extend(coarse.into_iter().map(|rows| rows.start + first..rows.end + first));
             first += run.rows();
         }
-        let rows =
-            Rows::new(runs.iter().map(|run| (0..run.rows()).map(|i| precision(run, i..i + 1)).collect()).collect());
-        let coarse = Rows::new(coarse_precision);
+        let of_rows = |run: &Run| ((0..run.rows()).map(|i| precision(run, i..i + 1)).collect(), run.unknowns());
+        let rows = Rows::new(runs.iter().map(of_rows).collect());
+        let coarse = Rows::new(of_coarse);
         let means = |fine: &[f32]| means(&coarse_rows, fine);
         let gains: Vec<(Port, Vec<f32>, Vec<f32>)> = Port::ALL
             .into_iter()
@@ -270,7 +269,8 @@ impl Bank {
         let scored: Vec<(f64, &Proposal)> =
             self.proposals.par_iter().map(|each| (self.promise_of(each, &heavy), each)).collect();
         for (promise, each) in scored {
-            let signal = each.effect.factors.first().map(|factor| factor.signal.to_string());
+            let signal =
+                each.effect.factors.first().map(|factor| (factor.signal.to_string(), factor.dynamics.is_empty()));
             best.push((each.effect.port, signal), promise, each);
         }
         let promise = |each: &Proposal| (self.promise(runs, &each.effect, left) - each.cost, each.effect.clone());
@@ -314,29 +314,26 @@ impl Bank {
 
     /// What a model leaves, from V⁻¹ times it by the row.
     pub fn left(&self, runs: &[Run], weighed: &[f64], process: Option<&Process>) -> Left {
+        let sum = |rows: &Range<usize>| weighed[rows.clone()].iter().sum::<f64>() as f32;
+        let sums = DVector::from_iterator(self.coarse_rows.len(), self.coarse_rows.iter().map(sum));
         let mut first = (0, 0);
-        let mut sums = Vec::with_capacity(self.coarse_rows.len());
         let of_run = |(run, &end): (&Run, &usize)| {
-            let (mut t_s, mut variance) = (Vec::new(), Vec::new());
-            for (rows, precision) in self.coarse_rows[first.1..end].iter().zip(&self.coarse.precision[first.1..end]) {
-                let own = rows.start - first.0..rows.end - first.0;
-                t_s.push(run.t_s[own.clone()].iter().sum::<f64>() / own.len() as f64);
-                variance.push(1.0 / f64::from(*precision));
-                sums.push(weighed[rows.clone()].iter().sum::<f64>() as f32);
-            }
-            let roots: Vec<f32> =
-                self.coarse.precision[first.1..end].iter().map(|precision| precision.sqrt()).collect();
+            let (coarse, precision) = (&self.coarse_rows[first.1..end], &self.coarse.precision[first.1..end]);
+            let own: Vec<Range<usize>> = coarse.iter().map(|rows| rows.start - first.0..rows.end - first.0).collect();
             first = (first.0 + run.rows(), end);
-            let whitener = process.map(|process| Whitener::new(&t_s, &variance, Some(process)));
-            let mut of_run = LeftOfRun { bias: vec![0.0; roots.len()], roots, whitener };
-            let mut bias = vec![0.0; of_run.roots.len()];
-            of_run.white(&vec![1.0; of_run.roots.len()], &mut bias);
-            let size = dot(&bias, &bias).sqrt();
-            of_run.bias = bias.into_iter().map(|value| value / size).collect();
-            of_run
+            let t_s = means(&own, &run.t_s);
+            let variance: Vec<f64> = precision.iter().map(|precision| 1.0 / f64::from(*precision)).collect();
+            let whitener = Whitener::new(&t_s, &variance, process);
+            let mut unknowns = run.unknowns().map(|fine| means(&own, &fine));
+            unknowns.iter_mut().for_each(|column| whitener.apply(column));
+            LeftOfRun {
+                roots: precision.iter().map(|precision| precision.sqrt()).collect(),
+                whitener: process.is_some().then_some(whitener),
+                unknowns: Unknowns::new(unknowns),
+            }
         };
         let by_run = runs.iter().zip(&self.coarse.ends).map(of_run).collect();
-        Left { sums: DVector::from_vec(sums), by_run }
+        Left { sums, by_run }
     }
 
     fn means(&self, fine: &[f32]) -> Vec<f32> {
@@ -345,6 +342,7 @@ impl Bank {
 }
 
 /// Means over coarse rows.
-fn means(coarse_rows: &[Range<usize>], fine: &[f32]) -> Vec<f32> {
-    coarse_rows.iter().map(|rows| fine[rows.clone()].iter().sum::<f32>() / rows.len() as f32).collect()
+fn means<T: Copy + Sum + Div<Output = T> + From<f32>>(coarse_rows: &[Range<usize>], fine: &[T]) -> Vec<T> {
+    let mean = |rows: &Range<usize>| fine[rows.clone()].iter().copied().sum::<T>() / T::from(rows.len() as f32);
+    coarse_rows.iter().map(mean).collect()
 }

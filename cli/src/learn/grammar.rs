@@ -61,7 +61,7 @@ impl Grammar {
     }
 
     /// What comes out of a signal's dynamics; `None` where it does not vary.
-    fn span(&self, runs: &[Run], signal: Signal, dynamics: &[Dynamics]) -> Option<Span> {
+    pub fn span(&self, runs: &[Run], signal: Signal, dynamics: &[Dynamics]) -> Option<Span> {
         let factor = Factor::new(signal, dynamics, IDENTITY);
         let key = format!("{factor:?}");
         if let Ok(spans) = self.spans.lock()

@@ -20,6 +20,7 @@ mod rounding;
 mod rows;
 mod search;
 mod tells;
+mod unknowns;
 mod written;
 
 pub use family::{Common, Family, OUTSIDE, Way};
@@ -35,8 +36,8 @@ use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::{Effect, Port};
 use problem::Term;
 pub use rows::Run;
+pub use search::{Allowed, MayBeUsed, Tried, form};
 use search::{Search, Start};
-pub use search::{Tried, form};
 pub use tells::{Imitated, imitated};
 
 /// Most references that are put right: with more than that the survey as a whole is not to be believed.
@@ -57,9 +58,6 @@ pub struct Learned {
     pub process_without: Option<Process>,
 }
 
-/// Whether what was learned of these runs may be used: it leaves every run its azimuth.
-pub type MayBeUsed<'a> = dyn Fn(&Posterior, &[Run]) -> bool + 'a;
-
 /// Runs as they were learned from: with these blunders of their references put right.
 pub fn mended(mut runs: Vec<Run>, blunders: &[Blunder]) -> Vec<Run> {
     rows::linearise_by_station(&mut runs);
@@ -73,7 +71,7 @@ pub fn signals(runs: &[Run]) -> usize {
 
 /// What is proposed of runs beside nothing, the most promising first.
 pub fn tried(runs: &[Run]) -> Vec<Tried> {
-    Search::new(runs, &Family::default()).tried()
+    Search::new(runs, &Allowed { family: &Family::default(), may_be_used: &|_, _| true }).tried()
 }
 
 /// What a column that is no effect's is worth.
@@ -106,22 +104,20 @@ pub fn gain_of(runs: &[Run], column: Vec<f64>) -> Option<Worth> {
 /// Learns from runs.
 ///
 /// A reference is put right, or not believed, where with everything that is learned then the runs predict each other better, by more than what a blunder
-/// costs beforehand. The effects of the instrument's family are likely beforehand, each in its way.
-///
-/// What `may_be_used` refuses is learned without the effects that it is refused for, where it is not refused then.
-pub fn learn(mut runs: Vec<Run>, family: &Family, may_be_used: &MayBeUsed<'_>) -> Learned {
+/// costs beforehand.
+pub fn learn(mut runs: Vec<Run>, allowed: &Allowed<'_>) -> Learned {
     runs = mended(runs, &[]);
     let mut blunders: Vec<Blunder> = Vec::new();
     let mut start = Start::default();
     loop {
-        let search = Search::new(&runs, family);
+        let search = Search::new(&runs, allowed);
         let Some(best) = search.best(&start) else { return Learned { runs, blunders, ..Learned::default() } };
         let predictive = best.predictive(&search.grammar);
         start = Start { effects: best.found(), process: best.process };
         let suspects = if blunders.len() < MOST_BLUNDERS { search.suspects(&best) } else { Vec::new() };
         let likelier = suspects.into_iter().find_map(|blunder| {
             let mended = blunder.mended(&runs);
-            let search = Search::new(&mended, family);
+            let search = Search::new(&mended, allowed);
             let predictive_then = search.best(&start)?.predictive(&search.grammar);
             (predictive_then - blunder.cost(runs.len()) > predictive).then_some((blunder, mended))
         });
@@ -135,7 +131,7 @@ pub fn learn(mut runs: Vec<Run>, family: &Family, may_be_used: &MayBeUsed<'_>) -
         let process_without = bare.and_then(|bare| bare.process);
         let (best, rivals) = search.with_rivals(best);
         let whole = (best.score(&search.grammar), Posterior::new(&best, &rivals));
-        let usable = if may_be_used(&whole.1, &runs) { None } else { search.with_fewer(best, may_be_used) };
+        let usable = if (allowed.may_be_used)(&whole.1, &runs) { None } else { search.with_fewer(best) };
         let (score, posterior) = usable.unwrap_or(whole);
         return Learned { posterior, score, score_without, runs, blunders, process_without };
     }

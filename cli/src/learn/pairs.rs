@@ -12,7 +12,7 @@ use north_finder::effects::factor::Factor;
 use north_finder::effects::shape::Shape;
 use rayon::prelude::*;
 
-use super::bank::{Bank, BestOfEach, Left};
+use super::bank::{Bank, BestOfEach, Left, Rows};
 use super::grammar::Grammar;
 use super::rows::Run;
 
@@ -25,6 +25,8 @@ const MOST_FUNCTIONS: usize = 1200;
 const EVERY: usize = 3;
 /// Proposals of the same two signals at the same port.
 const OF_THE_SAME_SIGNALS: usize = 2;
+/// Rounding of a sum of some hundred products of single precision, as a share of it.
+const ROUNDING: f32 = 1e-5;
 
 /// A factor of products in the forms that are tried, the number of its signal, and the numbers of its functions.
 struct Gate {
@@ -38,7 +40,7 @@ struct OfPort {
     port: Port,
     /// What the rate of a coarse row changes by.
     gains: DVector<f32>,
-    /// The information that the products of two functions have of their weights, in white noise with every run's mean taken out.
+    /// The information that the products of two functions have of their weights, in white noise beside the unknowns of every run.
     information: DMatrix<f32>,
 }
 
@@ -68,7 +70,7 @@ impl Pairs {
             if columns.is_empty() { DMatrix::zeros(precision.len(), 0) } else { DMatrix::from_columns(&columns) };
         let port = |port: &Port| {
             let gains = DVector::from_column_slice(bank.coarse_gains(*port));
-            let information = information(&functions, &gains, &precision, &bank.coarse.ends);
+            let information = information(&functions, &gains, &bank.coarse);
             OfPort { port: *port, gains, information }
         };
         let ports = grammar.ports.par_iter().map(port).collect();
@@ -211,27 +213,25 @@ fn independent(functions: &[Vec<f32>], precision: &DVector<f32>, most: usize) ->
     kept.split_off(1)
 }
 
-/// The information that the products of two functions have of their weights, in white noise with every run's mean taken out.
-fn information(
-    functions: &DMatrix<f32>,
-    gains: &DVector<f32>,
-    precision: &DVector<f32>,
-    ends: &[usize],
-) -> DMatrix<f32> {
+/// The information that the products of two functions have of their weights, in white noise beside the unknowns of every run.
+fn information(functions: &DMatrix<f32>, gains: &DVector<f32>, rows: &Rows) -> DMatrix<f32> {
     let squares = functions.map(|value| value * value);
-    let weights = gains.component_mul(gains).component_mul(precision);
-    let mut information = weighed(&squares, &weights).transpose() * &squares;
+    let roots = DVector::from_iterator(rows.precision.len(), rows.precision.iter().map(|precision| precision.sqrt()));
+    let heavy = gains.component_mul(&roots);
+    let whole = weighed(&squares, &heavy.component_mul(&heavy)).transpose() * &squares;
+    let mut information = whole.clone();
     let mut first = 0;
-    for &end in ends {
+    for (&end, unknowns) in rows.ends.iter().zip(&rows.unknowns) {
         let of_run = functions.rows(first, end - first).into_owned();
-        let precision = precision.rows(first, end - first);
-        let weights = gains.rows(first, end - first).component_mul(&precision);
-        let sums = weighed(&of_run, &weights).transpose() * &of_run;
-        let whole = precision.sum();
-        information.iter_mut().zip(&sums).for_each(|(information, sum)| *information -= sum * sum / whole);
+        let heavy = heavy.rows(first, end - first);
+        for rows in unknowns.diminishing() {
+            let sums = weighed(&of_run, &heavy.component_mul(&DVector::from_vec(rows))).transpose() * &of_run;
+            information.iter_mut().zip(&sums).for_each(|(information, sum)| *information -= sum * sum);
+        }
         first = end;
     }
-    information
+    // What is left of what the unknowns take away wholly is rounding.
+    information.zip_map(&whole, |information, whole| if information > ROUNDING * whole { information } else { 0.0 })
 }
 
 /// Rows multiplied with weights.

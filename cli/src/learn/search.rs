@@ -9,7 +9,6 @@ use north_finder::effects::shape::{Harmonic, Shape};
 use north_finder::effects::{ErrorModel, MAX_EFFECTS};
 use rayon::prelude::*;
 
-use super::MayBeUsed;
 use super::bank::{Bank, Left};
 use super::family::{Common, Family, Known, Way};
 use super::grammar::{Grammar, complexity, extended, reduced, reshaped};
@@ -51,7 +50,7 @@ const REACH_OF_CONTENDERS: usize = 2;
 const REACH: usize = 6;
 /// Unit in which the edges of a sector are tuned.
 const SECTOR_STEP_DEG: f64 = 60.0;
-/// First step of a constant: of its logarithm, or of a width.
+/// First step of a constant, in its unit.
 const FIRST_STEP: f64 = 0.35;
 
 /// How thoroughly an effect's constants are tuned: rounds over all of them, and the smallest step.
@@ -59,6 +58,9 @@ struct Tuning {
     rounds: usize,
     least_step: f64,
 }
+
+/// A jump is tuned so much finer: up to the row in which it happens.
+const OF_JUMPS: f64 = 0.1;
 
 const ROUGHLY: Tuning = Tuning { rounds: 1, least_step: 0.1 };
 const FINELY: Tuning = Tuning { rounds: 3, least_step: 0.02 };
@@ -72,6 +74,18 @@ pub struct Tried {
     pub cost: f64,
 }
 
+/// Whether what was learned of these runs may be used: it leaves every run its azimuth.
+pub type MayBeUsed<'a> = dyn Fn(&Posterior, &[Run]) -> bool + Sync + 'a;
+
+/// What may be learned.
+#[derive(Clone, Copy)]
+pub struct Allowed<'a> {
+    /// The effects of the instrument's family are likely beforehand, each in its way.
+    pub family: &'a Family,
+    /// What this refuses is learned without the effects that it is refused for, where it is not refused then.
+    pub may_be_used: &'a MayBeUsed<'a>,
+}
+
 /// What a search begins with.
 #[derive(Clone, Debug, Default)]
 pub struct Start {
@@ -83,17 +97,17 @@ pub struct Start {
 pub struct Search<'a> {
     pub runs: &'a [Run],
     pub grammar: Grammar,
-    family: &'a Family,
+    allowed: Allowed<'a>,
     bank: Bank,
     pairs: Pairs,
 }
 
 impl<'a> Search<'a> {
-    pub fn new(runs: &'a [Run], family: &'a Family) -> Self {
+    pub fn new(runs: &'a [Run], allowed: &Allowed<'a>) -> Self {
         let grammar = Grammar::new(runs);
         let bank = Bank::new(runs, &grammar, &grammar.factors(runs));
         let pairs = Pairs::new(runs, &grammar, &bank);
-        Self { runs, grammar, family, bank, pairs }
+        Self { runs, grammar, allowed: *allowed, bank, pairs }
     }
 
     /// Searches for the model with the greatest score, from `start`: nothing, or what an earlier search found with another reference for one run. Where
@@ -135,7 +149,7 @@ impl<'a> Search<'a> {
     fn with_family(&self, mut model: Model<'a>) -> Model<'a> {
         loop {
             let has = |member: usize| model.known().any(|known| known.member == member);
-            let missing: Vec<usize> = (0..self.family.members.len()).filter(|&member| !has(member)).collect();
+            let missing: Vec<usize> = (0..self.allowed.family.members.len()).filter(|&member| !has(member)).collect();
             let wider = missing
                 .into_par_iter()
                 .flat_map_iter(|member| [Way::Family, Way::Own].map(|way| (member, way)))
@@ -152,7 +166,7 @@ impl<'a> Search<'a> {
     /// Adds one effect of the family, and tunes its constants within what they differ by from unit to unit. It is tried with the process of the model and
     /// without it, because the process may have absorbed the effect.
     fn with_member(&self, model: &Model<'a>, member: usize, way: Way) -> Option<Model<'a>> {
-        let common = self.family.members.get(member)?;
+        let common = self.allowed.family.members.get(member)?;
         let with = |effect: Effect| {
             let mut terms = model.terms.clone();
             terms.push(self.known(common, effect, member, way));
@@ -211,7 +225,7 @@ impl<'a> Search<'a> {
 
     /// What may be used of a model that may not be used whole: the best model with one effect less, with two less, and so on; its score, and what it says.
     /// `None` where not even one effect is left.
-    pub fn with_fewer(&self, mut model: Model<'a>, may_be_used: &MayBeUsed<'_>) -> Option<(f64, Posterior)> {
+    pub fn with_fewer(&self, mut model: Model<'a>) -> Option<(f64, Posterior)> {
         while model.terms.len() > 1 {
             let without = |i: usize| {
                 let mut terms = model.terms.clone();
@@ -222,7 +236,8 @@ impl<'a> Search<'a> {
             let mut fewer: Vec<(f64, Model<'a>)> = (0..model.terms.len()).filter_map(without).collect();
             fewer.sort_by(|a, b| b.0.total_cmp(&a.0));
             let said = |(score, model): &(f64, Model<'a>)| (*score, Posterior::new(model, &[]));
-            if let Some(usable) = fewer.iter().map(said).find(|(_, posterior)| may_be_used(posterior, self.runs)) {
+            let may_be_used = |(_, posterior): &(f64, Posterior)| (self.allowed.may_be_used)(posterior, self.runs);
+            if let Some(usable) = fewer.iter().map(said).find(may_be_used) {
                 return Some(usable);
             }
             model = fewer.into_iter().next()?.1;
@@ -321,7 +336,7 @@ impl<'a> Search<'a> {
     fn contenders(&self, model: &Model<'_>, own: &Effect) -> Vec<Effect> {
         let weighed = self.weighed(model);
         let left = self.bank.left(self.runs, &weighed, model.process.as_ref());
-        let chosen = self.chosen(model, &weighed, &left);
+        let (chosen, _) = self.chosen(model, &weighed, &left);
         self.as_likely(model, own, chosen.into_iter().map(|(_, effect)| effect).collect())
     }
 
@@ -392,30 +407,36 @@ impl<'a> Search<'a> {
         Term::new(effect.clone(), values, size2.max(1e-20))
     }
 
-    /// The most promising effects beside a model, each of other signals than those above it, and their gains.
-    fn chosen(&self, model: &Model<'_>, weighed: &[f64], left: &Left) -> Vec<(f64, Effect)> {
+    /// The most promising effects beside a model, each of other signals than those above it, and their gains; and the most promising bare shape of each of
+    /// their signals, which a more flexible form may hide as long as neither is tuned.
+    fn chosen(&self, model: &Model<'_>, weighed: &[f64], left: &Left) -> (Vec<(f64, Effect)>, Vec<Effect>) {
         let mut shortlist = self.bank.shortlist(self.runs, weighed, left, SHORTLIST);
         shortlist.extend(self.pairs.shortlist(left, &self.grammar, SHORTLIST));
         let mut exact: Vec<(f64, Effect)> =
             shortlist.into_par_iter().map(|effect| (self.gain(model, &effect), effect)).collect();
         exact.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut chosen: Vec<(f64, Effect)> = Vec::new();
-        for (gain, effect) in exact {
-            if chosen.len() < CONTENDERS && gain > -HOPE && !chosen.iter().any(|(_, each)| alike(each, &effect)) {
+        let mut bare: Vec<Effect> = Vec::new();
+        for (gain, effect) in exact.into_iter().filter(|(gain, _)| *gain > -HOPE) {
+            let known = chosen.iter().map(|(_, each)| each).chain(&bare);
+            let same: Vec<&Effect> = known.filter(|each| alike(each, &effect)).collect();
+            if same.is_empty() && chosen.len() < CONTENDERS {
                 chosen.push((gain, effect));
+            } else if !same.is_empty() && is_bare(&effect) && !same.iter().any(|each| is_bare(each)) {
+                bare.push(effect);
             }
         }
-        chosen
+        (chosen, bare)
     }
 
     /// The most promising effects beside a model, tuned and changed for better neighbours.
     fn finalists(&self, model: &Model<'_>) -> Vec<Effect> {
         let weighed = self.weighed(model);
         let left = self.bank.left(self.runs, &weighed, model.process.as_ref());
-        let chosen = self.chosen(model, &weighed, &left);
+        let (chosen, bare) = self.chosen(model, &weighed, &left);
         // The plain ones stay in the competition: of what is flexible enough to take in several effects at once much is gained, and little learned.
-        let plain: Vec<Effect> =
-            chosen.iter().filter(|(_, effect)| effect.factors.len() < 2).map(|(_, each)| each.clone()).collect();
+        let of_one_factor = chosen.iter().map(|(_, each)| each).filter(|effect| effect.factors.len() < 2);
+        let plain: Vec<Effect> = of_one_factor.cloned().chain(bare).collect();
         let plain: Vec<Effect> = plain
             .into_par_iter()
             .map(|each| self.tuned(model, each.clone(), self.gain(model, &each), &FINELY).1)
@@ -506,11 +527,13 @@ impl<'a> Search<'a> {
         for _ in 0..tuning.rounds {
             let before = gain;
             for (f, number) in constants_of(&effect) {
+                let unit = self.unit(&effect.factors[f], number);
+                let least_step = tuning.least_step * if is_jump(&effect.factors[f]) { OF_JUMPS } else { 1.0 };
                 let mut step = FIRST_STEP;
-                while step > tuning.least_step {
+                while step > least_step {
                     let last = gain;
                     for sign in [1.0, -1.0] {
-                        let Some(each) = moved_constant(&effect, f, number, sign * step) else { continue };
+                        let Some(each) = moved_by(&effect, f, number, sign * step * unit) else { continue };
                         let above = self.gain(model, &each);
                         if above > gain {
                             (gain, effect) = (above, each);
@@ -528,6 +551,24 @@ impl<'a> Search<'a> {
             }
         }
         (gain, effect)
+    }
+
+    /// Unit in which a constant of a factor is tuned: 1 for the logarithm of a scale; of a place the width that its own part has, or else the standard
+    /// deviation of what the part gets.
+    fn unit(&self, factor: &Factor, number: usize) -> f64 {
+        let constants = factor.constants();
+        if constants.get(number).is_none_or(|constant| constant.is_scale) {
+            return 1.0;
+        }
+        let of_dynamics = constants.len() - factor.shape.constants().len();
+        let part = if number < of_dynamics { &constants[..of_dynamics] } else { &constants[of_dynamics..] };
+        let width = part.iter().find(|each| each.is_scale).map(|each| each.value);
+        let before = if number < of_dynamics { &[][..] } else { factor.dynamics.as_slice() };
+        let deviation = || self.grammar.span(self.runs, factor.signal, before).map(|span| span.deviation);
+        match factor.shape {
+            Shape::Sector(_) => SECTOR_STEP_DEG,
+            _ => width.or_else(deviation).unwrap_or(1.0),
+        }
     }
 
     /// Removes terms one after the other, as long as that raises the score.
@@ -595,6 +636,16 @@ fn alike(a: &Effect, b: &Effect) -> bool {
     signals(a) == signals(b)
 }
 
+/// One factor without dynamics.
+fn is_bare(effect: &Effect) -> bool {
+    matches!(effect.factors.as_slice(), [factor] if factor.dynamics.is_empty())
+}
+
+/// Its value jumps where its signal passes a place.
+fn is_jump(factor: &Factor) -> bool {
+    matches!(factor.shape, Shape::Step(_))
+}
+
 fn constants_of(effect: &Effect) -> Vec<(usize, usize)> {
     effect
         .factors
@@ -610,26 +661,5 @@ fn moved_by(effect: &Effect, f: usize, number: usize, step: f64) -> Option<Effec
     let factor = effect.factors.get_mut(f)?;
     let constant = *factor.constants().get(number)?;
     factor.set(number, if constant.is_scale { constant.value * step.exp() } else { constant.value + step });
-    effect.validate().ok().map(|()| effect)
-}
-
-/// The effect with one constant moved by a step: of its logarithm where it is a scale, of a width or of the signal's unit where it is a place.
-fn moved_constant(effect: &Effect, f: usize, number: usize, step: f64) -> Option<Effect> {
-    let mut effect = effect.clone();
-    let factor = effect.factors.get_mut(f)?;
-    let constants = factor.constants();
-    let constant = constants.get(number)?;
-    let value = if constant.is_scale {
-        constant.value * step.exp()
-    } else {
-        let width = constants.iter().find(|each| each.is_scale).map(|each| each.value).or(match factor.shape {
-            Shape::Hinge(hinge) => Some(hinge.scale.into()),
-            Shape::Broken(broken) => Some(broken.scale.into()),
-            Shape::Sector(_) => Some(SECTOR_STEP_DEG),
-            _ => None,
-        });
-        constant.value + step * width.unwrap_or(constant.value.abs().max(1.0) * 0.2)
-    };
-    factor.set(number, value);
     effect.validate().ok().map(|()| effect)
 }

@@ -5,7 +5,7 @@ use std::io::Write;
 use clap::Args;
 use north::campaign::Campaign as Recorded;
 use north::failure::Failure;
-use north::learn::{Family, chi_square_by_freedom, learn, read};
+use north::learn::{Allowed, Family, chi_square_by_freedom, learn, read};
 use north::progress;
 use north::settings_file::campaign_settings;
 use serde::Serialize;
@@ -58,7 +58,7 @@ impl GrammarBench {
         let recorded = Recorded::read(&folder)?;
         let settings = campaign_settings(&recorded, None)?;
         let runs = read(&recorded, &settings).map_err(|refusal| Failure::Refused(refusal.to_string()))?;
-        let learned = learn(runs.fit, &Family::default(), &|_, _| true);
+        let learned = learn(runs.fit, &Allowed { family: &Family::default(), may_be_used: &|_, _| true });
         let left =
             |effects: &[_]| median(runs.check.iter().filter_map(|run| chi_square_by_freedom(run, effects)).collect());
         let truth = campaign.truth();

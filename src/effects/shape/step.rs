@@ -6,6 +6,9 @@ use quantities::limits::{Invalid, finite};
 use super::{Shape, ShapePart, Values, one};
 use crate::effects::part::{Constant, Constants, Span, constants};
 
+/// Places where the search begins, evenly over the range: none is further than a thirty-second of it from the jump.
+const STARTS: usize = 15;
+
 /// 0 below `at`, 1 above.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -17,7 +20,8 @@ impl Step {
     /// What the search begins with.
     pub fn starts(span: &Span, each: &mut dyn FnMut(Shape)) {
         if !span.is_angle {
-            span.places().for_each(|at| each(Self { at: at as f32 }.into()));
+            let place = |number: usize| span.low + (span.high - span.low) * number as f64 / (STARTS + 1) as f64;
+            (1..=STARTS).map(place).for_each(|at| each(Self { at: at as f32 }.into()));
         }
     }
 }
