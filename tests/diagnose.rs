@@ -331,7 +331,7 @@ fn one_wrong_reference_is_found_named_and_kept_out() {
     let of_whole_runs = diagnosis.warnings.iter().filter(|warning| warning.line.is_none());
     let named: Vec<_> = of_whole_runs.filter_map(|warning| warning.run.as_deref()).collect();
     assert_eq!(named, ["runs/006.csv"], "{:?}", diagnosis.warnings);
-    assert_eq!(names(&diagnosis), ["temperature-rate"]);
+    assert_eq!(names(&diagnosis), ["temperature-rate"], "{}", diagnosis.verdict);
 }
 
 /// The model that was written gives the azimuths after, to the last digit.

@@ -172,9 +172,8 @@ fn model_of(
     base: &ErrorModel,
 ) -> ErrorModel {
     let mut model = doubt::shown(validated.model.clone(), runs);
-    if let Some(found) = used {
-        let unseen_deg = guard::unseen_index_offset_deg(runs, wrong, found);
-        model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(unseen_deg);
+    if let Some(found) = used.filter(|_| !guard::is_surveyed(runs, wrong)) {
+        model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(found.index_error_deg());
     }
     if model != *base {
         let missed_deg = guard::missed_beyond_sigma_deg(runs, wrong, &validated.left_out);

@@ -143,6 +143,13 @@ impl Found {
         unlike
     }
 
+    /// How much the errors of the index change, degrees, root of the sum of their squared weights: without surveyed headings nobody sees what they have in
+    /// common at all angles; it may be as large.
+    pub fn index_error_deg(&self) -> f64 {
+        let of_index = self.named().into_iter().filter(|effect| effect.port == effect::Port::Index);
+        of_index.flat_map(|effect| &effect.weights).map(|weight| f64::from(weight * weight)).sum::<f64>().sqrt()
+    }
+
     /// What was found, in words.
     pub fn effects(&self, up_deg_h: f64) -> Vec<Effect> {
         let of_motion = self.motion.map(|motion| of_motion(&motion));

@@ -2,12 +2,10 @@
 
 use north_finder::effects::ErrorModel;
 use north_finder::effects::doubt::Doubt;
-use north_finder::effects::effect::Port;
 use north_finder::event::Fix;
 use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
-use super::found::Found;
 use super::stations::misses_deg;
 use super::statistics::{median, rms, root_of_mean, studentised};
 use crate::campaign::Role;
@@ -109,14 +107,9 @@ pub fn missed_beyond_sigma_deg(runs: &[RunData], wrong: &[String], left_out: &[O
     studentised(beyond.len()) * root_of_mean(&beyond)
 }
 
-/// One sigma of what an error of the index has in common at all angles, degrees: without surveyed headings nobody sees it; it may be
-/// as large as what changes with the angle.
-pub fn unseen_index_offset_deg(runs: &[RunData], wrong: &[String], found: &Found) -> f64 {
-    if trusted(runs, wrong).next().is_some() {
-        return 0.0;
-    }
-    let of_index = found.named().into_iter().filter(|effect| effect.port == Port::Index);
-    of_index.flat_map(|effect| &effect.weights).map(|weight| f64::from(weight * weight)).sum::<f64>().sqrt()
+/// Whether a training run has a reference that is believed.
+pub fn is_surveyed(runs: &[RunData], wrong: &[String]) -> bool {
+    trusted(runs, wrong).next().is_some()
 }
 
 #[cfg(test)]

@@ -36,8 +36,8 @@ use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::{Effect, Port};
 use problem::Term;
 pub use rows::Run;
-pub use search::{Allowed, MayBeUsed, Tried, form};
 use search::{Search, Start};
+pub use search::{Tried, form};
 pub use tells::{Imitated, imitated};
 
 /// Most references that are put right: with more than that the survey as a whole is not to be believed.
@@ -58,6 +58,18 @@ pub struct Learned {
     pub process_without: Option<Process>,
 }
 
+/// Whether what was learned of these runs may be used: it leaves every run its azimuth.
+pub type MayBeUsed<'a> = dyn Fn(&Posterior, &[Run]) -> bool + Sync + 'a;
+
+/// What may be learned.
+#[derive(Clone, Copy)]
+pub struct Allowed<'a> {
+    /// The effects of the instrument's family are likely beforehand, each in its way.
+    pub family: &'a Family,
+    /// What this refuses is learned without the effects that it is refused for, where it is not refused then.
+    pub may_be_used: &'a MayBeUsed<'a>,
+}
+
 /// Runs as they were learned from: with these blunders of their references put right.
 pub fn mended(mut runs: Vec<Run>, blunders: &[Blunder]) -> Vec<Run> {
     rows::linearise_by_station(&mut runs);
@@ -71,7 +83,7 @@ pub fn signals(runs: &[Run]) -> usize {
 
 /// What is proposed of runs beside nothing, the most promising first.
 pub fn tried(runs: &[Run]) -> Vec<Tried> {
-    Search::new(runs, &Allowed { family: &Family::default(), may_be_used: &|_, _| true }).tried()
+    Search::new(runs, &Family::default()).tried()
 }
 
 /// What a column that is no effect's is worth.
@@ -110,14 +122,14 @@ pub fn learn(mut runs: Vec<Run>, allowed: &Allowed<'_>) -> Learned {
     let mut blunders: Vec<Blunder> = Vec::new();
     let mut start = Start::default();
     loop {
-        let search = Search::new(&runs, allowed);
+        let search = Search::new(&runs, allowed.family);
         let Some(best) = search.best(&start) else { return Learned { runs, blunders, ..Learned::default() } };
         let predictive = best.predictive(&search.grammar);
         start = Start { effects: best.found(), process: best.process };
         let suspects = if blunders.len() < MOST_BLUNDERS { search.suspects(&best) } else { Vec::new() };
         let likelier = suspects.into_iter().find_map(|blunder| {
             let mended = blunder.mended(&runs);
-            let search = Search::new(&mended, allowed);
+            let search = Search::new(&mended, allowed.family);
             let predictive_then = search.best(&start)?.predictive(&search.grammar);
             (predictive_then - blunder.cost(runs.len()) > predictive).then_some((blunder, mended))
         });
@@ -131,8 +143,24 @@ pub fn learn(mut runs: Vec<Run>, allowed: &Allowed<'_>) -> Learned {
         let process_without = bare.and_then(|bare| bare.process);
         let (best, rivals) = search.with_rivals(best);
         let whole = (best.score(&search.grammar), Posterior::new(&best, &rivals));
-        let usable = if (allowed.may_be_used)(&whole.1, &runs) { None } else { search.with_fewer(best) };
+        let usable =
+            if (allowed.may_be_used)(&whole.1, &runs) { None } else { with_fewer(&search, best, allowed.may_be_used) };
         let (score, posterior) = usable.unwrap_or(whole);
         return Learned { posterior, score, score_without, runs, blunders, process_without };
     }
+}
+
+/// What may be used of a model that may not be used whole: the best model with one effect less, with two less, and so on; its score, and what it says.
+/// `None` where not even one effect is left.
+fn with_fewer<'a>(search: &Search<'a>, mut model: Model<'a>, may_be_used: &MayBeUsed<'_>) -> Option<(f64, Posterior)> {
+    while model.terms.len() > 1 {
+        let fewer = search.with_one_less(&model);
+        let said = |(score, model): &(f64, Model<'a>)| (*score, Posterior::new(model, &[]));
+        let usable = fewer.iter().map(said).find(|(_, posterior)| may_be_used(posterior, search.runs));
+        if usable.is_some() {
+            return usable;
+        }
+        model = fewer.into_iter().next()?.1;
+    }
+    None
 }

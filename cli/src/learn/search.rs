@@ -14,7 +14,6 @@ use super::family::{Common, Family, Known, Way};
 use super::grammar::{Grammar, complexity, extended, reduced, reshaped};
 use super::model::Model;
 use super::pairs::Pairs;
-use super::posterior::Posterior;
 use super::problem::Term;
 use super::references::{Blunder, likeliest};
 use super::rows::Run;
@@ -74,18 +73,6 @@ pub struct Tried {
     pub cost: f64,
 }
 
-/// Whether what was learned of these runs may be used: it leaves every run its azimuth.
-pub type MayBeUsed<'a> = dyn Fn(&Posterior, &[Run]) -> bool + Sync + 'a;
-
-/// What may be learned.
-#[derive(Clone, Copy)]
-pub struct Allowed<'a> {
-    /// The effects of the instrument's family are likely beforehand, each in its way.
-    pub family: &'a Family,
-    /// What this refuses is learned without the effects that it is refused for, where it is not refused then.
-    pub may_be_used: &'a MayBeUsed<'a>,
-}
-
 /// What a search begins with.
 #[derive(Clone, Debug, Default)]
 pub struct Start {
@@ -97,17 +84,17 @@ pub struct Start {
 pub struct Search<'a> {
     pub runs: &'a [Run],
     pub grammar: Grammar,
-    allowed: Allowed<'a>,
+    family: &'a Family,
     bank: Bank,
     pairs: Pairs,
 }
 
 impl<'a> Search<'a> {
-    pub fn new(runs: &'a [Run], allowed: &Allowed<'a>) -> Self {
+    pub fn new(runs: &'a [Run], family: &'a Family) -> Self {
         let grammar = Grammar::new(runs);
         let bank = Bank::new(runs, &grammar, &grammar.factors(runs));
         let pairs = Pairs::new(runs, &grammar, &bank);
-        Self { runs, grammar, allowed: *allowed, bank, pairs }
+        Self { runs, grammar, family, bank, pairs }
     }
 
     /// Searches for the model with the greatest score, from `start`: nothing, or what an earlier search found with another reference for one run. Where
@@ -149,7 +136,7 @@ impl<'a> Search<'a> {
     fn with_family(&self, mut model: Model<'a>) -> Model<'a> {
         loop {
             let has = |member: usize| model.known().any(|known| known.member == member);
-            let missing: Vec<usize> = (0..self.allowed.family.members.len()).filter(|&member| !has(member)).collect();
+            let missing: Vec<usize> = (0..self.family.members.len()).filter(|&member| !has(member)).collect();
             let wider = missing
                 .into_par_iter()
                 .flat_map_iter(|member| [Way::Family, Way::Own].map(|way| (member, way)))
@@ -166,7 +153,7 @@ impl<'a> Search<'a> {
     /// Adds one effect of the family, and tunes its constants within what they differ by from unit to unit. It is tried with the process of the model and
     /// without it, because the process may have absorbed the effect.
     fn with_member(&self, model: &Model<'a>, member: usize, way: Way) -> Option<Model<'a>> {
-        let common = self.allowed.family.members.get(member)?;
+        let common = self.family.members.get(member)?;
         let with = |effect: Effect| {
             let mut terms = model.terms.clone();
             terms.push(self.known(common, effect, member, way));
@@ -223,26 +210,17 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// What may be used of a model that may not be used whole: the best model with one effect less, with two less, and so on; its score, and what it says.
-    /// `None` where not even one effect is left.
-    pub fn with_fewer(&self, mut model: Model<'a>) -> Option<(f64, Posterior)> {
-        while model.terms.len() > 1 {
-            let without = |i: usize| {
-                let mut terms = model.terms.clone();
-                terms.remove(i);
-                let fewer = Model::new(self.runs, model.process, &terms)?.with_likeliest_process();
-                Some((fewer.score(&self.grammar), fewer))
-            };
-            let mut fewer: Vec<(f64, Model<'a>)> = (0..model.terms.len()).filter_map(without).collect();
-            fewer.sort_by(|a, b| b.0.total_cmp(&a.0));
-            let said = |(score, model): &(f64, Model<'a>)| (*score, Posterior::new(model, &[]));
-            let may_be_used = |(_, posterior): &(f64, Posterior)| (self.allowed.may_be_used)(posterior, self.runs);
-            if let Some(usable) = fewer.iter().map(said).find(may_be_used) {
-                return Some(usable);
-            }
-            model = fewer.into_iter().next()?.1;
-        }
-        None
+    /// A model without each of its effects in turn, the likeliest first, with their scores.
+    pub fn with_one_less(&self, model: &Model<'a>) -> Vec<(f64, Model<'a>)> {
+        let without = |i: usize| {
+            let mut terms = model.terms.clone();
+            terms.remove(i);
+            let fewer = Model::new(self.runs, model.process, &terms)?.with_likeliest_process();
+            Some((fewer.score(&self.grammar), fewer))
+        };
+        let mut fewer: Vec<(f64, Model<'a>)> = (0..model.terms.len()).filter_map(without).collect();
+        fewer.sort_by(|a, b| b.0.total_cmp(&a.0));
+        fewer
     }
 
     /// References that may be wrong, the likeliest first. They are tested beside all effects of the model, beside none, and beside all but each one,
