@@ -39,7 +39,7 @@ pub fn validated(
         return Validated { model: base.clone(), used: false, left_out: before(), withdrawn: None };
     };
     let places: Vec<usize> = (0..runs.len()).filter(|&i| runs[i].role == Role::Fit).collect();
-    let left_out = by_the_others(runs, &places, FOLDS, base, family);
+    let left_out = by_the_others(runs, &places, FOLDS, base, family, wrong);
     match guard::veto(runs, &found.model, &left_out, wrong) {
         None => Validated { model: found.model.clone(), used: true, left_out, withdrawn: None },
         Some(why) => {
@@ -54,20 +54,32 @@ pub fn validated(
 }
 
 /// These runs, each by what was learned from the others of them, in so many parts at most: azimuth and sigma by the firmware's replay, in the order
-/// of all runs; `None` where there is no azimuth. Where the others teach nothing, the runs are as they were.
+/// of all runs; `None` where there is no azimuth. Where the others teach nothing, the runs are as they were. A reference that is not believed teaches
+/// nothing: `wrong` are the files of such runs.
 fn by_the_others(
     runs: &[RunData],
     places: &[usize],
     folds: usize,
     base: &ErrorModel,
     family: &Family,
+    wrong: &[String],
 ) -> Vec<Option<Fix>> {
+    let without_reference = |run: &RunData| {
+        let mut run = wrong.contains(&run.file).then(|| run.clone())?;
+        run.reference_deg = None;
+        Some(run)
+    };
+    let unbelieved: Vec<Option<RunData>> = runs.iter().map(without_reference).collect();
     let folds = folds.min(places.len());
     let mut fixes = vec![None; runs.len()];
     for fold in 0..folds {
         let inside = |place: usize| place % folds == fold;
-        let training: Vec<&RunData> =
-            places.iter().enumerate().filter(|(place, _)| !inside(*place)).map(|(_, &i)| &runs[i]).collect();
+        let training: Vec<&RunData> = places
+            .iter()
+            .enumerate()
+            .filter(|(place, _)| !inside(*place))
+            .map(|(_, &i)| unbelieved[i].as_ref().unwrap_or(&runs[i]))
+            .collect();
         let model = Found::learn(&training, base, family).map_or_else(|| base.clone(), |found| found.model);
         let model = doubt::shown(model, runs);
         for (_, &i) in places.iter().enumerate().filter(|(place, _)| inside(*place)) {
@@ -80,7 +92,7 @@ fn by_the_others(
 /// All runs with a reference or at a station, whatever their role, each by what was learned from all others. Nothing of it enters the model.
 pub fn leave_one_out(runs: &[RunData], base: &ErrorModel, family: &Family, wrong: &[String]) -> Option<LeaveOneOut> {
     let places: Vec<usize> = (0..runs.len()).collect();
-    let fixes = by_the_others(runs, &places, runs.len(), base, family);
+    let fixes = by_the_others(runs, &places, runs.len(), base, family, wrong);
     let errors = |fixes: &[Option<Fix>]| -> Vec<Option<f64>> {
         let azimuths: Vec<Option<f64>> = fixes.iter().map(|fix| Some(fix.as_ref()?.azimuth_deg)).collect();
         let misses = misses_deg(runs, &azimuths).into_iter().zip(runs);
