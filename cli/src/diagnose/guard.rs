@@ -24,9 +24,9 @@ const AMPLITUDE_LIMIT: f64 = 0.03;
 pub fn veto(runs: &[RunData], found: &ErrorModel, left_out: &[Option<Fix>], wrong: &[String]) -> Option<String> {
     let of_training = || runs.iter().zip(left_out).filter(|(run, _)| run.role == Role::Fit);
     let without_azimuths = || lost_azimuth(of_training().map(|(run, fix)| (run, fix.as_ref())));
-    let impossible = impossible(&runs.iter().collect::<Vec<_>>(), found).or_else(without_azimuths);
-    if impossible.is_some() {
-        return impossible;
+    let whole: Vec<&RunData> = runs.iter().collect();
+    if let Some(why) = impossible(&whole, found).or_else(without_azimuths) {
+        return Some(why);
     }
     let azimuth = |fix: Option<Fix>| Some(fix?.azimuth_deg);
     let before: Vec<Option<f64>> = runs.iter().map(|run| azimuth(run.before)).collect();

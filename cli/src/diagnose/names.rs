@@ -36,6 +36,12 @@ struct Parameter {
     weight: Option<(usize, f64)>,
 }
 
+impl Parameter {
+    fn constant(name: &str, value: f64) -> Self {
+        Self { name: name.to_owned(), value, weight: None }
+    }
+}
+
 impl Named {
     /// The physical name of an effect that has one, else what it is made of.
     pub fn new(effect: &Effect) -> Self {
@@ -52,8 +58,11 @@ impl Named {
             (Port::Rate, [factor]) if !factor.constant => of_rate(factor, &weight),
             _ => (None, Vec::new()),
         };
-        let parameters =
-            if name.is_some() { parameters } else { parameters.into_iter().chain(constants(effect)).collect() };
+        let parameters = if name.is_some() {
+            parameters
+        } else {
+            parameters.into_iter().chain(constants(&effect.factors)).collect()
+        };
         Self { name: name.unwrap_or_else(|| effect.to_string()), parameters }
     }
 
@@ -94,12 +103,12 @@ fn of_rate(factor: &Factor, weight: &dyn Fn(usize, &str, f64) -> Parameter) -> (
         (Signal::TiltAlong, [], Shape::Linear(_)) => named(GRAVITY_SENSITIVITY, vec![weight(0, "deg_h_per_g", slope)]),
         (Signal::Time, [], Shape::Linear(_)) => named("drift", vec![weight(0, "deg_h_per_h", slope * S_PER_H)]),
         (Signal::Time, [], Shape::Step(step)) => {
-            let at = Parameter { name: "at_s".into(), value: step.at.into(), weight: None };
+            let at = Parameter::constant("at_s", step.at.into());
             named("step", vec![weight(0, "deg_h", 1.0), at])
         }
         (Signal::Time | Signal::Since, [], Shape::Decay(decay)) => {
             let name = if factor.signal == Signal::Time { "warm-up" } else { "settling" };
-            let tau = Parameter { name: "tau_s".into(), value: decay.tau_s.into(), weight: None };
+            let tau = Parameter::constant("tau_s", decay.tau_s.into());
             named(name, vec![weight(0, "deg_h", 1.0), tau])
         }
         (Signal::Index, [], Shape::Harmonic(harmonic)) => {
@@ -115,12 +124,7 @@ fn of_rate(factor: &Factor, weight: &dyn Fn(usize, &str, f64) -> Parameter) -> (
                 if channel.name.as_str() == TEMPERATURE { ("temperature", "k") } else { ("channel", "unit") };
             let rate = if matches!(dynamics, [Dynamics::Rate(_)]) { "_per_s" } else { "" };
             let mut parameters = vec![weight(0, &format!("deg_h_per_{unit}{rate}"), slope)];
-            let of_dynamics = dynamics.iter().flat_map(|each| each.constants());
-            parameters.extend(of_dynamics.map(|each| Parameter {
-                name: each.name.to_owned(),
-                value: each.value,
-                weight: None,
-            }));
+            parameters.extend(constants(std::slice::from_ref(factor)));
             let behind: String = dynamics.iter().map(|each| format!("-{each}")).collect();
             (Some(format!("{name}{behind}")), parameters)
         }
@@ -129,13 +133,13 @@ fn of_rate(factor: &Factor, weight: &dyn Fn(usize, &str, f64) -> Parameter) -> (
     }
 }
 
-/// The constants of a composed effect's factors, in their order; a name that comes again has its number.
-fn constants(effect: &Effect) -> Vec<Parameter> {
+/// The constants of an effect's factors, in their order; a name that comes again has its number.
+fn constants(factors: &[Factor]) -> Vec<Parameter> {
     let mut all: Vec<Parameter> = Vec::new();
-    for constant in effect.factors.iter().flat_map(Factor::constants) {
+    for constant in factors.iter().flat_map(Factor::constants) {
         let again = all.iter().filter(|each| each.name.split('-').next() == Some(constant.name)).count();
         let name = if again == 0 { constant.name.to_owned() } else { format!("{}-{}", constant.name, again + 1) };
-        all.push(Parameter { name, value: constant.value, weight: None });
+        all.push(Parameter::constant(&name, constant.value));
     }
     all
 }

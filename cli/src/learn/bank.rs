@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use super::functions::{Functions, Library};
 use super::grammar::Grammar;
-use super::problem::quick_gain;
+use super::problem::{dot, quick_gain};
 use super::process::Whitener;
 use super::rows::{Run, UNKNOWNS};
 use super::unknowns::Unknowns;
@@ -25,8 +25,6 @@ const LEAST_COARSE_ROWS: usize = 16;
 const OF_THE_SAME_SIGNAL: usize = 4;
 /// Up to so many columns inner products are quicker one by one.
 const FEW: usize = 12;
-/// Numbers that are added up side by side: what a processor's vector holds.
-const LANES: usize = 8;
 
 /// All rows of all runs, one after the other: where each run ends, the precision of every row, and what the runs' unknowns take away.
 pub struct Rows {
@@ -162,13 +160,6 @@ impl<Kind: Ord, T> BestOfEach<Kind, T> {
     pub fn into_all(self) -> Vec<T> {
         self.kinds.into_values().flatten().map(|(_, each)| each).collect()
     }
-}
-
-fn dot(a: &[f32], b: &[f32]) -> f32 {
-    let mut sums = [0.0; LANES];
-    let (a, b) = (a.chunks(LANES), b.chunks(LANES));
-    a.zip(b).for_each(|(a, b)| sums.iter_mut().zip(a.iter().zip(b)).for_each(|(sum, (a, b))| *sum += a * b));
-    sums.iter().sum()
 }
 
 fn product(a: &[f32], b: &[f32]) -> Vec<f32> {

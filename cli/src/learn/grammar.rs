@@ -16,8 +16,8 @@ use super::rows::Run;
 
 /// Values of a constant that recordings tell apart: time constants from a few rows to a recording's length, by factors of two.
 const VALUES_OF_A_CONSTANT: f64 = 8.0;
-/// Values of a place at which something jumps: it is tuned ten times finer.
-const VALUES_OF_A_JUMP: f64 = 10.0 * VALUES_OF_A_CONSTANT;
+/// A place at which something jumps is tuned so much finer than other constants, up to its row, and is one of so many times as many values.
+const FINENESS_OF_A_JUMP: f64 = 10.0;
 /// Most channels of which differences are proposed: more would be more pairs than signals.
 const MOST_PAIRED: usize = 6;
 /// A signal that varies by less than this share of its size is constant.
@@ -142,9 +142,12 @@ fn cost_of_constants(factor: &Factor) -> f64 {
         }
         _ => 0.0,
     };
-    let of_jump =
-        if matches!(factor.shape, Shape::Step(_)) { (VALUES_OF_A_JUMP / VALUES_OF_A_CONSTANT).ln() } else { 0.0 };
-    of_order + of_jump + VALUES_OF_A_CONSTANT.ln() * factor.constants().len() as f64
+    of_order + fineness(factor).ln() + VALUES_OF_A_CONSTANT.ln() * factor.constants().len() as f64
+}
+
+/// How much finer than others the constants of a factor are tuned.
+pub fn fineness(factor: &Factor) -> f64 {
+    if matches!(factor.shape, Shape::Step(_)) { FINENESS_OF_A_JUMP } else { 1.0 }
 }
 
 /// The part of a form's cost that any form as complex has, nats: how many factors, dynamics and tuned constants there are, whichever they are. The rest

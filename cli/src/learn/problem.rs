@@ -7,7 +7,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use nalgebra::{Cholesky, DMatrix, DVector, DVectorView, Dyn, Matrix2, Matrix3, Vector2, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector, DVectorView, Dyn, Matrix2, Matrix3, RealField, Vector2, Vector3};
 use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::Effect;
 
@@ -237,7 +237,7 @@ impl OfRun {
 }
 
 /// Inner product, several sums side by side.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub fn dot<T: RealField + Copy>(a: &[T], b: &[T]) -> T {
     DVectorView::from_slice(a, a.len()).dot(&DVectorView::from_slice(b, a.len()))
 }
 

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::bank::{Bank, Left};
 use super::family::{Common, Family, Known, Way};
-use super::grammar::{Grammar, complexity, extended, reduced, reshaped};
+use super::grammar::{Grammar, complexity, extended, fineness, reduced, reshaped};
 use super::model::Model;
 use super::pairs::Pairs;
 use super::problem::Term;
@@ -57,9 +57,6 @@ struct Tuning {
     rounds: usize,
     least_step: f64,
 }
-
-/// A jump is tuned so much finer: up to the row in which it happens.
-const OF_JUMPS: f64 = 0.1;
 
 const ROUGHLY: Tuning = Tuning { rounds: 1, least_step: 0.1 };
 const FINELY: Tuning = Tuning { rounds: 3, least_step: 0.02 };
@@ -212,13 +209,9 @@ impl<'a> Search<'a> {
 
     /// A model without each of its effects in turn, the likeliest first, with their scores.
     pub fn with_one_less(&self, model: &Model<'a>) -> Vec<(f64, Model<'a>)> {
-        let without = |i: usize| {
-            let mut terms = model.terms.clone();
-            terms.remove(i);
-            let fewer = Model::new(self.runs, model.process, &terms)?.with_likeliest_process();
-            Some((fewer.score(&self.grammar), fewer))
-        };
-        let mut fewer: Vec<(f64, Model<'a>)> = (0..model.terms.len()).filter_map(without).collect();
+        let scored = |fewer: Model<'a>| (fewer.score(&self.grammar), fewer);
+        let fewer = self.without_each(model).map(Model::with_likeliest_process);
+        let mut fewer: Vec<(f64, Model<'a>)> = fewer.map(scored).collect();
         fewer.sort_by(|a, b| b.0.total_cmp(&a.0));
         fewer
     }
@@ -506,7 +499,7 @@ impl<'a> Search<'a> {
             let before = gain;
             for (f, number) in constants_of(&effect) {
                 let unit = self.unit(&effect.factors[f], number);
-                let least_step = tuning.least_step * if is_jump(&effect.factors[f]) { OF_JUMPS } else { 1.0 };
+                let least_step = tuning.least_step / fineness(&effect.factors[f]);
                 let mut step = FIRST_STEP;
                 while step > least_step {
                     let last = gain;
@@ -552,19 +545,22 @@ impl<'a> Search<'a> {
     /// Removes terms one after the other, as long as that raises the score.
     fn pruned(&self, mut model: Model<'a>) -> Model<'a> {
         loop {
-            let without = |i: usize| {
-                let mut terms = model.terms.clone();
-                terms.remove(i);
-                Model::new(self.runs, model.process, &terms)
-            };
-            let best = (0..model.terms.len())
-                .filter_map(without)
-                .max_by(|a, b| a.score(&self.grammar).total_cmp(&b.score(&self.grammar)));
+            let best =
+                self.without_each(&model).max_by(|a, b| a.score(&self.grammar).total_cmp(&b.score(&self.grammar)));
             match best {
                 Some(fewer) if fewer.score(&self.grammar) > model.score(&self.grammar) => model = fewer,
                 _ => return model,
             }
         }
+    }
+
+    /// A model without each of its effects in turn.
+    fn without_each(&self, model: &Model<'a>) -> impl Iterator<Item = Model<'a>> {
+        (0..model.terms.len()).filter_map(move |i| {
+            let mut terms = model.terms.clone();
+            terms.remove(i);
+            Model::new(self.runs, model.process, &terms)
+        })
     }
 
     /// Revises every term once beside the others, in form and constants, and then removes terms that are not needed any more.
@@ -617,11 +613,6 @@ fn alike(a: &Effect, b: &Effect) -> bool {
 /// One factor without dynamics.
 fn is_bare(effect: &Effect) -> bool {
     matches!(effect.factors.as_slice(), [factor] if factor.dynamics.is_empty())
-}
-
-/// Its value jumps where its signal passes a place.
-fn is_jump(factor: &Factor) -> bool {
-    matches!(factor.shape, Shape::Step(_))
 }
 
 fn constants_of(effect: &Effect) -> Vec<(usize, usize)> {

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix2, SymmetricEigen};
 
+use super::problem::dot;
 use super::rows::UNKNOWNS;
 
 /// Directions in which the unknowns change the independent rows of a run.
@@ -41,7 +42,7 @@ impl Unknowns {
     /// Takes out of independent rows what the unknowns may have made: the squares of what is left add up to what the run says.
     pub fn take_out(&self, rows: &mut [f32]) {
         for direction in &self.0 {
-            let part: f32 = rows.iter().zip(&direction.rows).map(|(row, own)| row * own).sum();
+            let part = dot(rows, &direction.rows);
             rows.iter_mut().zip(&direction.rows).for_each(|(row, own)| *row -= direction.share * part * own);
         }
     }
@@ -53,10 +54,6 @@ impl Unknowns {
             rows.iter().map(|row| root * row).collect()
         })
     }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 #[cfg(test)]
