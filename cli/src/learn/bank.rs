@@ -11,7 +11,7 @@ use north_finder::effects::factor::Factor;
 use rayon::prelude::*;
 
 use super::functions::{Functions, Library};
-use super::grammar::Grammar;
+use super::grammar::{Grammar, IDENTITY};
 use super::problem::{dot, quick_gain};
 use super::process::Whitener;
 use super::rows::{Run, UNKNOWNS};
@@ -293,14 +293,24 @@ impl Bank {
     }
 
     fn coarse_columns(&self, runs: &[Run], effect: &Effect) -> Vec<DVector<f32>> {
-        let mut columns = vec![DVector::from_column_slice(self.coarse_gains(effect.port))];
-        for factor in &effect.factors {
-            let functions: Vec<DVector<f32>> =
-                self.coarse_functions(runs, factor).into_iter().map(DVector::from_vec).collect();
-            columns =
-                columns.iter().flat_map(|column| functions.iter().map(move |f| column.component_mul(f))).collect();
+        let own = vec![DVector::from_column_slice(self.coarse_gains(effect.port))];
+        let functions = |factor| self.coarse_functions(runs, factor).into_iter().map(DVector::from_vec).collect();
+        effect.factors.iter().map(functions).fold(own, products)
+    }
+
+    /// What one factor of an effect gets, and what it is multiplied with, by coarse row.
+    pub fn seen_through(&self, runs: &[Run], effect: &Effect, factor: usize) -> Seen {
+        let own = &effect.factors[factor];
+        let input = Factor { shape: IDENTITY, constant: true, ..own.clone() };
+        let mut functions = self.coarse_functions(runs, &input).into_iter();
+        let (share, sums) = (functions.next().unwrap_or_default(), functions.next().unwrap_or_default());
+        let factors = effect.factors.iter().enumerate().filter(|(f, _)| *f != factor);
+        let others = Effect::new(effect.port, &factors.map(|(_, each)| each.clone()).collect::<Vec<Factor>>());
+        Seen {
+            input: sums.iter().zip(&share).map(|(sum, share)| f64::from(sum / share)).collect(),
+            share,
+            others: self.coarse_columns(runs, &others),
         }
-        columns
     }
 
     /// What a model leaves, from V⁻¹ times it by the row.
@@ -332,8 +342,60 @@ impl Bank {
     }
 }
 
+/// What one factor of an effect gets, by coarse row, and what it is multiplied with.
+pub struct Seen {
+    input: Vec<f64>,
+    /// Share of the row in which its signal says something.
+    share: Vec<f32>,
+    others: Vec<DVector<f32>>,
+}
+
+impl Seen {
+    /// About the effect's columns with this factor, whose shape gets the mean of a coarse row.
+    pub fn columns(&self, factor: &Factor) -> Vec<DVector<f32>> {
+        let mut functions = vec![DVector::zeros(self.input.len()); factor.count()];
+        for (row, (&input, &share)) in self.input.iter().zip(&self.share).enumerate() {
+            if input.is_finite() {
+                let values = factor.values(input);
+                functions
+                    .iter_mut()
+                    .zip(values)
+                    .enumerate()
+                    .for_each(|(k, (function, value))| function[row] = share * (factor.prior(k) * value) as f32);
+            }
+        }
+        products(self.others.clone(), functions)
+    }
+}
+
+/// Every column by every function.
+fn products(columns: Vec<DVector<f32>>, functions: Vec<DVector<f32>>) -> Vec<DVector<f32>> {
+    columns.iter().flat_map(|column| functions.iter().map(move |f| column.component_mul(f))).collect()
+}
+
 /// Means over coarse rows.
 fn means<T: Copy + Sum + Div<Output = T> + From<f32>>(coarse_rows: &[Range<usize>], fine: &[T]) -> Vec<T> {
     let mean = |rows: &Range<usize>| fine[rows.clone()].iter().copied().sum::<T>() / T::from(rows.len() as f32);
     coarse_rows.iter().map(mean).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use north_finder::effects::shape::Linear;
+    use north_finder::effects::signal::Time;
+
+    use super::*;
+
+    /// By hand: 2, 2, 2 by a constant, 1, and by a line, 0 at 1 and 1 at 3, of the values 1, none and 3; of the third row half says something.
+    #[test]
+    fn a_shape_gets_the_mean_of_a_coarse_row() {
+        let seen = Seen {
+            input: vec![1.0, f64::NAN, 3.0],
+            share: vec![1.0, 0.0, 0.5],
+            others: vec![DVector::from_element(3, 2.0)],
+        };
+        let line = Factor::new(Time.into(), &[], Linear { reference: 1.0, scale: 2.0 }.into()).with_constant();
+        let columns: Vec<Vec<f32>> = seen.columns(&line).iter().map(|column| column.as_slice().to_vec()).collect();
+        assert_eq!(columns, [[2.0, 0.0, 1.0], [0.0, 0.0, 1.0]]);
+    }
 }

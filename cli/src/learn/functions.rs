@@ -1,6 +1,6 @@
 //! Columns of effects in the rows of runs: the firmware's own factors, evaluated by the second and averaged to rows.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, Mutex};
 
 use north_finder::effects::effect::{Effect, Port};
@@ -13,9 +13,13 @@ pub type Values = Vec<Vec<f64>>;
 /// Functions of a factor by the row, all runs one after the other, each for one unit of its prior.
 pub type Functions = Arc<[Vec<f32>]>;
 
+/// How many evaluated last are kept: while the constants of one factor are tuned, those of the others are asked for again and again.
+const LAST: usize = 64;
+
 /// Functions of factors in some runs, kept once they were evaluated.
 pub struct Library {
     known: Mutex<HashMap<String, Functions>>,
+    last: Mutex<VecDeque<(String, Functions)>>,
     gains: Vec<(Port, Vec<f64>)>,
 }
 
@@ -23,7 +27,7 @@ impl Library {
     pub fn new(runs: &[Run]) -> Self {
         let gains =
             Port::ALL.into_iter().map(|port| (port, runs.iter().flat_map(|run| run.gains(port)).collect())).collect();
-        Self { known: Mutex::default(), gains }
+        Self { known: Mutex::default(), last: Mutex::default(), gains }
     }
 
     /// Columns of an effect.
@@ -45,7 +49,25 @@ impl Library {
 
     /// The functions of a factor.
     fn functions(&self, runs: &[Run], factor: &Factor) -> Functions {
-        self.known(&key(factor)).unwrap_or_else(|| evaluated(runs, factor))
+        let key = key(factor);
+        if let Some(known) = self.known(&key).or_else(|| self.one_of_last(&key)) {
+            return known;
+        }
+        let functions = evaluated(runs, factor);
+        if let Ok(mut last) = self.last.lock() {
+            last.truncate(LAST - 1);
+            last.push_front((key, functions.clone()));
+        }
+        functions
+    }
+
+    fn one_of_last(&self, key: &str) -> Option<Functions> {
+        let mut last = self.last.lock().ok()?;
+        let place = last.iter().position(|(each, _)| each == key)?;
+        let found = last.remove(place)?;
+        let functions = found.1.clone();
+        last.push_front(found);
+        Some(functions)
     }
 
     /// The same of one that is asked for again and again: they are kept.

@@ -158,7 +158,7 @@ pub fn complexity(effect: &Effect) -> f64 {
 }
 
 /// A shape that gives what it gets: what a span is measured through.
-const IDENTITY: Shape = Shape::Linear(Linear { reference: 0.0, scale: 1.0 });
+pub const IDENTITY: Shape = Shape::Linear(Linear { reference: 0.0, scale: 1.0 });
 
 /// What comes out of a factor's dynamics in the rows at rest; `None` where it says nothing or does not vary.
 pub fn span(runs: &[Run], factor: &Factor) -> Option<Span> {
@@ -189,7 +189,7 @@ fn same_unit(a: &str, b: &str) -> bool {
     unit(a) == unit(b)
 }
 
-/// Forms of the same signals: with another shape or dynamics in the place of one, at another port, or with one factor less.
+/// Forms of the same signals: with other dynamics in the place of one factor's, with or without its constant, at another port, or with one factor less.
 pub fn reshaped(effect: &Effect, grammar: &Grammar, runs: &[Run]) -> Vec<Effect> {
     let mut all = reduced(effect);
     let mut push = |port: Port, factors: Vec<Factor>| all.extend(varied(effect, port, factors));
@@ -206,9 +206,6 @@ pub fn reshaped(effect: &Effect, grammar: &Grammar, runs: &[Run]) -> Vec<Effect>
         let mut toggled = factors.clone();
         toggled[i].constant = !own.constant;
         push(effect.port, toggled);
-        if let Some(span) = grammar.span(runs, own.signal, &own.dynamics) {
-            Shape::starts(&span, &mut |shape| push(effect.port, with(Factor::new(own.signal, &own.dynamics, shape))));
-        }
         let Some((_, bare)) = grammar.signals.iter().find(|(signal, _)| *signal == own.signal) else { continue };
         if bare.is_angle || bare.is_time {
             continue;
@@ -245,6 +242,13 @@ pub fn reshaped(effect: &Effect, grammar: &Grammar, runs: &[Run]) -> Vec<Effect>
         chains.iter().filter_map(|chain| relined(chain)).for_each(|factor| push(effect.port, with(factor)));
     }
     all
+}
+
+/// The form with another factor in the place of one.
+pub fn replaced(effect: &Effect, f: usize, factor: Factor) -> Option<Effect> {
+    let mut factors: Vec<Factor> = effect.factors.to_vec();
+    factors[f] = factor;
+    varied(effect, effect.port, factors)
 }
 
 /// Forms with one factor less.

@@ -86,7 +86,7 @@ impl Statistics {
             effects.iter().flat_map(|effect| problem.columns(&library.values(runs, effect))).collect();
         let all: Vec<&Column> = columns.iter().collect();
         Self {
-            gram: dots(&all, &all),
+            gram: dots(&all),
             right: DVector::from_iterator(all.len(), all.iter().map(|column| column.dot(&problem.residual))),
             counts: effects.iter().map(Effect::count).collect(),
             silent: vec![false; effects.len()],

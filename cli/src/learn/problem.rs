@@ -5,7 +5,7 @@
 //! (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, section 2.7).
 
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use nalgebra::{Cholesky, DMatrix, DVector, DVectorView, Dyn, Matrix2, Matrix3, RealField, Vector2, Vector3};
 use north_finder::effects::doubt::Process;
@@ -51,14 +51,22 @@ struct Station {
     weighed: Vec<f64>,
 }
 
-/// Inner products of columns with columns: as one product of matrices several times as quick as one by one.
-pub fn dots(a: &[&Column], b: &[&Column]) -> DMatrix<f64> {
-    let matrix = |columns: &[&Column], part: fn(&Column) -> &[f64]| {
+/// Columns beside each other: their rows, and what the runs' own unknowns explain.
+fn beside(columns: &[&Column]) -> [DMatrix<f64>; 2] {
+    let parts: [fn(&Column) -> &[f64]; 2] = [|column| &column.rows, |column| &column.explained];
+    parts.map(|part| {
         let rows = columns.first().map_or(0, |column| part(column).len());
         DMatrix::from_iterator(rows, columns.len(), columns.iter().flat_map(|column| part(column).iter().copied()))
-    };
-    let product = |part: fn(&Column) -> &[f64]| matrix(a, part).transpose() * matrix(b, part);
-    product(|column| &column.rows) - product(|column| &column.explained)
+    })
+}
+
+/// Inner products of columns with each other: as a product of matrices several times as quick as one by one.
+pub fn dots(columns: &[&Column]) -> DMatrix<f64> {
+    dots_of(&beside(columns))
+}
+
+fn dots_of([rows, explained]: &[DMatrix<f64>; 2]) -> DMatrix<f64> {
+    rows.transpose() * rows - explained.transpose() * explained
 }
 
 struct OfRun {
@@ -296,7 +304,7 @@ pub struct Gram {
 impl Gram {
     pub fn new(problem: &Problem<'_>, terms: &[Term]) -> Self {
         let columns: Vec<&Column> = terms.iter().flat_map(|term| &term.columns).collect();
-        let matrix = dots(&columns, &columns);
+        let matrix = dots(&columns);
         let right = DVector::from_iterator(columns.len(), columns.iter().map(|column| column.dot(&problem.residual)));
         let owner = terms.iter().enumerate().flat_map(|(i, term)| std::iter::repeat_n(i, term.columns.len())).collect();
         Self { matrix, right, owner }
@@ -311,6 +319,8 @@ pub struct Fit {
     /// L⁻¹ S right.
     half: DVector<f64>,
     owner: Vec<usize>,
+    /// L⁻¹ S times the terms' columns, in rows and in what the unknowns explain: for what further columns have in common with them.
+    along: OnceLock<[DMatrix<f64>; 2]>,
 }
 
 impl Fit {
@@ -324,7 +334,7 @@ impl Fit {
         let half = factor.l_dirty().solve_lower_triangular(&gram.right.component_mul(&scales))?;
         let log_determinant = factor.l_dirty().diagonal().map(f64::ln).sum();
         let evidence = problem.without + 0.5 * half.norm_squared() - log_determinant;
-        Some(Self { evidence, scales, factor, half, owner: gram.owner.clone() })
+        Some(Self { evidence, scales, factor, half, owner: gram.owner.clone(), along: OnceLock::new() })
     }
 
     /// Means of the weights, in units of their priors.
@@ -363,21 +373,31 @@ impl Fit {
             .collect()
     }
 
-    /// What more the evidence would be with further columns of one effect, at its best size: (gain, size²).
+    /// What more the evidence would be with further columns of one effect, at its best size: (gain, size²). `terms` are those of the fit.
     pub fn gain_of(&self, problem: &Problem<'_>, terms: &[Term], columns: &[Column]) -> (f64, f64) {
         let columns: Vec<&Column> = columns.iter().collect();
-        let mut own = dots(&columns, &columns);
+        let further = beside(&columns);
+        let mut own = dots_of(&further);
         let residual = columns.iter().map(|column| column.dot(&problem.residual));
         let mut right = DVector::from_iterator(columns.len(), residual);
         if !self.scales.is_empty() {
-            let active: Vec<&Column> = terms.iter().flat_map(|term| &term.columns).collect();
-            let mut cross = dots(&active, &columns);
-            cross.column_iter_mut().for_each(|mut column| column.component_mul_assign(&self.scales));
-            let Some(half) = self.factor.l_dirty().solve_lower_triangular(&cross) else { return (0.0, 0.0) };
+            let [rows, explained] = self.along.get_or_init(|| self.along(terms));
+            let half = rows * &further[0] - explained * &further[1];
             own -= half.tr_mul(&half);
             right -= half.tr_mul(&self.half);
         }
         best_size(own, &right)
+    }
+
+    fn along(&self, terms: &[Term]) -> [DMatrix<f64>; 2] {
+        let columns: Vec<&Column> = terms.iter().flat_map(|term| &term.columns).collect();
+        beside(&columns).map(|part| {
+            let mut along = part.transpose();
+            along.column_iter_mut().for_each(|mut column| column.component_mul_assign(&self.scales));
+            // The factor of a positive matrix has no 0 on its diagonal.
+            self.factor.l_dirty().solve_lower_triangular_mut(&mut along);
+            along
+        })
     }
 }
 

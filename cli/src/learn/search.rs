@@ -1,5 +1,6 @@
 //! The choice of the model: proposals by a score, decisions by the evidence.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use north_finder::effects::doubt::Process;
@@ -11,7 +12,7 @@ use rayon::prelude::*;
 
 use super::bank::{Bank, Left};
 use super::family::{Common, Family, Known, Way};
-use super::grammar::{Grammar, complexity, extended, fineness, reduced, reshaped};
+use super::grammar::{Grammar, complexity, extended, fineness, reduced, replaced, reshaped};
 use super::model::Model;
 use super::pairs::Pairs;
 use super::problem::Term;
@@ -40,7 +41,7 @@ const HOPE: f64 = 3.0;
 /// A form that is less likely than another by more than this is no rival of it, nats: e^-4 is two in a hundred.
 pub const NEGLIGIBLE: f64 = 4.0;
 /// Neighbours of a form whose exact evidence is computed, and those of them that are tuned.
-const NEAREST: usize = 6;
+const NEAREST: usize = 12;
 const TUNED: usize = 2;
 /// Factors that are tried as a further one.
 const FURTHER: usize = 4;
@@ -300,7 +301,7 @@ impl<'a> Search<'a> {
     /// Other forms of an effect's signals that are about as likely beside a model.
     fn other_forms(&self, model: &Model<'_>, own: &Effect) -> Vec<Effect> {
         let left = self.bank.left(self.runs, &self.weighed(model), model.process.as_ref());
-        self.as_likely(model, own, self.nearest(own, &left))
+        self.as_likely(model, own, self.nearest(self.forms_of(own, &left), &left))
     }
 
     /// Effects of other signals that are about as likely.
@@ -440,11 +441,8 @@ impl<'a> Search<'a> {
     /// Replaces the form by a neighbouring one, at most so many times, as long as the gain grows by more than half a nat.
     fn climb(&self, model: &Model<'_>, mut effect: Effect, mut gain: f64, left: &Left, steps: usize) -> (f64, Effect) {
         for _ in 0..steps {
-            let mut near = self.nearest(&effect, left);
-            if effect.factors.len() < MAX_FACTORS {
-                let fitted = self.bank.fitted(self.runs, &effect, left);
-                near.extend(extended(&effect, &self.pairs.further(left, &fitted, FURTHER)));
-            }
+            let forms = [self.forms_of(&effect, left), self.extensions_of(&effect, left)].concat();
+            let near = self.nearest(forms, left);
             let mut better: Vec<(f64, Effect)> =
                 near.into_par_iter().map(|each| (self.gain(model, &each), each)).collect();
             better.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -475,11 +473,27 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The most promising neighbouring forms, each once: effects of one form differ by constants, which are tuned.
-    fn nearest(&self, effect: &Effect, left: &Left) -> Vec<Effect> {
+    /// Other forms of the same signals.
+    fn forms_of(&self, effect: &Effect, left: &Left) -> Vec<Effect> {
+        let mut forms = reshaped(effect, &self.grammar, self.runs);
+        let shapes = (0..effect.factors.len()).into_par_iter().flat_map_iter(|f| self.other_shapes(effect, f, left));
+        forms.extend(shapes.collect::<Vec<Effect>>());
+        forms
+    }
+
+    /// The same with one factor more.
+    fn extensions_of(&self, effect: &Effect, left: &Left) -> Vec<Effect> {
+        if effect.factors.len() == MAX_FACTORS {
+            return Vec::new();
+        }
+        let fitted = self.bank.fitted(self.runs, effect, left);
+        extended(effect, &self.pairs.further(left, &fitted, FURTHER))
+    }
+
+    /// The most promising forms, each once: effects of one form differ by constants, which are tuned.
+    fn nearest(&self, forms: Vec<Effect>, left: &Left) -> Vec<Effect> {
         let promise = |each: Effect| (self.bank.promise(self.runs, &each, left) - self.grammar.cost(&each), each);
-        let near = reshaped(effect, &self.grammar, self.runs);
-        let mut promising: Vec<(f64, Effect)> = near.into_par_iter().map(promise).collect();
+        let mut promising: Vec<(f64, Effect)> = forms.into_par_iter().map(promise).collect();
         promising.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut seen: Vec<String> = Vec::new();
         let mut nearest: Vec<Effect> = Vec::new();
@@ -494,10 +508,23 @@ impl<'a> Search<'a> {
     }
 
     /// Tunes every constant in turn, with steps that become smaller.
-    fn tuned(&self, model: &Model<'_>, mut effect: Effect, mut gain: f64, tuning: &Tuning) -> (f64, Effect) {
+    fn tuned(&self, model: &Model<'_>, effect: Effect, gain: f64, tuning: &Tuning) -> (f64, Effect) {
+        let constants = constants_of(&effect);
+        self.tuned_by(effect, gain, tuning, &constants, &|each| self.gain(model, each))
+    }
+
+    /// The same with these constants, by another gain.
+    fn tuned_by(
+        &self,
+        mut effect: Effect,
+        mut gain: f64,
+        tuning: &Tuning,
+        constants: &[(usize, usize)],
+        gain_of: &dyn Fn(&Effect) -> f64,
+    ) -> (f64, Effect) {
         for _ in 0..tuning.rounds {
             let before = gain;
-            for (f, number) in constants_of(&effect) {
+            for &(f, number) in constants {
                 let unit = self.unit(&effect.factors[f], number);
                 let least_step = tuning.least_step / fineness(&effect.factors[f]);
                 let mut step = FIRST_STEP;
@@ -505,7 +532,7 @@ impl<'a> Search<'a> {
                     let last = gain;
                     for sign in [1.0, -1.0] {
                         let Some(each) = moved_by(&effect, f, number, sign * step * unit) else { continue };
-                        let above = self.gain(model, &each);
+                        let above = gain_of(&each);
                         if above > gain {
                             (gain, effect) = (above, each);
                             break;
@@ -522,6 +549,32 @@ impl<'a> Search<'a> {
             }
         }
         (gain, effect)
+    }
+
+    /// The effect with another shape in the place of one factor's, of every kind the one that promises most with its constants tuned in coarse rows:
+    /// what is tuned already hides a better shape that is not.
+    fn other_shapes(&self, effect: &Effect, f: usize, left: &Left) -> Vec<Effect> {
+        let own = &effect.factors[f];
+        let Some(span) = self.grammar.span(self.runs, own.signal, &own.dynamics) else { return Vec::new() };
+        let seen = self.bank.seen_through(self.runs, effect, f);
+        let gain_of = |each: &Effect| left.gain(&seen.columns(&each.factors[f])).0 - self.grammar.cost(each);
+        let mut best: BTreeMap<String, (f64, Effect)> = BTreeMap::new();
+        Shape::starts(&span, &mut |shape| {
+            let factor = Factor { shape, ..own.clone() };
+            let Some(each) = replaced(effect, f, factor) else { return };
+            let gain = gain_of(&each);
+            let known = best.entry(form(&each)).or_insert_with(|| (f64::NEG_INFINITY, each.clone()));
+            if gain > known.0 {
+                *known = (gain, each);
+            }
+        });
+        let first = own.dynamics.iter().map(|dynamics| dynamics.constants().len()).sum::<usize>();
+        let tuned = |(gain, each): (f64, Effect)| {
+            let constants: Vec<(usize, usize)> =
+                (first..each.factors[f].constants().len()).map(|number| (f, number)).collect();
+            self.tuned_by(each, gain, &ROUGHLY, &constants, &gain_of).1
+        };
+        best.into_values().map(tuned).collect()
     }
 
     /// Unit in which a constant of a factor is tuned: 1 for the logarithm of a scale; of a place the width that its own part has, or else the standard

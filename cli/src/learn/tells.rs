@@ -27,7 +27,7 @@ pub fn imitated(runs: &[Run], process: Option<&Process>, effects: &[Effect]) -> 
     let columns: Vec<Vec<Column>> =
         effects.iter().map(|effect| problem.columns(&library.values(runs, effect))).collect();
     let all: Vec<&Column> = columns.iter().flatten().collect();
-    let products = dots(&all, &all);
+    let products = dots(&all);
     let first = |i: usize| columns[..i].iter().map(Vec::len).sum::<usize>();
     let scaled = |i: usize| {
         let effect = &effects[i];
