@@ -80,6 +80,16 @@ fn motor_stall() {
     assert!(matches!(same_both_ways("stalled-motor", 5), End::Fault { fault: Fault::MotorStall, .. }));
 }
 
+/// At 200°, where the first turn to 270° takes the index.
+#[test]
+fn limit_switch() {
+    let mut setup = setup("calm-bench", 1);
+    setup.scenario.motor.limit_deg = Some(200.0);
+    setup.settings.as_mut().unwrap().index.limit_switch = true;
+    let end = same(&setup).end;
+    assert!(matches!(end, End::Fault { fault: Fault::IndexLimit, .. }), "{end:?}");
+}
+
 #[test]
 fn another_gyro() {
     assert!(matches!(same_both_ways("kvh-gyro", 6), End::Fix(_)));
