@@ -1,6 +1,6 @@
 //! What nothing that was found explains, in words.
 
-use north_finder::effects::doubt::Process;
+use north_finder::effects::doubt::{Kernel, Process};
 use north_finder::event::Fix;
 use north_finder::units::wrap_180_deg;
 
@@ -68,8 +68,12 @@ fn azimuths(runs: &[RunData], left_out: &[Option<Fix>], wrong: &[String]) -> Vec
 
 /// A process in words.
 fn in_words(process: Process) -> String {
+    let period = match process.kernel {
+        Kernel::DampedCosine { period_s } => format!(", ringing with a period of {period_s:.0} s"),
+        _ => String::new(),
+    };
     format!(
-        "a process of every run's own that no channel tells, typically {:.4} deg/h over {:.0} s; sigma covers it",
+        "a process of every run's own that no channel tells, typically {:.4} deg/h over {:.0} s{period}; sigma covers it",
         process.sigma_deg_h, process.time_s
     )
 }

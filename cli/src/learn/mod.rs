@@ -150,10 +150,10 @@ pub fn learn(mut runs: Vec<Run>, allowed: &Allowed<'_>) -> Learned {
     }
 }
 
-/// What may be used of a model that may not be used whole: the best model with one effect less, with two less, and so on; its score, and what it says.
-/// `None` where not even one effect is left.
+/// What may be used of a model that may not be used whole: the best model with one effect or one factor less, with two less, and so on; its score, and
+/// what it says. `None` where not even one effect is left.
 fn with_fewer<'a>(search: &Search<'a>, mut model: Model<'a>, may_be_used: &MayBeUsed<'_>) -> Option<(f64, Posterior)> {
-    while model.terms.len() > 1 {
+    loop {
         let fewer = search.with_one_less(&model);
         let said = |(score, model): &(f64, Model<'a>)| (*score, Posterior::new(model, &[]));
         let usable = fewer.iter().map(said).find(|(_, posterior)| may_be_used(posterior, search.runs));
@@ -162,5 +162,4 @@ fn with_fewer<'a>(search: &Search<'a>, mut model: Model<'a>, may_be_used: &MayBe
         }
         model = fewer.into_iter().next()?.1;
     }
-    None
 }

@@ -14,6 +14,9 @@ use super::rows::Run;
 /// Turns of the sizes' fixed point; it moves by less than 2 % then.
 const TURNS: usize = 30;
 
+/// Shortest period of ringing that rates of a second show: some ten of them.
+const SHORTEST_PERIOD_S: f64 = 10.0;
+
 /// A model under way.
 pub struct Model<'a> {
     pub process: Option<Process>,
@@ -126,39 +129,32 @@ impl<'a> Model<'a> {
         let mut best = self;
         let runs = best.problem.runs;
         let noise = typical_noise(runs);
-        let longest_s = runs.iter().map(|run| run.lengths_s().1).fold(0.0, f64::max);
-        let mut starts: Vec<Option<Process>> = vec![best.process, None];
-        for time_s in [4.0, 20.0, 100.0] {
-            starts.push(Some(Process { kernel: Kernel::Exponential, sigma_deg_h: 0.5 * noise, time_s }));
-        }
+        let longest_s = runs.iter().filter_map(|run| run.t_s.last()).copied().fold(1.0, f64::max);
         let score = |process: &Option<Process>| {
             Model::new(runs, *process, &best.terms).map(|each| (each.fit.evidence - process_cost(process), *process))
         };
-        let mut tried: Vec<(f64, Option<Process>)> = starts.par_iter().filter_map(score).collect();
-        tried.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let Some(&(mut top, mut process)) = tried.first() else { return best };
-        if let Some(mut own) = process {
+        let likeliest =
+            |processes: &[Option<Process>]| processes.par_iter().filter_map(score).max_by(|a, b| a.0.total_cmp(&b.0));
+        let tuned = |mut top: f64, mut process: Process| {
             let mut step = 0.7;
             while step > 0.15 {
-                let moves = [(step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)];
-                let moved = moves
-                    .par_iter()
-                    .filter_map(|(size, time): &(f64, f64)| {
-                        let each = Process {
-                            sigma_deg_h: own.sigma_deg_h * size.exp(),
-                            time_s: (own.time_s * time.exp()).clamp(1.0, 4.0 * longest_s),
-                            ..own
-                        };
-                        score(&Some(each))
-                    })
-                    .max_by(|a, b| a.0.total_cmp(&b.0));
-                match moved {
-                    Some((above, Some(each))) if above > top + 1e-3 => (top, own) = (above, each),
+                match likeliest(&neighbours(&process, step, longest_s)) {
+                    Some((above, Some(each))) if above > top + 1e-3 => (top, process) = (above, each),
                     _ => step *= 0.5,
                 }
             }
-            process = Some(own);
-        }
+            (top, process)
+        };
+        let exponential = |time_s| Some(Process { kernel: Kernel::Exponential, sigma_deg_h: 0.5 * noise, time_s });
+        let starts = [best.process, None, exponential(4.0), exponential(20.0), exponential(100.0)];
+        let Some((top, first)) = likeliest(&starts) else { return best };
+        let process = first.map(|first| {
+            let (top, process) = tuned(top, first);
+            match likeliest(&other_kernels(&process, longest_s)) {
+                Some((above, Some(other))) if above > top => tuned(above, other).1,
+                _ => process,
+            }
+        });
         if process != best.process
             && let Some(with) = Model::new(runs, process, &best.terms)
         {
@@ -168,9 +164,42 @@ impl<'a> Model<'a> {
     }
 }
 
-/// What a process costs, nats: its two constants, each one of some eight values that recordings tell apart.
+/// A process with each of its constants a step greater or less, in its logarithm.
+fn neighbours(process: &Process, step: f64, longest_s: f64) -> Vec<Option<Process>> {
+    let by = |factor: f64| {
+        let kernel = match process.kernel {
+            Kernel::DampedCosine { period_s } => {
+                Some(Process { kernel: Kernel::DampedCosine { period_s: period_s * factor }, ..*process })
+            }
+            _ => None,
+        };
+        let size = Process { sigma_deg_h: process.sigma_deg_h * factor, ..*process };
+        let time = Process { time_s: (process.time_s * factor).clamp(1.0, 4.0 * longest_s), ..*process };
+        [Some(size), Some(time), kernel]
+    };
+    [step.exp(), (-step).exp()].into_iter().flat_map(by).filter(Option::is_some).collect()
+}
+
+/// Processes of other kernels for which this one may stand: a smoother one, and ringing of all periods of which a run sees one at least.
+fn other_kernels(process: &Process, longest_s: f64) -> Vec<Option<Process>> {
+    let periods = std::iter::successors(Some(longest_s), |period_s| Some(0.5 * period_s));
+    let ringing = |period_s| Process { kernel: Kernel::DampedCosine { period_s }, time_s: period_s, ..*process };
+    let smoother = Process { kernel: Kernel::Matern, ..*process };
+    std::iter::once(smoother)
+        .chain(periods.take_while(|period_s| *period_s > SHORTEST_PERIOD_S).map(ringing))
+        .map(Some)
+        .collect()
+}
+
+/// What a process costs, nats: its constants, each one of some eight values that recordings tell apart, and one of two other kernels half of the time.
 pub fn process_cost(process: &Option<Process>) -> f64 {
-    if process.is_some() { 2.0 * 8f64.ln() } else { 0.0 }
+    let constants = match process.map(|process| process.kernel) {
+        None => return 0.0,
+        Some(Kernel::DampedCosine { .. }) => 3.0,
+        Some(_) => 2.0,
+    };
+    let plain = process.is_some_and(|process| process.kernel == Kernel::Exponential);
+    constants * 8f64.ln() + if plain { 0.0 } else { 2f64.ln() }
 }
 
 /// Noise of a row of a usual run, °/h.
@@ -179,4 +208,38 @@ fn typical_noise(runs: &[Run]) -> f64 {
         runs.iter().filter_map(|run| run.variance.first()).map(|variance| variance.sqrt()).collect();
     all.sort_by(f64::total_cmp);
     all.get(all.len() / 2).copied().unwrap_or(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Half a period less each time, down to ten seconds; three constants, and one of two other kernels half of the time.
+    #[test]
+    fn what_is_tried_for_an_exponential_process() {
+        let exponential = Process { kernel: Kernel::Exponential, sigma_deg_h: 1.0, time_s: 10.0 };
+        let kernels: Vec<Kernel> =
+            other_kernels(&exponential, 80.0).into_iter().flatten().map(|process| process.kernel).collect();
+        let ringing = |period_s| Kernel::DampedCosine { period_s };
+        assert_eq!(kernels, [Kernel::Matern, ringing(80.0), ringing(40.0), ringing(20.0)]);
+        let ringing = Process { kernel: ringing(40.0), ..exponential };
+        assert!((process_cost(&Some(ringing)) - (3.0 * 8f64.ln() + 2f64.ln())).abs() < 1e-12);
+        assert_eq!(neighbours(&ringing, 0.7, 100.0).len(), 6);
+        assert_eq!(neighbours(&exponential, 0.7, 100.0).len(), 4);
+    }
+
+    /// Eight runs whose rate, beside the Earth's at four positions in turn, rings with a period of 30 s and another phase each time.
+    #[test]
+    fn a_ringing_process_is_found() {
+        let ringing = |run: usize| -> Vec<f64> {
+            let noise = |i: usize| ((i * i * 7 + i * 13 + run * 31) % 17) as f64 / 8.0 - 1.0;
+            let phase = 2.4 * run as f64;
+            let at = |i: usize| 5.0 * (std::f64::consts::TAU * i as f64 / 30.0 + phase).cos() + noise(i);
+            (0..120).map(|i| at(i) + [10.0, 0.0, -10.0, 0.0][i % 4]).collect()
+        };
+        let runs: Vec<Run> = (0..8).map(|run| Run::of_rates(&ringing(run))).collect();
+        let process = Model::new(&runs, None, &[]).unwrap().with_likeliest_process().process.unwrap();
+        let Kernel::DampedCosine { period_s } = process.kernel else { panic!("{process:?}") };
+        assert!((period_s / 30.0).ln().abs() < 0.15, "{process:?}");
+    }
 }

@@ -208,13 +208,30 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// A model without each of its effects in turn, the likeliest first, with their scores.
+    /// A model without each of its effects, and without each factor of an effect, in turn, the likeliest first, with their scores.
     pub fn with_one_less(&self, model: &Model<'a>) -> Vec<(f64, Model<'a>)> {
         let scored = |fewer: Model<'a>| (fewer.score(&self.grammar), fewer);
-        let fewer = self.without_each(model).map(Model::with_likeliest_process);
-        let mut fewer: Vec<(f64, Model<'a>)> = fewer.map(scored).collect();
+        let simpler = (0..model.terms.len()).flat_map(|i| self.with_one_simpler(model, i));
+        let fewer = self.without_each(model).chain(simpler).filter(|each| !each.terms.is_empty());
+        let mut fewer: Vec<(f64, Model<'a>)> = fewer.map(Model::with_likeliest_process).map(scored).collect();
         fewer.sort_by(|a, b| b.0.total_cmp(&a.0));
         fewer
+    }
+
+    /// A model with one of its effects without each of its factors in turn.
+    fn with_one_simpler(&self, model: &Model<'a>, i: usize) -> Vec<Model<'a>> {
+        let mut terms = model.terms.clone();
+        let own = terms.remove(i);
+        let Some(others) = Model::new(self.runs, model.process, &terms) else { return Vec::new() };
+        let simpler = if own.known.is_some() { Vec::new() } else { reduced(&own.effect) };
+        let simpler = simpler.into_iter().filter(|effect| !effect.factors.is_empty());
+        let with = |effect: Effect| {
+            let (_, effect) = self.tuned(&others, effect.clone(), self.gain(&others, &effect), &FINELY);
+            let mut with = terms.clone();
+            with.push(self.term(&others, &effect));
+            Model::new(self.runs, model.process, &with)
+        };
+        simpler.filter_map(with).collect()
     }
 
     /// References that may be wrong, the likeliest first. They are tested beside all effects of the model, beside none, and beside all but each one,
