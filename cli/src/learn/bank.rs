@@ -25,6 +25,8 @@ const LEAST_COARSE_ROWS: usize = 16;
 const OF_THE_SAME_SIGNAL: usize = 4;
 /// Up to so many columns inner products are quicker one by one.
 const FEW: usize = 12;
+/// What the unknowns leave of columns is rounding of single precision where it is no more than this of them, in squares: rounding itself leaves some 10⁻¹⁴.
+const ROUNDING: f32 = 1e-9;
 
 /// All rows of all runs, one after the other: where each run ends, the precision of every row, and what the runs' unknowns take away.
 pub struct Rows {
@@ -80,8 +82,8 @@ struct LeftOfRun {
 }
 
 impl LeftOfRun {
-    /// A column of the run, independent and beside its unknowns.
-    fn white(&self, column: &[f32], to: &mut [f32]) {
+    /// A column of the run, independent and beside its unknowns. Gives the sum of its squares before the unknowns are taken out.
+    fn white(&self, column: &[f32], to: &mut [f32]) -> f32 {
         match &self.whitener {
             None => {
                 to.iter_mut().zip(column.iter().zip(&self.roots)).for_each(|(to, (value, root))| *to = value * root)
@@ -92,24 +94,33 @@ impl LeftOfRun {
                 to.iter_mut().zip(own).for_each(|(to, value)| *to = value as f32);
             }
         }
+        let whole = dot(to, to);
         self.unknowns.take_out(to);
+        whole
     }
 }
 
 impl Left {
-    /// About what columns of one effect gain beside the model and the unknowns of every run, and their weights.
+    /// About what columns of one effect gain beside the model and the unknowns of every run, and their weights; nothing where the unknowns leave nothing.
     pub fn gain(&self, columns: &[DVector<f32>]) -> (f64, DVector<f32>) {
         let right = DVector::from_iterator(columns.len(), columns.iter().map(|column| column.dot(&self.sums)));
         let mut matrix = DMatrix::zeros(self.sums.len(), columns.len());
+        let mut greatest: f32 = 0.0;
         for (column, mut white) in columns.iter().zip(matrix.column_iter_mut()) {
             let (mut column, mut white) = (column.as_slice(), white.as_mut_slice());
+            let mut whole = 0.0;
             for run in &self.by_run {
                 let (of_run, to) = (column.split_at(run.roots.len()), white.split_at_mut(run.roots.len()));
-                run.white(of_run.0, to.0);
+                whole += run.white(of_run.0, to.0);
                 (column, white) = (of_run.1, to.1);
             }
+            greatest = greatest.max(whole);
         }
-        quick_gain(&squares(&matrix), &right)
+        let squares = squares(&matrix);
+        if squares.diagonal().max() <= ROUNDING * greatest {
+            return (0.0, DVector::zeros(columns.len()));
+        }
+        quick_gain(&squares, &right)
     }
 }
 
@@ -385,6 +396,18 @@ mod tests {
     use north_finder::effects::signal::Time;
 
     use super::*;
+
+    /// A column that is the same in every row of its run is another bias: whatever is left, nothing is gained, although a further column of the effect
+    /// varies by 10⁻¹⁵. Of 1, −1, 1, −1 the square is 4 and the score 8: more than nothing.
+    #[test]
+    fn what_the_bias_explains_gains_nothing() {
+        let unknowns = Unknowns::new([vec![0.0; 4], vec![0.0; 4], vec![1e3; 4]]);
+        let by_run = vec![LeftOfRun { roots: vec![1.0; 4], whitener: None, unknowns }];
+        let left = Left { sums: DVector::from_column_slice(&[2.0, -2.0, 2.001, -2.0]), by_run };
+        let column = |rows: [f32; 4]| DVector::from_column_slice(&rows);
+        assert_eq!(left.gain(&[column([1.0; 4]), column([1e-15, 2e-15, 3e-15, 4e-15])]).0, 0.0);
+        assert!(left.gain(&[column([1.0, -1.0, 1.0, -1.0])]).0 > 0.0);
+    }
 
     /// By hand: 2, 2, 2 by a constant, 1, and by a line, 0 at 1 and 1 at 3, of the values 1, none and 3; of the third row half says something.
     #[test]

@@ -556,7 +556,8 @@ impl<'a> Search<'a> {
                         }
                     }
                     // By less than a third of a nat nobody tells two constants apart.
-                    if gain < last + 0.3 {
+                    let has_gained = gain - last >= 0.3;
+                    if !has_gained {
                         step *= 0.5;
                     }
                 }
