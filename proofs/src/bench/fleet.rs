@@ -1,7 +1,7 @@
 //! `north bench fleet`: what a fleet's prior is worth for the next unit, and whether units that are not like the others are seen.
 
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use north::campaign::{Campaign as Recorded, Role};
@@ -44,6 +44,9 @@ pub struct FleetBench {
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    /// Folder to keep every type's campaigns and what was learned of them in
+    #[arg(long, value_name = "DIR")]
+    keep: Option<PathBuf>,
 }
 
 /// One type.
@@ -129,19 +132,25 @@ impl FleetBench {
     fn one(&self, number: u64, kind: Kind, bar: &indicatif::ProgressBar) -> Result<Row, Failure> {
         let begun = std::time::Instant::now();
         let fleet = Fleet::draw(self.seed, number, kind);
-        let folder = tempfile::tempdir()?;
+        let passing = tempfile::tempdir()?;
+        let folder = match &self.keep {
+            Some(keep) => keep.join(format!("type-{number}")),
+            None => passing.path().to_owned(),
+        };
         for unit in 0..self.units {
-            fleet
-                .unit(unit, self.runs as usize, 0, UnitKind::Usual)
-                .write(&folder.path().join(format!("{unit:04}")))?;
+            let campaign = fleet.unit(unit, self.runs as usize, 0, UnitKind::Usual);
+            campaign.write(&folder.join("learned").join(format!("{unit:04}")))?;
         }
-        let learned = fleet::learn(&sources(&[folder.path().to_owned()])?, fleet::cores(), || bar.inc(1))?;
+        let learned = fleet::learn(&sources(&[folder.join("learned")])?, fleet::cores(), || bar.inc(1))?;
+        learned.write(&folder.join("fleet.toml"))?;
         let mut usual = Vec::new();
         let mut odd = Vec::new();
         for test in 0..if kind == Kind::Empty { 0 } else { self.tests } {
             let own = if test % 2 == 0 { UnitKind::OwnWeight } else { UnitKind::OwnEffect };
-            usual.push(errors(&fleet.unit(10_000 + test, LONG, JUDGED, UnitKind::Usual), &learned, true)?);
-            odd.push(errors(&fleet.unit(20_000 + test, LONG, JUDGED, own), &learned, false)?);
+            let unit = fleet.unit(10_000 + test, LONG, JUDGED, UnitKind::Usual);
+            usual.push(errors(&unit, &folder.join(format!("usual-{test}")), &learned, true)?);
+            let unit = fleet.unit(20_000 + test, LONG, JUDGED, own);
+            odd.push(errors(&unit, &folder.join(format!("outside-{test}")), &learned, false)?);
             bar.inc(2);
         }
         let outside = |units: &[Errors]| units.iter().map(|unit| unit.outside).collect::<Vec<f64>>();
@@ -164,13 +173,11 @@ impl FleetBench {
     }
 }
 
-/// The true errors of one unit's judged runs by every arm; the long campaign only where it is wanted.
-fn errors(unit: &Campaign, learned: &Learned, long: bool) -> Result<Errors, Failure> {
-    let folder = tempfile::tempdir()?;
-    let path = folder.path().join("unit");
-    unit.write(&path)?;
+/// The true errors of one unit's judged runs by every arm, its campaign written to a folder; the long one only where it is wanted.
+fn errors(unit: &Campaign, path: &Path, learned: &Learned, long: bool) -> Result<Errors, Failure> {
+    unit.write(path)?;
     let of = |fits: usize, family: Family| -> Result<(Vec<f64>, Vec<f64>, Diagnosis), Failure> {
-        let diagnosis = shortened(&path, fits, family)?;
+        let diagnosis = shortened(path, fits, family)?;
         let truth = unit.truth();
         let miss = |of: fn(&north::diagnose::RunDiagnosis) -> Option<f64>| -> Vec<f64> {
             let checks = diagnosis.runs.iter().filter(|run| run.role == Role::Check);
