@@ -14,7 +14,7 @@ pub use super::dwells::Dwells;
 use super::index_watch::IndexWatch;
 use super::noise::Noise;
 use super::rotation::Rotation;
-use super::{Declared, DesignRow, Fix, Unsolvable, moving_base};
+use super::{Declared, DesignRow, Fix, Unsolvable, doubt, moving_base};
 use crate::earth::EarthRate;
 use crate::effects::carried::CarriedSums;
 use crate::effects::now::RunFacts;
@@ -31,6 +31,12 @@ const TEMPERATURE_CHANGE_K: f64 = 0.5;
 const HELD: usize = 16;
 /// Share of the time at rest below which the index was turning all the time: every second counts at its own angle.
 pub const ROTATION_SHARE: f64 = 0.25;
+
+/// Dwells that a doubtful model weighs are kept in parts of this length, seconds: a process of some tens of seconds, or a drift, shows between them. Where
+/// there is no room for more, the shortest neighbours are joined.
+const PART_S: f64 = 10.0;
+/// Fewest rows of a part: as many as tell a robust mean.
+const LEAST_ROWS: usize = 8;
 
 /// A second as it was measured, or a row of a recording of another length.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -153,6 +159,8 @@ pub struct Accumulator<D> {
     rest_s: f64,
     moving_s: f64,
     temperature_c: Option<(f64, f64)>,
+    /// Beginning of the dwell under way, if parts of it are kept.
+    parted_s: Option<f64>,
     flags: Flags,
 }
 
@@ -185,6 +193,7 @@ impl<D: Dwells> Accumulator<D> {
             rest_s: 0.0,
             moving_s: 0.0,
             temperature_c: None,
+            parted_s: None,
             flags: Flags::default(),
         }
     }
@@ -221,6 +230,7 @@ impl<D: Dwells> Accumulator<D> {
         self.carried.clear();
         self.held.clear();
         (self.rest_s, self.moving_s) = (0.0, 0.0);
+        self.parted_s = None;
     }
 
     /// What is known of the run as a whole: time of day, rest before it.
@@ -302,13 +312,29 @@ impl<D: Dwells> Accumulator<D> {
         if self.held.iter().any(|held| held.index == Index::Rested) {
             self.release();
         }
+        let last = self.end_part();
+        let Some(start_s) = self.parted_s.take() else { return last };
+        if last.is_some_and(|last| usize::from(last.degrees_of_freedom) < LEAST_ROWS) {
+            self.join_last(start_s);
+        }
+        let parts = self.dwells.as_slice().iter().filter(|part| part.start_s >= start_s);
+        parts.copied().reduce(|dwell, part| dwell.joined(&part))
+    }
+
+    /// A part of the dwell that is under way is over, or all of it.
+    fn end_part(&mut self) -> Option<DwellSummary> {
         let noise_deg_h = self.least_scatter_deg_h();
-        self.outliers_s.clear();
+        if self.parted_s.is_none() {
+            self.outliers_s.clear();
+        }
         let summary = match self.evaluator.model().base_motion {
             Some(sensing) => moving_base::summary(self.rows.as_slice(), sensing, noise_deg_h),
             None => {
                 let summary = self.rows.summary(noise_deg_h);
-                self.outliers_s.clone_from(self.rows.outliers_s());
+                // Of more than there is room for it is known how many there were.
+                self.outliers_s.extend(
+                    self.rows.outliers_s().iter().copied().take(self.outliers_s.capacity() - self.outliers_s.len()),
+                );
                 summary
             }
         };
@@ -321,6 +347,21 @@ impl<D: Dwells> Accumulator<D> {
         summary.carried = self.carried.take();
         self.keep(summary);
         Some(summary)
+    }
+
+    /// Whether dwells are kept in parts. Noise of the angle has none: what one reads too much the next one lacks.
+    fn in_parts(&self) -> bool {
+        let model = self.evaluator.model();
+        doubt::is_any(&model.doubt) && model.base_motion.is_none() && self.declared.gyro.angle_noise_arcsec == 0.0
+    }
+
+    /// Whether the rows so far, which end with this one, are a part of their dwell that is kept by itself.
+    fn is_part(&self, last: &Row) -> bool {
+        let rows = self.rows.as_slice();
+        let length_s = |first: &Row| last.t_s - first.t_s + 0.5 * (first.seconds + last.seconds);
+        self.in_parts()
+            && rows.len() >= LEAST_ROWS
+            && rows.first().is_some_and(|first| length_s(first) > 0.999 * PART_S)
     }
 
     /// Middles of the seconds that were left out of the last dwell as outliers, seconds.
@@ -415,6 +456,10 @@ impl<D: Dwells> Accumulator<D> {
             Index::Rested => {
                 self.carried.add(carried, row.seconds);
                 self.rows.push(row, self.least_scatter_deg_h());
+                if self.is_part(&row) {
+                    let part = self.end_part();
+                    self.parted_s = self.parted_s.or(part.map(|part| part.start_s));
+                }
             }
             Index::Moved => self.keep(DwellSummary { carried: *carried, ..DwellSummary::moving(&row) }),
             Index::Rotated => self.full |= !self.rotation.push(row, *carried, &mut self.dwells),
@@ -433,7 +478,38 @@ impl<D: Dwells> Accumulator<D> {
     }
 
     fn keep(&mut self, dwell: DwellSummary) {
+        let at_rest = self.dwells.as_slice().iter().filter(|dwell| !dwell.moving).count();
+        if self.in_parts() && at_rest >= doubt::MOST {
+            self.join_parts();
+        }
         self.full |= !self.dwells.push(dwell);
+    }
+
+    /// Joins the last part, which is too short to stand alone, to the one before it of the dwell that began at this time.
+    fn join_last(&mut self, start_s: f64) {
+        if let [.., own, last] = self.dwells.as_slice()
+            && own.start_s >= start_s
+            && own.goes_on_in(last)
+        {
+            let (joined, number) = (own.joined(last), self.dwells.as_slice().len() - 2);
+            self.dwells.replace_two(number, joined);
+        }
+    }
+
+    /// Makes room: joins the two neighbouring parts of a dwell that are the shortest together.
+    fn join_parts(&mut self) {
+        let pairs = self.dwells.as_slice().windows(2).enumerate().filter_map(|(number, pair)| match pair {
+            [own, next] if own.goes_on_in(next) && self.parted_s != Some(next.start_s) => {
+                Some((own.seconds + next.seconds, number))
+            }
+            _ => None,
+        });
+        if let Some((_, number)) = pairs.min_by(|(a, _), (b, _)| a.total_cmp(b))
+            && let [Some(own), Some(next)] = [number, number + 1].map(|number| self.dwells.as_slice().get(number))
+        {
+            let joined = own.joined(next);
+            self.dwells.replace_two(number, joined);
+        }
     }
 
     fn watch_temperature(&mut self, temp_c: f64) {

@@ -103,6 +103,45 @@ pub struct Line {
     pub successive_squares: f32,
 }
 
+impl Line {
+    /// The line through what two lines in a row stand for, but for the step between them. `apart`: how the two lie to each other.
+    fn joined(&self, next: &Self, apart: &Apart) -> Self {
+        let Apart { share, weight, time_s, spreads: [first, second] } = *apart;
+        let step = next.mean - self.mean;
+        let with_time = self.slope_per_s * first + next.slope_per_s * second + weight * time_s * step;
+        let inside =
+            |line: &Self, spread: f64| f64::from(line.residual_squares) + line.slope_per_s * line.slope_per_s * spread;
+        let squares = inside(self, first) + inside(next, second) + weight * step * step;
+        let spread = apart.spread();
+        let slope_per_s = if spread > 0.0 { with_time / spread } else { 0.0 };
+        Self {
+            mean: self.mean + share * step,
+            slope_per_s,
+            residual_squares: (squares - slope_per_s * with_time).max(0.0) as f32,
+            successive_squares: self.successive_squares + next.successive_squares,
+        }
+    }
+}
+
+/// How two parts of a dwell lie to each other in time.
+struct Apart {
+    /// Share of the second one in their seconds.
+    share: f64,
+    /// Product of their seconds by the sum.
+    weight: f64,
+    /// From the mean time of the first to that of the second, seconds.
+    time_s: f64,
+    /// Weighted sums of squared times about the mean of each, s³.
+    spreads: [f64; 2],
+}
+
+impl Apart {
+    /// The same sum of both together.
+    fn spread(&self) -> f64 {
+        self.spreads[0] + self.spreads[1] + self.weight * self.time_s * self.time_s
+    }
+}
+
 /// A line without its mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Trend {
@@ -135,6 +174,12 @@ impl LevelLine {
     }
 }
 
+impl From<LevelLine> for Line {
+    fn from(LevelLine { mean, slope_per_s, residual_squares, successive_squares }: LevelLine) -> Self {
+        Self { mean: mean.into(), slope_per_s: slope_per_s.into(), residual_squares, successive_squares }
+    }
+}
+
 impl From<Line> for LevelLine {
     fn from(Line { mean, slope_per_s, residual_squares, successive_squares }: Line) -> Self {
         Self { mean: mean as f32, slope_per_s: slope_per_s as f32, residual_squares, successive_squares }
@@ -149,6 +194,18 @@ pub struct Temperature {
     pub kelvin_per_s: f32,
 }
 
+impl Temperature {
+    fn joined(self, next: Self, apart: &Apart) -> Self {
+        let line = |Self { kelvin, kelvin_per_s }| Line {
+            mean: f64::from(kelvin),
+            slope_per_s: f64::from(kelvin_per_s),
+            ..Line::default()
+        };
+        let joined = line(self).joined(&line(next), apart);
+        Self { kelvin: joined.mean as f32, kelvin_per_s: joined.slope_per_s as f32 }
+    }
+}
+
 /// The robust mean of a dwell: the line of the values that stand for its rows, and how block means scatter, of the rates and of these values.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Robust {
@@ -157,6 +214,17 @@ pub struct Robust {
     pub blocks: Blocks,
     /// Logarithm of the likelihood of heavy tails over that of normal ones.
     pub evidence: f32,
+}
+
+impl Robust {
+    fn joined(&self, next: &Self, apart: &Apart) -> Self {
+        Self {
+            line: self.line.joined(&next.line, apart),
+            plain_blocks: self.plain_blocks.joined(next.plain_blocks),
+            blocks: self.blocks.joined(next.blocks),
+            evidence: self.evidence + next.evidence,
+        }
+    }
 }
 
 /// What a dwell says, or one interval of a continuous rotation.
@@ -614,6 +682,45 @@ impl DwellSummary {
         }
     }
 
+    /// This part of a dwell and the one after it as one. The angle's line is lost, which would need the angle turned between them.
+    pub fn joined(&self, next: &Self) -> Self {
+        let seconds = self.seconds + next.seconds;
+        let share = next.seconds / seconds;
+        let apart = Apart {
+            share,
+            weight: self.seconds * share,
+            time_s: next.t_s - self.t_s,
+            spreads: [self.time_spread.into(), next.time_spread.into()],
+        };
+        let mix = |own: f64, other: f64| own + share * (other - own);
+        let level = |own: LevelLine, other: LevelLine| Line::from(own).joined(&other.into(), &apart).into();
+        let mut carried = self.carried;
+        carried.mix(&next.carried, share as f32);
+        Self {
+            seconds,
+            t_s: mix(self.t_s, next.t_s),
+            end_s: next.end_s,
+            time_spread: apart.spread() as f32,
+            cos: mix(self.cos, next.cos),
+            sin: mix(self.sin, next.sin),
+            rate: self.rate.joined(&next.rate, &apart),
+            robust: self.robust.zip(next.robust).map(|(own, other)| own.joined(&other, &apart)),
+            angle: None,
+            level: self.level.zip(next.level).map(|([a, b], [c, d])| [level(a, c), level(b, d)]),
+            temperature: self.temperature.joined(next.temperature, &apart),
+            // Two lines take four rows' worth, one takes two.
+            degrees_of_freedom: self.degrees_of_freedom.saturating_add(next.degrees_of_freedom).saturating_add(2),
+            outliers: self.outliers.saturating_add(next.outliers),
+            carried,
+            ..*self
+        }
+    }
+
+    /// Whether `next` is a further part of the same dwell: it begins where this one ends, and the index did not slip in between.
+    pub fn goes_on_in(&self, next: &Self) -> bool {
+        !self.moving && !next.moving && (next.start_s - self.end_s).abs() < GAP_S && self.slip_deg == next.slip_deg
+    }
+
     /// Takes another interval of a continuous rotation in, of the same sector.
     pub(super) fn merge(&mut self, other: &Self) {
         self.seconds += other.seconds;
@@ -795,6 +902,44 @@ mod tests {
         assert_eq!(shaken.skip_jitter(3.0, 3), Some(3));
         assert_eq!(shaken.len(), 4);
         assert_eq!(rows(&[9.0, 1.0, 9.0, 1.0]).skip_jitter(3.0, 3), None);
+    }
+
+    /// A dwell of forty seconds, and its parts of fifteen and twenty-five joined: what a line says is the same, but for the step between them.
+    #[test]
+    fn parts_joined_are_the_whole() {
+        let mut state = 1;
+        let all: std::vec::Vec<Row> = (0..40)
+            .map(|second| {
+                let x = normal(&mut state);
+                let level = LevelMoments::constant(1e-3 * x, 2e-3 * f64::from(second));
+                Row { level, ..row(second, 5.0 + 0.1 * f64::from(second) + x) }
+            })
+            .collect();
+        let summary = |rows: &[Row]| {
+            let mut dwell = DwellRows::default();
+            for row in rows {
+                dwell.push(*row, 1.0);
+                dwell.push_temperature(row.t_s, 20.0 + 0.01 * row.t_s * row.t_s);
+            }
+            dwell.summary(1.0).unwrap()
+        };
+        let (whole, first, second) = (summary(&all), summary(&all[..15]), summary(&all[15..]));
+        assert!(first.goes_on_in(&second) && !second.goes_on_in(&first));
+        let joined = first.joined(&second);
+        let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-5 * b.abs().max(1e-3), "{a} {b}");
+        close(joined.seconds, 40.0);
+        close(joined.t_s, whole.t_s);
+        close(joined.end_s, 40.0);
+        close(joined.time_spread.into(), whole.time_spread.into());
+        close(joined.rate.mean, whole.rate.mean);
+        close(joined.rate.slope_per_s, whole.rate.slope_per_s);
+        close(joined.rate.residual_squares.into(), whole.rate.residual_squares.into());
+        let [levels, of_whole] = [joined, whole].map(|dwell| dwell.level.unwrap()[1]);
+        close(levels.mean.into(), of_whole.mean.into());
+        close(levels.slope_per_s.into(), of_whole.slope_per_s.into());
+        close(joined.temperature.kelvin.into(), whole.temperature.kelvin.into());
+        close(joined.temperature.kelvin_per_s.into(), whole.temperature.kelvin_per_s.into());
+        assert_eq!(joined.degrees_of_freedom, whole.degrees_of_freedom);
     }
 
     #[test]

@@ -110,6 +110,13 @@ pub struct Blocks {
     pub pairs: u16,
 }
 
+impl Blocks {
+    /// Those of two parts of a dwell, but for the pair between them.
+    pub fn joined(self, next: Self) -> Self {
+        Self { squares: self.squares + next.squares, pairs: self.pairs.saturating_add(next.pairs) }
+    }
+}
+
 /// Gathers [`Blocks`].
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct BlockSums {
