@@ -521,3 +521,73 @@ impl<D: Dwells> Accumulator<D> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::vec::Vec;
+
+    use super::*;
+    use crate::fix::tests::{declared, normal};
+
+    /// Ω cos 60°, °/h.
+    const NORTH_DEG_H: f64 = 7.5205335;
+
+    /// Four positions at azimuth 90° while the bias drifts by 6 °/h an hour, so that it changes by 0.1 °/h in a dwell of a minute, and what the
+    /// accumulator keeps of them.
+    fn drifting(model: ErrorModel, seconds: u16) -> (Fix, Vec<DwellSummary>, Vec<DwellSummary>) {
+        let mut accumulator = Accumulator::new(declared(60.0), model, Vec::<DwellSummary>::new());
+        let (mut state, mut t_s, mut ended) = (5, 0.0, Vec::new());
+        for index_deg in [0.0, 90.0, 180.0, 270.0] {
+            for _ in 0..seconds {
+                let rate = NORTH_DEG_H * libm::cos(f64::to_radians(90.0 - index_deg)) + 6.0 * t_s / 3600.0;
+                let conditions = Conditions {
+                    t_s: t_s + 0.5,
+                    raw_rate_deg_h: rate + 0.01 * normal(&mut state),
+                    index: Some(Direction::of_deg(index_deg)),
+                    ..Conditions::default()
+                };
+                let second = accumulator.correct(&Second { conditions, ..Second::default() });
+                assert_eq!(accumulator.collect(&second), Taken::Collected);
+                t_s += 1.0;
+            }
+            ended.extend(accumulator.end_dwell());
+            accumulator.index_turns();
+            t_s += 5.0;
+        }
+        (accumulator.solve().unwrap(), accumulator.dwells, ended)
+    }
+
+    fn doubtful() -> ErrorModel {
+        let mut model = ErrorModel::default();
+        model.doubt.directions.push(heapless::Vec::new()).unwrap();
+        model
+    }
+
+    /// By the dwells' means alone the drift would turn the azimuth: of a minute's dwells the means at 0° and 180° are 130 s apart, 0.217 °/h, which is
+    /// half of that over h, 0.83°.
+    #[test]
+    fn a_drift_is_seen_beside_a_doubtful_model() {
+        for model in [ErrorModel::default(), doubtful()] {
+            let (fix, ..) = drifting(model, 60);
+            assert!(fix.flags.contains(Flag::Drift), "{fix:?}");
+            assert!(wrap_180_deg(fix.azimuth_deg - 90.0).abs() < 0.25, "{fix:?}");
+        }
+    }
+
+    /// Of 54 s there are five parts of ten seconds, the last with the four that are left; whoever hears of a dwell hears of all of it. Dwells of ten minutes
+    /// have as many parts as there is room for, of about the same length.
+    #[test]
+    fn dwells_are_kept_in_parts() {
+        let (_, parts, ended) = drifting(doubtful(), 54);
+        let lengths: Vec<f64> = parts.iter().map(|part| part.seconds).collect();
+        assert_eq!(lengths, [10.0, 10.0, 10.0, 10.0, 14.0].repeat(4));
+        assert!(ended.iter().all(|dwell| dwell.seconds == 54.0 && dwell.degrees_of_freedom == 52), "{ended:?}");
+        let (_, parts, ended) = drifting(doubtful(), 600);
+        assert_eq!((parts.len(), ended.len()), (doubt::MOST, 4));
+        assert_eq!(parts.iter().map(|part| part.seconds).sum::<f64>(), 2400.0);
+        let longest = parts.iter().map(|part| part.seconds).fold(0.0, f64::max);
+        assert!(longest <= 240.0, "{longest}");
+        let (_, whole, _) = drifting(ErrorModel::default(), 600);
+        assert_eq!(whole.len(), 4);
+    }
+}

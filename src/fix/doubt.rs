@@ -3,8 +3,8 @@
 //! The mean rates have the covariance C = white noise + P + D Dᵀ + M: M what is uncertain of a path of the base that was taken out, P that of the model's process of the run's own (mean over
 //! each dwell against mean over each other), D the columns of what one sigma along each uncertain direction of the model's
 //! coefficients adds to each dwell. The fix is generalised least squares with C: by its Cholesky factor L, rows and rates
-//! become L⁻¹ times themselves, and have independent errors of one. Slopes inside the dwells say nothing then: the process
-//! makes slopes of its own.
+//! become L⁻¹ times themselves, and have independent errors of one. Slopes are left out, because the process makes slopes of its own; the dwells stand
+//! here in parts ([`super::accumulator`]), whose means show a slope.
 //!
 //! A fix of more intervals than there is room for (a continuous rotation) is weighed as without doubt, and its covariance
 //! is that of these weights, with intervals taken together in groups.
