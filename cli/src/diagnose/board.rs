@@ -59,6 +59,7 @@ pub fn model(whole: &ErrorModel, runs: &[RunData]) -> ErrorModel {
             direction.iter().zip(&kept).filter(|(_, stays)| **stays).map(|(number, _)| *number).collect();
         *direction = numbers.into_iter().collect();
     }
+    model.doubt.directions.retain(|direction| direction.iter().any(|number| *number != 0.0));
     let turn_deg = |run: &RunData| {
         let [whole, board] = [whole, &model].map(|model| run.replay(model, &mut |_| ()).ok());
         Some(wrap_180_deg(whole?.azimuth_deg - board?.azimuth_deg).powi(2))

@@ -88,5 +88,5 @@ fn facts(shown: &Shown<'_>, made: &Made<'_>, directions: &Directions) -> String 
     rows.push(("flags", if fix.flags.is_empty() { "none".into() } else { "see below".into() }));
     rows.push(("computed", format!("{}, north {}", today(), env!("CARGO_PKG_VERSION"))));
     let rows: Vec<Vec<String>> = rows.into_iter().map(|(name, value)| vec![name.to_owned(), value]).collect();
-    table(&[("", false), ("", false)], &rows).replace(" data-name=\"\"", "")
+    table(&[("", false), ("", false)], &rows)
 }

@@ -80,7 +80,7 @@ pub fn code_list(names: &[String]) -> String {
     names.iter().map(|name| format!("<code>{}</code>", escape(name))).collect::<Vec<_>>().join(", ")
 }
 
-/// An HTML table; `stack` names the columns again where a narrow screen stacks them.
+/// An HTML table; where a narrow screen stacks its cells, each is named by its column, if that has a name.
 pub fn table(head: &[(&str, bool)], rows: &[Vec<String>]) -> String {
     let mut html = String::from("<table class=\"stack\"><thead><tr>");
     for (name, numeric) in head {
@@ -91,7 +91,8 @@ pub fn table(head: &[(&str, bool)], rows: &[Vec<String>]) -> String {
         html.push_str("<tr>");
         for (sample, (name, numeric)) in row.iter().zip(head) {
             let class = if *numeric { " class=\"n\"" } else { "" };
-            let _ = write!(html, "<td{class} data-name=\"{name}\">{sample}</td>");
+            let name = if name.is_empty() { String::new() } else { format!(" data-name=\"{name}\"") };
+            let _ = write!(html, "<td{class}{name}>{sample}</td>");
         }
         html.push_str("</tr>\n");
     }

@@ -215,11 +215,7 @@ pub fn experiment(diagnosis: &Diagnosis) -> String {
             format!("{:.4}° now, {:.4}° then", experiment.sigma_now_deg, experiment.sigma_then_deg),
         ],
     ];
-    html.push_str(
-        &table(&[("what", false), ("", false)], &rows)
-            .replace(" data-name=\"what\"", "")
-            .replace(" data-name=\"\"", ""),
-    );
+    html.push_str(&table(&[("", false), ("", false)], &rows));
     html
 }
 
