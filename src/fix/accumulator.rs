@@ -13,6 +13,7 @@ use super::dwell::{DwellRows, DwellSummary, Row};
 pub use super::dwells::Dwells;
 use super::index_watch::IndexWatch;
 use super::noise::Noise;
+use super::robust::LEAST_ROWS;
 use super::rotation::Rotation;
 use super::{Declared, DesignRow, Fix, Unsolvable, doubt, moving_base};
 use crate::earth::EarthRate;
@@ -35,8 +36,6 @@ pub const ROTATION_SHARE: f64 = 0.25;
 /// Dwells that a doubtful model weighs are kept in parts of this length, seconds: a process of some tens of seconds, or a drift, shows between them. Where
 /// there is no room for more, the shortest neighbours are joined.
 const PART_S: f64 = 10.0;
-/// Fewest rows of a part: as many as tell a robust mean.
-const LEAST_ROWS: usize = 8;
 
 /// A second as it was measured, or a row of a recording of another length.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -355,13 +354,14 @@ impl<D: Dwells> Accumulator<D> {
         doubt::is_any(&model.doubt) && model.base_motion.is_none() && self.declared.gyro.angle_noise_arcsec == 0.0
     }
 
-    /// Whether the rows so far, which end with this one, are a part of their dwell that is kept by itself.
+    /// Whether the rows so far, which end with this one, are a part of their dwell that is kept by itself: long enough, and as many as tell a
+    /// robust mean.
     fn is_part(&self, last: &Row) -> bool {
         let rows = self.rows.as_slice();
         let length_s = |first: &Row| last.t_s - first.t_s + 0.5 * (first.seconds + last.seconds);
-        self.in_parts()
-            && rows.len() >= LEAST_ROWS
+        rows.len() >= LEAST_ROWS
             && rows.first().is_some_and(|first| length_s(first) > 0.999 * PART_S)
+            && self.in_parts()
     }
 
     /// Middles of the seconds that were left out of the last dwell as outliers, seconds.
@@ -478,37 +478,32 @@ impl<D: Dwells> Accumulator<D> {
     }
 
     fn keep(&mut self, dwell: DwellSummary) {
-        let at_rest = self.dwells.as_slice().iter().filter(|dwell| !dwell.moving).count();
-        if self.in_parts() && at_rest >= doubt::MOST {
-            self.join_parts();
+        if self.in_parts() && self.dwells.as_slice().iter().filter(|dwell| !dwell.moving).count() >= doubt::MOST {
+            self.join_shortest();
         }
         self.full |= !self.dwells.push(dwell);
     }
 
     /// Joins the last part, which is too short to stand alone, to the one before it of the dwell that began at this time.
     fn join_last(&mut self, start_s: f64) {
-        if let [.., own, last] = self.dwells.as_slice()
+        if let [before @ .., own, last] = self.dwells.as_slice()
             && own.start_s >= start_s
             && own.goes_on_in(last)
         {
-            let (joined, number) = (own.joined(last), self.dwells.as_slice().len() - 2);
-            self.dwells.replace_two(number, joined);
+            self.dwells.join_next(before.len());
         }
     }
 
     /// Makes room: joins the two neighbouring parts of a dwell that are the shortest together.
-    fn join_parts(&mut self) {
+    fn join_shortest(&mut self) {
         let pairs = self.dwells.as_slice().windows(2).enumerate().filter_map(|(number, pair)| match pair {
             [own, next] if own.goes_on_in(next) && self.parted_s != Some(next.start_s) => {
                 Some((own.seconds + next.seconds, number))
             }
             _ => None,
         });
-        if let Some((_, number)) = pairs.min_by(|(a, _), (b, _)| a.total_cmp(b))
-            && let [Some(own), Some(next)] = [number, number + 1].map(|number| self.dwells.as_slice().get(number))
-        {
-            let joined = own.joined(next);
-            self.dwells.replace_two(number, joined);
+        if let Some((_, number)) = pairs.min_by(|(a, _), (b, _)| a.total_cmp(b)) {
+            self.dwells.join_next(number);
         }
     }
 

@@ -10,13 +10,14 @@ pub trait Dwells {
     fn push(&mut self, dwell: DwellSummary) -> bool;
     fn as_slice(&self) -> &[DwellSummary];
     fn get_mut(&mut self, number: usize) -> Option<&mut DwellSummary>;
-    /// Puts one in the place of two in a row, the first of them by its number.
-    fn replace_two(&mut self, number: usize, by: DwellSummary) {
-        if let Some(place) = self.get_mut(number) {
-            *place = by;
+    /// Joins the part of a dwell with this number and the one after it.
+    fn join_next(&mut self, number: usize) {
+        let Some(&next) = self.as_slice().get(number + 1) else { return };
+        if let Some(own) = self.get_mut(number) {
+            *own = own.joined(&next);
         }
-        let mut at = 0..;
-        self.retain(|_| at.next() != Some(number + 1));
+        let mut numbers = 0..;
+        self.retain(|_| numbers.next() != Some(number + 1));
     }
     /// Keeps those for which `keep` says so.
     fn retain(&mut self, keep: impl FnMut(&DwellSummary) -> bool);

@@ -20,7 +20,7 @@ const DEGREES_OF_FREEDOM: f64 = 3.0;
 /// Steps from median and median deviation to centre and scale: the error shrinks by more than a half in each.
 const STEPS: usize = 12;
 /// Fewest rows whose tails can be told.
-const LEAST_ROWS: usize = 8;
+pub(super) const LEAST_ROWS: usize = 8;
 /// Least mean derivative: Gaussian noise has 0.63 and Student's t 2/3; with half of that the values would scatter twice as far.
 const LEAST_DERIVATIVE: f64 = 0.33;
 /// Length of a block, seconds: some six in a dwell of half a minute.
