@@ -49,7 +49,7 @@ pub(super) struct Scatter {
 
 impl Scatter {
     /// The variance of a second is that of the mean times their number; a dwell of two seconds has none.
-    fn hear(&mut self, event: &Event) {
+    pub(super) fn hear(&mut self, event: &Event) {
         if let &Event::Dwell(Dwell { seconds, sigma_deg_h, .. }) = event
             && sigma_deg_h.is_finite()
         {
@@ -59,7 +59,7 @@ impl Scatter {
     }
 
     /// 0 where there was no dwell.
-    fn rms_deg_h(&self) -> f64 {
+    pub(super) fn rms_deg_h(&self) -> f64 {
         libm::sqrt(self.sum / self.seconds.max(1.0))
     }
 }

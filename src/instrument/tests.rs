@@ -10,6 +10,7 @@ use north_boot::manifest::{public, sign};
 use super::session::{CHALLENGE, message};
 use super::*;
 use crate::drivers::sensors::Due;
+use crate::event::Dwell;
 use crate::event::bytes::Bytes;
 use crate::health::Refusal;
 use crate::link::{Ask, encode_request};
@@ -139,4 +140,17 @@ fn a_key_locks_what_is_dangerous_until_its_holder_unlocks_it() {
     let asks = [Ask::Unlock(Bytes::start_of(&signature)), Ask::SelfTest, Ask::Lock, Ask::SelfTest];
     let (refusals, _) = answers(&mut instrument, 5, &asks);
     assert_eq!(refusals, [None, None, None, Some(Refusal::Locked)]);
+}
+
+/// What the dwells of a fix scattered, the next fix does not remember; one that is ended keeps it.
+#[test]
+fn every_fix_begins_its_scatter_anew() {
+    let (work, workspace) = (Box::new(SecondWork::empty()), Box::new(Workspace::default()));
+    let mut instrument = Instrument::power_up(&mut Erased, Identity::host(), work, workspace);
+    let dwell = Dwell { position: 0, index_deg: 0.0, seconds: 4.0, rate_deg_h: 12.0, sigma_deg_h: 0.1 };
+    instrument.scatter.hear(&Event::Dwell(dwell));
+    instrument.command(Command::Abort, 1.0, &mut |_| ());
+    assert!((instrument.scatter.rms_deg_h() - 0.2).abs() < 1e-12);
+    instrument.command(Command::Start, 2.0, &mut |_| ());
+    assert_eq!(instrument.scatter.rms_deg_h(), 0.0);
 }
