@@ -97,7 +97,9 @@ pub fn diagnosis(
     let sigmas: Vec<f64> = afters.iter().filter_map(|after| after.sigma_deg).collect();
     let proposal = used.map_or_else(Proposal::default, |found| findings::next_experiment(found, runs, median(sigmas)));
     let noise = noise_tests(campaign, &residuals, of_dwells.as_ref());
-    let process = model.doubt.process.filter(|_| found.is_some());
+    let covered = model.doubt.process.filter(|_| found.is_some());
+    let withdrawn = found.filter(|_| validated.withdrawn.is_some()).and_then(|found| found.learned.process_without);
+    let process = covered.or(withdrawn).map(|process| (process, covered.is_some()));
     let mut unexplained = unexplained::evidence(process, runs, &validated.left_out, &wrong_files, &noise);
     unexplained.extend(note_contradictions(&mut records, judged));
     let up_deg_h = runs.first().map_or(0.0, |run| run.earth.up_deg_h);
@@ -141,10 +143,7 @@ pub fn diagnosis(
         station_spread_after_deg,
         unexplained: !unexplained.is_empty(),
         unexplained_evidence: unexplained,
-        withdrawn: validated
-            .withdrawn
-            .as_ref()
-            .map(|(names, why)| format!("{} was found and is not used: {why}", names.join(" and "))),
+        withdrawn: validated.withdrawn,
         missed_references,
         next_experiment: proposal.experiment,
         inseparable: proposal.inseparable,

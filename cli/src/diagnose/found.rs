@@ -20,6 +20,11 @@ const LEAST_RUNS: usize = 3;
 /// Relative error up to which sensitivity to gravity is what the other sign of the latitude would do.
 const OTHER_LATITUDE: f64 = 0.2;
 
+/// The motion of the base, among effects.
+const BASE_MOTION: &str = "base-motion";
+/// A process of the runs' own, among what was found.
+const PROCESS: &str = "a process of every run's own";
+
 /// What some runs taught.
 pub struct Found {
     pub learned: Learned,
@@ -94,6 +99,25 @@ impl Found {
     /// Nothing was learned that a model could hold.
     pub fn is_nothing(&self) -> bool {
         self.learned.posterior.effects.is_empty() && self.motion.is_none() && self.process().is_none()
+    }
+
+    /// The model with everything.
+    pub fn whole(&self, _base: &ErrorModel) -> ErrorModel {
+        self.model.clone()
+    }
+
+    /// What was found, in words: the effects, or what there is without any.
+    pub fn in_words(&self) -> Vec<String> {
+        let posterior = &self.learned.posterior;
+        let effects = if posterior.likeliest.is_empty() { posterior.effects.iter().collect() } else { self.named() };
+        if effects.is_empty() { self.beside_effects() } else { effects.into_iter().map(names::full_name).collect() }
+    }
+
+    /// What was found beside the effects, in words.
+    pub fn beside_effects(&self) -> Vec<String> {
+        let motion = self.motion.is_some().then(|| BASE_MOTION.to_owned());
+        let process = self.learned.process_without.or(self.process()).map(|_| PROCESS.to_owned());
+        motion.into_iter().chain(process).collect()
     }
 
     /// The model over `base` without the effects, with the process that suits the runs then.
@@ -245,8 +269,8 @@ fn of_motion(motion: &Motion) -> Effect {
     let mut parameters: std::collections::BTreeMap<String, f64> = parameters;
     parameters.insert("window_s".to_owned(), motion.window_s);
     Effect {
-        name: "base-motion".into(),
-        kind: "base-motion",
+        name: BASE_MOTION.into(),
+        kind: BASE_MOTION,
         channel: None,
         channels: Vec::new(),
         parameters,

@@ -6,6 +6,7 @@ use north_finder::event::Fix;
 use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
+use super::residual::Residuals;
 use super::stations::misses_deg;
 use super::statistics::{median, rms, root_of_mean, studentised};
 use crate::campaign::Role;
@@ -20,8 +21,15 @@ const LEAST_MISSES: usize = 3;
 const AMPLITUDE_LIMIT: f64 = 0.03;
 
 /// Why a model that was found must not be used, if there is a reason: what it makes of the runs is impossible, or training runs that took no part in
-/// learning it lose their azimuths or miss their references by more with it. `wrong`: files whose references are not believed.
-pub fn veto(runs: &[RunData], found: &ErrorModel, left_out: &[Option<Fix>], wrong: &[String]) -> Option<String> {
+/// learning it lose their azimuths or miss their references by more with it. Where too few have a reference, their rates are asked: `by_rates`. `wrong`:
+/// files whose references are not believed.
+pub fn veto(
+    runs: &[RunData],
+    found: &ErrorModel,
+    left_out: &[Option<Fix>],
+    wrong: &[String],
+    by_rates: Option<&dyn Fn() -> Option<String>>,
+) -> Option<String> {
     let of_training = || runs.iter().zip(left_out).filter(|(run, _)| run.role == Role::Fit);
     let without_azimuths = || lost_azimuth(of_training().map(|(run, fix)| (run, fix.as_ref())));
     let whole: Vec<&RunData> = runs.iter().collect();
@@ -38,7 +46,27 @@ pub fn veto(runs: &[RunData], found: &ErrorModel, left_out: &[Option<Fix>], wron
         .filter(|(run, _)| run.role == Role::Fit && !wrong.contains(&run.file))
         .filter_map(|(_, (before, after))| before.zip(after))
         .collect();
-    made_worse(&pairs)
+    made_worse(&pairs).or_else(|| by_rates.filter(|_| pairs.len() < LEAST_MISSES)?())
+}
+
+/// Why a model must not be used by the rates of training runs that took no part in learning it, if they speak against it: what is more in them than white
+/// noise is not less with the model, by as much as errors of azimuths may rise.
+pub fn rates_not_better(pairs: &[(&RunData, RunData)]) -> Option<String> {
+    let (without, with) = pairs.iter().map(|(without, with)| (*without, with)).unzip();
+    let (before, after) = Residuals::new(without, with).left()?;
+    not_better(before, after).then(|| {
+        format!(
+            "on {} training runs that took no part in learning it, their rates are off by {after:.1} times as much as white noise with it, {before:.1} \
+             times without it",
+            pairs.len()
+        )
+    })
+}
+
+/// By what is left of rates in units of white noise, root mean square.
+fn not_better(before: f64, after: f64) -> bool {
+    let beyond_noise = |left: f64| (left * left - 1.0).max(0.0).sqrt();
+    after > before || WORSE * beyond_noise(after) > beyond_noise(before)
 }
 
 /// What a model makes of runs that cannot be: one that had an azimuth has none with it, or the horizontal rate is not the Earth's any more. What is
@@ -122,6 +150,14 @@ mod tests {
         assert!(impossible_amplitude(&[1.001, 0.999, 1.0], &[1.02, 1.02, 0.9]).is_none());
         // A latitude that was wrong before is no model's fault.
         assert!(impossible_amplitude(&[1.05; 3], &[1.05; 3]).is_none());
+    }
+
+    /// Root of 2.21² less one is 1.971, 1.05 times 1.877, which is that of 2.127. White noise is not better than white noise, but nothing is left of it.
+    #[test]
+    fn rates_that_do_not_fall_by_hand() {
+        assert!(not_better(2.21, 2.13) && !not_better(2.21, 2.12));
+        assert!(not_better(1.0, 1.01) && !not_better(1.0, 0.99));
+        assert!(!not_better(1.1, 0.98));
     }
 
     /// Squares of 1 and 1 become 1.2 and 0.8: 1.04 in place of 1 by the mean square, 2 % more; 1.3 and 0.9 are 12 % more.

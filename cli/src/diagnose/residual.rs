@@ -65,6 +65,18 @@ impl<'a> Residuals<'a> {
         self.runs.iter().zip(self.dispersion_before.iter().zip(&self.dispersion_after)).filter_map(of_run).collect()
     }
 
+    /// What is left of all runs without and with what was learned, in means over blocks of seconds: how many times as much as white noise.
+    /// `None` where there is nothing to tell it by.
+    pub fn left(&self) -> Option<(f64, f64)> {
+        let pairs = self.dispersion_before.iter().zip(&self.dispersion_after);
+        let pairs: Vec<(Dispersion, Dispersion)> = pairs.filter_map(|(before, after)| (*before).zip(*after)).collect();
+        let of = |side: fn(&(Dispersion, Dispersion)) -> Dispersion| {
+            let (sum, freedom) = pairs.iter().map(side).fold((0.0, 0.0), |all, run| (all.0 + run.0, all.1 + run.1));
+            (freedom > 0.0).then(|| (sum / freedom).sqrt())
+        };
+        of(|pair| pair.0).zip(of(|pair| pair.1))
+    }
+
     /// Over the check runs, or all if there are none.
     pub fn judged_rms(&self, residuals: &[Residual]) -> f64 {
         let any_check = self.runs.iter().any(|run| run.role == Role::Check);

@@ -13,10 +13,10 @@ use crate::run_data::RunData;
 /// What is left counts as structure below this probability.
 const STRUCTURE: f64 = 1e-4;
 
-/// Everything that says that structure remains; nothing where there is none. `left_out`: training runs by what the others taught; `wrong`: files
+/// Everything that says that structure remains; nothing where there is none. `process`: of the runs' own, and whether sigma covers it; `left_out`: training runs by what the others taught; `wrong`: files
 /// whose references are not believed.
 pub fn evidence(
-    process: Option<Process>,
+    process: Option<(Process, bool)>,
     runs: &[RunData],
     left_out: &[Option<Fix>],
     wrong: &[String],
@@ -66,14 +66,16 @@ fn azimuths(runs: &[RunData], left_out: &[Option<Fix>], wrong: &[String]) -> Vec
         .collect()
 }
 
-/// A process in words.
-fn in_words(process: Process) -> String {
+/// A process in words, and whether sigma covers it.
+fn in_words((process, covered): (Process, bool)) -> String {
     let period = match process.kernel {
         Kernel::DampedCosine { period_s } => format!(", ringing with a period of {period_s:.0} s"),
         _ => String::new(),
     };
     format!(
-        "a process of every run's own that no channel tells, typically {:.4} deg/h over {:.0} s{period}; sigma covers it",
-        process.sigma_deg_h, process.time_s
+        "a process of every run's own that no channel tells, typically {:.4} deg/h over {:.0} s{period}; {}",
+        process.sigma_deg_h,
+        process.time_s,
+        if covered { "sigma covers it" } else { "sigma does not cover it" }
     )
 }

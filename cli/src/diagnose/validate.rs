@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::found::Found;
 use super::stations::misses_deg;
 use super::statistics::{rms, rms_with_interval};
-use super::{LeaveOneOut, doubt, guard, names};
+use super::{LeaveOneOut, doubt, guard};
 use crate::campaign::Role;
 use crate::learn::Family;
 use crate::run_data::RunData;
@@ -18,15 +18,19 @@ const FOLDS: usize = 4;
 /// What of all that was found is used.
 pub struct Validated {
     pub model: ErrorModel,
-    /// What was found is in the model.
+    /// Everything that was found is in the model.
     pub used: bool,
     /// Training runs by what was learned from others of them.
     pub left_out: Vec<Option<Fix>>,
-    /// Names of what must not be used, and why.
-    pub withdrawn: Option<(Vec<String>, String)>,
+    /// What must not be used, and why, in words.
+    pub withdrawn: Option<String>,
 }
 
-/// Judges what was found; `wrong`: files whose references are not believed.
+/// What may be used of something that was found.
+type Part = fn(&Found, &ErrorModel) -> ErrorModel;
+
+/// Judges what was found: all of it, then what is without the effects, the process of the runs' own and the base's motion. The first against which no
+/// training run speaks is used. `wrong`: files whose references are not believed.
 pub fn validated(
     runs: &[RunData],
     found: Option<&Found>,
@@ -34,65 +38,107 @@ pub fn validated(
     family: &Family,
     wrong: &[String],
 ) -> Validated {
-    let before = || runs.iter().map(|run| run.before).collect();
-    let Some(found) = found.filter(|found| !found.is_nothing()) else {
-        return Validated { model: base.clone(), used: false, left_out: before(), withdrawn: None };
+    let of_base = |withdrawn: Vec<String>| Validated {
+        model: base.clone(),
+        used: false,
+        left_out: runs.iter().map(|run| run.before).collect(),
+        withdrawn: Some(withdrawn.join("; ")).filter(|why| !why.is_empty()),
     };
+    let Some(found) = found.filter(|found| !found.is_nothing()) else { return of_base(Vec::new()) };
     let places: Vec<usize> = (0..runs.len()).filter(|&i| runs[i].role == Role::Fit).collect();
-    let left_out = by_the_others(runs, &places, FOLDS, base, family, wrong);
-    match guard::veto(runs, &found.model, &left_out, wrong) {
-        None => Validated { model: found.model.clone(), used: true, left_out, withdrawn: None },
-        Some(why) => {
-            let mut names: Vec<String> = found.named().into_iter().map(names::full_name).collect();
-            if names.is_empty() {
-                names.push("base-motion".into());
+    let folds = Folds::learn(runs, places, FOLDS, base, family, wrong);
+    let beside = found.beside_effects();
+    let effects = !found.learned.posterior.effects.is_empty();
+    let mut parts: Vec<(Vec<String>, Part)> = vec![(found.in_words(), Found::whole)];
+    if effects && !beside.is_empty() {
+        parts.push((beside, Found::without_effects));
+    }
+    // Only effects change rates; those of a moving base's seconds are mostly noise of the accelerometers with it.
+    let of_rates = effects && found.motion.is_none();
+    let mut withdrawn = Vec::new();
+    for (names, part) in parts {
+        let model = part(found, base);
+        let models = folds.models(base, part);
+        let left_out = folds.fixes(&models);
+        let by_rates = || guard::rates_not_better(&folds.with(&models));
+        let judge: Option<&dyn Fn() -> Option<String>> =
+            if of_rates && withdrawn.is_empty() { Some(&by_rates) } else { None };
+        match guard::veto(runs, &model, &left_out, wrong, judge) {
+            None => {
+                let used = withdrawn.is_empty();
+                let withdrawn = Some(withdrawn.join("; ")).filter(|why| !why.is_empty());
+                return Validated { model, used, left_out, withdrawn };
             }
-            let model = if found.named().is_empty() { base.clone() } else { found.without_effects(base) };
-            Validated { model, used: false, left_out: before(), withdrawn: Some((names, why)) }
+            Some(why) => withdrawn.push(format!("{} was found and is not used: {why}", names.join(" and "))),
         }
     }
+    of_base(withdrawn)
 }
 
-/// These runs, each by what was learned from the others of them, in so many parts at most: azimuth and sigma by the firmware's replay, in the order
-/// of all runs; `None` where there is no azimuth. Where the others teach nothing, the runs are as they were. A reference that is not believed teaches
-/// nothing: `wrong` are the files of such runs.
-fn by_the_others(
-    runs: &[RunData],
-    places: &[usize],
-    folds: usize,
-    base: &ErrorModel,
-    family: &Family,
-    wrong: &[String],
-) -> Vec<Option<Fix>> {
-    let without_reference = |run: &RunData| {
-        let mut run = wrong.contains(&run.file).then(|| run.clone())?;
-        run.reference_deg = None;
-        Some(run)
-    };
-    let unbelieved: Vec<Option<RunData>> = runs.iter().map(without_reference).collect();
-    let folds = folds.min(places.len());
-    let mut fixes = vec![None; runs.len()];
-    for fold in 0..folds {
-        let inside = |place: usize| place % folds == fold;
-        let training: Vec<&RunData> = places
-            .iter()
-            .enumerate()
-            .filter(|(place, _)| !inside(*place))
-            .map(|(_, &i)| unbelieved[i].as_ref().unwrap_or(&runs[i]))
-            .collect();
-        let model = Found::learn(&training, base, family).map_or_else(|| base.clone(), |found| found.model);
-        let model = doubt::shown(model, runs);
-        for (_, &i) in places.iter().enumerate().filter(|(place, _)| inside(*place)) {
-            fixes[i] = runs[i].replay(&model, &mut |_| ()).ok();
-        }
+/// Some of all runs in parts, and what the others of them taught for each part; nothing where they taught nothing.
+struct Folds<'a> {
+    runs: &'a [RunData],
+    places: Vec<usize>,
+    found: Vec<Option<Found>>,
+}
+
+impl<'a> Folds<'a> {
+    /// In so many parts at most. A reference that is not believed teaches nothing: `wrong` are the files of such runs.
+    fn learn(
+        runs: &'a [RunData],
+        places: Vec<usize>,
+        folds: usize,
+        base: &ErrorModel,
+        family: &Family,
+        wrong: &[String],
+    ) -> Self {
+        let without_reference = |run: &RunData| {
+            let mut run = wrong.contains(&run.file).then(|| run.clone())?;
+            run.reference_deg = None;
+            Some(run)
+        };
+        let unbelieved: Vec<Option<RunData>> = runs.iter().map(without_reference).collect();
+        let folds = folds.min(places.len());
+        let learned = |fold: usize| {
+            let others = places.iter().enumerate().filter(|(place, _)| place % folds != fold);
+            let training: Vec<&RunData> = others.map(|(_, &i)| unbelieved[i].as_ref().unwrap_or(&runs[i])).collect();
+            Found::learn(&training, base, family)
+        };
+        let found = (0..folds).map(learned).collect();
+        Self { runs, places, found }
     }
-    fixes
+
+    /// The model of every part.
+    fn models(&self, base: &ErrorModel, part: Part) -> Vec<ErrorModel> {
+        let of = |found: &Option<Found>| found.as_ref().map_or_else(|| base.clone(), |found| part(found, base));
+        self.found.iter().map(|found| doubt::shown(of(found), self.runs)).collect()
+    }
+
+    /// The runs that are in a part, with its model.
+    fn pairs<'m>(&self, models: &'m [ErrorModel]) -> impl Iterator<Item = (usize, &'m ErrorModel)> {
+        self.places.iter().copied().zip(models.iter().cycle())
+    }
+
+    /// Each run by the model of its part: azimuth and sigma by the firmware's replay, in the order of all runs; `None` where there is no azimuth.
+    fn fixes(&self, models: &[ErrorModel]) -> Vec<Option<Fix>> {
+        let mut fixes = vec![None; self.runs.len()];
+        for (i, model) in self.pairs(models) {
+            fixes[i] = self.runs[i].replay(model, &mut |_| ()).ok();
+        }
+        fixes
+    }
+
+    /// Each run of a part for which the others taught something, and with the model of its part taken out.
+    fn with(&self, models: &[ErrorModel]) -> Vec<(&'a RunData, RunData)> {
+        let taught = self.pairs(models).zip(self.found.iter().cycle()).filter(|(_, found)| found.is_some());
+        taught.map(|((i, model), _)| (&self.runs[i], self.runs[i].with(model))).collect()
+    }
 }
 
 /// All runs with a reference or at a station, whatever their role, each by what was learned from all others. Nothing of it enters the model.
 pub fn leave_one_out(runs: &[RunData], base: &ErrorModel, family: &Family, wrong: &[String]) -> Option<LeaveOneOut> {
-    let places: Vec<usize> = (0..runs.len()).collect();
-    let fixes = by_the_others(runs, &places, runs.len(), base, family, wrong);
+    let folds = Folds::learn(runs, (0..runs.len()).collect(), runs.len(), base, family, wrong);
+    let fixes = folds.fixes(&folds.models(base, Found::whole));
     let errors = |fixes: &[Option<Fix>]| -> Vec<Option<f64>> {
         let azimuths: Vec<Option<f64>> = fixes.iter().map(|fix| Some(fix.as_ref()?.azimuth_deg)).collect();
         let misses = misses_deg(runs, &azimuths).into_iter().zip(runs);
