@@ -174,7 +174,7 @@ fn model_of(
     if let Some(found) = used.filter(|_| !guard::is_surveyed(runs, wrong)) {
         model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(found.index_error_deg());
     }
-    if model != *base {
+    if model != *base || validated.withdrawn.is_some() {
         let missed_deg = guard::missed_beyond_sigma_deg(runs, wrong, &validated.left_out);
         model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(missed_deg);
     }

@@ -21,14 +21,14 @@ const LEAST_MISSES: usize = 3;
 const AMPLITUDE_LIMIT: f64 = 0.03;
 
 /// Why a model that was found must not be used, if there is a reason: what it makes of the runs is impossible, or training runs that took no part in
-/// learning it lose their azimuths or miss their references by more with it. Where too few have a reference, their rates are asked: `by_rates`. `wrong`:
-/// files whose references are not believed.
-pub fn veto(
+/// learning it lose their azimuths or miss their references by more with it. Where too few have a reference, rates are judged: `rates` gives
+/// training runs, and each with the model taken out of it that the others taught. `wrong`: files whose references are not believed.
+pub fn veto<'a>(
     runs: &[RunData],
     found: &ErrorModel,
     left_out: &[Option<Fix>],
     wrong: &[String],
-    by_rates: Option<&dyn Fn() -> Option<String>>,
+    rates: impl FnOnce() -> Vec<(&'a RunData, RunData)>,
 ) -> Option<String> {
     let of_training = || runs.iter().zip(left_out).filter(|(run, _)| run.role == Role::Fit);
     let without_azimuths = || lost_azimuth(of_training().map(|(run, fix)| (run, fix.as_ref())));
@@ -46,12 +46,12 @@ pub fn veto(
         .filter(|(run, _)| run.role == Role::Fit && !wrong.contains(&run.file))
         .filter_map(|(_, (before, after))| before.zip(after))
         .collect();
-    made_worse(&pairs).or_else(|| by_rates.filter(|_| pairs.len() < LEAST_MISSES)?())
+    made_worse(&pairs).or_else(|| if pairs.len() < LEAST_MISSES { rates_not_better(&rates()) } else { None })
 }
 
 /// Why a model must not be used by the rates of training runs that took no part in learning it, if they speak against it: what is more in them than white
 /// noise is not less with the model, by as much as errors of azimuths may rise.
-pub fn rates_not_better(pairs: &[(&RunData, RunData)]) -> Option<String> {
+fn rates_not_better(pairs: &[(&RunData, RunData)]) -> Option<String> {
     let (without, with) = pairs.iter().map(|(without, with)| (*without, with)).unzip();
     let (before, after) = Residuals::new(without, with).left()?;
     not_better(before, after).then(|| {

@@ -60,10 +60,8 @@ pub fn validated(
         let model = part(found, base);
         let models = folds.models(base, part);
         let left_out = folds.fixes(&models);
-        let by_rates = || guard::rates_not_better(&folds.with(&models));
-        let judge: Option<&dyn Fn() -> Option<String>> =
-            if of_rates && withdrawn.is_empty() { Some(&by_rates) } else { None };
-        match guard::veto(runs, &model, &left_out, wrong, judge) {
+        let rates = || if of_rates && withdrawn.is_empty() { folds.with(&models) } else { Vec::new() };
+        match guard::veto(runs, &model, &left_out, wrong, rates) {
             None => {
                 let used = withdrawn.is_empty();
                 let withdrawn = Some(withdrawn.join("; ")).filter(|why| !why.is_empty());
