@@ -23,7 +23,7 @@ const OTHER_LATITUDE: f64 = 0.2;
 /// The motion of the base, among effects.
 const BASE_MOTION: &str = "base-motion";
 /// A process of the runs' own, among what was found.
-const PROCESS: &str = "a process of every run's own";
+pub const PROCESS: &str = "a process of every run's own";
 
 /// What some runs taught.
 pub struct Found {
@@ -33,6 +33,8 @@ pub struct Found {
     files: Vec<String>,
     /// What the firmware runs.
     pub model: ErrorModel,
+    /// The same without the effects, with the process that suits the runs then.
+    pub without_effects: ErrorModel,
     /// Channels that the board of the runs measures beyond those of every second.
     measured: Vec<ChannelName>,
 }
@@ -56,7 +58,9 @@ impl Found {
         let allowed = Allowed { family, may_be_used: &may_be_used };
         let learned = if of_search.is_empty() { Learned::default() } else { learn::learn(of_search, &allowed) };
         let model = learned.posterior.written(&base, &learned.runs)?;
-        Some(Self { learned, motion, files, model, measured })
+        let mut without_effects = base;
+        without_effects.doubt.process = learned.process_without.or(without_effects.doubt.process);
+        Some(Self { learned, motion, files, model, without_effects, measured })
     }
 
     /// How the unit stands to its family, by its runs.
@@ -101,11 +105,6 @@ impl Found {
         self.learned.posterior.effects.is_empty() && self.motion.is_none() && self.process().is_none()
     }
 
-    /// The model with everything.
-    pub fn whole(&self, _base: &ErrorModel) -> ErrorModel {
-        self.model.clone()
-    }
-
     /// What was found, in words: the effects, or what there is without any.
     pub fn in_words(&self) -> Vec<String> {
         let posterior = &self.learned.posterior;
@@ -118,13 +117,6 @@ impl Found {
         let motion = self.motion.is_some().then(|| BASE_MOTION.to_owned());
         let process = self.learned.process_without.or(self.process()).map(|_| PROCESS.to_owned());
         motion.into_iter().chain(process).collect()
-    }
-
-    /// The model over `base` without the effects, with the process that suits the runs then.
-    pub fn without_effects(&self, base: &ErrorModel) -> ErrorModel {
-        let mut model = self.motion.map_or_else(|| base.clone(), |motion| motion.model(base));
-        model.doubt.process = self.learned.process_without.or(model.doubt.process);
-        model
     }
 
     /// References that are wrong, by what the runs say of each other.

@@ -6,7 +6,7 @@ use north_finder::event::Fix;
 use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
-use super::residual::Residuals;
+use super::residual::in_white_noises;
 use super::stations::misses_deg;
 use super::statistics::{median, rms, root_of_mean, studentised};
 use crate::campaign::Role;
@@ -52,8 +52,8 @@ pub fn veto<'a>(
 /// Why a model must not be used by the rates of training runs that took no part in learning it, if they speak against it: what is more in them than white
 /// noise is not less with the model, by as much as errors of azimuths may rise.
 fn rates_not_better(pairs: &[(&RunData, RunData)]) -> Option<String> {
-    let (without, with) = pairs.iter().map(|(without, with)| (*without, with)).unzip();
-    let (before, after) = Residuals::new(without, with).left()?;
+    let (without, with): (Vec<&RunData>, Vec<&RunData>) = pairs.iter().map(|(without, with)| (*without, with)).unzip();
+    let (before, after) = (in_white_noises(&without), in_white_noises(&with));
     not_better(before, after).then(|| {
         format!(
             "on {} training runs that took no part in learning it, their rates are off by {after:.1} times as much as white noise with it, {before:.1} \

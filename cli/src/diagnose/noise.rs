@@ -29,7 +29,7 @@ pub fn tests(problem: &Problem, left: &[f64]) -> Vec<Test> {
     let mut tests = vec![whiteness(&runs), dwells(&runs), closure(&runs)];
     tests.extend(highest_peak(&runs));
     // Slow noise is the business of the test of the dwells; a dependence must stand out of it.
-    let dispersion = problem.overdispersion(left).0.max(1.0);
+    let dispersion = problem.overdispersion(left).max(1.0);
     let channels = runs.first().map_or(Vec::new(), |run| run.block.run.channel_names());
     tests.extend(channels.iter().filter_map(|channel| dependence(&runs, channel, dispersion)));
     tests

@@ -31,12 +31,11 @@ impl<'a> Problem<'a> {
         })
     }
 
-    /// Sum of squares of means over blocks of seconds inside dwells, over its degrees of freedom: 1 for white noise. And
-    /// these.
-    pub fn overdispersion(&self, left: &[f64]) -> (f64, f64) {
+    /// Sum of squares of means over blocks of seconds inside dwells, over its degrees of freedom: 1 for white noise, and where there are fewer than three.
+    pub fn overdispersion(&self, left: &[f64]) -> f64 {
         let (sum, freedom) =
             self.dispersions(left).into_iter().fold((0.0, 0.0), |all, run| (all.0 + run.0, all.1 + run.1));
-        if freedom >= 3.0 { (sum / freedom, freedom) } else { (1.0, 0.0) }
+        if freedom >= 3.0 { sum / freedom } else { 1.0 }
     }
 
     /// Of every run: sum of squares of means over blocks of seconds inside dwells, in units of white noise, and its degrees of freedom.

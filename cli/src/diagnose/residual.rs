@@ -65,18 +65,6 @@ impl<'a> Residuals<'a> {
         self.runs.iter().zip(self.dispersion_before.iter().zip(&self.dispersion_after)).filter_map(of_run).collect()
     }
 
-    /// What is left of all runs without and with what was learned, in means over blocks of seconds: how many times as much as white noise.
-    /// `None` where there is nothing to tell it by.
-    pub fn left(&self) -> Option<(f64, f64)> {
-        let pairs = self.dispersion_before.iter().zip(&self.dispersion_after);
-        let pairs: Vec<(Dispersion, Dispersion)> = pairs.filter_map(|(before, after)| (*before).zip(*after)).collect();
-        let of = |side: fn(&(Dispersion, Dispersion)) -> Dispersion| {
-            let (sum, freedom) = pairs.iter().map(side).fold((0.0, 0.0), |all, run| (all.0 + run.0, all.1 + run.1));
-            (freedom > 0.0).then(|| (sum / freedom).sqrt())
-        };
-        of(|pair| pair.0).zip(of(|pair| pair.1))
-    }
-
     /// Over the check runs, or all if there are none.
     pub fn judged_rms(&self, residuals: &[Residual]) -> f64 {
         let any_check = self.runs.iter().any(|run| run.role == Role::Check);
@@ -117,6 +105,12 @@ impl<'a> Residuals<'a> {
             })
             .collect()
     }
+}
+
+/// How many times as much as white noise is left of runs together, root mean square over blocks of seconds; 1 where there is too little to tell it by.
+pub fn in_white_noises(runs: &[&RunData]) -> f64 {
+    let problem = Problem::new(runs.par_iter().filter_map(|run| Block::new(run)).collect());
+    problem.overdispersion(problem.y()).sqrt()
 }
 
 fn left(runs: &[&RunData]) -> Left {

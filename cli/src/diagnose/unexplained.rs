@@ -5,6 +5,7 @@ use north_finder::event::Fix;
 use north_finder::units::wrap_180_deg;
 
 use super::NoiseTests;
+use super::found::PROCESS;
 use super::noise::azimuth_tests;
 use super::statistics::p_value_in_words;
 use crate::campaign::Role;
@@ -13,8 +14,8 @@ use crate::run_data::RunData;
 /// What is left counts as structure below this probability.
 const STRUCTURE: f64 = 1e-4;
 
-/// Everything that says that structure remains; nothing where there is none. `process`: of the runs' own, and whether sigma covers it; `left_out`: training runs by what the others taught; `wrong`: files
-/// whose references are not believed.
+/// Everything that says that structure remains; nothing where there is none. `process`: of the runs' own, and whether sigma covers it; `left_out`:
+/// training runs by what the others taught; `wrong`: files whose references are not believed.
 pub fn evidence(
     process: Option<(Process, bool)>,
     runs: &[RunData],
@@ -73,7 +74,7 @@ fn in_words((process, covered): (Process, bool)) -> String {
         _ => String::new(),
     };
     format!(
-        "a process of every run's own that no channel tells, typically {:.4} deg/h over {:.0} s{period}; {}",
+        "{PROCESS} that no channel tells, typically {:.4} deg/h over {:.0} s{period}; {}",
         process.sigma_deg_h,
         process.time_s,
         if covered { "sigma covers it" } else { "sigma does not cover it" }

@@ -26,8 +26,8 @@ pub struct Validated {
     pub withdrawn: Option<String>,
 }
 
-/// What may be used of something that was found.
-type Part = fn(&Found, &ErrorModel) -> ErrorModel;
+/// The model with a part of what was found.
+type Part = fn(&Found) -> &ErrorModel;
 
 /// Judges what was found: all of it, then what is without the effects, the process of the runs' own and the base's motion. The first against which no
 /// training run speaks is used. `wrong`: files whose references are not believed.
@@ -38,39 +38,33 @@ pub fn validated(
     family: &Family,
     wrong: &[String],
 ) -> Validated {
-    let of_base = |withdrawn: Vec<String>| Validated {
-        model: base.clone(),
-        used: false,
-        left_out: runs.iter().map(|run| run.before).collect(),
-        withdrawn: Some(withdrawn.join("; ")).filter(|why| !why.is_empty()),
+    let before = || runs.iter().map(|run| run.before).collect();
+    let Some(found) = found.filter(|found| !found.is_nothing()) else {
+        return Validated { model: base.clone(), used: false, left_out: before(), withdrawn: None };
     };
-    let Some(found) = found.filter(|found| !found.is_nothing()) else { return of_base(Vec::new()) };
     let places: Vec<usize> = (0..runs.len()).filter(|&i| runs[i].role == Role::Fit).collect();
     let folds = Folds::learn(runs, places, FOLDS, base, family, wrong);
     let beside = found.beside_effects();
     let effects = !found.learned.posterior.effects.is_empty();
-    let mut parts: Vec<(Vec<String>, Part)> = vec![(found.in_words(), Found::whole)];
+    let mut parts: Vec<(Vec<String>, Part)> = vec![(found.in_words(), |found| &found.model)];
     if effects && !beside.is_empty() {
-        parts.push((beside, Found::without_effects));
+        parts.push((beside, |found| &found.without_effects));
     }
     // Only effects change rates; those of a moving base's seconds are mostly noise of the accelerometers with it.
     let of_rates = effects && found.motion.is_none();
-    let mut withdrawn = Vec::new();
+    let mut withdrawn: Vec<String> = Vec::new();
     for (names, part) in parts {
-        let model = part(found, base);
         let models = folds.models(base, part);
         let left_out = folds.fixes(&models);
         let rates = || if of_rates && withdrawn.is_empty() { folds.with(&models) } else { Vec::new() };
-        match guard::veto(runs, &model, &left_out, wrong, rates) {
-            None => {
-                let used = withdrawn.is_empty();
-                let withdrawn = Some(withdrawn.join("; ")).filter(|why| !why.is_empty());
-                return Validated { model, used, left_out, withdrawn };
-            }
-            Some(why) => withdrawn.push(format!("{} was found and is not used: {why}", names.join(" and "))),
-        }
+        let Some(why) = guard::veto(runs, part(found), &left_out, wrong, rates) else {
+            let used = withdrawn.is_empty();
+            let withdrawn = (!used).then(|| withdrawn.join("; "));
+            return Validated { model: part(found).clone(), used, left_out, withdrawn };
+        };
+        withdrawn.push(format!("{} was found and is not used: {why}", names.join(" and ")));
     }
-    of_base(withdrawn)
+    Validated { model: base.clone(), used: false, left_out: before(), withdrawn: Some(withdrawn.join("; ")) }
 }
 
 /// Some of all runs in parts, and what the others of them taught for each part; nothing where they taught nothing.
@@ -108,7 +102,7 @@ impl<'a> Folds<'a> {
 
     /// The model of every part.
     fn models(&self, base: &ErrorModel, part: Part) -> Vec<ErrorModel> {
-        let of = |found: &Option<Found>| found.as_ref().map_or_else(|| base.clone(), |found| part(found, base));
+        let of = |found: &Option<Found>| found.as_ref().map_or(base, part).clone();
         self.found.iter().map(|found| doubt::shown(of(found), self.runs)).collect()
     }
 
@@ -136,7 +130,7 @@ impl<'a> Folds<'a> {
 /// All runs with a reference or at a station, whatever their role, each by what was learned from all others. Nothing of it enters the model.
 pub fn leave_one_out(runs: &[RunData], base: &ErrorModel, family: &Family, wrong: &[String]) -> Option<LeaveOneOut> {
     let folds = Folds::learn(runs, (0..runs.len()).collect(), runs.len(), base, family, wrong);
-    let fixes = folds.fixes(&folds.models(base, Found::whole));
+    let fixes = folds.fixes(&folds.models(base, |found| &found.model));
     let errors = |fixes: &[Option<Fix>]| -> Vec<Option<f64>> {
         let azimuths: Vec<Option<f64>> = fixes.iter().map(|fix| Some(fix.as_ref()?.azimuth_deg)).collect();
         let misses = misses_deg(runs, &azimuths).into_iter().zip(runs);
