@@ -56,8 +56,8 @@ fn rates_not_better(pairs: &[(&RunData, RunData)]) -> Option<String> {
     let (before, after) = (in_white_noises(&without), in_white_noises(&with));
     not_better(before, after).then(|| {
         format!(
-            "on {} training runs that took no part in learning it, their rates are off by {after:.1} times as much as white noise with it, {before:.1} \
-             times without it",
+            "rates of {} training runs that took no part in learning it are not better by it: they are off by {after:.1} times as much as white \
+             noise with it, by {before:.1} times without it",
             pairs.len()
         )
     })

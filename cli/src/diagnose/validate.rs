@@ -62,7 +62,8 @@ pub fn validated(
             let withdrawn = (!used).then(|| withdrawn.join("; "));
             return Validated { model: part(found).clone(), used, left_out, withdrawn };
         };
-        withdrawn.push(format!("{} was found and is not used: {why}", names.join(" and ")));
+        let found = if names.len() > 1 { "were found and are" } else { "was found and is" };
+        withdrawn.push(format!("{} {found} not used: {why}", names.join(" and ")));
     }
     Validated { model: base.clone(), used: false, left_out: before(), withdrawn: Some(withdrawn.join("; ")) }
 }
