@@ -34,7 +34,12 @@ pub fn section(diagnosis: &Diagnosis) -> String {
         1 => "1 effect".to_owned(),
         count => format!("{count} effects"),
     };
-    let named = if names.is_empty() { "nothing stands out of the noise".to_owned() } else { code_list(&names) };
+    let named = match names.as_slice() {
+        [] if diagnosis.withdrawn.is_some() => "what was found is not used".to_owned(),
+        [] if diagnosis.unexplained => "no candidate explains what stands out of the noise".to_owned(),
+        [] => "nothing stands out of the noise".to_owned(),
+        names => code_list(names),
+    };
     html += &tile("Learned", &found, &named);
     confidence(&mut html, diagnosis);
     let failed = diagnosis.noise.after.iter().filter(|test| test.failed()).count();
