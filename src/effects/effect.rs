@@ -80,7 +80,8 @@ impl Effect {
     }
 
     /// The products of the functions of its factors in this second: of all of them, or where it depends on the azimuth of those factors that do
-    /// not ([`Self::of_azimuth`] gives the others). Empty where a signal says nothing. Must be called every second, in the order of time.
+    /// not ([`Self::of_azimuth`] gives the others). Empty where a signal says nothing, or where what it does
+    /// is not known yet ([`Self::is_read`]). Must be called every second, in the order of time.
     pub fn products(&self, now: &Now<'_>, memories: &mut Memories) -> Products {
         let mut products: Products = bounded([1.0]);
         let [memories @ .., second, third] = memories;
@@ -97,6 +98,14 @@ impl Effect {
             products = bounded(products.iter().flat_map(|product| values.iter().map(move |value| product * value)));
         }
         products
+    }
+
+    /// All its signals say something in this second.
+    pub fn is_read(&self, now: &Now<'_>) -> bool {
+        let says = |factor: &Factor| {
+            if factor.needs_azimuth() { now.conditions.index.is_some() } else { factor.signal.value(now).is_some() }
+        };
+        self.factors.iter().all(says)
     }
 
     /// The product of functions that a weight belongs to: of those factors that depend on the azimuth, of which `now` says what it is, and of the

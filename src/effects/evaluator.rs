@@ -30,6 +30,8 @@ pub struct Correction {
     pub scale: f64,
     /// A rate of change is not known yet; what follows one is missing from the bias.
     pub waiting: bool,
+    /// What an effect does is not known yet: the second is of no use.
+    pub unknown: bool,
     /// What the encoder reads too much by the effects, degrees.
     pub index_deg: f64,
     /// What the level accelerometers read too much, g.
@@ -146,10 +148,10 @@ impl Evaluator {
         if !waiting {
             bias_deg_h += rates_deg_h;
         }
-        let mut carried = Carried::default();
+        let (mut carried, mut unknown) = (Carried::default(), false);
         if !self.model.effects.is_empty() {
             self.track.push(conditions);
-            self.effects(conditions, first, &mut sums, &mut carried);
+            unknown = self.effects(conditions, first, &mut sums, &mut carried);
             bias_deg_h += sums.rate.value;
             scale += sums.scale.value;
         }
@@ -163,16 +165,18 @@ impl Evaluator {
         }
         carried.set_of_bias((1.0 + self.model.scale_error) / scale - 1.0);
         let level = Specific { forward: sums.forward.value, left: sums.left.value };
-        Correction { bias_deg_h, scale, waiting, index_deg: sums.index.value, level, carried }
+        Correction { bias_deg_h, scale, waiting, unknown, index_deg: sums.index.value, level, carried }
     }
 
-    /// Adds what the effects do in this second; `first` is the number of their first weight in the model's directions.
-    fn effects(&mut self, conditions: &Conditions, mut first: usize, sums: &mut Sums, carried: &mut Carried) {
+    /// Adds what the effects do in this second; `first` is the number of their first weight in the model's directions. Whether what one of them does is not
+    /// known yet.
+    fn effects(&mut self, conditions: &Conditions, mut first: usize, sums: &mut Sums, carried: &mut Carried) -> bool {
         let (channels, track, run) = (self.channels.as_slice(), &self.track, &self.run);
         let now = now::Now { conditions, channels, track, run, belief: None };
-        let mut gate = 0;
+        let (mut gate, mut unknown) = (0, false);
         for (effect, memories) in self.model.effects.iter().zip(&mut self.of_effects) {
             let products = effect.products(&now, memories);
+            unknown |= products.is_empty() && effect.is_read(&now);
             if effect.needs_azimuth() {
                 for (number, product) in products.iter().enumerate() {
                     carried.set_gate(gate + number, *product);
@@ -188,6 +192,7 @@ impl Evaluator {
             }
             first += effect.count();
         }
+        unknown
     }
 
     /// What the rates of change add to the bias now, °/h. A recording's first seconds, when no rate is known yet, are

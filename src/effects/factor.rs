@@ -52,7 +52,7 @@ impl Factor {
     }
 
     /// What comes out of the dynamics of a signal's value, `step_s` after the one before; `None`: the signal says nothing, and the dynamics forget
-    /// all. Must be called every second, in the order of time.
+    /// all; or it is not known yet. Must be called every second, in the order of time.
     pub fn pass(&self, value: Option<f64>, step_s: f64, memory: &mut Memory) -> Option<f64> {
         let Some(mut value) = value else {
             *memory = Memory::default();
@@ -60,6 +60,9 @@ impl Factor {
         };
         for (dynamics, state) in self.dynamics.iter().zip(memory) {
             value = dynamics.step(state, value, step_s);
+            if !dynamics.is_known(state) {
+                return None;
+            }
         }
         Some(value)
     }
@@ -81,7 +84,7 @@ impl Factor {
     }
 
     /// What the dynamics make of the axis' direction (cos θ, sin θ, upward component), after a constant, 1: the rate behind linear dynamics is their sum
-    /// by the Earth's components, which are known once there is an azimuth. Empty where there is no index. Must be called every second.
+    /// by the Earth's components, which are known once there is an azimuth. Empty where there is no index, or nothing known yet. Must be called every second.
     pub fn parts(&self, now: &Now<'_>, memories: [&mut Memory; PARTS - 1]) -> Functions {
         let Some(index) = now.conditions.index else {
             memories.into_iter().for_each(|memory| *memory = Memory::default());
@@ -92,7 +95,8 @@ impl Factor {
             .into_iter()
             .zip(memories)
             .filter_map(|(value, memory)| self.pass(Some(value), now.track.step_s, memory));
-        bounded(core::iter::once(1.0).chain(passed))
+        let parts: Functions = bounded(core::iter::once(1.0).chain(passed));
+        if parts.len() == PARTS { parts } else { Functions::new() }
     }
 
     /// What a function of the rate behind linear dynamics is by each of [`Self::parts`]; it is a line.
@@ -181,7 +185,7 @@ impl fmt::Display for Factor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::dynamics::{Memory as Remembered, Play, Rate};
+    use crate::effects::dynamics::{LowPass, Memory as Remembered, Play, Rate};
     use crate::effects::shape::Linear;
     use crate::effects::signal::{Since, Time};
 
@@ -190,7 +194,7 @@ mod tests {
     fn outputs(dynamics: &[Dynamics], values: &[f64], step_s: f64) -> std::vec::Vec<f64> {
         let factor = Factor::new(Time.into(), dynamics, IDENTITY.into());
         let mut memory = Memory::default();
-        values.iter().map(|&value| factor.pass(Some(value), step_s, &mut memory).unwrap()).collect()
+        values.iter().map(|&value| factor.pass(Some(value), step_s, &mut memory).unwrap_or(f64::NAN)).collect()
     }
 
     /// By hand, steps of 2 s. Rate: 0 at first, then 3 per 2 s, which a low-pass of 2/ln 2 s halves towards 0. A play of 1 follows from 0 to 2 and
@@ -199,9 +203,13 @@ mod tests {
     fn dynamics_by_hand() {
         let tau_s = (2.0 / core::f64::consts::LN_2) as f32;
         let rates = outputs(&[Rate { tau_s }.into()], &[1.0, 4.0, 4.0, 4.0], 2.0);
-        for (found, expected) in rates.iter().zip([0.0, 1.5, 0.75, 0.375]) {
+        assert!(rates[0].is_nan(), "one value has no rate of change");
+        for (found, expected) in rates[1..].iter().zip([1.5, 0.75, 0.375]) {
             assert!((found - expected).abs() < 1e-6, "{rates:?}");
         }
+        // A low-pass behind it starts at the first rate of change: 1.5, then half of the way to 0.75.
+        let smooth = outputs(&[Rate { tau_s }.into(), LowPass { tau_s }.into()], &[1.0, 4.0, 4.0], 2.0);
+        assert!(smooth[0].is_nan() && (smooth[1] - 1.5).abs() < 1e-6 && (smooth[2] - 1.125).abs() < 1e-6, "{smooth:?}");
         assert_eq!(outputs(&[Play { half_width: 1.0 }.into()], &[0.0, 3.0, 1.5, 0.5], 1.0), [0.0, 2.0, 2.0, 1.5]);
         // What has not passed a low-pass of 2/ln 2 s: a half after 2 s, a quarter after 4 s.
         let memory = outputs(&[Remembered { tau_s }.into()], &[0.0, 8.0, 8.0], 2.0);
@@ -212,9 +220,10 @@ mod tests {
     fn a_missing_value_begins_anew() {
         let factor = Factor::new(Time.into(), &[Rate { tau_s: 1.0 }.into()], IDENTITY.into());
         let mut memory = Memory::default();
-        assert_eq!(factor.pass(Some(1.0), 1.0, &mut memory), Some(0.0));
+        assert_eq!(factor.pass(Some(1.0), 1.0, &mut memory), None);
+        assert_eq!(factor.pass(Some(2.0), 1.0, &mut memory), Some(1.0));
         assert_eq!(factor.pass(None, 1.0, &mut memory), None);
-        assert_eq!(factor.pass(Some(5.0), 1.0, &mut memory), Some(0.0));
+        assert_eq!(factor.pass(Some(5.0), 1.0, &mut memory), None);
     }
 
     #[test]

@@ -418,7 +418,8 @@ impl<D: Dwells> Accumulator<D> {
         if second.measured.lost_frames > 0 {
             self.flags.insert(Flag::FramesLost);
         }
-        let Some(row) = second.row().filter(|_| self.is_usable(&second.measured)) else { return false };
+        let is_usable = self.is_usable(&second.measured) && !second.correction.unknown;
+        let Some(row) = second.row().filter(|_| is_usable) else { return false };
         let rested = index == Index::Rested;
         *(if rested { &mut self.rest_s } else { &mut self.moving_s }) += row.seconds;
         let temp_c = second.measured.conditions.temp_c;
@@ -519,9 +520,14 @@ impl<D: Dwells> Accumulator<D> {
 
 #[cfg(test)]
 mod tests {
+    use std::vec;
     use std::vec::Vec;
 
     use super::*;
+    use crate::effects::channel::ChannelName;
+    use crate::effects::effect::{Effect, Port};
+    use crate::effects::factor::Factor;
+    use crate::effects::{dynamics, shape, signal};
     use crate::fix::tests::{declared, normal};
 
     /// Ω cos 60°, °/h.
@@ -567,6 +573,31 @@ mod tests {
             assert!(fix.flags.contains(Flag::Drift), "{fix:?}");
             assert!(wrap_180_deg(fix.azimuth_deg - 90.0).abs() < 0.25, "{fix:?}");
         }
+    }
+
+    /// 2 °/h by K/s of a temperature that rises by 0.5 K a second, 1 °/h: nobody knows in the first second, which is left out, and the bias of all others is
+    /// free of it.
+    #[test]
+    fn a_second_without_a_rate_of_change_yet_is_left_out() {
+        let temperature = signal::Channel { name: ChannelName::new("temp_c").unwrap() };
+        let line = shape::Linear { reference: 0.0, scale: 1.0 };
+        let factor = Factor::new(temperature.into(), &[dynamics::Rate { tau_s: 20.0 }.into()], line.into());
+        let mut effect = Effect::new(Port::Rate, &[factor]);
+        effect.weights = [2.0].into_iter().collect();
+        let mut model = ErrorModel::default();
+        model.effects.push(effect).unwrap();
+        let mut accumulator = Accumulator::new(declared(60.0), model, Vec::<DwellSummary>::new());
+        let taken = |i: u8| {
+            let (t_s, index) = (f64::from(i), Some(Direction::of_deg(0.0)));
+            let temp_c = Some(20.0 + 0.5 * t_s);
+            let conditions = Conditions { t_s, raw_rate_deg_h: 4.0, index, temp_c, ..Conditions::default() };
+            let second = accumulator.correct(&Second { conditions, ..Second::default() });
+            accumulator.collect(&second)
+        };
+        let taken: Vec<Taken> = (0..10).map(taken).collect();
+        assert_eq!(taken, [vec![Taken::LeftOut], vec![Taken::Collected; 9]].concat());
+        let dwell = accumulator.end_dwell().unwrap();
+        assert!(dwell.seconds == 9.0 && (dwell.rate.mean - 3.0).abs() < 1e-6, "{dwell:?}");
     }
 
     /// Of 54 s there are five parts of ten seconds, the last with the four that are left; whoever hears of a dwell hears of all of it. Dwells of ten minutes

@@ -396,9 +396,10 @@ fn conditions(sample: &Sample, raw_rate_deg_h: f64) -> Conditions {
     }
 }
 
-/// Rows at rest, as many seconds together as the run's length asks for, within one dwell.
+/// Rows at rest, as many seconds together as the run's length asks for, within one dwell. The first second of a run is in none of them: nobody knows how
+/// fast a channel changes as long as it was read once, and what follows its rate of change would seem wrong there by all that it does.
 fn bins(data: &RunData, most: usize) -> Vec<Range<usize>> {
-    let entering: Vec<usize> = (0..data.samples.len()).filter(|&i| data.enters(&data.samples[i])).collect();
+    let entering: Vec<usize> = (1..data.samples.len()).filter(|&i| data.enters(&data.samples[i])).collect();
     let most = entering.len().div_ceil(most).max(1);
     let mut bins: Vec<Range<usize>> = Vec::new();
     for i in entering {

@@ -25,6 +25,10 @@ pub trait DynamicsPart {
     fn set(&mut self, number: usize, value: f64);
     /// Constants in their range.
     fn validate(&self) -> Result<(), Invalid>;
+    /// What came out last is known: one value of a signal says nothing of its rate of change.
+    fn is_known(&self, _: &State) -> bool {
+        true
+    }
     /// What comes out of a sum is the sum of what comes out of its parts.
     fn is_linear(&self) -> bool {
         false
@@ -52,6 +56,10 @@ impl Dynamics {
     /// Takes the signal's next value, `step_s` after the one before, and gives what comes out.
     pub fn step(&self, state: &mut State, value: f64, step_s: f64) -> f64 {
         self.part().step(state, value, step_s)
+    }
+
+    pub fn is_known(&self, state: &State) -> bool {
+        self.part().is_known(state)
     }
 
     pub fn constants(&self) -> Constants {

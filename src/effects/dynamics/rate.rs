@@ -7,7 +7,7 @@ use super::{Dynamics, DynamicsPart, STATES, State, passed};
 use crate::effects::part::{Constant, Constants, Span, constants};
 
 /// What a first-order low-pass makes of the signal's rate of change, per second (Shupe, Applied Optics 19, 1980, p. 654: the rate of
-/// temperature). It starts at the first rate of change; before there is one it is 0.
+/// temperature). It starts at the first rate of change; before there is one it is not known.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rate {
@@ -29,8 +29,7 @@ impl Rate {
 
 impl DynamicsPart for Rate {
     fn step(&self, state: &mut State, value: f64, step_s: f64) -> f64 {
-        let mut next = [0.0; STATES];
-        next[VALUE] = value;
+        let mut next = state.unwrap_or([0.0; STATES]);
         if let Some(last) = *state
             && step_s > 0.0
         {
@@ -38,8 +37,13 @@ impl DynamicsPart for Rate {
             next[RATE] = if last[STARTED] == 0.0 { rate } else { passed(last[RATE], rate, step_s, self.tau_s.into()) };
             next[STARTED] = 1.0;
         }
+        next[VALUE] = value;
         *state = Some(next);
         next[RATE]
+    }
+
+    fn is_known(&self, state: &State) -> bool {
+        state.is_some_and(|state| state[STARTED] != 0.0)
     }
 
     fn name(&self) -> &'static str {
