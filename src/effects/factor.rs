@@ -185,7 +185,7 @@ impl fmt::Display for Factor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::dynamics::{LowPass, Memory as Remembered, Play, Rate};
+    use crate::effects::dynamics::{LowPass, Memory as Remembered, Play, Rate, Stop};
     use crate::effects::shape::Linear;
     use crate::effects::signal::{Since, Time};
 
@@ -211,6 +211,7 @@ mod tests {
         let smooth = outputs(&[Rate { tau_s }.into(), LowPass { tau_s }.into()], &[1.0, 4.0, 4.0], 2.0);
         assert!(smooth[0].is_nan() && (smooth[1] - 1.5).abs() < 1e-6 && (smooth[2] - 1.125).abs() < 1e-6, "{smooth:?}");
         assert_eq!(outputs(&[Play { half_width: 1.0 }.into()], &[0.0, 3.0, 1.5, 0.5], 1.0), [0.0, 2.0, 2.0, 1.5]);
+        assert_eq!(outputs(&[Stop { half_width: 1.0 }.into()], &[0.0, 3.0, 1.5, 0.5], 1.0), [0.0, 1.0, -0.5, -1.0]);
         // What has not passed a low-pass of 2/ln 2 s: a half after 2 s, a quarter after 4 s.
         let memory = outputs(&[Remembered { tau_s }.into()], &[0.0, 8.0, 8.0], 2.0);
         assert!((memory[1] - 4.0).abs() < 1e-6 && (memory[2] - 2.0).abs() < 1e-6, "{memory:?}");

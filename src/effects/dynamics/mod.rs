@@ -47,6 +47,7 @@ parts! {
     rate::Rate,
     delay::Delay,
     play::Play,
+    stop::Stop,
     relay::Relay,
     greatest::Greatest,
     heat::Heat,

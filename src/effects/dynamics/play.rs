@@ -20,9 +20,12 @@ const SHARES: [f64; 4] = [0.03, 0.06, 0.12, 0.25];
 impl Play {
     /// What the search begins with.
     pub fn starts(span: &Span, each: &mut dyn FnMut(Dynamics)) {
-        for share in SHARES {
-            each(Self { half_width: (share * (span.high - span.low)) as f32 }.into());
-        }
+        Self::half_widths(span).for_each(|half_width| each(Self { half_width }.into()));
+    }
+
+    pub(super) fn half_widths(span: &Span) -> impl Iterator<Item = f32> {
+        let range = span.high - span.low;
+        SHARES.into_iter().map(move |share| (share * range) as f32)
     }
 }
 
