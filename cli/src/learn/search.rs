@@ -101,17 +101,40 @@ impl<'a> Search<'a> {
     pub fn best(&self, start: &Start) -> Option<Model<'a>> {
         let bare = Model::new(self.runs, None, &[])?;
         let terms: Vec<Term> = start.effects.iter().map(|effect| self.term(&bare, effect)).collect();
-        let mut model =
+        let model =
             self.with_family(self.pruned(Model::new(self.runs, start.process, &terms)?.with_likeliest_process()));
+        let best = self.completed(model, &start.effects);
+        let is_product = |term: &Term| term.known.is_none() && term.effect.factors.len() > 1;
+        if !best.terms.iter().any(is_product) {
+            return Some(best);
+        }
+        let plain = self.plain_model(best.terms.len() + 1)?;
+        Some(if plain.score(&self.grammar) > best.score(&self.grammar) { self.completed(plain, &[]) } else { best })
+    }
+
+    /// The model that effects of one factor make, so many at most: a product may have taken in several of them, and hides them.
+    fn plain_model(&self, most: usize) -> Option<Model<'a>> {
+        let mut model = Model::new(self.runs, None, &[])?.with_likeliest_process();
+        while model.terms.len() < most
+            && let Some(wider) = self.widened_by(&model, |model| self.plain(model))
+            && wider.score(&self.grammar) > model.score(&self.grammar)
+        {
+            model = wider;
+        }
+        Some(model)
+    }
+
+    /// Adds effects and revises them, until neither helps, or nothing was added to what there was at first.
+    fn completed(&self, mut model: Model<'a>, first: &[Effect]) -> Model<'a> {
         loop {
             model = self.grown(model);
-            if model.found() == start.effects {
-                return Some(model);
+            if model.found() == first {
+                return model;
             }
             let before = model.score(&self.grammar);
             model = self.revised(model);
             if model.score(&self.grammar) - before <= -FURTHER_FALSE_DISCOVERIES.ln() {
-                return Some(model);
+                return model;
             }
         }
     }
@@ -120,7 +143,7 @@ impl<'a> Search<'a> {
     fn grown(&self, mut model: Model<'a>) -> Model<'a> {
         while model.terms.len() < MOST_EFFECTS {
             let asked = if model.found().is_empty() { FALSE_DISCOVERIES } else { FURTHER_FALSE_DISCOVERIES };
-            let Some(wider) = self.widened(&model) else { break };
+            let Some(wider) = self.widened_by(&model, |model| self.finalists(model)) else { break };
             let more = wider.score(&self.grammar) - model.score(&self.grammar);
             if more <= -asked.ln() || wider.predictive(&self.grammar) <= model.predictive(&self.grammar) {
                 break;
@@ -341,14 +364,14 @@ impl<'a> Search<'a> {
         near.into_iter().filter(|(gain, effect)| likely(effect, *gain) > least).map(|(_, effect)| effect).collect()
     }
 
-    /// Adds the one effect with which every run is predicted best from the others.
-    fn widened(&self, model: &Model<'a>) -> Option<Model<'a>> {
+    /// Adds the one of the effects that are proposed beside a model with which every run is predicted best from the others.
+    fn widened_by(&self, model: &Model<'a>, proposed: impl Fn(&Model<'a>) -> Vec<Effect>) -> Option<Model<'a>> {
         // Beside the process as it is, and at first beside none: a process may have taken for its own what is an effect.
-        let mut finalists = self.finalists(model);
+        let mut finalists = proposed(model);
         if model.process.is_some()
             && let Some(without) = Model::new(self.runs, None, &model.terms)
         {
-            finalists.extend(self.finalists(&without));
+            finalists.extend(proposed(&without));
         }
         let with = |effect: &Effect| {
             let mut terms = model.terms.clone();
@@ -424,12 +447,7 @@ impl<'a> Search<'a> {
         let left = self.bank.left(self.runs, &weighed, model.process.as_ref());
         let (chosen, bare) = self.chosen(model, &weighed, &left);
         // The plain ones stay in the competition: of what is flexible enough to take in several effects at once much is gained, and little learned.
-        let of_one_factor = chosen.iter().map(|(_, each)| each).filter(|effect| effect.factors.len() < 2);
-        let plain: Vec<Effect> = of_one_factor.cloned().chain(bare).collect();
-        let plain: Vec<Effect> = plain
-            .into_par_iter()
-            .map(|each| self.tuned(model, each.clone(), self.gain(model, &each), &FINELY).1)
-            .collect();
+        let plain = self.plain_of(model, &chosen, bare);
         let climb = |(gain, effect): (f64, Effect)| self.climb(model, effect, gain, &left, REACH_OF_CONTENDERS);
         let mut chosen: Vec<(f64, Effect)> = chosen.into_par_iter().map(climb).collect();
         chosen.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -442,6 +460,21 @@ impl<'a> Search<'a> {
         let mut finished: Vec<Effect> = chosen.into_par_iter().map(finish).collect();
         finished.extend(plain);
         finished
+    }
+
+    /// The most promising effects of one factor beside a model, tuned.
+    fn plain(&self, model: &Model<'_>) -> Vec<Effect> {
+        let weighed = self.weighed(model);
+        let left = self.bank.left(self.runs, &weighed, model.process.as_ref());
+        let (chosen, bare) = self.chosen(model, &weighed, &left);
+        self.plain_of(model, &chosen, bare)
+    }
+
+    fn plain_of(&self, model: &Model<'_>, chosen: &[(f64, Effect)], bare: Vec<Effect>) -> Vec<Effect> {
+        let of_one_factor = chosen.iter().map(|(_, each)| each).filter(|effect| effect.factors.len() < 2);
+        let plain: Vec<Effect> = of_one_factor.cloned().chain(bare).collect();
+        let tuned = |each: Effect| self.tuned(model, each.clone(), self.gain(model, &each), &FINELY).1;
+        plain.into_par_iter().map(tuned).collect()
     }
 
     /// V⁻¹ times what a model leaves of the residual, by the row.
