@@ -300,12 +300,19 @@ impl Run {
         values
     }
 
+    /// What comes out of a factor's dynamics by the second. A rate of change is not known in a run's first second, and is that of the second one.
     fn each_input(&self, factor: &Factor, each: &mut dyn FnMut(usize, f64)) {
         let mut memory = Memory::default();
+        let mut waits = false;
         for (i, (&value, track)) in self.signal(&factor.signal).iter().zip(&self.tracks).enumerate() {
-            if let Some(input) = factor.pass(Some(value).filter(|value| value.is_finite()), track.step_s, &mut memory) {
+            let input = factor.pass(Some(value).filter(|value| value.is_finite()), track.step_s, &mut memory);
+            if let Some(input) = input {
+                if waits {
+                    each(i - 1, input);
+                }
                 each(i, input);
             }
+            waits = i == 0 && input.is_none() && value.is_finite();
         }
     }
 
@@ -396,10 +403,9 @@ fn conditions(sample: &Sample, raw_rate_deg_h: f64) -> Conditions {
     }
 }
 
-/// Rows at rest, as many seconds together as the run's length asks for, within one dwell. The first second of a run is in none of them: nobody knows how
-/// fast a channel changes as long as it was read once, and what follows its rate of change would seem wrong there by all that it does.
+/// Rows at rest, as many seconds together as the run's length asks for, within one dwell.
 fn bins(data: &RunData, most: usize) -> Vec<Range<usize>> {
-    let entering: Vec<usize> = (1..data.samples.len()).filter(|&i| data.enters(&data.samples[i])).collect();
+    let entering: Vec<usize> = (0..data.samples.len()).filter(|&i| data.enters(&data.samples[i])).collect();
     let most = entering.len().div_ceil(most).max(1);
     let mut bins: Vec<Range<usize>> = Vec::new();
     for i in entering {

@@ -94,16 +94,6 @@ impl RunData {
         !sample.left_out && (self.rotation || !sample.moving)
     }
 
-    /// The same with the seconds that the fix left out as outliers: whoever takes it judges by itself what a shock is. The crests of a wave
-    /// and the seconds about a step stand out of their dwell too.
-    pub fn with_outliers(&self) -> Self {
-        let mut run = self.clone();
-        for sample in run.samples.iter_mut().filter(|sample| self.outliers.contains(&sample.line)) {
-            sample.left_out = false;
-        }
-        run
-    }
-
     /// Whether the index stays where it is throughout.
     pub fn at_one_position(&self) -> bool {
         let Some(first) = self.samples.first() else { return false };
