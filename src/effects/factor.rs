@@ -197,7 +197,7 @@ mod tests {
         values.iter().map(|&value| factor.pass(Some(value), step_s, &mut memory).unwrap_or(f64::NAN)).collect()
     }
 
-    /// By hand, steps of 2 s. Rate: 0 at first, then 3 per 2 s, which a low-pass of 2/ln 2 s halves towards 0. A play of 1 follows from 0 to 2 and
+    /// By hand, steps of 2 s. Rate: not known at first, then 3 per 2 s, which a low-pass of 2/ln 2 s halves towards 0. A play of 1 follows from 0 to 2 and
     /// stays until the value is 1 below it.
     #[test]
     fn dynamics_by_hand() {

@@ -300,7 +300,8 @@ impl Run {
         values
     }
 
-    /// What comes out of a factor's dynamics by the second. A rate of change is not known in a run's first second, and is that of the second one.
+    /// What comes out of a factor's dynamics by the second. A rate of change is not known in the first second of a run, or after a gap, and is that of the
+    /// next one.
     fn each_input(&self, factor: &Factor, each: &mut dyn FnMut(usize, f64)) {
         let mut memory = Memory::default();
         let mut waits = false;
@@ -312,7 +313,7 @@ impl Run {
                 }
                 each(i, input);
             }
-            waits = i == 0 && input.is_none() && value.is_finite();
+            waits = input.is_none() && value.is_finite();
         }
     }
 

@@ -96,8 +96,8 @@ impl<'a> Search<'a> {
     }
 
     /// Searches for the model with the greatest score, from `start`: nothing, or what an earlier search found with another reference for one run. Where
-    /// revising the effects raises the score by more than a further effect must, further ones are searched for again. `None` where the runs
-    /// determine no model.
+    /// revising the effects raises the score by more than a further effect must, further ones are searched for again. Where products were found, effects of
+    /// one factor compete with them, which a product may have taken in and hide. `None` where the runs determine no model.
     pub fn best(&self, start: &Start) -> Option<Model<'a>> {
         let bare = Model::new(self.runs, None, &[])?;
         let terms: Vec<Term> = start.effects.iter().map(|effect| self.term(&bare, effect)).collect();
@@ -112,7 +112,7 @@ impl<'a> Search<'a> {
         Some(if plain.score(&self.grammar) > best.score(&self.grammar) { self.completed(plain, &[]) } else { best })
     }
 
-    /// The model that effects of one factor make, so many at most: a product may have taken in several of them, and hides them.
+    /// The model that effects of one factor make, so many at most.
     fn plain_model(&self, most: usize) -> Option<Model<'a>> {
         let mut model = Model::new(self.runs, None, &[])?.with_likeliest_process();
         while model.terms.len() < most
@@ -287,10 +287,7 @@ impl<'a> Search<'a> {
     /// What is proposed when nothing is known yet, the most promising first: the best forms of every signal at every port, and products.
     pub fn tried(&self) -> Vec<Tried> {
         let Some(bare) = Model::new(self.runs, None, &[]).map(Model::with_likeliest_process) else { return Vec::new() };
-        let weighed = self.weighed(&bare);
-        let left = self.bank.left(self.runs, &weighed, bare.process.as_ref());
-        let mut proposed = self.bank.shortlist(self.runs, &weighed, &left, SHORTLIST);
-        proposed.extend(self.pairs.shortlist(&left, &self.grammar, SHORTLIST));
+        let (_, proposed) = self.shortlist(&bare);
         let tried = |effect: Effect| {
             let cost = self.grammar.cost(&effect);
             Tried { gain: self.gain(&bare, &effect) + cost, cost, effect }
@@ -346,9 +343,7 @@ impl<'a> Search<'a> {
 
     /// Effects of other signals that are about as likely.
     fn contenders(&self, model: &Model<'_>, own: &Effect) -> Vec<Effect> {
-        let weighed = self.weighed(model);
-        let left = self.bank.left(self.runs, &weighed, model.process.as_ref());
-        let (chosen, _) = self.chosen(model, &weighed, &left);
+        let (_, chosen, _) = self.chosen(model);
         self.as_likely(model, own, chosen.into_iter().map(|(_, effect)| effect).collect())
     }
 
@@ -420,10 +415,9 @@ impl<'a> Search<'a> {
     }
 
     /// The most promising effects beside a model, each of other signals than those above it, and their gains; and the most promising bare shape of each of
-    /// their signals, which a more flexible form may hide as long as neither is tuned.
-    fn chosen(&self, model: &Model<'_>, weighed: &[f64], left: &Left) -> (Vec<(f64, Effect)>, Vec<Effect>) {
-        let mut shortlist = self.bank.shortlist(self.runs, weighed, left, SHORTLIST);
-        shortlist.extend(self.pairs.shortlist(left, &self.grammar, SHORTLIST));
+    /// their signals, which a more flexible form may hide as long as neither is tuned. Before them what the model leaves.
+    fn chosen(&self, model: &Model<'_>) -> (Left, Vec<(f64, Effect)>, Vec<Effect>) {
+        let (left, shortlist) = self.shortlist(model);
         let mut exact: Vec<(f64, Effect)> =
             shortlist.into_par_iter().map(|effect| (self.gain(model, &effect), effect)).collect();
         exact.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -438,14 +432,21 @@ impl<'a> Search<'a> {
                 bare.push(effect);
             }
         }
-        (chosen, bare)
+        (left, chosen, bare)
+    }
+
+    /// What a model leaves, and the effects that promise most by it.
+    fn shortlist(&self, model: &Model<'_>) -> (Left, Vec<Effect>) {
+        let weighed = self.weighed(model);
+        let left = self.bank.left(self.runs, &weighed, model.process.as_ref());
+        let mut shortlist = self.bank.shortlist(self.runs, &weighed, &left, SHORTLIST);
+        shortlist.extend(self.pairs.shortlist(&left, &self.grammar, SHORTLIST));
+        (left, shortlist)
     }
 
     /// The most promising effects beside a model, tuned and changed for better neighbours.
     fn finalists(&self, model: &Model<'_>) -> Vec<Effect> {
-        let weighed = self.weighed(model);
-        let left = self.bank.left(self.runs, &weighed, model.process.as_ref());
-        let (chosen, bare) = self.chosen(model, &weighed, &left);
+        let (left, chosen, bare) = self.chosen(model);
         // The plain ones stay in the competition: of what is flexible enough to take in several effects at once much is gained, and little learned.
         let plain = self.plain_of(model, &chosen, bare);
         let climb = |(gain, effect): (f64, Effect)| self.climb(model, effect, gain, &left, REACH_OF_CONTENDERS);
@@ -464,9 +465,7 @@ impl<'a> Search<'a> {
 
     /// The most promising effects of one factor beside a model, tuned.
     fn plain(&self, model: &Model<'_>) -> Vec<Effect> {
-        let weighed = self.weighed(model);
-        let left = self.bank.left(self.runs, &weighed, model.process.as_ref());
-        let (chosen, bare) = self.chosen(model, &weighed, &left);
+        let (_, chosen, bare) = self.chosen(model);
         self.plain_of(model, &chosen, bare)
     }
 
