@@ -185,7 +185,7 @@ impl fmt::Display for Factor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::dynamics::{LowPass, Memory as Remembered, Play, Rate, Stop};
+    use crate::effects::dynamics::{LowPass, Memory as Remembered, Play, Rate, Relay, Stop, Thermostat};
     use crate::effects::shape::Linear;
     use crate::effects::signal::{Since, Time};
 
@@ -212,6 +212,13 @@ mod tests {
         assert!(smooth[0].is_nan() && (smooth[1] - 1.5).abs() < 1e-6 && (smooth[2] - 1.125).abs() < 1e-6, "{smooth:?}");
         assert_eq!(outputs(&[Play { half_width: 1.0 }.into()], &[0.0, 3.0, 1.5, 0.5], 1.0), [0.0, 2.0, 2.0, 1.5]);
         assert_eq!(outputs(&[Stop { half_width: 1.0 }.into()], &[0.0, 3.0, 1.5, 0.5], 1.0), [0.0, 1.0, -0.5, -1.0]);
+        // Between its thresholds, 0 and 2, a relay starts by its centre, and a thermostat as it was switched.
+        let (centre, half_width) = (1.0, 1.0);
+        let course = [1.5, 0.5, 2.5, 0.5, -0.5, 1.5];
+        assert_eq!(outputs(&[Relay { centre, half_width }.into()], &course, 1.0), [1.0, 1.0, 1.0, 1.0, 0.0, 0.0]);
+        let [below, above] = [false, true].map(|from_above| Thermostat { centre, half_width, from_above }.into());
+        assert_eq!(outputs(&[below], &course, 1.0), [0.0, 0.0, 1.0, 1.0, 0.0, 0.0]);
+        assert_eq!(outputs(&[above], &course[1..], 1.0), [1.0, 1.0, 1.0, 0.0, 0.0]);
         // What has not passed a low-pass of 2/ln 2 s: a half after 2 s, a quarter after 4 s.
         let memory = outputs(&[Remembered { tau_s }.into()], &[0.0, 8.0, 8.0], 2.0);
         assert!((memory[1] - 4.0).abs() < 1e-6 && (memory[2] - 2.0).abs() < 1e-6, "{memory:?}");

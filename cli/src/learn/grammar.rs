@@ -147,7 +147,8 @@ fn cost_of_constants(factor: &Factor) -> f64 {
 
 /// How much finer than others the constants of a factor are tuned.
 pub fn fineness(factor: &Factor) -> f64 {
-    if matches!(factor.shape, Shape::Step(_)) { FINENESS_OF_A_JUMP } else { 1.0 }
+    let jumps = matches!(factor.shape, Shape::Step(_)) || factor.dynamics.iter().any(Dynamics::jumps);
+    if jumps { FINENESS_OF_A_JUMP } else { 1.0 }
 }
 
 /// The part of a form's cost that any form as complex has, nats: how many factors, dynamics and tuned constants there are, whichever they are. The rest
@@ -231,10 +232,13 @@ pub fn reshaped(effect: &Effect, grammar: &Grammar, runs: &[Run]) -> Vec<Effect>
         let mut number = 0;
         Dynamics::starts(bare, &mut |each| {
             chains.push(vec![each]);
-            // A second dynamics is tuned when it is found: every other of its constants will do.
+            // A second dynamics is tuned when it is found: every other of its constants will do. Only what is linear makes more of its own output.
             number += 1;
+            let goes_behind =
+                |first: &Dynamics| first.is_linear() || std::mem::discriminant(first) != std::mem::discriminant(&each);
             if let [first] = own.dynamics.as_slice()
                 && number % 2 == 0
+                && goes_behind(first)
             {
                 chains.push(vec![*first, each]);
             }

@@ -1,6 +1,7 @@
 //! `north bench diagnose --group composed`: the diagnosis against effects composed at random.
 
 use std::io::{self, Write};
+use std::ops::Range;
 use std::path::Path;
 
 use north::failure::Failure;
@@ -14,7 +15,7 @@ use crate::statistics::{median, probability_interval};
 
 /// Which campaigns are judged.
 pub(super) struct Judged<'a> {
-    pub(super) campaigns: u64,
+    pub(super) numbers: Range<u64>,
     pub(super) seed: u64,
     pub(super) kinds: Kinds,
     /// Folders of campaigns that were written before, in place of new ones.
@@ -106,10 +107,10 @@ impl Line {
 
 /// Judges the campaigns and prints the tables.
 pub(super) fn measure(judged: &Judged<'_>, out: &mut dyn Write) -> Result<Vec<Line>, Failure> {
-    let bar = progress::bar(judged.campaigns, "campaigns");
+    let bar = progress::bar(judged.numbers.end - judged.numbers.start, "campaigns");
     let mut verdicts = Vec::new();
     // One after the other: a diagnosis uses all cores by itself.
-    for number in 0..judged.campaigns {
+    for number in judged.numbers.clone() {
         let temporary = tempfile::tempdir()?;
         let folder = match judged.dir {
             Some(dir) => dir.join(format!("{number:04}")),
@@ -136,7 +137,11 @@ pub(super) fn measure(judged: &Judged<'_>, out: &mut dyn Write) -> Result<Vec<Li
     }
     bar.finish_and_clear();
     if let (Some(dir), []) = (judged.dir, verdicts.as_slice()) {
-        return Err(Failure::Usage(format!("{}: there is no campaign 0000 in it", dir.display())));
+        return Err(Failure::Usage(format!(
+            "{}: there is no campaign {:04} in it",
+            dir.display(),
+            judged.numbers.start
+        )));
     }
     let mut lines = Vec::new();
     for kind in [Kind::Inside, Kind::Outside, Kind::Empty] {

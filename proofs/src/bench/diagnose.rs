@@ -47,7 +47,7 @@ pub struct DiagnoseBench {
     /// Only these families, with commas between them
     #[arg(long, value_name = "NAME", value_parser = family, value_delimiter = ',')]
     family: Vec<Family>,
-    /// Only the campaign with this number, from 0; it is written into --out, if that is given
+    /// Only the campaign with this number, from 0, of the --family or of the composed ones; it is written into --out, if that is given
     #[arg(long, value_name = "N", requires = "family")]
     only: Option<u64>,
     /// A new or empty folder for the campaign of --only
@@ -158,14 +158,17 @@ impl Bench for DiagnoseBench {
     type Row = Row;
 
     fn measure(&self, out: &mut dyn Write) -> Result<Vec<Row>, Failure> {
+        let numbers = match self.only {
+            Some(number) => number..number.saturating_add(1),
+            None => 0..self.campaigns,
+        };
         if self.group == Some(Chosen::Composed) {
-            let judged = Judged {
-                campaigns: self.campaigns,
-                seed: self.seed,
-                kinds: self.kind,
-                dir: self.dir.as_deref(),
-                verbose: self.verbose,
-            };
+            if self.out.is_some() {
+                let other = "--out: north bench compose writes campaigns of composed effects".to_owned();
+                return Err(Failure::Usage(other));
+            }
+            let judged =
+                Judged { numbers, seed: self.seed, kinds: self.kind, dir: self.dir.as_deref(), verbose: self.verbose };
             return Ok(measure(&judged, out)?.into_iter().map(Row::Composed).collect());
         }
         let chosen = |family: &Family| {
@@ -173,10 +176,6 @@ impl Bench for DiagnoseBench {
                 && self.group.is_none_or(|group| group == Chosen::Families(family.group()))
         };
         let families: Vec<Family> = Family::all().into_iter().filter(chosen).collect();
-        let numbers = match self.only {
-            Some(number) => number..number + 1,
-            None => 0..self.campaigns,
-        };
         let jobs: Vec<(Family, u64)> =
             families.iter().flat_map(|&family| numbers.clone().map(move |number| (family, number))).collect();
         let bar = progress::bar(jobs.len() as u64, "campaigns");

@@ -1,4 +1,5 @@
-//! Dynamics: what stands between a signal and its effect. Causal, a few numbers of state each. One file a dynamics, and one line here.
+//! Dynamics: what stands between a signal and its effect. Causal, a few numbers of state each. One file a dynamics, and one line here, after
+//! the others: stored settings number them.
 
 use core::fmt;
 
@@ -33,6 +34,10 @@ pub trait DynamicsPart {
     fn is_linear(&self) -> bool {
         false
     }
+    /// What comes out jumps where the signal passes one of its constants.
+    fn jumps(&self) -> bool {
+        false
+    }
     /// Divides by a time, so that a second's noise grows: what comes out has the unit of the signal per second.
     fn is_rate(&self) -> bool {
         false
@@ -47,10 +52,11 @@ parts! {
     rate::Rate,
     delay::Delay,
     play::Play,
-    stop::Stop,
     relay::Relay,
     greatest::Greatest,
     heat::Heat,
+    stop::Stop,
+    thermostat::Thermostat,
 }
 
 impl Dynamics {
@@ -77,6 +83,10 @@ impl Dynamics {
 
     pub fn is_linear(&self) -> bool {
         self.part().is_linear()
+    }
+
+    pub fn jumps(&self) -> bool {
+        self.part().jumps()
     }
 
     pub fn is_rate(&self) -> bool {

@@ -15,14 +15,21 @@ pub struct Relay {
     pub half_width: f32,
 }
 
-/// Half width that the search begins with, as a share of the signal's range; it is tuned.
-const SHARE: f64 = 0.1;
-
 impl Relay {
     /// What the search begins with.
     pub fn starts(span: &Span, each: &mut dyn FnMut(Dynamics)) {
-        let half_width = (SHARE * (span.high - span.low)) as f32;
-        span.places().for_each(|centre| each(Self { centre: centre as f32, half_width }.into()));
+        Self::over(span).for_each(|relay| each(relay.into()));
+    }
+
+    /// Relays that switch at two different places of the signal's range.
+    pub(super) fn over(span: &Span) -> impl Iterator<Item = Self> + use<'_> {
+        let of = |low: f64, high: f64| Self { centre: (0.5 * (low + high)) as f32, half_width: (0.5 * (high - low)) as f32 };
+        span.places().flat_map(move |low| span.places().filter(move |&high| high > low).map(move |high| of(low, high)))
+    }
+
+    /// The values at which it switches, each for itself: this is what the search tunes.
+    fn thresholds(&self) -> [f32; 2] {
+        [self.centre - self.half_width, self.centre + self.half_width]
     }
 }
 
@@ -47,19 +54,25 @@ impl DynamicsPart for Relay {
     }
 
     fn constants(&self) -> Constants {
-        constants([Constant::place("centre", self.centre), Constant::scale("half_width", self.half_width)])
+        let [low, high] = self.thresholds();
+        constants([Constant::place("low", low), Constant::place("high", high)])
     }
 
     fn set(&mut self, number: usize, value: f64) {
-        if number == 0 {
-            self.centre = value as f32;
-        } else {
-            self.half_width = value as f32;
+        let mut thresholds = self.thresholds();
+        if let Some(threshold) = thresholds.get_mut(number) {
+            *threshold = value as f32;
         }
+        let [low, high] = thresholds;
+        *self = Self { centre: 0.5 * (low + high), half_width: 0.5 * (high - low) };
     }
 
     fn validate(&self) -> Result<(), Invalid> {
         finite("model.effects.factors.dynamics.relay.centre", &[self.centre.into()])?;
         positive("model.effects.factors.dynamics.relay.half_width", self.half_width.into())
+    }
+
+    fn jumps(&self) -> bool {
+        true
     }
 }
