@@ -185,7 +185,7 @@ impl fmt::Display for Factor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::dynamics::{LowPass, Memory as Remembered, Play, Rate, Relay, Stop, Thermostat};
+    use crate::effects::dynamics::{DynamicsPart, LowPass, Memory as Remembered, Play, Rate, Relay, Stop, Thermostat};
     use crate::effects::shape::Linear;
     use crate::effects::signal::{Since, Time};
 
@@ -219,6 +219,11 @@ mod tests {
         let [below, above] = [false, true].map(|from_above| Thermostat { centre, half_width, from_above }.into());
         assert_eq!(outputs(&[below], &course, 1.0), [0.0, 0.0, 1.0, 1.0, 0.0, 0.0]);
         assert_eq!(outputs(&[above], &course[1..], 1.0), [1.0, 1.0, 1.0, 0.0, 0.0]);
+        // Of a relay that switches at 0 and 2 the upper threshold goes to 4, and the lower one stays.
+        let mut relay = Relay { centre, half_width };
+        relay.set(1, 4.0);
+        assert_eq!(relay, Relay { centre: 2.0, half_width: 2.0 });
+        assert!(relay.constants().iter().map(|constant| constant.value).eq([0.0, 4.0]));
         // What has not passed a low-pass of 2/ln 2 s: a half after 2 s, a quarter after 4 s.
         let memory = outputs(&[Remembered { tau_s }.into()], &[0.0, 8.0, 8.0], 2.0);
         assert!((memory[1] - 4.0).abs() < 1e-6 && (memory[2] - 2.0).abs() < 1e-6, "{memory:?}");

@@ -147,8 +147,7 @@ fn cost_of_constants(factor: &Factor) -> f64 {
 
 /// How much finer than others the constants of a factor are tuned.
 pub fn fineness(factor: &Factor) -> f64 {
-    let jumps = matches!(factor.shape, Shape::Step(_)) || factor.dynamics.iter().any(Dynamics::jumps);
-    if jumps { FINENESS_OF_A_JUMP } else { 1.0 }
+    if factor.shape.jumps() || factor.dynamics.iter().any(Dynamics::jumps) { FINENESS_OF_A_JUMP } else { 1.0 }
 }
 
 /// The part of a form's cost that any form as complex has, nats: how many factors, dynamics and tuned constants there are, whichever they are. The rest

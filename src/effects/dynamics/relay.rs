@@ -1,7 +1,7 @@
-//! A relay: a thermostat, a switch with hysteresis.
+//! A relay: a switch with hysteresis.
 
-use serde::{Deserialize, Serialize};
 use quantities::limits::{Invalid, finite, positive};
+use serde::{Deserialize, Serialize};
 
 use super::{Dynamics, DynamicsPart, STATES, State};
 use crate::effects::part::{Constant, Constants, Span, constants};
@@ -23,8 +23,12 @@ impl Relay {
 
     /// Relays that switch at two different places of the signal's range.
     pub(super) fn over(span: &Span) -> impl Iterator<Item = Self> + use<'_> {
-        let of = |low: f64, high: f64| Self { centre: (0.5 * (low + high)) as f32, half_width: (0.5 * (high - low)) as f32 };
-        span.places().flat_map(move |low| span.places().filter(move |&high| high > low).map(move |high| of(low, high)))
+        let above = |low: f64| span.places().filter(move |&high| high > low);
+        span.places().flat_map(move |low| above(low).map(move |high| Self::between(low, high)))
+    }
+
+    fn between(low: f64, high: f64) -> Self {
+        Self { centre: (0.5 * (low + high)) as f32, half_width: (0.5 * (high - low)) as f32 }
     }
 
     /// The values at which it switches, each for itself: this is what the search tunes.
@@ -64,7 +68,7 @@ impl DynamicsPart for Relay {
             *threshold = value as f32;
         }
         let [low, high] = thresholds;
-        *self = Self { centre: 0.5 * (low + high), half_width: 0.5 * (high - low) };
+        *self = Self::between(low.into(), high.into());
     }
 
     fn validate(&self) -> Result<(), Invalid> {

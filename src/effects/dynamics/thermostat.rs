@@ -1,7 +1,7 @@
 //! A thermostat: a relay that was switched when the recording began.
 
-use serde::{Deserialize, Serialize};
 use quantities::limits::{Invalid, finite, positive};
+use serde::{Deserialize, Serialize};
 
 use super::{Dynamics, DynamicsPart, Relay, STATES, State};
 use crate::effects::part::{Constants, Span};
@@ -21,7 +21,8 @@ impl Thermostat {
     /// What the search begins with.
     pub fn starts(span: &Span, each: &mut dyn FnMut(Dynamics)) {
         for from_above in [false, true] {
-            Relay::over(span).for_each(|Relay { centre, half_width }| each(Self { centre, half_width, from_above }.into()));
+            Relay::over(span)
+                .for_each(|Relay { centre, half_width }| each(Self { centre, half_width, from_above }.into()));
         }
     }
 

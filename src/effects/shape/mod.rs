@@ -33,6 +33,10 @@ pub trait ShapePart {
     fn set(&mut self, _number: usize, _value: f64) {}
     /// Constants in their range.
     fn validate(&self) -> Result<(), Invalid>;
+    /// It jumps where its input passes one of its constants.
+    fn jumps(&self) -> bool {
+        false
+    }
 }
 
 parts! {
@@ -77,6 +81,10 @@ impl Shape {
 
     pub fn validate(&self) -> Result<(), Invalid> {
         self.part().validate()
+    }
+
+    pub fn jumps(&self) -> bool {
+        self.part().jumps()
     }
 }
 

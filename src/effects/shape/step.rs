@@ -50,4 +50,8 @@ impl ShapePart for Step {
     fn validate(&self) -> Result<(), Invalid> {
         finite("model.effects.factors.shape.step.at", &[self.at.into()])
     }
+
+    fn jumps(&self) -> bool {
+        true
+    }
 }
