@@ -4,8 +4,7 @@ TARGET := thumbv7em-none-eabihf
 BUILD := $(or $(CARGO_TARGET_DIR),target)
 # What boards, page and emulated chip have in common is built once: they share the folder of intermediate files (cargo 1.91; older ones build more).
 export CARGO_BUILD_BUILD_DIR := $(abspath $(BUILD))
-# Where nothing was built by cargo itself yet, as on a machine of continuous integration, nothing is written for a later build in parts: it takes a
-# fifth of the time.
+# Where cargo keeps no state for incremental builds yet, as on a machine of continuous integration, none is written: a build of everything is quicker.
 ifeq ($(wildcard $(BUILD)/debug/incremental),)
 export CARGO_INCREMENTAL ?= 0
 endif

@@ -202,6 +202,11 @@ impl Expectation {
         self.log_odds[one][other].min(self.log_odds[other][one])
     }
 
+    /// Those of these models that are told from the likeliest one, the first.
+    fn told_from_the_likeliest(&self, others: &[usize]) -> Vec<usize> {
+        others.iter().copied().filter(|&other| self.between((0, other)) > NOTHING).collect()
+    }
+
     /// Between those of these that are nearest to each other.
     fn least(&self, pairs: &[(usize, usize)]) -> f64 {
         pairs.iter().map(|&pair| self.between(pair)).fold(f64::INFINITY, f64::min)
@@ -269,10 +274,14 @@ pub fn propose(
         None
     } else {
         let unique = weighed.iter().find(|(_, found)| found.least(&pairs) > UNIQUE);
-        unique.or_else(|| weighed.iter().max_by(|a, b| a.1.right(&pairs).total_cmp(&b.1.right(&pairs))))
+        let telling = weighed.iter().filter(|(_, found)| !found.told_from_the_likeliest(&told).is_empty());
+        unique.or_else(|| telling.max_by(|a, b| a.1.right(&pairs).total_cmp(&b.1.right(&pairs))))
     };
     let Some((design, found)) = chosen else { return Proposal { experiment: None, inseparable } };
-    let log_odds = tells_apart.then(|| found.least(&pairs).min(f64::MAX));
+    // What one run tells another may not, and none need tell everything.
+    let told = found.told_from_the_likeliest(&told);
+    let told_apart: Vec<(usize, usize)> = told.iter().map(|&other| (0, other)).collect();
+    let log_odds = tells_apart.then(|| found.least(&told_apart).min(f64::MAX));
     let separates =
         if tells_apart { std::iter::once(likeliest.clone()).chain(named(&told)).collect() } else { Vec::new() };
     let more = match told.len() {
@@ -372,5 +381,15 @@ mod tests {
         // Where only the first two can be told apart, the third is right by itself.
         assert!((found.right(&all[..1]) - (1.0 / 1.5 + 0.75 + 1.0) / 3.0).abs() < 1e-12);
         assert_eq!(found.least(&[]), f64::INFINITY);
+    }
+
+    /// Runs that tell the first model from the second by odds of e² and from the third by those of e^½ are said to tell it from the second alone.
+    #[test]
+    fn what_runs_do_not_tell_apart_is_not_said_of_them() {
+        let found = Expectation {
+            log_odds: [[0.0, 2.0, 0.5], [3.0, 0.0, 4.0], [2.0, 4.0, 0.0]].map(|row| row.to_vec()).to_vec(),
+            sigma_deg: 0.0,
+        };
+        assert_eq!(found.told_from_the_likeliest(&[1, 2]), [1]);
     }
 }

@@ -298,9 +298,9 @@ pub struct Experiment {
     pub roll_deg: f64,
     /// The run whose channels it repeats.
     pub like: String,
-    /// The models that it separates; none where it is to make the azimuth more certain.
+    /// The likeliest model, and those that it tells from it; none where it is to make the azimuth more certain.
     pub separates: Vec<String>,
-    /// Log odds over the nearest of the others that it adds on average, if the first of them is the true one.
+    /// Log odds between the likeliest model and the nearest of the others that it adds on average, whichever of the two is true.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub expected_log_odds: Option<f64>,
     /// Sigma of a usual run's azimuth, degrees, now and once the runs are learned from.
