@@ -202,9 +202,9 @@ impl Expectation {
         self.log_odds[one][other].min(self.log_odds[other][one])
     }
 
-    /// Those of these models that are told from the likeliest one, the first.
-    fn told_from_the_likeliest(&self, others: &[usize]) -> Vec<usize> {
-        others.iter().copied().filter(|&other| self.between((0, other)) > NOTHING).collect()
+    /// Whether it tells two models apart.
+    fn tells(&self, pair: (usize, usize)) -> bool {
+        self.between(pair) > NOTHING
     }
 
     /// Between those of these that are nearest to each other.
@@ -261,7 +261,7 @@ pub fn propose(
             break;
         }
     }
-    let is_told = |pair: (usize, usize)| weighed.iter().any(|(_, found)| found.between(pair) > NOTHING);
+    let is_told = |pair: (usize, usize)| weighed.iter().any(|(_, found)| found.tells(pair));
     let (told, untold): (Vec<usize>, Vec<usize>) = (1..names.len()).partition(|&other| is_told((0, other)));
     let named = |numbers: &[usize]| numbers.iter().map(|&other| names[other].clone()).collect::<Vec<_>>();
     let inseparable = named(&untold);
@@ -274,12 +274,12 @@ pub fn propose(
         None
     } else {
         let unique = weighed.iter().find(|(_, found)| found.least(&pairs) > UNIQUE);
-        let telling = weighed.iter().filter(|(_, found)| !found.told_from_the_likeliest(&told).is_empty());
+        let telling = weighed.iter().filter(|(_, found)| told.iter().any(|&other| found.tells((0, other))));
         unique.or_else(|| telling.max_by(|a, b| a.1.right(&pairs).total_cmp(&b.1.right(&pairs))))
     };
     let Some((design, found)) = chosen else { return Proposal { experiment: None, inseparable } };
-    // What one run tells another may not, and none need tell everything.
-    let told = found.told_from_the_likeliest(&told);
+    // What the other designs tell is not said of this one.
+    let told: Vec<usize> = told.into_iter().filter(|&other| found.tells((0, other))).collect();
     let told_apart: Vec<(usize, usize)> = told.iter().map(|&other| (0, other)).collect();
     let log_odds = tells_apart.then(|| found.least(&told_apart).min(f64::MAX));
     let separates =
@@ -383,13 +383,13 @@ mod tests {
         assert_eq!(found.least(&[]), f64::INFINITY);
     }
 
-    /// Runs that tell the first model from the second by odds of e² and from the third by those of e^½ are said to tell it from the second alone.
+    /// Runs that tell the first model from the second by odds of e² or more, and from the third by those of e^½, tell it from the second alone.
     #[test]
     fn what_runs_do_not_tell_apart_is_not_said_of_them() {
         let found = Expectation {
             log_odds: [[0.0, 2.0, 0.5], [3.0, 0.0, 4.0], [2.0, 4.0, 0.0]].map(|row| row.to_vec()).to_vec(),
             sigma_deg: 0.0,
         };
-        assert_eq!(found.told_from_the_likeliest(&[1, 2]), [1]);
+        assert!(found.tells((0, 1)) && !found.tells((0, 2)));
     }
 }
