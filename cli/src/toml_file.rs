@@ -124,7 +124,10 @@ impl TomlFile {
 
     fn syntax(&self, error: &toml::de::Error) -> FileError {
         let place = error.span().map_or(Place::Whole, |span| self.place(span.start));
-        FileError::new(&self.path, place, Problem::Syntax(error.message().trim_end().replace('\n', "; ")))
+        let message = in_plain_words(&error.message().trim_end().replace('\n', "; "));
+        let field = error.span().and_then(|span| field_at(DeTable::parse(&self.text).ok()?.get_ref(), &span));
+        let problem = field.map_or_else(|| message.clone(), |field| format!("`{field}`: {message}"));
+        FileError::new(&self.path, place, Problem::Syntax(problem))
     }
 
     fn place(&self, byte: usize) -> Place {
@@ -145,6 +148,35 @@ fn find(table: &DeTable<'_>, field: &str) -> Option<Range<usize>> {
         (Some(rest), DeValue::Table(below)) => find(below, rest),
         _ => Some(value.span()),
     }
+}
+
+/// The dotted name of the field whose value stands at a range of the text; of a table in a list, its number from 1.
+fn field_at(table: &DeTable<'_>, at: &Range<usize>) -> Option<String> {
+    table.iter().find_map(|(name, value)| in_value(value, at).map(|below| format!("{}{below}", name.get_ref())))
+}
+
+/// What leads from a value to the one at a range: nothing where it is the value itself.
+fn in_value(value: &Spanned<DeValue<'_>>, at: &Range<usize>) -> Option<String> {
+    match value.get_ref() {
+        DeValue::Table(table) => field_at(table, at).map(|below| format!(".{below}")),
+        DeValue::Array(all) => {
+            all.iter().enumerate().find_map(|(i, each)| in_value(each, at).map(|below| format!("[{}]{below}", i + 1)))
+        }
+        _ => (value.span() == *at).then(String::new),
+    }
+}
+
+/// The names that Rust's numbers have say nothing to those who write a file.
+fn in_plain_words(message: &str) -> String {
+    let Some((found, expected)) = message.rsplit_once("expected ") else { return message.to_owned() };
+    let expected = match expected {
+        "f64" | "f32" => "a number",
+        "i64" | "i32" | "i16" => "a whole number",
+        "u64" | "u32" | "u16" | "u8" | "usize" => "a whole number, 0 or more",
+        "a boolean" => "true or false",
+        other => other,
+    };
+    format!("{found}expected {expected}")
 }
 
 fn missing_format(format: i64) -> Problem {

@@ -201,7 +201,10 @@ fn bad_manifests_are_refused_with_their_place() {
             "format = 2\nshape = \"new\"\n".into(),
             "campaign.toml, line 1, column 10: \"format = 2\" is not allowed; allowed is format = 1",
         ),
-        ("format = \"1\"\n".into(), "campaign.toml, line 1, column 10: invalid type: string \"1\", expected i64"),
+        (
+            "format = \"1\"\n".into(),
+            "campaign.toml, line 1, column 10: `format`: invalid type: string \"1\", expected a whole number",
+        ),
         (good.into(), "campaign.toml: no [[run]] is listed; a campaign has at least one"),
         (
             format!("{good}latitude = 3\n{run}"),
@@ -215,7 +218,7 @@ fn bad_manifests_are_refused_with_their_place() {
         ),
         (
             format!("{good}{run}role = \"judge\"\n"),
-            "campaign.toml, line 5, column 8: unknown variant `judge`, expected `fit` or `check`",
+            "campaign.toml, line 5, column 8: `run[1].role`: unknown variant `judge`, expected `fit` or `check`",
         ),
         (format!("{good}[[run]]\nrole = \"fit\"\n"), "campaign.toml, line 3, column 1: missing field `file`"),
         (
@@ -228,7 +231,7 @@ fn bad_manifests_are_refused_with_their_place() {
         ),
         (
             format!("format = 1\nlatitude_deg = \"34\"\n{run}"),
-            "campaign.toml, line 2, column 16: invalid type: string \"34\", expected f64",
+            "campaign.toml, line 2, column 16: `latitude_deg`: invalid type: string \"34\", expected a number",
         ),
         (
             format!("format = 1\n{run}"),

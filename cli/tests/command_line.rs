@@ -377,7 +377,7 @@ fn scenario_files_and_settings_are_refused_with_field_and_line() {
         (
             "",
             "[jitter]\nseconds = \"five\"\n",
-            "settings.toml, line 2, column 11: invalid type: string \"five\", expected u16",
+            "settings.toml, line 2, column 11: `jitter.seconds`: invalid type: string \"five\", expected a whole number, 0 or more",
         ),
         (
             "",

@@ -276,7 +276,7 @@ fn errors_of_the_mapping_name_their_place() {
         (
             "unit = \"deg/h\"",
             "unit = \"furlong\"",
-            "map.toml, line 8, column 8: unknown variant `furlong`, expected one of",
+            "map.toml, line 8, column 8: `gyro.unit`: unknown variant `furlong`, expected one of",
         ),
         ("interval_s = 0.5", "", "map.toml, line 4, column 1: [time] needs a column"),
         ("interval_s = 0.5", "interval_s = 0", r#"map.toml, line 5, column 14: "interval_s = 0.0" is not allowed"#),
