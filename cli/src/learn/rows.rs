@@ -51,6 +51,8 @@ pub struct Run {
     pub azimuth_deg: f64,
     /// The index stays at one position: there is no azimuth in it.
     pub still: bool,
+    /// Nothing begins with its dwells: it is still, or turns most of the time.
+    evenly: bool,
     /// Horizontal and vertical Earth rate, °/h.
     pub north_deg_h: f64,
     pub up_deg_h: f64,
@@ -89,6 +91,7 @@ impl Run {
             plain_deg: data.before.map(|fix| fix.azimuth_deg),
             azimuth_deg,
             still,
+            evenly: still || data.rotation,
             north_deg_h: data.earth.north_deg_h,
             up_deg_h: data.earth.up_deg_h,
             facts: data.facts,
@@ -101,6 +104,7 @@ impl Run {
             bins: bins(
                 data,
                 (ALL_ROWS / runs.max(1)).clamp(LEAST_ROWS, if still { MOST_STILL_ROWS } else { MOST_ROWS }),
+                still || data.rotation,
             ),
             t_s: Vec::new(),
             rate_deg_h: Vec::new(),
@@ -322,11 +326,12 @@ impl Run {
         let together = self.rows().div_ceil(most).max(1);
         let dwells = self.dwell_of_rows();
         let mut coarse: Vec<Range<usize>> = Vec::new();
-        for row in 0..self.rows() {
-            match coarse.last_mut() {
-                Some(last) if last.len() < together && dwells[last.start] == dwells[row] => last.end = row + 1,
-                _ => coarse.push(row..row + 1),
-            }
+        let mut first = 0;
+        while first < self.rows() {
+            let count = dwells[first..].iter().take_while(|dwell| **dwell == dwells[first]).count();
+            let own = first..first + count;
+            coarse.extend(parted(&own, count.div_ceil(together), self.evenly, |row| self.bins[row].len()));
+            first += count;
         }
         coarse
     }
@@ -404,20 +409,37 @@ fn conditions(sample: &Sample, raw_rate_deg_h: f64) -> Conditions {
     }
 }
 
-/// Rows at rest, as many seconds together as the run's length asks for, within one dwell.
-fn bins(data: &RunData, most: usize) -> Vec<Range<usize>> {
+/// Rows at rest, on average as many seconds together as the run's length asks for, within one dwell, and longer the later unless `evenly`.
+fn bins(data: &RunData, most: usize, evenly: bool) -> Vec<Range<usize>> {
     let entering: Vec<usize> = (0..data.samples.len()).filter(|&i| data.enters(&data.samples[i])).collect();
-    let most = entering.len().div_ceil(most).max(1);
-    let mut bins: Vec<Range<usize>> = Vec::new();
+    let together = entering.len().div_ceil(most).max(1);
+    let mut stretches: Vec<Range<usize>> = Vec::new();
     for i in entering {
-        match bins.last_mut() {
-            Some(bin) if bin.end == i && bin.len() < most && data.samples[bin.start].dwell == data.samples[i].dwell => {
-                bin.end = i + 1
-            }
-            _ => bins.push(i..i + 1),
+        match stretches.last_mut() {
+            Some(last) if last.end == i && data.samples[last.start].dwell == data.samples[i].dwell => last.end = i + 1,
+            _ => stretches.push(i..i + 1),
         }
     }
-    bins
+    let rows = |stretch: &Range<usize>| parted(stretch, stretch.len().div_ceil(together), evenly, |_| 1);
+    stretches.iter().flat_map(rows).collect()
+}
+
+/// What is in a range in so many parts at most, each of a length of its own. In a dwell parts become longer linearly, because after a move most happens at
+/// first; `evenly` they are of one length.
+fn parted(range: &Range<usize>, parts: usize, evenly: bool, length: impl Fn(usize) -> usize) -> Vec<Range<usize>> {
+    let whole: usize = range.clone().map(&length).sum();
+    let (mut before, mut last) = (0, usize::MAX);
+    let mut all: Vec<Range<usize>> = Vec::new();
+    for i in range.clone() {
+        let share = (before as f64 + 0.5 * length(i) as f64) / whole as f64;
+        let part = (if evenly { share } else { share.sqrt() } * parts as f64) as usize;
+        match all.last_mut() {
+            Some(own) if part == last => own.end = i + 1,
+            _ => all.push(i..i + 1),
+        }
+        (before, last) = (before + length(i), part);
+    }
+    all
 }
 
 /// Noise of a one-second rate, °/h, from differences of neighbouring rows: the smaller of the root mean square and of the one that the median
@@ -451,6 +473,7 @@ impl Run {
             plain_deg: None,
             azimuth_deg: 0.0,
             still: false,
+            evenly: false,
             north_deg_h: 10.0,
             up_deg_h: 11.0,
             facts: RunFacts::default(),
@@ -467,5 +490,18 @@ impl Run {
             cos: (0..rate_deg_h.len()).map(|i| quarter(i).1).collect(),
             sin: (0..rate_deg_h.len()).map(|i| quarter(i).0).collect(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of sixteen seconds in four parts those end at 16 (k/4)²: 1, 4, 9 and 16. Of a rotation all are alike. Of rows of lengths 1, 3, 5 and 7 each is a part.
+    #[test]
+    fn parts_of_a_dwell_become_longer() {
+        assert_eq!(parted(&(0..16), 4, false, |_| 1), [0..1, 1..4, 4..9, 9..16]);
+        assert_eq!(parted(&(0..16), 4, true, |_| 1), [0..4, 4..8, 8..12, 12..16]);
+        assert_eq!(parted(&(2..6), 4, false, |i| 2 * (i - 2) + 1), [2..3, 3..4, 4..5, 5..6]);
     }
 }
