@@ -487,25 +487,29 @@ impl<'a> Search<'a> {
         model.fit.gain_of(&model.problem, &model.terms, &columns).0 - self.grammar.cost(effect)
     }
 
-    /// Replaces the form by a neighbouring one, at most so many times, as long as the gain grows by more than half a nat.
+    /// Replaces the form by a neighbouring one, at most so many times, as long as the gain grows by more than half a nat. Where no form of its own signals,
+    /// and none with one factor more, is better, one with another factor in the place of one may be.
     fn climb(&self, model: &Model<'_>, mut effect: Effect, mut gain: f64, left: &Left, steps: usize) -> (f64, Effect) {
         for _ in 0..steps {
-            let forms = [self.forms_of(&effect, left), self.extensions_of(&effect, left)].concat();
-            let near = self.nearest(forms, left);
-            let mut better: Vec<(f64, Effect)> =
-                near.into_par_iter().map(|each| (self.gain(model, &each), each)).collect();
-            better.sort_by(|a, b| b.0.total_cmp(&a.0));
-            better.truncate(TUNED);
-            let best = better
-                .into_par_iter()
-                .map(|(gain, each)| self.tuned(model, each, gain, &ROUGHLY))
-                .max_by(|a, b| a.0.total_cmp(&b.0));
-            match best {
-                Some((above, each)) if above > gain + 0.5 => (gain, effect) = (above, each),
-                _ => break,
-            }
+            let better = |forms: Vec<Effect>| self.best_of(model, forms, left).filter(|(above, _)| *above > gain + 0.5);
+            let own = [self.forms_of(&effect, left), self.extensions_of(&effect, left)].concat();
+            let best = better(own).or_else(|| better(self.exchanges_of(&effect, left)));
+            let Some(best) = best else { break };
+            (gain, effect) = best;
         }
         (gain, effect)
+    }
+
+    /// The best of some forms beside a model, roughly tuned, with its gain.
+    fn best_of(&self, model: &Model<'_>, forms: Vec<Effect>, left: &Left) -> Option<(f64, Effect)> {
+        let near = self.nearest(forms, left);
+        let mut better: Vec<(f64, Effect)> = near.into_par_iter().map(|each| (self.gain(model, &each), each)).collect();
+        better.sort_by(|a, b| b.0.total_cmp(&a.0));
+        better.truncate(TUNED);
+        better
+            .into_par_iter()
+            .map(|(gain, each)| self.tuned(model, each, gain, &ROUGHLY))
+            .max_by(|a, b| a.0.total_cmp(&b.0))
     }
 
     /// Removes factors, each simpler form finely tuned, as long as the gain does not fall.
@@ -537,6 +541,12 @@ impl<'a> Search<'a> {
         }
         let fitted = self.bank.fitted(self.runs, effect, left);
         extended(effect, &self.pairs.further(left, &fitted, FURTHER))
+    }
+
+    /// The same with another factor, of any signal, in the place of one.
+    fn exchanges_of(&self, effect: &Effect, left: &Left) -> Vec<Effect> {
+        let simpler = if effect.factors.len() > 1 { reduced(effect) } else { Vec::new() };
+        simpler.iter().flat_map(|each| self.extensions_of(each, left)).collect()
     }
 
     /// The most promising forms, each once: effects of one form differ by constants, which are tuned.
