@@ -25,11 +25,13 @@ const HALVINGS: usize = 14;
 const LEAST_TURN_DEG: f64 = 20.0;
 /// By how much a turn must lower chi-square: with two unknowns more, less than once in 3,000,000, and 24 · 46 of them are tried.
 const DECIDED: f64 = 30.0;
-/// Dwells that either side of a turn must have: one dwell is explained by some turn whatever it reads.
-const LEAST_DWELLS: usize = 2;
-/// Fewest dwells of a fix: azimuth, bias and turn take three, and three more test them. Where only two did, a bias that followed the
-/// moves was taken for a turn by 100° in 2 of 21 runs of five positions.
+/// Positions that either side of a turn must have: one is explained by some turn whatever it reads.
+const LEAST_POSITIONS: usize = 2;
+/// Fewest positions of a fix, in the order of their visits: azimuth, bias and turn take three, and three more test them. Where only two did,
+/// a bias that followed the moves was taken for a turn by 100° in 2 of 21 runs of five positions.
 const LEAST_IN_ALL: usize = 6;
+/// Cosine of the least index between two positions, 5°: the parts of a dwell, and dwells that follow each other at one index, are one.
+const SAME_POSITION: f64 = 0.996_194_698;
 /// What a turn does to a fix that does not know of it.
 const SUSPICIOUS: [Flag; 6] =
     [Flag::Misfit, Flag::Amplitude, Flag::Bias, Flag::Drift, Flag::Noisy, Flag::Autocorrelated];
@@ -52,16 +54,26 @@ pub(super) fn is_explained(turned: &Fix) -> bool {
 /// The turn that explains the dwells far better than none, between two of them or, `within` 1, in one of them; and what its own
 /// uncertainty adds to the azimuth's sigma, degrees.
 pub(super) fn find(dwells: &[DwellSummary], declared: &Declared, within: usize) -> Option<(Turn, f64)> {
-    if dwells.len() < LEAST_IN_ALL + within {
+    if positions(dwells) < LEAST_IN_ALL + within {
         return None;
     }
-    let last = dwells.len().checked_sub(LEAST_DWELLS + within)?;
-    let candidates = (LEAST_DWELLS..=last).filter_map(|after| {
-        let (before_s, after_s) = (dwells.get(after.checked_sub(1)?)?.end_s, dwells.get(after + within)?.start_s);
-        Search::new(dwells, declared, Turn { before_s, after_s, deg: 0.0 })?.best()
+    let candidates = (1..dwells.len()).filter_map(|after| {
+        let (before, rest) = dwells.split_at_checked(after)?;
+        let (_, rest) = rest.split_at_checked(within)?;
+        if positions(before).min(positions(rest)) < LEAST_POSITIONS {
+            return None;
+        }
+        let turn = Turn { before_s: before.last()?.end_s, after_s: rest.first()?.start_s, deg: 0.0 };
+        Search::new(dwells, declared, turn)?.best()
     });
     let best = candidates.min_by(|a, b| a.chi_square.total_cmp(&b.chi_square))?;
     (best.turn.deg.abs() > LEAST_TURN_DEG && best.gain > DECIDED).then_some((best.turn, best.doubt_deg))
+}
+
+/// How many positions dwells, or parts of them, visit one after the other.
+fn positions(dwells: &[DwellSummary]) -> usize {
+    let is_move = |pair: &&[DwellSummary]| matches!(pair, [a, b] if a.cos * b.cos + a.sin * b.sin < SAME_POSITION);
+    dwells.windows(2).filter(is_move).count() + usize::from(!dwells.is_empty())
 }
 
 /// The best turn at a given time.
@@ -263,18 +275,26 @@ mod tests {
         assert!(!fix(&dwells).is_ok_and(|fix| fix.flags.contains(Flag::Turned)));
     }
 
-    /// Five dwells that contradict each other by 3 °/h are not enough to tell a turn from what else may do that.
+    /// Five positions that contradict each other by 3 °/h are not enough to tell a turn from what else may do that, however many dwells or parts
+    /// of dwells there are of them: of the eight the fourth and the fifth are at one index.
     #[test]
-    fn five_dwells_tell_no_turn() {
+    fn five_positions_tell_no_turn() {
         let mut state = 9;
         let azimuth_deg = core::array::from_fn(|i| if i < 2 { 30.0 } else { 120.0 });
         let eight = dwells(&azimuth_deg, &mut state);
-        assert!(fix(&eight[..6]).is_ok_and(|fix| fix.flags.contains(Flag::Turned)));
-        let five = fix(&eight[..5]);
-        assert!(
-            five.is_err()
-                || five.is_ok_and(|fix| !fix.flags.contains(Flag::Turned) && fix.flags.contains(Flag::Misfit))
-        );
+        assert!(fix(&eight[..7]).is_ok_and(|fix| fix.flags.contains(Flag::Turned)));
+        assert_eq!(positions(&eight[..6]), 5);
+        let halved: Vec<DwellSummary> = eight[..5]
+            .iter()
+            .flat_map(|dwell| {
+                let middle_s = 0.5 * (dwell.start_s + dwell.end_s);
+                let half = DwellSummary { seconds: 0.5 * dwell.seconds, ..*dwell };
+                [DwellSummary { end_s: middle_s, ..half }, DwellSummary { start_s: middle_s, ..half }]
+            })
+            .collect();
+        for five in [&eight[..6], &halved[..]] {
+            assert!(!fix(five).is_ok_and(|fix| !fix.flags.contains(Flag::Misfit) || fix.flags.contains(Flag::Turned)));
+        }
     }
 
     /// One dwell that is off, and a bias that jumps, are no turn.
