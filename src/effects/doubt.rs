@@ -22,12 +22,12 @@ pub struct Doubt {
     pub process: Option<Process>,
 }
 
-/// What no channel tells: a stationary random process u(t) in the rate, of each run's own.
+/// What no channel tells: a random process u(t) in the rate, of each run's own.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Process {
     pub kernel: Kernel,
-    /// Its standard deviation, °/h.
+    /// Its standard deviation, °/h; of a transient when the index comes to rest.
     pub sigma_deg_h: f64,
     /// Its time constant, seconds.
     pub time_s: f64,
@@ -45,18 +45,50 @@ pub enum Kernel {
     SquaredExponential,
     /// exp(−x) cos(2π t/period).
     DampedCosine { period_s: f64 },
+    /// What a move leaves behind: A exp(−x), x since the index came to rest, with another A of its own at every rest. At x₁ and x₂ of one rest the
+    /// correlation is exp(−x₁ − x₂); there is none between two rests.
+    Transient,
+}
+
+/// An interval of a run, seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interval {
+    pub start_s: f64,
+    pub end_s: f64,
+    /// When the index came to rest before it; `None` where it moved.
+    pub rest_s: Option<f64>,
+}
+
+impl Interval {
+    pub fn length_s(&self) -> f64 {
+        self.end_s - self.start_s
+    }
 }
 
 impl Process {
-    /// Covariance of the process' means over two intervals, (°/h)²; start and end of each, seconds. With K″ = k it is
+    /// Covariance of the process' means over two intervals, (°/h)². With K″ = k that of a stationary process is
     /// [K(b₂ − a₁) + K(a₂ − b₁) − K(b₁ − a₁) − K(b₂ − a₂)] over the lengths.
-    pub fn covariance(&self, [a1, a2]: [f64; 2], [b1, b2]: [f64; 2]) -> f64 {
-        let k = |distance_s: f64| self.twice_integrated(distance_s.abs());
-        let lengths = (a2 - a1) * (b2 - b1);
-        if !(lengths > 0.0) {
-            return self.sigma_deg_h * self.sigma_deg_h;
+    pub fn covariance(&self, a: &Interval, b: &Interval) -> f64 {
+        if self.kernel == Kernel::Transient {
+            let left = self.left_of_transient_deg_h(a) * self.left_of_transient_deg_h(b);
+            return if a.rest_s == b.rest_s { left } else { 0.0 };
         }
-        self.sigma_deg_h * self.sigma_deg_h * (k(b2 - a1) + k(a2 - b1) - k(b1 - a1) - k(b2 - a2)) / lengths
+        let power = self.sigma_deg_h * self.sigma_deg_h;
+        let lengths = a.length_s() * b.length_s();
+        if !(lengths > 0.0) {
+            return power;
+        }
+        let k = |distance_s: f64| self.twice_integrated(distance_s.abs());
+        power * (k(b.end_s - a.start_s) + k(a.end_s - b.start_s) - k(b.start_s - a.start_s) - k(b.end_s - a.end_s))
+            / lengths
+    }
+
+    /// Mean of a transient of one sigma over an interval of its rest, °/h; of another process, and where the index moved, 0.
+    pub fn left_of_transient_deg_h(&self, interval: &Interval) -> f64 {
+        let Some(rest_s) = interval.rest_s.filter(|_| self.kernel == Kernel::Transient) else { return 0.0 };
+        let at_start_deg_h = self.sigma_deg_h * libm::exp(-(interval.start_s - rest_s) / self.time_s);
+        let length = interval.length_s() / self.time_s;
+        if length > 0.0 { at_start_deg_h * -libm::expm1(-length) / length } else { at_start_deg_h }
     }
 
     /// K(x) with K″ the correlation and K′(0) = 0, s².
@@ -81,6 +113,8 @@ impl Process {
                 let (re2, im2) = (re * re - im * im, 2.0 * re * im);
                 (cos * re2 - sin * im2) * libm::exp(-re * x_s) / (squared * squared) + x_s * re / squared
             }
+            // It is not stationary.
+            Kernel::Transient => 0.0,
         }
     }
 
@@ -127,6 +161,7 @@ mod tests {
         ];
         for (kernel, correlation) in kernels {
             let process = Process { kernel, sigma_deg_h: 0.5, time_s: 20.0 };
+            let stretch = |[start_s, end_s]: [f64; 2]| Interval { start_s, end_s, rest_s: Some(start_s) };
             for b in [[0.0, 30.0], [38.0, 60.0]] {
                 let mut sum = 0.0;
                 for i in 0..400 {
@@ -136,9 +171,22 @@ mod tests {
                         sum += correlation((t - s).abs() / 20.0);
                     }
                 }
-                let found = process.covariance([0.0, 30.0], b);
+                let found = process.covariance(&stretch([0.0, 30.0]), &stretch(b));
                 assert!((found - 0.25 * sum / 160_000.0).abs() < 1e-4, "{kernel:?} {b:?} {found}");
             }
         }
+    }
+
+    /// Of 2 °/h and 10 s, over the first ten seconds at rest and the next ten: means (1 − e⁻¹) = 0.632121 and e⁻¹ times that, 0.232544; products times 4.
+    /// Nothing goes from one rest to the next, and nothing where the index moves.
+    #[test]
+    fn a_transient_by_hand() {
+        let process = Process { kernel: Kernel::Transient, sigma_deg_h: 2.0, time_s: 10.0 };
+        let interval = |start_s, rest_s| Interval { start_s, end_s: start_s + 10.0, rest_s };
+        let [first, second] = [100.0, 110.0].map(|start_s| interval(start_s, Some(100.0)));
+        assert!((process.covariance(&first, &first) - 4.0 * 0.632121 * 0.632121).abs() < 1e-5);
+        assert!((process.covariance(&first, &second) - 4.0 * 0.632121 * 0.232544).abs() < 1e-5);
+        assert_eq!(process.covariance(&first, &interval(200.0, Some(200.0))), 0.0);
+        assert_eq!(process.covariance(&interval(100.0, None), &interval(100.0, None)), 0.0);
     }
 }

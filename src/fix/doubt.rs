@@ -7,7 +7,7 @@
 //! here in parts ([`super::accumulator`]), whose means show a slope.
 //!
 //! A fix of more intervals than there is room for (a continuous rotation) is weighed as without doubt, and its covariance
-//! is that of these weights, with intervals taken together in groups.
+//! is that of these weights, with intervals taken together in groups; what moves leave behind goes together by rests.
 
 use heapless::Vec;
 use nalgebra::{ArrayStorage, Matrix4, SMatrix, Vector4};
@@ -16,7 +16,7 @@ use super::base_motion::levels::Path;
 use super::dwell::DwellSummary;
 use super::observation::Observation;
 use crate::effects::Doubt;
-use crate::effects::doubt::MAX_DIRECTIONS;
+use crate::effects::doubt::{Interval, MAX_DIRECTIONS};
 
 /// Most dwells whose covariance is kept.
 pub const MOST: usize = 24;
@@ -59,10 +59,14 @@ impl Correlated {
         variance: f64,
     ) -> Option<()> {
         self.factor.fill_with_identity();
-        for (i, (dwell, (observation, own))) in dwells.iter().zip(observed).enumerate() {
-            for (j, (other, (_, of_other))) in dwells.iter().zip(observed).enumerate() {
+        let intervals: Vec<Interval, MOST> = intervals(dwells).collect();
+        let all = || dwells.iter().zip(&intervals).zip(observed);
+        for (i, ((dwell, interval), (observation, own))) in all().enumerate() {
+            for (j, ((other, of_other), (_, other_own))) in all().enumerate() {
                 let of_path = path.map_or(0.0, |path| path.covariance_of(dwell, other));
-                *self.factor.get_mut((i, j))? = (shared(doubt, (dwell, own), (other, of_other)) + of_path) / variance;
+                let of_directions: f64 = own.iter().zip(other_own).map(|(a, b)| a * b).sum();
+                let shared = of_process(doubt, interval, of_other) + of_directions;
+                *self.factor.get_mut((i, j))? = (shared + of_path) / variance;
             }
             *self.factor.get_mut((i, i))? += 1.0 / observation.weight;
             self.gains.row_mut(i).copy_from(&observation.row.transpose());
@@ -128,16 +132,20 @@ pub fn is_any(doubt: &Doubt) -> bool {
     doubt.process.is_some() || !doubt.directions.is_empty()
 }
 
-/// Covariance of the errors of two dwells, (°/h)².
-fn shared(doubt: &Doubt, (a, of_a): (&DwellSummary, &Doubts), (b, of_b): (&DwellSummary, &Doubts)) -> f64 {
-    let of_process = of_process(doubt, [a.start_s, a.end_s], [b.start_s, b.end_s]);
-    let of_directions: f64 = of_a.iter().zip(of_b).map(|(a, b)| a * b).sum();
-    of_process + of_directions
+/// The dwells' times. The index came to rest when the first of those that follow each other at its position began.
+fn intervals(dwells: &[DwellSummary]) -> impl Iterator<Item = Interval> {
+    dwells.iter().scan(None, |last: &mut Option<(&DwellSummary, f64)>, dwell| {
+        let since_s =
+            last.filter(|(before, _)| dwell.is_at_position_of(before)).map_or(dwell.start_s, |(_, since_s)| since_s);
+        *last = Some((dwell, since_s));
+        let DwellSummary { start_s, end_s, moving, .. } = *dwell;
+        Some(Interval { start_s, end_s, rest_s: (!moving).then_some(since_s) })
+    })
 }
 
 /// Covariance of the process' means over two intervals, (°/h)².
-fn of_process(doubt: &Doubt, a_s: [f64; 2], b_s: [f64; 2]) -> f64 {
-    doubt.process.map_or(0.0, |process| process.covariance(a_s, b_s))
+fn of_process(doubt: &Doubt, a: &Interval, b: &Interval) -> f64 {
+    doubt.process.map_or(0.0, |process| process.covariance(a, b))
 }
 
 /// Covariance of the right-hand side by the doubt, where the fix is weighed without it. In a group the process is its mean
@@ -147,10 +155,11 @@ pub(super) fn of_right_hand_side(doubt: &Doubt, dwells: &[DwellSummary], observe
     let size = dwells.len().div_ceil(MOST).max(1);
     let mut covariance = Matrix4::zeros();
     // The time of each group and the sum of its gains.
-    let mut groups: Vec<([f64; 2], Vector4<f64>), MOST> = Vec::new();
+    let mut groups: Vec<(Interval, Vector4<f64>), MOST> = Vec::new();
+    let without_rest = |start_s, end_s| Interval { start_s, end_s, rest_s: None };
     for few in dwells.chunks(size) {
         let start_s = few.first().map_or(0.0, |dwell| dwell.start_s);
-        let end_s = few.last().map_or(0.0, |dwell| dwell.end_s);
+        let whole = without_rest(start_s, few.last().map_or(start_s, |dwell| dwell.end_s));
         // Sums of the gains, of these times themselves, and of the variances of the process' means over each interval.
         let (mut group, mut squares, mut variances) = (Vector4::zeros(), Matrix4::zeros(), 0.0);
         for dwell in few {
@@ -161,28 +170,45 @@ pub(super) fn of_right_hand_side(doubt: &Doubt, dwells: &[DwellSummary], observe
             }
             group += gain;
             squares += gain * gain.transpose();
-            variances += of_process(doubt, [dwell.start_s, dwell.end_s], [dwell.start_s, dwell.end_s]);
+            let own = without_rest(dwell.start_s, dwell.end_s);
+            variances += of_process(doubt, &own, &own);
         }
         let intervals = few.len() as f64;
         if intervals > 1.0 {
-            let shared = of_process(doubt, [start_s, end_s], [start_s, end_s]);
+            let shared = of_process(doubt, &whole, &whole);
             let deviations = (variances / intervals - shared).max(0.0) * intervals / (intervals - 1.0);
             covariance += deviations * (squares - group * group.transpose() / intervals);
         }
         // There are no more of them than places.
-        let _ = groups.push(([start_s, end_s], group));
+        let _ = groups.push((whole, group));
     }
     for sum in of_directions {
         covariance += sum * sum.transpose();
     }
     if doubt.process.is_some() {
-        for (a_s, a) in &groups {
-            for (b_s, b) in &groups {
-                covariance += of_process(doubt, *a_s, *b_s) * a * b.transpose();
+        for (of_a, a) in &groups {
+            for (of_b, b) in &groups {
+                covariance += of_process(doubt, of_a, of_b) * a * b.transpose();
             }
         }
     }
-    covariance
+    covariance + of_transients(doubt, dwells, observe)
+}
+
+/// What moves left behind, in such a covariance: in one rest it is one number times what is left of it in each of the dwells.
+fn of_transients(doubt: &Doubt, dwells: &[DwellSummary], observe: Observe<'_>) -> Matrix4<f64> {
+    let mut covariance = Matrix4::zeros();
+    let (mut last_s, mut rest) = (None, Vector4::zeros());
+    for (dwell, interval) in dwells.iter().zip(intervals(dwells)) {
+        if last_s != interval.rest_s {
+            covariance += rest * rest.transpose();
+            (last_s, rest) = (interval.rest_s, Vector4::zeros());
+        }
+        let left_deg_h = doubt.process.map_or(0.0, |process| process.left_of_transient_deg_h(&interval));
+        let (observation, _) = observe(dwell);
+        rest += left_deg_h * observation.weight * observation.row;
+    }
+    covariance + rest * rest.transpose()
 }
 
 #[cfg(test)]
@@ -287,6 +313,49 @@ mod tests {
         let lasting = added_deg(&fix(&dwells, &process(0.1, 26_000.0)), &without);
         // Over half a fix it changes by 0.1 · √(2 · 130/26000) = 0.01 °/h, a tenth of σ.
         assert!(lasting < 0.1 * 0.1 / NORTH_DEG_H * DEG_PER_RAD, "{lasting}");
+    }
+
+    fn transient(sigma_deg_h: f64, time_s: f64) -> ErrorModel {
+        let mut model = process(sigma_deg_h, time_s);
+        model.doubt.process = model.doubt.process.map(|process| Process { kernel: Kernel::Transient, ..process });
+        model
+    }
+
+    /// What moves of 1 °/h leave behind for 6 s is 0.1 °/h in the mean over 60 s, another one in each dwell: 0.1/√2 h at ψ = 90°. Over twelve turns,
+    /// more than are weighed one by one, it is a root of twelve less.
+    #[test]
+    fn what_moves_leave_behind_widens_sigma() {
+        for turns in [1, 12] {
+            let order: Vec<f64> = ORDER.into_iter().cycle().take(4 * turns).collect();
+            let dwells = dwells(&order);
+            let added = added_deg(&fix(&dwells, &transient(1.0, 6.0)), &fix(&dwells, &ErrorModel::default()));
+            let expected_deg = 0.1 / libm::sqrt(2.0 * turns as f64) / NORTH_DEG_H * DEG_PER_RAD;
+            assert!((added / expected_deg - 1.0).abs() < 0.02, "{turns}: {added} {expected_deg}");
+        }
+    }
+
+    /// A bias that is 2 °/h too great after the first move and decays within 3 s: in a first part of 10 s it is 2 · 0.3 (1 − e^(−10/3)) = 0.57860 °/h, in
+    /// the 50 s behind it 2 · 0.06 · e^(−10/3) = 0.00428 °/h. As a mean of 60 s that turns the azimuth by 0.1/2h, 0.381°, and by about a third of that
+    /// where a drift is solved for beside it; of the later part alone by 0.016°.
+    #[test]
+    fn what_moves_leave_behind_is_left_out() {
+        let mut parts: Vec<DwellSummary> = Vec::new();
+        for dwell in dwells(&ORDER) {
+            for (from_s, to_s, left_deg_h) in [(0.0, 10.0, 0.57860), (10.0, 60.0, 0.00428)] {
+                let mut part = DwellSummary { seconds: to_s - from_s, ..dwell };
+                (part.start_s, part.end_s) = (dwell.start_s + from_s, dwell.start_s + to_s);
+                part.t_s = 0.5 * (part.start_s + part.end_s);
+                part.time_spread = (part.seconds.powi(3) / 12.0) as f32;
+                part.degrees_of_freedom = part.seconds as u16 - 2;
+                let squares = f64::from(part.degrees_of_freedom) * 0.0081;
+                (part.rate.residual_squares, part.rate.successive_squares) = (squares as f32, squares as f32);
+                part.rate.mean += if dwell.start_s == 0.0 { left_deg_h } else { 0.0 };
+                parts.push(part);
+            }
+        }
+        let off_deg = |model: &ErrorModel| wrap_180_deg(fix(&parts, model).azimuth_deg - 90.0).abs();
+        let (without, with) = (off_deg(&ErrorModel::default()), off_deg(&transient(2.0, 3.0)));
+        assert!(without > 0.1 && with < 0.016, "{without} {with}");
     }
 
     /// The same quick process over more intervals than are weighed one by one, two of them in each group.

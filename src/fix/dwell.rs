@@ -665,7 +665,15 @@ fn median(rows: &[Row], value: impl Fn(&Row) -> f64) -> Option<f64> {
     quantities::median::median(&mut values)
 }
 
+/// Cosine of the least index between two positions, 5°: the parts of a dwell, and dwells that follow each other at one index, are at one.
+const SAME_POSITION: f64 = 0.996_194_698;
+
 impl DwellSummary {
+    /// Whether the index stands where it stood in another dwell, or in another part of one.
+    pub fn is_at_position_of(&self, other: &Self) -> bool {
+        self.cos * other.cos + self.sin * other.sin >= SAME_POSITION
+    }
+
     /// One interval in which the index moved.
     pub fn moving(row: &Row) -> Self {
         Self {

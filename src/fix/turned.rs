@@ -30,8 +30,6 @@ const LEAST_POSITIONS: usize = 2;
 /// Fewest positions of a fix, in the order of their visits: azimuth, bias and turn take three, and three more test them. Where only two did,
 /// a bias that followed the moves was taken for a turn by 100° in 2 of 21 runs of five positions.
 const LEAST_IN_ALL: usize = 6;
-/// Cosine of the least index between two positions, 5°: the parts of a dwell, and dwells that follow each other at one index, are one.
-const SAME_POSITION: f64 = 0.996_194_698;
 /// What a turn does to a fix that does not know of it.
 const SUSPICIOUS: [Flag; 6] =
     [Flag::Misfit, Flag::Amplitude, Flag::Bias, Flag::Drift, Flag::Noisy, Flag::Autocorrelated];
@@ -72,7 +70,7 @@ pub(super) fn find(dwells: &[DwellSummary], declared: &Declared, within: usize) 
 
 /// How many positions dwells, or parts of them, visit one after the other.
 fn positions(dwells: &[DwellSummary]) -> usize {
-    let is_move = |pair: &&[DwellSummary]| matches!(pair, [a, b] if a.cos * b.cos + a.sin * b.sin < SAME_POSITION);
+    let is_move = |pair: &&[DwellSummary]| matches!(pair, [a, b] if !b.is_at_position_of(a));
     dwells.windows(2).filter(is_move).count() + usize::from(!dwells.is_empty())
 }
 

@@ -69,12 +69,13 @@ fn azimuths(runs: &[RunData], left_out: &[Option<Fix>], wrong: &[String]) -> Vec
 
 /// A process in words, and whether sigma covers it.
 fn in_words((process, covered): (Process, bool)) -> String {
-    let period = match process.kernel {
+    let kernel = match process.kernel {
         Kernel::DampedCosine { period_s } => format!(", ringing with a period of {period_s:.0} s"),
+        Kernel::Transient => ", of another size after every move of the index".into(),
         _ => String::new(),
     };
     format!(
-        "{PROCESS} that no channel tells, typically {:.4} deg/h over {:.0} s{period}; {}",
+        "{PROCESS} that no channel tells, typically {:.4} deg/h over {:.0} s{kernel}; {}",
         process.sigma_deg_h,
         process.time_s,
         if covered { "sigma covers it" } else { "sigma does not cover it" }

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::functions::{Functions, Library};
 use super::grammar::{Grammar, IDENTITY};
 use super::problem::{dot, quick_gain};
-use super::process::Whitener;
+use super::process::{Instants, Whitener};
 use super::rows::{Run, UNKNOWNS};
 use super::unknowns::Unknowns;
 
@@ -335,7 +335,8 @@ impl Bank {
             first = (first.0 + run.rows(), end);
             let t_s = means(&own, &run.t_s);
             let variance: Vec<f64> = precision.iter().map(|precision| 1.0 / f64::from(*precision)).collect();
-            let whitener = Whitener::new(&t_s, &variance, process);
+            let rests_s: Vec<f64> = own.iter().map(|rows| run.rests_s[rows.start]).collect();
+            let whitener = Whitener::new(Instants { t_s: &t_s, rests_s: &rests_s, variance: &variance }, process);
             let mut unknowns = run.unknowns().map(|fine| means(&own, &fine));
             unknowns.iter_mut().for_each(|column| whitener.apply(column));
             LeftOfRun {

@@ -146,7 +146,16 @@ impl<'a> Model<'a> {
             (top, process)
         };
         let exponential = |time_s| Some(Process { kernel: Kernel::Exponential, sigma_deg_h: 0.5 * noise, time_s });
-        let starts = [best.process, None, exponential(4.0), exponential(20.0), exponential(100.0)];
+        let transient = |time_s| Some(Process { kernel: Kernel::Transient, sigma_deg_h: noise, time_s });
+        let starts = [
+            best.process,
+            None,
+            exponential(4.0),
+            exponential(20.0),
+            exponential(100.0),
+            transient(5.0),
+            transient(25.0),
+        ];
         let Some((top, first)) = likeliest(&starts) else { return best };
         let process = first.map(|first| {
             let (top, process) = tuned(top, first);
@@ -180,18 +189,21 @@ fn neighbours(process: &Process, step: f64, longest_s: f64) -> Vec<Option<Proces
     [step.exp(), (-step).exp()].into_iter().flat_map(by).filter(Option::is_some).collect()
 }
 
-/// Processes of other kernels for which this one may stand: a smoother one, and ringing of all periods of which a run sees one at least.
+/// Processes of other kernels for which this one may stand: a smoother one, ringing of all periods of which a run sees one at least, and what moves
+/// leave behind.
 fn other_kernels(process: &Process, longest_s: f64) -> Vec<Option<Process>> {
     let periods = std::iter::successors(Some(longest_s), |period_s| Some(0.5 * period_s));
     let ringing = |period_s| Process { kernel: Kernel::DampedCosine { period_s }, time_s: period_s, ..*process };
-    let smoother = Process { kernel: Kernel::Matern, ..*process };
-    std::iter::once(smoother)
+    let others = [Kernel::Matern, Kernel::Transient].map(|kernel| Process { kernel, ..*process });
+    others
+        .into_iter()
+        .filter(|other| other.kernel != process.kernel)
         .chain(periods.take_while(|period_s| *period_s > SHORTEST_PERIOD_S).map(ringing))
         .map(Some)
         .collect()
 }
 
-/// What a process costs, nats: its constants, each one of some eight values that recordings tell apart, and one of two other kernels half of the time.
+/// What a process costs, nats: its constants, each one of some eight values that recordings tell apart, and one of three other kernels half of the time.
 pub fn process_cost(process: &Option<Process>) -> f64 {
     let constants = match process.map(|process| process.kernel) {
         None => return 0.0,
@@ -199,7 +211,7 @@ pub fn process_cost(process: &Option<Process>) -> f64 {
         Some(_) => 2.0,
     };
     let plain = process.is_some_and(|process| process.kernel == Kernel::Exponential);
-    constants * 8f64.ln() + if plain { 0.0 } else { 2f64.ln() }
+    constants * 8f64.ln() + if plain { 0.0 } else { 3f64.ln() }
 }
 
 /// Noise of a row of a usual run, °/h.
@@ -214,16 +226,16 @@ fn typical_noise(runs: &[Run]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Half a period less each time, down to ten seconds; three constants, and one of two other kernels half of the time.
+    /// Half a period less each time, down to ten seconds; three constants, and one of three other kernels half of the time.
     #[test]
     fn what_is_tried_for_an_exponential_process() {
         let exponential = Process { kernel: Kernel::Exponential, sigma_deg_h: 1.0, time_s: 10.0 };
         let kernels: Vec<Kernel> =
             other_kernels(&exponential, 80.0).into_iter().flatten().map(|process| process.kernel).collect();
         let ringing = |period_s| Kernel::DampedCosine { period_s };
-        assert_eq!(kernels, [Kernel::Matern, ringing(80.0), ringing(40.0), ringing(20.0)]);
+        assert_eq!(kernels, [Kernel::Matern, Kernel::Transient, ringing(80.0), ringing(40.0), ringing(20.0)]);
         let ringing = Process { kernel: ringing(40.0), ..exponential };
-        assert!((process_cost(&Some(ringing)) - (3.0 * 8f64.ln() + 2f64.ln())).abs() < 1e-12);
+        assert!((process_cost(&Some(ringing)) - (3.0 * 8f64.ln() + 3f64.ln())).abs() < 1e-12);
         assert_eq!(neighbours(&ringing, 0.7, 100.0).len(), 6);
         assert_eq!(neighbours(&exponential, 0.7, 100.0).len(), 4);
     }
@@ -241,5 +253,24 @@ mod tests {
         let process = Model::new(&runs, None, &[]).unwrap().with_likeliest_process().process.unwrap();
         let Kernel::DampedCosine { period_s } = process.kernel else { panic!("{process:?}") };
         assert!((period_s / 30.0).ln().abs() < 0.15, "{process:?}");
+    }
+
+    /// Eight runs of six rests of twenty seconds each, after every one of which another rate decays within four seconds.
+    #[test]
+    fn what_moves_leave_behind_is_found() {
+        let resting = |run: usize| -> Run {
+            let noise = |i: usize| ((i * i * 7 + i * 13 + run * 31) % 17) as f64 / 8.0 - 1.0;
+            let left = |i: usize| {
+                let size = 9.0 * (2.4 * (i / 20) as f64 + run as f64).cos();
+                size * (-((i % 20) as f64 + 0.5) / 4.0).exp()
+            };
+            let rates: Vec<f64> = (0..120).map(|i| left(i) + noise(i) + [10.0, 0.0, -10.0, 0.0][i % 4]).collect();
+            let mut run = Run::of_rates(&rates);
+            run.rests_s = (0..120).map(|i| (i / 20 * 20) as f64 - 0.5).collect();
+            run
+        };
+        let runs: Vec<Run> = (0..8).map(resting).collect();
+        let process = Model::new(&runs, None, &[]).unwrap().with_likeliest_process().process.unwrap();
+        assert!(process.kernel == Kernel::Transient && (process.time_s / 4.0).ln().abs() < 0.3, "{process:?}");
     }
 }

@@ -231,7 +231,7 @@ impl<'a> Problem<'a> {
 
 impl OfRun {
     fn new(run: &Run, process: Option<&Process>) -> Option<Self> {
-        let whitener = Whitener::new(&run.t_s, &run.variance, process);
+        let whitener = Whitener::new(run.for_whitening(), process);
         let mut unknowns = run.unknowns();
         unknowns.iter_mut().for_each(|column| whitener.apply(column));
         let precision = Matrix3::from_fn(|i, j| dot(&unknowns[i], &unknowns[j]) + if i == j { 1.0 } else { 0.0 });

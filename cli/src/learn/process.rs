@@ -2,6 +2,14 @@
 
 use north_finder::effects::doubt::{Kernel, Process};
 
+/// The rows of one run: their middle, when the index had come to rest before each, s, and their variance, (°/h)².
+#[derive(Clone, Copy)]
+pub struct Instants<'a> {
+    pub t_s: &'a [f64],
+    pub rests_s: &'a [f64],
+    pub variance: &'a [f64],
+}
+
 /// What makes the rows of one run independent, of variance 1: the same linear filter for every column.
 pub struct Whitener {
     steps: Vec<Step>,
@@ -19,18 +27,28 @@ struct Step {
 }
 
 impl Whitener {
-    /// Of rows at `t_s` with white noise of `variance` and the process, if there is one.
-    pub fn new(t_s: &[f64], variance: &[f64], process: Option<&Process>) -> Self {
-        let mut steps = Vec::with_capacity(t_s.len());
+    /// Of rows with white noise and the process, if there is one.
+    pub fn new(instants: Instants<'_>, process: Option<&Process>) -> Self {
+        let mut steps = Vec::with_capacity(instants.t_s.len());
         let mut log_determinant = 0.0;
         let power = process.map_or(0.0, |process| process.sigma_deg_h * process.sigma_deg_h);
         let stationary = process.map_or([0.0; 2], |process| stationary(process, power));
         let mut covariance = [[stationary[0], 0.0], [0.0, stationary[1]]];
-        let mut last_s = None;
-        for (&t_s, &variance) in t_s.iter().zip(variance) {
+        let transient = process.filter(|process| process.kernel == Kernel::Transient);
+        let (mut last_s, mut last_rest_s) = (None, None);
+        for ((&t_s, &rest_s), &variance) in instants.t_s.iter().zip(instants.rests_s).zip(instants.variance) {
             let step_s: f64 = last_s.replace(t_s).map_or(0.0, |last_s: f64| t_s - last_s);
-            let transition = process.map_or([[0.0; 2]; 2], |process| transition(process, step_s));
-            if step_s > 0.0 {
+            let comes_to_rest = last_rest_s.replace(rest_s) != Some(rest_s);
+            let mut transition = process.map_or([[0.0; 2]; 2], |process| transition(process, step_s));
+            if let Some(process) = transient {
+                covariance = if comes_to_rest {
+                    // Nothing is left of the last one.
+                    transition = [[0.0; 2]; 2];
+                    [[power * (-2.0 * (t_s - rest_s) / process.time_s).exp(), 0.0], [0.0; 2]]
+                } else {
+                    sandwich(&transition, &covariance)
+                };
+            } else if step_s > 0.0 {
                 // Stationary: what is lost of the variance comes in as noise.
                 let carried = sandwich(&transition, &covariance);
                 let kept = sandwich(&transition, &[[stationary[0], 0.0], [0.0, stationary[1]]]);
@@ -79,7 +97,7 @@ impl Whitener {
 /// Variances of the state when nothing was seen.
 fn stationary(process: &Process, power: f64) -> [f64; 2] {
     match process.kernel {
-        Kernel::Exponential => [power, 0.0],
+        Kernel::Exponential | Kernel::Transient => [power, 0.0],
         // The state's second part is the slope.
         Kernel::Matern | Kernel::SquaredExponential => [power, 3.0 * power / (process.time_s * process.time_s)],
         Kernel::DampedCosine { .. } => [power, power],
@@ -89,7 +107,7 @@ fn stationary(process: &Process, power: f64) -> [f64; 2] {
 fn transition(process: &Process, step_s: f64) -> [[f64; 2]; 2] {
     let tau_s = process.time_s;
     match process.kernel {
-        Kernel::Exponential => [[(-step_s / tau_s).exp(), 0.0], [0.0, 0.0]],
+        Kernel::Exponential | Kernel::Transient => [[(-step_s / tau_s).exp(), 0.0], [0.0, 0.0]],
         Kernel::Matern | Kernel::SquaredExponential => {
             let rate = 3f64.sqrt() / tau_s;
             let decay = (-rate * step_s).exp();
@@ -121,20 +139,28 @@ mod tests {
     fn by_the_covariance_itself() {
         let t_s = [0.0_f64, 1.0, 2.0, 5.0, 9.0];
         let variance = [0.3, 0.2, 0.3, 0.1, 0.4];
-        for kernel in [Kernel::Exponential, Kernel::Matern, Kernel::DampedCosine { period_s: 7.0 }] {
+        let rests_s = [-1.0, -1.0, -1.0, 4.0, 4.0];
+        for kernel in [Kernel::Exponential, Kernel::Matern, Kernel::DampedCosine { period_s: 7.0 }, Kernel::Transient] {
             let process = Process { kernel, sigma_deg_h: 0.8, time_s: 4.0 };
+            let of_rest = |i: usize, j: usize| match rests_s[i] == rests_s[j] {
+                true => (-(t_s[i] + t_s[j] - 2.0 * rests_s[i]) / 4.0).exp(),
+                false => 0.0,
+            };
             let correlation = |d: f64| match kernel {
                 Kernel::Matern => (1.0 + 3f64.sqrt() * d / 4.0) * (-(3f64.sqrt()) * d / 4.0).exp(),
                 Kernel::DampedCosine { period_s } => (-d / 4.0).exp() * (std::f64::consts::TAU * d / period_s).cos(),
                 _ => (-d / 4.0).exp(),
             };
             let covariance = nalgebra::DMatrix::from_fn(5, 5, |i, j| {
-                0.64 * correlation((t_s[i] - t_s[j]).abs()) + if i == j { variance[i] } else { 0.0 }
+                let between =
+                    if kernel == Kernel::Transient { of_rest(i, j) } else { correlation((t_s[i] - t_s[j]).abs()) };
+                0.64 * between + if i == j { variance[i] } else { 0.0 }
             });
             let (x, y) = ([1.0, -2.0, 0.5, 3.0, 1.0], [0.3, 1.0, -1.0, 0.0, 2.0]);
             let expected = (nalgebra::RowDVector::from_row_slice(&x)
                 * covariance.clone().cholesky().unwrap().solve(&nalgebra::DVector::from_row_slice(&y)))[0];
-            let whitener = Whitener::new(&t_s, &variance, Some(&process));
+            let whitener =
+                Whitener::new(Instants { t_s: &t_s, rests_s: &rests_s, variance: &variance }, Some(&process));
             let (mut white_x, mut white_y) = (x, y);
             whitener.apply(&mut white_x);
             whitener.apply(&mut white_y);

@@ -12,6 +12,7 @@ use north_finder::effects::track::Track;
 use north_finder::effects::{ChannelName, Conditions, MAX_CHANNELS};
 use north_finder::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_180_deg, wrap_360_deg};
 
+use super::process::Instants;
 use super::rounding;
 use crate::run_data::{RunData, Sample};
 
@@ -67,8 +68,9 @@ pub struct Run {
     signals: Arc<Mutex<HashMap<String, Arc<Vec<f64>>>>>,
     /// The rows of the search, as ranges of seconds.
     bins: Vec<Range<usize>>,
-    /// Of every bin: middle and length, s; mean rate less the vertical Earth rate, °/h; variance, (°/h)².
+    /// Of every bin: middle, and when the index had come to rest, s; mean rate less the vertical Earth rate, °/h; variance, (°/h)².
     pub t_s: Vec<f64>,
+    pub rests_s: Vec<f64>,
     pub rate_deg_h: Vec<f64>,
     pub variance: Vec<f64>,
     cos: Vec<f64>,
@@ -107,6 +109,7 @@ impl Run {
                 still || data.rotation,
             ),
             t_s: Vec::new(),
+            rests_s: Vec::new(),
             rate_deg_h: Vec::new(),
             variance: Vec::new(),
             cos: Vec::new(),
@@ -125,6 +128,7 @@ impl Run {
             self.bins.iter().map(of_bin).collect()
         };
         self.t_s = mean(&|sample| sample.t_s);
+        self.rests_s = self.came_to_rest_s();
         self.rate_deg_h = mean(&|sample| sample.rate_deg_h - sample.design.vertical_deg_h);
         self.cos = mean(&|sample| sample.design.cos);
         self.sin = mean(&|sample| sample.design.sin);
@@ -186,6 +190,23 @@ impl Run {
     /// Dwells by their rows.
     pub fn dwell_of_rows(&self) -> Vec<usize> {
         self.bins.iter().map(|bin| self.samples[bin.start].dwell).collect()
+    }
+
+    /// When the index had come to rest before each row, s: with the first row of its dwell.
+    fn came_to_rest_s(&self) -> Vec<f64> {
+        let mut last = None;
+        let of_row = |bin: &Range<usize>| {
+            let first = &self.samples[bin.start];
+            let rest = last.filter(|(dwell, _)| *dwell == first.dwell);
+            let (_, rest_s) = *last.insert(rest.unwrap_or((first.dwell, first.t_s - 0.5 * first.seconds)));
+            rest_s
+        };
+        self.bins.iter().map(of_row).collect()
+    }
+
+    /// Its rows as a process of its own sees them.
+    pub fn for_whitening(&self) -> Instants<'_> {
+        Instants { t_s: &self.t_s, rests_s: &self.rests_s, variance: &self.variance }
     }
 
     /// Rate that is left when the Earth's is taken out, by the row, °/h.
@@ -485,6 +506,7 @@ impl Run {
             signals: Arc::default(),
             bins: (0..rate_deg_h.len()).map(|i| i..i + 1).collect(),
             t_s: (0..rate_deg_h.len()).map(|i| i as f64).collect(),
+            rests_s: (0..rate_deg_h.len()).map(|i| i as f64).collect(),
             rate_deg_h: rate_deg_h.to_vec(),
             variance: vec![1.0; rate_deg_h.len()],
             cos: (0..rate_deg_h.len()).map(|i| quarter(i).1).collect(),
