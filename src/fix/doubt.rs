@@ -59,8 +59,12 @@ impl Correlated {
         variance: f64,
     ) -> Option<()> {
         self.factor.fill_with_identity();
-        let intervals: Vec<Interval, MOST> = intervals(dwells).collect();
-        let all = || dwells.iter().zip(&intervals).zip(observed);
+        let mut times: Vec<Interval, MOST> = Vec::new();
+        for interval in intervals(dwells) {
+            // There are no more of them than places.
+            let _ = times.push(interval);
+        }
+        let all = || dwells.iter().zip(&times).zip(observed);
         for (i, ((dwell, interval), (observation, own))) in all().enumerate() {
             for (j, ((other, of_other), (_, other_own))) in all().enumerate() {
                 let of_path = path.map_or(0.0, |path| path.covariance_of(dwell, other));

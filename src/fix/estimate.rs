@@ -9,7 +9,8 @@ use crate::units::{DEG_PER_RAD, wrap_180_deg, wrap_360_deg};
 
 /// Unknowns of a fix with a free drift.
 const PARAMETERS: usize = 4;
-/// A drift further from nothing than this many sigmas (declared and estimated together) is estimated freely.
+/// A drift further from nothing than this many sigmas (declared and estimated together, and as much more as the dwells scatter beside it) is estimated
+/// freely.
 const DRIFT_SIGMAS: f64 = 3.0;
 /// From this many on, sigma grows by what the drift could do.
 const DRIFT_DOUBT_SIGMAS: f64 = 2.0;
@@ -76,7 +77,9 @@ pub(super) fn settle_drift(problem: &Problem<'_>, variance: f64, drift_sigma: f6
     let Some(free) = Estimate::new(problem, 0.0).filter(|free| free.count > PARAMETERS) else {
         return Ok(Drift { estimate: declared, free: false, doubt_deg: 0.0 });
     };
-    let spread = drift_sigma * drift_sigma + variance * free.inverse.m44;
+    // Where the dwells contradict each other beside the drift as well, something else than a drift is in them.
+    let misfit = (free.residual / (variance * (free.count - PARAMETERS) as f64)).max(1.0);
+    let spread = drift_sigma * drift_sigma + variance * misfit * free.inverse.m44;
     let sigmas = libm::sqrt(free.parameters.w * free.parameters.w / spread);
     if sigmas > DRIFT_SIGMAS {
         return Ok(Drift { estimate: free, free: true, doubt_deg: 0.0 });
