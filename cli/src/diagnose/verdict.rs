@@ -2,6 +2,7 @@
 
 use north_finder::units::wrap_180_deg;
 
+use super::statistics::rms;
 use super::{Diagnosis, Effect, RunDiagnosis};
 use crate::campaign::Role;
 
@@ -15,7 +16,8 @@ fn missing(diagnosis: &Diagnosis) -> usize {
     diagnosis.runs.iter().filter(|run| misses(run) == Some(true) && !named(run)).count()
 }
 
-/// How far apart the azimuths of the stations are, where no heading is surveyed; of still recordings the rate.
+/// How far apart the azimuths of the stations are, where no heading is surveyed; of still recordings the rate; where there is neither, by how much the
+/// azimuths change.
 fn of_stations(diagnosis: &Diagnosis) -> String {
     if let (Some(before), Some(after)) = (diagnosis.rate_rms_before_deg_h, diagnosis.rate_rms_after_deg_h) {
         return format!(
@@ -26,8 +28,17 @@ fn of_stations(diagnosis: &Diagnosis) -> String {
         (Some(before), Some(after)) => {
             format!(": azimuths of one station lie {before:.3} deg apart before, {after:.3} deg after (rms)")
         }
+        _ if !diagnosis.effects.is_empty() => {
+            let changes: Vec<f64> = diagnosis.runs.iter().filter_map(change_deg).collect();
+            format!(": no reference and no station confirms the azimuths, which change by {:.3} deg rms", rms(&changes))
+        }
         _ => String::new(),
     }
+}
+
+/// By how much the azimuth of a run changes, degrees.
+fn change_deg(run: &RunDiagnosis) -> Option<f64> {
+    Some(wrap_180_deg(run.azimuth_after_deg? - run.azimuth_before_deg?))
 }
 
 /// The outcome in a sentence or two.

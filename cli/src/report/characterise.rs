@@ -8,16 +8,18 @@ use crate::characterise::{Channels, Character, PROCESSES, Suggested};
 const HEIGHT: f64 = 380.0;
 /// Points of a curve.
 const POINTS: usize = 120;
-/// Class of each part's line and what the legend says, in the order of [`PROCESSES`].
-const LEGEND: [(&str, &str); 7] = [
-    ("line after", "the parts together"),
+/// Class of a line and what the legend says.
+type Line = (&'static str, &'static str);
+const TOGETHER: Line = ("line after", "the parts together");
+/// In the order of [`PROCESSES`].
+const PARTS: [Line; PROCESSES.len()] = [
     ("part quantisation", "quantisation"),
     ("part walk", "angle random walk"),
     ("part flicker", "bias instability"),
     ("part drift", "rate random walk"),
     ("part ramp", "rate ramp"),
-    ("part channels", "measured, without what the channels do"),
 ];
+const WITHOUT_CHANNELS: Line = ("part channels", "measured, without what the channels do");
 
 /// The whole page.
 pub fn html(recording: &Path, character: &Character, channels: Option<&Channels>, settings: &Suggested) -> String {
@@ -74,6 +76,11 @@ fn deviation(character: &Character, channels: Option<&Channels>) -> String {
     let (Some(first), Some(last)) = (points.first(), points.last()) else { return String::new() };
     let taus = || (0..POINTS).map(|i| first.tau_s * (last.tau_s / first.tau_s).powf(i as f64 / (POINTS - 1) as f64));
     let noise = character.noise;
+    let seen: Vec<(usize, Line)> = PARTS
+        .into_iter()
+        .enumerate()
+        .filter(|(process, _)| noise.deviations_deg_h(first.tau_s)[*process] > 0.0)
+        .collect();
     let draw = |canvas: super::Canvas| {
         let ends = points.iter().flat_map(|point| {
             let spread = point.relative.min(0.9) * point.sigma_deg_h;
@@ -81,15 +88,13 @@ fn deviation(character: &Character, channels: Option<&Channels>) -> String {
         });
         let x = Axis::logarithmic("averaging time, s", points.iter().map(|point| point.tau_s));
         let mut plot = Plot::new(canvas.width, HEIGHT, x, Axis::logarithmic("Allan deviation, °/h", ends));
-        for (process, (class, _)) in LEGEND[1..=PROCESSES.len()].iter().enumerate() {
-            if noise.deviations_deg_h(first.tau_s)[process] > 0.0 {
-                plot.line(class, taus().map(|tau_s| (tau_s, noise.deviations_deg_h(tau_s)[process])));
-            }
+        for &(process, (class, _)) in &seen {
+            plot.line(class, taus().map(|tau_s| (tau_s, noise.deviations_deg_h(tau_s)[process])));
         }
         let together = |tau_s: f64| noise.deviations_deg_h(tau_s).iter().map(|part| part * part).sum::<f64>().sqrt();
-        plot.line("line after", taus().map(|tau_s| (tau_s, together(tau_s))));
+        plot.line(TOGETHER.0, taus().map(|tau_s| (tau_s, together(tau_s))));
         if let Some(channels) = channels {
-            plot.line("part channels", channels.left.iter().map(|point| (point.tau_s, point.sigma_deg_h)));
+            plot.line(WITHOUT_CHANNELS.0, channels.left.iter().map(|point| (point.tau_s, point.sigma_deg_h)));
         }
         plot.bars(
             "bar before",
@@ -101,8 +106,10 @@ fn deviation(character: &Character, channels: Option<&Channels>) -> String {
         plot.dots(Side::Before, points.iter().map(|point| (point.tau_s, point.sigma_deg_h)));
         vec![plot]
     };
+    let parts = seen.iter().map(|(_, part)| *part);
+    let legend: Vec<Line> = std::iter::once(TOGETHER).chain(parts).chain(channels.map(|_| WITHOUT_CHANNELS)).collect();
     figure(
-        Legend::Named(&LEGEND),
+        Legend::Named(&legend),
         "Allan deviation over the averaging time, with its parts",
         "Overlapping Allan deviation: circles are measured, with ± 1 sigma of the estimate itself. Lines are the noise processes of IEEE Std 952 that were \
          found; a part that is not drawn is not seen in this recording.",

@@ -15,19 +15,19 @@ pub struct Canvas {
 
 /// What the marks of a figure mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Legend {
+pub enum Legend<'a> {
     /// Dots with sigma bars.
     Dots,
     /// Lines, and a dashed one for what the text says.
-    Lines(&'static str),
+    Lines(&'a str),
     /// Dots, each with its text.
-    Marks(&'static [(Side, &'static str)]),
+    Marks(&'a [(Side, &'a str)]),
     /// Lines of any classes, each with its text.
-    Named(&'static [(&'static str, &'static str)]),
+    Named(&'a [(&'a str, &'a str)]),
     None,
 }
 
-impl Legend {
+impl Legend<'_> {
     fn html(self) -> String {
         let dot = |side: &str| {
             format!(
@@ -62,7 +62,7 @@ impl Legend {
 }
 
 /// A figure of one drawing or several below each other.
-pub fn figure(legend: Legend, about: &str, caption: &str, draw: impl Fn(Canvas) -> Vec<Plot>) -> String {
+pub fn figure(legend: Legend<'_>, about: &str, caption: &str, draw: impl Fn(Canvas) -> Vec<Plot>) -> String {
     let drawings = [(WIDE, "wide"), (NARROW, "narrow")].map(|(width, class)| {
         let plots = draw(Canvas { width, narrow: class == "narrow" });
         plots.into_iter().map(|plot| plot.finish(class, about)).collect::<String>()
