@@ -153,6 +153,8 @@ pub struct Accumulator<D> {
     slipped_from: Option<Direction>,
     /// Sum of all slips of the fix before the dwell under way, degrees.
     slip_deg: f64,
+    /// The last move did not follow its steps.
+    doubted: bool,
     /// What the rates of change added to the bias when the last second was collected, °/h.
     rates_deg_h: f64,
     rest_s: f64,
@@ -188,6 +190,7 @@ impl<D: Dwells> Accumulator<D> {
             watch: IndexWatch::new(0.0),
             slipped_from: None,
             slip_deg: 0.0,
+            doubted: false,
             rates_deg_h: 0.0,
             rest_s: 0.0,
             moving_s: 0.0,
@@ -209,7 +212,7 @@ impl<D: Dwells> Accumulator<D> {
     pub fn restart(&mut self) {
         self.begin_anew();
         self.watch.restart();
-        (self.slipped_from, self.slip_deg) = (None, 0.0);
+        (self.slipped_from, self.slip_deg, self.doubted) = (None, 0.0, false);
         self.temperature_c = None;
         self.flags = Flags::default();
         if !self.declared.calibrated {
@@ -343,6 +346,7 @@ impl<D: Dwells> Accumulator<D> {
             self.slip_deg += wrap_180_deg(summary.index_deg() - before.deg());
         }
         summary.slip_deg = self.slip_deg as f32;
+        summary.doubted = core::mem::take(&mut self.doubted);
         summary.carried = self.carried.take();
         self.keep(summary);
         Some(summary)
@@ -371,6 +375,7 @@ impl<D: Dwells> Accumulator<D> {
 
     /// A gate had to wait, or the index is to be doubted.
     pub fn waited_at(&mut self, gate: Gate) {
+        self.doubted |= gate == Gate::Index;
         self.flags.insert(match gate {
             Gate::Disturbance => Flag::Disturbed,
             Gate::Jitter => Flag::Jitter,

@@ -33,12 +33,19 @@ pub(super) enum Cause {
     Encoder,
     /// The instrument was turned on its base.
     Turned(Turn),
+    /// The encoder slipped on the spindle in a move, by as much as the azimuth seems to have grown since.
+    SlippedInMove(Turn),
 }
 
 impl Cause {
     /// What the index reading of a dwell is to be turned by, degrees.
     pub fn index_deg(&self, dwell: &DwellSummary) -> f64 {
-        if matches!(self, Self::Encoder) { -f64::from(dwell.slip_deg) } else { 0.0 }
+        match self {
+            Self::Encoder => -f64::from(dwell.slip_deg),
+            // Reading θ, the axis is at θ − δ.
+            Self::SlippedInMove(turn) if !turn.is_after(dwell) => -turn.deg,
+            _ => 0.0,
+        }
     }
 
     /// How much greater the azimuth is after what happened than it was at this dwell, degrees.

@@ -20,8 +20,8 @@ const IN_ORDER_S: f64 = 0.01;
 /// Where the levels change, either the base moved, which turned the gyro too, or the accelerometers drifted, which the gyro knows nothing of:
 /// both are weighed. Where the levels jump, the base is supposed to have moved unless the rates contradict it.
 ///
-/// Where the dwells contradict each other, the instrument may have been turned about the vertical meanwhile: then the azimuth is that
-/// after the turn, if the dwells determine it.
+/// Where the dwells contradict each other, the encoder may have slipped in a move that did not follow its steps: then its slip is solved for. Or the
+/// instrument may have been turned about the vertical meanwhile: then the azimuth is that after the turn, if the dwells determine it.
 pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -> Result<Fix, Unsolvable> {
     let taken_out = dwells.iter().any(|dwell| dwell.base_taken_out);
     let motion = if taken_out { BaseMotion::Still } else { base_motion::detect(dwells) };
@@ -31,6 +31,15 @@ pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -
         dwells.windows(2).all(|pair| matches!(pair, [before, after] if before.end_s <= after.start_s + IN_ORDER_S));
     if !in_order || !turned::is_suspected(&standing) {
         return standing;
+    }
+    if let Some((slip, doubt_deg)) = turned::slip_in_move(dwells, declared)
+        && let Ok(mut fix) = solve_for(dwells, declared, model, motion, Cause::SlippedInMove(slip))
+    {
+        fix.sigma_deg = libm::hypot(fix.sigma_deg, doubt_deg);
+        fix.flags.insert(Flag::IndexSlip);
+        if turned::is_explained(&fix) {
+            return Ok(fix);
+        }
     }
     let turned = [0, 1].into_iter().find_map(|within| {
         let (turn, doubt_deg) = turned::find(dwells, declared, within)?;

@@ -244,6 +244,8 @@ pub struct DwellSummary {
     /// By how much the index reading had jumped since the fix began while the motor stood, degrees. A float's rounding is below
     /// 1e-5° of any jump; a count of the encoder is 0.02°.
     pub slip_deg: f32,
+    /// The move before it did not follow its steps: the encoder may have slipped in it.
+    pub doubted: bool,
     /// Rate, °/h; its squares in (°/h)² · s.
     pub rate: Line,
     /// The same of a mean in which seconds far from the others weigh less; `None` where the rows cannot tell it.

@@ -49,6 +49,19 @@ pub(super) fn is_explained(turned: &Fix) -> bool {
     !CONTRADICTING.into_iter().any(|flag| turned.flags.contains(flag))
 }
 
+/// The slip of the encoder in a move that did not follow its steps, if one explains the dwells far better than none; and what its own uncertainty adds to
+/// the sigma of the azimuth before it, degrees. To the rates it is a turn of the instrument, of any size and at a known time.
+pub(super) fn slip_in_move(dwells: &[DwellSummary], declared: &Declared) -> Option<(Turn, f64)> {
+    let after = dwells.iter().position(|dwell| dwell.doubted)?;
+    let (before, rest) = dwells.split_at_checked(after)?;
+    if positions(before).min(positions(rest)) < LEAST_POSITIONS {
+        return None;
+    }
+    let turn = Turn { before_s: before.last()?.end_s, after_s: rest.first()?.start_s, deg: 0.0 };
+    let best = Search::new(dwells, declared, turn)?.best()?;
+    (best.gain > DECIDED).then(|| (best.turn, best.sigma_deg * (best.azimuth_by_turn - 1.0).abs()))
+}
+
 /// The turn that explains the dwells far better than none, between two of them or, `within` 1, in one of them; and what its own
 /// uncertainty adds to the azimuth's sigma, degrees.
 pub(super) fn find(dwells: &[DwellSummary], declared: &Declared, within: usize) -> Option<(Turn, f64)> {
@@ -65,7 +78,8 @@ pub(super) fn find(dwells: &[DwellSummary], declared: &Declared, within: usize) 
         Search::new(dwells, declared, turn)?.best()
     });
     let best = candidates.min_by(|a, b| a.chi_square.total_cmp(&b.chi_square))?;
-    (best.turn.deg.abs() > LEAST_TURN_DEG && best.gain > DECIDED).then_some((best.turn, best.doubt_deg))
+    let doubt_deg = best.sigma_deg * best.azimuth_by_turn.abs();
+    (best.turn.deg.abs() > LEAST_TURN_DEG && best.gain > DECIDED).then_some((best.turn, doubt_deg))
 }
 
 /// How many positions dwells, or parts of them, visit one after the other.
@@ -80,7 +94,10 @@ struct Best {
     chi_square: f64,
     /// By how much it is below that of no turn.
     gain: f64,
-    doubt_deg: f64,
+    /// Of the turn, degrees.
+    sigma_deg: f64,
+    /// By how much the azimuth after it grows with the turn.
+    azimuth_by_turn: f64,
 }
 
 /// The normal equations of a turn at a given time in the horizontal rates north and east of the mark, before it and after it, °/h; bias and
@@ -161,10 +178,9 @@ impl Search {
         let ((less, rates_less), (more, rates_more)) = (self.at(deg - 1.0)?, self.at(deg + 1.0)?);
         let curvature = 0.5 * (less + more - 2.0 * chi_square);
         let across = rates_less.perp(&rates_more);
-        let by_turn = 0.5 * DEG_PER_RAD * libm::atan2(across, rates_less.dot(&rates_more));
-        let doubt_deg = if curvature > 0.0 { by_turn.abs() / libm::sqrt(curvature) } else { f64::INFINITY };
-        let turn = Turn { deg, ..self.turn };
-        Some(Best { turn, chi_square, gain: none - chi_square, doubt_deg })
+        let azimuth_by_turn = 0.5 * DEG_PER_RAD * libm::atan2(across, rates_less.dot(&rates_more));
+        let sigma_deg = if curvature > 0.0 { 1.0 / libm::sqrt(curvature) } else { f64::INFINITY };
+        Some(Best { turn: Turn { deg, ..self.turn }, chi_square, gain: none - chi_square, sigma_deg, azimuth_by_turn })
     }
 
     /// A minimum of chi-square within a step of this one: chi-square and turn, degrees.
@@ -292,6 +308,26 @@ mod tests {
             .collect();
         for five in [&eight[..6], &halved[..]] {
             assert!(!fix(five).is_ok_and(|fix| !fix.flags.contains(Flag::Misfit) || fix.flags.contains(Flag::Turned)));
+        }
+    }
+
+    /// The encoder reads 3° too much after a move, or 2° too little: where that move did not follow its steps, the azimuth is the one before, which the dwells
+    /// before and the Earth's rate tell; where nothing says so, the dwells contradict each other.
+    #[test]
+    fn a_slip_in_a_move_is_solved_for() {
+        let mut state = 13;
+        for (slip_deg, first) in [(3.0, 3), (-2.0, 3), (3.0, 5), (-2.0, 6)] {
+            let mut dwells = dwells(&[30.0; 8], &mut state);
+            for dwell in &mut dwells[first..] {
+                let (sin, cos) = crate::units::sin_cos_deg(dwell.index_deg() + slip_deg);
+                (dwell.sin, dwell.cos) = (sin, cos);
+            }
+            assert!(fix(&dwells).unwrap().flags.contains(Flag::Misfit), "{slip_deg} {first}");
+            dwells[first].doubted = true;
+            let found = fix(&dwells).unwrap();
+            assert_eq!(found.flags.iter().collect::<Vec<_>>(), [Flag::IndexSlip], "{slip_deg} {first}");
+            let error_deg = wrap_180_deg(found.azimuth_deg - 30.0);
+            assert!(error_deg.abs() < 4.0 * found.sigma_deg && found.sigma_deg < 0.3, "{slip_deg} {first} {found:?}");
         }
     }
 
