@@ -15,7 +15,7 @@ use north::commands::instrument::OrderName;
 use north::failure::Failure;
 use north_finder::effects::ErrorModel;
 use north_finder::sequence::Command;
-use north_finder::settings::Settings;
+use north_finder::settings::{AccelerometerCalibration, Settings};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -68,7 +68,9 @@ impl Trial {
         let mut settings = Settings {
             latitude_deg: scenario.site.latitude_deg,
             time_limit_s: TIME_LIMIT_S,
+            // Gyro and accelerometers are calibrated: what lacks that is flagged in every fix.
             model: Some(ErrorModel::default()),
+            accelerometer: Some(AccelerometerCalibration::UNIT),
             ..Settings::default()
         };
         settings.sequence.order = order.into();
