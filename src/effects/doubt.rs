@@ -83,9 +83,9 @@ impl Process {
             / lengths
     }
 
-    /// Mean of a transient of one sigma over an interval of its rest, °/h; of another process, and where the index moved, 0.
+    /// Of a transient of one sigma the mean over an interval of its rest, °/h; 0 where the index moved.
     pub fn left_of_transient_deg_h(&self, interval: &Interval) -> f64 {
-        let Some(rest_s) = interval.rest_s.filter(|_| self.kernel == Kernel::Transient) else { return 0.0 };
+        let Some(rest_s) = interval.rest_s else { return 0.0 };
         let at_start_deg_h = self.sigma_deg_h * libm::exp(-(interval.start_s - rest_s) / self.time_s);
         let length = interval.length_s() / self.time_s;
         if length > 0.0 { at_start_deg_h * -libm::expm1(-length) / length } else { at_start_deg_h }

@@ -32,23 +32,19 @@ pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -
     if !in_order || !turned::is_suspected(&standing) {
         return standing;
     }
-    if let Some((slip, doubt_deg)) = turned::slip_in_move(dwells, declared)
-        && let Ok(mut fix) = solve_for(dwells, declared, model, motion, Cause::SlippedInMove(slip))
-    {
+    let explained = |cause: Cause, motion: BaseMotion, doubt_deg: f64, flag: Flag| {
+        let mut fix = solve_for(dwells, declared, model, motion, cause).ok()?;
         fix.sigma_deg = libm::hypot(fix.sigma_deg, doubt_deg);
-        fix.flags.insert(Flag::IndexSlip);
-        if turned::is_explained(&fix) {
-            return Ok(fix);
-        }
-    }
-    let turned = [0, 1].into_iter().find_map(|within| {
-        let (turn, doubt_deg) = turned::find(dwells, declared, within)?;
-        let mut fix = solve_for(dwells, declared, model, BaseMotion::Still, Cause::Turned(turn)).ok()?;
-        fix.sigma_deg = libm::hypot(fix.sigma_deg, doubt_deg);
-        fix.flags.insert(Flag::Turned);
+        fix.flags.insert(flag);
         turned::is_explained(&fix).then_some(fix)
-    });
-    turned.map_or(standing, Ok)
+    };
+    let slipped = turned::slip_in_move(dwells, declared)
+        .and_then(|(slip, doubt_deg)| explained(Cause::SlippedInMove(slip), motion, doubt_deg, Flag::IndexSlip));
+    let turned = |within| {
+        let (turn, doubt_deg) = turned::find(dwells, declared, within)?;
+        explained(Cause::Turned(turn), BaseMotion::Still, doubt_deg, Flag::Turned)
+    };
+    slipped.or_else(|| [0, 1].into_iter().find_map(turned)).map_or(standing, Ok)
 }
 
 /// The solution for an instrument that was not turned.

@@ -16,7 +16,7 @@ use super::base_motion::levels::Path;
 use super::dwell::DwellSummary;
 use super::observation::Observation;
 use crate::effects::Doubt;
-use crate::effects::doubt::{Interval, MAX_DIRECTIONS};
+use crate::effects::doubt::{Interval, Kernel, MAX_DIRECTIONS};
 
 /// Most dwells whose covariance is kept.
 pub const MOST: usize = 24;
@@ -202,15 +202,15 @@ pub(super) fn of_right_hand_side(doubt: &Doubt, dwells: &[DwellSummary], observe
 /// What moves left behind, in such a covariance: in one rest it is one number times what is left of it in each of the dwells.
 fn of_transients(doubt: &Doubt, dwells: &[DwellSummary], observe: Observe<'_>) -> Matrix4<f64> {
     let mut covariance = Matrix4::zeros();
+    let Some(process) = doubt.process.filter(|process| process.kernel == Kernel::Transient) else { return covariance };
     let (mut last_s, mut rest) = (None, Vector4::zeros());
     for (dwell, interval) in dwells.iter().zip(intervals(dwells)) {
         if last_s != interval.rest_s {
             covariance += rest * rest.transpose();
             (last_s, rest) = (interval.rest_s, Vector4::zeros());
         }
-        let left_deg_h = doubt.process.map_or(0.0, |process| process.left_of_transient_deg_h(&interval));
         let (observation, _) = observe(dwell);
-        rest += left_deg_h * observation.weight * observation.row;
+        rest += process.left_of_transient_deg_h(&interval) * observation.weight * observation.row;
     }
     covariance + rest * rest.transpose()
 }

@@ -53,12 +53,7 @@ pub(super) fn is_explained(turned: &Fix) -> bool {
 /// the sigma of the azimuth before it, degrees. To the rates it is a turn of the instrument, of any size and at a known time.
 pub(super) fn slip_in_move(dwells: &[DwellSummary], declared: &Declared) -> Option<(Turn, f64)> {
     let after = dwells.iter().position(|dwell| dwell.doubted)?;
-    let (before, rest) = dwells.split_at_checked(after)?;
-    if positions(before).min(positions(rest)) < LEAST_POSITIONS {
-        return None;
-    }
-    let turn = Turn { before_s: before.last()?.end_s, after_s: rest.first()?.start_s, deg: 0.0 };
-    let best = Search::new(dwells, declared, turn)?.best()?;
+    let best = best_after(dwells, declared, after, 0)?;
     (best.gain > DECIDED).then(|| (best.turn, best.sigma_deg * (best.azimuth_by_turn - 1.0).abs()))
 }
 
@@ -68,18 +63,21 @@ pub(super) fn find(dwells: &[DwellSummary], declared: &Declared, within: usize) 
     if positions(dwells) < LEAST_IN_ALL + within {
         return None;
     }
-    let candidates = (1..dwells.len()).filter_map(|after| {
-        let (before, rest) = dwells.split_at_checked(after)?;
-        let (_, rest) = rest.split_at_checked(within)?;
-        if positions(before).min(positions(rest)) < LEAST_POSITIONS {
-            return None;
-        }
-        let turn = Turn { before_s: before.last()?.end_s, after_s: rest.first()?.start_s, deg: 0.0 };
-        Search::new(dwells, declared, turn)?.best()
-    });
+    let candidates = (1..dwells.len()).filter_map(|after| best_after(dwells, declared, after, within));
     let best = candidates.min_by(|a, b| a.chi_square.total_cmp(&b.chi_square))?;
     let doubt_deg = best.sigma_deg * best.azimuth_by_turn.abs();
     (best.turn.deg.abs() > LEAST_TURN_DEG && best.gain > DECIDED).then_some((best.turn, doubt_deg))
+}
+
+/// The best turn after so many dwells, `within` as many of the next ones; none without enough positions on either side.
+fn best_after(dwells: &[DwellSummary], declared: &Declared, after: usize, within: usize) -> Option<Best> {
+    let (before, rest) = dwells.split_at_checked(after)?;
+    let (_, rest) = rest.split_at_checked(within)?;
+    if positions(before).min(positions(rest)) < LEAST_POSITIONS {
+        return None;
+    }
+    let turn = Turn { before_s: before.last()?.end_s, after_s: rest.first()?.start_s, deg: 0.0 };
+    Search::new(dwells, declared, turn)?.best()
 }
 
 /// How many positions dwells, or parts of them, visit one after the other.
