@@ -35,6 +35,7 @@ mutants: setup
 ## test: all tests but those of many seeds: on the host, of the images in QEMU, of the page, of the flashed image on the emulated chip
 test: setup
 	@cargo fmt --all --check
+	@mkdir -p $(BUILD) # Two cargos that make it at the same time can take it from each other.
 	@$(MAKE) --no-print-directory -j2 --output-sync=target test-host test-chip
 
 test-host:

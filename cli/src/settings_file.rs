@@ -121,7 +121,7 @@ mod tests {
     use north_finder::effects::factor::Factor;
     use north_finder::effects::part::Span;
     use north_finder::effects::shape::{Linear, Shape};
-    use north_finder::effects::signal::{Channel, Signal};
+    use north_finder::effects::signal::{Channel, Signal, WeightedDifference};
 
     use super::*;
     use crate::model_file::ModelFile;
@@ -143,6 +143,9 @@ mod tests {
         };
         let mut factors: Vec<Factor> =
             Signal::without_channels().map(|signal| Factor::new(signal, &[], line)).collect();
+        let (plus, minus) = (ChannelName::new("temp_c").unwrap(), ChannelName::new("supply_v").unwrap());
+        let weighed = WeightedDifference { plus, minus, ratio: -0.5, reference: 12.0 };
+        factors.push(Factor::new(weighed.into(), &[], line));
         Dynamics::starts(&span(false), &mut |dynamics| factors.push(Factor::new(temperature, &[dynamics], line)));
         for is_angle in [false, true] {
             Shape::starts(&span(is_angle), &mut |shape| factors.push(Factor::new(temperature, &[], shape)));

@@ -248,7 +248,7 @@ fn little_is_drawn_of_little() {
     };
     let html = diagnosis::html(&bare);
     assert_eq!(unclosed(&html), Vec::<String>::new());
-    assert!(html.contains("No effect stands out") && html.contains("0.01 Hz") && !html.contains("NaN"));
+    assert!(html.contains("no effect of the grammar explains it") && html.contains("0.01 Hz") && !html.contains("NaN"));
 }
 
 #[test]

@@ -17,7 +17,7 @@ use crate::bounded::bounded;
 /// Most dynamics in a row: the memory of a rate takes two.
 pub const MAX_CHAIN: usize = 2;
 /// Most constants of one factor.
-pub const MAX_FACTOR_CONSTANTS: usize = 6;
+pub const MAX_FACTOR_CONSTANTS: usize = 7;
 
 /// What the rate behind dynamics is made of: a constant and three components of the axis' direction.
 pub const PARTS: usize = 4;
@@ -117,11 +117,11 @@ impl Factor {
         self.needs_azimuth() && !self.dynamics.is_empty()
     }
 
-    /// The constants that the search tunes: those of the dynamics, then those of the shape. The harmonics of an angle are whole numbers and
-    /// not tuned.
+    /// The constants that the search tunes: those of the dynamics, then those of the shape, then that of the signal. The harmonics of an angle are whole
+    /// numbers and not tuned.
     pub fn constants(&self) -> Vec<Constant, MAX_FACTOR_CONSTANTS> {
         let of_shape = self.shape.constants().into_iter().filter(|_| !self.is_harmonic_of_angle());
-        bounded(self.dynamics.iter().flat_map(Dynamics::constants).chain(of_shape))
+        bounded(self.dynamics.iter().flat_map(Dynamics::constants).chain(of_shape).chain(self.signal.constant()))
     }
 
     /// Sets the constant of that number in [`Self::constants`].
@@ -134,7 +134,10 @@ impl Factor {
             }
             first += count;
         }
-        self.shape.set(number - first, value);
+        match number - first {
+            of_shape if of_shape < self.shape.constants().len() => self.shape.set(of_shape, value),
+            _ => self.signal.set(value),
+        }
     }
 
     fn is_harmonic_of_angle(&self) -> bool {
@@ -185,9 +188,14 @@ impl fmt::Display for Factor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::dynamics::{DynamicsPart, LowPass, Memory as Remembered, Play, Rate, Relay, Stop, Thermostat};
+    use crate::effects::conditions::Conditions;
+    use crate::effects::dynamics::{
+        DynamicsPart, LowPass, Memory as Remembered, Play, Rate, Relay, Square, Stop, Thermostat,
+    };
+    use crate::effects::now::RunFacts;
     use crate::effects::shape::Linear;
-    use crate::effects::signal::{Since, Time};
+    use crate::effects::signal::{Since, Time, WeightedDifference};
+    use crate::effects::track::Track;
 
     const IDENTITY: Linear = Linear { reference: 0.0, scale: 1.0 };
 
@@ -224,9 +232,38 @@ mod tests {
         relay.set(1, 4.0);
         assert_eq!(relay, Relay { centre: 2.0, half_width: 2.0 });
         assert!(relay.constants().iter().map(|constant| constant.value).eq([0.0, 4.0]));
+        // Squares of the distance from 1: 1, 9, 9; a low-pass of 2/ln 2 s halves what is left of the way.
+        let squares = outputs(&[Square { tau_s, centre: 1.0 }.into()], &[0.0, 4.0, -2.0], 2.0);
+        assert!((squares[1] - 5.0).abs() < 1e-6 && (squares[2] - 7.0).abs() < 1e-6, "{squares:?}");
         // What has not passed a low-pass of 2/ln 2 s: a half after 2 s, a quarter after 4 s.
         let memory = outputs(&[Remembered { tau_s }.into()], &[0.0, 8.0, 8.0], 2.0);
         assert!((memory[1] - 4.0).abs() < 1e-6 && (memory[2] - 2.0).abs() < 1e-6, "{memory:?}");
+    }
+
+    /// 30 − 0.5 · (14 − 10) = 28, as a sum 32; without the second channel there is none. The ratio is the last constant, behind those of the shape.
+    #[test]
+    fn a_weighted_difference_by_hand() {
+        let name = |text| ChannelName::new(text).unwrap();
+        let of = |ratio| WeightedDifference { plus: name("a_c"), minus: name("b_v"), ratio, reference: 10.0 };
+        let value = |ratio, minus| {
+            let mut conditions = Conditions::default();
+            conditions.channels[..2].copy_from_slice(&[30.0, minus]);
+            let (track, run) = (Track::default(), RunFacts::default());
+            let channels = &[name("a_c"), name("b_v")];
+            Signal::from(of(ratio)).value(&Now {
+                conditions: &conditions,
+                channels,
+                track: &track,
+                run: &run,
+                belief: None,
+            })
+        };
+        assert_eq!((value(0.5, 14.0), value(-0.5, 14.0), value(0.5, f64::NAN)), (Some(28.0), Some(32.0), None));
+        assert_eq!(std::format!("{}", Signal::from(of(-0.5))), "a_c-and-b_v");
+        let mut factor = Factor::new(of(0.5).into(), &[], crate::effects::shape::Decay { tau_s: 7.0 }.into());
+        factor.set(1, 0.75);
+        assert!(factor.constants().iter().map(|constant| constant.value).eq([7.0, 0.75]));
+        assert_eq!(factor.signal, of(0.75).into());
     }
 
     #[test]

@@ -82,6 +82,9 @@ macro_rules! parts {
         }
 
         impl $kind {
+            /// How many kinds there are.
+            pub const KINDS: usize = [$(stringify!($name)),+].len();
+
             fn part(&self) -> &dyn $part {
                 match self { $(Self::$name(part) => part),+ }
             }

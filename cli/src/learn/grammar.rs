@@ -10,7 +10,7 @@ use north_finder::effects::effect::{Effect, MAX_FACTORS, Port};
 use north_finder::effects::factor::Factor;
 use north_finder::effects::part::Span;
 use north_finder::effects::shape::{Harmonic, Linear, Shape, Sharp, Smooth};
-use north_finder::effects::signal::{Channel, Difference, Signal};
+use north_finder::effects::signal::{Channel, Difference, Signal, WeightedDifference};
 
 use super::rows::Run;
 
@@ -113,6 +113,28 @@ impl Grammar {
         curves
     }
 
+    /// Signals that differ from one by a channel less: a channel less any other, or with it, each weighed by how much it varies; of a difference its first
+    /// channel alone.
+    fn beside(&self, signal: Signal) -> Vec<Signal> {
+        let channel = |signal: Signal| match signal {
+            Signal::Channel(Channel { name }) => Some(name),
+            _ => None,
+        };
+        let of_channels = || self.signals.iter().filter_map(|(signal, span)| Some((channel(*signal)?, span)));
+        let Some(plus) = channel(signal) else {
+            let first = signal.channels().next().copied();
+            return first.map(|name| Channel { name }.into()).into_iter().collect();
+        };
+        let Some((_, own)) = of_channels().find(|(name, _)| *name == plus) else { return Vec::new() };
+        let joined = |(minus, span): (ChannelName, &Span)| {
+            let ratio = own.deviation / span.deviation;
+            [ratio, -ratio].map(|ratio| {
+                WeightedDifference { plus, minus, ratio: ratio as f32, reference: span.mean as f32 }.into()
+            })
+        };
+        of_channels().filter(|(name, _)| *name != plus).flat_map(joined).collect()
+    }
+
     /// Minus the logarithm of the probability of an effect's form before anything is seen, nats.
     pub fn cost(&self, effect: &Effect) -> f64 {
         form_cost(effect, self.signals.len())
@@ -125,9 +147,10 @@ pub fn form_cost(effect: &Effect, signals: usize) -> f64 {
     let port = if effect.port == Port::Rate { LN_2 } else { LN_2 + (Port::ALL.len() as f64 - 1.0).ln() };
     let number = LN_2 * effect.factors.len().max(1) as f64;
     let of_factor = |factor: &Factor| {
-        let signal = (signals as f64).ln();
+        // Of a weighted difference the second channel is chosen as the first one.
+        let signal = (signals as f64).ln() * if factor.signal.constant().is_some() { 2.0 } else { 1.0 };
         let kinds = |of_plain: bool, others: f64| if of_plain { LN_2 } else { LN_2 + others.ln() };
-        let dynamics: f64 = factor.dynamics.iter().map(|_| kinds(false, 8.0)).sum::<f64>() + LN_2;
+        let dynamics: f64 = factor.dynamics.iter().map(|_| kinds(false, Dynamics::KINDS as f64)).sum::<f64>() + LN_2;
         let shape = kinds(matches!(factor.shape, Shape::Linear(_)), 7.0);
         signal + dynamics + shape + cost_of_constants(factor)
     };
@@ -206,13 +229,13 @@ pub fn reshaped(effect: &Effect, grammar: &Grammar, runs: &[Run]) -> Vec<Effect>
         let mut toggled = factors.clone();
         toggled[i].constant = !own.constant;
         push(effect.port, toggled);
-        let Some((_, bare)) = grammar.signals.iter().find(|(signal, _)| *signal == own.signal) else { continue };
+        let Some(bare) = grammar.span(runs, own.signal, &[]) else { continue };
         if bare.is_angle || bare.is_time {
             continue;
         }
-        let relined = |dynamics: &[Dynamics]| {
+        let relined = |signal: Signal, dynamics: &[Dynamics]| {
             // A curve keeps its kind, with an interval of its own.
-            let behind = grammar.span(runs, own.signal, dynamics)?;
+            let behind = grammar.span(runs, signal, dynamics)?;
             let mut shape = None;
             Shape::starts(&behind, &mut |each| {
                 if shape.is_none() && std::mem::discriminant(&each) == std::mem::discriminant(&own.shape) {
@@ -225,11 +248,11 @@ pub fn reshaped(effect: &Effect, grammar: &Grammar, runs: &[Run]) -> Vec<Effect>
                 }
                 (shape, _) => shape,
             };
-            Some(Factor::new(own.signal, dynamics, shape))
+            Some(Factor::new(signal, dynamics, shape))
         };
         let mut chains: Vec<Vec<Dynamics>> = vec![Vec::new()];
         let mut number = 0;
-        Dynamics::starts(bare, &mut |each| {
+        Dynamics::starts(&bare, &mut |each| {
             chains.push(vec![each]);
             // A second dynamics is tuned when it is found: every other of its constants will do. Only what is linear makes more of its own output.
             number += 1;
@@ -242,7 +265,9 @@ pub fn reshaped(effect: &Effect, grammar: &Grammar, runs: &[Run]) -> Vec<Effect>
                 chains.push(vec![*first, each]);
             }
         });
-        chains.iter().filter_map(|chain| relined(chain)).for_each(|factor| push(effect.port, with(factor)));
+        let behind_others = chains.iter().filter_map(|chain| relined(own.signal, chain));
+        let of_others = grammar.beside(own.signal).into_iter().filter_map(|signal| relined(signal, &own.dynamics));
+        behind_others.chain(of_others).for_each(|factor| push(effect.port, with(factor)));
     }
     all
 }

@@ -129,7 +129,7 @@ impl<'a> Model<'a> {
         let mut best = self;
         let runs = best.problem.runs;
         let noise = typical_noise(runs);
-        let longest_s = runs.iter().filter_map(|run| run.t_s.last()).copied().fold(1.0, f64::max);
+        let lengths = Lengths::of(runs);
         let score = |process: &Option<Process>| {
             Model::new(runs, *process, &best.terms).map(|each| (each.fit.evidence - process_cost(process), *process))
         };
@@ -138,7 +138,7 @@ impl<'a> Model<'a> {
         let tuned = |mut top: f64, mut process: Process| {
             let mut step = 0.7;
             while step > 0.15 {
-                match likeliest(&neighbours(&process, step, longest_s)) {
+                match likeliest(&neighbours(&process, step, &lengths)) {
                     Some((above, Some(each))) if above > top + 1e-3 => (top, process) = (above, each),
                     _ => step *= 0.5,
                 }
@@ -159,7 +159,7 @@ impl<'a> Model<'a> {
         let Some((top, first)) = likeliest(&starts) else { return best };
         let process = first.map(|first| {
             let (top, process) = tuned(top, first);
-            match likeliest(&other_kernels(&process, longest_s)) {
+            match likeliest(&other_kernels(&process, &lengths)) {
                 Some((above, Some(other))) if above > top => tuned(above, other).1,
                 _ => process,
             }
@@ -173,8 +173,28 @@ impl<'a> Model<'a> {
     }
 }
 
+/// Lengths of the longest run and of the longest rest, seconds.
+struct Lengths {
+    run_s: f64,
+    rest_s: f64,
+}
+
+impl Lengths {
+    fn of(runs: &[Run]) -> Self {
+        let run_s = runs.iter().filter_map(|run| run.t_s.last()).copied().fold(1.0, f64::max);
+        let rests = runs.iter().flat_map(|run| run.t_s.iter().zip(&run.rests_s).map(|(t_s, rest_s)| t_s - rest_s));
+        Self { run_s, rest_s: rests.fold(1.0, f64::max) }
+    }
+
+    /// Longest time constant of a process. What a move leaves behind is over with the rest, nearly: what is not is an offset of the rest, and effects are.
+    fn longest_s(&self, kernel: Kernel) -> f64 {
+        if kernel == Kernel::Transient { self.rest_s } else { 4.0 * self.run_s }
+    }
+}
+
 /// A process with each of its constants a step greater or less, in its logarithm.
-fn neighbours(process: &Process, step: f64, longest_s: f64) -> Vec<Option<Process>> {
+fn neighbours(process: &Process, step: f64, lengths: &Lengths) -> Vec<Option<Process>> {
+    let longest_s = lengths.longest_s(process.kernel);
     let by = |factor: f64| {
         let kernel = match process.kernel {
             Kernel::DampedCosine { period_s } => {
@@ -183,7 +203,7 @@ fn neighbours(process: &Process, step: f64, longest_s: f64) -> Vec<Option<Proces
             _ => None,
         };
         let size = Process { sigma_deg_h: process.sigma_deg_h * factor, ..*process };
-        let time = Process { time_s: (process.time_s * factor).clamp(1.0, 4.0 * longest_s), ..*process };
+        let time = Process { time_s: (process.time_s * factor).clamp(1.0, longest_s), ..*process };
         [Some(size), Some(time), kernel]
     };
     [step.exp(), (-step).exp()].into_iter().flat_map(by).filter(Option::is_some).collect()
@@ -191,10 +211,14 @@ fn neighbours(process: &Process, step: f64, longest_s: f64) -> Vec<Option<Proces
 
 /// Processes of other kernels for which this one may stand: a smoother one, ringing of all periods of which a run sees one at least, and what moves
 /// leave behind.
-fn other_kernels(process: &Process, longest_s: f64) -> Vec<Option<Process>> {
-    let periods = std::iter::successors(Some(longest_s), |period_s| Some(0.5 * period_s));
+fn other_kernels(process: &Process, lengths: &Lengths) -> Vec<Option<Process>> {
+    let periods = std::iter::successors(Some(lengths.run_s), |period_s| Some(0.5 * period_s));
     let ringing = |period_s| Process { kernel: Kernel::DampedCosine { period_s }, time_s: period_s, ..*process };
-    let others = [Kernel::Matern, Kernel::Transient].map(|kernel| Process { kernel, ..*process });
+    let others = [Kernel::Matern, Kernel::Transient].map(|kernel| Process {
+        kernel,
+        time_s: process.time_s.min(lengths.longest_s(kernel)),
+        ..*process
+    });
     others
         .into_iter()
         .filter(|other| other.kernel != process.kernel)
@@ -226,18 +250,20 @@ fn typical_noise(runs: &[Run]) -> f64 {
 mod tests {
     use super::*;
 
+    const LENGTHS: Lengths = Lengths { run_s: 80.0, rest_s: 20.0 };
+
     /// Half a period less each time, down to ten seconds; three constants, and one of three other kernels half of the time.
     #[test]
     fn what_is_tried_for_an_exponential_process() {
         let exponential = Process { kernel: Kernel::Exponential, sigma_deg_h: 1.0, time_s: 10.0 };
         let kernels: Vec<Kernel> =
-            other_kernels(&exponential, 80.0).into_iter().flatten().map(|process| process.kernel).collect();
+            other_kernels(&exponential, &LENGTHS).into_iter().flatten().map(|process| process.kernel).collect();
         let ringing = |period_s| Kernel::DampedCosine { period_s };
         assert_eq!(kernels, [Kernel::Matern, Kernel::Transient, ringing(80.0), ringing(40.0), ringing(20.0)]);
         let ringing = Process { kernel: ringing(40.0), ..exponential };
         assert!((process_cost(&Some(ringing)) - (3.0 * 8f64.ln() + 3f64.ln())).abs() < 1e-12);
-        assert_eq!(neighbours(&ringing, 0.7, 100.0).len(), 6);
-        assert_eq!(neighbours(&exponential, 0.7, 100.0).len(), 4);
+        assert_eq!(neighbours(&ringing, 0.7, &LENGTHS).len(), 6);
+        assert_eq!(neighbours(&exponential, 0.7, &LENGTHS).len(), 4);
     }
 
     /// Eight runs whose rate, beside the Earth's at four positions in turn, rings with a period of 30 s and another phase each time.

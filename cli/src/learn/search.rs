@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use north_finder::effects::doubt::Process;
+use north_finder::effects::dynamics::Dynamics;
 use north_finder::effects::effect::{Effect, MAX_FACTORS, Port};
 use north_finder::effects::factor::Factor;
 use north_finder::effects::shape::{Harmonic, Shape};
@@ -371,8 +372,10 @@ impl<'a> Search<'a> {
         let with = |effect: &Effect| {
             let mut terms = model.terms.clone();
             terms.push(self.term(model, effect));
-            let widened = Model::new(self.runs, model.process, &terms).filter(|each| self.is_allowed(each))?;
-            Some((widened.predictive(&self.grammar), widened))
+            // An effect that a process had taken for its own is judged without it too.
+            let of = |process| Model::new(self.runs, process, &terms).filter(|each| self.is_allowed(each));
+            let both = of(model.process).into_iter().chain(model.process.and_then(|_| of(None)));
+            both.map(|each| (each.predictive(&self.grammar), each)).max_by(|a, b| a.0.total_cmp(&b.0))
         };
         let mut widened: Vec<(f64, Model<'a>)> = finalists.par_iter().filter_map(with).collect();
         widened.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -631,27 +634,37 @@ impl<'a> Search<'a> {
         let first = own.dynamics.iter().map(|dynamics| dynamics.constants().len()).sum::<usize>();
         let tuned = |(gain, each): (f64, Effect)| {
             let constants: Vec<(usize, usize)> =
-                (first..each.factors[f].constants().len()).map(|number| (f, number)).collect();
+                (first..first + each.factors[f].shape.constants().len()).map(|number| (f, number)).collect();
             self.tuned_by(each, gain, &ROUGHLY, &constants, &gain_of).1
         };
         best.into_values().map(tuned).collect()
     }
 
-    /// Unit in which a constant of a factor is tuned: 1 for the logarithm of a scale; of a place the width that its own part has, or else the standard
-    /// deviation of what the part gets.
+    /// Unit in which a constant of a factor is tuned: 1 for the logarithm of a scale; of a place the width that its shape has, or else the standard
+    /// deviation of what the part gets; of a signal's ratio its size.
     fn unit(&self, factor: &Factor, number: usize) -> f64 {
         let constants = factor.constants();
-        if constants.get(number).is_none_or(|constant| constant.is_scale) {
-            return 1.0;
+        let Some(constant) = constants.get(number).filter(|constant| !constant.is_scale) else { return 1.0 };
+        let deviation = |before: &[Dynamics]| {
+            self.grammar.span(self.runs, factor.signal, before).map_or(1.0, |span| span.deviation)
+        };
+        let mut first = 0;
+        for (place, dynamics) in factor.dynamics.iter().enumerate() {
+            first += dynamics.constants().len();
+            if number < first {
+                return deviation(&factor.dynamics[..place]);
+            }
         }
-        let of_dynamics = constants.len() - factor.shape.constants().len();
-        let part = if number < of_dynamics { &constants[..of_dynamics] } else { &constants[of_dynamics..] };
-        let width = part.iter().find(|each| each.is_scale).map(|each| each.value);
-        let before = if number < of_dynamics { &[][..] } else { factor.dynamics.as_slice() };
-        let deviation = || self.grammar.span(self.runs, factor.signal, before).map(|span| span.deviation);
+        let of_shape = factor.shape.constants();
+        if number >= first + of_shape.len() {
+            return constant.value.abs();
+        }
         match factor.shape {
             Shape::Sector(_) => SECTOR_STEP_DEG,
-            _ => width.or_else(deviation).unwrap_or(1.0),
+            _ => of_shape
+                .iter()
+                .find(|each| each.is_scale)
+                .map_or_else(|| deviation(&factor.dynamics), |width| width.value),
         }
     }
 

@@ -57,6 +57,7 @@ parts! {
     heat::Heat,
     stop::Stop,
     thermostat::Thermostat,
+    square::Square,
 }
 
 impl Dynamics {

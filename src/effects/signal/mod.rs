@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::channel::ChannelName;
 use super::now::Now;
+use super::part::Constant;
 
 /// What every signal says of itself.
 pub trait SignalPart {
@@ -40,27 +41,43 @@ pub trait SignalPart {
     fn channels(&self) -> [Option<&ChannelName>; 2] {
         [None, None]
     }
+    /// The number that the search tunes, if there is one.
+    fn constant(&self) -> Option<Constant> {
+        None
+    }
+    /// Sets that number.
+    fn set(&mut self, _: f64) {}
 }
 
-/// Makes the enum of the signals from their files: those that read channels, and those that every second has.
+/// Makes the enum of the signals from their files: those that read channels, those that every second has, and readers that came later, because stored
+/// settings number the signals.
 macro_rules! signals {
-    ($($of_channels:ident::$reader:ident),+; $($module:ident::$name:ident),+ $(,)?) => {
+    ($($of_channels:ident::$reader:ident),+; $($module:ident::$name:ident),+; $($later:ident::$last:ident),+ $(,)?) => {
         $(mod $of_channels;)+
         $(mod $module;)+
+        $(mod $later;)+
         $(pub use $of_channels::$reader;)+
         $(pub use $module::$name;)+
+        $(pub use $later::$last;)+
 
         /// A signal.
         #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
         #[serde(rename_all = "kebab-case")]
         pub enum Signal {
             $($reader($reader),)+
-            $($name),+
+            $($name,)+
+            $($last($last)),+
         }
 
         $(impl From<$reader> for Signal {
             fn from(signal: $reader) -> Self {
                 Self::$reader(signal)
+            }
+        })+
+
+        $(impl From<$last> for Signal {
+            fn from(signal: $last) -> Self {
+                Self::$last(signal)
             }
         })+
 
@@ -74,7 +91,16 @@ macro_rules! signals {
             fn part(&self) -> &dyn SignalPart {
                 match self {
                     $(Self::$reader(part) => part,)+
-                    $(Self::$name => &$name),+
+                    $(Self::$name => &$name,)+
+                    $(Self::$last(part) => part),+
+                }
+            }
+
+            fn part_mut(&mut self) -> Option<&mut dyn SignalPart> {
+                match self {
+                    $(Self::$reader(part) => Some(part),)+
+                    $(Self::$last(part) => Some(part),)+
+                    _ => None,
                 }
             }
 
@@ -105,7 +131,8 @@ signals! {
     speed::Speed,
     moves::Moves,
     rate::Rate,
-    measured::Measured,
+    measured::Measured;
+    weighted_difference::WeightedDifference,
 }
 
 impl Signal {
@@ -140,6 +167,18 @@ impl Signal {
     /// The channels that it reads.
     pub fn channels(&self) -> impl Iterator<Item = &ChannelName> {
         self.part().channels().into_iter().flatten()
+    }
+
+    /// The number that the search tunes, if there is one.
+    pub fn constant(&self) -> Option<Constant> {
+        self.part().constant()
+    }
+
+    /// Sets that number.
+    pub fn set(&mut self, value: f64) {
+        if let Some(part) = self.part_mut() {
+            part.set(value);
+        }
     }
 
     pub fn validate(&self) -> Result<(), Invalid> {

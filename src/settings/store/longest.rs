@@ -7,12 +7,12 @@ use crate::effects::basis::curve::Curve;
 use crate::effects::basis::curve::function::Function;
 use crate::effects::basis::curve::signal::Signal;
 use crate::effects::doubt::{Kernel, MAX_DIRECTIONS, Process};
-use crate::effects::dynamics::Heat;
+use crate::effects::dynamics::Thermostat;
 use crate::effects::effect::Port;
 use crate::effects::factor::Factor;
 use crate::effects::rate_term::DeadZoneForm;
 use crate::effects::shape::{Bump, Sharp, Smooth};
-use crate::effects::signal::Difference;
+use crate::effects::signal::WeightedDifference;
 use crate::effects::{
     BaseMotion, Basis, ChannelName, EarthField, Effect, ErrorModel, IndexError, MAX_EFFECTS, MAX_PRODUCTS,
     MAX_RATE_TERMS, MAX_TERMS, RateTerm, Sinusoid, Term,
@@ -59,11 +59,16 @@ pub fn settings() -> Settings {
 }
 
 /// The longest valid model of effects: five curves of sixteen functions, two of six and one of four, each times two bumps, reach the limits of factors and
-/// weights; all are of the difference of two channels behind two dynamics.
+/// weights; all are of the weighted difference of two channels behind two dynamics.
 fn of_effects() -> ErrorModel {
     let name = |text| ChannelName::new(text).unwrap();
-    let difference = Difference { plus: name("a_name_of_twenty_four_by"), minus: name("b_name_of_twenty_four_by") };
-    let dynamics = [Heat { tau_s: 1.1 }.into(), Heat { tau_s: 1.1 }.into()];
+    let difference = WeightedDifference {
+        plus: name("a_name_of_twenty_four_by"),
+        minus: name("b_name_of_twenty_four_by"),
+        ratio: 1.1,
+        reference: 1.1,
+    };
+    let dynamics = [Thermostat { centre: 1.1, half_width: 1.1, from_above: true }.into(); 2];
     let of = |shape| Factor::new(difference.into(), &dynamics, shape);
     let mut model = ErrorModel { scale_error: 0.01, bias_deg_h: 1.1, ..Default::default() };
     for i in 0..MAX_EFFECTS {

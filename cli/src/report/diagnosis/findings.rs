@@ -15,9 +15,14 @@ const CANDIDATES: usize = 8;
 pub fn effects(diagnosis: &Diagnosis) -> String {
     let mut html = String::from("<h2>What was learned</h2>\n");
     if diagnosis.effects.is_empty() {
-        html.push_str(
-            "<p>No effect stands out of the noise, given how many were tried. The model stays as it is.</p>\n",
-        );
+        let why = match &diagnosis.withdrawn {
+            Some(_) => "Effects were found and are not used, for the reason above.",
+            None if diagnosis.unexplained => {
+                "Structure stands out of the noise, and no effect of the grammar explains it, given how many were tried."
+            }
+            None => "No effect stands out of the noise, given how many were tried.",
+        };
+        let _ = writeln!(html, "<p>{why} The model stays as it is.</p>");
     }
     for effect in &diagnosis.effects {
         html.push_str(&card(effect));
