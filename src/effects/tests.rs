@@ -274,6 +274,29 @@ fn effects_at_every_port() {
 }
 
 /// A product with a factor that depends on the azimuth leaves the others to the solution: 2 K above 18 °C, times what belongs to the axis.
+/// A decay of 1/ln 2 s, 8 °/h, halves every second. The index is at 0° for two seconds and then at 90°: it rests there since 2 s, so that the middle of the
+/// fourth second comes 1.5 s after the move, and that of the first one 0.5 s after the start.
+#[test]
+fn what_a_move_leaves_behind_is_absent_before_the_first_one() {
+    let tau_s = (1.0 / core::f64::consts::LN_2) as f32;
+    let of = |signal: signal::Signal| {
+        let mut effect = Effect::new(Port::Rate, &[Factor::new(signal, &[], shape::Decay { tau_s }.into())]);
+        effect.weights.iter_mut().for_each(|weight| *weight = 8.0);
+        let mut model = ErrorModel::default();
+        assert!(model.effects.push(effect).is_ok());
+        let mut evaluator = Evaluator::new(model);
+        [(0.5, 0.0), (1.5, 0.0), (2.5, 90.0), (3.5, 90.0), (4.5, 90.0)]
+            .map(|(t_s, index_deg)| evaluator.second(&conditions(t_s, index_deg)).bias_deg_h)
+    };
+    let root = 8.0 / core::f64::consts::SQRT_2;
+    let [first, second, _, third, fourth] = of(signal::After.into());
+    assert_close(first, 0.0);
+    assert_close(second, 0.0);
+    assert_close(third, 0.5 * root);
+    assert_close(fourth, 0.25 * root);
+    assert_close(of(signal::Since.into())[0], root);
+}
+
 #[test]
 fn the_solution_gets_what_it_multiplies() {
     let temperature = signal::Channel { name: ChannelName::new("temp_c").unwrap() };

@@ -106,7 +106,7 @@ fn of_rate(factor: &Factor, weight: &dyn Fn(usize, &str, f64) -> Parameter) -> (
             let at = Parameter::constant("at_s", step.at.into());
             named("step", vec![weight(0, "deg_h", 1.0), at])
         }
-        (Signal::Time | Signal::Since, [], Shape::Decay(decay)) => {
+        (Signal::Time | Signal::Since | Signal::After, [], Shape::Decay(decay)) => {
             let name = if factor.signal == Signal::Time { "warm-up" } else { "settling" };
             let tau = Parameter::constant("tau_s", decay.tau_s.into());
             named(name, vec![weight(0, "deg_h", 1.0), tau])

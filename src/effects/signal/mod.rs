@@ -131,7 +131,8 @@ signals! {
     speed::Speed,
     moves::Moves,
     rate::Rate,
-    measured::Measured;
+    measured::Measured,
+    after::After;
     weighted_difference::WeightedDifference,
 }
 
