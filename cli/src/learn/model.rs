@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use north_finder::effects::doubt::{Kernel, Process};
-use north_finder::effects::effect::Effect;
+use north_finder::effects::effect::{Effect, Port};
 use rayon::prelude::*;
 
 use super::family::Known;
@@ -13,6 +13,11 @@ use super::rows::Run;
 
 /// Turns of the sizes' fixed point; it moves by less than 2 % then.
 const TURNS: usize = 30;
+
+/// Up to this root mean square errors of the index are taken as linear, degrees: e²/2 of the rate is 4e-5 of it then.
+const LINEAR_INDEX_DEG: f64 = 0.5;
+/// Times that what is beyond linear is taken out: of an error of 5° (0.087) 0.4 % of the rate are, and what is left falls by a factor of ten each time.
+const TURNS_OF_INDEX: usize = 2;
 
 /// Shortest period of ringing that rates of a second show: some ten of them.
 const SHORTEST_PERIOD_S: f64 = 10.0;
@@ -26,14 +31,57 @@ pub struct Model<'a> {
 }
 
 impl<'a> Model<'a> {
-    /// Of these effects in these runs; sizes are fitted.
+    /// Of these effects in these runs; sizes are fitted. What large errors of the index add beyond what is linear in them is taken out.
     pub fn new(runs: &'a [Run], process: Option<Process>, terms: &[Term]) -> Option<Self> {
-        let problem = Problem::with_known(runs, process.as_ref(), terms);
+        let mut model = Self::beside(runs, process, terms, None)?;
+        for _ in 0..TURNS_OF_INDEX {
+            let Some(beyond) = model.beyond_linear() else { break };
+            model = Self::beside(runs, process, terms, Some(&beyond))?;
+        }
+        Some(model)
+    }
+
+    /// The same where so much of the rates is known beforehand.
+    fn beside(runs: &'a [Run], process: Option<Process>, terms: &[Term], known: Option<&[f64]>) -> Option<Self> {
+        let mut problem = Problem::with_known(runs, process.as_ref(), terms);
+        if let Some(known) = known {
+            problem.take_out(known);
+        }
         let with = |term: &Term| Term { columns: problem.columns(&term.values), ..term.clone() };
         let mut terms: Vec<Term> = terms.iter().map(with).collect();
         let gram = Gram::new(&problem, &terms);
         let fit = fit_sizes(&problem, &gram, &mut terms, TURNS)?;
         Some(Self { process, problem, terms, fit })
+    }
+
+    /// What its errors of the index add to the rates beyond what is linear in them, °/h, all runs one after the other; `None` where they are small.
+    fn beyond_linear(&self) -> Option<Vec<f64>> {
+        let runs = self.problem.runs;
+        let of_index = |term: &&Term| term.effect.port == Port::Index;
+        self.terms.iter().find(of_index)?;
+        let (means, _) = self.weights();
+        let library = Library::new(runs);
+        let mut error_deg = vec![0.0; runs.iter().map(Run::rows).sum()];
+        let mut first = 0;
+        for term in &self.terms {
+            let own = first..first + term.columns.len();
+            first = own.end;
+            if of_index(&term) {
+                // At the port of the rate its functions are themselves.
+                let functions = library.values(runs, &Effect::new(Port::Rate, &term.effect.factors));
+                for (function, mean) in functions.iter().zip(&means.as_slice()[own]) {
+                    error_deg.iter_mut().zip(function).for_each(|(sum, value)| *sum += mean * value);
+                }
+            }
+        }
+        let square = error_deg.iter().map(|error| error * error).sum::<f64>() / error_deg.len() as f64;
+        let mut rest = error_deg.as_slice();
+        let mut of_run = |run: &Run| {
+            let (own, others) = rest.split_at(run.rows());
+            rest = others;
+            run.beyond_linear(own)
+        };
+        (square > LINEAR_INDEX_DEG.powi(2)).then(|| runs.iter().flat_map(&mut of_run).collect())
     }
 
     /// Its effects, in order.

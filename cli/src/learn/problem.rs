@@ -111,8 +111,8 @@ impl<'a> Problem<'a> {
         problem
     }
 
-    /// Takes out what effects that are known beforehand add on average.
-    fn take_out(&mut self, offset: &[f64]) {
+    /// Takes out what is known beforehand, °/h, by the row: what effects add on average.
+    pub fn take_out(&mut self, offset: &[f64]) {
         let offset = self.column(offset);
         let before = self.residual.dot(&self.residual);
         self.residual.add(-1.0, &offset);

@@ -274,6 +274,15 @@ impl Run {
         }
     }
 
+    /// What an error of the index, degrees by the row, adds to the rates beyond what is linear in it, °/h.
+    pub fn beyond_linear(&self, index_error_deg: &[f64]) -> Vec<f64> {
+        let rest = |(error_deg, (across, along)): (&f64, (f64, f64))| {
+            let (sin, cos) = (error_deg * RAD_PER_DEG).sin_cos();
+            along * (cos - 1.0) + across * (sin - error_deg * RAD_PER_DEG)
+        };
+        index_error_deg.iter().zip(self.turned_by(1.0).into_iter().zip(self.amplitudes())).map(rest).collect()
+    }
+
     fn belief(&self, sample: &Sample) -> Belief {
         let (sin, cos) = (self.azimuth_deg * RAD_PER_DEG).sin_cos();
         let index_deg = sample.sin.atan2(sample.cos) * DEG_PER_RAD;
@@ -518,6 +527,19 @@ impl Run {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// North, east, south and west, 10 °/h horizontal. The index reads 30° too much: the axis is 30° clockwise of where it is taken to be. North: 10 cos 30° less
+    /// 10; the index turns the other way than azimuths, so that 90° is west: 10 cos 60° = 5 less the linear 10 · π/6.
+    #[test]
+    fn beyond_what_is_linear_in_an_error_of_the_index() {
+        let run = Run::of_rates(&[0.0; 4]);
+        let north = 10.0 * (0.75f64.sqrt() - 1.0);
+        let west = 5.0 - 10.0 * std::f64::consts::PI / 6.0;
+        for (found, expected) in run.beyond_linear(&[30.0; 4]).into_iter().zip([north, west, -north, -west]) {
+            assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+        }
+        assert!((run.turned_by(1.0)[1] - 10.0).abs() < 1e-9, "clockwise from west is towards north");
+    }
 
     /// Of sixteen seconds in four parts those end at 16 (k/4)²: 1, 4, 9 and 16. Of a rotation all are alike. Of rows of lengths 1, 3, 5 and 7 each is a part.
     #[test]
