@@ -134,9 +134,10 @@ impl Factor {
             }
             first += count;
         }
-        match number - first {
-            of_shape if of_shape < self.shape.constants().len() => self.shape.set(of_shape, value),
-            _ => self.signal.set(value),
+        if number - first < self.shape.constants().len() {
+            self.shape.set(number - first, value);
+        } else {
+            self.signal.set(value);
         }
     }
 

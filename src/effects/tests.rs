@@ -273,7 +273,6 @@ fn effects_at_every_port() {
     }
 }
 
-/// A product with a factor that depends on the azimuth leaves the others to the solution: 2 K above 18 °C, times what belongs to the axis.
 /// A decay of 1/ln 2 s, 8 °/h, halves every second. The index is at 0° for two seconds and then at 90°: it rests there since 2 s, so that the middle of the
 /// fourth second comes 1.5 s after the move, and that of the first one 0.5 s after the start.
 #[test]
@@ -297,6 +296,7 @@ fn what_a_move_leaves_behind_is_absent_before_the_first_one() {
     assert_close(of(signal::Since.into())[0], root);
 }
 
+/// A product with a factor that depends on the azimuth leaves the others to the solution: 2 K above 18 °C, times what belongs to the axis.
 #[test]
 fn the_solution_gets_what_it_multiplies() {
     let temperature = signal::Channel { name: ChannelName::new("temp_c").unwrap() };

@@ -113,8 +113,8 @@ impl Grammar {
         curves
     }
 
-    /// Signals that differ from one by a channel less: a channel less any other, or with it, each weighed by how much it varies; of a difference its first
-    /// channel alone.
+    /// Signals to try in the place of one: of a channel its weighted difference and sum with every other one, each weighed by how much it varies; of a
+    /// difference its first channel alone.
     fn beside(&self, signal: Signal) -> Vec<Signal> {
         let channel = |signal: Signal| match signal {
             Signal::Channel(Channel { name }) => Some(name),

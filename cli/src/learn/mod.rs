@@ -104,7 +104,7 @@ pub fn gain_of(runs: &[Run], column: Vec<f64>) -> Option<Worth> {
     let columns = bare.problem.columns(&values);
     let (_, size2) = bare.fit.gain_of(&bare.problem, &[], &columns);
     let effect = Effect::new(Port::Rate, &[]);
-    let term = Term { columns, ..Term::new(effect, values, size2.max(1e-20)) };
+    let term = Term { columns, ..Term::of_rates(effect, values, size2.max(1e-20)) };
     let with = Model::new(runs, None, &[term])?.with_likeliest_process();
     Some(Worth {
         log_odds: with.evidence() - bare.with_likeliest_process().evidence(),

@@ -33,55 +33,59 @@ pub struct Model<'a> {
 impl<'a> Model<'a> {
     /// Of these effects in these runs; sizes are fitted. What large errors of the index add beyond what is linear in them is taken out.
     pub fn new(runs: &'a [Run], process: Option<Process>, terms: &[Term]) -> Option<Self> {
-        let mut model = Self::beside(runs, process, terms, None)?;
+        let problem = Problem::with_known(runs, process.as_ref(), terms);
+        let with = |term: &Term| Term { columns: problem.columns(&term.values), ..term.clone() };
+        let mut terms: Vec<Term> = terms.iter().map(with).collect();
+        let sizes2: Vec<f64> = terms.iter().map(|term| term.size2).collect();
+        let fit = fit_sizes(&problem, &Gram::new(&problem, &terms), &mut terms, TURNS)?;
+        let mut model = Self { process, problem, terms, fit };
+        let mut taken_out: Vec<f64> = Vec::new();
         for _ in 0..TURNS_OF_INDEX {
             let Some(beyond) = model.beyond_linear() else { break };
-            model = Self::beside(runs, process, terms, Some(&beyond))?;
+            let before = taken_out.iter().chain(std::iter::repeat(&0.0));
+            model.problem.take_out(&beyond.iter().zip(before).map(|(all, before)| all - before).collect::<Vec<f64>>());
+            taken_out = beyond;
+            model.terms.iter_mut().zip(&sizes2).for_each(|(term, size2)| term.size2 = *size2);
+            let gram = Gram::new(&model.problem, &model.terms);
+            model.fit = fit_sizes(&model.problem, &gram, &mut model.terms, TURNS)?;
         }
         Some(model)
     }
 
-    /// The same where so much of the rates is known beforehand.
-    fn beside(runs: &'a [Run], process: Option<Process>, terms: &[Term], known: Option<&[f64]>) -> Option<Self> {
-        let mut problem = Problem::with_known(runs, process.as_ref(), terms);
-        if let Some(known) = known {
-            problem.take_out(known);
+    /// What its effects add at the ports that are wanted, each in its port's unit, by the row, all runs one after the other.
+    pub fn added(&self, is_wanted: impl Fn(Port) -> bool) -> Vec<(Port, Vec<f64>)> {
+        if !self.terms.iter().any(|term| is_wanted(term.effect.port)) {
+            return Vec::new();
         }
-        let with = |term: &Term| Term { columns: problem.columns(&term.values), ..term.clone() };
-        let mut terms: Vec<Term> = terms.iter().map(with).collect();
-        let gram = Gram::new(&problem, &terms);
-        let fit = fit_sizes(&problem, &gram, &mut terms, TURNS)?;
-        Some(Self { process, problem, terms, fit })
+        let (means, _) = self.weights();
+        let mut first = 0;
+        let mut all = Vec::new();
+        for term in &self.terms {
+            let own = first..first + term.columns.len();
+            first = own.end;
+            if is_wanted(term.effect.port) {
+                let mut sum = vec![0.0; term.functions.first().map_or(0, Vec::len)];
+                for (function, mean) in term.functions.iter().zip(&means.as_slice()[own]) {
+                    sum.iter_mut().zip(function).for_each(|(sum, value)| *sum += mean * value);
+                }
+                all.push((term.effect.port, sum));
+            }
+        }
+        all
     }
 
     /// What its errors of the index add to the rates beyond what is linear in them, °/h, all runs one after the other; `None` where they are small.
     fn beyond_linear(&self) -> Option<Vec<f64>> {
-        let runs = self.problem.runs;
-        let of_index = |term: &&Term| term.effect.port == Port::Index;
-        self.terms.iter().find(of_index)?;
-        let (means, _) = self.weights();
-        let library = Library::new(runs);
-        let mut error_deg = vec![0.0; runs.iter().map(Run::rows).sum()];
-        let mut first = 0;
-        for term in &self.terms {
-            let own = first..first + term.columns.len();
-            first = own.end;
-            if of_index(&term) {
-                // At the port of the rate its functions are themselves.
-                let functions = library.values(runs, &Effect::new(Port::Rate, &term.effect.factors));
-                for (function, mean) in functions.iter().zip(&means.as_slice()[own]) {
-                    error_deg.iter_mut().zip(function).for_each(|(sum, value)| *sum += mean * value);
-                }
-            }
-        }
-        let square = error_deg.iter().map(|error| error * error).sum::<f64>() / error_deg.len() as f64;
+        let sum = |a: Vec<f64>, b: Vec<f64>| a.iter().zip(b).map(|(a, b)| a + b).collect();
+        let errors = self.added(|port| port == Port::Index).into_iter().map(|(_, errors)| errors);
+        let error_deg = errors.reduce(sum).filter(|errors| !is_within(errors, LINEAR_INDEX_DEG))?;
         let mut rest = error_deg.as_slice();
-        let mut of_run = |run: &Run| {
+        let of_run = |run: &Run| {
             let (own, others) = rest.split_at(run.rows());
             rest = others;
             run.beyond_linear(own)
         };
-        (square > LINEAR_INDEX_DEG.powi(2)).then(|| runs.iter().flat_map(&mut of_run).collect())
+        Some(self.problem.runs.iter().flat_map(of_run).collect())
     }
 
     /// Its effects, in order.
@@ -169,7 +173,7 @@ impl<'a> Model<'a> {
     /// Its effects evaluated in other runs.
     fn terms_in(&self, runs: &[Run]) -> Vec<Term> {
         let library = Library::new(runs);
-        self.terms.iter().map(|term| term.with_values(library.values(runs, &term.effect))).collect()
+        self.terms.iter().map(|term| term.in_runs(&library, runs)).collect()
     }
 
     /// The same effects beside the process that has the greatest evidence.
@@ -234,10 +238,15 @@ impl Lengths {
         Self { run_s, rest_s: rests.fold(1.0, f64::max) }
     }
 
-    /// Longest time constant of a process. What a move leaves behind is over with the rest, nearly: what is not is an offset of the rest, and effects are.
+    /// Longest time constant of a process. A transient decays within its rest: a longer one would be an offset of the rest, which effects cause as well.
     fn longest_s(&self, kernel: Kernel) -> f64 {
         if kernel == Kernel::Transient { self.rest_s } else { 4.0 * self.run_s }
     }
+}
+
+/// The root mean square is at most this.
+pub fn is_within(values: &[f64], most: f64) -> bool {
+    values.iter().map(|value| value * value).sum::<f64>() <= most * most * values.len() as f64
 }
 
 /// A process with each of its constants a step greater or less, in its logarithm.

@@ -9,10 +9,10 @@ use std::sync::{Arc, OnceLock};
 
 use nalgebra::{Cholesky, DMatrix, DVector, DVectorView, Dyn, Matrix2, Matrix3, RealField, Vector2, Vector3};
 use north_finder::effects::doubt::Process;
-use north_finder::effects::effect::Effect;
+use north_finder::effects::effect::{Effect, Port};
 
 use super::family::Known;
-use super::functions::Values;
+use super::functions::{Library, Values};
 use super::process::Whitener;
 use super::rows::{self, Run, UNKNOWNS};
 
@@ -255,6 +255,8 @@ pub struct Term {
     pub effect: Effect,
     /// Its columns as they are, for one unit of the weights' priors; of an effect that is known beforehand along the root of its prior.
     pub values: Arc<Values>,
+    /// The products of its functions by themselves, for one unit of the weights' priors: what they add at its port, in the port's unit.
+    pub functions: Arc<Values>,
     pub columns: Vec<Column>,
     /// Square of its size, in units of its weights' priors.
     pub size2: f64,
@@ -263,13 +265,26 @@ pub struct Term {
 }
 
 impl Term {
-    /// Of an effect whose columns are these, of this size.
-    pub fn new(effect: Effect, values: Values, size2: f64) -> Self {
-        Self { effect, values: Arc::new(values), columns: Vec::new(), size2, known: None }
+    /// Of an effect that adds to the rates and has these columns, of this size.
+    pub fn of_rates(effect: Effect, values: Values, size2: f64) -> Self {
+        let values = Arc::new(values);
+        Self { effect, functions: values.clone(), values, columns: Vec::new(), size2, known: None }
+    }
+
+    /// Of an effect in some runs, of this size.
+    pub fn new(library: &Library, runs: &[Run], effect: &Effect, size2: f64) -> Self {
+        let of_rates = Self::of_rates(effect.clone(), library.values(runs, effect), size2);
+        if effect.port == Port::Rate {
+            return of_rates;
+        }
+        let functions = library.values(runs, &Effect::new(Port::Rate, &effect.factors));
+        Self { functions: Arc::new(functions), ..of_rates }
     }
 
     /// Of an effect whose weights are known beforehand: they are mean + root · z with z ~ N(0, I).
-    pub fn known(effect: Effect, values: &Values, known: Known) -> Self {
+    pub fn known(library: &Library, runs: &[Run], effect: &Effect, known: Known) -> Self {
+        let own = Self::new(library, runs, effect, 1.0);
+        let values = &own.values;
         let rows = values.first().map_or(0, Vec::len);
         let combined = |weights: &[f64]| -> Vec<f64> {
             let mut sum = vec![0.0; rows];
@@ -279,15 +294,15 @@ impl Term {
             sum
         };
         let offset = combined(known.prior.mean.as_slice());
-        let along = known.prior.root.column_iter().map(|column| combined(column.as_slice())).collect();
-        Self { known: Some((known, Arc::new(offset))), ..Self::new(effect, along, 1.0) }
+        let along: Values = known.prior.root.column_iter().map(|column| combined(column.as_slice())).collect();
+        Self { known: Some((known, Arc::new(offset))), values: Arc::new(along), ..own }
     }
 
-    /// The same in other runs, where its effect has these columns.
-    pub fn with_values(&self, values: Values) -> Self {
+    /// The same in other runs.
+    pub fn in_runs(&self, library: &Library, runs: &[Run]) -> Self {
         match &self.known {
-            Some((known, _)) => Self::known(self.effect.clone(), &values, known.clone()),
-            None => Self::new(self.effect.clone(), values, self.size2),
+            Some((known, _)) => Self::known(library, runs, &self.effect, known.clone()),
+            None => Self::new(library, runs, &self.effect, self.size2),
         }
     }
 }
@@ -491,7 +506,7 @@ mod tests {
             let problem = Problem::new(&runs, Some(&process));
             let effect = Effect::new(north_finder::effects::effect::Port::Rate, &[]);
             let columns = problem.columns(&values);
-            let terms = [Term { columns, ..Term::new(effect, values, 0.7) }];
+            let terms = [Term { columns, ..Term::of_rates(effect, values, 0.7) }];
             let evidence = Fit::new(&problem, &Gram::new(&problem, &terms), &[0.7]).unwrap().evidence;
             (evidence, problem.predictive(&terms))
         };

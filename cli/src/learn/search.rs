@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use super::bank::{Bank, Left};
 use super::family::{Common, Family, Known, Way};
 use super::grammar::{Grammar, complexity, extended, fineness, reduced, replaced, reshaped};
-use super::model::Model;
+use super::model::{Model, is_within};
 use super::pairs::Pairs;
 use super::problem::Term;
 use super::references::{Blunder, likeliest};
@@ -208,8 +208,7 @@ impl<'a> Search<'a> {
     fn known(&self, common: &Common, effect: Effect, member: usize, way: Way) -> Term {
         let mut prior = common.prior(way);
         prior.cost += common.cost_of_constants(&effect);
-        let values = self.bank.library.values(self.runs, &effect);
-        Term::known(effect, &values, Known { member, way, prior: Arc::new(prior) })
+        Term::known(&self.bank.library, self.runs, &effect, Known { member, way, prior: Arc::new(prior) })
     }
 
     /// Compares a model with its rivals, which differ from it by one effect, and goes on from a rival that is likelier and predicts better. Gives the
@@ -390,31 +389,20 @@ impl<'a> Search<'a> {
         if (ErrorModel { effects, ..ErrorModel::default() }).validate().is_err() {
             return false;
         }
-        let (means, _) = model.weights();
-        let means = means.as_slice();
-        let mut first = 0;
-        model.terms.iter().all(|term| {
-            let own = means.get(first..first + term.columns.len()).unwrap_or_default();
-            first += own.len();
-            let most = match term.effect.port {
-                Port::Rate => return true,
-                Port::Scale => MOST_SCALE,
-                Port::Index => MOST_INDEX_DEG,
-                Port::Forward | Port::Left => MOST_LEVEL_G,
-            };
-            // At the port of the rate its functions are themselves.
-            let functions = self.bank.library.values(self.runs, &Effect::new(Port::Rate, &term.effect.factors));
-            let rows = functions.first().map_or(0, Vec::len);
-            let at = |row: usize| functions.iter().zip(own).map(|(function, mean)| mean * function[row]).sum::<f64>();
-            (0..rows).map(|row| at(row).powi(2)).sum::<f64>() <= most * most * rows as f64
-        })
+        let most = |port: Port| match port {
+            Port::Rate => f64::INFINITY,
+            Port::Scale => MOST_SCALE,
+            Port::Index => MOST_INDEX_DEG,
+            Port::Forward | Port::Left => MOST_LEVEL_G,
+        };
+        model.added(|port| port != Port::Rate).iter().all(|(port, added)| is_within(added, most(*port)))
     }
 
     /// An effect as a term beside a model, of the size that suits it best.
     fn term(&self, model: &Model<'_>, effect: &Effect) -> Term {
-        let values = self.bank.library.values(self.runs, effect);
-        let (_, size2) = model.fit.gain_of(&model.problem, &model.terms, &model.problem.columns(&values));
-        Term::new(effect.clone(), values, size2.max(1e-20))
+        let term = Term::new(&self.bank.library, self.runs, effect, 1.0);
+        let (_, size2) = model.fit.gain_of(&model.problem, &model.terms, &model.problem.columns(&term.values));
+        Term { size2: size2.max(1e-20), ..term }
     }
 
     /// The most promising effects beside a model, each of other signals than those above it, and their gains; and the most promising bare shape of each of

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use quantities::limits::{Invalid, within};
 
-use super::{Dynamics, DynamicsPart, STATES, State, passed};
+use super::{Dynamics, DynamicsPart, Square, State};
 use crate::effects::part::{Constant, Constants, Span, constants};
 
 /// What a first-order low-pass makes of the square of the signal (the heat of a current); it starts at the first value.
@@ -23,11 +23,7 @@ impl Heat {
 
 impl DynamicsPart for Heat {
     fn step(&self, state: &mut State, value: f64, step_s: f64) -> f64 {
-        let square = value * value;
-        let [last, ..] = state.unwrap_or([square; STATES]);
-        let now = passed(last, square, step_s, self.tau_s.into());
-        *state = Some([now; STATES]);
-        now
+        Square { tau_s: self.tau_s, centre: 0.0 }.step(state, value, step_s)
     }
 
     fn name(&self) -> &'static str {

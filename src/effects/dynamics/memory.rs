@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use quantities::limits::{Invalid, within};
 
-use super::{Dynamics, DynamicsPart, STATES, State, passed};
+use super::{Dynamics, DynamicsPart, LowPass, State};
 use crate::effects::part::{Constant, Constants, Span, constants};
 
 /// The signal less what a first-order low-pass makes of it, which starts at the first value.
@@ -23,10 +23,7 @@ impl Memory {
 
 impl DynamicsPart for Memory {
     fn step(&self, state: &mut State, value: f64, step_s: f64) -> f64 {
-        let [last, ..] = state.unwrap_or([value; STATES]);
-        let now = passed(last, value, step_s, self.tau_s.into());
-        *state = Some([now; STATES]);
-        value - now
+        value - LowPass { tau_s: self.tau_s }.step(state, value, step_s)
     }
 
     fn name(&self) -> &'static str {

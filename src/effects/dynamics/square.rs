@@ -3,7 +3,7 @@
 use quantities::limits::{Invalid, finite, within};
 use serde::{Deserialize, Serialize};
 
-use super::{Dynamics, DynamicsPart, STATES, State, passed};
+use super::{Dynamics, DynamicsPart, LowPass, State};
 use crate::effects::part::{Constant, Constants, Span, constants};
 
 /// What a first-order low-pass makes of the square of what the signal deviates from a centre by (the heat of a current whose sensor has an offset, of a
@@ -28,11 +28,7 @@ impl Square {
 impl DynamicsPart for Square {
     fn step(&self, state: &mut State, value: f64, step_s: f64) -> f64 {
         let deviation = value - f64::from(self.centre);
-        let square = deviation * deviation;
-        let [last, ..] = state.unwrap_or([square; STATES]);
-        let now = passed(last, square, step_s, self.tau_s.into());
-        *state = Some([now; STATES]);
-        now
+        LowPass { tau_s: self.tau_s }.step(state, deviation * deviation, step_s)
     }
 
     fn name(&self) -> &'static str {
