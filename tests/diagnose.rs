@@ -427,35 +427,65 @@ fn a_latitude_of_the_wrong_sign_is_told() {
     assert!(names(&run(&leaning(&folder, 50.0))).is_empty());
 }
 
+/// A base that rocks by 3″ about both axes, with 17 s and 23 s: up to 1.1 °/h on the gyro.
+const ROCKS_ARCSEC: f64 = 3.0;
+const PERIODS_S: [f64; 2] = [17.0, 23.0];
+
+fn rocking_angle(second: &Second, period_s: f64) -> f64 {
+    std::f64::consts::TAU * second.t_s / period_s + second.run as f64
+}
+
+fn rocking_level_g(second: &Second) -> [f64; 2] {
+    PERIODS_S.map(|period_s| ROCKS_ARCSEC / 206_264.8 * rocking_angle(second, period_s).sin())
+}
+
+/// cos θ · dr/dt − sin θ · dp/dt, a left side up being a roll, and 1 °/h one arcsec a second: the means over the second that ends at t.
+fn rocking_deg_h(second: &Second) -> f64 {
+    let rate = |period_s: f64| {
+        let tau = std::f64::consts::TAU / period_s;
+        ROCKS_ARCSEC * (rocking_angle(second, period_s).sin() - (rocking_angle(second, period_s) - tau).sin())
+    };
+    let (sin, cos) = sin_cos_deg(second.index_deg);
+    cos * rate(PERIODS_S[1]) - sin * rate(PERIODS_S[0])
+}
+
 #[test]
 fn three_training_runs_show_that_the_base_moves() {
     let folder = Folder::new("three-moving");
-    // The base rocks by 3″ about both axes, with 17 s and 23 s: up to 1.1 °/h on the gyro; four dwells of 75 s.
-    const ROCKS_RAD: f64 = 3.0 / 206_264.8;
-    let angle = |second: &Second, period_s: f64| std::f64::consts::TAU * second.t_s / period_s + second.run as f64;
-    let level = |second: &Second| [ROCKS_RAD * angle(second, 17.0).sin(), ROCKS_RAD * angle(second, 23.0).sin()];
-    let felt = |second: &Second| {
-        // cos θ · dr/dt − sin θ · dp/dt, a left side up being a roll, and 1 °/h one arcsec a second.
-        let rate = |period_s: f64| {
-            let tau = std::f64::consts::TAU / period_s;
-            // The mean over the second that ends at t.
-            3.0 * ((angle(second, period_s)).sin() - (angle(second, period_s) - tau).sin())
-        };
-        let (sin, cos) = sin_cos_deg(second.index_deg);
-        cos * rate(23.0) - sin * rate(17.0)
-    };
     let plan = Plan {
         runs: 4,
         check: 4,
         seed: 27,
         order_deg: &MIRRORED[..4],
         rest_s: 75,
-        level_g: Some(&level),
-        effect_deg_h: &felt,
+        level_g: Some(&rocking_level_g),
+        effect_deg_h: &rocking_deg_h,
         ..Plan::default()
     };
     let diagnosis = run(&plan.make(&folder));
     assert_eq!(names(&diagnosis)[0], "base-motion", "{} {:?}", diagnosis.verdict, diagnosis.rejected);
+}
+
+#[test]
+fn an_effect_of_moves_is_learned_beside_the_motion_of_the_base() {
+    let folder = Folder::new("moving-and-moves");
+    // 0.3 °/h for the square of how many moves it is from the third: 2.7, 1.2, 0.3, 0, 0.3, 1.2, 2.7 and 4.8 °/h.
+    let of_moves = |second: &Second| 0.3 * (((second.t_s - 1.0) / 64.0).floor() - 3.0).powi(2);
+    let both = |second: &Second| rocking_deg_h(second) + of_moves(second);
+    let turns = [MIRRORED[..4].to_vec(), MIRRORED[..4].to_vec()].concat();
+    let plan = Plan {
+        seed: 31,
+        order_deg: &turns,
+        rest_s: 60,
+        level_g: Some(&rocking_level_g),
+        effect_deg_h: &both,
+        ..Plan::default()
+    };
+    let diagnosis = run(&plan.make(&folder));
+    let names = names(&diagnosis);
+    assert!(names[0] == "base-motion" && names.len() > 1, "{}", diagnosis.verdict);
+    let [before, after] = [diagnosis.azimuth_rms_before_deg, diagnosis.azimuth_rms_after_deg].map(Option::unwrap);
+    assert!(after < 0.1 * before, "{}", diagnosis.verdict);
 }
 
 #[test]

@@ -206,7 +206,8 @@ mod tests {
         values.iter().map(|&value| factor.pass(Some(value), step_s, &mut memory).unwrap_or(f64::NAN)).collect()
     }
 
-    /// By hand, steps of 2 s. Rate: not known at first, then 3 per 2 s, which a low-pass of 2/ln 2 s halves towards 0. A play of 1 follows from 0 to 2 and
+    /// By hand, steps of 2 s. Rate: not known at first, then 3 per 2 s, which a low-pass of 2/ln 2 s halves towards 0; one of 200 s looks back to the first
+    /// value: the means are 3 per 2 s, per 4 s and per 6 s. A play of 1 follows from 0 to 2 and
     /// stays until the value is 1 below it.
     #[test]
     fn dynamics_by_hand() {
@@ -215,6 +216,10 @@ mod tests {
         assert!(rates[0].is_nan(), "one value has no rate of change");
         for (found, expected) in rates[1..].iter().zip([1.5, 0.75, 0.375]) {
             assert!((found - expected).abs() < 1e-6, "{rates:?}");
+        }
+        let means = outputs(&[Rate { tau_s: 200.0 }.into()], &[1.0, 4.0, 4.0, 4.0], 2.0);
+        for (found, expected) in means[1..].iter().zip([1.5, 0.75, 0.5]) {
+            assert!((found - expected).abs() < 1e-6, "{means:?}");
         }
         // A low-pass behind it starts at the first rate of change: 1.5, then half of the way to 0.75.
         let smooth = outputs(&[Rate { tau_s }.into(), LowPass { tau_s }.into()], &[1.0, 4.0, 4.0], 2.0);

@@ -239,8 +239,7 @@ pub fn searched(runs: &[&RunData], base: &ErrorModel) -> Option<(Option<Motion>,
     let Some(motion) = Motion::find(runs, &of_search, base) else { return Some((None, base.clone(), of_search)) };
     let base = motion.model(base);
     // The rates of a moving base's seconds are mostly its motion: what else there is shows in the dwells.
-    let dwells: Vec<RunData> = runs.par_iter().filter_map(|run| moving::dwells_of(run, &base)).collect();
-    let of_search = dwells.par_iter().filter_map(|run| Run::new(run, dwells.len())).collect();
+    let of_search = runs.par_iter().filter_map(|run| moving::by_dwell(run, &base)).collect();
     Some((Some(motion), base, of_search))
 }
 

@@ -1,6 +1,9 @@
 //! A base that moves: how the accelerometers show it, how it is taken out best, and the dwells that are free of it.
 
+use std::ops::Range;
+
 use north_finder::effects::{BaseMotion, ErrorModel};
+use north_finder::event::{Dwell, Fix};
 use north_finder::fix::DesignRow;
 use north_finder::sensing::level::Specific;
 use north_finder::units::ARCSEC_PER_RAD;
@@ -142,36 +145,68 @@ fn turning_deg_h(run: &RunData, window_s: f64) -> Vec<f64> {
     (0..samples.len()).map(|i| if samples[i].moving { 0.0 } else { slope(i).unwrap_or(0.0) }).collect()
 }
 
-/// The dwells of a run, the base's motion taken out, as samples of their own: what further effects are learned from.
+/// The dwells of a run, the base's motion taken out of their rates.
+struct Dwells {
+    fix: Fix,
+    /// The samples of each, and its rate, °/h.
+    each: Vec<(Range<usize>, f64)>,
+    /// Noise of a second, °/h, root mean square over the dwells.
+    noise_deg_h: f64,
+}
+
+impl Dwells {
+    fn new(run: &RunData, model: &ErrorModel) -> Option<Self> {
+        let (fix, dwells) = run.solve(model)?;
+        let until = |t_s: f64| run.samples.partition_point(|sample| sample.t_s < t_s);
+        let of_dwell =
+            |(end_s, dwell): &(f64, Dwell)| (until(end_s - dwell.seconds - 1e-6)..until(*end_s), dwell.rate_deg_h);
+        let variance = |(_, dwell): &(f64, Dwell)| dwell.sigma_deg_h.powi(2) * dwell.seconds;
+        let noise_deg_h = (dwells.iter().map(variance).sum::<f64>() / dwells.len() as f64).sqrt();
+        let each: Vec<(Range<usize>, f64)> = dwells.iter().map(of_dwell).collect();
+        each.iter().all(|(samples, _)| !samples.is_empty()).then_some(Self { fix, each, noise_deg_h })
+    }
+
+    /// The run, with the azimuth and the noise that it has by them.
+    fn of(&self, run: &RunData) -> RunData {
+        let mut run = run.clone();
+        run.noise_deg_h = Some(self.noise_deg_h);
+        run.before = Some(self.fix);
+        run
+    }
+}
+
+/// A run as the search sees it where the base moves: a row for every dwell, in which effects are followed by the second.
+pub fn by_dwell(run: &RunData, model: &ErrorModel) -> Option<Run> {
+    let dwells = Dwells::new(run, model)?;
+    Run::of_dwells(&dwells.of(run), &dwells.each)
+}
+
+/// The dwells of a run, the base's motion taken out, as samples of their own: what is left of them is judged.
 pub fn dwells_of(run: &RunData, model: &ErrorModel) -> Option<RunData> {
-    let (fix, dwells) = run.solve(model)?;
-    let mut by_dwell = run.clone();
+    let dwells = Dwells::new(run, model)?;
+    let mut by_dwell = dwells.of(run);
     by_dwell.samples.clear();
     by_dwell.channels.iter_mut().for_each(Vec::clear);
-    let mut variance = 0.0;
-    for (number, (end_s, dwell)) in dwells.iter().enumerate() {
-        let until = |t_s: f64| run.samples.partition_point(|sample| sample.t_s < t_s);
-        let inside = until(end_s - dwell.seconds - 1e-6)..until(*end_s);
-        let number_of_samples = inside.len() as f64;
-        let mean = |value: &dyn Fn(usize) -> f64| inside.clone().map(value).sum::<f64>() / number_of_samples;
-        let first = run.samples[inside.clone()].first()?;
+    for (number, (inside, rate_deg_h)) in dwells.each.into_iter().enumerate() {
+        let samples = &run.samples[inside.clone()];
+        let mean = |value: &dyn Fn(&Sample) -> f64| samples.iter().map(value).sum::<f64>() / samples.len() as f64;
+        let first = samples.first()?;
         let level = first.level.map(|_| Specific {
-            forward: mean(&|i| run.samples[i].level.map_or(0.0, |level| level.forward)),
-            left: mean(&|i| run.samples[i].level.map_or(0.0, |level| level.left)),
+            forward: mean(&|sample| sample.level.map_or(0.0, |level| level.forward)),
+            left: mean(&|sample| sample.level.map_or(0.0, |level| level.left)),
         });
-        variance += dwell.sigma_deg_h.powi(2) * dwell.seconds / dwells.len() as f64;
         by_dwell.samples.push(Sample {
-            t_s: mean(&|i| run.samples[i].t_s),
-            seconds: dwell.seconds,
-            rate_deg_h: dwell.rate_deg_h,
+            t_s: mean(&|sample| sample.t_s),
+            seconds: samples.iter().map(|sample| sample.seconds).sum(),
+            rate_deg_h,
             design: DesignRow {
-                cos: mean(&|i| run.samples[i].design.cos),
-                sin: mean(&|i| run.samples[i].design.sin),
-                vertical_deg_h: mean(&|i| run.samples[i].design.vertical_deg_h),
+                cos: mean(&|sample| sample.design.cos),
+                sin: mean(&|sample| sample.design.sin),
+                vertical_deg_h: mean(&|sample| sample.design.vertical_deg_h),
             },
-            cos: mean(&|i| run.samples[i].cos),
-            sin: mean(&|i| run.samples[i].sin),
-            temp_c: first.temp_c.map(|_| mean(&|i| run.samples[i].temp_c.unwrap_or(0.0))),
+            cos: mean(&|sample| sample.cos),
+            sin: mean(&|sample| sample.sin),
+            temp_c: first.temp_c.map(|_| mean(&|sample| sample.temp_c.unwrap_or(0.0))),
             level,
             moving: false,
             left_out: false,
@@ -179,11 +214,9 @@ pub fn dwells_of(run: &RunData, model: &ErrorModel) -> Option<RunData> {
             line: first.line,
         });
         for (channel, values) in by_dwell.channels.iter_mut().zip(&run.channels) {
-            channel.push(mean(&|i| values[i]));
+            channel.push(values[inside.clone()].iter().sum::<f64>() / inside.len() as f64);
         }
     }
-    by_dwell.noise_deg_h = Some(variance.sqrt());
-    by_dwell.before = Some(fix);
     Some(by_dwell)
 }
 

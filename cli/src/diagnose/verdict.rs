@@ -47,6 +47,9 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
     let failed: Vec<&str> =
         diagnosis.noise.after.iter().filter(|test| test.failed()).map(|test| test.name.as_str()).collect();
     let found = match names.as_slice() {
+        [] if diagnosis.unexplained && diagnosis.withdrawn.is_some() => {
+            "The residual is not noise, and no effect is taken out of it".to_owned()
+        }
         [] if diagnosis.unexplained => "The residual is not noise, and no candidate explains it".to_owned(),
         [] if diagnosis.runs.iter().all(|run| run.role != Role::Fit) => {
             "Nothing may be learned from these runs".to_owned()

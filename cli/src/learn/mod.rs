@@ -1,6 +1,6 @@
 //! Effects found by one grammar: products of factors at a port, proposed by the thousand and chosen by their evidence.
 //!
-//! [`read`] → `bank` and `pairs` propose → `search` chooses, by the evidence of a `model` → `posterior` says what was learned. Wrong
+//! [`read`] → `bank`, `pairs` and `triples` propose → `search` chooses, by the evidence of a `model` → `posterior` says what was learned. Wrong
 //! references compete with effects (`references`); `tells` says what further runs would tell.
 
 mod bank;
@@ -20,6 +20,7 @@ mod rounding;
 mod rows;
 mod search;
 mod tells;
+mod triples;
 mod unknowns;
 mod written;
 
@@ -97,7 +98,8 @@ pub struct Worth {
 }
 
 /// What a column adds to what is known of these runs: its unit adds so much to the rates, °/h, by the row and all runs one after the other. Beside the
-/// process of the runs' own that suits them best with it and without it.
+/// process of the runs' own that suits them best with it and without it, or offsets of every rest that do: what an effect adds to a dwell, a column that
+/// differs from dwell to dwell may imitate.
 pub fn gain_of(runs: &[Run], column: Vec<f64>) -> Option<Worth> {
     let bare = Model::new(runs, None, &[])?;
     let values = vec![column];
@@ -105,9 +107,9 @@ pub fn gain_of(runs: &[Run], column: Vec<f64>) -> Option<Worth> {
     let (_, size2) = bare.fit.gain_of(&bare.problem, &[], &columns);
     let effect = Effect::new(Port::Rate, &[]);
     let term = Term { columns, ..Term::of_rates(effect, values, size2.max(1e-20)) };
-    let with = Model::new(runs, None, &[term])?.with_likeliest_process();
+    let with = Model::new(runs, None, &[term])?.with_likeliest_process_or_offsets();
     Some(Worth {
-        log_odds: with.evidence() - bare.with_likeliest_process().evidence(),
+        log_odds: with.evidence() - bare.with_likeliest_process_or_offsets().evidence(),
         weight: with.fit.scaled_means().first().copied().unwrap_or_default(),
         sigma: with.fit.scaled_covariance().get((0, 0)).map_or(0.0, |variance| variance.sqrt()),
     })
@@ -161,5 +163,29 @@ fn with_fewer<'a>(search: &Search<'a>, mut model: Model<'a>, may_be_used: &MayBe
             return usable;
         }
         model = fewer.into_iter().next()?.1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Eight runs of eight rests of a minute, whose rates (°/h) differ by what no motion makes: an effect of the moves. A column that correlates with it by
+    /// r = 0.52 over the 64 rests gains at most 32 · ln 1/(1 − r²) = 10 nats beside offsets of the rests, and hundreds beside a process that decays within the rest.
+    #[test]
+    fn offsets_of_rests_are_no_motion() {
+        let noise = |i: usize| ((i * i * 7 + i * 13) % 17) as f64 / 8.0 - 1.0;
+        let size = |rest: usize| 20.0 * (2.4 * rest as f64).cos();
+        let with_offsets = |run: usize| -> Run {
+            let at = |i: usize| noise(i + 31 * run) + size(8 * run + i / 60) + [10.0, 0.0, -10.0, 0.0][i % 4];
+            let rates: Vec<f64> = (0..480).map(at).collect();
+            let mut run = Run::of_rates(&rates);
+            run.rests_s = (0..480).map(|i| (i / 60 * 60) as f64 - 0.5).collect();
+            run
+        };
+        let runs: Vec<Run> = (0..8).map(with_offsets).collect();
+        let imitates = |rest: usize| 0.7 * size(rest) / 20.0 + (1.1 * (rest * rest) as f64).sin();
+        let worth = gain_of(&runs, (0..3840).map(|i| imitates(i / 60)).collect()).unwrap();
+        assert!(worth.log_odds < 10.0, "{worth:?}");
     }
 }

@@ -19,6 +19,9 @@ const LINEAR_INDEX_DEG: f64 = 0.5;
 /// Times that what is beyond linear is taken out: of an error of 5° (0.087) 0.4 % of the rate are, and what is left falls by a factor of ten each time.
 const TURNS_OF_INDEX: usize = 2;
 
+/// Offsets of the rests that are tried: the noise of a row by these powers of two, from less than a dwell's mean shows to a hundred times the noise.
+const OFFSETS: std::ops::RangeInclusive<i32> = -3..=8;
+
 /// Shortest period of ringing that rates of a second show: some ten of them.
 const SHORTEST_PERIOD_S: f64 = 10.0;
 
@@ -222,6 +225,21 @@ impl<'a> Model<'a> {
             best = with;
         }
         best
+    }
+
+    /// The same, or beside an offset of every rest that stays until the next move where that has the greater evidence. (Where effects are searched for, an
+    /// offset would take for its own what effects cause.)
+    pub fn with_likeliest_process_or_offsets(self) -> Self {
+        let runs = self.problem.runs;
+        let noise = typical_noise(runs);
+        let offset = |power: i32| {
+            let sigma_deg_h = noise * 2f64.powi(power);
+            let process = Process { kernel: Kernel::Transient, sigma_deg_h, time_s: f64::INFINITY };
+            Model::new(runs, Some(process), &self.terms)
+        };
+        let offsets: Vec<Model<'a>> = OFFSETS.into_par_iter().filter_map(offset).collect();
+        let likelier = |best: Self, other: Self| if other.evidence() > best.evidence() { other } else { best };
+        offsets.into_iter().fold(self.with_likeliest_process(), likelier)
     }
 }
 

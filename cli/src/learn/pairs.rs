@@ -29,10 +29,10 @@ const OF_THE_SAME_SIGNALS: usize = 2;
 const ROUNDING: f32 = 1e-5;
 
 /// A factor of products in the forms that are tried, the number of its signal, and the numbers of its functions.
-struct Gate {
-    forms: Vec<Factor>,
-    signal: usize,
-    functions: Range<usize>,
+pub struct Gate {
+    pub forms: Vec<Factor>,
+    pub signal: usize,
+    pub functions: Range<usize>,
 }
 
 /// What products are worth at one port.
@@ -54,20 +54,7 @@ pub struct Pairs {
 
 impl Pairs {
     pub fn new(runs: &[Run], grammar: &Grammar, bank: &Bank) -> Self {
-        let precision = DVector::from_column_slice(&bank.coarse.precision);
-        let mut columns: Vec<DVector<f32>> = Vec::new();
-        let mut gates = Vec::new();
-        for (forms, most) in forms(runs, grammar) {
-            let Some(last) = forms.last() else { continue };
-            let signal = grammar.signals.iter().position(|(signal, _)| *signal == last.signal).unwrap_or_default();
-            let functions = bank.coarse_functions(runs, last);
-            let first = columns.len();
-            columns.extend(independent(&functions, &precision, most));
-            gates.push(Gate { forms, signal, functions: first..columns.len() });
-        }
-        gates.retain(|gate| !gate.functions.is_empty());
-        let functions =
-            if columns.is_empty() { DMatrix::zeros(precision.len(), 0) } else { DMatrix::from_columns(&columns) };
+        let (gates, functions) = gates(runs, grammar, bank, forms(runs, grammar));
         let port = |port: &Port| {
             let gains = DVector::from_column_slice(bank.coarse_gains(*port));
             let information = information(&functions, &gains, &bank.coarse);
@@ -142,15 +129,38 @@ impl Pairs {
     }
 }
 
+/// Gates of factors in these forms, each with so many functions of the last of them at most, and the functions of all gates by coarse row.
+pub fn gates(
+    runs: &[Run],
+    grammar: &Grammar,
+    bank: &Bank,
+    forms: Vec<(Vec<Factor>, usize)>,
+) -> (Vec<Gate>, DMatrix<f32>) {
+    let precision = DVector::from_column_slice(&bank.coarse.precision);
+    let mut columns: Vec<DVector<f32>> = Vec::new();
+    let mut gates = Vec::new();
+    for (forms, most) in forms {
+        let Some(last) = forms.last() else { continue };
+        let signal = grammar.signals.iter().position(|(signal, _)| *signal == last.signal).unwrap_or_default();
+        let functions = bank.coarse_functions(runs, last);
+        let first = columns.len();
+        columns.extend(independent(&functions, &precision, most));
+        gates.push(Gate { forms, signal, functions: first..columns.len() });
+    }
+    gates.retain(|gate| !gate.functions.is_empty());
+    let functions =
+        if columns.is_empty() { DMatrix::zeros(precision.len(), 0) } else { DMatrix::from_columns(&columns) };
+    (gates, functions)
+}
+
 /// Square of a score by its information.
-fn ratio(score: f32, information: f32) -> f64 {
+pub fn ratio(score: f32, information: f32) -> f64 {
     if information > 0.0 { f64::from(score * score / information) } else { 0.0 }
 }
 
-/// The forms of every factor, and how many of the last form's functions are looked at.
-fn forms(runs: &[Run], grammar: &Grammar) -> Vec<(Vec<Factor>, usize)> {
+/// The forms of every bare signal, and how many of the last form's functions are looked at.
+pub fn bare_forms(runs: &[Run], grammar: &Grammar) -> Vec<(Vec<Factor>, usize)> {
     let mut bare: Vec<(Vec<Factor>, usize)> = Vec::new();
-    let mut behind: Vec<(Vec<Factor>, usize)> = Vec::new();
     for (signal, span) in &grammar.signals {
         let mut decays = Vec::new();
         Shape::starts(span, &mut |shape| {
@@ -166,7 +176,16 @@ fn forms(runs: &[Run], grammar: &Grammar) -> Vec<(Vec<Factor>, usize)> {
             let curves = grammar.curves(runs, *signal, &[], true);
             bare.push((curves.into_iter().map(Factor::with_constant).collect(), FUNCTIONS_OF_A_SIGNAL));
         }
-        if span.is_angle || span.is_time || signal.needs_azimuth() {
+    }
+    bare
+}
+
+/// The forms of every factor, and how many of the last form's functions are looked at.
+fn forms(runs: &[Run], grammar: &Grammar) -> Vec<(Vec<Factor>, usize)> {
+    let mut all = bare_forms(runs, grammar);
+    let mut behind: Vec<(Vec<Factor>, usize)> = Vec::new();
+    for (signal, span) in &grammar.signals {
+        if span.is_angle || span.is_time {
             continue;
         }
         let mut kinds: Vec<(String, Vec<Dynamics>)> = Vec::new();
@@ -185,10 +204,10 @@ fn forms(runs: &[Run], grammar: &Grammar) -> Vec<(Vec<Factor>, usize)> {
             }
         }
     }
-    let room = MOST_FUNCTIONS.saturating_sub(bare.len() * FUNCTIONS_OF_A_SIGNAL) / FUNCTIONS_BEHIND_DYNAMICS;
+    let room = MOST_FUNCTIONS.saturating_sub(all.len() * FUNCTIONS_OF_A_SIGNAL) / FUNCTIONS_BEHIND_DYNAMICS;
     let every = behind.len().div_ceil(room.max(1)).max(1);
-    bare.extend(behind.into_iter().step_by(every));
-    bare
+    all.extend(behind.into_iter().step_by(every));
+    all
 }
 
 /// The first of some functions, independent of each other and of a constant, of unit size (Gram and Schmidt).
@@ -214,7 +233,7 @@ fn independent(functions: &[Vec<f32>], precision: &DVector<f32>, most: usize) ->
 }
 
 /// The information that the products of two functions have of their weights, in white noise beside the unknowns of every run.
-fn information(functions: &DMatrix<f32>, gains: &DVector<f32>, rows: &Rows) -> DMatrix<f32> {
+pub fn information(functions: &DMatrix<f32>, gains: &DVector<f32>, rows: &Rows) -> DMatrix<f32> {
     let squares = functions.map(|value| value * value);
     let roots = DVector::from_iterator(rows.precision.len(), rows.precision.iter().map(|precision| precision.sqrt()));
     let heavy = gains.component_mul(&roots);
@@ -235,7 +254,7 @@ fn information(functions: &DMatrix<f32>, gains: &DVector<f32>, rows: &Rows) -> D
 }
 
 /// Rows multiplied with weights.
-fn weighed(functions: &DMatrix<f32>, weights: &DVector<f32>) -> DMatrix<f32> {
+pub fn weighed(functions: &DMatrix<f32>, weights: &DVector<f32>) -> DMatrix<f32> {
     let mut weighed = functions.clone();
     weighed.column_iter_mut().for_each(|mut column| column.component_mul_assign(weights));
     weighed

@@ -81,6 +81,26 @@ impl Run {
     /// One of so many runs. `None` where nothing is at rest, or where there is neither a reference nor an azimuth and the index turned. At one
     /// position the Earth's rate is a bias.
     pub fn new(data: &RunData, runs: usize) -> Option<Self> {
+        let still = data.at_one_position();
+        let most = (ALL_ROWS / runs.max(1)).clamp(LEAST_ROWS, if still { MOST_STILL_ROWS } else { MOST_ROWS });
+        let mut run = Self::in_rows(data, bins(data, most, still || data.rotation))?;
+        let rates: Vec<f64> = run.samples.iter().map(|sample| sample.rate_deg_h).collect();
+        let of_rounding = rounding::by_bin(&run.bins, &run.dwell_of_rows(), &rates);
+        run.variance.iter_mut().zip(of_rounding).for_each(|(variance, more)| *variance += more);
+        Some(run)
+    }
+
+    /// One row for every dwell, of which this is the rate (°/h): that of its seconds less the motion of the base.
+    pub fn of_dwells(data: &RunData, dwells: &[(Range<usize>, f64)]) -> Option<Self> {
+        let (bins, rates): (Vec<Range<usize>>, Vec<f64>) = dwells.iter().cloned().unzip();
+        let mut run = Self::in_rows(data, bins)?;
+        let vertical = run.means(&|sample| sample.design.vertical_deg_h);
+        run.rate_deg_h = rates.iter().zip(vertical).map(|(rate, vertical)| rate - vertical).collect();
+        Some(run)
+    }
+
+    /// With these ranges of seconds as its rows.
+    fn in_rows(data: &RunData, bins: Vec<Range<usize>>) -> Option<Self> {
         let sigma_deg = if data.reference_sigma_deg > 0.0 { data.reference_sigma_deg } else { SURVEY_SIGMA_DEG };
         let reference = data.reference_deg.map(|deg| (deg, sigma_deg.hypot(INDEX_SIGMA_DEG)));
         let still = data.at_one_position();
@@ -103,11 +123,7 @@ impl Run {
             names: data.names.clone(),
             channels: data.channels.clone(),
             signals: Arc::default(),
-            bins: bins(
-                data,
-                (ALL_ROWS / runs.max(1)).clamp(LEAST_ROWS, if still { MOST_STILL_ROWS } else { MOST_ROWS }),
-                still || data.rotation,
-            ),
+            bins,
             t_s: Vec::new(),
             rests_s: Vec::new(),
             rate_deg_h: Vec::new(),
@@ -120,24 +136,23 @@ impl Run {
         (run.bins.len() > UNKNOWNS).then_some(run)
     }
 
+    /// Means of what a sample says over the rows.
+    fn means(&self, value: &dyn Fn(&Sample) -> f64) -> Vec<f64> {
+        let of_bin = |bin: &Range<usize>| self.samples[bin.clone()].iter().map(value).sum::<f64>() / bin.len() as f64;
+        self.bins.iter().map(of_bin).collect()
+    }
+
     /// Means over the rows; their noise is as declared for a second (°/h), or as they scatter.
     fn gather(&mut self, declared_deg_h: Option<f64>) {
-        let mean = |value: &dyn Fn(&Sample) -> f64| -> Vec<f64> {
-            let of_bin =
-                |bin: &Range<usize>| self.samples[bin.clone()].iter().map(value).sum::<f64>() / bin.len() as f64;
-            self.bins.iter().map(of_bin).collect()
-        };
-        self.t_s = mean(&|sample| sample.t_s);
+        self.t_s = self.means(&|sample| sample.t_s);
         self.rests_s = self.came_to_rest_s();
-        self.rate_deg_h = mean(&|sample| sample.rate_deg_h - sample.design.vertical_deg_h);
-        self.cos = mean(&|sample| sample.design.cos);
-        self.sin = mean(&|sample| sample.design.sin);
+        self.rate_deg_h = self.means(&|sample| sample.rate_deg_h - sample.design.vertical_deg_h);
+        self.cos = self.means(&|sample| sample.design.cos);
+        self.sin = self.means(&|sample| sample.design.sin);
         let seconds: Vec<f64> =
             self.bins.iter().map(|bin| self.samples[bin.clone()].iter().map(|each| each.seconds).sum()).collect();
         let noise = declared_deg_h.unwrap_or_else(|| noise_deg_h(&self.rate_deg_h, &self.t_s, &seconds));
-        let rates: Vec<f64> = self.samples.iter().map(|sample| sample.rate_deg_h).collect();
-        let of_rounding = rounding::by_bin(&self.bins, &self.dwell_of_rows(), &rates);
-        self.variance = seconds.iter().zip(of_rounding).map(|(seconds, more)| noise * noise / seconds + more).collect();
+        self.variance = seconds.iter().map(|seconds| noise * noise / seconds).collect();
     }
 
     /// What happens second by second. What the gyro measured is what it should have measured at this azimuth: its noise is no signal.

@@ -19,6 +19,7 @@ use super::pairs::Pairs;
 use super::problem::Term;
 use super::references::{Blunder, likeliest};
 use super::rows::Run;
+use super::triples::Triples;
 
 /// A campaign without any effect must name one in at most this share of campaigns: by Markov's inequality the evidence for an effect, times the
 /// probability of its form, exceeds the evidence for none by more than one over this share in at most this share of them.
@@ -33,8 +34,9 @@ const MOST_INDEX_DEG: f64 = 5.0;
 const MOST_LEVEL_G: f64 = 0.087;
 /// Most that the scale factor may change by, root mean square.
 const MOST_SCALE: f64 = 0.2;
-/// Proposals whose exact evidence is computed, and those that are tuned.
+/// Proposals whose exact evidence is computed, of one factor or two and of three, and those that are tuned.
 const SHORTLIST: usize = 40;
+const OF_THREE: usize = 10;
 const CONTENDERS: usize = 6;
 const FINALISTS: usize = 3;
 /// What tuning may add to the gain of a proposal whose constants lie at most half a step of the bank's from the best, nats; below it a proposal is dropped.
@@ -86,6 +88,7 @@ pub struct Search<'a> {
     family: &'a Family,
     bank: Bank,
     pairs: Pairs,
+    triples: Triples,
 }
 
 impl<'a> Search<'a> {
@@ -93,7 +96,8 @@ impl<'a> Search<'a> {
         let grammar = Grammar::new(runs);
         let bank = Bank::new(runs, &grammar, &grammar.factors(runs));
         let pairs = Pairs::new(runs, &grammar, &bank);
-        Self { runs, grammar, family, bank, pairs }
+        let triples = Triples::new(runs, &grammar, &bank);
+        Self { runs, grammar, family, bank, pairs, triples }
     }
 
     /// Searches for the model with the greatest score, from `start`: nothing, or what an earlier search found with another reference for one run. Where
@@ -432,6 +436,7 @@ impl<'a> Search<'a> {
         let left = self.bank.left(self.runs, &weighed, model.process.as_ref());
         let mut shortlist = self.bank.shortlist(self.runs, &weighed, &left, SHORTLIST);
         shortlist.extend(self.pairs.shortlist(&left, &self.grammar, SHORTLIST));
+        shortlist.extend(self.triples.shortlist(&left, &self.grammar, &self.bank, self.runs, OF_THREE));
         (left, shortlist)
     }
 

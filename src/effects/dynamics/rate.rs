@@ -3,11 +3,11 @@
 use serde::{Deserialize, Serialize};
 use quantities::limits::{Invalid, within};
 
-use super::{Dynamics, DynamicsPart, STATES, State, passed};
+use super::{Dynamics, DynamicsPart, STATES, State, share};
 use crate::effects::part::{Constant, Constants, Span, constants};
 
 /// What a first-order low-pass makes of the signal's rate of change, per second (Shupe, Applied Optics 19, 1980, p. 654: the rate of
-/// temperature). It starts at the first rate of change; before there is one it is not known.
+/// temperature). It starts with the mean rate since the first value, until the low-pass looks back less far than that; after one value it is not known.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rate {
@@ -15,10 +15,10 @@ pub struct Rate {
     pub tau_s: f32,
 }
 
-/// Places in the state: the last value, what came out, and whether there was a rate of change yet.
+/// Places in the state: the last value, what came out, and the time since the first value, seconds.
 const VALUE: usize = 0;
 const RATE: usize = 1;
-const STARTED: usize = 2;
+const ELAPSED: usize = 2;
 
 impl Rate {
     /// What the search begins with.
@@ -34,8 +34,9 @@ impl DynamicsPart for Rate {
             && step_s > 0.0
         {
             let rate = (value - last[VALUE]) / step_s;
-            next[RATE] = if last[STARTED] == 0.0 { rate } else { passed(last[RATE], rate, step_s, self.tau_s.into()) };
-            next[STARTED] = 1.0;
+            next[ELAPSED] += step_s;
+            let share = share(step_s, self.tau_s.into()).max(step_s / next[ELAPSED]);
+            next[RATE] += (rate - last[RATE]) * share;
         }
         next[VALUE] = value;
         *state = Some(next);
@@ -43,7 +44,7 @@ impl DynamicsPart for Rate {
     }
 
     fn is_known(&self, state: &State) -> bool {
-        state.is_some_and(|state| state[STARTED] != 0.0)
+        state.is_some_and(|state| state[ELAPSED] != 0.0)
     }
 
     fn name(&self) -> &'static str {
