@@ -21,9 +21,8 @@ const LEAST_MISSES: usize = 3;
 const AMPLITUDE_LIMIT: f64 = 0.03;
 
 /// Why a model that was found must not be used, if there is a reason: what it makes of the runs is impossible, or training runs that took no part in
-/// learning it lose their azimuths or miss their references by more with it, or those do that it was learned from: it says that their references are wrong,
-/// which few are. Where too few have a reference, rates are judged: `rates` gives
-/// training runs, and each with the model taken out of it that the others taught. `wrong`: files whose references are not believed.
+/// learning it lose their azimuths or miss their references by more with it, or those do that it was learned from. (It says then that most references are
+/// wrong.) Where too few have a reference, rates are judged: `rates` gives training runs, and each with the model taken out of it that the others taught. `wrong`: files whose references are not believed.
 pub fn veto<'a>(
     runs: &[RunData],
     found: &ErrorModel,
@@ -37,12 +36,13 @@ pub fn veto<'a>(
     if let Some(why) = impossible(&whole, found).or_else(without_azimuths) {
         return Some(why);
     }
-    let of_learned: Vec<Option<Fix>> = runs.par_iter().map(|run| run.replay(found, &mut |_| ()).ok()).collect();
     let others = misses(runs, wrong, left_out);
     let rates_or_nothing = || if others.len() < LEAST_MISSES { rates_not_better(&rates()) } else { None };
-    made_worse(&others, "took no part in learning it")
-        .or_else(|| made_worse(&misses(runs, wrong, &of_learned), "it was learned from"))
-        .or_else(rates_or_nothing)
+    let of_learned = || {
+        let fixes: Vec<Option<Fix>> = runs.par_iter().map(|run| run.replay(found, &mut |_| ()).ok()).collect();
+        made_worse(&misses(runs, wrong, &fixes), "it was learned from")
+    };
+    made_worse(&others, "took no part in learning it").or_else(of_learned).or_else(rates_or_nothing)
 }
 
 /// What training runs whose references are believed miss them by, degrees, without a model and with it.

@@ -54,10 +54,12 @@ impl Motion {
                 Some(run.by_row(&turning_deg_h(data, window_s)))
             };
             let column: Option<Vec<Vec<f64>>> = of_search.iter().map(of_run).collect();
-            let found = learn::gain_of(of_search, column?.concat())?;
-            Some((window_s, found))
+            Some(column?.concat())
         };
-        let best = WINDOWS_S.into_par_iter().filter_map(shown).max_by(|a, b| a.1.log_odds.total_cmp(&b.1.log_odds))?;
+        let columns: Option<Vec<Vec<f64>>> = WINDOWS_S.into_par_iter().map(shown).collect();
+        let found = WINDOWS_S.into_iter().zip(learn::gains_of(of_search, columns?)?);
+        let found = found.filter_map(|(window_s, worth)| Some((window_s, worth?)));
+        let best = found.max_by(|a, b| a.1.log_odds.total_cmp(&b.1.log_odds))?;
         let log_odds = best.1.log_odds - (WINDOWS_S.len() as f64).ln();
         let (weight, doubt) = (best.1.weight, 3.0 * best.1.sigma);
         let is_felt = weight + doubt >= FELT[0] && weight - doubt <= FELT[1];
@@ -166,8 +168,8 @@ impl Dwells {
         each.iter().all(|(samples, _)| !samples.is_empty()).then_some(Self { fix, each, noise_deg_h })
     }
 
-    /// The run, with the azimuth and the noise that it has by them.
-    fn of(&self, run: &RunData) -> RunData {
+    /// The run with the azimuth and the noise that its dwells give.
+    fn applied_to(&self, run: &RunData) -> RunData {
         let mut run = run.clone();
         run.noise_deg_h = Some(self.noise_deg_h);
         run.before = Some(self.fix);
@@ -178,13 +180,13 @@ impl Dwells {
 /// A run as the search sees it where the base moves: a row for every dwell, in which effects are followed by the second.
 pub fn by_dwell(run: &RunData, model: &ErrorModel) -> Option<Run> {
     let dwells = Dwells::new(run, model)?;
-    Run::of_dwells(&dwells.of(run), &dwells.each)
+    Run::of_dwells(&dwells.applied_to(run), &dwells.each)
 }
 
 /// The dwells of a run, the base's motion taken out, as samples of their own: what is left of them is judged.
 pub fn dwells_of(run: &RunData, model: &ErrorModel) -> Option<RunData> {
     let dwells = Dwells::new(run, model)?;
-    let mut by_dwell = dwells.of(run);
+    let mut by_dwell = dwells.applied_to(run);
     by_dwell.samples.clear();
     by_dwell.channels.iter_mut().for_each(Vec::clear);
     for (number, (inside, rate_deg_h)) in dwells.each.into_iter().enumerate() {

@@ -15,9 +15,9 @@ pub type Functions = Arc<[Vec<f32>]>;
 
 /// How many evaluated last are kept: while the constants of one factor are tuned, those of the others are asked for again and again.
 const LAST: usize = 64;
-/// Least value of a function in some row for which the rows say anything of its weight: of a bump the flank at 2.6 of its widths. What is seen less of is fitted
-/// to what is left there, with a weight that is large where a run goes to the bump's middle.
-const SEEN: f32 = 0.03;
+/// Least value of a function in some row for which the rows say anything of its weight: of a bump the flank at 2.6 of its widths. The weight of one
+/// that is smaller everywhere is fitted to the residual of its flank, and is wrong where another run goes to its middle.
+const OBSERVED: f32 = 0.03;
 
 /// Functions of factors in some runs, kept once they were evaluated.
 pub struct Library {
@@ -102,13 +102,13 @@ fn evaluated(runs: &[Run], factor: &Factor) -> Functions {
             function.extend(values.into_iter().map(|value| (prior * value) as f32));
         }
     }
-    all.iter_mut().enumerate().for_each(|(k, function)| seen(function, factor.prior(k) as f32));
+    all.iter_mut().enumerate().for_each(|(k, function)| drop_unobserved(function, factor.prior(k) as f32));
     all.into()
 }
 
-/// A function that no row sees, for one unit of its prior, is nothing to the rows: its weight stays what it is beforehand.
-fn seen(function: &mut [f32], prior: f32) {
-    if function.iter().all(|value| value.abs() < SEEN * prior) {
+/// Sets a function that no row observes to zero, so that its weight keeps its prior. Its values are for one unit of its prior.
+fn drop_unobserved(function: &mut [f32], prior: f32) {
+    if function.iter().all(|value| value.abs() < OBSERVED * prior) {
         function.fill(0.0);
     }
 }
@@ -119,13 +119,13 @@ mod tests {
 
     /// exp(−2.7²/2) = 0.026 is less than three hundredths, and 0.034 at 2.6 widths is more; both times the prior.
     #[test]
-    fn a_function_that_no_row_sees_has_no_weight() {
+    fn a_function_that_no_row_observes_has_no_weight() {
         let flank = |widths: f32| 0.25 * (-0.5 * widths * widths).exp();
-        let mut unseen = [flank(3.0), flank(2.7)];
-        seen(&mut unseen, 0.25);
-        assert_eq!(unseen, [0.0; 2]);
+        let mut unobserved = [flank(3.0), flank(2.7)];
+        drop_unobserved(&mut unobserved, 0.25);
+        assert_eq!(unobserved, [0.0; 2]);
         let mut at_its_edge = [flank(3.0), flank(2.6)];
-        seen(&mut at_its_edge, 0.25);
+        drop_unobserved(&mut at_its_edge, 0.25);
         assert_eq!(at_its_edge, [flank(3.0), flank(2.6)]);
     }
 }

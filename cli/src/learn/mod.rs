@@ -36,6 +36,7 @@ use model::Model;
 use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::{Effect, Port};
 use problem::Term;
+use rayon::prelude::*;
 pub use rows::Run;
 use search::{Search, Start};
 pub use search::{Tried, form};
@@ -97,22 +98,27 @@ pub struct Worth {
     pub sigma: f64,
 }
 
-/// What a column adds to what is known of these runs: its unit adds so much to the rates, °/h, by the row and all runs one after the other. Beside the
+/// What each column alone adds to what is known of these runs: its unit adds so much to the rates, °/h, by the row and all runs one after the other. Beside the
 /// process of the runs' own that suits them best with it and without it, or offsets of every rest that do: what an effect adds to a dwell, a column that
-/// differs from dwell to dwell may imitate.
-pub fn gain_of(runs: &[Run], column: Vec<f64>) -> Option<Worth> {
+/// differs from dwell to dwell may imitate. `None` where the runs determine no model
+/// with it, or none at all.
+pub fn gains_of(runs: &[Run], columns: Vec<Vec<f64>>) -> Option<Vec<Option<Worth>>> {
     let bare = Model::new(runs, None, &[])?;
-    let values = vec![column];
-    let columns = bare.problem.columns(&values);
-    let (_, size2) = bare.fit.gain_of(&bare.problem, &[], &columns);
-    let effect = Effect::new(Port::Rate, &[]);
-    let term = Term { columns, ..Term::of_rates(effect, values, size2.max(1e-20)) };
-    let with = Model::new(runs, None, &[term])?.with_likeliest_process_or_offsets();
-    Some(Worth {
-        log_odds: with.evidence() - bare.with_likeliest_process_or_offsets().evidence(),
-        weight: with.fit.scaled_means().first().copied().unwrap_or_default(),
-        sigma: with.fit.scaled_covariance().get((0, 0)).map_or(0.0, |variance| variance.sqrt()),
-    })
+    let without = Model::new(runs, None, &[])?.with_likeliest_process_or_offsets().evidence();
+    let worth = |column: Vec<f64>| {
+        let values = vec![column];
+        let columns = bare.problem.columns(&values);
+        let (_, size2) = bare.fit.gain_of(&bare.problem, &[], &columns);
+        let effect = Effect::new(Port::Rate, &[]);
+        let term = Term { columns, ..Term::of_rates(effect, values, size2.max(1e-20)) };
+        let with = Model::new(runs, None, &[term])?.with_likeliest_process_or_offsets();
+        Some(Worth {
+            log_odds: with.evidence() - without,
+            weight: with.fit.scaled_means().first().copied().unwrap_or_default(),
+            sigma: with.fit.scaled_covariance().get((0, 0)).map_or(0.0, |variance| variance.sqrt()),
+        })
+    };
+    Some(columns.into_par_iter().map(worth).collect())
 }
 
 /// Learns from runs.
@@ -174,18 +180,14 @@ mod tests {
     /// r = 0.52 over the 64 rests gains at most 32 · ln 1/(1 − r²) = 10 nats beside offsets of the rests, and hundreds beside a process that decays within the rest.
     #[test]
     fn offsets_of_rests_are_no_motion() {
-        let noise = |i: usize| ((i * i * 7 + i * 13) % 17) as f64 / 8.0 - 1.0;
         let size = |rest: usize| 20.0 * (2.4 * rest as f64).cos();
         let with_offsets = |run: usize| -> Run {
-            let at = |i: usize| noise(i + 31 * run) + size(8 * run + i / 60) + [10.0, 0.0, -10.0, 0.0][i % 4];
-            let rates: Vec<f64> = (0..480).map(at).collect();
-            let mut run = Run::of_rates(&rates);
-            run.rests_s = (0..480).map(|i| (i / 60 * 60) as f64 - 0.5).collect();
-            run
+            let at = |i: usize| Run::noise(run, i) + size(8 * run + i / 60) + [10.0, 0.0, -10.0, 0.0][i % 4];
+            Run::of_rests(&(0..480).map(at).collect::<Vec<f64>>(), 60)
         };
         let runs: Vec<Run> = (0..8).map(with_offsets).collect();
         let imitates = |rest: usize| 0.7 * size(rest) / 20.0 + (1.1 * (rest * rest) as f64).sin();
-        let worth = gain_of(&runs, (0..3840).map(|i| imitates(i / 60)).collect()).unwrap();
+        let worth = gains_of(&runs, vec![(0..3840).map(|i| imitates(i / 60)).collect()]).unwrap()[0].unwrap();
         assert!(worth.log_odds < 10.0, "{worth:?}");
     }
 }

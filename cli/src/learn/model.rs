@@ -227,7 +227,7 @@ impl<'a> Model<'a> {
         best
     }
 
-    /// The same, or beside an offset of every rest that stays until the next move where that has the greater evidence. (Where effects are searched for, an
+    /// The same, or beside an offset of every rest that lasts until the next move, where that has the greater evidence. (Where effects are searched for, an
     /// offset would take for its own what effects cause.)
     pub fn with_likeliest_process_or_offsets(self) -> Self {
         let runs = self.problem.runs;
@@ -345,9 +345,8 @@ mod tests {
     #[test]
     fn a_ringing_process_is_found() {
         let ringing = |run: usize| -> Vec<f64> {
-            let noise = |i: usize| ((i * i * 7 + i * 13 + run * 31) % 17) as f64 / 8.0 - 1.0;
             let phase = 2.4 * run as f64;
-            let at = |i: usize| 5.0 * (std::f64::consts::TAU * i as f64 / 30.0 + phase).cos() + noise(i);
+            let at = |i: usize| 5.0 * (std::f64::consts::TAU * i as f64 / 30.0 + phase).cos() + Run::noise(run, i);
             (0..120).map(|i| at(i) + [10.0, 0.0, -10.0, 0.0][i % 4]).collect()
         };
         let runs: Vec<Run> = (0..8).map(|run| Run::of_rates(&ringing(run))).collect();
@@ -360,15 +359,13 @@ mod tests {
     #[test]
     fn what_moves_leave_behind_is_found() {
         let resting = |run: usize| -> Run {
-            let noise = |i: usize| ((i * i * 7 + i * 13 + run * 31) % 17) as f64 / 8.0 - 1.0;
             let left = |i: usize| {
                 let size = 9.0 * (2.4 * (i / 20) as f64 + run as f64).cos();
                 size * (-((i % 20) as f64 + 0.5) / 4.0).exp()
             };
-            let rates: Vec<f64> = (0..120).map(|i| left(i) + noise(i) + [10.0, 0.0, -10.0, 0.0][i % 4]).collect();
-            let mut run = Run::of_rates(&rates);
-            run.rests_s = (0..120).map(|i| (i / 20 * 20) as f64 - 0.5).collect();
-            run
+            let rates: Vec<f64> =
+                (0..120).map(|i| left(i) + Run::noise(run, i) + [10.0, 0.0, -10.0, 0.0][i % 4]).collect();
+            Run::of_rests(&rates, 20)
         };
         let runs: Vec<Run> = (0..8).map(resting).collect();
         let process = Model::new(&runs, None, &[]).unwrap().with_likeliest_process().process.unwrap();

@@ -136,7 +136,7 @@ impl Run {
         (run.bins.len() > UNKNOWNS).then_some(run)
     }
 
-    /// Means of what a sample says over the rows.
+    /// Means of a value of the samples, by the row.
     fn means(&self, value: &dyn Fn(&Sample) -> f64) -> Vec<f64> {
         let of_bin = |bin: &Range<usize>| self.samples[bin.clone()].iter().map(value).sum::<f64>() / bin.len() as f64;
         self.bins.iter().map(of_bin).collect()
@@ -383,10 +383,7 @@ impl Run {
 
     /// What the rate of a row changes by, by unit of what an effect adds at a port.
     pub fn gains(&self, port: Port) -> Vec<f64> {
-        let mean = |bin: &Range<usize>| {
-            self.samples[bin.clone()].iter().map(|sample| self.gain(port, sample)).sum::<f64>() / bin.len() as f64
-        };
-        self.bins.iter().map(mean).collect()
+        self.means(&|sample| self.gain(port, sample))
     }
 
     /// The functions of a factor by the row, means over its seconds; 0 where its signal says nothing.
@@ -536,6 +533,17 @@ impl Run {
             cos: (0..rate_deg_h.len()).map(|i| quarter(i).1).collect(),
             sin: (0..rate_deg_h.len()).map(|i| quarter(i).0).collect(),
         }
+    }
+
+    /// The same with a move of the index before every `rest`-th of them.
+    pub fn of_rests(rate_deg_h: &[f64], rest: usize) -> Self {
+        let rests_s = (0..rate_deg_h.len()).map(|i| (i / rest * rest) as f64 - 0.5).collect();
+        Self { rests_s, ..Self::of_rates(rate_deg_h) }
+    }
+
+    /// Numbers between -1 and 1 without a pattern, others for every run.
+    pub fn noise(run: usize, i: usize) -> f64 {
+        ((i * i * 7 + i * 13 + run * 31) % 17) as f64 / 8.0 - 1.0
     }
 }
 
