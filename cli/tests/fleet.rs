@@ -11,13 +11,13 @@ use crate::common::north;
 fn simulated(folder: &Path, name: &str, seed: &str) -> String {
     let path = folder.join(name).to_str().unwrap().to_owned();
     let (code, _, error) =
-        north(&["simulate", "--scenario", "air-conditioning", "--runs", "12", "--seed", seed, "--out", &path]);
+        north(&["simulate", "--scenario", "air-conditioning", "--runs", "8", "--seed", seed, "--out", &path]);
     assert_eq!(code, 0, "{error}");
     path
 }
 
-/// Three units of one scenario have its effect in common, with the same coefficient: one of the prior's is as likely as any. (Of few fit runs a unit cannot tell
-/// the temperature's rate from a quick memory of it, or from the time since switch-on.)
+/// Three units of one scenario have its effect in common, with the same coefficient: one of the prior's is as likely as any. (Of three fit runs a unit cannot tell
+/// the temperature's rate from a quick memory of it; of four and more it can.)
 #[test]
 fn units_of_one_scenario_have_its_effect_in_common() {
     let folder = tempfile::tempdir().unwrap();

@@ -34,10 +34,11 @@ const MOST_INDEX_DEG: f64 = 5.0;
 const MOST_LEVEL_G: f64 = 0.087;
 /// Most that the scale factor may change by, root mean square.
 const MOST_SCALE: f64 = 0.2;
-/// Proposals whose exact evidence is computed, of one factor or two and of three, and those that are tuned.
+/// Proposals whose exact evidence is computed, and those that are tuned: of one factor or two, and of three, which do not displace the others.
 const SHORTLIST: usize = 40;
 const OF_THREE: usize = 10;
 const CONTENDERS: usize = 6;
+const CONTENDERS_OF_THREE: usize = 2;
 const FINALISTS: usize = 3;
 /// What tuning may add to the gain of a proposal whose constants lie at most half a step of the bank's from the best, nats; below it a proposal is dropped.
 const HOPE: f64 = 3.0;
@@ -421,7 +422,10 @@ impl<'a> Search<'a> {
         for (gain, effect) in exact.into_iter().filter(|(gain, _)| *gain > -HOPE) {
             let known = chosen.iter().map(|(_, each)| each).chain(&bare);
             let same: Vec<&Effect> = known.filter(|each| alike(each, &effect)).collect();
-            if same.is_empty() && chosen.len() < CONTENDERS {
+            let is_of_three = |each: &Effect| each.factors.len() > 2;
+            let most = if is_of_three(&effect) { CONTENDERS_OF_THREE } else { CONTENDERS };
+            let has_room = chosen.iter().filter(|(_, each)| is_of_three(each) == is_of_three(&effect)).count() < most;
+            if same.is_empty() && has_room {
                 chosen.push((gain, effect));
             } else if !same.is_empty() && is_bare(&effect) && !same.iter().any(|each| is_bare(each)) {
                 bare.push(effect);
