@@ -501,6 +501,7 @@ fn a_step_between_two_of_three_positions_is_not_offered() {
 }
 
 #[test]
+#[ignore = "a long search: make proofs"]
 fn no_verdict_contradicts_its_tests() {
     let folder = Folder::new("wanders");
     // A wave whose period and phase are each run's own: no candidate, but no noise.
@@ -530,6 +531,7 @@ fn positions_that_alias_are_told_apart_by_others() {
 }
 
 #[test]
+#[ignore = "a long search: make proofs"]
 fn the_residual_after_is_that_of_the_model() {
     let folder = Folder::new("product");
     // A product of two channels, ± 0.4 °/h: no named effect.

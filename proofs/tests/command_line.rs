@@ -70,6 +70,7 @@ fn the_sources_experiments_are_one_command_each() {
 }
 
 #[test]
+#[ignore = "a measurement of the image in QEMU and on the emulated chip: make proofs"]
 fn the_image_costs_no_more_than_its_baseline_allows() {
     bench(&["cost", "--check", concat!(env!("CARGO_MANIFEST_DIR"), "/cost-baseline.toml")]);
 }
@@ -77,9 +78,8 @@ fn the_image_costs_no_more_than_its_baseline_allows() {
 /// Six errors: their rms is within 1 ± 0.65 of its expectation (chi-square of 6 degrees, one in a thousand).
 const SCATTER: f64 = 1.65;
 
-#[test]
-fn a_closed_loop_leaves_new_runs_free_of_the_effect() {
-    for effect in ["temperature-rate", "magnet", "surface-of-two-temperatures"] {
+fn closed_loops_leave_new_runs_free_of(effects: &[&str]) {
+    for effect in effects {
         let options = ["--host", "--effect", effect, "--seed", "3", "--runs", "12", "--new-runs", "6"];
         let result = &rows(&[&["close-loop"], &options[..]].concat())[0];
         let before = result["rms_before_deg"].as_f64().unwrap();
@@ -89,6 +89,17 @@ fn a_closed_loop_leaves_new_runs_free_of_the_effect() {
         assert!(after < 1.12 * SCATTER * 0.055, "{effect}: {before} {after}");
         assert!(after < before / 2.0, "{effect}: {before} {after}");
     }
+}
+
+#[test]
+fn a_closed_loop_leaves_new_runs_free_of_the_effect() {
+    closed_loops_leave_new_runs_free_of(&["temperature-rate"]);
+}
+
+#[test]
+#[ignore = "effects whose diagnosis takes longer: make proofs"]
+fn closed_loops_leave_new_runs_free_of_other_effects() {
+    closed_loops_leave_new_runs_free_of(&["magnet", "surface-of-two-temperatures"]);
 }
 
 #[test]
