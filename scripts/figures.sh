@@ -1,7 +1,9 @@
 #!/bin/sh
 # Writes docs/figures: what the figures of README and docs are from, each file by the command beside it. The published recordings (docs/comparison.md
-# says where they are) are looked for in the folder NORTH_FINDER_DATA; a file whose recording is not there stays as it is.
+# says where they are) are looked for in the folder NORTH_FINDER_DATA; a file whose recording is not there stays as it is. `figures.sh NAME…` writes the
+# tables of these benches alone: all of them take an hour.
 set -eu
+only=" $* "
 cd "$(dirname "$0")/.."
 data=${NORTH_FINDER_DATA:-../shared/data}
 out=docs/figures
@@ -18,6 +20,21 @@ write() {
     "$@" --json "$work/$file" >/dev/null 2>&1 || [ -s "$work/$file" ]
     mv "$work/$file" "$out/$file"
 }
+
+# bench arguments: what the bench prints becomes a file of tables, its machine-readable result the one beside it
+bench() {
+    [ "$only" = "  " ] || [ "${only#* "$1" }" != "$only" ] || return 0
+    echo "$1"
+    "$north" bench "$@" --json "$work/$1.json" > "$work/$1.md" 2>/dev/null || [ -s "$work/$1.json" ]
+    mv "$work/$1.md" "$work/$1.json" "$out"
+}
+
+bench accuracy
+bench orders --fixes 100
+bench repeat
+bench adaptive --fixes 200
+bench gates --fixes 100
+[ "$only" = "  " ] || data=/none
 
 triad=$data/ring-laser-triad/increments_100hz.csv
 if [ -f "$triad" ]; then

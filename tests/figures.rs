@@ -2,8 +2,12 @@
 //!
 //!     <!-- figures NAME.json: path.to.value = 12.3, other.0.value = 4.5 -->
 //!
-//! Each figure stands in the paragraph below as it is written there, and is the file's value with as many decimals. With NORTH_FIGURES=write the
+//! Each figure stands in the paragraph below as it is written there, and is the file's value with as many decimals; `path.to.share ×100` is it in percent. With NORTH_FIGURES=write the
 //! documents take what the files say.
+//!
+//!     <!-- table NAME.md 0 -->
+//!
+//! The table that follows is the first of docs/figures/NAME.md, which holds what the command printed.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,6 +15,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 const MARK: &str = "<!-- figures ";
+const TABLE_MARK: &str = "<!-- table ";
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
@@ -25,8 +30,11 @@ fn documents() -> Vec<PathBuf> {
     all
 }
 
-/// The number at a path such as `runs.1.sigma_after_deg`.
+/// The number at a path such as `runs.1.sigma_after_deg`, or a hundred times that of `rows.0.coverage ×100`.
 fn value(of: &Value, path: &str) -> Option<f64> {
+    if let Some((share, "100")) = path.split_once(" ×") {
+        return value(of, share).map(|share| 100.0 * share);
+    }
     let step = |value: Option<&Value>, key: &str| -> Option<Value> {
         match key.parse::<usize>() {
             Ok(place) => value?.get(place).cloned(),
@@ -90,20 +98,62 @@ fn as_the_files_say(document: &str, read: &dyn Fn(&str) -> Value) -> (String, Ve
     (written.join("\n\n"), differences)
 }
 
+/// The tables of a text, each a row of lines that begin with a bar.
+fn tables(text: &str) -> Vec<Vec<&str>> {
+    let lines: Vec<&str> = text.lines().collect();
+    let is_row = |line: &&str| line.starts_with('|');
+    lines.chunk_by(|a, b| is_row(a) == is_row(b)).filter(|lines| is_row(&lines[0])).map(<[&str]>::to_vec).collect()
+}
+
+/// One document with the tables that its files hold, and what differs.
+fn with_tables_of_files(document: &str, read: &dyn Fn(&str) -> String) -> (String, Vec<String>) {
+    let (mut lines, mut differences) = (document.lines().peekable(), Vec::new());
+    let mut written: Vec<String> = Vec::new();
+    while let Some(line) = lines.next() {
+        written.push(line.to_owned());
+        let Some(mark) = line.strip_prefix(TABLE_MARK) else { continue };
+        let (file, number) = mark.trim_end_matches("-->").trim().split_once(' ').expect("a file and a number");
+        let mut shown = Vec::new();
+        while let Some(line) = lines.next_if(|line| line.is_empty() || line.starts_with('|')) {
+            match line {
+                "" if shown.is_empty() => written.push(String::new()),
+                "" => {
+                    shown.push("");
+                    break;
+                }
+                row => shown.push(row),
+            }
+        }
+        let ended = shown.pop_if(|last| last.is_empty()).is_some();
+        let text = read(file);
+        let of_file = number.parse().ok().and_then(|number: usize| tables(&text).into_iter().nth(number));
+        let of_file = of_file.unwrap_or_default();
+        if of_file != shown {
+            let unlike = of_file.iter().zip(&shown).find(|(a, b)| a != b);
+            differences.push(format!("{file} {number}: {unlike:?} of {} and {} lines", of_file.len(), shown.len()));
+        }
+        written.extend(of_file.into_iter().map(str::to_owned));
+        written.extend(ended.then(String::new));
+    }
+    (written.join("\n") + "\n", differences)
+}
+
 #[test]
 fn documents_hold_the_figures_of_their_files() {
-    let read = |file: &str| -> Value {
+    let text_of = |file: &str| -> String {
         let path = root().join("docs/figures").join(file);
-        let text = fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-        serde_json::from_str(&text).unwrap()
+        fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
     };
+    let read = |file: &str| -> Value { serde_json::from_str(&text_of(file)).unwrap() };
     let write = std::env::var("NORTH_FIGURES").is_ok_and(|what| what == "write");
     let mut differences = Vec::new();
     let mut figures = 0;
     for path in documents() {
         let text = fs::read_to_string(&path).unwrap();
         figures += text.matches(MARK).count();
-        let (written, found) = as_the_files_say(&text, &read);
+        let (written, mut found) = as_the_files_say(&text, &read);
+        let (written, unlike) = with_tables_of_files(&written, &text_of);
+        found.extend(unlike);
         if write && written != text {
             fs::write(&path, written).unwrap();
         } else {
@@ -118,20 +168,33 @@ fn every_file_of_figures_has_its_command() {
     let script = fs::read_to_string(root().join("scripts/figures.sh")).unwrap();
     for entry in fs::read_dir(root().join("docs/figures")).unwrap() {
         let name = entry.unwrap().file_name().into_string().unwrap();
-        assert!(script.contains(&name), "no command of scripts/figures.sh writes docs/figures/{name}");
+        let bench = name.split_once('.').map(|(stem, _)| format!("\nbench {stem}"));
+        let has_command = script.contains(&name) || bench.is_some_and(|bench| script.contains(&bench));
+        assert!(has_command, "no command of scripts/figures.sh writes docs/figures/{name}");
     }
 }
 
 #[test]
 fn a_figure_that_differs_is_found_and_written() {
-    let text = "one\n\n<!-- figures a.json: x = 0.10, list.1 = +2 -->\n<!-- figures b.json: x = 7 -->\nIt is 10.10, 0.10 and +2 of +2, of 7.\n\nend";
+    let text = "one\n\n<!-- figures a.json: x = 0.10, list.1 = +2 -->\n<!-- figures b.json: x = 7, x ×100 = 700 -->\nIt is 10.10, 0.10 and +2 of +2, of 7, of 700.\n\nend";
     let read = |file: &str| match file {
         "a.json" => serde_json::json!({"x": 0.1234, "list": [1, 3]}),
         _ => serde_json::json!({"x": 7.2}),
     };
     let (written, differences) = as_the_files_say(text, &read);
-    let expected = "one\n\n<!-- figures a.json: x = 0.12, list.1 = +3 -->\n<!-- figures b.json: x = 7 -->\nIt is 10.10, 0.12 and +3 of +2, of 7.\n\nend";
+    let expected = "one\n\n<!-- figures a.json: x = 0.12, list.1 = +3 -->\n<!-- figures b.json: x = 7, x ×100 = 720 -->\nIt is 10.10, 0.12 and +3 of +2, of 7, of 720.\n\nend";
     assert_eq!(written, expected);
-    assert_eq!(differences.len(), 2, "{differences:?}");
+    assert_eq!(differences.len(), 3, "{differences:?}");
     assert_eq!(as_the_files_say(&written, &read), (written.clone(), Vec::new()));
+}
+
+#[test]
+fn a_table_that_differs_is_found_and_written() {
+    let file = "# made\n\n| x |\n|---|\n| 1 |\n\n| y |\n|---|\n| 2 |\n| 3 |\n";
+    let document = "one\n\n<!-- table a.md 1 -->\n\n| y |\n|---|\n| 7 |\n\ntwo\n";
+    let (written, differences) = with_tables_of_files(document, &|_| file.to_owned());
+    assert_eq!(written, "one\n\n<!-- table a.md 1 -->\n\n| y |\n|---|\n| 2 |\n| 3 |\n\ntwo\n");
+    assert_eq!(differences.len(), 1, "{differences:?}");
+    assert_eq!(with_tables_of_files(&written, &|_| file.to_owned()), (written.clone(), Vec::new()));
+    assert_eq!(with_tables_of_files(&document.replace("md 1", "md 2"), &|_| file.to_owned()).1.len(), 1);
 }
