@@ -566,6 +566,18 @@ fn what_makes_no_sense_is_refused() {
     assert!(refusal.contains("latitude"), "{refusal}");
 }
 
+/// A scale factor that is smaller by 25 % a K² on both sides of 20 °C, 12.5 % in the mean over a wave of 1 K: a latitude would be wrong by as much at any
+/// temperature, so that the campaign is not refused for it.
+#[test]
+fn a_scale_factor_that_varies_is_no_latitude() {
+    let folder = Folder::new("scale");
+    let felt = |second: &Second| NORTH_DEG_H * sin_cos_deg(30.0 * second.run as f64 + 7.0 - second.index_deg).1;
+    let effect = |second: &Second| -0.25 * (temp_c(second) - 20.0).powi(2) * felt(second);
+    let diagnosis = run(&campaign(&folder, 12, 17, effect, honest));
+    assert!(names(&diagnosis)[0].starts_with("scale-by-temp_c"), "{}", diagnosis.verdict);
+    assert!(diagnosis.warnings.iter().any(|warning| warning.message.contains("latitude")), "{:?}", diagnosis.warnings);
+}
+
 #[test]
 fn a_parked_vehicle_moves() {
     let folder = measured_data().join("parked-vehicle");

@@ -5,6 +5,7 @@ use north_finder::effects::ErrorModel;
 use north_finder::effects::doubt::Doubt;
 use north_finder::effects::effect::{Effect, Port};
 use north_finder::units::{RAD_PER_DEG, wrap_180_deg};
+use rayon::prelude::*;
 
 use super::found::Found;
 use super::names::{EARTH_FIELD, Named};
@@ -93,9 +94,15 @@ pub fn refuse(runs: &[RunData]) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// Refuses a campaign whose horizontal rate is not that of its latitude, nor is with what was learned. A scale factor or
-/// a field along the axis would make any latitude right, and are not asked.
-pub fn refuse_latitude(runs: &[RunData], found: Option<&Found>, base: &ErrorModel) -> Result<(), Refusal> {
+/// Refuses a campaign whose horizontal rate is not that of its latitude, nor is with what was learned. A constant scale factor or
+/// a field along the axis would make any latitude right, and are not asked. A latitude does not vary: where only a scale factor that does makes it right,
+/// there is a warning.
+pub fn refuse_latitude(
+    runs: &[RunData],
+    found: Option<&Found>,
+    base: &ErrorModel,
+    warnings: &mut Vec<Warning>,
+) -> Result<(), Refusal> {
     let of = |fixes: Vec<Option<f64>>| -> Option<(f64, f64)> {
         let ratios: Vec<f64> =
             fixes.iter().zip(runs).filter_map(|(fix, run)| Some((*fix)? / run.earth.north_deg_h)).collect();
@@ -110,23 +117,32 @@ pub fn refuse_latitude(runs: &[RunData], found: Option<&Found>, base: &ErrorMode
     let tells_nothing = |effect: &Effect| {
         is_scale(effect) || found.is_some_and(|found| found.in_its_place(effect).iter().any(is_scale))
     };
-    let mut shaped = found.map_or_else(|| base.clone(), |found| found.model.clone());
-    shaped.doubt = Doubt::default();
-    shaped.effects.retain(|effect| base.effects.contains(effect) || !tells_nothing(effect));
-    let with = |run: &RunData| Some(run.replay(&shaped, &mut |_| ()).ok()?.amplitude_deg_h);
-    if of(runs.iter().map(with).collect()).is_none() {
+    let is_right_with = |is_asked: &dyn Fn(&Effect) -> bool| {
+        let mut shaped = found.map_or_else(|| base.clone(), |found| found.model.clone());
+        shaped.doubt = Doubt::default();
+        shaped.effects.retain(|effect| base.effects.contains(effect) || is_asked(effect));
+        let with = |run: &RunData| Some(run.replay(&shaped, &mut |_| ()).ok()?.amplitude_deg_h);
+        of(runs.par_iter().map(with).collect()).is_none()
+    };
+    if is_right_with(&|effect| !tells_nothing(effect)) {
         return Ok(());
     }
     let north = runs[0].earth.north_deg_h;
     let cosine = middle * north / EARTH_RATE_DEG_H;
     let latitude = (cosine.clamp(-1.0, 1.0).acos() / RAD_PER_DEG * 100.0).round() / 100.0;
-    Err(Refusal::Campaign(format!(
+    let doubt = format!(
         "the horizontal rate is {:.3} deg/h where the latitude of {} deg says {north:.3}: the latitude is wrong (the rate \
-         belongs to {latitude} deg north or south) or the scale factor by {:+.1} %; correct that first",
+         belongs to {latitude} deg north or south) or the scale factor by {:+.1} %",
         middle * north,
         runs[0].settings.latitude_deg,
         100.0 * (middle - 1.0)
-    )))
+    );
+    let varies = |effect: &Effect| !effect.factors.is_empty() && Named::new(effect).name != EARTH_FIELD;
+    if !is_right_with(&|effect| !tells_nothing(effect) || varies(effect)) {
+        return Err(Refusal::Campaign(format!("{doubt}; correct that first")));
+    }
+    warnings.push(Warning::of_campaign(format!("{doubt}; what was learned of the scale factor makes it right")));
+    Ok(())
 }
 
 /// Refuses a campaign whose latitude has the wrong sign. The solution takes Ω sin φ times the tilt out of the rates; with the wrong sign twice that

@@ -22,13 +22,15 @@ const AMPLITUDE_LIMIT: f64 = 0.03;
 
 /// Why a model that was found must not be used, if there is a reason: what it makes of the runs is impossible, or training runs that took no part in
 /// learning it lose their azimuths or miss their references by more with it, or those do that it was learned from. (It says then that most references are
-/// wrong.) Where too few have a reference, rates are judged: `rates` gives training runs, and each with the model taken out of it that the others taught. `wrong`: files whose references are not believed.
+/// wrong.) Where too few have a reference, rates are judged: `rates` gives training runs, and each with the model taken out of it that the others taught;
+/// `checks` the check runs, and each with the model taken out of it. `wrong`: files whose references are not believed.
 pub fn veto<'a>(
     runs: &[RunData],
     found: &ErrorModel,
     left_out: &[Option<Fix>],
     wrong: &[String],
     rates: impl FnOnce() -> Vec<(&'a RunData, RunData)>,
+    checks: impl FnOnce() -> Vec<(&'a RunData, RunData)>,
 ) -> Option<String> {
     let of_training = || runs.iter().zip(left_out).filter(|(run, _)| run.role == Role::Fit);
     let without_azimuths = || lost_azimuth(of_training().map(|(run, fix)| (run, fix.as_ref())));
@@ -37,12 +39,13 @@ pub fn veto<'a>(
         return Some(why);
     }
     let others = misses(runs, wrong, left_out);
-    let rates_or_nothing = || if others.len() < LEAST_MISSES { rates_not_better(&rates()) } else { None };
+    let are_few = others.len() < LEAST_MISSES;
+    let by_rates = || rates_not_better(&rates()).or_else(|| rates_worse(&checks()));
     let of_learned = || {
         let fixes: Vec<Option<Fix>> = runs.par_iter().map(|run| run.replay(found, &mut |_| ()).ok()).collect();
         made_worse(&misses(runs, wrong, &fixes), "it was learned from")
     };
-    made_worse(&others, "took no part in learning it").or_else(of_learned).or_else(rates_or_nothing)
+    made_worse(&others, "took no part in learning it").or_else(of_learned).or_else(|| are_few.then(by_rates).flatten())
 }
 
 /// What training runs whose references are believed miss them by, degrees, without a model and with it.
@@ -58,8 +61,7 @@ fn misses(runs: &[RunData], wrong: &[String], with: &[Option<Fix>]) -> Vec<(f64,
 /// Why a model must not be used by the rates of training runs that took no part in learning it, if they speak against it: what is more in them than white
 /// noise is not less with the model, by as much as errors of azimuths may rise.
 fn rates_not_better(pairs: &[(&RunData, RunData)]) -> Option<String> {
-    let (without, with): (Vec<&RunData>, Vec<&RunData>) = pairs.iter().map(|(without, with)| (*without, with)).unzip();
-    let (before, after) = (in_white_noises(&without), in_white_noises(&with));
+    let (before, after) = off_by(pairs);
     not_better(before, after).then(|| {
         format!(
             "rates of {} training runs that took no part in learning it are not better by it: they are off by {after:.1} times as much as white \
@@ -69,10 +71,36 @@ fn rates_not_better(pairs: &[(&RunData, RunData)]) -> Option<String> {
     })
 }
 
+/// Why a model must not be used by the rates of check runs, if they speak against it: what is more in them than white noise rises with the model by more
+/// than errors of azimuths may. (An effect that acts in none of them leaves them as they are.)
+fn rates_worse(pairs: &[(&RunData, RunData)]) -> Option<String> {
+    let (before, after) = off_by(pairs);
+    is_worse(before, after).then(|| {
+        format!(
+            "rates of {} check runs are worse by it: they are off by {after:.1} times as much as white noise with it, by {before:.1} times without it",
+            pairs.len()
+        )
+    })
+}
+
+/// How much rates of runs are off, without a model and with it; 1 is white noise.
+fn off_by(pairs: &[(&RunData, RunData)]) -> (f64, f64) {
+    let (without, with): (Vec<&RunData>, Vec<&RunData>) = pairs.iter().map(|(without, with)| (*without, with)).unzip();
+    (in_white_noises(&without), in_white_noises(&with))
+}
+
+/// What is left of rates beside white noise, in units of it, root mean square.
+fn beyond_noise(left: f64) -> f64 {
+    (left * left - 1.0).max(0.0).sqrt()
+}
+
 /// By what is left of rates in units of white noise, root mean square.
 fn not_better(before: f64, after: f64) -> bool {
-    let beyond_noise = |left: f64| (left * left - 1.0).max(0.0).sqrt();
     after > before || WORSE * beyond_noise(after) > beyond_noise(before)
+}
+
+fn is_worse(before: f64, after: f64) -> bool {
+    beyond_noise(after) > WORSE * beyond_noise(before)
 }
 
 /// What a model makes of runs that cannot be: one that had an azimuth has none with it, or the horizontal rate is not the Earth's any more. What is
@@ -164,6 +192,8 @@ mod tests {
         assert!(not_better(2.21, 2.13) && !not_better(2.21, 2.12));
         assert!(not_better(1.0, 1.01) && !not_better(1.0, 0.99));
         assert!(!not_better(1.1, 0.98));
+        // The same the other way round; white noise that stays what it was is no worse.
+        assert!(is_worse(2.12, 2.21) && !is_worse(2.13, 2.21) && !is_worse(1.0, 1.0) && !is_worse(1.1, 0.98));
     }
 
     /// Squares of 1 and 1 become 1.2 and 0.8: 1.04 in place of 1 by the mean square, 2 % more; 1.3 and 0.9 are 12 % more.

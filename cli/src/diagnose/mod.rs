@@ -84,8 +84,8 @@ impl Prepared {
 pub fn diagnose(campaign: &Campaign, options: &Options) -> Result<Diagnosis, Refusal> {
     let prepared = prepared(campaign, options)?;
     let found = Found::learn(&prepared.fit(), &prepared.base, &options.family);
-    let Prepared { runs, warnings, still, base, as_recorded, turned_deg } = prepared;
-    checks::refuse_latitude(&runs, found.as_ref(), &base)?;
+    let Prepared { runs, mut warnings, still, base, as_recorded, turned_deg } = prepared;
+    checks::refuse_latitude(&runs, found.as_ref(), &base, &mut warnings)?;
     let material =
         assemble::Material { campaign, runs: &runs, as_recorded: &as_recorded, turned_deg, base: &base, still };
     Ok(assemble::diagnosis(&material, found.as_ref(), options, warnings))

@@ -151,7 +151,7 @@ pub fn form_cost(effect: &Effect, signals: usize) -> f64 {
         let signal = (signals as f64).ln() * if factor.signal.constant().is_some() { 2.0 } else { 1.0 };
         let kinds = |of_plain: bool, others: f64| if of_plain { LN_2 } else { LN_2 + others.ln() };
         let dynamics: f64 = factor.dynamics.iter().map(|_| kinds(false, Dynamics::KINDS as f64)).sum::<f64>() + LN_2;
-        let shape = kinds(matches!(factor.shape, Shape::Linear(_)), 7.0);
+        let shape = kinds(matches!(factor.shape, Shape::Linear(_)), Shape::KINDS as f64 - 1.0);
         signal + dynamics + shape + cost_of_constants(factor)
     };
     port + number + effect.factors.iter().map(of_factor).sum::<f64>()
