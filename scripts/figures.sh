@@ -1,7 +1,7 @@
 #!/bin/sh
 # Writes docs/figures: what the figures of README and docs are from, each file by the command beside it. The published recordings (docs/comparison.md
-# says where they are) are looked for in the folder NORTH_FINDER_DATA; a file whose recording is not there stays as it is. `figures.sh NAME…` writes the
-# tables of these benches alone: all of them take an hour.
+# says where they are) are looked for in the folder NORTH_FINDER_DATA; a file whose recording is not there stays as it is. `figures.sh FILE…` writes these
+# files of tables alone: all of them take an hour.
 set -eu
 only=" $* "
 cd "$(dirname "$0")/.."
@@ -12,29 +12,36 @@ trap 'rm -rf "$work"' EXIT
 cargo build --quiet --release -p north
 north=${CARGO_TARGET_DIR:-target}/release/north
 
+# file: whether it is one of those that were asked for
+is_wanted() {
+    case $only in "  " | *" $1 "*) ;; *) return 1 ;; esac
+}
+
 # file command: runs the command, whose machine-readable result becomes the file
 write() {
     file=$1; shift
+    is_wanted "${file%.json}" || return 0
     echo "$file"
     # A run without an azimuth is a result, too: what counts is the file.
     "$@" --json "$work/$file" >/dev/null 2>&1 || [ -s "$work/$file" ]
     mv "$work/$file" "$out/$file"
 }
 
-# bench arguments: what the bench prints becomes a file of tables, its machine-readable result the one beside it
+# bench file arguments: what the bench prints becomes a file of tables, its machine-readable result the one beside it
 bench() {
-    [ "$only" = "  " ] || [ "${only#* "$1" }" != "$only" ] || return 0
-    echo "$1"
-    "$north" bench "$@" --json "$work/$1.json" > "$work/$1.md" 2>/dev/null || [ -s "$work/$1.json" ]
-    mv "$work/$1.md" "$work/$1.json" "$out"
+    file=$1; shift
+    is_wanted "$file" || return 0
+    echo "$file"
+    "$north" bench "$@" --json "$work/$file.json" > "$work/$file.md" 2>/dev/null || [ -s "$work/$file.json" ]
+    mv "$work/$file.md" "$work/$file.json" "$out"
 }
 
-bench accuracy
-bench orders --fixes 100
-bench repeat
-bench adaptive --fixes 200
-bench gates --fixes 100
-[ "$only" = "  " ] || data=/none
+bench accuracy accuracy
+bench orders orders --fixes 100
+bench repeat repeat
+bench adaptive adaptive --fixes 200
+bench adaptive-white adaptive --fixes 2000 --time 60 --time 240
+bench gates gates --fixes 100
 
 triad=$data/ring-laser-triad/increments_100hz.csv
 if [ -f "$triad" ]; then
