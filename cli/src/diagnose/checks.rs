@@ -114,8 +114,9 @@ pub fn refuse_latitude(
         return Ok(());
     };
     let is_scale = |effect: &Effect| effect.port == Port::Scale || Named::new(effect).name == EARTH_FIELD;
-    let tells_nothing = |effect: &Effect| {
-        is_scale(effect) || found.is_some_and(|found| found.in_its_place(effect).iter().any(is_scale))
+    let is_constant = |effect: &Effect| is_scale(effect) && (effect.port == Port::Rate || effect.factors.is_empty());
+    let may_be = |effect: &Effect, which: &dyn Fn(&Effect) -> bool| {
+        which(effect) || found.is_some_and(|found| found.in_its_place(effect).iter().any(which))
     };
     let is_right_with = |is_asked: &dyn Fn(&Effect) -> bool| {
         let mut shaped = found.map_or_else(|| base.clone(), |found| found.model.clone());
@@ -124,7 +125,7 @@ pub fn refuse_latitude(
         let with = |run: &RunData| Some(run.replay(&shaped, &mut |_| ()).ok()?.amplitude_deg_h);
         of(runs.par_iter().map(with).collect()).is_none()
     };
-    if is_right_with(&|effect| !tells_nothing(effect)) {
+    if is_right_with(&|effect| !may_be(effect, &is_scale)) {
         return Ok(());
     }
     let north = runs[0].earth.north_deg_h;
@@ -137,8 +138,9 @@ pub fn refuse_latitude(
         runs[0].settings.latitude_deg,
         100.0 * (middle - 1.0)
     );
-    let varies = |effect: &Effect| !effect.factors.is_empty() && Named::new(effect).name != EARTH_FIELD;
-    if !is_right_with(&|effect| !tells_nothing(effect) || varies(effect)) {
+    let may_be_latitude =
+        found.is_some_and(|found| found.model.effects.iter().any(|effect| may_be(effect, &is_constant)));
+    if may_be_latitude || !is_right_with(&|_| true) {
         return Err(Refusal::Campaign(format!("{doubt}; correct that first")));
     }
     warnings.push(Warning::of_campaign(format!("{doubt}; what was learned of the scale factor makes it right")));
