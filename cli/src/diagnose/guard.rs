@@ -6,7 +6,7 @@ use north_finder::event::Fix;
 use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
-use super::residual::in_white_noises;
+use super::residual::{Residuals, in_white_noises};
 use super::stations::misses_deg;
 use super::statistics::{median, rms, root_of_mean, studentised};
 use crate::campaign::Role;
@@ -72,10 +72,14 @@ fn rates_not_better(pairs: &[(&RunData, RunData)]) -> Option<String> {
 }
 
 /// Why a model must not be used by the rates of check runs, if they speak against it: what is more in them than white noise rises with the model by more
-/// than errors of azimuths may. (An effect that acts in none of them leaves them as they are.)
+/// than errors of azimuths may, and one run alone speaks against it. (An effect that acts in none of them adds the noise of its weights to white noise.)
 fn rates_worse(pairs: &[(&RunData, RunData)]) -> Option<String> {
     let (before, after) = off_by(pairs);
-    is_worse(before, after).then(|| {
+    let speak_against = || {
+        let (without, with) = pairs.iter().map(|(without, with)| (*without, with)).unzip();
+        !Residuals::new(without, with).contradicted().is_empty()
+    };
+    (is_worse(before, after) && speak_against()).then(|| {
         format!(
             "rates of {} check runs are worse by it: they are off by {after:.1} times as much as white noise with it, by {before:.1} times without it",
             pairs.len()
