@@ -1,1 +1,0 @@
-/tmp/u/fresh/loader/thumbv7em-none-eabihf/firmware/loader: /tmp/u/fresh/boot/../memory.x /tmp/u/fresh/boot/build.rs /tmp/u/fresh/boot/loader.x /tmp/u/fresh/boot/src/choice.rs /tmp/u/fresh/boot/src/flash.rs /tmp/u/fresh/boot/src/lib.rs /tmp/u/fresh/boot/src/main.rs /tmp/u/fresh/boot/src/manifest.rs /tmp/u/fresh/boot/src/receive.rs /tmp/u/fresh/boot/src/slot.rs
