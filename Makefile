@@ -1,4 +1,4 @@
-# The two commands that matter: `make find` finds north in QEMU, `make test` runs every test but the statistics, which are `make proofs`.
+# The two commands that matter: `make find` finds north in QEMU, `make test` runs every test but those of many seeds and the longest, which are `make proofs`.
 
 TARGET := thumbv7em-none-eabihf
 BUILD := $(or $(CARGO_TARGET_DIR),target)
@@ -32,7 +32,7 @@ chip: setup
 mutants: setup
 	@scripts/mutants.sh $(BUILD)/mutants $(ARGS)
 
-## test: all tests but those of many seeds: on the host, of the images in QEMU, of the page, of the flashed image on the emulated chip
+## test: all tests but those of many seeds and long searches: on the host, of the images in QEMU, of the page, of the flashed image on the emulated chip
 test: setup
 	@cargo fmt --all --check
 	@mkdir -p $(BUILD) # Two cargos that make it at the same time can take it from each other.
@@ -45,7 +45,7 @@ test-host:
 test-chip:
 	$(ALONE) cargo test $(CHIP)
 
-## proofs: the tests that take statistics of many seeds
+## proofs: the tests of many seeds and long searches, and what the image costs
 proofs: setup
 	cargo test --release --workspace -- --ignored
 

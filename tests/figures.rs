@@ -2,14 +2,15 @@
 //!
 //!     <!-- figures NAME.json: path.to.value = 12.3, other.0.value = 4.5 -->
 //!
-//! Each figure stands in the paragraph below as it is written there, and is the file's value with as many decimals; `path.to.share ×100` is it in percent. With NORTH_FIGURES=write the
-//! documents take what the files say.
+//! Each figure stands in the paragraph below as it is written there, and is the file's value with as many decimals; `path.to.share ×100` is a share in
+//! percent. With NORTH_FIGURES=write the documents take what the files say.
 //!
 //!     <!-- table NAME.md 0 -->
 //!
 //! The table that follows is the first of docs/figures/NAME.md, which holds what the command printed.
 
 use std::fs;
+use std::iter;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
@@ -113,18 +114,8 @@ fn with_tables_of_files(document: &str, read: &dyn Fn(&str) -> String) -> (Strin
         written.push(line.to_owned());
         let Some(mark) = line.strip_prefix(TABLE_MARK) else { continue };
         let (file, number) = mark.trim_end_matches("-->").trim().split_once(' ').expect("a file and a number");
-        let mut shown = Vec::new();
-        while let Some(line) = lines.next_if(|line| line.is_empty() || line.starts_with('|')) {
-            match line {
-                "" if shown.is_empty() => written.push(String::new()),
-                "" => {
-                    shown.push("");
-                    break;
-                }
-                row => shown.push(row),
-            }
-        }
-        let ended = shown.pop_if(|last| last.is_empty()).is_some();
+        written.extend(iter::from_fn(|| lines.next_if(|line| line.is_empty())).map(str::to_owned));
+        let shown: Vec<&str> = iter::from_fn(|| lines.next_if(|line| line.starts_with('|'))).collect();
         let text = read(file);
         let of_file = number.parse().ok().and_then(|number: usize| tables(&text).into_iter().nth(number));
         let of_file = of_file.unwrap_or_default();
@@ -133,7 +124,6 @@ fn with_tables_of_files(document: &str, read: &dyn Fn(&str) -> String) -> (Strin
             differences.push(format!("{file} {number}: {unlike:?} of {} and {} lines", of_file.len(), shown.len()));
         }
         written.extend(of_file.into_iter().map(str::to_owned));
-        written.extend(ended.then(String::new));
     }
     (written.join("\n") + "\n", differences)
 }
@@ -168,7 +158,7 @@ fn every_file_of_figures_has_its_command() {
     let script = fs::read_to_string(root().join("scripts/figures.sh")).unwrap();
     for entry in fs::read_dir(root().join("docs/figures")).unwrap() {
         let name = entry.unwrap().file_name().into_string().unwrap();
-        let bench = name.split_once('.').map(|(stem, _)| format!("\nbench {stem}"));
+        let bench = name.split_once('.').map(|(stem, _)| format!("\nbench {stem} "));
         let has_command = script.contains(&name) || bench.is_some_and(|bench| script.contains(&bench));
         assert!(has_command, "no command of scripts/figures.sh writes docs/figures/{name}");
     }

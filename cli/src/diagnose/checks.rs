@@ -114,7 +114,8 @@ pub fn refuse_latitude(
         return Ok(());
     };
     let is_scale = |effect: &Effect| effect.port == Port::Scale || Named::new(effect).name == EARTH_FIELD;
-    let is_constant = |effect: &Effect| is_scale(effect) && (effect.port == Port::Rate || effect.factors.is_empty());
+    let varies = |effect: &Effect| effect.port == Port::Scale && !effect.factors.is_empty();
+    let is_constant = |effect: &Effect| is_scale(effect) && !varies(effect);
     let may_be = |effect: &Effect, which: &dyn Fn(&Effect) -> bool| {
         which(effect) || found.is_some_and(|found| found.in_its_place(effect).iter().any(which))
     };

@@ -22,15 +22,14 @@ const AMPLITUDE_LIMIT: f64 = 0.03;
 
 /// Why a model that was found must not be used, if there is a reason: what it makes of the runs is impossible, or training runs that took no part in
 /// learning it lose their azimuths or miss their references by more with it, or those do that it was learned from. (It says then that most references are
-/// wrong.) Where too few have a reference, rates are judged: `rates` gives training runs, and each with the model taken out of it that the others taught;
-/// `checks` the check runs, and each with the model taken out of it. `wrong`: files whose references are not believed.
+/// wrong.) Where too few have a reference, rates are judged: `rates` gives training runs, and each with the model taken out of it that the others taught,
+/// and check runs, each with the model taken out of it. `wrong`: files whose references are not believed.
 pub fn veto<'a>(
     runs: &[RunData],
     found: &ErrorModel,
     left_out: &[Option<Fix>],
     wrong: &[String],
-    rates: impl FnOnce() -> Vec<(&'a RunData, RunData)>,
-    checks: impl FnOnce() -> Vec<(&'a RunData, RunData)>,
+    rates: impl Fn(Role) -> Vec<(&'a RunData, RunData)>,
 ) -> Option<String> {
     let of_training = || runs.iter().zip(left_out).filter(|(run, _)| run.role == Role::Fit);
     let without_azimuths = || lost_azimuth(of_training().map(|(run, fix)| (run, fix.as_ref())));
@@ -40,7 +39,7 @@ pub fn veto<'a>(
     }
     let others = misses(runs, wrong, left_out);
     let are_few = others.len() < LEAST_MISSES;
-    let by_rates = || rates_not_better(&rates()).or_else(|| rates_worse(&checks()));
+    let by_rates = || rates_not_better(&rates(Role::Fit)).or_else(|| rates_worse(&rates(Role::Check)));
     let of_learned = || {
         let fixes: Vec<Option<Fix>> = runs.par_iter().map(|run| run.replay(found, &mut |_| ()).ok()).collect();
         made_worse(&misses(runs, wrong, &fixes), "it was learned from")
@@ -63,10 +62,10 @@ fn misses(runs: &[RunData], wrong: &[String], with: &[Option<Fix>]) -> Vec<(f64,
 fn rates_not_better(pairs: &[(&RunData, RunData)]) -> Option<String> {
     let (before, after) = off_by(pairs);
     not_better(before, after).then(|| {
+        let count = pairs.len();
         format!(
-            "rates of {} training runs that took no part in learning it are not better by it: they are off by {after:.1} times as much as white \
-             noise with it, by {before:.1} times without it",
-            pairs.len()
+            "rates of {count} training runs that took no part in learning it are not better by it: {}",
+            in_words(before, after)
         )
     })
 }
@@ -79,12 +78,12 @@ fn rates_worse(pairs: &[(&RunData, RunData)]) -> Option<String> {
         let (without, with) = pairs.iter().map(|(without, with)| (*without, with)).unzip();
         !Residuals::new(without, with).contradicted().is_empty()
     };
-    (is_worse(before, after) && speak_against()).then(|| {
-        format!(
-            "rates of {} check runs are worse by it: they are off by {after:.1} times as much as white noise with it, by {before:.1} times without it",
-            pairs.len()
-        )
-    })
+    let is_against = is_worse(before, after) && speak_against();
+    is_against.then(|| format!("rates of {} check runs are worse by it: {}", pairs.len(), in_words(before, after)))
+}
+
+fn in_words(before: f64, after: f64) -> String {
+    format!("they are off by {after:.1} times as much as white noise with it, by {before:.1} times without it")
 }
 
 /// How much rates of runs are off, without a model and with it; 1 is white noise.
@@ -196,7 +195,7 @@ mod tests {
         assert!(not_better(2.21, 2.13) && !not_better(2.21, 2.12));
         assert!(not_better(1.0, 1.01) && !not_better(1.0, 0.99));
         assert!(!not_better(1.1, 0.98));
-        // The same the other way round; white noise that stays what it was is no worse.
+        // The same the other way round; white noise that is white noise again is no worse.
         assert!(is_worse(2.12, 2.21) && !is_worse(2.13, 2.21) && !is_worse(1.0, 1.0) && !is_worse(1.1, 0.98));
     }
 

@@ -56,10 +56,13 @@ pub fn validated(
     for (names, part) in parts {
         let models = folds.models(base, part);
         let left_out = folds.fixes(&models);
-        let rates = || if of_rates && withdrawn.is_empty() { folds.with(&models) } else { Vec::new() };
-        let checks =
-            || if of_rates && withdrawn.is_empty() { with(runs, Role::Check, part(found)) } else { Vec::new() };
-        let Some(why) = guard::veto(runs, part(found), &left_out, wrong, rates, checks) else {
+        let are_judged = of_rates && withdrawn.is_empty();
+        let rates = |role: Role| match role {
+            Role::Fit if are_judged => folds.with(&models),
+            Role::Check if are_judged => checks_with(runs, part(found)),
+            _ => Vec::new(),
+        };
+        let Some(why) = guard::veto(runs, part(found), &left_out, wrong, rates) else {
             let used = withdrawn.is_empty();
             let withdrawn = (!used).then(|| withdrawn.join("; "));
             return Validated { model: part(found).clone(), used, left_out, withdrawn };
@@ -70,10 +73,10 @@ pub fn validated(
     Validated { model: base.clone(), used: false, left_out: before(), withdrawn: Some(withdrawn.join("; ")) }
 }
 
-/// The runs of a role, and each with a model taken out of it.
-fn with<'a>(runs: &'a [RunData], role: Role, model: &ErrorModel) -> Vec<(&'a RunData, RunData)> {
+/// The check runs, and each with a model taken out of it.
+fn checks_with<'a>(runs: &'a [RunData], model: &ErrorModel) -> Vec<(&'a RunData, RunData)> {
     let model = doubt::shown(model.clone(), runs);
-    runs.iter().filter(|run| run.role == role).map(|run| (run, run.with(&model))).collect()
+    runs.iter().filter(|run| run.role == Role::Check).map(|run| (run, run.with(&model))).collect()
 }
 
 /// Some of all runs in parts, and what the others of them taught for each part; nothing where they taught nothing.
