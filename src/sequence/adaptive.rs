@@ -48,6 +48,12 @@ const MIRRORED_MOVES: f64 = 7.0;
 const MIRRORED_DWELLS: f64 = 8.0;
 /// Measured seconds after which the noise is known well enough for a promise: its variance to 20 %.
 const PROMISED_AFTER_S: f64 = 50.0;
+/// Root mean square of what an angle departs from a line within a second, as a share of a second's noise in arcsec: of white noise 1/√15 (a random walk
+/// about its line), and three times that once in 10⁵ seconds. Above it the drive still rings, where that falls from second to second …
+const STILL: f64 = 0.775;
+const FALLS: f64 = 0.95;
+/// … and so many seconds are waited at most for a ringing that the gate lets pass.
+const MOST_RINGING_S: u8 = 15;
 /// A dwell that begins this much later than planned shows how long the gyro rings, seconds: more than whole seconds are rounded by.
 const LATE_S: f64 = 1.0;
 
@@ -87,6 +93,9 @@ pub struct Adaptive {
     interruptions: u8,
     /// At this position a second was not quiet: its gate is waited for.
     waits: bool,
+    /// What the last second before the dwell rang with, arcsec, and how many were waited for that.
+    rang_arcsec: f64,
+    rang_s: u8,
     /// The index slipped, and the order has not changed for it.
     pub slipped: bool,
 }
@@ -155,6 +164,8 @@ impl Adaptive {
             early: 0,
             interruptions: 0,
             waits: false,
+            rang_arcsec: f64::INFINITY,
+            rang_s: 0,
             slipped: false,
         }
     }
@@ -167,6 +178,18 @@ impl Adaptive {
     /// The gyro rings after its move: short dwells between seconds that are not quiet would hold a part of the ringing each.
     pub fn wait(&mut self) {
         self.waits = true;
+    }
+
+    /// Before the first second of a dwell: this one, with so much ripple and this noise, still rings with what its gate lets pass. Its rates would scatter by
+    /// more than the noise, so that the dwell would have to be longer by more than the wait.
+    pub fn rings_down(&mut self, ripple_arcsec: f64, noise_deg_h: f64) -> bool {
+        if self.dwell_s > 0.0 || self.rang_s >= MOST_RINGING_S {
+            return false;
+        }
+        let falls = ripple_arcsec < FALLS * core::mem::replace(&mut self.rang_arcsec, ripple_arcsec);
+        let rings = falls && ripple_arcsec > STILL * noise_deg_h;
+        self.rang_s = self.rang_s.saturating_add(rings.into());
+        rings
     }
 
     /// A second was not quiet. Whether a dwell was under way, which it ends.
@@ -231,6 +254,7 @@ impl Adaptive {
 
     fn restart_dwell(&mut self) {
         (self.early, self.waits, self.dwell_s) = (0, false, 0.0);
+        (self.rang_arcsec, self.rang_s) = (f64::INFINITY, 0);
         self.noise.end_dwell();
     }
 
@@ -471,6 +495,25 @@ mod tests {
         plan.begin(2, 0.0, 180.0, &index, SEEN);
         plan.collected(21.0, 0.1, &index);
         assert!((plan.turn_s(&index) - TURN_S - 11.8).abs() < 1e-9, "{plan:?}");
+    }
+
+    /// White noise of 0.09 °/h in a second departs from a line by 0.023 arcsec rms: below three times that, 0.07, nothing rings.
+    #[test]
+    fn a_dwell_begins_when_the_ringing_is_over() {
+        let mut plan = Adaptive::new(0.03, 0.0, 1000.0);
+        plan.begin(2, 0.0, 180.0, &IndexSettings::default(), SEEN);
+        // It falls by a fifth from second to second: 0.44, 0.35, … arcsec; the ninth is 0.074.
+        let waited = (0..30).take_while(|second| plan.rings_down(0.44 * 0.8f64.powi(*second), 0.09)).count();
+        assert_eq!(waited, 9);
+        // What does not fall is not the drive, and what falls slowly is waited for so long at most.
+        plan.begin(2, 0.0, 180.0, &IndexSettings::default(), SEEN);
+        assert!(plan.rings_down(0.4, 0.09) && !plan.rings_down(0.4, 0.09));
+        plan.begin(2, 0.0, 180.0, &IndexSettings::default(), SEEN);
+        assert_eq!((0..100).take_while(|second| plan.rings_down(0.9f64.powi(*second), 0.09)).count(), 15);
+        // In a dwell that has begun it is too late.
+        plan.begin(2, 0.0, 180.0, &IndexSettings::default(), SEEN);
+        plan.collected(9.0, 0.1, &IndexSettings::default());
+        assert!(!plan.rings_down(0.4, 0.09));
     }
 
     /// 221.6 s are planned, of which 50 are over, and two moves; half of that later it is promised again.

@@ -327,6 +327,11 @@ impl Sequencer {
             self.between_dwells(corrected, &mut observed, sink);
         }
         let rate_deg_h = self.accumulator.is_usable(second).then_some(corrected.rate_deg_h);
+        let noise_deg_h = self.accumulator.declared().gyro.noise_deg_h();
+        // An adaptive fix waits before a dwell until the drive has rung down.
+        let rings_down = |adaptive: &mut Option<Adaptive>| {
+            adaptive.as_mut().is_some_and(|adaptive| adaptive.rings_down(second.ripple_arcsec, noise_deg_h))
+        };
         let motor = match &mut self.stage {
             Stage::Levelling { .. } => self.levelling(second.conditions.level, t_s, sink),
             Stage::Watching(gate, jitter) => {
@@ -338,12 +343,16 @@ impl Sequencer {
             }
             Stage::Settling(gate) => {
                 let verdict = gate.second(rate_deg_h, second.ripple_arcsec);
-                let quiet = gate.is_quiet();
+                let quiet = gate.is_quiet() && !rings_down(&mut self.adaptive);
                 if let Some(adaptive) = self.adaptive.as_mut().filter(|_| gate.is_ringing()) {
                     adaptive.wait();
                 }
                 self.collect_early(corrected, quiet, &mut observed, sink);
                 self.settling(verdict, corrected, &mut observed, sink)
+            }
+            Stage::Collecting { .. } if rings_down(&mut self.adaptive) => {
+                self.between_dwells(corrected, &mut observed, sink);
+                None
             }
             Stage::Collecting { seconds } => {
                 let before = *seconds;
