@@ -108,7 +108,7 @@ impl<'a> Folds<'a> {
             let training: Vec<&RunData> = others.map(|(_, &i)| unbelieved[i].as_ref().unwrap_or(&runs[i])).collect();
             Found::learn(&training, base, family)
         };
-        let found = (0..folds).map(learned).collect();
+        let found = (0..folds).into_par_iter().map(learned).collect();
         Self { runs, places, found }
     }
 

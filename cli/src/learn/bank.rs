@@ -226,7 +226,7 @@ impl Bank {
                 (port, fine, coarse)
             })
             .collect();
-        let functions: Vec<Functions> = factors.par_iter().map(|factor| library.keep(runs, factor)).collect();
+        let functions: Vec<Functions> = factors.par_iter().map(|factor| library.functions(runs, factor)).collect();
         let mut bank = Self { rows, coarse, gains, functions, proposals: Vec::new(), coarse_rows, library };
         let none = grammar.ports.iter().filter(|&&port| port != Port::Rate).map(|&port| (port, None));
         let forms = (0..factors.len()).flat_map(|i| grammar.ports.iter().map(move |&port| (port, Some(i))));
@@ -259,7 +259,7 @@ impl Bank {
 
     /// The functions of a factor by coarse row.
     pub fn coarse_functions(&self, runs: &[Run], factor: &Factor) -> Vec<Vec<f32>> {
-        self.library.keep(runs, factor).iter().map(|f| self.means(f)).collect()
+        self.library.functions(runs, factor).iter().map(|f| self.means(f)).collect()
     }
 
     /// The effects of one factor that promise most, the first of them first. `weighed`: V⁻¹ times what is left of the residual, by the row.

@@ -1,6 +1,6 @@
 //! Columns of effects in the rows of runs: the firmware's own factors, evaluated by the second and averaged to rows.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
 
 use north_finder::effects::effect::{Effect, Port};
@@ -13,24 +13,58 @@ pub type Values = Vec<Vec<f64>>;
 /// Functions of a factor by the row, all runs one after the other, each for one unit of its prior.
 pub type Functions = Arc<[Vec<f32>]>;
 
-/// How many evaluated last are kept: while the constants of one factor are tuned, those of the others are asked for again and again.
-const LAST: usize = 64;
+/// Most values that are kept of what was evaluated last, 64 MB: while the constants of one factor are tuned, those of the others are asked for again and again.
+const MOST_KEPT: usize = 16 << 20;
 /// Least value of a function in some row for which the rows say anything of its weight: of a bump the flank at 2.6 of its widths. The weight of one
 /// that is smaller everywhere is fitted to the residual of its flank, and is wrong where another run goes to its middle.
 const OBSERVED: f32 = 0.03;
 
-/// Functions of factors in some runs, kept once they were evaluated.
+/// Functions of factors in some runs, kept for a while once they were evaluated.
 pub struct Library {
-    known: Mutex<HashMap<String, Functions>>,
-    last: Mutex<VecDeque<(String, Functions)>>,
+    last: Mutex<Last>,
     gains: Vec<(Port, Vec<f64>)>,
+}
+
+/// What was evaluated last, and when it was last asked for.
+#[derive(Default)]
+struct Last {
+    functions: HashMap<String, (u64, Functions)>,
+    asked: u64,
+    kept: usize,
+}
+
+impl Last {
+    fn get(&mut self, key: &str) -> Option<Functions> {
+        self.asked += 1;
+        let (asked, functions) = self.functions.get_mut(key)?;
+        *asked = self.asked;
+        Some(functions.clone())
+    }
+
+    /// Where there is no room the older half is forgotten.
+    fn insert(&mut self, key: String, functions: Functions) {
+        if self.kept > MOST_KEPT {
+            let mut asked: Vec<u64> = self.functions.values().map(|(asked, _)| *asked).collect();
+            let middle = asked.len() / 2;
+            let (_, middle, _) = asked.select_nth_unstable(middle);
+            let middle = *middle;
+            self.functions.retain(|_, (asked, _)| *asked > middle);
+            self.kept = self.functions.values().map(|(_, functions)| size(functions)).sum();
+        }
+        self.kept += size(&functions);
+        self.functions.insert(key, (self.asked, functions));
+    }
+}
+
+fn size(functions: &[Vec<f32>]) -> usize {
+    functions.iter().map(Vec::len).sum()
 }
 
 impl Library {
     pub fn new(runs: &[Run]) -> Self {
         let gains =
             Port::ALL.into_iter().map(|port| (port, runs.iter().flat_map(|run| run.gains(port)).collect())).collect();
-        Self { known: Mutex::default(), last: Mutex::default(), gains }
+        Self { last: Mutex::default(), gains }
     }
 
     /// Columns of an effect.
@@ -51,42 +85,16 @@ impl Library {
     }
 
     /// The functions of a factor.
-    fn functions(&self, runs: &[Run], factor: &Factor) -> Functions {
+    pub fn functions(&self, runs: &[Run], factor: &Factor) -> Functions {
         let key = key(factor);
-        if let Some(known) = self.known(&key).or_else(|| self.one_of_last(&key)) {
+        if let Some(known) = self.last.lock().ok().and_then(|mut last| last.get(&key)) {
             return known;
         }
         let functions = evaluated(runs, factor);
         if let Ok(mut last) = self.last.lock() {
-            last.truncate(LAST - 1);
-            last.push_front((key, functions.clone()));
+            last.insert(key, functions.clone());
         }
         functions
-    }
-
-    fn one_of_last(&self, key: &str) -> Option<Functions> {
-        let mut last = self.last.lock().ok()?;
-        let place = last.iter().position(|(each, _)| each == key)?;
-        let found = last.remove(place)?;
-        let functions = found.1.clone();
-        last.push_front(found);
-        Some(functions)
-    }
-
-    /// The same of one that is asked for again and again: they are kept.
-    pub fn keep(&self, runs: &[Run], factor: &Factor) -> Functions {
-        let key = key(factor);
-        self.known(&key).unwrap_or_else(|| {
-            let functions = evaluated(runs, factor);
-            if let Ok(mut known) = self.known.lock() {
-                known.insert(key, functions.clone());
-            }
-            functions
-        })
-    }
-
-    fn known(&self, key: &str) -> Option<Functions> {
-        self.known.lock().ok()?.get(key).cloned()
     }
 }
 

@@ -19,7 +19,7 @@ use crate::run_data::{RunData, Sample};
 /// Most rows of one run in the search, and of all runs together as long as each has the least: longer ones are means over some seconds. A dwell of a
 /// minute in eight has twenty rows of three seconds.
 const MOST_ROWS: usize = 160;
-const LEAST_ROWS: usize = 32;
+const LEAST_ROWS: usize = 8;
 /// The same of a still recording, which may last for days.
 const MOST_STILL_ROWS: usize = 1600;
 const ALL_ROWS: usize = 3200;

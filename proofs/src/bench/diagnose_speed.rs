@@ -24,15 +24,21 @@ struct Size {
     /// Length of a run, s.
     seconds: f64,
     interval_s: f64,
+    /// Channels beside temperature and levels, which have no effect.
+    channels: usize,
 }
 
-/// The rows that the tables promise, and twice as many of the long ones to see whether the cost is linear.
-const SIZES: [Size; 4] = [
-    Size { title: "seconds", runs: 36, seconds: 256.0, interval_s: 1.0 },
-    Size { title: "seconds, runs twice as long", runs: 36, seconds: 512.0, interval_s: 1.0 },
-    Size { title: "400 Hz, a quarter of the runs", runs: 9, seconds: 240.0, interval_s: 0.0025 },
-    Size { title: "400 Hz", runs: 36, seconds: 240.0, interval_s: 0.0025 },
+/// The rows that the tables promise, twice as many of the long ones to see whether the cost is linear, and what an archive may hold.
+const SIZES: [Size; 6] = [
+    Size { title: "seconds", runs: 36, seconds: 256.0, interval_s: 1.0, channels: 0 },
+    Size { title: "seconds, runs twice as long", runs: 36, seconds: 512.0, interval_s: 1.0, channels: 0 },
+    Size { title: "400 Hz, a quarter of the runs", runs: 9, seconds: 240.0, interval_s: 0.0025, channels: 0 },
+    Size { title: "400 Hz", runs: 36, seconds: 240.0, interval_s: 0.0025, channels: 0 },
+    Size { title: "seconds, 40 channels", runs: 36, seconds: 256.0, interval_s: 1.0, channels: 40 },
+    Size { title: "seconds, 16 channels", runs: 1000, seconds: 256.0, interval_s: 1.0, channels: 16 },
 ];
+/// Runs after which a start is as warm as the first one.
+const STARTS: usize = 36;
 
 /// One line of the table.
 #[derive(Serialize)]
@@ -92,7 +98,7 @@ fn record(size: &Size, folder: &Path) -> Result<(Campaign, usize), Failure> {
         instrument: Some(Instrument { name: None, arw_deg_per_sqrt_h: Some(0.0015), settings: None }),
         runs: Vec::new(),
     })?;
-    let name = |run: usize| format!("runs/{:03}.csv", run + 1);
+    let name = |run: usize| format!("runs/{:04}.csv", run + 1);
     let rows = (0..size.runs)
         .into_par_iter()
         .map(|run| record_run(size, run, &writer, &name(run)))
@@ -119,12 +125,13 @@ fn record_run(size: &Size, run: usize, campaign: &CampaignWriter, file: &str) ->
     world.site.azimuth_deg = azimuth_deg(size, run);
     world.gyro = Gyro {
         shupe_deg_h_per_k_s: 9.0,
-        start_offset_k: -3.0 - 0.2 * run as f64,
+        start_offset_k: -3.0 - 0.2 * (run % STARTS) as f64,
         thermal_tau_s: 400.0,
         ..Gyro::default()
     };
     let mut generator = SecondsGenerator::new(&world, run as u64).with_interval_s(size.interval_s);
-    let layout = Layout { temperature: true, level: true, ..Layout::default() };
+    let extra = (0..size.channels).map(|channel| format!("c{channel}_v")).collect();
+    let layout = Layout { temperature: true, level: true, extra, ..Layout::default() };
     let mut writer = campaign.run(file, layout)?;
     let dwell_s = size.seconds / 8.0 - 4.0;
     let mut number = 0;
@@ -133,19 +140,27 @@ fn record_run(size: &Size, run: usize, campaign: &CampaignWriter, file: &str) ->
         let dwell: Vec<_> = generator.rows(&[Dwell { index_deg, gap_s: 0.0, seconds: dwell_s }]).collect();
         for row in turn.into_iter().chain(dwell) {
             number += 1;
+            let t_s = number as f64 * size.interval_s;
             writer.write(&Row {
-                t_s: number as f64 * size.interval_s,
+                t_s,
                 interval_s: size.interval_s,
                 index_deg: row.index_deg,
                 fog_arcsec: row.fog_arcsec,
                 temp_c: Some(row.temp_c),
                 level: Some(Specific { forward: row.ax_g, left: row.ay_g }),
+                extra: (0..size.channels).map(|channel| channel_v(channel, run, t_s)).collect(),
                 ..Row::default()
             })?;
         }
     }
     writer.finish()?;
     Ok(number)
+}
+
+/// A channel with a period and a course of its own in every run.
+fn channel_v(channel: usize, run: usize, t_s: f64) -> f64 {
+    let (number, phase) = (channel as f64, (run * (2 * channel + 3)) as f64);
+    phase.sin() + 0.2 * (phase + t_s / (20.0 + 7.0 * number)).sin()
 }
 
 /// Peak memory of this process, MB; `None` where the system does not tell.
