@@ -180,10 +180,10 @@ impl Adaptive {
         self.waits = true;
     }
 
-    /// Before the first second of a dwell: this one, with so much ripple and this noise, still rings with what its gate lets pass. Its rates would scatter by
-    /// more than the noise, so that the dwell would have to be longer by more than the wait.
+    /// Before the first second of a dwell whose gate waited for a ringing: this one, with so much ripple and this noise, still rings with what the gate lets
+    /// pass. Its rates would scatter by more than the noise, so that the dwell would have to be longer by more than the wait.
     pub fn rings_down(&mut self, ripple_arcsec: f64, noise_deg_h: f64) -> bool {
-        if self.dwell_s > 0.0 || self.rang_s >= MOST_RINGING_S {
+        if !self.waits || self.dwell_s > 0.0 || self.rang_s >= MOST_RINGING_S {
             return false;
         }
         let falls = ripple_arcsec < FALLS * core::mem::replace(&mut self.rang_arcsec, ripple_arcsec);
@@ -500,19 +500,26 @@ mod tests {
     /// White noise of 0.09 °/h in a second departs from a line by 0.023 arcsec rms: below three times that, 0.07, nothing rings.
     #[test]
     fn a_dwell_begins_when_the_ringing_is_over() {
-        let mut plan = Adaptive::new(0.03, 0.0, 1000.0);
-        plan.begin(2, 0.0, 180.0, &IndexSettings::default(), SEEN);
+        let ringing = || {
+            let mut plan = Adaptive::new(0.03, 0.0, 1000.0);
+            plan.begin(2, 0.0, 180.0, &IndexSettings::default(), SEEN);
+            plan.wait();
+            plan
+        };
+        let mut plan = ringing();
         // It falls by a fifth from second to second: 0.44, 0.35, … arcsec; the ninth is 0.074.
         let waited = (0..30).take_while(|second| plan.rings_down(0.44 * 0.8f64.powi(*second), 0.09)).count();
         assert_eq!(waited, 9);
         // What does not fall is not the drive, and what falls slowly is waited for so long at most.
-        plan.begin(2, 0.0, 180.0, &IndexSettings::default(), SEEN);
+        let mut plan = ringing();
         assert!(plan.rings_down(0.4, 0.09) && !plan.rings_down(0.4, 0.09));
-        plan.begin(2, 0.0, 180.0, &IndexSettings::default(), SEEN);
+        let mut plan = ringing();
         assert_eq!((0..100).take_while(|second| plan.rings_down(0.9f64.powi(*second), 0.09)).count(), 15);
-        // In a dwell that has begun it is too late.
-        plan.begin(2, 0.0, 180.0, &IndexSettings::default(), SEEN);
+        // In a dwell that has begun it is too late, and a base that sways rings after no move.
+        let mut plan = ringing();
         plan.collected(9.0, 0.1, &IndexSettings::default());
+        assert!(!plan.rings_down(0.4, 0.09));
+        plan.begin(3, 0.0, 180.0, &IndexSettings::default(), SEEN);
         assert!(!plan.rings_down(0.4, 0.09));
     }
 

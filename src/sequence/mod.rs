@@ -327,11 +327,7 @@ impl Sequencer {
             self.between_dwells(corrected, &mut observed, sink);
         }
         let rate_deg_h = self.accumulator.is_usable(second).then_some(corrected.rate_deg_h);
-        let noise_deg_h = self.accumulator.declared().gyro.noise_deg_h();
-        // An adaptive fix waits before a dwell until the drive has rung down.
-        let rings_down = |adaptive: &mut Option<Adaptive>| {
-            adaptive.as_mut().is_some_and(|adaptive| adaptive.rings_down(second.ripple_arcsec, noise_deg_h))
-        };
+        let [noise_deg_h, _] = self.rates_deg_h();
         let motor = match &mut self.stage {
             Stage::Levelling { .. } => self.levelling(second.conditions.level, t_s, sink),
             Stage::Watching(gate, jitter) => {
@@ -343,14 +339,20 @@ impl Sequencer {
             }
             Stage::Settling(gate) => {
                 let verdict = gate.second(rate_deg_h, second.ripple_arcsec);
-                let quiet = gate.is_quiet() && !rings_down(&mut self.adaptive);
+                let quiet = gate.is_quiet();
                 if let Some(adaptive) = self.adaptive.as_mut().filter(|_| gate.is_ringing()) {
                     adaptive.wait();
                 }
                 self.collect_early(corrected, quiet, &mut observed, sink);
                 self.settling(verdict, corrected, &mut observed, sink)
             }
-            Stage::Collecting { .. } if rings_down(&mut self.adaptive) => {
+            // An adaptive fix waits before a dwell until the drive has rung down.
+            Stage::Collecting { .. }
+                if self
+                    .adaptive
+                    .as_mut()
+                    .is_some_and(|adaptive| adaptive.rings_down(second.ripple_arcsec, noise_deg_h)) =>
+            {
                 self.between_dwells(corrected, &mut observed, sink);
                 None
             }
