@@ -1,7 +1,7 @@
 #!/bin/sh
 # Writes docs/figures: what the figures of README and docs are from, each file by the command beside it. The published recordings (docs/comparison.md
 # says where they are) are looked for in the folder NORTH_FINDER_DATA; a file whose recording is not there stays as it is. `figures.sh FILE…` writes these
-# files of tables alone: all of them take some twenty minutes on two cores.
+# files of tables alone: all of them take some half an hour on two cores.
 set -eu
 only=" $* "
 for file in "$@"; do
@@ -45,6 +45,11 @@ bench repeat repeat
 bench adaptive adaptive --fixes 200
 bench adaptive-white adaptive --fixes 2000 --time 60 --time 240
 bench gates gates --fixes 100
+bench calibration calibration
+bench voyage voyage
+bench ageing ageing --trials 4000
+bench watch watch
+bench diagnose-speed diagnose-speed
 
 triad=$data/ring-laser-triad/increments_100hz.csv
 if [ -f "$triad" ]; then
