@@ -27,7 +27,7 @@ use crate::statistics::rms;
 #[command(after_help = "Example:\n  north bench fleet --types 1 --units 20 --tests 4")]
 pub struct FleetBench {
     /// Types of instruments
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(0..=1000))]
     types: u64,
     /// Units that the prior is learned from
     #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u64).range(2..=1000))]
@@ -118,7 +118,7 @@ impl Bench for FleetBench {
             missed.push("units out of the family are pulled to it".to_owned());
         }
         let roc = hidden.iter().map(|row| row.roc).sum::<f64>() / hidden.len().max(1) as f64;
-        if roc < LEAST_ROC {
+        if !hidden.is_empty() && roc < LEAST_ROC {
             missed.push(format!("the area under the ROC of units out of the family is {roc:.3}"));
         }
         if rows.iter().any(|row| row.hidden.is_empty() && !row.learned.is_empty()) {
