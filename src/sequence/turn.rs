@@ -98,11 +98,7 @@ impl Turn {
             return Progress::Turning;
         }
         if fresh {
-            let weight = if self.resting <= REST_TICKS {
-                1.0
-            } else {
-                f64::from((self.resting - REST_TICKS).min(RUNG_TICKS.saturating_sub(self.resting)).max(1))
-            };
+            let weight = self.weight();
             self.rest_sum_deg += weight * index_deg;
             self.rest_weight += weight;
             let [least_deg, most_deg] = self.rest_range_deg;
@@ -118,6 +114,14 @@ impl Turn {
             return Progress::Turning;
         }
         self.verify(self.rest_sum_deg / self.rest_weight)
+    }
+
+    /// Of a reading at this tick of rest: one, and rising and falling in the second of a drive that rings.
+    fn weight(&self) -> f64 {
+        match self.resting.checked_sub(REST_TICKS) {
+            None | Some(0) => 1.0,
+            Some(rung) => f64::from(rung.min(RUNG_TICKS.saturating_sub(self.resting)).max(1)),
+        }
     }
 
     fn watch_stall(&mut self, index_deg: f64) -> Progress {
