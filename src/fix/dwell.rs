@@ -818,9 +818,6 @@ mod tests {
         assert!((summary.rate.mean - 1.0).abs() < 1e-12);
     }
 
-    /// A gyro of 0.09 °/h of noise in a second whose angle is counted in steps of 0.72 arcsec, and an Earth rate of a tenth
-    /// of a count above a count: nine seconds in ten read the same. Not one is left out, and the mean is the rate to a
-    /// count in the dwell's length; a true shock of twenty counts is still left out.
     /// 0.6 of 1 ± 0.1 in a second is off by four sigmas, as a mean of nine seconds by twelve.
     #[test]
     fn a_long_row_errs_less_than_a_second() {
@@ -831,6 +828,9 @@ mod tests {
         }
     }
 
+    /// A gyro of 0.09 °/h of noise in a second whose angle is counted in steps of 0.72 arcsec, and an Earth rate of a tenth
+    /// of a count above a count: nine seconds in ten read the same. Not one is left out, and the mean is the rate to a
+    /// count in the dwell's length; a true shock of twenty counts is still left out.
     #[test]
     fn a_second_on_the_next_count_is_no_shock() {
         let (count, rate_deg_h) = (0.72, 7.272);

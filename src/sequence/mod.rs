@@ -323,11 +323,11 @@ impl Sequencer {
             return (observed, self.fail(fault, t_s, sink));
         }
         let early = self.adaptive.is_some() && matches!(self.stage, Stage::Watching(..) | Stage::Settling(_));
-        if !matches!(self.stage, Stage::Collecting { .. } | Stage::Rotating(_)) && !early {
+        let rings_down = matches!(self.stage, Stage::Collecting { .. }) && self.rings_down(second);
+        if rings_down || !matches!(self.stage, Stage::Collecting { .. } | Stage::Rotating(_)) && !early {
             self.between_dwells(corrected, &mut observed, sink);
         }
         let rate_deg_h = self.accumulator.is_usable(second).then_some(corrected.rate_deg_h);
-        let [noise_deg_h, _] = self.rates_deg_h();
         let motor = match &mut self.stage {
             Stage::Levelling { .. } => self.levelling(second.conditions.level, t_s, sink),
             Stage::Watching(gate, jitter) => {
@@ -346,16 +346,7 @@ impl Sequencer {
                 self.collect_early(corrected, quiet, &mut observed, sink);
                 self.settling(verdict, corrected, &mut observed, sink)
             }
-            // An adaptive fix waits before a dwell until the drive has rung down.
-            Stage::Collecting { .. }
-                if self
-                    .adaptive
-                    .as_mut()
-                    .is_some_and(|adaptive| adaptive.rings_down(second.ripple_arcsec, noise_deg_h)) =>
-            {
-                self.between_dwells(corrected, &mut observed, sink);
-                None
-            }
+            Stage::Collecting { .. } if rings_down => None,
             Stage::Collecting { seconds } => {
                 let before = *seconds;
                 self.collect(corrected, &mut observed, sink);
@@ -392,6 +383,12 @@ impl Sequencer {
             Some(index) => self.doubted |= self.rest.push(index).is_some(),
             None => {}
         }
+    }
+
+    /// An adaptive fix waits before a dwell until the drive has rung down.
+    fn rings_down(&mut self, second: &Second) -> bool {
+        let [noise_deg_h, _] = self.rates_deg_h();
+        self.adaptive.as_mut().is_some_and(|adaptive| adaptive.rings_down(second.ripple_arcsec, noise_deg_h))
     }
 
     /// An adaptive fix takes a quiet second before its gate has passed; one that is not quiet ends the dwell that they began.

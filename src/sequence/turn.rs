@@ -210,7 +210,7 @@ mod tests {
                 end => Some(end),
             }
         });
-        let Some(Progress::Arrived { index_deg, beyond: _ }) = ends else { panic!("{ends:?}") };
+        let Some(Progress::Arrived { index_deg, .. }) = ends else { panic!("{ends:?}") };
         assert!((index_deg - 90.0).abs() < 1.0 / (2.0 * core::f64::consts::PI).powi(2), "{index_deg}");
     }
 

@@ -1,8 +1,8 @@
 //! Columns of effects in the rows of runs: the firmware's own factors, evaluated by the second and averaged to rows.
 
-use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
 
+use lru::LruCache;
 use north_finder::effects::effect::{Effect, Port};
 use north_finder::effects::factor::Factor;
 
@@ -25,34 +25,21 @@ pub struct Library {
     gains: Vec<(Port, Vec<f64>)>,
 }
 
-/// What was evaluated last, and when it was last asked for.
-#[derive(Default)]
+/// What was evaluated last, and how many values that is.
 struct Last {
-    functions: HashMap<String, (u64, Functions)>,
-    asked: u64,
-    kept: usize,
+    functions: LruCache<String, Functions>,
+    values: usize,
 }
 
 impl Last {
-    fn get(&mut self, key: &str) -> Option<Functions> {
-        self.asked += 1;
-        let (asked, functions) = self.functions.get_mut(key)?;
-        *asked = self.asked;
-        Some(functions.clone())
-    }
-
-    /// Where there is no room the older half is forgotten.
-    fn insert(&mut self, key: String, functions: Functions) {
-        if self.kept > MOST_KEPT {
-            let mut asked: Vec<u64> = self.functions.values().map(|(asked, _)| *asked).collect();
-            let middle = asked.len() / 2;
-            let (_, middle, _) = asked.select_nth_unstable(middle);
-            let middle = *middle;
-            self.functions.retain(|_, (asked, _)| *asked > middle);
-            self.kept = self.functions.values().map(|(_, functions)| size(functions)).sum();
+    fn keep(&mut self, key: String, functions: Functions) {
+        self.values += size(&functions);
+        self.values -= self.functions.put(key, functions).map_or(0, |replaced| size(&replaced));
+        while self.values > MOST_KEPT
+            && let Some((_, oldest)) = self.functions.pop_lru()
+        {
+            self.values -= size(&oldest);
         }
-        self.kept += size(&functions);
-        self.functions.insert(key, (self.asked, functions));
     }
 }
 
@@ -64,7 +51,7 @@ impl Library {
     pub fn new(runs: &[Run]) -> Self {
         let gains =
             Port::ALL.into_iter().map(|port| (port, runs.iter().flat_map(|run| run.gains(port)).collect())).collect();
-        Self { last: Mutex::default(), gains }
+        Self { last: Mutex::new(Last { functions: LruCache::unbounded(), values: 0 }), gains }
     }
 
     /// Columns of an effect.
@@ -87,12 +74,12 @@ impl Library {
     /// The functions of a factor.
     pub fn functions(&self, runs: &[Run], factor: &Factor) -> Functions {
         let key = key(factor);
-        if let Some(known) = self.last.lock().ok().and_then(|mut last| last.get(&key)) {
+        if let Some(known) = self.last.lock().ok().and_then(|mut last| last.functions.get(&key).cloned()) {
             return known;
         }
         let functions = evaluated(runs, factor);
         if let Ok(mut last) = self.last.lock() {
-            last.insert(key, functions.clone());
+            last.keep(key, functions.clone());
         }
         functions
     }
