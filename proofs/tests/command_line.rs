@@ -35,6 +35,22 @@ fn accuracy_gives_markdown_and_json_that_agree() {
     }
 }
 
+/// Of a measurement of minutes nothing is lost: what cannot be written, or asks for nothing, is refused before it begins.
+#[test]
+fn a_bench_is_refused_before_it_measures() {
+    let folder = tempfile::tempdir().unwrap();
+    let nowhere = folder.path().join("none/a.json");
+    let nowhere = nowhere.to_str().unwrap();
+    for (arguments, code, why) in [
+        (&["accuracy", "--trials", "20", "--json", nowhere][..], 1, "none/a.json: there is no such folder"),
+        (&["fleet", "--types", "0", "--empty", "0"], 2, "there is no type"),
+    ] {
+        let output = Command::new(BENCH).args(arguments).stdin(Stdio::null()).output().unwrap();
+        assert_eq!((output.status.code(), output.stdout.as_slice()), (Some(code), &b""[..]), "{arguments:?}");
+        assert!(String::from_utf8_lossy(&output.stderr).contains(why), "{arguments:?}");
+    }
+}
+
 #[test]
 fn few_trials_of_the_calibrations_keep_the_promises() {
     let folder = tempfile::tempdir().unwrap();

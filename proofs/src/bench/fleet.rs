@@ -96,6 +96,9 @@ impl Bench for FleetBench {
     type Row = Row;
 
     fn measure(&self, out: &mut dyn Write) -> Result<Vec<Row>, Failure> {
+        if self.types + self.empty == 0 {
+            return Err(Failure::Usage("there is no type: --types or --empty is at least 1".to_owned()));
+        }
         let bar = progress::bar((self.types + self.empty) * (2 * self.units + 2 * self.tests), "units");
         let mut rows = Vec::new();
         for number in 0..self.types + self.empty {

@@ -37,7 +37,7 @@ use clap::{Args, Parser, Subcommand};
 use indicatif::ProgressBar;
 use north::failure::Failure;
 use north::interrupt;
-use north::output::{ForceOption, JsonOption};
+use north::output::{self, ForceOption, JsonOption};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -130,6 +130,7 @@ struct Report<'a, R> {
 }
 
 fn run<B: Bench>(bench: &B, json: &JsonOption) -> Result<(), Failure> {
+    output::check([json.path()])?;
     let rows = bench.measure(&mut json.human())?;
     json.write(&Report { rows: &rows })?;
     bench.judge(&rows)
