@@ -60,7 +60,7 @@ pub fn diagnosis(
     let used = found.filter(|_| validated.used);
     let mut model = model_of(runs, &validated, used, &wrong_files, base);
     let afters = after(runs, &model);
-    missed::warn(runs, &wrong, &mut warnings);
+    missed::warn_of_outliers(runs, &mut warnings);
     checks::warn_of_range(runs, &model, &mut warnings);
     let mut records = records(material, &afters, &validated, &wrong_files);
     let errors = |of: fn(&RunDiagnosis) -> Option<f64>| records.iter().filter_map(of).collect::<Vec<_>>();

@@ -11,17 +11,8 @@ use crate::run_data::RunData;
 const MISS_DEG: f64 = 1.0;
 const MISS_SIGMAS: f64 = 5.0;
 
-/// Warns of references that are not used, and of seconds that are no seconds of the gyro.
-pub fn warn(runs: &[RunData], wrong: &[WrongReference], warnings: &mut Vec<Warning>) {
-    for each in wrong.iter().filter(|each| each.exchanged_with.is_none()) {
-        let run = runs.iter().find(|run| run.file == each.file);
-        let error_deg = run.and_then(|run| Some(wrap_180_deg(run.before?.azimuth_deg - run.reference_deg?)));
-        let message = format!(
-            "its reference does not fit the other runs' by {:+.2} deg: it is not used; survey it again",
-            -error_deg.unwrap_or_default()
-        );
-        warnings.push(Warning::of_run(&each.file, message));
-    }
+/// Warns of seconds that are no seconds of the gyro.
+pub fn warn_of_outliers(runs: &[RunData], warnings: &mut Vec<Warning>) {
     for (run, &line) in runs.iter().flat_map(|run| run.outliers.iter().map(move |line| (run, line))) {
         let message = "the rate jumps for this second: it is left out as an outlier";
         warnings.push(Warning::of_run(&run.file, message).at_line(line));
@@ -29,7 +20,7 @@ pub fn warn(runs: &[RunData], wrong: &[WrongReference], warnings: &mut Vec<Warni
 }
 
 /// References that are wrong by what the runs say of each other, and runs whose azimuth is far from the reference, whatever was found: something is
-/// wrong with one of the two. Of wrong ones it is warned already.
+/// wrong with one of the two. It is warned of each.
 pub fn missed(records: &[RunDiagnosis], wrong: &[WrongReference], warnings: &mut Vec<Warning>) -> Vec<MissedReference> {
     let mut missed = Vec::new();
     for run in records {
@@ -45,15 +36,17 @@ pub fn missed(records: &[RunDiagnosis], wrong: &[WrongReference], warnings: &mut
             continue;
         }
         let exchanged_with = found.and_then(|each| each.exchanged_with.clone());
-        if let Some(other) = &exchanged_with {
-            let message = format!("its reference seems to be that of {other}, and the other way round");
-            warnings.push(Warning::of_run(&run.file, message));
-        } else if far && found.is_none() {
-            let message = format!(
+        let message = match (&exchanged_with, found) {
+            (Some(other), _) => format!("its reference seems to be that of {other}, and the other way round"),
+            (None, Some(_)) => format!(
+                "its reference does not fit the other runs' by {:+.2} deg: it is not used; survey it again",
+                -misses_by_deg
+            ),
+            (None, None) => format!(
                 "the azimuth misses the reference by {misses_by_deg:+.2} deg ({sigmas:.0} sigma): the reference, or the run, is wrong"
-            );
-            warnings.push(Warning::of_run(&run.file, message));
-        }
+            ),
+        };
+        warnings.push(Warning::of_run(&run.file, message));
         missed.push(MissedReference { file: run.file.clone(), misses_by_deg, sigmas, exchanged_with });
     }
     missed

@@ -132,16 +132,12 @@ pub fn learn(mut runs: Vec<Run>, allowed: &Allowed<'_>) -> Learned {
     loop {
         let search = Search::new(&runs, allowed.family);
         let Some(best) = search.best(&start) else { return Learned { runs, blunders, ..Learned::default() } };
-        let predictive = best.predictive(&search.grammar);
         start = Start { effects: best.found(), process: best.process };
         let suspects = if blunders.len() < MOST_BLUNDERS { search.suspects(&best) } else { Vec::new() };
-        let likelier = suspects.into_iter().find_map(|blunder| {
-            let mended = blunder.mended(&runs);
-            let search = Search::new(&mended, allowed.family);
-            let predictive_then = search.best(&start)?.predictive(&search.grammar);
-            (predictive_then - blunder.cost(runs.len()) > predictive).then_some((blunder, mended))
-        });
-        if let Some((blunder, mended)) = likelier {
+        let likelier = suspects
+            .into_iter()
+            .find_map(|blunder| contradicted(&search, &best, &blunder).then(|| (blunder.mended(&runs), blunder)));
+        if let Some((mended, blunder)) = likelier {
             blunders.push(blunder);
             runs = mended;
             continue;
@@ -156,6 +152,20 @@ pub fn learn(mut runs: Vec<Run>, allowed: &Allowed<'_>) -> Learned {
         let (score, posterior) = usable.unwrap_or(whole);
         return Learned { posterior, score, score_without, runs, blunders, process_without };
     }
+}
+
+/// Whether the references that a blunder is about are contradicted by the other runs, with everything that is learned then. Effects of the best model
+/// for which no other run speaks do not compete with the blunder: one run with an effect of its own is not told from one with a wrong reference.
+fn contradicted(search: &Search<'_>, best: &Model<'_>, blunder: &Blunder) -> bool {
+    let mended = blunder.mended(search.runs);
+    let without = Search::new(&mended, search.family);
+    let start = Start { effects: best.found(), process: best.process };
+    let compared = without.best(&start).and_then(|then| {
+        let others_speak = best.in_runs(&mended)?.evidence() - then.evidence() > search::NEGLIGIBLE;
+        let rival = if others_speak { search.plausible(best) } else { search.plausible(&then.in_runs(search.runs)?) };
+        Some(without.plausible(&then) - blunder.cost(mended.len()) > rival)
+    });
+    compared.unwrap_or(false)
 }
 
 /// What may be used of a model that may not be used whole: the best model with one effect or one factor less, with two less, and so on; its score, and

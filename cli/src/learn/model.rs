@@ -168,9 +168,9 @@ impl<'a> Model<'a> {
         with.into_iter().chain(without).max_by(f64::total_cmp)
     }
 
-    /// The same with the process that suits these runs best.
-    pub fn likeliest_evidence_in(&self, runs: &[Run]) -> Option<f64> {
-        Some(Model::new(runs, self.process, &self.terms_in(runs))?.with_likeliest_process().evidence())
+    /// Its effects in other runs, with the process that suits these best.
+    pub fn in_runs<'b>(&self, runs: &'b [Run]) -> Option<Model<'b>> {
+        Some(Model::new(runs, self.process, &self.terms_in(runs))?.with_likeliest_process())
     }
 
     /// Its effects evaluated in other runs.

@@ -8,9 +8,9 @@ use super::model::Model;
 use super::problem::Problem;
 use super::rows::{Run, UNKNOWN_RAD};
 
-/// Probability that a campaign has one wrong reference, or one exchange, before anything is seen.
+/// Probability that a reference is wrong, and that it is exchanged with another one, before anything is seen.
 const BLUNDER: f64 = 0.01;
-/// References that are looked at exactly: those that miss most.
+/// References that are looked at exactly: those that miss most, and with them those that miss by what no turn in the linear equations is.
 const SUSPECTS: usize = 4;
 /// Blunders of these that are compared with effects.
 const FINALISTS: usize = 2;
@@ -44,8 +44,8 @@ impl Blunder {
     pub fn cost(&self, runs: usize) -> f64 {
         let runs = runs as f64;
         match self {
-            Self::Wrong(_) => (runs / BLUNDER).ln() + ((2.0 * std::f64::consts::PI).sqrt() / UNKNOWN_RAD).ln(),
-            Self::Exchanged(..) => (0.5 * runs * (runs - 1.0) / BLUNDER).ln(),
+            Self::Wrong(_) => -BLUNDER.ln() + ((2.0 * std::f64::consts::PI).sqrt() / UNKNOWN_RAD).ln(),
+            Self::Exchanged(..) => ((runs - 1.0) / BLUNDER).ln(),
         }
     }
 }
@@ -54,22 +54,7 @@ impl Blunder {
 pub fn likeliest(model: &Model<'_>) -> Option<(f64, Blunder)> {
     let problem = &model.problem;
     let runs = problem.runs;
-    let all_misses = misses(problem, &problem.weighed(&problem.left(&model.terms, &model.fit)));
-    let mut suspects = all_misses.clone();
-    suspects.sort_by(|a, b| b.1.total_cmp(&a.1));
-    suspects.truncate(SUSPECTS);
-    let alone = suspects.iter().map(|&(i, ..)| Blunder::Wrong(i));
-    // The other run of an exchange need not be suspect: an effect may have taken it in.
-    let pairs = suspects.iter().flat_map(|a| all_misses.iter().map(move |b| (a, b)));
-    let exchanged = pairs
-        .filter(|(a, b)| a.0 != b.0 && points_at(runs, a, b) && points_at(runs, b, a))
-        .map(|(a, b)| Blunder::Exchanged(a.0.min(b.0), a.0.max(b.0)));
-    let mut all: Vec<Blunder> = Vec::new();
-    exchanged.chain(alone).for_each(|blunder| {
-        if !all.contains(&blunder) {
-            all.push(blunder)
-        }
-    });
+    let all = proposed(runs, &misses(problem, &problem.weighed(&problem.left(&model.terms, &model.fit))));
     let gain = |blunder: Blunder, evidence_in: &dyn Fn(&[Run]) -> Option<f64>| {
         let evidence = evidence_in(&blunder.mended(runs))?;
         Some((evidence - model.evidence() - blunder.cost(runs.len()), blunder))
@@ -79,8 +64,29 @@ pub fn likeliest(model: &Model<'_>) -> Option<(f64, Blunder)> {
     likely.sort_by(|a, b| b.0.total_cmp(&a.0));
     likely.truncate(FINALISTS);
     // What a blunder leaves has been taken for a process: those that are left have one of their own.
-    let finish = |(_, blunder)| gain(blunder, &|mended| model.likeliest_evidence_in(mended));
+    let finish = |(_, blunder)| gain(blunder, &|mended| Some(model.in_runs(mended)?.evidence()));
     likely.into_par_iter().filter_map(finish).max_by(|a, b| a.0.total_cmp(&b.0))
+}
+
+/// What may be wrong with references that miss so much.
+fn proposed(runs: &[Run], misses: &[(usize, f64, f64)]) -> Vec<Blunder> {
+    let mut suspects = misses.to_vec();
+    suspects.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let mut place = 0..;
+    suspects.retain(|each| place.next() < Some(SUSPECTS) || is_gross(&runs[each.0]));
+    let alone = suspects.iter().map(|&(i, ..)| Blunder::Wrong(i));
+    // The other run of an exchange need not be suspect: an effect may have taken it in.
+    let pairs = suspects.iter().flat_map(|a| misses.iter().map(move |b| (a, b)));
+    let exchanged = pairs
+        .filter(|(a, b)| a.0 != b.0 && points_at(runs, a, b) && points_at(runs, b, a))
+        .map(|(a, b)| Blunder::Exchanged(a.0.min(b.0), a.0.max(b.0)));
+    let mut all: Vec<Blunder> = Vec::new();
+    exchanged.chain(alone).for_each(|blunder| {
+        if !all.contains(&blunder) {
+            all.push(blunder)
+        }
+    });
+    all
 }
 
 /// By how much every reference misses what its run says beside the model (rad), and the chi-square of that.
@@ -101,12 +107,43 @@ fn misses(problem: &Problem<'_>, weighed: &[f64]) -> Vec<(usize, f64, f64)> {
     problem.runs.iter().enumerate().filter_map(of_run).collect()
 }
 
+/// A run whose own azimuth misses its reference by more than the linear equations hold for. (They are blind to a turn by 180°.)
+fn is_gross(run: &Run) -> bool {
+    let miss_deg = run.plain_deg.zip(run.reference).map(|(says_deg, (own_deg, _))| wrap_180_deg(says_deg - own_deg));
+    miss_deg.is_some_and(|miss_deg| miss_deg.abs() > UNKNOWN_RAD * DEG_PER_RAD)
+}
+
 /// Whether run a, by what it says itself, points where the reference of run b does: nearer by five than to its own. Beside the model where the miss
 /// is small enough for it to be linear, else by its own azimuth, of which effects are the smaller part.
 fn points_at(runs: &[Run], a: &(usize, f64, f64), b: &(usize, f64, f64)) -> bool {
     let (Some((own_deg, _)), Some((other_deg, _))) = (runs[a.0].reference, runs[b.0].reference) else { return false };
     let beside_model_deg = own_deg + a.2 * DEG_PER_RAD;
-    let says_deg =
-        if a.2.abs() < UNKNOWN_RAD { beside_model_deg } else { runs[a.0].plain_deg.unwrap_or(beside_model_deg) };
+    let is_linear = a.2.abs() < UNKNOWN_RAD && !is_gross(&runs[a.0]);
+    let says_deg = if is_linear { beside_model_deg } else { runs[a.0].plain_deg.unwrap_or(beside_model_deg) };
     wrap_180_deg(says_deg - other_deg).abs() < 0.2 * wrap_180_deg(says_deg - own_deg).abs()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Eight runs, of which the third points at 10° and has the reference of the sixth, 185°, and the other way round. To the linear equations that is a
+    /// turn by sin 175° = 0.09 rad = 5°, which points at neither reference; they miss by less than four others do by their noise.
+    #[test]
+    fn references_of_nearly_opposite_headings_are_exchanged() {
+        let headings_deg = [100.0, 130.0, 10.0, 60.0, 250.0, 185.0, 300.0, 340.0];
+        let at = |(run, heading_deg): (usize, f64)| {
+            let mut blank = Run::of_rates(&[0.0; 8]);
+            blank.plain_deg = Some(heading_deg);
+            let reference_deg = [(2, 185.0), (5, 10.0)].iter().find(|(exchanged, _)| *exchanged == run);
+            blank.take_reference(Some((reference_deg.map_or(heading_deg, |(_, deg)| *deg), 0.01)));
+            blank
+        };
+        let runs: Vec<Run> = headings_deg.into_iter().enumerate().map(at).collect();
+        let misses: Vec<(usize, f64, f64)> =
+            (0..8).map(|run| if run == 2 || run == 5 { (run, 0.5, 0.09) } else { (run, 1.0, 0.0) }).collect();
+        let proposed = proposed(&runs, &misses);
+        assert_eq!(proposed[0], Blunder::Exchanged(2, 5));
+        assert_eq!(proposed.len(), 7, "and six that are wrong alone: {proposed:?}");
+    }
 }

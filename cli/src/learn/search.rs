@@ -86,7 +86,7 @@ pub struct Start {
 pub struct Search<'a> {
     pub runs: &'a [Run],
     pub grammar: Grammar,
-    family: &'a Family,
+    pub family: &'a Family,
     bank: Bank,
     pairs: Pairs,
     triples: Triples,
@@ -148,15 +148,21 @@ impl<'a> Search<'a> {
     /// Adds effects one after the other, as long as both evidence and prediction rise.
     fn grown(&self, mut model: Model<'a>) -> Model<'a> {
         while model.terms.len() < MOST_EFFECTS {
-            let asked = if model.found().is_empty() { FALSE_DISCOVERIES } else { FURTHER_FALSE_DISCOVERIES };
+            let count = model.found().len();
+            let asked = odds_against(count + 1) - odds_against(count);
             let Some(wider) = self.widened_by(&model, |model| self.finalists(model)) else { break };
             let more = wider.score(&self.grammar) - model.score(&self.grammar);
-            if more <= -asked.ln() || wider.predictive(&self.grammar) <= model.predictive(&self.grammar) {
+            if more <= asked || wider.predictive(&self.grammar) <= model.predictive(&self.grammar) {
                 break;
             }
             model = self.with_family(self.pruned(wider));
         }
         model
+    }
+
+    /// How well every run is predicted from the others by a model, less what it costs, and less the odds against as many effects; nats.
+    pub fn plausible(&self, model: &Model<'_>) -> f64 {
+        model.predictive(&self.grammar) - odds_against(model.found().len())
     }
 
     /// Adds the effects of the instrument's family that this unit more likely has than not.
@@ -262,17 +268,18 @@ impl<'a> Search<'a> {
         simpler.filter_map(with).collect()
     }
 
-    /// References that may be wrong, the likeliest first. They are tested beside all effects of the model, beside none, and beside all but each one,
-    /// because an effect may have been found in place of a wrong reference.
+    /// References that may be wrong, the likeliest first. They are tested beside all effects of the model, beside none, and beside all but each effect and
+    /// each factor, because either may have been found in place of a wrong reference.
     pub fn suspects(&self, model: &Model<'a>) -> Vec<Blunder> {
-        let count = model.terms.len();
-        let without = |i: usize| [&model.terms[..i], &model.terms[i + 1..]].concat();
-        let beside =
-            std::iter::once(model.terms.clone()).chain((0..count).map(without)).chain((count > 1).then(Vec::new));
+        if self.runs.iter().all(|run| run.reference.is_none()) {
+            return Vec::new();
+        }
+        let of = |terms: &[Term]| Model::new(self.runs, model.process, terms);
+        let fewer =
+            (0..model.terms.len()).flat_map(|i| self.with_one_simpler(model, i)).chain(self.without_each(model));
+        let beside = of(&model.terms).into_iter().chain(fewer).chain(of(&[]).filter(|_| model.terms.len() > 1));
         let mut suspects: Vec<(f64, Blunder)> = Vec::new();
-        for terms in beside {
-            let Some(before) = Model::new(self.runs, model.process, &terms) else { continue };
-            let before = before.with_likeliest_process();
+        for before in beside.map(Model::with_likeliest_process) {
             if let Some((gain, blunder)) = likeliest(&before)
                 && gain > 0.0
             {
@@ -710,6 +717,14 @@ impl<'a> Search<'a> {
             }
         }
         self.pruned(model)
+    }
+}
+
+/// Log odds against so many effects beforehand, nats.
+fn odds_against(effects: usize) -> f64 {
+    match effects {
+        0 => 0.0,
+        _ => -FALSE_DISCOVERIES.ln() - (effects - 1) as f64 * FURTHER_FALSE_DISCOVERIES.ln(),
     }
 }
 
