@@ -154,15 +154,20 @@ pub fn learn(mut runs: Vec<Run>, allowed: &Allowed<'_>) -> Learned {
     }
 }
 
-/// Whether the references that a blunder is about are contradicted by the other runs, with everything that is learned then. Effects of the best model
-/// for which no other run speaks do not compete with the blunder: one run with an effect of its own is not told from one with a wrong reference.
+/// Whether the references that a blunder is about are contradicted by the other runs, with everything that is learned then. What the best model has more
+/// than the other runs show does not compete with the blunder: one run with an effect of its own is not told from one with a wrong reference.
 fn contradicted(search: &Search<'_>, best: &Model<'_>, blunder: &Blunder) -> bool {
     let mended = blunder.mended(search.runs);
     let without = Search::new(&mended, search.family);
     let start = Start { effects: best.found(), process: best.process };
     let compared = without.best(&start).and_then(|then| {
         let others_speak = best.in_runs(&mended)?.evidence() - then.evidence() > search::NEGLIGIBLE;
-        let rival = if others_speak { search.plausible(best) } else { search.plausible(&then.in_runs(search.runs)?) };
+        let has_more = best.cost(&search.grammar) > then.cost(&without.grammar);
+        let rival = if has_more && !others_speak {
+            search.plausible(&then.in_runs(search.runs)?)
+        } else {
+            search.plausible(best)
+        };
         Some(without.plausible(&then) - blunder.cost(mended.len()) > rival)
     });
     compared.unwrap_or(false)

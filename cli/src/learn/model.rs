@@ -124,7 +124,7 @@ impl<'a> Model<'a> {
     }
 
     /// What the forms of effects and process cost, nats.
-    fn cost(&self, grammar: &Grammar) -> f64 {
+    pub fn cost(&self, grammar: &Grammar) -> f64 {
         self.cost_by(|effect| grammar.cost(effect))
     }
 

@@ -109,13 +109,45 @@ impl<'a> Search<'a> {
         let terms: Vec<Term> = start.effects.iter().map(|effect| self.term(&bare, effect)).collect();
         let model =
             self.with_family(self.pruned(Model::new(self.runs, start.process, &terms)?.with_likeliest_process()));
-        let best = self.completed(model, &start.effects);
+        let best = self.taken_apart(self.completed(model, &start.effects));
         let is_product = |term: &Term| term.known.is_none() && term.effect.factors.len() > 1;
         if !best.terms.iter().any(is_product) {
             return Some(best);
         }
         let plain = self.plain_model(best.terms.len() + 1)?;
         Some(if plain.score(&self.grammar) > best.score(&self.grammar) { self.completed(plain, &[]) } else { best })
+    }
+
+    /// Takes products apart. A product may have taken in what several effects cause: as one more factor it costs less than an effect of its own. Each
+    /// is replaced by the same with one factor less and the effect that is missing then; the likeliest such model is completed.
+    fn taken_apart(&self, mut model: Model<'a>) -> Model<'a> {
+        loop {
+            let score = model.score(&self.grammar);
+            let simpler = (0..model.terms.len()).into_par_iter().filter_map(|i| self.mostly_explained(&model, i));
+            let promising = simpler.filter(|each| 2.0 * self.promise_beside(each) > score - each.score(&self.grammar));
+            let apart = promising.filter_map(|each| self.widened_by(&each, |model| self.finalists(model)));
+            let likeliest = apart.max_by(|a, b| a.score(&self.grammar).total_cmp(&b.score(&self.grammar)));
+            let better =
+                likeliest.filter(|each| each.score(&self.grammar) > score).map(|each| self.completed(each, &[]));
+            match better {
+                Some(better) if better.score(&self.grammar) > score - FURTHER_FALSE_DISCOVERIES.ln() => model = better,
+                _ => return model,
+            }
+        }
+    }
+
+    /// Gain of the most promising effect beside a model, with the constants that it is proposed with: tuned ones may double it.
+    fn promise_beside(&self, model: &Model<'a>) -> f64 {
+        self.chosen(model).1.first().map_or(f64::NEG_INFINITY, |(gain, _)| *gain)
+    }
+
+    /// A model with one of its effects without the factor that is missed least, where that still explains half of what the effect does: of two effects
+    /// one does.
+    fn mostly_explained(&self, model: &Model<'a>, i: usize) -> Option<Model<'a>> {
+        let without = self.without_each(model).nth(i)?.score(&self.grammar);
+        let scored = self.with_one_simpler(model, i).into_iter().map(|each| (each.score(&self.grammar), each));
+        let (score, simpler) = scored.max_by(|a, b| a.0.total_cmp(&b.0))?;
+        (score > 0.5 * (model.score(&self.grammar) + without)).then_some(simpler)
     }
 
     /// The model that effects of one factor make, so many at most.
@@ -258,7 +290,7 @@ impl<'a> Search<'a> {
         let own = terms.remove(i);
         let Some(others) = Model::new(self.runs, model.process, &terms) else { return Vec::new() };
         let simpler = if own.known.is_some() { Vec::new() } else { reduced(&own.effect) };
-        let simpler = simpler.into_iter().filter(|effect| !effect.factors.is_empty());
+        let simpler = simpler.into_par_iter().filter(|effect| !effect.factors.is_empty());
         let with = |effect: Effect| {
             let (_, effect) = self.tuned(&others, effect.clone(), self.gain(&others, &effect), &FINELY);
             let mut with = terms.clone();
