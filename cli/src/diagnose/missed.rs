@@ -24,13 +24,16 @@ pub fn warn_of_outliers(runs: &[RunData], warnings: &mut Vec<Warning>) {
 pub fn missed(records: &[RunDiagnosis], wrong: &[WrongReference], warnings: &mut Vec<Warning>) -> Vec<MissedReference> {
     let mut missed = Vec::new();
     for run in records {
+        let found = wrong.iter().find(|each| each.file == run.file);
         let azimuth = run.azimuth_after_deg.zip(run.sigma_after_deg);
         let (Some((azimuth_deg, sigma_deg)), Some(reference_deg)) = (azimuth, run.reference_azimuth_deg) else {
+            if found.is_some() {
+                warnings.push(Warning::of_run(&run.file, "its reference does not fit the other runs': it is not used"));
+            }
             continue;
         };
         let misses_by_deg = wrap_180_deg(azimuth_deg - reference_deg);
         let sigmas = misses_by_deg.abs() / sigma_deg;
-        let found = wrong.iter().find(|each| each.file == run.file);
         let far = misses_by_deg.abs() > MISS_DEG.max(MISS_SIGMAS * sigma_deg);
         if found.is_none() && !far {
             continue;

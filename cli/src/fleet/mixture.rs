@@ -7,13 +7,10 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::candidates::Candidate;
-use crate::learn::{Common, Place, Statistics, Way, Ways, form_cost};
+use crate::learn::{Common, Place, Statistics, Way, Ways, asked_beside, form_cost};
 
 /// Rounds of expectation and maximisation: of one effect beside the others, and of all.
 const ROUNDS: usize = 12;
-/// Fleets without any effect in which one is taken up by chance, by Markov's inequality: as for single instruments.
-const FALSE_DISCOVERIES: f64 = 1.0 / 200.0;
-const FURTHER_FALSE_DISCOVERIES: f64 = 1.0 / 20.0;
 /// Log odds from which on a unit has an effect, for a first estimate; nats.
 const HAS_IT: f64 = 3.0;
 /// What is known beforehand of the covariance weighs as much as so many units, and is a spread of this share of the mean: coefficients of instruments
@@ -43,9 +40,9 @@ pub fn mixture(units: &[Statistics], candidates: &[Candidate], signals: usize) -
                 Some((gain - cost(&candidates[number], units.len(), signals), number, common))
             })
             .max_by(|a, b| a.0.total_cmp(&b.0));
-        let asked = if family.is_empty() { FALSE_DISCOVERIES } else { FURTHER_FALSE_DISCOVERIES };
+        // Of fleets without any effect one is taken up by chance in as many as of single instruments.
         match best {
-            Some((gain, number, common)) if gain > -asked.ln() => {
+            Some((gain, number, common)) if gain > asked_beside(family.len()) => {
                 family.push((number, common));
                 family = together(units, family);
             }

@@ -39,7 +39,7 @@ use problem::Term;
 use rayon::prelude::*;
 pub use rows::Run;
 use search::{Search, Start};
-pub use search::{Tried, form};
+pub use search::{Tried, asked_beside, form};
 pub use tells::{Imitated, imitated};
 
 /// Most references that are put right: with more than that the survey as a whole is not to be believed.
@@ -132,7 +132,7 @@ pub fn learn(mut runs: Vec<Run>, allowed: &Allowed<'_>) -> Learned {
     loop {
         let search = Search::new(&runs, allowed.family);
         let Some(best) = search.best(&start) else { return Learned { runs, blunders, ..Learned::default() } };
-        start = Start { effects: best.found(), process: best.process };
+        start = Start::from(&best);
         let suspects = if blunders.len() < MOST_BLUNDERS { search.suspects(&best) } else { Vec::new() };
         let likelier = suspects
             .into_iter()
@@ -159,15 +159,10 @@ pub fn learn(mut runs: Vec<Run>, allowed: &Allowed<'_>) -> Learned {
 fn contradicted(search: &Search<'_>, best: &Model<'_>, blunder: &Blunder) -> bool {
     let mended = blunder.mended(search.runs);
     let without = Search::new(&mended, search.family);
-    let start = Start { effects: best.found(), process: best.process };
-    let compared = without.best(&start).and_then(|then| {
-        let others_speak = best.in_runs(&mended)?.evidence() - then.evidence() > search::NEGLIGIBLE;
+    let compared = without.best(&best.into()).and_then(|then| {
         let has_more = best.cost(&search.grammar) > then.cost(&without.grammar);
-        let rival = if has_more && !others_speak {
-            search.plausible(&then.in_runs(search.runs)?)
-        } else {
-            search.plausible(best)
-        };
+        let is_alone = has_more && best.in_runs(&mended)?.evidence() - then.evidence() <= search::NEGLIGIBLE;
+        let rival = if is_alone { search.plausible(&then.in_runs(search.runs)?) } else { search.plausible(best) };
         Some(without.plausible(&then) - blunder.cost(mended.len()) > rival)
     });
     compared.unwrap_or(false)

@@ -68,18 +68,26 @@ pub fn likeliest(model: &Model<'_>) -> Option<(f64, Blunder)> {
     likely.into_par_iter().filter_map(finish).max_by(|a, b| a.0.total_cmp(&b.0))
 }
 
+/// By how much a run's reference misses what it says beside a model.
+#[derive(Clone, Copy)]
+struct Miss {
+    run: usize,
+    chi_square: f64,
+    turn_rad: f64,
+}
+
 /// What may be wrong with references that miss so much.
-fn proposed(runs: &[Run], misses: &[(usize, f64, f64)]) -> Vec<Blunder> {
+fn proposed(runs: &[Run], misses: &[Miss]) -> Vec<Blunder> {
     let mut suspects = misses.to_vec();
-    suspects.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let mut place = 0..;
-    suspects.retain(|each| place.next() < Some(SUSPECTS) || is_gross(&runs[each.0]));
-    let alone = suspects.iter().map(|&(i, ..)| Blunder::Wrong(i));
+    suspects.sort_by(|a, b| b.chi_square.total_cmp(&a.chi_square));
+    let others = suspects.split_off(SUSPECTS.min(suspects.len()));
+    suspects.extend(others.into_iter().filter(|each| is_gross(&runs[each.run])));
+    let alone = suspects.iter().map(|each| Blunder::Wrong(each.run));
     // The other run of an exchange need not be suspect: an effect may have taken it in.
     let pairs = suspects.iter().flat_map(|a| misses.iter().map(move |b| (a, b)));
     let exchanged = pairs
-        .filter(|(a, b)| a.0 != b.0 && points_at(runs, a, b) && points_at(runs, b, a))
-        .map(|(a, b)| Blunder::Exchanged(a.0.min(b.0), a.0.max(b.0)));
+        .filter(|(a, b)| a.run != b.run && points_at(runs, a, b) && points_at(runs, b, a))
+        .map(|(a, b)| Blunder::Exchanged(a.run.min(b.run), a.run.max(b.run)));
     let mut all: Vec<Blunder> = Vec::new();
     exchanged.chain(alone).for_each(|blunder| {
         if !all.contains(&blunder) {
@@ -89,8 +97,8 @@ fn proposed(runs: &[Run], misses: &[(usize, f64, f64)]) -> Vec<Blunder> {
     all
 }
 
-/// By how much every reference misses what its run says beside the model (rad), and the chi-square of that.
-fn misses(problem: &Problem<'_>, weighed: &[f64]) -> Vec<(usize, f64, f64)> {
+/// By how much every reference misses what its run says beside the model.
+fn misses(problem: &Problem<'_>, weighed: &[f64]) -> Vec<Miss> {
     let mut end = 0;
     let of_run = |(i, run): (usize, &Run)| {
         end += run.rows();
@@ -102,7 +110,11 @@ fn misses(problem: &Problem<'_>, weighed: &[f64]) -> Vec<(usize, f64, f64)> {
         let sigma_rad = sigma_deg / DEG_PER_RAD;
         // The score is that of a run whose reference holds it: beside the survey's own variance.
         let free = information / (1.0 + information);
-        (free > 0.0).then(|| (i, score * score / free, score / information * (1.0 + information) * sigma_rad))
+        (free > 0.0).then(|| Miss {
+            run: i,
+            chi_square: score * score / free,
+            turn_rad: score / information * (1.0 + information) * sigma_rad,
+        })
     };
     problem.runs.iter().enumerate().filter_map(of_run).collect()
 }
@@ -115,11 +127,12 @@ fn is_gross(run: &Run) -> bool {
 
 /// Whether run a, by what it says itself, points where the reference of run b does: nearer by five than to its own. Beside the model where the miss
 /// is small enough for it to be linear, else by its own azimuth, of which effects are the smaller part.
-fn points_at(runs: &[Run], a: &(usize, f64, f64), b: &(usize, f64, f64)) -> bool {
-    let (Some((own_deg, _)), Some((other_deg, _))) = (runs[a.0].reference, runs[b.0].reference) else { return false };
-    let beside_model_deg = own_deg + a.2 * DEG_PER_RAD;
-    let is_linear = a.2.abs() < UNKNOWN_RAD && !is_gross(&runs[a.0]);
-    let says_deg = if is_linear { beside_model_deg } else { runs[a.0].plain_deg.unwrap_or(beside_model_deg) };
+fn points_at(runs: &[Run], a: &Miss, b: &Miss) -> bool {
+    let run = &runs[a.run];
+    let (Some((own_deg, _)), Some((other_deg, _))) = (run.reference, runs[b.run].reference) else { return false };
+    let beside_model_deg = own_deg + a.turn_rad * DEG_PER_RAD;
+    let is_linear = a.turn_rad.abs() < UNKNOWN_RAD && !is_gross(run);
+    let says_deg = if is_linear { beside_model_deg } else { run.plain_deg.unwrap_or(beside_model_deg) };
     wrap_180_deg(says_deg - other_deg).abs() < 0.2 * wrap_180_deg(says_deg - own_deg).abs()
 }
 
@@ -140,8 +153,12 @@ mod tests {
             blank
         };
         let runs: Vec<Run> = headings_deg.into_iter().enumerate().map(at).collect();
-        let misses: Vec<(usize, f64, f64)> =
-            (0..8).map(|run| if run == 2 || run == 5 { (run, 0.5, 0.09) } else { (run, 1.0, 0.0) }).collect();
+        let misses: Vec<Miss> = (0..8)
+            .map(|run| {
+                let (chi_square, turn_rad) = if run == 2 || run == 5 { (0.5, 0.09) } else { (1.0, 0.0) };
+                Miss { run, chi_square, turn_rad }
+            })
+            .collect();
         let proposed = proposed(&runs, &misses);
         assert_eq!(proposed[0], Blunder::Exchanged(2, 5));
         assert_eq!(proposed.len(), 7, "and six that are wrong alone: {proposed:?}");

@@ -42,6 +42,10 @@ const CONTENDERS_OF_THREE: usize = 2;
 const FINALISTS: usize = 3;
 /// What tuning may add to the gain of a proposal whose constants lie at most half a step of the bank's from the best, nats; below it a proposal is dropped.
 const HOPE: f64 = 3.0;
+/// Share of what a product explains that it keeps without one factor where it stands for two effects, and of what is missing then that an effect explains with the
+/// constants that it is proposed with.
+const MOSTLY: f64 = 0.5;
+const PROMISED: f64 = 0.5;
 /// A form that is less likely than another by more than this is no rival of it, nats: e^-4 is two in a hundred.
 pub const NEGLIGIBLE: f64 = 4.0;
 /// Neighbours of a form whose exact evidence is computed, and those of them that are tuned.
@@ -78,8 +82,14 @@ pub struct Tried {
 /// What a search begins with.
 #[derive(Clone, Debug, Default)]
 pub struct Start {
-    pub effects: Vec<Effect>,
-    pub process: Option<Process>,
+    effects: Vec<Effect>,
+    process: Option<Process>,
+}
+
+impl From<&Model<'_>> for Start {
+    fn from(model: &Model<'_>) -> Self {
+        Self { effects: model.found(), process: model.process }
+    }
 }
 
 /// The search's tools.
@@ -102,8 +112,8 @@ impl<'a> Search<'a> {
     }
 
     /// Searches for the model with the greatest score, from `start`: nothing, or what an earlier search found with another reference for one run. Where
-    /// revising the effects raises the score by more than a further effect must, further ones are searched for again. Where products were found, effects of
-    /// one factor compete with them, which a product may have taken in and hide. `None` where the runs determine no model.
+    /// revising the effects raises the score by more than a further effect must, further ones are searched for again. Where products were found, they are
+    /// taken apart, and effects of one factor compete with them, which a product may have taken in and hide. `None` where the runs determine no model.
     pub fn best(&self, start: &Start) -> Option<Model<'a>> {
         let bare = Model::new(self.runs, None, &[])?;
         let terms: Vec<Term> = start.effects.iter().map(|effect| self.term(&bare, effect)).collect();
@@ -124,7 +134,8 @@ impl<'a> Search<'a> {
         loop {
             let score = model.score(&self.grammar);
             let simpler = (0..model.terms.len()).into_par_iter().filter_map(|i| self.mostly_explained(&model, i));
-            let promising = simpler.filter(|each| 2.0 * self.promise_beside(each) > score - each.score(&self.grammar));
+            let promising =
+                simpler.filter(|each| self.promise_beside(each) > PROMISED * (score - each.score(&self.grammar)));
             let apart = promising.filter_map(|each| self.widened_by(&each, |model| self.finalists(model)));
             let likeliest = apart.max_by(|a, b| a.score(&self.grammar).total_cmp(&b.score(&self.grammar)));
             let better =
@@ -136,18 +147,17 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Gain of the most promising effect beside a model, with the constants that it is proposed with: tuned ones may double it.
+    /// Gain of the most promising effect beside a model, with the constants that it is proposed with.
     fn promise_beside(&self, model: &Model<'a>) -> f64 {
         self.chosen(model).1.first().map_or(f64::NEG_INFINITY, |(gain, _)| *gain)
     }
 
-    /// A model with one of its effects without the factor that is missed least, where that still explains half of what the effect does: of two effects
-    /// one does.
+    /// A model with one of its effects without the factor that is missed least, where that still explains most of what the effect does.
     fn mostly_explained(&self, model: &Model<'a>, i: usize) -> Option<Model<'a>> {
-        let without = self.without_each(model).nth(i)?.score(&self.grammar);
         let scored = self.with_one_simpler(model, i).into_iter().map(|each| (each.score(&self.grammar), each));
         let (score, simpler) = scored.max_by(|a, b| a.0.total_cmp(&b.0))?;
-        (score > 0.5 * (model.score(&self.grammar) + without)).then_some(simpler)
+        let without = self.without(model, i)?.score(&self.grammar);
+        (score - without > MOSTLY * (model.score(&self.grammar) - without)).then_some(simpler)
     }
 
     /// The model that effects of one factor make, so many at most.
@@ -180,11 +190,11 @@ impl<'a> Search<'a> {
     /// Adds effects one after the other, as long as both evidence and prediction rise.
     fn grown(&self, mut model: Model<'a>) -> Model<'a> {
         while model.terms.len() < MOST_EFFECTS {
-            let count = model.found().len();
-            let asked = odds_against(count + 1) - odds_against(count);
             let Some(wider) = self.widened_by(&model, |model| self.finalists(model)) else { break };
             let more = wider.score(&self.grammar) - model.score(&self.grammar);
-            if more <= asked || wider.predictive(&self.grammar) <= model.predictive(&self.grammar) {
+            if more <= asked_beside(model.found().len())
+                || wider.predictive(&self.grammar) <= model.predictive(&self.grammar)
+            {
                 break;
             }
             model = self.with_family(self.pruned(wider));
@@ -194,7 +204,7 @@ impl<'a> Search<'a> {
 
     /// How well every run is predicted from the others by a model, less what it costs, and less the odds against as many effects; nats.
     pub fn plausible(&self, model: &Model<'_>) -> f64 {
-        model.predictive(&self.grammar) - odds_against(model.found().len())
+        model.predictive(&self.grammar) - (0..model.found().len()).map(asked_beside).sum::<f64>()
     }
 
     /// Adds the effects of the instrument's family that this unit more likely has than not.
@@ -266,8 +276,7 @@ impl<'a> Search<'a> {
                     each.score(&self.grammar) > least && each.predictive(&self.grammar) > best.predictive(&self.grammar)
                 })
                 .max_by(|a, b| a.score(&self.grammar).total_cmp(&b.score(&self.grammar)));
-            let further = better.map(|each| Start { effects: each.found(), process: each.process });
-            match further.and_then(|start| self.best(&start)) {
+            match better.and_then(|each| self.best(&each.into())) {
                 Some(further) if further.score(&self.grammar) > least => best = further,
                 _ => return (best, rivals),
             }
@@ -277,11 +286,16 @@ impl<'a> Search<'a> {
     /// A model without each of its effects, and without each factor of an effect, in turn, the likeliest first, with their scores.
     pub fn with_one_less(&self, model: &Model<'a>) -> Vec<(f64, Model<'a>)> {
         let scored = |fewer: Model<'a>| (fewer.score(&self.grammar), fewer);
-        let simpler = (0..model.terms.len()).flat_map(|i| self.with_one_simpler(model, i));
-        let fewer = self.without_each(model).chain(simpler).filter(|each| !each.terms.is_empty());
+        let fewer = self.fewer(model).filter(|each| !each.terms.is_empty());
         let mut fewer: Vec<(f64, Model<'a>)> = fewer.map(Model::with_likeliest_process).map(scored).collect();
         fewer.sort_by(|a, b| b.0.total_cmp(&a.0));
         fewer
+    }
+
+    /// A model without each of its effects, and without each factor of an effect, in turn.
+    fn fewer(&self, model: &Model<'a>) -> impl Iterator<Item = Model<'a>> {
+        let simpler = (0..model.terms.len()).flat_map(|i| self.with_one_simpler(model, i));
+        self.without_each(model).chain(simpler)
     }
 
     /// A model with one of its effects without each of its factors in turn.
@@ -307,9 +321,8 @@ impl<'a> Search<'a> {
             return Vec::new();
         }
         let of = |terms: &[Term]| Model::new(self.runs, model.process, terms);
-        let fewer =
-            (0..model.terms.len()).flat_map(|i| self.with_one_simpler(model, i)).chain(self.without_each(model));
-        let beside = of(&model.terms).into_iter().chain(fewer).chain(of(&[]).filter(|_| model.terms.len() > 1));
+        let none = of(&[]).filter(|_| model.terms.len() > 1);
+        let beside = of(&model.terms).into_iter().chain(self.fewer(model)).chain(none);
         let mut suspects: Vec<(f64, Blunder)> = Vec::new();
         for before in beside.map(Model::with_likeliest_process) {
             if let Some((gain, blunder)) = likeliest(&before)
@@ -718,11 +731,13 @@ impl<'a> Search<'a> {
 
     /// A model without each of its effects in turn.
     fn without_each(&self, model: &Model<'a>) -> impl Iterator<Item = Model<'a>> {
-        (0..model.terms.len()).filter_map(move |i| {
-            let mut terms = model.terms.clone();
-            terms.remove(i);
-            Model::new(self.runs, model.process, &terms)
-        })
+        (0..model.terms.len()).filter_map(|i| self.without(model, i))
+    }
+
+    fn without(&self, model: &Model<'a>, i: usize) -> Option<Model<'a>> {
+        let mut terms = model.terms.clone();
+        terms.remove(i);
+        Model::new(self.runs, model.process, &terms)
     }
 
     /// Revises every term once beside the others, in form and constants, and then removes terms that are not needed any more.
@@ -752,12 +767,9 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Log odds against so many effects beforehand, nats.
-fn odds_against(effects: usize) -> f64 {
-    match effects {
-        0 => 0.0,
-        _ => -FALSE_DISCOVERIES.ln() - (effects - 1) as f64 * FURTHER_FALSE_DISCOVERIES.ln(),
-    }
+/// What a further effect must gain beside so many that were found, nats.
+pub fn asked_beside(effects: usize) -> f64 {
+    -(if effects == 0 { FALSE_DISCOVERIES } else { FURTHER_FALSE_DISCOVERIES }).ln()
 }
 
 /// The form of an effect: its name, and the orders of harmonics of angles, which no tuning leads from one to the other.
