@@ -31,6 +31,7 @@ pub use membership::{Place, Standing, Statistics, Ways};
 pub use posterior::Posterior;
 pub use read::{Runs, read};
 pub use references::Blunder;
+use references::MOST_BLUNDERS;
 
 use model::Model;
 use north_finder::effects::doubt::Process;
@@ -41,9 +42,6 @@ pub use rows::Run;
 use search::{Search, Start};
 pub use search::{Tried, asked_beside, form};
 pub use tells::{Imitated, imitated};
-
-/// Most references that are put right: with more than that the survey as a whole is not to be believed.
-const MOST_BLUNDERS: usize = 4;
 
 /// What some runs taught.
 #[derive(Clone, Debug, Default)]

@@ -10,6 +10,8 @@ use super::rows::{Run, UNKNOWN_RAD};
 
 /// Probability that a reference is wrong, and that it is exchanged with another one, before anything is seen.
 const BLUNDER: f64 = 0.01;
+/// Most references that are put right: with more than that the survey as a whole is not to be believed.
+pub const MOST_BLUNDERS: usize = 4;
 /// References that are looked at exactly: those that miss most, and with them those that miss by what no turn in the linear equations is.
 const SUSPECTS: usize = 4;
 /// Blunders of these that are compared with effects.

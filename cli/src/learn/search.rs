@@ -17,7 +17,7 @@ use super::grammar::{Grammar, complexity, extended, fineness, reduced, replaced,
 use super::model::{Model, is_within};
 use super::pairs::Pairs;
 use super::problem::Term;
-use super::references::{Blunder, likeliest};
+use super::references::{Blunder, MOST_BLUNDERS, likeliest};
 use super::rows::Run;
 use super::triples::Triples;
 
@@ -315,7 +315,7 @@ impl<'a> Search<'a> {
     }
 
     /// References that may be wrong, the likeliest first. They are tested beside all effects of the model, beside none, and beside all but each effect and
-    /// each factor, because either may have been found in place of a wrong reference.
+    /// each factor, because either may have been found in place of wrong references: of what it explains one of them explains its share at least.
     pub fn suspects(&self, model: &Model<'a>) -> Vec<Blunder> {
         if self.runs.iter().all(|run| run.reference.is_none()) {
             return Vec::new();
@@ -325,10 +325,12 @@ impl<'a> Search<'a> {
         let beside = of(&model.terms).into_iter().chain(self.fewer(model)).chain(none);
         let mut suspects: Vec<(f64, Blunder)> = Vec::new();
         for before in beside.map(Model::with_likeliest_process) {
+            let score = before.score(&self.grammar);
             if let Some((gain, blunder)) = likeliest(&before)
                 && gain > 0.0
+                && gain > (model.score(&self.grammar) - score) / MOST_BLUNDERS as f64
             {
-                suspects.push((before.score(&self.grammar) + gain, blunder));
+                suspects.push((score + gain, blunder));
             }
         }
         suspects.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -442,8 +444,7 @@ impl<'a> Search<'a> {
 
     /// Whether a model file has room for the effects, and none is larger than its port allows.
     fn is_allowed(&self, model: &Model<'_>) -> bool {
-        let effects = model.terms.iter().map(|term| term.effect.clone()).collect();
-        if (ErrorModel { effects, ..ErrorModel::default() }).validate().is_err() {
+        if !is_writable(&model.effects()) {
             return false;
         }
         let most = |port: Port| match port {
@@ -767,6 +768,12 @@ impl<'a> Search<'a> {
     }
 }
 
+/// Whether a model file has room for these effects.
+fn is_writable(effects: &[Effect]) -> bool {
+    let whole = || ErrorModel { effects: effects.iter().cloned().collect(), ..ErrorModel::default() };
+    effects.len() <= MOST_EFFECTS && whole().validate().is_ok()
+}
+
 /// What a further effect must gain beside so many that were found, nats.
 pub fn asked_beside(effects: usize) -> f64 {
     -(if effects == 0 { FALSE_DISCOVERIES } else { FURTHER_FALSE_DISCOVERIES }).ln()
@@ -813,4 +820,20 @@ fn moved_by(effect: &Effect, f: usize, number: usize, step: f64) -> Option<Effec
     let constant = *factor.constants().get(number)?;
     factor.set(number, if constant.is_scale { constant.value * step.exp() } else { constant.value + step });
     effect.validate().ok().map(|()| effect)
+}
+
+#[cfg(test)]
+mod tests {
+    use north_finder::effects::signal::Signal;
+
+    use super::super::grammar::IDENTITY;
+    use super::*;
+
+    /// A model file has room for eight effects: a ninth, which may be tried when a product is taken apart, is refused.
+    #[test]
+    fn a_model_has_room_for_eight_effects() {
+        let effects = vec![Effect::new(Port::Rate, &[Factor::new(Signal::Since, &[], IDENTITY)]); 9];
+        assert!(is_writable(&effects[..8]));
+        assert!(!is_writable(&effects));
+    }
 }
