@@ -377,6 +377,7 @@ fn a_reference_that_is_off_by_half_a_turn_is_never_silent() {
     let diagnosis = run(&campaign(&folder, 12, 23, |_| 0.0, |run| if run == 5 { 180.0 } else { 0.0 }));
     assert!(missed(&diagnosis).eq(["runs/005.csv"]));
     assert!(diagnosis.verdict.contains("runs/005.csv"), "{}", diagnosis.verdict);
+    assert!(!diagnosis.verdict.contains("consistent with noise"), "{}", diagnosis.verdict);
     // One of three that are learned from.
     let folder = Folder::new("fit-off");
     let diagnosis = run(&campaign(&folder, 6, 24, |_| 0.0, |run| if run == 2 { 180.0 } else { 0.0 }));

@@ -60,7 +60,10 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
                 missing(diagnosis)
             )
         }
-        [] if failed.is_empty() => "Nothing was found: the residual is consistent with noise by every test".to_owned(),
+        [] if failed.is_empty() && diagnosis.missed_references.is_empty() => {
+            "Nothing was found: the residual is consistent with noise by every test".to_owned()
+        }
+        [] if failed.is_empty() => "Nothing was found in the rates, which are noise by every test".to_owned(),
         [] => format!("Nothing was found, but the residual is not noise by {}", failed.join(" and ")),
         names => format!("The model lacked {}", names.join(" and ")),
     };

@@ -212,12 +212,16 @@ impl<'a> Model<'a> {
             transient(25.0),
         ];
         let Some((top, first)) = likeliest(&starts) else { return best };
+        // Another kernel suits with other constants.
         let process = first.map(|first| {
-            let (top, process) = tuned(top, first);
-            match likeliest(&other_kernels(&process, &lengths)) {
-                Some((above, Some(other))) if above > top => tuned(above, other).1,
-                _ => process,
-            }
+            let found = tuned(top, first);
+            let others = other_kernels(&found.1, &lengths).into_iter().filter_map(|other| score(&other));
+            let others: Vec<(f64, Process)> = others.filter_map(|(above, other)| Some((above, other?))).collect();
+            let smoother = others.iter().find(|(_, other)| other.kernel == Kernel::Matern);
+            let likeliest = others.iter().max_by(|a, b| a.0.total_cmp(&b.0));
+            let further = smoother.into_iter().chain(likeliest.filter(|other| Some(*other) != smoother));
+            let further = further.map(|(above, other)| tuned(*above, *other));
+            further.fold(found, |best, other| if other.0 > best.0 { other } else { best }).1
         });
         if process != best.process
             && let Some(with) = Model::new(runs, process, &best.terms)
