@@ -7,6 +7,7 @@
 
 use heapless::Vec;
 
+use super::azimuth_effects::AzimuthEffects;
 use super::base_motion;
 pub use super::dwell::Outliers;
 use super::dwell::{DwellRows, DwellSummary, Row};
@@ -80,6 +81,14 @@ impl Corrected {
     /// The row of the equations that this second is in the solution: `None` without an index angle.
     pub fn design(&self, earth: &EarthRate) -> Option<DesignRow> {
         Some(DesignRow::new(self.index?, self.level, earth))
+    }
+
+    /// What those effects of a model that depend on the azimuth add to the rate of this second where the azimuth is this, °/h: [`Self::rate_deg_h`] still
+    /// contains it. 0 without an index angle.
+    pub fn of_azimuth_deg_h(&self, model: &ErrorModel, earth: &EarthRate, azimuth_deg: f64) -> f64 {
+        let (Some(row), Some(index)) = (self.row(), self.index) else { return 0.0 };
+        let second = DwellSummary { carried: self.correction.carried, ..DwellSummary::moving(&row) };
+        AzimuthEffects::new(model, *earth, azimuth_deg).without_slope().of_dwell(&second, index).0
     }
 
     /// As a row of a dwell.
@@ -561,6 +570,30 @@ mod tests {
             t_s += 5.0;
         }
         (accumulator.solve().unwrap(), accumulator.dwells, ended)
+    }
+
+    /// Two hundredths of the rate itself: at azimuth 90° and index 90° the axis points north, and 0.02 · 7.52053 °/h are added, at index 0° it points
+    /// east, and nothing is. The rate of the second contains it.
+    #[test]
+    fn what_depends_on_the_azimuth_by_the_second() {
+        let line: shape::Shape = shape::Linear { reference: 0.0, scale: 1.0 }.into();
+        let factors = [Factor::new(signal::Rate.into(), &[], line)];
+        let mut model = ErrorModel::default();
+        model
+            .effects
+            .push(Effect { weights: [0.02].into_iter().collect(), ..Effect::new(Port::Rate, &factors) })
+            .unwrap();
+        let mut accumulator = Accumulator::new(declared(60.0), model.clone(), Vec::<DwellSummary>::new());
+        let earth = crate::earth::earth_rate(60.0).unwrap();
+        let mut at = |index_deg: f64| {
+            let index = Some(Direction::of_deg(index_deg));
+            let conditions = Conditions { raw_rate_deg_h: 1.0, index, ..Conditions::default() };
+            let second = accumulator.correct(&Second { conditions, ..Second::default() });
+            assert_eq!(second.rate_deg_h, 1.0);
+            second.of_azimuth_deg_h(&model, &earth, 90.0)
+        };
+        assert!(at(0.0).abs() < 1e-6);
+        assert!((at(90.0) - 0.150411).abs() < 1e-6);
     }
 
     fn doubtful() -> ErrorModel {

@@ -6,7 +6,7 @@ use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
 use super::experiment::Proposal;
-use super::found::Found;
+use super::found::{Found, WrongReference};
 use super::moving;
 use super::residual::Residuals;
 use super::statistics::{median, rms_with_interval};
@@ -62,7 +62,7 @@ pub fn diagnosis(
     let afters = after(runs, &model);
     missed::warn_of_outliers(runs, &mut warnings);
     checks::warn_of_range(runs, &model, &mut warnings);
-    let mut records = records(material, &afters, &validated, &wrong_files);
+    let mut records = records(material, &afters, &validated, &wrong);
     let errors = |of: fn(&RunDiagnosis) -> Option<f64>| records.iter().filter_map(of).collect::<Vec<_>>();
     let judged_runs = errors(|run| run.error_after_deg).len();
     let before = rms_with_interval(&errors(|run| run.error_before_deg));
@@ -182,12 +182,18 @@ fn model_of(
 }
 
 /// The runs before and after; training runs by what the others taught, too.
-fn records(material: &Material<'_>, afters: &[After], validated: &Validated, wrong: &[String]) -> Vec<RunDiagnosis> {
+fn records(
+    material: &Material<'_>,
+    afters: &[After],
+    validated: &Validated,
+    wrong: &[WrongReference],
+) -> Vec<RunDiagnosis> {
+    let wrong_of = |run: &RunData| wrong.iter().find(|each| each.file == run.file);
     let runs = material.runs;
     let judged_by_checks = runs.iter().any(|run| run.role == Role::Check && run.reference_deg.is_some());
     let judged = |run: &RunData| {
         let role = if judged_by_checks { Role::Check } else { Role::Fit };
-        run.role == role && run.reference_deg.is_some() && (judged_by_checks || !wrong.contains(&run.file))
+        run.role == role && run.reference_deg.is_some() && (judged_by_checks || wrong_of(run).is_none())
     };
     let of_run = |(i, run): (usize, &RunData)| {
         let left_out = validated.left_out[i].filter(|_| run.role == Role::Fit);
@@ -197,9 +203,7 @@ fn records(material: &Material<'_>, afters: &[After], validated: &Validated, wro
             // That one position gives no azimuth is no news there.
             record.notes.clear();
         }
-        if wrong.contains(&run.file) {
-            record.notes.push("its reference does not fit the others and is not used".into());
-        }
+        record.notes.extend(wrong_of(run).map(WrongReference::in_words));
         record.azimuth_left_out_deg = left_out.map(|fix| fix.azimuth_deg);
         record.sigma_left_out_deg = left_out.map(|fix| fix.sigma_deg);
         record

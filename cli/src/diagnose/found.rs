@@ -45,6 +45,16 @@ pub struct WrongReference {
     pub exchanged_with: Option<String>,
 }
 
+impl WrongReference {
+    /// What is made of it.
+    pub fn in_words(&self) -> String {
+        match &self.exchanged_with {
+            Some(other) => format!("its reference is taken to be that of {other}, and the other way round"),
+            None => "its reference does not fit the other runs' and is not used".into(),
+        }
+    }
+}
+
 impl Found {
     /// From runs of any role of an instrument of this family: the caller chooses them. `None` where there are too few to learn from, or no model can hold what was found.
     pub fn learn(runs: &[&RunData], base: &ErrorModel, family: &Family) -> Option<Self> {

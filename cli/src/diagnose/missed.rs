@@ -27,9 +27,7 @@ pub fn missed(records: &[RunDiagnosis], wrong: &[WrongReference], warnings: &mut
         let found = wrong.iter().find(|each| each.file == run.file);
         let azimuth = run.azimuth_after_deg.zip(run.sigma_after_deg);
         let (Some((azimuth_deg, sigma_deg)), Some(reference_deg)) = (azimuth, run.reference_azimuth_deg) else {
-            if found.is_some() {
-                warnings.push(Warning::of_run(&run.file, "its reference does not fit the other runs': it is not used"));
-            }
+            warnings.extend(found.map(|found| Warning::of_run(&run.file, found.in_words())));
             continue;
         };
         let misses_by_deg = wrap_180_deg(azimuth_deg - reference_deg);

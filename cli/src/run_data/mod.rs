@@ -185,16 +185,21 @@ impl RunData {
         Some((fix, dwells))
     }
 
-    /// The run with another model applied to its samples, as the replay applies it.
+    /// The run with another model applied to its samples, as the replay applies it; what depends on the azimuth is taken out with the azimuth of the replay.
     pub fn with(&self, model: &ErrorModel) -> Self {
         let mut told = Vec::with_capacity(self.recorded.len());
         // Without an azimuth the samples are corrected all the same.
-        let _ = self.replay(model, &mut |each| {
+        let fix = self.replay(model, &mut |each| {
             if let Reported::Second(second, _) = each {
                 told.push(second);
             }
         });
         told.sort_by(|a, b| time_s(a).total_cmp(&time_s(b)));
+        if let Ok(fix) = fix {
+            for second in &mut told {
+                second.rate_deg_h -= second.of_azimuth_deg_h(model, &self.earth, fix.azimuth_deg);
+            }
+        }
         let mut run = self.clone();
         for (place, second) in told.iter().enumerate() {
             if let Some(of_run) = run.samples.get_mut(place) {
