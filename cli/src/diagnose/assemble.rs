@@ -188,7 +188,7 @@ fn records(
     validated: &Validated,
     wrong: &[WrongReference],
 ) -> Vec<RunDiagnosis> {
-    let wrong_of = |run: &RunData| wrong.iter().find(|each| each.file == run.file);
+    let wrong_of = |run: &RunData| WrongReference::of(wrong, &run.file);
     let runs = material.runs;
     let judged_by_checks = runs.iter().any(|run| run.role == Role::Check && run.reference_deg.is_some());
     let judged = |run: &RunData| {

@@ -46,6 +46,11 @@ pub struct WrongReference {
 }
 
 impl WrongReference {
+    /// The one of these that is about a run.
+    pub fn of<'a>(wrong: &'a [Self], file: &str) -> Option<&'a Self> {
+        wrong.iter().find(|each| each.file == file)
+    }
+
     /// What is made of it.
     pub fn in_words(&self) -> String {
         match &self.exchanged_with {

@@ -40,10 +40,10 @@ pub fn veto<'a>(
     let others = misses(runs, wrong, left_out);
     let are_few = others.len() < LEAST_MISSES;
     let by_rates = || {
-        let (mut pairs, of_check) = (rates(Role::Fit), rates(Role::Check));
-        let worse = rates_worse(&of_check);
-        pairs.extend(of_check);
-        rates_not_better(&pairs).or(worse)
+        let mut pairs = rates(Role::Fit);
+        let of_training = pairs.len();
+        pairs.extend(rates(Role::Check));
+        rates_not_better(&pairs).or_else(|| rates_worse(&pairs[of_training..]))
     };
     let of_learned = || {
         let fixes: Vec<Option<Fix>> = runs.par_iter().map(|run| run.replay(found, &mut |_| ()).ok()).collect();

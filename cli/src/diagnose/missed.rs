@@ -24,7 +24,7 @@ pub fn warn_of_outliers(runs: &[RunData], warnings: &mut Vec<Warning>) {
 pub fn missed(records: &[RunDiagnosis], wrong: &[WrongReference], warnings: &mut Vec<Warning>) -> Vec<MissedReference> {
     let mut missed = Vec::new();
     for run in records {
-        let found = wrong.iter().find(|each| each.file == run.file);
+        let found = WrongReference::of(wrong, &run.file);
         let azimuth = run.azimuth_after_deg.zip(run.sigma_after_deg);
         let (Some((azimuth_deg, sigma_deg)), Some(reference_deg)) = (azimuth, run.reference_azimuth_deg) else {
             warnings.extend(found.map(|found| Warning::of_run(&run.file, found.in_words())));

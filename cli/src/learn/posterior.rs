@@ -5,12 +5,11 @@
 //! the odds for which a further effect is asked, the runs have not decided, and the alternatives count alike.
 
 use nalgebra::{DMatrix, DVector};
-use north_finder::effects::ErrorModel;
 use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::Effect;
 
 use super::model::Model;
-use super::search::{FURTHER_FALSE_DISCOVERIES, MOST_EFFECTS, NEGLIGIBLE};
+use super::search::{FURTHER_FALSE_DISCOVERIES, NEGLIGIBLE, is_writable};
 
 /// One of the likely models.
 #[derive(Clone, Debug)]
@@ -83,13 +82,11 @@ impl Alternative {
 fn union(alternatives: &mut Vec<Alternative>) -> Vec<Effect> {
     let mut effects: Vec<Effect> = Vec::new();
     alternatives.retain(|each| {
-        let further: Vec<&Effect> = each.effects.iter().filter(|effect| !effects.contains(effect)).collect();
-        let together = effects.iter().chain(further.iter().copied()).cloned();
-        let fits = effects.len() + further.len() <= MOST_EFFECTS
-            && ErrorModel { effects: together.collect(), ..ErrorModel::default() }.validate().is_ok();
+        let further = each.effects.iter().filter(|effect| !effects.contains(effect));
+        let together: Vec<Effect> = effects.iter().chain(further).cloned().collect();
+        let fits = is_writable(&together);
         if fits {
-            let further: Vec<Effect> = further.into_iter().cloned().collect();
-            effects.extend(further);
+            effects = together;
         }
         fits
     });

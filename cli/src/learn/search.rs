@@ -27,7 +27,7 @@ const FALSE_DISCOVERIES: f64 = 1.0 / 200.0;
 /// The same for a further effect beside one that was found; smaller odds decide nothing between two models.
 pub const FURTHER_FALSE_DISCOVERIES: f64 = 1.0 / 20.0;
 /// Most effects of a model: what its file and a board have room for.
-pub const MOST_EFFECTS: usize = MAX_EFFECTS;
+const MOST_EFFECTS: usize = MAX_EFFECTS;
 /// Most that an error of the index or of the level may be, root mean square, degrees and g: the equations are linear in it, and leave out e²/2 of the
 /// rate, 0.4 % at 5°. What is larger is another effect, which this one stands for.
 const MOST_INDEX_DEG: f64 = 5.0;
@@ -769,7 +769,7 @@ impl<'a> Search<'a> {
 }
 
 /// Whether a model file has room for these effects.
-fn is_writable(effects: &[Effect]) -> bool {
+pub fn is_writable(effects: &[Effect]) -> bool {
     let whole = || ErrorModel { effects: effects.iter().cloned().collect(), ..ErrorModel::default() };
     effects.len() <= MOST_EFFECTS && whole().validate().is_ok()
 }
