@@ -1,6 +1,7 @@
 //! What a few or many errors say together, and how far to trust it.
 
-use statrs::distribution::{Beta, ChiSquared, ContinuousCDF};
+use north::diagnose::statistics::chi_square_beyond;
+use statrs::distribution::{Beta, ContinuousCDF};
 
 /// Azimuth minus truth, degrees, in −180 … 180.
 pub fn azimuth_error_deg(found_deg: f64, true_deg: f64) -> f64 {
@@ -22,8 +23,8 @@ pub fn median(mut values: Vec<f64>) -> f64 {
 /// ν s²/σ² has the chi-square distribution.
 pub fn rms_interval(rms: f64, degrees_of_freedom: usize) -> Option<[f64; 2]> {
     let freedom = degrees_of_freedom as f64;
-    let distribution = ChiSquared::new(freedom).ok()?;
-    Some([0.975, 0.025].map(|probability| rms * (freedom / distribution.inverse_cdf(probability)).sqrt()))
+    (degrees_of_freedom > 0)
+        .then(|| [0.025, 0.975].map(|tail| rms * (freedom / chi_square_beyond(tail, freedom)).sqrt()))
 }
 
 /// 95 % interval of the probability of what happened `hits` times in `trials` (Clopper and Pearson, Biometrika 26, 1934).

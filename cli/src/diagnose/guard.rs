@@ -17,6 +17,8 @@ use crate::run_data::RunData;
 const WORSE: f64 = 1.05;
 /// Fewest runs with a reference whose misses say something of sigma.
 const LEAST_MISSES: usize = 3;
+/// Error of a run without an azimuth, degrees: root mean square of an even distribution over the circle.
+const NO_AZIMUTH_DEG: f64 = 103.923;
 /// Relative amplitude error that scale factor and latitude of a sound instrument do not make.
 const AMPLITUDE_LIMIT: f64 = 0.03;
 
@@ -52,14 +54,25 @@ pub fn veto<'a>(
     made_worse(&others, "took no part in learning it").or_else(of_learned).or_else(|| are_few.then(by_rates).flatten())
 }
 
-/// What training runs whose references are believed miss them by, degrees, without a model and with it.
+/// What training runs whose references are believed miss them by, degrees, without a model and with it. A run without an azimuth before says nothing of
+/// whether errors rise, but where nearly all are such runs, they are what the model was made for: an azimuth is better than none.
 fn misses(runs: &[RunData], wrong: &[String], with: &[Option<Fix>]) -> Vec<(f64, f64)> {
     let azimuth = |fix: Option<Fix>| Some(fix?.azimuth_deg);
     let before: Vec<Option<f64>> = runs.iter().map(|run| azimuth(run.before)).collect();
     let after: Vec<Option<f64>> = with.iter().copied().map(azimuth).collect();
     let misses = misses_deg(runs, &before).into_iter().zip(misses_deg(runs, &after));
     let of_training = runs.iter().zip(misses).filter(|(run, _)| run.role == Role::Fit && !wrong.contains(&run.file));
-    of_training.filter_map(|(_, (before, after))| before.zip(after)).collect()
+    paired(of_training.map(|(_, misses)| misses))
+}
+
+/// Misses before and after, degrees, of runs that have both; with few of these the others, too, that have one after.
+fn paired(misses: impl Iterator<Item = (Option<f64>, Option<f64>)>) -> Vec<(f64, f64)> {
+    let after: Vec<(Option<f64>, f64)> = misses.filter_map(|(before, after)| Some((before, after?))).collect();
+    let both: Vec<(f64, f64)> = after.iter().filter_map(|&(before, after)| Some((before?, after))).collect();
+    if both.len() >= LEAST_MISSES {
+        return both;
+    }
+    after.into_iter().map(|(before, after)| (before.unwrap_or(NO_AZIMUTH_DEG), after)).collect()
 }
 
 /// Why a model must not be used by the rates of runs that took no part in learning it, if they speak against it: what is more in them than white
@@ -231,6 +244,16 @@ mod tests {
         assert!(is_better((5.19, 5.09), (2.24, 1.62)));
         assert!(!is_better((5.19, 5.50), (2.24, 1.62)));
         assert!(!is_better((5.19, 5.19), (1.0, 1.0)));
+    }
+
+    /// Of four runs two had an azimuth, and a third has one with the model: 3°, where there was none. With three that had one it says nothing.
+    #[test]
+    fn an_azimuth_is_better_than_none() {
+        let two = [(Some(0.1), Some(0.2)), (None, Some(3.0)), (Some(0.3), Some(0.2)), (None, None)];
+        assert_eq!(paired(two.into_iter()), [(0.1, 0.2), (NO_AZIMUTH_DEG, 3.0), (0.3, 0.2)]);
+        let three = [(Some(0.1), Some(0.2)), (None, Some(3.0)), (Some(0.3), Some(0.2)), (Some(0.1), Some(0.1))];
+        assert_eq!(paired(three.into_iter()), [(0.1, 0.2), (0.3, 0.2), (0.1, 0.1)]);
+        assert!((NO_AZIMUTH_DEG - 180.0 / 3f64.sqrt()).abs() < 1e-3);
     }
 
     /// Squares of 1 and 1 become 1.2 and 0.8: 1.04 in place of 1 by the mean square, 2 % more; 1.3 and 0.9 are 12 % more.

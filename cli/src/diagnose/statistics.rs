@@ -1,7 +1,7 @@
 //! Tail probabilities and small linear algebra.
 
 use nalgebra::DMatrix;
-use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};
+use statrs::distribution::{ContinuousCDF, StudentsT};
 use statrs::function::gamma::gamma_ur;
 
 /// A pivot of normal equations with a unit diagonal below this: a column is (nearly) a combination of the others.
@@ -26,10 +26,20 @@ pub fn chi_square_tail(value: f64, freedom: f64) -> f64 {
 /// of n degrees of freedom. `None` of nothing.
 pub fn rms_with_interval(errors: &[f64]) -> Option<(f64, [f64; 2])> {
     let number = errors.len() as f64;
-    let distribution = ChiSquared::new(number).ok()?;
     let rms = rms(errors);
-    let bound = |probability: f64| rms * (number / distribution.inverse_cdf(probability)).sqrt();
-    Some((rms, [bound(0.975), bound(0.025)]))
+    let bound = |tail: f64| rms * (number / chi_square_beyond(tail, number)).sqrt();
+    (!errors.is_empty()).then(|| (rms, [bound(0.025), bound(0.975)]))
+}
+
+/// What a chi-square with `freedom` degrees of freedom exceeds with this probability, by bisection: the steps of Newton's method, which libraries take, leave
+/// the positive numbers at one degree of freedom.
+pub fn chi_square_beyond(tail: f64, freedom: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 10.0 * freedom + 100.0);
+    for _ in 0..100 {
+        let middle = 0.5 * (low + high);
+        if chi_square_tail(middle, freedom) > tail { low = middle } else { high = middle }
+    }
+    high
 }
 
 /// Sum of products.
@@ -128,6 +138,9 @@ mod tests {
         let (rms, [low, high]) = rms_with_interval(&[1.0, -1.0, 1.0, -1.0]).unwrap();
         assert!(rms == 1.0 && (low - 0.599).abs() < 1e-3 && (high - 2.874).abs() < 1e-3, "{low} {high}");
         assert_eq!(rms_with_interval(&[]), None);
+        // One error: its square over the variance is below the square of the normal quantile of 0.5125, 0.03134, and of 0.9875, 2.2414, with 2.5 % each.
+        let (_, [low, high]) = rms_with_interval(&[0.1]).unwrap();
+        assert!((low - 0.1 / 2.2414).abs() < 1e-5 && (high - 0.1 / 0.03134).abs() < 1e-2, "{low} {high}");
     }
 
     #[test]

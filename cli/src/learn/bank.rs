@@ -10,8 +10,9 @@ use north_finder::effects::effect::{Effect, Port};
 use north_finder::effects::factor::Factor;
 use rayon::prelude::*;
 
-use super::functions::{Functions, Library};
-use super::grammar::{Grammar, IDENTITY};
+use super::functions::{Functions, Library, size};
+use super::grammar::Grammar;
+use super::kept::Kept;
 use super::problem::{dot, quick_gain};
 use super::process::{Instants, Whitener};
 use super::rows::{Run, UNKNOWNS};
@@ -196,6 +197,7 @@ pub struct Bank {
     proposals: Vec<Proposal>,
     /// Rows of every coarse row.
     coarse_rows: Vec<Range<usize>>,
+    coarse_functions: Kept<Functions>,
     pub library: Library,
 }
 
@@ -227,7 +229,9 @@ impl Bank {
             })
             .collect();
         let functions: Vec<Functions> = factors.par_iter().map(|factor| library.functions(runs, factor)).collect();
-        let mut bank = Self { rows, coarse, gains, functions, proposals: Vec::new(), coarse_rows, library };
+        let coarse_functions = Kept::new(size);
+        let mut bank =
+            Self { rows, coarse, gains, functions, proposals: Vec::new(), coarse_rows, coarse_functions, library };
         let none = grammar.ports.iter().filter(|&&port| port != Port::Rate).map(|&port| (port, None));
         let forms = (0..factors.len()).flat_map(|i| grammar.ports.iter().map(move |&port| (port, Some(i))));
         let forms: Vec<(Port, Option<usize>)> = none.chain(forms).collect();
@@ -258,8 +262,9 @@ impl Bank {
     }
 
     /// The functions of a factor by coarse row.
-    pub fn coarse_functions(&self, runs: &[Run], factor: &Factor) -> Vec<Vec<f32>> {
-        self.library.functions(runs, factor).iter().map(|f| self.means(f)).collect()
+    pub fn coarse_functions(&self, runs: &[Run], factor: &Factor) -> Functions {
+        let coarse = || self.library.functions(runs, factor).iter().map(|f| means(&self.coarse_rows, f)).collect();
+        self.coarse_functions.of(factor, coarse)
     }
 
     /// The effects of one factor that promise most, the first of them first. `weighed`: V⁻¹ times what is left of the residual, by the row.
@@ -305,21 +310,23 @@ impl Bank {
 
     fn coarse_columns(&self, runs: &[Run], effect: &Effect) -> Vec<DVector<f32>> {
         let own = vec![DVector::from_column_slice(self.coarse_gains(effect.port))];
-        let functions = |factor| self.coarse_functions(runs, factor).into_iter().map(DVector::from_vec).collect();
-        effect.factors.iter().map(functions).fold(own, products)
+        effect
+            .factors
+            .iter()
+            .map(|factor| self.coarse_functions(runs, factor))
+            .fold(own, |columns, functions| products(&columns, &functions))
     }
 
     /// What one factor of an effect gets, and what it is multiplied with, by coarse row.
     pub fn seen_through(&self, runs: &[Run], effect: &Effect, factor: usize) -> Seen {
-        let own = &effect.factors[factor];
-        let input = Factor { shape: IDENTITY, constant: true, ..own.clone() };
-        let mut functions = self.coarse_functions(runs, &input).into_iter();
-        let (share, sums) = (functions.next().unwrap_or_default(), functions.next().unwrap_or_default());
+        let inputs = self.library.inputs(runs, &effect.factors[factor]);
+        let of_known = |rows: &Range<usize>| inputs[rows.clone()].iter().filter(|input| input.is_finite());
+        let count = |rows: &Range<usize>| of_known(rows).count() as f64;
         let factors = effect.factors.iter().enumerate().filter(|(f, _)| *f != factor);
         let others = Effect::new(effect.port, &factors.map(|(_, each)| each.clone()).collect::<Vec<Factor>>());
         Seen {
-            input: sums.iter().zip(&share).map(|(sum, share)| f64::from(sum / share)).collect(),
-            share,
+            input: self.coarse_rows.iter().map(|rows| of_known(rows).sum::<f64>() / count(rows)).collect(),
+            share: self.coarse_rows.iter().map(|rows| count(rows) as f32 / rows.len() as f32).collect(),
             others: self.coarse_columns(runs, &others),
         }
     }
@@ -348,10 +355,6 @@ impl Bank {
         let by_run = runs.iter().zip(&self.coarse.ends).map(of_run).collect();
         Left { sums, by_run }
     }
-
-    fn means(&self, fine: &[f32]) -> Vec<f32> {
-        means(&self.coarse_rows, fine)
-    }
 }
 
 /// What one factor of an effect gets, by coarse row, and what it is multiplied with.
@@ -365,7 +368,7 @@ pub struct Seen {
 impl Seen {
     /// About the effect's columns with this factor, whose shape gets the mean of a coarse row.
     pub fn columns(&self, factor: &Factor) -> Vec<DVector<f32>> {
-        let mut functions = vec![DVector::zeros(self.input.len()); factor.count()];
+        let mut functions = vec![vec![0.0; self.input.len()]; factor.count()];
         for (row, (&input, &share)) in self.input.iter().zip(&self.share).enumerate() {
             if input.is_finite() {
                 let values = factor.values(input);
@@ -376,13 +379,16 @@ impl Seen {
                     .for_each(|(k, (function, value))| function[row] = share * (factor.prior(k) * value) as f32);
             }
         }
-        products(self.others.clone(), functions)
+        products(&self.others, &functions)
     }
 }
 
 /// Every column by every function.
-fn products(columns: Vec<DVector<f32>>, functions: Vec<DVector<f32>>) -> Vec<DVector<f32>> {
-    columns.iter().flat_map(|column| functions.iter().map(move |f| column.component_mul(f))).collect()
+fn products(columns: &[DVector<f32>], functions: &[Vec<f32>]) -> Vec<DVector<f32>> {
+    let times = |column: &DVector<f32>, function: &[f32]| {
+        DVector::from_iterator(column.len(), column.iter().zip(function).map(|(a, b)| a * b))
+    };
+    columns.iter().flat_map(|column| functions.iter().map(move |function| times(column, function))).collect()
 }
 
 /// Means over coarse rows.

@@ -1,49 +1,34 @@
 //! Columns of effects in the rows of runs: the firmware's own factors, evaluated by the second and averaged to rows.
 
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
-use lru::LruCache;
 use north_finder::effects::effect::{Effect, Port};
 use north_finder::effects::factor::Factor;
 
-use super::rows::Run;
+use super::kept::Kept;
+use super::rows::{IDENTITY, Run};
 
 /// Columns of an effect for one unit of its weights' priors, °/h: by weight and row, all runs one after the other.
 pub type Values = Vec<Vec<f64>>;
 /// Functions of a factor by the row, all runs one after the other, each for one unit of its prior.
 pub type Functions = Arc<[Vec<f32>]>;
 
-/// Most values that are kept of what was evaluated last, 64 MB: while the constants of one factor are tuned, those of the others are asked for again and again.
-const MOST_KEPT: usize = 16 << 20;
+/// What a factor's shape gets: the mean of what comes out of the dynamics, by the row and all runs one after the other; not-a-number where nothing does.
+pub type Inputs = Arc<[f64]>;
+
 /// Least value of a function in some row for which the rows say anything of its weight: of a bump the flank at 2.6 of its widths. The weight of one
 /// that is smaller everywhere is fitted to the residual of its flank, and is wrong where another run goes to its middle.
 const OBSERVED: f32 = 0.03;
 
 /// Functions of factors in some runs, kept for a while once they were evaluated.
 pub struct Library {
-    last: Mutex<Last>,
+    functions: Kept<Functions>,
+    inputs: Kept<Inputs>,
     gains: Vec<(Port, Vec<f64>)>,
 }
 
-/// What was evaluated last, and how many values that is.
-struct Last {
-    functions: LruCache<String, Functions>,
-    values: usize,
-}
-
-impl Last {
-    fn keep(&mut self, key: String, functions: Functions) {
-        self.values += size(&functions);
-        self.values -= self.functions.put(key, functions).map_or(0, |replaced| size(&replaced));
-        while self.values > MOST_KEPT
-            && let Some((_, oldest)) = self.functions.pop_lru()
-        {
-            self.values -= size(&oldest);
-        }
-    }
-}
-
-fn size(functions: &[Vec<f32>]) -> usize {
+/// How many values these are.
+pub fn size(functions: &Functions) -> usize {
     functions.iter().map(Vec::len).sum()
 }
 
@@ -51,7 +36,7 @@ impl Library {
     pub fn new(runs: &[Run]) -> Self {
         let gains =
             Port::ALL.into_iter().map(|port| (port, runs.iter().flat_map(|run| run.gains(port)).collect())).collect();
-        Self { last: Mutex::new(Last { functions: LruCache::unbounded(), values: 0 }), gains }
+        Self { functions: Kept::new(size), inputs: Kept::new(|inputs: &Inputs| 2 * inputs.len()), gains }
     }
 
     /// Columns of an effect.
@@ -71,22 +56,16 @@ impl Library {
         columns
     }
 
-    /// The functions of a factor.
+    /// The functions of a factor: means over the seconds of each row.
     pub fn functions(&self, runs: &[Run], factor: &Factor) -> Functions {
-        let key = key(factor);
-        if let Some(known) = self.last.lock().ok().and_then(|mut last| last.functions.get(&key).cloned()) {
-            return known;
-        }
-        let functions = evaluated(runs, factor);
-        if let Ok(mut last) = self.last.lock() {
-            last.keep(key, functions.clone());
-        }
-        functions
+        self.functions.of(factor, || evaluated(runs, factor))
     }
-}
 
-fn key(factor: &Factor) -> String {
-    format!("{factor:?}")
+    /// What the shape of a factor gets.
+    pub fn inputs(&self, runs: &[Run], factor: &Factor) -> Inputs {
+        let input = Factor { shape: IDENTITY, constant: false, ..factor.clone() };
+        self.inputs.of(&input, || runs.iter().flat_map(|run| run.inputs_by_row(&input)).collect())
+    }
 }
 
 fn evaluated(runs: &[Run], factor: &Factor) -> Functions {

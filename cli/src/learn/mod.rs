@@ -8,6 +8,7 @@ mod family;
 mod functions;
 mod grammar;
 mod judge;
+mod kept;
 mod membership;
 mod model;
 mod pairs;

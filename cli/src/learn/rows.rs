@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex};
 use north_finder::effects::effect::{Effect, Port};
 use north_finder::effects::factor::{Factor, Memory};
 use north_finder::effects::now::{Belief, Now, RunFacts};
+use north_finder::effects::shape::{Linear, Shape};
 use north_finder::effects::signal::Signal;
 use north_finder::effects::track::Track;
 use north_finder::effects::{ChannelName, Conditions, MAX_CHANNELS};
@@ -37,6 +38,9 @@ const BIAS_SIGMA_DEG_H: f64 = 1e3;
 
 /// Unknowns of every run that are integrated out: azimuth (rad), relative amplitude, bias (°/h).
 pub const UNKNOWNS: usize = 3;
+
+/// A shape that gives what it gets.
+pub const IDENTITY: Shape = Shape::Linear(Linear { reference: 0.0, scale: 1.0 });
 
 /// One run.
 #[derive(Clone, Debug)]
@@ -386,6 +390,14 @@ impl Run {
         self.means(&|sample| self.gain(port, sample))
     }
 
+    /// What comes out of a factor's dynamics by the row, the mean over its seconds; not-a-number where its signal says nothing.
+    pub fn inputs_by_row(&self, factor: &Factor) -> Vec<f64> {
+        let input = Factor { shape: IDENTITY, constant: true, ..factor.clone() };
+        let mut functions = self.functions_by_row(&input).into_iter();
+        let (says, inputs) = (functions.next().unwrap_or_default(), functions.next().unwrap_or_default());
+        says.into_iter().zip(inputs).map(|(says, input)| if says > 0.0 { input } else { f64::NAN }).collect()
+    }
+
     /// The functions of a factor by the row, means over its seconds; 0 where its signal says nothing.
     pub fn functions_by_row(&self, factor: &Factor) -> Vec<Vec<f64>> {
         let mut sums = vec![vec![0.0; self.bins.len()]; factor.count()];
@@ -549,6 +561,7 @@ impl Run {
 
 #[cfg(test)]
 mod tests {
+    use super::super::functions::Library;
     use super::*;
 
     /// North, east, south and west, 10 °/h horizontal. The index reads 30° too much: the axis is 30° clockwise of where it is taken to be. North: 10 cos 30° less
@@ -562,6 +575,19 @@ mod tests {
             assert!((found - expected).abs() < 1e-9, "{found} {expected}");
         }
         assert!((run.turned_by(1.0)[1] - 10.0).abs() < 1e-9, "clockwise from west is towards north");
+    }
+
+    /// A signal of thousandths: of 0.001 and 0.003 the mean is 0.002, and it is not taken for nothing. In the row of the third second it says nothing.
+    #[test]
+    fn what_a_shape_gets_may_be_small() {
+        let factor = Factor::new(Signal::Since, &[], IDENTITY);
+        let mut run = Run::of_rates(&[0.0; 4]);
+        run.tracks = vec![Track::default(); 4];
+        run.bins = vec![0..2, 2..3, 3..4];
+        let values = Arc::new(vec![0.001, 0.003, f64::NAN, 0.004]);
+        run.signals.lock().unwrap().insert(format!("{:?}", factor.signal), values);
+        let inputs = Library::new(&[]).inputs(&[run], &factor);
+        assert!((inputs[0] - 0.002).abs() < 1e-12 && inputs[1].is_nan() && inputs[2] == 0.004, "{inputs:?}");
     }
 
     /// Of sixteen seconds in four parts those end at 16 (k/4)²: 1, 4, 9 and 16. Of a rotation all are alike. Of rows of lengths 1, 3, 5 and 7 each is a part.

@@ -826,7 +826,7 @@ fn moved_by(effect: &Effect, f: usize, number: usize, step: f64) -> Option<Effec
 mod tests {
     use north_finder::effects::signal::Signal;
 
-    use super::super::grammar::IDENTITY;
+    use super::super::rows::IDENTITY;
     use super::*;
 
     /// A model file has room for eight effects: a ninth, which may be tried when a product is taken apart, is refused.
