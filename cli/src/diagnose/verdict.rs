@@ -72,7 +72,7 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
             let with_error = |of: fn(&RunDiagnosis) -> bool| diagnosis.runs.iter().filter(|run| of(run)).count();
             let (had, have) =
                 (with_error(|run| run.error_before_deg.is_some()), with_error(|run| run.error_after_deg.is_some()));
-            let some = if had < have { format!(" (of the {had} runs of {have} that had one)") } else { String::new() };
+            let some = if had < have { format!(" (only {had} of {have} runs had an azimuth)") } else { String::new() };
             let on_board = match diagnosis.azimuth_rms_board_deg {
                 Some(board) if !diagnosis.board_lacks.is_empty() => format!(", {board:.3} deg on a board"),
                 _ => String::new(),

@@ -18,7 +18,8 @@ use crate::statistics::median;
 ///
 /// Logs are drawn from a bias that wanders from fix to fix and is another at every switch-on, every fifth fix, plus the noise of a fix, of which all sizes are
 /// multiples. The test is the firmware's, which `north watch` runs, too. A baseline of 100 fixes, then up to --fixes without a change; or a change after
-/// another hundred. Beside it the test that knows everything but when: the statistic of Shiryaev and Roberts with the true noise, level and change.
+/// another hundred. Beside it the test that knows everything but when: the statistic of Shiryaev and Roberts with the true sizes of noise, wander, switch-on
+/// and change.
 #[derive(Args, Debug)]
 #[command(after_help = "Example:\n  north bench watch --logs 200")]
 pub struct WatchBench {
@@ -57,8 +58,8 @@ pub struct Row {
     /// Median of the fixes until a step of two sigma is seen, a ramp of three sigma in a hundred fixes; of the test that knows everything.
     step_fixes: f64,
     ramp_fixes: f64,
-    step_fixes_known: Option<f64>,
-    ramp_fixes_known: Option<f64>,
+    step_fixes_known: f64,
+    ramp_fixes_known: f64,
     /// Of the logs with a step those with an alarm before it.
     early: usize,
 }
@@ -93,14 +94,12 @@ impl Bench for WatchBench {
                         Some(at) => Some((at + 1 - BASELINE - CALM) as f64),
                         None => Some(AFTER as f64),
                     };
-                    (until(log.watch().1), until(log.known(change)))
+                    (until(log.watch().1), until(log.known(wander, switch, change)))
                 })
             };
             let (steps, ramps) = (delays(step)?, delays(ramp)?);
             let middle = |each: Vec<Option<f64>>| median(each.into_iter().flatten().collect());
-            let known = |all: &[(Option<f64>, Option<f64>)]| {
-                ((wander, switch) == (0.0, 0.0)).then(|| middle(all.iter().map(|each| each.1).collect()))
-            };
+            let known = |all: &[(Option<f64>, Option<f64>)]| middle(all.iter().map(|each| each.1).collect());
             let (fixes_watched, false_alarms) =
                 calm.iter().fold((0, 0), |(fixes, alarms), each| (fixes + each.0, alarms + usize::from(each.1)));
             rows.push(Row {
@@ -122,7 +121,6 @@ impl Bench for WatchBench {
             "| the bias of an instrument | fixes without a change | false alarms | fixes between them | step of 2 sigma: fixes, median (knowing it) | \
              ramp of 3 sigma in 100 fixes (knowing it) | alarms before the step |\n|---|---|---|---|---|---|---|"
         )?;
-        let beside = |known: Option<f64>| known.map_or("–".into(), |fixes| format!("{fixes:.0}"));
         for row in &rows {
             let Row {
                 instrument,
@@ -131,17 +129,16 @@ impl Bench for WatchBench {
                 fixes_between_false_alarms,
                 step_fixes,
                 ramp_fixes,
+                step_fixes_known,
+                ramp_fixes_known,
                 early,
-                ..
+                logs,
             } = row;
             let sign = if *false_alarms == 0 { "> " } else { "" };
             writeln!(
                 out,
-                "| {instrument} | {fixes_watched} | {false_alarms} | {sign}{fixes_between_false_alarms:.0} | {step_fixes:.0} ({}) | {ramp_fixes:.0} ({}) | \
-                 {early} of {} |",
-                beside(row.step_fixes_known),
-                beside(row.ramp_fixes_known),
-                row.logs
+                "| {instrument} | {fixes_watched} | {false_alarms} | {sign}{fixes_between_false_alarms:.0} | {step_fixes:.0} ({step_fixes_known:.0}) | \
+                 {ramp_fixes:.0} ({ramp_fixes_known:.0}) | {early} of {logs} |"
             )?;
         }
         Ok(rows)
@@ -191,19 +188,90 @@ impl Drawn {
         (watch.watched, watch.alarm)
     }
 
-    /// The alarm of the test that knows noise, level and change, but not when it comes.
-    fn known(&self, change: fn(usize) -> f64) -> Option<usize> {
-        let mut starts: Vec<f64> = Vec::new();
-        self.signal.values.iter().enumerate().skip(BASELINE).find_map(|(at, value)| {
-            starts.push(0.0);
+    /// The alarm of the test that knows the sizes of noise, wander, switch-on and change, but not when it comes.
+    fn known(&self, wander: f64, switch: f64, change: fn(usize) -> f64) -> Option<usize> {
+        let filter = Filter::new(&self.switched, wander, switch);
+        let mut own = [0.0; 2];
+        let mut starts: Vec<([f64; 2], f64)> = Vec::new();
+        self.signal.values.iter().enumerate().find_map(|(at, &value)| {
+            let innovation = filter.innovation(at, &mut own, value);
+            if at < BASELINE {
+                return None;
+            }
+            starts.push(([0.0; 2], 0.0));
             let count = starts.len();
             let mut sum = 0.0;
-            for (start, log) in starts.iter_mut().enumerate() {
-                let mean = change(count - start);
-                *log += mean * value - 0.5 * mean * mean;
+            for (start, (state, log)) in starts.iter_mut().enumerate() {
+                // What the change makes of the innovation.
+                let mean = filter.innovation(at, state, change(count - start));
+                *log += mean * innovation - 0.5 * mean * mean;
                 sum += log.exp();
             }
             (sum >= ALARM).then_some(at)
         })
+    }
+}
+
+/// A Kalman filter of a bias that wanders and an offset that every switch-on draws anew, below noise of variance 1; both begin at zero, the offset with its spread.
+struct Filter {
+    fixes: Vec<OfFix>,
+}
+
+struct OfFix {
+    is_switched_on: bool,
+    gain: [f64; 2],
+    /// One over the standard deviation of the innovation.
+    inverse: f64,
+}
+
+impl Filter {
+    fn new(switched: &[bool], wander: f64, switch: f64) -> Self {
+        // Variances of bias and offset, and their covariance.
+        let (mut bias, mut offset, mut both) = (0.0, 0.0, 0.0);
+        let of_fix = |(fix, &switched): (usize, &bool)| {
+            let is_switched_on = switched || fix == 0;
+            bias += wander * wander;
+            if is_switched_on {
+                (offset, both) = (switch * switch, 0.0);
+            }
+            let [of_bias, of_offset] = [bias + both, both + offset];
+            let variance = of_bias + of_offset + 1.0;
+            bias -= of_bias * of_bias / variance;
+            offset -= of_offset * of_offset / variance;
+            both -= of_bias * of_offset / variance;
+            OfFix { is_switched_on, gain: [of_bias / variance, of_offset / variance], inverse: 1.0 / variance.sqrt() }
+        };
+        Self { fixes: switched.iter().enumerate().map(of_fix).collect() }
+    }
+
+    /// What is new in the value of a fix, in its standard deviations; `state` is what is known of bias and offset, and is after it.
+    fn innovation(&self, fix: usize, state: &mut [f64; 2], value: f64) -> f64 {
+        let of_fix = &self.fixes[fix];
+        if of_fix.is_switched_on {
+            state[1] = 0.0;
+        }
+        let innovation = value - state[0] - state[1];
+        state.iter_mut().zip(of_fix.gain).for_each(|(state, gain)| *state += gain * innovation);
+        innovation * of_fix.inverse
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By hand, without wander and with offsets of variance 3: the first fix has the variance 4, a value of 2 is one standard deviation, and the offset is then 3/4
+    /// of it, 1.5, with a variance of 3 − 9/4 = 3/4. The second, 1.5 + √1.75, is one of √(3/4 + 1) beyond it. The third is switched on anew: 2 is one of 4 again.
+    #[test]
+    fn innovations_by_hand() {
+        let filter = Filter::new(&[false, false, true], 0.0, 3f64.sqrt());
+        let mut state = [0.0; 2];
+        for (fix, value) in [2.0, 1.5 + 1.75f64.sqrt(), 2.0].into_iter().enumerate() {
+            let innovation = filter.innovation(fix, &mut state, value);
+            assert!((innovation - 1.0).abs() < 1e-12, "{fix}: {innovation}");
+        }
+        // A bias that wanders by 1 has the variance 1 in the first fix and the gain 1/2: 1/2 is left, and 3/2 before the second, whose variance is 5/2.
+        let filter = Filter::new(&[false, false], 1.0, 0.0);
+        assert!((filter.fixes[1].gain[0] - 0.6).abs() < 1e-12 && filter.fixes[1].gain[1] == 0.0);
     }
 }
