@@ -1,7 +1,7 @@
 //! Effects found by one grammar: products of factors at a port, proposed by the thousand and chosen by their evidence.
 //!
-//! [`read`] → `bank`, `pairs` and `triples` propose → `search` chooses, by the evidence of a `model` → `posterior` says what was learned. Wrong
-//! references compete with effects (`references`); `tells` says what further runs would tell.
+//! [`read`] → `proposals`, of one factor (`bank`), two (`pairs`) and three (`triples`), changed for better neighbours (`tuning`) → `search` chooses, by the
+//! evidence of a `model` → `posterior` says what was learned. Wrong references compete with effects (`references`); `tells` says what further runs would tell.
 
 mod bank;
 mod family;
@@ -15,6 +15,7 @@ mod pairs;
 mod posterior;
 mod problem;
 mod process;
+mod proposals;
 mod read;
 mod references;
 mod rounding;
@@ -22,6 +23,7 @@ mod rows;
 mod search;
 mod tells;
 mod triples;
+mod tuning;
 mod unknowns;
 mod written;
 
@@ -38,10 +40,12 @@ use model::Model;
 use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::{Effect, Port};
 use problem::Term;
+use proposals::{NEGLIGIBLE, Proposals};
+pub use proposals::{Tried, form};
 use rayon::prelude::*;
 pub use rows::Run;
+pub use search::asked_beside;
 use search::{Search, Start};
-pub use search::{Tried, asked_beside, form};
 pub use tells::{Imitated, imitated};
 
 /// What some runs taught.
@@ -84,7 +88,7 @@ pub fn signals(runs: &[Run]) -> usize {
 
 /// What is proposed of runs beside nothing, the most promising first.
 pub fn tried(runs: &[Run]) -> Vec<Tried> {
-    Search::new(runs, &Family::default()).tried()
+    Proposals::new(runs).tried()
 }
 
 /// What a column that is no effect's is worth.
@@ -160,7 +164,7 @@ fn contradicted(search: &Search<'_>, best: &Model<'_>, blunder: &Blunder) -> boo
     let without = Search::new(&mended, search.family);
     let compared = without.best(&best.into()).and_then(|then| {
         let has_more = best.cost(&search.grammar) > then.cost(&without.grammar);
-        let is_alone = has_more && best.in_runs(&mended)?.evidence() - then.evidence() <= search::NEGLIGIBLE;
+        let is_alone = has_more && best.in_runs(&mended)?.evidence() - then.evidence() <= NEGLIGIBLE;
         let rival = if is_alone { search.plausible(&then.in_runs(search.runs)?) } else { search.plausible(best) };
         Some(without.plausible(&then) - blunder.cost(mended.len()) > rival)
     });

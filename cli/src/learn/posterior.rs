@@ -9,7 +9,8 @@ use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::Effect;
 
 use super::model::Model;
-use super::search::{FURTHER_FALSE_DISCOVERIES, NEGLIGIBLE, is_writable};
+use super::proposals::NEGLIGIBLE;
+use super::search::{FURTHER_FALSE_DISCOVERIES, is_writable};
 
 /// One of the likely models.
 #[derive(Clone, Debug)]

@@ -1,0 +1,257 @@
+//! An effect beside a model is changed for better neighbours: in its form, and in its constants.
+
+use std::collections::BTreeMap;
+
+use north_finder::effects::dynamics::Dynamics;
+use north_finder::effects::effect::{Effect, MAX_FACTORS};
+use north_finder::effects::factor::Factor;
+use north_finder::effects::shape::Shape;
+use rayon::prelude::*;
+
+use super::bank::Left;
+use super::grammar::{extended, fineness, reduced, replaced, reshaped};
+use super::model::Model;
+use super::proposals::{Proposals, form};
+
+/// Neighbours of a form whose exact evidence is computed, and those of them that are tuned.
+const NEAREST: usize = 12;
+const TUNED: usize = 2;
+/// Factors that are tried as a further one.
+const FURTHER: usize = 4;
+/// Most changes of form in a row.
+const REACH_OF_CONTENDERS: usize = 2;
+const REACH: usize = 6;
+/// Unit in which the edges of a sector are tuned.
+const SECTOR_STEP_DEG: f64 = 60.0;
+/// First step of a constant, in its unit.
+const FIRST_STEP: f64 = 0.35;
+
+/// How thoroughly an effect's constants are tuned: rounds over all of them, and the smallest step.
+struct Tuning {
+    rounds: usize,
+    least_step: f64,
+}
+
+const ROUGHLY: Tuning = Tuning { rounds: 1, least_step: 0.1 };
+const FINELY: Tuning = Tuning { rounds: 3, least_step: 0.02 };
+
+impl Proposals<'_> {
+    /// An effect beside a model, changed for better neighbours and finely tuned, with its gain. `left`: what the model leaves.
+    pub fn improved(&self, model: &Model<'_>, effect: Effect, gain: f64, left: &Left) -> (f64, Effect) {
+        let (gain, effect) = self.climb(model, effect, gain, left, REACH);
+        self.tuned(model, effect, gain, &FINELY)
+    }
+
+    /// An effect changed by few forms: enough to compare it with others.
+    pub fn improved_a_little(&self, model: &Model<'_>, effect: Effect, gain: f64, left: &Left) -> (f64, Effect) {
+        self.climb(model, effect, gain, left, REACH_OF_CONTENDERS)
+    }
+
+    /// An effect with its constants finely tuned.
+    pub fn finely_tuned(&self, model: &Model<'_>, effect: Effect) -> Effect {
+        let gain = self.gain(model, &effect);
+        self.tuned(model, effect, gain, &FINELY).1
+    }
+
+    /// An effect with its constants roughly tuned, with its gain.
+    pub fn roughly_tuned(&self, model: &Model<'_>, effect: Effect, gain: f64) -> (f64, Effect) {
+        self.tuned(model, effect, gain, &ROUGHLY)
+    }
+
+    /// Replaces the form by a neighbouring one, at most so many times, as long as the gain grows by more than half a nat. Where no form of its own signals,
+    /// and none with one factor more, is better, one with another factor in the place of one may be.
+    fn climb(&self, model: &Model<'_>, mut effect: Effect, mut gain: f64, left: &Left, steps: usize) -> (f64, Effect) {
+        for _ in 0..steps {
+            let better = |forms: Vec<Effect>| self.best_of(model, forms, left).filter(|(above, _)| *above > gain + 0.5);
+            let own = [self.forms_of(&effect, left), self.extensions_of(&effect, left)].concat();
+            let best = better(own).or_else(|| better(self.exchanges_of(&effect, left)));
+            let Some(best) = best else { break };
+            (gain, effect) = best;
+        }
+        (gain, effect)
+    }
+
+    /// The best of some forms beside a model, roughly tuned, with its gain.
+    fn best_of(&self, model: &Model<'_>, forms: Vec<Effect>, left: &Left) -> Option<(f64, Effect)> {
+        let near = self.nearest(forms, left);
+        let mut better: Vec<(f64, Effect)> = near.into_par_iter().map(|each| (self.gain(model, &each), each)).collect();
+        better.sort_by(|a, b| b.0.total_cmp(&a.0));
+        better.truncate(TUNED);
+        better
+            .into_par_iter()
+            .map(|(gain, each)| self.tuned(model, each, gain, &ROUGHLY))
+            .max_by(|a, b| a.0.total_cmp(&b.0))
+    }
+
+    /// Removes factors, each simpler form finely tuned, as long as the gain does not fall.
+    pub fn simplified(&self, model: &Model<'_>, mut effect: Effect, mut gain: f64) -> Effect {
+        loop {
+            let simpler = reduced(&effect).into_par_iter();
+            let best = simpler
+                .map(|each| self.tuned(model, each.clone(), self.gain(model, &each), &FINELY))
+                .max_by(|a, b| a.0.total_cmp(&b.0));
+            match best {
+                Some((above, each)) if above >= gain => (gain, effect) = (above, each),
+                _ => return effect,
+            }
+        }
+    }
+
+    /// Other forms of the same signals.
+    pub fn forms_of(&self, effect: &Effect, left: &Left) -> Vec<Effect> {
+        let mut forms = reshaped(effect, &self.grammar, self.runs);
+        let shapes = (0..effect.factors.len()).into_par_iter().flat_map_iter(|f| self.other_shapes(effect, f, left));
+        forms.extend(shapes.collect::<Vec<Effect>>());
+        forms
+    }
+
+    /// The same with one factor more.
+    fn extensions_of(&self, effect: &Effect, left: &Left) -> Vec<Effect> {
+        if effect.factors.len() == MAX_FACTORS {
+            return Vec::new();
+        }
+        let fitted = self.bank.fitted(self.runs, effect, left);
+        extended(effect, &self.pairs.further(left, &fitted, FURTHER))
+    }
+
+    /// The same with another factor, of any signal, in the place of one.
+    fn exchanges_of(&self, effect: &Effect, left: &Left) -> Vec<Effect> {
+        let simpler = if effect.factors.len() > 1 { reduced(effect) } else { Vec::new() };
+        simpler.iter().flat_map(|each| self.extensions_of(each, left)).collect()
+    }
+
+    /// The most promising forms, each once: effects of one form differ by constants, which are tuned.
+    pub fn nearest(&self, forms: Vec<Effect>, left: &Left) -> Vec<Effect> {
+        let promise = |each: Effect| (self.bank.promise(self.runs, &each, left) - self.grammar.cost(&each), each);
+        let mut promising: Vec<(f64, Effect)> = forms.into_par_iter().map(promise).collect();
+        promising.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut seen: Vec<String> = Vec::new();
+        let mut nearest: Vec<Effect> = Vec::new();
+        for (_, each) in promising {
+            let form = form(&each);
+            if nearest.len() < NEAREST && !seen.contains(&form) {
+                seen.push(form);
+                nearest.push(each);
+            }
+        }
+        nearest
+    }
+
+    /// Tunes every constant in turn, with steps that become smaller.
+    fn tuned(&self, model: &Model<'_>, effect: Effect, gain: f64, tuning: &Tuning) -> (f64, Effect) {
+        let constants = constants_of(&effect);
+        self.tuned_by(effect, gain, tuning, &constants, &|each| self.gain(model, each))
+    }
+
+    /// The same with these constants, by another gain.
+    fn tuned_by(
+        &self,
+        mut effect: Effect,
+        mut gain: f64,
+        tuning: &Tuning,
+        constants: &[(usize, usize)],
+        gain_of: &dyn Fn(&Effect) -> f64,
+    ) -> (f64, Effect) {
+        for _ in 0..tuning.rounds {
+            let before = gain;
+            for &(f, number) in constants {
+                let unit = self.unit(&effect.factors[f], number);
+                let least_step = tuning.least_step / fineness(&effect.factors[f]);
+                let mut step = FIRST_STEP;
+                while step > least_step {
+                    let last = gain;
+                    for sign in [1.0, -1.0] {
+                        let Some(each) = moved_by(&effect, f, number, sign * step * unit) else { continue };
+                        let above = gain_of(&each);
+                        if above > gain {
+                            (gain, effect) = (above, each);
+                            break;
+                        }
+                    }
+                    // By less than a third of a nat nobody tells two constants apart.
+                    let has_gained = gain - last >= 0.3;
+                    if !has_gained {
+                        step *= 0.5;
+                    }
+                }
+            }
+            if gain < before + 1.0 {
+                break;
+            }
+        }
+        (gain, effect)
+    }
+
+    /// The effect with another shape in the place of one factor's, of every kind the one that promises most with its constants tuned in coarse rows:
+    /// what is tuned already hides a better shape that is not.
+    fn other_shapes(&self, effect: &Effect, f: usize, left: &Left) -> Vec<Effect> {
+        let own = &effect.factors[f];
+        let Some(span) = self.grammar.span(self.runs, own.signal, &own.dynamics) else { return Vec::new() };
+        let seen = self.bank.seen_through(self.runs, effect, f);
+        let gain_of = |each: &Effect| left.gain(&seen.columns(&each.factors[f])).0 - self.grammar.cost(each);
+        let mut best: BTreeMap<String, (f64, Effect)> = BTreeMap::new();
+        Shape::starts(&span, &mut |shape| {
+            let factor = Factor { shape, ..own.clone() };
+            let Some(each) = replaced(effect, f, factor) else { return };
+            let gain = gain_of(&each);
+            let known = best.entry(form(&each)).or_insert_with(|| (f64::NEG_INFINITY, each.clone()));
+            if gain > known.0 {
+                *known = (gain, each);
+            }
+        });
+        let first = own.dynamics.iter().map(|dynamics| dynamics.constants().len()).sum::<usize>();
+        let tuned = |(gain, each): (f64, Effect)| {
+            let constants: Vec<(usize, usize)> =
+                (first..first + each.factors[f].shape.constants().len()).map(|number| (f, number)).collect();
+            self.tuned_by(each, gain, &ROUGHLY, &constants, &gain_of).1
+        };
+        best.into_values().map(tuned).collect()
+    }
+
+    /// Unit in which a constant of a factor is tuned: 1 for the logarithm of a scale; of a place the width that its shape has, or else the standard
+    /// deviation of what the part gets; of a signal's ratio its size.
+    fn unit(&self, factor: &Factor, number: usize) -> f64 {
+        let constants = factor.constants();
+        let Some(constant) = constants.get(number).filter(|constant| !constant.is_scale) else { return 1.0 };
+        let deviation = |before: &[Dynamics]| {
+            self.grammar.span(self.runs, factor.signal, before).map_or(1.0, |span| span.deviation)
+        };
+        let mut first = 0;
+        for (place, dynamics) in factor.dynamics.iter().enumerate() {
+            first += dynamics.constants().len();
+            if number < first {
+                return deviation(&factor.dynamics[..place]);
+            }
+        }
+        let of_shape = factor.shape.constants();
+        if number >= first + of_shape.len() {
+            return constant.value.abs();
+        }
+        match factor.shape {
+            Shape::Sector(_) => SECTOR_STEP_DEG,
+            _ => of_shape
+                .iter()
+                .find(|each| each.is_scale)
+                .map_or_else(|| deviation(&factor.dynamics), |width| width.value),
+        }
+    }
+}
+
+/// Numbers of an effect's constants: of the factor, and in it.
+pub fn constants_of(effect: &Effect) -> Vec<(usize, usize)> {
+    effect
+        .factors
+        .iter()
+        .enumerate()
+        .flat_map(|(f, factor)| (0..factor.constants().len()).map(move |number| (f, number)))
+        .collect()
+}
+
+/// The effect with one constant moved by so much: its logarithm where it is a scale, else by its own unit.
+pub fn moved_by(effect: &Effect, f: usize, number: usize, step: f64) -> Option<Effect> {
+    let mut effect = effect.clone();
+    let factor = effect.factors.get_mut(f)?;
+    let constant = *factor.constants().get(number)?;
+    factor.set(number, if constant.is_scale { constant.value * step.exp() } else { constant.value + step });
+    effect.validate().ok().map(|()| effect)
+}
