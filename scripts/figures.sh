@@ -50,6 +50,9 @@ bench voyage voyage
 bench ageing ageing --trials 4000
 bench watch watch
 bench diagnose-speed diagnose-speed
+bench attitude attitude
+bench alignment alignment --trials 20
+bench gyros gyros --fixes 6
 
 triad=$data/ring-laser-triad/increments_100hz.csv
 if [ -f "$triad" ]; then

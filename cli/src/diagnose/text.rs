@@ -109,9 +109,11 @@ fn write_runs(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
         )?;
     }
     if let Some(judged_on) = diagnosis.judged_on.filter(|judged_on| *judged_on != "stations") {
+        let had = diagnosis.runs.iter().filter(|run| run.error_before_deg.is_some()).count();
+        let only = if had < diagnosis.judged_runs { format!(", {had} of them before") } else { String::new() };
         writeln!(
             out,
-            "azimuth error, deg rms (95 % interval by chi-square), judged on {} ({} runs): {} before, {} after",
+            "azimuth error, deg rms (95 % interval by chi-square), judged on {} ({} runs{only}): {} before, {} after",
             judged_on.replace('-', " "),
             diagnosis.judged_runs,
             rms(diagnosis.azimuth_rms_before_deg, diagnosis.azimuth_rms_before_interval_deg),

@@ -302,5 +302,26 @@ fn write_rows(out: &mut dyn Write, trials: u64, rows: &[Row]) -> io::Result<()> 
             row.rms_error_over_sigma,
             row.within_95_percent
         )
+    })?;
+    write_by_length(out, rows)
+}
+
+/// The simulated windows of known latitude, one length beside the other.
+fn write_by_length(out: &mut dyn Write, rows: &[Row]) -> io::Result<()> {
+    let chosen: Vec<&Row> = rows.iter().filter(|row| row.simulated && row.latitude_known).collect();
+    let lengths: String = WINDOWS_S.iter().map(|seconds| format!(" {seconds:.0} s |")).collect();
+    writeln!(
+        out,
+        "\nrms error / rms sigma (bound), °, and the share within 1.96 sigma:\n\n| base |{lengths}\n|---|{}",
+        "---|".repeat(WINDOWS_S.len())
+    )?;
+    let angle = |deg: f64| if deg < 1.0 { format!("{deg:.3}") } else { format!("{deg:.2}") };
+    chosen.chunk_by(|a, b| a.base == b.base).try_for_each(|of_base| {
+        let of_row = |row: &&Row| {
+            let bound = row.bound_deg.map_or_else(|| "–".to_owned(), angle);
+            let (error, sigma) = (angle(row.rms_error_deg), angle(row.rms_sigma_deg));
+            format!(" {error} / {sigma} ({bound}), {:.0} % |", row.within_95_percent)
+        };
+        writeln!(out, "| {} |{}", of_base[0].base, of_base.iter().map(of_row).collect::<String>())
     })
 }

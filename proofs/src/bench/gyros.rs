@@ -78,8 +78,24 @@ impl Bench for Gyros {
             }
         }
         bar.finish_and_clear();
+        write_by_latitude(out, &rows)?;
         Ok(rows)
     }
+}
+
+/// Sigma and time of every gyro, one latitude beside the other.
+fn write_by_latitude(out: &mut dyn Write, rows: &[Row]) -> std::io::Result<()> {
+    let latitudes = LATITUDES_DEG.map(|latitude_deg| format!(" {latitude_deg}° |")).concat();
+    writeln!(out, "\n| N, °/√h | bias instability, °/h |{latitudes}\n|---|---|{}", "---|".repeat(LATITUDES_DEG.len()))?;
+    rows.chunks(LATITUDES_DEG.len()).try_for_each(|of_gyro| {
+        let fixes = |row: &Row| match (row.sigma_deg, row.elapsed_s) {
+            (Some(sigma_deg), Some(elapsed_s)) => format!(" {sigma_deg:.3}° in {elapsed_s:.0} s |"),
+            _ => " – |".into(),
+        };
+        let Row { arw_deg_per_sqrt_h, bias_instability_deg_h, .. } = of_gyro[0];
+        let all: String = of_gyro.iter().map(fixes).collect();
+        writeln!(out, "| {arw_deg_per_sqrt_h} | {bias_instability_deg_h} |{all}")
+    })
 }
 
 impl Gyros {
