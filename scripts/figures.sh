@@ -53,6 +53,7 @@ bench diagnose-speed diagnose-speed
 bench attitude attitude
 bench alignment alignment --trials 20
 bench gyros gyros --fixes 6
+bench hold hold --trials 100
 
 triad=$data/ring-laser-triad/increments_100hz.csv
 if [ -f "$triad" ]; then
