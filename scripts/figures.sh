@@ -1,7 +1,7 @@
 #!/bin/sh
 # Writes docs/figures: what the figures of README and docs are from, each file by the command beside it. The published recordings (docs/comparison.md
 # says where they are) are looked for in the folder NORTH_FINDER_DATA; a file whose recording is not there stays as it is. `figures.sh FILE…` writes these
-# files of tables alone: all of them take some half an hour on two cores.
+# files of tables alone: all of them take some forty minutes on two cores.
 set -eu
 only=" $* "
 for file in "$@"; do
@@ -54,6 +54,7 @@ bench attitude attitude
 bench alignment alignment --trials 20
 bench gyros gyros --fixes 6
 bench hold hold --trials 100
+bench faults faults
 
 triad=$data/ring-laser-triad/increments_100hz.csv
 if [ -f "$triad" ]; then
