@@ -1,6 +1,6 @@
 //! What a few or many errors say together, and how far to trust it.
 
-use north::diagnose::statistics::chi_square_beyond;
+pub use north::diagnose::statistics::rms_interval;
 use statrs::distribution::{Beta, ContinuousCDF};
 
 /// Azimuth minus truth, degrees, in −180 … 180.
@@ -17,14 +17,6 @@ pub fn rms(values: impl IntoIterator<Item = f64>) -> f64 {
 /// The middle of these; not-a-number of nothing.
 pub fn median(mut values: Vec<f64>) -> f64 {
     quantities::median::median(&mut values).unwrap_or(f64::NAN)
-}
-
-/// 95 % interval of the standard deviation of Gaussian errors whose rms with this many degrees of freedom is this:
-/// ν s²/σ² has the chi-square distribution.
-pub fn rms_interval(rms: f64, degrees_of_freedom: usize) -> Option<[f64; 2]> {
-    let freedom = degrees_of_freedom as f64;
-    (degrees_of_freedom > 0)
-        .then(|| [0.025, 0.975].map(|tail| rms * (freedom / chi_square_beyond(tail, freedom)).sqrt()))
 }
 
 /// 95 % interval of the probability of what happened `hits` times in `trials` (Clopper and Pearson, Biometrika 26, 1934).

@@ -223,6 +223,13 @@ pub struct Effect {
     pub board: bool,
 }
 
+impl Diagnosis {
+    /// Runs that are judged and had an azimuth before.
+    pub fn judged_before(&self) -> usize {
+        self.runs.iter().filter(|run| run.error_before_deg.is_some()).count()
+    }
+}
+
 impl Effect {
     /// Its name, with the columns that it depends on.
     pub fn full_name(&self) -> String {

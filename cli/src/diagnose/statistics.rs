@@ -22,18 +22,23 @@ pub fn chi_square_tail(value: f64, freedom: f64) -> f64 {
     if value > 0.0 && freedom > 0.0 { gamma_ur(0.5 * freedom, 0.5 * value) } else { 1.0 }
 }
 
-/// Root mean square of errors, and its 95 % interval for normal errors: n times its square over the variance is a chi-square
-/// of n degrees of freedom. `None` of nothing.
+/// Root mean square of errors, and its 95 % interval for normal errors. `None` of nothing.
 pub fn rms_with_interval(errors: &[f64]) -> Option<(f64, [f64; 2])> {
-    let number = errors.len() as f64;
     let rms = rms(errors);
-    let bound = |tail: f64| rms * (number / chi_square_beyond(tail, number)).sqrt();
-    (!errors.is_empty()).then(|| (rms, [bound(0.025), bound(0.975)]))
+    Some((rms, rms_interval(rms, errors.len())?))
+}
+
+/// 95 % interval of the standard deviation of normal errors whose root mean square with so many degrees of freedom is this: their number times its square
+/// over the variance is a chi-square. `None` of none.
+pub fn rms_interval(rms: f64, degrees_of_freedom: usize) -> Option<[f64; 2]> {
+    let freedom = degrees_of_freedom as f64;
+    (degrees_of_freedom > 0)
+        .then(|| [0.025, 0.975].map(|tail| rms * (freedom / chi_square_beyond(tail, freedom)).sqrt()))
 }
 
 /// What a chi-square with `freedom` degrees of freedom exceeds with this probability, by bisection: the steps of Newton's method, which libraries take, leave
 /// the positive numbers at one degree of freedom.
-pub fn chi_square_beyond(tail: f64, freedom: f64) -> f64 {
+fn chi_square_beyond(tail: f64, freedom: f64) -> f64 {
     let (mut low, mut high) = (0.0, 10.0 * freedom + 100.0);
     for _ in 0..100 {
         let middle = 0.5 * (low + high);

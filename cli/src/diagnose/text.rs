@@ -109,7 +109,7 @@ fn write_runs(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
         )?;
     }
     if let Some(judged_on) = diagnosis.judged_on.filter(|judged_on| *judged_on != "stations") {
-        let had = diagnosis.runs.iter().filter(|run| run.error_before_deg.is_some()).count();
+        let had = diagnosis.judged_before();
         let only = if had < diagnosis.judged_runs { format!(", {had} of them before") } else { String::new() };
         writeln!(
             out,

@@ -69,9 +69,7 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
     };
     let change = match (diagnosis.azimuth_rms_before_deg, diagnosis.azimuth_rms_after_deg) {
         (Some(before), Some(after)) if !names.is_empty() => {
-            let with_error = |of: fn(&RunDiagnosis) -> bool| diagnosis.runs.iter().filter(|run| of(run)).count();
-            let (had, have) =
-                (with_error(|run| run.error_before_deg.is_some()), with_error(|run| run.error_after_deg.is_some()));
+            let (had, have) = (diagnosis.judged_before(), diagnosis.judged_runs);
             let some = if had < have { format!(" (only {had} of {have} runs had an azimuth)") } else { String::new() };
             let on_board = match diagnosis.azimuth_rms_board_deg {
                 Some(board) if !diagnosis.board_lacks.is_empty() => format!(", {board:.3} deg on a board"),

@@ -5,14 +5,14 @@ use std::sync::Arc;
 use north_finder::effects::effect::{Effect, Port};
 use north_finder::effects::factor::Factor;
 
+use super::grammar::IDENTITY;
 use super::kept::Kept;
-use super::rows::{IDENTITY, Run};
+use super::rows::Run;
 
 /// Columns of an effect for one unit of its weights' priors, °/h: by weight and row, all runs one after the other.
 pub type Values = Vec<Vec<f64>>;
 /// Functions of a factor by the row, all runs one after the other, each for one unit of its prior.
 pub type Functions = Arc<[Vec<f32>]>;
-
 /// What a factor's shape gets: the mean of what comes out of the dynamics, by the row and all runs one after the other; not-a-number where nothing does.
 pub type Inputs = Arc<[f64]>;
 

@@ -9,10 +9,10 @@ use north_finder::effects::dynamics::Dynamics;
 use north_finder::effects::effect::{Effect, MAX_FACTORS, Port};
 use north_finder::effects::factor::Factor;
 use north_finder::effects::part::Span;
-use north_finder::effects::shape::{Harmonic, Shape, Sharp, Smooth};
+use north_finder::effects::shape::{Harmonic, Linear, Shape, Sharp, Smooth};
 use north_finder::effects::signal::{Channel, Difference, Signal, WeightedDifference};
 
-use super::rows::{IDENTITY, Run};
+use super::rows::Run;
 
 /// Values of a constant that recordings tell apart: time constants from a few rows to a recording's length, by factors of two.
 const VALUES_OF_A_CONSTANT: f64 = 8.0;
@@ -179,6 +179,9 @@ pub fn complexity(effect: &Effect) -> f64 {
     let of_factor = |factor: &Factor| LN_2 * factor.dynamics.len() as f64 + cost_of_constants(factor);
     LN_2 * effect.factors.len().max(1) as f64 + effect.factors.iter().map(of_factor).sum::<f64>()
 }
+
+/// A shape that gives what it gets: what a span is measured through.
+pub const IDENTITY: Shape = Shape::Linear(Linear { reference: 0.0, scale: 1.0 });
 
 /// What comes out of a factor's dynamics in the rows at rest; `None` where it says nothing or does not vary.
 pub fn span(runs: &[Run], factor: &Factor) -> Option<Span> {

@@ -99,7 +99,7 @@ impl<'a> Proposals<'a> {
     /// The most promising effects beside a model, tuned and changed for better neighbours.
     pub fn finalists(&self, model: &Model<'_>) -> Vec<Effect> {
         let (left, chosen, bare) = self.chosen(model);
-        // The plain ones stay in the competition: of what is flexible enough to take in several effects at once much is gained, and little learned.
+        // The plain ones remain in the competition: of what is flexible enough to take in several effects at once much is gained, and little learned.
         let plain = self.plain_of(model, &chosen, bare);
         let climb = |(gain, effect): (f64, Effect)| self.improved_a_little(model, effect, gain, &left);
         let mut chosen: Vec<(f64, Effect)> = chosen.into_par_iter().map(climb).collect();
@@ -123,7 +123,7 @@ impl<'a> Proposals<'a> {
     fn plain_of(&self, model: &Model<'_>, chosen: &[(f64, Effect)], bare: Vec<Effect>) -> Vec<Effect> {
         let of_one_factor = chosen.iter().map(|(_, each)| each).filter(|effect| effect.factors.len() < 2);
         let plain: Vec<Effect> = of_one_factor.cloned().chain(bare).collect();
-        plain.into_par_iter().map(|each| self.finely_tuned(model, each)).collect()
+        plain.into_par_iter().map(|each| self.finely_tuned(model, each).1).collect()
     }
 
     /// Other forms of an effect's signals that are about as likely beside a model.

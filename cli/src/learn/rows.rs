@@ -7,7 +7,6 @@ use std::sync::{Arc, Mutex};
 use north_finder::effects::effect::{Effect, Port};
 use north_finder::effects::factor::{Factor, Memory};
 use north_finder::effects::now::{Belief, Now, RunFacts};
-use north_finder::effects::shape::{Linear, Shape};
 use north_finder::effects::signal::Signal;
 use north_finder::effects::track::Track;
 use north_finder::effects::{ChannelName, Conditions, MAX_CHANNELS};
@@ -38,9 +37,6 @@ const BIAS_SIGMA_DEG_H: f64 = 1e3;
 
 /// Unknowns of every run that are integrated out: azimuth (rad), relative amplitude, bias (°/h).
 pub const UNKNOWNS: usize = 3;
-
-/// A shape that gives what it gets.
-pub const IDENTITY: Shape = Shape::Linear(Linear { reference: 0.0, scale: 1.0 });
 
 /// One run.
 #[derive(Clone, Debug)]
@@ -260,10 +256,14 @@ impl Run {
         [self.turned_by(1.0), self.amplitudes(), vec![1.0; self.rows()]]
     }
 
-    /// Means over the rows of what was found by the second.
+    /// Means over the rows of what was found by the second; 0 where a second of the row has nothing.
     pub fn by_row(&self, by_second: &[f64]) -> Vec<f64> {
-        let mean = |bin: &Range<usize>| by_second[bin.clone()].iter().sum::<f64>() / bin.len() as f64;
-        self.bins.iter().map(mean).map(|mean| if mean.is_finite() { mean } else { 0.0 }).collect()
+        self.means_by_row(by_second).map(|mean| if mean.is_finite() { mean } else { 0.0 }).collect()
+    }
+
+    /// The same; not-a-number where a second has nothing.
+    fn means_by_row(&self, by_second: &[f64]) -> impl Iterator<Item = f64> {
+        self.bins.iter().map(|bin| by_second[bin.clone()].iter().sum::<f64>() / bin.len() as f64)
     }
 
     /// What unit weights of an effect add to the rate, °/h, by the row.
@@ -319,11 +319,21 @@ impl Run {
         temperature.into_iter().chain(self.names.iter().map(String::as_str))
     }
 
-    /// What comes out of a factor's dynamics in the rows at rest.
+    /// What comes out of a factor's dynamics in the rows at rest; not-a-number where its signal says nothing.
     pub fn inputs(&self, factor: &Factor) -> Vec<f64> {
+        let inputs = self.inputs_by_second(factor);
+        self.bins.iter().flat_map(|bin| inputs[bin.clone()].to_vec()).collect()
+    }
+
+    /// The same by the row, means over its seconds.
+    pub fn inputs_by_row(&self, factor: &Factor) -> Vec<f64> {
+        self.means_by_row(&self.inputs_by_second(factor)).collect()
+    }
+
+    fn inputs_by_second(&self, factor: &Factor) -> Vec<f64> {
         let mut inputs = vec![f64::NAN; self.seconds.len()];
         self.each_input(factor, &mut |i, input| inputs[i] = input);
-        self.bins.iter().flat_map(|bin| inputs[bin.clone()].to_vec()).collect()
+        inputs
     }
 
     /// The values of a signal by the second; not-a-number where it says nothing.
@@ -388,14 +398,6 @@ impl Run {
     /// What the rate of a row changes by, by unit of what an effect adds at a port.
     pub fn gains(&self, port: Port) -> Vec<f64> {
         self.means(&|sample| self.gain(port, sample))
-    }
-
-    /// What comes out of a factor's dynamics by the row, the mean over its seconds; not-a-number where its signal says nothing.
-    pub fn inputs_by_row(&self, factor: &Factor) -> Vec<f64> {
-        let input = Factor { shape: IDENTITY, constant: true, ..factor.clone() };
-        let mut functions = self.functions_by_row(&input).into_iter();
-        let (says, inputs) = (functions.next().unwrap_or_default(), functions.next().unwrap_or_default());
-        says.into_iter().zip(inputs).map(|(says, input)| if says > 0.0 { input } else { f64::NAN }).collect()
     }
 
     /// The functions of a factor by the row, means over its seconds; 0 where its signal says nothing.
@@ -562,6 +564,7 @@ impl Run {
 #[cfg(test)]
 mod tests {
     use super::super::functions::Library;
+    use super::super::grammar::IDENTITY;
     use super::*;
 
     /// North, east, south and west, 10 °/h horizontal. The index reads 30° too much: the axis is 30° clockwise of where it is taken to be. North: 10 cos 30° less
@@ -583,6 +586,7 @@ mod tests {
         let factor = Factor::new(Signal::Since, &[], IDENTITY);
         let mut run = Run::of_rates(&[0.0; 4]);
         run.tracks = vec![Track::default(); 4];
+        run.seconds = vec![Conditions::default(); 4];
         run.bins = vec![0..2, 2..3, 3..4];
         let values = Arc::new(vec![0.001, 0.003, f64::NAN, 0.004]);
         run.signals.lock().unwrap().insert(format!("{:?}", factor.signal), values);

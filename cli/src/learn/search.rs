@@ -35,6 +35,7 @@ const WIDENED: usize = 3;
 /// constants that it is proposed with.
 const MOSTLY: f64 = 0.5;
 const PROMISED: f64 = 0.5;
+
 /// What a search begins with.
 #[derive(Clone, Debug, Default)]
 pub struct Start {
@@ -257,7 +258,7 @@ impl<'a> Search<'a> {
         let simpler = if own.known.is_some() { Vec::new() } else { reduced(&own.effect) };
         let simpler = simpler.into_par_iter().filter(|effect| !effect.factors.is_empty());
         let with = |effect: Effect| {
-            let effect = self.proposals.finely_tuned(&others, effect);
+            let (_, effect) = self.proposals.finely_tuned(&others, effect);
             let mut with = terms.clone();
             with.push(self.proposals.term(&others, &effect));
             Model::new(self.runs, model.process, &with)
@@ -429,7 +430,7 @@ mod tests {
     use north_finder::effects::factor::Factor;
     use north_finder::effects::signal::Signal;
 
-    use super::super::rows::IDENTITY;
+    use super::super::grammar::IDENTITY;
     use super::*;
 
     /// A model file has room for eight effects: a ninth, which may be tried when a product is taken apart, is refused.

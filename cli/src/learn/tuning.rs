@@ -47,10 +47,10 @@ impl Proposals<'_> {
         self.climb(model, effect, gain, left, REACH_OF_CONTENDERS)
     }
 
-    /// An effect with its constants finely tuned.
-    pub fn finely_tuned(&self, model: &Model<'_>, effect: Effect) -> Effect {
+    /// An effect with its constants finely tuned, with its gain.
+    pub fn finely_tuned(&self, model: &Model<'_>, effect: Effect) -> (f64, Effect) {
         let gain = self.gain(model, &effect);
-        self.tuned(model, effect, gain, &FINELY).1
+        self.tuned(model, effect, gain, &FINELY)
     }
 
     /// An effect with its constants roughly tuned, with its gain.
@@ -79,7 +79,7 @@ impl Proposals<'_> {
         better.truncate(TUNED);
         better
             .into_par_iter()
-            .map(|(gain, each)| self.tuned(model, each, gain, &ROUGHLY))
+            .map(|(gain, each)| self.roughly_tuned(model, each, gain))
             .max_by(|a, b| a.0.total_cmp(&b.0))
     }
 
@@ -87,9 +87,7 @@ impl Proposals<'_> {
     pub fn simplified(&self, model: &Model<'_>, mut effect: Effect, mut gain: f64) -> Effect {
         loop {
             let simpler = reduced(&effect).into_par_iter();
-            let best = simpler
-                .map(|each| self.tuned(model, each.clone(), self.gain(model, &each), &FINELY))
-                .max_by(|a, b| a.0.total_cmp(&b.0));
+            let best = simpler.map(|each| self.finely_tuned(model, each)).max_by(|a, b| a.0.total_cmp(&b.0));
             match best {
                 Some((above, each)) if above >= gain => (gain, effect) = (above, each),
                 _ => return effect,
