@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::residual::{Residuals, in_white_noises};
 use super::stations::misses_deg;
-use super::statistics::{median, rms, root_of_mean, studentised};
+use super::statistics::{beyond_sigmas, median, rms, studentised};
 use crate::campaign::Role;
 use crate::run_data::RunData;
 
@@ -192,20 +192,20 @@ fn impossible_amplitude(before: &[f64], after: &[f64]) -> Option<String> {
     })
 }
 
-/// What azimuths by what was learned miss beyond their sigmas, degrees: τ² = mean(e² − σ²), at least 0, over training runs with
-/// what the others taught; Student's, for there are few of them.
+/// What azimuths by what was learned miss beyond their sigmas ([`beyond_sigmas`]), degrees, over training runs with what the others taught; Student's, for
+/// there are few of them.
 pub fn missed_beyond_sigma_deg(runs: &[RunData], wrong: &[String], left_out: &[Option<Fix>]) -> f64 {
-    let beyond: Vec<f64> = trusted(runs, wrong)
+    let errors: Vec<(f64, f64)> = trusted(runs, wrong)
         .filter_map(|(i, run, reference_deg)| {
             let fix = left_out[i]?;
-            let expected = fix.sigma_deg.powi(2) + run.reference_sigma_deg.powi(2);
-            Some(wrap_180_deg(fix.azimuth_deg - reference_deg).powi(2) - expected)
+            let variance = fix.sigma_deg.powi(2) + run.reference_sigma_deg.powi(2);
+            Some((wrap_180_deg(fix.azimuth_deg - reference_deg), variance))
         })
         .collect();
-    if beyond.len() < LEAST_MISSES {
+    if errors.len() < LEAST_MISSES {
         return 0.0;
     }
-    studentised(beyond.len()) * root_of_mean(&beyond)
+    studentised(errors.len()) * beyond_sigmas(&errors)
 }
 
 /// Whether a training run has a reference that is believed.

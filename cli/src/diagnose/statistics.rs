@@ -112,9 +112,22 @@ pub fn least_squares(columns: &[&[f64]], y: &[f64]) -> Option<(Vec<f64>, Vec<Vec
     Some((covariance.iter().map(|row| dot(row, &right)).collect(), covariance))
 }
 
-/// The root of the mean of what squares of errors are more than those of their sigmas; 0 where that is less, or nothing.
-pub fn root_of_mean(beyond: &[f64]) -> f64 {
-    (beyond.iter().sum::<f64>() / beyond.len().max(1) as f64).max(0.0).sqrt()
+/// What errors are beyond their sigmas: the standard deviation τ of a further error of each, for which Σ e²/(σ² + τ²) is the number of errors (Paule and
+/// Mandel, Journal of Research of the National Bureau of Standards 87, 1982, for a known mean); 0 where the sum is less without one. An error of a wide
+/// sigma says as much as another one, so that a single such run hides nothing that the others show. `errors`: errors and their variances.
+pub fn beyond_sigmas(errors: &[(f64, f64)]) -> f64 {
+    let is_more = |tau2: f64| {
+        errors.iter().map(|(error, variance)| error * error / (variance + tau2)).sum::<f64>() > errors.len() as f64
+    };
+    let (mut low, mut high) = (0.0, errors.iter().map(|(error, _)| error * error).sum::<f64>());
+    if !is_more(low) {
+        return 0.0;
+    }
+    for _ in 0..100 {
+        let middle = 0.5 * (low + high);
+        if is_more(middle) { low = middle } else { high = middle }
+    }
+    high.sqrt()
 }
 
 /// By how much a standard deviation from so many errors must be widened for ± 1.96 of it to hold 95 %: Student's t over 1.96.
@@ -146,6 +159,16 @@ mod tests {
         // One error: its square over the variance is below the square of the normal quantile of 0.5125, 0.03134, and of 0.9875, 2.2414, with 2.5 % each.
         let (_, [low, high]) = rms_with_interval(&[0.1]).unwrap();
         assert!((low - 0.1 / 2.2414).abs() < 1e-5 && (high - 0.1 / 0.03134).abs() < 1e-2, "{low} {high}");
+    }
+
+    /// Two errors of 2 with variances of 1: 2 · 4/(1 + 3) = 2. Errors of 1 and 0, the second with a variance of 1e6: 1/τ² = 2. Errors within their
+    /// sigmas leave nothing. With a mean of squares in its place the second would leave nothing, either.
+    #[test]
+    fn errors_beyond_their_sigmas_by_hand() {
+        assert!((beyond_sigmas(&[(2.0, 1.0), (-2.0, 1.0)]) - 3f64.sqrt()).abs() < 1e-9);
+        assert!((beyond_sigmas(&[(1.0, 0.0), (0.0, 1e6)]) - 0.5f64.sqrt()).abs() < 1e-9);
+        assert_eq!(beyond_sigmas(&[(0.5, 1.0), (1.2, 1.0)]), 0.0);
+        assert_eq!(beyond_sigmas(&[]), 0.0);
     }
 
     #[test]
