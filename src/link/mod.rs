@@ -16,7 +16,7 @@
 //!   its items.
 //! - CRC-32 is the one of Ethernet and zlib (CRC-32/ISO-HDLC), 4 bytes, little-endian.
 //!
-//! Example: the report "at 2 s the state is idle" has the content `09`, `00 00 00 00 00 00 00 40`, `00`, `00`, `A9 02 50 60`.
+//! Example: the report "at 2 s the state is idle" has the content `0A`, `00 00 00 00 00 00 00 40`, `00`, `00`, `A8 64 B2 F9`.
 //! All messages: docs/link.md. The raw stream: [`crate::event::raw`].
 //!
 //! Where the settings say so (`link.nmea`), NMEA 0183 sentences stand between the frames, each with a 00 behind it: for a reader of sentences the

@@ -13,7 +13,7 @@ use crate::toml_file::TomlFile;
 
 /// Bring an error model, or settings, to a board, which starts anew with it
 ///
-/// A model (its file begins with `format = 1`) replaces what the board has of what the file says. Of settings only those that the
+/// A model (a file with a key `format`) replaces what the board has of what the file says. Of settings only those that the
 /// file says are changed.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
