@@ -1,8 +1,8 @@
 //! The error model: what a calibration knows of the gyro, taken out of every second.
 //!
-//! raw rate = (1 + scale error) · true rate + bias + Σ terms + what the rate does to itself, all in °/h. The index angle is
-//! corrected second by second, the azimuth by the Earth's field at the end. An [`Evaluator`] runs it; what it needs of a
-//! second is [`Conditions`].
+//! raw rate = (1 + scale error + Σ terms that scale + Σ effects at the scale factor) · true rate + bias + Σ other terms + Σ effects at the rate + what the
+//! rate does to itself, in °/h. The index angle and the levels are corrected second by second, by effects at their ports too, and the azimuth by the
+//! Earth's field at the end. An [`Evaluator`] runs it; what it needs of a second is [`Conditions`].
 
 pub mod base_motion;
 pub mod basis;

@@ -1,7 +1,7 @@
 //! The azimuth where effects of the model depend on it: its probability over all azimuths that may be, in place of a slope about one of them.
 //!
 //! At a supposed azimuth the effects are what they are there, and the rates are linear in what is left: the amplitude, which is the Earth's but for
-//! what scale factor and latitude of an honest instrument are wrong by, bias and drift. With these integrated out the probability of the rates
+//! what scale factor and latitude of a sound instrument are wrong by, bias and drift. With these integrated out the probability of the rates
 //! is exp(−r²/2s²)/√det N: r² the weighted residuals, s² the variance of a one-second rate, N the normal matrix of what is left. A gyro that
 //! does not answer small rates (lock-in, a dead zone) reads alike over a range of azimuths: no slope tells how wide it is.
 

@@ -45,7 +45,7 @@ impl Noise {
             Self::White => "white".into(),
             Self::Flicker { instability_deg_h } => format!("flicker, {instability_deg_h} °/h"),
             Self::HeavyTails => "Student's t, 3".into(),
-            Self::Bursts => "a tenth four times".into(),
+            Self::Bursts => "four times the noise in a tenth of the seconds".into(),
             Self::Angle { arcsec, declared: true } => format!("angle, {arcsec} arcsec, declared"),
             Self::Angle { arcsec, declared: false } => format!("angle, {arcsec} arcsec, not declared"),
         }

@@ -179,7 +179,7 @@ fn write_preamble(out: &mut dyn Write, trials: u64) -> io::Result<()> {
         out,
         "Each row: {trials} simulated fixes with random headings. Bound: 60√2·N/(h√T), the least for equally spaced\n\
          positions. ± is the 95 % confidence interval: an rms of n errors has the relative standard deviation 1/√(2n), here\n\
-         ±{percent:.1} %. \"Covered\": share of fixes whose azimuth ± 1.96 sigma holds the truth, 95 % if sigma is honest."
+         ±{percent:.1} %. \"Covered\": share of fixes whose azimuth ± 1.96 sigma holds the truth, 95 % if sigma is correct."
     )
 }
 

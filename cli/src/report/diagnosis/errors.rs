@@ -83,7 +83,7 @@ fn by_run(errors: &[Error], diagnosis: &Diagnosis) -> String {
     };
     let mut caption = format!(
         "Azimuth minus reference; the bars are ± 1 sigma as the instrument reports it. Within 2 sigma of the reference: {} \
-         before, {} after (95 % are to be expected of honest sigmas).",
+         before, {} after (95 % are to be expected of correct sigmas).",
         inside(Side::Before),
         inside(Side::After)
     );
