@@ -5,8 +5,8 @@ use core::fmt;
 use quantities::limits::{Invalid, finite, positive, within};
 use serde::{Deserialize, Serialize};
 
-/// An effect of the rate. ω, °/h, is the rate without the effects of rate and without all others, less `centre_deg_h`: the
-/// gyro's usual bias, where this is not a part of what is distorted, else 0.
+/// An effect of the rate. ω, °/h, is the true rate, without the other effects, less `centre_deg_h`. The centre is the usual bias where the bias is outside
+/// of the distortion, else 0.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum RateTerm {

@@ -481,8 +481,8 @@ impl<D: Dwells> Accumulator<D> {
         }
     }
 
-    /// The least scale by which outliers are judged, °/h: the noise, or where the gyro remembers the Earth's rate, which is not taken out before there is
-    /// an azimuth, a usual step of that.
+    /// The smallest scale by which outliers are judged, °/h: the declared noise; where the model follows the rate behind a dynamics, the horizontal Earth
+    /// rate, because that part is not yet taken out.
     fn least_scatter_deg_h(&self) -> f64 {
         let noise_deg_h = self.declared.gyro.noise_deg_h();
         if self.evaluator.model().remembers_rate() {

@@ -205,13 +205,13 @@ const WATCHDOG_CYCLES: u32 = 50_000_000;
 pub struct Watchdog;
 
 impl Watchdog {
-    /// Two seconds. In lock-step, where time is instructions, half a second of them: five times what the longest work takes.
-    /// Which of both it is is not known yet.
+    /// Two seconds: the pace is not known yet, so the longer time-out is set first.
     pub fn start() -> Self {
         pac::WATCHDOG.start(WATCHDOG_CYCLES);
         Self
     }
 
+    /// Two seconds; in lock-step, where time is instructions, half a second of them: five times what the longest work takes.
     pub fn feed(&mut self) {
         let cycles = if with(|state| state.pace) == Pace::LockStep { 12_500_000 } else { WATCHDOG_CYCLES };
         pac::WATCHDOG.start(cycles);

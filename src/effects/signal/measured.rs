@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::SignalPart;
 use crate::effects::now::Now;
 
-/// Rate as the gyro gave it in the last second at rest, °/h: behind a dynamics, what the gyro remembers of rates before this one. By itself it would
-/// explain every measurement by itself, so that it must stand behind a dynamics.
+/// Rate as the gyro gave it in the last second at rest, °/h: behind a dynamics, what the gyro remembers of rates before this one. Without a
+/// dynamics it would explain every measurement trivially.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Measured;
