@@ -37,7 +37,7 @@ pub enum Cause {
 }
 
 impl Cause {
-    const ALL: [Self; 7] = [
+    pub const ALL: [Self; 7] = [
         Self::Panic,
         Self::HardFault,
         Self::StackOverflow,

@@ -9,7 +9,6 @@ use north_finder::event::{Dwell, Event, Fix, Heading};
 use north_finder::health::Counters;
 
 use super::instrument::InstrumentOptions;
-use super::scenarios;
 use crate::campaign::{CampaignWriter, Run};
 use crate::engine::{self, End, Engine, Outcome, Setup};
 use crate::failure::Failure;
@@ -69,9 +68,6 @@ struct Log {
 
 impl Find {
     pub fn run(self) -> Result<(), Failure> {
-        if self.instrument.scenario == "list" {
-            return Ok(scenarios::list(&mut crate::output::people())?);
-        }
         let (scenario, settings) = self.instrument.resolve()?;
         if let Some(folder) = &self.record {
             CampaignWriter::check_free(folder)?;

@@ -1,4 +1,4 @@
-//! The options that choose and change the simulated instrument: shared by `find` and `simulate`.
+//! The options that choose and change the simulated instrument: shared by `find`, `simulate` and `board`.
 
 use std::path::{Path, PathBuf};
 
@@ -15,7 +15,7 @@ use crate::settings_file::{read_settings, scenario_settings};
 /// Which simulated instrument, where, and how it is set.
 #[derive(Args, Clone, Debug, Default)]
 pub struct InstrumentOptions {
-    /// A built-in scenario ("list" shows them) or a scenario file ending in .toml
+    /// A built-in scenario ("north scenarios" lists them) or a scenario file ending in .toml
     #[arg(long, value_name = "NAME", default_value = "calm-bench")]
     pub scenario: String,
     /// Seed of everything random; the same scenario and seed give the same run

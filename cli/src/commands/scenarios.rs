@@ -38,7 +38,7 @@ impl Scenarios {
 }
 
 /// Name and description of every built-in scenario, one a line.
-pub fn list(out: &mut dyn Write) -> io::Result<()> {
+fn list(out: &mut dyn Write) -> io::Result<()> {
     let width = Scenario::names().map(|(name, _)| name.len()).max().unwrap_or_default();
     Scenario::names().try_for_each(|(name, description)| writeln!(out, "{name:<width$}  {description}"))
 }

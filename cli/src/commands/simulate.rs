@@ -11,7 +11,6 @@ use north_finder::instrument::Readings;
 use rayon::prelude::*;
 
 use super::instrument::InstrumentOptions;
-use super::scenarios;
 use crate::campaign::{CampaignWriter, Role, Row, Run};
 use crate::engine::{End, EngineError, Outcome, Setup, host};
 use crate::failure::Failure;
@@ -59,9 +58,6 @@ struct Simulated {
 
 impl Simulate {
     pub fn run(self) -> Result<(), Failure> {
-        if self.instrument.scenario == "list" {
-            return Ok(scenarios::list(&mut crate::output::people())?);
-        }
         if let Some(voyage) = self.voyage {
             let how = voyage::write(voyage, self.instrument.seed, &self.out)?;
             return Ok(writeln!(crate::output::people(), "{how}")?);

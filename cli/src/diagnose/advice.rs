@@ -121,11 +121,10 @@ impl Situation<'_> {
             return Some(self.experiment(Ask::Channel, then_deg, &[CHANNEL, &gain]));
         }
         let longer = format!(
-            "Record again for {:.1} h, while the channels go their ways one after the other",
+            "Record again for {:.1} h, while each channel varies in turn",
             2.0 * self.like.samples.last().map_or(0.0, |sample| sample.t_s) / 3600.0
         );
-        let half =
-            format!("The weights of what was found are then known to {:.0} % of their sigmas", 100.0 / 3_f64.sqrt());
+        let half = format!("The sigmas of the weights then fall to {:.0} % of what they are now", 100.0 / 3_f64.sqrt());
         (confounded || self.is_open()).then(|| self.experiment(Ask::Runs, self.sigma_now_deg, &[&longer, &half]))
     }
 
@@ -163,7 +162,7 @@ impl Situation<'_> {
 
     fn latitude_itself(&self) -> Experiment {
         let look = format!("Look the latitude up: the campaign says {} deg", self.like.settings.latitude_deg);
-        let gain = "With the other sign the sensitivity to gravity that was found is nothing at all";
+        let gain = "With the other sign of the latitude the sensitivity to gravity disappears";
         self.experiment(Ask::Latitude, self.sigma_now_deg, &[&look, gain])
     }
 
@@ -197,7 +196,7 @@ impl Situation<'_> {
         let gain = self.falls_to(then_deg);
         let tells = confounded.map(|effect| {
             format!(
-                "What it tells between {} and {} grows by a factor of {LONGER:.0}",
+                "The log odds between {} and {} grow by a factor of {LONGER:.0}",
                 short(&effect.full_name()),
                 short(effect.ambiguous_with.first().map_or("the others", String::as_str))
             )

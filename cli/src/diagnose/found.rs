@@ -224,7 +224,7 @@ impl Found {
             p_value: chance(log_odds),
             ambiguous_with,
             evidence: format!(
-                "log odds {log_odds:.0} of the model over none; it is in models of together {probability:.2} of the probability"
+                "log odds {log_odds:.0} of the model over none; the models that contain it have the probability {probability:.2} together"
             ),
             board: effect.channels().all(|name| name.is_on_board(&self.measured)),
         }

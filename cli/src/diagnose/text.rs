@@ -123,7 +123,7 @@ fn write_runs(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
     if diagnosis.judged_on == Some("cross-validation") {
         writeln!(
             out,
-            "errors after of judged runs are by models learned without them; azimuths after are by the model that is written"
+            "after: the errors of judged runs come from models learned without them, the azimuths from the written model"
         )?;
     }
     if let Some(all) = &diagnosis.leave_one_out {

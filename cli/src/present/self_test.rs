@@ -1,5 +1,6 @@
 //! What a self-test found, for people.
 
+use north_finder::event::restart::Cause;
 use north_finder::health::{Fault, Finding, Item, TestVerdict};
 
 /// What the test found of an item, as a sentence without its full stop; what to do, where it failed.
@@ -22,6 +23,11 @@ fn fault(finding: &Finding) -> Option<Fault> {
     Fault::ALL.iter().copied().find(|fault| of_settings && f32::from(fault.code()) == finding.measured)
 }
 
+/// The cause whose code the test of the last reset gives.
+fn cause(finding: &Finding) -> Option<Cause> {
+    Cause::ALL.iter().copied().find(|cause| f32::from(cause.code()) == finding.measured)
+}
+
 /// What was measured, in words.
 fn found(finding: &Finding) -> String {
     let Finding { item, measured, allowed: [least, most], .. } = *finding;
@@ -36,12 +42,15 @@ fn found(finding: &Finding) -> String {
         Item::Settings => match fault(finding) {
             Some(fault) => fault.meaning().to_owned(),
             None if passed => "the settings in flash are valid".to_owned(),
-            None => format!("the settings in flash have the fault of code {value}"),
+            None => format!("the settings in flash have an unknown fault, code {value}"),
         },
         Item::Memory if passed => "every word of the unused memory holds what is written to it".to_owned(),
         Item::Memory => format!("{value} words of the unused memory do not hold what is written to them"),
         Item::Reset if passed => "the run before did not end in a crash".to_owned(),
-        Item::Reset => format!("the run before ended in a crash of code {value}"),
+        Item::Reset => match cause(finding) {
+            Some(cause) => format!("the run before ended in a crash: {}", cause.name()),
+            None => format!("the run before ended in a crash of an unknown kind, code {value}"),
+        },
         Item::Clock if passed => "the clock runs from the crystal".to_owned(),
         Item::Clock => "the clock runs from the internal oscillator, which is good to 1 % only".to_owned(),
         Item::Gyro => format!("the gyro vouches for {value} % of its frames; {range}"),
@@ -80,6 +89,8 @@ mod tests {
         assert!(corrupt.starts_with("settings failed: the stored settings fail their check. To do: load"), "{corrupt}");
         let valid = sentence(&Finding::judged(Item::Settings, 0.0, [0.0, 0.0]));
         assert_eq!(valid, "settings passed: the settings in flash are valid");
+        let crashed = sentence(&Finding::judged(Item::Reset, 5.0, [0.0, 0.0]));
+        assert!(crashed.starts_with("reset failed: the run before ended in a crash: watchdog. To do: "), "{crashed}");
         let absent = sentence(&Finding::untested(Item::Block, TestVerdict::Absent));
         assert_eq!(absent, "block was not tested: there is no such part");
     }

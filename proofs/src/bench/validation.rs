@@ -1,4 +1,4 @@
-//! `north bench validation`: does the error that a diagnosis says without check runs hold in further runs of the same instrument?
+//! `north bench validation`: is the error that a diagnosis states without check runs correct in further runs of the same instrument?
 
 use std::io::Write;
 
@@ -19,9 +19,9 @@ use super::compose::Kinds;
 use crate::composed::{Campaign, Truth};
 use crate::statistics::median;
 
-/// Does the error that a diagnosis says without check runs hold in further runs of the same instrument?
+/// Is the error that a diagnosis states without check runs correct in further runs of the same instrument?
 ///
-/// Composed campaigns of which the diagnosis sees the fit runs alone, so that the error it says is its own validation's. The model that it learned
+/// Composed campaigns of which the diagnosis sees the fit runs alone, so that the error it states is its own validation's. The model that it learned
 /// then solves further runs of the same instrument, whose azimuths are known to the bench. Campaigns with fewer than 16 surveyed fit runs are passed over.
 #[derive(Args, Debug)]
 #[command(after_help = "Example:\n  north bench validation --campaigns 20 --seed 5 --verbose")]
@@ -43,7 +43,7 @@ pub struct ValidationBench {
     verbose: bool,
 }
 
-/// Fewest surveyed fit runs of a campaign that counts: the error that is said of n runs scatters by 1/√(2n), a sixth at 16.
+/// Fewest surveyed fit runs of a campaign that counts: the stated error of n runs scatters by 1/√(2n), a sixth at 16.
 const LEAST_RUNS: usize = 16;
 /// Said less than this share of the truth flatters.
 const FLATTERS: f64 = 0.7;
@@ -56,7 +56,7 @@ pub struct Row {
     campaign: u64,
     names: Vec<String>,
     found: Vec<String>,
-    /// Error that the diagnosis says, degrees rms.
+    /// Error that the diagnosis states, degrees rms.
     said_deg: f64,
     /// Errors of the further runs by the model and without it, degrees rms.
     true_deg: f64,
@@ -129,7 +129,7 @@ impl Bench for ValidationBench {
                     let found = if row.found.is_empty() { "nothing".to_owned() } else { row.found.join(", ") };
                     writeln!(
                         out,
-                        "{number:04} {}: before {:.4}, said {:.4}, true {:.4}, said / true {:.2}; found {found}",
+                        "{number:04} {}: before {:.4}, stated {:.4}, true {:.4}, stated / true {:.2}; found {found}",
                         row.names.join(" + "),
                         row.before_deg,
                         row.said_deg,
@@ -147,7 +147,7 @@ impl Bench for ValidationBench {
         let count = |is: &dyn Fn(&Row) -> bool| rows.iter().filter(|row| is(row)).count();
         writeln!(
             out,
-            "| campaigns | said / true, median | below {FLATTERS} | made worse by more than 5 % |\n|---|---|---|---|"
+            "| campaigns | stated / true, median | below {FLATTERS} | made worse by more than 5 % |\n|---|---|---|---|"
         )?;
         writeln!(
             out,

@@ -156,7 +156,7 @@ pub fn of_acceleration(table: &Table, columns: &[usize], interval_s: Option<f64>
             name: "g",
             scale: 1.0 / size,
             why: format!(
-                "EDIT: the mean is {size:.4e}, no unit's gravity: counts of a scale that makes it so, or offsets"
+                "EDIT: the mean is {size:.4e}, which is gravity in no known unit: the columns hold counts or have offsets"
             ),
             is_known: true,
         },
