@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use inertial::Motion;
 use north_finder::event::{Dwell, Event, Fix, Heading, Report};
 use north_finder::health::{Counters, Finding, Flags};
 use north_finder::units::wrap_180_deg;
@@ -34,26 +35,18 @@ pub struct Found {
     pub health: Option<Counters>,
 }
 
-/// The fields of a [`Heading`], for its schema.
-#[derive(JsonSchema)]
-#[allow(dead_code)] // only its schema is made
-struct HeadingFields {
-    heading_deg: f64,
-    pitch_deg: f64,
-    roll_deg: f64,
-    sigma_deg: f64,
-    sigma_level_deg: f64,
-    /// "standing", "moving" or "bridged".
-    motion: String,
-    refix: bool,
-}
-
 /// A heading that was held, and what is true.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Held {
-    #[serde(flatten)]
-    #[schemars(with = "HeadingFields")]
-    pub heading: Heading,
+    pub heading_deg: f64,
+    pub pitch_deg: f64,
+    pub roll_deg: f64,
+    pub sigma_deg: f64,
+    pub sigma_level_deg: f64,
+    /// "standing", "moving" or "bridged".
+    #[schemars(with = "String")]
+    pub motion: Motion,
+    pub refix: bool,
     pub true_heading_deg: f64,
     /// Heading minus truth, in (−180°, 180°].
     pub error_deg: f64,
@@ -61,7 +54,19 @@ pub struct Held {
 
 impl Held {
     pub fn new(heading: Heading, true_heading_deg: f64) -> Self {
-        Self { heading, true_heading_deg, error_deg: wrap_180_deg(heading.heading_deg - true_heading_deg) }
+        let Heading { heading_deg, pitch_deg, roll_deg, sigma_deg, sigma_level_deg, motion, refix } = heading;
+        let error_deg = wrap_180_deg(heading_deg - true_heading_deg);
+        Self {
+            heading_deg,
+            pitch_deg,
+            roll_deg,
+            sigma_deg,
+            sigma_level_deg,
+            motion,
+            refix,
+            true_heading_deg,
+            error_deg,
+        }
     }
 }
 
