@@ -247,7 +247,7 @@ impl ErrorModel {
 
 /// A first-order low-pass: what was, what comes in, after `step_s`; a time constant of 0 passes everything.
 fn low_pass(last: f64, value: f64, step_s: f64, tau_s: f64) -> f64 {
-    if tau_s > 0.0 { last + (value - last) * (1.0 - libm::exp(-step_s / tau_s)) } else { value }
+    if tau_s > 0.0 { last + (value - last) * dynamics::share(step_s, tau_s) } else { value }
 }
 
 #[cfg(test)]

@@ -3,10 +3,9 @@
 use heapless::Deque;
 
 use super::conditions::Conditions;
+use super::track::REST_DEG;
 use crate::units::wrap_180_deg;
 
-/// The index is at rest while it stays within this, degrees.
-const REST_DEG: f64 = 0.5;
 /// Moves that are remembered.
 const MOVES: usize = 8;
 

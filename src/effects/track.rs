@@ -4,7 +4,7 @@ use super::conditions::Conditions;
 use crate::units::wrap_180_deg;
 
 /// The index is at rest while it turns by less than this in a row, degrees.
-const REST_DEG: f64 = 0.5;
+pub(super) const REST_DEG: f64 = 0.5;
 
 /// The index' history as far as effects depend on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

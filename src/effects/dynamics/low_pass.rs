@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 use quantities::limits::{Invalid, within};
 
-use super::{Dynamics, DynamicsPart, STATES, State, passed};
+use super::{Dynamics, DynamicsPart, STATES, State};
+use crate::effects::low_pass;
 use crate::effects::part::{Constant, Constants, Span, constants};
 
 /// What a first-order low-pass makes of the signal; it starts at the first value.
@@ -24,7 +25,7 @@ impl LowPass {
 impl DynamicsPart for LowPass {
     fn step(&self, state: &mut State, value: f64, step_s: f64) -> f64 {
         let [last, ..] = state.unwrap_or([value; STATES]);
-        let now = passed(last, value, step_s, self.tau_s.into());
+        let now = low_pass(last, value, step_s, self.tau_s.into());
         *state = Some([now; STATES]);
         now
     }

@@ -101,12 +101,7 @@ impl fmt::Display for Dynamics {
     }
 }
 
-/// A first-order low-pass: what was, what comes in, after `step_s`.
-fn passed(last: f64, value: f64, step_s: f64, tau_s: f64) -> f64 {
-    last + (value - last) * share(step_s, tau_s)
-}
-
 /// The share of the way to what comes in that a first-order low-pass goes in `step_s`.
-fn share(step_s: f64, tau_s: f64) -> f64 {
+pub(super) fn share(step_s: f64, tau_s: f64) -> f64 {
     1.0 - libm::exp(-step_s / tau_s)
 }
