@@ -35,7 +35,7 @@ mod app {
     use rtic_sync::signal::{SignalReader, SignalWriter};
     use rtic_sync::{make_channel, make_signal};
 
-    use crate::board::told::{FRAMES, Teller};
+    use crate::board::report_queue::{FRAMES, ReportSender};
     use crate::board::{self, Board, crash, memory};
     use north_finder::drivers::analogue::Scan;
     use north_finder::drivers::intake::{Intake, Received, one_more};
@@ -107,7 +107,7 @@ mod app {
         readings_out: Consumer<'static, Readings>,
         instrument: &'static mut Instrument,
         motor_in: Producer<'static, MotorCommand>,
-        told: Teller,
+        reports: ReportSender,
         gyro_port: board::GyroPort,
         seconds_in: Sender<'static, &'static mut SecondWork, WORK>,
         seconds_done: Receiver<'static, &'static mut SecondWork, WORK>,
@@ -183,7 +183,7 @@ mod app {
             readings_out,
             instrument,
             motor_in,
-            told: Teller::new(told, nmea, &INTAKE.reports_refused),
+            reports: ReportSender::new(told, nmea, &INTAKE.reports_refused),
             gyro_port: board.gyro_port,
             seconds_in,
             seconds_done,
@@ -292,14 +292,14 @@ mod app {
     #[task(
         binds = SPI2, priority = 3,
         local = [
-            readings_out, instrument, motor_in, told, gyro_port, seconds_in, seconds_done, problems_in, answers_out, flash, crash, program, sweep,
+            readings_out, instrument, motor_in, reports, gyro_port, seconds_in, seconds_done, problems_in, answers_out, flash, crash, program, sweep,
         ],
     )]
     fn solve(cx: solve::Context) {
         let local = cx.local;
         if let Some(crash) = local.crash.take() {
             defmt::error!("boot: after a {}", crash.cause);
-            local.told.tell(&Report { t_s: 0.0, event: Event::Crash(crash) });
+            local.reports.send(&Report { t_s: 0.0, event: Event::Crash(crash) });
         }
         // Used where they are: copies of them are a good part of what a tick costs.
         while let Some(readings) = local.readings_out.peek() {
@@ -314,7 +314,7 @@ mod app {
             {
                 local.instrument.worked_on(work);
             }
-            let mut report = |report| local.told.tell(&report);
+            let mut report = |report| local.reports.send(&report);
             let orders = local.instrument.step(readings, &INTAKE, local.flash, &mut report);
             // While one is being worked on, or solved, there is no second one.
             if let Some(work) = local.instrument.second_to_work_on() {
@@ -345,7 +345,7 @@ mod app {
             if let Some(stack_bytes) = local.sweep.tick(readings.tick) {
                 let load_permille = GUARD.load_permille();
                 let event = Event::Vitals { program: *local.program, stack_bytes, load_permille };
-                local.told.tell(&Report { t_s: readings.t_s(), event });
+                local.reports.send(&Report { t_s: readings.t_s(), event });
             }
             let _ = local.readings_out.dequeue();
         }

@@ -9,7 +9,7 @@ use north_finder::settings::store;
 use serde::{Deserialize, Serialize};
 use simulated::{RequestLine, Wired, declare_noise, settings};
 
-use crate::told::Reported;
+use crate::report_json::Reported;
 
 /// A shock takes the base along by this share of its swing for ever.
 const LASTING: f64 = 0.05;

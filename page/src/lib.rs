@@ -3,7 +3,7 @@
 
 mod bench;
 mod exports;
-mod told;
+mod report_json;
 
 pub use bench::{Act, Answer, Bench, Chosen};
-pub use told::{Reported, Word};
+pub use report_json::{Reported, Word};

@@ -38,7 +38,7 @@ mod f405;
 pub mod memory;
 #[cfg(feature = "nucleo-f446")]
 mod nucleo_f446;
-pub mod told;
+pub mod report_queue;
 #[cfg(feature = "stm32f4")]
 pub use f405::*;
 

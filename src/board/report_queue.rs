@@ -14,14 +14,14 @@ use rtic_sync::signal::SignalWriter;
 pub static FRAMES: Ring<1024> = Ring::new();
 
 /// Puts reports among those that wait for the host's line.
-pub struct Teller {
+pub struct ReportSender {
     waiting: SignalWriter<'static, ()>,
     speaker: Option<Speaker>,
     /// Counts what there is no room for.
     refused: &'static AtomicU32,
 }
 
-impl Teller {
+impl ReportSender {
     /// `nmea`: sentences go with the reports.
     pub fn new(waiting: SignalWriter<'static, ()>, nmea: bool, refused: &'static AtomicU32) -> Self {
         Self { waiting, speaker: nmea.then(Speaker::default), refused }
@@ -29,7 +29,7 @@ impl Teller {
 
     /// Logs a report and puts it among those that wait. (A test of the link says that the longest fits a frame.)
     #[inline(never)]
-    pub fn tell(&mut self, report: &Report) {
+    pub fn send(&mut self, report: &Report) {
         log(report);
         let frame = link::encode_report(report);
         self.put(frame.as_deref().unwrap_or_default());
