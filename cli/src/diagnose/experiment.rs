@@ -15,11 +15,11 @@ use crate::run_data::{RunData, Sample};
 const MOVE_S: usize = 5;
 const LEAST_DWELL_S: f64 = 10.0;
 /// Expected log odds by which an answer is unique: twice what candidates may be apart and still count as confounded.
-const UNIQUE: f64 = 9.2;
+const DISTINCT_LOG_ODDS: f64 = 9.2;
 /// Designs that are weighed together, from the shortest on, until one makes the answer unique.
 const TOGETHER: usize = 4;
 /// Expected log odds below which nothing is separated.
-const NOTHING: f64 = 1.0;
+const LEAST_LOG_ODDS: f64 = 1.0;
 
 /// Orders that are weighed against each other. Positions at even steps leave some harmonics of the index angle alike: the third and the fifth at
 /// eighths of a turn, the first and the fifth at sixths.
@@ -204,7 +204,7 @@ impl Expectation {
 
     /// Whether it tells two models apart.
     fn tells(&self, pair: (usize, usize)) -> bool {
-        self.between(pair) > NOTHING
+        self.between(pair) > LEAST_LOG_ODDS
     }
 
     /// Between those of these that are nearest to each other.
@@ -257,7 +257,7 @@ pub fn propose(
     for some in designs.chunks(TOGETHER) {
         let expected = |design: &Design| Some((design.clone(), expect(&design.runs(like))?));
         weighed.extend(some.par_iter().filter_map(expected).collect::<Vec<_>>());
-        if tells_apart && weighed.iter().any(|(_, found)| found.least(&all_pairs) > UNIQUE) {
+        if tells_apart && weighed.iter().any(|(_, found)| found.least(&all_pairs) > DISTINCT_LOG_ODDS) {
             break;
         }
     }
@@ -273,7 +273,7 @@ pub fn propose(
     } else if told.is_empty() {
         None
     } else {
-        let unique = weighed.iter().find(|(_, found)| found.least(&pairs) > UNIQUE);
+        let unique = weighed.iter().find(|(_, found)| found.least(&pairs) > DISTINCT_LOG_ODDS);
         let telling = weighed.iter().filter(|(_, found)| told.iter().any(|&other| found.tells((0, other))));
         unique.or_else(|| telling.max_by(|a, b| a.1.right(&pairs).total_cmp(&b.1.right(&pairs))))
     };

@@ -22,11 +22,11 @@ const FALSE_MOTIONS: f64 = 1.0 / 200.0;
 /// A gyro on a rigid base feels all of the turning that its accelerometers show; where noise makes up half of what they show, half of it. Of what is felt
 /// to less than this share the base does not turn: the level drifts. Nor does it where twice as much is felt, or the other way round: another effect
 /// looks a little like the tilt.
-const FELT: [f64; 2] = [0.2, 2.0];
+const GAIN_RANGE: [f64; 2] = [0.2, 2.0];
 /// Lags of the accelerometers that are tried, seconds.
 const LAGS_S: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
 /// Share of the variance that a lag must leave at most to be believed.
-const WORTH: f64 = 0.95;
+const MOST_VARIANCE_RATIO: f64 = 0.95;
 
 /// The base's motion in some runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,7 +62,7 @@ impl Motion {
         let best = found.max_by(|a, b| a.1.log_odds.total_cmp(&b.1.log_odds))?;
         let log_odds = best.1.log_odds - (WINDOWS_S.len() as f64).ln();
         let (weight, doubt) = (best.1.weight, 3.0 * best.1.sigma);
-        let is_felt = weight + doubt >= FELT[0] && weight - doubt <= FELT[1];
+        let is_felt = weight + doubt >= GAIN_RANGE[0] && weight - doubt <= GAIN_RANGE[1];
         if log_odds <= -FALSE_MOTIONS.ln() || !is_felt {
             return None;
         }
@@ -244,7 +244,7 @@ fn way(runs: &[&RunData], base: &ErrorModel) -> Option<BaseMotion> {
     let (lagged, best) = least(fine)?;
     // No lag unless it is worth something.
     let (plain, without) = of(lagged.velocity, 0.0);
-    let found = if best < without + WORTH.ln() { lagged } else { plain };
+    let found = if best < without + MOST_VARIANCE_RATIO.ln() { lagged } else { plain };
     let promised = |way: Option<BaseMotion>| {
         let sigma = |run: &&RunData| solved(run, way).map_or(100.0, |(fix, _)| fix.sigma_deg);
         runs.par_iter().map(|run| sigma(run).powi(2)).sum::<f64>()

@@ -11,7 +11,7 @@ use super::statistics::{chi_square_tail, dot, least_squares};
 use crate::run_data::RunData;
 
 /// A test fails below this.
-pub const LEVEL: f64 = 1e-3;
+pub const SIGNIFICANCE: f64 = 1e-3;
 /// Lags of the test for whiteness.
 const LAGS: usize = 10;
 /// Most frequencies of the periodogram.
@@ -59,7 +59,14 @@ impl Left<'_, '_> {
 }
 
 fn test(name: impl Into<String>, about: impl Into<String>, statistic: f64, p_value: f64) -> Test {
-    Test { name: name.into(), about: about.into(), statistic, p_value, passed: p_value >= LEVEL, not_applied: None }
+    Test {
+        name: name.into(),
+        about: about.into(),
+        statistic,
+        p_value,
+        passed: p_value >= SIGNIFICANCE,
+        not_applied: None,
+    }
 }
 
 /// Ljung and Box (Biometrika 65, 1978, p. 297): autocorrelations up to ten lags, inside dwells.

@@ -4,7 +4,7 @@ use north_finder::units::wrap_360_deg;
 use rayon::prelude::*;
 
 use super::block::Block;
-use super::noise::{self, LEVEL, Residual};
+use super::noise::{self, Residual, SIGNIFICANCE};
 use super::problem::Problem;
 use super::result::{RunSeries, Test};
 use super::statistics::{chi_square_tail, median, rms};
@@ -135,9 +135,9 @@ fn left(runs: &[&RunData]) -> Left {
 }
 
 /// Whether a run speaks against what was learned: more is left with it than without it, and so much more than white noise that chance
-/// would do as much in one of so many runs with a probability below [`LEVEL`]. Sums of squares in units of white noise.
+/// would do as much in one of so many runs with a probability below [`SIGNIFICANCE`]. Sums of squares in units of white noise.
 fn speaks_against(before: f64, after: f64, freedom: f64, runs: usize) -> bool {
-    freedom > 0.0 && after > before && chi_square_tail(after, freedom) < LEVEL / runs as f64
+    freedom > 0.0 && after > before && chi_square_tail(after, freedom) < SIGNIFICANCE / runs as f64
 }
 
 #[cfg(test)]

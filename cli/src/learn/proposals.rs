@@ -20,7 +20,7 @@ const CONTENDERS: usize = 6;
 const CONTENDERS_OF_THREE: usize = 2;
 const FINALISTS: usize = 3;
 /// What tuning may add to the gain of a proposal whose constants lie at most half a step of the bank's from the best, nats; below it a proposal is dropped.
-const HOPE: f64 = 3.0;
+const PROPOSAL_MARGIN_NATS: f64 = 3.0;
 /// A form that is less likely than another by more than this is no rival of it, nats: e^-4 is two in a hundred.
 pub const NEGLIGIBLE: f64 = 4.0;
 
@@ -144,7 +144,7 @@ impl<'a> Proposals<'a> {
         let least = likely(own, self.gain(model, own)) - NEGLIGIBLE;
         let tuned = |effect: Effect| {
             let gain = self.gain(model, &effect);
-            (likely(&effect, gain) > least - HOPE).then(|| self.roughly_tuned(model, effect, gain))
+            (likely(&effect, gain) > least - PROPOSAL_MARGIN_NATS).then(|| self.roughly_tuned(model, effect, gain))
         };
         let near: Vec<(f64, Effect)> = effects.into_par_iter().filter_map(tuned).collect();
         near.into_iter().filter(|(gain, effect)| likely(effect, *gain) > least).map(|(_, effect)| effect).collect()
@@ -159,7 +159,7 @@ impl<'a> Proposals<'a> {
         exact.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut chosen: Vec<(f64, Effect)> = Vec::new();
         let mut bare: Vec<Effect> = Vec::new();
-        for (gain, effect) in exact.into_iter().filter(|(gain, _)| *gain > -HOPE) {
+        for (gain, effect) in exact.into_iter().filter(|(gain, _)| *gain > -PROPOSAL_MARGIN_NATS) {
             let known = chosen.iter().map(|(_, each)| each).chain(&bare);
             let same: Vec<&Effect> = known.filter(|each| alike(each, &effect)).collect();
             let is_of_three = |each: &Effect| each.factors.len() > 2;

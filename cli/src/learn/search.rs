@@ -33,8 +33,8 @@ const MOST_SCALE: f64 = 0.2;
 const WIDENED: usize = 3;
 /// Share of what a product explains that it keeps without one factor where it stands for two effects, and of what is missing then that an effect explains with the
 /// constants that it is proposed with.
-const MOSTLY: f64 = 0.5;
-const PROMISED: f64 = 0.5;
+const LEAST_SHARE_KEPT: f64 = 0.5;
+const LEAST_PROMISED_SHARE: f64 = 0.5;
 
 /// What a search begins with.
 #[derive(Clone, Debug, Default)]
@@ -86,8 +86,8 @@ impl<'a> Search<'a> {
         loop {
             let score = model.score(&self.grammar);
             let simpler = (0..model.terms.len()).into_par_iter().filter_map(|i| self.mostly_explained(&model, i));
-            let promising =
-                simpler.filter(|each| self.promise_beside(each) > PROMISED * (score - each.score(&self.grammar)));
+            let promising = simpler
+                .filter(|each| self.promise_beside(each) > LEAST_PROMISED_SHARE * (score - each.score(&self.grammar)));
             let apart = promising.filter_map(|each| self.widened_by(&each, |model| self.proposals.finalists(model)));
             let likeliest = apart.max_by(|a, b| a.score(&self.grammar).total_cmp(&b.score(&self.grammar)));
             let better =
@@ -109,7 +109,7 @@ impl<'a> Search<'a> {
         let scored = self.with_one_simpler(model, i).into_iter().map(|each| (each.score(&self.grammar), each));
         let (score, simpler) = scored.max_by(|a, b| a.0.total_cmp(&b.0))?;
         let without = self.without(model, i)?.score(&self.grammar);
-        (score - without > MOSTLY * (model.score(&self.grammar) - without)).then_some(simpler)
+        (score - without > LEAST_SHARE_KEPT * (model.score(&self.grammar) - without)).then_some(simpler)
     }
 
     /// The model that effects of one factor make, so many at most.
