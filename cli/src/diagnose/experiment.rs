@@ -7,8 +7,8 @@ use north_finder::sensing::level::Specific;
 use north_finder::units::wrap_360_deg;
 use rayon::prelude::*;
 
-use super::block::noise_deg_h;
 use super::result::{Ask, Experiment};
+use super::run_residual::noise_deg_h;
 use crate::run_data::{RunData, Sample};
 
 /// Seconds of a move, and of the shortest dwell.

@@ -4,7 +4,6 @@
 
 mod advice;
 mod assemble;
-mod block;
 mod board;
 mod checks;
 mod copies;
@@ -20,6 +19,7 @@ mod noise;
 mod problem;
 mod residual;
 mod result;
+mod run_residual;
 mod stations;
 pub mod statistics;
 mod still;

@@ -4,9 +4,9 @@ use std::f64::consts::TAU;
 
 use rayon::prelude::*;
 
-use super::block::{Block, OWN_UNKNOWNS};
 use super::problem::Problem;
 use super::result::{Spectra, Test};
+use super::run_residual::{OWN_UNKNOWNS, RunResidual};
 use super::statistics::{chi_square_tail, dot, least_squares};
 use crate::run_data::RunData;
 
@@ -24,34 +24,38 @@ pub type Residual = Vec<f64>;
 
 /// Tests of what is left of all runs together, in units of white noise in the layout of the problem.
 pub fn tests(problem: &Problem, left: &[f64]) -> Vec<Test> {
-    let runs: Vec<Left> =
-        problem.blocks.iter().zip(problem.ranges()).map(|(block, range)| Left { block, z: &left[range] }).collect();
+    let runs: Vec<Left> = problem
+        .residuals
+        .iter()
+        .zip(problem.ranges())
+        .map(|(residual, range)| Left { residual, z: &left[range] })
+        .collect();
     let mut tests = vec![whiteness(&runs), dwells(&runs), closure(&runs)];
     tests.extend(highest_peak(&runs));
     // Slow noise is the business of the test of the dwells; a dependence must stand out of it.
     let dispersion = problem.overdispersion(left).max(1.0);
-    let channels = runs.first().map_or(Vec::new(), |run| run.block.run.channel_names());
+    let channels = runs.first().map_or(Vec::new(), |run| run.residual.run.channel_names());
     tests.extend(channels.iter().filter_map(|channel| dependence(&runs, channel, dispersion)));
     tests
 }
 
 /// What is left of a run.
 struct Left<'a, 'b> {
-    block: &'a Block<'b>,
+    residual: &'a RunResidual<'b>,
     z: &'a [f64],
 }
 
 impl Left<'_, '_> {
     /// Cells that enter: number, dwell and value.
     fn samples(&self) -> impl Iterator<Item = (usize, usize, f64)> {
-        let entering = self.block.run.samples.iter().zip(&self.block.root_weight).zip(self.z).enumerate();
+        let entering = self.residual.run.samples.iter().zip(&self.residual.root_weight).zip(self.z).enumerate();
         entering.filter(|(_, ((_, weight), _))| **weight > 0.0).map(|(i, ((sample, _), z))| (i, sample.dwell, *z))
     }
 
     /// Pairs of samples of the same dwell that are `lag` apart.
     fn pairs(&self, lag: usize) -> impl Iterator<Item = (f64, f64)> {
-        let enters = |i: usize| self.block.root_weight[i] > 0.0;
-        let samples = &self.block.run.samples;
+        let enters = |i: usize| self.residual.root_weight[i] > 0.0;
+        let samples = &self.residual.run.samples;
         (lag..samples.len())
             .filter(move |&i| samples[i].dwell == samples[i - lag].dwell && enters(i) && enters(i - lag))
             .map(move |i| (self.z[i - lag], self.z[i]))
@@ -110,10 +114,10 @@ fn dwells(runs: &[Left]) -> Test {
 fn closure(runs: &[Left]) -> Test {
     let (mut statistic, mut number) = (0.0, 0.0);
     for run in runs {
-        let samples = &run.block.run.samples;
+        let samples = &run.residual.run.samples;
         let column: Vec<f64> = samples.iter().map(|sample| sample.cos * sample.cos - sample.sin * sample.sin).collect();
-        let weighted = run.block.weighted(&column);
-        let closure = run.block.project(&weighted);
+        let weighted = run.residual.weighted(&column);
+        let closure = run.residual.project(&weighted);
         let (seen, all) = (dot(&closure, &closure), dot(&weighted, &weighted));
         if seen > 1e-3 * all {
             statistic += dot(&closure, run.z).powi(2) / seen;
@@ -128,7 +132,7 @@ fn closure(runs: &[Left]) -> Test {
 fn dependence(runs: &[Left], channel: &str, dispersion: f64) -> Option<Test> {
     let mut pairs: Vec<(f64, f64)> = Vec::new();
     for run in runs {
-        let values = run.block.run.channel(channel)?;
+        let values = run.residual.run.channel(channel)?;
         pairs.extend(run.samples().map(|(i, _, z)| (values[i], z)));
     }
     pairs.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
@@ -143,9 +147,9 @@ fn dependence(runs: &[Left], channel: &str, dispersion: f64) -> Option<Test> {
 /// The highest peak of the periodogram: R runs' mean power, times 2R, is a chi-square of 2R; the highest of many is corrected
 /// for.
 fn highest_peak(runs: &[Left]) -> Option<Test> {
-    let data: Vec<&RunData> = runs.iter().map(|run| run.block.run).collect();
+    let data: Vec<&RunData> = runs.iter().map(|run| run.residual.run).collect();
     let of = |run: &Left| {
-        let mut residual = vec![f64::NAN; run.block.run.samples.len()];
+        let mut residual = vec![f64::NAN; run.residual.run.samples.len()];
         run.samples().for_each(|(i, _, z)| residual[i] = z);
         residual
     };

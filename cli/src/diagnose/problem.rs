@@ -1,20 +1,20 @@
 //! Runs side by side: what is left of their rates beside every run's own unknowns.
 
-use super::block::{Block, OWN_UNKNOWNS};
+use super::run_residual::{OWN_UNKNOWNS, RunResidual};
 
 /// Seconds that are averaged for the test whether what is left is white.
 const BLOCK_SAMPLES: usize = 12;
 
 /// Runs side by side.
 pub struct Problem<'a> {
-    pub blocks: Vec<Block<'a>>,
+    pub residuals: Vec<RunResidual<'a>>,
     y: Vec<f64>,
 }
 
 impl<'a> Problem<'a> {
-    pub fn new(blocks: Vec<Block<'a>>) -> Self {
-        let y = blocks.iter().flat_map(|block| block.project(&block.y)).collect();
-        Self { blocks, y }
+    pub fn new(residuals: Vec<RunResidual<'a>>) -> Self {
+        let y = residuals.iter().flat_map(|residual| residual.project(&residual.y)).collect();
+        Self { residuals, y }
     }
 
     /// The residual of all runs, their own unknowns taken out; in units of its noise.
@@ -22,10 +22,10 @@ impl<'a> Problem<'a> {
         &self.y
     }
 
-    /// The rows of a block in the layout of [`Self::y`].
+    /// The rows of a run in the layout of [`Self::y`].
     pub fn ranges(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
-        self.blocks.iter().scan(0, |start, block| {
-            let range = *start..*start + block.y.len();
+        self.residuals.iter().scan(0, |start, residual| {
+            let range = *start..*start + residual.y.len();
             *start = range.end;
             Some(range)
         })
@@ -40,12 +40,12 @@ impl<'a> Problem<'a> {
 
     /// Of every run: sum of squares of means over blocks of seconds inside dwells, in units of white noise, and its degrees of freedom.
     pub fn dispersions(&self, left: &[f64]) -> Vec<(f64, f64)> {
-        self.blocks.iter().zip(self.ranges()).map(|(block, range)| dispersion(block, &left[range])).collect()
+        self.residuals.iter().zip(self.ranges()).map(|(residual, range)| dispersion(residual, &left[range])).collect()
     }
 }
 
 /// Sum of squares of means over blocks of seconds inside dwells, in units of white noise, and its degrees of freedom.
-fn dispersion(block: &Block, left: &[f64]) -> (f64, f64) {
+fn dispersion(residual: &RunResidual, left: &[f64]) -> (f64, f64) {
     let (mut sum, mut count) = (0.0, 0.0);
     let (mut total, mut number, mut dwell) = (0.0, 0.0, usize::MAX);
     let mut flush = |total: &mut f64, number: &mut f64| {
@@ -55,7 +55,7 @@ fn dispersion(block: &Block, left: &[f64]) -> (f64, f64) {
         }
         (*total, *number) = (0.0, 0.0);
     };
-    for ((sample, weight), value) in block.run.samples.iter().zip(&block.root_weight).zip(left) {
+    for ((sample, weight), value) in residual.run.samples.iter().zip(&residual.root_weight).zip(left) {
         if sample.dwell != dwell || number >= BLOCK_SAMPLES as f64 {
             flush(&mut total, &mut number);
             dwell = sample.dwell;

@@ -3,10 +3,10 @@
 use north_finder::units::wrap_360_deg;
 use rayon::prelude::*;
 
-use super::block::Block;
 use super::noise::{self, Residual, SIGNIFICANCE};
 use super::problem::Problem;
 use super::result::{RunSeries, Test};
+use super::run_residual::RunResidual;
 use super::statistics::{chi_square_tail, median, rms};
 use crate::campaign::Role;
 use crate::run_data::RunData;
@@ -109,20 +109,20 @@ impl<'a> Residuals<'a> {
 
 /// How many times as much as white noise is left of runs together, root mean square over blocks of seconds; 1 where there is too little to tell it by.
 pub fn in_white_noises(runs: &[&RunData]) -> f64 {
-    let problem = Problem::new(runs.par_iter().filter_map(|run| Block::new(run)).collect());
+    let problem = Problem::new(runs.par_iter().filter_map(|run| RunResidual::new(run)).collect());
     problem.overdispersion(problem.y()).sqrt()
 }
 
 fn left(runs: &[&RunData]) -> Left {
-    let blocks: Vec<Option<Block>> = runs.par_iter().map(|run| Block::new(run)).collect();
-    let present: Vec<bool> = blocks.iter().map(Option::is_some).collect();
-    let problem = Problem::new(blocks.into_iter().flatten().collect());
+    let residuals: Vec<Option<RunResidual>> = runs.par_iter().map(|run| RunResidual::new(run)).collect();
+    let present: Vec<bool> = residuals.iter().map(Option::is_some).collect();
+    let problem = Problem::new(residuals.into_iter().flatten().collect());
     let ranges: Vec<_> = problem.ranges().collect();
-    let mut found = problem.blocks.iter().zip(ranges).map(|(block, range)| {
-        let unweighted = problem.y()[range].iter().zip(&block.root_weight);
+    let mut found = problem.residuals.iter().zip(ranges).map(|(run, range)| {
+        let unweighted = problem.y()[range].iter().zip(&run.root_weight);
         let residual: Residual =
             unweighted.map(|(z, weight)| if *weight > 0.0 { z / weight } else { f64::NAN }).collect();
-        (residual, block.noise_deg_h)
+        (residual, run.noise_deg_h)
     });
     let of_run = |(run, present): (&&RunData, &bool)| {
         let nothing = || (vec![f64::NAN; run.samples.len()], f64::NAN);

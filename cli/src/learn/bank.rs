@@ -10,9 +10,9 @@ use north_finder::effects::effect::{Effect, Port};
 use north_finder::effects::factor::Factor;
 use rayon::prelude::*;
 
+use super::evaluation_cache::EvaluationCache;
 use super::functions::{Functions, Library, size};
 use super::grammar::Grammar;
-use super::kept::Kept;
 use super::problem::{dot, quick_gain};
 use super::process::{Instants, Whitener};
 use super::rows::{Run, UNKNOWNS};
@@ -197,7 +197,7 @@ pub struct Bank {
     proposals: Vec<Proposal>,
     /// Rows of every coarse row.
     coarse_rows: Vec<Range<usize>>,
-    coarse_functions: Kept<Functions>,
+    coarse_functions: EvaluationCache<Functions>,
     pub library: Library,
 }
 
@@ -229,7 +229,7 @@ impl Bank {
             })
             .collect();
         let functions: Vec<Functions> = factors.par_iter().map(|factor| library.functions(runs, factor)).collect();
-        let coarse_functions = Kept::new(size);
+        let coarse_functions = EvaluationCache::new(size);
         let mut bank =
             Self { rows, coarse, gains, functions, proposals: Vec::new(), coarse_rows, coarse_functions, library };
         let none = grammar.ports.iter().filter(|&&port| port != Port::Rate).map(|&port| (port, None));

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use north_finder::effects::effect::{Effect, Port};
 use north_finder::effects::factor::Factor;
 
+use super::evaluation_cache::EvaluationCache;
 use super::grammar::IDENTITY;
-use super::kept::Kept;
 use super::rows::Run;
 
 /// Columns of an effect for one unit of its weights' priors, °/h: by weight and row, all runs one after the other.
@@ -22,8 +22,8 @@ const OBSERVED: f32 = 0.03;
 
 /// Functions of factors in some runs, kept for a while once they were evaluated.
 pub struct Library {
-    functions: Kept<Functions>,
-    inputs: Kept<Inputs>,
+    functions: EvaluationCache<Functions>,
+    inputs: EvaluationCache<Inputs>,
     gains: Vec<(Port, Vec<f64>)>,
 }
 
@@ -36,7 +36,11 @@ impl Library {
     pub fn new(runs: &[Run]) -> Self {
         let gains =
             Port::ALL.into_iter().map(|port| (port, runs.iter().flat_map(|run| run.gains(port)).collect())).collect();
-        Self { functions: Kept::new(size), inputs: Kept::new(|inputs: &Inputs| 2 * inputs.len()), gains }
+        Self {
+            functions: EvaluationCache::new(size),
+            inputs: EvaluationCache::new(|inputs: &Inputs| 2 * inputs.len()),
+            gains,
+        }
     }
 
     /// Columns of an effect.

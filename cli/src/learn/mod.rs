@@ -1,41 +1,43 @@
 //! Effects found by one grammar: products of factors at a port, proposed by the thousand and chosen by their evidence.
 //!
 //! [`read`] → `proposals`, of one factor (`bank`), two (`pairs`) and three (`triples`), changed for better neighbours (`tuning`) → `search` chooses, by the
-//! evidence of a `model` → `posterior` says what was learned. Wrong references compete with effects (`references`); `tells` says what further runs would tell.
+//! evidence of a `model` → `posterior` says what was learned. Wrong references compete with effects (`references`); `discrimination`
+//! says what further runs would tell.
 
 mod bank;
+mod discrimination;
+mod evaluation_cache;
 mod family;
 mod functions;
 mod grammar;
-mod judge;
-mod kept;
 mod membership;
 mod model;
+mod model_out;
 mod pairs;
 mod posterior;
 mod problem;
 mod process;
 mod proposals;
+mod rate_residual;
 mod read;
 mod references;
 mod rounding;
 mod rows;
 mod search;
-mod tells;
 mod triples;
 mod tuning;
 mod unknowns;
-mod written;
 
 pub use family::{Common, Family, OUTSIDE, Way};
 pub use grammar::form_cost;
-pub use judge::chi_square_by_freedom;
 pub use membership::{Place, Standing, Statistics, Ways};
 pub use posterior::Posterior;
+pub use rate_residual::chi_square_by_freedom;
 pub use read::{Runs, read};
 pub use references::Blunder;
 use references::MOST_BLUNDERS;
 
+pub use discrimination::{Imitated, imitated};
 use model::Model;
 use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::{Effect, Port};
@@ -46,7 +48,6 @@ use rayon::prelude::*;
 pub use rows::Run;
 pub use search::asked_beside;
 use search::{Search, Start};
-pub use tells::{Imitated, imitated};
 
 /// What some runs taught.
 #[derive(Clone, Debug, Default)]

@@ -9,7 +9,7 @@ use north_finder::effects::factor::Factor;
 const MOST: usize = 16 << 20;
 
 /// Something of factors, kept for a while once it was evaluated.
-pub struct Kept<T> {
+pub struct EvaluationCache<T> {
     last: Mutex<Last<T>>,
     size: fn(&T) -> usize,
 }
@@ -20,7 +20,7 @@ struct Last<T> {
     values: usize,
 }
 
-impl<T: Clone> Kept<T> {
+impl<T: Clone> EvaluationCache<T> {
     /// `size`: how many values of single precision one is.
     pub fn new(size: fn(&T) -> usize) -> Self {
         Self { last: Mutex::new(Last { by_factor: LruCache::unbounded(), values: 0 }), size }

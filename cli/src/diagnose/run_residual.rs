@@ -9,7 +9,7 @@ const LEAST_CELLS: usize = 4;
 pub const OWN_UNKNOWNS: f64 = 3.0;
 
 /// One run with its own unknowns.
-pub struct Block<'a> {
+pub struct RunResidual<'a> {
     pub run: &'a RunData,
     /// Noise of a one-second rate, °/h.
     pub noise_deg_h: f64,
@@ -20,7 +20,7 @@ pub struct Block<'a> {
     basis: Vec<Vec<f64>>,
 }
 
-impl<'a> Block<'a> {
+impl<'a> RunResidual<'a> {
     /// `None` where the run has too little in it.
     pub fn new(run: &'a RunData) -> Option<Self> {
         let noise_deg_h = run.noise_deg_h.or_else(|| noise_deg_h(run))?;
