@@ -1,6 +1,6 @@
 //! What the level accelerometers read over a fix, as a linear model: what they do of themselves, and a path of the base.
 //!
-//! A(t) = constant + c (T(t) − T₀) + wander + path. The path is a polynomial in time, or what tripods do: a creep that dies away, with a
+//! A(t) = constant + c (T(t) − T₀) + wander + jumps + path. The path is a polynomial in time, or what tripods do: a creep that dies away, with a
 //! straight line beside it. c and the wander have the declared spread about zero, the coefficients of the path a
 //! spread of their own; the wander, a random walk, stands as the first two functions of its Karhunen-Loève expansion on the fix,
 //! √2 sin((k − ½) π s) / ((k − ½) π) of the share s of the fix. The normal equations are factored once for all columns in this order, the
@@ -9,6 +9,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
+use super::jumps::{Jumps, MOST_JUMPS};
 use crate::fix::dwell::{DwellSummary, Line};
 use crate::sensing::level::LevelDrift;
 use crate::units::ARCSEC_PER_RAD;
@@ -19,7 +20,9 @@ pub const FUNCTIONS: usize = 5;
 const OF_WANDER: usize = 2;
 /// Columns of the accelerometers' own: temperature and wander.
 const OF_SENSOR: usize = 1 + OF_WANDER;
-const COLUMNS: usize = OF_SENSOR + FUNCTIONS;
+/// Columns before those of the path: no rate knows of the jumps, either.
+const BEFORE_PATH: usize = OF_SENSOR + MOST_JUMPS;
+const COLUMNS: usize = BEFORE_PATH + FUNCTIONS;
 
 type Column = SVector<f64, COLUMNS>;
 type Square = SMatrix<f64, COLUMNS, COLUMNS>;
@@ -146,11 +149,11 @@ struct Axis {
 
 impl Levels {
     /// `variance`: of a one-second tilt, arcsec², pitch and roll. `None` where the dwells do not determine a path of all functions of the law.
-    pub fn new(dwells: &[DwellSummary], law: Law, variance: [f64; 2], prior: &Prior) -> Option<Self> {
+    pub fn new(dwells: &[DwellSummary], law: Law, variance: [f64; 2], prior: &Prior, jumps: &Jumps) -> Option<Self> {
         let (first, last) = (dwells.first()?, dwells.last()?);
         let half_s = 0.5 * (last.end_s - first.start_s);
-        let span =
-            Span { law, middle_s: first.start_s + half_s, half_s, from_k: known_from_k(dwells), drift: prior.drift };
+        let (middle_s, from_k) = (first.start_s + half_s, known_from_k(dwells));
+        let span = Span { law, middle_s, half_s, from_k, drift: prior.drift, jumps };
         let [pitch, roll] = variance;
         let axes = [Axis::new(dwells, &span, 0, pitch, prior)?, Axis::new(dwells, &span, 1, roll, prior)?];
         Some(Self { law, middle_s: span.middle_s, half_s, axes })
@@ -164,7 +167,7 @@ impl Levels {
 
     /// What this power takes off the sums of squares of both axes, in variances.
     pub fn explained(&self, degree: usize) -> f64 {
-        self.axes.iter().map(|axis| axis.explained(OF_SENSOR + degree)).sum()
+        self.axes.iter().map(|axis| axis.explained(BEFORE_PATH + degree)).sum()
     }
 
     /// By how much the logarithm of the likelihood of a path of this degree exceeds that of a base that stands.
@@ -190,14 +193,14 @@ impl Levels {
         for ((axis, coefficients), covariance) in self.axes.iter().zip(&mut path.coefficients).zip(&mut path.covariance)
         {
             // The inverse of the leading part of L, which is the leading part of its inverse, with nothing beyond it.
-            let size = OF_SENSOR + degree + 1;
+            let size = BEFORE_PATH + degree + 1;
             let inverse =
                 Square::from_fn(
                     |i, j| {
                         if i < size { axis.inverse.get((i, j)).copied().unwrap_or_default() } else { 0.0 }
                     },
                 );
-            let of_path = inverse.fixed_columns::<FUNCTIONS>(OF_SENSOR);
+            let of_path = inverse.fixed_columns::<FUNCTIONS>(BEFORE_PATH);
             *coefficients = of_path.tr_mul(&axis.reduced);
             *covariance = of_path.tr_mul(&of_path);
         }
@@ -226,21 +229,23 @@ impl Path {
 
 /// The columns of the powers of a path, but the constant.
 fn axis_columns(degree: usize) -> core::ops::RangeInclusive<usize> {
-    OF_SENSOR + 1..=OF_SENSOR + degree
+    BEFORE_PATH + 1..=BEFORE_PATH + degree
 }
 
 impl Axis {
-    fn new(dwells: &[DwellSummary], span: &Span, axis: usize, variance: f64, prior: &Prior) -> Option<Self> {
+    fn new(dwells: &[DwellSummary], span: &Span<'_>, axis: usize, variance: f64, prior: &Prior) -> Option<Self> {
         // One over the variance that is supposed of each column: one of the accelerometers' own, in units of their sigmas.
         let of_path = 1.0 / (prior.path_arcsec * prior.path_arcsec);
         let mut supposed = Column::repeat(of_path);
-        supposed.fixed_rows_mut::<OF_SENSOR>(0).fill(1.0);
-        *supposed.get_mut(OF_SENSOR)? = 0.0;
+        supposed.fixed_rows_mut::<BEFORE_PATH>(0).fill(1.0);
+        // Nothing is supposed of a jump's size, nor of the constant.
+        supposed.iter_mut().skip(OF_SENSOR).take(span.jumps.count()).for_each(|each| *each = 0.0);
+        *supposed.get_mut(BEFORE_PATH)? = 0.0;
         // Functions that the law does not have.
-        supposed.iter_mut().skip(OF_SENSOR + 1 + span.law.most()).for_each(|each| *each = 1.0);
+        supposed.iter_mut().skip(BEFORE_PATH + 1 + span.law.most()).for_each(|each| *each = 1.0);
         let mut normal = Square::from_diagonal(&supposed);
         let (mut right, mut squares) = (Column::zeros(), 0.0);
-        for dwell in dwells {
+        for dwell in dwells.iter().filter(|dwell| span.jumps.spare(dwell)) {
             let line = tilt_arcsec(dwell)?;
             let &Line { mean, slope_per_s, .. } = line.get(axis)?;
             let spread = f64::from(dwell.time_spread);
@@ -266,7 +271,7 @@ impl Axis {
 
     /// The columns up to a degree.
     fn leading(&self, degree: usize) -> core::ops::RangeInclusive<usize> {
-        0..=OF_SENSOR + degree
+        0..=BEFORE_PATH + degree
     }
 
     fn explained(&self, column: usize) -> f64 {
@@ -275,16 +280,17 @@ impl Axis {
 }
 
 /// The time of a fix, and how its dwells stand in the columns.
-struct Span {
+struct Span<'a> {
     law: Law,
     middle_s: f64,
     half_s: f64,
     /// Temperature of the first dwell, kelvin; `None` where one was not measured.
     from_k: Option<f64>,
     drift: LevelDrift,
+    jumps: &'a Jumps,
 }
 
-impl Span {
+impl Span<'_> {
     /// Middle and half the length of a dwell, in half fixes.
     fn of(&self, dwell: &DwellSummary) -> (f64, f64) {
         ((dwell.t_s - self.middle_s) / self.half_s, 0.5 * (dwell.end_s - dwell.start_s) / self.half_s)
@@ -296,7 +302,8 @@ impl Span {
         let [p0, p1, p2, p3, p4] = *self.law.mean(t, half).as_ref();
         let warmer_k = self.from_k.map_or(0.0, |from_k| f64::from(dwell.temperature.kelvin) - from_k);
         let [w1, w2] = self.wander(t, libm::sin, |frequency| 1.0 / frequency);
-        Column::from([self.drift.arcsec_per_k * warmer_k, w1, w2, p0, p1, p2, p3, p4])
+        let [j1, j2, j3] = self.jumps.before(dwell);
+        Column::from([self.drift.arcsec_per_k * warmer_k, w1, w2, j1, j2, j3, p0, p1, p2, p3, p4])
     }
 
     /// The slope of each column in a dwell, 1/s.
@@ -305,7 +312,7 @@ impl Span {
         let [p0, p1, p2, p3, p4] = *(self.law.slope(t, half) / self.half_s).as_ref();
         let warming = self.from_k.map_or(0.0, |_| f64::from(dwell.temperature.kelvin_per_s));
         let [w1, w2] = self.wander(t, libm::cos, |_| 0.5 / self.half_s);
-        Column::from([self.drift.arcsec_per_k * warming, w1, w2, p0, p1, p2, p3, p4])
+        Column::from([self.drift.arcsec_per_k * warming, w1, w2, 0.0, 0.0, 0.0, p0, p1, p2, p3, p4])
     }
 
     /// σ √(2 length) f((k − ½) π s) times a factor of (k − ½) π, for k = 1 and 2.

@@ -11,9 +11,11 @@
 //! it may have been the accelerometers that changed and not the base: the gyro, which feels the base only, and what is declared of the
 //! accelerometers' drift decide how much of either it was (`super::motion`).
 
+mod jumps;
 pub mod levels;
 
 use heapless::Vec;
+use jumps::Jumps;
 use levels::{FUNCTIONS, Law, Levels, Path, Prior, tilt_arcsec};
 
 use super::dwell::DwellSummary;
@@ -63,26 +65,9 @@ pub fn slopes_deg_h(dwell: &DwellSummary) -> [f64; 2] {
     tilt_arcsec(dwell).map_or([0.0; 2], |axes| axes.map(|line| line.slope_per_s))
 }
 
-/// Variance of a one-second tilt about a line in each dwell, arcsec², pitch and roll; `None` where too little is measured.
-fn variance_arcsec2(dwells: &[DwellSummary]) -> Option<[f64; 2]> {
-    let degrees_of_freedom: f64 = dwells.iter().map(|dwell| f64::from(dwell.degrees_of_freedom)).sum();
-    if degrees_of_freedom < 10.0 {
-        return None;
-    }
-    let mut scatter = [0.0; 2];
-    for dwell in dwells {
-        for (sum, line) in scatter.iter_mut().zip(tilt_arcsec(dwell)?) {
-            *sum += f64::from(line.residual_squares);
-        }
-    }
-    // A reading that never changes is no measurement.
-    scatter.iter().all(|&sum| sum > 0.0).then(|| scatter.map(|sum| sum / degrees_of_freedom))
-}
-
 /// Whether a path of this degree leaves more than noise of the levels.
-fn is_improbable(dwells: &[DwellSummary], levels: &Levels, degree: usize) -> bool {
-    let with_slope = dwells.iter().filter(|dwell| dwell.time_spread > 0.0).count();
-    let degrees_of_freedom = 2.0 * (dwells.len() + with_slope) as f64 - 2.0 * (degree as f64 + 1.0);
+fn is_improbable(dwells: &[DwellSummary], levels: &Levels, degree: usize, jumps: &Jumps) -> bool {
+    let degrees_of_freedom = jumps.readings(dwells) - 2.0 * ((degree + 1 + jumps.count()) as f64);
     let chi_square = levels.chi_square(degree);
     degrees_of_freedom > 0.0 && chi_square_z_score(chi_square, degrees_of_freedom) > IMPROBABLE_SIGMAS
 }
@@ -92,7 +77,8 @@ pub fn levels_changed(dwells: &[DwellSummary]) -> bool {
     let chi_square = || {
         let (first, last) = (dwells.first()?, dwells.last()?);
         let of_means = 1.0 / first.seconds + 1.0 / last.seconds;
-        let axes = tilt_arcsec(first)?.into_iter().zip(tilt_arcsec(last)?).zip(variance_arcsec2(dwells)?);
+        let axes =
+            tilt_arcsec(first)?.into_iter().zip(tilt_arcsec(last)?).zip(Jumps::default().variance_arcsec2(dwells)?);
         let squares =
             axes.map(|((before, after), variance)| (after.mean - before.mean) * (after.mean - before.mean) / variance);
         Some(squares.sum::<f64>() / of_means)
@@ -103,10 +89,11 @@ pub fn levels_changed(dwells: &[DwellSummary]) -> bool {
 /// Looks for motion in the dwells of a fix, as of accelerometers that do not drift.
 pub fn detect(dwells: &[DwellSummary]) -> BaseMotion {
     let free = Prior { drift: LevelDrift::default(), path_arcsec: f64::INFINITY };
-    let Some(variance) = variance_arcsec2(dwells) else { return BaseMotion::Unknown };
-    let Some(levels) = Levels::new(dwells, Law::Powers, variance, &free) else { return BaseMotion::Unknown };
+    let none = Jumps::default();
+    let Some(variance) = none.variance_arcsec2(dwells) else { return BaseMotion::Unknown };
+    let Some(levels) = Levels::new(dwells, Law::Powers, variance, &free, &none) else { return BaseMotion::Unknown };
     let degree = (1..FUNCTIONS).rev().find(|&degree| levels.explained(degree) > SIGNIFICANT).unwrap_or(0);
-    if is_improbable(dwells, &levels, degree) {
+    if is_improbable(dwells, &levels, degree, &none) {
         return BaseMotion::Moving(Method::Slopes { variance });
     }
     if degree == 0 {
@@ -151,17 +138,29 @@ pub struct Supposed {
     pub log_likelihood: f64,
 }
 
-/// Paths that the base may have moved along, of any size, while the accelerometers drifted: the likelier ones by the levels, the likeliest first. Empty
-/// where none fits.
+/// Paths that the base may have moved along, of any size, while the accelerometers drifted: the likelier ones by the levels, the likeliest first. The base may
+/// have jumped meanwhile where the gyro felt knocks, or where no path fits without. Empty where none fits with jumps, either.
 pub fn beside_drift(dwells: &[DwellSummary], drift: LevelDrift) -> Vec<Supposed, MOST_PATHS> {
+    let paths_with = |jumps: &Jumps| paths(dwells, drift, jumps);
+    let likeliest = paths_with(&Jumps::likeliest(dwells));
+    if !likeliest.is_empty() {
+        return likeliest;
+    }
+    Jumps::one_at_least(dwells).map_or(likeliest, |(_, jumps)| paths_with(&jumps))
+}
+
+/// The same with these jumps.
+fn paths(dwells: &[DwellSummary], drift: LevelDrift, jumps: &Jumps) -> Vec<Supposed, MOST_PATHS> {
     let mut paths = Vec::new();
-    let Some((variance, path_arcsec)) = variance_arcsec2(dwells).zip(possible_arcsec(dwells)) else { return paths };
+    let range_arcsec = jumps.range_arcsec(dwells).filter(|&range_arcsec| range_arcsec > 0.0);
+    let Some((variance, range_arcsec)) = jumps.variance_arcsec2(dwells).zip(range_arcsec) else { return paths };
+    let prior = Prior { drift, path_arcsec: PATH_BY_RANGE * range_arcsec };
     // As many as there are laws and degrees share what is supposed of a base that moves.
     let share = -libm::log(LAWS.iter().map(|law| law.most()).sum::<usize>() as f64);
     let mut fits = false;
     for law in LAWS {
-        let Some(levels) = Levels::new(dwells, law, variance, &Prior { drift, path_arcsec }) else { continue };
-        fits |= !is_improbable(dwells, &levels, law.most());
+        let Some(levels) = Levels::new(dwells, law, variance, &prior, jumps) else { continue };
+        fits |= !is_improbable(dwells, &levels, law.most(), jumps);
         for degree in 1..=law.most() {
             let log_likelihood = levels.log_likelihood_of(degree) + share;
             let rank = paths.iter().take_while(|path: &&Supposed| path.log_likelihood > log_likelihood).count();
@@ -176,20 +175,6 @@ pub fn beside_drift(dwells: &[DwellSummary], drift: LevelDrift) -> Vec<Supposed,
     let best = paths.first().map_or(0.0, |path| path.log_likelihood);
     paths.retain(|path| fits && path.log_likelihood > best - NEGLIGIBLE);
     paths
-}
-
-/// About as much as the base can have moved, from the greater range of both axes.
-fn possible_arcsec(dwells: &[DwellSummary]) -> Option<f64> {
-    let mut range: f64 = 0.0;
-    for axis in 0..2 {
-        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        for dwell in dwells {
-            let mean = tilt_arcsec(dwell)?.get(axis)?.mean;
-            (low, high) = (low.min(mean), high.max(mean));
-        }
-        range = range.max(high - low);
-    }
-    (range > 0.0).then_some(PATH_BY_RANGE * range)
 }
 
 #[cfg(test)]
@@ -250,6 +235,23 @@ mod tests {
     fn jumps_between_dwells_are_no_path() {
         let jumpy = dwells(|t_s| if (t_s as u32 / 38) % 3 == 1 { 400.0 } else { 0.0 });
         assert!(matches!(detect(&jumpy), BaseMotion::Moving(Method::Slopes { .. })));
+    }
+
+    /// A base that creeps by 0.1 arcsec/s is knocked by 100 arcsec: in the fifth dwell, which lasts from 152 to 182 s, between the fifth and the sixth, and
+    /// both. Its rate is found; by a smooth path it would not be.
+    #[test]
+    fn a_creep_goes_on_after_knocks() {
+        let after = |at_s: f64, t_s: f64| if t_s > at_s { 100.0 } else { 0.0 };
+        for (first_s, second_s) in [(165.0, f64::INFINITY), (185.0, f64::INFINITY), (165.0, 225.0)] {
+            let dwells = dwells(|t_s| 0.1 * t_s + after(first_s, t_s) - after(second_s, t_s));
+            assert!(matches!(detect(&dwells), BaseMotion::Moving(Method::Slopes { .. })));
+            let paths = beside_drift(&dwells, LevelDrift::default());
+            let path = paths.first().expect("a path with jumps").path;
+            for dwell in &dwells {
+                let rate_deg_h = path.rates(dwell).dot(&path.coefficients()[0]);
+                assert!((rate_deg_h - 0.1).abs() < 0.02, "{first_s} {second_s}: {rate_deg_h}");
+            }
+        }
     }
 
     #[test]
