@@ -6,13 +6,17 @@ use crate::units::wrap_180_deg;
 /// The index is at rest while it turns by less than this in a row, degrees.
 pub(super) const REST_DEG: f64 = 0.5;
 
+/// Where the winding of a run begins, degrees: from here on a turn is taken off. Runs begin at a position, mostly a multiple of 45°, whose reading scatters to both sides: at
+/// 0° the turn would be that of chance.
+const WHOLE_TURN_FROM_DEG: f64 = 337.5;
+
 /// The index' history as far as effects depend on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Track {
     last_deg: Option<f64>,
     last_s: f64,
     moving: bool,
-    /// Unwrapped index angle, degrees, counter-clockwise positive; the first is in [0°, 360°).
+    /// Unwrapped index angle, degrees, counter-clockwise positive; the first is in [−22.5°, 337.5°).
     pub winding_deg: f64,
     /// Seconds since the last move ended, or since the recording began.
     pub since_s: f64,
@@ -44,7 +48,7 @@ impl Track {
             let index_deg = direction.deg();
             match self.last_deg.replace(index_deg) {
                 None => {
-                    self.winding_deg = index_deg;
+                    self.winding_deg = if index_deg < WHOLE_TURN_FROM_DEG { index_deg } else { index_deg - 360.0 };
                     self.rest_began_s = start_s;
                 }
                 Some(last_deg) => self.turn(wrap_180_deg(index_deg - last_deg), start_s),
@@ -80,7 +84,7 @@ mod tests {
     use super::*;
     use crate::sensing::index::Direction;
 
-    /// Rest at 350°, a move over two rows to 10° and 80°, rest: 90° counter-clockwise through north, resting from 3 s on.
+    /// Rest at 350°, a move over two rows to 10° and 80°, rest: 90° counter-clockwise through north, resting from 3 s on. It begins at −10°.
     #[test]
     fn a_move_through_zero() {
         let mut track = Track::default();
@@ -88,9 +92,24 @@ mod tests {
             let index = Some(Direction::of_deg(index_deg));
             track.push(&Conditions { t_s, seconds: 1.0, index, ..Conditions::default() });
         }
-        assert!((track.winding_deg - 440.0).abs() < 1e-9 && (track.travel_deg - 89.9).abs() < 1e-9, "{track:?}");
+        assert!((track.winding_deg - 80.0).abs() < 1e-9 && (track.travel_deg - 89.9).abs() < 1e-9, "{track:?}");
         assert_eq!((track.number, track.since_s, track.step_s), (1.0, 2.5, 1.0));
         assert!(track.turning_deg_s.abs() < 1e-9 && track.begun_per_s == 0.0);
+    }
+
+    /// A run that begins at 0° begins there whether its first reading is a little less or more.
+    #[test]
+    fn noise_does_not_turn_the_winding() {
+        let winding_deg = |first_deg: f64| {
+            let mut track = Track::default();
+            for (t_s, index_deg) in [(0.5, first_deg), (1.5, 45.0), (2.5, 90.0)] {
+                let index = Some(Direction::of_deg(index_deg));
+                track.push(&Conditions { t_s, seconds: 1.0, index, ..Conditions::default() });
+            }
+            track.winding_deg
+        };
+        assert!((winding_deg(-0.01) - 90.0).abs() < 1e-9 && (winding_deg(0.01) - 90.0).abs() < 1e-9);
+        assert!((winding_deg(330.0) - 450.0).abs() < 1e-9);
     }
 
     /// While the index turns the rate of the last second at rest is kept.

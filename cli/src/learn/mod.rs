@@ -146,6 +146,11 @@ pub fn learn(mut runs: Vec<Run>, allowed: &Allowed<'_>) -> Learned {
             runs = mended;
             continue;
         }
+        let surveyed = blunders.is_empty() && runs.iter().any(|run| run.reference.is_some());
+        if surveyed && let Some((wrong, mended, then)) = search.wrong_together(&best) {
+            (blunders, runs, start) = (wrong, mended, then);
+            continue;
+        }
         let bare = Model::new(&runs, None, &[]).map(Model::with_likeliest_process);
         let score_without = bare.as_ref().map_or(0.0, Model::evidence);
         let process_without = bare.and_then(|bare| bare.process);

@@ -173,6 +173,11 @@ impl<'a> Model<'a> {
         Some(Model::new(runs, self.process, &self.terms_in(runs))?.with_likeliest_process())
     }
 
+    /// The same without any process.
+    pub fn in_runs_without_process<'b>(&self, runs: &'b [Run]) -> Option<Model<'b>> {
+        Model::new(runs, None, &self.terms_in(runs))
+    }
+
     /// Its effects evaluated in other runs.
     fn terms_in(&self, runs: &[Run]) -> Vec<Term> {
         let library = Library::new(runs);

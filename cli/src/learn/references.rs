@@ -70,6 +70,20 @@ pub fn likeliest(model: &Model<'_>) -> Option<(f64, Blunder)> {
     likely.into_par_iter().filter_map(finish).max_by(|a, b| a.0.total_cmp(&b.0))
 }
 
+/// The blunders that explain most beside a model's effects, one after the other, and the runs with all of them put right. Beside no process, because a process
+/// takes for its own what several blunders do, so that one of them alone explains little.
+pub fn together(model: &Model<'_>) -> (Vec<Blunder>, Vec<Run>) {
+    let mut runs = model.problem.runs.to_vec();
+    let mut blunders = Vec::new();
+    while blunders.len() < MOST_BLUNDERS {
+        let next = model.in_runs_without_process(&runs).and_then(|model| likeliest(&model));
+        let Some((_, blunder)) = next.filter(|(gain, _)| *gain > 0.0) else { break };
+        runs = blunder.mended(&runs);
+        blunders.push(blunder);
+    }
+    (blunders, runs)
+}
+
 /// By how much a run's reference misses what it says beside a model.
 #[derive(Clone, Copy)]
 struct Miss {

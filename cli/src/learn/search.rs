@@ -12,7 +12,7 @@ use super::grammar::{Grammar, reduced};
 use super::model::{Model, is_within};
 use super::problem::Term;
 use super::proposals::{Proposals, form};
-use super::references::{Blunder, MOST_BLUNDERS, likeliest};
+use super::references::{Blunder, MOST_BLUNDERS, likeliest, together};
 use super::rows::Run;
 use super::tuning::{constants_of, moved_by};
 
@@ -293,6 +293,23 @@ impl<'a> Search<'a> {
             }
         }
         unlike
+    }
+
+    /// Several references that are wrong, where a simpler model with all of them put right predicts the runs better than the best model does, by more than the
+    /// blunders cost: each alone need not be likelier than an effect, or a process, that was found in the place of all. The runs with them put right, and
+    /// what the search begins with then.
+    pub fn wrong_together(&self, best: &Model<'a>) -> Option<(Vec<Blunder>, Vec<Run>, Start)> {
+        let none = Model::new(self.runs, None, &[]).filter(|_| !best.terms.is_empty());
+        let beside = Model::new(self.runs, None, &best.terms).into_iter().chain(self.fewer(best)).chain(none);
+        let mended = |model: Model<'a>| {
+            let (blunders, runs) = together(&model);
+            let then = model.in_runs_without_process(&runs)?.with_likeliest_process();
+            let cost = blunders.iter().map(|blunder| blunder.cost(runs.len())).sum::<f64>();
+            let (plausible, start) = (self.plausible(&then) - cost, Start::from(&then));
+            (blunders.len() > 1).then_some((plausible, blunders, runs, start))
+        };
+        let (plausible, blunders, runs, start) = beside.filter_map(mended).max_by(|a, b| a.0.total_cmp(&b.0))?;
+        (plausible > self.plausible(best)).then_some((blunders, runs, start))
     }
 
     /// Models in which one effect of the best model is replaced by another one, or left out.

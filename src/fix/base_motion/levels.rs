@@ -10,10 +10,13 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::jumps::{Jumps, MOST_JUMPS};
+use super::tilt::tilt_arcsec;
 use crate::fix::dwell::{DwellSummary, Line};
 use crate::sensing::level::LevelDrift;
-use crate::units::ARCSEC_PER_RAD;
 
+/// A degree is taken when it lowers the sum of squares of both axes (two degrees of freedom) by this many variances:
+/// by chance that happens once in e^(20/2) = 22 000 times.
+pub const SIGNIFICANT: f64 = 20.0;
 /// Functions of time in a path, with the constant.
 pub const FUNCTIONS: usize = 5;
 /// Functions of the wander.
@@ -330,16 +333,3 @@ fn known_from_k(dwells: &[DwellSummary]) -> Option<f64> {
     let all = dwells.iter().all(|dwell| dwell.temperature.kelvin > 0.0);
     dwells.first().filter(|_| all).map(|dwell| f64::from(dwell.temperature.kelvin))
 }
-
-/// Both axes of a dwell in arcsec: pitch = forward, roll = left, for the small angles that the level limit allows.
-pub fn tilt_arcsec(dwell: &DwellSummary) -> Option<[Line; 2]> {
-    Some(dwell.level?.map(|line| Line {
-        mean: f64::from(line.mean) * ARCSEC_PER_RAD,
-        slope_per_s: f64::from(line.slope_per_s) * ARCSEC_PER_RAD,
-        residual_squares: (f64::from(line.residual_squares) * ARCSEC2_PER_RAD2) as f32,
-        successive_squares: (f64::from(line.successive_squares) * ARCSEC2_PER_RAD2) as f32,
-    }))
-}
-
-/// Square arcseconds of a square radian.
-const ARCSEC2_PER_RAD2: f64 = ARCSEC_PER_RAD * ARCSEC_PER_RAD;

@@ -11,20 +11,21 @@
 //! it may have been the accelerometers that changed and not the base: the gyro, which feels the base only, and what is declared of the
 //! accelerometers' drift decide how much of either it was (`super::motion`).
 
+mod jump_search;
 mod jumps;
 pub mod levels;
+mod tilt;
 
 use heapless::Vec;
 use jumps::Jumps;
-use levels::{FUNCTIONS, Law, Levels, Path, Prior, tilt_arcsec};
+use levels::{FUNCTIONS, Law, Levels, Path, Prior, SIGNIFICANT};
+
+use tilt::tilt_arcsec;
 
 use super::dwell::DwellSummary;
 use super::statistics::chi_square_z_score;
 use crate::sensing::level::LevelDrift;
 
-/// A degree is taken when it lowers the sum of squares of both axes (two degrees of freedom) by this many variances:
-/// by chance that happens once in e^(20/2) = 22 000 times.
-const SIGNIFICANT: f64 = 20.0;
 /// Excess of a chi-square, in standard deviations, that is not put down to chance.
 const IMPROBABLE_SIGMAS: f64 = 4.0;
 
@@ -142,11 +143,11 @@ pub struct Supposed {
 /// have jumped meanwhile where the gyro felt knocks, or where no path fits without. Empty where none fits with jumps, either.
 pub fn beside_drift(dwells: &[DwellSummary], drift: LevelDrift) -> Vec<Supposed, MOST_PATHS> {
     let paths_with = |jumps: &Jumps| paths(dwells, drift, jumps);
-    let likeliest = paths_with(&Jumps::likeliest(dwells));
+    let likeliest = paths_with(&jump_search::likeliest(dwells));
     if !likeliest.is_empty() {
         return likeliest;
     }
-    Jumps::one_at_least(dwells).map_or(likeliest, |(_, jumps)| paths_with(&jumps))
+    jump_search::one_at_least(dwells).map_or(likeliest, |(_, jumps)| paths_with(&jumps))
 }
 
 /// The same with these jumps.
