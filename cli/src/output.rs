@@ -11,7 +11,7 @@ use serde::Serialize;
 use tempfile::NamedTempFile;
 
 use crate::failure::Failure;
-use crate::file_error::FileError;
+use crate::file_error::{FileError, Problem};
 
 /// Files that are there are replaced.
 static FORCE: AtomicBool = AtomicBool::new(false);
@@ -173,8 +173,30 @@ fn beside(path: &Path) -> io::Result<NamedTempFile> {
     builder.prefix(".north-");
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    // Without the hidden name, which nobody has heard of.
-    builder.tempfile_in(folder).map_err(|error| refusal(error.kind().into()))
+    builder.tempfile_in(folder).map_err(|error| match folder.is_dir() {
+        true => takes_no_file(folder, &error),
+        false => refusal(error.kind().into()),
+    })
+}
+
+/// The system's reason why a folder that is there takes no file; without the hidden name of the file, which nobody has heard of and which
+/// `tempfile` sets behind it.
+fn takes_no_file(folder: &Path, error: &io::Error) -> io::Error {
+    let said = error.to_string();
+    let of_system = said.split_once(" at path ").map_or(said.as_str(), |(reason, _)| reason);
+    io::Error::new(error.kind(), format!("no file can be made in the folder {}: {of_system}", folder.display()))
+}
+
+/// Whether a folder can be made, or one that is there can be written to.
+///
+/// Errors: the system's, of the nearest folder that is there.
+pub fn check_folder(folder: &Path) -> io::Result<()> {
+    let named = folder.ancestors().filter(|folder| !folder.as_os_str().is_empty());
+    let nearest = named.into_iter().find(|folder| folder.exists()).unwrap_or(Path::new("."));
+    match nearest.is_dir() {
+        true => beside(&nearest.join("run")).map(|_| ()),
+        false => Err(io::ErrorKind::NotADirectory.into()),
+    }
 }
 
 /// Writes a file, as [`create`] makes it.
@@ -186,12 +208,29 @@ pub fn write(path: &Path, text: impl AsRef<[u8]>) -> io::Result<()> {
 
 /// Whether those files can be written that were asked for: before the work whose results they take.
 ///
-/// Errors: the first that is there, and shall not be replaced; the first whose folder cannot be written to.
+/// Errors: two of them are the same; the first that is there, and shall not be replaced; the first whose folder cannot be written to.
 pub fn check<'a>(paths: impl IntoIterator<Item = Option<&'a Path>>) -> Result<(), FileError> {
-    paths.into_iter().flatten().try_for_each(|path| match std::fs::metadata(path) {
-        Ok(kind) if !kind.is_file() && !kind.is_dir() => Ok(()),
-        _ => create(path).map(|_| ()).map_err(|error| FileError::whole(path, error)),
-    })
+    let mut before: Vec<PathBuf> = Vec::new();
+    for path in paths.into_iter().flatten() {
+        if std::fs::metadata(path).is_ok_and(|kind| !kind.is_file() && !kind.is_dir()) {
+            continue;
+        }
+        let place = resolved(path);
+        if before.contains(&place) {
+            let problem = "two results are to be written to this file: give each a file of its own";
+            return Err(FileError::whole(path, Problem::Syntax(problem.into())));
+        }
+        before.push(place);
+        create(path).map_err(|error| FileError::whole(path, error))?;
+    }
+    Ok(())
+}
+
+/// The one path of a file, whatever it is called by; of one that is not there, its name in its folder's.
+fn resolved(path: &Path) -> PathBuf {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let of_new = || Some(folder.canonicalize().ok()?.join(path.file_name()?));
+    path.canonicalize().ok().or_else(of_new).unwrap_or_else(|| path.to_owned())
 }
 
 /// stdout for people.
@@ -296,6 +335,37 @@ mod tests {
         write(&folder.path().join("c.txt"), "early").unwrap();
         assert_eq!(late.finish().unwrap_err().kind(), io::ErrorKind::AlreadyExists);
         assert_eq!((std::fs::read_to_string(&path).unwrap(), files()), ("first".into(), 2));
+    }
+
+    #[test]
+    fn two_results_are_not_written_to_one_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let (a, b) = (folder.path().join("a.txt"), folder.path().join("b.txt"));
+        check([Some(a.as_path()), Some(b.as_path())]).unwrap();
+        let other_name = folder.path().join(".").join("a.txt");
+        let error = check([Some(a.as_path()), None, Some(other_name.as_path())]).unwrap_err().to_string();
+        assert!(error.contains("a.txt: two results"), "{error}");
+        // A device takes as many as come.
+        #[cfg(unix)]
+        check([Some(Path::new("/dev/null")), Some(Path::new("/dev/null"))]).unwrap();
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    /// /proc is a folder that takes no file, whoever asks.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_folder_that_takes_no_file_is_told_from_one_that_is_not_there() {
+        let of = |path: &str| check([Some(Path::new(path))]).unwrap_err().to_string();
+        let taken = of("/proc/x.html");
+        assert!(taken.contains("no file can be made in the folder /proc: ") && taken.contains("os error"), "{taken}");
+        assert!(!taken.contains(".north-"), "{taken}");
+        assert!(of("/proc/none/x.html").contains("there is no such folder"));
+        let folder = tempfile::tempdir().unwrap();
+        check_folder(&folder.path().join("new/and/below")).unwrap();
+        check_folder(folder.path()).unwrap();
+        assert!(check_folder(Path::new("/proc/x/y")).unwrap_err().to_string().contains("the folder /proc: "));
+        std::fs::write(folder.path().join("file"), "").unwrap();
+        assert_eq!(check_folder(&folder.path().join("file/x")).unwrap_err().kind(), io::ErrorKind::NotADirectory);
     }
 
     #[test]

@@ -165,8 +165,8 @@ impl CampaignWriter {
         }
     }
 
-    /// Refuses a folder that has something in it: recordings are never overwritten. What a recording left behind that was interrupted
-    /// is no recording.
+    /// Refuses a folder that has something in it, for recordings are never overwritten, or that cannot be made or written to. What a
+    /// recording left behind that was interrupted is no recording.
     pub fn check_free(folder: &Path) -> Result<(), FileError> {
         if folder.join(UNFINISHED).is_file() {
             return Ok(());
@@ -174,7 +174,7 @@ impl CampaignWriter {
         match fs::read_dir(folder).map(|mut entries| entries.next().is_some()) {
             Ok(true) => Err(FileError::whole(folder, Problem::FolderNotEmpty)),
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(FileError::whole(folder, error)),
-            _ => Ok(()),
+            _ => crate::output::check_folder(folder).map_err(|error| FileError::whole(folder, error)),
         }
     }
 

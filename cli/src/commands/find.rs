@@ -107,24 +107,36 @@ impl Find {
             return Err(Failure::Interrupted);
         }
         let outcome = outcome?;
-        let mut recorded = false;
-        if let Some(folder) = &self.record {
-            if log.recorder.rows().is_empty() {
-                writeln!(out, "nothing recorded: the gyro gave no second of data")?;
-            } else {
-                record(folder, &setup, &outcome, &log)?;
-                recorded = true;
-            }
-        }
-        if let End::Fix(fix) = &outcome.end {
-            self.draw(fix, &log, &outcome, &setup, engine)?;
-        }
-        self.json.write(&log.into_json(&outcome, engine, recorded, &self.directions))?;
-        conclude(&mut out, &outcome, &self.directions, setup.scenario.duration_limit_s)
+        let kept = self.keep(&mut out, log, &outcome, &setup, engine);
+        // The azimuth is said even where it could not be written.
+        let concluded = conclude(&mut out, &outcome, &self.directions, setup.scenario.duration_limit_s);
+        kept.and(concluded)
     }
 }
 
 impl Find {
+    /// Writes what was asked for: the recording, the pages, the machine-readable result.
+    fn keep(
+        &self,
+        out: &mut dyn Write,
+        log: Log,
+        outcome: &Outcome,
+        setup: &Setup,
+        engine: Engine,
+    ) -> Result<(), Failure> {
+        let has_rows = !log.recorder.rows().is_empty();
+        match &self.record {
+            Some(folder) if has_rows => record(folder, setup, outcome, &log)?,
+            Some(_) => writeln!(out, "nothing recorded: the gyro gave no second of data")?,
+            None => {}
+        }
+        if let End::Fix(fix) = &outcome.end {
+            self.draw(fix, &log, outcome, setup, engine)?;
+        }
+        let recorded = has_rows && self.record.is_some();
+        self.json.write(&log.into_json(outcome, engine, recorded, &self.directions))
+    }
+
     /// The pages that were asked for.
     fn draw(&self, fix: &Fix, log: &Log, outcome: &Outcome, setup: &Setup, engine: Engine) -> Result<(), Failure> {
         let Setup { scenario, seed, .. } = setup;

@@ -10,7 +10,7 @@ use crate::failure::Failure;
 use crate::file_error::FileError;
 use crate::import::{self, Format, Map, Summary};
 use crate::interrupt;
-use crate::output::JsonOption;
+use crate::output::{self, JsonOption};
 use crate::progress;
 
 /// Turn a foreign recording into a campaign
@@ -55,6 +55,7 @@ impl Import {
             let proposal = import::guess(&self.recording, self.latitude)?;
             return Ok(std::io::stdout().write_all(proposal.as_bytes())?);
         };
+        output::check([self.block.as_deref(), self.json.path()])?;
         let map = Map::read(map)?;
         let bytes = fs::metadata(&self.recording).map_err(|error| FileError::whole(&self.recording, error))?.len();
         let bar = progress::bar(bytes, "bytes");
