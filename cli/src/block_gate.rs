@@ -35,7 +35,7 @@ const SAME: f64 = 1e-7;
 /// Rows at the most between what gyros and what accelerometers measure of the same shock.
 const SHOCK_ROWS: usize = 2;
 /// What no gyro, °/s, and no accelerometer, m/s² (1000 g), of a navigation block measures.
-const MOST_DEG_S: f64 = 10_000.0;
+pub const MOST_DEG_S: f64 = 10_000.0;
 const MOST_M_S2: f64 = 9806.65;
 
 /// A row that was taken out.
@@ -72,7 +72,7 @@ pub fn gate(recording: &mut BlockRecording, file: &Path) -> Result<Gated, Failur
     let unit = |axis: usize| if axis < 3 { ARCSEC_PER_RAD } else { 1.0 };
     let found: [Vec<(usize, f64)>; 6] = std::array::from_fn(|axis| {
         let readings: Vec<f64> = recording.rows.iter().map(|row| reading(row, axis)).collect();
-        found(&readings)
+        outliers(&readings)
     });
     let possible = |axis: usize, row: usize| reading(&recording.rows[row], axis).abs() <= most(axis);
     let shocked = |mut axes: std::ops::Range<usize>, row: usize| {
@@ -125,8 +125,8 @@ fn set(row: &mut BlockRow, axis: usize, value: f64) {
     }
 }
 
-/// Outliers with what they are replaced by.
-fn found(readings: &[f64]) -> Vec<(usize, f64)> {
+/// Outliers of a sequence of readings: their places, and what they are replaced by.
+pub fn outliers(readings: &[f64]) -> Vec<(usize, f64)> {
     let around: Vec<Around> = (0..readings.len()).map(|row| Around::new(readings, row)).collect();
     let off: Vec<f64> = readings.iter().zip(&around).map(|(reading, around)| around.off(*reading)).collect();
     let mut differing: Vec<f64> = off.iter().copied().filter(|off| *off > 0.0).collect();
@@ -139,8 +139,8 @@ fn found(readings: &[f64]) -> Vec<(usize, f64)> {
         SIGMAS * beside.iter().copied().fold(step, f64::max)
     };
     let rows = readings.iter().zip(&around).enumerate();
-    let outliers = rows.filter(|(row, (reading, around))| around.beyond(**reading) > allowed(*row));
-    outliers.map(|(row, (_, around))| (row, around.median)).collect()
+    let beyond = rows.filter(|(row, (reading, around))| around.beyond(**reading) > allowed(*row));
+    beyond.map(|(row, (_, around))| (row, around.median)).collect()
 }
 
 /// The neighbours of a reading; at the recording's ends as many, on the one side.
@@ -193,26 +193,26 @@ mod tests {
             for value in [30.0, -1e3, 1e6, -1e20, 1e300] {
                 let mut readings = noise(500);
                 readings[place] = value;
-                let outliers = found(&readings);
-                let [(row, median)] = outliers[..] else { panic!("{place} {value}: {outliers:?}") };
-                assert!(row == place && median.abs() <= 0.5, "{place} {value}: {outliers:?}");
+                let found = outliers(&readings);
+                let [(row, median)] = found[..] else { panic!("{place} {value}: {found:?}") };
+                assert!(row == place && median.abs() <= 0.5, "{place} {value}: {found:?}");
             }
         }
     }
 
     #[test]
     fn noise_counts_and_motions_are_no_outliers() {
-        assert!(found(&noise(500)).is_empty());
+        assert!(outliers(&noise(500)).is_empty());
         // A reading of one count in twenty rows, none in the others.
         let counts: Vec<f64> = (0..500).map(|row| f64::from(u8::from(row % 20 == 7))).collect();
-        assert!(found(&counts).is_empty());
+        assert!(outliers(&counts).is_empty());
         // The same counts, scaled: their last digits differ, which is not how finely they are rounded. Every fifth is two.
         let scaled = |row: usize, count: f64| count * 0.1225 * (1.0 + 2e-16 * (row % 3) as f64);
         let scaled: Vec<f64> = (0..500).map(|row| scaled(row, if row % 5 == 2 { 2.0 } else { 1.0 })).collect();
-        assert!(found(&scaled).is_empty(), "{:?}", found(&scaled));
+        assert!(outliers(&scaled).is_empty(), "{:?}", outliers(&scaled));
         // It is turned: from rest to a hundred units within six rows, and back.
         let turned = |row: usize| f64::from((row as i32 - 200).clamp(0, 6) - (row as i32 - 300).clamp(0, 6)) * 16.0;
         let motion: Vec<f64> = noise(500).iter().enumerate().map(|(row, noise)| noise + turned(row)).collect();
-        assert!(found(&motion).is_empty(), "{:?}", found(&motion));
+        assert!(outliers(&motion).is_empty(), "{:?}", outliers(&motion));
     }
 }

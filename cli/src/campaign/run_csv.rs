@@ -264,7 +264,7 @@ impl RunReader {
     }
 
     /// The line that the last record ended on: the reader stands at the beginning of the next.
-    fn line(&self) -> u64 {
+    pub fn line(&self) -> u64 {
         self.csv.position().line() - 1
     }
 

@@ -7,12 +7,15 @@ mod channels;
 mod noise;
 mod record;
 
+use std::fmt;
+
 use north_finder::settings::Settings;
+use north_finder::settings::fields::FIELDS;
 use serde::Serialize;
 
 pub use channels::{Channels, of as of_channels};
 pub use noise::{Noise, PROCESSES, Point};
-pub use record::{Record, read};
+pub use record::{Outlier, Record, read, told};
 
 use crate::settings_file::declare_noise;
 
@@ -22,6 +25,13 @@ const MARGIN_OF_CHANGE: f64 = 1.5;
 /// The noise of one-second rates is taken for more than that of the fitted processes from this ratio of their variances on: a tenth is what the
 /// fit of an hour leaves open.
 const UNEXPLAINED: f64 = 1.1;
+
+/// The settings that follow from a recording.
+const ARW: &str = "gyro.arw_deg_per_sqrt_h";
+const ANGLE_NOISE: &str = "gyro.angle_noise_arcsec";
+const INSTABILITY: &str = "gyro.bias_instability_deg_h";
+const DISTURBANCE: &str = "disturbance.threshold_deg_h";
+const JITTER: &str = "jitter.threshold_deg_h";
 
 /// What a still recording tells of a gyro.
 #[derive(Clone, Debug, Serialize)]
@@ -42,17 +52,29 @@ pub struct Character {
     pub largest_change_deg_h: f64,
     /// Smallest step between two increments where all of them are multiples of it, arcsec.
     pub quantum_arcsec: Option<f64>,
+    /// Rows that were replaced before all of this.
+    pub outliers: Vec<Outlier>,
 }
 
-/// The settings that a recording suggests; what they do not name stays as it is.
-#[derive(Clone, Copy, Debug, Serialize)]
+/// The settings that a recording suggests; what they do not name stays as it is. `None` where the recording does not show it, which does not make it
+/// 0, or where it is beyond what the setting may be.
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Suggested {
-    pub arw_deg_per_sqrt_h: f64,
-    /// `None` where the recording does not show it: it is not 0 for that.
+    pub arw_deg_per_sqrt_h: Option<f64>,
     pub angle_noise_arcsec: Option<f64>,
     pub bias_instability_deg_h: Option<f64>,
-    pub disturbance_threshold_deg_h: f64,
-    pub jitter_threshold_deg_h: f64,
+    pub disturbance_threshold_deg_h: Option<f64>,
+    pub jitter_threshold_deg_h: Option<f64>,
+    /// What was found beyond what its setting may be.
+    pub beyond: Vec<Beyond>,
+}
+
+/// A value that a setting cannot have.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Beyond {
+    pub setting: &'static str,
+    pub value: f64,
+    pub allowed: &'static str,
 }
 
 impl Character {
@@ -71,6 +93,7 @@ impl Character {
             autocorrelation_sigma,
             largest_change_deg_h: rates_deg_h.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max),
             quantum_arcsec: record.quantum_arcsec(),
+            outliers: record.outliers.clone(),
         }
     }
 
@@ -93,13 +116,28 @@ impl Character {
         settings.disturbance.threshold_deg_h = 0.0;
         settings.gyro.angle_noise_arcsec = self.noise.quantisation_arcsec;
         declare_noise(&mut settings, self.one_second_arw());
+        let mut beyond = Vec::new();
+        let mut seen = |setting, value| possible(setting, value, &mut beyond);
         Suggested {
-            arw_deg_per_sqrt_h: settings.gyro.arw_deg_per_sqrt_h,
-            angle_noise_arcsec: Some(settings.gyro.angle_noise_arcsec).filter(|seen| *seen > 0.0),
-            bias_instability_deg_h: Some(self.noise.bias_instability_deg_h).filter(|seen| *seen > 0.0),
-            disturbance_threshold_deg_h: settings.disturbance.threshold_deg_h,
-            jitter_threshold_deg_h: settings.jitter.threshold_deg_h,
+            arw_deg_per_sqrt_h: seen(ARW, settings.gyro.arw_deg_per_sqrt_h),
+            angle_noise_arcsec: seen(ANGLE_NOISE, settings.gyro.angle_noise_arcsec),
+            bias_instability_deg_h: seen(INSTABILITY, self.noise.bias_instability_deg_h),
+            disturbance_threshold_deg_h: seen(DISTURBANCE, settings.disturbance.threshold_deg_h),
+            jitter_threshold_deg_h: seen(JITTER, settings.jitter.threshold_deg_h),
+            beyond,
         }
+    }
+
+    /// Said of a recording that is too short to look for slow processes in.
+    pub fn doubt_of_length(&self) -> Option<String> {
+        let seconds = noise::SLOW_SPAN * self.interval_s / noise::LONGEST_SHARE;
+        (self.seconds < 0.99 * seconds).then(|| {
+            format!(
+                "{:.0} s are too short for bias instability, rate random walk and rate ramp: they were not looked for. With \
+                 rows of {} s they need {seconds:.0} s or more; an hour is good",
+                self.seconds, self.interval_s
+            )
+        })
     }
 
     /// What the bias instability is below, °/h: the least of the curve if all of it were flicker noise. It is no estimate: white noise and random
@@ -122,32 +160,47 @@ impl Character {
     }
 }
 
+/// The value if it is seen and its setting may have it; one that is beyond goes to the list.
+fn possible(setting: &'static str, value: f64, beyond: &mut Vec<Beyond>) -> Option<f64> {
+    let field = FIELDS.iter().find(|field| field.name == setting)?;
+    if (field.low..=field.high).contains(&value) {
+        return Some(value).filter(|seen| *seen > 0.0);
+    }
+    beyond.push(Beyond { setting, value, allowed: field.allowed });
+    None
+}
+
 impl Suggested {
     /// As a settings file that `--settings` and `north settings restore` read.
-    pub fn to_toml(self) -> String {
-        let Self {
-            arw_deg_per_sqrt_h,
-            angle_noise_arcsec,
-            bias_instability_deg_h,
-            disturbance_threshold_deg_h,
-            jitter_threshold_deg_h,
-        } = self;
+    pub fn to_toml(&self) -> String {
         let defaults = Settings::default();
-        let gate = |threshold_deg_h: f64, seconds: u16, timeout_s: f64| {
-            format!("threshold_deg_h = {threshold_deg_h:.4}\nseconds = {seconds}\ntimeout_s = {timeout_s:?}\n")
+        let line = |setting: &str, value: Option<f64>| {
+            let name = setting.rsplit('.').next().unwrap_or(setting);
+            match (value, self.beyond.iter().find(|beyond| beyond.setting == setting)) {
+                (Some(seen), _) => format!("{name} = {}", digits(seen)),
+                (None, Some(beyond)) => format!("# {beyond}; it stays as it is"),
+                (None, None) => format!("# {name}: not seen in this recording, it stays as it is"),
+            }
         };
-        let or_not_seen = |name: &str, value: Option<f64>| match value {
-            Some(seen) => format!("{name} = {}", digits(seen)),
-            None => format!("# {name}: not seen in this recording, it stays as it is"),
+        let gate = |threshold: String, seconds: u16, timeout_s: f64| {
+            format!("{threshold}\nseconds = {seconds}\ntimeout_s = {timeout_s:?}\n")
         };
-        let angle_noise = or_not_seen("angle_noise_arcsec", angle_noise_arcsec);
-        let instability = or_not_seen("bias_instability_deg_h", bias_instability_deg_h);
+        let (disturbance, jitter) = (defaults.disturbance, defaults.jitter);
         format!(
-            "[gyro]\narw_deg_per_sqrt_h = {}\n{angle_noise}\n{instability}\n\n[disturbance]\n{}\n[jitter]\n{}",
-            digits(arw_deg_per_sqrt_h),
-            gate(disturbance_threshold_deg_h, defaults.disturbance.seconds, defaults.disturbance.timeout_s),
-            gate(jitter_threshold_deg_h, defaults.jitter.seconds, defaults.jitter.timeout_s),
+            "[gyro]\n{}\n{}\n{}\n\n[disturbance]\n{}\n[jitter]\n{}",
+            line(ARW, self.arw_deg_per_sqrt_h),
+            line(ANGLE_NOISE, self.angle_noise_arcsec),
+            line(INSTABILITY, self.bias_instability_deg_h),
+            gate(line(DISTURBANCE, self.disturbance_threshold_deg_h), disturbance.seconds, disturbance.timeout_s),
+            gate(line(JITTER, self.jitter_threshold_deg_h), jitter.seconds, jitter.timeout_s),
         )
+    }
+}
+
+impl fmt::Display for Beyond {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { setting, value, allowed } = self;
+        write!(f, "{setting} would be {}, and allowed is {allowed}", digits(*value))
     }
 }
 
@@ -159,21 +212,60 @@ pub fn digits(value: f64) -> String {
 
 #[cfg(test)]
 mod tests {
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
     use super::*;
 
     #[test]
     fn what_is_not_seen_is_no_zero() {
         let seen = |bias_instability_deg_h| Suggested {
-            arw_deg_per_sqrt_h: 1.234e-7,
+            arw_deg_per_sqrt_h: Some(1.234e-7),
             angle_noise_arcsec: bias_instability_deg_h,
             bias_instability_deg_h,
-            disturbance_threshold_deg_h: 1.0,
-            jitter_threshold_deg_h: 0.5,
+            ..Suggested::default()
         };
         let text = seen(None).to_toml();
         assert!(text.contains("\n# bias_instability_deg_h: not seen") && !text.contains("0.000000\n"), "{text}");
         assert!(text.contains("\n# angle_noise_arcsec: not seen"), "{text}");
         assert!(text.contains("arw_deg_per_sqrt_h = 0.0000001234\n"), "{text}");
         assert!(seen(Some(0.0123)).to_toml().contains("\nbias_instability_deg_h = 0.012300\n"));
+    }
+
+    /// From angles at the ends of seconds, arcsec.
+    fn of_angles(angle_arcsec: Vec<f64>) -> Suggested {
+        Character::of(&Record { interval_s: 1.0, angle_arcsec, outliers: Vec::new() }).suggested()
+    }
+
+    /// Uniform numbers from −1/2 to 1/2, which have a variance of 1/12.
+    fn uniform(count: usize) -> Vec<f64> {
+        let mut rng = ChaCha8Rng::seed_from_u64(4);
+        (0..count).map(|_| f64::from(rng.next_u32()) / f64::from(u32::MAX) - 0.5).collect()
+    }
+
+    #[test]
+    fn a_random_walk_that_is_not_seen_stays_as_it_is() {
+        // White noise of the angle alone: Q = 1/√12 = 0.289 arcsec.
+        let settings = of_angles(uniform(1001));
+        assert!((settings.angle_noise_arcsec.unwrap() / 0.289 - 1.0).abs() < 0.1, "{settings:?}");
+        let text = settings.to_toml();
+        assert!(text.starts_with("[gyro]\n# arw_deg_per_sqrt_h: not seen in this recording"), "{text}");
+        crate::settings_file::laid_over("it", text, &Settings::default()).unwrap();
+    }
+
+    #[test]
+    fn no_setting_is_proposed_beyond_what_it_may_be() {
+        // White rates from −600 to 600 °/h have a deviation of 346 °/h, which is 5.8 °/√h in rows of a second; allowed is 1.
+        let mut angle_arcsec = vec![0.0];
+        uniform(600).iter().for_each(|rate| angle_arcsec.push(angle_arcsec.last().unwrap() + 1200.0 * rate));
+        let settings = of_angles(angle_arcsec);
+        assert_eq!((settings.arw_deg_per_sqrt_h, settings.beyond.len()), (None, 1), "{settings:?}");
+        assert!((settings.beyond[0].value / 5.8 - 1.0).abs() < 0.1, "{settings:?}");
+        let text = settings.to_toml();
+        assert!(
+            text.contains("\n# gyro.arw_deg_per_sqrt_h would be 5.") && text.contains("allowed is 0 to 1;"),
+            "{text}"
+        );
+        crate::settings_file::laid_over("it", text, &Settings::default()).unwrap();
     }
 }

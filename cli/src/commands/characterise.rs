@@ -50,10 +50,6 @@ impl Characterise {
     pub fn run(self) -> std::result::Result<(), Failure> {
         output::check([self.settings_out.as_deref(), self.report.path(), self.json.path()])?;
         let character = Character::of(&characterise::read(&self.recording)?);
-        if character.allan.is_empty() {
-            let why = "the gyro repeats the same increment: it is dead, or the column is not its reading";
-            return Err(Failure::Refused(format!("{}: {why}", self.recording.display())));
-        }
         let settings = character.suggested();
         let recording = self.recording.clone();
         let channels = progress::work("what the channels do".into(), move || characterise::of_channels(&recording))??;
@@ -62,11 +58,19 @@ impl Characterise {
             output::write(path, settings.to_toml()).map_err(|error| FileError::whole(path, error))?;
         }
         self.report.write(|| report::characterise::html(&self.recording, &character, channels.as_ref(), &settings))?;
-        if let Some(doubt) = doubt_of_clock(character.interval_s, character.seconds) {
+        for doubt in doubts(&character, &settings) {
             eprintln!("north: warning: {}: {doubt}", self.recording.display());
         }
         self.json.write(&Result { character, settings, channels })
     }
+}
+
+/// What is doubtful about the recording, or about what follows from it.
+fn doubts(character: &Character, settings: &Suggested) -> Vec<String> {
+    let beyond = settings.beyond.iter().map(|beyond| format!("{beyond}: is the column the gyro's, and in arcsec?"));
+    let of_clock = doubt_of_clock(character.interval_s, character.seconds);
+    let of_length = character.doubt_of_length();
+    of_clock.into_iter().chain(of_length).chain(characterise::told(&character.outliers)).chain(beyond).collect()
 }
 
 fn write(
