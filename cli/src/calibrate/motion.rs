@@ -20,6 +20,8 @@ const LIMIT: f64 = 3.0;
 const LIMIT_OF_SHORT: f64 = 12.7;
 /// Deviate of the normal distribution of which [`QUIET_PART`] is below.
 const QUIET_DEVIATE: f64 = -1.2816;
+/// Part of the blocks that is left out at either end of their range: of nine attitudes, the fewest for a calibration, each has five times as many.
+const SPARED_PART: f64 = 0.02;
 /// Rest scatters by less than this part of what the readings range over.
 const MOST_NOISE: f64 = 0.02;
 /// Neighbouring rests whose means differ by less than this part of the range are one attitude, interrupted.
@@ -116,13 +118,15 @@ fn blocks(rows: &[[f64; 4]], size: u16) -> Vec<(f64, Block)> {
     rows.iter().filter_map(|&[t_s, x, y, z]| mean.push([x, y, z]).map(|block| (t_s, block))).collect()
 }
 
-/// Half of what the readings range over, on the axis with the widest range.
+/// Half of what the readings range over, on the axis with the widest range; without the blocks at either end that absurd readings or a shock
+/// may have made.
 fn half_range(blocks: &[(f64, Block)]) -> f64 {
     let range = |axis: usize| {
-        let values = blocks.iter().map(|(_, block)| block.mean[axis]);
-        let (low, high) =
-            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
-        0.5 * (high - low)
+        let mut values: Vec<_> = blocks.iter().map(|(_, block)| block.mean[axis]).collect();
+        values.sort_unstable_by(f64::total_cmp);
+        let spared = (SPARED_PART * values.len() as f64).ceil() as usize;
+        let inner = values.get(spared..values.len().saturating_sub(spared)).unwrap_or_default();
+        inner.first().zip(inner.last()).map_or(0.0, |(low, high)| 0.5 * (high - low))
     };
     (0..3).map(range).fold(0.0, f64::max)
 }
@@ -232,6 +236,16 @@ mod tests {
         let shaken = rests(&rows(&Placement { rest_shake_g: 0.05, ..placement(3.0, 1.0) }, 1e-3), 0.0);
         assert!(matches!(shaken, Err(Restless::Moving { .. })), "{shaken:?}");
         assert_eq!(rests(&[[0.0, 0.0, 0.0, 1.0]], 0.0).unwrap_err(), Restless::TooShort { seconds: 0.0 });
+    }
+
+    #[test]
+    fn an_absurd_reading_is_a_shock_and_joins_no_attitudes() {
+        let mut rows = rows(&placement(6.0, 1.0), 1e-3);
+        rows[320][3] = 1e25;
+        let rests = rests(&rows, 0.0).unwrap();
+        assert_eq!(rests.len(), 15);
+        assert!(rests[0].shocks >= 1 && rests[1].shocks == 0);
+        assert!(rests.iter().flat_map(|rest| &rest.blocks).all(|block| block.iter().all(|value| value.abs() < 100.0)));
     }
 
     #[test]
