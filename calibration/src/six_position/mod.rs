@@ -110,6 +110,8 @@ struct Measured<'a> {
     knowledge: &'a Knowledge,
     /// Factor on the variance of each gyro's rows.
     wander: [f64; 3],
+    /// Two positions, each of which is taken to have had the other's axes.
+    exchanged: Option<(usize, usize)>,
 }
 
 /// Parameters of the three gyros, in units of the design's rows, and their covariances.
@@ -136,7 +138,7 @@ impl<'a> Measured<'a> {
         let wander = chi_squares.map(|chi_square| {
             if chi_square_p(chi_square, freedom) < LEAST_WANDER_P { chi_square / f64::from(freedom) } else { 1.0 }
         });
-        let measured = Self { positions, knowledge, wander };
+        let measured = Self { positions, knowledge, wander, exchanged: None };
         let flat = (0..3).find_map(|gyro| {
             let mut observations = measured.observations(gyro, knowledge.latitude_deg);
             observations.position(|observation| observation.variance.is_nan() || observation.variance <= 0.0)
@@ -155,8 +157,8 @@ impl<'a> Measured<'a> {
         let table_variance = table * table / 3.0;
         let instability = self.knowledge.bias_instability_deg_h;
         let wander = part(&self.wander, gyro);
-        self.positions.iter().filter_map(move |position| {
-            let input = position.axes.input_deg_h(&earth?);
+        self.positions.iter().enumerate().filter_map(move |(number, position)| {
+            let input = self.axes_of(number)?.input_deg_h(&earth?);
             let [x, y, z] = input.map(|rate| rate / EARTH_RATE_DEG_H);
             let along = part(&input, gyro);
             let across = input.iter().map(|rate| rate * rate).sum::<f64>() - along * along;
@@ -168,6 +170,31 @@ impl<'a> Measured<'a> {
                     + table_variance * across,
             })
         })
+    }
+
+    /// The axes of a position, or those of the one that it is exchanged with.
+    fn axes_of(&self, number: usize) -> Option<Axes> {
+        let number = match self.exchanged {
+            Some((one, other)) if number == one => other,
+            Some((one, other)) if number == other => one,
+            _ => number,
+        };
+        self.positions.get(number).map(|position| position.axes)
+    }
+
+    /// The two positions whose exchange explains the readings best, if all then agree and each gyro follows its axis.
+    fn find_exchange(&self) -> Option<(usize, usize)> {
+        let count = self.positions.len();
+        let pairs = (0..count).flat_map(|one| (one + 1..count).map(move |other| (one, other)));
+        let explained = pairs.filter_map(|pair| {
+            let measured = Measured { exchanged: Some(pair), ..*self };
+            measured.refuse_undetermined(None).ok()?;
+            let solution = measured.solve(None)?;
+            solution.refuse_exchanged().ok()?;
+            let p_value = solution.closure().p_value.filter(|p_value| *p_value >= LEAST_CLOSURE_P)?;
+            Some((p_value, pair))
+        });
+        explained.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, pair)| pair)
     }
 
     /// A direction of the parameter space that no measurement shows is an eigenvector of the design with the value 0.
@@ -243,7 +270,7 @@ impl<'a> Measured<'a> {
                     .is_some_and(|p_value| p_value >= LEAST_CLOSURE_P)
         };
         let suspects = (0..self.positions.len().min(64)).filter(consistent).fold(0, |bits, k| bits | 1 << k);
-        Err(Refusal::Closure { rms_deg_h, p_value, suspects })
+        Err(Refusal::Closure { rms_deg_h, p_value, suspects, exchanged: self.find_exchange() })
     }
 }
 

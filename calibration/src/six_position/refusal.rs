@@ -35,11 +35,13 @@ pub enum Refusal {
         found_deg: f64,
         sigma_deg: f64,
     },
-    /// The closure is not noise. `suspects`: bit k set if the set is consistent without position k.
+    /// The closure is not noise. `suspects`: bit k set if the set is consistent without position k. `exchanged`: the set is consistent with the axes
+    /// of these two exchanged.
     Closure {
         rms_deg_h: f64,
         p_value: f64,
         suspects: u64,
+        exchanged: Option<(usize, usize)>,
     },
     /// A gyro does not follow its axis: swapped or turned round, or the axes of all positions are.
     NotItsAxis {
@@ -97,12 +99,15 @@ impl core::fmt::Display for Refusal {
                 f,
                 "latitude_deg = {declared_deg} contradicts the data: they say {found_deg:.3} ± {sigma_deg:.3}"
             ),
-            Self::Closure { rms_deg_h, p_value, suspects } => {
+            Self::Closure { rms_deg_h, p_value, suspects, exchanged } => {
                 write!(
                     f,
                     "the closure is not noise: {rms_deg_h:.5} deg/h rms has a probability of {p_value:.1e} (at least \
                      {LEAST_CLOSURE_P} is needed)"
                 )?;
+                if let Some((one, other)) = exchanged {
+                    write!(f, "; with the axes of positions {} and {} exchanged all agree", one + 1, other + 1)?;
+                }
                 let mut separator = "; without one of these positions the others agree: ";
                 for position in (0..64).filter(|position| suspects >> position & 1 == 1) {
                     write!(f, "{separator}{}", position + 1)?;

@@ -101,6 +101,26 @@ fn a_closure_that_is_not_noise_is_refused_with_the_suspects() {
 }
 
 #[test]
+fn two_positions_whose_axes_are_exchanged_are_named() {
+    let six = six(|input| input);
+    for one in 0..6 {
+        for other in one + 1..6 {
+            let mut positions = six.clone();
+            (positions[one].axes, positions[other].axes) = (six[other].axes, six[one].axes);
+            let refusal = solve(&positions, &knowledge()).unwrap_err();
+            let Refusal::Closure { exchanged, .. } = refusal else { panic!("{one} {other}: {refusal}") };
+            assert_eq!(exchanged, Some((one, other)), "{refusal}");
+            let said = format!("with the axes of positions {} and {} exchanged all agree", one + 1, other + 1);
+            assert!(refusal.to_string().contains(&said), "{refusal}");
+        }
+    }
+    // A single wrong reading is no exchange.
+    let mut positions = six.clone();
+    positions[2].dwell.rate_deg_h[1] += 0.05;
+    assert!(matches!(solve(&positions, &knowledge()), Err(Refusal::Closure { exchanged: None, .. })));
+}
+
+#[test]
 fn a_table_that_does_not_stand_to_the_north_is_refused() {
     // Turned by 2° about the vertical: north turns to east.
     let (sin, cos) = (0.034_899_5, 0.999_390_8);

@@ -129,8 +129,9 @@ fn explain(refusal: &Refusal, visits: &[Visit]) -> String {
         if listed.is_empty() { String::new() } else { format!(" ({})", listed.join(", ")) }
     };
     match refusal {
-        Refusal::Closure { suspects, .. } => {
-            let suspects = files(&|number| number < 64 && suspects >> number & 1 == 1);
+        Refusal::Closure { suspects, exchanged, .. } => {
+            let is_exchanged = |number: usize| exchanged.is_some_and(|(one, other)| number == one || number == other);
+            let suspects = files(&|number| is_exchanged(number) || number < 64 && suspects >> number & 1 == 1);
             let warmth = noted_temperatures(visits).map_or(String::new(), |[low, high]| {
                 format!("; the temperature differs from {low:.1} to {high:.1} C between the positions")
             });
