@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::{Axis, Legend, Plot, Side, escape, figure, head, number, page, table, tile};
-use crate::characterise::{Channels, Character, PROCESSES, Suggested};
+use crate::characterise::{Channels, Character, PROCESSES, Suggested, told};
 
 const HEIGHT: f64 = 380.0;
 /// Points of a curve.
@@ -24,7 +24,8 @@ const WITHOUT_CHANNELS: Line = ("part channels", "measured, without what the cha
 /// The whole page.
 pub fn html(recording: &Path, character: &Character, channels: Option<&Channels>, settings: &Suggested) -> String {
     let title = format!("Noise of a gyro: {}", recording.display());
-    let about = [format!("{:.0} s at {} s a row", character.seconds, character.interval_s)];
+    let recorded = format!("{:.0} s at {} s a row", character.seconds, character.interval_s);
+    let about: Vec<String> = std::iter::once(recorded).chain(told(&character.outliers)).collect();
     let walk = character.noise.angle_random_walk_deg_per_sqrt_h;
     let result = match walk > 0.0 {
         true => format!("Angle random walk {} °/√h", number(walk, 3)),
