@@ -110,8 +110,6 @@ fn two_positions_whose_axes_are_exchanged_are_named() {
             let refusal = solve(&positions, &knowledge()).unwrap_err();
             let Refusal::Closure { exchanged, .. } = refusal else { panic!("{one} {other}: {refusal}") };
             assert_eq!(exchanged, Some((one, other)), "{refusal}");
-            let said = format!("with the axes of positions {} and {} exchanged all agree", one + 1, other + 1);
-            assert!(refusal.to_string().contains(&said), "{refusal}");
         }
     }
     // A single wrong reading is no exchange.

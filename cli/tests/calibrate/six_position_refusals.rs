@@ -35,7 +35,8 @@ fn axes_that_are_not_those_of_the_recording() {
     Set { axes: |i| if i == 4 { "NWU" } else { SIX_POSITIONS[i].axes }, ..Set::new() }.refused(closure);
     Set { axes: |i| if i == 4 { "SEU" } else { SIX_POSITIONS[i].axes }, ..Set::new() }.refused(closure);
     // Two files exchanged.
-    Set { axes: |i| SIX_POSITIONS[[0, 1, 3, 2, 4, 5][i]].axes, ..Set::new() }.refused(closure);
+    let exchanged = "with the axes of positions 3 and 4 exchanged all agree";
+    Set { axes: |i| SIX_POSITIONS[[0, 1, 3, 2, 4, 5][i]].axes, ..Set::new() }.refused(exchanged);
 }
 
 #[test]
