@@ -106,6 +106,11 @@ impl Records for KvhRecords {
         })
     }
 
+    fn moment(&self, field: usize) -> Result<f64, FileError> {
+        // A mapping with a column of time is refused for these frames, which have none.
+        self.number(field)
+    }
+
     fn number(&self, field: usize) -> Result<f64, FileError> {
         let frame = self.frame.as_ref();
         let value = frame.and_then(|frame| match field {

@@ -8,6 +8,7 @@ mod block;
 mod guess;
 mod kvh;
 mod map;
+mod moment;
 mod plausible;
 mod record;
 mod rows;
@@ -43,6 +44,9 @@ use crate::file_error::{FileError, Problem};
 const RATE_TOLERANCE: f64 = 0.005;
 /// Samples between two looks at progress and interruption.
 const BREATH: u64 = 1 << 14;
+
+/// Of the file, per cent: what is less is a footer, or the end of a second that was begun.
+const LEAST_REST: f64 = 0.1;
 
 /// Said of a triad that is read as an indexed gyro.
 const VIRTUAL_INDEX: &str = "a virtual index does not cancel the biases of a triad: at 180 degrees the same gyro is read with \
@@ -187,9 +191,13 @@ impl<'a> Importer<'a> {
     /// Cuts the runs out of one recording.
     fn one_recording(mut self, mut sampler: Sampler, breath: &mut dyn FnMut(u64) -> bool) -> Result<Summary, Failure> {
         let mut next = self.windows.next_window();
+        let mut read_whole = false;
         // The whole recording is read if its rate is to be checked against its duration.
         while next.is_some() || !self.open.is_empty() || self.map.time.duration_s.is_some() {
-            let Some(sample) = sampler.next_sample()? else { break };
+            let Some(sample) = sampler.next_sample()? else {
+                read_whole = true;
+                break;
+            };
             let middle_s = sample.end_s - 0.5 * sample.interval_s;
             self.close_until(middle_s)?;
             while let Some(window) = next.take_if(|window| middle_s >= window.start_s) {
@@ -206,6 +214,9 @@ impl<'a> Importer<'a> {
                 self.means.push(sample);
             }
             self.breathe(&sampler, breath)?;
+        }
+        if !read_whole {
+            self.note_rest(&sampler)?;
         }
         self.refuse_dead(&sampler, self.file)?;
         self.end_recording(sampler.end_s(), next)?;
@@ -246,6 +257,20 @@ impl<'a> Importer<'a> {
             self.close_until(f64::INFINITY)?;
         }
         self.finish()
+    }
+
+    /// Says what of the recording lies beyond the last run, and is not read.
+    fn note_rest(&mut self, sampler: &Sampler) -> Result<(), FileError> {
+        let bytes = fs::metadata(self.file).map_err(|error| FileError::whole(self.file, error))?.len();
+        let share = 100.0 * bytes.saturating_sub(sampler.bytes_read()) as f64 / bytes as f64;
+        if share >= LEAST_REST {
+            let (file, place) = (self.file.display(), sampler.place());
+            let note = format!(
+                "{file}{place}: the last run ends here; what follows, {share:.1} % of the file, was not read and is in no run"
+            );
+            self.summary.notes.push(note);
+        }
+        Ok(())
     }
 
     /// Says which files are in several runs.

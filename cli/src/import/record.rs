@@ -17,6 +17,9 @@ pub trait Records {
     /// A field of the present record; fields count from 0.
     fn number(&self, field: usize) -> Result<f64, FileError>;
 
+    /// A field of the present record that holds a date with a time: in seconds, from a day that is the same for all records.
+    fn moment(&self, field: usize) -> Result<f64, FileError>;
+
     /// An error at the present record.
     fn error(&self, problem: Problem) -> FileError;
 

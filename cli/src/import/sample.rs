@@ -4,7 +4,8 @@ use toml::Spanned;
 
 use super::map::{Column, Index, Map};
 use super::record::{Losses, Records, field_of};
-use crate::file_error::{FileError, Problem};
+use super::unit::TimeUnit;
+use crate::file_error::{FileError, Place, Problem};
 
 /// No two samples lie further apart, seconds: 1e9 s are 32 years, and a longer gap would be counted in more samples than there can be.
 const LONGEST_GAP_S: f64 = 1e9;
@@ -47,8 +48,8 @@ pub struct Sampler<'a> {
     index: Option<usize>,
     temperature: Option<usize>,
     channels: Vec<usize>,
-    /// Fields that add up to the time stamp, and their units in seconds.
-    time: Vec<(usize, f64)>,
+    /// Fields that add up to the time stamp, and their units.
+    time: Vec<(usize, TimeUnit)>,
     used: Vec<usize>,
     sample: Sample,
     /// Time stamp that counts as 0, and that of the sample before; only with a time column.
@@ -82,7 +83,7 @@ impl<'a> Sampler<'a> {
                 .time
                 .columns
                 .iter()
-                .map(|(column, unit_s)| Ok((field(column)?, *unit_s)))
+                .map(|(column, unit)| Ok((field(column)?, *unit)))
                 .collect::<Result<_, _>>()?,
             used: Vec::new(),
             sample: Sample::default(),
@@ -136,6 +137,11 @@ impl<'a> Sampler<'a> {
         self.records.bytes_read()
     }
 
+    /// Where in the file the last record stands.
+    pub fn place(&self) -> Place {
+        self.records.error(Problem::NoRows).place
+    }
+
     pub fn losses(&self) -> Losses {
         let losses = self.records.losses();
         Losses {
@@ -156,8 +162,11 @@ impl<'a> Sampler<'a> {
             return Ok(Some(0));
         };
         let mut stamp_s = 0.0;
-        for &(field, unit_s) in &self.time {
-            stamp_s += self.records.number(field)? * unit_s;
+        for &(field, unit) in &self.time {
+            stamp_s += match unit {
+                TimeUnit::Iso8601 => self.records.moment(field)?,
+                unit => self.records.number(field)? * unit.seconds(),
+            };
         }
         let (origin_s, previous_s) = match (self.stamps_s, self.map.time.interval_s) {
             (Some(stamps_s), _) => stamps_s,

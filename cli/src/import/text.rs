@@ -7,10 +7,12 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::map::{Map, Text};
+use super::moment;
 use super::record::{Losses, Records};
 use crate::file_error::{FileError, Place, Problem};
 
 const NUMBER: &str = "a finite decimal number";
+const MOMENT: &str = "a date with a time, ISO 8601, such as 2026-05-04T09:00:00.25Z";
 /// A text line is not longer than this; a binary file has no newlines to speak of.
 const LONGEST_LINE: usize = 1 << 16;
 
@@ -232,6 +234,11 @@ impl Records for TextRecords {
         self.parse(field).ok_or_else(|| self.field_error(field, Problem::not_allowed(self.text(field), NUMBER)))
     }
 
+    fn moment(&self, field: usize) -> Result<f64, FileError> {
+        let seconds = std::str::from_utf8(self.bytes(field)).ok().and_then(moment::seconds);
+        seconds.ok_or_else(|| self.field_error(field, Problem::not_allowed(self.text(field), MOMENT)))
+    }
+
     fn error(&self, problem: Problem) -> FileError {
         FileError::new(&self.path, Place::Line(self.line_number), problem)
     }
@@ -258,9 +265,11 @@ impl Records for TextRecords {
     }
 }
 
-/// A binary file is refused by name before any of it is taken for text.
+/// An empty file and a binary one are refused by name before any of it is taken for text.
 pub fn refuse_binary(path: &Path, head: &[u8]) -> Result<(), FileError> {
     let what = match head {
+        [] => return Err(FileError::whole(path, Problem::Syntax("the file is empty".into()))),
+        head if is_utf16(head) => "UTF-16 text: convert it to UTF-8, for instance with iconv -f UTF-16 -t UTF-8",
         head if head.starts_with(b"MATLAB 5.0 MAT-file") => {
             "a MATLAB file: write its columns as text there, writematrix(data, \"recording.csv\")"
         }
@@ -274,6 +283,14 @@ pub fn refuse_binary(path: &Path, head: &[u8]) -> Result<(), FileError> {
         _ => return Ok(()),
     };
     Err(FileError::whole(path, Problem::Syntax(format!("this is {what}"))))
+}
+
+/// It begins with a byte-order mark, or each other byte of its first characters is zero.
+fn is_utf16(head: &[u8]) -> bool {
+    const CHARACTERS: usize = 8;
+    let zeros = |first: usize| head.iter().skip(first).step_by(2).take(CHARACTERS).filter(|byte| **byte == 0).count();
+    let text = |zero: usize, other: usize| zeros(zero) == CHARACTERS && zeros(other) == 0;
+    head.starts_with(b"\xFF\xFE") || head.starts_with(b"\xFE\xFF") || text(0, 1) || text(1, 0)
 }
 
 /// A record of miniSEED 2 begins with a number of six digits, a mark of its quality and a blank, one of miniSEED 3 with MS and a 3.

@@ -85,14 +85,18 @@ pub enum TimeUnit {
     Micro,
     #[serde(rename = "ns")]
     Nano,
+    /// Dates with times.
+    #[serde(rename = "iso8601")]
+    Iso8601,
 }
 
 impl TimeUnit {
+    /// Of a column's value of 1; a date with a time is read in seconds.
     pub fn seconds(self) -> f64 {
         match self {
             Self::Hour => 3600.0,
             Self::Minute => 60.0,
-            Self::Second => 1.0,
+            Self::Second | Self::Iso8601 => 1.0,
             Self::Milli => 1e-3,
             Self::Micro => 1e-6,
             Self::Nano => 1e-9,

@@ -165,14 +165,13 @@ fn check_clock(raw: Spanned<RawTime>, file: &TomlFile) -> Result<Time, FileError
         }
         (interval_s, rate_hz) => interval_s.or(rate_hz.map(f64::recip)),
     };
-    let mut columns: Vec<_> =
-        raw.column.map(|column| (column, raw.unit.unwrap_or_default().seconds())).into_iter().collect();
+    let mut columns: Vec<_> = raw.column.map(|column| (column, raw.unit.unwrap_or_default())).into_iter().collect();
     if let Some(several) = raw.columns {
         if !columns.is_empty() || raw.unit.is_some() || several.get_ref().len() != raw.units.len() {
             let problem = "time is one column with its unit, or columns = [...] with as many units = [...]";
             return Err(file.at(several.span(), Problem::Syntax(problem.into())));
         }
-        columns = several.into_inner().into_iter().zip(raw.units.iter().map(|unit| unit.seconds())).collect();
+        columns = several.into_inner().into_iter().zip(raw.units).collect();
     }
     if interval_s.is_none() && columns.is_empty() {
         let problem = "[time] needs a column, or the samples' interval_s, or their rate_hz";

@@ -10,7 +10,7 @@ use toml::Spanned;
 
 use self::check::Raw;
 use super::axes::Axes;
-use super::unit::{AccelerationUnit, GyroUnit, TemperatureUnit};
+use super::unit::{AccelerationUnit, GyroUnit, TemperatureUnit, TimeUnit};
 use super::windows::Windows;
 use crate::campaign::Instrument;
 use crate::file_error::FileError;
@@ -72,8 +72,8 @@ pub struct Text {
 #[derive(Clone, Debug, Default)]
 pub struct Time {
     /// Time stamp, the end of the sample's interval: one column, or several that are added (hours, minutes, seconds), each
-    /// with its unit in seconds.
-    pub columns: Vec<(Spanned<Column>, f64)>,
+    /// with its unit.
+    pub columns: Vec<(Spanned<Column>, TimeUnit)>,
     /// Declared interval between samples, seconds.
     pub interval_s: Option<f64>,
     /// How long the whole recording took by a clock that is not the gyro's, seconds.
