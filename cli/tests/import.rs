@@ -239,7 +239,8 @@ fn errors_of_the_recording_name_line_column_and_value() {
         ),
         ("w,angle\n1,0\n\n#\n2\n", "recording, line 5: 1 fields; the first record has 2"),
         ("w,angle\n", "recording: no data rows follow the header"),
-        ("", "recording: the file ends after 0 of its 1 header rows"),
+        ("", "recording: the file is empty"),
+        ("\n", "recording: no data rows follow the header"),
         (
             "v,angle\n1,2\n",
             r#"map.toml, line 7, column 12: "column \"w\"" is not allowed; allowed is a number, or one of v, angle"#,
@@ -296,7 +297,8 @@ fn errors_of_the_mapping_name_their_place() {
         assert!(found.starts_with(error), "{found}");
     }
     let left_handed = SIMPLE.replace("[\"w\"]", "[1, 2, 3]\naxes = [\"forward\", \"right\", \"up\"]");
-    assert!(refusal(&left_handed, "w,angle\n1,0\n").contains("left-handed"));
+    let error = refusal(&left_handed, "w,angle\n1,0\n");
+    assert!(error.contains("left-handed") && error.contains("in `columns` and in `axes` alike"), "{error}");
 }
 
 #[test]
@@ -585,6 +587,152 @@ fn a_proposal_keeps_footers_and_units_out() {
     }
     let (folder, _) = text(&map.replace("nan", "50"), &recording).unwrap();
     assert_eq!(rows(folder.path(), 1).len(), 2);
+}
+
+/// A triad at rest at 30° north, whose columns stand in this order; what is wrong with single lines is said by number, from 1.
+fn in_order(header: &str, order: [usize; 7], wrong: &[(usize, &str)]) -> String {
+    let rows = triad(1.0, 0.0, 600);
+    let ordered = rows.lines().map(|row| {
+        let fields: Vec<&str> = row.split(',').collect();
+        order.map(|column| fields[column]).join(",")
+    });
+    let lines = std::iter::once(header.to_owned()).chain(ordered).zip(1..);
+    let with_wrong = |(line, number): (String, usize)| match wrong.iter().find(|(at, _)| *at == number) {
+        Some((_, wrong)) => format!("{wrong}\n"),
+        None => line + "\n",
+    };
+    lines.map(with_wrong).collect()
+}
+
+#[test]
+fn names_of_axes_decide_where_columns_point() {
+    // Of the file's own columns t, gx, gy, gz, ax, ay, az. Forward is east: the Earth's rate is along left and up.
+    let plain = in_order("time,gx,gy,gz,ax,ay,az", [0, 1, 2, 3, 4, 5, 6], &[]);
+    let expected = text(&proposal(&plain), &plain).map(|(folder, _)| rows(folder.path(), 1)).unwrap();
+    for (header, order, gyro) in [
+        ("az,ay,ax,gz,gy,gx,time", [6, 5, 4, 3, 2, 1, 0], r#"["gx", "gy", "gz"]"#),
+        (
+            "time,Gyro_Z (rad/s),Gyro_X (rad/s),Gyro_Y (rad/s),acc_y,acc_x,acc_z",
+            [0, 3, 1, 2, 5, 4, 6],
+            r#"["Gyro_X (rad/s)", "Gyro_Y"#,
+        ),
+        (
+            "time,pitch_rate,yaw_rate,roll_rate,ax,ay,az",
+            [0, 2, 3, 1, 4, 5, 6],
+            r#"["roll_rate", "pitch_rate", "yaw_rate"]"#,
+        ),
+    ] {
+        let recording = in_order(header, order, &[]);
+        let map = proposal(&recording);
+        assert!(map.contains(&format!("columns = {gyro}")), "{map}");
+        assert_eq!(map.matches("axes = [\"forward\", \"left\", \"up\"]").count(), 2, "{map}");
+        let (folder, _) = text(&map, &recording).unwrap();
+        assert_eq!(rows(folder.path(), 1), expected, "{header}");
+    }
+    // x stands upright: y is then forward and z left, wherever their columns are.
+    let map = proposal(&in_order("time,gz,gx,gy,az,ax,ay", [0, 2, 3, 1, 5, 6, 4], &[]));
+    assert!(
+        map.contains("columns = [\"gx\", \"gy\", \"gz\"]") && map.contains("[\"up\", \"forward\", \"left\"]"),
+        "{map}"
+    );
+    // Names that are no axes leave the columns as they stand.
+    let map = proposal(&in_order("time,gyro1,gyro2,gyro3,acc1,acc2,acc3", [0, 1, 2, 3, 4, 5, 6], &[]));
+    assert!(
+        map.contains("columns = [\"gyro1\", \"gyro2\", \"gyro3\"]") && map.contains("EDIT: a guess, only"),
+        "{map}"
+    );
+}
+
+#[test]
+fn bad_rows_are_named_and_do_not_end_the_recording() {
+    let bad = [(72, "7.1,0,nan,0,0,0,9.81"), (100, "9.9,0,0"), (300, "x")];
+    let recording = in_order("time,gx,gy,gz,ax,ay,az", [0, 1, 2, 3, 4, 5, 6], &bad);
+    let map = proposal(&recording);
+    assert!(map.contains("from its first 597 rows"), "{map}");
+    assert!(
+        map.contains("stops at line 72 (\"nan\"), line 100 (3 fields, not 7), line 300 (1 fields, not 7):"),
+        "{map}"
+    );
+    // A minute, less the row that sets the clock, is four dwells of a quarter; no row is lost in silence.
+    assert!(map.contains("dwell_s = 14.9") && !map.contains("footer_rows"), "{map}");
+    let error = refusal(&map, &recording);
+    assert_eq!(error, r#"recording, line 72, column 3 (gy): "nan" is not allowed; allowed is a finite decimal number"#);
+}
+
+#[test]
+fn what_lies_beyond_the_runs_is_said() {
+    let recording = format!("w,angle\n{}", "1,0\n".repeat(100));
+    let (_, summary) = text(&format!("{SIMPLE}[[run]]\nseconds = 10\n"), &recording).unwrap();
+    // Twenty rows of half a second, and the one that is beyond: line 22. 79 of 100 rows follow, 4 bytes each of 408.
+    let [note] = &summary.notes[..] else { panic!("{:?}", summary.notes) };
+    assert!(
+        note.contains("recording, line 22: the last run ends here") && note.contains("77.5 % of the file"),
+        "{note}"
+    );
+    assert_eq!(text(SIMPLE, &recording).unwrap().1.notes, Vec::<String>::new());
+}
+
+#[test]
+fn a_proposal_of_a_file_with_a_byte_order_mark_is_imported() {
+    let rows = triad(1.0, 0.0, 600).replace('\n', "\r\n");
+    let recording = format!("\u{feff}time,gx,gy,gz,ax,ay,az\r\ns,rad/s,rad/s,rad/s,m/s^2,m/s^2,m/s^2\r\n{rows}END\r\n");
+    let map = proposal(&recording);
+    for line in ["column = \"time\"\n", "names_row = 1 ", "footer_rows = 1 "] {
+        assert!(map.contains(line), "{line}:\n{map}");
+    }
+    assert!(!map.contains("import stops"), "{map}");
+    // Four dwells of 14.9 s, ten rows a second.
+    assert_eq!(text(&map, &recording).unwrap().1.runs[0].rows, 596);
+}
+
+#[test]
+fn dates_with_times_are_time_stamps() {
+    let recording: String = (0..600)
+        .map(|i| format!("2026-05-04T09:{:02}:{:02}.5Z,0,0.000063,0.000036,0,0,9.81\n", 58 + i / 60, i % 60))
+        .map(|row| row.replace("09:60", "10:00").replace("09:61", "10:01"))
+        .take(240)
+        .collect();
+    let recording = format!("utc,gx,gy,gz,ax,ay,az\n{recording}");
+    let map = proposal(&recording);
+    assert!(map.contains("column = \"utc\"\nunit = \"iso8601\""), "{map}");
+    let (folder, summary) = text(&map, &recording).unwrap();
+    // Rows of a second, also over the full hour.
+    assert!(
+        rows(folder.path(), 1).iter().all(|row| row.interval_s == 1.0) && summary.runs[0].rows > 200,
+        "{summary:?}"
+    );
+    let error = refusal(&map, &recording.replace("09:59:10.5Z", "yesterday"));
+    assert!(
+        error.contains("line 72, column 1 (utc): \"2026-05-04Tyesterday\"") && error.contains("ISO 8601"),
+        "{error}"
+    );
+}
+
+#[test]
+fn what_is_no_foreign_text_is_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |bytes: &[u8]| {
+        let path = folder.path().join("file");
+        fs::write(&path, bytes).unwrap();
+        north::import::guess(&path, None).unwrap_err().to_string()
+    };
+    let run = refused(b"t_s,index_deg,fog_arcsec,ax_g\n1,0,3,0\n2,0,4,0\n");
+    assert!(run.contains("this is a run (docs/formats.md)") && run.contains("needs no import"), "{run}");
+    assert!(refused(b"").ends_with("file: the file is empty"));
+    for json in ["{\"a\": [1, 2, 3]}", "[\n  {\"gx\": 1}\n]", "[[1, 2]]"] {
+        assert!(refused(json.as_bytes()).contains("this is a JSON file"), "{json}");
+    }
+    assert!(refused(b"[a heading]\nand words\n").contains("no rows of numbers"));
+    let text = "time,gx\n1,2\n3,4\n";
+    for bytes in [
+        text.encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<u8>>(),
+        text.encode_utf16().flat_map(u16::to_be_bytes).collect(),
+        "\u{feff}t".encode_utf16().flat_map(u16::to_le_bytes).collect(),
+    ] {
+        let error = refused(&bytes);
+        assert!(error.contains("UTF-16 text: convert it to UTF-8"), "{error}");
+    }
+    assert!(refused(&[0; 1000]).contains("a binary file"));
 }
 
 #[test]

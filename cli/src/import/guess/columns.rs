@@ -8,6 +8,9 @@ const INDEX_SPAN: f64 = 80.0;
 const INDEX_REST: f64 = 1e-3;
 const INDEX_RESTS: f64 = 0.7;
 
+/// How an axis is called, and its place among x, y, z: the body's own, which turns about them by roll, pitch and yaw.
+const AXES: [(&str, usize); 6] = [("x", 0), ("y", 1), ("z", 2), ("roll", 0), ("pitch", 1), ("yaw", 2)];
+
 /// What a column is taken for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -57,6 +60,28 @@ impl Columns {
     }
 }
 
+/// The columns of a triad, or two of it, in the order of their axes, where their names differ in nothing but the axis.
+pub fn by_axis(table: &Table, columns: &[usize]) -> Option<Vec<usize>> {
+    let named: Vec<Vec<(String, usize)>> =
+        columns.iter().map(|&column| table.names.get(column).map(|name| without_axis(name))).collect::<Option<_>>()?;
+    let (first, others) = named.split_first()?;
+    first.iter().find_map(|(rest, axis)| {
+        let alike = |names: &Vec<(String, usize)>| names.iter().find(|(other, _)| other == rest).map(|(_, axis)| *axis);
+        let axes: Vec<usize> = std::iter::once(Some(*axis)).chain(others.iter().map(alike)).collect::<Option<_>>()?;
+        (0..columns.len()).map(|wanted| Some(columns[axes.iter().position(|axis| *axis == wanted)?])).collect()
+    })
+}
+
+/// What a name is without each axis that it may name, and that axis.
+fn without_axis(name: &str) -> Vec<(String, usize)> {
+    let name = name.to_lowercase();
+    let of = |(axis, place): (&'static str, usize)| {
+        let name = &name;
+        name.match_indices(axis).map(move |(at, _)| (format!("{}*{}", &name[..at], &name[at + axis.len()..]), place))
+    };
+    AXES.into_iter().flat_map(of).collect()
+}
+
 fn only_first(kinds: &mut [Kind], kind: Kind) {
     kinds.iter_mut().filter(|each| **each == kind).skip(1).for_each(|each| *each = Kind::Other);
 }
@@ -69,7 +94,7 @@ fn by_name(table: &Table, column: usize) -> Kind {
     let rises = table.columns[column].len() > 1 && table.columns[column].windows(2).all(|pair| pair[1] > pair[0]);
     let is_time =
         name.is_empty() || begins(&["t_", "t ", "sec", "tow", "elapsed"]) || holds(&["time", "stamp"]) || name == "t";
-    if rises && is_time {
+    if rises && (is_time || table.moments == Some(column)) {
         Kind::Time
     } else if holds(&["temp", "degc", "celsius"]) {
         Kind::Temperature

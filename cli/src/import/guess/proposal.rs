@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::columns::{Columns, Kind};
+use super::columns::{Columns, Kind, by_axis};
 use super::table::Table;
 use super::units::{self, Unit};
 
@@ -20,6 +20,8 @@ struct Proposal<'a> {
     columns: Columns,
     gyro: Vec<usize>,
     accelerometer: Vec<usize>,
+    /// Whether the names of either are those of axes, in whose order they then stand.
+    by_name: [bool; 2],
     /// Time between rows, seconds, where a column tells it.
     interval_s: Option<f64>,
     lines: Vec<String>,
@@ -30,10 +32,13 @@ pub fn of(table: &Table, file: &Path, latitude_deg: Option<f64>) -> String {
     let columns = Columns::of(table);
     let interval_s = columns.first(Kind::Time).map(|column| {
         let step = table.median_step(column);
-        step * units::of_time(&table.described(column), step).1
+        step * units::of_time(table, column, step).1
     });
     let (gyro, accelerometer) = (columns.all(Kind::Gyro), columns.all(Kind::Accelerometer));
-    let mut proposal = Proposal { table, columns, gyro, accelerometer, interval_s, lines: Vec::new() };
+    let (gyro_axes, force_axes) = (by_axis(table, &gyro), by_axis(table, &accelerometer));
+    let by_name = [gyro_axes.is_some(), force_axes.is_some()];
+    let (gyro, accelerometer) = (gyro_axes.unwrap_or(gyro), force_axes.unwrap_or(accelerometer));
+    let mut proposal = Proposal { table, columns, gyro, accelerometer, by_name, interval_s, lines: Vec::new() };
     let unit = units::of_gyro(table, &proposal.gyro, interval_s, proposal.columns.first(Kind::Index));
     proposal.head(file, latitude_deg, &unit);
     proposal.text();
@@ -62,6 +67,9 @@ impl Proposal<'_> {
             file.display()
         ));
         self.line("# refuses what is marked EDIT and cannot be told.");
+        if let Some(bad) = self.table.bad_rows() {
+            self.line(format!("# EDIT: an import stops at {bad}: correct or remove them first."));
+        }
         self.line("format = 1");
         match latitude_deg.or(self.latitude_deg().filter(|_| unit.is_known)) {
             Some(given) if latitude_deg.is_some() => self.line(format!("latitude_deg = {given:?}")),
@@ -101,10 +109,11 @@ impl Proposal<'_> {
             return self.because("interval_s = 0", "EDIT: no column is recognised as the time");
         };
         let step = self.table.median_step(column);
-        let (unit, _, by_name) = units::of_time(&self.table.described(column), step);
+        let (unit, _, by_name) = units::of_time(self.table, column, step);
         self.line(format!("column = {}", self.table.name(column)));
         let doubt = if by_name { "" } else { "EDIT: no name tells the unit; " };
-        self.because(format!("unit = {unit:?}"), format!("{doubt}the usual step is {step:.6} {unit}"));
+        let of_step = if self.table.moments == Some(column) { "s" } else { unit };
+        self.because(format!("unit = {unit:?}"), format!("{doubt}the usual step is {step:.6} {of_step}"));
     }
 
     fn gyro(&mut self, unit: &Unit) {
@@ -116,7 +125,11 @@ impl Proposal<'_> {
         self.unit(unit);
         if self.is_triad() {
             let axes = axes(self.upright());
-            self.because(format!("axes = {axes:?}"), "EDIT: a guess, only the vertical one is seen in the data");
+            let why = match self.by_name[0] {
+                true => "EDIT: x, y, z by the columns' names; only the vertical one is seen in the data",
+                false => "EDIT: a guess, only the vertical one is seen in the data",
+            };
+            self.because(format!("axes = {axes:?}"), why);
         }
     }
 
@@ -128,7 +141,8 @@ impl Proposal<'_> {
         self.line("\n[accelerometer]");
         self.line(format!("columns = {}", self.names(&columns)));
         let axes = if columns.len() == 3 { axes(self.upright()).to_vec() } else { vec!["forward", "left"] };
-        self.because(format!("axes = {axes:?}"), "EDIT: a guess");
+        let why = if self.by_name[1] { "EDIT: x, y, z by the columns' names" } else { "EDIT: a guess" };
+        self.because(format!("axes = {axes:?}"), why);
         self.unit(&units::of_acceleration(self.table, &columns, self.interval_s));
     }
 

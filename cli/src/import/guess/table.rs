@@ -2,11 +2,18 @@
 
 use std::collections::HashMap;
 
+use super::super::moment;
+
 /// Lines by which the delimiter is told.
 const LINES: usize = 1000;
 /// How numbers may be written: what lies between them, and whether they have decimal commas. The first that reads the most lines is taken.
 const STYLES: [(&str, bool); 7] =
     [(";", true), ("\t", true), (";", false), ("\t", false), (",", false), (" ", true), (" ", false)];
+
+/// So many bad rows are named.
+const NAMED: usize = 5;
+/// So much of a field that is no number is repeated.
+const LONGEST_FIELD: usize = 20;
 
 /// The recording's head as numbers.
 pub struct Table {
@@ -24,51 +31,77 @@ pub struct Table {
     /// Of a row of units below the names.
     units: Vec<String>,
     pub columns: Vec<Vec<f64>>,
+    /// The first column of dates with times, in seconds.
+    pub moments: Option<usize>,
+    /// Lines among the data that are no rows of numbers, and what is wrong with them.
+    bad: Vec<(usize, String)>,
     /// How many rows the whole file has, about.
     pub rows_of_file: f64,
 }
 
 impl Table {
-    /// From the file's first and last bytes, and how many it has. `None`: no rows of numbers.
-    pub fn read(head: &str, tail: &str, bytes: u64) -> Option<Self> {
-        let cut = head.len() < bytes as usize;
+    /// From the file's first and last bytes, and how many it has where these are not all. `None`: no rows of numbers.
+    pub fn read(head: &str, tail: &str, longer: Option<u64>) -> Option<Self> {
+        let cut = longer.is_some();
         // The last line may be cut off by the limit of what is looked at.
         let whole = if cut { head.rfind('\n').map_or(head, |end| &head[..end]) } else { head };
         let first = whole.lines().map(bare).find(|line| !line.is_empty())?;
         let comment = ['#', '%', '!'].into_iter().find(|&mark| first.starts_with(mark)).unwrap_or('#');
         // An empty line below a comment belongs to it; others are rows of the header.
         let mut below_comment = false;
-        let is_row = |line: &&str| {
+        let is_row = |(_, line): &(usize, &str)| {
             let is_comment = line.starts_with(comment);
             below_comment = is_comment || (line.is_empty() && below_comment);
             !(is_comment || line.is_empty() && below_comment)
         };
-        let lines: Vec<&str> = whole.lines().map(bare).filter(is_row).collect();
+        let numbered: Vec<(usize, &str)> = (1..).zip(whole.lines().map(bare)).filter(is_row).collect();
+        let lines: Vec<&str> = numbered.iter().map(|(_, line)| *line).collect();
         let (style, width) = style(&lines)?;
         let header_rows = lines.iter().take_while(|line| row(line, style, width).is_none()).count();
         let Header { names, units, names_row } = Header::read(&lines[..header_rows], style, width);
-        let data: Vec<&str> = lines.iter().skip(header_rows).copied().filter(|line| !line.is_empty()).collect();
-        let mut columns = vec![Vec::new(); width];
-        for values in data.iter().map_while(|line| row(line, style, width)) {
-            columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
-        }
-        let rows = columns.first()?.len();
-        let data_bytes: usize = data.iter().take(rows).map(|line| line.len() + 1).sum();
         let ends = tail.lines().skip(usize::from(cut)).map(bare);
         let ends: Vec<&str> = ends.filter(|line| !line.is_empty() && !line.starts_with(comment)).collect();
         let footer_rows = ends.iter().rev().take_while(|line| row(line, style, width).is_none()).count();
+        let footer_rows = if footer_rows < ends.len() { footer_rows } else { 0 };
+        let mut data: Vec<(usize, &str)> =
+            numbered[header_rows..].iter().copied().filter(|(_, line)| !line.is_empty()).collect();
+        if !cut {
+            data.truncate(data.len().saturating_sub(footer_rows));
+        }
+        let (mut columns, mut bad) = (vec![Vec::new(); width], Vec::new());
+        for (number, line) in &data {
+            match row(line, style, width) {
+                Some(values) => columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value)),
+                None => bad.push((*number, wrong(line, style, width))),
+            }
+        }
+        let rows = columns.first().map(Vec::len).filter(|rows| *rows > 0)?;
+        let data_bytes: usize = data.iter().map(|(_, line)| line.len() + 1).sum();
+        let of_first = lines.get(header_rows).map(|line| split(line, style.0)).unwrap_or_default();
+        let moments = of_first.iter().position(|field| moment::seconds(field).is_some());
         Some(Self {
             delimiter: style.0,
             comment,
             decimal_comma: style.1,
             header_rows,
             names_row,
-            footer_rows: if footer_rows < ends.len() { footer_rows } else { 0 },
+            footer_rows,
             names,
             units,
             columns,
-            rows_of_file: if cut { bytes as f64 / data_bytes as f64 * rows as f64 } else { rows as f64 },
+            moments,
+            bad,
+            rows_of_file: longer.map_or(1.0, |bytes| bytes as f64 / data_bytes as f64) * rows as f64,
         })
+    }
+
+    /// Which lines among the data are no rows of numbers, for a person.
+    pub fn bad_rows(&self) -> Option<String> {
+        let named: Vec<String> =
+            self.bad.iter().take(NAMED).map(|(line, what)| format!("line {line} ({what})")).collect();
+        let more = self.bad.len() - named.len();
+        let others = if more > 0 { format!(" and {more} more") } else { String::new() };
+        (!named.is_empty()).then(|| named.join(", ") + &others)
     }
 
     /// A column as a mapping names it.
@@ -136,6 +169,16 @@ fn row(line: &str, style: (&str, bool), width: usize) -> Option<Vec<f64>> {
     (fields.len() == width).then(|| fields.iter().map(|field| number(field, style.1)).collect())?
 }
 
+/// Why a line is no row of that many numbers.
+fn wrong(line: &str, style: (&str, bool), width: usize) -> String {
+    let fields = split(line, style.0);
+    match fields.iter().find(|field| number(field, style.1).is_none()) {
+        _ if fields.len() != width => format!("{} fields, not {width}", fields.len()),
+        Some(field) => format!("{:?}", field.chars().take(LONGEST_FIELD).collect::<String>()),
+        None => "no row of numbers".into(),
+    }
+}
+
 /// What the header says.
 #[derive(Default)]
 struct Header {
@@ -179,5 +222,5 @@ pub fn split<'a>(line: &'a str, delimiter: &str) -> Vec<&'a str> {
 
 fn number(field: &str, decimal_comma: bool) -> Option<f64> {
     let value = if decimal_comma { field.replacen(',', ".", 1).parse::<f64>() } else { field.parse::<f64>() };
-    value.ok().filter(|value| value.is_finite())
+    value.ok().filter(|value| value.is_finite()).or_else(|| moment::seconds(field))
 }

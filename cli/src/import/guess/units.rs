@@ -33,8 +33,12 @@ fn asked(why: String) -> Unit {
     Unit { name: ASKED, scale: 1.0, why: format!("EDIT: {why}"), is_known: false }
 }
 
-/// The unit of a time column and its length in seconds; whether its own name says it.
-pub fn of_time(described: &str, step: f64) -> (&'static str, f64, bool) {
+/// The unit of a time column and its length in seconds; whether the recording itself says it.
+pub fn of_time(table: &Table, column: usize, step: f64) -> (&'static str, f64, bool) {
+    if table.moments == Some(column) {
+        return ("iso8601", 1.0, true);
+    }
+    let described = table.described(column);
     let units = [("ns", 1e-9), ("us", 1e-6), ("ms", 1e-3), ("min", 60.0), ("h", 3600.0), ("s", 1.0)];
     let named = units.into_iter().find(|(unit, _)| {
         [format!("_{unit}"), format!("[{unit}]"), format!("({unit})"), format!(" {unit}")]
