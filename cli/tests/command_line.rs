@@ -118,6 +118,23 @@ fn find_shows_the_fix_in_plain_lines() {
 }
 
 #[test]
+fn results_are_tried_before_the_fix_and_the_azimuth_is_said_whatever_becomes_of_them() {
+    let folder = folder();
+    let find = |results: &[&str]| north_in(folder.path(), &[&["find", "--host", "--azimuth", "5"], results].concat());
+    let same = "two results are to be written to this file: give each a file of its own\n";
+    assert_eq!(find(&["--json", "a", "--report", "./a"]).refused(1, &format!("north: a: {same}")), "");
+    assert_eq!(find(&["--certificate", "b", "--report", "b"]).refused(1, &format!("north: b: {same}")), "");
+    fs::write(folder.path().join("file"), "").unwrap();
+    assert_eq!(find(&["--record", "file/run"]).stdout, "");
+    // A device that is full shows it only when it is written to.
+    if cfg!(target_os = "linux") {
+        let full = find(&["--json", "/dev/full"]);
+        assert!(full.code == 1 && full.stderr.starts_with("north: /dev/full: "), "{}", full.stderr);
+        assert!(full.stdout.contains("azimuth    ") && full.stdout.contains("true       5.0000"), "{}", full.stdout);
+    }
+}
+
+#[test]
 fn find_as_json_is_the_documented_object_and_repeats_bit_for_bit() {
     let arguments = ["find", "--host", "--scenario", "disturbed-start", "--order", "plain", "--json", "-"];
     let first = north(&arguments).good();
