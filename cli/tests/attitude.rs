@@ -92,6 +92,24 @@ fn what_cannot_be_aligned_is_refused_with_its_reason() {
     refused(&["align", &falling, "--latitude", "60"], &["m/s2"]);
 }
 
+/// z feels Ω sin 60° = +13.03 °/h: −60° has −13.03, and 45° has 10.64 horizontally instead of 7.52.
+#[test]
+fn a_latitude_that_the_rates_contradict_is_refused_with_theirs() {
+    let (folder, path) = recording(&[rows(1..=600, STILL)]);
+    let out = folder.path().join("track.csv").display().to_string();
+    for latitude in ["-60", "45"] {
+        let said = format!(
+            "the Earth's rotation at latitude +60.00° ± 0.00°, not at the given {latitude}°; correct --latitude"
+        );
+        refused(&["align", &path, "--latitude", latitude], &["block.csv", &said]);
+        let track = ["track", &path, "--latitude", latitude, "--align", "30", "--class", "ring-laser", "--out", &out];
+        // Of a bias of 0.01 °/h the latitude has a sigma of 0.01/15.04 = 0.04°.
+        let said = format!("+60.00° ± 0.04°, not at the given {latitude}°; correct --latitude");
+        refused(&track, &["block.csv", &said]);
+        refused(&[&track[..], &["--heading", "90"]].concat(), &["block.csv", &said]);
+    }
+}
+
 #[test]
 fn bad_files_are_refused_with_file_line_column_and_value() {
     for command in ["align", "track"] {

@@ -124,7 +124,7 @@ impl Align {
         let method = if self.latitude.0.is_some() { Method::KnownLatitude } else { Method::UnknownLatitude };
         let aligned = self
             .solve(&whole.alignment, method, noise)
-            .map_err(|error| Failure::Refused(format!("{}: {error}", self.recording.display())))?;
+            .map_err(|error| Failure::Refused(format!("{}: {error}{}", self.recording.display(), mend(&error))))?;
         Ok(Report {
             heading_deg: aligned.angles.heading_deg,
             pitch_deg: aligned.angles.pitch_deg,
@@ -212,6 +212,16 @@ impl Align {
             )?;
         }
         Ok(())
+    }
+}
+
+/// What the command line can do about it.
+fn mend(error: &AlignError) -> &'static str {
+    match error {
+        AlignError::OtherLatitude { .. } => {
+            "; correct --latitude, give \"unknown\", or declare the --bias of the gyros that explains it"
+        }
+        _ => "",
     }
 }
 

@@ -1,6 +1,6 @@
 //! Where a track starts: heading and levels at the end of the first seconds of a recording.
 
-use inertial::{Alignment, Angles, BlockClass, NoiseOfRate, Quaternion};
+use inertial::{AlignError, Aligned, Alignment, Angles, BlockClass, NoiseOfRate, Quaternion};
 use libm::{atan2, hypot};
 use nalgebra::Vector3;
 use north_finder::earth::earth_rate;
@@ -20,7 +20,7 @@ pub struct Start {
 
 /// Aligns the first `align_s`, or levels them where the heading at the recording's beginning is given with its sigma.
 ///
-/// Errors: in words; a latitude near a pole, no Earth rate above the noise, nothing left to track.
+/// Errors: in words; a latitude near a pole, or one that the rates contradict, no Earth rate above the noise, nothing left to track.
 pub fn start(
     recording: &BlockRecording,
     class: &BlockClass,
@@ -44,24 +44,33 @@ pub fn start(
         ));
     }
     let level_deg = class.accelerometer_m_s2 / 9.8 * DEG_PER_RAD;
+    let aligned = aligned(&rows, class, latitude_deg);
+    if let Err(error @ AlignError::OtherLatitude { .. }) = aligned {
+        return Err(format!(
+            "{error}; correct --latitude, or choose the --class of a block with biases that explain it"
+        ));
+    }
     if let Some((heading_deg, sigma_heading_deg)) = heading {
         let angles = levelled(&rows, latitude_deg, heading_deg)?;
         return Ok(Start { angles, sigma_heading_deg, sigma_level_deg: level_deg, rows: rows.len() });
     }
-    let mut alignment = Alignment::default();
-    for row in &rows {
-        alignment.push(row.interval_s, row.increment);
-    }
-    let noise = NoiseOfRate::Declared(class.arw_deg_sqrt_h);
-    let aligned = alignment
-        .solve(Some(latitude_deg), &noise, Some(class.run_to_run_deg_h))
-        .map_err(|error| format!("{error}; give --heading, or a longer --align"))?;
+    let aligned = aligned.map_err(|error| format!("{error}; give --heading, or a longer --align"))?;
     Ok(Start {
         angles: aligned.angles,
         sigma_heading_deg: aligned.sigma_heading_deg,
         sigma_level_deg: aligned.sigma_level_deg.max(level_deg),
         rows: rows.len(),
     })
+}
+
+/// By what the class declares.
+fn aligned(rows: &[&BlockRow], class: &BlockClass, latitude_deg: f64) -> Result<Aligned, AlignError> {
+    let mut alignment = Alignment::default();
+    for row in rows {
+        alignment.push(row.interval_s, row.increment);
+    }
+    let noise = NoiseOfRate::Declared(class.arw_deg_sqrt_h);
+    alignment.solve(Some(latitude_deg), &noise, Some(class.run_to_run_deg_h))
 }
 
 /// The gyros carry the heading from the first row to the last; the mean support against gravity on that way is up.

@@ -42,6 +42,13 @@ const LEAST_S: f64 = LEAST_BLOCKS as f64;
 const ROUNDS: usize = 3;
 /// A horizontal rate that is so many sigmas from the Earth's is a bias of the gyros.
 const BIAS_SIGMAS: f64 = 2.0;
+/// The latitude that the rates give is so many sigmas from the given one where it contradicts it …
+const LATITUDE_SIGMAS: f64 = 5.0;
+/// … and so many degrees beside: of a latitude that is given to a degree the vertical rate is wrong by 0.26 °/h at the most, which
+/// turns the heading by 0.02° in 600 s.
+const LATITUDE_GIVEN_DEG: f64 = 1.0;
+/// Over T² and times the variance about its line, the variance of a random walk's slope: that is 6q/5T, and that about the line qT/15.
+const SLOPE_OF_WALK: f64 = 18.0;
 /// Models less likely than this are left out: together below 3e-3.
 const LEAST_PROBABILITY: f64 = 1e-6;
 /// Mixtures of the base's velocity and force that are tried with every base: the likeliest ones. A mixture that is left out is less
@@ -104,6 +111,12 @@ pub enum AlignError {
         rate_deg_h: f64,
         sigma_deg_h: f64,
     },
+    /// The rates are those of the Earth at another latitude, degrees.
+    OtherLatitude {
+        given_deg: f64,
+        found_deg: f64,
+        sigma_deg: f64,
+    },
 }
 
 impl core::fmt::Display for AlignError {
@@ -119,6 +132,10 @@ impl core::fmt::Display for AlignError {
             Self::NoEarthRate { rate_deg_h, sigma_deg_h } => write!(
                 f,
                 "Earth rate not detected above the noise ({rate_deg_h:.3} deg/h, sigma {sigma_deg_h:.3}); no heading"
+            ),
+            Self::OtherLatitude { given_deg, found_deg, sigma_deg } => write!(
+                f,
+                "the gyros measure the Earth's rotation at latitude {found_deg:+.2}° ± {sigma_deg:.2}°, not at the given {given_deg}°"
             ),
         }
     }
@@ -189,9 +206,9 @@ impl Alignment {
     }
 
     /// Heading and levels at the window's end. Without a latitude it is found; its sign is then that of the vertical rate. `noise`
-    /// is that of the gyros; `bias_deg_h` the declared one sigma of theirs.
+    /// is that of the gyros; `bias_deg_h` the declared one sigma of theirs, and 0 leaves every bias out of sigma.
     ///
-    /// Errors: too short a window, near a pole, not gravity, no Earth rate above the noise.
+    /// Errors: too short a window, near a pole, not gravity, rates of another latitude, no Earth rate above the noise.
     pub fn solve(
         &self,
         latitude_deg: Option<f64>,
@@ -204,11 +221,16 @@ impl Alignment {
         let g2 = rate.gravity * rate.gravity;
         let variance_rad2_s2 = average.tracked.slope_variance / g2;
         let horizontal = rate.east.norm() / rate.gravity;
+        let declared = bias_deg_h.unwrap_or(0.0) * RAD_PER_DEG / 3600.0;
+        if let Some(given_deg) = latitude_deg {
+            self.check_rates(given_deg, horizontal, &rate.up, variance_rad2_s2, declared)?;
+        }
         let excess = if latitude_deg.is_none() { 0.0 } else { horizontal - rate.cos * EARTH_RATE_RAD_S };
         // Across the direction of north nothing shows; along it the Earth's rate is known. What is too much there beyond its
-        // noise is a bias, and the other axis may have one of that size, unless a bias is declared.
-        let shown = if libm::fabs(excess) > BIAS_SIGMAS * libm::sqrt(variance_rad2_s2) { excess } else { 0.0 };
-        let bias = bias_deg_h.map_or(shown, |declared| declared * RAD_PER_DEG / 3600.0);
+        // noise and the declared bias is a bias, and the other axis may have one of that size.
+        let explained = BIAS_SIGMAS * libm::sqrt(variance_rad2_s2 + declared * declared);
+        let shows = bias_deg_h != Some(0.0) && libm::fabs(excess) > explained;
+        let bias = if shows { excess } else { declared };
         let sigma = libm::sqrt(variance_rad2_s2 + bias * bias);
         let to_deg_h = DEG_PER_RAD * 3600.0;
         if horizontal <= 2.0 * sigma {
@@ -231,6 +253,47 @@ impl Alignment {
                 unseen_drift_deg_h: libm::sqrt(average.free_variance / g2) * to_deg_h,
             },
         })
+    }
+
+    /// Whether the rates contradict the latitude: horizontal rate, rad/s, with its variance by noise, and bias of the gyros, one sigma,
+    /// rad/s. What both rates together have beyond the Earth's is a bias, too, or the base's own turn, of which no latitude follows.
+    fn check_rates(
+        &self,
+        given_deg: f64,
+        horizontal: f64,
+        up: &Vector3<f64>,
+        variance: f64,
+        bias: f64,
+    ) -> Result<(), AlignError> {
+        let (vertical, turned) = self.vertical_rate(up);
+        let whole = libm::hypot(horizontal, vertical);
+        let beyond = whole - EARTH_RATE_RAD_S;
+        let biases = bias * bias + beyond * beyond;
+        let (sin, cos) = (vertical / whole, horizontal / whole);
+        let across = sin * sin * variance + cos * cos * (variance + turned) + biases;
+        let (found_deg, sigma_deg) = (libm::atan2(sin, cos) * DEG_PER_RAD, libm::sqrt(across) / whole * DEG_PER_RAD);
+        if libm::fabs(found_deg - given_deg) > LATITUDE_GIVEN_DEG + LATITUDE_SIGMAS * sigma_deg {
+            return Err(AlignError::OtherLatitude { given_deg, found_deg, sigma_deg });
+        }
+        Ok(())
+    }
+
+    /// Slope of the least squares line through the turn about the vertical, rad/s, and its variance, as if the turn about the line
+    /// were a random walk: a sway that returns to where it was has less.
+    fn vertical_rate(&self, up: &Vector3<f64>) -> (f64, f64) {
+        let turns = || self.blocks.iter().map(|(t_s, _, turn)| (t_s, turn.dot(up)));
+        let count = self.blocks.count() as f64;
+        let (t_sum, turn_sum) = turns().fold((0.0, 0.0), |(a, b), (t_s, turn)| (a + t_s, b + turn));
+        let (t_mean, turn_mean) = (t_sum / count, turn_sum / count);
+        let (square, product) = turns().fold((0.0, 0.0), |(square, product), (t_s, turn)| {
+            let t_s = t_s - t_mean;
+            (square + t_s * t_s, product + t_s * (turn - turn_mean))
+        });
+        let rate = product / square;
+        let residual = |(t_s, turn): (f64, f64)| turn - turn_mean - rate * (t_s - t_mean);
+        let about = turns().map(|at| residual(at) * residual(at)).sum::<f64>() / count;
+        let whole_s = count * self.blocks.step_s();
+        (rate, SLOPE_OF_WALK * about / (whole_s * whole_s))
     }
 
     fn check_length(&self) -> Result<(), AlignError> {

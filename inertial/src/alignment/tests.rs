@@ -46,6 +46,63 @@ fn the_southern_hemisphere_shows_in_the_vertical_rate() {
 }
 
 #[test]
+fn a_latitude_that_the_rates_contradict_is_refused_with_theirs() {
+    // Ω sin 60° = +13.026 °/h up, where −60° has −13.026 and 45° has 10.636 (and Ω cos 45° = 10.636 instead of 7.521): of a bias of 0.1 °/h
+    // the latitude has a sigma of 0.1/15.041 = 0.381°, and 5 of them and a degree are 2.9°.
+    let alignment = still(100, STILL_ARCSEC);
+    for given_deg in [-60.0, 45.0, 63.0] {
+        for bias_deg_h in [None, Some(0.0), Some(0.1)] {
+            let refused = alignment.solve(Some(given_deg), &quiet(), bias_deg_h).unwrap_err();
+            let AlignError::OtherLatitude { given_deg: said_deg, found_deg, sigma_deg } = refused else {
+                panic!("{refused:?}")
+            };
+            assert!(said_deg == given_deg && (found_deg - 60.0).abs() < 0.01, "{refused:?}");
+            let expected_deg = bias_deg_h.unwrap_or(0.0) / 15.041 * DEG_PER_RAD;
+            assert!((sigma_deg - expected_deg).abs() < 0.01, "{refused:?}");
+        }
+    }
+    // Within a degree and five sigmas it stands; so does any with gyros of 10 °/h, of which the rates say nothing.
+    assert!(alignment.solve(Some(60.9), &quiet(), Some(0.0)).is_ok());
+    assert!(alignment.solve(Some(62.8), &quiet(), Some(0.1)).is_ok());
+    assert!(!matches!(alignment.solve(Some(-60.0), &quiet(), Some(10.0)), Err(AlignError::OtherLatitude { .. })));
+}
+
+#[test]
+fn a_base_that_turns_about_the_vertical_contradicts_no_latitude() {
+    // It turns by −10 °/h: 3.026 °/h are left about the vertical, and with 7.521 horizontally they make 8.106 °/h, 6.9 less than the Earth's.
+    // One that sways by 0.5° within 20 s returns to where it was: the heading is its own.
+    let [_, y, z] = STILL_ARCSEC;
+    let yawing = |yaw_arcsec: &dyn Fn(f64) -> f64| {
+        let mut alignment = Alignment::default();
+        for step in 0..10_500 {
+            let (from_s, to_s) = (0.01 * f64::from(step), 0.01 * f64::from(step + 1));
+            let (from, to) = (yaw_arcsec(from_s), yaw_arcsec(to_s));
+            let turned_rad = 0.5 * (from + to) / 3600.0 * RAD_PER_DEG;
+            // The Earth's rate points north, to the left of the mark; a turn to the left takes the mark nearer to it.
+            let (sin, cos) = (libm::sin(turned_rad), libm::cos(turned_rad));
+            alignment.push(0.01, sample([y * sin, y * cos, z + to - from], [0.0, 0.0, 9.8]));
+        }
+        alignment.solve(Some(60.0), &quiet(), Some(0.0)).unwrap().angles.heading_deg
+    };
+    // To the right, negative about up: 10 °/h · 105 s = 0.292°.
+    let turned_deg = yawing(&|t_s| -10.0 * t_s);
+    assert!((turned_deg - 90.2917).abs() < 0.005, "{turned_deg}");
+    // A quarter beyond five periods: 0.5° to the left.
+    let swayed_deg = yawing(&|t_s| 1800.0 * libm::sin(2.0 * core::f64::consts::PI * t_s / 20.0));
+    assert!((swayed_deg - 89.5).abs() < 0.1, "{swayed_deg}");
+}
+
+#[test]
+fn a_bias_beyond_the_declared_one_counts_in_sigma() {
+    // Along north 1 °/h too much, declared 0.01: what shows, 1/7.5205 = 7.6°, may be across north as well. 0 asks for the repeatability.
+    let [x, y, z] = STILL_ARCSEC;
+    let biased = still(100, [x, y + 0.01, z]);
+    let sigma_deg = |declared| biased.solve(Some(60.0), &quiet(), Some(declared)).unwrap().sigma_heading_deg;
+    assert!((sigma_deg(0.01) - 7.62).abs() < 0.05, "{}", sigma_deg(0.01));
+    assert!((sigma_deg(2.0) - 15.24).abs() < 0.05 && sigma_deg(0.0) < 0.1);
+}
+
+#[test]
 fn a_bias_of_the_east_gyro_turns_the_heading_by_its_share() {
     // Mark east: x reads 0.1 °/h too much. East rate is −h sin of the heading error: 0.1 / 7.5205 = 0.7618°. The gyro sees
     // its axis a little south of east or north of it: x = Ω cos φ cos ψ > 0 means ψ < 90°.
