@@ -94,6 +94,31 @@ fn source<'a>(summary: &'a Value, name: &str) -> &'a Value {
     sources.iter().find(|source| source["source"] == name).unwrap_or_else(|| panic!("{name}: {summary}"))
 }
 
+/// Submerged the satellites are not used; aided they are. Levelling takes 5 s, and of 6 to 60 s there are 55 positions.
+#[test]
+fn a_mode_holds_from_its_time_on() {
+    let ship = Ship::still(60);
+    let satellites = ship.satellites(60, |_| None);
+    for (mode, ignored) in [("submerged@1e9", 0), ("submerged@30", 30), ("submerged", 55)] {
+        let summary = ship.json(&["--aid", &satellites, "--mode", mode]);
+        let position = source(&summary, "position");
+        let told = position["ignored_by_mode"].as_u64().unwrap();
+        assert!(told.abs_diff(ignored) <= 1, "{mode}: {summary}");
+        assert_eq!(position["taken"].as_u64().unwrap() + told, 55, "{mode}: {summary}");
+        assert_eq!(summary["warnings"].as_array().unwrap().len(), 0, "{summary}");
+    }
+}
+
+#[test]
+fn a_source_of_which_most_is_rejected_is_a_warning() {
+    let ship = Ship::still(60);
+    // From 20 s on the positions are a degree of longitude, 55 km, away.
+    let satellites = ship.satellites(60, |second| (second >= 20).then_some("0,0,0,60,31,0"));
+    let (code, stdout, stderr) = ship.call(&["--aid", &satellites]);
+    let said = "north: warning: position: 41 of 55 readings were rejected, 41 in a row from 20.0 s on";
+    assert!(code == 0 && stderr.contains(said) && stdout.contains("(the sigmas do not hold"), "{stdout} {stderr}");
+}
+
 #[test]
 fn readings_are_taken_and_the_page_shows_them() {
     let ship = Ship::still(120);

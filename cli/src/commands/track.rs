@@ -22,7 +22,7 @@ use crate::track::aided::{self, Aided, Loss, Rejection, SourceSummary};
 use crate::track::aiding_csv::Aiding;
 use crate::track::installation::Installation;
 use crate::track::start::{self, Start};
-use crate::track::{Detail, Reference, held};
+use crate::track::{Detail, Reference, doubt, held};
 
 /// Orientation along a recording of a three-axis block
 ///
@@ -94,10 +94,13 @@ const MODES: [(&str, Mode); 5] = [
 ];
 
 fn mode(text: &str) -> Result<(f64, Mode), String> {
-    let (name, from) = text.split_once('@').unwrap_or((text, "0"));
+    let (name, from_s) = match text.split_once('@') {
+        Some((name, from)) => (name, from.parse().ok().filter(|from_s: &f64| from_s.is_finite())),
+        None => (text, Some(f64::NEG_INFINITY)),
+    };
     let mode = MODES.iter().find(|(known, _)| *known == name).map(|(_, mode)| *mode);
-    match (mode, from.parse::<f64>()) {
-        (Some(mode), Ok(from_s)) if from_s.is_finite() => Ok((from_s, mode)),
+    match (mode, from_s) {
+        (Some(mode), Some(from_s)) => Ok((from_s, mode)),
         _ => Err(format!("allowed is one of {}, with @ and a time in seconds", MODES.map(|(name, _)| name).join(", "))),
     }
 }
@@ -150,6 +153,8 @@ pub(super) struct Summary {
     /// Mean normalised squared innovation, and how many.
     nis: f64,
     nis_degrees_of_freedom: u32,
+    /// Why the sigmas do not hold; empty where nothing speaks against them.
+    warnings: Vec<String>,
     #[serde(flatten)]
     how: How,
 }
@@ -192,8 +197,9 @@ impl Summary {
             }
             How::Aided { sources, sigma_position_m, rms_position_error_m, .. } => {
                 let rms = rms_position_error_m.map_or_else(String::new, |rms| format!(", rms error {rms:.1} m"));
+                let doubted = if self.warnings.is_empty() { "" } else { " (the sigmas do not hold, see the warnings)" };
                 let sources: String = sources.iter().map(said_of_source).collect();
-                format!("; position ± {sigma_position_m:.1} m{rms}{sources}")
+                format!("; position ± {sigma_position_m:.1} m{doubted}{rms}{sources}")
             }
         };
         format!(
@@ -256,16 +262,17 @@ impl Track {
         let refused = |reason: String| Failure::Refused(format!("{}: {reason}", self.recording.display()));
         let heading = self.heading.map(|heading_deg| (heading_deg, self.heading_sigma));
         let start = start::start(&recording, &class, self.latitude, self.align, heading).map_err(refused)?;
-        let (track, gaps, saturated, how) = if aiding.is_empty() {
+        let (track, gaps, saturated, warnings, how) = if aiding.is_empty() {
             let (track, counters) =
                 held::run(&recording, &class, self.latitude, &start, &reference).map_err(refused)?;
             let how = how_held(&track, counters.invalid);
-            (track, counters.gaps, counters.saturated, how)
+            (track, counters.gaps, counters.saturated, Vec::new(), how)
         } else {
             let Aided { track, sources, rejections, gaps, saturated } =
                 self.aided(&recording, &aiding, &start, &reference)?;
+            let warnings = doubt::warnings(&aiding, &sources);
             let how = how_aided(&track, sources, rejections);
-            (track, gaps, saturated, how)
+            (track, gaps, saturated, warnings, how)
         };
         self.write_track(&track)?;
         let last = track.rows.last();
@@ -282,8 +289,12 @@ impl Track {
             within_two_sigma: errors.map(|(_, within)| within),
             nis,
             nis_degrees_of_freedom,
+            warnings,
             how,
         };
+        for warning in &summary.warnings {
+            eprintln!("north: warning: {warning}");
+        }
         let said = summary.said();
         writeln!(self.json.human(), "{said}")?;
         self.report.write(|| report::track::html(&self.recording, &said, &track))?;

@@ -47,6 +47,14 @@ pub struct Settings {
     pub modes: Vec<(f64, Mode)>,
 }
 
+impl Settings {
+    /// The mode that holds at a time: before the first one begins it is aided.
+    fn mode_at(&self, t_s: f64) -> Mode {
+        let begun = self.modes.iter().take_while(|(from_s, _)| *from_s <= t_s);
+        begun.last().map_or(Mode::Aided, |(_, mode)| *mode)
+    }
+}
+
 /// What became of a source.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct SourceSummary {
@@ -54,6 +62,8 @@ pub struct SourceSummary {
     pub taken: u32,
     pub rejected: u32,
     pub longest_rejected_in_a_row: u32,
+    /// When the longest row of rejections began; none where none was rejected.
+    pub rejected_from_s: Option<f64>,
     /// The mode does not take it.
     pub ignored_by_mode: u32,
     /// Before the start, after the end, in a gap of the block, or the first after an interruption: no use.
@@ -136,7 +146,9 @@ struct Watch {
     sigma_heading_deg: f64,
     lost: Vec<Loss>,
     in_a_row: u32,
+    row_from_s: f64,
     longest_in_a_row: u32,
+    longest_from_s: Option<f64>,
     unused: u32,
     seen: bool,
 }
@@ -195,7 +207,7 @@ impl<'a> Run<'a> {
             baseline_m: settings.installation.baseline_sigma_m,
         };
         let turn_rad = FORWARD_RAD + turn_deg * RAD_PER_DEG;
-        let mode = settings.modes.first().map_or(Mode::Aided, |(_, mode)| *mode);
+        let mode = settings.mode_at(start_s);
         let started = Filter::new(navigation, turn_rad, settings.errors, &sigmas, installation, mode);
         let mut filter = started.map_err(|refusal| refusal.to_string())?;
         if let Some(gyro) = &settings.installation.electrostatic_gyro {
@@ -208,7 +220,9 @@ impl<'a> Run<'a> {
             sigma_heading_deg: start.sigma_heading_deg,
             lost: Vec::new(),
             in_a_row: 0,
+            row_from_s: start_s,
             longest_in_a_row: 0,
+            longest_from_s: None,
             unused: 0,
             seen: false,
         });
@@ -283,10 +297,7 @@ impl<'a> Run<'a> {
             // It may have been twice as fast.
             self.filter.doubt(range_rad, 0.0);
         }
-        let modes = self.settings.modes.iter().take_while(|(from_s, _)| *from_s <= row.t_s);
-        if let Some((_, mode)) = modes.last() {
-            self.filter.set_mode(*mode);
-        }
+        self.filter.set_mode(self.settings.mode_at(row.t_s));
         self.watch(row.t_s);
         Ok(())
     }
@@ -312,9 +323,7 @@ impl<'a> Run<'a> {
             Ok(Outcome::Rejected { sigmas }) => format!("{sigmas:.1} sigmas from what was expected"),
             Err(refusal) => refusal.to_string(),
         };
-        watch.innovations.rejected_s.push(reading.t_s);
-        watch.in_a_row += 1;
-        watch.longest_in_a_row = watch.longest_in_a_row.max(watch.in_a_row);
+        watch.rejected(reading.t_s);
         if self.rejections.len() < LISTED {
             let place = self.aiding.place(reading);
             self.rejections.push(Rejection { t_s: reading.t_s, source: source.name(), place, reason });
@@ -451,6 +460,18 @@ impl Watch {
         (self.last_s, self.sigma_heading_deg, self.in_a_row) = (t_s, sigma_heading_deg, 0);
     }
 
+    /// A reading was not taken.
+    fn rejected(&mut self, t_s: f64) {
+        self.innovations.rejected_s.push(t_s);
+        if self.in_a_row == 0 {
+            self.row_from_s = t_s;
+        }
+        self.in_a_row += 1;
+        if self.in_a_row > self.longest_in_a_row {
+            (self.longest_in_a_row, self.longest_from_s) = (self.in_a_row, Some(self.row_from_s));
+        }
+    }
+
     fn end(&mut self, filter: &Filter, end_s: f64, sigma_heading_deg: f64) -> SourceSummary {
         let health = filter.source(self.source);
         if let Some(loss) = self.lost.last_mut().filter(|loss| loss.to_s.is_none() && loss.from_s < end_s) {
@@ -461,11 +482,31 @@ impl Watch {
             taken: health.taken,
             rejected: health.rejected + health.refused,
             longest_rejected_in_a_row: self.longest_in_a_row,
+            rejected_from_s: self.longest_from_s,
             ignored_by_mode: health.ignored,
             unused: self.unused,
             nis: health.normalised_squared / f64::from(health.degrees_of_freedom.max(1)),
             nis_degrees_of_freedom: health.degrees_of_freedom,
             lost: self.lost.clone(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mode_holds_from_its_time_on_and_before_the_first_it_is_aided() {
+        let modes = vec![(600.0, Mode::LogOnly), (1200.0, Mode::Submerged)];
+        let settings = Settings {
+            class: BlockClass::MODERN_MEMS,
+            errors: BlockErrors::STIM300,
+            latitude_deg: 60.0,
+            installation: Installation::default(),
+            modes,
+        };
+        let at = [0.0, 599.9, 600.0, 1199.9, 1200.0, 1e9].map(|t_s| settings.mode_at(t_s));
+        assert_eq!(at, [Mode::Aided, Mode::Aided, Mode::LogOnly, Mode::LogOnly, Mode::Submerged, Mode::Submerged]);
     }
 }

@@ -2,6 +2,7 @@
 
 pub mod aided;
 pub mod aiding_csv;
+pub mod doubt;
 pub mod held;
 pub mod installation;
 pub mod start;
