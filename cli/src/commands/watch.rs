@@ -1,7 +1,7 @@
 //! `north watch`: does the error model still hold?
 
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use north_finder::effects::ErrorModel;
@@ -61,6 +61,8 @@ struct Said<'a> {
     moved: &'a [Option<Moved>],
     other_place: &'a [Option<OtherPlace>],
     needed: &'a [Needed],
+    /// The model that was made anew of runs, where one was asked for.
+    model_out: Option<Made<'a>>,
     #[serde(flatten)]
     verdict: &'a Verdict,
 }
@@ -71,11 +73,23 @@ struct Since<'a> {
     utc: &'a str,
 }
 
+/// A model that was written.
+#[derive(Clone, Copy, Serialize)]
+struct Made<'a> {
+    file: &'a Path,
+    runs: &'a Path,
+    /// The change that it takes into account.
+    signal: Kind,
+}
+
 impl Watch {
     pub fn run(self) -> Result<(), Failure> {
         let results = [self.model_out.as_deref(), self.report.as_deref(), self.json.path()];
         crate::output::check(results)?;
         let log = Log::read(&self.logs)?;
+        for warning in &log.warnings {
+            eprintln!("north: warning: {warning}");
+        }
         let model = self.model.as_deref().map(ModelFile::read).transpose()?.and_then(|file| file.error_model);
         let count = log.fixes.len();
         if count <= BASELINE {
@@ -97,6 +111,7 @@ impl Watch {
             crate::output::write(path, report::html(&history)).map_err(|error| FileError::whole(path, error))?;
         }
         let verdict = &history.verdict;
+        let updated = self.update(&history, model);
         self.json.write(&Said {
             fixes: count,
             holds: verdict.alarm.is_none(),
@@ -106,9 +121,16 @@ impl Watch {
             moved: &history.moved,
             other_place: &history.other_place,
             needed: &history.needed,
+            model_out: updated.as_ref().ok().copied().flatten(),
             verdict,
         })?;
-        self.update(&history, model)?;
+        if let Some(Made { file, runs, signal }) = updated? {
+            let (file, runs, signal) = (file.display(), runs.display(), signal.name());
+            writeln!(
+                self.json.human(),
+                "written    {file}: the model made anew of {runs}, by what changed in the {signal}"
+            )?;
+        }
         match verdict.alarm {
             Some(at) => {
                 Err(Failure::Refused(format!("the error model no longer holds: seen with fix {}", log.fixes[at].fix)))
@@ -118,8 +140,8 @@ impl Watch {
     }
 
     /// The model from the runs since the change, if that was asked for.
-    fn update(&self, history: &History<'_>, model: Option<ErrorModel>) -> Result<(), Failure> {
-        let (Some(runs), Some(out)) = (&self.runs, &self.model_out) else { return Ok(()) };
+    fn update(&self, history: &History<'_>, model: Option<ErrorModel>) -> Result<Option<Made<'_>>, Failure> {
+        let (Some(runs), Some(file)) = (&self.runs, &self.model_out) else { return Ok(None) };
         let Some((change, needed)) = history.verdict.changes.iter().zip(&history.needed).next() else {
             return Err(Failure::Refused("the model holds: there is nothing to make anew".into()));
         };
@@ -127,7 +149,8 @@ impl Watch {
         campaign.check_copies()?;
         let settings = Settings { model, ..campaign_settings(&campaign, None)? };
         let updated = needed.updated(change, &campaign, &Options { settings, ..Options::default() })?;
-        Ok(write_model(out, &updated)?)
+        write_model(file, &updated)?;
+        Ok(Some(Made { file, runs, signal: change.signal }))
     }
 }
 
@@ -187,7 +210,8 @@ fn what(log: &Log, change: &Change) -> String {
         3.0..1e4 => format!("; {} is {times:.0} times less likely", name(cause)),
         _ => format!("; {} is more than 10,000 times less likely", name(cause)),
     });
-    format!("{what}, {:.1} sigma of one fix, since {when}{instead}", change.sigmas_of_fix.abs())
+    let passed = if change.passed { "; the fixes after the alarm no longer show it" } else { "" };
+    format!("{what}, {:.1} sigma of one fix, since {when}{instead}{passed}", change.sigmas_of_fix.abs())
 }
 
 fn coefficient(moved: &Moved) -> String {
@@ -226,8 +250,24 @@ fn remedy(change: &Change, needed: &Needed) -> String {
         Kind::Amplitude => {
             format!("check the latitude and the level first; a scale factor cancels in every azimuth. {runs}")
         }
-        Kind::Misfit => format!("the dwells of a fix no longer fit together, and sigma is too small. {runs}"),
+        Kind::Misfit => misfit(change, &runs),
         Kind::AzimuthError => format!("the azimuths are wrong by this. {runs}"),
+    }
+}
+
+/// A misfit that rises and one that falls are different things.
+fn misfit(change: &Change, runs: &str) -> String {
+    match change.cause {
+        Cause::Temperature => {
+            let end = if change.size > 0.0 { "warmer" } else { "colder" };
+            format!("the {end} the gyro is, the worse the dwells of a fix fit together, and sigma is too small there. {runs}")
+        }
+        _ if change.size > 0.0 => {
+            format!("the dwells of a fix no longer fit together, and sigma is too small. {runs}")
+        }
+        _ => "the dwells of a fix fit together better than before, and sigma is wider than it need be: the base is quieter, the gyro's noise is less or \
+              its rates are smoothed. north characterise says what noise to declare"
+            .into(),
     }
 }
 
@@ -241,4 +281,30 @@ fn blind(out: &mut dyn Write, kinds: &[Kind]) -> io::Result<()> {
         "not seen   what turns with the instrument, such as a field fixed to its body, is in the azimuth and in none of these signals: fixes at a \
          surveyed heading (column check_deg) show it"
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Chi-square rises where the dwells fit together worse than declared, and falls where they fit better.
+    #[test]
+    fn each_sign_of_a_misfit_is_explained() {
+        let change = |cause, size| Change {
+            signal: Kind::Misfit,
+            unit: Kind::Misfit.unit(),
+            from: 150,
+            cause,
+            size,
+            sigma: 0.1,
+            sigmas_of_fix: size,
+            instead: None,
+            share: 1.0,
+            passed: false,
+        };
+        let said = |cause, size| misfit(&change(cause, size), "Record 8 runs");
+        assert!(said(Cause::Step, 2.6).contains("sigma is too small") && said(Cause::Step, 2.6).contains("8 runs"));
+        assert!(said(Cause::Ramp, -2.6).contains("wider than it need be"));
+        assert!(said(Cause::Temperature, 0.1).contains("warmer") && said(Cause::Temperature, -0.1).contains("colder"));
+    }
 }

@@ -142,7 +142,7 @@ mod tests {
             temp_c: Some(20.0),
             ..Logged::default()
         };
-        Log { fixes: (0..200).map(fix).collect() }
+        Log { fixes: (0..200).map(fix).collect(), warnings: Vec::new() }
     }
 
     fn change(signal: Kind, cause: Cause, size: f64, from: usize) -> Change {
@@ -156,6 +156,7 @@ mod tests {
             sigmas_of_fix: 5.0,
             instead: None,
             share: 1.0,
+            passed: false,
         }
     }
 

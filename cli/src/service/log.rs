@@ -1,5 +1,6 @@
 //! The log of an instrument's fixes, `LOG.csv`: a row each, in the order in which they were made.
 
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use north_finder::event::Fix;
@@ -50,7 +51,32 @@ pub struct Logged {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Log {
     pub fixes: Vec<Logged>,
+    /// What is doubtful, with its place.
+    pub warnings: Vec<String>,
 }
+
+/// What a number of a log may be: none is beyond what a fix can give.
+const LIMITS: [(&str, RangeInclusive<f64>); 18] = [
+    ("t_s", 0.0..=1e10),
+    ("azimuth_deg", -360.0..=360.0),
+    ("sigma_deg", 0.0..=360.0),
+    ("misfit", 0.0..=1e12),
+    ("freedom", 0.0..=1e6),
+    // No gyro of an index reads more: 1e7 °/h are the greatest range that can be declared.
+    ("bias_deg_h", -1e7..=1e7),
+    ("amplitude_deg_h", 0.0..=1e7),
+    ("drift_deg_h_per_h", -1e9..=1e9),
+    ("temp_c", -273.15..=1000.0),
+    ("check_deg", -360.0..=360.0),
+    ("scatter_deg_h", 0.0..=1e7),
+    ("block_temp_c", -273.15..=1000.0),
+    ("input_1", -1e12..=1e12),
+    ("input_2", -1e12..=1e12),
+    ("input_3", -1e12..=1e12),
+    ("input_4", -1e12..=1e12),
+    ("supply_v", -1000.0..=1000.0),
+    ("chip_temp_c", -273.15..=1000.0),
+];
 
 impl Logged {
     /// A fix of a campaign's run, whose recording began with a switch-on.
@@ -78,13 +104,14 @@ impl Logged {
 impl Log {
     /// Reads logs that follow each other, as one. Columns in any order; those that are not known are passed over.
     ///
-    /// Errors: a file that cannot be read, without fix and boot, with a field that is no number, with fixes that do not follow each other.
+    /// Errors: a file that cannot be read, without fix and boot, with a field that is no number or beyond what a fix can give, with fixes that do not
+    /// follow each other.
     pub fn read(paths: &[impl AsRef<Path>]) -> Result<Self, FileError> {
-        let mut fixes = Vec::new();
+        let mut log = Self { fixes: Vec::new(), warnings: Vec::new() };
         for path in paths {
-            read_one(path.as_ref(), &mut fixes)?;
+            log.read_one(path.as_ref())?;
         }
-        Ok(Self { fixes })
+        Ok(log)
     }
 
     /// Whether the instrument was switched on between each fix and the one before.
@@ -109,92 +136,96 @@ impl Log {
     }
 }
 
-fn read_one(path: &Path, fixes: &mut Vec<Logged>) -> Result<(), FileError> {
-    let mut table = TableCsv::open(path)?;
-    let (fix, boot) = (table.column("fix")?, table.column("boot")?);
-    let places = [
-        "t_s",
-        "azimuth_deg",
-        "sigma_deg",
-        "misfit",
-        "freedom",
-        "bias_deg_h",
-        "amplitude_deg_h",
-        "drift_deg_h_per_h",
-        "temp_c",
-        "check_deg",
-        "scatter_deg_h",
-        "block_temp_c",
-        "input_1",
-        "input_2",
-        "input_3",
-        "input_4",
-        "supply_v",
-        "chip_temp_c",
-    ]
-    .map(|name| table.find(name));
-    let [utc, flags, firmware, model] = ["utc", "flags", "firmware", "model"].map(|name| table.find(name));
-    while table.next_row()? {
-        let whole = |column| table.number_within(column, &(0.0..=1e15)).map(|number| number as u64);
-        let number = |place: Option<usize>| {
-            place.filter(|&column| !table.is_empty(column)).map(|column| table.number(column)).transpose()
-        };
-        let text = |place: Option<usize>| place.map_or_else(String::new, |column| table.text(column));
-        let [
-            t_s,
-            azimuth_deg,
-            sigma_deg,
-            misfit,
-            freedom,
-            bias_deg_h,
-            amplitude_deg_h,
-            drift_deg_h_per_h,
-            temp_c,
-            check_deg,
-            scatter_deg_h,
-            block_temp_c,
-            input_1,
-            input_2,
-            input_3,
-            input_4,
-            supply_v,
-            chip_temp_c,
-        ] = places;
-        let row = Logged {
-            fix: whole(fix)?,
-            boot: whole(boot)?,
-            t_s: number(t_s)?,
-            utc: text(utc),
-            azimuth_deg: number(azimuth_deg)?,
-            sigma_deg: number(sigma_deg)?,
-            misfit: number(misfit)?,
-            freedom: number(freedom)?,
-            bias_deg_h: number(bias_deg_h)?,
-            amplitude_deg_h: number(amplitude_deg_h)?,
-            drift_deg_h_per_h: number(drift_deg_h_per_h)?,
-            temp_c: number(temp_c)?,
-            scatter_deg_h: number(scatter_deg_h)?,
-            block_temp_c: number(block_temp_c)?,
-            input_1: number(input_1)?,
-            input_2: number(input_2)?,
-            input_3: number(input_3)?,
-            input_4: number(input_4)?,
-            supply_v: number(supply_v)?,
-            chip_temp_c: number(chip_temp_c)?,
-            flags: text(flags),
-            firmware: text(firmware),
-            model: text(model),
-            check_deg: number(check_deg)?,
-        };
-        if let Some(before) = fixes.last()
-            && row.fix <= before.fix
-        {
-            let allowed = format!("a fix after number {}: logs are given in their order", before.fix);
-            return Err(table.error(fix, Problem::not_allowed(row.fix.to_string(), allowed)));
+impl Log {
+    fn read_one(&mut self, path: &Path) -> Result<(), FileError> {
+        let mut table = TableCsv::open(path)?;
+        let (fix, boot) = (table.column("fix")?, table.column("boot")?);
+        let places = LIMITS.map(|(name, _)| table.find(name));
+        let words = ["utc", "flags", "firmware", "model"].map(|name| table.find(name));
+        while table.next_row()? {
+            let row = read_row(&table, [fix, boot], &places, words)?;
+            if let Some(before) = self.fixes.last() {
+                if row.fix <= before.fix {
+                    let allowed = format!("a fix after number {}: logs are given in their order", before.fix);
+                    return Err(table.error(fix, Problem::not_allowed(row.fix.to_string(), allowed)));
+                }
+                if row.boot < before.boot {
+                    let allowed = format!(
+                        "a switch-on after number {}: the count began anew, as that of another instrument or of one whose flash was erased",
+                        before.boot
+                    );
+                    let doubt = table.error(boot, Problem::not_allowed(row.boot.to_string(), allowed));
+                    self.warnings.push(doubt.to_string());
+                }
+            }
+            self.fixes.push(row);
         }
-        fixes.push(row);
+        Ok(())
     }
-    Ok(())
+}
+
+/// The row of a table, with the places of fix and boot, of the numbers of [`LIMITS`], and of utc, flags, firmware and model.
+fn read_row(
+    table: &TableCsv,
+    [fix, boot]: [usize; 2],
+    places: &[Option<usize>; LIMITS.len()],
+    words: [Option<usize>; 4],
+) -> Result<Logged, FileError> {
+    let whole = |column| table.number_within(column, &(0.0..=1e15)).map(|number| number as u64);
+    let text = |place: Option<usize>| place.map_or_else(String::new, |column| table.text(column));
+    let mut numbers = [None; LIMITS.len()];
+    for ((number, place), (_, limits)) in numbers.iter_mut().zip(places).zip(&LIMITS) {
+        if let Some(column) = place.filter(|&column| !table.is_empty(column)) {
+            *number = Some(table.number_within(column, limits)?);
+        }
+    }
+    let [
+        t_s,
+        azimuth_deg,
+        sigma_deg,
+        misfit,
+        freedom,
+        bias_deg_h,
+        amplitude_deg_h,
+        drift_deg_h_per_h,
+        temp_c,
+        check_deg,
+        scatter_deg_h,
+        block_temp_c,
+        input_1,
+        input_2,
+        input_3,
+        input_4,
+        supply_v,
+        chip_temp_c,
+    ] = numbers;
+    let [utc, flags, firmware, model] = words.map(text);
+    Ok(Logged {
+        fix: whole(fix)?,
+        boot: whole(boot)?,
+        t_s,
+        utc,
+        azimuth_deg,
+        sigma_deg,
+        misfit,
+        freedom,
+        bias_deg_h,
+        amplitude_deg_h,
+        drift_deg_h_per_h,
+        scatter_deg_h,
+        temp_c,
+        block_temp_c,
+        input_1,
+        input_2,
+        input_3,
+        input_4,
+        supply_v,
+        chip_temp_c,
+        flags,
+        firmware,
+        model,
+        check_deg,
+    })
 }
 
 /// Writes fixes as a log. Errors: the file is there, or cannot be written.
@@ -249,5 +280,15 @@ mod tests {
         assert!(error("fix,boot,bias_deg_h\n1,1,2\n2,1,x\n").contains("line 3"));
         let order = error("fix,boot\n2,1\n2,1\n");
         assert!(order.contains("line 3") && order.contains("after number 2"), "{order}");
+        let sigma = error("fix,boot,sigma_deg\n1,1,-1\n");
+        assert!(sigma.contains("line 2") && sigma.contains("sigma_deg") && sigma.contains("-1"), "{sigma}");
+        let bias = error("fix,boot,bias_deg_h\n1,1,1\n2,1,1e30\n");
+        assert!(bias.contains("line 3") && bias.contains("bias_deg_h") && bias.contains("1e30"), "{bias}");
+        std::fs::write(&path, "fix,boot\n1,41\n2,42\n3,1\n").unwrap();
+        let [warning] = Log::read(&[&path]).unwrap().warnings.try_into().unwrap();
+        assert!(
+            warning.contains("line 4") && warning.contains("boot") && warning.contains("after number 42"),
+            "{warning}"
+        );
     }
 }

@@ -158,6 +158,7 @@ mod tests {
             sigmas_of_fix,
             instead: None,
             share: 1.0,
+            passed: false,
         }
     }
 

@@ -8,6 +8,8 @@ pub use north_finder::event::service::change::{ALARM, BASELINE};
 
 use super::{Kind, Signal};
 
+/// A size of fewer sigmas is not shown.
+const SHOWN: f64 = 2.0;
 /// A ramp of fewer fixes has no course that tells it from a step.
 const LEAST_RAMP: usize = 5;
 
@@ -31,7 +33,7 @@ pub struct Change {
     /// Place of the first changed fix in the log, from 0; for a temperature the first after the baseline.
     pub from: usize,
     pub cause: Cause,
-    /// Size and one sigma in units of the signal, from all fixes of the log: of a step, of a ramp at the end, for each kelvin.
+    /// Size and one sigma in units of the signal, from all fixes of the log, where these still show it: of a step, of a ramp at the end, for each kelvin.
     pub size: f64,
     pub sigma: f64,
     /// Size in sigmas of one fix (of a temperature: over the range of the fixes after the baseline).
@@ -40,6 +42,8 @@ pub struct Change {
     pub instead: Option<(Cause, f64)>,
     /// Share of the statistics of all signals at the alarm that this one has.
     pub share: f64,
+    /// The fixes after the alarm do not show it any more: size and sigma are those of the fixes up to it.
+    pub passed: bool,
 }
 
 /// What the test says of a log.
@@ -89,7 +93,10 @@ pub fn watch(signals: &[Signal], switched: &[bool], temperatures_c: Option<&[f64
                 // A signal that alone would have been enough.
                 if *statistic >= ALARM {
                     let share = statistic / total;
-                    result.changes.extend(explain(signal, test, switched, temperatures_c, share));
+                    let change = |fixes: usize| explain(signal, test, &switched[..fixes], temperatures_c, fix);
+                    let shown = change(count).filter(|change| change.size.abs() > SHOWN * change.sigma);
+                    let seen = || change(fix + 1).map(|change| Change { passed: true, ..change });
+                    result.changes.extend(shown.or_else(seen).map(|change| Change { share, ..change }));
                 }
             }
             result.changes.sort_by(|a, b| b.share.total_cmp(&a.share));
@@ -110,13 +117,14 @@ struct Fit {
     score: f64,
 }
 
-/// What changed in a signal, by least squares along the level that fits the baseline best.
+/// What changed in a signal, by least squares along the level that fits the baseline best, of so many fixes as `switched` has; it began with that of
+/// the alarm at the latest.
 fn explain(
     signal: &Signal,
     normal: &ChangeTest,
     switched: &[bool],
     temperatures_c: Option<&[f64]>,
-    share: f64,
+    alarm: usize,
 ) -> Option<Change> {
     let (level, scale) = normal.foremost()?;
     let values = &signal.values[BASELINE..switched.len()];
@@ -141,7 +149,7 @@ fn explain(
     let since = |at: usize, from: usize| (at + 1).saturating_sub(from) as f64;
     let ended = values.len();
     let mut fits: Vec<Fit> = Vec::new();
-    for from in 0..ended {
+    for from in 0..=alarm - BASELINE {
         fits.extend(fit(Cause::Step, from, 2.0, &|at| f64::from(u8::from(at >= from))));
         // In units of what it has reached at the end.
         if ended - from >= LEAST_RAMP {
@@ -170,7 +178,8 @@ fn explain(
         sigma: best.sigma,
         sigmas_of_fix: best.size * range / scale.sqrt(),
         instead: other.map(|other| (other.cause, (best.score - other.score).exp())),
-        share,
+        share: 0.0,
+        passed: false,
     })
 }
 
@@ -224,6 +233,25 @@ mod tests {
         let change = &watch.changes[0];
         assert!(change.cause == Cause::Step && (change.size - 4.0).abs() < 4.0 * change.sigma, "{change:?}");
         assert!(change.from.abs_diff(200) <= 1, "{change:?}");
+    }
+
+    #[test]
+    fn a_change_began_before_it_was_seen_even_where_a_greater_one_follows() {
+        let watch = run(3, 500, 0.0, 0.0, |fix| match fix {
+            0..200 => 0.0,
+            200..300 => 2.0,
+            _ => 20.0,
+        });
+        let (alarm, change) = (watch.alarm.unwrap(), &watch.changes[0]);
+        assert!((200..230).contains(&alarm) && change.from <= alarm, "{alarm} {change:?}");
+    }
+
+    #[test]
+    fn a_change_that_goes_back_is_told_as_it_was_seen() {
+        let watch = run(3, 400, 0.0, 0.0, |fix| if (200..215).contains(&fix) { 4.0 } else { 0.0 });
+        let change = &watch.changes[0];
+        assert!(change.passed && change.from.abs_diff(200) <= 1 && change.size > 2.0, "{change:?}");
+        assert!(!run(3, 400, 0.0, 0.0, |fix| if fix >= 200 { 4.0 } else { 0.0 }).changes[0].passed);
     }
 
     #[test]
