@@ -6,6 +6,12 @@ use north_finder::health::{Fault, Finding, Item, TestVerdict};
 /// What the test found of an item, as a sentence without its full stop; what to do, where it failed.
 pub fn sentence(finding: &Finding) -> String {
     let name = finding.item.name();
+    if finding.verdict == TestVerdict::Absent {
+        return match finding.item.is_of_board() {
+            true => format!("{name} was not tested: this board has no such test"),
+            false => format!("{name} was not tested: this board has no such part, or the settings name none"),
+        };
+    }
     if !finding.was_tested() {
         return format!("{name} was not tested: {}", finding.verdict.meaning());
     }
@@ -92,6 +98,8 @@ mod tests {
         let crashed = sentence(&Finding::judged(Item::Reset, 5.0, [0.0, 0.0]));
         assert!(crashed.starts_with("reset failed: the run before ended in a crash: watchdog. To do: "), "{crashed}");
         let absent = sentence(&Finding::untested(Item::Block, TestVerdict::Absent));
-        assert_eq!(absent, "block was not tested: there is no such part");
+        assert_eq!(absent, "block was not tested: this board has no such part, or the settings name none");
+        let untested = sentence(&Finding::untested(Item::Memory, TestVerdict::Absent));
+        assert_eq!(untested, "memory was not tested: this board has no such test");
     }
 }

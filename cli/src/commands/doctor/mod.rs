@@ -79,6 +79,8 @@ pub enum Verdict {
     Look,
     /// No fix can be trusted, or none be made.
     Bad,
+    /// The board has no test of it: neither good nor bad.
+    Untested,
 }
 
 /// A sentence on one thing.
@@ -241,6 +243,7 @@ fn write_findings(out: &mut dyn Write, findings: &[Finding]) -> std::io::Result<
             Verdict::Good => "good",
             Verdict::Look => "look",
             Verdict::Bad => "BAD ",
+            Verdict::Untested => "n/a ",
         };
         writeln!(out, "{mark}  {what:<14} {sentence}")?;
     }
@@ -298,7 +301,8 @@ fn self_test(port: &mut Port, findings: &mut Vec<Finding>) -> Result<bool, PortE
 
 fn of_item(found: &health::Finding) -> Finding {
     let verdict = match found.verdict {
-        TestVerdict::Passed | TestVerdict::Absent => Verdict::Good,
+        TestVerdict::Passed => Verdict::Good,
+        TestVerdict::Absent => Verdict::Untested,
         TestVerdict::Failed => Verdict::Bad,
         TestVerdict::NotAsked | TestVerdict::Unmet | TestVerdict::Interrupted => Verdict::Look,
     };
