@@ -148,6 +148,7 @@ fn diagnosis() -> Diagnosis {
         },
         warnings: vec![Warning {
             of_many: None,
+            other: None,
             run: Some("runs/005.csv".into()),
             line: Some(118),
             message: "a second stands 9 sigma out; it was left out".into(),

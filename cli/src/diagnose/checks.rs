@@ -20,8 +20,9 @@ const AMPLITUDE_LIMIT: f64 = 0.03;
 const BEYOND: f64 = 0.1;
 /// What many runs beyond a channel's range are.
 const OUT_OF_RANGE: &str = "a channel leaves the range in which its effect was learned";
-/// What many runs that overlap are.
-const OVERLAPS: &str = "it overlaps with another run: their errors are not independent, and what is learned from one must not be judged by the other";
+/// What many pairs of runs that overlap are.
+const OVERLAPS: &str =
+    "they overlap: their errors are not independent, and what is learned from one must not be judged by the other";
 /// The slope of azimuths against tilts is that of a latitude of the other sign within this share of it, and stands out by so many sigma.
 const LIKE_OTHER_SIGN: f64 = 0.2;
 const OTHER_SIGN_SIGMAS: f64 = 6.0;
@@ -203,7 +204,8 @@ pub fn warn_of_overlaps(runs: &[RunData], campaign: &Campaign, warnings: &mut Ve
                 false => "what is learned from one must not be judged by the other",
             };
             let message = format!("it {what} {}: {consequence}", other.file);
-            warnings.push(Warning { of_many: Some(OVERLAPS), ..Warning::of_run(&run.file, message) });
+            let warning = Warning::of_run(&run.file, message);
+            warnings.push(Warning { of_many: Some(OVERLAPS), other: Some(other.file.clone()), ..warning });
         }
     }
 }

@@ -29,7 +29,7 @@ pub fn grouped(warnings: &[Warning]) -> Vec<Line> {
     let lines = |(kind, group): (String, Vec<&Warning>)| match group.len() < MANY {
         true => group.iter().map(|each| Line { place: place(each), message: each.message.clone() }).collect(),
         false => {
-            let mut places: Vec<String> = group.iter().take(NAMED).map(|each| place(each)).collect();
+            let mut places: Vec<String> = group.iter().take(NAMED).map(|each| places(each)).collect();
             if group.len() > NAMED {
                 places.push(format!("{} more", group.len() - NAMED));
             }
@@ -37,6 +37,12 @@ pub fn grouped(warnings: &[Warning]) -> Vec<Line> {
         }
     };
     groups.into_iter().flat_map(lines).collect()
+}
+
+/// With the other run, where there is one: the message of many does not name it.
+fn places(warning: &Warning) -> String {
+    let place = place(warning);
+    warning.other.as_ref().map_or_else(|| place.clone(), |other| format!("{other} and {place}"))
 }
 
 fn place(warning: &Warning) -> String {
@@ -63,5 +69,13 @@ mod tests {
         assert_eq!(lines, [line("", "few runs"), line("a.csv", "a gap of 2 s"), line(jumps, "the rate jumps")]);
         let gaps = [gap("a.csv", "a gap of 2 s"), gap("b.csv", "a gap of 3 s"), gap("c.csv", "a gap of 4 s")];
         assert_eq!(grouped(&gaps), [line("a.csv; b.csv; c.csv", "a gap")]);
+        let overlap = |other: &str, file: &str| Warning {
+            of_many: Some("they overlap"),
+            other: Some(other.into()),
+            ..Warning::of_run(file, format!("it holds a stretch of {other}"))
+        };
+        let pairs = [overlap("1.csv", "2.csv"), overlap("1.csv", "3.csv"), overlap("2.csv", "3.csv")];
+        assert_eq!(grouped(&pairs), [line("1.csv and 2.csv; 1.csv and 3.csv; 2.csv and 3.csv", "they overlap")]);
+        assert_eq!(grouped(&pairs[..1]), [line("2.csv", "it holds a stretch of 1.csv")]);
     }
 }

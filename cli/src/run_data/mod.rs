@@ -304,17 +304,20 @@ pub struct Warning {
     /// What many warnings of this kind say in one line; without it, those with the same message.
     #[serde(skip)]
     pub of_many: Option<&'static str>,
+    /// The other run that it concerns.
+    #[serde(skip)]
+    pub other: Option<String>,
 }
 
 impl Warning {
     /// Of the campaign as a whole.
     pub fn of_campaign(message: String) -> Self {
-        Self { run: None, line: None, message, of_many: None }
+        Self { run: None, line: None, message, of_many: None, other: None }
     }
 
     /// Of a run.
     pub fn of_run(file: &str, message: impl Into<String>) -> Self {
-        Self { run: Some(file.to_owned()), line: None, message: message.into(), of_many: None }
+        Self { run: Some(file.to_owned()), line: None, message: message.into(), of_many: None, other: None }
     }
 
     /// At a line of the run's file.
