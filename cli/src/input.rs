@@ -1,11 +1,13 @@
 //! Files that are read: only regular ones, and nothing without an end is kept in memory.
 
 use std::fs::File;
-use std::io::{self, ErrorKind, Read};
+use std::io::{self, ErrorKind, Read, Seek};
 use std::path::Path;
 
 /// Longest record of a table, and with it the longest line.
 const LONGEST_RECORD: usize = 16 << 20;
+/// Within so many bytes the first line of a table ends.
+const FIRST_LINE: u64 = 1 << 16;
 /// Longest file that is read whole.
 const LONGEST_TEXT: u64 = 64 << 20;
 
@@ -36,16 +38,27 @@ pub fn text(path: &Path) -> io::Result<String> {
     }
 }
 
-/// Passes the bytes of records on until one of them is too long.
+/// Passes the bytes of records on until one of them is too long; where lines end with carriage returns alone, as a newline each.
 #[derive(Debug)]
 pub struct Records<R> {
     inner: R,
     since_record: usize,
+    carriage_returns: bool,
 }
 
 /// Opens the file of a table.
 pub fn records(path: &Path) -> io::Result<Records<File>> {
-    Ok(Records { inner: open(path)?, since_record: 0 })
+    let mut inner = open(path)?;
+    let mut begin = Vec::new();
+    (&inner).take(FIRST_LINE).read_to_end(&mut begin)?;
+    inner.rewind()?;
+    Ok(Records { inner, since_record: 0, carriage_returns: ends_with_carriage_return(&begin) })
+}
+
+/// Whether the first line ends with a carriage return and no newline.
+fn ends_with_carriage_return(text: &[u8]) -> bool {
+    let end = text.iter().position(|byte| matches!(byte, b'\r' | b'\n'));
+    end.and_then(|end| text.get(end..)).is_some_and(|end| end.starts_with(b"\r") && !end.starts_with(b"\r\n"))
 }
 
 impl<R> Records<R> {
@@ -62,6 +75,9 @@ impl<R: Read> Read for Records<R> {
             return Err(io::Error::new(ErrorKind::InvalidData, message));
         }
         let count = self.inner.read(bytes)?;
+        if self.carriage_returns {
+            bytes.iter_mut().take(count).filter(|byte| **byte == b'\r').for_each(|byte| *byte = b'\n');
+        }
         self.since_record += count;
         Ok(count)
     }
@@ -73,14 +89,28 @@ mod tests {
 
     #[test]
     fn a_record_without_an_end_is_refused_and_many_short_ones_are_not() {
-        let mut endless = Records { inner: io::repeat(b'7'), since_record: 0 };
+        let mut endless = Records { inner: io::repeat(b'7'), since_record: 0, carriage_returns: false };
         let error = io::copy(&mut endless, &mut io::sink()).unwrap_err();
         assert!(error.to_string().contains("more than 16 MiB"), "{error}");
         let mut bytes = [0; 1 << 16];
-        let mut rows = Records { inner: io::repeat(b'\n'), since_record: 0 };
+        let mut rows = Records { inner: io::repeat(b'\n'), since_record: 0, carriage_returns: false };
         for _ in 0..1000 {
             rows.read_exact(&mut bytes).unwrap();
             rows.record();
+        }
+    }
+
+    #[test]
+    fn lines_may_end_with_a_carriage_return_a_newline_or_both() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("t.csv");
+        for (written, read) in
+            [("a,b\r1,2\r", "a,b\n1,2\n"), ("a,b\r\n1,2\r\n", "a,b\r\n1,2\r\n"), ("a\n1\r", "a\n1\r")]
+        {
+            std::fs::write(&path, written).unwrap();
+            let mut text = String::new();
+            records(&path).unwrap().read_to_string(&mut text).unwrap();
+            assert_eq!(text, read);
         }
     }
 
