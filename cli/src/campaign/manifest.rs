@@ -87,13 +87,18 @@ impl Campaign {
     /// Errors: no such file, not TOML, another format, unknown or missing keys, values out of range, a run without a
     /// latitude, a file listed twice.
     pub fn read(path: &Path) -> Result<Self, FileError> {
+        Self::read_at(path, None)
+    }
+
+    /// The same, where another latitude than the file's is given: runs without their own have that one.
+    pub fn read_at(path: &Path, latitude_deg: Option<f64>) -> Result<Self, FileError> {
         let (folder, manifest) = toml_file::locate(path, MANIFEST);
         if folder.join(UNFINISHED).is_file() && !manifest.exists() {
             return Err(FileError::whole(&folder, Problem::Unfinished));
         }
         let file = TomlFile::read(&manifest)?;
         let raw: Raw = file.parse_format(FORMAT)?;
-        raw.check(&file, folder)
+        raw.check(&file, folder, latitude_deg)
     }
 
     /// A bare run as a campaign of its own: no reference, one latitude.
@@ -185,11 +190,11 @@ struct RawRun {
 }
 
 impl Raw {
-    fn check(self, file: &TomlFile, folder: PathBuf) -> Result<Campaign, FileError> {
+    fn check(self, file: &TomlFile, folder: PathBuf, given_deg: Option<f64>) -> Result<Campaign, FileError> {
         if self.run.is_empty() {
             return Err(file.whole(Problem::Syntax("no [[run]] is listed; a campaign has at least one".into())));
         }
-        let latitude_deg = check_range(file, "latitude_deg", self.latitude_deg, -90.0, 90.0)?;
+        let latitude_deg = check_range(file, "latitude_deg", self.latitude_deg, -90.0, 90.0)?.or(given_deg);
         let instrument = self.instrument.map(|raw| raw.check(file)).transpose()?;
         let mut seen = HashSet::new();
         let mut runs = Vec::with_capacity(self.run.len());

@@ -129,7 +129,7 @@ impl Solve {
     fn campaign(&self) -> Result<Campaign, Failure> {
         let is_campaign = self.path.is_dir() || self.path.extension().is_some_and(|extension| extension == "toml");
         match self.latitude {
-            _ if is_campaign => Ok(Campaign::read(&self.path)?),
+            latitude_deg if is_campaign => Ok(Campaign::read_at(&self.path, latitude_deg)?),
             Some(latitude_deg) => Ok(Campaign::of_bare_run(&self.path, latitude_deg)),
             None => Err(Failure::Usage(format!(
                 "{} is not a campaign: the latitude of a bare run must be given with --latitude",
