@@ -122,11 +122,33 @@ mod tests {
     use north_finder::effects::part::Span;
     use north_finder::effects::shape::{Linear, Shape};
     use north_finder::effects::signal::{Channel, Signal, WeightedDifference};
+    use north_finder::sequence::order::Order;
 
     use super::*;
     use crate::model_file::ModelFile;
 
     /// Whatever may be learned can be written, and is read again as it was: a model with every signal, every dynamics and every shape alone.
+    #[test]
+    fn an_order_may_be_a_word_and_what_is_written_is_read_again() {
+        let read = |text: &str| laid_over("s.toml", text.into(), &Settings::default()).map(|read| read.sequence.order);
+        let two_degrees = Order::Adaptive { accuracy_deg: 2.0 };
+        let angles = Order::Custom([0.0, 120.0, 240.0].into_iter().collect());
+        for (text, order) in [
+            ("\"adaptive\"", Order::ADAPTIVE),
+            ("{ adaptive = {} }", Order::ADAPTIVE),
+            ("{ adaptive = { accuracy_deg = 2.0 } }", two_degrees),
+            ("\"rotation\"", Order::Rotation { passes: 20 }),
+            ("{ rotation = { passes = 4 } }", Order::Rotation { passes: 4 }),
+            ("\"east-west\"", Order::EastWest),
+            ("{ custom = [0.0, 120.0, 240.0] }", angles),
+        ] {
+            assert_eq!(read(&format!("[sequence]\norder = {text}\n")).unwrap(), order, "{text}");
+            let mut settings = Settings::default();
+            settings.sequence.order = order.clone();
+            assert_eq!(read(&settings_text(&settings).unwrap()).unwrap(), order);
+        }
+    }
+
     #[test]
     fn every_part_of_an_effect_is_written_and_read_again() {
         let line: Shape = Linear { reference: 0.25, scale: 1.5 }.into();

@@ -373,7 +373,14 @@ fn scenario_files_and_settings_are_refused_with_field_and_line() {
     find(head, "").good();
     find(&format!("{head}[instrument.sequence]\norder = {{ custom = [0, 120, 240] }}\n"), "[jitter]\nseconds = 4\n")
         .good();
+    find(&format!("{head}[instrument.sequence]\norder = \"mirrored\"\n"), "[sequence]\norder = \"adaptive\"\n").good();
     for (scenario, settings, expected) in [
+        (
+            "",
+            "[sequence]\norder = \"custom\"\n",
+            "settings.toml, line 2, column 9: `sequence.order`: the order custom needs its angles",
+        ),
+        ("", "[sequence]\norder = \"random\"\n", "unknown variant `random`, expected one of `plain`, `source`"),
         (
             "[site]\nlatitude_deg = 91\n",
             "",

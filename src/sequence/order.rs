@@ -1,8 +1,12 @@
 //! Orders of positions: which index angles, one after the other.
 
+use core::fmt;
+
 use heapless::Vec;
 use quantities::limits::{Invalid, within};
-use serde::{Deserialize, Serialize};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{self, IntoDeserializer, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::rotation;
 use crate::sensing::index::{IndexSettings, TRAVEL_FROM_DEG};
@@ -11,8 +15,10 @@ use crate::sensing::index::{IndexSettings, TRAVEL_FROM_DEG};
 pub const MAX_POSITIONS: usize = 16;
 
 /// An order of index positions. Angles in degrees, counter-clockwise from above, from the mark.
+///
+/// In a text the words `adaptive` and `rotation` alone stand for [`Order::ADAPTIVE`] and [`Order::ROTATION`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[serde(rename_all = "kebab-case", remote = "Self")]
 pub enum Order {
     /// 0, 90, 180, 270.
     Plain,
@@ -26,9 +32,64 @@ pub enum Order {
     Custom(Vec<f64, MAX_POSITIONS>),
     /// Two short dwells, then where the axis points east and west until the azimuth's standard deviation is no greater than this, or
     /// the time limit ends it: [`super::adaptive`].
-    Adaptive { accuracy_deg: f64 },
+    Adaptive {
+        #[serde(default = "usual_accuracy_deg")]
+        accuracy_deg: f64,
+    },
     /// A continuous rotation to and fro over the travel of one turn, at the drive's speed, in so many passes: [`super::rotation`].
-    Rotation { passes: u8 },
+    Rotation {
+        #[serde(default = "usual_passes")]
+        passes: u8,
+    },
+}
+
+/// As good as the mirrored order with dwells of 30 s at middle latitudes, in two thirds of its time.
+const fn usual_accuracy_deg() -> f64 {
+    0.04
+}
+
+/// As long as the mirrored order with dwells of 30 s: 20 passes of 13.3 s.
+const fn usual_passes() -> u8 {
+    20
+}
+
+impl Serialize for Order {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        Self::serialize(self, serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for Order {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        match deserializer.is_human_readable() {
+            true => deserializer.deserialize_any(WordOrTable),
+            false => Self::deserialize(deserializer),
+        }
+    }
+}
+
+/// An order in a text.
+struct WordOrTable;
+
+impl<'de> Visitor<'de> for WordOrTable {
+    type Value = Order;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("the name of an order, or a table such as { adaptive = { accuracy_deg = 0.05 } }")
+    }
+
+    fn visit_str<E: de::Error>(self, word: &str) -> Result<Order, E> {
+        match word {
+            "adaptive" => Ok(Order::ADAPTIVE),
+            "rotation" => Ok(Order::ROTATION),
+            "custom" => Err(E::custom("the order custom needs its angles: { custom = [0.0, 120.0, 240.0] }")),
+            word => Order::deserialize(word.into_deserializer()),
+        }
+    }
+
+    fn visit_map<A: de::MapAccess<'de>>(self, table: A) -> Result<Order, A::Error> {
+        Order::deserialize(MapAccessDeserializer::new(table))
+    }
 }
 
 /// Which positions, in which order, for how long.
@@ -83,10 +144,8 @@ const PASSES: core::ops::RangeInclusive<u8> = 2..=120;
 const EAST_WEST: [Position; 4] = [Position::East, Position::West, Position::West, Position::East];
 
 impl Order {
-    /// As good as the mirrored order with dwells of 30 s at middle latitudes, in two thirds of its time.
-    pub const ADAPTIVE: Self = Self::Adaptive { accuracy_deg: 0.04 };
-    /// As long as the mirrored order with dwells of 30 s: 20 passes of 13.3 s.
-    pub const ROTATION: Self = Self::Rotation { passes: 20 };
+    pub const ADAPTIVE: Self = Self::Adaptive { accuracy_deg: usual_accuracy_deg() };
+    pub const ROTATION: Self = Self::Rotation { passes: usual_passes() };
 
     /// The standard deviation of the azimuth that is asked for, degrees, if one is.
     pub fn accuracy_deg(&self) -> Option<f64> {
