@@ -38,6 +38,42 @@ fn a_first_row_at_zero_takes_the_median_step() {
 }
 
 #[test]
+fn a_recording_may_begin_late_and_not_at_another_zero() {
+    // No row is longer than 900 s: the first hour is not in the file.
+    let rows = read("t_s,index_deg,fog_arcsec\n3601,0,1\n3602,0,2\n3603,0,3\n").unwrap();
+    assert_eq!(
+        rows.iter().map(|row| (row.t_s, row.interval_s)).collect::<Vec<_>>(),
+        [(3601.0, 1.0), (3602.0, 1.0), (3603.0, 1.0)]
+    );
+    let error = read("t_s,index_deg,fog_arcsec\n1700000001,0,1\n1700000002,0,2\n").unwrap_err();
+    assert!(
+        error.starts_with(
+            "run.csv, line 2, column 1 (t_s): \"1700000001\" is not allowed; allowed is 0 to 86400 in the first row"
+        ),
+        "{error}"
+    );
+}
+
+#[test]
+fn lines_may_end_with_carriage_returns() {
+    let rows = read("t_s,index_deg,fog_arcsec\r1,0,1\r2,0,2\r").unwrap();
+    assert_eq!(rows.iter().map(|row| row.fog_arcsec).collect::<Vec<_>>(), [1.0, 2.0]);
+    let error = read("t_s,index_deg,fog_arcsec\r1,0,1\r2,0,x\r").unwrap_err();
+    assert!(error.starts_with("run.csv, line 3, column 3 (fog_arcsec)"), "{error}");
+}
+
+#[test]
+fn a_given_latitude_holds_where_the_campaign_gives_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "format = 1\n[[run]]\nfile = \"a.csv\"\n[[run]]\nfile = \"b.csv\"\nlatitude_deg = -34\n";
+    fs::write(folder.path().join("campaign.toml"), text).unwrap();
+    assert!(Campaign::read(folder.path()).unwrap_err().to_string().contains("this run has no latitude_deg"));
+    let campaign = Campaign::read_at(folder.path(), Some(60.0)).unwrap();
+    let latitudes: Vec<_> = campaign.runs.iter().map(|run| campaign.latitude_of(run)).collect();
+    assert_eq!(latitudes, [Some(60.0), Some(-34.0)]);
+}
+
+#[test]
 fn columns_come_in_any_order_and_others_are_kept_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.csv");

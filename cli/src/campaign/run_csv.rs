@@ -81,7 +81,7 @@ pub struct RunReader {
     previous_s: Option<f64>,
     /// Steps of time so far, until one is short enough to be one.
     long_steps: Option<u32>,
-    /// Interval of a first row that stands at 0, or later than a step.
+    /// Interval of a first row that stands at 0, or later than any step is long.
     median_step_s: Option<f64>,
     ended: bool,
 }
@@ -90,15 +90,13 @@ pub struct RunReader {
 type Source = Chain<input::Records<File>, &'static [u8]>;
 
 const NUMBER: &str = "a finite decimal number";
-/// A first row that ends so many steps after 0 is not as long as that: the rows before it are not in the file.
-const FIRST_STEPS: f64 = 1.5;
 /// No recording begins later than this after the run's start, seconds: effects of time since then are over, and other times have another zero.
 const LATEST_BEGIN_S: f64 = 86_400.0;
 
 impl RunReader {
     /// Opens a run and reads its header.
     ///
-    /// If the first row stands at 0, or later than a step, the file is read through once, because that row's interval is the median step.
+    /// If the first row stands at 0, or later than any step is long, the file is read through once, because that row's interval is the median step.
     /// Errors: no such file, no header, a column missing, unnamed or twice, no rows, times that are not those since the run's start.
     pub fn open(path: &Path) -> Result<Self, FileError> {
         let mut first = Self::open_without_median(path)?;
@@ -110,13 +108,8 @@ impl RunReader {
             return Err(first.field_error(first.columns.t_s, Problem::not_allowed(begin_s, allowed)));
         }
         let mut reader = Self::open_without_median(path)?;
-        let mut steps_s = Vec::new();
-        // A row of that length is told by the next one.
-        if let Some(second_s) = first.next_time()? {
-            steps_s.push(second_s - begin_s);
-        }
-        if begin_s == 0.0 || steps_s.first().is_some_and(|step_s| begin_s > FIRST_STEPS * step_s) {
-            reader.median_step_s = Some(first.median_with_remaining_steps(steps_s)?);
+        if begin_s == 0.0 || clock::check_step(begin_s).is_err() {
+            reader.median_step_s = Some(first.median_of_remaining_steps()?);
         }
         Ok(reader)
     }
@@ -242,7 +235,8 @@ impl RunReader {
         }
     }
 
-    fn median_with_remaining_steps(&mut self, mut steps_s: Vec<f64>) -> Result<f64, FileError> {
+    fn median_of_remaining_steps(&mut self) -> Result<f64, FileError> {
+        let mut steps_s = Vec::new();
         while let (Some(previous_s), Some(t_s)) = (self.previous_s, self.next_time()?) {
             steps_s.push(t_s - previous_s);
         }
