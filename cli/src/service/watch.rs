@@ -8,8 +8,8 @@ pub use north_finder::event::service::change::{ALARM, BASELINE};
 
 use super::{Kind, Signal};
 
-/// A size of fewer sigmas is not shown.
-const SHOWN: f64 = 2.0;
+/// A size of fewer sigmas is not shown: the greatest of hundreds of beginnings is one of 4 by chance in 2 % of the logs.
+const SHOWN: f64 = 4.0;
 /// A ramp of fewer fixes has no course that tells it from a step.
 const LEAST_RAMP: usize = 5;
 
