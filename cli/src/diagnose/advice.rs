@@ -5,7 +5,7 @@ use north_finder::effects::doubt::Process;
 use north_finder::units::wrap_180_deg;
 
 use super::experiment::{sentences, short};
-use super::names::LATITUDE;
+use super::names::{self, LATITUDE};
 use super::result::{Ask, Experiment};
 use super::statistics::median;
 use super::{Diagnosis, Effect};
@@ -82,10 +82,15 @@ impl Situation<'_> {
         if inseparable.iter().any(|name| name == LATITUDE) {
             return Some(self.latitude_itself());
         }
-        if let Some(effect) =
-            effects.iter().find(|effect| effect.ambiguous_with.iter().any(|other| inseparable.contains(other)))
-        {
+        let of_latitude = |other: &String| inseparable.contains(other) && names::differs_by_latitude(other);
+        if let Some(effect) = effects.iter().find(|effect| effect.ambiguous_with.iter().any(of_latitude)) {
             return Some(self.other_latitude(effect));
+        }
+        let is_same = |effect: &&Effect| effect.ambiguous_with.iter().all(|other| inseparable.contains(other));
+        if let Some(effect) =
+            effects.iter().filter(confounded).find(|effect| !effect.channels.is_empty() && is_same(effect))
+        {
+            return Some(self.other_values(effect));
         }
         if let Some(effect) = effects.iter().find(confounded) {
             return Some(self.longer_rests(Some(effect)));
@@ -183,6 +188,20 @@ impl Situation<'_> {
             0.5 * MORE_RUNS as f64 * apart * apart
         );
         self.experiment(Ask::Latitude, self.sigma_now_deg, &[&runs, &gain])
+    }
+
+    /// Functions that nothing tells apart at the values of a channel so far differ at others.
+    fn other_values(&self, effect: &Effect) -> Experiment {
+        let channels = effect.channels.join(" and ");
+        let runs = format!(
+            "Make {MORE_RUNS} more runs at surveyed headings in which {channels} takes other values than so far, between them and beyond"
+        );
+        let gain = format!(
+            "At those so far {} and {} differ by log odds below 1 whatever the order, heading or duration",
+            short(&effect.full_name()),
+            short(effect.ambiguous_with.first().map_or("the others", String::as_str)),
+        );
+        self.experiment(Ask::Runs, self.sigma_now_deg, &[&runs, &gain])
     }
 
     fn longer_rests(&self, confounded: Option<&Effect>) -> Experiment {

@@ -286,6 +286,7 @@ pub fn propose(
         if tells_apart { std::iter::once(likeliest.clone()).chain(named(&told)).collect() } else { Vec::new() };
     let more = match told.len() {
         0 | 1 => String::new(),
+        2 => " and another one".into(),
         count => format!(" and {} others", count - 1),
     };
     let tells = log_odds.map(|log_odds| {

@@ -23,6 +23,11 @@ pub const GRAVITY_SENSITIVITY: &str = "gravity-sensitivity";
 pub const LATITUDE: &str = "latitude";
 const S_PER_H: f64 = 3600.0;
 
+/// Whether an effect of this name turns azimuths at one latitude as another effect does, and otherwise at another: as cos φ, or as tan φ where the tilt enters.
+pub fn differs_by_latitude(name: &str) -> bool {
+    [INDEX_OFFSET, EARTH_FIELD, LEVEL_BIAS, FIRST_HARMONIC].contains(&name)
+}
+
 /// What an effect is called.
 pub struct Named {
     pub name: String,

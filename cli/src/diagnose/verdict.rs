@@ -47,10 +47,16 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
     let failed: Vec<&str> =
         diagnosis.noise.after.iter().filter(|test| test.failed()).map(|test| test.name.as_str()).collect();
     let found = match names.as_slice() {
-        [] if diagnosis.unexplained && diagnosis.withdrawn.is_some() => {
-            "The residual is not noise, and no effect is taken out of it".to_owned()
+        [] if diagnosis.unexplained => {
+            let what = if failed.is_empty() {
+                "The rates are noise by every test, but not what azimuths miss their references by"
+            } else {
+                "The residual is not noise"
+            };
+            let why =
+                if diagnosis.withdrawn.is_some() { "no effect is taken out of it" } else { "no candidate explains it" };
+            format!("{what}, and {why}")
         }
-        [] if diagnosis.unexplained => "The residual is not noise, and no candidate explains it".to_owned(),
         [] if diagnosis.runs.iter().all(|run| run.role != Role::Fit) => {
             "Nothing may be learned from these runs".to_owned()
         }
@@ -84,7 +90,15 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
                 }
             }
         }
-        (_, Some(after)) => format!(": azimuth error {after:.3} deg rms"),
+        (before, Some(after)) => {
+            let after = format!("{after:.3}");
+            match before.map(|before| format!("{before:.3}")) {
+                Some(before) if before != after => {
+                    format!(": azimuth error {before} deg rms before, {after} deg after")
+                }
+                _ => format!(": azimuth error {after} deg rms"),
+            }
+        }
         _ => of_stations(diagnosis),
     };
     let rest = if names.is_empty() {
