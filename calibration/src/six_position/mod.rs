@@ -87,8 +87,12 @@ pub fn solve(positions: &[Position], knowledge: &Knowledge) -> Result<Calibratio
     measured.refuse_undetermined(None)?;
     let solution = measured.solve(None).ok_or(Refusal::Undetermined(ALL))?;
     solution.refuse_noise()?;
-    measured.refuse_latitude(&solution)?;
-    measured.refuse_closure(&solution)?;
+    // Exchanged positions may look like another latitude.
+    let exchanged = measured.find_exchange(&solution);
+    if exchanged.is_none() {
+        measured.refuse_latitude(&solution)?;
+    }
+    measured.refuse_closure(&solution, exchanged)?;
     solution.refuse_exchanged()?;
     Ok(solution.calibration())
 }
@@ -182,14 +186,17 @@ impl<'a> Measured<'a> {
         self.positions.get(number).map(|position| position.axes)
     }
 
-    /// The two positions whose exchange explains the readings best, if all then agree and each gyro follows its axis.
-    fn find_exchange(&self) -> Option<(usize, usize)> {
+    /// The two positions whose exchange explains the readings best, where their closure is not noise: all then agree, with each other and with the
+    /// latitude, and each gyro follows its axis.
+    fn find_exchange(&self, solution: &Solution) -> Option<(usize, usize)> {
+        solution.closure().p_value.filter(|p_value| *p_value < LEAST_CLOSURE_P)?;
         let count = self.positions.len();
         let pairs = (0..count).flat_map(|one| (one + 1..count).map(move |other| (one, other)));
         let explained = pairs.filter_map(|pair| {
             let measured = Measured { exchanged: Some(pair), ..*self };
             measured.refuse_undetermined(None).ok()?;
             let solution = measured.solve(None)?;
+            measured.refuse_latitude(&solution).ok()?;
             solution.refuse_exchanged().ok()?;
             let p_value = solution.closure().p_value.filter(|p_value| *p_value >= LEAST_CLOSURE_P)?;
             Some((p_value, pair))
@@ -255,7 +262,7 @@ impl<'a> Measured<'a> {
         Some(solution)
     }
 
-    fn refuse_closure(&self, solution: &Solution) -> Result<(), Refusal> {
+    fn refuse_closure(&self, solution: &Solution, exchanged: Option<(usize, usize)>) -> Result<(), Refusal> {
         let Closure { rms_deg_h: Some(rms_deg_h), p_value: Some(p_value), .. } = solution.closure() else {
             return Ok(());
         };
@@ -270,7 +277,7 @@ impl<'a> Measured<'a> {
                     .is_some_and(|p_value| p_value >= LEAST_CLOSURE_P)
         };
         let suspects = (0..self.positions.len().min(64)).filter(consistent).fold(0, |bits, k| bits | 1 << k);
-        Err(Refusal::Closure { rms_deg_h, p_value, suspects, exchanged: self.find_exchange() })
+        Err(Refusal::Closure { rms_deg_h, p_value, suspects, exchanged })
     }
 }
 

@@ -108,6 +108,11 @@ fn two_positions_whose_axes_are_exchanged_are_named() {
             let mut positions = six.clone();
             (positions[one].axes, positions[other].axes) = (six[other].axes, six[one].axes);
             let refusal = solve(&positions, &knowledge()).unwrap_err();
+            // Positions 1 and 4 are in the closures N2 + N3 − N5 − N6 and N1 − N3 − N6 + N4 with the same sign: their exchange changes neither.
+            if (one, other) == (0, 3) {
+                assert!(matches!(refusal, Refusal::LatitudeContradicts { .. }), "{refusal}");
+                continue;
+            }
             let Refusal::Closure { exchanged, .. } = refusal else { panic!("{one} {other}: {refusal}") };
             assert_eq!(exchanged, Some((one, other)), "{refusal}");
         }
