@@ -61,6 +61,7 @@ fn is_json(head: &str) -> bool {
         .is_some_and(|inner| inner.trim_start().starts_with(|c: char| "\"{[-".contains(c) || c.is_ascii_digit()))
 }
 
+/// Whether the columns that every run has are there.
 fn is_run(table: &Table) -> bool {
     OF_RUN.iter().all(|name| table.names.iter().any(|found| found == name))
 }

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::super::moment;
+use crate::import::moment;
 
 /// Lines by which the delimiter is told.
 const LINES: usize = 1000;
