@@ -41,8 +41,8 @@ pub enum AxesError {
     Parallel,
     #[error(
         "they are left-handed (the first turned into the second must give the third, right-handed): one of them points \
-         the other way, or two columns are exchanged. Columns that are listed in another order than the instrument's x, y, z are \
-         listed in that order, in `columns` and in `axes` alike"
+         the other way, or two columns are exchanged. If the columns are listed in another order than the instrument's x, y, z, \
+         list them in that order, in `columns` and in `axes` alike"
     )]
     LeftHanded,
     #[error("without a third axis they must be forward or back, and left or right")]
