@@ -98,13 +98,11 @@ fn a_latitude_that_the_rates_contradict_is_refused_with_theirs() {
     let (folder, path) = recording(&[rows(1..=600, STILL)]);
     let out = folder.path().join("track.csv").display().to_string();
     for latitude in ["-60", "45"] {
-        let said = format!(
-            "the Earth's rotation at latitude +60.00° ± 0.00°, not at the given {latitude}°; correct --latitude"
-        );
-        refused(&["align", &path, "--latitude", latitude], &["block.csv", &said]);
+        let (found, given) = ("at latitude +60.00° ± ", format!("not at the given {latitude}°; correct --latitude"));
+        refused(&["align", &path, "--latitude", latitude], &["block.csv", found, &given]);
         let track = ["track", &path, "--latitude", latitude, "--align", "30", "--class", "ring-laser", "--out", &out];
-        // Of a bias of 0.01 °/h the latitude has a sigma of 0.01/15.04 = 0.04°.
-        let said = format!("+60.00° ± 0.04°, not at the given {latitude}°; correct --latitude");
+        // White noise of 0.002 °/√h is 0.022 °/h in 30 s; with a bias of 0.01 °/h it is 0.024 °/h, 0.09° of 15.04.
+        let said = format!("+60.00° ± 0.09°, not at the given {latitude}°; correct --latitude");
         refused(&track, &["block.csv", &said]);
         refused(&[&track[..], &["--heading", "90"]].concat(), &["block.csv", &said]);
     }

@@ -746,8 +746,7 @@ fn times_in_milliseconds_are_told_everywhere() {
     let read = |step: f64| {
         fs::write(&path, run(step)).unwrap();
         RunReader::open(&path)
-            .unwrap()
-            .collect::<Result<Vec<_>, _>>()
+            .and_then(Iterator::collect::<Result<Vec<_>, _>>)
             .map(|rows| rows.len())
             .map_err(|error| error.to_string())
     };
