@@ -233,6 +233,11 @@ fn resolved(path: &Path) -> PathBuf {
     path.canonicalize().ok().or_else(of_new).unwrap_or_else(|| path.to_owned())
 }
 
+/// Says on stderr what the user should know of the result.
+pub fn warn(doubt: impl std::fmt::Display) {
+    eprintln!("north: warning: {doubt}");
+}
+
 /// stdout for people.
 pub fn people() -> People<io::Stdout> {
     People { to: io::stdout(), columns: columns(io::stdout().is_terminal()), line: Vec::new() }

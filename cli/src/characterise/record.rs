@@ -24,7 +24,7 @@ const LEAST_PER_COUNT: usize = 3;
 const LEAST_SPAN_ARCSEC: f64 = 1e-12;
 /// … or by less than this share of itself, the rounding of single precision.
 const LEAST_SPAN: f64 = 1e-7;
-/// More outliers than one row in so many are the gyro's own noise, and stay.
+/// More outliers than one row in so many are the gyro's own noise, and remain.
 const ROWS_BY_OUTLIER: usize = 50;
 /// So many lines of outliers are named.
 const NAMED: usize = 10;
@@ -220,7 +220,7 @@ mod tests {
         assert!(told.contains("1 row is an outlier") && told.contains("line 153, fog_arcsec = 1e20"), "{told}");
         // The replaced row is within the noise, 0.5 arcsec; so is the sum of all.
         assert!((with.angle_arcsec[300] - clean.angle_arcsec[300]).abs() <= 1.0);
-        // One row in fifty is the gyro's own: 7 of 300 stay.
+        // One row in fifty is the gyro's own: 7 of 300 remain.
         let own = recording((0..300).map(|row| if row % 43 == 20 { 100.0 } else { noise(row) })).unwrap();
         assert!(own.outliers.is_empty() && own.angle_arcsec[300] > 600.0);
     }

@@ -59,7 +59,7 @@ impl Characterise {
         }
         self.report.write(|| report::characterise::html(&self.recording, &character, channels.as_ref(), &settings))?;
         for doubt in doubts(&character, &settings) {
-            eprintln!("north: warning: {}: {doubt}", self.recording.display());
+            output::warn(format_args!("{}: {doubt}", self.recording.display()));
         }
         self.json.write(&Result { character, settings, channels })
     }

@@ -71,7 +71,7 @@ impl Import {
             eprintln!("north: note: {note}");
         }
         for doubt in &summary.doubts {
-            eprintln!("north: warning: {doubt}");
+            output::warn(doubt);
         }
         self.json.write(&summary)
     }

@@ -16,7 +16,7 @@ use crate::block_gate::{self, Gated};
 use crate::failure::Failure;
 use crate::file_error::FileError;
 use crate::model_file::ModelFile;
-use crate::output::JsonOption;
+use crate::output::{self, JsonOption};
 use crate::report::{self, ReportOption};
 use crate::track::aided::{self, Aided, Loss, Rejection, SourceSummary};
 use crate::track::aiding_csv::Aiding;
@@ -293,7 +293,7 @@ impl Track {
             how,
         };
         for warning in &summary.warnings {
-            eprintln!("north: warning: {warning}");
+            output::warn(warning);
         }
         let said = summary.said();
         writeln!(self.json.human(), "{said}")?;

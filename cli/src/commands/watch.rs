@@ -13,7 +13,7 @@ use crate::diagnose::Options;
 use crate::failure::Failure;
 use crate::file_error::FileError;
 use crate::model_file::ModelFile;
-use crate::output::JsonOption;
+use crate::output::{self, JsonOption};
 use crate::service::{
     ALARM, BASELINE, Cause, Change, History, Kind, Log, Moved, Needed, OtherPlace, Watch as Verdict, report, signals,
     watch,
@@ -88,7 +88,7 @@ impl Watch {
         crate::output::check(results)?;
         let log = Log::read(&self.logs)?;
         for warning in &log.warnings {
-            eprintln!("north: warning: {warning}");
+            output::warn(warning);
         }
         let model = self.model.as_deref().map(ModelFile::read).transpose()?.and_then(|file| file.error_model);
         let count = log.fixes.len();

@@ -181,12 +181,9 @@ impl Situation<'_> {
         let runs = format!(
             "Make {MORE_RUNS} runs with surveyed headings at another latitude, {other_deg:.0} deg or further away"
         );
-        let gain = format!(
-            "That tells {} from {} by log odds of {:.1}; no run at this latitude does",
-            short(&effect.full_name()),
-            short(effect.ambiguous_with.first().map_or("the others", String::as_str)),
-            0.5 * MORE_RUNS as f64 * apart * apart
-        );
+        let [name, other] = names_of_pair(effect);
+        let log_odds = 0.5 * MORE_RUNS as f64 * apart * apart;
+        let gain = format!("That tells {name} from {other} by log odds of {log_odds:.1}; no run at this latitude does");
         self.experiment(Ask::Latitude, self.sigma_now_deg, &[&runs, &gain])
     }
 
@@ -196,10 +193,9 @@ impl Situation<'_> {
         let runs = format!(
             "Make {MORE_RUNS} more runs at surveyed headings in which {channels} takes other values than so far, between them and beyond"
         );
+        let [name, other] = names_of_pair(effect);
         let gain = format!(
-            "At those so far {} and {} differ by log odds below 1 whatever the order, heading or duration",
-            short(&effect.full_name()),
-            short(effect.ambiguous_with.first().map_or("the others", String::as_str)),
+            "At those so far {name} and {other} differ by log odds below 1 whatever the order, heading or duration"
         );
         self.experiment(Ask::Runs, self.sigma_now_deg, &[&runs, &gain])
     }
@@ -214,11 +210,8 @@ impl Situation<'_> {
         );
         let gain = self.falls_to(then_deg);
         let tells = confounded.map(|effect| {
-            format!(
-                "The log odds between {} and {} grow by a factor of {LONGER:.0}",
-                short(&effect.full_name()),
-                short(effect.ambiguous_with.first().map_or("the others", String::as_str))
-            )
+            let [name, other] = names_of_pair(effect);
+            format!("The log odds between {name} and {other} grow by a factor of {LONGER:.0}")
         });
         let said: Vec<&str> = [Some(rests.as_str()), tells.as_deref(), Some(&gain)].into_iter().flatten().collect();
         Experiment { dwell_s: LONGER * self.rest_s, ..self.experiment(Ask::LongerRests, then_deg, &said) }
@@ -260,6 +253,12 @@ impl Situation<'_> {
             sigma_then_deg,
         }
     }
+}
+
+/// Short names of an effect and of the first that it is confounded with.
+fn names_of_pair(effect: &Effect) -> [String; 2] {
+    let other = effect.ambiguous_with.first().map_or("the others", String::as_str);
+    [short(&effect.full_name()), short(other)]
 }
 
 const CHANNEL: &str = "Record a channel that may be the cause, such as the coil's temperature, the supply voltage or a vibration, every second";

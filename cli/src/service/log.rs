@@ -55,29 +55,6 @@ pub struct Log {
     pub warnings: Vec<String>,
 }
 
-/// What a number of a log may be: none is beyond what a fix can give.
-const LIMITS: [(&str, RangeInclusive<f64>); 18] = [
-    ("t_s", 0.0..=1e10),
-    ("azimuth_deg", -360.0..=360.0),
-    ("sigma_deg", 0.0..=360.0),
-    ("misfit", 0.0..=1e12),
-    ("freedom", 0.0..=1e6),
-    // No gyro of an index reads more: 1e7 °/h are the greatest range that can be declared.
-    ("bias_deg_h", -1e7..=1e7),
-    ("amplitude_deg_h", 0.0..=1e7),
-    ("drift_deg_h_per_h", -1e9..=1e9),
-    ("temp_c", -273.15..=1000.0),
-    ("check_deg", -360.0..=360.0),
-    ("scatter_deg_h", 0.0..=1e7),
-    ("block_temp_c", -273.15..=1000.0),
-    ("input_1", -1e12..=1e12),
-    ("input_2", -1e12..=1e12),
-    ("input_3", -1e12..=1e12),
-    ("input_4", -1e12..=1e12),
-    ("supply_v", -1000.0..=1000.0),
-    ("chip_temp_c", -273.15..=1000.0),
-];
-
 impl Logged {
     /// A fix of a campaign's run, whose recording began with a switch-on.
     pub fn of_run(number: usize, run: &Run, fix: &Fix, temp_c: Option<f64>) -> Self {
@@ -134,16 +111,12 @@ impl Log {
     pub fn temperatures_c(&self) -> Option<Vec<f64>> {
         self.fixes.iter().map(|fix| fix.temp_c).collect()
     }
-}
 
-impl Log {
     fn read_one(&mut self, path: &Path) -> Result<(), FileError> {
         let mut table = TableCsv::open(path)?;
         let (fix, boot) = (table.column("fix")?, table.column("boot")?);
-        let places = LIMITS.map(|(name, _)| table.find(name));
-        let words = ["utc", "flags", "firmware", "model"].map(|name| table.find(name));
         while table.next_row()? {
-            let row = read_row(&table, [fix, boot], &places, words)?;
+            let row = read_row(&table)?;
             if let Some(before) = self.fixes.last() {
                 if row.fix <= before.fix {
                     let allowed = format!("a fix after number {}: logs are given in their order", before.fix);
@@ -164,67 +137,40 @@ impl Log {
     }
 }
 
-/// The row of a table, with the places of fix and boot, of the numbers of [`LIMITS`], and of utc, flags, firmware and model.
-fn read_row(
-    table: &TableCsv,
-    [fix, boot]: [usize; 2],
-    places: &[Option<usize>; LIMITS.len()],
-    words: [Option<usize>; 4],
-) -> Result<Logged, FileError> {
-    let whole = |column| table.number_within(column, &(0.0..=1e15)).map(|number| number as u64);
-    let text = |place: Option<usize>| place.map_or_else(String::new, |column| table.text(column));
-    let mut numbers = [None; LIMITS.len()];
-    for ((number, place), (_, limits)) in numbers.iter_mut().zip(places).zip(&LIMITS) {
-        if let Some(column) = place.filter(|&column| !table.is_empty(column)) {
-            *number = Some(table.number_within(column, limits)?);
-        }
-    }
-    let [
-        t_s,
-        azimuth_deg,
-        sigma_deg,
-        misfit,
-        freedom,
-        bias_deg_h,
-        amplitude_deg_h,
-        drift_deg_h_per_h,
-        temp_c,
-        check_deg,
-        scatter_deg_h,
-        block_temp_c,
-        input_1,
-        input_2,
-        input_3,
-        input_4,
-        supply_v,
-        chip_temp_c,
-    ] = numbers;
-    let [utc, flags, firmware, model] = words.map(text);
+/// The row of a table. No number may be beyond what a fix can give.
+fn read_row(table: &TableCsv) -> Result<Logged, FileError> {
+    let whole = |name| table.number_within(table.column(name)?, &(0.0..=1e15)).map(|number| number as u64);
+    let text = |name| table.find(name).map_or_else(String::new, |column| table.text(column));
+    let number = |name, allowed: RangeInclusive<f64>| {
+        let given = table.find(name).filter(|&column| !table.is_empty(column));
+        given.map(|column| table.number_within(column, &allowed)).transpose()
+    };
     Ok(Logged {
-        fix: whole(fix)?,
-        boot: whole(boot)?,
-        t_s,
-        utc,
-        azimuth_deg,
-        sigma_deg,
-        misfit,
-        freedom,
-        bias_deg_h,
-        amplitude_deg_h,
-        drift_deg_h_per_h,
-        scatter_deg_h,
-        temp_c,
-        block_temp_c,
-        input_1,
-        input_2,
-        input_3,
-        input_4,
-        supply_v,
-        chip_temp_c,
-        flags,
-        firmware,
-        model,
-        check_deg,
+        fix: whole("fix")?,
+        boot: whole("boot")?,
+        t_s: number("t_s", 0.0..=1e10)?,
+        utc: text("utc"),
+        azimuth_deg: number("azimuth_deg", -360.0..=360.0)?,
+        sigma_deg: number("sigma_deg", 0.0..=360.0)?,
+        misfit: number("misfit", 0.0..=1e12)?,
+        freedom: number("freedom", 0.0..=1e6)?,
+        // No gyro of an index reads more: 1e7 °/h are the greatest range that can be declared.
+        bias_deg_h: number("bias_deg_h", -1e7..=1e7)?,
+        amplitude_deg_h: number("amplitude_deg_h", 0.0..=1e7)?,
+        drift_deg_h_per_h: number("drift_deg_h_per_h", -1e9..=1e9)?,
+        scatter_deg_h: number("scatter_deg_h", 0.0..=1e7)?,
+        temp_c: number("temp_c", -273.15..=1000.0)?,
+        block_temp_c: number("block_temp_c", -273.15..=1000.0)?,
+        input_1: number("input_1", -1e12..=1e12)?,
+        input_2: number("input_2", -1e12..=1e12)?,
+        input_3: number("input_3", -1e12..=1e12)?,
+        input_4: number("input_4", -1e12..=1e12)?,
+        supply_v: number("supply_v", -1000.0..=1000.0)?,
+        chip_temp_c: number("chip_temp_c", -273.15..=1000.0)?,
+        flags: text("flags"),
+        firmware: text("firmware"),
+        model: text("model"),
+        check_deg: number("check_deg", -360.0..=360.0)?,
     })
 }
 

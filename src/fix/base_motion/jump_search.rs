@@ -4,13 +4,12 @@ use super::jumps::Jumps;
 use super::levels::{FUNCTIONS, Law, Levels, Prior, SIGNIFICANT};
 use super::tilt::tilt_arcsec;
 use crate::fix::dwell::DwellSummary;
-use crate::sensing::level::LevelDrift;
 
-/// What a jump must explain in a dwell in which the gyro felt a knock, variances: twice what chance explains of both axes by its size (Akaike, IEEE Transactions on
+/// What a jump must explain in a dwell in which the gyro measured a shock, variances: twice what chance explains of both axes by its size (Akaike, IEEE Transactions on
 /// Automatic Control 19, 1974, p. 716). Elsewhere it must be as significant as a path.
-const WHERE_KNOCKED: f64 = 4.0;
+const WHERE_SHOCKED: f64 = 4.0;
 
-/// No jumps, where the gyro felt no knock, or as many as leave the least: each where a polynomial of few degrees leaves the least beside those before it.
+/// No jumps, where the gyro measured no shock, or as many as leave the least: each where a polynomial of few degrees leaves the least beside those before it.
 pub fn likeliest(dwells: &[DwellSummary]) -> Jumps {
     let none = Jumps::default();
     if dwells.iter().all(|dwell| dwell.outliers == 0) {
@@ -50,8 +49,7 @@ fn with_next(jumps: &Jumps, dwells: &[DwellSummary], variance: [f64; 2]) -> Opti
 /// The sum of squares that these and a polynomial leave, in variances, less what is expected of the readings that count, and what every power of the
 /// polynomial and every jump must explain to be taken for one.
 fn left(jumps: &Jumps, dwells: &[DwellSummary], variance: [f64; 2]) -> Option<f64> {
-    let free = Prior { drift: LevelDrift::default(), path_arcsec: f64::INFINITY };
-    let levels = Levels::new(dwells, Law::Powers, variance, &free, jumps)?;
+    let levels = Levels::new(dwells, Law::Powers, variance, &Prior::FREE, jumps)?;
     let of_jumps = jumps.at_s().iter().map(|&at_s| asked_of(dwells, at_s)).sum::<f64>();
     let with_path = |degree: usize| levels.chi_square(degree) + SIGNIFICANT * degree as f64;
     Some((0..FUNCTIONS).map(with_path).min_by(f64::total_cmp)? + of_jumps - jumps.readings(dwells))
@@ -59,8 +57,8 @@ fn left(jumps: &Jumps, dwells: &[DwellSummary], variance: [f64; 2]) -> Option<f6
 
 /// What a jump at this time must explain.
 fn asked_of(dwells: &[DwellSummary], at_s: f64) -> f64 {
-    let felt = |dwell: &DwellSummary| dwell.outliers > 0 && dwell.start_s < at_s && at_s < dwell.end_s;
-    if dwells.iter().any(felt) { WHERE_KNOCKED } else { SIGNIFICANT }
+    let shocked = |dwell: &DwellSummary| dwell.outliers > 0 && dwell.start_s < at_s && at_s < dwell.end_s;
+    if dwells.iter().any(shocked) { WHERE_SHOCKED } else { SIGNIFICANT }
 }
 
 /// Variance of a one-second tilt about a line in a usual dwell, the median, arcsec², pitch and roll: a jump in a few of them is not in it.

@@ -1,4 +1,4 @@
-//! Times at which the base was knocked, or levelled again: its tilt is another one afterwards.
+//! Times at which a shock moved the base, or it was levelled again: its tilt is another one afterwards.
 //!
 //! While it jumped the gyro's seconds are no measurement, and are left out as outliers or lie between two dwells; before and after the base goes on as it
 //! did. So each jump is a further unknown of the levels, which no rate knows of, and a dwell in which the base jumped says nothing of its levels.

@@ -41,6 +41,12 @@ pub struct Prior {
     pub path_arcsec: f64,
 }
 
+impl Prior {
+    /// Of accelerometers that do not drift, and a path of which nothing is supposed.
+    pub const FREE: Self =
+        Self { drift: LevelDrift { arcsec_per_k: 0.0, arcsec_per_sqrt_s: 0.0 }, path_arcsec: f64::INFINITY };
+}
+
 /// What a path is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Law {

@@ -19,7 +19,6 @@ mod tilt;
 use heapless::Vec;
 use jumps::Jumps;
 use levels::{FUNCTIONS, Law, Levels, Path, Prior, SIGNIFICANT};
-
 use tilt::tilt_arcsec;
 
 use super::dwell::DwellSummary;
@@ -89,10 +88,11 @@ pub fn levels_changed(dwells: &[DwellSummary]) -> bool {
 
 /// Looks for motion in the dwells of a fix, as of accelerometers that do not drift.
 pub fn detect(dwells: &[DwellSummary]) -> BaseMotion {
-    let free = Prior { drift: LevelDrift::default(), path_arcsec: f64::INFINITY };
     let none = Jumps::default();
     let Some(variance) = none.variance_arcsec2(dwells) else { return BaseMotion::Unknown };
-    let Some(levels) = Levels::new(dwells, Law::Powers, variance, &free, &none) else { return BaseMotion::Unknown };
+    let Some(levels) = Levels::new(dwells, Law::Powers, variance, &Prior::FREE, &none) else {
+        return BaseMotion::Unknown;
+    };
     let degree = (1..FUNCTIONS).rev().find(|&degree| levels.explained(degree) > SIGNIFICANT).unwrap_or(0);
     if is_improbable(dwells, &levels, degree, &none) {
         return BaseMotion::Moving(Method::Slopes { variance });
@@ -140,11 +140,12 @@ pub struct Supposed {
 }
 
 /// Paths that the base may have moved along, of any size, while the accelerometers drifted: the likelier ones by the levels, the likeliest first. The base may
-/// have jumped meanwhile where the gyro felt knocks, or where no path fits without. Empty where none fits with jumps, either.
+/// have jumped meanwhile where the gyro measured shocks, or where no path fits without. Empty where none fits with jumps, either.
 pub fn beside_drift(dwells: &[DwellSummary], drift: LevelDrift) -> Vec<Supposed, MOST_PATHS> {
     let paths_with = |jumps: &Jumps| paths(dwells, drift, jumps);
-    let likeliest = paths_with(&jump_search::likeliest(dwells));
-    if !likeliest.is_empty() {
+    let jumps = jump_search::likeliest(dwells);
+    let likeliest = paths_with(&jumps);
+    if !likeliest.is_empty() || jumps.count() > 0 {
         return likeliest;
     }
     jump_search::one_at_least(dwells).map_or(likeliest, |(_, jumps)| paths_with(&jumps))
@@ -238,10 +239,10 @@ mod tests {
         assert!(matches!(detect(&jumpy), BaseMotion::Moving(Method::Slopes { .. })));
     }
 
-    /// A base that creeps by 0.1 arcsec/s is knocked by 100 arcsec: in the fifth dwell, which lasts from 152 to 182 s, between the fifth and the sixth, and
+    /// A base that creeps by 0.1 arcsec/s is tilted by shocks of 100 arcsec: in the fifth dwell, which lasts from 152 to 182 s, between the fifth and the sixth, and
     /// both. Its rate is found; by a smooth path it would not be.
     #[test]
-    fn a_creep_goes_on_after_knocks() {
+    fn a_creep_goes_on_after_shocks() {
         let after = |at_s: f64, t_s: f64| if t_s > at_s { 100.0 } else { 0.0 };
         for (first_s, second_s) in [(165.0, f64::INFINITY), (185.0, f64::INFINITY), (165.0, 225.0)] {
             let dwells = dwells(|t_s| 0.1 * t_s + after(first_s, t_s) - after(second_s, t_s));
