@@ -5,7 +5,7 @@
 set -eu
 only=" $* "
 for file in "$@"; do
-    grep -q "^ *bench $file \|^ *write $file\.json " "$0" || { echo "figures: there is no file \"$file\"" >&2; exit 2; }
+    grep -q "^ *bench $file \|^ *write $file\.json \|^ *tables $file\.md " "$0" || { echo "figures: there is no file \"$file\"" >&2; exit 2; }
 done
 cd "$(dirname "$0")/.."
 data=${NORTH_FINDER_DATA:-../shared/data}
@@ -39,6 +39,15 @@ bench() {
     mv "$work/$file.md" "$work/$file.json" "$out"
 }
 
+# tables file command: the tables that a test prints
+tables() {
+    file=$1; shift
+    is_wanted "${file%.md}" || return 0
+    echo "$file"
+    "$@" -- --nocapture --test-threads 1 2>/dev/null | grep -e '^|' -e '^$' > "$work/$file"
+    mv "$work/$file" "$out"
+}
+
 bench accuracy accuracy
 bench orders orders --fixes 100
 bench repeat repeat
@@ -55,6 +64,10 @@ bench alignment alignment --trials 20
 bench gyros gyros --fixes 6
 bench hold hold --trials 100
 bench faults faults
+bench aiding aiding --trials 60
+bench esg esg --trials 4
+bench field field
+tables motion.md cargo test --quiet --lib fix::motion
 
 triad=$data/ring-laser-triad/increments_100hz.csv
 if [ -f "$triad" ]; then
@@ -62,6 +75,7 @@ if [ -f "$triad" ]; then
     write parked-vehicle.json "$north" diagnose "$work/parked" --model-out "$work/vehicle.toml"
     write parked-vehicle-plain.json "$north" solve "$work/parked"
     write parked-vehicle-solved.json "$north" solve "$work/parked" --model "$work/vehicle.toml"
+    tables parked-windows.md cargo test --quiet -p acceptance parked_vehicle
 fi
 counts=$data/mems-multi-position/counts_100hz.csv
 if [ -f "$counts" ]; then

@@ -7,7 +7,7 @@
 //!
 //!     <!-- table NAME.md 0 -->
 //!
-//! The table that follows is the first of docs/figures/NAME.md, which holds what the command printed.
+//! The table that follows is the first of docs/figures/NAME.md, which holds what the command printed; with `columns 0 2 3` before the end these of its columns.
 
 use std::fs;
 use std::iter;
@@ -106,6 +106,12 @@ fn tables(text: &str) -> Vec<Vec<&str>> {
     lines.chunk_by(|a, b| is_row(a) == is_row(b)).filter(|lines| is_row(&lines[0])).map(<[&str]>::to_vec).collect()
 }
 
+/// These columns of a row.
+fn with_columns(row: &str, columns: &[usize]) -> String {
+    let cells: Vec<&str> = row.trim_matches('|').split('|').collect();
+    columns.iter().map(|&column| format!("|{}", cells.get(column).unwrap_or(&""))).collect::<String>() + "|"
+}
+
 /// One document with the tables that its files hold, and what differs.
 fn with_tables_of_files(document: &str, read: &dyn Fn(&str) -> String) -> (String, Vec<String>) {
     let (mut lines, mut differences) = (document.lines().peekable(), Vec::new());
@@ -113,17 +119,22 @@ fn with_tables_of_files(document: &str, read: &dyn Fn(&str) -> String) -> (Strin
     while let Some(line) = lines.next() {
         written.push(line.to_owned());
         let Some(mark) = line.strip_prefix(TABLE_MARK) else { continue };
-        let (file, number) = mark.trim_end_matches("-->").trim().split_once(' ').expect("a file and a number");
+        let (table, columns) = match mark.trim_end_matches("-->").split_once(" columns ") {
+            Some((table, columns)) => (table, columns.split_whitespace().map(|each| each.parse().unwrap()).collect()),
+            None => (mark.trim_end_matches("-->"), Vec::new()),
+        };
+        let (file, number) = table.trim().split_once(' ').expect("a file and a number");
         written.extend(iter::from_fn(|| lines.next_if(|line| line.is_empty())).map(str::to_owned));
         let shown: Vec<&str> = iter::from_fn(|| lines.next_if(|line| line.starts_with('|'))).collect();
         let text = read(file);
         let of_file = number.parse().ok().and_then(|number: usize| tables(&text).into_iter().nth(number));
-        let of_file = of_file.unwrap_or_default();
+        let chosen = |row: &str| if columns.is_empty() { row.to_owned() } else { with_columns(row, &columns) };
+        let of_file: Vec<String> = of_file.unwrap_or_default().into_iter().map(chosen).collect();
         if of_file != shown {
             let unlike = of_file.iter().zip(&shown).find(|(a, b)| a != b);
             differences.push(format!("{file} {number}: {unlike:?} of {} and {} lines", of_file.len(), shown.len()));
         }
-        written.extend(of_file.into_iter().map(str::to_owned));
+        written.extend(of_file);
     }
     (written.join("\n") + "\n", differences)
 }
@@ -187,4 +198,7 @@ fn a_table_that_differs_is_found_and_written() {
     assert_eq!(differences.len(), 1, "{differences:?}");
     assert_eq!(with_tables_of_files(&written, &|_| file.to_owned()), (written.clone(), Vec::new()));
     assert_eq!(with_tables_of_files(&document.replace("md 1", "md 2"), &|_| file.to_owned()).1.len(), 1);
+    let wide = "| x | y | z |\n|---|---|---|\n| 1 | 2 | 3 |\n";
+    let (written, _) = with_tables_of_files("<!-- table a.md 0 columns 0 2 -->\n", &|_| wide.to_owned());
+    assert_eq!(written, "<!-- table a.md 0 columns 0 2 -->\n| x | z |\n|---|---|\n| 1 | 3 |\n");
 }

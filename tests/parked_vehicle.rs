@@ -113,7 +113,9 @@ fn base_motion_is_taken_out_of_windows_of_any_length() {
         println!("skipped: ring-laser-triad is not there");
         return;
     };
-    println!("window, s   rows, s  windows  error, ° rms  sigma, ° rms  error/sigma rms");
+    println!(
+        "\n| dwell, s | rows of the recording, s | windows | error, ° rms | sigma, ° rms | error / sigma, rms |\n|---|---|---|---|---|---|"
+    );
     let bounds = [(25, 0.79, 0.30), (38, 0.187, 0.115), (75, 0.06, 0.06), (129, 0.03, 0.03), (135, 0.03, 0.03)];
     for (dwell_s, coarse_deg, fine_deg) in bounds {
         for (size, bound_deg) in [(20, coarse_deg), (1, fine_deg)] {
@@ -123,7 +125,7 @@ fn base_motion_is_taken_out_of_windows_of_any_length() {
             let ratio = rms(windows.iter().map(|(error_deg, sigma_deg)| error_deg / sigma_deg));
             let rows_s = size as f64 / RATE as f64;
             let number = windows.len();
-            println!("4 x {dwell_s:4} {rows_s:9} {number:8} {error_deg:13.3} {sigma_deg:13.3} {ratio:16.2}");
+            println!("| {dwell_s} | {rows_s} | {number} | {error_deg:.3} | {sigma_deg:.3} | {ratio:.2} |");
             assert!(error_deg < bound_deg, "{dwell_s} s of {rows_s} s: {error_deg}");
             if dwell_s == 38 && size == 20 {
                 assert!((0.5..1.5).contains(&ratio), "{ratio}");

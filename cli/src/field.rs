@@ -12,7 +12,7 @@ use north_finder::health::Fault;
 use north_finder::link::{Ask, Request};
 use north_finder::sequence::Command;
 
-use crate::engine::{self, Engine, EngineError, Observer, Person, PowerOff, Setup};
+use crate::engine::{self, Engine, EngineError, FixWanted, Observer, Person, PowerOff, Setup};
 
 /// How a calibration ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -102,4 +102,21 @@ pub fn calibrate(
     let mut person = Obedient::new(world, setup, observe);
     let off = engine::serve(engine, image, world, engine::limit_ticks(setup), &mut person, stop)?;
     Ok(person.outcome(off))
+}
+
+/// Power on with this content of the flash, in the place and at the seed of the setup: north.
+///
+/// Errors: the engine cannot begin or breaks off.
+pub fn find(
+    engine: Engine,
+    image: Option<&Path>,
+    setup: &Setup,
+    flash: &[u8],
+    stop: &AtomicBool,
+) -> Result<engine::Outcome, EngineError> {
+    let world = World::new(&setup.scenario, setup.seed).with_flash(flash);
+    let mut silent = |_: &_| ();
+    let mut wanted = FixWanted::new(&world, &mut silent);
+    let off = engine::serve(engine, image, &world, engine::limit_ticks(setup), &mut wanted, stop)?;
+    Ok(wanted.outcome(off))
 }

@@ -266,13 +266,16 @@ fn cut(samples: &[Increment], seconds: f64) -> Vec<Gathered> {
     samples.chunks_exact((MEASURED_HZ * seconds) as usize).map(gather).collect()
 }
 
+/// The base's name in rows of the recording whose gyro bias is what the rate has beyond the Earth's.
+const BIAS_BY_EXCESS: &str = "measured, bias by the excess";
+
 fn measured(samples: &[Increment]) -> Vec<Row> {
     if samples.is_empty() {
         return Vec::new();
     }
     let rows = WINDOWS_S.into_iter().flat_map(|seconds| {
         let windows = cut(samples, seconds);
-        [("measured, bias by the excess", None), ("measured, repeatability", Some(0.0))]
+        [(BIAS_BY_EXCESS, None), ("measured, no bias", Some(0.0))]
             .into_iter()
             .flat_map(move |(name, bias)| judged(name, None, seconds, &windows, MEASURED_LATITUDE_DEG, bias))
     });
@@ -303,7 +306,37 @@ fn write_rows(out: &mut dyn Write, trials: u64, rows: &[Row]) -> io::Result<()> 
             row.within_95_percent
         )
     })?;
-    write_by_length(out, rows)
+    write_by_length(out, rows)?;
+    write_measured(out, rows)
+}
+
+/// The windows of the recording, of known latitude: the bias by the excess of the rate, and none.
+fn write_measured(out: &mut dyn Write, rows: &[Row]) -> io::Result<()> {
+    let (by_excess, without): (Vec<&Row>, Vec<&Row>) =
+        rows.iter().filter(|row| !row.simulated && row.latitude_known).partition(|row| row.base == BIAS_BY_EXCESS);
+    if by_excess.is_empty() {
+        return Ok(());
+    }
+    writeln!(
+        out,
+        "\nThe recording, cut into windows:\n\n\
+         | window, s | windows | rms error, ° | rms sigma, bias by the excess, ° | within 1.96 sigma | rms sigma, `--bias 0`, ° | within 1.96 sigma |\n\
+         |---|---|---|---|---|---|---|"
+    )?;
+    let within = |row: &Row| (row.within_95_percent * row.windows as f64 / 100.0).round();
+    by_excess.iter().zip(without).try_for_each(|(excess, none)| {
+        writeln!(
+            out,
+            "| {:.0} | {} | {:.3} | {:.3} | {} | {:.3} | {} |",
+            excess.seconds,
+            excess.windows,
+            excess.rms_error_deg,
+            excess.rms_sigma_deg,
+            within(excess),
+            none.rms_sigma_deg,
+            within(none)
+        )
+    })
 }
 
 /// The simulated windows of known latitude, one length beside the other.

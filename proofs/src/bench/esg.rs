@@ -86,34 +86,36 @@ impl Bench for EsgBench {
             gyro: GYRO,
             filter: Beside::Full,
         };
-        bar.suspend(|| {
-            head(out, "Readiness: heading by the gyro in the hour at the surface, and in four hours below")
-        })?;
         let windows_s = [(0.0, 600.0), (600.0, 1800.0), (1800.0, 3600.0), (3600.0, 18_000.0)];
         for filter in [Beside::Full, Beside::Seven, Beside::FullUncalibrated, Beside::Twelve] {
             for class in CLASSES {
                 let setup = Setup { table: "readiness", class, filter, ..base };
-                self.add(out, &setup, &windows_s, &bar, &mut rows)?;
+                self.add(&setup, &windows_s, &bar, &mut rows)?;
             }
         }
-        bar.suspend(|| head(out, "How often a position fix is needed: the last hour of twelve below"))?;
+        bar.suspend(|| write_readiness(out, &rows))?;
+        let done = rows.len();
         for latitude_deg in LATITUDES_DEG {
             let long = passage(latitude_deg, 13.0);
             for orientation in [Orientation::Polar, Orientation::Equatorial] {
                 for fix_every_s in FIXES_S {
                     let setup = Setup { table: FIXES, passage: &long, latitude_deg, orientation, fix_every_s, ..base };
-                    self.add(out, &setup, &[(43_200.0, 46_800.0)], &bar, &mut rows)?;
+                    self.add(&setup, &[(43_200.0, 46_800.0)], &bar, &mut rows)?;
                 }
             }
         }
-        bar.suspend(|| head(out, "Requirements on the gyro: the last hour of four below"))?;
+        bar.suspend(|| write_fixes(out, &rows[done..]))?;
+        let done = rows.len();
         for (drift_deg_h, pick_off_arcsec) in GYROS {
             let drift_growth_deg_h_per_sqrt_h = 0.25 * drift_deg_h;
             let gyro = EsgClass { drift_deg_h, pick_off_arcsec, drift_growth_deg_h_per_sqrt_h, ..GYRO };
             let setup = Setup { table: "requirements", gyro, ..base };
-            self.add(out, &setup, &[(14_400.0, 18_000.0)], &bar, &mut rows)?;
+            self.add(&setup, &[(14_400.0, 18_000.0)], &bar, &mut rows)?;
         }
         bar.finish_and_clear();
+        write_requirements(out, &rows[done..])?;
+        let least = rows.iter().map(|row| row.within_3_sigma).fold(1.0, f64::min);
+        writeln!(out, "\nWithin 3 sigma: {:.1} % of the headings of the worst row.", 100.0 * least)?;
         if let Some(file) = &self.report {
             north::output::write(file, html(&rows))
                 .map_err(|error| Failure::Refused(format!("{}: {error}", file.display())))?;
@@ -315,7 +317,6 @@ impl EsgBench {
 
     fn add(
         &self,
-        out: &mut dyn Write,
         setup: &Setup,
         windows_s: &[(f64, f64)],
         bar: &ProgressBar,
@@ -323,9 +324,7 @@ impl EsgBench {
     ) -> Result<(), Failure> {
         let shots = self.dives(setup, bar)?;
         for (from_s, to_s) in windows_s {
-            let row = row(setup, &shots, *from_s, *to_s);
-            bar.suspend(|| write_row(out, &row))?;
-            rows.push(row);
+            rows.push(row(setup, &shots, *from_s, *to_s));
         }
         Ok(())
     }
@@ -370,31 +369,49 @@ fn row(setup: &Setup, shots: &[Vec<Shot>], from_s: f64, to_s: f64) -> Row {
     }
 }
 
-fn write_row(out: &mut dyn Write, row: &Row) -> io::Result<()> {
-    let fixes = row.fix_every_s.map_or_else(|| "none".to_owned(), |every| format!("{}", every / 60));
-    writeln!(
-        out,
-        "| {} | {} | {} | {} | {fixes} | {} | {} | {:.1} | {:.3} | {:.3} | {:.1} | {:.0} |",
-        row.filter,
-        row.block,
-        row.orientation,
-        row.latitude_deg,
-        row.drift_deg_h,
-        row.pick_off_arcsec,
-        row.hours,
-        row.heading_rms_deg,
-        row.heading_sigma_deg,
-        100.0 * row.within_3_sigma,
-        row.position_rms_m
-    )
+/// Errors and sigmas of the heading, °.
+fn heading(row: &Row) -> String {
+    format!("{:.3} / {:.3}", row.heading_rms_deg, row.heading_sigma_deg)
 }
 
-fn head(out: &mut dyn Write, title: &str) -> io::Result<()> {
-    writeln!(out, "\n### {title}\n")?;
+/// A filter in a block: one row, with a column for each window of time.
+fn write_readiness(out: &mut dyn Write, rows: &[Row]) -> io::Result<()> {
     writeln!(
         out,
-        "| filter | block | orientation | latitude, ° | fix each, min | drift, °/h | pick-off, ″ | to, h | heading rms, ° | sigma, ° | within 3 sigma, % | position rms, m |\n|---|---|---|---|---|---|---|---|---|---|---|---|"
-    )
+        "\n### Heading in the hour at the surface and in four hours below: rms / sigma, °\n\n\
+         | filter | block | 10 min | 30 min | 1 h | below |\n|---|---|---|---|---|---|"
+    )?;
+    rows.chunk_by(|a, b| (a.filter, a.block) == (b.filter, b.block)).try_for_each(|of_dive| {
+        let cells: String = of_dive.iter().map(|row| format!(" {} |", heading(row))).collect();
+        writeln!(out, "| {} | {} |{cells}", of_dive[0].filter, of_dive[0].block)
+    })
+}
+
+/// A latitude and an orientation of the gyro: one row, with a column for each interval between fixes.
+fn write_fixes(out: &mut dyn Write, rows: &[Row]) -> io::Result<()> {
+    writeln!(
+        out,
+        "\n### How often a position fix is needed, the last hour of twelve below: heading rms / sigma, °; position rms, m\n\n\
+         | latitude, ° | orientation | fix each 1 h | 3 h | 6 h | none |\n|---|---|---|---|---|---|"
+    )?;
+    let at = |row: &Row| (row.latitude_deg, row.orientation);
+    rows.chunk_by(|a, b| at(a) == at(b)).try_for_each(|of_place| {
+        let cell = |row: &Row| format!(" {}; {:.0} |", heading(row), row.position_rms_m);
+        let cells: String = of_place.iter().map(cell).collect();
+        writeln!(out, "| {} | {} |{cells}", of_place[0].latitude_deg, of_place[0].orientation)
+    })
+}
+
+fn write_requirements(out: &mut dyn Write, rows: &[Row]) -> io::Result<()> {
+    writeln!(
+        out,
+        "\n### Requirements on the gyro, the last hour of four below\n\n\
+         | drift that nothing explains, °/h | pick-off, ″ | heading rms, ° | sigma, ° |\n|---|---|---|---|"
+    )?;
+    rows.iter().try_for_each(|row| {
+        let (error, sigma) = (row.heading_rms_deg, row.heading_sigma_deg);
+        writeln!(out, "| {} | {} | {error:.3} | {sigma:.3} |", row.drift_deg_h, row.pick_off_arcsec)
+    })
 }
 
 /// The figures.

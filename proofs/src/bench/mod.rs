@@ -18,6 +18,7 @@ mod doctor;
 mod esg;
 mod experiment;
 mod faults;
+mod field;
 pub(crate) mod fixes;
 mod fleet;
 mod gates;
@@ -111,6 +112,7 @@ benches! {
     Esg: esg::EsgBench,
     Experiment: experiment::ExperimentBench,
     Faults: faults::Faults,
+    Field: field::FieldBench,
     Fleet: fleet::FleetBench,
     Gates: gates::Gates,
     Grammar: grammar::GrammarBench,

@@ -103,7 +103,14 @@ impl World {
         }
         figures.rms_deg = libm::sqrt(figures.rms_deg);
         figures.rms_sigma_deg = libm::sqrt(figures.rms_sigma_deg);
-        std::println!("{name}: {figures:.4?}");
+        std::println!(
+            "| {name} | {:.3}° | {:.3}° | {:.1} % | {:.1} % | {:.1} % |",
+            figures.rms_deg,
+            figures.rms_sigma_deg,
+            100.0 * figures.inside_95,
+            100.0 * figures.flagged,
+            100.0 * figures.unseen
+        );
         figures
     }
 }
@@ -113,31 +120,41 @@ const NOTHING: World = World { drift_mg_per_k: 0.0, creep_arcsec: 0.0, warms: tr
 /// Of 200 fixes inside 95 %: the share has a standard deviation of √(0.95 · 0.05/200) = 0.015; four of them.
 const LEAST_INSIDE: f64 = 0.95 - 4.0 * 0.0154;
 
+fn print_head() {
+    std::println!(
+        "\n\n| base and accelerometers | rms | sigma, rms | inside 95 % | flagged `level-drift` | beyond 4 σ without a flag |\n|---|---|---|---|---|---|"
+    );
+}
+
 #[test]
 fn a_base_that_stands_and_accelerometers_that_warm_up() {
-    let still = NOTHING.figures("nothing");
+    print_head();
+    let still = NOTHING.figures("still, none");
     for mg_per_k in [0.01, 0.05] {
-        let warm = World { drift_mg_per_k: mg_per_k, ..NOTHING }.figures(&std::format!("{mg_per_k} mg/K"));
+        let warm = World { drift_mg_per_k: mg_per_k, ..NOTHING }.figures(&std::format!("still, {mg_per_k} mg/K"));
         assert!(warm.rms_deg < 1.25 * still.rms_deg && warm.inside_95 > LEAST_INSIDE);
     }
     // Beyond what is declared, 0.05 mg/K: by three sigmas mostly, and by thirty always, which is to be said.
     for mg_per_k in [0.15, 1.5] {
-        let beyond = World { drift_mg_per_k: mg_per_k, ..NOTHING }.figures(&std::format!("{mg_per_k} mg/K"));
+        let beyond = World { drift_mg_per_k: mg_per_k, ..NOTHING }.figures(&std::format!("still, {mg_per_k} mg/K"));
         assert!(beyond.unseen == 0.0);
     }
 }
 
 #[test]
 fn a_base_that_settles() {
-    let still = NOTHING.figures("nothing");
+    print_head();
+    let still = NOTHING.figures("still, none");
     for creep_arcsec in [25.0, 60.0] {
         let creep = World { creep_arcsec, ..NOTHING };
-        let alone = World { warms: false, ..creep }.figures(&std::format!("creep of {creep_arcsec} arcsec"));
+        let alone = World { warms: false, ..creep }
+            .figures(&std::format!("creep of {creep_arcsec} arcsec, steady temperature"));
         assert!(alone.rms_deg < 1.25 * still.rms_deg && alone.inside_95 > LEAST_INSIDE);
-        creep.figures("the same at a temperature that changes");
+        creep.figures(&std::format!("creep of {creep_arcsec} arcsec, a temperature that changes"));
         // Two exponentials, which only their time constants and the gyro tell apart: better than leaving either in (0.28° with a creep of 25
         // arcsec) or taking all of it out (0.52°); and sigma says how far.
-        let both = World { drift_mg_per_k: 0.05, ..creep }.figures("the same and 0.05 mg/K");
+        let both = World { drift_mg_per_k: 0.05, ..creep }
+            .figures(&std::format!("creep of {creep_arcsec} arcsec, and 0.05 mg/K"));
         assert!(both.rms_deg < 0.28 && both.inside_95 > LEAST_INSIDE && both.rms_sigma_deg < 1.3 * both.rms_deg);
         // Four of 1000 fixes are beyond four sigma: of 200 more than five would be 2 in 10,000.
         assert!(both.unseen < 0.026);

@@ -5,13 +5,12 @@ use std::path::PathBuf;
 
 use calibration::field::problem::Solved;
 use clap::Args;
-use hal_sim::World;
 use north_finder::event::{Event, Report, State};
 use north_finder::sequence::Command;
 use serde::Serialize;
 
 use crate::commands::instrument::InstrumentOptions;
-use crate::engine::{self, Engine, FixWanted, Outcome, Setup};
+use crate::engine::{self, Engine, Outcome, Setup};
 use crate::failure::Failure;
 use crate::field::{self, End};
 use crate::interrupt;
@@ -126,7 +125,11 @@ impl Field {
         let outcome = outcome?;
         let fixes = match outcome.end {
             End::Stored => {
-                let find = |flash: &[u8]| self.find(engine, &setup, flash);
+                // Power off and on without and with what was stored.
+                let find = |flash: &[u8]| -> Result<FixRecord, Failure> {
+                    let outcome = field::find(engine, image, &setup, flash, interrupt::flag())?;
+                    if interrupt::requested() { Err(Failure::Interrupted) } else { Ok(FixRecord::of(&outcome)) }
+                };
                 Some([find(&flash_before)?, find(&world.flash_contents())?])
             }
             _ => None,
@@ -188,19 +191,6 @@ impl Field {
             (Some(name), Some(why)) => Err(Failure::Refused(format!("{name}: {why}"))),
             _ => Ok(()),
         }
-    }
-
-    /// Power off, another moment in the same place, power on with this content of the flash: north.
-    fn find(&self, engine: Engine, setup: &Setup, flash: &[u8]) -> Result<FixRecord, Failure> {
-        let world = World::new(&setup.scenario, setup.seed).with_flash(flash);
-        let mut silent = |_: &_| ();
-        let mut wanted = FixWanted::new(&world, &mut silent);
-        let limit_ticks = engine::limit_ticks(setup);
-        let off = engine::serve(engine, self.image.as_deref(), &world, limit_ticks, &mut wanted, interrupt::flag())?;
-        if interrupt::requested() {
-            return Err(Failure::Interrupted);
-        }
-        Ok(FixRecord::of(&wanted.outcome(off)))
     }
 }
 
