@@ -148,7 +148,7 @@ codes! {
             "set the tripod on firm ground and let it settle before a fix that must be as good as possible";
         Drift = 6, "drift",
             "the bias drifted more than declared; the drift was estimated",
-            "let the gyro warm up, and use an order that cancels drift";
+            "let the gyro warm up; a drift that the settings declare (gyro.drift_deg_h_per_h) is no flag";
         Misfit = 7, "misfit",
             "the rates do not fit the Earth's rotation within their noise",
             "repeat the fix; if it stays, record a campaign and diagnose it";

@@ -203,7 +203,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             gatherer: Gatherer::new(gyro, Correction::UNIT),
             analogue: Analogue::default(),
             block_temperature: None,
-            watch: GyroWatch::default(),
+            watch: GyroWatch::new(&gyro),
             setup: None,
             contradiction: Contradiction::default(),
             bias_limit_deg_h: gyro.bias_limit_deg_h,
@@ -307,6 +307,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         self.session.set_key(settings.link.key);
         self.setup = settings.gyro.configure.then(Setup::default);
         self.bias_limit_deg_h = settings.gyro.bias_limit_deg_h;
+        self.watch = GyroWatch::new(&settings.gyro);
         self.gatherer = Gatherer::new(settings.gyro, settings.triad());
         self.block_temperature = settings.model.as_ref().and_then(ErrorModel::block_temperature);
         self.analogue.set_up(settings.analogue, settings.model.as_ref());

@@ -1,7 +1,7 @@
 //! Watches the gyro's stream: silence, status, saturation, a poor link, a wrong clock.
 
 use crate::health::Fault;
-use crate::sensing::sample::{RateSecond, SAMPLES_PER_SECOND};
+use crate::sensing::sample::{GyroSettings, RateSecond, SAMPLES_PER_SECOND};
 
 /// No good frame for this long is silence: 0.5 s.
 const SILENT_TICKS: u64 = 200;
@@ -9,9 +9,10 @@ const SILENT_TICKS: u64 = 200;
 const WAKING_TICKS: u64 = 12_000;
 /// Seconds in a row in which most frames are marked invalid or saturated.
 const STATUS_SECONDS: u16 = 2;
-/// Seconds in a row without any change of the increment. (A coarse gyro that points east may well count nothing for a
-/// second or two.)
+/// Seconds in a row without any change of the increment.
 const CONSTANT_SECONDS: u16 = 5;
+/// A coarse gyro that points east counts nothing until its random walk has made a count: it is stuck when it should have made three.
+const COUNTS_WALKED: f64 = 3.0;
 /// Seconds in a row that had to be left out.
 const POOR_SECONDS: u16 = 10;
 /// Frames that the gyro's clock may gain or lose on the instrument's between two settings of the mark: 0.5 % of 10 s. A
@@ -21,12 +22,14 @@ const SLIP_SECONDS: u16 = 2;
 const MARK_SECONDS: u16 = 10;
 
 /// Counts of bad seconds in a row.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct GyroWatch {
     /// Silence counts from here.
     since_tick: u64,
     awake: bool,
     constant: u16,
+    /// Seconds in a row without any count that make a stuck gyro.
+    still_seconds: u16,
     invalid: u16,
     saturated: u16,
     poor: u16,
@@ -35,9 +38,30 @@ pub struct GyroWatch {
 }
 
 impl GyroWatch {
+    /// Before anything was heard of this gyro.
+    pub fn new(gyro: &GyroSettings) -> Self {
+        // Counts of a size have a standard deviation of 1/√12 of it; a rate of 1 °/h over a second is an arcsecond.
+        let count_arcsec = libm::sqrt(12.0) * gyro.angle_noise_arcsec;
+        let walked = COUNTS_WALKED * count_arcsec / gyro.white_noise_deg_h();
+        // Whatever is not finite takes the longest time.
+        let still_seconds = (walked * walked).max(f64::from(CONSTANT_SECONDS)) as u16;
+        Self {
+            since_tick: 0,
+            awake: false,
+            constant: 0,
+            still_seconds,
+            invalid: 0,
+            saturated: 0,
+            poor: 0,
+            slipped: 0,
+            mark: None,
+        }
+    }
+
     /// Begins to count anew at a tick.
     pub fn restart(&mut self, tick: u64) {
-        *self = Self { since_tick: tick, awake: self.awake, ..Self::default() };
+        let Self { awake, still_seconds, .. } = *self;
+        *self = Self { since_tick: tick, awake, still_seconds, ..Self::new(&GyroSettings::default()) };
     }
 
     /// A frame with a right check sum came.
@@ -61,7 +85,8 @@ impl GyroWatch {
         };
         let saturated = run(&mut self.saturated, second.saturated > half, STATUS_SECONDS, Fault::GyroSaturated);
         let invalid = run(&mut self.invalid, second.invalid > half, STATUS_SECONDS, Fault::GyroInvalid);
-        let constant = run(&mut self.constant, second.constant, CONSTANT_SECONDS, Fault::GyroStuck);
+        let constant_seconds = if second.fog_arcsec == 0.0 { self.still_seconds } else { CONSTANT_SECONDS };
+        let constant = run(&mut self.constant, second.constant, constant_seconds, Fault::GyroStuck);
         let (mark, age) = *self.mark.get_or_insert((behind, 0));
         let slips = (behind - mark).abs() > SLIP_FRAMES;
         if !slips {
@@ -90,13 +115,13 @@ mod tests {
     };
 
     fn faults(seconds: impl Iterator<Item = (RateSecond, i64)>) -> Option<(usize, Fault)> {
-        let mut watch = GyroWatch::default();
+        let mut watch = GyroWatch::new(&GyroSettings::default());
         seconds.enumerate().find_map(|(i, (second, behind))| Some((i, watch.second(&second, behind)?)))
     }
 
     #[test]
     fn silence_after_half_a_second() {
-        let mut watch = GyroWatch::default();
+        let mut watch = GyroWatch::new(&GyroSettings::default());
         watch.heard(1000);
         assert_eq!(watch.tick(1200), None);
         assert_eq!(watch.tick(1201), Some(Fault::GyroSilent));
@@ -108,7 +133,7 @@ mod tests {
 
     #[test]
     fn a_gyro_may_take_half_a_minute_to_wake() {
-        let watch = GyroWatch::default();
+        let watch = GyroWatch::new(&GyroSettings::default());
         assert_eq!((watch.tick(12_000), watch.tick(12_001)), (None, Some(Fault::GyroSilent)));
     }
 
@@ -116,6 +141,18 @@ mod tests {
     fn five_constant_seconds() {
         let stuck = RateSecond { constant: true, ..GOOD };
         assert_eq!(faults([(stuck, 0); 6].into_iter()), Some((4, Fault::GyroStuck)));
+    }
+
+    /// Counts of 1 arcsec and a random walk of 0.09 arcsec in a second: three counts in (3 / 0.09)² = 1111 s.
+    #[test]
+    fn a_coarse_gyro_may_count_nothing_and_not_always_the_same() {
+        let coarse = GyroSettings { angle_noise_arcsec: 1.0 / libm::sqrt(12.0), ..GyroSettings::default() };
+        let stuck_after = |fog_arcsec: f64| {
+            let mut watch = GyroWatch::new(&coarse);
+            let second = RateSecond { fog_arcsec, constant: true, ..GOOD };
+            (1..2000).find(|_| watch.second(&second, 0).is_some())
+        };
+        assert_eq!((stuck_after(0.0), stuck_after(400.0)), (Some(1111), Some(5)));
     }
 
     #[test]
