@@ -18,7 +18,7 @@ CHIP := --quiet --manifest-path chip/Cargo.toml --ignore-rust-version --target-d
 # Cargo counts its own jobs: it can take none of make's, and is not told of them.
 ALONE := env -u MAKEFLAGS -u MFLAGS
 
-.PHONY: find chip mutants test test-host test-chip proofs lint fmt firmware bench page python release update hardware flash count figures setup help
+.PHONY: find chip mutants test test-host test-acceptance test-units test-chip proofs lint fmt firmware bench page python release update hardware flash count figures setup help
 
 ## find: build the firmware, run it in QEMU with the simulated instrument, show the fix (ARGS="--scenario windy-tripod")
 find: setup
@@ -40,7 +40,16 @@ test: setup
 
 test-host:
 	@$(ALONE) scripts/page.sh $(BUILD)/page || [ $$? = 3 ]
-	$(ALONE) cargo test --workspace --quiet
+	@$(ALONE) cargo test --workspace --quiet --no-run
+	@$(ALONE) $(MAKE) --no-print-directory -j2 --output-sync=target test-acceptance test-units
+
+# Cargo runs one test program after the other, each of which leaves a core idle at its end: two rows of them, which together are all.
+test-acceptance:
+	$(ALONE) cargo test --workspace --quiet --test acceptance
+
+test-units:
+	$(ALONE) cargo test --workspace --quiet --lib --bins --examples --test '[!a]*'
+	$(ALONE) cargo test --workspace --quiet --doc
 
 test-chip:
 	$(ALONE) cargo test $(CHIP)

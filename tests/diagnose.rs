@@ -281,6 +281,7 @@ fn an_unknown_channel_is_found_by_its_name_and_run_by_a_board_that_measures_it()
 
 /// The supply changes by 0.5 V · 2π/310 s = 0.01 V/s at most: the place of a step is known to the row in which it happens.
 #[test]
+#[ignore = "a long search: make proofs"]
 fn a_step_is_found_to_the_row_in_which_it_happens() {
     let folder = Folder::new("step");
     let campaign = campaign(&folder, 12, 6, |second| if supply_v(second) >= 24.2 { 2.0 } else { 0.0 }, honest);
@@ -312,6 +313,7 @@ fn what_must_not_be_used_is_left_out_and_the_rest_is_learned() {
 }
 
 #[test]
+#[ignore = "a long search: make proofs"]
 fn a_body_fixed_harmonic_needs_references_and_has_them() {
     let folder = Folder::new("body");
     let campaign = campaign(&folder, 24, 7, |second| 0.2 * sin_cos_deg(second.index_deg - 40.0).1, honest);
@@ -361,6 +363,7 @@ fn references_that_are_all_turned_are_found() {
 }
 
 #[test]
+#[ignore = "a long search: make proofs"]
 fn a_small_index_error_may_be_a_field_of_the_earth() {
     let folder = Folder::new("index");
     let diagnosis = run(&campaign(&folder, 12, 22, |_| 0.0, |_| 0.7));
@@ -387,6 +390,7 @@ fn a_reference_that_is_off_by_half_a_turn_is_never_silent() {
 }
 
 #[test]
+#[ignore = "a long search: make proofs"]
 fn a_linear_drift_is_not_called_quadratic() {
     let folder = Folder::new("linear");
     // 8 °/h per hour: 0.57 °/h in 256 s.
@@ -468,6 +472,7 @@ fn three_training_runs_show_that_the_base_moves() {
 }
 
 #[test]
+#[ignore = "a long search: make proofs"]
 fn an_effect_of_moves_is_learned_beside_the_motion_of_the_base() {
     let folder = Folder::new("moving-and-moves");
     // 0.3 °/h for the square of how many moves it is from the third: 2.7, 1.2, 0.3, 0, 0.3, 1.2, 2.7 and 4.8 °/h.
@@ -517,6 +522,7 @@ fn no_verdict_contradicts_its_tests() {
 }
 
 #[test]
+#[ignore = "a long search: make proofs"]
 fn positions_that_alias_are_told_apart_by_others() {
     let folder = Folder::new("alias");
     // In steps of 90° the first harmonic of the index angle is the third: cos 3θ = cos θ there. In steps of 60° it is not.

@@ -99,6 +99,7 @@ fn a_dead_run_stops_nothing() {
 
 /// Two headings that were exchanged in the book: both runs are named as such, no effect is invented, and the real one is found.
 #[test]
+#[ignore = "a long search: make proofs"]
 fn exchanged_headings_are_named_as_such() {
     let folder = Folder::new("exchanged");
     let mut campaign = Plan { runs: 20, effect_deg_h: &warmth, ..Plan::default() }.make(&folder);

@@ -38,6 +38,7 @@ fn never() -> AtomicBool {
 }
 
 #[test]
+#[ignore = "in real time, for which the machine must be idle: make proofs"]
 fn uarts_and_timers_in_real_time() {
     let (mut seconds, mut lost, mut refused) = (0, 0, 0);
     let (outcome, cost) = run(Pace::RealTime, image(), &setup(4.5), &never(), &mut |report| match report.event {
