@@ -29,12 +29,24 @@ const MOST_INDEX_DEG: f64 = 5.0;
 const MOST_LEVEL_G: f64 = 0.087;
 /// Most that the scale factor may change by, root mean square.
 const MOST_SCALE: f64 = 0.2;
+/// Most that any of these may be in a single row, if it is an alternative to what was found, times its root mean square.
+const MOST_IN_A_ROW: f64 = 3.0;
 /// Models with one effect more that are looked at with the likeliest process of the runs' own.
 const WIDENED: usize = 3;
 /// Share of what a product explains that it keeps without one factor where it stands for two effects, and of what is missing then that an effect explains with the
 /// constants that it is proposed with.
 const LEAST_SHARE_KEPT: f64 = 0.5;
 const LEAST_PROMISED_SHARE: f64 = 0.5;
+
+/// Most that errors of a port may be, root mean square.
+fn largest(port: Port) -> f64 {
+    match port {
+        Port::Rate => f64::INFINITY,
+        Port::Scale => MOST_SCALE,
+        Port::Index => MOST_INDEX_DEG,
+        Port::Forward | Port::Left => MOST_LEVEL_G,
+    }
+}
 
 /// What a search begins with.
 #[derive(Clone, Debug, Default)]
@@ -337,7 +349,7 @@ impl<'a> Search<'a> {
                 }
                 let mut with = terms.clone();
                 with.push(self.proposals.term(&others, &effect));
-                rivals.extend(Model::new(self.runs, best.process, &with).filter(|each| self.is_allowed(each)));
+                rivals.extend(Model::new(self.runs, best.process, &with).filter(|each| self.is_possible(each)));
             }
             rivals.push(others);
         }
@@ -370,16 +382,17 @@ impl<'a> Search<'a> {
 
     /// Whether a model file has room for the effects, and none is larger than its port allows.
     fn is_allowed(&self, model: &Model<'_>) -> bool {
-        if !is_writable(&model.effects()) {
-            return false;
-        }
-        let most = |port: Port| match port {
-            Port::Rate => f64::INFINITY,
-            Port::Scale => MOST_SCALE,
-            Port::Index => MOST_INDEX_DEG,
-            Port::Forward | Port::Left => MOST_LEVEL_G,
+        let is_small = |(port, added): &(Port, Vec<f64>)| is_within(added, largest(*port));
+        is_writable(&model.effects()) && model.added(|port| port != Port::Rate).iter().all(is_small)
+    }
+
+    /// Whether it is allowed, and may be true in every row: an error in few rows has a small root mean square, whatever it is.
+    fn is_possible(&self, model: &Model<'_>) -> bool {
+        let in_every_row = |(port, added): &(Port, Vec<f64>)| {
+            let most = MOST_IN_A_ROW * largest(*port);
+            added.iter().all(|value| value.abs() <= most)
         };
-        model.added(|port| port != Port::Rate).iter().all(|(port, added)| is_within(added, most(*port)))
+        self.is_allowed(model) && model.added(|port| port != Port::Rate).iter().all(in_every_row)
     }
 
     /// Removes terms one after the other, as long as that raises the score.
