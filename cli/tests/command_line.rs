@@ -298,9 +298,12 @@ fn faults_in_a_simulated_campaign_are_told() {
 
 #[test]
 fn a_bare_run_needs_its_latitude() {
+    let folder = folder();
+    std::fs::write(folder.path().join("run.csv"), "t_s,index_deg,fog_arcsec\n1,0,10\n").unwrap();
     let reason = "north: run.csv is not a campaign: the latitude of a bare run must be given with --latitude\n";
-    north(&["solve", "run.csv"]).refused(2, reason);
+    north_in(folder.path(), &["solve", "run.csv"]).refused(2, reason);
     let missing = "north: run.csv: No such file or directory (os error 2)\n";
+    north(&["solve", "run.csv"]).refused(1, missing);
     north(&["solve", "run.csv", "--latitude", "10"]).refused(1, missing);
     north(&["solve", "nothing.toml"]).refused(1, "north: nothing.toml: No such file or directory (os error 2)\n");
 }

@@ -100,9 +100,11 @@ impl core::fmt::Display for Refusal {
                 "latitude_deg = {declared_deg} contradicts the data: they say {found_deg:.3} ± {sigma_deg:.3}"
             ),
             Self::Closure { rms_deg_h, p_value, suspects, exchanged } => {
+                // Beyond what a double holds it is 0.
+                let (below, p_value) = if *p_value > 0.0 { ("", *p_value) } else { ("less than ", f64::MIN_POSITIVE) };
                 write!(
                     f,
-                    "the closure is not noise: {rms_deg_h:.5} deg/h rms has a probability of {p_value:.1e} (at least \
+                    "the closure is not noise: {rms_deg_h:.5} deg/h rms has a probability of {below}{p_value:.1e} (at least \
                      {LEAST_CLOSURE_P} is needed)"
                 )?;
                 if let Some((one, other)) = exchanged {

@@ -103,6 +103,7 @@ impl Solve {
             writeln!(out, "note: {note}")?;
         }
         write_table(out, &runs, &self.directions)?;
+        write_tilted(out, &runs, base.level.limit_deg)?;
         if let Some(path) = &self.log {
             write_log(path, &logged(&campaign, &runs)?)?;
         }
@@ -131,10 +132,32 @@ impl Solve {
         match self.latitude {
             latitude_deg if is_campaign => Ok(Campaign::read_at(&self.path, latitude_deg)?),
             Some(latitude_deg) => Ok(Campaign::of_bare_run(&self.path, latitude_deg)),
-            None => Err(Failure::Usage(format!(
-                "{} is not a campaign: the latitude of a bare run must be given with --latitude",
-                self.path.display()
-            ))),
+            None => {
+                // A file that is not there, or no run, is said first.
+                RunReader::open(&self.path)?;
+                Err(Failure::Usage(format!(
+                    "{} is not a campaign: the latitude of a bare run must be given with --latitude",
+                    self.path.display()
+                )))
+            }
+        }
+    }
+}
+
+/// Which runs stood so inclined that a board would not have begun to measure.
+fn write_tilted(out: &mut dyn Write, runs: &[Solvable<'_>], limit_deg: f64) -> io::Result<()> {
+    let tilted = |each: &&Solvable<'_>| {
+        each.solved.as_ref().is_ok_and(|solved| solved.fix.tilt.is_some_and(|tilt| !tilt.is_level(limit_deg)))
+    };
+    let names: Vec<&str> = runs.iter().filter(tilted).map(|each| each.run.file.as_str()).collect();
+    match names.as_slice() {
+        [] => Ok(()),
+        [first, others @ ..] => {
+            let more = if others.is_empty() { String::new() } else { format!(" and {} other runs", others.len()) };
+            writeln!(
+                out,
+                "note: {first}{more} stood inclined by more than level.limit_deg = {limit_deg}: a board would have waited for a level base"
+            )
         }
     }
 }
