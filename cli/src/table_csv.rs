@@ -40,6 +40,18 @@ impl TableCsv {
         self.header.iter().position(|column| column == name)
     }
 
+    /// Place of a column that may be there, once.
+    pub fn find_one(&self, name: &str) -> Result<Option<usize>, FileError> {
+        let Some(first) = self.find(name) else { return Ok(None) };
+        match self.header.iter().skip(first + 1).position(|column| column == name) {
+            Some(further) => {
+                let place = Place::Field { line: 1, column: first + further + 2, name: name.into() };
+                Err(FileError::new(&self.path, place, Problem::DuplicateColumn { name: name.into(), first: first + 1 }))
+            }
+            None => Ok(Some(first)),
+        }
+    }
+
     /// Place of a column that has to be there.
     pub fn column(&self, name: &'static str) -> Result<usize, FileError> {
         self.find(name).ok_or_else(|| {

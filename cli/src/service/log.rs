@@ -79,10 +79,11 @@ impl Logged {
 }
 
 impl Log {
-    /// Reads logs that follow each other, as one. Columns in any order; those that are not known are passed over.
+    /// Reads logs that follow each other, as one. Columns in any order; those that are not known are passed over. Fixes of a board that two logs have are
+    /// taken once; the runs of a campaign after those of another are counted on.
     ///
-    /// Errors: a file that cannot be read, without fix and boot, with a field that is no number or beyond what a fix can give, with fixes that do not
-    /// follow each other.
+    /// Errors: a file that cannot be read, without fix and boot, with a column twice, with a field that is no number or beyond what a fix can give, with
+    /// fixes that do not follow each other.
     pub fn read(paths: &[impl AsRef<Path>]) -> Result<Self, FileError> {
         let mut log = Self { fixes: Vec::new(), warnings: Vec::new() };
         for path in paths {
@@ -115,9 +116,31 @@ impl Log {
     fn read_one(&mut self, path: &Path) -> Result<(), FileError> {
         let mut table = TableCsv::open(path)?;
         let (fix, boot) = (table.column("fix")?, table.column("boot")?);
+        let logs_before = self.fixes.len();
+        let mut taken_before = 0;
+        // What the counts go on from where a campaign's log counts its runs from the first.
+        let (mut fixes_before, mut boots_before) = (0, 0);
+        let mut is_first = true;
         while table.next_row()? {
-            let row = read_row(&table)?;
+            let mut row = read_row(&table)?;
+            if let Some(known) = self.fixes.get_mut(..logs_before).and_then(|known| same(known, &row)) {
+                known.check_deg = row.check_deg.or(known.check_deg);
+                taken_before += 1;
+                is_first = false;
+                continue;
+            }
             if let Some(before) = self.fixes.last() {
+                if is_first && row.fix <= before.fix && row.goes_on_from(before) {
+                    self.warnings.push(format!(
+                        "{}: its fixes are counted from {} anew; here they go on from {}",
+                        path.display(),
+                        row.fix,
+                        before.fix + 1
+                    ));
+                    (fixes_before, boots_before) =
+                        (before.fix + 1 - row.fix, (before.boot + 1).saturating_sub(row.boot));
+                }
+                (row.fix, row.boot) = (row.fix + fixes_before, row.boot + boots_before);
                 if row.fix <= before.fix {
                     let allowed = format!("a fix after number {}: logs are given in their order", before.fix);
                     return Err(table.error(fix, Problem::not_allowed(row.fix.to_string(), allowed)));
@@ -131,25 +154,53 @@ impl Log {
                     self.warnings.push(doubt.to_string());
                 }
             }
+            is_first = false;
             self.fixes.push(row);
+        }
+        if taken_before > 0 {
+            let text =
+                format!("{}: {taken_before} fixes that the logs before have, too, are taken once", path.display());
+            self.warnings.push(text);
         }
         Ok(())
     }
 }
 
+impl Logged {
+    /// Whether it may be the first of a log of its own that follows: such logs are those of campaigns, without firmware; a board counts all its life.
+    fn goes_on_from(&self, before: &Self) -> bool {
+        let in_time = self.utc.is_empty() || before.utc.is_empty() || before.utc < self.utc;
+        in_time && self.firmware.is_empty() && before.firmware.is_empty()
+    }
+}
+
+/// The fix among those that are known, whose numbers rise; it may have been marked with a surveyed azimuth since.
+fn same<'a>(known: &'a mut [Logged], row: &Logged) -> Option<&'a mut Logged> {
+    let at = known.binary_search_by_key(&row.fix, |fix| fix.fix).ok()?;
+    let found = known.get_mut(at)?;
+    (Logged { check_deg: None, ..found.clone() } == Logged { check_deg: None, ..row.clone() }).then_some(found)
+}
+
 /// The row of a table. No number may be beyond what a fix can give.
 fn read_row(table: &TableCsv) -> Result<Logged, FileError> {
-    let whole = |name| table.number_within(table.column(name)?, &(0.0..=1e15)).map(|number| number as u64);
-    let text = |name| table.find(name).map_or_else(String::new, |column| table.text(column));
+    let whole = |name| {
+        let column = table.column(name)?;
+        let number = table.number_within(column, &(0.0..=1e15))?;
+        if number.fract() != 0.0 {
+            return Err(table.error(column, Problem::not_allowed(table.text(column), "a whole number")));
+        }
+        Ok(number as u64)
+    };
+    let text = |name| Ok::<_, FileError>(table.find_one(name)?.map_or_else(String::new, |column| table.text(column)));
     let number = |name, allowed: RangeInclusive<f64>| {
-        let given = table.find(name).filter(|&column| !table.is_empty(column));
+        let given = table.find_one(name)?.filter(|&column| !table.is_empty(column));
         given.map(|column| table.number_within(column, &allowed)).transpose()
     };
     Ok(Logged {
         fix: whole("fix")?,
         boot: whole("boot")?,
         t_s: number("t_s", 0.0..=1e10)?,
-        utc: text("utc"),
+        utc: text("utc")?,
         azimuth_deg: number("azimuth_deg", -360.0..=360.0)?,
         sigma_deg: number("sigma_deg", 0.0..=360.0)?,
         misfit: number("misfit", 0.0..=1e12)?,
@@ -167,9 +218,9 @@ fn read_row(table: &TableCsv) -> Result<Logged, FileError> {
         input_4: number("input_4", -1e12..=1e12)?,
         supply_v: number("supply_v", -1000.0..=1000.0)?,
         chip_temp_c: number("chip_temp_c", -273.15..=1000.0)?,
-        flags: text("flags"),
-        firmware: text("firmware"),
-        model: text("model"),
+        flags: text("flags")?,
+        firmware: text("firmware")?,
+        model: text("model")?,
         check_deg: number("check_deg", -360.0..=360.0)?,
     })
 }
@@ -230,11 +281,44 @@ mod tests {
         assert!(sigma.contains("line 2") && sigma.contains("sigma_deg") && sigma.contains("-1"), "{sigma}");
         let bias = error("fix,boot,bias_deg_h\n1,1,1\n2,1,1e30\n");
         assert!(bias.contains("line 3") && bias.contains("bias_deg_h") && bias.contains("1e30"), "{bias}");
+        let half = error("fix,boot\n1,1\n1.5,1\n");
+        assert!(half.contains("line 3") && half.contains("1.5") && half.contains("a whole number"), "{half}");
+        let twice = error("fix,boot,bias_deg_h,bias_deg_h\n1,1,1,2\n");
+        assert!(twice.contains("line 1") && twice.contains("\"bias_deg_h\" appears twice"), "{twice}");
         std::fs::write(&path, "fix,boot\n1,41\n2,42\n3,1\n").unwrap();
         let [warning] = Log::read(&[&path]).unwrap().warnings.try_into().unwrap();
         assert!(
             warning.contains("line 4") && warning.contains("boot") && warning.contains("after number 42"),
             "{warning}"
         );
+    }
+
+    /// The log of a campaign counts its runs from the first, whatever was logged before; that of a board has what it had when it was read before.
+    #[test]
+    fn logs_of_campaigns_are_counted_on_and_those_of_a_board_overlap() {
+        let folder = tempfile::tempdir().unwrap();
+        let paths = ["2025.csv", "2026.csv"].map(|name| folder.path().join(name));
+        let read = |texts: [&str; 2]| {
+            paths.iter().zip(texts).for_each(|(path, text)| std::fs::write(path, text).unwrap());
+            Log::read(&paths)
+        };
+        let numbers = |log: &Log| log.fixes.iter().map(|fix| (fix.fix, fix.boot)).collect::<Vec<_>>();
+        let log = read(["fix,boot,bias_deg_h\n1,1,0.1\n2,2,0.2\n", "fix,boot,bias_deg_h\n1,1,0.3\n3,3,0.4\n"]).unwrap();
+        assert_eq!(numbers(&log), [(1, 1), (2, 2), (3, 3), (5, 5)]);
+        let [warning] = log.warnings.try_into().unwrap();
+        assert!(warning.contains("2026.csv") && warning.contains("go on from 3"), "{warning}");
+
+        let header = "fix,boot,bias_deg_h,firmware,check_deg\n";
+        let first = format!("{header}7,1,0.1,beef,\n8,1,0.2,beef,\n");
+        let second = format!("{header}8,1,0.2,beef,40\n9,2,0.3,beef,\n");
+        let log = read([&first, &second]).unwrap();
+        assert_eq!((numbers(&log), log.fixes[1].check_deg), (vec![(7, 1), (8, 1), (9, 2)], Some(40.0)));
+        assert!(log.warnings[0].contains("1 fixes that the logs before have"), "{:?}", log.warnings);
+        // In the wrong order they do not follow each other.
+        let error = read([&second, &first]).unwrap_err().to_string();
+        assert!(error.contains("line 2") && error.contains("after number 9"), "{error}");
+        let dated = |utc: &str| format!("fix,boot,utc\n1,1,{utc}\n");
+        let error = read([&dated("2026-01-01T00:00:00Z"), &dated("2025-01-01T00:00:00Z")]).unwrap_err().to_string();
+        assert!(error.contains("2026.csv, line 2"), "{error}");
     }
 }
