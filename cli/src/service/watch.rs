@@ -94,7 +94,8 @@ pub fn watch(signals: &[Signal], switched: &[bool], temperatures_c: Option<&[f64
                 if *statistic >= ALARM {
                     let share = statistic / total;
                     let change = |fixes: usize| explain(signal, test, &switched[..fixes], temperatures_c, fix);
-                    let shown = change(count).filter(|change| change.size.abs() > SHOWN * change.sigma);
+                    let is_shown = |change: &Change| !change.passed && change.size.abs() > SHOWN * change.sigma;
+                    let shown = change(count).filter(is_shown);
                     let seen = || change(fix + 1).map(|change| Change { passed: true, ..change });
                     result.changes.extend(shown.or_else(seen).map(|change| Change { share, ..change }));
                 }
@@ -118,7 +119,7 @@ struct Fit {
 }
 
 /// What changed in a signal, by least squares along the level that fits the baseline best, of so many fixes as `switched` has; it began with that of
-/// the alarm at the latest.
+/// the alarm at the latest. It has passed where the fixes after the alarm, if there are any, have less than half of it left.
 fn explain(
     signal: &Signal,
     normal: &ChangeTest,
@@ -129,14 +130,17 @@ fn explain(
     let (level, scale) = normal.foremost()?;
     let values = &signal.values[BASELINE..switched.len()];
     let log_count = (values.len() as f64).ln();
-    let fit = |cause: Cause, from: usize, constants: f64, course: &dyn Fn(usize) -> f64| {
+    // By the fixes from `first` on.
+    let fit_from = |first: usize, cause: Cause, from: usize, constants: f64, course: &dyn Fn(usize) -> f64| {
         let (mut level, mut followed, mut along, mut information) = (level.clone(), Followed::default(), 0.0, 0.0);
         for (at, &value) in values.iter().enumerate() {
             let innovation = level.next(value, switched[BASELINE + at]);
             let seen = followed.seen(course(at), innovation.gain);
             let variance = innovation.variance * scale;
-            along += seen * innovation.value / variance;
-            information += seen * seen / variance;
+            if at >= first {
+                along += seen * innovation.value / variance;
+                information += seen * seen / variance;
+            }
         }
         (information > 0.0).then(|| Fit {
             cause,
@@ -146,22 +150,35 @@ fn explain(
             score: 0.5 * along * along / information - 0.5 * constants * log_count,
         })
     };
-    let since = |at: usize, from: usize| (at + 1).saturating_sub(from) as f64;
+    let fit = |cause, from, constants, course: &dyn Fn(usize) -> f64| fit_from(0, cause, from, constants, course);
     let ended = values.len();
+    let step = |from: usize| move |at: usize| f64::from(u8::from(at >= from));
+    // In units of what it has reached at the end.
+    let ramp = |from: usize| move |at: usize| (at + 1).saturating_sub(from) as f64 / (ended - from) as f64;
     let mut fits: Vec<Fit> = Vec::new();
     for from in 0..=alarm - BASELINE {
-        fits.extend(fit(Cause::Step, from, 2.0, &|at| f64::from(u8::from(at >= from))));
-        // In units of what it has reached at the end.
+        fits.extend(fit(Cause::Step, from, 2.0, &step(from)));
         if ended - from >= LEAST_RAMP {
-            fits.extend(fit(Cause::Ramp, from, 2.0, &|at| since(at, from) / (ended - from) as f64));
+            fits.extend(fit(Cause::Ramp, from, 2.0, &ramp(from)));
         }
     }
-    if let Some(all_c) = temperatures_c {
-        let normal_c = all_c[..BASELINE].iter().sum::<f64>() / BASELINE as f64;
-        fits.extend(fit(Cause::Temperature, 0, 1.0, &|at| all_c[BASELINE + at] - normal_c));
+    let normal_c = temperatures_c.map_or(0.0, |all_c| all_c[..BASELINE].iter().sum::<f64>() / BASELINE as f64);
+    let warmth = |at: usize| temperatures_c.map_or(0.0, |all_c| all_c[BASELINE + at] - normal_c);
+    if temperatures_c.is_some() {
+        fits.extend(fit(Cause::Temperature, 0, 1.0, &warmth));
     }
     let best = fits.iter().copied().max_by(|a, b| a.score.total_cmp(&b.score))?;
     let other = fits.iter().filter(|fit| fit.cause != best.cause).max_by(|a, b| a.score.total_cmp(&b.score));
+    // One fix that is far off is a step of all fixes since then in their mean, and yet none of them shows it.
+    let from = best.from - BASELINE;
+    let course: &dyn Fn(usize) -> f64 = match best.cause {
+        Cause::Step => &step(from),
+        Cause::Ramp => &ramp(from),
+        Cause::Temperature => &warmth,
+    };
+    let after = fit_from(alarm - BASELINE + 1, best.cause, from, 0.0, course);
+    let left = |after: Fit| after.size * best.size.signum() + SHOWN * after.sigma;
+    let passed = after.is_some_and(|after| left(after) < 0.5 * best.size.abs());
     let range = match (best.cause, temperatures_c) {
         (Cause::Temperature, Some(all_c)) => {
             let after = &all_c[BASELINE..switched.len()];
@@ -179,7 +196,7 @@ fn explain(
         sigmas_of_fix: best.size * range / scale.sqrt(),
         instead: other.map(|other| (other.cause, (best.score - other.score).exp())),
         share: 0.0,
-        passed: false,
+        passed,
     })
 }
 
@@ -252,6 +269,17 @@ mod tests {
         let change = &watch.changes[0];
         assert!(change.passed && change.from.abs_diff(200) <= 1 && change.size > 2.0, "{change:?}");
         assert!(!run(3, 400, 0.0, 0.0, |fix| if fix >= 200 { 4.0 } else { 0.0 }).changes[0].passed);
+    }
+
+    /// A blunder of one fix is no step, however great it is.
+    #[test]
+    fn one_fix_that_is_far_off_has_passed() {
+        for size in [10.0, 50.0, 1e6] {
+            let watch = run(3, 300, 0.0, 0.0, |fix| if fix == 150 { size } else { 0.0 });
+            let change = &watch.changes[0];
+            assert!(watch.alarm == Some(150) && change.passed && change.from == 150, "{change:?}");
+            assert!((change.size / size - 1.0).abs() < 0.5, "{change:?}");
+        }
     }
 
     #[test]
