@@ -120,3 +120,65 @@ fn the_coefficient_that_moved_and_the_model_of_runs_since() {
     assert!(error.contains("these runs cannot show what changed: 2 runs"), "{error}");
     assert!(!folder.path().join("other.toml").exists());
 }
+
+/// One empty field, and a signal is not watched: that is said, not passed over.
+#[test]
+fn what_is_not_watched_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (gap, page) = (path("gap.csv"), path("r.html"));
+    let without = |(row, line): (usize, &str)| {
+        let mut fields: Vec<&str> = line.split(',').collect();
+        if row == 57 {
+            fields[7] = "";
+        }
+        fields.join(",") + "\n"
+    };
+    let text: String = log(200, |fix| if fix >= 150 { 0.4 } else { 0.3 }).lines().enumerate().map(without).collect();
+    fs::write(&gap, text).unwrap();
+    let (code, said, error) = north(&["watch", &gap, "--report", &page]);
+    let sentence = "bias is not watched: 1 of 200 fixes lack it, the first of them fix 57";
+    assert!(code == 0 && said.contains(&format!("left out   {sentence}")), "{said}{error}");
+    assert!(fs::read_to_string(&page).unwrap().contains(sentence));
+    let (_, said, _) = north(&["watch", &gap, "--json", "-"]);
+    let found: Value = serde_json::from_str(&said).unwrap();
+    assert_eq!(found["left_out"], serde_json::json!([{"signal": "bias", "lacking": 1, "first_fix": 57}]));
+}
+
+/// Another error model has another bias left: no change of the instrument. The board begins anew with it, too.
+#[test]
+fn the_watch_begins_anew_with_another_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("l.csv");
+    let of_models = |count: u32| {
+        let log = log(count, |fix| if fix >= 200 { 0.0 } else { 0.3 });
+        let model = |(row, line): (usize, &str)| match row {
+            0 => format!("{line},model\n"),
+            1..200 => format!("{line},00c0ffee\n"),
+            _ => format!("{line},deadbeef\n"),
+        };
+        log.lines().enumerate().map(model).collect::<String>()
+    };
+    fs::write(&path, of_models(350)).unwrap();
+    let (code, said, error) = north(&["watch", path.to_str().unwrap()]);
+    assert!(code == 0 && said.contains("151 fixes, ") && said.contains("holds      51 fixes watched"), "{said}{error}");
+    assert!(said.contains("left out   199 fixes before these were made with another error model"), "{said}");
+    fs::write(&path, of_models(250)).unwrap();
+    let (code, _, error) = north(&["watch", path.to_str().unwrap()]);
+    assert!(code == 1 && error.contains("51 fixes of the last error model, after 199 of others"), "{error}");
+}
+
+/// As the help has it: one log a year, each of a campaign that counts its runs from the first.
+#[test]
+fn logs_of_two_years_are_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |line: &[&str]| command(line).current_dir(folder.path()).output().unwrap();
+    for (year, seed) in [("2025", "1"), ("2026", "7")] {
+        assert!(run(&["simulate", "--runs", "2", "--seed", seed, "--out", year]).status.success());
+        assert!(run(&["solve", year, "--log", &format!("{year}.csv")]).status.success());
+    }
+    let watched = run(&["watch", "2025.csv", "2026.csv"]);
+    let error = String::from_utf8_lossy(&watched.stderr);
+    assert!(error.contains("2026.csv: its fixes are counted from 1 anew; here they go on from 3"), "{error}");
+    assert!(error.contains("the logs hold 4 fixes"), "{error}");
+}

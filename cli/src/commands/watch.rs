@@ -15,8 +15,8 @@ use crate::file_error::FileError;
 use crate::model_file::ModelFile;
 use crate::output::{self, JsonOption};
 use crate::service::{
-    ALARM, BASELINE, Cause, Change, History, Kind, Log, Moved, Needed, OtherPlace, Watch as Verdict, report, signals,
-    watch,
+    ALARM, BASELINE, Cause, Change, History, Kind, Lacking, Log, Moved, Needed, OtherPlace, Watch as Verdict, report,
+    signals, watch,
 };
 use crate::settings_file::{campaign_settings, write_model};
 
@@ -54,6 +54,9 @@ struct Said<'a> {
     fixes: usize,
     holds: bool,
     signals: Vec<Kind>,
+    /// What only some fixes have, which is not watched; fixes of other error models before these.
+    left_out: &'a [Lacking],
+    other_models: usize,
     /// Number of the fix with which the alarm came.
     alarm_fix: Option<u64>,
     /// For every change: number and time of its first fix, the coefficient that moved, another place that would explain it, the runs that show it best.
@@ -86,26 +89,35 @@ impl Watch {
     pub fn run(self) -> Result<(), Failure> {
         let results = [self.model_out.as_deref(), self.report.as_deref(), self.json.path()];
         crate::output::check(results)?;
-        let log = Log::read(&self.logs)?;
+        let (log, other_models) = Log::read(&self.logs)?.of_last_model();
         for warning in &log.warnings {
             output::warn(warning);
         }
         let model = self.model.as_deref().map(ModelFile::read).transpose()?.and_then(|file| file.error_model);
         let count = log.fixes.len();
         if count <= BASELINE {
+            let of_model = if other_models > 0 {
+                format!(" of the last error model, after {other_models} of others")
+            } else {
+                String::new()
+            };
             let text = format!(
-                "the logs hold {count} fixes; the first {BASELINE} say what is normal, and there are none to watch"
+                "the logs hold {count} fixes{of_model}; the first {BASELINE} say what is normal, and there are none to watch"
             );
             return Err(Failure::Refused(text));
         }
-        let signals = signals(&log.fixes);
+        let (signals, left_out) = signals(&log.fixes);
         let temperatures_c = log.temperatures_c();
         let verdict = watch(&signals, &log.switched(), temperatures_c.as_deref());
         if verdict.watched == 0 {
-            let text = "no signal that every fix has, and that moves: bias_deg_h, amplitude_deg_h, misfit with freedom, azimuth_deg with check_deg";
-            return Err(Failure::Refused(text.into()));
+            let lack = |each: &Lacking| format!("; fix {} lacks its {}", each.first_fix, each.signal.name());
+            let text = format!(
+                "no signal that every fix has, and that moves: bias_deg_h, amplitude_deg_h, misfit with freedom, azimuth_deg with check_deg{}",
+                left_out.iter().map(lack).collect::<String>()
+            );
+            return Err(Failure::Refused(text));
         }
-        let history = History::new(&log, &signals, verdict, model.as_ref());
+        let history = History::new((&log, other_models), (&signals, &left_out), verdict, model.as_ref());
         write(&mut self.json.human(), &history)?;
         if let Some(path) = &self.report {
             crate::output::write(path, report::html(&history)).map_err(|error| FileError::whole(path, error))?;
@@ -118,6 +130,8 @@ impl Watch {
             alarm_fix: verdict.alarm.map(|at| log.fixes[at].fix),
             since: verdict.changes.iter().map(|change| since(&log, change)).collect(),
             signals: signals.iter().map(|signal| signal.kind).collect(),
+            left_out: &left_out,
+            other_models,
             moved: &history.moved,
             other_place: &history.other_place,
             needed: &history.needed,
@@ -169,6 +183,9 @@ fn write(out: &mut dyn Write, history: &History<'_>) -> io::Result<()> {
         log.fixes.len()
     )?;
     writeln!(out, "signals    {}", kinds.iter().map(|kind| kind.name()).collect::<Vec<_>>().join(", "))?;
+    for said in history.not_watched() {
+        writeln!(out, "left out   {said}")?;
+    }
     let most = verdict.statistic.iter().copied().fold(0.0, f64::max);
     let Some(at) = verdict.alarm else {
         writeln!(
@@ -179,7 +196,17 @@ fn write(out: &mut dyn Write, history: &History<'_>) -> io::Result<()> {
         )?;
         return blind(out, &kinds);
     };
-    writeln!(out, "changed    seen with fix {}, {} fixes after the baseline", log.fixes[at].fix, verdict.watched)?;
+    let after = match log.fixes.len() - at - 1 {
+        0 => String::new(),
+        count => format!(
+            "; the {count} fixes after it say how great the change is, and no further one is looked for in them"
+        ),
+    };
+    writeln!(
+        out,
+        "changed    seen with fix {}, {} fixes after the baseline{after}",
+        log.fixes[at].fix, verdict.watched
+    )?;
     for (number, change) in verdict.changes.iter().enumerate() {
         writeln!(out, "{:<10} {}", change.signal.name(), what(log, change))?;
         if let Some(moved) = history.moved.get(number).and_then(Option::as_ref) {
@@ -278,8 +305,8 @@ fn blind(out: &mut dyn Write, kinds: &[Kind]) -> io::Result<()> {
     }
     writeln!(
         out,
-        "not seen   what turns with the instrument, such as a field fixed to its body, is in the azimuth and in none of these signals: fixes at a \
-         surveyed heading (column check_deg) show it"
+        "not seen   what turns with the instrument, such as a field fixed to its body, is in the azimuth and in none of these signals: fixes that all \
+         are at surveyed headings (column check_deg) show it"
     )
 }
 

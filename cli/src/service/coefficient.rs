@@ -119,7 +119,9 @@ fn slope(model: &ErrorModel, port: Port, temp_c: f64) -> f64 {
         }
         _ => None,
     })
-    .sum()
+    .sum::<f64>()
+        // The sum of nothing is -0, and is printed so.
+        + 0.0
 }
 
 #[cfg(test)]

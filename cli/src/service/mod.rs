@@ -14,5 +14,5 @@ pub use coefficient::{Moved, OtherPlace};
 pub use history::History;
 pub use log::{Log, Logged, write_log};
 pub use remedy::Needed;
-pub use signals::{Kind, Signal, signals};
+pub use signals::{Kind, Lacking, Signal, signals};
 pub use watch::{ALARM, BASELINE, Cause, Change, Watch, watch};

@@ -19,6 +19,9 @@ pub fn html(history: &History<'_>) -> String {
     let mut body = format!(
         "<h1>An instrument in service</h1>\n<p class=\"soft\">{fixes} fixes; the first {BASELINE} say what is normal.</p>\n<p class=\"verdict\">{verdict}</p>\n"
     );
+    for said in history.not_watched() {
+        body += &format!("<p class=\"soft\">{}</p>\n", escape(&said));
+    }
     if !history.verdict.changes.is_empty() {
         body += "<h2>What changed</h2>\n";
         body += &changes(history);

@@ -42,21 +42,34 @@ pub struct Signal {
     pub values: Vec<f64>,
 }
 
-/// The signals that every fix of a log has.
-pub fn signals(fixes: &[Logged]) -> Vec<Signal> {
-    let of = |kind, value: &dyn Fn(&Logged) -> Option<f64>| {
-        let values = fixes.iter().map(value).collect::<Option<Vec<f64>>>()?;
-        Some(Signal { kind, values })
+/// A number that some fixes of a log have and others lack, so that it is not watched.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Lacking {
+    pub signal: Kind,
+    /// How many fixes lack it, and the number of the first of them.
+    pub lacking: usize,
+    pub first_fix: u64,
+}
+
+/// The signals that every fix of a log has, and those that only some fixes have.
+pub fn signals(fixes: &[Logged]) -> (Vec<Signal>, Vec<Lacking>) {
+    let (mut watched, mut left_out) = (Vec::new(), Vec::new());
+    let mut take = |kind, value: &dyn Fn(&Logged) -> Option<f64>| {
+        let values: Vec<f64> = fixes.iter().filter_map(value).collect();
+        match fixes.iter().find(|fix| value(fix).is_none()) {
+            None => watched.push(Signal { kind, values }),
+            Some(first) if !values.is_empty() => {
+                let lacking = fixes.len() - values.len();
+                left_out.push(Lacking { signal: kind, lacking, first_fix: first.fix });
+            }
+            Some(_) => {}
+        }
     };
-    [
-        of(Kind::Bias, &|fix| fix.bias_deg_h),
-        of(Kind::Amplitude, &|fix| fix.amplitude_deg_h),
-        of(Kind::Misfit, &misfit_sigmas),
-        of(Kind::AzimuthError, &|fix| Some(wrap_180_deg(fix.azimuth_deg? - fix.check_deg?))),
-    ]
-    .into_iter()
-    .flatten()
-    .collect()
+    take(Kind::Bias, &|fix| fix.bias_deg_h);
+    take(Kind::Amplitude, &|fix| fix.amplitude_deg_h);
+    take(Kind::Misfit, &misfit_sigmas);
+    take(Kind::AzimuthError, &|fix| Some(wrap_180_deg(fix.azimuth_deg? - fix.check_deg?)));
+    (watched, left_out)
 }
 
 /// The chi-square of a fix as a standard normal number (Wilson and Hilferty 1931).
@@ -79,10 +92,11 @@ mod tests {
     }
 
     #[test]
-    fn a_signal_that_a_fix_lacks_is_none() {
+    fn a_signal_that_a_fix_lacks_is_left_out_and_told() {
         let fix = Logged { bias_deg_h: Some(1.0), azimuth_deg: Some(359.0), check_deg: Some(1.0), ..Logged::default() };
-        let found = signals(&[fix.clone(), Logged { bias_deg_h: None, ..fix }]);
+        let (found, left_out) = signals(&[fix.clone(), Logged { fix: 7, bias_deg_h: None, ..fix }]);
         assert_eq!(found.len(), 1);
+        assert_eq!(left_out, [Lacking { signal: Kind::Bias, lacking: 1, first_fix: 7 }]);
         assert_eq!((found[0].kind, found[0].values.as_slice()), (Kind::AzimuthError, [-2.0, -2.0].as_slice()));
     }
 }
