@@ -88,7 +88,7 @@ impl TomlFile {
         self.deserialize(merged)
     }
 
-    /// An error at the value of `field` (dotted, below the table `name`), or of the whole file if it does not say it.
+    /// An error at the value of `field` (dotted, below the table `name`; tables of a list by their numbers from 0), or of the whole file if it does not say it.
     pub fn at_field(&self, name: Option<&str>, field: &str, problem: Problem) -> FileError {
         match self.table(name).ok().and_then(|table| find(&table, field)) {
             Some(span) => self.at(span, problem),
@@ -142,12 +142,19 @@ impl TomlFile {
 
 /// Where the value of a dotted field stands.
 fn find(table: &DeTable<'_>, field: &str) -> Option<Range<usize>> {
-    let (first, rest) = field.split_once('.').map_or((field, None), |(first, rest)| (first, Some(rest)));
-    let value = table.get(first)?;
-    match (rest, value.get_ref()) {
-        (Some(rest), DeValue::Table(below)) => find(below, rest),
-        _ => Some(value.span()),
+    let mut names = field.split('.');
+    let mut value = table.get(names.next()?)?;
+    for name in names {
+        value = match value.get_ref() {
+            DeValue::Table(below) => below.get(name)?,
+            DeValue::Array(list) => match name.parse::<usize>().ok().and_then(|number| list.get(number)) {
+                Some(below) => below,
+                None => break,
+            },
+            _ => break,
+        };
     }
+    Some(value.span())
 }
 
 /// The dotted name of the field whose value stands at a range of the text; of a table in a list, its number from 1.

@@ -14,6 +14,25 @@ use crate::learn::{Common, Family};
 use crate::toml_file::TomlFile;
 
 const FORMAT: i64 = 1;
+/// No weight and no covariance of weights is beyond this: squares of either are still numbers.
+const GREATEST: f64 = 1e30;
+const PROBABILITY: &str = "a probability, 0 to 1";
+
+/// A field that makes no sense.
+struct Wrong {
+    field: &'static str,
+    value: String,
+    allowed: String,
+}
+
+/// Sums of probabilities may be rounded to a little more than 1.
+fn is_probability(number: f64) -> bool {
+    (-1e-9..=1.0 + 1e-9).contains(&number)
+}
+
+fn are_numbers(numbers: &[f64]) -> bool {
+    numbers.iter().all(|number| number.abs() <= GREATEST)
+}
 
 /// A fleet, as its file holds it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -89,21 +108,18 @@ impl Fleet {
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let file = TomlFile::read(path)?;
         let fleet: Self = file.parse_format(FORMAT)?;
-        for shared in &fleet.effects {
-            shared.check().map_err(|(field, value, allowed)| {
-                let place = format!("effect {}: {field} = {value}", shared.name);
-                file.whole(Problem::not_allowed(place, allowed))
-            })?;
+        let refused = |table: String, name: &str, wrong: Wrong| {
+            let Wrong { field, value, allowed } = wrong;
+            let kind = table.split('.').next().unwrap_or(&table);
+            let problem = Problem::not_allowed(format!("{kind} {name}: {field} = {value}"), allowed);
+            file.at_field(None, &format!("{table}.{field}"), problem)
+        };
+        for (number, shared) in fleet.effects.iter().enumerate() {
+            shared.check().map_err(|wrong| refused(format!("effect.{number}"), &shared.name, wrong))?;
         }
-        for unit in &fleet.records {
-            if !(0.0..=1.0).contains(&unit.outside) {
-                let value = format!("unit {}: outside = {}", unit.name, unit.outside);
-                return Err(file.whole(Problem::not_allowed(value, "a probability, 0 to 1")));
-            }
-            if unit.effects.len() != fleet.effects.len() {
-                let value = format!("unit {}: {} tables `has`", unit.name, unit.effects.len());
-                return Err(file.whole(Problem::not_allowed(value, "one for every effect")));
-            }
+        for (number, unit) in fleet.records.iter().enumerate() {
+            let wrong = unit.check(&fleet.effects);
+            wrong.map_err(|wrong| refused(format!("unit.{number}"), &unit.name, wrong))?;
         }
         Ok(fleet)
     }
@@ -159,34 +175,70 @@ impl Shared {
         self.covariance.iter().enumerate().map(own).collect()
     }
 
-    /// The field that makes no sense, its value, and what is allowed.
-    fn check(&self) -> Result<(), (&'static str, String, String)> {
-        let effect = self.effect();
-        effect.validate().map_err(|invalid| ("factors", invalid.value.to_string(), invalid.allowed.to_string()))?;
+    /// What makes no sense, if something does.
+    fn check(&self) -> Result<(), Wrong> {
+        let without_weights = Effect::new(self.port, &self.factors);
+        without_weights.validate().map_err(|invalid| {
+            let field = invalid.field.strip_prefix("model.effects.").unwrap_or("factors");
+            Wrong { field, value: invalid.value.to_string(), allowed: invalid.allowed.into() }
+        })?;
         let constants: usize = self.factors.iter().map(|factor| factor.constants().len()).sum();
-        let count = effect.count();
-        let finite = |numbers: &[f64]| numbers.iter().all(|number| number.is_finite());
-        if !(0.0..=1.0).contains(&self.share) {
-            return Err(("share", self.share.to_string(), "a probability, 0 to 1".into()));
+        let count = without_weights.count();
+        let wrong = |field, value, allowed: String| Err(Wrong { field, value, allowed });
+        if !is_probability(self.share) {
+            return wrong("share", self.share.to_string(), PROBABILITY.into());
         }
-        if self.mean.len() != count || !finite(&self.mean) {
-            return Err(("mean", format!("{:?}", self.mean), format!("{count} finite numbers")));
+        if !(self.units >= 0.0 && self.units.is_finite()) {
+            return wrong("units", self.units.to_string(), "a number that is not negative".into());
         }
-        if self.covariance.len() != count || self.covariance.iter().any(|row| row.len() != count || !finite(row)) {
-            return Err((
-                "covariance",
-                format!("{:?}", self.covariance),
-                format!("{count} rows of {count} finite numbers"),
-            ));
+        if self.mean.len() != count || !are_numbers(&self.mean) {
+            return wrong("mean", format!("{:?}", self.mean), format!("{count} numbers within ±{GREATEST:e}"));
+        }
+        if self.covariance.len() != count || self.covariance.iter().any(|row| row.len() != count || !are_numbers(row)) {
+            let allowed = format!("{count} rows of {count} numbers within ±{GREATEST:e}");
+            return wrong("covariance", format!("{:?}", self.covariance), allowed);
         }
         if (0..count).any(|i| self.covariance[i][i] < 0.0) {
-            return Err(("covariance", format!("{:?}", self.covariance), "variances that are not negative".into()));
+            return wrong("covariance", format!("{:?}", self.covariance), "variances that are not negative".into());
         }
-        if self.constant_spreads.len() != constants || self.constant_spreads.iter().any(|spread| !(*spread >= 0.0)) {
-            let allowed = format!("{constants} numbers that are not negative");
-            return Err(("constant_spreads", format!("{:?}", self.constant_spreads), allowed));
+        let is_spread = |spread: &f64| *spread >= 0.0 && spread.is_finite();
+        if self.constant_spreads.len() != constants || !self.constant_spreads.iter().all(is_spread) {
+            let allowed = format!("{constants} finite numbers that are not negative");
+            return wrong("constant_spreads", format!("{:?}", self.constant_spreads), allowed);
         }
         Ok(())
+    }
+}
+
+impl UnitRecord {
+    /// What makes no sense beside the effects of the type, if something does.
+    fn check(&self, effects: &[Shared]) -> Result<(), Wrong> {
+        if !is_probability(self.outside) {
+            return Err(Wrong { field: "outside", value: self.outside.to_string(), allowed: PROBABILITY.into() });
+        }
+        if self.effects.len() != effects.len() {
+            let value = format!("{} tables", self.effects.len());
+            return Err(Wrong { field: "has", value, allowed: "one for every effect".into() });
+        }
+        for (has, shared) in self.effects.iter().zip(effects) {
+            let (name, count) = (&shared.name, shared.mean.len());
+            let wrong = |value, allowed| Err(Wrong { field: "has", value, allowed });
+            if !(is_probability(has.family) && is_probability(has.own)) {
+                let HasEffect { family, own, .. } = has;
+                return wrong(format!("family {family}, own {own} of {name}"), "probabilities, 0 to 1".into());
+            }
+            if has.weights.len() != count || !are_numbers(&has.weights) {
+                let allowed = format!("{count} numbers within ±{GREATEST:e}");
+                return wrong(format!("weights {:?} of {name}", has.weights), allowed);
+            }
+        }
+        match self.others.iter().find(|other| !is_probability(other.probability)) {
+            Some(OtherEffect { name, probability }) => {
+                let value = format!("probability {probability} of {name}");
+                Err(Wrong { field: "others", value, allowed: PROBABILITY.into() })
+            }
+            None => Ok(()),
+        }
     }
 }
 
@@ -231,5 +283,15 @@ mod tests {
         assert!(refusal(&|fleet| fleet.effects[0].constant_spreads.push(1.0)).contains("constant_spreads"));
         assert!(refusal(&|fleet| fleet.records[0].outside = -0.1).contains("unit unit-7: outside = -0.1"));
         assert!(refusal(&|fleet| fleet.records[0].effects.clear()).contains("one for every effect"));
+        let units = refusal(&|fleet| fleet.effects[0].units = f64::NAN);
+        assert!(units.contains("line 6") && units.contains("effect scale-factor: units = NaN"), "{units}");
+        assert!(refusal(&|fleet| fleet.effects[0].mean[0] = f64::INFINITY).contains("mean = [inf]"));
+        assert!(refusal(&|fleet| fleet.effects[0].covariance[0][0] = 1e300).contains("covariance = [[1e300]]"));
+        let has = refusal(&|fleet| fleet.records[0].effects[0].family = 7.0);
+        assert!(has.contains("unit unit-7: has = family 7, own 0.05 of scale-factor"), "{has}");
+        assert!(refusal(&|fleet| fleet.records[0].effects[0].weights.clear()).contains("weights [] of scale-factor"));
+        let other = OtherEffect { name: "x".into(), probability: 9.0 };
+        let others = refusal(&|fleet| fleet.records[0].others.push(other.clone()));
+        assert!(others.contains("others = probability 9 of x"), "{others}");
     }
 }
