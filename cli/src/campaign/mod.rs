@@ -19,4 +19,4 @@ pub use writer::{CampaignWriter, Layout, OwnLayout, RunWriter};
 /// Name of the file that describes a campaign, in its folder.
 pub const MANIFEST: &str = "campaign.toml";
 /// In a folder whose recording is not finished, until it is.
-const UNFINISHED: &str = "unfinished";
+pub const UNFINISHED: &str = "unfinished";

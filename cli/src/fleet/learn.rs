@@ -16,6 +16,7 @@ use crate::learn::{Common, Standing, Statistics, Ways, form_cost};
 /// Learns what units have in common: every one by itself on one of so many threads, then all together. `done` is called after each unit, twice: once it
 /// has been learned from alone, and once it has been compared.
 pub fn learn(sources: &[Source], threads: usize, done: impl Fn() + Sync) -> Result<Fleet, Failure> {
+    sources.iter().try_for_each(Source::check)?;
     let read = |source: &Source| {
         let unit = Unit::read(source);
         done();

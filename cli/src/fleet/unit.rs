@@ -7,15 +7,13 @@ use north_finder::effects::ErrorModel;
 use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::Effect;
 
-use crate::campaign::Campaign;
+use crate::campaign::{Campaign, MANIFEST, UNFINISHED};
 use crate::diagnose::{self, Options};
 use crate::failure::Failure;
 use crate::file_error::{FileError, Problem};
 use crate::learn::{Blunder, Run, mended};
 use crate::model_file::ModelFile;
 use crate::settings_file::campaign_settings;
-
-const MANIFEST: &str = "campaign.toml";
 
 /// Where what is known of a unit comes from.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -41,6 +39,21 @@ impl Source {
         };
         name.map_or_else(|| self.path().display().to_string(), |name| name.to_string_lossy().into_owned())
     }
+
+    /// Reads what says of itself what it is, before the work of hours begins.
+    ///
+    /// Errors: a campaign or a model that cannot be read.
+    pub fn check(&self) -> Result<(), FileError> {
+        match self {
+            Self::Campaign(path) => Campaign::read(path).map(|_| ()),
+            Self::Model(path) => ModelFile::read(path).map(|_| ()),
+        }
+    }
+
+    /// Whether the path as it is says the name.
+    fn has_name(&self) -> bool {
+        self.path().file_name().is_some()
+    }
 }
 
 /// Campaigns and models, by their paths or by folders that hold some of them; in the order of their names within a folder.
@@ -49,12 +62,13 @@ impl Source {
 pub fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, FileError> {
     let mut all: Vec<Source> = Vec::new();
     for path in paths {
-        // A folder that is named `.` has a name only when it is written out.
+        // A folder that is named `.` has a name only when it is written out; otherwise names and messages keep the path as it is given.
         let whole = path.canonicalize().map_err(|error| FileError::whole(path, error))?;
-        match source(&whole) {
+        let found = source(path).filter(Source::has_name).or_else(|| source(&whole));
+        match found {
             Some(source) => all.push(source),
             None if path.is_dir() => {
-                let entries = std::fs::read_dir(&whole).map_err(|error| FileError::whole(path, error))?;
+                let entries = std::fs::read_dir(path).map_err(|error| FileError::whole(path, error))?;
                 let mut below: Vec<Source> = entries.filter_map(|entry| source(&entry.ok()?.path())).collect();
                 if below.is_empty() {
                     let text = "neither a campaign nor a folder of campaigns or of model files (.toml)";
@@ -69,20 +83,25 @@ pub fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, FileError> {
             }
         }
     }
-    let mut names: Vec<String> = all.iter().map(Source::name).collect();
-    names.sort();
-    match names.windows(2).find(|pair| pair[0] == pair[1]) {
-        Some(pair) => {
-            let text = format!("two units have the name {:?}: every campaign or model needs one of its own", pair[0]);
-            Err(FileError::whole(all[0].path(), Problem::Syntax(text)))
+    let mut named: Vec<(String, &Source)> = all.iter().map(|source| (source.name(), source)).collect();
+    named.sort_by(|a, b| a.0.cmp(&b.0));
+    match named.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+        Some([(name, first), (_, second)]) => {
+            let text = format!(
+                "{} has the name {name:?}, too: every campaign or model needs one of its own",
+                first.path().display()
+            );
+            Err(FileError::whole(second.path(), Problem::Syntax(text)))
         }
-        None => Ok(all),
+        _ => Ok(all),
     }
 }
 
 fn source(path: &Path) -> Option<Source> {
     if path.is_dir() {
-        return path.join(MANIFEST).is_file().then(|| Source::Campaign(path.to_owned()));
+        // An unfinished recording is refused by its name when it is read, and not passed over.
+        let is_campaign = [MANIFEST, UNFINISHED].iter().any(|file| path.join(file).is_file());
+        return is_campaign.then(|| Source::Campaign(path.to_owned()));
     }
     if path.file_name().is_some_and(|name| name == MANIFEST) {
         return path.parent().map(|folder| Source::Campaign(folder.to_owned()));
@@ -193,9 +212,19 @@ mod tests {
         let found = sources(&[root.to_owned()]).unwrap();
         assert_eq!(found.iter().map(Source::name).collect::<Vec<_>>(), ["a", "b"]);
         assert!(matches!(&found[..], [Source::Model(_), Source::Campaign(_)]));
+        std::fs::create_dir_all(root.join("d/runs")).unwrap();
+        std::fs::write(root.join("d/unfinished"), "").unwrap();
+        let [.., unfinished] = &sources(&[root.to_owned()]).unwrap()[..] else { panic!() };
+        let refusal = unfinished.check().unwrap_err().to_string();
+        assert!(unfinished.name() == "d" && refusal.contains("came to no end"), "{refusal}");
         let refusal = sources(&[root.join("notes.txt")]).unwrap_err().to_string();
         assert!(refusal.contains("neither a campaign nor a model file"), "{refusal}");
         let twice = sources(&[root.join("b"), root.join("b/campaign.toml")]).unwrap_err().to_string();
-        assert!(twice.contains("two units have the name \"b\""), "{twice}");
+        assert!(twice.contains("has the name \"b\", too"), "{twice}");
+        std::fs::create_dir_all(root.join("c/b")).unwrap();
+        std::fs::write(root.join("c/b/campaign.toml"), "").unwrap();
+        let twice = sources(&[root.join("a.toml"), root.join("b"), root.join("c")]).unwrap_err().to_string();
+        let paths = ["b", "c/b"].map(|path| root.join(path).display().to_string());
+        assert!(paths.iter().all(|path| twice.contains(path.as_str())), "{twice}");
     }
 }
