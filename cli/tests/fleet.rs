@@ -80,3 +80,41 @@ fn what_is_no_unit_is_refused_by_name() {
     let (code, _, error) = north(&["fleet", "show", &path("f.toml")]);
     assert!(code == 1 && error.contains("f.toml") && error.contains("share = 2"), "{error}");
 }
+
+/// What cannot be read is a result of its own, and does not keep the others from their table; once it is mended it is diagnosed.
+#[test]
+fn a_campaign_that_cannot_be_read_is_refused_until_it_is_mended() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    assert_eq!(north(&["simulate", "--runs", "2", "--out", &path("units/unit 1")]).0, 0);
+    let manifest = path("units/unit 2/campaign.toml");
+    fs::create_dir(path("units/unit 2")).unwrap();
+    fs::write(&manifest, "format = \n").unwrap();
+    let (units, results, table) = (path("units"), path("results"), path("t.parquet"));
+    let all = ["fleet", "diagnose", &units, "--results", &results, "--table", &table, "--force"];
+    for before in [0, 1] {
+        let (code, said, error) = north(&all);
+        let counts = format!("2 campaigns: {before} were done before, 1 cannot be diagnosed");
+        assert!(code == 0 && said.contains(&counts) && Path::new(&table).exists(), "{said}{error}");
+    }
+    let refused = fs::read_to_string(path("results/unit 2.json")).unwrap();
+    assert!(refused.contains("campaign.toml, line 1, column 10"), "{refused}");
+    fs::remove_dir_all(path("units/unit 2")).unwrap();
+    assert_eq!(north(&["simulate", "--runs", "2", "--seed", "9", "--out", &path("units/unit 2")]).0, 0);
+    let (_, said, _) = north(&all);
+    assert!(said.contains("1 were done before, 0 cannot be diagnosed"), "{said}");
+    assert!(!fs::read_to_string(path("results/unit 2.json")).unwrap().contains("refused"));
+}
+
+#[test]
+fn results_have_a_folder_and_a_name_of_their_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    fs::create_dir_all(path("units/made-with")).unwrap();
+    fs::write(path("units/made-with/campaign.toml"), "").unwrap();
+    let (code, _, error) = north(&["fleet", "diagnose", &path("units"), "--results", &path("results")]);
+    assert!(code == 1 && error.contains("made-with: a campaign of this name has no results"), "{error}");
+    fs::rename(path("units/made-with"), path("units/unit-1")).unwrap();
+    let (code, _, error) = north(&["fleet", "diagnose", &path("units"), "--results", &path("units")]);
+    assert!(code == 1 && error.contains("the campaigns are in this folder"), "{error}");
+}

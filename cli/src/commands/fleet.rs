@@ -53,6 +53,7 @@ struct Learn {
 #[derive(Args, Debug)]
 #[command(after_help = "Example:\n  north fleet show type-a.toml --report type-a.html")]
 struct Show {
+    /// What "north fleet learn" wrote
     #[arg(value_name = "F.toml")]
     fleet: PathBuf,
     /// Write a report to look at: one HTML file that fetches nothing
@@ -65,8 +66,8 @@ struct Show {
 /// Diagnose many campaigns, one on each thread; what is done is not done again
 ///
 /// For every campaign NAME the folder of results has NAME.json (what "north diagnose --json" gives, or {"refused": why}) and NAME.toml (its model). A
-/// campaign whose NAME.json is there is left as it is: after an interrupt the same command goes on. Memory is that of as many campaigns as there are
-/// threads.
+/// campaign whose diagnosis is there is left as it is, and one that was refused is tried again: after an interrupt the same command goes on. Memory is
+/// that of as many campaigns as there are threads.
 #[derive(Args, Debug)]
 #[command(
     name = "diagnose",
@@ -76,7 +77,7 @@ struct DiagnoseAll {
     /// Campaigns, or folders of them
     #[arg(value_name = "DIR", required = true)]
     campaigns: Vec<PathBuf>,
-    /// The folder of results
+    /// The folder of results, not that of the campaigns
     #[arg(long, value_name = "DIR")]
     results: PathBuf,
     /// What the instruments of their type have in common

@@ -3,6 +3,7 @@
 //! Beside each other in the folder of results: `NAME.json`, the diagnosis, or why there is none; `NAME.toml`, the model; `made-with.json`, what all of
 //! them were made with.
 
+use std::fmt::{self, Display};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -50,6 +51,16 @@ struct MadeWith {
     fleet_crc32: Option<u32>,
 }
 
+impl Display for MadeWith {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "version {} with ", self.version)?;
+        match self.fleet_crc32 {
+            Some(crc32) => write!(f, "a fleet of CRC-32 {crc32:08x}"),
+            None => write!(f, "no fleet"),
+        }
+    }
+}
+
 /// The result of a campaign that cannot be diagnosed.
 #[derive(Serialize)]
 struct NoDiagnosis<'a> {
@@ -58,11 +69,17 @@ struct NoDiagnosis<'a> {
 
 /// The jobs of some campaigns, whose results go to a folder; `fleet` is the file of the prior.
 ///
-/// Errors: a source that is no campaign; a folder that cannot be made, or whose results were made with something else.
+/// Errors: a source that is no campaign, or one whose results have no name of their own; a folder that holds the campaigns themselves, that cannot be
+/// made, or whose results were made with something else.
 pub fn jobs(sources: &[Source], results: &Path, fleet: Option<&Path>) -> Result<Vec<Job>, Failure> {
     let job = |source: &Source| match source {
         Source::Campaign(path) => {
             let name = source.name();
+            if format!("{name}.json") == MADE_WITH {
+                let text =
+                    format!("a campaign of this name has no results: {MADE_WITH} says what all of them were made with");
+                return Err(FileError::whole(path, Problem::Syntax(text)).into());
+            }
             let file = |ending: &str| results.join(format!("{name}.{ending}"));
             Ok(Job { campaign: path.clone(), result: file("json"), model: file("toml"), name })
         }
@@ -73,6 +90,15 @@ pub fn jobs(sources: &[Source], results: &Path, fleet: Option<&Path>) -> Result<
     };
     let jobs = sources.iter().map(job).collect::<Result<Vec<Job>, Failure>>()?;
     std::fs::create_dir_all(results).map_err(|error| FileError::whole(results, error))?;
+    let folder = results.canonicalize().map_err(|error| FileError::whole(results, error))?;
+    let among = |job: &Job| {
+        let parent = job.campaign.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        parent.canonicalize().is_ok_and(|parent| parent == folder)
+    };
+    if jobs.iter().any(among) {
+        let text = "the campaigns are in this folder, and models beside them would be units, too; take a folder of their own for the results";
+        return Err(FileError::whole(results, Problem::Syntax(text.into())).into());
+    }
     check_made_with(results, fleet)?;
     Ok(jobs)
 }
@@ -88,8 +114,10 @@ fn check_made_with(results: &Path, fleet: Option<&Path>) -> Result<(), Failure> 
         let before: MadeWith =
             serde_json::from_str(&text).map_err(|error| FileError::whole(&path, Problem::Syntax(error.to_string())))?;
         if before != now {
-            let text = "the results in this folder were made with another version or another fleet; take a folder of their own for new ones";
-            return Err(FileError::whole(&path, Problem::Syntax(text.into())).into());
+            let text = format!(
+                "the results in this folder were made with another version or another fleet ({before}; now {now}); take a folder of their own for new ones"
+            );
+            return Err(FileError::whole(&path, Problem::Syntax(text)).into());
         }
         return Ok(());
     }
@@ -99,7 +127,7 @@ fn check_made_with(results: &Path, fleet: Option<&Path>) -> Result<(), Failure> 
 
 /// Diagnoses what is not diagnosed yet, each campaign on one of so many threads. `done` is called after each.
 ///
-/// Errors: a campaign that cannot be read, results that cannot be written, an interrupt. What is done stays done.
+/// Errors: results that cannot be written, an interrupt. What is done stays done.
 pub fn diagnose_all(
     jobs: &[Job],
     family: &Family,
@@ -115,12 +143,17 @@ pub fn diagnose_all(
 }
 
 impl Job {
+    /// A refusal that is there is no result: what it complains of may have been mended.
     fn run(&self, family: &Family) -> Result<Outcome, Failure> {
-        if self.result.exists() {
+        if self.result.exists() && Row::read(self)?.refused.is_empty() {
             return Ok(Outcome::Known);
         }
         let begun = Instant::now();
-        let (campaign, mut options) = campaign(&self.campaign)?;
+        let (campaign, mut options) = match campaign(&self.campaign) {
+            Ok(read) => read,
+            Err(Failure::Interrupted) => return Err(Failure::Interrupted),
+            Err(failure) => return self.refuse(&failure),
+        };
         options.family = family.clone();
         match diagnose(&campaign, &options) {
             Ok(diagnosis) => {
@@ -130,11 +163,13 @@ impl Job {
                 replace(&self.result, &json(&diagnosis)?)?;
                 Ok(Outcome::Done { seconds: begun.elapsed().as_secs_f64() })
             }
-            Err(refusal) => {
-                replace(&self.result, &json(&NoDiagnosis { refused: &refusal.to_string() })?)?;
-                Ok(Outcome::Refused)
-            }
+            Err(refusal) => self.refuse(&refusal),
         }
+    }
+
+    fn refuse(&self, why: &impl Display) -> Result<Outcome, Failure> {
+        replace(&self.result, &json(&NoDiagnosis { refused: &why.to_string() })?)?;
+        Ok(Outcome::Refused)
     }
 }
 
