@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{ArgGroup, Args};
 use north_finder::event::restart::Crash;
 use north_finder::link::Ask;
 
@@ -17,6 +17,7 @@ use crate::service::{BoardLog, write_log};
 ///
 /// The board keeps the last two thousand fixes or more (a thousand with a block or analogue inputs), over power cuts and new firmware. `north watch` says whether its error model still holds.
 #[derive(Args, Debug)]
+#[command(group = ArgGroup::new("what").args(["out", "check", "crashes"]).required(true).multiple(true))]
 #[command(after_help = "Examples:
   north log /dev/ttyUSB0 --out unit-7.csv && north watch unit-7.csv
   north log --check 123.456
@@ -26,7 +27,7 @@ pub struct LogCommand {
     #[arg(value_name = "PORT")]
     port: Option<String>,
     /// Write the log to this file
-    #[arg(long, value_name = "LOG.csv", required_unless_present_any = ["check", "crashes"])]
+    #[arg(long, value_name = "LOG.csv")]
     out: Option<PathBuf>,
     /// The last fix was made at this surveyed azimuth of the index-zero mark, degrees: the board watches what it is off by
     #[arg(long, value_name = "AZIMUTH", allow_negative_numbers = true, value_parser = number::<-360, 360>)]
