@@ -284,7 +284,7 @@ mod tests {
         assert!(refusal(&|fleet| fleet.records[0].outside = -0.1).contains("unit unit-7: outside = -0.1"));
         assert!(refusal(&|fleet| fleet.records[0].effects.clear()).contains("one for every effect"));
         let units = refusal(&|fleet| fleet.effects[0].units = f64::NAN);
-        assert!(units.contains("line 6") && units.contains("effect scale-factor: units = NaN"), "{units}");
+        assert!(units.contains("line 7, column 9") && units.contains("effect scale-factor: units = NaN"), "{units}");
         assert!(refusal(&|fleet| fleet.effects[0].mean[0] = f64::INFINITY).contains("mean = [inf]"));
         assert!(refusal(&|fleet| fleet.effects[0].covariance[0][0] = 1e300).contains("covariance = [[1e300]]"));
         let has = refusal(&|fleet| fleet.records[0].effects[0].family = 7.0);
