@@ -84,7 +84,7 @@ firmware: setup
 ## bench: the tables of the README and of docs (takes an hour and more)
 bench: setup
 	@for table in accuracy adaptive orders gyros repeat gates "faults --trials 4000" calibration voyage ageing "diagnose --campaigns 3" experiment \
-		diagnose-speed attitude alignment hold "hold --whole" aiding esg watch "fleet --types 1 --units 20 --tests 4" cost; do \
+		diagnose-speed attitude alignment hold "hold --whole" aiding esg field watch "fleet --types 1 --units 20 --tests 4" cost; do \
 		echo "north bench $$table"; cargo run --quiet --release -p north -- bench $$table || missed="$$missed; $$table"; done; \
 		[ -z "$$missed" ] || { echo "beyond their limits, or not run$$missed"; exit 1; }
 
