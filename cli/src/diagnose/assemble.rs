@@ -48,16 +48,20 @@ pub struct Material<'a> {
 
 pub fn diagnosis(
     material: &Material<'_>,
-    found: Option<&Found>,
+    found: Option<Found>,
     options: &Options,
     mut warnings: Vec<Warning>,
 ) -> Diagnosis {
     let &Material { campaign, runs, as_recorded, base, still: is_still, .. } = material;
     let judged_by_checks = runs.iter().any(|run| run.role == Role::Check && run.reference_deg.is_some());
-    let wrong = found.map_or(Vec::new(), Found::wrong_references);
+    let wrong = found.as_ref().map_or(Vec::new(), Found::wrong_references);
     let wrong_files: Vec<String> = wrong.iter().map(|each| each.file.clone()).collect();
-    let validated = validate::validated(runs, found, base, &options.family, &wrong_files);
-    let used = found.filter(|_| validated.used);
+    let validated = validate::validated(runs, found.as_ref(), base, &options.family, &wrong_files);
+    let with_family = found.as_ref().filter(|_| !options.family.members.is_empty());
+    let family = with_family.map(|found| found.in_family(&options.family));
+    let found = found.map(|found| found.forgetting_all_but(validated.effects.unwrap_or(0)));
+    let found = found.as_ref();
+    let used = found.filter(|found| validated.withdrawn.is_none() || found.effects_found() > 0);
     let mut model = model_of(runs, &validated, used, &wrong_files, base);
     let afters = after(runs, &model);
     missed::warn_of_outliers(runs, &mut warnings);
@@ -98,8 +102,7 @@ pub fn diagnosis(
     let proposal = used.map_or_else(Proposal::default, |found| findings::next_experiment(found, runs, median(sigmas)));
     let noise = noise_tests(campaign, &residuals, of_dwells.as_ref());
     let covered = model.doubt.process.filter(|_| found.is_some());
-    let withdrawn = found.filter(|_| validated.withdrawn.is_some()).and_then(|found| found.learned.process_without);
-    let process = covered.or(withdrawn).map(|process| (process, covered.is_some()));
+    let process = covered.or(found.and_then(Found::process)).map(|process| (process, covered.is_some()));
     let mut unexplained = unexplained::evidence(process, runs, &validated.left_out, &wrong_files, &noise);
     unexplained.extend(note_contradictions(&mut records, judged));
     let up_deg_h = runs.first().map_or(0.0, |run| run.earth.up_deg_h);
@@ -108,7 +111,7 @@ pub fn diagnosis(
         findings::add_turn(&mut effects, turned_deg);
         turn::put(&mut model, turned_deg);
     }
-    let candidates = found.map_or(Vec::new(), |found| findings::candidates(found, validated.used));
+    let candidates = found.map_or(Vec::new(), findings::candidates);
     let mut diagnosis = Diagnosis {
         title: campaign.title.clone(),
         origin: Origin {
@@ -150,7 +153,7 @@ pub fn diagnosis(
         series: residuals.series(),
         spectra: residuals.spectra(noise.declared_noise_deg_h.unwrap_or(noise.noise_deg_h)),
         noise,
-        family: found.filter(|_| !options.family.members.is_empty()).map(|found| found.in_family(&options.family)),
+        family,
         warnings,
         effects,
         model,

@@ -121,7 +121,7 @@ pub fn refuse_latitude(
         which(effect) || found.is_some_and(|found| found.in_its_place(effect).iter().any(which))
     };
     let is_right_with = |is_asked: &dyn Fn(&Effect) -> bool| {
-        let mut shaped = found.map_or_else(|| base.clone(), |found| found.model.clone());
+        let mut shaped = found.map_or_else(|| base.clone(), |found| found.model().clone());
         shaped.doubt = Doubt::default();
         shaped.effects.retain(|effect| base.effects.contains(effect) || is_asked(effect));
         let with = |run: &RunData| Some(run.replay(&shaped, &mut |_| ()).ok()?.amplitude_deg_h);
@@ -141,7 +141,7 @@ pub fn refuse_latitude(
         100.0 * (middle - 1.0)
     );
     let may_be_latitude =
-        found.is_some_and(|found| found.model.effects.iter().any(|effect| may_be(effect, &is_constant)));
+        found.is_some_and(|found| found.model().effects.iter().any(|effect| may_be(effect, &is_constant)));
     if may_be_latitude || !is_right_with(&|_| true) {
         return Err(Refusal::Campaign(format!("{doubt}; correct that first")));
     }

@@ -38,9 +38,9 @@ pub fn add_turn(effects: &mut Vec<Effect>, turned_deg: f64) {
     effects.insert(0, turn);
 }
 
-/// The effects that were tried, with what each was worth before anything was taken; `used`: what was found is in the model.
-pub fn candidates(found: &Found, used: bool) -> Vec<Candidate> {
-    let taken: Vec<&effect::Effect> = if used { found.named() } else { Vec::new() };
+/// The effects that were tried, with what each was worth before anything was taken.
+pub fn candidates(found: &Found) -> Vec<Candidate> {
+    let taken = found.named();
     let of_tried = |tried: &Tried| {
         let named = Named::new(&tried.effect);
         let is_taken = taken.iter().any(|each| names::full_name(each) == names::full_name(&tried.effect));

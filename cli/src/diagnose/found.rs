@@ -11,7 +11,7 @@ use super::names::{self, EARTH_FIELD, FIRST_HARMONIC, GRAVITY_SENSITIVITY, INDEX
 use super::statistics::rms;
 use super::{Effect, FamilyEffect, InFamily};
 use crate::learn::{
-    self, Allowed, Blunder, Common, Family, Learned, Place, Posterior, Run, Standing, Statistics, Ways,
+    self, Allowed, Blunder, Common, Family, Learned, Place, Posterior, Run, Standing, Statistics, Taught, Ways,
 };
 use crate::run_data::RunData;
 
@@ -31,10 +31,8 @@ pub struct Found {
     pub motion: Option<Motion>,
     /// Files of the runs that were learned from, in the order of the search.
     files: Vec<String>,
-    /// What the firmware runs.
-    pub model: ErrorModel,
-    /// The same without the effects, with the process that suits the runs then.
-    pub without_effects: ErrorModel,
+    /// What the firmware runs of each model that was learned ([`Learned::models`]).
+    models: Vec<ErrorModel>,
     /// Channels that the board of the runs measures beyond those of every second.
     measured: Vec<ChannelName>,
 }
@@ -72,15 +70,39 @@ impl Found {
         };
         let allowed = Allowed { family, may_be_used: &may_be_used };
         let learned = if of_search.is_empty() { Learned::default() } else { learn::learn(of_search, &allowed) };
-        let model = learned.posterior.written(&base, &learned.runs)?;
-        let mut without_effects = base;
-        without_effects.doubt.process = learned.process_without.or(without_effects.doubt.process);
-        Some(Self { learned, motion, files, model, without_effects, measured })
+        let written = |taught: &Taught| taught.posterior.written(&base, &learned.runs);
+        let models = learned.models().map(written).collect::<Option<Vec<ErrorModel>>>()?;
+        Some(Self { learned, motion, files, models, measured })
+    }
+
+    /// What the firmware runs of the likeliest model.
+    pub fn model(&self) -> &ErrorModel {
+        &self.models[0]
+    }
+
+    /// What the firmware runs of the likeliest model that has at most so many effects.
+    pub fn with_at_most(&self, effects: usize) -> &ErrorModel {
+        let of_few = self.learned.models().zip(&self.models).find(|(taught, _)| taught.effects() <= effects);
+        of_few.map_or(self.model(), |(_, model)| model)
+    }
+
+    /// Forgets the effects that are missed least, until there are at most so many.
+    pub fn forgetting_all_but(mut self, effects: usize) -> Self {
+        while self.effects_found() > effects && !self.learned.fewer.is_empty() {
+            self.learned.best = self.learned.fewer.remove(0);
+            self.models.remove(0);
+        }
+        self
+    }
+
+    /// How many effects the likeliest model has.
+    pub fn effects_found(&self) -> usize {
+        self.learned.best.effects()
     }
 
     /// How the unit stands to its family, by its runs.
     pub fn in_family(&self, family: &Family) -> InFamily {
-        let posterior = &self.learned.posterior;
+        let posterior = &self.learned.best.posterior;
         let best = posterior.alternatives.first();
         let members = family.members.iter().map(|common| {
             // With the constants that it has by itself.
@@ -117,20 +139,28 @@ impl Found {
 
     /// Nothing was learned that a model could hold.
     pub fn is_nothing(&self) -> bool {
-        self.learned.posterior.effects.is_empty() && self.motion.is_none() && self.process().is_none()
+        self.learned.best.posterior.effects.is_empty() && self.motion.is_none() && self.process().is_none()
     }
 
-    /// What was found, in words: the effects, or what there is without any.
+    /// What was found, in words.
     pub fn in_words(&self) -> Vec<String> {
-        let posterior = &self.learned.posterior;
-        let effects = if posterior.likeliest.is_empty() { posterior.effects.iter().collect() } else { self.named() };
-        if effects.is_empty() { self.beside_effects() } else { effects.into_iter().map(names::full_name).collect() }
+        self.named().into_iter().map(names::full_name).chain(self.beside_effects()).collect()
+    }
+
+    /// The effects that are not in the likeliest model with at most so many, in words.
+    pub fn in_words_beyond(&self, effects: usize) -> Vec<String> {
+        let kept = self.learned.models().find(|taught| taught.effects() <= effects);
+        let is_kept = |effect: &effect::Effect| {
+            kept.is_some_and(|taught| taught.posterior.likeliest.iter().any(|each| alike(each, effect)))
+        };
+        let beyond = self.named().into_iter().filter(|effect| !is_kept(effect));
+        beyond.map(names::full_name).collect()
     }
 
     /// What was found beside the effects, in words.
     pub fn beside_effects(&self) -> Vec<String> {
         let motion = self.motion.is_some().then(|| BASE_MOTION.to_owned());
-        let process = self.learned.process_without.or(self.process()).map(|_| PROCESS.to_owned());
+        let process = self.learned.without_effects().posterior.process.map(|_| PROCESS.to_owned());
         motion.into_iter().chain(process).collect()
     }
 
@@ -148,12 +178,12 @@ impl Found {
     }
 
     pub fn process(&self) -> Option<Process> {
-        self.learned.posterior.process
+        self.learned.best.posterior.process
     }
 
     /// The effects of the likeliest model, with their weights; the strongest first.
     pub fn named(&self) -> Vec<&effect::Effect> {
-        let best = &self.learned.posterior.likeliest;
+        let best = &self.learned.best.posterior.likeliest;
         let mut sized: Vec<(f64, &effect::Effect)> = best.iter().map(|each| (self.size_deg_h(each), each)).collect();
         sized.sort_by(|a, b| b.0.total_cmp(&a.0));
         sized.into_iter().map(|(_, effect)| effect).collect()
@@ -161,7 +191,7 @@ impl Found {
 
     /// What other likely models have in the place of an effect of the likeliest one.
     pub fn in_its_place(&self, effect: &effect::Effect) -> Vec<effect::Effect> {
-        let alternatives = &self.learned.posterior.alternatives;
+        let alternatives = &self.learned.best.posterior.alternatives;
         let Some(best) = alternatives.first() else { return Vec::new() };
         let without = alternatives.iter().skip(1).filter(|other| !other.effects.iter().any(|own| alike(own, effect)));
         let others = without.flat_map(|other| &other.effects).filter(|each| !best.effects.contains(each));
@@ -189,10 +219,10 @@ impl Found {
     }
 
     fn said(&self, effect: &effect::Effect, up_deg_h: f64) -> Effect {
-        let posterior = &self.learned.posterior;
+        let posterior = &self.learned.best.posterior;
         let with = posterior.alternatives.iter().filter(|each| each.effects.iter().any(|own| alike(own, effect)));
         let probability: f64 = with.map(|each| each.probability).sum();
-        let log_odds = self.learned.score - self.learned.score_without;
+        let log_odds = self.learned.best.score - self.learned.without_effects().score;
         let channels: Vec<String> = effect.channels().map(|name| name.as_str().to_owned()).collect();
         let mut ambiguous_with: Vec<String> = Vec::new();
         let others = self.in_its_place(effect).iter().map(names::full_name).collect::<Vec<_>>();

@@ -15,6 +15,8 @@ use crate::run_data::RunData;
 /// A model is not used where the errors rise by more than this. (A true effect that the azimuth does not feel leaves every error as it is, but for the
 /// noise of its parameters.)
 const WORSE: f64 = 1.05;
+/// One further effect of twenty that changes nothing raises errors by more than this many standard deviations of the rise.
+const CHANCE: f64 = 1.645;
 /// Fewest runs with a reference whose misses say something of sigma.
 const LEAST_MISSES: usize = 3;
 /// Error of a run without an azimuth, degrees: root mean square of an even distribution over the circle.
@@ -39,7 +41,8 @@ pub fn veto<'a>(
     if let Some(why) = impossible(&whole, found).or_else(without_azimuths) {
         return Some(why);
     }
-    let others = misses(runs, wrong, left_out);
+    let before: Vec<Option<Fix>> = runs.iter().map(|run| run.before).collect();
+    let others = misses(runs, wrong, &before, left_out);
     let are_few = others.len() < LEAST_MISSES;
     let by_rates = || {
         let mut pairs = rates(Role::Fit);
@@ -49,18 +52,46 @@ pub fn veto<'a>(
     };
     let of_learned = || {
         let fixes: Vec<Option<Fix>> = runs.par_iter().map(|run| run.replay(found, &mut |_| ()).ok()).collect();
-        made_worse(&misses(runs, wrong, &fixes), "it was learned from")
+        made_worse(&misses(runs, wrong, &before, &fixes), "it was learned from")
     };
     made_worse(&others, "took no part in learning it").or_else(of_learned).or_else(|| are_few.then(by_rates).flatten())
 }
 
+/// Why a model with one effect more must not be used, if runs that took no part in learning it speak against it: they miss their references by more than
+/// with the simpler one. Fixes by both, in the order of all runs. Where too few have a reference, rates are judged: how much they are off by both, in units
+/// of white noise, if effects change them.
+pub fn veto_beside(
+    runs: &[RunData],
+    wrong: &[String],
+    [simpler, left_out]: [&[Option<Fix>]; 2],
+    rates: impl Fn() -> Option<[f64; 2]>,
+) -> Option<String> {
+    let misses = misses(runs, wrong, simpler, left_out);
+    let by_rates = || {
+        let [before, after] = rates().filter(|[before, after]| is_worse(*before, *after))?;
+        Some(format!("rates of runs that took no part in learning it are worse by it: {}", in_words(before, after)))
+    };
+    made_worse(&misses, "took no part in learning it")
+        .filter(|_| is_more_than_chance(&misses))
+        .or_else(|| (misses.len() < LEAST_MISSES).then(by_rates).flatten())
+}
+
+/// Whether the mean of what squared errors rise by is more than [`CHANCE`] of its own standard deviations.
+fn is_more_than_chance(pairs: &[(f64, f64)]) -> bool {
+    let rises: Vec<f64> = pairs.iter().map(|(before, after)| after * after - before * before).collect();
+    let count = rises.len() as f64;
+    let mean = rises.iter().sum::<f64>() / count;
+    let variance = rises.iter().map(|rise| (rise - mean).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
+    mean > CHANCE * (variance / count).sqrt()
+}
+
 /// What training runs whose references are believed miss them by, degrees, without a model and with it. A run without an azimuth before says nothing of
 /// whether errors rise, but where nearly all are such runs, they are what the model was made for: an azimuth is better than none.
-fn misses(runs: &[RunData], wrong: &[String], with: &[Option<Fix>]) -> Vec<(f64, f64)> {
-    let azimuth = |fix: Option<Fix>| Some(fix?.azimuth_deg);
-    let before: Vec<Option<f64>> = runs.iter().map(|run| azimuth(run.before)).collect();
-    let after: Vec<Option<f64>> = with.iter().copied().map(azimuth).collect();
-    let misses = misses_deg(runs, &before).into_iter().zip(misses_deg(runs, &after));
+fn misses(runs: &[RunData], wrong: &[String], before: &[Option<Fix>], after: &[Option<Fix>]) -> Vec<(f64, f64)> {
+    let of = |fixes: &[Option<Fix>]| {
+        misses_deg(runs, &fixes.iter().map(|fix| Some((*fix)?.azimuth_deg)).collect::<Vec<Option<f64>>>())
+    };
+    let misses = of(before).into_iter().zip(of(after));
     let of_training = runs.iter().zip(misses).filter(|(run, _)| run.role == Role::Fit && !wrong.contains(&run.file));
     paired(of_training.map(|(_, misses)| misses))
 }
@@ -107,7 +138,7 @@ fn in_words(before: f64, after: f64) -> String {
 }
 
 /// How much rates of runs are off, without a model and with it; 1 is white noise.
-fn off_by(pairs: &[(&RunData, RunData)]) -> (f64, f64) {
+pub fn off_by(pairs: &[(&RunData, RunData)]) -> (f64, f64) {
     let (without, with): (Vec<&RunData>, Vec<&RunData>) = pairs.iter().map(|(without, with)| (*without, with)).unzip();
     (in_white_noises(&without), in_white_noises(&with))
 }
@@ -254,6 +285,14 @@ mod tests {
         let three = [(Some(0.1), Some(0.2)), (None, Some(3.0)), (Some(0.3), Some(0.2)), (Some(0.1), Some(0.1))];
         assert_eq!(paired(three.into_iter()), [(0.1, 0.2), (0.3, 0.2), (0.1, 0.1)]);
         assert!((NO_AZIMUTH_DEG - 180.0 / 3f64.sqrt()).abs() < 1e-3);
+    }
+
+    /// Squares of errors rise by 3, 3 and 0, by 2 in the mean with a standard deviation of √3/√3 = 1 of it: 2 of them. By 3, 0 and 0 they rise by 1 of them:
+    /// one run does not speak against an effect by itself.
+    #[test]
+    fn errors_that_rise_by_more_than_chance_by_hand() {
+        assert!(is_more_than_chance(&[(1.0, 2.0), (1.0, 2.0), (1.0, 1.0)]));
+        assert!(!is_more_than_chance(&[(1.0, 2.0), (1.0, 1.0), (1.0, 1.0)]));
     }
 
     /// Squares of 1 and 1 become 1.2 and 0.8: 1.04 in place of 1 by the mean square, 2 % more; 1.3 and 0.9 are 12 % more.

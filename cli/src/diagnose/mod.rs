@@ -88,7 +88,7 @@ pub fn diagnose(campaign: &Campaign, options: &Options) -> Result<Diagnosis, Ref
     checks::refuse_latitude(&runs, found.as_ref(), &base, &mut warnings)?;
     let material =
         assemble::Material { campaign, runs: &runs, as_recorded: &as_recorded, turned_deg, base: &base, still };
-    Ok(assemble::diagnosis(&material, found.as_ref(), options, warnings))
+    Ok(assemble::diagnosis(&material, found, options, warnings))
 }
 
 /// What the runs of a campaign teach that may be learned from; not judged by runs that took no part, so that it takes a fifth of the time of a

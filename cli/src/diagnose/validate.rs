@@ -1,6 +1,6 @@
 //! Whether what was found is used: by runs that took no part in learning, each judged by what the others taught.
 
-use north_finder::effects::ErrorModel;
+use north_finder::effects::{ErrorModel, MAX_EFFECTS};
 use north_finder::event::Fix;
 use rayon::prelude::*;
 
@@ -18,19 +18,25 @@ const FOLDS: usize = 4;
 /// What of all that was found is used.
 pub struct Validated {
     pub model: ErrorModel,
-    /// Everything that was found is in the model.
-    pub used: bool,
+    /// How many of the effects that were found are in the model; `None` where not even what was found beside effects is.
+    pub effects: Option<usize>,
     /// Training runs by what was learned from others of them.
     pub left_out: Vec<Option<Fix>>,
     /// What must not be used, and why, in words.
     pub withdrawn: Option<String>,
 }
 
-/// The model with a part of what was found.
-type Part = fn(&Found) -> &ErrorModel;
+/// A model with some of the effects that were found.
+struct Part {
+    effects: usize,
+    model: ErrorModel,
+    /// Those of the folds, with as many effects at most.
+    models: Vec<ErrorModel>,
+    left_out: Vec<Option<Fix>>,
+}
 
-/// Judges what was found: all of it, then what is without the effects, the process of the runs' own and the base's motion. The first against which no
-/// training run speaks is used. `wrong`: files whose references are not believed.
+/// Judges what was found: the process of the runs' own and the base's motion alone, then with one effect more each time, the one that is missed most. The
+/// last against which no run speaks that took no part in learning it is used. `wrong`: files whose references are not believed.
 pub fn validated(
     runs: &[RunData],
     found: Option<&Found>,
@@ -40,37 +46,43 @@ pub fn validated(
 ) -> Validated {
     let before = || runs.iter().map(|run| run.before).collect();
     let Some(found) = found.filter(|found| !found.is_nothing()) else {
-        return Validated { model: base.clone(), used: false, left_out: before(), withdrawn: None };
+        return Validated { model: base.clone(), effects: None, left_out: before(), withdrawn: None };
     };
     let places: Vec<usize> = (0..runs.len()).filter(|&i| runs[i].role == Role::Fit).collect();
     let folds = Folds::learn(runs, places, FOLDS, base, family, wrong);
-    let beside = found.beside_effects();
-    let effects = !found.learned.posterior.effects.is_empty();
-    let mut parts: Vec<(Vec<String>, Part)> = vec![(found.in_words(), |found| &found.model)];
-    if effects && !beside.is_empty() {
-        parts.push((beside, |found| &found.without_effects));
-    }
-    // Only effects change rates; those of a moving base's seconds are mostly noise of the accelerometers with it.
-    let of_rates = effects && found.motion.is_none();
-    let mut withdrawn: Vec<String> = Vec::new();
-    for (names, part) in parts {
-        let models = folds.models(base, part);
-        let left_out = folds.fixes(&models);
-        let are_judged = of_rates && withdrawn.is_empty();
+    let least = usize::from(found.beside_effects().is_empty());
+    let mut used: Option<Part> = None;
+    let mut why_not = None;
+    for effects in least..=found.effects_found() {
+        let part = folds.part(found, base, effects);
+        // Only effects change rates; those of a moving base's seconds are mostly noise of the accelerometers with it.
+        let are_judged = effects > 0 && found.motion.is_none();
         let rates = |role: Role| match role {
-            Role::Fit if are_judged => folds.with(&models),
-            Role::Check if are_judged => checks_with(runs, part(found)),
+            Role::Fit if are_judged => folds.with(&part.models),
+            Role::Check if are_judged => checks_with(runs, &part.model),
             _ => Vec::new(),
         };
-        let Some(why) = guard::veto(runs, part(found), &left_out, wrong, rates) else {
-            let used = withdrawn.is_empty();
-            let withdrawn = (!used).then(|| withdrawn.join("; "));
-            return Validated { model: part(found).clone(), used, left_out, withdrawn };
+        let beside = |simpler: &Part| {
+            let off = |part: &Part| guard::off_by(&folds.all_with(part)).1;
+            let rates = || are_judged.then(|| [off(simpler), off(&part)]);
+            guard::veto_beside(runs, wrong, [&simpler.left_out, &part.left_out], rates)
         };
-        let found = if names.len() > 1 { "were found and are" } else { "was found and is" };
-        withdrawn.push(format!("{} {found} not used: {why}", names.join(" and ")));
+        match guard::veto(runs, &part.model, &part.left_out, wrong, rates).or_else(|| beside(used.as_ref()?)) {
+            None => (used, why_not) = (Some(part), None),
+            Some(why) => why_not = why_not.or(Some(why)),
+        }
     }
-    Validated { model: base.clone(), used: false, left_out: before(), withdrawn: Some(withdrawn.join("; ")) }
+    let Some(Part { effects, model, left_out, .. }) = used else {
+        let withdrawn = why_not.map(|why| not_used(&found.in_words(), &why));
+        return Validated { model: base.clone(), effects: None, left_out: before(), withdrawn };
+    };
+    let withdrawn = why_not.map(|why| not_used(&found.in_words_beyond(effects), &why));
+    Validated { model, effects: Some(effects), left_out, withdrawn }
+}
+
+fn not_used(names: &[String], why: &str) -> String {
+    let were = if names.len() > 1 { "were found and are" } else { "was found and is" };
+    format!("{} {were} not used: {why}", names.join(" and "))
 }
 
 /// The check runs, and each with a model taken out of it.
@@ -112,9 +124,15 @@ impl<'a> Folds<'a> {
         Self { runs, places, found }
     }
 
-    /// The model of every part.
-    fn models(&self, base: &ErrorModel, part: Part) -> Vec<ErrorModel> {
-        let of = |found: &Option<Found>| found.as_ref().map_or(base, part).clone();
+    /// What was found with so many effects at most, and what was found in every fold.
+    fn part(&self, found: &Found, base: &ErrorModel, effects: usize) -> Part {
+        let models = self.models(base, effects);
+        Part { effects, model: found.with_at_most(effects).clone(), left_out: self.fixes(&models), models }
+    }
+
+    /// The model of every fold, with so many effects at most.
+    fn models(&self, base: &ErrorModel, effects: usize) -> Vec<ErrorModel> {
+        let of = |found: &Option<Found>| found.as_ref().map_or(base, |found| found.with_at_most(effects)).clone();
         self.found.iter().map(|found| doubt::shown(of(found), self.runs)).collect()
     }
 
@@ -137,12 +155,19 @@ impl<'a> Folds<'a> {
         let taught = self.pairs(models).zip(self.found.iter().cycle()).filter(|(_, found)| found.is_some());
         taught.map(|((i, model), _)| (&self.runs[i], self.runs[i].with(model))).collect()
     }
+
+    /// The same, and the check runs.
+    fn all_with(&self, part: &Part) -> Vec<(&'a RunData, RunData)> {
+        let mut all = self.with(&part.models);
+        all.extend(checks_with(self.runs, &part.model));
+        all
+    }
 }
 
 /// All runs with a reference or at a station, whatever their role, each by what was learned from all others. Nothing of it enters the model.
 pub fn leave_one_out(runs: &[RunData], base: &ErrorModel, family: &Family, wrong: &[String]) -> Option<LeaveOneOut> {
     let folds = Folds::learn(runs, (0..runs.len()).collect(), runs.len(), base, family, wrong);
-    let fixes = folds.fixes(&folds.models(base, |found| &found.model));
+    let fixes = folds.fixes(&folds.models(base, MAX_EFFECTS));
     let errors = |fixes: &[Option<Fix>]| -> Vec<Option<f64>> {
         let azimuths: Vec<Option<f64>> = fixes.iter().map(|fix| Some(fix.as_ref()?.azimuth_deg)).collect();
         let misses = misses_deg(runs, &azimuths).into_iter().zip(runs);

@@ -147,7 +147,7 @@ impl Unit {
         let (campaign, options) = campaign(path)?;
         let learned = diagnose::learned(&campaign, &options).map_err(|refusal| refused(path, &refusal))?;
         let learned = learned.unwrap_or_default();
-        let posterior = learned.posterior;
+        let posterior = learned.best.posterior;
         Ok(Self {
             name: source.name(),
             source: source.clone(),

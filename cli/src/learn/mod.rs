@@ -38,8 +38,8 @@ pub use references::Blunder;
 use references::MOST_BLUNDERS;
 
 pub use discrimination::{Imitated, imitated};
+use grammar::Grammar;
 use model::Model;
-use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::{Effect, Port};
 use problem::Term;
 use proposals::{NEGLIGIBLE, Proposals};
@@ -49,19 +49,48 @@ pub use rows::Run;
 pub use search::asked_beside;
 use search::{Search, Start};
 
+/// A model that some runs taught.
+#[derive(Clone, Debug, Default)]
+pub struct Taught {
+    pub posterior: Posterior,
+    /// Its evidence less what its form costs, nats.
+    pub score: f64,
+}
+
+impl Taught {
+    fn new(best: &Model<'_>, rivals: &[Model<'_>], grammar: &Grammar) -> Self {
+        Self { posterior: Posterior::new(best, rivals), score: best.score(grammar) }
+    }
+
+    /// How many effects the likeliest model has.
+    pub fn effects(&self) -> usize {
+        self.posterior.likeliest.len()
+    }
+}
+
 /// What some runs taught.
 #[derive(Clone, Debug, Default)]
 pub struct Learned {
-    pub posterior: Posterior,
-    /// The evidence of the likeliest model less what its form costs, and that without any effect, nats.
-    pub score: f64,
-    pub score_without: f64,
+    /// The likeliest model.
+    pub best: Taught,
+    /// The same with one effect less each time, the one that is missed least; the last one has none.
+    pub fewer: Vec<Taught>,
     /// The runs with their references put right.
     pub runs: Vec<Run>,
     /// What was wrong with the references, by the numbers of the runs.
     pub blunders: Vec<Blunder>,
-    /// The process of the runs' own that suits them best without any effect.
-    pub process_without: Option<Process>,
+}
+
+impl Learned {
+    /// The likeliest model and those with fewer effects.
+    pub fn models(&self) -> impl Iterator<Item = &Taught> {
+        std::iter::once(&self.best).chain(&self.fewer)
+    }
+
+    /// The one without any effect.
+    pub fn without_effects(&self) -> &Taught {
+        self.fewer.last().unwrap_or(&self.best)
+    }
 }
 
 /// Whether what was learned of these runs may be used: it leaves every run its azimuth.
@@ -151,15 +180,17 @@ pub fn learn(mut runs: Vec<Run>, allowed: &Allowed<'_>) -> Learned {
             (blunders, runs, start) = (wrong, mended, then);
             continue;
         }
-        let bare = Model::new(&runs, None, &[]).map(Model::with_likeliest_process);
-        let score_without = bare.as_ref().map_or(0.0, Model::evidence);
-        let process_without = bare.and_then(|bare| bare.process);
         let (best, rivals) = search.with_rivals(best);
-        let whole = (best.score(&search.grammar), Posterior::new(&best, &rivals));
-        let usable =
-            if (allowed.may_be_used)(&whole.1, &runs) { None } else { with_fewer(&search, best, allowed.may_be_used) };
-        let (score, posterior) = usable.unwrap_or(whole);
-        return Learned { posterior, score, score_without, runs, blunders, process_without };
+        let whole = Taught::new(&best, &rivals, &search.grammar);
+        let (best, model) = if (allowed.may_be_used)(&whole.posterior, &runs) {
+            (whole, best)
+        } else {
+            with_fewer(&search, &best, allowed.may_be_used).unwrap_or((whole, best))
+        };
+        let fewer =
+            std::iter::successors(search.with_one_effect_less(&model), |model| search.with_one_effect_less(model));
+        let fewer = fewer.map(|model| Taught::new(&model, &[], &search.grammar)).collect();
+        return Learned { best, fewer, runs, blunders };
     }
 }
 
@@ -177,17 +208,18 @@ fn contradicted(search: &Search<'_>, best: &Model<'_>, blunder: &Blunder) -> boo
     compared.unwrap_or(false)
 }
 
-/// What may be used of a model that may not be used whole: the best model with one effect or one factor less, with two less, and so on; its score, and
-/// what it says. `None` where not even one effect is left.
-fn with_fewer<'a>(search: &Search<'a>, mut model: Model<'a>, may_be_used: &MayBeUsed<'_>) -> Option<(f64, Posterior)> {
+/// What may be used of a model that may not be used whole: the best model with one effect or one factor less, with two less, and so on. `None` where not
+/// even one effect is left.
+fn with_fewer<'a>(search: &Search<'a>, whole: &Model<'a>, may_be_used: &MayBeUsed<'_>) -> Option<(Taught, Model<'a>)> {
+    let mut fewer = search.with_one_less(whole);
     loop {
-        let fewer = search.with_one_less(&model);
-        let said = |(score, model): &(f64, Model<'a>)| (*score, Posterior::new(model, &[]));
-        let usable = fewer.iter().map(said).find(|(_, posterior)| may_be_used(posterior, search.runs));
-        if usable.is_some() {
-            return usable;
+        let taught = |model: &Model<'a>| Taught::new(model, &[], &search.grammar);
+        let is_usable = |model: &Model<'a>| may_be_used(&taught(model).posterior, search.runs);
+        if let Some(usable) = fewer.iter().position(is_usable) {
+            let model = fewer.swap_remove(usable);
+            return Some((taught(&model), model));
         }
-        model = fewer.into_iter().next()?.1;
+        fewer = search.with_one_less(fewer.first()?);
     }
 }
 

@@ -247,13 +247,17 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// A model without each of its effects, and without each factor of an effect, in turn, the likeliest first, with their scores.
-    pub fn with_one_less(&self, model: &Model<'a>) -> Vec<(f64, Model<'a>)> {
-        let scored = |fewer: Model<'a>| (fewer.score(&self.grammar), fewer);
-        let fewer = self.fewer(model).filter(|each| !each.terms.is_empty());
-        let mut fewer: Vec<(f64, Model<'a>)> = fewer.map(Model::with_likeliest_process).map(scored).collect();
+    /// A model without each of its effects, and without each factor of an effect, in turn, the likeliest first.
+    pub fn with_one_less(&self, model: &Model<'a>) -> Vec<Model<'a>> {
+        let fewer = self.fewer(model).filter(|each| !each.terms.is_empty()).map(Model::with_likeliest_process);
+        let mut fewer: Vec<(f64, Model<'a>)> = fewer.map(|each| (each.score(&self.grammar), each)).collect();
         fewer.sort_by(|a, b| b.0.total_cmp(&a.0));
-        fewer
+        fewer.into_iter().map(|(_, model)| model).collect()
+    }
+
+    /// A model without the effect that is missed least.
+    pub fn with_one_effect_less(&self, model: &Model<'a>) -> Option<Model<'a>> {
+        self.likeliest_without(model).map(Model::with_likeliest_process)
     }
 
     /// A model without each of its effects, and without each factor of an effect, in turn.
@@ -398,9 +402,7 @@ impl<'a> Search<'a> {
     /// Removes terms one after the other, as long as that raises the score.
     fn pruned(&self, mut model: Model<'a>) -> Model<'a> {
         loop {
-            let best =
-                self.without_each(&model).max_by(|a, b| a.score(&self.grammar).total_cmp(&b.score(&self.grammar)));
-            match best {
+            match self.likeliest_without(&model) {
                 Some(fewer) if fewer.score(&self.grammar) > model.score(&self.grammar) => model = fewer,
                 _ => return model,
             }
@@ -410,6 +412,11 @@ impl<'a> Search<'a> {
     /// A model without each of its effects in turn.
     fn without_each(&self, model: &Model<'a>) -> impl Iterator<Item = Model<'a>> {
         (0..model.terms.len()).filter_map(|i| self.without(model, i))
+    }
+
+    /// The likeliest of these.
+    fn likeliest_without(&self, model: &Model<'a>) -> Option<Model<'a>> {
+        self.without_each(model).max_by(|a, b| a.score(&self.grammar).total_cmp(&b.score(&self.grammar)))
     }
 
     fn without(&self, model: &Model<'a>, i: usize) -> Option<Model<'a>> {

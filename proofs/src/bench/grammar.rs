@@ -66,11 +66,11 @@ impl GrammarBench {
             campaign: number,
             kind: truth.kind,
             hidden: truth.names,
-            found: learned.posterior.effects.iter().map(ToString::to_string).collect(),
-            models: learned.posterior.alternatives.len(),
+            found: learned.best.posterior.effects.iter().map(ToString::to_string).collect(),
+            models: learned.best.posterior.alternatives.len(),
             blunders: learned.blunders.len(),
             chi_square_before: left(&[]),
-            chi_square_after: left(&learned.posterior.effects),
+            chi_square_after: left(&learned.best.posterior.effects),
         })
     }
 }
