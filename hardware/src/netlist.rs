@@ -48,7 +48,7 @@ pub struct Part {
     pub usual: String,
     #[serde(default = "one")]
     pub quantity: u32,
-    /// Where it may be left out.
+    /// Where it is needed; `None`: always.
     pub optional: Option<String>,
     pub supply: Option<String>,
     pub volts: Option<[f64; 2]>,

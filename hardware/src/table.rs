@@ -75,10 +75,9 @@ fn lines(netlist: &Netlist) -> Vec<Line<'_>> {
 }
 
 pub fn parts(netlist: &Netlist) -> String {
-    let mut table =
-        "| parts | number | what | value | usual part | may be left out |\n|---|---|---|---|---|---|\n".to_owned();
+    let mut table = "| parts | number | what | value | usual part | needed |\n|---|---|---|---|---|---|\n".to_owned();
     for Line { names, quantity, part } in lines(netlist) {
-        let optional = part.optional.as_deref().unwrap_or("no");
+        let optional = part.optional.as_deref().unwrap_or("always");
         let (names, Part { what, value, usual, .. }) = (names.join(", "), part);
         writeln!(table, "| {names} | {quantity} | {what} | {value} | {usual} | {optional} |")
             .expect("a string takes everything");

@@ -20,7 +20,7 @@ use crate::toml_file::TomlFile;
   north diagnose campaign --model-out m.toml && north load m.toml
   north load my-gyro.toml --port /dev/ttyUSB0")]
 pub struct Load {
-    /// A model, as `diagnose` and `calibrate` write it, or settings, as `characterise` prints them
+    /// A model, as `diagnose` and `calibrate` write it, or settings, as `characterise --settings-out` writes them
     #[arg(value_name = "FILE")]
     file: PathBuf,
     #[command(flatten)]

@@ -37,7 +37,7 @@ use crate::track::{Detail, Reference, doubt, held};
   north track parked.csv --latitude 34.246 --align 300 --class ring-laser --out track.csv --report track.html
   north simulate --voyage dive --out dive && north track dive/block.csv --latitude 60 --heading 40 --heading-sigma 3 --align 60 \\
     --class modern-mems --aid dive/satellites.csv --aid dive/log.csv --aid dive/depth.csv --aid dive/acoustic.csv \\
-    --installation dive/installation.toml --mode aided --mode submerged@1200 --out track.csv --report track.html")]
+    --aid dive/phases.csv --aid dive/esg.csv --installation dive/installation.toml --mode aided --mode submerged@1200 --out track.csv --report track.html")]
 pub struct Track {
     /// Recording: t_s, gx_arcsec, gy_arcsec, gz_arcsec, ax_m_s2, ay_m_s2, az_m_s2; x forward, y left, z up
     #[arg(value_name = "FILE.csv")]
