@@ -134,14 +134,14 @@ mod app {
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         // Before anything that may take longer than it should.
-        let watchdog = board::Watchdog::start();
+        let mut watchdog = board::Watchdog::start();
         let wrong_words = memory::test();
         let crash = crash::take().or_else(|| board::reset_cause().map(Crash::new));
         let mut board: Board = board::init(cx.device, &INTAKE);
         let program = crash::program();
         let identity = Identity::new(board::BOARD, program, board::serial());
         let instrument = make(cx.local.place, cx.local.work, cx.local.workspace, identity);
-        power_up(instrument, &mut board.flash);
+        power_up(instrument, &mut board.flash, &mut watchdog);
         instrument.updates_go_to(board::slots());
         if let Some(crash) = &crash {
             instrument.log_crash(crash, &mut board.flash);
@@ -169,6 +169,7 @@ mod app {
             slots: board.slots,
         };
         let nmea = instrument.speaks_nmea();
+        watchdog.feed();
         let local = Local {
             ticker: board.ticker.start(),
             watchdog,
@@ -217,8 +218,8 @@ mod app {
     ///
     /// Never inlined: what this takes of the stack is free again for the tasks.
     #[inline(never)]
-    fn power_up(instrument: &mut Instrument, flash: &mut board::Flash) {
-        instrument.set_up(flash);
+    fn power_up(instrument: &mut Instrument, flash: &mut board::Flash, watchdog: &mut board::Watchdog) {
+        instrument.set_up(flash, &mut || watchdog.feed());
         match instrument.refusal() {
             None => defmt::info!("boot: ready"),
             Some(fault) => defmt::error!("boot: no fix can be started: {}", fault),

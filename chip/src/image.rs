@@ -5,6 +5,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
+use north_finder::event::service::flash::LOG_SECTORS;
+use north_finder::event::service::log::FixLog;
+use north_finder::event::service::record::Logged;
 use north_finder::settings::{Settings, store};
 
 const TARGET: &str = "thumbv7em-none-eabihf";
@@ -46,7 +49,19 @@ pub fn stored(settings: &Settings) -> Result<Vec<u8>, String> {
     Ok(sectors.0)
 }
 
-/// The flash's sectors for settings, away from the chip.
+/// What the flash's sectors of the log hold after some fixes, of a program of this identity and of no error model.
+pub fn logged(fixes: impl Iterator<Item = Logged>, program: u32) -> Result<[Vec<u8>; 2], String> {
+    let [first, second] = LOG_SECTORS.map(|bytes| bytes as usize);
+    let mut sectors = Sectors(vec![0xFF; first + second]);
+    let mut log = FixLog::default();
+    for fix in fixes {
+        log.push(&mut sectors, &fix, program, 0).map_err(|error| format!("a fix cannot be logged: {error:?}"))?;
+    }
+    let second = sectors.0.split_off(first);
+    Ok([sectors.0, second])
+}
+
+/// The flash's sectors for settings, or of the log, away from the chip.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sectors(pub Vec<u8>);
 

@@ -41,12 +41,14 @@ const FLASH_SIZE: u64 = 0x1FFF_7A22;
 const FLASH_KIB: u16 = 1024;
 /// Where the settings are in the flash.
 const SETTINGS: u64 = 0x0800_4000;
+/// Where the sectors of the log are: 4 and 11.
+const LOG: [u64; 2] = [0x0801_0000, 0x080E_0000];
 const TICK: u64 = 2_500_000;
 const SLOTS_PER_TICK: u64 = 8;
 const SLOT: u64 = TICK / SLOTS_PER_TICK;
 /// How often it is looked whether the image has started its timer, and for how long after a reset.
 const LOOK: u64 = 100_000;
-const PATIENCE: u64 = 5_000_000_000;
+const PATIENCE: u64 = 30_000_000_000;
 /// The bit of a bad word.
 const BAD_BIT: u64 = 1 << 7;
 
@@ -58,6 +60,8 @@ pub struct Setup<'a> {
     pub loader: Option<&'a Path>,
     /// What the flash's sectors for settings hold; the rest of them is erased.
     pub settings: &'a [u8],
+    /// What the two sectors of the log hold; the rest of them is erased.
+    pub log: [&'a [u8]; 2],
     /// The board's crystal, MHz; 0: it has none that starts.
     pub crystal_mhz: u64,
     /// From when on accelerometer, encoder and block are there, ns after power-up.
@@ -87,6 +91,7 @@ impl<'a> Setup<'a> {
             image,
             loader: None,
             settings: &[],
+            log: [&[]; 2],
             crystal_mhz: 8,
             parts_from_ns: [0; 3],
             accelerometer_stops_ns: u64::MAX,
@@ -176,6 +181,9 @@ pub fn run<L: Line>(setup: &Setup<'_>, world: &World, line: L) -> Result<Ran<L>,
     if !setup.settings.is_empty() {
         let settings = Image::new(Path::new("settings"), setup.settings.to_vec(), Some(SETTINGS));
         images.push(settings.map_err(not_started)?);
+    }
+    for (sector, address) in setup.log.into_iter().zip(LOG).filter(|(sector, _)| !sector.is_empty()) {
+        images.push(Image::new(Path::new("log"), sector.to_vec(), Some(address)).map_err(not_started)?);
     }
     let mut session = Session::new(Box::new(board), 0, VirtualNanos(LOOK)).map_err(not_started)?;
     if let Some(address) = setup.bad_word {

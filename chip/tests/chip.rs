@@ -9,6 +9,7 @@ use hal_sim::{Scenario, World};
 use north_chip::image::{self, Sectors};
 use north_chip::{Line, Ran, Setup, run};
 use north_finder::event::restart::{Cause, Crash, Provocation};
+use north_finder::event::service::record::Logged;
 use north_finder::event::{Event, Report, State};
 use north_finder::health::{Counters, Fault, Finding, Item, Refusal, TestVerdict};
 use north_finder::link::{Ask, ReportDecoder, Request};
@@ -486,6 +487,32 @@ fn a_full_sector_is_followed_by_an_erased_one() {
         let ran = on(&cut, &calm(), Host::new(20, &[]));
         assert!(ran.settings != after && loaded(&ran.settings) == settings);
     }
+}
+
+/// A full log is read, and its fixes watched, before the first tick: that takes longer than the watchdog waits, which is fed meanwhile. 6,100 fixes fill
+/// both sectors of 32 bytes a place; their bias, amplitude and misfit scatter, so that no change is seen.
+#[test]
+fn a_full_log_is_read_at_the_start() {
+    let scatter = |number: u32, root: f32| (f64::from(number) * f64::from(root.sqrt())).fract() as f32 - 0.5;
+    let fix = |number: u32| Logged {
+        azimuth_deg: 40.0,
+        sigma_deg: 0.04,
+        chi_square: 7.0 + 6.0 * scatter(number, 2.0),
+        degrees_of_freedom: 7,
+        bias_deg_h: 0.3 + 0.02 * scatter(number, 3.0),
+        amplitude_deg_h: 12.3 + 0.01 * scatter(number, 5.0),
+        ..Logged::default()
+    };
+    let log = image::logged((1..6100).map(fix), 1).unwrap();
+    let settings = image::stored(&Settings { model: None, ..settings_of("calm-bench") }).unwrap();
+    let setup = Setup { settings: &settings, log: [&log[0], &log[1]], ..Setup::new(image()) };
+    let ran = on(&setup, &calm(), Host::new(400, &[]));
+    assert!(
+        ran.resets.is_empty() && (1..12).contains(&(ran.start_ns / 1_000_000_000)),
+        "{:?} {}",
+        ran.resets,
+        ran.start_ns
+    );
 }
 
 /// A part that is not there, or that comes two seconds late, costs its own readings and nothing else; it is heard as soon as it is there.

@@ -20,6 +20,7 @@ pub struct Sensors<A, E, B> {
     encoder: As5048a<E>,
     block: Option<Adis16505<B>>,
     accelerometer_configured: bool,
+    block_was_read: bool,
     response: Option<Response>,
 }
 
@@ -55,6 +56,7 @@ impl<A: SpiDevice, E: SpiDevice, B: SpiDevice> Sensors<A, E, B> {
             encoder: As5048a::new(encoder),
             block: block.map(Adis16505::new),
             accelerometer_configured: false,
+            block_was_read: false,
             response: None,
         }
     }
@@ -74,13 +76,16 @@ impl<A: SpiDevice, E: SpiDevice, B: SpiDevice> Sensors<A, E, B> {
         }
     }
 
-    /// The turn that configures it has no reading to give.
+    /// A turn that configures it has no reading to give: the first ones wait for none, later ones lose one.
     fn block(&mut self) -> Due {
-        match self.block.as_mut().map(Adis16505::increments) {
+        let due = match self.block.as_mut().map(Adis16505::increments) {
             Some(Ok(Some(increments))) => Due::Block(Some(increments)),
             Some(Err(_)) => Due::Block(None),
+            Some(Ok(None)) if self.block_was_read => Due::Block(None),
             None | Some(Ok(None)) => Due::Nothing,
-        }
+        };
+        self.block_was_read |= matches!(due, Due::Block(Some(_)));
+        due
     }
 
     /// An accelerometer that fails is configured anew at its next turn: it may have lost its supply. The turn that

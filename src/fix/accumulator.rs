@@ -262,6 +262,11 @@ impl<D: Dwells> Accumulator<D> {
         second.lost_frames <= self.declared.gyro.repairable_frames && second.conditions.index.is_some()
     }
 
+    /// From the next fix on the accelerometers are calibrated, or not.
+    pub fn level_is_calibrated(&mut self, calibrated: bool) {
+        self.declared.level_calibrated = calibrated;
+    }
+
     /// Takes the next second, used or not; gives it with the error model applied.
     pub fn correct(&mut self, second: &Second) -> Corrected {
         let correction = self.evaluator.second(&second.conditions);

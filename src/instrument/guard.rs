@@ -2,8 +2,8 @@
 
 use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 
-/// Who can be late. The task that asks, `sample`, is the watchdog's own. `solve` and `idle` check in; a calibration that never ends
-/// keeps the idle task out. The report task says when it begins to send and when it is done.
+/// Who can be late. The task that asks, `sample`, is the watchdog's own. `solve` and `idle` check in; work on a second or a
+/// calibration that never ends keeps the idle task out. The report task says when it begins to send and when it is done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Task {
@@ -16,13 +16,14 @@ pub enum Task {
 const PERIOD_TICKS: u32 = 400;
 
 /// Who has checked in.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Guard {
     seen: AtomicU8,
     /// A report is on its way out.
     sending: AtomicBool,
-    /// Number of the tick under way, but for its upper half.
+    /// Number of the tick under way, and of the one with which the period ends, but for their upper halves.
     now: AtomicU32,
+    due: AtomicU32,
     load_permille: AtomicU32,
 }
 
@@ -42,8 +43,14 @@ impl Task {
         match self {
             Self::Solve => "solve",
             Self::Report => "report",
-            Self::Idle => "idle or calibrate",
+            Self::Idle => "idle, work or calibrate",
         }
+    }
+}
+
+impl Default for Guard {
+    fn default() -> Self {
+        Self::new()
     }
 }
 
@@ -53,6 +60,7 @@ impl Guard {
             seen: AtomicU8::new(0),
             sending: AtomicBool::new(false),
             now: AtomicU32::new(0),
+            due: AtomicU32::new(PERIOD_TICKS - 1),
             load_permille: AtomicU32::new(0),
         }
     }
@@ -70,12 +78,16 @@ impl Guard {
 
     /// At every tick, of this number.
     pub fn tick(&self, tick: u64) -> Verdict {
-        // The lower half is enough, and quicker: it begins anew after 124 days, with one period that is shorter.
+        // The lower half is enough, and quicker: differences hold round its end.
         let tick = tick as u32;
         self.now.store(tick, Ordering::Relaxed);
-        if tick % PERIOD_TICKS != PERIOD_TICKS - 1 {
+        let due = self.due.load(Ordering::Relaxed);
+        let beyond = tick.wrapping_sub(due);
+        if beyond.cast_signed() < 0 {
             return Verdict::Wait;
         }
+        // While flash is erased ticks are lost: a period may end with a later one.
+        self.due.store(due.wrapping_add(PERIOD_TICKS * (1 + beyond / PERIOD_TICKS)), Ordering::Relaxed);
         let seen = self.seen.swap(0, Ordering::Relaxed);
         let missing = |task: &Task| seen & *task as u8 == 0;
         // A report that neither began nor ended in this period has been on its way for all of it.
@@ -126,6 +138,28 @@ mod tests {
         guard.sending(false);
         assert_eq!(second(8, &[Task::Idle, Task::Solve]), [Verdict::Feed]);
         assert_eq!(second(9, &[Task::Idle, Task::Solve]), [Verdict::Feed]);
+    }
+
+    /// The tick that ends a period is lost with seven others: the next one ends it, and the period after it has its own end.
+    #[test]
+    fn a_period_ends_though_its_last_tick_is_lost() {
+        let guard = Guard::new();
+        guard.check_in(Task::Solve);
+        guard.check_in(Task::Idle);
+        assert_eq!([398, 406, 407].map(|tick| guard.tick(tick)), [Verdict::Wait, Verdict::Feed, Verdict::Wait]);
+        assert_eq!([798, 799].map(|tick| guard.tick(tick)), [Verdict::Wait, Verdict::Late(Task::Solve)]);
+    }
+
+    /// 2³² less 96 ticks are whole periods.
+    #[test]
+    fn periods_go_on_where_the_lower_half_of_the_number_ends() {
+        let guard = Guard::new();
+        let end = 1_u64 << 32;
+        (0..end).step_by(1 << 30).chain([end - 97]).for_each(|tick| {
+            guard.tick(tick);
+        });
+        let verdicts = (end - 96..end + 304).map(|tick| guard.tick(tick));
+        assert_eq!(verdicts.filter(|&verdict| verdict != Verdict::Wait).count(), 1);
     }
 
     #[test]

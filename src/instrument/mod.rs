@@ -156,6 +156,8 @@ pub struct Instrument<S, R> {
     slots: Option<&'static mut dyn Slots>,
     session: Session,
     unconfirmed: bool,
+    /// A calibration of the accelerometers is in effect.
+    level_is_calibrated: bool,
     /// The calibration of the accelerometers.
     field: field::Session,
     /// Holds the heading of a fix, where there is a block of three gyros.
@@ -182,10 +184,10 @@ pub struct Instrument<S, R> {
 }
 
 impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrument<S, R> {
-    /// Powered up, with what the flash holds. `sequencer`: an empty one.
+    /// Powered up, with what the flash holds. `work`: with an empty sequencer.
     pub fn power_up(flash: &mut impl NorFlash, identity: Identity, work: S, workspace: R) -> Self {
         let mut instrument = Self::empty(identity, work, workspace);
-        instrument.set_up(flash);
+        instrument.set_up(flash, &mut || ());
         instrument
     }
 
@@ -220,6 +222,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             slots: None,
             session: Session::default(),
             unconfirmed: false,
+            level_is_calibrated: false,
             field: field::Session::default(),
             keeper: None,
             nmea: false,
@@ -255,8 +258,10 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
     /// Takes what the flash holds. Without valid settings the instrument still samples and reports, but starts no fix.
     ///
     /// Never inlined: the settings shall take the caller's stack only here.
+    ///
+    /// A full log takes seconds to read: `alive` is called after each of its records.
     #[inline(never)]
-    pub fn set_up(&mut self, flash: &mut impl NorFlash) {
+    pub fn set_up(&mut self, flash: &mut impl NorFlash, alive: &mut dyn FnMut()) {
         // A flash that cannot be prepared will say so when settings are stored.
         let _ = store::prepare(flash);
         let mut settings = Settings::default();
@@ -271,15 +276,16 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             Found::Missing => Some(Fault::SettingsMissing),
             Found::Corrupt => Some(Fault::SettingsCorrupt),
         };
-        self.open_log(flash);
+        self.open_log(flash, alive);
     }
 
     /// Reads the log: the watch goes on where it was, if the error model is the same.
     #[inline(never)]
-    fn open_log(&mut self, flash: &mut impl NorFlash) {
+    fn open_log(&mut self, flash: &mut impl NorFlash, alive: &mut dyn FnMut()) {
         let mut service = self.work.as_deref_mut().map(|work| &mut work.service);
         let model = self.model;
         let mut told = |record: &Record| {
+            alive();
             if let Some(service) = &mut service {
                 service.replay(record, model);
             }
@@ -309,6 +315,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         self.bias_limit_deg_h = settings.gyro.bias_limit_deg_h;
         self.watch = GyroWatch::new(&settings.gyro);
         self.gatherer = Gatherer::new(settings.gyro, settings.triad());
+        self.level_is_calibrated = settings.accelerometer.is_some();
         self.block_temperature = settings.model.as_ref().and_then(ErrorModel::block_temperature);
         self.analogue.set_up(settings.analogue, settings.model.as_ref());
         self.keeper = settings.block.map(|block| Keeper::new(&block, settings.latitude_deg, settings.level.sigma_deg));
@@ -540,6 +547,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
     fn calibrate(&mut self, flash: &mut impl NorFlash, sink: &mut dyn FnMut(Event)) {
         if let Some(calibration) = self.field.tick(&mut |event| calibration_events(event, sink)) {
             self.gatherer.set_triad(calibration.correction());
+            self.level_is_calibrated = true;
         }
         if let Some(calibration) = self.field.to_store() {
             let change = |settings: &mut Settings| settings.accelerometer = Some(calibration);

@@ -126,7 +126,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             }
             Ask::Provoke(how) => orders.provoke = Some(how),
             Ask::WriteImage { offset, bytes } => {
-                orders.restart = self.free_slots(turning)?.take(offset, bytes.as_slice())?;
+                orders.restart |= self.free_slots(turning)?.take(offset, bytes.as_slice())?;
             }
             Ask::EraseImage { sector } => self.free_slots(turning)?.erase(sector.into())?,
             Ask::SelfTest => {
@@ -179,10 +179,13 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             return Err(Refusal::NotUnderstood);
         }
         let service = &mut self.work.as_deref_mut().ok_or(Refusal::Busy)?.service;
-        if !service.check(azimuth_deg) {
+        if !service.has_fix() {
             return Err(Refusal::NoFixYet);
         }
-        self.log.check(&mut LogFlash(flash), azimuth_deg).map_err(|_| Refusal::NotStored)
+        // What is not stored is not watched either: it will be sent again.
+        self.log.check(&mut LogFlash(flash), azimuth_deg).map_err(|_| Refusal::NotStored)?;
+        service.check(azimuth_deg);
+        Ok(())
     }
 
     #[inline(never)]
@@ -238,8 +241,12 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         if matches!(command, Command::Start) {
             self.scatter = Scatter::default();
         }
+        let level_is_calibrated = self.level_is_calibrated;
         match (self.idle_work(), command) {
-            (Some(work), Command::Start) => work.sequencer.start(t_s, sink),
+            (Some(work), Command::Start) => {
+                work.sequencer.level_is_calibrated(level_is_calibrated);
+                work.sequencer.start(t_s, sink)
+            }
             (Some(work), _) => work.sequencer.fail(Fault::Aborted, t_s, sink),
             (None, _) => {
                 self.requested = Some(command);

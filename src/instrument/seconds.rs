@@ -75,7 +75,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         let mut work = self.work.take()?;
         self.working = true;
         self.state = work.sequencer.state();
-        work.begin(&ended.gathered.directed(), ended.index);
+        work.begin(&ended.gathered.directed(), ended.index, ended.tick as f64 * SAMPLE_S);
         Some(work)
     }
 
@@ -167,9 +167,12 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
                 if let Some(keeper) = &mut self.keeper {
                     keeper.fixed(fix);
                 }
+            }
+            // The azimuth is told before the flash may stand still.
+            sink(event);
+            if let Event::Fix(fix) = &event {
                 self.log_fix(flash, fix, t_s, &gathered);
             }
-            sink(event);
         }
         self.finish_second(fault, t_s, sink).or(outcome.motor)
     }

@@ -100,7 +100,7 @@ impl Speaker {
                 let held = |said: Said| Said { heading_deg, sigma_deg, mode, ..said };
                 self.said = self.said.filter(|_| !refix).map(held);
             }
-            Event::State(State::Levelling | State::Failed) => self.said = None,
+            Event::State(State::Levelling | State::Failed | State::Calibrating) => self.said = None,
             Event::Second(_) => self.say(say),
             _ => {}
         }
@@ -214,6 +214,9 @@ mod tests {
         let of_hold = ["$HETHS,41.0000,E", "$HEHDT,41.0000,T", "$PNOFF,0.1000,00000000,E"];
         assert_eq!(said(Event::Heading(held(Motion::Moving, false))), of_hold);
         assert_eq!(said(Event::Heading(held(Motion::Standing, true))), ["$HETHS,,V"]);
+        // While its accelerometers are calibrated the instrument is turned by hand.
+        assert_eq!(said(Event::Fix(fix)), of_fix);
+        assert_eq!(said(Event::State(State::Calibrating)), ["$HETHS,,V"]);
         assert_eq!(said(Event::Fix(fix)), of_fix);
         assert_eq!(said(Event::State(State::Levelling)), ["$HETHS,,V"]);
     }

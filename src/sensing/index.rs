@@ -153,11 +153,15 @@ pub struct IndexMean {
 impl IndexMean {
     /// A reading of the encoder.
     pub fn push(&mut self, index: IndexCode) {
+        // No second is so long: without a gyro none ends.
+        if self.count == u16::MAX {
+            return;
+        }
         if self.count == 0 {
             self.first = index;
         }
         self.ways += index.way_from(self.first);
-        self.count = self.count.saturating_add(1);
+        self.count += 1;
     }
 
     /// Ends the second: degrees in [0°, 360°), `None` without a reading.

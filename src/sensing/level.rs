@@ -191,11 +191,15 @@ impl LevelSensor {
     /// A reading of the triad.
     pub fn push(&mut self, reading: TriadCode) {
         let second = &mut self.second;
+        // No second is so long: without a gyro none ends.
+        if second.count == u16::MAX {
+            return;
+        }
         for ((sum, numbered), code) in second.sum.iter_mut().zip(&mut second.numbered).zip(reading.0) {
             *sum += i64::from(code);
             *numbered += i64::from(second.count) * i64::from(code);
         }
-        second.count = second.count.saturating_add(1);
+        second.count += 1;
         second.changed |= *second.first.get_or_insert(reading) != reading;
     }
 

@@ -115,8 +115,9 @@ pub struct Sampler {
     /// The least of it in the second before, and in the second under way.
     prompt: i32,
     promptest: i32,
-    /// Ticks since a slot's frame came.
+    /// Ticks since a slot's frame came, and frames since then that are of no slot.
     silent: u16,
+    of_no_slot: u16,
     good: u32,
     second: Partial,
 }
@@ -150,6 +151,7 @@ impl Sampler {
             prompt: 0,
             promptest: i32::MAX,
             silent: 0,
+            of_no_slot: 0,
             good: 0,
             second: Partial::default(),
         }
@@ -159,12 +161,17 @@ impl Sampler {
     pub fn frame(&mut self, frame: &Frame, counters: &mut Counters) -> Option<RateSecond> {
         let modulus = self.gyro.format.sequence_modulus();
         let expected = *self.expected.get_or_insert(frame.sequence);
-        let ahead = (u16::from(frame.sequence) + modulus - u16::from(expected) % modulus) % modulus;
+        let mut ahead = (u16::from(frame.sequence) + modulus - u16::from(expected) % modulus) % modulus;
         if ahead >= modulus / 2 {
             counters.frames_duplicate = counters.frames_duplicate.saturating_add(1);
-            return None;
+            self.of_no_slot = self.of_no_slot.saturating_add(1);
+            if self.of_no_slot < SAMPLES_PER_SECOND {
+                return None;
+            }
+            // For a second no other frame came: the gyro has started again and counts anew.
+            (self.expected, ahead) = (Some(frame.sequence), 0);
         }
-        self.silent = 0;
+        (self.silent, self.of_no_slot) = (0, 0);
         if ahead == 0 {
             return self.take(frame, counters);
         }
@@ -361,6 +368,25 @@ mod tests {
         }
         assert_eq!((seconds, counters), (248, Counters { frames_good: 99_500, ..Default::default() }));
         assert_eq!(sampler.behind(), 499);
+    }
+
+    /// After 61 s, and two seconds of silence, the gyro counts from 0 again. 340 of the 800 slots of the silence are given up by then, so that 24,740 + 0 …, or 164, is
+    /// expected, and 0 is 92 ahead; after a minute it is 92 still. From 30 on, and 226 ahead, frames look like stragglers for a second.
+    #[test]
+    fn a_gyro_that_starts_again_is_heard_again() {
+        for first in [0, 30] {
+            let mut sampler = Sampler::new(GyroSettings::default());
+            let (mut counters, mut usable) = (Counters::default(), 0);
+            let mut tick = |number: Option<u32>, counters: &mut Counters| {
+                let by_tick = sampler.tick(counters);
+                let by_frame = number.and_then(|number| sampler.frame(&frame(number), counters));
+                usable += by_tick.into_iter().chain(by_frame).filter(|second| second.usable).count();
+            };
+            (0..24_400).for_each(|number| tick(Some(number), &mut counters));
+            (0..800).for_each(|_| tick(None, &mut counters));
+            (first..first + 4000).for_each(|number| tick(Some(number), &mut counters));
+            assert!(usable >= 61 + 7, "{first}: {usable} {counters:?}");
+        }
     }
 
     #[test]

@@ -40,6 +40,9 @@ const PATIENCE_SECONDS: u16 = 3;
 /// While measuring, the level limit is this much wider than before: a tripod may settle a little.
 const LEVEL_HYSTERESIS: f64 = 1.5;
 
+/// The clocks of gyro and instrument are taken for one up to this: a second ends up to a second after its last tick, and the link delays its frames.
+const SAME_CLOCK_S: f64 = 2.0;
+
 /// What an operator can ask of the sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Command {
@@ -157,6 +160,8 @@ pub struct Sequencer {
     /// When the fix began, and the stage.
     started_s: f64,
     since_s: f64,
+    /// How far the gyro's clock, by which seconds are counted, is ahead of the instrument's, by which ticks are.
+    ahead_s: f64,
     position: u8,
     index: IndexAngle,
     out_of_level: Run,
@@ -187,6 +192,7 @@ impl Sequencer {
             stage: Stage::Idle,
             started_s: 0.0,
             since_s: 0.0,
+            ahead_s: 0.0,
             position: 0,
             index: IndexAngle::default(),
             out_of_level: Run::default(),
@@ -224,6 +230,7 @@ impl Sequencer {
 
     /// Begins a fix, whatever was before; the motor is stopped and has no current.
     pub fn start(&mut self, t_s: f64, sink: Sink) -> Option<MotorCommand> {
+        let t_s = t_s + self.ahead_s;
         self.accumulator.restart();
         self.started_s = t_s;
         self.position = 0;
@@ -255,6 +262,11 @@ impl Sequencer {
         Some(MotorCommand::Stop)
     }
 
+    /// From the next fix on the accelerometers are calibrated, or not.
+    pub fn level_is_calibrated(&mut self, calibrated: bool) {
+        self.accumulator.level_is_calibrated(calibrated);
+    }
+
     /// The motor moves without a fix: what the index does in this second is no slip.
     pub fn exercise(&mut self) {
         self.exercised = true;
@@ -270,7 +282,7 @@ impl Sequencer {
         sink: Sink,
     ) -> Option<MotorCommand> {
         self.index = index;
-        let t_s = tick as f64 * SAMPLE_S;
+        let t_s = tick as f64 * SAMPLE_S + self.ahead_s;
         let progress = match &mut self.stage {
             Stage::Indexing(turn) => turn.tick(index.deg()?, fresh, turning),
             Stage::Rotating(rotation) => rotation.tick(index.deg()?, fresh, turning),
@@ -303,9 +315,11 @@ impl Sequencer {
         }
     }
 
-    /// A second has ended, at this index angle. What it was goes to [`Self::second`].
-    pub fn correct(&mut self, second: &Second, index: IndexAngle) -> Corrected {
+    /// A second has ended, at this index angle and at `t_s` of the instrument's clock. What it was goes to [`Self::second`].
+    pub fn correct(&mut self, second: &Second, index: IndexAngle, t_s: f64) -> Corrected {
         self.index = index;
+        let ahead_s = second.end_s() - t_s;
+        self.ahead_s = if ahead_s.abs() > SAME_CLOCK_S { ahead_s } else { 0.0 };
         self.accumulator.correct(second)
     }
 
@@ -564,6 +578,8 @@ impl Sequencer {
         }
         sink(Event::Moving { position: self.position, target_deg });
         self.accumulator.index_turns();
+        // However soon the move is given up: what the index does in this second is no slip.
+        self.rest.restart();
         let (turn, command) = Turn::new(self.rules.index, angle_deg, target_deg);
         self.enter(Stage::Indexing(turn), t_s, sink);
         Some(command)
@@ -580,6 +596,7 @@ impl Sequencer {
         self.position = rotation.number();
         sink(Event::ToGo { seconds: self.rules.sequence.measuring_s(&self.rules.index) });
         sink(Event::Moving { position: self.position, target_deg: rotation.target_deg() });
+        self.rest.restart();
         self.enter(Stage::Rotating(rotation), t_s, sink);
         Some(command)
     }

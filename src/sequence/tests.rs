@@ -85,9 +85,36 @@ fn run(settings: &Settings) -> Result<Fix, Fault> {
     power_up(settings, &Drive::default(), AZIMUTH_DEG, u64::MAX).unwrap()
 }
 
+/// The clocks of gyro and instrument have run apart by hours before the fix: its time limits are those of the gyro's seconds.
+#[test]
+fn clocks_that_ran_apart_end_no_fix() {
+    for ahead_s in [-20_000.0, 20_000.0] {
+        let fix =
+            fix_after(&Settings { time_limit_s: 600.0, ..quick() }, &Drive::default(), AZIMUTH_DEG, u64::MAX, ahead_s);
+        assert!(matches!(fix, Some(Ok(_))), "{ahead_s}: {fix:?}");
+        // Four dwells of a minute, and the moves between them.
+        let mut too_short = Settings { time_limit_s: 240.0, ..quick() };
+        too_short.sequence.dwell_s = 60;
+        too_short.sequence.order = order::Order::Plain;
+        let fix = fix_after(&too_short, &Drive::default(), AZIMUTH_DEG, u64::MAX, ahead_s);
+        assert_eq!(fix.map(|fix| fix.err()), Some(Some(Fault::OutOfTime)), "{ahead_s}");
+    }
+}
+
 /// A fix on a still base, from where the drive stands, with the power cut at a tick. The gyro reads 12.358 °/h · cos(azimuth − θ) at 34.75° north and
 /// ± 0.001 °/h in turn, the encoder in steps of 1/16384 of a turn. The fix, or the fault; none if the power went before.
 fn power_up(settings: &Settings, drive: &Drive, azimuth_deg: f64, cut: u64) -> Option<Result<Fix, Fault>> {
+    fix_after(settings, drive, azimuth_deg, cut, 0.0)
+}
+
+/// The same with a gyro whose clock is ahead by so much at the start.
+fn fix_after(
+    settings: &Settings,
+    drive: &Drive,
+    azimuth_deg: f64,
+    cut: u64,
+    ahead_s: f64,
+) -> Option<Result<Fix, Fault>> {
     settings.validate().unwrap();
     let declared = settings.declared().unwrap();
     let north_deg_h = declared.earth.north_deg_h;
@@ -100,6 +127,8 @@ fn power_up(settings: &Settings, drive: &Drive, azimuth_deg: f64, cut: u64) -> O
         Event::Fault { fault, .. } => verdict = Some(Err(fault)),
         _ => {}
     };
+    let before = Second { conditions: Conditions { t_s: ahead_s - 0.5, ..Conditions::default() }, ..Second::default() };
+    sequencer.correct(&before, IndexAngle::default(), 0.0);
     sequencer.start(0.0, &mut sink);
     let (mut tick, mut pending, mut direction) = (0_u64, None, Direction::default());
     let mut index = IndexAngle::default();
@@ -128,14 +157,14 @@ fn power_up(settings: &Settings, drive: &Drive, azimuth_deg: f64, cut: u64) -> O
             let along = Direction::of_deg(azimuth_deg);
             let dither = if (tick / u64::from(SAMPLES_PER_SECOND)).is_multiple_of(2) { 1e-3 } else { -1e-3 };
             let conditions = Conditions {
-                t_s: t_s - 0.5,
+                t_s: ahead_s + t_s - 0.5,
                 raw_rate_deg_h: north_deg_h * (mean.cos * along.cos + mean.sin * along.sin) + dither,
                 index: Some(mean),
                 level: Specific::new(0.0, 0.0),
                 ..Conditions::default()
             };
             let second = Second { conditions, ..Second::default() };
-            let corrected = sequencer.correct(&second, index);
+            let corrected = sequencer.correct(&second, index, t_s);
             let (_, command) = sequencer.second(&corrected, &mut sink);
             pending = command.or(pending);
         }

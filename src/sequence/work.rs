@@ -19,8 +19,9 @@ const MOST_EVENTS: usize = 6;
 pub struct SecondWork {
     pub sequencer: Sequencer,
     second: Second,
-    /// At the end of the second.
+    /// At the end of the second, and when that was by the instrument's clock.
     index: IndexAngle,
+    t_s: f64,
     outcome: Outcome,
     /// What becomes of the numbers of fixes.
     pub service: Service,
@@ -44,19 +45,20 @@ impl SecondWork {
             sequencer: Sequencer::empty(),
             second: Second::default(),
             index: IndexAngle::default(),
+            t_s: 0.0,
             outcome: Outcome::default(),
             service: Service::default(),
         }
     }
 
-    /// Takes the next second, with the index angle at its end.
-    pub fn begin(&mut self, second: &Second, index: IndexAngle) {
-        (self.second, self.index) = (*second, index);
+    /// Takes the next second, with the index angle at its end and the instrument's time then, s.
+    pub fn begin(&mut self, second: &Second, index: IndexAngle, t_s: f64) {
+        (self.second, self.index, self.t_s) = (*second, index, t_s);
     }
 
     /// Does the work.
     pub fn run(&mut self) {
-        let corrected = self.sequencer.correct(&self.second, self.index);
+        let corrected = self.sequencer.correct(&self.second, self.index, self.t_s);
         let events = &mut self.outcome.events;
         events.clear();
         // There are no more of them than places.

@@ -135,7 +135,7 @@ fn explain(
         let (mut level, mut followed, mut along, mut information) = (level.clone(), Followed::default(), 0.0, 0.0);
         for (at, &value) in values.iter().enumerate() {
             let innovation = level.next(value, switched[BASELINE + at]);
-            let seen = followed.seen(course(at), innovation.gain);
+            let seen = f64::from(followed.seen(course(at) as f32, innovation.gain));
             let variance = innovation.variance * scale;
             if at >= first {
                 along += seen * innovation.value / variance;

@@ -1,11 +1,13 @@
 //! The flash memory for the settings, sectors 1 and 2 of 16 KiB each, and, behind them, for the log: sector 4 of 64 and sector 11 of 128 KiB.
 //!
-//! While a sector is erased, for a quarter of a second to one second, the processor stands still: it runs from the same flash. Writing is
+//! While a sector is erased, for a quarter of a second to two seconds, the processor stands still: it runs from the same flash. Writing is
 //! by words of 32 bits, some 16 µs each.
 
 use embedded_storage::nor_flash::{self, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
 use north_finder::event::service::flash::LOG_SECTORS;
 use stm32f4xx_hal::pac;
+
+use super::feed_watchdog;
 
 /// A sector that the firmware writes.
 struct Sector {
@@ -79,15 +81,20 @@ impl Flash {
     }
 
     /// Erases a sector: the settings', or one of a slot that does not run.
+    ///
+    /// The processor stands still meanwhile, for a second or two where the sector has 128 KiB: the watchdog is fed before and after.
     pub(super) fn erase_sector(&mut self, number: u8) -> Result<(), FlashError> {
-        self.unlocked(|registers| {
+        feed_watchdog();
+        let erased = self.unlocked(|registers| {
             // SAFETY: a sector of which nothing is executed. What is written begins with the value after a reset, which locks; so below.
             registers
                 .cr()
                 .write(|w| unsafe { w.lock().clear_bit().psize().psize32().ser().set_bit().snb().bits(number) });
             registers.cr().modify(|_, w| w.strt().set_bit());
             done(registers)
-        })
+        });
+        feed_watchdog();
+        erased
     }
 
     /// Writes whole words from this address on, in such a sector.
@@ -108,6 +115,9 @@ impl Flash {
     /// see erasing and writing.
     fn unlocked(&mut self, work: impl FnOnce(&pac::FLASH) -> Result<(), FlashError>) -> Result<(), FlashError> {
         const KEYS: [u32; 2] = [0x4567_0123, 0xCDEF_89AB];
+        // What went wrong before is no failure of this.
+        // SAFETY: writing ones clears the flags.
+        self.0.sr().write(|w| unsafe { w.bits(ERRORS) });
         for key in KEYS {
             self.0.keyr().write(|w| w.key().set(key));
         }
@@ -121,9 +131,11 @@ impl Flash {
     }
 }
 
+/// Of the status: what went wrong. A flag stays until it is written (RM0090, 3.9.7).
+const ERRORS: u32 = 0xF2;
+
 /// Waits until the controller is idle.
 fn done(registers: &pac::FLASH) -> Result<(), FlashError> {
-    const ERRORS: u32 = 0xF2;
     let idle = (0..LOOKS).any(|_| registers.sr().read().bsy().bit_is_clear());
     let status = registers.sr().read().bits();
     if idle && status & ERRORS == 0 { Ok(()) } else { Err(FlashError::Controller { status }) }

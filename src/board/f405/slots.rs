@@ -1,6 +1,4 @@
 //! The slots of an update: sectors 5 to 7 and 8 to 10 of the flash, 384 KiB each. See [`north_boot`].
-//!
-//! While a sector of 128 KiB is erased, for a second or two, the processor stands still: the watchdog is fed just before.
 
 use cortex_m::peripheral::SCB;
 use cortex_m::singleton;
@@ -9,8 +7,8 @@ use north_boot::{SECTOR_BYTES, SLOT_BYTES, SLOTS};
 use north_finder::instrument::update::{Slots, Updater, key};
 use stm32f4xx_hal::pac;
 
+use super::BOARD;
 use super::flash::{Flash, FlashError};
-use super::{BOARD, feed_watchdog};
 
 const FIRST_SECTORS: [u8; 2] = [5, 8];
 /// What both slots take. A smaller chip has one image, at the flash's start.
@@ -78,9 +76,7 @@ impl NorFlash for Slot {
         }
         let first = FIRST_SECTORS.get(self.number).copied().ok_or(FlashError::Place)?;
         for sector in from / SECTOR_BYTES..to / SECTOR_BYTES {
-            feed_watchdog();
             self.flash.erase_sector(first + sector as u8)?;
-            feed_watchdog();
         }
         Ok(())
     }

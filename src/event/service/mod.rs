@@ -20,8 +20,9 @@ pub struct Service {
     model: u32,
     /// There was a switch-on since the last fix.
     switched: bool,
-    /// The last fix, for a check that follows it.
+    /// The last fix, for a check that follows it; whether one did.
     last: Option<Logged>,
+    checked: bool,
 }
 
 impl Service {
@@ -31,12 +32,10 @@ impl Service {
             Record::Context(Context { model: theirs, .. }) => self.follow(*theirs),
             Record::Fix(logged) if self.model == model => {
                 self.watch.next(&logged.values(), logged.first);
-                self.last = Some(*logged);
+                (self.last, self.checked) = (Some(*logged), false);
             }
             Record::Fix(_) | Record::Crash(_) | Record::More(_) => {}
-            Record::Check(surveyed_deg) => {
-                self.check(*surveyed_deg);
-            }
+            Record::Check(surveyed_deg) => self.check(*surveyed_deg),
         }
     }
 
@@ -57,18 +56,22 @@ impl Service {
     pub fn fixed(&mut self, fix: &mut Fix) -> Option<(Signal, f32)> {
         let logged = Logged::of(fix);
         self.watch.next(&logged.values(), core::mem::take(&mut self.switched));
-        self.last = Some(logged);
+        (self.last, self.checked) = (Some(logged), false);
         let signal = self.watch.aged()?;
         fix.flags.insert(Flag::ModelAged);
         Some((signal, self.watch.statistic().unwrap_or_default() as f32))
     }
 
-    /// The last fix was made at a surveyed azimuth; whether there is one, with this error model.
-    pub fn check(&mut self, surveyed_deg: f64) -> bool {
-        if let Some(Logged { azimuth_deg, sigma_deg, .. }) = self.last {
-            self.watch.check(azimuth_deg, sigma_deg.into(), surveyed_deg);
-        }
+    /// There is a fix with this error model, whose azimuth may be checked.
+    pub fn has_fix(&self) -> bool {
         self.last.is_some()
+    }
+
+    /// The last fix was made at a surveyed azimuth. Said again of the same fix, as by a host that missed the answer, it is not counted again.
+    pub fn check(&mut self, surveyed_deg: f64) {
+        let Some(Logged { azimuth_deg, sigma_deg, .. }) = self.last.filter(|_| !self.checked) else { return };
+        self.watch.check(azimuth_deg, sigma_deg.into(), surveyed_deg);
+        self.checked = true;
     }
 }
 
@@ -121,7 +124,9 @@ mod tests {
             assert_eq!(live.fixed(&mut fix), None);
             again.replay(&Record::Fix(Logged { first, ..Logged::of(&fix) }), 7);
             if number == 120 {
-                assert!(live.check(40.01));
+                // The second time it is the same one.
+                live.check(40.01);
+                live.check(40.01);
                 again.replay(&Record::Check(40.01), 7);
             }
         }
@@ -130,7 +135,7 @@ mod tests {
         assert_eq!(live.watch.statistics(), again.watch.statistics());
         // Another error model begins anew.
         again.switched_on(8);
-        assert_eq!((again.watch.statistic(), again.check(40.0)), (None, false));
+        assert_eq!((again.watch.statistic(), again.has_fix()), (None, false));
     }
 
     #[test]

@@ -16,7 +16,7 @@
 
 use heapless::Vec;
 
-use super::level::{Followed, Innovation, Level};
+use super::level::{Followed, Gain, Innovation, Level};
 use crate::bounded::bounded;
 
 /// Fixes that say what is normal.
@@ -35,9 +35,11 @@ const STARTS: usize = 12;
 /// For so many fixes: a ramp of three sigma in a hundred fixes is found within a hundred.
 const REACH: u32 = 150;
 /// One sigma of a step, and of a ramp over a hundred fixes, in sigmas of a fix: two, and three, are to be found soon.
-const STEP: f64 = 2.0;
-const RAMP: f64 = 4.0;
-const RAMP_FIXES: f64 = 100.0;
+const STEP: f32 = 2.0;
+const RAMP: f32 = 4.0;
+const RAMP_FIXES: f32 = 100.0;
+/// No likelihood ratio is greater: sums of them stay numbers.
+const GREATEST: f32 = 1e30;
 
 /// What the fixes since a start show of a change of unit size.
 #[derive(Clone, Copy, Debug, Default)]
@@ -48,20 +50,33 @@ struct Trace {
     information: f32,
 }
 
+/// What a fix shows of a change of unit size that all of its innovation sees.
+struct Shown {
+    gain: Gain,
+    score: f32,
+    information: f32,
+}
+
+impl From<Innovation> for Shown {
+    fn from(Innovation { value, variance, gain }: Innovation) -> Self {
+        Self { gain, score: (value / variance) as f32, information: (1.0 / variance) as f32 }
+    }
+}
+
 impl Trace {
     /// Takes a fix, at which the change has reached `now`.
-    fn next(&mut self, now: f64, innovation: &Innovation) {
-        let seen = self.followed.seen(now, innovation.gain);
-        self.score += (seen * innovation.value / innovation.variance) as f32;
-        self.information += (seen * seen / innovation.variance) as f32;
+    fn next(&mut self, now: f32, shown: &Shown) {
+        let seen = self.followed.seen(now, shown.gain);
+        self.score += seen * shown.score;
+        self.information += seen * seen * shown.information;
     }
 
-    /// Λ for a change of so many sigmas of a fix.
-    fn likelihood_ratio(&self, size: f64, squares: f64, half_count: f64) -> f64 {
-        let (score, square) = (f64::from(self.score), size * size);
-        let spread = 1.0 + square * f64::from(self.information);
-        let explained = square * score * score / (spread * squares);
-        libm::exp(-0.5 * libm::log(spread) - half_count * libm::log1p(-explained))
+    /// Λ for a change of so many sigmas of a fix. In single precision: a board reads thousands of fixes when it starts, each with a hundred of these.
+    fn likelihood_ratio(&self, size: f32, squares: f32, half_count: f32) -> f32 {
+        let square = size * size;
+        let spread = 1.0 + square * self.information;
+        let explained = square * self.score * self.score / (spread * squares);
+        libm::expf(-0.5 * libm::logf(spread) - half_count * libm::log1pf(-explained)).min(GREATEST)
     }
 }
 
@@ -192,24 +207,24 @@ impl ChangeTest {
                 let _ = taken_out(traces, at);
             }
             let _ = traces.push(Default::default());
-            let innovation = member.next(value, switched);
+            let shown = Shown::from(member.next(value, switched));
             for ([step, ramp], start) in traces.iter_mut().zip(&self.starts) {
-                let age = f64::from(self.count - start.fix + 1);
-                step.next(1.0, &innovation);
-                ramp.next(age / RAMP_FIXES, &innovation);
+                let age = (self.count - start.fix + 1) as f32;
+                step.next(1.0, &shown);
+                ramp.next(age / RAMP_FIXES, &shown);
             }
         }
         let weight = |watched: &Watched| watched.member.log_weight(half_count);
         let most = members.iter().map(weight).fold(f64::NEG_INFINITY, f64::max);
         let share = |watched: &Watched| libm::exp(weight(watched) - most);
         let total: f64 = members.iter().map(share).sum();
-        for (at, start) in self.starts.iter_mut().enumerate() {
-            let ratio = |watched: &Watched| {
-                let [step, ramp] = watched.traces.get(at).copied().unwrap_or_default();
-                let ratio = |trace: Trace, size| trace.likelihood_ratio(size, watched.member.squares, half_count);
-                0.5 * (ratio(step, STEP) + ratio(ramp, RAMP))
-            };
-            start.ratio = (members.iter().map(|member| share(member) * ratio(member)).sum::<f64>() / total) as f32;
+        self.starts.iter_mut().for_each(|start| start.ratio = 0.0);
+        for watched in members.iter() {
+            let (share, squares) = ((share(watched) / total) as f32, watched.member.squares as f32);
+            let ratio = |trace: &Trace, size| trace.likelihood_ratio(size, squares, half_count as f32);
+            for (start, [step, ramp]) in self.starts.iter_mut().zip(&watched.traces) {
+                start.ratio += share * 0.5 * (ratio(step, STEP) + ratio(ramp, RAMP));
+            }
         }
         self.starts.iter().map(|start| f64::from(start.weight) * f64::from(start.ratio)).sum()
     }
@@ -234,7 +249,7 @@ impl ChangeTest {
         let neighbours = self.starts.iter_mut().skip(at.saturating_sub(1)).take(2);
         if let Some(neighbour) = neighbours.max_by(|a, b| a.ratio.total_cmp(&b.ratio)).filter(|start| start.ratio > 0.0)
         {
-            neighbour.weight += gone.weight * gone.ratio / neighbour.ratio;
+            neighbour.weight += gone.weight * (gone.ratio / neighbour.ratio);
         }
         Some(at)
     }

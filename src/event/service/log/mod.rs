@@ -133,10 +133,14 @@ impl FixLog {
         model: u32,
     ) -> Result<(), F::Error> {
         if (self.context.firmware, self.context.model) != (firmware, model) {
-            self.context = Context { firmware, model, ..self.context };
-            // An empty log begins with it anyway.
-            if self.at.is_some() {
-                self.append(flash, &Record::Context(self.context))?;
+            let before = self.context;
+            self.context = Context { firmware, model, ..before };
+            // A sector begins with it anyway.
+            if self.at.is_some_and(|(number, next)| next < sector(number).1)
+                && let Err(error) = self.append(flash, &Record::Context(self.context))
+            {
+                self.context = before;
+                return Err(error);
             }
         }
         let fix = Logged { first: !self.switched_on, ..*fix };
@@ -176,9 +180,13 @@ impl FixLog {
             Some((number, _)) => (self.begin(flash, 1 - number)?, 1),
             None => (self.begin(flash, 0)?, 1),
         };
-        // Whatever becomes of it, the place is used.
-        self.at = Some((number, at + 1));
-        flash.write(sector(number).0 + at * RECORD, &record.bytes())?;
+        self.at = Some((number, at));
+        let written = flash.write(sector(number).0 + at * RECORD, &record.bytes());
+        // What was written in part uses its place. One that stayed blank would end the log for whoever reads it.
+        if written.is_ok() || place(flash, number, at)? != Place::Blank {
+            self.at = Some((number, at + 1));
+        }
+        written?;
         self.note(record);
         Ok(())
     }

@@ -231,3 +231,34 @@ fn crashes_are_kept_and_no_more_than_thirty_two_between_two_fixes() {
     log.crash(&mut flash, &Crash::new(Cause::Watchdog)).unwrap();
     assert_eq!(log.at, next.map(|(sector, at)| (sector, at + 4)));
 }
+
+/// A full sector is followed by one with the new error model at its head: no two sectors have one number.
+#[test]
+fn another_model_at_a_full_sector_is_at_the_head_of_the_next() {
+    let (mut flash, mut log) = (Flash::erased(), FixLog::default());
+    let places = LOG_SECTORS[0] / RECORD;
+    (1..places).for_each(|number| log.push(&mut flash, &fix(number), 1, 1).unwrap());
+    log.push(&mut flash, &fix(places), 1, 2).unwrap();
+    let heads = [0, 1].map(|number| heading(&mut flash, number).unwrap().unwrap());
+    assert_eq!(heads.map(|head| (head.sector, head.model, head.fix)), [(1, 1, 0), (2, 2, places - 1)]);
+    assert_eq!(open(&mut flash).1, (1..=places).collect::<Vec<u32>>());
+}
+
+/// What could not be written of a new error model is written before the next fix.
+#[test]
+fn a_model_that_could_not_be_written_is_written_again() {
+    let (mut flash, mut log) = (Flash::erased(), FixLog::default());
+    log.push(&mut flash, &fix(1), 1, 1).unwrap();
+    flash.power_left = 0;
+    assert!(log.push(&mut flash, &fix(2), 1, 2).is_err());
+    flash.power_left = usize::MAX;
+    log.push(&mut flash, &fix(3), 1, 2).unwrap();
+    let (mut models, mut model) = (Vec::new(), 0);
+    FixLog::open(&mut flash, &mut |record| match record {
+        Record::Context(context) => model = context.model,
+        Record::Fix(fix) => models.push((fix.t_s, model)),
+        _ => {}
+    })
+    .unwrap();
+    assert_eq!(models, [(1, 1), (3, 2)]);
+}
