@@ -1,4 +1,4 @@
-//! The image that is flashed, executed: an emulated microcontroller on the board that `src/board/f405.rs` describes, wired to the
+//! The image that is flashed, executed: an emulated microcontroller on the board that `src/board/f405/mod.rs` describes, wired to the
 //! simulated instrument.
 //!
 //! The emulator is [`rigless`]: its STM32F427 is the STM32F405 with more memory and more devices, by the same reference manual

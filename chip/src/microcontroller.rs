@@ -1,4 +1,4 @@
-//! The microcontroller and how it is wired: the pins of `src/board/f405.rs`.
+//! The microcontroller and how it is wired: the pins of `src/board/f405/mod.rs`.
 
 use std::num::{NonZeroU32, NonZeroU64};
 use std::sync::Arc;

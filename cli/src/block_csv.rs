@@ -31,6 +31,9 @@ pub struct BlockRow {
     pub reference_place_deg: Option<[f64; 2]>,
 }
 
+/// A step longer than so many usual ones is a gap.
+pub const GAP_STEPS: f64 = 1.5;
+
 /// A recording and the usual time between its rows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlockRecording {
@@ -81,7 +84,8 @@ pub fn read(path: &Path) -> Result<BlockRecording, FileError> {
         let allowed = format!("at most {LONGEST_STEP_S} s: `t_s` is in seconds, and these may be milliseconds");
         return Err(table.whole(Problem::not_allowed(format!("rows {step_s} s apart"), allowed)));
     }
-    let mut previous_s = if rows[0].t_s > 0.0 { 0.0 } else { rows[0].t_s - step_s };
+    let begins = 0.0 < rows[0].t_s && rows[0].t_s <= GAP_STEPS * step_s;
+    let mut previous_s = if begins { 0.0 } else { rows[0].t_s - step_s };
     for row in &mut rows {
         row.interval_s = row.t_s - std::mem::replace(&mut previous_s, row.t_s);
         row.increment.velocity_m_s *= row.interval_s;

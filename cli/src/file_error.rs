@@ -70,6 +70,12 @@ pub enum Problem {
         "the recording in this folder came to no end; rows that were written are in runs/, each file a run of its own"
     )]
     Unfinished,
+    #[error(
+        "there are rows of a recording that came to no end in runs/: name another folder, or replace them with --force"
+    )]
+    UnfinishedRows,
+    #[error("no campaign: a campaign is a folder, or its campaign.toml")]
+    NoCampaign,
 }
 
 impl FileError {

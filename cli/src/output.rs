@@ -43,6 +43,11 @@ impl ForceOption {
     }
 }
 
+/// Files that are there are to be replaced.
+pub fn is_forced() -> bool {
+    FORCE.load(Ordering::Relaxed)
+}
+
 /// The option that every command with a result has.
 #[derive(Args, Clone, Debug, Default)]
 pub struct JsonOption {
@@ -52,9 +57,14 @@ pub struct JsonOption {
 }
 
 impl JsonOption {
-    /// Where text for people goes: nowhere, when stdout carries the machine-readable result.
+    /// Where text for people goes: nowhere, when stdout carries the machine-readable result or nobody reads it. Files are written all the same.
     pub fn human(&self) -> Box<dyn Write> {
-        if self.is_stdout() { Box::new(io::sink()) } else { Box::new(people()) }
+        if self.is_stdout() { Box::new(io::sink()) } else { Box::new(ReadOrNot(people())) }
+    }
+
+    /// The machine-readable result was asked for.
+    pub fn is_asked_for(&self) -> bool {
+        self.file.is_some()
     }
 
     /// Writes the machine-readable result, if it was asked for. Every digit of every number is kept.
@@ -148,7 +158,7 @@ fn refusal(error: io::Error) -> io::Error {
 
 /// Creates a file. One that is there is replaced only if that was asked for.
 pub fn create(path: &Path) -> io::Result<Output> {
-    open(path, FORCE.load(Ordering::Relaxed))
+    open(path, is_forced())
 }
 
 /// Creates the successor of a file, which it replaces as a whole.
@@ -241,6 +251,26 @@ pub fn warn(doubt: impl std::fmt::Display) {
 /// stdout for people.
 pub fn people() -> People<io::Stdout> {
     People { to: io::stdout(), columns: columns(io::stdout().is_terminal()), line: Vec::new() }
+}
+
+/// Text that may be lost where its reader has gone.
+struct ReadOrNot<W: Write>(W);
+
+impl<W: Write> Write for ReadOrNot<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        read_or_not(self.0.write(bytes), bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        read_or_not(self.0.flush(), ())
+    }
+}
+
+fn read_or_not<T>(written: io::Result<T>, otherwise: T) -> io::Result<T> {
+    match written {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(otherwise),
+        written => written,
+    }
 }
 
 /// Columns of a terminal; `None` where there is none.

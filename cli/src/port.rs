@@ -142,6 +142,10 @@ impl Port {
     pub fn report(&mut self, patience: Duration) -> Result<Report, PortError> {
         let start = Instant::now();
         loop {
+            // A stream always brings another one.
+            if interrupt::requested() {
+                return Err(PortError::Interrupted);
+            }
             if let Some(report) = self.poll()? {
                 return Ok(report);
             }

@@ -58,6 +58,9 @@ impl Algorithm {
     }
 }
 
+/// Longest sample of a block that is taken, s: of one row a second, up to half as long again as usual; what is longer is a gap.
+pub const LONGEST_SAMPLE_S: f64 = 1.5 + 1e-6;
+
 /// What the block summed up over a sample or an interval, in block axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Increment {

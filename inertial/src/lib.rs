@@ -32,7 +32,7 @@ pub mod rotation;
 pub mod ud;
 
 pub use alignment::{AlignError, Aligned, Alignment, BaseMotion, NoiseOfRate};
-pub use coning::{Algorithm, Increment, Integrator};
+pub use coning::{Algorithm, Increment, Integrator, LONGEST_SAMPLE_S};
 pub use hold::{BlockClass, Hold, HoldCounters, HoldLimits, HoldSecond, Motion, Stood};
 pub use quaternion::Quaternion;
 pub use rotation::Angles;

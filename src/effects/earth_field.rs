@@ -1,6 +1,6 @@
 //! Fields fixed to the Earth, which the gyro takes for rates: the Earth's magnetic field on an unshielded coil.
 
-use quantities::limits::{Invalid, finite};
+use quantities::limits::{Invalid, within};
 use serde::{Deserialize, Serialize};
 
 use crate::earth::EarthRate;
@@ -26,6 +26,8 @@ impl EarthField {
     }
 
     pub fn validate(&self) -> Result<(), Invalid> {
-        finite("model.earth_field", &[self.east_deg_h, self.north_deg_h])
+        // A field that were larger than the Earth's rate would be measured in its place.
+        let within_limit = |value: f64| within("model.earth_field", value, -10.0, 10.0, "-10 to 10");
+        [self.east_deg_h, self.north_deg_h].into_iter().try_for_each(within_limit)
     }
 }

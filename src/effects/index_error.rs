@@ -1,6 +1,6 @@
 //! The encoder: what the index angle reads wrongly.
 
-use quantities::limits::{Invalid, finite};
+use quantities::limits::{Invalid, within};
 use serde::{Deserialize, Serialize};
 
 use crate::sensing::index::Direction;
@@ -29,6 +29,8 @@ impl IndexError {
     }
 
     pub fn validate(&self) -> Result<(), Invalid> {
-        finite("model.index_error", &[self.offset_deg, self.cos_deg, self.sin_deg])
+        within("model.index_error.offset_deg", self.offset_deg, -360.0, 360.0, "-360 to 360")?;
+        let within_limit = |value: f64| within("model.index_error", value, -10.0, 10.0, "-10 to 10");
+        [self.cos_deg, self.sin_deg].into_iter().try_for_each(within_limit)
     }
 }

@@ -42,7 +42,7 @@ pub use sinusoid::Sinusoid;
 pub use term::Term;
 
 use heapless::Vec;
-use quantities::limits::{Invalid, finite, within};
+use quantities::limits::{Invalid, within};
 use serde::{Deserialize, Serialize};
 
 use crate::earth::EarthRate;
@@ -214,7 +214,7 @@ impl ErrorModel {
     /// All finite and in range; the scale factor within 10 % of one; as much as a board can hold.
     pub fn validate(&self) -> Result<(), Invalid> {
         within("model.scale_error", self.scale_error, -0.1, 0.1, "-0.1 to 0.1")?;
-        finite("model.bias_deg_h", &[self.bias_deg_h])?;
+        within("model.bias_deg_h", self.bias_deg_h, -1e5, 1e5, "-1e5 to 1e5")?;
         self.terms.iter().try_for_each(Term::validate)?;
         self.rate_terms.iter().try_for_each(RateTerm::validate)?;
         self.index_error.as_ref().map_or(Ok(()), IndexError::validate)?;

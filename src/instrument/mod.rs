@@ -531,16 +531,21 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
     fn state(&self) -> State {
         match self.refusal {
             Some(_) if !self.field.is_active() => State::Failed,
-            _ => self.work(),
+            _ => self.activity(),
         }
     }
 
     /// What is under way, whether a fix can be started or not.
-    fn work(&self) -> State {
+    fn activity(&self) -> State {
         if self.field.is_active() {
             return State::Calibrating;
         }
         self.work.as_ref().filter(|_| !self.working).map_or(self.state, |work| work.sequencer.state())
+    }
+
+    /// A fix or a calibration is under way.
+    fn is_busy(&self) -> bool {
+        !matches!(self.activity(), State::Idle | State::Finished | State::Failed)
     }
 
     #[inline(never)]

@@ -130,7 +130,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             }
             Ask::EraseImage { sector } => self.free_slots(turning)?.erase(sector.into())?,
             Ask::SelfTest => {
-                if !matches!(self.work(), State::Idle | State::Finished | State::Failed) {
+                if self.is_busy() {
                     return Err(Refusal::Busy);
                 }
                 if self.test.interrupt() {
@@ -146,7 +146,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             Ask::CheckFix { azimuth_deg } => self.check_fix(azimuth_deg, turning, flash)?,
             Ask::Challenge => sink(Event::Challenge { bytes: self.session.challenge(self.tick) }),
             Ask::Unlock(signature) => {
-                if !matches!(self.work(), State::Idle | State::Finished | State::Failed) {
+                if self.is_busy() {
                     return Err(Refusal::Busy);
                 }
                 self.session.unlock(self.tick, self.identity.serial, signature.as_slice())?;
@@ -161,7 +161,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         if turning {
             return Err(Refusal::MotorTurns);
         }
-        if !matches!(self.work(), State::Idle | State::Finished | State::Failed) {
+        if self.is_busy() {
             return Err(Refusal::Busy);
         }
         match &mut self.slots {

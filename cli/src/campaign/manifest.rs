@@ -96,6 +96,9 @@ impl Campaign {
         if folder.join(UNFINISHED).is_file() && !manifest.exists() {
             return Err(FileError::whole(&folder, Problem::Unfinished));
         }
+        if manifest.is_file() && manifest.extension().is_none_or(|extension| extension != "toml") {
+            return Err(FileError::whole(&manifest, Problem::NoCampaign));
+        }
         let file = TomlFile::read(&manifest)?;
         let raw: Raw = file.parse_format(FORMAT)?;
         raw.check(&file, folder, latitude_deg)

@@ -17,18 +17,15 @@ use crate::file_error::{FileError, Problem};
 const RUNS: &str = "runs";
 const UNFINISHED_TEXT: &str = "north is writing this recording, or was interrupted: the next one may replace it\n";
 
+/// A run's file that is not longer has at most its line of names.
+const HEAD_BYTES: u64 = 1024;
+
 /// Removes what a recording that came to no end left behind: its runs and tables, and nothing else.
 fn clear(folder: &Path) -> std::io::Result<()> {
-    for place in [folder.to_owned(), folder.join(RUNS)] {
-        for entry in fs::read_dir(&place).into_iter().flatten() {
-            let path = entry?.path();
-            let own = path.extension().is_some_and(|extension| extension == "csv" || extension == "toml");
-            if own && path.is_file() {
-                fs::remove_file(path)?;
-            }
-        }
-    }
-    Ok(())
+    let runs = fs::read_dir(folder.join(RUNS)).into_iter().flatten().flatten().map(|entry| entry.path());
+    let of_runs = runs.filter(|path| path.extension().is_some_and(|extension| extension == "csv"));
+    let tables = [MANIFEST, "settings.toml", "headings.csv"].map(|name| folder.join(name));
+    of_runs.chain(tables).filter(|path| path.is_file()).try_for_each(fs::remove_file)
 }
 
 /// Which optional columns a run's file has.
@@ -176,6 +173,17 @@ impl CampaignWriter {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(FileError::whole(folder, error)),
             _ => crate::output::check_folder(folder).map_err(|error| FileError::whole(folder, error)),
         }
+    }
+
+    /// The same, and what a recording left behind that was interrupted stays, unless it has no rows or `--force` is given: nobody makes it again.
+    pub fn check_free_for_measurements(folder: &Path) -> Result<(), FileError> {
+        let has_rows = |path: PathBuf| fs::metadata(path).is_ok_and(|file| file.len() > HEAD_BYTES);
+        let mut runs = fs::read_dir(folder.join(RUNS)).into_iter().flatten().flatten();
+        let is_kept = !crate::output::is_forced() && folder.join(UNFINISHED).is_file();
+        if is_kept && runs.any(|entry| has_rows(entry.path())) {
+            return Err(FileError::whole(folder, Problem::UnfinishedRows));
+        }
+        Self::check_free(folder)
     }
 
     /// Names of the rows' channels beyond those of every second; empty for one that has none.

@@ -8,16 +8,13 @@ use inertial::{AlignError, Aligned, Alignment, NoiseOfRate};
 use north_finder::earth::earth_rate;
 
 use super::number;
-use crate::block_csv::BlockRecording;
+use crate::block_csv::{BlockRecording, GAP_STEPS};
 use crate::block_gate::{self, Gated};
 use crate::failure::Failure;
 use crate::file_error::FileError;
 use crate::model_file::ModelFile;
 use crate::output::JsonOption;
 use crate::report::align::{self as align_report, Method, Report, Window};
-
-/// A step longer than so many usual ones is a gap; the windows before and after it are apart.
-const GAP_STEPS: f64 = 1.5;
 
 /// Heading and levels of a still or swaying three-axis block
 ///

@@ -52,6 +52,11 @@ impl Import {
     pub fn run(self) -> Result<(), Failure> {
         // A mapping is there unless one is to be proposed, and one of the two places: the command line asks for them.
         let (Some(map), Some(out)) = (&self.map, self.block.as_ref().or(self.out.as_ref())) else {
+            if self.json.is_asked_for() {
+                return Err(Failure::Usage(
+                    "--json has nothing to say of --guess, which proposes a mapping on stdout".into(),
+                ));
+            }
             let proposal = import::guess(&self.recording, self.latitude)?;
             return Ok(std::io::stdout().write_all(proposal.as_bytes())?);
         };

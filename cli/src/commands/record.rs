@@ -77,7 +77,7 @@ struct Line {
 
 impl Record {
     pub fn run(self) -> Result<(), Failure> {
-        CampaignWriter::check_free(&self.out)?;
+        CampaignWriter::check_free_for_measurements(&self.out)?;
         crate::output::check([self.json.path()])?;
         let existed = self.out.exists();
         let mut port = Port::open(self.port.as_deref())?;

@@ -15,7 +15,7 @@ use crate::failure::Failure;
 use crate::interrupt;
 use crate::json::{Run as RunRecord, Solved};
 use crate::model_file::ModelFile;
-use crate::output::JsonOption;
+use crate::output::{self, JsonOption};
 use crate::present::{Directions, Reference};
 use crate::progress;
 use crate::report::certificate::Made;
@@ -67,7 +67,7 @@ struct Solvable<'a> {
 impl Solve {
     pub fn run(self) -> Result<(), Failure> {
         let results = [self.log.as_deref(), self.report.path(), self.certificate.as_deref(), self.json.path()];
-        crate::output::check(results)?;
+        output::check(results)?;
         let campaign = self.campaign()?;
         if self.certificate.is_some() && campaign.runs.len() != 1 {
             let why =
@@ -103,7 +103,7 @@ impl Solve {
             writeln!(out, "note: {note}")?;
         }
         write_table(out, &runs, &self.directions)?;
-        write_tilted(out, &runs, base.level.limit_deg)?;
+        warn_of_tilted(&runs, base.level.limit_deg);
         if let Some(path) = &self.log {
             write_log(path, &logged(&campaign, &runs)?)?;
         }
@@ -145,20 +145,16 @@ impl Solve {
 }
 
 /// Which runs stood so inclined that a board would not have begun to measure.
-fn write_tilted(out: &mut dyn Write, runs: &[Solvable<'_>], limit_deg: f64) -> io::Result<()> {
+fn warn_of_tilted(runs: &[Solvable<'_>], limit_deg: f64) {
     let tilted = |each: &&Solvable<'_>| {
         each.solved.as_ref().is_ok_and(|solved| solved.fix.tilt.is_some_and(|tilt| !tilt.is_level(limit_deg)))
     };
     let names: Vec<&str> = runs.iter().filter(tilted).map(|each| each.run.file.as_str()).collect();
-    match names.as_slice() {
-        [] => Ok(()),
-        [first, others @ ..] => {
-            let more = if others.is_empty() { String::new() } else { format!(" and {} other runs", others.len()) };
-            writeln!(
-                out,
-                "note: {first}{more} stood inclined by more than level.limit_deg = {limit_deg}: a board would have waited for a level base"
-            )
-        }
+    if let [first, others @ ..] = names.as_slice() {
+        let more = if others.is_empty() { String::new() } else { format!(" and {} more", others.len()) };
+        output::warn(format_args!(
+            "{first}{more} stood inclined by more than level.limit_deg = {limit_deg}: a board would have waited for a level base"
+        ));
     }
 }
 

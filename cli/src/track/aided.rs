@@ -17,8 +17,8 @@ use serde::Serialize;
 use super::aiding_csv::{Aiding, Reading, Value};
 use super::installation::Installation;
 use super::start::Start;
-use super::{Detail, GAP_STEPS, Innovations, Reference, Track, TrackRow};
-use crate::block_csv::{BlockRecording, BlockRow};
+use super::{Detail, Innovations, Reference, Track, TrackRow};
+use crate::block_csv::{BlockRecording, BlockRow, GAP_STEPS};
 
 /// The recording's x is forward, y left: the block's axes are turned so far on the hull, whose X is to starboard.
 const FORWARD_RAD: f64 = FRAC_PI_2;
@@ -31,8 +31,9 @@ const SAME_LATITUDE_DEG: f64 = 1.0;
 /// One sigma of the place at the start without a position, and of the velocity without one.
 const UNKNOWN_PLACE_M: f64 = 1000.0;
 const UNKNOWN_SPEED_M_S: f64 = 1.0;
-/// First readings within so many seconds of the start tell place and velocity there.
+/// Of the readings within so many seconds of the start the nearest tell place and velocity there; the place is not trusted to be better than so many metres.
 const START_S: f64 = 10.0;
+const START_M: f64 = 10.0;
 /// Rejections that are listed, each with its reason; all are counted.
 const LISTED: usize = 100;
 
@@ -124,6 +125,8 @@ struct Run<'a> {
     next: usize,
     watches: Vec<Watch>,
     rejections: Vec<Rejection>,
+    /// Rate of the row before, rad/s.
+    before_rad_s: f64,
     gaps: u32,
     saturated: u32,
 }
@@ -136,6 +139,14 @@ fn lacking(reading: &Reading, settings: &Settings) -> Option<&'static str> {
         Value::Rotor { .. } if installation.electrostatic_gyro.is_none() => Some("[electrostatic_gyro]"),
         _ => None,
     }
+}
+
+/// What the reading that is nearest to the start, of those that tell something, tells.
+fn nearest<'a, T>(readings: &'a [Reading], start_s: f64, told: impl Fn(&'a Reading) -> Option<T>) -> Option<T> {
+    let away_s = |reading: &Reading| (reading.t_s - start_s).abs();
+    let near = readings.iter().filter(|reading| away_s(reading) <= START_S);
+    let telling = near.filter_map(|reading| Some((away_s(reading), told(reading)?)));
+    telling.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, told)| told)
 }
 
 /// One source along the run.
@@ -162,10 +173,15 @@ impl<'a> Run<'a> {
     ) -> Result<Self, String> {
         let start_s = start.rows.checked_sub(1).and_then(|last| recording.rows.get(last)).map_or(0.0, |row| row.t_s);
         let turn_deg = recording.rows.get(start.rows).map_or(0.0, |row| row.turn_deg);
-        let near = |reading: &&Reading| (reading.t_s - start_s).abs() <= START_S;
-        let place = aiding.readings.iter().filter(near).find_map(|reading| match reading.value {
+        let depth_m = nearest(&aiding.readings, start_s, |reading| match reading.value {
+            Value::Depth(depth_m) => Some(depth_m),
+            _ => None,
+        });
+        let place = nearest(&aiding.readings, start_s, |reading| match reading.value {
             Value::Position([latitude, longitude, height_m]) => Some(([latitude, longitude, height_m], reading)),
-            Value::Acoustic([latitude, longitude]) => Some(([latitude, longitude, 0.0], reading)),
+            Value::Acoustic([latitude, longitude]) => {
+                Some(([latitude, longitude, -depth_m.unwrap_or_default()], reading))
+            }
             _ => None,
         });
         if let Some(([latitude_deg, ..], reading)) = place
@@ -182,17 +198,23 @@ impl<'a> Run<'a> {
         {
             return Err(format!("{}: this reading needs {lacks} in the --installation", aiding.place(reading)));
         }
-        let velocity = aiding.readings.iter().filter(near).find_map(|reading| match reading.value {
+        let velocity = nearest(&aiding.readings, start_s, |reading| match reading.value {
             Value::Velocity { east_north_up_m_s, .. } => Some((Vector3::from(east_north_up_m_s), reading.sigma)),
             _ => None,
         });
         let installation = settings.installation.on_hull();
-        let ([latitude_deg, longitude_deg, height_m], place_sigma_m) = place.map_or_else(
-            || ([settings.latitude_deg, 0.0, 0.0], UNKNOWN_PLACE_M),
-            |(place, reading)| (place, reading.sigma.hypot(installation.antenna_m.norm()).hypot(START_S)),
-        );
         let (velocity_m_s, velocity_sigma_m_s) =
             velocity.map_or((Vector3::zeros(), UNKNOWN_SPEED_M_S), |(velocity, sigma)| (velocity, sigma + 0.5));
+        let place_sigma_m = |reading: &Reading| {
+            let has_height = depth_m.is_some() || !matches!(reading.value, Value::Acoustic(_));
+            let travelled_m = (velocity_m_s.norm() + velocity_sigma_m_s) * (reading.t_s - start_s).abs();
+            let sigma_m = reading.sigma.hypot(installation.antenna_m.norm()).hypot(START_M).hypot(travelled_m);
+            if has_height { sigma_m } else { UNKNOWN_PLACE_M }
+        };
+        let ([latitude_deg, longitude_deg, height_m], place_sigma_m) = place.map_or_else(
+            || ([settings.latitude_deg, 0.0, 0.0], UNKNOWN_PLACE_M),
+            |(place, reading)| (place, place_sigma_m(reading)),
+        );
         let attitude = Quaternion::from_angles(&start.angles).direction_cosines();
         let navigation =
             Navigation::new(attitude, velocity_m_s, latitude_deg * RAD_PER_DEG, longitude_deg * RAD_PER_DEG, height_m);
@@ -227,7 +249,8 @@ impl<'a> Run<'a> {
             seen: false,
         });
         let (rejections, watches) = (Vec::new(), watches.into());
-        let mut run = Self { aiding, settings, filter, next: 0, watches, rejections, gaps: 0, saturated: 0 };
+        let mut run =
+            Self { aiding, settings, filter, next: 0, watches, rejections, before_rad_s: 0.0, gaps: 0, saturated: 0 };
         run.skip_until(start_s + SAME_TIME_S);
         Ok(run)
     }
@@ -264,12 +287,14 @@ impl<'a> Run<'a> {
             increment.velocity_m_s *= step_s / row.interval_s;
             dt_s = step_s;
             self.skip_until(row.t_s - step_s);
-            let rate_rad_s = increment.angle_rad.norm() / step_s;
+            // It may have begun or ended to turn in the gap.
+            let rate_rad_s = (increment.angle_rad.norm() / step_s).max(self.before_rad_s);
             self.filter
                 .bridge(gap_s, rate_rad_s, GAP_M_S2)
                 .map_err(|why| format!("no rows for {gap_s:.3} s: {why}"))?;
             self.gaps += 1;
         }
+        self.before_rad_s = increment.angle_rad.norm() / dt_s;
         let begin_s = row.t_s - dt_s;
         let mut done_s = 0.0;
         let mut advance = |filter: &mut Filter, to_s: f64| {
@@ -279,7 +304,7 @@ impl<'a> Run<'a> {
             }
             let share = part_s / dt_s;
             done_s = to_s;
-            let turn_deg = turn_from_deg + (row.turn_deg - turn_from_deg) * to_s / dt_s;
+            let turn_deg = turn_from_deg + wrap_180_deg(row.turn_deg - turn_from_deg) * to_s / dt_s;
             let increment =
                 Increment { angle_rad: increment.angle_rad * share, velocity_m_s: increment.velocity_m_s * share };
             filter.advance(&BlockReading { dt_s: part_s, increment, turn_rad: FORWARD_RAD + turn_deg * RAD_PER_DEG })
@@ -495,6 +520,18 @@ impl Watch {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Of the positions 9 s before the start, at it and 20 s after it the one at the start is taken; a depth that nobody sent tells nothing.
+    #[test]
+    fn the_nearest_reading_tells_the_start() {
+        let reading = |t_s: f64| Reading { t_s, value: Value::Heading(t_s), sigma: 1.0, file: 0, line: 1 };
+        let readings: Vec<Reading> = [91.0, 100.5, 120.0].map(reading).into();
+        let heading =
+            |reading: &Reading| if let Value::Heading(heading) = reading.value { Some(heading) } else { None };
+        let depth = |reading: &Reading| if let Value::Depth(depth) = reading.value { Some(depth) } else { None };
+        assert_eq!((nearest(&readings, 100.0, heading), nearest(&readings, 100.0, depth)), (Some(100.5), None));
+        assert_eq!(nearest(&readings[2..], 100.0, heading), None);
+    }
 
     #[test]
     fn a_mode_holds_from_its_time_on_and_before_the_first_it_is_aided() {

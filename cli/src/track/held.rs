@@ -4,8 +4,8 @@ use inertial::{BlockClass, Hold, HoldCounters, HoldLimits, HoldSecond, Increment
 use north_finder::units::DEG_PER_RAD;
 
 use super::start::Start;
-use super::{Detail, GAP_STEPS, Innovations, Reference, Track, TrackRow};
-use crate::block_csv::{BlockRecording, BlockRow};
+use super::{Detail, Innovations, Reference, Track, TrackRow};
+use crate::block_csv::{BlockRecording, BlockRow, GAP_STEPS};
 
 /// Longest gap that is bridged, s.
 const LONGEST_GAP_S: f64 = 5.0;
@@ -39,6 +39,11 @@ pub fn run(
             detail: Detail::Held { motion: second.motion, refix: second.refix },
         });
     };
+    let rate_of = |row: &BlockRow| {
+        let length_s = row.interval_s.min(recording.step_s);
+        row.increment.angle_rad.norm() / length_s * DEG_PER_RAD
+    };
+    let mut before_deg_s = used.checked_sub(1).and_then(|last| recording.rows.get(last)).map_or(0.0, rate_of);
     for row in recording.rows.iter().skip(*used) {
         let mut sample = (row.interval_s, row.increment);
         let gap_s = row.interval_s - recording.step_s;
@@ -49,11 +54,13 @@ pub fn run(
                     "no rows for {gap_s:.3} s before t_s = {at}; at most {LONGEST_GAP_S} s are bridged"
                 ));
             }
-            let rate_deg_s = row.increment.angle_rad.norm() / recording.step_s * DEG_PER_RAD;
+            // It may have begun or ended to turn in the gap.
+            let rate_deg_s = rate_of(row).max(before_deg_s);
             keep(row, row.t_s - recording.step_s, hold.bridge(gap_s, rate_deg_s));
             let velocity_m_s = row.increment.velocity_m_s * (recording.step_s / row.interval_s);
             sample = (recording.step_s, Increment { velocity_m_s, ..row.increment });
         }
+        before_deg_s = rate_of(row);
         if let Some(second) = hold.push(sample.0, sample.1) {
             keep(row, row.t_s, second);
         }

@@ -16,9 +16,6 @@ use crate::block_csv::BlockRow;
 use crate::file_error::FileError;
 use crate::table_csv::TableCsv;
 
-/// A step longer than so many usual ones is a gap.
-pub const GAP_STEPS: f64 = 1.5;
-
 /// A second of the track.
 #[derive(Clone, Copy, Debug)]
 pub struct TrackRow {

@@ -6,8 +6,7 @@ use nalgebra::Vector3;
 use north_finder::earth::earth_rate;
 use north_finder::units::{DEG_PER_RAD, RAD_PER_DEG};
 
-use super::GAP_STEPS;
-use crate::block_csv::{BlockRecording, BlockRow};
+use crate::block_csv::{BlockRecording, BlockRow, GAP_STEPS};
 
 /// Orientation at the start, with its sigmas, and the number of rows that it was made of.
 #[derive(Clone, Copy, Debug)]
@@ -52,6 +51,7 @@ pub fn start(
     }
     if let Some((heading_deg, sigma_heading_deg)) = heading {
         let angles = levelled(&rows, latitude_deg, heading_deg)?;
+        let sigma_heading_deg = sigma_heading_deg.hypot(carried_sigma_deg(&rows, class));
         return Ok(Start { angles, sigma_heading_deg, sigma_level_deg: level_deg, rows: rows.len() });
     }
     let aligned = aligned.map_err(|error| format!("{error}; give --heading, or a longer --align"))?;
@@ -71,6 +71,13 @@ fn aligned(rows: &[&BlockRow], class: &BlockClass, latitude_deg: f64) -> Result<
     }
     let noise = NoiseOfRate::Declared(class.arw_deg_sqrt_h);
     alignment.solve(Some(latitude_deg), &noise, Some(class.run_to_run_deg_h))
+}
+
+/// One sigma of a turn that the gyros carry through these rows with their biases unknown, degrees.
+fn carried_sigma_deg(rows: &[&BlockRow], class: &BlockClass) -> f64 {
+    let hours = rows.iter().map(|row| row.interval_s).sum::<f64>() / 3600.0;
+    let bias_deg_h = class.run_to_run_deg_h.hypot(class.markov_deg_h);
+    (bias_deg_h * hours).hypot(class.arw_deg_sqrt_h * hours.sqrt())
 }
 
 /// The gyros carry the heading from the first row to the last; the mean support against gravity on that way is up.
@@ -123,5 +130,15 @@ mod tests {
         // 42 s end at a quarter of the period: 5°. The rows know nothing of the Earth's rate, 15 °/h · 42 s = 0.175° of it.
         assert!((found.roll_deg - 5.0).abs() < 0.2 && found.pitch_deg.abs() < 0.2, "{found:?}");
         assert!((found.heading_deg - 30.0).abs() < 0.3, "{found:?}");
+    }
+
+    /// 36 s are a hundredth of an hour: a bias of 10 °/h makes 0.1°, a random walk of 0.3 °/√h 0.03°.
+    #[test]
+    fn gyros_carry_a_heading_with_their_biases() {
+        let class =
+            BlockClass { run_to_run_deg_h: 8.0, markov_deg_h: 6.0, arw_deg_sqrt_h: 0.3, ..BlockClass::MODERN_MEMS };
+        let rows = [BlockRow { interval_s: 36.0, ..BlockRow::default() }];
+        let sigma_deg = carried_sigma_deg(&rows.iter().collect::<Vec<_>>(), &class);
+        assert!((sigma_deg - 0.1_f64.hypot(0.03)).abs() < 1e-9, "{sigma_deg}");
     }
 }

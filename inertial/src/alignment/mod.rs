@@ -28,7 +28,7 @@ pub use self::noise::NoiseOfRate;
 use self::blocks::{BlockList, Blocks, local_variances, mean_variance};
 use self::noise::{BASES, Base, CANDIDATES, Noise, log_sum};
 use self::tracker::{Measured, Tracked, track};
-use super::coning::{Algorithm, Increment, Integrator};
+use super::coning::{Algorithm, Increment, Integrator, LONGEST_SAMPLE_S};
 use super::quaternion::Quaternion;
 use super::rotation::Angles;
 
@@ -58,8 +58,6 @@ const MIXTURES: usize = 2;
 /// the difference, per axis and over its variance, is exponential with the mean 1 where there is none: beyond this, in 5 % of the
 /// windows of a base that stands, what is beyond counts in sigma.
 const CONTRADICTION: f64 = 3.0;
-/// Length of a sample that is taken, s.
-const LONGEST_SAMPLE_S: f64 = 1.0;
 
 /// An alignment.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -177,7 +175,7 @@ impl Alignment {
         self.seconds
     }
 
-    /// A sample of `dt_s`, 0 … 1 s; others are left out (`false`), as are numbers that are none.
+    /// A sample of `dt_s`, up to [`LONGEST_SAMPLE_S`]; others are left out (`false`), as are numbers that are none.
     pub fn push(&mut self, dt_s: f64, sample: Increment) -> bool {
         let finite = sample.angle_rad.iter().chain(sample.velocity_m_s.iter()).all(|part| part.is_finite());
         if !(finite && dt_s > 0.0 && dt_s <= LONGEST_SAMPLE_S) {

@@ -33,7 +33,7 @@ impl Filter {
     /// Begins anew with pairs that are new or have slipped: the ambiguity that fits the expected phase, and all doubt about it.
     pub(super) fn follow(&mut self, differences: &[Option<PhaseDifference>; PHASES]) {
         for (place, difference) in differences.iter().enumerate() {
-            let Some(difference) = difference else { continue };
+            let Some(difference) = difference.as_ref().filter(|difference| difference.is_finite()) else { continue };
             let known = self.lines.get(place).is_some_and(|line| line.pair == Some(difference.pair));
             if known && !difference.slipped {
                 continue;

@@ -85,6 +85,13 @@ pub struct PhaseDifference {
     pub slipped: bool,
 }
 
+impl PhaseDifference {
+    /// Its numbers are numbers.
+    pub(super) fn is_finite(&self) -> bool {
+        self.phase_m.is_finite() && self.wavelength_m.is_finite() && self.direction.iter().all(|part| part.is_finite())
+    }
+}
+
 /// A reading with its standard deviation.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Measurement {

@@ -20,7 +20,7 @@ mod tests;
 use libm::{atan2, cos, exp, sin, sqrt};
 use nalgebra::{Matrix3, SMatrix, Vector2, Vector3};
 
-use crate::Increment;
+use crate::coning::{Increment, LONGEST_SAMPLE_S};
 use crate::ud::{self, Ud};
 use block::BlockErrors;
 use electrostatic::Electrostatic;
@@ -329,7 +329,7 @@ impl Filter {
         if !(finite && reading.turn_rad.is_finite()) {
             return Err(Refusal::NotANumber);
         }
-        if !(dt_s > 0.0 && dt_s <= LONGEST_INTERVAL_S) {
+        if !(dt_s > 0.0 && dt_s <= LONGEST_SAMPLE_S) {
             return Err(Refusal::Time);
         }
         near_pole(&self.navigation)?;
@@ -477,6 +477,8 @@ impl Filter {
         let place = self.navigation.place();
         let (turn, velocity) = (three(ATTITUDE), three(VELOCITY));
         self.navigation.turn_by(&turn);
+        // The attitude had the same error at the mark.
+        self.mark.lever_m += turn.cross(&self.mark.lever_m);
         self.navigation.velocity_m_s += velocity;
         self.navigation.move_by(&place, &three(POSITION));
         // What has been travelled since the mark was travelled with the same velocity error.

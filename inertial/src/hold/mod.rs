@@ -29,7 +29,7 @@ use quantities::outer;
 use quantities::units::{DEG_PER_RAD, RAD_PER_DEG};
 use serde::{Deserialize, Serialize};
 
-use super::coning::{Algorithm, Increment, Integrator};
+use super::coning::{Algorithm, Increment, Integrator, LONGEST_SAMPLE_S};
 use super::quaternion::Quaternion;
 use super::rotation::{Angles, cross_matrix};
 
@@ -322,7 +322,7 @@ impl Hold {
     /// A sample of `dt_s` seconds. At the end of a second: what became of it.
     pub fn push(&mut self, dt_s: f64, mut sample: Increment) -> Option<HoldSecond> {
         let finite = sample.angle_rad.iter().chain(sample.velocity_m_s.iter()).all(|part| part.is_finite());
-        if !(finite && dt_s > 0.0 && dt_s <= SECOND_S) {
+        if !(finite && dt_s > 0.0 && dt_s <= LONGEST_SAMPLE_S) {
             self.counters.invalid = self.counters.invalid.saturating_add(1);
             return None;
         }
@@ -389,7 +389,10 @@ impl Hold {
         }
         let felt = self.orientation.rotate(&(second.velocity_m_s / dt_s - self.tilt_m_s2())) / GRAVITY_M_S2;
         let waiting = Waiting { swayed_rad: swayed, felt_rad: Vector2::new(felt.x, felt.y) };
-        if let Some(waiting) = self.waiting.replace(waiting) {
+        // What a gap has cut short is no second.
+        if let Some(waiting) = self.waiting.replace(waiting)
+            && dt_s > 0.5 * SECOND_S
+        {
             self.stand(&waiting, dt_s);
         }
         self.report(Motion::Standing)

@@ -3,6 +3,8 @@
 use nalgebra::Vector3;
 use quantities::earth::EARTH_RATE_DEG_H;
 
+use crate::coning::LONGEST_SAMPLE_S;
+
 use super::{BlockClass, GRAVITY_M_S2, MOTION_M_S2, MOTION_SIGMAS, RAD_PER_ARCSEC, RAD_S_PER_DEG_H, SECOND_S, square};
 use crate::Increment;
 
@@ -24,7 +26,7 @@ impl Stood {
     /// A sample of `dt_s`. A second with a motion in it begins anew.
     pub fn push(&mut self, class: &BlockClass, dt_s: f64, sample: &Increment) {
         let finite = sample.angle_rad.iter().chain(sample.velocity_m_s.iter()).all(|part| part.is_finite());
-        if !(finite && dt_s > 0.0 && dt_s <= SECOND_S) {
+        if !(finite && dt_s > 0.0 && dt_s <= LONGEST_SAMPLE_S) {
             return self.interrupt();
         }
         let (length_s, angle_rad, velocity_m_s) = &mut self.second;
