@@ -48,7 +48,7 @@ const SLOTS_PER_TICK: u64 = 8;
 const SLOT: u64 = TICK / SLOTS_PER_TICK;
 /// How often it is looked whether the image has started its timer, and for how long after a reset.
 const LOOK: u64 = 100_000;
-const PATIENCE: u64 = 30_000_000_000;
+const PATIENCE: u64 = 12_000_000_000;
 /// The bit of a bad word.
 const BAD_BIT: u64 = 1 << 7;
 

@@ -84,6 +84,7 @@ pub fn read(path: &Path) -> Result<BlockRecording, FileError> {
         let allowed = format!("at most {LONGEST_STEP_S} s: `t_s` is in seconds, and these may be milliseconds");
         return Err(table.whole(Problem::not_allowed(format!("rows {step_s} s apart"), allowed)));
     }
+    // A recording that was cut out of a longer one begins a usual step before its first row.
     let begins = 0.0 < rows[0].t_s && rows[0].t_s <= GAP_STEPS * step_s;
     let mut previous_s = if begins { 0.0 } else { rows[0].t_s - step_s };
     for row in &mut rows {

@@ -370,11 +370,11 @@ mod tests {
         assert_eq!(sampler.behind(), 499);
     }
 
-    /// After 61 s, and two seconds of silence, the gyro counts from 0 again. 340 of the 800 slots of the silence are given up by then, so that 24,740 + 0 …, or 164, is
-    /// expected, and 0 is 92 ahead; after a minute it is 92 still. From 30 on, and 226 ahead, frames look like stragglers for a second.
+    /// After 61 s, and 800 ticks of silence of which 740 slots are given up, 25,140 or 52 is expected. A gyro that counts from 100 is 48 ahead, and these slots are
+    /// lost. One that counts from 0 or 30 is 204 or 234 ahead: its frames look like stragglers for a second.
     #[test]
     fn a_gyro_that_starts_again_is_heard_again() {
-        for first in [0, 30] {
+        for first in [0, 30, 100] {
             let mut sampler = Sampler::new(GyroSettings::default());
             let (mut counters, mut usable) = (Counters::default(), 0);
             let mut tick = |number: Option<u32>, counters: &mut Counters| {

@@ -40,7 +40,7 @@ const PATIENCE_SECONDS: u16 = 3;
 /// While measuring, the level limit is this much wider than before: a tripod may settle a little.
 const LEVEL_HYSTERESIS: f64 = 1.5;
 
-/// The clocks of gyro and instrument are taken for one up to this: a second ends up to a second after its last tick, and the link delays its frames.
+/// Up to this difference the clocks of gyro and instrument are taken to agree: the end of a second is known only when its last frame has come.
 const SAME_CLOCK_S: f64 = 2.0;
 
 /// What an operator can ask of the sequence.

@@ -18,5 +18,8 @@ pub use writer::{CampaignWriter, Layout, OwnLayout, RunWriter};
 
 /// Name of the file that describes a campaign, in its folder.
 pub const MANIFEST: &str = "campaign.toml";
+/// Settings that a recording was made with, and headings that were held after its fix.
+pub const SETTINGS: &str = "settings.toml";
+pub const HEADINGS: &str = "headings.csv";
 /// In a folder whose recording is not finished, until it is.
 pub const UNFINISHED: &str = "unfinished";

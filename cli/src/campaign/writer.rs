@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::manifest::FORMAT;
 use super::own::Own;
-use super::{Campaign, MANIFEST, Row, Run, UNFINISHED};
+use super::{Campaign, HEADINGS, MANIFEST, Row, Run, SETTINGS, UNFINISHED};
 use crate::file_error::{FileError, Problem};
 
 /// Folder of the runs.
@@ -24,7 +24,7 @@ const HEAD_BYTES: u64 = 1024;
 fn clear(folder: &Path) -> std::io::Result<()> {
     let runs = fs::read_dir(folder.join(RUNS)).into_iter().flatten().flatten().map(|entry| entry.path());
     let of_runs = runs.filter(|path| path.extension().is_some_and(|extension| extension == "csv"));
-    let tables = [MANIFEST, "settings.toml", "headings.csv"].map(|name| folder.join(name));
+    let tables = [MANIFEST, SETTINGS, HEADINGS].map(|name| folder.join(name));
     of_runs.chain(tables).filter(|path| path.is_file()).try_for_each(fs::remove_file)
 }
 
@@ -175,7 +175,7 @@ impl CampaignWriter {
         }
     }
 
-    /// The same, and what a recording left behind that was interrupted stays, unless it has no rows or `--force` is given: nobody makes it again.
+    /// The same, but rows of a recording that was interrupted are kept unless `--force` is given: a measurement cannot be made again.
     pub fn check_free_for_measurements(folder: &Path) -> Result<(), FileError> {
         let has_rows = |path: PathBuf| fs::metadata(path).is_ok_and(|file| file.len() > HEAD_BYTES);
         let mut runs = fs::read_dir(folder.join(RUNS)).into_iter().flatten().flatten();

@@ -9,7 +9,7 @@ use north_finder::event::{Dwell, Event, Fix, Heading};
 use north_finder::health::Counters;
 
 use super::instrument::InstrumentOptions;
-use crate::campaign::{CampaignWriter, Run};
+use crate::campaign::{CampaignWriter, HEADINGS, Run};
 use crate::engine::{self, End, Engine, Outcome, Setup};
 use crate::failure::Failure;
 use crate::interrupt;
@@ -23,8 +23,6 @@ use crate::report::{self, ReportOption};
 
 /// Name of the one run in a recording of `north find`.
 const RUN: &str = "runs/001.csv";
-/// Name of the headings that were held after it.
-const HEADINGS: &str = "headings.csv";
 
 /// Find north once: the real firmware image in QEMU against the simulated instrument, live
 #[derive(Args, Debug)]

@@ -54,7 +54,7 @@ impl Import {
         let (Some(map), Some(out)) = (&self.map, self.block.as_ref().or(self.out.as_ref())) else {
             if self.json.is_asked_for() {
                 return Err(Failure::Usage(
-                    "--json has nothing to say of --guess, which proposes a mapping on stdout".into(),
+                    "--json cannot be used with --guess, whose proposal is TOML on stdout".into(),
                 ));
             }
             let proposal = import::guess(&self.recording, self.latitude)?;

@@ -16,7 +16,7 @@ use north_finder::instrument::replay::Mark;
 use north_finder::sensing::level::Specific;
 use north_finder::settings::Settings;
 
-use crate::campaign::{ACCELEROMETERS, Campaign, CampaignWriter, INDEX, Instrument, Own, Row, TEMPERATURE};
+use crate::campaign::{ACCELEROMETERS, Campaign, CampaignWriter, INDEX, Instrument, Own, Row, SETTINGS, TEMPERATURE};
 use crate::engine::Setup;
 use crate::file_error::FileError;
 
@@ -127,11 +127,10 @@ fn campaign(
     name: String,
     settings: &Settings,
 ) -> Result<CampaignWriter, FileError> {
-    let file = "settings.toml";
     let instrument = Instrument {
         name: Some(name),
         arw_deg_per_sqrt_h: Some(settings.gyro.arw_deg_per_sqrt_h),
-        settings: Some(file.into()),
+        settings: Some(SETTINGS.into()),
     };
     let mut writer = CampaignWriter::create(Campaign {
         folder: folder.to_owned(),
@@ -140,7 +139,7 @@ fn campaign(
         instrument: Some(instrument),
         runs: Vec::new(),
     })?;
-    crate::settings_file::write_settings(&folder.join(file), settings)?;
+    crate::settings_file::write_settings(&folder.join(SETTINGS), settings)?;
     writer.name_extra(extra_names(settings));
     Ok(writer)
 }

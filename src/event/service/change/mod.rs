@@ -50,7 +50,7 @@ struct Trace {
     information: f32,
 }
 
-/// What a fix shows of a change of unit size that all of its innovation sees.
+/// An innovation as traces take it: its gain, its value over its variance, and one over its variance.
 struct Shown {
     gain: Gain,
     score: f32,

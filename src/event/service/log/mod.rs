@@ -180,12 +180,10 @@ impl FixLog {
             Some((number, _)) => (self.begin(flash, 1 - number)?, 1),
             None => (self.begin(flash, 0)?, 1),
         };
-        self.at = Some((number, at));
         let written = flash.write(sector(number).0 + at * RECORD, &record.bytes());
-        // What was written in part uses its place. One that stayed blank would end the log for whoever reads it.
-        if written.is_ok() || place(flash, number, at)? != Place::Blank {
-            self.at = Some((number, at + 1));
-        }
+        // What was written in part uses its place. A blank one would end the log for whoever reads it.
+        let is_blank = written.is_err() && matches!(place(flash, number, at), Ok(Place::Blank));
+        self.at = Some((number, at + u32::from(!is_blank)));
         written?;
         self.note(record);
         Ok(())
