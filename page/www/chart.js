@@ -14,6 +14,10 @@ class Chart {
     Object.assign(this, { svg, xUnit, yUnit, left: 52, top: 8, width: 418, height: 186 });
   }
 
+  clear() {
+    this.svg.replaceChildren();
+  }
+
   /** Clears it and draws the axes: `x` and `y` are [least, most], `xStep` the distance of the vertical lines. */
   begin([xLow, xHigh], yRange, xStep) {
     const [yLow, yHigh] = Chart.roomy(yRange);

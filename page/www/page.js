@@ -34,7 +34,7 @@ class Heard {
 
   /** A fix begins. */
   restart() {
-    Object.assign(this, { points: [], means: [], fix: null, coarse: null, words: [], fault: null, toGo: null, gates: {} });
+    Object.assign(this, { points: [], means: [], fix: null, trueAtFix: null, coarse: null, words: [], fault: null, toGo: null, gates: {} });
   }
 
   take({ t_s, name, event, words }) {
@@ -96,17 +96,31 @@ class Page {
     this.wire();
   }
 
+  /** A refusal stays to be read until a person does something else. */
   act(what) {
     const answer = this.instrument.act(what);
-    show("refused", answer.error ?? "");
+    if (answer.error || what.wait === undefined) show("refused", answer.error ?? "");
     if (answer.truth) this.truth = answer.truth;
     for (const report of answer.reports) this.heard.take(report);
+    if (this.heard.fix) this.heard.trueAtFix ??= this.truth.azimuth_deg;
     return answer;
   }
 
+  /** An instrument that is refused leaves the one that is there. */
   powerUp(chosen) {
+    const before = this.heard;
     this.heard = new Heard();
-    this.act({ "power-up": chosen });
+    const { error } = this.act({ "power-up": chosen });
+    if (error) {
+      this.heard = before ?? this.heard;
+      return;
+    }
+    this.acts = [];
+    this.heard.spoke = true;
+    this.drawn = null;
+    for (const chart of [this.sinusoid, this.rates]) chart.clear();
+    byId("pitch").value = this.truth.pitch_deg;
+    byId("roll").value = this.truth.roll_deg;
     show("about", this.about.get(chosen.scenario) ?? "");
   }
 
@@ -118,7 +132,7 @@ class Page {
       seed: number("seed") ?? 1,
       latitude_deg: number("latitude"),
       arw_deg_per_sqrt_h: number("class"),
-      order: order === "adaptive" ? { adaptive: { accuracy_deg: 0.04 } } : order || null,
+      order: { adaptive: { adaptive: { accuracy_deg: 0.04 } }, rotation: { rotation: {} } }[order] ?? (order || null),
     };
   }
 
@@ -132,9 +146,9 @@ class Page {
     for (const button of document.querySelectorAll("[data-act]")) {
       button.onclick = () => this.act(JSON.parse(button.dataset.act));
     }
-    for (const id of ["pitch", "roll"]) {
-      byId(id).onchange = () => this.act({ tilt: [Number(byId("pitch").value), Number(byId("roll").value)] });
-    }
+    // What is not touched stays as it is, also beyond what a slider shows.
+    byId("pitch").onchange = (event) => this.act({ tilt: [Number(event.target.value), this.truth.roll_deg] });
+    byId("roll").onchange = (event) => this.act({ tilt: [this.truth.pitch_deg, Number(event.target.value)] });
     this.wireDrag(byId("instrument"));
   }
 
@@ -146,7 +160,7 @@ class Page {
       return (Math.atan2(x, -y) * 180) / Math.PI;
     };
     let last = null;
-    svg.onpointerdown = (event) => {
+    byId("grip").onpointerdown = (event) => {
       svg.setPointerCapture(event.pointerId);
       svg.classList.add("held");
       last = bearing(event);
@@ -165,6 +179,7 @@ class Page {
 
   /** Lets as much time pass as the speed asks for, but works no longer on it than `patience_ms`. */
   pass(elapsed_s, patience_ms) {
+    if (!this.truth) return;
     const speed = Number(byId("speed").value);
     this.owed = Math.min(speed === 0 ? MOST_TICKS : this.owed + TICKS * speed * elapsed_s, MOST_TICKS);
     const until = performance.now() + patience_ms;
@@ -222,7 +237,7 @@ class Page {
     byId("azimuth").className = `number ${fix ? (heard.words.length ? "flagged" : "clear") : fault ? "failed" : ""}`;
     show("sigma", fix ? `± ${fix.sigma_deg.toFixed(4)}°` : "");
     show("truth", `${truth.azimuth_deg.toFixed(4)}°`);
-    const error = fix && between(fix.azimuth_deg - truth.azimuth_deg);
+    const error = fix && between(fix.azimuth_deg - heard.trueAtFix);
     show("error", fix ? `${signed(error, 4)}°, ${Math.abs(error / fix.sigma_deg).toFixed(1)} σ` : "–");
     show("coarse", coarse ? `${coarse.azimuth_deg.toFixed(2)}°` : "–");
     show("togo", heard.toGo ? `${Math.max(0, heard.toGo - truth.t_s).toFixed(0)} s` : "–");
@@ -307,25 +322,39 @@ function drawRose() {
   }
 }
 
+/** Sets a field of the page to what the address asks for; refuses what the field does not have. */
+function choose(id, value) {
+  byId(id).value = value;
+  if (byId(id).value !== value) throw new Error(`${id}=${value} in the address: there is no such choice`);
+}
+
+/** An act of the address, say shock=60:600: time in seconds, size. */
+function timed(name, text) {
+  const [at_s, size] = text.split(":").map(Number);
+  if (!Number.isFinite(at_s) || !Number.isFinite(size)) throw new Error(`${name}=${text} in the address: time in s and size are needed, as in 60:600`);
+  return { at_s, act: { [name]: size } };
+}
+
 /** What the address asks for after its #: a choice, acts at times (shock=60:600), and a fix at once (start, once), after which time
  * stands still. Whether it is the last. */
 function script(page) {
   const asked = new URLSearchParams(location.hash.slice(1));
-  for (const id of ["scenario", "seed", "latitude", "class", "order", "speed"]) if (asked.has(id)) byId(id).value = asked.get(id);
-  page.acts = ["shock", "warm", "turn"].flatMap((name) =>
-    asked.getAll(name).map((text) => text.split(":").map(Number)).map(([at_s, size]) => ({ at_s, act: { [name]: size } })));
+  for (const id of ["scenario", "seed", "latitude", "class", "order", "speed"]) if (asked.has(id)) choose(id, asked.get(id));
+  const acts = ["shock", "warm", "turn"].flatMap((name) => asked.getAll(name).map((text) => timed(name, text)));
   page.powerUp({ ...page.chosen(), azimuth_deg: asked.has("azimuth") ? Number(asked.get("azimuth")) : null });
+  page.acts = acts.sort((one, other) => one.at_s - other.at_s);
   if (asked.has("start")) page.act("start");
   return asked.has("once");
 }
 
 async function run() {
+  addEventListener("hashchange", () => location.reload());
   const page = new Page(await Instrument.load(NORTH_WASM));
   const once = script(page);
   let before = null;
   const frame = (now) => {
     const elapsed_s = before === null ? 0 : (now - before) / 1000;
-    const goesOn = () => !page.heard.fix && !page.heard.fault;
+    const goesOn = () => page.truth && !page.heard.fix && !page.heard.fault;
     if (!once) page.pass(elapsed_s, 14);
     for (let n = 0; once && n < 60 && goesOn(); n += 1) page.pass(1, Infinity);
     before = now;
@@ -336,6 +365,6 @@ async function run() {
 }
 
 run().catch((error) => {
-  show("refused", `the instrument could not be loaded: ${error}`);
+  show("refused", `the instrument is not there: ${error.message ?? error}`);
   console.error(error);
 });

@@ -277,13 +277,9 @@ pub(crate) fn check_station(file: &TomlFile, value: Spanned<String>) -> Result<S
 }
 
 pub(crate) fn check_time(file: &TomlFile, value: Spanned<String>) -> Result<String, FileError> {
-    let parsed: Result<toml::value::Datetime, _> = value.get_ref().parse();
-    match parsed {
-        Ok(toml::value::Datetime { date: Some(_), time: Some(_), offset: Some(_) }) => Ok(value.into_inner()),
-        _ => {
-            let allowed = "an RFC 3339 time such as 2026-05-04T09:00:00Z";
-            let problem = Problem::not_allowed(format!("started = {}", value.get_ref()), allowed);
-            Err(file.at(value.span(), problem))
-        }
+    if OffsetDateTime::parse(value.get_ref(), &Rfc3339).is_ok() {
+        return Ok(value.into_inner());
     }
+    let allowed = "an RFC 3339 time such as 2026-05-04T09:00:00Z";
+    Err(file.at(value.span(), Problem::not_allowed(format!("started = {}", value.get_ref()), allowed)))
 }

@@ -10,6 +10,7 @@ use super::found::{Found, WrongReference};
 use super::moving;
 use super::residual::Residuals;
 use super::statistics::{median, rms_with_interval};
+use super::turn::Turn;
 use super::validate::{self, Validated};
 use super::{
     Diagnosis, NoiseTests, Options, Origin, RunDiagnosis, Warning, advice, doubt, findings, guard, missed, stations,
@@ -38,8 +39,8 @@ pub struct Material<'a> {
     pub runs: &'a [RunData],
     /// The runs' fixes before anything was learned or taken out of them.
     pub as_recorded: &'a [Option<Fix>],
-    /// An index error, the same in all runs, that was taken out of them beforehand, degrees.
-    pub turned_deg: Option<f64>,
+    /// An index error, the same in all runs, that was taken out of them beforehand.
+    pub turn: Option<Turn>,
     /// The model that the runs were made with.
     pub base: &'a ErrorModel,
     /// There are still recordings only.
@@ -62,7 +63,7 @@ pub fn diagnosis(
     let found = found.map(|found| found.forgetting_all_but(validated.effects.unwrap_or(0)));
     let found = found.as_ref();
     let used = found.filter(|found| validated.withdrawn.is_none() || found.effects_found() > 0);
-    let mut model = model_of(runs, &validated, used, &wrong_files, base);
+    let mut model = model_of(material, &validated, used, &wrong_files);
     let afters = after(runs, &model);
     missed::warn_of_outliers(runs, &mut warnings);
     checks::warn_of_range(runs, &model, &mut warnings);
@@ -83,7 +84,7 @@ pub fn diagnosis(
     let station_spread_after_deg = stations::spread_deg(runs, &by_others);
     let few = (3..=LEFT_OUT).contains(&runs.len());
     let left_out = (few || options.leave_one_out)
-        .then(|| validate::leave_one_out(runs, base, &options.family, &wrong_files))
+        .then(|| validate::leave_one_out(runs, base, &options.family, &wrong_files, validated.effects))
         .flatten();
     if options.leave_one_out && left_out.is_none() {
         let message = "no run is left out: none has a reference or shares a station with another, so that nothing could be judged by it";
@@ -107,9 +108,9 @@ pub fn diagnosis(
     unexplained.extend(note_contradictions(&mut records, judged));
     let up_deg_h = runs.first().map_or(0.0, |run| run.earth.up_deg_h);
     let mut effects = used.map_or(Vec::new(), |found| found.effects(up_deg_h));
-    if let Some(turned_deg) = material.turned_deg {
-        findings::add_turn(&mut effects, turned_deg);
-        turn::put(&mut model, turned_deg);
+    if let Some(turn) = material.turn {
+        findings::add_turn(&mut effects, turn);
+        turn::put(&mut model, turn);
     }
     let candidates = found.map_or(Vec::new(), findings::candidates);
     let mut diagnosis = Diagnosis {
@@ -166,20 +167,16 @@ pub fn diagnosis(
 }
 
 /// What is used, with what azimuths miss beyond their sigmas by it, and what nobody sees of it.
-fn model_of(
-    runs: &[RunData],
-    validated: &Validated,
-    used: Option<&Found>,
-    wrong: &[String],
-    base: &ErrorModel,
-) -> ErrorModel {
+fn model_of(material: &Material<'_>, validated: &Validated, used: Option<&Found>, wrong: &[String]) -> ErrorModel {
+    let runs = material.runs;
     let mut model = doubt::shown(validated.model.clone(), runs);
     if let Some(found) = used.filter(|_| !guard::is_surveyed(runs, wrong)) {
         model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(found.index_error_deg());
     }
-    if model != *base || validated.withdrawn.is_some() {
+    if model != *material.base || validated.withdrawn.is_some() || material.turn.is_some() {
         let missed_deg = guard::missed_beyond_sigma_deg(runs, wrong, &validated.left_out);
-        model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(missed_deg);
+        let of_turn_deg = material.turn.map_or(0.0, |turn| turn.sigma_deg);
+        model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(missed_deg).hypot(of_turn_deg);
     }
     model
 }

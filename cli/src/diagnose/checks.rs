@@ -1,5 +1,7 @@
 //! Doubts about a campaign, before anything is learned from it.
 
+use std::collections::BTreeSet;
+
 use north_finder::earth::EARTH_RATE_DEG_H;
 use north_finder::effects::ErrorModel;
 use north_finder::effects::doubt::Doubt;
@@ -20,6 +22,8 @@ const AMPLITUDE_LIMIT: f64 = 0.03;
 const BEYOND: f64 = 0.1;
 /// What many runs beyond a channel's range are.
 const OUT_OF_RANGE: &str = "a channel leaves the range in which its effect was learned";
+/// What many runs without a channel are.
+const LACKS_CHANNEL: &str = "a column that other runs have is not in every row";
 /// What many pairs of runs that overlap are.
 const OVERLAPS: &str =
     "they overlap: their errors are not independent, and what is learned from one must not be judged by the other";
@@ -270,9 +274,27 @@ pub fn warn_of_range(runs: &[RunData], model: &ErrorModel, warnings: &mut Vec<Wa
     }
 }
 
+/// Warns of channels that some runs have and others lack: what follows them is learned of runs only that all have them.
+pub fn warn_of_missing_channels(runs: &[RunData], warnings: &mut Vec<Warning>) {
+    for name in channel_names(runs) {
+        for run in runs.iter().filter(|run| run.channel(&name).is_none()) {
+            let consequence = match run.role {
+                Role::Fit => "it is not looked at as a cause in any run",
+                _ => "the run has no azimuth with an effect of it",
+            };
+            let message = format!("column `{name}`, which other runs have, is not in every row: {consequence}");
+            warnings.push(Warning { of_many: Some(LACKS_CHANNEL), ..Warning::of_run(&run.file, message) });
+        }
+    }
+}
+
+/// The channels of all runs.
+fn channel_names(runs: &[RunData]) -> BTreeSet<String> {
+    runs.iter().flat_map(RunData::channel_names).collect()
+}
+
 /// Channels that never change in any run.
 pub fn constant_channels(runs: &[RunData]) -> Vec<String> {
-    let Some(first) = runs.first() else { return Vec::new() };
     let still = |name: &String| {
         let mut seen: Option<f64> = None;
         runs.iter()
@@ -280,5 +302,5 @@ pub fn constant_channels(runs: &[RunData]) -> Vec<String> {
             .flatten()
             .all(|value| (*seen.get_or_insert(value) - value).abs() <= 1e-12 * value.abs())
     };
-    first.channel_names().into_iter().filter(|name| still(name)).collect()
+    channel_names(runs).into_iter().filter(still).collect()
 }

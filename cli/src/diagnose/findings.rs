@@ -3,33 +3,33 @@
 use super::experiment::{self, Expectation, Proposal};
 use super::found::{Found, alike, chance, exactly_confounded};
 use super::names::{self, EARTH_FIELD, INDEX_OFFSET, Named};
+use super::turn::Turn;
 use super::{Candidate, Effect, Rejected};
 use crate::campaign::Role;
 use crate::learn::{self, Tried};
 use crate::run_data::RunData;
 use north_finder::effects::effect;
 
-/// How well a large turn is known: below that an index offset is found on top of it, degrees.
-const TURN_SIGMA_DEG: f64 = 0.1;
 /// Most alternatives that runs are to tell an effect from, the likeliest first.
 const MOST_ALTERNATIVES: usize = 6;
 
 /// An index error that was taken out beforehand: with what was found on top of it, or alone.
-pub fn add_turn(effects: &mut Vec<Effect>, turned_deg: f64) {
+pub fn add_turn(effects: &mut Vec<Effect>, turn: Turn) {
     if let Some(offset_deg) = effects.iter_mut().find_map(|effect| effect.parameters.get_mut("offset_deg")) {
-        *offset_deg += turned_deg;
+        *offset_deg += turn.deg;
         return;
     }
     let evidence = format!(
-        "every training run's azimuth is off by about {turned_deg:+.2}°: the index zero, or all references, are turned"
+        "every training run's azimuth is off by about {:+.2}°: the index zero, or all references, are turned",
+        turn.deg
     );
     let turn = Effect {
         name: INDEX_OFFSET.into(),
         kind: "index",
         channel: None,
         channels: Vec::new(),
-        parameters: [("offset_deg".to_owned(), turned_deg)].into(),
-        sigma: [("offset_deg".to_owned(), TURN_SIGMA_DEG)].into(),
+        parameters: [("offset_deg".to_owned(), turn.deg)].into(),
+        sigma: [("offset_deg".to_owned(), turn.sigma_deg)].into(),
         p_value: 0.0,
         ambiguous_with: vec![EARTH_FIELD.into()],
         evidence,

@@ -69,9 +69,15 @@ impl Found {
             model.is_some_and(|model| guard::impossible(runs, &model).is_none())
         };
         let allowed = Allowed { family, may_be_used: &may_be_used };
-        let learned = if of_search.is_empty() { Learned::default() } else { learn::learn(of_search, &allowed) };
+        let mut learned = if of_search.is_empty() { Learned::default() } else { learn::learn(of_search, &allowed) };
         let written = |taught: &Taught| taught.posterior.written(&base, &learned.runs);
-        let models = learned.models().map(written).collect::<Option<Vec<ErrorModel>>>()?;
+        let mut models: Vec<Option<ErrorModel>> = learned.models().map(written).collect();
+        // A model that no file has room for is not learned; simpler ones are.
+        while models[0].is_none() && !learned.fewer.is_empty() {
+            learned.best = learned.fewer.remove(0);
+            models.remove(0);
+        }
+        let models = models.into_iter().collect::<Option<Vec<ErrorModel>>>()?;
         Some(Self { learned, motion, files, models, measured })
     }
 
@@ -222,7 +228,9 @@ impl Found {
         let posterior = &self.learned.best.posterior;
         let with = posterior.alternatives.iter().filter(|each| each.effects.iter().any(|own| alike(own, effect)));
         let probability: f64 = with.map(|each| each.probability).sum();
-        let log_odds = self.learned.best.score - self.learned.without_effects().score;
+        let place = posterior.likeliest.iter().position(|own| alike(own, effect));
+        let log_odds = place.and_then(|place| self.learned.best.gains.get(place)).copied().unwrap_or_default();
+        let of_model = self.learned.best.score - self.learned.without_effects().score;
         let channels: Vec<String> = effect.channels().map(|name| name.as_str().to_owned()).collect();
         let mut ambiguous_with: Vec<String> = Vec::new();
         let others = self.in_its_place(effect).iter().map(names::full_name).collect::<Vec<_>>();
@@ -254,7 +262,8 @@ impl Found {
             p_value: chance(log_odds),
             ambiguous_with,
             evidence: format!(
-                "log odds {log_odds:.0} of the model over none; the models that contain it have the probability {probability:.2} together"
+                "log odds {log_odds:.0} of the model over the one without it, {of_model:.0} over the one without any effect; the models that contain it have the \
+                 probability {probability:.2} together"
             ),
             board: effect.channels().all(|name| name.is_on_board(&self.measured)),
         }

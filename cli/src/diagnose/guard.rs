@@ -37,7 +37,8 @@ pub fn veto<'a>(
 ) -> Option<String> {
     let of_training = || runs.iter().zip(left_out).filter(|(run, _)| run.role == Role::Fit);
     let without_azimuths = || lost_azimuth(of_training().map(|(run, fix)| (run, fix.as_ref())));
-    let whole: Vec<&RunData> = runs.iter().collect();
+    // A run that lacks a channel of the model says nothing of it.
+    let whole: Vec<&RunData> = runs.iter().filter(|run| run.has_channels_of(found)).collect();
     if let Some(why) = impossible(&whole, found).or_else(without_azimuths) {
         return Some(why);
     }
@@ -76,34 +77,50 @@ pub fn veto_beside(
         .or_else(|| (misses.len() < LEAST_MISSES).then(by_rates).flatten())
 }
 
-/// Whether the mean of what squared errors rise by is more than [`CHANCE`] of its own standard deviations.
-fn is_more_than_chance(pairs: &[(f64, f64)]) -> bool {
-    let rises: Vec<f64> = pairs.iter().map(|(before, after)| after * after - before * before).collect();
+/// Whether the mean of what squared errors rise by is more than [`CHANCE`] of its own standard deviations. Too few do not say.
+fn is_more_than_chance(misses: &[Miss]) -> bool {
+    if misses.len() < LEAST_MISSES {
+        return false;
+    }
+    let rises: Vec<f64> = misses.iter().map(|miss| miss.after.powi(2) - miss.before.powi(2)).collect();
     let count = rises.len() as f64;
     let mean = rises.iter().sum::<f64>() / count;
-    let variance = rises.iter().map(|rise| (rise - mean).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
+    let variance = rises.iter().map(|rise| (rise - mean).powi(2)).sum::<f64>() / (count - 1.0);
     mean > CHANCE * (variance / count).sqrt()
 }
 
-/// What training runs whose references are believed miss them by, degrees, without a model and with it. A run without an azimuth before says nothing of
-/// whether errors rise, but where nearly all are such runs, they are what the model was made for: an azimuth is better than none.
-fn misses(runs: &[RunData], wrong: &[String], before: &[Option<Fix>], after: &[Option<Fix>]) -> Vec<(f64, f64)> {
-    let of = |fixes: &[Option<Fix>]| {
-        misses_deg(runs, &fixes.iter().map(|fix| Some((*fix)?.azimuth_deg)).collect::<Vec<Option<f64>>>())
-    };
-    let misses = of(before).into_iter().zip(of(after));
-    let of_training = runs.iter().zip(misses).filter(|(run, _)| run.role == Role::Fit && !wrong.contains(&run.file));
-    paired(of_training.map(|(_, misses)| misses))
+/// What a run misses its reference by, or the others of its station, degrees: without a model and with it, and one sigma of the latter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Miss {
+    before: f64,
+    after: f64,
+    sigma: f64,
 }
 
-/// Misses before and after, degrees, of runs that have both; with few of these the others, too, that have one after.
-fn paired(misses: impl Iterator<Item = (Option<f64>, Option<f64>)>) -> Vec<(f64, f64)> {
-    let after: Vec<(Option<f64>, f64)> = misses.filter_map(|(before, after)| Some((before, after?))).collect();
-    let both: Vec<(f64, f64)> = after.iter().filter_map(|&(before, after)| Some((before?, after))).collect();
-    if both.len() >= LEAST_MISSES {
-        return both;
-    }
-    after.into_iter().map(|(before, after)| (before.unwrap_or(NO_AZIMUTH_DEG), after)).collect()
+/// Of training runs whose references are believed, without a model and with it. A run without an azimuth before says nothing of whether errors rise, but where
+/// nearly all are such runs, they are what the model was made for: an azimuth is better than none.
+fn misses(runs: &[RunData], wrong: &[String], before: &[Option<Fix>], after: &[Option<Fix>]) -> Vec<Miss> {
+    let is_asked = |run: &RunData| run.role == Role::Fit && !wrong.contains(&run.file);
+    // Those of a station are compared with each other: the same ones without the model and with it.
+    let of = |fixes: &[Option<Fix>]| {
+        let azimuth = |(run, fix): (&RunData, &Option<Fix>)| Some(fix.filter(|_| is_asked(run))?.azimuth_deg);
+        misses_deg(runs, &runs.iter().zip(fixes).map(azimuth).collect::<Vec<Option<f64>>>())
+    };
+    let sigma =
+        |(run, fix): (&RunData, &Option<Fix>)| fix.map_or(0.0, |fix| fix.sigma_deg.hypot(run.reference_sigma_deg));
+    let sigmas = runs.iter().zip(after).map(sigma);
+    paired(of(before).into_iter().zip(of(after)).zip(sigmas))
+}
+
+/// Of runs that have a miss before and after, degrees; with few of these the others, too, that have one after.
+fn paired(misses: impl Iterator<Item = ((Option<f64>, Option<f64>), f64)>) -> Vec<Miss> {
+    let after: Vec<(Option<f64>, Miss)> = misses
+        .filter_map(|((before, after), sigma)| {
+            Some((before, Miss { before: before.unwrap_or(NO_AZIMUTH_DEG), after: after?, sigma }))
+        })
+        .collect();
+    let both: Vec<Miss> = after.iter().filter(|(before, _)| before.is_some()).map(|(_, miss)| *miss).collect();
+    if both.len() >= LEAST_MISSES { both } else { after.into_iter().map(|(_, miss)| miss).collect() }
 }
 
 /// Why a model must not be used by the rates of runs that took no part in learning it, if they speak against it: what is more in them than white
@@ -199,16 +216,14 @@ fn trusted<'a>(runs: &'a [RunData], wrong: &'a [String]) -> impl Iterator<Item =
     })
 }
 
-/// By the errors of training runs before and after; `which` of them, in words.
-fn made_worse(pairs: &[(f64, f64)], which: &str) -> Option<String> {
-    let (before, after): (Vec<f64>, Vec<f64>) = pairs.iter().copied().unzip();
-    (rms(&after) > WORSE * rms(&before)).then(|| {
-        format!(
-            "on {} training runs that {which}, azimuth errors rise from {:.4}° to {:.4}° rms",
-            pairs.len(),
-            rms(&before),
-            rms(&after)
-        )
+/// By the errors of training runs before and after; `which` of them, in words. A few of them speak only where they are beyond their sigmas.
+fn made_worse(misses: &[Miss], which: &str) -> Option<String> {
+    let of = |value: fn(&Miss) -> f64| rms(&misses.iter().map(value).collect::<Vec<f64>>());
+    let (before, after) = (of(|miss| miss.before), of(|miss| miss.after));
+    let speak = misses.len() >= LEAST_MISSES || after > CHANCE * of(|miss| miss.sigma);
+    (speak && after > WORSE * before).then(|| {
+        let count = misses.len();
+        format!("on {count} training runs that {which}, azimuth errors rise from {before:.4}° to {after:.4}° rms")
     })
 }
 
@@ -280,10 +295,11 @@ mod tests {
     /// Of four runs two had an azimuth, and a third has one with the model: 3°, where there was none. With three that had one it says nothing.
     #[test]
     fn an_azimuth_is_better_than_none() {
+        let of = |misses: [(Option<f64>, Option<f64>); 4]| paired(misses.into_iter().map(|each| (each, 0.1)));
         let two = [(Some(0.1), Some(0.2)), (None, Some(3.0)), (Some(0.3), Some(0.2)), (None, None)];
-        assert_eq!(paired(two.into_iter()), [(0.1, 0.2), (NO_AZIMUTH_DEG, 3.0), (0.3, 0.2)]);
+        assert_eq!(of(two), with_sigma(0.1, &[(0.1, 0.2), (NO_AZIMUTH_DEG, 3.0), (0.3, 0.2)]));
         let three = [(Some(0.1), Some(0.2)), (None, Some(3.0)), (Some(0.3), Some(0.2)), (Some(0.1), Some(0.1))];
-        assert_eq!(paired(three.into_iter()), [(0.1, 0.2), (0.3, 0.2), (0.1, 0.1)]);
+        assert_eq!(of(three), with_sigma(0.1, &[(0.1, 0.2), (0.3, 0.2), (0.1, 0.1)]));
         assert!((NO_AZIMUTH_DEG - 180.0 / 3f64.sqrt()).abs() < 1e-3);
     }
 
@@ -291,15 +307,24 @@ mod tests {
     /// one run does not speak against an effect by itself.
     #[test]
     fn errors_that_rise_by_more_than_chance_by_hand() {
-        assert!(is_more_than_chance(&[(1.0, 2.0), (1.0, 2.0), (1.0, 1.0)]));
-        assert!(!is_more_than_chance(&[(1.0, 2.0), (1.0, 1.0), (1.0, 1.0)]));
+        let is_more = |pairs: &[(f64, f64)]| is_more_than_chance(&with_sigma(1.0, pairs));
+        assert!(is_more(&[(1.0, 2.0), (1.0, 2.0), (1.0, 1.0)]));
+        assert!(!is_more(&[(1.0, 2.0), (1.0, 1.0), (1.0, 1.0)]));
+        assert!(!is_more(&[(1.0, 2.0), (1.0, 2.0)]));
     }
 
-    /// Squares of 1 and 1 become 1.2 and 0.8: 1.04 in place of 1 by the mean square, 2 % more; 1.3 and 0.9 are 12 % more.
+    /// Squares of 1, 1 and 1 become 1.2, 0.8 and 1: 1.03 in place of 1 by the mean square, 1 % more; 1.3, 0.9 and 1.1 are 11 % more. Two of these speak
+    /// only where they are more than 1.645 sigma.
     #[test]
     fn errors_that_rise_by_hand() {
-        assert!(made_worse(&[(1.0, 1.2), (1.0, 0.8)], "").is_none());
-        assert!(made_worse(&[(1.0, 1.3), (1.0, 0.9)], "").is_some());
+        assert!(made_worse(&with_sigma(1.0, &[(1.0, 1.2), (1.0, 0.8), (1.0, 1.0)]), "").is_none());
+        assert!(made_worse(&with_sigma(1.0, &[(1.0, 1.3), (1.0, 0.9), (1.0, 1.1)]), "").is_some());
+        assert!(made_worse(&with_sigma(1.0, &[(1.0, 1.3), (1.0, 1.1)]), "").is_none());
+        assert!(made_worse(&with_sigma(0.5, &[(1.0, 1.3), (1.0, 1.1)]), "").is_some());
         assert!(made_worse(&[], "").is_none());
+    }
+
+    fn with_sigma(sigma: f64, pairs: &[(f64, f64)]) -> Vec<Miss> {
+        pairs.iter().map(|&(before, after)| Miss { before, after, sigma }).collect()
     }
 }

@@ -69,8 +69,8 @@ struct Prepared {
     /// The model that the runs were made with.
     base: ErrorModel,
     as_recorded: Vec<Option<Fix>>,
-    /// An index error, the same in all runs, that was taken out of them, degrees.
-    turned_deg: Option<f64>,
+    /// An index error, the same in all runs, that was taken out of them.
+    turn: Option<turn::Turn>,
 }
 
 impl Prepared {
@@ -84,10 +84,9 @@ impl Prepared {
 pub fn diagnose(campaign: &Campaign, options: &Options) -> Result<Diagnosis, Refusal> {
     let prepared = prepared(campaign, options)?;
     let found = Found::learn(&prepared.fit(), &prepared.base, &options.family);
-    let Prepared { runs, mut warnings, still, base, as_recorded, turned_deg } = prepared;
+    let Prepared { runs, mut warnings, still, base, as_recorded, turn } = prepared;
     checks::refuse_latitude(&runs, found.as_ref(), &base, &mut warnings)?;
-    let material =
-        assemble::Material { campaign, runs: &runs, as_recorded: &as_recorded, turned_deg, base: &base, still };
+    let material = assemble::Material { campaign, runs: &runs, as_recorded: &as_recorded, turn, base: &base, still };
     Ok(assemble::diagnosis(&material, found, options, warnings))
 }
 
@@ -116,13 +115,14 @@ fn prepared(campaign: &Campaign, options: &Options) -> Result<Prepared, Refusal>
         checks::refuse_other_sign(&runs)?;
     }
     let constant = checks::constant_channels(&runs);
+    checks::warn_of_missing_channels(&runs, &mut warnings);
     checks::warn(&runs, &constant, still, &mut warnings);
     let base = options.settings.model.clone().unwrap_or_default();
     copies::leave_out(&mut runs, &|name| base.channels().iter().any(|each| each.as_str() == name), &mut warnings);
     let as_recorded: Vec<_> = runs.iter().map(|run| run.before).collect();
-    let turned_deg = turn::common_deg(&runs);
-    if let Some(turned_deg) = turned_deg {
-        runs.par_iter_mut().for_each(|run| turn::take_out(run, turned_deg, &base));
+    let turn = turn::common(&runs);
+    if let Some(turn) = turn {
+        runs.par_iter_mut().for_each(|run| turn::take_out(run, turn.deg, &base));
     }
-    Ok(Prepared { runs, warnings, still, base, as_recorded, turned_deg })
+    Ok(Prepared { runs, warnings, still, base, as_recorded, turn })
 }

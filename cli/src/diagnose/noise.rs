@@ -1,5 +1,6 @@
 //! Is the residual noise? Tests, periodogram and Allan deviation.
 
+use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 
 use rayon::prelude::*;
@@ -34,8 +35,8 @@ pub fn tests(problem: &Problem, left: &[f64]) -> Vec<Test> {
     tests.extend(highest_peak(&runs));
     // Slow noise is the business of the test of the dwells; a dependence must stand out of it.
     let dispersion = problem.overdispersion(left).max(1.0);
-    let channels = runs.first().map_or(Vec::new(), |run| run.residual.run.channel_names());
-    tests.extend(channels.iter().filter_map(|channel| dependence(&runs, channel, dispersion)));
+    let channels: BTreeSet<String> = runs.iter().flat_map(|run| run.residual.run.channel_names()).collect();
+    tests.extend(channels.iter().map(|channel| dependence(&runs, channel, dispersion)));
     tests
 }
 
@@ -128,12 +129,12 @@ fn closure(runs: &[Left]) -> Test {
     test("closure", "closures of the runs against their sigmas: chi-square", statistic, p_value)
 }
 
-/// Whether what is left goes with a channel: its means in ten classes of the channel's values.
-fn dependence(runs: &[Left], channel: &str, dispersion: f64) -> Option<Test> {
+/// Whether what is left goes with a channel, in the runs that have it: its means in ten classes of the channel's values.
+fn dependence(runs: &[Left], channel: &str, dispersion: f64) -> Test {
     let mut pairs: Vec<(f64, f64)> = Vec::new();
     for run in runs {
-        let values = run.residual.run.channel(channel)?;
-        pairs.extend(run.samples().map(|(i, _, z)| (values[i], z)));
+        let values = run.residual.run.channel(channel);
+        pairs.extend(values.iter().flat_map(|values| run.samples().map(|(i, _, z)| (values[i], z))));
     }
     pairs.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
     let classes = pairs.chunks(pairs.len().div_ceil(CLASSES).max(1));
@@ -141,10 +142,10 @@ fn dependence(runs: &[Left], channel: &str, dispersion: f64) -> Option<Test> {
     let number = classes.len() as f64;
     let statistic = classes.map(mean_square).sum::<f64>() / dispersion;
     let about = format!("means in ten classes of {channel}: chi-square");
-    Some(test(format!("dependence:{channel}"), about, statistic, chi_square_tail(statistic, number)))
+    test(format!("dependence:{channel}"), about, statistic, chi_square_tail(statistic, number))
 }
 
-/// The highest peak of the periodogram: R runs' mean power, times 2R, is a chi-square of 2R; the highest of many is corrected
+/// The highest peak of the periodogram: the mean power of R runs, times 2R, is a chi-square of 2R; the highest of many is corrected
 /// for.
 fn highest_peak(runs: &[Left]) -> Option<Test> {
     let data: Vec<&RunData> = runs.iter().map(|run| run.residual.run).collect();
@@ -153,9 +154,10 @@ fn highest_peak(runs: &[Left]) -> Option<Test> {
         run.samples().for_each(|(i, _, z)| residual[i] = z);
         residual
     };
-    let powers = periodogram(&data, &runs.iter().map(of).collect::<Vec<_>>());
+    let residuals = runs.iter().map(of).collect::<Vec<_>>();
+    let powers = periodogram(&data, &residuals);
     let highest = powers.iter().map(|each| each.1).fold(0.0, f64::max);
-    let twice = 2.0 * runs.len() as f64;
+    let twice = 2.0 * residuals.iter().filter(|residual| has_power(residual)).count() as f64;
     let p_value = (chi_square_tail(twice * highest, twice) * powers.len() as f64).min(1.0);
     let about = "highest power of the periodogram, white noise having 1 on average";
     (!powers.is_empty()).then(|| test("periodogram", about, highest, p_value))
@@ -195,26 +197,30 @@ fn periodogram(runs: &[&RunData], residuals: &[Residual]) -> Vec<(f64, f64)> {
         return Vec::new();
     }
     let count = ((0.5 * longest_s / step_s) as usize).clamp(1, FREQUENCIES);
-    let frequencies: Vec<f64> = (1..=count).map(|n| n as f64 * 0.5 / step_s / count as f64).collect();
+    // Half the rate of the samples is left out: power there is that of cosines alone, a chi-square of one.
+    let frequencies: Vec<f64> = (1..=count).map(|n| n as f64 * 0.5 / step_s / (count + 1) as f64).collect();
     frequencies.par_iter().map(|&frequency| (frequency, power(runs, residuals, frequency))).collect()
+}
+
+/// Whether a run has samples enough for a power.
+fn has_power(residual: &Residual) -> bool {
+    let entering = || residual.iter().filter(|value| value.is_finite());
+    entering().count() > 8 && entering().any(|value| *value != 0.0)
 }
 
 /// Mean power of the runs at a frequency; white noise has 1.
 fn power(runs: &[&RunData], residuals: &[Residual], frequency: f64) -> f64 {
     let (mut power, mut number) = (0.0, 0.0);
-    for (run, residual) in runs.iter().zip(residuals) {
-        let (mut cos, mut sin, mut squares, mut samples) = (0.0, 0.0, 0.0, 0.0);
+    for (run, residual) in runs.iter().zip(residuals).filter(|(_, residual)| has_power(residual)) {
+        let (mut cos, mut sin, mut squares) = (0.0, 0.0, 0.0);
         for (sample, value) in run.samples.iter().zip(residual).filter(|(_, value)| value.is_finite()) {
             let (s, c) = (TAU * frequency * sample.t_s).sin_cos();
             cos += c * value;
             sin += s * value;
             squares += value * value;
-            samples += 1.0;
         }
-        if squares > 0.0 && samples > 8.0 {
-            power += (cos * cos + sin * sin) / squares;
-            number += 1.0;
-        }
+        power += (cos * cos + sin * sin) / squares;
+        number += 1.0;
     }
     if number > 0.0 { power / number } else { 0.0 }
 }

@@ -5,7 +5,7 @@ use north_finder::fix::DesignRow;
 use north_finder::sensing::index::Direction;
 use north_finder::units::{sin_cos_deg, wrap_180_deg};
 
-use super::statistics::median;
+use super::statistics::{median, rms};
 use crate::campaign::Role;
 use crate::run_data::RunData;
 
@@ -16,16 +16,27 @@ const APART: f64 = 0.2;
 /// Fewest training runs with a reference that tell it.
 const LEAST_RUNS: usize = 3;
 
-/// By how much the azimuths of all training runs are off by the same angle, if that is too much for a small effect, degrees.
-pub fn common_deg(runs: &[RunData]) -> Option<f64> {
+/// Standard deviation of the median of normal errors over that of their mean, √(π/2).
+const OF_A_MEDIAN: f64 = 1.2533;
+
+/// An angle by which the azimuths of all training runs are off, and one sigma of it, degrees.
+#[derive(Clone, Copy, Debug)]
+pub struct Turn {
+    pub deg: f64,
+    pub sigma_deg: f64,
+}
+
+/// The angle by which the azimuths of all training runs are off, if that is too much for a small effect.
+pub fn common(runs: &[RunData]) -> Option<Turn> {
     let fit = runs.iter().filter(|run| run.role == Role::Fit);
     let errors: Vec<f64> =
         fit.filter_map(|run| Some(wrap_180_deg(run.before?.azimuth_deg - run.reference_deg?))).collect();
     let first = *errors.first()?;
-    let turn_deg = wrap_180_deg(first + median(errors.iter().map(|error| wrap_180_deg(error - first)).collect()));
-    let apart_deg = median(errors.iter().map(|error| wrap_180_deg(error - turn_deg).abs()).collect());
-    let found = errors.len() >= LEAST_RUNS && turn_deg.abs() > LARGE_DEG && apart_deg < APART * turn_deg.abs();
-    found.then_some(turn_deg)
+    let deg = wrap_180_deg(first + median(errors.iter().map(|error| wrap_180_deg(error - first)).collect()));
+    let apart: Vec<f64> = errors.iter().map(|error| wrap_180_deg(error - deg)).collect();
+    let apart_deg = median(apart.iter().map(|apart| apart.abs()).collect());
+    let found = errors.len() >= LEAST_RUNS && deg.abs() > LARGE_DEG && apart_deg < APART * deg.abs();
+    found.then(|| Turn { deg, sigma_deg: OF_A_MEDIAN * rms(&apart) / (errors.len() as f64).sqrt() })
 }
 
 /// Takes an index that reads too large by `turn_deg` out of a run.
@@ -40,6 +51,6 @@ pub fn take_out(run: &mut RunData, turn_deg: f64, base: &ErrorModel) {
 }
 
 /// Puts it into a model.
-pub fn put(model: &mut ErrorModel, turn_deg: f64) {
-    model.index_error.get_or_insert_default().offset_deg += turn_deg;
+pub fn put(model: &mut ErrorModel, turn: Turn) {
+    model.index_error.get_or_insert_default().offset_deg += turn.deg;
 }

@@ -1,6 +1,6 @@
 //! Whether what was found is used: by runs that took no part in learning, each judged by what the others taught.
 
-use north_finder::effects::{ErrorModel, MAX_EFFECTS};
+use north_finder::effects::ErrorModel;
 use north_finder::event::Fix;
 use rayon::prelude::*;
 
@@ -54,6 +54,11 @@ pub fn validated(
     let mut used: Option<Part> = None;
     let mut why_not = None;
     for effects in least..=found.effects_found() {
+        if effects > 0 && !folds.judge() {
+            why_not =
+                why_not.or(Some("no run that took no part in learning it judges it: the runs are too few".into()));
+            break;
+        }
         let part = folds.part(found, base, effects);
         // Only effects change rates; those of a moving base's seconds are mostly noise of the accelerometers with it.
         let are_judged = effects > 0 && found.motion.is_none();
@@ -116,12 +121,17 @@ impl<'a> Folds<'a> {
         let unbelieved: Vec<Option<RunData>> = runs.iter().map(without_reference).collect();
         let folds = folds.min(places.len());
         let learned = |fold: usize| {
-            let others = places.iter().enumerate().filter(|(place, _)| place % folds != fold);
+            let others = places.iter().enumerate().filter(|(place, _)| fold_of(*place, folds) != fold);
             let training: Vec<&RunData> = others.map(|(_, &i)| unbelieved[i].as_ref().unwrap_or(&runs[i])).collect();
             Found::learn(&training, base, family)
         };
         let found = (0..folds).into_par_iter().map(learned).collect();
         Self { runs, places, found }
+    }
+
+    /// Whether there are runs that took no part in learning: of the training runs some that the others taught something for, or check runs.
+    fn judge(&self) -> bool {
+        self.found.iter().any(Option::is_some) || self.runs.iter().any(|run| run.role == Role::Check)
     }
 
     /// What was found with so many effects at most, and what was found in every fold.
@@ -138,7 +148,8 @@ impl<'a> Folds<'a> {
 
     /// The runs that are in a part, with its model.
     fn pairs<'m>(&self, models: &'m [ErrorModel]) -> impl Iterator<Item = (usize, &'m ErrorModel)> {
-        self.places.iter().copied().zip(models.iter().cycle())
+        let model = |place: usize| &models[fold_of(place, models.len())];
+        self.places.iter().copied().enumerate().map(move |(place, i)| (i, model(place)))
     }
 
     /// Each run by the model of its part: azimuth and sigma by the firmware's replay, in the order of all runs; `None` where there is no azimuth.
@@ -152,8 +163,9 @@ impl<'a> Folds<'a> {
 
     /// Each run of a part for which the others taught something, and with the model of its part taken out.
     fn with(&self, models: &[ErrorModel]) -> Vec<(&'a RunData, RunData)> {
-        let taught = self.pairs(models).zip(self.found.iter().cycle()).filter(|(_, found)| found.is_some());
-        taught.map(|((i, model), _)| (&self.runs[i], self.runs[i].with(model))).collect()
+        let taught = |place: usize| self.found[fold_of(place, self.found.len())].is_some();
+        let pairs = self.pairs(models).enumerate().filter(|(place, _)| taught(*place));
+        pairs.map(|(_, (i, model))| (&self.runs[i], self.runs[i].with(model))).collect()
     }
 
     /// The same, and the check runs.
@@ -164,10 +176,24 @@ impl<'a> Folds<'a> {
     }
 }
 
-/// All runs with a reference or at a station, whatever their role, each by what was learned from all others. Nothing of it enters the model.
-pub fn leave_one_out(runs: &[RunData], base: &ErrorModel, family: &Family, wrong: &[String]) -> Option<LeaveOneOut> {
+/// The part that a training run belongs to. Runs whose headings come again and again in the same order are mixed: a part without a heading that the others
+/// have would judge what was learned where it was not learned.
+fn fold_of(place: usize, folds: usize) -> usize {
+    (place + place / folds) % folds
+}
+
+/// All runs with a reference or at a station, whatever their role, each by what was learned from all others, with as many effects at most as are used;
+/// `None` where nothing is used. Nothing of it enters the model.
+pub fn leave_one_out(
+    runs: &[RunData],
+    base: &ErrorModel,
+    family: &Family,
+    wrong: &[String],
+    effects: Option<usize>,
+) -> Option<LeaveOneOut> {
     let folds = Folds::learn(runs, (0..runs.len()).collect(), runs.len(), base, family, wrong);
-    let fixes = folds.fixes(&folds.models(base, MAX_EFFECTS));
+    let models = effects.map_or_else(|| vec![base.clone(); runs.len()], |effects| folds.models(base, effects));
+    let fixes = folds.fixes(&models);
     let errors = |fixes: &[Option<Fix>]| -> Vec<Option<f64>> {
         let azimuths: Vec<Option<f64>> = fixes.iter().map(|fix| Some(fix.as_ref()?.azimuth_deg)).collect();
         let misses = misses_deg(runs, &azimuths).into_iter().zip(runs);
@@ -189,4 +215,21 @@ pub fn leave_one_out(runs: &[RunData], base: &ErrorModel, family: &Family, wrong
         errors_over_sigma_rms: rms(&in_sigmas.collect::<Vec<f64>>()),
         errors_deg,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Four headings in turn, four times: every part has each of them once. Of as many parts as runs each has one.
+    #[test]
+    fn parts_have_every_heading() {
+        for fold in 0..4 {
+            let mut headings: Vec<usize> =
+                (0..16).filter(|&place| fold_of(place, 4) == fold).map(|place| place % 4).collect();
+            headings.sort_unstable();
+            assert_eq!(headings, [0, 1, 2, 3]);
+        }
+        assert_eq!((0..5).map(|place| fold_of(place, 5)).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
+    }
 }

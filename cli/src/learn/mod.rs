@@ -38,7 +38,6 @@ pub use references::Blunder;
 use references::MOST_BLUNDERS;
 
 pub use discrimination::{Imitated, imitated};
-use grammar::Grammar;
 use model::Model;
 use north_finder::effects::effect::{Effect, Port};
 use problem::Term;
@@ -55,11 +54,30 @@ pub struct Taught {
     pub posterior: Posterior,
     /// Its evidence less what its form costs, nats.
     pub score: f64,
+    /// By how much the score falls without each effect of the likeliest model, nats.
+    pub gains: Vec<f64>,
 }
 
 impl Taught {
-    fn new(best: &Model<'_>, rivals: &[Model<'_>], grammar: &Grammar) -> Self {
-        Self { posterior: Posterior::new(best, rivals), score: best.score(grammar) }
+    fn new<'a>(best: &Model<'a>, rivals: &[Model<'a>], search: &Search<'a>) -> Self {
+        let score = best.score(&search.grammar);
+        let gain = |i: usize| {
+            let without = search.without(best, i).map(Model::with_likeliest_process);
+            without.map_or(0.0, |without| score - without.score(&search.grammar))
+        };
+        let gains = (0..best.terms.len()).into_par_iter().map(gain).collect();
+        Self { posterior: Posterior::new(best, rivals), score, gains }
+    }
+
+    /// Of a model beside its rivals where that may be used, or else of it alone; `None` where neither may be.
+    fn usable<'a>(
+        best: &Model<'a>,
+        rivals: &[Model<'a>],
+        search: &Search<'a>,
+        may_be_used: &MayBeUsed<'_>,
+    ) -> Option<Self> {
+        let taught = [rivals, &[]].into_iter().map(|rivals| Self::new(best, rivals, search));
+        taught.into_iter().find(|taught| may_be_used(&taught.posterior, search.runs))
     }
 
     /// How many effects the likeliest model has.
@@ -180,16 +198,19 @@ pub fn learn(mut runs: Vec<Run>, allowed: &Allowed<'_>) -> Learned {
             (blunders, runs, start) = (wrong, mended, then);
             continue;
         }
+        let alone = |model: &Model<'_>| Taught::new(model, &[], &search);
         let (best, rivals) = search.with_rivals(best);
-        let whole = Taught::new(&best, &rivals, &search.grammar);
-        let (best, model) = if (allowed.may_be_used)(&whole.posterior, &runs) {
-            (whole, best)
-        } else {
-            with_fewer(&search, &best, allowed.may_be_used).unwrap_or((whole, best))
+        let (best, model) = match Taught::usable(&best, &rivals, &search, allowed.may_be_used) {
+            Some(taught) => (taught, best),
+            None => with_fewer(&search, &best, allowed.may_be_used).unwrap_or_else(|| (alone(&best), best)),
         };
         let fewer =
             std::iter::successors(search.with_one_effect_less(&model), |model| search.with_one_effect_less(model));
-        let fewer = fewer.map(|model| Taught::new(&model, &[], &search.grammar)).collect();
+        let taught = |model: Model<'_>| {
+            Taught::usable(&model, &search.rivals(&model), &search, allowed.may_be_used)
+                .unwrap_or_else(|| alone(&model))
+        };
+        let fewer = fewer.map(taught).collect();
         return Learned { best, fewer, runs, blunders };
     }
 }
@@ -213,11 +234,10 @@ fn contradicted(search: &Search<'_>, best: &Model<'_>, blunder: &Blunder) -> boo
 fn with_fewer<'a>(search: &Search<'a>, whole: &Model<'a>, may_be_used: &MayBeUsed<'_>) -> Option<(Taught, Model<'a>)> {
     let mut fewer = search.with_one_less(whole);
     loop {
-        let taught = |model: &Model<'a>| Taught::new(model, &[], &search.grammar);
-        let is_usable = |model: &Model<'a>| may_be_used(&taught(model).posterior, search.runs);
+        let is_usable = |model: &Model<'a>| may_be_used(&Posterior::new(model, &[]), search.runs);
         if let Some(usable) = fewer.iter().position(is_usable) {
             let model = fewer.swap_remove(usable);
-            return Some((taught(&model), model));
+            return Some((Taught::usable(&model, &search.rivals(&model), search, may_be_used)?, model));
         }
         fewer = search.with_one_less(fewer.first()?);
     }

@@ -329,7 +329,7 @@ impl<'a> Search<'a> {
     }
 
     /// Models in which one effect of the best model is replaced by another one, or left out.
-    fn rivals(&self, best: &Model<'a>) -> Vec<Model<'a>> {
+    pub fn rivals(&self, best: &Model<'a>) -> Vec<Model<'a>> {
         let mut rivals = Vec::new();
         for i in 0..best.terms.len() {
             let mut terms = best.terms.clone();
@@ -419,7 +419,8 @@ impl<'a> Search<'a> {
         self.without_each(model).max_by(|a, b| a.score(&self.grammar).total_cmp(&b.score(&self.grammar)))
     }
 
-    fn without(&self, model: &Model<'a>, i: usize) -> Option<Model<'a>> {
+    /// A model without one of its effects.
+    pub fn without(&self, model: &Model<'a>, i: usize) -> Option<Model<'a>> {
         let mut terms = model.terms.clone();
         terms.remove(i);
         Model::new(self.runs, model.process, &terms)

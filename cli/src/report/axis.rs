@@ -55,7 +55,10 @@ impl Axis {
                 .map(|count| self.linear_ticks(count))
                 .find(|ticks| ticks.len() > 2)
                 .unwrap_or_else(|| self.linear_ticks(count)),
-            Spread::Logarithmic => self.logarithmic_ticks(count),
+            // Within a decade there may be none of 1, 2, 5 and 10.
+            Spread::Logarithmic => Some(self.logarithmic_ticks(count))
+                .filter(|ticks| ticks.len() > 1)
+                .unwrap_or_else(|| self.linear_ticks(count)),
         }
     }
 
@@ -127,6 +130,7 @@ mod tests {
         assert_eq!(texts(&Axis::exact("", 0.0, 152.0), 4), ["0", "50", "100", "150"]);
         assert_eq!(texts(&Axis::logarithmic("", [0.05, 30.0]), 4), ["0.1", "1", "10"]);
         assert_eq!(texts(&Axis::logarithmic("", [1.0, 9.0]), 4), ["1", "2", "5", "10"]);
+        assert_eq!(texts(&Axis::logarithmic("", [3.1, 3.2]), 4), ["3", "4"]);
     }
 
     #[test]

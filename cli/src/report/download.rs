@@ -30,9 +30,10 @@ pub fn file(name: &str, kind: &str, text: &str) -> String {
     format!(" <a download=\"{}\" href=\"data:{kind};charset=utf-8,{encoded}\">{}</a>", escape(name), escape(name))
 }
 
-/// A number with the digits that it needs, nothing where it is none.
+/// A number with nine digits where it needs them, nothing where it is none.
 pub fn cell(value: f64) -> String {
-    if value.is_finite() { format!("{}", (value * 1e6).round() / 1e6) } else { String::new() }
+    let rounded = format!("{value:.8e}").parse::<f64>();
+    rounded.ok().filter(|value| value.is_finite()).map_or_else(String::new, |value| value.to_string())
 }
 
 fn quote(cell: &str) -> String {
@@ -48,5 +49,10 @@ mod tests {
         let link = csv("a.csv", &["run", "x"], [vec!["a,b".into(), cell(f64::NAN)], vec!["c".into(), cell(-1.25)]]);
         assert!(link.contains("download=\"a.csv\""));
         assert!(link.contains("run,x%0A%22a,b%22,%0Ac,-1.25%0A\""), "{link}");
+    }
+
+    #[test]
+    fn small_numbers_keep_their_digits() {
+        assert_eq!([cell(1.234_567_891_23e-7), cell(1234.5), cell(0.1 + 0.2)], ["0.000000123456789", "1234.5", "0.3"]);
     }
 }

@@ -104,7 +104,9 @@ fn map(rows: &[TrackRow]) -> String {
 }
 
 fn thinned(rows: &[TrackRow]) -> impl Iterator<Item = &TrackRow> + Clone {
-    rows.iter().step_by(rows.len().div_ceil(POINTS).max(1))
+    let step = rows.len().div_ceil(POINTS).max(1);
+    let rest = rows.last().filter(|_| !(rows.len() - 1).is_multiple_of(step));
+    rows.iter().step_by(step).chain(rest)
 }
 
 fn time(rows: &[TrackRow]) -> Axis {

@@ -146,6 +146,11 @@ impl RunData {
         model.channels().iter().map(|name| slot(name.as_str())).collect()
     }
 
+    /// Whether it has every channel that a model follows.
+    pub fn has_channels_of(&self, model: &ErrorModel) -> bool {
+        self.slots(model).is_ok()
+    }
+
     /// Azimuth by the firmware's replay with a model: that of `north solve --model`, with all digits. What was taken out of the
     /// samples is in the model.
     ///
