@@ -5,7 +5,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use north::campaign::{Campaign, Role, Row, RunReader};
-use north::import::{Format, Map, Summary, import};
+use north::failure::Failure;
+use north::import::{Format, Map, Summary, block, import};
 use north_finder::sensing::level::Specific;
 use tempfile::TempDir;
 
@@ -23,13 +24,25 @@ column = "angle"
 
 /// Imports a recording that is given as bytes; errors without the folder's name.
 fn bring(map: &str, recording: &[u8], format: Format) -> Result<(TempDir, Summary), String> {
+    bring_with(import, map, recording, format)
+}
+
+/// The same as a recording of a block.
+fn bring_block(map: &str, recording: &[u8], format: Format) -> Result<Summary, String> {
+    bring_with(block, map, recording, format).map(|(_, summary)| summary)
+}
+
+/// Either way to import.
+type Way = fn(&Map, &Path, Format, &Path, &mut dyn FnMut(u64) -> bool) -> Result<Summary, Failure>;
+
+fn bring_with(way: Way, map: &str, recording: &[u8], format: Format) -> Result<(TempDir, Summary), String> {
     let folder = tempfile::tempdir().unwrap();
     let [map_path, file, out] = ["map.toml", "recording", "out"].map(|name| folder.path().join(name));
     fs::write(&map_path, map).unwrap();
     fs::write(&file, recording).unwrap();
     let without_folder = |text: String| text.replace(&format!("{}/", folder.path().display()), "");
     let map = Map::read(&map_path).map_err(|error| without_folder(error.to_string()))?;
-    match import(&map, &file, format, &out, &mut |_| true) {
+    match way(&map, &file, format, &out, &mut |_| true) {
         Ok(summary) => Ok((folder, summary)),
         Err(failure) => {
             assert!(!out.exists(), "nothing is left after an error");
@@ -769,4 +782,138 @@ fn times_in_milliseconds_are_told_everywhere() {
     let recording: String = (1..=120_000).map(|i| format!("{},1,0\n", 2.5 * f64::from(i))).collect();
     let (_, summary) = text(&stamped, &format!("t_s,w,angle\n{recording}")).unwrap();
     assert!(summary.doubts[0].contains("2.5 s apart for 3.5 days"), "{:?}", summary.doubts);
+}
+
+/// A triad at rest at 30° north, forward east, at 100 Hz: arcsec and m/s².
+const BLOCK: &str = r#"
+format = 1
+latitude_deg = 30
+[time]
+rate_hz = 100
+[gyro]
+columns = [1, 2, 3]
+axes = ["forward", "left", "up"]
+unit = "arcsec"
+[accelerometer]
+columns = [4, 5, 6]
+axes = ["forward", "left", "up"]
+unit = "m/s2"
+[index]
+angles_deg = [0, 90]
+dwell_s = 0.5
+"#;
+
+/// Increments of 0.01 s, arcsec: 15.041067 °/h · cos 30° to the north, which is left, and · sin 30° upwards.
+const BLOCK_ROW: &str = "0,0.13026,0.0752,0,0,9.81\n";
+
+#[test]
+fn a_block_is_checked_as_a_campaign_is() {
+    let recording = format!("a,b,c,d,e,f\n{}", BLOCK_ROW.repeat(200));
+    let read = |map: &str| bring_block(map, recording.as_bytes(), Format::Text);
+    let timed = |seconds: &str| BLOCK.replace("rate_hz = 100", &format!("rate_hz = 100\nduration_s = {seconds}"));
+    let good = read(&timed("2")).unwrap();
+    assert_eq!((good.samples, good.measured_rate_hz, good.doubts.len()), (200, Some(100.0), 0), "{:?}", good.doubts);
+    let error = read(&timed("3")).unwrap_err();
+    assert!(
+        error.starts_with("recording: samples came at 66.667 Hz (200 in 3.000 s), declared are 100.000 Hz"),
+        "{error}"
+    );
+    let wrong_units = BLOCK.replace("\"arcsec\"", "\"deg/s\"").replace("\"m/s2\"", "\"g\"");
+    let doubts = read(&wrong_units).unwrap().doubts;
+    let [rate, gravity] = &doubts[..] else { panic!("{doubts:?}") };
+    assert!(rate.contains("the triad's mean rate is"), "{rate}");
+    assert!(gravity.contains("the accelerometers' mean is 9.8100 g"), "{gravity}");
+}
+
+#[test]
+fn a_block_without_a_sample_is_refused() {
+    let map = fs::read_to_string(map_file("kvh-triad.toml")).unwrap();
+    let error = bring_block(&map, &kvh_log(1000, 1000.0, |_| 3), Format::Kvh).unwrap_err();
+    assert_eq!(error, "recording: each of its 1000 samples is marked as not valid by the sensor itself");
+    // Without a declared interval the only row sets the clock.
+    let stamped = BLOCK.replace("rate_hz = 100", "column = 7");
+    let recording = format!("a,b,c,d,e,f,t\n{}", BLOCK_ROW.replace('\n', ",1\n"));
+    let error = bring_block(&stamped, recording.as_bytes(), Format::Text).unwrap_err();
+    assert_eq!(error, "recording: no data rows follow the header");
+}
+
+/// Rows of 1 °/h at these times, milliseconds.
+fn stamped_rows(times_ms: impl IntoIterator<Item = u32>) -> String {
+    let row = |time_ms: u32| format!("{time_ms},1,0\n");
+    format!("t,w,angle\n{}", times_ms.into_iter().map(row).collect::<String>())
+}
+
+#[test]
+fn late_time_stamps_are_no_lost_samples() {
+    let declared = SIMPLE.replace("interval_s = 0.5", "column = \"t\"\nunit = \"ms\"\nrate_hz = 100");
+    // Every 300th stamp is 7 ms late: a step of 17 ms, and one of 3 ms.
+    let late = stamped_rows((1..=3000).map(|i| 10 * i + if i % 300 == 150 { 7 } else { 0 }));
+    assert_eq!(
+        refusal(&declared, &late),
+        "recording: 10 time stamps lie closer than half a sample to the one before, and 10 samples seem lost by longer \
+         steps: these are times of arrival; leave out `column` and give rate_hz with duration_s, or leave out rate_hz"
+    );
+    let counted = declared.replace("column = \"t\"\nunit = \"ms\"\n", "duration_s = 30\n");
+    let stamped = declared.replace("rate_hz = 100", "");
+    for map in [counted, stamped] {
+        let (_, summary) = text(&map, &late).unwrap();
+        assert_eq!((summary.losses.lost_samples, summary.doubts), (0, Vec::new()), "{map}");
+    }
+    // A gap of ten seconds among stamps of which every 50th is late: whatever the rate is, it is not to be declared.
+    let jitter = (1..=1000).map(|i| 10 * i + if i % 50 == 25 { 7 } else { 0 });
+    let error = refusal(&declared, &stamped_rows(jitter.chain((2001..=2010).map(|i| 10 * i))));
+    assert!(error.contains("samples came at 100.995 Hz") && error.contains("leave out `column`"), "{error}");
+    assert!(!error.contains("declare the rate"), "{error}");
+    // Gaps without such steps are counted.
+    let (_, summary) =
+        text(&declared, &stamped_rows((1..=3000_u32).filter(|i| i % 300 != 150).map(|i| 10 * i))).unwrap();
+    assert_eq!(summary.losses.lost_samples, 10);
+}
+
+#[test]
+fn a_gap_that_nothing_counts_is_doubted() {
+    let map = SIMPLE.replace("interval_s = 0.5", "column = \"t\"\nunit = \"ms\"");
+    let gap = || (0..1000).map(|i| 10 * i + if i < 500 { 0 } else { 100_000 });
+    let expected = "recording, line 502: 100.010 s without a sample, where a step is 0.110 s in the mean; with rate_hz in \
+                    [time] what is missing is counted";
+    let doubts = text(&map, &stamped_rows(gap())).unwrap().1.doubts;
+    assert!(doubts.len() == 1 && doubts[0].ends_with(expected), "{doubts:?}");
+    assert_eq!(text(&map, &stamped_rows((0..1000).map(|i| 10 * i))).unwrap().1.doubts, Vec::<String>::new());
+    let declared = map.replace("\"ms\"", "\"ms\"\nrate_hz = 100");
+    let (_, summary) = text(&declared, &stamped_rows(gap())).unwrap();
+    assert_eq!((summary.losses.lost_samples, summary.doubts), (10_000, Vec::new()));
+    // The same of a block.
+    let stamped = BLOCK.replace("rate_hz = 100", "column = 7\nunit = \"ms\"");
+    let rows: String = gap().map(|time_ms| BLOCK_ROW.replace('\n', &format!(",{time_ms}\n"))).collect();
+    let doubts = bring_block(&stamped, format!("a,b,c,d,e,f,t\n{rows}").as_bytes(), Format::Text).unwrap().doubts;
+    assert!(doubts.iter().any(|doubt| doubt.ends_with(expected)), "{doubts:?}");
+}
+
+#[test]
+fn a_gap_in_the_file_of_a_position_is_doubted() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    fs::write(at("a.csv"), stamped_rows((0..100).map(|i| 10 * i))).unwrap();
+    fs::write(at("b.csv"), stamped_rows((0..100).map(|i| 10 * i + if i < 50 { 0 } else { 1000 }))).unwrap();
+    let map = "format = 1\nlatitude_deg = 60\n[time]\ncolumn = \"t\"\nunit = \"ms\"\n[gyro]\ncolumns = [\"w\"]\n\
+               unit = \"deg/h\"\n[[run]]\npositions = [{ file = \"a.csv\", index_deg = 0 }, { file = \"b.csv\", index_deg = 90 }]\n";
+    fs::write(at("map.toml"), map).unwrap();
+    let map = Map::read(&at("map.toml")).unwrap();
+    let doubts = import(&map, folder.path(), Format::Text, &at("out"), &mut |_| true).unwrap().doubts;
+    let [doubt] = &doubts[..] else { panic!("{doubts:?}") };
+    assert!(doubt.contains("b.csv, line 52: 1.010 s without a sample, where a step is 0.020 s"), "{doubt}");
+}
+
+#[test]
+fn a_run_that_begins_in_a_gap_lacks_only_its_own_samples() {
+    let map = SIMPLE.replace("interval_s = 0.5", "column = \"t\"\nunit = \"ms\"\nrate_hz = 10");
+    let recording = stamped_rows((1..=200).chain(301..=400).map(|i| 100 * i));
+    let (folder, summary) = text(&format!("{map}[[run]]\nstart_s = 25\nseconds = 10\n"), &recording).unwrap();
+    assert_eq!(summary.losses.lost_samples, 100);
+    let rows = rows(folder.path(), 1);
+    // From 25 s to 30.1 s: 50 of 51 samples, at 1 °/h.
+    assert_eq!((rows[0].t_s, rows[0].lost_frames, rows[1].lost_frames), (5.1, 50, 0));
+    for row in &rows {
+        assert!((row.fog_arcsec / row.interval_s - 1.0).abs() < 1e-9, "{row:?}");
+    }
 }

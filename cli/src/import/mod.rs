@@ -5,6 +5,7 @@
 
 mod axes;
 mod block;
+mod checks;
 mod guess;
 mod kvh;
 mod map;
@@ -28,6 +29,7 @@ use self::map::Index;
 pub use self::map::Map;
 pub use self::record::Losses;
 
+use self::checks::{check_rate, refuse_dead};
 use self::kvh::KvhRecords;
 use self::plausible::Means;
 use self::record::Records;
@@ -39,9 +41,6 @@ use crate::campaign::{Campaign, CampaignWriter, Layout, Role, doubt_of_clock};
 use crate::failure::Failure;
 use crate::file_error::{FileError, Problem};
 
-/// Samples come at the declared rate within this share: 0.5 %. A gyro of one family was seen at 962 Hz instead of 1000
-/// with every status bit good, a scale error of 4 %.
-const RATE_TOLERANCE: f64 = 0.005;
 /// Samples between two looks at progress and interruption.
 const BREATH: u64 = 1 << 14;
 
@@ -218,9 +217,9 @@ impl<'a> Importer<'a> {
         if !read_whole {
             self.note_rest(&sampler)?;
         }
-        self.refuse_dead(&sampler, self.file)?;
+        refuse_dead(&sampler, self.file)?;
         self.end_recording(sampler.end_s(), next)?;
-        self.check_rate(&sampler, self.file)?;
+        check_rate(self.map, self.format, &mut self.summary, &sampler, self.file)?;
         self.account(&sampler);
         self.finish()
     }
@@ -245,8 +244,8 @@ impl<'a> Importer<'a> {
                     self.means.push(&placed);
                     self.breathe(&sampler, breath)?;
                 }
-                self.refuse_dead(&sampler, &path)?;
-                self.check_rate(&sampler, &path)?;
+                refuse_dead(&sampler, &path)?;
+                check_rate(self.map, self.format, &mut self.summary, &sampler, &path)?;
                 for run in &mut self.open {
                     run.rows.end_position()?;
                 }
@@ -386,58 +385,6 @@ impl<'a> Importer<'a> {
     fn without_sample(&self, window: &Window) -> FileError {
         let problem = format!("the recording has no sample in this run, which begins at {} s", window.start_s);
         self.map.file.at(window.span.clone(), Problem::Syntax(problem))
-    }
-
-    /// A recording of which the sensor vouches for no sample.
-    fn refuse_dead(&self, sampler: &Sampler, file: &Path) -> Result<(), FileError> {
-        let (due, invalid) = (sampler.due(), sampler.losses().invalid_samples);
-        if invalid == 0 || invalid < due {
-            return Ok(());
-        }
-        let problem = format!("each of its {invalid} samples is marked as not valid by the sensor itself");
-        Err(FileError::whole(file, Problem::Syntax(problem)))
-    }
-
-    /// Holds the samples' number against a clock that is not the gyro's: the recording's duration, or its time stamps;
-    /// and these against each other.
-    fn check_rate(&mut self, sampler: &Sampler, file: &Path) -> Result<(), Failure> {
-        let time = &self.map.time;
-        let differ = |a: f64, b: f64| (a / b - 1.0).abs() > RATE_TOLERANCE;
-        let stamped_s = (!time.columns.is_empty()).then(|| sampler.end_s());
-        if let (Some(stamped_s), Some(duration_s)) = (stamped_s, time.duration_s)
-            && differ(stamped_s, duration_s)
-        {
-            return Err(Failure::Refused(format!(
-                "{}: the time stamps span {stamped_s:.3} s, duration_s says {duration_s} s; allowed is a difference of {} %",
-                file.display(),
-                100.0 * RATE_TOLERANCE
-            )));
-        }
-        self.summary.declared_rate_hz = time.interval_s.map(f64::recip);
-        let elapsed_s = time.duration_s.or(stamped_s);
-        let (Some(declared_hz), Some(elapsed_s)) = (self.summary.declared_rate_hz, elapsed_s) else {
-            if elapsed_s.is_none() && self.format == Format::Kvh {
-                self.summary.doubts.push(
-                    "the gyro's own clock is the only one: with duration_s in [time], the recording's length by another \
-                     clock, its rate is checked"
-                        .into(),
-                );
-            }
-            return Ok(());
-        };
-        let measured_hz = sampler.due() as f64 / elapsed_s;
-        self.summary.measured_rate_hz = Some(measured_hz);
-        if !differ(measured_hz, declared_hz) {
-            return Ok(());
-        }
-        Err(Failure::Refused(format!(
-            "{}: samples came at {measured_hz:.3} Hz ({} in {elapsed_s:.3} s), declared are {declared_hz:.3} Hz; allowed \
-             is a difference of {} %. Gyros with a clock of their own do this with every status bit good: declare the \
-             rate that was measured, or correct the duration",
-            file.display(),
-            sampler.due(),
-            100.0 * RATE_TOLERANCE
-        )))
     }
 }
 

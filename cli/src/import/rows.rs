@@ -74,12 +74,20 @@ impl<'a> Rows<'a> {
         if self.gathered.good > 0 && place != self.gathered.place {
             self.end_row()?;
         }
-        self.gathered.push(sample, place, arcsec);
+        let lost = self.lost_in_run(sample);
+        self.gathered.push(sample, lost, place, arcsec);
         self.gathered.end_s = sample.end_s - self.start_s;
         if self.gathered.good.saturating_add(self.gathered.lost) >= self.map.samples_per_row.into() {
             self.end_row()?;
         }
         Ok(())
+    }
+
+    /// Samples that are missing before this one: no more than there is room for since the run's last sample, or its beginning.
+    fn lost_in_run(&self, sample: &Sample) -> u64 {
+        let since_s = sample.end_s - self.start_s - self.gathered.end_s.max(self.end_s);
+        let room = (since_s / sample.interval_s).round() - 1.0;
+        sample.lost.min(room.max(0.0) as u64)
     }
 
     /// Brings everything to the disk: how many rows there are, and when the last one ends.
@@ -126,13 +134,13 @@ impl<'a> Rows<'a> {
 }
 
 impl Gathered {
-    fn push(&mut self, sample: &Sample, place: usize, arcsec: f64) {
+    fn push(&mut self, sample: &Sample, lost: u64, place: usize, arcsec: f64) {
         if self.good == 0 {
             self.first_deg = sample.index_deg;
             self.channels.resize(sample.channels.len(), 0.0);
         }
         self.good += 1;
-        self.lost = self.lost.saturating_add(sample.lost);
+        self.lost = self.lost.saturating_add(lost);
         self.place = place;
         self.arcsec += arcsec;
         self.way_deg += wrap_180_deg(sample.index_deg - self.first_deg);

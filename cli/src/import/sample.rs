@@ -57,7 +57,12 @@ pub struct Sampler<'a> {
     /// Samples that should have come so far, whether they did or not.
     due: u64,
     invalid: u64,
+    /// Samples that are missing by the time stamps.
     lost: u64,
+    /// Steps from one time stamp to the next that are shorter than half the declared interval.
+    short_steps: u64,
+    /// The longest step from one time stamp to the next, seconds, and where it ends.
+    longest_step: Option<(f64, Place)>,
 }
 
 impl<'a> Sampler<'a> {
@@ -91,6 +96,8 @@ impl<'a> Sampler<'a> {
             due: 0,
             invalid: 0,
             lost: 0,
+            short_steps: 0,
+            longest_step: None,
             records,
             map,
         };
@@ -151,6 +158,30 @@ impl<'a> Sampler<'a> {
         }
     }
 
+    /// Samples that are missing by the time stamps.
+    pub fn lost_by_stamps(&self) -> u64 {
+        self.lost
+    }
+
+    /// Steps from one time stamp to the next that are shorter than half the declared interval.
+    pub fn short_steps(&self) -> u64 {
+        self.short_steps
+    }
+
+    /// The longest step from one time stamp to the next, seconds, and where it ends.
+    pub fn longest_step(&self) -> Option<&(f64, Place)> {
+        self.longest_step.as_ref()
+    }
+
+    fn note_step(&mut self, step_s: f64) {
+        if self.map.time.interval_s.is_some_and(|interval_s| step_s < 0.5 * interval_s) {
+            self.short_steps += 1;
+        }
+        if self.longest_step.as_ref().is_none_or(|(longest_s, _)| step_s > *longest_s) {
+            self.longest_step = Some((step_s, self.place()));
+        }
+    }
+
     /// Works out when the sample was taken and how many are missing before it by the time stamps; `None` for a first
     /// sample whose interval nothing tells.
     fn place_in_time(&mut self, missing: u32) -> Result<Option<u64>, FileError> {
@@ -181,6 +212,7 @@ impl<'a> Sampler<'a> {
             let allowed = format!("later than the sample before, {previous_s} s, by at most {LONGEST_GAP_S:e} s");
             return Err(self.records.field_error(field, Problem::not_allowed(format!("{stamp_s:?} s"), allowed)));
         }
+        self.note_step(step_s);
         let steps = self.map.time.interval_s.map_or(1.0, |interval_s| (step_s / interval_s).round().max(1.0));
         self.stamps_s = Some((origin_s, stamp_s));
         self.due = self.due.saturating_add(steps as u64);
