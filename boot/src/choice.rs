@@ -6,8 +6,8 @@ use crate::slot::{self, Seal, TRIALS};
 
 /// The number of the slot to start; nothing where none holds an image.
 ///
-/// The latest image that is whole and confirmed, or has a trial left, which is counted before it starts. Where none is, any that is whole; at last what a
-/// debug probe brought into slot A.
+/// The latest image that is whole and confirmed, or has a trial left, which is counted before it starts. Where none is, what a
+/// debug probe brought into slot A; at last any that is whole.
 pub fn choose<F: NorFlash>(slots: &mut [F; 2]) -> Option<usize> {
     let mut whole = [None; 2];
     for (place, slot) in whole.iter_mut().zip(slots.iter_mut()) {

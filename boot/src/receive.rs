@@ -42,16 +42,19 @@ pub struct Receiver {
     /// Sectors that are still to erase.
     to_erase: u32,
     hash: Sha512,
+    /// Why the image that came whole has no seal.
+    refused: Option<Refused>,
 }
 
 impl Default for Receiver {
     fn default() -> Self {
-        Self { header: [0; BYTES], taken: 0, manifest: None, to_erase: 0, hash: Sha512::new() }
+        Self { header: [0; BYTES], taken: 0, manifest: None, to_erase: 0, hash: Sha512::new(), refused: None }
     }
 }
 
 impl Receiver {
-    /// Takes a piece; whether it was the last, and the image is sealed. One that came before is taken again; the first begins anew.
+    /// Takes a piece; whether it was the last, and the image is sealed. One that came before is taken again, unless the whole image was refused, which it is
+    /// again; the first begins anew.
     pub fn take<F: NorFlash>(
         &mut self,
         flash: &mut F,
@@ -64,7 +67,7 @@ impl Receiver {
         }
         let end = offset.saturating_add(bytes.len() as u32);
         if offset < self.taken && end <= self.taken {
-            return Ok(false);
+            return self.refused.map_or(Ok(false), Err);
         }
         if offset != self.taken || bytes.is_empty() {
             return Err(Refused::OutOfOrder);
@@ -76,7 +79,9 @@ impl Receiver {
         self.taken = end;
         match self.manifest {
             Some(manifest) if end == BYTES as u32 + manifest.length => {
-                self.seal(flash, &manifest, place).map(|()| true)
+                let sealed = self.seal(flash, &manifest, place);
+                self.refused = sealed.err();
+                sealed.map(|()| true)
             }
             _ => Ok(false),
         }

@@ -182,6 +182,13 @@ impl Port {
         self.try_ask(ask, TRIES, told)
     }
 
+    /// The same for what is good for one try: it is not sent again.
+    ///
+    /// Errors: as of [`Self::ask`].
+    pub fn ask_once(&mut self, ask: Ask, told: &mut dyn FnMut(&Report)) -> Result<(), PortError> {
+        self.try_ask(ask, 1, told)
+    }
+
     fn try_ask(&mut self, ask: Ask, tries: u32, told: &mut dyn FnMut(&Report)) -> Result<(), PortError> {
         self.number = self.number % u8::MAX + 1;
         let request = Request { number: self.number, ask };

@@ -80,11 +80,15 @@ impl Adis16505 {
         self.interval_s = f64::from(self.register(register::DEC_RATE) + 1) / self.internal_hz();
         let intervals_to = |t_s: f64| (t_s / self.interval_s + 1e-6).floor() as i64;
         let ended = intervals_to(t_s) - intervals_to(self.ended_s);
-        if ended > 0 && self.fault(t_s) != Some(SensorFaultKind::Stuck) {
-            let share = (self.interval_s / dt_s).min(1.0);
-            self.output = self.block.increments().map(|triad| triad.map(|increment| increment * share));
-            self.number = self.number.wrapping_add(ended as u16);
+        if ended > 0 {
             self.ended_s = t_s;
+            let share = (self.interval_s / dt_s).min(1.0);
+            let increments = self.block.increments().map(|triad| triad.map(|increment| increment * share));
+            // What a part that is stuck feels is lost.
+            if self.fault(t_s) != Some(SensorFaultKind::Stuck) {
+                self.output = increments;
+                self.number = self.number.wrapping_add(ended as u16);
+            }
         }
     }
 

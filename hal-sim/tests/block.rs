@@ -144,6 +144,24 @@ fn a_block_that_starts_or_is_cut_off_answers_nothing() {
     assert_eq!(none.carry(), None);
 }
 
+/// From 0.61 to 0.80 s the number stands still; the sample after that is of its own 10 ms alone, 7.5205 arcsec about y.
+#[test]
+fn what_a_stuck_block_feels_is_lost() {
+    let faults = vec![SensorFault { kind: SensorFaultKind::Stuck, from_s: 0.603, to_s: Some(0.803) }];
+    let world = instrument(Block { faults, ..perfect() });
+    (0..200).for_each(|_| drop(tick(&world)));
+    configure(&world);
+    (0..44).for_each(|_| drop(tick(&world)));
+    let (_, _, stuck) = burst(&world);
+    (0..76).for_each(|_| drop(tick(&world)));
+    assert_eq!(burst(&world).2, stuck);
+    (0..6).for_each(|_| drop(tick(&world)));
+    let (angle, velocity, number) = burst(&world);
+    assert_eq!(number, stuck + 1);
+    assert!((360_000.0 * angle[1] - 7.5205).abs() < 0.13, "{angle:?}");
+    assert!((velocity[2] - 0.0980665).abs() < 1e-7, "{velocity:?}");
+}
+
 #[test]
 fn a_fast_turn_saturates() {
     // 3600° in 10 s is a mean of 360 °/s; in the middle of the smooth way 1.875 times that.

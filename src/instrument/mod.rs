@@ -152,10 +152,10 @@ pub struct Instrument<S, R> {
     fault: Option<Fault>,
     /// The reason why no fix can be started, if none can.
     refusal: Option<Fault>,
-    /// The slots of an update, on a board that has them, and whether the image that runs has yet to confirm itself.
+    /// The slots of an update, on a board that has them, and the tick at which the image that runs is to confirm itself, if it has not yet.
     slots: Option<&'static mut dyn Slots>,
+    confirm_at: Option<u64>,
     session: Session,
-    unconfirmed: bool,
     /// A calibration of the accelerometers is in effect.
     level_is_calibrated: bool,
     /// The calibration of the accelerometers.
@@ -176,6 +176,8 @@ pub struct Instrument<S, R> {
     encoder_failures: u16,
     test: SelfTest,
     log: FixLog,
+    /// The last fix is in the log, so that a check may follow it.
+    last_logged: bool,
     scatter: Scatter,
     /// Identity of the error model in use; 0: there is none.
     model: u32,
@@ -220,8 +222,8 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             fault: None,
             refusal: Some(Fault::SettingsMissing),
             slots: None,
+            confirm_at: None,
             session: Session::default(),
-            unconfirmed: false,
             level_is_calibrated: false,
             field: field::Session::default(),
             keeper: None,
@@ -235,6 +237,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
             encoder_failures: 0,
             test: SelfTest::at_start(),
             log: FixLog::default(),
+            last_logged: true,
             scatter: Scatter::default(),
             model: 0,
             clock_utc_s: None,
@@ -251,7 +254,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
     /// Where images of updates come; without, they are refused.
     pub fn updates_go_to(&mut self, slots: Option<&'static mut dyn Slots>) {
         self.identity.free_slot = slots.as_ref().map_or(0, |slots| slots.free_origin());
-        self.unconfirmed = slots.is_some();
+        self.confirm_at = slots.is_some().then_some(CONFIRMED_TICKS);
         self.slots = slots;
     }
 
@@ -362,9 +365,8 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         let sink: &mut dyn FnMut(Event) = &mut |event| report(Report { t_s: readings.t_s(), event });
 
         let mut orders = Orders::default();
-        if self.unconfirmed && readings.tick >= CONFIRMED_TICKS {
-            self.unconfirmed = false;
-            self.slots.as_mut().into_iter().for_each(|slots| slots.confirm());
+        if self.confirm_at.is_some_and(|at| readings.tick >= at) {
+            self.confirm();
         }
         if readings.tick != self.next_tick {
             self.make_up(readings.tick, sink);
@@ -413,6 +415,13 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         let effect = self.take_effect(flash, &mut |t_s, event| report(Report { t_s, event }));
         orders.motor = effect.or(orders.motor);
         orders
+    }
+
+    /// The image that runs confirms itself; where that does not hold, it tries again after a second.
+    #[inline(never)]
+    fn confirm(&mut self) {
+        let confirmed = self.slots.as_mut().is_none_or(|slots| slots.confirm());
+        self.confirm_at = (!confirmed).then_some(self.tick + u64::from(SAMPLES_PER_SECOND));
     }
 
     /// A tick in which the gyro is told what to send.

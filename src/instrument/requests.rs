@@ -182,6 +182,10 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         if !service.has_fix() {
             return Err(Refusal::NoFixYet);
         }
+        // A check counts for the fix before it in the log, which would be another one.
+        if !self.last_logged {
+            return Err(Refusal::NotStored);
+        }
         // What is not stored is not watched either: it will be sent again.
         self.log.check(&mut LogFlash(flash), azimuth_deg).map_err(|_| Refusal::NotStored)?;
         service.check(azimuth_deg);

@@ -190,6 +190,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         let more = More { block_temp_c: single(gathered.block_temp_c), inputs: [first, second, third, fourth] };
         let flash = &mut LogFlash(flash);
         let pushed = self.log.push(flash, &logged, self.identity.program, self.model);
+        self.last_logged = pushed.is_ok();
         if pushed.and_then(|()| self.log.more(flash, &more)).is_err() {
             self.counters.fixes_not_logged = self.counters.fixes_not_logged.saturating_add(1);
         }

@@ -23,8 +23,8 @@ pub trait Slots: Send {
     fn erase(&mut self, sector: u32) -> Result<(), Refusal>;
     /// Takes a piece of a file; whether it was the last, and the image is the next to start.
     fn take(&mut self, offset: u32, bytes: &[u8]) -> Result<bool, Refusal>;
-    /// The image that runs works.
-    fn confirm(&mut self);
+    /// The image that runs works; whether nothing is left to confirm.
+    fn confirm(&mut self) -> bool;
 }
 
 /// The slots as flash memory.
@@ -66,10 +66,9 @@ impl<F: NorFlash + Send> Slots for Updater<F> {
         self.receiver.take(&mut self.free, &self.place, offset, bytes).map_err(Refusal::from)
     }
 
-    fn confirm(&mut self) {
-        if Seal::read(&mut self.running).is_some() {
-            slot::confirm(&mut self.running);
-        }
+    fn confirm(&mut self) -> bool {
+        // What a debug probe brought has no seal, and needs no confirmation.
+        Seal::read(&mut self.running).is_none() || slot::confirm(&mut self.running)
     }
 }
 
@@ -139,6 +138,21 @@ mod tests {
         }
     }
 
+    /// An image without a seal has nothing to confirm; where flash takes no confirmation any more, that is said.
+    #[test]
+    fn a_confirmation_that_does_not_hold_is_told() {
+        let free = || Slot(vec![0xFF; 3072]);
+        assert!(Updater::new(Board::Stm32f405, free(), free(), ORIGIN, None).confirm());
+        let mut running = free();
+        running.write(0, &[7; 64]).unwrap();
+        let crc = slot::content_crc(&mut running, 64).unwrap();
+        assert!(Seal { sequence: 1, length: 64, crc }.write(&mut running));
+        // All words of confirmation are spoilt.
+        running.write(3072 - 256 + 64, &[0; 32]).unwrap();
+        let mut slots = Updater::new(Board::Stm32f405, running, free(), ORIGIN, None);
+        assert!(!slots.confirm() && !slots.confirm());
+    }
+
     /// The image that runs was brought by an update; with one on trial there is no other update, and a confirmed one is followed by its successor.
     #[test]
     fn an_image_on_trial_takes_no_update() {
@@ -159,7 +173,7 @@ mod tests {
         };
         let file = [manifest.signed(&SECRET).as_slice(), &content].concat();
         assert_eq!(slots.take(0, &file[..96]), Err(Refusal::Unconfirmed));
-        slots.confirm();
+        assert!(slots.confirm());
         assert_eq!(slots.take(0, &file[..96]), Ok(false));
         assert_eq!(slots.take(96, &file[96..BYTES]), Ok(false));
         assert_eq!(slots.take(BYTES as u32, &file[BYTES..BYTES + 96]), Err(Refusal::OutOfOrder));

@@ -4,7 +4,7 @@ use std::io::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
-use north_boot::manifest::sign;
+use north_boot::manifest::{Key, sign};
 use north_finder::event::Event;
 use north_finder::event::bytes::Bytes;
 use north_finder::instrument::session::message;
@@ -13,7 +13,10 @@ use north_finder::link::Ask;
 use super::update::read_key;
 use crate::failure::Failure;
 use crate::output;
-use crate::port::{PortError, PortOption};
+use crate::port::{Port, PortError, PortOption};
+
+/// How often a new challenge is asked for: a signature is good for one try, and the answer to it may be lost.
+const ROUNDS: u32 = 3;
 
 /// Unlock a board whose settings name a key (`link.key`), or lock it again
 ///
@@ -45,18 +48,33 @@ impl Unlock {
             writeln!(output::people(), "{}: locked", port.name())?;
             return Ok(());
         };
-        let serial = port.identity()?.serial;
-        let mut challenge = None;
-        port.ask(Ask::Challenge, &mut |report| {
-            if let Event::Challenge { bytes } = report.event {
-                challenge = Some(bytes);
-            }
-        })?;
-        let challenge =
-            challenge.ok_or_else(|| PortError::NoAnswer { port: port.name().into(), other_version: false })?;
-        let signature = sign(&message(serial, &challenge), &secret);
-        port.ask(Ask::Unlock(Bytes::start_of(&signature)), &mut |_| ())?;
+        unlock(&mut port, &secret)?;
         writeln!(output::people(), "{}: unlocked", port.name())?;
         Ok(())
     }
+}
+
+/// Signs challenges until one is answered.
+fn unlock(port: &mut Port, secret: &Key) -> Result<(), PortError> {
+    let serial = port.identity()?.serial;
+    for _ in 1..ROUNDS {
+        match sign_challenge(port, serial, secret) {
+            Err(PortError::NoAnswer { .. }) => {}
+            answered => return answered,
+        }
+    }
+    sign_challenge(port, serial, secret)
+}
+
+/// Asks for a challenge and sends it back signed.
+fn sign_challenge(port: &mut Port, serial: [u32; 3], secret: &Key) -> Result<(), PortError> {
+    let mut challenge = None;
+    port.ask(Ask::Challenge, &mut |report| {
+        if let Event::Challenge { bytes } = report.event {
+            challenge = Some(bytes);
+        }
+    })?;
+    let challenge = challenge.ok_or_else(|| PortError::NoAnswer { port: port.name().into(), other_version: false })?;
+    let signature = sign(&message(serial, &challenge), secret);
+    port.ask_once(Ask::Unlock(Bytes::start_of(&signature)), &mut |_| ())
 }

@@ -16,6 +16,7 @@ use super::Bench;
 use crate::hidden::draw::Draw;
 use crate::hidden::{Campaign as Generated, Family};
 use crate::judge::write;
+use crate::statistics::MISSING_DEG;
 
 /// A wrong reference among right ones: is it named, is anything invented, and what does it cost?
 ///
@@ -57,7 +58,7 @@ pub struct Row {
     /// Right references, and those of them that are named.
     right: usize,
     named_falsely: usize,
-    /// Sums of squared errors of the check runs with and without the blunder, in variances of the campaign's azimuth noise.
+    /// Sums of squared errors of the check runs with and without the blunder, in variances of the campaign's azimuth noise; both of all check runs.
     with: f64,
     without: f64,
 }
@@ -139,7 +140,8 @@ impl BlundersBench {
         let noise_deg = generated.azimuth_noise_deg();
         let squares = |diagnosis: &Diagnosis| -> f64 {
             let of_run = |(run, truth): (&north::diagnose::RunDiagnosis, &crate::hidden::Run)| {
-                let error_deg = wrap_180_deg(run.azimuth_after_deg? - truth.azimuth_deg);
+                let miss_deg = |azimuth_deg: f64| wrap_180_deg(azimuth_deg - truth.azimuth_deg);
+                let error_deg = run.azimuth_after_deg.map_or(MISSING_DEG, miss_deg);
                 (run.role != Role::Fit).then_some((error_deg / noise_deg).powi(2))
             };
             diagnosis.runs.iter().zip(&generated.runs).filter_map(of_run).sum()

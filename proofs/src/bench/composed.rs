@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::compose::Kinds;
 use crate::composed::judge::{Azimuths, Verdict, judge};
 use crate::composed::{Campaign, Kind};
-use crate::statistics::{median, probability_interval};
+use crate::statistics::{median, probability_interval, ratio_interval};
 
 /// Which campaigns are judged.
 pub(super) struct Judged<'a> {
@@ -45,13 +45,15 @@ pub struct Shares {
     over_oracle_median: f64,
     within_1_25: f64,
     within_2: f64,
+    /// Of the campaigns with azimuths.
     check_runs: usize,
     covered: usize,
+    /// 95 % interval of the probability of it.
     covered_low: f64,
     covered_high: f64,
     /// Of all check runs together, each in units of its campaign's oracle.
     sigma_over_error: f64,
-    /// Share of campaigns whose rms grew by more than 5 %.
+    /// Share of campaigns whose rms grew by more than 5 %, or that have no azimuths.
     made_worse: f64,
 }
 
@@ -72,7 +74,9 @@ impl Shares {
         let squares = |of: fn(&Azimuths) -> &Vec<f64>| -> f64 {
             told().flat_map(|(oracle_deg, one)| of(one).iter().map(move |value| (value / oracle_deg).powi(2))).sum()
         };
-        let [covered_low, covered_high] = probability_interval(covered, check_runs);
+        let of_campaigns: Vec<[f64; 2]> =
+            told().map(|(_, one)| [one.covered as f64, one.errors_deg.len() as f64]).collect();
+        let [covered_low, covered_high] = coverage_interval(covered, check_runs, &of_campaigns);
         Self {
             over_oracle_median: median(ratios.clone()),
             within_1_25: share(&|at| ratios[at] <= 1.25),
@@ -83,10 +87,17 @@ impl Shares {
             covered_high,
             sigma_over_error: (squares(|one| &one.sigmas_deg) / squares(|one| &one.errors_deg)).sqrt(),
             made_worse: share(&|at| {
-                which(verdicts[at]).is_some_and(|one| one.rms_deg > WORSE_BY * verdicts[at].before_deg)
+                which(verdicts[at]).is_none_or(|one| one.rms_deg > WORSE_BY * verdicts[at].before_deg)
             }),
         }
     }
+}
+
+/// The wider of two intervals: the exact one of independent check runs, and the bootstrap over the campaigns, the runs of each of which share a model. The
+/// bootstrap has no width where all runs are covered.
+fn coverage_interval(covered: usize, check_runs: usize, of_campaigns: &[[f64; 2]]) -> [f64; 2] {
+    let ([low, high], [lowest, highest]) = (probability_interval(covered, check_runs), ratio_interval(of_campaigns));
+    [low.min(lowest), high.max(highest)]
 }
 
 impl Line {
@@ -211,4 +222,18 @@ fn write_verdict(out: &mut dyn Write, verdict: &Verdict) -> io::Result<()> {
         verdict.refusal.as_ref().map(|why| format!("; refused: {why}")).unwrap_or_default(),
     )?;
     verdict.composition.iter().try_for_each(|words| writeln!(out, "    {words}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Six covered runs of twelve, by campaigns all or none: any share. All of them: Clopper and Pearson's 0.025^(1/12).
+    #[test]
+    fn runs_of_a_campaign_are_not_independent() {
+        assert_eq!(coverage_interval(6, 12, &[[6.0, 6.0], [0.0, 6.0]]), [0.0, 1.0]);
+        let [low, high] = coverage_interval(12, 12, &[[6.0, 6.0], [6.0, 6.0]]);
+        assert!((low - 0.025f64.powf(1.0 / 12.0)).abs() < 1e-4 && high == 1.0);
+        assert_eq!(coverage_interval(0, 0, &[]), [0.0, 1.0]);
+    }
 }

@@ -267,14 +267,15 @@ fn write_verdict(out: &mut dyn Write, verdict: &Verdict) -> io::Result<()> {
 fn write_families(out: &mut dyn Write, families: &[FamilyReport]) -> io::Result<()> {
     writeln!(
         out,
-        "| family | campaigns | rms before, ° | after, ° | oracle, ° | after / oracle | covered, % | right, % | ambiguous, % \
+        "| family | campaigns | rms before, ° | after, ° | oracle, ° | after / oracle | covered, % | right, % (95 %) | ambiguous, % \
          | named falsely, % | unexplained, % | made worse, % |\n|---|---|---|---|---|---|---|---|---|---|---|---|"
     )?;
     for report in families {
         let FamilyReport { family, summary, .. } = report;
         let named = summary.visible > 0 && family.group() == Group::Named;
         let right = if named && summary.telling > 0 {
-            format!("{:.0} ± {:.0}", 100.0 * summary.right, 100.0 * summary.right_confidence_95)
+            let [low, high] = summary.right_interval.map(|share| 100.0 * share);
+            format!("{:.0} ({low:.1} … {high:.1})", 100.0 * summary.right)
         } else {
             "–".into()
         };

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
+use std::path::Path;
 
 use clap::Args;
 use north::engine::qemu::image;
@@ -10,6 +11,7 @@ use north::progress;
 use north_finder::health::Fault;
 use serde::Serialize;
 
+use super::orders::is_warned;
 use super::{Bench, trials};
 use crate::faults::{Ending, Kind, Outcome, Trial};
 
@@ -22,7 +24,8 @@ const SHOWN: usize = 12;
 ///
 /// Gyro and its bytes, sensors, motor, encoder, base, flash, power, settings, commands at the wrong time. The firmware's
 /// state machine runs in this process; a sample of the trials also in its image, in QEMU, where all must end as they did here. Exit code 1 after a
-/// panic, a hang, lost settings, another end in QEMU, or an azimuth beyond 4 sigma without a flag whose faults a single fix can see.
+/// panic, a hang, lost settings, another end in QEMU, or an azimuth beyond 4 sigma without a warning that is so without the faults that no single fix can see,
+/// too. A warning is a flag that says that the azimuth may be wrong; what was waited for, taken out or not reached is none.
 #[derive(Args, Debug)]
 #[command(
     after_help = "Examples:\n  north bench faults --json faults.json\n  north bench faults --only 512\n  north bench faults --kind encoder-slip\n  north bench faults --trials 40 --qemu 40"
@@ -65,14 +68,14 @@ enum Verdict {
 pub struct Row {
     kind: &'static str,
     trials: usize,
-    /// Azimuth within 4 sigma without a flag; the same after a fix that was begun again; the same with a flag.
+    /// Azimuth within 4 sigma without a warning; the same after a fix that was begun again; the same with a warning.
     survived: usize,
     recovered: usize,
     flagged: usize,
     /// For a reason that one of the faults gives; for another.
     refused_rightly: usize,
     refused_otherwise: usize,
-    /// Beyond 4 sigma: with a flag; without one, but of a kind that no single fix can see; without one.
+    /// Beyond 4 sigma: with a warning; without one, and not so without the faults that no single fix can see; without one.
     wrong_flagged: usize,
     wrong_unseeable: usize,
     wrong: usize,
@@ -95,17 +98,40 @@ impl Verdict {
             Ending::Refused(_) => Self::RefusedOtherwise,
             Ending::Azimuth { fix, error_deg } => {
                 let wrong = !(error_deg.abs() <= WRONG_SIGMAS * fix.sigma_deg);
-                let flagged = fix.flags.iter().next().is_some();
-                match (wrong, flagged) {
+                match (wrong, is_warned(&fix)) {
                     (false, false) if outcome.restarted => Self::Recovered,
                     (false, false) => Self::Survived,
                     (false, true) => Self::Flagged,
                     (true, true) => Self::WrongFlagged,
-                    (true, false) if trial.is_blind() => Self::WrongUnseeable,
+                    (true, false) if trial.unseeable().next().is_some() => Self::WrongUnseeable,
                     (true, false) => Self::Wrong,
                 }
             }
         }
+    }
+}
+
+/// A trial, how it ended, and what is said of that.
+struct Tried {
+    number: u64,
+    trial: Trial,
+    outcome: Outcome,
+    verdict: Verdict,
+}
+
+impl Tried {
+    fn new(seed: u64, number: u64) -> Result<Self, Failure> {
+        let trial = Trial::draw(seed, number)?;
+        let outcome = trial.run(None)?;
+        let mut verdict = Verdict::of(&trial, &outcome);
+        if verdict == Verdict::WrongUnseeable {
+            // A fault that cannot be seen excuses no other one.
+            let twin = Trial::draw_seeable(seed, number)?;
+            if Verdict::of(&twin, &twin.run(None)?) == Verdict::Wrong {
+                verdict = Verdict::Wrong;
+            }
+        }
+        Ok(Self { number, trial, outcome, verdict })
     }
 }
 
@@ -152,36 +178,20 @@ impl Bench for Faults {
             numbers = wanted.map(|(number, _)| number).collect();
         }
         let bar = progress::bar(numbers.len() as u64, "trials");
-        let all = trials(numbers, &bar, |number| {
-            let trial = Trial::draw(self.seed, number)?;
-            let outcome = trial.run(None)?;
-            Ok((number, trial, outcome))
-        })?;
+        let all = trials(numbers, &bar, |number| Tried::new(self.seed, number))?;
         bar.finish_and_clear();
         let all = all.into_iter().collect::<Result<Vec<_>, Failure>>()?;
         let mut total = Row { kind: "all", ..Row::default() };
         let mut rows: Vec<Row> = Kind::all().map(|kind| Row { kind: kind.name, ..Row::default() }).collect();
-        for (_, trial, outcome) in &all {
-            let verdict = Verdict::of(trial, outcome);
-            total.add(verdict, outcome);
+        for Tried { trial, outcome, verdict, .. } in &all {
+            total.add(*verdict, outcome);
             for row in rows.iter_mut().filter(|row| trial.kinds.iter().any(|kind| kind.name == row.kind)) {
-                row.add(verdict, outcome);
+                row.add(*verdict, outcome);
             }
         }
         if let Some(count) = self.qemu {
             let image = image::build(image::Board::Mps2)?;
-            let sample = all.get(..count).unwrap_or(&all);
-            let bar = progress::bar(sample.len() as u64, "trials in QEMU");
-            let there = trials(0..sample.len() as u64, &bar, |place| sample[place as usize].1.run(Some(&image)))?;
-            bar.finish_and_clear();
-            for ((number, _, here), there) in sample.iter().zip(there) {
-                let there = there?;
-                total.in_qemu += 1;
-                total.same_in_qemu += usize::from(there == *here);
-                if there != *here {
-                    writeln!(out, "trial {number}: in this process {here:?}\n  in QEMU {there:?}")?;
-                }
-            }
+            try_in_qemu(&image, all.get(..count).unwrap_or(&all), &mut total, out)?;
         }
         rows.push(total);
         write_rows(out, &rows)?;
@@ -195,7 +205,7 @@ impl Bench for Faults {
     fn judge(&self, rows: &[Row]) -> Result<(), Failure> {
         let Some(all) = rows.iter().find(|row| row.kind == "all") else { return Ok(()) };
         let broken: Vec<String> = [
-            ("wrong beyond 4 sigma without a flag", all.wrong),
+            ("wrong beyond 4 sigma without a warning", all.wrong),
             ("no end in time", all.hangs),
             ("panics", all.panics),
             ("settings lost", all.settings_lost),
@@ -207,6 +217,22 @@ impl Bench for Faults {
         .collect();
         if broken.is_empty() { Ok(()) } else { Err(Failure::Refused(broken.join("\nnorth: "))) }
     }
+}
+
+/// Runs the trials in the firmware image, in QEMU, and counts those that end there in the same way.
+fn try_in_qemu(image: &Path, sample: &[Tried], total: &mut Row, out: &mut dyn Write) -> Result<(), Failure> {
+    let bar = progress::bar(sample.len() as u64, "trials in QEMU");
+    let there = trials(0..sample.len() as u64, &bar, |place| sample[place as usize].trial.run(Some(image)))?;
+    bar.finish_and_clear();
+    for (Tried { number, outcome: here, .. }, there) in sample.iter().zip(there) {
+        let there = there?;
+        total.in_qemu += 1;
+        total.same_in_qemu += usize::from(there == *here);
+        if there != *here {
+            writeln!(out, "trial {number}: in this process {here:?}\n  in QEMU {there:?}")?;
+        }
+    }
+    Ok(())
 }
 
 fn write_rows(out: &mut dyn Write, rows: &[Row]) -> io::Result<()> {
@@ -237,10 +263,10 @@ fn write_rows(out: &mut dyn Write, rows: &[Row]) -> io::Result<()> {
 }
 
 /// The trials that break a promise, or are refused for a reason that their faults do not give.
-fn write_broken(out: &mut dyn Write, all: &[(u64, Trial, Outcome)], any: bool) -> io::Result<()> {
+fn write_broken(out: &mut dyn Write, all: &[Tried], any: bool) -> io::Result<()> {
     for broken in [Verdict::Wrong, Verdict::Hang, Verdict::Panic, Verdict::RefusedOtherwise] {
-        let of_kind = all.iter().filter(|(_, trial, outcome)| any || Verdict::of(trial, outcome) == broken);
-        for (number, trial, outcome) in of_kind.take(SHOWN) {
+        let of_kind = all.iter().filter(|tried| any || tried.verdict == broken);
+        for Tried { number, trial, outcome, .. } in of_kind.take(SHOWN) {
             let what = match outcome.ending {
                 Ending::Azimuth { fix, error_deg } => format!(
                     "error {error_deg:+.4}°, {:.1} sigma, flags {:?}",

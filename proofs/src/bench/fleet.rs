@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use super::Bench;
 use crate::composed::{Campaign, Fleet, Kind, UnitKind};
-use crate::statistics::rms;
+use crate::statistics::{MISSING_DEG, rms};
 
 /// Fleets of simulated instruments: azimuths with few runs and the fleet's prior, and units that are out of the family
 ///
@@ -114,14 +114,14 @@ impl Bench for FleetBench {
         let hidden: Vec<&Row> = rows.iter().filter(|row| !row.hidden.is_empty()).collect();
         let total = |of: fn(&Row) -> f64| hidden.iter().map(|row| of(row).powi(2)).sum::<f64>().sqrt();
         let mut missed = Vec::new();
-        if total(|row| row.four_runs_with_prior_deg) > total(|row| row.sixteen_runs_deg) {
+        if !(total(|row| row.four_runs_with_prior_deg) <= total(|row| row.sixteen_runs_deg)) {
             missed.push("four runs with the prior are worse than sixteen without".to_owned());
         }
-        if total(|row| row.outside_with_prior_deg) > PULLED * total(|row| row.outside_four_runs_deg) {
+        if !(total(|row| row.outside_with_prior_deg) <= PULLED * total(|row| row.outside_four_runs_deg)) {
             missed.push("units out of the family are pulled to it".to_owned());
         }
         let roc = hidden.iter().map(|row| row.roc).sum::<f64>() / hidden.len().max(1) as f64;
-        if !hidden.is_empty() && roc < LEAST_ROC {
+        if !hidden.is_empty() && !(roc >= LEAST_ROC) {
             missed.push(format!("the area under the ROC of units out of the family is {roc:.3}"));
         }
         if rows.iter().any(|row| row.hidden.is_empty() && !row.learned.is_empty()) {
@@ -176,19 +176,17 @@ impl FleetBench {
     }
 }
 
-/// The true errors of one unit's judged runs by every arm, its campaign written to a folder; the long one only where it is wanted.
+/// The true errors of one unit's judged runs by every arm, of the same runs by all, its campaign written to a folder; the long one only where it is wanted.
 fn errors(unit: &Campaign, path: &Path, learned: &Learned, long: bool) -> Result<Errors, Failure> {
     unit.write(path)?;
     let of = |fits: usize, family: Family| -> Result<(Vec<f64>, Vec<f64>, Diagnosis), Failure> {
         let diagnosis = shortened(path, fits, family)?;
         let truth = unit.truth();
         let miss = |of: fn(&north::diagnose::RunDiagnosis) -> Option<f64>| -> Vec<f64> {
-            let checks = diagnosis.runs.iter().filter(|run| run.role == Role::Check);
+            let found = |file: &str| diagnosis.runs.iter().find(|run| run.file == file).and_then(of);
+            let checks = truth.runs.iter().filter(|own| own.role == "check");
             checks
-                .filter_map(|run| {
-                    let own = truth.runs.iter().find(|each| each.file == run.file)?;
-                    Some(wrap_180_deg(of(run)? - own.true_azimuth_deg))
-                })
+                .map(|own| found(&own.file).map_or(MISSING_DEG, |deg| wrap_180_deg(deg - own.true_azimuth_deg)))
                 .collect()
         };
         Ok((miss(|run| run.azimuth_before_deg), miss(|run| run.azimuth_after_deg), diagnosis))

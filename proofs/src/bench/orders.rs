@@ -192,7 +192,7 @@ fn percent(text: &str) -> Result<f64, String> {
 }
 
 /// Whether a flag says that the azimuth may be wrong. (What was waited for, taken out or not reached does not.)
-fn is_warned(fix: &Fix) -> bool {
+pub(super) fn is_warned(fix: &Fix) -> bool {
     let harmless = [Flag::Disturbed, Flag::Jitter, Flag::BaseMotion, Flag::FramesLost, Flag::AccuracyNotReached];
     fix.flags.iter().any(|flag| !harmless.contains(&flag))
 }

@@ -17,7 +17,7 @@ use serde::Serialize;
 use super::Bench;
 use super::compose::Kinds;
 use crate::composed::{Campaign, Truth};
-use crate::statistics::median;
+use crate::statistics::{MISSING_DEG, median};
 
 /// Is the error that a diagnosis states without check runs correct in further runs of the same instrument?
 ///
@@ -104,7 +104,7 @@ fn errors_deg(recorded: &Recorded, truth: &Truth, model: &ErrorModel) -> Result<
     let (runs, _) = north::run_data::read(recorded, &settings).map_err(|why| Failure::Refused(why.to_string()))?;
     let error_deg = |run: &north::run_data::RunData| {
         let true_deg = truth.runs.iter().find(|known| known.file == run.file).map(|known| known.true_azimuth_deg)?;
-        Some(run.replay(model, &mut |_| ()).map_or(180.0 / 3f64.sqrt(), |fix| wrap_180_deg(fix.azimuth_deg - true_deg)))
+        Some(run.replay(model, &mut |_| ()).map_or(MISSING_DEG, |fix| wrap_180_deg(fix.azimuth_deg - true_deg)))
     };
     Ok(runs.par_iter().filter_map(error_deg).collect())
 }

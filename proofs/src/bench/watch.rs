@@ -147,7 +147,7 @@ impl Bench for WatchBench {
     /// At least a thousand fixes between false alarms; of the still instrument a step of two sigma within 8 fixes, a ramp of three within 50.
     fn judge(&self, rows: &[Row]) -> Result<(), Failure> {
         let missed = rows.iter().find(|row| row.fixes_between_false_alarms < ALARM);
-        let late = rows.first().filter(|row| row.step_fixes > 8.0 || row.ramp_fixes > 50.0);
+        let late = rows.first().filter(|row| !(row.step_fixes <= 8.0 && row.ramp_fixes <= 50.0));
         match missed.or(late) {
             Some(row) => Err(Failure::Refused(format!("beyond its limits: {}", row.instrument))),
             None => Ok(()),

@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 
+use hal_sim::flash::SECTOR;
 use hal_sim::scenario::{
     BaseAngle, GyroFault, GyroFaultKind, Harmonic, LinkFault, LinkFaultKind, Relevel, SensorFault, SensorFaultKind,
     Shock, Sway,
@@ -209,7 +210,7 @@ pub(super) const KINDS: &[Kind] = &[
         let count = random.random_range(1..=8);
         // Where settings lie: the beginning of both sectors.
         trial.flipped_bits =
-            (0..count).map(|_| 8 * 4096 * random.random_range(0..2) + random.random_range(0..8 * 300)).collect();
+            (0..count).map(|_| 8 * SECTOR * random.random_range(0..2) + random.random_range(0..8 * 300)).collect();
     }),
     kind("power-cut", &[], |random, trial| trial.acts.push((at_s(random), Act::PowerCut))),
     kind("power-cut-while-storing", &[], |random, trial| {

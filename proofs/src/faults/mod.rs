@@ -57,6 +57,16 @@ const LEARNING_S: f64 = 3.0;
 impl Trial {
     /// Draws trial number `number`: a place, an order, one to three kinds of faults.
     pub fn draw(seed: u64, number: u64) -> Result<Self, Failure> {
+        Self::draw_without(seed, number, &[])
+    }
+
+    /// The twin of that trial without those of its faults that no single fix can see; everything else is drawn as in the trial.
+    pub fn draw_seeable(seed: u64, number: u64) -> Result<Self, Failure> {
+        let left_out: Vec<&'static Kind> = Self::draw(seed, number)?.unseeable().collect();
+        Self::draw_without(seed, number, &left_out)
+    }
+
+    fn draw_without(seed: u64, number: u64, left_out: &[&'static Kind]) -> Result<Self, Failure> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         random.set_stream(number);
         let mut scenario = Scenario::named("calm-bench")?;
@@ -85,16 +95,28 @@ impl Trial {
             acts: Vec::new(),
             seed: random.random(),
         };
-        let count = random.random_range(1..=3);
-        while trial.kinds.len() < count {
-            let kind = &kind::KINDS[random.random_range(0..kind::KINDS.len())];
-            if !trial.kinds.contains(&kind) {
-                trial.kinds.push(kind);
-                (kind.inject)(&mut random, &mut trial);
-            }
-        }
+        trial.inject(&mut random, left_out);
         trial.acts.sort_by(|(first_s, _), (second_s, _)| first_s.total_cmp(second_s));
         Ok(trial)
+    }
+
+    /// One to three kinds of faults. What is left out is drawn all the same, so that the random stream goes on as with it.
+    fn inject(&mut self, random: &mut ChaCha8Rng, left_out: &[&'static Kind]) {
+        let count = random.random_range(1..=3);
+        let mut drawn: Vec<&'static Kind> = Vec::new();
+        while drawn.len() < count {
+            let kind = &kind::KINDS[random.random_range(0..kind::KINDS.len())];
+            if drawn.contains(&kind) {
+                continue;
+            }
+            drawn.push(kind);
+            if left_out.contains(&kind) {
+                (kind.inject)(random, &mut self.clone());
+            } else {
+                self.kinds.push(kind);
+                (kind.inject)(random, self);
+            }
+        }
     }
 
     /// Runs it, in this process or, where there is an image of the firmware, in QEMU; a panic is an ending like others.
@@ -112,13 +134,36 @@ impl Trial {
         starts.map(|(at_s, _)| *at_s).fold(0.0, f64::max)
     }
 
-    /// Whether docs/method.md says that no single fix sees one of its faults in this order.
-    pub fn is_blind(&self) -> bool {
-        self.kinds.iter().any(|kind| match kind.blind {
+    /// Those of its faults of which docs/method.md says that no single fix sees them in this order.
+    pub fn unseeable(&self) -> impl Iterator<Item = &'static Kind> {
+        self.kinds.iter().copied().filter(move |kind| match kind.blind {
             kind::Blind::No => false,
             kind::Blind::Always => true,
             kind::Blind::BeforePower => self.scenario.encoder.slip_at_s < self.last_start_s() + LEARNING_S,
             kind::Blind::InPlainOrder => matches!(self.order, "plain" | "source"),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of two hundred trials every twin keeps the faults that a fix can see, with the same numbers, and has no other.
+    #[test]
+    fn a_twin_differs_by_what_cannot_be_seen_alone() {
+        let mut differ = 0;
+        for number in 0..200 {
+            let (trial, twin) = (Trial::draw(1, number).unwrap(), Trial::draw_seeable(1, number).unwrap());
+            let left_out: Vec<&Kind> = trial.unseeable().collect();
+            let kept: Vec<&Kind> = trial.kinds.iter().copied().filter(|kind| !left_out.contains(kind)).collect();
+            assert_eq!((&twin.kinds, twin.order, twin.seed), (&kept, trial.order, trial.seed), "{number}");
+            assert_eq!(twin.unseeable().count(), 0, "{number}");
+            assert_eq!(twin.flipped_bits, trial.flipped_bits, "{number}");
+            assert_eq!(twin.scenario.base.shocks, trial.scenario.base.shocks, "{number}");
+            assert_eq!(twin.scenario.gyro.faults, trial.scenario.gyro.faults, "{number}");
+            differ += usize::from(!left_out.is_empty());
+        }
+        assert!((20..180).contains(&differ), "{differ}");
     }
 }

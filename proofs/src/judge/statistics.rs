@@ -1,13 +1,10 @@
 //! Many verdicts of one family together.
 
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
 use super::verdict::{Attribution, Errors, Verdict};
+use crate::statistics::{self, probability_interval, ratio_interval};
 
-/// Resamplings of the bootstrap.
-const RESAMPLINGS: usize = 400;
 /// Student's t above which a campaign counts as made worse: one in a hundred, one-sided, for the 3 to 14 check runs that
 /// campaigns have it is between 2.6 and 7; the strictest that is still easy to meet is taken.
 const WORSE_T: f64 = 3.0;
@@ -45,9 +42,9 @@ pub struct Summary {
     pub ambiguous: f64,
     /// Visible ones that are not ambiguous.
     pub telling: usize,
-    /// Of those: named rightly.
+    /// Of those: named rightly, and the 95 % interval of the probability of it.
     pub right: f64,
-    pub right_confidence_95: f64,
+    pub right_interval: [f64; 2],
     /// Campaigns in which something was named that is not there.
     pub false_discovery: f64,
     pub unexplained: f64,
@@ -70,7 +67,7 @@ pub fn summarize(verdicts: &[&Verdict]) -> Option<Summary> {
     let visible: Vec<&Verdict> = diagnosed.iter().copied().filter(|verdict| verdict.visible).collect();
     let ambiguous = |verdict: &Verdict| verdict.attribution == Attribution::Ambiguous;
     let telling: Vec<&Verdict> = visible.iter().copied().filter(|verdict| !ambiguous(verdict)).collect();
-    let right = share(&telling, &|verdict| verdict.attribution == Attribution::Right);
+    let right = telling.iter().filter(|verdict| verdict.attribution == Attribution::Right).count();
     let runs: usize = diagnosed.iter().map(|verdict| verdict.errors.len()).sum();
     let rms_deg = |of: &dyn Fn(&Errors) -> f64| {
         let sum = diagnosed
@@ -92,8 +89,8 @@ pub fn summarize(verdicts: &[&Verdict]) -> Option<Summary> {
         visible: visible.len(),
         ambiguous: share(&visible, &ambiguous),
         telling: telling.len(),
-        right,
-        right_confidence_95: 1.96 * (right * (1.0 - right) / telling.len().max(1) as f64).sqrt(),
+        right: right as f64 / telling.len().max(1) as f64,
+        right_interval: probability_interval(right, telling.len()),
         false_discovery: share(&diagnosed, &|verdict| verdict.false_effects > 0),
         unexplained: share(&diagnosed, &|verdict| verdict.unexplained),
         misnamed: share(&diagnosed, &|verdict| verdict.false_effects > 0 && !verdict.unexplained),
@@ -108,16 +105,8 @@ fn ratio(verdicts: &[&Verdict], over: fn(&Errors) -> f64, under: fn(&Errors) -> 
         .iter()
         .map(|verdict| [over, under].map(|of| verdict.errors.iter().map(|errors| of(errors).powi(2)).sum()))
         .collect();
-    let of = |chosen: &mut dyn Iterator<Item = &[f64; 2]>| {
-        let [over, under] = chosen.fold([0.0, 0.0], |[a, b], [over, under]| [a + over, b + under]);
-        (over / under).sqrt()
-    };
-    let mut random = ChaCha8Rng::seed_from_u64(1);
-    let mut resampled: Vec<f64> =
-        (0..RESAMPLINGS).map(|_| of(&mut (0..sums.len()).map(|_| &sums[random.random_range(0..sums.len())]))).collect();
-    resampled.sort_by(f64::total_cmp);
-    let at = |share: f64| resampled[(share * (RESAMPLINGS - 1) as f64).round() as usize];
-    Interval { value: of(&mut sums.iter()), low: at(0.025), high: at(0.975) }
+    let [low, high] = ratio_interval(&sums).map(f64::sqrt);
+    Interval { value: statistics::ratio(&sums).sqrt(), low, high }
 }
 
 /// Half width of a 95 % interval in standard deviations.
@@ -183,6 +172,9 @@ mod tests {
         assert_eq!(summary.gain.value, 0.5);
         assert!((summary.before_deg - 0.3).abs() < 1e-12);
         assert_eq!((summary.right, summary.visible, summary.runs), (1.0, 2, 8));
+        // Of two in two the lower end is √0.025.
+        let [low, high] = summary.right_interval;
+        assert!((low - 0.025f64.sqrt()).abs() < 1e-4 && high == 1.0);
         // 1.5 is within 1.96.
         assert_eq!(summary.covered, 8);
         assert!(summarize(&[]).is_none());
