@@ -68,7 +68,13 @@ impl Found {
             let model = posterior.written(&base, of_search);
             model.is_some_and(|model| guard::impossible(runs, &model).is_none())
         };
-        let allowed = Allowed { family, may_be_used: &may_be_used };
+        let azimuths = |posterior: &Posterior, of_search: &[Run]| -> Vec<Option<f64>> {
+            let model = posterior.written(&base, of_search);
+            let with = |run: &RunData| Some(run.replay(model.as_ref()?, &mut |_| ()).ok()?.azimuth_deg);
+            let of = |own: &Run| runs.iter().find(|run| run.file == own.file).and_then(|run| with(run));
+            of_search.par_iter().map(of).collect()
+        };
+        let allowed = Allowed { family, may_be_used: &may_be_used, azimuths: &azimuths };
         let mut learned = if of_search.is_empty() { Learned::default() } else { learn::learn(of_search, &allowed) };
         let written = |taught: &Taught| taught.posterior.written(&base, &learned.runs);
         let mut models: Vec<Option<ErrorModel>> = learned.models().map(written).collect();

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::residual::{Residuals, in_white_noises};
 use super::stations::misses_deg;
-use super::statistics::{beyond_sigmas, median, rms, studentised};
+use super::statistics::{beyond_sigmas, median, studentised};
 use crate::campaign::Role;
 use crate::run_data::RunData;
 
@@ -82,7 +82,8 @@ fn is_more_than_chance(misses: &[Miss]) -> bool {
     if misses.len() < LEAST_MISSES {
         return false;
     }
-    let rises: Vec<f64> = misses.iter().map(|miss| miss.after.powi(2) - miss.before.powi(2)).collect();
+    let rises: Vec<f64> =
+        misses.iter().map(|miss| miss.weight() * (miss.after.powi(2) - miss.before.powi(2))).collect();
     let count = rises.len() as f64;
     let mean = rises.iter().sum::<f64>() / count;
     let variance = rises.iter().map(|rise| (rise - mean).powi(2)).sum::<f64>() / (count - 1.0);
@@ -95,6 +96,19 @@ struct Miss {
     before: f64,
     after: f64,
     sigma: f64,
+}
+
+impl Miss {
+    /// What it counts: of a run that was made where the others were not, what they taught says little, and its sigma says so.
+    fn weight(&self) -> f64 {
+        self.sigma.powi(-2)
+    }
+}
+
+/// Root mean square of a value of misses, by their weights.
+fn weighed_rms(misses: &[Miss], value: fn(&Miss) -> f64) -> f64 {
+    let sum = |of: &dyn Fn(&Miss) -> f64| misses.iter().map(|miss| miss.weight() * of(miss)).sum::<f64>();
+    (sum(&|miss| value(miss).powi(2)) / sum(&|_| 1.0)).sqrt()
 }
 
 /// Of training runs whose references are believed, without a model and with it. A run without an azimuth before says nothing of whether errors rise, but where
@@ -218,12 +232,12 @@ fn trusted<'a>(runs: &'a [RunData], wrong: &'a [String]) -> impl Iterator<Item =
 
 /// By the errors of training runs before and after; `which` of them, in words. A few of them speak only where they are beyond their sigmas.
 fn made_worse(misses: &[Miss], which: &str) -> Option<String> {
-    let of = |value: fn(&Miss) -> f64| rms(&misses.iter().map(value).collect::<Vec<f64>>());
+    let of = |value: fn(&Miss) -> f64| weighed_rms(misses, value);
     let (before, after) = (of(|miss| miss.before), of(|miss| miss.after));
     let speak = misses.len() >= LEAST_MISSES || after > CHANCE * of(|miss| miss.sigma);
     (speak && after > WORSE * before).then(|| {
         let count = misses.len();
-        format!("on {count} training runs that {which}, azimuth errors rise from {before:.4}° to {after:.4}° rms")
+        format!("on {count} training runs that {which}, azimuth errors, weighed by their sigmas, rise from {before:.4}° to {after:.4}° rms")
     })
 }
 
@@ -322,6 +336,18 @@ mod tests {
         assert!(made_worse(&with_sigma(1.0, &[(1.0, 1.3), (1.0, 1.1)]), "").is_none());
         assert!(made_worse(&with_sigma(0.5, &[(1.0, 1.3), (1.0, 1.1)]), "").is_some());
         assert!(made_worse(&[], "").is_none());
+    }
+
+    /// A run that was made elsewhere has a sigma ten times as large and counts a hundredth: 2² and 3² at 1/100 beside 1² and 1² are
+    /// √((1 + 1 + 0.04)/2.01) = 1.0074 and √((1 + 1 + 0.09)/2.01) = 1.0197, which is 1 % more.
+    #[test]
+    fn a_run_made_elsewhere_counts_little_by_hand() {
+        let elsewhere = Miss { before: 2.0, after: 3.0, sigma: 10.0 };
+        let misses = [with_sigma(1.0, &[(1.0, 1.0), (1.0, 1.0)]), vec![elsewhere]].concat();
+        assert!((weighed_rms(&misses, |miss| miss.before) - 1.0074).abs() < 1e-4);
+        assert!((weighed_rms(&misses, |miss| miss.after) - 1.0197).abs() < 1e-4);
+        assert!(made_worse(&misses, "").is_none());
+        assert!(made_worse(&[misses.as_slice(), &[Miss { sigma: 1.0, ..elsewhere }]].concat(), "").is_some());
     }
 
     fn with_sigma(sigma: f64, pairs: &[(f64, f64)]) -> Vec<Miss> {

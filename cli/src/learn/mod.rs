@@ -38,8 +38,9 @@ pub use references::Blunder;
 use references::MOST_BLUNDERS;
 
 pub use discrimination::{Imitated, imitated};
-use model::Model;
+use model::{LINEAR_INDEX_DEG, Model, is_within};
 use north_finder::effects::effect::{Effect, Port};
+use north_finder::units::wrap_180_deg;
 use problem::Term;
 use proposals::{NEGLIGIBLE, Proposals};
 pub use proposals::{Tried, form};
@@ -113,6 +114,11 @@ impl Learned {
 
 /// Whether what was learned of these runs may be used: it leaves every run its azimuth.
 pub type MayBeUsed<'a> = dyn Fn(&Posterior, &[Run]) -> bool + Sync + 'a;
+/// The azimuths of these runs with what was learned, degrees.
+pub type Azimuths<'a> = dyn Fn(&Posterior, &[Run]) -> Vec<Option<f64>> + Sync + 'a;
+
+/// Times that the runs are linearised at the azimuths that a model gives them, and the search begins anew.
+const MOST_TURNS: usize = 2;
 
 /// What may be learned.
 #[derive(Clone, Copy)]
@@ -121,6 +127,7 @@ pub struct Allowed<'a> {
     pub family: &'a Family,
     /// What this refuses is learned without the effects that it is refused for, where it is not refused then.
     pub may_be_used: &'a MayBeUsed<'a>,
+    pub azimuths: &'a Azimuths<'a>,
 }
 
 /// Runs as they were learned from: with these blunders of their references put right.
@@ -180,9 +187,17 @@ pub fn learn(mut runs: Vec<Run>, allowed: &Allowed<'_>) -> Learned {
     runs = mended(runs, &[]);
     let mut blunders: Vec<Blunder> = Vec::new();
     let mut start = Start::default();
+    let mut turned = 0;
     loop {
         let search = Search::new(&runs, allowed.family);
         let Some(best) = search.best(&start) else { return Learned { runs, blunders, ..Learned::default() } };
+        if turned < MOST_TURNS
+            && let Some(elsewhere) = linearised_by(&best, &runs, allowed.azimuths)
+        {
+            (runs, start) = (elsewhere, Start::default());
+            turned += 1;
+            continue;
+        }
         start = Start::from(&best);
         let suspects = if blunders.len() < MOST_BLUNDERS { search.suspects(&best) } else { Vec::new() };
         let likelier = suspects
@@ -213,6 +228,23 @@ pub fn learn(mut runs: Vec<Run>, allowed: &Allowed<'_>) -> Learned {
         let fewer = fewer.map(taught).collect();
         return Learned { best, fewer, runs, blunders };
     }
+}
+
+/// The runs linearised at their azimuths with a model, where they were linearised too far from there. Without a reference they are at first at their
+/// azimuths without any effect: of what goes with the direction of the axis, or with the rate, that is not where it acts.
+fn linearised_by(model: &Model<'_>, runs: &[Run], azimuths: &Azimuths<'_>) -> Option<Vec<Run>> {
+    if model.terms.is_empty() || runs.iter().all(|run| run.reference.is_some() || run.still) {
+        return None;
+    }
+    let mut elsewhere = runs.to_vec();
+    for (run, azimuth_deg) in elsewhere.iter_mut().zip(azimuths(&Posterior::new(model, &[]), runs)) {
+        if let Some(azimuth_deg) = azimuth_deg.filter(|_| run.reference.is_none() && !run.still) {
+            run.set_azimuth(azimuth_deg);
+        }
+    }
+    rows::linearise_by_station(&mut elsewhere);
+    let turns_deg = runs.iter().zip(&elsewhere).map(|(run, then)| wrap_180_deg(then.azimuth_deg - run.azimuth_deg));
+    (!is_within(&turns_deg.collect::<Vec<f64>>(), LINEAR_INDEX_DEG)).then_some(elsewhere)
 }
 
 /// Whether the references that a blunder is about are contradicted by the other runs, with everything that is learned then. What the best model has more

@@ -15,7 +15,7 @@ use super::rows::Run;
 const TURNS: usize = 30;
 
 /// Up to this root mean square errors of the index are taken as linear, degrees: e²/2 of the rate is 4e-5 of it then.
-const LINEAR_INDEX_DEG: f64 = 0.5;
+pub const LINEAR_INDEX_DEG: f64 = 0.5;
 /// Times that what is beyond linear is taken out: of an error of 5° (0.087) 0.4 % of the rate are, and what is left falls by a factor of ten each time.
 const TURNS_OF_INDEX: usize = 2;
 

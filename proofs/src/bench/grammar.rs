@@ -58,7 +58,12 @@ impl GrammarBench {
         let recorded = Recorded::read(&folder)?;
         let settings = campaign_settings(&recorded, None)?;
         let runs = read(&recorded, &settings).map_err(|refusal| Failure::Refused(refusal.to_string()))?;
-        let learned = learn(runs.fit, &Allowed { family: &Family::default(), may_be_used: &|_, _| true });
+        let allowed = Allowed {
+            family: &Family::default(),
+            may_be_used: &|_, _| true,
+            azimuths: &|_, runs| vec![None; runs.len()],
+        };
+        let learned = learn(runs.fit, &allowed);
         let left =
             |effects: &[_]| median(runs.check.iter().filter_map(|run| chi_square_by_freedom(run, effects)).collect());
         let truth = campaign.truth();
