@@ -41,15 +41,15 @@ pub struct BlockRecording {
     pub step_s: f64,
 }
 
-/// Reads a recording. Errors: no such file, a column missing, a field that is no number, time that does not increase, rows too far apart, no rows.
+/// Reads a recording. Errors: no such file, a column missing or twice, a field that is no number, time that does not increase, rows too far apart, no rows.
 pub fn read(path: &Path) -> Result<BlockRecording, FileError> {
     let mut table = TableCsv::open(path)?;
     let mut places = [0; COLUMNS.len()];
     for (place, name) in places.iter_mut().zip(COLUMNS) {
         *place = table.column(name)?;
     }
-    let [turn, heading, latitude, longitude] =
-        [TURN, REFERENCES[0], REFERENCES[1], REFERENCES[2]].map(|name| table.find(name));
+    let (turn, heading) = (table.find_one(TURN)?, table.find_one(REFERENCES[0])?);
+    let (latitude, longitude) = (table.find_one(REFERENCES[1])?, table.find_one(REFERENCES[2])?);
     let mut rows: Vec<BlockRow> = Vec::new();
     while table.next_row()? {
         let mut numbers = [0.0; COLUMNS.len()];

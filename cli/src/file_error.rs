@@ -46,7 +46,7 @@ pub enum Problem {
     Empty,
     #[error("no data rows follow the header")]
     NoRows,
-    #[error("column `{name}` is missing; the header has: {found}")]
+    #[error("column `{name}` is missing; the header has: {found}{}", of_separator(.found))]
     MissingColumn { name: &'static str, found: String },
     #[error("column name {name:?} appears twice; the first is column {first}")]
     DuplicateColumn { name: String, first: usize },
@@ -109,6 +109,14 @@ impl Problem {
     }
 }
 
+/// What to do where the one name in a header is several that something else than a comma separates.
+fn of_separator(header: &str) -> &'static str {
+    match header.contains([';', '\t']) && !header.contains(',') {
+        true => "; columns are separated by commas here: `north import` reads others",
+        false => "",
+    }
+}
+
 impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -123,6 +131,17 @@ impl fmt::Display for Place {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn columns_that_no_comma_separates_are_told() {
+        let said = |found: &str| Problem::MissingColumn { name: "t_s", found: found.into() }.to_string();
+        assert!(
+            said("t_s;gx_arcsec")
+                .ends_with("t_s;gx_arcsec; columns are separated by commas here: `north import` reads others")
+        );
+        assert!(said("t_s\tgx_arcsec").contains("`north import`"));
+        assert!(said("time, gx_arcsec").ends_with("time, gx_arcsec") && said("a;b, c").ends_with("a;b, c"));
+    }
 
     #[test]
     fn a_huge_cell_is_not_echoed_and_control_characters_are_escaped() {

@@ -47,12 +47,26 @@ pub struct Records<R> {
 }
 
 /// Opens the file of a table.
+///
+/// Errors: as [`open`]; it is UTF-16 text.
 pub fn records(path: &Path) -> io::Result<Records<File>> {
     let mut inner = open(path)?;
     let mut begin = Vec::new();
     (&inner).take(FIRST_LINE).read_to_end(&mut begin)?;
     inner.rewind()?;
+    if is_utf16(&begin) {
+        let message = "this is UTF-16 text: convert it to UTF-8, for instance with iconv -f UTF-16 -t UTF-8";
+        return Err(io::Error::new(ErrorKind::InvalidData, message));
+    }
     Ok(Records { inner, since_record: 0, carriage_returns: ends_with_carriage_return(&begin) })
+}
+
+/// It begins with a byte-order mark, or each other byte of its first characters is zero.
+pub fn is_utf16(head: &[u8]) -> bool {
+    const CHARACTERS: usize = 8;
+    let zeros = |first: usize| head.iter().skip(first).step_by(2).take(CHARACTERS).filter(|byte| **byte == 0).count();
+    let text = |zero: usize, other: usize| zeros(zero) == CHARACTERS && zeros(other) == 0;
+    head.starts_with(b"\xFF\xFE") || head.starts_with(b"\xFE\xFF") || text(0, 1) || text(1, 0)
 }
 
 /// Whether the first line ends with a carriage return and no newline.
@@ -111,6 +125,20 @@ mod tests {
             let mut text = String::new();
             records(&path).unwrap().read_to_string(&mut text).unwrap();
             assert_eq!(text, read);
+        }
+    }
+
+    #[test]
+    fn a_table_in_utf_16_is_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("t.csv");
+        let text = || "t_s,index_deg\n".encode_utf16();
+        let little: Vec<u8> = text().flat_map(u16::to_le_bytes).collect();
+        let marked_big: Vec<u8> = std::iter::once(0xFEFF).chain(text()).flat_map(u16::to_be_bytes).collect();
+        for bytes in [little, marked_big] {
+            std::fs::write(&path, bytes).unwrap();
+            let error = records(&path).unwrap_err();
+            assert!(error.to_string().contains("UTF-16 text: convert it"), "{error}");
         }
     }
 

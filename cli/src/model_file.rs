@@ -184,10 +184,9 @@ impl ModelFile {
         if let Some(triad) = &self.accelerometer {
             let unit_m_s2 = STANDARD_GRAVITY_M_S2 / triad.unit_of_readings().map_err(refused)?;
             // The corrected force is in the unit of the declared gravity, which need not be that of the readings.
-            let force_m_s2 =
-                [1.0, STANDARD_GRAVITY_M_S2].into_iter().find(|unit| SAME_UNIT.contains(&(triad.gravity / unit)));
-            let Some(force_m_s2) = force_m_s2.map(|unit| STANDARD_GRAVITY_M_S2 / unit) else {
-                return Err(refused(Problem::not_allowed(triad.gravity, "a gravity in g or m/s2")));
+            let Some(force_m_s2) = unit_of(triad.gravity).map(|unit| STANDARD_GRAVITY_M_S2 / unit) else {
+                let value = format!("[accelerometer] gravity = {}", triad.gravity);
+                return Err(refused(Problem::not_allowed(value, "a gravity in g or m/s2")));
             };
             let (matrix, bias) = (matrix3(&triad.matrix), Vector3::from(triad.bias));
             for row in &mut recording.rows {
@@ -252,6 +251,11 @@ impl Triads {
         Self { accelerometer: None, gyro_triad: Some(gyro_triad) }
     }
 
+    /// Which commands refuse the model because its gravity is in another unit than theirs, in a sentence.
+    pub fn doubt(&self) -> Option<String> {
+        self.accelerometer.as_ref().and_then(Accelerometer::doubt)
+    }
+
     /// Writes a file, over one that may be there.
     pub fn write(&self, path: &Path) -> Result<(), FileError> {
         let tables =
@@ -261,10 +265,34 @@ impl Triads {
     }
 }
 
+/// What standard gravity is in the unit of a gravity: 1 in g, 9.8 in m/s²; `None` where it is in neither.
+fn unit_of(gravity: f64) -> Option<f64> {
+    [1.0, STANDARD_GRAVITY_M_S2].into_iter().find(|unit| SAME_UNIT.contains(&(gravity / unit)))
+}
+
 impl Accelerometer {
+    /// Which commands refuse it for its gravity. Runs and boards take forces in units of gravity, whatever that is, of readings in
+    /// g or m/s²; a recording of a block is in m/s².
+    fn doubt(&self) -> Option<String> {
+        let refused = match (unit_of(self.gravity), self.unit_of_readings()) {
+            (Some(_), _) => return None,
+            (None, Ok(_)) => "`align` and `track` refuse this model",
+            (None, Err(_)) => {
+                "`solve`, `align`, `track` and a board refuse this model; it serves `--prior` and `--compare` only"
+            }
+        };
+        Some(format!("gravity {} is neither in g nor in m/s2: {refused}", self.gravity))
+    }
+
     /// As the core applies it.
     pub fn correction(&self) -> Correction {
         Correction { bias: self.bias, matrix: self.matrix }
+    }
+
+    /// Its misalignments were not estimated: the sigmas of its matrix beside the diagonal are all 0.
+    pub fn has_no_misalignments(&self) -> bool {
+        self.sigma_matrix
+            .is_some_and(|sigmas| (0..3).all(|row| (0..3).all(|column| row == column || sigmas[row][column] == 0.0)))
     }
 
     /// The reading of standard gravity: 1 where readings are in g, 9.8 where they are in m/s².
@@ -272,9 +300,8 @@ impl Accelerometer {
     /// Errors: they are neither.
     fn unit_of_readings(&self) -> Result<f64, Problem> {
         let of_gravity = self.gravity / self.matrix[0][0];
-        let unit = [1.0, STANDARD_GRAVITY_M_S2].into_iter().find(|unit| SAME_UNIT.contains(&(of_gravity / unit)));
         let allowed = "readings in g or m/s2: those of this triad are counts, which no recording of north-finder holds";
-        unit.ok_or_else(|| Problem::not_allowed(format!("{of_gravity:.1} of gravity"), allowed))
+        unit_of(of_gravity).ok_or_else(|| Problem::not_allowed(format!("{of_gravity:.1} of gravity"), allowed))
     }
 
     /// For readings in g, and forces in units of the local gravity: what a board has.
@@ -418,6 +445,22 @@ mod tests {
         assert!((mixed.bias_g[0] - 0.01).abs() < 1e-12 && (mixed.matrix[0] - 1.0).abs() < 1e-12);
         let refusal = accelerometer(9.81, [33_000.0; 3], 0.0024).on_board().unwrap_err().to_string();
         assert!(refusal.contains("counts"), "{refusal}");
+    }
+
+    #[test]
+    fn a_gravity_in_another_unit_is_doubted_with_the_commands_that_refuse_it() {
+        let doubt = |gravity, scale| accelerometer(gravity, [0.0; 3], scale).doubt();
+        assert_eq!((doubt(9.81, 1.0), doubt(1.0, 1.0), doubt(9.81, 0.0024)), (None, None, None));
+        // Readings in g, forces in units of a fifth of it; readings in mg.
+        assert_eq!(
+            doubt(5.0, 5.0).unwrap(),
+            "gravity 5 is neither in g nor in m/s2: `align` and `track` refuse this model"
+        );
+        assert!(doubt(1000.0, 1.0).unwrap().contains("`solve`, `align`, `track` and a board refuse"));
+        let file = written(Triads { accelerometer: Some(accelerometer(5.0, [0.0; 3], 5.0)), gyro_triad: None });
+        let refusal = file.correct_block(&mut BlockRecording { rows: Vec::new(), step_s: 0.1 }).unwrap_err();
+        assert!(refusal.to_string().contains("\"[accelerometer] gravity = 5\" is not allowed"), "{refusal}");
+        file.apply(&mut Settings::default()).unwrap();
     }
 
     #[test]

@@ -236,6 +236,22 @@ pub fn check<'a>(paths: impl IntoIterator<Item = Option<&'a Path>>) -> Result<()
     Ok(())
 }
 
+/// The same of a command that reads these files: none of them gives way to a result, not even with `--force`.
+///
+/// Errors: a result that is one of the files read; as [`check`].
+pub fn check_beside<'a>(
+    read: impl IntoIterator<Item = &'a Path>,
+    paths: impl IntoIterator<Item = Option<&'a Path>>,
+) -> Result<(), FileError> {
+    let read: Vec<PathBuf> = read.into_iter().map(resolved).collect();
+    let paths: Vec<&Path> = paths.into_iter().flatten().collect();
+    if let Some(path) = paths.iter().find(|path| read.contains(&resolved(path))) {
+        let problem = "this file is read by the same command: give the result another name";
+        return Err(FileError::whole(path, Problem::Syntax(problem.into())));
+    }
+    check(paths.into_iter().map(Some))
+}
+
 /// The one path of a file, whatever it is called by; of one that is not there, its name in its folder's.
 fn resolved(path: &Path) -> PathBuf {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -384,6 +400,21 @@ mod tests {
         #[cfg(unix)]
         check([Some(Path::new("/dev/null")), Some(Path::new("/dev/null"))]).unwrap();
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn a_result_is_not_written_over_a_file_that_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let (read, new) = (folder.path().join("a.csv"), folder.path().join("b.csv"));
+        std::fs::write(&read, "measured").unwrap();
+        check_beside([read.as_path()], [None, Some(new.as_path())]).unwrap();
+        let other_name = folder.path().join(".").join("a.csv");
+        for result in [&read, &other_name] {
+            let error =
+                check_beside([read.as_path()], [Some(new.as_path()), Some(result.as_path())]).unwrap_err().to_string();
+            assert!(error.contains("a.csv: this file is read by the same command"), "{error}");
+        }
+        assert!(check_beside([read.as_path()], [Some(new.as_path()); 2]).is_err());
     }
 
     /// /proc is a folder that takes no file, whoever asks.

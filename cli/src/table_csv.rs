@@ -52,9 +52,9 @@ impl TableCsv {
         }
     }
 
-    /// Place of a column that has to be there.
+    /// Place of a column that has to be there, once.
     pub fn column(&self, name: &'static str) -> Result<usize, FileError> {
-        self.find(name).ok_or_else(|| {
+        self.find_one(name)?.ok_or_else(|| {
             let found = self.header.join(", ");
             FileError::new(&self.path, Place::Line(1), Problem::MissingColumn { name, found })
         })

@@ -120,6 +120,15 @@ fn a_source_of_which_most_is_rejected_is_a_warning() {
 }
 
 #[test]
+fn a_source_of_another_time_is_a_warning() {
+    let ship = Ship::still(20);
+    let headings = ship.write("heading.csv", "t_s,heading_deg\n1007,90\n1008,90\n");
+    let (code, stdout, stderr) = ship.call(&["--aid", &headings]);
+    let said = "north: warning: no reading of heading lies within the tracked part of the recording, 5.0 to 20.0 s";
+    assert!(code == 0 && stderr.contains(said) && !stdout.contains("do not hold"), "{stdout} {stderr}");
+}
+
+#[test]
 fn readings_are_taken_and_the_page_shows_them() {
     let ship = Ship::still(120);
     let (satellites, headings) = (ship.satellites(120, |_| None), ship.headings(120));
@@ -256,6 +265,10 @@ fn bad_input_is_refused_with_file_line_field_and_value() {
     );
     bad("sigma.csv", "t_s,heading_deg,sigma_heading_deg\n7,90,0\n", &["line 2, column 3 (sigma_heading_deg)", "\"0\""]);
     bad("ragged.csv", "t_s,depth_m\n7\n", &["line 2", "1 fields"]);
+    bad("twice.csv", "t_s,depth_m,depth_m\n7,1,2\n", &["line 1, column 3 (depth_m)", "twice", "column 2"]);
+    bad("sigmas.csv", "t_s,depth_m,sigma_depth_m,sigma_depth_m\n", &["line 1, column 4 (sigma_depth_m)", "twice"]);
+    bad("no-rows.csv", "t_s,depth_m\n", &["no line of it holds a reading"]);
+    bad("no-readings.csv", "t_s,depth_m\n7,\n8,\n", &["no line of it holds a reading"]);
     bad("other.csv", "t_s,speed\n7,1\n", &["speed", "columns of a reading"]);
     bad("time.csv", "depth_m\n1\n", &["`t_s` is missing"]);
     bad("void.csv", "", &["empty"]);

@@ -81,6 +81,59 @@ fn a_gap_separates_the_windows_of_an_alignment() {
 }
 
 #[test]
+fn what_a_gap_leaves_of_an_alignment_is_said() {
+    let (_folder, path) = recording(&[rows(1..=300, STILL), rows(340..=940, STILL)]);
+    let found = json(&["align", &path, "--latitude", "60"]);
+    let number = |value: &Value| value.as_f64().unwrap();
+    let told = [&found["used_s"][0], &found["used_s"][1], &found["recording_s"]].map(number);
+    let expected = [34.0, 94.0, 94.0];
+    assert!(told.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6) && found["gaps"] == 1, "{found}");
+    let (_, stdout, _) = north(&["align", &path, "--latitude", "60"]);
+    let said = "1 gap; heading and levels are of the longest part without one, 34.0 to 94.0 s of 94.0 s\n";
+    assert!(stdout.contains(said), "{stdout}");
+}
+
+#[test]
+fn a_gap_that_shortens_the_alignment_of_a_track_is_said() {
+    let parts = [rows(1..=50, STILL), rows(56..=600, STILL)];
+    let (value, _) = tracked(&parts, &[]);
+    assert!((value["aligned_s"].as_f64().unwrap() - 5.0).abs() < 1e-6, "{value}");
+    assert_eq!(value["warnings"][0], "aligned over 5.0 s, not 10 s: no rows for 0.500 s before t_s = 5.6");
+    let (folder, path) = recording(&parts);
+    let out = folder.path().join("track.csv").display().to_string();
+    let call = ["track", &path, "--latitude", "60", "--align", "30", "--class", "ring-laser", "--out", &out];
+    let said = "a gap before t_s = 5.6 ends the alignment after 5.0 s; cut the recording there";
+    refused(&call, &["block.csv", "too short", said]);
+    let (value, _) = tracked(&[rows(1..=600, STILL)], &[]);
+    assert!((value["aligned_s"].as_f64().unwrap() - 10.0).abs() < 1e-6, "{value}");
+    assert_eq!(value["warnings"].as_array().unwrap().len(), 0);
+}
+
+#[test]
+fn a_track_to_compare_with_has_rows_in_the_order_of_time_and_of_the_same_time() {
+    let (folder, path) = recording(&[rows(1..=300, STILL)]);
+    let file = |name: &str| folder.path().join(name).display().to_string();
+    let (out, other) = (file("track.csv"), file("other.csv"));
+    let call = [&track(&path, &out)[..], &["--reference-track", &other]].concat();
+    for (text, said) in [
+        ("t_s,heading_deg\n", "no data rows"),
+        ("t_s,heading_deg\n7,90\n6,90\n", ", line 3, column 1 (t_s): time 6 is not later"),
+        ("t_s,heading_deg,heading_deg\n7,90,91\n", ", line 1, column 3 (heading_deg)"),
+    ] {
+        fs::write(&other, text).unwrap();
+        refused(&call, &["other.csv", said]);
+    }
+    fs::write(&other, "t_s,heading_deg\n1000,90\n1001,90\n").unwrap();
+    let (code, _, stderr) = north(&call);
+    let said = format!("no row of the track lies within the times of {other}, 1000.0 to 1001.0 s; the track: ");
+    assert!(code == 0 && stderr.contains(&said), "{stderr}");
+    fs::remove_file(&out).unwrap();
+    fs::write(&other, "t_s,heading_deg\n0,90\n30,90\n").unwrap();
+    let (code, _, stderr) = north(&call);
+    assert_eq!((code, stderr.as_str()), (0, ""));
+}
+
+#[test]
 fn what_cannot_be_aligned_is_refused_with_its_reason() {
     let (_folder, path) = recording(&[rows(1..=600, STILL)]);
     refused(&["align", &path, "--latitude", "89.5"], &["block.csv", "pole"]);
@@ -124,6 +177,10 @@ fn bad_files_are_refused_with_file_line_column_and_value() {
         let other = folder.path().join("columns.csv").display().to_string();
         fs::write(&other, "t_s,gx_arcsec,gy_arcsec\n0.1,0,0\n").unwrap();
         call(&other, &["columns.csv, line 1", "`gz_arcsec` is missing"]);
+        for (twice, place) in [("gx_arcsec", "column 8 (gx_arcsec)"), ("turn_deg,turn_deg", "column 9 (turn_deg)")] {
+            fs::write(&other, format!("{HEAD},{twice}\n")).unwrap();
+            call(&other, &["columns.csv, line 1", place, "appears twice"]);
+        }
         call("nowhere.csv", &["nowhere.csv"]);
     }
 }
@@ -199,6 +256,16 @@ fn a_shock_is_followed_and_no_outlier() {
     let turned_deg = shocked["heading_deg"].as_f64().unwrap() - calm["heading_deg"].as_f64().unwrap();
     let sigma_deg = shocked["sigma_heading_deg"].as_f64().unwrap();
     assert!((turned_deg + 1000.0 / 3600.0).abs() < 2.0 * sigma_deg && sigma_deg < 1.0, "{turned_deg} {shocked}");
+}
+
+#[test]
+fn a_result_never_takes_the_place_of_the_recording() {
+    let (_folder, path) = recording(&[rows(1..=600, STILL)]);
+    let before = fs::read_to_string(&path).unwrap();
+    let said = ["block.csv: this file is read by the same command"];
+    refused(&["align", &path, "--latitude", "60", "--report", &path, "--force"], &said);
+    refused(&[&track(&path, &path)[..], &["--force"]].concat(), &said);
+    assert_eq!(fs::read_to_string(&path).unwrap(), before);
 }
 
 #[test]

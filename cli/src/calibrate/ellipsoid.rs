@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use calibration::ellipsoid::{self, Calibration, Correction, Entry, Misalignments, Refusal, Role, nominal, norm_rms};
+use calibration::ellipsoid::{
+    self, Calibration, Correction, Entry, Misalignments, Refusal, Role, Weights, nominal, norm_rms,
+};
 use serde::Serialize;
 
 use super::attitudes::{self, AttitudesError, Dwell, Rejected};
@@ -36,15 +38,36 @@ pub struct Record {
     pub bias: [f64; 3],
     pub matrix: [[f64; 3]; 3],
     pub sigma_bias: [f64; 3],
+    pub sigma_matrix: [[f64; 3]; 3],
+    /// Readings per unit of specific force.
+    pub scale: [f64; 3],
+    /// Between the axes x and y, x and z, y and z.
+    pub angles_deg: [f64; 3],
+    /// Of the ellipsoid, readings, from the greatest to the least.
+    pub half_axes: [f64; 3],
     /// Attitudes that entered: learned from or judged.
     pub attitudes: usize,
+    pub learned_from: usize,
+    pub judged: usize,
     pub coverage: f64,
     /// Norm of specific force at rest, in the unit of the corrected readings.
     pub gravity: f64,
     pub norm_rms_before: f64,
     pub norm_rms_after: f64,
     pub check_norm_rms_after: Option<f64>,
+    /// Of the norm, beyond the noise of the readings; `None` where that explains what is left.
+    pub excess_rms: Option<f64>,
+    /// Where another calibration was to be judged.
+    pub compared: Option<Compared>,
     pub rejected: Vec<Rejected>,
+}
+
+/// Root mean square of |f| − G by another calibration, in the unit of G; `None` without attitudes.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Compared {
+    /// Over the attitudes that this calibration learned from, and over those that it only judged.
+    pub learned_from_rms: Option<f64>,
+    pub judged_rms: Option<f64>,
 }
 
 /// Reads and solves a recording; `gravity` is the norm of specific force at rest, in the unit that is wanted; `prior` are
@@ -85,19 +108,47 @@ fn fit(entries: &mut Vec<Entry>, gravity: f64, prior: Option<&Misalignments>) ->
 
 impl Outcome {
     /// The machine-readable result.
-    pub fn record(&self, gravity: f64) -> Record {
+    pub fn record(&self, gravity: f64, compared: Option<Compared>) -> Record {
+        let Calibration {
+            correction,
+            sigma_bias,
+            sigma_matrix,
+            half_axes,
+            coverage,
+            weights,
+            norm_rms,
+            check_norm_rms,
+        } = self.calibration;
+        let (learned_from, judged) = (self.count(Role::Fit), self.count(Role::Check));
         Record {
-            bias: self.calibration.correction.bias,
-            matrix: self.calibration.correction.matrix,
-            sigma_bias: self.calibration.sigma_bias,
-            attitudes: self.count(Role::Fit) + self.count(Role::Check),
-            coverage: self.calibration.coverage,
+            bias: correction.bias,
+            matrix: correction.matrix,
+            sigma_bias,
+            sigma_matrix,
+            scale: correction.scale_factors(),
+            angles_deg: correction.angles_deg(),
+            half_axes,
+            attitudes: learned_from + judged,
+            learned_from,
+            judged,
+            coverage,
             gravity,
             norm_rms_before: self.norm_rms_before,
-            norm_rms_after: self.calibration.norm_rms,
-            check_norm_rms_after: self.calibration.check_norm_rms,
+            norm_rms_after: norm_rms,
+            check_norm_rms_after: check_norm_rms,
+            excess_rms: match weights {
+                Weights::Noise => None,
+                Weights::Excess(rms) => Some(rms * gravity),
+            },
+            compared,
             rejected: self.rejected.clone(),
         }
+    }
+
+    /// How the correction of another calibration, to its own gravity, fits the attitudes of this one.
+    pub fn compared(&self, other: &Correction, of_other: f64, gravity: f64) -> Compared {
+        let rms = |role| norm_rms(self.means(role), other, of_other).map(|rms| rms * gravity / of_other);
+        Compared { learned_from_rms: rms(Role::Fit), judged_rms: rms(Role::Check) }
     }
 
     /// Attitudes with a role.

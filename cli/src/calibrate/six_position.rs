@@ -1,6 +1,6 @@
 //! A gyro triad in known positions: from recordings to the twelve parameters.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use calibration::six_position::dwell::Dwell;
 use calibration::six_position::published::{self, Published};
@@ -64,6 +64,14 @@ pub struct Record {
     pub published_matrix: Option<[[f64; 3]; 3]>,
     pub closure_rms_deg_h: Option<f64>,
     pub closure_p_value: Option<f64>,
+}
+
+/// The files of a folder (or manifest) that [`calibrate`] reads: the manifest and the recordings in it.
+///
+/// Errors: those of the manifest.
+pub fn files(path: &Path) -> Result<Vec<PathBuf>, FileError> {
+    let Manifest { path, positions, .. } = Manifest::read(path)?;
+    Ok(std::iter::once(path).chain(positions.into_iter().map(|listed| listed.path)).collect())
 }
 
 /// Reads the folder (or manifest) and solves it.

@@ -116,6 +116,18 @@ impl Campaign {
         }
     }
 
+    /// The file that describes the campaign that a path names; the path itself where it is that of a bare run.
+    pub fn manifest_of(path: &Path) -> PathBuf {
+        toml_file::locate(path, MANIFEST).1
+    }
+
+    /// The files that it names: those of its runs, and the instrument's settings.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let settings = self.instrument.iter().filter_map(|instrument| instrument.settings.as_ref());
+        let settings = settings.map(|file| self.folder.join(file));
+        self.runs.iter().map(|run| self.path_of(run)).chain(settings).collect()
+    }
+
     /// The path of a run's file.
     pub fn path_of(&self, run: &Run) -> PathBuf {
         self.folder.join(&run.file)

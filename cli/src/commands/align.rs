@@ -8,7 +8,7 @@ use inertial::{AlignError, Aligned, Alignment, NoiseOfRate};
 use north_finder::earth::earth_rate;
 
 use super::number;
-use crate::block_csv::{BlockRecording, GAP_STEPS};
+use crate::block_csv::{BlockRecording, BlockRow, GAP_STEPS};
 use crate::block_gate::{self, Gated};
 use crate::failure::Failure;
 use crate::file_error::FileError;
@@ -71,7 +71,8 @@ struct Gathered {
 
 impl Align {
     pub fn run(self) -> Result<(), Failure> {
-        crate::output::check([self.report.as_deref(), self.json.path()])?;
+        let read = std::iter::once(self.recording.as_path()).chain(self.model.as_deref());
+        crate::output::check_beside(read, [self.report.as_deref(), self.json.path()])?;
         let mut recording = ModelFile::read_block(&self.recording, self.model.as_deref())?;
         let gated = block_gate::gate(&mut recording, &self.recording)?;
         let whole = longest(gather(&recording, f64::INFINITY));
@@ -82,6 +83,8 @@ impl Align {
         let noise = self.noise(&whole, &windows);
         let mut report = self.whole(&whole, &noise)?;
         report.outliers = gated;
+        report.gaps = recording.rows.iter().filter(|row| is_after_gap(&recording, row)).count();
+        report.recording_s = recording.rows.iter().map(|row| row.interval_s).sum();
         let all = if windows.is_empty() { std::slice::from_ref(&whole) } else { &windows };
         for window in all {
             report.windows.extend(self.methods().map(|method| {
@@ -138,6 +141,9 @@ impl Align {
             unseen_drift_heading_deg: earth_rate(aligned.latitude_deg)
                 .map_or(180.0, |earth| (aligned.base.unseen_drift_deg_h / earth.north_deg_h).atan().to_degrees()),
             outliers: Gated::default(),
+            gaps: 0,
+            used_s: [whole.start_s, whole.start_s + whole.alignment.seconds()],
+            recording_s: whole.alignment.seconds(),
             windows: Vec::new(),
         })
     }
@@ -163,6 +169,9 @@ impl Align {
             report.unseen_drift_heading_deg,
             report.outliers,
         )?;
+        if let Some(said) = report.said_of_gaps() {
+            writeln!(out, "{said}")?;
+        }
         writeln!(out, "\n| start, s | seconds | method | heading, ° | sigma, ° |\n|---|---|---|---|---|")?;
         for window in &report.windows {
             let Window { start_s, seconds, method, heading_deg, sigma_heading_deg, reason } = window;
@@ -239,11 +248,16 @@ impl Window {
     }
 }
 
+/// Rows are missing before this one.
+fn is_after_gap(recording: &BlockRecording, row: &BlockRow) -> bool {
+    row.interval_s > GAP_STEPS * recording.step_s
+}
+
 /// Windows of `seconds` one after the other; a gap ends one.
 fn gather(recording: &BlockRecording, seconds: f64) -> Vec<Gathered> {
     let mut windows: Vec<Gathered> = Vec::new();
     for row in &recording.rows {
-        let gap = row.interval_s > GAP_STEPS * recording.step_s;
+        let gap = is_after_gap(recording, row);
         let full = |window: &Gathered| window.alignment.seconds() > seconds - 0.5 * recording.step_s;
         if gap || windows.last().is_none_or(full) {
             let start_s = row.t_s - if gap { 0.0 } else { row.interval_s };

@@ -48,7 +48,8 @@ struct Result {
 
 impl Characterise {
     pub fn run(self) -> std::result::Result<(), Failure> {
-        output::check([self.settings_out.as_deref(), self.report.path(), self.json.path()])?;
+        let results = [self.settings_out.as_deref(), self.report.path(), self.json.path()];
+        output::check_beside([self.recording.as_path()], results)?;
         let character = Character::of(&characterise::read(&self.recording)?);
         let settings = character.suggested();
         let recording = self.recording.clone();

@@ -9,6 +9,7 @@ use super::fleet::family;
 use crate::campaign::Campaign;
 use crate::diagnose::{Options, diagnose, write};
 use crate::failure::Failure;
+use crate::file_error::FileError;
 use crate::model_file::ModelFile;
 use crate::output::JsonOption;
 use crate::progress;
@@ -47,10 +48,17 @@ pub struct Diagnose {
 }
 
 impl Diagnose {
-    pub fn run(self) -> Result<(), Failure> {
+    /// Whether the results can be written, over none of the files that are read.
+    fn check_results(&self, campaign: &Campaign) -> Result<(), FileError> {
         let results = [self.model_out.as_deref(), self.report.path(), self.json.path()];
-        crate::output::check(results)?;
+        let named = [&self.model, &self.settings, &self.fleet].into_iter().cloned().flatten();
+        let read: Vec<PathBuf> = named.chain([Campaign::manifest_of(&self.campaign)]).chain(campaign.files()).collect();
+        crate::output::check_beside(read.iter().map(PathBuf::as_path), results)
+    }
+
+    pub fn run(self) -> Result<(), Failure> {
         let campaign = Campaign::read(&self.campaign)?;
+        self.check_results(&campaign)?;
         campaign.check_copies()?;
         let mut settings = campaign_settings(&campaign, self.settings.as_deref())?;
         if let Some(path) = &self.model {

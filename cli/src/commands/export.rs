@@ -7,7 +7,7 @@ use clap::Args;
 
 use crate::campaign::{Campaign, write_parquet};
 use crate::failure::Failure;
-use crate::output::people;
+use crate::output::{self, people};
 
 /// Write a campaign as one Parquet table: a row for every row of every run
 ///
@@ -29,6 +29,8 @@ pub struct Export {
 impl Export {
     pub fn run(self) -> Result<(), Failure> {
         let campaign = Campaign::read(&self.campaign)?;
+        let read: Vec<PathBuf> = campaign.files().into_iter().chain([Campaign::manifest_of(&self.campaign)]).collect();
+        output::check_beside(read.iter().map(PathBuf::as_path), [Some(self.out.as_path())])?;
         let rows = write_parquet(&campaign, &self.out)?;
         Ok(writeln!(people(), "{}: {rows} rows of {} runs", self.out.display(), campaign.runs.len())?)
     }

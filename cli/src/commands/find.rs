@@ -70,7 +70,8 @@ impl Find {
         if let Some(folder) = &self.record {
             CampaignWriter::check_free(folder)?;
         }
-        crate::output::check([self.report.path(), self.certificate.as_deref(), self.json.path()])?;
+        let results = [self.report.path(), self.certificate.as_deref(), self.json.path()];
+        crate::output::check_beside(self.instrument.files(), results)?;
         let engine = if self.host { Engine::Host } else { Engine::Qemu };
         let mut out = self.json.human();
         writeln!(

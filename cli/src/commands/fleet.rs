@@ -133,7 +133,7 @@ impl Learn {
 
 impl Show {
     fn run(self) -> Result<(), Failure> {
-        crate::output::check([self.report.as_deref(), self.json.path()])?;
+        crate::output::check_beside([self.fleet.as_path()], [self.report.as_deref(), self.json.path()])?;
         let fleet = Fleet::read(&self.fleet)?;
         report::write(&mut self.json.human(), &fleet)?;
         if let Some(path) = &self.report {
@@ -158,7 +158,7 @@ struct Summary {
 
 impl DiagnoseAll {
     fn run(self) -> Result<(), Failure> {
-        crate::output::check([self.table.as_deref(), self.json.path()])?;
+        crate::output::check_beside(self.fleet.as_deref(), [self.table.as_deref(), self.json.path()])?;
         let family = family(self.fleet.as_deref())?;
         let jobs = fleet::jobs(&sources(&self.campaigns)?, &self.results, self.fleet.as_deref())?;
         let (bar, threads) = (progress::bar(jobs.len() as u64, "campaigns"), self.threads.count());

@@ -60,7 +60,7 @@ impl Import {
             let proposal = import::guess(&self.recording, self.latitude)?;
             return Ok(std::io::stdout().write_all(proposal.as_bytes())?);
         };
-        output::check([self.block.as_deref(), self.json.path()])?;
+        output::check_beside([self.recording.as_path(), map.as_path()], [self.block.as_deref(), self.json.path()])?;
         let map = Map::read(map)?;
         let bytes = fs::metadata(&self.recording).map_err(|error| FileError::whole(&self.recording, error))?.len();
         let bar = progress::bar(bytes, "bytes");

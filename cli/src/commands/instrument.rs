@@ -103,9 +103,19 @@ impl From<OrderName> for Order {
 }
 
 impl InstrumentOptions {
+    /// The file of the scenario, where it is not a built-in one.
+    fn scenario_file(&self) -> Option<&Path> {
+        self.scenario.ends_with(".toml").then(|| Path::new(&self.scenario))
+    }
+
+    /// The files that are read.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        self.scenario_file().into_iter().chain(self.settings.as_deref()).chain(self.model.as_deref())
+    }
+
     /// The scenario with what the options change in it, and the settings for it.
     pub fn resolve(&self) -> Result<(Scenario, Settings), Failure> {
-        let file = self.scenario.ends_with(".toml").then(|| Path::new(&self.scenario));
+        let file = self.scenario_file();
         let mut scenario = match file {
             Some(path) => Scenario::load(path)?,
             None => Scenario::named(&self.scenario)?,

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use super::number;
 use crate::campaign::{Campaign, Run, RunReader};
 use crate::failure::Failure;
+use crate::file_error::FileError;
 use crate::interrupt;
 use crate::json::{Run as RunRecord, Solved};
 use crate::model_file::ModelFile;
@@ -66,9 +67,8 @@ struct Solvable<'a> {
 
 impl Solve {
     pub fn run(self) -> Result<(), Failure> {
-        let results = [self.log.as_deref(), self.report.path(), self.certificate.as_deref(), self.json.path()];
-        output::check(results)?;
         let campaign = self.campaign()?;
+        self.check_results(&campaign)?;
         if self.certificate.is_some() && campaign.runs.len() != 1 {
             let why =
                 format!("--certificate is of a single run, and {} has {}", self.path.display(), campaign.runs.len());
@@ -110,6 +110,14 @@ impl Solve {
         self.draw(&campaign, &runs)?;
         self.json.write(&Solved { runs: runs.iter().map(|each| each.record(&self.directions)).collect() })?;
         refuse(&runs)
+    }
+
+    /// Whether the results can be written, over none of the files that are read.
+    fn check_results(&self, campaign: &Campaign) -> Result<(), FileError> {
+        let results = [self.log.as_deref(), self.report.path(), self.certificate.as_deref(), self.json.path()];
+        let own = [Some(Campaign::manifest_of(&self.path)), self.model.clone(), self.settings.clone()];
+        let read: Vec<PathBuf> = own.into_iter().flatten().chain(campaign.files()).collect();
+        output::check_beside(read.iter().map(PathBuf::as_path), results)
     }
 
     /// The pages that were asked for.

@@ -1,7 +1,7 @@
 //! `north track`: orientation along a recording.
 
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use inertial::filter::Mode;
@@ -11,7 +11,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::number;
-use crate::block_csv::BlockRecording;
+use crate::block_csv::{BlockRecording, BlockRow};
 use crate::block_gate::{self, Gated};
 use crate::failure::Failure;
 use crate::file_error::FileError;
@@ -140,6 +140,8 @@ impl Class {
 pub(super) struct Summary {
     class: &'static str,
     seconds: usize,
+    /// Time at the start that was aligned, or levelled.
+    aligned_s: f64,
     gaps: u32,
     saturated: u32,
     outliers: Gated,
@@ -153,9 +155,24 @@ pub(super) struct Summary {
     /// Mean normalised squared innovation, and how many.
     nis: f64,
     nis_degrees_of_freedom: u32,
-    /// Why the sigmas do not hold; empty where nothing speaks against them.
+    /// Nothing speaks against the sigmas.
+    #[serde(skip)]
+    sigmas_hold: bool,
+    /// Why the sigmas do not hold, and what of the recording or of the files beside it was of no use.
     warnings: Vec<String>,
     #[serde(flatten)]
+    how: How,
+}
+
+/// A track, however it was made, with what is told of it.
+struct Tracked {
+    track: crate::track::Track,
+    gaps: u32,
+    saturated: u32,
+    /// Why the sigmas do not hold.
+    doubts: Vec<String>,
+    /// Sources whose times are not those of the recording.
+    elsewhere: Vec<String>,
     how: How,
 }
 
@@ -197,7 +214,7 @@ impl Summary {
             }
             How::Aided { sources, sigma_position_m, rms_position_error_m, .. } => {
                 let rms = rms_position_error_m.map_or_else(String::new, |rms| format!(", rms error {rms:.1} m"));
-                let doubted = if self.warnings.is_empty() { "" } else { " (the sigmas do not hold, see the warnings)" };
+                let doubted = if self.sigmas_hold { "" } else { " (the sigmas do not hold, see the warnings)" };
                 let sources: String = sources.iter().map(said_of_source).collect();
                 format!("; position ± {sigma_position_m:.1} m{doubted}{rms}{sources}")
             }
@@ -241,9 +258,38 @@ fn said_of_source(source: &SourceSummary) -> String {
 impl Track {
     pub fn run(mut self) -> Result<(), Failure> {
         let results = [Some(self.out.as_path()), self.report.path(), self.json.path()];
-        crate::output::check(results)?;
+        output::check_beside(self.files_read(), results)?;
         let mut recording = ModelFile::read_block(&self.recording, self.model.as_deref())?;
         let outliers = block_gate::gate(&mut recording, &self.recording)?;
+        let aiding = self.aiding()?;
+        self.mode.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let reference = match &self.reference_track {
+            Some(path) => Reference::read(path)?,
+            None => Reference::fixed(self.reference),
+        };
+        let heading = self.heading.map(|heading_deg| (heading_deg, self.heading_sigma));
+        let start = start::start(&recording, &self.class.block(), self.latitude, self.align, heading)
+            .map_err(|reason| self.refused(&reason))?;
+        let tracked = self.tracked(&recording, &aiding, &start, &reference)?;
+        self.write_track(&tracked.track)?;
+        let doubt = self.doubt_of_reference(&reference, &tracked.track);
+        let warnings = start.doubt(self.align).into_iter().chain(doubt).collect();
+        let (summary, track) = self.summary(tracked, outliers, &start, warnings);
+        for warning in &summary.warnings {
+            output::warn(warning);
+        }
+        let said = summary.said();
+        writeln!(self.json.human(), "{said}")?;
+        self.report.write(|| report::track::html(&self.recording, &said, &track))?;
+        self.json.write(&summary)
+    }
+
+    fn refused(&self, reason: &str) -> Failure {
+        Failure::Refused(format!("{}: {reason}", self.recording.display()))
+    }
+
+    /// The readings that aid.
+    fn aiding(&self) -> Result<Aiding, Failure> {
         let aiding = Aiding::read(&self.recording, &self.aid)?;
         for unknown in &aiding.unknown {
             eprintln!("north: note: columns that are no readings: {unknown}");
@@ -253,33 +299,62 @@ impl Track {
                 "--installation and --mode need aiding: --aid, or columns of the recording".into(),
             ));
         }
-        self.mode.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let reference = match &self.reference_track {
-            Some(path) => Reference::read(path)?,
-            None => Reference::fixed(self.reference),
-        };
-        let class = self.class.block();
-        let refused = |reason: String| Failure::Refused(format!("{}: {reason}", self.recording.display()));
-        let heading = self.heading.map(|heading_deg| (heading_deg, self.heading_sigma));
-        let start = start::start(&recording, &class, self.latitude, self.align, heading).map_err(refused)?;
-        let (track, gaps, saturated, warnings, how) = if aiding.is_empty() {
-            let (track, counters) =
-                held::run(&recording, &class, self.latitude, &start, &reference).map_err(refused)?;
+        Ok(aiding)
+    }
+
+    /// Held where nothing aids.
+    fn tracked(
+        &self,
+        recording: &BlockRecording,
+        aiding: &Aiding,
+        start: &Start,
+        reference: &Reference,
+    ) -> Result<Tracked, Failure> {
+        if aiding.is_empty() {
+            let (track, counters) = held::run(recording, &self.class.block(), self.latitude, start, reference)
+                .map_err(|reason| self.refused(&reason))?;
             let how = how_held(&track, counters.invalid);
-            (track, counters.gaps, counters.saturated, Vec::new(), how)
-        } else {
-            let Aided { track, sources, rejections, gaps, saturated } =
-                self.aided(&recording, &aiding, &start, &reference)?;
-            let warnings = doubt::warnings(&aiding, &sources);
-            let how = how_aided(&track, sources, rejections);
-            (track, gaps, saturated, warnings, how)
-        };
-        self.write_track(&track)?;
+            let (gaps, saturated) = (counters.gaps, counters.saturated);
+            return Ok(Tracked { track, gaps, saturated, doubts: Vec::new(), elsewhere: Vec::new(), how });
+        }
+        let Aided { track, sources, rejections, gaps, saturated } = self.aided(recording, aiding, start, reference)?;
+        let time_s = |row: Option<&BlockRow>| row.map_or(0.0, |row| row.t_s);
+        let first = start.rows.checked_sub(1).and_then(|last| recording.rows.get(last));
+        let elsewhere = doubt::elsewhere(&sources, [time_s(first), time_s(recording.rows.last())]);
+        let doubts = doubt::warnings(aiding, &sources);
+        let how = how_aided(&track, sources, rejections);
+        Ok(Tracked { track, gaps, saturated, doubts, elsewhere, how })
+    }
+
+    /// That no row of the track could be compared with the track that was given for it, in a sentence.
+    fn doubt_of_reference(&self, reference: &Reference, track: &crate::track::Track) -> Option<String> {
+        let (path, [from_s, to_s]) = (self.reference_track.as_ref()?, reference.span_s()?);
+        let (first, last) = (track.rows.first()?, track.rows.last()?);
+        track.errors().is_none().then(|| {
+            format!(
+                "no row of the track lies within the times of {}, {from_s:.1} to {to_s:.1} s; the track: {:.1} to {:.1} s",
+                path.display(),
+                first.t_s,
+                last.t_s
+            )
+        })
+    }
+
+    /// With the track that it is of; `warnings` are those that do not come from the track itself.
+    fn summary(
+        &self,
+        tracked: Tracked,
+        outliers: Gated,
+        start: &Start,
+        warnings: Vec<String>,
+    ) -> (Summary, crate::track::Track) {
+        let Tracked { track, gaps, saturated, doubts, elsewhere, how } = tracked;
         let last = track.rows.last();
         let (errors, (nis, nis_degrees_of_freedom)) = (track.errors(), track.nis());
         let summary = Summary {
-            class: class.name,
+            class: self.class.block().name,
             seconds: track.rows.len(),
+            aligned_s: start.aligned_s,
             gaps,
             saturated,
             outliers,
@@ -289,16 +364,18 @@ impl Track {
             within_two_sigma: errors.map(|(_, within)| within),
             nis,
             nis_degrees_of_freedom,
-            warnings,
+            sigmas_hold: doubts.is_empty(),
+            warnings: doubts.into_iter().chain(elsewhere).chain(warnings).collect(),
             how,
         };
-        for warning in &summary.warnings {
-            output::warn(warning);
-        }
-        let said = summary.said();
-        writeln!(self.json.human(), "{said}")?;
-        self.report.write(|| report::track::html(&self.recording, &said, &track))?;
-        self.json.write(&summary)
+        (summary, track)
+    }
+
+    /// The files that are read.
+    fn files_read(&self) -> impl Iterator<Item = &Path> {
+        let named = [&self.model, &self.installation, &self.reference_track];
+        let named = named.into_iter().filter_map(Option::as_deref);
+        std::iter::once(self.recording.as_path()).chain(named).chain(self.aid.iter().map(PathBuf::as_path))
     }
 
     fn aided(
@@ -317,8 +394,7 @@ impl Track {
             installation,
             modes: self.mode.clone(),
         };
-        aided::run(recording, aiding, start, &settings, reference)
-            .map_err(|reason| Failure::Refused(format!("{}: {reason}", self.recording.display())))
+        aided::run(recording, aiding, start, &settings, reference).map_err(|reason| self.refused(&reason))
     }
 
     fn write_track(&self, track: &crate::track::Track) -> Result<(), Failure> {

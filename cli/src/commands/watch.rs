@@ -88,7 +88,9 @@ struct Made<'a> {
 impl Watch {
     pub fn run(self) -> Result<(), Failure> {
         let results = [self.model_out.as_deref(), self.report.as_deref(), self.json.path()];
-        crate::output::check(results)?;
+        let manifest = self.runs.as_deref().map(Campaign::manifest_of);
+        let read = self.logs.iter().chain(&self.model).chain(&manifest).map(PathBuf::as_path);
+        output::check_beside(read, results)?;
         let (log, other_models) = Log::read(&self.logs)?.of_last_model();
         for warning in &log.warnings {
             output::warn(warning);

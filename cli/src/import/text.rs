@@ -269,7 +269,9 @@ impl Records for TextRecords {
 pub fn refuse_binary(path: &Path, head: &[u8]) -> Result<(), FileError> {
     let what = match head {
         [] => return Err(FileError::whole(path, Problem::Syntax("the file is empty".into()))),
-        head if is_utf16(head) => "UTF-16 text: convert it to UTF-8, for instance with iconv -f UTF-16 -t UTF-8",
+        head if crate::input::is_utf16(head) => {
+            "UTF-16 text: convert it to UTF-8, for instance with iconv -f UTF-16 -t UTF-8"
+        }
         head if head.starts_with(b"MATLAB 5.0 MAT-file") => {
             "a MATLAB file: write its columns as text there, writematrix(data, \"recording.csv\")"
         }
@@ -283,14 +285,6 @@ pub fn refuse_binary(path: &Path, head: &[u8]) -> Result<(), FileError> {
         _ => return Ok(()),
     };
     Err(FileError::whole(path, Problem::Syntax(format!("this is {what}"))))
-}
-
-/// It begins with a byte-order mark, or each other byte of its first characters is zero.
-fn is_utf16(head: &[u8]) -> bool {
-    const CHARACTERS: usize = 8;
-    let zeros = |first: usize| head.iter().skip(first).step_by(2).take(CHARACTERS).filter(|byte| **byte == 0).count();
-    let text = |zero: usize, other: usize| zeros(zero) == CHARACTERS && zeros(other) == 0;
-    head.starts_with(b"\xFF\xFE") || head.starts_with(b"\xFE\xFF") || text(0, 1) || text(1, 0)
 }
 
 /// A record of miniSEED 2 begins with a number of six digits, a mark of its quality and a blank, one of miniSEED 3 with MS and a 3.

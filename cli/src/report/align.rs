@@ -49,7 +49,27 @@ pub struct Report {
     /// Heading error that a drift of that size makes where it is not seen, degrees.
     pub unseen_drift_heading_deg: f64,
     pub outliers: Gated,
+    /// Gaps of the recording: heading and levels are of its longest part without one.
+    pub gaps: usize,
+    /// Begin and end of that part.
+    pub used_s: [f64; 2],
+    /// How long the recording lasts.
+    pub recording_s: f64,
     pub windows: Vec<Window>,
+}
+
+impl Report {
+    /// Which part of the recording heading and levels are of, in a sentence; `None` where it is the whole one.
+    pub fn said_of_gaps(&self) -> Option<String> {
+        let [from_s, to_s] = self.used_s;
+        let gaps = if self.gaps == 1 { "gap" } else { "gaps" };
+        (self.gaps > 0).then(|| {
+            format!(
+                "{} {gaps}; heading and levels are of the longest part without one, {from_s:.1} to {to_s:.1} s of {:.1} s",
+                self.gaps, self.recording_s
+            )
+        })
+    }
 }
 
 /// One method on one window.
@@ -96,7 +116,7 @@ pub fn html(file: &Path, report: &Report, reference_deg: Option<f64>) -> String 
     let body = format!(
         "<h1>{}</h1>\n<p>Heading {:.4}° ± {:.4}°, pitch {:.4}°, roll {:.4}° at the end, by {}; latitude {:.3}°, noise of the gyros \
          {:.5} °/√h, horizontal rate {:+.4} °/h against the Earth's. The base: jitter \
-         {:.3}″, random walk {:.3} ″/√s, drift {:.4} °/h, one sigma each; a drift of {:.4} °/h would not be seen, and turn the heading by {:.4}°; {}.</p>\n{figures}<h2>Windows</h2>\n{}",
+         {:.3}″, random walk {:.3} ″/√s, drift {:.4} °/h, one sigma each; a drift of {:.4} °/h would not be seen, and turn the heading by {:.4}°; {}{}.</p>\n{figures}<h2>Windows</h2>\n{}",
         escape(&title),
         report.heading_deg,
         report.sigma_heading_deg,
@@ -112,6 +132,7 @@ pub fn html(file: &Path, report: &Report, reference_deg: Option<f64>) -> String 
         report.unseen_drift_deg_h,
         report.unseen_drift_heading_deg,
         report.outliers,
+        report.said_of_gaps().map_or_else(String::new, |said| format!("; {said}")),
         table(&head, &rows)
     );
     page(&title, &body)

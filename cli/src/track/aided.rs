@@ -69,6 +69,9 @@ pub struct SourceSummary {
     pub ignored_by_mode: u32,
     /// Before the start, after the end, in a gap of the block, or the first after an interruption: no use.
     pub unused: u32,
+    /// Those of them that lie before the start or after the end.
+    #[serde(skip)]
+    pub outside: u32,
     pub nis: f64,
     pub nis_degrees_of_freedom: u32,
     pub lost: Vec<Loss>,
@@ -161,6 +164,7 @@ struct Watch {
     longest_in_a_row: u32,
     longest_from_s: Option<f64>,
     unused: u32,
+    outside: u32,
     seen: bool,
 }
 
@@ -246,12 +250,13 @@ impl<'a> Run<'a> {
             longest_in_a_row: 0,
             longest_from_s: None,
             unused: 0,
+            outside: 0,
             seen: false,
         });
         let (rejections, watches) = (Vec::new(), watches.into());
         let mut run =
             Self { aiding, settings, filter, next: 0, watches, rejections, before_rad_s: 0.0, gaps: 0, saturated: 0 };
-        run.skip_until(start_s + SAME_TIME_S);
+        run.skip_until(start_s + SAME_TIME_S, true);
         Ok(run)
     }
 
@@ -268,7 +273,7 @@ impl<'a> Run<'a> {
                 rows.push(self.row(row, reference));
             }
         }
-        self.skip_until(f64::INFINITY);
+        self.skip_until(f64::INFINITY, true);
         let sigma_deg = self.filter.heading().sigma_deg;
         let end_s = recording.rows.last().map_or(0.0, |row| row.t_s);
         let sources = self.watches.iter_mut().filter(|watch| watch.seen);
@@ -286,7 +291,7 @@ impl<'a> Run<'a> {
             let gap_s = row.interval_s - step_s;
             increment.velocity_m_s *= step_s / row.interval_s;
             dt_s = step_s;
-            self.skip_until(row.t_s - step_s);
+            self.skip_until(row.t_s - step_s, false);
             // It may have begun or ended to turn in the gap.
             let rate_rad_s = (increment.angle_rad.norm() / step_s).max(self.before_rad_s);
             self.filter
@@ -409,12 +414,13 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Readings up to then are of no use.
-    fn skip_until(&mut self, t_s: f64) {
+    /// Readings up to then are of no use: they lie before the start or after the end, or in a gap.
+    fn skip_until(&mut self, t_s: f64, outside: bool) {
         while let Some(reading) = self.aiding.readings.get(self.next).filter(|reading| reading.t_s <= t_s) {
             let source = self.measurement(reading).source();
             if let Some(watch) = self.watches.get_mut(source as usize) {
                 watch.unused += 1;
+                watch.outside += u32::from(outside);
                 watch.seen = true;
             }
             self.next += 1;
@@ -510,6 +516,7 @@ impl Watch {
             rejected_from_s: self.longest_from_s,
             ignored_by_mode: health.ignored,
             unused: self.unused,
+            outside: self.outside,
             nis: health.normalised_squared / f64::from(health.degrees_of_freedom.max(1)),
             nis_degrees_of_freedom: health.degrees_of_freedom,
             lost: self.lost.clone(),

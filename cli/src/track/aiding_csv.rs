@@ -131,8 +131,8 @@ struct Found {
 impl Aiding {
     /// Reads what aids in the recording's own columns, if anything does, and in these files.
     ///
-    /// Errors: a file that cannot be read; one without a reading's columns, or with some of those that belong together; a field
-    /// that is no number or not allowed; time that does not increase.
+    /// Errors: a file that cannot be read; one of `files` without a reading; one without a reading's columns, with some of those
+    /// that belong together, or with one of them twice; a field that is no number or not allowed; time that does not increase.
     pub fn read(recording: &Path, files: &[PathBuf]) -> Result<Self, FileError> {
         let mut aiding = Self::default();
         aiding.add(recording, true)?;
@@ -170,7 +170,7 @@ impl Aiding {
             let columns = group.columns.iter().map(|name| table.column(name)).collect::<Result<_, _>>()?;
             used.extend(group.columns);
             used.push(group.sigma);
-            Ok(Some(Found { group, columns, sigma: table.find(group.sigma) }))
+            Ok(Some(Found { group, columns, sigma: table.find_one(group.sigma)? }))
         };
         let singles: [(&'static Group, OfNumbers); 9] = [
             (&VELOCITY, |v| Some(Value::Velocity { east_north_up_m_s: three(v)?, interval_s: 0.0 })),
@@ -232,6 +232,9 @@ impl Aiding {
             if lines.iter().any(Option::is_some) {
                 put(Value::Phases(lines), sigma_m);
             }
+        }
+        if !recording && self.readings.len() == first {
+            return Err(table.whole(Problem::Syntax("no line of it holds a reading".into())));
         }
         intervals(&mut self.readings[first..]);
         Ok(())

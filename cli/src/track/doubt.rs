@@ -1,4 +1,5 @@
-//! What makes the sigmas of an aided track untrue: a source that the track contradicts, and velocities in another unit than the positions'.
+//! What makes the sigmas of an aided track untrue: a source that the track contradicts, and velocities in another unit than the positions'; and sources
+//! whose times are not those of the recording.
 
 use nalgebra::Vector2;
 use north_finder::earth::SEMI_MAJOR_M;
@@ -35,6 +36,22 @@ pub fn warnings(aiding: &Aiding, sources: &[SourceSummary]) -> Vec<String> {
             ))
         }))
         .collect()
+}
+
+/// Sources of which no reading was used because all of them lie before or after what is tracked; in sentences.
+pub fn elsewhere(sources: &[SourceSummary], [from_s, to_s]: [f64; 2]) -> Vec<String> {
+    let nothing = |source: &&SourceSummary| {
+        source.outside > 0
+            && source.outside == source.unused
+            && source.taken + source.rejected + source.ignored_by_mode == 0
+    };
+    let said = |source: &SourceSummary| {
+        format!(
+            "no reading of {} lies within the tracked part of the recording, {from_s:.1} to {to_s:.1} s: are its times those of the recording?",
+            source.source
+        )
+    };
+    sources.iter().filter(nothing).map(said).collect()
 }
 
 /// A source of which most was rejected.
@@ -134,6 +151,7 @@ mod tests {
             rejected_from_s: (rejected > 0).then_some(75.0),
             ignored_by_mode: 0,
             unused: 0,
+            outside: 0,
             nis: 1.0,
             nis_degrees_of_freedom: 42,
             lost: Vec::new(),
@@ -143,6 +161,30 @@ mod tests {
         assert!(
             said.starts_with("position: 2027 of 2041 readings were rejected, 2027 in a row from 75.0 s on"),
             "{said}"
+        );
+    }
+
+    #[test]
+    fn a_source_of_another_time_is_told() {
+        let source = |taken, ignored_by_mode, outside| SourceSummary {
+            source: "depth",
+            taken,
+            rejected: 0,
+            longest_rejected_in_a_row: 0,
+            rejected_from_s: None,
+            ignored_by_mode,
+            unused: 7,
+            outside,
+            nis: 0.0,
+            nis_degrees_of_freedom: 0,
+            lost: Vec::new(),
+        };
+        let used = [source(1, 0, 7), source(0, 1, 7), source(0, 0, 6)];
+        assert_eq!(elsewhere(&used, [5.0, 60.0]), [""; 0]);
+        let said = elsewhere(&[source(0, 0, 7)], [5.0, 60.0]);
+        assert!(
+            said.len() == 1 && said[0].contains("no reading of depth") && said[0].contains("5.0 to 60.0 s"),
+            "{said:?}"
         );
     }
 }

@@ -20,7 +20,7 @@ pub fn run(
     start: &Start,
     reference: &Reference,
 ) -> Result<(Track, HoldCounters), String> {
-    let Start { angles, sigma_heading_deg, sigma_level_deg, rows: used } = start;
+    let Start { angles, sigma_heading_deg, sigma_level_deg, rows: used, .. } = start;
     let limits = HoldLimits::default();
     let mut hold = Hold::new(class, limits, latitude_deg, angles, *sigma_heading_deg, *sigma_level_deg)
         .map_err(|error| error.to_string())?;

@@ -13,7 +13,7 @@ use inertial::{Angles, Motion};
 use north_finder::units::wrap_180_deg;
 
 use crate::block_csv::BlockRow;
-use crate::file_error::FileError;
+use crate::file_error::{FileError, Problem};
 use crate::table_csv::TableCsv;
 
 /// A second of the track.
@@ -96,14 +96,30 @@ impl Reference {
     }
 
     /// A file with `t_s` and `heading_deg`: another track, or what another instrument said.
+    ///
+    /// Errors: no such file, a column missing or twice, a field that is no number, time that does not increase, no rows.
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let mut table = TableCsv::open(path)?;
         let [time, heading] = [table.column("t_s")?, table.column("heading_deg")?];
-        let mut track = Vec::new();
+        let mut track: Vec<(f64, f64)> = Vec::new();
         while table.next_row()? {
-            track.push((table.number(time)?, table.number(heading)?));
+            let t_s = table.number(time)?;
+            if let Some(&(previous_s, _)) = track.last()
+                && t_s <= previous_s
+            {
+                return Err(table.error(time, Problem::TimeNotIncreasing { t_s, previous_s }));
+            }
+            track.push((t_s, table.number(heading)?));
+        }
+        if track.is_empty() {
+            return Err(table.whole(Problem::NoRows));
         }
         Ok(Self { heading_deg: None, track })
+    }
+
+    /// The first and the last time of the other track, if there is one.
+    pub fn span_s(&self) -> Option<[f64; 2]> {
+        Some([self.track.first()?.0, self.track.last()?.0])
     }
 
     /// Heading less what it is compared with: the row's own reference, the other track at that time, the fixed one.

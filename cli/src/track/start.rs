@@ -8,6 +8,13 @@ use north_finder::units::{DEG_PER_RAD, RAD_PER_DEG};
 
 use crate::block_csv::{BlockRecording, BlockRow, GAP_STEPS};
 
+/// Rows that are missing: for so many seconds before a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gap {
+    pub seconds: f64,
+    pub before_s: f64,
+}
+
 /// Orientation at the start, with its sigmas, and the number of rows that it was made of.
 #[derive(Clone, Copy, Debug)]
 pub struct Start {
@@ -15,6 +22,21 @@ pub struct Start {
     pub sigma_heading_deg: f64,
     pub sigma_level_deg: f64,
     pub rows: usize,
+    /// Time that these rows cover.
+    pub aligned_s: f64,
+    /// What ended them before the time that was asked for.
+    pub gap: Option<Gap>,
+}
+
+impl Start {
+    /// That a gap made the alignment shorter than it was to be, in a sentence.
+    pub fn doubt(&self, align_s: f64) -> Option<String> {
+        let Gap { seconds, before_s } = self.gap?;
+        let aligned_s = self.aligned_s;
+        Some(format!(
+            "aligned over {aligned_s:.1} s, not {align_s} s: no rows for {seconds:.3} s before t_s = {before_s}"
+        ))
+    }
 }
 
 /// Aligns the first `align_s`, or levels them where the heading at the recording's beginning is given with its sigma.
@@ -28,18 +50,11 @@ pub fn start(
     heading: Option<(f64, f64)>,
 ) -> Result<Start, String> {
     earth_rate(latitude_deg).map_err(|error| error.to_string())?;
-    let mut seconds = 0.0;
-    let gap = |row: &BlockRow| row.interval_s > GAP_STEPS * recording.step_s;
-    let first = recording.rows.iter().take_while(|row| {
-        let before = seconds;
-        seconds += row.interval_s;
-        before <= align_s - 0.5 * recording.step_s && !gap(row)
-    });
-    let rows: Vec<&BlockRow> = first.collect();
+    let (rows, gap) = first_rows(recording, align_s);
+    let aligned_s = rows.iter().map(|row| row.interval_s).sum::<f64>();
     if rows.len() == recording.rows.len() {
         return Err(format!(
-            "the recording lasts {:.1} s, and --align takes the first {align_s} s: nothing is left to track",
-            rows.iter().map(|row| row.interval_s).sum::<f64>()
+            "the recording lasts {aligned_s:.1} s, and --align takes the first {align_s} s: nothing is left to track"
         ));
     }
     let level_deg = class.accelerometer_m_s2 / 9.8 * DEG_PER_RAD;
@@ -52,15 +67,40 @@ pub fn start(
     if let Some((heading_deg, sigma_heading_deg)) = heading {
         let angles = levelled(&rows, latitude_deg, heading_deg)?;
         let sigma_heading_deg = sigma_heading_deg.hypot(carried_sigma_deg(&rows, class));
-        return Ok(Start { angles, sigma_heading_deg, sigma_level_deg: level_deg, rows: rows.len() });
+        let sigma_level_deg = level_deg;
+        return Ok(Start { angles, sigma_heading_deg, sigma_level_deg, rows: rows.len(), aligned_s, gap });
     }
-    let aligned = aligned.map_err(|error| format!("{error}; give --heading, or a longer --align"))?;
+    let aligned = aligned.map_err(|error| match gap {
+        Some(Gap { before_s, .. }) => format!(
+            "{error}; give --heading: a gap before t_s = {before_s} ends the alignment after {aligned_s:.1} s; cut the recording there"
+        ),
+        None => format!("{error}; give --heading, or a longer --align"),
+    })?;
     Ok(Start {
         angles: aligned.angles,
         sigma_heading_deg: aligned.sigma_heading_deg,
         sigma_level_deg: aligned.sigma_level_deg.max(level_deg),
         rows: rows.len(),
+        aligned_s,
+        gap,
     })
+}
+
+/// The rows of the first `align_s`, and the gap that ends them before.
+fn first_rows(recording: &BlockRecording, align_s: f64) -> (Vec<&BlockRow>, Option<Gap>) {
+    let (mut rows, mut seconds) = (Vec::new(), 0.0);
+    for row in &recording.rows {
+        if seconds > align_s - 0.5 * recording.step_s {
+            break;
+        }
+        if row.interval_s > GAP_STEPS * recording.step_s {
+            let gap = Gap { seconds: row.interval_s - recording.step_s, before_s: row.t_s };
+            return (rows, Some(gap));
+        }
+        seconds += row.interval_s;
+        rows.push(row);
+    }
+    (rows, None)
 }
 
 /// By what the class declares.

@@ -132,4 +132,10 @@ fn misalignments_of_a_square_box_serve_the_field() {
     assert!(part(&combined).abs() < 3e-4, "{} {}", part(&alone), part(&combined));
     let said = calibrate(&folder, &[&field[..4], &["--prior", "turntable.toml"]].concat()).text();
     assert!(said.contains("misalignments combined with those of turntable.toml"), "{said}");
+    // A box of which nobody said how square it is tells no misalignments.
+    write_readings(&folder, &triad(), faces());
+    let rough = ["accelerometer-six-position", "a.csv", "--latitude", "45", "--model-out", "rough.toml"];
+    calibrate(&folder, &rough).text();
+    calibrate(&folder, &["ellipsoid", "a.csv", "--prior", "rough.toml"])
+        .refused("rough.toml: its misalignments were not estimated");
 }

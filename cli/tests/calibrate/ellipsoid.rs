@@ -42,16 +42,24 @@ fn an_ellipsoid_from_a_continuous_recording_of_counts() {
     assert_eq!(
         keys(&result),
         [
+            "angles_deg",
             "attitudes",
             "bias",
             "check_norm_rms_after",
+            "compared",
             "coverage",
+            "excess_rms",
             "gravity",
+            "half_axes",
+            "judged",
+            "learned_from",
             "matrix",
             "norm_rms_after",
             "norm_rms_before",
             "rejected",
-            "sigma_bias"
+            "scale",
+            "sigma_bias",
+            "sigma_matrix"
         ]
     );
     assert_eq!(result["attitudes"], 24);
@@ -67,6 +75,21 @@ fn an_ellipsoid_from_a_continuous_recording_of_counts() {
     // The file that was written, judged by its own recording.
     let printed = calibrate(&folder, &["ellipsoid", "a.csv", "--compare", "m.toml"]);
     assert!(printed.stdout.contains("only judged 0.0000"), "{}", printed.stdout);
+    near(&result["scale"][2], 4080.0 / 9.81, 0.2);
+    let together = ["learned_from", "judged"].map(|name| result[name].as_u64().unwrap());
+    assert!(together.iter().sum::<u64>() == 24 && result["compared"].is_null(), "{result}");
+    let compared = ["ellipsoid", "a.csv", "--gravity", "9.81", "--compare", "m.toml", "--json", "-"];
+    let compared = calibrate(&folder, &compared).json();
+    near(&compared["compared"]["judged_rms"], compared["check_norm_rms_after"].as_f64().unwrap(), 1e-9);
+    near(&compared["compared"]["learned_from_rms"], compared["norm_rms_after"].as_f64().unwrap(), 1e-9);
+
+    // A gravity that is in no unit of the other commands.
+    let odd = calibrate(&folder, &["ellipsoid", "a.csv", "--gravity", "1000", "--model-out", "odd.toml"]);
+    assert!(
+        odd.code == 0 && odd.stderr.contains("odd.toml: gravity 1000 is neither in g nor in m/s2"),
+        "{}",
+        odd.stderr
+    );
 }
 
 #[test]

@@ -7,12 +7,12 @@ use calibration::known_attitudes::Attitudes;
 use clap::Args;
 
 use super::gravity::Gravity;
-use super::{decimals, write_rejected, write_rows};
+use super::{decimals, write_model, write_rejected, write_rows};
 use crate::calibrate::known_attitudes::{KnownAttitudesError, Outcome, calibrate};
 use crate::commands::number;
 use crate::failure::Failure;
 use crate::model_file::Triads;
-use crate::output::JsonOption;
+use crate::output::{self, JsonOption};
 use crate::report::{self, ReportOption};
 
 /// Calibrate an accelerometer triad from each axis up and each axis down
@@ -44,7 +44,8 @@ pub struct AccelerometerSixPosition {
 
 impl AccelerometerSixPosition {
     pub fn run(self) -> Result<(), Failure> {
-        crate::output::check([self.model_out.as_deref(), self.report.path(), self.json.path()])?;
+        let results = [self.model_out.as_deref(), self.report.path(), self.json.path()];
+        output::check_beside([self.path.as_path()], results)?;
         let attitudes = self.square_arcsec.map_or(Attitudes::Rough, |arcsec| Attitudes::Square { arcsec });
         let gravity = self.gravity.norm();
         let outcome = calibrate(&self.path, gravity, attitudes).map_err(|error| match error {
@@ -54,11 +55,9 @@ impl AccelerometerSixPosition {
         self.write_outcome(&mut self.json.human(), &outcome)?;
         self.report.write(|| report::calibrate::faces(&self.path, &outcome, gravity))?;
         self.json.write(&outcome.record(gravity, self.square_arcsec.is_some()))?;
-        if let Some(path) = &self.model_out {
-            let sigmas = (outcome.calibration.sigma_bias, outcome.sigma_matrix);
-            Triads::of_accelerometer(&outcome.correction, sigmas, gravity).write(path)?;
-        }
-        Ok(())
+        let sigmas = (outcome.calibration.sigma_bias, outcome.sigma_matrix);
+        let triads = Triads::of_accelerometer(&outcome.correction, sigmas, gravity);
+        Ok(write_model(self.model_out.as_deref(), &triads)?)
     }
 
     fn write_outcome(&self, out: &mut dyn Write, outcome: &Outcome) -> io::Result<()> {

@@ -3,16 +3,16 @@
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use calibration::ellipsoid::{Calibration, Misalignments, Role, Weights, norm_rms};
+use calibration::ellipsoid::{Calibration, Misalignments, Role, Weights};
 use clap::Args;
 
 use super::gravity::Gravity;
-use super::{decimals, write_rejected, write_rows};
-use crate::calibrate::ellipsoid::{EllipsoidError, Outcome, calibrate};
+use super::{decimals, write_model, write_rejected, write_rows};
+use crate::calibrate::ellipsoid::{Compared, EllipsoidError, Outcome, calibrate};
 use crate::failure::Failure;
 use crate::file_error::{FileError, Problem};
 use crate::model_file::{Accelerometer, ModelFile, Triads};
-use crate::output::JsonOption;
+use crate::output::{self, JsonOption};
 use crate::report::{self, ReportOption};
 
 /// Calibrate an accelerometer triad from readings at rest in many attitudes
@@ -48,7 +48,9 @@ pub struct Ellipsoid {
 
 impl Ellipsoid {
     pub fn run(self) -> Result<(), Failure> {
-        crate::output::check([self.model_out.as_deref(), self.report.path(), self.json.path()])?;
+        let models = [&self.prior, &self.compare].into_iter().filter_map(Option::as_deref);
+        let results = [self.model_out.as_deref(), self.report.path(), self.json.path()];
+        output::check_beside(std::iter::once(self.path.as_path()).chain(models), results)?;
         let other = self.compare.as_deref().map(accelerometer).transpose()?;
         let prior = self.prior.as_deref().map(misalignments).transpose()?;
         let gravity = self.gravity.norm();
@@ -61,14 +63,13 @@ impl Ellipsoid {
         if let Some(path) = &self.prior {
             writeln!(out, "misalignments combined with those of {}", path.display())?;
         }
-        write_outcome(out, &outcome, gravity, other.as_ref())?;
+        let compared = other.map(|other| outcome.compared(&other.correction(), other.gravity, gravity));
+        write_outcome(out, &outcome, gravity, compared)?;
         self.report.write(|| report::calibrate::ellipsoid(&self.path, &outcome, gravity))?;
-        self.json.write(&outcome.record(gravity))?;
-        if let Some(path) = &self.model_out {
-            let Calibration { correction, sigma_bias, sigma_matrix, .. } = &outcome.calibration;
-            Triads::of_accelerometer(correction, (*sigma_bias, *sigma_matrix), gravity).write(path)?;
-        }
-        Ok(())
+        self.json.write(&outcome.record(gravity, compared))?;
+        let Calibration { correction, sigma_bias, sigma_matrix, .. } = &outcome.calibration;
+        let triads = Triads::of_accelerometer(correction, (*sigma_bias, *sigma_matrix), gravity);
+        Ok(write_model(self.model_out.as_deref(), &triads)?)
     }
 }
 
@@ -77,20 +78,22 @@ fn accelerometer(path: &Path) -> Result<Accelerometer, FileError> {
     ModelFile::read(path)?.accelerometer().copied()
 }
 
-/// The misalignments in a file.
+/// The misalignments in a file; exact where it has no sigmas.
+///
+/// Errors: as [`accelerometer`]; sigmas of misalignments that were not estimated; a matrix that no triad has.
 fn misalignments(path: &Path) -> Result<Misalignments, FileError> {
     let accelerometer = accelerometer(path)?;
+    if accelerometer.has_no_misalignments() {
+        let problem = "its misalignments were not estimated (their sigmas are 0): give a calibration that has them, from \
+                       `calibrate ellipsoid` or from `accelerometer-six-position --square-arcsec`";
+        return Err(FileError::whole(path, Problem::Syntax(problem.into())));
+    }
     let sigma_matrix = accelerometer.sigma_matrix.unwrap_or_default();
     Misalignments::of(&accelerometer.correction(), &sigma_matrix)
         .ok_or_else(|| FileError::whole(path, Problem::Syntax("the matrix of [accelerometer] is no triad's".into())))
 }
 
-fn write_outcome(
-    out: &mut dyn Write,
-    outcome: &Outcome,
-    gravity: f64,
-    other: Option<&Accelerometer>,
-) -> io::Result<()> {
+fn write_outcome(out: &mut dyn Write, outcome: &Outcome, gravity: f64, compared: Option<Compared>) -> io::Result<()> {
     let calibration = &outcome.calibration;
     let correction = &calibration.correction;
     let [fitted, judged] = [Role::Fit, Role::Check].map(|role| outcome.count(role));
@@ -124,16 +127,13 @@ fn write_outcome(
     if let Some(rms) = calibration.check_norm_rms {
         writeln!(out, "  after, only judged    {rms:.6}")?;
     }
-    if let Some(other) = other {
-        let rms = |role| {
-            let scaled = norm_rms(outcome.means(role), &other.correction(), other.gravity);
-            scaled.map_or("-".into(), |rms| format!("{:.6}", rms * gravity / other.gravity))
-        };
+    if let Some(Compared { learned_from_rms, judged_rms }) = compared {
+        let said = |rms: Option<f64>| rms.map_or("-".into(), |rms| format!("{rms:.6}"));
         writeln!(
             out,
             "  by the other calibration: learned from here {}, only judged {}",
-            rms(Role::Fit),
-            rms(Role::Check)
+            said(learned_from_rms),
+            said(judged_rms)
         )?;
     }
     Ok(())

@@ -8,11 +8,15 @@ mod simulate;
 mod six_position;
 
 use std::io::{self, Write};
+use std::path::Path;
 
 use clap::{Args, Subcommand};
 
 use crate::calibrate::attitudes::Rejected;
 use crate::failure::Failure;
+use crate::file_error::FileError;
+use crate::model_file::Triads;
+use crate::output;
 
 /// Calibrate a gyro triad or an accelerometer triad
 #[derive(Args, Debug)]
@@ -44,6 +48,16 @@ impl Calibrate {
             What::Simulate(simulate) => simulate.run(),
         }
     }
+}
+
+/// Writes a model where a file is named for it; warns of one that commands refuse.
+fn write_model(path: Option<&Path>, triads: &Triads) -> Result<(), FileError> {
+    let Some(path) = path else { return Ok(()) };
+    triads.write(path)?;
+    if let Some(doubt) = triads.doubt() {
+        output::warn(format_args!("{}: {doubt}", path.display()));
+    }
+    Ok(())
 }
 
 /// The rows of a matrix with their standard deviations.

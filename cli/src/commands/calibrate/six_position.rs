@@ -7,7 +7,7 @@ use calibration::six_position::dwell::Turned;
 use clap::Args;
 
 use super::write_rows;
-use crate::calibrate::six_position::{Outcome, SixPositionError, calibrate, noted_temperatures};
+use crate::calibrate::six_position::{Outcome, SixPositionError, calibrate, files, noted_temperatures};
 use crate::failure::Failure;
 use crate::model_file::Triads;
 use crate::output::JsonOption;
@@ -36,7 +36,9 @@ pub struct SixPosition {
 
 impl SixPosition {
     pub fn run(self) -> Result<(), Failure> {
-        crate::output::check([self.model_out.as_deref(), self.report.path(), self.json.path()])?;
+        let read = files(&self.path)?;
+        let results = [self.model_out.as_deref(), self.report.path(), self.json.path()];
+        crate::output::check_beside(read.iter().map(PathBuf::as_path), results)?;
         let outcome = calibrate(&self.path).map_err(|error| match error {
             SixPositionError::File(error) => error.into(),
             refused => Failure::Refused(refused.to_string()),
