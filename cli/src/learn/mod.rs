@@ -38,9 +38,10 @@ pub use references::Blunder;
 use references::MOST_BLUNDERS;
 
 pub use discrimination::{Imitated, imitated};
+use grammar::Grammar;
 use model::{LINEAR_INDEX_DEG, Model, is_within};
 use north_finder::effects::effect::{Effect, Port};
-use north_finder::units::wrap_180_deg;
+use north_finder::units::{wrap_180_deg, wrap_360_deg};
 use problem::Term;
 use proposals::{NEGLIGIBLE, Proposals};
 pub use proposals::{Tried, form};
@@ -117,8 +118,11 @@ pub type MayBeUsed<'a> = dyn Fn(&Posterior, &[Run]) -> bool + Sync + 'a;
 /// The azimuths of these runs with what was learned, degrees.
 pub type Azimuths<'a> = dyn Fn(&Posterior, &[Run]) -> Vec<Option<f64>> + Sync + 'a;
 
-/// Times that the runs are linearised at the azimuths that a model gives them, and the search begins anew.
-const MOST_TURNS: usize = 2;
+/// Times that the runs are linearised at the azimuths that a model gives them, and steps to these.
+const MOST_TURNS: usize = 4;
+const MOST_STEPS: usize = 16;
+/// Runs are linearised near enough to their azimuths, root mean square, degrees: what goes with three times an angle changes by 0.5 % then.
+const NEAR_DEG: f64 = 0.1;
 
 /// What may be learned.
 #[derive(Clone, Copy)]
@@ -187,14 +191,22 @@ pub fn learn(mut runs: Vec<Run>, allowed: &Allowed<'_>) -> Learned {
     runs = mended(runs, &[]);
     let mut blunders: Vec<Blunder> = Vec::new();
     let mut start = Start::default();
-    let mut turned = 0;
+    let (mut turned, mut elsewhere) = (0, None::<(f64, Vec<Run>, Start)>);
     loop {
         let search = Search::new(&runs, allowed.family);
         let Some(best) = search.best(&start) else { return Learned { runs, blunders, ..Learned::default() } };
+        let score = best.score(&search.grammar);
+        if let Some((_, before, from)) = elsewhere.take().filter(|(before, ..)| *before > score) {
+            // It was likelier where the runs were before.
+            (runs, start, turned) = (before, from, MOST_TURNS);
+            continue;
+        }
         if turned < MOST_TURNS
-            && let Some(elsewhere) = linearised_by(&best, &runs, allowed.azimuths)
+            && let Some((further, from)) = linearised_by(&best, &search.grammar, allowed.azimuths)
         {
-            (runs, start) = (elsewhere, Start::default());
+            let before = Start::from(&best);
+            elsewhere = Some((score, std::mem::replace(&mut runs, further), before));
+            start = from;
             turned += 1;
             continue;
         }
@@ -230,21 +242,48 @@ pub fn learn(mut runs: Vec<Run>, allowed: &Allowed<'_>) -> Learned {
     }
 }
 
-/// The runs linearised at their azimuths with a model, where they were linearised too far from there. Without a reference they are at first at their
-/// azimuths without any effect: of what goes with the direction of the axis, or with the rate, that is not where it acts.
-fn linearised_by(model: &Model<'_>, runs: &[Run], azimuths: &Azimuths<'_>) -> Option<Vec<Run>> {
-    if model.terms.is_empty() || runs.iter().all(|run| run.reference.is_some() || run.still) {
+/// The runs linearised at their azimuths with a model, where they were linearised too far from there, and where the search goes on. Without a reference they
+/// are at first at their azimuths without any effect: of what goes with the direction of the axis, or with the rate, that is not where it acts. The first step is
+/// the model's own; further ones, twice as long each, are taken as long as the score rises. Far from where the runs were, the search begins anew.
+fn linearised_by(model: &Model<'_>, grammar: &Grammar, azimuths: &Azimuths<'_>) -> Option<(Vec<Run>, Start)> {
+    let first = model.problem.runs;
+    if model.terms.is_empty() || first.iter().all(|run| run.reference.is_some() || run.still) {
         return None;
     }
-    let mut elsewhere = runs.to_vec();
-    for (run, azimuth_deg) in elsewhere.iter_mut().zip(azimuths(&Posterior::new(model, &[]), runs)) {
-        if let Some(azimuth_deg) = azimuth_deg.filter(|_| run.reference.is_none() && !run.still) {
-            run.set_azimuth(azimuth_deg);
+    let in_runs = |runs: &[Run]| {
+        let then = model.in_runs(runs)?;
+        Some((then.score(grammar), azimuths(&Posterior::new(&then, &[]), runs), Start::from(&then)))
+    };
+    let mut runs = turned_to(first, &azimuths(&Posterior::new(model, &[]), first), 1.0);
+    let (mut score, mut found, mut start) = in_runs(&runs)?;
+    let mut length = 1.0;
+    for _ in 0..MOST_STEPS {
+        let further = turned_to(&runs, &found, length);
+        match in_runs(&further).filter(|then| then.0 > score) {
+            Some(then) => {
+                (score, found, start) = then;
+                (runs, length) = (further, 2.0 * length);
+            }
+            None if length > 1.0 => length = 1.0,
+            None => break,
         }
     }
-    rows::linearise_by_station(&mut elsewhere);
-    let turns_deg = runs.iter().zip(&elsewhere).map(|(run, then)| wrap_180_deg(then.azimuth_deg - run.azimuth_deg));
-    (!is_within(&turns_deg.collect::<Vec<f64>>(), LINEAR_INDEX_DEG)).then_some(elsewhere)
+    let turns_deg = first.iter().zip(&runs).map(|(run, then)| wrap_180_deg(then.azimuth_deg - run.azimuth_deg));
+    let turns_deg: Vec<f64> = turns_deg.collect();
+    let start = if is_within(&turns_deg, LINEAR_INDEX_DEG) { start } else { Start::default() };
+    (!is_within(&turns_deg, NEAR_DEG)).then_some((runs, start))
+}
+
+/// Runs without a survey on the way to these azimuths, degrees, by such a part of it.
+fn turned_to(runs: &[Run], azimuths_deg: &[Option<f64>], part: f64) -> Vec<Run> {
+    let mut turned = runs.to_vec();
+    for (run, azimuth_deg) in turned.iter_mut().zip(azimuths_deg) {
+        if let Some(azimuth_deg) = azimuth_deg.filter(|_| run.reference.is_none() && !run.still) {
+            run.set_azimuth(wrap_360_deg(run.azimuth_deg + part * wrap_180_deg(azimuth_deg - run.azimuth_deg)));
+        }
+    }
+    rows::linearise_by_station(&mut turned);
+    turned
 }
 
 /// Whether the references that a blunder is about are contradicted by the other runs, with everything that is learned then. What the best model has more
