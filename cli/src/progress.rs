@@ -1,5 +1,6 @@
 //! Progress of long work: a bar on stderr, and only on a terminal.
 
+use std::sync::atomic::Ordering;
 use std::thread;
 use std::time::Duration;
 
@@ -19,7 +20,7 @@ pub fn bar(count: u64, unit: &str) -> ProgressBar {
 }
 
 /// Does long work whose length nobody knows, with the time that it takes on stderr where that is a terminal. An interrupt ends
-/// it at once: the work is left to die with the process.
+/// it at once: the work is left behind, at the latest to die with the process.
 pub fn work<T: Send + 'static>(what: String, work: impl FnOnce() -> T + Send + 'static) -> Result<T, Failure> {
     let style =
         ProgressStyle::with_template("{spinner} {msg}, {elapsed}").unwrap_or_else(|_| ProgressStyle::default_spinner());
@@ -34,9 +35,10 @@ pub fn interruptible<T: Send + 'static>(
     work: impl FnOnce() -> T + Send + 'static,
     mut meanwhile: impl FnMut(),
 ) -> Result<T, Failure> {
+    let stop = interrupt::flag();
     let worker = thread::spawn(work);
     while !worker.is_finished() {
-        if interrupt::requested() {
+        if stop.load(Ordering::Relaxed) {
             return Err(Failure::Interrupted);
         }
         meanwhile();

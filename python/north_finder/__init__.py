@@ -1,7 +1,9 @@
 """Gyro north finding: the commands of ``north`` as functions.
 
 Every function runs the command itself: results have the names of its JSON and all its digits, errors are
-:class:`NorthFinderError` with its sentence. An interrupt ends a call, and other threads of Python work meanwhile.
+:class:`NorthFinderError` with its sentence. Its attribute ``result`` is the :class:`Result` that the command wrote before it
+refused, None where it wrote nothing. An interrupt ends a call, and other threads of Python work meanwhile; their calls wait,
+for one command runs at a time.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from ._north_finder import NorthFinderError, __version__
 from ._north_finder import columns as _columns
-from ._north_finder import run as _run
+from ._north_finder import run as _call
 
 __all__ = [
     "NorthFinderError",
@@ -109,8 +111,10 @@ def solve(
     """Azimuths of the runs of a campaign, of a run in a CSV file, or of one run as columns.
 
     ``campaign``: a path, or a mapping of the columns of a run (``t_s``, ``index_deg``, ``fog_arcsec`` and, where they
-    were measured, ``temp_c``, ``ax_g``, ``ay_g``, ``level_temp_c``), arrays of equal length. A bare run needs ``latitude``,
-    degrees.
+    were measured, ``temp_c``, ``ax_g``, ``ay_g``, ``level_temp_c``), arrays of equal length; one that is NaN throughout is not
+    recorded. A bare run needs ``latitude``, degrees.
+
+    Where a run is refused, the ``result`` of the error has the azimuths of the others, and why this one has none.
     """
     options = {"model": model, "latitude": latitude, "settings": settings}
     if not isinstance(campaign, Mapping):
@@ -206,7 +210,10 @@ def calibrate(kind: str, path: PathLike, *, force: bool = False, **options: Any)
 def simulate(
     out: PathLike, *, scenario: str = "calm-bench", runs: int = 8, seed: int = 1, raw: bool = False
 ) -> Table:
-    """Writes a simulated campaign of a built-in scenario, or of a scenario's file, to the folder ``out``; gives its rows."""
+    """Writes a simulated campaign of a built-in scenario, or of a scenario's file, to the folder ``out``; gives its rows.
+
+    Fixes that end without an azimuth are an error; the campaign is written all the same, and :func:`read` gives its rows.
+    """
     options = {"out": out, "scenario": scenario, "runs": runs, "seed": seed}
     _run(_words(["simulate"], options, {"raw": raw}))
     return read(out)
@@ -227,10 +234,22 @@ def _word(value: Any) -> str:
     return repr(float(value)) if isinstance(value, (float, np.floating)) else os.fspath(value) if isinstance(value, os.PathLike) else str(value)
 
 
-def _result(command: list[str], options: Mapping[str, Any], flags: Mapping[str, bool] | None = None) -> Result:
-    text = _run(_words(command, options, flags) + ["--json=-"])
+def _run(words: list[str]) -> str:
+    try:
+        return _call(words)
+    except NorthFinderError as refusal:
+        if refusal.result is not None:
+            refusal.result = _parsed(refusal.result)
+        raise
+
+
+def _parsed(text: str) -> Result:
     result: Result = json.loads(text, object_hook=Result)
     return result
+
+
+def _result(command: list[str], options: Mapping[str, Any], flags: Mapping[str, bool] | None = None) -> Result:
+    return _parsed(_run(_words(command, options, flags) + ["--json=-"]))
 
 
 def _write(path: Path, columns: Mapping[str, ArrayLike]) -> None:
@@ -238,7 +257,9 @@ def _write(path: Path, columns: Mapping[str, ArrayLike]) -> None:
     lengths = {name: values.shape for name, values in arrays.items()}
     if any(len(shape) != 1 for shape in lengths.values()) or len(set(lengths.values())) > 1:
         raise ValueError(f"the columns of a run are arrays of one dimension and of equal length; these are {lengths}")
+    # A number that was not recorded is NaN, which no file of a run has.
+    recorded = {name: values for name, values in arrays.items() if values.size == 0 or not np.isnan(values).all()}
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
-        writer.writerow(arrays)
-        writer.writerows(zip(*(map(repr, values.tolist()) for values in arrays.values())))
+        writer.writerow(recorded)
+        writer.writerows(zip(*(map(repr, values.tolist()) for values in recorded.values())))

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import threading
@@ -69,8 +70,10 @@ def test_columns_are_arrays_that_data_frames_take(campaign: Path) -> None:
 def test_arrays_of_a_run_give_the_digits_of_its_file(campaign: Path) -> None:
     rows = north_finder.read(campaign)
     first = rows["run"] == 0
-    names = [name for name in ("t_s", "index_deg", "fog_arcsec", "temp_c", "ax_g", "ay_g") if not np.isnan(rows[name]).all()]
-    of_arrays = north_finder.solve({name: rows[name][first] for name in names}, latitude=45.0)
+    # What was not recorded is NaN in the rows, and no column of the run.
+    names = ("t_s", "index_deg", "fog_arcsec", "temp_c", "ax_g", "ay_g", "level_temp_c", "lost_frames")
+    run = {name: rows[name][first] for name in names} | {"level_temp_c": np.full(first.sum(), np.nan)}
+    of_arrays = north_finder.solve(run, latitude=45.0)
     with pytest.raises(ValueError, match="equal length"):
         north_finder.solve({"t_s": [1.0, 2.0], "index_deg": [0.0]}, latitude=45.0)
     azimuths = [run.azimuth_deg for run in of_arrays.runs]
@@ -87,6 +90,44 @@ def test_errors_are_the_sentences_of_the_command(tmp_path: Path) -> None:
         north_finder.align(missing, latitude=91.0)
     with pytest.raises(AttributeError, match="it has azimuth"):
         north_finder.Result(azimuth_deg=1.0).heading
+
+
+def test_the_results_of_the_other_runs_stay_where_one_is_refused(campaign: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "one-refused"
+    shutil.copytree(campaign, copy)
+    (copy / "runs" / "002.csv").write_text("t_s,index_deg,fog_arcsec\n")
+    with pytest.raises(NorthFinderError, match="1 of 6 runs refused") as raised:
+        north_finder.solve(copy)
+    done = subprocess.run([NORTH, "solve", str(copy), "--json", "-"], capture_output=True, text=True)
+    assert done.returncode == 1 and raised.value.result == json.loads(done.stdout)
+    azimuths = [run.get("azimuth_deg") for run in raised.value.result.runs]
+    assert len(azimuths) == 6 and [number for number, azimuth in enumerate(azimuths) if azimuth is None] == [1]
+    with pytest.raises(NorthFinderError) as raised:
+        north_finder.solve(tmp_path / "nothing.toml")
+    assert raised.value.result is None
+
+
+def test_commands_of_several_threads_run_one_after_the_other(campaign: Path, tmp_path: Path) -> None:
+    kept = tmp_path / "kept.toml"
+    kept.write_text("kept")
+    refused = []
+
+    def without_force() -> None:
+        with pytest.raises(NorthFinderError, match="nothing is overwritten"):
+            north_finder.diagnose(campaign, model_out=kept)
+        refused.append(kept.read_text())
+
+    def with_force(number: int) -> None:
+        north_finder.diagnose(campaign, model_out=tmp_path / f"{number}.toml", force=True)
+
+    threads = [threading.Thread(target=with_force, args=(number,)) for number in range(2)]
+    threads += [threading.Thread(target=without_force) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert refused == ["kept", "kept"]
+    assert (tmp_path / "0.toml").read_text() == (tmp_path / "1.toml").read_text()
 
 
 def test_other_threads_work_meanwhile_and_an_interrupt_ends_a_call(tmp_path: Path) -> None:

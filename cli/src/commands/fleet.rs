@@ -12,7 +12,7 @@ use crate::file_error::FileError;
 use crate::fleet::{self, Fleet, Outcome, report, sources};
 use crate::learn::Family;
 use crate::output::JsonOption;
-use crate::progress;
+use crate::{interrupt, progress};
 
 /// What the instruments of one type have in common, and which of them are not like the others
 #[derive(Args, Debug)]
@@ -121,9 +121,9 @@ impl Learn {
         crate::output::check([Some(self.out.as_path()), self.json.path()])?;
         let units = sources(&self.units)?;
         let (bar, threads) = (progress::bar(2 * units.len() as u64, "readings of units"), self.threads.count());
-        let counted = bar.clone();
-        let learned =
-            progress::interruptible(move || fleet::learn(&units, threads, || counted.inc(1)), || bar.tick())??;
+        let (counted, stop) = (bar.clone(), interrupt::flag());
+        let work = move || fleet::learn(&units, threads, stop, || counted.inc(1));
+        let learned = progress::interruptible(work, || bar.tick())??;
         bar.finish_and_clear();
         learned.write(&self.out)?;
         report::write(&mut self.json.human(), &learned)?;
@@ -162,8 +162,8 @@ impl DiagnoseAll {
         let family = family(self.fleet.as_deref())?;
         let jobs = fleet::jobs(&sources(&self.campaigns)?, &self.results, self.fleet.as_deref())?;
         let (bar, threads) = (progress::bar(jobs.len() as u64, "campaigns"), self.threads.count());
-        let (counted, all) = (bar.clone(), jobs.clone());
-        let work = move || fleet::diagnose_all(&all, &family, threads, || counted.inc(1));
+        let (counted, all, stop) = (bar.clone(), jobs.clone(), interrupt::flag());
+        let work = move || fleet::diagnose_all(&all, &family, threads, stop, || counted.inc(1));
         let outcomes = progress::interruptible(work, || bar.tick())??;
         bar.finish_and_clear();
         if let Some(path) = &self.table {

@@ -6,6 +6,7 @@
 use std::fmt::{self, Display};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
@@ -125,13 +126,14 @@ fn check_made_with(results: &Path, fleet: Option<&Path>) -> Result<(), Failure> 
     Ok(replace(&path, &text)?)
 }
 
-/// Diagnoses what is not diagnosed yet, each campaign on one of so many threads. `done` is called after each.
+/// Diagnoses what is not diagnosed yet, each campaign on one of so many threads. `stop` is the flag of an interrupt, `done` is called after each.
 ///
 /// Errors: results that cannot be written, an interrupt. What is done stays done.
 pub fn diagnose_all(
     jobs: &[Job],
     family: &Family,
     threads: usize,
+    stop: &AtomicBool,
     done: impl Fn() + Sync,
 ) -> Result<Vec<Outcome>, Failure> {
     let work = |job: &Job| {
@@ -139,7 +141,7 @@ pub fn diagnose_all(
         done();
         outcome
     };
-    map(jobs, threads, work)?.into_iter().collect()
+    map(jobs, threads, stop, work)?.into_iter().collect()
 }
 
 impl Job {

@@ -1,5 +1,7 @@
 //! From units to what they have in common.
 
+use std::sync::atomic::AtomicBool;
+
 use north_finder::effects::effect::Effect;
 use north_finder::effects::signal::Signal;
 
@@ -14,22 +16,22 @@ use crate::failure::Failure;
 use crate::learn::{Common, Standing, Statistics, Ways, form_cost};
 
 /// Learns what units have in common: every one by itself on one of so many threads, then all together. `done` is called after each unit, twice: once it
-/// has been learned from alone, and once it has been compared.
-pub fn learn(sources: &[Source], threads: usize, done: impl Fn() + Sync) -> Result<Fleet, Failure> {
+/// has been learned from alone, and once it has been compared. `stop` is the flag of an interrupt.
+pub fn learn(sources: &[Source], threads: usize, stop: &AtomicBool, done: impl Fn() + Sync) -> Result<Fleet, Failure> {
     sources.iter().try_for_each(Source::check)?;
     let read = |source: &Source| {
         let unit = Unit::read(source);
         done();
         unit
     };
-    let units = map(sources, threads, read)?.into_iter().collect::<Result<Vec<Unit>, Failure>>()?;
+    let units = map(sources, threads, stop, read)?.into_iter().collect::<Result<Vec<Unit>, Failure>>()?;
     let forms = candidates(units.iter().flat_map(|unit| &unit.effects));
     let compare = |unit: &Unit| {
         let statistics = statistics(unit, &forms);
         done();
         statistics
     };
-    let statistics = map(&units, threads, compare)?.into_iter().collect::<Result<Vec<Statistics>, Failure>>()?;
+    let statistics = map(&units, threads, stop, compare)?.into_iter().collect::<Result<Vec<Statistics>, Failure>>()?;
     let signals = signals(&units);
     let family = mixture(&statistics, &forms, signals);
     let record = |(unit, statistics): (&Unit, &Statistics)| record(unit, statistics, &forms, &family, signals);

@@ -2,11 +2,10 @@
 
 use std::num::NonZero;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
 
 use crate::failure::Failure;
-use crate::interrupt;
 
 /// The threads of this machine.
 pub fn cores() -> usize {
@@ -14,10 +13,15 @@ pub fn cores() -> usize {
 }
 
 /// Does something with every item, in the order in which threads are free; results are in the order of the items. What one work does by itself in
-/// parallel stays on its own thread, so that no more works are begun than there are threads.
+/// parallel stays on its own thread, so that no more works are begun than there are threads. None is begun any more once `stop` is raised.
 ///
 /// Errors: a thread that cannot be started, an interrupt.
-pub fn map<T: Sync, R: Send>(items: &[T], threads: usize, work: impl Fn(&T) -> R + Sync) -> Result<Vec<R>, Failure> {
+pub fn map<T: Sync, R: Send>(
+    items: &[T],
+    threads: usize,
+    stop: &AtomicBool,
+    work: impl Fn(&T) -> R + Sync,
+) -> Result<Vec<R>, Failure> {
     let next = AtomicUsize::new(0);
     let done: Vec<Mutex<Option<R>>> = items.iter().map(|_| Mutex::new(None)).collect();
     let worker = || -> Result<(), Failure> {
@@ -25,7 +29,7 @@ pub fn map<T: Sync, R: Send>(items: &[T], threads: usize, work: impl Fn(&T) -> R
             .num_threads(1)
             .build()
             .map_err(|error| Failure::Refused(format!("no thread could be started: {error}")))?;
-        while !interrupt::requested() {
+        while !stop.load(Ordering::Relaxed) {
             let number = next.fetch_add(1, Ordering::Relaxed);
             let Some(item) = items.get(number) else { break };
             let result = pool.install(|| work(item));
@@ -62,8 +66,20 @@ mod tests {
             now.fetch_sub(1, Ordering::SeqCst);
             item * item
         };
-        let squares = map(&items, 3, work).unwrap();
+        let squares = map(&items, 3, &AtomicBool::new(false), work).unwrap();
         assert!(squares.iter().zip(&items).all(|(square, item)| *square == item * item));
         assert!((1..=3).contains(&most.load(Ordering::SeqCst)), "{most:?}");
+    }
+
+    #[test]
+    fn nothing_is_begun_once_the_flag_is_raised() {
+        let (stop, begun) = (AtomicBool::new(false), AtomicUsize::new(0));
+        let items: Vec<u64> = (0..3).collect();
+        let work = |_: &u64| {
+            begun.fetch_add(1, Ordering::SeqCst);
+            stop.store(true, Ordering::SeqCst);
+        };
+        let ended = map(&items, 1, &stop, work);
+        assert!(matches!(ended, Err(Failure::Interrupted)) && begun.load(Ordering::SeqCst) == 1, "{begun:?}");
     }
 }

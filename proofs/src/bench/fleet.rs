@@ -9,8 +9,8 @@ use north::diagnose::{Diagnosis, Options, diagnose};
 use north::failure::Failure;
 use north::fleet::{self, Fleet as Learned, sources};
 use north::learn::Family;
-use north::progress;
 use north::settings_file::campaign_settings;
+use north::{interrupt, progress};
 use north_finder::units::wrap_180_deg;
 use serde::Serialize;
 
@@ -144,7 +144,8 @@ impl FleetBench {
             let campaign = fleet.unit(unit, self.runs as usize, 0, UnitKind::Usual);
             campaign.write(&folder.join("learned").join(format!("{unit:04}")))?;
         }
-        let learned = fleet::learn(&sources(&[folder.join("learned")])?, fleet::cores(), || bar.inc(1))?;
+        let units = sources(&[folder.join("learned")])?;
+        let learned = fleet::learn(&units, fleet::cores(), interrupt::flag(), || bar.inc(1))?;
         learned.write(&folder.join("fleet.toml"))?;
         let mut usual = Vec::new();
         let mut odd = Vec::new();
