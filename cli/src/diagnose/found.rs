@@ -59,10 +59,17 @@ impl WrongReference {
 }
 
 impl Found {
-    /// From runs of any role of an instrument of this family: the caller chooses them. `None` where there are too few to learn from, or no model can hold what was found.
-    pub fn learn(runs: &[&RunData], base: &ErrorModel, family: &Family) -> Option<Self> {
+    /// From runs of any role of an instrument of this family: the caller chooses them. What was found in more runs says where those without a survey are taken
+    /// to be at first. `None` where there are too few to learn from, or no model can hold what was found.
+    pub fn learn(runs: &[&RunData], base: &ErrorModel, family: &Family, of_more: Option<&Self>) -> Option<Self> {
         let measured = board::measured(runs.iter().copied());
-        let (motion, base, of_search) = searched(runs, base)?;
+        let (motion, base, mut of_search) = searched(runs, base)?;
+        for run in of_search.iter_mut().filter(|run| run.reference.is_none()) {
+            let mut known = of_more.iter().flat_map(|found| &found.learned.runs);
+            if let Some(known) = known.find(|known| known.file == run.file && known.reference.is_none()) {
+                run.set_azimuth(known.azimuth_deg);
+            }
+        }
         let files = of_search.iter().map(|run| run.file.clone()).collect();
         let may_be_used = |posterior: &Posterior, of_search: &[Run]| {
             let model = posterior.written(&base, of_search);

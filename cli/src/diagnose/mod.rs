@@ -83,7 +83,7 @@ impl Prepared {
 /// Diagnoses a campaign: a function of the campaign's files and the options only.
 pub fn diagnose(campaign: &Campaign, options: &Options) -> Result<Diagnosis, Refusal> {
     let prepared = prepared(campaign, options)?;
-    let found = Found::learn(&prepared.fit(), &prepared.base, &options.family);
+    let found = Found::learn(&prepared.fit(), &prepared.base, &options.family, None);
     let Prepared { runs, mut warnings, still, base, as_recorded, turn } = prepared;
     checks::refuse_latitude(&runs, found.as_ref(), &base, &mut warnings)?;
     let material = assemble::Material { campaign, runs: &runs, as_recorded: &as_recorded, turn, base: &base, still };
@@ -94,7 +94,7 @@ pub fn diagnose(campaign: &Campaign, options: &Options) -> Result<Diagnosis, Ref
 /// diagnosis.
 pub fn learned(campaign: &Campaign, options: &Options) -> Result<Option<Learned>, Refusal> {
     let prepared = prepared(campaign, options)?;
-    Ok(Found::learn(&prepared.fit(), &prepared.base, &options.family).map(|found| found.learned))
+    Ok(Found::learn(&prepared.fit(), &prepared.base, &options.family, None).map(|found| found.learned))
 }
 
 /// The runs of a campaign that may be learned from, as the search sees them.

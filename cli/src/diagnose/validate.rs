@@ -49,7 +49,7 @@ pub fn validated(
         return Validated { model: base.clone(), effects: None, left_out: before(), withdrawn: None };
     };
     let places: Vec<usize> = (0..runs.len()).filter(|&i| runs[i].role == Role::Fit).collect();
-    let folds = Folds::learn(runs, places, FOLDS, base, family, wrong);
+    let folds = Folds::learn(runs, places, FOLDS, (base, family), wrong, Some(found));
     let least = usize::from(found.beside_effects().is_empty());
     let mut used: Option<Part> = None;
     let mut why_not = None;
@@ -109,9 +109,9 @@ impl<'a> Folds<'a> {
         runs: &'a [RunData],
         places: Vec<usize>,
         folds: usize,
-        base: &ErrorModel,
-        family: &Family,
+        (base, family): (&ErrorModel, &Family),
         wrong: &[String],
+        found: Option<&Found>,
     ) -> Self {
         let without_reference = |run: &RunData| {
             let mut run = wrong.contains(&run.file).then(|| run.clone())?;
@@ -123,7 +123,7 @@ impl<'a> Folds<'a> {
         let learned = |fold: usize| {
             let others = places.iter().enumerate().filter(|(place, _)| fold_of(*place, folds) != fold);
             let training: Vec<&RunData> = others.map(|(_, &i)| unbelieved[i].as_ref().unwrap_or(&runs[i])).collect();
-            Found::learn(&training, base, family)
+            Found::learn(&training, base, family, found)
         };
         let found = (0..folds).into_par_iter().map(learned).collect();
         Self { runs, places, found }
@@ -191,7 +191,7 @@ pub fn leave_one_out(
     wrong: &[String],
     effects: Option<usize>,
 ) -> Option<LeaveOneOut> {
-    let folds = Folds::learn(runs, (0..runs.len()).collect(), runs.len(), base, family, wrong);
+    let folds = Folds::learn(runs, (0..runs.len()).collect(), runs.len(), (base, family), wrong, None);
     let models = effects.map_or_else(|| vec![base.clone(); runs.len()], |effects| folds.models(base, effects));
     let fixes = folds.fixes(&models);
     let errors = |fixes: &[Option<Fix>]| -> Vec<Option<f64>> {

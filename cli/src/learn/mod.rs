@@ -191,22 +191,14 @@ pub fn learn(mut runs: Vec<Run>, allowed: &Allowed<'_>) -> Learned {
     runs = mended(runs, &[]);
     let mut blunders: Vec<Blunder> = Vec::new();
     let mut start = Start::default();
-    let (mut turned, mut elsewhere) = (0, None::<(f64, Vec<Run>, Start)>);
+    let mut turned = 0;
     loop {
         let search = Search::new(&runs, allowed.family);
         let Some(best) = search.best(&start) else { return Learned { runs, blunders, ..Learned::default() } };
-        let score = best.score(&search.grammar);
-        if let Some((_, before, from)) = elsewhere.take().filter(|(before, ..)| *before > score) {
-            // It was likelier where the runs were before.
-            (runs, start, turned) = (before, from, MOST_TURNS);
-            continue;
-        }
         if turned < MOST_TURNS
             && let Some((further, from)) = linearised_by(&best, &search.grammar, allowed.azimuths)
         {
-            let before = Start::from(&best);
-            elsewhere = Some((score, std::mem::replace(&mut runs, further), before));
-            start = from;
+            (runs, start) = (further, from);
             turned += 1;
             continue;
         }
@@ -274,12 +266,21 @@ fn linearised_by(model: &Model<'_>, grammar: &Grammar, azimuths: &Azimuths<'_>) 
     (!is_within(&turns_deg, NEAR_DEG)).then_some((runs, start))
 }
 
-/// Runs without a survey on the way to these azimuths, degrees, by such a part of it.
+/// Runs without a survey on the way to these azimuths, degrees, by such a part of it. Where no run has a survey, what all of them would turn by is left out:
+/// they do not know it, and an effect of the axis' direction would take it in.
 fn turned_to(runs: &[Run], azimuths_deg: &[Option<f64>], part: f64) -> Vec<Run> {
+    let is_asked = |run: &Run| run.reference.is_none() && !run.still;
+    let turn = |(run, azimuth_deg): (&Run, &Option<f64>)| {
+        Some(wrap_180_deg((*azimuth_deg)? - run.azimuth_deg)).filter(|_| is_asked(run))
+    };
+    let turns_deg: Vec<Option<f64>> = runs.iter().zip(azimuths_deg).map(turn).collect();
+    let count = turns_deg.iter().flatten().count().max(1) as f64;
+    let is_surveyed = runs.iter().any(|run| run.reference.is_some());
+    let common_deg = if is_surveyed { 0.0 } else { turns_deg.iter().flatten().sum::<f64>() / count };
     let mut turned = runs.to_vec();
-    for (run, azimuth_deg) in turned.iter_mut().zip(azimuths_deg) {
-        if let Some(azimuth_deg) = azimuth_deg.filter(|_| run.reference.is_none() && !run.still) {
-            run.set_azimuth(wrap_360_deg(run.azimuth_deg + part * wrap_180_deg(azimuth_deg - run.azimuth_deg)));
+    for (run, turn_deg) in turned.iter_mut().zip(&turns_deg) {
+        if let Some(turn_deg) = turn_deg {
+            run.set_azimuth(wrap_360_deg(run.azimuth_deg + part * (turn_deg - common_deg)));
         }
     }
     rows::linearise_by_station(&mut turned);
