@@ -299,7 +299,7 @@ fn what_must_not_be_used_is_left_out_and_the_rest_is_learned() {
     let campaign = campaign(&folder, 16, 4, effects, honest);
     let fit = || read(&campaign, &Settings { latitude_deg: 50.0, ..Settings::default() }).unwrap().fit;
     let channels = |may_be_used: &MayBeUsed<'_>| -> Vec<String> {
-        let allowed = Allowed { family: &Family::default(), may_be_used };
+        let allowed = Allowed { family: &Family::default(), may_be_used, azimuths: &|_, runs| vec![None; runs.len()] };
         let learned = learn(fit(), &allowed).best.posterior.likeliest;
         learned.iter().flat_map(Effect::channels).map(|name| name.as_str().to_owned()).collect()
     };
