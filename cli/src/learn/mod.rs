@@ -319,6 +319,25 @@ fn with_fewer<'a>(search: &Search<'a>, whole: &Model<'a>, may_be_used: &MayBeUse
 mod tests {
     use super::*;
 
+    /// Runs at 359°, 20° and 30° of which the first has a survey or none, found at 2°, 21° and 32°: turns of 3°, 1° and 2°. With the survey the others turn by 1° and 2°; without it
+    /// all turn by 2° in the mean, which none of them knows, and 1°, −1° and 0° are left, half of them half of the way.
+    #[test]
+    fn runs_without_a_survey_turn_by_hand() {
+        let found = [Some(2.0), Some(21.0), Some(32.0)];
+        let unsurveyed = |azimuth_deg: f64| {
+            let mut run = Run::of_rates(&[1.0; 8]);
+            run.take_reference(None);
+            run.set_azimuth(azimuth_deg);
+            run
+        };
+        let mut runs = [359.0, 20.0, 30.0].map(unsurveyed);
+        let at = |runs: &[Run]| runs.iter().map(|run| (1e6 * run.azimuth_deg).round() / 1e6).collect::<Vec<f64>>();
+        assert_eq!(at(&turned_to(&runs, &found, 1.0)), [0.0, 19.0, 30.0]);
+        assert_eq!(at(&turned_to(&runs, &found, 0.5)), [359.5, 19.5, 30.0]);
+        runs[0].take_reference(Some((359.0, 0.01)));
+        assert_eq!(at(&turned_to(&runs, &found, 1.0)), [359.0, 21.0, 32.0]);
+    }
+
     /// Eight runs of eight rests of a minute, whose rates (°/h) differ by what no motion makes: an effect of the moves. A column that correlates with it by
     /// r = 0.52 over the 64 rests gains at most 32 · ln 1/(1 − r²) = 10 nats beside offsets of the rests, and hundreds beside a process that decays within the rest.
     #[test]
