@@ -32,7 +32,14 @@ pub struct BlockRow {
 }
 
 /// A step longer than so many usual ones is a gap.
-pub const GAP_STEPS: f64 = 1.5;
+const GAP_STEPS: f64 = 1.5;
+
+impl BlockRow {
+    /// How long no rows came before this one, seconds, where the usual step is so long; `None` where none is missing.
+    pub fn gap_s(&self, step_s: f64) -> Option<f64> {
+        (self.interval_s > GAP_STEPS * step_s).then_some(self.interval_s - step_s)
+    }
+}
 
 /// A recording and the usual time between its rows.
 #[derive(Clone, Debug, PartialEq)]

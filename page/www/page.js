@@ -96,7 +96,7 @@ class Page {
     this.wire();
   }
 
-  /** A refusal stays to be read until a person does something else. */
+  /** A refusal is shown until a person does something else. */
   act(what) {
     const answer = this.instrument.act(what);
     if (answer.error || what.wait === undefined) show("refused", answer.error ?? "");
@@ -146,7 +146,7 @@ class Page {
     for (const button of document.querySelectorAll("[data-act]")) {
       button.onclick = () => this.act(JSON.parse(button.dataset.act));
     }
-    // What is not touched stays as it is, also beyond what a slider shows.
+    // The other tilt is kept, also beyond what a slider shows.
     byId("pitch").onchange = (event) => this.act({ tilt: [Number(event.target.value), this.truth.roll_deg] });
     byId("roll").onchange = (event) => this.act({ tilt: [this.truth.pitch_deg, Number(event.target.value)] });
     this.wireDrag(byId("instrument"));

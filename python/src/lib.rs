@@ -47,7 +47,7 @@ fn turn(stop: &AtomicBool) -> Option<MutexGuard<'static, ()>> {
 
 /// Works in a thread of its own, one work at a time, with the interpreter's lock released. Returns when the thread has ended, after an interrupt, too.
 fn work<T: Send + 'static>(python: Python<'_>, work: impl FnOnce() -> T + Send + 'static) -> PyResult<T> {
-    // It stays for good, one byte a call: threads that an interrupted command leaves behind go on looking at it.
+    // It is never freed, one byte a call: threads that an interrupted command leaves behind go on looking at it.
     let stop: &'static AtomicBool = Box::leak(Box::new(AtomicBool::new(false)));
     let (working, ended) = channel();
     let worker = thread::spawn(move || -> Option<T> {

@@ -121,11 +121,11 @@ impl Campaign {
         toml_file::locate(path, MANIFEST).1
     }
 
-    /// The files that it names: those of its runs, and the instrument's settings.
-    pub fn files(&self) -> Vec<PathBuf> {
+    /// The files that are read of the campaign that a path names: the one that describes it, those of its runs, and the instrument's settings.
+    pub fn files(&self, path: &Path) -> Vec<PathBuf> {
         let settings = self.instrument.iter().filter_map(|instrument| instrument.settings.as_ref());
-        let settings = settings.map(|file| self.folder.join(file));
-        self.runs.iter().map(|run| self.path_of(run)).chain(settings).collect()
+        let named = self.runs.iter().map(|run| self.path_of(run)).chain(settings.map(|file| self.folder.join(file)));
+        std::iter::once(Self::manifest_of(path)).chain(named).collect()
     }
 
     /// The path of a run's file.

@@ -8,7 +8,7 @@ use inertial::{AlignError, Aligned, Alignment, NoiseOfRate};
 use north_finder::earth::earth_rate;
 
 use super::number;
-use crate::block_csv::{BlockRecording, BlockRow, GAP_STEPS};
+use crate::block_csv::BlockRecording;
 use crate::block_gate::{self, Gated};
 use crate::failure::Failure;
 use crate::file_error::FileError;
@@ -83,7 +83,7 @@ impl Align {
         let noise = self.noise(&whole, &windows);
         let mut report = self.whole(&whole, &noise)?;
         report.outliers = gated;
-        report.gaps = recording.rows.iter().filter(|row| is_after_gap(&recording, row)).count();
+        report.gaps = recording.rows.iter().filter_map(|row| row.gap_s(recording.step_s)).count();
         report.recording_s = recording.rows.iter().map(|row| row.interval_s).sum();
         let all = if windows.is_empty() { std::slice::from_ref(&whole) } else { &windows };
         for window in all {
@@ -248,16 +248,11 @@ impl Window {
     }
 }
 
-/// Rows are missing before this one.
-fn is_after_gap(recording: &BlockRecording, row: &BlockRow) -> bool {
-    row.interval_s > GAP_STEPS * recording.step_s
-}
-
 /// Windows of `seconds` one after the other; a gap ends one.
 fn gather(recording: &BlockRecording, seconds: f64) -> Vec<Gathered> {
     let mut windows: Vec<Gathered> = Vec::new();
     for row in &recording.rows {
-        let gap = is_after_gap(recording, row);
+        let gap = row.gap_s(recording.step_s).is_some();
         let full = |window: &Gathered| window.alignment.seconds() > seconds - 0.5 * recording.step_s;
         if gap || windows.last().is_none_or(full) {
             let start_s = row.t_s - if gap { 0.0 } else { row.interval_s };

@@ -52,7 +52,7 @@ impl Diagnose {
     fn check_results(&self, campaign: &Campaign) -> Result<(), FileError> {
         let results = [self.model_out.as_deref(), self.report.path(), self.json.path()];
         let named = [&self.model, &self.settings, &self.fleet].into_iter().flatten().cloned();
-        let read: Vec<PathBuf> = named.chain([Campaign::manifest_of(&self.campaign)]).chain(campaign.files()).collect();
+        let read: Vec<PathBuf> = named.chain(campaign.files(&self.campaign)).collect();
         crate::output::check_beside(read.iter().map(PathBuf::as_path), results)
     }
 

@@ -29,7 +29,7 @@ pub struct Export {
 impl Export {
     pub fn run(self) -> Result<(), Failure> {
         let campaign = Campaign::read(&self.campaign)?;
-        let read: Vec<PathBuf> = campaign.files().into_iter().chain([Campaign::manifest_of(&self.campaign)]).collect();
+        let read = campaign.files(&self.campaign);
         output::check_beside(read.iter().map(PathBuf::as_path), [Some(self.out.as_path())])?;
         let rows = write_parquet(&campaign, &self.out)?;
         Ok(writeln!(people(), "{}: {rows} rows of {} runs", self.out.display(), campaign.runs.len())?)

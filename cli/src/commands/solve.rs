@@ -115,8 +115,8 @@ impl Solve {
     /// Whether the results can be written, over none of the files that are read.
     fn check_results(&self, campaign: &Campaign) -> Result<(), FileError> {
         let results = [self.log.as_deref(), self.report.path(), self.certificate.as_deref(), self.json.path()];
-        let own = [Some(Campaign::manifest_of(&self.path)), self.model.clone(), self.settings.clone()];
-        let read: Vec<PathBuf> = own.into_iter().flatten().chain(campaign.files()).collect();
+        let named = [&self.model, &self.settings].into_iter().flatten().cloned();
+        let read: Vec<PathBuf> = named.chain(campaign.files(&self.path)).collect();
         output::check_beside(read.iter().map(PathBuf::as_path), results)
     }
 

@@ -276,12 +276,13 @@ pub fn warn_of_range(runs: &[RunData], model: &ErrorModel, warnings: &mut Vec<Wa
 
 /// Warns of channels that some runs have and others lack: what follows them is learned of runs only that all have them.
 pub fn warn_of_missing_channels(runs: &[RunData], warnings: &mut Vec<Warning>) {
-    for name in channel_names(runs) {
-        for run in runs.iter().filter(|run| run.channel(&name).is_none()) {
-            let consequence = match run.role {
-                Role::Fit => "it is not looked at as a cause in any run",
-                _ => "the run has no azimuth with an effect of it",
-            };
+    let all = channel_names(runs);
+    for run in runs {
+        let consequence = match run.role {
+            Role::Fit => "it is not looked at as a cause in any run",
+            _ => "the run has no azimuth with an effect of it",
+        };
+        for name in all.difference(&run.channel_names().into_iter().collect()) {
             let message = format!("column `{name}`, which other runs have, is not in every row: {consequence}");
             warnings.push(Warning { of_many: Some(LACKS_CHANNEL), ..Warning::of_run(&run.file, message) });
         }

@@ -86,8 +86,7 @@ impl Found {
         let written = |taught: &Taught| taught.posterior.written(&base, &learned.runs);
         let mut models: Vec<Option<ErrorModel>> = learned.models().map(written).collect();
         // A model that no file has room for is not learned; simpler ones are.
-        while models[0].is_none() && !learned.fewer.is_empty() {
-            learned.best = learned.fewer.remove(0);
+        while models[0].is_none() && learned.forget_best() {
             models.remove(0);
         }
         let models = models.into_iter().collect::<Option<Vec<ErrorModel>>>()?;
@@ -107,8 +106,7 @@ impl Found {
 
     /// Forgets the effects that are missed least, until there are at most so many.
     pub fn forgetting_all_but(mut self, effects: usize) -> Self {
-        while self.effects_found() > effects && !self.learned.fewer.is_empty() {
-            self.learned.best = self.learned.fewer.remove(0);
+        while self.effects_found() > effects && self.learned.forget_best() {
             self.models.remove(0);
         }
         self

@@ -199,7 +199,9 @@ fn periodogram(runs: &[&RunData], residuals: &[Residual]) -> Vec<(f64, f64)> {
     let count = ((0.5 * longest_s / step_s) as usize).clamp(1, FREQUENCIES);
     // Half the rate of the samples is left out: power there is that of cosines alone, a chi-square of one.
     let frequencies: Vec<f64> = (1..=count).map(|n| n as f64 * 0.5 / step_s / (count + 1) as f64).collect();
-    frequencies.par_iter().map(|&frequency| (frequency, power(runs, residuals, frequency))).collect()
+    let entering = runs.iter().copied().zip(residuals).filter(|(_, residual)| has_power(residual));
+    let entering: Vec<(&RunData, &Residual)> = entering.collect();
+    frequencies.par_iter().map(|&frequency| (frequency, power(&entering, frequency))).collect()
 }
 
 /// Whether a run has samples enough for a power.
@@ -208,21 +210,20 @@ fn has_power(residual: &Residual) -> bool {
     entering().count() > 8 && entering().any(|value| *value != 0.0)
 }
 
-/// Mean power of the runs at a frequency; white noise has 1.
-fn power(runs: &[&RunData], residuals: &[Residual], frequency: f64) -> f64 {
-    let (mut power, mut number) = (0.0, 0.0);
-    for (run, residual) in runs.iter().zip(residuals).filter(|(_, residual)| has_power(residual)) {
+/// Mean power at a frequency of runs that have one, 0 of none; white noise has 1.
+fn power(runs: &[(&RunData, &Residual)], frequency: f64) -> f64 {
+    let mut power = 0.0;
+    for (run, residual) in runs {
         let (mut cos, mut sin, mut squares) = (0.0, 0.0, 0.0);
-        for (sample, value) in run.samples.iter().zip(residual).filter(|(_, value)| value.is_finite()) {
+        for (sample, value) in run.samples.iter().zip(*residual).filter(|(_, value)| value.is_finite()) {
             let (s, c) = (TAU * frequency * sample.t_s).sin_cos();
             cos += c * value;
             sin += s * value;
             squares += value * value;
         }
         power += (cos * cos + sin * sin) / squares;
-        number += 1.0;
     }
-    if number > 0.0 { power / number } else { 0.0 }
+    power / runs.len().max(1) as f64
 }
 
 /// Spectra for drawing.

@@ -61,14 +61,15 @@ pub struct Taught {
 }
 
 impl Taught {
-    fn new<'a>(best: &Model<'a>, rivals: &[Model<'a>], search: &Search<'a>) -> Self {
+    /// What a model teaches, with this posterior.
+    fn new<'a>(best: &Model<'a>, posterior: Posterior, search: &Search<'a>) -> Self {
         let score = best.score(&search.grammar);
         let gain = |i: usize| {
             let without = search.without(best, i).map(Model::with_likeliest_process);
             without.map_or(0.0, |without| score - without.score(&search.grammar))
         };
         let gains = (0..best.terms.len()).into_par_iter().map(gain).collect();
-        Self { posterior: Posterior::new(best, rivals), score, gains }
+        Self { posterior, score, gains }
     }
 
     /// Of a model beside its rivals where that may be used, or else of it alone; `None` where neither may be.
@@ -78,8 +79,9 @@ impl Taught {
         search: &Search<'a>,
         may_be_used: &MayBeUsed<'_>,
     ) -> Option<Self> {
-        let taught = [rivals, &[]].into_iter().map(|rivals| Self::new(best, rivals, search));
-        taught.into_iter().find(|taught| may_be_used(&taught.posterior, search.runs))
+        let mut posteriors = [rivals, &[]].into_iter().map(|rivals| Posterior::new(best, rivals));
+        let posterior = posteriors.find(|posterior| may_be_used(posterior, search.runs))?;
+        Some(Self::new(best, posterior, search))
     }
 
     /// How many effects the likeliest model has.
@@ -105,6 +107,12 @@ impl Learned {
     /// The likeliest model and those with fewer effects.
     pub fn models(&self) -> impl Iterator<Item = &Taught> {
         std::iter::once(&self.best).chain(&self.fewer)
+    }
+
+    /// Forgets the likeliest model, where there is a simpler one; whether there was.
+    pub fn forget_best(&mut self) -> bool {
+        let simpler = (!self.fewer.is_empty()).then(|| self.fewer.remove(0));
+        simpler.map(|simpler| self.best = simpler).is_some()
     }
 
     /// The one without any effect.
@@ -217,7 +225,7 @@ pub fn learn(mut runs: Vec<Run>, allowed: &Allowed<'_>) -> Learned {
             (blunders, runs, start) = (wrong, mended, then);
             continue;
         }
-        let alone = |model: &Model<'_>| Taught::new(model, &[], &search);
+        let alone = |model: &Model<'_>| Taught::new(model, Posterior::new(model, &[]), &search);
         let (best, rivals) = search.with_rivals(best);
         let (best, model) = match Taught::usable(&best, &rivals, &search, allowed.may_be_used) {
             Some(taught) => (taught, best),

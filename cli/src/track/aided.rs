@@ -18,7 +18,7 @@ use super::aiding_csv::{Aiding, Reading, Value};
 use super::installation::Installation;
 use super::start::Start;
 use super::{Detail, Innovations, Reference, Track, TrackRow};
-use crate::block_csv::{BlockRecording, BlockRow, GAP_STEPS};
+use crate::block_csv::{BlockRecording, BlockRow};
 
 /// The recording's x is forward, y left: the block's axes are turned so far on the hull, whose X is to starboard.
 const FORWARD_RAD: f64 = FRAC_PI_2;
@@ -287,8 +287,7 @@ impl<'a> Run<'a> {
     fn interval(&mut self, row: &BlockRow, step_s: f64, turn_from_deg: f64) -> Result<(), String> {
         let refused = |refusal: inertial::filter::Refusal| refusal.to_string();
         let (mut dt_s, mut increment) = (row.interval_s, row.increment);
-        if row.interval_s > GAP_STEPS * step_s {
-            let gap_s = row.interval_s - step_s;
+        if let Some(gap_s) = row.gap_s(step_s) {
             increment.velocity_m_s *= step_s / row.interval_s;
             dt_s = step_s;
             self.skip_until(row.t_s - step_s, false);

@@ -5,7 +5,7 @@ use north_finder::units::DEG_PER_RAD;
 
 use super::start::Start;
 use super::{Detail, Innovations, Reference, Track, TrackRow};
-use crate::block_csv::{BlockRecording, BlockRow, GAP_STEPS};
+use crate::block_csv::{BlockRecording, BlockRow};
 
 /// Longest gap that is bridged, s.
 const LONGEST_GAP_S: f64 = 5.0;
@@ -46,8 +46,7 @@ pub fn run(
     let mut before_deg_s = used.checked_sub(1).and_then(|last| recording.rows.get(last)).map_or(0.0, rate_of);
     for row in recording.rows.iter().skip(*used) {
         let mut sample = (row.interval_s, row.increment);
-        let gap_s = row.interval_s - recording.step_s;
-        if row.interval_s > GAP_STEPS * recording.step_s {
+        if let Some(gap_s) = row.gap_s(recording.step_s) {
             if gap_s > LONGEST_GAP_S {
                 let at = row.t_s;
                 return Err(format!(

@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use north_finder::earth::earth_rate;
 use north_finder::units::{DEG_PER_RAD, RAD_PER_DEG};
 
-use crate::block_csv::{BlockRecording, BlockRow, GAP_STEPS};
+use crate::block_csv::{BlockRecording, BlockRow};
 
 /// Rows that are missing: for so many seconds before a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -93,9 +93,8 @@ fn first_rows(recording: &BlockRecording, align_s: f64) -> (Vec<&BlockRow>, Opti
         if seconds > align_s - 0.5 * recording.step_s {
             break;
         }
-        if row.interval_s > GAP_STEPS * recording.step_s {
-            let gap = Gap { seconds: row.interval_s - recording.step_s, before_s: row.t_s };
-            return (rows, Some(gap));
+        if let Some(seconds) = row.gap_s(recording.step_s) {
+            return (rows, Some(Gap { seconds, before_s: row.t_s }));
         }
         seconds += row.interval_s;
         rows.push(row);
