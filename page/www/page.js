@@ -322,10 +322,13 @@ function drawRose() {
   }
 }
 
-/** Sets a field of the page to what the address asks for; refuses what the field does not have. */
+/** Sets a field of the page to what the address asks for; refuses what the field does not have, and leaves it as it was. */
 function choose(id, value) {
+  const before = byId(id).value;
   byId(id).value = value;
-  if (byId(id).value !== value) throw new Error(`${id}=${value} in the address: there is no such choice`);
+  if (byId(id).value === value) return;
+  byId(id).value = before;
+  throw new Error(`${id}=${value} in the address: there is no such choice`);
 }
 
 /** An act of the address, say shock=60:600: time in seconds, size. */
@@ -343,14 +346,21 @@ function script(page) {
   const acts = ["shock", "warm", "turn"].flatMap((name) => asked.getAll(name).map((text) => timed(name, text)));
   page.powerUp({ ...page.chosen(), azimuth_deg: asked.has("azimuth") ? Number(asked.get("azimuth")) : null });
   page.acts = acts.sort((one, other) => one.at_s - other.at_s);
-  if (asked.has("start")) page.act("start");
+  if (asked.has("start") && page.truth) page.act("start");
   return asked.has("once");
 }
 
 async function run() {
   addEventListener("hashchange", () => location.reload());
   const page = new Page(await Instrument.load(NORTH_WASM));
-  const once = script(page);
+  let once = false;
+  try {
+    once = script(page);
+  } catch (error) {
+    // An address that asks for what is not there gets the usual instrument, and is told why.
+    page.powerUp(page.chosen());
+    show("refused", error.message);
+  }
   let before = null;
   const frame = (now) => {
     const elapsed_s = before === null ? 0 : (now - before) / 1000;
@@ -365,6 +375,6 @@ async function run() {
 }
 
 run().catch((error) => {
-  show("refused", `the instrument is not there: ${error.message ?? error}`);
+  show("refused", `the instrument could not be loaded: ${error}`);
   console.error(error);
 });
