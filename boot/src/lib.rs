@@ -24,9 +24,26 @@ pub mod manifest;
 pub mod receive;
 pub mod slot;
 
+use crc::{CRC_32_ISO_HDLC, Crc, Table};
+
 /// Where the slots are.
 pub const SLOTS: [u32; 2] = [0x0802_0000, 0x0808_0000];
 /// Bytes of a slot.
 pub const SLOT_BYTES: u32 = 384 * 1024;
 /// Bytes of a slot's sectors.
 pub const SECTOR_BYTES: u32 = 128 * 1024;
+
+/// The CRC-32 of Ethernet and zlib (CRC-32/ISO-HDLC): of seals and images, settings, kept crashes, error models and the
+/// frames of the host's link.
+pub static CRC_32: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
+
+#[cfg(test)]
+mod tests {
+    use super::CRC_32;
+
+    /// The check value in the catalogue of parametrised CRCs.
+    #[test]
+    fn the_crc_of_the_digits_is_that_of_the_catalogue() {
+        assert_eq!(CRC_32.checksum(b"123456789"), 0xCBF4_3926);
+    }
+}

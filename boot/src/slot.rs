@@ -11,8 +11,9 @@
 //! Words are written once after an erase. A power cut may leave a word that is neither erased nor whole: a seal like that fails its check, a trial
 //! like that counts, a confirmation like that does not, and the next of its words is used.
 
-use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use embedded_storage::nor_flash::NorFlash;
+
+use crate::CRC_32;
 
 /// Bytes of a slot that are not the image's.
 pub const TRAILER: u32 = 256;
@@ -30,8 +31,6 @@ const CONFIRMED: u32 = u32::from_le_bytes(*b"GOOD");
 const TRIED: u32 = 0;
 const ERASED: u32 = u32::MAX;
 const PART: usize = 256;
-
-const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
 
 /// What makes an image whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,7 +67,7 @@ fn marks() -> impl Iterator<Item = u32> {
 impl Seal {
     fn words(&self) -> [u32; 5] {
         let [magic, sequence, length, crc] = [MAGIC, self.sequence, self.length, self.crc];
-        let mut digest = CRC.digest();
+        let mut digest = CRC_32.digest();
         [magic, sequence, length, crc].iter().for_each(|word| digest.update(&word.to_le_bytes()));
         [magic, sequence, length, crc, digest.finalize()]
     }
@@ -97,7 +96,7 @@ impl Seal {
 
 /// CRC-32 of a slot's first bytes.
 pub fn content_crc<F: NorFlash>(flash: &mut F, length: u32) -> Option<u32> {
-    let mut digest = CRC.digest();
+    let mut digest = CRC_32.digest();
     for at in (0..length).step_by(PART) {
         let mut part = [0; PART];
         let part = part.get_mut(..((length - at) as usize).min(PART))?;

@@ -3,7 +3,7 @@
 //! A board keeps a [`Crash`] in memory that a reset does not clear, as [`Crash::to_words`]: at power-up that memory holds anything,
 //! and [`Crash::of_words`] finds out.
 
-use crc::{CRC_32_ISO_HDLC, Crc, Table};
+use north_boot::CRC_32;
 use serde::{Deserialize, Serialize};
 
 /// Bytes of each of the two texts.
@@ -12,8 +12,6 @@ const TEXT_WORDS: usize = TEXT / 4;
 const NUMBERS: usize = 8;
 /// Words of a kept crash: numbers, two texts, and their CRC-32.
 pub const WORDS: usize = NUMBERS + 2 * TEXT_WORDS + 1;
-
-const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
 
 /// What ended the run before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -203,11 +201,11 @@ impl Crash {
 
 /// CRC-32/ISO-HDLC of bytes: the check sum that a program is known by.
 pub fn check(bytes: &[u8]) -> u32 {
-    CRC.checksum(bytes)
+    CRC_32.checksum(bytes)
 }
 
 fn check_of(words: &[u32]) -> u32 {
-    let mut digest = CRC.digest();
+    let mut digest = CRC_32.digest();
     words.iter().for_each(|word| digest.update(&word.to_le_bytes()));
     digest.finalize()
 }

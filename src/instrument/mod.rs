@@ -23,9 +23,9 @@ use core::ops::DerefMut;
 
 use calibration::ellipsoid::Correction;
 use calibration::field;
-use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use embedded_storage::nor_flash::NorFlash;
 use heapless::Deque;
+use north_boot::CRC_32;
 
 use crate::drivers::adxl355::Measurement;
 use crate::drivers::analogue::Conversion;
@@ -61,8 +61,6 @@ use session::Session;
 use update::{CONFIRMED_TICKS, Slots};
 use watch::GyroWatch;
 use workspace::Workspace;
-
-const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
 
 /// Most lost ticks that are made up for: the watchdog would have ended a longer stand.
 const MOST_LOST: u64 = 1200;
@@ -616,7 +614,7 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
 
 /// CRC-32 of an error model as it is stored.
 fn model_identity(model: &ErrorModel, scratch: &mut [u8]) -> u32 {
-    postcard::to_slice(model, scratch).map_or(0, |content| CRC.checksum(content))
+    postcard::to_slice(model, scratch).map_or(0, |content| CRC_32.checksum(content))
 }
 
 /// Puts something that entered into the stream; tells the block that is full with it.

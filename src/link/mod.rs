@@ -29,8 +29,8 @@ pub mod nmea;
 
 use core::marker::PhantomData;
 
-use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use heapless::Vec;
+use north_boot::CRC_32;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
@@ -51,7 +51,6 @@ pub const MAX_REPORT: usize = 168;
 /// Longest frame that holds a [`Request`], with its closing 00.
 pub const MAX_REQUEST: usize = 128;
 
-const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
 const CRC_LENGTH: usize = 4;
 
 /// What a host asks of the instrument. The instrument answers every one with [`Event::Answer`](crate::event::Event::Answer), after
@@ -132,7 +131,7 @@ fn encode<const N: usize>(message: &impl Serialize) -> Result<Vec<u8, N>, TooLon
     *version = VERSION;
     let length = 1 + postcard::to_slice(message, rest).map_err(|_| TooLong)?.len();
     let (checked, rest) = content.split_at_mut_checked(length).ok_or(TooLong)?;
-    let crc = CRC.checksum(checked).to_le_bytes();
+    let crc = CRC_32.checksum(checked).to_le_bytes();
     rest.get_mut(..CRC_LENGTH).ok_or(TooLong)?.copy_from_slice(&crc);
 
     let content = content.get(..length + CRC_LENGTH).ok_or(TooLong)?;
@@ -227,7 +226,7 @@ fn checked(frame: &mut [u8]) -> Option<(u8, &[u8])> {
     let length = cobs::decode_in_place(frame).ok()?;
     let (checked, crc) = frame.get(..length)?.split_last_chunk::<CRC_LENGTH>()?;
     let (&version, message) = checked.split_first()?;
-    (CRC.checksum(checked) == u32::from_le_bytes(*crc)).then_some((version, message))
+    (CRC_32.checksum(checked) == u32::from_le_bytes(*crc)).then_some((version, message))
 }
 
 #[cfg(test)]
@@ -403,7 +402,7 @@ mod tests {
         let mut frame = encode_report(&idle()).unwrap();
         let length = cobs::decode_in_place(&mut frame[..16]).unwrap();
         frame[0] = VERSION + 1;
-        let crc = CRC.checksum(&frame[..length - 4]).to_le_bytes();
+        let crc = CRC_32.checksum(&frame[..length - 4]).to_le_bytes();
         frame[length - 4..length].copy_from_slice(&crc);
         let mut again = [0; 32];
         let length = cobs::encode(&frame[..length], &mut again);

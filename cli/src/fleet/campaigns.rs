@@ -107,7 +107,7 @@ pub fn jobs(sources: &[Source], results: &Path, fleet: Option<&Path>) -> Result<
 /// Results in one folder were all made with the same.
 fn check_made_with(results: &Path, fleet: Option<&Path>) -> Result<(), Failure> {
     let bytes = fleet.map(|path| std::fs::read(path).map_err(|error| FileError::whole(path, error))).transpose()?;
-    let fleet_crc32 = bytes.map(|bytes| crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&bytes));
+    let fleet_crc32 = bytes.map(|bytes| north_boot::CRC_32.checksum(&bytes));
     let now = MadeWith { version: env!("CARGO_PKG_VERSION").into(), fleet_crc32 };
     let path = results.join(MADE_WITH);
     if path.exists() {

@@ -21,8 +21,8 @@ mod content;
 
 use core::ops::RangeInclusive;
 
-use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
+use north_boot::CRC_32;
 
 use super::Settings;
 use crate::event::bytes::{Bytes, CAPACITY, Piece};
@@ -44,8 +44,6 @@ pub const MAX_SETTINGS: usize = MAX_RECORD - HEADER - CRC_LENGTH;
 const GRAIN: usize = 16;
 /// Flash is read in parts of this many bytes where it is only looked at.
 const PART: usize = 64;
-
-const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
 
 /// What the flash holds.
 #[derive(Clone, Debug, PartialEq)]
@@ -193,7 +191,7 @@ fn record(version: u16, sequence: u32, content: &[u8]) -> impl Iterator<Item = u
     let header = (MAGIC.into_iter().chain(version.to_le_bytes()))
         .chain((content.len() as u16).to_le_bytes())
         .chain(sequence.to_le_bytes());
-    let mut digest = CRC.digest();
+    let mut digest = CRC_32.digest();
     header.clone().for_each(|byte| digest.update(&[byte]));
     digest.update(content);
     header.chain(content.iter().copied()).chain(digest.finalize().to_le_bytes()).chain(core::iter::repeat(0xFF))
@@ -307,7 +305,7 @@ fn claimed(start: &[u8; GRAIN]) -> Option<(u16, u32, usize)> {
 
 /// Whether the check sum of a record is right.
 fn is_whole<F: ReadNorFlash>(flash: &mut F, at: u32, length: usize) -> Result<bool, F::Error> {
-    let mut digest = CRC.digest();
+    let mut digest = CRC_32.digest();
     let (mut at, end) = (at, at + (length - CRC_LENGTH) as u32);
     while at < end {
         let mut part = [0; PART];

@@ -128,7 +128,7 @@ fn the_record_is_as_documented() {
     assert_eq!(record[..6], *b"NFST\x09\x00");
     assert_eq!(record[8..12], [1, 0, 0, 0]);
     assert_eq!(record[12..20], 45.5_f64.to_le_bytes());
-    let crc = CRC.checksum(&record[..12 + length]).to_le_bytes();
+    let crc = CRC_32.checksum(&record[..12 + length]).to_le_bytes();
     assert_eq!(record[12 + length..][..4], crc);
     assert!(record[12 + length + 4..].iter().all(|&byte| byte == 0xFF));
 }
@@ -173,7 +173,7 @@ fn another_version_is_corrupt() {
     save(&mut flash, &settings(45.0)).unwrap();
     let length = HEADER + usize::from(u16::from_le_bytes([flash.bytes[6], flash.bytes[7]]));
     flash.bytes[4] = 3;
-    let crc = CRC.checksum(&flash.bytes[..length]).to_le_bytes();
+    let crc = CRC_32.checksum(&flash.bytes[..length]).to_le_bytes();
     flash.bytes[length..][..4].copy_from_slice(&crc);
     assert_eq!(load(&mut flash), Ok(Loaded::Corrupt));
 }
@@ -222,7 +222,7 @@ fn the_versions_before_are_read() {
         flash.bytes[4] = version;
         flash.bytes[6..8].copy_from_slice(&((length - less) as u16).to_le_bytes());
         let end = HEADER + length - less;
-        let crc = CRC.checksum(&flash.bytes[..end]).to_le_bytes();
+        let crc = CRC_32.checksum(&flash.bytes[..end]).to_le_bytes();
         flash.bytes[end..][..4].copy_from_slice(&crc);
         flash.bytes.resize(flash.bytes.len() + less, 0xFF);
         assert_eq!(load(&mut flash), Ok(Loaded::Valid(expected)));
