@@ -7,3 +7,8 @@ pub fn number<const LOW: i32, const HIGH: i32>(text: &str) -> Result<f64, String
         _ => Err(format!("allowed is a number from {LOW} to {HIGH}")),
     }
 }
+
+/// A seed; of anything else a usage error says what is allowed.
+pub fn seed(text: &str) -> Result<u64, String> {
+    text.parse().map_err(|_| format!("allowed is a whole number from 0 to {}", u64::MAX))
+}

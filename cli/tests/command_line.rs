@@ -80,7 +80,12 @@ fn usage_errors_give_2_and_say_what_is_allowed() {
         ),
         (&["find", "--dwell", "1"], "invalid value '1' for '--dwell <S>': 1 is not in 2..=3600"),
         (&["find", "--order", "random"], "[possible values: plain, source, mirrored, east-west, adaptive, rotation]"),
-        (&["find", "--seed", "x"], "invalid value 'x' for '--seed <N>'"),
+        (
+            &["find", "--seed", "x"],
+            "invalid value 'x' for '--seed <N>': allowed is a whole number from 0 to 18446744073709551615",
+        ),
+        (&["find", "--seed", "-1"], "invalid value '-1' for '--seed <N>': allowed is a whole number from 0 to "),
+        (&["calibrate", "field", "--seed", "-1"], "invalid value '-1' for '--seed <N>': allowed is a whole number"),
         (&["find", "--scenario", "nowhere"], "there is no scenario \"nowhere\"; the built-in ones are: calm-bench, "),
         (&["find", "--no-such-option"], "unexpected argument '--no-such-option' found"),
         (&["simulate"], "--out <DIR>"),

@@ -7,7 +7,7 @@ use hal_sim::Scenario;
 use north_finder::sequence::order::Order;
 use north_finder::settings::Settings;
 
-use super::number;
+use super::{number, seed};
 use crate::failure::Failure;
 use crate::model_file::ModelFile;
 use crate::settings_file::{read_settings, scenario_settings};
@@ -19,7 +19,7 @@ pub struct InstrumentOptions {
     #[arg(long, value_name = "NAME", default_value = "calm-bench")]
     pub scenario: String,
     /// Seed of everything random; the same scenario and seed give the same run
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true, value_parser = seed)]
     pub seed: u64,
     /// Latitude of the instrument and in its settings, degrees, north positive, -90 to 90
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = number::<-90, 90>)]

@@ -30,7 +30,7 @@ mod watch;
 
 use clap::{Parser, Subcommand};
 
-pub use crate::argument::number;
+pub use crate::argument::{number, seed};
 use crate::failure::Failure;
 use crate::output::ForceOption;
 

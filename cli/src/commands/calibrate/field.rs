@@ -10,6 +10,7 @@ use north_finder::sequence::Command;
 use serde::Serialize;
 
 use crate::commands::instrument::InstrumentOptions;
+use crate::commands::seed;
 use crate::engine::{self, Engine, Outcome, Setup};
 use crate::failure::Failure;
 use crate::field::{self, End};
@@ -35,7 +36,7 @@ pub struct Field {
     #[arg(value_name = "SCENARIO", default_value = "worn-accelerometers")]
     scenario: String,
     /// Seed of everything random; the same scenario and seed give the same run
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true, value_parser = seed)]
     seed: u64,
     /// Run the instrument in this process instead of the firmware image in QEMU
     #[arg(long)]

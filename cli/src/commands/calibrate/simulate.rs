@@ -9,7 +9,7 @@ use hal_sim::triad::{Placement, SIX_POSITIONS, Shock, Table, TableRow, Visit, dr
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::commands::number;
+use crate::commands::{number, seed};
 use crate::failure::Failure;
 use crate::file_error::{FileError, Problem};
 use crate::model_file::{Accelerometer, GyroTriad, Triads};
@@ -43,7 +43,7 @@ struct SixPosition {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Seed of everything random
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true, value_parser = seed)]
     seed: u64,
     /// Latitude, degrees, north positive
     #[arg(long, value_name = "DEG", default_value_t = 34.75, allow_negative_numbers = true, value_parser = number::<-89, 89>)]
@@ -65,7 +65,7 @@ struct Ellipsoid {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Seed of everything random
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true, value_parser = seed)]
     seed: u64,
     /// Number of attitudes
     #[arg(long, value_name = "N", default_value_t = 23, value_parser = clap::value_parser!(u16).range(1..=1000))]
