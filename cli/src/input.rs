@@ -10,6 +10,8 @@ const LONGEST_RECORD: usize = 16 << 20;
 const FIRST_LINE: u64 = 1 << 16;
 /// Longest file that is read whole.
 const LONGEST_TEXT: u64 = 64 << 20;
+/// What a file in UTF-16 is, and what to do about it.
+pub const UTF16: &str = "UTF-16 text: convert it to UTF-8, for instance with iconv -f UTF-16 -t UTF-8";
 
 /// Opens a regular file.
 ///
@@ -28,14 +30,15 @@ pub fn open(path: &Path) -> io::Result<File> {
 
 /// The text of a file.
 ///
-/// Errors: as [`open`]; it is longer than any that is meant, or not UTF-8.
+/// Errors: as [`open`]; it is longer than any that is meant, UTF-16, or not UTF-8.
 pub fn text(path: &Path) -> io::Result<String> {
-    let mut text = String::new();
-    open(path)?.take(LONGEST_TEXT + 1).read_to_string(&mut text)?;
-    match text.len() as u64 > LONGEST_TEXT {
-        true => Err(io::Error::new(ErrorKind::InvalidData, "more than 64 MiB: this is not such a file")),
-        false => Ok(text),
+    let mut bytes = Vec::new();
+    open(path)?.take(LONGEST_TEXT + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > LONGEST_TEXT {
+        return Err(io::Error::new(ErrorKind::InvalidData, "more than 64 MiB: this is not such a file"));
     }
+    refuse_utf16(&bytes)?;
+    String::from_utf8(bytes).map_err(|_| io::Error::new(ErrorKind::InvalidData, "this is not valid UTF-8 text"))
 }
 
 /// Passes the bytes of records on until one of them is too long; where lines end with carriage returns alone, as a newline each.
@@ -54,10 +57,7 @@ pub fn records(path: &Path) -> io::Result<Records<File>> {
     let mut begin = Vec::new();
     (&inner).take(FIRST_LINE).read_to_end(&mut begin)?;
     inner.rewind()?;
-    if is_utf16(&begin) {
-        let message = "this is UTF-16 text: convert it to UTF-8, for instance with iconv -f UTF-16 -t UTF-8";
-        return Err(io::Error::new(ErrorKind::InvalidData, message));
-    }
+    refuse_utf16(&begin)?;
     Ok(Records { inner, since_record: 0, carriage_returns: ends_with_carriage_return(&begin) })
 }
 
@@ -67,6 +67,13 @@ pub fn is_utf16(head: &[u8]) -> bool {
     let zeros = |first: usize| head.iter().skip(first).step_by(2).take(CHARACTERS).filter(|byte| **byte == 0).count();
     let text = |zero: usize, other: usize| zeros(zero) == CHARACTERS && zeros(other) == 0;
     head.starts_with(b"\xFF\xFE") || head.starts_with(b"\xFE\xFF") || text(0, 1) || text(1, 0)
+}
+
+fn refuse_utf16(head: &[u8]) -> io::Result<()> {
+    match is_utf16(head) {
+        true => Err(io::Error::new(ErrorKind::InvalidData, format!("this is {UTF16}"))),
+        false => Ok(()),
+    }
 }
 
 /// Whether the first line ends with a carriage return and no newline.
@@ -129,17 +136,21 @@ mod tests {
     }
 
     #[test]
-    fn a_table_in_utf_16_is_refused_by_name() {
+    fn tables_and_texts_in_utf_16_are_refused_by_name() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("t.csv");
-        let text = || "t_s,index_deg\n".encode_utf16();
-        let little: Vec<u8> = text().flat_map(u16::to_le_bytes).collect();
-        let marked_big: Vec<u8> = std::iter::once(0xFEFF).chain(text()).flat_map(u16::to_be_bytes).collect();
+        let written = || "t_s,index_deg\n".encode_utf16();
+        let little: Vec<u8> = written().flat_map(u16::to_le_bytes).collect();
+        let marked_big: Vec<u8> = std::iter::once(0xFEFF).chain(written()).flat_map(u16::to_be_bytes).collect();
         for bytes in [little, marked_big] {
             std::fs::write(&path, bytes).unwrap();
-            let error = records(&path).unwrap_err();
-            assert!(error.to_string().contains("UTF-16 text: convert it"), "{error}");
+            for error in [records(&path).unwrap_err(), text(&path).unwrap_err()] {
+                assert!(error.to_string().contains("UTF-16 text: convert it"), "{error}");
+            }
         }
+        std::fs::write(&path, b"title = \"\xE9t\xE9\"\n").unwrap();
+        let error = text(&path).unwrap_err();
+        assert!(error.to_string().contains("not valid UTF-8"), "{error}");
     }
 
     #[test]

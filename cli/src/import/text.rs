@@ -269,9 +269,7 @@ impl Records for TextRecords {
 pub fn refuse_binary(path: &Path, head: &[u8]) -> Result<(), FileError> {
     let what = match head {
         [] => return Err(FileError::whole(path, Problem::Syntax("the file is empty".into()))),
-        head if crate::input::is_utf16(head) => {
-            "UTF-16 text: convert it to UTF-8, for instance with iconv -f UTF-16 -t UTF-8"
-        }
+        head if crate::input::is_utf16(head) => crate::input::UTF16,
         head if head.starts_with(b"MATLAB 5.0 MAT-file") => {
             "a MATLAB file: write its columns as text there, writematrix(data, \"recording.csv\")"
         }
