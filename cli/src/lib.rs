@@ -8,6 +8,7 @@ pub mod calibrate;
 pub mod campaign;
 pub mod characterise;
 pub mod commands;
+pub mod count;
 pub mod dashboard;
 pub mod diagnose;
 pub mod engine;

@@ -295,7 +295,7 @@ fn faults_in_a_simulated_campaign_are_told() {
     let called =
         north_in(folder.path(), &["simulate", "--scenario", "stalled-motor", "--runs", "1", "--out", "campaign"]);
     let shown = called.refused(1, "north: 1 of 1 fixes ended without an azimuth\n");
-    assert_eq!(shown, "runs/001.csv: the fix ended without an azimuth: motor-stall\ncampaign: 1 runs\n");
+    assert_eq!(shown, "runs/001.csv: the fix ended without an azimuth: motor-stall\ncampaign: 1 run\n");
     let called = north_in(folder.path(), &["solve", "campaign"]);
     assert_eq!(called.code, 1);
     assert!(called.stderr.ends_with("in fewer than three different directions\n"), "{}", called.stderr);

@@ -50,14 +50,14 @@ fn units_of_one_scenario_have_its_effect_in_common() {
     // The same by the map over folders, once.
     let all = ["fleet", "diagnose", &next, "--results", &results, "--fleet", &prior, "--table", &path("t.parquet")];
     let (code, said, error) = north(&all);
-    assert!(code == 0 && said.contains("1 campaigns: 0 were done before, 0 cannot"), "{said}{error}");
+    assert!(code == 0 && said.contains("1 campaign: 0 done before, 0 cannot"), "{said}{error}");
     let result = Path::new(&results).join("next.json");
     let of_map: Value = serde_json::from_str(&fs::read_to_string(&result).unwrap()).unwrap();
     assert_eq!(of_map, diagnosis);
     let modified = || -> SystemTime { fs::metadata(&result).unwrap().modified().unwrap() };
     let first = modified();
     let (code, said, _) = north(&[&all[..7], &["--force", "--table", &path("t.parquet")]].concat());
-    assert!(code == 0 && said.contains("1 were done before") && modified() == first, "{said}");
+    assert!(code == 0 && said.contains("1 done before") && modified() == first, "{said}");
     // Results that were made with something else are not mixed with these.
     let (code, _, error) = north(&["fleet", "diagnose", &next, "--results", &results]);
     assert!(code == 1 && error.contains("another fleet"), "{error}");
@@ -94,7 +94,7 @@ fn a_campaign_that_cannot_be_read_is_refused_until_it_is_mended() {
     let all = ["fleet", "diagnose", &units, "--results", &results, "--table", &table, "--force"];
     for before in [0, 1] {
         let (code, said, error) = north(&all);
-        let counts = format!("2 campaigns: {before} were done before, 1 cannot be diagnosed");
+        let counts = format!("2 campaigns: {before} done before, 1 cannot be diagnosed");
         assert!(code == 0 && said.contains(&counts) && Path::new(&table).exists(), "{said}{error}");
     }
     let refused = fs::read_to_string(path("results/unit 2.json")).unwrap();
@@ -102,7 +102,7 @@ fn a_campaign_that_cannot_be_read_is_refused_until_it_is_mended() {
     fs::remove_dir_all(path("units/unit 2")).unwrap();
     assert_eq!(north(&["simulate", "--runs", "2", "--seed", "9", "--out", &path("units/unit 2")]).0, 0);
     let (_, said, _) = north(&all);
-    assert!(said.contains("1 were done before, 0 cannot be diagnosed"), "{said}");
+    assert!(said.contains("1 done before, 0 cannot be diagnosed"), "{said}");
     assert!(!fs::read_to_string(path("results/unit 2.json")).unwrap().contains("refused"));
 }
 

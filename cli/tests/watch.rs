@@ -162,7 +162,7 @@ fn the_watch_begins_anew_with_another_model() {
     fs::write(&path, of_models(350)).unwrap();
     let (code, said, error) = north(&["watch", path.to_str().unwrap()]);
     assert!(code == 0 && said.contains("151 fixes, ") && said.contains("holds      51 fixes watched"), "{said}{error}");
-    assert!(said.contains("left out   199 fixes before these were made with another error model"), "{said}");
+    assert!(said.contains("left out   199 fixes before these, made with another error model"), "{said}");
     fs::write(&path, of_models(250)).unwrap();
     let (code, _, error) = north(&["watch", path.to_str().unwrap()]);
     assert!(code == 1 && error.contains("51 fixes of the last error model, after 199 of others"), "{error}");

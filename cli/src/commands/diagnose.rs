@@ -7,6 +7,7 @@ use time::OffsetDateTime;
 
 use super::fleet::family;
 use crate::campaign::Campaign;
+use crate::count::counted;
 use crate::diagnose::{Options, diagnose, write};
 use crate::failure::Failure;
 use crate::file_error::FileError;
@@ -67,7 +68,7 @@ impl Diagnose {
         }
         let family = family(self.fleet.as_deref())?;
         let options = Options { settings, leave_one_out: self.leave_one_out, family };
-        let what = format!("diagnosing {} runs", campaign.runs.len());
+        let what = format!("diagnosing {}", counted(campaign.runs.len(), "run"));
         let mut diagnosis = progress::work(what, move || diagnose(&campaign, &options))?
             .map_err(|refusal| Failure::Refused(refusal.to_string()))?;
         write(&mut self.json.human(), &diagnosis)?;

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::campaign::{Campaign, write_parquet};
+use crate::count::counted;
 use crate::failure::Failure;
 use crate::output::{self, people};
 
@@ -32,6 +33,7 @@ impl Export {
         let read = campaign.files(&self.campaign);
         output::check_beside(read.iter().map(PathBuf::as_path), [Some(self.out.as_path())])?;
         let rows = write_parquet(&campaign, &self.out)?;
-        Ok(writeln!(people(), "{}: {rows} rows of {} runs", self.out.display(), campaign.runs.len())?)
+        let (rows, runs) = (counted(rows, "row"), counted(campaign.runs.len(), "run"));
+        Ok(writeln!(people(), "{}: {rows} of {runs}", self.out.display())?)
     }
 }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand};
 use serde::Serialize;
 
+use crate::count::counted;
 use crate::diagnose::median;
 use crate::failure::Failure;
 use crate::file_error::FileError;
@@ -186,8 +187,10 @@ impl DiagnoseAll {
         let mut out = self.json.human();
         writeln!(
             out,
-            "{} campaigns: {} were done before, {} cannot be diagnosed (why is in their results)",
-            summary.campaigns, summary.known, summary.refused
+            "{}: {} done before, {} cannot be diagnosed (why is in their results)",
+            counted(summary.campaigns, "campaign"),
+            summary.known,
+            summary.refused
         )?;
         if let Some(seconds) = summary.seconds {
             writeln!(out, "{seconds:.1} s for one on one thread (median), {threads} at a time")?;

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use crate::count::counted;
 use crate::failure::Failure;
 use crate::file_error::FileError;
 use crate::import::{self, Format, Map, Summary};
@@ -83,24 +84,23 @@ impl Import {
 
     fn print(&self, summary: &Summary, folder: &Path, out: &mut dyn Write) -> std::io::Result<()> {
         for run in &summary.runs {
-            writeln!(out, "{}: {} rows, {:.3} s from {:.3} s on", run.file, run.rows, run.seconds, run.start_s)?;
+            let rows = counted(run.rows, "row");
+            writeln!(out, "{}: {rows}, {:.3} s from {:.3} s on", run.file, run.seconds, run.start_s)?;
         }
         let losses = &summary.losses;
-        let what = if self.block.is_some() {
-            "recording of a block".to_owned()
-        } else {
-            format!("{} runs", summary.runs.len())
-        };
+        let what =
+            if self.block.is_some() { "recording of a block".to_owned() } else { counted(summary.runs.len(), "run") };
         write!(
             out,
-            "{}: {what} from {} samples, {} lost, {} not valid",
+            "{}: {what} from {}, {} lost, {} not valid",
             folder.display(),
-            summary.samples,
+            counted(summary.samples, "sample"),
             losses.lost_samples,
             losses.invalid_samples
         )?;
         if self.format == Format::Kvh {
-            write!(out, ", {} bad check sums, {} bytes skipped", losses.bad_frames, losses.skipped_bytes)?;
+            let sums = counted(losses.bad_frames, "bad check sum");
+            write!(out, ", {sums}, {} skipped", counted(losses.skipped_bytes, "byte"))?;
         }
         if let Some(rate_hz) = summary.measured_rate_hz {
             write!(out, "; {rate_hz:.3} Hz")?;

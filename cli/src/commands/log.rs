@@ -8,6 +8,7 @@ use north_finder::event::restart::Crash;
 use north_finder::link::Ask;
 
 use super::number;
+use crate::count::counted;
 use crate::failure::Failure;
 use crate::output;
 use crate::port::Port;
@@ -69,11 +70,11 @@ impl LogCommand {
             let BoardLog { fixes, unreadable, .. } = log;
             write_log(path, &fixes)?;
             let cut = if unreadable > 0 {
-                format!(", {unreadable} records that a power cut left unreadable")
+                format!(", {} that a power cut left unreadable", counted(unreadable, "record"))
             } else {
                 String::new()
             };
-            writeln!(people, "{}: {} fixes{cut}", path.display(), fixes.len())?;
+            writeln!(people, "{}: {}{cut}", path.display(), counted(fixes.len(), "fix"))?;
         }
         Ok(())
     }

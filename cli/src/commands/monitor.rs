@@ -9,6 +9,7 @@ use north_finder::link::Ask;
 use north_finder::sequence::Command;
 use north_finder::settings::Settings;
 
+use crate::count::counted;
 use crate::dashboard;
 use crate::failure::Failure;
 use crate::port::{Port, PortError, SILENCE};
@@ -60,7 +61,8 @@ impl Monitor {
                 Err(error) => {
                     let mut out = view.finish()?;
                     if port.bad_frames() > 0 {
-                        writeln!(out, "{} frames were damaged or of another version", port.bad_frames())?;
+                        let frames = counted(port.bad_frames(), "frame");
+                        writeln!(out, "damaged or of another version: {frames}")?;
                     }
                     return Err(error.into());
                 }

@@ -10,6 +10,7 @@ use north_finder::link::{Ask, BAUD};
 use north_finder::sequence::Command;
 
 use crate::campaign::{CampaignWriter, Row, Run};
+use crate::count::counted;
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::json::{Run as RunRecord, Solved};
@@ -123,15 +124,16 @@ impl Record {
         let capacity = BAUD / 10;
         writeln!(
             out,
-            "{}: {count} rows; at most {} bytes a second of {capacity}",
+            "{}: {}; at most {} bytes a second of {capacity}",
             self.out.display(),
+            counted(count, "row"),
             line.most_bytes
         )?;
         ended?;
         if line.lost_blocks > 0 || port.bad_frames() > 0 {
-            let (lost, bad) = (line.lost_blocks, port.bad_frames());
-            let message =
-                format!("{lost} blocks of the stream were lost and {bad} frames damaged: the recording has gaps");
+            let lost = counted(line.lost_blocks, "block");
+            let damaged = counted(port.bad_frames(), "frame");
+            let message = format!("lost: {lost} of the stream; damaged: {damaged}: the recording has gaps");
             return Err(Failure::Refused(message));
         }
         let dwells = &line.dwells;

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 
 use super::instrument::InstrumentOptions;
 use crate::campaign::{CampaignWriter, Role, Row, Run};
+use crate::count::counted;
 use crate::engine::{End, EngineError, Outcome, Setup, host};
 use crate::failure::Failure;
 use crate::interrupt;
@@ -125,10 +126,14 @@ impl Simulate {
                 writeln!(out, "{file}: the fix ended without an azimuth: {why}{recorded}")?;
             }
         }
-        writeln!(out, "{}: {} runs", self.out.display(), simulated.iter().filter(|each| each.recorded).count())?;
+        let recorded = simulated.iter().filter(|each| each.recorded).count();
+        writeln!(out, "{}: {}", self.out.display(), counted(recorded, "run"))?;
         match without_azimuth {
             0 => Ok(()),
-            count => Err(Failure::Refused(format!("{count} of {} fixes ended without an azimuth", self.runs))),
+            count => {
+                let fixes = counted(self.runs, "fix");
+                Err(Failure::Refused(format!("{count} of {fixes} ended without an azimuth")))
+            }
         }
     }
 }

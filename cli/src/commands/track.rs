@@ -13,6 +13,7 @@ use serde::Serialize;
 use super::number;
 use crate::block_csv::{BlockRecording, BlockRow};
 use crate::block_gate::{self, Gated};
+use crate::count::counted;
 use crate::failure::Failure;
 use crate::file_error::FileError;
 use crate::model_file::ModelFile;
@@ -220,12 +221,12 @@ impl Summary {
             }
         };
         format!(
-            "{}: {} s, heading {:.4}° ± {:.4}°; {} gaps, {} saturated, {}{how}{nis}{rms}",
+            "{}: {} s, heading {:.4}° ± {:.4}°; {}, {} saturated, {}{how}{nis}{rms}",
             self.class,
             self.seconds,
             self.heading_deg,
             self.sigma_heading_deg,
-            self.gaps,
+            counted(self.gaps, "gap"),
             self.saturated,
             self.outliers
         )

@@ -9,6 +9,7 @@ use north_finder::settings::Settings;
 use serde::Serialize;
 
 use crate::campaign::Campaign;
+use crate::count::counted;
 use crate::diagnose::Options;
 use crate::failure::Failure;
 use crate::file_error::FileError;
@@ -104,7 +105,8 @@ impl Watch {
                 String::new()
             };
             let text = format!(
-                "the logs hold {count} fixes{of_model}; the first {BASELINE} say what is normal, and there are none to watch"
+                "the logs hold {}{of_model}; the first {BASELINE} say what is normal, and there are none to watch",
+                counted(count, "fix")
             );
             return Err(Failure::Refused(text));
         }
@@ -181,8 +183,9 @@ fn write(out: &mut dyn Write, history: &History<'_>) -> io::Result<()> {
     let switches = log.switched().iter().filter(|&&switched| switched).count();
     writeln!(
         out,
-        "{} fixes, {switches} switch-ons between them; the first {BASELINE} say what is normal",
-        log.fixes.len()
+        "{}, {} between them; the first {BASELINE} say what is normal",
+        counted(log.fixes.len(), "fix"),
+        counted(switches, "switch-on")
     )?;
     writeln!(out, "signals    {}", kinds.iter().map(|kind| kind.name()).collect::<Vec<_>>().join(", "))?;
     for said in history.not_watched() {
@@ -192,22 +195,23 @@ fn write(out: &mut dyn Write, history: &History<'_>) -> io::Result<()> {
     let Some(at) = verdict.alarm else {
         writeln!(
             out,
-            "holds      {} fixes watched; the statistic was {most:.1} at most, and {ALARM} is an alarm, of which false ones come after {ALARM} fixes \
+            "holds      {} watched; the statistic was {most:.1} at most, and {ALARM} is an alarm, of which false ones come after {ALARM} fixes \
              on average, or later",
-            verdict.watched
+            counted(verdict.watched, "fix")
         )?;
         return blind(out, &kinds);
     };
     let after = match log.fixes.len() - at - 1 {
         0 => String::new(),
-        count => format!(
-            "; the {count} fixes after it say how great the change is, and no further one is looked for in them"
-        ),
+        count => {
+            format!("; its size takes in the {} after it, in which no further one is looked for", counted(count, "fix"))
+        }
     };
     writeln!(
         out,
-        "changed    seen with fix {}, {} fixes after the baseline{after}",
-        log.fixes[at].fix, verdict.watched
+        "changed    seen with fix {}, {} after the baseline{after}",
+        log.fixes[at].fix,
+        counted(verdict.watched, "fix")
     )?;
     for (number, change) in verdict.changes.iter().enumerate() {
         writeln!(out, "{:<10} {}", change.signal.name(), what(log, change))?;

@@ -14,6 +14,7 @@ use super::names::{EARTH_FIELD, Named};
 use super::statistics::median;
 use super::{Refusal, Warning, stations};
 use crate::campaign::{Campaign, Role};
+use crate::count::counted;
 use crate::run_data::RunData;
 
 /// Relative amplitude error beyond which latitude and recording do not belong together.
@@ -222,10 +223,9 @@ pub fn warn(runs: &[RunData], constant: &[String], still: bool, warnings: &mut V
             "no run has the role \"fit\": nothing may be learned, the runs are only judged".into(),
         ));
     } else if fit.len() < 4 && !still {
-        let count = fit.len();
         warnings.push(Warning::of_campaign(format!(
-            "only {count} run{} may be learned from: effects that change from run to run cannot be told from chance",
-            if count == 1 { "" } else { "s" }
+            "only {} may be learned from: effects that change from run to run cannot be told from chance",
+            counted(fit.len(), "run")
         )));
     }
     let headings: Vec<f64> = fit.iter().filter_map(|run| run.reference_deg).collect();

@@ -10,6 +10,7 @@ use super::residual::{Residuals, in_white_noises};
 use super::stations::misses_deg;
 use super::statistics::{beyond_sigmas, median, studentised};
 use crate::campaign::Role;
+use crate::count::counted;
 use crate::run_data::RunData;
 
 /// A model is not used where the errors rise by more than this. (A true effect that the azimuth does not feel leaves every error as it is, but for the
@@ -144,11 +145,8 @@ fn rates_not_better(pairs: &[(&RunData, RunData)]) -> Option<String> {
     let (before, after) = off_by(pairs);
     let is_better = is_better((before, after), typically_off_by(pairs));
     (!is_better).then(|| {
-        let count = pairs.len();
-        format!(
-            "rates of {count} runs that took no part in learning it are not better by it: {}",
-            in_words(before, after)
-        )
+        let runs = counted(pairs.len(), "run");
+        format!("rates of {runs} that took no part in learning it are not better by it: {}", in_words(before, after))
     })
 }
 

@@ -5,6 +5,7 @@ use std::io::{self, Write};
 use super::statistics::p_value_in_words;
 use super::warnings::{Line, grouped};
 use super::{Diagnosis, InFamily, RunDiagnosis};
+use crate::count::counted;
 
 /// Most candidates that are listed as left.
 const LISTED: usize = 8;
@@ -113,9 +114,9 @@ fn write_runs(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
         let only = if had < diagnosis.judged_runs { format!(", {had} of them before") } else { String::new() };
         writeln!(
             out,
-            "azimuth error, deg rms (95 % interval by chi-square), judged on {} ({} runs{only}): {} before, {} after",
+            "azimuth error, deg rms (95 % interval by chi-square), judged on {} ({}{only}): {} before, {} after",
             judged_on.replace('-', " "),
-            diagnosis.judged_runs,
+            counted(diagnosis.judged_runs, "run"),
             rms(diagnosis.azimuth_rms_before_deg, diagnosis.azimuth_rms_before_interval_deg),
             rms(diagnosis.azimuth_rms_after_deg, diagnosis.azimuth_rms_after_interval_deg)
         )?;
@@ -129,8 +130,8 @@ fn write_runs(out: &mut dyn Write, diagnosis: &Diagnosis) -> io::Result<()> {
     if let Some(all) = &diagnosis.leave_one_out {
         writeln!(
             out,
-            "each of all runs by what was learned from the others ({} runs): {} after{}; errors over sigma {:.2} rms",
-            all.runs,
+            "each of all runs by what was learned from the others ({}): {} after{}; errors over sigma {:.2} rms",
+            counted(all.runs, "run"),
             rms(Some(all.azimuth_rms_deg), Some(all.azimuth_rms_interval_deg)),
             all.azimuth_rms_before_deg.map_or(String::new(), |before| format!(", {before:.4} before")),
             all.errors_over_sigma_rms

@@ -5,6 +5,7 @@ use north_finder::units::wrap_180_deg;
 use super::statistics::rms;
 use super::{Diagnosis, Effect, RunDiagnosis};
 use crate::campaign::Role;
+use crate::count::counted;
 
 /// Runs that miss their references by more than three sigmas of both, but for those that are named as wrong anyway.
 fn missing(diagnosis: &Diagnosis) -> usize {
@@ -76,7 +77,10 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
     let change = match (diagnosis.azimuth_rms_before_deg, diagnosis.azimuth_rms_after_deg) {
         (Some(before), Some(after)) if !names.is_empty() => {
             let (had, have) = (diagnosis.judged_before(), diagnosis.judged_runs);
-            let some = if had < have { format!(" (only {had} of {have} runs had an azimuth)") } else { String::new() };
+            let some = match had < have {
+                true => format!(" (only {had} of {} had an azimuth)", counted(have, "run")),
+                false => String::new(),
+            };
             let on_board = match diagnosis.azimuth_rms_board_deg {
                 Some(board) if !diagnosis.board_lacks.is_empty() => format!(", {board:.3} deg on a board"),
                 _ => String::new(),

@@ -5,6 +5,7 @@ use std::io::{self, Write};
 use north_finder::effects::effect::Port;
 
 use super::file::{Fleet, HasEffect, Shared, UnitRecord};
+use crate::count::counted;
 use crate::report::{Axis, Legend, Plot, Side, escape, figure, page, table};
 
 /// From this probability on a unit is called out of the family.
@@ -118,9 +119,9 @@ pub fn html(fleet: &Fleet, title: &str) -> String {
         |unit: &&UnitRecord| vec![escape(&unit.name), format!("{:.3}", unit.outside), escape(&fleet.reasons(unit))];
     let outside: Vec<Vec<String>> = fleet.outsiders().iter().map(unit).collect();
     let mut body = format!(
-        "<h1>{}</h1>\n<p class=\"verdict\">{} units. {}</p>\n",
+        "<h1>{}</h1>\n<p class=\"verdict\">{}. {}</p>\n",
         escape(title),
-        fleet.units,
+        counted(fleet.units, "unit"),
         match outside.len() {
             0 => "None of them is out of the family.".into(),
             1 => "One of them is out of the family.".into(),

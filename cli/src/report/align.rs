@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::{Axis, Legend, Plot, Side, escape, figure, page, table};
 use crate::block_gate::Gated;
+use crate::count::counted;
 
 const HEIGHT: f64 = 220.0;
 
@@ -62,11 +63,11 @@ impl Report {
     /// Which part of the recording heading and levels are of, in a sentence; `None` where it is the whole one.
     pub fn said_of_gaps(&self) -> Option<String> {
         let [from_s, to_s] = self.used_s;
-        let gaps = if self.gaps == 1 { "gap" } else { "gaps" };
         (self.gaps > 0).then(|| {
             format!(
-                "{} {gaps}; heading and levels are of the longest part without one, {from_s:.1} to {to_s:.1} s of {:.1} s",
-                self.gaps, self.recording_s
+                "{}; heading and levels are of the longest part without one, {from_s:.1} to {to_s:.1} s of {:.1} s",
+                counted(self.gaps, "gap"),
+                self.recording_s
             )
         })
     }

@@ -8,6 +8,7 @@ use north_finder::earth::{EarthRate, earth_rate};
 
 use super::{Axis, Canvas, Legend, Plot, Side, escape, figure, head, number, page, short, table, tile, with_sigma};
 use crate::calibrate::{ellipsoid, known_attitudes, six_position as positions};
+use crate::count::counted;
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 const HEIGHT: f64 = 230.0;
@@ -237,7 +238,8 @@ fn rejected(rejected: &[crate::calibrate::attitudes::Rejected]) -> String {
     let items: String = rejected
         .iter()
         .map(|each| {
-            format!("<li>attitude {}, {} readings: {}</li>", short(each.attitude), each.readings, escape(each.why))
+            let readings = counted(each.readings, "reading");
+            format!("<li>attitude {}, {readings}: {}</li>", short(each.attitude), escape(each.why))
         })
         .collect();
     format!("<div class=\"note\"><p>Left out:</p><ul>{items}</ul></div>\n")

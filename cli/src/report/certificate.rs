@@ -2,6 +2,7 @@
 
 use super::fix::{Shown, dwells_table, flags, rose};
 use super::{escape, number, page, table, today, with_sigma};
+use crate::count::counted;
 use crate::present::{Directions, Reference};
 
 /// What a certificate says beside the fix.
@@ -69,7 +70,7 @@ fn facts(shown: &Shown<'_>, made: &Made<'_>, directions: &Directions) -> String 
     let fix = shown.fix;
     let mut rows: Vec<(&str, String)> = made.instrument.iter().map(|(name, value)| (*name, escape(value))).collect();
     rows.push(("latitude", format!("{}°", number(made.latitude_deg, 6))));
-    rows.push(("measured for", format!("{:.0} s in {} dwells", fix.seconds, shown.dwells.len())));
+    rows.push(("measured for", format!("{:.0} s in {}", fix.seconds, counted(shown.dwells.len(), "dwell"))));
     let expected =
         shown.earth.map_or(String::new(), |earth| format!(", expected {} °/h", number(earth.north_deg_h, 5)));
     rows.push(("horizontal rate", format!("{} °/h{expected}", number(fix.amplitude_deg_h, 5))));

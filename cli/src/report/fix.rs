@@ -12,6 +12,7 @@ use north_finder::units::{sin_cos_deg, wrap_180_deg, wrap_360_deg};
 use super::dial::{Hand, dial};
 use super::{Axis, Canvas, Legend, Plot, Side, escape, figure, head, number, page, table, tile, with_sigma};
 use crate::campaign::{Own, Row};
+use crate::count::counted;
 use crate::present::{Directions, Reference};
 
 const HEIGHT: f64 = 250.0;
@@ -45,7 +46,7 @@ pub fn one(shown: &Shown<'_>, rows: &[Row], directions: &Directions, about: &[St
 
 /// The page about all runs of a campaign; `refused` are the runs without an azimuth, with the reason.
 pub fn all(title: &str, runs: &[Shown<'_>], refused: &[(String, String)], directions: &Directions) -> String {
-    let result = format!("{} of {} runs have an azimuth", runs.len(), runs.len() + refused.len());
+    let result = format!("an azimuth in {} of {}", runs.len(), counted(runs.len() + refused.len(), "run"));
     let mut body = head(title, &[], &result);
     body += &azimuths(runs);
     body += &runs_table(runs, refused, directions);
@@ -298,8 +299,8 @@ pub fn dwells_table(dwells: &[Dwell]) -> String {
         ("sigma, °/h", true),
     ];
     format!(
-        "<details open><summary>The {} dwells in numbers</summary>\n{}</details>\n",
-        rows.len(),
+        "<details open><summary>The {} in numbers</summary>\n{}</details>\n",
+        counted(rows.len(), "dwell"),
         table(&head, &rows)
     )
 }

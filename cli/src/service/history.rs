@@ -4,6 +4,7 @@ use north_finder::effects::ErrorModel;
 
 use super::watch::BASELINE;
 use super::{Lacking, Log, Moved, Needed, OtherPlace, Signal, Watch};
+use crate::count::counted;
 
 /// A log that was watched.
 pub struct History<'a> {
@@ -50,8 +51,8 @@ impl<'a> History<'a> {
     pub fn not_watched(&self) -> Vec<String> {
         let fixes = self.log.fixes.len();
         let models = (self.other_models > 0).then(|| {
-            let other = self.other_models;
-            format!("{other} fixes before these were made with another error model, or with other ones: the watch begins anew with a model")
+            let other = counted(self.other_models, "fix");
+            format!("{other} before these, made with another error model, or with other ones: the watch begins anew with a model")
         });
         let signals = self.left_out.iter().map(|Lacking { signal, lacking, first_fix }| {
             format!(

@@ -7,6 +7,7 @@ use north_finder::event::Fix;
 use serde::Serialize;
 
 use crate::campaign::Run;
+use crate::count::counted;
 use crate::file_error::{FileError, Problem};
 use crate::output;
 use crate::table_csv::TableCsv;
@@ -158,9 +159,8 @@ impl Log {
             self.fixes.push(row);
         }
         if taken_before > 0 {
-            let text =
-                format!("{}: {taken_before} fixes that the logs before have, too, are taken once", path.display());
-            self.warnings.push(text);
+            let fixes = counted(taken_before, "fix");
+            self.warnings.push(format!("{}: taken once: {fixes} that the logs before have, too", path.display()));
         }
         Ok(())
     }
@@ -313,7 +313,7 @@ mod tests {
         let second = format!("{header}8,1,0.2,beef,40\n9,2,0.3,beef,\n");
         let log = read([&first, &second]).unwrap();
         assert_eq!((numbers(&log), log.fixes[1].check_deg), (vec![(7, 1), (8, 1), (9, 2)], Some(40.0)));
-        assert!(log.warnings[0].contains("1 fixes that the logs before have"), "{:?}", log.warnings);
+        assert!(log.warnings[0].contains("1 fix that the logs before have"), "{:?}", log.warnings);
         // In the wrong order they do not follow each other.
         let error = read([&second, &first]).unwrap_err().to_string();
         assert!(error.contains("line 2") && error.contains("after number 9"), "{error}");

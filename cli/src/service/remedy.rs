@@ -5,6 +5,7 @@ use serde::Serialize;
 
 use super::{Cause, Change, Kind};
 use crate::campaign::{Campaign, Role};
+use crate::count::counted;
 use crate::diagnose::{Options, diagnose};
 use crate::failure::Failure;
 use crate::run_data::{self, RunData};
@@ -64,13 +65,13 @@ impl Needed {
         let temperatures = self.temperatures_c.map_or_else(String::new, |[low, high]| {
             format!(", half of them with the gyro at {low:.0} °C and half at {high:.0} °C")
         });
-        format!("Record {} runs {headings}{temperatures}; --runs makes the model from them", self.runs)
+        format!("Record {} {headings}{temperatures}; --runs makes the model from them", counted(self.runs, "run"))
     }
 
     /// Why runs cannot show the change, if they cannot.
     fn lacks(&self, runs: &[&RunData]) -> Option<String> {
         if runs.len() < self.runs {
-            return Some(format!("{} runs that may be learned from, and {} are needed", runs.len(), self.runs));
+            return Some(format!("{} that may be learned from, of {} needed", counted(runs.len(), "run"), self.runs));
         }
         if self.surveyed && runs.iter().any(|run| run.reference_deg.is_none()) {
             return Some("runs without a surveyed heading: without one nothing shows an error of the azimuth".into());

@@ -2,6 +2,7 @@
 
 use super::watch::{ALARM, BASELINE};
 use super::{Cause, Change, History, Signal};
+use crate::count::counted;
 use crate::report::{Axis, Legend, Plot, Side, escape, figure, page, table};
 
 /// Heights of the drawings, pixels.
@@ -14,7 +15,7 @@ pub fn html(history: &History<'_>) -> String {
     let fixes = history.log.fixes.len();
     let verdict = match history.verdict.alarm {
         Some(at) => format!("The error model no longer holds: seen with fix {}.", history.log.fixes[at].fix),
-        None => format!("The error model holds: {} fixes were watched.", history.verdict.watched),
+        None => format!("The error model holds in the {} watched.", counted(history.verdict.watched, "fix")),
     };
     let mut body = format!(
         "<h1>An instrument in service</h1>\n<p class=\"soft\">{fixes} fixes; the first {BASELINE} say what is normal.</p>\n<p class=\"verdict\">{verdict}</p>\n"

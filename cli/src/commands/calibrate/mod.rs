@@ -13,6 +13,7 @@ use std::path::Path;
 use clap::{Args, Subcommand};
 
 use crate::calibrate::attitudes::Rejected;
+use crate::count::counted;
 use crate::failure::Failure;
 use crate::file_error::FileError;
 use crate::model_file::Triads;
@@ -78,8 +79,10 @@ fn write_rejected(out: &mut dyn Write, rejected: &[Rejected]) -> io::Result<()> 
         let time = rejected.t_s.map_or(String::new(), |[from_s, to_s]| format!(" ({from_s:.1} to {to_s:.1} s)"));
         writeln!(
             out,
-            "left out: attitude {}{time}, {} readings: {}",
-            rejected.attitude, rejected.readings, rejected.why
+            "left out: attitude {}{time}, {}: {}",
+            rejected.attitude,
+            counted(rejected.readings, "reading"),
+            rejected.why
         )?;
     }
     Ok(())

@@ -5,6 +5,7 @@ use std::path::Path;
 use north_finder::units::{wrap_180_deg, wrap_360_deg};
 
 use crate::campaign::Role;
+use crate::count::counted;
 use crate::diagnose::{Diagnosis, RunDiagnosis};
 use crate::report::{Axis, Canvas, Legend, Plot, Side, cell, csv, escape, figure, short, table, with_sigma};
 
@@ -97,7 +98,8 @@ fn by_run(errors: &[Error], diagnosis: &Diagnosis) -> String {
     for side in Side::BOTH {
         let without = errors.len() - known(side).count();
         if without > 0 {
-            caption.push_str(&format!(" Without an azimuth {}: {without} of {} runs.", side.name(), errors.len()));
+            let of_runs = counted(errors.len(), "run");
+            caption.push_str(&format!(" Without an azimuth {}: {without} of {of_runs}.", side.name()));
         }
     }
     caption.push_str(&numbers(diagnosis));
@@ -205,7 +207,8 @@ fn runs_table(diagnosis: &Diagnosis) -> String {
         ]
     };
     let rows: Vec<_> = diagnosis.runs.iter().map(row).collect();
-    format!("<details open><summary>All {} runs in numbers</summary>\n{}</details>\n", rows.len(), table(&head, &rows))
+    let all = counted(rows.len(), "run");
+    format!("<details open><summary>All in numbers: {all}</summary>\n{}</details>\n", table(&head, &rows))
 }
 
 /// What a run is called below a plot: its file's name without folder, extension and leading zeros.

@@ -1,6 +1,7 @@
 //! The head of the page: the verdict in a sentence, and the few numbers that carry it.
 
 use crate::campaign::Role;
+use crate::count::counted;
 use crate::diagnose::{Diagnosis, Origin, RunDiagnosis};
 use crate::report::{code_list, escape, number, p_value, tile};
 
@@ -31,8 +32,7 @@ pub fn section(diagnosis: &Diagnosis) -> String {
     let names: Vec<String> = diagnosis.effects.iter().map(|effect| effect.name.clone()).collect();
     let found = match names.len() {
         0 => "no effect".to_owned(),
-        1 => "1 effect".to_owned(),
-        count => format!("{count} effects"),
+        count => counted(count, "effect"),
     };
     let named = match names.as_slice() {
         [] if diagnosis.withdrawn.is_some() => "what was found is not used".to_owned(),
@@ -115,8 +115,10 @@ fn change(before: f64, after: f64, unit: &str) -> String {
 fn azimuth_note(diagnosis: &Diagnosis, intervals: [Option<[f64; 2]>; 2]) -> String {
     let count = |error: fn(&RunDiagnosis) -> Option<f64>| diagnosis.runs.iter().filter_map(error).count();
     let (before, after) = (count(|run| run.error_before_deg), count(|run| run.error_after_deg));
-    let judged =
-        if before == after { format!("{after} runs") } else { format!("{before} runs before and {after} after") };
+    let judged = match before == after {
+        true => counted(after, "run"),
+        false => format!("{} before and {after} after", counted(before, "run")),
+    };
     let how = match diagnosis.judged_on {
         Some("cross-validation") => "cross-validated over the runs that were learned from".to_owned(),
         _ => format!("on {judged}, which took no part in learning"),
