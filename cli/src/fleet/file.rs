@@ -108,6 +108,7 @@ impl Fleet {
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let file = TomlFile::read(path)?;
         let fleet: Self = file.parse_format(FORMAT)?;
+        fleet.check_units().map_err(|problem| file.at_field(None, "units", problem))?;
         let refused = |table: String, name: &str, wrong: Wrong| {
             let Wrong { field, value, allowed } = wrong;
             let kind = table.split('.').next().unwrap_or(&table);
@@ -115,13 +116,22 @@ impl Fleet {
             file.at_field(None, &format!("{table}.{field}"), problem)
         };
         for (number, shared) in fleet.effects.iter().enumerate() {
-            shared.check().map_err(|wrong| refused(format!("effect.{number}"), &shared.name, wrong))?;
+            shared.check(fleet.units).map_err(|wrong| refused(format!("effect.{number}"), &shared.name, wrong))?;
         }
         for (number, unit) in fleet.records.iter().enumerate() {
             let wrong = unit.check(&fleet.effects);
             wrong.map_err(|wrong| refused(format!("unit.{number}"), &unit.name, wrong))?;
         }
         Ok(fleet)
+    }
+
+    /// A fleet is learned from one unit at least, and from every one that is in it.
+    fn check_units(&self) -> Result<(), Problem> {
+        let least = self.records.len().max(1);
+        match self.units < least {
+            true => Err(Problem::not_allowed(format!("units = {}", self.units), format!("{least} or more"))),
+            false => Ok(()),
+        }
     }
 
     /// Writes a file, over one that may be there where that is allowed.
@@ -175,8 +185,8 @@ impl Shared {
         self.covariance.iter().enumerate().map(own).collect()
     }
 
-    /// What makes no sense, if something does.
-    fn check(&self) -> Result<(), Wrong> {
+    /// What makes no sense of a fleet of so many units, if something does.
+    fn check(&self, units: usize) -> Result<(), Wrong> {
         let without_weights = Effect::new(self.port, &self.factors);
         without_weights.validate().map_err(|invalid| {
             let field = invalid.field.strip_prefix("model.effects.").unwrap_or("factors");
@@ -188,8 +198,9 @@ impl Shared {
         if !is_probability(self.share) {
             return wrong("share", self.share.to_string(), PROBABILITY.into());
         }
-        if !(self.units >= 0.0 && self.units.is_finite()) {
-            return wrong("units", self.units.to_string(), "a number that is not negative".into());
+        // A sum of probabilities.
+        if !(0.0..=units as f64 + 1e-6).contains(&self.units) {
+            return wrong("units", self.units.to_string(), format!("a number from 0 to {units}"));
         }
         if self.mean.len() != count || !are_numbers(&self.mean) {
             return wrong("mean", format!("{:?}", self.mean), format!("{count} numbers within ±{GREATEST:e}"));
@@ -278,6 +289,10 @@ mod tests {
             Fleet::read(&path).unwrap_err().to_string()
         };
         assert!(refusal(&|fleet| fleet.effects[0].share = 1.5).contains("share = 1.5"));
+        let none = refusal(&|fleet| fleet.units = 0);
+        assert!(none.contains("line 2, column 9") && none.contains("\"units = 0\" is not allowed"), "{none}");
+        assert!(refusal(&|fleet| (fleet.units, fleet.records) = (0, Vec::new())).contains("allowed is 1 or more"));
+        assert!(refusal(&|fleet| fleet.effects[0].units = 4.5).contains("allowed is a number from 0 to 4"));
         assert!(refusal(&|fleet| fleet.effects[0].mean.push(1.0)).contains("mean = [0.25, 1.0]"));
         assert!(refusal(&|fleet| fleet.effects[0].covariance[0][0] = -1.0).contains("not negative"));
         assert!(refusal(&|fleet| fleet.effects[0].constant_spreads.push(1.0)).contains("constant_spreads"));
