@@ -4,6 +4,7 @@ use std::ops::RangeInclusive;
 use std::path::Path;
 
 use north_finder::event::Fix;
+use north_finder::health::Flag;
 use serde::Serialize;
 
 use crate::campaign::Run;
@@ -11,6 +12,9 @@ use crate::count::counted;
 use crate::file_error::{FileError, Problem};
 use crate::output;
 use crate::table_csv::TableCsv;
+
+/// No fix knows its azimuth better, nor without an error.
+const LEAST_SIGMA_DEG: f64 = 1e-9;
 
 /// What a fix left behind. What is not known is empty in the file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -46,6 +50,14 @@ pub struct Logged {
     pub model: String,
     /// The azimuth at which the fix was made, where it is surveyed, degrees.
     pub check_deg: Option<f64>,
+}
+
+/// Flags of a log that have no name here: a newer program may have given them, and no signal is made of flags.
+#[derive(Default)]
+struct UnknownFlags {
+    fixes: usize,
+    /// The first, with its place.
+    first: Option<FileError>,
 }
 
 /// A log that was read.
@@ -122,8 +134,10 @@ impl Log {
         // What the counts go on from where a campaign's log counts its runs from the first.
         let (mut fixes_before, mut boots_before) = (0, 0);
         let mut is_first = true;
+        let mut unknown = UnknownFlags::default();
         while table.next_row()? {
             let mut row = read_row(&table)?;
+            unknown.see(&table, &row.flags);
             if let Some(known) = self.fixes.get_mut(..logs_before).and_then(|known| same(known, &row)) {
                 known.check_deg = row.check_deg.or(known.check_deg);
                 taken_before += 1;
@@ -158,6 +172,7 @@ impl Log {
             is_first = false;
             self.fixes.push(row);
         }
+        self.warnings.extend(unknown.doubt());
         if taken_before > 0 {
             let fixes = counted(taken_before, "fix");
             self.warnings.push(format!("{}: taken once: {fixes} that the logs before have, too", path.display()));
@@ -171,6 +186,22 @@ impl Logged {
     fn goes_on_from(&self, before: &Self) -> bool {
         let in_time = self.utc.is_empty() || before.utc.is_empty() || before.utc < self.utc;
         in_time && self.firmware.is_empty() && before.firmware.is_empty()
+    }
+}
+
+impl UnknownFlags {
+    fn see(&mut self, table: &TableCsv, flags: &str) {
+        let is_known = |name: &str| Flag::ALL.iter().any(|flag| flag.name() == name);
+        let unknown = flags.split_whitespace().find(|name| !is_known(name));
+        let Some((name, column)) = unknown.zip(table.find("flags")) else { return };
+        self.fixes += 1;
+        let problem = || Problem::Syntax(format!("no flag is called {name:?} here: a newer program may have given it"));
+        self.first.get_or_insert_with(|| table.error(column, problem()));
+    }
+
+    fn doubt(&self) -> Option<String> {
+        let first = self.first.as_ref()?;
+        Some(format!("{first}; the first of {} with such a flag", counted(self.fixes, "fix")))
     }
 }
 
@@ -202,7 +233,7 @@ fn read_row(table: &TableCsv) -> Result<Logged, FileError> {
         t_s: number("t_s", 0.0..=1e10)?,
         utc: text("utc")?,
         azimuth_deg: number("azimuth_deg", -360.0..=360.0)?,
-        sigma_deg: number("sigma_deg", 0.0..=360.0)?,
+        sigma_deg: number("sigma_deg", LEAST_SIGMA_DEG..=360.0)?,
         misfit: number("misfit", 0.0..=1e12)?,
         freedom: number("freedom", 0.0..=1e6)?,
         // No gyro of an index reads more: 1e7 °/h are the greatest range that can be declared.
@@ -279,6 +310,8 @@ mod tests {
         assert!(order.contains("line 3") && order.contains("after number 2"), "{order}");
         let sigma = error("fix,boot,sigma_deg\n1,1,-1\n");
         assert!(sigma.contains("line 2") && sigma.contains("sigma_deg") && sigma.contains("-1"), "{sigma}");
+        let none = error("fix,boot,sigma_deg\n1,1,0.04\n2,1,0\n");
+        assert!(none.contains("line 3, column 3 (sigma_deg): \"0\" is not allowed"), "{none}");
         let bias = error("fix,boot,bias_deg_h\n1,1,1\n2,1,1e30\n");
         assert!(bias.contains("line 3") && bias.contains("bias_deg_h") && bias.contains("1e30"), "{bias}");
         let half = error("fix,boot\n1,1\n1.5,1\n");
@@ -291,6 +324,22 @@ mod tests {
             warning.contains("line 4") && warning.contains("boot") && warning.contains("after number 42"),
             "{warning}"
         );
+    }
+
+    /// A newer program may have flags that this one does not know.
+    #[test]
+    fn flags_without_a_name_here_are_doubted() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("l.csv");
+        let warnings = |rows: &str| {
+            std::fs::write(&path, format!("fix,boot,flags\n{rows}")).unwrap();
+            Log::read(&[&path]).unwrap().warnings
+        };
+        let all = Flag::ALL.iter().map(|flag| flag.name()).collect::<Vec<_>>().join(" ");
+        assert_eq!(warnings(&format!("1,1,\n2,1,{all}\n")), [""; 0]);
+        let [warning] = warnings("1,1,misfit\n2,1,misfit frobbed\n3,1,other\n").try_into().unwrap();
+        assert!(warning.contains("line 3, column 3 (flags): no flag is called \"frobbed\" here"), "{warning}");
+        assert!(warning.ends_with("the first of 2 fixes with such a flag"), "{warning}");
     }
 
     /// The log of a campaign counts its runs from the first, whatever was logged before; that of a board has what it had when it was read before.
