@@ -11,8 +11,9 @@ use calibration::six_position;
 use nalgebra::{Matrix3, Vector3};
 use north_finder::earth::{EarthRate, earth_rate};
 use north_finder::effects::basis::harmonic::BodyHarmonic;
-use north_finder::effects::{Basis, ErrorModel, IndexError, Term};
-use north_finder::settings::{AccelerometerCalibration, Settings};
+use north_finder::effects::doubt::{MAX_COEFFICIENTS, MAX_DIRECTIONS};
+use north_finder::effects::{Basis, ErrorModel, IndexError, MAX_TERMS, Term};
+use north_finder::settings::{AccelerometerCalibration, Invalid, Settings};
 use north_finder::units::{ARCSEC_PER_RAD, DEG_PER_RAD, STANDARD_GRAVITY_M_S2};
 use serde::{Deserialize, Serialize};
 
@@ -80,16 +81,13 @@ impl ModelFile {
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let file = TomlFile::read(path)?;
         let rest = file.without(READ, &[ACCELEROMETER, GYRO_TRIAD])?;
+        file.check_single_precision(None)?;
         let error_model = if rest.get_ref().is_empty() { None } else { Some(file.deserialize::<ErrorModel>(rest)?) };
         if let Some(model) = &error_model {
             model.validate().map_err(|invalid| {
                 // In settings the model is a table of its own; here it is the file.
                 let field = invalid.field.strip_prefix("model.").unwrap_or(invalid.field);
-                file.at_field(
-                    None,
-                    field,
-                    Problem::not_allowed(format!("{field} = {}", invalid.value), invalid.allowed),
-                )
+                file.at_number(None, field, invalid.value, invalid.allowed)
             })?;
         }
         let accelerometer: Option<Accelerometer> = file.parse_table(ACCELEROMETER)?;
@@ -317,7 +315,10 @@ impl Accelerometer {
             matrix: matrix.map(|row| row.map(|part| part * unit / self.gravity)),
         };
         let calibration = AccelerometerCalibration::new(&in_g);
-        calibration.validate().map_err(|invalid| Problem::not_allowed(invalid.value, invalid.allowed))?;
+        let refused = |Invalid { field, value, allowed, .. }| {
+            Problem::not_allowed(format!("{field} = {value}, in units of gravity"), allowed)
+        };
+        calibration.validate().map_err(refused)?;
         Ok(calibration)
     }
 }
@@ -338,7 +339,12 @@ impl GyroTriad {
         let fixed = Term::new(Basis::BodyHarmonic(BodyHarmonic { order: 1 }))
             .with_coefficients(&[x0 + m13 * earth.up_deg_h, y0 + m23 * earth.up_deg_h]);
         let unequal = Term::scaling(Basis::BodyHarmonic(BodyHarmonic { order: 2 })).with_coefficients(&[a, b]);
-        let full = || Problem::Syntax("the error model has no room for the triad's terms".into());
+        let full = || {
+            Problem::Syntax(format!(
+                "[gyro_triad] adds 2 terms with 4 coefficients to the error model, which may have {MAX_TERMS} terms, {MAX_COEFFICIENTS} coefficients and \
+                 {MAX_DIRECTIONS} directions of doubt"
+            ))
+        };
         let before: usize = model.terms.iter().map(|term| term.coefficients.len()).sum();
         model.add(fixed).and_then(|()| model.add(unequal)).map_err(|_| full())?;
         model.scale_error += 0.5 * (m11 + m22) - 1.0;

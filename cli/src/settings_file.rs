@@ -96,6 +96,7 @@ pub fn scenario_settings(scenario: &Scenario, file: Option<&Path>) -> Result<Set
 }
 
 fn checked(file: &TomlFile, table: Option<&str>, base: &Settings) -> Result<Settings, FileError> {
+    file.check_single_precision(table)?;
     let settings = file.parse_over(base, table)?;
     let mut errors: Vec<_> = settings.violations().map(|invalid| invalid_at(file, table, &invalid)).collect();
     match errors.len() {
@@ -109,8 +110,7 @@ fn invalid_at(file: &TomlFile, table: Option<&str>, invalid: &Invalid) -> FileEr
     let mut allowed = String::new();
     // Writing to a string does not fail.
     let _ = invalid.write_allowed(&mut allowed);
-    let problem = Problem::not_allowed(format!("{} = {}", invalid.field, invalid.value), allowed);
-    file.at_field(table, invalid.field, problem)
+    file.at_number(table, invalid.field, invalid.value, allowed)
 }
 
 #[cfg(test)]

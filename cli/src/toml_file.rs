@@ -88,6 +88,33 @@ impl TomlFile {
         self.deserialize(merged)
     }
 
+    /// Errors: a number of the table `name`, or of the whole file, that is beyond those of single precision, and would be read as infinite.
+    pub fn check_single_precision(&self, name: Option<&str>) -> Result<(), FileError> {
+        let table = self.table(name)?;
+        match search(&table, "", &|_, value| is_beyond_single_precision(value.get_ref())) {
+            Some((field, span)) => {
+                let value = format!("{field} = {}", self.text.get(span.clone()).unwrap_or_default());
+                Err(self.at(span, Problem::not_allowed(value, "a number within ±3.4e38")))
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// An error at a number of `field` that is not allowed. In a list of tables it is the first with that number, or with a list of so many entries.
+    pub fn at_number(&self, name: Option<&str>, field: &str, number: f64, allowed: impl Into<String>) -> FileError {
+        // What is counted stands in parentheses behind the field.
+        let (path, counted) = field.find(" (").map_or((field, ""), |at| field.split_at(at));
+        let found = self.table(name).ok().and_then(|table| {
+            search(&table, "", &|place, value| {
+                without_numbers(place) == path && is_number_or_length(value.get_ref(), number)
+            })
+        });
+        match found {
+            Some((place, span)) => self.at(span, Problem::not_allowed(format!("{place}{counted} = {number}"), allowed)),
+            None => self.at_field(name, path, Problem::not_allowed(format!("{field} = {number}"), allowed)),
+        }
+    }
+
     /// An error at the value of `field` (dotted, below the table `name`; tables of a list by their numbers from 0), or of the whole file if it does not say it.
     pub fn at_field(&self, name: Option<&str>, field: &str, problem: Problem) -> FileError {
         match self.table(name).ok().and_then(|table| find(&table, field)) {
@@ -125,9 +152,21 @@ impl TomlFile {
     fn syntax(&self, error: &toml::de::Error) -> FileError {
         let place = error.span().map_or(Place::Whole, |span| self.place(span.start));
         let message = in_plain_words(&error.message().trim_end().replace('\n', "; "));
-        let field = error.span().and_then(|span| field_at(DeTable::parse(&self.text).ok()?.get_ref(), &span));
+        let is_of_list = error.message().starts_with(TOO_LONG);
+        let field = error.span().and_then(|span| self.field_at(&span, is_of_list));
         let problem = field.map_or_else(|| message.clone(), |field| format!("`{field}`: {message}"));
         FileError::new(&self.path, place, Problem::Syntax(problem))
+    }
+
+    /// The dotted name of the field whose value stands at a range of the text: of a list, or of what is neither a list nor a table.
+    fn field_at(&self, at: &Range<usize>, is_list: bool) -> Option<String> {
+        let table = DeTable::parse(&self.text).ok()?;
+        let found = search(table.get_ref(), "", &|_, value| match value.get_ref() {
+            DeValue::Array(_) => is_list && value.span() == *at,
+            DeValue::Table(_) => false,
+            _ => !is_list && value.span() == *at,
+        });
+        found.map(|(field, _)| field)
     }
 
     fn place(&self, byte: usize) -> Place {
@@ -157,24 +196,57 @@ fn find(table: &DeTable<'_>, field: &str) -> Option<Range<usize>> {
     Some(value.span())
 }
 
-/// The dotted name of the field whose value stands at a range of the text; of a table in a list, its number from 1.
-fn field_at(table: &DeTable<'_>, at: &Range<usize>) -> Option<String> {
-    table.iter().find_map(|(name, value)| in_value(value, at).map(|below| format!("{}{below}", name.get_ref())))
+/// Whether a value with this dotted name is the one that is looked for.
+type IsIt<'a> = &'a dyn Fn(&str, &Spanned<DeValue<'_>>) -> bool;
+
+/// The first value that is looked for: its dotted name, where of a value in a list its number from 1, and its place. `before` is the table's own name.
+fn search(table: &DeTable<'_>, before: &str, is_it: IsIt<'_>) -> Option<(String, Range<usize>)> {
+    table.iter().find_map(|(name, value)| {
+        let joint = if before.is_empty() { "" } else { "." };
+        search_value(value, format!("{before}{joint}{}", name.get_ref()), is_it)
+    })
 }
 
-/// What leads from a value to the one at a range: nothing where it is the value itself.
-fn in_value(value: &Spanned<DeValue<'_>>, at: &Range<usize>) -> Option<String> {
-    match value.get_ref() {
-        DeValue::Table(table) => field_at(table, at).map(|below| format!(".{below}")),
-        DeValue::Array(all) => {
-            all.iter().enumerate().find_map(|(i, each)| in_value(each, at).map(|below| format!("[{}]{below}", i + 1)))
-        }
-        _ => (value.span() == *at).then(String::new),
+fn search_value(value: &Spanned<DeValue<'_>>, name: String, is_it: IsIt<'_>) -> Option<(String, Range<usize>)> {
+    if is_it(&name, value) {
+        return Some((name, value.span()));
     }
+    match value.get_ref() {
+        DeValue::Table(table) => search(table, &name, is_it),
+        DeValue::Array(all) => (1..)
+            .zip(all.iter())
+            .find_map(|(number, each): (usize, _)| search_value(each, format!("{name}[{number}]"), is_it)),
+        _ => None,
+    }
+}
+
+/// A dotted name without the numbers of values in lists.
+fn without_numbers(name: &str) -> String {
+    name.split('[').map(|part| part.split_once(']').map_or(part, |(_, rest)| rest)).collect()
+}
+
+/// A number that is this one, in single precision at least; a list of so many entries.
+fn is_number_or_length(value: &DeValue<'_>, number: f64) -> bool {
+    let is_it = |value: f64| value as f32 == number as f32 || value.is_nan() && number.is_nan();
+    match value {
+        DeValue::Float(text) => text.as_str().parse::<f64>().is_ok_and(is_it),
+        DeValue::Integer(text) => text.as_str().parse::<f64>().is_ok_and(is_it),
+        DeValue::Array(all) => all.len() as f64 == number,
+        _ => false,
+    }
+}
+
+fn is_beyond_single_precision(value: &DeValue<'_>) -> bool {
+    let DeValue::Float(text) = value else { return false };
+    let text = text.as_str();
+    !text.contains("inf") && text.parse::<f64>().is_ok_and(|number| number.abs() > f64::from(f32::MAX))
 }
 
 /// The names that Rust's numbers have say nothing to those who write a file.
 fn in_plain_words(message: &str) -> String {
+    if let Some(most) = most_entries(message) {
+        return format!("more than {most} entries; allowed are {most} at most");
+    }
     let Some((found, expected)) = message.rsplit_once("expected ") else { return message.to_owned() };
     let expected = match expected {
         "f64" | "f32" => "a number",
@@ -184,6 +256,14 @@ fn in_plain_words(message: &str) -> String {
         other => other,
     };
     format!("{found}expected {expected}")
+}
+
+/// How a list with more entries than it may have is told: its length to the first that is too many, and [`SEQUENCE`].
+const TOO_LONG: &str = "invalid length ";
+const SEQUENCE: &str = ", expected a sequence";
+
+fn most_entries(message: &str) -> Option<usize> {
+    message.strip_prefix(TOO_LONG)?.strip_suffix(SEQUENCE)?.parse::<usize>().ok()?.checked_sub(1)
 }
 
 fn missing_format(format: i64) -> Problem {

@@ -139,6 +139,18 @@ fn what_makes_no_sense_in_a_model_is_named_with_its_place() {
             "format = 1\n[accelerometer]\ngravity = -1.0\nbias = [0.0, 0.0, 0.0]\nmatrix = [[1.0,0.0,0.0],[0.0,1.0,0.0],[0.0,0.0,1.0]]\n",
             "m.toml, line 3, column 11: \"-1\" is not allowed; allowed is a positive number",
         ),
+        (
+            "format = 2\nterms = [\n{ coefficients = [0.1], basis = { step = { t_s = 1.0 } } },\n{ coefficients = [1e300], basis = { step = { t_s = 1.0 } } },\n]\n",
+            "m.toml, line 4, column 19: \"terms[2].coefficients[1] = 1e300\" is not allowed; allowed is a number within ±3.4e38",
+        ),
+        (
+            "format = 2\n[[effects]]\nport = \"rate\"\nweights = [0.1]\n[[effects]]\nport = \"scale\"\nweights = [0.1, 0.2]\n",
+            "m.toml, line 7, column 11: \"effects[2].weights (number) = 2\" is not allowed; allowed is one for every product",
+        ),
+        (
+            "format = 2\n[[effects]]\nport = \"rate\"\nweights = [0.1]\n[[effects]]\nport = \"scale\"\nweights = [inf]\n",
+            "m.toml, line 7, column 12: \"effects[2].weights[1] = inf\" is not allowed; allowed is a finite number",
+        ),
     ] {
         fs::write(folder.path().join("m.toml"), text).unwrap();
         north(&folder, &["solve", "c", "--model", "m.toml"]).refused(place);
