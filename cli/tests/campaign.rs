@@ -54,6 +54,19 @@ fn a_recording_may_begin_late_and_not_at_another_zero() {
     );
 }
 
+/// A clock that is set during a run jumps by years; a night without rows is a gap.
+#[test]
+fn a_clock_that_jumps_within_a_run_is_refused_with_its_row() {
+    let head = "t_s,index_deg,fog_arcsec\n";
+    assert_eq!(read(&format!("{head}1,0,1\n2,0,2\n43202,0,3\n43203,0,4\n")).unwrap().len(), 4);
+    for (rows, line) in [("1,0,1\n2,0,2\n64000002,0,3\n64000003,0,4\n", 4), ("1,0,1\n64000001,0,2\n64000002,0,3\n", 3)]
+    {
+        let error = read(&format!("{head}{rows}")).unwrap_err();
+        let told = format!("run.csv, line {line}, column 1 (t_s): \"a gap of 64000000 s\" is not allowed");
+        assert!(error.starts_with(&told), "{error}");
+    }
+}
+
 #[test]
 fn lines_may_end_with_carriage_returns() {
     let rows = read("t_s,index_deg,fog_arcsec\r1,0,1\r2,0,2\r").unwrap();

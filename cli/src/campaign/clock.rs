@@ -8,6 +8,8 @@ const LONGEST_STEP_S: f64 = 900.0;
 /// of them are three and a half days.
 const SLOW_S: f64 = 1.5;
 const LONG_S: f64 = 2.0 * 86_400.0;
+/// No recording pauses for longer, seconds: what is longer is a clock that was set.
+const LONGEST_GAP_S: f64 = 86_400.0;
 
 /// Errors: no rows of a recording lie so far apart as these usually do.
 pub fn check_step(step_s: f64) -> Result<(), Problem> {
@@ -16,6 +18,19 @@ pub fn check_step(step_s: f64) -> Result<(), Problem> {
         true => Err(Problem::not_allowed(
             format!("rows {step_s} s apart"),
             format!("at most {LONGEST_STEP_S} s: times are in seconds, and these may be milliseconds"),
+        )),
+    }
+}
+
+/// Errors: no gap within a run is so long.
+pub fn check_gap(step_s: f64) -> Result<(), Problem> {
+    match step_s > LONGEST_GAP_S {
+        false => Ok(()),
+        true => Err(Problem::not_allowed(
+            format!("a gap of {step_s} s"),
+            format!(
+                "at most {LONGEST_GAP_S} s within a run: times are in seconds, of a clock that is not set meanwhile"
+            ),
         )),
     }
 }
@@ -33,6 +48,12 @@ pub fn doubt(step_s: f64, seconds: f64) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_clock_that_was_set_is_refused_and_a_night_without_rows_is_not() {
+        assert!(check_gap(3.2e7).unwrap_err().to_string().contains("\"a gap of 32000000 s\""));
+        assert!(check_gap(43_200.0).is_ok());
+    }
 
     #[test]
     fn milliseconds_are_refused_or_doubted() {

@@ -222,17 +222,23 @@ impl RunReader {
                 Err(self.field_error(column, Problem::TimeNotIncreasing { t_s, previous_s }))
             }
             previous_s => {
-                if let (Some(previous_s), Some(long_steps)) = (previous_s, self.long_steps) {
-                    self.long_steps = match clock::check_step(t_s - previous_s) {
-                        Ok(()) => None,
-                        Err(_) if long_steps == 0 => Some(1),
-                        Err(problem) => return Err(self.field_error(column, problem)),
-                    };
-                }
+                let checked = previous_s.map_or(Ok(()), |previous_s| self.check_step(t_s - previous_s));
+                checked.map_err(|problem| self.field_error(column, problem))?;
                 self.previous_s = Some(t_s);
                 Ok(Some(t_s))
             }
         }
+    }
+
+    /// One long step is a gap; two before any short one are times in another unit.
+    fn check_step(&mut self, step_s: f64) -> Result<(), Problem> {
+        match (self.long_steps, clock::check_step(step_s)) {
+            (Some(_), Ok(())) => self.long_steps = None,
+            (Some(0), Err(_)) => self.long_steps = Some(1),
+            (Some(_), Err(problem)) => return Err(problem),
+            (None, _) => {}
+        }
+        clock::check_gap(step_s)
     }
 
     fn median_of_remaining_steps(&mut self) -> Result<f64, FileError> {
