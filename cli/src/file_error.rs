@@ -74,6 +74,8 @@ pub enum Problem {
         "there are rows of a recording that came to no end in runs/: name another folder, or replace them with --force"
     )]
     UnfinishedRows,
+    #[error("another north is writing a recording into this folder: name another folder, or wait until it has ended")]
+    BeingWritten,
     #[error("no campaign: a campaign is a folder, or its campaign.toml")]
     NoCampaign,
 }

@@ -314,6 +314,28 @@ fn bad_manifests_are_refused_with_their_place() {
     }
 }
 
+/// What a recording that goes on has written stays; what one that was interrupted has left gives way.
+#[test]
+fn a_second_recording_into_a_folder_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let campaign = Campaign { folder: folder.path().to_owned(), ..Campaign::of_bare_run(Path::new("x"), 0.0) };
+    let run = folder.path().join("runs/001.csv");
+    let first = CampaignWriter::create(campaign.clone()).unwrap();
+    fs::write(&run, "t_s,index_deg,fog_arcsec\n").unwrap();
+    for refused in [
+        CampaignWriter::create(campaign.clone()).err(),
+        CampaignWriter::check_free(folder.path()).err(),
+        CampaignWriter::check_free_for_measurements(folder.path()).err(),
+    ] {
+        let error = refused.unwrap().to_string();
+        assert!(error.contains("another north is writing a recording into this folder"), "{error}");
+    }
+    assert!(run.exists());
+    drop(first);
+    CampaignWriter::create(campaign).unwrap().finish().unwrap();
+    assert!(!run.exists());
+}
+
 #[test]
 fn recordings_are_never_overwritten() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,7 +1,7 @@
 //! Writing campaigns: runs row by row, and `campaign.toml` last, so that a folder with one is complete.
 
-use std::fs::{self, File};
-use std::io::BufWriter;
+use std::fs::{self, File, TryLockError};
+use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use north_finder::effects::channel::LEVEL_TEMPERATURE;
@@ -26,6 +26,36 @@ fn clear(folder: &Path) -> std::io::Result<()> {
     let of_runs = runs.filter(|path| path.extension().is_some_and(|extension| extension == "csv"));
     let tables = [MANIFEST, SETTINGS, HEADINGS].map(|name| folder.join(name));
     of_runs.chain(tables).filter(|path| path.is_file()).try_for_each(fs::remove_file)
+}
+
+/// The file that marks a folder as being written to, locked as long as it is open, and whether a recording that came to no end had left it.
+///
+/// Errors: another program writes to the folder, or has just done so; the folder takes no file.
+fn mark(folder: &Path) -> Result<(File, bool), Problem> {
+    let path = folder.join(UNFINISHED);
+    let (mut file, was_left) = match File::create_new(&path) {
+        Err(error) if error.kind() == ErrorKind::AlreadyExists => (File::options().write(true).open(&path)?, true),
+        created => (created?, false),
+    };
+    lock(&file)?;
+    if !path.is_file() {
+        return Err(Problem::FolderNotEmpty);
+    }
+    if !was_left {
+        file.write_all(UNFINISHED_TEXT.as_bytes())?;
+    }
+    Ok((file, was_left))
+}
+
+/// Locks a file until it is closed. There are file systems without locks: on these nothing is locked.
+///
+/// Errors: another program has locked it.
+fn lock(file: &File) -> Result<(), Problem> {
+    match file.try_lock() {
+        Err(TryLockError::WouldBlock) => Err(Problem::BeingWritten),
+        Err(TryLockError::Error(error)) if error.kind() != ErrorKind::Unsupported => Err(error.into()),
+        _ => Ok(()),
+    }
 }
 
 /// Which optional columns a run's file has.
@@ -125,6 +155,8 @@ pub struct CampaignWriter {
     campaign: Campaign,
     /// Names of the channels beyond those of every second.
     extra: Vec<String>,
+    /// Locked: nobody else writes to the folder meanwhile.
+    _mark: File,
 }
 
 /// `campaign.toml` in the order of its documentation.
@@ -140,15 +172,16 @@ impl CampaignWriter {
     pub fn create(campaign: Campaign) -> Result<Self, FileError> {
         let folder = &campaign.folder;
         Self::check_free(folder)?;
-        let prepare = || {
-            if folder.join(UNFINISHED).exists() {
+        let prepare = || -> Result<File, Problem> {
+            fs::create_dir_all(folder.join(RUNS))?;
+            let (mark, was_left) = mark(folder)?;
+            if was_left {
                 clear(folder)?;
             }
-            fs::create_dir_all(folder.join(RUNS))?;
-            fs::write(folder.join(UNFINISHED), UNFINISHED_TEXT)
+            Ok(mark)
         };
-        prepare().map_err(|error| FileError::whole(folder, error))?;
-        Ok(Self { campaign, extra: Vec::new() })
+        let mark = prepare().map_err(|problem| FileError::whole(folder, problem))?;
+        Ok(Self { campaign, extra: Vec::new(), _mark: mark })
     }
 
     /// Gives a recording up that was begun in a free folder: nothing of it is left; the folder itself goes where `existed` is false.
@@ -163,10 +196,12 @@ impl CampaignWriter {
     }
 
     /// Refuses a folder that has something in it, for recordings are never overwritten, or that cannot be made or written to. What a
-    /// recording left behind that was interrupted is no recording.
+    /// recording left behind that was interrupted is no recording; what one that goes on has written is.
     pub fn check_free(folder: &Path) -> Result<(), FileError> {
-        if folder.join(UNFINISHED).is_file() {
-            return Ok(());
+        let mark = folder.join(UNFINISHED);
+        if mark.is_file() {
+            let mark = File::open(mark).map_err(|error| FileError::whole(folder, error))?;
+            return lock(&mark).map_err(|problem| FileError::whole(folder, problem));
         }
         match fs::read_dir(folder).map(|mut entries| entries.next().is_some()) {
             Ok(true) => Err(FileError::whole(folder, Problem::FolderNotEmpty)),
@@ -177,13 +212,14 @@ impl CampaignWriter {
 
     /// The same, but rows of a recording that was interrupted are kept unless `--force` is given: a measurement cannot be made again.
     pub fn check_free_for_measurements(folder: &Path) -> Result<(), FileError> {
+        Self::check_free(folder)?;
         let has_rows = |path: PathBuf| fs::metadata(path).is_ok_and(|file| file.len() > HEAD_BYTES);
         let mut runs = fs::read_dir(folder.join(RUNS)).into_iter().flatten().flatten();
         let is_kept = !crate::output::is_forced() && folder.join(UNFINISHED).is_file();
         if is_kept && runs.any(|entry| has_rows(entry.path())) {
             return Err(FileError::whole(folder, Problem::UnfinishedRows));
         }
-        Self::check_free(folder)
+        Ok(())
     }
 
     /// Names of the rows' channels beyond those of every second; empty for one that has none.
