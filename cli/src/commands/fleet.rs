@@ -122,8 +122,8 @@ impl Learn {
         crate::output::check([Some(self.out.as_path()), self.json.path()])?;
         let units = sources(&self.units)?;
         let (bar, threads) = (progress::bar(2 * units.len() as u64, "readings of units"), self.threads.count());
-        let (counted, stop) = (bar.clone(), interrupt::flag());
-        let work = move || fleet::learn(&units, threads, stop, || counted.inc(1));
+        let (shown, stop) = (bar.clone(), interrupt::flag());
+        let work = move || fleet::learn(&units, threads, stop, || shown.inc(1));
         let learned = progress::interruptible(work, || bar.tick())??;
         bar.finish_and_clear();
         learned.write(&self.out)?;
@@ -163,8 +163,8 @@ impl DiagnoseAll {
         let family = family(self.fleet.as_deref())?;
         let jobs = fleet::jobs(&sources(&self.campaigns)?, &self.results, self.fleet.as_deref())?;
         let (bar, threads) = (progress::bar(jobs.len() as u64, "campaigns"), self.threads.count());
-        let (counted, all, stop) = (bar.clone(), jobs.clone(), interrupt::flag());
-        let work = move || fleet::diagnose_all(&all, &family, threads, stop, || counted.inc(1));
+        let (shown, all, stop) = (bar.clone(), jobs.clone(), interrupt::flag());
+        let work = move || fleet::diagnose_all(&all, &family, threads, stop, || shown.inc(1));
         let outcomes = progress::interruptible(work, || bar.tick())??;
         bar.finish_and_clear();
         if let Some(path) = &self.table {
