@@ -135,31 +135,59 @@ impl Wired {
 #[cfg(test)]
 mod tests {
     use hal_sim::Scenario;
-    use north_finder::event::{Event, Report, State};
+    use north_finder::event::{Event, Fix, Report, State};
+    use north_finder::health::{Flag, Refusal};
     use north_finder::instrument::EFFECT_TICKS;
     use north_finder::link::Ask;
     use north_finder::sequence::Command;
     use north_finder::sequence::order::Order;
-    use north_finder::settings::store;
+    use north_finder::settings::{AccelerometerCalibration, Settings, store};
 
     use super::*;
 
-    /// A fix of calm-bench in the mirrored order, and two seconds more.
-    fn reports(work_ticks: fn(&Outcome) -> u64) -> Vec<Report> {
+    /// Ticks of a fix of calm-bench in the mirrored order, and of two seconds more.
+    const TICKS: u64 = 400 * 130;
+    const START: Ask = Ask::Command(Command::Start);
+
+    /// Calm-bench, whose settings say of the accelerometers what they are calibrated by.
+    fn calm(accelerometer: Option<AccelerometerCalibration>) -> World {
         let scenario = Scenario::named("calm-bench").unwrap();
         let world = World::new(&scenario, 1);
-        let mut settings = settings(&scenario).unwrap();
+        let mut settings = Settings { accelerometer, ..settings(&scenario).unwrap() };
         (settings.sequence.order, settings.sequence.dwell_s) = (Order::Mirrored, 3);
         store::save(&mut world.flash(), &settings).unwrap();
-        let mut wired = Wired::power_up(&world);
-        wired.let_work_take(work_ticks);
+        world
+    }
+
+    /// So many ticks, with what is asked in some of them, counted from the first of these; what is reported.
+    fn run(wired: &mut Wired, ticks: u64, asks: &[(u64, Ask)]) -> Vec<Report> {
         let mut line = RequestLine::default();
-        line.send(&Ask::Command(Command::Start).into()).unwrap();
         let mut reports = Vec::new();
-        for _ in 0..400 * 130 {
+        for tick in 0..ticks {
+            for (_, ask) in asks.iter().filter(|(at, _)| *at == tick) {
+                line.send(&(*ask).into()).unwrap();
+            }
             wired.tick(&line.tick(), &mut |_, _| {}, &mut |report| reports.push(report));
         }
         reports
+    }
+
+    fn reports(work_ticks: fn(&Outcome) -> u64) -> Vec<Report> {
+        let mut wired = Wired::power_up(&calm(Some(AccelerometerCalibration::UNIT)));
+        wired.let_work_take(work_ticks);
+        run(&mut wired, TICKS, &[(0, START)])
+    }
+
+    fn the_fix(reports: &[Report]) -> (f64, Fix) {
+        let told = |report: &Report| if let Event::Fix(fix) = report.event { Some((report.t_s, fix)) } else { None };
+        reports.iter().find_map(told).expect("a fix")
+    }
+
+    /// What became of what was asked.
+    fn answers(reports: &[Report]) -> Vec<Option<Refusal>> {
+        let told =
+            |report: &Report| if let Event::Answer { refusal, .. } = report.event { Some(refusal) } else { None };
+        reports.iter().filter_map(told).collect()
     }
 
     fn is_end(report: &Report) -> bool {
@@ -187,5 +215,44 @@ mod tests {
         let seconds =
             |reports: &[Report]| reports.iter().filter(|report| matches!(report.event, Event::Second(_))).count();
         assert!(seconds(&at_once) == seconds(&late), "{} {}", seconds(&at_once), seconds(&late));
+    }
+
+    /// Whether accelerometers are calibrated is taken from the settings at power-up, and said of every fix.
+    #[test]
+    fn a_fix_says_where_accelerometers_are_not_calibrated() {
+        let flagged = |accelerometer| {
+            let mut wired = Wired::power_up(&calm(accelerometer));
+            let (_, fix) = the_fix(&run(&mut wired, TICKS, &[(0, START)]));
+            fix.flags.contains(Flag::LevelUncalibrated)
+        };
+        assert_eq!([None, Some(AccelerometerCalibration::UNIT)].map(flagged), [true, false]);
+    }
+
+    /// From the end of its second to its effect a fix is neither told nor logged: nothing that is asked meanwhile can be meant for it.
+    #[test]
+    fn a_check_waits_for_the_fix_to_be_told() {
+        let world = || calm(Some(AccelerometerCalibration::UNIT));
+        let (t_s, _) = the_fix(&run(&mut Wired::power_up(&world()), TICKS, &[(0, START)]));
+        let ended = (t_s * 400.0).round() as u64;
+        let check = Ask::CheckFix { azimuth_deg: 40.0 };
+        // While the second before it waits for its effect, while it does so itself, and after its effect.
+        let before = ended - 400 + EFFECT_TICKS / 2;
+        let asks = [(0, START), (before, check), (ended + EFFECT_TICKS / 2, check), (ended + EFFECT_TICKS + 1, check)];
+        let reports = run(&mut Wired::power_up(&world()), TICKS, &asks);
+        assert_eq!(answers(&reports), [None, Some(Refusal::NoFixYet), Some(Refusal::Busy), None]);
+    }
+
+    /// A check behind a fix that the flash did not take would count for the one before it in the log.
+    #[test]
+    fn a_check_behind_a_fix_that_is_not_logged_is_refused() {
+        let world = calm(Some(AccelerometerCalibration::UNIT));
+        let mut wired = Wired::power_up(&world);
+        let check = [(0, Ask::CheckFix { azimuth_deg: 40.0 })];
+        world.flash().cut_power_after(0);
+        the_fix(&run(&mut wired, TICKS, &[(0, START)]));
+        world.flash().restore_power();
+        assert_eq!(answers(&run(&mut wired, 1, &check)), [Some(Refusal::NotStored)]);
+        the_fix(&run(&mut wired, TICKS, &[(0, START)]));
+        assert_eq!(answers(&run(&mut wired, 1, &check)), [None]);
     }
 }

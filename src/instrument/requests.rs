@@ -178,7 +178,12 @@ impl<S: DerefMut<Target = SecondWork>, R: DerefMut<Target = Workspace>> Instrume
         if !azimuth_deg.is_finite() {
             return Err(Refusal::NotUnderstood);
         }
-        let service = &mut self.work.as_deref_mut().ok_or(Refusal::Busy)?.service;
+        let work = self.work.as_deref_mut().ok_or(Refusal::Busy)?;
+        // A fix that waits for its effect is neither told nor in the log: the check would be of the one before it.
+        if self.working && work.outcome().events.iter().any(|event| matches!(event, Event::Fix(_))) {
+            return Err(Refusal::Busy);
+        }
+        let service = &mut work.service;
         if !service.has_fix() {
             return Err(Refusal::NoFixYet);
         }
