@@ -552,10 +552,13 @@ mod tests {
     /// Ω cos 60°, °/h.
     const NORTH_DEG_H: f64 = 7.5205335;
 
-    /// Four positions at azimuth 90° while the bias drifts by 6 °/h an hour, so that it changes by 0.1 °/h in a dwell of a minute, and what the
-    /// accumulator keeps of them.
-    fn drifting(model: ErrorModel, seconds: u16) -> (Fix, Vec<DwellSummary>, Vec<DwellSummary>) {
-        let mut accumulator = Accumulator::new(declared(60.0), model, Vec::<DwellSummary>::new());
+    fn empty(declared: Declared, model: ErrorModel) -> Accumulator<Vec<DwellSummary>> {
+        Accumulator::new(declared, model, Vec::new())
+    }
+
+    /// Four positions at azimuth 90° while the bias drifts by 6 °/h an hour, so that it changes by 0.1 °/h in a dwell of a minute; the dwells, as
+    /// they end.
+    fn turn(accumulator: &mut Accumulator<Vec<DwellSummary>>, seconds: u16) -> Vec<DwellSummary> {
         let (mut state, mut t_s, mut ended) = (5, 0.0, Vec::new());
         for index_deg in [0.0, 90.0, 180.0, 270.0] {
             for _ in 0..seconds {
@@ -574,6 +577,13 @@ mod tests {
             accumulator.index_turns();
             t_s += 5.0;
         }
+        ended
+    }
+
+    /// The fix of these, and what the accumulator keeps of them.
+    fn drifting(model: ErrorModel, seconds: u16) -> (Fix, Vec<DwellSummary>, Vec<DwellSummary>) {
+        let mut accumulator = empty(declared(60.0), model);
+        let ended = turn(&mut accumulator, seconds);
         (accumulator.solve().unwrap(), accumulator.dwells, ended)
     }
 
@@ -641,6 +651,42 @@ mod tests {
         assert_eq!(taken, [vec![Taken::LeftOut], vec![Taken::Collected; 9]].concat());
         let dwell = accumulator.end_dwell().unwrap();
         assert!(dwell.seconds == 9.0 && (dwell.rate.mean - 3.0).abs() < 1e-6, "{dwell:?}");
+    }
+
+    /// Which of these flags a fix has that is made now.
+    fn flagged<const N: usize>(accumulator: &mut Accumulator<Vec<DwellSummary>>, flags: [Flag; N]) -> [bool; N] {
+        turn(accumulator, 60);
+        let fix = accumulator.solve().unwrap();
+        flags.map(|flag| fix.flags.contains(flag))
+    }
+
+    /// What is held against a fix stays where its dwells are begun anew, and goes with the next fix.
+    #[test]
+    fn flags_of_a_fix_are_its_own() {
+        let flags = [Flag::FramesLost, Flag::Disturbed, Flag::Jitter];
+        let mut accumulator = empty(declared(60.0), ErrorModel::default());
+        let conditions = Conditions { index: Some(Direction::of_deg(0.0)), ..Conditions::default() };
+        let lossy = accumulator.correct(&Second { conditions, lost_frames: 1, ..Second::default() });
+        assert_eq!(accumulator.collect(&lossy), Taken::Collected);
+        [Gate::Disturbance, Gate::Jitter].into_iter().for_each(|gate| accumulator.waited_at(gate));
+        accumulator.begin_anew();
+        assert_eq!(flagged(&mut accumulator, flags), [true; 3]);
+        accumulator.restart();
+        assert_eq!(flagged(&mut accumulator, flags), [false; 3]);
+    }
+
+    /// What is not calibrated is said of every fix; a calibration of the accelerometers holds from the next one on.
+    #[test]
+    fn what_is_not_calibrated_is_said_of_every_fix() {
+        let flags = [Flag::Uncalibrated, Flag::LevelUncalibrated];
+        let declared = Declared { calibrated: false, level_calibrated: false, ..declared(60.0) };
+        let mut accumulator = empty(declared, ErrorModel::default());
+        assert_eq!(flagged(&mut accumulator, flags), [true, true]);
+        accumulator.restart();
+        assert_eq!(flagged(&mut accumulator, flags), [true, true]);
+        accumulator.level_is_calibrated(true);
+        accumulator.restart();
+        assert_eq!(flagged(&mut accumulator, flags), [true, false]);
     }
 
     /// Of 54 s there are five parts of ten seconds, the last with the four that are left; whoever hears of a dwell hears of all of it. Dwells of ten minutes

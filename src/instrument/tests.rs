@@ -1,6 +1,8 @@
 extern crate std;
 
 use std::boxed::Box;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::vec::Vec;
 
 use embedded_storage::nor_flash::{ErrorType, NorFlashErrorKind, ReadNorFlash};
@@ -153,4 +155,47 @@ fn every_fix_begins_its_scatter_anew() {
     assert!((instrument.scatter.rms_deg_h() - 0.2).abs() < 1e-12);
     instrument.command(Command::Start, 2.0, &mut |_| ());
     assert_eq!(instrument.scatter.rms_deg_h(), 0.0);
+}
+
+/// Slots whose flash takes a confirmation at the third try.
+struct Reluctant {
+    tries: Arc<AtomicU32>,
+}
+
+impl Slots for Reluctant {
+    fn free_origin(&self) -> u32 {
+        0
+    }
+
+    fn erase(&mut self, _sector: u32) -> Result<(), Refusal> {
+        Err(Refusal::NotStored)
+    }
+
+    fn take(&mut self, _offset: u32, _bytes: &[u8]) -> Result<bool, Refusal> {
+        Err(Refusal::NotStored)
+    }
+
+    fn confirm(&mut self) -> bool {
+        self.tries.fetch_add(1, Ordering::Relaxed) + 1 >= 3
+    }
+}
+
+/// After ten seconds, then every second until the flash has it, and never again.
+#[test]
+fn a_confirmation_is_tried_until_it_holds() {
+    let (work, workspace) = (Box::new(SecondWork::empty()), Box::new(Workspace::default()));
+    let mut instrument = Instrument::power_up(&mut Erased, Identity::host(), work, workspace);
+    let tries = Arc::new(AtomicU32::new(0));
+    let slots: &'static mut Reluctant = Box::leak(Box::new(Reluctant { tries: Arc::clone(&tries) }));
+    instrument.updates_go_to(Some(slots));
+    let intake = Intake::new();
+    let mut tried = Vec::new();
+    for tick in 0..6000 {
+        let before = tries.load(Ordering::Relaxed);
+        instrument.step(&at_rest(tick, &intake), &intake, &mut Erased, &mut |_| ());
+        if tries.load(Ordering::Relaxed) > before {
+            tried.push(tick);
+        }
+    }
+    assert_eq!(tried, [4000, 4400, 4800]);
 }
