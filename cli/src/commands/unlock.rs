@@ -78,3 +78,73 @@ fn sign_challenge(port: &mut Port, serial: [u32; 3], secret: &Key) -> Result<(),
     let signature = sign(&message(serial, &challenge), secret);
     port.ask_once(Ask::Unlock(Bytes::start_of(&signature)), &mut |_| ())
 }
+
+#[cfg(test)]
+mod tests {
+    use std::io::{Read, Write};
+    use std::thread;
+    use std::time::Duration;
+
+    use north_boot::manifest::{is_signed, public};
+    use north_finder::event::Report;
+    use north_finder::event::identity::{Board, Identity};
+    use north_finder::instrument::session::CHALLENGE;
+    use north_finder::link::{Request, RequestDecoder, encode_report};
+    use serialport::{SerialPort, TTYPort};
+
+    use super::*;
+    use crate::commands::board::connected;
+
+    const SECRET: Key = [7; 32];
+    const SERIAL: [u32; 3] = [1, 2, 3];
+
+    /// A board that hears two signatures, and whose answer to the first is lost: whether each is of a challenge that was good for it.
+    fn serve(line: &mut TTYPort) -> [bool; 2] {
+        line.set_timeout(Duration::from_secs(10)).unwrap();
+        let mut requests = RequestDecoder::new();
+        let (mut given, mut challenge) = (0, None);
+        let mut signed = Vec::new();
+        loop {
+            let mut byte = [0];
+            line.read_exact(&mut byte).unwrap();
+            let Some(Ok(Request { number, ask })) = requests.feed(byte[0]) else { continue };
+            let told = match ask {
+                Ask::Identify => Some(Event::Identity(Identity::new(Board::Stm32f405, 1, SERIAL))),
+                Ask::Challenge => {
+                    given += 1;
+                    challenge = Some([given; CHALLENGE]);
+                    challenge.map(|bytes| Event::Challenge { bytes })
+                }
+                Ask::Unlock(signature) => {
+                    let challenge = challenge.take();
+                    signed.push(challenge.is_some_and(|challenge| {
+                        is_signed(&message(SERIAL, &challenge), signature.as_slice(), &public(&SECRET))
+                    }));
+                    if signed.len() == 1 {
+                        continue;
+                    }
+                    None
+                }
+                _ => None,
+            };
+            for event in told.into_iter().chain([Event::Answer { number, refusal: None }]) {
+                line.write_all(&encode_report(&Report { t_s: 0.0, event }).unwrap()).unwrap();
+            }
+            if let [first, second] = signed[..] {
+                return [first, second];
+            }
+        }
+    }
+
+    /// A signature whose answer is lost is not sent again, for it is good for one try: another challenge is signed.
+    #[test]
+    fn a_lost_answer_to_a_signature_begins_another_round() {
+        let (mut line, mut port) = connected().unwrap();
+        let signed = thread::scope(|scope| {
+            let board = scope.spawn(|| serve(&mut line));
+            unlock(&mut port, &SECRET).unwrap();
+            board.join().unwrap()
+        });
+        assert_eq!(signed, [true, true]);
+    }
+}
