@@ -37,7 +37,7 @@ mod robust;
 pub mod rotation;
 pub mod sinusoid;
 mod solution;
-mod statistics;
+pub mod statistics;
 #[cfg(test)]
 mod tests;
 mod turned;

@@ -4,8 +4,7 @@
 /// root approximation (Wilson and Hilferty, Proc. Natl. Acad. Sci. 17, 1931, p. 684). Negative where it falls short.
 pub fn chi_square_z_score(chi_square: f64, degrees_of_freedom: f64) -> f64 {
     let spread = 2.0 / (9.0 * degrees_of_freedom);
-    let root = libm::exp(libm::log(chi_square / degrees_of_freedom) / 3.0);
-    (root - (1.0 - spread)) / libm::sqrt(spread)
+    (libm::cbrt(chi_square / degrees_of_freedom) - (1.0 - spread)) / libm::sqrt(spread)
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! What every fix says of the state of its instrument.
 
+use north_finder::event::service::watch::misfit_sigmas;
 use north_finder::units::wrap_180_deg;
 use serde::Serialize;
 
@@ -67,29 +68,14 @@ pub fn signals(fixes: &[Logged]) -> (Vec<Signal>, Vec<Lacking>) {
     };
     take(Kind::Bias, &|fix| fix.bias_deg_h);
     take(Kind::Amplitude, &|fix| fix.amplitude_deg_h);
-    take(Kind::Misfit, &misfit_sigmas);
+    take(Kind::Misfit, &|fix| misfit_sigmas(fix.misfit?, fix.freedom?));
     take(Kind::AzimuthError, &|fix| Some(wrap_180_deg(fix.azimuth_deg? - fix.check_deg?)));
     (watched, left_out)
-}
-
-/// The chi-square of a fix as a standard normal number (Wilson and Hilferty 1931).
-fn misfit_sigmas(fix: &Logged) -> Option<f64> {
-    let freedom = fix.freedom.filter(|&freedom| freedom > 0.0)?;
-    let spread = 2.0 / (9.0 * freedom);
-    Some(((fix.misfit? / freedom).cbrt() - (1.0 - spread)) / spread.sqrt())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// The median of chi-square with 7 degrees of freedom is 6.346, its 97.5 % point 16.013.
-    #[test]
-    fn a_misfit_is_a_normal_number() {
-        let sigmas =
-            |misfit| misfit_sigmas(&Logged { misfit: Some(misfit), freedom: Some(7.0), ..Logged::default() }).unwrap();
-        assert!(sigmas(6.346).abs() < 0.01 && (sigmas(16.013) - 1.96).abs() < 0.02);
-    }
 
     #[test]
     fn a_signal_that_a_fix_lacks_is_left_out_and_told() {

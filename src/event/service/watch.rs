@@ -2,6 +2,7 @@
 
 use super::change::{ALARM, ChangeTest};
 use super::record::Logged;
+use crate::fix::statistics::chi_square_z_score;
 use crate::health::Signal;
 use crate::units::wrap_180_deg;
 
@@ -19,13 +20,9 @@ pub fn test(signal: Signal) -> ChangeTest {
     }
 }
 
-/// A chi-square with its degrees of freedom as a standard normal number (Wilson and Hilferty 1931).
+/// A chi-square as a standard normal number; `None`: it has no degrees of freedom.
 pub fn misfit_sigmas(chi_square: f64, freedom: f64) -> Option<f64> {
-    if !(freedom > 0.0) {
-        return None;
-    }
-    let spread = 2.0 / (9.0 * freedom);
-    Some((libm::cbrt(chi_square / freedom) - (1.0 - spread)) / libm::sqrt(spread))
+    (freedom > 0.0).then(|| chi_square_z_score(chi_square, freedom))
 }
 
 /// What an azimuth is off by at a surveyed heading, in its sigmas.
