@@ -21,6 +21,7 @@ extern crate std;
 
 pub mod choice;
 pub mod manifest;
+pub mod parts;
 pub mod receive;
 pub mod slot;
 

@@ -14,6 +14,7 @@
 use embedded_storage::nor_flash::NorFlash;
 
 use crate::CRC_32;
+use crate::parts;
 
 /// Bytes of a slot that are not the image's.
 pub const TRAILER: u32 = 256;
@@ -30,7 +31,6 @@ const MAGIC: u32 = u32::from_le_bytes(*b"NFSL");
 const CONFIRMED: u32 = u32::from_le_bytes(*b"GOOD");
 const TRIED: u32 = 0;
 const ERASED: u32 = u32::MAX;
-const PART: usize = 256;
 
 /// What makes an image whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -97,12 +97,7 @@ impl Seal {
 /// CRC-32 of a slot's first bytes.
 pub fn content_crc<F: NorFlash>(flash: &mut F, length: u32) -> Option<u32> {
     let mut digest = CRC_32.digest();
-    for at in (0..length).step_by(PART) {
-        let mut part = [0; PART];
-        let part = part.get_mut(..((length - at) as usize).min(PART))?;
-        flash.read(at, part).ok()?;
-        digest.update(part);
-    }
+    parts::each(flash, 0..length, |part| digest.update(part)).ok()?;
     Some(digest.finalize())
 }
 

@@ -22,7 +22,7 @@ mod content;
 use core::ops::RangeInclusive;
 
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
-use north_boot::CRC_32;
+use north_boot::{CRC_32, parts};
 
 use super::Settings;
 use crate::event::bytes::{Bytes, CAPACITY, Piece};
@@ -42,7 +42,7 @@ const MAX_RECORD: usize = 6144;
 pub const MAX_SETTINGS: usize = MAX_RECORD - HEADER - CRC_LENGTH;
 /// Records begin at multiples of this, which every flash's word divides.
 const GRAIN: usize = 16;
-/// Flash is read in parts of this many bytes where it is only looked at.
+/// A record is written in parts of this many bytes.
 const PART: usize = 64;
 
 /// What the flash holds.
@@ -306,14 +306,8 @@ fn claimed(start: &[u8; GRAIN]) -> Option<(u16, u32, usize)> {
 /// Whether the check sum of a record is right.
 fn is_whole<F: ReadNorFlash>(flash: &mut F, at: u32, length: usize) -> Result<bool, F::Error> {
     let mut digest = CRC_32.digest();
-    let (mut at, end) = (at, at + (length - CRC_LENGTH) as u32);
-    while at < end {
-        let mut part = [0; PART];
-        let part = part.get_mut(..((end - at) as usize).min(PART)).unwrap_or_default();
-        flash.read(at, part)?;
-        digest.update(part);
-        at += part.len().max(1) as u32;
-    }
+    let end = at + (length - CRC_LENGTH) as u32;
+    parts::each(flash, at..end, |part| digest.update(part))?;
     let mut check = [0; CRC_LENGTH];
     flash.read(end, &mut check)?;
     Ok(digest.finalize() == u32::from_le_bytes(check))

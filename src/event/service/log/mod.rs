@@ -7,6 +7,7 @@
 //! Erasing takes a board's processor a second: [`FixLog::prepare`] does it at power-up, before the first tick, where less than [`RESERVE`] places are left.
 
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
+use north_boot::parts;
 
 use super::flash::LOG_SECTORS;
 use super::record::{self, CRASH_PART, Context, CrashPart, LENGTH, Logged, More, Place, Record};
@@ -18,8 +19,6 @@ const RESERVE: u32 = 24;
 const MOST_CRASHES: u8 = 32;
 /// Records of a crash.
 const CRASH_PARTS: u8 = (4 * WORDS).div_ceil(CRASH_PART) as u8;
-/// Bytes of a sector that are looked at at a time; both are multiples of it.
-const PART: usize = 1024;
 const RECORD: u32 = LENGTH as u32;
 
 /// Where the log goes on, and what was told last.
@@ -204,14 +203,8 @@ impl FixLog {
 fn make_blank<F: NorFlash>(flash: &mut F, number: usize) -> Result<(), F::Error> {
     let (start, places) = sector(number);
     let end = start + places * RECORD;
-    for at in (start..end).step_by(PART) {
-        let mut part = [0; PART];
-        flash.read(at, &mut part)?;
-        if part.iter().any(|&byte| byte != 0xFF) {
-            return flash.erase(start, end);
-        }
-    }
-    Ok(())
+    let is_blank = parts::all(flash, start..end, |part| part.iter().all(|&byte| byte == 0xFF))?;
+    if is_blank { Ok(()) } else { flash.erase(start, end) }
 }
 
 /// Records as they are in flash, in the order of writing, from a place on; fewer than there is room for at the end.
