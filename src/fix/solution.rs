@@ -72,22 +72,10 @@ pub(super) fn solved_for(
     let mut problem = Problem::new(dwells, earth, motion, cause).ok_or(Unsolvable::TooFewDirections)?;
     let mut flags = Flags::default();
 
-    let noise_deg_h = declared.gyro.noise_deg_h();
-    let of_residuals = || variance_of_successive_residuals(&problem);
-    let noise =
-        Noise::with(model, problem.counting(), &declared.gyro, of_residuals).ok_or(Unsolvable::TooFewDirections)?;
+    let noise = weigh_noise(&mut problem, declared, model, &mut flags)?;
     let variance = noise.variance;
-    problem.noise = Some(noise);
-    if noise.white > NOISY_RATIO * NOISY_RATIO * noise_deg_h * noise_deg_h && noise_deg_h > 0.0 {
-        flags.insert(Flag::Noisy);
-    }
-
     let drift_sigma = declared.gyro.drift_deg_h_per_h.max(LEAST_DRIFT);
-    if let Some(sinusoid) = model.sinusoid {
-        let drift_weight = variance / (drift_sigma * drift_sigma);
-        let fitted = Fitted::new(sinusoid, dwells, &|dwell| problem.observations(dwell), variance, drift_weight);
-        problem.sinusoid = Some(fitted.ok_or(Unsolvable::TooFewDirections)?);
-    }
+    fit_sinusoid(&mut problem, model, variance, drift_sigma)?;
     let posterior = settle_azimuth(&mut problem, model, variance, drift_sigma)?;
     weigh_doubt(&mut problem, model, variance);
     let drift = settle_drift(&problem, variance, drift_sigma)?;
@@ -111,27 +99,17 @@ pub(super) fn solved_for(
     let inverse = problem.sinusoid.map_or(estimate.inverse, |sinusoid| estimate.inverse + sinusoid.doubt);
     let covariance = inverse * (variance * inflation.max(widening)) + correlated;
     judge_parameters(&estimate.parameters, &covariance, declared, model, &mut flags)?;
-    let moves = matches!(problem.motion, BaseMotion::Moving(_)) && !problem.path().is_some_and(Path::stands);
-    if moves || dwells.iter().any(|dwell| dwell.base_taken_out) {
-        flags.insert(Flag::BaseMotion);
-    }
-    if problem.counting().any(|dwell| dwell.outliers > 0) {
-        flags.insert(Flag::Shock);
-    }
+    judge_dwells(&problem, dwells, &mut flags);
     let tilt = mean_tilt(dwells);
     if tilt.is_none() {
         flags.insert(Flag::TiltUnknown);
     }
 
-    let turned_by_deg = |covariance: &Matrix4<f64>| {
-        let gradient = estimate.gradient();
-        libm::sqrt(gradient.dot(&(covariance * gradient))) * DEG_PER_RAD
-    };
     let (apparent_deg, of_rates_deg) = match posterior {
-        None => (estimate.azimuth_deg(), turned_by_deg(&covariance)),
+        None => (estimate.azimuth_deg(), turned_by_deg(estimate, &covariance)),
         Some(Posterior { azimuth_deg, sigma_deg }) => {
             let of_noise_deg = sigma_deg * libm::sqrt(inflation.max(widening));
-            (azimuth_deg, libm::hypot(of_noise_deg, turned_by_deg(&correlated)))
+            (azimuth_deg, libm::hypot(of_noise_deg, turned_by_deg(estimate, &correlated)))
         }
     };
     // The azimuth error is the weighted mean of the index errors; over the positions of a fix the root sum of squares of
@@ -161,6 +139,56 @@ pub(super) fn solved_for(
         flags,
     };
     Ok(Solved { fix, log_likelihood })
+}
+
+/// Weighs the dwells by their noise.
+fn weigh_noise(
+    problem: &mut Problem<'_>,
+    declared: &Declared,
+    model: &ErrorModel,
+    flags: &mut Flags,
+) -> Result<Noise, Unsolvable> {
+    let noise_deg_h = declared.gyro.noise_deg_h();
+    let of_residuals = || variance_of_successive_residuals(problem);
+    let noise =
+        Noise::with(model, problem.counting(), &declared.gyro, of_residuals).ok_or(Unsolvable::TooFewDirections)?;
+    problem.noise = Some(noise);
+    if noise.white > NOISY_RATIO * NOISY_RATIO * noise_deg_h * noise_deg_h && noise_deg_h > 0.0 {
+        flags.insert(Flag::Noisy);
+    }
+    Ok(noise)
+}
+
+/// Takes the sinusoid of the model, if it has one, from the dwells.
+fn fit_sinusoid(
+    problem: &mut Problem<'_>,
+    model: &ErrorModel,
+    variance: f64,
+    drift_sigma: f64,
+) -> Result<(), Unsolvable> {
+    let Some(sinusoid) = model.sinusoid else { return Ok(()) };
+    let drift_weight = variance / (drift_sigma * drift_sigma);
+    let observations = |dwell: &DwellSummary| problem.observations(dwell);
+    let fitted = Fitted::new(sinusoid, problem.dwells, &observations, variance, drift_weight);
+    problem.sinusoid = Some(fitted.ok_or(Unsolvable::TooFewDirections)?);
+    Ok(())
+}
+
+/// Whether the base moved, and whether seconds of the dwells were left out.
+fn judge_dwells(problem: &Problem<'_>, dwells: &[DwellSummary], flags: &mut Flags) {
+    let moves = matches!(problem.motion, BaseMotion::Moving(_)) && !problem.path().is_some_and(Path::stands);
+    if moves || dwells.iter().any(|dwell| dwell.base_taken_out) {
+        flags.insert(Flag::BaseMotion);
+    }
+    if problem.counting().any(|dwell| dwell.outliers > 0) {
+        flags.insert(Flag::Shock);
+    }
+}
+
+/// What parameters of this covariance turn the azimuth by, one sigma, degrees.
+fn turned_by_deg(estimate: &Estimate, covariance: &Matrix4<f64>) -> f64 {
+    let gradient = estimate.gradient();
+    libm::sqrt(gradient.dot(&(covariance * gradient))) * DEG_PER_RAD
 }
 
 /// Logarithm of the likelihood of the rates, of what was weighed together: of their residuals, of the determinants of their covariance and of
