@@ -476,7 +476,7 @@ fn full() -> [[Vec<u8>; 2]; 2] {
     [next(), next()]
 }
 
-/// Where the sector in use is full the other one is erased, before the first tick; power that fails meanwhile costs nothing.
+/// Where the sector in use is full the other one is erased, before the first tick, and the watchdog fed around that; power that fails meanwhile costs nothing.
 #[test]
 fn a_full_sector_is_followed_by_an_erased_one() {
     let settings = Some(settings_of("calm-bench"));

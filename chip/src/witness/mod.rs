@@ -5,6 +5,7 @@ mod lines;
 mod motor;
 mod pulses;
 mod spi;
+mod watchdog;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -92,11 +93,13 @@ pub struct Witness {
     ledger: Ledger,
     buses: [spi::Bus; 3],
     motor: motor::Motor,
+    watchdog: watchdog::Watchdog,
 }
 
 impl Witness {
     pub fn new(ledger: Ledger) -> Self {
-        Self { ledger, buses: spi::BUSES.map(spi::Bus::new), motor: motor::Motor::default() }
+        let (buses, motor, watchdog) = (spi::BUSES.map(spi::Bus::new), motor::Motor::default(), Default::default());
+        Self { ledger, buses, motor, watchdog }
     }
 
     /// The chip was reset: its pins float.
@@ -106,6 +109,7 @@ impl Witness {
 
     /// The core has written to a register.
     pub fn access(&mut self, mcu: &mut Stm32f427, access: &Access) {
+        self.watchdog.written(access, &self.ledger);
         let mut chip = Chip { mcu, at: access.virtual_time };
         self.buses.iter_mut().for_each(|bus| bus.written(&mut chip, access.address, &self.ledger));
     }
