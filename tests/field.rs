@@ -9,11 +9,11 @@ use crate::common::{fix, of_scenario};
 use calibration::field::guidance::Step;
 use calibration::field::refusal::{NoCalibration, Why};
 use hal_sim::scenario::{SensorFault, SensorFaultKind};
-use hal_sim::{Scenario, World};
+use hal_sim::{Operator, Scenario, World};
 use north::engine::{self, Engine, FixWanted, Outcome, Person, PowerOff, Setup, qemu};
 use north::field::{End, Obedient, calibrate};
 use north_finder::event::{Event, Report};
-use north_finder::health::Fault;
+use north_finder::health::{Fault, Flag};
 use north_finder::link::{Ask, Request};
 use north_finder::sensing::level::Tilt;
 use north_finder::sequence::Command;
@@ -99,6 +99,49 @@ fn after_the_power_was_off_level_and_north_are_better() {
     assert!(level_error_deg(&before) > 0.2 && level_error_deg(&after) < 0.005);
     let (fix_after, error_deg) = fix(&after);
     assert!(fix(&before).1.abs() > 0.2 && error_deg.abs() < 3.0 * fix_after.sigma_deg);
+    assert_eq!([fix(&before).0, fix_after].map(|fix| fix.flags.contains(Flag::LevelUncalibrated)), [true, false]);
+}
+
+/// Who sets the instrument upright when its accelerometers are calibrated, and wants north.
+struct Northward<'a, 'b> {
+    obedient: Obedient<'a, 'b>,
+    operator: Operator,
+    world: World,
+    stored: bool,
+    flagged: Option<bool>,
+}
+
+impl Person for Northward<'_, '_> {
+    fn request(&mut self, tick: u64) -> Option<Request> {
+        if !std::mem::take(&mut self.stored) {
+            return self.obedient.request(tick);
+        }
+        self.operator.turn(&self.world, [0.0, 0.0, 1.0]);
+        Some(Ask::Command(Command::Start).into())
+    }
+
+    fn hear(&mut self, report: &Report) -> bool {
+        self.obedient.hear(report);
+        self.stored |= matches!(report.event, Event::CalibrationStored);
+        if let Event::Fix(fix) = report.event {
+            self.flagged = Some(fix.flags.contains(Flag::LevelUncalibrated));
+        }
+        self.flagged.is_some()
+    }
+}
+
+/// A calibration is in effect, and said to be, in the next fix, without a start of the instrument in between.
+#[test]
+fn the_next_fix_is_calibrated() {
+    let setup = changed(|scenario| scenario.operator.aim_deg = 0.0);
+    let world = engine::world(&setup).unwrap();
+    let observe = &mut |_: &Report| ();
+    let obedient = Obedient::new(&world, &setup, observe);
+    let operator = Operator::new(&setup.scenario, setup.seed);
+    let mut person = Northward { obedient, operator, world: world.clone(), stored: false, flagged: None };
+    let ticks = 2 * engine::limit_ticks(&setup);
+    let off = engine::serve(Engine::Host, None, &world, ticks, &mut person, &AtomicBool::new(false)).unwrap();
+    assert_eq!((off, person.flagged), (PowerOff::Received, Some(false)));
 }
 
 #[test]

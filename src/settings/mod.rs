@@ -150,3 +150,23 @@ impl Settings {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is stored of gyro and accelerometers is calibrated, each by itself.
+    #[test]
+    fn what_is_not_stored_is_not_calibrated() {
+        let calibrated = |model: bool, accelerometer: bool| {
+            let model = model.then(ErrorModel::default);
+            let accelerometer = accelerometer.then_some(AccelerometerCalibration::UNIT);
+            let settings = Settings { latitude_deg: 47.0, model, accelerometer, ..Settings::default() };
+            let declared = settings.declared().unwrap();
+            [declared.calibrated, declared.level_calibrated]
+        };
+        for stored in [[false, false], [true, false], [false, true]] {
+            assert_eq!(calibrated(stored[0], stored[1]), stored);
+        }
+    }
+}
