@@ -79,3 +79,61 @@ fn a_slip_before_the_first_dwell_is_flagged() {
         assert!(flags.contains(Flag::IndexSlip) && (error_deg.abs() - 1.0).abs() < 0.2, "{error_deg}");
     }
 }
+
+/// In the middle of every pass but the last, by less than the tolerance of 0.5° and more than seven sigmas of the encoder, 0.14°. In the motion's direction
+/// it went farther than its steps, against it what happened looks like play until the next pass.
+#[test]
+fn a_slip_within_a_rotation_is_flagged() {
+    let order = || Order::Rotation { passes: 6 };
+    let (flags, _, _, reports) = slip(Slips::Encoder, 0.0, 0.0, order(), 1);
+    assert!(!flags.contains(Flag::IndexSlip));
+    let passes_s: Vec<f64> = reports.iter().filter_map(|report| began_s(report, 128)).collect();
+    assert_eq!(passes_s.len(), 6);
+    for (pass, pass_s) in passes_s.iter().enumerate().take(5) {
+        for slip_deg in [0.23, -0.23] {
+            let (flags, error_deg, sigma_deg, _) = slip(Slips::Encoder, slip_deg, pass_s + 6.0, order(), 1);
+            println!("{slip_deg}° in pass {pass}: {error_deg:.3} {sigma_deg:.3}");
+            assert!(flags.contains(Flag::IndexSlip), "{slip_deg}° in pass {pass}");
+        }
+    }
+}
+
+/// Halfway in every move of the adaptive order but the last, which may be the first one its way and is followed by none.
+#[test]
+fn a_slip_in_a_move_of_the_adaptive_order_is_flagged() {
+    let (flags, _, _, reports) = slip(Slips::Encoder, 0.0, 0.0, Order::ADAPTIVE, 1);
+    assert!(!flags.contains(Flag::IndexSlip));
+    let began: Vec<f64> = reports.iter().filter_map(|report| began_s(report, 0)).collect();
+    let arrived = |report: &Report| matches!(report.event, Event::Arrived { .. }).then_some(report.t_s);
+    let ended: Vec<f64> = reports.iter().filter_map(arrived).collect();
+    assert!(began.len() >= 3 && began.len() == ended.len(), "{began:?} {ended:?}");
+    for (began_s, ended_s) in began.iter().zip(&ended).take(began.len() - 1) {
+        for slip_deg in [0.3, -0.3] {
+            let at_s = 0.5 * (began_s + ended_s);
+            let (flags, error_deg, sigma_deg, _) = slip(Slips::Encoder, slip_deg, at_s, Order::ADAPTIVE, 1);
+            println!("{slip_deg}° at {at_s} s: {error_deg:.3} {sigma_deg:.3}");
+            assert!(flags.contains(Flag::IndexSlip), "{slip_deg}° at {at_s} s");
+        }
+    }
+}
+
+/// When a move to a position of this number or a later one began.
+fn began_s(report: &Report, from: u8) -> Option<f64> {
+    matches!(report.event, Event::Moving { position, .. } if position >= from).then_some(report.t_s)
+}
+
+/// 0.3° between drive and gyro are less than the tolerance, and no slip in any order.
+#[test]
+fn play_is_no_slip() {
+    for order in [Order::Rotation { passes: 6 }, Order::ADAPTIVE, Order::Mirrored, Order::EastWest] {
+        for seed in 1..=4 {
+            let mut scenario = Scenario::named("calm-bench").unwrap();
+            scenario.motor.backlash_deg = 0.3;
+            scenario.site.azimuth_deg = 85.0 * seed as f64;
+            let mut setup = of_scenario(scenario, seed);
+            setup.settings.as_mut().unwrap().sequence.order = order.clone();
+            let (fix, _) = fix(&run(&setup).0);
+            assert!(!fix.flags.contains(Flag::IndexSlip), "{order:?} {seed}");
+        }
+    }
+}

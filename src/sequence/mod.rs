@@ -7,6 +7,7 @@
 pub mod adaptive;
 pub mod order;
 pub mod rotation;
+mod steps;
 pub mod turn;
 pub mod work;
 
@@ -28,6 +29,7 @@ use crate::units::{DEG_PER_RAD, wrap_180_deg};
 use adaptive::{Adaptive, Seen};
 use order::{Order, Position, SequenceSettings};
 use rotation::Rotation;
+use steps::Steps;
 use turn::{Progress, Turn};
 
 /// Most dwells that a fix can have: those of the longest order, and half as many again.
@@ -172,6 +174,8 @@ pub struct Sequencer {
     fallen_back: Option<FallenBack>,
     /// The index while the motor stands, from power-up on, whether a fix is under way or not.
     rest: IndexWatch,
+    /// The steps of its moves.
+    steps: Steps,
     /// The second under way is that of an arrival, with some of the move in it.
     arrives: bool,
     /// In the second under way the motor moved without a fix.
@@ -201,6 +205,7 @@ impl Sequencer {
             adaptive: None,
             fallen_back: None,
             rest: IndexWatch::new(0.0),
+            steps: Steps::default(),
             arrives: false,
             exercised: false,
             doubted: false,
@@ -211,6 +216,7 @@ impl Sequencer {
     /// Ready to start. Takes the model, and leaves its own in its place.
     pub fn set_up(&mut self, rules: Rules, declared: Declared, model: &mut ErrorModel) {
         self.rest = IndexWatch::new(declared.index_sigma_deg);
+        self.steps.forget();
         self.rules = rules;
         self.accumulator.set_up(declared, model);
     }
@@ -270,6 +276,7 @@ impl Sequencer {
     /// The motor moves without a fix: what the index does in this second is no slip.
     pub fn exercise(&mut self) {
         self.exercised = true;
+        self.steps.forget();
     }
 
     /// The tick of this number: the index angle, whether the encoder was read at this tick, and whether the motor is turning.
@@ -292,14 +299,17 @@ impl Sequencer {
             Progress::Turning => None,
             Progress::Again(command) => {
                 self.doubted = true;
+                self.steps.forget();
                 Some(command)
             }
             Progress::Failed(fault) => self.fail(fault, t_s, sink),
             Progress::Arrived { index_deg, beyond } => {
-                self.doubted |= beyond;
+                let slipped = self.steps.ended(index_deg, &self.rules.index);
+                self.doubted |= beyond || slipped;
                 if let Stage::Rotating(rotation) = &mut self.stage {
                     let command = rotation.turn_back(index_deg, self.started_s + self.rules.time_limit_s - t_s);
-                    if command.is_some() {
+                    if let Some(command) = command {
+                        self.steps.begin(index_deg, command);
                         self.position = rotation.number();
                         sink(Event::Moving { position: self.position, target_deg: rotation.target_deg() });
                     }
@@ -380,11 +390,16 @@ impl Sequencer {
         } else {
             motor
         };
+        self.tell_doubt(&mut observed);
+        (observed, motor)
+    }
+
+    /// The index is to be doubted: once in a fix, in a second that waited at no gate.
+    fn tell_doubt(&mut self, observed: &mut Observed) {
         if self.doubted && !self.doubt_told && observed.waited_at.is_none() {
             self.doubt_told = true;
-            self.wait_at(Gate::Index, &mut observed);
+            self.wait_at(Gate::Index, observed);
         }
-        (observed, motor)
     }
 
     /// The index must stand while the motor does. (In a fix the accumulator knows it too, and what to make of it.)
@@ -581,6 +596,7 @@ impl Sequencer {
         // However soon the move is given up: what the index does in this second is no slip.
         self.rest.restart();
         let (turn, command) = Turn::new(self.rules.index, angle_deg, target_deg);
+        self.steps.begin(angle_deg, command);
         self.enter(Stage::Indexing(turn), t_s, sink);
         Some(command)
     }
@@ -593,6 +609,7 @@ impl Sequencer {
         };
         let Some(angle_deg) = self.index.deg() else { return self.fail(Fault::EncoderFailed, t_s, sink) };
         let (rotation, command) = Rotation::new(self.rules.index, angle_deg, passes);
+        self.steps.begin(angle_deg, command);
         self.position = rotation.number();
         sink(Event::ToGo { seconds: self.rules.sequence.measuring_s(&self.rules.index) });
         sink(Event::Moving { position: self.position, target_deg: rotation.target_deg() });
@@ -616,7 +633,12 @@ impl Sequencer {
             }
             self.between_dwells(second, observed, sink);
         }
-        if is_over { self.finish(second.measured.end_s(), sink) } else { None }
+        if !is_over {
+            return None;
+        }
+        // What the last pass showed.
+        self.tell_doubt(observed);
+        self.finish(second.measured.end_s(), sink)
     }
 
     fn position(&self) -> Option<Position> {

@@ -21,6 +21,11 @@ const STALL_SHARE: f64 = 0.3;
 /// More sigmas of the encoder beyond the end of a move than both its ends can be wrong by.
 const BEYOND_SIGMAS: f64 = 7.0;
 
+/// How far the end of a move may be from where its steps lead, degrees: as far as the encoder can be wrong.
+pub fn beyond_deg(settings: &IndexSettings) -> f64 {
+    (BEYOND_SIGMAS * settings.sigma_deg).max(0.1)
+}
+
 /// A move under way.
 #[derive(Clone, Debug)]
 pub struct Turn {
@@ -147,11 +152,8 @@ impl Turn {
         let left_deg = self.target_deg - index_deg;
         let moved_deg = (index_deg - self.start_deg) * self.way_deg.signum();
         if left_deg.abs() <= self.settings.tolerance_deg {
-            let beyond_deg = moved_deg - self.way_deg.abs();
-            return Progress::Arrived {
-                index_deg,
-                beyond: beyond_deg > (BEYOND_SIGMAS * self.settings.sigma_deg).max(0.1),
-            };
+            let beyond = moved_deg - self.way_deg.abs() > beyond_deg(&self.settings);
+            return Progress::Arrived { index_deg, beyond };
         }
         if moved_deg < STALL_SHARE * self.way_deg.abs() && self.way_deg.abs() > 2.0 {
             return Progress::Failed(Fault::MotorStall);
