@@ -108,16 +108,21 @@ struct Northward<'a, 'b> {
     operator: Operator,
     world: World,
     stored: bool,
+    /// When it has come to rest upright, 2.5 ms ticks.
+    upright: Option<u64>,
     flagged: Option<bool>,
 }
 
 impl Person for Northward<'_, '_> {
     fn request(&mut self, tick: u64) -> Option<Request> {
-        if !std::mem::take(&mut self.stored) {
-            return self.obedient.request(tick);
+        if std::mem::take(&mut self.stored) {
+            self.operator.turn(&self.world, [0.0, 0.0, 1.0]);
+            self.upright = Some(tick + 4000);
         }
-        self.operator.turn(&self.world, [0.0, 0.0, 1.0]);
-        Some(Ask::Command(Command::Start).into())
+        match self.upright {
+            None => self.obedient.request(tick),
+            Some(upright) => (tick == upright).then(|| Ask::Command(Command::Start).into()),
+        }
     }
 
     fn hear(&mut self, report: &Report) -> bool {
@@ -138,7 +143,7 @@ fn the_next_fix_is_calibrated() {
     let observe = &mut |_: &Report| ();
     let obedient = Obedient::new(&world, &setup, observe);
     let operator = Operator::new(&setup.scenario, setup.seed);
-    let mut person = Northward { obedient, operator, world: world.clone(), stored: false, flagged: None };
+    let mut person = Northward { obedient, operator, world: world.clone(), stored: false, upright: None, flagged: None };
     let ticks = 2 * engine::limit_ticks(&setup);
     let off = engine::serve(Engine::Host, None, &world, ticks, &mut person, &AtomicBool::new(false)).unwrap();
     assert_eq!((off, person.flagged), (PowerOff::Received, Some(false)));

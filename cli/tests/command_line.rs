@@ -294,7 +294,7 @@ fn faults_in_a_simulated_campaign_are_told() {
     let folder = folder();
     let called =
         north_in(folder.path(), &["simulate", "--scenario", "stalled-motor", "--runs", "1", "--out", "campaign"]);
-    let shown = called.refused(1, "north: 1 of 1 fixes ended without an azimuth\n");
+    let shown = called.refused(1, "north: 1 of 1 fix ended without an azimuth\n");
     assert_eq!(shown, "runs/001.csv: the fix ended without an azimuth: motor-stall\ncampaign: 1 run\n");
     let called = north_in(folder.path(), &["solve", "campaign"]);
     assert_eq!(called.code, 1);

@@ -44,7 +44,7 @@ use stm32f4xx_hal::dma::{Stream2, Stream5, StreamsTuple};
 use stm32f4xx_hal::gpio::{self, Input, Output, PinState, Speed};
 pub use stm32f4xx_hal::pac;
 use stm32f4xx_hal::prelude::*;
-use stm32f4xx_hal::rcc::{Enable as _, Rcc, Reset as _};
+use stm32f4xx_hal::rcc::{Enable as _, Reset as _};
 use stm32f4xx_hal::serial::config::{Config, DmaConfig};
 use stm32f4xx_hal::serial::{Event, Serial};
 use stm32f4xx_hal::spi::Spi;
@@ -128,7 +128,10 @@ pub fn init(device: pac::Peripherals, intake: &'static Intake) -> Board {
     if !crystal {
         defmt::error!("boot: no crystal of 8, 12, 16 or 25 MHz; the clock is good to 1 % only");
     }
-    let flash = start_flash(device.FLASH);
+    let mut flash = Flash::new(device.FLASH);
+    if flash.set_brown_out_level().is_err() {
+        defmt::error!("boot: the brown-out level cannot be set");
+    }
     let a = device.GPIOA.split(&mut rcc);
     let b = device.GPIOB.split(&mut rcc);
     let c = device.GPIOC.split(&mut rcc);
@@ -145,7 +148,15 @@ pub fn init(device: pac::Peripherals, intake: &'static Intake) -> Board {
     let gyro_bytes = Reception::start(dma2.2, &device.USART1, &intake.gyro);
     let requests = Reception::start(dma1.5, &device.USART2, &intake.host);
     let reports = ReportPort::new(dma1.6, &device.USART2);
-    let (gyro, host) = serial_lines(device.USART1, (a.pa9, a.pa10), device.USART2, (a.pa2, a.pa3), &mut rcc);
+    let line = |baud: u32, dma: DmaConfig| Config::default().baudrate(baud.bps()).dma(dma);
+    let gyro = Serial::<_, u8>::new(device.USART1, (a.pa9, a.pa10), line(GYRO_BAUD, DmaConfig::Rx), &mut rcc);
+    let host = Serial::<_, u8>::new(device.USART2, (a.pa2, a.pa3), line(HOST_BAUD, DmaConfig::TxRx), &mut rcc);
+    let (Ok(gyro), Ok(mut host)) = (gyro, host) else { panic!("a baud rate is out of the clock's reach") };
+    host.listen(Event::TransmissionComplete);
+    let ((gyro, _), (host, _)) = (gyro.release(), host.release());
+    for registers in [&*gyro, &*host] {
+        registers.cr3().modify(|_, w| w.eie().enabled());
+    }
 
     let bus = (
         Some(a.pa5.into_alternate::<5>().speed(Speed::High)),
@@ -197,35 +208,6 @@ pub fn init(device: pac::Peripherals, intake: &'static Intake) -> Board {
         converter,
         crystal: Some(crystal),
     }
-}
-
-/// The flash, with the brown-out level in its option bytes.
-fn start_flash(registers: pac::FLASH) -> Flash {
-    let mut flash = Flash::new(registers);
-    if flash.set_brown_out_level().is_err() {
-        defmt::error!("boot: the brown-out level cannot be set");
-    }
-    flash
-}
-
-/// The lines of gyro and host, whose bytes the DMA controllers carry: a report that is out interrupts, and a byte that is damaged.
-fn serial_lines(
-    gyro: pac::USART1,
-    gyro_pins: (gpio::PA9, gpio::PA10),
-    host: pac::USART2,
-    host_pins: (gpio::PA2, gpio::PA3),
-    rcc: &mut Rcc,
-) -> (pac::USART1, pac::USART2) {
-    let line = |baud: u32, dma: DmaConfig| Config::default().baudrate(baud.bps()).dma(dma);
-    let gyro = Serial::<_, u8>::new(gyro, gyro_pins, line(GYRO_BAUD, DmaConfig::Rx), rcc);
-    let host = Serial::<_, u8>::new(host, host_pins, line(HOST_BAUD, DmaConfig::TxRx), rcc);
-    let (Ok(gyro), Ok(mut host)) = (gyro, host) else { panic!("a baud rate is out of the clock's reach") };
-    host.listen(Event::TransmissionComplete);
-    let ((gyro, _), (host, _)) = (gyro.release(), host.release());
-    for registers in [&*gyro, &*host] {
-        registers.cr3().modify(|_, w| w.eie().enabled());
-    }
-    (gyro, host)
 }
 
 /// By the port's register, whoever owns the pin: not-enable goes high.
