@@ -74,8 +74,12 @@ impl Factor {
 
     /// Their values, where this comes out of its dynamics.
     pub fn values(&self, x: f64) -> Functions {
-        let of_shape = self.shape.values(x);
-        bounded(self.constant.then_some(1.0).into_iter().chain(of_shape.iter().copied()))
+        let mut values = Functions::new();
+        if self.constant {
+            let _ = values.push(1.0);
+        }
+        let _ = values.extend_from_slice(&self.shape.values(x));
+        values
     }
 
     /// Standard deviation of the weight of the function of that number, from 0, before anything is learned: relative to the effect's size.

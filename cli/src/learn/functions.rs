@@ -1,26 +1,48 @@
 //! Columns of effects in the rows of runs: the firmware's own factors, evaluated by the second and averaged to rows.
 
+use std::ops::{Deref, Range};
 use std::sync::Arc;
 
 use north_finder::effects::effect::{Effect, Port};
 use north_finder::effects::factor::Factor;
+use north_finder::effects::shape::{Shape, Smooth};
 
 use super::evaluation_cache::EvaluationCache;
 use super::grammar::IDENTITY;
-use super::rows::Run;
+use super::rows::{Run, functions_of_rows};
 
 /// Columns of an effect for one unit of its weights' priors, °/h: by weight and row, all runs one after the other.
 pub type Values = Vec<Vec<f64>>;
-/// Functions of a factor by the row, all runs one after the other, each for one unit of its prior.
-pub type Functions = Arc<[Vec<f32>]>;
-/// What a factor's shape gets: the mean of what comes out of the dynamics, by the row and all runs one after the other; not-a-number where nothing does.
+/// Functions of a factor by the row, all runs one after the other, each for one unit of its prior: some of those that were evaluated together.
+#[derive(Clone)]
+pub struct Functions {
+    all: Arc<[Vec<f32>]>,
+    own: Range<usize>,
+}
+/// What a factor's shape gets: what comes out of the dynamics, by the row or by the second of all rows, all runs one after the other; not-a-number where
+/// nothing does.
 pub type Inputs = Arc<[f64]>;
+
+impl Deref for Functions {
+    type Target = [Vec<f32>];
+
+    fn deref(&self) -> &[Vec<f32>] {
+        &self.all[self.own.clone()]
+    }
+}
+
+impl FromIterator<Vec<f32>> for Functions {
+    fn from_iter<I: IntoIterator<Item = Vec<f32>>>(functions: I) -> Self {
+        let all: Arc<[Vec<f32>]> = functions.into_iter().collect();
+        Self { own: 0..all.len(), all }
+    }
+}
 
 /// Least value of a function in some row for which the rows say anything of its weight: of a bump the flank at 2.6 of its widths. The weight of one
 /// that is smaller everywhere is fitted to the residual of its flank, and is wrong where another run goes to its middle.
 const OBSERVED: f32 = 0.03;
 
-/// Functions of factors in some runs, kept for a while once they were evaluated.
+/// Functions of factors in some runs, and what their shapes get by the second, kept for a while once they were evaluated.
 pub struct Library {
     functions: EvaluationCache<Functions>,
     inputs: EvaluationCache<Inputs>,
@@ -62,26 +84,50 @@ impl Library {
 
     /// The functions of a factor: means over the seconds of each row.
     pub fn functions(&self, runs: &[Run], factor: &Factor) -> Functions {
-        self.functions.of(factor, || evaluated(runs, factor))
+        let (whole, own) = whole(factor);
+        Functions { own, ..self.functions.of(&whole, || self.evaluated(runs, &whole)) }
     }
 
-    /// What the shape of a factor gets.
+    /// What the shape of a factor gets, means over the seconds of each row.
     pub fn inputs(&self, runs: &[Run], factor: &Factor) -> Inputs {
+        let by_second = self.inputs_by_second(runs, factor);
+        let mut rest = &by_second[..];
+        let mean = |length: usize| {
+            let (row, after) = rest.split_at(length);
+            rest = after;
+            row.iter().sum::<f64>() / length as f64
+        };
+        runs.iter().flat_map(Run::row_lengths).map(mean).collect()
+    }
+
+    /// The same in every second of the rows: all shapes behind the same dynamics get it.
+    fn inputs_by_second(&self, runs: &[Run], factor: &Factor) -> Inputs {
         let input = Factor { shape: IDENTITY, constant: false, ..factor.clone() };
-        self.inputs.of(&input, || runs.iter().flat_map(|run| run.inputs_by_row(&input)).collect())
+        self.inputs.of(&input, || runs.iter().flat_map(|run| run.inputs(&input)).collect())
+    }
+
+    fn evaluated(&self, runs: &[Run], factor: &Factor) -> Functions {
+        let inputs = self.inputs_by_second(runs, factor);
+        let means = functions_of_rows(factor, &inputs, runs.iter().flat_map(Run::row_lengths));
+        let for_prior = |(k, means): (usize, Vec<f64>)| {
+            let prior = factor.prior(k);
+            let mut function: Vec<f32> = means.into_iter().map(|mean| (prior * mean) as f32).collect();
+            drop_unobserved(&mut function, prior as f32);
+            function
+        };
+        means.into_iter().enumerate().map(for_prior).collect()
     }
 }
 
-fn evaluated(runs: &[Run], factor: &Factor) -> Functions {
-    let mut all: Vec<Vec<f32>> = vec![Vec::new(); factor.count()];
-    for run in runs {
-        for (k, (function, values)) in all.iter_mut().zip(run.functions_by_row(factor)).enumerate() {
-            let prior = factor.prior(k);
-            function.extend(values.into_iter().map(|value| (prior * value) as f32));
-        }
-    }
-    all.iter_mut().enumerate().for_each(|(k, function)| drop_unobserved(function, factor.prior(k) as f32));
-    all.into()
+/// The factor that is evaluated for another one, and which of its functions are the other one's: it has a constant, and is of most functions where it is a
+/// smooth curve.
+fn whole(factor: &Factor) -> (Factor, Range<usize>) {
+    let shape = match factor.shape {
+        Shape::Smooth(Smooth { low, high, .. }) => Smooth::of_most(low, high).into(),
+        shape => shape,
+    };
+    let first = usize::from(!factor.constant);
+    (Factor { shape, constant: true, ..factor.clone() }, first..first + factor.count())
 }
 
 /// Sets a function that no row observes to zero, so that its weight keeps its prior. Its values are for one unit of its prior.
@@ -93,7 +139,22 @@ fn drop_unobserved(function: &mut [f32], prior: f32) {
 
 #[cfg(test)]
 mod tests {
+    use north_finder::effects::signal::Signal;
+
     use super::*;
+
+    /// Of a smooth curve of three functions, with a constant and without, the values are the first of those of one of six: digit by digit.
+    #[test]
+    fn functions_are_among_those_that_are_evaluated() {
+        let few = Factor::new(Signal::Since, &[], Smooth::of_few(-1.0, 4.0).into());
+        for factor in [few.clone(), few.with_constant()] {
+            let (whole, own) = whole(&factor);
+            for x in [-2.0, 0.3, 1.7, 3.9] {
+                assert_eq!(whole.values(x)[own.clone()], factor.values(x)[..]);
+            }
+            assert!(own.clone().map(|k| whole.prior(k)).eq((0..factor.count()).map(|k| factor.prior(k))));
+        }
+    }
 
     /// exp(−2.7²/2) = 0.026 is less than three hundredths, and 0.034 at 2.6 widths is more; both times the prior.
     #[test]

@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex};
 use north_finder::effects::effect::{Effect, Port};
 use north_finder::effects::factor::{Factor, Memory};
 use north_finder::effects::now::{Belief, Now, RunFacts};
+use north_finder::effects::shape::MAX_FUNCTIONS;
 use north_finder::effects::signal::Signal;
 use north_finder::effects::track::Track;
 use north_finder::effects::{ChannelName, Conditions, MAX_CHANNELS};
@@ -321,19 +322,15 @@ impl Run {
 
     /// What comes out of a factor's dynamics in the rows at rest; not-a-number where its signal says nothing.
     pub fn inputs(&self, factor: &Factor) -> Vec<f64> {
-        let inputs = self.inputs_by_second(factor);
-        self.bins.iter().flat_map(|bin| inputs[bin.clone()].to_vec()).collect()
-    }
-
-    /// The same by the row, means over its seconds.
-    pub fn inputs_by_row(&self, factor: &Factor) -> Vec<f64> {
-        self.means_by_row(&self.inputs_by_second(factor)).collect()
-    }
-
-    fn inputs_by_second(&self, factor: &Factor) -> Vec<f64> {
-        let mut inputs = vec![f64::NAN; self.seconds.len()];
-        self.each_input(factor, &mut |i, input| inputs[i] = input);
+        let by_second = self.inputs_by_second(factor);
+        let mut inputs = Vec::with_capacity(by_second.len());
+        self.bins.iter().for_each(|bin| inputs.extend_from_slice(&by_second[bin.clone()]));
         inputs
+    }
+
+    /// How many seconds each row has.
+    pub fn row_lengths(&self) -> impl Iterator<Item = usize> {
+        self.bins.iter().map(|bin| bin.len())
     }
 
     /// The values of a signal by the second; not-a-number where it says nothing.
@@ -363,21 +360,24 @@ impl Run {
         values
     }
 
-    /// What comes out of a factor's dynamics by the second. A rate of change is not known in the first second of a run, or after a gap, and is that of the
-    /// next one.
-    fn each_input(&self, factor: &Factor, each: &mut dyn FnMut(usize, f64)) {
+    /// What comes out of a factor's dynamics by the second; not-a-number where its signal says nothing. A rate of change is not known in the first second
+    /// of a run, or after a gap, and is that of the next one.
+    fn inputs_by_second(&self, factor: &Factor) -> Vec<f64> {
+        let values = self.signal(&factor.signal);
+        if factor.dynamics.is_empty() {
+            return values.to_vec();
+        }
+        let mut inputs = vec![f64::NAN; values.len()];
         let mut memory = Memory::default();
         let mut waits = false;
-        for (i, (&value, track)) in self.signal(&factor.signal).iter().zip(&self.tracks).enumerate() {
-            let input = factor.pass(Some(value).filter(|value| value.is_finite()), track.step_s, &mut memory);
+        for (i, (&value, track)) in values.iter().zip(&self.tracks).enumerate() {
+            let input = factor.pass(value.is_finite().then_some(value), track.step_s, &mut memory);
             if let Some(input) = input {
-                if waits {
-                    each(i - 1, input);
-                }
-                each(i, input);
+                inputs[i - usize::from(waits)..=i].fill(input);
             }
             waits = input.is_none() && value.is_finite();
         }
+        inputs
     }
 
     /// Numbers of consecutive rows that one coarse row stands for, within one dwell.
@@ -402,26 +402,34 @@ impl Run {
 
     /// The functions of a factor by the row, means over its seconds; 0 where its signal says nothing.
     pub fn functions_by_row(&self, factor: &Factor) -> Vec<Vec<f64>> {
-        let mut sums = vec![vec![0.0; self.bins.len()]; factor.count()];
-        let mut counts = vec![0; self.bins.len()];
-        let mut row = 0;
-        self.each_input(factor, &mut |i, input| {
-            while self.bins.get(row).is_some_and(|bin| bin.end <= i) {
-                row += 1;
-            }
-            if self.bins.get(row).is_some_and(|bin| bin.contains(&i)) {
-                counts[row] += 1;
-                sums.iter_mut().zip(factor.values(input)).for_each(|(sums, value)| sums[row] += value);
-            }
-        });
-        for (row, (bin, count)) in self.bins.iter().zip(counts).enumerate() {
-            for sums in &mut sums {
-                let mean = sums[row] / bin.len() as f64;
-                sums[row] = if count == bin.len() && mean.is_finite() { mean } else { 0.0 };
+        functions_of_rows(factor, &self.inputs(factor), self.row_lengths())
+    }
+}
+
+/// The functions of a factor, means over rows of so many seconds, whose seconds get these inputs one after the other; 0 in a row where one gets nothing.
+pub fn functions_of_rows(factor: &Factor, inputs: &[f64], lengths: impl Iterator<Item = usize>) -> Vec<Vec<f64>> {
+    let mut functions = vec![Vec::new(); factor.count()];
+    let mut rest = inputs;
+    for length in lengths {
+        let (row, after) = rest.split_at(length);
+        rest = after;
+        let mut sums = [0.0_f64; MAX_FUNCTIONS + 1];
+        if !row.iter().any(|input| input.is_nan()) {
+            for &input in row {
+                sums.iter_mut().zip(&factor.values(input)).for_each(|(sum, value)| *sum += value);
             }
         }
-        sums
+        for (function, sum) in functions.iter_mut().zip(sums) {
+            let mean = sum / length as f64;
+            function.push(if mean.is_finite() { mean } else { 0.0 });
+        }
     }
+    functions
+}
+
+/// Whether a signal is another one where a run is linearised at another azimuth: the rate as it was measured is the one that should have been.
+pub fn depends_on_azimuth(signal: &Signal) -> bool {
+    signal.needs_azimuth() || *signal == Signal::Measured
 }
 
 /// Names of the stations whose heading nobody knows.
@@ -563,9 +571,22 @@ impl Run {
 
 #[cfg(test)]
 mod tests {
+    use north_finder::effects::dynamics::Rate;
+    use north_finder::fix::DesignRow;
+
     use super::super::functions::Library;
     use super::super::grammar::IDENTITY;
     use super::*;
+
+    /// Of these seconds (values of a signal), each a second long.
+    fn of_signal(signal: Signal, values: &[f64], bins: Vec<Range<usize>>) -> Run {
+        let mut run = Run::of_rates(&vec![0.0; bins.len()]);
+        run.tracks = vec![Track { step_s: 1.0, ..Track::default() }; values.len()];
+        run.seconds = vec![Conditions::default(); values.len()];
+        run.bins = bins;
+        run.signals.lock().unwrap().insert(format!("{signal:?}"), Arc::new(values.to_vec()));
+        run
+    }
 
     /// North, east, south and west, 10 °/h horizontal. The index reads 30° too much: the axis is 30° clockwise of where it is taken to be. North: 10 cos 30° less
     /// 10; the index turns the other way than azimuths, so that 90° is west: 10 cos 60° = 5 less the linear 10 · π/6.
@@ -584,14 +605,52 @@ mod tests {
     #[test]
     fn what_a_shape_gets_may_be_small() {
         let factor = Factor::new(Signal::Since, &[], IDENTITY);
-        let mut run = Run::of_rates(&[0.0; 4]);
-        run.tracks = vec![Track::default(); 4];
-        run.seconds = vec![Conditions::default(); 4];
-        run.bins = vec![0..2, 2..3, 3..4];
-        let values = Arc::new(vec![0.001, 0.003, f64::NAN, 0.004]);
-        run.signals.lock().unwrap().insert(format!("{:?}", factor.signal), values);
+        let run = of_signal(factor.signal, &[0.001, 0.003, f64::NAN, 0.004], vec![0..2, 2..3, 3..4]);
         let inputs = Library::new(&[]).inputs(&[run], &factor);
         assert!((inputs[0] - 0.002).abs() < 1e-12 && inputs[1].is_nan() && inputs[2] == 0.004, "{inputs:?}");
+    }
+
+    /// The signal 1, 3, 6, none, 2, 7 in rows of the first two seconds, the next two, and the last two: its rates over a second are 2, 2, 3, none, 5, 5,
+    /// where the first second after a gap has that of the next one. The means are 2 and 5, and in the second row nothing is known: 0, of the constant too.
+    #[test]
+    fn a_rate_by_the_row_by_hand() {
+        let factor = Factor::new(Signal::Turn, &[Rate { tau_s: 0.01 }.into()], IDENTITY).with_constant();
+        let run = of_signal(factor.signal, &[1.0, 3.0, 6.0, f64::NAN, 2.0, 7.0], vec![0..2, 2..4, 4..6]);
+        assert_eq!(run.functions_by_row(&factor), [[1.0, 0.0, 1.0], [2.0, 0.0, 5.0]]);
+    }
+
+    /// A run over north, at 10° and at 200°: of the signals that every second has those that depend on the azimuth differ, and no other.
+    #[test]
+    fn only_what_depends_on_the_azimuth_changes_with_it() {
+        let sample = |i: usize| {
+            let (sin, cos) = (i as f64 * 0.7).sin_cos();
+            Sample {
+                t_s: i as f64,
+                seconds: 1.0,
+                rate_deg_h: 5.0,
+                cos,
+                sin,
+                design: DesignRow { cos, sin, vertical_deg_h: 0.1 },
+                temp_c: Some(20.0),
+                level: None,
+                moving: false,
+                left_out: false,
+                dwell: 0,
+                line: 0,
+            }
+        };
+        let mut run = Run::of_rates(&[0.0; 8]);
+        run.samples = (0..8).map(sample).collect();
+        let at = |azimuth_deg: f64| {
+            let mut run = run.clone();
+            run.set_azimuth(azimuth_deg);
+            run
+        };
+        let (one, other) = (at(10.0), at(200.0));
+        for signal in Signal::without_channels() {
+            let digits = |run: &Run| run.signal(&signal).iter().map(|value| value.to_bits()).collect::<Vec<u64>>();
+            assert_eq!(digits(&one) != digits(&other), depends_on_azimuth(&signal), "{signal}");
+        }
     }
 
     /// Of sixteen seconds in four parts those end at 16 (k/4)²: 1, 4, 9 and 16. Of a rotation all are alike. Of rows of lengths 1, 3, 5 and 7 each is a part.

@@ -28,6 +28,11 @@ impl Smooth {
         self.count <= FEW
     }
 
+    /// Of most functions: those of one of fewer are the first of them.
+    pub fn of_most(low: f32, high: f32) -> Self {
+        Self { low, high, count: COUNT }
+    }
+
     /// For products, which have many weights.
     pub fn of_few(low: f32, high: f32) -> Self {
         Self { low, high, count: FEW }
@@ -38,8 +43,8 @@ impl Smooth {
         if !span.is_angle {
             let margin = MARGIN * (span.high - span.low);
             let (low, high) = ((span.low - margin) as f32, (span.high + margin) as f32);
-            each(Self { low, high, count: COUNT }.into());
-            each(Self { low, high, count: FEW }.into());
+            each(Self::of_most(low, high).into());
+            each(Self::of_few(low, high).into());
         }
     }
 }
