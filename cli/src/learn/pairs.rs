@@ -27,6 +27,8 @@ const EVERY: usize = 3;
 const OF_THE_SAME_SIGNALS: usize = 2;
 /// Rounding of a sum of some hundred products of single precision, as a share of it.
 const ROUNDING: f32 = 1e-5;
+/// Most functions of which products with all others are summed at once, so that the sums stay in a processor's cache.
+const TOGETHER: usize = 64;
 
 /// A factor of products in the forms that are tried, the number of its signal, and the numbers of its functions.
 pub struct Gate {
@@ -57,7 +59,7 @@ impl Pairs {
         let (gates, functions) = gates(runs, grammar, bank, forms(runs, grammar));
         let port = |port: &Port| {
             let gains = DVector::from_column_slice(bank.coarse_gains(*port));
-            let information = information(&functions, &gains, &bank.coarse);
+            let information = information(&functions, &gains, &bank.coarse, Half::Below);
             OfPort { port: *port, gains, information }
         };
         let ports = grammar.ports.par_iter().map(port).collect();
@@ -137,14 +139,18 @@ pub fn gates(
     forms: Vec<(Vec<Factor>, usize)>,
 ) -> (Vec<Gate>, DMatrix<f32>) {
     let precision = DVector::from_column_slice(&bank.coarse.precision);
+    let evaluated = |(forms, most): (Vec<Factor>, usize)| {
+        let last = forms.last()?;
+        let signal = grammar.signals.iter().position(|(signal, _)| *signal == last.signal).unwrap_or_default();
+        let functions = independent(&bank.coarse_functions(runs, last), &precision, most);
+        Some((forms, signal, functions))
+    };
+    let evaluated: Vec<(Vec<Factor>, usize, Vec<DVector<f32>>)> = forms.into_par_iter().filter_map(evaluated).collect();
     let mut columns: Vec<DVector<f32>> = Vec::new();
     let mut gates = Vec::new();
-    for (forms, most) in forms {
-        let Some(last) = forms.last() else { continue };
-        let signal = grammar.signals.iter().position(|(signal, _)| *signal == last.signal).unwrap_or_default();
-        let functions = bank.coarse_functions(runs, last);
+    for (forms, signal, functions) in evaluated {
         let first = columns.len();
-        columns.extend(independent(&functions, &precision, most));
+        columns.extend(functions);
         gates.push(Gate { forms, signal, functions: first..columns.len() });
     }
     gates.retain(|gate| !gate.functions.is_empty());
@@ -232,25 +238,57 @@ fn independent(functions: &[Vec<f32>], precision: &DVector<f32>, most: usize) ->
     kept.split_off(1)
 }
 
-/// The information that the products of two functions have of their weights, in white noise beside the unknowns of every run.
-pub fn information(functions: &DMatrix<f32>, gains: &DVector<f32>, rows: &Rows) -> DMatrix<f32> {
+/// The half of a symmetric matrix that is looked at, without its diagonal.
+#[derive(Clone, Copy)]
+pub enum Half {
+    Below,
+    Above,
+}
+
+/// The information that the products of two functions have of their weights, in white noise beside the unknowns of every run; only in one half of the matrix.
+pub fn information(functions: &DMatrix<f32>, gains: &DVector<f32>, rows: &Rows, half: Half) -> DMatrix<f32> {
+    let count = functions.ncols();
     let squares = functions.map(|value| value * value);
     let roots = DVector::from_iterator(rows.precision.len(), rows.precision.iter().map(|precision| precision.sqrt()));
     let heavy = gains.component_mul(&roots);
-    let whole = weighed(&squares, &heavy.component_mul(&heavy)).transpose() * &squares;
-    let mut information = whole.clone();
+    let heavy_squares = heavy.component_mul(&heavy);
+    // Of every direction of a run's unknowns: the run's first row, and the weights of its rows.
+    let mut directions: Vec<(usize, DVector<f32>)> = Vec::new();
     let mut first = 0;
     for (&end, unknowns) in rows.ends.iter().zip(&rows.unknowns) {
-        let of_run = functions.rows(first, end - first).into_owned();
         let heavy = heavy.rows(first, end - first);
         for rows in unknowns.diminishing() {
-            let sums = weighed(&of_run, &heavy.component_mul(&DVector::from_vec(rows))).transpose() * &of_run;
-            information.iter_mut().zip(&sums).for_each(|(information, sum)| *information -= sum * sum);
+            directions.push((first, heavy.component_mul(&DVector::from_vec(rows))));
         }
         first = end;
     }
-    // What is left of what the unknowns take away wholly is rounding.
-    information.zip_map(&whole, |information, whole| if information > ROUNDING * whole { information } else { 0.0 })
+    let of_some = |own: Range<usize>| {
+        let others = match half {
+            Half::Below => 0..own.end,
+            Half::Above => own.start..count,
+        };
+        let sums = |functions: &DMatrix<f32>, first: usize, weights: &DVector<f32>| {
+            let of_own = functions.view((first, own.start), (weights.len(), own.len())).into_owned();
+            weighed(&of_own, weights).transpose()
+                * functions.view((first, others.start), (weights.len(), others.len()))
+        };
+        let whole = sums(&squares, 0, &heavy_squares);
+        let mut left = whole.clone();
+        for (first, weights) in &directions {
+            let sums = sums(functions, *first, weights);
+            left.iter_mut().zip(&sums).for_each(|(left, sum)| *left -= sum * sum);
+        }
+        // What is left of what the unknowns take away wholly is rounding.
+        let left = left.zip_map(&whole, |left, whole| if left > ROUNDING * whole { left } else { 0.0 });
+        ((own.start, others.start), left)
+    };
+    let parts = count.div_ceil(TOGETHER);
+    let some = (0..parts).into_par_iter().map(|part| of_some(part * count / parts..(part + 1) * count / parts));
+    let mut information = DMatrix::<f32>::zeros(count, count);
+    for (place, left) in some.collect::<Vec<_>>() {
+        information.view_mut(place, left.shape()).copy_from(&left);
+    }
+    information
 }
 
 /// Rows multiplied with weights.
@@ -258,4 +296,40 @@ pub fn weighed(functions: &DMatrix<f32>, weights: &DVector<f32>) -> DMatrix<f32>
     let mut weighed = functions.clone();
     weighed.column_iter_mut().for_each(|mut column| column.component_mul_assign(weights));
     weighed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::unknowns::Unknowns;
+    use super::*;
+
+    /// Of 150 functions in two runs of 12 rows: the information of a product as it is by itself, in either half. A product that is the same in every row of a
+    /// run is another bias, which leaves nothing of it.
+    #[test]
+    fn information_of_all_products_as_of_each() {
+        let wave = |row: usize, function: usize| ((row * (2 * function + 3)) as f32 * 0.37 + function as f32).sin();
+        let functions = DMatrix::from_fn(24, 150, |row, function| if function < 2 { 1.0 } else { wave(row, function) });
+        let gains = DVector::from_fn(24, |row, _| if row < 12 { 1.0 } else { 2.0 });
+        let precision: Vec<f32> = (0..24).map(|row| if row < 12 { 1.0 } else { 0.25 }).collect();
+        let unknowns = || {
+            let sines = |row: usize| (row as f64 * 0.9).sin_cos();
+            let both: (Vec<f64>, Vec<f64>) = (0..12).map(sines).unzip();
+            Unknowns::new([both.0, both.1, vec![1e3; 12]])
+        };
+        let rows = Rows { ends: vec![12, 24], precision: precision.clone(), unknowns: vec![unknowns(), unknowns()] };
+        let of_each = |i: usize, j: usize| -> f32 {
+            let row = |row: usize| functions[(row, i)] * functions[(row, j)] * gains[row] * precision[row].sqrt();
+            let mut left: Vec<f32> = (0..24).map(row).collect();
+            left.chunks_mut(12).zip(&rows.unknowns).for_each(|(run, unknowns)| unknowns.take_out(run));
+            left.iter().map(|value| value * value).sum()
+        };
+        let below = information(&functions, &gains, &rows, Half::Below);
+        let above = information(&functions, &gains, &rows, Half::Above);
+        for (i, j) in [(2, 0), (63, 62), (64, 3), (100, 70), (149, 5), (149, 148)] {
+            for found in [below[(i, j)], above[(j, i)]] {
+                assert!((found - of_each(i, j)).abs() < 1e-3, "{i} {j}: {found} {}", of_each(i, j));
+            }
+        }
+        assert_eq!((below[(1, 0)], above[(0, 1)]), (0.0, 0.0));
+    }
 }

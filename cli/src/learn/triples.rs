@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::bank::{Bank, Left};
 use super::grammar::Grammar;
-use super::pairs::{Gate, bare_forms, gates, information, ratio, weighed};
+use super::pairs::{Gate, Half, bare_forms, gates, information, ratio, weighed};
 use super::rows::Run;
 
 /// Functions of every signal: a straight line, a curve with one extremum.
@@ -42,10 +42,11 @@ impl Triples {
             let gains = DVector::from_column_slice(bank.coarse_gains(*port));
             let of_function = |gate: &Gate, f: usize| {
                 let later = functions.columns_range(gate.functions.end..).into_owned();
-                information(&later, &gains.component_mul(&functions.column(f)), &bank.coarse)
+                information(&later, &gains.component_mul(&functions.column(f)), &bank.coarse, Half::Above)
             };
             let each = gates.iter().flat_map(|gate| gate.functions.clone().map(move |f| (gate, f)));
-            let information = each.map(|(gate, f)| of_function(gate, f)).collect();
+            let each: Vec<(&Gate, usize)> = each.collect();
+            let information = each.into_par_iter().map(|(gate, f)| of_function(gate, f)).collect();
             OfPort { port: *port, gains, information }
         };
         let ports = grammar.ports.par_iter().map(of_port).collect();
