@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::iter::Sum;
 use std::ops::{Div, Range};
+use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 use north_finder::effects::doubt::Process;
@@ -198,12 +199,12 @@ pub struct Bank {
     /// Rows of every coarse row.
     coarse_rows: Vec<Range<usize>>,
     coarse_functions: EvaluationCache<Functions>,
-    pub library: Library,
+    pub library: Arc<Library>,
 }
 
 impl Bank {
     pub fn new(runs: &[Run], grammar: &Grammar, factors: &[Factor]) -> Self {
-        let library = Library::new(runs);
+        let library = grammar.library.clone();
         let mut first = 0;
         let mut coarse_rows = Vec::new();
         let mut of_coarse = Vec::new();
@@ -229,6 +230,7 @@ impl Bank {
             })
             .collect();
         let functions: Vec<Functions> = factors.par_iter().map(|factor| library.functions(runs, factor)).collect();
+        factors.iter().zip(&functions).for_each(|(factor, functions)| library.hold(factor, functions));
         let coarse_functions = EvaluationCache::new(size);
         let mut bank =
             Self { rows, coarse, gains, functions, proposals: Vec::new(), coarse_rows, coarse_functions, library };

@@ -1,5 +1,6 @@
 //! What was evaluated of factors last.
 
+use std::collections::HashMap;
 use std::sync::Mutex;
 
 use lru::LruCache;
@@ -14,8 +15,9 @@ pub struct EvaluationCache<T> {
     size: fn(&T) -> usize,
 }
 
-/// What was evaluated last, and how many values that is.
+/// What was evaluated last, how many values that is, and what is held beside it.
 struct Last<T> {
+    held: HashMap<String, T>,
     by_factor: LruCache<String, T>,
     values: usize,
 }
@@ -23,13 +25,13 @@ struct Last<T> {
 impl<T: Clone> EvaluationCache<T> {
     /// `size`: how many values of single precision one is.
     pub fn new(size: fn(&T) -> usize) -> Self {
-        Self { last: Mutex::new(Last { by_factor: LruCache::unbounded(), values: 0 }), size }
+        Self { last: Mutex::new(Last { held: HashMap::new(), by_factor: LruCache::unbounded(), values: 0 }), size }
     }
 
     /// Of this factor: what is kept, or else is evaluated and kept.
     pub fn of(&self, factor: &Factor, evaluated: impl FnOnce() -> T) -> T {
         let key = format!("{factor:?}");
-        if let Some(known) = self.last.lock().ok().and_then(|mut last| last.by_factor.get(&key).cloned()) {
+        if let Some(known) = self.last.lock().ok().and_then(|mut last| last.known(&key)) {
             return known;
         }
         let each = evaluated();
@@ -37,6 +39,16 @@ impl<T: Clone> EvaluationCache<T> {
             self.keep(&mut last, key, each.clone());
         }
         each
+    }
+
+    /// Holds what is in use elsewhere, too, as long as the cache is there.
+    pub fn hold(&self, factor: &Factor, each: T) {
+        if let Ok(mut last) = self.last.lock() {
+            let key = format!("{factor:?}");
+            let before = last.by_factor.pop(&key).map_or(0, |kept| (self.size)(&kept));
+            last.values -= before;
+            last.held.insert(key, each);
+        }
     }
 
     fn keep(&self, last: &mut Last<T>, key: String, each: T) {
@@ -47,5 +59,35 @@ impl<T: Clone> EvaluationCache<T> {
         {
             last.values -= (self.size)(&oldest);
         }
+    }
+}
+
+impl<T: Clone> Last<T> {
+    fn known(&mut self, key: &str) -> Option<T> {
+        self.held.get(key).or_else(|| self.by_factor.get(key)).cloned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use north_finder::effects::signal::Signal;
+
+    use super::super::grammar::IDENTITY;
+    use super::*;
+
+    /// Two of half of the room each are kept, and with a third the one goes that was asked for least recently; what is held does not go.
+    #[test]
+    fn what_is_held_does_not_go() {
+        let cache: EvaluationCache<usize> = EvaluationCache::new(|_| MOST / 2);
+        let factor = |signal: Signal| Factor::new(signal, &[], IDENTITY);
+        let is_kept = |signal: Signal| cache.of(&factor(signal), || 0) == 1;
+        let [time, since, turn, number] = [Signal::Time, Signal::Since, Signal::Turn, Signal::Number];
+        cache.of(&factor(time), || 1);
+        cache.hold(&factor(time), 1);
+        for signal in [since, turn, number] {
+            cache.of(&factor(signal), || 1);
+        }
+        assert!(is_kept(time) && is_kept(turn) && is_kept(number));
+        assert!(!is_kept(since));
     }
 }

@@ -5,11 +5,12 @@ use std::sync::Arc;
 
 use north_finder::effects::effect::{Effect, Port};
 use north_finder::effects::factor::Factor;
+use north_finder::effects::part::Span;
 use north_finder::effects::shape::{Shape, Smooth};
 
 use super::evaluation_cache::EvaluationCache;
-use super::grammar::IDENTITY;
-use super::rows::{Run, functions_of_rows};
+use super::grammar::{IDENTITY, span};
+use super::rows::{Run, depends_on_azimuth, functions_of_rows};
 
 /// Columns of an effect for one unit of its weights' priors, °/h: by weight and row, all runs one after the other.
 pub type Values = Vec<Vec<f64>>;
@@ -42,10 +43,28 @@ impl FromIterator<Vec<f32>> for Functions {
 /// that is smaller everywhere is fitted to the residual of its flank, and is wrong where another run goes to its middle.
 const OBSERVED: f32 = 0.03;
 
-/// Functions of factors in some runs, and what their shapes get by the second, kept for a while once they were evaluated.
-pub struct Library {
+/// What was evaluated of factors in some runs, kept for a while: functions, what shapes get by the second of the rows, and how that is spread.
+struct Evaluated {
     functions: EvaluationCache<Functions>,
     inputs: EvaluationCache<Inputs>,
+    spans: EvaluationCache<Option<Span>>,
+}
+
+impl Evaluated {
+    fn new() -> Self {
+        Self {
+            functions: EvaluationCache::new(size),
+            inputs: EvaluationCache::new(|inputs: &Inputs| 2 * inputs.len()),
+            spans: EvaluationCache::new(|_| size_of::<Option<Span>>() / size_of::<f32>()),
+        }
+    }
+}
+
+/// Functions of factors in some runs.
+pub struct Library {
+    /// Of signals that are the same wherever the runs are linearised, and of the others.
+    lasting: Arc<Evaluated>,
+    of_azimuths: Evaluated,
     gains: Vec<(Port, Vec<f64>)>,
 }
 
@@ -56,13 +75,22 @@ pub fn size(functions: &Functions) -> usize {
 
 impl Library {
     pub fn new(runs: &[Run]) -> Self {
+        Self::with(runs, Arc::new(Evaluated::new()))
+    }
+
+    /// Of the same recordings with other references, or linearised elsewhere: what does not depend on the azimuths is what it was.
+    pub fn in_runs(&self, runs: &[Run]) -> Self {
+        Self::with(runs, self.lasting.clone())
+    }
+
+    fn with(runs: &[Run], lasting: Arc<Evaluated>) -> Self {
         let gains =
             Port::ALL.into_iter().map(|port| (port, runs.iter().flat_map(|run| run.gains(port)).collect())).collect();
-        Self {
-            functions: EvaluationCache::new(size),
-            inputs: EvaluationCache::new(|inputs: &Inputs| 2 * inputs.len()),
-            gains,
-        }
+        Self { lasting, of_azimuths: Evaluated::new(), gains }
+    }
+
+    fn of(&self, factor: &Factor) -> &Evaluated {
+        if depends_on_azimuth(&factor.signal) { &self.of_azimuths } else { &self.lasting }
     }
 
     /// Columns of an effect.
@@ -85,7 +113,19 @@ impl Library {
     /// The functions of a factor: means over the seconds of each row.
     pub fn functions(&self, runs: &[Run], factor: &Factor) -> Functions {
         let (whole, own) = whole(factor);
-        Functions { own, ..self.functions.of(&whole, || self.evaluated(runs, &whole)) }
+        Functions { own, ..self.of(factor).functions.of(&whole, || self.evaluated(runs, &whole)) }
+    }
+
+    /// Holds the functions of a factor that is proposed as long as there is a search.
+    pub fn hold(&self, factor: &Factor, functions: &Functions) {
+        let own = 0..functions.all.len();
+        self.of(factor).functions.hold(&whole(factor).0, Functions { own, all: functions.all.clone() });
+    }
+
+    /// How what a factor's shape gets is spread; `None` where it says nothing or does not vary.
+    pub fn span(&self, runs: &[Run], factor: &Factor) -> Option<Span> {
+        let input = input_of(factor);
+        self.of(factor).spans.of(&input, || span(runs, &input, &self.inputs_by_second(runs, &input)))
     }
 
     /// What the shape of a factor gets, means over the seconds of each row.
@@ -102,8 +142,8 @@ impl Library {
 
     /// The same in every second of the rows: all shapes behind the same dynamics get it.
     fn inputs_by_second(&self, runs: &[Run], factor: &Factor) -> Inputs {
-        let input = Factor { shape: IDENTITY, constant: false, ..factor.clone() };
-        self.inputs.of(&input, || runs.iter().flat_map(|run| run.inputs(&input)).collect())
+        let input = input_of(factor);
+        self.of(factor).inputs.of(&input, || runs.iter().flat_map(|run| run.inputs(&input)).collect())
     }
 
     fn evaluated(&self, runs: &[Run], factor: &Factor) -> Functions {
@@ -117,6 +157,11 @@ impl Library {
         };
         means.into_iter().enumerate().map(for_prior).collect()
     }
+}
+
+/// A factor that gives what the shape of one gets.
+fn input_of(factor: &Factor) -> Factor {
+    Factor { shape: IDENTITY, constant: false, ..factor.clone() }
 }
 
 /// The factor that is evaluated for another one, and which of its functions are the other one's: it has a constant, and is of most functions where it is a

@@ -1,8 +1,7 @@
 //! What may be proposed of these runs: signals, factors with the constants that the search begins with, and what a proposal costs.
 
-use std::collections::HashMap;
 use std::f64::consts::LN_2;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 use north_finder::effects::ChannelName;
 use north_finder::effects::dynamics::Dynamics;
@@ -11,7 +10,9 @@ use north_finder::effects::factor::Factor;
 use north_finder::effects::part::Span;
 use north_finder::effects::shape::{Harmonic, Linear, Shape, Sharp, Smooth};
 use north_finder::effects::signal::{Channel, Difference, Signal, WeightedDifference};
+use rayon::prelude::*;
 
+use super::functions::Library;
 use super::rows::Run;
 
 /// Values of a constant that recordings tell apart: time constants from a few rows to a recording's length, by factors of two.
@@ -24,21 +25,20 @@ const MOST_PAIRED: usize = 6;
 const CONSTANT: f64 = 1e-9;
 
 /// The signals of some runs.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Grammar {
     pub signals: Vec<(Signal, Span)>,
     /// Where effects may enter: at the levels where they are measured; of still recordings all but the rate is one with it.
     pub ports: Vec<Port>,
-    /// Spans behind dynamics that were asked for before.
-    spans: Arc<Mutex<HashMap<String, Option<Span>>>>,
+    /// What is evaluated of factors.
+    pub library: Arc<Library>,
 }
 
 impl Grammar {
     /// Of runs that all have the same channels.
-    pub fn new(runs: &[Run]) -> Self {
-        let Some(first) = runs.first() else {
-            return Self { signals: Vec::new(), ports: Vec::new(), spans: Arc::default() };
-        };
+    pub fn new(runs: &[Run], library: Library) -> Self {
+        let library = Arc::new(library);
+        let Some(first) = runs.first() else { return Self { signals: Vec::new(), ports: Vec::new(), library } };
         let shared = |name: &&str| runs.iter().all(|run| run.channel_names().any(|each| each == *name));
         let names: Vec<ChannelName> = first.channel_names().filter(shared).filter_map(ChannelName::new).collect();
         let channels = names.iter().map(|&name| Channel { name }.into());
@@ -49,8 +49,8 @@ impl Grammar {
             .map(|(i, j)| Difference { plus: names[j], minus: names[i] }.into());
         let all: Vec<Signal> = Signal::without_channels().chain(channels).chain(differences).collect();
         let signals = all
-            .into_iter()
-            .filter_map(|signal| Some((signal, span(runs, &Factor::new(signal, &[], IDENTITY))?)))
+            .into_par_iter()
+            .filter_map(|signal| Some((signal, library.span(runs, &Factor::new(signal, &[], IDENTITY))?)))
             .collect();
         let still = runs.iter().all(|run| run.still);
         let levelled = runs.iter().all(Run::has_level);
@@ -59,40 +59,31 @@ impl Grammar {
             Port::Scale | Port::Index => !still,
             Port::Forward | Port::Left => !still && levelled,
         };
-        Self { signals, ports: Port::ALL.into_iter().filter(port).collect(), spans: Arc::default() }
+        Self { signals, ports: Port::ALL.into_iter().filter(port).collect(), library }
     }
 
     /// What comes out of a signal's dynamics; `None` where it does not vary.
     pub fn span(&self, runs: &[Run], signal: Signal, dynamics: &[Dynamics]) -> Option<Span> {
-        let factor = Factor::new(signal, dynamics, IDENTITY);
-        let key = format!("{factor:?}");
-        if let Ok(spans) = self.spans.lock()
-            && let Some(known) = spans.get(&key)
-        {
-            return *known;
-        }
-        let found = span(runs, &factor);
-        if let Ok(mut spans) = self.spans.lock() {
-            spans.insert(key, found);
-        }
-        found
+        self.library.span(runs, &Factor::new(signal, dynamics, IDENTITY))
     }
 
     /// Every factor that stands alone: a signal behind at most one dynamics, in every shape of a bare signal, and as a line or a curve behind a
     /// dynamics.
     pub fn factors(&self, runs: &[Run]) -> Vec<Factor> {
-        let mut factors = Vec::new();
-        for (signal, of_signal) in &self.signals {
+        let of_signal = |(signal, span): &(Signal, Span)| {
+            let mut factors: Vec<Factor> = Vec::new();
             if !signal.needs_dynamics() {
-                Shape::starts(of_signal, &mut |shape| factors.push(Factor::new(*signal, &[], shape)));
+                Shape::starts(span, &mut |shape| factors.push(Factor::new(*signal, &[], shape)));
             }
+            let mut behind: Vec<Dynamics> = Vec::new();
             if !signal.is_angle() && !signal.is_time() {
-                Dynamics::starts(of_signal, &mut |dynamics| {
-                    factors.extend(self.curves(runs, *signal, &[dynamics], false))
-                });
+                Dynamics::starts(span, &mut |dynamics| behind.push(dynamics));
             }
-        }
-        factors
+            let curves = behind.into_par_iter().flat_map_iter(|each| self.curves(runs, *signal, &[each], false));
+            factors.extend(curves.collect::<Vec<Factor>>());
+            factors
+        };
+        self.signals.par_iter().flat_map_iter(of_signal).collect()
     }
 
     /// A signal behind dynamics as a line and as a smooth curve, of few functions for products.
@@ -183,9 +174,9 @@ pub fn complexity(effect: &Effect) -> f64 {
 /// A shape that gives what it gets: what a span is measured through.
 pub const IDENTITY: Shape = Shape::Linear(Linear { reference: 0.0, scale: 1.0 });
 
-/// What comes out of a factor's dynamics in the rows at rest; `None` where it says nothing or does not vary.
-pub fn span(runs: &[Run], factor: &Factor) -> Option<Span> {
-    let values: Vec<f64> = runs.iter().flat_map(|run| run.inputs(factor)).filter(|value| value.is_finite()).collect();
+/// How these values are spread, which come out of a factor's dynamics in the rows at rest; `None` where it says nothing or does not vary.
+pub fn span(runs: &[Run], factor: &Factor, inputs: &[f64]) -> Option<Span> {
+    let values: Vec<f64> = inputs.iter().copied().filter(|value| value.is_finite()).collect();
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;
     let deviation = (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt();
@@ -265,9 +256,11 @@ pub fn reshaped(effect: &Effect, grammar: &Grammar, runs: &[Run]) -> Vec<Effect>
                 chains.push(vec![*first, each]);
             }
         });
-        let behind_others = chains.iter().filter_map(|chain| relined(own.signal, chain));
-        let of_others = grammar.beside(own.signal).into_iter().filter_map(|signal| relined(signal, &own.dynamics));
-        behind_others.chain(of_others).for_each(|factor| push(effect.port, with(factor)));
+        let behind_others = chains.par_iter().filter_map(|chain| relined(own.signal, chain));
+        let others = grammar.beside(own.signal).into_par_iter();
+        let of_others = others.filter_map(|signal| relined(signal, &own.dynamics));
+        let relined: Vec<Factor> = behind_others.chain(of_others).collect();
+        relined.into_iter().for_each(|factor| push(effect.port, with(factor)));
     }
     all
 }

@@ -28,6 +28,8 @@ mod triples;
 mod tuning;
 mod unknowns;
 
+use std::sync::Arc;
+
 pub use family::{Common, Family, OUTSIDE, Way};
 pub use grammar::form_cost;
 pub use membership::{Place, Standing, Statistics, Ways};
@@ -38,6 +40,7 @@ pub use references::Blunder;
 use references::MOST_BLUNDERS;
 
 pub use discrimination::{Imitated, imitated};
+use functions::Library;
 use grammar::Grammar;
 use model::{LINEAR_INDEX_DEG, Model, is_within};
 use north_finder::effects::effect::{Effect, Port};
@@ -150,12 +153,12 @@ pub fn mended(mut runs: Vec<Run>, blunders: &[Blunder]) -> Vec<Run> {
 
 /// How many signals these runs have.
 pub fn signals(runs: &[Run]) -> usize {
-    grammar::Grammar::new(runs).signals.len()
+    Grammar::new(runs, Library::new(runs)).signals.len()
 }
 
 /// What is proposed of runs beside nothing, the most promising first.
 pub fn tried(runs: &[Run]) -> Vec<Tried> {
-    Proposals::new(runs).tried()
+    Proposals::new(runs, Library::new(runs)).tried()
 }
 
 /// What a column that is no effect's is worth.
@@ -200,8 +203,10 @@ pub fn learn(mut runs: Vec<Run>, allowed: &Allowed<'_>) -> Learned {
     let mut blunders: Vec<Blunder> = Vec::new();
     let mut start = Start::default();
     let mut turned = 0;
+    let mut before: Option<Arc<Library>> = None;
     loop {
-        let search = Search::new(&runs, allowed.family);
+        let search = Search::new(&runs, allowed.family, before.as_deref());
+        before = Some(search.grammar.library.clone());
         let Some(best) = search.best(&start) else { return Learned { runs, blunders, ..Learned::default() } };
         if turned < MOST_TURNS
             && let Some((further, from)) = linearised_by(&best, &search.grammar, allowed.azimuths)
@@ -299,7 +304,7 @@ fn turned_to(runs: &[Run], azimuths_deg: &[Option<f64>], part: f64) -> Vec<Run> 
 /// than the other runs show does not compete with the blunder: one run with an effect of its own is not told from one with a wrong reference.
 fn contradicted(search: &Search<'_>, best: &Model<'_>, blunder: &Blunder) -> bool {
     let mended = blunder.mended(search.runs);
-    let without = Search::new(&mended, search.family);
+    let without = Search::new(&mended, search.family, Some(&search.grammar.library));
     let compared = without.best(&best.into()).and_then(|then| {
         let has_more = best.cost(&search.grammar) > then.cost(&without.grammar);
         let is_alone = has_more && best.in_runs(&mended)?.evidence() - then.evidence() <= NEGLIGIBLE;

@@ -269,8 +269,7 @@ pub fn information(functions: &DMatrix<f32>, gains: &DVector<f32>, rows: &Rows, 
         };
         let sums = |functions: &DMatrix<f32>, first: usize, weights: &DVector<f32>| {
             let of_own = functions.view((first, own.start), (weights.len(), own.len())).into_owned();
-            weighed(&of_own, weights).transpose()
-                * functions.view((first, others.start), (weights.len(), others.len()))
+            weighed(&of_own, weights).transpose() * functions.view((first, others.start), (weights.len(), others.len()))
         };
         let whole = sums(&squares, 0, &heavy_squares);
         let mut left = whole.clone();

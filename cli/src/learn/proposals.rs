@@ -6,6 +6,7 @@ use north_finder::effects::shape::{Harmonic, Shape};
 use rayon::prelude::*;
 
 use super::bank::{Bank, Left};
+use super::functions::Library;
 use super::grammar::{Grammar, complexity};
 use super::model::Model;
 use super::pairs::Pairs;
@@ -43,8 +44,8 @@ pub struct Proposals<'a> {
 }
 
 impl<'a> Proposals<'a> {
-    pub fn new(runs: &'a [Run]) -> Self {
-        let grammar = Grammar::new(runs);
+    pub fn new(runs: &'a [Run], library: Library) -> Self {
+        let grammar = Grammar::new(runs, library);
         let bank = Bank::new(runs, &grammar, &grammar.factors(runs));
         let pairs = Pairs::new(runs, &grammar, &bank);
         let triples = Triples::new(runs, &grammar, &bank);

@@ -571,6 +571,8 @@ impl Run {
 
 #[cfg(test)]
 mod tests {
+    use std::slice::from_ref;
+
     use north_finder::effects::dynamics::Rate;
     use north_finder::fix::DesignRow;
 
@@ -650,6 +652,12 @@ mod tests {
         for signal in Signal::without_channels() {
             let digits = |run: &Run| run.signal(&signal).iter().map(|value| value.to_bits()).collect::<Vec<u64>>();
             assert_eq!(digits(&one) != digits(&other), depends_on_azimuth(&signal), "{signal}");
+            let factor = Factor::new(signal, &[Rate { tau_s: 3.0 }.into()], IDENTITY);
+            let functions = |library: &Library, run: &Run| library.functions(from_ref(run), &factor).to_vec();
+            let before = Library::new(from_ref(&one));
+            functions(&before, &one);
+            let anew = functions(&Library::new(from_ref(&other)), &other);
+            assert_eq!(functions(&before.in_runs(from_ref(&other)), &other), anew, "{signal}");
         }
     }
 

@@ -8,6 +8,7 @@ use north_finder::effects::{ErrorModel, MAX_EFFECTS};
 use rayon::prelude::*;
 
 use super::family::{Common, Family, Known, Way};
+use super::functions::Library;
 use super::grammar::{Grammar, reduced};
 use super::model::{Model, is_within};
 use super::problem::Term;
@@ -70,8 +71,10 @@ pub struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    pub fn new(runs: &'a [Run], family: &'a Family) -> Self {
-        let proposals = Proposals::new(runs);
+    /// `before`: what was evaluated in an earlier search in the same recordings.
+    pub fn new(runs: &'a [Run], family: &'a Family, before: Option<&Library>) -> Self {
+        let library = before.map_or_else(|| Library::new(runs), |before| before.in_runs(runs));
+        let proposals = Proposals::new(runs, library);
         Self { runs, grammar: proposals.grammar.clone(), family, proposals }
     }
 
