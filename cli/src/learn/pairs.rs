@@ -23,7 +23,7 @@ const FUNCTIONS_BEHIND_DYNAMICS: usize = 2;
 const MOST_FUNCTIONS: usize = 1200;
 /// Of a dynamics' constants every third: a product is tuned when it is found.
 const EVERY: usize = 3;
-/// Proposals of the same two signals at the same port.
+/// Proposals of the same two signals, at whichever ports and behind whichever dynamics.
 const OF_THE_SAME_SIGNALS: usize = 2;
 /// Rounding of a sum of some hundred products of single precision, as a share of it.
 const ROUNDING: f32 = 1e-5;
@@ -49,6 +49,8 @@ struct OfPort {
 /// The products of two factors.
 pub struct Pairs {
     gates: Vec<Gate>,
+    /// What the plainest form of each gate costs by itself, nats.
+    costs: Vec<f64>,
     /// Functions of the gates, by coarse row.
     functions: DMatrix<f32>,
     ports: Vec<OfPort>,
@@ -63,35 +65,46 @@ impl Pairs {
             OfPort { port: *port, gains, information }
         };
         let ports = grammar.ports.par_iter().map(port).collect();
-        Self { gates, functions, ports }
+        let costs = gates.iter().map(|gate| grammar.cost(&Effect::new(Port::Rate, &gate.forms[..1]))).collect();
+        Self { gates, costs, functions, ports }
     }
 
-    /// The factors, in all their forms, that promise most as a further one of an effect which adds so much to the rate, by coarse row.
+    /// The factors, in all their forms, that promise most as a further one of an effect which adds so much to the rate, by coarse row; one of every signal.
     pub fn further(&self, left: &Left, fitted: &DVector<f32>, most: usize) -> Vec<Factor> {
-        let promise = |gate: &Gate| {
+        let gain = |gate: &Gate| {
             let products = gate.functions.clone().map(|f| self.functions.column(f).component_mul(fitted));
             let columns: Vec<DVector<f32>> = std::iter::once(fitted.clone()).chain(products).collect();
             left.gain(&columns).0
         };
-        let mut promising: Vec<(f64, &Gate)> = self.gates.par_iter().map(|gate| (promise(gate), gate)).collect();
+        let gains: Vec<f64> = self.gates.par_iter().zip(&self.costs).map(|(gate, cost)| gain(gate) - cost).collect();
+        let mut best = BestOfEach::new(1);
+        for (gate, gain) in self.gates.iter().zip(gains) {
+            best.push(gate.signal, gain, (gain, gate));
+        }
+        let mut promising = best.into_all();
         promising.sort_by(|a, b| b.0.total_cmp(&a.0));
         promising.into_iter().take(most).flat_map(|(_, gate)| gate.forms.clone()).collect()
     }
 
-    /// The products that promise most, each in all forms of its factors.
+    /// The products that promise most, each in all forms of its factors: of every two signals few, so that the variants of one product leave room for others.
     pub fn shortlist(&self, left: &Left, grammar: &Grammar, most: usize) -> Vec<Effect> {
         let of_port = |of_port: &OfPort| {
             let scores =
                 weighed(&self.functions, &left.sums.component_mul(&of_port.gains)).transpose() * &self.functions;
-            let mut promising: Vec<(f64, Port, usize, usize)> = Vec::new();
-            for (i, j) in self.best_of_signals(&scores, &of_port.information) {
-                let (a, b) = (&self.gates[i], &self.gates[j]);
-                let cost = grammar.cost(&Effect::new(of_port.port, &[a.forms[0].clone(), b.forms[0].clone()]));
-                promising.push((self.coarse_gain(left, of_port, i, j) - cost, of_port.port, i, j));
-            }
-            promising
+            let of_place = grammar.cost(&Effect::new(of_port.port, &[]));
+            let promise = |(i, j): (usize, usize)| {
+                let cost = of_place + self.costs[i] + self.costs[j];
+                (self.coarse_gain(left, of_port, i, j) - cost, of_port.port, i, j)
+            };
+            let best = self.best_of_signals(&scores, &of_port.information);
+            best.into_par_iter().map(promise).collect::<Vec<(f64, Port, usize, usize)>>()
         };
-        let mut promising: Vec<_> = self.ports.par_iter().flat_map_iter(of_port).collect();
+        let all: Vec<_> = self.ports.par_iter().flat_map_iter(of_port).collect();
+        let mut best = BestOfEach::new(OF_THE_SAME_SIGNALS);
+        for each in all {
+            best.push(self.signals(each.2, each.3), each.0, each);
+        }
+        let mut promising = best.into_all();
         promising.sort_by(|a, b| b.0.total_cmp(&a.0));
         promising.truncate(most);
         let in_all_forms = |(_, port, i, j): (f64, Port, usize, usize)| {
@@ -102,20 +115,29 @@ impl Pairs {
         promising.into_iter().flat_map(in_all_forms).collect()
     }
 
-    /// Of every two signals the gates whose products' functions have the greatest scores: a sum that is too large where they resemble each other.
+    /// The signals of two gates, in whichever order.
+    fn signals(&self, i: usize, j: usize) -> [usize; 2] {
+        let mut signals = [i, j].map(|gate| self.gates[gate].signal);
+        signals.sort_unstable();
+        signals
+    }
+
+    /// Of every two signals the gates whose products' functions have the greatest scores for their cost: a sum that is too large where they resemble each
+    /// other.
     fn best_of_signals(&self, scores: &DMatrix<f32>, information: &DMatrix<f32>) -> Vec<(usize, usize)> {
         let of_gate = |i: usize| -> Vec<(f64, usize, usize)> {
             let of_pair = |j: usize| {
                 let (a, b) = (&self.gates[i], &self.gates[j]);
                 let products = a.functions.clone().flat_map(|f| b.functions.clone().map(move |g| (f, g)));
-                (products.map(|at| ratio(scores[at], information[at])).sum(), i, j)
+                let ratios: f64 = products.map(|at| ratio(scores[at], information[at])).sum();
+                (0.5 * ratios - self.costs[i] - self.costs[j], i, j)
             };
             (0..i).map(of_pair).collect()
         };
         let all: Vec<(f64, usize, usize)> = (0..self.gates.len()).into_par_iter().flat_map_iter(of_gate).collect();
         let mut best = BestOfEach::new(OF_THE_SAME_SIGNALS);
         for (promise, i, j) in all {
-            best.push((self.gates[i].signal, self.gates[j].signal), promise, (i, j));
+            best.push(self.signals(i, j), promise, (i, j));
         }
         best.into_all()
     }

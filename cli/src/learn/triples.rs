@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 use north_finder::effects::effect::{Effect, Port};
 use rayon::prelude::*;
 
-use super::bank::{Bank, Left};
+use super::bank::{Bank, BestOfEach, Left};
 use super::grammar::Grammar;
 use super::pairs::{Gate, Half, bare_forms, gates, information, ratio, weighed};
 use super::rows::Run;
@@ -53,7 +53,7 @@ impl Triples {
         Self { gates, functions, ports }
     }
 
-    /// The products that promise most, each in the form of its factors that does.
+    /// The products that promise most, each of other signals and in the form of its factors that does.
     pub fn shortlist(&self, left: &Left, grammar: &Grammar, bank: &Bank, runs: &[Run], most: usize) -> Vec<Effect> {
         let of_port = |of_port: &OfPort| {
             let weights = left.sums.component_mul(&of_port.gains);
@@ -61,7 +61,14 @@ impl Triples {
             let port = of_port.port;
             all.into_iter().map(move |(promise, gates)| (promise, port, gates))
         };
-        let mut all: Vec<(f64, Port, [usize; 3])> = self.ports.par_iter().flat_map_iter(of_port).collect();
+        let each_port: Vec<(f64, Port, [usize; 3])> = self.ports.par_iter().flat_map_iter(of_port).collect();
+        let mut best = BestOfEach::new(1);
+        for each in each_port {
+            let mut signals = each.2.map(|gate| self.gates[gate].signal);
+            signals.sort_unstable();
+            best.push(signals, each.0, each);
+        }
+        let mut all = best.into_all();
         all.sort_by(|a, b| b.0.total_cmp(&a.0));
         all.truncate(PROMISING);
         let best_form = |(_, port, gates): (f64, Port, [usize; 3])| {

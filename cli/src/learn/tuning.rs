@@ -16,8 +16,8 @@ use super::proposals::{Proposals, form};
 /// Neighbours of a form whose exact evidence is computed, and those of them that are tuned.
 const NEAREST: usize = 12;
 const TUNED: usize = 2;
-/// Factors that are tried as a further one.
-const FURTHER: usize = 4;
+/// Factors that are tried as a further one, each of another signal.
+const FURTHER: usize = 8;
 /// Most changes of form in a row.
 const REACH_OF_CONTENDERS: usize = 2;
 const REACH: usize = 6;
