@@ -8,7 +8,7 @@ use north_finder::effects::dynamics::Dynamics;
 use north_finder::effects::effect::{Effect, MAX_FACTORS, Port};
 use north_finder::effects::factor::Factor;
 use north_finder::effects::part::Span;
-use north_finder::effects::shape::{Harmonic, Linear, Shape, Sharp, Smooth};
+use north_finder::effects::shape::{Circular, Harmonic, Linear, Shape, Sharp, Smooth};
 use north_finder::effects::signal::{Channel, Difference, Signal, WeightedDifference};
 use rayon::prelude::*;
 
@@ -308,6 +308,7 @@ fn varied(effect: &Effect, port: Port, mut factors: Vec<Factor>) -> Option<Effec
 fn lean(factor: &Factor) -> Factor {
     let shape = match factor.shape {
         Shape::Smooth(Smooth { low, high, .. }) | Shape::Sharp(Sharp { low, high }) => Smooth::of_few(low, high).into(),
+        Shape::Circular(_) => Circular::of_few().into(),
         shape => shape,
     };
     Factor { shape, ..factor.clone() }

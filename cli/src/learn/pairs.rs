@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector};
 use north_finder::effects::dynamics::Dynamics;
 use north_finder::effects::effect::{Effect, Port};
 use north_finder::effects::factor::Factor;
-use north_finder::effects::shape::Shape;
+use north_finder::effects::shape::{Circular, Shape};
 use rayon::prelude::*;
 
 use super::bank::{Bank, BestOfEach, Left, Rows};
@@ -194,7 +194,10 @@ pub fn bare_forms(runs: &[Run], grammar: &Grammar) -> Vec<(Vec<Factor>, usize)> 
         Shape::starts(span, &mut |shape| {
             let factor = Factor::new(*signal, &[], shape).with_constant();
             match shape {
-                Shape::Circular(_) => bare.push((vec![factor], shape.count())),
+                Shape::Circular(_) => {
+                    let few = Factor { shape: Circular::of_few().into(), ..factor.clone() };
+                    bare.push((vec![few, factor], shape.count()));
+                }
                 Shape::Decay(_) => decays.push((vec![factor], 1)),
                 _ => {}
             }

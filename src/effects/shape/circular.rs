@@ -18,10 +18,18 @@ pub struct Circular {
 }
 
 const MOST_ORDERS: u8 = 8;
-/// With how many the search begins: a sector of half a turn has a first and a third one.
-const ORDERS: u8 = 3;
+/// With how many the search begins: a sector of half a turn has a first and a third one; four heads of an encoder, a square frame or four positions of an
+/// index a fourth one.
+const ORDERS: u8 = 4;
+/// Those of a factor of a product, which has many weights: an eccentricity and an ellipse.
+const FEW: u8 = 2;
 
 impl Circular {
+    /// For products, which have many weights.
+    pub fn of_few() -> Self {
+        Self { orders: FEW }
+    }
+
     /// What the search begins with.
     pub fn starts(span: &Span, each: &mut dyn FnMut(Shape)) {
         if span.is_angle {
