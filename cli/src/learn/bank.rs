@@ -193,6 +193,7 @@ pub struct Bank {
     pub coarse: Rows,
     /// By port: what the rate of a row changes by, of rows and of coarse rows.
     gains: Vec<(Port, Vec<f32>, Vec<f32>)>,
+    factors: Vec<Factor>,
     /// Functions of the factors in rows.
     functions: Vec<Functions>,
     proposals: Vec<Proposal>,
@@ -232,8 +233,17 @@ impl Bank {
         let functions: Vec<Functions> = factors.par_iter().map(|factor| library.functions(runs, factor)).collect();
         factors.iter().zip(&functions).for_each(|(factor, functions)| library.hold(factor, functions));
         let coarse_functions = EvaluationCache::new(size);
-        let mut bank =
-            Self { rows, coarse, gains, functions, proposals: Vec::new(), coarse_rows, coarse_functions, library };
+        let mut bank = Self {
+            rows,
+            coarse,
+            gains,
+            factors: factors.to_vec(),
+            functions,
+            proposals: Vec::new(),
+            coarse_rows,
+            coarse_functions,
+            library,
+        };
         let none = grammar.ports.iter().filter(|&&port| port != Port::Rate).map(|&port| (port, None));
         let forms = (0..factors.len()).flat_map(|i| grammar.ports.iter().map(move |&port| (port, Some(i))));
         let forms: Vec<(Port, Option<usize>)> = none.chain(forms).collect();
@@ -261,6 +271,13 @@ impl Bank {
     /// What the rate of a coarse row changes by, by unit of what an effect adds at a port.
     pub fn coarse_gains(&self, port: Port) -> &[f32] {
         &self.gains_at(port).2
+    }
+
+    /// Factors of the bank, each with its functions by coarse row.
+    pub fn coarse_factors(&self, is_wanted: impl Fn(&Factor) -> bool + Sync) -> Vec<(&Factor, Functions)> {
+        let coarse = |fine: &Functions| fine.iter().map(|f| means(&self.coarse_rows, f)).collect::<Functions>();
+        let wanted = self.factors.par_iter().zip(&self.functions).filter(|(factor, _)| is_wanted(factor));
+        wanted.map(|(factor, functions)| (factor, coarse(functions))).collect()
     }
 
     /// The functions of a factor by coarse row.

@@ -6,7 +6,6 @@
 use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
-use north_finder::effects::dynamics::Dynamics;
 use north_finder::effects::effect::{Effect, Port};
 use north_finder::effects::factor::Factor;
 use north_finder::effects::shape::{Circular, Shape};
@@ -21,8 +20,10 @@ const FUNCTIONS_OF_A_SIGNAL: usize = 3;
 const FUNCTIONS_BEHIND_DYNAMICS: usize = 2;
 /// Most functions of all factors: their products are the square of it.
 const MOST_FUNCTIONS: usize = 1200;
-/// Of a dynamics' constants every third: a product is tuned when it is found.
+/// Of a decay's time constants every third: a product is tuned when it is found.
 const EVERY: usize = 3;
+/// Correlation from which on what comes out of two dynamics counts as the same: one percent of the square, less than tuning a constant by half a step changes.
+const ALIKE: f32 = 0.99;
 /// Proposals of the same two signals, at whichever ports and behind whichever dynamics.
 const OF_THE_SAME_SIGNALS: usize = 2;
 /// Rounding of a sum of some hundred products of single precision, as a share of it.
@@ -58,7 +59,7 @@ pub struct Pairs {
 
 impl Pairs {
     pub fn new(runs: &[Run], grammar: &Grammar, bank: &Bank) -> Self {
-        let (gates, functions) = gates(runs, grammar, bank, forms(runs, grammar));
+        let (gates, functions) = gates(runs, grammar, bank, forms(runs, grammar, bank));
         let port = |port: &Port| {
             let gains = DVector::from_column_slice(bank.coarse_gains(*port));
             let information = information(&functions, &gains, &bank.coarse, Half::Below);
@@ -211,34 +212,43 @@ pub fn bare_forms(runs: &[Run], grammar: &Grammar) -> Vec<(Vec<Factor>, usize)> 
     bare
 }
 
-/// The forms of every factor, and how many of the last form's functions are looked at.
-fn forms(runs: &[Run], grammar: &Grammar) -> Vec<(Vec<Factor>, usize)> {
+/// The forms of every factor, and how many of the last form's functions are looked at. Of the starts of every kind of dynamics there are as many as there is
+/// room for, so that none is left out.
+fn forms(runs: &[Run], grammar: &Grammar, bank: &Bank) -> Vec<(Vec<Factor>, usize)> {
     let mut all = bare_forms(runs, grammar);
-    let mut behind: Vec<(Vec<Factor>, usize)> = Vec::new();
-    for (signal, span) in &grammar.signals {
-        if span.is_angle || span.is_time {
-            continue;
-        }
-        let mut kinds: Vec<(String, Vec<Dynamics>)> = Vec::new();
-        Dynamics::starts(
-            span,
-            &mut |dynamics| match kinds.iter_mut().find(|(kind, _)| *kind == dynamics.to_string()) {
-                Some((_, all)) => all.push(dynamics),
-                None => kinds.push((dynamics.to_string(), vec![dynamics])),
-            },
-        );
-        for (_, all) in kinds {
-            let first = usize::from(all.len() > 1);
-            for dynamics in all.into_iter().skip(first).step_by(EVERY) {
-                let forms = grammar.curves(runs, *signal, &[dynamics], true);
-                behind.push((forms.into_iter().map(Factor::with_constant).collect(), FUNCTIONS_BEHIND_DYNAMICS));
-            }
+    let kinds = distinct(bank);
+    let room = MOST_FUNCTIONS.saturating_sub(all.len() * FUNCTIONS_OF_A_SIGNAL) / FUNCTIONS_BEHIND_DYNAMICS;
+    let count = |every: usize| kinds.iter().map(|kind| kind.len().div_ceil(every)).sum::<usize>();
+    let longest = kinds.iter().map(Vec::len).max().unwrap_or(1);
+    let every = (1..longest).find(|&every| count(every) <= room).unwrap_or(longest);
+    for kind in &kinds {
+        let first = (kind.len() - 1) % every / 2;
+        for factor in kind.iter().skip(first).step_by(every) {
+            let forms = grammar.curves(runs, factor.signal, &factor.dynamics, true);
+            all.push((forms.into_iter().map(Factor::with_constant).collect(), FUNCTIONS_BEHIND_DYNAMICS));
         }
     }
-    let room = MOST_FUNCTIONS.saturating_sub(all.len() * FUNCTIONS_OF_A_SIGNAL) / FUNCTIONS_BEHIND_DYNAMICS;
-    let every = behind.len().div_ceil(room.max(1)).max(1);
-    all.extend(behind.into_iter().step_by(every));
     all
+}
+
+/// Factors behind dynamics, by signal and kind of dynamics, without those whose dynamics give nearly what another one of the signal gives, or the signal itself.
+fn distinct(bank: &Bank) -> Vec<Vec<Factor>> {
+    let precision = DVector::from_column_slice(&bank.coarse.precision);
+    let mut kept: Vec<(&Factor, DVector<f32>)> = Vec::new();
+    for (factor, line) in bank.coarse_factors(|factor| matches!(factor.shape, Shape::Linear(_))) {
+        let Some(output) = independent(&line, &precision, 1).pop() else { continue };
+        let weighed = output.component_mul(&precision) / precision.sum();
+        let differs = |(other, column): &(&Factor, DVector<f32>)| {
+            other.signal != factor.signal || weighed.dot(column).abs() < ALIKE
+        };
+        if kept.iter().all(differs) {
+            kept.push((factor, output));
+        }
+    }
+    let behind = kept.into_iter().map(|(factor, _)| factor).filter(|factor| !factor.dynamics.is_empty());
+    let behind: Vec<Factor> = behind.cloned().collect();
+    let kind = |factor: &Factor| (factor.signal, factor.dynamics.first().map(ToString::to_string));
+    behind.chunk_by(|a, b| kind(a) == kind(b)).map(<[Factor]>::to_vec).collect()
 }
 
 /// The first of some functions, independent of each other and of a constant, of unit size (Gram and Schmidt).
