@@ -9,6 +9,7 @@ mod discrimination;
 mod evaluation_cache;
 mod family;
 mod functions;
+mod further;
 mod grammar;
 mod membership;
 mod model;

@@ -27,7 +27,7 @@ const ALIKE: f32 = 0.99;
 /// Proposals of the same two signals, at whichever ports and behind whichever dynamics.
 const OF_THE_SAME_SIGNALS: usize = 2;
 /// Rounding of a sum of some hundred products of single precision, as a share of it.
-const ROUNDING: f32 = 1e-5;
+pub const ROUNDING: f32 = 1e-5;
 /// Most functions of which products with all others are summed at once, so that the sums stay in a processor's cache.
 const TOGETHER: usize = 64;
 
@@ -68,23 +68,6 @@ impl Pairs {
         let ports = grammar.ports.par_iter().map(port).collect();
         let costs = gates.iter().map(|gate| grammar.cost(&Effect::new(Port::Rate, &gate.forms[..1]))).collect();
         Self { gates, costs, functions, ports }
-    }
-
-    /// The factors, in all their forms, that promise most as a further one of an effect which adds so much to the rate, by coarse row; one of every signal.
-    pub fn further(&self, left: &Left, fitted: &DVector<f32>, most: usize) -> Vec<Factor> {
-        let gain = |gate: &Gate| {
-            let products = gate.functions.clone().map(|f| self.functions.column(f).component_mul(fitted));
-            let columns: Vec<DVector<f32>> = std::iter::once(fitted.clone()).chain(products).collect();
-            left.gain(&columns).0
-        };
-        let gains: Vec<f64> = self.gates.par_iter().zip(&self.costs).map(|(gate, cost)| gain(gate) - cost).collect();
-        let mut best = BestOfEach::new(1);
-        for (gate, gain) in self.gates.iter().zip(gains) {
-            best.push(gate.signal, gain, (gain, gate));
-        }
-        let mut promising = best.into_all();
-        promising.sort_by(|a, b| b.0.total_cmp(&a.0));
-        promising.into_iter().take(most).flat_map(|(_, gate)| gate.forms.clone()).collect()
     }
 
     /// The products that promise most, each in all forms of its factors: of every two signals few, so that the variants of one product leave room for others.
@@ -252,7 +235,7 @@ fn distinct(bank: &Bank) -> Vec<Vec<Factor>> {
 }
 
 /// The first of some functions, independent of each other and of a constant, of unit size (Gram and Schmidt).
-fn independent(functions: &[Vec<f32>], precision: &DVector<f32>, most: usize) -> Vec<DVector<f32>> {
+pub fn independent(functions: &[Vec<f32>], precision: &DVector<f32>, most: usize) -> Vec<DVector<f32>> {
     let dot =
         |a: &DVector<f32>, b: &DVector<f32>| a.iter().zip(b).zip(precision).map(|((a, b), p)| a * b * p).sum::<f32>();
     let whole = precision.sum();

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::bank::{Bank, Left};
 use super::functions::Library;
+use super::further::Further;
 use super::grammar::{Grammar, complexity};
 use super::model::Model;
 use super::pairs::Pairs;
@@ -39,7 +40,8 @@ pub struct Proposals<'a> {
     pub runs: &'a [Run],
     pub grammar: Grammar,
     pub bank: Bank,
-    pub pairs: Pairs,
+    pub further: Further,
+    pairs: Pairs,
     triples: Triples,
 }
 
@@ -47,9 +49,10 @@ impl<'a> Proposals<'a> {
     pub fn new(runs: &'a [Run], library: Library) -> Self {
         let grammar = Grammar::new(runs, library);
         let bank = Bank::new(runs, &grammar, &grammar.factors(runs));
+        let further = Further::new(runs, &grammar, &bank);
         let pairs = Pairs::new(runs, &grammar, &bank);
         let triples = Triples::new(runs, &grammar, &bank);
-        Self { runs, grammar, bank, pairs, triples }
+        Self { runs, grammar, bank, further, pairs, triples }
     }
 
     /// An effect as a term beside a model, of the size that suits it best.

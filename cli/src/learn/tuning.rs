@@ -109,7 +109,7 @@ impl Proposals<'_> {
             return Vec::new();
         }
         let fitted = self.bank.fitted(self.runs, effect, left);
-        extended(effect, &self.pairs.further(left, &fitted, FURTHER))
+        extended(effect, &self.further.beside(&self.bank.coarse, left, &fitted, FURTHER))
     }
 
     /// The same with another factor, of any signal, in the place of one.
