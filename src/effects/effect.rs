@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::channel::ChannelName;
 use super::factor::{Factor, Memory, PARTS};
 use super::now::Now;
+use super::shape::Shape;
 use super::signal::Signal;
 use crate::bounded::bounded;
 
@@ -138,13 +139,34 @@ impl Effect {
 
     /// Standard deviation of a weight before anything is learned, relative to the effect's size.
     pub fn prior(&self, number: usize) -> f64 {
-        let (mut rest, mut prior) = (number, 1.0);
-        for factor in self.factors.iter().rev() {
-            let count = factor.count().max(1);
-            prior *= factor.prior(rest % count);
-            rest /= count;
+        let of_functions: f64 = self.functions_of(number).map(|(factor, function)| factor.prior(function)).product();
+        of_functions * self.of_surface(number)
+    }
+
+    /// By how much the prior of a weight is wider than the product of its functions' priors. A smooth surface has no direction of its own: variances fall with the fourth
+    /// power of its frequency, the root of the mean of j² over the curves that take part, where a product of curves is shrunk by the fourth power of each one's j.
+    pub fn of_surface(&self, number: usize) -> f64 {
+        let (mut curves, mut sum, mut product) = (0.0, 0.0, 1.0);
+        for (factor, function) in self.functions_of(number) {
+            if matches!(factor.shape, Shape::Smooth(_)) && function >= usize::from(factor.constant) {
+                let j2 = 1.0 / factor.prior(function);
+                curves += 1.0;
+                sum += j2;
+                product *= j2;
+            }
         }
-        prior
+        if curves > 1.0 { product * curves / sum } else { 1.0 }
+    }
+
+    /// The factors, the last first, each with the number of its function in the product that a weight belongs to.
+    fn functions_of(&self, number: usize) -> impl Iterator<Item = (&Factor, usize)> {
+        let mut rest = number;
+        self.factors.iter().rev().map(move |factor| {
+            let count = factor.count().max(1);
+            let function = rest % count;
+            rest /= count;
+            (factor, function)
+        })
     }
 
     /// How many products there are in [`Self::products`] of an effect that depends on the azimuth.
@@ -234,6 +256,19 @@ mod tests {
         assert_eq!((effect.prior(0), effect.prior(2)), (1.0, 1.0 / 9.0));
         assert_eq!(std::format!("{effect}"), "scale-by-since-decay-times-supply_v-smooth");
         assert!(effect.validate().is_ok() && !effect.needs_azimuth());
+    }
+
+    /// Of two curves of three functions beside constants: each curve by itself 1/j²; together the mean of both j²: of 1 and 1 it is 1, of 1 and 9 it is 5, of 9 and 9
+    /// it is 9, where the product of the curves' priors would be 1/81. A decay times a curve is no surface.
+    #[test]
+    fn a_surface_is_as_smooth_in_every_direction() {
+        let curve = Factor::new(Since.into(), &[], Smooth { low: 0.0, high: 1.0, count: 3 }.into()).with_constant();
+        let surface = Effect::new(Port::Rate, &[curve.clone(), curve.clone()]);
+        for (number, expected) in [(0, 1.0), (3, 1.0 / 9.0), (12, 1.0 / 9.0), (5, 1.0), (7, 0.2), (15, 1.0 / 9.0)] {
+            assert!((surface.prior(number) - expected).abs() < 1e-12, "{number}: {}", surface.prior(number));
+        }
+        let decay = Factor::new(Since.into(), &[], Decay { tau_s: 10.0 }.into()).with_constant();
+        assert_eq!(Effect::new(Port::Rate, &[decay, curve]).of_surface(7), 1.0);
     }
 
     #[test]

@@ -328,6 +328,11 @@ impl Bank {
     }
 
     fn coarse_columns(&self, runs: &[Run], effect: &Effect) -> Vec<DVector<f32>> {
+        as_surface(self.coarse_products(runs, effect), effect)
+    }
+
+    /// Products of the functions of an effect's factors, each for one unit of its prior.
+    fn coarse_products(&self, runs: &[Run], effect: &Effect) -> Vec<DVector<f32>> {
         let own = vec![DVector::from_column_slice(self.coarse_gains(effect.port))];
         effect
             .factors
@@ -346,7 +351,8 @@ impl Bank {
         Seen {
             input: self.coarse_rows.iter().map(|rows| of_known(rows).sum::<f64>() / count(rows)).collect(),
             share: self.coarse_rows.iter().map(|rows| count(rows) as f32 / rows.len() as f32).collect(),
-            others: self.coarse_columns(runs, &others),
+            others: self.coarse_products(runs, &others),
+            factors: others.factors.to_vec(),
         }
     }
 
@@ -382,6 +388,8 @@ pub struct Seen {
     /// Share of the row in which its signal says something.
     share: Vec<f32>,
     others: Vec<DVector<f32>>,
+    /// The other factors.
+    factors: Vec<Factor>,
 }
 
 impl Seen {
@@ -398,8 +406,15 @@ impl Seen {
                     .for_each(|(k, (function, value))| function[row] = share * (factor.prior(k) * value) as f32);
             }
         }
-        products(&self.others, &functions)
+        let factors = [self.factors.as_slice(), std::slice::from_ref(factor)].concat();
+        as_surface(products(&self.others, &functions), &Effect::new(Port::Rate, &factors))
     }
+}
+
+/// Products of the functions of an effect's factors for one unit of its weights' priors.
+fn as_surface(mut products: Vec<DVector<f32>>, effect: &Effect) -> Vec<DVector<f32>> {
+    products.iter_mut().enumerate().for_each(|(number, column)| *column *= effect.of_surface(number) as f32);
+    products
 }
 
 /// Every column by every function.
@@ -442,6 +457,7 @@ mod tests {
             input: vec![1.0, f64::NAN, 3.0],
             share: vec![1.0, 0.0, 0.5],
             others: vec![DVector::from_element(3, 2.0)],
+            factors: Vec::new(),
         };
         let line = Factor::new(Time.into(), &[], Linear { reference: 1.0, scale: 2.0 }.into()).with_constant();
         let columns: Vec<Vec<f32>> = seen.columns(&line).iter().map(|column| column.as_slice().to_vec()).collect();

@@ -107,6 +107,10 @@ impl Library {
                 .flat_map(|column| functions.iter().map(move |function| times(column, function)))
                 .collect();
         }
+        for (number, column) in columns.iter_mut().enumerate() {
+            let share = effect.of_surface(number);
+            column.iter_mut().for_each(|value| *value *= share);
+        }
         columns
     }
 
