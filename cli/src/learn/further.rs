@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use north_finder::effects::effect::{Effect, Port};
 use north_finder::effects::factor::Factor;
 use north_finder::effects::shape::{Circular, Shape};
@@ -19,19 +19,19 @@ use super::rows::Run;
 const OF_A_SIGNAL: usize = 2;
 
 /// A factor in the forms that are tried, the number of its signal, what its plainest form costs by itself, nats, and the last form's functions by coarse row.
-struct Gate {
-    forms: Vec<Factor>,
+pub struct Gate {
+    pub forms: Vec<Factor>,
     signal: usize,
-    cost: f64,
+    pub cost: f64,
     functions: Vec<DVector<f32>>,
 }
 
 impl Gate {
-    /// About what an effect gains with this factor, which adds so much to the rate without it, by coarse row.
-    fn gain(&self, left: &Left, fitted: &DVector<f32>) -> f64 {
+    /// About what an effect gains with this factor, which adds so much to the rate without it, by coarse row; and the weights of a constant and its functions.
+    fn gain(&self, left: &Left, fitted: &DVector<f32>) -> (f64, DVector<f32>) {
         let products = self.functions.iter().map(|function| function.component_mul(fitted));
         let columns: Vec<DVector<f32>> = std::iter::once(fitted.clone()).chain(products).collect();
-        left.gain(&columns).0 - self.cost
+        left.gain(&columns)
     }
 }
 
@@ -67,7 +67,7 @@ impl Further {
             promising.push(gate.signal, promise, gate);
         }
         let promising = promising.into_all().into_par_iter();
-        let gains: Vec<(f64, &Gate)> = promising.map(|gate| (gate.gain(left, fitted), gate)).collect();
+        let gains: Vec<(f64, &Gate)> = promising.map(|gate| (gate.gain(left, fitted).0 - gate.cost, gate)).collect();
         let mut best = BestOfEach::new(1);
         for each in gains {
             best.push(each.1.signal, each.0, each);
@@ -75,6 +75,51 @@ impl Further {
         let mut best = best.into_all();
         best.sort_by(|a, b| b.0.total_cmp(&a.0));
         best.into_iter().take(most).flat_map(|(_, gate)| gate.forms.clone()).collect()
+    }
+
+    fn of_signal(&self, signal: usize) -> impl Iterator<Item = &Gate> {
+        self.gates.iter().filter(move |gate| gate.signal == signal)
+    }
+
+    /// The factor of a signal that promises most beside others whose product adds so much to the rate, by coarse row: about what all gain, the factor, and its
+    /// function that fits.
+    pub fn best_of(
+        &self,
+        rows: &Rows,
+        left: &Left,
+        others: &DVector<f32>,
+        signal: usize,
+    ) -> Option<(f64, &Gate, DVector<f32>)> {
+        let screen = Screen::new(rows, &left.sums, others);
+        let promises = self.of_signal(signal).map(|gate| (screen.promise(gate) - gate.cost, gate));
+        let (_, best) = promises.max_by(|a, b| a.0.total_cmp(&b.0))?;
+        let (gain, weights) = best.gain(left, others);
+        let constant = DVector::from_element(others.len(), weights[0]);
+        let functions = best.functions.iter().zip(weights.iter().skip(1));
+        Some((gain, best, functions.fold(constant, |sum, (function, weight)| sum + function * *weight)))
+    }
+
+    /// The functions that tell most of all functions of a signal's factors, so many at most: their principal components by the precision of the coarse rows,
+    /// by subspace iteration.
+    pub fn principal(&self, signal: usize, precision: &DVector<f32>, most: usize) -> Vec<Vec<f32>> {
+        let roots = precision.map(f32::sqrt);
+        // The first function of a curve is as likely as all the others together.
+        let weighed = |(k, function): (usize, &DVector<f32>)| function.component_mul(&roots) / (k + 1) as f32;
+        let columns: Vec<DVector<f32>> =
+            self.of_signal(signal).flat_map(|gate| gate.functions.iter().enumerate().map(weighed)).collect();
+        if columns.is_empty() {
+            return Vec::new();
+        }
+        let all = DMatrix::from_columns(&columns);
+        let count = most.min(columns.len());
+        let mut components = DMatrix::from_fn(all.nrows(), count, |row, i| all[(row, i * columns.len() / count)]);
+        for _ in 0..20 {
+            components = &all * all.tr_mul(&components.qr().q());
+        }
+        // What is left where there are fewer is rounding.
+        let least = 1e-6 * components.column(0).norm_squared();
+        let kept = components.column_iter().filter(|column| column.norm_squared() > least);
+        kept.map(|column| column.component_div(&roots).as_slice().to_vec()).collect()
     }
 }
 

@@ -171,7 +171,7 @@ pub fn ratio(score: f32, information: f32) -> f64 {
 }
 
 /// The forms of every bare signal, and how many of the last form's functions are looked at.
-pub fn bare_forms(runs: &[Run], grammar: &Grammar) -> Vec<(Vec<Factor>, usize)> {
+fn bare_forms(runs: &[Run], grammar: &Grammar) -> Vec<(Vec<Factor>, usize)> {
     let mut bare: Vec<(Vec<Factor>, usize)> = Vec::new();
     for (signal, span) in &grammar.signals {
         let mut decays = Vec::new();

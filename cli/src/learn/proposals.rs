@@ -13,7 +13,7 @@ use super::model::Model;
 use super::pairs::Pairs;
 use super::problem::Term;
 use super::rows::Run;
-use super::triples::Triples;
+use super::triples::{PROMISING, Triples};
 
 /// Proposals whose exact evidence is computed, and those that are tuned: of one factor or two, and of three, which do not displace the others.
 const SHORTLIST: usize = 40;
@@ -51,7 +51,7 @@ impl<'a> Proposals<'a> {
         let bank = Bank::new(runs, &grammar, &grammar.factors(runs));
         let further = Further::new(runs, &grammar, &bank);
         let pairs = Pairs::new(runs, &grammar, &bank);
-        let triples = Triples::new(runs, &grammar, &bank);
+        let triples = Triples::new(&grammar, &bank, &further);
         Self { runs, grammar, bank, further, pairs, triples }
     }
 
@@ -81,7 +81,7 @@ impl<'a> Proposals<'a> {
     /// What is proposed when nothing is known yet, the most promising first: the best forms of every signal at every port, and products.
     pub fn tried(&self) -> Vec<Tried> {
         let Some(bare) = Model::new(self.runs, None, &[]).map(Model::with_likeliest_process) else { return Vec::new() };
-        let (_, proposed) = self.shortlist(&bare);
+        let (_, proposed) = self.shortlist(&bare, OF_THREE);
         let tried = |effect: Effect| {
             let cost = self.grammar.cost(&effect);
             Tried { gain: self.gain(&bare, &effect) + cost, cost, effect }
@@ -102,7 +102,7 @@ impl<'a> Proposals<'a> {
 
     /// The most promising effects beside a model, tuned and changed for better neighbours.
     pub fn finalists(&self, model: &Model<'_>) -> Vec<Effect> {
-        let (left, chosen, bare) = self.chosen(model);
+        let (left, chosen, bare) = self.chosen_among(model, PROMISING);
         // The plain ones remain in the competition: of what is flexible enough to take in several effects at once much is gained, and little learned.
         let plain = self.plain_of(model, &chosen, bare);
         let climb = |(gain, effect): (f64, Effect)| self.improved_a_little(model, effect, gain, &left);
@@ -157,7 +157,12 @@ impl<'a> Proposals<'a> {
     /// The most promising effects beside a model, each of other signals than those above it, and their gains; and the most promising bare shape of each of
     /// their signals, which a more flexible form may hide as long as neither is tuned. Before them what the model leaves.
     pub fn chosen(&self, model: &Model<'_>) -> (Left, Vec<(f64, Effect)>, Vec<Effect>) {
-        let (left, shortlist) = self.shortlist(model);
+        self.chosen_among(model, OF_THREE)
+    }
+
+    /// The same among the products of so many times three signals.
+    fn chosen_among(&self, model: &Model<'_>, of_three: usize) -> (Left, Vec<(f64, Effect)>, Vec<Effect>) {
+        let (left, shortlist) = self.shortlist(model, of_three);
         let mut exact: Vec<(f64, Effect)> =
             shortlist.into_par_iter().map(|effect| (self.gain(model, &effect), effect)).collect();
         exact.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -178,13 +183,13 @@ impl<'a> Proposals<'a> {
         (left, chosen, bare)
     }
 
-    /// What a model leaves, and the effects that promise most by it.
-    fn shortlist(&self, model: &Model<'_>) -> (Left, Vec<Effect>) {
+    /// What a model leaves, and the effects that promise most by it. `of_three`: of how many products of three signals the factors are chosen.
+    fn shortlist(&self, model: &Model<'_>, of_three: usize) -> (Left, Vec<Effect>) {
         let weighed = self.weighed(model);
         let left = self.bank.left(self.runs, &weighed, model.process.as_ref());
         let mut shortlist = self.bank.shortlist(self.runs, &weighed, &left, SHORTLIST);
         shortlist.extend(self.pairs.shortlist(&left, &self.grammar, SHORTLIST));
-        shortlist.extend(self.triples.shortlist(&left, &self.grammar, &self.bank, self.runs, OF_THREE));
+        shortlist.extend(self.triples.shortlist(&left, self, of_three, OF_THREE));
         (left, shortlist)
     }
 }

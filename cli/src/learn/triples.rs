@@ -1,128 +1,193 @@
-//! Products of three bare signals, all with all: which are worth an exact look.
+//! Products of three factors, of all signals with all: which are worth an exact look.
 //!
-//! Two factors of such a product alone may explain nothing, so that no pair leads to it. As for pairs the scores of all products of three functions are
-//! products of matrices: for every function f of the first Fᵀ diag(w f) F.
+//! Two factors of such a product alone may explain nothing, so that no pair leads to it. Of every signal a few functions stand for all that its factors can be;
+//! as for pairs the scores of all products of three functions are products of matrices: for every function f of the first Fᵀ diag(w f) F. Of the most promising
+//! signals every factor in turn is then chosen beside the two others.
+
+use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 use north_finder::effects::effect::{Effect, Port};
 use rayon::prelude::*;
 
 use super::bank::{Bank, BestOfEach, Left};
+use super::further::{Further, Gate};
 use super::grammar::Grammar;
-use super::pairs::{Gate, Half, bare_forms, gates, information, ratio, weighed};
-use super::rows::Run;
+use super::pairs::{Half, independent, information, ratio, weighed};
+use super::proposals::Proposals;
 
-/// Functions of every signal: a straight line, a curve with one extremum.
-const FUNCTIONS: usize = 2;
-/// Products whose gain is looked at in coarse rows.
-const PROMISING: usize = 64;
+/// Functions of every signal: principal components of all that its factors can be.
+const FUNCTIONS: usize = 4;
+/// Products of other signals each whose factors are chosen.
+pub const PROMISING: usize = 64;
+/// How often each factor is chosen beside the two others.
+const SWEEPS: usize = 2;
+/// Forms of a factor that are tried: a line and a curve.
+const FORMS: usize = 2;
 
 /// What products are worth at one port.
 struct OfPort {
     port: Port,
     /// What the rate of a coarse row changes by.
     gains: DVector<f32>,
-    /// For every function, the information that its products with two functions of later gates have of their weights.
+    /// For every function, the information that its products with two functions of later signals have of their weights.
     information: Vec<DMatrix<f32>>,
 }
 
-/// The products of three bare signals.
+/// The products of three factors.
 pub struct Triples {
-    gates: Vec<Gate>,
-    /// Functions of the gates, by coarse row.
+    /// Numbers of every signal's functions.
+    signals: Vec<Range<usize>>,
+    /// Functions by coarse row.
     functions: DMatrix<f32>,
     ports: Vec<OfPort>,
 }
 
 impl Triples {
-    pub fn new(runs: &[Run], grammar: &Grammar, bank: &Bank) -> Self {
-        let few = bare_forms(runs, grammar).into_iter().map(|(forms, most)| (forms, most.min(FUNCTIONS))).collect();
-        let (gates, functions) = gates(runs, grammar, bank, few);
+    pub fn new(grammar: &Grammar, bank: &Bank, further: &Further) -> Self {
+        let precision = DVector::from_column_slice(&bank.coarse.precision);
+        let of_signal = |signal: usize| {
+            let principal = further.principal(signal, &precision, FUNCTIONS);
+            independent(&principal, &precision, FUNCTIONS)
+        };
+        let columns: Vec<Vec<DVector<f32>>> = (0..grammar.signals.len()).into_par_iter().map(of_signal).collect();
+        let mut end = 0;
+        let next = |own: &Vec<DVector<f32>>| {
+            end += own.len();
+            end - own.len()..end
+        };
+        let signals: Vec<Range<usize>> = columns.iter().map(next).collect();
+        let columns = columns.concat();
+        let functions =
+            if columns.is_empty() { DMatrix::zeros(precision.len(), 0) } else { DMatrix::from_columns(&columns) };
         let of_port = |port: &Port| {
             let gains = DVector::from_column_slice(bank.coarse_gains(*port));
-            let of_function = |gate: &Gate, f: usize| {
-                let later = functions.columns_range(gate.functions.end..).into_owned();
+            let of_function = |end: usize, f: usize| {
+                let later = functions.columns_range(end..).into_owned();
                 information(&later, &gains.component_mul(&functions.column(f)), &bank.coarse, Half::Above)
             };
-            let each = gates.iter().flat_map(|gate| gate.functions.clone().map(move |f| (gate, f)));
-            let each: Vec<(&Gate, usize)> = each.collect();
-            let information = each.into_par_iter().map(|(gate, f)| of_function(gate, f)).collect();
+            let each: Vec<(usize, usize)> = signals.iter().flat_map(|own| own.clone().map(|f| (own.end, f))).collect();
+            let information = each.into_par_iter().map(|(end, f)| of_function(end, f)).collect();
             OfPort { port: *port, gains, information }
         };
         let ports = grammar.ports.par_iter().map(of_port).collect();
-        Self { gates, functions, ports }
+        Self { signals, functions, ports }
     }
 
-    /// The products that promise most, each of other signals and in the form of its factors that does.
-    pub fn shortlist(&self, left: &Left, grammar: &Grammar, bank: &Bank, runs: &[Run], most: usize) -> Vec<Effect> {
-        let of_port = |of_port: &OfPort| {
-            let weights = left.sums.component_mul(&of_port.gains);
-            let all = promises(&self.gates, &self.functions, &weights, &of_port.information);
-            let port = of_port.port;
-            all.into_iter().map(move |(promise, gates)| (promise, port, gates))
+    /// The products that promise most, each in the form of its factors that does. `promising`: of how many the factors are chosen.
+    pub fn shortlist(&self, left: &Left, tools: &Proposals<'_>, promising: usize, most: usize) -> Vec<Effect> {
+        let of_port = |number: usize| {
+            let OfPort { gains, information, .. } = &self.ports[number];
+            let all = promises(&self.signals, &self.functions, &left.sums.component_mul(gains), information);
+            all.into_iter().map(move |(promise, signals)| (promise, number, signals))
         };
-        let each_port: Vec<(f64, Port, [usize; 3])> = self.ports.par_iter().flat_map_iter(of_port).collect();
+        let all: Vec<(f64, usize, [usize; 3])> = (0..self.ports.len()).into_par_iter().flat_map_iter(of_port).collect();
         let mut best = BestOfEach::new(1);
-        for each in each_port {
-            let mut signals = each.2.map(|gate| self.gates[gate].signal);
-            signals.sort_unstable();
-            best.push(signals, each.0, each);
+        for each in all.into_iter().filter(|(promise, ..)| *promise > 0.0) {
+            best.push(each.2, each.0, each);
         }
-        let mut all = best.into_all();
-        all.sort_by(|a, b| b.0.total_cmp(&a.0));
-        all.truncate(PROMISING);
-        let best_form = |(_, port, gates): (f64, Port, [usize; 3])| {
-            let [a, b, c] = gates.map(|gate| &self.gates[gate].forms);
+        let mut best = best.into_all();
+        best.sort_by(|a, b| b.0.total_cmp(&a.0));
+        best.truncate(promising);
+        let chosen = |(_, port, signals): (f64, usize, [usize; 3])| self.chosen(left, tools, port, signals);
+        let mut chosen: Vec<(f64, Port, [&Gate; 3])> = best.into_par_iter().filter_map(chosen).collect();
+        chosen.sort_by(|a, b| b.0.total_cmp(&a.0));
+        chosen.truncate(most);
+        let best_form = |(_, port, gates): (f64, Port, [&Gate; 3])| {
+            let [a, b, c] = gates.map(|gate| &gate.forms[..FORMS.min(gate.forms.len())]);
             let of_two = a.iter().flat_map(|a| b.iter().map(move |b| (a, b)));
             let factors = of_two.flat_map(|(a, b)| c.iter().map(move |c| [a.clone(), b.clone(), c.clone()]));
             let effects = factors.map(|factors| Effect::new(port, &factors)).filter(|each| each.validate().is_ok());
-            let promise = |each: Effect| (bank.promise(runs, &each, left) - grammar.cost(&each), each);
-            effects.map(promise).max_by(|a, b| a.0.total_cmp(&b.0))
+            let promise =
+                |each: Effect| (tools.bank.promise(tools.runs, &each, left) - tools.grammar.cost(&each), each);
+            effects.map(promise).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, effect)| effect)
         };
-        let mut promising: Vec<(f64, Effect)> = all.into_par_iter().filter_map(best_form).collect();
-        promising.sort_by(|a, b| b.0.total_cmp(&a.0));
-        promising.into_iter().take(most).map(|(_, effect)| effect).collect()
+        chosen.into_par_iter().filter_map(best_form).collect()
+    }
+
+    /// Factors of three signals, each chosen in turn beside the functions of the two others that fit, and about what they gain less their cost, nats.
+    fn chosen<'a>(
+        &self,
+        left: &Left,
+        tools: &'a Proposals<'_>,
+        port: usize,
+        signals: [usize; 3],
+    ) -> Option<(f64, Port, [&'a Gate; 3])> {
+        let OfPort { port, gains, .. } = &self.ports[port];
+        let mut functions = self.nearest_product(left, gains, signals);
+        let mut chosen: [Option<&Gate>; 3] = [None; 3];
+        let mut gain = 0.0;
+        for slot in (0..SWEEPS).flat_map(|_| 0..3) {
+            let beside = functions.iter().enumerate().filter(|(other, _)| *other != slot);
+            let others = beside.fold(gains.clone(), |product, (_, function)| product.component_mul(function));
+            let (above, gate, function) = tools.further.best_of(&tools.bank.coarse, left, &others, signals[slot])?;
+            (gain, functions[slot], chosen[slot]) = (above, function, Some(gate));
+        }
+        let [Some(a), Some(b), Some(c)] = chosen else { return None };
+        Some((gain - a.cost - b.cost - c.cost, *port, [a, b, c]))
+    }
+
+    /// One function of each of three signals, whose product is about what all products of their functions make of what is left: along the principal direction of
+    /// the weights of each signal's functions.
+    fn nearest_product(&self, left: &Left, gains: &DVector<f32>, signals: [usize; 3]) -> [DVector<f32>; 3] {
+        let own = signals.map(|signal| self.signals[signal].clone());
+        let mut products = vec![gains.clone()];
+        for functions in &own {
+            let times = |product: &DVector<f32>, f: usize| product.component_mul(&self.functions.column(f));
+            products = products.iter().flat_map(|product| functions.clone().map(move |f| times(product, f))).collect();
+        }
+        let (_, weights) = left.gain(&products);
+        let strides = [own[1].len() * own[2].len(), own[2].len(), 1];
+        std::array::from_fn(|slot| {
+            let (stride, count) = (strides[slot], own[slot].len());
+            let mut by_function = DMatrix::<f32>::zeros(count, weights.len());
+            for (number, weight) in weights.iter().enumerate() {
+                let function = number / stride % count;
+                by_function[(function, number - function * stride)] = *weight;
+            }
+            let eigen = (&by_function * by_function.transpose()).symmetric_eigen();
+            let direction = eigen.eigenvectors.column(eigen.eigenvalues.imax());
+            self.functions.columns_range(own[slot].clone()) * direction
+        })
     }
 }
 
-/// The gates of every product of three, and the sum of the ratios of its functions. `information`: as of [`OfPort`].
+/// The signals of every product of three, and the sum of the ratios of its functions. `information`: as of [`OfPort`].
 fn promises(
-    gates: &[Gate],
+    signals: &[Range<usize>],
     functions: &DMatrix<f32>,
     weights: &DVector<f32>,
     information: &[DMatrix<f32>],
 ) -> Vec<(f64, [usize; 3])> {
     let of_first = |a: usize| {
-        let end = gates[a].functions.end;
+        let end = signals[a].end;
         let later = functions.columns_range(end..).into_owned();
         let mut sums = DMatrix::<f32>::zeros(later.ncols(), later.ncols());
-        for f in gates[a].functions.clone() {
+        for f in signals[a].clone() {
             let scores = weighed(&later, &weights.component_mul(&functions.column(f))).transpose() * &later;
             let each = sums.iter_mut().zip(scores.iter().zip(&information[f]));
             each.for_each(|(sum, (&score, &information))| *sum += ratio(score, information) as f32);
         }
         let of_two = move |b: usize, c: usize| {
-            let [b_functions, c_functions] = [b, c].map(|gate| gates[gate].functions.clone());
-            let all = b_functions.flat_map(|g| c_functions.clone().map(move |h| (g - end, h - end)));
-            (all.map(|at| f64::from(sums[at])).sum::<f64>(), [a, b, c])
+            let products = signals[b].clone().flat_map(|g| signals[c].clone().map(move |h| (g - end, h - end)));
+            (products.map(|at| f64::from(sums[at])).sum::<f64>(), [a, b, c])
         };
-        let later_gates = (a + 1..gates.len()).flat_map(move |b| (b + 1..gates.len()).map(move |c| (b, c)));
-        later_gates.map(|(b, c)| of_two(b, c)).collect::<Vec<_>>()
+        let later_signals = (a + 1..signals.len()).flat_map(move |b| (b + 1..signals.len()).map(move |c| (b, c)));
+        later_signals.map(|(b, c)| of_two(b, c)).collect::<Vec<_>>()
     };
-    (0..gates.len()).flat_map(of_first).collect()
+    (0..signals.len()).flat_map(of_first).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Of five gates of two functions each the product of the first function of the second, the second of the third and the first of the fifth is what is left.
+    /// Of five signals of two functions each the product of the first function of the second, the second of the third and the first of the fifth is what is left.
     #[test]
     fn the_product_that_is_left_promises_most() {
         let wave = |row: usize, function: usize| ((row * (2 * function + 3)) as f32 * 0.37 + function as f32).sin();
         let functions = DMatrix::from_fn(400, 10, wave);
-        let gate = |i: usize| Gate { forms: Vec::new(), signal: i, functions: 2 * i..2 * i + 2 };
-        let gates: Vec<Gate> = (0..5).map(gate).collect();
+        let gates: Vec<Range<usize>> = (0..5).map(|i| 2 * i..2 * i + 2).collect();
         let left = functions.column(2).component_mul(&functions.column(5)).component_mul(&functions.column(8));
         let flat = |f: usize| {
             let later = 10 - (f / 2 + 1) * 2;
