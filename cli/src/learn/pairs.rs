@@ -70,8 +70,9 @@ impl Pairs {
         Self { gates, costs, functions, ports }
     }
 
-    /// The products that promise most, each in all forms of its factors: of every two signals few, so that the variants of one product leave room for others.
-    pub fn shortlist(&self, left: &Left, grammar: &Grammar, most: usize) -> Vec<Effect> {
+    /// The products that promise most, each in all forms of its factors, the most flexible last: of every two signals few, so that the variants of one product
+    /// leave room for others.
+    pub fn shortlist(&self, left: &Left, grammar: &Grammar, most: usize) -> Vec<Vec<Effect>> {
         let of_port = |of_port: &OfPort| {
             let scores =
                 weighed(&self.functions, &left.sums.component_mul(&of_port.gains)).transpose() * &self.functions;
@@ -94,9 +95,9 @@ impl Pairs {
         let in_all_forms = |(_, port, i, j): (f64, Port, usize, usize)| {
             let (a, b) = (&self.gates[i].forms, &self.gates[j].forms);
             let both = a.iter().flat_map(move |a| b.iter().map(move |b| [a.clone(), b.clone()]));
-            both.map(move |factors| Effect::new(port, &factors)).filter(|effect| effect.validate().is_ok())
+            both.map(move |factors| Effect::new(port, &factors)).filter(|effect| effect.validate().is_ok()).collect()
         };
-        promising.into_iter().flat_map(in_all_forms).collect()
+        promising.into_iter().map(in_all_forms).collect()
     }
 
     /// The signals of two gates, in whichever order.

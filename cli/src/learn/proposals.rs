@@ -13,7 +13,7 @@ use super::model::Model;
 use super::pairs::Pairs;
 use super::problem::Term;
 use super::rows::Run;
-use super::triples::{PROMISING, Triples};
+use super::triples::Triples;
 
 /// Proposals whose exact evidence is computed, and those that are tuned: of one factor or two, and of three, which do not displace the others.
 const SHORTLIST: usize = 40;
@@ -21,6 +21,18 @@ const OF_THREE: usize = 10;
 const CONTENDERS: usize = 6;
 const CONTENDERS_OF_THREE: usize = 2;
 const FINALISTS: usize = 3;
+/// Factors that are tried beside a product of two.
+const THIRDS: usize = 2;
+
+/// How far products of three are sought: of how many sets of signals their factors are chosen, and beside how many products of two a third one is.
+struct Reach {
+    signals: usize,
+    pairs: usize,
+}
+
+const NEAR: Reach = Reach { signals: OF_THREE, pairs: 0 };
+const FAR: Reach = Reach { signals: 64, pairs: 24 };
+
 /// What tuning may add to the gain of a proposal whose constants lie at most half a step of the bank's from the best, nats; below it a proposal is dropped.
 const PROPOSAL_MARGIN_NATS: f64 = 3.0;
 /// A form that is less likely than another by more than this is no rival of it, nats: e^-4 is two in a hundred.
@@ -81,7 +93,7 @@ impl<'a> Proposals<'a> {
     /// What is proposed when nothing is known yet, the most promising first: the best forms of every signal at every port, and products.
     pub fn tried(&self) -> Vec<Tried> {
         let Some(bare) = Model::new(self.runs, None, &[]).map(Model::with_likeliest_process) else { return Vec::new() };
-        let (_, proposed) = self.shortlist(&bare, OF_THREE);
+        let (_, proposed) = self.shortlist(&bare, &NEAR);
         let tried = |effect: Effect| {
             let cost = self.grammar.cost(&effect);
             Tried { gain: self.gain(&bare, &effect) + cost, cost, effect }
@@ -102,7 +114,7 @@ impl<'a> Proposals<'a> {
 
     /// The most promising effects beside a model, tuned and changed for better neighbours.
     pub fn finalists(&self, model: &Model<'_>) -> Vec<Effect> {
-        let (left, chosen, bare) = self.chosen_among(model, PROMISING);
+        let (left, chosen, bare) = self.chosen_among(model, &FAR);
         // The plain ones remain in the competition: of what is flexible enough to take in several effects at once much is gained, and little learned.
         let plain = self.plain_of(model, &chosen, bare);
         let climb = |(gain, effect): (f64, Effect)| self.improved_a_little(model, effect, gain, &left);
@@ -157,12 +169,11 @@ impl<'a> Proposals<'a> {
     /// The most promising effects beside a model, each of other signals than those above it, and their gains; and the most promising bare shape of each of
     /// their signals, which a more flexible form may hide as long as neither is tuned. Before them what the model leaves.
     pub fn chosen(&self, model: &Model<'_>) -> (Left, Vec<(f64, Effect)>, Vec<Effect>) {
-        self.chosen_among(model, OF_THREE)
+        self.chosen_among(model, &NEAR)
     }
 
-    /// The same among the products of so many times three signals.
-    fn chosen_among(&self, model: &Model<'_>, of_three: usize) -> (Left, Vec<(f64, Effect)>, Vec<Effect>) {
-        let (left, shortlist) = self.shortlist(model, of_three);
+    fn chosen_among(&self, model: &Model<'_>, reach: &Reach) -> (Left, Vec<(f64, Effect)>, Vec<Effect>) {
+        let (left, shortlist) = self.shortlist(model, reach);
         let mut exact: Vec<(f64, Effect)> =
             shortlist.into_par_iter().map(|effect| (self.gain(model, &effect), effect)).collect();
         exact.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -183,14 +194,26 @@ impl<'a> Proposals<'a> {
         (left, chosen, bare)
     }
 
-    /// What a model leaves, and the effects that promise most by it. `of_three`: of how many products of three signals the factors are chosen.
-    fn shortlist(&self, model: &Model<'_>, of_three: usize) -> (Left, Vec<Effect>) {
+    /// What a model leaves, and the effects that promise most by it.
+    fn shortlist(&self, model: &Model<'_>, reach: &Reach) -> (Left, Vec<Effect>) {
         let weighed = self.weighed(model);
         let left = self.bank.left(self.runs, &weighed, model.process.as_ref());
         let mut shortlist = self.bank.shortlist(self.runs, &weighed, &left, SHORTLIST);
-        shortlist.extend(self.pairs.shortlist(&left, &self.grammar, SHORTLIST));
-        shortlist.extend(self.triples.shortlist(&left, self, of_three, OF_THREE));
+        let pairs = self.pairs.shortlist(&left, &self.grammar, SHORTLIST);
+        shortlist.extend(self.with_a_third(&pairs[..reach.pairs.min(pairs.len())], &left));
+        shortlist.extend(pairs.into_iter().flatten());
+        shortlist.extend(self.triples.shortlist(&left, self, reach.signals, OF_THREE));
         (left, shortlist)
+    }
+
+    /// The products of three that promise most of these products of two, each in its forms, with one factor more.
+    fn with_a_third(&self, pairs: &[Vec<Effect>], left: &Left) -> Vec<Effect> {
+        let with = |forms: &Vec<Effect>| {
+            forms.last().map_or_else(Vec::new, |most_flexible| self.extensions_of(most_flexible, left, THIRDS))
+        };
+        let mut nearest = self.nearest(pairs.par_iter().flat_map_iter(with).collect(), left);
+        nearest.truncate(OF_THREE);
+        nearest
     }
 }
 

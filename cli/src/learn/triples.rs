@@ -18,8 +18,6 @@ use super::proposals::Proposals;
 
 /// Functions of every signal: principal components of all that its factors can be.
 const FUNCTIONS: usize = 4;
-/// Products of other signals each whose factors are chosen.
-pub const PROMISING: usize = 64;
 /// How often each factor is chosen beside the two others.
 const SWEEPS: usize = 2;
 /// Forms of a factor that are tried: a line and a curve.

@@ -63,7 +63,7 @@ impl Proposals<'_> {
     fn climb(&self, model: &Model<'_>, mut effect: Effect, mut gain: f64, left: &Left, steps: usize) -> (f64, Effect) {
         for _ in 0..steps {
             let better = |forms: Vec<Effect>| self.best_of(model, forms, left).filter(|(above, _)| *above > gain + 0.5);
-            let own = [self.forms_of(&effect, left), self.extensions_of(&effect, left)].concat();
+            let own = [self.forms_of(&effect, left), self.extensions_of(&effect, left, FURTHER)].concat();
             let best = better(own).or_else(|| better(self.exchanges_of(&effect, left)));
             let Some(best) = best else { break };
             (gain, effect) = best;
@@ -103,19 +103,19 @@ impl Proposals<'_> {
         forms
     }
 
-    /// The same with one factor more.
-    fn extensions_of(&self, effect: &Effect, left: &Left) -> Vec<Effect> {
+    /// The same with one factor more, one of so many.
+    pub fn extensions_of(&self, effect: &Effect, left: &Left, most: usize) -> Vec<Effect> {
         if effect.factors.len() == MAX_FACTORS {
             return Vec::new();
         }
         let fitted = self.bank.fitted(self.runs, effect, left);
-        extended(effect, &self.further.beside(&self.bank.coarse, left, &fitted, FURTHER))
+        extended(effect, &self.further.beside(&self.bank.coarse, left, &fitted, most))
     }
 
     /// The same with another factor, of any signal, in the place of one.
     fn exchanges_of(&self, effect: &Effect, left: &Left) -> Vec<Effect> {
         let simpler = if effect.factors.len() > 1 { reduced(effect) } else { Vec::new() };
-        simpler.iter().flat_map(|each| self.extensions_of(each, left)).collect()
+        simpler.iter().flat_map(|each| self.extensions_of(each, left, FURTHER)).collect()
     }
 
     /// The most promising forms, each once: effects of one form differ by constants, which are tuned.
