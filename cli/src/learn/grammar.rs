@@ -203,66 +203,61 @@ fn same_unit(a: &str, b: &str) -> bool {
     unit(a) == unit(b)
 }
 
-/// Forms of the same signals: with other dynamics in the place of one factor's, with or without its constant, at another port, or with one factor less.
+/// Forms of the same signals and dynamics: with or without a factor's constant, of a signal's weighted difference with another, at another port, or with one factor
+/// less.
 pub fn reshaped(effect: &Effect, grammar: &Grammar, runs: &[Run]) -> Vec<Effect> {
+    let others = grammar.ports.iter().filter(|&&port| port != effect.port);
     let mut all = reduced(effect);
-    let mut push = |port: Port, factors: Vec<Factor>| all.extend(varied(effect, port, factors));
-    let factors: Vec<Factor> = effect.factors.to_vec();
-    for &port in grammar.ports.iter().filter(|&&port| port != effect.port) {
-        push(port, factors.clone());
-    }
-    for (i, own) in factors.iter().enumerate() {
-        let with = |factor: Factor| {
-            let mut factors = factors.clone();
-            factors[i] = Factor { constant: own.constant, ..factor };
-            factors
-        };
-        let mut toggled = factors.clone();
-        toggled[i].constant = !own.constant;
-        push(effect.port, toggled);
-        let Some(bare) = grammar.span(runs, own.signal, &[]) else { continue };
-        if bare.is_angle || bare.is_time {
-            continue;
-        }
-        let relined = |signal: Signal, dynamics: &[Dynamics]| {
-            // A curve keeps its kind, with an interval of its own.
-            let behind = grammar.span(runs, signal, dynamics)?;
-            let mut shape = None;
-            Shape::starts(&behind, &mut |each| {
-                if shape.is_none() && std::mem::discriminant(&each) == std::mem::discriminant(&own.shape) {
-                    shape = Some(each);
-                }
-            });
-            let shape = match (shape?, own.shape) {
-                (Shape::Smooth(Smooth { low, high, .. }), Shape::Smooth(Smooth { count, .. })) => {
-                    Smooth { low, high, count }.into()
-                }
-                (shape, _) => shape,
-            };
-            Some(Factor::new(signal, dynamics, shape))
-        };
-        let mut chains: Vec<Vec<Dynamics>> = vec![Vec::new()];
-        let mut number = 0;
-        Dynamics::starts(&bare, &mut |each| {
-            chains.push(vec![each]);
-            // A second dynamics is tuned when it is found: every other of its constants will do. Only what is linear makes more of its own output.
-            number += 1;
-            let goes_behind =
-                |first: &Dynamics| first.is_linear() || std::mem::discriminant(first) != std::mem::discriminant(&each);
-            if let [first] = own.dynamics.as_slice()
-                && number % 2 == 0
-                && goes_behind(first)
-            {
-                chains.push(vec![*first, each]);
-            }
-        });
-        let behind_others = chains.par_iter().filter_map(|chain| relined(own.signal, chain));
-        let others = grammar.beside(own.signal).into_par_iter();
-        let of_others = others.filter_map(|signal| relined(signal, &own.dynamics));
-        let relined: Vec<Factor> = behind_others.chain(of_others).collect();
-        relined.into_iter().for_each(|factor| push(effect.port, with(factor)));
+    all.extend(others.filter_map(|&port| varied(effect, port, effect.factors.to_vec())));
+    for (f, own) in effect.factors.iter().enumerate() {
+        all.extend(replaced(effect, f, Factor { constant: !own.constant, ..own.clone() }));
+        let signals = grammar.beside(own.signal).into_iter();
+        let of_others = signals.filter_map(|signal| relined(own, signal, &own.dynamics, grammar, runs));
+        all.extend(of_others.filter_map(|factor| replaced(effect, f, factor)));
     }
     all
+}
+
+/// Forms with other dynamics, none to two with the constants that the search begins with, in the place of one factor's.
+pub fn redriven(effect: &Effect, f: usize, grammar: &Grammar, runs: &[Run]) -> Vec<Effect> {
+    let own = &effect.factors[f];
+    let span = grammar.span(runs, own.signal, &[]);
+    let Some(bare) = span.filter(|bare| !bare.is_angle && !bare.is_time) else { return Vec::new() };
+    let mut chains: Vec<Vec<Dynamics>> = vec![Vec::new()];
+    let mut number = 0;
+    Dynamics::starts(&bare, &mut |each| {
+        chains.push(vec![each]);
+        // A second dynamics is tuned when it is found: every other of its constants will do. Only what is linear makes more of its own output.
+        number += 1;
+        let goes_behind =
+            |first: &Dynamics| first.is_linear() || std::mem::discriminant(first) != std::mem::discriminant(&each);
+        if let [first] = own.dynamics.as_slice()
+            && number % 2 == 0
+            && goes_behind(first)
+        {
+            chains.push(vec![*first, each]);
+        }
+    });
+    let behind_others = chains.par_iter().filter_map(|chain| relined(own, own.signal, chain, grammar, runs));
+    behind_others.filter_map(|factor| replaced(effect, f, factor)).collect()
+}
+
+/// A factor's shape behind other dynamics, or of another signal: a curve keeps its kind, with an interval of its own.
+fn relined(own: &Factor, signal: Signal, dynamics: &[Dynamics], grammar: &Grammar, runs: &[Run]) -> Option<Factor> {
+    let behind = grammar.span(runs, signal, dynamics)?;
+    let mut shape = None;
+    Shape::starts(&behind, &mut |each| {
+        if shape.is_none() && std::mem::discriminant(&each) == std::mem::discriminant(&own.shape) {
+            shape = Some(each);
+        }
+    });
+    let shape = match (shape?, own.shape) {
+        (Shape::Smooth(Smooth { low, high, .. }), Shape::Smooth(Smooth { count, .. })) => {
+            Smooth { low, high, count }.into()
+        }
+        (shape, _) => shape,
+    };
+    Some(Factor { constant: own.constant, ..Factor::new(signal, dynamics, shape) })
 }
 
 /// The form with another factor in the place of one.

@@ -8,14 +8,16 @@ use north_finder::effects::factor::Factor;
 use north_finder::effects::shape::Shape;
 use rayon::prelude::*;
 
-use super::bank::Left;
-use super::grammar::{extended, fineness, reduced, replaced, reshaped};
+use super::bank::{BestOfEach, Left};
+use super::grammar::{extended, fineness, redriven, reduced, replaced, reshaped};
 use super::model::Model;
 use super::proposals::{Proposals, form};
 
 /// Neighbours of a form whose exact evidence is computed, and those of them that are tuned.
 const NEAREST: usize = 12;
 const TUNED: usize = 2;
+/// Starts of one kind of dynamics that are tuned before kinds are compared.
+const OF_A_KIND: usize = 2;
 /// Factors that are tried as a further one, each of another signal.
 const FURTHER: usize = 8;
 /// Most changes of form in a row.
@@ -98,8 +100,8 @@ impl Proposals<'_> {
     /// Other forms of the same signals.
     pub fn forms_of(&self, effect: &Effect, left: &Left) -> Vec<Effect> {
         let mut forms = reshaped(effect, &self.grammar, self.runs);
-        let shapes = (0..effect.factors.len()).into_par_iter().flat_map_iter(|f| self.other_shapes(effect, f, left));
-        forms.extend(shapes.collect::<Vec<Effect>>());
+        let others = |f: usize| [self.other_shapes(effect, f, left), self.other_dynamics(effect, f, left)].concat();
+        forms.extend((0..effect.factors.len()).into_par_iter().flat_map_iter(others).collect::<Vec<Effect>>());
         forms
     }
 
@@ -204,6 +206,26 @@ impl Proposals<'_> {
             self.tuned_by(each, gain, &ROUGHLY, &constants, &gain_of).1
         };
         best.into_values().map(tuned).collect()
+    }
+
+    /// The effect with other dynamics in the place of one factor's, those that promise most with their constants tuned in coarse rows, from two starts of every kind.
+    fn other_dynamics(&self, effect: &Effect, f: usize, left: &Left) -> Vec<Effect> {
+        let gain_of = |each: &Effect| self.bank.promise(self.runs, each, left) - self.grammar.cost(each);
+        let starts = redriven(effect, f, &self.grammar, self.runs);
+        let gains: Vec<f64> = starts.par_iter().map(gain_of).collect();
+        let mut best = BestOfEach::new(OF_A_KIND);
+        for (each, gain) in starts.into_iter().zip(gains) {
+            best.push(form(&each), gain, (gain, each));
+        }
+        let mut best = best.into_all();
+        best.sort_by(|a, b| b.0.total_cmp(&a.0));
+        best.truncate(NEAREST);
+        let tuned = |(gain, each): (f64, Effect)| {
+            let count = each.factors[f].dynamics.iter().map(|dynamics| dynamics.constants().len()).sum::<usize>();
+            let constants: Vec<(usize, usize)> = (0..count).map(|number| (f, number)).collect();
+            self.tuned_by(each, gain, &ROUGHLY, &constants, &gain_of).1
+        };
+        best.into_par_iter().map(tuned).collect()
     }
 
     /// Unit in which a constant of a factor is tuned: 1 for the logarithm of a scale; of a place the width that its shape has, or else the standard
