@@ -1,6 +1,7 @@
 //! An effect beside a model is changed for better neighbours: in its form, and in its constants.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use north_finder::effects::dynamics::Dynamics;
 use north_finder::effects::effect::{Effect, MAX_FACTORS};
@@ -139,7 +140,8 @@ impl Proposals<'_> {
 
     /// Tunes every constant in turn, with steps that become smaller.
     fn tuned(&self, model: &Model<'_>, effect: Effect, gain: f64, tuning: &Tuning) -> (f64, Effect) {
-        let constants = constants_of(&effect);
+        let of_factor = |(f, factor): (usize, &Factor)| moves_of(f, factor, 0..factor.constants().len());
+        let constants: Vec<(usize, usize)> = effect.factors.iter().enumerate().flat_map(of_factor).collect();
         self.tuned_by(effect, gain, tuning, &constants, &|each| self.gain(model, each))
     }
 
@@ -201,8 +203,8 @@ impl Proposals<'_> {
         });
         let first = own.dynamics.iter().map(|dynamics| dynamics.constants().len()).sum::<usize>();
         let tuned = |(gain, each): (f64, Effect)| {
-            let constants: Vec<(usize, usize)> =
-                (first..first + each.factors[f].shape.constants().len()).map(|number| (f, number)).collect();
+            let factor = &each.factors[f];
+            let constants = moves_of(f, factor, first..first + factor.shape.constants().len());
             self.tuned_by(each, gain, &ROUGHLY, &constants, &gain_of).1
         };
         best.into_values().map(tuned).collect()
@@ -222,7 +224,7 @@ impl Proposals<'_> {
         best.truncate(NEAREST);
         let tuned = |(gain, each): (f64, Effect)| {
             let count = each.factors[f].dynamics.iter().map(|dynamics| dynamics.constants().len()).sum::<usize>();
-            let constants: Vec<(usize, usize)> = (0..count).map(|number| (f, number)).collect();
+            let constants = moves_of(f, &each.factors[f], 0..count);
             self.tuned_by(each, gain, &ROUGHLY, &constants, &gain_of).1
         };
         best.into_par_iter().map(tuned).collect()
@@ -232,6 +234,7 @@ impl Proposals<'_> {
     /// deviation of what the part gets; of a signal's ratio its size.
     fn unit(&self, factor: &Factor, number: usize) -> f64 {
         let constants = factor.constants();
+        let number = moved_together(factor, number).first().copied().unwrap_or(number);
         let Some(constant) = constants.get(number).filter(|constant| !constant.is_scale) else { return 1.0 };
         let deviation = |before: &[Dynamics]| {
             self.grammar.span(self.runs, factor.signal, before).map_or(1.0, |span| span.deviation)
@@ -267,11 +270,40 @@ pub fn constants_of(effect: &Effect) -> Vec<(usize, usize)> {
         .collect()
 }
 
-/// The effect with one constant moved by so much: its logarithm where it is a scale, else by its own unit.
+/// Moves by which these constants of a factor are tuned: first all places of one part together, which a relay with near thresholds, a narrow sector or a short middle
+/// line cannot pass each other by, then every constant by itself.
+fn moves_of(f: usize, factor: &Factor, constants: Range<usize>) -> Vec<(usize, usize)> {
+    let first = factor.constants().len();
+    let together = (first..=first + factor.dynamics.len()).filter(|&number| {
+        let moved = moved_together(factor, number);
+        moved.len() > 1 && constants.contains(&moved[0])
+    });
+    together.chain(constants.clone()).map(|number| (f, number)).collect()
+}
+
+/// The constants of a factor that a number stands for: itself, or beyond the last one all places of its first dynamics, of its second one, of its shape.
+fn moved_together(factor: &Factor, number: usize) -> Vec<usize> {
+    let Some(wanted) = number.checked_sub(factor.constants().len()) else { return vec![number] };
+    let parts = factor.dynamics.iter().map(Dynamics::constants).chain([factor.shape.constants()]);
+    let mut first = 0;
+    for (part, constants) in parts.enumerate() {
+        if part == wanted {
+            return (0..constants.len()).filter(|&i| !constants[i].is_scale).map(|i| first + i).collect();
+        }
+        first += constants.len();
+    }
+    Vec::new()
+}
+
+/// The effect with one constant, or all places of one part, moved by so much: its logarithm where it is a scale, else by its own unit.
 pub fn moved_by(effect: &Effect, f: usize, number: usize, step: f64) -> Option<Effect> {
     let mut effect = effect.clone();
     let factor = effect.factors.get_mut(f)?;
-    let constant = *factor.constants().get(number)?;
-    factor.set(number, if constant.is_scale { constant.value * step.exp() } else { constant.value + step });
+    let (constants, moved) = (factor.constants(), moved_together(factor, number));
+    moved.first()?;
+    for number in moved {
+        let constant = constants.get(number)?;
+        factor.set(number, if constant.is_scale { constant.value * step.exp() } else { constant.value + step });
+    }
     effect.validate().ok().map(|()| effect)
 }
