@@ -21,10 +21,13 @@ impl Relay {
         Self::over(span).for_each(|relay| each(relay.into()));
     }
 
-    /// Relays that switch at two different places of the signal's range.
+    /// Narrow and wide relays, in standard deviations of the signal: 0.3 and 1.2 from one threshold to the other, about the tenths 1, 3, 5, 7 and 9 of a normal
+    /// distribution. A hysteresis is mostly narrow by the course of its signal, and places are tuned.
     pub(super) fn over(span: &Span) -> impl Iterator<Item = Self> + use<'_> {
-        let above = |low: f64| span.places().filter(move |&high| high > low);
-        span.places().flat_map(move |low| above(low).map(move |high| Self::between(low, high)))
+        let half_widths = [0.15, 0.6].into_iter();
+        let about = |half: f64| [-1.28, -0.52, 0.0, 0.52, 1.28].map(|centre: f64| (centre - half, centre + half));
+        let at = move |deviations: f64| span.mean + deviations * span.deviation;
+        half_widths.flat_map(about).map(move |(low, high)| Self::between(at(low), at(high)))
     }
 
     fn between(low: f64, high: f64) -> Self {
