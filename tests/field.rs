@@ -143,7 +143,8 @@ fn the_next_fix_is_calibrated() {
     let observe = &mut |_: &Report| ();
     let obedient = Obedient::new(&world, &setup, observe);
     let operator = Operator::new(&setup.scenario, setup.seed);
-    let mut person = Northward { obedient, operator, world: world.clone(), stored: false, upright: None, flagged: None };
+    let mut person =
+        Northward { obedient, operator, world: world.clone(), stored: false, upright: None, flagged: None };
     let ticks = 2 * engine::limit_ticks(&setup);
     let off = engine::serve(Engine::Host, None, &world, ticks, &mut person, &AtomicBool::new(false)).unwrap();
     assert_eq!((off, person.flagged), (PowerOff::Received, Some(false)));

@@ -583,7 +583,9 @@ mod tests {
     /// Of these seconds (values of a signal), each a second long.
     fn of_signal(signal: Signal, values: &[f64], bins: Vec<Range<usize>>) -> Run {
         let mut run = Run::of_rates(&vec![0.0; bins.len()]);
-        run.tracks = vec![Track { step_s: 1.0, ..Track::default() }; values.len()];
+        let mut of_a_second = Track::default();
+        of_a_second.step_s = 1.0;
+        run.tracks = vec![of_a_second; values.len()];
         run.seconds = vec![Conditions::default(); values.len()];
         run.bins = bins;
         run.signals.lock().unwrap().insert(format!("{signal:?}"), Arc::new(values.to_vec()));
