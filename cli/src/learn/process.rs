@@ -1,6 +1,11 @@
 //! A process of every run's own beside white noise, by state space: a Kalman filter makes independent what it makes dependent.
 
+use std::ops::Range;
+
 use north_finder::effects::doubt::{Kernel, Process};
+
+/// Columns that are made independent side by side: a processor computes with several numbers at once.
+const LANES: usize = 8;
 
 /// The rows of one run: their middle, when the index had come to rest before each, s, and their variance, (°/h)².
 #[derive(Clone, Copy)]
@@ -13,6 +18,8 @@ pub struct Instants<'a> {
 /// What makes the rows of one run independent, of variance 1: the same linear filter for every column.
 pub struct Whitener {
     steps: Vec<Step>,
+    /// There is no process.
+    is_white: bool,
     /// Logarithm of the determinant of the rows' covariance.
     pub log_determinant: f64,
 }
@@ -36,10 +43,15 @@ impl Whitener {
         let mut covariance = [[stationary[0], 0.0], [0.0, stationary[1]]];
         let transient = process.filter(|process| process.kernel == Kernel::Transient);
         let (mut last_s, mut last_rest_s) = (None, None);
+        // Most rows are as far from the one before as that from its own: the exponentials are the same.
+        let mut known = (f64::NAN, [[0.0; 2]; 2]);
         for ((&t_s, &rest_s), &variance) in instants.t_s.iter().zip(instants.rests_s).zip(instants.variance) {
             let step_s: f64 = last_s.replace(t_s).map_or(0.0, |last_s: f64| t_s - last_s);
             let comes_to_rest = last_rest_s.replace(rest_s) != Some(rest_s);
-            let mut transition = process.map_or([[0.0; 2]; 2], |process| transition(process, step_s));
+            if step_s != known.0 {
+                known = (step_s, process.map_or([[0.0; 2]; 2], |process| transition(process, step_s)));
+            }
+            let mut transition = known.1;
             if let Some(process) = transient {
                 covariance = if comes_to_rest {
                     // Nothing is left of the last one.
@@ -63,19 +75,77 @@ impl Whitener {
             log_determinant += innovation.ln();
             steps.push(Step { transition, gain, inverse: 1.0 / innovation.sqrt() });
         }
-        Self { steps, log_determinant }
+        Self { steps, is_white: process.is_none(), log_determinant }
     }
 
     /// Makes a column independent.
     pub fn apply(&self, column: &mut [f64]) {
-        let mut state = [0.0; 2];
-        for (value, step) in column.iter_mut().zip(&self.steps) {
+        self.apply_to_rows(column.as_chunks_mut::<1>().0);
+    }
+
+    /// Makes columns of all runs independent in the rows of this run, the first of which is the row `first`: the columns lie one after the other and have
+    /// `length` rows each. `lanes` is room to work in; `rounded` makes a number of the columns' own kind.
+    pub fn apply_all<T: Copy + Into<f64>>(
+        &self,
+        columns: &mut [T],
+        length: usize,
+        first: usize,
+        lanes: &mut Vec<f64>,
+        rounded: impl Fn(f64) -> T,
+    ) {
+        let rows = first..first + self.steps.len();
+        let length = length.max(1);
+        if self.is_white {
+            let weigh = |(value, step): (&mut T, &Step)| {
+                let own: f64 = (*value).into();
+                *value = rounded(own * step.inverse);
+            };
+            columns.chunks_mut(length).for_each(|all| all[rows.clone()].iter_mut().zip(&self.steps).for_each(weigh));
+            return;
+        }
+        for group in columns.chunks_mut(LANES * length) {
+            match group.len() / length {
+                1 => self.apply_to_group::<1, T>(group, length, &rows, lanes, &rounded),
+                2..=4 => self.apply_to_group::<4, T>(group, length, &rows, lanes, &rounded),
+                _ => self.apply_to_group::<LANES, T>(group, length, &rows, lanes, &rounded),
+            }
+        }
+    }
+
+    /// The same of so many columns at most.
+    fn apply_to_group<const N: usize, T: Copy + Into<f64>>(
+        &self,
+        group: &mut [T],
+        length: usize,
+        rows: &Range<usize>,
+        lanes: &mut Vec<f64>,
+        rounded: &impl Fn(f64) -> T,
+    ) {
+        lanes.clear();
+        lanes.resize(N * self.steps.len(), 0.0);
+        let (lanes, _) = lanes.as_chunks_mut::<N>();
+        for (lane, column) in group.chunks(length).enumerate() {
+            lanes.iter_mut().zip(&column[rows.clone()]).for_each(|(row, value)| row[lane] = (*value).into());
+        }
+        self.apply_to_rows(lanes);
+        for (lane, column) in group.chunks_mut(length).enumerate() {
+            column[rows.clone()].iter_mut().zip(&*lanes).for_each(|(value, row)| *value = rounded(row[lane]));
+        }
+    }
+
+    /// Makes columns independent whose values stand row by row.
+    fn apply_to_rows<const N: usize>(&self, rows: &mut [[f64; N]]) {
+        let mut state = [[0.0; N]; 2];
+        for (values, step) in rows.iter_mut().zip(&self.steps) {
             let [[a, b], [c, d]] = step.transition;
-            state = [a * state[0] + b * state[1], c * state[0] + d * state[1]];
-            let innovation = *value - state[0];
-            state[0] += step.gain[0] * innovation;
-            state[1] += step.gain[1] * innovation;
-            *value = innovation * step.inverse;
+            for (lane, value) in values.iter_mut().enumerate() {
+                let [first, second] = [state[0][lane], state[1][lane]];
+                let predicted = [a * first + b * second, c * first + d * second];
+                let innovation = *value - predicted[0];
+                state[0][lane] = predicted[0] + step.gain[0] * innovation;
+                state[1][lane] = predicted[1] + step.gain[1] * innovation;
+                *value = innovation * step.inverse;
+            }
         }
     }
 
@@ -170,6 +240,27 @@ mod tests {
             whitener.apply_transposed(&mut white_y);
             let found: f64 = x.iter().zip(&white_y).map(|(a, b)| a * b).sum();
             assert!((found - expected).abs() < 1e-9, "{kernel:?}: {found} {expected}");
+        }
+    }
+
+    /// Up to twenty columns side by side become what each becomes by itself, to the last bit, in the rows of the run and in no others.
+    #[test]
+    fn columns_side_by_side_are_made_independent_as_one_by_one() {
+        let t_s = [0.0, 1.0, 2.0, 5.0, 9.0];
+        let instants =
+            Instants { t_s: &t_s, rests_s: &[-1.0, -1.0, -1.0, 4.0, 4.0], variance: &[0.3, 0.2, 0.3, 0.1, 0.4] };
+        let process = |kernel| Process { kernel, sigma_deg_h: 0.8, time_s: 4.0 };
+        for process in [None, Some(process(Kernel::Matern)), Some(process(Kernel::Transient))] {
+            let whitener = Whitener::new(instants, process.as_ref());
+            let mut lanes = Vec::new();
+            for count in [1, 2, 5, 9, 20] {
+                let values: Vec<f64> = (0..8 * count).map(|i| (1.3 * i as f64).sin()).collect();
+                let mut all = values.clone();
+                whitener.apply_all(&mut all, 8, 2, &mut lanes, |value| value);
+                let mut expected = values;
+                expected.chunks_mut(8).for_each(|column| whitener.apply(&mut column[2..7]));
+                assert_eq!(all, expected, "{process:?}, {count} columns");
+            }
         }
     }
 }
