@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use super::evaluation_cache::EvaluationCache;
 use super::functions::{Functions, Library, size};
 use super::grammar::Grammar;
-use super::problem::{dot, quick_gain};
+use super::problem::{dot, quick_gain, squares};
 use super::process::{Instants, Whitener};
 use super::rows::{Run, UNKNOWNS};
 use super::unknowns::Unknowns;
@@ -25,8 +25,6 @@ const ALL_COARSE_ROWS: usize = 640;
 const LEAST_COARSE_ROWS: usize = 16;
 /// Proposals of the same signal at the same port, bare ones and as many behind dynamics.
 const OF_THE_SAME_SIGNAL: usize = 4;
-/// Up to so many columns inner products are quicker one by one.
-const FEW: usize = 12;
 /// What the unknowns leave of columns is rounding of single precision where it is no more than this of them, in squares: rounding itself leaves some 10⁻¹⁴.
 const ROUNDING: f32 = 1e-9;
 
@@ -84,21 +82,14 @@ struct LeftOfRun {
 }
 
 impl LeftOfRun {
-    /// A column of the run, independent and beside its unknowns. Gives the sum of its squares before the unknowns are taken out.
-    fn white(&self, column: &[f32], to: &mut [f32]) -> f32 {
-        match &self.whitener {
-            None => {
-                to.iter_mut().zip(column.iter().zip(&self.roots)).for_each(|(to, (value, root))| *to = value * root)
-            }
-            Some(whitener) => {
-                let mut own: Vec<f64> = column.iter().map(|value| f64::from(*value)).collect();
-                whitener.apply(&mut own);
-                to.iter_mut().zip(own).for_each(|(to, value)| *to = value as f32);
-            }
+    /// Makes columns of all runs, of `length` rows each, independent in the rows of this run, the first of which is `first`. `lanes` is room to work in.
+    fn make_independent(&self, columns: &mut [f32], length: usize, first: usize, lanes: &mut Vec<f64>) {
+        if let Some(whitener) = &self.whitener {
+            return whitener.apply_all(columns, length, first, lanes, |value| value as f32);
         }
-        let whole = dot(to, to);
-        self.unknowns.take_out(to);
-        whole
+        for column in columns.chunks_mut(length.max(1)) {
+            column[first..].iter_mut().zip(&self.roots).for_each(|(value, root)| *value *= root);
+        }
     }
 }
 
@@ -106,42 +97,28 @@ impl Left {
     /// About what columns of one effect gain beside the model and the unknowns of every run, and their weights; nothing where the unknowns leave nothing.
     pub fn gain(&self, columns: &[DVector<f32>]) -> (f64, DVector<f32>) {
         let right = DVector::from_iterator(columns.len(), columns.iter().map(|column| column.dot(&self.sums)));
-        let mut matrix = DMatrix::zeros(self.sums.len(), columns.len());
-        let mut greatest: f32 = 0.0;
-        for (column, mut white) in columns.iter().zip(matrix.column_iter_mut()) {
-            let (mut column, mut white) = (column.as_slice(), white.as_mut_slice());
-            let mut whole = 0.0;
-            for run in &self.by_run {
-                let (of_run, to) = (column.split_at(run.roots.len()), white.split_at_mut(run.roots.len()));
-                whole += run.white(of_run.0, to.0);
-                (column, white) = (of_run.1, to.1);
+        let length = self.sums.len();
+        let mut white: Vec<f32> = Vec::with_capacity(length * columns.len());
+        columns.iter().for_each(|column| white.extend_from_slice(column.as_slice()));
+        // Sums of the squares before the unknowns are taken out.
+        let mut whole = vec![0.0_f32; columns.len()];
+        let (mut first, mut lanes) = (0, Vec::new());
+        for run in &self.by_run {
+            run.make_independent(&mut white, length, first, &mut lanes);
+            let rows = first..first + run.roots.len();
+            for (column, whole) in white.chunks_mut(length.max(1)).zip(&mut whole) {
+                let own = &mut column[rows.clone()];
+                *whole += dot(own, own);
+                run.unknowns.take_out(own);
             }
-            greatest = greatest.max(whole);
+            first = rows.end;
         }
-        let squares = squares(&matrix);
-        if squares.diagonal().max() <= ROUNDING * greatest {
+        let squares = squares(&DMatrix::from_vec(length, columns.len(), white));
+        if squares.diagonal().max() <= ROUNDING * whole.into_iter().fold(0.0, f32::max) {
             return (0.0, DVector::zeros(columns.len()));
         }
         quick_gain(&squares, &right)
     }
-}
-
-/// Inner products of columns with each other. Of a few they are quicker one by one than as a product of matrices, which are copied for it.
-fn squares(matrix: &DMatrix<f32>) -> DMatrix<f32> {
-    let count = matrix.ncols();
-    if count > FEW {
-        return matrix.transpose() * matrix;
-    }
-    let mut squares = DMatrix::zeros(count, count);
-    let columns: Vec<&[f32]> = matrix.as_slice().chunks(matrix.nrows().max(1)).collect();
-    for i in 0..count {
-        for j in 0..=i {
-            let product = dot(columns[i], columns[j]);
-            squares[(i, j)] = product;
-            squares[(j, i)] = product;
-        }
-    }
-    squares
 }
 
 /// About what the evidence gains by a column at its best size: half of ratio − 1 − ln ratio, the ratio that of the square of its score to its

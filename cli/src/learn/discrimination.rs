@@ -4,8 +4,8 @@ use nalgebra::{DMatrix, DVector};
 use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::Effect;
 
-use super::functions::Library;
-use super::problem::{Column, Problem, dots};
+use super::functions::{Library, Values};
+use super::problem::Problem;
 use super::rows::Run;
 
 /// Smallest share of a column that must be left beside the others of its effect: less is rounding.
@@ -24,11 +24,10 @@ pub struct Imitated {
 pub fn imitated(runs: &[Run], process: Option<&Process>, effects: &[Effect]) -> Vec<Vec<Imitated>> {
     let problem = Problem::new(runs, process);
     let library = Library::new(runs);
-    let columns: Vec<Vec<Column>> =
-        effects.iter().map(|effect| problem.columns(&library.values(runs, effect))).collect();
-    let all: Vec<&Column> = columns.iter().flatten().collect();
-    let products = dots(&all);
-    let first = |i: usize| columns[..i].iter().map(Vec::len).sum::<usize>();
+    let values: Vec<Values> = effects.iter().map(|effect| library.values(runs, effect)).collect();
+    let all: Vec<&Vec<f64>> = values.iter().flatten().collect();
+    let products = problem.columns(&all).squares();
+    let first = |i: usize| values[..i].iter().map(Vec::len).sum::<usize>();
     let scaled = |i: usize| {
         let effect = &effects[i];
         DVector::from_iterator(
@@ -36,7 +35,7 @@ pub fn imitated(runs: &[Run], process: Option<&Process>, effects: &[Effect]) -> 
             effect.weights.iter().enumerate().map(|(k, weight)| f64::from(*weight) / effect.prior(k)),
         )
     };
-    let block = |i: usize, j: usize| products.view((first(i), first(j)), (columns[i].len(), columns[j].len()));
+    let block = |i: usize, j: usize| products.view((first(i), first(j)), (values[i].len(), values[j].len()));
     let by_other = |i: usize, j: usize| {
         let own = scaled(i);
         let whole = own.dot(&(block(i, i) * &own));

@@ -8,8 +8,8 @@ use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::Effect;
 
 use super::family::{Common, Prior, Way};
-use super::functions::Library;
-use super::problem::{Column, Problem, dots};
+use super::functions::{Library, Values};
+use super::problem::Problem;
 use super::rows::Run;
 
 /// What the directions of a model file leave out of a weight's variance: it is known to this share of itself at best.
@@ -82,12 +82,11 @@ impl Statistics {
     pub fn of_runs(runs: &[Run], process: Option<&Process>, effects: &[Effect]) -> Self {
         let problem = Problem::new(runs, process);
         let library = Library::new(runs);
-        let columns: Vec<Column> =
-            effects.iter().flat_map(|effect| problem.columns(&library.values(runs, effect))).collect();
-        let all: Vec<&Column> = columns.iter().collect();
+        let values: Values = effects.iter().flat_map(|effect| library.values(runs, effect)).collect();
+        let columns = problem.columns(&values);
         Self {
-            gram: dots(&all),
-            right: DVector::from_iterator(all.len(), all.iter().map(|column| column.dot(&problem.residual))),
+            gram: columns.squares(),
+            right: columns.scores(&problem.residual),
             counts: effects.iter().map(Effect::count).collect(),
             silent: vec![false; effects.len()],
         }

@@ -182,9 +182,9 @@ pub fn gains_of(runs: &[Run], columns: Vec<Vec<f64>>) -> Option<Vec<Option<Worth
     let worth = |column: Vec<f64>| {
         let values = vec![column];
         let columns = bare.problem.columns(&values);
-        let (_, size2) = bare.fit.gain_of(&bare.problem, &[], &columns);
+        let (_, size2) = bare.fit.gain_of(&bare.problem, &columns);
         let effect = Effect::new(Port::Rate, &[]);
-        let term = Term { columns, ..Term::of_rates(effect, values, size2.max(1e-20)) };
+        let term = Term::of_rates(effect, values, size2.max(1e-20));
         let with = Model::new(runs, None, &[term])?.with_likeliest_process_or_offsets();
         Some(Worth {
             log_odds: with.evidence() - without,

@@ -37,10 +37,10 @@ impl<'a> Model<'a> {
     /// Of these effects in these runs; sizes are fitted. What large errors of the index add beyond what is linear in them is taken out.
     pub fn new(runs: &'a [Run], process: Option<Process>, terms: &[Term]) -> Option<Self> {
         let problem = Problem::with_known(runs, process.as_ref(), terms);
-        let with = |term: &Term| Term { columns: problem.columns(&term.values), ..term.clone() };
-        let mut terms: Vec<Term> = terms.iter().map(with).collect();
+        let mut gram = Gram::new(&problem, terms);
+        let mut terms = terms.to_vec();
         let sizes2: Vec<f64> = terms.iter().map(|term| term.size2).collect();
-        let fit = fit_sizes(&problem, &Gram::new(&problem, &terms), &mut terms, TURNS)?;
+        let fit = fit_sizes(&problem, &gram, &mut terms, TURNS)?;
         let mut model = Self { process, problem, terms, fit };
         let mut taken_out: Vec<f64> = Vec::new();
         for _ in 0..TURNS_OF_INDEX {
@@ -49,7 +49,7 @@ impl<'a> Model<'a> {
             model.problem.take_out(&beyond.iter().zip(before).map(|(all, before)| all - before).collect::<Vec<f64>>());
             taken_out = beyond;
             model.terms.iter_mut().zip(&sizes2).for_each(|(term, size2)| term.size2 = *size2);
-            let gram = Gram::new(&model.problem, &model.terms);
+            gram = gram.with_residual(&model.problem.residual);
             model.fit = fit_sizes(&model.problem, &gram, &mut model.terms, TURNS)?;
         }
         Some(model)
@@ -64,7 +64,7 @@ impl<'a> Model<'a> {
         let mut first = 0;
         let mut all = Vec::new();
         for term in &self.terms {
-            let own = first..first + term.columns.len();
+            let own = first..first + term.values.len();
             first = own.end;
             if is_wanted(term.effect.port) {
                 let mut sum = vec![0.0; term.functions.first().map_or(0, Vec::len)];
@@ -113,12 +113,12 @@ impl<'a> Model<'a> {
 
     /// The same by how well every run is predicted from the others: where a model is wrong, it is the better judge.
     pub fn predictive(&self, grammar: &Grammar) -> f64 {
-        self.problem.predictive(&self.terms) - self.cost(grammar)
+        self.problem.predictive(&self.fit) - self.cost(grammar)
     }
 
     /// Log odds of the model over another one that the runs leave, nats: what evidence and prediction both say, and how much more complex the other is.
     pub fn log_odds_over(&self, other: &Self) -> f64 {
-        let predictive = |model: &Self| model.problem.predictive(&model.terms);
+        let predictive = |model: &Self| model.problem.predictive(&model.fit);
         let said = f64::min(self.fit.evidence - other.fit.evidence, predictive(self) - predictive(other));
         said + other.cost_by(complexity) - self.cost_by(complexity)
     }
@@ -144,7 +144,7 @@ impl<'a> Model<'a> {
         let mut offset = DVector::zeros(mean.len());
         let mut first = 0;
         for term in &self.terms {
-            let count = term.columns.len();
+            let count = term.values.len();
             if let Some((known, _)) = &term.known {
                 turn.view_mut((first, first), (count, count)).copy_from(&known.prior.root);
                 offset.rows_mut(first, count).copy_from(&known.prior.mean);

@@ -4,10 +4,11 @@
 //! of the runs' own unknowns, e white noise and a process of every run's own. Linear and Gaussian, so that the marginal likelihood is exact
 //! (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, section 2.7).
 
-use std::ops::Range;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
-use nalgebra::{Cholesky, DMatrix, DVector, DVectorView, Dyn, Matrix2, Matrix3, RealField, Vector2, Vector3};
+use nalgebra::{
+    Cholesky, Const, DMatrix, DMatrixView, DVector, DVectorView, Dyn, Matrix2, Matrix3, RealField, U1, Vector2, Vector3,
+};
 use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::{Effect, Port};
 
@@ -16,30 +17,85 @@ use super::functions::{Library, Values};
 use super::process::Whitener;
 use super::rows::{self, Run, UNKNOWNS};
 
+/// Up to so many columns inner products are quicker one by one than as a product of matrices, and principal directions than a search without them.
+const FEW: usize = 12;
+
 /// A column of all runs with independent errors of variance 1, without what the runs' own unknowns explain: the inner product of two is that of
 /// `rows` less that of `explained`.
 #[derive(Clone, Debug)]
 pub struct Column {
-    rows: Vec<f64>,
-    explained: Vec<f64>,
+    rows: DVector<f64>,
+    explained: DVector<f64>,
 }
 
 impl Column {
     /// Inner product under the inverse of the runs' covariance.
     pub fn dot(&self, other: &Self) -> f64 {
-        dot(&self.rows, &other.rows) - dot(&self.explained, &other.explained)
+        self.rows.dot(&other.rows) - self.explained.dot(&other.explained)
+    }
+}
+
+/// Columns beside each other.
+#[derive(Clone, Debug)]
+pub struct Columns {
+    rows: DMatrix<f64>,
+    explained: DMatrix<f64>,
+}
+
+impl Columns {
+    /// Inner products with each other.
+    pub fn squares(&self) -> DMatrix<f64> {
+        squares(&self.rows) - squares(&self.explained)
     }
 
-    /// What one run adds to it: its rows, and the numbers of its unknowns.
-    fn dot_of_run(&self, other: &Self, rows: Range<usize>, unknowns: Range<usize>) -> f64 {
-        dot(&self.rows[rows.clone()], &other.rows[rows])
-            - dot(&self.explained[unknowns.clone()], &other.explained[unknowns])
+    /// Inner products with others, which are the columns of the result.
+    fn products(&self, others: &Self) -> DMatrix<f64> {
+        products(&self.rows, &others.rows) - products(&self.explained, &others.explained)
     }
 
-    fn add(&mut self, factor: f64, other: &Self) {
-        self.rows.iter_mut().zip(&other.rows).for_each(|(sum, value)| *sum += factor * value);
-        self.explained.iter_mut().zip(&other.explained).for_each(|(sum, value)| *sum += factor * value);
+    /// Inner products with one column.
+    pub fn scores(&self, column: &Column) -> DVector<f64> {
+        self.rows.tr_mul(&column.rows) - self.explained.tr_mul(&column.explained)
     }
+
+    /// Sum of the columns with these weights.
+    fn sum(&self, weights: &DVector<f64>) -> Column {
+        Column { rows: &self.rows * weights, explained: &self.explained * weights }
+    }
+
+    /// Rows of each, and what the unknowns explain.
+    fn each(&self) -> impl Iterator<Item = [&[f64]; 2]> {
+        let [rows, explained] = [&self.rows, &self.explained].map(|all| all.as_slice().chunks(all.nrows().max(1)));
+        rows.zip(explained).map(|(rows, explained)| [rows, explained])
+    }
+}
+
+/// Inner products of columns with each other.
+pub fn squares<T: RealField + Copy>(columns: &DMatrix<T>) -> DMatrix<T> {
+    let count = columns.ncols();
+    if count > FEW {
+        return transposed(columns) * columns;
+    }
+    let mut squares = DMatrix::zeros(count, count);
+    for i in 0..count {
+        for j in 0..=i {
+            let product = columns.column(i).dot(&columns.column(j));
+            squares[(i, j)] = product;
+            squares[(j, i)] = product;
+        }
+    }
+    squares
+}
+
+/// Inner products of columns with others.
+fn products(columns: &DMatrix<f64>, others: &DMatrix<f64>) -> DMatrix<f64> {
+    if columns.ncols().min(others.ncols()) > FEW { transposed(columns) * others } else { columns.tr_mul(others) }
+}
+
+/// The transpose, in the place where the matrix is: a product of matrices reads it in any order.
+fn transposed<T: RealField>(matrix: &DMatrix<T>) -> DMatrixView<'_, T, Dyn, U1> {
+    let (rows, columns) = matrix.shape();
+    DMatrixView::from_slice_with_strides_generic(matrix.as_slice(), Dyn(columns), Dyn(rows), Dyn(rows), Const::<1>)
 }
 
 /// The heading that the runs of one station share and nobody knows: one more unknown, of which the runs' own know nothing.
@@ -51,30 +107,12 @@ struct Station {
     weighed: Vec<f64>,
 }
 
-/// Columns beside each other: their rows, and what the runs' own unknowns explain.
-fn beside(columns: &[&Column]) -> [DMatrix<f64>; 2] {
-    let parts: [fn(&Column) -> &[f64]; 2] = [|column| &column.rows, |column| &column.explained];
-    parts.map(|part| {
-        let rows = columns.first().map_or(0, |column| part(column).len());
-        DMatrix::from_iterator(rows, columns.len(), columns.iter().flat_map(|column| part(column).iter().copied()))
-    })
-}
-
-/// Inner products of columns with each other: as a product of matrices several times as quick as one by one.
-pub fn dots(columns: &[&Column]) -> DMatrix<f64> {
-    dots_of(&beside(columns))
-}
-
-fn dots_of([rows, explained]: &[DMatrix<f64>; 2]) -> DMatrix<f64> {
-    rows.transpose() * rows - explained.transpose() * explained
-}
-
 struct OfRun {
     whitener: Whitener,
     /// The unknowns' columns, independent.
-    unknowns: [Vec<f64>; UNKNOWNS],
+    unknowns: DMatrix<f64>,
     /// Factor of the unknowns' precision.
-    factor: Cholesky<f64, nalgebra::Const<UNKNOWNS>>,
+    factor: Cholesky<f64, Const<UNKNOWNS>>,
 }
 
 /// The runs with one process of their own.
@@ -96,7 +134,7 @@ impl<'a> Problem<'a> {
             runs,
             of_runs,
             stations: Vec::new(),
-            residual: Column { rows: Vec::new(), explained: Vec::new() },
+            residual: Column { rows: DVector::zeros(0), explained: DVector::zeros(0) },
             without: 0.0,
         };
         problem.stations = rows::stations(runs).iter().map(|values| problem.station(values)).collect();
@@ -115,7 +153,8 @@ impl<'a> Problem<'a> {
     pub fn take_out(&mut self, offset: &[f64]) {
         let offset = self.column(offset);
         let before = self.residual.dot(&self.residual);
-        self.residual.add(-1.0, &offset);
+        self.residual.rows -= offset.rows;
+        self.residual.explained -= offset.explained;
         self.without += 0.5 * (before - self.residual.dot(&self.residual));
     }
 
@@ -126,24 +165,26 @@ impl<'a> Problem<'a> {
         problem
     }
 
-    /// Logarithm of the probability of every run by what all the others teach, with the sizes of these terms as they are, nats: p(y)/p(y without it).
-    pub fn predictive(&self, terms: &[Term]) -> f64 {
-        let columns: Vec<(&Column, f64)> =
-            terms.iter().flat_map(|term| term.columns.iter().map(|column| (column, term.size2.sqrt()))).collect();
-        let count = columns.len();
+    /// Logarithm of the probability of every run by what all the others teach, with the sizes of a fit as they are, nats: p(y)/p(y without it).
+    pub fn predictive(&self, fit: &Fit) -> f64 {
+        let columns: Vec<[&[f64]; 2]> = fit.columns.each().collect();
+        let residual = [self.residual.rows.as_slice(), self.residual.explained.as_slice()];
+        let (count, sizes) = (columns.len(), &fit.scales);
         let mut first = 0;
         let of_run = |(i, run): (usize, &OfRun)| {
             let rows = first..first + self.runs[i].rows();
             first = rows.end;
             let unknowns = UNKNOWNS * i..UNKNOWNS * (i + 1);
-            let dot = |a: &Column, b: &Column| a.dot_of_run(b, rows.clone(), unknowns.clone());
+            let dot = |a: [&[f64]; 2], b: [&[f64]; 2]| {
+                dot(&a[0][rows.clone()], &b[0][rows.clone()]) - dot(&a[1][unknowns.clone()], &b[1][unknowns.clone()])
+            };
             let mut gram = DMatrix::from_fn(count, count, |i, j| {
-                if j <= i { columns[i].1 * columns[j].1 * dot(columns[i].0, columns[j].0) } else { 0.0 }
+                if j <= i { sizes[i] * sizes[j] * dot(columns[i], columns[j]) } else { 0.0 }
             });
             gram.fill_upper_triangle_with_lower_triangle();
-            let right = DVector::from_iterator(count, columns.iter().map(|(c, size)| size * dot(c, &self.residual)));
+            let right = DVector::from_fn(count, |i, _| sizes[i] * dot(columns[i], residual));
             let determinant = run.whitener.log_determinant + 2.0 * run.factor.l().diagonal().map(f64::ln).sum();
-            (gram, right, -0.5 * (dot(&self.residual, &self.residual) + determinant))
+            (gram, right, -0.5 * (dot(residual, residual) + determinant))
         };
         let of_runs: Vec<_> = self.of_runs.iter().enumerate().map(of_run).collect();
         let whole = of_runs.iter().fold(DMatrix::identity(count, count), |sum, (gram, ..)| sum + gram);
@@ -163,7 +204,7 @@ impl<'a> Problem<'a> {
     /// Information that a run has of its azimuth beside its amplitude, its bias and the process, for one sigma of what is known of it beforehand.
     pub fn information(&self, run: usize) -> f64 {
         let Some(of_run) = self.of_runs.get(run) else { return 0.0 };
-        let product = |i: usize, j: usize| dot(&of_run.unknowns[i], &of_run.unknowns[j]);
+        let product = |i: usize, j: usize| of_run.unknowns.column(i).dot(&of_run.unknowns.column(j));
         let others = Matrix2::new(product(1, 1) + 1.0, product(1, 2), product(2, 1), product(2, 2) + 1.0);
         let across = Vector2::new(product(0, 1), product(0, 2));
         others.try_inverse().map_or(0.0, |inverse| product(0, 0) - across.dot(&(inverse * across)))
@@ -171,17 +212,36 @@ impl<'a> Problem<'a> {
 
     /// A column from its values by the row, all runs one after the other.
     pub fn column(&self, values: &[f64]) -> Column {
-        let mut column = Column { rows: values.to_vec(), explained: Vec::with_capacity(UNKNOWNS * self.of_runs.len()) };
-        let mut rest = column.rows.as_mut_slice();
-        for (of_run, run) in self.of_runs.iter().zip(self.runs) {
-            let (rows, after) = rest.split_at_mut(run.rows());
-            of_run.whitener.apply(rows);
-            column.explained.extend(of_run.explained(rows).iter());
-            rest = after;
+        let Columns { rows, explained } = self.columns(&[values]);
+        let [rows, explained] = [rows, explained].map(|all| DVector::from_column_slice(all.as_slice()));
+        Column { rows, explained }
+    }
+
+    /// The same of several, such as the values of an effect.
+    pub fn columns<V: AsRef<[f64]>>(&self, values: &[V]) -> Columns {
+        let length: usize = self.runs.iter().map(Run::rows).sum();
+        let mut all: Vec<f64> = Vec::with_capacity(length * values.len());
+        values.iter().for_each(|values| all.extend_from_slice(values.as_ref()));
+        let unknowns = UNKNOWNS * self.of_runs.len();
+        let mut explained = DMatrix::zeros(unknowns + self.stations.len(), values.len());
+        let (mut first, mut lanes) = (0, Vec::new());
+        for (i, (of_run, run)) in self.of_runs.iter().zip(self.runs).enumerate() {
+            let own = first..first + run.rows();
+            of_run.whitener.apply_all(&mut all, length, first, &mut lanes, |value| value);
+            for (column, mut explained) in all.chunks(length.max(1)).zip(explained.column_iter_mut()) {
+                let of_rows = of_run.explained(&column[own.clone()]);
+                explained.fixed_rows_mut::<UNKNOWNS>(UNKNOWNS * i).copy_from(&of_rows);
+            }
+            first = own.end;
         }
-        let of_stations: Vec<f64> = self.stations.iter().map(|each| each.column.dot(&column) / each.root).collect();
-        column.explained.extend(of_stations);
-        column
+        for (s, station) in self.stations.iter().enumerate() {
+            let (heading, known) = (&station.column.rows, &station.column.explained);
+            for (column, mut explained) in all.chunks(length.max(1)).zip(explained.column_iter_mut()) {
+                let of_runs = known.dot(&explained.rows(0, unknowns));
+                explained[unknowns + s] = (dot(heading.as_slice(), column) - of_runs) / station.root;
+            }
+        }
+        Columns { rows: DMatrix::from_vec(length, values.len(), all), explained }
     }
 
     /// From what one sigma of its heading adds to the rates of all runs, before there are stations.
@@ -190,28 +250,21 @@ impl<'a> Problem<'a> {
         Station { root: (1.0 + column.dot(&column)).sqrt(), weighed: self.weighed(&column), column }
     }
 
-    /// Columns from the values of an effect.
-    pub fn columns(&self, values: &Values) -> Vec<Column> {
-        values.iter().map(|values| self.column(values)).collect()
-    }
-
     /// V⁻¹ times a column, by the row, all runs one after the other: what the values of any other column are multiplied with for their inner product.
     pub fn weighed(&self, column: &Column) -> Vec<f64> {
-        let mut first = 0;
-        let weigh = |(i, run): (usize, &OfRun)| {
-            let rows = self.runs[i].rows();
-            let mut values = column.rows[first..first + rows].to_vec();
-            first += rows;
-            let explained = Vector3::from_column_slice(&column.explained[UNKNOWNS * i..UNKNOWNS * (i + 1)]);
+        let mut weighed = column.rows.as_slice().to_vec();
+        let mut rest = weighed.as_mut_slice();
+        for (i, (of_run, run)) in self.of_runs.iter().zip(self.runs).enumerate() {
+            let (values, after) = rest.split_at_mut(run.rows());
+            let explained = column.explained.fixed_rows::<UNKNOWNS>(UNKNOWNS * i);
             // explained = L⁻¹ Nᵀ x, so that Nᵀ-ward it enters by L⁻ᵀ.
-            let shares = run.factor.l().transpose().solve_upper_triangular(&explained).unwrap_or_default();
-            for (k, unknown) in run.unknowns.iter().enumerate() {
-                values.iter_mut().zip(unknown).for_each(|(value, unknown)| *value -= shares[k] * unknown);
+            let shares = of_run.factor.l_dirty().tr_solve_lower_triangular(&explained).unwrap_or_default();
+            for (share, unknown) in shares.iter().zip(of_run.unknowns.column_iter()) {
+                values.iter_mut().zip(unknown.iter()).for_each(|(value, unknown)| *value -= share * unknown);
             }
-            run.whitener.apply_transposed(&mut values);
-            values
-        };
-        let mut weighed: Vec<f64> = self.of_runs.iter().enumerate().flat_map(weigh).collect();
+            of_run.whitener.apply_transposed(values);
+            rest = after;
+        }
         for (station, share) in self.stations.iter().zip(column.explained.iter().skip(UNKNOWNS * self.of_runs.len())) {
             let factor = share / station.root;
             weighed.iter_mut().zip(&station.weighed).for_each(|(value, of_station)| *value -= factor * of_station);
@@ -219,28 +272,26 @@ impl<'a> Problem<'a> {
         weighed
     }
 
-    /// What is left of the residual with these effects, as a column: the residual less the mean of what they explain.
-    pub fn left(&self, terms: &[Term], fit: &Fit) -> Column {
-        let mut left = self.residual.clone();
-        for (column, mean) in terms.iter().flat_map(|term| &term.columns).zip(fit.scaled_means()) {
-            left.add(-mean, column);
-        }
-        left
+    /// What a fit leaves of the residual, as a column: the residual less the mean of what its effects explain.
+    pub fn left(&self, fit: &Fit) -> Column {
+        let mean = fit.columns.sum(&DVector::from_vec(fit.scaled_means()));
+        Column { rows: &self.residual.rows - mean.rows, explained: &self.residual.explained - mean.explained }
     }
 }
 
 impl OfRun {
     fn new(run: &Run, process: Option<&Process>) -> Option<Self> {
         let whitener = Whitener::new(run.for_whitening(), process);
-        let mut unknowns = run.unknowns();
-        unknowns.iter_mut().for_each(|column| whitener.apply(column));
-        let precision = Matrix3::from_fn(|i, j| dot(&unknowns[i], &unknowns[j]) + if i == j { 1.0 } else { 0.0 });
+        let mut unknowns = DMatrix::from_vec(run.rows(), UNKNOWNS, run.unknowns().concat());
+        whitener.apply_all(unknowns.as_mut_slice(), run.rows(), 0, &mut Vec::new(), |value| value);
+        let product = |i: usize, j: usize| unknowns.column(i).dot(&unknowns.column(j));
+        let precision = Matrix3::from_fn(|i, j| product(i, j) + if i == j { 1.0 } else { 0.0 });
         Some(Self { factor: precision.cholesky()?, whitener, unknowns })
     }
 
     fn explained(&self, rows: &[f64]) -> Vector3<f64> {
-        let shares = Vector3::from_fn(|i, _| dot(&self.unknowns[i], rows));
-        self.factor.l().solve_lower_triangular(&shares).unwrap_or_default()
+        let shares = Vector3::from_fn(|i, _| dot(self.unknowns.column(i).as_slice(), rows));
+        self.factor.l_dirty().solve_lower_triangular(&shares).unwrap_or_default()
     }
 }
 
@@ -257,7 +308,6 @@ pub struct Term {
     pub values: Arc<Values>,
     /// The products of its functions by themselves, for one unit of the weights' priors: what they add at its port, in the port's unit.
     pub functions: Arc<Values>,
-    pub columns: Vec<Column>,
     /// Square of its size, in units of its weights' priors.
     pub size2: f64,
     /// What is known of it beforehand, and what it then adds to the rates on average, by the row.
@@ -268,7 +318,7 @@ impl Term {
     /// Of an effect that adds to the rates and has these columns, of this size.
     pub fn of_rates(effect: Effect, values: Values, size2: f64) -> Self {
         let values = Arc::new(values);
-        Self { effect, functions: values.clone(), values, columns: Vec::new(), size2, known: None }
+        Self { effect, functions: values.clone(), values, size2, known: None }
     }
 
     /// Of an effect in some runs, of this size.
@@ -310,6 +360,7 @@ impl Term {
 /// Inner products of the columns of terms with each other and with the residual.
 #[derive(Clone, Debug)]
 pub struct Gram {
+    columns: Arc<Columns>,
     matrix: DMatrix<f64>,
     right: DVector<f64>,
     /// Number of the term of each column.
@@ -318,11 +369,16 @@ pub struct Gram {
 
 impl Gram {
     pub fn new(problem: &Problem<'_>, terms: &[Term]) -> Self {
-        let columns: Vec<&Column> = terms.iter().flat_map(|term| &term.columns).collect();
-        let matrix = dots(&columns);
-        let right = DVector::from_iterator(columns.len(), columns.iter().map(|column| column.dot(&problem.residual)));
-        let owner = terms.iter().enumerate().flat_map(|(i, term)| std::iter::repeat_n(i, term.columns.len())).collect();
-        Self { matrix, right, owner }
+        let values: Vec<&Vec<f64>> = terms.iter().flat_map(|term| term.values.iter()).collect();
+        let columns = problem.columns(&values);
+        let owner = terms.iter().enumerate().flat_map(|(i, term)| std::iter::repeat_n(i, term.values.len())).collect();
+        let (matrix, right) = (columns.squares(), columns.scores(&problem.residual));
+        Self { columns: Arc::new(columns), matrix, right, owner }
+    }
+
+    /// The same with another residual.
+    pub fn with_residual(self, residual: &Column) -> Self {
+        Self { right: self.columns.scores(residual), ..self }
     }
 }
 
@@ -334,8 +390,8 @@ pub struct Fit {
     /// L⁻¹ S right.
     half: DVector<f64>,
     owner: Vec<usize>,
-    /// L⁻¹ S times the terms' columns, in rows and in what the unknowns explain: for what further columns have in common with them.
-    along: OnceLock<[DMatrix<f64>; 2]>,
+    /// The terms' columns: for what further ones have in common with them.
+    columns: Arc<Columns>,
 }
 
 impl Fit {
@@ -349,17 +405,13 @@ impl Fit {
         let half = factor.l_dirty().solve_lower_triangular(&gram.right.component_mul(&scales))?;
         let log_determinant = factor.l_dirty().diagonal().map(f64::ln).sum();
         let evidence = problem.without + 0.5 * half.norm_squared() - log_determinant;
-        Some(Self { evidence, scales, factor, half, owner: gram.owner.clone(), along: OnceLock::new() })
+        Some(Self { evidence, scales, factor, half, owner: gram.owner.clone(), columns: gram.columns.clone() })
     }
 
     /// Means of the weights, in units of their priors.
     pub fn scaled_means(&self) -> Vec<f64> {
-        let inner = self
-            .factor
-            .l_dirty()
-            .transpose()
-            .solve_upper_triangular(&self.half)
-            .unwrap_or_else(|| DVector::zeros(self.scales.len()));
+        let inner = self.factor.l_dirty().tr_solve_lower_triangular(&self.half);
+        let inner = inner.unwrap_or_else(|| DVector::zeros(self.scales.len()));
         inner.component_mul(&self.scales).iter().copied().collect()
     }
 
@@ -373,11 +425,10 @@ impl Fit {
     /// determine.
     fn next_sizes2(&self, sizes2: &[f64]) -> Vec<f64> {
         let means = self.scaled_means();
-        let inverse = self.factor.inverse();
         let mut determined = vec![0.0; sizes2.len()];
         let mut squares = vec![0.0; sizes2.len()];
         for (i, &term) in self.owner.iter().enumerate() {
-            determined[term] += 1.0 - inverse[(i, i)];
+            determined[term] += 1.0 - self.variance(i);
             squares[term] += means[i] * means[i];
         }
         determined
@@ -388,37 +439,39 @@ impl Fit {
             .collect()
     }
 
-    /// What more the evidence would be with further columns of one effect, at its best size: (gain, size²). `terms` are those of the fit.
-    pub fn gain_of(&self, problem: &Problem<'_>, terms: &[Term], columns: &[Column]) -> (f64, f64) {
-        let columns: Vec<&Column> = columns.iter().collect();
-        let further = beside(&columns);
-        let mut own = dots_of(&further);
-        let residual = columns.iter().map(|column| column.dot(&problem.residual));
-        let mut right = DVector::from_iterator(columns.len(), residual);
+    /// Diagonal of (L Lᵀ)⁻¹: squares of the columns of L⁻¹, which is triangular as well.
+    fn variance(&self, i: usize) -> f64 {
+        let count = self.scales.len() - i;
+        let mut column = DVector::zeros(count);
+        column[0] = 1.0;
+        self.factor.l_dirty().view((i, i), (count, count)).solve_lower_triangular_mut(&mut column);
+        column.norm_squared()
+    }
+
+    /// What more the evidence would be with further columns of one effect, at its best size: (gain, size²).
+    pub fn gain_of(&self, problem: &Problem<'_>, columns: &Columns) -> (f64, f64) {
+        let mut own = columns.squares();
+        let mut right = columns.scores(&problem.residual);
         if !self.scales.is_empty() {
-            let [rows, explained] = self.along.get_or_init(|| self.along(terms));
-            let half = rows * &further[0] - explained * &further[1];
-            own -= half.tr_mul(&half);
+            let mut half = self.columns.products(columns);
+            half.column_iter_mut().for_each(|mut column| column.component_mul_assign(&self.scales));
+            // The factor of a positive matrix has no 0 on its diagonal.
+            self.factor.l_dirty().solve_lower_triangular_mut(&mut half);
+            own -= squares(&half);
             right -= half.tr_mul(&self.half);
         }
         best_size(own, &right)
     }
-
-    fn along(&self, terms: &[Term]) -> [DMatrix<f64>; 2] {
-        let columns: Vec<&Column> = terms.iter().flat_map(|term| &term.columns).collect();
-        beside(&columns).map(|part| {
-            let mut along = part.transpose();
-            along.column_iter_mut().for_each(|mut column| column.component_mul_assign(&self.scales));
-            // The factor of a positive matrix has no 0 on its diagonal.
-            self.factor.l_dirty().solve_lower_triangular_mut(&mut along);
-            along
-        })
-    }
 }
 
-/// The size at which a group of columns has the greatest evidence: (gain, size²). In the columns' principal directions with information λ and
-/// score y it is Σ ½ s²y²/(1 + s²λ) − ½ ln(1 + s²λ).
+/// The size at which a group of columns has the greatest evidence: (gain, size²).
 fn best_size(own: DMatrix<f64>, right: &DVector<f64>) -> (f64, f64) {
+    let by_pivots = if right.len() > FEW { best_size_by_pivots(own.clone(), right) } else { None };
+    by_pivots.unwrap_or_else(|| best_size_by_directions(own, right))
+}
+
+/// In the columns' principal directions with information λ and score y the evidence is Σ ½ s²y²/(1 + s²λ) − ½ ln(1 + s²λ).
+fn best_size_by_directions(own: DMatrix<f64>, right: &DVector<f64>) -> (f64, f64) {
     let eigen = own.symmetric_eigen();
     let scores = eigen.eigenvectors.tr_mul(right);
     let gain = |size2: f64| -> f64 {
@@ -428,13 +481,55 @@ fn best_size(own: DMatrix<f64>, right: &DVector<f64>) -> (f64, f64) {
         };
         eigen.eigenvalues.iter().zip(scores.iter()).map(of).sum()
     };
-    let information = eigen.eigenvalues.max();
+    best_of_sizes(eigen.eigenvalues.max(), gain)
+}
+
+/// The same in directions in which the information is tridiagonal (Householder), which are found several times as quickly. `None` where rounding
+/// leaves a direction with negative information: principal ones tell that it is none.
+fn best_size_by_pivots(own: DMatrix<f64>, right: &DVector<f64>) -> Option<(f64, f64)> {
+    let (turn, diagonal, beside) = own.symmetric_tridiagonalize().unpack();
+    let scores = turn.tr_mul(right);
+    // Elimination in `shift` I + `factor` T: the pivots, and what is left of the scores.
+    let eliminated = |shift: f64, factor: f64| {
+        let (mut pivot, mut left) = (1.0, 0.0);
+        let (scores, diagonal, beside) = (&scores, &diagonal, &beside);
+        (0..scores.len()).map(move |i| {
+            let across = if i > 0 { factor * beside[i - 1] } else { 0.0 };
+            let share = across / pivot;
+            left = scores[i] - share * left;
+            pivot = shift + factor * diagonal[i] - share * across;
+            (pivot, left)
+        })
+    };
+    // Its greatest eigenvalue, by bisection: above it all pivots are positive.
+    let (mut low, mut information) = (diagonal.max(), diagonal.max() + 2.0 * beside.max());
+    for _ in 0..f64::MANTISSA_DIGITS {
+        let middle = 0.5 * (low + information);
+        let is_above = eliminated(middle, -1.0).all(|(pivot, _)| pivot > 0.0);
+        if is_above { information = middle } else { low = middle }
+    }
+    // But for rounding no pivot is less than 1.
+    let is_positive = eliminated(1.0, tried_size2(21, information)).all(|(pivot, _)| pivot > 0.9);
+    let gain = |size2: f64| -> f64 {
+        eliminated(1.0, size2).map(|(pivot, left)| 0.5 * (size2 * left * left / pivot - pivot.ln())).sum()
+    };
+    is_positive.then(|| best_of_sizes(information, gain))
+}
+
+/// Square of a size that is tried: of number 0 what moves the strongest direction, which has this information, by a tenth of its error; of number 20 by
+/// ten thousand errors. The gain is smooth in the logarithm.
+fn tried_size2(number: i32, information: f64) -> f64 {
+    10f64.powf(-2.0 + 0.5 * f64::from(number)) / information
+}
+
+/// The size with the greatest gain: (gain, size²).
+fn best_of_sizes(information: f64, gain: impl Fn(f64) -> f64) -> (f64, f64) {
     if !(information > 0.0 && information.is_finite()) {
         return (0.0, 0.0);
     }
-    // From what moves the strongest direction by a tenth of its error to ten thousand errors; the gain is smooth in the logarithm.
-    let size2 = |i: i32| 10f64.powf(-2.0 + 0.5 * f64::from(i)) / information;
-    let best = (0..=20).max_by(|&a, &b| gain(size2(a)).total_cmp(&gain(size2(b)))).unwrap_or(0);
+    let size2 = |number: i32| tried_size2(number, information);
+    let tried = (0..=20).map(|number| (gain(size2(number)), number));
+    let best = tried.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(0, |(_, number)| number);
     let (mut low, mut high) = (size2(best - 1).ln(), size2(best + 1).ln());
     for _ in 0..8 {
         let (a, b) = (low + 0.382 * (high - low), low + 0.618 * (high - low));
@@ -505,13 +600,29 @@ mod tests {
             let values: Values = values.iter().map(own).collect();
             let problem = Problem::new(&runs, Some(&process));
             let effect = Effect::new(north_finder::effects::effect::Port::Rate, &[]);
-            let columns = problem.columns(&values);
-            let terms = [Term { columns, ..Term::of_rates(effect, values, 0.7) }];
-            let evidence = Fit::new(&problem, &Gram::new(&problem, &terms), &[0.7]).unwrap().evidence;
-            (evidence, problem.predictive(&terms))
+            let fit = Fit::new(&problem, &Gram::new(&problem, &[Term::of_rates(effect, values, 0.7)]), &[0.7]).unwrap();
+            (fit.evidence, problem.predictive(&fit))
         };
         let (of_all, predictive) = with(&[0, 1, 2]);
         let expected: f64 = [[1, 2], [0, 2], [0, 1]].map(|others| of_all - with(&others).0).into_iter().sum();
         assert!((predictive - expected).abs() < 1e-8, "{predictive} {expected}");
+    }
+
+    /// Twenty columns of thirty numbers without order: a product of matrices holds their inner products one by one, and by pivots the best size is that
+    /// by principal directions.
+    #[test]
+    fn the_best_size_needs_no_principal_directions() {
+        let number = |i: usize, j: usize| (12.9898 * i as f64 + 78.233 * j as f64).sin() * 43758.5453 % 1.0;
+        let columns = DMatrix::from_fn(30, 20, number);
+        let own = squares(&columns);
+        assert!(
+            (&own - columns.tr_mul(&columns)).amax() < 1e-12 && (&own - products(&columns, &columns)).amax() < 1e-12
+        );
+        for strength in [0.1, 1.0, 10.0] {
+            let right = DVector::from_fn(20, |i, _| strength * number(i, 50));
+            let (gain, size2) = best_size_by_pivots(own.clone(), &right).unwrap();
+            let expected = best_size_by_directions(own.clone(), &right);
+            assert!((gain - expected.0).abs() < 1e-9 && (size2 / expected.1 - 1.0).abs() < 1e-9, "{gain} {expected:?}");
+        }
     }
 }

@@ -56,7 +56,7 @@ impl Blunder {
 pub fn likeliest(model: &Model<'_>) -> Option<(f64, Blunder)> {
     let problem = &model.problem;
     let runs = problem.runs;
-    let all = proposed(runs, &misses(problem, &problem.weighed(&problem.left(&model.terms, &model.fit))));
+    let all = proposed(runs, &misses(problem, &problem.weighed(&problem.left(&model.fit))));
     let gain = |blunder: Blunder, evidence_in: &dyn Fn(&[Run]) -> Option<f64>| {
         let evidence = evidence_in(&blunder.mended(runs))?;
         Some((evidence - model.evidence() - blunder.cost(runs.len()), blunder))
