@@ -154,19 +154,26 @@ impl Proposals<'_> {
         constants: &[(usize, usize)],
         gain_of: &dyn Fn(&Effect) -> f64,
     ) -> (f64, Effect) {
+        // Of every constant the step to begin with, and the effect when its steps were last tried.
+        let mut known: Vec<(f64, Option<Effect>)> = vec![(FIRST_STEP, None); constants.len()];
         for _ in 0..tuning.rounds {
             let before = gain;
-            for &(f, number) in constants {
+            for (&(f, number), (first_step, tried)) in constants.iter().zip(&mut known) {
+                if tried.as_ref() == Some(&effect) {
+                    continue;
+                }
                 let unit = self.unit(&effect.factors[f], number);
-                let least_step = tuning.least_step / fineness(&effect.factors[f]);
-                let mut step = FIRST_STEP;
-                while step > least_step {
+                let fineness = fineness(&effect.factors[f]);
+                let mut step = *first_step;
+                while step > tuning.least_step / fineness {
                     let last = gain;
                     for sign in [1.0, -1.0] {
                         let Some(each) = moved_by(&effect, f, number, sign * step * unit) else { continue };
                         let above = gain_of(&each);
                         if above > gain {
                             (gain, effect) = (above, each);
+                            // Where it jumps, the gain has maxima at all distances.
+                            *first_step = if fineness > 1.0 { FIRST_STEP } else { FIRST_STEP.min(2.0 * step) };
                             break;
                         }
                     }
@@ -176,6 +183,7 @@ impl Proposals<'_> {
                         step *= 0.5;
                     }
                 }
+                *tried = Some(effect.clone());
             }
             if gain < before + 1.0 {
                 break;
