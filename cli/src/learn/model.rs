@@ -22,6 +22,10 @@ const TURNS_OF_INDEX: usize = 2;
 /// Offsets of the rests that are tried: the noise of a row by these powers of two, from less than a dwell's mean shows to a hundred times the noise.
 const OFFSETS: std::ops::RangeInclusive<i32> = -3..=8;
 
+/// A process of another kernel is tuned if with the constants of the best one it is less likely by no more than this, nats: one that suits the runs is
+/// about as likely before it is tuned.
+const UNTUNED_NATS: f64 = 10.0;
+
 /// Shortest period of ringing that rates of a second show: some ten of them.
 const SHORTEST_PERIOD_S: f64 = 10.0;
 
@@ -197,8 +201,13 @@ impl<'a> Model<'a> {
             |processes: &[Option<Process>]| processes.par_iter().filter_map(score).max_by(|a, b| a.0.total_cmp(&b.0));
         let tuned = |mut top: f64, mut process: Process| {
             let mut step = 0.7;
+            // What was tried is no better.
+            let mut tried = vec![process];
             while step > 0.15 {
-                match likeliest(&neighbours(&process, step, &lengths)) {
+                let mut near = neighbours(&process, step, &lengths);
+                near.retain(|each| each.is_none_or(|each| !tried.iter().any(|known| is_same(known, &each))));
+                tried.extend(near.iter().flatten());
+                match likeliest(&near) {
                     Some((above, Some(each))) if above > top + 1e-3 => (top, process) = (above, each),
                     _ => step *= 0.5,
                 }
@@ -207,24 +216,20 @@ impl<'a> Model<'a> {
         };
         let exponential = |time_s| Some(Process { kernel: Kernel::Exponential, sigma_deg_h: 0.5 * noise, time_s });
         let transient = |time_s| Some(Process { kernel: Kernel::Transient, sigma_deg_h: noise, time_s });
-        let starts = [
-            best.process,
-            None,
-            exponential(4.0),
-            exponential(20.0),
-            exponential(100.0),
-            transient(5.0),
-            transient(25.0),
-        ];
-        let Some((top, first)) = likeliest(&starts) else { return best };
+        let own = (best.fit.evidence - process_cost(&best.process), best.process);
+        let mut starts =
+            vec![None, exponential(4.0), exponential(20.0), exponential(100.0), transient(5.0), transient(25.0)];
+        starts.retain(|process| *process != best.process);
+        let (top, first) = likeliest(&starts).filter(|other| other.0 > own.0).unwrap_or(own);
         // Another kernel suits with other constants.
         let process = first.map(|first| {
             let found = tuned(top, first);
-            let others = other_kernels(&found.1, &lengths).into_iter().filter_map(|other| score(&other));
+            let others = other_kernels(&found.1, &lengths).into_par_iter().filter_map(|other| score(&other));
             let others: Vec<(f64, Process)> = others.filter_map(|(above, other)| Some((above, other?))).collect();
             let smoother = others.iter().find(|(_, other)| other.kernel == Kernel::Matern);
             let likeliest = others.iter().max_by(|a, b| a.0.total_cmp(&b.0));
             let further = smoother.into_iter().chain(likeliest.filter(|other| Some(*other) != smoother));
+            let further = further.filter(|(above, _)| *above > found.0 - UNTUNED_NATS);
             let further = further.map(|(above, other)| tuned(*above, *other));
             further.fold(found, |best, other| if other.0 > best.0 { other } else { best }).1
         });
@@ -293,6 +298,16 @@ fn neighbours(process: &Process, step: f64, lengths: &Lengths) -> Vec<Option<Pro
     [step.exp(), (-step).exp()].into_iter().flat_map(by).filter(Option::is_some).collect()
 }
 
+/// Whether two processes of one kernel have the same constants but for rounding.
+fn is_same(a: &Process, b: &Process) -> bool {
+    let period_s = |process: &Process| match process.kernel {
+        Kernel::DampedCosine { period_s } => period_s,
+        _ => 1.0,
+    };
+    let ratios = [a.sigma_deg_h / b.sigma_deg_h, a.time_s / b.time_s, period_s(a) / period_s(b)];
+    ratios.into_iter().all(|ratio| (ratio - 1.0).abs() < 1e-9)
+}
+
 /// Processes of other kernels for which this one may stand: a smoother one, ringing of all periods of which a run sees one at least, and what moves
 /// leave behind.
 fn other_kernels(process: &Process, lengths: &Lengths) -> Vec<Option<Process>> {
@@ -348,6 +363,12 @@ mod tests {
         assert!((process_cost(&Some(ringing)) - (3.0 * 8f64.ln() + 3f64.ln())).abs() < 1e-12);
         assert_eq!(neighbours(&ringing, 0.7, &LENGTHS).len(), 6);
         assert_eq!(neighbours(&exponential, 0.7, &LENGTHS).len(), 4);
+        let near = neighbours(&exponential, 0.7, &LENGTHS)[0].unwrap();
+        assert!(!is_same(&near, &exponential));
+        assert_eq!(
+            neighbours(&near, 0.7, &LENGTHS).iter().flatten().filter(|each| is_same(each, &exponential)).count(),
+            1
+        );
     }
 
     /// Eight runs whose rate, beside the Earth's at four positions in turn, rings with a period of 30 s and another phase each time.
