@@ -9,6 +9,7 @@ use super::family::Known;
 use super::functions::Library;
 use super::grammar::{Grammar, complexity};
 use super::problem::{Fit, Gram, Problem, Term, fit_sizes};
+use super::proposals::NEGLIGIBLE;
 use super::rows::Run;
 
 /// Turns of the sizes' fixed point; it moves by less than 2 % then.
@@ -21,10 +22,6 @@ const TURNS_OF_INDEX: usize = 2;
 
 /// Offsets of the rests that are tried: the noise of a row by these powers of two, from less than a dwell's mean shows to a hundred times the noise.
 const OFFSETS: std::ops::RangeInclusive<i32> = -3..=8;
-
-/// A process of another kernel is tuned if with the constants of the best one it is less likely by no more than this, nats: one that suits the runs is
-/// about as likely before it is tuned.
-const UNTUNED_NATS: f64 = 10.0;
 
 /// Shortest period of ringing that rates of a second show: some ten of them.
 const SHORTEST_PERIOD_S: f64 = 10.0;
@@ -216,11 +213,16 @@ impl<'a> Model<'a> {
         };
         let exponential = |time_s| Some(Process { kernel: Kernel::Exponential, sigma_deg_h: 0.5 * noise, time_s });
         let transient = |time_s| Some(Process { kernel: Kernel::Transient, sigma_deg_h: noise, time_s });
-        let own = (best.fit.evidence - process_cost(&best.process), best.process);
-        let mut starts =
-            vec![None, exponential(4.0), exponential(20.0), exponential(100.0), transient(5.0), transient(25.0)];
-        starts.retain(|process| *process != best.process);
-        let (top, first) = likeliest(&starts).filter(|other| other.0 > own.0).unwrap_or(own);
+        let starts = [
+            best.process,
+            None,
+            exponential(4.0),
+            exponential(20.0),
+            exponential(100.0),
+            transient(5.0),
+            transient(25.0),
+        ];
+        let Some((top, first)) = likeliest(&starts) else { return best };
         // Another kernel suits with other constants.
         let process = first.map(|first| {
             let found = tuned(top, first);
@@ -229,7 +231,8 @@ impl<'a> Model<'a> {
             let smoother = others.iter().find(|(_, other)| other.kernel == Kernel::Matern);
             let likeliest = others.iter().max_by(|a, b| a.0.total_cmp(&b.0));
             let further = smoother.into_iter().chain(likeliest.filter(|other| Some(*other) != smoother));
-            let further = further.filter(|(above, _)| *above > found.0 - UNTUNED_NATS);
+            // Ten nats behind before it is tuned: one that suits the runs is about as likely with the best one's constants.
+            let further = further.filter(|(above, _)| *above > found.0 - 2.5 * NEGLIGIBLE);
             let further = further.map(|(above, other)| tuned(*above, *other));
             further.fold(found, |best, other| if other.0 > best.0 { other } else { best }).1
         });
