@@ -230,12 +230,15 @@ impl Proposals<'_> {
         let mut best = best.into_all();
         best.sort_by(|a, b| b.0.total_cmp(&a.0));
         best.truncate(NEAREST);
-        let tuned = |(gain, each): (f64, Effect)| {
+        let tuned = |(place, (gain, each)): (usize, (f64, Effect))| {
+            if place >= OF_A_KIND * TUNED {
+                return each;
+            }
             let count = each.factors[f].dynamics.iter().map(|dynamics| dynamics.constants().len()).sum::<usize>();
             let constants = moves_of(f, &each.factors[f], 0..count);
             self.tuned_by(each, gain, &ROUGHLY, &constants, &gain_of).1
         };
-        best.into_par_iter().map(tuned).collect()
+        best.into_par_iter().enumerate().map(tuned).collect()
     }
 
     /// Unit in which a constant of a factor is tuned: 1 for the logarithm of a scale; of a place the width that its shape has, or else the standard
