@@ -72,7 +72,7 @@ impl<T: Clone> Last<T> {
 mod tests {
     use north_finder::effects::signal::Signal;
 
-    use super::super::grammar::IDENTITY;
+    use super::super::spans::IDENTITY;
     use super::*;
 
     /// Two of half of the room each are kept, and with a third the one goes that was asked for least recently; what is held does not go.

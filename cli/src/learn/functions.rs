@@ -9,8 +9,8 @@ use north_finder::effects::part::Span;
 use north_finder::effects::shape::{Shape, Smooth};
 
 use super::evaluation_cache::EvaluationCache;
-use super::grammar::{IDENTITY, span};
 use super::rows::{Run, depends_on_azimuth, functions_of_rows};
+use super::spans::{IDENTITY, span};
 
 /// Columns of an effect for one unit of its weights' priors, °/h: by weight and row, all runs one after the other.
 pub type Values = Vec<Vec<f64>>;

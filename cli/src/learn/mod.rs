@@ -25,6 +25,7 @@ mod references;
 mod rounding;
 mod rows;
 mod search;
+mod spans;
 mod triples;
 mod tuning;
 mod unknowns;

@@ -13,7 +13,7 @@ use super::model::Model;
 use super::pairs::Pairs;
 use super::problem::Term;
 use super::rows::Run;
-use super::triples::Triples;
+use super::triples::{Judges, Triples};
 
 /// Proposals whose exact evidence is computed, and those that are tuned: of one factor or two, and of three, which do not displace the others.
 const SHORTLIST: usize = 40;
@@ -202,7 +202,9 @@ impl<'a> Proposals<'a> {
         let pairs = self.pairs.shortlist(&left, &self.grammar, SHORTLIST);
         shortlist.extend(self.with_a_third(&pairs[..reach.pairs.min(pairs.len())], &left));
         shortlist.extend(pairs.into_iter().flatten());
-        shortlist.extend(self.triples.shortlist(&left, self, reach.signals, OF_THREE));
+        let Self { runs, grammar, bank, further, .. } = self;
+        let judges = Judges { left: &left, runs, grammar, bank, further };
+        shortlist.extend(self.triples.shortlist(&judges, reach.signals, OF_THREE));
         (left, shortlist)
     }
 

@@ -577,7 +577,7 @@ mod tests {
     use north_finder::fix::DesignRow;
 
     use super::super::functions::Library;
-    use super::super::grammar::IDENTITY;
+    use super::super::spans::IDENTITY;
     use super::*;
 
     /// Of these seconds (values of a signal), each a second long.

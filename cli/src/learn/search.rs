@@ -471,7 +471,7 @@ mod tests {
     use north_finder::effects::factor::Factor;
     use north_finder::effects::signal::Signal;
 
-    use super::super::grammar::IDENTITY;
+    use super::super::spans::IDENTITY;
     use super::*;
 
     /// A model file has room for eight effects: a ninth, which may be tried when a product is taken apart, is refused.

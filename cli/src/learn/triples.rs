@@ -14,7 +14,7 @@ use super::bank::{Bank, BestOfEach, Left};
 use super::further::{Further, Gate};
 use super::grammar::Grammar;
 use super::pairs::{Half, independent, information, ratio, weighed};
-use super::proposals::Proposals;
+use super::rows::Run;
 
 /// Functions of every signal: principal components of all that its factors can be.
 const FUNCTIONS: usize = 4;
@@ -22,6 +22,15 @@ const FUNCTIONS: usize = 4;
 const SWEEPS: usize = 2;
 /// Forms of a factor that are tried: a line and a curve.
 const FORMS: usize = 2;
+
+/// What products of three are judged by: what a model leaves, of these runs.
+pub struct Judges<'a> {
+    pub left: &'a Left,
+    pub runs: &'a [Run],
+    pub grammar: &'a Grammar,
+    pub bank: &'a Bank,
+    pub further: &'a Further,
+}
 
 /// What products are worth at one port.
 struct OfPort {
@@ -73,10 +82,10 @@ impl Triples {
     }
 
     /// The products that promise most, each in the form of its factors that does. `promising`: of how many the factors are chosen.
-    pub fn shortlist(&self, left: &Left, tools: &Proposals<'_>, promising: usize, most: usize) -> Vec<Effect> {
+    pub fn shortlist(&self, judges: &Judges<'_>, promising: usize, most: usize) -> Vec<Effect> {
         let of_port = |number: usize| {
             let OfPort { gains, information, .. } = &self.ports[number];
-            let all = promises(&self.signals, &self.functions, &left.sums.component_mul(gains), information);
+            let all = promises(&self.signals, &self.functions, &judges.left.sums.component_mul(gains), information);
             all.into_iter().map(move |(promise, signals)| (promise, number, signals))
         };
         let all: Vec<(f64, usize, [usize; 3])> = (0..self.ports.len()).into_par_iter().flat_map_iter(of_port).collect();
@@ -87,7 +96,7 @@ impl Triples {
         let mut best = best.into_all();
         best.sort_by(|a, b| b.0.total_cmp(&a.0));
         best.truncate(promising);
-        let chosen = |(_, port, signals): (f64, usize, [usize; 3])| self.chosen(left, tools, port, signals);
+        let chosen = |(_, port, signals): (f64, usize, [usize; 3])| self.chosen(judges, port, signals);
         let mut chosen: Vec<(f64, Port, [&Gate; 3])> = best.into_par_iter().filter_map(chosen).collect();
         chosen.sort_by(|a, b| b.0.total_cmp(&a.0));
         chosen.truncate(most);
@@ -96,29 +105,25 @@ impl Triples {
             let of_two = a.iter().flat_map(|a| b.iter().map(move |b| (a, b)));
             let factors = of_two.flat_map(|(a, b)| c.iter().map(move |c| [a.clone(), b.clone(), c.clone()]));
             let effects = factors.map(|factors| Effect::new(port, &factors)).filter(|each| each.validate().is_ok());
-            let promise =
-                |each: Effect| (tools.bank.promise(tools.runs, &each, left) - tools.grammar.cost(&each), each);
+            let promise = |each: Effect| {
+                (judges.bank.promise(judges.runs, &each, judges.left) - judges.grammar.cost(&each), each)
+            };
             effects.map(promise).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, effect)| effect)
         };
         chosen.into_par_iter().filter_map(best_form).collect()
     }
 
     /// Factors of three signals, each chosen in turn beside the functions of the two others that fit, and about what they gain less their cost, nats.
-    fn chosen<'a>(
-        &self,
-        left: &Left,
-        tools: &'a Proposals<'_>,
-        port: usize,
-        signals: [usize; 3],
-    ) -> Option<(f64, Port, [&'a Gate; 3])> {
+    fn chosen<'a>(&self, judges: &Judges<'a>, port: usize, signals: [usize; 3]) -> Option<(f64, Port, [&'a Gate; 3])> {
         let OfPort { port, gains, .. } = &self.ports[port];
-        let mut functions = self.nearest_product(left, gains, signals);
+        let mut functions = self.nearest_product(judges.left, gains, signals);
         let mut chosen: [Option<&Gate>; 3] = [None; 3];
         let mut gain = 0.0;
         for slot in (0..SWEEPS).flat_map(|_| 0..3) {
             let beside = functions.iter().enumerate().filter(|(other, _)| *other != slot);
             let others = beside.fold(gains.clone(), |product, (_, function)| product.component_mul(function));
-            let (above, gate, function) = tools.further.best_of(&tools.bank.coarse, left, &others, signals[slot])?;
+            let (above, gate, function) =
+                judges.further.best_of(&judges.bank.coarse, judges.left, &others, signals[slot])?;
             (gain, functions[slot], chosen[slot]) = (above, function, Some(gate));
         }
         let [Some(a), Some(b), Some(c)] = chosen else { return None };
