@@ -9,9 +9,10 @@ use super::family::Known;
 use super::functions::Library;
 use super::grammar::{Grammar, complexity};
 use super::problem::{Fit, Gram, Problem, Term, fit_sizes};
-use super::proposals::NEGLIGIBLE;
 use super::rows::Run;
 
+/// A form that is less likely than another by more than this is no rival of it, nats: e^-4 is two in a hundred.
+pub const NEGLIGIBLE: f64 = 4.0;
 /// Turns of the sizes' fixed point; it moves by less than 2 % then.
 const TURNS: usize = 30;
 

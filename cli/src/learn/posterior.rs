@@ -8,8 +8,7 @@ use nalgebra::{DMatrix, DVector};
 use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::Effect;
 
-use super::model::Model;
-use super::proposals::NEGLIGIBLE;
+use super::model::{Model, NEGLIGIBLE};
 use super::search::{FURTHER_FALSE_DISCOVERIES, is_writable};
 
 /// One of the likely models.

@@ -9,7 +9,7 @@ use super::bank::{Bank, Left};
 use super::functions::Library;
 use super::further::Further;
 use super::grammar::{Grammar, complexity};
-use super::model::Model;
+use super::model::{Model, NEGLIGIBLE};
 use super::pairs::Pairs;
 use super::problem::Term;
 use super::rows::Run;
@@ -35,8 +35,6 @@ const FAR: Reach = Reach { signals: 64, pairs: 24 };
 
 /// What tuning may add to the gain of a proposal whose constants lie at most half a step of the bank's from the best, nats; below it a proposal is dropped.
 const PROPOSAL_MARGIN_NATS: f64 = 3.0;
-/// A form that is less likely than another by more than this is no rival of it, nats: e^-4 is two in a hundred.
-pub const NEGLIGIBLE: f64 = 4.0;
 
 /// An effect that was proposed, and what it would be worth by itself.
 #[derive(Clone, Debug)]
