@@ -314,7 +314,7 @@ fn bad_manifests_are_refused_with_their_place() {
     }
 }
 
-/// What a recording that goes on has written stays; what one that was interrupted has left gives way.
+/// What a recording that goes on has written is kept; what one that was interrupted has left gives way.
 #[test]
 fn a_second_recording_into_a_folder_is_refused() {
     let folder = tempfile::tempdir().unwrap();

@@ -660,7 +660,7 @@ mod tests {
         flags.map(|flag| fix.flags.contains(flag))
     }
 
-    /// What is held against a fix stays where its dwells are begun anew, and goes with the next fix.
+    /// What is held against a fix is kept where its dwells are begun anew, and goes with the next fix.
     #[test]
     fn flags_of_a_fix_are_its_own() {
         let flags = [Flag::FramesLost, Flag::Disturbed, Flag::Jitter];

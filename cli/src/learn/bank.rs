@@ -128,28 +128,23 @@ pub fn gain(score: f32, information: f32) -> f64 {
     if ratio > 1.0 { 0.5 * (ratio - 1.0 - ratio.ln()) } else { 0.0 }
 }
 
-/// The most promising of each kind.
-pub struct BestOfEach<Kind, T> {
-    most: usize,
-    kinds: BTreeMap<Kind, Vec<(f64, T)>>,
-}
-
-impl<Kind: Ord, T> BestOfEach<Kind, T> {
-    /// So many of each.
-    pub fn new(most: usize) -> Self {
-        Self { most, kinds: BTreeMap::new() }
-    }
-
-    pub fn push(&mut self, kind: Kind, promise: f64, each: T) {
-        let kept = self.kinds.entry(kind).or_default();
+/// So many of each kind that promise most, with what they promise, kind by kind.
+pub fn best_of_each<Kind: Ord, T>(most: usize, all: impl IntoIterator<Item = (Kind, f64, T)>) -> Vec<(f64, T)> {
+    let mut kinds: BTreeMap<Kind, Vec<(f64, T)>> = BTreeMap::new();
+    for (kind, promise, each) in all {
+        let kept = kinds.entry(kind).or_default();
         let place = kept.iter().take_while(|(above, _)| *above >= promise).count();
         kept.insert(place, (promise, each));
-        kept.truncate(self.most);
+        kept.truncate(most);
     }
+    kinds.into_values().flatten().collect()
+}
 
-    pub fn into_all(self) -> Vec<T> {
-        self.kinds.into_values().flatten().map(|(_, each)| each).collect()
-    }
+/// So many that promise most, the most promising first.
+pub fn most_promising<T>(mut all: Vec<(f64, T)>, most: usize) -> Vec<(f64, T)> {
+    all.sort_by(|a, b| b.0.total_cmp(&a.0));
+    all.truncate(most);
+    all
 }
 
 fn product(a: &[f32], b: &[f32]) -> Vec<f32> {
@@ -162,6 +157,14 @@ struct Proposal {
     cost: f64,
     factor: Option<usize>,
     information: Vec<f32>,
+}
+
+impl Proposal {
+    /// Its port and signal, and whether the signal is bare.
+    fn kind(&self) -> (Port, Option<(String, bool)>) {
+        let factor = self.effect.factors.first();
+        (self.effect.port, factor.map(|factor| (factor.signal.to_string(), factor.dynamics.is_empty())))
+    }
 }
 
 /// All effects of one factor.
@@ -177,7 +180,7 @@ pub struct Bank {
     /// Rows of every coarse row.
     coarse_rows: Vec<Range<usize>>,
     coarse_functions: EvaluationCache<Functions>,
-    pub library: Arc<Library>,
+    library: Arc<Library>,
 }
 
 impl Bank {
@@ -268,18 +271,11 @@ impl Bank {
         let fine: Vec<f32> = weighed.iter().map(|value| *value as f32).collect();
         // The rate that a unit at each port is worth.
         let heavy: Vec<(Port, Vec<f32>)> = self.gains.iter().map(|(port, f, _)| (*port, product(f, &fine))).collect();
-        let mut best = BestOfEach::new(OF_THE_SAME_SIGNAL);
-        let scored: Vec<(f64, &Proposal)> =
-            self.proposals.par_iter().map(|each| (self.promise_of(each, &heavy), each)).collect();
-        for (promise, each) in scored {
-            let signal =
-                each.effect.factors.first().map(|factor| (factor.signal.to_string(), factor.dynamics.is_empty()));
-            best.push((each.effect.port, signal), promise, each);
-        }
-        let promise = |each: &Proposal| (self.promise(runs, &each.effect, left) - each.cost, each.effect.clone());
-        let mut promising: Vec<(f64, Effect)> = best.into_all().into_par_iter().map(promise).collect();
-        promising.sort_by(|a, b| b.0.total_cmp(&a.0));
-        promising.into_iter().take(most).map(|(_, effect)| effect).collect()
+        let proposals = self.proposals.par_iter();
+        let scored: Vec<_> = proposals.map(|each| (each.kind(), self.promise_of(each, &heavy), each)).collect();
+        let best = best_of_each(OF_THE_SAME_SIGNAL, scored).into_par_iter();
+        let promises = best.map(|(_, each)| (self.promise(runs, &each.effect, left) - each.cost, &each.effect));
+        most_promising(promises.collect(), most).into_iter().map(|(_, effect)| effect.clone()).collect()
     }
 
     fn promise_of(&self, proposal: &Proposal, heavy: &[(Port, Vec<f32>)]) -> f64 {

@@ -8,7 +8,7 @@ use north_finder::effects::factor::Factor;
 use north_finder::effects::shape::{Circular, Shape};
 use rayon::prelude::*;
 
-use super::bank::{Bank, BestOfEach, Left, Rows, gain};
+use super::bank::{Bank, Left, Rows, best_of_each, gain, most_promising};
 use super::functions::Functions;
 use super::grammar::Grammar;
 use super::pairs::{ROUNDING, independent};
@@ -61,20 +61,12 @@ impl Further {
     /// The factors, in all their forms, that promise most as a further one of an effect which adds so much to the rate, by coarse row; one of every signal.
     pub fn beside(&self, rows: &Rows, left: &Left, fitted: &DVector<f32>, most: usize) -> Vec<Factor> {
         let screen = Screen::new(rows, &left.sums, fitted);
-        let promises: Vec<f64> = self.gates.par_iter().map(|gate| screen.promise(gate) - gate.cost).collect();
-        let mut promising = BestOfEach::new(OF_A_SIGNAL);
-        for (gate, promise) in self.gates.iter().zip(promises) {
-            promising.push(gate.signal, promise, gate);
-        }
-        let promising = promising.into_all().into_par_iter();
-        let gains: Vec<(f64, &Gate)> = promising.map(|gate| (gate.gain(left, fitted).0 - gate.cost, gate)).collect();
-        let mut best = BestOfEach::new(1);
-        for each in gains {
-            best.push(each.1.signal, each.0, each);
-        }
-        let mut best = best.into_all();
-        best.sort_by(|a, b| b.0.total_cmp(&a.0));
-        best.into_iter().take(most).flat_map(|(_, gate)| gate.forms.clone()).collect()
+        let gates = self.gates.par_iter();
+        let promises: Vec<_> = gates.map(|gate| (gate.signal, screen.promise(gate) - gate.cost, gate)).collect();
+        let promising = best_of_each(OF_A_SIGNAL, promises).into_par_iter();
+        let gain = promising.map(|(_, gate)| (gate.signal, gate.gain(left, fitted).0 - gate.cost, gate));
+        let best = best_of_each(1, gain.collect::<Vec<_>>());
+        most_promising(best, most).into_iter().flat_map(|(_, gate)| gate.forms.clone()).collect()
     }
 
     fn of_signal(&self, signal: usize) -> impl Iterator<Item = &Gate> {

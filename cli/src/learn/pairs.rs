@@ -11,7 +11,7 @@ use north_finder::effects::factor::Factor;
 use north_finder::effects::shape::{Circular, Shape};
 use rayon::prelude::*;
 
-use super::bank::{Bank, BestOfEach, Left, Rows};
+use super::bank::{Bank, Left, Rows, best_of_each, most_promising};
 use super::grammar::Grammar;
 use super::rows::Run;
 
@@ -79,20 +79,14 @@ impl Pairs {
             let of_place = grammar.cost(&Effect::new(of_port.port, &[]));
             let promise = |(i, j): (usize, usize)| {
                 let cost = of_place + self.costs[i] + self.costs[j];
-                (self.coarse_gain(left, of_port, i, j) - cost, of_port.port, i, j)
+                (self.signals(i, j), self.coarse_gain(left, of_port, i, j) - cost, (of_port.port, i, j))
             };
             let best = self.best_of_signals(&scores, &of_port.information);
-            best.into_par_iter().map(promise).collect::<Vec<(f64, Port, usize, usize)>>()
+            best.into_par_iter().map(promise).collect::<Vec<_>>()
         };
         let all: Vec<_> = self.ports.par_iter().flat_map_iter(of_port).collect();
-        let mut best = BestOfEach::new(OF_THE_SAME_SIGNALS);
-        for each in all {
-            best.push(self.signals(each.2, each.3), each.0, each);
-        }
-        let mut promising = best.into_all();
-        promising.sort_by(|a, b| b.0.total_cmp(&a.0));
-        promising.truncate(most);
-        let in_all_forms = |(_, port, i, j): (f64, Port, usize, usize)| {
+        let promising = most_promising(best_of_each(OF_THE_SAME_SIGNALS, all), most);
+        let in_all_forms = |(_, (port, i, j)): (f64, (Port, usize, usize))| {
             let (a, b) = (&self.gates[i].forms, &self.gates[j].forms);
             let both = a.iter().flat_map(move |a| b.iter().map(move |b| [a.clone(), b.clone()]));
             both.map(move |factors| Effect::new(port, &factors)).filter(|effect| effect.validate().is_ok()).collect()
@@ -110,21 +104,17 @@ impl Pairs {
     /// Of every two signals the gates whose products' functions have the greatest scores for their cost: a sum that is too large where they resemble each
     /// other.
     fn best_of_signals(&self, scores: &DMatrix<f32>, information: &DMatrix<f32>) -> Vec<(usize, usize)> {
-        let of_gate = |i: usize| -> Vec<(f64, usize, usize)> {
+        let of_gate = |i: usize| -> Vec<([usize; 2], f64, (usize, usize))> {
             let of_pair = |j: usize| {
                 let (a, b) = (&self.gates[i], &self.gates[j]);
                 let products = a.functions.clone().flat_map(|f| b.functions.clone().map(move |g| (f, g)));
                 let ratios: f64 = products.map(|at| ratio(scores[at], information[at])).sum();
-                (0.5 * ratios - self.costs[i] - self.costs[j], i, j)
+                (self.signals(i, j), 0.5 * ratios - self.costs[i] - self.costs[j], (i, j))
             };
             (0..i).map(of_pair).collect()
         };
-        let all: Vec<(f64, usize, usize)> = (0..self.gates.len()).into_par_iter().flat_map_iter(of_gate).collect();
-        let mut best = BestOfEach::new(OF_THE_SAME_SIGNALS);
-        for (promise, i, j) in all {
-            best.push(self.signals(i, j), promise, (i, j));
-        }
-        best.into_all()
+        let all: Vec<_> = (0..self.gates.len()).into_par_iter().flat_map_iter(of_gate).collect();
+        best_of_each(OF_THE_SAME_SIGNALS, all).into_iter().map(|(_, gates)| gates).collect()
     }
 
     /// About what the products of two gates gain, in coarse rows.

@@ -67,14 +67,14 @@ impl<'a> Proposals<'a> {
 
     /// An effect as a term beside a model, of the size that suits it best.
     pub fn term(&self, model: &Model<'_>, effect: &Effect) -> Term {
-        let term = Term::new(&self.bank.library, self.runs, effect, 1.0);
+        let term = Term::new(&self.grammar.library, self.runs, effect, 1.0);
         let (_, size2) = model.fit.gain_of(&model.problem, &model.problem.columns(&term.values));
         Term { size2: size2.max(1e-20), ..term }
     }
 
     /// The gain in evidence less the cost of an effect beside a model.
     pub fn gain(&self, model: &Model<'_>, effect: &Effect) -> f64 {
-        let columns = model.problem.columns(&self.bank.library.values(self.runs, effect));
+        let columns = model.problem.columns(&self.grammar.library.values(self.runs, effect));
         model.fit.gain_of(&model.problem, &columns).0 - self.grammar.cost(effect)
     }
 

@@ -228,7 +228,7 @@ impl<'a> Search<'a> {
     fn known(&self, common: &Common, effect: Effect, member: usize, way: Way) -> Term {
         let mut prior = common.prior(way);
         prior.cost += common.cost_of_constants(&effect);
-        Term::known(&self.proposals.bank.library, self.runs, &effect, Known { member, way, prior: Arc::new(prior) })
+        Term::known(&self.grammar.library, self.runs, &effect, Known { member, way, prior: Arc::new(prior) })
     }
 
     /// Compares a model with its rivals, which differ from it by one effect, and goes on from a rival that is likelier and predicts better. Gives the

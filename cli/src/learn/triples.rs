@@ -10,7 +10,7 @@ use nalgebra::{DMatrix, DVector};
 use north_finder::effects::effect::{Effect, Port};
 use rayon::prelude::*;
 
-use super::bank::{Bank, BestOfEach, Left};
+use super::bank::{Bank, Left, best_of_each, most_promising};
 use super::further::{Further, Gate};
 use super::grammar::Grammar;
 use super::pairs::{Half, independent, information, ratio, weighed};
@@ -86,21 +86,14 @@ impl Triples {
         let of_port = |number: usize| {
             let OfPort { gains, information, .. } = &self.ports[number];
             let all = promises(&self.signals, &self.functions, &judges.left.sums.component_mul(gains), information);
-            all.into_iter().map(move |(promise, signals)| (promise, number, signals))
+            let promising = all.into_iter().filter(|(promise, _)| *promise > 0.0);
+            promising.map(move |(promise, signals)| (signals, promise, (number, signals)))
         };
-        let all: Vec<(f64, usize, [usize; 3])> = (0..self.ports.len()).into_par_iter().flat_map_iter(of_port).collect();
-        let mut best = BestOfEach::new(1);
-        for each in all.into_iter().filter(|(promise, ..)| *promise > 0.0) {
-            best.push(each.2, each.0, each);
-        }
-        let mut best = best.into_all();
-        best.sort_by(|a, b| b.0.total_cmp(&a.0));
-        best.truncate(promising);
-        let chosen = |(_, port, signals): (f64, usize, [usize; 3])| self.chosen(judges, port, signals);
-        let mut chosen: Vec<(f64, Port, [&Gate; 3])> = best.into_par_iter().filter_map(chosen).collect();
-        chosen.sort_by(|a, b| b.0.total_cmp(&a.0));
-        chosen.truncate(most);
-        let best_form = |(_, port, gates): (f64, Port, [&Gate; 3])| {
+        let all: Vec<_> = (0..self.ports.len()).into_par_iter().flat_map_iter(of_port).collect();
+        let best = most_promising(best_of_each(1, all), promising);
+        let chosen = |(_, (port, signals)): (f64, (usize, [usize; 3]))| self.chosen(judges, port, signals);
+        let chosen = most_promising(best.into_par_iter().filter_map(chosen).collect(), most);
+        let best_form = |(_, (port, gates)): (f64, (Port, [&Gate; 3]))| {
             let [a, b, c] = gates.map(|gate| &gate.forms[..FORMS.min(gate.forms.len())]);
             let of_two = a.iter().flat_map(|a| b.iter().map(move |b| (a, b)));
             let factors = of_two.flat_map(|(a, b)| c.iter().map(move |c| [a.clone(), b.clone(), c.clone()]));
@@ -114,7 +107,12 @@ impl Triples {
     }
 
     /// Factors of three signals, each chosen in turn beside the functions of the two others that fit, and about what they gain less their cost, nats.
-    fn chosen<'a>(&self, judges: &Judges<'a>, port: usize, signals: [usize; 3]) -> Option<(f64, Port, [&'a Gate; 3])> {
+    fn chosen<'a>(
+        &self,
+        judges: &Judges<'a>,
+        port: usize,
+        signals: [usize; 3],
+    ) -> Option<(f64, (Port, [&'a Gate; 3]))> {
         let OfPort { port, gains, .. } = &self.ports[port];
         let mut functions = self.nearest_product(judges.left, gains, signals);
         let mut chosen: [Option<&Gate>; 3] = [None; 3];
@@ -127,7 +125,7 @@ impl Triples {
             (gain, functions[slot], chosen[slot]) = (above, function, Some(gate));
         }
         let [Some(a), Some(b), Some(c)] = chosen else { return None };
-        Some((gain - a.cost - b.cost - c.cost, *port, [a, b, c]))
+        Some((gain - a.cost - b.cost - c.cost, (*port, [a, b, c])))
     }
 
     /// One function of each of three signals, whose product is about what all products of their functions make of what is left: along the principal direction of

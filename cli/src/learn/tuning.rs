@@ -9,7 +9,7 @@ use north_finder::effects::factor::Factor;
 use north_finder::effects::shape::Shape;
 use rayon::prelude::*;
 
-use super::bank::{BestOfEach, Left};
+use super::bank::{Left, best_of_each, most_promising};
 use super::grammar::{extended, fineness, redriven, reduced, replaced, reshaped};
 use super::model::Model;
 use super::proposals::{Proposals, form};
@@ -77,10 +77,8 @@ impl Proposals<'_> {
     /// The best of some forms beside a model, roughly tuned, with its gain.
     fn best_of(&self, model: &Model<'_>, forms: Vec<Effect>, left: &Left) -> Option<(f64, Effect)> {
         let near = self.nearest(forms, left);
-        let mut better: Vec<(f64, Effect)> = near.into_par_iter().map(|each| (self.gain(model, &each), each)).collect();
-        better.sort_by(|a, b| b.0.total_cmp(&a.0));
-        better.truncate(TUNED);
-        better
+        let gains = near.into_par_iter().map(|each| (self.gain(model, &each), each)).collect();
+        most_promising(gains, TUNED)
             .into_par_iter()
             .map(|(gain, each)| self.roughly_tuned(model, each, gain))
             .max_by(|a, b| a.0.total_cmp(&b.0))
@@ -222,14 +220,8 @@ impl Proposals<'_> {
     fn other_dynamics(&self, effect: &Effect, f: usize, left: &Left) -> Vec<Effect> {
         let gain_of = |each: &Effect| self.bank.promise(self.runs, each, left) - self.grammar.cost(each);
         let starts = redriven(effect, f, &self.grammar, self.runs);
-        let gains: Vec<f64> = starts.par_iter().map(gain_of).collect();
-        let mut best = BestOfEach::new(OF_A_KIND);
-        for (each, gain) in starts.into_iter().zip(gains) {
-            best.push(form(&each), gain, (gain, each));
-        }
-        let mut best = best.into_all();
-        best.sort_by(|a, b| b.0.total_cmp(&a.0));
-        best.truncate(NEAREST);
+        let starts: Vec<_> = starts.into_par_iter().map(|each| (form(&each), gain_of(&each), each)).collect();
+        let best = most_promising(best_of_each(OF_A_KIND, starts), NEAREST);
         let tuned = |(place, (gain, each)): (usize, (f64, Effect))| {
             if place >= OF_A_KIND * TUNED {
                 return each;
