@@ -329,7 +329,7 @@ fn a_body_fixed_harmonic_needs_references_and_has_them() {
 fn one_wrong_reference_is_found_named_and_kept_out() {
     let folder = Folder::new("reference");
     let wrong = |run| if run == 6 { 5.0 } else { 0.0 };
-    let diagnosis = run(&campaign(&folder, 24, 9, |second| 9.1 * temp_rate_k_s(second), wrong));
+    let diagnosis = run(&campaign(&folder, 16, 9, |second| 9.1 * temp_rate_k_s(second), wrong));
     let of_whole_runs = diagnosis.warnings.iter().filter(|warning| warning.line.is_none());
     let named: Vec<_> = of_whole_runs.filter_map(|warning| warning.run.as_deref()).collect();
     assert_eq!(named, ["runs/006.csv"], "{:?}", diagnosis.warnings);

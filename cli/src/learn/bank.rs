@@ -96,7 +96,10 @@ impl LeftOfRun {
 impl Left {
     /// About what columns of one effect gain beside the model and the unknowns of every run, and their weights; nothing where the unknowns leave nothing.
     pub fn gain(&self, columns: &[DVector<f32>]) -> (f64, DVector<f32>) {
-        let right = DVector::from_iterator(columns.len(), columns.iter().map(|column| column.dot(&self.sums)));
+        let right = DVector::from_iterator(
+            columns.len(),
+            columns.iter().map(|column| dot(column.as_slice(), self.sums.as_slice())),
+        );
         let length = self.sums.len();
         let mut white: Vec<f32> = Vec::with_capacity(length * columns.len());
         columns.iter().for_each(|column| white.extend_from_slice(column.as_slice()));
@@ -314,19 +317,23 @@ impl Bank {
             .fold(own, |columns, functions| products(&columns, &functions))
     }
 
-    /// What one factor of an effect gets, and what it is multiplied with, by coarse row.
-    pub fn seen_through(&self, runs: &[Run], effect: &Effect, factor: usize) -> Seen {
-        let inputs = self.library.inputs(runs, &effect.factors[factor]);
-        let of_known = |rows: &Range<usize>| inputs[rows.clone()].iter().filter(|input| input.is_finite());
-        let count = |rows: &Range<usize>| of_known(rows).count() as f64;
+    /// What the shape of a factor gets, by coarse row.
+    pub fn input(&self, runs: &[Run], factor: &Factor) -> Input {
+        let inputs = self.library.inputs(runs, factor);
+        let of_row = |rows: &Range<usize>| {
+            let known = inputs[rows.clone()].iter().filter(|input| input.is_finite());
+            let (count, sum) = known.fold((0, 0.0), |(count, sum), input| (count + 1, sum + input));
+            (sum / count as f64, count as f32 / rows.len() as f32)
+        };
+        let (mean, share) = self.coarse_rows.iter().map(of_row).unzip();
+        Input { mean, share }
+    }
+
+    /// What one factor of an effect is multiplied with.
+    pub fn beside_factor(&self, runs: &[Run], effect: &Effect, factor: usize) -> Beside {
         let factors = effect.factors.iter().enumerate().filter(|(f, _)| *f != factor);
         let others = Effect::new(effect.port, &factors.map(|(_, each)| each.clone()).collect::<Vec<Factor>>());
-        Seen {
-            input: self.coarse_rows.iter().map(|rows| of_known(rows).sum::<f64>() / count(rows)).collect(),
-            share: self.coarse_rows.iter().map(|rows| count(rows) as f32 / rows.len() as f32).collect(),
-            others: self.coarse_products(runs, &others),
-            factors: others.factors.to_vec(),
-        }
+        Beside { products: self.coarse_products(runs, &others), factors: others.factors.to_vec() }
     }
 
     /// What a model leaves, from V⁻¹ times it by the row.
@@ -355,21 +362,26 @@ impl Bank {
     }
 }
 
-/// What one factor of an effect gets, by coarse row, and what it is multiplied with.
-pub struct Seen {
-    input: Vec<f64>,
+/// What the shape of a factor gets, by coarse row.
+pub struct Input {
+    mean: Vec<f64>,
     /// Share of the row in which its signal says something.
     share: Vec<f32>,
-    others: Vec<DVector<f32>>,
+}
+
+/// What one factor of an effect is multiplied with, by coarse row.
+pub struct Beside {
+    /// Products of the other factors' functions.
+    products: Vec<DVector<f32>>,
     /// The other factors.
     factors: Vec<Factor>,
 }
 
-impl Seen {
+impl Beside {
     /// About the effect's columns with this factor, whose shape gets the mean of a coarse row.
-    pub fn columns(&self, factor: &Factor) -> Vec<DVector<f32>> {
-        let mut functions = vec![vec![0.0; self.input.len()]; factor.count()];
-        for (row, (&input, &share)) in self.input.iter().zip(&self.share).enumerate() {
+    pub fn columns(&self, factor: &Factor, input: &Input) -> Vec<DVector<f32>> {
+        let mut functions = vec![vec![0.0; input.mean.len()]; factor.count()];
+        for (row, (&input, &share)) in input.mean.iter().zip(&input.share).enumerate() {
             if input.is_finite() {
                 let values = factor.values(input);
                 functions
@@ -380,7 +392,7 @@ impl Seen {
             }
         }
         let factors = [self.factors.as_slice(), std::slice::from_ref(factor)].concat();
-        as_surface(products(&self.others, &functions), &Effect::new(Port::Rate, &factors))
+        as_surface(products(&self.products, &functions), &Effect::new(Port::Rate, &factors))
     }
 }
 
@@ -392,9 +404,7 @@ fn as_surface(mut products: Vec<DVector<f32>>, effect: &Effect) -> Vec<DVector<f
 
 /// Every column by every function.
 fn products(columns: &[DVector<f32>], functions: &[Vec<f32>]) -> Vec<DVector<f32>> {
-    let times = |column: &DVector<f32>, function: &[f32]| {
-        DVector::from_iterator(column.len(), column.iter().zip(function).map(|(a, b)| a * b))
-    };
+    let times = |column: &DVector<f32>, function: &[f32]| DVector::from_vec(product(column.as_slice(), function));
     columns.iter().flat_map(|column| functions.iter().map(move |function| times(column, function))).collect()
 }
 
@@ -426,14 +436,11 @@ mod tests {
     /// By hand: 2, 2, 2 by a constant, 1, and by a line, 0 at 1 and 1 at 3, of the values 1, none and 3; of the third row half says something.
     #[test]
     fn a_shape_gets_the_mean_of_a_coarse_row() {
-        let seen = Seen {
-            input: vec![1.0, f64::NAN, 3.0],
-            share: vec![1.0, 0.0, 0.5],
-            others: vec![DVector::from_element(3, 2.0)],
-            factors: Vec::new(),
-        };
+        let input = Input { mean: vec![1.0, f64::NAN, 3.0], share: vec![1.0, 0.0, 0.5] };
+        let beside = Beside { products: vec![DVector::from_element(3, 2.0)], factors: Vec::new() };
         let line = Factor::new(Time.into(), &[], Linear { reference: 1.0, scale: 2.0 }.into()).with_constant();
-        let columns: Vec<Vec<f32>> = seen.columns(&line).iter().map(|column| column.as_slice().to_vec()).collect();
+        let columns: Vec<Vec<f32>> =
+            beside.columns(&line, &input).iter().map(|column| column.as_slice().to_vec()).collect();
         assert_eq!(columns, [[2.0, 0.0, 1.0], [0.0, 0.0, 1.0]]);
     }
 }

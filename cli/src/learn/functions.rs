@@ -147,7 +147,9 @@ impl Library {
     /// The same in every second of the rows: all shapes behind the same dynamics get it.
     fn inputs_by_second(&self, runs: &[Run], factor: &Factor) -> Inputs {
         let input = input_of(factor);
-        self.of(factor).inputs.of(&input, || runs.iter().flat_map(|run| run.inputs(&input)).collect())
+        self.of(factor)
+            .inputs
+            .of(&input, || runs.iter().map(|run| run.inputs(&input)).collect::<Vec<_>>().concat().into())
     }
 
     fn evaluated(&self, runs: &[Run], factor: &Factor) -> Functions {

@@ -163,7 +163,7 @@ impl Screen {
     fn of(&self, function: &[f32]) -> (f32, f32) {
         let weighed: Vec<f32> = function.iter().zip(&self.precision).map(|(value, p)| value * p).collect();
         let whole = dot(&weighed, function);
-        let (mut information, mut along) = (whole, weighed.iter().sum::<f32>());
+        let (mut information, mut along) = (whole, dot(function, &self.precision));
         for (rows, direction, share) in &self.unknowns {
             let part = dot(&function[rows.clone()], direction);
             information -= part * part;

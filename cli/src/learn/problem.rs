@@ -6,13 +6,13 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Cholesky, Const, DMatrix, DVector, DVectorView, Dyn, Matrix2, Matrix3, RealField, Vector2, Vector3};
+use nalgebra::{Cholesky, Const, DMatrix, DVector, Dyn, Matrix2, Matrix3, RealField, Vector2, Vector3};
 use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::{Effect, Port};
 
 use super::family::Known;
 use super::functions::{Library, Values};
-use super::process::Whitener;
+use super::process::{LANES, Whitener};
 use super::rows::{self, Run, UNKNOWNS};
 
 /// Up to so many columns inner products are quicker one by one than as a product of matrices, and principal directions than a search without them.
@@ -78,7 +78,7 @@ pub fn squares<T: RealField + Copy>(columns: &DMatrix<T>) -> DMatrix<T> {
     let mut squares = DMatrix::zeros(count, count);
     for i in 0..count {
         for j in 0..=i {
-            let product = columns.column(i).dot(&columns.column(j));
+            let product = dot(columns.column(i).as_slice(), columns.column(j).as_slice());
             squares[(i, j)] = product;
             squares[(j, i)] = product;
         }
@@ -288,9 +288,16 @@ impl OfRun {
     }
 }
 
-/// Inner product, several sums side by side.
+/// Inner product, several sums side by side, as a processor computes with several numbers at once.
 pub fn dot<T: RealField + Copy>(a: &[T], b: &[T]) -> T {
-    DVectorView::from_slice(a, a.len()).dot(&DVectorView::from_slice(b, a.len()))
+    let (lanes, rest) = a.as_chunks::<LANES>();
+    let (other_lanes, other_rest) = b[..a.len()].as_chunks::<LANES>();
+    let mut sums = [T::zero(); LANES];
+    for (a, b) in lanes.iter().zip(other_lanes) {
+        sums.iter_mut().zip(a.iter().zip(b)).for_each(|(sum, (a, b))| *sum += *a * *b);
+    }
+    let of_rest = rest.iter().zip(other_rest).fold(T::zero(), |sum, (a, b)| sum + *a * *b);
+    sums.into_iter().fold(of_rest, |sum, each| sum + each)
 }
 
 /// An effect in a model.

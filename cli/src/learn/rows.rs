@@ -415,8 +415,14 @@ pub fn functions_of_rows(factor: &Factor, inputs: &[f64], lengths: impl Iterator
         rest = after;
         let mut sums = [0.0_f64; MAX_FUNCTIONS + 1];
         if !row.iter().any(|input| input.is_nan()) {
+            let of_shape = if factor.constant {
+                sums[0] = length as f64;
+                &mut sums[1..]
+            } else {
+                &mut sums
+            };
             for &input in row {
-                sums.iter_mut().zip(&factor.values(input)).for_each(|(sum, value)| *sum += value);
+                of_shape.iter_mut().zip(&factor.shape.values(input)).for_each(|(sum, value)| *sum += value);
             }
         }
         for (function, sum) in functions.iter_mut().zip(sums) {

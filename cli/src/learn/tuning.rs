@@ -195,8 +195,8 @@ impl Proposals<'_> {
     fn other_shapes(&self, effect: &Effect, f: usize, left: &Left) -> Vec<Effect> {
         let own = &effect.factors[f];
         let Some(span) = self.grammar.span(self.runs, own.signal, &own.dynamics) else { return Vec::new() };
-        let seen = self.bank.seen_through(self.runs, effect, f);
-        let gain_of = |each: &Effect| left.gain(&seen.columns(&each.factors[f])).0 - self.grammar.cost(each);
+        let (input, beside) = (self.bank.input(self.runs, own), self.bank.beside_factor(self.runs, effect, f));
+        let gain_of = |each: &Effect| left.gain(&beside.columns(&each.factors[f], &input)).0 - self.grammar.cost(each);
         let mut best: BTreeMap<String, (f64, Effect)> = BTreeMap::new();
         Shape::starts(&span, &mut |shape| {
             let factor = Factor { shape, ..own.clone() };
@@ -218,7 +218,11 @@ impl Proposals<'_> {
 
     /// The effect with other dynamics in the place of one factor's, those that promise most with their constants tuned in coarse rows, from two starts of every kind.
     fn other_dynamics(&self, effect: &Effect, f: usize, left: &Left) -> Vec<Effect> {
-        let gain_of = |each: &Effect| self.bank.promise(self.runs, each, left) - self.grammar.cost(each);
+        let beside = self.bank.beside_factor(self.runs, effect, f);
+        let gain_of = |each: &Effect| {
+            let factor = &each.factors[f];
+            left.gain(&beside.columns(factor, &self.bank.input(self.runs, factor))).0 - self.grammar.cost(each)
+        };
         let starts = redriven(effect, f, &self.grammar, self.runs);
         let starts: Vec<_> = starts.into_par_iter().map(|each| (form(&each), gain_of(&each), each)).collect();
         let best = most_promising(best_of_each(OF_A_KIND, starts), NEAREST);
