@@ -4,12 +4,17 @@ use std::path::{Path, PathBuf};
 
 use north::campaign::{Campaign, CampaignWriter, Layout, Role, Row, Run};
 use north::diagnose::{Diagnosis, Options, diagnose};
-use north::learn::{Allowed, Family, MayBeUsed, Posterior, learn, read};
+use north::learn::{Allowed, Family, Learned, MayBeUsed, Posterior, learn, learn_again, mended, read};
 use north::model_file::ModelFile;
 use north::settings_file::write_model;
 use north::solve::solve_file;
-use north_finder::effects::effect::Effect;
+use north_finder::effects::ChannelName;
+use north_finder::effects::dynamics::Rate;
+use north_finder::effects::effect::{Effect, Port};
+use north_finder::effects::factor::Factor;
 use north_finder::effects::now::RunFacts;
+use north_finder::effects::shape::Linear;
+use north_finder::effects::signal::Channel;
 use north_finder::sensing::level::Specific;
 use north_finder::settings::Settings;
 use north_finder::units::{sin_cos_deg, wrap_180_deg};
@@ -310,6 +315,30 @@ fn what_must_not_be_used_is_left_out_and_the_rest_is_learned() {
     both.sort();
     assert_eq!(both, ["supply_v", "temp_c"]);
     assert_eq!(channels(&|posterior, _| !follows_supply(posterior)), ["temp_c"]);
+}
+
+/// What some of the runs taught leads the search of all where it is likelier of all, and nothing else does: the rate of the temperature, which is there, and not
+/// that of the supply.
+#[test]
+fn what_some_runs_taught_leads_the_search_where_it_is_likelier_of_all() {
+    let folder = Folder::new("again");
+    let campaign = campaign(&folder, 8, 6, |second| 9.1 * temp_rate_k_s(second), honest);
+    let runs = mended(read(&campaign, &Settings { latitude_deg: 50.0, ..Settings::default() }).unwrap().fit, &[]);
+    let allowed =
+        Allowed { family: &Family::default(), may_be_used: &|_, _| true, azimuths: &|_, runs| vec![None; runs.len()] };
+    let of_rate = |channel: &str, scale: f32| {
+        let signal = Channel { name: ChannelName::new(channel).unwrap() }.into();
+        let shape = Linear { reference: 0.0, scale }.into();
+        vec![Effect::new(Port::Rate, &[Factor::new(signal, &[Rate { tau_s: 4.0 }.into()], shape)])]
+    };
+    let channels = |of_some: &[&[Effect]]| -> Vec<String> {
+        let nothing = Learned { runs: runs.clone(), ..Learned::default() };
+        let likeliest = learn_again(nothing, of_some, &allowed).best.posterior.likeliest;
+        likeliest.iter().flat_map(Effect::channels).map(|name| name.as_str().to_owned()).collect()
+    };
+    let (temperature, supply) = (of_rate("temp_c", 0.02), of_rate("supply_v", 0.01));
+    assert!(channels(&[&supply]).is_empty());
+    assert_eq!(channels(&[&supply, &temperature]), ["temp_c"]);
 }
 
 #[test]

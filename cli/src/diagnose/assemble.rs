@@ -57,7 +57,16 @@ pub fn diagnosis(
     let judged_by_checks = runs.iter().any(|run| run.role == Role::Check && run.reference_deg.is_some());
     let wrong = found.as_ref().map_or(Vec::new(), Found::wrong_references);
     let wrong_files: Vec<String> = wrong.iter().map(|each| each.file.clone()).collect();
-    let validated = validate::validated(runs, found.as_ref(), base, &options.family, &wrong_files);
+    let judged = found.as_ref().filter(|found| !found.is_nothing());
+    let folds = judged.map(|found| validate::folds(runs, found, base, &options.family, &wrong_files));
+    let found = match (found, &folds) {
+        (Some(found), Some(folds)) => {
+            let fit: Vec<&RunData> = runs.iter().filter(|run| run.role == Role::Fit).collect();
+            Some(found.learn_again(&fit, base, &options.family, &folds.taught()))
+        }
+        (found, _) => found,
+    };
+    let validated = validate::validated(runs, found.as_ref().zip(folds.as_ref()), base, &wrong_files);
     let with_family = found.as_ref().filter(|_| !options.family.members.is_empty());
     let family = with_family.map(|found| found.in_family(&options.family));
     let found = found.map(|found| found.forgetting_all_but(validated.effects.unwrap_or(0)));

@@ -71,26 +71,27 @@ impl Found {
             }
         }
         let files = of_search.iter().map(|run| run.file.clone()).collect();
-        let may_be_used = |posterior: &Posterior, of_search: &[Run]| {
-            let model = posterior.written(&base, of_search);
-            model.is_some_and(|model| guard::impossible(runs, &model).is_none())
+        let learned = |allowed: &Allowed<'_>| {
+            if of_search.is_empty() { Learned::default() } else { learn::learn(of_search, allowed) }
         };
-        let azimuths = |posterior: &Posterior, of_search: &[Run]| -> Vec<Option<f64>> {
-            let model = posterior.written(&base, of_search);
-            let with = |run: &RunData| Some(run.replay(model.as_ref()?, &mut |_| ()).ok()?.azimuth_deg);
-            let of = |own: &Run| runs.iter().find(|run| run.file == own.file).and_then(|run| with(run));
-            of_search.par_iter().map(of).collect()
-        };
-        let allowed = Allowed { family, may_be_used: &may_be_used, azimuths: &azimuths };
-        let mut learned = if of_search.is_empty() { Learned::default() } else { learn::learn(of_search, &allowed) };
-        let written = |taught: &Taught| taught.posterior.written(&base, &learned.runs);
-        let mut models: Vec<Option<ErrorModel>> = learned.models().map(written).collect();
-        // A model that no file has room for is not learned; simpler ones are.
-        while models[0].is_none() && learned.forget_best() {
-            models.remove(0);
-        }
-        let models = models.into_iter().collect::<Option<Vec<ErrorModel>>>()?;
+        let (learned, models) = taught(runs, &base, family, learned)?;
         Some(Self { learned, motion, files, models, measured })
+    }
+
+    /// The same of the same runs, or what is learned of them when the search begins with what some of them taught, where that is likelier.
+    pub fn learn_again(
+        self,
+        runs: &[&RunData],
+        base: &ErrorModel,
+        family: &Family,
+        of_some: &[&[effect::Effect]],
+    ) -> Self {
+        let base = self.motion.as_ref().map_or_else(|| base.clone(), |motion| motion.model(base));
+        let before = self.learned.clone();
+        match taught(runs, &base, family, |allowed| learn::learn_again(before, of_some, allowed)) {
+            Some((learned, models)) => Self { learned, models, ..self },
+            None => self,
+        }
     }
 
     /// What the firmware runs of the likeliest model.
@@ -110,6 +111,11 @@ impl Found {
             self.models.remove(0);
         }
         self
+    }
+
+    /// The effects of the likeliest model.
+    pub fn likeliest(&self) -> &[effect::Effect] {
+        &self.learned.best.posterior.likeliest
     }
 
     /// How many effects the likeliest model has.
@@ -292,6 +298,33 @@ impl Found {
         };
         rms(&self.learned.runs.iter().flat_map(of_run).collect::<Vec<f64>>())
     }
+}
+
+/// What is learned of runs that have this model already, and what the firmware runs of each model that was learned; `None` where no model can hold it.
+fn taught(
+    runs: &[&RunData],
+    base: &ErrorModel,
+    family: &Family,
+    learned: impl FnOnce(&Allowed<'_>) -> Learned,
+) -> Option<(Learned, Vec<ErrorModel>)> {
+    let may_be_used = |posterior: &Posterior, of_search: &[Run]| {
+        let model = posterior.written(base, of_search);
+        model.is_some_and(|model| guard::impossible(runs, &model).is_none())
+    };
+    let azimuths = |posterior: &Posterior, of_search: &[Run]| -> Vec<Option<f64>> {
+        let model = posterior.written(base, of_search);
+        let with = |run: &RunData| Some(run.replay(model.as_ref()?, &mut |_| ()).ok()?.azimuth_deg);
+        let of = |own: &Run| runs.iter().find(|run| run.file == own.file).and_then(|run| with(run));
+        of_search.par_iter().map(of).collect()
+    };
+    let mut learned = learned(&Allowed { family, may_be_used: &may_be_used, azimuths: &azimuths });
+    let written = |taught: &Taught| taught.posterior.written(base, &learned.runs);
+    let mut models: Vec<Option<ErrorModel>> = learned.models().map(written).collect();
+    // A model that no file has room for is not learned; simpler ones are.
+    while models[0].is_none() && learned.forget_best() {
+        models.remove(0);
+    }
+    Some((learned, models.into_iter().collect::<Option<Vec<ErrorModel>>>()?))
 }
 
 /// The motion of the base, the model with it, and the runs as the search sees them then; `None` where there are too few.

@@ -1,6 +1,7 @@
 //! Whether what was found is used: by runs that took no part in learning, each judged by what the others taught.
 
 use north_finder::effects::ErrorModel;
+use north_finder::effects::effect::Effect;
 use north_finder::event::Fix;
 use rayon::prelude::*;
 
@@ -35,21 +36,30 @@ struct Part {
     left_out: Vec<Option<Fix>>,
 }
 
+/// The training runs in parts, and what the others of them teach for each part. `found`: what all taught; `wrong`: files whose references are not believed.
+pub fn folds<'a>(
+    runs: &'a [RunData],
+    found: &Found,
+    base: &ErrorModel,
+    family: &Family,
+    wrong: &[String],
+) -> Folds<'a> {
+    let places: Vec<usize> = (0..runs.len()).filter(|&i| runs[i].role == Role::Fit).collect();
+    Folds::learn(runs, places, FOLDS, (base, family), wrong, Some(found))
+}
+
 /// Judges what was found: the process of the runs' own and the base's motion alone, then with one effect more each time, the one that is missed most. The
 /// last against which no run speaks that took no part in learning it is used. `wrong`: files whose references are not believed.
 pub fn validated(
     runs: &[RunData],
-    found: Option<&Found>,
+    found: Option<(&Found, &Folds<'_>)>,
     base: &ErrorModel,
-    family: &Family,
     wrong: &[String],
 ) -> Validated {
     let before = || runs.iter().map(|run| run.before).collect();
-    let Some(found) = found.filter(|found| !found.is_nothing()) else {
+    let Some((found, folds)) = found else {
         return Validated { model: base.clone(), effects: None, left_out: before(), withdrawn: None };
     };
-    let places: Vec<usize> = (0..runs.len()).filter(|&i| runs[i].role == Role::Fit).collect();
-    let folds = Folds::learn(runs, places, FOLDS, (base, family), wrong, Some(found));
     let least = usize::from(found.beside_effects().is_empty());
     let mut used: Option<Part> = None;
     let mut why_not = None;
@@ -97,7 +107,7 @@ fn checks_with<'a>(runs: &'a [RunData], model: &ErrorModel) -> Vec<(&'a RunData,
 }
 
 /// Some of all runs in parts, and what the others of them taught for each part; nothing where they taught nothing.
-struct Folds<'a> {
+pub struct Folds<'a> {
     runs: &'a [RunData],
     places: Vec<usize>,
     found: Vec<Option<Found>>,
@@ -127,6 +137,11 @@ impl<'a> Folds<'a> {
         };
         let found = (0..folds).into_par_iter().map(learned).collect();
         Self { runs, places, found }
+    }
+
+    /// The likeliest effects that the others taught for each part.
+    pub fn taught(&self) -> Vec<&[Effect]> {
+        self.found.iter().flatten().map(Found::likeliest).collect()
     }
 
     /// Whether there are runs that took no part in learning: of the training runs some that the others taught something for, or check runs.

@@ -197,13 +197,44 @@ pub fn gains_of(runs: &[Run], columns: Vec<Vec<f64>>) -> Option<Vec<Option<Worth
 }
 
 /// Learns from runs.
+pub fn learn(runs: Vec<Run>, allowed: &Allowed<'_>) -> Learned {
+    learn_from(mended(runs, &[]), Vec::new(), Start::default(), allowed)
+}
+
+/// What was learned, or what is learned when the search begins with what some of the runs taught, where that is likelier of all of them and predicts them
+/// better: a search climbs to one maximum of many, and other runs lead it to another one. With a family the effects that are known lead it.
+pub fn learn_again(learned: Learned, of_some: &[&[Effect]], allowed: &Allowed<'_>) -> Learned {
+    let worth = |effects: &[Effect]| worth_of(&learned.runs, effects);
+    let is_better = |[score, predictive]: [f64; 2], than: [f64; 2]| score > than[0] && predictive > than[1];
+    let Some(before) = worth(&learned.best.posterior.likeliest).filter(|_| allowed.family.members.is_empty()) else {
+        return learned;
+    };
+    let better = of_some
+        .par_iter()
+        .filter_map(|effects| Some((worth(effects).filter(|each| is_better(*each, before))?, *effects)));
+    let Some((_, effects)) = better.max_by(|(a, _), (b, _)| a[0].total_cmp(&b[0])) else { return learned };
+    let start = Start::with_effects(effects.to_vec());
+    let again = learn_from(learned.runs.clone(), learned.blunders.clone(), start, allowed);
+    let is_kept = again.blunders == learned.blunders
+        && worth(&again.best.posterior.likeliest).is_some_and(|after| is_better(after, before));
+    if is_kept { again } else { learned }
+}
+
+/// The score of these effects in these runs, and by how well every run is predicted from the others, each less the odds against as many effects, nats.
+fn worth_of(runs: &[Run], effects: &[Effect]) -> Option<[f64; 2]> {
+    let grammar = Grammar::new(runs, Library::new(runs));
+    let bare = Model::new(runs, None, &[])?;
+    let terms: Vec<Term> = effects.iter().map(|effect| bare.term(&grammar.library, effect)).collect();
+    let model = Model::new(runs, None, &terms)?.with_likeliest_process();
+    let asked: f64 = (0..effects.len()).map(asked_beside).sum();
+    Some([model.score(&grammar) - asked, model.predictive(&grammar) - asked])
+}
+
+/// Learns from runs of which some references were put right, from a start.
 ///
 /// A reference is put right, or not believed, where with everything that is learned then the runs predict each other better, by more than what a blunder
 /// costs beforehand.
-pub fn learn(mut runs: Vec<Run>, allowed: &Allowed<'_>) -> Learned {
-    runs = mended(runs, &[]);
-    let mut blunders: Vec<Blunder> = Vec::new();
-    let mut start = Start::default();
+fn learn_from(mut runs: Vec<Run>, mut blunders: Vec<Blunder>, mut start: Start, allowed: &Allowed<'_>) -> Learned {
     let mut turned = 0;
     let mut before: Option<Arc<Library>> = None;
     loop {

@@ -108,6 +108,13 @@ impl<'a> Model<'a> {
         self.terms.iter().filter(|term| term.known.is_none()).map(|term| term.effect.clone()).collect()
     }
 
+    /// An effect as a term beside this model, of the size that suits it best.
+    pub fn term(&self, library: &Library, effect: &Effect) -> Term {
+        let term = Term::new(library, self.problem.runs, effect, 1.0);
+        let (_, size2) = self.fit.gain_of(&self.problem, &self.problem.columns(&term.values));
+        Term { size2: size2.max(1e-20), ..term }
+    }
+
     /// The evidence, less what the effects' forms cost.
     pub fn score(&self, grammar: &Grammar) -> f64 {
         self.fit.evidence - self.cost(grammar)

@@ -67,9 +67,7 @@ impl<'a> Proposals<'a> {
 
     /// An effect as a term beside a model, of the size that suits it best.
     pub fn term(&self, model: &Model<'_>, effect: &Effect) -> Term {
-        let term = Term::new(&self.grammar.library, self.runs, effect, 1.0);
-        let (_, size2) = model.fit.gain_of(&model.problem, &model.problem.columns(&term.values));
-        Term { size2: size2.max(1e-20), ..term }
+        model.term(&self.grammar.library, effect)
     }
 
     /// The gain in evidence less the cost of an effect beside a model.

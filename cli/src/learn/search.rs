@@ -56,6 +56,13 @@ pub struct Start {
     process: Option<Process>,
 }
 
+impl Start {
+    /// These effects, and no process.
+    pub fn with_effects(effects: Vec<Effect>) -> Self {
+        Self { effects, process: None }
+    }
+}
+
 impl From<&Model<'_>> for Start {
     fn from(model: &Model<'_>) -> Self {
         Self { effects: model.found(), process: model.process }
