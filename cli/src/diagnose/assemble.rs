@@ -59,13 +59,10 @@ pub fn diagnosis(
     let wrong_files: Vec<String> = wrong.iter().map(|each| each.file.clone()).collect();
     let judged = found.as_ref().filter(|found| !found.is_nothing());
     let folds = judged.map(|found| validate::folds(runs, found, base, &options.family, &wrong_files));
-    let found = match (found, &folds) {
-        (Some(found), Some(folds)) => {
-            let fit: Vec<&RunData> = runs.iter().filter(|run| run.role == Role::Fit).collect();
-            Some(found.learn_again(&fit, base, &options.family, &folds.taught()))
-        }
-        (found, _) => found,
-    };
+    let found = found.map(|found| match &folds {
+        Some(folds) => folds.lead(found, base, &options.family),
+        None => found,
+    });
     let validated = validate::validated(runs, found.as_ref().zip(folds.as_ref()), base, &wrong_files);
     let with_family = found.as_ref().filter(|_| !options.family.members.is_empty());
     let family = with_family.map(|found| found.in_family(&options.family));

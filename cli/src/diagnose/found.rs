@@ -72,23 +72,16 @@ impl Found {
         }
         let files = of_search.iter().map(|run| run.file.clone()).collect();
         let learned = |allowed: &Allowed<'_>| {
-            if of_search.is_empty() { Learned::default() } else { learn::learn(of_search, allowed) }
+            Some(if of_search.is_empty() { Learned::default() } else { learn::learn(of_search, allowed) })
         };
         let (learned, models) = taught(runs, &base, family, learned)?;
         Some(Self { learned, motion, files, models, measured })
     }
 
-    /// The same of the same runs, or what is learned of them when the search begins with what some of them taught, where that is likelier.
-    pub fn learn_again(
-        self,
-        runs: &[&RunData],
-        base: &ErrorModel,
-        family: &Family,
-        of_some: &[&[effect::Effect]],
-    ) -> Self {
+    /// The same, or what is learned of the same runs when the search begins with what some of them taught, where that is likelier.
+    pub fn led_by(self, of_some: &[&[effect::Effect]], runs: &[&RunData], base: &ErrorModel, family: &Family) -> Self {
         let base = self.motion.as_ref().map_or_else(|| base.clone(), |motion| motion.model(base));
-        let before = self.learned.clone();
-        match taught(runs, &base, family, |allowed| learn::learn_again(before, of_some, allowed)) {
+        match taught(runs, &base, family, |allowed| learn::learn_again(&self.learned, of_some, allowed)) {
             Some((learned, models)) => Self { learned, models, ..self },
             None => self,
         }
@@ -206,8 +199,8 @@ impl Found {
 
     /// The effects of the likeliest model, with their weights; the strongest first.
     pub fn named(&self) -> Vec<&effect::Effect> {
-        let best = &self.learned.best.posterior.likeliest;
-        let mut sized: Vec<(f64, &effect::Effect)> = best.iter().map(|each| (self.size_deg_h(each), each)).collect();
+        let mut sized: Vec<(f64, &effect::Effect)> =
+            self.likeliest().iter().map(|each| (self.size_deg_h(each), each)).collect();
         sized.sort_by(|a, b| b.0.total_cmp(&a.0));
         sized.into_iter().map(|(_, effect)| effect).collect()
     }
@@ -300,12 +293,13 @@ impl Found {
     }
 }
 
-/// What is learned of runs that have this model already, and what the firmware runs of each model that was learned; `None` where no model can hold it.
+/// What is learned of runs that have this model already, and what the firmware runs of each model that was learned; `None` where nothing is, or no model
+/// can hold it.
 fn taught(
     runs: &[&RunData],
     base: &ErrorModel,
     family: &Family,
-    learned: impl FnOnce(&Allowed<'_>) -> Learned,
+    learned: impl FnOnce(&Allowed<'_>) -> Option<Learned>,
 ) -> Option<(Learned, Vec<ErrorModel>)> {
     let may_be_used = |posterior: &Posterior, of_search: &[Run]| {
         let model = posterior.written(base, of_search);
@@ -317,7 +311,7 @@ fn taught(
         let of = |own: &Run| runs.iter().find(|run| run.file == own.file).and_then(|run| with(run));
         of_search.par_iter().map(of).collect()
     };
-    let mut learned = learned(&Allowed { family, may_be_used: &may_be_used, azimuths: &azimuths });
+    let mut learned = learned(&Allowed { family, may_be_used: &may_be_used, azimuths: &azimuths })?;
     let written = |taught: &Taught| taught.posterior.written(base, &learned.runs);
     let mut models: Vec<Option<ErrorModel>> = learned.models().map(written).collect();
     // A model that no file has room for is not learned; simpler ones are.

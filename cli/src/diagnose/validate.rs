@@ -139,9 +139,11 @@ impl<'a> Folds<'a> {
         Self { runs, places, found }
     }
 
-    /// The likeliest effects that the others taught for each part.
-    pub fn taught(&self) -> Vec<&[Effect]> {
-        self.found.iter().flatten().map(Found::likeliest).collect()
+    /// What was found of all the runs, or what is found of them when the search begins with what the others taught for a part, where that is likelier.
+    pub fn lead(&self, found: Found, base: &ErrorModel, family: &Family) -> Found {
+        let all: Vec<&RunData> = self.places.iter().map(|&i| &self.runs[i]).collect();
+        let taught: Vec<&[Effect]> = self.found.iter().flatten().map(Found::likeliest).collect();
+        found.led_by(&taught, &all, base, family)
     }
 
     /// Whether there are runs that took no part in learning: of the training runs some that the others taught something for, or check runs.

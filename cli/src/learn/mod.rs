@@ -201,33 +201,32 @@ pub fn learn(runs: Vec<Run>, allowed: &Allowed<'_>) -> Learned {
     learn_from(mended(runs, &[]), Vec::new(), Start::default(), allowed)
 }
 
-/// What was learned, or what is learned when the search begins with what some of the runs taught, where that is likelier of all of them and predicts them
-/// better: a search climbs to one maximum of many, and other runs lead it to another one. With a family the effects that are known lead it.
-pub fn learn_again(learned: Learned, of_some: &[&[Effect]], allowed: &Allowed<'_>) -> Learned {
-    let worth = |effects: &[Effect]| worth_of(&learned.runs, effects);
-    let is_better = |[score, predictive]: [f64; 2], than: [f64; 2]| score > than[0] && predictive > than[1];
-    let Some(before) = worth(&learned.best.posterior.likeliest).filter(|_| allowed.family.members.is_empty()) else {
-        return learned;
-    };
-    let better = of_some
-        .par_iter()
-        .filter_map(|effects| Some((worth(effects).filter(|each| is_better(*each, before))?, *effects)));
-    let Some((_, effects)) = better.max_by(|(a, _), (b, _)| a[0].total_cmp(&b[0])) else { return learned };
+/// What is learned when the search begins with what some of the runs taught, where that is likelier of all of them than what was learned and predicts them
+/// better; `None` where it is not: a search climbs to one maximum of many, and other runs lead it to another one. With a family the effects that are known lead it.
+pub fn learn_again(learned: &Learned, of_some: &[&[Effect]], allowed: &Allowed<'_>) -> Option<Learned> {
+    if !allowed.family.members.is_empty() {
+        return None;
+    }
+    let grammar = Grammar::new(&learned.runs, Library::new(&learned.runs));
+    let bare = Model::new(&learned.runs, None, &[])?;
+    let worth = |effects: &[Effect]| worth_beside(&bare, &grammar, effects);
+    let before = worth(&learned.best.posterior.likeliest)?;
+    let is_better = |after: &[f64; 2]| after[0] > before[0] && after[1] > before[1];
+    let better = of_some.par_iter().filter_map(|effects| Some((worth(effects).filter(is_better)?, *effects)));
+    let (_, effects) = better.max_by(|(a, _), (b, _)| a[0].total_cmp(&b[0]))?;
     let start = Start::with_effects(effects.to_vec());
     let again = learn_from(learned.runs.clone(), learned.blunders.clone(), start, allowed);
-    let is_kept = again.blunders == learned.blunders
-        && worth(&again.best.posterior.likeliest).is_some_and(|after| is_better(after, before));
-    if is_kept { again } else { learned }
+    let is_likelier = worth(&again.best.posterior.likeliest).as_ref().is_some_and(is_better);
+    (again.blunders == learned.blunders && is_likelier).then_some(again)
 }
 
-/// The score of these effects in these runs, and by how well every run is predicted from the others, each less the odds against as many effects, nats.
-fn worth_of(runs: &[Run], effects: &[Effect]) -> Option<[f64; 2]> {
-    let grammar = Grammar::new(runs, Library::new(runs));
-    let bare = Model::new(runs, None, &[])?;
+/// The score of a model of these effects in the runs of a model without any, and the same by how well every run is predicted from the others, each less the odds
+/// against as many effects, nats.
+fn worth_beside(bare: &Model<'_>, grammar: &Grammar, effects: &[Effect]) -> Option<[f64; 2]> {
     let terms: Vec<Term> = effects.iter().map(|effect| bare.term(&grammar.library, effect)).collect();
-    let model = Model::new(runs, None, &terms)?.with_likeliest_process();
+    let model = Model::new(bare.problem.runs, None, &terms)?.with_likeliest_process();
     let asked: f64 = (0..effects.len()).map(asked_beside).sum();
-    Some([model.score(&grammar) - asked, model.predictive(&grammar) - asked])
+    Some([model.score(grammar) - asked, model.predictive(grammar) - asked])
 }
 
 /// Learns from runs of which some references were put right, from a start.

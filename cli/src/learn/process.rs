@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use north_finder::effects::doubt::{Kernel, Process};
 
-/// Columns that are made independent side by side: a processor computes with several numbers at once.
+/// Numbers that are computed side by side, as a processor does: of columns that are made independent, of an inner product.
 pub const LANES: usize = 8;
 
 /// The rows of one run: their middle, when the index had come to rest before each, s, and their variance, (°/h)².

@@ -415,12 +415,8 @@ pub fn functions_of_rows(factor: &Factor, inputs: &[f64], lengths: impl Iterator
         rest = after;
         let mut sums = [0.0_f64; MAX_FUNCTIONS + 1];
         if !row.iter().any(|input| input.is_nan()) {
-            let of_shape = if factor.constant {
-                sums[0] = length as f64;
-                &mut sums[1..]
-            } else {
-                &mut sums
-            };
+            let (constant, of_shape) = sums.split_at_mut(usize::from(factor.constant));
+            constant.fill(length as f64);
             for &input in row {
                 of_shape.iter_mut().zip(&factor.shape.values(input)).for_each(|(sum, value)| *sum += value);
             }
