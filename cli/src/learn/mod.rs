@@ -53,7 +53,7 @@ pub use proposals::{Tried, form};
 use rayon::prelude::*;
 pub use rows::Run;
 pub use search::asked_beside;
-use search::{Search, Start};
+use search::{Search, Start, odds_against};
 
 /// A model that some runs taught.
 #[derive(Clone, Debug, Default)]
@@ -225,7 +225,7 @@ pub fn learn_again(learned: &Learned, of_some: &[&[Effect]], allowed: &Allowed<'
 fn worth_beside(bare: &Model<'_>, grammar: &Grammar, effects: &[Effect]) -> Option<[f64; 2]> {
     let terms: Vec<Term> = effects.iter().map(|effect| bare.term(&grammar.library, effect)).collect();
     let model = Model::new(bare.problem.runs, None, &terms)?.with_likeliest_process();
-    let asked: f64 = (0..effects.len()).map(asked_beside).sum();
+    let asked = odds_against(effects.len());
     Some([model.score(grammar) - asked, model.predictive(grammar) - asked])
 }
 

@@ -225,7 +225,7 @@ pub fn form(effect: &Effect) -> String {
 }
 
 /// Of the same signals: ports, dynamics and shapes of one are tried for the other.
-fn alike(a: &Effect, b: &Effect) -> bool {
+pub fn alike(a: &Effect, b: &Effect) -> bool {
     let signals = |effect: &Effect| {
         let mut signals: Vec<String> = effect.factors.iter().map(|factor| factor.signal.to_string()).collect();
         signals.sort();

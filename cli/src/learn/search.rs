@@ -12,7 +12,7 @@ use super::functions::Library;
 use super::grammar::{Grammar, reduced};
 use super::model::{Model, is_within};
 use super::problem::Term;
-use super::proposals::{Proposals, form};
+use super::proposals::{Proposals, alike, form};
 use super::references::{Blunder, MOST_BLUNDERS, likeliest, together};
 use super::rows::Run;
 use super::tuning::{constants_of, moved_by};
@@ -32,7 +32,7 @@ const MOST_LEVEL_G: f64 = 0.087;
 const MOST_SCALE: f64 = 0.2;
 /// Most that any of these may be in a single row, if it is an alternative to what was found, times its root mean square.
 const MOST_IN_A_ROW: f64 = 3.0;
-/// Models with one effect more that are looked at with the likeliest process of the runs' own.
+/// Models with one effect more that are looked at with the likeliest process of the runs' own, and with which a search begins.
 const WIDENED: usize = 3;
 /// Share of what a product explains that it keeps without one factor where it stands for two effects, and of what is missing then that an effect explains with the
 /// constants that it is proposed with.
@@ -86,20 +86,42 @@ impl<'a> Search<'a> {
     }
 
     /// Searches for the model with the greatest score, from `start`: nothing, or what an earlier search found with another reference for one run. Where
-    /// revising the effects raises the score by more than a further effect must, further ones are searched for again. Where products were found, they are
-    /// taken apart, and effects of one factor compete with them, which a product may have taken in and hide. `None` where the runs determine no model.
+    /// revising the effects raises the score by more than a further effect must, further ones are searched for again. A search climbs to one maximum of many:
+    /// where one effect of one factor is not enough, it begins with other effects too, and with effects of one factor only, which a product may have taken in
+    /// and hide. The products of the likeliest model are taken apart. `None` where the runs determine no model.
     pub fn best(&self, start: &Start) -> Option<Model<'a>> {
         let bare = Model::new(self.runs, None, &[])?;
         let terms: Vec<Term> = start.effects.iter().map(|effect| self.proposals.term(&bare, effect)).collect();
         let model =
             self.with_family(self.pruned(Model::new(self.runs, start.process, &terms)?.with_likeliest_process()));
-        let best = self.taken_apart(self.completed(model, &start.effects));
-        let is_product = |term: &Term| term.known.is_none() && term.effect.factors.len() > 1;
-        if !best.terms.iter().any(is_product) {
-            return Some(best);
+        let mut found = match start.effects.as_slice() {
+            [] => self.begun_variously(model),
+            first => vec![self.completed(model, first)],
+        };
+        if let Some(factors) = found.first().and_then(factors_of_several) {
+            found.push(self.of_plain(factors)?);
         }
-        let plain = self.plain_model(best.terms.len() + 1)?;
-        Some(if plain.score(&self.grammar) > best.score(&self.grammar) { self.completed(plain, &[]) } else { best })
+        let likeliest = found.into_iter().max_by(|a, b| self.worth(a).total_cmp(&self.worth(b)))?;
+        Some(self.taken_apart(likeliest))
+    }
+
+    /// The score of a model, less the odds against as many effects, nats.
+    fn worth(&self, model: &Model<'_>) -> f64 {
+        model.score(&self.grammar) - odds_against(model.found().len())
+    }
+
+    /// What the search finds beside a model that begins with the effect that promises most; where that is not enough by itself, also with each of the next ones.
+    fn begun_variously(&self, model: Model<'a>) -> Vec<Model<'a>> {
+        let found = |begun: Model<'a>| self.completed(self.with_family(self.pruned(begun)), &[]);
+        let mut beginnings = self.widened(&model, |model| self.proposals.finalists(model)).into_iter();
+        let Some(first) = beginnings.next().filter(|first| self.is_worth_its_effect(&model, first)).map(found) else {
+            return vec![model];
+        };
+        let others: Vec<Model<'a>> = match factors_of_several(&first) {
+            Some(_) => beginnings.collect::<Vec<_>>().into_par_iter().map(found).collect(),
+            None => Vec::new(),
+        };
+        std::iter::once(first).chain(others).collect()
     }
 
     /// Takes products apart. A product may have taken in what several effects cause: as one more factor it costs less than an effect of its own. Each
@@ -134,16 +156,16 @@ impl<'a> Search<'a> {
         (score - without > LEAST_SHARE_KEPT * (model.score(&self.grammar) - without)).then_some(simpler)
     }
 
-    /// The model that effects of one factor make, so many at most.
-    fn plain_model(&self, most: usize) -> Option<Model<'a>> {
-        let mut model = Model::new(self.runs, None, &[])?.with_likeliest_process();
+    /// The model that effects of one factor make, so many at most, revised and completed.
+    fn of_plain(&self, most: usize) -> Option<Model<'a>> {
+        let mut model = self.with_family(Model::new(self.runs, None, &[])?.with_likeliest_process());
         while model.terms.len() < most
             && let Some(wider) = self.widened_by(&model, |model| self.proposals.plain(model))
             && wider.score(&self.grammar) > model.score(&self.grammar)
         {
             model = wider;
         }
-        Some(model)
+        Some(self.completed(self.revised(model), &[]))
     }
 
     /// Adds effects and revises them, until neither helps, or nothing was added to what there was at first.
@@ -165,10 +187,7 @@ impl<'a> Search<'a> {
     fn grown(&self, mut model: Model<'a>) -> Model<'a> {
         while model.terms.len() < MOST_EFFECTS {
             let Some(wider) = self.widened_by(&model, |model| self.proposals.finalists(model)) else { break };
-            let more = wider.score(&self.grammar) - model.score(&self.grammar);
-            if more <= asked_beside(model.found().len())
-                || wider.predictive(&self.grammar) <= model.predictive(&self.grammar)
-            {
+            if !self.is_worth_its_effect(&model, &wider) {
                 break;
             }
             model = self.with_family(self.pruned(wider));
@@ -176,9 +195,15 @@ impl<'a> Search<'a> {
         model
     }
 
+    /// Whether both evidence and prediction rise by one more effect, the evidence by what is asked of it.
+    fn is_worth_its_effect(&self, model: &Model<'_>, wider: &Model<'_>) -> bool {
+        let more = wider.score(&self.grammar) - model.score(&self.grammar);
+        more > asked_beside(model.found().len()) && wider.predictive(&self.grammar) > model.predictive(&self.grammar)
+    }
+
     /// How well every run is predicted from the others by a model, less what it costs, and less the odds against as many effects; nats.
     pub fn plausible(&self, model: &Model<'_>) -> f64 {
-        model.predictive(&self.grammar) - (0..model.found().len()).map(asked_beside).sum::<f64>()
+        model.predictive(&self.grammar) - odds_against(model.found().len())
     }
 
     /// Adds the effects of the instrument's family that this unit more likely has than not.
@@ -372,6 +397,11 @@ impl<'a> Search<'a> {
 
     /// Adds the one of the effects that are proposed beside a model with which every run is predicted best from the others.
     fn widened_by(&self, model: &Model<'a>, proposed: impl Fn(&Model<'a>) -> Vec<Effect>) -> Option<Model<'a>> {
+        self.widened(model, proposed).into_iter().next()
+    }
+
+    /// The model with each of the most promising of these effects more, each of other signals, by how well every run is predicted from the others, the best first.
+    fn widened(&self, model: &Model<'a>, proposed: impl Fn(&Model<'a>) -> Vec<Effect>) -> Vec<Model<'a>> {
         // Beside the process as it is, and at first beside none: a process may have taken for its own what is an effect.
         let mut finalists = proposed(model);
         if model.process.is_some()
@@ -389,9 +419,20 @@ impl<'a> Search<'a> {
         };
         let mut widened: Vec<(f64, Model<'a>)> = finalists.par_iter().filter_map(with).collect();
         widened.sort_by(|a, b| b.0.total_cmp(&a.0));
-        widened.truncate(WIDENED);
-        let finished = widened.into_par_iter().map(|(_, each)| each.with_likeliest_process());
-        finished.max_by(|a, b| a.predictive(&self.grammar).total_cmp(&b.predictive(&self.grammar)))
+        let mut effects: Vec<Effect> = Vec::new();
+        widened.retain(|(_, each)| {
+            let own = each.terms.last().map(|term| &term.effect);
+            let new = own.filter(|own| effects.len() < WIDENED && !effects.iter().any(|other| alike(other, own)));
+            effects.extend(new.cloned());
+            new.is_some()
+        });
+        let finished = |(_, model): (f64, Model<'a>)| {
+            let model = model.with_likeliest_process();
+            (model.predictive(&self.grammar), model)
+        };
+        let mut finished: Vec<(f64, Model<'a>)> = widened.into_par_iter().map(finished).collect();
+        finished.sort_by(|a, b| b.0.total_cmp(&a.0));
+        finished.into_iter().map(|(_, each)| each).collect()
     }
 
     /// Whether a model file has room for the effects, and none is larger than its port allows.
@@ -468,9 +509,20 @@ pub fn is_writable(effects: &[Effect]) -> bool {
     effects.len() <= MOST_EFFECTS && whole().validate().is_ok()
 }
 
+/// How many factors the effects have that were found; `None` where there is only one effect of one factor, or none.
+fn factors_of_several(model: &Model<'_>) -> Option<usize> {
+    let factors = model.found().iter().map(|effect| effect.factors.len().max(1)).sum();
+    (factors > 1).then_some(factors)
+}
+
 /// What a further effect must gain beside so many that were found, nats.
 pub fn asked_beside(effects: usize) -> f64 {
     -(if effects == 0 { FALSE_DISCOVERIES } else { FURTHER_FALSE_DISCOVERIES }).ln()
+}
+
+/// The same of so many effects together.
+pub fn odds_against(effects: usize) -> f64 {
+    (0..effects).map(asked_beside).sum()
 }
 
 #[cfg(test)]

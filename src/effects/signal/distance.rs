@@ -7,14 +7,14 @@ use serde::{Deserialize, Serialize};
 use super::SignalPart;
 use crate::effects::now::Now;
 
-/// Degrees without sign; 0 before the first move.
+/// Degrees without sign; before the first move it says nothing: what moves leave behind is not there yet.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Distance;
 
 impl SignalPart for Distance {
     fn value(&self, now: &Now<'_>) -> Option<f64> {
-        Some(now.track.travel_deg.abs())
+        (now.track.number > 0.0).then_some(now.track.travel_deg.abs())
     }
 
     fn name(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
