@@ -10,7 +10,7 @@ use crate::campaign::Role;
 use crate::run_data::RunData;
 
 /// A turn that is taken out before smaller effects are looked for, degrees: the candidates' columns are those of small ones.
-const LARGE_DEG: f64 = 3.0;
+const LARGE_DEG: f64 = 5.0;
 /// Share of it that the runs may differ by.
 const APART: f64 = 0.2;
 /// Fewest training runs with a reference that tell it.
