@@ -19,6 +19,8 @@ use north_finder::sensing::level::Specific;
 use north_finder::settings::Settings;
 use north_finder::units::{sin_cos_deg, wrap_180_deg};
 
+use proofs::composed;
+
 use crate::common::measured_data;
 
 /// Ω cos 50° = 15.041067 · 0.6427876, °/h.
@@ -315,6 +317,25 @@ fn what_must_not_be_used_is_left_out_and_the_rest_is_learned() {
     both.sort();
     assert_eq!(both, ["supply_v", "temp_c"]);
     assert_eq!(channels(&|posterior, _| !follows_supply(posterior)), ["temp_c"]);
+}
+
+/// A rate that goes with the vibration and an index that goes with the rest before the run: one product of three with their constants takes both in and costs less, and
+/// is 18 nats less likely than they are. Which effects are there is what the campaign is drawn with.
+#[test]
+#[ignore = "a long search: make proofs"]
+fn what_one_product_takes_in_is_found_as_several_effects() {
+    let folder = Folder::new("several");
+    composed::Campaign::draw(11_101, 1, composed::Kind::Inside).write(&folder.0).unwrap();
+    let campaign = Campaign::read(&folder.0).unwrap();
+    let settings = Settings { latitude_deg: campaign.latitude_deg.unwrap(), ..Settings::default() };
+    let allowed =
+        Allowed { family: &Family::default(), may_be_used: &|_, _| true, azimuths: &|_, runs| vec![None; runs.len()] };
+    let found = learn(read(&campaign, &settings).unwrap().fit, &allowed).best.posterior.likeliest;
+    let names: Vec<String> = found.iter().map(ToString::to_string).collect();
+    assert!(found.iter().all(|effect| effect.factors.len() < 2), "{names:?}");
+    for expected in ["vibration_mg", "index-offset-by-rest"] {
+        assert!(names.iter().any(|name| name.starts_with(expected)), "{names:?}");
+    }
 }
 
 /// What some of the runs taught leads the search of all where it is likelier of all, and nothing else does: the rate of the temperature, which is there, and not
