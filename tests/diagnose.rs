@@ -18,7 +18,6 @@ use north_finder::effects::signal::Channel;
 use north_finder::sensing::level::Specific;
 use north_finder::settings::Settings;
 use north_finder::units::{sin_cos_deg, wrap_180_deg};
-
 use proofs::composed;
 
 use crate::common::measured_data;

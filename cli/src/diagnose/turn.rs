@@ -7,10 +7,9 @@ use north_finder::units::{sin_cos_deg, wrap_180_deg};
 
 use super::statistics::{median, rms};
 use crate::campaign::Role;
+use crate::learn::MOST_INDEX_DEG;
 use crate::run_data::RunData;
 
-/// A turn that is taken out before smaller effects are looked for, degrees: the candidates' columns are those of small ones.
-const LARGE_DEG: f64 = 5.0;
 /// Share of it that the runs may differ by.
 const APART: f64 = 0.2;
 /// Fewest training runs with a reference that tell it.
@@ -26,7 +25,7 @@ pub struct Turn {
     pub sigma_deg: f64,
 }
 
-/// The angle by which the azimuths of all training runs are off, if that is too much for a small effect.
+/// The angle by which the azimuths of all training runs are off, if that is more than an effect on the index may be: it is taken out before effects are looked for.
 pub fn common(runs: &[RunData]) -> Option<Turn> {
     let fit = runs.iter().filter(|run| run.role == Role::Fit);
     let errors: Vec<f64> =
@@ -35,7 +34,7 @@ pub fn common(runs: &[RunData]) -> Option<Turn> {
     let deg = wrap_180_deg(first + median(errors.iter().map(|error| wrap_180_deg(error - first)).collect()));
     let apart: Vec<f64> = errors.iter().map(|error| wrap_180_deg(error - deg)).collect();
     let apart_deg = median(apart.iter().map(|apart| apart.abs()).collect());
-    let found = errors.len() >= LEAST_RUNS && deg.abs() > LARGE_DEG && apart_deg < APART * deg.abs();
+    let found = errors.len() >= LEAST_RUNS && deg.abs() > MOST_INDEX_DEG && apart_deg < APART * deg.abs();
     found.then(|| Turn { deg, sigma_deg: OF_A_MEDIAN * rms(&apart) / (errors.len() as f64).sqrt() })
 }
 

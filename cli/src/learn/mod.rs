@@ -52,7 +52,7 @@ use proposals::Proposals;
 pub use proposals::{Tried, form};
 use rayon::prelude::*;
 pub use rows::Run;
-pub use search::asked_beside;
+pub use search::{MOST_INDEX_DEG, asked_beside};
 use search::{Search, Start, odds_against};
 
 /// A model that some runs taught.

@@ -26,7 +26,7 @@ pub const FURTHER_FALSE_DISCOVERIES: f64 = 1.0 / 20.0;
 const MOST_EFFECTS: usize = MAX_EFFECTS;
 /// Most that an error of the index or of the level may be, root mean square, degrees and g: the equations are linear in it, and leave out e²/2 of the
 /// rate, 0.4 % at 5°. What is larger is another effect, which this one stands for.
-const MOST_INDEX_DEG: f64 = 5.0;
+pub const MOST_INDEX_DEG: f64 = 5.0;
 const MOST_LEVEL_G: f64 = 0.087;
 /// Most that the scale factor may change by, root mean square.
 const MOST_SCALE: f64 = 0.2;
