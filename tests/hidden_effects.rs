@@ -126,7 +126,7 @@ fn the_written_model_is_the_reported_one(numbers: Range<u64>) {
 /// One that is searched quickly.
 #[test]
 fn the_written_model_is_the_reported_one_in_a_campaign() {
-    the_written_model_is_the_reported_one(9..10);
+    the_written_model_is_the_reported_one(45..46);
 }
 
 #[test]

@@ -18,7 +18,7 @@ fn missing(diagnosis: &Diagnosis) -> usize {
 }
 
 /// How far apart the azimuths of the stations are, where no heading is surveyed; of still recordings the rate; where there is neither, by how much the
-/// azimuths change.
+/// azimuths change, or that nothing judges them.
 fn of_stations(diagnosis: &Diagnosis) -> String {
     if let (Some(before), Some(after)) = (diagnosis.rate_rms_before_deg_h, diagnosis.rate_rms_after_deg_h) {
         return format!(
@@ -32,6 +32,10 @@ fn of_stations(diagnosis: &Diagnosis) -> String {
         _ if !diagnosis.effects.is_empty() => {
             let changes: Vec<f64> = diagnosis.runs.iter().filter_map(change_deg).collect();
             format!(": no reference and no station confirms the azimuths, which change by {:.3} deg rms", rms(&changes))
+        }
+        _ if diagnosis.runs.iter().any(|run| run.azimuth_after_deg.is_some()) => {
+            "; without a reference or a station an effect that changes azimuths and leaves no residual is not seen"
+                .into()
         }
         _ => String::new(),
     }
