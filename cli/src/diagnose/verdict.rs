@@ -33,12 +33,18 @@ fn of_stations(diagnosis: &Diagnosis) -> String {
             let changes: Vec<f64> = diagnosis.runs.iter().filter_map(change_deg).collect();
             format!(": no reference and no station confirms the azimuths, which change by {:.3} deg rms", rms(&changes))
         }
-        _ if diagnosis.runs.iter().any(|run| run.azimuth_after_deg.is_some()) => {
+        _ if has_unjudged_azimuths(diagnosis) => {
             "; without a reference or a station an effect that changes azimuths and leaves no residual is not seen"
                 .into()
         }
         _ => String::new(),
     }
+}
+
+/// Whether there are azimuths, and no run has a reference: one whose reference is not believed has it all the same.
+fn has_unjudged_azimuths(diagnosis: &Diagnosis) -> bool {
+    let is_surveyed = |run: &RunDiagnosis| run.reference_azimuth_deg.is_some();
+    diagnosis.runs.iter().any(|run| run.azimuth_after_deg.is_some()) && !diagnosis.runs.iter().any(is_surveyed)
 }
 
 /// By how much the azimuth of a run changes, degrees.
