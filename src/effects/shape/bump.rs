@@ -17,8 +17,8 @@ pub struct Bump {
     pub circular: bool,
 }
 
-/// Widths that the search begins with, as shares of the range, or of a circle.
-const SHARE: f64 = 0.12;
+/// Width that the search begins with, as a share of the range, or of a circle.
+pub(super) const SHARE: f64 = 0.12;
 /// Starts about a circle: at a width of an eighth neighbours overlap by half.
 const SECTORS: u8 = 8;
 

@@ -53,6 +53,7 @@ parts! {
     bump::Bump,
     sector::Sector,
     decay::Decay,
+    saturation::Saturation,
 }
 
 impl Shape {
@@ -144,6 +145,8 @@ mod tests {
         // From 350° through north to 80°.
         let sector = Shape::from(Sector { from: 350.0, to: 440.0 });
         assert_eq!([340.0, 355.0, 79.0, 81.0].map(|x| sector.values(x)[0]), [0.0, 1.0, 1.0, 0.0]);
+        let saturation = Shape::from(Saturation { centre: 2.0, width: 0.5 });
+        assert!((saturation.values(2.5)[0] - libm::tanh(1.0)).abs() < 1e-12 && saturation.values(-90.0)[0] == -1.0);
         let hinge = Shape::from(Hinge { at: 2.0, scale: 0.5 });
         assert_eq!((hinge.values(1.0).as_slice(), hinge.values(3.0).as_slice()), (&[-2.0, 0.0][..], &[0.0, 2.0][..]));
         let broken = Shape::from(Broken { first: 2.0, second: 4.0, scale: 0.5 });
