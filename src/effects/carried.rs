@@ -2,15 +2,20 @@
 
 use super::doubt::MAX_DIRECTIONS;
 use super::effect::Port;
+use super::track::Track;
 
 /// Most products of factors that are kept for effects which depend on the azimuth.
 pub const MAX_GATES: usize = 16;
 /// Ports whose uncertainty is kept: that of the scale factor is one of the rate.
 const PORTS: usize = 4;
 /// Numbers that are kept.
-const NUMBERS: usize = PORTS * MAX_DIRECTIONS + MAX_GATES + 1;
+const NUMBERS: usize = PORTS * MAX_DIRECTIONS + MAX_GATES + 4;
 /// Place of what a change of the scale factor makes of the bias.
-const OF_BIAS: usize = NUMBERS - 1;
+const OF_BIAS: usize = NUMBERS - 4;
+/// Places of the winding now and when the run began, and of the rows of the last move.
+const WINDING: usize = NUMBERS - 3;
+const BEGUN: usize = NUMBERS - 2;
+const TURN_ROWS: usize = NUMBERS - 1;
 
 /// Numbers that a dwell keeps for its solution.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,6 +71,27 @@ impl Carried {
 
     pub fn set_of_bias(&mut self, share: f64) {
         self.numbers[OF_BIAS] = share as f32;
+    }
+
+    /// Index angle with turns counted, degrees.
+    pub fn winding_deg(&self) -> f64 {
+        self.numbers[WINDING].into()
+    }
+
+    /// The same in the first second of the run.
+    pub fn begun_deg(&self) -> f64 {
+        self.numbers[BEGUN].into()
+    }
+
+    /// Rows within the move before; 0 where the recording leaves them out.
+    pub fn turn_rows(&self) -> f64 {
+        self.numbers[TURN_ROWS].into()
+    }
+
+    pub fn set_way(&mut self, track: &Track) {
+        self.numbers[BEGUN] = track.begun_deg as f32;
+        self.numbers[WINDING] = track.winding_deg as f32;
+        self.numbers[TURN_ROWS] = track.turn_rows as f32;
     }
 
     /// Product of the factors of an effect that do not depend on the azimuth, where others do; by its number among all of these.

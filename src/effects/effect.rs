@@ -7,7 +7,7 @@ use quantities::limits::{Invalid, finite, within};
 use serde::{Deserialize, Serialize};
 
 use super::channel::ChannelName;
-use super::factor::{Factor, Memory, PARTS};
+use super::factor::{Factor, Functions, Memory};
 use super::now::Now;
 use super::shape::Shape;
 use super::signal::Signal;
@@ -20,9 +20,10 @@ pub const MAX_EFFECT_WEIGHTS: usize = 64;
 
 /// Products of the functions of an effect's factors.
 pub type Products = Vec<f64, MAX_EFFECT_WEIGHTS>;
-/// What the factors of one effect remember; one that follows the rate behind dynamics remembers the last two as well.
-pub type Memories = [Memory; MEMORIES];
-pub const MEMORIES: usize = MAX_FACTORS + PARTS - 2;
+/// What the factors of one effect remember.
+pub type Memories = [Memory; MAX_FACTORS];
+/// Functions of those of its factors that are replayed ([`Factor::is_replayed`]), in the place of each factor.
+pub type Replayed = [Functions; MAX_FACTORS];
 
 /// Where an effect enters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -85,17 +86,13 @@ impl Effect {
     /// is not known yet ([`Self::is_read`]). Must be called every second, in the order of time.
     pub fn products(&self, now: &Now<'_>, memories: &mut Memories) -> Products {
         let mut products: Products = bounded([1.0]);
-        let [memories @ .., second, third] = memories;
         for (factor, memory) in self.factors.iter().zip(memories) {
-            // Every factor is asked, so that every one remembers.
-            let values = if factor.remembers_rate() {
-                factor.parts(now, [memory, second, third])
-            } else if factor.needs_azimuth() {
+            if factor.needs_azimuth() {
                 continue;
-            } else {
-                let input = factor.pass(factor.signal.value(now), now.track.step_s, memory);
-                input.map(|input| factor.values(input)).unwrap_or_default()
-            };
+            }
+            // Every factor is asked, so that every one remembers.
+            let input = factor.pass(factor.signal.value(now), now.track.step_s, memory);
+            let values = input.map(|input| factor.values(input)).unwrap_or_default();
             products = bounded(products.iter().flat_map(|product| values.iter().map(move |value| product * value)));
         }
         products
@@ -109,19 +106,17 @@ impl Effect {
         self.factors.iter().all(says)
     }
 
-    /// The product of functions that a weight belongs to: of those factors that depend on the azimuth, of which `now` says what it is, and of the
-    /// others by the means of their products ([`Self::products`], by number). 0 where a signal says nothing.
-    pub fn of_azimuth(&self, number: usize, gate: &dyn Fn(usize) -> f64, now: &Now<'_>) -> f64 {
+    /// The product of functions that a weight belongs to: of those factors that depend on the azimuth, of which `now` and `replayed` say what they are, and of
+    /// the others by the means of their products ([`Self::products`], by number). 0 where a signal says nothing.
+    pub fn of_azimuth(&self, number: usize, gate: &dyn Fn(usize) -> f64, replayed: &Replayed, now: &Now<'_>) -> f64 {
         let (mut rest, mut product) = (number, 1.0);
         let (mut first, mut stride) = (0, 1);
-        let mut parts = None;
-        for factor in self.factors.iter().rev() {
+        for (factor, replayed) in self.factors.iter().zip(replayed).rev() {
             let count = factor.count().max(1);
             let function = rest % count;
             rest /= count;
-            if factor.remembers_rate() {
-                let earth_deg_h = now.belief.map_or([0.0; 3], |belief| belief.earth_deg_h);
-                parts = Some((stride, factor.by_parts(function, earth_deg_h)));
+            if factor.is_replayed() {
+                product *= replayed.get(function).copied().unwrap_or(0.0);
             } else if factor.needs_azimuth() {
                 let value = factor.signal.value(now).and_then(|x| factor.values(x).get(function).copied());
                 product *= value.unwrap_or(0.0);
@@ -130,11 +125,7 @@ impl Effect {
             }
             stride *= Self::gates_of(factor);
         }
-        let of_gates = match parts {
-            None => gate(first),
-            Some((apart, parts)) => (0..).zip(parts).map(|(i, part)| part * gate(first + i * apart)).sum(),
-        };
-        product * of_gates
+        product * gate(first)
     }
 
     /// Standard deviation of a weight before anything is learned, relative to the effect's size.
@@ -175,13 +166,7 @@ impl Effect {
     }
 
     fn gates_of(factor: &Factor) -> usize {
-        if factor.remembers_rate() {
-            PARTS
-        } else if factor.needs_azimuth() {
-            1
-        } else {
-            factor.count()
-        }
+        if factor.needs_azimuth() { 1 } else { factor.count() }
     }
 
     /// It depends on the azimuth that is sought.
@@ -202,8 +187,6 @@ impl Effect {
     /// Every part in its range, and as many weights as products of functions.
     pub fn validate(&self) -> Result<(), Invalid> {
         self.factors.iter().try_for_each(Factor::validate)?;
-        let behind = self.factors.iter().filter(|factor| factor.remembers_rate()).count();
-        within("model.effects.factors (rate behind dynamics)", behind as f64, 0.0, 1.0, "one of an effect at most")?;
         let count = self.count() as f64;
         within("model.effects (functions)", count, 1.0, MAX_EFFECT_WEIGHTS as f64, "at most 64 products of functions")?;
         if self.weights.len() != self.count() {

@@ -7,7 +7,7 @@ use super::carried::Carried;
 use super::channel::{ChannelName, MAX_CHANNELS};
 use super::conditions::Conditions;
 use super::doubt::MAX_DIRECTIONS;
-use super::effect::{Effect, MEMORIES, Memories, Port};
+use super::effect::{Effect, MAX_FACTORS, Memories, Port};
 use super::factor::MAX_CHAIN;
 use super::moves::Moves;
 use super::now::{self, RunFacts};
@@ -79,7 +79,7 @@ impl Evaluator {
             windows: Vec::new(),
             memories: [[None; 2]; MAX_TERMS],
             moves: Moves::default(),
-            of_effects: [[[None; MAX_CHAIN]; MEMORIES]; MAX_EFFECTS],
+            of_effects: [[[None; MAX_CHAIN]; MAX_FACTORS]; MAX_EFFECTS],
             track: Track::default(),
             run: RunFacts { hour_of_day: None, rest_s: None },
             last_s: None,
@@ -151,6 +151,7 @@ impl Evaluator {
         let (mut carried, mut unknown) = (Carried::default(), false);
         if !self.model.effects.is_empty() {
             self.track.push(conditions);
+            carried.set_way(&self.track);
             unknown = self.effects(conditions, first, &mut sums, &mut carried);
             bias_deg_h += sums.rate.value;
             scale += sums.scale.value;

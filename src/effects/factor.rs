@@ -8,7 +8,6 @@ use serde::{Deserialize, Serialize};
 
 use super::channel::ChannelName;
 use super::dynamics::{Dynamics, State};
-use super::now::Now;
 use super::part::Constant;
 use super::shape::{MAX_FUNCTIONS, Shape};
 use super::signal::Signal;
@@ -18,9 +17,6 @@ use crate::bounded::bounded;
 pub const MAX_CHAIN: usize = 2;
 /// Most constants of one factor.
 pub const MAX_FACTOR_CONSTANTS: usize = 7;
-
-/// What the rate behind dynamics is made of: a constant and three components of the axis' direction.
-pub const PARTS: usize = 4;
 
 /// Shape(dynamics(signal)).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -87,38 +83,19 @@ impl Factor {
         number.checked_sub(usize::from(self.constant)).map_or(1.0, |of_shape| self.shape.prior(of_shape))
     }
 
-    /// What the dynamics make of the axis' direction (cos θ, sin θ, upward component), after a constant, 1: the rate behind linear dynamics is their sum
-    /// by the Earth's components, which are known once there is an azimuth. Empty where there is no index, or nothing known yet. Must be called every second.
-    pub fn parts(&self, now: &Now<'_>, memories: [&mut Memory; PARTS - 1]) -> Functions {
-        let Some(index) = now.conditions.index else {
-            memories.into_iter().for_each(|memory| *memory = Memory::default());
-            return Functions::new();
-        };
-        let up = Signal::TiltAlong.value(now).unwrap_or(0.0);
-        let passed = [index.cos, index.sin, up]
-            .into_iter()
-            .zip(memories)
-            .filter_map(|(value, memory)| self.pass(Some(value), now.track.step_s, memory));
-        let parts: Functions = bounded(core::iter::once(1.0).chain(passed));
-        if parts.len() == PARTS { parts } else { Functions::new() }
-    }
-
-    /// What a function of the rate behind linear dynamics is by each of [`Self::parts`]; it is a line.
-    pub fn by_parts(&self, function: usize, earth_deg_h: [f64; 3]) -> [f64; PARTS] {
-        let at = |rate_deg_h: f64| self.values(rate_deg_h).get(function).copied().unwrap_or(0.0);
-        let (none, slope) = (at(0.0), at(1.0) - at(0.0));
-        let [first, second, up] = earth_deg_h.map(|component| slope * component);
-        [none, first, second, up]
-    }
-
     /// It depends on the azimuth that is sought.
     pub fn needs_azimuth(&self) -> bool {
         self.signal.needs_azimuth()
     }
 
-    /// It follows the Earth's rate behind dynamics: what a slow gyro makes of it within a dwell.
-    pub fn remembers_rate(&self) -> bool {
+    /// It depends on the azimuth behind dynamics: what it is now depends on what the axis met on its way, which the solution goes again.
+    pub fn is_replayed(&self) -> bool {
         self.needs_azimuth() && !self.dynamics.is_empty()
+    }
+
+    /// What comes out of its dynamics changes with time alone.
+    pub fn takes_time(&self) -> bool {
+        !self.dynamics.iter().all(Dynamics::is_rate_independent)
     }
 
     /// The constants that the search tunes: those of the dynamics, then those of the shape, then that of the signal. The harmonics of an angle are whole
@@ -153,8 +130,7 @@ impl Factor {
         self.signal.channels()
     }
 
-    /// Constants in their range. Behind a dynamics nothing depends on the azimuth, which is known only when all is over, but a line of the rate behind
-    /// linear ones.
+    /// Constants in their range. The azimuth is known only when all is over: of what depends on it the rate alone is behind dynamics.
     pub fn validate(&self) -> Result<(), Invalid> {
         self.signal.validate()?;
         self.dynamics.iter().try_for_each(Dynamics::validate)?;
@@ -166,16 +142,9 @@ impl Factor {
                 "one or two behind the signal measured",
             ));
         }
-        let is_sum = self.signal == Signal::Rate
-            && matches!(self.shape, Shape::Linear(_))
-            && self.dynamics.iter().all(Dynamics::is_linear);
-        if self.remembers_rate() && !is_sum {
+        if self.is_replayed() && self.signal != Signal::Rate {
             let (field, number) = ("model.effects.factors.dynamics (number)", self.dynamics.len() as f64);
-            return Err(Invalid::new(
-                field,
-                number,
-                "none behind the signals axis and rate, but low-pass, memory, rate or delay before a line of the rate",
-            ));
+            return Err(Invalid::new(field, number, "none behind the signal axis"));
         }
         Ok(())
     }
@@ -197,7 +166,7 @@ mod tests {
     use crate::effects::dynamics::{
         DynamicsPart, LowPass, Memory as Remembered, Play, Rate, Relay, Square, Stop, Thermostat,
     };
-    use crate::effects::now::RunFacts;
+    use crate::effects::now::{Now, RunFacts};
     use crate::effects::shape::Linear;
     use crate::effects::signal::{Since, Time, WeightedDifference};
     use crate::effects::track::Track;

@@ -144,7 +144,7 @@ impl ErrorModel {
 
     /// An effect follows the rate behind dynamics, so that it changes within a dwell and is not known before there is an azimuth.
     pub fn remembers_rate(&self) -> bool {
-        self.effects.iter().flat_map(|effect| &effect.factors).any(factor::Factor::remembers_rate)
+        self.effects.iter().flat_map(|effect| &effect.factors).any(|factor| factor.is_replayed() && factor.takes_time())
     }
 
     /// The signals of a run as a whole that effects depend on, by name: time of day, rest before the run.

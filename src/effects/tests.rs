@@ -311,37 +311,6 @@ fn the_solution_gets_what_it_multiplies() {
     assert_close(found.carried.gate(0), 2.0);
 }
 
-/// What a gyro remembers of the Earth's rate, by hand: half of a step is forgotten in a second. The index turns from 0° to 90°, so that of cos θ = 0 and
-/// sin θ = 1 it remembers −½ and ½. At an azimuth of 90° and 10 °/h to the north the rate goes from 0 to 10 °/h, and half of that is 5 °/h; a line with
-/// a reference of 1 °/h and a scale of 2 °/h makes 2 of it. At an azimuth of 0° it goes from 10 °/h to 0, and (−5 − 1)/2 = −3.
-#[test]
-fn what_a_gyro_remembers_of_the_rate() {
-    let memory = dynamics::Memory { tau_s: core::f32::consts::LOG2_E };
-    let line = shape::Linear { reference: 1.0, scale: 2.0 };
-    let effect = Effect::new(Port::Rate, &[Factor::new(signal::Rate.into(), &[memory.into()], line.into())]);
-    assert_eq!((effect.count(), effect.gates()), (1, 4));
-    let mut model = ErrorModel::default();
-    assert!(model.effects.push(effect.clone()).is_ok());
-    model.validate().unwrap();
-    let mut evaluator = Evaluator::new(model);
-    evaluator.second(&conditions(0.5, 0.0));
-    let carried = evaluator.second(&conditions(1.5, 90.0)).carried;
-    for (number, expected) in [1.0, -0.5, 0.5, 0.0].into_iter().enumerate() {
-        assert!((carried.gate(number) - expected).abs() < 1e-6, "{number} {}", carried.gate(number));
-    }
-    let (track, run) = (track::Track::default(), now::RunFacts::default());
-    let seconds = conditions(1.5, 90.0);
-    for (earth_deg_h, expected) in [([0.0, 10.0, 11.0], 2.0), ([10.0, 0.0, 11.0], -3.0)] {
-        let belief = Some(now::Belief { axis_azimuth_deg: 0.0, rate_deg_h: 0.0, earth_deg_h });
-        let now = now::Now { conditions: &seconds, channels: &[], track: &track, run: &run, belief };
-        let found = effect.of_azimuth(0, &|number| carried.gate(number), &now);
-        assert!((found - expected).abs() < 1e-6, "{found} {expected}");
-    }
-    // A curve of it is no sum of what is known by the second.
-    let curve = shape::Smooth { low: -1.0, high: 1.0, count: 4 };
-    assert!(Factor::new(signal::Rate.into(), &[memory.into()], curve.into()).validate().is_err());
-}
-
 #[test]
 fn nonsense_is_named() {
     let refused = |model: ErrorModel| model.validate().unwrap_err().field;

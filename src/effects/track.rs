@@ -10,6 +10,9 @@ pub(super) const REST_DEG: f64 = 0.5;
 /// 0° the turn would be that of chance.
 const WHOLE_TURN_FROM_DEG: f64 = 337.5;
 
+/// Rows follow each other where the middle of one is less than so many of its lengths behind that of the one before.
+const LONGEST_STEP: f64 = 1.5;
+
 /// The index' history as far as effects depend on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Track {
@@ -18,10 +21,16 @@ pub struct Track {
     moving: bool,
     /// Unwrapped index angle, degrees, counter-clockwise positive; the first is in [−22.5°, 337.5°).
     pub winding_deg: f64,
+    /// The first one of the run.
+    pub begun_deg: f64,
     /// Seconds since the last move ended, or since the recording began.
     pub since_s: f64,
     /// Way of the last move, degrees, counter-clockwise positive; 0 before the first.
     pub travel_deg: f64,
+    /// Rows within the last move; 0 where the recording leaves them out.
+    pub turn_rows: f64,
+    /// The row follows the one before without a gap.
+    pub in_a_row: bool,
     /// Moves that have begun.
     pub number: f64,
     /// Turning rate over the row, °/s.
@@ -41,6 +50,7 @@ impl Track {
         let start_s = conditions.t_s - 0.5 * conditions.seconds;
         let first = self.last_deg.is_none();
         self.step_s = if first { 0.0 } else { (conditions.t_s - self.last_s).max(0.0) };
+        self.in_a_row = !first && self.step_s < LONGEST_STEP * conditions.seconds;
         self.last_s = conditions.t_s;
         self.begun_per_s = 0.0;
         self.turning_deg_s = 0.0;
@@ -49,6 +59,7 @@ impl Track {
             match self.last_deg.replace(index_deg) {
                 None => {
                     self.winding_deg = if index_deg < WHOLE_TURN_FROM_DEG { index_deg } else { index_deg - 360.0 };
+                    self.begun_deg = self.winding_deg;
                     self.rest_began_s = start_s;
                 }
                 Some(last_deg) => self.turn(wrap_180_deg(index_deg - last_deg), start_s),
@@ -66,7 +77,12 @@ impl Track {
         self.turning_deg_s = way_deg / step_s;
         let moving = way_deg.abs() > REST_DEG;
         if moving {
+            if self.moving && self.in_a_row {
+                // The row before was within the move.
+                self.turn_rows += 1.0;
+            }
             if !self.moving {
+                self.turn_rows = 0.0;
                 self.travel_deg = 0.0;
                 self.number += 1.0;
                 self.begun_per_s = 1.0 / step_s;
@@ -94,6 +110,7 @@ mod tests {
         }
         assert!((track.winding_deg - 80.0).abs() < 1e-9 && (track.travel_deg - 89.9).abs() < 1e-9, "{track:?}");
         assert_eq!((track.number, track.since_s, track.step_s), (1.0, 2.5, 1.0));
+        assert_eq!((track.begun_deg, track.turn_rows), (-10.0, 1.0), "a row at 10 deg lies between the rests");
         assert!(track.turning_deg_s.abs() < 1e-9 && track.begun_per_s == 0.0);
     }
 

@@ -84,11 +84,21 @@ impl Corrected {
     }
 
     /// What those effects of a model that depend on the azimuth add to the rate of this second where the azimuth is this, °/h: [`Self::rate_deg_h`] still
-    /// contains it. 0 without an index angle.
-    pub fn of_azimuth_deg_h(&self, model: &ErrorModel, earth: &EarthRate, azimuth_deg: f64) -> f64 {
-        let (Some(row), Some(index)) = (self.row(), self.index) else { return 0.0 };
-        let second = DwellSummary { carried: self.correction.carried, ..DwellSummary::moving(&row) };
-        AzimuthEffects::new(model, *earth, azimuth_deg).without_slope().of_dwell(&second, index).0
+    /// contains it. `before`: where the axis has been, as [`Self::as_dwell`] says. 0 without an index angle.
+    pub fn of_azimuth_deg_h(
+        &self,
+        model: &ErrorModel,
+        before: &[DwellSummary],
+        earth: &EarthRate,
+        azimuth_deg: f64,
+    ) -> f64 {
+        let (Some(second), Some(index)) = (self.as_dwell(), self.index) else { return 0.0 };
+        AzimuthEffects::new(model, before, *earth, azimuth_deg).without_slope().of_dwell(&second, index).0
+    }
+
+    /// As a dwell of its own; `None` without an index angle.
+    pub fn as_dwell(&self) -> Option<DwellSummary> {
+        Some(DwellSummary { carried: self.correction.carried, ..DwellSummary::moving(&self.row()?) })
     }
 
     /// As a row of a dwell.
@@ -605,7 +615,7 @@ mod tests {
             let conditions = Conditions { raw_rate_deg_h: 1.0, index, ..Conditions::default() };
             let second = accumulator.correct(&Second { conditions, ..Second::default() });
             assert_eq!(second.rate_deg_h, 1.0);
-            second.of_azimuth_deg_h(&model, &earth, 90.0)
+            second.of_azimuth_deg_h(&model, &[], &earth, 90.0)
         };
         assert!(at(0.0).abs() < 1e-6);
         assert!((at(90.0) - 0.150411).abs() < 1e-6);

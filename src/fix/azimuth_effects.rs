@@ -6,11 +6,12 @@ use nalgebra::Vector4;
 use super::dwell::DwellSummary;
 use crate::earth::EarthRate;
 use crate::effects::doubt::MAX_DIRECTIONS;
-use crate::effects::effect::Port;
+use crate::effects::effect::{Port, Replayed};
 use crate::effects::now::{Belief, Now, RunFacts};
 use crate::effects::track::Track;
-use crate::effects::{Conditions, ErrorModel};
+use crate::effects::{Conditions, Effect, ErrorModel};
 use crate::fix::DesignRow;
+use crate::fix::way::Way;
 use crate::sensing::index::Direction;
 use crate::units::{DEG_PER_RAD, RAD_PER_DEG, sin_cos_deg, wrap_360_deg};
 
@@ -22,6 +23,8 @@ const HALF_WIDTH_DEG: f64 = 0.1;
 #[derive(Clone, Copy)]
 pub(super) struct AzimuthEffects<'a> {
     model: &'a ErrorModel,
+    /// All of the fix, in the order of time.
+    dwells: &'a [DwellSummary],
     earth: EarthRate,
     azimuth_deg: f64,
     cos: f64,
@@ -31,9 +34,14 @@ pub(super) struct AzimuthEffects<'a> {
 }
 
 impl<'a> AzimuthEffects<'a> {
-    pub fn new(model: &'a ErrorModel, earth: EarthRate, azimuth_deg: f64) -> Self {
+    pub fn new(model: &'a ErrorModel, dwells: &'a [DwellSummary], earth: EarthRate, azimuth_deg: f64) -> Self {
         let (sin, cos) = sin_cos_deg(azimuth_deg);
-        Self { model, earth, azimuth_deg, cos, sin, fixed: false }
+        Self { model, dwells, earth, azimuth_deg, cos, sin, fixed: false }
+    }
+
+    /// The same at another azimuth.
+    fn at(&self, azimuth_deg: f64) -> Self {
+        Self { fixed: self.fixed, ..Self::new(self.model, self.dwells, self.earth, azimuth_deg) }
     }
 
     /// At an azimuth that is less by so many degrees.
@@ -41,7 +49,7 @@ impl<'a> AzimuthEffects<'a> {
         if azimuth_deg == 0.0 {
             return self;
         }
-        Self { fixed: self.fixed, ..Self::new(self.model, self.earth, self.azimuth_deg - azimuth_deg) }
+        self.at(self.azimuth_deg - azimuth_deg)
     }
 
     /// The effects as they are at the supposed azimuth, wherever the azimuth is.
@@ -54,10 +62,8 @@ impl<'a> AzimuthEffects<'a> {
         if self.model.effects_of_azimuth().next().is_none() {
             return (0.0, Vector4::zeros());
         }
-        let at = |azimuth_deg: f64| {
-            Self::new(self.model, self.earth, azimuth_deg)
-                .sum(dwell, index, &|first, number| first.weights.get(number).copied().unwrap_or(0.0).into())
-        };
+        let weight = |effect: &Effect, number: usize| effect.weights.get(number).copied().unwrap_or(0.0).into();
+        let at = |azimuth_deg: f64| self.at(azimuth_deg).sum(dwell, index, &weight);
         if self.fixed {
             return (at(self.azimuth_deg), Vector4::zeros());
         }
@@ -83,12 +89,7 @@ impl<'a> AzimuthEffects<'a> {
         doubts
     }
 
-    fn sum(
-        &self,
-        dwell: &DwellSummary,
-        index: Direction,
-        weight: &dyn Fn(&crate::effects::Effect, usize) -> f64,
-    ) -> f64 {
+    fn sum(&self, dwell: &DwellSummary, index: Direction, weight: &dyn Fn(&Effect, usize) -> f64) -> f64 {
         let design = DesignRow::new(index, dwell.specific(), &self.earth);
         let effects = self.model.effects_of_azimuth();
         effects.map(|(effect, _, gate)| self.effect(effect, gate, dwell, index, &design, &|n| weight(effect, n))).sum()
@@ -97,7 +98,7 @@ impl<'a> AzimuthEffects<'a> {
     /// Σ weight · product of the factors' functions, at its port, °/h.
     fn effect(
         &self,
-        effect: &crate::effects::Effect,
+        effect: &Effect,
         gate: usize,
         dwell: &DwellSummary,
         index: Direction,
@@ -113,8 +114,22 @@ impl<'a> AzimuthEffects<'a> {
         });
         let now = Now { conditions: &conditions, channels: &[], track: &track, run: &run, belief };
         let gate_of = |number: usize| dwell.carried.gate(gate + number);
-        let of_weight = |number: usize| weight(number) * effect.of_azimuth(number, &gate_of, &now);
+        let replayed = self.replayed(effect, dwell, design);
+        let of_weight = |number: usize| weight(number) * effect.of_azimuth(number, &gate_of, &replayed, &now);
         self.gain(effect.port, index, design) * (0..effect.count()).map(of_weight).sum::<f64>()
+    }
+
+    /// The functions of those factors of an effect that are replayed, means over a dwell, whose row of the equations is `design`.
+    fn replayed(&self, effect: &Effect, dwell: &DwellSummary, design: &DesignRow) -> Replayed {
+        let rate_deg_h = |index: Direction, dwell: &DwellSummary| {
+            self.earth_rate_deg_h(&DesignRow::new(index, dwell.specific(), &self.earth))
+        };
+        let way = Way { dwells: self.dwells, azimuth_deg: self.azimuth_deg, rate_deg_h: &rate_deg_h };
+        let mut replayed = Replayed::default();
+        for (functions, factor) in replayed.iter_mut().zip(&effect.factors).filter(|(_, factor)| factor.is_replayed()) {
+            *functions = way.replay(factor, dwell, self.earth_rate_deg_h(design));
+        }
+        replayed
     }
 
     /// The Earth's rate about the axis, °/h.
@@ -141,10 +156,10 @@ mod tests {
     use std::vec::Vec;
 
     use super::*;
-    use crate::effects::Effect;
     use crate::effects::carried::MAX_GATES;
+    use crate::effects::dynamics::{self, Play};
     use crate::effects::factor::Factor;
-    use crate::effects::shape::{Harmonic, Linear, Shape};
+    use crate::effects::shape::{Harmonic, Linear, Saturation, Shape};
     use crate::effects::signal::{Axis, Rate};
     use crate::fix::Fix;
     use crate::fix::solve;
@@ -166,6 +181,7 @@ mod tests {
     /// Eight dwells at an azimuth of 70° that read the Earth's rate and what is added to it: of the axis' azimuth and of the Earth's rate. Every
     /// product of factors that do not depend on the azimuth is one.
     fn fix(model: &ErrorModel, added_deg_h: impl Fn(f64, f64) -> f64) -> Fix {
+        let mut track = Track::default();
         let dwells: Vec<DwellSummary> = (0..)
             .zip(ORDER)
             .map(|(i, index_deg)| {
@@ -173,6 +189,8 @@ mod tests {
                 let rate_deg_h = NORTH_DEG_H * libm::cos(axis_rad);
                 let mut each = dwell(65.0 * f64::from(i), index_deg, rate_deg_h + added_deg_h(axis_rad, rate_deg_h));
                 (0..MAX_GATES).for_each(|gate| each.carried.set_gate(gate, 1.0));
+                track.winding_deg = index_deg;
+                each.carried.set_way(&track);
                 each
             })
             .collect();
@@ -205,6 +223,49 @@ mod tests {
         let added = |_: f64, rate_deg_h: f64| 0.02 * rate_deg_h;
         assert!((fix(&ErrorModel::default(), added).amplitude_deg_h / NORTH_DEG_H - 1.02).abs() < 1e-6);
         assert!((fix(&model(effect, &[0.02]), added).amplitude_deg_h / NORTH_DEG_H - 1.0).abs() < 1e-6);
+    }
+
+    /// A play of ±1 °/h, of a recording without the rows of turns, follows the Earth's rates h cos(70° − θ) with h = 7.5205 °/h: at θ = 0 it begins at h cos 70° = 2.5722; at 45° it is h cos 25° − 1 = 5.8159; on
+    /// the way to 90° the axis points north, h − 1 = 6.5205, where it stays until it is h cos 65° + 1 = 4.1783 at 135°; then h cos 110° + 1 = −1.5722 and
+    /// h cos 155° + 1 = −5.8159; after south at 250° it is 1 − h = −6.5205, and at last h cos 115° − 1 = −4.1783.
+    #[test]
+    fn an_effect_of_the_rates_on_the_way() {
+        let of_play = [2.5722, 5.8159, 6.5205, 4.1783, -1.5722, -5.8159, -6.5205, -4.1783];
+        let line: Shape = Linear { reference: 0.0, scale: 1.0 }.into();
+        let effect = Effect::new(Port::Rate, &[Factor::new(Rate.into(), &[Play { half_width: 1.0 }.into()], line)]);
+        let added = |axis_rad: f64, _: f64| {
+            let number = ((70.0 - axis_rad.to_degrees()) / 45.0).round() as usize;
+            0.1 * of_play[number]
+        };
+        let turned_deg = wrap_180_deg(fix(&ErrorModel::default(), added).azimuth_deg - 70.0);
+        assert!(turned_deg.abs() > 0.5, "{turned_deg}");
+        let with = fix(&model(effect, &[0.1]), added);
+        assert!(wrap_180_deg(with.azimuth_deg - 70.0).abs() < 0.01, "{}", with.azimuth_deg);
+        assert!((with.amplitude_deg_h / NORTH_DEG_H - 1.0).abs() < 1e-4, "{}", with.amplitude_deg_h);
+    }
+
+    /// The saturating part of the rate that a low-pass of 30 s has not reached yet, gone through here by the second: the index turns at once, and after five
+    /// seconds follows a dwell of 60 s. The solution, which knows the dwells alone, takes it out to a hundredth.
+    #[test]
+    fn an_effect_that_takes_its_time() {
+        let rate = |index_deg: f64| NORTH_DEG_H * libm::cos((70.0 - index_deg).to_radians());
+        let (mut low_pass, mut means) = (rate(0.0), Vec::new());
+        for index_deg in ORDER {
+            let now = rate(index_deg);
+            let mut sum = 0.0;
+            for second in 1..=65 {
+                low_pass += (now - low_pass) * (1.0 - libm::exp(-1.0 / 30.0));
+                sum += if second <= 5 { 0.0 } else { libm::tanh((now - low_pass) / 3.0) };
+            }
+            means.push(sum / 60.0);
+        }
+        let shape: Shape = Saturation { centre: 0.0, width: 3.0 }.into();
+        let memory = dynamics::Memory { tau_s: 30.0 };
+        let effect = Effect::new(Port::Rate, &[Factor::new(Rate.into(), &[memory.into()], shape)]);
+        let added = |axis_rad: f64, _: f64| 0.3 * means[((70.0 - axis_rad.to_degrees()) / 45.0).round() as usize];
+        let turned_deg = wrap_180_deg(fix(&ErrorModel::default(), added).azimuth_deg - 70.0);
+        let left_deg = wrap_180_deg(fix(&model(effect, &[0.3]), added).azimuth_deg - 70.0);
+        assert!(turned_deg.abs() > 0.5 && left_deg.abs() < 0.01 * turned_deg.abs(), "{turned_deg} {left_deg}");
     }
 
     /// The gyro reads (1 + s)·rate + 4 °/h with s = 0.05 at the indices 135° and 180° and 0 elsewhere, and the model divides by 1 + s: of the bias

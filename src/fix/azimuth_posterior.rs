@@ -51,7 +51,8 @@ pub(super) fn posterior<'a>(
         let (mut scan, mut last) = (Scan::default(), 0.0);
         for number in -STEPS..=STEPS {
             let supposed_deg = middle_deg + f64::from(number) * step_deg;
-            problem.at_azimuth = Some(AzimuthEffects::new(model, problem.earth, supposed_deg).without_slope());
+            problem.at_azimuth =
+                Some(AzimuthEffects::new(model, problem.dwells, problem.earth, supposed_deg).without_slope());
             last = log_probability(problem, supposed_deg, variance, drift_weight)?;
             scan.push(f64::from(number) * step_deg, last);
         }

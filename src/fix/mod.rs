@@ -42,6 +42,7 @@ pub mod statistics;
 mod tests;
 mod turned;
 mod velocity;
+pub mod way;
 
 use serde::{Deserialize, Serialize};
 

@@ -292,7 +292,7 @@ fn settle_azimuth<'a>(
     let first = estimated(problem)?;
     let (mut supposed, mut agreed) = (first, false);
     for _ in 0..AZIMUTH_STEPS {
-        problem.at_azimuth = Some(AzimuthEffects::new(model, problem.earth, supposed.0));
+        problem.at_azimuth = Some(AzimuthEffects::new(model, problem.dwells, problem.earth, supposed.0));
         weigh_doubt(problem, model, variance);
         let next = estimated(problem)?;
         agreed = wrap_180_deg(next.0 - supposed.0).abs() < AZIMUTH_AGREES_DEG;
@@ -301,14 +301,15 @@ fn settle_azimuth<'a>(
             break;
         }
     }
-    problem.at_azimuth = Some(AzimuthEffects::new(model, problem.earth, supposed.0));
+    problem.at_azimuth = Some(AzimuthEffects::new(model, problem.dwells, problem.earth, supposed.0));
     if model.effects_of_azimuth().next().is_none() {
         return Ok(None);
     }
     let about = if agreed { supposed } else { first };
     let posterior =
         azimuth_posterior::posterior(problem, model, about, variance, drift_weight).ok_or(Unsolvable::NoSignal)?;
-    problem.at_azimuth = Some(AzimuthEffects::new(model, problem.earth, posterior.azimuth_deg).without_slope());
+    problem.at_azimuth =
+        Some(AzimuthEffects::new(model, problem.dwells, problem.earth, posterior.azimuth_deg).without_slope());
     Ok(Some(posterior))
 }
 

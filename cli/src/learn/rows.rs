@@ -4,6 +4,7 @@ use std::collections::{BTreeSet, HashMap};
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
+use north_finder::earth::EarthRate;
 use north_finder::effects::effect::{Effect, Port};
 use north_finder::effects::factor::{Factor, Memory};
 use north_finder::effects::now::{Belief, Now, RunFacts};
@@ -11,6 +12,9 @@ use north_finder::effects::shape::MAX_FUNCTIONS;
 use north_finder::effects::signal::Signal;
 use north_finder::effects::track::Track;
 use north_finder::effects::{ChannelName, Conditions, MAX_CHANNELS};
+use north_finder::fix::DesignRow;
+use north_finder::fix::way::Turn;
+use north_finder::sensing::index::Direction;
 use north_finder::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_180_deg, wrap_360_deg};
 
 use super::process::Instants;
@@ -308,8 +312,7 @@ impl Run {
         let index_deg = sample.sin.atan2(sample.cos) * DEG_PER_RAD;
         Belief {
             axis_azimuth_deg: wrap_360_deg(self.azimuth_deg - index_deg),
-            rate_deg_h: self.north_deg_h * (sample.design.cos * cos + sample.design.sin * sin)
-                + sample.design.vertical_deg_h,
+            rate_deg_h: self.earth_rate_deg_h(&sample.design),
             earth_deg_h: [self.north_deg_h * cos, self.north_deg_h * sin, self.up_deg_h],
         }
     }
@@ -371,6 +374,9 @@ impl Run {
         let mut memory = Memory::default();
         let mut waits = false;
         for (i, (&value, track)) in values.iter().zip(&self.tracks).enumerate() {
+            if factor.is_replayed() && i > 0 && !track.in_a_row {
+                self.met_in_turn_deg_h(i).for_each(|rate_deg_h| _ = factor.pass(Some(rate_deg_h), 0.0, &mut memory));
+            }
             let input = factor.pass(value.is_finite().then_some(value), track.step_s, &mut memory);
             if let Some(input) = input {
                 inputs[i - usize::from(waits)..=i].fill(input);
@@ -378,6 +384,22 @@ impl Run {
             waits = input.is_none() && value.is_finite();
         }
         inputs
+    }
+
+    /// The Earth's rates that the axis met in a turn to a second whose rows were left out, °/h.
+    fn met_in_turn_deg_h(&self, second: usize) -> impl Iterator<Item = f64> {
+        let [from_deg, to_deg] = [second - 1, second].map(|second| self.tracks[second].winding_deg);
+        let earth = EarthRate { north_deg_h: self.north_deg_h, up_deg_h: self.up_deg_h };
+        let level = self.samples[second].level;
+        Turn { from_deg, to_deg, rows: 0.0 }
+            .places_deg(self.azimuth_deg)
+            .map(move |index_deg| self.earth_rate_deg_h(&DesignRow::new(Direction::of_deg(index_deg), level, &earth)))
+    }
+
+    /// The Earth's rate about the axis, °/h.
+    fn earth_rate_deg_h(&self, design: &DesignRow) -> f64 {
+        let (sin, cos) = (self.azimuth_deg * RAD_PER_DEG).sin_cos();
+        self.north_deg_h * (design.cos * cos + design.sin * sin) + design.vertical_deg_h
     }
 
     /// Numbers of consecutive rows that one coarse row stands for, within one dwell.
@@ -575,8 +597,7 @@ impl Run {
 mod tests {
     use std::slice::from_ref;
 
-    use north_finder::effects::dynamics::Rate;
-    use north_finder::fix::DesignRow;
+    use north_finder::effects::dynamics::{Greatest, Rate};
 
     use super::super::functions::Library;
     use super::super::spans::IDENTITY;
@@ -592,6 +613,25 @@ mod tests {
         run.bins = bins;
         run.signals.lock().unwrap().insert(format!("{signal:?}"), Arc::new(values.to_vec()));
         run
+    }
+
+    /// A second at an index angle.
+    fn sample(index_deg: f64) -> Sample {
+        let (sin, cos) = index_deg.to_radians().sin_cos();
+        Sample {
+            t_s: 0.0,
+            seconds: 1.0,
+            rate_deg_h: 5.0,
+            cos,
+            sin,
+            design: DesignRow { cos, sin, vertical_deg_h: 0.1 },
+            temp_c: Some(20.0),
+            level: None,
+            moving: false,
+            left_out: false,
+            dwell: 0,
+            line: 0,
+        }
     }
 
     /// North, east, south and west, 10 °/h horizontal. The index reads 30° too much: the axis is 30° clockwise of where it is taken to be. North: 10 cos 30° less
@@ -628,25 +668,8 @@ mod tests {
     /// A run over north, at 10° and at 200°: of the signals that every second has those that depend on the azimuth differ, and no other.
     #[test]
     fn only_what_depends_on_the_azimuth_changes_with_it() {
-        let sample = |i: usize| {
-            let (sin, cos) = (i as f64 * 0.7).sin_cos();
-            Sample {
-                t_s: i as f64,
-                seconds: 1.0,
-                rate_deg_h: 5.0,
-                cos,
-                sin,
-                design: DesignRow { cos, sin, vertical_deg_h: 0.1 },
-                temp_c: Some(20.0),
-                level: None,
-                moving: false,
-                left_out: false,
-                dwell: 0,
-                line: 0,
-            }
-        };
         let mut run = Run::of_rates(&[0.0; 8]);
-        run.samples = (0..8).map(sample).collect();
+        run.samples = (0..8).map(|i| Sample { t_s: i.into(), ..sample(40.0 * f64::from(i)) }).collect();
         let at = |azimuth_deg: f64| {
             let mut run = run.clone();
             run.set_azimuth(azimuth_deg);
@@ -663,6 +686,23 @@ mod tests {
             let anew = functions(&Library::new(from_ref(&other)), &other);
             assert_eq!(functions(&before.in_runs(from_ref(&other)), &other), anew, "{signal}");
         }
+    }
+
+    /// 10 °/h horizontal at an azimuth of 45°, at an index of 0° and then of 90°: both rates are 10 cos 45°, and the greatest is that of north, where the axis points on
+    /// the way, if the rows of the turn were left out.
+    #[test]
+    fn a_turn_without_rows_meets_what_lies_between() {
+        let greatest = |in_a_row: bool| {
+            let factor = Factor::new(Signal::Rate, &[Greatest {}.into()], IDENTITY);
+            let half = 10.0 * 0.5_f64.sqrt();
+            let mut run = of_signal(factor.signal, &[half, half], vec![0..1, 1..2]);
+            run.azimuth_deg = 45.0;
+            run.samples = vec![sample(0.0), sample(90.0)];
+            run.tracks[1].winding_deg = 90.0;
+            run.tracks[1].in_a_row = in_a_row;
+            run.inputs(&factor)[1]
+        };
+        assert!((greatest(false) - 10.0).abs() < 1e-9 && (greatest(true) - 7.0711).abs() < 1e-4);
     }
 
     /// Of sixteen seconds in four parts those end at 16 (k/4)²: 1, 4, 9 and 16. Of a rotation all are alike. Of rows of lengths 1, 3, 5 and 7 each is a part.

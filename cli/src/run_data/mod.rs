@@ -13,6 +13,7 @@ use north_finder::effects::now::RunFacts;
 use north_finder::event::{Dwell, Fix};
 use north_finder::fix::DesignRow;
 use north_finder::fix::accumulator::{Corrected, ROTATION_SHARE};
+use north_finder::fix::dwell::DwellSummary;
 use north_finder::instrument::replay::{Place, RecordedSecond, Replay, Reported};
 use north_finder::sensing::level::Specific;
 use north_finder::settings::Settings;
@@ -25,6 +26,9 @@ use crate::solve::{AllDwells, AllSeconds, lacking_fact};
 
 /// More outliers than one second in this many are no shocks but something to be explained.
 const SECONDS_BY_SHOCK: usize = 50;
+
+/// Where the axis has been is kept by steps of this, degrees.
+const WAY_STEP_DEG: f64 = 0.5;
 
 /// The index of a still recording keeps within this, as the chord of its directions: 2°.
 const CHORD: f64 = 0.035;
@@ -201,8 +205,14 @@ impl RunData {
         });
         told.sort_by(|a, b| time_s(a).total_cmp(&time_s(b)));
         if let Ok(fix) = fix {
+            let mut way: Vec<DwellSummary> = Vec::new();
             for second in &mut told {
-                second.rate_deg_h -= second.of_azimuth_deg_h(model, &self.earth, fix.azimuth_deg);
+                second.rate_deg_h -= second.of_azimuth_deg_h(model, &way, &self.earth, fix.azimuth_deg);
+                let winding_deg = |dwell: &DwellSummary| dwell.carried.winding_deg();
+                let has_turned = |own: &DwellSummary| {
+                    way.last().is_none_or(|last| (winding_deg(own) - winding_deg(last)).abs() > WAY_STEP_DEG)
+                };
+                way.extend(second.as_dwell().filter(has_turned));
             }
         }
         let mut run = self.clone();

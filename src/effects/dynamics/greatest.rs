@@ -36,6 +36,10 @@ impl DynamicsPart for Greatest {
 
     fn set(&mut self, _: usize, _: f64) {}
 
+    fn is_rate_independent(&self) -> bool {
+        true
+    }
+
     fn validate(&self) -> Result<(), Invalid> {
         Ok(())
     }

@@ -34,6 +34,10 @@ pub trait DynamicsPart {
     fn is_linear(&self) -> bool {
         false
     }
+    /// What comes out depends on the values that went in and on their order, not on the time between them.
+    fn is_rate_independent(&self) -> bool {
+        false
+    }
     /// What comes out jumps where the signal passes one of its constants.
     fn jumps(&self) -> bool {
         false
@@ -84,6 +88,10 @@ impl Dynamics {
 
     pub fn is_linear(&self) -> bool {
         self.part().is_linear()
+    }
+
+    pub fn is_rate_independent(&self) -> bool {
+        self.part().is_rate_independent()
     }
 
     pub fn jumps(&self) -> bool {

@@ -50,6 +50,10 @@ impl DynamicsPart for Play {
         self.half_width = value as f32;
     }
 
+    fn is_rate_independent(&self) -> bool {
+        true
+    }
+
     fn validate(&self) -> Result<(), Invalid> {
         positive("model.effects.factors.dynamics.play.half_width", self.half_width.into())
     }

@@ -74,6 +74,10 @@ impl DynamicsPart for Relay {
         *self = Self::between(low.into(), high.into());
     }
 
+    fn is_rate_independent(&self) -> bool {
+        true
+    }
+
     fn validate(&self) -> Result<(), Invalid> {
         finite("model.effects.factors.dynamics.relay.centre", &[self.centre.into()])?;
         positive("model.effects.factors.dynamics.relay.half_width", self.half_width.into())

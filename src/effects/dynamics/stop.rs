@@ -39,6 +39,10 @@ impl DynamicsPart for Stop {
         self.half_width = value as f32;
     }
 
+    fn is_rate_independent(&self) -> bool {
+        true
+    }
+
     fn validate(&self) -> Result<(), Invalid> {
         positive("model.effects.factors.dynamics.stop.half_width", self.half_width.into())
     }

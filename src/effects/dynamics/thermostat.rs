@@ -51,6 +51,10 @@ impl DynamicsPart for Thermostat {
         (self.centre, self.half_width) = (relay.centre, relay.half_width);
     }
 
+    fn is_rate_independent(&self) -> bool {
+        true
+    }
+
     fn validate(&self) -> Result<(), Invalid> {
         finite("model.effects.factors.dynamics.thermostat.centre", &[self.centre.into()])?;
         positive("model.effects.factors.dynamics.thermostat.half_width", self.half_width.into())
