@@ -191,6 +191,13 @@ pub fn reshaped(effect: &Effect, grammar: &Grammar, runs: &[Run]) -> Vec<Effect>
     all
 }
 
+/// An effect of the scale factor as one of the rate, which then is its last factor: behind dynamics the rate makes another effect.
+pub fn of_rate(effect: &Effect) -> Option<Effect> {
+    let rate = Factor::new(Signal::Rate, &[], IDENTITY);
+    let factors = [effect.factors.as_slice(), &[rate]].concat();
+    (effect.port == Port::Scale).then(|| varied(effect, Port::Rate, factors)).flatten()
+}
+
 /// Forms with other dynamics, none to two with the constants that the search begins with, in the place of one factor's.
 pub fn redriven(effect: &Effect, f: usize, grammar: &Grammar, runs: &[Run]) -> Vec<Effect> {
     let own = &effect.factors[f];

@@ -83,7 +83,7 @@ impl<'a> Proposals<'a> {
 
     /// What a model leaves.
     pub fn left(&self, model: &Model<'_>) -> Left {
-        self.bank.left(self.runs, &self.weighed(model), model.process.as_ref())
+        self.weighed_and_left(model).1
     }
 
     /// What is proposed when nothing is known yet, the most promising first: the best forms of every signal at every port, and products.
@@ -128,7 +128,8 @@ impl<'a> Proposals<'a> {
 
     /// The most promising effects of one factor beside a model, tuned.
     pub fn plain(&self, model: &Model<'_>) -> Vec<Effect> {
-        let (_, chosen, bare) = self.chosen(model);
+        let (weighed, left) = self.weighed_and_left(model);
+        let (chosen, bare) = self.unlike(model, self.bank.shortlist(self.runs, &weighed, &left, SHORTLIST));
         self.plain_of(model, &chosen, bare)
     }
 
@@ -170,6 +171,12 @@ impl<'a> Proposals<'a> {
 
     fn chosen_among(&self, model: &Model<'_>, reach: &Reach) -> (Left, Vec<(f64, Effect)>, Vec<Effect>) {
         let (left, shortlist) = self.shortlist(model, reach);
+        let (chosen, bare) = self.unlike(model, shortlist);
+        (left, chosen, bare)
+    }
+
+    /// Those of a shortlist that are best beside a model, as [`Self::chosen`] gives them.
+    fn unlike(&self, model: &Model<'_>, shortlist: Vec<Effect>) -> (Vec<(f64, Effect)>, Vec<Effect>) {
         let mut exact: Vec<(f64, Effect)> =
             shortlist.into_par_iter().map(|effect| (self.gain(model, &effect), effect)).collect();
         exact.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -187,13 +194,18 @@ impl<'a> Proposals<'a> {
                 bare.push(effect);
             }
         }
-        (left, chosen, bare)
+        (chosen, bare)
+    }
+
+    fn weighed_and_left(&self, model: &Model<'_>) -> (Vec<f64>, Left) {
+        let weighed = self.weighed(model);
+        let left = self.bank.left(self.runs, &weighed, model.process.as_ref());
+        (weighed, left)
     }
 
     /// What a model leaves, and the effects that promise most by it.
     fn shortlist(&self, model: &Model<'_>, reach: &Reach) -> (Left, Vec<Effect>) {
-        let weighed = self.weighed(model);
-        let left = self.bank.left(self.runs, &weighed, model.process.as_ref());
+        let (weighed, left) = self.weighed_and_left(model);
         let mut shortlist = self.bank.shortlist(self.runs, &weighed, &left, SHORTLIST);
         let pairs = self.pairs.shortlist(&left, &self.grammar, SHORTLIST);
         shortlist.extend(self.with_a_third(&pairs[..reach.pairs.min(pairs.len())], &left));

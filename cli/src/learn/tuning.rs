@@ -10,7 +10,7 @@ use north_finder::effects::shape::Shape;
 use rayon::prelude::*;
 
 use super::bank::{Left, best_of_each, most_promising};
-use super::grammar::{extended, fineness, redriven, reduced, replaced, reshaped};
+use super::grammar::{extended, fineness, of_rate, redriven, reduced, replaced, reshaped};
 use super::model::Model;
 use super::proposals::{Proposals, form};
 
@@ -101,6 +101,9 @@ impl Proposals<'_> {
         let mut forms = reshaped(effect, &self.grammar, self.runs);
         let others = |f: usize| [self.other_shapes(effect, f, left), self.other_dynamics(effect, f, left)].concat();
         forms.extend((0..effect.factors.len()).into_par_iter().flat_map_iter(others).collect::<Vec<Effect>>());
+        if let Some(of_rate) = of_rate(effect) {
+            forms.extend(self.other_dynamics(&of_rate, effect.factors.len(), left));
+        }
         forms
     }
 
