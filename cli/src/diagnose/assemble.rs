@@ -14,7 +14,7 @@ use super::turn::Turn;
 use super::validate::{self, Validated};
 use super::{
     Diagnosis, NoiseTests, Options, Origin, RunDiagnosis, Warning, advice, doubt, findings, guard, missed, stations,
-    still, turn, unexplained, verdict,
+    still, unexplained, verdict,
 };
 use super::{board, checks};
 use crate::campaign::{Campaign, Role};
@@ -116,7 +116,7 @@ pub fn diagnosis(
     let mut effects = used.map_or(Vec::new(), |found| found.effects(up_deg_h));
     if let Some(turn) = material.turn {
         findings::add_turn(&mut effects, turn);
-        turn::put(&mut model, turn);
+        turn.put(&mut model);
     }
     let candidates = found.map_or(Vec::new(), findings::candidates);
     let mut diagnosis = Diagnosis {

@@ -48,6 +48,7 @@ use crate::learn::{Family, Learned, Run};
 use crate::run_data::{self, RunData};
 pub use crate::run_data::{Refusal, Warning};
 use found::Found;
+use turn::Turn;
 
 /// What may be chosen.
 #[derive(Clone, Debug, Default)]
@@ -61,6 +62,7 @@ pub struct Options {
 }
 
 /// The runs of a campaign, put in order before anything is learned from them.
+#[derive(Clone)]
 struct Prepared {
     runs: Vec<RunData>,
     warnings: Vec<Warning>,
@@ -70,7 +72,7 @@ struct Prepared {
     base: ErrorModel,
     as_recorded: Vec<Option<Fix>>,
     /// An index error, the same in all runs, that was taken out of them.
-    turn: Option<turn::Turn>,
+    turn: Option<Turn>,
 }
 
 impl Prepared {
@@ -78,12 +80,41 @@ impl Prepared {
     fn fit(&self) -> Vec<&RunData> {
         self.runs.iter().filter(|run| run.role == Role::Fit).collect()
     }
+
+    /// What those teach.
+    fn teach(&self, family: &Family) -> Option<Found> {
+        Found::learn(&self.fit(), &self.base, family, None)
+    }
+
+    /// The same with a turn taken out.
+    fn without_turn(mut self, turn: Turn) -> Self {
+        self.runs.par_iter_mut().for_each(|run| turn.take_out(run, &self.base));
+        self.turn = Some(turn);
+        self
+    }
+}
+
+/// What the runs of a campaign teach. Where all their azimuths are off by about the same, that is taken out first, unless effects that turn them about alike are likelier: what is
+/// taken out for nothing has to be put back by another effect.
+fn taught(prepared: Prepared, family: &Family) -> (Prepared, Option<Found>) {
+    let Some(turn) = turn::common(&prepared.runs) else {
+        let found = prepared.teach(family);
+        return (prepared, found);
+    };
+    let turned = prepared.clone().without_turn(turn);
+    let of_turned = turned.teach(family);
+    if let Some(with_turn) = of_turned.as_ref().filter(|found| !found.is_nothing())
+        && let Some(as_recorded) = prepared.teach(family)
+        && as_recorded.learned.worth() > with_turn.learned.worth() - turn.cost(&with_turn.learned)
+    {
+        return (prepared, Some(as_recorded));
+    }
+    (turned, of_turned)
 }
 
 /// Diagnoses a campaign: a function of the campaign's files and the options only.
 pub fn diagnose(campaign: &Campaign, options: &Options) -> Result<Diagnosis, Refusal> {
-    let prepared = prepared(campaign, options)?;
-    let found = Found::learn(&prepared.fit(), &prepared.base, &options.family, None);
+    let (prepared, found) = taught(prepared(campaign, options)?, &options.family);
     let Prepared { runs, mut warnings, still, base, as_recorded, turn } = prepared;
     checks::refuse_latitude(&runs, found.as_ref(), &base, &mut warnings)?;
     let material = assemble::Material { campaign, runs: &runs, as_recorded: &as_recorded, turn, base: &base, still };
@@ -93,13 +124,16 @@ pub fn diagnose(campaign: &Campaign, options: &Options) -> Result<Diagnosis, Ref
 /// What the runs of a campaign teach that may be learned from; not judged by runs that took no part, so that it takes a fifth of the time of a
 /// diagnosis.
 pub fn learned(campaign: &Campaign, options: &Options) -> Result<Option<Learned>, Refusal> {
-    let prepared = prepared(campaign, options)?;
-    Ok(Found::learn(&prepared.fit(), &prepared.base, &options.family, None).map(|found| found.learned))
+    let (_, found) = taught(prepared(campaign, options)?, &options.family);
+    Ok(found.map(|found| found.learned))
 }
 
 /// The runs of a campaign that may be learned from, as the search sees them.
 pub fn searched(campaign: &Campaign, options: &Options) -> Result<Vec<Run>, Refusal> {
-    let prepared = prepared(campaign, options)?;
+    let mut prepared = prepared(campaign, options)?;
+    if let Some(turn) = turn::common(&prepared.runs) {
+        prepared = prepared.without_turn(turn);
+    }
     Ok(found::searched(&prepared.fit(), &prepared.base).map_or(Vec::new(), |(_, _, runs)| runs))
 }
 
@@ -120,9 +154,5 @@ fn prepared(campaign: &Campaign, options: &Options) -> Result<Prepared, Refusal>
     let base = options.settings.model.clone().unwrap_or_default();
     copies::leave_out(&mut runs, &|name| base.channels().iter().any(|each| each.as_str() == name), &mut warnings);
     let as_recorded: Vec<_> = runs.iter().map(|run| run.before).collect();
-    let turn = turn::common(&runs);
-    if let Some(turn) = turn {
-        runs.par_iter_mut().for_each(|run| turn::take_out(run, turn.deg, &base));
-    }
-    Ok(Prepared { runs, warnings, still, base, as_recorded, turn })
+    Ok(Prepared { runs, warnings, still, base, as_recorded, turn: None })
 }

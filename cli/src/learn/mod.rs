@@ -114,6 +114,12 @@ impl Learned {
         std::iter::once(&self.best).chain(&self.fewer)
     }
 
+    /// The score of the likeliest model less the odds against as many effects and what the blunders cost, nats: of the same recordings what is worth more is likelier.
+    pub fn worth(&self) -> f64 {
+        let blunders: f64 = self.blunders.iter().map(|blunder| blunder.cost(self.runs.len())).sum();
+        self.best.score - odds_against(self.best.effects()) - blunders
+    }
+
     /// Forgets the likeliest model, where there is a simpler one; whether there was.
     pub fn forget_best(&mut self) -> bool {
         let simpler = (!self.fewer.is_empty()).then(|| self.fewer.remove(0));
