@@ -22,8 +22,6 @@ pub struct Belief {
     pub axis_azimuth_deg: f64,
     /// True rate about the sensitive axis, °/h.
     pub rate_deg_h: f64,
-    /// Earth's rate along the axis at an index of 0°, along it at 90°, and up, °/h: the rate is their sum by cos θ, sin θ and the axis' upward component.
-    pub earth_deg_h: [f64; 3],
 }
 
 /// One second.

@@ -4,7 +4,7 @@ use super::conditions::Conditions;
 use crate::units::wrap_180_deg;
 
 /// The index is at rest while it turns by less than this in a row, degrees.
-pub(super) const REST_DEG: f64 = 0.5;
+pub const REST_DEG: f64 = 0.5;
 
 /// Where the winding of a run begins, degrees: from here on a turn is taken off. Runs begin at a position, mostly a multiple of 45°, whose reading scatters to both sides: at
 /// 0° the turn would be that of chance.

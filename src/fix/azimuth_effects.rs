@@ -106,11 +106,9 @@ impl<'a> AzimuthEffects<'a> {
         weight: &dyn Fn(usize) -> f64,
     ) -> f64 {
         let (conditions, track, run) = (Conditions::default(), Track::default(), RunFacts::default());
-        let north_deg_h = self.earth.north_deg_h;
         let belief = Some(Belief {
             axis_azimuth_deg: wrap_360_deg(self.azimuth_deg - libm::atan2(index.sin, index.cos) * DEG_PER_RAD),
             rate_deg_h: self.earth_rate_deg_h(design),
-            earth_deg_h: [north_deg_h * self.cos, north_deg_h * self.sin, self.earth.up_deg_h],
         });
         let now = Now { conditions: &conditions, channels: &[], track: &track, run: &run, belief };
         let gate_of = |number: usize| dwell.carried.gate(gate + number);
@@ -226,7 +224,7 @@ mod tests {
     }
 
     /// A play of ±1 °/h, of a recording without the rows of turns, follows the Earth's rates h cos(70° − θ) with h = 7.5205 °/h: at θ = 0 it begins at h cos 70° = 2.5722; at 45° it is h cos 25° − 1 = 5.8159; on
-    /// the way to 90° the axis points north, h − 1 = 6.5205, where it stays until it is h cos 65° + 1 = 4.1783 at 135°; then h cos 110° + 1 = −1.5722 and
+    /// the way to 90° the axis points north, h − 1 = 6.5205, which it keeps until it is h cos 65° + 1 = 4.1783 at 135°; then h cos 110° + 1 = −1.5722 and
     /// h cos 155° + 1 = −5.8159; after south at 250° it is 1 − h = −6.5205, and at last h cos 115° − 1 = −4.1783.
     #[test]
     fn an_effect_of_the_rates_on_the_way() {

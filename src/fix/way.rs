@@ -2,10 +2,9 @@
 
 use super::dwell::DwellSummary;
 use crate::effects::factor::{Factor, Functions, Memory};
+use crate::effects::track::REST_DEG;
 use crate::sensing::index::Direction;
 
-/// Less than this is no turn, degrees.
-const REST_DEG: f64 = 0.5;
 /// Most places of a turn that count: of a whole one every ten degrees.
 const MOST_PLACES: f64 = 36.0;
 /// Length of a row of a turn, seconds.

@@ -76,11 +76,6 @@ impl<'a> Proposals<'a> {
         model.fit.gain_of(&model.problem, &columns).0 - self.grammar.cost(effect)
     }
 
-    /// V⁻¹ times what a model leaves of the residual, by the row.
-    fn weighed(&self, model: &Model<'_>) -> Vec<f64> {
-        model.problem.weighed(&model.problem.left(&model.fit))
-    }
-
     /// What a model leaves.
     pub fn left(&self, model: &Model<'_>) -> Left {
         self.weighed_and_left(model).1
@@ -197,8 +192,9 @@ impl<'a> Proposals<'a> {
         (chosen, bare)
     }
 
+    /// V⁻¹ times what a model leaves of the residual, by the row, and what it leaves in coarse rows.
     fn weighed_and_left(&self, model: &Model<'_>) -> (Vec<f64>, Left) {
-        let weighed = self.weighed(model);
+        let weighed = model.problem.weighed(&model.problem.left(&model.fit));
         let left = self.bank.left(self.runs, &weighed, model.process.as_ref());
         (weighed, left)
     }

@@ -308,12 +308,10 @@ impl Run {
     }
 
     fn belief(&self, sample: &Sample) -> Belief {
-        let (sin, cos) = (self.azimuth_deg * RAD_PER_DEG).sin_cos();
         let index_deg = sample.sin.atan2(sample.cos) * DEG_PER_RAD;
         Belief {
             axis_azimuth_deg: wrap_360_deg(self.azimuth_deg - index_deg),
             rate_deg_h: self.earth_rate_deg_h(&sample.design),
-            earth_deg_h: [self.north_deg_h * cos, self.north_deg_h * sin, self.up_deg_h],
         }
     }
 

@@ -10,6 +10,7 @@ use fingerprints::Fingerprints;
 use north_finder::earth::EarthRate;
 use north_finder::effects::ErrorModel;
 use north_finder::effects::now::RunFacts;
+use north_finder::effects::track::REST_DEG;
 use north_finder::event::{Dwell, Fix};
 use north_finder::fix::DesignRow;
 use north_finder::fix::accumulator::{Corrected, ROTATION_SHARE};
@@ -26,9 +27,6 @@ use crate::solve::{AllDwells, AllSeconds, lacking_fact};
 
 /// More outliers than one second in this many are no shocks but something to be explained.
 const SECONDS_BY_SHOCK: usize = 50;
-
-/// Where the axis has been is kept by steps of this, degrees.
-const WAY_STEP_DEG: f64 = 0.5;
 
 /// The index of a still recording keeps within this, as the chord of its directions: 2°.
 const CHORD: f64 = 0.035;
@@ -210,7 +208,7 @@ impl RunData {
                 second.rate_deg_h -= second.of_azimuth_deg_h(model, &way, &self.earth, fix.azimuth_deg);
                 let winding_deg = |dwell: &DwellSummary| dwell.carried.winding_deg();
                 let has_turned = |own: &DwellSummary| {
-                    way.last().is_none_or(|last| (winding_deg(own) - winding_deg(last)).abs() > WAY_STEP_DEG)
+                    way.last().is_none_or(|last| (winding_deg(own) - winding_deg(last)).abs() > REST_DEG)
                 };
                 way.extend(second.as_dwell().filter(has_turned));
             }
