@@ -57,6 +57,7 @@ test-chip:
 ## proofs: the tests of many seeds and long searches, and what the image costs
 proofs: setup
 	cargo test --release --workspace -- --ignored
+	cargo test $(CHIP) -- --ignored
 
 ## lint: format check and clippy, warnings are errors, for the host and all boards
 lint: setup

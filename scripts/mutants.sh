@@ -34,7 +34,7 @@ ready=$(date +%s)
 
 # Whether the test of this name fails with this image; a test that takes too long says nothing of the fault.
 notices() {
-    NORTH_CHIP_IMAGE=$images/$1 timeout 600 "$tests" "$2" >"$images/$1-$2.log" 2>&1
+    NORTH_CHIP_IMAGE=$images/$1 timeout 600 "$tests" --include-ignored "$2" >"$images/$1-$2.log" 2>&1
     case $? in 0 | 124) return 1 ;; esac
 }
 

