@@ -242,10 +242,10 @@ fn noise_that_wanders_inside_the_stays_is_flagged_and_widens_sigma() {
     assert!(wandering.sigma_deg > 1.5 * good.sigma_deg && wandering.azimuth_deg == good.azimuth_deg);
 }
 
+/// A drift of three sigma is as probable as none: the azimuth lies halfway between the one without a drift, whose error goes with the drift (3/2 of the error
+/// at two sigma), and the one of a free drift, which has none; sigma holds half of what they differ by.
 #[test]
-fn a_drift_that_is_just_not_significant_widens_sigma() {
-    // The declared drift is 0.1 °/h per hour, and the plain order tells it with a sigma of 0.09/√(61 s · dwells …):
-    // a drift of 2.5 of these sigmas is not taken out, but what it could do to the azimuth is added.
+fn an_undecided_drift_is_taken_by_its_probability() {
     let with_drift = |per_s: f64| {
         let mut dwells = dwells_at(&NORTH_EAST);
         for dwell in &mut dwells {
@@ -254,11 +254,24 @@ fn a_drift_that_is_just_not_significant_widens_sigma() {
         }
         solve_at(60.0, &dwells)
     };
-    let still = with_drift(0.0);
-    let widened = (1..100).map(|i| with_drift(1e-6 * f64::from(i * i))).find(|s| s.sigma_deg > 1.3 * still.sigma_deg);
-    let widened = widened.unwrap();
-    assert!(!widened.flags.contains(Flag::Drift));
-    assert!(wrap_180_deg(widened.azimuth_deg - 30.0).abs() < 4.0 * widened.sigma_deg);
+    let error_deg = |fix: &Fix| wrap_180_deg(fix.azimuth_deg - 30.0);
+    let (mut least, mut most) = (0.0, 1e-2);
+    for _ in 0..50 {
+        let middle = 0.5 * (least + most);
+        *(if with_drift(middle).flags.contains(Flag::Drift) { &mut most } else { &mut least }) = middle;
+    }
+    let [absent, two, three, there] = [0.0, 1.99 / 3.0, 1.0, 4.01 / 3.0].map(|share| with_drift(share * most));
+    let apart_deg = error_deg(&two) * 3.0 / 1.99;
+    assert!(apart_deg.abs() > absent.sigma_deg, "{apart_deg} {}", absent.sigma_deg);
+    assert!((error_deg(&three) / apart_deg - 0.5).abs() < 0.01, "{} {apart_deg}", error_deg(&three));
+    assert!(error_deg(&there).abs() < 1e-5 && there.flags.contains(Flag::Drift), "{}", error_deg(&there));
+    let with_half = |sigma_deg: f64| sigma_deg.hypot(0.5 * apart_deg);
+    assert!(
+        (with_half(absent.sigma_deg)..with_half(there.sigma_deg)).contains(&three.sigma_deg),
+        "{}",
+        three.sigma_deg
+    );
+    assert!(two.sigma_deg < 1.1 * absent.sigma_deg && !two.flags.contains(Flag::Drift));
 }
 
 #[test]
