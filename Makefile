@@ -1,4 +1,4 @@
-# The two commands that matter: `make find` finds north in QEMU, `make test` runs every test but those of many seeds and the longest, which are `make proofs`.
+# The two commands that matter: `make find` finds north in QEMU, `make test` runs every test but those of many seeds and the longest searches and runs, which are `make proofs`.
 
 TARGET := thumbv7em-none-eabihf
 BUILD := $(or $(CARGO_TARGET_DIR),target)
@@ -54,7 +54,7 @@ test-units:
 test-chip:
 	$(ALONE) cargo test $(CHIP)
 
-## proofs: the tests of many seeds and long searches, and what the image costs
+## proofs: the tests of many seeds, the longest searches and runs of the emulated chip, and what the image costs
 proofs: setup
 	cargo test --release --workspace -- --ignored
 	cargo test $(CHIP) -- --ignored

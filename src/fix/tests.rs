@@ -271,6 +271,7 @@ fn an_undecided_drift_is_taken_by_its_probability() {
         "{}",
         three.sigma_deg
     );
+    assert!([two, three].iter().all(|fix| error_deg(fix).abs() < 4.0 * fix.sigma_deg));
     assert!(two.sigma_deg < 1.1 * absent.sigma_deg && !two.flags.contains(Flag::Drift));
 }
 
