@@ -5,7 +5,7 @@ without_tests() { awk '/^#\[cfg\(test\)\]/ { exit } { print }' "$1"; }
 total_lines=0
 total_constants=0
 printf '%-22s %7s %10s\n' room lines constants
-for room in src/effects cli/src/learn cli/src/diagnose; do
+for room in src/effects learn/src cli/src/diagnose; do
 	lines=0
 	constants=0
 	for file in $(find "$room" -name '*.rs' ! -name 'tests.rs'); do

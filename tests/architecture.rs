@@ -11,7 +11,7 @@ use syn::{Attribute, Item, UseTree, Visibility};
 const MAIN_LINES: usize = 400;
 
 /// Where the code lies.
-const SOURCES: [&str; 9] = [
+const SOURCES: [&str; 10] = [
     "src",
     "quantities/src",
     "inertial/src",
@@ -19,6 +19,7 @@ const SOURCES: [&str; 9] = [
     "hal-sim/src",
     "simulated/src",
     "page/src",
+    "learn/src",
     "cli/src",
     "proofs/src",
 ];

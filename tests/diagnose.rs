@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use learn::{Allowed, Family, Learned, MayBeUsed, Posterior, learn, learn_again, mended};
 use north::campaign::{Campaign, CampaignWriter, Layout, Role, Row, Run};
 use north::diagnose::{Diagnosis, Options, diagnose};
-use north::learn::{Allowed, Family, Learned, MayBeUsed, Posterior, learn, learn_again, mended, read};
 use north::model_file::ModelFile;
+use north::run_data::to_search;
 use north::settings_file::write_model;
 use north::solve::solve_file;
 use north_finder::effects::ChannelName;
@@ -314,7 +315,7 @@ fn what_must_not_be_used_is_left_out_and_the_rest_is_learned() {
     let folder = Folder::new("left-out");
     let effects = |second: &Second| 9.1 * temp_rate_k_s(second) + 0.8 * (supply_v(second) - 24.0);
     let campaign = campaign(&folder, 16, 4, effects, honest);
-    let fit = || read(&campaign, &Settings { latitude_deg: 50.0, ..Settings::default() }).unwrap().fit;
+    let fit = || to_search(&campaign, &Settings { latitude_deg: 50.0, ..Settings::default() }).unwrap().fit;
     let channels = |may_be_used: &MayBeUsed<'_>| -> Vec<String> {
         let allowed = Allowed { family: &Family::default(), may_be_used, azimuths: &|_, runs| vec![None; runs.len()] };
         let learned = learn(fit(), &allowed).best.posterior.likeliest;
@@ -340,7 +341,7 @@ fn what_one_product_takes_in_is_found_as_several_effects() {
     let settings = Settings { latitude_deg: campaign.latitude_deg.unwrap(), ..Settings::default() };
     let allowed =
         Allowed { family: &Family::default(), may_be_used: &|_, _| true, azimuths: &|_, runs| vec![None; runs.len()] };
-    let found = learn(read(&campaign, &settings).unwrap().fit, &allowed).best.posterior.likeliest;
+    let found = learn(to_search(&campaign, &settings).unwrap().fit, &allowed).best.posterior.likeliest;
     let names: Vec<String> = found.iter().map(ToString::to_string).collect();
     assert!(found.iter().all(|effect| effect.factors.len() < 2), "{names:?}");
     for expected in ["vibration_mg", "index-offset-by-rest"] {
@@ -354,7 +355,7 @@ fn what_one_product_takes_in_is_found_as_several_effects() {
 fn what_some_runs_taught_leads_the_search_where_it_is_likelier_of_all() {
     let folder = Folder::new("again");
     let campaign = campaign(&folder, 8, 6, |second| 9.1 * temp_rate_k_s(second), honest);
-    let runs = mended(read(&campaign, &Settings { latitude_deg: 50.0, ..Settings::default() }).unwrap().fit, &[]);
+    let runs = mended(to_search(&campaign, &Settings { latitude_deg: 50.0, ..Settings::default() }).unwrap().fit, &[]);
     let allowed =
         Allowed { family: &Family::default(), may_be_used: &|_, _| true, azimuths: &|_, runs| vec![None; runs.len()] };
     let of_rate = |channel: &str, scale: f32| {

@@ -1,6 +1,8 @@
 //! No azimuth comes out silently wrong: in every scenario whose effect a single fix can see, an azimuth that is off by
 //! more than four of its sigmas carries a flag.
 
+use std::ops::RangeInclusive;
+
 use crate::common::{fix, of_scenario, run};
 use hal_sim::Scenario;
 use north::engine::{End, Setup};
@@ -24,8 +26,19 @@ fn turned(name: &str, seed: u64) -> Setup {
 
 #[test]
 fn an_azimuth_off_by_more_than_four_sigma_is_flagged() {
+    silent_is_right(1..=2);
+}
+
+#[test]
+#[ignore = "many seeds: make proofs"]
+fn an_azimuth_off_by_more_than_four_sigma_is_flagged_in_many_worlds() {
+    silent_is_right(3..=12);
+}
+
+/// In these worlds of every scenario an azimuth without a flag is right to four sigma.
+fn silent_is_right(seeds: RangeInclusive<u64>) {
     for (name, _) in Scenario::names() {
-        for seed in 1..=6 {
+        for seed in seeds.clone() {
             let (outcome, _) = run(&turned(name, seed));
             if !matches!(outcome.end, End::Fix(_)) {
                 continue;

@@ -191,6 +191,7 @@ fn sentences_go_between_the_frames() {
 
 /// The loader starts the image of the first slot, as a probe brought it: it runs from there, and knows that the other slot is free.
 #[test]
+#[ignore = "two more images: make proofs"]
 fn the_loader_starts_the_image_of_a_slot() {
     let [loader, slot] = image::build_slot().unwrap();
     let ran =
@@ -357,14 +358,15 @@ fn a_crash_in_a_turn_leaves_the_motor_without_current() {
     // For half a degree three seconds are enough where it stands: it turns from 6 s on.
     settings.sequence.order = Order::Adaptive { accuracy_deg: 0.5 };
     let settings = image::stored(&settings).unwrap();
-    let has_current = |asks: &[At]| {
+    let has_current = |ticks: u64, asks: &[At]| {
         let world = calm();
-        let ran = on_chip(&world, &settings, 3000, asks);
+        let ran = on_chip(&world, &settings, ticks, asks);
         assert!(!ran.current_at_reset);
         world.motor_has_current()
     };
-    let (start, crash) = ((40, START), (2900, Ask::Provoke(Provocation::Panic)));
-    assert_eq!([has_current(&[]), has_current(&[start]), has_current(&[start, crash])], [false, true, false]);
+    let (start, crash) = ((40, START), (2600, Ask::Provoke(Provocation::Panic)));
+    let idle = has_current(600, &[]);
+    assert_eq!([idle, has_current(2600, &[start]), has_current(2700, &[start, crash])], [false, true, false]);
 }
 
 /// An interrupt that comes no more: nobody feeds the independent watchdog, which counts on a clock of its own.
@@ -452,7 +454,7 @@ fn power_that_fails_while_settings_are_stored_loses_none() {
     let stored = image::stored(&before).unwrap();
     let asks = storing(&after);
     let mut seen = [0; 2];
-    for bytes in (0..).step_by(29) {
+    for bytes in (0..).step_by(47) {
         let setup = Setup { settings: &stored, power_fails_after: Some(bytes), ..Setup::new(image()) };
         let ran = on(&setup, &calm(), Host::new(600, &asks));
         let found = loaded(&ran.settings);
@@ -462,7 +464,7 @@ fn power_that_fails_while_settings_are_stored_loses_none() {
             break;
         }
     }
-    assert!(seen[0] > 5, "{seen:?}");
+    assert!(seen[0] > 3, "{seen:?}");
 }
 
 /// The sectors where the one in use has no room left, and after the other one was erased: the first one, then the second.
@@ -521,13 +523,12 @@ fn a_full_log_is_read_at_the_start() {
 /// A part that is not there, or that comes two seconds late, costs its own readings and nothing else; it is heard as soon as it is there.
 #[test]
 fn parts_that_are_absent_or_late_are_waited_for() {
-    let readings = |parts_from_ns: [u64; 3]| {
+    let readings = |ticks: u64, parts_from_ns: [u64; 3]| {
         let settings = image::stored(&settings_of("carried")).unwrap();
         let setup = Setup { settings: &settings, parts_from_ns, ..Setup::new(image()) };
         let world = World::new(&Scenario::named("carried").unwrap(), 1);
-        let ran = on(&setup, &world, Host::new(2300, &[]));
+        let ran = on(&setup, &world, Host::new(ticks, &[]));
         assert!(ran.resets.is_empty());
-        // The last of five seconds.
         let last = ran.line.reports.iter().rev().find_map(|report| match &report.event {
             Event::Second(second) => {
                 Some([second.level.is_some(), second.index_deg.is_some(), second.block_temp_c.is_some()])
@@ -538,11 +539,12 @@ fn parts_that_are_absent_or_late_are_waited_for() {
     };
     const NEVER: u64 = u64::MAX;
     const LATE: u64 = 2_000_000_000;
-    assert_eq!(readings([0; 3]), [true; 3]);
-    assert_eq!(readings([LATE; 3]), [true; 3]);
-    assert_eq!(readings([NEVER, 0, 0]), [false, true, true]);
-    assert_eq!(readings([0, NEVER, 0]), [true, false, true]);
-    assert_eq!(readings([0, 0, NEVER]), [true, true, false]);
+    // The last of two seconds, and of five.
+    assert_eq!(readings(1100, [0; 3]), [true; 3]);
+    assert_eq!(readings(2300, [LATE; 3]), [true; 3]);
+    assert_eq!(readings(1100, [NEVER, 0, 0]), [false, true, true]);
+    assert_eq!(readings(1100, [0, NEVER, 0]), [true, false, true]);
+    assert_eq!(readings(1100, [0, 0, NEVER]), [true, true, false]);
 }
 
 /// An accelerometer that measures no more has its last measurement still: it is not taken for another one.

@@ -20,7 +20,6 @@ pub mod import;
 pub mod input;
 pub mod interrupt;
 pub mod json;
-pub mod learn;
 pub mod model_file;
 pub mod output;
 mod parquet_table;

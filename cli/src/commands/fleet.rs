@@ -11,9 +11,9 @@ use crate::diagnose::median;
 use crate::failure::Failure;
 use crate::file_error::FileError;
 use crate::fleet::{self, Fleet, Outcome, report, sources};
-use crate::learn::Family;
 use crate::output::JsonOption;
 use crate::{interrupt, progress};
+use learn::Family;
 
 /// What the instruments of one type have in common, and which of them are not like the others
 #[derive(Args, Debug)]

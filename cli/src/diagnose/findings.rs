@@ -6,8 +6,8 @@ use super::names::{self, EARTH_FIELD, INDEX_OFFSET, Named};
 use super::turn::Turn;
 use super::{Candidate, Effect, Rejected};
 use crate::campaign::Role;
-use crate::learn::{self, Tried};
 use crate::run_data::RunData;
+use learn::{self, Tried};
 use north_finder::effects::effect;
 
 /// Most alternatives that runs are to tell an effect from, the likeliest first.
@@ -127,7 +127,7 @@ fn experiment_for(found: &Found, effect: &effect::Effect, fit: &[&RunData], sigm
     let without = learn::imitated(of_search, process.as_ref(), &possible);
     let follow_channels = possible.iter().any(|effect| effect.channels().next().is_some());
     experiment::propose(like, &names, follow_channels, sigma_now_deg, |proposed| {
-        let more = proposed.iter().filter_map(|run| learn::Run::new(run, proposed.len()));
+        let more = proposed.iter().filter_map(|run| learn::Run::new(run.recording(), proposed.len()));
         let together: Vec<learn::Run> = of_search.iter().cloned().chain(more).collect();
         let with = learn::imitated(&together, process.as_ref(), &possible);
         let added = |(with, without): (&learn::Imitated, &learn::Imitated)| 0.5 * (with.left - without.left).max(0.0);

@@ -10,10 +10,10 @@ use super::moving::{self, Motion};
 use super::names::{self, EARTH_FIELD, FIRST_HARMONIC, GRAVITY_SENSITIVITY, INDEX_OFFSET, LATITUDE, LEVEL_BIAS, Named};
 use super::statistics::rms;
 use super::{Effect, FamilyEffect, InFamily};
-use crate::learn::{
+use crate::run_data::RunData;
+use learn::{
     self, Allowed, Blunder, Common, Family, Learned, Place, Posterior, Run, Standing, Statistics, Taught, Ways,
 };
-use crate::run_data::RunData;
 
 /// Fewest runs that anything is learned from, where they have azimuths.
 const LEAST_RUNS: usize = 3;
@@ -323,7 +323,7 @@ fn taught(
 
 /// The motion of the base, the model with it, and the runs as the search sees them then; `None` where there are too few.
 pub fn searched(runs: &[&RunData], base: &ErrorModel) -> Option<(Option<Motion>, ErrorModel, Vec<Run>)> {
-    let of_search: Vec<Run> = runs.par_iter().filter_map(|run| Run::new(run, runs.len())).collect();
+    let of_search: Vec<Run> = runs.par_iter().filter_map(|run| Run::new(run.recording(), runs.len())).collect();
     let least = if runs.iter().all(|run| run.at_one_position()) { 1 } else { LEAST_RUNS };
     if of_search.len() < least {
         return None;

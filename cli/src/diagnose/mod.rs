@@ -44,10 +44,10 @@ use north_finder::settings::Settings;
 use rayon::prelude::*;
 
 use crate::campaign::{Campaign, Role};
-use crate::learn::{Family, Learned, Run};
 use crate::run_data::{self, RunData};
 pub use crate::run_data::{Refusal, Warning};
 use found::Found;
+use learn::{Family, Learned, Run};
 use turn::Turn;
 
 /// What may be chosen.

@@ -9,8 +9,8 @@ use north_finder::sensing::level::Specific;
 use north_finder::units::ARCSEC_PER_RAD;
 use rayon::prelude::*;
 
-use crate::learn::{self, Run};
 use crate::run_data::{RunData, Sample};
+use learn::{self, Run};
 
 /// Windows of the accelerometers' slopes, seconds.
 const WINDOWS_S: [f64; 4] = [2.0, 8.0, 30.0, 80.0];
@@ -180,7 +180,7 @@ impl Dwells {
 /// A run as the search sees it where the base moves: a row for every dwell, in which effects are followed by the second.
 pub fn by_dwell(run: &RunData, model: &ErrorModel) -> Option<Run> {
     let dwells = Dwells::new(run, model)?;
-    Run::of_dwells(&dwells.applied_to(run), &dwells.each)
+    Run::of_dwells(dwells.applied_to(run).recording(), &dwells.each)
 }
 
 /// The dwells of a run, the base's motion taken out, as samples of their own: what is left of them is judged.

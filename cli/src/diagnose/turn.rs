@@ -8,8 +8,8 @@ use north_finder::units::{sin_cos_deg, wrap_180_deg};
 
 use super::statistics::{median, rms};
 use crate::campaign::Role;
-use crate::learn::{self, Learned, MOST_INDEX_DEG};
 use crate::run_data::RunData;
+use learn::{self, Learned, MOST_INDEX_DEG};
 
 /// Share of it that the runs may differ by.
 const APART: f64 = 0.2;

@@ -10,8 +10,8 @@ use super::stations::misses_deg;
 use super::statistics::{rms, rms_with_interval};
 use super::{LeaveOneOut, doubt, guard};
 use crate::campaign::Role;
-use crate::learn::Family;
 use crate::run_data::RunData;
+use learn::Family;
 
 /// Folds of the validation, each of which learns again without its share of the runs.
 const FOLDS: usize = 4;

@@ -16,10 +16,10 @@ use super::unit::{Source, campaign};
 use crate::diagnose::diagnose;
 use crate::failure::Failure;
 use crate::file_error::{FileError, Problem};
-use crate::learn::Family;
 use crate::output;
 use crate::parquet_table::ParquetTable;
 use crate::settings_file::model_text;
+use learn::Family;
 
 const MADE_WITH: &str = "made-with.json";
 

@@ -5,7 +5,7 @@ use north_finder::effects::factor::Factor;
 use north_finder::effects::shape::{Linear, Shape, Sharp, Smooth};
 
 use crate::diagnose::median;
-use crate::learn::{Common, form};
+use learn::{Common, form};
 
 /// Fewest units whose constants say how much they differ from one to the next.
 const LEAST_SPREAD: usize = 4;

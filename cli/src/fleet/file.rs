@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::diagnose::effect_name;
 use crate::file_error::{FileError, Problem};
-use crate::learn::{Common, Family};
 use crate::toml_file::TomlFile;
+use learn::{Common, Family};
 
 const FORMAT: i64 = 1;
 /// No weight and no covariance of weights is beyond this: squares of either are still numbers.

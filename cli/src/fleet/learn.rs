@@ -13,7 +13,7 @@ use super::project::{projection, scaled};
 use super::unit::{Source, Unit};
 use crate::diagnose::effect_name;
 use crate::failure::Failure;
-use crate::learn::{Common, Standing, Statistics, Ways, form_cost};
+use learn::{Common, Standing, Statistics, Ways, form_cost};
 
 /// Learns what units have in common: every one by itself on one of so many threads, then all together. `done` is called after each unit, twice: once it
 /// has been learned from alone, and once it has been compared. `stop` is the flag of an interrupt.
@@ -122,7 +122,7 @@ fn record(
 }
 
 /// How a unit has an effect, in numbers.
-fn has_effect(effect: &Effect, place: Option<&crate::learn::Place>) -> HasEffect {
+fn has_effect(effect: &Effect, place: Option<&learn::Place>) -> HasEffect {
     let weights = |likeliest: &nalgebra::DVector<f64>| {
         likeliest.iter().enumerate().map(|(number, weight)| weight * effect.prior(number)).collect()
     };

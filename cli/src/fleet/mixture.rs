@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::candidates::Candidate;
-use crate::learn::{Common, Place, Statistics, Way, Ways, asked_beside, form_cost};
+use learn::{Common, Place, Statistics, Way, Ways, asked_beside, form_cost};
 
 /// Rounds of expectation and maximisation: of one effect beside the others, and of all.
 const ROUNDS: usize = 12;

@@ -11,9 +11,9 @@ use crate::campaign::{Campaign, MANIFEST, UNFINISHED};
 use crate::diagnose::{self, Options};
 use crate::failure::Failure;
 use crate::file_error::{FileError, Problem};
-use crate::learn::{Blunder, Run, mended};
 use crate::model_file::ModelFile;
 use crate::settings_file::campaign_settings;
+use learn::{Blunder, Run, mended};
 
 /// Where what is known of a unit comes from.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -2,11 +2,15 @@
 
 mod fingerprints;
 mod read;
+mod to_search;
 
 pub use read::read;
+pub use to_search::{Runs, to_search};
 
 use fingerprints::Fingerprints;
 
+use learn::Recording;
+pub use learn::Sample;
 use north_finder::earth::EarthRate;
 use north_finder::effects::ErrorModel;
 use north_finder::effects::now::RunFacts;
@@ -16,7 +20,6 @@ use north_finder::fix::DesignRow;
 use north_finder::fix::accumulator::{Corrected, ROTATION_SHARE};
 use north_finder::fix::dwell::DwellSummary;
 use north_finder::instrument::replay::{Place, RecordedSecond, Replay, Reported};
-use north_finder::sensing::level::Specific;
 use north_finder::settings::Settings;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -30,30 +33,6 @@ const SECONDS_BY_SHOCK: usize = 50;
 
 /// The index of a still recording keeps within this, as the chord of its directions: 2°.
 const CHORD: f64 = 0.035;
-
-/// A second of a run, or a longer row, by the replay with the model that the runs were made with.
-#[derive(Clone, Debug)]
-pub struct Sample {
-    /// Middle, and length.
-    pub t_s: f64,
-    pub seconds: f64,
-    /// Mean rate with the model applied, °/h.
-    pub rate_deg_h: f64,
-    /// Direction of the index.
-    pub cos: f64,
-    pub sin: f64,
-    /// Its row of the fix's equations.
-    pub design: DesignRow,
-    pub temp_c: Option<f64>,
-    pub level: Option<Specific>,
-    pub moving: bool,
-    /// It is in no dwell: nothing is learned from it.
-    pub left_out: bool,
-    /// Number of the dwell, from 0; of the next one for what is in none.
-    pub dwell: usize,
-    /// Line of the file that it begins with.
-    pub line: u64,
-}
 
 /// One run, read.
 #[derive(Clone, Debug)]
@@ -93,13 +72,32 @@ pub struct RunData {
 impl RunData {
     /// Cells that enter: those at rest, or in a continuous rotation all.
     pub fn enters(&self, sample: &Sample) -> bool {
-        !sample.left_out && (self.rotation || !sample.moving)
+        sample.enters(self.rotation)
     }
 
     /// Whether the index stays where it is throughout.
     pub fn at_one_position(&self) -> bool {
         let Some(first) = self.samples.first() else { return false };
         self.samples.iter().all(|each| !each.moving && (each.cos - first.cos).hypot(each.sin - first.sin) < CHORD)
+    }
+
+    /// As the search takes it.
+    pub fn recording(&self) -> Recording {
+        Recording {
+            file: self.file.clone(),
+            reference_deg: self.reference_deg,
+            reference_sigma_deg: self.reference_sigma_deg,
+            station: self.station.clone(),
+            fix_deg: self.before.map(|fix| fix.azimuth_deg),
+            earth: self.earth,
+            facts: self.facts,
+            samples: self.samples.clone(),
+            names: self.names.clone(),
+            channels: self.channels.clone(),
+            noise_deg_h: self.noise_deg_h,
+            still: self.at_one_position(),
+            rotation: self.rotation,
+        }
     }
 
     /// Whether another run holds a stretch of the same recording.

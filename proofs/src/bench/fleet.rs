@@ -4,11 +4,11 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use learn::Family;
 use north::campaign::{Campaign as Recorded, Role};
 use north::diagnose::{Diagnosis, Options, diagnose};
 use north::failure::Failure;
 use north::fleet::{self, Fleet as Learned, sources};
-use north::learn::Family;
 use north::settings_file::campaign_settings;
 use north::{interrupt, progress};
 use north_finder::units::wrap_180_deg;

@@ -3,10 +3,11 @@
 use std::io::Write;
 
 use clap::Args;
+use learn::{Allowed, Family, chi_square_by_freedom, learn};
 use north::campaign::Campaign as Recorded;
 use north::failure::Failure;
-use north::learn::{Allowed, Family, chi_square_by_freedom, learn, read};
 use north::progress;
+use north::run_data::to_search;
 use north::settings_file::campaign_settings;
 use serde::Serialize;
 
@@ -57,7 +58,7 @@ impl GrammarBench {
         campaign.write(&folder)?;
         let recorded = Recorded::read(&folder)?;
         let settings = campaign_settings(&recorded, None)?;
-        let runs = read(&recorded, &settings).map_err(|refusal| Failure::Refused(refusal.to_string()))?;
+        let runs = to_search(&recorded, &settings).map_err(|refusal| Failure::Refused(refusal.to_string()))?;
         let allowed = Allowed {
             family: &Family::default(),
             may_be_used: &|_, _| true,

@@ -1,6 +1,6 @@
 //! Effects found by one grammar: products of factors at a port, proposed by the thousand and chosen by their evidence.
 //!
-//! [`read`] → `proposals`, of one factor (`bank`), two (`pairs`) and three (`triples`), changed for better neighbours (`tuning`) → `search` chooses, by the
+//! [`Recording`] → `rows` → `proposals`, of one factor (`bank`), two (`pairs`) and three (`triples`), changed for better neighbours (`tuning`) → `search` chooses, by the
 //! evidence of a `model` → `posterior` says what was learned. Wrong references compete with effects (`references`); `discrimination`
 //! says what further runs would tell.
 
@@ -20,7 +20,7 @@ mod problem;
 mod process;
 mod proposals;
 mod rate_residual;
-mod read;
+mod recording;
 mod references;
 mod rounding;
 mod rows;
@@ -37,7 +37,7 @@ pub use grammar::form_cost;
 pub use membership::{Place, Standing, Statistics, Ways};
 pub use posterior::Posterior;
 pub use rate_residual::chi_square_by_freedom;
-pub use read::{Runs, read};
+pub use recording::{Recording, Sample};
 pub use references::Blunder;
 use references::MOST_BLUNDERS;
 

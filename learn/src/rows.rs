@@ -18,8 +18,8 @@ use north_finder::sensing::index::Direction;
 use north_finder::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_180_deg, wrap_360_deg};
 
 use super::process::Instants;
+use super::recording::{Recording, Sample};
 use super::rounding;
-use crate::run_data::{RunData, Sample};
 
 /// Most rows of one run in the search, and of all runs together as long as each has the least: longer ones are means over some seconds. A dwell of a
 /// minute in eight has twenty rows of three seconds.
@@ -85,10 +85,10 @@ pub struct Run {
 impl Run {
     /// One of so many runs. `None` where nothing is at rest, or where there is neither a reference nor an azimuth and the index turned. At one
     /// position the Earth's rate is a bias.
-    pub fn new(data: &RunData, runs: usize) -> Option<Self> {
-        let still = data.at_one_position();
-        let most = (ALL_ROWS / runs.max(1)).clamp(LEAST_ROWS, if still { MOST_STILL_ROWS } else { MOST_ROWS });
-        let mut run = Self::in_rows(data, bins(data, most, still || data.rotation))?;
+    pub fn new(recording: Recording, runs: usize) -> Option<Self> {
+        let most = if recording.still { MOST_STILL_ROWS } else { MOST_ROWS };
+        let bins = bins(&recording, (ALL_ROWS / runs.max(1)).clamp(LEAST_ROWS, most));
+        let mut run = Self::in_rows(recording, bins)?;
         let rates: Vec<f64> = run.samples.iter().map(|sample| sample.rate_deg_h).collect();
         let of_rounding = rounding::by_bin(&run.bins, &run.dwell_of_rows(), &rates);
         run.variance.iter_mut().zip(of_rounding).for_each(|(variance, more)| *variance += more);
@@ -96,37 +96,35 @@ impl Run {
     }
 
     /// One row for every dwell, of which this is the rate (°/h): that of its seconds less the motion of the base.
-    pub fn of_dwells(data: &RunData, dwells: &[(Range<usize>, f64)]) -> Option<Self> {
+    pub fn of_dwells(recording: Recording, dwells: &[(Range<usize>, f64)]) -> Option<Self> {
         let (bins, rates): (Vec<Range<usize>>, Vec<f64>) = dwells.iter().cloned().unzip();
-        let mut run = Self::in_rows(data, bins)?;
+        let mut run = Self::in_rows(recording, bins)?;
         let vertical = run.means(&|sample| sample.design.vertical_deg_h);
         run.rate_deg_h = rates.iter().zip(vertical).map(|(rate, vertical)| rate - vertical).collect();
         Some(run)
     }
 
     /// With these ranges of seconds as its rows.
-    fn in_rows(data: &RunData, bins: Vec<Range<usize>>) -> Option<Self> {
-        let sigma_deg = if data.reference_sigma_deg > 0.0 { data.reference_sigma_deg } else { SURVEY_SIGMA_DEG };
-        let reference = data.reference_deg.map(|deg| (deg, sigma_deg.hypot(INDEX_SIGMA_DEG)));
-        let still = data.at_one_position();
-        let of_still = still.then_some(0.0);
-        let azimuth_deg = data.reference_deg.or(data.before.map(|fix| fix.azimuth_deg)).or(of_still)?;
+    fn in_rows(recording: Recording, bins: Vec<Range<usize>>) -> Option<Self> {
+        let Recording { reference_deg, reference_sigma_deg, fix_deg, still, earth, .. } = recording;
+        let sigma_deg = if reference_sigma_deg > 0.0 { reference_sigma_deg } else { SURVEY_SIGMA_DEG };
+        let reference = reference_deg.map(|deg| (deg, sigma_deg.hypot(INDEX_SIGMA_DEG)));
         let mut run = Self {
-            file: data.file.clone(),
+            file: recording.file,
             reference,
-            station: data.station.clone().filter(|_| reference.is_none()),
-            plain_deg: data.before.map(|fix| fix.azimuth_deg),
-            azimuth_deg,
+            station: recording.station.filter(|_| reference.is_none()),
+            plain_deg: fix_deg,
+            azimuth_deg: reference_deg.or(fix_deg).or(still.then_some(0.0))?,
             still,
-            evenly: still || data.rotation,
-            north_deg_h: data.earth.north_deg_h,
-            up_deg_h: data.earth.up_deg_h,
-            facts: data.facts,
+            evenly: still || recording.rotation,
+            north_deg_h: earth.north_deg_h,
+            up_deg_h: earth.up_deg_h,
+            facts: recording.facts,
             seconds: Vec::new(),
-            samples: data.samples.clone(),
+            samples: recording.samples,
             tracks: Vec::new(),
-            names: data.names.clone(),
-            channels: data.channels.clone(),
+            names: recording.names,
+            channels: recording.channels,
             signals: Arc::default(),
             bins,
             t_s: Vec::new(),
@@ -136,7 +134,7 @@ impl Run {
             cos: Vec::new(),
             sin: Vec::new(),
         };
-        run.gather(data.noise_deg_h);
+        run.gather(recording.noise_deg_h);
         run.follow();
         (run.bins.len() > UNKNOWNS).then_some(run)
     }
@@ -495,18 +493,20 @@ fn conditions(sample: &Sample, raw_rate_deg_h: f64) -> Conditions {
     }
 }
 
-/// Rows at rest, on average as many seconds together as the run's length asks for, within one dwell, and longer the later unless `evenly`.
-fn bins(data: &RunData, most: usize, evenly: bool) -> Vec<Range<usize>> {
-    let entering: Vec<usize> = (0..data.samples.len()).filter(|&i| data.enters(&data.samples[i])).collect();
+/// Rows at rest, on average as many seconds together as the run's length asks for, within one dwell, and longer the later unless nothing begins with the
+/// dwells.
+fn bins(recording: &Recording, most: usize) -> Vec<Range<usize>> {
+    let Recording { samples, still, rotation, .. } = recording;
+    let entering: Vec<usize> = (0..samples.len()).filter(|&i| samples[i].enters(*rotation)).collect();
     let together = entering.len().div_ceil(most).max(1);
     let mut stretches: Vec<Range<usize>> = Vec::new();
     for i in entering {
         match stretches.last_mut() {
-            Some(last) if last.end == i && data.samples[last.start].dwell == data.samples[i].dwell => last.end = i + 1,
+            Some(last) if last.end == i && samples[last.start].dwell == samples[i].dwell => last.end = i + 1,
             _ => stretches.push(i..i + 1),
         }
     }
-    let rows = |stretch: &Range<usize>| parted(stretch, stretch.len().div_ceil(together), evenly, |_| 1);
+    let rows = |stretch: &Range<usize>| parted(stretch, stretch.len().div_ceil(together), *still || *rotation, |_| 1);
     stretches.iter().flat_map(rows).collect()
 }
 
