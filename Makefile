@@ -59,7 +59,7 @@ proofs: setup
 	cargo test --release --workspace -- --ignored
 	cargo test $(CHIP) -- --ignored
 
-## lint: format check and clippy, warnings are errors, for the host and all boards
+## lint: format check, clippy for the host and all boards, and the documentation's links; warnings are errors
 lint: setup
 	cargo fmt --all --check
 	cargo fmt --manifest-path chip/Cargo.toml --check
@@ -69,6 +69,7 @@ lint: setup
 	cargo clippy --quiet $(NUCLEO_BOARD) -- -D warnings
 	cargo clippy --quiet $(LOADER) -- -D warnings
 	cargo clippy $(CHIP) --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --quiet --no-deps --workspace
 
 ## fmt: format everything
 fmt:

@@ -37,7 +37,7 @@ pub struct TriadCode(pub [i32; 3]);
 
 impl TriadCode {
     pub const COUNTS_PER_G: f64 = 2_147_483_648.0 / 2.048;
-    /// Of a [`crate::drivers::sensors::Due::Response`]: a difference of two readings in a range four times as wide.
+    /// Of a `Due::Response`: a difference of two readings in a range four times as wide.
     pub const RESPONSE_COUNTS_PER_G: f32 = 2_147_483_648.0 / 16.384;
 
     /// Of a reading in g; `None`: beyond the range, or not a number.

@@ -1,6 +1,6 @@
 //! Fleets: what the instruments of one type have in common, learned from single ones, and which of them are not like the others.
 //!
-//! [`units`] reads → `candidates` makes effects of different units comparable → `mixture` learns by expectation and maximisation → `file` keeps.
+//! [`sources`] reads → `candidates` makes effects of different units comparable → `mixture` learns by expectation and maximisation → `file` keeps.
 //! `campaigns` diagnoses many of them, one after the other on every core, and does nothing twice.
 
 mod campaigns;

@@ -4,7 +4,7 @@
 //! begins with a [`Context`]; records follow each other. Where a sector is full the other one is erased and goes on, numbered one higher. Whatever a power cut
 //! leaves of a record is skipped, by its check sum; whatever it leaves of an erase has no context at its beginning and is erased again.
 //!
-//! Erasing takes a board's processor a second: [`FixLog::prepare`] does it at power-up, before the first tick, where less than [`RESERVE`] places are left.
+//! Erasing takes a board's processor a second: [`FixLog::prepare`] does it at power-up, before the first tick, where less than `RESERVE` places are left.
 
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 use north_boot::parts;
