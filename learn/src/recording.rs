@@ -56,7 +56,7 @@ pub struct Recording {
     pub channels: Vec<Vec<f64>>,
     /// Noise of a one-second rate where it is known beforehand, °/h.
     pub noise_deg_h: Option<f64>,
-    /// The index stays where it is throughout.
+    /// The index is at one position throughout.
     pub still: bool,
     /// Most of the time the index turns.
     pub rotation: bool,

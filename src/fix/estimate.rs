@@ -91,7 +91,7 @@ pub(super) fn settle_drift(problem: &Problem<'_>, variance: f64, drift_sigma: f6
     let misfit = (free.residual / (variance * (free.count - PARAMETERS) as f64)).max(1.0);
     let spread = drift_sigma * drift_sigma + variance * misfit * free.inverse.m44;
     let sigmas = libm::sqrt(free.parameters.w * free.parameters.w / spread);
-    // Dwells without noise and a drift declared as none give no number of sigmas; the drift then stays as declared.
+    // Dwells without noise and a drift declared as none give no number of sigmas; the drift is then held as declared.
     if sigmas.is_nan() || sigmas < DRIFT_SIGMAS - DRIFT_UNDECIDED_SIGMAS {
         return Ok(Drift { estimate: declared, free: false, doubt_deg: 0.0 });
     }

@@ -4,6 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
+use learn::Family;
 use serde::Serialize;
 
 use crate::count::counted;
@@ -13,7 +14,6 @@ use crate::file_error::FileError;
 use crate::fleet::{self, Fleet, Outcome, report, sources};
 use crate::output::JsonOption;
 use crate::{interrupt, progress};
-use learn::Family;
 
 /// What the instruments of one type have in common, and which of them are not like the others
 #[derive(Args, Debug)]

@@ -7,7 +7,7 @@ use super::turn::Turn;
 use super::{Candidate, Effect, Rejected};
 use crate::campaign::Role;
 use crate::run_data::RunData;
-use learn::{self, Tried};
+use learn::Tried;
 use north_finder::effects::effect;
 
 /// Most alternatives that runs are to tell an effect from, the likeliest first.

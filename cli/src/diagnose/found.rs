@@ -1,5 +1,6 @@
 //! What some runs taught: effects, the base's motion, references that are wrong.
 
+use learn::{Allowed, Blunder, Common, Family, Learned, Place, Posterior, Run, Standing, Statistics, Taught, Ways};
 use north_finder::effects::doubt::Process;
 use north_finder::effects::{ChannelName, ErrorModel, effect};
 use rayon::prelude::*;
@@ -11,9 +12,6 @@ use super::names::{self, EARTH_FIELD, FIRST_HARMONIC, GRAVITY_SENSITIVITY, INDEX
 use super::statistics::rms;
 use super::{Effect, FamilyEffect, InFamily};
 use crate::run_data::RunData;
-use learn::{
-    self, Allowed, Blunder, Common, Family, Learned, Place, Posterior, Run, Standing, Statistics, Taught, Ways,
-};
 
 /// Fewest runs that anything is learned from, where they have azimuths.
 const LEAST_RUNS: usize = 3;

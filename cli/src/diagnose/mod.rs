@@ -38,6 +38,7 @@ pub use result::{
 pub use statistics::median;
 pub use text::write;
 
+use learn::{Family, Learned, Run};
 use north_finder::effects::ErrorModel;
 use north_finder::event::Fix;
 use north_finder::settings::Settings;
@@ -47,7 +48,6 @@ use crate::campaign::{Campaign, Role};
 use crate::run_data::{self, RunData};
 pub use crate::run_data::{Refusal, Warning};
 use found::Found;
-use learn::{Family, Learned, Run};
 use turn::Turn;
 
 /// What may be chosen.

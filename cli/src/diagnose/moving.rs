@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use learn::Run;
 use north_finder::effects::{BaseMotion, ErrorModel};
 use north_finder::event::{Dwell, Fix};
 use north_finder::fix::DesignRow;
@@ -10,7 +11,6 @@ use north_finder::units::ARCSEC_PER_RAD;
 use rayon::prelude::*;
 
 use crate::run_data::{RunData, Sample};
-use learn::{self, Run};
 
 /// Windows of the accelerometers' slopes, seconds.
 const WINDOWS_S: [f64; 4] = [2.0, 8.0, 30.0, 80.0];

@@ -1,5 +1,6 @@
 //! A turn that all references share: the index zero stands elsewhere, or the references were turned.
 
+use learn::{Learned, MOST_INDEX_DEG};
 use north_finder::effects::ErrorModel;
 use north_finder::effects::effect::{Effect, Port};
 use north_finder::fix::DesignRow;
@@ -9,7 +10,6 @@ use north_finder::units::{sin_cos_deg, wrap_180_deg};
 use super::statistics::{median, rms};
 use crate::campaign::Role;
 use crate::run_data::RunData;
-use learn::{self, Learned, MOST_INDEX_DEG};
 
 /// Share of it that the runs may differ by.
 const APART: f64 = 0.2;

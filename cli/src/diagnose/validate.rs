@@ -1,5 +1,6 @@
 //! Whether what was found is used: by runs that took no part in learning, each judged by what the others taught.
 
+use learn::Family;
 use north_finder::effects::ErrorModel;
 use north_finder::effects::effect::Effect;
 use north_finder::event::Fix;
@@ -11,7 +12,6 @@ use super::statistics::{rms, rms_with_interval};
 use super::{LeaveOneOut, doubt, guard};
 use crate::campaign::Role;
 use crate::run_data::RunData;
-use learn::Family;
 
 /// Folds of the validation, each of which learns again without its share of the runs.
 const FOLDS: usize = 4;

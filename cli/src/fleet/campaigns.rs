@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
+use learn::Family;
 use serde::{Deserialize, Serialize};
 
 use super::map::map;
@@ -19,7 +20,6 @@ use crate::file_error::{FileError, Problem};
 use crate::output;
 use crate::parquet_table::ParquetTable;
 use crate::settings_file::model_text;
-use learn::Family;
 
 const MADE_WITH: &str = "made-with.json";
 

@@ -1,11 +1,11 @@
 //! Forms of effects that units of a fleet have, with constants by which they can be compared.
 
+use learn::{Common, form};
 use north_finder::effects::effect::Effect;
 use north_finder::effects::factor::Factor;
 use north_finder::effects::shape::{Linear, Shape, Sharp, Smooth};
 
 use crate::diagnose::median;
-use learn::{Common, form};
 
 /// Fewest units whose constants say how much they differ from one to the next.
 const LEAST_SPREAD: usize = 4;

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use learn::{Common, Family};
 use nalgebra::DMatrix;
 use north_finder::effects::effect::{Effect, MAX_FACTORS, Port};
 use north_finder::effects::factor::Factor;
@@ -11,7 +12,6 @@ use serde::{Deserialize, Serialize};
 use crate::diagnose::effect_name;
 use crate::file_error::{FileError, Problem};
 use crate::toml_file::TomlFile;
-use learn::{Common, Family};
 
 const FORMAT: i64 = 1;
 /// No weight and no covariance of weights is beyond this: squares of either are still numbers.

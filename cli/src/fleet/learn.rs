@@ -2,6 +2,7 @@
 
 use std::sync::atomic::AtomicBool;
 
+use learn::{Common, Standing, Statistics, Ways, form_cost};
 use north_finder::effects::effect::Effect;
 use north_finder::effects::signal::Signal;
 
@@ -13,7 +14,6 @@ use super::project::{projection, scaled};
 use super::unit::{Source, Unit};
 use crate::diagnose::effect_name;
 use crate::failure::Failure;
-use learn::{Common, Standing, Statistics, Ways, form_cost};
 
 /// Learns what units have in common: every one by itself on one of so many threads, then all together. `done` is called after each unit, twice: once it
 /// has been learned from alone, and once it has been compared. `stop` is the flag of an interrupt.

@@ -3,11 +3,11 @@
 //! Effects are taken up one after the other, as long as the evidence of all units together grows by more than the effect costs; so an effect that no
 //! single unit is certain of may be certain of all, and one that a single unit has by chance is not.
 
+use learn::{Common, Place, Statistics, Way, Ways, asked_beside, form_cost};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::candidates::Candidate;
-use learn::{Common, Place, Statistics, Way, Ways, asked_beside, form_cost};
 
 /// Rounds of expectation and maximisation: of one effect beside the others, and of all.
 const ROUNDS: usize = 12;

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use learn::{Blunder, Run, mended};
 use nalgebra::{DMatrix, DVector};
 use north_finder::effects::ErrorModel;
 use north_finder::effects::doubt::Process;
@@ -13,7 +14,6 @@ use crate::failure::Failure;
 use crate::file_error::{FileError, Problem};
 use crate::model_file::ModelFile;
 use crate::settings_file::campaign_settings;
-use learn::{Blunder, Run, mended};
 
 /// Where what is known of a unit comes from.
 #[derive(Clone, Debug, PartialEq, Eq)]
