@@ -65,15 +65,32 @@ fn of_analogue_channels() -> ErrorModel {
     TomlFile::of_text(Path::new("model"), text).parse_over(&ErrorModel::default(), None).unwrap()
 }
 
-/// Every scenario, recorded as seconds and as frames and read from the files again: azimuth, sigma and flags with all their
-/// digits. With the base-motion model too, which uses first moments, and with one that follows the supply and a thermometer at an analogue input.
 #[test]
 fn a_recording_gives_the_fix_with_all_digits() {
-    let folder = std::env::temp_dir().join(format!("north-replay-{}", std::process::id()));
+    recordings_give_the_fix(4);
+}
+
+#[test]
+#[ignore = "every scenario: make proofs"]
+fn a_recording_of_every_scenario_gives_the_fix_with_all_digits() {
+    recordings_give_the_fix(1);
+}
+
+/// One of so many scenarios, recorded as seconds and as frames and read from the files again: azimuth, sigma and flags with all their
+/// digits. A drive that rings, and the base-motion model, use first moments; another model follows the supply and a thermometer at an analogue input.
+fn recordings_give_the_fix(one_of: usize) {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
     let base_motion = ErrorModel { base_motion: Some(BaseMotion::default()), ..ErrorModel::default() };
-    let scenarios = Scenario::names().map(|(name, _)| (name, None));
+    let scenarios: Vec<_> = Scenario::names().step_by(one_of).map(|(name, _)| (name, None)).collect();
+    let most = scenarios.len();
     let fixes: usize = scenarios
-        .chain([("vehicle", Some(base_motion)), ("tired-battery", Some(of_analogue_channels()))])
+        .into_iter()
+        .chain([
+            ("jittery-drive", None),
+            ("vehicle", Some(base_motion)),
+            ("tired-battery", Some(of_analogue_channels())),
+        ])
         .enumerate()
         .map(|(number, (name, model))| {
             let mut setup = setup(name, 3);
@@ -102,6 +119,5 @@ fn a_recording_gives_the_fix_with_all_digits() {
             1
         })
         .sum();
-    assert!(fixes > 20, "{fixes}");
-    std::fs::remove_dir_all(&folder).unwrap();
+    assert!(2 * fixes > most, "{fixes} of {most}");
 }

