@@ -25,6 +25,7 @@ fn series(run: usize, rng: &mut ChaCha8Rng) -> RunSeries {
     let effect = t_s.iter().map(|t| 9.1 * size_k / 90.0 * (-t / 90.0).exp());
     RunSeries {
         file: format!("runs/{:03}.csv", run + 1),
+        seconds: vec![1.0; SECONDS],
         index_deg: t_s.iter().map(|t| 90.0 * (t / 64.0).floor()).collect(),
         residual_before_deg_h: noise.iter().zip(effect).map(|(noise, effect)| noise + effect - 0.08).collect(),
         residual_after_deg_h: noise,

@@ -229,6 +229,10 @@ impl Noise {
             .filter(|_| !eased && plain.correlation_sigmas() < CORRELATION_SIGMAS);
         let (robust, rates) = (heavy.is_some(), heavy.unwrap_or(plain));
         let (observed, correlation) = (rates.variance(), rates.correlation());
+        // What rings is in the rates of the first seconds, and not in their mean angles, whose steps have σw²/3 of white noise (and all of an angle's).
+        let angles = Pooled::new(dwells.clone(), |dwell| dwell.angle).filter(|_| eased);
+        let of_steps = angles.map(|angles| 3.0 * angles.successive / angles.degrees_of_freedom);
+        let observed = of_steps.map_or(observed, |of_steps| of_steps.min(observed));
         let sigmas = rates.correlation_sigmas();
         let alike = if sigmas > CORRELATION_SIGMAS { correlation.min(MOST_ALIKE) } else { 0.0 };
         let seen_arcsec2 = if sigmas < -CORRELATION_SIGMAS { -correlation * observed } else { 0.0 };

@@ -13,8 +13,8 @@ use super::statistics::{median, rms_with_interval};
 use super::turn::Turn;
 use super::validate::{self, Validated};
 use super::{
-    Diagnosis, NoiseTests, Options, Origin, RunDiagnosis, Warning, advice, doubt, findings, guard, missed, stations,
-    still, unexplained, verdict,
+    Diagnosis, NoiseTests, Options, Origin, RunDiagnosis, Spectra, Warning, advice, doubt, findings, guard, missed,
+    stations, still, unexplained, verdict,
 };
 use super::{board, checks};
 use crate::campaign::{Campaign, Role};
@@ -157,8 +157,14 @@ pub fn diagnosis(
         missed_references,
         next_experiment: proposal.experiment,
         inseparable: proposal.inseparable,
-        series: residuals.series(),
-        spectra: residuals.spectra(noise.declared_noise_deg_h.unwrap_or(noise.noise_deg_h)),
+        series: match &of_dwells {
+            Some(of_dwells) => residuals.series_of(of_dwells),
+            None => residuals.series(),
+        },
+        spectra: match &of_dwells {
+            Some(_) => Spectra::default(),
+            None => residuals.spectra(noise.declared_noise_deg_h.unwrap_or(noise.noise_deg_h)),
+        },
         noise,
         family,
         warnings,

@@ -94,6 +94,7 @@ impl<'a> Residuals<'a> {
             .map(|(run, (before, after))| RunSeries {
                 file: run.file.clone(),
                 t_s: run.samples.iter().map(|sample| sample.t_s).collect(),
+                seconds: run.samples.iter().map(|sample| sample.seconds).collect(),
                 index_deg: run
                     .samples
                     .iter()
@@ -104,6 +105,24 @@ impl<'a> Residuals<'a> {
                 channels: channels(run),
             })
             .collect()
+    }
+
+    /// The same with what is left of each dwell in the place of its rows.
+    pub fn series_of(&self, dwells: &Residuals<'_>) -> Vec<RunSeries> {
+        let (mut all, of_dwells) = (self.series(), dwells.series());
+        for series in &mut all {
+            let Some(of_dwells) = of_dwells.iter().find(|of_dwells| of_dwells.file == series.file) else { continue };
+            let dwell_at = |t_s: f64| {
+                let mut lengths = of_dwells.t_s.iter().zip(&of_dwells.seconds);
+                lengths.position(|(middle_s, seconds)| (t_s - middle_s).abs() <= 0.5 * seconds)
+            };
+            for (i, &t_s) in series.t_s.iter().enumerate() {
+                let left = |of_dwells: &[f64]| dwell_at(t_s).map_or(f64::NAN, |dwell| of_dwells[dwell]);
+                series.residual_before_deg_h[i] = left(&of_dwells.residual_before_deg_h);
+                series.residual_after_deg_h[i] = left(&of_dwells.residual_after_deg_h);
+            }
+        }
+        all
     }
 }
 

@@ -90,7 +90,7 @@ pub struct Diagnosis {
     /// One series a run, in the order of `runs`; for drawing.
     #[serde(skip)]
     pub series: Vec<RunSeries>,
-    /// Spectra of the residual of all runs together; for drawing.
+    /// Spectra of the residual of all runs together; for drawing. None where dwells are judged.
     #[serde(skip)]
     pub spectra: Spectra,
 }
@@ -352,11 +352,12 @@ impl Test {
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct RunSeries {
     pub file: String,
-    /// Middle of the interval, seconds.
+    /// Middle and length of the interval, seconds.
     pub t_s: Vec<f64>,
+    pub seconds: Vec<f64>,
     /// Index angle, degrees.
     pub index_deg: Vec<f64>,
-    /// Rate less the Earth's, the run's own azimuth and bias and, after, the effects; °/h.
+    /// Rate less the Earth's, the run's own azimuth and bias and, after, the effects; °/h. Where dwells are judged, what is left of the interval's dwell.
     pub residual_before_deg_h: Vec<f64>,
     pub residual_after_deg_h: Vec<f64>,
     /// Every channel of the recording by its column's name.

@@ -87,6 +87,11 @@ fn deviation(character: &Character, channels: Option<&Channels>) -> String {
             let spread = point.relative.min(0.9) * point.sigma_deg_h;
             [point.sigma_deg_h - spread, point.sigma_deg_h + spread]
         });
+        // A part that the legend names is in the frame at least where it is greatest.
+        let greatest = |&(process, _): &(usize, Line)| {
+            0.9 * taus().map(|tau_s| noise.deviations_deg_h(tau_s)[process]).fold(f64::MIN_POSITIVE, f64::max)
+        };
+        let ends = ends.chain(seen.iter().map(greatest));
         let x = Axis::logarithmic("averaging time, s", points.iter().map(|point| point.tau_s));
         let mut plot = Plot::new(canvas.width, HEIGHT, x, Axis::logarithmic("Allan deviation, °/h", ends));
         for &(process, (class, _)) in &seen {

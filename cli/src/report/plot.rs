@@ -37,6 +37,9 @@ const HEAD: f64 = TOP - 9.0;
 const TICK_X: f64 = 78.0;
 const TICK_Y: f64 = 38.0;
 
+/// Specks of one side that lie upon each other in a frame.
+const MANY_SPECKS: usize = 1500;
+
 /// A plot being drawn. Marks outside of its ranges are cut off at the frame.
 pub struct Plot {
     x: Axis,
@@ -94,14 +97,16 @@ impl Plot {
         }
     }
 
-    /// Small faint specks, for many points.
+    /// Small specks, for many points: faint where there are so many that they lie upon each other.
     pub fn specks(&mut self, side: Side, points: impl IntoIterator<Item = (f64, f64)>) {
-        let mut path = String::new();
+        let (mut path, mut number) = (String::new(), 0);
         for (x, y) in points {
             let (x, y) = self.at(x, y);
             let _ = write!(path, "M{:.0} {:.0}h2.4v2.4h-2.4z", x - 1.2, y - 1.2);
+            number += 1;
         }
-        let _ = write!(self.marks, "<path class=\"speck {}\" d=\"{path}\"/>", side.name());
+        let density = if number < MANY_SPECKS { "sparse " } else { "" };
+        let _ = write!(self.marks, "<path class=\"speck {density}{}\" d=\"{path}\"/>", side.name());
     }
 
     /// Vertical bars at x from the lower to the upper value.

@@ -184,6 +184,7 @@ mod tests {
         let channel = |f: &dyn Fn(f64) -> f64| t_s.iter().map(|&t| f(t)).collect::<Vec<f64>>();
         RunSeries {
             file: "runs/001.csv".into(),
+            seconds: vec![1.0; 20],
             index_deg: t_s.iter().map(|&t| if t < 10.0 { 0.0 } else { 90.0 }).collect(),
             residual_before_deg_h: vec![1.0; 20],
             residual_after_deg_h: vec![0.0; 20],

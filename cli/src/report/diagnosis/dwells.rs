@@ -74,20 +74,20 @@ fn of_run(run: usize, series: &RunSeries) -> Vec<Dwell> {
         if !before.is_finite() || !after.is_finite() {
             continue;
         }
-        let index_deg = series.index_deg[i];
+        let (index_deg, seconds) = (series.index_deg[i], series.seconds[i]);
         let apart = ((index_deg - last_deg + 180.0).rem_euclid(360.0) - 180.0).abs();
         let same = apart <= APART_DEG;
         last_deg = index_deg;
         match dwells.last_mut().filter(|_| same) {
             Some(dwell) => {
-                let count = dwell.seconds + 1.0;
-                dwell.t_s += (series.t_s[i] - dwell.t_s) / count;
-                dwell.mean_deg_h[0] += (before - dwell.mean_deg_h[0]) / count;
-                dwell.mean_deg_h[1] += (after - dwell.mean_deg_h[1]) / count;
-                dwell.seconds = count;
+                dwell.seconds += seconds;
+                let share = seconds / dwell.seconds;
+                dwell.t_s += share * (series.t_s[i] - dwell.t_s);
+                dwell.mean_deg_h[0] += share * (before - dwell.mean_deg_h[0]);
+                dwell.mean_deg_h[1] += share * (after - dwell.mean_deg_h[1]);
             }
             None => {
-                dwells.push(Dwell { run, t_s: series.t_s[i], index_deg, seconds: 1.0, mean_deg_h: [before, after] });
+                dwells.push(Dwell { run, t_s: series.t_s[i], index_deg, seconds, mean_deg_h: [before, after] });
             }
         }
     }

@@ -16,6 +16,9 @@ const BINS: usize = 16;
 
 pub fn section(diagnosis: &Diagnosis) -> String {
     let mut html = String::from("<h2>What is left of the rate</h2>\n");
+    if diagnosis.residual_of == "dwell" {
+        html.push_str("<p>The motion of the base is taken out of whole dwells: every second stands with what is left of its dwell.</p>\n");
+    }
     if diagnosis.series.iter().any(|run| !run.t_s.is_empty()) {
         html.push_str(&against_time(&diagnosis.series));
         for effect in &diagnosis.effects {
