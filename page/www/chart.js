@@ -11,7 +11,7 @@ function shape(name, attributes, text) {
 /** Axes with round numbers, and what is drawn over them. */
 class Chart {
   constructor(svg, xUnit, yUnit) {
-    Object.assign(this, { svg, xUnit, yUnit, left: 52, top: 8, width: 418, height: 186 });
+    Object.assign(this, { svg, xUnit, yUnit, left: 52, top: 8, width: 412, height: 186 });
   }
 
   clear() {
