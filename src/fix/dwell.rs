@@ -1071,9 +1071,8 @@ mod tests {
 
     /// A gyro that turns by 3 °/h and 0.01 °/h more in every second, and a drive that rings by 1.7 arcsec at 5 Hz and forgets it in 5 s: it begins 1.7 arcsec
     /// off and ends at 1.7 e⁻⁶. The plain mean of 30 s has −1.7 (1 − e⁻⁶)/30 = −0.0565 °/h of that. The first row's mean angle has
-    /// 1.7 · (1 − e⁻⁰·²)/(5 · ((10π)² + 0.04)) ≈ 6e-5 arcsec, and the end 0.004. The rows'
-    /// slope has, by parts, 14.5 · 1.7 of the beginning less the sum of 1.7 e^(−k/5) at the ends of all seconds, 7.66: 17.0 over its weight 30³/12,
-    /// 0.0076 °/h/s.
+    /// 1.7 · (1 − e⁻⁰·²)/(5 · ((10π)² + 0.04)) ≈ 6e-5 arcsec, and the end 0.004. The rows' slope has, by parts, 14.5 · 1.7 of the beginning less the sum
+    /// of 1.7 e^(−k/5) at the ends of all seconds, 7.66: 17.0 over its weight 30³/12, 0.0076 °/h/s.
     #[test]
     fn a_ringing_at_the_beginning_is_eased() {
         let even = |t_s: f64| 3.0 * t_s + 0.005 * t_s * t_s;

@@ -25,7 +25,7 @@
 //! Where the seconds have heavy tails, each dwell gives its robust mean ([`super::robust`]), and where the dwells' variances differ, each its
 //! own weight. Both only where the means of blocks do not contradict it: sway, which the plain mean cancels, has large seconds too.
 
-use super::dwell::{DwellSummary, Robust, Trend};
+use super::dwell::{DwellSummary, Line, Robust, Trend};
 use super::robust::Blocks;
 use super::statistics::chi_square_z_score;
 use crate::effects::ErrorModel;
@@ -101,7 +101,7 @@ struct Pooled {
 impl Pooled {
     fn new<'a>(
         dwells: impl Iterator<Item = &'a DwellSummary>,
-        line: fn(&DwellSummary) -> Option<Trend>,
+        line: impl Fn(&DwellSummary) -> Option<Trend>,
     ) -> Option<Self> {
         let mut pooled = Self::default();
         for dwell in dwells.filter(|dwell| dwell.degrees_of_freedom > 0) {
@@ -172,6 +172,11 @@ fn rings<'a>(dwells: impl Iterator<Item = &'a DwellSummary>) -> bool {
     (1.0 - of_others) * root - (1.0 - of_first) > RINGS_SIGMAS * libm::sqrt(of_first + of_others * root * root)
 }
 
+/// The line of a dwell's rate, eased in or plain.
+fn rate(dwell: &DwellSummary, eased: bool) -> Line {
+    dwell.eased.filter(|_| eased).map_or(dwell.rate, |eased| eased.line)
+}
+
 /// Whether the robust variances of the dwells differ, by Bartlett's test (Proc. R. Soc. Lond. A 160, 1937, p. 268).
 fn variances_differ<'a>(dwells: impl Iterator<Item = &'a DwellSummary>) -> bool {
     let (mut number, mut freedoms, mut reciprocals, mut squares, mut logarithms) = (0.0, 0.0, 0.0, 0.0, 0.0);
@@ -206,12 +211,7 @@ impl Noise {
     ) -> Option<Self> {
         let (declared, declared_white) = (squared(gyro.noise_deg_h()), squared(gyro.white_noise_deg_h()));
         let eased = rings(dwells.clone());
-        let plain = match eased {
-            true => {
-                Pooled::new(dwells.clone(), |dwell| Some(dwell.eased.map_or(dwell.rate, |eased| eased.line).into()))
-            }
-            false => Pooled::new(dwells.clone(), |dwell| Some(dwell.rate.into())),
-        };
+        let plain = Pooled::new(dwells.clone(), |dwell| Some(rate(dwell, eased).into()));
         let Some(plain) = plain.filter(|plain| plain.degrees_of_freedom >= 4.0) else {
             let white = of_successive_residuals()?;
             return Some(Self {
@@ -265,10 +265,7 @@ impl Noise {
 
     /// The best mean rate of a dwell, °/h, and its weight: the variance of a one-second rate over that of the mean.
     pub fn mean(&self, dwell: &DwellSummary) -> (f64, f64) {
-        let plain = match dwell.eased.filter(|_| self.eased) {
-            Some(eased) => (eased.line.mean, dwell.seconds),
-            None => (dwell.rate.mean, dwell.seconds),
-        };
+        let plain = (rate(dwell, self.eased).mean, dwell.seconds);
         if let (true, Some(robust)) = (self.robust, dwell.robust) {
             return (robust.line.mean, self.seconds_of(dwell, &robust));
         }
@@ -299,9 +296,7 @@ impl Noise {
 
     /// The best slope of a dwell's rate, °/h/s.
     pub fn slope_per_s(&self, dwell: &DwellSummary) -> f64 {
-        let robust = dwell.robust.filter(|_| self.robust).map(|robust| robust.line);
-        let eased = dwell.eased.filter(|_| self.eased).map(|eased| eased.line);
-        robust.or(eased).unwrap_or(dwell.rate).slope_per_s
+        dwell.robust.filter(|_| self.robust).map_or(rate(dwell, self.eased), |robust| robust.line).slope_per_s
     }
 
     /// The weight of a dwell's slope, s³: the variance of a one-second rate over that of the slope. By parts the slope's
