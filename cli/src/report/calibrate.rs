@@ -46,7 +46,11 @@ pub fn ellipsoid(path: &Path, outcome: &ellipsoid::Outcome, gravity: f64) -> Str
     let body = [
         head(&title, &[format!("{fitted} attitudes learned from, {judged} only judged")], &result),
         "<div class=\"tiles\">\n".to_owned(),
-        tile("Coverage of the sphere", &number(calibration.coverage, 3), "how evenly the attitudes point"),
+        tile(
+            "Coverage of the sphere",
+            &number(calibration.coverage, 3),
+            "1: attitudes evenly all around; 1/64: the least that calibrates",
+        ),
         tile(
             "Learned from, rms",
             &number(calibration.norm_rms, 3),
