@@ -23,6 +23,8 @@ const MAX_OUTLIERS: usize = 16;
 const GAP_S: f64 = 0.01;
 /// A row is an outlier beyond this many standard deviations: in white noise one in 5·10⁸.
 const OUTLIER_SIGMAS: f64 = 6.0;
+/// So many rows in a row show that nothing rings: of a ringing that is a second time in phase after one second or three, two may be near by chance.
+const QUIET_ROWS: usize = 3;
 /// Where rows are alike to this share of the declared noise, they are counts coarser than the noise.
 const COARSE: f64 = 0.25;
 
@@ -60,6 +62,13 @@ impl Row {
     /// How unevenly the gyro turned within it, (°/h)²: in white noise of the rate the variance of a one-second rate, which gives the first moment one of T³/12.
     fn unevenness(&self) -> f64 {
         12.0 * self.moment_arcsec_s * self.moment_arcsec_s / (self.seconds * self.seconds * self.seconds)
+    }
+
+    /// Mean rate from the mean angle of this row to that of the one that follows it, °/h.
+    fn rate_to(&self, next: &Self) -> f64 {
+        let to_end_arcsec = 0.5 * self.rate_deg_h * self.seconds + self.moment_arcsec_s / self.seconds;
+        let from_start_arcsec = 0.5 * next.rate_deg_h * next.seconds - next.moment_arcsec_s / next.seconds;
+        2.0 * (to_end_arcsec + from_start_arcsec) / (self.seconds + next.seconds)
     }
 
     /// Whether `next` begins where this one ends.
@@ -476,6 +485,8 @@ struct Sums {
     /// What the gyro turned since the beginning, less the first row's rate, arcsec; and whether a gap broke it.
     turned_arcsec: f64,
     broken: bool,
+    /// So many rows one after the other were no outliers that nothing rings any more.
+    quiet: bool,
     level: [LineSums; 2],
     level_rows: u16,
     outliers: u16,
@@ -590,9 +601,9 @@ impl LineSums {
 }
 
 impl Sums {
-    /// Adds rows that were not judged yet, less those that are outliers: further from their median than
-    /// [`OUTLIER_SIGMAS`] by the dwell's own scatter, 1.4826 times the median absolute deviation, never below the declared
-    /// noise nor the scatter of the rows before. A gyro that counts more coarsely than its noise repeats itself, and the
+    /// Adds rows that were not judged yet, less those that are outliers: further from their median than [`OUTLIER_SIGMAS`] (before the first
+    /// [`QUIET_ROWS`] that are not, by their mean angles as well) by the dwell's own scatter, 1.4826 times the median absolute deviation, never below
+    /// the declared noise nor the scatter of the rows before. A gyro that counts more coarsely than its noise repeats itself, and the
     /// median deviation is nothing: then the least deviation that is more than noise, its count, is the scale. A second on
     /// the next count is no outlier.
     fn add(&mut self, rows: &[Row], noise_deg_h: f64) {
@@ -608,12 +619,25 @@ impl Sums {
                 scale = scale.max(count);
             }
         }
-        let is_kept = |row: &Row| deviation(row) <= OUTLIER_SIGMAS * scale;
-        let kept = || rows.iter().filter(|row| is_kept(row)).map(|row| (row.seconds, row.rate_deg_h));
+        let is_near = |row: &Row| deviation(row) <= OUTLIER_SIGMAS * scale;
+        // Of a drive that rings when the dwell begins the seconds differ, and their mean angles hardly do; a second in which the angle jumped is off from
+        // the one before or the one after it by half of the jump at least.
+        let quiet = rows.windows(QUIET_ROWS).position(|few| few.iter().all(is_near)).unwrap_or(rows.len());
+        let may_ring = if self.quiet { 0 } else { quiet };
+        self.quiet |= quiet < rows.len();
+        let is_even = |row: &Row, next: &Row| (row.rate_to(next) - middle).abs() <= 0.5 * OUTLIER_SIGMAS * scale;
+        let rings = |i: usize, row: &Row| {
+            let last = i.checked_sub(1).and_then(|i| rows.get(i));
+            i < may_ring
+                && last.is_none_or(|last| is_even(last, row))
+                && rows.get(i + 1).is_some_and(|next| is_even(row, next))
+        };
+        let is_kept = |(i, row): (usize, &Row)| is_near(row) || rings(i, row);
+        let kept = || rows.iter().enumerate().filter(|&row| is_kept(row)).map(|(_, row)| (row.seconds, row.rate_deg_h));
         let tails = Tails::fit(kept, middle, of_rows);
         self.evidence += tails.as_ref().map_or(0.0, |tails| tails.evidence);
-        for row in rows {
-            if is_kept(row) {
+        for (i, row) in rows.iter().enumerate() {
+            if is_kept((i, row)) {
                 self.add_row(row, tails.as_ref());
             } else {
                 self.outliers = self.outliers.saturating_add(1);
@@ -1090,6 +1114,25 @@ mod tests {
         // Of nothing but an even rate all of it is what the plain line is.
         let still = rows_of_angle(30, |t_s| 3.0 * t_s).summary(1.0).unwrap().eased.unwrap();
         assert!((still.line.mean - 3.0).abs() < 1e-9 && still.line.slope_per_s.abs() < 1e-9, "{still:?}");
+    }
+
+    /// A ringing of 1.7 arcsec at 7.37 Hz makes seconds of up to ± 3 °/h, far beyond 6 · 0.09, and moves the mean angle of a second by 1.7/(π · 7.37) = 0.07
+    /// arcsec at most: none is left out. A jump of 2 arcsec is left out wherever it is: in the middle of a second it moves the mean angle by half of it there.
+    #[test]
+    fn what_rings_at_the_beginning_is_no_shock() {
+        let ringing = |t_s: f64| 1.7 * libm::exp(-t_s / 5.0) * libm::cos(core::f64::consts::TAU * 7.37 * t_s);
+        // Without any noise the jump would be taken for a count of the gyro.
+        let noise = |t_s: f64| 0.05 * libm::sin(1.3 * t_s * t_s);
+        let outliers = |angle: &dyn Fn(f64) -> f64| {
+            rows_of_angle(30, |t_s| angle(t_s) + noise(t_s)).summary(0.09).unwrap().outliers
+        };
+        assert_eq!(outliers(&|t_s| 3.0 * t_s + ringing(t_s)), 0);
+        for jump_s in [0.5, 12.1, 20.9, 29.5] {
+            assert_eq!(outliers(&|t_s| 3.0 * t_s + if t_s > jump_s { 2.0 } else { 0.0 }), 1, "{jump_s}");
+        }
+        assert_eq!(outliers(&|t_s| ringing(t_s) + if t_s > 20.5 { 2.0 } else { 0.0 }), 1);
+        let mut of_nothing = rows(&[9.0, f64::NAN, 9.0, 1.0, 1.1, 0.9, 1.0, 1.1]);
+        assert!(of_nothing.summary(0.09).unwrap().rate.mean < 1.1);
     }
 
     #[test]
