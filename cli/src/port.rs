@@ -136,6 +136,11 @@ impl Port {
         self.bad_frames
     }
 
+    /// From here on: what came damaged until now was of another's stream.
+    pub fn count_bad_frames_anew(&mut self) {
+        self.bad_frames = 0;
+    }
+
     /// The next report.
     ///
     /// Errors: nothing comes for `patience`; the line breaks; an interrupt.

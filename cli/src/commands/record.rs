@@ -161,6 +161,7 @@ impl Record {
         let mut early = Vec::new();
         // Whoever was here before may have left the stream on: it begins with a second of ours.
         port.ask(Ask::Stream(false), &mut |_| ())?;
+        port.count_bad_frames_anew();
         if !self.means {
             port.ask(Ask::Stream(true), &mut |report| early.push(*report))?;
         }
