@@ -230,7 +230,7 @@ impl Noise {
         let (robust, rates) = (heavy.is_some(), heavy.unwrap_or(plain));
         let (observed, correlation) = (rates.variance(), rates.correlation());
         // What rings is in the rates of the first seconds, and not in their mean angles, whose steps have σw²/3 of white noise (and all of an angle's).
-        let angles = Pooled::new(dwells.clone(), |dwell| dwell.angle).filter(|_| eased);
+        let angles = if eased { Pooled::new(dwells.clone(), |dwell| dwell.angle) } else { None };
         let of_steps = angles.map(|angles| 3.0 * angles.successive / angles.degrees_of_freedom);
         let observed = of_steps.map_or(observed, |of_steps| of_steps.min(observed));
         let sigmas = rates.correlation_sigmas();

@@ -108,6 +108,13 @@ pub fn diagnosis(
     let sigmas: Vec<f64> = afters.iter().filter_map(|after| after.sigma_deg).collect();
     let proposal = used.map_or_else(Proposal::default, |found| findings::next_experiment(found, runs, median(sigmas)));
     let noise = noise_tests(campaign, &residuals, of_dwells.as_ref());
+    let (series, spectra) = match &of_dwells {
+        Some(of_dwells) => (residuals.series_of(of_dwells), Spectra::default()),
+        None => {
+            let white_deg_h = noise.declared_noise_deg_h.unwrap_or(noise.noise_deg_h);
+            (residuals.series(), residuals.spectra(white_deg_h))
+        }
+    };
     let covered = model.doubt.process.filter(|_| found.is_some());
     let process = covered.or(found.and_then(Found::process)).map(|process| (process, covered.is_some()));
     let mut unexplained = unexplained::evidence(process, runs, &validated.left_out, &wrong_files, &noise);
@@ -157,14 +164,8 @@ pub fn diagnosis(
         missed_references,
         next_experiment: proposal.experiment,
         inseparable: proposal.inseparable,
-        series: match &of_dwells {
-            Some(of_dwells) => residuals.series_of(of_dwells),
-            None => residuals.series(),
-        },
-        spectra: match &of_dwells {
-            Some(_) => Spectra::default(),
-            None => residuals.spectra(noise.declared_noise_deg_h.unwrap_or(noise.noise_deg_h)),
-        },
+        series,
+        spectra,
         noise,
         family,
         warnings,

@@ -112,12 +112,10 @@ impl<'a> Residuals<'a> {
         let (mut all, of_dwells) = (self.series(), dwells.series());
         for series in &mut all {
             let Some(of_dwells) = of_dwells.iter().find(|of_dwells| of_dwells.file == series.file) else { continue };
-            let dwell_at = |t_s: f64| {
-                let mut lengths = of_dwells.t_s.iter().zip(&of_dwells.seconds);
-                lengths.position(|(middle_s, seconds)| (t_s - middle_s).abs() <= 0.5 * seconds)
-            };
             for (i, &t_s) in series.t_s.iter().enumerate() {
-                let left = |of_dwells: &[f64]| dwell_at(t_s).map_or(f64::NAN, |dwell| of_dwells[dwell]);
+                let mut lengths = of_dwells.t_s.iter().zip(&of_dwells.seconds);
+                let dwell = lengths.position(|(middle_s, seconds)| (t_s - middle_s).abs() <= 0.5 * seconds);
+                let left = |of_dwells: &[f64]| dwell.map_or(f64::NAN, |dwell| of_dwells[dwell]);
                 series.residual_before_deg_h[i] = left(&of_dwells.residual_before_deg_h);
                 series.residual_after_deg_h[i] = left(&of_dwells.residual_after_deg_h);
             }

@@ -21,7 +21,9 @@ pub fn section(diagnosis: &Diagnosis) -> String {
     let (before, after) = (diagnosis.residual_rms_before_deg_h, diagnosis.residual_rms_after_deg_h);
     let which = if diagnosis.runs.iter().any(|run| run.role == Role::Check) { "check runs" } else { "all runs" };
     let alone = number(diagnosis.noise.noise_deg_h, 3);
-    let noise = if after <= diagnosis.noise.noise_deg_h {
+    let noise = if diagnosis.residual_of == "dwell" {
+        format!("dwells of the {which}; noise of a second, estimated from fast changes: {alone} °/h")
+    } else if after <= diagnosis.noise.noise_deg_h {
         format!(
             "seconds of the {which}; no more than the noise of {alone} °/h, as it is estimated from fast changes, would leave"
         )

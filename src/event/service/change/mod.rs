@@ -2,7 +2,7 @@
 //!
 //! **What is expected.** A [`Level`] whose ratios q/r and s/r are not known: the mixture over a grid of both (`WANDERS`, `SWITCHES`), weighted by how well each predicts
 //! what was seen. The variance r of a fix is not known either, with the prior 1/r: the likelihood of n innovations eᵢ of variances r·vᵢ is then
-//! ∏ vᵢ^(−1/2) · S^(−n/2) with S = Σ eᵢ²/vᵢ (Jeffreys 1961). After the baseline the `MEMBERS` ratios of most weight stay.
+//! ∏ vᵢ^(−1/2) · S^(−n/2) with S = Σ eᵢ²/vᵢ (Jeffreys 1961). After the baseline the `MEMBERS` ratios of most weight are kept.
 //!
 //! **The test.** A change that began at fix j adds d·cᵢ to the fixes since then: cᵢ = 1 (a step), or the fixes since j (a ramp). In the innovations it is d·gᵢ; with
 //! a = Σ eᵢgᵢ/vᵢ, I = Σ gᵢ²/vᵢ and d ~ N(0, τ²r) its likelihood over that without it is
