@@ -87,22 +87,17 @@ impl<'a> Search<'a> {
 
     /// Searches for the model with the greatest score, from `start`: nothing, or what an earlier search found with another reference for one run. Where
     /// revising the effects raises the score by more than a further effect must, further ones are searched for again. A search climbs to one maximum of many:
-    /// where one effect of one factor is not enough, it begins with other effects too, and with effects of one factor only, which a product may have taken in
-    /// and hide. The products of the likeliest model are taken apart. `None` where the runs determine no model.
+    /// from nothing it begins in several ways. The products of the likeliest model are taken apart. `None` where the runs determine no model.
     pub fn best(&self, start: &Start) -> Option<Model<'a>> {
         let bare = Model::new(self.runs, None, &[])?;
         let terms: Vec<Term> = start.effects.iter().map(|effect| self.proposals.term(&bare, effect)).collect();
         let model =
             self.with_family(self.pruned(Model::new(self.runs, start.process, &terms)?.with_likeliest_process()));
-        let mut found = match start.effects.as_slice() {
-            [] => self.begun_variously(model),
-            first => vec![self.completed(model, first)],
+        let found = match start.effects.as_slice() {
+            [] => self.begun_variously(model)?,
+            first => self.completed(model, first),
         };
-        if let Some(factors) = found.first().and_then(factors_of_several) {
-            found.push(self.of_plain(factors)?);
-        }
-        let likeliest = found.into_iter().max_by(|a, b| self.worth(a).total_cmp(&self.worth(b)))?;
-        Some(self.taken_apart(likeliest))
+        Some(self.taken_apart(found))
     }
 
     /// The score of a model, less the odds against as many effects, nats.
@@ -110,18 +105,18 @@ impl<'a> Search<'a> {
         model.score(&self.grammar) - odds_against(model.found().len())
     }
 
-    /// What the search finds beside a model that begins with the effect that promises most; where that is not enough by itself, also with each of the next ones.
-    fn begun_variously(&self, model: Model<'a>) -> Vec<Model<'a>> {
+    /// The likeliest model that the search finds beside a model when it begins with the effect that promises most; where one effect of one factor is not enough,
+    /// also with each of the next ones, and with effects of one factor only, which a product may have taken in and hide.
+    fn begun_variously(&self, model: Model<'a>) -> Option<Model<'a>> {
         let found = |begun: Model<'a>| self.completed(self.with_family(self.pruned(begun)), &[]);
         let mut beginnings = self.widened(&model, |model| self.proposals.finalists(model)).into_iter();
         let Some(first) = beginnings.next().filter(|first| self.is_worth_its_effect(&model, first)).map(found) else {
-            return vec![model];
+            return Some(model);
         };
-        let others: Vec<Model<'a>> = match factors_of_several(&first) {
-            Some(_) => beginnings.collect::<Vec<_>>().into_par_iter().map(found).collect(),
-            None => Vec::new(),
-        };
-        std::iter::once(first).chain(others).collect()
+        let Some(factors) = factors_of_several(&first) else { return Some(first) };
+        let others: Vec<Model<'a>> = beginnings.collect::<Vec<_>>().into_par_iter().map(found).collect();
+        let all = std::iter::once(first).chain(others).chain(self.of_plain(factors));
+        all.max_by(|a, b| self.worth(a).total_cmp(&self.worth(b)))
     }
 
     /// Takes products apart. A product may have taken in what several effects cause: as one more factor it costs less than an effect of its own. Each
@@ -183,7 +178,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Adds effects one after the other, as long as both evidence and prediction rise.
+    /// Adds effects one after the other, as long as both evidence and prediction rise. What was found before another one had taken in a part of it, and is revised.
     fn grown(&self, mut model: Model<'a>) -> Model<'a> {
         while model.terms.len() < MOST_EFFECTS {
             let Some(wider) = self.widened_by(&model, |model| self.proposals.finalists(model)) else { break };
@@ -191,6 +186,9 @@ impl<'a> Search<'a> {
                 break;
             }
             model = self.with_family(self.pruned(wider));
+            if model.terms.len() > 1 {
+                model = self.revised(model);
+            }
         }
         model
     }
