@@ -62,9 +62,7 @@ const WORSE_BY: f64 = 1.05;
 
 impl Shares {
     fn of(verdicts: &[&Verdict], which: impl Fn(&Verdict) -> Option<&Azimuths>) -> Self {
-        let ratio =
-            |verdict: &&Verdict| which(verdict).map_or(f64::INFINITY, |azimuths| azimuths.rms_deg / verdict.oracle_deg);
-        let ratios: Vec<f64> = verdicts.iter().map(ratio).collect();
+        let ratios: Vec<f64> = verdicts.iter().map(|verdict| verdict.ratio(which(verdict))).collect();
         let share = |is: &dyn Fn(usize) -> bool| {
             (0..verdicts.len()).filter(|&at| is(at)).count() as f64 / verdicts.len() as f64
         };
@@ -116,8 +114,8 @@ impl Line {
     }
 }
 
-/// Judges the campaigns and prints the tables.
-pub(super) fn measure(judged: &Judged<'_>, out: &mut dyn Write) -> Result<Vec<Line>, Failure> {
+/// Judges the campaigns and prints the tables: lines of them together, and each campaign.
+pub(super) fn measure(judged: &Judged<'_>, out: &mut dyn Write) -> Result<(Vec<Line>, Vec<Verdict>), Failure> {
     let bar = progress::bar(judged.numbers.end - judged.numbers.start, "campaigns");
     let mut verdicts = Vec::new();
     // One after the other: a diagnosis uses all cores by itself.
@@ -167,7 +165,34 @@ pub(super) fn measure(judged: &Judged<'_>, out: &mut dyn Write) -> Result<Vec<Li
         }
     }
     write_lines(out, &lines)?;
-    Ok(lines)
+    write_campaigns(out, &verdicts)?;
+    Ok((lines, verdicts))
+}
+
+/// The campaigns, those with the smallest errors over the oracle's first; a campaign without azimuths stands last.
+fn write_campaigns(out: &mut dyn Write, verdicts: &[Verdict]) -> io::Result<()> {
+    let mut sorted: Vec<&Verdict> = verdicts.iter().collect();
+    sorted.sort_by(|a, b| a.over_oracle().total_cmp(&b.over_oracle()));
+    writeln!(
+        out,
+        "\nEach campaign, by the written model:\n\n| campaign | hidden | rms before, ° | after, ° | oracle, ° | after / oracle | covered \
+         | found |\n|---|---|---|---|---|---|---|---|"
+    )?;
+    for verdict in sorted {
+        writeln!(
+            out,
+            "| {} | `{}` | {:.4} | {} | {:.4} | {:.2} | {} | {} |",
+            verdict.campaign,
+            verdict.hidden(),
+            verdict.before_deg,
+            verdict.model.as_ref().map_or("–".into(), |model| format!("{:.4}", model.rms_deg)),
+            verdict.oracle_deg,
+            verdict.over_oracle(),
+            verdict.covered(),
+            verdict.what_was_found(),
+        )?;
+    }
+    Ok(())
 }
 
 fn write_lines(out: &mut dyn Write, lines: &[Line]) -> io::Result<()> {
@@ -204,24 +229,22 @@ fn write_lines(out: &mut dyn Write, lines: &[Line]) -> io::Result<()> {
 
 fn write_verdict(out: &mut dyn Write, verdict: &Verdict) -> io::Result<()> {
     let rms = |azimuths: &Option<Azimuths>| azimuths.as_ref().map_or(f64::NAN, |one| one.rms_deg);
-    let covered =
-        verdict.model.as_ref().map_or("-".into(), |one| format!("{} of {}", one.covered, one.errors_deg.len()));
     writeln!(
         out,
-        "{:04} {:?} {}: before {:.4}, by the model {:.4}, reported {:.4}, oracle {:.4}, ratio {:.2}, covered {covered}; found {}{}{}",
+        "{:04} {:?} {}: before {:.4}, by the model {:.4}, reported {:.4}, oracle {:.4}, ratio {:.2}, covered {}; found {}",
         verdict.campaign,
         verdict.kind,
-        verdict.names.join(" + "),
+        verdict.hidden(),
         verdict.before_deg,
         rms(&verdict.model),
         rms(&verdict.reported),
         verdict.oracle_deg,
-        rms(&verdict.model) / verdict.oracle_deg,
-        if verdict.found.is_empty() { "nothing".into() } else { verdict.found.join(", ") },
-        if verdict.unexplained { "; unexplained" } else { "" },
-        verdict.refusal.as_ref().map(|why| format!("; refused: {why}")).unwrap_or_default(),
+        verdict.over_oracle(),
+        verdict.covered(),
+        verdict.what_was_found(),
     )?;
-    verdict.composition.iter().try_for_each(|words| writeln!(out, "    {words}"))
+    verdict.composition.iter().try_for_each(|words| writeln!(out, "    {words}"))?;
+    out.flush()
 }
 
 #[cfg(test)]

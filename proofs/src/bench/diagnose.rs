@@ -2,6 +2,7 @@
 
 use std::io::{self, Write};
 
+use crate::composed;
 use crate::hidden::{Campaign as Generated, Family, Group};
 use clap::Args;
 use serde::Serialize;
@@ -65,6 +66,7 @@ pub enum Row {
     Family(FamilyReport),
     Group(GroupReport),
     Composed(Line),
+    Campaign(composed::judge::Verdict),
 }
 
 /// A group of families, or effects that no family lists.
@@ -169,7 +171,8 @@ impl Bench for DiagnoseBench {
             }
             let judged =
                 Judged { numbers, seed: self.seed, kinds: self.kind, dir: self.dir.as_deref(), verbose: self.verbose };
-            return Ok(measure(&judged, out)?.into_iter().map(Row::Composed).collect());
+            let (lines, campaigns) = measure(&judged, out)?;
+            return Ok(lines.into_iter().map(Row::Composed).chain(campaigns.into_iter().map(Row::Campaign)).collect());
         }
         let chosen = |family: &Family| {
             (self.family.is_empty() || self.family.contains(family))

@@ -39,6 +39,36 @@ pub struct Verdict {
     pub reported: Option<Azimuths>,
 }
 
+impl Verdict {
+    /// Errors of these azimuths over the oracle's, rms; without azimuths worse than any.
+    pub fn ratio(&self, azimuths: Option<&Azimuths>) -> f64 {
+        azimuths.map_or(f64::INFINITY, |azimuths| azimuths.rms_deg / self.oracle_deg)
+    }
+
+    /// The same of those by the written model.
+    pub fn over_oracle(&self) -> f64 {
+        self.ratio(self.model.as_ref())
+    }
+
+    /// The hidden effects.
+    pub fn hidden(&self) -> String {
+        if self.names.is_empty() { "nothing".into() } else { self.names.join(" + ") }
+    }
+
+    /// How many check runs are inside their intervals by the written model, of how many.
+    pub fn covered(&self) -> String {
+        self.model.as_ref().map_or("–".into(), |one| format!("{} of {}", one.covered, one.errors_deg.len()))
+    }
+
+    /// What was named, and what was said of it.
+    pub fn what_was_found(&self) -> String {
+        let found = if self.found.is_empty() { "nothing".into() } else { self.found.join(", ") };
+        let unexplained = if self.unexplained { "; unexplained" } else { "" };
+        let refused = self.refusal.as_ref().map(|why| format!("; refused: {why}")).unwrap_or_default();
+        found + unexplained + &refused
+    }
+}
+
 /// Azimuths of the check runs against the truth.
 #[derive(Debug, Clone, Serialize)]
 pub struct Azimuths {
