@@ -1,7 +1,7 @@
 #!/bin/sh
 # Writes docs/figures: what the figures of README and docs are from, each file by the command beside it. The published recordings (docs/comparison.md
 # says where they are) are looked for in the folder NORTH_FINDER_DATA; a file whose recording is not there stays as it is. `figures.sh FILE…` writes these
-# files of tables alone: all of them take some forty minutes on two cores.
+# files of tables alone: all of them take some two hours on two cores, more than half of that composed-inside.
 set -eu
 only=" $* "
 for file in "$@"; do
@@ -59,6 +59,8 @@ bench voyage voyage
 bench ageing ageing --trials 4000
 bench watch watch
 bench diagnose-speed diagnose-speed
+bench hidden-named diagnose --group named --campaigns 1 --seed 7
+bench composed-inside diagnose --group composed --kind inside --campaigns 16 --seed 11601
 bench attitude attitude
 bench alignment alignment --trials 20
 bench gyros gyros --fixes 6

@@ -34,6 +34,7 @@ fn series(run: usize, rng: &mut ChaCha8Rng) -> RunSeries {
     }
 }
 
+#[expect(clippy::too_many_lines, reason = "every field of a diagnosis")]
 fn diagnosis() -> Diagnosis {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let mut error = |size: f64| size * (0..12).map(|_| rng.random::<f64>() - 0.5).sum::<f64>();

@@ -273,6 +273,7 @@ mod tests {
     }
 
     #[test]
+    #[expect(clippy::too_many_lines, reason = "every field of a report")]
     fn the_longest_report_fits() {
         let counters = Counters {
             frames_good: u32::MAX,

@@ -1,5 +1,7 @@
 //! From what was learned to the diagnosis: azimuths, residuals, words.
 
+use std::mem;
+
 use north_finder::effects::ErrorModel;
 use north_finder::event::Fix;
 use north_finder::units::wrap_180_deg;
@@ -9,12 +11,12 @@ use super::experiment::Proposal;
 use super::found::{Found, WrongReference};
 use super::moving;
 use super::residual::Residuals;
-use super::statistics::{median, rms_with_interval};
+use super::statistics::{median, rms, rms_with_interval};
 use super::turn::Turn;
 use super::validate::{self, Validated};
 use super::{
-    Diagnosis, NoiseTests, Options, Origin, RunDiagnosis, Spectra, Warning, advice, doubt, findings, guard, missed,
-    stations, still, unexplained, verdict,
+    Diagnosis, InFamily, NoiseTests, Options, Origin, RunDiagnosis, Spectra, Warning, advice, doubt, findings, guard,
+    missed, stations, still, unexplained, verdict,
 };
 use super::{board, checks};
 use crate::campaign::{Campaign, Role};
@@ -47,85 +49,64 @@ pub struct Material<'a> {
     pub still: bool,
 }
 
+/// What was found, and what of it is used.
+struct Judged {
+    /// The effects that are used, and what was found beside them.
+    found: Option<Found>,
+    validated: Validated,
+    family: Option<InFamily>,
+    wrong: Vec<WrongReference>,
+    /// The files of these.
+    wrong_files: Vec<String>,
+    /// What the azimuths would turn by with all that was found, where it is not used and no reference says how far they are off.
+    given_up_deg: f64,
+}
+
+impl Judged {
+    /// By runs that took no part in learning.
+    fn new(material: &Material<'_>, found: Option<Found>, options: &Options) -> Self {
+        let &Material { runs, base, .. } = material;
+        let wrong = found.as_ref().map_or(Vec::new(), Found::wrong_references);
+        let wrong_files: Vec<String> = wrong.iter().map(|each| each.file.clone()).collect();
+        let judged = found.as_ref().filter(|found| !found.is_nothing());
+        let folds = judged.map(|found| validate::folds(runs, found, base, &options.family, &wrong_files));
+        let found = found.map(|found| match &folds {
+            Some(folds) => folds.lead(found, base, &options.family),
+            None => found,
+        });
+        let validated = validate::validated(runs, found.as_ref().zip(folds.as_ref()), base, &wrong_files);
+        let with_family = found.as_ref().filter(|_| !options.family.members.is_empty());
+        let family = with_family.map(|found| found.in_family(&options.family));
+        let given_up =
+            found.as_ref().filter(|_| validated.withdrawn.is_some() && !guard::is_surveyed(runs, &wrong_files));
+        let azimuths = |model: &ErrorModel| {
+            let model = doubt::shown(model.clone(), runs);
+            after(runs, &model).into_iter().map(|after| after.azimuth_deg).collect::<Vec<_>>()
+        };
+        let given_up_deg =
+            given_up.map_or(0.0, |found| apart_deg(&azimuths(found.model()), &azimuths(&validated.model)));
+        let found = found.map(|found| found.forgetting_all_but(validated.effects.unwrap_or(0)));
+        Self { found, validated, family, wrong, wrong_files, given_up_deg }
+    }
+
+    /// What is used of what was found.
+    fn used(&self) -> Option<&Found> {
+        let is_used = |found: &&Found| self.validated.withdrawn.is_none() || found.effects_found() > 0;
+        self.found.as_ref().filter(is_used)
+    }
+}
+
 pub fn diagnosis(
     material: &Material<'_>,
     found: Option<Found>,
     options: &Options,
     mut warnings: Vec<Warning>,
 ) -> Diagnosis {
-    let &Material { campaign, runs, as_recorded, base, still: is_still, .. } = material;
-    let judged_by_checks = runs.iter().any(|run| run.role == Role::Check && run.reference_deg.is_some());
-    let wrong = found.as_ref().map_or(Vec::new(), Found::wrong_references);
-    let wrong_files: Vec<String> = wrong.iter().map(|each| each.file.clone()).collect();
-    let judged = found.as_ref().filter(|found| !found.is_nothing());
-    let folds = judged.map(|found| validate::folds(runs, found, base, &options.family, &wrong_files));
-    let found = found.map(|found| match &folds {
-        Some(folds) => folds.lead(found, base, &options.family),
-        None => found,
-    });
-    let validated = validate::validated(runs, found.as_ref().zip(folds.as_ref()), base, &wrong_files);
-    let with_family = found.as_ref().filter(|_| !options.family.members.is_empty());
-    let family = with_family.map(|found| found.in_family(&options.family));
-    let found = found.map(|found| found.forgetting_all_but(validated.effects.unwrap_or(0)));
-    let found = found.as_ref();
-    let used = found.filter(|found| validated.withdrawn.is_none() || found.effects_found() > 0);
-    let mut model = model_of(material, &validated, used, &wrong_files);
-    let afters = after(runs, &model);
+    let &Material { campaign, runs, .. } = material;
+    let judged = Judged::new(material, found, options);
+    let model = model_of(material, &judged);
     missed::warn_of_outliers(runs, &mut warnings);
     checks::warn_of_range(runs, &model, &mut warnings);
-    let mut records = records(material, &afters, &validated, &wrong);
-    let errors = |of: fn(&RunDiagnosis) -> Option<f64>| records.iter().filter_map(of).collect::<Vec<_>>();
-    let judged_runs = errors(|run| run.error_after_deg).len();
-    let before = rms_with_interval(&errors(|run| run.error_before_deg));
-    let rms_after = rms_with_interval(&errors(|run| run.error_after_deg));
-    let missed_references = missed::missed(&records, &wrong, &mut warnings);
-    let board_lacks = board::lacks(&model, &board::measured(runs.iter()));
-    let azimuth_rms_board_deg = if board_lacks.is_empty() {
-        rms_after.map(|each| each.0)
-    } else {
-        rms_on_board_deg(runs, &records, &afters, &board::model(&model, runs))
-    };
-    let recorded_deg = as_recorded.iter().map(|fix| Some(fix.as_ref()?.azimuth_deg)).collect::<Vec<_>>();
-    let by_others = records.iter().map(|run| run.azimuth_left_out_deg.or(run.azimuth_after_deg)).collect::<Vec<_>>();
-    let station_spread_after_deg = stations::spread_deg(runs, &by_others);
-    let few = (3..=LEFT_OUT).contains(&runs.len());
-    let left_out = (few || options.leave_one_out)
-        .then(|| validate::leave_one_out(runs, base, &options.family, &wrong_files, validated.effects))
-        .flatten();
-    if options.leave_one_out && left_out.is_none() {
-        let message = "no run is left out: none has a reference or shares a station with another, so that nothing could be judged by it";
-        warnings.push(Warning::of_campaign(message.into()));
-    }
-    let with: Vec<RunData> = runs.par_iter().map(|run| run.with(&model)).collect();
-    let residuals = Residuals::new(runs.iter().collect(), with.iter().collect());
-    // Of a base that moves a second's rate is mostly its motion, and with the motion taken out mostly the accelerometers' noise: the dwells are judged.
-    let moves = used.is_some_and(|found| found.motion.is_some());
-    let dwells: Vec<(RunData, RunData)> = if moves { by_dwells(runs, base, &model) } else { Vec::new() };
-    let of_dwells = (!dwells.is_empty()).then(|| {
-        Residuals::new(dwells.iter().map(|pair| &pair.0).collect(), dwells.iter().map(|pair| &pair.1).collect())
-    });
-    let judged = of_dwells.as_ref().unwrap_or(&residuals);
-    let sigmas: Vec<f64> = afters.iter().filter_map(|after| after.sigma_deg).collect();
-    let proposal = used.map_or_else(Proposal::default, |found| findings::next_experiment(found, runs, median(sigmas)));
-    let noise = noise_tests(campaign, &residuals, of_dwells.as_ref());
-    let (series, spectra) = match &of_dwells {
-        Some(of_dwells) => (residuals.series_of(of_dwells), Spectra::default()),
-        None => {
-            let white_deg_h = noise.declared_noise_deg_h.unwrap_or(noise.noise_deg_h);
-            (residuals.series(), residuals.spectra(white_deg_h))
-        }
-    };
-    let covered = model.doubt.process.filter(|_| found.is_some());
-    let process = covered.or(found.and_then(Found::process)).map(|process| (process, covered.is_some()));
-    let mut unexplained = unexplained::evidence(process, runs, &validated.left_out, &wrong_files, &noise);
-    unexplained.extend(note_contradictions(&mut records, judged));
-    let up_deg_h = runs.first().map_or(0.0, |run| run.earth.up_deg_h);
-    let mut effects = used.map_or(Vec::new(), |found| found.effects(up_deg_h));
-    if let Some(turn) = material.turn {
-        findings::add_turn(&mut effects, turn);
-        turn.put(&mut model);
-    }
-    let candidates = found.map_or(Vec::new(), findings::candidates);
     let mut diagnosis = Diagnosis {
         title: campaign.title.clone(),
         origin: Origin {
@@ -134,44 +115,16 @@ pub fn diagnosis(
             instrument: campaign.instrument.as_ref().and_then(|instrument| instrument.name.clone()),
             latitude_deg: campaign.latitude_deg,
         },
-        verdict: String::new(),
-        runs: records,
-        rejected: findings::rejected(&candidates),
-        candidates,
-        residual_of: if of_dwells.is_some() { "dwell" } else { "second" },
-        residual_rms_before_deg_h: judged.judged_rms(&judged.before),
-        residual_rms_after_deg_h: judged.judged_rms(&judged.after),
-        rate_rms_before_deg_h: is_still.then(|| still::rate_rms_deg_h(runs)),
-        rate_rms_after_deg_h: is_still.then(|| still::rate_rms_deg_h(&with)),
-        azimuth_rms_before_deg: before.map(|each| each.0),
-        azimuth_rms_after_deg: rms_after.map(|each| each.0),
-        azimuth_rms_board_deg,
-        board_lacks,
-        azimuth_rms_before_interval_deg: before.map(|each| each.1),
-        azimuth_rms_after_interval_deg: rms_after.map(|each| each.1),
-        judged_runs,
-        leave_one_out: left_out,
-        judged_on: match rms_after {
-            Some(_) if judged_by_checks => Some("check-runs"),
-            Some(_) => Some("cross-validation"),
-            None => station_spread_after_deg.map(|_| "stations"),
-        },
-        station_spread_before_deg: stations::spread_deg(runs, &recorded_deg),
-        station_spread_after_deg,
-        unexplained: !unexplained.is_empty(),
-        unexplained_evidence: unexplained,
-        withdrawn: validated.withdrawn,
-        missed_references,
-        next_experiment: proposal.experiment,
-        inseparable: proposal.inseparable,
-        series,
-        spectra,
-        noise,
-        family,
-        warnings,
-        effects,
         model,
+        warnings,
+        withdrawn: judged.validated.withdrawn.clone(),
+        family: judged.family.clone(),
+        ..Diagnosis::default()
     };
+    put_azimuths(&mut diagnosis, material, &judged);
+    put_left_out(&mut diagnosis, material, &judged, options);
+    put_residuals(&mut diagnosis, material, &judged);
+    put_effects(&mut diagnosis, material, &judged);
     diagnosis.verdict = verdict::sentence(&diagnosis);
     if diagnosis.next_experiment.is_none() {
         diagnosis.next_experiment = advice::of(&diagnosis, runs);
@@ -179,17 +132,140 @@ pub fn diagnosis(
     diagnosis
 }
 
+/// How far apart azimuths of the same runs are, degrees rms over those that have both.
+fn apart_deg(a: &[Option<f64>], b: &[Option<f64>]) -> f64 {
+    let apart = |(a, b): (&Option<f64>, &Option<f64>)| Some(wrap_180_deg((*a)? - (*b)?));
+    rms(&a.iter().zip(b).filter_map(apart).collect::<Vec<f64>>())
+}
+
+/// Azimuths with the model, their errors, and the references that they miss.
+fn put_azimuths(diagnosis: &mut Diagnosis, material: &Material<'_>, judged: &Judged) {
+    let &Material { runs, as_recorded, .. } = material;
+    let model = &diagnosis.model;
+    let afters = after(runs, model);
+    let records = records(material, &afters, &judged.validated, &judged.wrong);
+    let errors = |of: fn(&RunDiagnosis) -> Option<f64>| records.iter().filter_map(of).collect::<Vec<_>>();
+    let before = rms_with_interval(&errors(|run| run.error_before_deg));
+    let after = rms_with_interval(&errors(|run| run.error_after_deg));
+    let board_lacks = board::lacks(model, &board::measured(runs.iter()));
+    let azimuth_rms_board_deg = if board_lacks.is_empty() {
+        after.map(|each| each.0)
+    } else {
+        rms_on_board_deg(runs, &records, &afters, &board::model(model, runs))
+    };
+    let recorded_deg = as_recorded.iter().map(|fix| Some(fix.as_ref()?.azimuth_deg)).collect::<Vec<_>>();
+    let by_others = records.iter().map(|run| run.azimuth_left_out_deg.or(run.azimuth_after_deg)).collect::<Vec<_>>();
+    let station_spread_after_deg = stations::spread_deg(runs, &by_others);
+    *diagnosis = Diagnosis {
+        judged_runs: errors(|run| run.error_after_deg).len(),
+        azimuth_rms_before_deg: before.map(|each| each.0),
+        azimuth_rms_after_deg: after.map(|each| each.0),
+        azimuth_rms_board_deg,
+        board_lacks,
+        azimuth_rms_before_interval_deg: before.map(|each| each.1),
+        azimuth_rms_after_interval_deg: after.map(|each| each.1),
+        judged_on: match after {
+            Some(_) if is_judged_by_checks(runs) => Some("check-runs"),
+            Some(_) => Some("cross-validation"),
+            None => station_spread_after_deg.map(|_| "stations"),
+        },
+        station_spread_before_deg: stations::spread_deg(runs, &recorded_deg),
+        station_spread_after_deg,
+        missed_references: missed::missed(&records, &judged.wrong, &mut diagnosis.warnings),
+        runs: records,
+        ..mem::take(diagnosis)
+    };
+}
+
+/// Each run by all others, where the runs are few or that was asked for.
+fn put_left_out(diagnosis: &mut Diagnosis, material: &Material<'_>, judged: &Judged, options: &Options) {
+    let &Material { runs, base, .. } = material;
+    let few = (3..=LEFT_OUT).contains(&runs.len());
+    if few || options.leave_one_out {
+        let effects = judged.validated.effects;
+        diagnosis.leave_one_out = validate::leave_one_out(runs, base, &options.family, &judged.wrong_files, effects);
+    }
+    if options.leave_one_out && diagnosis.leave_one_out.is_none() {
+        let message = "no run is left out: none has a reference or shares a station with another, so that nothing could be judged by it";
+        diagnosis.warnings.push(Warning::of_campaign(message.into()));
+    }
+}
+
+/// What the model leaves of the rates, and whether it is noise.
+fn put_residuals(diagnosis: &mut Diagnosis, material: &Material<'_>, judged: &Judged) {
+    let &Material { campaign, runs, base, still: is_still, .. } = material;
+    let model = &diagnosis.model;
+    let with: Vec<RunData> = runs.par_iter().map(|run| run.with(model)).collect();
+    let residuals = Residuals::new(runs.iter().collect(), with.iter().collect());
+    // Of a base that moves a second's rate is mostly its motion, and with the motion taken out mostly the accelerometers' noise: the dwells are judged.
+    let moves = judged.used().is_some_and(|found| found.motion.is_some());
+    let dwells: Vec<(RunData, RunData)> = if moves { by_dwells(runs, base, model) } else { Vec::new() };
+    let of_dwells = (!dwells.is_empty()).then(|| {
+        Residuals::new(dwells.iter().map(|pair| &pair.0).collect(), dwells.iter().map(|pair| &pair.1).collect())
+    });
+    let noise = noise_tests(campaign, &residuals, of_dwells.as_ref());
+    let (series, spectra) = match &of_dwells {
+        Some(of_dwells) => (residuals.series_of(of_dwells), Spectra::default()),
+        None => {
+            let white_deg_h = noise.declared_noise_deg_h.unwrap_or(noise.noise_deg_h);
+            (residuals.series(), residuals.spectra(white_deg_h))
+        }
+    };
+    let found = judged.found.as_ref();
+    let covered = model.doubt.process.filter(|_| found.is_some());
+    let process = covered.or(found.and_then(Found::process)).map(|process| (process, covered.is_some()));
+    let mut unexplained = unexplained::evidence(process, runs, &judged.validated.left_out, &judged.wrong_files, &noise);
+    let of_judged = of_dwells.as_ref().unwrap_or(&residuals);
+    unexplained.extend(note_contradictions(&mut diagnosis.runs, of_judged));
+    *diagnosis = Diagnosis {
+        residual_of: if of_dwells.is_some() { "dwell" } else { "second" },
+        residual_rms_before_deg_h: of_judged.judged_rms(&of_judged.before),
+        residual_rms_after_deg_h: of_judged.judged_rms(&of_judged.after),
+        rate_rms_before_deg_h: is_still.then(|| still::rate_rms_deg_h(runs)),
+        rate_rms_after_deg_h: is_still.then(|| still::rate_rms_deg_h(&with)),
+        unexplained: !unexplained.is_empty(),
+        unexplained_evidence: unexplained,
+        series,
+        spectra,
+        noise,
+        ..mem::take(diagnosis)
+    };
+}
+
+/// The effects by name, those that were left, and what would tell them apart. A turn that was taken out beforehand is one of them, and enters the model.
+fn put_effects(diagnosis: &mut Diagnosis, material: &Material<'_>, judged: &Judged) {
+    let (runs, used) = (material.runs, judged.used());
+    let up_deg_h = runs.first().map_or(0.0, |run| run.earth.up_deg_h);
+    diagnosis.effects = used.map_or(Vec::new(), |found| found.effects(up_deg_h));
+    if let Some(turn) = material.turn {
+        findings::add_turn(&mut diagnosis.effects, turn);
+        turn.put(&mut diagnosis.model);
+    }
+    diagnosis.candidates = judged.found.as_ref().map_or(Vec::new(), findings::candidates);
+    diagnosis.rejected = findings::rejected(&diagnosis.candidates);
+    let sigmas: Vec<f64> = diagnosis.runs.iter().filter_map(|run| run.sigma_after_deg).collect();
+    let proposal = used.map_or_else(Proposal::default, |found| findings::next_experiment(found, runs, median(sigmas)));
+    diagnosis.next_experiment = proposal.experiment;
+    diagnosis.inseparable = proposal.inseparable;
+}
+
+/// Whether a check run has a reference; else the training runs are judged by what others of them taught.
+fn is_judged_by_checks(runs: &[RunData]) -> bool {
+    runs.iter().any(|run| run.role == Role::Check && run.reference_deg.is_some())
+}
+
 /// What is used, with what azimuths miss beyond their sigmas by it, and what nobody sees of it.
-fn model_of(material: &Material<'_>, validated: &Validated, used: Option<&Found>, wrong: &[String]) -> ErrorModel {
-    let runs = material.runs;
+fn model_of(material: &Material<'_>, judged: &Judged) -> ErrorModel {
+    let (runs, validated, wrong) = (material.runs, &judged.validated, &judged.wrong_files);
     let mut model = doubt::shown(validated.model.clone(), runs);
-    if let Some(found) = used.filter(|_| !guard::is_surveyed(runs, wrong)) {
+    if let Some(found) = judged.used().filter(|_| !guard::is_surveyed(runs, wrong)) {
         model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(found.index_error_deg());
     }
     if model != *material.base || validated.withdrawn.is_some() || material.turn.is_some() {
         let missed_deg = guard::missed_beyond_sigma_deg(runs, wrong, &validated.left_out);
         let of_turn_deg = material.turn.map_or(0.0, |turn| turn.sigma_deg);
-        model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(missed_deg).hypot(of_turn_deg);
+        let sigma_deg = model.doubt.azimuth_sigma_deg.hypot(missed_deg).hypot(of_turn_deg);
+        model.doubt.azimuth_sigma_deg = sigma_deg.hypot(judged.given_up_deg);
     }
     model
 }
@@ -203,7 +279,7 @@ fn records(
 ) -> Vec<RunDiagnosis> {
     let wrong_of = |run: &RunData| WrongReference::of(wrong, &run.file);
     let runs = material.runs;
-    let judged_by_checks = runs.iter().any(|run| run.role == Role::Check && run.reference_deg.is_some());
+    let judged_by_checks = is_judged_by_checks(runs);
     let judged = |run: &RunData| {
         let role = if judged_by_checks { Role::Check } else { Role::Fit };
         run.role == role && run.reference_deg.is_some() && (judged_by_checks || wrong_of(run).is_none())
@@ -318,5 +394,18 @@ fn record(run: &RunData, before: Option<Fix>, after: &After, judged_deg: Option<
         flags_before: before.map_or(Vec::new(), |fix| fix.flags.iter().map(|flag| flag.name()).collect()),
         flags_after: after.flags.clone(),
         notes,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 359° and 2° lie 3° apart, 10° and 6° lie 4°: √((9 + 16)/2) = 3.5355°. A run without an azimuth by one of two says nothing.
+    #[test]
+    fn azimuths_apart_by_hand() {
+        let apart = apart_deg(&[Some(359.0), Some(10.0), None], &[Some(2.0), Some(6.0), Some(1.0)]);
+        assert!((apart - 12.5f64.sqrt()).abs() < 1e-12);
+        assert_eq!(apart_deg(&[None], &[None]), 0.0);
     }
 }

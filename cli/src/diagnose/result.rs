@@ -11,7 +11,7 @@ use crate::run_data::Warning;
 
 /// The whole diagnosis of a campaign. Serialised, it is the documented result of `north diagnose --json`; the series
 /// for a report are left out of that.
-#[derive(Clone, Debug, Serialize, JsonSchema)]
+#[derive(Clone, Debug, Default, Serialize, JsonSchema)]
 pub struct Diagnosis {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub title: Option<String>,

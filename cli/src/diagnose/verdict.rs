@@ -52,12 +52,14 @@ fn change_deg(run: &RunDiagnosis) -> Option<f64> {
     Some(wrap_180_deg(run.azimuth_after_deg? - run.azimuth_before_deg?))
 }
 
-/// The outcome in a sentence or two.
-pub fn sentence(diagnosis: &Diagnosis) -> String {
-    let names: Vec<String> = diagnosis.effects.iter().map(Effect::full_name).collect();
-    let failed: Vec<&str> =
-        diagnosis.noise.after.iter().filter(|test| test.failed()).map(|test| test.name.as_str()).collect();
-    let found = match names.as_slice() {
+/// The tests that what is left fails.
+fn failed_tests(diagnosis: &Diagnosis) -> Vec<&str> {
+    diagnosis.noise.after.iter().filter(|test| test.failed()).map(|test| test.name.as_str()).collect()
+}
+
+/// What was found, or that nothing was.
+fn of_effects(diagnosis: &Diagnosis, names: &[String], failed: &[&str]) -> String {
+    match names {
         [] if diagnosis.unexplained => {
             let what = if failed.is_empty() {
                 "The rates are noise by every test, but not what azimuths miss their references by"
@@ -83,9 +85,13 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
         [] if failed.is_empty() => "Nothing was found in the rates, which are noise by every test".to_owned(),
         [] => format!("Nothing was found, but the residual is not noise by {}", failed.join(" and ")),
         names => format!("The model lacked {}", names.join(" and ")),
-    };
-    let change = match (diagnosis.azimuth_rms_before_deg, diagnosis.azimuth_rms_after_deg) {
-        (Some(before), Some(after)) if !names.is_empty() => {
+    }
+}
+
+/// How the azimuth errors change.
+fn of_azimuths(diagnosis: &Diagnosis) -> String {
+    match (diagnosis.azimuth_rms_before_deg, diagnosis.azimuth_rms_after_deg) {
+        (Some(before), Some(after)) if !diagnosis.effects.is_empty() => {
             let (had, have) = (diagnosis.judged_before(), diagnosis.judged_runs);
             let some = match had < have {
                 true => format!(" (only {had} of {} had an azimuth)", counted(have, "run")),
@@ -114,7 +120,15 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
             }
         }
         _ => of_stations(diagnosis),
-    };
+    }
+}
+
+/// The outcome in a sentence or two.
+pub fn sentence(diagnosis: &Diagnosis) -> String {
+    let names: Vec<String> = diagnosis.effects.iter().map(Effect::full_name).collect();
+    let failed = failed_tests(diagnosis);
+    let found = of_effects(diagnosis, &names, &failed);
+    let change = of_azimuths(diagnosis);
     let rest = if names.is_empty() {
         String::new()
     } else if diagnosis.unexplained {

@@ -100,6 +100,7 @@ impl Lines {
         Some(format!("{:8.1} s  {text}", report.t_s))
     }
 
+    #[expect(clippy::too_many_lines, reason = "a line of every event")]
     fn text(&mut self, event: &Event) -> Option<String> {
         let count = self.dwells_s.len();
         let at = |position: u8| place(position, count);

@@ -168,6 +168,33 @@ struct Watch {
     seen: bool,
 }
 
+/// Refuses a first position at another latitude than the settings'.
+fn refuse_other_latitude(
+    aiding: &Aiding,
+    reading: &Reading,
+    latitude_deg: f64,
+    settings: &Settings,
+) -> Result<(), String> {
+    let is_same = (latitude_deg - settings.latitude_deg).abs() <= SAME_LATITUDE_DEG;
+    is_same.then_some(()).ok_or_else(|| {
+        format!(
+            "{}: the first position's latitude is {latitude_deg}°, --latitude says {}°",
+            aiding.place(reading),
+            settings.latitude_deg
+        )
+    })
+}
+
+/// Refuses readings that need what the installation does not say.
+fn refuse_what_lacks(aiding: &Aiding, settings: &Settings) -> Result<(), String> {
+    match aiding.readings.iter().find_map(|reading| Some((reading, lacking(reading, settings)?))) {
+        Some((reading, lacks)) => {
+            Err(format!("{}: this reading needs {lacks} in the --installation", aiding.place(reading)))
+        }
+        None => Ok(()),
+    }
+}
+
 impl<'a> Run<'a> {
     fn new(
         recording: &BlockRecording,
@@ -188,20 +215,10 @@ impl<'a> Run<'a> {
             }
             _ => None,
         });
-        if let Some(([latitude_deg, ..], reading)) = place
-            && (latitude_deg - settings.latitude_deg).abs() > SAME_LATITUDE_DEG
-        {
-            return Err(format!(
-                "{}: the first position's latitude is {latitude_deg}°, --latitude says {}°",
-                aiding.place(reading),
-                settings.latitude_deg
-            ));
+        if let Some(([latitude_deg, ..], reading)) = place {
+            refuse_other_latitude(aiding, reading, latitude_deg, settings)?;
         }
-        if let Some((reading, lacks)) =
-            aiding.readings.iter().find_map(|reading| Some((reading, lacking(reading, settings)?)))
-        {
-            return Err(format!("{}: this reading needs {lacks} in the --installation", aiding.place(reading)));
-        }
+        refuse_what_lacks(aiding, settings)?;
         let velocity = nearest(&aiding.readings, start_s, |reading| match reading.value {
             Value::Velocity { east_north_up_m_s, .. } => Some((Vector3::from(east_north_up_m_s), reading.sigma)),
             _ => None,

@@ -204,9 +204,25 @@ impl Aiding {
         if recording && found.is_empty() && phases.iter().all(Option::is_none) {
             return Ok(());
         }
-        let file = self.files.len();
         self.files.push(path.to_owned());
         let first = self.readings.len();
+        self.take_rows(&mut table, time, &found, &phases)?;
+        if !recording && self.readings.len() == first {
+            return Err(table.whole(Problem::Syntax("no line of it holds a reading".into())));
+        }
+        intervals(&mut self.readings[first..]);
+        Ok(())
+    }
+
+    /// The readings of all rows of the last file.
+    fn take_rows(
+        &mut self,
+        table: &mut TableCsv,
+        time: usize,
+        found: &[(Found, OfNumbers)],
+        phases: &[Option<Found>; PHASES],
+    ) -> Result<(), FileError> {
+        let file = self.files.len() - 1;
         let mut previous_s = f64::NEG_INFINITY;
         while table.next_row()? {
             let t_s = table.number(time)?;
@@ -216,16 +232,16 @@ impl Aiding {
             previous_s = t_s;
             let line = table.line();
             let mut put = |value: Value, sigma: f64| self.readings.push(Reading { t_s, value, sigma, file, line });
-            for (found, value) in &found {
-                if let Some((numbers, sigma)) = found.read(&table)?
+            for (found, value) in found {
+                if let Some((numbers, sigma)) = found.read(table)?
                     && let Some(value) = value(&numbers)
                 {
                     put(value, sigma);
                 }
             }
             let (mut lines, mut sigma_m) = ([None; PHASES], PHASE_SIGMA_M);
-            for (line, found) in lines.iter_mut().zip(&phases) {
-                if let Some((numbers, sigma)) = found.as_ref().map_or(Ok(None), |found| found.read(&table))? {
+            for (line, found) in lines.iter_mut().zip(phases) {
+                if let Some((numbers, sigma)) = found.as_ref().map_or(Ok(None), |found| found.read(table))? {
                     (*line, sigma_m) = (<[f64; 5]>::try_from(&numbers[..]).ok(), sigma);
                 }
             }
@@ -233,10 +249,6 @@ impl Aiding {
                 put(Value::Phases(lines), sigma_m);
             }
         }
-        if !recording && self.readings.len() == first {
-            return Err(table.whole(Problem::Syntax("no line of it holds a reading".into())));
-        }
-        intervals(&mut self.readings[first..]);
         Ok(())
     }
 }

@@ -119,6 +119,7 @@ pub type Step = Held<gpio::PC6<Output>, STEP_CYCLES>;
 pub type Direction = gpio::PC7<Output>;
 pub type Enable = ActiveLow<gpio::PC8<Output>>;
 
+#[expect(clippy::too_many_lines, reason = "every pin and peripheral")]
 pub fn init(device: pac::Peripherals, intake: &'static Intake) -> Board {
     // SAFETY: only this and RTIC look at the core's registers, and RTIC not at these.
     let mut core = unsafe { cortex_m::Peripherals::steal() };
