@@ -83,8 +83,8 @@ impl Judged {
             let model = doubt::shown(model.clone(), runs);
             after(runs, &model).into_iter().map(|after| after.azimuth_deg).collect::<Vec<_>>()
         };
-        let given_up_deg =
-            given_up.map_or(0.0, |found| apart_deg(&azimuths(found.model()), &azimuths(&validated.model)));
+        let turned_deg = |found: &Found| apart_deg(&azimuths(found.model()), &azimuths(&validated.model));
+        let given_up_deg = given_up.map_or(0.0, turned_deg).min(doubt::UNKNOWN_DEG);
         let found = found.map(|found| found.forgetting_all_but(validated.effects.unwrap_or(0)));
         Self { found, validated, family, wrong, wrong_files, given_up_deg }
     }
