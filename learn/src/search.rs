@@ -94,7 +94,7 @@ impl<'a> Search<'a> {
         let model =
             self.with_family(self.pruned(Model::new(self.runs, start.process, &terms)?.with_likeliest_process()));
         let found = match start.effects.as_slice() {
-            [] => self.begun_variously(model)?,
+            [] => self.begun_variously(model),
             first => self.completed(model, first),
         };
         Some(self.taken_apart(found))
@@ -107,16 +107,16 @@ impl<'a> Search<'a> {
 
     /// The likeliest model that the search finds beside a model when it begins with the effect that promises most; where one effect of one factor is not enough,
     /// also with each of the next ones, and with effects of one factor only, which a product may have taken in and hide.
-    fn begun_variously(&self, model: Model<'a>) -> Option<Model<'a>> {
+    fn begun_variously(&self, model: Model<'a>) -> Model<'a> {
         let found = |begun: Model<'a>| self.completed(self.with_family(self.pruned(begun)), &[]);
         let mut beginnings = self.widened(&model, |model| self.proposals.finalists(model)).into_iter();
         let Some(first) = beginnings.next().filter(|first| self.is_worth_its_effect(&model, first)).map(found) else {
-            return Some(model);
+            return model;
         };
-        let Some(factors) = factors_of_several(&first) else { return Some(first) };
+        let Some(factors) = factors_of_several(&first) else { return first };
         let others: Vec<Model<'a>> = beginnings.collect::<Vec<_>>().into_par_iter().map(found).collect();
         let all = std::iter::once(first).chain(others).chain(self.of_plain(factors));
-        all.max_by(|a, b| self.worth(a).total_cmp(&self.worth(b)))
+        all.max_by(|a, b| self.worth(a).total_cmp(&self.worth(b))).unwrap_or(model)
     }
 
     /// Takes products apart. A product may have taken in what several effects cause: as one more factor it costs less than an effect of its own. Each

@@ -1,7 +1,5 @@
 //! From what was learned to the diagnosis: azimuths, residuals, words.
 
-use std::mem;
-
 use north_finder::effects::ErrorModel;
 use north_finder::event::Fix;
 use north_finder::units::wrap_180_deg;
@@ -11,7 +9,7 @@ use super::experiment::Proposal;
 use super::found::{Found, WrongReference};
 use super::moving;
 use super::residual::Residuals;
-use super::statistics::{median, rms, rms_with_interval};
+use super::statistics::{median, rms_with_interval};
 use super::turn::Turn;
 use super::validate::{self, Validated};
 use super::{
@@ -58,8 +56,8 @@ struct Judged {
     wrong: Vec<WrongReference>,
     /// The files of these.
     wrong_files: Vec<String>,
-    /// What the azimuths would turn by with all that was found, where it is not used and no reference says how far they are off.
-    given_up_deg: f64,
+    /// All that was found, where it is not used and no reference says how far the azimuths are off.
+    given_up: Option<ErrorModel>,
 }
 
 impl Judged {
@@ -77,16 +75,10 @@ impl Judged {
         let validated = validate::validated(runs, found.as_ref().zip(folds.as_ref()), base, &wrong_files);
         let with_family = found.as_ref().filter(|_| !options.family.members.is_empty());
         let family = with_family.map(|found| found.in_family(&options.family));
-        let given_up =
-            found.as_ref().filter(|_| validated.withdrawn.is_some() && !guard::is_surveyed(runs, &wrong_files));
-        let azimuths = |model: &ErrorModel| {
-            let model = doubt::shown(model.clone(), runs);
-            after(runs, &model).into_iter().map(|after| after.azimuth_deg).collect::<Vec<_>>()
-        };
-        let turned_deg = |found: &Found| apart_deg(&azimuths(found.model()), &azimuths(&validated.model));
-        let given_up_deg = given_up.map_or(0.0, turned_deg).min(doubt::UNKNOWN_DEG);
+        let is_given_up = validated.withdrawn.is_some() && !guard::is_surveyed(runs, &wrong_files);
+        let given_up = found.as_ref().filter(|_| is_given_up).map(|found| found.model().clone());
         let found = found.map(|found| found.forgetting_all_but(validated.effects.unwrap_or(0)));
-        Self { found, validated, family, wrong, wrong_files, given_up_deg }
+        Self { found, validated, family, wrong, wrong_files, given_up }
     }
 
     /// What is used of what was found.
@@ -132,12 +124,6 @@ pub fn diagnosis(
     diagnosis
 }
 
-/// How far apart azimuths of the same runs are, degrees rms over those that have both.
-fn apart_deg(a: &[Option<f64>], b: &[Option<f64>]) -> f64 {
-    let apart = |(a, b): (&Option<f64>, &Option<f64>)| Some(wrap_180_deg((*a)? - (*b)?));
-    rms(&a.iter().zip(b).filter_map(apart).collect::<Vec<f64>>())
-}
-
 /// Azimuths with the model, their errors, and the references that they miss.
 fn put_azimuths(diagnosis: &mut Diagnosis, material: &Material<'_>, judged: &Judged) {
     let &Material { runs, as_recorded, .. } = material;
@@ -156,25 +142,22 @@ fn put_azimuths(diagnosis: &mut Diagnosis, material: &Material<'_>, judged: &Jud
     let recorded_deg = as_recorded.iter().map(|fix| Some(fix.as_ref()?.azimuth_deg)).collect::<Vec<_>>();
     let by_others = records.iter().map(|run| run.azimuth_left_out_deg.or(run.azimuth_after_deg)).collect::<Vec<_>>();
     let station_spread_after_deg = stations::spread_deg(runs, &by_others);
-    *diagnosis = Diagnosis {
-        judged_runs: errors(|run| run.error_after_deg).len(),
-        azimuth_rms_before_deg: before.map(|each| each.0),
-        azimuth_rms_after_deg: after.map(|each| each.0),
-        azimuth_rms_board_deg,
-        board_lacks,
-        azimuth_rms_before_interval_deg: before.map(|each| each.1),
-        azimuth_rms_after_interval_deg: after.map(|each| each.1),
-        judged_on: match after {
-            Some(_) if is_judged_by_checks(runs) => Some("check-runs"),
-            Some(_) => Some("cross-validation"),
-            None => station_spread_after_deg.map(|_| "stations"),
-        },
-        station_spread_before_deg: stations::spread_deg(runs, &recorded_deg),
-        station_spread_after_deg,
-        missed_references: missed::missed(&records, &judged.wrong, &mut diagnosis.warnings),
-        runs: records,
-        ..mem::take(diagnosis)
+    diagnosis.judged_runs = errors(|run| run.error_after_deg).len();
+    diagnosis.azimuth_rms_before_deg = before.map(|each| each.0);
+    diagnosis.azimuth_rms_after_deg = after.map(|each| each.0);
+    diagnosis.azimuth_rms_board_deg = azimuth_rms_board_deg;
+    diagnosis.board_lacks = board_lacks;
+    diagnosis.azimuth_rms_before_interval_deg = before.map(|each| each.1);
+    diagnosis.azimuth_rms_after_interval_deg = after.map(|each| each.1);
+    diagnosis.judged_on = match after {
+        Some(_) if is_judged_by_checks(runs) => Some("check-runs"),
+        Some(_) => Some("cross-validation"),
+        None => station_spread_after_deg.map(|_| "stations"),
     };
+    diagnosis.station_spread_before_deg = stations::spread_deg(runs, &recorded_deg);
+    diagnosis.station_spread_after_deg = station_spread_after_deg;
+    diagnosis.missed_references = missed::missed(&records, &judged.wrong, &mut diagnosis.warnings);
+    diagnosis.runs = records;
 }
 
 /// Each run by all others, where the runs are few or that was asked for.
@@ -217,19 +200,16 @@ fn put_residuals(diagnosis: &mut Diagnosis, material: &Material<'_>, judged: &Ju
     let mut unexplained = unexplained::evidence(process, runs, &judged.validated.left_out, &judged.wrong_files, &noise);
     let of_judged = of_dwells.as_ref().unwrap_or(&residuals);
     unexplained.extend(note_contradictions(&mut diagnosis.runs, of_judged));
-    *diagnosis = Diagnosis {
-        residual_of: if of_dwells.is_some() { "dwell" } else { "second" },
-        residual_rms_before_deg_h: of_judged.judged_rms(&of_judged.before),
-        residual_rms_after_deg_h: of_judged.judged_rms(&of_judged.after),
-        rate_rms_before_deg_h: is_still.then(|| still::rate_rms_deg_h(runs)),
-        rate_rms_after_deg_h: is_still.then(|| still::rate_rms_deg_h(&with)),
-        unexplained: !unexplained.is_empty(),
-        unexplained_evidence: unexplained,
-        series,
-        spectra,
-        noise,
-        ..mem::take(diagnosis)
-    };
+    diagnosis.residual_of = if of_dwells.is_some() { "dwell" } else { "second" };
+    diagnosis.residual_rms_before_deg_h = of_judged.judged_rms(&of_judged.before);
+    diagnosis.residual_rms_after_deg_h = of_judged.judged_rms(&of_judged.after);
+    diagnosis.rate_rms_before_deg_h = is_still.then(|| still::rate_rms_deg_h(runs));
+    diagnosis.rate_rms_after_deg_h = is_still.then(|| still::rate_rms_deg_h(&with));
+    diagnosis.unexplained = !unexplained.is_empty();
+    diagnosis.unexplained_evidence = unexplained;
+    diagnosis.series = series;
+    diagnosis.spectra = spectra;
+    diagnosis.noise = noise;
 }
 
 /// The effects by name, those that were left, and what would tell them apart. A turn that was taken out beforehand is one of them, and enters the model.
@@ -258,6 +238,9 @@ fn is_judged_by_checks(runs: &[RunData]) -> bool {
 fn model_of(material: &Material<'_>, judged: &Judged) -> ErrorModel {
     let (runs, validated, wrong) = (material.runs, &judged.validated, &judged.wrong_files);
     let mut model = doubt::shown(validated.model.clone(), runs);
+    let given_up_deg = judged.given_up.as_ref().map_or(0.0, |given_up| {
+        doubt::turned_deg(runs, [&doubt::shown(given_up.clone(), runs), &model]).min(doubt::UNKNOWN_DEG)
+    });
     if let Some(found) = judged.used().filter(|_| !guard::is_surveyed(runs, wrong)) {
         model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(found.index_error_deg());
     }
@@ -265,7 +248,7 @@ fn model_of(material: &Material<'_>, judged: &Judged) -> ErrorModel {
         let missed_deg = guard::missed_beyond_sigma_deg(runs, wrong, &validated.left_out);
         let of_turn_deg = material.turn.map_or(0.0, |turn| turn.sigma_deg);
         let sigma_deg = model.doubt.azimuth_sigma_deg.hypot(missed_deg).hypot(of_turn_deg);
-        model.doubt.azimuth_sigma_deg = sigma_deg.hypot(judged.given_up_deg);
+        model.doubt.azimuth_sigma_deg = sigma_deg.hypot(given_up_deg);
     }
     model
 }
@@ -394,18 +377,5 @@ fn record(run: &RunData, before: Option<Fix>, after: &After, judged_deg: Option<
         flags_before: before.map_or(Vec::new(), |fix| fix.flags.iter().map(|flag| flag.name()).collect()),
         flags_after: after.flags.clone(),
         notes,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// 359° and 2° lie 3° apart, 10° and 6° lie 4°: √((9 + 16)/2) = 3.5355°. A run without an azimuth by one of two says nothing.
-    #[test]
-    fn azimuths_apart_by_hand() {
-        let apart = apart_deg(&[Some(359.0), Some(10.0), None], &[Some(2.0), Some(6.0), Some(1.0)]);
-        assert!((apart - 12.5f64.sqrt()).abs() < 1e-12);
-        assert_eq!(apart_deg(&[None], &[None]), 0.0);
     }
 }

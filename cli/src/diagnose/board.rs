@@ -3,9 +3,8 @@
 use north_finder::effects::signal::Signal;
 use north_finder::effects::{ChannelName, Effect, ErrorModel};
 use north_finder::settings::{BlockSettings, Settings};
-use north_finder::units::wrap_180_deg;
-use rayon::prelude::*;
 
+use super::doubt;
 use super::result::BoardLack;
 use crate::run_data::RunData;
 
@@ -60,12 +59,7 @@ pub fn model(whole: &ErrorModel, runs: &[RunData]) -> ErrorModel {
         *direction = numbers.into_iter().collect();
     }
     model.doubt.directions.retain(|direction| direction.iter().any(|number| *number != 0.0));
-    let turn_deg = |run: &RunData| {
-        let [whole, board] = [whole, &model].map(|model| run.replay(model, &mut |_| ()).ok());
-        Some(wrap_180_deg(whole?.azimuth_deg - board?.azimuth_deg).powi(2))
-    };
-    let turns: Vec<f64> = runs.par_iter().filter_map(turn_deg).collect();
-    let lost_deg = (turns.iter().sum::<f64>() / turns.len().max(1) as f64).sqrt();
+    let lost_deg = doubt::turned_deg(runs, [whole, &model]);
     model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(lost_deg);
     model
 }

@@ -1,9 +1,10 @@
-//! A process of the runs' own that would take every azimuth away.
+//! What a model leaves in doubt: azimuths that a process of the runs' own would take away, and what another model turns them by.
 
 use north_finder::effects::ErrorModel;
-use north_finder::units::DEG_PER_RAD;
+use north_finder::units::{DEG_PER_RAD, wrap_180_deg};
 use rayon::prelude::*;
 
+use super::statistics::rms;
 use crate::run_data::RunData;
 
 /// Fewest dwells that give an azimuth.
@@ -26,4 +27,29 @@ pub fn shown(model: ErrorModel, runs: &[RunData]) -> ErrorModel {
     let sigma_deg = DEG_PER_RAD * process.sigma_deg_h / north_deg_h * (2.0 / LEAST_DWELLS).sqrt();
     without.doubt.azimuth_sigma_deg = without.doubt.azimuth_sigma_deg.hypot(sigma_deg.min(UNKNOWN_DEG));
     without
+}
+
+/// What the azimuths of runs differ by from one model to another, degrees, root mean square over the runs that have both.
+pub fn turned_deg(runs: &[RunData], models: [&ErrorModel; 2]) -> f64 {
+    let azimuth_deg = |run: &RunData, model: &ErrorModel| Some(run.replay(model, &mut |_| ()).ok()?.azimuth_deg);
+    let [a, b] = models.map(|model| runs.par_iter().map(|run| azimuth_deg(run, model)).collect::<Vec<_>>());
+    apart_deg(&a, &b)
+}
+
+fn apart_deg(a: &[Option<f64>], b: &[Option<f64>]) -> f64 {
+    let apart = |(a, b): (&Option<f64>, &Option<f64>)| Some(wrap_180_deg((*a)? - (*b)?));
+    rms(&a.iter().zip(b).filter_map(apart).collect::<Vec<f64>>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 359° and 2° lie 3° apart, 10° and 6° lie 4°: √((9 + 16)/2) = 3.5355°. A run without an azimuth by one of two says nothing.
+    #[test]
+    fn azimuths_apart_by_hand() {
+        let apart = apart_deg(&[Some(359.0), Some(10.0), None], &[Some(2.0), Some(6.0), Some(1.0)]);
+        assert!((apart - 12.5f64.sqrt()).abs() < 1e-12);
+        assert_eq!(apart_deg(&[None], &[None]), 0.0);
+    }
 }

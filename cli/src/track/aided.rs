@@ -175,14 +175,14 @@ fn refuse_other_latitude(
     latitude_deg: f64,
     settings: &Settings,
 ) -> Result<(), String> {
-    let is_same = (latitude_deg - settings.latitude_deg).abs() <= SAME_LATITUDE_DEG;
-    is_same.then_some(()).ok_or_else(|| {
-        format!(
+    if (latitude_deg - settings.latitude_deg).abs() > SAME_LATITUDE_DEG {
+        return Err(format!(
             "{}: the first position's latitude is {latitude_deg}°, --latitude says {}°",
             aiding.place(reading),
             settings.latitude_deg
-        )
-    })
+        ));
+    }
+    Ok(())
 }
 
 /// Refuses readings that need what the installation does not say.

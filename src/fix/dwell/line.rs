@@ -16,7 +16,7 @@ pub struct Line {
 
 impl Line {
     /// The line through what two lines in a row stand for, but for the step between them. `apart`: how the two lie to each other.
-    pub fn joined(&self, next: &Self, apart: &Apart) -> Self {
+    pub(in crate::fix) fn joined(&self, next: &Self, apart: &Apart) -> Self {
         let Apart { share, weight, time_s, spreads: [first, second] } = *apart;
         let step = next.mean - self.mean;
         let with_time = self.slope_per_s * first + next.slope_per_s * second + weight * time_s * step;

@@ -30,21 +30,21 @@ pub struct Row {
 }
 
 impl Row {
-    pub fn start_s(&self) -> f64 {
+    pub(in crate::fix) fn start_s(&self) -> f64 {
         self.t_s - 0.5 * self.seconds
     }
 
-    pub fn end_s(&self) -> f64 {
+    pub(in crate::fix) fn end_s(&self) -> f64 {
         self.t_s + 0.5 * self.seconds
     }
 
     /// How unevenly the gyro turned within it, (°/h)²: in white noise of the rate the variance of a one-second rate, which gives the first moment one of T³/12.
-    pub fn unevenness(&self) -> f64 {
+    pub(in crate::fix) fn unevenness(&self) -> f64 {
         12.0 * self.moment_arcsec_s * self.moment_arcsec_s / (self.seconds * self.seconds * self.seconds)
     }
 
     /// Mean rate from the mean angle of this row to that of the one that follows it, °/h.
-    pub fn rate_to(&self, next: &Self) -> f64 {
+    pub(in crate::fix) fn rate_to(&self, next: &Self) -> f64 {
         let to_end_arcsec = 0.5 * self.rate_deg_h * self.seconds + self.moment_arcsec_s / self.seconds;
         let from_start_arcsec = 0.5 * next.rate_deg_h * next.seconds - next.moment_arcsec_s / next.seconds;
         2.0 * (to_end_arcsec + from_start_arcsec) / (self.seconds + next.seconds)
@@ -56,7 +56,7 @@ impl Row {
     }
 
     /// This row and the one that follows it without a gap as one: exact for means and first moments.
-    pub fn merged(&self, next: &Self) -> Self {
+    pub(in crate::fix) fn merged(&self, next: &Self) -> Self {
         let seconds = self.seconds + next.seconds;
         let (first, second) = (self.seconds / seconds, next.seconds / seconds);
         let mean = |a: f64, b: f64| first * a + second * b;

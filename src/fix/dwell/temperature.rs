@@ -14,7 +14,7 @@ pub struct Temperature {
 }
 
 impl Temperature {
-    pub fn joined(self, next: Self, apart: &Apart) -> Self {
+    pub(in crate::fix) fn joined(self, next: Self, apart: &Apart) -> Self {
         let line = |Self { kelvin, kelvin_per_s }| Line {
             mean: f64::from(kelvin),
             slope_per_s: f64::from(kelvin_per_s),
