@@ -26,6 +26,7 @@ mod motor;
 mod noise;
 mod operator;
 mod plant;
+mod played;
 mod pose;
 pub mod scenario;
 pub mod seconds;
@@ -38,6 +39,7 @@ mod world;
 
 pub use device::{AccelerometerSpi, AnalogueInputs, BlockSpi, EncoderSpi, Flash, GyroLine, Pin};
 pub use operator::Operator;
+pub use played::Played;
 pub use scenario::{Group, Scenario, ScenarioError};
 pub use truth::Truth;
 pub use world::World;

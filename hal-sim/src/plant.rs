@@ -14,6 +14,7 @@ use crate::hand::Hand;
 use crate::kvh_console::Console;
 use crate::line::Line;
 use crate::motor::Drive;
+use crate::played::Played;
 use crate::pose::PoseTracker;
 use crate::scenario::{Analogue, Scenario};
 use crate::truth::Truth;
@@ -58,6 +59,7 @@ pub struct Plant {
     block: Option<Adis16505>,
     encoder: As5048a,
     pub flash: FlashMemory,
+    pub played: Played,
 }
 
 impl Plant {
@@ -83,6 +85,7 @@ impl Plant {
             block: scenario.block.as_ref().map(|block| Adis16505::new(block, seed)),
             encoder: As5048a::new(&scenario.encoder, seed),
             flash: FlashMemory::erased(),
+            played: Played::default(),
         }
     }
 
@@ -124,7 +127,7 @@ impl Plant {
             axis: pose.axis,
             vibration_g: self.scenario.base.vibration_g,
             supply_v: self.scenario.supply.volts_at(t_s),
-        });
+        }) + self.played.increment_arcsec(t_s, dt_s, turn.turned_arcsec);
         let format = self.scenario.gyro.format;
         let line = &mut self.line;
         let temp_c = self.errors.temp_reading_c();
@@ -188,7 +191,10 @@ impl Plant {
                 Some(block) => block.exchange(mosi, t_s, self.errors.housing_c()),
                 None => vec![0xFF; mosi.len()],
             },
-            SpiPart::Encoder => self.encoder.exchange(mosi, self.drive.index_deg(), t_s),
+            SpiPart::Encoder => {
+                let read_deg = self.drive.index_deg() + self.played.index_deg(t_s);
+                self.encoder.exchange(mosi, read_deg, t_s)
+            }
         }
     }
 
@@ -204,9 +210,11 @@ impl Plant {
     fn felt(&self) -> Felt {
         let attitude = &self.tracker.pose().attitude;
         let walk_g = attitude.inverse() * acceleration_m_s2(self.way.as_ref(), self.t_s()) / geometry::GRAVITY_M_S2;
+        let [forward_g, left_g] = self.played.level_g(self.t_s());
+        let played_g = Vector3::new(forward_g, left_g, 0.0);
         Felt {
             t_s: self.t_s(),
-            force_g: geometry::specific_force_g(attitude) + walk_g + self.hand.shake_g(),
+            force_g: geometry::specific_force_g(attitude) + walk_g + self.hand.shake_g() + played_g,
             vibration_g: self.scenario.base.vibration_g,
             temp_c: self.errors.temp_c(),
         }

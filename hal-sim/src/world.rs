@@ -4,6 +4,7 @@ use crate::device::{AccelerometerSpi, AnalogueInputs, BlockSpi, EncoderSpi, Flas
 use crate::flash::FlashMemory;
 use crate::hand::Turn;
 use crate::plant::{Plant, Shared, open};
+use crate::played::Played;
 use crate::scenario::{Relevel, Scenario, Shock};
 use crate::truth::Truth;
 use std::sync::{Arc, Mutex};
@@ -132,6 +133,12 @@ impl World {
     /// A copy of the flash memory's content, to be kept for another world.
     pub fn flash_contents(&self) -> Vec<u8> {
         open(&self.plant).flash.contents().to_vec()
+    }
+
+    /// The same world with these errors of its sensors.
+    pub fn with_played(self, played: Played) -> Self {
+        open(&self.plant).played = played;
+        self
     }
 
     /// The same world with this content in its flash memory.

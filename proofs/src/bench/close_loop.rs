@@ -245,7 +245,7 @@ impl CloseLoop {
 }
 
 /// The simulator's azimuth is exact; a surveyor would give about this, degrees.
-const SURVEY_SIGMA_DEG: f64 = 0.001;
+pub(super) const SURVEY_SIGMA_DEG: f64 = 0.001;
 
 impl Rig<'_> {
     fn setup(&self, number: u64, settings: &Settings) -> Setup {
@@ -288,7 +288,7 @@ impl Report {
 }
 
 /// The settings with the learned model by way of its file, as anyone loads it; a board with them must be able to evaluate it.
-fn taught(settings: &Settings, diagnosis: &Diagnosis, folder: &Path) -> Result<Settings, Failure> {
+pub(super) fn taught(settings: &Settings, diagnosis: &Diagnosis, folder: &Path) -> Result<Settings, Failure> {
     let path = folder.join("model.toml");
     write_model(&path, &diagnosis.model)?;
     let mut settings = settings.clone();

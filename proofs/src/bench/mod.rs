@@ -7,6 +7,7 @@ mod aiding;
 mod alignment;
 mod attitude;
 mod blunders;
+mod board_loop;
 mod calibration;
 mod close_loop;
 mod compose;
@@ -102,6 +103,7 @@ benches! {
     Alignment: alignment::AlignmentBench,
     Attitude: attitude::AttitudeBench,
     Blunders: blunders::BlundersBench,
+    BoardLoop: board_loop::BoardLoop,
     Calibration: calibration::Calibration,
     CloseLoop: close_loop::CloseLoop,
     Compose: compose::Compose,

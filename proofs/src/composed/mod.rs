@@ -5,6 +5,7 @@
 //! plain azimuths are at least three times as wrong as those of an oracle, who knows the form of what is hidden. The same
 //! seed, number and kind give the same campaign, always. `docs/composed-effects.md` says what is drawn.
 
+pub(crate) mod board;
 mod channel;
 mod compose;
 mod dynamics;
