@@ -9,8 +9,9 @@ use crate::run_data::RunData;
 
 /// Fewest dwells that give an azimuth.
 const LEAST_DWELLS: f64 = 3.0;
-/// One sigma of an angle of which nothing is known: that of an even distribution over the circle.
-pub const UNKNOWN_DEG: f64 = 104.0;
+/// One sigma of an angle of which nothing is known, and the error of a run without an azimuth, root mean square, degrees: 360°/√12, of an even distribution
+/// over the circle.
+pub const UNKNOWN_DEG: f64 = 103.923;
 
 /// The model, with a process of the runs' own that hides the Earth's rate in a run, which has an azimuth without it, turned into a sigma of every
 /// azimuth: that of as few dwells as give one, each off by one sigma of the process.

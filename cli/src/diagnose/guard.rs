@@ -6,6 +6,7 @@ use north_finder::event::Fix;
 use north_finder::units::wrap_180_deg;
 use rayon::prelude::*;
 
+use super::doubt::UNKNOWN_DEG;
 use super::residual::{Residuals, in_white_noises};
 use super::stations::misses_deg;
 use super::statistics::{beyond_sigmas, median, studentised};
@@ -20,8 +21,6 @@ const WORSE: f64 = 1.05;
 const CHANCE: f64 = 1.645;
 /// Fewest runs with a reference whose misses say something of sigma.
 const LEAST_MISSES: usize = 3;
-/// Error of a run without an azimuth, degrees: root mean square of an even distribution over the circle.
-const NO_AZIMUTH_DEG: f64 = 103.923;
 /// Relative amplitude error that scale factor and latitude of a sound instrument do not make.
 const AMPLITUDE_LIMIT: f64 = 0.03;
 
@@ -131,7 +130,7 @@ fn misses(runs: &[RunData], wrong: &[String], before: &[Option<Fix>], after: &[O
 fn paired(misses: impl Iterator<Item = ((Option<f64>, Option<f64>), f64)>) -> Vec<Miss> {
     let after: Vec<(Option<f64>, Miss)> = misses
         .filter_map(|((before, after), sigma)| {
-            Some((before, Miss { before: before.unwrap_or(NO_AZIMUTH_DEG), after: after?, sigma }))
+            Some((before, Miss { before: before.unwrap_or(UNKNOWN_DEG), after: after?, sigma }))
         })
         .collect();
     let both: Vec<Miss> = after.iter().filter(|(before, _)| before.is_some()).map(|(_, miss)| *miss).collect();
@@ -309,10 +308,10 @@ mod tests {
     fn an_azimuth_is_better_than_none() {
         let of = |misses: [(Option<f64>, Option<f64>); 4]| paired(misses.into_iter().map(|each| (each, 0.1)));
         let two = [(Some(0.1), Some(0.2)), (None, Some(3.0)), (Some(0.3), Some(0.2)), (None, None)];
-        assert_eq!(of(two), with_sigma(0.1, &[(0.1, 0.2), (NO_AZIMUTH_DEG, 3.0), (0.3, 0.2)]));
+        assert_eq!(of(two), with_sigma(0.1, &[(0.1, 0.2), (UNKNOWN_DEG, 3.0), (0.3, 0.2)]));
         let three = [(Some(0.1), Some(0.2)), (None, Some(3.0)), (Some(0.3), Some(0.2)), (Some(0.1), Some(0.1))];
         assert_eq!(of(three), with_sigma(0.1, &[(0.1, 0.2), (0.3, 0.2), (0.1, 0.1)]));
-        assert!((NO_AZIMUTH_DEG - 180.0 / 3f64.sqrt()).abs() < 1e-3);
+        assert!((UNKNOWN_DEG - 180.0 / 3f64.sqrt()).abs() < 1e-3);
     }
 
     /// Squares of errors rise by 3, 3 and 0, by 2 in the mean with a standard deviation of √3/√3 = 1 of it: 2 of them. By 3, 0 and 0 they rise by 1 of them:

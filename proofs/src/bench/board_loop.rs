@@ -2,11 +2,11 @@
 
 use std::io::Write;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use hal_sim::{Played, Scenario};
-use north::campaign::{self, Campaign, Own, Role};
+use north::campaign::{self, Campaign, CampaignWriter, Own, Role};
 use north::diagnose::{Options, diagnose};
 use north::engine::{self, End, Engine, FixWanted, Setup};
 use north::failure::Failure;
@@ -52,6 +52,9 @@ pub struct BoardLoop {
     /// Effects that every instrument hides, 1 to 3
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=3))]
     effects: u8,
+    /// Keep the recorded campaigns, and the learned models as model.toml, in new folders DIR/0000, DIR/0001 …
+    #[arg(long, value_name = "DIR")]
+    keep: Option<PathBuf>,
     /// Print what is hidden in every instrument and what was found
     #[arg(long)]
     verbose: bool,
@@ -152,13 +155,15 @@ impl BoardLoop {
         let quiet = quiet.into_iter().collect::<Option<Vec<Ran>>>();
         let quiet = quiet.ok_or_else(|| Failure::Refused("a run without an effect has no fix".into()))?;
         let runs: Vec<Quiet> = quiet.iter().enumerate().map(|(place, ran)| rig.quiet(place, ran)).collect();
+        let temporary = tempfile::tempdir()?;
+        let folder = self.keep.as_deref().unwrap_or(temporary.path()).join(format!("{number:04}"));
         let mut draw = Draw::new(self.seed, first + FIRST_DRAW);
         let arw = rig.runs[0].0.gyro.arw_deg_per_sqrt_h;
         let instrument = Instrument::new(&mut draw, rig.settings.latitude_deg, arw, &runs);
         for attempt in 1..STREAMS - FIRST_DRAW {
             let mut draw = Draw::new(self.seed, first + FIRST_DRAW + attempt);
             let Some(effects) = instrument.compose(&mut draw, usize::from(self.effects)) else { continue };
-            if let Some(told) = rig.judge(number, &instrument, &effects)? {
+            if let Some(told) = rig.judge(number, &instrument, &effects, &folder)? {
                 let quiet_deg = quiet[rig.first_new..].iter().map(Ran::error_deg).collect();
                 return Ok(Told { quiet_deg, ..told });
             }
@@ -269,7 +274,13 @@ impl Rig {
 
     /// Records, learns, and makes the new runs again with what was learned; `None` where the effects do not count: they keep the firmware from a fix, or
     /// are too small for the azimuths.
-    fn judge(&self, number: u64, instrument: &Instrument, effects: &[Effect]) -> Result<Option<Told>, Failure> {
+    fn judge(
+        &self,
+        number: u64,
+        instrument: &Instrument,
+        effects: &[Effect],
+        folder: &Path,
+    ) -> Result<Option<Told>, Failure> {
         let Some((instrument, ran)) = self.runs_hiding(&self.settings, instrument, effects, 0..self.runs.len())? else {
             return Ok(None);
         };
@@ -283,12 +294,10 @@ impl Rig {
         if rms_deg(&before_deg) < LEAST_RATIO * rms_deg(&oracle_deg) {
             return Ok(None);
         }
-        let temporary = tempfile::tempdir()?;
-        let diagnosis = diagnose(
-            &self.write(temporary.path(), ran)?,
-            &Options { settings: self.settings.clone(), ..Options::default() },
-        )
-        .map_err(|refusal| Failure::Refused(refusal.to_string()))?;
+        CampaignWriter::check_free(folder)?;
+        let diagnosis =
+            diagnose(&self.write(folder, ran)?, &Options { settings: self.settings.clone(), ..Options::default() })
+                .map_err(|refusal| Failure::Refused(refusal.to_string()))?;
         let mut told = Told {
             instrument: number,
             names: effects.iter().map(Effect::name).collect(),
@@ -302,7 +311,7 @@ impl Rig {
             oracle_deg,
             sigma_deg: Vec::new(),
         };
-        match taught(&self.settings, &diagnosis, temporary.path()) {
+        match taught(&self.settings, &diagnosis, folder) {
             Ok(settings) => {
                 match self.runs_hiding(&settings, &instrument, effects, self.first_new..self.runs.len())? {
                     Some((_, after)) => {
@@ -319,8 +328,7 @@ impl Rig {
 
     /// The runs to learn from as a campaign, with the simulator's azimuths as survey.
     fn write(&self, folder: &Path, ran: Vec<Ran>) -> Result<Campaign, Failure> {
-        let folder = folder.join("campaign");
-        let mut writer = new_campaign(&folder, "board-loop".into(), &self.setup(0, &self.settings))?;
+        let mut writer = new_campaign(folder, "board-loop".into(), &self.setup(0, &self.settings))?;
         for (place, ran) in ran.into_iter().enumerate().take(self.first_new) {
             let run = campaign::Run {
                 file: format!("runs/{:03}.csv", place + 1),
@@ -333,7 +341,7 @@ impl Rig {
             writer.add(run);
         }
         writer.finish()?;
-        Ok(Campaign::read(&folder)?)
+        Ok(Campaign::read(folder)?)
     }
 }
 
@@ -374,16 +382,10 @@ fn print(told: &Told, out: &mut dyn Write) -> Result<(), Failure> {
     let refused = told.refusal.as_ref().map(|why| format!("; refused: {why}")).unwrap_or_default();
     writeln!(
         out,
-        "{:04} {}: before {:.4}, after {:.4}, oracle {:.4}, nothing hidden {:.4}, ratio {:.2}, covered {} of {}; found {found}{refused}",
+        "{:04} {}: ratio {:.2}; found {found}{refused}",
         told.instrument,
         told.names.join(" + "),
-        rms_deg(&told.before_deg),
-        rms_deg(&told.after_deg),
-        rms_deg(&told.oracle_deg),
-        rms_deg(&told.quiet_deg),
-        told.over_oracle(),
-        told.covered(),
-        told.after_deg.len()
+        told.over_oracle()
     )?;
     for effect in &told.composition {
         writeln!(out, "    {effect}")?;
@@ -417,9 +419,9 @@ fn print_all(all: &[Told], out: &mut dyn Write) -> Result<(), Failure> {
     )?;
     writeln!(
         out,
-        "| instrument | hidden | rms before, ° | after, on the board, ° | oracle, ° | after / oracle | covered |"
+        "| instrument | hidden | rms before, ° | after, on the board, ° | oracle, ° | nothing hidden, ° | after / oracle | covered |"
     )?;
-    writeln!(out, "|---|---|---|---|---|---|---|")?;
+    writeln!(out, "|---|---|---|---|---|---|---|---|")?;
     let mut sorted: Vec<&Told> = all.iter().collect();
     sorted.sort_by(|a, b| a.over_oracle().total_cmp(&b.over_oracle()));
     for told in sorted {
