@@ -1,7 +1,7 @@
 #!/bin/sh
 # Writes docs/figures: what the figures of README and docs are from, each file by the command beside it. The published recordings (docs/comparison.md
 # says where they are) are looked for in the folder NORTH_FINDER_DATA; a file whose recording is not there stays as it is. `figures.sh FILE…` writes these
-# files of tables alone: all of them take some two hours on two cores, more than half of that composed-inside.
+# files of tables alone: all of them take some four hours on two cores, most of that composed-inside, composed-outside and board-loop.
 set -eu
 only=" $* "
 for file in "$@"; do

@@ -149,14 +149,15 @@ impl Bench for BoardLoop {
 
 impl BoardLoop {
     fn one(&self, number: u64) -> Result<Told, Failure> {
+        let temporary = tempfile::tempdir()?;
+        let folder = self.keep.as_deref().unwrap_or(temporary.path()).join(format!("{number:04}"));
+        CampaignWriter::check_free(&folder)?;
         let first = number * STREAMS;
         let rig = Rig::draw(&mut Draw::new(self.seed, first), self.runs, self.new_runs);
         let quiet = rig.runs_with(&rig.settings, &|_| Played::default(), 0..rig.runs.len())?;
         let quiet = quiet.into_iter().collect::<Option<Vec<Ran>>>();
         let quiet = quiet.ok_or_else(|| Failure::Refused("a run without an effect has no fix".into()))?;
         let runs: Vec<Quiet> = quiet.iter().enumerate().map(|(place, ran)| rig.quiet(place, ran)).collect();
-        let temporary = tempfile::tempdir()?;
-        let folder = self.keep.as_deref().unwrap_or(temporary.path()).join(format!("{number:04}"));
         let mut draw = Draw::new(self.seed, first + FIRST_DRAW);
         let arw = rig.runs[0].0.gyro.arw_deg_per_sqrt_h;
         let instrument = Instrument::new(&mut draw, rig.settings.latitude_deg, arw, &runs);
@@ -294,7 +295,6 @@ impl Rig {
         if rms_deg(&before_deg) < LEAST_RATIO * rms_deg(&oracle_deg) {
             return Ok(None);
         }
-        CampaignWriter::check_free(folder)?;
         let diagnosis =
             diagnose(&self.write(folder, ran)?, &Options { settings: self.settings.clone(), ..Options::default() })
                 .map_err(|refusal| Failure::Refused(refusal.to_string()))?;
