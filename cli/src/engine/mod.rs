@@ -140,9 +140,20 @@ pub fn run(
     stop: &AtomicBool,
     observe: &mut Observer<'_>,
 ) -> Result<Outcome, EngineError> {
-    let world = world(setup)?;
-    let mut wanted = FixWanted::new(&world, observe);
-    let off = serve(engine, image, &world, limit_ticks(setup), &mut wanted, stop)?;
+    run_in(engine, image, &world(setup)?, limit_ticks(setup), stop, observe)
+}
+
+/// Runs a fix in a world at power-up, for at most that many ticks.
+pub fn run_in(
+    engine: Engine,
+    image: Option<&Path>,
+    world: &World,
+    limit_ticks: u64,
+    stop: &AtomicBool,
+    observe: &mut Observer<'_>,
+) -> Result<Outcome, EngineError> {
+    let mut wanted = FixWanted::new(world, observe);
+    let off = serve(engine, image, world, limit_ticks, &mut wanted, stop)?;
     Ok(wanted.outcome(off))
 }
 

@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use hal_sim::{Played, Scenario};
-use north::campaign::{self, Campaign, CampaignWriter, Own, Role};
+use north::campaign::{self, CampaignWriter, Own};
 use north::diagnose::{Options, diagnose};
-use north::engine::{self, End, Engine, FixWanted, Setup};
+use north::engine::{self, End, Engine, Setup};
 use north::failure::Failure;
-use north::progress;
-use north::recorder::{Recorder, new_campaign, write_run};
+use north::recorder::Recorder;
 use north::settings_file::declare_noise;
+use north::{interrupt, progress};
 use north_finder::effects::ErrorModel;
 use north_finder::event::{Fix, Report};
 use north_finder::sequence::order::Order;
@@ -22,9 +22,10 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::Bench;
-use super::close_loop::{SURVEY_SIGMA_DEG, taught};
-use crate::composed::board::{Instrument, Quiet, Second};
-use crate::composed::{Effect, Port, Row};
+use super::close_loop::{SURVEY_SIGMA_DEG, taught, write_campaign};
+use crate::composed::board::{Instrument, Recorded, Second};
+use crate::composed::judge::covered;
+use crate::composed::{Effect, LEAST_RATIO, Port, Row};
 use crate::hidden::draw::Draw;
 use crate::statistics::{azimuth_error_deg, median, probability_interval, rms};
 
@@ -60,15 +61,11 @@ pub struct BoardLoop {
     verbose: bool,
 }
 
-/// Azimuths before are at least this many times as wrong as the oracle's, or the effects do not count.
-const LEAST_RATIO: f64 = 3.0;
 /// Times that runs are made until an effect and the course that it follows agree.
 const MOST_PASSES: usize = 5;
 /// Stream numbers that an instrument has: those of its runs, and those of its draws of effects.
 const STREAMS: u64 = 1 << 20;
 const FIRST_DRAW: u64 = 1 << 10;
-/// Half a 95 % interval in sigmas.
-const INTERVAL_95: f64 = 1.959_964;
 
 /// An instrument, what was learned of it, and what that was good for.
 #[derive(Serialize)]
@@ -97,7 +94,7 @@ impl Told {
 
     /// New runs whose azimuth ± 1.96 sigma holds the truth.
     fn covered(&self) -> usize {
-        self.after_deg.iter().zip(&self.sigma_deg).filter(|(error, sigma)| error.abs() <= INTERVAL_95 * **sigma).count()
+        covered(&self.after_deg, &self.sigma_deg)
     }
 }
 
@@ -113,9 +110,8 @@ struct Rig {
     first_new: usize,
 }
 
-/// A run: its seconds, and its fix.
+/// A run: what was recorded, and its fix.
 struct Ran {
-    seconds: Vec<Second>,
     rows: Vec<campaign::Row>,
     fix: Fix,
     true_deg: f64,
@@ -157,7 +153,7 @@ impl BoardLoop {
         let quiet = rig.runs_with(&rig.settings, &|_| Played::default(), 0..rig.runs.len())?;
         let quiet = quiet.into_iter().collect::<Option<Vec<Ran>>>();
         let quiet = quiet.ok_or_else(|| Failure::Refused("a run without an effect has no fix".into()))?;
-        let runs: Vec<Quiet> = quiet.iter().enumerate().map(|(place, ran)| rig.quiet(place, ran)).collect();
+        let runs: Vec<Recorded> = quiet.iter().enumerate().map(|(place, ran)| rig.recorded(place, ran)).collect();
         let mut draw = Draw::new(self.seed, first + FIRST_DRAW);
         let arw = rig.runs[0].0.gyro.arw_deg_per_sqrt_h;
         let instrument = Instrument::new(&mut draw, rig.settings.latitude_deg, arw, &runs);
@@ -221,30 +217,26 @@ impl Rig {
             let world = engine::world(&setup)?.with_played(played(place));
             let mut recorder = Recorder::default();
             let mut observe = |report: &Report| recorder.see(report);
-            let mut wanted = FixWanted::new(&world, &mut observe);
-            let limit = engine::limit_ticks(&setup);
-            let off = engine::serve(Engine::Host, None, &world, limit, &mut wanted, north::interrupt::flag())?;
-            let outcome = wanted.outcome(off);
+            let limit_ticks = engine::limit_ticks(&setup);
+            let outcome = engine::run_in(Engine::Host, None, &world, limit_ticks, interrupt::flag(), &mut observe)?;
             let rows = recorder.take_rows();
             match outcome.end {
                 End::Interrupted => Err(Failure::Interrupted),
-                End::Fix(fix) => {
-                    Ok(Some(Ran { seconds: seconds(&rows), rows, fix, true_deg: outcome.truth.azimuth_deg }))
-                }
+                End::Fix(fix) => Ok(Some(Ran { rows, fix, true_deg: outcome.truth.azimuth_deg })),
                 End::Fault { .. } | End::TimeLimit => Ok(None),
             }
         };
         places.into_par_iter().map(run).collect()
     }
 
-    fn quiet(&self, place: usize, ran: &Ran) -> Quiet {
+    fn recorded(&self, place: usize, ran: &Ran) -> Recorded {
         let base = &self.runs[place].0.base;
-        Quiet {
+        Recorded {
             is_fit: place < self.first_new,
             azimuth_deg: ran.true_deg,
             tilt_rad: [base.pitch_deg.to_radians(), base.roll_deg.to_radians()],
             survey_sigma_deg: SURVEY_SIGMA_DEG,
-            seconds: ran.seconds.clone(),
+            seconds: seconds(&ran.rows),
         }
     }
 
@@ -264,7 +256,7 @@ impl Rig {
             let then = places
                 .clone()
                 .zip(&ran)
-                .fold(instrument.clone(), |then, (place, ran)| then.in_course(place, &self.quiet(place, ran)));
+                .fold(instrument.clone(), |then, (place, ran)| then.in_course(place, &self.recorded(place, ran)));
             if places.clone().all(|place| then.has_course_of(&instrument, place)) {
                 return Ok(Some((then, ran)));
             }
@@ -286,18 +278,21 @@ impl Rig {
             return Ok(None);
         };
         let rows: Vec<Vec<Row>> =
-            ran.iter().map(|ran| ran.seconds.iter().map(|second| second.row.clone()).collect()).collect();
+            ran.iter().map(|ran| seconds(&ran.rows).into_iter().map(|second| second.row).collect()).collect();
         let Some(oracle) = instrument.oracle(effects, &rows) else { return Ok(None) };
-        let new = || ran.iter().zip(&oracle).skip(self.first_new);
-        let before_deg: Vec<f64> = new().map(|(ran, _)| azimuth_error_deg(ran.fix.azimuth_deg, ran.true_deg)).collect();
+        let before_deg: Vec<f64> = ran[self.first_new..].iter().map(Ran::error_deg).collect();
+        let told = ran.iter().zip(&oracle);
         let oracle_deg: Vec<f64> =
-            new().filter_map(|(ran, told)| Some(azimuth_error_deg(told.as_ref()?.azimuth_deg, ran.true_deg))).collect();
+            told.filter_map(|(ran, told)| Some(azimuth_error_deg(told.as_ref()?.azimuth_deg, ran.true_deg))).collect();
         if rms_deg(&before_deg) < LEAST_RATIO * rms_deg(&oracle_deg) {
             return Ok(None);
         }
-        let diagnosis =
-            diagnose(&self.write(folder, ran)?, &Options { settings: self.settings.clone(), ..Options::default() })
-                .map_err(|refusal| Failure::Refused(refusal.to_string()))?;
+        let recorded = ran.into_iter().take(self.first_new).map(|ran| (ran.true_deg, ran.rows));
+        let diagnosis = diagnose(
+            &write_campaign(folder, "board-loop", &self.setup(0, &self.settings), recorded)?,
+            &Options { settings: self.settings.clone(), ..Options::default() },
+        )
+        .map_err(|refusal| Failure::Refused(refusal.to_string()))?;
         let mut told = Told {
             instrument: number,
             names: effects.iter().map(Effect::name).collect(),
@@ -325,29 +320,16 @@ impl Rig {
         }
         Ok(Some(told))
     }
-
-    /// The runs to learn from as a campaign, with the simulator's azimuths as survey.
-    fn write(&self, folder: &Path, ran: Vec<Ran>) -> Result<Campaign, Failure> {
-        let mut writer = new_campaign(folder, "board-loop".into(), &self.setup(0, &self.settings))?;
-        for (place, ran) in ran.into_iter().enumerate().take(self.first_new) {
-            let run = campaign::Run {
-                file: format!("runs/{:03}.csv", place + 1),
-                role: Role::Fit,
-                reference_azimuth_deg: Some(ran.true_deg),
-                reference_sigma_deg: Some(SURVEY_SIGMA_DEG),
-                ..campaign::Run::default()
-            };
-            write_run(&writer, &run.file, ran.rows)?;
-            writer.add(run);
-        }
-        writer.finish()?;
-        Ok(Campaign::read(folder)?)
-    }
 }
 
 /// What effects do to the sensors in a run.
 fn played(instrument: &Instrument, effects: &[Effect], place: usize) -> Played {
-    let at = |port: Port| instrument.sum(effects, place, port);
+    let courses = instrument.courses(effects, place);
+    let at = |port: Port| {
+        let mut courses = courses.iter().filter(|(at, _)| *at == port).map(|(_, course)| course.clone());
+        let first = courses.next().unwrap_or_default();
+        courses.fold(first, |sum, course| sum.iter().zip(&course).map(|(sum, value)| sum + value).collect())
+    };
     let level_g = |forward: bool| at(Port::Tilts { forward }).into_iter().map(f64::to_radians).collect::<Vec<f64>>();
     Played {
         rate_deg_h: at(Port::Adds),
@@ -459,7 +441,11 @@ mod tests {
         let azimuth_deg = scenario.site.azimuth_deg;
         let ran = |played: Played| {
             let ran = rig.runs_with(&rig.settings, &|_| played.clone(), 0..1).expect("a run").remove(0).expect("a fix");
-            ran.seconds.into_iter().filter(|second| second.is_of_dwell).map(|second| second.row).collect::<Vec<Row>>()
+            seconds(&ran.rows)
+                .into_iter()
+                .filter(|second| second.is_of_dwell)
+                .map(|second| second.row)
+                .collect::<Vec<Row>>()
         };
         let always = |value: f64| vec![value; 1000];
         let quiet = ran(Played::default());

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::Bench;
-use north::campaign::{Campaign, CampaignWriter, Role, Run};
+use north::campaign::{Campaign, CampaignWriter, Role, Row, Run};
 use north::commands::instrument::OrderName;
 use north::commands::number;
 use north::diagnose::{Diagnosis, Effect, Options, diagnose};
@@ -201,20 +201,9 @@ impl CloseLoop {
                 Ok((outcome, recorder))
             })
             .collect::<Result<Vec<_>, Failure>>()?;
-        let mut writer = new_campaign(folder, "close-loop".into(), &rig.setup(0, settings))?;
-        for (number, (outcome, mut recorder)) in recorded.into_iter().enumerate() {
-            let run = Run {
-                file: format!("runs/{:03}.csv", number + 1),
-                role: Role::Fit,
-                reference_azimuth_deg: Some(outcome.truth.azimuth_deg),
-                reference_sigma_deg: Some(SURVEY_SIGMA_DEG),
-                ..Run::default()
-            };
-            write_run(&writer, &run.file, recorder.take_rows())?;
-            writer.add(run);
-        }
-        writer.finish()?;
-        Ok(Campaign::read(folder)?)
+        let recorded =
+            recorded.into_iter().map(|(outcome, mut recorder)| (outcome.truth.azimuth_deg, recorder.take_rows()));
+        write_campaign(folder, "close-loop", &rig.setup(0, settings), recorded)
     }
 
     /// New runs with these settings: true azimuths and what the firmware reports.
@@ -285,6 +274,29 @@ impl Report {
         writeln!(out, "| rms | | | {:.4} | | {:.4} | |", self.rms_before_deg, self.rms_after_deg)?;
         Ok(())
     }
+}
+
+/// Runs to learn from as a campaign: their azimuths, degrees, which are the survey, and their rows.
+pub(super) fn write_campaign(
+    folder: &Path,
+    title: &str,
+    setup: &Setup,
+    recorded: impl IntoIterator<Item = (f64, Vec<Row>)>,
+) -> Result<Campaign, Failure> {
+    let mut writer = new_campaign(folder, title.into(), setup)?;
+    for (number, (azimuth_deg, rows)) in recorded.into_iter().enumerate() {
+        let run = Run {
+            file: format!("runs/{:03}.csv", number + 1),
+            role: Role::Fit,
+            reference_azimuth_deg: Some(azimuth_deg),
+            reference_sigma_deg: Some(SURVEY_SIGMA_DEG),
+            ..Run::default()
+        };
+        write_run(&writer, &run.file, rows)?;
+        writer.add(run);
+    }
+    writer.finish()?;
+    Ok(Campaign::read(folder)?)
 }
 
 /// The settings with the learned model by way of its file, as anyone loads it; a board with them must be able to evaluate it.

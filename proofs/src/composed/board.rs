@@ -4,8 +4,8 @@ use super::channel::{Channel, Course};
 use super::effect::{Effect, Port};
 use super::oracle::{self, Reported};
 use super::plan::{Move, Plan, RunPlan};
-use super::record::{Row, spreads, true_view};
-use super::{compose, size};
+use super::record::{Row, spreads};
+use super::{compose, record, size};
 use crate::hidden::draw::Draw;
 
 /// The index turns in a second in which it changes by more than this, degrees.
@@ -13,8 +13,8 @@ const TURNING_DEG: f64 = 0.1;
 /// Encoders of runs that took the same course agree to this, degrees.
 const SAME_INDEX_DEG: f64 = 0.1;
 
-/// A run of an instrument, as its firmware records it while nothing is hidden in it.
-pub struct Quiet {
+/// A run of an instrument, as its firmware records it.
+pub struct Recorded {
     pub is_fit: bool,
     pub azimuth_deg: f64,
     /// Pitch and roll, rad.
@@ -40,7 +40,7 @@ pub struct Instrument {
 
 impl Instrument {
     /// Of an instrument at this latitude, with this angle random walk of its gyro, °/√h.
-    pub fn new(draw: &mut Draw, latitude_deg: f64, arw_deg_per_sqrt_h: f64, runs: &[Quiet]) -> Self {
+    pub fn new(draw: &mut Draw, latitude_deg: f64, arw_deg_per_sqrt_h: f64, runs: &[Recorded]) -> Self {
         let plan = Plan {
             latitude_deg,
             arw_deg_per_sqrt_h,
@@ -63,18 +63,13 @@ impl Instrument {
         Some(effects)
     }
 
-    /// What the effects do at a port in a run, in its unit, by the second.
-    pub fn sum(&self, effects: &[Effect], run: usize, port: Port) -> Vec<f64> {
-        let mut sum = vec![0.0; self.plan.runs[run].seconds()];
-        for effect in effects.iter().filter(|effect| effect.port == port) {
-            let course = effect.course(&self.plan, run, &true_view(&self.plan, run), &self.spreads);
-            sum.iter_mut().zip(course).for_each(|(sum, value)| *sum += effect.weight * value);
-        }
-        sum
+    /// What the effects do at their ports in a run, in their units, by the second.
+    pub fn courses(&self, effects: &[Effect], run: usize) -> Vec<(Port, Vec<f64>)> {
+        record::courses(&self.plan, run, effects, &self.spreads)
     }
 
     /// The same with this run in the course that it took.
-    pub fn in_course(mut self, run: usize, recorded: &Quiet) -> Self {
+    pub fn in_course(mut self, run: usize, recorded: &Recorded) -> Self {
         self.plan.runs[run] = planned(recorded);
         self
     }
@@ -82,11 +77,11 @@ impl Instrument {
     /// Whether a run has the same course as by another one: the same seconds in the same dwells, at the same index angles.
     pub fn has_course_of(&self, other: &Self, run: usize) -> bool {
         let [own, other] = [self, other].map(|instrument| &instrument.plan.runs[run]);
-        let apart = own.index_deg.iter().zip(&other.index_deg).zip(&own.rests);
+        let mut apart = own.index_deg.iter().zip(&other.index_deg).zip(&own.rests);
         let is_same = |((own_deg, other_deg), rests): ((&f64, &f64), &bool)| {
             !rests || (own_deg - other_deg).abs() < SAME_INDEX_DEG
         };
-        own.rests == other.rests && apart.into_iter().all(is_same)
+        own.rests == other.rests && apart.all(is_same)
     }
 
     /// What the oracle says of the runs that are not learned from, by the rows with the effects in them.
@@ -101,7 +96,7 @@ impl Instrument {
 }
 
 /// The course of a run, as it was recorded.
-fn planned(run: &Quiet) -> RunPlan {
+fn planned(run: &Recorded) -> RunPlan {
     let index_deg: Vec<f64> = run.seconds.iter().map(|second| second.row.index_deg).collect();
     let channel: Vec<f64> = run.seconds.iter().map(|second| second.row.channels[0]).collect();
     RunPlan {
@@ -137,8 +132,8 @@ fn moves(index_deg: &[f64]) -> Vec<Move> {
 }
 
 /// Standard deviation of a second's level reading, g, by what neighbours in dwells differ by.
-fn level_noise_g(runs: &[Quiet]) -> f64 {
-    let of = |run: &Quiet| {
+fn level_noise_g(runs: &[Recorded]) -> f64 {
+    let of = |run: &Recorded| {
         let pairs = run.seconds.windows(2).filter(|pair| pair.iter().all(|second| second.is_of_dwell));
         pairs.map(|pair| (pair[1].row.level_g[0] - pair[0].row.level_g[0]).powi(2)).collect::<Vec<_>>()
     };

@@ -16,6 +16,7 @@ use serde_json::Value;
 
 use super::files::{RunTruth, Truth};
 use super::{Kind, apart_deg};
+use crate::statistics::rms;
 
 /// A judged campaign.
 #[derive(Debug, Clone, Serialize)]
@@ -90,14 +91,18 @@ impl Azimuths {
         let errors_deg: Vec<f64> =
             checks.iter().zip(&told).map(|(run, told)| apart_deg(told[0], run.true_azimuth_deg)).collect();
         let sigmas_deg: Vec<f64> = told.iter().map(|told| told[1]).collect();
-        let covered = errors_deg.iter().zip(&sigmas_deg).filter(|(error, sigma)| error.abs() <= INTERVAL_95 * **sigma);
         Some(Self {
-            covered: covered.count(),
-            rms_deg: (errors_deg.iter().map(|error| error * error).sum::<f64>() / errors_deg.len() as f64).sqrt(),
+            covered: covered(&errors_deg, &sigmas_deg),
+            rms_deg: rms(errors_deg.iter().copied()),
             errors_deg,
             sigmas_deg,
         })
     }
+}
+
+/// Of azimuths with these errors and sigmas those whose azimuth ± 1.96 sigma holds the truth.
+pub fn covered(errors_deg: &[f64], sigmas_deg: &[f64]) -> usize {
+    errors_deg.iter().zip(sigmas_deg).filter(|(error, sigma)| error.abs() <= INTERVAL_95 * **sigma).count()
 }
 
 /// Diagnoses the campaign in this folder, solves its check runs with the model that was written, and compares.

@@ -66,7 +66,7 @@ pub struct Campaign {
 }
 
 /// Errors before at least this many times the oracle's: less does not count.
-const LEAST_RATIO: f64 = 3.0;
+pub(crate) const LEAST_RATIO: f64 = 3.0;
 /// Plain error that the effects alone make, rms in standard deviations of the azimuth's white noise.
 const STRENGTH: [f64; 2] = [4.0, 60.0];
 /// … and at most this, degrees.

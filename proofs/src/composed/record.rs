@@ -45,22 +45,24 @@ pub(super) fn true_view(plan: &Plan, number: usize) -> View<'_> {
     }
 }
 
+/// What each effect does at its port in a run, in its unit, by the second.
+pub(super) fn courses(plan: &Plan, number: usize, effects: &[Effect], spreads: &[[f64; 2]]) -> Vec<(Port, Vec<f64>)> {
+    let (run, view) = (&plan.runs[number], true_view(plan, number));
+    let of = |(effect, stream): (&Effect, u64)| {
+        let mut course = effect.course(plan, number, &view, spreads);
+        let process = effect.process.map(|process| process.course(&mut Draw::new(run.seed, stream), course.len()));
+        for (second, value) in course.iter_mut().enumerate() {
+            *value *= effect.weight * process.as_ref().map_or(1.0, |process| process[second]);
+        }
+        (effect.port, course)
+    };
+    effects.iter().zip(1..).map(of).collect()
+}
+
 /// Records a run; `noise` scales all noise of gyro, encoder and levels.
 pub(super) fn rows(plan: &Plan, number: usize, effects: &[Effect], spreads: &[[f64; 2]], noise: f64) -> Vec<Row> {
     let run = &plan.runs[number];
-    let view = true_view(plan, number);
-    let courses: Vec<(Port, Vec<f64>)> = effects
-        .iter()
-        .zip(1..)
-        .map(|(effect, stream)| {
-            let mut course = effect.course(plan, number, &view, spreads);
-            let process = effect.process.map(|process| process.course(&mut Draw::new(run.seed, stream), course.len()));
-            for (second, value) in course.iter_mut().enumerate() {
-                *value *= effect.weight * process.as_ref().map_or(1.0, |process| process[second]);
-            }
-            (effect.port, course)
-        })
-        .collect();
+    let courses = courses(plan, number, effects, spreads);
     let mut draw = Draw::new(run.seed, 0);
     let [pitch, roll] = run.tilt_rad;
     let second = |second: usize| {
