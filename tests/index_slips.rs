@@ -2,6 +2,11 @@
 
 use crate::common::{fix, of_scenario, run};
 use hal_sim::Scenario;
+use north_finder::effects::ErrorModel;
+use north_finder::effects::effect::{Effect, Port};
+use north_finder::effects::factor::Factor;
+use north_finder::effects::shape::Linear;
+use north_finder::effects::signal::Since;
 use north_finder::event::{Event, Report};
 use north_finder::health::{Flag, Flags};
 use north_finder::sequence::order::Order;
@@ -14,13 +19,27 @@ enum Slips {
 
 /// A calm bench where something slips at a time, in an order. Flags, azimuth error and sigma in degrees, and the reports.
 fn slip(what: Slips, slip_deg: f64, at_s: f64, order: Order, seed: u64) -> (Flags, f64, f64, Vec<Report>) {
+    slip_by_model(what, slip_deg, at_s, order, seed, ErrorModel::default())
+}
+
+/// The same with an error model.
+fn slip_by_model(
+    what: Slips,
+    slip_deg: f64,
+    at_s: f64,
+    order: Order,
+    seed: u64,
+    model: ErrorModel,
+) -> (Flags, f64, f64, Vec<Report>) {
     let mut scenario = Scenario::named("calm-bench").unwrap();
     match what {
         Slips::Spindle => (scenario.motor.slip_deg, scenario.motor.slip_at_s) = (slip_deg, at_s),
         Slips::Encoder => (scenario.encoder.slip_deg, scenario.encoder.slip_at_s) = (slip_deg, at_s),
     }
     let mut setup = of_scenario(scenario, seed);
-    setup.settings.as_mut().unwrap().sequence.order = order;
+    let settings = setup.settings.as_mut().unwrap();
+    settings.sequence.order = order;
+    settings.model = Some(model);
     let (outcome, reports) = run(&setup);
     let (fix, error_deg) = fix(&outcome);
     (fix.flags, error_deg, fix.sigma_deg, reports)
@@ -68,6 +87,33 @@ fn nothing_slips_on_a_calm_bench_nor_with_a_drive_that_loses_steps() {
         let (outcome, reports) = run(&of_scenario(Scenario::named(name).unwrap(), 1));
         assert_eq!(fix(&outcome).0.flags.contains(Flag::IndexSlip), corrected, "{name}");
         assert_eq!(slipped_s(&reports), None, "{name}");
+    }
+}
+
+/// By the model the encoder reads 1° too large, or by 1° more every minute of a rest, during which the reading stands and the drive turns the axis after it: nothing slips. The
+/// encoder is right: at a reading θ the axis points to ψ − θ, of which the first model makes ψ′ − (θ − 1°), so that ψ′ = ψ − 1°. A slip beside either is named.
+#[test]
+fn an_error_that_the_model_knows_is_no_slip() {
+    let index_error = |factors: &[Factor]| {
+        let effect = Effect { weights: [1.0].into_iter().collect(), ..Effect::new(Port::Index, factors) };
+        ErrorModel { effects: [effect].into_iter().collect(), ..ErrorModel::default() }
+    };
+    let constant = index_error(&[]);
+    let growing = index_error(&[Factor::new(Since.into(), &[], Linear { reference: 0.0, scale: 60.0 }.into())]);
+    for order in [Order::Mirrored, Order::ADAPTIVE, Order::Rotation { passes: 6 }] {
+        let of = |model: &ErrorModel, slip_deg, at_s| {
+            slip_by_model(Slips::Encoder, slip_deg, at_s, order.clone(), 1, model.clone())
+        };
+        let (flags, error_deg, sigma_deg, _) = of(&constant, 0.0, 0.0);
+        assert!(!flags.contains(Flag::IndexSlip), "{order:?}");
+        assert!((error_deg + 1.0).abs() < 4.0 * sigma_deg, "{order:?}: {error_deg} ± {sigma_deg}");
+        let (flags, _, _, reports) = of(&growing, 0.0, 0.0);
+        assert!(!flags.contains(Flag::IndexSlip) && slipped_s(&reports).is_none(), "{order:?}");
+        if !matches!(order, Order::Rotation { .. }) {
+            for model in [&constant, &growing] {
+                assert!(of(model, 0.5, 60.0).0.contains(Flag::IndexSlip), "{order:?}");
+            }
+        }
     }
 }
 

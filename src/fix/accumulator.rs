@@ -12,7 +12,7 @@ use super::base_motion;
 pub use super::dwell::Outliers;
 use super::dwell::{DwellRows, DwellSummary, Row};
 pub use super::dwells::Dwells;
-use super::index_watch::IndexWatch;
+use super::index_watch::{Angle, IndexWatch};
 use super::noise::Noise;
 use super::robust::LEAST_ROWS;
 use super::rotation::Rotation;
@@ -326,7 +326,7 @@ impl<D: Dwells> Accumulator<D> {
     }
 
     fn slip(&mut self, second: &Corrected) -> Option<Slip> {
-        let before = self.watch.push(second.index?)?;
+        let before = self.watch.push(Angle::of(second)?)?;
         self.flags.insert(Flag::IndexSlip);
         let ended = self.end_dwell();
         self.slipped_from.get_or_insert(before);

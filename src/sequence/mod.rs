@@ -18,7 +18,7 @@ use crate::effects::ErrorModel;
 use crate::event::{Dwell, Event, State};
 use crate::fix::accumulator::{Accumulator, Corrected, Second, Slip, Taken};
 use crate::fix::dwell::DwellSummary;
-use crate::fix::index_watch::IndexWatch;
+use crate::fix::index_watch::{Angle, IndexWatch};
 use crate::fix::{self, Declared, Fix};
 use crate::health::Fault;
 use crate::sensing::gates::{DisturbanceGate, Gate, GateSettings, JitterGate, Verdict};
@@ -338,7 +338,7 @@ impl Sequencer {
         let second = &corrected.measured;
         let t_s = second.end_s();
         let mut observed = Observed { rate_deg_h: corrected.rate_deg_h, ..Observed::default() };
-        self.watch_rest(corrected.index);
+        self.watch_rest(Angle::of(corrected));
         if !self.is_active() {
             return (observed, None);
         }
@@ -403,7 +403,7 @@ impl Sequencer {
     }
 
     /// The index must stand while the motor does. (In a fix the accumulator knows it too, and what to make of it.)
-    fn watch_rest(&mut self, index: Option<Direction>) {
+    fn watch_rest(&mut self, index: Option<Angle>) {
         let arrived = core::mem::take(&mut self.arrives);
         let exercised = core::mem::take(&mut self.exercised);
         match index {
