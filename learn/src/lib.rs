@@ -339,7 +339,8 @@ fn turned_to(runs: &[Run], azimuths_deg: &[Option<f64>], part: f64) -> Vec<Run> 
 }
 
 /// Whether the references that a blunder is about are contradicted by the other runs, with everything that is learned then. What the best model has more
-/// than the other runs show does not compete with the blunder: one run with an effect of its own is not told from one with a wrong reference.
+/// than the other runs show does not compete with the blunder: one run with an effect of its own is not told from one with a wrong reference. That all references are less
+/// accurate than was said does.
 fn contradicted(search: &Search<'_>, best: &Model<'_>, blunder: &Blunder) -> bool {
     let mended = blunder.mended(search.runs);
     let without = Search::new(&mended, search.family, Some(&search.grammar.library));
@@ -347,7 +348,8 @@ fn contradicted(search: &Search<'_>, best: &Model<'_>, blunder: &Blunder) -> boo
         let has_more = best.cost(&search.grammar) > then.cost(&without.grammar);
         let is_alone = has_more && best.in_runs(&mended)?.evidence() - then.evidence() <= NEGLIGIBLE;
         let rival = if is_alone { search.plausible(&then.in_runs(search.runs)?) } else { search.plausible(best) };
-        Some(without.plausible(&then) - blunder.cost(mended.len()) > rival)
+        let plausible = without.plausible(&then) - blunder.cost(mended.len());
+        Some(plausible > rival && plausible > search.plausible_with_any_references(best))
     });
     compared.unwrap_or(false)
 }

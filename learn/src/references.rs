@@ -70,6 +70,21 @@ pub fn likeliest(model: &Model<'_>) -> Option<(f64, Blunder)> {
     likely.into_par_iter().filter_map(finish).max_by(|a, b| a.0.total_cmp(&b.0))
 }
 
+/// The same runs with references that are all less accurate than was said, twice, four times … until they say nothing any more: what a model lacks turns azimuths, and right
+/// references miss what they are turned to.
+pub fn less_accurate(runs: &[Run]) -> Vec<Vec<Run>> {
+    let twice = |runs: &Vec<Run>| {
+        let mut runs = runs.clone();
+        for (_, sigma_deg) in runs.iter_mut().filter_map(|run| run.reference.as_mut()) {
+            *sigma_deg *= 2.0;
+        }
+        let says_something =
+            |run: &Run| run.reference.is_some_and(|(_, sigma_deg)| sigma_deg < UNKNOWN_RAD * DEG_PER_RAD);
+        runs.iter().any(says_something).then_some(runs)
+    };
+    std::iter::successors(twice(&runs.to_vec()), twice).collect()
+}
+
 /// The blunders that explain most beside a model's effects, one after the other, and the runs with all of them put right. Beside no process, because a process
 /// takes for its own what several blunders do, so that one of them alone explains little.
 pub fn together(model: &Model<'_>) -> (Vec<Blunder>, Vec<Run>) {
@@ -155,6 +170,20 @@ fn points_at(runs: &[Run], a: &Miss, b: &Miss) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// References of 3° and 1° and none: twice 6° and 2°, four times 12° and 4°, eight times 24° and 8°; at sixteen times both say less than 0.2 rad = 11.5°.
+    #[test]
+    fn references_that_are_all_less_accurate_by_hand() {
+        let at = |sigma_deg: Option<f64>| {
+            let mut run = Run::of_rates(&[0.0; 8]);
+            run.take_reference(sigma_deg.map(|sigma_deg| (20.0, sigma_deg)));
+            run
+        };
+        let all = less_accurate(&[at(Some(3.0)), at(Some(1.0)), at(None)]);
+        let sigmas = |runs: &Vec<Run>| runs.iter().map(|run| run.reference.map(|(_, sigma)| sigma)).collect::<Vec<_>>();
+        let expected = [2.0, 4.0, 8.0].map(|times| vec![Some(3.0 * times), Some(times), None]);
+        assert_eq!(all.iter().map(sigmas).collect::<Vec<_>>(), expected);
+    }
 
     /// Eight runs, of which the third points at 10° and has the reference of the sixth, 185°, and the other way round. To the linear equations that is a
     /// turn by sin 175° = 0.09 rad = 5°, which points at neither reference; they miss by less than four others do by their noise.

@@ -13,7 +13,7 @@ use super::grammar::{Grammar, reduced};
 use super::model::{Model, is_within};
 use super::problem::Term;
 use super::proposals::{Proposals, alike, form};
-use super::references::{Blunder, MOST_BLUNDERS, likeliest, together};
+use super::references::{Blunder, MOST_BLUNDERS, less_accurate, likeliest, together};
 use super::rows::Run;
 use super::tuning::{constants_of, moved_by};
 
@@ -204,6 +204,14 @@ impl<'a> Search<'a> {
         model.predictive(&self.grammar) - odds_against(model.found().len())
     }
 
+    /// The same, or that of the model where all references are less accurate than was said, if that is greater: where the model lacks something, references miss by more than their
+    /// sigmas though none is wrong.
+    pub fn plausible_with_any_references(&self, model: &Model<'_>) -> f64 {
+        let less = less_accurate(self.runs);
+        let plausible = less.par_iter().filter_map(|runs| Some(self.plausible(&model.in_runs(runs)?)));
+        plausible.reduce(|| self.plausible(model), f64::max)
+    }
+
     /// Adds the effects of the instrument's family that this unit more likely has than not.
     fn with_family(&self, mut model: Model<'a>) -> Model<'a> {
         loop {
@@ -358,7 +366,7 @@ impl<'a> Search<'a> {
             (blunders.len() > 1).then_some((plausible, blunders, runs, start))
         };
         let (plausible, blunders, runs, start) = beside.filter_map(mended).max_by(|a, b| a.0.total_cmp(&b.0))?;
-        (plausible > self.plausible(best)).then_some((blunders, runs, start))
+        (plausible > self.plausible_with_any_references(best)).then_some((blunders, runs, start))
     }
 
     /// Models in which one effect of the best model is replaced by another one, or left out.
