@@ -8,7 +8,7 @@ use super::model::Model;
 use super::problem::Problem;
 use super::rows::{Run, UNKNOWN_RAD};
 
-/// Probability that a reference is wrong, and that it is exchanged with another one, before anything is seen.
+/// Probability that a reference is wrong, that it is exchanged with another one, and that all are less accurate than was said, before anything is seen.
 const BLUNDER: f64 = 0.01;
 /// Most references that are put right: with more than that the survey as a whole is not to be believed.
 pub const MOST_BLUNDERS: usize = 4;
@@ -68,6 +68,11 @@ pub fn likeliest(model: &Model<'_>) -> Option<(f64, Blunder)> {
     // What a blunder leaves has been taken for a process: those that are left have one of their own.
     let finish = |(_, blunder)| gain(blunder, &|mended| Some(model.in_runs(mended)?.evidence()));
     likely.into_par_iter().filter_map(finish).max_by(|a, b| a.0.total_cmp(&b.0))
+}
+
+/// Minus the logarithm of the probability beforehand that all references are less accurate than was said, nats: that of one blunder, which is made of the survey as a whole.
+pub fn cost_of_less_accurate() -> f64 {
+    -BLUNDER.ln()
 }
 
 /// The same runs with references that are all less accurate than was said, twice, four times … until they say nothing any more: what a model lacks turns azimuths, and right

@@ -13,7 +13,7 @@ use super::grammar::{Grammar, reduced};
 use super::model::{Model, is_within};
 use super::problem::Term;
 use super::proposals::{Proposals, alike, form};
-use super::references::{Blunder, MOST_BLUNDERS, less_accurate, likeliest, together};
+use super::references::{Blunder, MOST_BLUNDERS, cost_of_less_accurate, less_accurate, likeliest, together};
 use super::rows::Run;
 use super::tuning::{constants_of, moved_by};
 
@@ -208,7 +208,11 @@ impl<'a> Search<'a> {
     /// sigmas though none is wrong.
     pub fn plausible_with_any_references(&self, model: &Model<'_>) -> f64 {
         let less = less_accurate(self.runs);
-        let plausible = less.par_iter().filter_map(|runs| Some(self.plausible(&model.in_runs(runs)?)));
+        let of = |runs: &Vec<Run>| {
+            let with = Model::new(runs, model.process, &model.terms)?;
+            Some(self.plausible(&with) - cost_of_less_accurate())
+        };
+        let plausible = less.par_iter().filter_map(of);
         plausible.reduce(|| self.plausible(model), f64::max)
     }
 

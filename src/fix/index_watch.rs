@@ -32,6 +32,17 @@ impl Angle {
         Some(Self { read: second.measured.conditions.index?, by_model: second.index })
     }
 
+    /// A reading, degrees, that by the error model is too large by so much.
+    pub fn of_reading(read_deg: f64, error_deg: f64) -> Self {
+        let by_model = Some(Direction::of_deg(read_deg - error_deg));
+        Self { read: Direction::of_deg(read_deg), by_model }
+    }
+
+    /// By how much the reading is too large by the error model, degrees.
+    pub fn error_deg(&self) -> f64 {
+        self.by_model.map_or(0.0, |by_model| wrap_180_deg(self.read.deg() - by_model.deg()))
+    }
+
     /// By the model, where that is known.
     fn best(&self) -> Direction {
         self.by_model.unwrap_or(self.read)
@@ -95,9 +106,9 @@ impl IndexWatch {
         None
     }
 
-    /// It stands at this reading since it came to rest: nothing is to be waited for.
-    pub fn stand(&mut self, read: Direction) {
-        *self = Self { sum: Angle { read, by_model: None }, seconds: STILL_SECONDS, suspect: false, ..*self };
+    /// It stands here since it came to rest: nothing is to be waited for.
+    pub fn stand(&mut self, index: Angle) {
+        *self = Self { sum: index, seconds: STILL_SECONDS, suspect: false, ..*self };
     }
 
     /// The motor is commanded.
@@ -112,8 +123,8 @@ mod tests {
 
     /// An angle as it was read, degrees; the model, if it says anything, takes an error from it.
     fn read(read_deg: f64, error_deg: Option<f64>) -> Angle {
-        let by_model = error_deg.map(|error_deg| Direction::of_deg(read_deg - error_deg));
-        Angle { read: Direction::of_deg(read_deg), by_model }
+        let of_model = error_deg.map(|error_deg| Angle::of_reading(read_deg, error_deg));
+        of_model.unwrap_or(Angle { read: Direction::of_deg(read_deg), by_model: None })
     }
 
     /// Number of the first second that is a slip, and the angle before it, degrees.
@@ -144,12 +155,14 @@ mod tests {
         assert!(angles(&jump, &from(10, 1.0)).is_some() && angles(&jump, &late).is_some());
     }
 
-    /// It stands at a reading of 90°, of which the model makes 89°.
+    /// It stands at a reading of 90°, which is right while the index turns and 2.3° too large from then on, and the reading jumps by as much; or of which the model makes
+    /// 89° all the time.
     #[test]
-    fn where_it_stands_is_a_reading() {
+    fn where_it_stands_by_the_model() {
         let mut watch = IndexWatch::new(0.02);
-        watch.stand(Direction::of_deg(90.0));
-        assert_eq!(watch.push(read(90.0, Some(1.0))), None);
+        watch.stand(Angle::of_reading(90.0, 0.0));
+        assert_eq!(watch.push(read(92.3, Some(2.3))), None);
+        watch.stand(Angle::of_reading(90.0, 1.0));
         assert_eq!(watch.push(read(90.0, Some(1.0))), None);
         assert!(watch.push(read(90.3, Some(1.0))).is_some());
     }
@@ -196,7 +209,7 @@ mod tests {
     #[test]
     fn what_stands_at_a_known_angle_is_watched_at_once() {
         let mut watch = IndexWatch::new(0.02);
-        watch.stand(Direction::of_deg(90.0));
+        watch.stand(read(90.0, None));
         assert_eq!(watch.push(read(90.03, None)), None);
         assert!(watch.push(read(90.3, None)).is_some());
     }

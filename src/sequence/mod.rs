@@ -22,7 +22,7 @@ use crate::fix::index_watch::{Angle, IndexWatch};
 use crate::fix::{self, Declared, Fix};
 use crate::health::Fault;
 use crate::sensing::gates::{DisturbanceGate, Gate, GateSettings, JitterGate, Verdict};
-use crate::sensing::index::{Direction, IndexAngle, IndexSettings, MotorCommand};
+use crate::sensing::index::{IndexAngle, IndexSettings, MotorCommand};
 use crate::sensing::level::{LevelSettings, Specific};
 use crate::sensing::sample::SAMPLE_S;
 use crate::units::{DEG_PER_RAD, wrap_180_deg};
@@ -176,6 +176,8 @@ pub struct Sequencer {
     rest: IndexWatch,
     /// The steps of its moves.
     steps: Steps,
+    /// By how much the index read too large in the last second by the error model, degrees.
+    index_error_deg: f64,
     /// The second under way is that of an arrival, with some of the move in it.
     arrives: bool,
     /// In the second under way the motor moved without a fix.
@@ -206,6 +208,7 @@ impl Sequencer {
             fallen_back: None,
             rest: IndexWatch::new(0.0),
             steps: Steps::default(),
+            index_error_deg: 0.0,
             arrives: false,
             exercised: false,
             doubted: false,
@@ -315,7 +318,7 @@ impl Sequencer {
                     }
                     return command;
                 }
-                self.rest.stand(Direction::of_deg(index_deg));
+                self.rest.stand(Angle::of_reading(index_deg, self.index_error_deg));
                 self.arrives = true;
                 let index_deg = crate::units::wrap_360_deg(index_deg);
                 sink(Event::Arrived { position: self.position, index_deg });
@@ -330,7 +333,9 @@ impl Sequencer {
         self.index = index;
         let ahead_s = second.end_s() - t_s;
         self.ahead_s = if ahead_s.abs() > SAME_CLOCK_S { ahead_s } else { 0.0 };
-        self.accumulator.correct(second)
+        let corrected = self.accumulator.correct(second);
+        self.index_error_deg = Angle::of(&corrected).map_or(0.0, |index| index.error_deg());
+        corrected
     }
 
     /// The work on a second. Gives what became of it and the motor's command.
