@@ -78,6 +78,11 @@ pub struct Corrected {
 }
 
 impl Corrected {
+    /// The index angle as it was read and by the model; `None` without a reading.
+    pub fn angle(&self) -> Option<Angle> {
+        Some(Angle { read: self.measured.conditions.index?, by_model: self.index })
+    }
+
     /// The row of the equations that this second is in the solution: `None` without an index angle.
     pub fn design(&self, earth: &EarthRate) -> Option<DesignRow> {
         Some(DesignRow::new(self.index?, self.level, earth))
@@ -326,7 +331,7 @@ impl<D: Dwells> Accumulator<D> {
     }
 
     fn slip(&mut self, second: &Corrected) -> Option<Slip> {
-        let before = self.watch.push(Angle::of(second)?)?;
+        let before = self.watch.push(second.angle()?)?;
         self.flags.insert(Flag::IndexSlip);
         let ended = self.end_dwell();
         self.slipped_from.get_or_insert(before);

@@ -7,7 +7,6 @@
 //! stands and the angle by the model moves, the encoder's error changes and the drive, which closes on the reading, turns the axis. Neither is a slip: of a
 //! slip both jump.
 
-use crate::fix::accumulator::Corrected;
 use crate::sensing::index::Direction;
 use crate::units::wrap_180_deg;
 
@@ -27,11 +26,6 @@ pub struct Angle {
 }
 
 impl Angle {
-    /// Of a second; `None` without a reading.
-    pub fn of(second: &Corrected) -> Option<Self> {
-        Some(Self { read: second.measured.conditions.index?, by_model: second.index })
-    }
-
     /// A reading, degrees, that by the error model is too large by so much.
     pub fn of_reading(read_deg: f64, error_deg: f64) -> Self {
         let by_model = Some(Direction::of_deg(read_deg - error_deg));

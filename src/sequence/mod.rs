@@ -334,7 +334,7 @@ impl Sequencer {
         let ahead_s = second.end_s() - t_s;
         self.ahead_s = if ahead_s.abs() > SAME_CLOCK_S { ahead_s } else { 0.0 };
         let corrected = self.accumulator.correct(second);
-        self.index_error_deg = Angle::of(&corrected).map_or(0.0, |index| index.error_deg());
+        self.index_error_deg = corrected.angle().map_or(0.0, |index| index.error_deg());
         corrected
     }
 
@@ -343,7 +343,7 @@ impl Sequencer {
         let second = &corrected.measured;
         let t_s = second.end_s();
         let mut observed = Observed { rate_deg_h: corrected.rate_deg_h, ..Observed::default() };
-        self.watch_rest(Angle::of(corrected));
+        self.watch_rest(corrected.angle());
         if !self.is_active() {
             return (observed, None);
         }
