@@ -13,12 +13,26 @@ const WHOLE_TURN_FROM_DEG: f64 = 337.5;
 /// Rows follow each other where the middle of one is less than so many of its lengths behind that of the one before.
 const LONGEST_STEP: f64 = 1.5;
 
+/// The first rows of a recording, which may begin while the index turns.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+enum Beginning {
+    /// There is one row, or none.
+    #[default]
+    One,
+    /// The index turned by this from the mean of the first row to that of the second, degrees.
+    Turned {
+        way_deg: f64,
+    },
+    Over,
+}
+
 /// The index' history as far as effects depend on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Track {
     last_deg: Option<f64>,
     last_s: f64,
     moving: bool,
+    beginning: Beginning,
     /// Unwrapped index angle, degrees, counter-clockwise positive; the first is in [−22.5°, 337.5°).
     pub winding_deg: f64,
     /// The first one of the run.
@@ -76,6 +90,15 @@ impl Track {
         let step_s = self.step_s.max(f64::MIN_POSITIVE);
         self.turning_deg_s = way_deg / step_s;
         let moving = way_deg.abs() > REST_DEG;
+        let turns = moving && self.in_a_row;
+        self.beginning = match self.beginning {
+            Beginning::One if turns => Beginning::Turned { way_deg },
+            Beginning::Turned { way_deg: first_deg } if turns => {
+                self.travel_deg += before_first_row_deg(first_deg, way_deg);
+                Beginning::Over
+            }
+            _ => Beginning::Over,
+        };
         if moving {
             if self.moving && self.in_a_row {
                 // The row before was within the move.
@@ -95,10 +118,46 @@ impl Track {
     }
 }
 
+/// Way of a move before the mean of the first row, degrees, from the ways between the means of the first three rows.
+///
+/// The index turns at one speed, by v a row, from u of a row before the end of the first row on. The mean of that row is v u²/2 beyond where it stood, and that of the second one,
+/// through which it turns, v (u + 1/2): the first way is v (u + 1/2 − u²/2), the second one v. One that is shorter than the first has the end of the move in it; the first one
+/// is then v, and the move began with the recording.
+fn before_first_row_deg(first_deg: f64, second_deg: f64) -> f64 {
+    let is_longer = first_deg * second_deg > 0.0 && second_deg.abs() > first_deg.abs();
+    let (speed_deg, share) = if is_longer { (second_deg, first_deg / second_deg) } else { (first_deg, 1.0) };
+    let turned = (1.0 - libm::sqrt(2.0 - 2.0 * share)).max(0.0);
+    0.5 * speed_deg * turned * turned
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::sensing::index::Direction;
+
+    /// Recordings that begin while the index turns by 40° a row: with the move, which has its mean at 20° in the first row, or half a row later, with 5° = 40°/8; from rest in
+    /// the first row; and of a move that is left out between the rows. What the third row tells is the way before the first.
+    #[test]
+    fn a_move_that_is_under_way_at_first_by_hand() {
+        let travel_deg = |angles_deg: &[f64], spacing_s: f64| {
+            let mut track = Track::default();
+            for (row, index_deg) in angles_deg.iter().enumerate() {
+                let (t_s, index) = (0.5 + spacing_s * row as f64, Some(Direction::of_deg(*index_deg)));
+                track.push(&Conditions { t_s, seconds: 1.0, index, ..Conditions::default() });
+            }
+            track.travel_deg
+        };
+        let of = |angles_deg: &[f64]| travel_deg(angles_deg, 1.0);
+        // A root of what is nothing but for rounding is 1e-8.
+        assert!((of(&[20.0, 60.0, 100.0, 120.0, 120.0]) - 120.0).abs() < 1e-5);
+        assert!((of(&[340.0, 300.0, 260.0, 240.0, 240.0]) + 120.0).abs() < 1e-5);
+        assert!((of(&[5.0, 40.0, 80.0, 115.0, 120.0, 120.0]) - 120.0).abs() < 1e-9);
+        assert!((of(&[0.0, 20.0, 60.0, 80.0, 80.0]) - 80.0).abs() < 1e-9);
+        // It ends in the second row, after half of it: 17.5° of the 20° before the first mean are known.
+        assert!((of(&[20.0, 55.0, 60.0, 60.0]) - 57.5).abs() < 1e-5);
+        assert!((travel_deg(&[0.0, 90.0, 180.0], 30.0) - 180.0).abs() < 1e-9);
+        assert!((of(&[10.0, 90.0, 90.0]) - 80.0).abs() < 1e-9);
+    }
 
     /// Rest at 350°, a move over two rows to 10° and 80°, rest: 90° counter-clockwise through north, resting from 3 s on. It begins at −10°.
     #[test]
