@@ -347,9 +347,9 @@ fn contradicted(search: &Search<'_>, best: &Model<'_>, blunder: &Blunder) -> boo
     let compared = without.best(&best.into()).and_then(|then| {
         let has_more = best.cost(&search.grammar) > then.cost(&without.grammar);
         let is_alone = has_more && best.in_runs(&mended)?.evidence() - then.evidence() <= NEGLIGIBLE;
-        let rival = if is_alone { search.plausible(&then.in_runs(search.runs)?) } else { search.plausible(best) };
+        let seen_by_others = if is_alone { Some(then.in_runs(search.runs)?) } else { None };
         let plausible = without.plausible(&then) - blunder.cost(mended.len());
-        Some(plausible > rival && plausible > search.plausible_with_any_references(best))
+        Some(search.is_less_plausible(seen_by_others.as_ref().unwrap_or(best), plausible))
     });
     compared.unwrap_or(false)
 }

@@ -204,16 +204,14 @@ impl<'a> Search<'a> {
         model.predictive(&self.grammar) - odds_against(model.found().len())
     }
 
-    /// The same, or that of the model where all references are less accurate than was said, if that is greater: where the model lacks something, references miss by more than their
-    /// sigmas though none is wrong.
-    pub fn plausible_with_any_references(&self, model: &Model<'_>) -> f64 {
-        let less = less_accurate(self.runs);
-        let of = |runs: &Vec<Run>| {
-            let with = Model::new(runs, model.process, &model.terms)?;
-            Some(self.plausible(&with) - cost_of_less_accurate())
+    /// Whether a model is less plausible than something else of this plausibility, nats, also where all references are less accurate than was said: where the model lacks something,
+    /// they miss by more than their sigmas though none is wrong.
+    pub fn is_less_plausible(&self, model: &Model<'_>, than: f64) -> bool {
+        let beside = |runs: &Vec<Run>| {
+            let with = Model::new(runs, model.process, &model.terms);
+            with.is_none_or(|with| self.plausible(&with) - cost_of_less_accurate() < than)
         };
-        let plausible = less.par_iter().filter_map(of);
-        plausible.reduce(|| self.plausible(model), f64::max)
+        self.plausible(model) < than && less_accurate(self.runs).par_iter().all(beside)
     }
 
     /// Adds the effects of the instrument's family that this unit more likely has than not.
@@ -370,7 +368,7 @@ impl<'a> Search<'a> {
             (blunders.len() > 1).then_some((plausible, blunders, runs, start))
         };
         let (plausible, blunders, runs, start) = beside.filter_map(mended).max_by(|a, b| a.0.total_cmp(&b.0))?;
-        (plausible > self.plausible_with_any_references(best)).then_some((blunders, runs, start))
+        self.is_less_plausible(best, plausible).then_some((blunders, runs, start))
     }
 
     /// Models in which one effect of the best model is replaced by another one, or left out.

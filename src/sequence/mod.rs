@@ -176,8 +176,8 @@ pub struct Sequencer {
     rest: IndexWatch,
     /// The steps of its moves.
     steps: Steps,
-    /// By how much the index read too large in the last second by the error model, degrees.
-    index_error_deg: f64,
+    /// The index in the last second.
+    last_index: Option<Angle>,
     /// The second under way is that of an arrival, with some of the move in it.
     arrives: bool,
     /// In the second under way the motor moved without a fix.
@@ -208,7 +208,7 @@ impl Sequencer {
             fallen_back: None,
             rest: IndexWatch::new(0.0),
             steps: Steps::default(),
-            index_error_deg: 0.0,
+            last_index: None,
             arrives: false,
             exercised: false,
             doubted: false,
@@ -318,7 +318,8 @@ impl Sequencer {
                     }
                     return command;
                 }
-                self.rest.stand(Angle::of_reading(index_deg, self.index_error_deg));
+                let error_deg = self.last_index.map_or(0.0, |last| last.error_deg());
+                self.rest.stand(Angle::of_reading(index_deg, error_deg));
                 self.arrives = true;
                 let index_deg = crate::units::wrap_360_deg(index_deg);
                 sink(Event::Arrived { position: self.position, index_deg });
@@ -334,7 +335,7 @@ impl Sequencer {
         let ahead_s = second.end_s() - t_s;
         self.ahead_s = if ahead_s.abs() > SAME_CLOCK_S { ahead_s } else { 0.0 };
         let corrected = self.accumulator.correct(second);
-        self.index_error_deg = corrected.angle().map_or(0.0, |index| index.error_deg());
+        self.last_index = corrected.angle();
         corrected
     }
 
