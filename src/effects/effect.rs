@@ -180,6 +180,12 @@ impl Effect {
         matches!(self.port, Port::Forward | Port::Left) || self.factors.iter().any(follows)
     }
 
+    /// An error of the encoder that is known from where it stands, whenever that is.
+    pub fn follows_index_alone(&self) -> bool {
+        let is_of_index = |factor: &Factor| factor.signal == Signal::Index && factor.dynamics.is_empty();
+        self.port == Port::Index && !self.factors.is_empty() && self.factors.iter().all(is_of_index)
+    }
+
     pub fn channels(&self) -> impl Iterator<Item = &ChannelName> {
         self.factors.iter().flat_map(Factor::channels)
     }

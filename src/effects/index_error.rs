@@ -19,13 +19,18 @@ impl IndexError {
     /// True direction of the index from the measured one.
     pub fn true_index(&self, measured: Direction) -> Direction {
         let Direction { cos, sin } = measured;
-        let error_deg = self.offset_deg + self.cos_deg * cos + self.sin_deg * sin;
+        let error_deg = self.offset_deg + self.periodic_deg(measured);
         if error_deg == 0.0 {
             return measured;
         }
         // θ true = θ measured − error.
         let (s, c) = sin_cos_deg(error_deg);
         Direction { cos: cos * c + sin * s, sin: sin * c - cos * s }
+    }
+
+    /// The part of the error that changes over a turn: cos_deg · cos θ + sin_deg · sin θ, degrees.
+    pub fn periodic_deg(&self, measured: Direction) -> f64 {
+        self.cos_deg * measured.cos + self.sin_deg * measured.sin
     }
 
     pub fn validate(&self) -> Result<(), Invalid> {

@@ -49,8 +49,10 @@ use crate::earth::EarthRate;
 use crate::sensing::index::Direction;
 use carried::MAX_GATES;
 use doubt::MAX_COEFFICIENTS;
-use effect::Port;
+use effect::{Memories, Port};
+use now::{Now, RunFacts};
 use signal::Signal;
+use track::Track;
 
 /// Most additive terms, products of two bases among them, and effects of the rate.
 pub const MAX_TERMS: usize = 12;
@@ -204,6 +206,25 @@ impl ErrorModel {
     /// True direction of the index from the measured one.
     pub fn true_index(&self, index: Direction) -> Direction {
         self.index_error.map_or(index, |error| error.true_index(index))
+    }
+
+    /// By how much the encoder reads too large here, degrees, as far as that follows the angle alone: the periodic part of the index error, and the effects at the
+    /// index whose only signal is the index, without dynamics. An error that is the same everywhere is not in it.
+    pub fn index_error_here_deg(&self, reading: Direction) -> f64 {
+        let conditions = Conditions { index: Some(reading), ..Conditions::default() };
+        let now = Now {
+            conditions: &conditions,
+            channels: &[],
+            track: &Track::default(),
+            run: &RunFacts::default(),
+            belief: None,
+        };
+        let of_effect = |effect: &Effect| {
+            let products = effect.products(&now, &mut Memories::default());
+            products.iter().zip(&effect.weights).map(|(product, weight)| product * f64::from(*weight)).sum::<f64>()
+        };
+        let of_effects = self.effects.iter().filter(|effect| effect.follows_index_alone()).map(of_effect).sum::<f64>();
+        of_effects + self.index_error.map_or(0.0, |error| error.periodic_deg(reading))
     }
 
     /// True azimuth from the one that the rates gave.

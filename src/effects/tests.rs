@@ -273,6 +273,35 @@ fn effects_at_every_port() {
     }
 }
 
+/// At 60°: 0.4° · cos 60° of an eccentric encoder and 0.2° · sin² 60° of an effect that follows the index twice; neither the zero error of 5° nor a
+/// constant, what follows the temperature, or the index behind a dynamics.
+#[test]
+fn the_error_of_a_reading_by_hand() {
+    let harmonic = Factor::new(signal::Index.into(), &[], shape::Harmonic { period: 360.0 }.into());
+    let behind = Factor::new(signal::Index.into(), &[dynamics::LowPass { tau_s: 9.0 }.into()], harmonic.shape.clone());
+    let temperature = signal::Channel { name: ChannelName::new("temp_c").unwrap() };
+    let warm = Factor::new(temperature.into(), &[], shape::Linear { reference: 18.0, scale: 1.0 }.into());
+    let effect = |factors: &[Factor], weights: &[f32]| Effect {
+        weights: weights.iter().copied().collect(),
+        ..Effect::new(Port::Index, factors)
+    };
+    let of_rate = Effect { port: Port::Rate, ..effect(core::slice::from_ref(&harmonic), &[1.0, 1.0]) };
+    let effects = [
+        effect(&[harmonic.clone(), harmonic.clone()], &[0.0, 0.0, 0.0, 0.2]),
+        effect(&[], &[1.0]),
+        effect(&[warm], &[1.0]),
+        effect(&[behind], &[1.0, 1.0]),
+        of_rate,
+    ];
+    let model = ErrorModel {
+        index_error: Some(IndexError { offset_deg: 5.0, cos_deg: 0.4, sin_deg: 0.0 }),
+        effects: effects.into_iter().collect(),
+        ..Default::default()
+    };
+    model.validate().unwrap();
+    assert_close(model.index_error_here_deg(Direction::of_deg(60.0)), 0.2 + 0.15);
+}
+
 /// A decay of 1/ln 2 s, 8 °/h, halves every second. The index is at 0° for two seconds and then at 90°: it rests there since 2 s, so that the middle of the
 /// fourth second comes 1.5 s after the move, and that of the first one 0.5 s after the start.
 #[test]

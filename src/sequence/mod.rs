@@ -22,7 +22,7 @@ use crate::fix::index_watch::{Angle, IndexWatch};
 use crate::fix::{self, Declared, Fix};
 use crate::health::Fault;
 use crate::sensing::gates::{DisturbanceGate, Gate, GateSettings, JitterGate, Verdict};
-use crate::sensing::index::{IndexAngle, IndexSettings, MotorCommand};
+use crate::sensing::index::{Direction, IndexAngle, IndexSettings, MotorCommand};
 use crate::sensing::level::{LevelSettings, Specific};
 use crate::sensing::sample::SAMPLE_S;
 use crate::units::{DEG_PER_RAD, wrap_180_deg};
@@ -293,9 +293,13 @@ impl Sequencer {
     ) -> Option<MotorCommand> {
         self.index = index;
         let t_s = tick as f64 * SAMPLE_S + self.ahead_s;
+        if !matches!(self.stage, Stage::Indexing(_) | Stage::Rotating(_)) {
+            return None;
+        }
+        let turned_deg = self.turned_deg()?;
         let progress = match &mut self.stage {
-            Stage::Indexing(turn) => turn.tick(index.deg()?, fresh, turning),
-            Stage::Rotating(rotation) => rotation.tick(index.deg()?, fresh, turning),
+            Stage::Indexing(turn) => turn.tick(turned_deg, fresh, turning),
+            Stage::Rotating(rotation) => rotation.tick(turned_deg, fresh, turning),
             _ => return None,
         };
         match progress {
@@ -318,6 +322,7 @@ impl Sequencer {
                     }
                     return command;
                 }
+                let index_deg = index_deg + self.error_here_deg();
                 let error_deg = self.last_index.map_or(0.0, |last| last.error_deg());
                 self.rest.stand(Angle::of_reading(index_deg, error_deg));
                 self.arrives = true;
@@ -327,6 +332,18 @@ impl Sequencer {
                 (!self.rules.index.hold_current).then_some(MotorCommand::Stop)
             }
         }
+    }
+
+    /// By how much the encoder reads too large by the model where it stands now, degrees, as far as that follows the angle alone.
+    fn error_here_deg(&self) -> f64 {
+        let model = self.accumulator.model();
+        self.index.deg().map_or(0.0, |read_deg| model.index_error_here_deg(Direction::of_deg(read_deg)))
+    }
+
+    /// How far the spindle is turned, degrees, unwrapped: what the encoder reads without the error that the model knows of it. The drive closes on this, and
+    /// the steps of its moves are held against it.
+    fn turned_deg(&self) -> Option<f64> {
+        Some(self.index.deg()? - self.error_here_deg())
     }
 
     /// A second has ended, at this index angle and at `t_s` of the instrument's clock. What it was goes to [`Self::second`].
@@ -587,7 +604,7 @@ impl Sequencer {
 
     /// Turns to the current position, or begins to collect there if the gyro is at it already.
     fn go_to_position(&mut self, t_s: f64, sink: Sink) -> Option<MotorCommand> {
-        let Some(angle_deg) = self.index.deg() else {
+        let Some(angle_deg) = self.turned_deg() else {
             return self.fail(Fault::EncoderFailed, t_s, sink);
         };
         let Some(wanted_deg) = self.target_deg() else {
@@ -613,7 +630,7 @@ impl Sequencer {
             self.enter(Stage::Collecting { seconds: 0 }, t_s, sink);
             return None;
         };
-        let Some(angle_deg) = self.index.deg() else { return self.fail(Fault::EncoderFailed, t_s, sink) };
+        let Some(angle_deg) = self.turned_deg() else { return self.fail(Fault::EncoderFailed, t_s, sink) };
         let (rotation, command) = Rotation::new(self.rules.index, angle_deg, passes);
         self.steps.begin(angle_deg, command);
         self.position = rotation.number();
@@ -626,9 +643,9 @@ impl Sequencer {
 
     /// A second of a continuous rotation counts if the index turned evenly in it; after the last pass the azimuth follows.
     fn rotating(&mut self, second: &Corrected, observed: &mut Observed, sink: Sink<'_>) -> Option<MotorCommand> {
-        let index_deg = self.index.deg();
+        let turned_deg = self.turned_deg();
         let Stage::Rotating(rotation) = &mut self.stage else { return None };
-        let (before, even, is_over) = (rotation.is_even, rotation.second(index_deg), rotation.is_over);
+        let (before, even, is_over) = (rotation.is_even, rotation.second(turned_deg), rotation.is_over);
         if even {
             observed.dwell = Some(self.position);
             observed.collected = self.accumulator.collect_rotating(second);
@@ -745,7 +762,7 @@ impl Sequencer {
         self.position = self.position.saturating_add(1);
         let (position, index, rates_deg_h) = (self.position, self.rules.index, self.rates_deg_h());
         let seen = self.seen();
-        let Some(angle_deg) = self.index.deg() else { return self.fail(Fault::EncoderFailed, t_s, sink) };
+        let Some(angle_deg) = self.turned_deg() else { return self.fail(Fault::EncoderFailed, t_s, sink) };
         let Some(adaptive) = &mut self.adaptive else { return None };
         if position == 1 {
             adaptive.begin_coarse(t_s, rates_deg_h);

@@ -127,6 +127,9 @@ impl Bench for BoardLoop {
     type Row = Told;
 
     fn measure(&self, out: &mut dyn Write) -> Result<Vec<Told>, Failure> {
+        for number in 0..self.instruments {
+            self.kept(number).as_deref().map_or(Ok(()), CampaignWriter::check_free)?;
+        }
         let bar = progress::bar(self.instruments, "instruments");
         let mut all = Vec::new();
         for number in 0..self.instruments {
@@ -144,10 +147,14 @@ impl Bench for BoardLoop {
 }
 
 impl BoardLoop {
+    /// The folder in which the campaign of an instrument is kept.
+    fn kept(&self, number: u64) -> Option<PathBuf> {
+        self.keep.as_ref().map(|keep| keep.join(format!("{number:04}")))
+    }
+
     fn one(&self, number: u64) -> Result<Told, Failure> {
         let temporary = tempfile::tempdir()?;
-        let folder = self.keep.as_deref().unwrap_or(temporary.path()).join(format!("{number:04}"));
-        CampaignWriter::check_free(&folder)?;
+        let folder = self.kept(number).unwrap_or_else(|| temporary.path().join("campaign"));
         let first = number * STREAMS;
         let rig = Rig::draw(&mut Draw::new(self.seed, first), self.runs, self.new_runs);
         let quiet = rig.runs_with(&rig.settings, &|_| Played::default(), 0..rig.runs.len())?;
@@ -288,17 +295,12 @@ impl Rig {
             return Ok(None);
         }
         let recorded = ran.into_iter().take(self.first_new).map(|ran| (ran.true_deg, ran.rows));
-        let diagnosis = diagnose(
-            &write_campaign(folder, "board-loop", &self.setup(0, &self.settings), recorded)?,
-            &Options { settings: self.settings.clone(), ..Options::default() },
-        )
-        .map_err(|refusal| Failure::Refused(refusal.to_string()))?;
         let mut told = Told {
             instrument: number,
             names: effects.iter().map(Effect::name).collect(),
             composition: instrument.describe(effects),
-            found: diagnosis.effects.iter().map(|effect| effect.full_name()).collect(),
-            verdict: diagnosis.verdict.clone(),
+            found: Vec::new(),
+            verdict: String::new(),
             refusal: None,
             quiet_deg: Vec::new(),
             before_deg,
@@ -306,6 +308,14 @@ impl Rig {
             oracle_deg,
             sigma_deg: Vec::new(),
         };
+        let campaign = write_campaign(folder, "board-loop", &self.setup(0, &self.settings), recorded)?;
+        let options = Options { settings: self.settings.clone(), ..Options::default() };
+        let diagnosis = match diagnose(&campaign, &options) {
+            Ok(diagnosis) => diagnosis,
+            Err(why) => return Ok(Some(Told { refusal: Some(why.to_string()), ..told })),
+        };
+        told.found = diagnosis.effects.iter().map(|effect| effect.full_name()).collect();
+        told.verdict = diagnosis.verdict.clone();
         match taught(&self.settings, &diagnosis, folder) {
             Ok(settings) => {
                 match self.runs_hiding(&settings, &instrument, effects, self.first_new..self.runs.len())? {
