@@ -28,7 +28,7 @@ const LACKS_CHANNEL: &str = "a column that other runs have is not in every row";
 /// What many pairs of runs that overlap are.
 const OVERLAPS: &str =
     "they overlap: their errors are not independent, and what is learned from one must not be judged by the other";
-/// The slope of azimuths against tilts is that of a latitude of the other sign within this share of it, and stands out by so many sigma.
+/// The slope of azimuths against tilts is that of a latitude of the other sign within this share of it and so many sigma, and stands out by as many.
 const LIKE_OTHER_SIGN: f64 = 0.2;
 const OTHER_SIGN_SIGMAS: f64 = 6.0;
 
@@ -156,7 +156,7 @@ pub fn refuse_latitude(
 
 /// Refuses a campaign whose latitude has the wrong sign. The solution takes Ω sin φ times the tilt out of the rates; with the wrong sign twice that
 /// remains, which turns the azimuth ψ by 2 Ω sin φ (left tilt · cos ψ − forward tilt · sin ψ)/(Ω cos φ), and references and stations show it. A gyro as
-/// sensitive to gravity as that (17 °/h at 1 g at 35°) would look the same, and is not asked.
+/// sensitive to gravity as that (17 °/h at 1 g at 35°) would look the same, and is not asked; one that is less so, or an error of the level, makes another slope.
 pub fn refuse_other_sign(runs: &[RunData]) -> Result<(), Refusal> {
     let azimuths: Vec<Option<f64>> = runs.iter().map(|run| Some(run.before?.azimuth_deg)).collect();
     let misses = stations::misses_deg(runs, &azimuths);
@@ -176,7 +176,8 @@ pub fn refuse_other_sign(runs: &[RunData]) -> Result<(), Refusal> {
     let squares = sum(&|x, _| x * x);
     let slope = sum(&|x, y| x * y) / squares;
     let sigma = (sum(&|x, y| (y - slope * x).powi(2)) / (count - 2.0) / squares).sqrt();
-    if count > 3.0 && (slope - 1.0).abs() < LIKE_OTHER_SIGN && slope > OTHER_SIGN_SIGMAS * sigma {
+    let limit = LIKE_OTHER_SIGN.min(OTHER_SIGN_SIGMAS * sigma);
+    if count > 3.0 && (slope - 1.0).abs() < limit && slope > OTHER_SIGN_SIGMAS * sigma {
         let latitude_deg = runs[0].settings.latitude_deg;
         return Err(Refusal::Campaign(format!(
             "the azimuths of tilted runs miss by what a latitude of {} deg does to them ({slope:.2} ± {sigma:.2} of it): \
