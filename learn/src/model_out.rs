@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector, Matrix3, SymmetricEigen, Vector3};
 use north_finder::effects::ErrorModel;
 use north_finder::effects::doubt::MAX_DIRECTIONS;
-use north_finder::effects::effect::Effect;
+use north_finder::effects::effect::{Effect, Port};
 use north_finder::units::DEG_PER_RAD;
 
 use super::posterior::Posterior;
@@ -12,7 +12,8 @@ use super::rows::Run;
 
 impl Posterior {
     /// The model over `base`. The covariance of the weights is kept in the directions that turn the azimuths of the runs most; what the others
-    /// turn them by, root mean square, widens sigma as a whole.
+    /// turn them by, root mean square, widens sigma as a whole. The model's bias makes up for what the effects add on the mean: a fix has a bias of its own and
+    /// knows no other azimuth by it, but the gates of a board look at rates.
     ///
     /// `None`: base and effects together are more than a model can hold.
     pub fn written(&self, base: &ErrorModel, runs: &[Run]) -> Option<ErrorModel> {
@@ -20,6 +21,7 @@ impl Posterior {
         for effect in &self.effects {
             model.effects.push(effect.clone()).ok()?;
         }
+        model.bias_deg_h -= self.mean_deg_h(runs);
         let own: usize = self.effects.iter().map(Effect::count).sum();
         let of_base: usize = base.terms.iter().map(|term| term.coefficients.len()).sum::<usize>()
             + base.effects.iter().map(Effect::count).sum::<usize>();
@@ -37,6 +39,17 @@ impl Posterior {
         model.doubt.azimuth_sigma_deg = model.doubt.azimuth_sigma_deg.hypot(left_rad2.max(0.0).sqrt() * DEG_PER_RAD);
         model.doubt.process = self.process.or(model.doubt.process);
         model.validate().is_ok().then_some(model)
+    }
+
+    /// What the effects that do not depend on the azimuth add to the rate on the mean of the rows, °/h.
+    fn mean_deg_h(&self, runs: &[Run]) -> f64 {
+        let adding = || self.effects.iter().filter(|effect| effect.port == Port::Rate && !effect.needs_azimuth());
+        let added = |run: &Run| -> f64 {
+            let columns = adding().flat_map(|effect| run.columns_of(effect).into_iter().zip(&effect.weights));
+            columns.map(|(column, weight)| f64::from(*weight) * column.iter().sum::<f64>()).sum()
+        };
+        let rows: usize = runs.iter().map(|run| run.rate_deg_h.len()).sum();
+        runs.iter().map(added).sum::<f64>() / rows.max(1) as f64
     }
 
     /// Columns of a factor of the covariance, those that turn the azimuths most, and the mean square of what the others turn them by, rad².

@@ -53,6 +53,9 @@ pub struct BoardLoop {
     /// Effects that every instrument hides, 1 to 3
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=3))]
     effects: u8,
+    /// Only the instrument with this number, from 0
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..10_000))]
+    only: Option<u64>,
     /// Keep the recorded campaigns, and the learned models as model.toml, in new folders DIR/0000, DIR/0001 …
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
@@ -127,12 +130,13 @@ impl Bench for BoardLoop {
     type Row = Told;
 
     fn measure(&self, out: &mut dyn Write) -> Result<Vec<Told>, Failure> {
-        for number in 0..self.instruments {
+        let numbers = self.only.map_or(0..self.instruments, |only| only..only + 1);
+        for number in numbers.clone() {
             self.kept(number).as_deref().map_or(Ok(()), CampaignWriter::check_free)?;
         }
-        let bar = progress::bar(self.instruments, "instruments");
+        let bar = progress::bar(numbers.end - numbers.start, "instruments");
         let mut all = Vec::new();
-        for number in 0..self.instruments {
+        for number in numbers {
             let told = self.one(number)?;
             if self.verbose {
                 print(&told, out)?;
