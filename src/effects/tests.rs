@@ -278,7 +278,7 @@ fn effects_at_every_port() {
 #[test]
 fn the_error_of_a_reading_by_hand() {
     let harmonic = Factor::new(signal::Index.into(), &[], shape::Harmonic { period: 360.0 }.into());
-    let behind = Factor::new(signal::Index.into(), &[dynamics::LowPass { tau_s: 9.0 }.into()], harmonic.shape.clone());
+    let behind = Factor::new(signal::Index.into(), &[dynamics::LowPass { tau_s: 9.0 }.into()], harmonic.shape);
     let temperature = signal::Channel { name: ChannelName::new("temp_c").unwrap() };
     let warm = Factor::new(temperature.into(), &[], shape::Linear { reference: 18.0, scale: 1.0 }.into());
     let effect = |factors: &[Factor], weights: &[f32]| Effect {
