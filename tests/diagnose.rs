@@ -297,7 +297,6 @@ fn an_unknown_channel_is_found_by_its_name_and_run_by_a_board_that_measures_it()
     assert_eq!(settings.model, file.error_model);
 }
 
-/// The supply changes by 0.5 V · 2π/310 s = 0.01 V/s at most: the place of a step is known to the row in which it happens.
 /// 2 °/h per kelvin from 12 °C on, 16 °/h on the mean: whatever forms the model has it from, on the mean of the rows that it was learned from it takes nothing, so that a fix finds
 /// the bias that it found without it. At the ends of a dwell a row or two of 28 may not have been learned from: of the wave of 2 °/h 2/28, 0.15 °/h.
 #[test]
@@ -321,6 +320,7 @@ fn what_effects_add_on_the_mean_is_left_to_the_bias() {
     assert!(mean_deg_h.abs() < 0.15, "{mean_deg_h}");
 }
 
+/// The supply changes by 0.5 V · 2π/310 s = 0.01 V/s at most: the place of a step is known to the row in which it happens.
 #[test]
 #[ignore = "a long search: make proofs"]
 fn a_step_is_found_to_the_row_in_which_it_happens() {

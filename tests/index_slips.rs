@@ -19,22 +19,10 @@ enum Slips {
 
 /// A calm bench where something slips at a time, in an order. Flags, azimuth error and sigma in degrees, and the reports.
 fn slip(what: Slips, slip_deg: f64, at_s: f64, order: Order, seed: u64) -> (Flags, f64, f64, Vec<Report>) {
-    slip_by_model(what, slip_deg, at_s, order, seed, ErrorModel::default())
+    slip_in(Scenario::named("calm-bench").unwrap(), what, slip_deg, at_s, order, seed, ErrorModel::default())
 }
 
-/// The same with an error model.
-fn slip_by_model(
-    what: Slips,
-    slip_deg: f64,
-    at_s: f64,
-    order: Order,
-    seed: u64,
-    model: ErrorModel,
-) -> (Flags, f64, f64, Vec<Report>) {
-    slip_in(Scenario::named("calm-bench").unwrap(), what, slip_deg, at_s, order, seed, model)
-}
-
-/// The same in another scenario.
+/// The same in a scenario, with an error model.
 fn slip_in(
     mut scenario: Scenario,
     what: Slips,
@@ -114,7 +102,8 @@ fn an_error_that_the_model_knows_is_no_slip() {
     let growing = index_error(&[Factor::new(Since.into(), &[], Linear { reference: 0.0, scale: 60.0 }.into())]);
     for order in [Order::Mirrored, Order::ADAPTIVE, Order::Rotation { passes: 6 }] {
         let of = |model: &ErrorModel, slip_deg, at_s| {
-            slip_by_model(Slips::Encoder, slip_deg, at_s, order.clone(), 1, model.clone())
+            let scenario = Scenario::named("calm-bench").unwrap();
+            slip_in(scenario, Slips::Encoder, slip_deg, at_s, order.clone(), 1, model.clone())
         };
         let (flags, error_deg, sigma_deg, _) = of(&constant, 0.0, 0.0);
         assert!(!flags.contains(Flag::IndexSlip), "{order:?}");

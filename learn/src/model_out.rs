@@ -44,11 +44,8 @@ impl Posterior {
     /// What the effects that do not depend on the azimuth add to the rate on the mean of the rows, °/h.
     fn mean_deg_h(&self, runs: &[Run]) -> f64 {
         let adding = || self.effects.iter().filter(|effect| effect.port == Port::Rate && !effect.needs_azimuth());
-        let added = |run: &Run| -> f64 {
-            let columns = adding().flat_map(|effect| run.columns_of(effect).into_iter().zip(&effect.weights));
-            columns.map(|(column, weight)| f64::from(*weight) * column.iter().sum::<f64>()).sum()
-        };
-        let rows: usize = runs.iter().map(|run| run.rate_deg_h.len()).sum();
+        let added = |run: &Run| -> f64 { adding().flat_map(|effect| run.added_by(effect)).sum() };
+        let rows: usize = runs.iter().map(Run::rows).sum();
         runs.iter().map(added).sum::<f64>() / rows.max(1) as f64
     }
 

@@ -282,6 +282,13 @@ impl Run {
         columns
     }
 
+    /// What an effect adds to the rate, °/h, by the row.
+    pub fn added_by(&self, effect: &Effect) -> Vec<f64> {
+        let columns = self.columns_of(effect);
+        let sum = |row: usize| columns.iter().zip(&effect.weights).map(|(c, w)| c[row] * f64::from(*w)).sum();
+        (0..self.rows()).map(sum).collect()
+    }
+
     /// What the rate of a second changes by, by unit of what an effect adds at a port.
     fn gain(&self, port: Port, sample: &Sample) -> f64 {
         let (sin, cos) = (self.azimuth_deg * RAD_PER_DEG).sin_cos();

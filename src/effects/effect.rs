@@ -98,6 +98,11 @@ impl Effect {
         products
     }
 
+    /// What it adds at its port, of its products.
+    pub fn sum(&self, products: &[f64]) -> f64 {
+        products.iter().zip(&self.weights).map(|(a, b)| a * f64::from(*b)).sum()
+    }
+
     /// All its signals say something in this second.
     pub fn is_read(&self, now: &Now<'_>) -> bool {
         let says = |factor: &Factor| {

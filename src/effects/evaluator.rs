@@ -212,7 +212,7 @@ struct Sum {
 
 impl Sum {
     fn add(&mut self, effect: &Effect, products: &[f64]) {
-        self.value += products.iter().zip(&effect.weights).map(|(a, b)| a * f64::from(*b)).sum::<f64>();
+        self.value += effect.sum(products);
     }
 }
 

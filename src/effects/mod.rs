@@ -210,7 +210,12 @@ impl ErrorModel {
 
     /// By how much the encoder reads too large here, degrees, as far as that follows the angle alone: the periodic part of the index error, and the effects at the
     /// index whose only signal is the index, without dynamics. An error that is the same everywhere is not in it.
-    pub fn index_error_here_deg(&self, reading: Direction) -> f64 {
+    pub fn index_error_here_deg(&self, read_deg: f64) -> f64 {
+        let of_index = || self.effects.iter().filter(|effect| effect.follows_index_alone());
+        if self.index_error.is_none() && of_index().next().is_none() {
+            return 0.0;
+        }
+        let reading = Direction::of_deg(read_deg);
         let conditions = Conditions { index: Some(reading), ..Conditions::default() };
         let now = Now {
             conditions: &conditions,
@@ -219,12 +224,8 @@ impl ErrorModel {
             run: &RunFacts::default(),
             belief: None,
         };
-        let of_effect = |effect: &Effect| {
-            let products = effect.products(&now, &mut Memories::default());
-            products.iter().zip(&effect.weights).map(|(product, weight)| product * f64::from(*weight)).sum::<f64>()
-        };
-        let of_effects = self.effects.iter().filter(|effect| effect.follows_index_alone()).map(of_effect).sum::<f64>();
-        of_effects + self.index_error.map_or(0.0, |error| error.periodic_deg(reading))
+        let of_effect = |effect: &Effect| effect.sum(&effect.products(&now, &mut Memories::default()));
+        of_index().map(of_effect).sum::<f64>() + self.index_error.map_or(0.0, |error| error.periodic_deg(reading))
     }
 
     /// True azimuth from the one that the rates gave.

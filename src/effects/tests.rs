@@ -299,7 +299,7 @@ fn the_error_of_a_reading_by_hand() {
         ..Default::default()
     };
     model.validate().unwrap();
-    assert_close(model.index_error_here_deg(Direction::of_deg(60.0)), 0.2 + 0.15);
+    assert_close(model.index_error_here_deg(60.0), 0.2 + 0.15);
 }
 
 /// A decay of 1/ln 2 s, 8 °/h, halves every second. The index is at 0° for two seconds and then at 90°: it rests there since 2 s, so that the middle of the

@@ -22,7 +22,7 @@ use crate::fix::index_watch::{Angle, IndexWatch};
 use crate::fix::{self, Declared, Fix};
 use crate::health::Fault;
 use crate::sensing::gates::{DisturbanceGate, Gate, GateSettings, JitterGate, Verdict};
-use crate::sensing::index::{Direction, IndexAngle, IndexSettings, MotorCommand};
+use crate::sensing::index::{IndexAngle, IndexSettings, MotorCommand};
 use crate::sensing::level::{LevelSettings, Specific};
 use crate::sensing::sample::SAMPLE_S;
 use crate::units::{DEG_PER_RAD, wrap_180_deg};
@@ -336,8 +336,7 @@ impl Sequencer {
 
     /// By how much the encoder reads too large by the model where it stands now, degrees, as far as that follows the angle alone.
     fn error_here_deg(&self) -> f64 {
-        let model = self.accumulator.model();
-        self.index.deg().map_or(0.0, |read_deg| model.index_error_here_deg(Direction::of_deg(read_deg)))
+        self.index.deg().map_or(0.0, |read_deg| self.accumulator.model().index_error_here_deg(read_deg))
     }
 
     /// How far the spindle is turned, degrees, unwrapped: what the encoder reads without the error that the model knows of it. The drive closes on this, and

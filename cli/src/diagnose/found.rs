@@ -280,10 +280,7 @@ impl Found {
     /// Root mean square of what an effect adds to the rates of the runs, each run's mean taken out, °/h.
     fn size_deg_h(&self, effect: &effect::Effect) -> f64 {
         let of_run = |run: &Run| {
-            let columns = run.columns_of(effect);
-            let sum =
-                |row: usize| columns.iter().zip(&effect.weights).map(|(c, w)| c[row] * f64::from(*w)).sum::<f64>();
-            let values: Vec<f64> = (0..run.rows()).map(sum).collect();
+            let values = run.added_by(effect);
             let mean = values.iter().sum::<f64>() / values.len() as f64;
             values.into_iter().map(|value| value - mean).collect::<Vec<f64>>()
         };
