@@ -156,7 +156,8 @@ pub fn refuse_latitude(
 
 /// Refuses a campaign whose latitude has the wrong sign. The solution takes Ω sin φ times the tilt out of the rates; with the wrong sign twice that
 /// remains, which turns the azimuth ψ by 2 Ω sin φ (left tilt · cos ψ − forward tilt · sin ψ)/(Ω cos φ), and references and stations show it. A gyro as
-/// sensitive to gravity as that (17 °/h at 1 g at 35°) would look the same, and is not asked; one that is less so, or an error of the level, makes another slope.
+/// sensitive to gravity as that (17 °/h at 1 g at 35°) would look the same, and is not asked; one that is less so, or an error of the level, makes another slope. And it has to explain
+/// nearly all: with the right sign the misses have to be less than a third of what they are.
 pub fn refuse_other_sign(runs: &[RunData]) -> Result<(), Refusal> {
     let azimuths: Vec<Option<f64>> = runs.iter().map(|run| Some(run.before?.azimuth_deg)).collect();
     let misses = stations::misses_deg(runs, &azimuths);
@@ -177,7 +178,8 @@ pub fn refuse_other_sign(runs: &[RunData]) -> Result<(), Refusal> {
     let slope = sum(&|x, y| x * y) / squares;
     let sigma = (sum(&|x, y| (y - slope * x).powi(2)) / (count - 2.0) / squares).sqrt();
     let limit = LIKE_OTHER_SIGN.min(OTHER_SIGN_SIGMAS * sigma);
-    if count > 3.0 && (slope - 1.0).abs() < limit && slope > OTHER_SIGN_SIGMAS * sigma {
+    let explains = 9.0 * sum(&|x, y| (y - x).powi(2)) < sum(&|_, y| y * y);
+    if count > 3.0 && explains && (slope - 1.0).abs() < limit && slope > OTHER_SIGN_SIGMAS * sigma {
         let latitude_deg = runs[0].settings.latitude_deg;
         return Err(Refusal::Campaign(format!(
             "the azimuths of tilted runs miss by what a latitude of {} deg does to them ({slope:.2} ± {sigma:.2} of it): \
