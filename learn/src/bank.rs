@@ -227,7 +227,7 @@ impl Bank {
             coarse_functions,
             library,
         };
-        let none = grammar.ports.iter().filter(|&&port| port != Port::Rate).map(|&port| (port, None));
+        let none = grammar.ports_of_constants.iter().filter(|&&port| port != Port::Rate).map(|&port| (port, None));
         let forms = (0..factors.len()).flat_map(|i| grammar.ports.iter().map(move |&port| (port, Some(i))));
         let forms: Vec<(Port, Option<usize>)> = none.chain(forms).collect();
         let proposal = |(port, factor): (Port, Option<usize>)| {

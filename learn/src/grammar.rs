@@ -27,8 +27,11 @@ const MOST_PAIRED: usize = 6;
 #[derive(Clone)]
 pub struct Grammar {
     pub signals: Vec<(Signal, Span)>,
-    /// Where effects may enter: at the levels where they are measured; of still recordings all but the rate is one with it.
+    /// Where effects may enter: of still recordings all but the rate is one with it. At the levels where the accelerometers are seen to err: what changes in a run would
+    /// change their readings.
     pub ports: Vec<Port>,
+    /// The same for constants: at the levels where they are measured.
+    pub ports_of_constants: Vec<Port>,
     /// What is evaluated of factors.
     pub library: Arc<Library>,
 }
@@ -37,7 +40,7 @@ impl Grammar {
     /// Of runs that all have the same channels.
     pub fn new(runs: &[Run], library: Library) -> Self {
         let library = Arc::new(library);
-        let Some(first) = runs.first() else { return Self { signals: Vec::new(), ports: Vec::new(), library } };
+        let Some(first) = runs.first() else { return Self::empty(library) };
         let shared = |name: &&str| runs.iter().all(|run| run.channel_names().any(|each| each == *name));
         let names: Vec<ChannelName> = first.channel_names().filter(shared).filter_map(ChannelName::new).collect();
         let channels = names.iter().map(|&name| Channel { name }.into());
@@ -52,13 +55,20 @@ impl Grammar {
             .filter_map(|signal| Some((signal, library.span(runs, &Factor::new(signal, &[], IDENTITY))?)))
             .collect();
         let still = runs.iter().all(|run| run.still);
-        let levelled = runs.iter().all(Run::has_level);
-        let port = |port: &Port| match port {
-            Port::Rate => true,
-            Port::Scale | Port::Index => !still,
-            Port::Forward | Port::Left => !still && levelled,
+        let ports = |levelled: bool| {
+            let is_one = |port: &Port| match port {
+                Port::Rate => true,
+                Port::Scale | Port::Index => !still,
+                Port::Forward | Port::Left => !still && levelled,
+            };
+            Port::ALL.into_iter().filter(is_one).collect()
         };
-        Self { signals, ports: Port::ALL.into_iter().filter(port).collect(), library }
+        let ports_of_constants = ports(runs.iter().all(Run::has_level));
+        Self { signals, ports: ports(runs.iter().any(Run::level_errs)), ports_of_constants, library }
+    }
+
+    fn empty(library: Arc<Library>) -> Self {
+        Self { signals: Vec::new(), ports: Vec::new(), ports_of_constants: Vec::new(), library }
     }
 
     /// What comes out of a signal's dynamics; `None` where it does not vary.

@@ -179,13 +179,19 @@ pub struct Worth {
     pub sigma: f64,
 }
 
+/// Logarithm of the evidence of these runs without an effect, beside the process of the runs' own or the offsets of every rest that suit them best. `None` where the
+/// runs determine no model.
+pub fn evidence(runs: &[Run]) -> Option<f64> {
+    Some(Model::new(runs, None, &[])?.with_likeliest_process_or_offsets().evidence())
+}
+
 /// What each column alone adds to what is known of these runs: its unit adds so much to the rates, °/h, by the row and all runs one after the other. Beside the
 /// process of the runs' own that suits them best with it and without it, or offsets of every rest that do: what an effect adds to a dwell, a column that
 /// differs from dwell to dwell may imitate. `None` where the runs determine no model
 /// with it, or none at all.
 pub fn gains_of(runs: &[Run], columns: Vec<Vec<f64>>) -> Option<Vec<Option<Worth>>> {
     let bare = Model::new(runs, None, &[])?;
-    let without = Model::new(runs, None, &[])?.with_likeliest_process_or_offsets().evidence();
+    let without = evidence(runs)?;
     let worth = |column: Vec<f64>| {
         let values = vec![column];
         let columns = bare.problem.columns(&values);

@@ -80,6 +80,8 @@ pub struct Run {
     pub variance: Vec<f64>,
     cos: Vec<f64>,
     sin: Vec<f64>,
+    /// The accelerometers are seen to err: their readings change, and the base stands.
+    level_errs: bool,
 }
 
 impl Run {
@@ -133,6 +135,7 @@ impl Run {
             variance: Vec::new(),
             cos: Vec::new(),
             sin: Vec::new(),
+            level_errs: false,
         };
         run.gather(recording.noise_deg_h);
         run.follow();
@@ -178,6 +181,12 @@ impl Run {
         self.set_azimuth(self.plain_deg.unwrap_or(self.azimuth_deg));
     }
 
+    /// The same without what something else added to its rates, °/h by the row.
+    pub fn less(mut self, added_deg_h: &[f64]) -> Self {
+        self.rate_deg_h.iter_mut().zip(added_deg_h).for_each(|(rate, added)| *rate -= added);
+        self
+    }
+
     /// The equations are linearised elsewhere.
     pub fn set_azimuth(&mut self, azimuth_deg: f64) {
         self.azimuth_deg = azimuth_deg;
@@ -188,6 +197,15 @@ impl Run {
     pub fn take_reference(&mut self, reference: Option<(f64, f64)>) {
         self.reference = reference;
         self.set_azimuth(reference.map_or(self.azimuth_deg, |(deg, _)| deg));
+    }
+
+    /// Its accelerometers err, by what all runs say.
+    pub fn with_level_errors(self) -> Self {
+        Self { level_errs: true, ..self }
+    }
+
+    pub fn level_errs(&self) -> bool {
+        self.level_errs
     }
 
     /// Its levels are measured.
@@ -583,6 +601,7 @@ impl Run {
             variance: vec![1.0; rate_deg_h.len()],
             cos: (0..rate_deg_h.len()).map(|i| quarter(i).1).collect(),
             sin: (0..rate_deg_h.len()).map(|i| quarter(i).0).collect(),
+            level_errs: false,
         }
     }
 

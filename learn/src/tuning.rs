@@ -109,6 +109,9 @@ impl Proposals<'_> {
 
     /// The same with one factor more, one of so many.
     pub fn extensions_of(&self, effect: &Effect, left: &Left, most: usize) -> Vec<Effect> {
+        if !self.grammar.ports.contains(&effect.port) {
+            return Vec::new();
+        }
         if effect.factors.len() == MAX_FACTORS {
             return Vec::new();
         }

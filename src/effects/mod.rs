@@ -78,6 +78,9 @@ pub struct ErrorModel {
     pub scale_error: f64,
     /// Bias, °/h.
     pub bias_deg_h: f64,
+    /// By how much the level accelerometers change in a fix while the base stands, arcsec: changes up to twice that are no motion of the base. 0: none that is
+    /// known.
+    pub level_drift_arcsec: f64,
     /// What adds to the rate, or to the scale factor.
     pub terms: Vec<Term, MAX_TERMS>,
     /// What the gyro makes of the rate beyond its scale factor.
@@ -237,6 +240,7 @@ impl ErrorModel {
     pub fn validate(&self) -> Result<(), Invalid> {
         within("model.scale_error", self.scale_error, -0.1, 0.1, "-0.1 to 0.1")?;
         within("model.bias_deg_h", self.bias_deg_h, -1e5, 1e5, "-1e5 to 1e5")?;
+        within("model.level_drift_arcsec", self.level_drift_arcsec, 0.0, 36_000.0, "0 to 36000 (10 degrees)")?;
         self.terms.iter().try_for_each(Term::validate)?;
         self.rate_terms.iter().try_for_each(RateTerm::validate)?;
         self.index_error.as_ref().map_or(Ok(()), IndexError::validate)?;

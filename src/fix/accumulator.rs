@@ -264,6 +264,10 @@ impl<D: Dwells> Accumulator<D> {
         self.evaluator.set_run(run);
     }
 
+    pub fn into_dwells(self) -> D {
+        self.dwells
+    }
+
     pub fn declared(&self) -> &Declared {
         &self.declared
     }

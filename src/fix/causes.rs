@@ -18,14 +18,19 @@ const IN_ORDER_S: f64 = 0.01;
 /// Solves for the azimuth. `dwells` in the order of time.
 ///
 /// Where the levels change, either the base moved, which turned the gyro too, or the accelerometers drifted, which the gyro knows nothing of:
-/// both are weighed. Where the levels jump, the base is supposed to have moved unless the rates contradict it.
+/// both are weighed, unless the model knows the accelerometers to change by as much. Where the levels jump, the base is supposed to have moved unless the rates contradict it.
 ///
 /// Where the dwells contradict each other, the encoder may have slipped in a move that did not follow its steps: then its slip is solved for. Or the
 /// instrument may have been turned about the vertical meanwhile: then the azimuth is that after the turn, if the dwells determine it.
 pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -> Result<Fix, Unsolvable> {
-    let taken_out = dwells.iter().any(|dwell| dwell.base_taken_out);
-    let motion = if taken_out { BaseMotion::Still } else { base_motion::detect(dwells) };
-    let standing = solve_standing(dwells, declared, model, motion);
+    let seen = base_motion::detect(dwells);
+    let drifted = seen.is_moving() && is_of_accelerometers(dwells, model);
+    let motion = if drifted { BaseMotion::Still } else { seen };
+    let standing = if drifted {
+        solve_for_jumps(dwells, declared, model, motion).map(standing)
+    } else {
+        solve_standing(dwells, declared, model, motion)
+    };
     // The sectors of a continuous rotation are of no time of their own.
     let in_order =
         dwells.windows(2).all(|pair| matches!(pair, [before, after] if before.end_s <= after.start_s + IN_ORDER_S));
@@ -47,6 +52,12 @@ pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -
     slipped.or_else(|| [0, 1].into_iter().find_map(turned)).map_or(standing, Ok)
 }
 
+/// Whether the levels change by no more than the model says that the accelerometers do while the base stands; twice
+/// the greatest change that was seen is room for new runs.
+fn is_of_accelerometers(dwells: &[DwellSummary], model: &ErrorModel) -> bool {
+    base_motion::range_arcsec(dwells).is_some_and(|range_arcsec| range_arcsec <= 2.0 * model.level_drift_arcsec)
+}
+
 /// The solution for an instrument that was not turned.
 fn solve_standing(
     dwells: &[DwellSummary],
@@ -54,7 +65,7 @@ fn solve_standing(
     model: &ErrorModel,
     motion: BaseMotion,
 ) -> Result<Fix, Unsolvable> {
-    if !matches!(motion, BaseMotion::Moving(_)) {
+    if !motion.is_moving() {
         return solve_for_jumps(dwells, declared, model, motion);
     }
     let slipped = dwells.iter().any(|dwell| dwell.slip_deg != 0.0);

@@ -3,8 +3,8 @@
 use nalgebra::Vector4;
 
 use super::azimuth_effects::AzimuthEffects;
+use super::base_motion::BaseMotion;
 use super::base_motion::levels::Path;
-use super::base_motion::{self, BaseMotion, Method};
 use super::cause::Cause;
 use super::design::DesignRow;
 use super::doubt::Correlated;
@@ -75,7 +75,7 @@ impl<'a> Problem<'a> {
         if self.cause.spoils(dwell) {
             (weight, weight_of_slope) = (0.0, 0.0);
         }
-        let rate_deg_h = mean_deg_h - design.vertical_deg_h - self.base_rate_deg_h(dwell);
+        let rate_deg_h = mean_deg_h - design.vertical_deg_h - self.motion.rate_deg_h(dwell);
         let hours = (dwell.t_s - self.start_s) / 3600.0;
         let (effects_deg_h, with_azimuth) =
             self.effects_at(dwell).map_or((0.0, Vector4::zeros()), |effects| effects.of_dwell(dwell, index));
@@ -139,18 +139,5 @@ impl<'a> Problem<'a> {
     /// The path of the base that is taken out.
     pub fn path(&self) -> Option<&Path> {
         self.motion.path()
-    }
-
-    /// What the base's turning adds to the gyro's rate at a dwell, °/h: cos θ · dr/dt − sin θ · dp/dt.
-    fn base_rate_deg_h(&self, dwell: &DwellSummary) -> f64 {
-        let [pitch_deg_h, roll_deg_h] = match &self.motion {
-            BaseMotion::Unknown | BaseMotion::Still => return 0.0,
-            BaseMotion::Moving(Method::Slopes { .. }) => base_motion::slopes_deg_h(dwell),
-            BaseMotion::Moving(Method::Path(path)) => {
-                let rates = path.rates(dwell);
-                path.coefficients().map(|coefficients| rates.dot(&coefficients))
-            }
-        };
-        dwell.cos * roll_deg_h - dwell.sin * pitch_deg_h
     }
 }

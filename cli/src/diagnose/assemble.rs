@@ -69,7 +69,7 @@ impl Judged {
         let judged = found.as_ref().filter(|found| !found.is_nothing());
         let folds = judged.map(|found| validate::folds(runs, found, base, &options.family, &wrong_files));
         let found = found.map(|found| match &folds {
-            Some(folds) => folds.lead(found, base, &options.family),
+            Some(folds) => folds.lead(found, &options.family),
             None => found,
         });
         let validated = validate::validated(runs, found.as_ref().zip(folds.as_ref()), base, &wrong_files);
@@ -304,7 +304,7 @@ fn noise_tests(campaign: &Campaign, residuals: &Residuals, of_dwells: Option<&Re
 
 /// The dwells of runs of a base that moves, by the model before and the one that takes the motion out; runs that have an azimuth by both.
 fn by_dwells(runs: &[RunData], base: &ErrorModel, model: &ErrorModel) -> Vec<(RunData, RunData)> {
-    let of_run = |run: &RunData| Some((moving::dwells_of(run, base)?, moving::dwells_of(run, model)?));
+    let of_run = |run: &RunData| Some((moving::dwells_of(run, base)?, moving::dwells_at_rest(run, model)?));
     runs.par_iter().filter_map(of_run).collect()
 }
 

@@ -1,5 +1,7 @@
 //! What some runs taught: effects, the base's motion, references that are wrong.
 
+use std::collections::BTreeMap;
+
 use learn::{Allowed, Blunder, Common, Family, Learned, Place, Posterior, Run, Standing, Statistics, Taught, Ways};
 use north_finder::effects::doubt::Process;
 use north_finder::effects::{ChannelName, ErrorModel, effect};
@@ -7,7 +9,7 @@ use rayon::prelude::*;
 
 use super::board;
 use super::guard;
-use super::moving::{self, Motion};
+use super::moving::{self, LevelDrift, Motion, Moved};
 use super::names::{self, EARTH_FIELD, FIRST_HARMONIC, GRAVITY_SENSITIVITY, INDEX_OFFSET, LATITUDE, LEVEL_BIAS, Named};
 use super::statistics::rms;
 use super::{Effect, FamilyEffect, InFamily};
@@ -18,8 +20,9 @@ const LEAST_RUNS: usize = 3;
 /// Relative error up to which sensitivity to gravity is what the other sign of the latitude would do.
 const OTHER_LATITUDE: f64 = 0.2;
 
-/// The motion of the base, among effects.
+/// The motion of the base, among effects, and accelerometers that change while it stands.
 const BASE_MOTION: &str = "base-motion";
+const LEVEL_DRIFT: &str = "level-drift";
 /// A process of the runs' own, among what was found.
 pub const PROCESS: &str = "a process of every run's own";
 
@@ -27,6 +30,9 @@ pub const PROCESS: &str = "a process of every run's own";
 pub struct Found {
     pub learned: Learned,
     pub motion: Option<Motion>,
+    level_drift: Option<LevelDrift>,
+    /// The model that they were learned with.
+    base: ErrorModel,
     /// Files of the runs that were learned from, in the order of the search.
     files: Vec<String>,
     /// What the firmware runs of each model that was learned ([`Learned::models`]).
@@ -61,7 +67,7 @@ impl Found {
     /// to be at first. `None` where there are too few to learn from, or no model can hold what was found.
     pub fn learn(runs: &[&RunData], base: &ErrorModel, family: &Family, of_more: Option<&Self>) -> Option<Self> {
         let measured = board::measured(runs.iter().copied());
-        let (motion, base, mut of_search) = searched(runs, base)?;
+        let Searched { motion, level_drift, base, runs: mut of_search } = searched(runs, base)?;
         for run in of_search.iter_mut().filter(|run| run.reference.is_none()) {
             let mut known = of_more.iter().flat_map(|found| &found.learned.runs);
             if let Some(known) = known.find(|known| known.file == run.file && known.reference.is_none()) {
@@ -73,13 +79,12 @@ impl Found {
             Some(if of_search.is_empty() { Learned::default() } else { learn::learn(of_search, allowed) })
         };
         let (learned, models) = taught(runs, &base, family, learned)?;
-        Some(Self { learned, motion, files, models, measured })
+        Some(Self { learned, motion, level_drift, base, files, models, measured })
     }
 
     /// The same, or what is learned of the same runs when the search begins with what some of them taught, where that is likelier.
-    pub fn led_by(self, of_some: &[&[effect::Effect]], runs: &[&RunData], base: &ErrorModel, family: &Family) -> Self {
-        let base = self.motion.as_ref().map_or_else(|| base.clone(), |motion| motion.model(base));
-        match taught(runs, &base, family, |allowed| learn::learn_again(&self.learned, of_some, allowed)) {
+    pub fn led_by(self, of_some: &[&[effect::Effect]], runs: &[&RunData], family: &Family) -> Self {
+        match taught(runs, &self.base, family, |allowed| learn::learn_again(&self.learned, of_some, allowed)) {
             Some((learned, models)) => Self { learned, models, ..self },
             None => self,
         }
@@ -153,7 +158,7 @@ impl Found {
 
     /// Nothing was learned that a model could hold.
     pub fn is_nothing(&self) -> bool {
-        self.learned.best.posterior.effects.is_empty() && self.motion.is_none() && self.process().is_none()
+        self.learned.best.posterior.effects.is_empty() && self.beside_effects().is_empty()
     }
 
     /// What was found, in words.
@@ -175,7 +180,8 @@ impl Found {
     pub fn beside_effects(&self) -> Vec<String> {
         let motion = self.motion.is_some().then(|| BASE_MOTION.to_owned());
         let process = self.learned.without_effects().posterior.process.map(|_| PROCESS.to_owned());
-        motion.into_iter().chain(process).collect()
+        let level_drift = self.level_drift.is_some().then(|| LEVEL_DRIFT.to_owned());
+        motion.into_iter().chain(level_drift).chain(process).collect()
     }
 
     /// References that are wrong, by what the runs say of each other.
@@ -227,9 +233,9 @@ impl Found {
 
     /// What was found, in words.
     pub fn effects(&self, up_deg_h: f64) -> Vec<Effect> {
-        let of_motion = self.motion.map(|motion| of_motion(&motion));
+        let of_motion = self.motion.map(of_motion);
         let of_products = self.named().into_iter().map(|effect| self.said(effect, up_deg_h));
-        of_motion.into_iter().chain(of_products).collect()
+        of_motion.into_iter().chain(self.level_drift.map(of_level_drift)).chain(of_products).collect()
     }
 
     fn said(&self, effect: &effect::Effect, up_deg_h: f64) -> Effect {
@@ -316,18 +322,38 @@ fn taught(
     Some((learned, models.into_iter().collect::<Option<Vec<ErrorModel>>>()?))
 }
 
-/// The motion of the base, the model with it, and the runs as the search sees them then; `None` where there are too few.
-pub fn searched(runs: &[&RunData], base: &ErrorModel) -> Option<(Option<Motion>, ErrorModel, Vec<Run>)> {
+/// Some runs as the search sees them.
+pub struct Searched {
+    motion: Option<Motion>,
+    level_drift: Option<LevelDrift>,
+    /// The model with both.
+    base: ErrorModel,
+    pub runs: Vec<Run>,
+}
+
+/// The motion of the base, or what the accelerometers show in its place, and the runs as the search sees them then; `None` where there are too few.
+pub fn searched(runs: &[&RunData], base: &ErrorModel) -> Option<Searched> {
     let of_search: Vec<Run> = runs.par_iter().filter_map(|run| Run::new(run.recording(), runs.len())).collect();
     let least = if runs.iter().all(|run| run.at_one_position()) { 1 } else { LEAST_RUNS };
     if of_search.len() < least {
         return None;
     }
-    let Some(motion) = Motion::find(runs, &of_search, base) else { return Some((None, base.clone(), of_search)) };
-    let base = motion.model(base);
-    // The rates of a moving base's seconds are mostly its motion: what else there is shows in the dwells.
-    let of_search = runs.par_iter().filter_map(|run| moving::by_dwell(run, &base)).collect();
-    Some((Some(motion), base, of_search))
+    let motion = Motion::find(runs, &of_search, base);
+    if let Some(base) = motion.filter(|motion| motion.way.is_some()).map(|motion| motion.model(base)) {
+        // The rates of a moving base's seconds are mostly its motion: what else there is shows in the dwells.
+        let runs = runs.par_iter().filter_map(|run| moving::by_dwell(run, &base)).collect();
+        return Some(Searched { motion, level_drift: None, base, runs });
+    }
+    let moved = Moved::new(runs, &of_search, base);
+    // The search learns what the solution leaves.
+    if let Some(moved) = moved.as_ref().filter(|moved| moved.is_felt()) {
+        return Some(Searched { motion, level_drift: None, base: base.clone(), runs: moved.runs.clone() });
+    }
+    let level_drift = moved.as_ref().and_then(Moved::level_drift);
+    let base = level_drift.map_or_else(|| base.clone(), |level_drift| level_drift.model(base));
+    let seen = |run: Run| if level_drift.is_some() { run.with_level_errors() } else { run };
+    let runs = of_search.into_iter().map(seen).collect();
+    Some(Searched { motion: None, level_drift, base, runs })
 }
 
 /// Of the same form.
@@ -340,25 +366,45 @@ pub fn chance(log_odds: f64) -> f64 {
     (-log_odds).exp().min(1.0)
 }
 
-fn of_motion(motion: &Motion) -> Effect {
-    let [parameters, sigma] = [("gain", motion.gain), ("gain", motion.gain_sigma)]
-        .map(|(name, value)| (name.to_owned(), value))
-        .map(|each| [each].into());
-    let mut parameters: std::collections::BTreeMap<String, f64> = parameters;
-    parameters.insert("window_s".to_owned(), motion.window_s);
+fn of_motion(motion: Motion) -> Effect {
     Effect {
-        name: BASE_MOTION.into(),
-        kind: BASE_MOTION,
-        channel: None,
-        channels: Vec::new(),
-        parameters,
-        sigma,
-        p_value: chance(motion.log_odds),
-        ambiguous_with: Vec::new(),
+        parameters: [("gain", motion.gain), ("window_s", motion.window_s)].map(said).into(),
+        sigma: [("gain", motion.gain_sigma)].map(said).into(),
         evidence: format!(
             "log odds {:.0} that the gyro feels the turning of the base which the accelerometers show",
             motion.log_odds
         ),
+        ..beside(BASE_MOTION, motion.log_odds)
+    }
+}
+
+fn of_level_drift(level_drift: LevelDrift) -> Effect {
+    Effect {
+        parameters: [("range_arcsec", level_drift.range_arcsec)].map(said).into(),
+        evidence: format!(
+            "log odds {:.0} that the base stands over that it turns as the accelerometers show it",
+            level_drift.log_odds
+        ),
+        ..beside(LEVEL_DRIFT, level_drift.log_odds)
+    }
+}
+
+fn said((name, value): (&str, f64)) -> (String, f64) {
+    (name.to_owned(), value)
+}
+
+/// What is no product.
+fn beside(name: &'static str, log_odds: f64) -> Effect {
+    Effect {
+        name: name.into(),
+        kind: name,
+        channel: None,
+        channels: Vec::new(),
+        parameters: BTreeMap::new(),
+        sigma: BTreeMap::new(),
+        p_value: chance(log_odds),
+        ambiguous_with: Vec::new(),
+        evidence: String::new(),
         board: true,
     }
 }

@@ -134,7 +134,7 @@ pub fn searched(campaign: &Campaign, options: &Options) -> Result<Vec<Run>, Refu
     if let Some(turn) = turn::common(&prepared.runs) {
         prepared = prepared.without_turn(turn);
     }
-    Ok(found::searched(&prepared.fit(), &prepared.base).map_or(Vec::new(), |(_, _, runs)| runs))
+    Ok(found::searched(&prepared.fit(), &prepared.base).map_or(Vec::new(), |searched| searched.runs))
 }
 
 fn prepared(campaign: &Campaign, options: &Options) -> Result<Prepared, Refusal> {

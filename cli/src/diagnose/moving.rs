@@ -1,16 +1,19 @@
-//! A base that moves: how the accelerometers show it, how it is taken out best, and the dwells that are free of it.
+//! A base that moves: how the accelerometers show it, how it is taken out best, and the dwells that are free of it. And one that stands while the
+//! accelerometers show that it moves.
 
 use std::ops::Range;
 
 use learn::Run;
 use north_finder::effects::{BaseMotion, ErrorModel};
 use north_finder::event::{Dwell, Fix};
-use north_finder::fix::DesignRow;
+use north_finder::fix::accumulator::Dwells as _;
+use north_finder::fix::{DesignRow, base_motion};
 use north_finder::sensing::level::Specific;
 use north_finder::units::ARCSEC_PER_RAD;
 use rayon::prelude::*;
 
 use crate::run_data::{RunData, Sample};
+use crate::solve::AllDwells;
 
 /// Windows of the accelerometers' slopes, seconds.
 const WINDOWS_S: [f64; 4] = [2.0, 8.0, 30.0, 80.0];
@@ -67,12 +70,100 @@ impl Motion {
             return None;
         }
         let (gain, gain_sigma) = gain(runs).unwrap_or((best.1.weight, best.1.sigma));
-        Some(Self { window_s: best.0, gain, gain_sigma, log_odds, way: way(runs, base) })
+        // What shows best in the slopes of whole dwells is slow, and the solver takes it out.
+        let is_slow = best.0 >= WINDOWS_S[WINDOWS_S.len() - 1];
+        let way = if is_slow { None } else { way(runs, base) };
+        Some(Self { window_s: best.0, gain, gain_sigma, log_odds, way })
     }
 
     /// The model with it.
     pub fn model(&self, base: &ErrorModel) -> ErrorModel {
         ErrorModel { base_motion: self.way.or(base.base_motion), ..base.clone() }
+    }
+}
+
+/// Level accelerometers that change while the base stands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LevelDrift {
+    /// Greatest range of a level in a run, arcsec.
+    pub range_arcsec: f64,
+    /// Log odds of a base that stands over one that moves as the accelerometers show it, nats.
+    pub log_odds: f64,
+}
+
+impl LevelDrift {
+    /// The model with it.
+    pub fn model(&self, base: &ErrorModel) -> ErrorModel {
+        ErrorModel { level_drift_arcsec: self.range_arcsec.max(base.level_drift_arcsec), ..base.clone() }
+    }
+}
+
+/// What the solution takes out of the dwells of a run for the motion of the base.
+struct SolvedMotion {
+    dwells: AllDwells,
+    motion: base_motion::BaseMotion,
+}
+
+impl SolvedMotion {
+    /// `None` without an azimuth, and of a continuous rotation, whose sectors are of no time of their own.
+    fn new(run: &RunData, model: &ErrorModel) -> Option<Self> {
+        if run.rotation {
+            return None;
+        }
+        let dwells = run.dwells(model)?;
+        let motion = base_motion::detect(dwells.as_slice());
+        Some(Self { dwells, motion })
+    }
+
+    /// Of the dwell that a sample lies in, °/h.
+    fn rate_deg_h(&self, sample: &Sample) -> f64 {
+        let dwells = self.dwells.as_slice();
+        let dwell = dwells.get(dwells.partition_point(|dwell| dwell.end_s < sample.t_s));
+        dwell.filter(|dwell| dwell.start_s <= sample.t_s).map_or(0.0, |dwell| self.motion.rate_deg_h(dwell))
+    }
+
+    /// Range of the levels, arcsec; `None` where they do not change by more than their noise.
+    fn range_arcsec(&self) -> Option<f64> {
+        self.motion.is_moving().then(|| base_motion::range_arcsec(self.dwells.as_slice())).flatten()
+    }
+}
+
+/// Some runs less what the solution takes out of their rates where the levels change: what the base turned the gyro by, if it moved.
+pub struct Moved {
+    pub runs: Vec<Run>,
+    /// Greatest range of a level in a run in which they change, arcsec.
+    range_arcsec: f64,
+    /// Log odds of a base that moves so over one that stands, by the rates of all runs, nats.
+    log_odds: f64,
+}
+
+impl Moved {
+    /// `None` where the levels do not change by more than their noise. `of_search`: the runs as the search sees them.
+    pub fn new(runs: &[&RunData], of_search: &[Run], base: &ErrorModel) -> Option<Self> {
+        let moved = |own: &Run| {
+            let data = runs.iter().find(|data| data.file == own.file)?;
+            let motion = SolvedMotion::new(data, base)?;
+            let turning_deg_h: Vec<f64> = data.samples.iter().map(|sample| motion.rate_deg_h(sample)).collect();
+            let range_arcsec = motion.range_arcsec()?;
+            Some((own.clone().less(&own.by_row(&turning_deg_h)), range_arcsec))
+        };
+        let moved: Vec<Option<(Run, f64)>> = of_search.par_iter().map(moved).collect();
+        let range_arcsec = moved.iter().flatten().map(|(_, range_arcsec)| *range_arcsec).reduce(f64::max)?;
+        let or_own = |(moved, own): (Option<(Run, f64)>, &Run)| moved.map_or_else(|| own.clone(), |(run, _)| run);
+        let runs: Vec<Run> = moved.into_iter().zip(of_search).map(or_own).collect();
+        let log_odds = learn::evidence(&runs)? - learn::evidence(of_search)?;
+        Some(Self { runs, range_arcsec, log_odds })
+    }
+
+    /// Whether the rates tell that the base moved.
+    pub fn is_felt(&self) -> bool {
+        self.log_odds > -FALSE_MOTIONS.ln()
+    }
+
+    /// The accelerometers' drift, where the rates tell that the base stood.
+    pub fn level_drift(&self) -> Option<LevelDrift> {
+        let log_odds = -self.log_odds;
+        (log_odds > -FALSE_MOTIONS.ln()).then_some(LevelDrift { range_arcsec: self.range_arcsec, log_odds })
     }
 }
 
@@ -175,6 +266,44 @@ impl Dwells {
         run.before = Some(self.fix);
         run
     }
+
+    /// Each as a sample of its own.
+    fn into_samples(self, run: &RunData) -> Option<RunData> {
+        let mut by_dwell = self.applied_to(run);
+        by_dwell.samples.clear();
+        by_dwell.channels.iter_mut().for_each(Vec::clear);
+        for (number, (inside, rate_deg_h)) in self.each.into_iter().enumerate() {
+            let samples = &run.samples[inside.clone()];
+            let mean = |value: &dyn Fn(&Sample) -> f64| samples.iter().map(value).sum::<f64>() / samples.len() as f64;
+            let first = samples.first()?;
+            let level = first.level.map(|_| Specific {
+                forward: mean(&|sample| sample.level.map_or(0.0, |level| level.forward)),
+                left: mean(&|sample| sample.level.map_or(0.0, |level| level.left)),
+            });
+            by_dwell.samples.push(Sample {
+                t_s: mean(&|sample| sample.t_s),
+                seconds: samples.iter().map(|sample| sample.seconds).sum(),
+                rate_deg_h,
+                design: DesignRow {
+                    cos: mean(&|sample| sample.design.cos),
+                    sin: mean(&|sample| sample.design.sin),
+                    vertical_deg_h: mean(&|sample| sample.design.vertical_deg_h),
+                },
+                cos: mean(&|sample| sample.cos),
+                sin: mean(&|sample| sample.sin),
+                temp_c: first.temp_c.map(|_| mean(&|sample| sample.temp_c.unwrap_or(0.0))),
+                level,
+                moving: false,
+                left_out: false,
+                dwell: number,
+                line: first.line,
+            });
+            for (channel, values) in by_dwell.channels.iter_mut().zip(&run.channels) {
+                channel.push(values[inside.clone()].iter().sum::<f64>() / inside.len() as f64);
+            }
+        }
+        Some(by_dwell)
+    }
 }
 
 /// A run as the search sees it where the base moves: a row for every dwell, in which effects are followed by the second.
@@ -183,43 +312,21 @@ pub fn by_dwell(run: &RunData, model: &ErrorModel) -> Option<Run> {
     Run::of_dwells(dwells.applied_to(run).recording(), &dwells.each)
 }
 
-/// The dwells of a run, the base's motion taken out, as samples of their own: what is left of them is judged.
+/// The dwells of a run as samples of their own.
 pub fn dwells_of(run: &RunData, model: &ErrorModel) -> Option<RunData> {
-    let dwells = Dwells::new(run, model)?;
-    let mut by_dwell = dwells.applied_to(run);
-    by_dwell.samples.clear();
-    by_dwell.channels.iter_mut().for_each(Vec::clear);
-    for (number, (inside, rate_deg_h)) in dwells.each.into_iter().enumerate() {
-        let samples = &run.samples[inside.clone()];
-        let mean = |value: &dyn Fn(&Sample) -> f64| samples.iter().map(value).sum::<f64>() / samples.len() as f64;
-        let first = samples.first()?;
-        let level = first.level.map(|_| Specific {
-            forward: mean(&|sample| sample.level.map_or(0.0, |level| level.forward)),
-            left: mean(&|sample| sample.level.map_or(0.0, |level| level.left)),
-        });
-        by_dwell.samples.push(Sample {
-            t_s: mean(&|sample| sample.t_s),
-            seconds: samples.iter().map(|sample| sample.seconds).sum(),
-            rate_deg_h,
-            design: DesignRow {
-                cos: mean(&|sample| sample.design.cos),
-                sin: mean(&|sample| sample.design.sin),
-                vertical_deg_h: mean(&|sample| sample.design.vertical_deg_h),
-            },
-            cos: mean(&|sample| sample.cos),
-            sin: mean(&|sample| sample.sin),
-            temp_c: first.temp_c.map(|_| mean(&|sample| sample.temp_c.unwrap_or(0.0))),
-            level,
-            moving: false,
-            left_out: false,
-            dwell: number,
-            line: first.line,
-        });
-        for (channel, values) in by_dwell.channels.iter_mut().zip(&run.channels) {
-            channel.push(values[inside.clone()].iter().sum::<f64>() / inside.len() as f64);
+    Dwells::new(run, model)?.into_samples(run)
+}
+
+/// The same, the base's motion taken out: what is left of them is judged.
+pub fn dwells_at_rest(run: &RunData, model: &ErrorModel) -> Option<RunData> {
+    let mut dwells = Dwells::new(run, model)?;
+    // By the second it is taken out already, and there is none any more.
+    if let Some(motion) = SolvedMotion::new(run, model) {
+        for (samples, rate_deg_h) in &mut dwells.each {
+            *rate_deg_h -= motion.rate_deg_h(&run.samples[samples.start]);
         }
     }
-    Some(by_dwell)
+    dwells.into_samples(run)
 }
 
 /// How the base's motion is taken out best: row by row, with the accelerometers' noise white in the velocity or in the tilt,

@@ -206,7 +206,7 @@ pub struct Effect {
     /// Stable, documented, lower-case words with hyphens.
     pub name: String,
     /// "bias" (adds to the rate), "scale" (multiplies it), "index" (turns the index angle), "azimuth" (turns the
-    /// answer), "base-motion".
+    /// answer), "base-motion", "level-drift".
     pub kind: &'static str,
     /// The column of the recording that carries it, if it is one.
     pub channel: Option<String>,

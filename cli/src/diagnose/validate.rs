@@ -140,10 +140,10 @@ impl<'a> Folds<'a> {
     }
 
     /// What was found of all the runs, or what is found of them when the search begins with what the others taught for a part, where that is likelier.
-    pub fn lead(&self, found: Found, base: &ErrorModel, family: &Family) -> Found {
+    pub fn lead(&self, found: Found, family: &Family) -> Found {
         let all: Vec<&RunData> = self.places.iter().map(|&i| &self.runs[i]).collect();
         let taught: Vec<&[Effect]> = self.found.iter().flatten().map(Found::likeliest).collect();
-        found.led_by(&taught, &all, base, family)
+        found.led_by(&taught, &all, family)
     }
 
     /// Whether there are runs that took no part in learning: of the training runs some that the others taught something for, or check runs.

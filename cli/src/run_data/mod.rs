@@ -156,6 +156,11 @@ impl RunData {
     ///
     /// Errors: why there is none, in words.
     pub fn replay(&self, model: &ErrorModel, told: &mut dyn FnMut(Reported)) -> Result<Fix, String> {
+        self.replayed(model, told).map(|(fix, _)| fix)
+    }
+
+    /// The same with the dwells as the solution sees them.
+    fn replayed(&self, model: &ErrorModel, told: &mut dyn FnMut(Reported)) -> Result<(Fix, AllDwells), String> {
         let slots = self.slots(model)?;
         if let Some(fact) = lacking_fact(model, &self.facts) {
             return Err(format!("the error model follows the {fact}, and it is not known when the run started"));
@@ -175,7 +180,13 @@ impl RunData {
             }
             replay.take(&each, told);
         }
-        replay.finish(told).map_err(|refusal| refusal.to_string())
+        let fix = replay.finish(told).map_err(|refusal| refusal.to_string())?;
+        Ok((fix, replay.into_dwells()))
+    }
+
+    /// The dwells as the solution sees them; `None` without an azimuth.
+    pub fn dwells(&self, model: &ErrorModel) -> Option<AllDwells> {
+        self.replayed(model, &mut |_| ()).ok().map(|(_, dwells)| dwells)
     }
 
     /// The same with the dwells and the times of their ends; `None` without an azimuth.

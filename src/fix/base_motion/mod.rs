@@ -40,12 +40,29 @@ pub enum BaseMotion {
 }
 
 impl BaseMotion {
+    pub fn is_moving(&self) -> bool {
+        matches!(self, Self::Moving(_))
+    }
+
     /// The path of the base that is taken out.
     pub fn path(&self) -> Option<&Path> {
         match self {
             Self::Moving(Method::Path(path)) => Some(path),
             _ => None,
         }
+    }
+
+    /// What the base's turning adds to the gyro's rate at a dwell, °/h: cos θ · dr/dt − sin θ · dp/dt.
+    pub fn rate_deg_h(&self, dwell: &DwellSummary) -> f64 {
+        let [pitch_deg_h, roll_deg_h] = match self {
+            Self::Unknown | Self::Still => return 0.0,
+            Self::Moving(Method::Slopes { .. }) => slopes_deg_h(dwell),
+            Self::Moving(Method::Path(path)) => {
+                let rates = path.rates(dwell);
+                path.coefficients().map(|coefficients| rates.dot(&coefficients))
+            }
+        };
+        dwell.cos * roll_deg_h - dwell.sin * pitch_deg_h
     }
 }
 
@@ -86,8 +103,24 @@ pub fn levels_changed(dwells: &[DwellSummary]) -> bool {
     chi_square().is_some_and(|chi_square| chi_square > SIGNIFICANT)
 }
 
-/// Looks for motion in the dwells of a fix, as of accelerometers that do not drift.
+/// The greater range of both axes' levels in a fix, arcsec: of the ends of the line through the readings of each dwell. `None` where one has none.
+pub fn range_arcsec(dwells: &[DwellSummary]) -> Option<f64> {
+    let mut ranges = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+    for dwell in dwells {
+        let half_s = 0.5 * (dwell.end_s - dwell.start_s);
+        for ([low, high], line) in ranges.iter_mut().zip(tilt_arcsec(dwell)?) {
+            let end_arcsec = (line.slope_per_s * half_s).abs();
+            (*low, *high) = (low.min(line.mean - end_arcsec), high.max(line.mean + end_arcsec));
+        }
+    }
+    ranges.map(|[low, high]| high - low).into_iter().reduce(f64::max)
+}
+
+/// Looks for motion in the dwells of a fix, as of accelerometers that do not drift. What is taken out by the second is gone.
 pub fn detect(dwells: &[DwellSummary]) -> BaseMotion {
+    if dwells.iter().any(|dwell| dwell.base_taken_out) {
+        return BaseMotion::Still;
+    }
     let none = Jumps::default();
     let Some(variance) = none.variance_arcsec2(dwells) else { return BaseMotion::Unknown };
     let Some(levels) = Levels::new(dwells, Law::Powers, variance, &Prior::FREE, &none) else {

@@ -227,7 +227,7 @@ impl<D: Dwells, W: Waiting> Replay<D, W> {
     }
 
     /// The azimuth of the whole recording.
-    pub fn finish(mut self, sink: Sink) -> Result<Fix, Refusal> {
+    pub fn finish(&mut self, sink: Sink) -> Result<Fix, Refusal> {
         if let Some(second) = self.seconds.finish() {
             self.take(&second, sink);
         }
@@ -237,6 +237,11 @@ impl<D: Dwells, W: Waiting> Replay<D, W> {
             fix.judge(self.accuracy_deg);
         }
         Ok(fix)
+    }
+
+    /// The dwells of the recording, as far as it was taken.
+    pub fn into_dwells(self) -> D {
+        self.accumulator.into_dwells()
     }
 
     /// What is known of the run as a whole.

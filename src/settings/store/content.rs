@@ -43,7 +43,7 @@ pub fn read(content: &[u8], version: u16, settings: &mut Settings) -> Option<()>
     set(from, time_limit_s)?;
     *model = None;
     if next(from)? {
-        read_model(from, model.insert(ErrorModel::default()))?;
+        read_model(from, version, model.insert(ErrorModel::default()))?;
     }
     set(from, accelerometer)?;
     set(from, block)?;
@@ -130,10 +130,12 @@ fn read_index(from: &mut Content<'_>, version: u16, index: &mut IndexSettings) -
     Some(())
 }
 
-fn read_model(from: &mut Content<'_>, model: &mut ErrorModel) -> Option<()> {
+/// Before version 10 without what the levels change by themselves.
+fn read_model(from: &mut Content<'_>, version: u16, model: &mut ErrorModel) -> Option<()> {
     let ErrorModel {
         scale_error,
         bias_deg_h,
+        level_drift_arcsec,
         terms,
         rate_terms,
         index_error,
@@ -145,6 +147,7 @@ fn read_model(from: &mut Content<'_>, model: &mut ErrorModel) -> Option<()> {
     } = model;
     set(from, scale_error)?;
     set(from, bias_deg_h)?;
+    *level_drift_arcsec = if version < 10 { 0.0 } else { next(from)? };
     list(from, terms)?;
     list(from, rate_terms)?;
     set(from, index_error)?;

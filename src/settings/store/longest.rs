@@ -70,7 +70,7 @@ fn of_effects() -> ErrorModel {
     };
     let dynamics = [Thermostat { centre: 1.1, half_width: 1.1, from_above: true }.into(); 2];
     let of = |shape| Factor::new(difference.into(), &dynamics, shape);
-    let mut model = ErrorModel { scale_error: 0.01, bias_deg_h: 1.1, ..Default::default() };
+    let mut model = ErrorModel { scale_error: 0.01, bias_deg_h: 1.1, level_drift_arcsec: 1.1, ..Default::default() };
     for i in 0..MAX_EFFECTS {
         let smooth = |count| Smooth { low: 1.1, high: 2.2, count }.into();
         let curve = match i {

@@ -30,7 +30,7 @@ use crate::health::Refusal;
 
 const MAGIC: [u8; 4] = *b"NFST";
 /// Changes whenever the meaning of a record does.
-pub const VERSION: u16 = 9;
+pub const VERSION: u16 = 10;
 /// Those that are read.
 const READ: RangeInclusive<u16> = 6..=VERSION;
 const HEADER: usize = 12;

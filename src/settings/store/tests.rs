@@ -125,7 +125,7 @@ fn the_record_is_as_documented() {
     save(&mut flash, &settings(45.5)).unwrap();
     let record = &flash.bytes[first.next_multiple_of(16)..];
     let length = usize::from(u16::from_le_bytes([record[6], record[7]]));
-    assert_eq!(record[..6], *b"NFST\x09\x00");
+    assert_eq!(record[..6], *b"NFST\x0a\x00");
     assert_eq!(record[8..12], [1, 0, 0, 0]);
     assert_eq!(record[12..20], 45.5_f64.to_le_bytes());
     let crc = CRC_32.checksum(&record[..12 + length]).to_le_bytes();
@@ -182,12 +182,13 @@ fn another_version_is_corrupt() {
 const SINCE_9_AT_END: usize = 2 + 4 + 8;
 
 /// A record of an earlier version is one of today without what came since, which ended its group: the microsteps, three bytes, and the slip ring,
-/// one, with version 8; what the level accelerometers drift by, two numbers of eight bytes, with version 7. Version 9 brought the noise of the
+/// one, with version 8; what the level accelerometers drift by, two numbers of eight bytes, with version 7. Version 10 brought by how much they change while the
+/// base stands, eight bytes behind the model's scale factor and bias; version 9 the noise of the
 /// gyro's angle, eight bytes behind its random walk, which stands behind the latitude and the byte of the format; what ends the gyro's group, a
 /// byte, and the index's, two numbers and a byte; and what ends the record.
 #[test]
 fn the_versions_before_are_read() {
-    for version in [6, 7, 8] {
+    for version in [6, 7, 8, 9] {
         let mut flash = Flash::<4>::erased();
         let mut expected =
             Settings { analogue: AnalogueSettings::default(), link: LinkSettings::default(), ..longest::settings() };
@@ -195,6 +196,7 @@ fn the_versions_before_are_read() {
             expected.index.microsteps_per_turn = 36_000;
         }
         save(&mut flash, &expected).unwrap();
+        expected.model.as_mut().unwrap().level_drift_arcsec = 0.0;
         let mut place = [0; 4096];
         let until_gyro = (expected.latitude_deg, expected.gyro);
         let gyro_end = HEADER + postcard::to_slice(&until_gyro, &mut place).unwrap().len();
@@ -202,12 +204,15 @@ fn the_versions_before_are_read() {
         let drift_end = HEADER + postcard::to_slice(&until_drift, &mut place).unwrap().len();
         let until_index = (until_drift, expected.disturbance, expected.jitter, expected.index);
         let index_end = HEADER + postcard::to_slice(&until_index, &mut place).unwrap().len();
+        let until_model = (until_index, &expected.sequence, expected.time_limit_s);
+        let level_drift = HEADER + postcard::to_slice(&until_model, &mut place).unwrap().len() + 1 + 8 + 8;
         let length = usize::from(u16::from_le_bytes([flash.bytes[6], flash.bytes[7]]));
         let angle_noise = HEADER + 8 + 1 + 8;
         let record_end = HEADER + length;
         // From the end on, so that no place moves before its turn.
         let came_since = [
             (9, record_end - SINCE_9_AT_END..record_end),
+            (10, level_drift..level_drift + 8),
             (9, index_end - 17..index_end),
             (8, index_end - 21..index_end - 17),
             (7, drift_end - 16..drift_end),
