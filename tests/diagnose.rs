@@ -579,6 +579,20 @@ fn three_training_runs_show_that_the_base_moves() {
     assert_eq!(names(&diagnosis)[0], "base-motion", "{} {:?}", diagnosis.verdict, diagnosis.rejected);
 }
 
+/// An error of the scale factor of 0.03 per K multiplies the Earth's rate and not the bias of 5 °/h, of which a correction makes up to 0.15 °/h more or less: no structure of the residual.
+#[test]
+fn what_a_correction_makes_of_the_bias_is_no_structure() {
+    let folder = Folder::new("scale-and-bias");
+    let (runs, heading_deg) = (Plan::default().runs, Plan::default().heading_deg);
+    let effect = |second: &Second| {
+        let rate_deg_h = NORTH_DEG_H * sin_cos_deg(heading_deg(second.run, runs) - second.index_deg).1;
+        5.0 + 0.03 * (temp_c(second) - 20.0) * rate_deg_h
+    };
+    let diagnosis = run(&campaign(&folder, runs, 32, effect, honest));
+    assert!(names(&diagnosis)[0].starts_with("scale-by-temp_c"), "{}", diagnosis.verdict);
+    assert!(diagnosis.noise.after.iter().all(|test| !test.failed()) && !diagnosis.unexplained, "{}", diagnosis.verdict);
+}
+
 /// Accelerometers that read 1 arcsec more or less from second to second on a base that stands, beside this pitch, arcsec.
 fn noisy_level_g(second: &Second, pitch_arcsec: f64) -> [f64; 2] {
     let noise_arcsec = (37.0 * second.t_s).sin();

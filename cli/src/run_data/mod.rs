@@ -201,7 +201,8 @@ impl RunData {
         Some((fix, dwells))
     }
 
-    /// The run with another model applied to its samples, as the replay applies it; what depends on the azimuth is taken out with the azimuth of the replay.
+    /// The run with another model applied to its samples, as the replay applies it; what depends on the azimuth is taken out with the azimuth of the replay, and what the correction of the scale
+    /// factor makes of the run's own bias with its bias.
     pub fn with(&self, model: &ErrorModel) -> Self {
         let mut told = Vec::with_capacity(self.recorded.len());
         // Without an azimuth the samples are corrected all the same.
@@ -215,6 +216,8 @@ impl RunData {
             let mut way: Vec<DwellSummary> = Vec::new();
             for second in &mut told {
                 second.rate_deg_h -= second.of_azimuth_deg_h(model, &way, &self.earth, fix.azimuth_deg);
+                let of_bias = second.as_dwell().map_or(0.0, |own| own.carried.of_bias());
+                second.rate_deg_h -= of_bias * fix.bias_deg_h;
                 let winding_deg = |dwell: &DwellSummary| dwell.carried.winding_deg();
                 let has_turned = |own: &DwellSummary| {
                     way.last().is_none_or(|last| (winding_deg(own) - winding_deg(last)).abs() > REST_DEG)

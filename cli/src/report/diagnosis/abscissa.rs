@@ -29,7 +29,7 @@ impl Abscissa {
     pub fn of(effect: &Effect) -> Option<Self> {
         let name = effect.name.as_str();
         Some(match (&effect.channel, effect.kind) {
-            (_, "base-motion") => Self::TiltRate,
+            (_, "base-motion" | "level-drift") => Self::TiltRate,
             (_, "azimuth") => return None,
             (Some(channel), _) if name.contains("-rate") => Self::ChannelRate(channel.clone()),
             (Some(channel), _) => Self::Channel(channel.clone()),
