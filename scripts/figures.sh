@@ -61,7 +61,7 @@ bench watch watch
 bench diagnose-speed diagnose-speed
 bench hidden-named diagnose --group named --campaigns 1 --seed 7
 bench composed-inside diagnose --group composed --kind inside --campaigns 16 --seed 11801
-bench composed-outside diagnose --group composed --kind outside --campaigns 16 --seed 10806
+bench composed-outside diagnose --group composed --kind outside --campaigns 16 --seed 10807
 bench board-loop board-loop --instruments 30 --seed 2
 bench attitude attitude
 bench alignment alignment --trials 20
