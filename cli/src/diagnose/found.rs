@@ -326,7 +326,7 @@ fn taught(
 pub struct Searched {
     motion: Option<Motion>,
     level_drift: Option<LevelDrift>,
-    /// The model with both.
+    /// The model with either.
     base: ErrorModel,
     pub runs: Vec<Run>,
 }
