@@ -32,7 +32,7 @@ pub struct BlockRow {
 }
 
 /// A step longer than so many usual ones is a gap.
-const GAP_STEPS: f64 = 1.5;
+pub const GAP_STEPS: f64 = 1.5;
 
 impl BlockRow {
     /// How long no rows came before this one, seconds, where the usual step is so long; `None` where none is missing.

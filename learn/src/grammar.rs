@@ -40,7 +40,9 @@ impl Grammar {
     /// Of runs that all have the same channels.
     pub fn new(runs: &[Run], library: Library) -> Self {
         let library = Arc::new(library);
-        let Some(first) = runs.first() else { return Self::empty(library) };
+        let Some(first) = runs.first() else {
+            return Self { signals: Vec::new(), ports: Vec::new(), ports_of_constants: Vec::new(), library };
+        };
         let shared = |name: &&str| runs.iter().all(|run| run.channel_names().any(|each| each == *name));
         let names: Vec<ChannelName> = first.channel_names().filter(shared).filter_map(ChannelName::new).collect();
         let channels = names.iter().map(|&name| Channel { name }.into());
@@ -65,10 +67,6 @@ impl Grammar {
         };
         let ports_of_constants = ports(runs.iter().all(Run::has_level));
         Self { signals, ports: ports(runs.iter().any(Run::level_errs)), ports_of_constants, library }
-    }
-
-    fn empty(library: Arc<Library>) -> Self {
-        Self { signals: Vec::new(), ports: Vec::new(), ports_of_constants: Vec::new(), library }
     }
 
     /// What comes out of a signal's dynamics; `None` where it does not vary.

@@ -109,10 +109,8 @@ impl Proposals<'_> {
 
     /// The same with one factor more, one of so many.
     pub fn extensions_of(&self, effect: &Effect, left: &Left, most: usize) -> Vec<Effect> {
-        if !self.grammar.ports.contains(&effect.port) {
-            return Vec::new();
-        }
-        if effect.factors.len() == MAX_FACTORS {
+        // At the levels a constant may have no place beyond itself.
+        if effect.factors.len() == MAX_FACTORS || !self.grammar.ports.contains(&effect.port) {
             return Vec::new();
         }
         let fitted = self.bank.fitted(self.runs, effect, left);

@@ -101,6 +101,11 @@ impl Corrected {
         AzimuthEffects::new(model, before, *earth, azimuth_deg).without_slope().of_dwell(&second, index).0
     }
 
+    /// By what share more of a bias is left in the rate ([`Carried::of_bias`]).
+    pub fn of_bias(&self) -> f64 {
+        self.correction.carried.of_bias()
+    }
+
     /// As a dwell of its own; `None` without an index angle.
     pub fn as_dwell(&self) -> Option<DwellSummary> {
         Some(DwellSummary { carried: self.correction.carried, ..DwellSummary::moving(&self.row()?) })

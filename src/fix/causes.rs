@@ -18,7 +18,8 @@ const IN_ORDER_S: f64 = 0.01;
 /// Solves for the azimuth. `dwells` in the order of time.
 ///
 /// Where the levels change, either the base moved, which turned the gyro too, or the accelerometers drifted, which the gyro knows nothing of:
-/// both are weighed, unless the model knows the accelerometers to change by as much. Where the levels jump, the base is supposed to have moved unless the rates contradict it.
+/// both are weighed, unless the model knows the accelerometers to change by as much. Where the levels jump, the base is supposed to have moved unless
+/// the rates contradict it.
 ///
 /// Where the dwells contradict each other, the encoder may have slipped in a move that did not follow its steps: then its slip is solved for. Or the
 /// instrument may have been turned about the vertical meanwhile: then the azimuth is that after the turn, if the dwells determine it.
@@ -26,11 +27,8 @@ pub fn solve(dwells: &[DwellSummary], declared: &Declared, model: &ErrorModel) -
     let seen = base_motion::detect(dwells);
     let drifted = seen.is_moving() && is_of_accelerometers(dwells, model);
     let motion = if drifted { BaseMotion::Still } else { seen };
-    let standing = if drifted {
-        solve_for_jumps(dwells, declared, model, motion).map(standing)
-    } else {
-        solve_standing(dwells, declared, model, motion)
-    };
+    let solved = solve_standing(dwells, declared, model, motion);
+    let standing = if drifted { solved.map(standing) } else { solved };
     // The sectors of a continuous rotation are of no time of their own.
     let in_order =
         dwells.windows(2).all(|pair| matches!(pair, [before, after] if before.end_s <= after.start_s + IN_ORDER_S));

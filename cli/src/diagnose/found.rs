@@ -344,12 +344,13 @@ pub fn searched(runs: &[&RunData], base: &ErrorModel) -> Option<Searched> {
         let runs = runs.par_iter().filter_map(|run| moving::by_dwell(run, &base)).collect();
         return Some(Searched { motion, level_drift: None, base, runs });
     }
-    let moved = Moved::new(runs, &of_search, base);
-    // The search learns what the solution leaves.
-    if let Some(moved) = moved.as_ref().filter(|moved| moved.is_felt()) {
-        return Some(Searched { motion, level_drift: None, base: base.clone(), runs: moved.runs.clone() });
-    }
-    let level_drift = moved.as_ref().and_then(Moved::level_drift);
+    let level_drift = match Moved::new(runs, &of_search, base) {
+        // The search learns what the solution leaves.
+        Some(moved) if moved.is_felt() => {
+            return Some(Searched { motion, level_drift: None, base: base.clone(), runs: moved.runs });
+        }
+        moved => moved.and_then(|moved| moved.level_drift()),
+    };
     let base = level_drift.map_or_else(|| base.clone(), |level_drift| level_drift.model(base));
     let seen = |run: Run| if level_drift.is_some() { run.with_level_errors() } else { run };
     let runs = of_search.into_iter().map(seen).collect();

@@ -143,8 +143,8 @@ impl Moved {
         let moved = |own: &Run| {
             let data = runs.iter().find(|data| data.file == own.file)?;
             let motion = SolvedMotion::new(data, base)?;
-            let turning_deg_h: Vec<f64> = data.samples.iter().map(|sample| motion.rate_deg_h(sample)).collect();
             let range_arcsec = motion.range_arcsec()?;
+            let turning_deg_h: Vec<f64> = data.samples.iter().map(|sample| motion.rate_deg_h(sample)).collect();
             Some((own.clone().less(&own.by_row(&turning_deg_h)), range_arcsec))
         };
         let moved: Vec<Option<(Run, f64)>> = of_search.par_iter().map(moved).collect();

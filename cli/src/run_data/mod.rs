@@ -216,8 +216,7 @@ impl RunData {
             let mut way: Vec<DwellSummary> = Vec::new();
             for second in &mut told {
                 second.rate_deg_h -= second.of_azimuth_deg_h(model, &way, &self.earth, fix.azimuth_deg);
-                let of_bias = second.as_dwell().map_or(0.0, |own| own.carried.of_bias());
-                second.rate_deg_h -= of_bias * fix.bias_deg_h;
+                second.rate_deg_h -= second.of_bias() * fix.bias_deg_h;
                 let winding_deg = |dwell: &DwellSummary| dwell.carried.winding_deg();
                 let has_turned = |own: &DwellSummary| {
                     way.last().is_none_or(|last| (winding_deg(own) - winding_deg(last)).abs() > REST_DEG)

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 
 use super::fingerprints::Fingerprints;
 use super::{Refusal, RunData, Warning};
+use crate::block_csv::GAP_STEPS;
 use crate::campaign::{Campaign, Row, Run, RunReader, doubt_of_clock};
 use crate::solve::{correct_level, recorded};
 
@@ -142,7 +143,7 @@ impl Gathered {
             let still = last_deg
                 .replace(row.index_deg)
                 .is_some_and(|last| wrap_180_deg(row.index_deg - last).abs() <= REST_DEG);
-            let gap = line > 3 && row.interval_s > 1.0 && row.interval_s > 1.5 * usual_s && still;
+            let gap = line > 3 && row.interval_s > 1.0 && row.interval_s > GAP_STEPS * usual_s && still;
             // The first row's interval says nothing where it begins late.
             if line <= 3 {
                 usual_s = row.interval_s;
