@@ -66,7 +66,7 @@ fn card(effect: &Effect) -> String {
 
 /// What a parameter's name says: the quantity, and its unit for a person.
 fn unit_of(name: &str) -> (String, String) {
-    const UNITS: [(&str, &str); 12] = [
+    const UNITS: [(&str, &str); 13] = [
         ("deg_h_per_k_per_s", "°/h per K/s"),
         ("deg_h_per_k2", "°/h per K²"),
         ("deg_h_per_k", "°/h per K"),
@@ -78,6 +78,7 @@ fn unit_of(name: &str) -> (String, String) {
         ("deg_h_per_h", "°/h per h"),
         ("deg_h", "°/h"),
         ("deg", "°"),
+        ("arcsec", "″"),
         ("s", "s"),
     ];
     for (suffix, unit) in UNITS {
