@@ -220,15 +220,16 @@ impl<'a> Model<'a> {
             (top, process)
         };
         let exponential = |time_s| Some(Process { kernel: Kernel::Exponential, sigma_deg_h: 0.5 * noise, time_s });
-        let transient = |time_s| Some(Process { kernel: Kernel::Transient, sigma_deg_h: noise, time_s });
+        let left = |kernel, time_s| Some(Process { kernel, sigma_deg_h: noise, time_s });
         let starts = [
             best.process,
             None,
             exponential(4.0),
             exponential(20.0),
             exponential(100.0),
-            transient(5.0),
-            transient(25.0),
+            left(Kernel::Transient, 5.0),
+            left(Kernel::Transient, 25.0),
+            left(Kernel::Start, 25.0),
         ];
         let Some((top, first)) = likeliest(&starts) else { return best };
         // Another kernel suits with other constants.
@@ -320,11 +321,11 @@ fn is_same(a: &Process, b: &Process) -> bool {
 }
 
 /// Processes of other kernels for which this one may stand: a smoother one, ringing of all periods of which a run sees one at least, and what moves
-/// leave behind.
+/// or a start leave behind.
 fn other_kernels(process: &Process, lengths: &Lengths) -> Vec<Option<Process>> {
     let periods = std::iter::successors(Some(lengths.run_s), |period_s| Some(0.5 * period_s));
     let ringing = |period_s| Process { kernel: Kernel::DampedCosine { period_s }, time_s: period_s, ..*process };
-    let others = [Kernel::Matern, Kernel::Transient].map(|kernel| Process {
+    let others = [Kernel::Matern, Kernel::Transient, Kernel::Start].map(|kernel| Process {
         kernel,
         time_s: process.time_s.min(lengths.longest_s(kernel)),
         ..*process
@@ -337,7 +338,7 @@ fn other_kernels(process: &Process, lengths: &Lengths) -> Vec<Option<Process>> {
         .collect()
 }
 
-/// What a process costs, nats: its constants, each one of some eight values that recordings tell apart, and one of three other kernels half of the time.
+/// What a process costs, nats: its constants, each one of some eight values that recordings tell apart, and one of four other kernels half of the time.
 pub fn process_cost(process: &Option<Process>) -> f64 {
     let constants = match process.map(|process| process.kernel) {
         None => return 0.0,
@@ -345,7 +346,7 @@ pub fn process_cost(process: &Option<Process>) -> f64 {
         Some(_) => 2.0,
     };
     let plain = process.is_some_and(|process| process.kernel == Kernel::Exponential);
-    constants * 8f64.ln() + if plain { 0.0 } else { 3f64.ln() }
+    constants * 8f64.ln() + if plain { 0.0 } else { 4f64.ln() }
 }
 
 /// Noise of a row of a usual run, °/h.
@@ -362,16 +363,19 @@ mod tests {
 
     const LENGTHS: Lengths = Lengths { run_s: 80.0, rest_s: 20.0 };
 
-    /// Half a period less each time, down to ten seconds; three constants, and one of three other kernels half of the time.
+    /// Half a period less each time, down to ten seconds; three constants, and one of four other kernels half of the time.
     #[test]
     fn what_is_tried_for_an_exponential_process() {
         let exponential = Process { kernel: Kernel::Exponential, sigma_deg_h: 1.0, time_s: 10.0 };
         let kernels: Vec<Kernel> =
             other_kernels(&exponential, &LENGTHS).into_iter().flatten().map(|process| process.kernel).collect();
         let ringing = |period_s| Kernel::DampedCosine { period_s };
-        assert_eq!(kernels, [Kernel::Matern, Kernel::Transient, ringing(80.0), ringing(40.0), ringing(20.0)]);
+        assert_eq!(
+            kernels,
+            [Kernel::Matern, Kernel::Transient, Kernel::Start, ringing(80.0), ringing(40.0), ringing(20.0)]
+        );
         let ringing = Process { kernel: ringing(40.0), ..exponential };
-        assert!((process_cost(&Some(ringing)) - (3.0 * 8f64.ln() + 3f64.ln())).abs() < 1e-12);
+        assert!((process_cost(&Some(ringing)) - (3.0 * 8f64.ln() + 4f64.ln())).abs() < 1e-12);
         assert_eq!(neighbours(&ringing, 0.7, &LENGTHS).len(), 6);
         assert_eq!(neighbours(&exponential, 0.7, &LENGTHS).len(), 4);
         let near = neighbours(&exponential, 0.7, &LENGTHS)[0].unwrap();
@@ -396,20 +400,24 @@ mod tests {
         assert!((period_s / 30.0).ln().abs() < 0.15, "{process:?}");
     }
 
-    /// Eight runs of six rests of twenty seconds each, after every one of which another rate decays within four seconds.
+    /// Eight runs of six rests of twenty seconds each, after every one of which another rate decays within four seconds; or within thirty seconds from the
+    /// start of the run.
     #[test]
-    fn what_moves_leave_behind_is_found() {
-        let resting = |run: usize| -> Run {
-            let left = |i: usize| {
-                let size = 9.0 * (2.4 * (i / 20) as f64 + run as f64).cos();
-                size * (-((i % 20) as f64 + 0.5) / 4.0).exp()
+    fn what_moves_and_starts_leave_behind_is_found() {
+        let cases = [(Kernel::Transient, 20, 4.0), (Kernel::Start, 120, 30.0)];
+        for (kernel, every, time_s) in cases {
+            let resting = |run: usize| -> Run {
+                let left = |i: usize| {
+                    let size = 9.0 * (2.4 * (i / every) as f64 + run as f64).cos();
+                    size * (-((i % every) as f64 + 0.5) / time_s).exp()
+                };
+                let rates: Vec<f64> =
+                    (0..120).map(|i| left(i) + Run::noise(run, i) + [10.0, 0.0, -10.0, 0.0][i % 4]).collect();
+                Run::of_rests(&rates, 20)
             };
-            let rates: Vec<f64> =
-                (0..120).map(|i| left(i) + Run::noise(run, i) + [10.0, 0.0, -10.0, 0.0][i % 4]).collect();
-            Run::of_rests(&rates, 20)
-        };
-        let runs: Vec<Run> = (0..8).map(resting).collect();
-        let process = Model::new(&runs, None, &[]).unwrap().with_likeliest_process().process.unwrap();
-        assert!(process.kernel == Kernel::Transient && (process.time_s / 4.0).ln().abs() < 0.3, "{process:?}");
+            let runs: Vec<Run> = (0..8).map(resting).collect();
+            let process = Model::new(&runs, None, &[]).unwrap().with_likeliest_process().process.unwrap();
+            assert!(process.kernel == kernel && (process.time_s / time_s).ln().abs() < 0.3, "{process:?}");
+        }
     }
 }

@@ -41,22 +41,27 @@ impl Whitener {
         let power = process.map_or(0.0, |process| process.sigma_deg_h * process.sigma_deg_h);
         let stationary = process.map_or([0.0; 2], |process| stationary(process, power));
         let mut covariance = [[stationary[0], 0.0], [0.0, stationary[1]]];
-        let transient = process.filter(|process| process.kernel == Kernel::Transient);
-        let (mut last_s, mut last_rest_s) = (None, None);
+        let decaying = process.filter(|process| process.kernel.decays());
+        let (mut last_s, mut last_since_s) = (None, None);
         // Most rows are as far from the one before as that from its own: the exponentials are the same.
         let mut known = (f64::NAN, [[0.0; 2]; 2]);
         for ((&t_s, &rest_s), &variance) in instants.t_s.iter().zip(instants.rests_s).zip(instants.variance) {
             let step_s: f64 = last_s.replace(t_s).map_or(0.0, |last_s: f64| t_s - last_s);
-            let comes_to_rest = last_rest_s.replace(rest_s) != Some(rest_s);
+            // Since when there is something that decays: the run begins with its first rest.
+            let since_s = match process.map(|process| process.kernel) {
+                Some(Kernel::Start) => *instants.rests_s.first().unwrap_or(&rest_s),
+                _ => rest_s,
+            };
+            let begins = last_since_s.replace(since_s) != Some(since_s);
             if step_s != known.0 {
                 known = (step_s, process.map_or([[0.0; 2]; 2], |process| transition(process, step_s)));
             }
             let mut transition = known.1;
-            if let Some(process) = transient {
-                covariance = if comes_to_rest {
+            if let Some(process) = decaying {
+                covariance = if begins {
                     // Nothing is left of the last one.
                     transition = [[0.0; 2]; 2];
-                    [[power * (-2.0 * (t_s - rest_s) / process.time_s).exp(), 0.0], [0.0; 2]]
+                    [[power * (-2.0 * (t_s - since_s) / process.time_s).exp(), 0.0], [0.0; 2]]
                 } else {
                     sandwich(&transition, &covariance)
                 };
@@ -167,7 +172,7 @@ impl Whitener {
 /// Variances of the state when nothing was seen.
 fn stationary(process: &Process, power: f64) -> [f64; 2] {
     match process.kernel {
-        Kernel::Exponential | Kernel::Transient => [power, 0.0],
+        Kernel::Exponential | Kernel::Transient | Kernel::Start => [power, 0.0],
         // The state's second part is the slope.
         Kernel::Matern | Kernel::SquaredExponential => [power, 3.0 * power / (process.time_s * process.time_s)],
         Kernel::DampedCosine { .. } => [power, power],
@@ -177,7 +182,7 @@ fn stationary(process: &Process, power: f64) -> [f64; 2] {
 fn transition(process: &Process, step_s: f64) -> [[f64; 2]; 2] {
     let tau_s = process.time_s;
     match process.kernel {
-        Kernel::Exponential | Kernel::Transient => [[(-step_s / tau_s).exp(), 0.0], [0.0, 0.0]],
+        Kernel::Exponential | Kernel::Transient | Kernel::Start => [[(-step_s / tau_s).exp(), 0.0], [0.0, 0.0]],
         Kernel::Matern | Kernel::SquaredExponential => {
             let rate = 3f64.sqrt() / tau_s;
             let decay = (-rate * step_s).exp();
@@ -210,20 +215,30 @@ mod tests {
         let t_s = [0.0_f64, 1.0, 2.0, 5.0, 9.0];
         let variance = [0.3, 0.2, 0.3, 0.1, 0.4];
         let rests_s = [-1.0, -1.0, -1.0, 4.0, 4.0];
-        for kernel in [Kernel::Exponential, Kernel::Matern, Kernel::DampedCosine { period_s: 7.0 }, Kernel::Transient] {
+        for kernel in [
+            Kernel::Exponential,
+            Kernel::Matern,
+            Kernel::DampedCosine { period_s: 7.0 },
+            Kernel::Transient,
+            Kernel::Start,
+        ] {
             let process = Process { kernel, sigma_deg_h: 0.8, time_s: 4.0 };
             let of_rest = |i: usize, j: usize| match rests_s[i] == rests_s[j] {
                 true => (-(t_s[i] + t_s[j] - 2.0 * rests_s[i]) / 4.0).exp(),
                 false => 0.0,
             };
+            let of_start = |i: usize, j: usize| (-(t_s[i] + t_s[j] - 2.0 * rests_s[0]) / 4.0).exp();
             let correlation = |d: f64| match kernel {
                 Kernel::Matern => (1.0 + 3f64.sqrt() * d / 4.0) * (-(3f64.sqrt()) * d / 4.0).exp(),
                 Kernel::DampedCosine { period_s } => (-d / 4.0).exp() * (std::f64::consts::TAU * d / period_s).cos(),
                 _ => (-d / 4.0).exp(),
             };
             let covariance = nalgebra::DMatrix::from_fn(5, 5, |i, j| {
-                let between =
-                    if kernel == Kernel::Transient { of_rest(i, j) } else { correlation((t_s[i] - t_s[j]).abs()) };
+                let between = match kernel {
+                    Kernel::Transient => of_rest(i, j),
+                    Kernel::Start => of_start(i, j),
+                    _ => correlation((t_s[i] - t_s[j]).abs()),
+                };
                 0.64 * between + if i == j { variance[i] } else { 0.0 }
             });
             let (x, y) = ([1.0, -2.0, 0.5, 3.0, 1.0], [0.3, 1.0, -1.0, 0.0, 2.0]);

@@ -27,7 +27,7 @@ pub struct Doubt {
 #[serde(deny_unknown_fields)]
 pub struct Process {
     pub kernel: Kernel,
-    /// Its standard deviation, °/h; of a transient when the index comes to rest.
+    /// Its standard deviation, °/h; of what decays where it begins to.
     pub sigma_deg_h: f64,
     /// Its time constant, seconds.
     pub time_s: f64,
@@ -48,6 +48,15 @@ pub enum Kernel {
     /// What a move leaves behind: A exp(−x), x since the index came to rest, with another A of its own at every rest. At x₁ and x₂ of one rest the
     /// correlation is exp(−x₁ − x₂); there is none between two rests.
     Transient,
+    /// What a start leaves behind, by the same law: x since the run began, with another A in every run.
+    Start,
+}
+
+impl Kernel {
+    /// It is what something leaves behind, and not stationary.
+    pub fn decays(self) -> bool {
+        matches!(self, Self::Transient | Self::Start)
+    }
 }
 
 /// An interval of a run, seconds.
@@ -55,8 +64,8 @@ pub enum Kernel {
 pub struct Interval {
     pub start_s: f64,
     pub end_s: f64,
-    /// When the index came to rest before it; `None` where it moved.
-    pub rest_s: Option<f64>,
+    /// Since when there is something that decays in it: since the index came to rest, or the run began. `None` where there is nothing.
+    pub since_s: Option<f64>,
 }
 
 impl Interval {
@@ -69,9 +78,9 @@ impl Process {
     /// Covariance of the process' means over two intervals, (°/h)². With K″ = k that of a stationary process is
     /// [K(b₂ − a₁) + K(a₂ − b₁) − K(b₁ − a₁) − K(b₂ − a₂)] over the lengths.
     pub fn covariance(&self, a: &Interval, b: &Interval) -> f64 {
-        if self.kernel == Kernel::Transient {
-            let left = self.left_of_transient_deg_h(a) * self.left_of_transient_deg_h(b);
-            return if a.rest_s == b.rest_s { left } else { 0.0 };
+        if self.kernel.decays() {
+            let left = self.left_deg_h(a) * self.left_deg_h(b);
+            return if a.since_s == b.since_s { left } else { 0.0 };
         }
         let power = self.sigma_deg_h * self.sigma_deg_h;
         let lengths = a.length_s() * b.length_s();
@@ -83,10 +92,10 @@ impl Process {
             / lengths
     }
 
-    /// Of a transient of one sigma the mean over an interval of its rest, °/h; 0 where the index moved.
-    pub fn left_of_transient_deg_h(&self, interval: &Interval) -> f64 {
-        let Some(rest_s) = interval.rest_s else { return 0.0 };
-        let at_start_deg_h = self.sigma_deg_h * libm::exp(-(interval.start_s - rest_s) / self.time_s);
+    /// Of one sigma of what decays the mean over an interval, °/h; 0 where there is nothing of it.
+    pub fn left_deg_h(&self, interval: &Interval) -> f64 {
+        let Some(since_s) = interval.since_s else { return 0.0 };
+        let at_start_deg_h = self.sigma_deg_h * libm::exp(-(interval.start_s - since_s) / self.time_s);
         let length = interval.length_s() / self.time_s;
         if length > 0.0 { at_start_deg_h * -libm::expm1(-length) / length } else { at_start_deg_h }
     }
@@ -113,8 +122,8 @@ impl Process {
                 let (re2, im2) = (re * re - im * im, 2.0 * re * im);
                 (cos * re2 - sin * im2) * libm::exp(-re * x_s) / (squared * squared) + x_s * re / squared
             }
-            // It is not stationary.
-            Kernel::Transient => 0.0,
+            // They are not stationary.
+            Kernel::Transient | Kernel::Start => 0.0,
         }
     }
 
@@ -161,7 +170,7 @@ mod tests {
         ];
         for (kernel, correlation) in kernels {
             let process = Process { kernel, sigma_deg_h: 0.5, time_s: 20.0 };
-            let stretch = |[start_s, end_s]: [f64; 2]| Interval { start_s, end_s, rest_s: Some(start_s) };
+            let stretch = |[start_s, end_s]: [f64; 2]| Interval { start_s, end_s, since_s: Some(start_s) };
             for b in [[0.0, 30.0], [38.0, 60.0]] {
                 let mut sum = 0.0;
                 for i in 0..400 {
@@ -182,11 +191,20 @@ mod tests {
     #[test]
     fn a_transient_by_hand() {
         let process = Process { kernel: Kernel::Transient, sigma_deg_h: 2.0, time_s: 10.0 };
-        let interval = |start_s, rest_s| Interval { start_s, end_s: start_s + 10.0, rest_s };
+        let interval = |start_s, since_s| Interval { start_s, end_s: start_s + 10.0, since_s };
         let [first, second] = [100.0, 110.0].map(|start_s| interval(start_s, Some(100.0)));
         assert!((process.covariance(&first, &first) - 4.0 * 0.632121 * 0.632121).abs() < 1e-5);
         assert!((process.covariance(&first, &second) - 4.0 * 0.632121 * 0.232544).abs() < 1e-5);
         assert_eq!(process.covariance(&first, &interval(200.0, Some(200.0))), 0.0);
         assert_eq!(process.covariance(&interval(100.0, None), &interval(100.0, None)), 0.0);
+    }
+
+    /// The same since the start of the run, across a move: of the third ten seconds e⁻² = 0.135335 times the mean of the first is left.
+    #[test]
+    fn what_a_start_leaves_by_hand() {
+        let process = Process { kernel: Kernel::Start, sigma_deg_h: 2.0, time_s: 10.0 };
+        let interval = |start_s| Interval { start_s, end_s: start_s + 10.0, since_s: Some(100.0) };
+        let found = process.covariance(&interval(100.0), &interval(120.0));
+        assert!((found - 4.0 * 0.632121 * 0.632121 * 0.135335).abs() < 1e-5, "{found}");
     }
 }

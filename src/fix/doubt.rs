@@ -1,7 +1,7 @@
 //! What is not certain of the error model, in a fix: errors of the dwells' mean rates that go together.
 //!
-//! The mean rates have the covariance C = white noise + P + D Dᵀ + M: M what is uncertain of a path of the base that was taken out, P that of the model's process of the run's own (mean over
-//! each dwell against mean over each other), D the columns of what one sigma along each uncertain direction of the model's
+//! The mean rates have the covariance C = white noise + P + D Dᵀ + M: M what is uncertain of a path of the base that was taken out, P that of the model's
+//! process of the run's own (mean over each dwell against mean over each other), D the columns of what one sigma along each uncertain direction of the model's
 //! coefficients adds to each dwell. The fix is generalised least squares with C: by its Cholesky factor L, rows and rates
 //! become L⁻¹ times themselves, and have independent errors of one. Slopes are left out, because the process makes slopes of its own; the dwells stand
 //! here in parts ([`super::accumulator`]), whose means show a slope.
@@ -60,7 +60,7 @@ impl Correlated {
     ) -> Option<()> {
         self.factor.fill_with_identity();
         let mut times: Vec<Interval, MOST> = Vec::new();
-        for interval in intervals(dwells) {
+        for interval in intervals(dwells, doubt) {
             // There are no more of them than places.
             let _ = times.push(interval);
         }
@@ -136,14 +136,17 @@ pub fn is_any(doubt: &Doubt) -> bool {
     doubt.process.is_some() || !doubt.directions.is_empty()
 }
 
-/// The dwells' times. The index came to rest when the first of those that follow each other at its position began.
-fn intervals(dwells: &[DwellSummary]) -> impl Iterator<Item = Interval> {
-    dwells.iter().scan(None, |last: &mut Option<(&DwellSummary, f64)>, dwell| {
-        let since_s =
-            last.filter(|(before, _)| dwell.is_at_position_of(before)).map_or(dwell.start_s, |(_, since_s)| since_s);
-        *last = Some((dwell, since_s));
+/// The dwells' times, and since when there is something in them that decays. The index came to rest when the first of those that follow each other at its
+/// position began.
+fn intervals<'a>(dwells: &'a [DwellSummary], doubt: &Doubt) -> impl Iterator<Item = Interval> + use<'a> {
+    let of_start = doubt.process.is_some_and(|process| process.kernel == Kernel::Start);
+    let begun_s = dwells.first().filter(|_| of_start).map(|dwell| dwell.start_s);
+    dwells.iter().scan(None, move |last: &mut Option<(&DwellSummary, f64)>, dwell| {
+        let rest_s =
+            last.filter(|(before, _)| dwell.is_at_position_of(before)).map_or(dwell.start_s, |(_, rest_s)| rest_s);
+        *last = Some((dwell, rest_s));
         let DwellSummary { start_s, end_s, moving, .. } = *dwell;
-        Some(Interval { start_s, end_s, rest_s: (!moving).then_some(since_s) })
+        Some(Interval { start_s, end_s, since_s: begun_s.or((!moving).then_some(rest_s)) })
     })
 }
 
@@ -160,10 +163,10 @@ pub(super) fn of_right_hand_side(doubt: &Doubt, dwells: &[DwellSummary], observe
     let mut covariance = Matrix4::zeros();
     // The time of each group and the sum of its gains.
     let mut groups: Vec<(Interval, Vector4<f64>), MOST> = Vec::new();
-    let without_rest = |start_s, end_s| Interval { start_s, end_s, rest_s: None };
+    let lasting = |start_s, end_s| Interval { start_s, end_s, since_s: None };
     for few in dwells.chunks(size) {
         let start_s = few.first().map_or(0.0, |dwell| dwell.start_s);
-        let whole = without_rest(start_s, few.last().map_or(start_s, |dwell| dwell.end_s));
+        let whole = lasting(start_s, few.last().map_or(start_s, |dwell| dwell.end_s));
         // Sums of the gains, of these times themselves, and of the variances of the process' means over each interval.
         let (mut group, mut squares, mut variances) = (Vector4::zeros(), Matrix4::zeros(), 0.0);
         for dwell in few {
@@ -174,7 +177,7 @@ pub(super) fn of_right_hand_side(doubt: &Doubt, dwells: &[DwellSummary], observe
             }
             group += gain;
             squares += gain * gain.transpose();
-            let own = without_rest(dwell.start_s, dwell.end_s);
+            let own = lasting(dwell.start_s, dwell.end_s);
             variances += of_process(doubt, &own, &own);
         }
         let intervals = few.len() as f64;
@@ -196,23 +199,23 @@ pub(super) fn of_right_hand_side(doubt: &Doubt, dwells: &[DwellSummary], observe
             }
         }
     }
-    covariance + of_transients(doubt, dwells, observe)
+    covariance + of_what_decays(doubt, dwells, observe)
 }
 
-/// What moves left behind, in such a covariance: in one rest it is one number times what is left of it in each of the dwells.
-fn of_transients(doubt: &Doubt, dwells: &[DwellSummary], observe: Observe<'_>) -> Matrix4<f64> {
+/// What moves or a start left behind, in such a covariance: since one of them it is one number times what is left of it in each of the dwells.
+fn of_what_decays(doubt: &Doubt, dwells: &[DwellSummary], observe: Observe<'_>) -> Matrix4<f64> {
     let mut covariance = Matrix4::zeros();
-    let Some(process) = doubt.process.filter(|process| process.kernel == Kernel::Transient) else { return covariance };
-    let (mut last_s, mut rest) = (None, Vector4::zeros());
-    for (dwell, interval) in dwells.iter().zip(intervals(dwells)) {
-        if last_s != interval.rest_s {
-            covariance += rest * rest.transpose();
-            (last_s, rest) = (interval.rest_s, Vector4::zeros());
+    let Some(process) = doubt.process.filter(|process| process.kernel.decays()) else { return covariance };
+    let (mut last_s, mut left) = (None, Vector4::zeros());
+    for (dwell, interval) in dwells.iter().zip(intervals(dwells, doubt)) {
+        if last_s != interval.since_s {
+            covariance += left * left.transpose();
+            (last_s, left) = (interval.since_s, Vector4::zeros());
         }
         let (observation, _) = observe(dwell);
-        rest += process.left_of_transient_deg_h(&interval) * observation.weight * observation.row;
+        left += process.left_deg_h(&interval) * observation.weight * observation.row;
     }
-    covariance + rest * rest.transpose()
+    covariance + left * left.transpose()
 }
 
 #[cfg(test)]
@@ -319,9 +322,10 @@ mod tests {
         assert!(lasting < 0.1 * 0.1 / NORTH_DEG_H * DEG_PER_RAD, "{lasting}");
     }
 
-    fn transient(sigma_deg_h: f64, time_s: f64) -> ErrorModel {
+    /// What decays.
+    fn left(kernel: Kernel, sigma_deg_h: f64, time_s: f64) -> ErrorModel {
         let mut model = process(sigma_deg_h, time_s);
-        model.doubt.process = model.doubt.process.map(|process| Process { kernel: Kernel::Transient, ..process });
+        model.doubt.process = model.doubt.process.map(|process| Process { kernel, ..process });
         model
     }
 
@@ -332,17 +336,18 @@ mod tests {
         for turns in [1, 12] {
             let order: Vec<f64> = ORDER.into_iter().cycle().take(4 * turns).collect();
             let dwells = dwells(&order);
-            let added = added_deg(&fix(&dwells, &transient(1.0, 6.0)), &fix(&dwells, &ErrorModel::default()));
+            let added =
+                added_deg(&fix(&dwells, &left(Kernel::Transient, 1.0, 6.0)), &fix(&dwells, &ErrorModel::default()));
             let expected_deg = 0.1 / libm::sqrt(2.0 * turns as f64) / NORTH_DEG_H * DEG_PER_RAD;
             assert!((added / expected_deg - 1.0).abs() < 0.02, "{turns}: {added} {expected_deg}");
         }
     }
 
-    /// A bias that is 2 °/h too great after the first move and decays within 3 s: in a first part of 10 s it is 2 · 0.3 (1 − e^(−10/3)) = 0.57860 °/h, in
+    /// A bias that is 2 °/h too great when the first rest begins and decays within 3 s: in a first part of 10 s it is 2 · 0.3 (1 − e^(−10/3)) = 0.57860 °/h, in
     /// the 50 s behind it 2 · 0.06 · e^(−10/3) = 0.00428 °/h. As a mean of 60 s that turns the azimuth by 0.1/2h, 0.381°, and by about a third of that
     /// where a drift is solved for beside it; of the later part alone by 0.016°.
     #[test]
-    fn what_moves_leave_behind_is_left_out() {
+    fn what_decays_is_left_out() {
         let mut parts: Vec<DwellSummary> = Vec::new();
         for dwell in dwells(&ORDER) {
             for (from_s, to_s, left_deg_h) in [(0.0, 10.0, 0.57860), (10.0, 60.0, 0.00428)] {
@@ -358,8 +363,31 @@ mod tests {
             }
         }
         let off_deg = |model: &ErrorModel| wrap_180_deg(fix(&parts, model).azimuth_deg - 90.0).abs();
-        let (without, with) = (off_deg(&ErrorModel::default()), off_deg(&transient(2.0, 3.0)));
-        assert!(without > 0.1 && with < 0.016, "{without} {with}");
+        let without = off_deg(&ErrorModel::default());
+        for kernel in [Kernel::Transient, Kernel::Start] {
+            let with = off_deg(&left(kernel, 2.0, 3.0));
+            assert!(without > 0.1 && with < 0.016, "{kernel:?}: {without} {with}");
+        }
+    }
+
+    /// What a start of 10 °/h leaves for 6 s is 1 °/h in the first mean of 60 s, far above its noise, and nothing in those behind it. At ψ = 90° the rates
+    /// are x + b, y + b, b − x and b − y with x = 0: x is half of the first less the third, of half a dwell's variance, and without the first half of the
+    /// second and fourth less the third, of 3/2 of it: sigma grows by a dwell's noise. Over twelve turns, more than are weighed one by one, x has the column
+    /// 1, 0, −1, 0 …, of a square of 24, and a drift 48 steps about their middle, of a square of 9212, with a product of −24: of the first dwell x takes (1 − 24 · 23.5/9212)/(24 − 24²/9212) = 0.03922.
+    #[test]
+    fn what_a_start_leaves_behind_widens_sigma() {
+        let sigmas = |turns: usize| {
+            let order: Vec<f64> = ORDER.into_iter().cycle().take(4 * turns).collect();
+            let dwells = dwells(&order);
+            (fix(&dwells, &left(Kernel::Start, 10.0, 6.0)), fix(&dwells, &ErrorModel::default()))
+        };
+        // A second's noise is 0.09 °/h in the made-up dwells.
+        let (with, without) = sigmas(1);
+        let (added, expected_deg) = (added_deg(&with, &without), 0.09 / libm::sqrt(60.0) / NORTH_DEG_H * DEG_PER_RAD);
+        assert!((added / expected_deg - 1.0).abs() < 0.05, "{added} {expected_deg}");
+        let (with, without) = sigmas(12);
+        let (added, expected_deg) = (added_deg(&with, &without), 0.03922 / NORTH_DEG_H * DEG_PER_RAD);
+        assert!((added / expected_deg - 1.0).abs() < 0.02, "{added} {expected_deg}");
     }
 
     /// The same quick process over more intervals than are weighed one by one, two of them in each group.

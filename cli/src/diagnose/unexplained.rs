@@ -72,6 +72,7 @@ fn in_words((process, covered): (Process, bool)) -> String {
     let kernel = match process.kernel {
         Kernel::DampedCosine { period_s } => format!(", ringing with a period of {period_s:.0} s"),
         Kernel::Transient => ", of another size after every move of the index".into(),
+        Kernel::Start => ", of another size at the start of every run".into(),
         _ => String::new(),
     };
     format!(
