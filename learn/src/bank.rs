@@ -348,7 +348,9 @@ impl Bank {
             let t_s = means(&own, &run.t_s);
             let variance: Vec<f64> = precision.iter().map(|precision| 1.0 / f64::from(*precision)).collect();
             let rests_s: Vec<f64> = own.iter().map(|rows| run.rests_s[rows.start]).collect();
-            let whitener = Whitener::new(Instants { t_s: &t_s, rests_s: &rests_s, variance: &variance }, process);
+            let gains = means(&own, &run.gains_of(process));
+            let instants = Instants { t_s: &t_s, rests_s: &rests_s, variance: &variance, gains: &gains };
+            let whitener = Whitener::new(instants, process);
             let mut unknowns = run.unknowns().map(|fine| means(&own, &fine));
             unknowns.iter_mut().for_each(|column| whitener.apply(column));
             LeftOfRun {

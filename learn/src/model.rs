@@ -219,8 +219,9 @@ impl<'a> Model<'a> {
             }
             (top, process)
         };
-        let exponential = |time_s| Some(Process { kernel: Kernel::Exponential, sigma_deg_h: 0.5 * noise, time_s });
-        let left = |kernel, time_s| Some(Process { kernel, sigma_deg_h: noise, time_s });
+        let exponential =
+            |time_s| Some(Process { port: Port::Rate, kernel: Kernel::Exponential, sigma_deg_h: 0.5 * noise, time_s });
+        let left = |kernel, time_s| Some(Process { port: Port::Rate, kernel, sigma_deg_h: noise, time_s });
         let starts = [
             best.process,
             None,
@@ -232,18 +233,23 @@ impl<'a> Model<'a> {
             left(Kernel::Start, 25.0),
         ];
         let Some((top, first)) = likeliest(&starts) else { return best };
-        // Another kernel suits with other constants.
-        let process = first.map(|first| {
-            let found = tuned(top, first);
-            let others = other_kernels(&found.1, &lengths).into_par_iter().filter_map(|other| score(&other));
-            let others: Vec<(f64, Process)> = others.filter_map(|(above, other)| Some((above, other?))).collect();
-            let smoother = others.iter().find(|(_, other)| other.kernel == Kernel::Matern);
-            let likeliest = others.iter().max_by(|a, b| a.0.total_cmp(&b.0));
+        // Another kernel or port suits with other constants: the likeliest of the others is tuned as well, and the smoother one. Ten nats behind before it is
+        // tuned, it is about as likely with the best one's constants.
+        let among = |found: (f64, Process), others: Vec<Process>| {
+            let scored = others.into_par_iter().filter_map(|other| Some((score(&Some(other))?.0, other)));
+            let scored: Vec<(f64, Process)> = scored.collect();
+            let smoother = scored.iter().find(|(_, other)| other.kernel == Kernel::Matern);
+            let likeliest = scored.iter().max_by(|a, b| a.0.total_cmp(&b.0));
             let further = smoother.into_iter().chain(likeliest.filter(|other| Some(*other) != smoother));
-            // Ten nats behind before it is tuned: one that suits the runs is about as likely with the best one's constants.
             let further = further.filter(|(above, _)| *above > found.0 - 2.5 * NEGLIGIBLE);
             let further = further.map(|(above, other)| tuned(*above, *other));
-            further.fold(found, |best, other| if other.0 > best.0 { other } else { best }).1
+            further.fold(found, |best, other| if other.0 > best.0 { other } else { best })
+        };
+        let process = first.map(|first| {
+            let found = tuned(top, first);
+            let found = among(found, other_kernels(&found.1, &lengths));
+            let moved = among(found, other_ports(&found.1, runs));
+            if moved.1.port == found.1.port { found.1 } else { among(moved, other_kernels(&moved.1, &lengths)).1 }
         });
         if process != best.process
             && let Some(with) = Model::new(runs, process, &best.terms)
@@ -260,7 +266,7 @@ impl<'a> Model<'a> {
         let noise = typical_noise(runs);
         let offset = |power: i32| {
             let sigma_deg_h = noise * 2f64.powi(power);
-            let process = Process { kernel: Kernel::Transient, sigma_deg_h, time_s: f64::INFINITY };
+            let process = Process { port: Port::Rate, kernel: Kernel::Transient, sigma_deg_h, time_s: f64::INFINITY };
             Model::new(runs, Some(process), &self.terms)
         };
         let offsets: Vec<Model<'a>> = OFFSETS.into_par_iter().filter_map(offset).collect();
@@ -322,7 +328,7 @@ fn is_same(a: &Process, b: &Process) -> bool {
 
 /// Processes of other kernels for which this one may stand: a smoother one, ringing of all periods of which a run sees one at least, and what moves
 /// or a start leave behind.
-fn other_kernels(process: &Process, lengths: &Lengths) -> Vec<Option<Process>> {
+fn other_kernels(process: &Process, lengths: &Lengths) -> Vec<Process> {
     let periods = std::iter::successors(Some(lengths.run_s), |period_s| Some(0.5 * period_s));
     let ringing = |period_s| Process { kernel: Kernel::DampedCosine { period_s }, time_s: period_s, ..*process };
     let others = [Kernel::Matern, Kernel::Transient, Kernel::Start].map(|kernel| Process {
@@ -334,11 +340,30 @@ fn other_kernels(process: &Process, lengths: &Lengths) -> Vec<Option<Process>> {
         .into_iter()
         .filter(|other| other.kernel != process.kernel)
         .chain(periods.take_while(|period_s| *period_s > SHORTEST_PERIOD_S).map(ringing))
-        .map(Some)
         .collect()
 }
 
-/// What a process costs, nats: its constants, each one of some eight values that recordings tell apart, and one of four other kernels half of the time.
+/// A process of the same size at the other ports of these runs.
+fn other_ports(process: &Process, runs: &[Run]) -> Vec<Process> {
+    let is_one = |port: &Port| match port {
+        Port::Rate | Port::Scale | Port::Index => !runs.iter().any(|run| run.still),
+        Port::Forward | Port::Left => runs.iter().any(Run::level_errs),
+    };
+    let size = |process: &Process| {
+        let gains = runs.iter().flat_map(|run| run.gains_of(Some(process)));
+        process.sigma_deg_h * gains.map(|gain| gain * gain).sum::<f64>().sqrt()
+    };
+    let own = size(process);
+    let at = |port: Port| {
+        let process = Process { port, ..*process };
+        let ratio = own / size(&process);
+        ratio.is_finite().then(|| Process { sigma_deg_h: process.sigma_deg_h * ratio, ..process })
+    };
+    Port::ALL.into_iter().filter(|port| *port != process.port && is_one(port)).filter_map(at).collect()
+}
+
+/// What a process costs, nats: its constants, each one of some eight values that recordings tell apart, and one of four other kernels half of the time; and as many other
+/// ports.
 pub fn process_cost(process: &Option<Process>) -> f64 {
     let constants = match process.map(|process| process.kernel) {
         None => return 0.0,
@@ -346,7 +371,9 @@ pub fn process_cost(process: &Option<Process>) -> f64 {
         Some(_) => 2.0,
     };
     let plain = process.is_some_and(|process| process.kernel == Kernel::Exponential);
-    constants * 8f64.ln() + if plain { 0.0 } else { 4f64.ln() }
+    let at_rate = process.is_none_or(|process| process.port == Port::Rate);
+    let choices = [plain, at_rate].into_iter().filter(|usual| !usual).count();
+    constants * 8f64.ln() + choices as f64 * 4f64.ln()
 }
 
 /// Noise of a row of a usual run, °/h.
@@ -366,9 +393,9 @@ mod tests {
     /// Half a period less each time, down to ten seconds; three constants, and one of four other kernels half of the time.
     #[test]
     fn what_is_tried_for_an_exponential_process() {
-        let exponential = Process { kernel: Kernel::Exponential, sigma_deg_h: 1.0, time_s: 10.0 };
+        let exponential = Process { port: Port::Rate, kernel: Kernel::Exponential, sigma_deg_h: 1.0, time_s: 10.0 };
         let kernels: Vec<Kernel> =
-            other_kernels(&exponential, &LENGTHS).into_iter().flatten().map(|process| process.kernel).collect();
+            other_kernels(&exponential, &LENGTHS).into_iter().map(|process| process.kernel).collect();
         let ringing = |period_s| Kernel::DampedCosine { period_s };
         assert_eq!(
             kernels,
@@ -398,6 +425,20 @@ mod tests {
         let process = Model::new(&runs, None, &[]).unwrap().with_likeliest_process().process.unwrap();
         let Kernel::DampedCosine { period_s } = process.kernel else { panic!("{process:?}") };
         assert!((period_s / 30.0).ln().abs() < 0.15, "{process:?}");
+    }
+
+    /// The same of an index that rings by 0.5 °/h of the Earth's rate, 1.9°: the rates at the positions across the axis ring with it, one against the other.
+    #[test]
+    fn a_process_in_the_index_is_found() {
+        let across = |i: usize| [0.0, 1.0, 0.0, -1.0][i % 4];
+        let ringing = |run: usize| -> Vec<f64> {
+            let error = |i: usize| 5.0 * (std::f64::consts::TAU * i as f64 / 30.0 + 2.4 * run as f64).cos();
+            (0..120).map(|i| error(i) * across(i) + Run::noise(run, i) + [10.0, 0.0, -10.0, 0.0][i % 4]).collect()
+        };
+        let runs: Vec<Run> = (0..8).map(|run| Run::of_rates(&ringing(run))).collect();
+        let process = Model::new(&runs, None, &[]).unwrap().with_likeliest_process().process.unwrap();
+        let Kernel::DampedCosine { period_s } = process.kernel else { panic!("{process:?}") };
+        assert!(process.port == Port::Index && (period_s / 30.0).ln().abs() < 0.15, "{process:?}");
     }
 
     /// Eight runs of six rests of twenty seconds each, after every one of which another rate decays within four seconds; or within thirty seconds from the

@@ -7,7 +7,6 @@ use north_finder::effects::effect::{Effect, Port};
 use north_finder::units::DEG_PER_RAD;
 
 use super::posterior::Posterior;
-use super::process::Whitener;
 use super::rows::Run;
 
 impl Posterior {
@@ -75,7 +74,7 @@ impl Posterior {
     /// What a unit of every weight turns the azimuth of a run by, rad, where its amplitude and bias are free: least squares with white noise and the
     /// process. `None` where the run does not determine them.
     fn turns_rad(&self, run: &Run) -> Option<DVector<f64>> {
-        let whitener = Whitener::new(run.for_whitening(), self.process.as_ref());
+        let whitener = run.whitener(self.process.as_ref());
         let mut unknowns = run.unknowns_by_unit();
         unknowns.iter_mut().for_each(|column| whitener.apply(column));
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();

@@ -274,7 +274,7 @@ impl<'a> Problem<'a> {
 
 impl OfRun {
     fn new(run: &Run, process: Option<&Process>) -> Option<Self> {
-        let whitener = Whitener::new(run.for_whitening(), process);
+        let whitener = run.whitener(process);
         let mut unknowns = DMatrix::from_vec(run.rows(), UNKNOWNS, run.unknowns().concat());
         whitener.apply_all(unknowns.as_mut_slice(), run.rows(), 0, &mut Vec::new(), |value| value);
         let product = |i: usize, j: usize| unknowns.column(i).dot(&unknowns.column(j));
@@ -593,7 +593,7 @@ mod tests {
         let runs: Vec<Run> = [0.0, 0.4, 1.1].map(|shift| Run::of_rates(&rates(shift))).into();
         let function = |n: usize| -> Vec<f64> { (0..36).map(|i| (0.3 * (i * n) as f64).cos()).collect() };
         let values = [function(1), function(2)];
-        let process = Process { kernel: Kernel::Exponential, sigma_deg_h: 0.8, time_s: 4.0 };
+        let process = Process { port: Port::Rate, kernel: Kernel::Exponential, sigma_deg_h: 0.8, time_s: 4.0 };
         let with = |chosen: &[usize]| {
             let runs: Vec<Run> = chosen.iter().map(|&i| runs[i].clone()).collect();
             let own = |all: &Vec<f64>| chosen.iter().flat_map(|i| all[12 * i..12 * (i + 1)].to_vec()).collect();

@@ -7,12 +7,13 @@ use north_finder::effects::doubt::{Kernel, Process};
 /// Numbers that are computed side by side, as a processor does: of columns that are made independent, of an inner product.
 pub const LANES: usize = 8;
 
-/// The rows of one run: their middle, when the index had come to rest before each, s, and their variance, (°/h)².
+/// The rows of one run: their middle, when the index had come to rest before each, s, their variance, (°/h)², and what 1 °/h of a process adds to each, °/h.
 #[derive(Clone, Copy)]
 pub struct Instants<'a> {
     pub t_s: &'a [f64],
     pub rests_s: &'a [f64],
     pub variance: &'a [f64],
+    pub gains: &'a [f64],
 }
 
 /// What makes the rows of one run independent, of variance 1: the same linear filter for every column.
@@ -29,6 +30,8 @@ struct Step {
     /// Transition to this row, row by row.
     transition: [[f64; 2]; 2],
     gain: [f64; 2],
+    /// What the process adds to the row, by its state's first part.
+    seen: f64,
     /// One over the innovation's standard deviation.
     inverse: f64,
 }
@@ -45,7 +48,8 @@ impl Whitener {
         let (mut last_s, mut last_since_s) = (None, None);
         // Most rows are as far from the one before as that from its own: the exponentials are the same.
         let mut known = (f64::NAN, [[0.0; 2]; 2]);
-        for ((&t_s, &rest_s), &variance) in instants.t_s.iter().zip(instants.rests_s).zip(instants.variance) {
+        let rows = instants.t_s.iter().zip(instants.rests_s).zip(instants.variance.iter().zip(instants.gains));
+        for ((&t_s, &rest_s), (&variance, &seen)) in rows {
             let step_s: f64 = last_s.replace(t_s).map_or(0.0, |last_s: f64| t_s - last_s);
             // Since when there is something that decays: the run begins with its first rest.
             let since_s = match process.map(|process| process.kernel) {
@@ -73,12 +77,12 @@ impl Whitener {
                     std::array::from_fn(|j| carried[i][j] - kept[i][j] + if i == j { stationary[i] } else { 0.0 })
                 });
             }
-            let innovation = covariance[0][0] + variance;
-            let gain = [covariance[0][0] / innovation, covariance[1][0] / innovation];
-            let first = covariance[0];
+            let innovation = seen * seen * covariance[0][0] + variance;
+            let gain = [seen * covariance[0][0] / innovation, seen * covariance[1][0] / innovation];
+            let first = covariance[0].map(|entry| seen * entry);
             covariance = std::array::from_fn(|i| std::array::from_fn(|j| covariance[i][j] - gain[i] * first[j]));
             log_determinant += innovation.ln();
-            steps.push(Step { transition, gain, inverse: 1.0 / innovation.sqrt() });
+            steps.push(Step { transition, gain, seen, inverse: 1.0 / innovation.sqrt() });
         }
         Self { steps, is_white: process.is_none(), log_determinant }
     }
@@ -146,7 +150,7 @@ impl Whitener {
             for (lane, value) in values.iter_mut().enumerate() {
                 let [first, second] = [state[0][lane], state[1][lane]];
                 let predicted = [a * first + b * second, c * first + d * second];
-                let innovation = *value - predicted[0];
+                let innovation = *value - step.seen * predicted[0];
                 state[0][lane] = predicted[0] + step.gain[0] * innovation;
                 state[1][lane] = predicted[1] + step.gain[1] * innovation;
                 *value = innovation * step.inverse;
@@ -162,7 +166,7 @@ impl Whitener {
             let weighed = *value * step.inverse;
             let to_innovation = weighed + step.gain[0] * adjoint[0] + step.gain[1] * adjoint[1];
             *value = to_innovation;
-            let predicted = [adjoint[0] - to_innovation, adjoint[1]];
+            let predicted = [adjoint[0] - step.seen * to_innovation, adjoint[1]];
             let [[a, b], [c, d]] = step.transition;
             adjoint = [a * predicted[0] + c * predicted[1], b * predicted[0] + d * predicted[1]];
         }
@@ -207,6 +211,8 @@ fn sandwich(transition: &[[f64; 2]; 2], covariance: &[[f64; 2]; 2]) -> [[f64; 2]
 
 #[cfg(test)]
 mod tests {
+    use north_finder::effects::effect::Port;
+
     use super::*;
 
     /// Against the covariance matrix itself: for every kernel xᵀ V⁻¹ y by the filter and by solving, and log |V|.
@@ -214,6 +220,7 @@ mod tests {
     fn by_the_covariance_itself() {
         let t_s = [0.0_f64, 1.0, 2.0, 5.0, 9.0];
         let variance = [0.3, 0.2, 0.3, 0.1, 0.4];
+        let gains = [1.0, -0.5, 0.7, 1.2, 0.0];
         let rests_s = [-1.0, -1.0, -1.0, 4.0, 4.0];
         for kernel in [
             Kernel::Exponential,
@@ -222,7 +229,7 @@ mod tests {
             Kernel::Transient,
             Kernel::Start,
         ] {
-            let process = Process { kernel, sigma_deg_h: 0.8, time_s: 4.0 };
+            let process = Process { port: Port::Rate, kernel, sigma_deg_h: 0.8, time_s: 4.0 };
             let of_rest = |i: usize, j: usize| match rests_s[i] == rests_s[j] {
                 true => (-(t_s[i] + t_s[j] - 2.0 * rests_s[i]) / 4.0).exp(),
                 false => 0.0,
@@ -239,13 +246,15 @@ mod tests {
                     Kernel::Start => of_start(i, j),
                     _ => correlation((t_s[i] - t_s[j]).abs()),
                 };
-                0.64 * between + if i == j { variance[i] } else { 0.0 }
+                0.64 * gains[i] * gains[j] * between + if i == j { variance[i] } else { 0.0 }
             });
             let (x, y) = ([1.0, -2.0, 0.5, 3.0, 1.0], [0.3, 1.0, -1.0, 0.0, 2.0]);
             let expected = (nalgebra::RowDVector::from_row_slice(&x)
                 * covariance.clone().cholesky().unwrap().solve(&nalgebra::DVector::from_row_slice(&y)))[0];
-            let whitener =
-                Whitener::new(Instants { t_s: &t_s, rests_s: &rests_s, variance: &variance }, Some(&process));
+            let whitener = Whitener::new(
+                Instants { t_s: &t_s, rests_s: &rests_s, variance: &variance, gains: &gains },
+                Some(&process),
+            );
             let (mut white_x, mut white_y) = (x, y);
             whitener.apply(&mut white_x);
             whitener.apply(&mut white_y);
@@ -262,9 +271,13 @@ mod tests {
     #[test]
     fn columns_side_by_side_are_made_independent_as_one_by_one() {
         let t_s = [0.0, 1.0, 2.0, 5.0, 9.0];
-        let instants =
-            Instants { t_s: &t_s, rests_s: &[-1.0, -1.0, -1.0, 4.0, 4.0], variance: &[0.3, 0.2, 0.3, 0.1, 0.4] };
-        let process = |kernel| Process { kernel, sigma_deg_h: 0.8, time_s: 4.0 };
+        let instants = Instants {
+            t_s: &t_s,
+            rests_s: &[-1.0, -1.0, -1.0, 4.0, 4.0],
+            variance: &[0.3, 0.2, 0.3, 0.1, 0.4],
+            gains: &[1.0; 5],
+        };
+        let process = |kernel| Process { port: Port::Rate, kernel, sigma_deg_h: 0.8, time_s: 4.0 };
         for process in [None, Some(process(Kernel::Matern)), Some(process(Kernel::Transient))] {
             let whitener = Whitener::new(instants, process.as_ref());
             let mut lanes = Vec::new();

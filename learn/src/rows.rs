@@ -5,6 +5,7 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
 use north_finder::earth::EarthRate;
+use north_finder::effects::doubt::Process;
 use north_finder::effects::effect::{Effect, Port};
 use north_finder::effects::factor::{Factor, Memory};
 use north_finder::effects::now::{Belief, Now, RunFacts};
@@ -17,7 +18,7 @@ use north_finder::fix::way::Turn;
 use north_finder::sensing::index::Direction;
 use north_finder::units::{DEG_PER_RAD, RAD_PER_DEG, wrap_180_deg, wrap_360_deg};
 
-use super::process::Instants;
+use super::process::{Instants, Whitener};
 use super::recording::{Recording, Sample};
 use super::rounding;
 
@@ -240,9 +241,21 @@ impl Run {
         self.bins.iter().map(of_row).collect()
     }
 
-    /// Its rows as a process of its own sees them.
-    pub fn for_whitening(&self) -> Instants<'_> {
-        Instants { t_s: &self.t_s, rests_s: &self.rests_s, variance: &self.variance }
+    /// What makes its rows independent beside a process of its own.
+    pub fn whitener(&self, process: Option<&Process>) -> Whitener {
+        let gains = self.gains_of(process);
+        Whitener::new(
+            Instants { t_s: &self.t_s, rests_s: &self.rests_s, variance: &self.variance, gains: &gains },
+            process,
+        )
+    }
+
+    /// What 1 °/h of a process adds to the rate, °/h, by the row.
+    pub fn gains_of(&self, process: Option<&Process>) -> Vec<f64> {
+        match process.map(|process| process.port).filter(|port| *port != Port::Rate) {
+            None => vec![1.0; self.rows()],
+            Some(port) => self.gains(port).into_iter().map(|gain| gain * port.per_deg_h()).collect(),
+        }
     }
 
     /// Rate that is left when the Earth's is taken out, by the row, °/h.
@@ -577,6 +590,11 @@ impl Run {
     /// Of rates (°/h) of a second each at four positions in turn, with a surveyed azimuth of north.
     pub fn of_rates(rate_deg_h: &[f64]) -> Self {
         let quarter = |i: usize| (i as f64 * std::f64::consts::FRAC_PI_2).sin_cos();
+        let sample = |(i, rate_deg_h): (usize, &f64)| Sample {
+            t_s: i as f64,
+            rate_deg_h: *rate_deg_h,
+            ..Sample::at_index(quarter(i))
+        };
         Self {
             file: String::new(),
             reference: Some((0.0, SURVEY_SIGMA_DEG)),
@@ -589,7 +607,7 @@ impl Run {
             up_deg_h: 11.0,
             facts: RunFacts::default(),
             seconds: Vec::new(),
-            samples: Vec::new(),
+            samples: rate_deg_h.iter().enumerate().map(sample).collect(),
             tracks: Vec::new(),
             names: Vec::new(),
             channels: Vec::new(),
@@ -618,6 +636,27 @@ impl Run {
 }
 
 #[cfg(test)]
+impl Sample {
+    /// A second at an index angle of this sine and cosine.
+    fn at_index((sin, cos): (f64, f64)) -> Self {
+        Self {
+            t_s: 0.0,
+            seconds: 1.0,
+            rate_deg_h: 5.0,
+            cos,
+            sin,
+            design: DesignRow { cos, sin, vertical_deg_h: 0.1 },
+            temp_c: Some(20.0),
+            level: None,
+            moving: false,
+            left_out: false,
+            dwell: 0,
+            line: 0,
+        }
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use std::slice::from_ref;
 
@@ -639,23 +678,8 @@ mod tests {
         run
     }
 
-    /// A second at an index angle.
     fn sample(index_deg: f64) -> Sample {
-        let (sin, cos) = index_deg.to_radians().sin_cos();
-        Sample {
-            t_s: 0.0,
-            seconds: 1.0,
-            rate_deg_h: 5.0,
-            cos,
-            sin,
-            design: DesignRow { cos, sin, vertical_deg_h: 0.1 },
-            temp_c: Some(20.0),
-            level: None,
-            moving: false,
-            left_out: false,
-            dwell: 0,
-            line: 0,
-        }
+        Sample::at_index(index_deg.to_radians().sin_cos())
     }
 
     /// North, east, south and west, 10 °/h horizontal. The index reads 30° too much: the axis is 30° clockwise of where it is taken to be. North: 10 cos 30° less

@@ -4,6 +4,8 @@ use heapless::Vec;
 use quantities::limits::{Invalid, finite, positive, within};
 use serde::{Deserialize, Serialize};
 
+use super::effect::Port;
+
 /// Most coefficients of all terms and weights of all effects together.
 pub const MAX_COEFFICIENTS: usize = 96;
 /// Most directions in which they are uncertain.
@@ -22,15 +24,22 @@ pub struct Doubt {
     pub process: Option<Process>,
 }
 
-/// What no channel tells: a random process u(t) in the rate, of each run's own.
+/// What no channel tells: a random process u(t) of each run's own, which enters where an effect does.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Process {
+    #[serde(default = "rate")]
+    pub port: Port,
     pub kernel: Kernel,
-    /// Its standard deviation, °/h; of what decays where it begins to.
+    /// Its standard deviation, °/h; of what decays where it begins to. At another port than the rate: what it makes of a rate as great as the Earth's
+    /// ([`Port::per_deg_h`]).
     pub sigma_deg_h: f64,
     /// Its time constant, seconds.
     pub time_s: f64,
+}
+
+fn rate() -> Port {
+    Port::Rate
 }
 
 /// Correlation at a distance of x time constants.
@@ -75,7 +84,7 @@ impl Interval {
 }
 
 impl Process {
-    /// Covariance of the process' means over two intervals, (°/h)². With K″ = k that of a stationary process is
+    /// Covariance of the process' means over two intervals, (°/h)²; of the rates they are times what the port adds to each. With K″ = k that of a stationary process is
     /// [K(b₂ − a₁) + K(a₂ − b₁) − K(b₁ − a₁) − K(b₂ − a₂)] over the lengths.
     pub fn covariance(&self, a: &Interval, b: &Interval) -> f64 {
         if self.kernel.decays() {
@@ -169,7 +178,7 @@ mod tests {
             (Kernel::DampedCosine { period_s: 30.0 }, |x| libm::exp(-x) * libm::cos(core::f64::consts::TAU * x / 1.5)),
         ];
         for (kernel, correlation) in kernels {
-            let process = Process { kernel, sigma_deg_h: 0.5, time_s: 20.0 };
+            let process = Process { port: Port::Rate, kernel, sigma_deg_h: 0.5, time_s: 20.0 };
             let stretch = |[start_s, end_s]: [f64; 2]| Interval { start_s, end_s, since_s: Some(start_s) };
             for b in [[0.0, 30.0], [38.0, 60.0]] {
                 let mut sum = 0.0;
@@ -190,7 +199,7 @@ mod tests {
     /// Nothing goes from one rest to the next, and nothing where the index moves.
     #[test]
     fn a_transient_by_hand() {
-        let process = Process { kernel: Kernel::Transient, sigma_deg_h: 2.0, time_s: 10.0 };
+        let process = Process { port: Port::Rate, kernel: Kernel::Transient, sigma_deg_h: 2.0, time_s: 10.0 };
         let interval = |start_s, since_s| Interval { start_s, end_s: start_s + 10.0, since_s };
         let [first, second] = [100.0, 110.0].map(|start_s| interval(start_s, Some(100.0)));
         assert!((process.covariance(&first, &first) - 4.0 * 0.632121 * 0.632121).abs() < 1e-5);
@@ -202,7 +211,7 @@ mod tests {
     /// The same since the start of the run, across a move: of the third ten seconds e⁻² = 0.135335 times the mean of the first is left.
     #[test]
     fn what_a_start_leaves_by_hand() {
-        let process = Process { kernel: Kernel::Start, sigma_deg_h: 2.0, time_s: 10.0 };
+        let process = Process { port: Port::Rate, kernel: Kernel::Start, sigma_deg_h: 2.0, time_s: 10.0 };
         let interval = |start_s| Interval { start_s, end_s: start_s + 10.0, since_s: Some(100.0) };
         let found = process.covariance(&interval(100.0), &interval(120.0));
         assert!((found - 4.0 * 0.632121 * 0.632121 * 0.135335).abs() < 1e-5, "{found}");

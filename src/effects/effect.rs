@@ -12,6 +12,8 @@ use super::now::Now;
 use super::shape::Shape;
 use super::signal::Signal;
 use crate::bounded::bounded;
+use crate::earth::EARTH_RATE_DEG_H;
+use crate::units::DEG_PER_RAD;
 
 /// Most factors of one effect.
 pub const MAX_FACTORS: usize = 3;
@@ -51,6 +53,16 @@ impl Port {
             Self::Scale => "1",
             Self::Index => "deg",
             Self::Forward | Self::Left => "g",
+        }
+    }
+
+    /// What adds 1 °/h to a rate as great as the Earth's, in the unit of a weight: as a share, as an angle across the axis, or by a tilt that takes in the
+    /// vertical rate.
+    pub fn per_deg_h(self) -> f64 {
+        match self {
+            Self::Rate => 1.0,
+            Self::Scale | Self::Forward | Self::Left => 1.0 / EARTH_RATE_DEG_H,
+            Self::Index => DEG_PER_RAD / EARTH_RATE_DEG_H,
         }
     }
 }

@@ -144,7 +144,9 @@ impl ErrorModel {
 
     /// What it adds depends on the azimuth that is sought, or how uncertain it is does.
     pub fn needs_azimuth(&self) -> bool {
-        self.effects.iter().any(|effect| effect.needs_azimuth() || !matches!(effect.port, Port::Rate | Port::Scale))
+        let of_process = self.doubt.process.is_some_and(|process| process.port != Port::Rate);
+        let is_of = |effect: &Effect| effect.needs_azimuth() || !matches!(effect.port, Port::Rate | Port::Scale);
+        of_process || self.effects.iter().any(is_of)
     }
 
     /// An effect follows the rate behind dynamics, so that it changes within a dwell and is not known before there is an azimuth.

@@ -3,6 +3,7 @@
 
 use nalgebra::Vector4;
 
+use super::doubt::Doubts;
 use super::dwell::DwellSummary;
 use crate::earth::EarthRate;
 use crate::effects::doubt::MAX_DIRECTIONS;
@@ -73,11 +74,11 @@ impl<'a> AzimuthEffects<'a> {
         (at(self.azimuth_deg), per_rad / north * Vector4::new(-self.sin, self.cos, 0.0, 0.0))
     }
 
-    /// What one sigma along each uncertain direction adds to the mean rate of a dwell, °/h.
-    pub fn doubts_deg_h(&self, dwell: &DwellSummary, index: Direction) -> [f64; MAX_DIRECTIONS] {
+    /// What is not certain of the model in the mean rate of a dwell.
+    pub fn doubts(&self, dwell: &DwellSummary, index: Direction) -> Doubts {
         let design = DesignRow::new(index, dwell.specific(), &self.earth);
-        let mut doubts = [0.0; MAX_DIRECTIONS];
-        for (k, (doubt, direction)) in doubts.iter_mut().zip(&self.model.doubt.directions).enumerate() {
+        let mut directions_deg_h = [0.0; MAX_DIRECTIONS];
+        for (k, (doubt, direction)) in directions_deg_h.iter_mut().zip(&self.model.doubt.directions).enumerate() {
             for port in [Port::Rate, Port::Index, Port::Forward, Port::Left] {
                 *doubt += self.gain(port, index, &design) * dwell.carried.doubt(port, k);
             }
@@ -86,7 +87,8 @@ impl<'a> AzimuthEffects<'a> {
                 *doubt += self.effect(effect, gate, dwell, index, &design, &of_weight);
             }
         }
-        doubts
+        let gain = |port: Port| self.gain(port, index, &design) * port.per_deg_h();
+        Doubts { directions_deg_h, of_process: self.model.doubt.process.map_or(1.0, |process| gain(process.port)) }
     }
 
     fn sum(&self, dwell: &DwellSummary, index: Direction, weight: &dyn Fn(&Effect, usize) -> f64) -> f64 {

@@ -21,8 +21,14 @@ use crate::effects::doubt::{Interval, Kernel, MAX_DIRECTIONS};
 /// Most dwells whose covariance is kept.
 pub const MOST: usize = 24;
 
-/// What one sigma along each uncertain direction adds to a dwell's mean, °/h.
-type Doubts = [f64; MAX_DIRECTIONS];
+/// What is not certain of the model, in a dwell's mean.
+pub struct Doubts {
+    /// What one sigma along each uncertain direction adds to it, °/h.
+    pub directions_deg_h: [f64; MAX_DIRECTIONS],
+    /// What 1 °/h of the process adds to it, °/h.
+    pub of_process: f64,
+}
+
 /// The observation of a dwell's mean, and its doubts.
 type Observed = (Observation, Doubts);
 /// Gives them.
@@ -68,8 +74,10 @@ impl Correlated {
         for (i, ((dwell, interval), (observation, own))) in all().enumerate() {
             for (j, ((other, of_other), (_, other_own))) in all().enumerate() {
                 let of_path = path.map_or(0.0, |path| path.covariance_of(dwell, other));
-                let of_directions: f64 = own.iter().zip(other_own).map(|(a, b)| a * b).sum();
-                let shared = of_process(doubt, interval, of_other) + of_directions;
+                let of_directions: f64 =
+                    own.directions_deg_h.iter().zip(other_own.directions_deg_h).map(|(a, b)| a * b).sum();
+                let of_process = own.of_process * other_own.of_process * of_process(doubt, interval, of_other);
+                let shared = of_process + of_directions;
                 *self.factor.get_mut((i, j))? = (shared + of_path) / variance;
             }
             *self.factor.get_mut((i, i))? += 1.0 / observation.weight;
@@ -150,7 +158,7 @@ fn intervals<'a>(dwells: &'a [DwellSummary], doubt: &Doubt) -> impl Iterator<Ite
     })
 }
 
-/// Covariance of the process' means over two intervals, (°/h)².
+/// Covariance of the process' means over two intervals, (°/h)², where it is in the rate.
 fn of_process(doubt: &Doubt, a: &Interval, b: &Interval) -> f64 {
     doubt.process.map_or(0.0, |process| process.covariance(a, b))
 }
@@ -170,11 +178,12 @@ pub(super) fn of_right_hand_side(doubt: &Doubt, dwells: &[DwellSummary], observe
         // Sums of the gains, of these times themselves, and of the variances of the process' means over each interval.
         let (mut group, mut squares, mut variances) = (Vector4::zeros(), Matrix4::zeros(), 0.0);
         for dwell in few {
-            let (observation, doubts_deg_h) = observe(dwell);
-            let gain = observation.weight * observation.row;
-            for (sum, doubt_deg_h) in of_directions.iter_mut().zip(doubts_deg_h) {
-                *sum += gain * doubt_deg_h;
+            let (observation, doubts) = observe(dwell);
+            let of_rate = observation.weight * observation.row;
+            for (sum, doubt_deg_h) in of_directions.iter_mut().zip(doubts.directions_deg_h) {
+                *sum += of_rate * doubt_deg_h;
             }
+            let gain = of_rate * doubts.of_process;
             group += gain;
             squares += gain * gain.transpose();
             let own = lasting(dwell.start_s, dwell.end_s);
@@ -212,8 +221,8 @@ fn of_what_decays(doubt: &Doubt, dwells: &[DwellSummary], observe: Observe<'_>) 
             covariance += left * left.transpose();
             (last_s, left) = (interval.since_s, Vector4::zeros());
         }
-        let (observation, _) = observe(dwell);
-        left += process.left_deg_h(&interval) * observation.weight * observation.row;
+        let (observation, doubts) = observe(dwell);
+        left += process.left_deg_h(&interval) * doubts.of_process * observation.weight * observation.row;
     }
     covariance + left * left.transpose()
 }
@@ -273,7 +282,7 @@ mod tests {
 
     fn process(sigma_deg_h: f64, time_s: f64) -> ErrorModel {
         let mut model = ErrorModel::default();
-        model.doubt.process = Some(Process { kernel: Kernel::Exponential, sigma_deg_h, time_s });
+        model.doubt.process = Some(Process { port: Port::Rate, kernel: Kernel::Exponential, sigma_deg_h, time_s });
         model
     }
 
@@ -320,6 +329,22 @@ mod tests {
         let lasting = added_deg(&fix(&dwells, &process(0.1, 26_000.0)), &without);
         // Over half a fix it changes by 0.1 · √(2 · 130/26000) = 0.01 °/h, a tenth of σ.
         assert!(lasting < 0.1 * 0.1 / NORTH_DEG_H * DEG_PER_RAD, "{lasting}");
+    }
+
+    /// The same at other ports, where 1 °/h is 1/15.041 of the Earth's rate. At ψ = 90° an index that is wrong by ε at 0° and by ε′ at 180° turns the azimuth by
+    /// their mean: 1/15.041 rad times the root of half of 0.016528. An error of the scale factor turns nothing there: at 0° and 180° there is no rate.
+    #[test]
+    fn a_quick_process_at_other_ports() {
+        let dwells = dwells(&ORDER);
+        let without = fix(&dwells, &ErrorModel::default());
+        let at = |port: Port| {
+            let mut model = process(1.0, 0.5);
+            model.doubt.process = model.doubt.process.map(|process| Process { port, ..process });
+            added_deg(&fix(&dwells, &model), &without)
+        };
+        let expected_deg = libm::sqrt(0.016528 / 2.0) / 15.041067 * DEG_PER_RAD;
+        assert!((at(Port::Index) / expected_deg - 1.0).abs() < 0.02, "{} {expected_deg}", at(Port::Index));
+        assert!(at(Port::Scale) < 0.02 * expected_deg, "{}", at(Port::Scale));
     }
 
     /// What decays.

@@ -7,13 +7,12 @@ use super::base_motion::BaseMotion;
 use super::base_motion::levels::Path;
 use super::cause::Cause;
 use super::design::DesignRow;
-use super::doubt::Correlated;
+use super::doubt::{Correlated, Doubts};
 use super::dwell::DwellSummary;
 use super::noise::Noise;
 use super::observation::Observation;
 use super::sinusoid::Fitted;
 use crate::earth::EarthRate;
-use crate::effects::doubt::MAX_DIRECTIONS;
 use crate::effects::effect::Port;
 use crate::sensing::index::Direction;
 
@@ -119,13 +118,16 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// The mean of a dwell, and what one sigma along each uncertain direction of the model adds to it, °/h.
-    pub fn with_doubts(&self, dwell: &DwellSummary) -> (Observation, [f64; MAX_DIRECTIONS]) {
-        let doubts_deg_h = match self.effects_at(dwell) {
-            Some(effects) => effects.doubts_deg_h(dwell, self.index(dwell)),
-            None => core::array::from_fn(|direction| dwell.carried.doubt(Port::Rate, direction)),
+    /// The mean of a dwell, and what is not certain of the model in it.
+    pub fn with_doubts(&self, dwell: &DwellSummary) -> (Observation, Doubts) {
+        let doubts = match self.effects_at(dwell) {
+            Some(effects) => effects.doubts(dwell, self.index(dwell)),
+            None => Doubts {
+                directions_deg_h: core::array::from_fn(|direction| dwell.carried.doubt(Port::Rate, direction)),
+                of_process: 1.0,
+            },
         };
-        (self.mean(dwell), doubts_deg_h)
+        (self.mean(dwell), doubts)
     }
 
     /// What an error of a dwell's rate adds to the right-hand side of the normal equations.

@@ -1,6 +1,7 @@
 //! What nothing that was found explains, in words.
 
 use north_finder::effects::doubt::{Kernel, Process};
+use north_finder::effects::effect::Port;
 use north_finder::event::Fix;
 use north_finder::units::wrap_180_deg;
 
@@ -75,9 +76,21 @@ fn in_words((process, covered): (Process, bool)) -> String {
         Kernel::Start => ", of another size at the start of every run".into(),
         _ => String::new(),
     };
+    let place = match process.port {
+        Port::Rate => "",
+        Port::Scale => " in the scale factor",
+        Port::Index => " in the index angle",
+        Port::Forward => " in the forward level",
+        Port::Left => " in the left level",
+    };
+    let unit = match process.port.unit() {
+        "deg_h" => "deg/h",
+        "1" => "of the rate",
+        unit => unit,
+    };
     format!(
-        "{PROCESS} that no channel tells, typically {:.4} deg/h over {:.0} s{kernel}; {}",
-        process.sigma_deg_h,
+        "{PROCESS} that no channel tells{place}, typically {:.4} {unit} over {:.0} s{kernel}; {}",
+        process.sigma_deg_h * process.port.per_deg_h(),
         process.time_s,
         if covered { "sigma covers it" } else { "sigma does not cover it" }
     )

@@ -8,6 +8,8 @@ use postcard::Deserializer;
 use postcard::de_flavors::Slice;
 use serde::Deserialize;
 
+use crate::effects::doubt::{Kernel, Process};
+use crate::effects::effect::Port;
 use crate::effects::{Doubt, ErrorModel};
 use crate::sensing::sample::GyroSettings;
 use crate::settings::{AnalogueSettings, IndexSettings, LevelSettings, LinkSettings, Settings};
@@ -130,7 +132,7 @@ fn read_index(from: &mut Content<'_>, version: u16, index: &mut IndexSettings) -
     Some(())
 }
 
-/// Before version 10 without what the levels change by themselves.
+/// Before version 10 without what the levels change by themselves; before version 11 a process was in the rate.
 fn read_model(from: &mut Content<'_>, version: u16, model: &mut ErrorModel) -> Option<()> {
     let ErrorModel {
         scale_error,
@@ -157,6 +159,11 @@ fn read_model(from: &mut Content<'_>, version: u16, model: &mut ErrorModel) -> O
     list(from, effects)?;
     set(from, azimuth_sigma_deg)?;
     list(from, directions)?;
+    if version < 11 {
+        let of_rate = |(kernel, sigma_deg_h, time_s)| Process { port: Port::Rate, kernel, sigma_deg_h, time_s };
+        *process = next::<Option<(Kernel, f64, f64)>>(from)?.map(of_rate);
+        return Some(());
+    }
     set(from, process)
 }
 

@@ -122,6 +122,6 @@ fn with_the_rest(model: &mut ErrorModel) {
     model.doubt.directions.resize(MAX_DIRECTIONS, direction).unwrap();
     model.doubt.azimuth_sigma_deg = 1.1;
     let kernel = Kernel::DampedCosine { period_s: 1.1 };
-    model.doubt.process = Some(Process { kernel, sigma_deg_h: 1.1, time_s: 1.1 });
+    model.doubt.process = Some(Process { port: Port::Left, kernel, sigma_deg_h: 1.1, time_s: 1.1 });
     model.validate().unwrap();
 }

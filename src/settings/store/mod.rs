@@ -15,7 +15,7 @@
 //! The valid record with the latest sequence number counts. Erasing takes a board's processor half a second: [`prepare`] does it
 //! at power-up, before there is a need.
 //!
-//! Records of the three versions before are read as well; those of any other are as good as corrupt.
+//! Records of the five versions before are read as well; those of any other are as good as corrupt.
 
 mod content;
 
@@ -30,7 +30,7 @@ use crate::health::Refusal;
 
 const MAGIC: [u8; 4] = *b"NFST";
 /// Changes whenever the meaning of a record does.
-pub const VERSION: u16 = 10;
+pub const VERSION: u16 = 11;
 /// Those that are read.
 const READ: RangeInclusive<u16> = 6..=VERSION;
 const HEADER: usize = 12;

@@ -6,7 +6,7 @@ use calibration::accelerometer::AccelerometerCalibration;
 use embedded_storage::nor_flash::{ErrorType, NorFlashError, NorFlashErrorKind, check_erase, check_read, check_write};
 
 use super::*;
-use crate::effects::effect::MAX_EFFECT_WEIGHTS;
+use crate::effects::effect::{MAX_EFFECT_WEIGHTS, Port};
 use crate::settings::{AnalogueSettings, LinkSettings};
 
 /// Smallest of the boards.
@@ -125,7 +125,7 @@ fn the_record_is_as_documented() {
     save(&mut flash, &settings(45.5)).unwrap();
     let record = &flash.bytes[first.next_multiple_of(16)..];
     let length = usize::from(u16::from_le_bytes([record[6], record[7]]));
-    assert_eq!(record[..6], *b"NFST\x0a\x00");
+    assert_eq!(record[..6], *b"NFST\x0b\x00");
     assert_eq!(record[8..12], [1, 0, 0, 0]);
     assert_eq!(record[12..20], 45.5_f64.to_le_bytes());
     let crc = CRC_32.checksum(&record[..12 + length]).to_le_bytes();
@@ -183,12 +183,12 @@ const SINCE_9_AT_END: usize = 2 + 4 + 8;
 
 /// A record of an earlier version is one of today without what came since, which ended its group: the microsteps, three bytes, and the slip ring,
 /// one, with version 8; what the level accelerometers drift by, two numbers of eight bytes, with version 7. Version 10 brought by how much they change while the
-/// base stands, eight bytes behind the model's scale factor and bias; version 9 the noise of the
+/// base stands, eight bytes behind the model's scale factor and bias; version 11 where its process enters, a byte at the process' start; version 9 the noise of the
 /// gyro's angle, eight bytes behind its random walk, which stands behind the latitude and the byte of the format; what ends the gyro's group, a
 /// byte, and the index's, two numbers and a byte; and what ends the record.
 #[test]
 fn the_versions_before_are_read() {
-    for version in [6, 7, 8, 9] {
+    for version in [6, 7, 8, 9, 10] {
         let mut flash = Flash::<4>::erased();
         let mut expected =
             Settings { analogue: AnalogueSettings::default(), link: LinkSettings::default(), ..longest::settings() };
@@ -196,8 +196,12 @@ fn the_versions_before_are_read() {
             expected.index.microsteps_per_turn = 36_000;
         }
         save(&mut flash, &expected).unwrap();
-        expected.model.as_mut().unwrap().level_drift_arcsec = 0.0;
-        let mut place = [0; 4096];
+        let model = expected.model.as_mut().unwrap();
+        if version < 10 {
+            model.level_drift_arcsec = 0.0;
+        }
+        model.doubt.process.as_mut().unwrap().port = Port::Rate;
+        let mut place = [0; 8192];
         let until_gyro = (expected.latitude_deg, expected.gyro);
         let gyro_end = HEADER + postcard::to_slice(&until_gyro, &mut place).unwrap().len();
         let until_drift = (expected.latitude_deg, expected.gyro, expected.level);
@@ -206,12 +210,16 @@ fn the_versions_before_are_read() {
         let index_end = HEADER + postcard::to_slice(&until_index, &mut place).unwrap().len();
         let until_model = (until_index, &expected.sequence, expected.time_limit_s);
         let level_drift = HEADER + postcard::to_slice(&until_model, &mut place).unwrap().len() + 1 + 8 + 8;
+        let model_end = HEADER + postcard::to_slice(&(until_model, &expected.model), &mut place).unwrap().len();
+        let process = postcard::to_slice(&expected.model.as_ref().unwrap().doubt.process, &mut place).unwrap().len();
+        let port = model_end - process + 1;
         let length = usize::from(u16::from_le_bytes([flash.bytes[6], flash.bytes[7]]));
         let angle_noise = HEADER + 8 + 1 + 8;
         let record_end = HEADER + length;
         // From the end on, so that no place moves before its turn.
         let came_since = [
             (9, record_end - SINCE_9_AT_END..record_end),
+            (11, port..port + 1),
             (10, level_drift..level_drift + 8),
             (9, index_end - 17..index_end),
             (8, index_end - 21..index_end - 17),
