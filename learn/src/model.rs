@@ -357,7 +357,7 @@ fn other_ports(process: &Process, runs: &[Run]) -> Vec<Process> {
     let at = |port: Port| {
         let process = Process { port, ..*process };
         let ratio = own / size(&process);
-        ratio.is_finite().then(|| Process { sigma_deg_h: process.sigma_deg_h * ratio, ..process })
+        ratio.is_finite().then_some(Process { sigma_deg_h: process.sigma_deg_h * ratio, ..process })
     };
     Port::ALL.into_iter().filter(|port| *port != process.port && is_one(port)).filter_map(at).collect()
 }
