@@ -33,7 +33,7 @@ mod unknowns;
 use std::sync::Arc;
 
 pub use family::{Common, Family, OUTSIDE, Way};
-pub use grammar::form_cost;
+pub use grammar::{MOST_INDEX_DEG, form_cost};
 pub use membership::{Place, Standing, Statistics, Ways};
 pub use posterior::Posterior;
 pub use rate_residual::chi_square_by_freedom;
@@ -52,7 +52,7 @@ use proposals::Proposals;
 pub use proposals::{Tried, form};
 use rayon::prelude::*;
 pub use rows::Run;
-pub use search::{MOST_INDEX_DEG, asked_beside};
+pub use search::asked_beside;
 use search::{Search, Start, odds_against};
 
 /// A model that some runs taught.

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::family::Known;
 use super::functions::Library;
-use super::grammar::{Grammar, complexity};
+use super::grammar::{Grammar, complexity, largest};
 use super::problem::{Fit, Gram, Problem, Term, fit_sizes};
 use super::rows::Run;
 
@@ -200,7 +200,9 @@ impl<'a> Model<'a> {
         let noise = typical_noise(runs);
         let lengths = Lengths::of(runs);
         let score = |process: &Option<Process>| {
-            Model::new(runs, *process, &best.terms).map(|each| (each.fit.evidence - process_cost(process), *process))
+            let allowed = process.as_ref().is_none_or(is_possible);
+            let model = allowed.then(|| Model::new(runs, *process, &best.terms))??;
+            Some((model.evidence(), *process))
         };
         let likeliest =
             |processes: &[Option<Process>]| processes.par_iter().filter_map(score).max_by(|a, b| a.0.total_cmp(&b.0));
@@ -219,19 +221,13 @@ impl<'a> Model<'a> {
             }
             (top, process)
         };
-        let exponential =
-            |time_s| Some(Process { port: Port::Rate, kernel: Kernel::Exponential, sigma_deg_h: 0.5 * noise, time_s });
-        let left = |kernel, time_s| Some(Process { port: Port::Rate, kernel, sigma_deg_h: noise, time_s });
-        let starts = [
-            best.process,
-            None,
-            exponential(4.0),
-            exponential(20.0),
-            exponential(100.0),
-            left(Kernel::Transient, 5.0),
-            left(Kernel::Transient, 25.0),
-            left(Kernel::Start, 25.0),
-        ];
+        let of = |kernel, sigma_deg_h, time_s| Process { port: Port::Rate, kernel, sigma_deg_h, time_s };
+        let exponentials = [4.0, 20.0, 100.0].map(|time_s| of(Kernel::Exponential, 0.5 * noise, time_s));
+        let decaying = [(Kernel::Transient, 5.0), (Kernel::Transient, 25.0), (Kernel::Start, 25.0)];
+        let decaying = decaying.map(|(kernel, time_s)| of(kernel, noise, time_s));
+        let at_others = other_ports(&exponentials[1], runs);
+        let processes = exponentials.into_iter().chain(decaying).chain(at_others).map(Some);
+        let starts: Vec<Option<Process>> = [best.process, None].into_iter().chain(processes).collect();
         let Some((top, first)) = likeliest(&starts) else { return best };
         // Another kernel or port suits with other constants: the likeliest of the others is tuned as well, and the smoother one. Ten nats behind before it is
         // tuned, it is about as likely with the best one's constants.
@@ -297,6 +293,11 @@ impl Lengths {
 /// The root mean square is at most this.
 pub fn is_within(values: &[f64], most: f64) -> bool {
     values.iter().map(|value| value * value).sum::<f64>() <= most * most * values.len() as f64
+}
+
+/// One sigma of a process is no more than its port allows.
+fn is_possible(process: &Process) -> bool {
+    process.sigma_deg_h * process.port.per_deg_h() <= largest(process.port)
 }
 
 /// A process with each of its constants a step greater or less, in its logarithm.
@@ -427,12 +428,12 @@ mod tests {
         assert!((period_s / 30.0).ln().abs() < 0.15, "{process:?}");
     }
 
-    /// The same of an index that rings by 0.5 °/h of the Earth's rate, 1.9°: the rates at the positions across the axis ring with it, one against the other.
+    /// The same of an index that rings by 6.3°, 1.1 of 10 °/h: the rates at the positions across the axis ring with it, one against the other.
     #[test]
     fn a_process_in_the_index_is_found() {
         let across = |i: usize| [0.0, 1.0, 0.0, -1.0][i % 4];
         let ringing = |run: usize| -> Vec<f64> {
-            let error = |i: usize| 5.0 * (std::f64::consts::TAU * i as f64 / 30.0 + 2.4 * run as f64).cos();
+            let error = |i: usize| 1.1 * (std::f64::consts::TAU * i as f64 / 30.0 + 2.4 * run as f64).cos();
             (0..120).map(|i| error(i) * across(i) + Run::noise(run, i) + [10.0, 0.0, -10.0, 0.0][i % 4]).collect()
         };
         let runs: Vec<Run> = (0..8).map(|run| Run::of_rates(&ringing(run))).collect();

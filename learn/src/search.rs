@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::family::{Common, Family, Known, Way};
 use super::functions::Library;
-use super::grammar::{Grammar, reduced};
+use super::grammar::{Grammar, largest, reduced};
 use super::model::{Model, is_within};
 use super::problem::Term;
 use super::proposals::{Proposals, alike, form};
@@ -24,12 +24,6 @@ const FALSE_DISCOVERIES: f64 = 1.0 / 200.0;
 pub const FURTHER_FALSE_DISCOVERIES: f64 = 1.0 / 20.0;
 /// Most effects of a model: what its file and a board have room for.
 const MOST_EFFECTS: usize = MAX_EFFECTS;
-/// Most that an error of the index or of the level may be, root mean square, degrees and g: the equations are linear in it, and leave out e²/2 of the
-/// rate, 0.4 % at 5°. What is larger is another effect, which this one stands for.
-pub const MOST_INDEX_DEG: f64 = 5.0;
-const MOST_LEVEL_G: f64 = 0.087;
-/// Most that the scale factor may change by, root mean square.
-const MOST_SCALE: f64 = 0.2;
 /// Most that any of these may be in a single row, if it is an alternative to what was found, times its root mean square.
 const MOST_IN_A_ROW: f64 = 3.0;
 /// Models with one effect more that are looked at with the likeliest process of the runs' own, and with which a search begins.
@@ -38,16 +32,6 @@ const WIDENED: usize = 3;
 /// constants that it is proposed with.
 const LEAST_SHARE_KEPT: f64 = 0.5;
 const LEAST_PROMISED_SHARE: f64 = 0.5;
-
-/// Most that errors of a port may be, root mean square.
-fn largest(port: Port) -> f64 {
-    match port {
-        Port::Rate => f64::INFINITY,
-        Port::Scale => MOST_SCALE,
-        Port::Index => MOST_INDEX_DEG,
-        Port::Forward | Port::Left => MOST_LEVEL_G,
-    }
-}
 
 /// What a search begins with.
 #[derive(Clone, Debug, Default)]
