@@ -766,6 +766,35 @@ fn a_scale_factor_that_varies_is_no_latitude() {
     assert!(diagnosis.warnings.iter().any(|warning| warning.message.contains("latitude")), "{:?}", diagnosis.warnings);
 }
 
+/// A thermometer that reads 85 °C in every 97th row, as one does that has just got power: the effect of the temperature is found as without that, and the model says
+/// which readings can be.
+#[test]
+fn a_thermometer_that_fails_for_a_moment() {
+    let folder = Folder::new("faults");
+    let followed = |second: &Second| 0.5 * (temp_c(second) - 20.0);
+    let campaign = campaign(&folder, 12, 23, followed, honest);
+    for run in &campaign.runs {
+        let path = campaign.path_of(run);
+        let text = std::fs::read_to_string(&path).unwrap();
+        let place = text.lines().next().unwrap().split(',').position(|name| name == "temp_c").unwrap();
+        let failing = |(line, row): (usize, &str)| {
+            let mut cells: Vec<&str> = row.split(',').collect();
+            if line % 97 == 60 {
+                cells[place] = "85.0";
+            }
+            cells.join(",") + "\n"
+        };
+        std::fs::write(&path, text.lines().enumerate().map(failing).collect::<String>()).unwrap();
+    }
+    let diagnosis = run(&campaign);
+    assert!(names(&diagnosis)[0].starts_with("temperature"), "{}", diagnosis.verdict);
+    let [plausible] = diagnosis.model.plausible.as_slice() else { panic!("{:?}", diagnosis.model.plausible) };
+    assert_eq!(plausible.channel.as_str(), "temp_c");
+    assert!(plausible.low < 19.0 && (21.0..85.0).contains(&plausible.high), "{plausible:?}");
+    assert!(diagnosis.warnings.iter().any(|warning| warning.message.contains("faults of the sensor")));
+    assert!(diagnosis.azimuth_rms_after_deg < diagnosis.azimuth_rms_before_deg, "{}", diagnosis.verdict);
+}
+
 #[test]
 fn a_parked_vehicle_moves() {
     let folder = measured_data().join("parked-vehicle");

@@ -47,4 +47,13 @@ impl Conditions {
         };
         value.filter(|value| value.is_finite())
     }
+
+    /// Another value in the place of a channel's that has one; not-a-number: none. The levels stay.
+    pub fn replace(&mut self, name: &ChannelName, extra: &[ChannelName], value: f64) {
+        if name.as_str() == TEMPERATURE {
+            self.temp_c = Some(value).filter(|value| value.is_finite());
+        } else if let Some((_, place)) = extra.iter().zip(&mut self.channels).find(|(each, _)| *each == name) {
+            *place = value;
+        }
+    }
 }

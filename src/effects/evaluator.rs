@@ -11,6 +11,7 @@ use super::effect::{Effect, MAX_FACTORS, Memories, Port};
 use super::factor::MAX_CHAIN;
 use super::moves::Moves;
 use super::now::{self, RunFacts};
+use super::plausible::LastReadings;
 use super::term::Memory;
 use super::track::Track;
 use super::window::Window;
@@ -58,6 +59,7 @@ pub struct Evaluator {
     of_effects: [Memories; MAX_EFFECTS],
     track: Track,
     run: RunFacts,
+    last_readings: LastReadings,
     last_s: Option<f64>,
     rates_deg_h: f64,
 }
@@ -82,6 +84,7 @@ impl Evaluator {
             of_effects: [[[None; MAX_CHAIN]; MAX_FACTORS]; MAX_EFFECTS],
             track: Track::default(),
             run: RunFacts { hour_of_day: None, rest_s: None },
+            last_readings: LastReadings::default(),
             last_s: None,
             rates_deg_h: 0.0,
         }
@@ -116,6 +119,9 @@ impl Evaluator {
     /// The same, and gives every function of the terms, by the number of its coefficient, to `tap`: what diagnosis fits
     /// coefficients to.
     pub fn tapped(&mut self, conditions: &Conditions, tap: &mut dyn FnMut(usize, f64)) -> Correction {
+        let mut conditions = *conditions;
+        self.last_readings.hold(&self.model.plausible, &self.channels, &mut conditions);
+        let conditions = &conditions;
         let step_s = self.last_s.replace(conditions.t_s).map_or(0.0, |last_s| (conditions.t_s - last_s).max(0.0));
         self.moves.push(conditions);
         for window in &mut self.windows {

@@ -19,6 +19,7 @@ pub mod index_error;
 mod moves;
 pub mod now;
 pub mod part;
+pub mod plausible;
 pub mod rate_term;
 pub mod shape;
 pub mod signal;
@@ -37,6 +38,7 @@ pub use earth_field::EarthField;
 pub use effect::Effect;
 pub use evaluator::{Correction, Evaluator};
 pub use index_error::IndexError;
+pub use plausible::Plausible;
 pub use rate_term::RateTerm;
 pub use sinusoid::Sinusoid;
 pub use term::Term;
@@ -81,6 +83,8 @@ pub struct ErrorModel {
     /// By how much the level accelerometers change in a fix while the base stands, arcsec: changes up to twice that are no motion of the base. 0: none that is
     /// known.
     pub level_drift_arcsec: f64,
+    /// Readings that can be, of channels whose sensors were seen to fail for a moment.
+    pub plausible: Vec<Plausible, MAX_WINDOWS>,
     /// What adds to the rate, or to the scale factor.
     pub terms: Vec<Term, MAX_TERMS>,
     /// What the gyro makes of the rate beyond its scale factor.
@@ -243,6 +247,7 @@ impl ErrorModel {
         within("model.scale_error", self.scale_error, -0.1, 0.1, "-0.1 to 0.1")?;
         within("model.bias_deg_h", self.bias_deg_h, -1e5, 1e5, "-1e5 to 1e5")?;
         within("model.level_drift_arcsec", self.level_drift_arcsec, 0.0, 36_000.0, "0 to 36000 (10 degrees)")?;
+        self.plausible.iter().try_for_each(Plausible::validate)?;
         self.terms.iter().try_for_each(Term::validate)?;
         self.rate_terms.iter().try_for_each(RateTerm::validate)?;
         self.index_error.as_ref().map_or(Ok(()), IndexError::validate)?;

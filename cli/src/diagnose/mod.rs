@@ -17,6 +17,7 @@ mod moving;
 mod names;
 mod noise;
 mod problem;
+mod readings;
 mod residual;
 mod result;
 mod run_residual;
@@ -141,6 +142,8 @@ fn prepared(campaign: &Campaign, options: &Options) -> Result<Prepared, Refusal>
     let (mut runs, mut warnings) = run_data::read(campaign, &options.settings)?;
     checks::leave_out_dead(&mut runs, &mut warnings);
     checks::warn_of_overlaps(&runs, campaign, &mut warnings);
+    let mut base = options.settings.model.clone().unwrap_or_default();
+    readings::hold(&mut runs, &mut base, &mut warnings);
     let still = still::is_still(&runs);
     if still {
         runs = still::halves(runs);
@@ -151,7 +154,6 @@ fn prepared(campaign: &Campaign, options: &Options) -> Result<Prepared, Refusal>
     let constant = checks::constant_channels(&runs);
     checks::warn_of_missing_channels(&runs, &mut warnings);
     checks::warn(&runs, &constant, still, &mut warnings);
-    let base = options.settings.model.clone().unwrap_or_default();
     copies::leave_out(&mut runs, &|name| base.channels().iter().any(|each| each.as_str() == name), &mut warnings);
     let as_recorded: Vec<_> = runs.iter().map(|run| run.before).collect();
     Ok(Prepared { runs, warnings, still, base, as_recorded, turn: None })

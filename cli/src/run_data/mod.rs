@@ -12,9 +12,10 @@ use fingerprints::Fingerprints;
 use learn::Recording;
 pub use learn::Sample;
 use north_finder::earth::EarthRate;
-use north_finder::effects::ErrorModel;
 use north_finder::effects::now::RunFacts;
+use north_finder::effects::plausible::LastReadings;
 use north_finder::effects::track::REST_DEG;
+use north_finder::effects::{ChannelName, ErrorModel, Plausible};
 use north_finder::event::{Dwell, Fix};
 use north_finder::fix::DesignRow;
 use north_finder::fix::accumulator::{Corrected, ROTATION_SHARE};
@@ -144,6 +145,31 @@ impl RunData {
         }
         let slot = |name: &str| self.names.iter().position(|each| each == name).ok_or_else(|| lacks(name));
         model.channels().iter().map(|name| slot(name.as_str())).collect()
+    }
+
+    /// Holds the last reading of a channel that could be, as a model with these intervals does.
+    pub fn hold_readings(&mut self, plausible: &[Plausible]) {
+        let names: Vec<ChannelName> = plausible.iter().map(|each| each.channel).collect();
+        let slots: Vec<Option<usize>> =
+            names.iter().map(|name| self.names.iter().position(|each| each == name.as_str())).collect();
+        let mut last = LastReadings::default();
+        for (i, each) in self.recorded.iter_mut().enumerate() {
+            let conditions = &mut each.second.conditions;
+            let kept = conditions.channels;
+            for (value, slot) in conditions.channels.iter_mut().zip(&slots) {
+                *value = slot.map_or(f64::NAN, |slot| self.channels[slot][i]);
+            }
+            last.hold(plausible, &names, conditions);
+            for (value, slot) in conditions.channels.iter().zip(&slots) {
+                if let Some(slot) = slot {
+                    self.channels[*slot][i] = *value;
+                }
+            }
+            conditions.channels = kept;
+            if let Some(sample) = self.samples.get_mut(i) {
+                sample.temp_c = conditions.temp_c;
+            }
+        }
     }
 
     /// Whether it has every channel that a model follows.

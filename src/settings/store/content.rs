@@ -132,12 +132,14 @@ fn read_index(from: &mut Content<'_>, version: u16, index: &mut IndexSettings) -
     Some(())
 }
 
-/// Before version 10 without what the levels change by themselves; before version 11 a process was in the rate.
+/// Before version 10 without what the levels change by themselves; before version 11 without readings that
+/// can be, and a process was in the rate.
 fn read_model(from: &mut Content<'_>, version: u16, model: &mut ErrorModel) -> Option<()> {
     let ErrorModel {
         scale_error,
         bias_deg_h,
         level_drift_arcsec,
+        plausible,
         terms,
         rate_terms,
         index_error,
@@ -150,6 +152,10 @@ fn read_model(from: &mut Content<'_>, version: u16, model: &mut ErrorModel) -> O
     set(from, scale_error)?;
     set(from, bias_deg_h)?;
     *level_drift_arcsec = if version < 10 { 0.0 } else { next(from)? };
+    plausible.clear();
+    if version >= 11 {
+        list(from, plausible)?;
+    }
     list(from, terms)?;
     list(from, rate_terms)?;
     set(from, index_error)?;

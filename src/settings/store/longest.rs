@@ -15,7 +15,7 @@ use crate::effects::shape::{Bump, Sharp, Smooth};
 use crate::effects::signal::WeightedDifference;
 use crate::effects::{
     BaseMotion, Basis, ChannelName, EarthField, Effect, ErrorModel, IndexError, MAX_EFFECTS, MAX_PRODUCTS,
-    MAX_RATE_TERMS, MAX_TERMS, RateTerm, Sinusoid, Term,
+    MAX_RATE_TERMS, MAX_TERMS, MAX_WINDOWS, Plausible, RateTerm, Sinusoid, Term,
 };
 use crate::fix::heading::settings::BlockSettings;
 use crate::sequence::order::{MAX_POSITIONS, Order};
@@ -112,6 +112,8 @@ pub fn of_terms(channel: &str) -> ErrorModel {
 
 /// What else a model has.
 fn with_the_rest(model: &mut ErrorModel) {
+    let channel = ChannelName::new("a_name_of_twenty_four_by").unwrap();
+    model.plausible.resize(MAX_WINDOWS, Plausible { channel, low: 1.1, high: 2.2 }).unwrap();
     model.index_error = Some(IndexError { offset_deg: 0.0, cos_deg: 0.0, sin_deg: 0.0 });
     model.earth_field = Some(EarthField { east_deg_h: 0.0, north_deg_h: 0.0 });
     model.base_motion = Some(BaseMotion { velocity: true, lag_s: 1.1 });

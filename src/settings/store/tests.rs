@@ -183,7 +183,8 @@ const SINCE_9_AT_END: usize = 2 + 4 + 8;
 
 /// A record of an earlier version is one of today without what came since, which ended its group: the microsteps, three bytes, and the slip ring,
 /// one, with version 8; what the level accelerometers drift by, two numbers of eight bytes, with version 7. Version 10 brought by how much they change while the
-/// base stands, eight bytes behind the model's scale factor and bias; version 11 where its process enters, a byte at the process' start; version 9 the noise of the
+/// base stands, eight bytes behind the model's scale factor and bias; version 11 readings that
+/// can be, behind those, and where its process enters, a byte at the process' start; version 9 the noise of the
 /// gyro's angle, eight bytes behind its random walk, which stands behind the latitude and the byte of the format; what ends the gyro's group, a
 /// byte, and the index's, two numbers and a byte; and what ends the record.
 #[test]
@@ -196,11 +197,6 @@ fn the_versions_before_are_read() {
             expected.index.microsteps_per_turn = 36_000;
         }
         save(&mut flash, &expected).unwrap();
-        let model = expected.model.as_mut().unwrap();
-        if version < 10 {
-            model.level_drift_arcsec = 0.0;
-        }
-        model.doubt.process.as_mut().unwrap().port = Port::Rate;
         let mut place = [0; 8192];
         let until_gyro = (expected.latitude_deg, expected.gyro);
         let gyro_end = HEADER + postcard::to_slice(&until_gyro, &mut place).unwrap().len();
@@ -213,6 +209,13 @@ fn the_versions_before_are_read() {
         let model_end = HEADER + postcard::to_slice(&(until_model, &expected.model), &mut place).unwrap().len();
         let process = postcard::to_slice(&expected.model.as_ref().unwrap().doubt.process, &mut place).unwrap().len();
         let port = model_end - process + 1;
+        let plausible = postcard::to_slice(&expected.model.as_ref().unwrap().plausible, &mut place).unwrap().len();
+        let model = expected.model.as_mut().unwrap();
+        if version < 10 {
+            model.level_drift_arcsec = 0.0;
+        }
+        model.plausible.clear();
+        model.doubt.process.as_mut().unwrap().port = Port::Rate;
         let length = usize::from(u16::from_le_bytes([flash.bytes[6], flash.bytes[7]]));
         let angle_noise = HEADER + 8 + 1 + 8;
         let record_end = HEADER + length;
@@ -220,6 +223,7 @@ fn the_versions_before_are_read() {
         let came_since = [
             (9, record_end - SINCE_9_AT_END..record_end),
             (11, port..port + 1),
+            (11, level_drift + 8..level_drift + 8 + plausible),
             (10, level_drift..level_drift + 8),
             (9, index_end - 17..index_end),
             (8, index_end - 21..index_end - 17),
