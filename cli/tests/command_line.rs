@@ -340,7 +340,7 @@ fn a_calibration_takes_the_flag_away_and_a_wrong_one_is_refused() {
     assert!(find(&[]).good().contains("flags      none\n"));
 
     write("format = 1\nbias = 0.3\n");
-    let unknown = "north: M.toml, line 2, column 1: unknown field `bias`, expected one of `scale_error`, `bias_deg_h`, `level_drift_arcsec`, `terms`, \
+    let unknown = "north: M.toml, line 2, column 1: unknown field `bias`, expected one of `scale_error`, `bias_deg_h`, `level_drift_arcsec`, `plausible`, `terms`, \
          `rate_terms`, `index_error`, `earth_field`, `base_motion`, `sinusoid`, `effects`, `doubt`\n";
     find(&[]).refused(1, unknown);
     write("format = 3\n");

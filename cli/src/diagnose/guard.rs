@@ -186,12 +186,12 @@ fn typically(logs: &[(f64, f64)]) -> (f64, f64) {
 }
 
 /// Whether the typical run falls by more than three standard deviations of the mean fall, by how much the runs' falls differ. What else is in the rates is in
-/// both of a pair and drops out. One model of 700 that is nothing falls by as much by chance.
+/// both of a pair and drops out. One model of some hundreds that is nothing falls by as much by chance.
 fn falls_by_more_than_chance(logs: &[(f64, f64)]) -> bool {
     let count = logs.len() as f64;
     let mean = logs.iter().map(|(before, after)| before - after).sum::<f64>() / count;
     let squares = logs.iter().map(|(before, after)| (before - after - mean).powi(2)).sum::<f64>();
-    logs.len() >= LEAST_MISSES && mean > 3.0 * (squares / (count - 1.0) / count).sqrt()
+    logs.len() >= LEAST_MISSES && mean > 3.0 * studentised(logs.len()) * (squares / (count - 1.0) / count).sqrt()
 }
 
 /// What is left of rates beside white noise, in units of it, root mean square.
