@@ -63,17 +63,8 @@ impl Grammar {
             .into_par_iter()
             .filter_map(|signal| Some((signal, library.span(runs, &Factor::new(signal, &[], IDENTITY))?)))
             .collect();
-        let still = runs.iter().all(|run| run.still);
-        let ports = |levelled: bool| {
-            let is_one = |port: &Port| match port {
-                Port::Rate => true,
-                Port::Scale | Port::Index => !still,
-                Port::Forward | Port::Left => !still && levelled,
-            };
-            Port::ALL.into_iter().filter(is_one).collect()
-        };
-        let ports_of_constants = ports(runs.iter().all(Run::has_level));
-        Self { signals, ports: ports(runs.iter().any(Run::level_errs)), ports_of_constants, library }
+        let ports_of_constants = ports(runs, runs.iter().all(Run::has_level));
+        Self { signals, ports: ports_of_changes(runs), ports_of_constants, library }
     }
 
     /// What comes out of a signal's dynamics; `None` where it does not vary.
@@ -183,6 +174,22 @@ pub fn fineness(factor: &Factor) -> f64 {
 pub fn complexity(effect: &Effect) -> f64 {
     let of_factor = |factor: &Factor| LN_2 * factor.dynamics.len() as f64 + cost_of_constants(factor);
     LN_2 * effect.factors.len().max(1) as f64 + effect.factors.iter().map(of_factor).sum::<f64>()
+}
+
+/// Where what changes in a run may enter.
+pub fn ports_of_changes(runs: &[Run]) -> Vec<Port> {
+    ports(runs, runs.iter().any(Run::level_errs))
+}
+
+/// The ports of these runs, the levels only where they count.
+fn ports(runs: &[Run], levelled: bool) -> Vec<Port> {
+    let still = runs.iter().all(|run| run.still);
+    let is_one = |port: &Port| match port {
+        Port::Rate => true,
+        Port::Scale | Port::Index => !still,
+        Port::Forward | Port::Left => !still && levelled,
+    };
+    Port::ALL.into_iter().filter(is_one).collect()
 }
 
 /// Most that errors of a port may be, root mean square.

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::family::Known;
 use super::functions::Library;
-use super::grammar::{Grammar, complexity, largest};
+use super::grammar::{Grammar, complexity, largest, ports_of_changes};
 use super::problem::{Fit, Gram, Problem, Term, fit_sizes};
 use super::rows::Run;
 
@@ -346,10 +346,6 @@ fn other_kernels(process: &Process, lengths: &Lengths) -> Vec<Process> {
 
 /// A process of the same size at the other ports of these runs.
 fn other_ports(process: &Process, runs: &[Run]) -> Vec<Process> {
-    let is_one = |port: &Port| match port {
-        Port::Rate | Port::Scale | Port::Index => !runs.iter().any(|run| run.still),
-        Port::Forward | Port::Left => runs.iter().any(Run::level_errs),
-    };
     let size = |process: &Process| {
         let gains = runs.iter().flat_map(|run| run.gains_of(Some(process)));
         process.sigma_deg_h * gains.map(|gain| gain * gain).sum::<f64>().sqrt()
@@ -360,7 +356,7 @@ fn other_ports(process: &Process, runs: &[Run]) -> Vec<Process> {
         let ratio = own / size(&process);
         ratio.is_finite().then_some(Process { sigma_deg_h: process.sigma_deg_h * ratio, ..process })
     };
-    Port::ALL.into_iter().filter(|port| *port != process.port && is_one(port)).filter_map(at).collect()
+    ports_of_changes(runs).into_iter().filter(|port| *port != process.port).filter_map(at).collect()
 }
 
 /// What a process costs, nats: its constants, each one of some eight values that recordings tell apart, and one of four other kernels half of the time; and as many other

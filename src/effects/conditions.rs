@@ -48,7 +48,7 @@ impl Conditions {
         value.filter(|value| value.is_finite())
     }
 
-    /// Another value in the place of a channel's that has one; not-a-number: none. The levels stay.
+    /// Another value in the place of a channel's that has one; not-a-number: none. The levels are left as they are.
     pub fn replace(&mut self, name: &ChannelName, extra: &[ChannelName], value: f64) {
         if name.as_str() == TEMPERATURE {
             self.temp_c = Some(value).filter(|value| value.is_finite());

@@ -84,10 +84,15 @@ fn is_more_than_chance(misses: &[Miss]) -> bool {
     }
     let rises: Vec<f64> =
         misses.iter().map(|miss| miss.weight() * (miss.after.powi(2) - miss.before.powi(2))).collect();
-    let count = rises.len() as f64;
-    let mean = rises.iter().sum::<f64>() / count;
-    let variance = rises.iter().map(|rise| (rise - mean).powi(2)).sum::<f64>() / (count - 1.0);
-    mean > CHANCE * (variance / count).sqrt()
+    in_its_deviations(&rises) > CHANCE
+}
+
+/// The mean of two values or more in units of its own standard deviation, by how much they differ.
+fn in_its_deviations(values: &[f64]) -> f64 {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    mean / (variance / count).sqrt()
 }
 
 /// What a run misses its reference by, or the others of its station, degrees: without a model and with it, and one sigma of the latter.
@@ -188,10 +193,8 @@ fn typically(logs: &[(f64, f64)]) -> (f64, f64) {
 /// Whether the typical run falls by more than three standard deviations of the mean fall, by how much the runs' falls differ. What else is in the rates is in
 /// both of a pair and drops out. One model of some hundreds that is nothing falls by as much by chance.
 fn falls_by_more_than_chance(logs: &[(f64, f64)]) -> bool {
-    let count = logs.len() as f64;
-    let mean = logs.iter().map(|(before, after)| before - after).sum::<f64>() / count;
-    let squares = logs.iter().map(|(before, after)| (before - after - mean).powi(2)).sum::<f64>();
-    logs.len() >= LEAST_MISSES && mean > 3.0 * studentised(logs.len()) * (squares / (count - 1.0) / count).sqrt()
+    let falls: Vec<f64> = logs.iter().map(|(before, after)| before - after).collect();
+    falls.len() >= LEAST_MISSES && in_its_deviations(&falls) > 3.0 * studentised(falls.len())
 }
 
 /// What is left of rates beside white noise, in units of it, root mean square.

@@ -1,5 +1,6 @@
 //! Readings that cannot be: a sensor that fails for a moment, as a thermometer does that loses its power or whose line is disturbed.
 
+use north_finder::effects::channel::{FORWARD, LEFT};
 use north_finder::effects::{ChannelName, ErrorModel, Plausible};
 
 use super::Warning;
@@ -11,10 +12,11 @@ pub fn hold(runs: &mut [RunData], base: &mut ErrorModel, warnings: &mut Vec<Warn
     let mut names: Vec<String> = runs.iter().flat_map(RunData::channel_names).collect();
     names.sort();
     names.dedup();
-    let known = |base: &ErrorModel, name: &str| base.plausible.iter().any(|each| each.channel.as_str() == name);
-    for name in names.iter().filter(|name| !matches!(name.as_str(), "ax_g" | "ay_g")) {
+    let is_known = |name: &String| base.plausible.iter().any(|each| each.channel.as_str() == name);
+    names.retain(|name| !matches!(name.as_str(), FORWARD | LEFT) && !is_known(name));
+    for name in &names {
         let of_runs: Vec<Vec<f64>> = runs.iter().filter_map(|run| run.channel(name)).collect();
-        let Some((low, high, faults)) = plausible(&of_runs).filter(|_| !known(base, name)) else { continue };
+        let Some((low, high, faults)) = plausible(&of_runs) else { continue };
         let Some(channel) = ChannelName::new(name) else { continue };
         if base.plausible.push(Plausible { channel, low, high }).is_ok() {
             warnings.push(Warning::of_campaign(format!(

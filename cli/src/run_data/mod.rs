@@ -154,20 +154,19 @@ impl RunData {
             names.iter().map(|name| self.names.iter().position(|each| each == name.as_str())).collect();
         let mut last = LastReadings::default();
         for (i, each) in self.recorded.iter_mut().enumerate() {
-            let conditions = &mut each.second.conditions;
-            let kept = conditions.channels;
-            for (value, slot) in conditions.channels.iter_mut().zip(&slots) {
+            let mut read = each.second.conditions;
+            for (value, slot) in read.channels.iter_mut().zip(&slots) {
                 *value = slot.map_or(f64::NAN, |slot| self.channels[slot][i]);
             }
-            last.hold(plausible, &names, conditions);
-            for (value, slot) in conditions.channels.iter().zip(&slots) {
+            last.hold(plausible, &names, &mut read);
+            for (value, slot) in read.channels.iter().zip(&slots) {
                 if let Some(slot) = slot {
                     self.channels[*slot][i] = *value;
                 }
             }
-            conditions.channels = kept;
+            each.second.conditions.temp_c = read.temp_c;
             if let Some(sample) = self.samples.get_mut(i) {
-                sample.temp_c = conditions.temp_c;
+                sample.temp_c = read.temp_c;
             }
         }
     }
