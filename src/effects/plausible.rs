@@ -22,7 +22,7 @@ impl Plausible {
     pub fn validate(&self) -> Result<(), Invalid> {
         finite("model.plausible.low", &[self.low])?;
         if matches!(self.channel.as_str(), FORWARD | LEFT) {
-            return Err(Invalid::new("model.plausible.channel (level)", 1.0, "no channel of the levels"));
+            return Err(Invalid::new("model.plausible (intervals of ax_g and ay_g)", 1.0, "0: the levels have none"));
         }
         within("model.plausible.high", self.high, self.low, f64::MAX, "at least as much as low")
     }
