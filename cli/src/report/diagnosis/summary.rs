@@ -62,7 +62,7 @@ pub fn section(diagnosis: &Diagnosis) -> String {
         doubts.push(format!("references missed: {}", code_list(&files)));
     }
     if !diagnosis.warnings.is_empty() {
-        doubts.push(format!("{} warnings below", diagnosis.warnings.len()));
+        doubts.push(format!("{} below", counted(diagnosis.warnings.len(), "warning")));
     }
     html += &tile("Still open", open, &doubts.join("; "));
     html.push_str("</div>\n");
